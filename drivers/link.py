@@ -86,9 +86,7 @@ def _parse_serial(text: str) -> SerialAddress:
     options = parse_qs(parts.query, keep_blank_values=True)
     unknown = sorted(set(options) - {"baud"})
     if unknown:
-        raise ValueError(
-            f"{text!r} has an unknown option {unknown[0]!r}; the only one is baud: {_USUAL_FORMS}"
-        )
+        raise ValueError(f"{text!r} has an unknown option {unknown[0]!r}; the only one is baud: {_USUAL_FORMS}")
     baud = options.get("baud", ["115200"])[-1]
     if not baud.isdecimal() or int(baud) <= 0:
         raise ValueError(f"{text!r} has baud {baud!r}, which is not a positive number: {_USUAL_FORMS}")
@@ -129,13 +127,12 @@ class ByteLink:
         except OSError as error:
             raise self._fail(LinkLost(f"{self.address}: {_explain(error)}")) from error
         if written != len(data):
-            raise self._fail(
-                LinkLost(f"{self.address}: it stopped taking bytes (hung device? power-cycle it)")
-            )
+            raise self._fail(LinkLost(f"{self.address}: it stopped taking bytes (hung device? power-cycle it)"))
 
     async def lost(self) -> Never:
         """Wait until the link is lost and raise why; a bug in the handler comes out here too, as itself."""
-        return await asyncio.shield(self._lost)
+        await asyncio.shield(self._lost)
+        raise AssertionError("unreachable: the future only ever fails")
 
     def close(self) -> None:
         """Release the port; harmless when repeated."""
@@ -161,9 +158,7 @@ class ByteLink:
             self._fail(LinkLost(f"{self.address}: {_explain(error)}"))
             return
         if not chunk:
-            self._fail(
-                LinkLost(f"{self.address}: the other side closed it (unplugged, or another client took over)")
-            )
+            self._fail(LinkLost(f"{self.address}: the other side closed it (unplugged, or another client took over)"))
             return
         assert self._handler is not None, "the reader is only added by listen()"  # noqa: S101
         try:
@@ -202,9 +197,7 @@ async def _open_tcp(address: TcpAddress, clock: Clock) -> ByteLink:
                 sock.close()
                 raise
     except TimeoutError as error:
-        raise LinkLost(
-            f"{address}: no answer within {CONNECT_TIMEOUT_S:g} s (power, cable, or the address)"
-        ) from error
+        raise LinkLost(f"{address}: no answer within {CONNECT_TIMEOUT_S:g} s (power, cable, or the address)") from error
     except OSError as error:
         raise LinkLost(f"{address}: {_explain(error)}") from error
     return ByteLink(address, sock.fileno(), sock.close, clock)
@@ -232,7 +225,7 @@ def _open_serial(address: SerialAddress, clock: Clock) -> ByteLink:
         port.close()
         raise LinkLost(f"{address}: {_explain(error)}") from error
     fd = port.fileno()
-    os.set_blocking(fd, False)  # noqa: FBT003
+    os.set_blocking(fd, False)
     return ByteLink(address, fd, port.close, clock)
 
 
