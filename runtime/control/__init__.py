@@ -1,0 +1,5 @@
+"""The laws that drive and stop the car: pure functions and small state, readable by a student.
+
+No event loop, clock, log or I/O, so that the same code runs on the car, in virtual time and in sweeps of
+thousands of steps a second. Read `geometry`, then `report` (the lab's own laws), `limiter`, `odometry`.
+"""

@@ -1,0 +1,1 @@
+"""Thin loops: wait, ask `control`, speak. None imports another; they meet in `runtime.app`."""

@@ -1,0 +1,202 @@
+"""SCIP 2.x on the wire: command lines out, checked reply blocks in. No port, no clock, no log.
+
+    command   MD0000108000000 [;note] LF
+    block     echo LF  status+sum LF  { up to 64 characters + sum LF }  LF
+
+Sum: the low six bits of the sum of the line's bytes, plus 0x30. On KEY:VALUE; lines (PP, VV, II) it covers the text
+before the semicolon. Six bits let one error in 64 through, and any flip of the top two bits, so what is decoded later
+is range-checked as well. Source: SCIP 2.0 specification C-42-03320B, and vendor code where that is unclear.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+BLOCK_LIMIT_BYTES: Final = 8192
+"""A full scan with intensities is 6.7 kB. Without a blank line for longer than this, the bytes do not line up."""
+
+SCAN_FAMILIES: Final = frozenset({b"MD", b"MS", b"ME", b"GD", b"GS", b"GE", b"ND", b"NE", b"HD", b"HE"})
+
+_ECHO_LIMIT_CHARS: Final = 40  # the longest is 15 characters, a semicolon and a note of 16
+_LINE_CHARS: Final = 64
+_ROW_BYTES: Final = _LINE_CHARS + 2  # + sum + LF
+_LF: Final = 0x0A
+_SUM_MASK: Final = np.uint8(0x3F)
+_SUM_BASE: Final = np.uint8(0x30)
+
+
+def command(name: str, note: str = "") -> bytes:
+    """Return one command line; `note` (up to 16 characters) comes back in the echo."""
+    if len(note) > 16:
+        raise ValueError(f"the note {note!r} of {name} is longer than the 16 characters a sensor accepts")
+    return f"{name};{note}\n".encode("ascii") if note else f"{name}\n".encode("ascii")
+
+
+def baud_command(baud: int) -> bytes:
+    """Return SS: serial models switch to `baud` after their reply."""
+    return command(f"SS{baud:06d}")
+
+
+def single_command(family: str, first_step: int, last_step: int, *, cluster: int = 0) -> bytes:
+    """Return GD, GS or GE (or HD, HE): one scan; the laser must be on (BM)."""
+    return command(f"{family}{first_step:04d}{last_step:04d}{cluster:02d}")
+
+
+def stream_command(  # noqa: PLR0913 - these are the fields of the command, in its order
+    family: str, first_step: int, last_step: int, *, cluster: int = 0, skip: int = 0, scans: int = 0, note: str = ""
+) -> bytes:
+    """Return MD, MS or ME (or ND, NE): scans until `scans` were sent (0: for ever); turns the laser on by itself.
+
+    cluster: steps grouped into one sample, the least of them (0 and 1: no grouping). skip: scans left out between two.
+    """
+    return command(f"{family}{first_step:04d}{last_step:04d}{cluster:02d}{skip:01d}{scans:02d}", note)
+
+
+def checksum(text: bytes) -> int:
+    """Return the checksum character of a line."""
+    return (sum(text) & 0x3F) + 0x30
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """One reply, every checksum verified and stripped.
+
+    status: two characters, or the single one of SCIP 1.1.
+    lines: the data lines as sent; of a scan exactly (time stamp, samples), the sample lines joined, because a sample
+        may straddle two lines.
+    """
+
+    echo: bytes
+    status: str
+    lines: tuple[bytes, ...] = ()
+
+
+def _ignore(_what: str) -> None:
+    pass
+
+
+class Deframer:
+    """Finds blocks in a byte stream, whatever the chunking; forgets at most `limit_bytes` of nonsense at a time.
+
+    Never raises: a block that is not what it should be is dropped and named to `count`: "checksum" (a sum is wrong),
+    "malformed" (no echo, no status), "oversized" (no blank line where one was due). The next blank line is firm ground.
+    """
+
+    def __init__(self, count: Callable[[str], None] = _ignore, *, limit_bytes: int = BLOCK_LIMIT_BYTES) -> None:
+        self._count = count
+        self._limit_bytes = limit_bytes
+        self._buffer = bytearray()
+        self._searched_bytes = 0
+        self._lost = False
+
+    def reset(self) -> None:
+        """Forget a block that has only begun."""
+        self._buffer.clear()
+        self._searched_bytes = 0
+        self._lost = False
+
+    def feed(self, chunk: bytes) -> list[Block]:
+        """Add bytes and return the blocks they completed, oldest first."""
+        buffer = self._buffer
+        buffer += chunk
+        blocks = []
+        begin = 0
+        search_from = self._searched_bytes
+        while (end := buffer.find(b"\n\n", search_from)) >= 0:
+            if (block := self._close(begin, end)) is not None:
+                blocks.append(block)
+            begin = search_from = end + 2
+        del buffer[:begin]
+        if len(buffer) > self._limit_bytes + 1:  # it cannot end in time any more, whatever comes
+            self._give_up()
+        self._searched_bytes = max(0, len(buffer) - 1)
+        return blocks
+
+    def _close(self, begin: int, end: int) -> Block | None:
+        if self._lost:
+            self._lost = False
+            return None
+        if end == begin:
+            return None  # more blank lines than needed
+        if end - begin > self._limit_bytes:
+            self._count("oversized")
+            return None
+        result = parse_block(bytes(self._buffer[begin:end]))
+        if isinstance(result, str):
+            self._count(result)
+            return None
+        return result
+
+    def _give_up(self) -> None:
+        if not self._lost:
+            self._count("oversized")
+            self._lost = True
+        del self._buffer[:-1]  # the last byte may be the first half of the blank line
+
+
+def parse_block(raw: bytes) -> Block | str:
+    """Check one block without its two closing line feeds; what is wrong with it comes back as a word."""
+    echo, _, rest = raw.lstrip(b"\n").partition(b"\n")
+    status, _, body = rest.partition(b"\n")
+    if not 0 < len(echo) <= _ECHO_LIMIT_CHARS or not (echo + status).isascii():
+        return "malformed"
+    if len(status) == 3:
+        if checksum(status[:2]) != status[2]:
+            return "checksum"
+    elif len(status) != 1:
+        return "malformed"
+    if not body:
+        return Block(echo, status[:2].decode("ascii"))
+    lines = _check_scan(body) if echo[:2] in SCAN_FAMILIES else _check_lines(body)
+    return "checksum" if lines is None else Block(echo, status[:2].decode("ascii"), lines)
+
+
+def _check_scan(body: bytes) -> tuple[bytes, ...] | None:
+    stamp, _, data = body.partition(b"\n")
+    if len(stamp) < 2 or checksum(stamp[:-1]) != stamp[-1]:
+        return None
+    if not data:
+        return (stamp[:-1],)
+    samples = join_sample_lines(data)
+    return None if samples is None else (stamp[:-1], samples)
+
+
+def join_sample_lines(data: bytes) -> bytes | None:
+    """Verify sample lines (the last one without its LF) and join them; None when a sum is wrong.
+
+    Sensors send lines of exactly 64 characters and a shorter last one, so all but that are verified as one table.
+    """
+    row_count, tail_bytes = divmod(len(data), _ROW_BYTES)
+    if tail_bytes < 2 or checksum(tail := data[-tail_bytes:-1]) != data[-1]:
+        return _join_irregular(data)
+    table = np.frombuffer(data, np.uint8, row_count * _ROW_BYTES).reshape(row_count, _ROW_BYTES)
+    samples = table[:, :_LINE_CHARS]
+    sums = np.add.reduce(samples, axis=1, dtype=np.uint8)  # wraps at 256, which leaves the low six bits alone
+    sums &= _SUM_MASK
+    sums += _SUM_BASE
+    if (sums != table[:, -2]).any() or (table[:, -1] != _LF).any():
+        return _join_irregular(data)
+    return samples.tobytes() + tail
+
+
+def _join_irregular(data: bytes) -> bytes | None:
+    lines = data.split(b"\n")
+    if all(len(line) > 1 and checksum(line[:-1]) == line[-1] for line in lines):
+        return b"".join(line[:-1] for line in lines)
+    return None
+
+
+def _check_lines(body: bytes) -> tuple[bytes, ...] | None:
+    lines = tuple(map(_check_line, body.split(b"\n")))
+    return None if b"" in lines else tuple(lines)
+
+
+def _check_line(line: bytes) -> bytes:
+    """Return the text without sum (and semicolon), b"" when the sum is wrong; some firmware sums the semicolon too."""
+    text, end = line[:-1], line[-1:]
+    if text.endswith(b";"):
+        value = text[:-1]
+        return value if end[0] in {checksum(value), checksum(text)} else b""
+    return text if text and checksum(text) == end[0] else b""

@@ -1,0 +1,203 @@
+"""A Hokuyo lidar that looks after itself: connect, identify, stream, watch, restart, reconnect, for ever."""
+
+import asyncio
+import contextlib
+import logging
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Final, Never
+
+from drivers.api import Clock, DriverError, Health, LinkLost, LinkState, ProtocolError, Scan
+from drivers.hokuyo.codec import command
+from drivers.hokuyo.conversation import Conversation, Identity, identify, quieten, until_lost
+from drivers.hokuyo.settings import HokuyoSettings
+from drivers.hokuyo.stream import UNSTABLE_WARN, ScanStream, Sequence
+from drivers.hokuyo.timing import StampGate
+from drivers.link import Address, SerialAddress, open_link, parse_address
+
+_log = logging.getLogger(__name__)
+
+RETRY_DELAYS_S: Final = (0.1, 0.5, 1.0, 2.0)
+"""The first retry is quick because most losses are a restart; the last delay repeats for ever."""
+USUAL_BAUDS: Final = (115200, 19200, 38400, 57600)
+FIRST_SCAN_TIMEOUT_S: Final = 1.5
+REBOOT_PAUSE_S: Final = 20.0
+_WATCH_PERIOD_S: Final = 0.025
+_FAREWELL_TIMEOUT_S: Final = 0.2
+
+
+class Hokuyo:
+    """A `Lidar` (see drivers.api) with SCIP 2.x at a TCP or serial address."""
+
+    def __init__(self, settings: HokuyoSettings, *, clock: Clock = time.monotonic) -> None:
+        self._settings = settings
+        self._clock = clock
+        self._health = Health()
+        self._sequence = Sequence()
+        self._gate = StampGate(settings.stale_after_s, self._health.count)
+        self._address = parse_address(settings.address)
+        self._logged = self._health.link
+        self._failures = 0
+        self._last_reset_s: float | None = None
+        self._last_reboot_s: float | None = None
+
+    @property
+    def health(self) -> Health:
+        """Its condition now."""
+        return self._health
+
+    async def run(self, on_scan: Callable[[Scan], None]) -> Never:
+        """Deliver scans for ever; see drivers.api.Lidar. Only a bug, or an error of `on_scan`, comes out."""
+        while True:
+            try:
+                await self._serve(on_scan)
+            except DriverError as trouble:
+                self._say(LinkState.FAULTY if isinstance(trouble, ProtocolError) else LinkState.ABSENT, str(trouble))
+            delay_s = RETRY_DELAYS_S[min(self._failures, len(RETRY_DELAYS_S) - 1)]
+            self._failures += 1
+            await asyncio.sleep(delay_s)
+            self._health.count("reconnect")
+
+    async def _serve(self, on_scan: Callable[[Scan], None]) -> Never:
+        """Use one connection until it is lost."""
+        talk = await self._reach()
+        try:
+            await until_lost(talk.link, self._measure(talk, on_scan))
+        except asyncio.CancelledError:
+            await self._say_goodbye(talk)
+            raise
+        finally:
+            talk.link.close()
+        raise AssertionError("unreachable: measuring never ends by itself")
+
+    async def _reach(self) -> Conversation:
+        """Open the link and quieten the sensor; on a serial port try the usual speeds, the one that worked first."""
+        silence: LinkLost | None = None
+        for address in self._candidates():
+            link = await open_link(address, self._clock)
+            talk = Conversation(link, self._on_bad_block)
+            try:
+                await until_lost(link, quieten(talk))
+            except LinkLost as error:
+                link.close()
+                silence = silence or error
+            except BaseException:
+                link.close()
+                raise
+            else:
+                self._address = address
+                return talk
+        raise silence or LinkLost(f"{self._address}: no speed to try")
+
+    def _candidates(self) -> Iterator[Address]:
+        yield self._address
+        if isinstance(self._address, SerialAddress):
+            address = self._address
+            yield from (replace(address, baud=baud) for baud in USUAL_BAUDS if baud != address.baud)
+
+    async def _measure(self, talk: Conversation, on_scan: Callable[[Scan], None]) -> Never:
+        """Stream, and restart the stream as long as that brings scans."""
+        while True:
+            self._say(LinkState.STARTING, f"{talk.link.address}: asking the sensor who it is")
+            identity = await identify(talk)
+            self._meet(identity)
+            stream = ScanStream(
+                talk,
+                identity,
+                self._gate,
+                self._health,
+                self._sequence,
+                on_scan,
+                upside_down=self._settings.mounted_upside_down,
+            )
+            self._gate.restart()
+            started_s = self._clock()
+            await stream.start()
+            why = await self._watch(stream, identity, started_s)
+            talk.listen()
+            self._say(LinkState.FAULTY, f"{talk.link.address}: {why}")
+            if stream.trouble:
+                await self._recover(talk, why)
+            elif stream.delivered_s is None:
+                raise LinkLost(f"{talk.link.address}: {why}")
+            self._health.count("restart")
+            await quieten(talk)
+
+    async def _watch(self, stream: ScanStream, identity: Identity, started_s: float) -> str:
+        """Look at the stream forty times a second; return why it has to be restarted."""
+        model = identity.parameters.model
+        while not stream.trouble:
+            await asyncio.sleep(_WATCH_PERIOD_S)
+            now_s = self._clock()
+            if why := self._why_restart(stream, now_s, started_s):
+                return why
+            self._log_changes()
+            if stream.unstable_in_a_row >= UNSTABLE_WARN:
+                self._say(LinkState.FAULTY, f"{model} checks itself and sends no data (sunlight? dirty window?)")
+            elif stream.delivered_s is not None:
+                self._failures = 0
+                age_s = now_s - stream.delivered_s
+                if age_s > self._settings.degraded_after_s:
+                    self._say(LinkState.FAULTY, f"{model}: no scan for {age_s:.1f} s (cable, power?)")
+        return f"the sensor is in trouble, status {stream.trouble} (if it stays so, power-cycle it)"
+
+    def _why_restart(self, stream: ScanStream, now_s: float, started_s: float) -> str:
+        silent_s = self._settings.silent_after_s
+        if stream.heard_s is None:
+            late = now_s - started_s > max(FIRST_SCAN_TIMEOUT_S, silent_s)
+            return "measuring, but no scan came (is the motor turning? power-cycle it)" if late else ""
+        if now_s - stream.heard_s > silent_s:
+            return f"no scan for {now_s - stream.heard_s:.1f} s (cable, power, or the sensor hangs)"
+        unused_s = now_s - (started_s if stream.delivered_s is None else stream.delivered_s)
+        if unused_s > 2 * silent_s and not stream.unstable_in_a_row:
+            return f"for {unused_s:.1f} s all scans came late or with foreign stamps (is the computer too slow?)"
+        return ""
+
+    async def _recover(self, talk: Conversation, why: str) -> None:
+        """Climb the ladder: laser off and reset; then a reboot, never twice within 20 s; then wait for a human."""
+        now_s = self._clock()
+        await quieten(talk)
+        if self._last_reset_s is None or now_s - self._last_reset_s > REBOOT_PAUSE_S:
+            self._last_reset_s = now_s
+            if (await talk.ask(command("RS"))).status == "00":
+                return
+        if self._last_reboot_s is None or now_s - self._last_reboot_s > REBOOT_PAUSE_S:
+            self._last_reboot_s = now_s
+            self._health.count("reboot")
+            with contextlib.suppress(LinkLost):  # it may go down before its second answer is out
+                await talk.ask(command("RB"))
+                await talk.ask(command("RB"))
+            raise ProtocolError(f"{talk.link.address}: {why}; rebooting it")
+        raise ProtocolError(f"{talk.link.address}: {why}; reset and reboot did not help: power-cycle it")
+
+    async def _say_goodbye(self, talk: Conversation) -> None:
+        """Turn the laser off on the way out, and wait a moment for the echo: a close can overtake what was written."""
+        talk.listen()
+        # A link that is already lost cannot be told anything; everything else is told at once, by the write in ask().
+        with contextlib.suppress(LinkLost):
+            await until_lost(talk.link, self._farewell(talk))
+
+    async def _farewell(self, talk: Conversation) -> None:
+        await talk.ask(command("QT"), timeout_s=_FAREWELL_TIMEOUT_S)
+
+    def _meet(self, identity: Identity) -> None:
+        if self._health.identity not in {"", identity.name}:
+            self._health.count("another sensor")
+        self._health.identity = identity.name
+
+    def _on_bad_block(self, what: str) -> None:
+        self._sequence.take()
+        self._health.count(what)
+
+    def _say(self, link: LinkState, message: str) -> None:
+        self._health.link = link
+        self._health.message = message
+        self._log_changes()
+
+    def _log_changes(self) -> None:
+        """Log each change of state once; READY is set by the stream, which must not log."""
+        if self._health.link is not self._logged:
+            self._logged = self._health.link
+            level = logging.INFO if self._logged in {LinkState.READY, LinkState.STARTING} else logging.WARNING
+            _log.log(level, "lidar %s: %s", self._logged, self._health.message)

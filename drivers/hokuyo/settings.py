@@ -1,0 +1,36 @@
+"""What a user may say about a Hokuyo lidar. Everything else is asked from the sensor itself."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+from drivers.link import parse_address
+
+
+class HokuyoSettings(BaseModel):
+    """A Hokuyo lidar with SCIP 2.x. Range limits, field of view and scan rate come from the sensor (PP)."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    driver: Literal["hokuyo"] = "hokuyo"
+    address: Annotated[str, Field(description="tcp://HOST:PORT or serial:///dev/NAME?baud=115200")] = (
+        "tcp://192.168.0.10:10940"
+    )
+    mounted_upside_down: Annotated[
+        bool, Field(description="the sensor hangs head down: left and right are exchanged back")
+    ] = False
+    stale_after_s: Annotated[
+        float, Field(gt=0, le=1, description="a scan that was delivered this much too late is dropped, not driven by")
+    ] = 0.1
+    degraded_after_s: Annotated[
+        float, Field(gt=0, le=1, description="without a scan for this long the lidar no longer counts as ready")
+    ] = 0.1
+    silent_after_s: Annotated[
+        float, Field(ge=0.2, le=60, description="without a scan for this long the stream, then the link, is restarted")
+    ] = 1.0
+
+    @field_validator("address")
+    @classmethod
+    def _is_an_address(cls, text: str) -> str:
+        parse_address(text)
+        return text

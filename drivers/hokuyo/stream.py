@@ -1,0 +1,141 @@
+"""The hot path: from the bytes of a running stream to scans, inside the reader callback. No log, no formatting."""
+
+import asyncio
+from collections.abc import Callable
+from typing import Final
+
+from drivers.api import Health, LinkLost, LinkState, ProtocolError, Scan
+from drivers.hokuyo.codec import Block, stream_command
+from drivers.hokuyo.conversation import Conversation, Identity
+from drivers.hokuyo.ranges import RangeDecoder
+from drivers.hokuyo.replies import Status, decode_number, judge
+from drivers.hokuyo.timing import StampGate
+
+START_TIMEOUT_S: Final = 1.0
+UNSTABLE_WARN: Final = 5
+"""Scan slots without data in a row before we say so."""
+
+
+class Sequence:
+    """Numbers the scans of a driver across all its streams; a scan that is dropped takes a number too."""
+
+    def __init__(self) -> None:
+        self._next = 0
+
+    def take(self) -> int:
+        """Return the next number."""
+        number = self._next
+        self._next += 1
+        return number
+
+
+class ScanStream:
+    """One MD stream of all steps, from its command to its end.
+
+    heard_s: when the sensor last spoke sense: a scan, late ones included, or "unstable". delivered_s: when a scan was
+    last handed on. Both None before the first. trouble: the status in which the sensor gave up, "" while it has not.
+    """
+
+    def __init__(  # noqa: PLR0913 - the parts that make a stream, each used once
+        self,
+        talk: Conversation,
+        identity: Identity,
+        gate: StampGate,
+        health: Health,
+        sequence: Sequence,
+        on_scan: Callable[[Scan], None],
+        *,
+        upside_down: bool,
+    ) -> None:
+        parameters = identity.parameters
+        self._talk = talk
+        self._gate = gate
+        self._health = health
+        self._sequence = sequence
+        self._on_scan = on_scan
+        self._ready_message = identity.summary
+        self._command = stream_command("MD", parameters.first_step, parameters.last_step)
+        self._echo_head = self._command[:-3]  # in scans the last two digits count down
+        self._decoder = RangeDecoder(
+            parameters.beam_count, parameters.range_min_mm, parameters.range_max_mm, reverse=upside_down
+        )
+        self._angle_step_rad = parameters.angle_step_rad
+        edge_rad = parameters.angle_rad(parameters.last_step if upside_down else parameters.first_step)
+        self._angle_min_rad = -edge_rad if upside_down else edge_rad
+        self._range_min_m = parameters.range_min_mm / 1000
+        self._range_max_m = parameters.range_max_mm / 1000
+        self._started: asyncio.Future[str] = asyncio.get_running_loop().create_future()
+        self.heard_s: float | None = None
+        self.delivered_s: float | None = None
+        self.unstable_in_a_row = 0
+        self.trouble = ""
+
+    async def start(self) -> None:
+        """Start measuring; the sensor's refusal is left in `trouble` or raised as ProtocolError."""
+        self._talk.link.listen(self._on_bytes)
+        self._talk.link.write(self._command)
+        try:
+            async with asyncio.timeout(START_TIMEOUT_S):
+                status = await self._started
+        except TimeoutError as error:
+            raise LinkLost(
+                f"{self._talk.link.address}: it does not start measuring within {START_TIMEOUT_S:g} s (power-cycle it)"
+            ) from error
+        if judge(status) is Status.REFUSED:
+            raise ProtocolError(
+                f"{self._talk.link.address}: refuses to measure with status {status}, asked {self._echo_head.decode()}00"
+                " (restart it; if it stays so, the sensor does not accept its own limits)"
+            )
+
+    def _on_bytes(self, chunk: bytes, read_at_s: float) -> None:
+        for block in self._talk.deframer.feed(chunk):
+            if not block.echo.startswith(self._echo_head):
+                self._health.count("stray reply")
+            elif block.status == "99":
+                self._on_scan_block(block, read_at_s)
+            else:
+                self._on_status(block.status, read_at_s)
+
+    def _on_scan_block(self, block: Block, read_at_s: float) -> None:
+        sequence = self._sequence.take()
+        stamp_ms = decode_number(block.lines[0]) if len(block.lines) == 2 else None
+        ranges_m = self._decoder.decode(block.lines[1]) if len(block.lines) == 2 else None
+        if stamp_ms is None or ranges_m is None:
+            self._health.count("malformed")
+            return
+        self.heard_s = read_at_s
+        self.unstable_in_a_row = 0
+        lateness_s = self._gate.accept(stamp_ms, read_at_s)
+        if lateness_s is None:
+            return
+        self.delivered_s = read_at_s
+        if self._health.link is not LinkState.READY:
+            self._health.link = LinkState.READY
+            self._health.message = self._ready_message
+        self._on_scan(
+            Scan(
+                stamp_s=read_at_s - lateness_s,
+                received_s=read_at_s,
+                angle_min_rad=self._angle_min_rad,
+                angle_step_rad=self._angle_step_rad,
+                range_min_m=self._range_min_m,
+                range_max_m=self._range_max_m,
+                ranges_m=ranges_m,
+                sequence=sequence,
+            )
+        )
+
+    def _on_status(self, status: str, read_at_s: float) -> None:
+        if not self._started.done():
+            self._started.set_result(status)
+        meaning = judge(status)
+        if meaning is Status.UNSTABLE:
+            self._sequence.take()
+            self.heard_s = read_at_s
+            self.unstable_in_a_row += 1
+            self._health.count("unstable")
+        elif meaning is Status.ABNORMAL:
+            self.trouble = status
+            self._health.count("abnormal")
+        elif meaning is Status.REFUSED:
+            self._health.count("refused")

@@ -1,0 +1,270 @@
+"""The connection to a VESC: find it, identify it, ask it, command it, and come back whenever it was lost.
+
+Contains no format and no conversion: those are in `codec`, `replies` and `calibration`.
+"""
+
+import asyncio
+import time
+from collections.abc import Callable
+from typing import Never
+
+from drivers.api import Clock, Drive, Health, LinkLost, LinkState, MotorState, ProtocolError
+from drivers.link import ByteLink, open_link, parse_address
+from drivers.vesc import codec, replies
+from drivers.vesc.calibration import Calibration
+from drivers.vesc.condition import Condition
+from drivers.vesc.settings import VescSettings
+
+IDENTIFY_PERIOD_S = 0.15
+IDENTIFY_TIMEOUT_S = 5.0
+"""A VESC that was just plugged in may say nothing for seconds."""
+REPLY_BUDGET_S = 0.02
+"""After this long without a reply the next request may go out: at most one is ever under way."""
+REOPEN_AFTER_S = (0.2, 0.5, 1.0)
+"""Pauses before the attempts to reopen; the last one is repeated for ever."""
+REVERSING_ABOVE_MPS = 0.3
+"""A faster car is braked before it drives the other way: the drivetrain, and a sensorless motor's start, want that."""
+
+_ASK_FIRMWARE = codec.frame(codec.plain(codec.Packet.FW_VERSION))
+_ASK_VALUES = codec.frame(codec.plain(codec.Packet.GET_VALUES))
+_TODAYS_LAYOUT_SINCE_MAJOR = 3
+
+
+class Vesc:
+    """A VESC on a serial port; implements `drivers.api.Motor`.
+
+    The VESC stops obeying by itself when no motor command came for its command timeout (1 s as shipped, after which
+    it lets the car *coast*). Only motor commands feed that timeout: the polling here does not, this driver sends no
+    keep-alive, and it never repeats a command, so the timeout remains a watchdog over this whole process. Set it to
+    0.1-0.2 s with a real timeout brake current (5-15 A) in VESC Tool; no driver can check that it was done.
+    A timeout, a fault and a lost link all leave the *servo* at its last position.
+
+    The only motor command of the driver's own is a brake, as the last thing it does with a connection. While a fault
+    is latched every command is carried out as a brake: the VESC alone would obey again after half a second.
+    """
+
+    def __init__(self, settings: VescSettings, *, clock: Clock = time.monotonic) -> None:
+        self._settings = settings
+        self._clock = clock
+        self._address = parse_address(settings.address)
+        self._calibration = Calibration(settings)
+        self._health = Health()
+        self._condition = Condition(self._calibration, settings.min_voltage_v, self._health)
+        self._link: ByteLink | None = None
+        self._ready: ByteLink | None = None  # the same link, from the first report on: it takes commands
+        self._steering_rad = 0.0
+        self._reopen_step = 0
+        self._begin_session()
+
+    def _begin_session(self) -> None:
+        self._deframer = codec.Deframer()
+        self._decode: Callable[[bytes], replies.Values | None] | None = None  # known once the firmware is
+        self._identified: asyncio.Future[replies.Firmware] | None = None
+        self._awaiting = False
+        self._noise_bytes = 0
+        self._heard_s = self._replied_s = self._clock()
+
+    @property
+    def health(self) -> Health:
+        """Its condition now; FAULTY while a fault is latched or there is no battery, and then it brakes or coasts."""
+        return self._health
+
+    @property
+    def state(self) -> MotorState | None:
+        """The newest report, or None while disconnected or before the first."""
+        return self._condition.state
+
+    def send(self, drive: Drive) -> bool:
+        """Write motor command and servo position at once, in one write; False when the VESC is not there.
+
+        A speed of 0, one too small for the VESC to hold, and one against the present motion are brakes. So is a
+        command that is not a number ("bad_command"); its steering is replaced by the last good one.
+        """
+        link = self._ready
+        if link is None:
+            return False
+        try:
+            link.write(self._frames(drive))
+        except LinkLost:  # run() is told by the link itself, and reopens it
+            self._ready = None
+            return False
+        return True
+
+    def clear_fault(self) -> None:
+        """Forget the latched fault; commands are obeyed again unless it is still there."""
+        self._condition.clear_fault()
+        if self._ready is not None:
+            self._tell_condition()
+
+    async def run(self) -> Never:
+        """Keep the connection for ever; brakes and closes the port when cancelled."""
+        while True:
+            try:
+                await self._connect_and_poll()
+            except (LinkLost, ProtocolError) as error:
+                self._health.message = str(error)
+            await asyncio.sleep(REOPEN_AFTER_S[self._reopen_step])
+            self._reopen_step = min(self._reopen_step + 1, len(REOPEN_AFTER_S) - 1)
+
+    def _frames(self, drive: Drive) -> bytes:
+        calibration = self._calibration
+        try:
+            steering_rad = calibration.allowed_steering_rad(drive.steering_rad)
+            motor = calibration.brake if self._must_brake(drive.speed_mps) else calibration.speed_frame(drive.speed_mps)
+        except ValueError:
+            self._health.count("bad_command")
+            return calibration.brake + calibration.servo_frame(self._steering_rad)
+        self._steering_rad = steering_rad
+        return motor + calibration.servo_frame(steering_rad)
+
+    def _must_brake(self, speed_mps: float) -> bool:
+        """Decide between holding a speed and braking. A stop brakes a standing car too: locked wheels read 0."""
+        if self._condition.fault or self._calibration.is_stop(speed_mps):
+            return True
+        state = self._condition.state
+        return state is not None and abs(state.speed_mps) > REVERSING_ABOVE_MPS and state.speed_mps * speed_mps < 0
+
+    async def _connect_and_poll(self) -> Never:
+        self._begin_session()
+        self._link = link = await open_link(self._address, self._clock)
+        try:
+            link.listen(self._on_bytes)
+            self._health.link, self._health.message = LinkState.STARTING, f"{self._address}: asking who it is"
+            self._accept(await self._identify(link))
+            await self._poll(link)
+        finally:
+            self._hang_up(link)
+
+    async def _identify(self, link: ByteLink) -> replies.Firmware:
+        """Ask until it says what it is. Nothing else is sent before: other devices share the VESC's USB id."""
+        self._identified = asyncio.get_running_loop().create_future()
+        lost = asyncio.ensure_future(link.lost())
+        give_up_s = self._clock() + IDENTIFY_TIMEOUT_S
+        try:
+            while self._clock() < give_up_s:
+                link.write(_ASK_FIRMWARE)
+                await asyncio.wait(
+                    (self._identified, lost), timeout=IDENTIFY_PERIOD_S, return_when=asyncio.FIRST_COMPLETED
+                )
+                if lost.done():
+                    lost.result()
+                if self._identified.done():
+                    return self._identified.result()
+        finally:
+            lost.cancel()
+        if self._noise_bytes:
+            raise ProtocolError(
+                f"{self._address}: talks, but not like a VESC (a lidar with the same USB id? check the udev rule)"
+            )
+        raise LinkLost(f"{self._address}: no answer to FW_VERSION (powered? is it a VESC? power-cycle it)")
+
+    def _accept(self, firmware: replies.Firmware) -> None:
+        kind = firmware.hardware_kind or replies.HARDWARE_VESC
+        if kind != replies.HARDWARE_VESC:
+            raise ProtocolError(
+                f"{self._address}: is a {replies.HARDWARE_KINDS.get(kind, f'module of kind {kind}')}, no motor"
+                " controller (another port? connect the VESC itself by USB)"
+            )
+        is_old = firmware.major < _TODAYS_LAYOUT_SINCE_MAJOR
+        self._decode = replies.decode_values_2x if is_old else replies.decode_values
+        if self._health.identity:
+            self._health.count("reconnect")
+        name = f"VESC {firmware.hardware}".rstrip()
+        self._health.identity = f"{name}, firmware {firmware.version}"
+
+    async def _poll(self, link: ByteLink) -> Never:
+        """Ask for values on absolute deadlines; LinkLost when it stays silent."""
+        period_s = 1.0 / self._settings.poll_hz
+        asked_s = next_s = self._replied_s = self._clock()
+        while True:
+            now_s = self._clock()
+            if self._awaiting and now_s - asked_s >= REPLY_BUDGET_S:
+                self._miss_reply(now_s)
+            if now_s - self._replied_s >= self._settings.lost_after_s:
+                raise LinkLost(
+                    f"{self._address}: {self._health.identity} gave no usable reply for {self._settings.lost_after_s:g} s"
+                    " (cable, motor noise; power-cycle the VESC if it stays so)"
+                )
+            if not self._awaiting:
+                self._awaiting = True
+                asked_s = now_s
+                link.write(_ASK_VALUES)
+            next_s = max(next_s + period_s, now_s)
+            await _pause(link, next_s - now_s)
+
+    def _miss_reply(self, now_s: float) -> None:
+        self._awaiting = False
+        self._health.count("missed_reply")
+        if now_s - self._heard_s >= REPLY_BUDGET_S:  # not in the middle of a slow frame: it will never be complete
+            self._take(self._deframer.give_up(), now_s)
+
+    def _on_bytes(self, chunk: bytes, read_at_s: float) -> None:
+        self._heard_s = read_at_s
+        self._take(self._deframer.feed(chunk), read_at_s)
+
+    def _take(self, payloads: list[bytes], stamp_s: float) -> None:
+        for payload in payloads:
+            self._on_payload(payload, stamp_s)
+        deframer = self._deframer
+        if deframer.skipped_bytes:
+            self._noise_bytes += deframer.skipped_bytes
+            self._health.count("skipped_bytes", deframer.skipped_bytes)
+        if deframer.bad_checksums:
+            self._health.count("checksum", deframer.bad_checksums)
+        deframer.skipped_bytes = deframer.bad_checksums = 0
+
+    def _on_payload(self, payload: bytes, stamp_s: float) -> None:
+        if payload[0] == codec.Packet.GET_VALUES:
+            self._on_values(payload, stamp_s)
+        elif payload[0] == codec.Packet.FW_VERSION:
+            firmware = replies.decode_firmware(payload)
+            if firmware is None:
+                self._health.count("bad_reply")
+            elif self._identified is not None and not self._identified.done():
+                self._identified.set_result(firmware)
+        else:
+            self._health.count("unasked_packet")
+
+    def _on_values(self, payload: bytes, stamp_s: float) -> None:
+        if self._decode is None:  # an answer to somebody who held the port before us
+            self._health.count("unasked_packet")
+            return
+        values = self._decode(payload)
+        if values is None:
+            self._health.count("bad_reply")
+            return
+        self._awaiting = False
+        self._replied_s = stamp_s
+        self._condition.update(values, stamp_s, self._steering_rad)
+        self._ready = self._link
+        self._reopen_step = 0
+        self._tell_condition()
+
+    def _tell_condition(self) -> None:
+        health, trouble = self._health, self._condition.trouble
+        health.link = LinkState.FAULTY if trouble else LinkState.READY
+        health.message = f"{health.identity}: {trouble}" if trouble else health.identity
+
+    def _hang_up(self, link: ByteLink) -> None:
+        """Leave the connection with a brake as the last motor command on the wire, whatever ended it."""
+        if self._ready is not None:
+            self._health.count("lost")
+        self._ready = self._link = None
+        self._condition.disconnect()
+        self._health.link, self._health.message = LinkState.ABSENT, f"{self._address}: closed"
+        try:
+            if self._decode is not None:  # only a VESC understands it
+                link.write(self._calibration.brake)
+        except LinkLost:
+            self._health.count("brake_not_written")  # nobody is there to hear it; the VESC's own timeout remains
+        finally:
+            link.close()
+
+
+async def _pause(link: ByteLink, pause_s: float) -> None:
+    """Sleep, unless the link is lost meanwhile: then raise why."""
+    try:
+        async with asyncio.timeout(pause_s):
+            await link.lost()
+    except TimeoutError:
+        return

@@ -1,0 +1,245 @@
+"""What a VESC answers, from payload bytes to values; the other half of `codec`, equally pure.
+
+Replies grow with the firmware: every decoder takes what it knows, ignores what follows and returns None for a payload
+too short to be of use. Match replies by their first byte, never by order: text (PRINT) arrives in between.
+Layouts: vedderb/bldc `comm/commands.c`, tags 2.18 to 6.05.
+"""
+
+import math
+import struct
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+STATUS_TIMED_OUT = 1
+STATUS_KILLED = 2
+HARDWARE_VESC = 0
+HARDWARE_KINDS = {HARDWARE_VESC: "VESC", 1: "battery manager", 2: "custom module"}
+
+_UUID_BYTES = 12
+_STANDARD_GRAVITY_MPS2 = 9.80665
+
+
+@dataclass(frozen=True, slots=True)
+class Firmware:
+    """Reply to FW_VERSION. Everything after the version may be missing, which is None (or "", or no bytes).
+
+    name: of a custom firmware. qml_hardware, qml_application, nrf_flags, custom_configs: only VESC Tool cares.
+    """
+
+    major: int
+    minor: int
+    hardware: str = ""
+    uuid: bytes = b""
+    pairing_done: int | None = None
+    test_version: int | None = None
+    hardware_kind: int | None = None
+    custom_configs: int | None = None
+    phase_filters: int | None = None
+    qml_hardware: int | None = None
+    qml_application: int | None = None
+    nrf_flags: int | None = None
+    name: str = ""
+    hardware_crc: int | None = None
+
+    @property
+    def version(self) -> str:
+        """As VESC Tool writes it: 6.05, 3.40."""
+        return f"{self.major}.{self.minor:02d}"
+
+
+_FIRMWARE_BYTES = (
+    "pairing_done",
+    "test_version",
+    "hardware_kind",
+    "custom_configs",
+    "phase_filters",
+    "qml_hardware",
+    "qml_application",
+    "nrf_flags",
+)
+
+
+def decode_firmware(payload: bytes) -> Firmware | None:
+    """Read as much of a FW_VERSION reply as there is; None without a version."""
+    if len(payload) < 3:  # noqa: PLR2004 - id, major, minor
+        return None
+    hardware, _, rest = payload[3:].partition(b"\0")
+    fields: dict[str, Any] = {"hardware": _text(hardware)}
+    if len(rest) >= _UUID_BYTES:
+        fields["uuid"] = rest[:_UUID_BYTES]
+        rest = rest[_UUID_BYTES:]
+        fields.update(zip(_FIRMWARE_BYTES, rest, strict=False))
+        name, end, rest = rest[len(_FIRMWARE_BYTES) :].partition(b"\0")
+        fields["name"] = _text(name)
+        if end and len(rest) >= 4:  # noqa: PLR2004 - a uint32
+            fields["hardware_crc"] = int.from_bytes(rest[:4], "big")
+    return Firmware(payload[1], payload[2], **fields)
+
+
+@dataclass(frozen=True, slots=True)
+class Values:
+    """Reply to GET_VALUES; what a firmware does not tell is NaN or None.
+
+    erpm and currents: positive drives forward. tachometer: int32, 6 steps per electrical turn, wraps.
+    "Mean" currents are means since the last request of anyone: VESC Tool beside us changes them.
+    status: bit 0 command timeout active, bit 1 kill switch active; firmware 5.03 and later.
+    """
+
+    motor_current_a: float
+    input_current_a: float
+    duty: float
+    erpm: int
+    voltage_v: float
+    drawn_ah: float
+    charged_ah: float
+    drawn_wh: float
+    charged_wh: float
+    tachometer: int
+    tachometer_abs: int
+    fault_code: int
+    mosfet_temperature_c: float = math.nan
+    motor_temperature_c: float = math.nan
+    direct_current_a: float = math.nan
+    quadrature_current_a: float = math.nan
+    position_deg: float | None = None
+    controller_id: int | None = None
+    mosfet_temperatures_c: tuple[float, ...] | None = None
+    direct_voltage_v: float | None = None
+    quadrature_voltage_v: float | None = None
+    status: int | None = None
+    board_temperature_c: float | None = None
+
+
+class ValueField(NamedTuple):
+    """One field on the wire: struct format without byte order, units per SI unit (0: an integer as it is)."""
+
+    name: str
+    layout: str
+    scale: int
+
+
+VALUE_FIELDS = (
+    ValueField("mosfet_temperature_c", "h", 10),
+    ValueField("motor_temperature_c", "h", 10),
+    ValueField("motor_current_a", "i", 100),
+    ValueField("input_current_a", "i", 100),
+    ValueField("direct_current_a", "i", 100),
+    ValueField("quadrature_current_a", "i", 100),
+    ValueField("duty", "h", 1000),
+    ValueField("erpm", "i", 0),
+    ValueField("voltage_v", "h", 10),
+    ValueField("drawn_ah", "i", 10_000),
+    ValueField("charged_ah", "i", 10_000),
+    ValueField("drawn_wh", "i", 10_000),
+    ValueField("charged_wh", "i", 10_000),
+    ValueField("tachometer", "i", 0),
+    ValueField("tachometer_abs", "i", 0),
+    ValueField("fault_code", "B", 0),
+    ValueField("position_deg", "i", 1_000_000),
+    ValueField("controller_id", "B", 0),
+    ValueField("mosfet_temperatures_c", "hhh", 10),
+    ValueField("direct_voltage_v", "i", 1000),
+    ValueField("quadrature_voltage_v", "i", 1000),
+    ValueField("status", "B", 0),
+)
+"""Firmware 3.x and later, in the order of the wire; the index is the bit in a selective mask."""
+
+VALUE_FIELDS_2X = (
+    ValueField("mosfet_temperatures_c", "hhhhhh", 10),
+    ValueField("board_temperature_c", "h", 10),
+    *(field for field in VALUE_FIELDS[2:16] if field.name not in {"direct_current_a", "quadrature_current_a"}),
+)
+"""Firmware 2.x: other temperatures, no currents by axis, nothing after the fault code."""
+
+_NEEDED = VALUE_FIELDS[:16]
+
+
+def decode_values(payload: bytes) -> Values | None:
+    """Read a GET_VALUES reply of firmware 3.x and later; None when it ends before the fault code."""
+    fields = _take(payload, 1, VALUE_FIELDS)
+    return Values(**fields) if len(fields) >= len(_NEEDED) else None
+
+
+def decode_values_2x(payload: bytes) -> Values | None:
+    """Read a GET_VALUES reply of firmware 2.x, whose hottest MOSFET becomes the temperature."""
+    fields = _take(payload, 1, VALUE_FIELDS_2X)
+    if len(fields) < len(VALUE_FIELDS_2X):
+        return None
+    return Values(**fields, mosfet_temperature_c=max(fields["mosfet_temperatures_c"]))
+
+
+def decode_values_selective(payload: bytes) -> dict[str, Any] | None:
+    """Read the asked-for values by name; None when it is shorter than its own mask says."""
+    if len(payload) < 5:  # noqa: PLR2004 - id and mask
+        return None
+    mask = int.from_bytes(payload[1:5], "big")
+    asked = tuple(field for bit, field in enumerate(VALUE_FIELDS) if mask >> bit & 1)
+    fields = _take(payload, 5, asked)
+    return fields if len(fields) == len(asked) else None
+
+
+def _take(payload: bytes, offset: int, wanted: tuple[ValueField, ...]) -> dict[str, Any]:
+    """Read fields until they or the bytes run out."""
+    fields: dict[str, Any] = {}
+    for name, layout, scale in wanted:
+        end = offset + struct.calcsize(">" + layout)
+        if end > len(payload):
+            break
+        numbers = struct.unpack_from(">" + layout, payload, offset)
+        scaled = tuple(number / scale for number in numbers) if scale else numbers
+        fields[name] = scaled[0] if len(scaled) == 1 else scaled
+        offset = end
+    return fields
+
+
+@dataclass(frozen=True, slots=True)
+class Imu:
+    """Reply to GET_IMU_DATA in SI units and the VESC's own axes; NaN where it was not asked for.
+
+    attitude_rad: roll, pitch, yaw of the VESC's own filter. quaternion: w, x, y, z.
+    A VESC without an IMU answers too, all zeros: acceleration under 2 m/s2 for a second means there is none.
+    """
+
+    attitude_rad: tuple[float, ...]
+    acceleration_mps2: tuple[float, ...]
+    rate_radps: tuple[float, ...]
+    magnetic_ut: tuple[float, ...]
+    quaternion: tuple[float, ...]
+    controller_id: int | None
+
+
+def decode_imu(payload: bytes) -> Imu | None:
+    """Read a GET_IMU_DATA reply; None when it is shorter than its own mask says."""
+    if len(payload) < 3:  # noqa: PLR2004 - id and mask
+        return None
+    mask = int.from_bytes(payload[1:3], "big")
+    end = 3 + 4 * mask.bit_count()
+    if len(payload) < end:
+        return None
+    sent = iter(struct.unpack(f">{mask.bit_count()}f", payload[3:end]))
+    all16 = [next(sent) if mask >> bit & 1 else math.nan for bit in range(16)]
+    return Imu(
+        attitude_rad=tuple(all16[:3]),
+        acceleration_mps2=tuple(value * _STANDARD_GRAVITY_MPS2 for value in all16[3:6]),
+        rate_radps=tuple(math.radians(value) for value in all16[6:9]),
+        magnetic_ut=tuple(all16[9:12]),
+        quaternion=tuple(all16[12:]),
+        controller_id=payload[end] if len(payload) > end else None,
+    )
+
+
+def decode_ppm(payload: bytes) -> tuple[float, float] | None:
+    """Read a GET_DECODED_PPM reply: level -1..1 and pulse length in ms; None when too short."""
+    if len(payload) < 9:  # noqa: PLR2004 - id and two int32
+        return None
+    level, pulse_ms = struct.unpack_from(">ii", payload, 1)
+    return level / 1e6, pulse_ms / 1e6
+
+
+def decode_print(payload: bytes) -> str:
+    """Read a line of text that the VESC sends whenever it likes."""
+    return _text(payload[1:])
+
+
+def _text(raw: bytes) -> str:
+    return raw.decode("ascii", errors="replace").rstrip("\0")

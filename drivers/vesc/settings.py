@@ -1,0 +1,78 @@
+"""What may be configured about a VESC; the defaults are those of the stock F1TENTH and MIT cars."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from drivers.link import SerialAddress, parse_address
+
+MISSED_POLLS_MIN = 3
+"""A link is not lost before so many polls went unanswered."""
+
+
+class VescSettings(BaseModel):
+    """A VESC 4 or 6 on USB; unknown keys and numbers outside their bounds are errors.
+
+    There is no "invert" here on purpose: positive ERPM is forward. Where the car runs backwards, swap two motor
+    phases or set the inversion inside the VESC, so that speed, distance and command agree everywhere.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    driver: Annotated[Literal["vesc"], Field(description="which driver these settings belong to")] = "vesc"
+    address: Annotated[str, Field(description="the port, by its udev name: numbers of ttyACM change")] = (
+        "serial:///dev/wallride-vesc"
+    )
+    speed_to_erpm_gain: Annotated[
+        float, Field(gt=0, le=100_000, description="ERPM per m/s: 60 x pole pairs x gear ratio / wheel circumference")
+    ] = 4614.0
+    speed_to_erpm_offset: Annotated[float, Field(ge=-5000, le=5000, description="ERPM at 0 m/s, normally 0")] = 0.0
+    steering_to_servo_gain: Annotated[
+        float, Field(ge=-10, le=10, description="servo position per rad; negative where a longer pulse steers right")
+    ] = -1.2135
+    steering_to_servo_offset: Annotated[float, Field(ge=0, le=1, description="servo position straight ahead")] = 0.5304
+    servo_min: Annotated[float, Field(ge=0, le=1, description="lowest servo position the linkage allows")] = 0.15
+    servo_max: Annotated[float, Field(ge=0, le=1, description="highest servo position the linkage allows")] = 0.85
+    brake_current_a: Annotated[
+        float, Field(ge=1, le=100, description="motor current of a stop; more locks the wheels, which stops later")
+    ] = 20.0
+    min_speed_mps: Annotated[
+        float,
+        Field(
+            ge=0.05,
+            le=1,
+            description="a slower command is a stop: the VESC's speed loop lets go under s_pid_min_erpm, 900 = 0.195 m/s",
+        ),
+    ] = 0.2
+    poll_hz: Annotated[float, Field(ge=10, le=200, description="how often the VESC is asked for its values")] = 50.0
+    lost_after_s: Annotated[float, Field(ge=0.05, le=5, description="silence after which the link counts as lost")] = (
+        0.2
+    )
+    min_voltage_v: Annotated[
+        float, Field(ge=0, le=60, description="below it the battery counts as absent or empty (VESC default: 8.0 V)")
+    ] = 8.0
+
+    @field_validator("address")
+    @classmethod
+    def _is_serial(cls, text: str) -> str:
+        if not isinstance(parse_address(text), SerialAddress):
+            raise ValueError(f"{text!r} is not a serial port: write serial:///dev/NAME")
+        return text
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> Self:
+        if self.steering_to_servo_gain == 0:
+            raise ValueError("steering_to_servo_gain is 0: the car could not steer")
+        if not self.servo_min < self.servo_max:
+            raise ValueError(f"servo_min {self.servo_min} must be below servo_max {self.servo_max}")
+        if not self.servo_min <= self.steering_to_servo_offset <= self.servo_max:
+            raise ValueError(
+                f"steering_to_servo_offset {self.steering_to_servo_offset} (straight ahead) must lie within"
+                f" servo_min {self.servo_min} and servo_max {self.servo_max}"
+            )
+        if self.lost_after_s * self.poll_hz < MISSED_POLLS_MIN:
+            raise ValueError(
+                f"lost_after_s {self.lost_after_s} is less than {MISSED_POLLS_MIN} polls at {self.poll_hz:g} Hz:"
+                f" one late reply would count as a lost link; use {MISSED_POLLS_MIN / self.poll_hz:.3f} or more"
+            )
+        return self

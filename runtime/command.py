@@ -1,0 +1,138 @@
+"""Who may move the car, and how fast: voices, their words, and the one function that decides between them.
+
+A voice either *drives* (teleop, navigation) or *caps* the speed of everyone less urgent (e-stop, safety, permit).
+"I looked and it is fine" is a cap of infinity, which is not the same as silence. No queue, no clock and no I/O here:
+a table of cases tests it completely.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from drivers.api import Drive
+
+NO_LIMIT_MPS = math.inf
+
+
+class Source(StrEnum):
+    """Everyone who has a say; the values are the names in `mux.order` and on the wire."""
+
+    ESTOP = "e-stop"
+    TELEOP = "teleop"
+    SAFETY = "safety"
+    PERMIT = "permit"
+    NAVIGATION = "navigation"
+
+
+LAB_ORDER = (Source.ESTOP, Source.TELEOP, Source.SAFETY, Source.PERMIT, Source.NAVIGATION)
+"""The lab's mux: joystick over safety over navigation, with e-stop above all and the permit below safety."""
+
+CAPPING = frozenset({Source.ESTOP, Source.SAFETY, Source.PERMIT})
+DRIVING = frozenset({Source.TELEOP, Source.NAVIGATION})
+
+
+@dataclass(frozen=True, slots=True)
+class DriveWord:
+    """A wish to move.
+
+    scan_stamp_s: the scan it was made from, None for a human's wish. It is not obeyed under a verdict on an older one.
+    """
+
+    source: Source
+    drive: Drive
+    scan_stamp_s: float | None
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class CapWord:
+    """A ceiling on the speed of everyone less urgent.
+
+    forward_mps, reverse_mps: both >= 0; infinity is consent, 0 is stop.
+    scan_stamp_s: the scan it judged, None where no scan is involved.
+    reason: constant words ("wall ahead"), so that a change of reason is an event; the number goes into `measure`.
+    """
+
+    source: Source
+    forward_mps: float
+    reverse_mps: float
+    scan_stamp_s: float | None
+    reason: str
+    measure: float = math.nan
+
+
+Word = DriveWord | CapWord
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What goes to the output, and why.
+
+    speed_mps: 0.0 is a stop that brakes.
+    steering_rad: None means "hold the wheels where they are", because nobody is steering.
+    driver: whose wish it is; None when nobody drives.
+    winner: who decided the speed: the voice that capped it if one did, else the driver; None for a stop by default.
+    measure: the number behind the reason (metres to the obstacle), NaN where there is none.
+    """
+
+    speed_mps: float
+    steering_rad: float | None
+    driver: Source | None
+    winner: Source | None
+    reason: str
+    measure: float = math.nan
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """What went to the motor, and why.
+
+    delivered: False when there was no motor to take it.
+    """
+
+    stamp_s: float
+    drive: Drive
+    decision: Decision
+    delivered: bool
+
+
+def arbitrate(live: Sequence[Word], required: frozenset[Source], order: Sequence[Source]) -> Decision:
+    """Let the most urgent drive win under the caps of everyone more urgent.
+
+    live: words in force, most urgent first, in the order of `order`.
+    required: voices without which nobody less urgent moves; a silent safety task is no consent.
+    order: all voices, most urgent first; tells whether a silent voice would have bound the driver.
+    """
+    caps: list[CapWord] = []
+    for word in live:
+        if isinstance(word, DriveWord):
+            return _drive_under_caps(word, caps, required.intersection(order[: order.index(word.source)]))
+        caps.append(word)
+    closed = next((cap for cap in caps if cap.forward_mps <= 0 and cap.reverse_mps <= 0), None)
+    if closed is not None:
+        return Decision(0.0, None, None, closed.source, closed.reason, closed.measure)
+    return Decision(0.0, None, None, None, "nobody drives")
+
+
+def _drive_under_caps(word: DriveWord, caps: Sequence[CapWord], required: frozenset[Source]) -> Decision:
+    steering_rad = word.drive.steering_rad
+    if not (math.isfinite(word.drive.speed_mps) and math.isfinite(steering_rad)):
+        return Decision(0.0, None, word.source, None, f"{word.source} asked for something that is not a number")
+    missing = required - {cap.source for cap in caps}
+    if missing:
+        return Decision(0.0, steering_rad, word.source, None, f"no word from {min(missing)}")
+    if word.scan_stamp_s is not None:
+        for cap in caps:
+            if cap.scan_stamp_s is not None and cap.scan_stamp_s < word.scan_stamp_s:
+                return Decision(0.0, steering_rad, word.source, None, f"{cap.source} has not judged this scan yet")
+    return _tightest(word, caps)
+
+
+def _tightest(word: DriveWord, caps: Sequence[CapWord]) -> Decision:
+    speed_mps, winner, reason, measure = word.drive.speed_mps, word.source, word.reason, math.nan
+    for cap in caps:
+        allowed_mps = max(-cap.reverse_mps, min(cap.forward_mps, speed_mps))
+        if allowed_mps != speed_mps:
+            speed_mps, winner, reason, measure = allowed_mps, cap.source, cap.reason, cap.measure
+    return Decision(speed_mps, word.drive.steering_rad, word.source, winner, reason, measure)

@@ -1,0 +1,41 @@
+"""Which beam points where. Lidar frame: x forward, y left, angles counter-clockwise (REP-103)."""
+
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from drivers.api import Scan
+
+Floats = npt.NDArray[np.float64]
+
+
+@lru_cache(maxsize=8)
+def bearings_rad(angle_min_rad: float, angle_step_rad: float, beams: int) -> Floats:
+    """Return the bearing of every beam, shape (beams,), read-only; computed once per kind of lidar."""
+    bearings = angle_min_rad + angle_step_rad * np.arange(beams)
+    bearings.setflags(write=False)
+    return bearings
+
+
+@lru_cache(maxsize=8)
+def directions(angle_min_rad: float, angle_step_rad: float, beams: int) -> Floats:
+    """Return the unit vector of every beam, shape (2, beams), read-only; computed once per kind of lidar."""
+    bearings = bearings_rad(angle_min_rad, angle_step_rad, beams)
+    vectors = np.stack([np.cos(bearings), np.sin(bearings)])
+    vectors.setflags(write=False)
+    return vectors
+
+
+def sector(scan: Scan, from_rad: float, to_rad: float) -> slice:
+    """Return the beams with from_rad <= bearing <= to_rad; an empty slice where the lidar does not look."""
+    beams = scan.ranges_m.shape[0]
+    first = int(np.ceil((from_rad - scan.angle_min_rad) / scan.angle_step_rad - 1e-6))
+    last = int(np.floor((to_rad - scan.angle_min_rad) / scan.angle_step_rad + 1e-6))
+    return slice(max(0, min(first, beams)), max(0, min(last + 1, beams)))
+
+
+def points_m(scan: Scan, part: slice) -> Floats:
+    """Return the end points of some beams, shape (2, n), lidar frame; NaN where a beam has no distance."""
+    vectors = directions(scan.angle_min_rad, scan.angle_step_rad, scan.ranges_m.shape[0])
+    return vectors[:, part] * scan.ranges_m[part]

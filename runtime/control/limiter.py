@@ -1,0 +1,54 @@
+"""The last rules before the wire: what the car can do, whoever asks."""
+
+import math
+from dataclasses import dataclass
+
+from drivers.api import Drive
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What the mechanics allow."""
+
+    max_speed_mps: float
+    max_reverse_mps: float
+    max_steering_rad: float
+    steering_rate_radps: float
+    max_acceleration_mps2: float
+
+
+class Limiter:
+    """Clamps steering and speed, and lets them change only so fast.
+
+    Slowing down is never delayed: a smoother that stands between "stop" and the brake is a fault, not a comfort.
+    """
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
+        self._last = Drive(0.0, 0.0)
+
+    def limit(self, speed_mps: float, steering_rad: float | None, dt_s: float) -> Drive:
+        """Return what may be sent now, dt_s after the previous call; steering None holds the wheels."""
+        steering_rad = self._last.steering_rad if steering_rad is None else steering_rad
+        self._last = Drive(self._speed(speed_mps, dt_s), self._steering(steering_rad, dt_s))
+        return self._last
+
+    def standstill(self) -> None:
+        """Forget the speed: nothing was sent, or the car was stopped by somebody else."""
+        self._last = Drive(0.0, self._last.steering_rad)
+
+    def _speed(self, wanted_mps: float, dt_s: float) -> float:
+        wanted_mps = max(-self._limits.max_reverse_mps, min(self._limits.max_speed_mps, wanted_mps))
+        last_mps = self._last.speed_mps
+        if last_mps * wanted_mps < 0:
+            return 0.0  # through standstill, never from gear to gear
+        if abs(wanted_mps) <= abs(last_mps):
+            return wanted_mps
+        step_mps = self._limits.max_acceleration_mps2 * dt_s
+        return math.copysign(min(abs(wanted_mps), abs(last_mps) + step_mps), wanted_mps)
+
+    def _steering(self, wanted_rad: float, dt_s: float) -> float:
+        most_rad = self._limits.max_steering_rad
+        step_rad = self._limits.steering_rate_radps * dt_s
+        wanted_rad = max(-most_rad, min(most_rad, wanted_rad))
+        return max(self._last.steering_rad - step_rad, min(self._last.steering_rad + step_rad, wanted_rad))

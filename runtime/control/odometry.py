@@ -1,0 +1,49 @@
+"""Where the car is, from wheel distance and steering: dead reckoning of the rear axle (base_link in odom, REP-105)."""
+
+import math
+from dataclasses import dataclass
+
+from drivers.api import MotorState
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Position [m] and heading [rad, counter-clockwise from x] in the odom frame, with the speeds at that moment."""
+
+    x_m: float = 0.0
+    y_m: float = 0.0
+    yaw_rad: float = 0.0
+    speed_mps: float = 0.0
+    yaw_rate_radps: float = 0.0
+
+
+class Odometry:
+    """Integrates the kinematic single-track model: yaw' = v tan(steering) / wheelbase.
+
+    Distance comes from the tachometer difference, which survives missed polls; heading is taken at the middle of
+    the step, which removes the first-order error of the usual ROS node (vesc_to_odom integrates at the start).
+    """
+
+    def __init__(self, wheelbase_m: float) -> None:
+        self._wheelbase_m = wheelbase_m
+        self._last: MotorState | None = None
+        self.pose = Pose()
+
+    def update(self, state: MotorState | None) -> Pose:
+        """Add one report; None (link lost) interrupts the chain, so that nothing is integrated across the gap."""
+        last, self._last = self._last, state
+        if state is None:
+            self.pose = Pose(self.pose.x_m, self.pose.y_m, self.pose.yaw_rad)
+            return self.pose
+        curvature = math.tan(state.steering_rad) / self._wheelbase_m
+        step_m = state.distance_m - last.distance_m if last is not None else 0.0
+        turn_rad = step_m * curvature
+        middle_rad = self.pose.yaw_rad + turn_rad / 2
+        self.pose = Pose(
+            self.pose.x_m + step_m * math.cos(middle_rad),
+            self.pose.y_m + step_m * math.sin(middle_rad),
+            math.remainder(self.pose.yaw_rad + turn_rad, math.tau),
+            state.speed_mps,
+            state.speed_mps * curvature,
+        )
+        return self.pose

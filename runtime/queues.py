@@ -1,0 +1,121 @@
+"""The expiring priority queue that wires the tasks together, and its face with a single slot.
+
+`asyncio.PriorityQueue` is wrong for a car in three ways: its head is the most urgent entry *ever*, so a joystick word
+from before a radio drop-out wins; two words of one source pile up, so the car replays the past; and `get()` consumes
+what the mux needs again at its next tick. Here every source has one slot, every entry expires, and there are two ways
+to read: `live()` looks at what is in force, `get()` takes the most urgent news.
+
+What may be lost, by design: a word that a newer one of the same source replaced, and a word that expired unread.
+For one loop only; other threads come in through `loop.call_soon_threadsafe`.
+"""
+
+import asyncio
+from bisect import bisect_left, insort
+from collections.abc import Hashable
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from drivers.api import Clock
+
+K = TypeVar("K", bound=Hashable)
+V = TypeVar("V")
+
+NEVER_S = float("inf")
+"""An expiry for words that hold until they are replaced or withdrawn, such as a latched e-stop."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry(Generic[V]):
+    rank: tuple[int, int]  # priority, then age: unique, so that values are never compared
+    value: V
+    expires_at_s: float
+
+
+class PriorityQueue(Generic[K, V]):
+    """One slot per key, ordered by priority (smaller is more urgent), then by age (older first).
+
+    The order is a sorted list of the occupied slots rather than a heap: a replaced entry leaves at once, so nothing
+    superseded can pile up and nothing needs compacting, and `live()` is a walk. With a handful of keys it is also
+    faster; docs/decisions/0003-priority-queue.md has the argument.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._slots: dict[K, _Entry[V]] = {}
+        self._order: list[tuple[tuple[int, int], K]] = []
+        self._sequence = 0
+        self._news = asyncio.Event()
+
+    def __len__(self) -> int:
+        return len(self._slots)
+
+    def put(self, key: K, value: V, *, priority: int, expires_at_s: float) -> None:
+        """Say something; it replaces what the same key said before and counts as news."""
+        self.discard(key)
+        self._sequence += 1
+        entry = _Entry((priority, self._sequence), value, expires_at_s)
+        self._slots[key] = entry
+        insort(self._order, (entry.rank, key), key=_rank)
+        self._news.set()
+
+    def discard(self, key: K) -> None:
+        """Withdraw what a key said; harmless when it said nothing."""
+        entry = self._slots.pop(key, None)
+        if entry is not None:
+            del self._order[bisect_left(self._order, entry.rank, key=_rank)]
+
+    def live(self) -> list[V]:
+        """Return everything in force now, most urgent first, and leave it there."""
+        self._forget_expired()
+        return [self._slots[key].value for _, key in self._order]
+
+    def get_nowait(self) -> V | None:
+        """Take out the most urgent live entry; None when there is none."""
+        self._forget_expired()
+        if not self._order:
+            return None
+        _, key = self._order[0]
+        value = self._slots[key].value
+        self.discard(key)
+        return value
+
+    async def get(self) -> V:
+        """Take out the most urgent live entry, waiting for one if need be."""
+        while (value := self.get_nowait()) is None:
+            self._news.clear()
+            await self._news.wait()
+        return value
+
+    async def changed(self) -> None:
+        """Wait until something was put, or `poke` was called, since this last returned."""
+        await self._news.wait()
+        self._news.clear()
+
+    def poke(self) -> None:
+        """Wake whoever waits in `changed`, so that silence is looked at as well as news."""
+        self._news.set()
+
+    def _forget_expired(self) -> None:
+        now_s = self._clock()
+        expired = [key for key, entry in self._slots.items() if entry.expires_at_s <= now_s]
+        for key in expired:
+            self.discard(key)
+
+
+class Inbox(Generic[V]):
+    """The newest value only, each taken once: for consumers that must never work through a backlog."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._queue: PriorityQueue[None, V] = PriorityQueue(clock)
+
+    def put(self, value: V, *, expires_at_s: float = NEVER_S) -> None:
+        """Replace what was there."""
+        self._queue.put(None, value, priority=0, expires_at_s=expires_at_s)
+
+    async def get(self) -> V:
+        """Take the newest value, waiting for one if need be."""
+        return await self._queue.get()
+
+
+def _rank(item: tuple[tuple[int, int], object]) -> tuple[int, int]:
+    return item[0]

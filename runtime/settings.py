@@ -1,0 +1,211 @@
+"""The settings tree: frozen, closed, and checked before the wheels can turn.
+
+It mirrors the TOML file section by section; drivers bring their own part. A wrong key is an error that names the
+key, never a silent default. Layers, later ones winning: defaults here, the file, `--set KEY=VALUE`.
+"""
+
+import json
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from drivers.vesc.settings import VescSettings
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from drivers.hokuyo.settings import HokuyoSettings
+from runtime.command import LAB_ORDER, Source
+
+
+class SettingsError(Exception):
+    """The settings cannot be used; the text names each key or path and the remedy."""
+
+
+class Section(BaseModel):
+    """A part of the tree: cannot change, and knows all its keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class CarSettings(Section):
+    """The vehicle, measured with a ruler. base_link is the middle of the rear axle (REP-105)."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,31}$")] = "car1"
+    wheelbase_m: Annotated[float, Field(gt=0.05, le=2.0)] = 0.33
+    max_steering_rad: Annotated[float, Field(gt=0.05, lt=1.2)] = 0.34
+    steering_rate_radps: Annotated[float, Field(gt=0, le=50)] = 3.2
+    max_speed_mps: Annotated[float, Field(gt=0, le=20)] = 4.0
+    max_reverse_mps: Annotated[float, Field(ge=0, le=5)] = 1.0
+    max_acceleration_mps2: Annotated[float, Field(gt=0, le=20)] = 4.0
+    """How fast the commanded speed may rise. Slowing down is never delayed."""
+    lidar_x_m: Annotated[float, Field(ge=-1, le=2)] = 0.27
+    front_m: Annotated[float, Field(gt=0, le=3)] = 0.42
+    rear_m: Annotated[float, Field(gt=0, le=3)] = 0.13
+    half_width_m: Annotated[float, Field(gt=0, le=1)] = 0.15
+
+
+class WallFollowSettings(Section):
+    """Which wall, how far, how fast, by which law."""
+
+    method: Literal["report"] = "report"
+    side: Literal["left", "right"] = "left"
+    desired_distance_m: Annotated[float, Field(ge=0.2, le=5)] = 1.0
+    speed_mps: Annotated[float, Field(ge=0, le=10)] = 1.0
+    kp: Annotated[float, Field(ge=0, le=20)] = 1.6
+    """Steering per metre of distance error [rad/m]; 1.6 is the report's final value."""
+    kd: Annotated[float, Field(ge=0, le=20)] = 1.5
+    """Steering per radian of angle to the wall [-]; 1.5 is the report's final value."""
+    expires_after_s: Annotated[float, Field(gt=0, le=0.2)] = 0.15
+    """A navigation word is in force this long after its scan."""
+
+
+class SafetySettings(Section):
+    """When the car must stop, whoever is driving."""
+
+    method: Literal["report"] = "report"
+    binds_teleop: bool = False
+    """True puts safety above the human: the joystick is limited too, and needs a working lidar."""
+    expires_after_s: Annotated[float, Field(gt=0, le=0.2)] = 0.15
+    """A verdict is in force this long after its scan."""
+
+
+class MuxSettings(Section):
+    """Who outranks whom, and how often the output is renewed without news."""
+
+    order: tuple[Source, ...] = LAB_ORDER
+    tick_hz: Annotated[float, Field(ge=20, le=200)] = 50.0
+
+    @field_validator("order")
+    @classmethod
+    def _complete(cls, order: tuple[Source, ...]) -> tuple[Source, ...]:
+        if sorted(order) != sorted(Source):
+            raise ValueError(f"must name each of {', '.join(LAB_ORDER)} exactly once")
+        if order[0] is not Source.ESTOP:
+            raise ValueError("must begin with e-stop: nothing outranks an emergency stop")
+        if order.index(Source.NAVIGATION) < max(order.index(Source.SAFETY), order.index(Source.PERMIT)):
+            raise ValueError("must have safety and permit before navigation, or they would not bind it")
+        return order
+
+
+class OperatorSettings(Section):
+    """What the car needs from its human."""
+
+    permit: Literal["required", "always"] = "required"
+    """required: autonomy moves only while an operator permits it. always: simulation and benches."""
+
+
+class TelemetrySettings(Section):
+    """What leaves the car over zenoh; loopback only until keys exist."""
+
+    enabled: bool = True
+    listen: Annotated[str, Field(pattern=r"^tcp/(127\.0\.0\.1|\[::1\]):\d{1,5}$")] = "tcp/127.0.0.1:7447"
+    status_hz: Annotated[float, Field(ge=0.5, le=50)] = 10.0
+
+
+class LogSettings(Section):
+    """What is said on standard error."""
+
+    level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = "INFO"
+    format: Literal["text", "json"] = "text"
+
+
+class Settings(Section):
+    """Everything, as one frozen value."""
+
+    car: CarSettings = CarSettings()
+    lidar: HokuyoSettings = HokuyoSettings()
+    motor: VescSettings = VescSettings()
+    wall_follow: WallFollowSettings = WallFollowSettings()
+    safety: SafetySettings = SafetySettings()
+    mux: MuxSettings = MuxSettings()
+    operator: OperatorSettings = OperatorSettings()
+    telemetry: TelemetrySettings = TelemetrySettings()
+    log: LogSettings = LogSettings()
+
+    def effective_order(self) -> tuple[Source, ...]:
+        """Return the mux's order after `safety.binds_teleop` moved safety above the human."""
+        order = [source for source in self.mux.order if source is not Source.SAFETY]
+        position = self.mux.order.index(Source.SAFETY)
+        if self.safety.binds_teleop:
+            position = min(position, order.index(Source.TELEOP))
+        order.insert(position, Source.SAFETY)
+        return tuple(order)
+
+
+def load_settings(path: Path | None, assignments: Sequence[str] = ()) -> Settings:
+    """Build the tree from a file and `KEY=VALUE` texts; SettingsError when any part of it is unusable."""
+    tree: dict[str, Any] = _read_file(path) if path is not None else {}
+    for assignment in assignments:
+        _assign(tree, assignment)
+    try:
+        return Settings.model_validate(tree)
+    except ValidationError as error:
+        where = f"{path}" if path is not None else "the settings"
+        raise SettingsError(f"{where}: " + "; ".join(_sentence(item) for item in error.errors())) from None
+
+
+def _read_file(path: Path) -> dict[str, Any]:
+    try:
+        with path.open("rb") as file:
+            return tomllib.load(file)
+    except FileNotFoundError:
+        raise SettingsError(f"{path}: no such file; see config/car.toml for one to start from") from None
+    except IsADirectoryError:
+        raise SettingsError(f"{path}: is a directory; name the .toml file in it") from None
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot be read ({error.strerror}); check its owner and mode") from None
+    except UnicodeDecodeError:
+        raise SettingsError(f"{path}: is not a text file; a settings file is TOML in UTF-8") from None
+    except tomllib.TOMLDecodeError as error:
+        raise SettingsError(f"{path}: is not valid TOML: {error}") from None
+
+
+def _assign(tree: dict[str, Any], assignment: str) -> None:
+    key, equals, text = assignment.partition("=")
+    names = key.strip().split(".")
+    if not equals or not all(names):
+        raise SettingsError(f"--set {assignment}: write SECTION.KEY=VALUE, for example wall_follow.side=right")
+    for name in names[:-1]:
+        branch = tree.setdefault(name, {})
+        if not isinstance(branch, dict):
+            raise SettingsError(f"--set {assignment}: {name} is a value, not a section")
+        tree = branch
+    tree[names[-1]] = _value(text.strip())
+
+
+def _value(text: str) -> object:
+    """Read a value as TOML would, or as bare text: `right` and `"right"` are the same."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def _sentence(error: Mapping[str, Any]) -> str:
+    """Put one pydantic error into words: key, what is wrong, what to do."""
+    key = ".".join(str(part) for part in error["loc"])
+    if error["type"] == "extra_forbidden":
+        return f"{key} is not a setting; {_known_keys(error['loc'][:-1])}"
+    message = str(error["msg"]).removeprefix("Value error, ")
+    return f"{key} = {error['input']!r}: {message[:1].lower()}{message[1:]}"
+
+
+def _known_keys(path: Sequence[str | int]) -> str:
+    model: Any = Settings
+    for part in path:
+        field = model.model_fields.get(part)
+        model = field.annotation if field is not None else None
+        if not (isinstance(model, type) and issubclass(model, BaseModel)):
+            return "run `wallride check` to see all of them"
+    return "known here: " + ", ".join(model.model_fields)
+
+
+def to_toml(settings: Settings) -> str:
+    """Return the effective settings as a TOML file that can be loaded again."""
+    lines: list[str] = []
+    for section, values in settings.model_dump(mode="json").items():
+        lines.append(f"[{section}]")
+        # A JSON string, number, boolean or list of them is also a TOML one.
+        lines += [f"{key} = {json.dumps(value)}" for key, value in values.items()]
+        lines.append("")
+    return "\n".join(lines)

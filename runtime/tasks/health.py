@@ -1,0 +1,115 @@
+"""Looks after the devices and the process itself: latches faults, takes the permit back, talks to systemd."""
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Never
+
+from drivers.api import Clock, Health, Lidar, LinkState, Motor
+from runtime.command import CapWord, Output, Source
+from runtime.permit import Permit
+from runtime.service_manager import ServiceManager
+from runtime.ticker import ticks
+from runtime.voices import Voices
+
+log = logging.getLogger("wallride.health")
+
+RATE_HZ = 20.0
+READY_AT_LATEST_S = 10.0
+"""systemd is told READY by then even without devices: boot must not hang on a cable."""
+CYCLE_LIMIT_S = 0.2
+"""A mux that has not decided for so long is not healthy, and the watchdog is not petted."""
+FAULT_RETRY_S = 2.0
+"""Without an operator (permit "always") a latched motor fault is tried again after this time."""
+
+
+@dataclass(slots=True)
+class _Seen:
+    """What was last said about a device, so that the log speaks once per change."""
+
+    link: LinkState = LinkState.ABSENT
+    message: str = ""
+
+
+@dataclass(slots=True)
+class Caretaker:
+    """Checks everything at RATE_HZ; `check` is one round, so that tests can walk through time.
+
+    output: returns what the mux decided last; its age is the evidence on which the watchdog is petted.
+    """
+
+    lidar: Lidar
+    motor: Motor
+    output: Callable[[], Output | None]
+    voices: Voices
+    permit: Permit
+    manager: ServiceManager
+    clock: Clock
+    retry_faults: bool
+    worst_lag_s: float = 0.0
+    missed_ticks: int = 0
+    _seen: dict[str, _Seen] = field(default_factory=dict)
+    _fault_since_s: float | None = None
+    _started_s: float | None = None
+    _ready: bool = False
+
+    async def run(self) -> Never:
+        """Check for ever."""
+        async for tick in ticks(1 / RATE_HZ, self.clock):
+            self.worst_lag_s = max(self.worst_lag_s, tick.late_s)
+            self.missed_ticks += tick.missed
+            self.check()
+        raise AssertionError("ticks never end")
+
+    def check(self) -> None:
+        """Look at everything once."""
+        now_s = self.clock()
+        self._look_at("lidar", self.lidar.health)
+        self._look_at("motor", self.motor.health)
+        self._latch_fault(now_s)
+        self._tell_systemd(now_s)
+
+    def _look_at(self, name: str, health: Health) -> None:
+        seen = self._seen.setdefault(name, _Seen())
+        if seen.link is LinkState.READY and health.link is not LinkState.READY:
+            self.permit.revoke(f"the {name} was lost; permit again")
+        if (seen.link, seen.message) != (health.link, health.message):
+            level = logging.INFO if health.link in {LinkState.READY, LinkState.STARTING} else logging.WARNING
+            log.log(level, "%s %s: %s", name, health.link, health.message)
+        seen.link, seen.message = health.link, health.message
+
+    def _latch_fault(self, now_s: float) -> None:
+        state = self.motor.state
+        fault = self._fault_words()
+        if fault:
+            if self._fault_since_s is None:
+                self._fault_since_s = now_s
+                log.error("%s", fault)
+                self.voices.say(CapWord(Source.ESTOP, 0.0, 0.0, None, fault))
+                self.permit.revoke("the motor had a fault; permit again")
+            elif self.retry_faults and now_s - self._fault_since_s > FAULT_RETRY_S:
+                self._fault_since_s = now_s
+                self.motor.clear_fault()
+        elif self._fault_since_s is not None and state is not None:
+            self._fault_since_s = None
+            self.voices.silence(Source.ESTOP)
+
+    def _fault_words(self) -> str:
+        state = self.motor.state
+        if state is None:
+            return ""
+        if state.killed:
+            return "the motor controller's kill switch is on"
+        return f"motor fault: {state.fault}" if state.fault else ""
+
+    def _tell_systemd(self, now_s: float) -> None:
+        if self._started_s is None:
+            self._started_s = now_s
+        devices_up = self.lidar.health.link is LinkState.READY and self.motor.health.link is LinkState.READY
+        if not self._ready and (devices_up or now_s - self._started_s > READY_AT_LATEST_S):
+            self._ready = True
+            self.manager.ready()
+        output = self.output()
+        if output is not None and now_s - output.stamp_s < CYCLE_LIMIT_S:
+            self.manager.alive()
+            self.manager.status(f"{output.decision.winner or 'nobody'}: {output.decision.reason}")

@@ -1,0 +1,29 @@
+"""Follows the wall: one navigation word per scan."""
+
+from collections.abc import Callable
+from typing import Never
+
+from drivers.api import Drive, Motor, Scan
+from runtime.command import DriveWord, Source
+from runtime.control.guidance import Follower, Guidance
+from runtime.queues import Inbox
+from runtime.voices import Voices
+
+
+async def follow(
+    scans: Inbox[Scan],
+    motor: Motor,
+    follower: Follower,
+    voices: Voices,
+    *,
+    expires_after_s: float,
+    publish: Callable[[Scan, Guidance], None],
+) -> Never:
+    """Answer each scan; a follower without an answer asks for standstill, with its reason."""
+    while True:
+        scan = await scans.get()
+        guidance = follower.follow(scan, motor.state)
+        drive = guidance.drive if guidance.drive is not None else Drive(0.0, 0.0)
+        word = DriveWord(Source.NAVIGATION, drive, scan.stamp_s, guidance.reason)
+        voices.say(word, expires_at_s=scan.stamp_s + expires_after_s)
+        publish(scan, guidance)

@@ -1,0 +1,26 @@
+"""Ticks on absolute deadlines, because `sleep(period)` drifts and replays a stall as a burst."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from dataclasses import dataclass
+
+from drivers.api import Clock
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """late_s: how far behind the deadline the loop woke us; missed: deadlines skipped since the tick before."""
+
+    late_s: float
+    missed: int
+
+
+async def ticks(period_s: float, clock: Clock) -> AsyncIterator[Tick]:
+    """Yield once per period for ever; after a stall go on with the next deadline, never with the ones missed."""
+    deadline_s = clock() + period_s
+    while True:
+        await asyncio.sleep(max(0.0, deadline_s - clock()))
+        late_s = clock() - deadline_s
+        missed = max(0, int(late_s // period_s))
+        yield Tick(late_s, missed)
+        deadline_s += period_s * (missed + 1)

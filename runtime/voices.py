@@ -1,0 +1,48 @@
+"""The command queue: every voice has one slot, ordered as the mux obeys them, each word with its expiry."""
+
+from collections.abc import Mapping, Sequence
+
+from drivers.api import Clock
+from runtime.command import Source, Word
+from runtime.queues import NEVER_S, PriorityQueue
+
+
+class Voices:
+    """Where tasks speak and the mux listens.
+
+    A word expires by its measurement, not by its delivery: whoever speaks passes the time at which its oldest input
+    stops being true. A task that keeps running on a frozen scan thus falls silent by itself.
+    """
+
+    def __init__(self, order: Sequence[Source], clock: Clock) -> None:
+        self.order = tuple(order)
+        self._clock = clock
+        self._queue: PriorityQueue[Source, Word] = PriorityQueue(clock)
+        self._spoken_at_s: dict[Source, float] = {}
+
+    def say(self, word: Word, *, expires_at_s: float = NEVER_S) -> None:
+        """Speak: this replaces the source's earlier word and wakes the mux."""
+        self._spoken_at_s[word.source] = self._clock()
+        self._queue.put(word.source, word, priority=self.order.index(word.source), expires_at_s=expires_at_s)
+
+    def silence(self, source: Source) -> None:
+        """Withdraw a word, for example a latched e-stop that was reset."""
+        self._queue.discard(source)
+        self._queue.poke()
+
+    def live(self) -> list[Word]:
+        """Return the words in force, most urgent first."""
+        return self._queue.live()
+
+    async def changed(self) -> None:
+        """Wait for a new word or a tick."""
+        await self._queue.changed()
+
+    def tick(self) -> None:
+        """Wake the mux although nobody spoke: a mux that only forwards goes silent instead of stopping."""
+        self._queue.poke()
+
+    def ages_s(self) -> Mapping[Source, float]:
+        """Return how long ago each voice spoke last; voices that never spoke are missing."""
+        now_s = self._clock()
+        return {source: now_s - spoken_s for source, spoken_s in self._spoken_at_s.items()}

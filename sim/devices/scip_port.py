@@ -1,0 +1,216 @@
+"""The two places where a client finds an emulated sensor: a TCP port, or a serial port under a name that stays.
+
+Both hand over a `BytePort`, one non-blocking descriptor whose unsent bytes are bounded.
+"""
+
+import asyncio
+import fcntl
+import os
+import pty
+import socket
+import termios
+import tty
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+_READ_BYTES: Final = 4096
+_DRIBBLE_TICK_S: Final = 0.001
+
+
+class BytePort:
+    """One client's descriptor. What the kernel does not take at once waits, up to `limit_bytes`, then is refused."""
+
+    def __init__(
+        self, fd: int, on_bytes: Callable[[bytes], None], on_gone: Callable[[], None], *, limit_bytes: int = 1 << 21
+    ) -> None:
+        self._fd = fd
+        self._on_bytes = on_bytes
+        self._on_gone = on_gone
+        self._limit_bytes = limit_bytes
+        self._waiting = bytearray()
+        self._timer: asyncio.TimerHandle | None = None
+        self._bytes_per_tick = 0
+        self._loop = asyncio.get_running_loop()
+        self._loop.add_reader(fd, self._on_readable)
+
+    @property
+    def busy(self) -> bool:
+        """Whether earlier bytes still wait."""
+        return bool(self._waiting)
+
+    def send(self, data: bytes, *, spread_s: float | None = None) -> bool:
+        """Send; True once the kernel has it all, False if some of it waits (or there is no room for it at all).
+
+        spread_s: byte by byte, one write each, over about this time.
+        """
+        if self._waiting or spread_s is not None:
+            if len(self._waiting) + len(data) <= self._limit_bytes:
+                self._waiting += data
+                self._wait(spread_s)
+            return False
+        self._waiting += data[self._write(data) :]
+        if self._waiting:
+            self._wait(None)
+        return not self._waiting
+
+    def close(self) -> None:
+        """Stop listening and forget what waits; the descriptor is its owner's to close."""
+        self._loop.remove_reader(self._fd)
+        self._loop.remove_writer(self._fd)
+        if self._timer:
+            self._timer.cancel()
+            self._timer = None
+        self._waiting.clear()
+
+    def _wait(self, spread_s: float | None) -> None:
+        if spread_s is None:
+            self._loop.add_writer(self._fd, self._drain)
+            return
+        self._bytes_per_tick = 1 + int(len(self._waiting) * _DRIBBLE_TICK_S / max(spread_s, _DRIBBLE_TICK_S))
+        if self._timer is None:
+            self._timer = self._loop.call_later(0, self._dribble)
+
+    def _dribble(self) -> None:
+        self._timer = None
+        for _ in range(min(self._bytes_per_tick, len(self._waiting))):
+            if not self._write(bytes(self._waiting[:1])):
+                break
+            del self._waiting[:1]
+        if self._waiting:
+            self._timer = self._loop.call_later(_DRIBBLE_TICK_S, self._dribble)
+
+    def _drain(self) -> None:
+        del self._waiting[: self._write(bytes(self._waiting))]
+        if not self._waiting:
+            self._loop.remove_writer(self._fd)
+
+    def _write(self, data: bytes) -> int:
+        try:
+            return os.write(self._fd, data)
+        except BlockingIOError:
+            return 0
+        except OSError:  # the client is gone; the reader hears of it too and says so
+            return len(data)
+
+    def _on_readable(self) -> None:
+        try:
+            chunk = os.read(self._fd, _READ_BYTES)
+        except BlockingIOError:
+            return
+        except OSError:
+            chunk = b""
+        if chunk:
+            self._on_bytes(chunk)
+        else:
+            self._on_gone()
+
+
+class TcpDoor:
+    """Listens for one client at a time; further ones are let in only when the first is gone, like on the sensor."""
+
+    def __init__(self, on_client: Callable[[int], None], is_taken: Callable[[], bool]) -> None:
+        self._on_client = on_client
+        self._is_taken = is_taken
+        self._listener: socket.socket | None = None
+        self._client: socket.socket | None = None
+        self._where = ("127.0.0.1", 0)
+
+    def open(self, host: str, port: int) -> int:
+        """Listen and return the port; 0 takes a free one, which stays ours across close and reopen."""
+        self._where = (host, port)
+        return self.reopen()
+
+    def reopen(self) -> int:
+        """Listen (again) where we did; harmless when we do."""
+        if self._listener is None:
+            self._listener = socket.create_server(self._where, backlog=4)
+            self._listener.setblocking(False)  # noqa: FBT003
+            asyncio.get_running_loop().add_reader(self._listener, self._accept)
+            self._where = self._listener.getsockname()[:2]
+        return self._where[1]
+
+    def shut(self) -> None:
+        """Refuse new clients."""
+        if self._listener is not None:
+            asyncio.get_running_loop().remove_reader(self._listener)
+            self._listener.close()
+            self._listener = None
+
+    def drop(self) -> None:
+        """Close the client's connection."""
+        if self._client is not None:
+            self._client.close()
+            self._client = None
+
+    def _accept(self) -> None:
+        if self._listener is None:
+            return
+        try:
+            client, _ = self._listener.accept()
+        except (BlockingIOError, ConnectionError):
+            return
+        if self._is_taken() and not self._has_left():
+            client.close()
+            return
+        self.drop()
+        client.setblocking(False)  # noqa: FBT003
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._client = client
+        self._on_client(client.fileno())
+
+    def _has_left(self) -> bool:
+        """Whether the client hung up and we have not been told yet: its successor may be accepted first."""
+        if self._client is None:
+            return True
+        try:
+            return self._client.recv(1, socket.MSG_PEEK) == b""
+        except BlockingIOError:
+            return False
+        except OSError:
+            return True
+
+
+class SerialDoor:
+    """A pseudo-terminal in raw mode behind a symbolic link, so that the device has the same name after a replug.
+
+    We keep the client's end open as well: without it our end would report hang-up while nobody has the port open.
+    """
+
+    def __init__(self, link: Path) -> None:
+        self._link = link
+        self._ours: int | None = None
+        self._theirs: int | None = None
+
+    def plug(self) -> int:
+        """Appear; return our end."""
+        self.unplug()
+        self._ours, self._theirs = pty.openpty()
+        tty.setraw(self._theirs)
+        os.set_blocking(self._ours, False)
+        self._link.unlink(missing_ok=True)
+        self._link.symlink_to(os.ttyname(self._theirs))
+        return self._ours
+
+    def unplug(self) -> None:
+        """Vanish: whoever has the port open gets an I/O error."""
+        if self._ours is not None and self._theirs is not None:
+            os.close(self._theirs)
+            os.close(self._ours)
+            self._link.unlink(missing_ok=True)
+        self._ours = self._theirs = None
+
+    def baud(self) -> int | None:
+        """Return the speed to which the client has set the port."""
+        if self._theirs is None:
+            return None
+        speed = termios.tcgetattr(self._theirs)[5]
+        return next((baud for baud in _BAUDS if getattr(termios, f"B{baud}") == speed), None)
+
+    def allow_reopening(self) -> None:
+        """Forget a client's claim to be the only one, which on a real port ends when the client closes it."""
+        if self._theirs is not None:
+            fcntl.ioctl(self._theirs, termios.TIOCNXCL)
+
+
+_BAUDS: Final = (9600, 19200, 38400, 57600, 115200, 230400)

@@ -1,0 +1,85 @@
+"""Reads the .npz archives: each message type of a bag copied into plain arrays, field by field.
+
+The main lidar's arrays have plain names (`ranges`, `stamps`, `recv`, ...), those of further topics begin with
+`<topic>__`; commands are `<topic>__speed_steering`, odometry is `<topic>__x_y_yaw_vx_vy_wz`.
+"""
+
+import pickle
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from sim.recordings.recording import CommandTrack, OdometryTrack, RecordingError, plain_name
+from sim.recordings.tracks import LidarTrack, Tracks, columns
+
+Arrays = Mapping[str, npt.NDArray[Any]]
+
+
+def read_archive(path: Path) -> Tracks:
+    """Return all tracks of an .npz archive.
+
+    Raises:
+        RecordingError: the file is damaged, is no archive of arrays, or its arrays do not fit each other.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+    except (OSError, ValueError, AttributeError, EOFError, pickle.UnpicklingError) as error:
+        raise RecordingError(
+            f"{path} is no readable archive of arrays ({error}): fetch or convert it again."
+        ) from error
+    except (zipfile.BadZipFile, zlib.error) as error:
+        raise RecordingError(f"{path} is damaged ({error}) and nothing can be saved: fetch it again.") from error
+    try:
+        return _tracks(arrays)
+    except (KeyError, ValueError, IndexError) as error:
+        raise RecordingError(f"{path} holds arrays that are not those of a recording: {error}.") from error
+
+
+def _tracks(arrays: Arrays) -> Tracks:
+    tracks = Tracks()
+    for name, values in arrays.items():
+        topic, _, kind = name.rpartition("__")
+        prefix = f"{topic}__" if topic else ""
+        if len(values.shape) == 0 or len(values) == 0:
+            continue
+        if kind == "ranges":
+            lidar = _lidar(arrays, prefix)
+            tracks.lidars[plain_name(lidar.topic)] = lidar
+        elif kind == "speed_steering":
+            tracks.commands[topic] = CommandTrack(_times(arrays, prefix, values), *columns(values, 2))
+        elif kind == "x_y_yaw_vx_vy_wz":
+            tracks.odometries[topic] = OdometryTrack(_times(arrays, prefix, values), *columns(values, 6))
+    return tracks
+
+
+def _lidar(arrays: Arrays, prefix: str) -> LidarTrack:
+    ranges_m = arrays[f"{prefix}ranges"].astype(np.float32, copy=False)
+    if ranges_m.ndim != 2:
+        raise ValueError(f"{prefix}ranges has shape {ranges_m.shape}, not (scans, beams)")
+    stamp_s = arrays[f"{prefix}stamps"].astype(np.float64, copy=False)
+    if len(stamp_s) != len(ranges_m):
+        raise ValueError(f"{prefix}stamps has {len(stamp_s)} entries for {len(ranges_m)} scans")
+    return LidarTrack(
+        topic=str(arrays[f"{prefix}topic"]),
+        received_s=_times(arrays, prefix, ranges_m),
+        stamp_s=stamp_s,
+        ranges_m=ranges_m,
+        angle_min_rad=float(arrays[f"{prefix}angle_min"]),
+        angle_step_rad=float(arrays[f"{prefix}angle_increment"]),
+        range_min_m=float(arrays[f"{prefix}range_min"]),
+        range_max_m=float(arrays[f"{prefix}range_max"]),
+        scan_time_s=float(arrays[f"{prefix}scan_time"]),
+    )
+
+
+def _times(arrays: Arrays, prefix: str, values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    received_s = arrays[f"{prefix}recv"].astype(np.float64, copy=False)
+    if len(received_s) != len(values):
+        raise ValueError(f"{prefix}recv has {len(received_s)} entries for {len(values)} messages")
+    return received_s

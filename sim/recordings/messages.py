@@ -1,0 +1,107 @@
+"""Collects ROS messages of the three types that playback needs, topic by topic, into tracks."""
+
+import math
+from collections import Counter, defaultdict
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from sim.recordings.recording import CommandTrack, OdometryTrack, plain_name
+from sim.recordings.tracks import LidarTrack, Tracks, columns
+
+LASER_SCAN = "sensor_msgs/msg/LaserScan"
+ACKERMANN = "ackermann_msgs/msg/AckermannDriveStamped"
+ODOMETRY = "nav_msgs/msg/Odometry"
+WANTED_TYPES = frozenset({LASER_SCAN, ACKERMANN, ODOMETRY})
+
+ACKERMANN_DRIVE = "ackermann_msgs/msg/AckermannDrive"
+ACKERMANN_DEFINITIONS = {
+    ACKERMANN_DRIVE: (
+        "float32 steering_angle\nfloat32 steering_angle_velocity\nfloat32 speed\nfloat32 acceleration\nfloat32 jerk\n"
+    ),
+    ACKERMANN: "std_msgs/Header header\nackermann_msgs/AckermannDrive drive\n",
+}
+"""No distribution's type store knows ackermann_msgs, and ROS 2 bags before Iron hold no definitions."""
+
+NANOSECOND_S = 1e-9
+
+
+@dataclass(slots=True)
+class Collector:
+    """Messages so far, as rows per topic; `received_ns` is the recorder's time since 1970.
+
+    unreadable: messages per topic that did not decode.
+    """
+
+    unreadable: Counter[str] = field(default_factory=Counter)
+    _scans: dict[str, list[tuple[int, Any]]] = field(default_factory=lambda: defaultdict(list))
+    _commands: dict[str, list[tuple[float, ...]]] = field(default_factory=lambda: defaultdict(list))
+    _odometries: dict[str, list[tuple[float, ...]]] = field(default_factory=lambda: defaultdict(list))
+
+    def add(self, topic: str, message_type: str, received_ns: int, message: Any) -> None:  # noqa: ANN401 - built at run time by the type store
+        """Keep what playback needs of one message of one of the wanted types."""
+        received_s = received_ns * NANOSECOND_S
+        if message_type == LASER_SCAN:
+            self._scans[topic].append((received_ns, message))
+        elif message_type == ACKERMANN:
+            drive = message.drive
+            self._commands[plain_name(topic)].append((received_s, drive.speed, drive.steering_angle))
+        else:
+            pose, twist = message.pose.pose, message.twist.twist
+            yaw_rad = _yaw_rad(pose.orientation)
+            row = (received_s, pose.position.x, pose.position.y, yaw_rad)
+            self._odometries[plain_name(topic)].append((*row, twist.linear.x, twist.linear.y, twist.angular.z))
+
+    def tracks(self) -> Tracks:
+        """Return everything so far as tracks, with notes about what had to be left out."""
+        tracks = Tracks()
+        for topic, count in sorted(self.unreadable.items()):
+            tracks.notes.append(f"{count} messages on {topic} could not be decoded and are left out.")
+        for topic, scans in self._scans.items():
+            lidar, note = _lidar(topic, scans)
+            tracks.lidars[plain_name(topic)] = lidar
+            tracks.notes.extend(note)
+        for topic, rows in self._commands.items():
+            tracks.commands[topic] = CommandTrack(*columns(rows, 3))
+        for topic, rows in self._odometries.items():
+            tracks.odometries[topic] = OdometryTrack(*columns(rows, 7))
+        return tracks
+
+
+def _lidar(topic: str, scans: list[tuple[int, Any]]) -> tuple[LidarTrack, list[str]]:
+    """Stack the scans of the fan that most scans have; another lidar on the same topic may have another fan."""
+    fans = Counter(_fan(message) for _, message in scans)
+    fan, kept = fans.most_common(1)[0]
+    same = [(received_ns, message) for received_ns, message in scans if _fan(message) == fan]
+    notes = []
+    if kept < len(scans):
+        notes.append(f"{len(scans) - kept} scans on {topic} have other beams than the other {kept} and are left out.")
+    first = same[0][1]
+    ranges_m: npt.NDArray[np.float32] = np.stack([np.asarray(message.ranges, dtype=np.float32) for _, message in same])
+    track = LidarTrack(
+        topic=topic,
+        received_s=np.array([received_ns * NANOSECOND_S for received_ns, _ in same]),
+        stamp_s=np.array([_stamp_s(message) for _, message in same]),
+        ranges_m=ranges_m,
+        angle_min_rad=float(first.angle_min),
+        angle_step_rad=float(first.angle_increment),
+        range_min_m=float(first.range_min),
+        range_max_m=float(first.range_max),
+        scan_time_s=float(first.scan_time),
+    )
+    return track, notes
+
+
+def _fan(message: Any) -> tuple[int, float, float]:  # noqa: ANN401 - built at run time by the type store
+    return len(message.ranges), float(message.angle_min), float(message.angle_increment)
+
+
+def _stamp_s(message: Any) -> float:  # noqa: ANN401 - built at run time by the type store
+    stamp = message.header.stamp
+    return float(stamp.sec + stamp.nanosec * NANOSECOND_S)
+
+
+def _yaw_rad(q: Any) -> float:  # noqa: ANN401 - built at run time by the type store
+    return math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))

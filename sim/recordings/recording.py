@@ -1,0 +1,124 @@
+"""What a recording is: one lidar's scans exactly as recorded, and the commands and odometry of the same drive."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+NAVIGATION_TOPICS = ("vesc_high_level_input_nav_0", "vesc_low_level_input_navigation", "drive")
+"""Where the autonomous program speaks: the RACECAR's two muxes, and the convention of F1TENTH."""
+OUTPUT_TOPICS = ("vesc_low_level_ackermann_cmd", "vesc_ackermann_cmd", "ackermann_cmd")
+"""What the last mux let through to the motor."""
+SAFETY_TOPICS = ("vesc_low_level_input_safety", "vesc_input_safety")
+"""The safety controller's override."""
+
+
+class RecordingError(ValueError):
+    """A file cannot be played back; the text is one sentence that says which file, why, and what to do."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CommandTrack:
+    """Drive commands of one topic over time.
+
+    received_s: shape (n,), on the recording's zero; negative for commands before the first scan.
+    speed_mps, steering_rad: shape (n,), as asked for; forward and left are positive.
+    """
+
+    received_s: Floats
+    speed_mps: Floats
+    steering_rad: Floats
+
+    def __len__(self) -> int:
+        """Return the number of commands."""
+        return len(self.received_s)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OdometryTrack:
+    """Poses in the odometry frame and velocities in the car's frame over time; all of shape (n,).
+
+    received_s: on the recording's zero; negative before the first scan.
+    """
+
+    received_s: Floats
+    x_m: Floats
+    y_m: Floats
+    yaw_rad: Floats
+    vx_mps: Floats
+    vy_mps: Floats
+    wz_radps: Floats
+
+    def __len__(self) -> int:
+        """Return the number of poses."""
+        return len(self.received_s)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """One lidar's scans, and what else was said during the drive. All arrays are read-only.
+
+    received_s: shape (n,), when the recorder received each scan; starts at 0 and never falls.
+    stamp_s: shape (n,), the header stamps on the same zero. They may jump: clocks differ between publishers.
+    ranges_m: shape (n, beams), float32, untouched: 65.533, 0, inf and NaN all occur for "no return".
+    angle_min_rad, angle_step_rad: beam k points to angle_min + k * step, counter-clockwise, 0 = ahead.
+    range_min_m, range_max_m, scan_time_s: as the driver declared them; recorded ranges do not keep to them.
+    topic: the lidar's topic as recorded; other_topics: further lidars of the file, selectable by name.
+    commands: by topic, written without slashes (`plain_name`).
+    notes: sentences for the user about what was chosen, left out or lost.
+    """
+
+    name: str
+    topic: str
+    other_topics: tuple[str, ...]
+    received_s: Floats
+    stamp_s: Floats
+    ranges_m: npt.NDArray[np.float32]
+    angle_min_rad: float
+    angle_step_rad: float
+    range_min_m: float
+    range_max_m: float
+    scan_time_s: float
+    commands: Mapping[str, CommandTrack]
+    odometry: OdometryTrack | None
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        """Return the number of scans."""
+        return len(self.received_s)
+
+    @property
+    def beams(self) -> int:
+        """Number of beams of every scan."""
+        return int(self.ranges_m.shape[1])
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first to the last scan received."""
+        return float(self.received_s[-1])
+
+    @property
+    def navigation(self) -> CommandTrack | None:
+        """What the autonomous program asked for; None when it was not recorded."""
+        return self._first_of(NAVIGATION_TOPICS)
+
+    @property
+    def output(self) -> CommandTrack | None:
+        """What the low-level mux let through; None when it was not recorded."""
+        return self._first_of(OUTPUT_TOPICS)
+
+    @property
+    def safety(self) -> CommandTrack | None:
+        """What the safety controller demanded; None when it was not recorded or never spoke."""
+        return self._first_of(SAFETY_TOPICS)
+
+    def _first_of(self, topics: tuple[str, ...]) -> CommandTrack | None:
+        return next((self.commands[topic] for topic in topics if topic in self.commands), None)
+
+
+def plain_name(topic: str) -> str:
+    """Return a topic's name without slashes, as the .npz archives write it: `/vesc/odom` becomes `vesc_odom`."""
+    return topic.strip("/").replace("/", "_")

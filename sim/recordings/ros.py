@@ -1,0 +1,90 @@
+"""Reads ROS recordings without ROS: .bag of ROS 1, .db3 and .mcap of ROS 2, or a ROS 2 recording's folder.
+
+The package `rosbags` is imported only when such a file is opened, so that .npz archives play without it.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sim.recordings.messages import ACKERMANN_DEFINITIONS, WANTED_TYPES, Collector
+from sim.recordings.recording import RecordingError
+from sim.recordings.salvage import repaired_mcap, whole_messages
+from sim.recordings.tracks import Tracks
+
+if TYPE_CHECKING:
+    from rosbags.typesys import Stores
+    from rosbags.typesys.store import Typestore
+
+
+def read_ros(path: Path) -> Tracks:
+    """Return all tracks of a ROS recording; of a damaged one what can be saved, with a note that says how much.
+
+    Raises:
+        RecordingError: nothing can be read, or `rosbags` is not installed.
+    """
+    try:
+        tracks = _read_orderly(path)
+    except ModuleNotFoundError as error:
+        raise RecordingError(
+            f"{path} needs the package {error.name}: install wallride with its extra [sim]."
+        ) from error
+    if not tracks.cut_short:
+        return tracks
+    saved = max(tracks, _salvaged(path), key=lambda found: found.scans)
+    if not saved.scans:
+        raise RecordingError(f"{path} cannot be read ({tracks.cut_short}) and no scan could be saved: fetch it again.")
+    saved.notes.insert(0, f"{path.name} cannot be read in order ({tracks.cut_short}): {saved.scans} scans were saved.")
+    return saved
+
+
+def _read_orderly(path: Path) -> Tracks:
+    """Read by the file's own index, up to the first damage."""
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores
+
+    collector = Collector()
+    cut_short = ""
+    try:
+        with AnyReader([path], default_typestore=_with_ackermann(Stores.ROS2_HUMBLE)) as reader:
+            # an empty list would mean "all topics" to rosbags
+            if wanted := [connection for connection in reader.connections if connection.msgtype in WANTED_TYPES]:
+                for connection, received_ns, raw in reader.messages(wanted):
+                    message = reader.deserialize(raw, connection.msgtype)
+                    collector.add(connection.topic, connection.msgtype, received_ns, message)
+    except Exception as error:  # noqa: BLE001 - a parser that meets damage raises anything; the caller reports it
+        cut_short = str(error).rstrip(".") or "its records contradict each other"
+    tracks = collector.tracks()
+    tracks.cut_short = cut_short
+    return tracks
+
+
+def _salvaged(path: Path) -> Tracks:
+    """Read past the damage where the format allows it: ROS 1 records can be found again, an MCAP can be closed."""
+    if path.suffix == ".mcap":
+        with repaired_mcap(path) as repaired:
+            return _read_orderly(repaired)
+    if path.suffix != ".bag":
+        return Tracks()
+    from rosbags.typesys import Stores
+
+    store = _with_ackermann(Stores.ROS1_NOETIC)
+    collector = Collector()
+    for topic, message_type, received_ns, raw in whole_messages(path.read_bytes()):
+        if message_type not in WANTED_TYPES:
+            continue
+        try:
+            message = store.deserialize_ros1(raw, message_type)
+        except Exception:  # noqa: BLE001 - as above; counted and told to the user
+            collector.unreadable[topic] += 1
+        else:
+            collector.add(topic, message_type, received_ns, message)
+    return collector.tracks()
+
+
+def _with_ackermann(store: "Stores") -> "Typestore":
+    from rosbags.typesys import get_types_from_msg, get_typestore
+
+    typestore = get_typestore(store)
+    for name, definition in ACKERMANN_DEFINITIONS.items():
+        typestore.register(get_types_from_msg(definition, name))
+    return typestore

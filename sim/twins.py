@@ -1,0 +1,132 @@
+"""In-memory twins of the devices, for stories in virtual time: no sockets, no threads, no real seconds."""
+
+import asyncio
+import math
+from collections.abc import Callable
+from typing import Never
+
+import numpy as np
+import numpy.typing as npt
+
+from drivers.api import Clock, Drive, Health, LinkState, MotorState, Scan
+
+BEAMS = 1081
+STEP_RAD = math.radians(0.25)
+FOREVER_S = 3600.0
+
+
+class MemoryLidar:
+    """Delivers `ranges_at(now_s)` at a steady rate; None from it is a scan that never came.
+
+    late_s: how long a scan waits in a buffer before it is delivered; its stamp stays that of the measurement.
+    """
+
+    def __init__(
+        self, ranges_at: Callable[[float], npt.NDArray[np.float32] | None], clock: Clock, rate_hz: float = 40.0
+    ) -> None:
+        self._ranges_at = ranges_at
+        self._clock = clock
+        self._period_s = 1 / rate_hz
+        self.late_s = 0.0
+        self._health = Health(LinkState.READY, "in memory", "twin")
+
+    @property
+    def health(self) -> Health:
+        """Its condition now; tests change it."""
+        return self._health
+
+    async def run(self, on_scan: Callable[[Scan], None]) -> Never:
+        """Deliver for ever."""
+        sequence = 0
+        while True:
+            await asyncio.sleep(self._period_s)
+            now_s = self._clock()
+            ranges_m = self._ranges_at(now_s)
+            if ranges_m is not None:
+                stamp_s = now_s - self.late_s
+                on_scan(Scan(stamp_s, now_s, -STEP_RAD * (BEAMS // 2), STEP_RAD, 0.02, 30.0, ranges_m, sequence))
+            sequence += 1
+
+
+class MemoryMotor:
+    """Takes every command and writes it down; its wheels follow at once.
+
+    wire: (time, drive) of every command taken.
+    present: False is an unplugged controller: it takes nothing and reports nothing.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self.wire: list[tuple[float, Drive]] = []
+        self.present = True
+        self.fault = ""
+        self._fault_gone = True
+        self._health = Health(LinkState.READY, "in memory", "twin")
+        self._distance_m = 0.0
+        self._last = (clock(), Drive(0.0, 0.0))
+
+    @property
+    def health(self) -> Health:
+        """Its condition now."""
+        self._health.link = LinkState.READY if self.present else LinkState.ABSENT
+        return self._health
+
+    @property
+    def state(self) -> MotorState | None:
+        """What a controller would report."""
+        if not self.present:
+            return None
+        now_s = self._clock()
+        since_s, drive = self._last
+        self._distance_m += (now_s - since_s) * drive.speed_mps
+        self._last = (now_s, drive)
+        return MotorState(
+            stamp_s=now_s,
+            speed_mps=drive.speed_mps,
+            distance_m=self._distance_m,
+            steering_rad=drive.steering_rad,
+            voltage_v=11.8,
+            motor_current_a=0.0,
+            input_current_a=0.0,
+            temperature_c=25.0,
+            fault=self.fault,
+            timed_out=False,
+            killed=False,
+        )
+
+    async def run(self) -> Never:
+        """Stay connected; brake when cancelled, as a driver does."""
+        try:
+            while True:
+                await asyncio.sleep(FOREVER_S)
+        finally:
+            self.send(Drive(0.0, 0.0))
+
+    def send(self, drive: Drive) -> bool:
+        """Write the command down."""
+        if not self.present:
+            return False
+        self._last = (self._clock(), drive)
+        self.wire.append((self._clock(), drive))
+        return True
+
+    def inject_fault(self, text: str, *, lasting: bool = False) -> None:
+        """Report a fault; a lasting one comes back after it was cleared."""
+        self.fault = text
+        self._fault_gone = not lasting
+
+    def clear_fault(self) -> None:
+        """Forget the fault if its cause is gone."""
+        if self._fault_gone:
+            self.fault = ""
+
+
+def ranges_between_walls(left_m: float, right_m: float, ahead_m: float = math.nan) -> npt.NDArray[np.float32]:
+    """Return the noise-free scan of a car that stands parallel between two endless walls, with one ahead or NaN."""
+    bearing_rad = (np.arange(BEAMS) - BEAMS // 2) * STEP_RAD
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sides_m = np.where(bearing_rad > 0, left_m / np.sin(bearing_rad), -right_m / np.sin(bearing_rad))
+        front_m = np.where(np.cos(bearing_rad) > 0, ahead_m / np.cos(bearing_rad), np.nan)
+    ranges_m = np.fmin(np.where(np.isfinite(sides_m), sides_m, np.nan), front_m)
+    ranges_m[~(ranges_m < 30.0)] = np.nan  # NaN compares as not smaller
+    return ranges_m.astype(np.float32)

@@ -1,0 +1,141 @@
+"""The mux's decision table: one line a situation, read like a specification. Used by its test and its mutation test."""
+
+import math
+from dataclasses import dataclass, replace
+
+from drivers.api import Drive
+from runtime.command import LAB_ORDER, CapWord, Decision, DriveWord, Source, Word
+
+INF = math.inf
+NAN = math.nan
+REQUIRED = frozenset({Source.SAFETY, Source.PERMIT})
+BOUND_ORDER = (Source.ESTOP, Source.SAFETY, Source.TELEOP, Source.PERMIT, Source.NAVIGATION)
+
+
+def nav(speed=1.0, steering=0.1, scan=1.0):
+    return DriveWord(Source.NAVIGATION, Drive(speed, steering), scan, "wall")
+
+
+def stick(speed=2.0, steering=-0.2):
+    return DriveWord(Source.TELEOP, Drive(speed, steering), None, "stick")
+
+
+def safety(forward=INF, reverse=INF, scan=1.0, reason="clear", measure=NAN):
+    return CapWord(Source.SAFETY, forward, reverse, scan, reason, measure)
+
+
+def permit(limit=INF, reason="permitted"):
+    return CapWord(Source.PERMIT, limit, limit, None, reason)
+
+
+def estop(limit=0.0):
+    return CapWord(Source.ESTOP, limit, limit, None, "red button")
+
+
+@dataclass(frozen=True)
+class Case:
+    title: str
+    live: list[Word]
+    speed: float
+    steering: float | None
+    driver: Source | None
+    winner: Source | None
+    reason: str
+    measure: float = NAN
+    order: tuple[Source, ...] = LAB_ORDER
+    required: frozenset[Source] = REQUIRED
+
+
+N, T, S, P, E = Source.NAVIGATION, Source.TELEOP, Source.SAFETY, Source.PERMIT, Source.ESTOP
+OK = "wall"
+LATE = "safety has not judged this scan yet"
+
+CASES = [
+    Case("nobody says anything", [], 0, None, None, None, "nobody drives"),
+    Case("consent alone does not drive", [safety(), permit()], 0, None, None, None, "nobody drives"),
+    Case("everyone agrees", [safety(), permit(), nav()], 1, 0.1, N, N, OK),
+    Case("reverse under consent", [safety(), permit(), nav(-0.5)], -0.5, 0.1, N, N, OK),
+    Case("standstill is a wish too", [safety(), permit(), nav(0.0)], 0, 0.1, N, N, OK),
+    # required voices
+    Case("safety is silent", [permit(), nav()], 0, 0.1, N, None, "no word from safety"),
+    Case("permit is silent", [safety(), nav()], 0, 0.1, N, None, "no word from permit"),
+    Case("both silent: one is named, always the same", [nav()], 0, 0.1, N, None, "no word from permit"),
+    Case("nobody is required", [nav()], 1, 0.1, N, N, OK, required=frozenset()),
+    Case("a pressed e-stop does not replace a required voice", [estop(INF), permit(), nav()], 0, 0.1, N, None,
+         "no word from safety"),
+    # caps
+    Case("safety stops", [safety(0.0, reason="wall ahead", measure=0.6), permit(), nav()], 0, 0.1, N, S, "wall ahead",
+         0.6),
+    Case("safety slows", [safety(0.4, reason="wall ahead", measure=1.2), permit(), nav()], 0.4, 0.1, N, S,
+         "wall ahead", 1.2),
+    Case("a looser cap changes nothing", [safety(3.0, reason="far", measure=9.0), permit(), nav()], 1, 0.1, N, N, OK),
+    Case("a cap equal to the wish changes nothing", [safety(1.0, measure=9.0), permit(), nav()], 1, 0.1, N, N, OK),
+    Case("a stop ahead lets the car back out", [safety(0.0, INF), permit(), nav(-0.5)], -0.5, 0.1, N, N, OK),
+    Case("a stop behind lets it go ahead", [safety(INF, 0.0), permit(), nav(0.7)], 0.7, 0.1, N, N, OK),
+    Case("safety slows reverse", [safety(INF, 0.2, reason="behind"), permit(), nav(-0.5)], -0.2, 0.1, N, S, "behind"),
+    Case("the later, tighter of two caps wins", [safety(0.6, reason="a"), permit(0.3, "b"), nav()], 0.3, 0.1, N, P,
+         "b"),
+    Case("the earlier, tighter of two caps wins", [safety(0.3, reason="a"), permit(0.6, "b"), nav()], 0.3, 0.1, N, S,
+         "a"),
+    Case("of two equal caps the more urgent is named", [safety(0.3, reason="a"), permit(0.3, "b"), nav()], 0.3, 0.1, N,
+         S, "a"),
+    Case("two caps in reverse", [safety(INF, 0.4, reason="a"), permit(0.1, "b"), nav(-1.0)], -0.1, 0.1, N, P, "b"),
+    Case("permit refused", [safety(), permit(0.0, "no operator"), nav()], 0, 0.1, N, P, "no operator"),
+    Case("e-stop", [estop(), safety(), permit(), nav()], 0, 0.1, N, E, "red button"),
+    Case("e-stop without a driver says so", [estop(), safety(), permit()], 0, None, None, E, "red button"),
+    Case("e-stop holds also in reverse", [estop(), safety(), permit(), nav(-1.0)], 0, 0.1, N, E, "red button"),
+    Case("a stop that nobody drives into is still the reason", [safety(0.0, 0.0, reason="boxed in", measure=0.1),
+         permit()], 0, None, None, S, "boxed in", 0.1),
+    Case("half a stop is not", [safety(0.0, INF, reason="ahead"), permit()], 0, None, None, None, "nobody drives"),
+    Case("nor the other half", [safety(INF, 0.0, reason="behind"), permit()], 0, None, None, None, "nobody drives"),
+    # the lab's order: teleop over safety over permit over navigation
+    Case("the stick beats navigation", [stick(), safety(), permit(), nav()], 2, -0.2, T, T, "stick"),
+    Case("the stick beats safety", [stick(), safety(0.0), permit(), nav()], 2, -0.2, T, T, "stick"),
+    Case("the stick needs neither permit nor lidar", [stick()], 2, -0.2, T, T, "stick"),
+    Case("the stick does not beat e-stop", [estop(), stick()], 0, -0.2, T, E, "red button"),
+    Case("a released e-stop is consent", [estop(INF), stick()], 2, -0.2, T, T, "stick"),
+    # safety.binds_teleop
+    Case("bound: safety limits the stick", [safety(0.5, reason="wall ahead"), stick(), permit(), nav()], 0.5, -0.2, T,
+         S, "wall ahead", order=BOUND_ORDER),
+    Case("bound: no lidar, no stick", [stick(), permit(), nav()], 0, -0.2, T, None, "no word from safety",
+         order=BOUND_ORDER),
+    Case("bound: the permit is still not the stick's business", [safety(), stick(), permit(0.0)], 2, -0.2, T, T,
+         "stick", order=BOUND_ORDER),
+    # a drive never goes out under a verdict older than its scan
+    Case("verdict older than the scan", [safety(scan=0.975), permit(), nav(scan=1.0)], 0, 0.1, N, None, LATE),
+    Case("verdict newer than the scan", [safety(scan=1.025), permit(), nav(scan=1.0)], 1, 0.1, N, N, OK),
+    Case("an old verdict that stops still does not drive", [safety(0.0, scan=0.975), permit(), nav(scan=1.0)], 0, 0.1,
+         N, None, LATE),
+    Case("a human looks for himself", [safety(scan=0.2), stick(), permit()], 2, -0.2, T, T, "stick",
+         order=BOUND_ORDER),
+    # not a number
+    Case("speed is not a number", [safety(), permit(), nav(NAN)], 0, None, N, None,
+         "navigation asked for something that is not a number"),
+    Case("speed is infinite", [safety(), permit(), nav(INF)], 0, None, N, None,
+         "navigation asked for something that is not a number"),
+    Case("steering is not a number", [safety(), permit(), nav(1.0, NAN)], 0, None, N, None,
+         "navigation asked for something that is not a number"),
+]  # fmt: skip
+
+
+def failing(arbitrate) -> list[str]:
+    """Return the titles of the cases in which a function decides otherwise, or fails."""
+    wrong = []
+    for case in CASES:
+        expected = Decision(case.speed, case.steering, case.driver, case.winner, case.reason, case.measure)
+        try:
+            decided = arbitrate(case.live, case.required, case.order)
+            if not _same(decided, expected):
+                wrong.append(case.title)
+        except Exception:  # noqa: BLE001 - a mutant may fail in any way
+            wrong.append(case.title)
+    return wrong
+
+
+def _same(one: Decision, other: Decision) -> bool:
+    both_nan = math.isnan(one.measure) and math.isnan(other.measure)
+    return both_nan or one.measure == other.measure if _plain(one) == _plain(other) else False
+
+
+def _plain(decision: Decision) -> Decision:
+    return replace(decision, measure=0.0)

@@ -1,0 +1,255 @@
+"""Stories of the whole runtime in virtual time: the unmodified tasks, in-memory devices, exact seconds."""
+
+import asyncio
+from itertools import pairwise
+
+import pytest
+
+from drivers.api import Drive, LinkState
+from runtime.app import Car
+from runtime.command import DriveWord, Source
+from runtime.permit import NOT_GRANTED
+from runtime.settings import Settings
+from sim.twins import MemoryLidar, MemoryMotor, ranges_between_walls
+from sim.virtual_time import run_virtual
+
+CORRIDOR = ranges_between_walls(1.0, 1.0)
+BLOCKED = ranges_between_walls(1.0, 1.0, ahead_m=0.8)
+
+
+class Ear:
+    """A bus that remembers."""
+
+    def __init__(self):
+        self.heard = []
+
+    def put(self, key, payload):
+        self.heard.append((key, payload))
+
+
+class Story:
+    """A car between two walls, and a person who does things to it at certain times."""
+
+    def __init__(self, **sections):
+        sections = {"operator": {"permit": "always"}, **sections}
+        self.settings = Settings.model_validate(sections)
+        self.scans = CORRIDOR
+        self.ear = Ear()
+
+    def run(self, seconds, *events):
+        """Drive for so long; events are (time, function of this story)."""
+
+        async def main():
+            loop = asyncio.get_running_loop()
+            self.now = loop.time
+            self.motor = MemoryMotor(loop.time)
+            self.lidar = MemoryLidar(lambda _: self.scans, loop.time)
+            self.car = Car(self.settings, self.lidar, self.motor, self.ear, loop.time)
+            stop = asyncio.Event()
+            for at_s, event in events:
+                loop.call_at(at_s, event, self)
+            loop.call_at(seconds, stop.set)
+            await self.car.drive(stop)
+
+        run_virtual(main())
+        return self
+
+    def speed_at(self, at_s):
+        return [drive for when_s, drive in self.motor.wire if when_s <= at_s][-1].speed_mps
+
+    def first_brake_after(self, at_s):
+        return next(when_s for when_s, drive in self.motor.wire if when_s > at_s and drive.speed_mps == 0)
+
+
+def silence(story):
+    story.scans = None
+
+
+def wall_ahead(story):
+    story.scans = BLOCKED
+
+
+def clear(story):
+    story.scans = CORRIDOR
+
+
+def unplug(story):
+    story.motor.present = False
+
+
+def plug(story):
+    story.motor.present = True
+
+
+def test_it_sets_off_and_drives_at_the_asked_speed():
+    story = Story().run(3.0)
+    assert story.speed_at(2.9) == 1.0
+    assert story.car.mux.seconds_by_winner["navigation"] > 2.5
+
+
+def test_it_does_not_move_before_the_first_scan():
+    story = Story()
+    story.scans = None
+    story.run(2.0, (1.0, clear))
+    assert all(drive.speed_mps == 0 for when_s, drive in story.motor.wire if when_s < 0.99)
+    assert story.speed_at(1.9) == 1.0
+
+
+def test_the_last_word_is_a_brake():
+    story = Story().run(3.0)
+    assert story.motor.wire[-1][1].speed_mps == 0
+    stopped = [when_s for when_s, drive in story.motor.wire if drive.speed_mps == 0 and when_s > 2.999]
+    assert stopped[0] - 3.0 < 0.001
+
+
+@pytest.mark.parametrize("at_s", [2.0, 2.004, 2.011, 2.017, 2.024])
+def test_a_silent_lidar_stops_the_car_within_a_quarter_second_of_the_last_scan(at_s):
+    story = Story().run(4.0, (at_s, silence))
+    last_scan_s = int(at_s / 0.025) * 0.025
+    assert story.first_brake_after(2.0) - last_scan_s < 0.18
+    assert story.car.mux.output.decision.reason in {"nobody drives", "no word from safety"}
+
+
+def test_it_ticks_on_in_silence():
+    story = Story().run(4.0, (2.0, silence))
+    times = [when_s for when_s, _ in story.motor.wire if 2.5 < when_s < 4.0]
+    assert max(after - before for before, after in pairwise(times)) < 0.0201
+
+
+def test_it_drives_on_when_the_lidar_is_back():
+    story = Story().run(6.0, (2.0, silence), (4.0, clear))
+    assert story.speed_at(3.9) == 0
+    assert story.speed_at(5.9) == 1.0
+
+
+def test_a_frozen_scan_delivered_late_does_not_drive():
+    def late(story):
+        story.lidar.late_s = 0.2
+
+    story = Story().run(4.0, (2.0, late))
+    assert story.speed_at(3.9) == 0
+
+
+def test_safety_stops_before_the_scan_that_shows_the_obstacle_can_drive():
+    story = Story().run(4.0, (2.0, wall_ahead))
+    first_blocked_s = 2.0 + 0.025
+    assert story.first_brake_after(2.0) <= first_blocked_s + 0.0001
+    assert all(drive.speed_mps == 0 for when_s, drive in story.motor.wire if when_s > first_blocked_s)
+    assert story.car.mux.output.decision.winner is Source.SAFETY
+
+
+def test_the_wheels_are_still_steered_while_safety_brakes():
+    story = Story(wall_follow={"desired_distance_m": 0.8}).run(3.0, (2.0, wall_ahead))
+    decision = story.car.mux.output.decision
+    assert decision.speed_mps == 0
+    assert decision.steering_rad is not None
+
+
+def test_without_a_permit_nothing_moves():
+    story = Story(operator={"permit": "required"}).run(3.0)
+    assert {drive.speed_mps for _, drive in story.motor.wire} == {0}
+    assert story.car.mux.output.decision.reason == NOT_GRANTED
+
+
+def test_a_permit_lasts_only_so_long_as_it_is_renewed():
+    def grant(story):
+        story.car.permit.grant(until_s=story.now() + 1.0)
+
+    story = Story(operator={"permit": "required"}).run(5.0, (1.0, grant), (1.8, grant))
+    assert story.speed_at(0.99) == 0
+    assert story.speed_at(2.5) == 1.0
+    assert story.first_brake_after(2.5) < 2.8 + 0.021
+    assert story.speed_at(4.9) == 0
+
+
+@pytest.mark.parametrize(("permit", "speed_afterwards"), [("always", 1.0), ("required", 0.0)])
+def test_after_an_unplugged_motor_it_resumes_only_as_the_settings_allow(permit, speed_afterwards):
+    def grant(story):
+        story.car.permit.grant(until_s=100.0)
+
+    story = Story(operator={"permit": permit}).run(8.0, (0.5, grant), (3.0, unplug), (4.0, plug))
+    assert story.speed_at(2.9) == 1.0
+    back = next(drive for when_s, drive in story.motor.wire if when_s > 4.0)
+    assert abs(back.speed_mps) < 0.2, "a motor that comes back is not met by full speed"
+    assert story.speed_at(7.9) == speed_afterwards
+
+
+def test_a_lost_lidar_takes_the_permit_back():
+    def grant(story):
+        story.car.permit.grant(until_s=100.0)
+
+    def lose(story):
+        story.lidar.health.link = LinkState.ABSENT
+        silence(story)
+
+    def find(story):
+        story.lidar.health.link = LinkState.READY
+        clear(story)
+
+    story = Story(operator={"permit": "required"}).run(6.0, (0.5, grant), (2.0, lose), (4.0, find))
+    assert story.speed_at(1.9) == 1.0
+    assert story.speed_at(5.9) == 0
+    assert story.car.mux.output.decision.reason == "the lidar was lost; permit again"
+
+
+def test_a_motor_fault_is_latched():
+    story = Story(operator={"permit": "required"}).run(8.0, (2.0, lambda story: story.motor.inject_fault("DRV")))
+    assert story.speed_at(7.9) == 0
+    assert story.car.mux.output.decision.winner is Source.ESTOP
+
+
+def test_without_an_operator_a_fault_that_is_gone_is_tried_again():
+    story = Story().run(8.0, (2.0, lambda story: story.motor.inject_fault("DRV")))
+    assert story.speed_at(2.2) == 0
+    assert story.speed_at(3.9) == 0
+    assert story.speed_at(7.9) == 1.0
+
+
+def test_a_lasting_fault_keeps_the_car_standing():
+    story = Story().run(20.0, (2.0, lambda story: story.motor.inject_fault("DRV", lasting=True)))
+    assert all(drive.speed_mps == 0 for when_s, drive in story.motor.wire if when_s > 2.1)
+
+
+def push_stick(story):
+    story.car.voices.say(DriveWord(Source.TELEOP, Drive(0.5, 0.0), None, "stick"), expires_at_s=story.now() + 0.2)
+
+
+@pytest.mark.parametrize(("bound", "speed"), [(False, 0.5), (True, 0.0)])
+def test_the_stick_overrides_safety_unless_bound(bound, speed):
+    pushes = [(3.0 + n * 0.05, push_stick) for n in range(40)]
+    story = Story(safety={"binds_teleop": bound}).run(5.5, (2.0, wall_ahead), *pushes)
+    assert story.speed_at(4.5) == speed
+    assert story.speed_at(5.4) == 0, "the stick is silent again, and the wall is still there"
+
+
+def test_a_task_that_dies_takes_the_car_to_a_stop():
+    class Bug(Exception):
+        pass
+
+    def sabotage(story):
+        def judge(*_):
+            raise Bug
+
+        story.car.guard.judge = judge
+
+    story = Story()
+    with pytest.raises(ExceptionGroup) as caught:
+        story.run(5.0, (2.0, sabotage))
+    assert caught.group_contains(Bug)
+    assert story.motor.wire[-1][1].speed_mps == 0
+    assert story.motor.wire[-1][0] < 2.2
+
+
+def test_the_distance_error_is_published_and_scored():
+    story = Story(wall_follow={"desired_distance_m": 0.9}).run(3.0)
+    errors = [payload for key, payload in story.ear.heard if key == "wallride/car1/distance_error"]
+    assert len(errors) > 100
+    assert b'"error_m":0.1' in errors[-1]
+    assert story.car.score.mean_abs_m == pytest.approx(0.1, abs=0.002)
+
+
+def test_the_status_names_winner_reason_and_voices():
+    story = Story().run(3.0)
+    status = next(payload for key, payload in reversed(story.ear.heard) if key == "wallride/car1/status")
+    for word in (b'"winner":"navigation"', b'"reason":"wall"', b'"safety":0.0', b'"link":"ready"'):
+        assert word in status

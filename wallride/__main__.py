@@ -1,0 +1,5 @@
+"""`python -m wallride`."""
+
+from wallride.cli import main
+
+raise SystemExit(main())

@@ -1,0 +1,142 @@
+"""The `wallride` command line. Imports nothing heavy until a command asks for it, so that --help is instant."""
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+USAGE_ERROR = 2
+DEFAULT_CONFIG = Path("/etc/wallride/car.toml")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; returns the exit code: 0 done, 2 the user can mend it and the message says how."""
+    # Arrays here are tiny: more BLAS threads would only add contention. Must be set before numpy is imported.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    options = build_parser().parse_args(arguments)
+    commands = {"run": _run, "check": _check, "sim": _sim}
+    try:
+        return commands[options.command](options)
+    except KeyboardInterrupt:
+        return 130
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser; every name in it is a contract that scripts rely on."""
+    parser = argparse.ArgumentParser(prog="wallride", description="Drives a 1/10-scale autonomous racecar.")
+    parser.add_argument("--version", action="version", version=f"wallride {_version()}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    run = commands.add_parser("run", help="drive the car until SIGINT or SIGTERM")
+    check = commands.add_parser("check", help="validate the settings and print what is in effect")
+    for command in (run, check):
+        command.add_argument("config", nargs="?", type=Path, help=f"TOML file (default: {DEFAULT_CONFIG} if there)")
+        _add_set(command)
+    check.add_argument("--devices", action="store_true", help="fail also when a device is not plugged in")
+    _add_sim(commands.add_parser("sim", help="drive an emulated car through its real drivers"))
+    return parser
+
+
+def _add_set(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--set",
+        dest="assignments",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="override one setting, for example wall_follow.side=right (repeatable)",
+    )
+
+
+def _add_sim(sim: argparse.ArgumentParser) -> None:
+    sim.add_argument("world", nargs="?", default="loop", help="a built-in world or a ROS map .yaml (default: loop)")
+    _add_set(sim)
+    sim.add_argument("--config", type=Path, help="settings file of the simulated car (default: config/sim.toml's)")
+    sim.add_argument("--headless", action="store_true", help="no live view, only the summary")
+    sim.add_argument("--duration", type=float, metavar="S", help="seconds to drive (default: 60; a recording's length)")
+    sim.add_argument("--laps", type=int, metavar="N", help="stop after so many laps")
+    sim.add_argument("--pose", metavar="X,Y,THETA", help="start pose of the rear axle [m, m, rad]")
+    sim.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default: 0)")
+    sim.add_argument("--recording", type=Path, metavar="FILE", help="play a real recording through the emulated lidar")
+    sim.add_argument("--json", metavar="FILE|-", help="write the summary as JSON")
+    sim.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the path and the error over time")
+
+
+def _run(options: argparse.Namespace) -> int:
+    from runtime.settings import SettingsError
+
+    try:
+        settings = _load(options.config, options.assignments)
+        problems = [text for text, fatal in _device_problems(settings) if fatal]
+    except SettingsError as error:
+        return fail(str(error))
+    if problems:
+        return fail("; ".join(problems))
+    from runtime import app
+
+    app.main(settings)
+    return 0
+
+
+def _check(options: argparse.Namespace) -> int:
+    from runtime.settings import SettingsError, to_toml
+
+    try:
+        settings = _load(options.config, options.assignments)
+    except SettingsError as error:
+        return fail(str(error))
+    print(to_toml(settings), end="")
+    problems = _device_problems(settings)
+    for text, _ in problems:
+        print(f"wallride: {text}", file=sys.stderr)
+    return USAGE_ERROR if any(fatal or options.devices for _, fatal in problems) else 0
+
+
+def _sim(options: argparse.Namespace) -> int:
+    try:
+        from sim.command import simulate
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] in {"drivers", "runtime", "sim"}:
+            raise
+        return fail(f"the simulator needs {error.name}: install it with  pip install 'wallride[sim]'")
+    return simulate(options)
+
+
+def _load(config: Path | None, assignments: Sequence[str]):  # type: ignore[no-untyped-def]  # noqa: ANN202 - its type is heavy
+    from runtime.settings import load_settings
+
+    if config is None and DEFAULT_CONFIG.is_file():
+        config = DEFAULT_CONFIG
+    return load_settings(config, assignments)
+
+
+def _device_problems(settings) -> list[tuple[str, bool]]:  # type: ignore[no-untyped-def]  # noqa: ANN001 - as above
+    """Look at the serial paths; (sentence, fatal): a directory can never become a device, a missing one can."""
+    from drivers.link import SerialAddress, parse_address
+
+    problems = []
+    for key, text in (("lidar.address", settings.lidar.address), ("motor.address", settings.motor.address)):
+        address = parse_address(text)
+        if not isinstance(address, SerialAddress):
+            continue
+        path = Path(address.path)
+        if path.is_dir():
+            problems.append((f"{key} = {text}: is a directory; name the device in it", True))
+        elif path.is_file():
+            problems.append((f"{key} = {text}: is an ordinary file; name a serial device", True))
+        elif not path.exists():
+            problems.append((f"{key} = {text}: not there now; plug it in, or install the udev rules (systemd/)", False))
+    return problems
+
+
+def fail(message: str) -> int:
+    """Say what is wrong, in one line, and return the exit code for it."""
+    print(f"wallride: {message}", file=sys.stderr)
+    return USAGE_ERROR
+
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return version("wallride")
