@@ -44,7 +44,7 @@ def single_command(family: str, first_step: int, last_step: int, *, cluster: int
     return command(f"{family}{first_step:04d}{last_step:04d}{cluster:02d}")
 
 
-def stream_command(  # noqa: PLR0913 - these are the fields of the command, in its order
+def stream_command(
     family: str, first_step: int, last_step: int, *, cluster: int = 0, skip: int = 0, scans: int = 0, note: str = ""
 ) -> bytes:
     """Return MD, MS or ME (or ND, NE): scans until `scans` were sent (0: for ever); turns the laser on by itself.

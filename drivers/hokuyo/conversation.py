@@ -45,7 +45,7 @@ class Conversation:
         except TimeoutError as error:
             question = self._question.decode("ascii")
             raise LinkLost(
-                f"{self.link.address}: no answer to {question} within {timeout_s:g} s (is it a Hokuyo? baud rate? power?)"
+                f"{self.link.address}: no answer to {question} within {timeout_s:g} s (a Hokuyo? baud rate? power?)"
             ) from error
         finally:
             self._answer = None
@@ -94,7 +94,9 @@ async def quieten(talk: Conversation) -> None:
             await talk.ask_patiently(command("SCIP2.0"), tries=2)
         else:
             await talk.ask_patiently(command("TM2"), tries=2)
-    raise ProtocolError(f"{talk.link.address}: QT is answered with status {reply.status} again and again (power-cycle it)")
+    raise ProtocolError(
+        f"{talk.link.address}: QT is answered with status {reply.status} again and again (power-cycle it)"
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,7 +36,7 @@ class ScanStream:
     last handed on. Both None before the first. trouble: the status in which the sensor gave up, "" while it has not.
     """
 
-    def __init__(  # noqa: PLR0913 - the parts that make a stream, each used once
+    def __init__(
         self,
         talk: Conversation,
         identity: Identity,
@@ -83,7 +83,7 @@ class ScanStream:
             ) from error
         if judge(status) is Status.REFUSED:
             raise ProtocolError(
-                f"{self._talk.link.address}: refuses to measure with status {status}, asked {self._echo_head.decode()}00"
+                f"{self._talk.link.address}: refuses {self._command.decode().strip()} with status {status}"
                 " (restart it; if it stays so, the sensor does not accept its own limits)"
             )
 

@@ -9,7 +9,6 @@ There is no byte stuffing: 02 and 03 occur freely inside payloads. The first byt
 Motor and servo requests are never acknowledged (`comm/commands.c`).
 """
 
-import math
 import struct
 from binascii import crc_hqx
 from collections.abc import Iterable

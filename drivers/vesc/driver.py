@@ -182,8 +182,8 @@ class Vesc:
                 self._miss_reply(now_s)
             if now_s - self._replied_s >= self._settings.lost_after_s:
                 raise LinkLost(
-                    f"{self._address}: {self._health.identity} gave no usable reply for {self._settings.lost_after_s:g} s"
-                    " (cable, motor noise; power-cycle the VESC if it stays so)"
+                    f"{self._address}: no usable reply for {self._settings.lost_after_s:g} s"
+                    f" from {self._health.identity} (cable, motor noise; power-cycle the VESC if it stays so)"
                 )
             if not self._awaiting:
                 self._awaiting = True

@@ -61,7 +61,7 @@ _FIRMWARE_BYTES = (
 
 def decode_firmware(payload: bytes) -> Firmware | None:
     """Read as much of a FW_VERSION reply as there is; None without a version."""
-    if len(payload) < 3:  # noqa: PLR2004 - id, major, minor
+    if len(payload) < 3:
         return None
     hardware, _, rest = payload[3:].partition(b"\0")
     fields: dict[str, Any] = {"hardware": _text(hardware)}
@@ -71,7 +71,7 @@ def decode_firmware(payload: bytes) -> Firmware | None:
         fields.update(zip(_FIRMWARE_BYTES, rest, strict=False))
         name, end, rest = rest[len(_FIRMWARE_BYTES) :].partition(b"\0")
         fields["name"] = _text(name)
-        if end and len(rest) >= 4:  # noqa: PLR2004 - a uint32
+        if end and len(rest) >= 4:
             fields["hardware_crc"] = int.from_bytes(rest[:4], "big")
     return Firmware(payload[1], payload[2], **fields)
 
@@ -170,7 +170,7 @@ def decode_values_2x(payload: bytes) -> Values | None:
 
 def decode_values_selective(payload: bytes) -> dict[str, Any] | None:
     """Read the asked-for values by name; None when it is shorter than its own mask says."""
-    if len(payload) < 5:  # noqa: PLR2004 - id and mask
+    if len(payload) < 5:
         return None
     mask = int.from_bytes(payload[1:5], "big")
     asked = tuple(field for bit, field in enumerate(VALUE_FIELDS) if mask >> bit & 1)
@@ -210,7 +210,7 @@ class Imu:
 
 def decode_imu(payload: bytes) -> Imu | None:
     """Read a GET_IMU_DATA reply; None when it is shorter than its own mask says."""
-    if len(payload) < 3:  # noqa: PLR2004 - id and mask
+    if len(payload) < 3:
         return None
     mask = int.from_bytes(payload[1:3], "big")
     end = 3 + 4 * mask.bit_count()
@@ -230,7 +230,7 @@ def decode_imu(payload: bytes) -> Imu | None:
 
 def decode_ppm(payload: bytes) -> tuple[float, float] | None:
     """Read a GET_DECODED_PPM reply: level -1..1 and pulse length in ms; None when too short."""
-    if len(payload) < 9:  # noqa: PLR2004 - id and two int32
+    if len(payload) < 9:
         return None
     level, pulse_ms = struct.unpack_from(">ii", payload, 1)
     return level / 1e6, pulse_ms / 1e6

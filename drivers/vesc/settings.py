@@ -4,7 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from drivers.link import SerialAddress, parse_address
+from drivers.link import SerialAddress, TcpAddress, parse_address
 
 MISSED_POLLS_MIN = 3
 """A link is not lost before so many polls went unanswered."""
@@ -41,7 +41,7 @@ class VescSettings(BaseModel):
         Field(
             ge=0.05,
             le=1,
-            description="a slower command is a stop: the VESC's speed loop lets go under s_pid_min_erpm, 900 = 0.195 m/s",
+            description="a slower command is a stop: the VESC lets go under s_pid_min_erpm, 900 = 0.195 m/s",
         ),
     ] = 0.2
     poll_hz: Annotated[float, Field(ge=10, le=200, description="how often the VESC is asked for its values")] = 50.0
@@ -55,9 +55,11 @@ class VescSettings(BaseModel):
     @field_validator("address")
     @classmethod
     def _is_serial(cls, text: str) -> str:
-        if not isinstance(parse_address(text), SerialAddress):
-            raise ValueError(f"{text!r} is not a serial port: write serial:///dev/NAME")
-        return text
+        match parse_address(text):
+            case SerialAddress():
+                return text
+            case TcpAddress():
+                raise ValueError(f"{text!r} is not a serial port: write serial:///dev/NAME")
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:

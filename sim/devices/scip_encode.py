@@ -72,7 +72,18 @@ UST_10LX: Final = SensorModel(
     "UST-10LX", 20, 30000, 1440, 0, 1080, 540, 2400, "SOKUIKI Sensor UST-10LX", "1.1.8", "SCIP 2.2", "H0000010"
 )
 UTM_30LX: Final = SensorModel(
-    "UTM-30LX", 23, 60000, 1440, 0, 1080, 540, 2400, "SOKUIKI Sensor TOP-URG UTM-30LX", "1.18.01", "SCIP 2.0", "H0000030"
+    "UTM-30LX",
+    23,
+    60000,
+    1440,
+    0,
+    1080,
+    540,
+    2400,
+    "SOKUIKI Sensor TOP-URG UTM-30LX",
+    "1.18.01",
+    "SCIP 2.0",
+    "H0000030",
 )
 URG_04LX: Final = SensorModel(
     "URG-04LX(Hokuyo Automatic Co., Ltd.)",

@@ -1,9 +1,9 @@
 """Recordings of real lidars, read for playback. What was recorded is handed on exactly; nothing is cleaned here.
 
 Read in this order: `recording` (what a recording is), `loading` (`load_recording`, the front door), then the two
-readers `archive` (.npz) and `ros` (.bag, .db3, .mcap through the package `rosbags`), `tracks` (what both readers
-deliver and how a recording is put together from it), `salvage` (damaged files) and `sensor_units` (back to the
-integers that the sensor sent).
+readers `archive` (.npz) and `ros` with `messages` (.bag, .db3, .mcap through the package `rosbags`), `tracks` (what
+both deliver and how a recording is put together from it), `salvage` and `salvage_ros2` (damaged files), and
+`sensor_units` (back to the integers that the sensor sent).
 """
 
 from sim.recordings.loading import load_recording

@@ -27,7 +27,8 @@ def read_archive(path: Path) -> Tracks:
         RecordingError: the file is damaged, is no archive of arrays, or its arrays do not fit each other.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        # opened here, because numpy leaves the file open when it finds damage
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
     except (OSError, ValueError, AttributeError, EOFError, pickle.UnpicklingError) as error:
         raise RecordingError(

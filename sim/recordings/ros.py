@@ -3,12 +3,14 @@
 The package `rosbags` is imported only when such a file is opened, so that .npz archives play without it.
 """
 
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sim.recordings.messages import ACKERMANN_DEFINITIONS, WANTED_TYPES, Collector
 from sim.recordings.recording import RecordingError
-from sim.recordings.salvage import repaired_mcap, whole_messages
+from sim.recordings.salvage import RawMessage, whole_messages
+from sim.recordings.salvage_ros2 import repaired_mcap, rows_before_damage
 from sim.recordings.tracks import Tracks
 
 if TYPE_CHECKING:
@@ -59,22 +61,30 @@ def _read_orderly(path: Path) -> Tracks:
 
 
 def _salvaged(path: Path) -> Tracks:
-    """Read past the damage where the format allows it: ROS 1 records can be found again, an MCAP can be closed."""
+    """Read past the damage: ROS 1 records can be found again, an MCAP can be closed, a .db3 read without index."""
+    from rosbags.typesys import Stores
+
+    if path.is_dir():
+        files = [*path.glob("*.db3"), *path.glob("*.mcap")]
+        return _salvaged(files[0]) if len(files) == 1 else Tracks()
     if path.suffix == ".mcap":
         with repaired_mcap(path) as repaired:
             return _read_orderly(repaired)
-    if path.suffix != ".bag":
-        return Tracks()
-    from rosbags.typesys import Stores
+    if path.suffix == ".db3":
+        return _decoded(rows_before_damage(path), _with_ackermann(Stores.ROS2_HUMBLE).deserialize_cdr)
+    if path.suffix == ".bag":
+        return _decoded(whole_messages(path.read_bytes()), _with_ackermann(Stores.ROS1_NOETIC).deserialize_ros1)
+    return Tracks()
 
-    store = _with_ackermann(Stores.ROS1_NOETIC)
+
+def _decoded(messages: Iterable[RawMessage], decode: Callable[[bytes, str], object]) -> Tracks:
     collector = Collector()
-    for topic, message_type, received_ns, raw in whole_messages(path.read_bytes()):
+    for topic, message_type, received_ns, raw in messages:
         if message_type not in WANTED_TYPES:
             continue
         try:
-            message = store.deserialize_ros1(raw, message_type)
-        except Exception:  # noqa: BLE001 - as above; counted and told to the user
+            message = decode(raw, message_type)
+        except Exception:  # noqa: BLE001 - a parser that meets damage raises anything; counted and told to the user
             collector.unreadable[topic] += 1
         else:
             collector.add(topic, message_type, received_ns, message)

@@ -1,4 +1,4 @@
-"""Saves what is whole in damaged recordings: ROS 1 bags without index or with lost bytes, MCAP files of a crash.
+"""Saves what is whole in ROS 1 bags without index, cut off, or with lost bytes.
 
 A ROS 1 bag (format V2.0) is a chain of records: u32 header length, header, u32 data length, data. A header is a
 chain of fields: u32 length, `name=value`. `op` says what the record is. Chunks hold records, here read in place.
@@ -6,44 +6,47 @@ chain of fields: u32 length, `name=value`. `op` says what the record is. Chunks 
 
 import re
 import struct
-import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
 
 U32 = struct.Struct("<I")
+TIME = struct.Struct("<II")
 LONGEST_HEADER_BYTES = 4096
 OP_FIELD = re.compile(rb"\x04\x00\x00\x00op=")
 LONGEST_STEP_BACK_BYTES = 256
 """How far before its `op` field a record's header is looked for."""
 OP_MESSAGE, OP_CHUNK, OP_CONNECTION = b"\x02", b"\x05", b"\x07"
 
-MCAP_MAGIC = b"\x89MCAP0\r\n"
-MCAP_RECORD = struct.Struct("<BQ")
-MCAP_OP_FOOTER, MCAP_OP_DATA_END = 0x02, 0x0F
 
 Header = dict[bytes, bytes]
+RawMessage = tuple[str, str, int, bytes]
+"""Topic, ROS 2 type, receive time in ns since 1970, serialized message."""
 
 
-def whole_messages(bag: bytes) -> Iterator[tuple[str, str, int, bytes]]:
-    """Yield (topic, type, receive time in ns, raw message) of every undamaged message, in the file's order.
+def whole_messages(bag: bytes) -> Iterator[RawMessage]:
+    """Yield every undamaged message, in the file's order.
 
     A message counts as undamaged when a well-formed record, or the end of the file, follows exactly where its
-    length says: lost bytes would have moved it. After damage the next record is looked for. Compressed chunks
-    are passed over.
+    length says: lost bytes would have moved it (unless just as many are missing as one record has). After damage
+    the next record is looked for. Compressed chunks are passed over.
     """
-    topics: dict[bytes, tuple[str, str]] = {}
-    for header, data in _whole_records(bag):
-        operation = header[b"op"]
-        if operation == OP_CONNECTION:
-            about = _fields(data)
-            if about is not None and b"type" in about and b"topic" in header:
-                topics[header.get(b"conn", b"")] = header[b"topic"].decode(errors="replace"), _ros2_type(about[b"type"])
-        elif (
-            operation == OP_MESSAGE and header.get(b"conn") in topics and len(header.get(b"time", b"")) == 2 * U32.size
-        ):
-            seconds, nanoseconds = struct.unpack("<II", header[b"time"])
-            yield *topics[header[b"conn"]], seconds * 10**9 + nanoseconds, data
+    records = list(_whole_records(bag))
+    topics = _topics(records)
+    for header, data in records:
+        topic = topics.get(header.get(b"conn", b""))
+        time = header.get(b"time", b"")
+        if header[b"op"] == OP_MESSAGE and topic is not None and len(time) == TIME.size:
+            seconds, nanoseconds = TIME.unpack(time)
+            yield *topic, seconds * 10**9 + nanoseconds, data
+
+
+def _topics(records: list[tuple[Header, bytes]]) -> dict[bytes, tuple[str, str]]:
+    """Return topic and type by connection number. A bag repeats them at its end, so either copy will do."""
+    topics = {}
+    for header, data in records:
+        about = _fields(data) if header[b"op"] == OP_CONNECTION else None
+        if about is not None and b"type" in about and b"topic" in header:
+            topics[header.get(b"conn", b"")] = header[b"topic"].decode(errors="replace"), _ros2_type(about[b"type"])
+    return topics
 
 
 def _whole_records(bag: bytes) -> Iterator[tuple[Header, bytes]]:
@@ -115,24 +118,3 @@ def _next_record(bag: bytes, after: int) -> int | None:
 def _ros2_type(ros1_type: bytes) -> str:
     package, _, name = ros1_type.decode(errors="replace").partition("/")
     return f"{package}/msg/{name}"
-
-
-@contextmanager
-def repaired_mcap(path: Path) -> Iterator[Path]:
-    """Lend a copy of an MCAP file with everything up to its last whole record and a proper end.
-
-    A recorder that was killed leaves a file without a footer, often cut in the middle of a chunk.
-    """
-    content = path.read_bytes()
-    position = len(MCAP_MAGIC)
-    while position + MCAP_RECORD.size <= len(content):
-        operation, length = MCAP_RECORD.unpack_from(content, position)
-        following = position + MCAP_RECORD.size + length
-        if following > len(content) or operation in {MCAP_OP_FOOTER, MCAP_OP_DATA_END}:
-            break
-        position = following
-    end = MCAP_RECORD.pack(MCAP_OP_DATA_END, 4) + bytes(4) + MCAP_RECORD.pack(MCAP_OP_FOOTER, 20) + bytes(20)
-    with tempfile.TemporaryDirectory() as folder:
-        repaired = Path(folder) / path.name
-        repaired.write_bytes(content[:position] + end + MCAP_MAGIC)
-        yield repaired

@@ -1,5 +1,7 @@
 """Every format gives the same recording; every file that is none is refused with one sentence."""
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -233,3 +235,17 @@ def test_a_recording_without_lidar_says_what_it_holds(ros2: Any, tmp_path: Path)
     path = ros2.write(tmp_path / "r", [ros2.odometry(1.0, 0.0, 0.0, 0.0), ros2.command(1.0, 1.0, 0.0, "/drive")])
     with pytest.raises(RecordingError, match=r"holds no LaserScan \(it holds drive, vesc_odom\)"):
         load_recording(path)
+
+
+def test_archives_are_read_without_rosbags(ros2: Any, ros2_story: Any, tmp_path: Path, monkeypatch: Any) -> None:
+    archive = as_archive(ros2, tmp_path / "r.npz", ros2_story)
+    folder = ros2.write(tmp_path / "r", ros2_story)
+    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
+    assert len(load_recording(archive)) == 5
+    with pytest.raises(RecordingError, match=r"needs the package rosbags.*install wallride with its extra \[sim\]"):
+        load_recording(folder)
+
+
+def test_rosbags_is_imported_only_when_needed() -> None:
+    check = "import sys, sim.recordings; sys.exit('rosbags' in sys.modules)"
+    subprocess.run([sys.executable, "-c", check], cwd=Path(__file__).resolve().parents[3], check=True)

@@ -1,0 +1,218 @@
+"""`wallride sim`: from the command line's options to a drive, its live view and its summary."""
+
+import argparse
+import asyncio
+import json
+import math
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from runtime.settings import Settings, SettingsError, load_settings
+from sim.beams import LidarSettings
+from sim.comparison import compare
+from sim.live import LiveView
+from sim.pose import Pose
+from sim.recordings import RecordingError, load_recording
+from sim.scenes import RecordingScene, WorldScene
+from sim.session import Record, Session, SessionError
+from sim.summary import device_faults, figures
+from sim.vehicle import Vehicle, VehicleSettings
+from sim.world import World
+from sim.worlds import load_world
+
+CONFIG = "config/sim.toml"
+DEFAULT_DURATION_S = 60.0
+USAGE_ERROR = 2
+FAILED = 1
+POSE_NUMBERS = 3
+
+
+class UsageError(Exception):
+    """Something on the command line cannot be used; the text says what and how it should look."""
+
+
+def simulate(options: argparse.Namespace) -> int:
+    """Run one simulated drive; 0 when it was completed, 1 when the runtime failed, 2 for a wrong option."""
+    console = Console(stderr=True)
+    try:
+        config = options.config or find_config()
+        settings = load_settings(config, options.assignments)
+        _check_outputs(options)
+        if options.recording is not None:
+            summary = _replay(options, config, settings, console)
+        else:
+            summary = _drive(options, config, settings, console)
+    except (SettingsError, RecordingError, UsageError) as error:
+        print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
+        return USAGE_ERROR
+    except SessionError as error:
+        print(f"wallride: {error}", file=sys.stderr)  # noqa: T201
+        return FAILED
+    _write(summary, options.json)
+    if options.json != "-":
+        console.print(_table(summary))
+    return 0
+
+
+def find_config() -> Path:
+    """Return the simulated car's settings file: of this checkout, or of the installed package."""
+    candidates = [Path(__file__).parents[1] / CONFIG, Path(sys.prefix) / "share" / "wallride" / CONFIG]
+    for candidate in candidates:
+        if candidate.is_file():
+            return candidate
+    raise UsageError(f"{CONFIG} is not installed (looked for {candidates[-1]}); give one with --config")
+
+
+def _drive(options: argparse.Namespace, config: Path, settings: Settings, console: Console) -> dict[str, Any]:
+    side = settings.wall_follow.side
+    try:
+        world = load_world(options.world, side=side, seed=options.seed)
+    except (ValueError, OSError) as error:
+        raise UsageError(str(error)) from None
+    vehicle = Vehicle(VehicleSettings(), parse_pose(options.pose) if options.pose else world.start)
+    if world.collides(vehicle.pose):
+        raise UsageError(f"--pose {options.pose}: the car would stand in a wall of {world.name}; start somewhere free")
+    scene = WorldScene(world, side, LidarSettings(), options.laps, options.seed)
+    duration_s = options.duration or (math.inf if options.laps else DEFAULT_DURATION_S)
+    session = Session(scene, vehicle, settings.motor, settings.car.name)
+    record = _run(session, options, config, duration_s, console, _view(options, world, vehicle, console))
+    desired_m = settings.wall_follow.desired_distance_m
+    summary = {
+        "world": world.name,
+        **_common(record, settings, desired_m),
+        "collided": scene.collided,
+        "laps": len(scene.lap_times_s),
+        "lap_times_s": scene.lap_times_s,
+    }
+    if options.plot is not None:
+        _plot(options.plot, world, record, desired_m, settings)
+    return summary
+
+
+def _replay(options: argparse.Namespace, config: Path, settings: Settings, console: Console) -> dict[str, Any]:
+    recording = load_recording(options.recording)
+    for note in recording.notes:
+        console.print(f"[dim]{note}[/dim]")
+    scene = RecordingScene(recording)
+    vehicle = Vehicle(VehicleSettings(), Pose(0.0, 0.0, 0.0))
+    session = Session(scene, vehicle, settings.motor, settings.car.name)
+    duration_s = options.duration or math.inf
+    record = _run(session, options, config, duration_s, console, _view(options, None, vehicle, console))
+    pairs = scene.pairs(record.steering_rad)
+    if options.plot is not None:
+        from sim.drawing import save_comparison
+
+        save_comparison(options.plot, pairs, f"{recording.name}: steering, {settings.wall_follow.side} wall")
+    return {
+        "world": f"recording {recording.name}",
+        **_common(record, settings, settings.wall_follow.desired_distance_m),
+        "collided": False,
+        "laps": 0,
+        "lap_times_s": [],
+        "scans_sent": len(record.scan_times_s),
+        "scans_driven": record.telemetry.get("status", {}).get("scans"),
+        "runtime_distance_error": record.telemetry.get("status", {}).get("distance_error"),
+        "recorded_navigation": compare(pairs),
+    }
+
+
+def _run(  # noqa: PLR0913 - the few things a run needs, passed once
+    session: Session,
+    options: argparse.Namespace,
+    config: Path,
+    duration_s: float,
+    console: Console,
+    view: "LiveView | None",
+) -> Record:
+    frame: Callable[[Record], None] = view.show if view is not None else lambda _: None
+    try:
+        if view is not None:
+            view.start()
+        record = asyncio.run(session.run(config, options.assignments, duration_s, frame))
+    except* SessionError as group:
+        raise SessionError(str(group.exceptions[0])) from None
+    finally:
+        if view is not None:
+            view.stop()
+    if record.exit_code != 0:
+        console.print("\n".join(record.log))
+        raise SessionError(f"the runtime ended with exit code {record.exit_code}")
+    return record
+
+
+def _view(options: argparse.Namespace, world: World | None, vehicle: Vehicle, console: Console) -> "LiveView | None":
+    if options.headless or not console.is_terminal:
+        return None
+    return LiveView(console, world.outline_m if world is not None else None, vehicle)
+
+
+def _common(record: Record, settings: Settings, desired_m: float) -> dict[str, Any]:
+    status = record.telemetry.get("status", {})
+    return {
+        "method": settings.wall_follow.method,
+        "side": settings.wall_follow.side,
+        **figures(record.samples, desired_m),
+        "scan_to_motor_ms": record.latency.summary_ms(),
+        "winners": {name: round(seconds, 2) for name, seconds in status.get("seconds_by_winner", {}).items()},
+        "faults": device_faults(status),
+    }
+
+
+def parse_pose(text: str) -> Pose:
+    """Read X,Y,THETA in metres and radians."""
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != POSE_NUMBERS or not all(map(math.isfinite, numbers)):
+        raise UsageError(f"--pose {text}: write three numbers X,Y,THETA [m, m, rad], for example --pose 3,1,0")
+    return Pose(*numbers)
+
+
+def _check_outputs(options: argparse.Namespace) -> None:
+    """Notice unusable options before a minute of driving, not after it."""
+    if options.duration is not None and not 0 < options.duration < math.inf:
+        raise UsageError(f"--duration {options.duration:g}: give a number of seconds above 0")
+    if options.laps is not None and options.laps < 1:
+        raise UsageError(f"--laps {options.laps}: give a whole number of laps, 1 or more")
+    files = [("--json", Path(options.json))] if options.json not in {None, "-"} else []
+    files += [("--plot", options.plot)] if options.plot is not None else []
+    for name, path in files:
+        if path.is_dir():
+            raise UsageError(f"{name} {path}: is a directory; name a file in it")
+        if not path.absolute().parent.is_dir():
+            raise UsageError(f"{name} {path}: there is no directory {path.parent}; make it first")
+
+
+def _write(summary: dict[str, Any], target: str | None) -> None:
+    if target is None:
+        return
+    text = json.dumps(summary, indent=2) + "\n"
+    if target == "-":
+        sys.stdout.write(text)
+    else:
+        Path(target).write_text(text)
+
+
+def _plot(path: Path, world: World, record: Record, desired_m: float, settings: Settings) -> None:
+    import numpy as np
+
+    from sim.drawing import save_plot
+
+    track = np.array([[s.x_m, s.y_m, s.yaw_rad] for s in record.samples]).reshape(-1, 3)
+    times_s = np.array([s.time_s for s in record.samples])
+    errors_m = np.array([s.wall_m - desired_m for s in record.samples])
+    title = f"{world.name}: {settings.wall_follow.method}, {settings.wall_follow.side}, {desired_m:g} m"
+    save_plot(path, world, track, times_s, errors_m, title)
+
+
+def _table(summary: dict[str, Any]) -> Table:
+    table = Table(title=f"wallride sim: {summary['world']}", show_header=False)
+    for name, value in summary.items():
+        table.add_row(name, json.dumps(value) if isinstance(value, dict | list) else str(value))
+    return table

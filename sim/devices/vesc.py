@@ -1,0 +1,241 @@
+"""An emulated VESC on a pseudo-terminal: real bytes, real unplugging; everything but the motor.
+
+Whoever simulates the motor asks `demand(now_s)` and tells `report(...)`.
+"""
+
+import asyncio
+import fcntl
+import os
+import random
+import struct
+import termios
+import time
+import tty
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+
+from drivers.api import Clock
+from drivers.vesc import codec
+from drivers.vesc.codec import MOTOR_PACKETS, Packet
+from drivers.vesc.replies import STATUS_KILLED, STATUS_TIMED_OUT
+from sim.devices.vesc_logic import MotorDemand, VescLogic
+from sim.devices.vesc_replies import Value, Version, firmware_reply, imu_reply, selective_reply, values_reply
+
+__all__ = ["MotorDemand", "VescEmulator"]
+
+CONTROLLER_ID = 74
+_READ_BYTES = 4096
+_NOISE_SEED = 7
+
+
+class VescEmulator:
+    """The motor controller from the other end of its USB cable.
+
+    link: where the port appears, a symbolic link that keeps its name when a replug gives another terminal.
+    on_command: called with the time and the new demand after every motor command that is obeyed.
+    wire: received payloads with their arrival times, oldest first, bounded.
+    servo: position 0..1; 0.5 at power-up and then kept for ever, through timeouts, faults and lost links.
+
+    Troubles, each a switch: `silent` (reads, never answers), `garbage` (answers with random bytes, like a lidar of the
+    same USB id), `noise` (random bytes around every answer), `bad_crc`, `dribble` (one byte per write), `deaf` (stops
+    reading). `kill_switch`, `inject_fault(code)` and `reboot()` are troubles of the controller rather than the line.
+    """
+
+    def __init__(
+        self,
+        link: Path,
+        *,
+        firmware: Version = (6, 5),
+        clock: Clock = time.monotonic,
+        timeout_s: float = 1.0,
+        timeout_brake_a: float = 0.0,
+        min_erpm: float = 900.0,
+        on_command: Callable[[float, MotorDemand], None] | None = None,
+        remember: int = 10_000,
+    ) -> None:
+        self.link = link
+        self.firmware = firmware
+        self.hardware_kind = 0
+        self.wire: deque[tuple[float, bytes]] = deque(maxlen=remember)
+        self.imu: tuple[float, ...] = (0.0,) * 16
+        self.silent = self.garbage = self.noise = self.bad_crc = self.dribble = False
+        self._clock = clock
+        self._on_command = on_command
+        self._limits = {"timeout_s": timeout_s, "timeout_brake_a": timeout_brake_a, "min_erpm": min_erpm}
+        self._random = random.Random(_NOISE_SEED)
+        self._values: dict[str, Value] = {}
+        self._counted = self._counted_abs = self._zero = 0
+        self._to_dribble = bytearray()
+        self._deaf = False
+        self._master: int | None = None
+        self._slave = -1
+        self._power_up()
+
+    def start(self) -> None:
+        """Plug it in; needs a running event loop."""
+        self._loop = asyncio.get_running_loop()
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self._deframer = codec.Deframer()
+        self._plant_link(os.ttyname(self._slave))
+        if not self._deaf:
+            self._loop.add_reader(self._master, self._on_readable)
+
+    def unplug(self) -> None:
+        """Pull the cable: the host's reads and writes fail and the port's name is gone. The VESC stays powered."""
+        if self._master is None:
+            return
+        self._loop.remove_reader(self._master)
+        os.close(self._slave)
+        os.close(self._master)
+        self._master = None
+        self.link.unlink(missing_ok=True)
+
+    def replug(self) -> None:
+        """Put the cable back, on what may be another terminal with the same link."""
+        self.unplug()
+        self.start()
+
+    def close(self) -> None:
+        """Unplug for good; harmless when repeated."""
+        self.unplug()
+
+    def reboot(self) -> None:
+        """Lose power for a moment: counters restart at 0, the servo jumps to the middle; the cable stays."""
+        self._power_up()
+
+    @property
+    def deaf(self) -> bool:
+        """Whether it has stopped reading, so that the host's writes pile up."""
+        return self._deaf
+
+    @deaf.setter
+    def deaf(self, deaf: bool) -> None:
+        self._deaf = deaf
+        if self._master is not None:
+            self._loop.remove_reader(self._master)
+            if not deaf:
+                self._loop.add_reader(self._master, self._on_readable)
+
+    @property
+    def kill_switch(self) -> bool:
+        """Whether the kill switch input is on."""
+        return self._logic.killed
+
+    @kill_switch.setter
+    def kill_switch(self, on: bool) -> None:
+        self._logic.killed = on
+
+    def inject_fault(self, code: int, fault_stop_s: float = 0.5) -> None:
+        """Have a fault now: output off, code shown and commands ignored for `fault_stop_s`."""
+        self._logic.fault_stop_s = fault_stop_s
+        self._logic.fault(code, self._clock())
+
+    def demand(self, now_s: float) -> MotorDemand:
+        """Return what the motor is asked to do now, after timeout, fault and kill switch."""
+        return self._logic.demand(now_s)
+
+    def motor_wire(self) -> list[bytes]:
+        """Return the received motor commands, oldest first."""
+        return [payload for _, payload in self.wire if payload[0] in MOTOR_PACKETS]
+
+    def report(self, erpm: float = 0.0, tachometer: int = 0, voltage_v: float = 11.8, **others: Value) -> None:
+        """Set what GET_VALUES will say; others: names of `drivers.vesc.replies.VALUE_FIELDS`.
+
+        tachometer: steps since the simulation began; what the wire carries starts at 0 with every reboot.
+        """
+        self._counted_abs += abs(tachometer - self._counted)
+        self._counted = tachometer
+        self._values = {
+            "mosfet_temperature_c": 31.5,
+            "mosfet_temperatures_c": 31.5,
+            "motor_temperature_c": 28.0,
+            "controller_id": CONTROLLER_ID,
+            **others,
+            "erpm": erpm,
+            "voltage_v": voltage_v,
+            "tachometer": tachometer - self._zero,
+            "tachometer_abs": self._counted_abs,
+        }
+
+    def _power_up(self) -> None:
+        self.servo = 0.5
+        self._zero, self._counted_abs = self._counted, 0
+        self._logic = VescLogic(self._clock(), **self._limits)
+        self.report(tachometer=self._counted)
+
+    def _plant_link(self, target: str) -> None:
+        fresh = self.link.with_name(self.link.name + ".new")
+        fresh.unlink(missing_ok=True)
+        fresh.symlink_to(target)
+        fresh.replace(self.link)  # in one step, as udev does
+
+    def _on_readable(self) -> None:
+        assert self._master is not None, "the reader is removed before the terminal is closed"  # noqa: S101
+        # Our own slave descriptor keeps the terminal alive across the host's restarts, and with it the host's
+        # exclusive lock, which a real port drops at the last close.
+        fcntl.ioctl(self._slave, termios.TIOCNXCL)
+        for payload in self._deframer.feed(os.read(self._master, _READ_BYTES)):
+            self._on_payload(payload)
+
+    def _on_payload(self, payload: bytes) -> None:
+        now_s = self._clock()
+        self.wire.append((now_s, payload))
+        if self._logic.command(payload, now_s) and self._on_command is not None:
+            self._on_command(now_s, self._logic.demand(now_s))
+        if payload[0] == Packet.SET_SERVO_POS and len(payload) >= 3:
+            self.servo = min(max(struct.unpack_from(">h", payload, 1)[0] / 1000, 0.0), 1.0)
+        reply = self._answer(payload, now_s)
+        if reply is not None and not self.silent:
+            self._transmit(reply)
+
+    def _answer(self, request: bytes, now_s: float) -> bytes | None:
+        match request[0]:
+            case Packet.FW_VERSION:
+                return firmware_reply(self.firmware, kind=self.hardware_kind)
+            case Packet.GET_VALUES:
+                return values_reply(self.firmware, self._values_now(now_s))
+            case Packet.GET_VALUES_SELECTIVE:
+                return selective_reply(request, self._values_now(now_s))
+            case Packet.GET_IMU_DATA:
+                return imu_reply(self.firmware, request, self.imu, CONTROLLER_ID)
+            case _:  # setters are never acknowledged, unknown requests never answered
+                return None
+
+    def _values_now(self, now_s: float) -> dict[str, Value]:
+        logic = self._logic
+        status = STATUS_TIMED_OUT * logic.timed_out(now_s) | STATUS_KILLED * logic.killed
+        return {**self._values, "fault_code": logic.fault_code(now_s), "status": status}
+
+    def _transmit(self, payload: bytes) -> None:
+        data = codec.frame(payload)
+        if self.bad_crc:
+            data = data[:-3] + bytes((data[-3] ^ 1,)) + data[-2:]
+        if self.garbage:
+            data = self._random.randbytes(len(data))
+        if self.noise:
+            data = self._random.randbytes(9) + data + self._random.randbytes(9)
+        if not self.dribble:
+            self._write(data)
+            return
+        was_dribbling = bool(self._to_dribble)
+        self._to_dribble += data
+        if not was_dribbling:
+            self._loop.call_soon(self._dribble_on)
+
+    def _dribble_on(self) -> None:
+        """Write one byte in each turn of the loop, so that a host in the same loop reads in between."""
+        self._write(bytes(self._to_dribble[:1]))
+        del self._to_dribble[:1]
+        if self._to_dribble:
+            self._loop.call_soon(self._dribble_on)
+
+    def _write(self, data: bytes) -> None:
+        if self._master is None:
+            return
+        try:
+            os.write(self._master, data)
+        except BlockingIOError:  # the host does not read: after 100 ms a VESC drops the reply, too
+            return

@@ -1,0 +1,76 @@
+"""The live view of a drive: `terminal_view` refreshed on a rich screen while the session runs."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from rich.console import Console
+from rich.live import Live
+
+from sim.session import Record
+from sim.terminal_view import Status, page, render_world, status_rows, world_size
+from sim.vehicle import Vehicle
+
+LIDAR_X_M = 0.27
+FARTHEST_MM = 30_000
+REFRESH_HZ = 10
+NOWHERE = np.empty((0, 4))
+
+
+class LiveView:
+    """Shows what the runtime sees and says; never touches the drive itself.
+
+    outline_m: walls as segments (n, 4); None for a recording, whose world nobody knows: the view then follows the car.
+    """
+
+    def __init__(self, console: Console, outline_m: npt.NDArray[np.float64] | None, vehicle: Vehicle) -> None:
+        self._console = console
+        self._outline_m = outline_m
+        self._vehicle = vehicle
+        self._live = Live(console=console, screen=True, auto_refresh=False)
+
+    def start(self) -> None:
+        """Take over the terminal."""
+        self._live.start()
+
+    def stop(self) -> None:
+        """Give the terminal back."""
+        self._live.stop()
+
+    def show(self, record: Record) -> None:
+        """Draw the newest state."""
+        rows = status_rows(self._status(record))
+        width, height = self._console.size
+        pose = self._vehicle.pose
+        world = render_world(
+            self._outline_m if self._outline_m is not None else NOWHERE,
+            (pose.x_m, pose.y_m, pose.yaw_rad),
+            self._scan_points(record),
+            *world_size(width, height, len(rows)),
+            follow=self._outline_m is None,
+        )
+        self._live.update(page(world, rows, width), refresh=True)
+
+    def _status(self, record: Record) -> Status:
+        said = record.telemetry.get("status", {})
+        output = said.get("output") or {}
+        error = record.telemetry.get("distance_error", {})
+        return Status(
+            time_s=record.time_s,
+            speed_mps=self._vehicle.speed_mps,
+            steering_rad=output.get("steering_rad"),
+            distance_error_m=error.get("error_m"),
+            winner=output.get("winner", ""),
+            reason=output.get("reason", ""),
+            lidar=said.get("lidar", {}).get("message", ""),
+            motor=said.get("motor", {}).get("message", ""),
+        )
+
+    def _scan_points(self, record: Record) -> npt.NDArray[np.float64] | None:
+        if record.ranges_mm is None:
+            return None
+        ranges_m = np.where(record.ranges_mm <= FARTHEST_MM, record.ranges_mm, np.nan) / 1000.0
+        lidar = self._vehicle.pose.ahead(LIDAR_X_M)
+        beams = len(ranges_m)
+        bearing_rad = lidar.yaw_rad + (np.arange(beams) - beams // 2) * math.radians(0.25)
+        return np.column_stack([lidar.x_m + ranges_m * np.cos(bearing_rad), lidar.y_m + ranges_m * np.sin(bearing_rad)])

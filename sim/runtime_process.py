@@ -1,0 +1,73 @@
+"""The unmodified runtime as a process of its own: started, listened to, and asked to stop as systemd would."""
+
+import asyncio
+import signal
+import sys
+from collections import deque
+from collections.abc import Sequence
+from pathlib import Path
+
+STOP_TIMEOUT_S = 5.0
+REMEMBERED_LINES = 200
+
+
+class RuntimeProcess:
+    """`wallride run` with its log captured.
+
+    log: its last lines on standard error.
+    exit_code: None while it runs.
+    """
+
+    def __init__(self, config: Path, assignments: Sequence[str]) -> None:
+        settings = [argument for assignment in assignments for argument in ("--set", assignment)]
+        self._command = [sys.executable, "-m", "wallride", "run", str(config), *settings]
+        self._process: asyncio.subprocess.Process | None = None
+        self._reader: asyncio.Task[None] | None = None
+        self.log: deque[str] = deque(maxlen=REMEMBERED_LINES)
+
+    @property
+    def pid(self) -> int:
+        """The process id, once started."""
+        assert self._process is not None, "start() first"  # noqa: S101 - a bug in the caller
+        return self._process.pid
+
+    @property
+    def exit_code(self) -> int | None:
+        """How it ended."""
+        return self._process.returncode if self._process is not None else None
+
+    async def start(self) -> None:
+        """Start it."""
+        self._process = await asyncio.create_subprocess_exec(
+            *self._command, stdin=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.PIPE
+        )
+        self._reader = asyncio.create_task(self._read_log(), name="runtime log")
+
+    def kill(self, number: signal.Signals = signal.SIGKILL) -> None:
+        """Send a signal."""
+        if self._process is not None and self._process.returncode is None:
+            self._process.send_signal(number)
+
+    async def wait(self) -> int:
+        """Wait for its end and return the exit code."""
+        assert self._process is not None, "start() first"  # noqa: S101 - a bug in the caller
+        code = await self._process.wait()
+        if self._reader is not None:
+            await self._reader
+        return code
+
+    async def stop(self) -> int:
+        """Ask it to stop (SIGTERM); kill it when it does not. Returns the exit code."""
+        self.kill(signal.SIGTERM)
+        try:
+            async with asyncio.timeout(STOP_TIMEOUT_S):
+                return await self.wait()
+        except TimeoutError:
+            self.kill(signal.SIGKILL)
+            return await self.wait()
+
+    async def _read_log(self) -> None:
+        assert self._process is not None  # noqa: S101 - only start() calls this
+        assert self._process.stderr is not None  # noqa: S101 - it was asked for
+        async for line in self._process.stderr:
+            self.log.append(line.decode(errors="replace").rstrip())

@@ -1,0 +1,146 @@
+"""The two things a simulated lidar can look at: a world in which the car drives, and a recording of a real one."""
+
+import math
+
+import numpy as np
+
+from sim.beams import LidarSettings, scan
+from sim.comparison import SteeringPair, recorded_answers
+from sim.devices.scip_encode import UST_10LX, SensorModel
+from sim.lap import LapCounter
+from sim.pose import Side, Twist
+from sim.recordings.recording import Recording
+from sim.recordings.sensor_units import to_sensor_mm
+from sim.session import Ranges
+from sim.summary import Sample
+from sim.vehicle import Vehicle
+from sim.world import World
+
+AFTER_CRASH_S = 0.5
+
+
+class WorldScene:
+    """A world with the car in it; over after so many laps, or shortly after a crash."""
+
+    model = UST_10LX
+
+    def __init__(self, world: World, side: Side, lidar: LidarSettings, laps: int | None, seed: int) -> None:
+        self.world = world
+        self._side = side
+        self._lidar = lidar
+        self._wanted_laps = laps
+        self._rng = np.random.default_rng(seed)
+        self._next_s = 0.0
+        self._counter = LapCounter(world.lap) if world.lap is not None else None
+        self._lap_started_s = 0.0
+        self._crashed_s: float | None = None
+        self._time_s = 0.0
+        self.lap_times_s: list[float] = []
+
+    @property
+    def collided(self) -> bool:
+        """Whether the car touched anything."""
+        return self._crashed_s is not None
+
+    @property
+    def finished(self) -> bool:
+        """Whether all laps are done, or the car crashed a moment ago."""
+        if self._crashed_s is not None:
+            return self._time_s - self._crashed_s > AFTER_CRASH_S
+        return self._wanted_laps is not None and len(self.lap_times_s) >= self._wanted_laps
+
+    def step(self, time_s: float, vehicle: Vehicle) -> bool:
+        """Look at the car; count laps and notice contact."""
+        self._time_s = time_s
+        pose = vehicle.pose
+        contact = self.world.collides(pose)
+        if contact and self._crashed_s is None:
+            self._crashed_s = time_s
+        if self._counter is not None and self._counter.update(pose.x_m, pose.y_m) >= len(self.lap_times_s) + 1:
+            self.lap_times_s.append(round(time_s - self._lap_started_s, 3))
+            self._lap_started_s = time_s
+        return contact
+
+    def sample(self, time_s: float, vehicle: Vehicle) -> Sample:
+        """Measure how the car stands in the world."""
+        pose = vehicle.pose
+        wall_m, clearance_m = self.world.wall_distance_m(pose, self._side), self.world.clearance(pose)
+        return Sample(time_s, pose.x_m, pose.y_m, pose.yaw_rad, vehicle.speed_mps, wall_m, clearance_m)
+
+    def scan(self, time_s: float, vehicle: Vehicle) -> tuple[Ranges, int] | None:
+        """Look around, once a revolution; revolutions that the computer was too late for are left out."""
+        if time_s < self._next_s:
+            return None
+        period_s = self.model.period_s
+        self._next_s += period_s * (1 + math.floor((time_s - self._next_s) / period_s))
+        twist = Twist(vehicle.speed_mps, vehicle.yaw_rate_radps)
+        return scan(self.world, vehicle.pose, twist, time_s, self._rng, self._lidar), round(time_s * 1000)
+
+
+class RecordingScene:
+    """A recording, played at the pace at which it was received; the car moves, but the scans do not care."""
+
+    def __init__(self, recording: Recording) -> None:
+        self.recording = recording
+        self.model = sensor_of(recording)
+        self._position = 0
+        self._ranges_mm = to_sensor_mm(recording.ranges_m, recording.range_min_m, recording.range_max_m)
+        # The sensor's clock must not start below zero: foreign stamps may lie far before the first scan.
+        self._stamps_ms = np.rint((recording.stamp_s - recording.stamp_s.min()) * 1000).astype(np.int64)
+
+    @property
+    def finished(self) -> bool:
+        """Whether every scan was sent."""
+        return self._position >= len(self.recording)
+
+    def step(self, time_s: float, vehicle: Vehicle) -> bool:  # noqa: ARG002 - there is nothing to touch
+        """Nothing is known about walls."""
+        return False
+
+    def sample(self, time_s: float, vehicle: Vehicle) -> Sample:
+        """Where the emulated car would be."""
+        pose = vehicle.pose
+        return Sample(time_s, pose.x_m, pose.y_m, pose.yaw_rad, vehicle.speed_mps, math.inf, math.inf)
+
+    def scan(self, time_s: float, vehicle: Vehicle) -> tuple[Ranges, int] | None:  # noqa: ARG002 - it does not care
+        """Return the next recorded scan when its time has come."""
+        if self.finished or time_s < self.recording.received_s[self._position]:
+            return None
+        position = self._position
+        self._position += 1
+        return self._ranges_mm[position], int(self._stamps_ms[position])
+
+    def pairs(self, steering_rad: list[float]) -> list[SteeringPair]:
+        """Pair our answers with the recorded ones. Our answer to scan k is what the servo held when k+1 was sent."""
+        track = self.recording.navigation
+        ours = steering_rad[1:]
+        times_s = self.recording.received_s[: len(ours)]
+        answers = recorded_answers(list(times_s), track) if track is not None else []
+        return [
+            SteeringPair(float(time_s), our_rad, recorded_rad)
+            for time_s, our_rad, recorded_rad in zip(times_s, ours, answers, strict=False)
+            if recorded_rad is not None
+        ]
+
+
+def sensor_of(recording: Recording) -> SensorModel:
+    """Return the sensor that would produce scans of this shape."""
+    steps_per_turn = round(math.tau / recording.angle_step_rad)
+    front = round(-recording.angle_min_rad / recording.angle_step_rad)
+    first = max(0, -front)
+    intervals_s = np.diff(recording.received_s)
+    period_s = float(np.median(intervals_s)) if len(intervals_s) else UST_10LX.period_s
+    return SensorModel(
+        model=f"recorded {recording.name}"[:60],
+        range_min_mm=max(1, round(recording.range_min_m * 1000)),
+        range_max_mm=round(recording.range_max_m * 1000),
+        steps_per_turn=steps_per_turn,
+        first_step=first,
+        last_step=first + recording.beams - 1,
+        front_step=first + front,
+        speed_rpm=max(1, round(60 / max(period_s, 1e-3))),
+        product="recording",
+        firmware="0",
+        protocol="SCIP 2.0",
+        serial="0",
+    )

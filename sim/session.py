@@ -1,0 +1,177 @@
+"""One simulated drive in real time: emulated devices, the unmodified runtime as a process, the truth written down."""
+
+import asyncio
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from contextlib import AsyncExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from drivers.vesc.settings import VescSettings
+from runtime.bus import free_endpoint
+from runtime.ticker import ticks
+from sim.devices.scip import ScipEmulator
+from sim.devices.scip_encode import SensorModel
+from sim.devices.vesc import MotorDemand, VescEmulator
+from sim.latency import LatencyProbe
+from sim.listener import Listener
+from sim.plant import Plant
+from sim.runtime_process import RuntimeProcess
+from sim.summary import Sample
+from sim.vehicle import Vehicle
+
+STEP_S = 0.005
+START_TIMEOUT_S = 20.0
+STAMP_MS = 1 << 24
+"""SCIP stamps are 24 bits of milliseconds and wrap."""
+
+Ranges = npt.NDArray[np.integer]
+
+
+class SessionError(Exception):
+    """The runtime did not come up; the text holds what it said."""
+
+
+class Scene(Protocol):
+    """What the lidar sees: a world with the car in it, or a recording. Times are seconds since the drive began."""
+
+    @property
+    def model(self) -> SensorModel:
+        """The sensor that sees it."""
+        ...
+
+    def step(self, time_s: float, vehicle: Vehicle) -> bool:
+        """Look at the car now; True when it touches something."""
+        ...
+
+    def sample(self, time_s: float, vehicle: Vehicle) -> Sample:
+        """Return the truth about the car now."""
+        ...
+
+    def scan(self, time_s: float, vehicle: Vehicle) -> tuple[Ranges, int] | None:
+        """Return ranges [mm] and stamp [ms] of the next scan if one is due, else None."""
+        ...
+
+    @property
+    def finished(self) -> bool:
+        """Whether the drive is over by itself: laps done, recording played, car crashed."""
+        ...
+
+
+@dataclass(slots=True)
+class Record:
+    """One drive, while it goes on and afterwards.
+
+    samples: the truth, one per scan. steering_rad: our answer to each scan, read from the wire before the next one.
+    telemetry: the runtime's newest message of each topic. stop_command: the last motor command it ever wrote.
+    """
+
+    samples: list[Sample] = field(default_factory=list)
+    scan_times_s: list[float] = field(default_factory=list)
+    steering_rad: list[float] = field(default_factory=list)
+    latency: LatencyProbe = field(default_factory=LatencyProbe)
+    ranges_mm: Ranges | None = None
+    time_s: float = 0.0
+    telemetry: dict[str, Any] = field(default_factory=dict)
+    log: Sequence[str] = ()
+    exit_code: int | None = None
+    stop_command: MotorDemand | None = None
+
+
+class Session:
+    """Builds the emulated car around a scene, lets the runtime drive it, and hands out the record."""
+
+    def __init__(self, scene: Scene, vehicle: Vehicle, wiring: VescSettings, car: str) -> None:
+        self._scene = scene
+        self._vehicle = vehicle
+        self._wiring = wiring
+        self._car = car
+        self.record = Record()
+
+    async def run(
+        self, config: Path, assignments: Sequence[str], duration_s: float, on_frame: Callable[[Record], None]
+    ) -> Record:
+        """Drive for so long, or until the scene is over; `on_frame` is called about ten times a second."""
+        async with AsyncExitStack() as stack:
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="wallride-")))
+            vesc = VescEmulator(folder / "vesc", on_command=self._on_command)
+            vesc.start()
+            stack.callback(vesc.close)
+            scip = ScipEmulator(self._scene.model)
+            port = await scip.start_tcp()
+            stack.callback(scip.close)
+            endpoint = free_endpoint()
+            addresses = [
+                f"lidar.address=tcp://127.0.0.1:{port}",
+                f"motor.address=serial://{folder / 'vesc'}",
+                f"telemetry.listen={endpoint}",
+            ]
+            runtime = RuntimeProcess(config, [*assignments, *addresses])
+            await runtime.start()
+            stack.callback(runtime.kill)
+            self.record.log = runtime.log
+            listener = Listener(endpoint, self._car)
+            self.record.telemetry = listener.latest
+            async with asyncio.TaskGroup() as tasks:
+                listening = tasks.create_task(listener.run(), name="listener")
+                await self._until_streaming(scip, runtime)
+                stepping = tasks.create_task(self._step(scip, vesc), name="physics")
+                showing = tasks.create_task(self._show(on_frame), name="view")
+                await self._until_over(runtime, duration_s)
+                # The world goes on while the runtime brings the car to rest.
+                self.record.exit_code = await runtime.stop()
+                for task in (showing, stepping, listening):
+                    task.cancel()
+        return self.record
+
+    async def _until_streaming(self, scip: ScipEmulator, runtime: RuntimeProcess) -> None:
+        give_up_s = time.monotonic() + START_TIMEOUT_S
+        while not scip.streaming:
+            if runtime.exit_code is not None or time.monotonic() > give_up_s:
+                await runtime.stop()
+                said = "\n".join(runtime.log) or "nothing"
+                raise SessionError(f"the runtime did not start (exit code {runtime.exit_code}); it said:\n{said}")
+            await asyncio.sleep(0.01)
+
+    async def _until_over(self, runtime: RuntimeProcess, duration_s: float) -> None:
+        while self.record.time_s < duration_s and not self._scene.finished:
+            if runtime.exit_code is not None:
+                said = "\n".join(runtime.log)
+                raise SessionError(f"the runtime ended by itself (exit code {runtime.exit_code}); it said:\n{said}")
+            await asyncio.sleep(STEP_S)
+
+    async def _step(self, scip: ScipEmulator, vesc: VescEmulator) -> None:
+        """Keep the world up with the clock, and let the lidar look when it is time."""
+        begin_s = time.monotonic()
+        plant = Plant(self._vehicle, vesc, self._wiring, begin_s)
+        record = self.record
+        async for _ in ticks(STEP_S, time.monotonic):
+            now_s = time.monotonic()
+            plant.advance(now_s)
+            record.time_s = now_s - begin_s
+            if self._scene.step(record.time_s, self._vehicle):
+                plant.crash()
+            while (due := self._scene.scan(record.time_s, self._vehicle)) is not None:
+                record.steering_rad.append(plant.steering_rad)
+                self._publish(scip, *due)
+                record.samples.append(self._scene.sample(record.time_s, self._vehicle))
+
+    def _publish(self, scip: ScipEmulator, ranges_mm: Ranges, stamp_ms: int) -> None:
+        sent_s = scip.publish(ranges_mm, stamp_ms % STAMP_MS)
+        self.record.scan_times_s.append(self.record.time_s)
+        self.record.ranges_mm = ranges_mm
+        if sent_s is not None:
+            self.record.latency.scan_sent(sent_s)
+
+    async def _show(self, on_frame: Callable[[Record], None]) -> None:
+        async for _ in ticks(0.1, time.monotonic):
+            on_frame(self.record)
+
+    def _on_command(self, at_s: float, demand: MotorDemand) -> None:
+        self.record.latency.command_received(at_s)
+        self.record.stop_command = demand

@@ -1,0 +1,207 @@
+"""The car as a body: single-track model with saturating tyres that share their grip between braking and turning.
+
+State: the pose of the rear axle, the velocity (u, w) of the centre of gravity in the car's frame, the yaw rate, the
+servo's angle and the one speed of all wheels (four-wheel drive, joined). Per axle, with load N and grip mu:
+
+    slip angle   a = atan2(lateral, |longitudinal|) of the contact point, in the wheel's frame
+    lateral      F = -sqrt((mu N)^2 - Fx^2) tanh(C a)            wheels rolling
+    both         (Fx, Fy) = -mu N (slip velocity) / |slip velocity|   wheels locking or locked
+
+Below 0.4 m/s the motion is that of a rolling bicycle (curvature tan(steering) / wheelbase), which is exact there and has
+no stiff equations; between 0.4 and 0.8 m/s the two are mixed. Load transfer is left out. Plain floats: numpy would be ten
+times slower for so few numbers.
+"""
+
+import math
+
+from sim.delay import DelayLine
+from sim.motor_control import COAST, BrakeDemand, CoastDemand, Demand, MotorControl, SpeedDemand
+from sim.pose import Pose, Twist
+from sim.vehicle_settings import VehicleSettings
+
+__all__ = ["BrakeDemand", "CoastDemand", "Demand", "SpeedDemand", "Vehicle", "VehicleSettings"]
+
+GRAVITY_MPS2 = 9.81
+_LONGEST_STEP_S = 0.0025
+_ROLLS_BELOW_MPS = 0.4
+_SLIPS_ABOVE_MPS = 0.8
+_SLIP_SCALE_MPS = 0.02
+"""Slip speed below which sliding friction fades, so that it does not flip its sign from step to step."""
+
+
+class Vehicle:
+    """A car that moves. Same settings and same calls give the same motion, bit by bit."""
+
+    def __init__(self, settings: VehicleSettings | None = None, pose: Pose | None = None) -> None:
+        self.settings = s = settings or VehicleSettings()
+        self._motor = MotorControl(s)
+        self._rear_m, self._front_m = s.rear_axle_to_cg_m, s.front_axle_to_cg_m
+        self._grip_mps2 = s.grip_mu * GRAVITY_MPS2
+        self._front_share = self._rear_m / s.wheelbase_m  # of the load, and of the driving and braking force
+        self._rear_share = self._front_m / s.wheelbase_m
+        self._yaw_per_moment = s.mass_kg / s.yaw_inertia_kgm2  # forces are kept per mass, in m/s2
+        self._wheel_inertia = s.wheel_mass_kg / s.mass_kg
+        self.place(pose or Pose(0.0, 0.0, 0.0))
+
+    def place(self, pose: Pose, *, speed_mps: float = 0.0) -> None:
+        """Put the car somewhere, rolling straight ahead at a speed; nothing said before is still on its way."""
+        self.now_s = 0.0
+        self.x_m, self.y_m, self.yaw_rad = pose.x_m, pose.y_m, pose.yaw_rad
+        self._forward_mps, self._left_mps, self.yaw_rate_radps = speed_mps, 0.0, 0.0
+        self.wheel_speed_mps = speed_mps
+        self.wheel_travel_m = 0.0
+        self.servo_rad = 0.0
+        self._sliding = False
+        self._motor.reset()
+        self._demands: DelayLine[Demand] = DelayLine(self.settings.drive_delay_s, COAST)
+        self._steering: DelayLine[float] = DelayLine(self.settings.steering_delay_s, 0.0)
+
+    def halt(self) -> None:
+        """Stop dead, as against a wall; commands on their way stay on their way."""
+        self._forward_mps = self._left_mps = self.yaw_rate_radps = self.wheel_speed_mps = 0.0
+        self._sliding = False
+        self._motor.reset()
+
+    @property
+    def pose(self) -> Pose:
+        """The rear axle in the world."""
+        return Pose(self.x_m, self.y_m, self.yaw_rad)
+
+    @property
+    def twist(self) -> Twist:
+        """Velocity of the rear axle in the car's frame, as it really is."""
+        lateral_mps = self._left_mps - self._rear_m * self.yaw_rate_radps
+        return Twist(self._forward_mps, self.yaw_rate_radps, lateral_mps)
+
+    @property
+    def speed_mps(self) -> float:
+        """True forward speed, negative in reverse. What the motor reports is `wheel_speed_mps`."""
+        return self._forward_mps
+
+    @property
+    def wheels_slide(self) -> bool:
+        """Whether the wheels are locked, or on their way there or back."""
+        return self._sliding
+
+    @property
+    def wheel_angle_rad(self) -> float:
+        """Angle of the front wheels: servo and trim."""
+        return self.servo_rad + self.settings.trim_rad
+
+    @property
+    def motor_current_a(self) -> float:
+        """Motor current that gives the present driving (same sign as forward) or braking force."""
+        return self._motor.motor_mps2 / self.settings.brake_mps2_per_a
+
+    def step(self, dt_s: float, demand: Demand, steering_command_rad: float) -> None:
+        """Move on by dt_s with these commands on the wire from the step's beginning.
+
+        They take effect after the delays in the settings. Steps over 2.5 ms are divided.
+        """
+        self._demands.put(self.now_s, demand)
+        self._steering.put(self.now_s, steering_command_rad)
+        parts = max(1, math.ceil(dt_s / _LONGEST_STEP_S - 1e-9))
+        for _ in range(parts):
+            self._advance(dt_s / parts)
+
+    def _advance(self, dt_s: float) -> None:
+        s = self.settings
+        wanted_rad = min(max(self._steering.at(self.now_s), -s.max_steering_rad), s.max_steering_rad)
+        turn_rad = s.steering_rate_radps * dt_s
+        self.servo_rad += min(max(wanted_rad - self.servo_rad, -turn_rad), turn_rad)
+        drive_mps2, brake_mps2 = self._motor.forces(self._demands.at(self.now_s), self.wheel_speed_mps, dt_s)
+        self.now_s += dt_s
+        if not drive_mps2 and not (self._forward_mps or self._left_mps or self.yaw_rate_radps):
+            self.wheel_speed_mps = 0.0
+            return
+        yaw_before = self.yaw_rate_radps
+        angle_rad = self.servo_rad + s.trim_rad
+        if self._sliding:
+            self._slide(dt_s, drive_mps2, brake_mps2, angle_rad)
+        else:
+            self._roll(dt_s, drive_mps2, brake_mps2, angle_rad)
+        self._move(dt_s, (yaw_before + self.yaw_rate_radps) / 2)
+
+    def _move(self, dt_s: float, yaw_rate_radps: float) -> None:
+        middle_rad = self.yaw_rad + yaw_rate_radps * dt_s / 2
+        cos, sin = math.cos(middle_rad), math.sin(middle_rad)
+        left_mps = self._left_mps - self._rear_m * yaw_rate_radps
+        self.x_m += (self._forward_mps * cos - left_mps * sin) * dt_s
+        self.y_m += (self._forward_mps * sin + left_mps * cos) * dt_s
+        self.yaw_rad = math.remainder(self.yaw_rad + yaw_rate_radps * dt_s, math.tau)
+        self.wheel_travel_m += self.wheel_speed_mps * dt_s
+
+    def _roll(self, dt_s: float, drive_mps2: float, brake_mps2: float, angle_rad: float) -> None:
+        """Wheels roll: the force along them is what the motor gives, and the grip that is left holds the car sideways."""
+        u, w, rate = self._forward_mps, self._left_mps, self.yaw_rate_radps
+        against_mps2 = (
+            math.copysign(brake_mps2, u) if u else math.copysign(min(brake_mps2, abs(drive_mps2)), drive_mps2)
+        )
+        grip_mps2 = self._grip_mps2
+        drive_mps2 = min(max(drive_mps2, against_mps2 - grip_mps2), against_mps2 + grip_mps2)  # no wheelspin
+        along_mps2 = drive_mps2 - against_mps2
+        if abs(along_mps2) > grip_mps2 and brake_mps2 > grip_mps2:
+            self._sliding = True
+            self._slide(dt_s, drive_mps2, brake_mps2, angle_rad)
+            return
+        aside_mps2 = math.sqrt(max(0.0, grip_mps2**2 - along_mps2**2))
+        cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+        front_left = w + self._front_m * rate
+        slip_front = math.atan2(front_left * cos - u * sin, abs(u * cos + front_left * sin))
+        slip_rear = math.atan2(w - self._rear_m * rate, abs(u))
+        front = -self._front_share * aside_mps2 * math.tanh(self.settings.cornering_front_per_rad * slip_front)
+        rear = -self._rear_share * aside_mps2 * math.tanh(self.settings.cornering_rear_per_rad * slip_rear)
+        pull = self._front_share * along_mps2
+        front_along, front_aside = pull * cos - front * sin, pull * sin + front * cos
+        speed = math.hypot(u, w)
+        slips = min(max((speed - _ROLLS_BELOW_MPS) / (_SLIPS_ABOVE_MPS - _ROLLS_BELOW_MPS), 0.0), 1.0)
+        du = slips * (front_along + self._rear_share * along_mps2 + w * rate) + (1.0 - slips) * along_mps2
+        new_u = u + du * dt_s
+        if new_u * u < 0.0 and abs(drive_mps2) <= brake_mps2:
+            new_u = 0.0  # friction stops, it does not push back
+        new_rate = new_u * math.tan(angle_rad) / self.settings.wheelbase_m
+        new_left = self._rear_m * new_rate
+        if slips > 0.0:
+            sideways = w + (front_aside + rear - u * rate) * dt_s
+            turning = rate + self._yaw_per_moment * (self._front_m * front_aside - self._rear_m * rear) * dt_s
+            new_left += slips * (sideways - new_left)
+            new_rate += slips * (turning - new_rate)
+        self._forward_mps, self._left_mps, self.yaw_rate_radps = new_u, new_left, new_rate
+        self.wheel_speed_mps = new_u
+
+    def _slide(self, dt_s: float, drive_mps2: float, brake_mps2: float, angle_rad: float) -> None:
+        """Wheels slip along as well: all grip acts against the direction in which the tread slides."""
+        u, w, rate, wheel = self._forward_mps, self._left_mps, self.yaw_rate_radps, self.wheel_speed_mps
+        grip_mps2 = self._grip_mps2
+        if wheel == 0.0 and math.hypot(u, w) + abs(rate) * self._rear_m <= grip_mps2 * dt_s:
+            self.halt()
+            return
+        cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+        front_left = w + self._front_m * rate
+        front_x, front_y = _friction(u * cos + front_left * sin - wheel, front_left * cos - u * sin)
+        rear_x, rear_y = _friction(u - wheel, w - self._rear_m * rate)
+        front_grip, rear_grip = self._front_share * grip_mps2, self._rear_share * grip_mps2
+        front_along, front_aside = front_x * cos - front_y * sin, front_x * sin + front_y * cos
+        self._forward_mps = u + (front_grip * front_along + rear_grip * rear_x + w * rate) * dt_s
+        self._left_mps = w + (front_grip * front_aside + rear_grip * rear_y - u * rate) * dt_s
+        turning = self._front_m * front_grip * front_aside - self._rear_m * rear_grip * rear_y
+        self.yaw_rate_radps = rate + self._yaw_per_moment * turning * dt_s
+        self._turn_wheels(dt_s, drive_mps2 - front_grip * front_x - rear_grip * rear_x, brake_mps2, u)
+
+    def _turn_wheels(self, dt_s: float, turning_mps2: float, brake_mps2: float, before_mps: float) -> None:
+        """Speed the wheels up by what turns them, down by the brake; rolling begins again where slip changes sign."""
+        wheel = self.wheel_speed_mps
+        if wheel == 0.0 and abs(turning_mps2) <= brake_mps2:
+            return
+        brakes = math.copysign(brake_mps2, wheel or turning_mps2)
+        turned = wheel + (turning_mps2 - brakes) / self._wheel_inertia * dt_s
+        self.wheel_speed_mps = 0.0 if turned * wheel < 0.0 else turned
+        if (self.wheel_speed_mps - self._forward_mps) * (wheel - before_mps) <= 0.0 and wheel != before_mps:
+            self.wheel_speed_mps = self._forward_mps
+            self._sliding = False
+
+
+def _friction(slip_x_mps: float, slip_y_mps: float) -> tuple[float, float]:
+    """Direction of sliding friction, as shares of the grip; fades with the last of the slip."""
+    size = max(math.hypot(slip_x_mps, slip_y_mps), _SLIP_SCALE_MPS)
+    return -slip_x_mps / size, -slip_y_mps / size

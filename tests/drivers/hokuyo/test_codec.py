@@ -1,0 +1,331 @@
+import json
+import random
+from collections import Counter
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.api import ProtocolError
+from drivers.hokuyo.codec import (
+    BLOCK_LIMIT_BYTES,
+    Block,
+    Deframer,
+    baud_command,
+    checksum,
+    command,
+    single_command,
+    stream_command,
+)
+from drivers.hokuyo.ranges import RangeDecoder, decode_scan
+from drivers.hokuyo.replies import SensorParameters, Status, decode_number, fields, is_healthy, judge
+
+VECTORS = Path(__file__).resolve().parents[3] / ".." / "shared" / "reference" / "vectors" / "scip.json"
+
+
+def load():
+    return json.loads(VECTORS.read_text()) if VECTORS.exists() else {"frames": [], "streams": []}
+
+
+GOLDEN = load()
+FRAMES = {frame["name"]: frame for frame in GOLDEN["frames"]}
+SENT = [frame for frame in GOLDEN["frames"] if frame["direction"] == "tx"]
+RECEIVED = [frame for frame in GOLDEN["frames"] if frame["direction"] == "rx"]
+STREAMS = {stream["name"]: bytes.fromhex(stream["hex"]) for stream in GOLDEN["streams"]}
+needs_vectors = pytest.mark.skipif(not FRAMES, reason="the golden frames (shared/reference/vectors) are not here")
+
+SCAN = b"MD0540054200000\n99b\n01>8G\n0?X0W47D`M\n\n"
+
+
+def read(stream, *edges, limit_bytes=BLOCK_LIMIT_BYTES):
+    """Feed a stream cut at `edges`; return the blocks and what was counted."""
+    counts = Counter()
+    deframer = Deframer(lambda what: counts.update([what]), limit_bytes=limit_bytes)
+    cuts = sorted({0, len(stream), *(edge for edge in edges if 0 < edge < len(stream))})
+    return [block for a, b in pairwise(cuts) for block in deframer.feed(stream[a:b])], counts
+
+
+def encode_command(expected):
+    match expected["cmd"]:
+        case "TM":
+            return command(f"TM{expected['code']}")
+        case "SS":
+            return baud_command(expected["baud"])
+        case "GD":
+            return single_command("GD", expected["start"], expected["end"], cluster=expected["cluster"])
+        case "MD" | "MS" | "ME" as family:
+            return stream_command(
+                family,
+                expected["start"],
+                expected["end"],
+                cluster=expected["cluster"],
+                skip=expected["skip"],
+                scans=expected["scans"],
+                note=expected.get("string", ""),
+            )
+        case name:
+            return command(name)
+
+
+@needs_vectors
+def test_there_are_all_golden_frames():
+    assert (len(SENT), len(RECEIVED), len(STREAMS)) == (22, 35, 5)
+
+
+@needs_vectors
+@pytest.mark.parametrize("frame", SENT, ids=lambda frame: frame["name"])
+def test_every_golden_command_is_encoded_exactly(frame):
+    assert encode_command(frame["fields"]).hex() == frame["hex"]
+
+
+@needs_vectors
+@pytest.mark.parametrize("frame", RECEIVED, ids=lambda frame: frame["name"])
+def test_every_golden_reply_is_decoded_exactly(frame):
+    [block], counts = read(bytes.fromhex(frame["hex"]))
+    assert not counts
+    expected = dict(frame["fields"])
+    for note in ("valid_if_dmin_20_dmax_30000", "string", "note"):
+        expected.pop(note, None)
+    if "raw" in expected:
+        expected["ranges_mm"] = expected.pop("raw")
+    said = describe(block)
+    if "count" in expected:  # the vector file abbreviates the full scan
+        ranges_mm = said.pop("ranges_mm")
+        said |= {"count": len(ranges_mm), "first3": ranges_mm[:3], "last3": ranges_mm[-3:]}
+    assert said == expected
+
+
+def describe(block):
+    """Return a block in the words of the vector file."""
+    said = {"echo": block.echo.decode(), "status": block.status}
+    if block.echo == b"TM1" and block.lines:
+        said["timestamp_ms"] = decode_number(block.lines[0])
+    elif block.echo == b"%ST":
+        said["state"] = int(block.lines[0])
+    elif block.echo in {b"PP", b"VV", b"II"}:
+        said["params"] = fields(block)
+    elif block.lines:
+        scan = decode_scan(block)
+        said["timestamp_ms"] = scan.stamp_ms
+        if scan.echoes_mm is None:
+            said["ranges_mm"] = scan.ranges_mm.tolist()
+        else:
+            said["echoes_mm"] = [list(step) for step in scan.echoes_mm]
+            assert scan.ranges_mm.tolist() == [step[0] for step in said["echoes_mm"]]
+        if scan.intensities is not None:
+            said["intensities"] = scan.intensities.tolist()
+        if scan.remaining is not None:
+            said["remaining"] = scan.remaining
+    return said
+
+
+@needs_vectors
+@pytest.mark.parametrize(
+    ("name", "echoes", "counted"),
+    [
+        ("data_line_bad_sum", [], {"checksum": 1}),
+        ("status_bad_sum", [], {"checksum": 1}),
+        ("stale_scan_before_reply", [b"MD0540054200000", b"QT"], {}),
+        ("two_scans", [b"MD0540054200000", b"MD0540054200000"], {}),
+        ("crlf_command_accepted_by_sensor", [], {}),
+    ],
+)
+def test_every_golden_stream(name, echoes, counted):
+    blocks, counts = read(STREAMS[name])
+    assert [block.echo for block in blocks] == echoes
+    assert dict(counts) == counted
+
+
+@needs_vectors
+def test_after_a_bad_sum_the_next_block_is_in_step():
+    blocks, counts = read(STREAMS["data_line_bad_sum"] + STREAMS["status_bad_sum"] + SCAN)
+    assert [decode_scan(block).ranges_mm.tolist() for block in blocks] == [[1000, 2500, 30000]]
+    assert counts == {"checksum": 2}
+
+
+@pytest.mark.parametrize(("text", "value"), [(b"CB", 1234), (b"1Dh", 5432), (b"m2@0", 16000000), (b"0&0", None)])
+def test_the_vendors_examples_of_numbers(text, value):
+    assert decode_number(text) == value
+
+
+@pytest.mark.parametrize(
+    ("line", "end"),
+    [(b"DMIN:20", "4"), (b"DMAX:5600", "_"), (b"AMIN:44", "7"), (b"AMAX:725", "o"), (b"AFRT:384", "6"), (b"SCAN:600", "e")],
+)
+def test_the_vendors_printed_sums_leave_the_semicolon_out(line, end):
+    assert chr(checksum(line)) == end
+
+
+def test_firmware_that_sums_the_semicolon_is_understood_too():
+    line = b"MODL:UST-10LX;"
+    [block], _ = read(b"PP\n00P\n" + line + bytes([checksum(line)]) + b"\n\n")
+    assert fields(block) == {"MODL": "UST-10LX"}
+
+
+def test_a_semicolon_that_is_data_of_a_scan_is_summed():
+    data = b"0?X0W;"
+    good = b"MD0540054200000\n99b\n01>8G\n" + data + bytes([checksum(data)]) + b"\n\n"
+    wrong = good[:-3] + bytes([checksum(data[:-1])]) + b"\n\n"
+    assert [block.lines[1] for block in read(good)[0]] == [data]
+    assert read(wrong) == ([], {"checksum": 1})
+
+
+blocks_of_bytes = st.one_of(
+    st.sampled_from([bytes.fromhex(frame["hex"]) for frame in RECEIVED] or [SCAN]),
+    st.binary(max_size=60),
+    st.sampled_from([b"\n", b"\n\n", b"\n\n\n", b"0", SCAN[:-1], b"x" * 300, b"y" * 299 + b"\n\n", b"y" * 300 + b"\n\n"]),
+)
+
+
+@given(parts=st.lists(blocks_of_bytes, max_size=12), cuts=st.lists(st.integers(0, 9000)), limit=st.sampled_from([300, 8192]))
+def test_any_chunking_gives_the_same_blocks_and_counts(parts, cuts, limit):
+    stream = b"".join(parts)
+    assert read(stream, *cuts, limit_bytes=limit) == read(stream, limit_bytes=limit)
+
+
+@given(parts=st.lists(blocks_of_bytes, max_size=6))
+def test_byte_by_byte_gives_the_same_blocks_and_counts(parts):
+    stream = b"".join(parts)
+    assert read(stream, *range(len(stream)), limit_bytes=300) == read(stream, limit_bytes=300)
+
+
+def test_a_block_may_be_as_long_as_the_limit_and_no_longer():
+    rows = [b"0" * 64 + b"0\n"] * 4
+    raw = b"MD0000010000000\n99b\n01>8G\n" + b"".join(rows)[:-1]
+    assert len(read(raw + b"\n\n", limit_bytes=len(raw))[0]) == 1
+    assert read(raw + b"\n\n" + SCAN, limit_bytes=len(raw) - 1)[1] == {"oversized": 1}
+    assert len(read(raw + b"\n\n" + SCAN, limit_bytes=len(raw) - 1)[0]) == 1
+
+
+def test_bytes_without_a_blank_line_take_no_more_memory_than_the_limit():
+    counts = Counter()
+    deframer = Deframer(lambda what: counts.update([what]))
+    for _ in range(1000):
+        assert deframer.feed(b"z" * 1000) == []
+        assert len(deframer._buffer) <= BLOCK_LIMIT_BYTES + 1
+    assert counts == {"oversized": 1}
+    assert len(deframer.feed(b"\n\n" + SCAN)) == 1
+
+
+def test_a_million_random_bytes_raise_nothing_and_leave_it_in_working_order():
+    generator = random.Random(2)
+    counts = Counter()
+    deframer = Deframer(lambda what: counts.update([what]))
+    for _ in range(250):
+        for block in deframer.feed(generator.randbytes(4000)):
+            decode_scan(block)
+    deframer.feed(b"\n\n")
+    assert counts["oversized"] + counts["malformed"] > 10
+    assert [block.echo for block in deframer.feed(SCAN)] == [b"MD0540054200000"]
+
+
+@needs_vectors
+def test_a_million_mutated_bytes_never_give_a_distance_that_the_sums_do_not_cover():
+    generator = random.Random(3)
+    clean = b"".join(bytes.fromhex(frame["hex"]) for frame in RECEIVED)
+    decoder = RangeDecoder(1081, 20, 30000)
+    counts = Counter()
+    deframer = Deframer(lambda what: counts.update([what]))
+    fed, good = 0, 0
+    while fed < 1_000_000:
+        stream = bytearray(clean)
+        for _ in range(8):
+            stream[generator.randrange(len(stream))] = generator.randrange(256)
+        if generator.random() < 0.3:
+            del stream[generator.randrange(len(stream)) :]
+        for block in deframer.feed(bytes(stream)):
+            scan = decode_scan(block)
+            if scan is not None:
+                good += 1
+                assert scan.ranges_mm.min() >= 0
+                assert scan.ranges_mm.max() <= 262143
+            if len(block.lines) == 2:
+                decoder.decode(block.lines[1])
+            if block.echo == b"PP":
+                try_parameters(block)
+        fed += len(stream)
+    assert counts["checksum"] > 500
+    assert good > 1000
+
+
+def try_parameters(block):
+    try:
+        SensorParameters.from_fields(fields(block))
+    except ProtocolError as error:
+        assert "PP reply" in str(error)
+
+
+def test_a_note_too_long_is_a_bug_of_the_caller():
+    with pytest.raises(ValueError, match="16 characters"):
+        command("QT", "x" * 17)
+
+
+PP = dict.fromkeys(("DMIN", "AMIN"), "0") | {"DMAX": "30000", "ARES": "1440", "AMAX": "1080", "AFRT": "540", "SCAN": "2400"}
+
+
+def test_parameters_give_the_geometry_of_a_ust():
+    parameters = SensorParameters.from_fields(PP | {"MODL": "UST-10LX(Hokuyo)"})
+    assert (parameters.model, parameters.beam_count, parameters.rate_hz) == ("UST-10LX", 1081, 40.0)
+    assert np.rad2deg([parameters.angle_rad(0), parameters.angle_rad(1080)]) == pytest.approx([-135, 135])
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        ({"ARES": None}, "lacks ARES"),
+        ({"ARES": "0"}, "ARES"),
+        ({"AMAX": "99999999999999999999"}, "AMAX"),
+        ({"AMAX": "1440"}, "field"),
+        ({"AMIN": "1080"}, "field"),
+        ({"DMIN": "30000"}, "DMIN"),
+        ({"SCAN": "²"}, "SCAN"),
+        ({"DMAX": "-5"}, "DMAX"),
+    ],
+)
+def test_parameters_that_make_no_sense_are_named(change, complaint):
+    values = {key: text for key, text in (PP | change).items() if text is not None}
+    with pytest.raises(ProtocolError, match=complaint):
+        SensorParameters.from_fields(values)
+
+
+@pytest.mark.parametrize(
+    ("status", "meaning"),
+    [
+        ("00", Status.ACCEPTED),
+        ("99", Status.SCAN),
+        ("98", Status.RESUMED),
+        ("0M", Status.UNSTABLE),
+        ("21", Status.UNSTABLE),
+        ("49", Status.UNSTABLE),
+        ("50", Status.ABNORMAL),
+        ("97", Status.ABNORMAL),
+        ("0L", Status.ABNORMAL),
+        ("20", Status.REFUSED),
+        ("04", Status.REFUSED),
+        ("0E", Status.REFUSED),
+        ("10", Status.REFUSED),
+        ("E", Status.REFUSED),
+    ],
+)
+def test_status_codes(status, meaning):
+    assert judge(status) is meaning
+
+
+@pytest.mark.parametrize(
+    ("text", "healthy"),
+    [
+        ("Sensor works well.", True),
+        ("Stable 000 no error.", True),
+        ("sensor is working normally", True),
+        ("Trouble!! Error No. =[12]", False),
+    ],
+)
+def test_the_three_ways_to_say_fine(text, healthy):
+    assert is_healthy(text) is healthy
+
+
+def test_a_block_is_a_value():
+    assert read(SCAN)[0] == [Block(b"MD0540054200000", "99", (b"01>8", b"0?X0W47D`"))]

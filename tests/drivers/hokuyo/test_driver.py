@@ -1,0 +1,417 @@
+"""The driver against the emulated sensor, real bytes over TCP and a pseudo-terminal in one event loop."""
+
+import asyncio
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from drivers.api import LinkState
+from drivers.hokuyo.driver import Hokuyo
+from drivers.hokuyo.settings import HokuyoSettings
+from sim.devices.scip import ScipEmulator
+from sim.devices.scip_encode import URG_04LX, UST_10LX, UTM_30LX
+
+LIMIT_S = 8.0
+
+
+class Rig:
+    """A sensor that turns, and a driver that listens; `scans` collects what came out."""
+
+    def __init__(self, emulator, address, **settings):
+        self.emulator = emulator
+        self.driver = Hokuyo(HokuyoSettings(address=address, **settings))
+        self.scans = []
+        self.stamp_ms = 16_777_100
+        self.task = asyncio.create_task(self.driver.run(self.scans.append))
+
+    @property
+    def health(self):
+        return self.driver.health
+
+    @property
+    def counts(self):
+        return self.driver.health.counts
+
+    async def until(self, condition, *, turning=False):
+        """Wait for a condition, publishing scans at 200 Hz meanwhile if the sensor is `turning`."""
+        async with asyncio.timeout(LIMIT_S):
+            while not condition():
+                if self.task.done():
+                    self.task.result()
+                if turning:
+                    self.turn()
+                await asyncio.sleep(0.005)
+
+    def turn(self, ranges_mm=None):
+        """Publish one revolution 5 ms after the last; the stamp follows our clock, as a sensor's does."""
+        self.stamp_ms = 16_777_100 + round(time.monotonic() * 1000)
+        count = self.emulator.sensor.model.beam_count
+        return self.emulator.publish(np.full(count, 1234) if ranges_mm is None else ranges_mm, self.stamp_ms)
+
+    async def scan(self, ranges_mm=None):
+        """Publish one revolution and return the scan that comes out of it."""
+        before = len(self.scans)
+        await asyncio.sleep(0.002)
+        assert self.turn(ranges_mm) is not None
+        await self.until(lambda: len(self.scans) > before)
+        return self.scans[-1]
+
+    async def ready(self):
+        await self.until(lambda: self.emulator.streaming)
+
+    async def lost_and_found(self):
+        """Wait until scans have stopped, and come again by themselves."""
+        await self.until(lambda: self.emulator.streaming)
+        before = len(self.scans)
+        await self.until(lambda: len(self.scans) >= before + 3 and self.health.link is LinkState.READY, turning=True)
+
+
+async def stop(rig):
+    rig.task.cancel()
+    await asyncio.gather(rig.task, return_exceptions=True)
+
+
+@pytest.fixture(params=["tcp", "serial"])
+async def rig(request, tmp_path):
+    emulator = ScipEmulator()
+    if request.param == "tcp":
+        address = f"tcp://127.0.0.1:{await emulator.start_tcp()}"
+    else:
+        emulator.start_serial(tmp_path / "lidar")
+        address = f"serial://{tmp_path / 'lidar'}"
+    rig = Rig(emulator, address, silent_after_s=0.3)
+    yield rig
+    await stop(rig)
+    emulator.close()
+
+
+@pytest.fixture
+async def tcp(monkeypatch):
+    """A rig maker over TCP, for emulators that are prepared first."""
+    rigs = []
+
+    async def make(emulator, **settings):
+        rigs.append(Rig(emulator, f"tcp://127.0.0.1:{await emulator.start_tcp()}", silent_after_s=0.3, **settings))
+        return rigs[-1]
+
+    yield make
+    for rig in rigs:
+        await stop(rig)
+        rig.emulator.close()
+
+
+async def test_it_starts_says_what_it_is_and_delivers_exact_ranges(rig):
+    await rig.ready()
+    assert rig.health.link is LinkState.STARTING
+    ranges_mm = np.arange(1081) * 61
+    ranges_mm[:4] = (0, 19, 20, 30000)
+    ranges_mm[4:6] = (30001, 65533)
+    scan = await rig.scan(ranges_mm)
+    valid = (ranges_mm >= 20) & (ranges_mm <= 30000)
+    np.testing.assert_array_equal(np.isnan(scan.ranges_m), ~valid)
+    np.testing.assert_array_equal(scan.ranges_m[valid], (ranges_mm[valid] / 1000).astype(np.float32))
+    assert np.rad2deg([scan.angle_min_rad, scan.angle_step_rad]) == pytest.approx([-135, 0.25])
+    assert (scan.range_min_m, scan.range_max_m, scan.sequence) == (0.02, 30.0, 0)
+    assert not scan.ranges_m.flags.writeable
+    assert rig.health.link is LinkState.READY
+    assert rig.health.message == "UST-10LX, 1081 beams, 40 Hz"
+    assert rig.health.identity == "UST-10LX, firmware 1.1.8, serial H0000010"
+
+
+async def test_scans_come_in_order_each_once_across_the_wrap_of_the_sensors_clock(rig):
+    await rig.ready()
+    for number in range(20):
+        scan = await rig.scan(np.full(1081, 1000 + number))
+        assert (scan.sequence, round(float(scan.ranges_m[0]) * 1000)) == (number, 1000 + number)
+        assert 0 <= scan.received_s - scan.stamp_s < 0.1
+    assert not rig.counts
+
+
+async def test_a_bad_checksum_costs_one_scan_and_the_stream_goes_on(rig):
+    await rig.ready()
+    rig.emulator.bad_checksum_every = 5
+    await rig.until(lambda: rig.emulator.counts["published"] >= 40, turning=True)
+    await rig.until(lambda: len(rig.scans) == 32)
+    assert rig.counts == {"checksum": 8}
+    assert [scan.sequence for scan in rig.scans] == [number for number in range(40) if number % 5 != 4]
+
+
+async def test_garbage_between_scans_is_counted_and_survived(rig):
+    await rig.ready()
+    rig.emulator.garbage_every = 4
+    await rig.until(lambda: rig.emulator.counts["published"] >= 40, turning=True)
+    await rig.until(lambda: len(rig.scans) >= 30)
+    assert set(rig.counts) <= {"checksum", "malformed", "stray reply"}
+    assert sum(rig.counts.values()) >= 10
+    assert len(rig.scans) == 30
+
+
+async def test_bytes_that_dribble_make_the_same_scans(rig):
+    await rig.ready()
+    rig.emulator.dribble_s = 0.015
+    for number in range(5):
+        rig.turn(np.arange(1081) + 100 + number)
+        await rig.until(lambda number=number: len(rig.scans) == number + 1)
+        np.testing.assert_array_equal(np.round(rig.scans[-1].ranges_m * 1000), np.arange(1081) + 100 + number)
+    assert not rig.counts
+
+
+async def test_after_a_stall_only_the_fresh_scans_of_the_burst_are_used(rig):
+    await rig.ready()
+    await rig.scan()
+    rig.emulator.stall()
+    for _ in range(50):
+        rig.turn()
+        await asyncio.sleep(0.005)
+    rig.emulator.release()
+    await rig.until(lambda: len(rig.scans) + rig.counts.get("stale", 0) == 51)
+    fresh = rig.scans[1:]
+    assert rig.counts["stale"] > 15
+    assert len(fresh) > 5
+    assert all(scan.received_s - scan.stamp_s <= 0.1 for scan in fresh)
+    assert fresh[-1].sequence == 50
+
+
+async def test_silence_is_noticed_and_the_stream_restarted(rig):
+    await rig.ready()
+    await rig.scan()
+    await rig.until(lambda: rig.health.link is LinkState.FAULTY)
+    assert "no scan for" in rig.health.message
+    await rig.until(lambda: rig.counts.get("restart", 0) >= 1)
+    await rig.lost_and_found()
+
+
+async def test_a_sensor_that_does_not_answer_is_reconnected_for_as_long_as_it_takes(rig):
+    await rig.ready()
+    await rig.scan()
+    rig.emulator.silence = True
+    await rig.until(lambda: rig.counts.get("reconnect", 0) >= 2)
+    assert rig.health.link is LinkState.ABSENT
+    assert "no answer to QT" in rig.health.message
+    rig.emulator.silence = False
+    await rig.lost_and_found()
+
+
+async def test_cancelling_turns_the_laser_off(rig):
+    await rig.ready()
+    await rig.scan()
+    assert rig.emulator.sensor.laser_on
+    rig.task.cancel()
+    await asyncio.gather(rig.task, return_exceptions=True)
+    await rig_quiet(rig)
+    assert rig.task.cancelled()
+
+
+async def rig_quiet(rig):
+    async with asyncio.timeout(1.0):
+        while rig.emulator.sensor.laser_on:
+            await asyncio.sleep(0.005)
+
+
+async def test_an_error_in_the_callback_comes_out_of_run(tcp):
+    rig = await tcp(ScipEmulator())
+    rig.scans = None
+    await rig.ready()
+    rig.task.cancel()
+    await asyncio.gather(rig.task, return_exceptions=True)
+
+    def explode(_scan):
+        raise RuntimeError("a bug")
+
+    rig.task = asyncio.create_task(rig.driver.run(explode))
+    await rig.until(lambda: rig.emulator.streaming)
+    rig.turn()
+    with pytest.raises(RuntimeError, match="a bug"):
+        await asyncio.wait_for(rig.task, LIMIT_S)
+
+
+async def test_a_dropped_connection_is_opened_again(tcp):
+    rig = await tcp(ScipEmulator())
+    await rig.ready()
+    await rig.scan()
+    rig.emulator.disconnect()
+    await rig.until(lambda: rig.counts.get("reconnect", 0) >= 1)
+    await rig.lost_and_found()
+    assert rig.counts["reconnect"] == 1
+
+
+async def test_a_refused_connection_is_tried_until_it_succeeds(tcp):
+    emulator = ScipEmulator()
+    rig = await tcp(emulator)
+    await rig.ready()
+    emulator.refuse()
+    emulator.disconnect()
+    await rig.until(lambda: rig.counts.get("reconnect", 0) >= 2)
+    assert rig.health.link is LinkState.ABSENT
+    assert "refused" in rig.health.message
+    emulator.listen_again()
+    await rig.lost_and_found()
+
+
+async def test_an_unplugged_cable_comes_back_under_the_same_name(tmp_path):
+    emulator = ScipEmulator(URG_04LX)
+    emulator.start_serial(tmp_path / "lidar")
+    rig = Rig(emulator, f"serial://{tmp_path / 'lidar'}?baud=115200")
+    await rig.ready()
+    assert np.rad2deg((await rig.scan()).angle_min_rad) == pytest.approx((44 - 384) * 360 / 1024)
+    assert rig.health.message == "URG-04LX, 682 beams, 10 Hz"
+    emulator.unplug()
+    await rig.until(lambda: rig.counts.get("reconnect", 0) >= 1)
+    assert rig.health.link is LinkState.ABSENT
+    emulator.replug()
+    await rig.lost_and_found()
+    await stop(rig)
+    emulator.close()
+
+
+async def test_the_speed_of_a_serial_sensor_is_found(tmp_path):
+    emulator = ScipEmulator(URG_04LX)
+    emulator.baud = 19200
+    emulator.start_serial(tmp_path / "lidar")
+    rig = Rig(emulator, f"serial://{tmp_path / 'lidar'}")
+    await rig.until(lambda: emulator.streaming)
+    assert (await rig.scan()).ranges_m.shape == (682,)
+    await stop(rig)
+    emulator.close()
+
+
+async def test_the_parameters_are_read_again_after_a_reconnect(tcp):
+    emulator = ScipEmulator()
+    rig = await tcp(emulator)
+    await rig.ready()
+    assert (await rig.scan()).range_max_m == 30.0
+    emulator.disconnect()
+    emulator.sensor.model = replace(UTM_30LX, first_step=0, last_step=719, front_step=360)
+    await rig.lost_and_found()
+    assert rig.scans[-1].range_max_m == 60.0
+    assert rig.scans[-1].ranges_m.shape == (720,)
+    assert rig.counts["another sensor"] == 1
+    assert rig.health.message == "UTM-30LX, 720 beams, 40 Hz"
+
+
+async def test_a_sensor_left_streaming_by_a_killed_program_is_taken_over(tmp_path):
+    emulator = ScipEmulator()
+    emulator.start_serial(tmp_path / "lidar")
+    emulator.sensor.answer(b"MD0000108000000")
+    rig = Rig(emulator, f"serial://{tmp_path / 'lidar'}")
+    await rig.until(lambda: len(rig.scans) > 3, turning=True)
+    assert "reconnect" not in rig.counts
+    await stop(rig)
+    emulator.close()
+
+
+@pytest.mark.parametrize("attribute", ["scip1", "in_time_sync"])
+async def test_a_sensor_in_the_wrong_mode_is_brought_back(tcp, attribute):
+    emulator = ScipEmulator(URG_04LX)
+    emulator._farewell = emulator.sensor.measurement = None
+    emulator = ScipEmulator(URG_04LX)
+    setattr(emulator.sensor, attribute, True)
+    emulator.sensor.forget_client = lambda: None if attribute == "in_time_sync" else type(emulator.sensor).forget_client
+    rig = await tcp(emulator)
+    await rig.ready()
+    await rig.scan()
+    assert getattr(emulator.sensor, attribute) is False
+
+
+async def test_an_unstable_sensor_keeps_its_stream_and_says_so(tcp):
+    rig = await tcp(ScipEmulator())
+    await rig.ready()
+    await rig.scan()
+    for _ in range(100):
+        assert rig.emulator.publish_status("0M") is not None
+        await asyncio.sleep(0.01)
+    assert rig.health.link is LinkState.FAULTY
+    assert "checks itself" in rig.health.message
+    assert set(rig.counts) == {"unstable"}
+    rig.emulator.publish_status("98")
+    assert (await rig.scan()).sequence == rig.counts["unstable"] + 1
+    assert rig.health.link is LinkState.READY
+
+
+async def test_a_sensor_in_trouble_is_reset(tcp):
+    rig = await tcp(ScipEmulator())
+    await rig.ready()
+    await rig.scan()
+    rig.emulator.sensor.fault = "0L"
+    rig.emulator.publish_status("0L")
+    await rig.until(lambda: rig.health.link is LinkState.FAULTY)
+    assert "status 0L" in rig.health.message
+    await rig.until(lambda: rig.counts.get("restart", 0) == 1)
+    await rig.lost_and_found()
+    assert rig.emulator.counts["reboot"] == 0
+
+
+async def test_a_sensor_that_a_reset_does_not_cure_is_rebooted_once(tcp):
+    emulator = ScipEmulator()
+    emulator.sensor.fault = "50"
+    emulator.sensor.cured_by = frozenset({"RB"})
+    rig = await tcp(emulator)
+    await rig.until(lambda: emulator.counts["reboot"] == 1)
+    await rig.lost_and_found()
+    assert rig.counts["reboot"] == 1
+
+
+async def test_a_sensor_that_nothing_cures_is_rebooted_once_in_20_s_and_a_human_is_called(tcp):
+    emulator = ScipEmulator()
+    emulator.sensor.fault = "50"
+    emulator.sensor.cured_by = frozenset()
+    rig = await tcp(emulator)
+    await rig.until(lambda: rig.counts.get("reconnect", 0) >= 3)
+    assert emulator.counts["reboot"] == 1
+    assert rig.health.link in {LinkState.FAULTY, LinkState.STARTING}
+    await rig.until(lambda: "did not help: power-cycle it" in rig.health.message)
+
+
+async def test_what_a_sensor_says_against_itself_is_passed_on(tcp):
+    emulator = ScipEmulator()
+    emulator.sensor.state_text = "Trouble!! Error No. =[12]"
+    rig = await tcp(emulator)
+    await rig.ready()
+    await rig.scan()
+    assert "Trouble!! Error No. =[12]" in rig.health.message
+
+
+async def test_a_sensor_that_hangs_upside_down_has_left_on_the_left(tcp):
+    model = replace(UST_10LX, first_step=100)
+    emulator = ScipEmulator(model)
+    rig = await tcp(emulator, mounted_upside_down=True)
+    await rig.ready()
+    scan = await rig.scan(np.arange(981) + 1000)
+    angles_rad = scan.angle_min_rad + scan.angle_step_rad * np.arange(981)
+    assert np.rad2deg(angles_rad[[0, -1]]) == pytest.approx([-135, 110])
+    assert round(float(scan.ranges_m[np.argmin(np.abs(angles_rad))]) * 1000) == 1000 + 540 - 100
+    assert round(float(scan.ranges_m[-1]) * 1000) == 1000
+
+
+async def test_a_clock_that_jumps_in_a_running_stream_is_believed_in_the_end(tcp):
+    rig = await tcp(ScipEmulator())
+    await rig.ready()
+    await rig.scan()
+    rig.driver._settings = rig.driver._settings.model_copy(update={"silent_after_s": 5.0})
+
+    def jumped():
+        rig.emulator.publish(np.full(1081, 2000), round(time.monotonic() * 1000) + 5_000_000)
+        return rig.counts.get("clock_reset", 0) == 1
+
+    await rig.until(jumped)
+    assert rig.counts["foreign"] > 20
+    await rig.until(lambda: len(rig.scans) > 1)
+    assert "restart" not in rig.counts
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"address": "192.168.0.10"},
+        {"address": "tcp://192.168.0.10"},
+        {"stale_after_s": 0},
+        {"silent_after_s": 0.1},
+        {"unknown": 1},
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(wrong):
+    with pytest.raises(ValidationError):
+        HokuyoSettings(**wrong)

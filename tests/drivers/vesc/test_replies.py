@@ -1,0 +1,170 @@
+"""Replies: golden bytes of every firmware generation, truncation, noise."""
+
+import json
+import math
+import random
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from drivers.vesc import replies
+from drivers.vesc.faults import fault_text
+
+VECTORS = Path(__file__).resolve().parents[3] / ".." / "shared" / "reference" / "vectors" / "vesc.json"
+NAMES = {
+    "temp_fet": "mosfet_temperature_c", "temp_motor": "motor_temperature_c", "current_motor": "motor_current_a",
+    "current_in": "input_current_a", "id": "direct_current_a", "iq": "quadrature_current_a", "v_in": "voltage_v",
+    "ah": "drawn_ah", "ah_charged": "charged_ah", "wh": "drawn_wh", "wh_charged": "charged_wh", "tacho": "tachometer",
+    "tacho_abs": "tachometer_abs", "fault": "fault_code", "pid_pos": "position_deg",
+    "temp_mos": "mosfet_temperatures_c", "vd": "direct_voltage_v", "vq": "quadrature_voltage_v",
+    "temp_pcb": "board_temperature_c", "hw_name": "hardware", "hw_type": "hardware_kind",
+    "custom_cfg_num": "custom_configs", "qmlui_hw": "qml_hardware", "qmlui_app": "qml_application",
+    "fw_name": "name", "hw_crc": "hardware_crc",
+}  # fmt: skip
+
+
+def received(packet: int) -> list[dict[str, Any]]:
+    """The golden replies with this id."""
+    if not VECTORS.exists():
+        return []
+    return [v for v in json.loads(VECTORS.read_text())["frames"] if v["direction"] == "rx" and v["id"] == packet]
+
+
+def test_the_golden_bytes_are_there():
+    if not VECTORS.exists():
+        pytest.skip("the shared reference with its golden bytes is not beside this checkout")
+    assert (len(received(0)), len(received(4)), len(received(50)), len(received(65))) >= (4, 7, 1, 2)
+
+
+def expected(vector: dict[str, Any]) -> dict[str, Any]:
+    fields = {NAMES.get(name, name): value for name, value in vector["fields"].items() if name not in {"cmd", "mask"}}
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()}
+
+
+@pytest.mark.parametrize("vector", received(0), ids=lambda v: v["name"])
+def test_firmware(vector):
+    firmware = replies.decode_firmware(bytes.fromhex(vector["payload_hex"]))
+    assert firmware is not None
+    told = expected(vector)
+    told["uuid"] = bytes.fromhex(told.get("uuid", ""))
+    assert {name: asdict(firmware)[name] for name in told} == told
+    assert all(value in (None, "", b"") for name, value in asdict(firmware).items() if name not in told)
+
+
+@pytest.mark.parametrize("vector", received(4), ids=lambda v: v["name"])
+def test_values(vector):
+    decode = replies.decode_values_2x if vector.get("firmware") == "2.18" else replies.decode_values
+    values = decode(bytes.fromhex(vector["payload_hex"]))
+    assert values is not None
+    told = expected(vector)
+    assert {name: asdict(values)[name] for name in told} == told
+
+
+@pytest.mark.parametrize("vector", received(50), ids=lambda v: v["name"])
+def test_selective_values(vector):
+    assert replies.decode_values_selective(bytes.fromhex(vector["payload_hex"])) == expected(vector)
+
+
+@pytest.mark.parametrize("vector", received(65), ids=lambda v: v["name"])
+def test_imu_in_si_units(vector):
+    imu = replies.decode_imu(bytes.fromhex(vector["payload_hex"]))
+    assert imu is not None
+    told = vector["fields"]
+    # Two golden numbers are one unit in the last place away from their own bytes.
+    assert imu.acceleration_mps2 == pytest.approx(tuple(g * 9.80665 for g in told["acc"]), rel=1e-7)
+    assert imu.rate_radps == tuple(math.radians(value) for value in told["gyro"])
+    assert imu.controller_id == told["controller_id"]
+    if "rpy" in told:
+        assert imu.attitude_rad == tuple(told["rpy"])
+        assert imu.magnetic_ut == tuple(told["mag"])
+        assert imu.quaternion == pytest.approx(tuple(told["q"]), rel=1e-7)
+    else:
+        assert all(map(math.isnan, imu.attitude_rad + imu.magnetic_ut + imu.quaternion))
+
+
+@pytest.mark.parametrize("vector", received(31), ids=lambda v: v["name"])
+def test_decoded_ppm(vector):
+    told = vector["fields"]
+    assert replies.decode_ppm(bytes.fromhex(vector["payload_hex"])) == (told["level"], told["pulse_ms"])
+
+
+@pytest.mark.parametrize("vector", received(21), ids=lambda v: v["name"])
+def test_printed_text(vector):
+    text = replies.decode_print(bytes.fromhex(vector["payload_hex"]))
+    assert text == vector["fields"]["text"]
+
+
+# By heart: section 2 of the protocol notes has this reply of a 6.x firmware.
+GOLDEN = bytes.fromhex(
+    "04013b0118000004d200000141fffffff4000004ce00d7000012060076000004d20000000c000038e70000007b"
+    "0001e2400001e45f00102ec2e04a013a013c013bffffff850000092900"
+)
+
+
+@pytest.mark.parametrize("size", range(len(GOLDEN) + 3))
+def test_values_of_any_length_are_what_is_there_or_nothing(size):
+    payload = (GOLDEN + b"new")[:size]
+    values = replies.decode_values(payload)
+    if size < 54:
+        assert values is None
+    else:
+        assert values is not None
+        assert (values.erpm, values.voltage_v, values.tachometer, values.fault_code) == (4614, 11.8, 123456, 0)
+        assert (values.controller_id == 74) == (size >= 59)
+        assert (values.status == 0) == (size >= 74)
+
+
+def test_extra_bytes_are_future_fields():
+    assert replies.decode_values(GOLDEN + bytes(50)) == replies.decode_values(GOLDEN)
+
+
+def test_a_selective_reply_shorter_than_its_mask_is_nothing():
+    payload = bytes.fromhex("320020a1800000120600760001e2400000")
+    assert replies.decode_values_selective(payload) is not None
+    assert all(replies.decode_values_selective(payload[:size]) is None for size in range(len(payload)))
+
+
+def test_the_hottest_mosfet_of_an_old_firmware_is_its_temperature():
+    payload = bytes([4]) + b"".join(value.to_bytes(2, "big") for value in (315, 316, 314, 0, 0, 0, 300)) + bytes(41)
+    values = replies.decode_values_2x(payload)
+    assert values is not None
+    assert (values.mosfet_temperature_c, values.board_temperature_c) == (31.6, 30.0)
+    assert math.isnan(values.motor_temperature_c)
+    assert replies.decode_values_2x(payload[:-1]) is None
+
+
+def test_versions_read_as_vesc_tool_writes_them():
+    assert [replies.Firmware(*v).version for v in ((6, 5), (3, 40), (2, 18), (5, 2))] == [
+        "6.05",
+        "3.40",
+        "2.18",
+        "5.02",
+    ]
+
+
+def test_no_bytes_make_a_decoder_raise():
+    rng = random.Random(3)
+    decoders = [
+        replies.decode_firmware,
+        replies.decode_values,
+        replies.decode_values_2x,
+        replies.decode_values_selective,
+        replies.decode_imu,
+        replies.decode_ppm,
+        replies.decode_print,
+    ]
+    for _ in range(3000):
+        payload = rng.randbytes(rng.randrange(1, 90))
+        for decode in decoders:
+            decode(payload)
+
+
+def test_every_fault_has_words_and_none_has_none():
+    assert fault_text(0) == ""
+    texts = [fault_text(code) for code in range(1, 34)]
+    assert len(set(texts)) == 33
+    assert all(": " in text for text in texts)
+    assert fault_text(2) == "under voltage: charge or change the battery"
+    assert "fault 200" in fault_text(200)

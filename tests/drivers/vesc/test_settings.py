@@ -1,0 +1,44 @@
+"""Settings: what is refused, and that it says why."""
+
+import pytest
+from pydantic import ValidationError
+
+from drivers.vesc.settings import VescSettings
+
+
+def test_the_defaults_are_those_of_the_stock_cars():
+    settings = VescSettings()
+    assert (settings.speed_to_erpm_gain, settings.steering_to_servo_gain) == (4614.0, -1.2135)
+    assert (settings.servo_min, settings.steering_to_servo_offset, settings.servo_max) == (0.15, 0.5304, 0.85)
+
+
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({"adress": "serial:///dev/x"}, "Extra inputs"),
+        ({"driver": "pwm"}, "vesc"),
+        ({"address": "ttyACM0"}, "is not an address"),
+        ({"address": "tcp://10.0.0.1:65102"}, "is not a serial port"),
+        ({"speed_to_erpm_gain": -4614}, "greater than 0"),
+        ({"speed_to_erpm_gain": float("nan")}, "finite"),
+        ({"brake_current_a": 0.0}, "greater than or equal to 1"),
+        ({"steering_to_servo_gain": 0}, "could not steer"),
+        ({"servo_min": 0.6, "servo_max": 0.5}, "must be below"),
+        ({"steering_to_servo_offset": 0.9}, "straight ahead"),
+        ({"lost_after_s": 0.05}, "use 0.060 or more"),
+        ({"poll_hz": 0}, "greater than or equal to 10"),
+    ],
+)
+def test_bad_settings_are_refused_with_a_reason(changes, complaint):
+    with pytest.raises(ValidationError, match=complaint):
+        VescSettings.model_validate(changes)
+
+
+def test_settings_do_not_change_behind_ones_back():
+    settings = VescSettings()
+    with pytest.raises(ValidationError, match="frozen"):
+        settings.poll_hz = 10  # type: ignore[misc]  # the type checker knows it, too
+
+
+def test_every_setting_is_described():
+    assert all(field.description for field in VescSettings.model_fields.values())
