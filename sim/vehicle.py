@@ -4,12 +4,12 @@ State: the pose of the rear axle, the velocity (u, w) of the centre of gravity i
 servo's angle and the one speed of all wheels (four-wheel drive, joined). Per axle, with load N and grip mu:
 
     slip angle   a = atan2(lateral, |longitudinal|) of the contact point, in the wheel's frame
-    lateral      F = -sqrt((mu N)^2 - Fx^2) tanh(C a)            wheels rolling
+    lateral      F = -sqrt((mu N)^2 - Fx^2) sat(C a)             wheels rolling; sat(z) = z / (1 + z^4)^(1/4)
     both         (Fx, Fy) = -mu N (slip velocity) / |slip velocity|   wheels locking or locked
 
 Below 0.4 m/s the motion is that of a rolling bicycle (curvature tan(steering) / wheelbase), which is exact there and has
-no stiff equations; between 0.4 and 0.8 m/s the two are mixed. Load transfer is left out. Plain floats: numpy would be ten
-times slower for so few numbers.
+no stiff equations; between 0.4 and 0.8 m/s the two are mixed. Accelerating and braking move load between the axles, and
+driving and braking force is shared like the load. Plain floats: numpy would be ten times slower for so few numbers.
 """
 
 import math
@@ -37,8 +37,8 @@ class Vehicle:
         self._motor = MotorControl(s)
         self._rear_m, self._front_m = s.rear_axle_to_cg_m, s.front_axle_to_cg_m
         self._grip_mps2 = s.grip_mu * GRAVITY_MPS2
-        self._front_share = self._rear_m / s.wheelbase_m  # of the load, and of the driving and braking force
-        self._rear_share = self._front_m / s.wheelbase_m
+        self._front_share = self._rear_m / s.wheelbase_m  # of the load, at rest
+        self._shift_per_mps2 = s.cg_height_m / (GRAVITY_MPS2 * s.wheelbase_m)
         self._yaw_per_moment = s.mass_kg / s.yaw_inertia_kgm2  # forces are kept per mass, in m/s2
         self._wheel_inertia = s.wheel_mass_kg / s.mass_kg
         self.place(pose or Pose(0.0, 0.0, 0.0))
@@ -138,24 +138,27 @@ class Vehicle:
             math.copysign(brake_mps2, u) if u else math.copysign(min(brake_mps2, abs(drive_mps2)), drive_mps2)
         )
         grip_mps2 = self._grip_mps2
-        drive_mps2 = min(max(drive_mps2, against_mps2 - grip_mps2), against_mps2 + grip_mps2)  # no wheelspin
         along_mps2 = drive_mps2 - against_mps2
-        if abs(along_mps2) > grip_mps2 and brake_mps2 > grip_mps2:
+        if brake_mps2 > grip_mps2 and abs(along_mps2) > grip_mps2:
             self._sliding = True
+            self.wheel_speed_mps = u - math.copysign(min(_SLIP_SCALE_MPS, abs(u)), u)  # enough slip to rub in full
             self._slide(dt_s, drive_mps2, brake_mps2, angle_rad)
             return
+        along_mps2 = min(max(along_mps2, -grip_mps2), grip_mps2)  # the speed control does not spin the wheels
         aside_mps2 = math.sqrt(max(0.0, grip_mps2**2 - along_mps2**2))
         cos, sin = math.cos(angle_rad), math.sin(angle_rad)
         front_left = w + self._front_m * rate
         slip_front = math.atan2(front_left * cos - u * sin, abs(u * cos + front_left * sin))
         slip_rear = math.atan2(w - self._rear_m * rate, abs(u))
-        front = -self._front_share * aside_mps2 * math.tanh(self.settings.cornering_front_per_rad * slip_front)
-        rear = -self._rear_share * aside_mps2 * math.tanh(self.settings.cornering_rear_per_rad * slip_rear)
-        pull = self._front_share * along_mps2
+        front_share = min(max(self._front_share - self._shift_per_mps2 * along_mps2, 0.0), 1.0)
+        rear_share = 1.0 - front_share
+        front = -front_share * aside_mps2 * _saturated(self.settings.cornering_front_per_rad * slip_front)
+        rear = -rear_share * aside_mps2 * _saturated(self.settings.cornering_rear_per_rad * slip_rear)
+        pull = front_share * along_mps2
         front_along, front_aside = pull * cos - front * sin, pull * sin + front * cos
         speed = math.hypot(u, w)
         slips = min(max((speed - _ROLLS_BELOW_MPS) / (_SLIPS_ABOVE_MPS - _ROLLS_BELOW_MPS), 0.0), 1.0)
-        du = slips * (front_along + self._rear_share * along_mps2 + w * rate) + (1.0 - slips) * along_mps2
+        du = slips * (front_along + rear_share * along_mps2 + w * rate) + (1.0 - slips) * along_mps2
         new_u = u + du * dt_s
         if new_u * u < 0.0 and abs(drive_mps2) <= brake_mps2:
             new_u = 0.0  # friction stops, it does not push back
@@ -180,13 +183,18 @@ class Vehicle:
         front_left = w + self._front_m * rate
         front_x, front_y = _friction(u * cos + front_left * sin - wheel, front_left * cos - u * sin)
         rear_x, rear_y = _friction(u - wheel, w - self._rear_m * rate)
-        front_grip, rear_grip = self._front_share * grip_mps2, self._rear_share * grip_mps2
+        shift = self._shift_per_mps2 * grip_mps2 * rear_x  # the load follows the force, here the whole grip
+        front_share = min(max(self._front_share - shift, 0.0), 1.0)
+        front_grip, rear_grip = front_share * grip_mps2, (1.0 - front_share) * grip_mps2
         front_along, front_aside = front_x * cos - front_y * sin, front_x * sin + front_y * cos
         self._forward_mps = u + (front_grip * front_along + rear_grip * rear_x + w * rate) * dt_s
         self._left_mps = w + (front_grip * front_aside + rear_grip * rear_y - u * rate) * dt_s
         turning = self._front_m * front_grip * front_aside - self._rear_m * rear_grip * rear_y
         self.yaw_rate_radps = rate + self._yaw_per_moment * turning * dt_s
-        self._turn_wheels(dt_s, drive_mps2 - front_grip * front_x - rear_grip * rear_x, brake_mps2, u)
+        # The motor's accelerations are those of the rolling car; that includes turning the wheels' own inertia.
+        torque = 1.0 + self._wheel_inertia
+        floor_mps2 = front_grip * front_x + rear_grip * rear_x
+        self._turn_wheels(dt_s, torque * drive_mps2 - floor_mps2, torque * brake_mps2, u)
 
     def _turn_wheels(self, dt_s: float, turning_mps2: float, brake_mps2: float, before_mps: float) -> None:
         """Speed the wheels up by what turns them, down by the brake; rolling begins again where slip changes sign."""
@@ -199,6 +207,11 @@ class Vehicle:
         if (self.wheel_speed_mps - self._forward_mps) * (wheel - before_mps) <= 0.0 and wheel != before_mps:
             self.wheel_speed_mps = self._forward_mps
             self._sliding = False
+
+
+def _saturated(z: float) -> float:
+    z2 = z * z
+    return z / math.sqrt(math.sqrt(1.0 + z2 * z2))
 
 
 def _friction(slip_x_mps: float, slip_y_mps: float) -> tuple[float, float]:

@@ -26,6 +26,7 @@ class VehicleSettings(BaseModel):
 
     wheelbase_m: Positive = 0.33
     rear_axle_to_cg_m: Positive = 0.17145
+    cg_height_m: NotNegative = 0.074
     mass_kg: Positive = 3.74
     yaw_inertia_kgm2: Positive = 0.04712
     grip_mu: Positive = 0.8

@@ -95,6 +95,12 @@ def test_scan_points_are_bright_also_on_a_wall() -> None:
     assert styles_at(view, 5, 36) == [SCAN]
 
 
+@pytest.mark.parametrize("point", [[-6.1, 0.1], [6.1, 0.1], [0.1, -6.1], [0.1, 6.1], [-1e300, 1e300]])
+def test_a_point_beyond_the_edge_is_not_drawn_on_the_other_side(point: list[float]) -> None:
+    assert follow(NO_WALLS, [point]) == follow(NO_WALLS)
+    assert follow(np.array([point])) == follow(NO_WALLS)
+
+
 def test_nan_and_infinity_are_ignored() -> None:
     wall, point = [2.1, -1.9, 2.1, 1.9], [1.1, 1.1]
     broken = [[NAN, 0.0, 1.0, 1.0], [0.0, 0.0, math.inf, 0.0], [-math.inf, 0.0, math.inf, 0.0], wall]

@@ -9,17 +9,19 @@ from sim.devices.scip_encode import encode_samples, encode_scan
 
 
 @given(st.lists(st.integers(0, 262143), min_size=1, max_size=400), st.booleans())
-def test_the_fast_path_agrees_with_plain_arithmetic(values, reverse):
+def test_the_fast_path_agrees_with_plain_arithmetic(values: list[int], reverse: bool) -> None:
     decoder = RangeDecoder(len(values), 20, 30000, reverse=reverse)
     ranges_m = decoder.decode(encode_samples(np.array(values), 3))
     expected = [np.float32(mm) / np.float32(1000) if 20 <= mm <= 30000 else np.nan for mm in values]
     np.testing.assert_array_equal(ranges_m, np.array(expected[::-1] if reverse else expected, np.float32))
 
 
-def test_every_scan_is_a_fresh_read_only_array():
+def test_every_scan_is_a_fresh_read_only_array() -> None:
     decoder = RangeDecoder(3, 20, 30000)
     first = decoder.decode(encode_samples(np.array([1000, 2000, 3000]), 3))
     second = decoder.decode(encode_samples(np.array([19, 30001, 65533]), 3))
+    assert first is not None
+    assert second is not None
     np.testing.assert_array_equal(first, np.array([1, 2, 3], np.float32))
     assert np.isnan(second).all()
     assert first.dtype == np.float32
@@ -28,20 +30,22 @@ def test_every_scan_is_a_fresh_read_only_array():
 
 
 @pytest.mark.parametrize("samples", [b"", b"0?X0W", b"0?X0W47D`000", b"0?X0W47D&", b"0?X0W47D\xff", b"0?X0W47Dp"])
-def test_anything_but_three_samples_of_three_digits_is_refused(samples):
+def test_anything_but_three_samples_of_three_digits_is_refused(samples: bytes) -> None:
     assert RangeDecoder(3, 20, 30000).decode(samples) is None
 
 
 @given(st.integers(1, 300))
-def test_every_length_of_scan_comes_through_frame_and_all(beam_count):
+def test_every_length_of_scan_comes_through_frame_and_all(beam_count: int) -> None:
     values = np.arange(beam_count) * 97 % 30000
     [block] = Deframer().feed(encode_scan(b"MD0000108000000", "99", 77, encode_samples(values, 3)))
-    assert decode_scan(block).ranges_mm.tolist() == values.tolist()
-    assert decode_scan(block).stamp_ms == 77
+    scan = decode_scan(block)
+    assert scan is not None
+    assert scan.ranges_mm.tolist() == values.tolist()
+    assert scan.stamp_ms == 77
 
 
 @given(st.lists(st.integers(1, 64), min_size=1, max_size=8))
-def test_lines_of_odd_length_are_joined_too(lengths):
+def test_lines_of_odd_length_are_joined_too(lengths: list[int]) -> None:
     text = b"0123456789:;<=>?" * 40
     lines, at = [], 0
     for length in lengths:
@@ -67,17 +71,19 @@ def test_lines_of_odd_length_are_joined_too(lengths):
         (b"ND0000000000000", (b"01>8", b"0?X&0?&")),
     ],
 )
-def test_blocks_that_hold_no_scan(echo, lines):
+def test_blocks_that_hold_no_scan(echo: bytes, lines: tuple[bytes, ...]) -> None:
     assert decode_scan(Block(echo, "99", lines)) is None
 
 
-def test_echoes_with_intensity():
+def test_echoes_with_intensity() -> None:
     scan = decode_scan(Block(b"NE0000000100000", "99", (b"01>8", b"0?X001&0GL0020O@003")))
+    assert scan is not None
     assert scan.echoes_mm == ((1000, 1500), (2000,))
+    assert scan.intensities is not None
     assert scan.intensities.tolist() == [1, 3]
 
 
-def test_numbers_of_two_three_and_four_characters():
-    assert decode_numbers(b"CB", chars=2).tolist() == [1234]
-    assert decode_numbers(b"1Dh0?X", chars=3).tolist() == [5432, 1000]
-    assert decode_numbers(b"m2@0", chars=4).tolist() == [16000000]
+def test_numbers_of_two_three_and_four_characters() -> None:
+    np.testing.assert_equal(decode_numbers(b"CB", chars=2), [1234])
+    np.testing.assert_equal(decode_numbers(b"1Dh0?X", chars=3), [5432, 1000])
+    np.testing.assert_equal(decode_numbers(b"m2@0", chars=4), [16000000])

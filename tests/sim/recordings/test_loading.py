@@ -181,6 +181,22 @@ def test_scans_with_other_beams_are_left_out_and_counted(ros2: Any, tmp_path: Pa
     assert recording.notes == ("1 scans on /scan have other beams than the other 2 and are left out.",)
 
 
+def test_scans_are_put_in_the_order_of_their_reception(tmp_path: Path) -> None:
+    geometry: dict[str, Any] = {
+        "angle_min": -1.0,
+        "angle_increment": 0.5,
+        "range_min": 0.02,
+        "range_max": 30.0,
+        "scan_time": 0.025,
+    }
+    ranges_m, received_s = np.array([[1.0], [2.0], [3.0]]), np.array([12.0, 11.0, 13.0])
+    np.savez(tmp_path / "r.npz", topic="/scan", recv=received_s, stamps=received_s - 0.5, ranges=ranges_m, **geometry)
+    recording = load_recording(tmp_path / "r.npz")
+    np.testing.assert_array_equal(recording.ranges_m, [[2.0], [1.0], [3.0]])
+    np.testing.assert_array_equal(recording.received_s, [0.0, 1.0, 2.0])
+    np.testing.assert_array_equal(recording.stamp_s, [-0.5, 0.5, 1.5])
+
+
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"gone\.npz does not exist"):
         load_recording(tmp_path / "gone.npz")

@@ -1,0 +1,426 @@
+"""The driver against the emulated controller, over a real pseudo-terminal in the same event loop."""
+
+import asyncio
+import math
+import os
+import tty
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+
+from drivers.api import Drive, LinkState, Motor, MotorState
+from drivers.vesc import codec, driver
+from drivers.vesc.codec import MOTOR_PACKETS, Packet, frame
+from drivers.vesc.driver import Vesc
+from drivers.vesc.settings import VescSettings
+from sim.devices.vesc import VescEmulator
+
+PATIENCE_S = 10.0
+BRAKE = codec.set_brake_current(20.0)
+CENTRE = codec.set_servo(0.5304)
+
+
+async def until(met: Callable[[], object]) -> None:
+    async with asyncio.timeout(PATIENCE_S):
+        while not met():
+            await asyncio.sleep(0.001)
+
+
+@pytest.fixture
+async def emulator(tmp_path: Path) -> AsyncIterator[VescEmulator]:
+    emulator = VescEmulator(tmp_path / "vesc")
+    emulator.start()
+    yield emulator
+    emulator.close()
+
+
+def vesc_at(path: Path, **changes: float) -> Vesc:
+    """A driver that is patient with a busy machine, unless told otherwise."""
+    return Vesc(VescSettings.model_validate({"address": f"serial://{path}", "lost_after_s": 2.0, **changes}))
+
+
+@asynccontextmanager
+async def running(vesc: Vesc) -> AsyncIterator[asyncio.Task[None]]:
+    task: asyncio.Task[None] = asyncio.ensure_future(vesc.run())
+    try:
+        yield task
+    finally:
+        task.cancel()
+        with suppress(asyncio.CancelledError):
+            await task
+
+
+@asynccontextmanager
+async def ready(emulator: VescEmulator, **changes: float) -> AsyncIterator[Vesc]:
+    vesc = vesc_at(emulator.link, **changes)
+    async with running(vesc) as task:
+        await until(lambda: vesc.health.link is LinkState.READY or task.done())
+        yield vesc
+
+
+def seen(vesc: Vesc) -> MotorState:
+    assert vesc.state is not None
+    return vesc.state
+
+
+def commands(emulator: VescEmulator) -> list[bytes]:
+    """Everything received but questions."""
+    return [payload for _, payload in emulator.wire if payload[0] not in {Packet.FW_VERSION, Packet.GET_VALUES}]
+
+
+async def sent(vesc: Vesc, emulator: VescEmulator, drive: Drive) -> list[bytes]:
+    """Send one command and return what arrives of it."""
+    count = len(commands(emulator))
+    assert vesc.send(drive)
+    await until(lambda: len(commands(emulator)) >= count + 2)
+    return commands(emulator)[count:]
+
+
+async def test_it_is_a_motor(emulator):
+    vesc: Motor = vesc_at(emulator.link)
+    assert (vesc.health.link, vesc.state) == (LinkState.ABSENT, None)
+    assert vesc.send(Drive(1.0, 0.0)) is False
+
+
+@pytest.mark.parametrize(
+    ("version", "identity"),
+    [
+        ((2, 18), "VESC, firmware 2.18"),
+        ((3, 40), "VESC 60, firmware 3.40"),
+        ((5, 2), "VESC 60, firmware 5.02"),
+        ((6, 5), "VESC 60, firmware 6.05"),
+        ((7, 0), "VESC 60, firmware 7.00"),
+    ],
+)
+async def test_every_firmware_is_identified_and_understood(emulator, version, identity):
+    emulator.firmware = version
+    emulator.report(erpm=4614, tachometer=100, voltage_v=11.1, motor_current_a=3.5, input_current_a=1.25)
+    async with ready(emulator) as vesc:
+        assert vesc.health.identity == vesc.health.message == identity
+        state = seen(vesc)
+        assert (state.speed_mps, state.voltage_v, state.temperature_c) == (1.0, 11.1, 31.5)
+        assert (state.motor_current_a, state.input_current_a) == (3.5, 1.25)
+        assert (state.distance_m, state.fault, state.killed) == (0.0, "", False)
+
+
+async def test_nothing_but_the_question_who_it_is_goes_to_a_stranger(emulator):
+    emulator.silent = True
+    vesc = vesc_at(emulator.link)
+    async with running(vesc):
+        await until(lambda: len(emulator.wire) >= 3)
+        assert vesc.health.link is LinkState.STARTING
+        assert vesc.send(Drive(1.0, 0.0)) is False
+    await until(lambda: vesc.health.link is LinkState.ABSENT)
+    assert {payload for _, payload in emulator.wire} == {codec.plain(Packet.FW_VERSION)}
+
+
+async def test_a_talker_that_is_no_vesc_is_refused_and_named_so(emulator, monkeypatch):
+    monkeypatch.setattr(driver, "IDENTIFY_TIMEOUT_S", 0.4)
+    emulator.garbage = True
+    vesc = vesc_at(emulator.link)
+    async with running(vesc):
+        await until(lambda: "not like a VESC" in vesc.health.message)
+        assert vesc.health.link is LinkState.ABSENT
+    assert emulator.motor_wire() == []
+
+
+async def test_a_silent_port_is_named_so_and_tried_again(emulator, monkeypatch):
+    monkeypatch.setattr(driver, "IDENTIFY_TIMEOUT_S", 0.3)
+    emulator.silent = True
+    vesc = vesc_at(emulator.link)
+    async with running(vesc):
+        await until(lambda: "no answer to FW_VERSION" in vesc.health.message)
+        emulator.silent = False
+        await until(lambda: vesc.health.link is LinkState.READY)
+
+
+async def test_a_battery_manager_on_the_port_is_refused(emulator):
+    emulator.hardware_kind = 1
+    vesc = vesc_at(emulator.link)
+    async with running(vesc):
+        await until(lambda: "is a battery manager" in vesc.health.message)
+    assert emulator.motor_wire() == []
+
+
+@pytest.mark.parametrize(
+    ("drive", "motor", "position"),
+    [
+        (Drive(1.0, 0.0), codec.set_erpm(4614), 0.530),
+        (Drive(-0.5, 0.0), codec.set_erpm(-2307), 0.530),
+        (Drive(0.2, 0.1), codec.set_erpm(923), 0.409),
+        (Drive(0.0, -0.1), BRAKE, 0.652),
+        (Drive(-0.0, 0.0), BRAKE, 0.530),
+        (Drive(0.19, 0.0), BRAKE, 0.530),
+        (Drive(-0.19, 0.0), BRAKE, 0.530),
+        (Drive(2.0, 1.5), codec.set_erpm(9228), 0.150),
+        (Drive(2.0, -1.5), codec.set_erpm(9228), 0.850),
+    ],
+)
+async def test_a_command_is_exactly_two_frames(emulator, drive, motor, position):
+    async with ready(emulator) as vesc:
+        assert await sent(vesc, emulator, drive) == [motor, codec.set_servo(position)]
+
+
+async def test_both_frames_go_out_in_one_write(emulator, monkeypatch):
+    async with ready(emulator) as vesc:
+        writes: list[bytes] = []
+        assert vesc._ready is not None
+        monkeypatch.setattr(vesc._ready, "write", writes.append)
+        assert vesc.send(Drive(1.0, 0.0))
+        assert writes == [frame(codec.set_erpm(4614)) + frame(CENTRE)]
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e300])
+async def test_what_is_no_command_is_a_brake_and_counted(emulator, bad):
+    async with ready(emulator) as vesc:
+        assert await sent(vesc, emulator, Drive(1.0, 0.1)) == [codec.set_erpm(4614), codec.set_servo(0.409)]
+        assert await sent(vesc, emulator, Drive(bad, -0.1)) == [BRAKE, codec.set_servo(0.409)]
+        if not math.isfinite(bad):  # steering as large as can be is still a direction
+            assert await sent(vesc, emulator, Drive(1.0, bad)) == [BRAKE, codec.set_servo(0.409)]
+        assert vesc.health.counts["bad_command"] == 1 + (not math.isfinite(bad))
+
+
+@pytest.mark.parametrize(
+    ("erpm", "speed_mps", "brakes"),
+    [
+        (4614, -1.0, True),
+        (-4614, 1.0, True),
+        (4614, 0.5, False),
+        (1300, -1.0, False),
+        (-1300, 1.0, False),
+        (0, -1.0, False),
+    ],
+)
+async def test_it_brakes_before_it_drives_the_other_way(emulator, erpm, speed_mps, brakes):
+    emulator.report(erpm=erpm)
+    async with ready(emulator) as vesc:
+        motor, _ = await sent(vesc, emulator, Drive(speed_mps, 0.0))
+        assert motor == (BRAKE if brakes else codec.set_erpm(round(4614 * speed_mps)))
+
+
+async def test_the_state_tells_the_steering_that_was_possible(emulator):
+    async with ready(emulator) as vesc:
+        vesc.send(Drive(0.0, 0.12))
+        await until(lambda: seen(vesc).steering_rad == 0.12)
+        vesc.send(Drive(0.0, 2.0))
+        await until(lambda: seen(vesc).steering_rad == pytest.approx(0.3135, abs=1e-4))
+
+
+async def test_the_distance_survives_a_reboot_and_a_lost_link(emulator):
+    emulator.report(tachometer=70_000)
+    async with ready(emulator) as vesc:
+        metres_per_step = 10 / 4614
+        emulator.report(tachometer=70_900)
+        await until(lambda: seen(vesc).distance_m == pytest.approx(900 * metres_per_step))
+        emulator.reboot()
+        await until(lambda: vesc.health.counts.get("reboot") == 1)
+        emulator.report(tachometer=70_700)
+        await until(lambda: seen(vesc).distance_m == pytest.approx(700 * metres_per_step))
+        emulator.replug()
+        await until(lambda: vesc.health.counts.get("reconnect") == 1 and vesc.state is not None)
+        assert seen(vesc).distance_m == pytest.approx(700 * metres_per_step)
+
+
+async def test_polling_does_not_keep_the_motor_alive(tmp_path):
+    emulator = VescEmulator(tmp_path / "vesc", timeout_s=0.15, timeout_brake_a=8.0)
+    emulator.start()
+    async with ready(emulator) as vesc:
+        vesc.send(Drive(1.0, 0.0))
+        await until(lambda: not seen(vesc).timed_out)
+        await until(lambda: seen(vesc).timed_out)  # nothing but polls went out meanwhile
+        assert emulator.motor_wire() == [codec.set_erpm(4614)]
+        vesc.send(Drive(1.0, 0.0))
+        await until(lambda: not seen(vesc).timed_out)
+    emulator.close()
+
+
+async def test_a_fault_is_latched_and_only_brakes_go_out_until_it_is_cleared(emulator):
+    async with ready(emulator) as vesc:
+        emulator.inject_fault(2, fault_stop_s=0.1)
+        await until(lambda: vesc.health.link is LinkState.FAULTY)
+        assert vesc.health.message == "VESC 60, firmware 6.05: under voltage: charge or change the battery"
+        emulator.inject_fault(0, fault_stop_s=0.0)
+        reports = seen(vesc).stamp_s
+        await until(lambda: seen(vesc).stamp_s > reports + 0.05)
+        assert seen(vesc).fault == "under voltage: charge or change the battery"
+        assert await sent(vesc, emulator, Drive(1.0, 0.0)) == [BRAKE, CENTRE]
+        vesc.clear_fault()
+        assert (vesc.health.link, vesc.health.message, seen(vesc).fault) == (LinkState.READY, vesc.health.identity, "")
+        assert await sent(vesc, emulator, Drive(1.0, 0.0)) == [codec.set_erpm(4614), CENTRE]
+
+
+async def test_clearing_a_fault_while_disconnected_promises_nothing(emulator):
+    vesc = vesc_at(emulator.link)
+    vesc.clear_fault()
+    assert vesc.health.link is LinkState.ABSENT
+
+
+async def test_the_kill_switch_shows(emulator):
+    async with ready(emulator) as vesc:
+        emulator.kill_switch = True
+        await until(lambda: seen(vesc).killed)
+
+
+async def test_unplug_and_replug(emulator):
+    async with ready(emulator) as vesc:
+        emulator.unplug()
+        await until(lambda: vesc.health.link is LinkState.ABSENT)
+        assert vesc.state is None
+        assert vesc.send(Drive(1.0, 0.0)) is False
+        await until(lambda: "no such device" in vesc.health.message)
+        wired = len(commands(emulator))
+        emulator.start()
+        await until(lambda: vesc.health.link is LinkState.READY)
+        assert len(commands(emulator)) == wired  # nothing was queued
+        assert await sent(vesc, emulator, Drive(1.0, 0.0)) == [codec.set_erpm(4614), CENTRE]
+        assert (vesc.health.counts["lost"], vesc.health.counts["reconnect"]) == (1, 1)
+
+
+async def test_a_send_that_meets_a_dead_port_is_false_and_run_goes_on(emulator):
+    async with ready(emulator) as vesc:
+        emulator.unplug()
+        assert vesc.send(Drive(1.0, 0.0)) is False
+        assert vesc.send(Drive(1.0, 0.0)) is False
+        emulator.start()
+        await until(lambda: vesc.health.counts.get("reconnect") == 1)
+        await until(lambda: vesc.send(Drive(0.0, 0.0)))
+
+
+async def test_silence_is_a_lost_link_left_with_a_brake_and_reopened(emulator):
+    async with ready(emulator, lost_after_s=0.2) as vesc:
+        vesc.send(Drive(1.0, 0.0))
+        emulator.silent = True
+        await until(lambda: "no usable reply for 0.2 s" in vesc.health.message)
+        assert vesc.state is None
+        await until(lambda: emulator.motor_wire()[-1] == BRAKE)
+        assert vesc.health.counts["missed_reply"] >= 3
+        emulator.silent = False
+        await until(lambda: vesc.health.link is LinkState.READY)
+
+
+async def test_one_missed_reply_is_counted_and_forgiven(emulator):
+    async with ready(emulator) as vesc:
+        emulator.silent = True
+        await until(lambda: vesc.health.counts.get("missed_reply"))
+        emulator.silent = False
+        stamp_s = seen(vesc).stamp_s
+        await until(lambda: seen(vesc).stamp_s > stamp_s)
+        assert "lost" not in vesc.health.counts
+
+
+async def test_a_device_that_takes_no_more_bytes_is_lost(emulator):
+    async with ready(emulator) as vesc:
+        emulator.deaf = True
+        async with asyncio.timeout(PATIENCE_S):
+            while vesc.send(Drive(1.0, 0.0)):
+                pass
+        await until(lambda: "stopped taking bytes" in vesc.health.message)
+        emulator.deaf = False
+        await until(lambda: vesc.health.link is LinkState.READY)
+
+
+@pytest.mark.parametrize(("trouble", "counted"), [("noise", "skipped_bytes"), ("dribble", None)])
+async def test_it_lives_with_noise_and_dribble(emulator, trouble, counted):
+    setattr(emulator, trouble, True)
+    async with ready(emulator) as vesc:
+        stamp_s = seen(vesc).stamp_s
+        await until(lambda: seen(vesc).stamp_s > stamp_s + 0.1)
+        if counted:
+            assert vesc.health.counts[counted] > 0
+
+
+async def test_bad_checksums_are_counted_and_never_believed(emulator):
+    async with ready(emulator) as vesc:
+        emulator.bad_crc = True
+        emulator.report(erpm=9999)
+        await until(lambda: vesc.health.counts.get("checksum", 0) >= 2)
+        assert seen(vesc).speed_mps == 0.0
+
+
+async def test_cancelling_leaves_a_brake_as_the_last_word_and_a_closed_port(emulator):
+    async with ready(emulator) as vesc:
+        vesc.send(Drive(2.0, 0.1))
+        await until(emulator.motor_wire)
+    await until(lambda: len(emulator.motor_wire()) == 2)
+    assert emulator.motor_wire() == [codec.set_erpm(9228), BRAKE]
+    assert emulator.wire[-1][1] == BRAKE
+    assert (vesc.health.link, vesc.state, vesc.send(Drive(1.0, 0.0))) == (LinkState.ABSENT, None, False)
+
+
+async def test_a_bug_comes_out_of_run_after_a_brake(emulator, monkeypatch):
+    vesc = vesc_at(emulator.link)
+    task = asyncio.ensure_future(vesc.run())
+    await until(lambda: vesc.health.link is LinkState.READY)
+
+    def buggy(*_: object) -> None:
+        raise KeyError("bug")
+
+    monkeypatch.setattr(vesc._condition, "update", buggy)
+    with pytest.raises(KeyError):
+        await asyncio.wait_for(task, PATIENCE_S)
+    await until(lambda: emulator.motor_wire() == [BRAKE])
+
+
+async def test_an_answer_meant_for_an_earlier_user_of_the_port_is_not_believed():
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    vesc = vesc_at(Path(os.ttyname(slave)))
+    async with running(vesc):
+        await until(lambda: vesc.health.link is LinkState.STARTING)
+        os.write(master, frame(bytes((Packet.GET_VALUES,)) + bytes(73)))
+        await until(lambda: vesc.health.counts.get("unasked_packet") == 1)
+        assert (vesc.state, vesc.health.link) == (None, LinkState.STARTING)
+    os.close(master)
+    os.close(slave)
+
+
+async def test_unasked_text_and_useless_replies_are_counted_and_passed_over(emulator):
+    async with ready(emulator) as vesc:
+        emulator._transmit(b"\x15Warning")
+        emulator._transmit(b"\x04\x00")
+        emulator._transmit(b"\x00\x06")
+        await until(lambda: vesc.health.counts.get("bad_reply") == 2)
+        assert vesc.health.counts["unasked_packet"] == 1
+        assert vesc.health.link is LinkState.READY
+
+
+async def test_an_empty_battery_is_told_but_does_not_stop_the_car(emulator, monkeypatch):
+    monkeypatch.setattr("drivers.vesc.condition.LOW_VOLTAGE_S", 0.05)
+    async with ready(emulator) as vesc:
+        emulator.report(voltage_v=0.4)
+        await until(lambda: vesc.health.link is LinkState.FAULTY)
+        assert "0.4 V is no battery" in vesc.health.message
+        assert (await sent(vesc, emulator, Drive(1.0, 0.0)))[0] == codec.set_erpm(4614)
+
+
+SPEEDS = st.sampled_from([0.0, 0.1, -0.1, 0.5, -0.5, 2.0, -2.0, math.nan])
+
+
+@hypothesis_settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(speeds=st.lists(SPEEDS, max_size=12), erpm=st.sampled_from([0, 9000, -9000]))
+def test_the_driver_never_writes_a_motor_command_that_was_not_sent(tmp_path, speeds, erpm):
+    async def story() -> list[bytes]:
+        emulator = VescEmulator(tmp_path / "vesc")
+        emulator.start()
+        emulator.report(erpm=erpm)
+        async with ready(emulator) as vesc:
+            assert all(vesc.send(Drive(speed_mps, 0.0)) for speed_mps in speeds)
+            stamp_s = seen(vesc).stamp_s
+            await until(lambda: seen(vesc).stamp_s > stamp_s + 0.05)  # polls, but no repetition
+        await until(lambda: len(emulator.motor_wire()) > len(speeds))
+        emulator.close()
+        assert codec.plain(Packet.ALIVE) not in [payload for _, payload in emulator.wire]
+        return emulator.motor_wire()
+
+    wire = asyncio.run(story())
+    assert wire[-1] == BRAKE
+    assert len(wire) == len(speeds) + 1
+    for payload, speed_mps in zip(wire, speeds, strict=False):
+        assert payload[0] in MOTOR_PACKETS
+        held = abs(speed_mps) >= 0.2 and speed_mps * erpm >= 0
+        assert payload == (codec.set_erpm(round(4614 * speed_mps)) if held else BRAKE)

@@ -1,0 +1,80 @@
+"""What the mechanics allow: clamps, slopes, and a stop that nothing delays."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from runtime.control.limiter import Limiter, Limits
+
+LIMITS = Limits(
+    max_speed_mps=4.0, max_reverse_mps=1.0, max_steering_rad=0.34, steering_rate_radps=3.2, max_acceleration_mps2=4.0
+)
+LONG_S = 10.0
+
+
+def moving(speed_mps, steering_rad=0.0):
+    limiter = Limiter(LIMITS)
+    limiter.limit(speed_mps, steering_rad, LONG_S)
+    return limiter
+
+
+@pytest.mark.parametrize(("wanted", "allowed"), [(9, 4), (4, 4), (1, 1), (-0.5, -0.5), (-9, -1)])
+def test_speed_is_clamped(wanted, allowed):
+    assert Limiter(LIMITS).limit(wanted, 0.0, LONG_S).speed_mps == allowed
+
+
+@pytest.mark.parametrize(("wanted", "allowed"), [(1, 0.34), (-1, -0.34), (0.1, 0.1)])
+def test_steering_is_clamped(wanted, allowed):
+    assert Limiter(LIMITS).limit(0.0, wanted, LONG_S).steering_rad == allowed
+
+
+def test_speed_rises_slowly_and_falls_at_once():
+    limiter = Limiter(LIMITS)
+    assert limiter.limit(4.0, 0.0, 0.02).speed_mps == pytest.approx(0.08)
+    assert limiter.limit(4.0, 0.0, 0.02).speed_mps == pytest.approx(0.16)
+    assert moving(4.0).limit(1.0, 0.0, 0.001).speed_mps == 1.0
+    assert moving(4.0).limit(0.0, 0.0, 0.0).speed_mps == 0.0
+    assert moving(-1.0).limit(0.0, 0.0, 0.0).speed_mps == 0.0
+
+
+def test_reverse_rises_slowly_too():
+    assert Limiter(LIMITS).limit(-1.0, 0.0, 0.02).speed_mps == pytest.approx(-0.08)
+
+
+def test_from_ahead_to_reverse_goes_through_standstill():
+    assert moving(2.0).limit(-1.0, 0.0, LONG_S).speed_mps == 0.0
+    assert moving(-1.0).limit(2.0, 0.0, LONG_S).speed_mps == 0.0
+
+
+def test_steering_slews():
+    limiter = Limiter(LIMITS)
+    assert limiter.limit(0.0, 0.34, 0.02).steering_rad == pytest.approx(0.064)
+    assert limiter.limit(0.0, -0.34, 0.02).steering_rad == pytest.approx(0.0)
+
+
+def test_nobody_steering_holds_the_wheels():
+    assert moving(1.0, 0.2).limit(0.0, None, 0.02).steering_rad == 0.2
+
+
+def test_after_a_standstill_it_starts_from_zero():
+    limiter = moving(3.0, 0.2)
+    limiter.standstill()
+    drive = limiter.limit(3.0, 0.2, 0.02)
+    assert (drive.speed_mps, drive.steering_rad) == (pytest.approx(0.08), 0.2)
+
+
+@given(st.lists(st.tuples(st.floats(-20, 20), st.one_of(st.none(), st.floats(-5, 5)), st.floats(0, 0.5)), max_size=30))
+def test_no_sequence_leaves_the_limits(wishes):
+    limiter = Limiter(LIMITS)
+    last = limiter.limit(0.0, 0.0, 0.0)
+    for speed_mps, steering_rad, dt_s in wishes:
+        drive = limiter.limit(speed_mps, steering_rad, dt_s)
+        assert -1.0 <= drive.speed_mps <= 4.0
+        assert abs(drive.steering_rad) <= 0.34
+        assert abs(drive.steering_rad - last.steering_rad) <= 3.2 * dt_s + 1e-9
+        assert abs(drive.speed_mps) <= abs(last.speed_mps) + 4.0 * dt_s + 1e-9
+        assert last.speed_mps * drive.speed_mps >= 0
+        assert math.isfinite(drive.speed_mps)
+        last = drive

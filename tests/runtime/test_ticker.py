@@ -1,0 +1,34 @@
+"""Absolute deadlines: no drift, no burst after a stall."""
+
+import asyncio
+
+import pytest
+
+from runtime.ticker import ticks
+from sim.virtual_time import run_virtual
+
+
+def collect(count, work_s):
+    async def story():
+        loop = asyncio.get_running_loop()
+        times, missed = [], []
+        async for tick in ticks(0.1, loop.time):
+            times.append(loop.time())
+            missed.append(tick.missed)
+            await asyncio.sleep(work_s(len(times)))
+            if len(times) == count:
+                return times, missed
+
+    return run_virtual(story())
+
+
+def test_no_drift_although_the_work_takes_time():
+    times, missed = collect(50, lambda _: 0.03)
+    assert times[-1] == pytest.approx(5.0)
+    assert sum(missed) == 0
+
+
+def test_a_stall_is_reported_and_not_replayed():
+    times, missed = collect(4, lambda n: 0.55 if n == 2 else 0.0)
+    assert times == pytest.approx([0.1, 0.2, 0.75, 0.8])
+    assert missed == [0, 0, 4, 0]

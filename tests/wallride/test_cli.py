@@ -1,0 +1,83 @@
+"""The command as a user types it: exit codes, one clear message, quick help, lean imports."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def wallride(*arguments, timeout=30):
+    return subprocess.run(
+        [sys.executable, "-m", "wallride", *arguments],
+        capture_output=True, text=True, timeout=timeout, cwd=ROOT, check=False,
+        env={**os.environ, "TERM": "dumb"},
+    )  # fmt: skip
+
+
+def test_help_names_the_commands():
+    answer = wallride("--help")
+    assert answer.returncode == 0
+    assert all(command in answer.stdout for command in ("run", "check", "sim"))
+
+
+def test_check_prints_what_is_in_effect():
+    answer = wallride("check", "config/car.toml", "--set", "wall_follow.side=right")
+    assert answer.returncode == 0
+    assert 'side = "right"' in answer.stdout
+    assert "[motor]" in answer.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["run", "nowhere.toml"], ["nowhere.toml", "no such file"]),
+        (["check", "config"], ["config", "is a directory"]),
+        (["check", "--set", "wall_follow.sped_mps=1"], ["wall_follow.sped_mps", "speed_mps"]),
+        (["run", "--set", "safety.methd=report"], ["safety.methd"]),
+        (["check", "--set", "wall_follow.speed_mps=99"], ["wall_follow.speed_mps = 99"]),
+        (["run", "--set", "lidar.address=tpc://192.168.0.10:10940"], ["lidar.address", "tcp://HOST:PORT"]),
+        (["run", "--set", "motor.address=serial:///tmp"], ["motor.address", "is a directory"]),
+        (["run", "--set", "motor.address=serial:///etc/hostname"], ["motor.address", "ordinary file"]),
+        (["check", "--devices", "--set", "motor.address=serial:///dev/nothing-here"], ["motor.address", "plug it in"]),
+        (["sim", "atlantis", "--headless"], ["atlantis", "loop"]),
+        (["sim", "nowhere.yaml", "--headless"], ["nowhere.yaml"]),
+        (["sim", "--recording", "nowhere.npz"], ["nowhere.npz"]),
+        (["sim", "--recording", "config"], ["config"]),
+        (["sim", "--pose", "1,2", "--headless"], ["--pose 1,2", "X,Y,THETA"]),
+        (["sim", "--pose", "100,0.0,0", "--json", "."], ["--json .", "is a directory"]),
+        (["sim", "--duration", "-1"], ["--duration"]),
+        (["sim", "--laps", "0"], ["--laps"]),
+        (["sim", "--plot", "nowhere/plot.png"], ["--plot", "nowhere"]),
+        (["sim", "--set", "wall_follow.side=up"], ["wall_follow.side = 'up'"]),
+    ],
+    ids=lambda value: " ".join(value)[:50],
+)
+def test_a_mistake_gets_one_clear_message_and_exit_code_2(arguments, words):
+    answer = wallride(*arguments)
+    assert answer.returncode == 2
+    assert "Traceback" not in answer.stderr
+    assert all(word in answer.stderr for word in words), answer.stderr
+    assert len(answer.stderr.strip().splitlines()) == 1
+
+
+def test_the_car_imports_nothing_heavy():
+    code = "import sys, runtime.app; print(' '.join(sorted({name.split('.')[0] for name in sys.modules})))"
+    loaded = set(
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT).stdout.split()
+    )
+    heavy = {"scipy", "matplotlib", "rich", "rosbags", "PIL", "aiohttp", "zenoh", "serial", "sim", "pandas"}
+    assert loaded & heavy == set()
+
+
+def test_help_loads_neither_numpy_nor_pydantic():
+    code = (
+        "import sys\nfrom wallride.cli import main\n"
+        "try: main(['--help'])\nexcept SystemExit: pass\n"
+        "print(' '.join(sorted({name.split('.')[0] for name in sys.modules})))"
+    )
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert not {"numpy", "pydantic", "zenoh", "asyncio"} & set(answer.stdout.splitlines()[-1].split())
