@@ -32,7 +32,7 @@ VECTORS = Path(__file__).resolve().parents[3] / ".." / "shared" / "reference" / 
 
 def load() -> dict[str, list[Frame]]:
     found: dict[str, list[Frame]] = {"frames": [], "streams": []}
-    return json.loads(VECTORS.read_text()) if VECTORS.exists() else found  # type: ignore[no-any-return]
+    return json.loads(VECTORS.read_text()) if VECTORS.exists() else found
 
 
 GOLDEN = load()
