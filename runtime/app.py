@@ -8,10 +8,9 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
+from drivers.api import Clock, Drive, Lidar, Motor, Scan
 from drivers.hokuyo.driver import Hokuyo
 from drivers.vesc.driver import Vesc
-
-from drivers.api import Clock, Drive, Lidar, Motor, Scan
 from runtime import wire
 from runtime.bus import Bus
 from runtime.command import Output, Source

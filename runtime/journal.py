@@ -35,7 +35,7 @@ def journal(level: str, form: str) -> Iterator[None]:
     records: queue.SimpleQueue[logging.LogRecord] = queue.SimpleQueue()
     listener = logging.handlers.QueueListener(records, handler)
     root = logging.getLogger()
-    queue_handler = logging.handlers.QueueHandler(records)  # type: ignore[arg-type]  # SimpleQueue is enough for it
+    queue_handler = logging.handlers.QueueHandler(records)
     root.addHandler(queue_handler)
     root.setLevel(level)
     listener.start()

@@ -10,10 +10,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from drivers.vesc.settings import VescSettings
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from drivers.hokuyo.settings import HokuyoSettings
+from drivers.vesc.settings import VescSettings
 from runtime.command import LAB_ORDER, Source
 
 
@@ -124,7 +124,7 @@ class Settings(Section):
 
     def effective_order(self) -> tuple[Source, ...]:
         """Return the mux's order after `safety.binds_teleop` moved safety above the human."""
-        order = [source for source in self.mux.order if source is not Source.SAFETY]
+        order: list[Source] = [source for source in self.mux.order if source is not Source.SAFETY]
         position = self.mux.order.index(Source.SAFETY)
         if self.safety.binds_teleop:
             position = min(position, order.index(Source.TELEOP))

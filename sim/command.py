@@ -121,7 +121,7 @@ def _replay(options: argparse.Namespace, config: Path, settings: Settings, conso
     }
 
 
-def _run(  # noqa: PLR0913 - the few things a run needs, passed once
+def _run(
     session: Session,
     options: argparse.Namespace,
     config: Path,

@@ -36,7 +36,7 @@ class GridGeometry:
         self.cell_m = float(cell_m)
         self.origin = origin.ahead(-self.cell_m, -self.cell_m)
         self._leaps = np.stack([_free_squares(padded, sx, sy) for sx, sy in _SIGNS]).ravel()
-        self._leap_of = memoryview(self._leaps)
+        self._leap_of = self._leaps.data
         self._edge_xy_m = self._edge_cells_m()
 
     @property
@@ -62,8 +62,9 @@ class GridGeometry:
 
     def is_free(self, x_m: float, y_m: float) -> bool:
         """Whether a world point lies in a free cell."""
-        along, across = into_frame(self.origin, np.float64(x_m), np.float64(y_m))
-        column, row = math.floor(along / self.cell_m), math.floor(across / self.cell_m)
+        cos, sin = math.cos(self.origin.yaw_rad), math.sin(self.origin.yaw_rad)
+        dx, dy = x_m - self.origin.x_m, y_m - self.origin.y_m
+        column, row = math.floor((cos * dx + sin * dy) / self.cell_m), math.floor((cos * dy - sin * dx) / self.cell_m)
         rows, columns = self.solid.shape
         return 0 <= row < rows and 0 <= column < columns and not self.solid[row, column]
 
@@ -149,7 +150,9 @@ class GridGeometry:
         for rows, columns in product((-1, 0, 1), repeat=2):
             beside_free |= ~np.roll(solid, (rows, columns), axis=(0, 1))
         row, column = np.nonzero(solid & beside_free)
-        x, y = self._to_world((column + 0.5) * self.cell_m, (row + 0.5) * self.cell_m)
+        x, y = self._to_world(
+            (column.astype(np.float64) + 0.5) * self.cell_m, (row.astype(np.float64) + 0.5) * self.cell_m
+        )
         return np.column_stack([x, y])
 
     def _to_world(self, along_m: Floats, across_m: Floats) -> tuple[Floats, Floats]:

@@ -17,7 +17,7 @@ class Lap:
         self.points_m = np.array(points_m, dtype=np.float64).reshape(-1, 2)
         self._steps_m = np.roll(self.points_m, -1, axis=0) - self.points_m
         lengths_m = np.hypot(self._steps_m[:, 0], self._steps_m[:, 1])
-        if len(self.points_m) < 3 or not lengths_m.all():  # noqa: PLR2004 - a triangle is the smallest ring
+        if len(self.points_m) < 3 or not lengths_m.all():
             raise ValueError("a lap needs at least three points, no two neighbours the same; the ring closes itself")
         self._lengths_m = lengths_m
         self._behind_m = np.concatenate([[0.0], np.cumsum(lengths_m)[:-1]])

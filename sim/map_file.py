@@ -56,7 +56,8 @@ def load_map(path: Path, *, side: Side = "left") -> World:
 
 def read_settings(path: Path) -> MapSettings:
     """Read and check the .yaml file."""
-    from ruamel.yaml import YAML, YAMLError
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
 
     if not path.is_file():
         raise FileNotFoundError(f"no map file {path}; give the path of a map's .yaml file")
@@ -90,7 +91,7 @@ def read_occupancy(settings: MapSettings) -> Floats:
         raise ValueError(f"{settings.image}: not an image that can be read ({error})") from error
     full_scale = 255.0 if pixels.dtype == np.uint8 else 65535.0
     grey = pixels.astype(np.float64)[::-1] / full_scale
-    grey = grey.mean(axis=2) if grey.ndim > 2 else grey  # noqa: PLR2004 - rows, columns, colours
+    grey = grey.mean(axis=2) if grey.ndim > 2 else grey
     return grey if settings.negate else 1.0 - grey
 
 
@@ -129,7 +130,7 @@ def _along_the_wall(geometry: GridGeometry, at: tuple[float, float], side: Side)
     bearings = np.linspace(-math.pi, math.pi, 180, endpoint=False)
     ranges_m = geometry.cast(*at, bearings)
     points = np.column_stack([ranges_m * np.cos(bearings), ranges_m * np.sin(bearings)])
-    aside = np.cos(bearings - bearings[np.argmin(ranges_m)]) > 0.5  # noqa: PLR2004 - this wall, not the one opposite
+    aside = np.cos(bearings - bearings[np.argmin(ranges_m)]) > 0.5
     near = points[aside & (ranges_m <= 1.3 * ranges_m.min())]  # a patch about 1.6 times as long as it is far
     _, _, axes = np.linalg.svd(near - near.mean(axis=0))
     yaw_rad = math.atan2(axes[0, 1], axes[0, 0])

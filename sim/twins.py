@@ -12,7 +12,6 @@ from drivers.api import Clock, Drive, Health, LinkState, MotorState, Scan
 
 BEAMS = 1081
 STEP_RAD = math.radians(0.25)
-FOREVER_S = 3600.0
 
 
 class MemoryLidar:
@@ -97,8 +96,8 @@ class MemoryMotor:
     async def run(self) -> Never:
         """Stay connected; brake when cancelled, as a driver does."""
         try:
-            while True:
-                await asyncio.sleep(FOREVER_S)
+            await asyncio.Event().wait()  # a motor that is there has nothing to do but to stay
+            raise AssertionError("unreachable: nobody sets that event")
         finally:
             self.send(Drive(0.0, 0.0))
 

@@ -7,8 +7,8 @@ servo's angle and the one speed of all wheels (four-wheel drive, joined). Per ax
     lateral      F = -sqrt((mu N)^2 - Fx^2) sat(C a)             wheels rolling; sat(z) = z / (1 + z^4)^(1/4)
     both         (Fx, Fy) = -mu N (slip velocity) / |slip velocity|   wheels locking or locked
 
-Below 0.4 m/s the motion is that of a rolling bicycle (curvature tan(steering) / wheelbase), which is exact there and has
-no stiff equations; between 0.4 and 0.8 m/s the two are mixed. Accelerating and braking move load between the axles, and
+Below 0.4 m/s the motion is that of a rolling bicycle (curvature tan(steering) / wheelbase), which is exact there and
+has no stiff equations; between 0.4 and 0.8 m/s the two are mixed. Accelerating and braking move load between the axles;
 driving and braking force is shared like the load. Plain floats: numpy would be ten times slower for so few numbers.
 """
 
@@ -132,20 +132,38 @@ class Vehicle:
         self.wheel_travel_m += self.wheel_speed_mps * dt_s
 
     def _roll(self, dt_s: float, drive_mps2: float, brake_mps2: float, angle_rad: float) -> None:
-        """Wheels roll: the force along them is what the motor gives, and the grip that is left holds the car sideways."""
-        u, w, rate = self._forward_mps, self._left_mps, self.yaw_rate_radps
-        against_mps2 = (
-            math.copysign(brake_mps2, u) if u else math.copysign(min(brake_mps2, abs(drive_mps2)), drive_mps2)
-        )
-        grip_mps2 = self._grip_mps2
-        along_mps2 = drive_mps2 - against_mps2
+        """Wheels roll: the motor gives the force along them, and the grip that is left holds the car sideways."""
+        u, grip_mps2 = self._forward_mps, self._grip_mps2
+        # A standing car is held by its drag, which is never stronger than what it holds against.
+        drag_mps2 = brake_mps2 if u else min(brake_mps2, abs(drive_mps2))
+        along_mps2 = drive_mps2 - math.copysign(drag_mps2, u or drive_mps2)
         if brake_mps2 > grip_mps2 and abs(along_mps2) > grip_mps2:
             self._sliding = True
             self.wheel_speed_mps = u - math.copysign(min(_SLIP_SCALE_MPS, abs(u)), u)  # enough slip to rub in full
             self._slide(dt_s, drive_mps2, brake_mps2, angle_rad)
             return
         along_mps2 = min(max(along_mps2, -grip_mps2), grip_mps2)  # the speed control does not spin the wheels
-        aside_mps2 = math.sqrt(max(0.0, grip_mps2**2 - along_mps2**2))
+        slips = (math.hypot(u, self._left_mps) - _ROLLS_BELOW_MPS) / (_SLIPS_ABOVE_MPS - _ROLLS_BELOW_MPS)
+        slips = min(max(slips, 0.0), 1.0)
+        by_tyres = self._tyre_accelerations(along_mps2, angle_rad) if slips else (along_mps2, 0.0, 0.0)
+        new_u = u + (slips * by_tyres[0] + (1.0 - slips) * along_mps2) * dt_s
+        if new_u * u < 0.0 and abs(drive_mps2) <= brake_mps2:
+            new_u = 0.0  # friction stops, it does not push back
+        rolling_rate = new_u * math.tan(angle_rad) / self.settings.wheelbase_m
+        rolling_left = self._rear_m * rolling_rate
+        slipping_left = self._left_mps + by_tyres[1] * dt_s
+        slipping_rate = self.yaw_rate_radps + by_tyres[2] * dt_s
+        self._left_mps = rolling_left + slips * (slipping_left - rolling_left)
+        self.yaw_rate_radps = rolling_rate + slips * (slipping_rate - rolling_rate)
+        self._forward_mps = self.wheel_speed_mps = new_u
+
+    def _tyre_accelerations(self, along_mps2: float, angle_rad: float) -> tuple[float, float, float]:
+        """Return the rates of change of forward and lateral velocity and of the yaw rate while the wheels roll.
+
+        along_mps2: driving (positive) or braking force of all wheels per mass of the car, within the grip.
+        """
+        u, w, rate = self._forward_mps, self._left_mps, self.yaw_rate_radps
+        aside_mps2 = math.sqrt(max(0.0, self._grip_mps2**2 - along_mps2**2))
         cos, sin = math.cos(angle_rad), math.sin(angle_rad)
         front_left = w + self._front_m * rate
         slip_front = math.atan2(front_left * cos - u * sin, abs(u * cos + front_left * sin))
@@ -156,21 +174,9 @@ class Vehicle:
         rear = -rear_share * aside_mps2 * _saturated(self.settings.cornering_rear_per_rad * slip_rear)
         pull = front_share * along_mps2
         front_along, front_aside = pull * cos - front * sin, pull * sin + front * cos
-        speed = math.hypot(u, w)
-        slips = min(max((speed - _ROLLS_BELOW_MPS) / (_SLIPS_ABOVE_MPS - _ROLLS_BELOW_MPS), 0.0), 1.0)
-        du = slips * (front_along + rear_share * along_mps2 + w * rate) + (1.0 - slips) * along_mps2
-        new_u = u + du * dt_s
-        if new_u * u < 0.0 and abs(drive_mps2) <= brake_mps2:
-            new_u = 0.0  # friction stops, it does not push back
-        new_rate = new_u * math.tan(angle_rad) / self.settings.wheelbase_m
-        new_left = self._rear_m * new_rate
-        if slips > 0.0:
-            sideways = w + (front_aside + rear - u * rate) * dt_s
-            turning = rate + self._yaw_per_moment * (self._front_m * front_aside - self._rear_m * rear) * dt_s
-            new_left += slips * (sideways - new_left)
-            new_rate += slips * (turning - new_rate)
-        self._forward_mps, self._left_mps, self.yaw_rate_radps = new_u, new_left, new_rate
-        self.wheel_speed_mps = new_u
+        forward = front_along + rear_share * along_mps2 + w * rate
+        turning = self._yaw_per_moment * (self._front_m * front_aside - self._rear_m * rear)
+        return forward, front_aside + rear - u * rate, turning
 
     def _slide(self, dt_s: float, drive_mps2: float, brake_mps2: float, angle_rad: float) -> None:
         """Wheels slip along as well: all grip acts against the direction in which the tread slides."""

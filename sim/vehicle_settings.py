@@ -18,7 +18,8 @@ class VehicleSettings(BaseModel):
     ramp_mps2: how fast the motor controller's own set speed moves (VESC firmware 6: 25000 erpm/s at 4614 erpm per m/s).
     min_speed_mps: below this set speed a VESC's speed control gives no output (900 erpm).
     speed_lag_s: time constant of the speed control behind its set speed.
-    brake_mps2_per_a: deceleration per ampere of brake current, before the wheels lock.
+    brake_mps2_per_a: deceleration per ampere of brake current, before the wheels lock. A motor of 3500 rpm/V gives
+        2.7 mNm/A; 4614 erpm per m/s and 2 pole pairs are 242 rad per metre, so 0.66 N/A: 46 A lock the wheels.
     wheel_mass_kg: inertia of all wheels and the motor as a mass at the tread: how fast a braked wheel locks.
     """
 
@@ -42,7 +43,7 @@ class VehicleSettings(BaseModel):
     min_speed_mps: NotNegative = 0.195
     speed_lag_s: Positive = 0.05
     drag_mps2: NotNegative = 0.4
-    brake_mps2_per_a: Positive = 0.5
+    brake_mps2_per_a: Positive = 0.17
     wheel_mass_kg: Positive = 0.4
 
     @property

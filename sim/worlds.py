@@ -172,7 +172,7 @@ def _along(lap: Lap, start: Pose) -> Lap:
     to_start = np.array([start.x_m, start.y_m]) - ring
     ahead = np.sum(steps * to_start, axis=1) / np.sum(steps**2, axis=1)
     aside = np.abs(steps[:, 0] * to_start[:, 1] - steps[:, 1] * to_start[:, 0])
-    (edge,) = np.flatnonzero((ahead > 0) & (ahead < 1) & (aside < 1e-9))  # noqa: PLR2004 - rounding
+    (edge,) = np.flatnonzero((ahead > 0) & (ahead < 1) & (aside < 1e-9))
     return Lap(np.vstack([[start.x_m, start.y_m], np.roll(ring, -edge - 1, axis=0)]))
 
 

@@ -113,7 +113,7 @@ def _load(config: Path | None, assignments: Sequence[str]):  # type: ignore[no-u
 
 def _device_problems(settings) -> list[tuple[str, bool]]:  # type: ignore[no-untyped-def]  # noqa: ANN001 - as above
     """Look at the serial paths; (sentence, fatal): a directory can never become a device, a missing one can."""
-    from drivers.link import SerialAddress, parse_address
+    from drivers.address import SerialAddress, parse_address
 
     problems = []
     for key, text in (("lidar.address", settings.lidar.address), ("motor.address", settings.motor.address)):

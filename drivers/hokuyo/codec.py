@@ -22,9 +22,7 @@ SCAN_FAMILIES: Final = frozenset({b"MD", b"MS", b"ME", b"GD", b"GS", b"GE", b"ND
 _ECHO_LIMIT_CHARS: Final = 40  # the longest is 15 characters, a semicolon and a note of 16
 _LINE_CHARS: Final = 64
 _ROW_BYTES: Final = _LINE_CHARS + 2  # + sum + LF
-_LF: Final = 0x0A
-_SUM_MASK: Final = np.uint8(0x3F)
-_SUM_BASE: Final = np.uint8(0x30)
+_SUM_OF: Final = bytes((total & 0x3F) + 0x30 for total in range(256))
 
 
 def command(name: str, note: str = "") -> bytes:
@@ -87,43 +85,39 @@ class Deframer:
     def __init__(self, count: Callable[[str], None] = _ignore, *, limit_bytes: int = BLOCK_LIMIT_BYTES) -> None:
         self._count = count
         self._limit_bytes = limit_bytes
-        self._buffer = bytearray()
-        self._searched_bytes = 0
+        self._rest = b""
         self._lost = False
 
     def reset(self) -> None:
         """Forget a block that has only begun."""
-        self._buffer.clear()
-        self._searched_bytes = 0
+        self._rest = b""
         self._lost = False
 
     def feed(self, chunk: bytes) -> list[Block]:
         """Add bytes and return the blocks they completed, oldest first."""
-        buffer = self._buffer
-        buffer += chunk
         blocks = []
         begin = 0
-        search_from = self._searched_bytes
-        while (end := buffer.find(b"\n\n", search_from)) >= 0:
-            if (block := self._close(begin, end)) is not None:
+        search_from = max(0, len(self._rest) - 1)
+        data = self._rest + chunk
+        while (end := data.find(b"\n\n", search_from)) >= 0:
+            if (block := self._close(data[begin:end])) is not None:
                 blocks.append(block)
             begin = search_from = end + 2
-        del buffer[:begin]
-        if len(buffer) > self._limit_bytes + 1:  # it cannot end in time any more, whatever comes
+        self._rest = data[begin:]
+        if len(self._rest) > self._limit_bytes + 1:  # it cannot end in time any more, whatever comes
             self._give_up()
-        self._searched_bytes = max(0, len(buffer) - 1)
         return blocks
 
-    def _close(self, begin: int, end: int) -> Block | None:
+    def _close(self, raw: bytes) -> Block | None:
         if self._lost:
             self._lost = False
             return None
-        if end == begin:
+        if not raw:
             return None  # more blank lines than needed
-        if end - begin > self._limit_bytes:
+        if len(raw) > self._limit_bytes:
             self._count("oversized")
             return None
-        result = parse_block(bytes(self._buffer[begin:end]))
+        result = parse_block(raw)
         if isinstance(result, str):
             self._count(result)
             return None
@@ -133,7 +127,7 @@ class Deframer:
         if not self._lost:
             self._count("oversized")
             self._lost = True
-        del self._buffer[:-1]  # the last byte may be the first half of the blank line
+        self._rest = self._rest[-1:]  # the last byte may be the first half of the blank line
 
 
 def parse_block(raw: bytes) -> Block | str:
@@ -169,14 +163,15 @@ def join_sample_lines(data: bytes) -> bytes | None:
     Sensors send lines of exactly 64 characters and a shorter last one, so all but that are verified as one table.
     """
     row_count, tail_bytes = divmod(len(data), _ROW_BYTES)
-    if tail_bytes < 2 or checksum(tail := data[-tail_bytes:-1]) != data[-1]:
+    if tail_bytes < 2 or data.count(b"\n") != row_count or checksum(tail := data[-tail_bytes:-1]) != data[-1]:
         return _join_irregular(data)
-    table = np.frombuffer(data, np.uint8, row_count * _ROW_BYTES).reshape(row_count, _ROW_BYTES)
+    rows_bytes = row_count * _ROW_BYTES
+    table = np.frombuffer(data, np.uint8, rows_bytes).reshape(row_count, _ROW_BYTES)
     samples = table[:, :_LINE_CHARS]
-    sums = np.add.reduce(samples, axis=1, dtype=np.uint8)  # wraps at 256, which leaves the low six bits alone
-    sums &= _SUM_MASK
-    sums += _SUM_BASE
-    if (sums != table[:, -2]).any() or (table[:, -1] != _LF).any():
+    totals = np.add.reduce(samples, axis=1, dtype=np.uint8)  # wraps at 256, which leaves the low six bits alone
+    said = data[_LINE_CHARS:rows_bytes:_ROW_BYTES]
+    ends = data[_LINE_CHARS + 1 : rows_bytes : _ROW_BYTES]
+    if totals.tobytes().translate(_SUM_OF) != said or ends != b"\n" * row_count:
         return _join_irregular(data)
     return samples.tobytes() + tail
 

@@ -8,13 +8,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Final, Never
 
+from drivers.address import Address, SerialAddress, parse_address
 from drivers.api import Clock, DriverError, Health, LinkLost, LinkState, ProtocolError, Scan
 from drivers.hokuyo.codec import command
 from drivers.hokuyo.conversation import Conversation, Identity, identify, quieten, until_lost
 from drivers.hokuyo.settings import HokuyoSettings
 from drivers.hokuyo.stream import UNSTABLE_WARN, ScanStream, Sequence
 from drivers.hokuyo.timing import StampGate
-from drivers.link import Address, SerialAddress, open_link, parse_address
+from drivers.link import open_link
 
 _log = logging.getLogger(__name__)
 

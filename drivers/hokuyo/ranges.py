@@ -40,9 +40,9 @@ class RangeDecoder:
         if len(samples) != self._sample_chars:
             return None
         digits = np.frombuffer(samples, np.uint8) - _ZERO  # what lies below "0" wraps to the top
-        if digits.max() > _DIGIT_MAX:
+        if np.maximum.reduce(digits) > _DIGIT_MAX:
             return None
-        np.copyto(self._digits, digits.reshape(-1, 3))
+        np.copyto(self._digits, digits.reshape(self._digits.shape))
         np.dot(self._digits, _WEIGHTS, out=self._mm)
         np.less(self._ordered_mm, self._range_min_mm, out=self._bad)
         np.greater(self._ordered_mm, self._range_max_mm, out=self._too_far)

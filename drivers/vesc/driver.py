@@ -8,8 +8,9 @@ import time
 from collections.abc import Callable
 from typing import Never
 
+from drivers.address import parse_address
 from drivers.api import Clock, Drive, Health, LinkLost, LinkState, MotorState, ProtocolError
-from drivers.link import ByteLink, open_link, parse_address
+from drivers.link import ByteLink, open_link
 from drivers.vesc import codec, replies
 from drivers.vesc.calibration import Calibration
 from drivers.vesc.condition import Condition
@@ -41,6 +42,9 @@ class Vesc:
 
     The only motor command of the driver's own is a brake, as the last thing it does with a connection. While a fault
     is latched every command is carried out as a brake: the VESC alone would obey again after half a second.
+
+    Counted in `health`: bad_command, fault, reboot, lost, reconnect, missed_reply, bad_reply, unasked_packet,
+    skipped_bytes, checksum, brake_not_written.
     """
 
     def __init__(self, settings: VescSettings, *, clock: Clock = time.monotonic) -> None:

@@ -4,7 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from drivers.link import SerialAddress, TcpAddress, parse_address
+from drivers.address import SerialAddress, TcpAddress, parse_address
 
 MISSED_POLLS_MIN = 3
 """A link is not lost before so many polls went unanswered."""

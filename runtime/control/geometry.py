@@ -13,7 +13,7 @@ Floats = npt.NDArray[np.float64]
 @lru_cache(maxsize=8)
 def bearings_rad(angle_min_rad: float, angle_step_rad: float, beams: int) -> Floats:
     """Return the bearing of every beam, shape (beams,), read-only; computed once per kind of lidar."""
-    bearings = angle_min_rad + angle_step_rad * np.arange(beams)
+    bearings: Floats = angle_min_rad + angle_step_rad * np.arange(beams, dtype=np.float64)
     bearings.setflags(write=False)
     return bearings
 

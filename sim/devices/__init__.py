@@ -1,0 +1,1 @@
+"""Device emulators that speak the real bytes over TCP and pseudo-terminals, with faults to inject."""

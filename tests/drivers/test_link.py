@@ -9,8 +9,9 @@ from dataclasses import dataclass
 
 import pytest
 
+from drivers.address import SerialAddress, TcpAddress, parse_address
 from drivers.api import LinkLost
-from drivers.link import SerialAddress, TcpAddress, open_link, parse_address
+from drivers.link import open_link
 
 PATIENCE_S = 5.0
 

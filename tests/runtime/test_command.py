@@ -7,10 +7,10 @@ import itertools
 import math
 
 import pytest
-from decisions import BOUND_ORDER, CASES, REQUIRED, Case, estop, failing, nav, permit, safety, stick
 
 from runtime import command
 from runtime.command import LAB_ORDER, Source, arbitrate
+from tests.runtime.decisions import BOUND_ORDER, CASES, REQUIRED, Case, estop, failing, nav, permit, safety, stick
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.title)

@@ -36,6 +36,10 @@ def test_later_layers_win(tmp_path):
     assert (settings.wall_follow.side, settings.car.name) == ("right", "my-car")
 
 
+def order(*names):
+    return f"mux.order={list(names)}"
+
+
 @pytest.mark.parametrize(
     ("assignment", "words"),
     [
@@ -51,8 +55,8 @@ def test_later_layers_win(tmp_path):
         ("motor.address=tcp://1.2.3.4:5", ["motor.address", "serial:///dev/"]),
         ("motor.address=serial://dev/ttyACM0", ["motor.address", "three slashes"]),
         ("mux.order=[\"safety\", \"teleop\"]", ["mux.order", "exactly once"]),
-        ("mux.order=[\"teleop\", \"e-stop\", \"safety\", \"permit\", \"navigation\"]", ["mux.order", "begin with e-stop"]),
-        ("mux.order=[\"e-stop\", \"teleop\", \"navigation\", \"safety\", \"permit\"]", ["mux.order", "before navigation"]),
+        (order("teleop", "e-stop", "safety", "permit", "navigation"), ["mux.order", "begin with e-stop"]),
+        (order("e-stop", "teleop", "navigation", "safety", "permit"), ["mux.order", "before navigation"]),
         ("operator.permit=maybe", ["operator.permit", "'required' or 'always'"]),
         ("wall_follow", ["--set wall_follow", "SECTION.KEY=VALUE"]),
         ("=1", ["SECTION.KEY=VALUE"]),

@@ -17,7 +17,8 @@ def collect(count, work_s):
             missed.append(tick.missed)
             await asyncio.sleep(work_s(len(times)))
             if len(times) == count:
-                return times, missed
+                break
+        return times, missed
 
     return run_virtual(story())
 

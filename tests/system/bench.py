@@ -1,6 +1,7 @@
 """A car on a test bench: the unmodified runtime process between an emulated lidar and an emulated motor controller."""
 
 import asyncio
+import math
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
@@ -60,10 +61,10 @@ class Bench:
         """Return (time, payload) of the motor commands on the wire."""
         return [(at_s, payload) for at_s, payload in self.vesc.wire if payload[0] in MOTOR_PACKETS and at_s >= since_s]
 
-    def first_brake_s(self, since_s: float) -> float | None:
-        """Return when the first brake after a moment arrived."""
+    def first_brake_s(self, since_s: float) -> float:
+        """Return when the first brake after a moment arrived; infinity while there is none."""
         brakes = (at_s for at_s, payload in self.motor_commands(since_s) if payload[0] == Packet.SET_CURRENT_BRAKE)
-        return next(brakes, None)
+        return next(brakes, math.inf)
 
     async def until(self, condition: Callable[[], bool], what: str, within_s: float = 10.0) -> None:
         """Wait for something that must happen."""

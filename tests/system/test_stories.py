@@ -3,6 +3,7 @@
 import asyncio
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from drivers.api import Drive, LinkState
@@ -33,7 +34,7 @@ class Story:
     def __init__(self, **sections):
         sections = {"operator": {"permit": "always"}, **sections}
         self.settings = Settings.model_validate(sections)
-        self.scans = CORRIDOR
+        self.scans: np.ndarray | None = CORRIDOR
         self.ear = Ear()
 
     def run(self, seconds, *events):
@@ -223,19 +224,19 @@ def test_the_stick_overrides_safety_unless_bound(bound, speed):
 
 
 def test_a_task_that_dies_takes_the_car_to_a_stop():
-    class Bug(Exception):
+    class BugError(Exception):
         pass
 
     def sabotage(story):
         def judge(*_):
-            raise Bug
+            raise BugError
 
         story.car.guard.judge = judge
 
     story = Story()
     with pytest.raises(ExceptionGroup) as caught:
         story.run(5.0, (2.0, sabotage))
-    assert caught.group_contains(Bug)
+    assert caught.group_contains(BugError)
     assert story.motor.wire[-1][1].speed_mps == 0
     assert story.motor.wire[-1][0] < 2.2
 

@@ -224,7 +224,7 @@ def test_bytes_without_a_blank_line_take_no_more_memory_than_the_limit() -> None
     deframer = Deframer(lambda what: counts.update([what]))
     for _ in range(1000):
         assert deframer.feed(b"z" * 1000) == []
-        assert len(deframer._buffer) <= BLOCK_LIMIT_BYTES + 1
+        assert len(deframer._rest) <= BLOCK_LIMIT_BYTES + 1
     assert counts == {"oversized": 1}
     assert len(deframer.feed(b"\n\n" + SCAN)) == 1
 

@@ -124,6 +124,11 @@ def test_noise_before_frames_never_hides_them_for_good(noise, payloads):
     assert found[-len(payloads) :] == payloads
 
 
+@pytest.mark.parametrize("false_start", ["03 02 01", "03 00 fe", "02 00", "04 00 00 05"])
+def test_a_size_that_no_frame_has_is_not_waited_for(false_start):
+    assert Deframer().feed(bytes.fromhex(false_start) + frame(b"\x04")) == [b"\x04"]
+
+
 @given(payload=st.binary(min_size=1, max_size=80), data=st.data())
 def test_a_flipped_bit_loses_that_frame_only(payload, data):
     good = frame(b"\x04good")

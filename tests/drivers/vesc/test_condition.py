@@ -144,3 +144,11 @@ def test_only_a_lasting_low_voltage_is_an_empty_battery(condition):
     assert condition.trouble == told  # constant words: a change of words is an event
     condition.update(WELL, 3.4, 0.0)
     assert condition.trouble == ""
+
+
+def test_a_battery_is_judged_anew_after_a_lost_link(condition):
+    low = replace(WELL, voltage_v=0.4)
+    condition.update(low, 1.0, 0.0)
+    condition.disconnect()
+    condition.update(low, 50.0, 0.0)
+    assert condition.trouble == ""

@@ -291,6 +291,25 @@ async def test_a_send_that_meets_a_dead_port_is_false_and_run_goes_on(emulator):
         await until(lambda: vesc.send(Drive(0.0, 0.0)))
 
 
+async def test_the_first_attempt_after_every_loss_comes_soon(emulator, monkeypatch):
+    monkeypatch.setattr(driver, "REOPEN_AFTER_S", (0.01, 10 * PATIENCE_S))
+    async with ready(emulator) as vesc:
+        for losses in range(3):
+            await until(lambda: vesc.state is not None)
+            assert vesc.health.counts.get("reconnect", 0) == losses
+            emulator.replug()
+            await until(lambda: vesc.state is None)
+
+
+async def test_a_false_start_does_not_swallow_reply_after_reply(emulator):
+    async with ready(emulator, poll_hz=10) as vesc:
+        emulator._write(b"\x03\x01\xf0")  # "496 bytes follow"
+        emulator.report(erpm=4614)
+        await until(lambda: seen(vesc).speed_mps == 1.0)
+        assert vesc.health.counts["missed_reply"] <= 3
+        assert vesc.health.counts["skipped_bytes"] == 3
+
+
 async def test_silence_is_a_lost_link_left_with_a_brake_and_reopened(emulator):
     async with ready(emulator, lost_after_s=0.2) as vesc:
         vesc.send(Drive(1.0, 0.0))
@@ -319,6 +338,9 @@ async def test_a_device_that_takes_no_more_bytes_is_lost(emulator):
         async with asyncio.timeout(PATIENCE_S):
             while vesc.send(Drive(1.0, 0.0)):
                 pass
+        assert emulator._master is not None
+        os.read(emulator._master, 4096)  # there is room again, but half a frame was written: not one byte more
+        assert vesc.send(Drive(1.0, 0.0)) is False
         await until(lambda: "stopped taking bytes" in vesc.health.message)
         emulator.deaf = False
         await until(lambda: vesc.health.link is LinkState.READY)

@@ -92,7 +92,7 @@ def test_nonsense_under_20_cm_is_dropped_and_the_first_sense_is_not():
 
 def test_only_the_side_sector_counts():
     ranges_m = np.full(BEAMS, np.nan)
-    ranges_m[BEARING_RAD > 0.6 * math.pi + 0.01] = 0.5
+    ranges_m[0.6 * math.pi + 0.01 < BEARING_RAD] = 0.5
     ranges_m[BEARING_RAD < 0.0] = 0.5
     answer = follower().follow(scan_of(ranges_m), None)
     assert answer.drive is None

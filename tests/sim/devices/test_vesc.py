@@ -314,45 +314,50 @@ async def test_a_pulled_cable_fails_the_host_and_a_replug_has_the_same_name(vesc
 # The line's troubles.
 
 
-async def answers(host: Host) -> int:
-    """Ask three times; return how many answers were understood, once as many bytes have come as ever will."""
+VALUES_FRAME_BYTES = 79
+
+
+async def answers(host: Host, size_bytes: int) -> int:
+    """Ask three times, wait until this many bytes have come, and return how many answers were in them."""
     host.chunks.clear()
     before = len(host.payloads)
     for _ in range(3):
         host.send(codec.plain(Packet.GET_VALUES))
-    await asyncio.sleep(0.05)  # silence is what is being measured
+    await until(lambda: sum(map(len, host.chunks)) >= size_bytes)
+    if size_bytes == 0:
+        await asyncio.sleep(0.05)  # it is silence that is being looked for
     host.payloads += host.deframer.give_up()
     return len(host.payloads) - before
 
 
 async def test_silent(vesc, host):
     vesc.silent = True
-    assert await answers(host) == 0
-    assert (len(vesc.wire), host.chunks) == (3, [])
+    assert await answers(host, 0) == 0
+    await until(lambda: len(vesc.wire) == 3)
+    assert host.chunks == []
     vesc.silent = False
-    assert await answers(host) == 3
+    assert await answers(host, 3 * VALUES_FRAME_BYTES) == 3
 
 
 async def test_garbage_and_bad_crc_are_bytes_but_no_answers(vesc, host):
     vesc.garbage = True
-    assert await answers(host) == 0
-    assert sum(map(len, host.chunks)) == 3 * 79
+    assert await answers(host, 3 * VALUES_FRAME_BYTES) == 0
     vesc.garbage, vesc.bad_crc = False, True
-    assert await answers(host) == 0
+    assert await answers(host, 3 * VALUES_FRAME_BYTES) == 0
     assert host.deframer.bad_checksums == 3
 
 
 async def test_noise_and_dribbling_do_not_hide_the_answers(vesc, host):
     vesc.noise = True
-    assert await answers(host) == 3
+    assert await answers(host, 3 * (VALUES_FRAME_BYTES + 18)) == 3
     vesc.noise, vesc.dribble = False, True
-    assert await answers(host) == 3
-    assert max(map(len, host.chunks)) < 10  # byte by byte, as far as the kernel lets it
+    assert await answers(host, 3 * VALUES_FRAME_BYTES) == 3
+    assert len(host.chunks) > 10  # byte by byte, as far as the kernel does not join them
 
 
 async def test_deaf(vesc, host):
     vesc.deaf = True
-    assert await answers(host) == 0
+    assert await answers(host, 0) == 0
     assert len(vesc.wire) == 0
     vesc.deaf = False
     await until(lambda: len(vesc.wire) == 3)
