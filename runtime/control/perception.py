@@ -1,0 +1,117 @@
+"""What one scan says about the world: points in the car's frame, and which of them are things to drive round.
+
+A beam is *solid* when it has a distance, its neighbours agree (despike), it does not lie on the car itself, and it is
+not dirt on the window: thin dirt by its shape in this scan, wide dirt by what `lidar_health` has learnt. Everything
+else is either without an echo ("no information", never "free") or not worth a stop.
+
+Frames: base_link = middle of the rear axle, x forward, y left (REP-105). The lidar looks straight ahead from lidar_x_m.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from drivers.api import Scan
+from runtime.control.geometry import Floats, bearings_rad, directions
+from runtime.settings import CarSettings
+
+Booleans = npt.NDArray[np.bool_]
+
+SUPPORT_WITHIN_M = 0.15
+"""Neighbours this near in range belong to the same thing; 2 of 4 make a beam credible."""
+DIRT_NEARER_THAN_M = 0.6
+"""Dirt on a window reads as centimetres to decimetres; beyond this nothing is taken for dirt."""
+DIRT_STANDS_OUT_M = 0.12
+"""Dirt is so much nearer than the beams on both of its sides."""
+DIRT_THINNER_THAN_M = 0.012
+"""A real thing so thin and so near is not seen: the price for setting off with a smudge on the window."""
+BRIDGED_BEAMS = 2
+"""Wild beams inside a thin thing do not divide it into two thinner ones."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """One scan, understood. All arrays have shape (beams,) and are read-only by agreement.
+
+    ranges_m: float64; NaN where a beam has no distance. bearing_rad: of each beam in the lidar frame.
+    x_m, y_m: end points in base_link; NaN without a distance.
+    solid: things that can be hit or followed. no_echo: no information. own: on or in the car's own outline.
+    """
+
+    scan: Scan
+    ranges_m: Floats
+    bearing_rad: Floats
+    x_m: Floats
+    y_m: Floats
+    solid: Booleans
+    no_echo: Booleans
+    own: Booleans
+
+
+class Eyes:
+    """Sees each scan once, however many ask: follower and safety share one pair."""
+
+    def __init__(self, car: CarSettings) -> None:
+        self._car = car
+        self._dirty: Booleans | None = None
+        self._last: View | None = None
+
+    def ignore(self, dirty: Booleans | None) -> None:
+        """From the next scan on, leave these beams (n,) out where they read less than dirt can; None: ignore none."""
+        self._dirty = dirty
+
+    def see(self, scan: Scan) -> View:
+        """Return the view of a scan, computed at the first call for it."""
+        if self._last is None or self._last.scan is not scan:
+            self._last = self._look(scan)
+        return self._last
+
+    def _look(self, scan: Scan) -> View:
+        car = self._car
+        kind = (scan.angle_min_rad, scan.angle_step_rad, scan.ranges_m.shape[0])
+        ranges_m = scan.ranges_m.astype(np.float64)
+        no_echo = ~((ranges_m > 0.0) & (ranges_m < math.inf))
+        ranges_m[no_echo] = math.nan
+        x_m, y_m = directions(*kind) * ranges_m
+        x_m += car.lidar_x_m
+        own = (x_m <= car.front_m) & (x_m >= -car.rear_m) & (np.abs(y_m) <= car.half_width_m)
+        solid = supported(ranges_m) & ~own
+        near = ranges_m < DIRT_NEARER_THAN_M  # NaN compares as not nearer
+        if near.any():
+            solid[thin_dirt(ranges_m, near, scan.angle_step_rad)] = False
+            if self._dirty is not None and self._dirty.shape == near.shape:
+                solid &= ~(near & self._dirty)
+        return View(scan, ranges_m, bearings_rad(*kind), x_m, y_m, solid, no_echo, own)
+
+
+def supported(ranges_m: Floats) -> Booleans:
+    """Return which beams have at least 2 of 4 neighbours (2 each side) within 0.15 m; shape (n,)."""
+    count = np.zeros(ranges_m.shape, np.int8)
+    for step in (1, 2):
+        agree = np.abs(ranges_m[step:] - ranges_m[:-step]) <= SUPPORT_WITHIN_M
+        count[step:] += agree
+        count[:-step] += agree
+    return count >= 2  # noqa: PLR2004 - the rule itself
+
+
+def thin_dirt(ranges_m: Floats, near: Booleans, angle_step_rad: float) -> npt.NDArray[np.intp]:
+    """Return the indices of near beams that form things thinner than 1.2 cm, standing out on both sides.
+
+    A run is a row of near beams without a jump in range; at an end of the fan only the other side must be farther.
+    No echo counts as far.
+    """
+    index = np.flatnonzero(near)
+    near_m = ranges_m[index]
+    cut = (np.diff(index) > BRIDGED_BEAMS + 1) | (np.abs(np.diff(near_m)) >= DIRT_STANDS_OUT_M)
+    first = np.concatenate(([0], np.flatnonzero(cut) + 1))
+    last = np.concatenate((first[1:], [index.size])) - 1
+    width_m = (index[last] - index[first] + 1) * abs(angle_step_rad) * np.minimum(near_m[first], near_m[last])
+    far = np.concatenate(([math.inf], np.nan_to_num(ranges_m, nan=math.inf), [math.inf]))
+    stands_out = (far[index[first]] - near_m[first] >= DIRT_STANDS_OUT_M) & (
+        far[index[last] + 2] - near_m[last] >= DIRT_STANDS_OUT_M
+    )
+    thin = stands_out & (width_m < DIRT_THINNER_THAN_M)
+    run_of = np.repeat(np.arange(first.size), last - first + 1)
+    return index[thin[run_of]]

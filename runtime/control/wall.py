@@ -1,0 +1,122 @@
+"""The wall as one straight line from one scan, or no line: RANSAC with fixed pairs of beams (Fischler & Bolles 1981).
+
+The pairs are drawn once, with a fixed seed, so that the same scan gives the same line. Everything is for a wall on the
+left; for the right-hand side hand in mirrored points (`Side.of` in `runtime.control.my_wall`).
+Line: all points p with n . p = d, n = (-sin a, cos a); a is the line's heading, d > 0 its distance, both seen from the
+origin of the points (here base_link, the rear axle).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.control.geometry import Floats
+
+FROM_RAD = math.radians(20)
+TO_RAD = math.radians(126)
+EVERY_BEAM = 3
+NEAREST_M = 0.2
+FARTHEST_M = 5.0
+PAIRS = 64
+PAIR_APART_FROM = 6
+PAIR_APART_TO = 44
+GATES_M = (0.08, 0.08, 0.06)
+"""How near a point must be to the line to belong to it: in the vote, and in each of the refits."""
+STEEPEST_RAD = math.radians(60)
+NEAREST_LINE_M = 0.1
+VOTE_RANGE_M = 2.0
+"""A vote counts as much as its range, up to here: it undoes the crowding of the near beams."""
+NEARER_WINS_PER_M = 0.25
+FEWEST_INLIERS = 8
+_SEED = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """distance_m: from the rear axle along the normal. heading_rad: of the line seen from the car. inliers: points on it."""
+
+    distance_m: float
+    heading_rad: float
+    inliers: int
+
+    def offsets_m(self, x_m: Floats, y_m: Floats) -> Floats:
+        """Return how far beyond the line each point is, negative on the car's side."""
+        offsets: Floats = math.cos(self.heading_rad) * y_m - math.sin(self.heading_rad) * x_m - self.distance_m
+        return offsets
+
+
+class LineFinder:
+    """Finds the wall line among beams of a fixed geometry.
+
+    bearing_rad: (n,) of the beams in the order in which `find` will get their points, wall on the left.
+    """
+
+    def __init__(self, bearing_rad: Floats) -> None:
+        self.beams = np.flatnonzero((bearing_rad >= FROM_RAD) & (bearing_rad <= TO_RAD))[::EVERY_BEAM]
+        kept = self.beams.size
+        pairs = np.zeros((0, 2), np.intp)
+        if kept > PAIR_APART_TO:
+            random = np.random.default_rng(_SEED)
+            apart = random.integers(PAIR_APART_FROM, PAIR_APART_TO + 1, PAIRS)
+            first = (random.random(PAIRS) * (kept - apart)).astype(np.intp)
+            pairs = np.stack([first, first + apart], axis=1)
+        # The beam that looks more to the front is the head of each pair's direction.
+        towards_front = bearing_rad[self.beams[pairs[:, 0]]] < bearing_rad[self.beams[pairs[:, 1]]]
+        self._front = np.where(towards_front, pairs[:, 0], pairs[:, 1])
+        self._rear = np.where(towards_front, pairs[:, 1], pairs[:, 0])
+
+    def find(self, x_m: Floats, y_m: Floats, range_m: Floats, usable: np.ndarray) -> Line | None:
+        """Return the wall's line, or None where there is none to speak of: never a guess.
+
+        All (n,), wall on the left; x_m, y_m in base_link, range_m from the lidar, `usable` a mask of beams to believe.
+        """
+        beams = self.beams
+        range_m = range_m[beams]
+        valid = usable[beams] & (range_m > NEAREST_M) & (range_m < FARTHEST_M)
+        if np.count_nonzero(valid) < FEWEST_INLIERS or not self._front.size:
+            return None
+        points = np.empty((3, beams.size))
+        points[0] = 1.0
+        points[1] = np.where(valid, x_m[beams], 0.0)
+        points[2] = np.where(valid, y_m[beams], 0.0)
+        planes = self._planes(points, valid)
+        if not planes.size:
+            return None
+        near = np.abs(planes @ points) < GATES_M[0]
+        weight = np.where(valid, np.minimum(range_m, VOTE_RANGE_M), 0.0)
+        votes = (near @ weight) / (1.0 - NEARER_WINS_PER_M * planes[:, 0])
+        members = near[int(np.argmax(votes))] & valid
+        return _refined(points, valid, members)
+
+    def _planes(self, points: Floats, valid: np.ndarray) -> Floats:
+        """Return (-d, -sin a, cos a) of each pair that could be a wall, shape (k, 3)."""
+        front, rear = points[:, self._front], points[:, self._rear]
+        ahead, aside = front[1] - rear[1], front[2] - rear[2]
+        length = np.hypot(ahead, aside) + 1e-9
+        cos, sin = ahead / length, aside / length
+        distance = cos * rear[2] - sin * rear[1]
+        good = valid[self._front] & valid[self._rear] & (cos > math.cos(STEEPEST_RAD)) & (distance > NEAREST_LINE_M)
+        planes: Floats = np.stack([-distance, -sin, cos], axis=1)[good]
+        return planes
+
+
+def _refined(points: Floats, valid: np.ndarray, members: np.ndarray) -> Line | None:
+    """Fit the members by total least squares, then twice more whoever is near the fit."""
+    heading_rad = distance_m = 0.0
+    count = 0
+    for gate_m in (*GATES_M[1:], None):
+        weighted = points * members
+        (count_, sx, sy), (_, sxx, sxy), (_, _, syy) = (weighted @ points.T).tolist()
+        count = round(count_)
+        if count < FEWEST_INLIERS:
+            return None
+        mx, my = sx / count, sy / count
+        heading_rad = 0.5 * math.atan2(2 * (sxy / count - mx * my), (sxx - syy) / count - mx * mx + my * my)
+        cos, sin = math.cos(heading_rad), math.sin(heading_rad)
+        distance_m = cos * my - sin * mx
+        if gate_m is not None:
+            members = valid & (np.abs(np.array([-distance_m, -sin, cos]) @ points) < gate_m)
+    if distance_m < 0:
+        return None
+    return Line(distance_m, heading_rad, count)

@@ -1,0 +1,47 @@
+"""The lab's starts and its corner, driven by the unmodified process through its real drivers, in real time."""
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from sim.worlds import load_world
+from wallride.cli import main
+
+ROOT = Path(__file__).resolve().parents[2]
+DRIVE_S = 11.0
+CLOSE_M, FAR_M = 0.7, 1.5
+TURNED_RAD = math.radians(30)
+
+
+def drive(tmp_path, world, side, pose, seconds=DRIVE_S):
+    result = tmp_path / "summary.json"
+    pose_text = f"{pose.x_m},{pose.y_m},{pose.yaw_rad}"
+    arguments = ["sim", world, "--headless", "--duration", f"{seconds}", f"--pose={pose_text}", "--json", str(result)]
+    settings = [f"wall_follow.side={side}", "wall_follow.method=report", "safety.method=report", "wall_follow.speed_mps=1"]
+    assert main([*arguments, *(word for setting in settings for word in ("--set", setting))]) == 0
+    return json.loads(result.read_text())
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("distance_m", [CLOSE_M, FAR_M])
+@pytest.mark.parametrize("toward_rad", [TURNED_RAD, -TURNED_RAD])
+def test_a_start_settles_without_contact(tmp_path, side, distance_m, toward_rad):
+    world = load_world("straight", side=side)
+    summary = drive(tmp_path, "straight", side, world.start_at(distance_m=distance_m, toward_wall_rad=toward_rad))
+    assert not summary["collided"]
+    assert not summary["stopped"]
+    assert summary["settle_s"] is not None
+    assert summary["settle_s"] < 8
+    assert summary["winners"]["navigation"] > DRIVE_S - 2
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_an_inside_corner_is_turned(tmp_path, side):
+    world = load_world("inside_corner", side=side)
+    summary = drive(tmp_path, "inside_corner", side, world.start, seconds=16.0)
+    assert not summary["collided"]
+    assert not summary["stopped"]
+    assert summary["min_clearance_m"] > 0.3
+    assert summary["settle_s"] is not None
