@@ -9,6 +9,7 @@ This is the only module that imports serial, and it does so only to open and con
 """
 
 import asyncio
+import contextlib
 import errno
 import fcntl
 import os
@@ -36,7 +37,7 @@ class ByteLink:
     first LinkLost nothing more is delivered. The handler runs inside the event loop and must not block.
     """
 
-    def __init__(self, address: Address, fd: int, release: Callable[[], None], clock: Clock) -> None:
+    def __init__(self, address: Address, fd: int, release: Callable[[bool], None], clock: Clock) -> None:
         self.address = address
         self._fd = fd
         self._release = release
@@ -76,7 +77,7 @@ class ByteLink:
             return
         self._open = False
         self._loop.remove_reader(self._fd)
-        self._release()
+        self._release(self._lost.done())
         if not self._lost.done():
             self._lost.cancel()
         elif not self._lost.cancelled():
@@ -136,7 +137,7 @@ async def _open_tcp(address: TcpAddress, clock: Clock) -> ByteLink:
         raise LinkLost(f"{address}: no answer within {CONNECT_TIMEOUT_S:g} s (power, cable, or the address)") from error
     except OSError as error:
         raise LinkLost(f"{address}: {_explain(error)}") from error
-    return ByteLink(address, sock.fileno(), sock.close, clock)
+    return ByteLink(address, sock.fileno(), lambda _: sock.close(), clock)
 
 
 def _keep_alive(sock: socket.socket) -> None:
@@ -162,7 +163,16 @@ def _open_serial(address: SerialAddress, clock: Clock) -> ByteLink:
         raise LinkLost(f"{address}: {_explain(error)}") from error
     fd = port.fileno()
     os.set_blocking(fd, False)
-    return ByteLink(address, fd, port.close, clock)
+
+    def release(lost: bool) -> None:  # noqa: FBT001 - one caller, three lines up
+        # Closing a port with unsent bytes can wait half a minute in the kernel when the device hangs: after a loss
+        # they are thrown away. On a clean close they stay, because the last of them is a brake.
+        if lost:
+            with contextlib.suppress(termios.error):
+                termios.tcflush(fd, termios.TCOFLUSH)
+        port.close()
+
+    return ByteLink(address, fd, release, clock)
 
 
 _REMEDIES = {
@@ -183,6 +193,10 @@ _REMEDIES = {
 }
 
 
-def _explain(error: Exception) -> str:
-    code = getattr(error, "errno", None) or (error.args[0] if error.args else None)
-    return _REMEDIES.get(code, str(error)) if isinstance(code, int) else str(error)
+def _explain(error: BaseException) -> str:
+    """Say what the error means for the one who plugs cables; pyserial hides some error numbers one level down."""
+    for cause in (error, error.__context__):
+        code = getattr(cause, "errno", None) or next(iter(cause.args if cause is not None else ()), None)
+        if isinstance(code, int) and code in _REMEDIES:
+            return _REMEDIES[code]
+    return str(error)

@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from sim.pose import Floats
 from sim.recordings.recording import CommandTrack
 
 CLEAR_TURN_RAD = 0.05
 """Where the recorded car steered less than this, its sign says nothing."""
 LONGEST_WAIT_S = 0.15
+DROVE_ABOVE_MPS = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +34,22 @@ def recorded_answers(scans_s: Sequence[float], track: CommandTrack) -> list[floa
     return answers
 
 
+def drove(scans_s: Sequence[float], output: CommandTrack | None) -> list[bool]:
+    """Return, for each scan, whether the recorded mux let the car move: a held car's program steers at nothing.
+
+    Without a recorded output nothing is known, and every scan counts.
+    """
+    if output is None or not len(output):
+        return [True] * len(scans_s)
+    newest = np.searchsorted(output.received_s, np.asarray(scans_s), side="right") - 1
+    return [bool(index >= 0 and abs(output.speed_mps[index]) > DROVE_ABOVE_MPS) for index in newest]
+
+
 def compare(pairs: Sequence[SteeringPair]) -> dict[str, Any]:
-    """Return how well the two agree: sign where the recorded car clearly turned, size, correlation."""
+    """Return how well the two agree: sign where the recorded car clearly turned, size, correlation, slope.
+
+    slope: radians of ours per radian recorded (total least squares, so that neither counts as the truth).
+    """
     if not pairs:
         return {"compared_scans": 0}
     ours = np.array([pair.ours_rad for pair in pairs])
@@ -44,10 +60,19 @@ def compare(pairs: Sequence[SteeringPair]) -> dict[str, Any]:
         "compared_scans": len(pairs),
         "clear_turns": int(clear.sum()),
         "same_sign_share": round(float((ours[clear] * recorded[clear] > 0).mean()), 3) if clear.any() else None,
+        "median_difference_rad": round(float(np.median(ours - recorded)), 4),
         "median_abs_difference_rad": round(float(np.median(np.abs(ours - recorded))), 4),
         "correlation": round(float(np.corrcoef(ours, recorded)[0, 1]), 3) if varied else None,
+        "slope": round(_slope(recorded, ours), 3) if varied else None,
         "mean_ours_rad": round(float(ours.mean()), 4),
         "mean_recorded_rad": round(float(recorded.mean()), 4),
         "rms_ours_rad": round(float(np.sqrt((ours**2).mean())), 4),
         "rms_recorded_rad": round(float(np.sqrt((recorded**2).mean())), 4),
     }
+
+
+def _slope(x: Floats, y: Floats) -> float:
+    """Return the slope of the line nearest to the points, measured at right angles to it."""
+    covariance = np.cov(x, y)
+    angle_rad = 0.5 * np.arctan2(2 * covariance[0, 1], covariance[0, 0] - covariance[1, 1])
+    return float(np.tan(angle_rad))

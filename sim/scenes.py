@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from sim.beams import LidarSettings, scan
-from sim.comparison import SteeringPair, recorded_answers
+from sim.comparison import SteeringPair, drove, recorded_answers
 from sim.devices.scip_encode import UST_10LX, SensorModel
 from sim.lap import LapCounter
 from sim.pose import Side, Twist
@@ -111,15 +111,22 @@ class RecordingScene:
         return self._ranges_mm[position], int(self._stamps_ms[position])
 
     def pairs(self, steering_rad: list[float]) -> list[SteeringPair]:
-        """Pair our answers with the recorded ones. Our answer to scan k is what the servo held when k+1 was sent."""
+        """Pair our answers with the recorded ones, where the recorded car was let drive.
+
+        Our answer to scan k is what the servo was told when scan k+1 was sent.
+        """
         track = self.recording.navigation
+        if track is None:
+            return []
         ours = steering_rad[1:]
-        times_s = self.recording.received_s[: len(ours)]
-        answers = recorded_answers(list(times_s), track) if track is not None else []
+        times_s = [float(time_s) for time_s in self.recording.received_s[: len(ours)]]
+        moved = drove(times_s, self.recording.output)
         return [
-            SteeringPair(float(time_s), our_rad, recorded_rad)
-            for time_s, our_rad, recorded_rad in zip(times_s, ours, answers, strict=False)
-            if recorded_rad is not None
+            SteeringPair(time_s, our_rad, recorded_rad)
+            for time_s, our_rad, recorded_rad, counts in zip(
+                times_s, ours, recorded_answers(times_s, track), moved, strict=True
+            )
+            if counts and recorded_rad is not None
         ]
 
 

@@ -9,8 +9,10 @@ from sim.pose import Booleans, Floats, Footprint, Pose, into_frame
 
 _NO_SEGMENTS = np.empty((0, 4))
 _NO_CIRCLES = np.empty((0, 3))
-_END_SLACK = 1e-9
-"""Share of a segment's length by which it is longer for rays, so that none slips through a corner."""
+_END_SLACK_M = 1e-9
+"""By how much segments are longer for rays, so that none slips through a corner."""
+_EDGE_ON = 1e-9
+"""Sine of the angle under which a wall, which has no thickness, is not seen: there rounding decides where it is."""
 
 
 _BLOCK = 6
@@ -25,7 +27,11 @@ class SegmentGeometry:
         self.circles_m = np.array(circles_m, dtype=np.float64).reshape(-1, 3)
         px, py = self.segments_m[:, 0], self.segments_m[:, 1]
         ex, ey = self.segments_m[:, 2] - px, self.segments_m[:, 3] - py
-        # Ray o + t d meets segment p + s e at t = (p-o)x e / d x e and s = (p-o) x d / d x e: three matrix products.
+        length = np.hypot(ex, ey)
+        ex, ey = ex / np.maximum(length, 1e-12), ey / np.maximum(length, 1e-12)
+        self._half_m = (length / 2)[:, None]
+        # Ray o + t d meets the line p + s e, both in metres, at t = (p-o) x e / d x e and s = (p-o) x d / d x e:
+        # three matrix products.
         self._along_ray = np.column_stack([px * ey - py * ex, -ey, ex])
         self._along_segment = np.column_stack([px, -py, -np.ones_like(px)])
         self._facing = np.column_stack([ey, -ex])
@@ -80,14 +86,16 @@ class SegmentGeometry:
         with np.errstate(divide="ignore", invalid="ignore"):  # parallel: inf or nan, and no comparison below holds
             for first in range(0, len(self.segments_m), _BLOCK):
                 some = slice(first, first + _BLOCK)
+                half_m = self._half_m[some]
                 facing = 1.0 / (self._facing[some] @ aim)
-                share = self._along_segment[some] @ offset
-                share *= facing
+                along = self._along_segment[some] @ offset
+                along *= facing
                 distance = self._along_ray[some] @ place
                 distance *= facing
-                share -= 0.5
-                met = np.abs(share, out=share) <= 0.5 + _END_SLACK
+                along -= half_m
+                met = np.abs(along, out=along) <= half_m + _END_SLACK_M
                 met &= distance >= 0.0
+                met &= np.abs(facing, out=facing) < 1.0 / _EDGE_ON
                 np.minimum(nearest, np.where(met, distance, np.inf).min(axis=0), out=nearest)
         return nearest
 
@@ -140,7 +148,7 @@ def _segments_to_rectangle(x0: Floats, y0: Floats, x1: Floats, y1: Floats, footp
 def _crosses(x0: Floats, y0: Floats, ex: Floats, ey: Floats, footprint: Footprint) -> Booleans:
     """Whether each segment passes through the rectangle: the slab test."""
     enter, leave = np.zeros_like(x0), np.ones_like(x0)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # a side that is parallel is crossed nowhere
         for start, step, low, high in (
             (x0, ex, footprint.rear_m, footprint.front_m),
             (y0, ey, -footprint.half_width_m, footprint.half_width_m),

@@ -25,6 +25,8 @@ GRAVITY_MPS2 = 9.81
 _LONGEST_STEP_S = 0.0025
 _ROLLS_BELOW_MPS = 0.4
 _SLIPS_ABOVE_MPS = 0.8
+_DRIVE_SHARE = 0.85
+"""Share of the grip that the speed control can use along: all four wheels pull, none has lost its hold."""
 _SLIP_SCALE_MPS = 0.02
 """Slip speed below which sliding friction fades, so that it does not flip its sign from step to step."""
 
@@ -142,7 +144,9 @@ class Vehicle:
             self.wheel_speed_mps = u - math.copysign(min(_SLIP_SCALE_MPS, abs(u)), u)  # enough slip to rub in full
             self._slide(dt_s, drive_mps2, brake_mps2, angle_rad)
             return
-        along_mps2 = min(max(along_mps2, -grip_mps2), grip_mps2)  # the speed control does not spin the wheels
+        if drive_mps2:  # the speed control does not spin the wheels, and leaves some grip to steer with
+            most_mps2 = _DRIVE_SHARE * grip_mps2
+            along_mps2 = min(max(along_mps2, -most_mps2), most_mps2)
         slips = (math.hypot(u, self._left_mps) - _ROLLS_BELOW_MPS) / (_SLIPS_ABOVE_MPS - _ROLLS_BELOW_MPS)
         slips = min(max(slips, 0.0), 1.0)
         by_tyres = self._tyre_accelerations(along_mps2, angle_rad) if slips else (along_mps2, 0.0, 0.0)

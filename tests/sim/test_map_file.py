@@ -109,7 +109,8 @@ def test_only_the_largest_connected_region_is_drivable(tmp_path):
 
 
 @pytest.mark.parametrize("text", [
-    "resolution: 0.05\n", "origin: [0, 0, 0]\n", "resolution: 0\norigin: [0, 0, 0]\n", "resolution: x\norigin: [0, 0, 0]\n",
+    "resolution: 0.05\n", "origin: [0, 0, 0]\n", "resolution: 0\norigin: [0, 0, 0]\n",
+    "resolution: x\norigin: [0, 0, 0]\n",
     "resolution: 0.05\norigin: [0, 0]\n", "resolution: .nan\norigin: [0, 0, 0]\n", "resolution: [\n", "\t- :",
 ])  # fmt: skip
 def test_nonsense_is_refused_by_name(tmp_path, text):
@@ -135,5 +136,5 @@ def test_a_drawn_corridor_starts_along_it(tmp_path):
     picture[10:50, 5:395] = 254
     world = load_map(write_map(tmp_path, picture, "resolution: 0.05\norigin: [0, 0, 0]\n"))
     assert abs(math.sin(world.start.yaw_rad)) < 0.02
-    assert world.wall_distance_m(world.start) == pytest.approx(1.0, abs=0.06)
+    assert world.wall_distance_m(world.start) == pytest.approx(1.0, abs=0.1)
     assert world.collides(Pose(0.0, 1.5, 0.0))

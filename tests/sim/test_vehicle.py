@@ -46,12 +46,12 @@ def test_a_slow_circle_has_the_radius_of_the_geometry(steering_rad):
     radius_m = vehicle.speed_mps / vehicle.yaw_rate_radps
     assert radius_m == pytest.approx(0.33 / math.tan(steering_rad), rel=1e-3)
     xy = []
-    for _ in range(4000):
+    for _ in range(round(math.tau * abs(radius_m) / 0.34 / STEP_S)):  # a little more than once round
         vehicle.step(STEP_S, SpeedDemand(0.35), steering_rad)
         xy.append((vehicle.x_m, vehicle.y_m))
     x, y = np.array(xy).T
-    assert np.ptp(x) == pytest.approx(2 * abs(radius_m), rel=5e-3) or abs(radius_m) > 5
-    assert np.ptp(y) == pytest.approx(2 * abs(radius_m), rel=5e-3) or abs(radius_m) > 5
+    assert np.ptp(x) == pytest.approx(2 * abs(radius_m), rel=5e-3)
+    assert np.ptp(y) == pytest.approx(2 * abs(radius_m), rel=5e-3)
 
 
 @pytest.mark.parametrize("mu", [0.5, 0.8, 1.0])
@@ -64,7 +64,7 @@ def test_no_bend_is_taken_faster_than_grip_allows_and_the_best_nearly_uses_it(mu
         lateral_mps2 = abs(twist.yaw_rate_radps) * math.hypot(twist.speed_mps, sideways)
         assert lateral_mps2 <= 1.01 * mu * G_MPS2
         best = max(best, lateral_mps2)
-    assert best > 0.9 * mu * G_MPS2
+    assert best > 0.87 * mu * G_MPS2  # the rest pulls the turned front wheels against their own drag
 
 
 def test_full_lock_at_speed_runs_wide_instead_of_spinning():
@@ -114,14 +114,12 @@ def test_locked_wheels_do_not_steer_but_rolling_ones_do():
 
 
 def test_braking_and_turning_share_the_grip():
-    turning = drive(car(3.0), 1.0, SpeedDemand(3.0), 0.15)
-    braking = drive(car(3.0), 1.0, SpeedDemand(3.0), 0.15)
-    before = turning.yaw_rate_radps
-    drive(turning, 0.15, SpeedDemand(3.0), 0.15)
-    drive(braking, 0.15, BrakeDemand(40.0), 0.15)
-    turned = before * 0.15
-    assert braking.yaw_rate_radps / max(braking.speed_mps, 0.1) < turning.yaw_rate_radps / turning.speed_mps
-    assert turned > 0
+    turning, braking = (drive(car(3.0), 1.0, SpeedDemand(3.0), 0.15) for _ in range(2))
+    drive(turning, 0.1, SpeedDemand(3.0), 0.15)
+    drive(braking, 0.1, BrakeDemand(42.0), 0.15)
+    braked_mps2 = 0.17 * 42 + 0.4
+    left_over_mps2 = math.sqrt((0.8 * G_MPS2) ** 2 - braked_mps2**2)
+    assert braking.yaw_rate_radps * braking.speed_mps < left_over_mps2 < turning.yaw_rate_radps * turning.speed_mps
 
 
 @pytest.mark.parametrize("demand", [SpeedDemand(0.0), BrakeDemand(50.0), CoastDemand(), SpeedDemand(0.19)])
@@ -181,7 +179,12 @@ def test_commands_take_effect_after_their_delay(delay_s):
         vehicle.step(0.001, SpeedDemand(1.0), 0.3)
         steps += 1
     assert steps == round(delay_s / 0.001) + 1
-    assert vehicle.speed_mps > 0
+    braked = car(2.0, drive_delay_s=delay_s, drag_mps2=0.0)
+    steps = 0
+    while braked.speed_mps == 2.0:
+        braked.step(0.001, BrakeDemand(10.0), 0.0)
+        steps += 1
+    assert steps == round(delay_s / 0.001) + 1
 
 
 def test_a_short_command_is_delayed_not_lost():

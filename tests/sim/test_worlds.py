@@ -106,8 +106,14 @@ def test_starts_can_be_moved_and_turned_toward_the_wall(side):
 
 
 def test_the_side_without_a_wall_is_infinitely_far():
-    world = load_world("inside_corner")
+    world = load_world("outside_corner")
     assert math.isinf(world.wall_distance_m(Pose(0, 0, 0), "right"))
+
+
+def test_a_wall_seen_edge_on_from_its_own_line_is_not_there():
+    # From (-4, 3) the inner wall along x = -4 lies exactly behind a beam to +y: rounding once put it at 0 m.
+    world = load_world("loop")
+    assert world.wall_distance_m(Pose(-4.0, 3.0, 0.0)) == pytest.approx(1.0)
 
 
 def test_the_way_through_the_curve_is_as_wide_as_it_says():

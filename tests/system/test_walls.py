@@ -19,7 +19,12 @@ def drive(tmp_path, world, side, pose, seconds=DRIVE_S):
     result = tmp_path / "summary.json"
     pose_text = f"{pose.x_m},{pose.y_m},{pose.yaw_rad}"
     arguments = ["sim", world, "--headless", "--duration", f"{seconds}", f"--pose={pose_text}", "--json", str(result)]
-    settings = [f"wall_follow.side={side}", "wall_follow.method=report", "safety.method=report", "wall_follow.speed_mps=1"]
+    settings = [
+        f"wall_follow.side={side}",
+        "wall_follow.method=report",
+        "safety.method=report",
+        "wall_follow.speed_mps=1",
+    ]
     assert main([*arguments, *(word for setting in settings for word in ("--set", setting))]) == 0
     return json.loads(result.read_text())
 
