@@ -11,6 +11,7 @@ from sim.pose import Floats
 
 SETTLE_BAND_M = 0.05
 STANDING_BELOW_MPS = 0.05
+ON_THE_LINE_M = 0.02
 STANDING_FOR_S = 1.0
 
 
@@ -69,9 +70,14 @@ def _settle_s(time_s: Floats, error_m: Floats) -> float | None:
 
 
 def _overshoot_m(error_m: Floats) -> float | None:
-    """Return how far the car went past the desired distance, seen from the side on which it started."""
+    """Return how far the car went past the desired distance, seen from the side on which it started.
+
+    A car that starts on the line has no side: for it every departure counts.
+    """
     if not error_m.size:
         return None
+    if abs(error_m[0]) < ON_THE_LINE_M:
+        return _number(np.abs(error_m).max())
     past_m = -error_m if error_m[0] > 0 else error_m
     return _number(max(0.0, float(past_m.max())))
 

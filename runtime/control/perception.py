@@ -104,14 +104,17 @@ def thin_dirt(ranges_m: Floats, near: Booleans, angle_step_rad: float) -> npt.ND
     """
     index = np.flatnonzero(near)
     near_m = ranges_m[index]
-    cut = (np.diff(index) > BRIDGED_BEAMS + 1) | (np.abs(np.diff(near_m)) >= DIRT_STANDS_OUT_M)
+    cut = (index[1:] - index[:-1] > BRIDGED_BEAMS + 1) | (np.abs(near_m[1:] - near_m[:-1]) >= DIRT_STANDS_OUT_M)
     first = np.concatenate(([0], np.flatnonzero(cut) + 1))
     last = np.concatenate((first[1:], [index.size])) - 1
-    width_m = (index[last] - index[first] + 1) * abs(angle_step_rad) * np.minimum(near_m[first], near_m[last])
-    far = np.concatenate(([math.inf], np.nan_to_num(ranges_m, nan=math.inf), [math.inf]))
-    stands_out = (far[index[first]] - near_m[first] >= DIRT_STANDS_OUT_M) & (
-        far[index[last] + 2] - near_m[last] >= DIRT_STANDS_OUT_M
-    )
-    thin = stands_out & (width_m < DIRT_THINNER_THAN_M)
-    run_of = np.repeat(np.arange(first.size), last - first + 1)
-    return index[thin[run_of]]
+    from_beam, to_beam = index[first], index[last]
+    width_m = (to_beam - from_beam + 1) * abs(angle_step_rad) * np.minimum(near_m[first], near_m[last])
+    # "Not nearer than that", so that NaN, no echo, counts as far.
+    left_near = ranges_m[np.minimum(to_beam + 1, ranges_m.size - 1)] - near_m[last] < DIRT_STANDS_OUT_M
+    right_near = ranges_m[np.maximum(from_beam - 1, 0)] - near_m[first] < DIRT_STANDS_OUT_M
+    left_near &= to_beam < ranges_m.size - 1
+    right_near &= from_beam > 0
+    thin = (width_m < DIRT_THINNER_THAN_M) & ~left_near & ~right_near
+    if not thin.any():
+        return index[:0]
+    return index[np.repeat(thin, last - first + 1)]

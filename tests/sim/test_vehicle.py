@@ -119,7 +119,8 @@ def test_braking_and_turning_share_the_grip():
     drive(braking, 0.1, BrakeDemand(42.0), 0.15)
     braked_mps2 = 0.17 * 42 + 0.4
     left_over_mps2 = math.sqrt((0.8 * G_MPS2) ** 2 - braked_mps2**2)
-    assert braking.yaw_rate_radps * braking.speed_mps < left_over_mps2 < turning.yaw_rate_radps * turning.speed_mps
+    sideways_mps2 = [vehicle.yaw_rate_radps * vehicle.speed_mps for vehicle in (braking, turning)]
+    assert sideways_mps2[0] < 1.02 * left_over_mps2 < 3.0 < sideways_mps2[1]
 
 
 @pytest.mark.parametrize("demand", [SpeedDemand(0.0), BrakeDemand(50.0), CoastDemand(), SpeedDemand(0.19)])
