@@ -4,6 +4,7 @@ Units are SI and signs follow REP-103 throughout: x forward, y left, angles coun
 to the left. Conversions to device units live in the codecs and nowhere else.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -43,10 +44,12 @@ class Drive:
     """What the car should do: speed positive forward, steering positive to the left.
 
     A speed of exactly 0.0 means "stop and stay": the driver brakes, it does not coast.
+    brake_mps2: how hard a stop may brake, infinity being all there is; less leaves grip for turning.
     """
 
     speed_mps: float
     steering_rad: float
+    brake_mps2: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from runtime import wire
 from runtime.bus import Bus
 from runtime.command import Output, Source
 from runtime.control import methods
-from runtime.control.guidance import Guidance, Verdict
+from runtime.control.guidance import Guidance
 from runtime.control.limiter import Limiter, Limits
 from runtime.control.odometry import Odometry
 from runtime.control.score import Score
@@ -79,7 +79,7 @@ class Car:
             "lidar": lidar_task.pump(self.lidar, [for_safety, for_follower]),
             "safety": safety.watch(
                 for_safety, motor, self.guard, voices,
-                expires_after_s=settings.safety.expires_after_s, publish=self._on_verdict,
+                expires_after_s=settings.safety.expires_after_s,
             ),
             "wall_follow": wall_follow.follow(
                 for_follower, motor, self.follower, voices,
@@ -106,9 +106,6 @@ class Car:
             clock=self.clock,
             retry_faults=self.settings.operator.permit == "always",
         )
-
-    def _on_verdict(self, scan: Scan, verdict: Verdict) -> None:
-        pass
 
     def _on_guidance(self, scan: Scan, guidance: Guidance) -> None:
         self.scans += 1

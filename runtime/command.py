@@ -9,6 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Protocol
 
 from drivers.api import Drive
 
@@ -46,20 +47,55 @@ class DriveWord:
 
 
 @dataclass(frozen=True, slots=True)
+class Verdict:
+    """How fast one particular drive may go.
+
+    forward_mps, reverse_mps: ceilings, both >= 0; infinity is consent, 0 is stop.
+    reason: constant words ("wall ahead"), so that a change of reason is an event; the number goes into `measure`.
+    measure: the number behind the reason (metres of free way), NaN where there is none.
+    brake_mps2: how hard a stop may brake; infinity is all there is. Less than that leaves grip for turning.
+    """
+
+    forward_mps: float
+    reverse_mps: float
+    reason: str
+    measure: float = math.nan
+    brake_mps2: float = math.inf
+
+    def limit(self, speed_mps: float, steering_rad: float) -> "Verdict":  # noqa: ARG002 - the same whatever is asked
+        """Be an Outlook that judges every drive alike."""
+        return self
+
+
+class Outlook(Protocol):
+    """What a capping voice makes of the present; asked about the very drive that is about to be sent."""
+
+    def limit(self, speed_mps: float, steering_rad: float) -> Verdict:
+        """Judge a wish, whoever has it. Cheap: asked again at every tick."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
 class CapWord:
     """A ceiling on the speed of everyone less urgent.
 
-    forward_mps, reverse_mps: both >= 0; infinity is consent, 0 is stop.
-    scan_stamp_s: the scan it judged, None where no scan is involved.
-    reason: constant words ("wall ahead"), so that a change of reason is an event; the number goes into `measure`.
+    outlook: judges the drive; a plain Verdict judges all alike.
+    scan_stamp_s: the scan behind it, None where no scan is involved.
     """
 
     source: Source
-    forward_mps: float
-    reverse_mps: float
-    scan_stamp_s: float | None
-    reason: str
-    measure: float = math.nan
+    outlook: Outlook
+    scan_stamp_s: float | None = None
+
+
+def consent(source: Source, reason: str) -> CapWord:
+    """Return the word of a voice that does not object."""
+    return CapWord(source, Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, reason))
+
+
+def refusal(source: Source, reason: str) -> CapWord:
+    """Return the word of a voice that wants the car to stand."""
+    return CapWord(source, Verdict(0.0, 0.0, reason))
 
 
 Word = DriveWord | CapWord
@@ -74,6 +110,7 @@ class Decision:
     driver: whose wish it is; None when nobody drives.
     winner: who decided the speed: the voice that capped it if one did, else the driver; None for a stop by default.
     measure: the number behind the reason (metres to the obstacle), NaN where there is none.
+    brake_mps2: how hard a stop may brake; infinity is all there is.
     """
 
     speed_mps: float
@@ -82,6 +119,7 @@ class Decision:
     winner: Source | None
     reason: str
     measure: float = math.nan
+    brake_mps2: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,9 +147,10 @@ def arbitrate(live: Sequence[Word], required: frozenset[Source], order: Sequence
         if isinstance(word, DriveWord):
             return _drive_under_caps(word, caps, required.intersection(order[: order.index(word.source)]))
         caps.append(word)
-    closed = next((cap for cap in caps if cap.forward_mps <= 0 and cap.reverse_mps <= 0), None)
-    if closed is not None:
-        return Decision(0.0, None, None, closed.source, closed.reason, closed.measure)
+    for cap in caps:
+        verdict = cap.outlook.limit(0.0, 0.0)
+        if verdict.forward_mps <= 0 and verdict.reverse_mps <= 0:
+            return Decision(0.0, None, None, cap.source, verdict.reason, verdict.measure)
     return Decision(0.0, None, None, None, "nobody drives")
 
 
@@ -130,9 +169,13 @@ def _drive_under_caps(word: DriveWord, caps: Sequence[CapWord], required: frozen
 
 
 def _tightest(word: DriveWord, caps: Sequence[CapWord]) -> Decision:
-    speed_mps, winner, reason, measure = word.drive.speed_mps, word.source, word.reason, math.nan
+    steering_rad = word.drive.steering_rad
+    decision = Decision(word.drive.speed_mps, steering_rad, word.source, word.source, word.reason)
     for cap in caps:
-        allowed_mps = max(-cap.reverse_mps, min(cap.forward_mps, speed_mps))
-        if allowed_mps != speed_mps:
-            speed_mps, winner, reason, measure = allowed_mps, cap.source, cap.reason, cap.measure
-    return Decision(speed_mps, word.drive.steering_rad, word.source, winner, reason, measure)
+        verdict = cap.outlook.limit(word.drive.speed_mps, steering_rad)
+        allowed_mps = max(-verdict.reverse_mps, min(verdict.forward_mps, decision.speed_mps))
+        if allowed_mps != decision.speed_mps:
+            decision = Decision(
+                allowed_mps, steering_rad, word.source, cap.source, verdict.reason, verdict.measure, verdict.brake_mps2
+            )
+    return decision

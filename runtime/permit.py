@@ -2,8 +2,7 @@
 
 from typing import Literal
 
-from runtime.command import NO_LIMIT_MPS, CapWord, Source
-from runtime.queues import NEVER_S
+from runtime.command import Source, consent, refusal
 from runtime.voices import Voices
 
 NOT_GRANTED = "no operator permits autonomy"
@@ -19,19 +18,16 @@ class Permit:
         self._voices = voices
         self._always = mode == "always"
         if self._always:
-            self._say(NO_LIMIT_MPS, "permit not required", NEVER_S)
+            voices.say(consent(Source.PERMIT, "permit not required"))
         else:
             self.revoke(NOT_GRANTED)
 
     def grant(self, *, until_s: float) -> None:
         """Consent until then; the operator's client renews it. Afterwards the permit is silent, which is a stop."""
         if not self._always:
-            self._say(NO_LIMIT_MPS, "operator permits", until_s)
+            self._voices.say(consent(Source.PERMIT, "operator permits"), expires_at_s=until_s)
 
     def revoke(self, reason: str) -> None:
         """Take the permit back, for example because a device was lost: coming back is not leave to drive on."""
         if not self._always:
-            self._say(0.0, reason, NEVER_S)
-
-    def _say(self, limit_mps: float, reason: str, until_s: float) -> None:
-        self._voices.say(CapWord(Source.PERMIT, limit_mps, limit_mps, None, reason), expires_at_s=until_s)
+            self._voices.say(refusal(Source.PERMIT, reason))

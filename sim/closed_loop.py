@@ -7,7 +7,6 @@ Nothing reads a clock: the same case gives the same run, bit by bit.
 
 import math
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -121,39 +120,19 @@ class Run:
         return self.wall_m - self.case.desired_m
 
 
-@runtime_checkable
-class Looking(Protocol):
-    """A guard that looks once and is then asked about each drive."""
-
-    def look(self, scan: Scan, motor: MotorState | None) -> "Limiting":
-        """Take in one scan."""
-        ...
-
-
-class Limiting(Protocol):
-    """What a look gives."""
-
-    def limit(self, speed_mps: float, steering_rad: float) -> Verdict:
-        """Judge the drive that is about to be sent."""
-        ...
-
-
-AnyGuard = Guard | Looking
 _CONSENT = Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "nobody looks", math.nan)
 
 
-def drive(case: Case, follower: Follower, guard: AnyGuard | None) -> Run:
+def drive(case: Case, follower: Follower, guard: Guard | None) -> Run:
     """Drive a case to its end. guard None: nobody looks out."""
     return _Rig(case, follower, guard).run()
 
 
-def verdict_on(guard: AnyGuard | None, scan: Scan, motor: MotorState | None, wish: Drive) -> Verdict:
+def verdict_on(guard: Guard | None, scan: Scan, motor: MotorState | None, wish: Drive) -> Verdict:
     """Ask either kind of guard about a wish."""
     if guard is None:
         return _CONSENT
-    if isinstance(guard, Looking):
-        return guard.look(scan, motor).limit(wish.speed_mps, wish.steering_rad)
-    return guard.judge(scan, motor)
+    return guard.look(scan, motor).limit(wish.speed_mps, wish.steering_rad)
 
 
 def as_scan(reported_mm: Millimetres, lidar: LidarSettings, time_s: float, sequence: int) -> Scan:
@@ -162,9 +141,7 @@ def as_scan(reported_mm: Millimetres, lidar: LidarSettings, time_s: float, seque
     ranges_m = np.where(usable, reported_mm.astype(np.float32) / np.float32(1000), np.float32(np.nan))
     ranges_m.setflags(write=False)
     first_rad, step_rad = math.radians(lidar.first_deg), math.radians(lidar.last_deg - lidar.first_deg)
-    return Scan(
-        time_s, time_s, first_rad, step_rad / (lidar.beams - 1), RANGE_MIN_M, RANGE_MAX_M, ranges_m, sequence
-    )
+    return Scan(time_s, time_s, first_rad, step_rad / (lidar.beams - 1), RANGE_MIN_M, RANGE_MAX_M, ranges_m, sequence)
 
 
 @dataclass(slots=True)
@@ -190,7 +167,7 @@ class _Log:
 class _Rig:
     """The car on its test stand."""
 
-    def __init__(self, case: Case, follower: Follower, guard: AnyGuard | None) -> None:
+    def __init__(self, case: Case, follower: Follower, guard: Guard | None) -> None:
         self._case = case
         self._follower, self._guard = follower, guard
         self._vehicle = Vehicle(case.vehicle)
@@ -271,14 +248,12 @@ class _Rig:
         wish = guidance.drive or Drive(0.0, 0.0)
         verdict = verdict_on(self._guard, sweep, self._motor, wish)
         words = [
-            CapWord(
-                Source.SAFETY, verdict.forward_mps, verdict.reverse_mps, now_s, verdict.reason, verdict.measure
-            ),
+            CapWord(Source.SAFETY, verdict, now_s),
             DriveWord(Source.NAVIGATION, wish, now_s, guidance.reason),
         ]
         decision = arbitrate(words, frozenset({Source.SAFETY}), LAB_ORDER)
         told = self._limiter.limit(decision.speed_mps, decision.steering_rad, 1.0 / case.lidar.rate_hz)
-        demand = self._demand(told.speed_mps, float(getattr(verdict, "brake_mps2", math.inf)))
+        demand = self._demand(told.speed_mps, decision.brake_mps2)
         self._wire.put(now_s, (demand, told.steering_rad))
         stop = isinstance(demand, BrakeDemand)
         self._log.decision(now_s, vehicle.speed_mps, decision, stop=stop)

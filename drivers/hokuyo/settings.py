@@ -24,7 +24,7 @@ class HokuyoSettings(BaseModel):
     ] = 0.1
     degraded_after_s: Annotated[
         float, Field(gt=0, le=1, description="without a scan for this long the lidar no longer counts as ready")
-    ] = 0.1
+    ] = 0.25
     silent_after_s: Annotated[
         float, Field(ge=0.2, le=60, description="without a scan for this long the stream, then the link, is restarted")
     ] = 1.0

@@ -7,6 +7,7 @@ from drivers.vesc.settings import VescSettings
 
 _STEPS_PER_ERPM_MINUTE = 6
 _SECONDS_PER_MINUTE = 60
+_LEAST_BRAKE_A = 1.0
 
 
 class Calibration:
@@ -31,6 +32,17 @@ class Calibration:
         """Return the frame that holds a speed; ValueError for NaN, infinity and speeds beyond the wire."""
         settings = self._settings
         return codec.frame(codec.set_erpm(settings.speed_to_erpm_gain * speed_mps + settings.speed_to_erpm_offset))
+
+    def brake_frame(self, brake_mps2: float) -> bytes:
+        """Return the frame of a stop that brakes no harder than this; all there is for infinity and for NaN.
+
+        Never less than _LEAST_BRAKE_A: a stop is asked for, and under 0.05 A the firmware would coast.
+        """
+        settings = self._settings
+        wanted_a = brake_mps2 / settings.brake_mps2_per_a
+        if not wanted_a < settings.brake_current_a:  # NaN compares as not smaller
+            return self.brake
+        return codec.frame(codec.set_brake_current(max(_LEAST_BRAKE_A, wanted_a)))
 
     def is_stop(self, speed_mps: float) -> bool:
         """Tell whether this speed cannot be held by the VESC's speed loop and therefore means a stop."""

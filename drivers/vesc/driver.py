@@ -114,7 +114,10 @@ class Vesc:
         calibration = self._calibration
         try:
             steering_rad = calibration.allowed_steering_rad(drive.steering_rad)
-            motor = calibration.brake if self._must_brake(drive.speed_mps) else calibration.speed_frame(drive.speed_mps)
+            if self._must_brake(drive.speed_mps):
+                motor = calibration.brake_frame(drive.brake_mps2)
+            else:
+                motor = calibration.speed_frame(drive.speed_mps)
         except ValueError:
             self._health.count("bad_command")
             return calibration.brake + calibration.servo_frame(self._steering_rad)

@@ -35,7 +35,11 @@ class VescSettings(BaseModel):
     servo_max: Annotated[float, Field(ge=0, le=1, description="highest servo position the linkage allows")] = 0.85
     brake_current_a: Annotated[
         float, Field(ge=1, le=100, description="motor current of a stop; more locks the wheels, which stops later")
-    ] = 20.0
+    ] = 40.0
+    brake_mps2_per_a: Annotated[
+        float,
+        Field(gt=0, le=5, description="deceleration per ampere of brake current, for stops that must leave grip to turn"),
+    ] = 0.17
     min_speed_mps: Annotated[
         float,
         Field(

@@ -4,6 +4,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from drivers.api import Drive, MotorState, Scan
+from runtime.command import Outlook, Verdict
+
+__all__ = ["Follower", "Guard", "Guidance", "Outlook", "Verdict"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,19 +25,6 @@ class Guidance:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class Verdict:
-    """Safety's answer to one scan: ceilings on the speed, infinity being consent.
-
-    reason: constant words; measure: the number behind them (metres of free way), NaN where there is none.
-    """
-
-    forward_mps: float
-    reverse_mps: float
-    reason: str
-    measure: float
-
-
 class Follower(Protocol):
     """A way to follow a wall."""
 
@@ -44,8 +34,8 @@ class Follower(Protocol):
 
 
 class Guard(Protocol):
-    """A way to judge how fast the car may go."""
+    """A way to judge how fast the car may go, whoever drives it."""
 
-    def judge(self, scan: Scan, motor: MotorState | None) -> Verdict:
-        """Answer one scan; called once for each, in order."""
+    def look(self, scan: Scan, motor: MotorState | None) -> Outlook:
+        """Take in one scan; called once for each, in order. The outlook then judges every drive until the next."""
         ...

@@ -27,10 +27,15 @@ class Limiter:
         self._limits = limits
         self._last = Drive(0.0, 0.0)
 
-    def limit(self, speed_mps: float, steering_rad: float | None, dt_s: float) -> Drive:
-        """Return what may be sent now, dt_s after the previous call; steering None holds the wheels."""
+    def limit(
+        self, speed_mps: float, steering_rad: float | None, dt_s: float, brake_mps2: float = math.inf
+    ) -> Drive:
+        """Return what may be sent now, dt_s after the previous call; steering None holds the wheels.
+
+        brake_mps2 is passed on: how hard to brake is safety's business, not the mechanics'.
+        """
         steering_rad = self._last.steering_rad if steering_rad is None else steering_rad
-        self._last = Drive(self._speed(speed_mps, dt_s), self._steering(steering_rad, dt_s))
+        self._last = Drive(self._speed(speed_mps, dt_s), self._steering(steering_rad, dt_s), brake_mps2)
         return self._last
 
     def standstill(self) -> None:

@@ -29,5 +29,5 @@ def warm_up(follower: Follower, guard: Guard) -> None:
     beams = 1081
     step_rad = math.radians(0.25)
     scan = Scan(0.0, 0.0, -step_rad * (beams // 2), step_rad, 0.02, 30.0, np.full(beams, 2.0, np.float32), 0)
-    guard.judge(scan, None)
+    guard.look(scan, None).limit(1.0, 0.0)
     follower.follow(scan, None)

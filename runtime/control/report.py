@@ -68,7 +68,7 @@ class ReportGuard:
     def __init__(self, car: CarSettings) -> None:
         self.stop_below_m = car.wheelbase_m / math.tan(car.max_steering_rad)
 
-    def judge(self, scan: Scan, motor: MotorState | None) -> Verdict:  # noqa: ARG002 - the report's rule knows no speed
+    def look(self, scan: Scan, motor: MotorState | None) -> Verdict:  # noqa: ARG002 - the report's rule knows no speed
         """Answer one scan. Backing out is always allowed: the rule only looks ahead."""
         ahead_m = range_ahead_m(scan)
         if ahead_m < self.stop_below_m:

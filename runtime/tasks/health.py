@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Never
 
 from drivers.api import Clock, Health, Lidar, LinkState, Motor
-from runtime.command import CapWord, Output, Source
+from runtime.command import Output, Source, refusal
 from runtime.permit import Permit
 from runtime.service_manager import ServiceManager
 from runtime.ticker import ticks
@@ -85,7 +85,7 @@ class Caretaker:
             if self._fault_since_s is None:
                 self._fault_since_s = now_s
                 log.error("%s", fault)
-                self.voices.say(CapWord(Source.ESTOP, 0.0, 0.0, None, fault))
+                self.voices.say(refusal(Source.ESTOP, fault))
                 self.permit.revoke("the motor had a fault; permit again")
             elif self.retry_faults and now_s - self._fault_since_s > FAULT_RETRY_S:
                 self._fault_since_s = now_s

@@ -44,7 +44,7 @@ class Mux:
         now_s = self._clock()
         elapsed_s = now_s - self._last_s
         decision = arbitrate(self._voices.live(), self._required, self._voices.order)
-        drive = self._limiter.limit(decision.speed_mps, decision.steering_rad, elapsed_s)
+        drive = self._limiter.limit(decision.speed_mps, decision.steering_rad, elapsed_s, decision.brake_mps2)
         delivered = self._motor.send(drive)
         if not delivered:
             self._limiter.standstill()

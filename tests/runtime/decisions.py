@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, replace
 
 from drivers.api import Drive
-from runtime.command import LAB_ORDER, CapWord, Decision, DriveWord, Source, Word
+from runtime.command import LAB_ORDER, CapWord, Decision, DriveWord, Source, Verdict, Word
 
 INF = math.inf
 NAN = math.nan
@@ -21,15 +21,39 @@ def stick(speed=2.0, steering=-0.2):
 
 
 def safety(forward=INF, reverse=INF, scan=1.0, reason="clear", measure=NAN):
-    return CapWord(Source.SAFETY, forward, reverse, scan, reason, measure)
+    return CapWord(Source.SAFETY, Verdict(forward, reverse, reason, measure), scan)
 
 
 def permit(limit=INF, reason="permitted"):
-    return CapWord(Source.PERMIT, limit, limit, None, reason)
+    return CapWord(Source.PERMIT, Verdict(limit, limit, reason))
 
 
 def estop(limit=0.0):
-    return CapWord(Source.ESTOP, limit, limit, None, "red button")
+    return CapWord(Source.ESTOP, Verdict(limit, limit, "red button"))
+
+
+class Bend:
+    """A safety that stops whoever turns left, and lets go on whoever turns right; it brakes gently."""
+
+    def limit(self, speed_mps, steering_rad):
+        free = steering_rad < 0
+        return Verdict(INF if free else 0.2 * abs(speed_mps), INF, "wall on the left", steering_rad, 3.0)
+
+
+class Boxed:
+    """A safety that has words only for a car that stands and does not steer."""
+
+    def limit(self, speed_mps, steering_rad):
+        stop = 0.0 if speed_mps == steering_rad == 0 else INF
+        return Verdict(stop, stop, "boxed in")
+
+
+def boxed():
+    return CapWord(Source.SAFETY, Boxed(), 1.0)
+
+
+def bend(scan=1.0):
+    return CapWord(Source.SAFETY, Bend(), scan)
 
 
 @dataclass(frozen=True)
@@ -44,6 +68,7 @@ class Case:
     measure: float = NAN
     order: tuple[Source, ...] = LAB_ORDER
     required: frozenset[Source] = REQUIRED
+    brake: float = INF
 
 
 N, T, S, P, E = Source.NAVIGATION, Source.TELEOP, Source.SAFETY, Source.PERMIT, Source.ESTOP
@@ -108,6 +133,14 @@ CASES = [
          N, None, LATE),
     Case("a human looks for himself", [safety(scan=0.2), stick(), permit()], 2, -0.2, T, T, "stick",
          order=BOUND_ORDER),
+    # a judge is asked about the very drive that would be sent
+    Case("it would turn into the wall", [bend(), permit(), nav(2.0, 0.3)], 0.4, 0.3, N, S, "wall on the left", 0.3,
+         brake=3.0),
+    Case("it turns away from it", [bend(), permit(), nav(2.0, -0.3)], 2, -0.3, N, N, OK),
+    Case("the stick is asked about its own steering", [bend(), stick(2.0, 0.3), permit(), nav(2.0, -0.3)], 0.4, 0.3, T,
+         S, "wall on the left", 0.3, order=BOUND_ORDER, brake=3.0),
+    Case("a tighter cap brings its own brake", [bend(), permit(0.0, "no"), nav(2.0, 0.3)], 0, 0.3, N, P, "no"),
+    Case("when nobody drives it is asked about standing", [boxed(), permit()], 0, None, None, S, "boxed in"),
     # not a number
     Case("speed is not a number", [safety(), permit(), nav(NAN)], 0, None, N, None,
          "navigation asked for something that is not a number"),
@@ -122,7 +155,7 @@ def failing(arbitrate) -> list[str]:
     """Return the titles of the cases in which a function decides otherwise, or fails."""
     wrong = []
     for case in CASES:
-        expected = Decision(case.speed, case.steering, case.driver, case.winner, case.reason, case.measure)
+        expected = Decision(case.speed, case.steering, case.driver, case.winner, case.reason, case.measure, case.brake)
         try:
             decided = arbitrate(case.live, case.required, case.order)
             if not _same(decided, expected):

@@ -18,6 +18,7 @@ def test_decision(case: Case):
     decision = arbitrate(case.live, case.required, case.order)
     assert (decision.speed_mps, decision.steering_rad) == (case.speed, case.steering)
     assert (decision.driver, decision.winner, decision.reason) == (case.driver, case.winner, case.reason)
+    assert decision.brake_mps2 == case.brake
     assert decision.measure == case.measure or (math.isnan(decision.measure) and math.isnan(case.measure))
 
 
@@ -49,10 +50,13 @@ def test_every_combination_of_voices_obeys_the_rules(order):
             if source in REQUIRED and source not in words:
                 assert decision.speed_mps == 0, f"{source} is silent"
             if source in words:
-                assert -words[source].reverse_mps <= decision.speed_mps <= words[source].forward_mps
+                assert -words[source].outlook.reverse_mps <= decision.speed_mps <= words[source].outlook.forward_mps
         free = all(
             (source not in REQUIRED or source in words)
-            and (source not in words or words[source].forward_mps == words[source].reverse_mps == math.inf)
+            and (
+                source not in words
+                or words[source].outlook.forward_mps == words[source].outlook.reverse_mps == math.inf
+            )
             for source in above
         )
         stale = driver is Source.NAVIGATION and Source.SAFETY in words and words[Source.SAFETY].scan_stamp_s < 1.0

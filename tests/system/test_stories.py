@@ -228,10 +228,10 @@ def test_a_task_that_dies_takes_the_car_to_a_stop():
         pass
 
     def sabotage(story):
-        def judge(*_):
+        def look(*_):
             raise BugError
 
-        story.car.guard.judge = judge
+        story.car.guard.look = look
 
     story = Story()
     with pytest.raises(ExceptionGroup) as caught:

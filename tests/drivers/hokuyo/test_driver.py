@@ -12,9 +12,12 @@ import numpy.typing as npt
 import pytest
 from pydantic import ValidationError
 
+from drivers.address import SerialAddress, TcpAddress
 from drivers.api import Health, LinkState, Scan
+from drivers.hokuyo.conversation import Conversation
 from drivers.hokuyo.driver import Hokuyo
 from drivers.hokuyo.settings import HokuyoSettings
+from drivers.link import open_link
 from sim.devices.scip import ScipEmulator
 from sim.devices.scip_encode import URG_04LX, UST_10LX, UTM_30LX
 
@@ -249,6 +252,7 @@ async def test_a_dropped_connection_is_opened_again(tcp: MakeRig) -> None:
     await rig.until(lambda: rig.counts.get("reconnect", 0) >= 1)
     await rig.lost_and_found()
     assert rig.counts["reconnect"] == 1
+    await rig.until(lambda: rig.driver._failures == 0)  # so that the next loss is answered quickly again
 
 
 async def test_a_refused_connection_is_tried_until_it_succeeds(tcp: MakeRig) -> None:
@@ -287,6 +291,7 @@ async def test_the_speed_of_a_serial_sensor_is_found(tmp_path: Path) -> None:
     rig = Rig(emulator, f"serial://{tmp_path / 'lidar'}")
     await rig.until(lambda: emulator.streaming)
     assert (await rig.scan()).ranges_m.shape == (682,)
+    assert rig.driver._address == SerialAddress(str(tmp_path / "lidar"), 19200)  # tried first next time
     await stop(rig)
     emulator.close()
 
@@ -412,6 +417,48 @@ async def test_a_clock_that_jumps_in_a_running_stream_is_believed_in_the_end(tcp
     assert rig.counts["foreign"] > 20
     await rig.until(lambda: len(rig.scans) > 1)
     assert "restart" not in rig.counts
+
+
+async def test_a_sensor_that_restarted_its_clock_is_believed_at_once_after_a_reconnect(tcp: MakeRig) -> None:
+    rig = await tcp(ScipEmulator())
+    await rig.ready()
+    await rig.scan()
+    rig.emulator.disconnect()
+    await rig.until(lambda: rig.counts.get("reconnect", 0) == 1)
+    await rig.ready()
+    rig.emulator.publish(np.full(1081, 2000), 17)
+    await rig.until(lambda: len(rig.scans) == 2)
+    assert rig.counts == {"reconnect": 1}
+
+
+async def test_a_stream_that_stays_late_is_restarted(tcp: MakeRig) -> None:
+    rig = await tcp(ScipEmulator())
+    await rig.ready()
+    await rig.scan()
+
+    def turned_late() -> bool:
+        rig.emulator.publish(np.full(1081, 2000), rig.stamp_ms + round(time.monotonic() * 1000) - begun_ms - 200)
+        return rig.counts.get("restart", 0) == 1
+
+    begun_ms = round(time.monotonic() * 1000)
+    await rig.until(lambda: time.monotonic() * 1000 - begun_ms > 205)
+    await rig.until(turned_late)
+    assert rig.counts["stale"] > 10
+    await rig.lost_and_found()
+
+
+async def test_an_answer_is_found_among_the_scans_of_a_running_stream() -> None:
+    emulator = ScipEmulator()
+    link = await open_link(TcpAddress("127.0.0.1", await emulator.start_tcp()), time.monotonic)
+    counted: list[str] = []
+    talk = Conversation(link, counted.append)
+    await talk.ask(b"MD0000108000000\n")
+    for stamp_ms in range(5):
+        emulator.publish(np.full(1081, 1234), stamp_ms)
+    reply = await talk.ask(b"VV\n")
+    assert (reply.echo, len(reply.lines), counted) == (b"VV", 5, [])
+    link.close()
+    emulator.close()
 
 
 @pytest.mark.parametrize(

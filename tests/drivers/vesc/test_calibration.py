@@ -58,3 +58,12 @@ def test_what_is_no_number_is_refused(bad):
 )
 def test_a_speed_that_the_vesc_cannot_hold_is_a_stop(speed_mps, stop):
     assert CALIBRATION.is_stop(speed_mps) is stop
+
+
+@pytest.mark.parametrize(
+    ("brake_mps2", "current_a"),
+    [(math.inf, 40.0), (math.nan, 40.0), (100.0, 40.0), (3.4, 20.0), (0.01, 1.0), (0.0, 1.0), (-5.0, 1.0)],
+)
+def test_a_stop_brakes_as_hard_as_allowed_and_never_lets_go(brake_mps2, current_a):
+    calibration = Calibration(VescSettings(brake_current_a=40.0, brake_mps2_per_a=0.17))
+    assert calibration.brake_frame(brake_mps2) == codec.frame(codec.set_brake_current(current_a))

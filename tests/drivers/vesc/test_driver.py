@@ -21,7 +21,7 @@ from drivers.vesc.settings import VescSettings
 from sim.devices.vesc import VescEmulator
 
 PATIENCE_S = 10.0
-BRAKE = codec.set_brake_current(20.0)
+BRAKE = codec.set_brake_current(VescSettings().brake_current_a)
 CENTRE = codec.set_servo(0.5304)
 
 

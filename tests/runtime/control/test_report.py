@@ -108,9 +108,9 @@ def test_the_corner_rule_halves_the_beam_ahead(ahead_m, distance_m):
 def test_safety_stops_at_the_turning_radius():
     guard = ReportGuard(CarSettings())
     assert guard.stop_below_m == pytest.approx(0.9329, abs=1e-4)
-    assert guard.judge(wall_scan(1.0, ahead_m=0.932), None).forward_mps == 0
-    assert guard.judge(wall_scan(1.0, ahead_m=0.934), None).forward_mps == math.inf
-    assert guard.judge(wall_scan(1.0, ahead_m=0.5), None).reverse_mps == math.inf
+    assert guard.look(wall_scan(1.0, ahead_m=0.932), None).forward_mps == 0
+    assert guard.look(wall_scan(1.0, ahead_m=0.934), None).forward_mps == math.inf
+    assert guard.look(wall_scan(1.0, ahead_m=0.5), None).reverse_mps == math.inf
 
 
 def test_safety_knows_the_cars_own_geometry():
@@ -125,4 +125,4 @@ def test_nothing_ahead_is_infinitely_far():
 def test_dust_ahead_does_not_stop_the_car():
     ranges_m = ranges_between_walls(1.0, 1.0, ahead_m=5.0)
     ranges_m[BEAMS // 2 - 1 : BEAMS // 2 + 2] = 0.05
-    assert ReportGuard(CarSettings()).judge(scan_of(ranges_m), None).forward_mps == math.inf
+    assert ReportGuard(CarSettings()).look(scan_of(ranges_m), None).forward_mps == math.inf
