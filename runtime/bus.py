@@ -17,23 +17,26 @@ log = logging.getLogger("wallride.bus")
 
 
 class Bus:
-    """Publishes bytes; before the session is open, and after it closed, they are dropped and counted."""
+    """Publishes bytes; before the session is open, and after it closed, they are dropped and counted.
+
+    endpoint: where it listens; known for certain once it is open.
+    """
 
     def __init__(self, listen: str) -> None:
-        self._listen = listen
+        self.endpoint = listen
         self._session: zenoh.Session | None = None
         self.dropped = 0
 
     async def open(self) -> None:
         """Open the session; when the port is taken use a free one and say so."""
         try:
-            self._session = await asyncio.to_thread(_open_session, self._listen)
+            self._session = await asyncio.to_thread(_open_session, self.endpoint)
         except OSError as error:
             free = free_endpoint()
-            log.warning("telemetry cannot listen on %s (%s); using %s instead", self._listen, error, free)
-            self._listen = free
+            log.warning("telemetry cannot listen on %s (%s); using %s instead", self.endpoint, error, free)
+            self.endpoint = free
             self._session = await asyncio.to_thread(_open_session, free)
-        log.info("telemetry on %s", self._listen)
+        log.info("telemetry on %s", self.endpoint)
 
     def put(self, key: str, payload: bytes) -> None:
         """Publish without waiting: a slow or vanished reader loses samples, the car loses nothing."""
