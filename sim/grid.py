@@ -18,6 +18,8 @@ Cells = npt.NDArray[np.int64]
 
 _FEW_BEAMS = 24
 """Below this many, one beam at a time costs less than the fixed price of a dozen numpy calls."""
+_ALONG_GRID = 1e-12
+"""Directions this close to a grid line lie along it; the inverse of less, or of -0.0, is the wrong infinity."""
 _SIGNS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 """Quadrants of direction (sign of x, sign of y), in the order in which the leaps are stored."""
 
@@ -81,10 +83,7 @@ class GridGeometry:
         ox, oy = np.broadcast_to(x_m, bearing_rad.shape), np.broadcast_to(y_m, bearing_rad.shape)
         along, across = into_frame(self.origin, ox, oy)
         heading = bearing_rad - self.origin.yaw_rad
-        dx, dy = (
-            np.cos(heading) + 0.0,
-            np.sin(heading) + 0.0,
-        )  # + 0.0: of a negative zero the inverse is the wrong infinity
+        dx, dy = (np.where(np.abs(part) < _ALONG_GRID, 0.0, part) for part in (np.cos(heading), np.sin(heading)))
         return self._march(along / self.cell_m, across / self.cell_m, dx, dy) * self.cell_m
 
     def clearance(self, pose: Pose, footprint: Footprint) -> float:

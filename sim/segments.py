@@ -83,7 +83,7 @@ class SegmentGeometry:
         offset = np.stack([dy, dx, ox * dy - oy * dx])
         place = np.stack([np.ones_like(ox), ox, oy])
         nearest = np.full(dx.shape, np.inf)
-        with np.errstate(divide="ignore", invalid="ignore"):  # parallel: inf or nan, and no comparison below holds
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # parallel: filtered out as edge-on below
             for first in range(0, len(self.segments_m), _BLOCK):
                 some = slice(first, first + _BLOCK)
                 half_m = self._half_m[some]

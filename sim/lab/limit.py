@@ -1,16 +1,14 @@
 """The least mean error that any steering could reach: what a figure has to be compared with.
 
-Most of a run's mean error is the way from its start to the wanted distance, which no law can save. The limit is
-found by optimal control of a car that knows everything: a kinematic bicycle of constant speed v, exact, with
-
-    yaw' = v tan(steering) / L                         (Rajamani, Vehicle Dynamics and Control, 2nd ed., section 2.2)
-    |steering| <= the stop, |steering'| <= the servo's rate, |tan(steering)| / L <= mu g / v^2, nothing for the delay
+Most of a run's mean error is the way from its start to the wanted distance, which no law can save. The limit is found
+by optimal control of a car that knows everything beforehand: the single-track model of `sim.vehicle` at constant speed
+(same tyres, same grip, same yaw inertia), with the steering's stop, its rate, and nothing at all during the delay.
 
 Minimised is the mean of |distance - wanted| over the way, by sequential linear programming (Nocedal & Wright, Numerical
-Optimization, 2nd ed., section 18.5 with linear steps): along the present path the errors are linear in small changes of
-the steering, |error| is the classic linear programme of least absolute deviations, all bounds are linear too, and a
-trust region keeps the changes small. The answer is a path that exists, so the true limit may be lower, not higher; tyres
-that need slip angle for their force can only do worse than the kinematic car.
+Optimization, 2nd ed., chapter 18; Fletcher & Sainz de la Maza 1989): near the present path the errors are linear in
+small changes of the steering, their absolute sum is a linear programme, so are all bounds, and a trust region keeps the
+changes small. What is found is a path that exists, so the true limit can be lower but not higher. It may touch things:
+contact is not part of the problem. A law that drives slower than asked can be better than the limit at that speed.
 """
 
 import math
@@ -22,110 +20,153 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_array, eye_array, hstack, vstack
 
 from sim.pose import Floats, Pose
+from sim.vehicle import GRAVITY_MPS2
+from sim.vehicle_settings import VehicleSettings
 
-GRAVITY_MPS2 = 9.81
-STEP_M = 0.05
-_ROUNDS = 60
+KNOT_M = 0.1
+"""Way between two points of the steering, which is linear between them."""
+_LONGEST_STEP_S = 0.005
+_ROUNDS = 40
 _TRUST_RAD = 0.1
 _GIVE_UP_RAD = 5e-4
-_GUESS_AHEAD_M = 0.6
-
-
-@dataclass(frozen=True, slots=True)
-class Ability:
-    """What the car can do. delay_s: from seeing to the wheels beginning to turn."""
-
-    speed_mps: float
-    grip_mu: float = 0.8
-    wheelbase_m: float = 0.33
-    max_steering_rad: float = 0.34
-    steering_rate_radps: float = 3.2
-    delay_s: float = 0.02
-
-    @property
-    def steering_bound_rad(self) -> float:
-        """Largest angle that the stop and the grip allow."""
-        by_grip_rad = math.atan(self.wheelbase_m * self.grip_mu * GRAVITY_MPS2 / self.speed_mps**2)
-        return min(self.max_steering_rad, by_grip_rad)
-
+_PROBE_RAD = 1e-4
+_GUESSES_AHEAD_M = (0.6, 1.0)
+_LP_SECONDS = 5.0
 
 Wall = tuple[tuple[float, float, float, float], ...]
 """The followed wall as segments (x0, y0, x1, y1)."""
 
 
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A start, a wall and a car. delay_s: from seeing to the wheels beginning to turn."""
+
+    wall: Wall
+    start: Pose
+    speed_mps: float
+    way_m: float = 8.5
+    desired_m: float = 1.0
+    delay_s: float = 0.04
+    vehicle: VehicleSettings = VehicleSettings()
+
+
 @lru_cache(maxsize=256)
-def least_mean_error_m(wall: Wall, start: Pose, desired_m: float, way_m: float, ability: Ability) -> float:
+def least_mean_error_m(task: Task) -> float:
     """Return the least mean |error| found [m]; the distance counts from the rear axle to the nearest point."""
-    problem = _Problem(np.array(wall), start, desired_m, round(way_m / STEP_M), ability)
-    return min(problem.improved(guess) for guess in (problem.followed(), problem.straight()))
+    return best_steering(task)[0]
+
+
+def best_steering(task: Task) -> tuple[float, Floats]:
+    """Return the least mean |error| found [m] and its steering [rad] at every KNOT_M of the way, shape (n,)."""
+    problem = _Problem(task)
+    guesses = [problem.straight(), *(problem.followed(ahead_m) for ahead_m in _GUESSES_AHEAD_M)]
+    guesses.sort(key=problem.cost)
+    return min((problem.improved(guess) for guess in guesses[:2]), key=lambda found: found[0])
 
 
 class _Problem:
-    """One start, one wall. Steering is constant within a step of STEP_M."""
+    """Steering at n knots; the error is looked at after each."""
 
-    def __init__(self, wall: Floats, start: Pose, desired_m: float, steps: int, ability: Ability) -> None:
-        self._wall, self._start, self._desired_m, self._ability = wall, start, desired_m, ability
-        self._n = steps
-        self._bound_rad = ability.steering_bound_rad
-        self._turn_rad = ability.steering_rate_radps * STEP_M / ability.speed_mps
-        self._blind = min(steps, math.ceil(ability.delay_s * ability.speed_mps / STEP_M - 0.5))
-        self._slew = _differences(steps)
+    def __init__(self, task: Task) -> None:
+        self._task = task
+        self._wall = np.array(task.wall)
+        self._n = round(task.way_m / KNOT_M)
+        self._knot_s = KNOT_M / task.speed_mps
+        self._turn_rad = task.vehicle.steering_rate_radps * self._knot_s
+        self._blind_s = task.delay_s
+        self._slew = csr_array(eye_array(self._n) - eye_array(self._n, k=-1))
 
     def straight(self) -> Floats:
         """Return the guess "do nothing"."""
         return np.zeros(self._n)
 
-    def followed(self) -> Floats:
+    def followed(self, ahead_m: float) -> Floats:
         """Return the guess of a simple law: steer by the error at a point ahead."""
-        at, steering_rad, guess = self._start, 0.0, np.zeros(self._n)
-        for k in range(self._blind, self._n):
-            ahead = at.ahead(_GUESS_AHEAD_M)
+        at, angle_rad, guess = self._task.start, 0.0, np.zeros(self._n)
+        bound_rad = self._task.vehicle.max_steering_rad
+        for k in range(self._n):
+            ahead = at.ahead(ahead_m)
             error_m, normal = self._errors(np.array([[ahead.x_m, ahead.y_m]]))
             left = -math.sin(at.yaw_rad) * normal[0, 0] + math.cos(at.yaw_rad) * normal[0, 1]
-            wanted_rad = -math.copysign(2.0 * float(error_m[0]), left) if error_m[0] * left else 0.0
-            wanted_rad = -2.0 * float(error_m[0]) * (1.0 if left > 0 else -1.0)
-            wanted_rad = min(max(wanted_rad, -self._bound_rad), self._bound_rad)
-            steering_rad = min(max(wanted_rad, steering_rad - self._turn_rad), steering_rad + self._turn_rad)
-            guess[k] = steering_rad
-            turn_rad = STEP_M * math.tan(steering_rad) / self._ability.wheelbase_m
-            moved = Pose(at.x_m, at.y_m, at.yaw_rad + turn_rad / 2).ahead(STEP_M)
+            wanted_rad = min(max(-2.0 * float(error_m[0]) * math.copysign(1.0, left), -bound_rad), bound_rad)
+            angle_rad = min(max(wanted_rad, angle_rad - self._turn_rad), angle_rad + self._turn_rad)
+            guess[k] = angle_rad
+            turn_rad = KNOT_M * math.tan(angle_rad) / self._task.vehicle.wheelbase_m
+            moved = Pose(at.x_m, at.y_m, at.yaw_rad + turn_rad / 2).ahead(KNOT_M)
             at = Pose(moved.x_m, moved.y_m, at.yaw_rad + turn_rad)
         return guess
 
-    def improved(self, steering_rad: Floats) -> float:
-        """Return the mean error after improving a guess as long as it gets better."""
-        trust_rad = _TRUST_RAD
-        path = self._path(steering_rad)
-        error_m, normal = self._errors(path)
-        cost = float(np.abs(error_m).mean())
+    def cost(self, steering_rad: Floats) -> float:
+        """Return the mean |error| of a steering."""
+        return float(np.abs(self._errors(self._paths(steering_rad[None])[0])[0]).mean())
+
+    def improved(self, steering_rad: Floats) -> tuple[float, Floats]:
+        """Change a guess for the better as long as that goes; return its mean error and the steering."""
+        trust_rad, cost = _TRUST_RAD, self.cost(steering_rad)
+        slope: Floats | None = None
+        error_m = np.empty(0)
         for _ in range(_ROUNDS):
-            change = self._best_change(steering_rad, path, error_m, normal, trust_rad)
-            tried = steering_rad + change
-            new_path = self._path(tried)
-            new_error, new_normal = self._errors(new_path)
-            new_cost = float(np.abs(new_error).mean())
+            if slope is None:
+                error_m, slope = self._linearised(steering_rad)
+            tried = steering_rad + self._best_change(steering_rad, error_m, slope, trust_rad)
+            new_cost = self.cost(tried)
             if new_cost < cost:
-                gain = cost - new_cost
-                steering_rad, path, error_m, normal, cost = tried, new_path, new_error, new_normal, new_cost
+                gain_m, cost, steering_rad, slope = cost - new_cost, new_cost, tried, None
                 trust_rad = min(2 * trust_rad, 0.3)
-                if gain < 1e-5:
+                if gain_m < 2e-5:
                     break
             else:
-                trust_rad /= 3
+                trust_rad /= 4
                 if trust_rad < _GIVE_UP_RAD:
                     break
-        return cost
+        return cost, steering_rad
 
-    def _path(self, steering_rad: Floats) -> Floats:
-        """Return the rear axle after each step, shape (n, 2)."""
-        turn_rad = STEP_M * np.tan(steering_rad) / self._ability.wheelbase_m
-        middle_rad = self._start.yaw_rad + np.cumsum(turn_rad) - turn_rad / 2
-        x_m = self._start.x_m + STEP_M * np.cumsum(np.cos(middle_rad))
-        y_m = self._start.y_m + STEP_M * np.cumsum(np.sin(middle_rad))
-        return np.column_stack([x_m, y_m])
+    def _linearised(self, steering_rad: Floats) -> tuple[Floats, Floats]:
+        """Return the errors (n,) and their slopes by each knot's steering (n, n), by trying each knot."""
+        paths = self._paths(np.vstack([steering_rad, steering_rad + _PROBE_RAD * np.eye(self._n)]))
+        error_m, normal = self._errors(paths[0])
+        slope = np.einsum("kd,ikd->ki", normal, paths[1:] - paths[0]) / _PROBE_RAD
+        return error_m, slope
+
+    def _paths(self, steering_rad: Floats) -> Floats:
+        """Return the rear axle's places after each knot for a batch of steerings (b, n), shape (b, n, 2)."""
+        task, s = self._task, self._task.vehicle
+        batch, speed = len(steering_rad), task.speed_mps
+        parts = math.ceil(self._knot_s / _LONGEST_STEP_S)
+        step_s = self._knot_s / parts
+        x_m, y_m = np.full(batch, task.start.x_m), np.full(batch, task.start.y_m)
+        yaw, left, rate = np.full(batch, task.start.yaw_rad), np.zeros(batch), np.zeros(batch)
+        places = np.empty((batch, self._n, 2))
+        grip = s.grip_mu * GRAVITY_MPS2
+        front_grip, rear_grip = grip * s.rear_axle_to_cg_m / s.wheelbase_m, grip * s.front_axle_to_cg_m / s.wheelbase_m
+        per_moment = s.mass_kg / s.yaw_inertia_kgm2
+        front_m, rear_m = s.front_axle_to_cg_m, s.rear_axle_to_cg_m
+        known = np.hstack([np.zeros((batch, 1)), steering_rad])
+        times_s = self._knot_s * np.arange(self._n + 1)
+        for step in range(self._n * parts):
+            at_s = max(0.0, (step + 0.5) * step_s - self._blind_s)
+            knot = min(int(at_s / self._knot_s), self._n - 1)
+            share = (at_s - times_s[knot]) / self._knot_s
+            angle = known[:, knot] * (1 - share) + known[:, knot + 1] * share
+            slip_front = angle - np.arctan((left + front_m * rate) / speed)
+            slip_rear = -np.arctan((left - rear_m * rate) / speed)
+            front = front_grip * _saturated(s.cornering_front_per_rad * slip_front) * np.cos(angle)
+            rear = rear_grip * _saturated(s.cornering_rear_per_rad * slip_rear)
+            left = left + (front + rear - speed * rate) * step_s
+            turned = rate + per_moment * (front_m * front - rear_m * rear) * step_s
+            middle = (rate + turned) / 2
+            heading = yaw + middle * step_s / 2
+            aside = left - rear_m * middle
+            cos, sin = np.cos(heading), np.sin(heading)
+            x_m = x_m + (speed * cos - aside * sin) * step_s
+            y_m = y_m + (speed * sin + aside * cos) * step_s
+            yaw, rate = yaw + middle * step_s, turned
+            if (step + 1) % parts == 0:
+                places[:, step // parts, 0], places[:, step // parts, 1] = x_m, y_m
+        return places
 
     def _errors(self, points: Floats) -> tuple[Floats, Floats]:
-        """Return the error (n,) and the direction in which it grows (n, 2)."""
+        """Return the error at points (n, 2), shape (n,), and the direction in which it grows (n, 2)."""
         start, step = self._wall[:, :2], self._wall[:, 2:] - self._wall[:, :2]
         to_point = points[:, None, :] - start
         share = np.clip(np.sum(to_point * step, axis=2) / np.sum(step**2, axis=1), 0.0, 1.0)
@@ -134,42 +175,36 @@ class _Problem:
         nearest = distance.argmin(axis=1)
         rows = np.arange(len(points))
         distance_m = np.maximum(distance[rows, nearest], 1e-9)
-        return distance_m - self._desired_m, away[rows, nearest] / distance_m[:, None]
+        return distance_m - self._task.desired_m, away[rows, nearest] / distance_m[:, None]
 
-    def _best_change(
-        self, steering_rad: Floats, path: Floats, error_m: Floats, normal: Floats, trust_rad: float
-    ) -> Floats:
-        """Solve the linear programme: variables are the changes of steering (n,) and the sizes of the errors (n,)."""
-        n, before = self._n, np.vstack([[self._start.x_m, self._start.y_m], path[:-1]])
-        # A turn by one radian within step i moves all later points round the place where step i was driven.
-        pivot = (before + path) / 2
-        turn_per_rad = STEP_M / (self._ability.wheelbase_m * np.cos(steering_rad) ** 2)
-        dx = -(path[:, None, 1] - pivot[None, :, 1]) * turn_per_rad
-        dy = (path[:, None, 0] - pivot[None, :, 0]) * turn_per_rad
-        slope = np.tril(normal[:, :1] * dx + normal[:, 1:] * dy)
-        size = -eye_array(n)
-        nothing = csr_array((n, n))
+    def _best_change(self, steering_rad: Floats, error_m: Floats, slope: Floats, trust_rad: float) -> Floats:
+        """Solve the linear programme; its variables are the changes (n,) and the sizes of the errors (n,)."""
+        n, stop_rad = self._n, self._task.vehicle.max_steering_rad
+        size, nothing = -eye_array(n), csr_array((n, n))
+        dense = csr_array(slope)
         above = vstack(
-            [
-                hstack([csr_array(slope), size]),
-                hstack([csr_array(-slope), size]),
-                hstack([self._slew, nothing]),
-                hstack([-self._slew, nothing]),
-            ]
+            [hstack([dense, size]), hstack([-dense, size]), hstack([self._slew, nothing]), hstack([-self._slew, nothing])]
         )
         turned = self._slew @ steering_rad
         below = np.concatenate([-error_m, error_m, self._turn_rad - turned, self._turn_rad + turned])
-        low = np.maximum(-trust_rad, -self._bound_rad - steering_rad)
-        high = np.minimum(trust_rad, self._bound_rad - steering_rad)
-        low[: self._blind] = high[: self._blind] = 0.0
+        low = np.minimum(np.maximum(-trust_rad, -stop_rad - steering_rad), 0.0)
+        high = np.maximum(np.minimum(trust_rad, stop_rad - steering_rad), 0.0)
         bounds = np.vstack([np.column_stack([low, high]), np.tile([0.0, np.inf], (n, 1))])
-        answer = linprog(np.repeat([0.0, 1.0], n), A_ub=above, b_ub=np.maximum(below, -1e9), bounds=bounds, method="highs")
+        answer = linprog(
+            np.repeat([0.0, 1.0], n),
+            A_ub=above,
+            b_ub=below,
+            bounds=bounds,
+            method="highs-ds",
+            options={"time_limit": _LP_SECONDS},
+        )
         if answer.x is None:
-            return np.zeros(n)
+            return np.zeros(n)  # no better one found in time: the trust region shrinks
         change: Floats = answer.x[:n]
         return change
 
 
-def _differences(n: int) -> csr_array:
-    """The matrix that takes steering to its change from step to step; before the first one it was 0."""
-    return csr_array(eye_array(n) - eye_array(n, k=-1))
+def _saturated(z: Floats) -> Floats:
+    z2 = z * z
+    saturated: Floats = z / np.sqrt(np.sqrt(1.0 + z2 * z2))
+    return saturated

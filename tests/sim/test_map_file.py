@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from sim.grid import GridGeometry
 from sim.map_file import load_map, read_occupancy, read_settings
 from sim.pose import Pose
 
@@ -73,6 +74,7 @@ def test_the_image_lies_with_row_0_at_the_top_and_the_origin_at_its_lower_left(t
     picture[1, 2:5] = 254  # second row from the top
     path = write_map(tmp_path, picture, "resolution: 0.5\norigin: [10.0, 20.0, 0.0]\n")
     geometry = load_map(path).geometry
+    assert isinstance(geometry, GridGeometry)
     assert geometry.is_free(11.25, 22.25)
     assert not geometry.is_free(11.25, 20.75)
     assert geometry.bounds_m == pytest.approx((11.0, 22.0, 12.5, 22.5))
@@ -103,6 +105,7 @@ def test_only_the_largest_connected_region_is_drivable(tmp_path):
     picture[2:18, 22:30] = 254  # a room without a door
     picture[5, 10] = 205  # unknown, in the middle of the floor
     geometry = load_map(write_map(tmp_path, picture)).geometry
+    assert isinstance(geometry, GridGeometry)
     assert geometry.is_free(5.25, 5.25)
     assert not geometry.is_free(13.0, 5.25)
     assert not geometry.is_free(5.25, (19 - 5 + 0.5) * 0.5)

@@ -1,0 +1,59 @@
+"""What is behind the car: the lidar is blind there, but it has seen most of it while coming."""
+
+import math
+from collections import deque
+
+import numpy as np
+
+from runtime.control.geometry import Floats
+from runtime.control.odometry import Pose
+from runtime.control.perception import View
+
+NEAR_M = 1.6
+KEPT_EVERY_M = 0.1
+KEPT_EVERY_RAD = 0.15
+KEPT_VIEWS = 16
+
+
+class Behind:
+    """Remembers near points in the odometry frame over the last one and a half metres, and how far the car backed."""
+
+    def __init__(self, lidar_x_m: float) -> None:
+        self._lidar_x_m = lidar_x_m
+        self._views: deque[Floats] = deque(maxlen=KEPT_VIEWS)
+        self._last: Pose | None = None
+        self._at = Pose()
+        self.backed_m = 0.0
+
+    def update(self, view: View, pose: Pose, step_m: float) -> None:
+        """Take in one scan at a pose, step_m (signed) after the one before; keeps a view every 10 cm or 9 degrees."""
+        self._at = pose
+        self.backed_m = max(0.0, self.backed_m - step_m)
+        last = self._last
+        if last is not None:
+            moved_m = math.hypot(pose.x_m - last.x_m, pose.y_m - last.y_m)
+            if moved_m < KEPT_EVERY_M and abs(math.remainder(pose.yaw_rad - last.yaw_rad, math.tau)) < KEPT_EVERY_RAD:
+                return
+        self._last = pose
+        near = view.solid & (view.ranges_m < NEAR_M)
+        self._views.append(_to_odom(pose, view.x_m[near], view.y_m[near]))
+
+    def points_m(self, half_view_rad: float) -> Floats:
+        """Return what is remembered where the lidar does not look now (beyond +-half_view_rad), base_link, (2, k).
+
+        What it does look at is judged by what it sees: a person who has left leaves no ghost there.
+        """
+        if not self._views:
+            return np.empty((2, 0))
+        points = np.concatenate(self._views, axis=1)
+        cos, sin = math.cos(self._at.yaw_rad), math.sin(self._at.yaw_rad)
+        dx, dy = points[0] - self._at.x_m, points[1] - self._at.y_m
+        x_m, y_m = cos * dx + sin * dy, cos * dy - sin * dx
+        hidden = np.abs(np.arctan2(y_m, x_m - self._lidar_x_m)) > half_view_rad
+        hidden &= np.hypot(x_m, y_m) < NEAR_M
+        return np.stack([x_m[hidden], y_m[hidden]])
+
+
+def _to_odom(pose: Pose, x_m: Floats, y_m: Floats) -> Floats:
+    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    return np.stack([pose.x_m + cos * x_m - sin * y_m, pose.y_m + sin * x_m + cos * y_m])

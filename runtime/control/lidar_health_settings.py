@@ -1,0 +1,25 @@
+"""What can be set about the judgement of the lidar's window, with units and reasons."""
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class LidarHealthSettings(BaseModel):
+    """When a beam counts as dirty and how much dirt is still safe (section 6 of the project's control reference)."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    memory_m: Annotated[float, Field(gt=0, le=10)] = 0.8
+    """Evidence decays over metres moved, not over seconds: a parked car learns nothing."""
+    first_mask_m: Annotated[float, Field(ge=0, le=20)] = 1.5
+    mask_above: Annotated[float, Field(gt=0, lt=1)] = 0.6
+    unmask_below: Annotated[float, Field(gt=0, lt=1)] = 0.3
+    masked_share: Annotated[float, Field(ge=0, le=1)] = 0.10
+    """Masks are believed while fewer beams than this are dirty..."""
+    masked_gap_rad: Annotated[float, Field(ge=0, le=1)] = 0.0524
+    """...and no gap in the forward +-45 degrees is wider than this (3 degrees)."""
+    refused_share: Annotated[float, Field(ge=0, le=1)] = 0.25
+    """With more dirt than this the car does not drive."""
+    empty_share: Annotated[float, Field(gt=0, le=1)] = 0.9
+    """Halls leave 6 to 64 % of the beams without an echo; more than this is no hall but a covered lidar."""

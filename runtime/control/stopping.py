@@ -1,0 +1,61 @@
+"""How far a car needs to stop, and how fast it may go to stop in time: section "physics" of any safety argument.
+
+Distances are the bumper's. Sources: constant deceleration with a reaction time (as in Autoware's autonomous emergency
+braking, d = v t + v^2 / 2a + offset); the friction circle for braking while turning (Kamm).
+"""
+
+import math
+
+GRAVITY_MPS2 = 9.81
+
+
+def stopping_distance_m(speed_mps: float, reaction_s: float, brake_mps2: float) -> float:
+    """Return v t + v^2 / (2 a)."""
+    return speed_mps * reaction_s + speed_mps * speed_mps / (2 * brake_mps2)
+
+
+def speed_to_stop_within_mps(distance_m: float, reaction_s: float, brake_mps2: float) -> float:
+    """Return the highest speed whose stopping distance is distance_m (0 where there is none); the inverse of above.
+
+    v = -a t + sqrt((a t)^2 + 2 a s)
+    """
+    if distance_m <= 0:
+        return 0.0
+    reach_mps = brake_mps2 * reaction_s
+    return math.sqrt(reach_mps * reach_mps + 2 * brake_mps2 * distance_m) - reach_mps
+
+
+def brake_beside_turning_mps2(speed_mps: float, curvature_per_m: float, grip_mps2: float) -> float:
+    """Return what the friction circle leaves for braking in a bend: sqrt(grip^2 - (v^2 k)^2), 0 when it is used up."""
+    aside_mps2 = speed_mps * speed_mps * curvature_per_m
+    return math.sqrt(max(0.0, grip_mps2 * grip_mps2 - aside_mps2 * aside_mps2))
+
+
+def grip_curvature_per_m(speed_mps: float, grip_mps2: float) -> float:
+    """Return the tightest curvature that the tyres hold: k = grip / v^2, infinity for a standing car."""
+    return grip_mps2 / (speed_mps * speed_mps) if speed_mps else math.inf
+
+
+class SlidingSpeed:
+    """The speed to reckon with: locked wheels read 0 on a car that still slides.
+
+    A report may lower the speed by no more than the hardest braking there is; it raises it at once.
+    """
+
+    def __init__(self, fastest_fall_mps2: float) -> None:
+        self._fastest_fall_mps2 = fastest_fall_mps2
+        self._signed_mps = 0.0
+        self._stamp_s = math.nan
+
+    def update(self, reported_mps: float | None, stamp_s: float) -> float:
+        """Return the signed speed at this scan; None (no report) counts as locked wheels."""
+        reported_mps = reported_mps or 0.0
+        elapsed_s = stamp_s - self._stamp_s if not math.isnan(self._stamp_s) else math.inf
+        fall_mps = self._fastest_fall_mps2 * max(0.0, elapsed_s)
+        slowest_mps = max(0.0, abs(self._signed_mps) - fall_mps)
+        self._stamp_s = stamp_s
+        if abs(reported_mps) >= slowest_mps:
+            self._signed_mps = reported_mps
+        else:
+            self._signed_mps = math.copysign(slowest_mps, self._signed_mps)
+        return self._signed_mps

@@ -1,0 +1,56 @@
+"""What can be set about the swept-footprint safety and the way out of a corner, with units and reasons."""
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class SweptSettings(BaseModel):
+    """When the car slows and stops, whoever is driving.
+
+    Defaults: section 5 of the project's control reference (96 hazard runs x 6 friction pairs, 76 normal runs).
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    grip_mu: Annotated[float, Field(ge=0.2, le=1.5)] = 0.8
+    """Friction assumed. The graded limit makes the outcome nearly independent of it (0 or 1 of 48 when wrong by 0.3)."""
+    actuation_s: Annotated[float, Field(ge=0, le=0.3)] = 0.05
+    """From the decision to the first deceleration; the measured age of the scan is added to it."""
+    hard_share: Annotated[float, Field(gt=0, le=1)] = 0.8
+    """Share of the grip that a hard stop is reckoned with."""
+    graded_share: Annotated[float, Field(gt=0, le=1)] = 0.45
+    """Share of the grip that the graded limit lets the car brake with."""
+    side_margin_m: Annotated[float, Field(ge=0, le=0.3)] = 0.04
+    front_margin_m: Annotated[float, Field(ge=0, le=0.3)] = 0.03
+    hold_s: Annotated[float, Field(ge=0, le=2)] = 0.2
+    """A hard stop lasts at least so long: no stop-and-go."""
+    release_m: Annotated[float, Field(ge=0, le=2)] = 0.2
+    """A hard stop of a moving car ends when the way is so much longer than the stopping distance."""
+    creep_mps: Annotated[float, Field(ge=0, le=1)] = 0.3
+    slowest_mps: Annotated[float, Field(ge=0, le=1)] = 0.25
+    """Below this the motor coasts (VESC: 900 erpm = 0.195 m/s): a lower limit would be a stop for ever."""
+    reverse_mps: Annotated[float, Field(ge=0, le=2)] = 0.5
+    reverse_unseen_m: Annotated[float, Field(ge=0, le=2)] = 0.5
+    """How far the car may back into what the lidar does not see, before it has to come forward again."""
+    doubtful_mps: Annotated[float, Field(ge=0, le=5)] = 1.0
+    """Ceiling with a late scan, a doubtful window, or an enclosed dark patch in the way."""
+    late_s: Annotated[float, Field(gt=0, le=1)] = 0.10
+    stale_s: Annotated[float, Field(gt=0, le=2)] = 0.25
+
+
+class RecoverySettings(BaseModel):
+    """How a car that is boxed in tries to free itself."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    boxed_for_s: Annotated[float, Field(ge=0, le=60)] = 2.0
+    """Patience: a person in the way walks on by himself."""
+    tries: Annotated[int, Field(ge=0, le=10)] = 3
+    speed_mps: Annotated[float, Field(gt=0.25, le=0.5)] = 0.4
+    back_m: Annotated[float, Field(gt=0.05, le=0.5)] = 0.45
+    """Longest way back in one try."""
+    forward_m: Annotated[float, Field(ge=0, le=2)] = 0.6
+    """Longest way forward, steered to the free side, before the driver gets the wheel back."""
+    forgotten_after_m: Annotated[float, Field(gt=0, le=20)] = 2.0
+    """So far on, the tries are counted anew."""
