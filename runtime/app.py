@@ -13,6 +13,7 @@ from drivers.hokuyo.driver import Hokuyo
 from drivers.vesc.driver import Vesc
 from runtime import wire
 from runtime.bus import Bus
+from runtime.car_settings import CarSettings
 from runtime.command import Output, Source
 from runtime.control import methods
 from runtime.control.guidance import Guidance
@@ -23,7 +24,7 @@ from runtime.journal import journal
 from runtime.permit import Permit
 from runtime.queues import Inbox
 from runtime.service_manager import ServiceManager
-from runtime.settings import CarSettings, Settings
+from runtime.settings import Settings
 from runtime.tasks import lidar as lidar_task
 from runtime.tasks import mux as mux_task
 from runtime.tasks import safety, telemetry, wall_follow

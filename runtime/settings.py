@@ -10,63 +10,22 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, Field, ValidationError, field_validator
 
 from drivers.hokuyo.settings import HokuyoSettings
 from drivers.vesc.settings import VescSettings
+from runtime.car_settings import CarSettings
 from runtime.command import LAB_ORDER, Source
+from runtime.control.report_settings import ReportFollowSettings, ReportSafetySettings
+from runtime.section import Section
 
 
 class SettingsError(Exception):
     """The settings cannot be used; the text names each key or path and the remedy."""
 
 
-class Section(BaseModel):
-    """A part of the tree: cannot change, and knows all its keys."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class CarSettings(Section):
-    """The vehicle, measured with a ruler. base_link is the middle of the rear axle (REP-105)."""
-
-    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,31}$")] = "car1"
-    wheelbase_m: Annotated[float, Field(gt=0.05, le=2.0)] = 0.33
-    max_steering_rad: Annotated[float, Field(gt=0.05, lt=1.2)] = 0.34
-    steering_rate_radps: Annotated[float, Field(gt=0, le=50)] = 3.2
-    max_speed_mps: Annotated[float, Field(gt=0, le=20)] = 4.0
-    max_reverse_mps: Annotated[float, Field(ge=0, le=5)] = 1.0
-    max_acceleration_mps2: Annotated[float, Field(gt=0, le=20)] = 4.0
-    """How fast the commanded speed may rise. Slowing down is never delayed."""
-    lidar_x_m: Annotated[float, Field(ge=-1, le=2)] = 0.27
-    front_m: Annotated[float, Field(gt=0, le=3)] = 0.42
-    rear_m: Annotated[float, Field(gt=0, le=3)] = 0.13
-    half_width_m: Annotated[float, Field(gt=0, le=1)] = 0.15
-
-
-class WallFollowSettings(Section):
-    """Which wall, how far, how fast, by which law."""
-
-    method: Literal["report"] = "report"
-    side: Literal["left", "right"] = "left"
-    desired_distance_m: Annotated[float, Field(ge=0.2, le=5)] = 1.0
-    speed_mps: Annotated[float, Field(ge=0, le=10)] = 1.0
-    kp: Annotated[float, Field(ge=0, le=20)] = 1.6
-    """Steering per metre of distance error [rad/m]; 1.6 is the report's final value."""
-    kd: Annotated[float, Field(ge=0, le=20)] = 1.5
-    """Steering per radian of angle to the wall [-]; 1.5 is the report's final value."""
-    expires_after_s: Annotated[float, Field(gt=0, le=0.2)] = 0.15
-    """A navigation word is in force this long after its scan."""
-
-
-class SafetySettings(Section):
-    """When the car must stop, whoever is driving."""
-
-    method: Literal["report"] = "report"
-    binds_teleop: bool = False
-    """True puts safety above the human: the joystick is limited too, and needs a working lidar."""
-    expires_after_s: Annotated[float, Field(gt=0, le=0.2)] = 0.15
-    """A verdict is in force this long after its scan."""
+WallFollowSettings = ReportFollowSettings
+SafetySettings = ReportSafetySettings
 
 
 class MuxSettings(Section):

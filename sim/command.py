@@ -27,6 +27,8 @@ from sim.worlds import load_world
 
 CONFIG = "config/sim.toml"
 DEFAULT_DURATION_S = 60.0
+LONGEST_LAP_S = 180.0
+"""A car that stands still must not keep a script waiting for ever."""
 USAGE_ERROR = 2
 FAILED = 1
 POSE_NUMBERS = 3
@@ -78,7 +80,9 @@ def _drive(options: argparse.Namespace, config: Path, settings: Settings, consol
     if world.collides(vehicle.pose):
         raise UsageError(f"--pose {options.pose}: the car would stand in a wall of {world.name}; start somewhere free")
     scene = WorldScene(world, side, LidarSettings(), options.laps, options.seed)
-    duration_s = options.duration or (math.inf if options.laps else DEFAULT_DURATION_S)
+    if options.laps and world.lap is None:
+        raise UsageError(f"--laps {options.laps}: {world.name} has no lap; give --duration instead")
+    duration_s = options.duration or (options.laps * LONGEST_LAP_S if options.laps else DEFAULT_DURATION_S)
     session = Session(scene, vehicle, settings.motor, settings.car.name)
     record = _run(session, options, config, duration_s, console, _view(options, world, vehicle, console))
     desired_m = settings.wall_follow.desired_distance_m

@@ -5,19 +5,20 @@ import math
 import numpy as np
 
 from drivers.api import Scan
+from runtime.car_settings import CarSettings
 from runtime.control.guidance import Follower, Guard
 from runtime.control.report import ReportFollower, ReportGuard
-from runtime.settings import CarSettings, SafetySettings, WallFollowSettings
+from runtime.control.report_settings import ReportFollowSettings, ReportSafetySettings
 
 
-def follower(settings: WallFollowSettings, car: CarSettings) -> Follower:  # noqa: ARG001 - other methods need the car
+def follower(settings: ReportFollowSettings, car: CarSettings) -> Follower:  # noqa: ARG001 - other methods need the car
     """Return the follower that the settings name."""
     match settings.method:
         case "report":
             return ReportFollower(settings)
 
 
-def guard(settings: SafetySettings, car: CarSettings) -> Guard:
+def guard(settings: ReportSafetySettings, car: CarSettings) -> Guard:
     """Return the safety law that the settings name."""
     match settings.method:
         case "report":

@@ -10,10 +10,11 @@ import math
 import numpy as np
 
 from drivers.api import Drive, MotorState, Scan
+from runtime.car_settings import CarSettings
 from runtime.command import NO_LIMIT_MPS
 from runtime.control.geometry import Floats, points_m, sector
 from runtime.control.guidance import Guidance, Verdict
-from runtime.settings import CarSettings, WallFollowSettings
+from runtime.control.report_settings import ReportFollowSettings
 
 NONSENSE_BELOW_M = 0.2
 """Dust on the window reads as centimetres; the report's car once spun in circles for it."""
@@ -29,7 +30,7 @@ AHEAD_RAD = math.radians(0.5)
 class ReportFollower:
     """steer = Kd * atan(slope) + Kp * error, towards the wall when positive; 0 when the line is steeper than pi/3."""
 
-    def __init__(self, settings: WallFollowSettings) -> None:
+    def __init__(self, settings: ReportFollowSettings) -> None:
         self._settings = settings
         self._sign = 1.0 if settings.side == "left" else -1.0
 

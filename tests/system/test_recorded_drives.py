@@ -13,7 +13,7 @@ import pytest
 
 from drivers.api import Scan
 from runtime.control.report import ReportFollower
-from runtime.settings import WallFollowSettings
+from runtime.control.report_settings import ReportFollowSettings
 from sim.comparison import SteeringPair, compare, drove, recorded_answers
 from sim.recordings import load_recording
 
@@ -27,7 +27,7 @@ def pairs_of(name):
         pytest.skip(f"the recording {path.name} is not here; it lies in shared/data beside the checkout")
     recording = load_recording(path)
     times_s = list(recording.received_s)
-    law = ReportFollower(WallFollowSettings(side="left", kp=1.6, kd=1.5))
+    law = ReportFollower(ReportFollowSettings(side="left", kp=1.6, kd=1.5))
     moved = drove(times_s, recording.output)
     answers = recorded_answers(times_s, recording.navigation)
     pairs = []

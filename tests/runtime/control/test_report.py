@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from drivers.api import Scan
+from runtime.car_settings import CarSettings
 from runtime.control.report import ReportFollower, ReportGuard, mean_of_nearest_m, range_ahead_m
-from runtime.settings import CarSettings, WallFollowSettings
+from runtime.control.report_settings import ReportFollowSettings
 from sim.twins import BEAMS, STEP_RAD, ranges_between_walls
 
 BEARING_RAD = (np.arange(BEAMS) - BEAMS // 2) * STEP_RAD
@@ -33,7 +34,7 @@ def mirrored(scan):
 
 
 def follower(**changes):
-    return ReportFollower(WallFollowSettings(**changes))
+    return ReportFollower(ReportFollowSettings(**changes))
 
 
 def test_parallel_at_the_desired_distance_goes_straight():
