@@ -53,8 +53,7 @@ class Car:
         self.voices = Voices(settings.effective_order(), clock)
         self.permit = Permit(self.voices, settings.operator.permit)
         self.mux = mux_task.Mux(self.voices, motor, Limiter(_limits(settings.car)), REQUIRED, clock)
-        self.follower = methods.follower(settings.wall_follow, settings.car)
-        self.guard = methods.guard(settings.safety, settings.car)
+        self.follower, self.guard = methods.laws(settings.wall_follow, settings.safety, settings.car, clock)
         self.outbox: telemetry.Outbox = telemetry.Outbox(clock)
         self.odometry = Odometry(settings.car.wheelbase_m)
         self.score = Score()
@@ -170,7 +169,7 @@ async def _main(settings: Settings) -> None:
     clock = time.monotonic
     bus = Bus(settings.telemetry.listen)
     car = Car(settings, Hokuyo(settings.lidar, clock=clock), Vesc(settings.motor, clock=clock), bus, clock)
-    methods.warm_up(car.follower, car.guard)
+    methods.warm_up(settings.wall_follow, settings.safety, settings.car)
     gc.collect()
     gc.freeze()  # a full collection would block the loop for milliseconds; what exists now stays anyway
     opening = asyncio.create_task(_open_bus(bus), name="bus") if settings.telemetry.enabled else None

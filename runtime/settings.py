@@ -10,22 +10,25 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, ValidationError, field_validator
+from pydantic import Field, ValidationError, field_validator
 
 from drivers.hokuyo.settings import HokuyoSettings
 from drivers.vesc.settings import VescSettings
 from runtime.car_settings import CarSettings
 from runtime.command import LAB_ORDER, Source
-from runtime.control.report_settings import ReportFollowSettings, ReportSafetySettings
+from runtime.control.method_settings import (
+    METHODS,
+    TAGS,
+    BallFollowSettings,
+    ChosenSafety,
+    ChosenWallFollow,
+    SweptSafetySettings,
+)
 from runtime.section import Section
 
 
 class SettingsError(Exception):
     """The settings cannot be used; the text names each key or path and the remedy."""
-
-
-WallFollowSettings = ReportFollowSettings
-SafetySettings = ReportSafetySettings
 
 
 class MuxSettings(Section):
@@ -74,8 +77,8 @@ class Settings(Section):
     car: CarSettings = CarSettings()
     lidar: HokuyoSettings = HokuyoSettings()
     motor: VescSettings = VescSettings()
-    wall_follow: WallFollowSettings = WallFollowSettings()
-    safety: SafetySettings = SafetySettings()
+    wall_follow: ChosenWallFollow = BallFollowSettings()
+    safety: ChosenSafety = SweptSafetySettings()
     mux: MuxSettings = MuxSettings()
     operator: OperatorSettings = OperatorSettings()
     telemetry: TelemetrySettings = TelemetrySettings()
@@ -142,29 +145,44 @@ def _value(text: str) -> object:
 
 def _sentence(error: Mapping[str, Any]) -> str:
     """Put one pydantic error into words: key, what is wrong, what to do."""
-    key = ".".join(str(part) for part in error["loc"])
+    path = [part for part in error["loc"] if part not in TAGS]
+    key = ".".join(str(part) for part in path)
     if error["type"] == "extra_forbidden":
         return f"{key} is not a setting; {_known_keys(error['loc'][:-1])}"
+    if error["type"] == "union_tag_invalid":
+        return f"{key}.method = '{error['ctx']['tag']}': input should be {error['ctx']['expected_tags']}"
+    if error["type"] in {"model_type", "model_attributes_type"}:
+        return f"{key} = {error['input']!r}: is a section; write [{key}] and its keys below, or {key}.KEY=VALUE"
     message = str(error["msg"]).removeprefix("Value error, ")
     return f"{key} = {error['input']!r}: {message[:1].lower()}{message[1:]}"
 
 
 def _known_keys(path: Sequence[str | int]) -> str:
-    model: Any = Settings
+    """Name the keys of the section in which an unknown one was found; `path` may hold the tag of a method."""
+    section: Any = Settings
     for part in path:
-        field = model.model_fields.get(part)
-        model = field.annotation if field is not None else None
-        if not (isinstance(model, type) and issubclass(model, BaseModel)):
-            return "run `wallride check` to see all of them"
-    return "known here: " + ", ".join(model.model_fields)
+        if part in TAGS:
+            section = next(model for model in section if model.model_fields["method"].default == part)
+        else:
+            section = METHODS.get(str(part)) or section.model_fields[part].annotation
+    return "known here: " + ", ".join(section.model_fields)
 
 
 def to_toml(settings: Settings) -> str:
     """Return the effective settings as a TOML file that can be loaded again."""
     lines: list[str] = []
     for section, values in settings.model_dump(mode="json").items():
-        lines.append(f"[{section}]")
-        # A JSON string, number, boolean or list of them is also a TOML one.
-        lines += [f"{key} = {json.dumps(value)}" for key, value in values.items()]
-        lines.append("")
+        lines += _table(section, values)
     return "\n".join(lines)
+
+
+def _table(name: str, values: Mapping[str, Any]) -> list[str]:
+    """Return one section and the ones below it; the method, which decides what the other keys are, comes first."""
+    plain = {key: value for key, value in values.items() if not isinstance(value, dict)}
+    keys = sorted(plain, key=lambda key: key not in {"method", "driver"})
+    # A JSON string, number, boolean or list of them is also a TOML one.
+    lines = [f"[{name}]", *(f"{key} = {json.dumps(plain[key])}" for key in keys), ""]
+    for key, value in values.items():
+        if isinstance(value, dict):
+            lines += _table(f"{name}.{key}", value)
+    return lines

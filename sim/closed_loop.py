@@ -12,10 +12,10 @@ import numpy as np
 
 from drivers.api import Drive, MotorState, Scan
 from drivers.vesc.settings import VescSettings
-from runtime.command import LAB_ORDER, NO_LIMIT_MPS, CapWord, Decision, DriveWord, Source, arbitrate
-from runtime.control.guidance import Follower, Guard, Verdict
+from runtime.car_settings import CarSettings
+from runtime.command import LAB_ORDER, NO_LIMIT_MPS, CapWord, Decision, DriveWord, Source, Verdict, Word, arbitrate
+from runtime.control.guidance import Follower, Guard
 from runtime.control.limiter import Limiter, Limits
-from runtime.settings import CarSettings
 from sim.beams import LidarSettings, Millimetres, scan
 from sim.delay import DelayLine
 from sim.obstacles import Obstacle, Scene
@@ -29,6 +29,10 @@ RANGE_MIN_M, RANGE_MAX_M = 0.02, 30.0
 ROUGH_BEAMS = LidarSettings(noise_std_m=0.02, outlier_share=0.02)
 """The noise under which every law has to prove itself."""
 _WIRING = VescSettings()
+_VEHICLE = VehicleSettings()
+_CAR = CarSettings()
+FULL_BRAKE_MPS2 = _WIRING.brake_current_a * _VEHICLE.brake_mps2_per_a + _VEHICLE.drag_mps2
+"""What the driver's full brake current and the drag give on a floor that holds it: 7.2 m/s2."""
 _POLL_S = 1.0 / _WIRING.poll_hz
 _STANDING_BELOW_MPS = 0.05
 _TRUTH_BEARINGS_RAD = np.radians(np.linspace(30.0, 150.0, 121))  # every degree: 4e-5 too far at most
@@ -43,7 +47,7 @@ class Case:
     distance_m, duration_s, standing_s: the run ends after so much way, so much time, or so long a standstill after
         having moved or having tried to for 1 s. It always ends at a contact.
     latency_s: from a scan's last byte to the motor's wire; the vehicle's own delays come on top.
-    brake_limit_mps2: the deceleration of a full brake current; above the grip the wheels lock.
+    brake_limit_mps2: the deceleration of a full brake; above the grip the wheels lock.
     truth: the world whose walls count as "the wall" (a wall without its doors), None for the world itself.
     surroundings: what is really seen and hit instead of world and obstacles (glass), None for those.
     """
@@ -56,13 +60,13 @@ class Case:
     distance_m: float = math.inf
     duration_s: float = 60.0
     standing_s: float = math.inf
-    vehicle: VehicleSettings = VehicleSettings()
+    vehicle: VehicleSettings = _VEHICLE
     lidar: LidarSettings = ROUGH_BEAMS
-    car: CarSettings = CarSettings()
+    car: CarSettings = _CAR
     obstacles: tuple[Obstacle, ...] = ()
     seed: int = 0
     latency_s: float = 0.02
-    brake_limit_mps2: float = 10.0
+    brake_limit_mps2: float = FULL_BRAKE_MPS2
     truth: World | None = None
     surroundings: Surroundings | None = None
 
@@ -95,8 +99,8 @@ class Run:
     time_s: shape (n,). pose: (n, 3) x [m], y [m], yaw [rad] of the rear axle. speed_mps: (n, 2), the car's and what
     its wheels report. wish: (n, 2) and command: (n, 2), speed [m/s] and steering [rad] of the follower and of what went
     to the wire `latency_s` later; a stop is 0 m/s. capped: (n,) whether safety lowered the wish. wall_m: (n,) distance
-    to the followed wall, inf without one. clearance_m: (n,), 0 in contact. appeared: (n,) obstacles that the scan shows.
-    distance_m: way driven. moves_s: the motor's wire, (time, speed set or 0 for a brake) at every change.
+    to the followed wall, inf without one. clearance_m: (n,), 0 in contact. appeared: (n,) how many obstacles
+    there were for the scan to see. distance_m: way driven. reasons: the decisions' words, one per scan.
     """
 
     case: Case
@@ -120,19 +124,12 @@ class Run:
         return self.wall_m - self.case.desired_m
 
 
-_CONSENT = Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "nobody looks", math.nan)
+_CONSENT = Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "nobody looks out")
 
 
 def drive(case: Case, follower: Follower, guard: Guard | None) -> Run:
     """Drive a case to its end. guard None: nobody looks out."""
     return _Rig(case, follower, guard).run()
-
-
-def verdict_on(guard: Guard | None, scan: Scan, motor: MotorState | None, wish: Drive) -> Verdict:
-    """Ask either kind of guard about a wish."""
-    if guard is None:
-        return _CONSENT
-    return guard.look(scan, motor).limit(wish.speed_mps, wish.steering_rad)
 
 
 def as_scan(reported_mm: Millimetres, lidar: LidarSettings, time_s: float, sequence: int) -> Scan:
@@ -244,16 +241,17 @@ class _Rig:
         case, vehicle, pose = self._case, self._vehicle, self._vehicle.pose
         reported_mm = scan(self._seen, pose, vehicle.twist, now_s, self._rng, case.lidar)
         sweep = as_scan(reported_mm, case.lidar, now_s, sequence)
+        outlook = self._guard.look(sweep, self._motor) if self._guard is not None else _CONSENT
         guidance = self._follower.follow(sweep, self._motor)
         wish = guidance.drive or Drive(0.0, 0.0)
-        verdict = verdict_on(self._guard, sweep, self._motor, wish)
-        words = [
-            CapWord(Source.SAFETY, verdict, now_s),
+        words: list[Word] = [
+            CapWord(Source.SAFETY, outlook, now_s),
             DriveWord(Source.NAVIGATION, wish, now_s, guidance.reason),
         ]
         decision = arbitrate(words, frozenset({Source.SAFETY}), LAB_ORDER)
-        told = self._limiter.limit(decision.speed_mps, decision.steering_rad, 1.0 / case.lidar.rate_hz)
-        demand = self._demand(told.speed_mps, decision.brake_mps2)
+        period_s = 1.0 / case.lidar.rate_hz
+        told = self._limiter.limit(decision.speed_mps, decision.steering_rad, period_s, decision.brake_mps2)
+        demand = self._demand(told)
         self._wire.put(now_s, (demand, told.steering_rad))
         stop = isinstance(demand, BrakeDemand)
         self._log.decision(now_s, vehicle.speed_mps, decision, stop=stop)
@@ -265,15 +263,14 @@ class _Rig:
             )
         )  # fmt: skip
 
-    def _demand(self, speed_mps: float, brake_mps2: float) -> Demand:
-        """What the driver makes of a speed: too little, or against the motion, is a brake."""
-        wheels_mps = self._vehicle.wheel_speed_mps
-        if abs(speed_mps) >= _WIRING.min_speed_mps and not (
-            speed_mps * wheels_mps < 0 and abs(wheels_mps) > _STANDING_BELOW_MPS
-        ):
+    def _demand(self, told: Drive) -> Demand:
+        """What the driver makes of a command: too slow, or against the motion, is a brake."""
+        speed_mps, wheels_mps = told.speed_mps, self._vehicle.wheel_speed_mps
+        turns_back = speed_mps * wheels_mps < 0 and abs(wheels_mps) > _STANDING_BELOW_MPS
+        if abs(speed_mps) >= _WIRING.min_speed_mps and not turns_back:
             return SpeedDemand(speed_mps)
         settings = self._case.vehicle
-        by_motor_mps2 = max(0.0, min(brake_mps2, self._case.brake_limit_mps2) - settings.drag_mps2)
+        by_motor_mps2 = max(0.0, min(told.brake_mps2, self._case.brake_limit_mps2) - settings.drag_mps2)
         return BrakeDemand(by_motor_mps2 / settings.brake_mps2_per_a)
 
     def _advance(self, now_s: float) -> None:

@@ -137,9 +137,7 @@ def _in_car_frames(path: Path, points_m: Floats) -> tuple[Floats, Floats]:
 
 def _flank(ahead_m: Floats, aside_m: Floats, outline: Outline) -> int:
     """Return the side at which all points are, behind the bumper; 0 where one of them is before it."""
-    beside = bool(ahead_m.max() < outline.front_m - 0.05) and bool(
-        np.abs(aside_m).min() > outline.half_width_m - 0.05
-    )
+    beside = bool(ahead_m.max() < outline.front_m - 0.05) and bool(np.abs(aside_m).min() > outline.half_width_m - 0.05)
     if not beside or (aside_m[0] > 0) != (aside_m[-1] > 0):
         return 0
     return 1 if aside_m[0] > 0 else -1

@@ -27,9 +27,7 @@ class Limiter:
         self._limits = limits
         self._last = Drive(0.0, 0.0)
 
-    def limit(
-        self, speed_mps: float, steering_rad: float | None, dt_s: float, brake_mps2: float = math.inf
-    ) -> Drive:
+    def limit(self, speed_mps: float, steering_rad: float | None, dt_s: float, brake_mps2: float = math.inf) -> Drive:
         """Return what may be sent now, dt_s after the previous call; steering None holds the wheels.
 
         brake_mps2 is passed on: how hard to brake is safety's business, not the mechanics'.

@@ -4,31 +4,47 @@ import math
 
 import numpy as np
 
-from drivers.api import Scan
+from drivers.api import Clock, Scan
 from runtime.car_settings import CarSettings
+from runtime.control.ball import BallFollower
+from runtime.control.freeing import Freeing, Lookout
 from runtime.control.guidance import Follower, Guard
+from runtime.control.method_settings import SafetySettings, SweptSafetySettings, WallFollowSettings
+from runtime.control.perception import Eyes
+from runtime.control.recovery import Recovery
 from runtime.control.report import ReportFollower, ReportGuard
-from runtime.control.report_settings import ReportFollowSettings, ReportSafetySettings
+from runtime.control.swept import SweptGuard
 
 
-def follower(settings: ReportFollowSettings, car: CarSettings) -> Follower:  # noqa: ARG001 - other methods need the car
-    """Return the follower that the settings name."""
-    match settings.method:
+def laws(
+    wall_follow: WallFollowSettings, safety: SafetySettings, car: CarSettings, clock: Clock | None = None
+) -> tuple[Follower, Guard]:
+    """Return the follower and the safety law that the settings name; they share one pair of eyes.
+
+    clock: lets safety measure the age of its scan at every judgement; None takes it as it was on arrival.
+    """
+    eyes = Eyes(car)
+    follower: Follower
+    match wall_follow.method:
+        case "ball":
+            follower = BallFollower(wall_follow, car, eyes)
         case "report":
-            return ReportFollower(settings)
+            follower = ReportFollower(wall_follow)
+    if not isinstance(safety, SweptSafetySettings):
+        return follower, ReportGuard(car)
+    lookout = Lookout(SweptGuard(safety, car, eyes, health=safety.window, clock=clock))
+    if safety.backs_out:
+        follower = Freeing(follower, lookout, Recovery(safety.recovery))
+    return follower, lookout
 
 
-def guard(settings: ReportSafetySettings, car: CarSettings) -> Guard:
-    """Return the safety law that the settings name."""
-    match settings.method:
-        case "report":
-            return ReportGuard(car)
-
-
-def warm_up(follower: Follower, guard: Guard) -> None:
-    """Run one synthetic scan through both: the first call of a numpy routine is slower than all later ones."""
+def warm_up(wall_follow: WallFollowSettings, safety: SafetySettings, car: CarSettings) -> None:
+    """Run one synthetic scan through laws of their own: numpy's first calls are slower than all later ones."""
     beams = 1081
     step_rad = math.radians(0.25)
     scan = Scan(0.0, 0.0, -step_rad * (beams // 2), step_rad, 0.02, 30.0, np.full(beams, 2.0, np.float32), 0)
-    guard.look(scan, None).limit(1.0, 0.0)
+    follower, guard = laws(wall_follow, safety, car)
+    outlook = guard.look(scan, None)
     follower.follow(scan, None)
+    outlook.limit(1.0, 0.0)
+    outlook.limit(-0.4, 0.1)

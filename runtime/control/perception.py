@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.api import Scan
+from runtime.car_settings import CarSettings
 from runtime.control.geometry import Floats, bearings_rad, directions
-from runtime.settings import CarSettings
 
 Booleans = npt.NDArray[np.bool_]
 
@@ -93,7 +93,7 @@ def supported(ranges_m: Floats) -> Booleans:
         agree = np.abs(ranges_m[step:] - ranges_m[:-step]) <= SUPPORT_WITHIN_M
         count[step:] += agree
         count[:-step] += agree
-    return count >= 2  # noqa: PLR2004 - the rule itself
+    return count >= 2
 
 
 def thin_dirt(ranges_m: Floats, near: Booleans, angle_step_rad: float) -> npt.NDArray[np.intp]:

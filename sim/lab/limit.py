@@ -7,19 +7,21 @@ by optimal control of a car that knows everything beforehand: the single-track m
 Minimised is the mean of |distance - wanted| over the way, by sequential linear programming (Nocedal & Wright, Numerical
 Optimization, 2nd ed., chapter 18; Fletcher & Sainz de la Maza 1989): near the present path the errors are linear in
 small changes of the steering, their absolute sum is a linear programme, so are all bounds, and a trust region keeps the
-changes small. What is found is a path that exists, so the true limit can be lower but not higher. It may touch things:
-contact is not part of the problem. A law that drives slower than asked can be better than the limit at that speed.
+changes small. What is found is a path that exists, so the true limit can be lower but not higher. Contact is no part of
+the problem, only noticed afterwards. A law that drives slower than asked can be better than the limit at that speed.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from scipy.optimize import linprog
 from scipy.sparse import csr_array, eye_array, hstack, vstack
 
-from sim.pose import Floats, Pose
+from sim.pose import CAR, Floats, Pose
+from sim.segments import SegmentGeometry
 from sim.vehicle import GRAVITY_MPS2
 from sim.vehicle_settings import VehicleSettings
 
@@ -30,8 +32,11 @@ _ROUNDS = 40
 _TRUST_RAD = 0.1
 _GIVE_UP_RAD = 5e-4
 _PROBE_RAD = 1e-4
-_GUESSES_AHEAD_M = (0.6, 1.0)
+_GUESSES_AHEAD_M = (0.4, 0.7, 1.1)
+_FAN_RAD = np.radians(np.arange(-85.0, 86.0, 2.5))
 _LP_SECONDS = 5.0
+_VEHICLE = VehicleSettings()
+_SPEED_STEP_MPS = 0.5
 
 Wall = tuple[tuple[float, float, float, float], ...]
 """The followed wall as segments (x0, y0, x1, y1)."""
@@ -47,21 +52,33 @@ class Task:
     way_m: float = 8.5
     desired_m: float = 1.0
     delay_s: float = 0.04
-    vehicle: VehicleSettings = VehicleSettings()
+    vehicle: VehicleSettings = _VEHICLE
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=1024)
 def least_mean_error_m(task: Task) -> float:
-    """Return the least mean |error| found [m]; the distance counts from the rear axle to the nearest point."""
-    return best_steering(task)[0]
+    """Return the least mean |error| found [m]; the distance counts from the rear axle to the nearest point.
+
+    NaN when even that path touches the wall: then no steering that was found is free of contact.
+    """
+    cost, steering_rad = _best(task)
+    return math.nan if _Problem(task).touches(np.array(steering_rad)) else cost
 
 
-def best_steering(task: Task) -> tuple[float, Floats]:
-    """Return the least mean |error| found [m] and its steering [rad] at every KNOT_M of the way, shape (n,)."""
+@lru_cache(maxsize=1024)
+def _best(task: Task) -> tuple[float, tuple[float, ...]]:
+    """Return the least mean |error| [m] and its steering [rad] at every KNOT_M of the way.
+
+    Corners have many local optima: there the answer for a slower car is one of the first guesses.
+    """
     problem = _Problem(task)
     guesses = [problem.straight(), *(problem.followed(ahead_m) for ahead_m in _GUESSES_AHEAD_M)]
-    guesses.sort(key=problem.cost)
-    return min((problem.improved(guess) for guess in guesses[:2]), key=lambda found: found[0])
+    guesses = sorted(guesses, key=problem.cost)[:2]
+    if len(task.wall) > 1 and task.speed_mps > 1.0:
+        slower = replace(task, speed_mps=max(1.0, task.speed_mps - _SPEED_STEP_MPS))
+        guesses.append(problem.possible(np.array(_best(slower)[1])))
+    cost, steering_rad = min((problem.improved(guess) for guess in guesses), key=lambda found: found[0])
+    return cost, tuple(steering_rad.tolist())
 
 
 class _Problem:
@@ -81,24 +98,42 @@ class _Problem:
         return np.zeros(self._n)
 
     def followed(self, ahead_m: float) -> Floats:
-        """Return the guess of a simple law: steer by the error at a point ahead."""
+        """Return the guess of pure pursuit (Coulter 1992) after a ball of the wanted radius on a left wall."""
         at, angle_rad, guess = self._task.start, 0.0, np.zeros(self._n)
-        bound_rad = self._task.vehicle.max_steering_rad
+        vehicle = self._task.vehicle
         for k in range(self._n):
-            ahead = at.ahead(ahead_m)
-            error_m, normal = self._errors(np.array([[ahead.x_m, ahead.y_m]]))
-            left = -math.sin(at.yaw_rad) * normal[0, 0] + math.cos(at.yaw_rad) * normal[0, 1]
-            wanted_rad = min(max(-2.0 * float(error_m[0]) * math.copysign(1.0, left), -bound_rad), bound_rad)
+            bearings = at.yaw_rad + _FAN_RAD
+            around = np.column_stack([at.x_m + ahead_m * np.cos(bearings), at.y_m + ahead_m * np.sin(bearings)])
+            too_near = self._errors(around)[0] < 0
+            aim_rad = float(_FAN_RAD[int(too_near.argmax())]) if too_near.any() else float(_FAN_RAD[-1])
+            wanted_rad = math.atan(2 * vehicle.wheelbase_m * math.sin(aim_rad) / ahead_m)
+            wanted_rad = min(max(wanted_rad, -vehicle.max_steering_rad), vehicle.max_steering_rad)
             angle_rad = min(max(wanted_rad, angle_rad - self._turn_rad), angle_rad + self._turn_rad)
             guess[k] = angle_rad
-            turn_rad = KNOT_M * math.tan(angle_rad) / self._task.vehicle.wheelbase_m
+            turn_rad = KNOT_M * math.tan(angle_rad) / vehicle.wheelbase_m
             moved = Pose(at.x_m, at.y_m, at.yaw_rad + turn_rad / 2).ahead(KNOT_M)
             at = Pose(moved.x_m, moved.y_m, at.yaw_rad + turn_rad)
         return guess
 
+    def possible(self, steering_rad: Floats) -> Floats:
+        """Return a steering as near to the given one as the servo's rate allows."""
+        last_rad, allowed = 0.0, np.empty(self._n)
+        for k, wanted_rad in enumerate(steering_rad):
+            last_rad = min(max(wanted_rad, last_rad - self._turn_rad), last_rad + self._turn_rad)
+            allowed[k] = last_rad
+        return allowed
+
     def cost(self, steering_rad: Floats) -> float:
         """Return the mean |error| of a steering."""
         return float(np.abs(self._errors(self._paths(steering_rad[None])[0])[0]).mean())
+
+    def touches(self, steering_rad: Floats) -> bool:
+        """Whether the car's outline touches the wall on its way; it looks where it goes, slip angles left out."""
+        places = self._paths(steering_rad[None])[0]
+        ways = np.diff(places, axis=0)
+        geometry = SegmentGeometry(self._wall)
+        poses = zip(places[1:], np.arctan2(ways[:, 1], ways[:, 0]), strict=True)
+        return any(geometry.clearance(Pose(float(x), float(y), float(yaw)), CAR) <= 0.0 for (x, y), yaw in poses)
 
     def improved(self, steering_rad: Floats) -> tuple[float, Floats]:
         """Change a guess for the better as long as that goes; return its mean error and the steering."""
@@ -183,21 +218,21 @@ class _Problem:
         size, nothing = -eye_array(n), csr_array((n, n))
         dense = csr_array(slope)
         above = vstack(
-            [hstack([dense, size]), hstack([-dense, size]), hstack([self._slew, nothing]), hstack([-self._slew, nothing])]
+            [
+                hstack([dense, size]),
+                hstack([-dense, size]),
+                hstack([self._slew, nothing]),
+                hstack([-self._slew, nothing]),
+            ]
         )
-        turned = self._slew @ steering_rad
+        turned: Floats = np.asarray(self._slew @ steering_rad)
         below = np.concatenate([-error_m, error_m, self._turn_rad - turned, self._turn_rad + turned])
         low = np.minimum(np.maximum(-trust_rad, -stop_rad - steering_rad), 0.0)
         high = np.maximum(np.minimum(trust_rad, stop_rad - steering_rad), 0.0)
         bounds = np.vstack([np.column_stack([low, high]), np.tile([0.0, np.inf], (n, 1))])
-        answer = linprog(
-            np.repeat([0.0, 1.0], n),
-            A_ub=above,
-            b_ub=below,
-            bounds=bounds,
-            method="highs-ds",
-            options={"time_limit": _LP_SECONDS},
-        )
+        solve: Any = linprog  # its stubs know no sparse matrices
+        cost, options = np.repeat([0.0, 1.0], n), {"time_limit": _LP_SECONDS}
+        answer = solve(cost, A_ub=above, b_ub=below, bounds=bounds, method="highs-ds", options=options)
         if answer.x is None:
             return np.zeros(n)  # no better one found in time: the trust region shrinks
         change: Floats = answer.x[:n]

@@ -1,0 +1,41 @@
+"""A follower that can also free the car: it asks the driver first, and backs out when safety boxed the car in."""
+
+from drivers.api import MotorState, Scan
+from runtime.control.guidance import Follower, Guidance
+from runtime.control.recovery import Recovery
+from runtime.control.swept import Outlook, SweptGuard
+
+
+class Lookout:
+    """Remembers the last outlook for those who plan by it; safety is served first, so it is this scan's."""
+
+    def __init__(self, guard: SweptGuard) -> None:
+        self.guard = guard
+        self.outlook: Outlook | None = None
+
+    def look(self, scan: Scan, motor: MotorState | None) -> Outlook:
+        """Take in one scan."""
+        self.outlook = self.guard.look(scan, motor)
+        return self.outlook
+
+
+class Freeing:
+    """Wraps a follower; its manoeuvres are wishes like any other, judged by safety and outranked by the human."""
+
+    def __init__(self, follower: Follower, lookout: Lookout, recovery: Recovery) -> None:
+        self._follower = follower
+        self._lookout = lookout
+        self._recovery = recovery
+
+    def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
+        """Answer one scan: the follower's answer, or the way out with its words as the reason."""
+        guidance = self._follower.follow(scan, motor)
+        outlook = self._lookout.outlook
+        if outlook is None or outlook.view.scan is not scan:
+            return guidance
+        advice = self._recovery.step(outlook, guidance.drive, motor)
+        if advice.drive is None and not advice.words:
+            return guidance
+        return Guidance(
+            advice.drive or guidance.drive, guidance.distance_m, guidance.error_m, guidance.angle_rad, advice.words
+        )

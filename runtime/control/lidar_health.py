@@ -1,0 +1,186 @@
+"""What is wrong with the lidar's window: dirt, blind beams, too much emptiness, learnt per metre moved.
+
+Evidence per beam: p <- p + (1 - exp(-dm / memory)) (seen - p), with dm = metres moved + 0.3 * radians turned, so that a
+parked car learns nothing (a leg beside it stays an obstacle). Dirt stays on its beam, at its range, while the world
+moves past; the operator who walks along behind the car does not keep his distance to the centimetre.
+"""
+
+import math
+
+import numpy as np
+
+from drivers.api import MotorState
+from runtime.control.geometry import Floats
+from runtime.control.lidar_health_settings import LidarHealthSettings
+from runtime.control.perception import DIRT_NEARER_THAN_M, DIRT_STANDS_OUT_M, Booleans, View
+
+NEIGHBOUR_BEAMS = 40
+"""Dirt stands out against the beams 10 degrees to its left and right."""
+ON_THE_WINDOW_M = 0.06
+METRES_PER_RADIAN = 0.3
+LEARNS_EVERY_M = 0.1
+STEADY_WITHIN_M = 0.06
+"""Three standard deviations of a noisy lidar (0.02 m)."""
+FORWARD_RAD = math.pi / 4
+BODY_BEYOND_RAD = math.radians(105)
+"""Behind this bearing a fixed near return is taken for a part of the car, before it for dirt."""
+BLIND_MEMORY_RAD = 1.0
+BLIND_ABOVE = 0.95
+GROUP_BEAMS = 8
+"""Beams this near each other are spoken of as one patch."""
+
+
+class LidarHealth:
+    """Judges the window.
+
+    mask: beams (n,) to ignore, None while there are none or while ignoring them would not be safe.
+    ceiling_mps: infinity, the doubtful speed, or 0; reason: constant words for it.
+    words: one sentence for each patch, for people.
+    """
+
+    def __init__(self, settings: LidarHealthSettings, wheelbase_m: float, doubtful_mps: float = 1.0) -> None:
+        self._settings = settings
+        self._wheelbase_m = wheelbase_m
+        self._doubtful_mps = doubtful_mps
+        self._dirt: Floats | None = None
+        self._blind: Floats | None = None
+        self._near_m: Floats | None = None
+        self._dirty: Booleans | None = None
+        self._blinded: Booleans | None = None
+        self._moved_m = 0.0
+        self._waiting_m = 0.0
+        self._waiting_rad = 0.0
+        self._turned_rad = 0.0
+        self._last_m: float | None = None
+        self._empty = False
+        self._own: Floats | None = None
+        self.mask: Booleans | None = None
+        self.ceiling_mps = math.inf
+        self.reason = "window clean"
+        self.words: tuple[str, ...] = ()
+
+    def update(self, view: View, motor: MotorState | None) -> None:
+        """Learn from one scan; cheap while the car stands."""
+        beams = view.ranges_m.shape[0]
+        if self._dirt is None or self._dirt.shape[0] != beams:
+            self._forget(beams)
+        step_m, turn_rad = self._motion(motor)
+        self._waiting_m += step_m + METRES_PER_RADIAN * turn_rad
+        self._waiting_rad += turn_rad
+        empty = np.count_nonzero(view.no_echo) > self._settings.empty_share * beams
+        if self._waiting_m < LEARNS_EVERY_M and empty == self._empty:
+            return
+        self._empty = bool(empty)
+        if self._waiting_m >= LEARNS_EVERY_M:
+            self._learn(view)
+        self._judge(view)
+
+    def _forget(self, beams: int) -> None:
+        self._dirt, self._blind, self._near_m = np.zeros(beams), np.zeros(beams), np.full(beams, math.nan)
+        self._dirty, self._blinded = np.zeros(beams, np.bool_), np.zeros(beams, np.bool_)
+        self._own = np.zeros(beams)
+        self._moved_m = self._waiting_m = self._waiting_rad = self._turned_rad = 0.0
+
+    def _motion(self, motor: MotorState | None) -> tuple[float, float]:
+        """Return metres moved and radians turned since the last scan, both >= 0."""
+        last_m, self._last_m = self._last_m, motor.distance_m if motor is not None else None
+        if motor is None or last_m is None:
+            return 0.0, 0.0
+        step_m = abs(motor.distance_m - last_m)
+        return step_m, step_m * abs(math.tan(motor.steering_rad)) / self._wheelbase_m
+
+    def _learn(self, view: View) -> None:
+        assert self._dirt is not None
+        assert self._blind is not None
+        assert self._near_m is not None
+        assert self._own is not None
+        learns = 1 - math.exp(-self._waiting_m / self._settings.memory_m)
+        near = stands_out(view.ranges_m)
+        off_m = np.where(near, view.ranges_m - self._near_m, math.nan)
+        near &= ~(np.abs(off_m) >= STEADY_WITHIN_M)  # NaN: seen near for the first time
+        self._near_m = np.where(np.isnan(off_m), self._near_m, self._near_m + learns * off_m)
+        fresh = near & np.isnan(self._near_m)
+        self._near_m[fresh] = view.ranges_m[fresh]
+        body = view.own & (np.abs(view.bearing_rad) > BODY_BEYOND_RAD)
+        near &= ~body
+        self._own += learns * (body - self._own)
+        self._dirt += learns * (near - self._dirt)
+        # Only turning tells a blind beam from a long corridor: the emptiness turns with the car.
+        self._blind += (1 - math.exp(-self._waiting_rad / BLIND_MEMORY_RAD)) * (view.no_echo - self._blind)
+        self._moved_m += self._waiting_m
+        self._turned_rad += self._waiting_rad
+        self._waiting_m = self._waiting_rad = 0.0
+
+    def _judge(self, view: View) -> None:
+        assert self._dirty is not None
+        assert self._blinded is not None
+        settings = self._settings
+        if self._moved_m >= settings.first_mask_m:
+            self._dirty = (self._dirt > settings.mask_above) | (self._dirty & (self._dirt >= settings.unmask_below))
+        self._blinded = self._blind > BLIND_ABOVE
+        lost = self._dirty | self._blinded
+        share = np.count_nonzero(lost) / lost.size
+        forward = np.abs(view.bearing_rad) <= FORWARD_RAD
+        gap_rad = longest_run(lost & forward) * abs(view.scan.angle_step_rad)
+        safe = share < settings.masked_share and gap_rad <= settings.masked_gap_rad + 1e-9
+        self.mask = self._dirty if safe and self._dirty.any() else None
+        self.ceiling_mps, self.reason = self._ceiling(share, safe=safe)
+        self.words = tuple(self._sentences(view))
+
+    def _ceiling(self, share: float, *, safe: bool) -> tuple[float, str]:
+        if self._empty:
+            return 0.0, "the lidar sees almost nothing: uncover or clean it"
+        if share > self._settings.refused_share:
+            return 0.0, "too much dirt: clean the lidar"
+        if not safe:
+            return self._doubtful_mps, "dirty window: clean the lidar"
+        return math.inf, "window clean"
+
+    def _sentences(self, view: View) -> list[str]:
+        assert self._dirty is not None
+        assert self._blinded is not None
+        assert self._own is not None
+        rear = np.abs(view.bearing_rad) > BODY_BEYOND_RAD
+        told = [
+            (self._dirty & ~rear, "are dirty: clean the window"),
+            (self._blinded & ~rear, "see nothing: uncover or clean the window"),
+            ((self._own > self._settings.mask_above) | (self._dirty & rear), "see the car itself and are ignored"),
+        ]
+        said = [
+            f"{beams} beams around {bearing_deg:.0f} deg {words}"
+            for which, words in told
+            for beams, bearing_deg in patches(which, view.bearing_rad)
+        ]
+        if self._empty:
+            said.insert(0, "almost no beam has an echo: uncover or clean the lidar")
+        return said
+
+
+def stands_out(ranges_m: Floats) -> Booleans:
+    """Return the beams nearer than dirt can be and 0.12 m nearer than both beams 10 degrees away, or on the glass.
+
+    At the ends of the fan only one of the two exists. No echo counts as far.
+    """
+    far = np.full(ranges_m.size + 2 * NEIGHBOUR_BEAMS, math.inf)
+    far[NEIGHBOUR_BEAMS:-NEIGHBOUR_BEAMS] = ranges_m  # NaN - x < c is False: no echo is not near
+    left_near = far[2 * NEIGHBOUR_BEAMS :] - ranges_m < DIRT_STANDS_OUT_M
+    right_near = far[: -2 * NEIGHBOUR_BEAMS] - ranges_m < DIRT_STANDS_OUT_M
+    near = (ranges_m < DIRT_NEARER_THAN_M) & ~left_near & ~right_near
+    return near | (ranges_m < ON_THE_WINDOW_M)
+
+
+def longest_run(which: Booleans) -> int:
+    """Return the length of the longest row of True."""
+    if not which.any():
+        return 0
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], which.view(np.int8), [0]))))
+    return int((edges[1::2] - edges[::2]).max())
+
+
+def patches(which: Booleans, bearing_rad: Floats) -> list[tuple[int, float]]:
+    """Return (beams, middle bearing in degrees) of each patch of beams; small gaps do not divide a patch."""
+    index = np.flatnonzero(which)
+    if not index.size:
+        return []
+    groups = np.split(index, np.flatnonzero(np.diff(index) > GROUP_BEAMS) + 1)
+    return [(int(group.size), math.degrees(float(bearing_rad[group].mean()))) for group in groups]

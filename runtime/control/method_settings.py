@@ -1,0 +1,60 @@
+"""The settings of every law, as `wall_follow.method` and `safety.method` tell them apart."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, Discriminator, Field, Tag
+
+from runtime.control.ball_settings import BallSettings
+from runtime.control.lidar_health_settings import LidarHealthSettings
+from runtime.control.report_settings import ReportFollowSettings, ReportSafetySettings
+from runtime.control.swept_settings import RecoverySettings, SweptSettings
+
+DEFAULT_FOLLOW = "ball"
+DEFAULT_SAFETY = "swept"
+
+
+class BallFollowSettings(BallSettings):
+    """The rolling ball: the default follower."""
+
+    method: Literal["ball"] = "ball"
+    expires_after_s: Annotated[float, Field(gt=0, le=0.2)] = 0.15
+    """A navigation word is in force this long after its scan."""
+
+
+class SweptSafetySettings(SweptSettings):
+    """The swept footprint: the default safety."""
+
+    method: Literal["swept"] = "swept"
+    binds_teleop: bool = False
+    """True puts safety above the human: the joystick is limited too, and needs a working lidar."""
+    expires_after_s: Annotated[float, Field(gt=0, le=0.2)] = 0.15
+    """A verdict is in force this long after its scan."""
+    backs_out: bool = True
+    """A car that is boxed in backs out and tries another way; false waits for a human."""
+    recovery: RecoverySettings = RecoverySettings()
+    window: LidarHealthSettings = LidarHealthSettings()
+
+
+def _method(default: str) -> Discriminator:
+    def tell(value: Any) -> str:  # noqa: ANN401 - whatever stood in the file
+        found = value.get("method", default) if isinstance(value, Mapping) else getattr(value, "method", default)
+        return str(found)
+
+    return Discriminator(tell)
+
+
+WallFollowSettings = BallFollowSettings | ReportFollowSettings
+SafetySettings = SweptSafetySettings | ReportSafetySettings
+ChosenWallFollow = Annotated[
+    Annotated[BallFollowSettings, Tag("ball")] | Annotated[ReportFollowSettings, Tag("report")], _method(DEFAULT_FOLLOW)
+]
+ChosenSafety = Annotated[
+    Annotated[SweptSafetySettings, Tag("swept")] | Annotated[ReportSafetySettings, Tag("report")],
+    _method(DEFAULT_SAFETY),
+]
+METHODS: Mapping[str, tuple[type[BaseModel], ...]] = {
+    "wall_follow": (BallFollowSettings, ReportFollowSettings),
+    "safety": (SweptSafetySettings, ReportSafetySettings),
+}
+TAGS = frozenset({"ball", "swept", "report"})

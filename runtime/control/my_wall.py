@@ -1,0 +1,166 @@
+"""Which points are the followed wall, and how much room there is beside it.
+
+Everything is for a wall on the left: `WallSide` brings a scan into that form. Points come in the order in which the eye
+goes from the rear of the wall side across the front to the other side.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from drivers.api import Scan
+from runtime.control.geometry import Floats, bearings_rad
+from runtime.control.perception import View
+from runtime.control.wall import Line, LineFinder
+
+Booleans = npt.NDArray[np.bool_]
+
+CAP_M = 3.5
+"""Points farther away are not my wall: without this the front wall joins left and right wall in a dead end."""
+GAP_DIAMETERS = 1.8
+WIDEST_GAP_M = 1.6
+"""The ball does not fit through gaps narrower than its diameter; what lies beyond wider ones is another wall."""
+SIDE_FROM_RAD = math.radians(11)
+SIDE_TO_RAD = math.radians(132)
+"""My wall is the piece that holds the nearest return between these bearings."""
+FEWEST_POINTS = 5
+SMOOTHED_POINTS = 5
+THINNED_TO_M = 0.06
+GLASS_RANGE_M = 6.0
+GLASS_GAP_M = 4.5
+GLASS_ON_LINE_M = 0.08
+GLASS_SILENT_SHARE = 0.8
+ROOM_BESIDE_M = 0.5
+ROOM_NEAREST_SHARE = 0.1
+ROOM_LEAST_GAIN_M = 0.03
+"""Only this much less room than 2 D narrows D; otherwise noise would narrow a corridor of exactly 2 D."""
+
+
+@dataclass(frozen=True, slots=True)
+class WallSide:
+    """One kind of lidar, seen so that the followed wall is on the left. bearing_rad: falls from the rear left."""
+
+    order: slice
+    sign: float
+    bearing_rad: Floats
+    beside: slice
+    lines: LineFinder
+
+
+@lru_cache(maxsize=8)
+def wall_side(angle_min_rad: float, angle_step_rad: float, beams: int, side: Literal["left", "right"]) -> WallSide:
+    """Return the order and the cached trigonometry for a lidar and a side."""
+    sign = 1.0 if side == "left" else -1.0
+    order = slice(None, None, -1 if sign * angle_step_rad > 0 else 1)
+    bearing_rad = sign * bearings_rad(angle_min_rad, angle_step_rad, beams)[order]
+    beside = np.flatnonzero((bearing_rad >= SIDE_FROM_RAD) & (bearing_rad <= SIDE_TO_RAD))
+    span = slice(int(beside[0]), int(beside[-1]) + 1) if beside.size else slice(0, 0)
+    return WallSide(order, sign, bearing_rad, span, LineFinder(bearing_rad))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SideView:
+    """A view with the followed wall on the left; arrays (beams,) in the order of WallSide."""
+
+    side: WallSide
+    x_m: Floats
+    y_m: Floats
+    range_m: Floats
+    solid: Booleans
+    no_echo: Booleans
+
+
+def side_view(view: View, side: Literal["left", "right"]) -> SideView:
+    """Return the view in mirror and order so that the followed wall is on the left."""
+    scan: Scan = view.scan
+    way = wall_side(scan.angle_min_rad, scan.angle_step_rad, scan.ranges_m.shape[0], side)
+    order = way.order
+    y_m = view.y_m[order] if way.sign > 0 else -view.y_m[order]
+    return SideView(way, view.x_m[order], y_m, view.ranges_m[order], view.solid[order], view.no_echo[order])
+
+
+def my_wall(seen: SideView, desired_m: float) -> npt.NDArray[np.intp] | None:
+    """Return the beams of the followed wall, in order, or None when no piece of wall is beside the car.
+
+    Cut where neighbours are farther apart than the ball is thick; the piece that holds the nearest return beside the
+    car is mine (not the first one: after a U turn another wall is behind the car).
+    """
+    index = np.flatnonzero(seen.solid & (seen.range_m < CAP_M))
+    if index.size < FEWEST_POINTS:
+        return None
+    x_m, y_m = seen.x_m[index], seen.y_m[index]
+    gap_m = min(GAP_DIAMETERS * desired_m, WIDEST_GAP_M)
+    dx, dy = np.diff(x_m), np.diff(y_m)
+    cuts = np.flatnonzero(dx * dx + dy * dy > gap_m * gap_m) + 1
+    first = int(np.searchsorted(index, seen.side.beside.start))
+    last = int(np.searchsorted(index, seen.side.beside.stop))
+    if last <= first:
+        return None
+    nearest = first + int(np.argmin(seen.range_m[index[first:last]]))
+    piece = int(np.searchsorted(cuts, nearest, side="right"))
+    start = int(cuts[piece - 1]) if piece else 0
+    end = int(cuts[piece]) if piece < cuts.size else index.size
+    return index[start:end] if end - start >= FEWEST_POINTS else None
+
+
+def outline(x_m: Floats, y_m: Floats) -> Floats:
+    """Return the wall's points smoothed by a 5-point mean and thinned to one per 6 cm, shape (2, m)."""
+    points = np.empty((2, x_m.size))
+    points[0], points[1] = x_m, y_m
+    half = SMOOTHED_POINTS // 2
+    total = np.zeros((2, x_m.size + 1))
+    np.cumsum(points, axis=1, out=total[:, 1:])
+    if x_m.size >= SMOOTHED_POINTS:
+        points[:, half:-half] = (total[:, SMOOTHED_POINTS:] - total[:, :-SMOOTHED_POINTS]) / SMOOTHED_POINTS
+    step = np.diff(points, axis=1)
+    way = np.cumsum(np.sqrt(step[0] * step[0] + step[1] * step[1]))
+    cell = (way / THINNED_TO_M).astype(np.intp)
+    keep = np.concatenate(([0], np.flatnonzero(np.diff(cell)) + 1, [x_m.size - 1]))
+    kept: Floats = points[:, keep]
+    return kept
+
+
+def bridge_glass(seen: SideView, wall: npt.NDArray[np.intp], line: Line) -> Floats | None:
+    """Return points (2, k) that fill a pane of glass beyond the front end of my wall, None where there is none.
+
+    A pane returns only the beams near its normal. If points lie on the wall's line beyond the gap, and most beams
+    between have no echo, the wall goes on; beams that do return show a real opening, which stays open.
+    """
+    end = int(wall[-1])
+    beyond = np.arange(end + 1, seen.x_m.size)
+    beyond = beyond[seen.solid[beyond] & (seen.range_m[beyond] < GLASS_RANGE_M)]
+    if not beyond.size:
+        return None
+    on_line = beyond[np.abs(line.offsets_m(seen.x_m[beyond], seen.y_m[beyond])) < GLASS_ON_LINE_M]
+    if on_line.size < FEWEST_POINTS:
+        return None
+    far = int(on_line[0])
+    gap_m = math.hypot(seen.x_m[far] - seen.x_m[end], seen.y_m[far] - seen.y_m[end])
+    between = seen.no_echo[end + 1 : far]
+    if not THINNED_TO_M < gap_m < GLASS_GAP_M or not between.size or between.mean() <= GLASS_SILENT_SHARE:
+        return None
+    # Along the line, not from point to point: one noisy end point must not bend the bridge.
+    cos, sin = math.cos(line.heading_rad), math.sin(line.heading_rad)
+    from_m = cos * seen.x_m[end] + sin * seen.y_m[end]
+    to_m = cos * seen.x_m[far] + sin * seen.y_m[far]
+    along = np.arange(from_m, to_m, THINNED_TO_M)
+    return np.stack([along * cos - line.distance_m * sin, along * sin + line.distance_m * cos])
+
+
+def roomy_m(seen: SideView, line: Line | None, desired_m: float) -> float:
+    """Return D' = min(D, half of the free width between my wall's line and the opposite side)."""
+    if line is None:
+        return desired_m
+    cos, sin = math.cos(line.heading_rad), math.sin(line.heading_rad)
+    along = cos * seen.x_m + sin * seen.y_m
+    across = sin * seen.x_m - cos * seen.y_m
+    opposite = across[seen.solid & (np.abs(along) < ROOM_BESIDE_M) & (across > 0.0)]
+    if opposite.size < FEWEST_POINTS:
+        return desired_m
+    nearest = max(1, round(ROOM_NEAREST_SHARE * opposite.size))
+    free_m = line.distance_m + float(np.partition(opposite, nearest - 1)[:nearest].mean())
+    return free_m / 2 if free_m / 2 < desired_m - ROOM_LEAST_GAIN_M else desired_m

@@ -1,0 +1,72 @@
+"""What every experiment is made of: one cell of its table, small enough to be sent to another process."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from sim.pose import Side
+
+Figures = dict[str, Any]
+"""The figures of a cell: numbers, booleans, short texts and None, as they go into the JSON file."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One run. law: what `sim.lab.laws` understands. speed_mps: what is asked for; the law may choose less."""
+
+    experiment: str
+    scenario: str
+    law: str
+    speed_mps: float
+    mu: float
+    side: Side
+    seed: int
+
+    def named(self, figures: Figures) -> Figures:
+        """Return the figures with the cell's own names in front."""
+        return {**asdict(self), **figures}
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """What the user chose to run."""
+
+    laws: tuple[str, ...]
+    speeds_mps: tuple[float, ...]
+    mus: tuple[float, ...]
+    sides: tuple[Side, ...]
+    seeds: tuple[int, ...]
+    quick: bool = False
+    maps: tuple[str, ...] = ()
+
+    def cells(self, experiment: str, scenarios: Sequence[str]) -> list[Cell]:
+        """Return every combination; the longest runs first, so that no core waits for one at the end."""
+        cells = [
+            Cell(experiment, scenario, law, speed_mps, mu, side, seed)
+            for speed_mps in self.speeds_mps
+            for scenario in scenarios
+            for law in self.laws
+            for mu in self.mus
+            for side in self.sides
+            for seed in self.seeds
+        ]
+        return sorted(cells, key=lambda cell: cell.speed_mps)
+
+
+@dataclass(frozen=True, slots=True)
+class Tabled:
+    """A table for the terminal."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """cells: what to run. measure: runs one. tables: what to show of all figures. plot: draws one cell's run."""
+
+    cells: Callable[[Choice], list[Cell]]
+    measure: Callable[[Cell], Figures]
+    tables: Callable[[Sequence[Mapping[str, Any]]], list[Tabled]]

@@ -1,0 +1,160 @@
+"""`wallride lab EXPERIMENT`: from the options to all runs, tables on the terminal, a JSON file and pictures."""
+
+import argparse
+import json
+import math
+import os
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from sim.lab import laws
+from sim.lab.cell import Choice, Figures, Tabled
+from sim.lab.laps import maps_in
+from sim.lab.pool import experiment, measure_all
+from sim.pose import Side
+
+USAGE_ERROR = 2
+INTERRUPTED = 130
+SPEEDS_MPS, QUICK_SPEEDS_MPS = (1.0, 2.0, 3.0, 4.0), (1.0, 3.0)
+MUS, QUICK_MUS = (0.5, 0.8, 1.0), (0.8,)
+SIDES: tuple[Side, ...] = ("left", "right")
+_NEARBY_MAPS = ("data/maps", "shared/data/maps")
+
+
+class UsageError(Exception):
+    """An option cannot be used; the text says what and how it should look."""
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run one experiment; 0 when it was completed, 2 for a wrong option, 130 after Ctrl-C."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # for the workers: one thread each
+    console = Console(stderr=True)
+    try:
+        choice = chosen(options)
+        _check_outputs(options)
+        chosen_experiment = experiment(options.experiment)
+        cells = chosen_experiment.cells(choice)
+        if options.plot is not None:
+            options.plot.mkdir(parents=True, exist_ok=True)
+        began_s = time.monotonic()
+        figures = measure_all(cells, options.jobs, options.plot, console)
+    except UsageError as error:
+        print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
+        return USAGE_ERROR
+    except KeyboardInterrupt:
+        console.print("interrupted; nothing was written")
+        return INTERRUPTED
+    took_s = time.monotonic() - began_s
+    tables = chosen_experiment.tables(figures)
+    _write(options, choice, figures, tables, took_s)
+    if options.json != "-":
+        _show(tables, Console(), f"{len(cells)} runs in {took_s:.0f} s")
+    return 0
+
+
+def chosen(options: argparse.Namespace) -> Choice:
+    """Return what the options ask for; UsageError for what makes no sense."""
+    quick = options.quick
+    if options.seeds < 1 or options.seed < 0:
+        raise UsageError(
+            f"--seeds {options.seeds} --seed {options.seed}: seeds count from 0, and at least one is needed"
+        )
+    if options.jobs is not None and options.jobs < 1:
+        raise UsageError(f"--jobs {options.jobs}: give 1 or more processes")
+    speeds = _numbers("--speeds", options.speeds, 0.3, 8.0) or (QUICK_SPEEDS_MPS if quick else SPEEDS_MPS)
+    mus = _numbers("--mu", options.mu, 0.1, 2.0) or (QUICK_MUS if quick else MUS)
+    seeds = tuple(range(options.seed, options.seed + options.seeds))
+    return Choice(_laws(options.method), speeds, mus, _sides(options.side, quick=quick), seeds, quick, _maps(options))
+
+
+def _laws(text: str) -> tuple[str, ...]:
+    try:
+        return tuple(dict.fromkeys(laws.check(name.strip()) for name in text.split(",")))
+    except ValueError as error:
+        raise UsageError(f"--method {text}: {error}") from None
+
+
+def _numbers(option: str, text: str | None, low: float, high: float) -> tuple[float, ...]:
+    if text is None:
+        return ()
+    try:
+        numbers = tuple(dict.fromkeys(float(part) for part in text.split(",")))
+    except ValueError:
+        numbers = ()
+    if not numbers or not all(math.isfinite(number) and low <= number <= high for number in numbers):
+        raise UsageError(f"{option} {text}: write numbers between {low:g} and {high:g} with commas between them")
+    return numbers
+
+
+def _sides(text: str | None, *, quick: bool) -> tuple[Side, ...]:
+    if text is None:
+        return SIDES[:1] if quick else SIDES
+    wanted = [part.strip() for part in text.split(",")]
+    if not set(wanted) <= set(SIDES):
+        raise UsageError(f"--side {text}: write left, right or left,right")
+    return tuple(side for side in SIDES if side in wanted)
+
+
+def _maps(options: argparse.Namespace) -> tuple[str, ...]:
+    folder: Path | None = getattr(options, "maps", None)
+    if folder is not None:
+        found = maps_in(folder)
+        if not found:
+            raise UsageError(f"--maps {folder}: there is no .yaml file of a map in it")
+        return found
+    above = [Path.cwd(), *Path(__file__).resolve().parents]
+    nearby = (place / name for place in above for name in _NEARBY_MAPS)
+    return next((found for place in nearby if (found := maps_in(place))), ())
+
+
+def _check_outputs(options: argparse.Namespace) -> None:
+    """Notice unusable files before minutes of driving, not after them."""
+    if options.json not in {None, "-"}:
+        path = Path(options.json)
+        if path.is_dir():
+            raise UsageError(f"--json {path}: is a directory; name a file in it")
+        if not path.absolute().parent.is_dir():
+            raise UsageError(f"--json {path}: there is no directory {path.parent}; make it first")
+    if options.plot is not None and options.plot.exists() and not options.plot.is_dir():
+        raise UsageError(f"--plot {options.plot}: is not a directory; name one for the pictures")
+
+
+def _write(
+    options: argparse.Namespace, choice: Choice, figures: Sequence[Figures], tables: Sequence[Tabled], took_s: float
+) -> None:
+    if options.json is None:
+        return
+    summary: dict[str, Any] = {
+        "experiment": options.experiment,
+        "methods": choice.laws,
+        "speeds_mps": choice.speeds_mps,
+        "mu": choice.mus,
+        "sides": choice.sides,
+        "seeds": choice.seeds,
+        "quick": choice.quick,
+        "took_s": round(took_s, 1),
+        "notes": {table.title: table.notes for table in tables if table.notes},
+        "cells": figures,
+    }
+    text = json.dumps(summary, indent=1, allow_nan=False) + "\n"
+    if options.json == "-":
+        sys.stdout.write(text)
+    else:
+        Path(options.json).write_text(text)
+
+
+def _show(tables: Sequence[Tabled], console: Console, took: str) -> None:
+    for made in tables:
+        table = Table(*made.columns, title=made.title, title_justify="left")
+        for row in made.rows:
+            table.add_row(*row)
+        console.print(table)
+        for note in made.notes:
+            console.print(f"  {note}", highlight=False)
+    console.print(took, highlight=False)

@@ -1,0 +1,107 @@
+"""What is read off a run: errors, settling, contact, stops. All from the simulator's truth."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from runtime.command import Source
+from sim.closed_loop import Run
+from sim.lab.cell import Figures
+from sim.pose import Floats
+
+SETTLE_BAND_M = 0.05
+STEADY_WAY = 0.25
+"""The last share of a run in which it should have settled."""
+TOUCH_ABOVE_MPS = 0.05
+"""A slower contact is a person walking into a standing car."""
+
+
+def common(run: Run) -> Figures:
+    """Return what every experiment tells of a run."""
+    contact = run.contact
+    return {
+        "duration_s": number(run.time_s[-1]),
+        "distance_m": number(run.distance_m),
+        "mean_speed_mps": number(run.distance_m / run.time_s[-1]) if run.time_s[-1] > 0 else None,
+        "collided": contact is not None and contact.speed_mps > TOUCH_ABOVE_MPS,
+        "impact_mps": number(contact.speed_mps) if contact is not None else None,
+        "min_clearance_m": 0.0 if contact is not None else number(run.clearance_m.min()),
+        "stops": len(run.stops),
+        "safety_stops": sum(stop.winner is Source.SAFETY for stop in run.stops),
+        "stop_reasons": sorted({stop.reason for stop in run.stops}),
+        "stopped_for_good": bool(run.stops and math.isnan(run.stops[-1].until_s)),
+        "speed_lost": speed_lost(run),
+    }
+
+
+def errors(run: Run) -> Figures:
+    """Return how well the wall was followed; each scan counts, as in the report."""
+    seen = np.isfinite(run.wall_m)
+    error_m, time_s = run.error_m[seen], run.time_s[seen]
+    if not error_m.size:
+        return dict.fromkeys(("mean_error_m", "rms_error_m", "steady_error_m", "settle_s", "overshoot_m"))
+    late = slice(int(len(error_m) * (1 - STEADY_WAY)), None)
+    return {
+        "mean_error_m": number(np.abs(error_m).mean()),
+        "rms_error_m": number(np.sqrt((error_m**2).mean())),
+        "steady_error_m": number(np.abs(error_m[late]).mean()),
+        "settle_s": settle_s(time_s, error_m),
+        "overshoot_m": overshoot_m(error_m),
+    }
+
+
+def settle_s(time_s: Floats, error_m: Floats) -> float | None:
+    """Return the time after which the error stays within 5 cm; None when it does not."""
+    outside = np.flatnonzero(np.abs(error_m) > SETTLE_BAND_M)
+    if not outside.size:
+        return 0.0
+    after = int(outside[-1]) + 1
+    return number(time_s[after]) if after < error_m.size else None
+
+
+def overshoot_m(error_m: Floats) -> float | None:
+    """Return how far the car went past the wanted distance, seen from the side on which it started."""
+    return number(max(0.0, float((-error_m if error_m[0] > 0 else error_m).max())))
+
+
+def speed_lost(run: Run) -> float | None:
+    """Return the share of the wished speed that safety took away."""
+    wished = np.abs(run.wish[:, 0])
+    lost = np.where(run.capped > 0, np.maximum(wished - np.abs(run.command[:, 0]), 0.0), 0.0)
+    return number(lost.sum() / wished.sum()) if wished.sum() > 0 else None
+
+
+def number(value: float) -> float | None:
+    """Return a number fit for a file; None for what is none."""
+    return round(float(value), 4) if math.isfinite(value) else None
+
+
+Row = Mapping[str, Any]
+
+
+def chosen(rows: Sequence[Row], **wanted: object) -> list[Row]:
+    """Return the rows whose fields have these values."""
+    return [row for row in rows if all(row[name] == value for name, value in wanted.items())]
+
+
+def distinct(rows: Sequence[Row], name: str) -> list[Any]:
+    """Return the values of a field in order of appearance."""
+    return list(dict.fromkeys(row[name] for row in rows))
+
+
+def mean(rows: Sequence[Row], name: str) -> float:
+    """Return the mean of a field over the rows that have it, NaN when none has."""
+    values = [row[name] for row in rows if row[name] is not None]
+    return float(np.mean(values)) if values else math.nan
+
+
+def worst(rows: Sequence[Row], name: str) -> float:
+    """Return the largest value of a field, NaN when no row has one."""
+    return max((row[name] for row in rows if row[name] is not None), default=math.nan)
+
+
+def text(value: float, digits: int = 3) -> str:
+    """Return a number for a table, "-" for none."""
+    return "-" if math.isnan(value) else f"{value:.{digits}f}"

@@ -1,0 +1,109 @@
+"""`lab laps`: the rectangular loop, its inner wall, and real maps; from a standstill, at the speed that the law chooses."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+
+from sim.closed_loop import Case, Run, drive
+from sim.lab import laws
+from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
+from sim.lab.courses import DESIRED_M
+from sim.lab.figures import Row, chosen, common, distinct, errors, mean, number, text
+from sim.lap import LapCounter
+from sim.pose import Side
+from sim.vehicle import VehicleSettings
+from sim.world import World
+from sim.worlds import load_world
+
+LOOPS = ("loop", "loop_inner")
+LAPS = 3
+"""The first one from a standstill; the best of the others counts."""
+FOLLOWED_S = 60.0
+
+
+def cells(choice: Choice) -> list[Cell]:
+    """Return what is to be run."""
+    return choice.cells("laps", [*LOOPS, *choice.maps] if not choice.quick else ["loop"])
+
+
+def run(cell: Cell) -> Run:
+    """Drive one cell: some laps of a closed course, or 60 s where nobody knows what a lap is."""
+    follower, guard = laws.build(cell.law, cell.side, DESIRED_M, cell.speed_mps)
+    world = _world(cell.scenario, cell.side)
+    case = Case(
+        world,
+        distance_m=(LAPS + 0.1) * world.lap.length_m if world.lap is not None else float("inf"),
+        duration_s=120.0 if world.lap is not None else FOLLOWED_S,
+        standing_s=5.0,
+        vehicle=VehicleSettings(grip_mu=cell.mu),
+        seed=cell.seed,
+    )
+    return drive(case, follower, guard)
+
+
+def measure(cell: Cell) -> Figures:
+    """Drive one cell."""
+    done = run(cell)
+    times_s = lap_times_s(done)
+    return {
+        **common(done),
+        **errors(done),
+        "laps": len(times_s),
+        "lap_times_s": times_s,
+        "best_lap_s": min(times_s[1:] or times_s, default=None),
+    }
+
+
+def lap_times_s(done: Run) -> list[float]:
+    """Return the time of each whole lap."""
+    lap = done.case.world.lap
+    if lap is None:
+        return []
+    counter, times_s, last_s = LapCounter(lap), [], 0.0
+    for time_s, (x_m, y_m, _) in zip(done.time_s, done.pose, strict=True):
+        if counter.update(float(x_m), float(y_m)) >= len(times_s) + 1:
+            times_s.append(round(float(time_s) - last_s, 3))
+            last_s = float(time_s)
+    return times_s
+
+
+def maps_in(folder: Path) -> tuple[str, ...]:
+    """Return the paths of all maps in a folder."""
+    return tuple(str(path) for path in sorted(folder.glob("*.yaml")))
+
+
+@lru_cache(maxsize=4)
+def _world(name: str, side: Side) -> World:
+    return load_world(name, side=side)
+
+
+def tables(rows: Sequence[Row]) -> list[Tabled]:
+    """Return one table per law and friction: a row per course and side, a column per speed."""
+    made = []
+    for law in distinct(rows, "law"):
+        for mu in sorted(distinct(rows, "mu")):
+            some = chosen(rows, law=law, mu=mu)
+            speeds = sorted(distinct(some, "speed_mps"))
+            lines = [
+                (Path(name).stem, side, *(_figure(chosen(some, scenario=name, side=side, speed_mps=v)) for v in speeds))
+                for name in distinct(some, "scenario")
+                for side in distinct(some, "side")
+            ]
+            columns = ("course", "side", *(f"{speed:g} m/s" for speed in speeds))
+            title = f"{law}, mu {mu:g}: best lap, or way in 60 s; mean |error| [m]"
+            note = f"{sum(row['collided'] for row in some)} of {len(some)} runs with a contact"
+            made.append(Tabled(title, columns, tuple(lines), (note,)))
+    return made
+
+
+def _figure(rows: Sequence[Row]) -> str:
+    touched = [row for row in rows if row["collided"]]
+    if touched:
+        return f"X after {text(mean(touched, 'distance_m'), 0)} m"
+    laps = mean(rows, "best_lap_s")
+    way = f"{laps:.2f} s" if rows and number(laps) is not None else f"{text(mean(rows, 'distance_m'), 0)} m"
+    stands = ", stands" if any(row["stopped_for_good"] for row in rows) else ""
+    return f"{way}, {text(mean(rows, 'mean_error_m'))}{stands}"
+
+
+EXPERIMENT = Experiment(cells, measure, tables)

@@ -1,0 +1,66 @@
+"""The physical limits of the standard cells, computed once and kept: `python -m sim.lab.limits` makes the file anew."""
+
+import json
+import math
+import sys
+from functools import lru_cache
+from pathlib import Path
+
+from sim.lab.courses import COURSES, limit_task
+from sim.lab.limit import least_mean_error_m
+
+FILE = Path(__file__).with_name("limits.json")
+SPEEDS_MPS = (1.0, 2.0, 3.0, 4.0)
+MUS = (0.8, 0.5, 1.0)
+
+REFERENCE_M = {
+    "t1": {1.0: 0.091, 2.0: 0.118, 3.0: 0.174},
+    "t2": {1.0: 0.038, 2.0: 0.038, 3.0: 0.050, 4.0: 0.049},
+    "t3": {1.0: 0.035, 2.0: 0.040, 3.0: 0.047, 4.0: 0.052},
+    "t4": {1.0: 0.091, 2.0: 0.119, 3.0: 0.174, 4.0: 0.257},
+    "t5": {1.0: 0.021, 2.0: 0.022, 3.0: 0.034, 4.0: 0.074},
+}
+"""The limits that another simulator's search found, mu 0.8 (design notes, section 3)."""
+
+
+def limit_m(scenario: str, speed_mps: float, mu: float) -> float:
+    """Return the least mean error of a course [m], NaN when no way without contact was found.
+
+    Computed when the file does not have it, which takes seconds.
+    """
+    known = _kept().get(key(scenario, speed_mps, mu))
+    if key(scenario, speed_mps, mu) in _kept():
+        return math.nan if known is None else known
+    task = limit_task(scenario, speed_mps, mu)
+    return least_mean_error_m(task) if task is not None else 0.0
+
+
+def key(scenario: str, speed_mps: float, mu: float) -> str:
+    """Return the name of a limit in the file."""
+    return f"{scenario.partition(' ')[0]} {speed_mps:g} m/s mu {mu:g}"
+
+
+@lru_cache(maxsize=1)
+def _kept() -> dict[str, float | None]:
+    if not FILE.is_file():
+        return {}
+    kept: dict[str, float | None] = json.loads(FILE.read_text())
+    return kept
+
+
+def compute_all() -> None:
+    """Compute what is missing in the file; delete it first to compute everything."""
+    kept = dict(_kept())
+    for mu in MUS:
+        for name in COURSES:
+            for speed_mps in SPEEDS_MPS:
+                cell = key(name, speed_mps, mu)
+                if cell not in kept:
+                    found_m = limit_m(name, speed_mps, mu)
+                    kept[cell] = None if math.isnan(found_m) else round(found_m, 4)
+                    FILE.write_text(json.dumps(kept, indent=0) + "\n")
+                    sys.stderr.write(f"{cell}: {kept[cell]}\n")
+
+
+if __name__ == "__main__":
+    compute_all()

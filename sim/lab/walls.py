@@ -1,0 +1,117 @@
+"""`lab walls`: how near to the wanted distance, beside how near any steering could be."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from sim.closed_loop import Run, drive
+from sim.lab import laws
+from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
+from sim.lab.courses import ALL_COURSES, COURSES, DESIRED_M, case_of
+from sim.lab.figures import Row, chosen, common, distinct, errors, mean, number, text, worst
+from sim.lab.limits import REFERENCE_M, limit_m
+
+LOST_ABOVE_M = 0.5
+"""A run that ends so far off has lost its wall."""
+QUICK_COURSES = ("t1", "t3", "t4", "t5", "outside_corner")
+REPORT_TABLE_M = {
+    "t1": (0.148, 0.175, 0.266, None),
+    "t2": (0.098, 0.101, 0.116, 0.174),
+    "t3": (0.124, 0.120, 0.114, 0.105),
+    "t4": (0.177, 0.199, None, None),
+    "t5": (None, None, None, None),
+}
+"""The report law in the simulator of the design notes, mu 0.8, 1 to 4 m/s; None is a contact."""
+
+
+def cells(choice: Choice) -> list[Cell]:
+    """Return what is to be run."""
+    return choice.cells("walls", QUICK_COURSES if choice.quick else ALL_COURSES)
+
+
+def run(cell: Cell) -> Run:
+    """Drive one cell."""
+    follower, guard = laws.build(cell.law, cell.side, DESIRED_M, cell.speed_mps)
+    case = case_of(cell.scenario, cell.speed_mps, cell.mu, cell.side, cell.seed)
+    return drive(replace(case, standing_s=3.0), follower, guard)
+
+
+def measure(cell: Cell) -> Figures:
+    """Drive one cell and put it beside its limit."""
+    done = run(cell)
+    figures = {**common(done), **errors(done)}
+    case = done.case
+    steady_m = figures["steady_error_m"]
+    figures["lost"] = steady_m is None or steady_m > LOST_ABOVE_M
+    figures["completed"] = done.contact is None and done.distance_m >= case.distance_m and not figures["lost"]
+    figures["limit_m"] = number(limit_m(cell.scenario, cell.speed_mps, cell.mu))
+    figures["reference_limit_m"] = REFERENCE_M.get(cell.scenario, {}).get(cell.speed_mps) if cell.mu == 0.8 else None
+    return figures
+
+
+def tables(rows: Sequence[Row]) -> list[Tabled]:
+    """Return one table per law and friction: a row per course, a column per speed."""
+    made = []
+    for law in distinct(rows, "law"):
+        for mu in sorted(distinct(rows, "mu")):
+            some = chosen(rows, law=law, mu=mu)
+            speeds = sorted(distinct(some, "speed_mps"))
+            columns = ("course", *(f"{speed:g} m/s" for speed in speeds), "settle s", "steady mm", "stops")
+            order = [name for name in ALL_COURSES if name in distinct(some, "scenario")]
+            lines = [_line(chosen(some, scenario=name), name, speeds) for name in order]
+            made.append(Tabled(f"{law}, mu {mu:g}: mean |error| / limit [m]", columns, tuple(lines), _notes(some)))
+    if any(row["law"].startswith("report") for row in rows):
+        made.append(_published(rows))
+    return made
+
+
+def _line(rows: Sequence[Row], name: str, speeds: Sequence[float]) -> tuple[str, ...]:
+    whole = [row for row in rows if row["completed"]]
+    settling = worst(whole, "settle_s") if all(row["settle_s"] is not None for row in whole) else math.nan
+    return (
+        name,
+        *(_figure(chosen(rows, speed_mps=speed)) for speed in speeds),
+        text(settling, 1) if name in COURSES else "",
+        text(1000 * mean(whole, "steady_error_m"), 0),
+        str(sum(row["safety_stops"] for row in rows)),
+    )
+
+
+def _figure(rows: Sequence[Row]) -> str:
+    """Mean error over sides and seeds beside the limit; how many of them failed, and how."""
+    collided = sum(row["collided"] for row in rows)
+    stuck = sum(row["stopped_for_good"] and not row["collided"] for row in rows)
+    lost = sum(row["lost"] and not row["stopped_for_good"] and not row["collided"] for row in rows)
+    whole = [row for row in rows if row["completed"]]
+    parts = [text(mean(whole, "mean_error_m")) + " / " + text(mean(rows, "limit_m"))] if whole else []
+    parts += [f"X {collided} of {len(rows)}"] if collided else []
+    parts += [f"stands {stuck} of {len(rows)}"] if stuck else []
+    parts += [f"lost {lost} of {len(rows)}"] if lost else []
+    return ", ".join(parts)
+
+
+def _notes(rows: Sequence[Row]) -> tuple[str, ...]:
+    ratios = sorted(
+        row["mean_error_m"] / row["limit_m"]
+        for row in rows
+        if row["completed"] and row["limit_m"] and row["scenario"] in REFERENCE_M and row["scenario"] != "t5"
+    )
+    notes = [
+        f"{sum(row['collided'] for row in rows)} contacts, {sum(not row['completed'] for row in rows)} of {len(rows)} not completed"
+    ]
+    if ratios:
+        notes.append(f"t1 to t4: error / limit median {ratios[len(ratios) // 2]:.2f}, worst {ratios[-1]:.2f}")
+    return tuple(notes)
+
+
+def _published(rows: Sequence[Row]) -> Tabled:
+    lines = [
+        (name, *("X" if value is None else text(value) for value in values))
+        for name, values in REPORT_TABLE_M.items()
+        if name in distinct(rows, "scenario")
+    ]
+    title = "for comparison: the report's law in the design notes' simulator, mu 0.8"
+    return Tabled(title, ("course", "1 m/s", "2 m/s", "3 m/s", "4 m/s"), tuple(lines))
+
+
+EXPERIMENT = Experiment(cells, measure, tables)
