@@ -3,8 +3,11 @@
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+
+from wallride import lab_options
 
 USAGE_ERROR = 2
 DEFAULT_CONFIG = Path("/etc/wallride/car.toml")
@@ -16,7 +19,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     options = build_parser().parse_args(arguments)
-    commands = {"run": _run, "check": _check, "sim": _sim}
+    commands = {"run": _run, "check": _check, "sim": _sim, "lab": _lab}
     try:
         return commands[options.command](options)
     except KeyboardInterrupt:
@@ -35,6 +38,7 @@ def build_parser() -> argparse.ArgumentParser:
         _add_set(command)
     check.add_argument("--devices", action="store_true", help="fail also when a device is not plugged in")
     _add_sim(commands.add_parser("sim", help="drive an emulated car through its real drivers"))
+    lab_options.add(commands.add_parser("lab", help="experiments with the car's own laws, faster than real time"))
     return parser
 
 
@@ -94,13 +98,28 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _sim(options: argparse.Namespace) -> int:
-    try:
+    with _explained_extra():
         from sim.command import simulate
+    return simulate(options)
+
+
+def _lab(options: argparse.Namespace) -> int:
+    with _explained_extra():
+        from sim.lab.command import run
+    return run(options)
+
+
+@contextmanager
+def _explained_extra() -> Iterator[None]:
+    """Turn a missing package of the simulator into a sentence; a missing module of our own stays a bug."""
+    try:
+        yield
     except ModuleNotFoundError as error:
         if (error.name or "").split(".")[0] in {"drivers", "runtime", "sim"}:
             raise
-        return fail(f"the simulator needs {error.name}: install it with  pip install 'wallride[sim]'")
-    return simulate(options)
+        raise SystemExit(
+            fail(f"the simulator needs {error.name}: install it with  pip install 'wallride[sim]'")
+        ) from None
 
 
 def _load(config: Path | None, assignments: Sequence[str]):  # type: ignore[no-untyped-def]  # noqa: ANN202 - its type is heavy

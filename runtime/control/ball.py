@@ -24,10 +24,16 @@ from runtime.control.trim import NoiseBias, Trim
 from runtime.car_settings import CarSettings
 
 LONGEST_STEP_S = 0.25
-CORNER_M=1.0; CORNER_S=0.1; DEAD_RAD=.05; KINK0=.3; KINK1=.6; FF=1.0; SLIP=.03; STRAIGHT=.08
-_R = RADII_M[1:5]; _W = 2 * (_R - _R.mean()) / ((_R - _R.mean()) ** 2).sum()
-def bend(bearing_rad, error_m):
-    return float(_W @ (np.sin(bearing_rad[1:5]) - error_m / _R))
+CORNER_M=1.0; CORNER_S=0.1; DEAD_RAD=.05; KINK0=.3; KINK1=.6; FF=1.0; SLIP=.037; STRAIGHT=9.
+def _asin(x):
+    return math.asin(min(max(x, -.95), .95))
+def bend(path):
+    if not path.meets[1:5].all(): return 0.0
+    x = (path.radius_m[1:5]*np.cos(path.bearing_rad[1:5])).tolist()
+    y = (path.radius_m[1:5]*np.sin(path.bearing_rad[1:5])).tolist()
+    turn = math.atan2(y[3]-y[2],x[3]-x[2])-math.atan2(y[1]-y[0],x[1]-x[0])
+    way = (math.hypot(x[2]-x[0],y[2]-y[0])+math.hypot(x[3]-x[1],y[3]-y[1]))/2
+    return math.remainder(turn, math.tau)/way
 
 
 class BallFollower:
@@ -78,8 +84,8 @@ class BallFollower:
         far_m = CORNER_M + CORNER_S * abs(speed_mps)
         path = ball_path(points, np.append(RADII_M, (look_m, far_m)), desired_m - bias_m)
         phi_rad = float(path.bearing_rad[-2])
-        phi_rad = min(phi_rad, float(path.bearing_rad[-1]) + DEAD_RAD + min(max(error_m,-.6),.6) * (1/look_m - 1/far_m))
-        curvature = bend(path.bearing_rad, error_m)
+        phi_rad = min(phi_rad, float(path.bearing_rad[-1]) + DEAD_RAD + _asin(error_m/look_m) - _asin(error_m/far_m))
+        curvature = bend(path)
         self._curv = curvature
         curvature *= min(max((curvature + KINK1) / (KINK1 - KINK0), 0.0), 1.0)
         steering_rad = s.kp * error_m + s.kd * phi_rad

@@ -27,10 +27,11 @@ class BallPath:
     radius_m: Floats
     bearing_rad: Floats
     meets: np.ndarray
+    crosses: np.ndarray
 
     def first(self, count: int) -> "BallPath":
         """Return the part on the first circles."""
-        return BallPath(self.radius_m[:count], self.bearing_rad[:count], self.meets[:count])
+        return BallPath(self.radius_m[:count], self.bearing_rad[:count], self.meets[:count], self.crosses[:count])
 
 
 def ball_path(wall_m: Floats, radius_m: Floats, ball_m: float) -> BallPath:
@@ -59,4 +60,4 @@ def ball_path(wall_m: Floats, radius_m: Floats, ball_m: float) -> BallPath:
     bearing = np.where(inner, bearing - np.abs(share) * BEARING_STEP_RAD, bearing)
     if not meets.all():
         bearing = np.where(meets, bearing, BEARING_RAD[square.argmin(axis=1)])
-    return BallPath(radius_m, bearing, meets)
+    return BallPath(radius_m, bearing, meets, inner)

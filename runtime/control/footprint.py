@@ -17,6 +17,9 @@ STEP_M = 0.06
 ENOUGH_POINTS = 3
 """So many points in the strip are a thing; fewer are noise (2 % wild beams)."""
 
+EDGE_M = 0.05
+"""What reaches so little into the strip is beside the car, not before it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Outline:
@@ -61,7 +64,7 @@ class Contact:
     """The first thing in the strip.
 
     travel_m: how far the car can go before it touches it, infinity when there is nothing.
-    side: +1 or -1 when everything touched is at the left or right flank, behind the bumper; 0 ahead.
+    side: +1 or -1 when everything touched is at the left or right edge of the strip; 0 ahead.
     curvature_per_m: of the path there.
     """
 
@@ -76,7 +79,7 @@ NOTHING = Contact(math.inf, 0, 0.0)
 def arc(motion: Motion, steering_rad: float, length_m: float) -> Path:
     """Return the path that a steering command leads to; the first pose is one step on."""
     steps = max(1, math.ceil(length_m / STEP_M))
-    travel_m = STEP_M * np.arange(1, steps + 1)
+    travel_m: Floats = STEP_M * np.arange(1, steps + 1, dtype=np.float64)
     slewing_s = np.maximum(travel_m / max(motion.speed_mps, 0.3) - motion.latency_s, 0.0)
     change_rad = steering_rad - motion.wheel_rad
     turned_rad = np.minimum(slewing_s * motion.rate_radps, abs(change_rad))
@@ -111,7 +114,7 @@ def first_contact(path: Path, outline: Outline, points_m: Floats, direction: flo
     third_m = float(np.partition(depth_m, -ENOUGH_POINTS)[-ENOUGH_POINTS])
     travel_m = float(path.travel_m[pose])
     travel_m = max(travel_m - STEP_M, travel_m - third_m)
-    return Contact(travel_m, _flank(ahead_m, aside_m, outline), float(path.curvature_per_m[pose]))
+    return Contact(travel_m, _flank(aside_m, outline), float(path.curvature_per_m[pose]))
 
 
 def _in_reach(path: Path, outline: Outline, points_m: Floats) -> Floats:
@@ -135,9 +138,8 @@ def _in_car_frames(path: Path, points_m: Floats) -> tuple[Floats, Floats]:
     return ahead_m, aside_m
 
 
-def _flank(ahead_m: Floats, aside_m: Floats, outline: Outline) -> int:
-    """Return the side at which all points are, behind the bumper; 0 where one of them is before it."""
-    beside = bool(ahead_m.max() < outline.front_m - 0.05) and bool(np.abs(aside_m).min() > outline.half_width_m - 0.05)
-    if not beside or (aside_m[0] > 0) != (aside_m[-1] > 0):
+def _flank(aside_m: Floats, outline: Outline) -> int:
+    """Return the side at whose edge (5 cm) all points are; 0 where one of them is farther in."""
+    if float(np.abs(aside_m).min()) <= outline.half_width_m - EDGE_M or (aside_m.min() > 0) != (aside_m.max() > 0):
         return 0
     return 1 if aside_m[0] > 0 else -1

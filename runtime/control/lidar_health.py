@@ -30,6 +30,18 @@ GROUP_BEAMS = 8
 """Beams this near each other are spoken of as one patch."""
 
 
+class _Beams:
+    """What is known of each beam: evidence in 0..1 for dirt, blindness and the car's own body; and the findings."""
+
+    def __init__(self, beams: int) -> None:
+        self.dirt = np.zeros(beams)
+        self.blind = np.zeros(beams)
+        self.own = np.zeros(beams)
+        self.near_m = np.full(beams, math.nan)
+        self.dirty: Booleans = np.zeros(beams, np.bool_)
+        self.blinded: Booleans = np.zeros(beams, np.bool_)
+
+
 class LidarHealth:
     """Judges the window.
 
@@ -42,18 +54,12 @@ class LidarHealth:
         self._settings = settings
         self._wheelbase_m = wheelbase_m
         self._doubtful_mps = doubtful_mps
-        self._dirt: Floats | None = None
-        self._blind: Floats | None = None
-        self._near_m: Floats | None = None
-        self._dirty: Booleans | None = None
-        self._blinded: Booleans | None = None
+        self._beams = _Beams(0)
         self._moved_m = 0.0
         self._waiting_m = 0.0
         self._waiting_rad = 0.0
-        self._turned_rad = 0.0
         self._last_m: float | None = None
         self._empty = False
-        self._own: Floats | None = None
         self.mask: Booleans | None = None
         self.ceiling_mps = math.inf
         self.reason = "window clean"
@@ -62,24 +68,19 @@ class LidarHealth:
     def update(self, view: View, motor: MotorState | None) -> None:
         """Learn from one scan; cheap while the car stands."""
         beams = view.ranges_m.shape[0]
-        if self._dirt is None or self._dirt.shape[0] != beams:
-            self._forget(beams)
+        if self._beams.dirt.shape[0] != beams:
+            self._beams = _Beams(beams)
+            self._moved_m = self._waiting_m = self._waiting_rad = 0.0
         step_m, turn_rad = self._motion(motor)
         self._waiting_m += step_m + METRES_PER_RADIAN * turn_rad
         self._waiting_rad += turn_rad
-        empty = np.count_nonzero(view.no_echo) > self._settings.empty_share * beams
+        empty = bool(np.count_nonzero(view.no_echo) > self._settings.empty_share * beams)
         if self._waiting_m < LEARNS_EVERY_M and empty == self._empty:
             return
-        self._empty = bool(empty)
+        self._empty = empty
         if self._waiting_m >= LEARNS_EVERY_M:
             self._learn(view)
         self._judge(view)
-
-    def _forget(self, beams: int) -> None:
-        self._dirt, self._blind, self._near_m = np.zeros(beams), np.zeros(beams), np.full(beams, math.nan)
-        self._dirty, self._blinded = np.zeros(beams, np.bool_), np.zeros(beams, np.bool_)
-        self._own = np.zeros(beams)
-        self._moved_m = self._waiting_m = self._waiting_rad = self._turned_rad = 0.0
 
     def _motion(self, motor: MotorState | None) -> tuple[float, float]:
         """Return metres moved and radians turned since the last scan, both >= 0."""
@@ -90,40 +91,35 @@ class LidarHealth:
         return step_m, step_m * abs(math.tan(motor.steering_rad)) / self._wheelbase_m
 
     def _learn(self, view: View) -> None:
-        assert self._dirt is not None
-        assert self._blind is not None
-        assert self._near_m is not None
-        assert self._own is not None
         learns = 1 - math.exp(-self._waiting_m / self._settings.memory_m)
         near = stands_out(view.ranges_m)
-        off_m = np.where(near, view.ranges_m - self._near_m, math.nan)
+        off_m = np.where(near, view.ranges_m - self._beams.near_m, math.nan)
         near &= ~(np.abs(off_m) >= STEADY_WITHIN_M)  # NaN: seen near for the first time
-        self._near_m = np.where(np.isnan(off_m), self._near_m, self._near_m + learns * off_m)
-        fresh = near & np.isnan(self._near_m)
-        self._near_m[fresh] = view.ranges_m[fresh]
+        self._beams.near_m = np.where(np.isnan(off_m), self._beams.near_m, self._beams.near_m + learns * off_m)
+        fresh = near & np.isnan(self._beams.near_m)
+        self._beams.near_m[fresh] = view.ranges_m[fresh]
         body = view.own & (np.abs(view.bearing_rad) > BODY_BEYOND_RAD)
         near &= ~body
-        self._own += learns * (body - self._own)
-        self._dirt += learns * (near - self._dirt)
+        self._beams.own += learns * (body - self._beams.own)
+        self._beams.dirt += learns * (near - self._beams.dirt)
         # Only turning tells a blind beam from a long corridor: the emptiness turns with the car.
-        self._blind += (1 - math.exp(-self._waiting_rad / BLIND_MEMORY_RAD)) * (view.no_echo - self._blind)
+        self._beams.blind += (1 - math.exp(-self._waiting_rad / BLIND_MEMORY_RAD)) * (view.no_echo - self._beams.blind)
         self._moved_m += self._waiting_m
-        self._turned_rad += self._waiting_rad
         self._waiting_m = self._waiting_rad = 0.0
 
     def _judge(self, view: View) -> None:
-        assert self._dirty is not None
-        assert self._blinded is not None
         settings = self._settings
         if self._moved_m >= settings.first_mask_m:
-            self._dirty = (self._dirt > settings.mask_above) | (self._dirty & (self._dirt >= settings.unmask_below))
-        self._blinded = self._blind > BLIND_ABOVE
-        lost = self._dirty | self._blinded
+            self._beams.dirty = (self._beams.dirt > settings.mask_above) | (
+                self._beams.dirty & (self._beams.dirt >= settings.unmask_below)
+            )
+        self._beams.blinded = self._beams.blind > BLIND_ABOVE
+        lost = self._beams.dirty | self._beams.blinded
         share = np.count_nonzero(lost) / lost.size
         forward = np.abs(view.bearing_rad) <= FORWARD_RAD
         gap_rad = longest_run(lost & forward) * abs(view.scan.angle_step_rad)
-        safe = share < settings.masked_share and gap_rad <= settings.masked_gap_rad + 1e-9
-        self.mask = self._dirty if safe and self._dirty.any() else None
+        safe = bool(share < settings.masked_share and gap_rad <= settings.masked_gap_rad + 1e-9)
+        self.mask = self._beams.dirty if safe and self._beams.dirty.any() else None
         self.ceiling_mps, self.reason = self._ceiling(share, safe=safe)
         self.words = tuple(self._sentences(view))
 
@@ -137,14 +133,14 @@ class LidarHealth:
         return math.inf, "window clean"
 
     def _sentences(self, view: View) -> list[str]:
-        assert self._dirty is not None
-        assert self._blinded is not None
-        assert self._own is not None
         rear = np.abs(view.bearing_rad) > BODY_BEYOND_RAD
         told = [
-            (self._dirty & ~rear, "are dirty: clean the window"),
-            (self._blinded & ~rear, "see nothing: uncover or clean the window"),
-            ((self._own > self._settings.mask_above) | (self._dirty & rear), "see the car itself and are ignored"),
+            (self._beams.dirty & ~rear, "are dirty: clean the window"),
+            (self._beams.blinded & ~rear, "see nothing: uncover or clean the window"),
+            (
+                (self._beams.own > self._settings.mask_above) | (self._beams.dirty & rear),
+                "see the car itself and are ignored",
+            ),
         ]
         said = [
             f"{beams} beams around {bearing_deg:.0f} deg {words}"

@@ -102,7 +102,7 @@ def thin_dirt(ranges_m: Floats, near: Booleans, angle_step_rad: float) -> npt.ND
     A run is a row of near beams without a jump in range; at an end of the fan only the other side must be farther.
     No echo counts as far.
     """
-    index = np.flatnonzero(near)
+    index: npt.NDArray[np.intp] = np.flatnonzero(near)
     near_m = ranges_m[index]
     cut = (index[1:] - index[:-1] > BRIDGED_BEAMS + 1) | (np.abs(near_m[1:] - near_m[:-1]) >= DIRT_STANDS_OUT_M)
     first = np.concatenate(([0], np.flatnonzero(cut) + 1))
@@ -117,4 +117,5 @@ def thin_dirt(ranges_m: Floats, near: Booleans, angle_step_rad: float) -> npt.ND
     thin = (width_m < DIRT_THINNER_THAN_M) & ~left_near & ~right_near
     if not thin.any():
         return index[:0]
-    return index[np.repeat(thin, last - first + 1)]
+    dirt: npt.NDArray[np.intp] = index[np.repeat(thin, last - first + 1)]
+    return dirt

@@ -36,18 +36,21 @@ def profile_mps(path: BallPath, speed_mps: float, assumed_mu: float) -> float:
     """
     lateral = LATERAL_SHARE * assumed_mu * GRAVITY_MPS2
     brake = BRAKE_SHARE * assumed_mu * GRAVITY_MPS2
-    seen = path.meets.size if path.meets.all() else int(path.meets.argmin())
-    x_m = np.concatenate(([0.0], path.radius_m[:seen] * np.cos(path.bearing_rad[:seen])))
-    y_m = np.concatenate(([0.0], path.radius_m[:seen] * np.sin(path.bearing_rad[:seen])))
-    dx, dy = np.diff(x_m), np.diff(y_m)
-    length = np.sqrt(dx * dx + dy * dy)
+    # Nearer circles than the first crossing lie wholly inside or outside of D: the way to the path, not the path.
+    begin = int(path.crosses.argmax())
+    ends = np.flatnonzero(~path.meets[begin:])
+    end = begin + int(ends[0]) if ends.size else path.meets.size
+    if not path.crosses[begin]:
+        end = begin
+    radius_m, bearing_rad = path.radius_m[begin:end], path.bearing_rad[begin:end]
+    dx, dy = np.diff(radius_m * np.cos(bearing_rad)), np.diff(radius_m * np.sin(bearing_rad))
     heading = np.arctan2(dy, dx)
+    way = radius_m[:1].sum() + np.cumsum(np.sqrt(dx * dx + dy * dy))
     turn = np.abs((heading[SPAN:] - heading[:-SPAN] + math.pi) % math.tau - math.pi)
-    way = np.cumsum(length)
-    curvature = np.minimum(turn / (way[SPAN:] - way[:-SPAN] + ROUNDED_BY_M), SHARPEST_PER_M)
     # At each inner point its own curvature; at the end of what is seen, a corner.
-    way_m = np.append(way[:-SPAN], way[-1] if seen else 0.0)
-    curvature = np.append(curvature, SHARPEST_PER_M) if seen else np.array([SHARPEST_PER_M])
+    curvature = np.append(turn / (way[SPAN:] - way[:-SPAN] + ROUNDED_BY_M), SHARPEST_PER_M)
+    curvature = np.minimum(curvature, SHARPEST_PER_M)
+    way_m = np.append(way[:-SPAN], way[-1] if way.size else 0.0)
     free_m = np.maximum(way_m - MARGIN_M - REACTION_S * abs(speed_mps), 0.0)
     square = lateral / np.maximum(curvature, 1e-3) + 2 * brake * free_m
     return math.sqrt(float(square.min()))

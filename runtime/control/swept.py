@@ -6,14 +6,15 @@ held for a moment. Section 5 of the project's control reference compares this wi
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from drivers.api import Clock, MotorState, Scan
+from runtime.car_settings import CarSettings
 from runtime.command import NO_LIMIT_MPS, Verdict
 from runtime.control.behind import Behind
-from runtime.control.footprint import NOTHING, Contact, Motion, Outline, Path, arc, first_contact
+from runtime.control.footprint import ENOUGH_POINTS, NOTHING, Contact, Motion, Outline, Path, arc, first_contact
 from runtime.control.geometry import Floats
 from runtime.control.lidar_health import LidarHealth
 from runtime.control.lidar_health_settings import LidarHealthSettings
@@ -28,7 +29,6 @@ from runtime.control.stopping import (
     stopping_distance_m,
 )
 from runtime.control.swept_settings import SweptSettings
-from runtime.car_settings import CarSettings
 
 STANDING_MPS = 0.05
 LOOK_SPARE_M = 0.25
@@ -76,8 +76,12 @@ class SweptGuard:
         self.brake = _Brake()
         self.grip_mps2 = settings.grip_mu * GRAVITY_MPS2
         self.bare = Outline(car.front_m, car.rear_m, car.half_width_m)
-        self.ahead = Outline(car.front_m + settings.front_margin_m, car.rear_m, car.half_width_m + settings.side_margin_m)
-        self.aback = Outline(car.front_m, car.rear_m + settings.front_margin_m, car.half_width_m + settings.side_margin_m)
+        self.ahead = Outline(
+            car.front_m + settings.front_margin_m, car.rear_m, car.half_width_m + settings.side_margin_m
+        )
+        self.aback = Outline(
+            car.front_m, car.rear_m + settings.front_margin_m, car.half_width_m + settings.side_margin_m
+        )
         self._eyes = eyes
         self._odometry = Odometry(car.wheelbase_m)
         self._speed = SlidingSpeed(GRAVITY_MPS2)
@@ -177,7 +181,7 @@ class Outlook:
         return self._standing(found)
 
     def _brakes(self, way_m: float, hard_m: float, speed_mps: float) -> bool:
-        """Whether a hard stop is on: it begins at once, lasts a moment, and ends with room to spare or at standstill."""
+        """Whether a hard stop is on: begins at once, lasts a moment, ends with room to spare or at standstill."""
         brake, settings, now_s = self.guard.brake, self.guard.settings, self.view.scan.stamp_s
         if way_m < hard_m:
             brake.on = True
@@ -187,13 +191,21 @@ class Outlook:
         return brake.on
 
     def _hard(self, found: Contact, steering_rad: float, speed_mps: float) -> Verdict:
-        """Brake with all there is, unless the car is turning away from what is beside it: grip is for that first."""
+        """Brake with all there is, unless the car turns away and only its margin will touch: grip is for that first.
+
+        Full braking in mid-turn lets the car go straight on into the wall that it was just avoiding.
+        """
         if speed_mps <= STANDING_MPS:
             return self._standing(found)
-        if found.side * steering_rad < 0:
+        if found.side * steering_rad < 0 and self._grazes(steering_rad, found.travel_m):
             brake_mps2 = brake_beside_turning_mps2(speed_mps, found.curvature_per_m, self.guard.grip_mps2)
             return Verdict(0.0, NO_LIMIT_MPS, "braking: wall beside", found.travel_m, brake_mps2)
         return Verdict(0.0, NO_LIMIT_MPS, "braking: wall ahead", found.travel_m)
+
+    def _grazes(self, steering_rad: float, way_m: float) -> bool:
+        """Whether the car itself, without margins, gets past on this arc."""
+        path = self._path(steering_rad, way_m + self.guard.car.front_m + LOOK_SPARE_M, 1.0)
+        return first_contact(path, self.guard.bare, np.hstack(self._points_m())) == NOTHING
 
     def _standing(self, found: Contact) -> Verdict:
         reason = "wall ahead" if self.free_somewhere() else "boxed in"
@@ -209,8 +221,6 @@ class Outlook:
     def _backward(self, steering_rad: float) -> Verdict:
         settings = self.guard.settings
         left_m = settings.reverse_unseen_m - self.guard.behind.backed_m
-        if left_m <= 0:
-            return Verdict(NO_LIMIT_MPS, 0.0, "backed far enough without seeing", 0.0)
         reaction_s = self.age_s + settings.actuation_s
         brake_mps2 = settings.graded_share * self.guard.grip_mps2
         look_m = stopping_distance_m(settings.reverse_mps, reaction_s, brake_mps2) + LOOK_SPARE_M
@@ -219,7 +229,8 @@ class Outlook:
         way_m = min(found.travel_m, left_m)
         allowed_mps = speed_to_stop_within_mps(way_m, reaction_s, brake_mps2)
         if allowed_mps < settings.slowest_mps:
-            return Verdict(NO_LIMIT_MPS, 0.0, "wall behind", found.travel_m)
+            reason = "wall behind" if found.travel_m <= left_m else "backed far enough without seeing"
+            return Verdict(NO_LIMIT_MPS, 0.0, reason, max(0.0, way_m))
         return Verdict(NO_LIMIT_MPS, min(allowed_mps, settings.reverse_mps), "backing slowly", found.travel_m)
 
     def _sweep(self, steering_rad: float, length_m: float, direction: float) -> Contact:
@@ -228,12 +239,27 @@ class Outlook:
         free_m, touching_m = self._points_m()
         if direction < 0:
             free_m = np.hstack([free_m, self._points_behind_m()])
-        found = first_contact(path, guard.ahead if direction > 0 else guard.aback, free_m, direction)
+        outline = guard.ahead if direction > 0 else guard.aback
+        if touching_m.shape[1]:
+            outline = replace(outline, half_width_m=self._room_aside_m(touching_m, outline))
+        found = first_contact(path, outline, free_m, direction)
         if touching_m.shape[1]:
             # What is within the margins already would stop the car for ever: it is judged by the bare outline.
             pressed = first_contact(path, guard.bare, touching_m, direction)
             found = min(found, pressed, key=lambda contact: contact.travel_m)
         return found if found.travel_m <= length_m else NOTHING
+
+    def _room_aside_m(self, touching_m: Floats, outline: Outline) -> float:
+        """Return the half width of the strip beside something within the margin: a wall there goes on ahead.
+
+        It keeps half of what room there is; without this a car two centimetres from a wall never moves along it.
+        """
+        aside_m = np.abs(touching_m[1])
+        aside_m = aside_m[aside_m > self.guard.bare.half_width_m]
+        if aside_m.size < ENOUGH_POINTS:
+            return outline.half_width_m
+        third_m = float(np.partition(aside_m, ENOUGH_POINTS - 1)[ENOUGH_POINTS - 1])
+        return (self.guard.bare.half_width_m + third_m) / 2
 
     def _path(self, steering_rad: float, length_m: float, direction: float) -> Path:
         guard = self.guard

@@ -14,7 +14,7 @@ class SweptSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     grip_mu: Annotated[float, Field(ge=0.2, le=1.5)] = 0.8
-    """Friction assumed. The graded limit makes the outcome nearly independent of it (0 or 1 of 48 when wrong by 0.3)."""
+    """Friction assumed. The graded limit makes the outcome nearly independent of it (1 of 48 when wrong by 0.3)."""
     actuation_s: Annotated[float, Field(ge=0, le=0.3)] = 0.05
     """From the decision to the first deceleration; the measured age of the scan is added to it."""
     hard_share: Annotated[float, Field(gt=0, le=1)] = 0.8

@@ -59,7 +59,7 @@ HAZARDS = {
     "pole 2 cm": Hazard(lambda _: (pole(AT_M, 0.0, 0.01),)),
     "pole 2 cm at the edge": Hazard(lambda _: (pole(AT_M, 0.13, 0.01),)),
     "pole 5 cm": Hazard(lambda _: (pole(AT_M, -0.05, 0.025),)),
-    "chair legs": Hazard(lambda _: tuple(pole(AT_M + x, y, 0.012) for x in (0.0, 0.4) for y in (-0.2, 0.2))),
+    "chair legs": Hazard(lambda _: tuple(pole(AT_M + x, y, 0.012) for x in (0.0, 0.4) for y in (-0.1, 0.3))),
     "narrow gap": Hazard(lambda _: (_box(AT_M, 0.35, width_m=0.5), _box(AT_M, -0.35, width_m=0.5))),
     "person stands": Hazard(lambda _: (Obstacle(Round(0.2), Standing(Pose(AT_M, 0.1, 0.0))),)),
     "person crosses": Hazard(lambda speed_mps: _walker(speed_mps, -2.6)),

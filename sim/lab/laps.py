@@ -1,4 +1,4 @@
-"""`lab laps`: the rectangular loop, its inner wall, and real maps; from a standstill, at the speed that the law chooses."""
+"""`lab laps`: the rectangular loop, its inner wall, and real maps; from a standstill, as fast as the law likes."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -59,7 +59,8 @@ def lap_times_s(done: Run) -> list[float]:
     lap = done.case.world.lap
     if lap is None:
         return []
-    counter, times_s, last_s = LapCounter(lap), [], 0.0
+    counter, last_s = LapCounter(lap), 0.0
+    times_s: list[float] = []
     for time_s, (x_m, y_m, _) in zip(done.time_s, done.pose, strict=True):
         if counter.update(float(x_m), float(y_m)) >= len(times_s) + 1:
             times_s.append(round(float(time_s) - last_s, 3))

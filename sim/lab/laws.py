@@ -3,15 +3,9 @@
 "ball" is a follower with the safety that belongs to it; "ball+report" names both; "report+none" drives without safety.
 """
 
-from runtime.car_settings import CarSettings
 from runtime.control import methods
-from runtime.control.ball import BallFollower
-from runtime.control.ball_settings import BallSettings
 from runtime.control.guidance import Follower, Guard
-from runtime.control.perception import Eyes
-from runtime.control.report_settings import ReportFollowSettings, ReportSafetySettings
-from runtime.control.swept import SweptGuard
-from runtime.control.swept_settings import SweptSettings
+from runtime.settings import load_settings
 from sim.pose import Side
 
 GUARD_OF = {"report": "report", "ball": "swept"}
@@ -31,20 +25,15 @@ def check(law: str) -> str:
 
 
 def build(law: str, side: Side, desired_m: float, speed_mps: float) -> tuple[Follower, Guard | None]:
-    """Return fresh laws, as they come out of the car's settings but for side, distance and speed."""
+    """Return fresh laws as they come out of the car's default settings but for side, distance and speed."""
     follower_name, _, guard_name = check(law).partition("+")
-    car = CarSettings()
-    eyes = Eyes(car)  # one pair for both: they look at the same scan
-    return _follower(follower_name, car, eyes, side, desired_m, speed_mps), _guard(guard_name, car, eyes)
-
-
-def _follower(name: str, car: CarSettings, eyes: Eyes, side: Side, desired_m: float, speed_mps: float) -> Follower:
-    if name == "ball":
-        return BallFollower(BallSettings(side=side, desired_distance_m=desired_m, speed_mps=speed_mps), car, eyes)
-    return methods.follower(ReportFollowSettings(side=side, desired_distance_m=desired_m, speed_mps=speed_mps), car)
-
-
-def _guard(name: str, car: CarSettings, eyes: Eyes) -> Guard | None:
-    if name == "swept":
-        return SweptGuard(SweptSettings(), car, eyes)
-    return methods.guard(ReportSafetySettings(), car) if name == "report" else None
+    wanted = [
+        f"wall_follow.method={follower_name}",
+        f"wall_follow.side={side}",
+        f"wall_follow.desired_distance_m={desired_m}",
+        f"wall_follow.speed_mps={speed_mps}",
+        f"safety.method={'report' if guard_name == 'none' else guard_name}",
+    ]
+    settings = load_settings(None, wanted)
+    follower, guard = methods.laws(settings.wall_follow, settings.safety, settings.car)
+    return follower, None if guard_name == "none" else guard

@@ -41,7 +41,8 @@ def measure_all(cells: Sequence[Cell], jobs: int | None, plots: Path | None, con
         with ProcessPoolExecutor(jobs, mp_context=spawn, initializer=_start_worker) as pool:
             futures = [pool.submit(_measured, cell, plots) for cell in cells]
             try:
-                for _ in as_completed(futures):
+                for future in as_completed(futures):
+                    future.result()  # an error ends everything at once
                     progress.advance(bar)
                 return [future.result() for future in futures]
             except BaseException:

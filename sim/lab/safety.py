@@ -147,15 +147,20 @@ def _figure(rows: Sequence[Row]) -> str:
 
 def _notes(rows: Sequence[Row]) -> tuple[str, ...]:
     surely = [row for row in rows if row["margin_m"] > SURELY_M]
+    hurried = [row for row in rows if row["margin_m"] <= SURELY_M]
     missed = [row for row in rows if not row["stoppable"]]
-    return (
-        f"stopped {sum(row['stopped'] for row in rows)} of {len(rows)}, stoppable"
-        f" {sum(row['stoppable'] for row in rows)}; of those with more than 5 cm to spare"
-        f" {sum(row['stopped'] for row in surely)} of {len(surely)}",
-        f"impact above physics where stopping is impossible: at most {worst(missed, 'excess_mps'):.2f} m/s;"
-        f" first slower command after at most {worst(rows, 'brake_latency_ms'):.0f} ms;"
-        f" {sum(row['moving_commands'] for row in rows)} commands to move without way to stop",
+    stopped, stoppable = (sum(row[what] for row in rows) for what in ("stopped", "stoppable"))
+    late = sum(row["moving_commands"] for row in rows)
+    first = (
+        f"stopped {stopped} of {len(rows)}, stoppable {stoppable};"
+        f" of those with more than 5 cm to spare {sum(row['stopped'] for row in surely)} of {len(surely)}"
     )
+    second = (
+        f"impact above physics where stopping is impossible: at most {worst(missed, 'excess_mps'):.2f} m/s;"
+        f" first slower command, where it hurries, after at most {worst(hurried, 'brake_latency_ms'):.0f} ms;"
+        f" {late} commands to move without way to stop"
+    )
+    return first, second
 
 
 EXPERIMENT = Experiment(cells, measure, tables)

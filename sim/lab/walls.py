@@ -7,7 +7,7 @@ from dataclasses import replace
 from sim.closed_loop import Run, drive
 from sim.lab import laws
 from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
-from sim.lab.courses import ALL_COURSES, COURSES, DESIRED_M, case_of
+from sim.lab.courses import ALL_COURSES, DESIRED_M, STRAIGHT_COURSES, case_of
 from sim.lab.figures import Row, chosen, common, distinct, errors, mean, number, text, worst
 from sim.lab.limits import REFERENCE_M, limit_m
 
@@ -71,7 +71,7 @@ def _line(rows: Sequence[Row], name: str, speeds: Sequence[float]) -> tuple[str,
     return (
         name,
         *(_figure(chosen(rows, speed_mps=speed)) for speed in speeds),
-        text(settling, 1) if name in COURSES else "",
+        text(settling, 1) if name in STRAIGHT_COURSES else "",
         text(1000 * mean(whole, "steady_error_m"), 0),
         str(sum(row["safety_stops"] for row in rows)),
     )
@@ -94,11 +94,10 @@ def _notes(rows: Sequence[Row]) -> tuple[str, ...]:
     ratios = sorted(
         row["mean_error_m"] / row["limit_m"]
         for row in rows
-        if row["completed"] and row["limit_m"] and row["scenario"] in REFERENCE_M and row["scenario"] != "t5"
+        if row["completed"] and row["limit_m"] and row["scenario"] in STRAIGHT_COURSES
     )
-    notes = [
-        f"{sum(row['collided'] for row in rows)} contacts, {sum(not row['completed'] for row in rows)} of {len(rows)} not completed"
-    ]
+    contacts, failed = sum(row["collided"] for row in rows), sum(not row["completed"] for row in rows)
+    notes = [f"{contacts} contacts, {failed} of {len(rows)} not completed"]
     if ratios:
         notes.append(f"t1 to t4: error / limit median {ratios[len(ratios) // 2]:.2f}, worst {ratios[-1]:.2f}")
     return tuple(notes)

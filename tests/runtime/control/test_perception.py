@@ -1,0 +1,148 @@
+"""What counts as a thing, and what is dirt, the car itself, noise or nothing."""
+
+import math
+
+import numpy as np
+import pytest
+
+from drivers.api import Scan
+from runtime.car_settings import CarSettings
+from runtime.control.perception import Eyes, supported, thin_dirt
+
+BEAMS = 1081
+STEP_RAD = math.radians(0.25)
+MIDDLE = BEAMS // 2
+
+
+def scan_of(ranges_m):
+    return Scan(0.0, 0.0, -STEP_RAD * MIDDLE, STEP_RAD, 0.02, 30.0, np.asarray(ranges_m, np.float32), 0)
+
+
+def room(range_m=5.0):
+    return np.full(BEAMS, range_m)
+
+
+def see(ranges_m):
+    return Eyes(CarSettings()).see(scan_of(ranges_m))
+
+
+def test_points_are_in_base_link_ahead_of_the_rear_axle():
+    view = see(room(2.0))
+    assert (view.x_m[MIDDLE], view.y_m[MIDDLE]) == pytest.approx((2.27, 0.0), abs=1e-6)
+    left = MIDDLE + 360
+    assert (view.x_m[left], view.y_m[left]) == pytest.approx((0.27, 2.0), abs=1e-6)
+    assert view.solid.all()
+
+
+@pytest.mark.parametrize("nothing", [math.nan, math.inf, -math.inf, 0.0, -1.0])
+def test_nothing_is_no_information_and_no_thing(nothing):
+    ranges_m = room()
+    ranges_m[100] = nothing
+    view = see(ranges_m)
+    assert view.no_echo[100]
+    assert np.count_nonzero(view.no_echo) == 1
+    assert not view.solid[100]
+    assert math.isnan(view.x_m[100])
+    assert math.isnan(view.ranges_m[100])
+
+
+@pytest.mark.parametrize(("together", "seen"), [(1, False), (2, False), (3, True), (4, True)])
+def test_a_thing_needs_three_beams(together, seen):
+    ranges_m = room()
+    ranges_m[500 : 500 + together] = 2.0
+    assert see(ranges_m).solid[500] == seen
+
+
+def test_neighbours_up_to_15_cm_apart_support_each_other():
+    assert supported(np.array([2.0, 2.14, 2.0, 2.14])).all()
+    assert not supported(np.array([2.0, 2.16, 2.32, 2.48])).any()
+
+
+def test_what_lies_on_the_car_is_the_car():
+    ranges_m = room()
+    ranges_m[:30] = 0.1  # right rear: a wheel
+    ranges_m[MIDDLE - 20 : MIDDLE + 21] = 0.14  # the bumper is 0.15 m ahead of the lidar
+    view = see(ranges_m)
+    assert view.own[:30].all()
+    assert view.own[MIDDLE]
+    assert not view.solid[:30].any()
+    assert not view.solid[MIDDLE]
+    ranges_m[MIDDLE - 20 : MIDDLE + 21] = 0.2
+    assert see(ranges_m).solid[MIDDLE]
+
+
+def smudge(beams, range_m, at=300):
+    ranges_m = room()
+    ranges_m[at : at + beams] = range_m
+    return ranges_m, at
+
+
+def ignored(ranges_m):
+    near = ranges_m < 0.6
+    return set(thin_dirt(ranges_m, near, STEP_RAD).tolist())
+
+
+def test_a_near_thing_thinner_than_12_mm_is_dirt():
+    ranges_m, at = smudge(8, 0.3)  # 10.5 mm
+    assert ignored(ranges_m) == set(range(at, at + 8))
+    assert not see(ranges_m).solid[at + 4]
+
+
+def test_a_thin_pole_is_no_dirt():
+    ranges_m, at = smudge(10, 0.3)  # 13 mm
+    assert not ignored(ranges_m)
+    assert see(ranges_m).solid[at + 5]
+
+
+def test_far_thin_things_are_no_dirt():
+    ranges_m, at = smudge(3, 0.61)
+    assert see(ranges_m).solid[at + 1]
+
+
+def test_dirt_stands_out_on_both_sides():
+    ranges_m, at = smudge(8, 0.3)
+    ranges_m[at + 8 :] = 0.41  # a wall only 11 cm behind it on the left
+    assert not ignored(ranges_m)
+    ranges_m[at + 8 :] = 0.43
+    assert ignored(ranges_m) == set(range(at, at + 8))
+
+
+def test_silence_beside_dirt_counts_as_far():
+    ranges_m, at = smudge(8, 0.3)
+    ranges_m[at + 8 : at + 20] = math.nan
+    ranges_m[at - 12 : at] = math.nan
+    assert ignored(ranges_m) == set(range(at, at + 8))
+
+
+@pytest.mark.parametrize("at", [0, BEAMS - 8])
+def test_at_an_end_of_the_fan_only_the_other_side_counts(at):
+    ranges_m, at = smudge(8, 0.3, at)
+    assert ignored(ranges_m) == set(range(at, at + 8))
+
+
+def test_a_wild_beam_does_not_cut_a_pole_into_two_smudges():
+    ranges_m, at = smudge(13, 0.3)
+    ranges_m[at + 6] = 4.0
+    assert not ignored(ranges_m)
+    assert see(ranges_m).solid[at + 3]
+
+
+def test_learnt_dirt_is_ignored_where_it_reads_near_and_only_there():
+    eyes = Eyes(CarSettings())
+    ranges_m, at = smudge(30, 0.3)
+    dirty = np.zeros(BEAMS, bool)
+    dirty[at : at + 30] = True
+    assert eyes.see(scan_of(ranges_m)).solid[at + 15]
+    eyes.ignore(dirty)
+    assert not eyes.see(scan_of(ranges_m)).solid[at : at + 30].any()
+    ranges_m[at : at + 30] = 0.7
+    assert eyes.see(scan_of(ranges_m)).solid[at + 15]
+    ranges_m[at : at + 30] = 0.3
+    eyes.ignore(None)
+    assert eyes.see(scan_of(ranges_m)).solid[at + 15]
+
+
+def test_one_scan_is_seen_once():
+    eyes, scan = Eyes(CarSettings()), scan_of(room())
+    assert eyes.see(scan) is eyes.see(scan)
+    assert eyes.see(scan_of(room())) is not eyes.see(scan)

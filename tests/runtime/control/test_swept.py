@@ -1,0 +1,389 @@
+"""Safety `swept`, rule by rule: what is in the strip, how fast is safe, when it brakes, releases, creeps, backs."""
+
+import math
+
+import numpy as np
+import pytest
+
+from drivers.api import MotorState, Scan
+from runtime.car_settings import CarSettings
+from runtime.control.footprint import Motion, Outline, arc, first_contact
+from runtime.control.perception import Eyes
+from runtime.control.stopping import GRAVITY_MPS2, speed_to_stop_within_mps, stopping_distance_m
+from runtime.control.swept import SweptGuard, enclosed_dark
+from runtime.control.swept_settings import SweptSettings
+
+BEAMS = 1081
+STEP_RAD = math.radians(0.25)
+BEARING_RAD = STEP_RAD * (np.arange(BEAMS) - BEAMS // 2)
+CAR = CarSettings()
+SETTINGS = SweptSettings()
+GRADED_MPS2 = 0.45 * 0.8 * GRAVITY_MPS2
+REACTION_S = 0.05
+FRONT_M = CAR.front_m + SETTINGS.front_margin_m
+
+
+def world(*walls_m, empty_m=8.0):
+    """Ranges to segments (x0, y0, x1, y1) in base_link; elsewhere something far."""
+    ranges_m = np.full(BEAMS, empty_m)
+    cos, sin = np.cos(BEARING_RAD), np.sin(BEARING_RAD)
+    for x0, y0, x1, y1 in walls_m:
+        ax, ay, dx, dy = x0 - CAR.lidar_x_m, y0, x1 - x0, y1 - y0
+        cross = cos * dy - sin * dx
+        with np.errstate(divide="ignore", invalid="ignore"):
+            along = (ax * dy - ay * dx) / cross
+            share = (ax * sin - ay * cos) / cross
+        hit = (along > 0) & (share >= 0) & (share <= 1)
+        ranges_m = np.where(hit, np.minimum(ranges_m, along), ranges_m)
+    return ranges_m
+
+
+def wall_at(x_m, half_m=2.0):
+    return (x_m, -half_m, x_m, half_m)
+
+
+class Car:
+    """A guard with scans and motor reports on a clock of their own."""
+
+    def __init__(self, clock=None, **settings):
+        self.now_s = 100.0
+        self.guard = SweptGuard(SweptSettings(**settings), CAR, Eyes(CAR), clock=clock)
+        self.distance_m = 0.0
+
+    def look(self, ranges_m, speed_mps=0.0, wheel_rad=0.0, age_s=0.0, moved_m=0.0, motor=True):
+        self.now_s += 0.025
+        self.distance_m += moved_m
+        state = MotorState(
+            self.now_s, speed_mps, self.distance_m, wheel_rad, 12.0, 0.0, 0.0, 20.0, "", timed_out=False, killed=False
+        )
+        ranges_m = np.asarray(ranges_m, np.float32)
+        scan = Scan(self.now_s - age_s, self.now_s, -STEP_RAD * (BEAMS // 2), STEP_RAD, 0.02, 30.0, ranges_m, 0)
+        return self.guard.look(scan, state if motor else None)
+
+
+def judge(ranges_m, wanted_mps, steering_rad=0.0, **state):
+    return Car().look(ranges_m, **state).limit(wanted_mps, steering_rad)
+
+
+# --- the strip
+
+
+def test_a_straight_path_meets_a_wall_at_its_bumper_to_the_centimetre():
+    for x_m in (0.6, 0.73, 1.1, 1.5):
+        contact = Car().look(world(wall_at(x_m))).contact(0.0, 3.0)
+        assert contact.travel_m == pytest.approx(x_m - FRONT_M, abs=0.011)
+        assert contact.side == 0
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_wall_beside_is_not_in_the_way_and_is_when_steering_toward_it(sign):
+    beside = world((-2, sign * 0.3, 6, sign * 0.3))
+    assert judge(beside, 1.0).forward_mps == math.inf
+    assert judge(beside, 1.0, -sign * 0.1).forward_mps == math.inf
+    assert judge(beside, 1.0, sign * 0.34).forward_mps < 1.0
+
+
+def test_the_margin_is_four_centimetres_aside():
+    assert judge(world((1, 0.175, 1, 0.6)), 4.0).forward_mps < 4.0
+    assert judge(world((1, 0.2, 1, 0.6)), 4.0).forward_mps == math.inf
+
+
+def test_a_three_beam_pole_stops_the_car_and_two_beams_do_not():
+    for beams, seen in ((3, True), (2, False)):
+        ranges_m = world()
+        ranges_m[540 : 540 + beams] = 1.0
+        assert (judge(ranges_m, 4.0).forward_mps < 4.0) == seen
+
+
+def path(speed_mps, steering_rad, wheel_rad=0.0, grip_per_m=math.inf, latency_s=0.1, direction=1.0):
+    motion = Motion(speed_mps, direction, wheel_rad, latency_s, 3.2, 0.33, grip_per_m)
+    return arc(motion, steering_rad, 3.0)
+
+
+def test_the_wheels_keep_their_angle_for_the_latency_and_then_slew():
+    curvature = path(2.0, 0.34).curvature_per_m
+    travel_s = path(2.0, 0.34).travel_m / 2.0
+    assert (curvature[travel_s < 0.1] == 0).all()
+    middle = int(np.argmin(abs(travel_s - 0.15)))
+    assert math.atan(0.33 * curvature[middle]) == pytest.approx(3.2 * (travel_s[middle] - 0.1))
+    assert curvature[-1] == pytest.approx(math.tan(0.34) / 0.33)
+
+
+def test_the_path_is_a_circle_once_the_wheels_stand():
+    there = path(1.0, 0.34, wheel_rad=0.34)
+    radius_m = 0.33 / math.tan(0.34)
+    assert np.hypot(there.x_m, there.y_m - radius_m) == pytest.approx(radius_m, abs=2e-3)
+    back = path(1.0, 0.34, wheel_rad=0.34, direction=-1.0)
+    assert back.x_m[3] < 0 < back.y_m[3]
+    assert np.hypot(back.x_m, back.y_m - radius_m) == pytest.approx(radius_m, abs=2e-3)
+
+
+def test_grip_widens_the_path():
+    assert abs(path(4.0, 0.34, wheel_rad=0.34, grip_per_m=0.49).curvature_per_m).max() == pytest.approx(0.49)
+    fast = Car().look(world((2.0, 1.2, 2.0, -6)), 4.0, wheel_rad=-0.34)
+    slow = Car().look(world((2.0, 1.2, 2.0, -6)), 1.0, wheel_rad=-0.34)
+    assert fast.contact(-0.34, 3.0).travel_m < 2.5
+    assert slow.contact(-0.34, 2.0).travel_m == math.inf
+
+
+def test_the_flank_is_told_from_the_nose():
+    outline = Outline(0.45, 0.13, 0.19)
+    rows = np.linspace(0.0, 0.3, 9)
+    beside = np.stack([rows, np.full(9, 0.25)])
+    turning = path(1.0, 0.34, wheel_rad=0.34)
+    assert first_contact(turning, outline, np.stack([rows + 0.5, np.full(9, 0.1)])).side == 0
+    assert first_contact(path(1.0, 0.0), outline, beside).travel_m == math.inf
+    # Backing with the wheels to the left swings the nose out to the right, its flank first.
+    right = np.stack([np.linspace(0.1, 0.3, 9), np.full(9, -0.2)])
+    assert first_contact(path(0.5, 0.34, wheel_rad=0.34, direction=-1.0), outline, right, -1.0).side == -1
+
+
+# --- how fast
+
+
+def test_the_graded_limit_stops_ten_centimetres_before_the_wall():
+    for way_m in (0.4, 0.8, 1.5):
+        verdict = judge(world(wall_at(FRONT_M + way_m)), 4.0)
+        expected_mps = speed_to_stop_within_mps(verdict.measure - 0.10, REACTION_S, GRADED_MPS2)
+        assert verdict.measure == pytest.approx(way_m, abs=0.012)
+        assert verdict.forward_mps == pytest.approx(expected_mps)
+        assert verdict.reason == "slower: wall ahead"
+        assert verdict.reverse_mps == math.inf
+
+
+def test_what_is_beyond_the_stopping_distance_limits_nothing():
+    verdict = judge(world(wall_at(4.5)), 4.0, speed_mps=4.0)
+    assert (verdict.forward_mps, verdict.reason) == (math.inf, "clear")
+
+
+def test_it_looks_as_far_as_the_wish_needs_not_only_the_present_speed():
+    assert judge(world(wall_at(2.5)), 4.0, speed_mps=0.0).forward_mps < 4.0
+
+
+@pytest.mark.parametrize("speed_mps", [1.0, 2.0, 3.0, 4.0])
+def test_the_hard_stop_begins_at_the_stopping_distance(speed_mps):
+    hard_m = 0.05 + stopping_distance_m(speed_mps, REACTION_S, 0.8 * 0.8 * GRAVITY_MPS2)
+    before = judge(world(wall_at(FRONT_M + hard_m + 0.02)), speed_mps, speed_mps=speed_mps)
+    assert before.reason == "slower: wall ahead"
+    after = judge(world(wall_at(FRONT_M + hard_m - 0.02)), speed_mps, speed_mps=speed_mps)
+    assert (after.forward_mps, after.reason, after.brake_mps2) == (0.0, "braking: wall ahead", math.inf)
+
+
+def test_the_age_of_the_scan_lengthens_the_distance():
+    ranges_m = world(wall_at(FRONT_M + 0.6))
+    assert judge(ranges_m, 2.0, speed_mps=2.0, age_s=0.0).forward_mps > 0
+    assert judge(ranges_m, 2.0, speed_mps=2.0, age_s=0.09).forward_mps == 0.0
+
+
+def test_with_a_clock_the_age_is_that_of_the_moment():
+    now = [0.0]
+    car = Car(clock=lambda: now[0])
+    now[0] = car.now_s + 0.025
+    outlook = car.look(world(wall_at(FRONT_M + 0.6)), speed_mps=2.0)
+    assert outlook.limit(2.0, 0.0).forward_mps > 0
+    now[0] += 0.09
+    assert outlook.limit(2.0, 0.0).forward_mps == 0.0
+
+
+def test_late_scans_slow_and_stale_scans_stop():
+    assert judge(world(), 3.0, age_s=0.09).forward_mps == math.inf
+    late = judge(world(), 3.0, age_s=0.11)
+    assert (late.forward_mps, late.reason) == (1.0, "the scan is late")
+    for wanted_mps in (1.0, -0.3, 0.0):
+        stale = judge(world(), wanted_mps, age_s=0.26)
+        assert (stale.forward_mps, stale.reverse_mps, stale.reason) == (0.0, 0.0, "the scan is too old")
+
+
+def test_locked_wheels_are_not_a_standing_car():
+    car = Car()
+    ranges_m = world(wall_at(FRONT_M + 0.5))
+    car.look(ranges_m, speed_mps=3.0)
+    assert car.look(ranges_m, speed_mps=0.0).limit(3.0, 0.0).reason == "braking: wall ahead"
+
+
+# --- braking and turning
+
+
+def test_turning_away_from_a_wall_beside_keeps_grip_for_turning():
+    edge = world((0.9, 0.17, 0.9, 0.6))  # two centimetres into the margin
+    away = Car().look(edge, speed_mps=3.0).limit(3.0, -0.01)
+    assert away.reason == "braking: wall beside"
+    assert 0 < away.brake_mps2 < 0.8 * GRAVITY_MPS2
+    assert Car().look(edge, speed_mps=3.0).limit(3.0, 0.1).brake_mps2 == math.inf
+    deeper = world((0.9, 0.1, 0.9, 0.6))
+    assert Car().look(deeper, speed_mps=3.0).limit(3.0, -0.01).brake_mps2 == math.inf
+
+
+# --- release
+
+
+def braking_car():
+    car = Car()
+    assert car.look(world(wall_at(FRONT_M + 0.3)), speed_mps=2.0).limit(2.0, 0.0).forward_mps == 0.0
+    return car
+
+
+def test_a_hard_stop_is_held_for_a_fifth_of_a_second():
+    car = braking_car()
+    for _ in range(7):
+        assert car.look(world(), speed_mps=2.0).limit(2.0, 0.0).forward_mps == 0.0
+    car.look(world(), speed_mps=2.0)
+    assert car.look(world(), speed_mps=2.0).limit(2.0, 0.0).forward_mps == math.inf
+
+
+def test_a_moving_car_is_released_only_with_room_to_spare():
+    car = braking_car()
+    car.now_s += 0.3
+    hard_m = 0.05 + stopping_distance_m(1.0, REACTION_S, 0.8 * 0.8 * GRAVITY_MPS2)
+    assert car.look(world(wall_at(FRONT_M + hard_m + 0.15)), speed_mps=1.0).limit(1.0, 0.0).forward_mps == 0.0
+    assert car.look(world(wall_at(FRONT_M + hard_m + 0.25)), speed_mps=1.0).limit(1.0, 0.0).forward_mps > 0.0
+
+
+def test_a_standing_car_is_released_by_the_graded_limit():
+    car = braking_car()
+    car.now_s += 0.5
+    assert car.look(world(wall_at(FRONT_M + 0.2)), speed_mps=0.0).limit(1.0, 0.0).forward_mps > 0.25
+
+
+# --- the last centimetres
+
+
+def test_never_slower_than_the_motor_can_hold():
+    for way_mm in range(60, 200, 5):
+        verdict = judge(world(wall_at(FRONT_M + way_mm / 1000, 0.3)), 1.0)
+        assert verdict.forward_mps == 0.0 or verdict.forward_mps >= SETTINGS.slowest_mps
+
+
+def test_creeps_where_another_steering_is_free():
+    pole = (FRONT_M + 0.115, 0.13, FRONT_M + 0.115, 0.2)
+    verdict = judge(world(pole), 1.0)
+    assert (verdict.forward_mps, verdict.reason) == (0.3, "creeping: wall ahead")
+
+
+def test_boxed_in_when_no_steering_is_free():
+    verdict = judge(world(wall_at(FRONT_M + 0.115)), 1.0)
+    assert (verdict.forward_mps, verdict.reason) == (0.0, "boxed in")
+    assert verdict.measure == pytest.approx(0.115, abs=0.015)
+
+
+def test_nose_on_something_small_is_no_way_even_with_another_free():
+    pole = (FRONT_M + 0.065, 0.165, FRONT_M + 0.065, 0.2)
+    verdict = judge(world(pole), 1.0)
+    assert (verdict.forward_mps, verdict.reason) == (0.0, "wall ahead")
+
+
+def test_what_is_inside_the_margin_already_is_judged_by_the_bare_outline():
+    beside = world((-2.0, 0.17, 4.0, 0.17))
+    assert judge(beside, 1.0).forward_mps == math.inf
+    assert judge(beside, 1.0, 0.3).forward_mps == 0.0
+
+
+def test_dirt_on_the_window_does_not_hold_the_car():
+    ranges_m = world()
+    ranges_m[536:546] = 0.14  # inside the outline
+    ranges_m[600:606] = 0.3  # thin
+    assert judge(ranges_m, 1.0).forward_mps == math.inf
+
+
+# --- no information
+
+
+def darkened(from_m, to_m, left_m, right_m, middle=540, half=60):
+    ranges_m = world()
+    ranges_m[middle - half : middle + half] = math.nan
+    ranges_m[middle + half :] = left_m
+    ranges_m[: middle - half] = right_m
+    return ranges_m[from_m:to_m]
+
+
+def test_an_enclosed_dark_patch_limits_the_speed():
+    verdict = judge(darkened(0, None, 2.0, 2.0), 3.0, speed_mps=3.0)
+    assert (verdict.forward_mps, verdict.reason) == (1.0, "no information ahead")
+
+
+@pytest.mark.parametrize(("left_m", "right_m"), [(9.0, 9.0), (2.0, 9.0), (9.0, 2.0)])
+def test_the_dark_end_of_a_corridor_or_a_corner_does_not(left_m, right_m):
+    assert judge(darkened(0, None, left_m, right_m), 3.0, speed_mps=3.0).forward_mps == math.inf
+
+
+def test_a_third_of_the_window_must_be_dark():
+    eyes = Eyes(CAR)
+    for dark_beams, dark in ((20, False), (30, True)):
+        ranges_m = np.full(BEAMS, 2.0, np.float32)
+        ranges_m[540 : 540 + dark_beams] = np.nan
+        view = eyes.see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
+        assert enclosed_dark(view, 0.0, 3.0) == dark
+
+
+def test_a_covered_lidar_stops_the_car():
+    verdict = judge(np.full(BEAMS, math.nan), 1.0)
+    assert (verdict.forward_mps, verdict.reason) == (0.0, "the lidar sees almost nothing: uncover or clean it")
+
+
+# --- backwards
+
+
+def test_backs_slowly_out_of_anything():
+    verdict = judge(world(wall_at(FRONT_M + 0.02)), -1.0)
+    assert (verdict.reverse_mps, verdict.forward_mps) == (0.5, math.inf)
+
+
+def test_what_is_seen_behind_stops_it():
+    behind = world((-0.2, -0.6, -0.2, -0.36), (-0.2, 0.36, -0.2, 0.6))
+    assert judge(behind, -0.5).reverse_mps == 0.5
+    close = Car().look(world((-0.15, 0.19, 0.3, 0.19)))
+    assert close.limit(-0.5, -0.34).reverse_mps == 0.0  # the nose swings into the wall on the left
+
+
+def test_half_a_metre_without_seeing_and_no_more():
+    car = Car()
+    for _ in range(9):
+        outlook = car.look(world(), speed_mps=-0.4, moved_m=-0.05)
+        assert outlook.limit(-0.5, 0.0).reverse_mps > 0
+    car.look(world(), speed_mps=-0.4, moved_m=-0.05)
+    outlook = car.look(world(), speed_mps=0.0, moved_m=-0.05)
+    assert outlook.limit(-0.5, 0.0).reverse_mps == 0.0
+    assert outlook.limit(-0.5, 0.0).reason == "backed far enough without seeing"
+    outlook = car.look(world(), speed_mps=0.4, moved_m=0.3)
+    assert outlook.limit(-0.5, 0.0).reverse_mps > 0
+
+
+def test_what_was_passed_is_remembered_behind():
+    """A box that was beside the car while it drove by is where its tail goes when it backs to the left."""
+    car = Car()
+    for step in range(12):
+        x_m = 0.6 - 0.1 * step
+        car.look(world((x_m, 0.25, x_m + 0.25, 0.25)), speed_mps=1.0, moved_m=0.1)
+    outlook = car.look(world(), speed_mps=0.0)
+    assert outlook.limit(-0.5, 0.34).measure < 0.25
+    assert outlook.limit(-0.5, -0.34).measure == math.inf
+    assert Car().look(world()).limit(-0.5, 0.34).measure == math.inf
+
+
+# --- manners
+
+
+@pytest.mark.parametrize("nonsense", [(math.nan, 0.0), (1.0, math.nan), (math.inf, 0.0)])
+def test_nonsense_is_not_judged(nonsense):
+    assert judge(world(wall_at(0.5)), *nonsense).reason == "window clean"
+
+
+def test_standing_needs_no_consent_and_starts_no_hold():
+    car = Car()
+    outlook = car.look(world(wall_at(FRONT_M + 0.1)), speed_mps=2.0)
+    assert outlook.limit(0.0, 0.0).forward_mps == math.inf
+    assert not car.guard.brake.on
+
+
+def test_without_a_motor_report_it_still_looks():
+    assert Car().look(world(wall_at(FRONT_M + 0.3)), motor=False).limit(2.0, 0.0).forward_mps < 2.0
+
+
+def test_the_same_question_is_swept_once():
+    outlook = Car().look(world(wall_at(1.5)))
+    first = outlook.limit(1.51, 0.1)
+    kept = dict(outlook._kept)
+    assert outlook.limit(1.6, 0.1) == first
+    assert outlook._kept == kept
+    outlook.limit(1.6, 0.2)
+    assert len(outlook._kept) == len(kept) + 1

@@ -1,0 +1,153 @@
+"""`wallride lab` as a user meets it: cells, files, messages."""
+
+import argparse
+import itertools
+import json
+import time
+from pathlib import Path
+
+import pytest
+
+from sim.lab import hazards, laps, safety, walls
+from sim.lab.cell import Cell, Choice
+from sim.lab.command import UsageError, chosen, run
+from sim.lab.courses import ALL_COURSES
+from sim.lab.laws import GUARD_OF, build, check
+from wallride import lab_options
+
+MAPS = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "maps"
+
+
+def options(*arguments):
+    parser = argparse.ArgumentParser()
+    lab_options.add(parser)
+    return parser.parse_args(arguments)
+
+
+def test_walls_json_has_every_cell(tmp_path, capsys):
+    file = tmp_path / "walls.json"
+    asked = ["--quick", "--method", "report", "--speeds", "4", "--mu", ".8,.5", "--side", "left,right", "--seeds", "2"]
+    assert run(options("walls", *asked, "--jobs", "1", "--json", str(file))) == 0
+    summary = json.loads(file.read_text())
+    names = [
+        tuple(cell[name] for name in ("scenario", "law", "speed_mps", "mu", "side", "seed"))
+        for cell in summary["cells"]
+    ]
+    wanted = itertools.product(
+        walls.QUICK_COURSES, ["report+report"], [4.0], [0.8, 0.5], ["left", "right"], [1000, 1001]
+    )
+    assert sorted(names) == sorted(wanted)
+    figures = {"mean_error_m", "rms_error_m", "settle_s", "overshoot_m", "collided", "limit_m", "safety_stops"}
+    assert all(figures <= set(cell) for cell in summary["cells"])
+    assert "mean |error| / limit" in capsys.readouterr().out
+
+
+def test_quick_is_quick_on_all_cores(tmp_path):
+    began_s = time.monotonic()
+    assert run(options("walls", "--quick", "--method", "report", "--json", str(tmp_path / "quick.json"))) == 0
+    assert time.monotonic() - began_s < 20.0
+    assert len(json.loads((tmp_path / "quick.json").read_text())["cells"]) == 10
+
+
+def test_json_to_standard_output_is_all_there_is(capsys):
+    asked = ["--method", "report", "--speeds", "1", "--mu", "1", "--side", "left", "--jobs", "1"]
+    assert run(options("safety", *asked, "--json", "-")) == 0
+    assert len(json.loads(capsys.readouterr().out)["cells"]) == 7
+
+
+def test_pictures_are_drawn(tmp_path):
+    asked = ["--method", "report", "--speeds", "4", "--mu", "1", "--side", "left", "--jobs", "1", "--quick"]
+    assert run(options("laps", *asked, "--plot", str(tmp_path / "new"))) == 0
+    assert [file.name for file in (tmp_path / "new").iterdir()] == ["laps-loop-report+report-4-1-left-1000.png"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--method", "magic"], "write one of report, ball"),
+        (["--speeds", "1,fast"], "numbers between 0.3 and 8"),
+        (["--speeds", "nan"], "numbers between 0.3 and 8"),
+        (["--mu", "0"], "numbers between 0.1 and 2"),
+        (["--side", "up"], "left, right or left,right"),
+        (["--seeds", "0"], "at least one"),
+        (["--jobs", "0"], "1 or more"),
+    ],
+)
+def test_wrong_options_say_what_to_write(arguments, words):
+    with pytest.raises(UsageError, match=words):
+        chosen(options("walls", *arguments))
+
+
+def test_an_unusable_file_is_noticed_before_driving(tmp_path, capsys):
+    assert run(options("walls", "--json", str(tmp_path / "no" / "file.json"))) == 2
+    assert "make it first" in capsys.readouterr().err
+
+
+def test_ctrl_c_leaves_quietly(monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("sim.lab.command.measure_all", interrupted)
+    assert run(options("walls", "--quick")) == 130
+
+
+def test_the_full_plan_holds_what_the_issue_names():
+    full = chosen(options("walls", "--method", "report"))
+    assert len(walls.cells(full)) == len(ALL_COURSES) * 4 * 3 * 2
+    assert len(safety.cells(full)) == 28 * 3 * 2
+    kinds = [cell.scenario.startswith(hazards.NORMAL) for cell in hazards.cells(full)]
+    assert kinds.count(False) >= 12 * 4 * 3 * 2
+    assert kinds.count(True) >= 80
+
+
+def test_laps_finds_the_maps():
+    if not MAPS.is_dir():
+        pytest.skip("the shared maps are not there")
+    names = {Path(name).stem for name in chosen(options("laps", "--maps", str(MAPS))).maps}
+    assert {"levine", "berlin"} <= names
+
+
+@pytest.mark.parametrize("law", [*GUARD_OF, "report+none", "ball+report"])
+def test_every_law_can_be_built(law):
+    follower, guard = build(law, "right", 0.8, 2.0)
+    assert callable(follower.follow)
+    assert (guard is None) == law.endswith("none")
+    assert check(law).count("+") == 1
+
+
+def cell(experiment, scenario, law="report", speed_mps=1.0, mu=0.8):
+    return Cell(experiment, scenario, check(law), speed_mps, mu, "left", 0)
+
+
+def test_safety_tells_stoppable_from_not():
+    easy = safety.measure(cell("safety", "0.9 m"))
+    hopeless = safety.measure(cell("safety", "0.3 m", speed_mps=4.0))
+    assert easy["stoppable"]
+    assert easy["stopped"]
+    assert not hopeless["stoppable"]
+    assert not hopeless["stopped"]
+    assert hopeless["impact_mps"] == pytest.approx(hopeless["expected_impact_mps"], abs=0.2)
+    assert hopeless["brake_latency_ms"] == pytest.approx(20.0)
+
+
+def test_safety_counts_commands_to_move_under_a_guard_that_does_not_look():
+    assert safety.measure(cell("safety", "0.5 m", "report+none", 2.0))["moving_commands"] > 0
+    assert safety.measure(cell("safety", "0.5 m", "ball", 2.0))["moving_commands"] == 0
+
+
+@pytest.mark.parametrize("scenario", list(hazards.HAZARDS))
+def test_every_hazard_is_hit_by_who_does_not_look(scenario):
+    assert hazards.measure(cell("hazards", scenario, "report+none", 2.0))["collided"]
+
+
+def test_a_lap_is_timed():
+    done = laps.measure(cell("laps", "loop", "ball", 2.0))
+    assert done["laps"] == laps.LAPS
+    assert 10.0 < done["best_lap_s"] < 20.0
+    assert done["lap_times_s"][0] > done["best_lap_s"]
+
+
+def test_cells_go_slowest_first():
+    choice = Choice(("report+report",), (4.0, 1.0), (0.8,), ("left",), (0,))
+    speeds = [cell.speed_mps for cell in choice.cells("walls", ["t1", "t2"])]
+    assert speeds == [1.0, 1.0, 4.0, 4.0]
