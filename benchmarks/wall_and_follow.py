@@ -1,4 +1,6 @@
-"""How long wall estimation and the ball follower take for one scan of 1081 beams. Run: python benchmarks/wall_and_follow.py.
+"""How long wall estimation and the ball follower take for one scan of 1081 beams.
+
+Run from the repository: `python benchmarks/wall_and_follow.py`.
 
 Median of each of several runs in microseconds, after a warm-up, over scans of a corridor that ends in a corner (noise
 0.02 m, 2 % wild beams). "eyes" is the perception that safety shares, so it is timed apart and left out of "follow".
@@ -10,11 +12,11 @@ import time
 import numpy as np
 
 from drivers.api import MotorState
+from runtime.car_settings import CarSettings
 from runtime.control.ball import BallFollower
 from runtime.control.ball_settings import BallSettings
 from runtime.control.my_wall import side_view
 from runtime.control.perception import Eyes
-from runtime.settings import CarSettings
 from sim.beams import LidarSettings, scan
 from sim.closed_loop import as_scan
 from sim.pose import Pose, Twist
@@ -52,7 +54,7 @@ def main() -> None:
         for name, times_s in took.items():
             results[name].append(1e6 * statistics.median(times_s))
     for name, medians_us in results.items():
-        print(f"{name:24s}" + "  ".join(f"{us:6.0f}" for us in medians_us[1:]) + "  us")  # noqa: T201 - its purpose
+        print(f"{name:24s}" + "  ".join(f"{us:6.0f}" for us in medians_us[1:]) + "  us")
 
 
 if __name__ == "__main__":

@@ -38,7 +38,7 @@ class VescSettings(BaseModel):
     ] = 40.0
     brake_mps2_per_a: Annotated[
         float,
-        Field(gt=0, le=5, description="deceleration per ampere of brake current, for stops that must leave grip to turn"),
+        Field(gt=0, le=5, description="deceleration per ampere of brake current: for stops that leave grip to turn"),
     ] = 0.17
     min_speed_mps: Annotated[
         float,

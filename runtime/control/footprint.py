@@ -2,8 +2,9 @@
 
 The path is that of the rear axle (base_link at the scan is the origin): for the latency the wheels keep their present
 angle, then they slew to the commanded one at the servo's rate, and the tyres allow no more curvature than their grip
-(k = mu g / v^2). Footprint collision along a predicted arc is the idea of nav2's collision monitor ("approach") and of
-Autoware's emergency braking.
+(k = mu g / v^2). In a bend the car drifts: its rear axle moves outward by the slip angle v^2 k / (mu g C), with C the
+cornering stiffness per load (single-track model, small angles). Footprint collision along a predicted arc is the idea
+of nav2's collision monitor ("approach") and of Autoware's emergency braking.
 """
 
 import math
@@ -14,6 +15,8 @@ import numpy as np
 from runtime.control.geometry import Floats
 
 STEP_M = 0.06
+POSES_AT_ONCE = 24
+"""A long way is swept piece by piece: the boxes are tighter, and the rest is spared when there is a contact."""
 ENOUGH_POINTS = 3
 """So many points in the strip are a thing; fewer are noise (2 % wild beams)."""
 
@@ -36,7 +39,8 @@ class Motion:
 
     speed_mps: how fast, >= 0. direction: +1 forward, -1 backward. wheel_rad: angle of the wheels now.
     latency_s: until a new steering command shows. rate_radps: of the servo. wheelbase_m, grip_per_m: the tightest
-    curvatures that mechanics (through the wheel angle) and tyres allow.
+    curvatures that mechanics (through the wheel angle) and tyres allow. slip_m: angle by which the rear axle drifts
+    outward, per curvature [rad m].
     """
 
     speed_mps: float
@@ -46,6 +50,7 @@ class Motion:
     rate_radps: float
     wheelbase_m: float
     grip_per_m: float
+    slip_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,12 +70,13 @@ class Contact:
 
     travel_m: how far the car can go before it touches it, infinity when there is nothing.
     side: +1 or -1 when everything touched is at the left or right edge of the strip; 0 ahead.
-    curvature_per_m: of the path there.
+    curvature_per_m: of the path there. slippery: found on the wider arc of a slippery floor.
     """
 
     travel_m: float
     side: int
     curvature_per_m: float
+    slippery: bool = False
 
 
 NOTHING = Contact(math.inf, 0, 0.0)
@@ -89,7 +95,7 @@ def arc(motion: Motion, steering_rad: float, length_m: float) -> Path:
         curvature = np.minimum(np.maximum(curvature, -motion.grip_per_m), motion.grip_per_m)
     step_m = motion.direction * STEP_M
     yaw_rad = np.cumsum(curvature) * step_m
-    middle_rad = yaw_rad - curvature * (step_m / 2)
+    middle_rad = yaw_rad - curvature * (step_m / 2 + motion.slip_m)
     x_m, y_m = np.cumsum(np.cos(middle_rad)) * step_m, np.cumsum(np.sin(middle_rad)) * step_m
     return Path(travel_m, x_m, y_m, yaw_rad, curvature)
 
@@ -99,6 +105,18 @@ def first_contact(path: Path, outline: Outline, points_m: Floats, direction: flo
 
     The travel is exact at the bumper (the third-deepest point) and up to one step too short at the flank.
     """
+    for first in range(0, path.travel_m.size, POSES_AT_ONCE):
+        piece = slice(first, first + POSES_AT_ONCE)
+        some = Path(
+            path.travel_m[piece], path.x_m[piece], path.y_m[piece], path.yaw_rad[piece], path.curvature_per_m[piece]
+        )
+        found = _first_in(some, outline, points_m, direction)
+        if found is not NOTHING:
+            return found
+    return NOTHING
+
+
+def _first_in(path: Path, outline: Outline, points_m: Floats, direction: float) -> Contact:
     near_m = _in_reach(path, outline, points_m)
     if near_m.shape[1] < ENOUGH_POINTS:
         return NOTHING
@@ -118,15 +136,18 @@ def first_contact(path: Path, outline: Outline, points_m: Floats, direction: flo
 
 
 def _in_reach(path: Path, outline: Outline, points_m: Floats) -> Floats:
-    """Return the points in a box that holds the whole strip: most of a scan is outside."""
-    reach_m = math.hypot(max(outline.front_m, outline.rear_m), outline.half_width_m)
+    """Return the points in a box that holds this piece of the strip: most of a scan is outside.
+
+    The outline's middle is reached by turning about the rear axle, so the box has room for it at every heading.
+    """
+    middle_m, half_m = (outline.front_m - outline.rear_m) / 2, (outline.front_m + outline.rear_m) / 2
+    cos, sin = np.cos(path.yaw_rad), np.sin(path.yaw_rad)
+    centre_x, centre_y = path.x_m + middle_m * cos, path.y_m + middle_m * sin
+    cos, sin = np.abs(cos), np.abs(sin)
+    wide_x, wide_y = half_m * cos + outline.half_width_m * sin, half_m * sin + outline.half_width_m * cos
     x_m, y_m = points_m
-    low_x, high_x = min(0.0, path.x_m.min()) - reach_m, max(0.0, path.x_m.max()) + reach_m
-    # A car on a nearly straight path is narrow: its corners lie this far aside at the largest heading.
-    turn = min(1.0, float(np.abs(path.yaw_rad).max()))
-    wide_m = min(reach_m, outline.half_width_m + turn * reach_m)
-    low_y, high_y = min(0.0, path.y_m.min()) - wide_m, max(0.0, path.y_m.max()) + wide_m
-    inside = (x_m >= low_x) & (x_m <= high_x) & (y_m >= low_y) & (y_m <= high_y)
+    inside = (x_m >= (centre_x - wide_x).min()) & (x_m <= (centre_x + wide_x).max())
+    inside &= (y_m >= (centre_y - wide_y).min()) & (y_m <= (centre_y + wide_y).max())
     return points_m[:, inside]
 
 

@@ -18,6 +18,8 @@ from runtime.control.perception import View
 from runtime.control.wall import Line, LineFinder
 
 Booleans = npt.NDArray[np.bool_]
+Beams = npt.NDArray[np.intp]
+"""Indices of beams, in the order of WallSide."""
 
 CAP_M = 3.5
 """Points farther away are not my wall: without this the front wall joins left and right wall in a dead end."""
@@ -29,11 +31,13 @@ SIDE_TO_RAD = math.radians(132)
 """My wall is the piece that holds the nearest return between these bearings."""
 FEWEST_POINTS = 5
 SMOOTHED_POINTS = 5
-THINNED_TO_M = 0.06
+THINNED_TO_M = 0.08
 GLASS_RANGE_M = 6.0
 GLASS_GAP_M = 4.5
 GLASS_ON_LINE_M = 0.08
+GLASS_FIRST_BEAMS = 12
 GLASS_SILENT_SHARE = 0.8
+ROOM_EVERY_BEAM = 2
 ROOM_BESIDE_M = 0.5
 ROOM_NEAREST_SHARE = 0.1
 ROOM_LEAST_GAIN_M = 0.03
@@ -83,7 +87,7 @@ def side_view(view: View, side: Literal["left", "right"]) -> SideView:
     return SideView(way, view.x_m[order], y_m, view.ranges_m[order], view.solid[order], view.no_echo[order])
 
 
-def my_wall(seen: SideView, desired_m: float) -> npt.NDArray[np.intp] | None:
+def my_wall(seen: SideView, desired_m: float) -> Beams | None:
     """Return the beams of the followed wall, in order, or None when no piece of wall is beside the car.
 
     Cut where neighbours are farther apart than the ball is thick; the piece that holds the nearest return beside the
@@ -94,7 +98,7 @@ def my_wall(seen: SideView, desired_m: float) -> npt.NDArray[np.intp] | None:
         return None
     x_m, y_m = seen.x_m[index], seen.y_m[index]
     gap_m = min(GAP_DIAMETERS * desired_m, WIDEST_GAP_M)
-    dx, dy = np.diff(x_m), np.diff(y_m)
+    dx, dy = x_m[1:] - x_m[:-1], y_m[1:] - y_m[:-1]
     cuts = np.flatnonzero(dx * dx + dy * dy > gap_m * gap_m) + 1
     first = int(np.searchsorted(index, seen.side.beside.start))
     last = int(np.searchsorted(index, seen.side.beside.stop))
@@ -108,29 +112,34 @@ def my_wall(seen: SideView, desired_m: float) -> npt.NDArray[np.intp] | None:
 
 
 def outline(x_m: Floats, y_m: Floats) -> Floats:
-    """Return the wall's points smoothed by a 5-point mean and thinned to one per 6 cm, shape (2, m)."""
-    points = np.empty((2, x_m.size))
+    """Return the wall's points smoothed by a 5-point mean and thinned to one per 8 cm, shape (2, m)."""
+    count, half = x_m.size, SMOOTHED_POINTS // 2
+    points = np.empty((2, count))
     points[0], points[1] = x_m, y_m
-    half = SMOOTHED_POINTS // 2
-    total = np.zeros((2, x_m.size + 1))
-    np.cumsum(points, axis=1, out=total[:, 1:])
-    if x_m.size >= SMOOTHED_POINTS:
-        points[:, half:-half] = (total[:, SMOOTHED_POINTS:] - total[:, :-SMOOTHED_POINTS]) / SMOOTHED_POINTS
-    step = np.diff(points, axis=1)
-    way = np.cumsum(np.sqrt(step[0] * step[0] + step[1] * step[1]))
-    cell = (way / THINNED_TO_M).astype(np.intp)
-    keep = np.concatenate(([0], np.flatnonzero(np.diff(cell)) + 1, [x_m.size - 1]))
+    if count > SMOOTHED_POINTS:
+        total = points.cumsum(axis=1)
+        points[:, half + 1 : count - half] = (
+            total[:, SMOOTHED_POINTS:] - total[:, :-SMOOTHED_POINTS]
+        ) / SMOOTHED_POINTS
+        points[:, half] = total[:, SMOOTHED_POINTS - 1] / SMOOTHED_POINTS
+    step = points[:, 1:] - points[:, :-1]
+    step *= step
+    cell = (np.sqrt(step[0] + step[1]).cumsum() / THINNED_TO_M).astype(np.intp)
+    keep = np.ones(count, np.bool_)  # the first point and the last one stay
+    keep[1:-1] = cell[1:] != cell[:-1]
     kept: Floats = points[:, keep]
     return kept
 
 
-def bridge_glass(seen: SideView, wall: npt.NDArray[np.intp], line: Line) -> Floats | None:
+def bridge_glass(seen: SideView, wall: Beams, line: Line) -> Floats | None:
     """Return points (2, k) that fill a pane of glass beyond the front end of my wall, None where there is none.
 
     A pane returns only the beams near its normal. If points lie on the wall's line beyond the gap, and most beams
     between have no echo, the wall goes on; beams that do return show a real opening, which stays open.
     """
     end = int(wall[-1])
+    if np.count_nonzero(seen.no_echo[end + 1 : end + 1 + GLASS_FIRST_BEAMS]) < GLASS_FIRST_BEAMS // 2:
+        return None  # the usual case, at once
     beyond = np.arange(end + 1, seen.x_m.size)
     beyond = beyond[seen.solid[beyond] & (seen.range_m[beyond] < GLASS_RANGE_M)]
     if not beyond.size:
@@ -156,9 +165,10 @@ def roomy_m(seen: SideView, line: Line | None, desired_m: float) -> float:
     if line is None:
         return desired_m
     cos, sin = math.cos(line.heading_rad), math.sin(line.heading_rad)
-    along = cos * seen.x_m + sin * seen.y_m
-    across = sin * seen.x_m - cos * seen.y_m
-    opposite = across[seen.solid & (np.abs(along) < ROOM_BESIDE_M) & (across > 0.0)]
+    x_m, y_m, solid = seen.x_m[::ROOM_EVERY_BEAM], seen.y_m[::ROOM_EVERY_BEAM], seen.solid[::ROOM_EVERY_BEAM]
+    along = cos * x_m + sin * y_m
+    across = sin * x_m - cos * y_m
+    opposite = across[solid & (np.abs(along) < ROOM_BESIDE_M) & (across > 0.0)]
     if opposite.size < FEWEST_POINTS:
         return desired_m
     nearest = max(1, round(ROOM_NEAREST_SHARE * opposite.size))

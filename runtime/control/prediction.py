@@ -8,7 +8,7 @@ import numpy as np
 from drivers.api import MotorState
 from runtime.control.geometry import Floats
 
-_STEP_S = 0.005
+_STEP_S = 0.015
 _GRAVITY_MPS2 = 9.81
 _GRIP_MU = 0.8
 """Only bounds the yaw rate that the steering angle promises; the car turns no faster than it can grip."""
@@ -30,7 +30,8 @@ class Shift:
         """Return points (2, n) of base_link now in base_link then."""
         cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         turn = np.array([[cos, sin], [-sin, cos]])
-        return turn @ (points_m - np.array([[self.x_m], [self.y_m]]))
+        seen: Floats = turn @ (points_m - np.array([[self.x_m], [self.y_m]]))
+        return seen
 
 
 class Predictor:

@@ -143,13 +143,13 @@ def plan(outlook: Outlook, settings: RecoverySettings, last: tuple[Leg, ...] = (
 
 def _manoeuvres(outlook: Outlook, settings: RecoverySettings) -> Iterator[tuple[list[Leg], float]]:
     """Yield every manoeuvre worth a thought, with the free way ahead after backing."""
-    guard = outlook.guard
-    most_rad = guard.car.max_steering_rad
-    points_m = outlook.points_around_m(LOOKS_AHEAD_M + settings.back_m)
+    strip = outlook.strip
+    most_rad = strip.body.car.max_steering_rad
+    points_m = strip.points_around_m(LOOKS_AHEAD_M + settings.back_m)
     for backward in BACKWARD_SHARES:
         steering_rad = backward * most_rad
         path = arc(_settled(outlook, steering_rad, -1.0), steering_rad, settings.back_m)
-        room_m = outlook.contact(steering_rad, settings.back_m + STEP_M, -1.0).travel_m - STEP_M
+        room_m = strip.contact(steering_rad, settings.back_m + STEP_M, -1.0).travel_m - STEP_M
         for pose in range(2, path.travel_m.size, 2):
             back_m = float(path.travel_m[pose])
             if back_m > room_m:
@@ -158,13 +158,13 @@ def _manoeuvres(outlook: Outlook, settings: RecoverySettings) -> Iterator[tuple[
             for forward in FORWARD_SHARES:
                 ahead_rad = forward * most_rad
                 ahead = arc(_settled(outlook, ahead_rad, 1.0), ahead_rad, LOOKS_AHEAD_M)
-                way_m = min(first_contact(ahead, guard.ahead, seen_m).travel_m, LOOKS_AHEAD_M)
+                way_m = min(first_contact(ahead, strip.body.ahead, seen_m).travel_m, LOOKS_AHEAD_M)
                 legs = [Leg(steering_rad, -back_m), Leg(ahead_rad, min(settings.forward_m, way_m))]
                 yield legs, way_m
 
 
 def _settled(outlook: Outlook, wheel_rad: float, direction: float) -> Motion:
-    car = outlook.guard.car
+    car = outlook.strip.body.car
     return Motion(0.0, direction, wheel_rad, 0.0, car.steering_rate_radps, car.wheelbase_m, math.inf)
 
 

@@ -16,8 +16,8 @@ BRAKE_SHARE = 0.6
 """Of mu g; together within the friction circle (0.75^2 + 0.6^2 < 1)."""
 SHARPEST_PER_M = 0.9
 """The path has kinks; the car rounds them no tighter than this."""
-ROUNDED_BY_M = 0.15
 SPAN = 2
+"""Chords between the two headings whose difference is a point's curvature: over less way, noise bends the path."""
 MARGIN_M = 0.3
 REACTION_S = 0.06
 
@@ -43,12 +43,13 @@ def profile_mps(path: BallPath, speed_mps: float, assumed_mu: float) -> float:
     if not path.crosses[begin]:
         end = begin
     radius_m, bearing_rad = path.radius_m[begin:end], path.bearing_rad[begin:end]
-    dx, dy = np.diff(radius_m * np.cos(bearing_rad)), np.diff(radius_m * np.sin(bearing_rad))
+    x_m, y_m = radius_m * np.cos(bearing_rad), radius_m * np.sin(bearing_rad)
+    dx, dy = x_m[1:] - x_m[:-1], y_m[1:] - y_m[:-1]
     heading = np.arctan2(dy, dx)
     way = radius_m[:1].sum() + np.cumsum(np.sqrt(dx * dx + dy * dy))
     turn = np.abs((heading[SPAN:] - heading[:-SPAN] + math.pi) % math.tau - math.pi)
     # At each inner point its own curvature; at the end of what is seen, a corner.
-    curvature = np.append(turn / (way[SPAN:] - way[:-SPAN] + ROUNDED_BY_M), SHARPEST_PER_M)
+    curvature = np.append(turn / np.maximum(way[SPAN:] - way[:-SPAN], 1e-3), SHARPEST_PER_M)
     curvature = np.minimum(curvature, SHARPEST_PER_M)
     way_m = np.append(way[:-SPAN], way[-1] if way.size else 0.0)
     free_m = np.maximum(way_m - MARGIN_M - REACTION_S * abs(speed_mps), 0.0)

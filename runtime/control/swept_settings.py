@@ -15,6 +15,10 @@ class SweptSettings(BaseModel):
 
     grip_mu: Annotated[float, Field(ge=0.2, le=1.5)] = 0.8
     """Friction assumed. The graded limit makes the outcome nearly independent of it (1 of 48 when wrong by 0.3)."""
+    slippery_mu: Annotated[float, Field(ge=0.1, le=1.5)] = 0.5
+    """A wish for a bend that only a better floor than this can give is judged on this floor's wider arc as well."""
+    cornering_per_rad: Annotated[float, Field(gt=0.5, le=50)] = 5.5
+    """Lateral force per slip angle of the rear tyres, in multiples of grip times load (f1tenth_gym: 5.456)."""
     actuation_s: Annotated[float, Field(ge=0, le=0.3)] = 0.05
     """From the decision to the first deceleration; the measured age of the scan is added to it."""
     hard_share: Annotated[float, Field(gt=0, le=1)] = 0.8

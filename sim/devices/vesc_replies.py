@@ -73,5 +73,5 @@ def _on_wire(number: float, field: ValueField) -> int:
     raw = round(number * (field.scale or 1))
     bits = 8 * struct.calcsize(">" + field.layout[0])
     if field.layout[0].isupper():
-        return raw % 2**bits
-    return (raw + 2 ** (bits - 1)) % 2**bits - 2 ** (bits - 1)
+        return raw % (1 << bits)
+    return (raw + (1 << bits - 1)) % (1 << bits) - (1 << bits - 1)

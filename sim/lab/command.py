@@ -24,6 +24,7 @@ INTERRUPTED = 130
 SPEEDS_MPS, QUICK_SPEEDS_MPS = (1.0, 2.0, 3.0, 4.0), (1.0, 3.0)
 MUS, QUICK_MUS = (0.5, 0.8, 1.0), (0.8,)
 SIDES: tuple[Side, ...] = ("left", "right")
+_PIPE_WIDTH = 160
 _NEARBY_MAPS = ("data/maps", "shared/data/maps")
 
 
@@ -54,7 +55,10 @@ def run(options: argparse.Namespace) -> int:
     tables = chosen_experiment.tables(figures)
     _write(options, choice, figures, tables, took_s)
     if options.json != "-":
-        _show(tables, Console(), f"{len(cells)} runs in {took_s:.0f} s")
+        # A file or a pipe has no width of its own: take one that no table breaks.
+        _show(
+            tables, Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH), f"{len(cells)} runs in {took_s:.0f} s"
+        )
     return 0
 
 

@@ -4,14 +4,16 @@ A hazard run is good when nothing is touched while the car moves. A normal run i
 `lab walls`, driven by the law itself: every stop by safety is needless there, and so is every bit of speed it takes.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from sim.closed_loop import Case, Run, drive
 from sim.lab import laws
 from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
-from sim.lab.courses import COURSES, DESIRED_M, SLANT_RAD, case_of, world_of
+from sim.lab.courses import COURSES, DESIRED_M, SLANT_RAD, STRAIGHT_COURSES, case_of, world_of
 from sim.lab.figures import Row, chosen, common, distinct, text
+from sim.lab.limits import limit_m
 from sim.lab.safety import Blind
 from sim.obstacles import Box, Motion, Obstacle, Round, Standing, person, pole
 from sim.pose import CAR, Pose
@@ -80,7 +82,14 @@ def cells(choice: Choice) -> list[Cell]:
     """Return what is to be run."""
     hazards = QUICK_HAZARDS if choice.quick else tuple(HAZARDS)
     normal = QUICK_NORMAL if choice.quick else tuple(COURSES)
-    return choice.cells("hazards", [*hazards, *(NORMAL + name for name in normal)])
+    planned = choice.cells("hazards", [*hazards, *(NORMAL + name for name in normal)])
+    return [cell for cell in planned if not _hopeless(cell)]
+
+
+def _hopeless(cell: Cell) -> bool:
+    """Whether a start so near to a wall at such a speed ends in it whatever one does: no stop is needless there."""
+    name = cell.scenario.removeprefix(NORMAL)
+    return name in STRAIGHT_COURSES and math.isnan(limit_m(name, cell.speed_mps, cell.mu))
 
 
 def run(cell: Cell) -> Run:

@@ -1,6 +1,7 @@
 """The physical limits of the standard cells, computed once and kept: `python -m sim.lab.limits` completes the file.
 
-The report's own courses are kept to the percent (`driven_mean_error_m`), the others as `least_mean_error_m` finds them.
+The report's own courses at DRIVEN_MU, where laws are held to the percent, come from `driven_mean_error_m`, all others
+from `least_mean_error_m`.
 """
 
 import json
@@ -10,12 +11,15 @@ from functools import lru_cache
 from pathlib import Path
 
 from sim.lab.courses import COURSES, REPORT_COURSES, limit_task
-from sim.lab.limit import driven_mean_error_m, least_mean_error_m
+from sim.lab.limit import Task, driven_mean_error_m, least_mean_error_m
 
 FILE = Path(__file__).with_name("limits.json")
 SPEEDS_MPS = (1.0, 2.0, 3.0, 4.0)
 MUS = (0.8, 0.5, 1.0)
+DRIVEN_MU = 0.8
 
+MIRRORED = {"t1": "t4", "t2": "t3"}
+"""Starts on the other side of the wanted distance: a path in the mirror costs the same."""
 REFERENCE_M = {
     "t1": {1.0: 0.091, 2.0: 0.118, 3.0: 0.174},
     "t2": {1.0: 0.038, 2.0: 0.038, 3.0: 0.050, 4.0: 0.049},
@@ -47,7 +51,16 @@ def _found_m(name: str, speed_mps: float, mu: float) -> float:
     task = limit_task(name, speed_mps, mu)
     if task is None:
         return 0.0
-    return driven_mean_error_m(task) if name in REPORT_COURSES else least_mean_error_m(task)
+    found_m = least_mean_error_m(task)
+    if name not in REPORT_COURSES or mu != DRIVEN_MU or math.isnan(found_m):
+        return found_m
+    same = limit_task(MIRRORED.get(name, name), speed_mps, mu)  # the same but for the wall that could be touched
+    return _driven_m(same or task)
+
+
+@lru_cache(maxsize=64)
+def _driven_m(task: Task) -> float:
+    return driven_mean_error_m(task)
 
 
 @lru_cache(maxsize=1)

@@ -29,13 +29,14 @@ def pairs_of(name):
     times_s = list(recording.received_s)
     law = ReportFollower(ReportFollowSettings(side="left", kp=1.6, kd=1.5))
     moved = drove(times_s, recording.output)
+    assert recording.navigation is not None
     answers = recorded_answers(times_s, recording.navigation)
     pairs = []
     for ranges_m, time_s, moves, recorded_rad in zip(recording.ranges_m, times_s, moved, answers, strict=True):
         usable = np.where((ranges_m >= 0.02) & (ranges_m <= 30), ranges_m, np.nan)
         scan = Scan(0, 0, recording.angle_min_rad, recording.angle_step_rad, 0.02, 30, usable.astype(np.float32), 0)
         answer = law.follow(scan, None)
-        if moves and recorded_rad is not None and answer.reason == "wall":
+        if moves and recorded_rad is not None and answer.drive is not None and answer.reason == "wall":
             ours_rad = float(np.clip(answer.drive.steering_rad, -MAX_STEERING_RAD, MAX_STEERING_RAD))
             pairs.append(SteeringPair(time_s, ours_rad, recorded_rad))
     return pairs

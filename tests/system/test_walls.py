@@ -15,16 +15,14 @@ CLOSE_M, FAR_M = 0.7, 1.5
 TURNED_RAD = math.radians(30)
 
 
-def drive(tmp_path, world, side, pose, seconds=DRIVE_S):
+REPORT = ("wall_follow.method=report", "safety.method=report", "wall_follow.speed_mps=1")
+
+
+def drive(tmp_path, world, side, pose, seconds=DRIVE_S, settings=REPORT):
     result = tmp_path / "summary.json"
     pose_text = f"{pose.x_m},{pose.y_m},{pose.yaw_rad}"
     arguments = ["sim", world, "--headless", "--duration", f"{seconds}", f"--pose={pose_text}", "--json", str(result)]
-    settings = [
-        f"wall_follow.side={side}",
-        "wall_follow.method=report",
-        "safety.method=report",
-        "wall_follow.speed_mps=1",
-    ]
+    settings = [f"wall_follow.side={side}", *settings]
     assert main([*arguments, *(word for setting in settings for word in ("--set", setting))]) == 0
     return json.loads(result.read_text())
 
@@ -50,3 +48,25 @@ def test_an_inside_corner_is_turned(tmp_path, side):
     assert not summary["stopped"]
     assert summary["min_clearance_m"] > 0.3
     assert summary["settle_s"] is not None
+
+
+@pytest.mark.parametrize(
+    ("world", "side", "speed_mps", "error_m"),
+    [("loop", "left", 3, 0.06), ("outside_corner", "right", 3, 0.03), ("u_turn", "left", 4, 0.05)],
+)
+def test_the_default_laws_drive_faster_and_closer(tmp_path, world, side, speed_mps, error_m):
+    start = load_world(world, side=side).start
+    summary = drive(tmp_path, world, side, start, settings=[f"wall_follow.speed_mps={speed_mps}"])
+    assert summary["method"] == "ball"
+    assert not summary["collided"]
+    assert not summary["stopped"]
+    assert summary["mean_abs_error_m"] < error_m
+    assert summary["mean_speed_mps"] > 1.5
+
+
+def test_at_the_end_of_a_dead_end_it_stands_and_touches_nothing(tmp_path):
+    start = load_world("dead_end", side="left").start
+    summary = drive(tmp_path, "dead_end", "left", start, settings=["wall_follow.speed_mps=3", "safety.backs_out=false"])
+    assert not summary["collided"]
+    assert summary["stopped"]
+    assert summary["winners"]["safety"] > 1

@@ -7,10 +7,11 @@ import pytest
 
 from drivers.api import MotorState, Scan
 from runtime.car_settings import CarSettings
+from runtime.control.darkness import enclosed_dark
 from runtime.control.footprint import Motion, Outline, arc, first_contact
 from runtime.control.perception import Eyes
 from runtime.control.stopping import GRAVITY_MPS2, speed_to_stop_within_mps, stopping_distance_m
-from runtime.control.swept import SweptGuard, enclosed_dark
+from runtime.control.swept import SweptGuard
 from runtime.control.swept_settings import SweptSettings
 
 BEAMS = 1081
@@ -70,7 +71,7 @@ def judge(ranges_m, wanted_mps, steering_rad=0.0, **state):
 
 def test_a_straight_path_meets_a_wall_at_its_bumper_to_the_centimetre():
     for x_m in (0.6, 0.73, 1.1, 1.5):
-        contact = Car().look(world(wall_at(x_m))).contact(0.0, 3.0)
+        contact = Car().look(world(wall_at(x_m))).strip.contact(0.0, 3.0)
         assert contact.travel_m == pytest.approx(x_m - FRONT_M, abs=0.011)
         assert contact.side == 0
 
@@ -122,8 +123,27 @@ def test_grip_widens_the_path():
     assert abs(path(4.0, 0.34, wheel_rad=0.34, grip_per_m=0.49).curvature_per_m).max() == pytest.approx(0.49)
     fast = Car().look(world((2.0, 1.2, 2.0, -6)), 4.0, wheel_rad=-0.34)
     slow = Car().look(world((2.0, 1.2, 2.0, -6)), 1.0, wheel_rad=-0.34)
-    assert fast.contact(-0.34, 3.0).travel_m < 2.5
-    assert slow.contact(-0.34, 2.0).travel_m == math.inf
+    assert fast.strip.contact(-0.34, 3.0).travel_m < 2.5
+    assert slow.strip.contact(-0.34, 2.0).travel_m == math.inf
+
+
+def test_a_car_drifts_outward_in_a_bend():
+    motion = Motion(3.0, 1.0, 0.1, 0.1, 3.2, 0.33, math.inf)
+    drifts = Motion(3.0, 1.0, 0.1, 0.1, 3.2, 0.33, math.inf, slip_m=0.2)
+    true, drifting = arc(motion, 0.1, 1.0), arc(drifts, 0.1, 1.0)
+    curvature = math.tan(0.1) / 0.33
+    assert drifting.y_m[-1] - true.y_m[-1] == pytest.approx(-0.2 * curvature * 1.0, abs=0.01)
+    assert drifting.yaw_rad[-1] == true.yaw_rad[-1]
+
+
+def test_a_bend_that_needs_good_grip_is_judged_on_a_slippery_floor_too():
+    corner = world((3.0, -6.0, 3.0, 6.0))
+    hasty = Car(slippery_mu=0.5).look(corner, speed_mps=4.0, wheel_rad=0.3).strip.contact(0.3, 6.0)
+    trusting = Car(slippery_mu=0.8).look(corner, speed_mps=4.0, wheel_rad=0.3).strip.contact(0.3, 6.0)
+    assert hasty.slippery
+    assert hasty.travel_m < trusting.travel_m
+    gentle = Car().look(corner, speed_mps=2.0, wheel_rad=0.3).strip.contact(0.3, 6.0)
+    assert not gentle.slippery
 
 
 def test_the_flank_is_told_from_the_nose():
@@ -382,8 +402,8 @@ def test_without_a_motor_report_it_still_looks():
 def test_the_same_question_is_swept_once():
     outlook = Car().look(world(wall_at(1.5)))
     first = outlook.limit(1.51, 0.1)
-    kept = dict(outlook._kept)
+    kept = dict(outlook.strip._kept)
     assert outlook.limit(1.6, 0.1) == first
-    assert outlook._kept == kept
+    assert outlook.strip._kept == kept
     outlook.limit(1.6, 0.2)
-    assert len(outlook._kept) == len(kept) + 1
+    assert len(outlook.strip._kept) == len(kept) + 1

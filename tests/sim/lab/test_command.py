@@ -3,6 +3,10 @@
 import argparse
 import itertools
 import json
+import os
+import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -151,3 +155,45 @@ def test_cells_go_slowest_first():
     choice = Choice(("report+report",), (4.0, 1.0), (0.8,), ("left",), (0,))
     speeds = [cell.speed_mps for cell in choice.cells("walls", ["t1", "t2"])]
     assert speeds == [1.0, 1.0, 4.0, 4.0]
+
+
+def test_a_start_that_nobody_could_survive_is_no_normal_drive():
+    asked = chosen(options("hazards", "--method", "ball", "--mu", ".8"))
+    normal = {(cell.scenario, cell.speed_mps) for cell in hazards.cells(asked)}
+    assert ("normal t1", 3.0) in normal
+    assert ("normal t1", 4.0) not in normal
+
+
+def test_ctrl_c_ends_all_processes(tmp_path):
+    """A real SIGINT, as a terminal sends it, to a real pool."""
+    script = (
+        "import argparse, signal, sys\n"
+        "from wallride import lab_options\n"
+        "from sim.lab.command import run\n"
+        "if __name__ == '__main__':\n"
+        "    signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "    parser = argparse.ArgumentParser()\n"
+        "    lab_options.add(parser)\n"
+        "    print('ready', flush=True)\n"
+        "    sys.exit(run(parser.parse_args(['walls', '--method', 'report', '--jobs', '2'])))\n"
+    )
+    file = tmp_path / "lab.py"
+    file.write_text(script)
+    root = Path(__file__).resolve().parents[3]
+    with subprocess.Popen(
+        [sys.executable, str(file)],
+        env={**os.environ, "PYTHONPATH": str(root)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        with pytest.raises(subprocess.TimeoutExpired):
+            process.wait(timeout=3.0)  # the full plan takes far longer: it is under way
+        os.killpg(process.pid, signal.SIGINT)
+        _, said = process.communicate(timeout=20)  # returns when the last holder of the pipe is gone: no orphans
+    assert process.returncode == 130
+    assert "interrupted" in said
+    assert "Traceback" not in said

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim.lab.courses import ALL_COURSES, COURSES, case_of, limit_task
-from sim.lab.limit import Task, _best, least_mean_error_m
+from sim.lab.limit import Task, _best, driven_mean_error_m, least_mean_error_m
 from sim.lab.limits import FILE, MUS, REFERENCE_M, SPEEDS_MPS, key, limit_m
 from sim.pose import Pose
 from sim.vehicle import VehicleSettings
@@ -26,9 +26,9 @@ def test_the_long_approaches_agree_with_the_reference(name, speed_mps):
 @pytest.mark.parametrize(
     ("name", "speed_mps"), [(name, speed) for name in ("t2", "t3", "t5") for speed in REFERENCE_M[name]]
 )
-def test_elsewhere_it_is_no_higher_than_the_reference(name, speed_mps):
+def test_elsewhere_it_is_no_more_than_a_tenth_above_the_reference(name, speed_mps):
     reference_m = REFERENCE_M[name][speed_mps]
-    assert 0.6 * reference_m < limit_m(name, speed_mps, 0.8) < 1.02 * reference_m
+    assert 0.6 * reference_m < limit_m(name, speed_mps, 0.8) < 1.1 * reference_m
 
 
 def test_mirrored_starts_have_the_same_limit():
@@ -38,8 +38,13 @@ def test_mirrored_starts_have_the_same_limit():
 
 
 def test_the_file_is_what_the_search_finds():
-    found_m = least_mean_error_m(limit_task("t2", 3.0, 0.8))
-    assert found_m == pytest.approx(limit_m("t2", 3.0, 0.8), abs=2e-4)
+    found_m = least_mean_error_m(limit_task("t2", 3.0, 0.5))
+    assert found_m == pytest.approx(limit_m("t2", 3.0, 0.5), abs=2e-4)
+
+
+def test_the_whole_vehicle_comes_near_the_constant_speed_limit():
+    short = task(1.3, 0.0, 4.0, way_m=3.0)
+    assert least_mean_error_m(short) == pytest.approx(driven_mean_error_m(short), rel=0.05)
 
 
 def test_nothing_to_do_costs_nothing_and_a_worse_start_costs_more():

@@ -1,0 +1,332 @@
+"""The rolling-ball follower: its path, its law, what it learns, what it does without a wall, and whole drives."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drivers.api import MotorState, Scan
+from runtime.car_settings import CarSettings
+from runtime.control.ball import BallFollower
+from runtime.control.ball_law import ball_bearing_rad, bend_correction_rad
+from runtime.control.ball_path import RADII_M, BallPath, ball_path, bend_per_m
+from runtime.control.ball_settings import BallSettings
+from runtime.control.geometry import Floats
+from runtime.control.lost import FADE_PER_SCAN, Lost
+from runtime.control.perception import Eyes
+from runtime.control.prediction import Predictor, Shift
+from runtime.control.trim import MOST_RAD, NoiseBias, Trim
+from runtime.control.wall import Line
+from sim.beams import LidarSettings, true_ranges_m
+from sim.closed_loop import Case, drive
+from sim.pose import Pose, Twist
+from sim.vehicle import VehicleSettings
+from sim.worlds import load_world
+
+CAR = CarSettings()
+STEP_RAD = math.radians(0.25)
+MOTOR = MotorState(0.0, 0.0, 0.0, 0.0, 11.1, 0.0, 0.0, 30.0, "", timed_out=False, killed=False)
+NOTHING_M = np.full(1081, np.nan, np.float32)
+
+
+def scan_of(ranges_m, number=0, late_s=0.0):
+    stamp_s = 0.025 * number
+    ranges_m = np.where(np.isfinite(ranges_m), ranges_m, np.nan).astype(np.float32)
+    return Scan(stamp_s, stamp_s + late_s, -540 * STEP_RAD, STEP_RAD, 0.02, 30.0, ranges_m, number)
+
+
+def scan_in(name, x_m=0.0, y_m=0.0, yaw_rad=0.0, side="left", number=0, late_s=0.0):
+    world = load_world(name, side=side)
+    mirror = 1 if side == "left" else -1
+    pose = Pose(x_m, mirror * y_m, mirror * yaw_rad)
+    return scan_of(true_ranges_m(world, pose, Twist(), LidarSettings(noise_std_m=0.0)), number, late_s)
+
+
+def follower(**changes):
+    return BallFollower(BallSettings(**changes), CAR, Eyes(CAR))
+
+
+def wall_m(distance_m, heading_rad=0.0, from_m=-2.0, to_m=5.0):
+    along = np.arange(from_m, to_m, 0.05)
+    cos, sin = math.cos(heading_rad), math.sin(heading_rad)
+    return np.stack([along * cos - distance_m * sin, along * sin + distance_m * cos])
+
+
+# the path
+
+
+@pytest.mark.parametrize("distance_m", [0.7, 1.0, 1.25])
+def test_beside_a_straight_wall_the_path_is_parallel_to_it(distance_m):
+    path = ball_path(wall_m(distance_m), 1.0, (0.7, 1.1))
+    offset_m = path.radius_m * np.sin(path.bearing_rad)
+    far = path.radius_m > 0.5
+    assert offset_m[far] == pytest.approx(distance_m - 1.0, abs=0.005)
+    assert path.crosses[far].all()
+
+
+def test_a_circle_that_lies_too_near_as_a_whole_is_no_crossing_and_points_to_the_free_side():
+    path = ball_path(wall_m(0.5), 1.0, ())
+    assert path.meets[0]
+    assert not path.crosses[0]
+    assert path.bearing_rad[0] == pytest.approx(-math.radians(85))
+
+
+def test_a_circle_that_the_wall_does_not_meet_points_to_the_wall():
+    path = ball_path(wall_m(2.0), 1.0, ())
+    assert not path.meets[0]
+    assert path.bearing_rad[0] == pytest.approx(math.radians(85))
+
+
+def test_the_ball_goes_round_an_outside_corner_and_stays_in_an_inside_one():
+    outside = ball_path(np.array([np.arange(-2.0, 1.0, 0.05), np.ones(60)]), 1.0, ())
+    x_m, y_m = outside.radius_m * np.cos(outside.bearing_rad), outside.radius_m * np.sin(outside.bearing_rad)
+    round_it = outside.crosses & (x_m > 1.1)
+    assert round_it.any()
+    assert np.hypot(x_m - 0.95, y_m - 1.0)[round_it] == pytest.approx(1.0, abs=0.03)
+    front = np.stack([np.full(80, 3.0), np.arange(1.0, -3.0, -0.05)])
+    inside = ball_path(np.concatenate([wall_m(1.0, to_m=3.0), front], axis=1), 1.0, ())
+    x_m = inside.radius_m * np.cos(inside.bearing_rad)
+    assert x_m.max() == pytest.approx(2.0, abs=0.02)
+
+
+def test_the_bend_of_a_straight_path_is_zero_wherever_the_car_stands():
+    for distance_m, heading_rad in ((1.0, 0.0), (1.4, 0.3), (0.7, -0.3)):
+        path = ball_path(wall_m(distance_m, heading_rad), 1.0, ())
+        assert bend_per_m(path) == pytest.approx(0.0, abs=0.02)
+
+
+@pytest.mark.parametrize("curvature", [-0.4, -0.2, 0.25, 0.5])
+def test_the_bend_of_an_arc_is_its_curvature(curvature):
+    bearing: Floats = np.arcsin(RADII_M * curvature / 2)
+    path = BallPath(RADII_M, bearing, np.ones(10, bool), np.ones(10, bool))
+    assert bend_per_m(path) == pytest.approx(curvature, rel=0.02)
+    blind = BallPath(RADII_M, bearing, RADII_M < 1.4, RADII_M < 1.4)
+    assert bend_per_m(blind) == 0.0
+
+
+# the law
+
+
+def two_looks(near_rad, far_rad):
+    return BallPath(np.array([0.7, 1.1]), np.array([near_rad, far_rad]), np.ones(2, bool), np.ones(2, bool))
+
+
+def test_a_corner_away_from_the_wall_is_answered_before_the_short_look_ahead_sees_it():
+    assert ball_bearing_rad(two_looks(0.0, -0.4), 0.0) == pytest.approx(-0.35)
+    assert ball_bearing_rad(two_looks(0.0, 0.4), 0.0) == 0.0
+    assert ball_bearing_rad(two_looks(0.0, -0.04), 0.0) == 0.0
+
+
+def test_the_way_back_to_a_straight_wall_is_no_corner():
+    for error_m in (-0.3, 0.3):
+        path = two_looks(math.asin(error_m / 0.7), math.asin(error_m / 1.1))
+        assert ball_bearing_rad(path, error_m) == pytest.approx(math.asin(error_m / 0.7))
+
+
+def test_a_car_without_error_in_a_slow_bend_is_told_the_bends_own_steering():
+    for curvature in (-0.25, 0.4, 0.9):
+        phi_rad = math.asin(curvature * 0.7 / 2)
+        steering_rad = 1.5 * phi_rad + bend_correction_rad(curvature, 0.7, 0.0, 1.5, 0.33)
+        assert steering_rad == pytest.approx(math.atan(0.33 * curvature))
+
+
+def test_a_fast_bend_is_steered_more_than_a_slow_one_and_a_kink_is_not_corrected():
+    assert bend_correction_rad(0.3, 1.0, 3.0, 1.5, 0.33) > bend_correction_rad(0.3, 1.0, 1.0, 1.5, 0.33)
+    assert bend_correction_rad(-0.9, 1.0, 1.0, 1.5, 0.33) == 0.0
+
+
+@pytest.mark.parametrize("error_m", [-0.15, -0.05, 0.05, 0.15])
+def test_the_answer_is_kp_on_the_error_and_kd_on_the_ball(error_m):
+    settings = {"kp": 0.4, "kd": 0.5, "trim_integral": False}
+    answer = follower(**settings).follow(scan_in("straight", y_m=-error_m), None)
+    expected_rad = 0.4 * error_m + 0.5 * math.asin(error_m / 0.4)
+    assert answer.drive.steering_rad == pytest.approx(expected_rad, abs=0.01)
+    assert answer.error_m == pytest.approx(error_m, abs=5e-3)
+    assert answer.distance_m == pytest.approx(1.0 + error_m, abs=5e-3)
+
+
+def test_steering_stays_within_what_the_car_can_do():
+    assert follower().follow(scan_in("straight", y_m=0.5, yaw_rad=0.3), None).drive.steering_rad == -0.34
+    assert follower().follow(scan_in("straight", y_m=-0.7, yaw_rad=-0.3), None).drive.steering_rad == 0.34
+
+
+@pytest.mark.parametrize("name", ["inside_corner", "outside_corner", "l_turn", "curved"])
+def test_the_right_side_is_the_left_side_in_a_mirror(name):
+    left, right = follower(side="left", speed_mps=3.0), follower(side="right", speed_mps=3.0)
+    for number in range(5):
+        at = {"x_m": 4.0 + 0.1 * number, "y_m": 0.1, "yaw_rad": 0.05, "number": number}
+        motor = replace(MOTOR, speed_mps=2.0, steering_rad=0.1)
+        ours = left.follow(scan_in(name, **at), motor)
+        theirs = right.follow(scan_in(name, side="right", **at), replace(motor, steering_rad=-0.1))
+        assert theirs.drive.steering_rad == pytest.approx(-ours.drive.steering_rad, abs=2e-3)
+        assert theirs.drive.speed_mps == pytest.approx(ours.drive.speed_mps, rel=0.02)
+        assert theirs.angle_rad == pytest.approx(-ours.angle_rad, abs=1e-3)
+
+
+def test_a_narrow_way_is_driven_in_its_middle():
+    answer = follower(desired_distance_m=1.4).follow(scan_in("corridor"), None)
+    assert answer.error_m == pytest.approx(0.0, abs=0.02)
+
+
+def test_the_requested_speed_is_a_ceiling():
+    fast = replace(MOTOR, speed_mps=2.0)
+    assert follower(speed_mps=1.0).follow(scan_in("straight"), MOTOR).drive.speed_mps == 1.0
+    before_corner = follower(speed_mps=4.0).follow(scan_in("inside_corner", x_m=6.0), fast).drive.speed_mps
+    on_straight = follower(speed_mps=4.0).follow(scan_in("straight"), fast).drive.speed_mps
+    assert before_corner < 2.5 < on_straight
+    careless = follower(speed_mps=4.0, speed_profile=False).follow(scan_in("inside_corner", x_m=6.0), fast)
+    assert careless.drive.speed_mps == 4.0
+
+
+# what it knows about its own motion
+
+
+def test_the_car_is_predicted_to_where_the_answer_takes_effect():
+    shift = Predictor(0.33, 3.2).shift(0.0, replace(MOTOR, speed_mps=2.0), 0.05)
+    assert (shift.x_m, shift.y_m, shift.yaw_rad) == pytest.approx((0.1, 0.0, 0.0))
+    turning = Predictor(0.33, 1e6).shift(0.0, replace(MOTOR, speed_mps=1.0, steering_rad=0.2), 0.05)
+    assert turning.yaw_rad == pytest.approx(0.05 * math.tan(0.2) / 0.33)
+
+
+def test_the_servo_is_known_to_be_slow_and_the_floor_to_be_slippery():
+    slow = Predictor(0.33, 3.2)
+    motor = replace(MOTOR, speed_mps=1.0, steering_rad=0.34)
+    first, second = (slow.shift(stamp_s, motor, 0.03).yaw_rad for stamp_s in (0.0, 0.2))
+    assert 0 < first < second
+    slipping = Predictor(0.33, 1e6).shift(0.0, replace(MOTOR, speed_mps=4.0, steering_rad=0.34), 0.05)
+    assert slipping.yaw_rad == pytest.approx(0.05 * 0.8 * 9.81 / 4.0)
+    assert slow.shift(1.0, None, 0.05) == Shift()
+
+
+def test_points_are_seen_from_the_predicted_place():
+    seen = Shift(1.0, 0.5, math.pi / 2).seen_from_there(np.array([[1.0, 2.0], [1.5, 0.5]]))
+    assert seen == pytest.approx(np.array([[1.0, 0.0], [0.0, -1.0]]))
+
+
+def test_the_follower_looks_ahead_by_its_latency_and_by_the_age_of_a_late_scan():
+    motor = replace(MOTOR, speed_mps=2.0)
+    at = {"name": "straight", "yaw_rad": 0.2}
+    prompt = follower(latency_s=0.0).follow(scan_in(**at), motor).error_m
+    usual = follower(latency_s=0.05).follow(scan_in(**at), motor).error_m
+    late = follower(latency_s=0.0).follow(scan_in(late_s=0.1, **at), motor).error_m
+    assert usual - prompt == pytest.approx(-0.1 * math.sin(0.2), abs=2e-3)
+    assert late - prompt == pytest.approx(-0.2 * math.sin(0.2), abs=2e-3)
+
+
+def test_the_bias_of_the_nearest_of_many_noisy_points_is_learnt_from_clean_lines_only():
+    bias, clean = NoiseBias(), Line(1.0, 0.0, 100)
+    assert bias.learn(clean, 0.96) == pytest.approx(0.004)
+    assert bias.learn(Line(1.0, 0.0, 45), 0.9) == pytest.approx(0.004)
+    assert bias.learn(clean, 0.8) == pytest.approx(0.004)
+    assert bias.learn(clean, 1.1) == pytest.approx(0.004)
+    assert bias.learn(None, 0.96) == pytest.approx(0.004)
+
+
+def test_the_trim_learns_beside_a_straight_wall_and_nowhere_else():
+    line = Line(1.0, 0.0, 100)
+    assert Trim().learn(line, 0.05, 0.0, 0.1) == pytest.approx(0.4 * 0.05 * 0.1)
+    for wall, error_m, bearing_rad in (
+        (None, 0.05, 0.0), (Line(1.0, 0.0, 45), 0.05, 0.0), (line, 0.11, 0.0), (line, 0.05, -0.16),
+    ):  # fmt: skip
+        assert Trim().learn(wall, error_m, bearing_rad, 0.1) == 0.0
+    stubborn = Trim()
+    for _ in range(1000):
+        stubborn.learn(line, -0.09, 0.0, 0.1)
+    assert stubborn.steering_rad == -MOST_RAD
+
+
+# without a wall
+
+
+def test_slow_fades_the_last_steering_and_says_so():
+    law = follower(speed_mps=3.0, trim_integral=False)
+    steered = law.follow(scan_in("straight", y_m=-0.1), None).drive.steering_rad
+    for number in (1, 2, 3):
+        answer = law.follow(scan_of(NOTHING_M, number), MOTOR)
+        assert answer.drive.steering_rad == pytest.approx(steered * (1 - FADE_PER_SCAN) ** number)
+        assert answer.drive.speed_mps == 0.5
+        assert answer.reason.startswith("no wall")
+        assert math.isnan(answer.distance_m)
+        assert math.isnan(answer.error_m)
+
+
+def test_a_slow_wish_is_not_sped_up_by_losing_the_wall():
+    assert follower(speed_mps=0.3).follow(scan_of(NOTHING_M), MOTOR).drive.speed_mps == 0.3
+
+
+def test_stop_asks_for_a_stop():
+    assert follower(no_wall="stop").follow(scan_of(NOTHING_M), MOTOR).drive is None
+
+
+@pytest.mark.parametrize(("side", "sign"), [("left", 1), ("right", -1)])
+def test_search_turns_towards_the_wanted_side_for_so_many_metres(side, sign):
+    law = follower(no_wall="search", side=side, search_at_most_m=1.0)
+    moving = replace(MOTOR, speed_mps=0.5)
+    answers = [law.follow(scan_of(NOTHING_M, number), moving) for number in range(100)]
+    assert answers[0].drive.speed_mps == 0.5
+    assert 0.1 < sign * answers[0].drive.steering_rad < 0.34
+    searched = [answer.drive is not None for answer in answers]
+    assert sum(searched) == pytest.approx(1.0 / (0.5 * 0.025), abs=2)
+    assert not any(searched[85:])
+    assert "given up" in answers[-1].reason
+
+
+def test_a_found_wall_ends_the_search_and_the_next_one_is_as_long():
+    lost = Lost("search", 0.5, 1.0, 0.18)
+    assert lost.drive(0.9)[0] is not None
+    lost.found(0.1)
+    assert lost.drive(0.9)[0] is not None
+    assert lost.drive(0.2)[0] is None
+
+
+# whole drives (closed loop; noise 0.02 m, 2 % wild beams)
+
+
+def driven(name, speed_mps, mu=0.8, side="left", way_m=9.0, start=None, seed=1, noise_m=0.02, rolling=True, **car):
+    lidar = LidarSettings(noise_std_m=noise_m, outlier_share=0.02)
+    world = load_world(name, side=side)
+    case = Case(
+        world, start or world.start, speed_mps if rolling else 0.0, side=side, distance_m=way_m, duration_s=40.0,
+        vehicle=VehicleSettings(grip_mu=mu, **car), lidar=lidar, seed=seed,
+        truth=load_world("straight", side=side) if name == "doorway" else None,
+    )  # fmt: skip
+    run = drive(case, follower(speed_mps=speed_mps, side=side), None)
+    assert run.contact is None
+    assert run.distance_m >= way_m
+    return run
+
+
+@pytest.mark.parametrize("speed_mps", [1.0, 3.0])
+def test_it_settles_on_the_wanted_distance_and_stays_within_a_centimetre(speed_mps):
+    start = load_world("straight").start_at(distance_m=0.5, toward_wall_rad=math.radians(20))
+    error_m = driven("straight", speed_mps, start=start).error_m
+    assert np.abs(error_m[80:]).max() < 0.05
+    assert abs(error_m[-30:].mean()) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("name", "speed_mps", "mu", "way_m", "mean_m"),
+    [
+        ("inside_corner", 1.0, 0.8, 12.0, 0.03),
+        ("inside_corner", 4.0, 0.5, 12.0, 0.10),
+        ("outside_corner", 4.0, 0.8, 12.0, 0.02),
+        ("doorway", 3.0, 0.8, 12.0, 0.01),
+        ("u_turn", 4.0, 0.8, 17.0, 0.05),
+        ("u_turn_inner", 2.0, 0.8, 14.0, 0.02),
+        ("curved", 2.0, 0.8, 20.0, 0.015),
+    ],
+)
+def test_it_gets_round_without_a_corner_rule(name, speed_mps, mu, way_m, mean_m):
+    run = driven(name, speed_mps, mu, side="right" if speed_mps > 2 else "left", way_m=way_m, rolling=False)
+    assert np.abs(run.error_m).mean() < mean_m
+
+
+def test_a_badly_centred_steering_is_learnt_away():
+    error_m = driven("straight", 2.0, way_m=20.0, trim_rad=0.03).error_m
+    assert abs(error_m[-80:].mean()) < 0.005
+
+
+def test_more_noise_does_not_move_the_car():
+    error_m = driven("straight", 2.0, way_m=16.0, noise_m=0.05).error_m
+    assert abs(error_m[-120:].mean()) < 0.01

@@ -1,0 +1,93 @@
+"""Who walks is expected where he is going; what only comes into view is not taken for a walker."""
+
+import math
+
+import numpy as np
+import pytest
+
+from drivers.api import Scan
+from runtime.car_settings import CarSettings
+from runtime.control.movers import Movers, small_things
+from runtime.control.odometry import Pose
+from runtime.control.perception import Eyes
+
+CAR = CarSettings()
+STEP_RAD = math.radians(0.25)
+BEARING_RAD = STEP_RAD * (np.arange(1081) - 540)
+SCAN_S = 0.025
+
+
+def circle(x_m, y_m, radius_m=0.2):
+    """Ranges to a leg or a person in base_link before a wall 6 m away."""
+    dx, dy = x_m - CAR.lidar_x_m, y_m
+    along = np.cos(BEARING_RAD) * dx + np.sin(BEARING_RAD) * dy
+    aside = np.cos(BEARING_RAD) * dy - np.sin(BEARING_RAD) * dx
+    with np.errstate(invalid="ignore"):
+        near = along - np.sqrt(radius_m**2 - aside**2)
+    return np.where((np.abs(aside) < radius_m) & (along > 0), near, 6.0)
+
+
+def see(ranges_m):
+    return Eyes(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m.astype(np.float32), 0))
+
+
+def watch(place, *, pose=lambda _: Pose(), scans=24, radius_m=0.2, noise_m=0.02):
+    """Return the walkers' points at the end; place and pose are functions of time."""
+    movers, rng, points = Movers(), np.random.default_rng(3), np.empty((2, 0))
+    for step in range(scans):
+        at, now_s = pose(step * SCAN_S), step * SCAN_S
+        x_m, y_m = place(now_s)
+        cos, sin = math.cos(at.yaw_rad), math.sin(at.yaw_rad)
+        dx, dy = x_m - at.x_m, y_m - at.y_m
+        ranges_m = circle(cos * dx + sin * dy, cos * dy - sin * dx, radius_m) + rng.normal(0, noise_m, 1081)
+        points = movers.update(see(ranges_m), at, now_s)
+    return points
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_person_who_crosses_is_expected_in_the_way(sign):
+    points = watch(lambda now_s: (2.0, sign * (1.5 - 1.4 * now_s)))
+    at_y = sign * (1.5 - 1.4 * 23 * SCAN_S)
+    assert points.shape[1] > 0
+    reached = (points[1] * sign).min()
+    assert reached == pytest.approx(sign * at_y - 1.4 * 0.9 - 0.2, abs=0.25)
+    assert points[0] == pytest.approx(1.85, abs=0.25)
+
+
+def test_who_stands_is_expected_nowhere_else():
+    assert watch(lambda _: (2.0, 0.8)).shape[1] == 0
+
+
+def test_one_scan_or_five_are_no_walk():
+    assert watch(lambda now_s: (2.0, 1.5 - 1.4 * now_s), scans=6).shape[1] == 0
+
+
+def test_what_the_car_passes_does_not_walk():
+    driving = {"pose": lambda now_s: Pose(2.0 * now_s, 0.0, 0.0, 2.0, 0.0)}
+    assert watch(lambda _: (2.5, 0.8), scans=30, radius_m=0.05, **driving).shape[1] == 0
+
+
+def test_a_walker_is_seen_from_a_driving_car_too():
+    driving = {"pose": lambda now_s: Pose(1.0 * now_s, 0.0, 0.0, 1.0, 0.0)}
+    points = watch(lambda now_s: (3.0, 1.5 - 1.4 * now_s), **driving)
+    assert points.shape[1] > 0
+    assert points[1].min() < -0.3
+
+
+def test_of_a_wall_that_comes_into_view_only_one_edge_moves():
+    movers = Movers()
+    for step in range(24):
+        ranges_m = np.full(1081, 6.0)
+        ranges_m[600 : 612 + 3 * step] = 1.5
+        points = movers.update(see(ranges_m), Pose(), step * SCAN_S)
+    assert points.shape[1] == 0
+
+
+def test_small_things_stand_out_and_are_small():
+    assert len(small_things(see(circle(2.0, 0.3)))) == 1
+    assert small_things(see(circle(2.0, 0.3, radius_m=0.6))) == []
+    assert small_things(see(circle(5.0, 0.3))) == []
+    before_a_near_wall = circle(2.0, 0.3)
+    before_a_near_wall[600:] = 1.0
+    assert len(small_things(see(before_a_near_wall))) == 0
+    assert small_things(see(np.full(1081, math.nan))) == []

@@ -1,0 +1,154 @@
+"""Which points are my wall: gaps, dead ends, glass, narrow places, and the mirror."""
+
+import math
+
+import numpy as np
+import pytest
+
+from drivers.api import Scan
+from runtime.car_settings import CarSettings
+from runtime.control.my_wall import bridge_glass, my_wall, outline, roomy_m, side_view
+from runtime.control.perception import Eyes
+from sim.beams import LidarSettings, true_ranges_m
+from sim.pose import Pose, Twist
+from sim.segments import SegmentGeometry
+from sim.world import World
+from sim.worlds import load_world
+
+LIDAR = LidarSettings(noise_std_m=0.0)
+STEP_RAD = math.radians(0.25)
+
+
+def scan_of(ranges_m):
+    ranges_m = np.where(np.isfinite(ranges_m) & (ranges_m < 30), ranges_m, np.nan).astype(np.float32)
+    return Scan(0.0, 0.0, -540 * STEP_RAD, STEP_RAD, 0.02, 30.0, ranges_m, 0)
+
+
+def seen_in(walls, pose=None, side="left", silent=None):
+    """What is seen among walls (list of segments, or a world's name); `silent` = (from_deg, to_deg) without echo."""
+    here = Pose(0.0, 0.0, 0.0)
+    if isinstance(walls, str):
+        world = load_world(walls, side=side)
+    else:
+        world = World("", SegmentGeometry(np.array(walls, np.float64)), here)
+    ranges_m = true_ranges_m(world, pose or here, Twist(), LIDAR)
+    if silent is not None:
+        bearing = np.linspace(-135, 135, 1081)
+        ranges_m[(bearing >= silent[0]) & (bearing <= silent[1])] = np.nan
+    return side_view(Eyes(CarSettings()).see(scan_of(ranges_m)), side)
+
+
+def wall_points(seen, desired_m=1.0):
+    wall = my_wall(seen, desired_m)
+    return seen.x_m[wall], seen.y_m[wall]
+
+
+def bridged(seen):
+    wall = my_wall(seen, 1.0)
+    assert wall is not None
+    return bridge_glass(seen, wall, line_of(seen))
+
+
+def line_of(seen):
+    return seen.side.lines.find(seen.x_m, seen.y_m, seen.range_m, seen.solid)
+
+
+def test_the_far_wall_of_a_room_is_not_mine():
+    _, y_m = wall_points(seen_in("straight"))
+    assert y_m.min() > 0.99
+
+
+def test_the_front_wall_of_an_inside_corner_belongs_to_it():
+    x_m, y_m = wall_points(seen_in("inside_corner", Pose(6.0, 0.0, 0.0)))
+    assert x_m.max() == pytest.approx(2.0, abs=0.01)
+    assert y_m.min() < -2.0
+
+
+def test_a_dead_end_does_not_join_left_and_right_wall():
+    assert wall_points(seen_in("dead_end", Pose(4.0, 0.0, 0.0)))[1].min() > 0.99
+
+
+def test_a_narrow_door_is_part_of_the_wall_and_a_wide_one_ends_it():
+    narrow = [(-5, 1, 1, 1), (2, 1, 9, 1)]
+    wide = [(-5, 1, 1, 1), (2.8, 1, 9, 1)]
+    assert wall_points(seen_in(narrow))[0].max() > 2.5
+    assert wall_points(seen_in(wide))[0].max() < 1.01
+
+
+def test_a_small_ball_fits_through_a_door_that_stops_a_big_one():
+    door = [(-5, 0.5, 0.8, 0.5), (2.0, 0.5, 9, 0.5)]
+    assert wall_points(seen_in(door), 1.0)[0].max() > 2.0
+    assert wall_points(seen_in(door), 0.5)[0].max() < 0.81
+
+
+def test_a_wall_behind_is_not_mine_however_early_it_is_seen():
+    walls = [(-2.5, 3, -2.5, 0.4), (-0.5, 1, 9, 1)]
+    x_m, y_m = wall_points(seen_in(walls))
+    assert x_m.min() > -0.6
+    assert y_m == pytest.approx(1.0, abs=1e-3)
+
+
+def test_nothing_beside_the_car_is_no_wall():
+    assert my_wall(seen_in([(2, -1, 2, 0.1)]), 1.0) is None
+    assert my_wall(seen_in([(-5, 9, 9, 9)]), 1.0) is None
+
+
+@pytest.mark.parametrize("name", ["inside_corner", "outside_corner", "doorway"])
+def test_the_right_side_is_the_left_side_in_a_mirror(name):
+    left = wall_points(seen_in(name, Pose(5.0, 0.0, 0.1)))
+    right = wall_points(seen_in(name, Pose(5.0, 0.0, -0.1), side="right"))
+    for ours, theirs in zip(left, right, strict=True):
+        assert theirs == pytest.approx(ours, abs=1e-6)
+
+
+def test_the_outline_is_smooth_thin_and_on_the_wall():
+    rng = np.random.default_rng(2)
+    x_m = np.linspace(-1.0, 3.0, 400, dtype=np.float64)
+    points_m = outline(x_m, 1.0 + rng.normal(0.0, 0.02, 400))
+    assert 45 <= points_m.shape[1] <= 130
+    assert points_m[:, [0, -1]][0] == pytest.approx([-1, 3])
+    assert points_m[1].std() < 0.012
+    straight = outline(x_m, 0.0 * x_m + 1.0)
+    assert np.diff(straight[0]).max() < 0.1
+    assert straight[1] == pytest.approx(1.0)
+
+
+def test_the_outline_of_a_few_points_is_themselves():
+    points_m = outline(np.linspace(0.0, 2.0, 5), np.full(5, 1.0))
+    assert points_m.shape == (2, 5)
+
+
+def test_a_silent_gap_between_two_pieces_of_one_line_is_glass():
+    seen = seen_in([(-5, 1, 9, 1)], silent=(20, 70))
+    filled = bridged(seen)
+    assert filled is not None
+    assert filled[1] == pytest.approx(1.0, abs=1e-3)
+    assert 0.6 < filled[0].min() < 0.8
+    assert 2.5 < filled[0].max() < 3.2
+    assert np.diff(filled[0]).max() < 0.1
+
+
+def test_an_opening_that_returns_beams_stays_open():
+    opening = [(-5, 1, 0.6, 1), (0.6, 1, 0.6, 5), (0.6, 5, 3.2, 5), (3.2, 5, 3.2, 1), (3.2, 1, 9, 1)]
+    assert bridged(seen_in(opening)) is None
+    assert bridged(seen_in(opening, silent=(64, 73))) is None  # not even where its edge is dark
+
+
+def test_silence_without_a_wall_beyond_is_no_glass():
+    seen = seen_in([(-5, 1, 1, 1)])
+    assert bridged(seen) is None
+
+
+def test_silence_wider_than_any_pane_is_no_glass():
+    seen = seen_in([(-5, 1, 0.3, 1), (5.2, 1, 6.5, 1)])
+    assert bridged(seen) is None
+
+
+@pytest.mark.parametrize(("right_m", "expected_m"), [(0.6, 0.8), (0.97, 1.0), (3.0, 1.0)])
+def test_the_ball_is_never_wider_than_the_way(right_m, expected_m):
+    seen = seen_in([(-5, 1, 9, 1), (-5, -right_m, 9, -right_m)])
+    assert roomy_m(seen, line_of(seen), 1.0) == pytest.approx(expected_m, abs=0.01)
+
+
+def test_without_a_line_the_wish_stands():
+    assert roomy_m(seen_in("corridor"), None, 1.3) == 1.3

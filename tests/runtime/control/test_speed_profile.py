@@ -1,0 +1,89 @@
+"""The speed profile: grip in bends, braking in time, and what is not seen is a corner."""
+
+import math
+
+import numpy as np
+import pytest
+
+from runtime.control.ball_path import RADII_M, BallPath
+from runtime.control.speed_profile import (
+    BRAKE_SHARE,
+    GRAVITY_MPS2,
+    LATERAL_SHARE,
+    MARGIN_M,
+    REACTION_S,
+    SHARPEST_PER_M,
+    profile_mps,
+    speed_limit_mps,
+)
+
+YES = np.ones(RADII_M.size, bool)
+
+
+def path_of(bearing_rad, meets=YES, crosses=None):
+    bearing_rad = np.broadcast_to(np.asarray(bearing_rad, float), RADII_M.shape)
+    return BallPath(RADII_M, bearing_rad, meets, meets if crosses is None else crosses)
+
+
+def stopping_to_corner_mps(way_m, mu, speed_mps):
+    lateral, brake = LATERAL_SHARE * mu * GRAVITY_MPS2, BRAKE_SHARE * mu * GRAVITY_MPS2
+    return math.sqrt(lateral / SHARPEST_PER_M + 2 * brake * max(way_m - MARGIN_M - REACTION_S * speed_mps, 0))
+
+
+def test_the_steering_now_is_held_to_the_grip():
+    limit = speed_limit_mps(math.atan(0.33 * 0.5), 0.33, 0.5)  # radius 2 m
+    assert limit == pytest.approx(math.sqrt(0.75 * 0.5 * 9.81 * 2.0))
+    assert speed_limit_mps(-0.34, 0.33, 0.5) == speed_limit_mps(0.34, 0.33, 0.5)
+    assert speed_limit_mps(0.0, 0.33, 0.5) > 20
+
+
+@pytest.mark.parametrize("mu", [0.5, 0.8])
+def test_beyond_the_end_of_a_straight_path_a_corner_is_assumed(mu):
+    assert profile_mps(path_of(0.0), 2.0, mu) == pytest.approx(stopping_to_corner_mps(3.0, mu, 2.0))
+
+
+def test_the_path_ends_at_the_first_circle_that_the_wall_does_not_meet():
+    meets = YES.copy()
+    meets[5] = False  # 1.8 m; what lies behind does not count
+    assert profile_mps(path_of(0.0, meets), 2.0, 0.5) == pytest.approx(stopping_to_corner_mps(1.5, 0.5, 2.0))
+
+
+def test_without_any_path_the_corner_is_here():
+    nothing = np.zeros(RADII_M.size, bool)
+    assert profile_mps(path_of(0.0, nothing), 1.0, 0.5) == pytest.approx(stopping_to_corner_mps(0, 0.5, 1.0))
+
+
+def test_circles_before_the_first_crossing_are_not_path():
+    """A car that is 0.5 m too near has no crossing on the near circles; that is not a corner."""
+    bearing = np.zeros(RADII_M.size)
+    bearing[:2] = -math.radians(85)
+    crosses = YES.copy()
+    crosses[:2] = False
+    assert profile_mps(path_of(bearing, crosses=crosses), 2.0, 0.5) == pytest.approx(
+        stopping_to_corner_mps(3.0, 0.5, 2.0)
+    )
+
+
+def test_a_steady_bend_is_driven_at_the_speed_of_its_radius():
+    radius_m = 2.0
+    path = path_of(np.arcsin(RADII_M / (2 * radius_m)))
+    allowed = profile_mps(path, 1.5, 0.5)
+    assert allowed == pytest.approx(math.sqrt(0.75 * 0.5 * 9.81 * radius_m), rel=0.15)
+    assert allowed < profile_mps(path_of(0.0), 1.5, 0.5)
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_corner_ahead_slows_the_car_in_time_and_to_either_side(sign):
+    def corner_at(way_m):
+        aside_m = np.sqrt(np.maximum(RADII_M**2 - way_m**2, 0))
+        return path_of(sign * np.arctan2(aside_m, np.minimum(RADII_M, way_m)))
+
+    near, middle, far = (profile_mps(corner_at(way_m), 2.0, 0.5) for way_m in (0.6, 1.2, 1.8))
+    assert near < middle < far
+    assert near == pytest.approx(stopping_to_corner_mps(0.6, 0.5, 2.0), rel=0.02)
+    assert far <= stopping_to_corner_mps(1.8, 0.5, 2.0)
+
+
+def test_faster_and_slippery_mean_earlier():
+    assert profile_mps(path_of(0.0), 4.0, 0.5) < profile_mps(path_of(0.0), 1.0, 0.5)
+    assert profile_mps(path_of(0.0), 2.0, 0.5) < profile_mps(path_of(0.0), 2.0, 0.8)
