@@ -18,6 +18,7 @@ from runtime.control.perception import View
 WITHIN_M = 3.5
 GAP_BEAMS = 3
 JUMP_M = 0.2
+BACKGROUND_BEAMS = 40
 FEWEST_BEAMS = 4
 WIDEST_M = 0.7
 MATCH_M = 0.35
@@ -65,7 +66,7 @@ class Movers:
             points = points[:, view.solid[first : last + 1]]
             track = self._follow(turn @ points + at_m, stamp_s)
             fresh.append(track)
-            if _walks(track, slowest_mps):
+            if _walks(track, turn[:, 1], slowest_mps):
                 way_mps = turn.T @ np.array([[track.x_mps], [track.y_mps]])
                 strips += [points + way_mps * ahead_s for ahead_s in AHEAD_S]
         self._tracks = fresh + [track for track in self._tracks if stamp_s - track.seen_s <= FORGOTTEN_S]
@@ -113,26 +114,32 @@ def small_things(view: View) -> list[tuple[int, int]]:
         width_m = (last - first) * step_rad * ranges_m[start]
         if end - start + 1 < FEWEST_BEAMS or width_m > WIDEST_M or first == 0 or last == view.solid.size - 1:
             continue
-        if _behind(view, range(first - 1, first - 6, -1), ranges_m[start]) and _behind(
-            view, range(last + 1, last + 6), ranges_m[end]
+        if _behind(view, range(first - 1, first - 1 - BACKGROUND_BEAMS, -1), ranges_m[start]) and _behind(
+            view, range(last + 1, last + 1 + BACKGROUND_BEAMS), ranges_m[end]
         ):
             things.append((first, last))
     return things
 
 
 def _behind(view: View, beams: range, range_m: float) -> bool:
-    """Whether the first solid one of the next beams is farther away; no echo and no beam count as far."""
+    """Whether the first solid one of the next beams is clearly farther away.
+
+    Dirt and wild beams are skipped: they cut walls into pieces whose edges go along with the car. Where nothing is
+    solid, silence counts as far.
+    """
     for beam in beams:
         if not 0 <= beam < view.solid.size:
-            return True
+            return False
         if view.solid[beam]:
-            return bool(view.ranges_m[beam] > range_m)
+            return bool(view.ranges_m[beam] > range_m + JUMP_M)
     return True
 
 
-def _walks(track: _Track, slowest_mps: float) -> bool:
-    speed_mps = math.hypot(track.x_mps, track.y_mps)
-    if track.scans < SEEN_SCANS or not slowest_mps < speed_mps < FASTEST_MPS:
+def _walks(track: _Track, across: Floats, slowest_mps: float) -> bool:
+    """Whether it crosses: across is the car's left, odom. Along the car, an error of the wheels' speed looks the same."""
+    if track.scans < SEEN_SCANS or math.hypot(track.x_mps, track.y_mps) > FASTEST_MPS:
         return False
-    way = np.array([track.x_mps, track.y_mps]) / speed_mps
-    return bool(((track.edges_m - track.from_m) @ way).min() > MOVED_M)
+    across_mps = float(across @ [track.x_mps, track.y_mps])
+    if abs(across_mps) <= slowest_mps:
+        return False
+    return bool((((track.edges_m - track.from_m) @ across) * math.copysign(1.0, across_mps)).min() > MOVED_M)

@@ -26,6 +26,9 @@ CAP_M = 3.5
 GAP_DIAMETERS = 1.8
 WIDEST_GAP_M = 1.6
 """The ball does not fit through gaps narrower than its diameter; what lies beyond wider ones is another wall."""
+CROSSING_M = 0.6
+"""A jump so wide from my side of the car to a wall that runs ahead on the other is a corridor, not a gap."""
+CROSSING_POINTS = 6
 SIDE_FROM_RAD = math.radians(11)
 SIDE_TO_RAD = math.radians(132)
 """My wall is the piece that holds the nearest return between these bearings."""
@@ -90,8 +93,9 @@ def side_view(view: View, side: Literal["left", "right"]) -> SideView:
 def my_wall(seen: SideView, desired_m: float) -> Beams | None:
     """Return the beams of the followed wall, in order, or None when no piece of wall is beside the car.
 
-    Cut where neighbours are farther apart than the ball is thick; the piece that holds the nearest return beside the
-    car is mine (not the first one: after a U turn another wall is behind the car).
+    Cut where neighbours are farther apart than the ball is thick, and where the eye jumps to the other wall of a narrow
+    corridor: the car passes between them. The piece that holds the nearest return beside the car is mine (not the first
+    one: after a U turn another wall is behind the car).
     """
     index = np.flatnonzero(seen.solid & (seen.range_m < CAP_M))
     if index.size < FEWEST_POINTS:
@@ -99,7 +103,13 @@ def my_wall(seen: SideView, desired_m: float) -> Beams | None:
     x_m, y_m = seen.x_m[index], seen.y_m[index]
     gap_m = min(GAP_DIAMETERS * desired_m, WIDEST_GAP_M)
     dx, dy = x_m[1:] - x_m[:-1], y_m[1:] - y_m[:-1]
-    cuts = np.flatnonzero(dx * dx + dy * dy > gap_m * gap_m) + 1
+    apart2 = dx * dx + dy * dy
+    cut = apart2 > gap_m * gap_m
+    left = y_m > 0.0
+    for across in np.flatnonzero(left[:-1] > left[1:]):
+        if apart2[across] > CROSSING_M * CROSSING_M:
+            cut[across] |= _runs_ahead(x_m[across + 1 :], y_m[across + 1 :])
+    cuts = np.flatnonzero(cut) + 1
     first = int(np.searchsorted(index, seen.side.beside.start))
     last = int(np.searchsorted(index, seen.side.beside.stop))
     if last <= first:
@@ -109,6 +119,12 @@ def my_wall(seen: SideView, desired_m: float) -> Beams | None:
     start = int(cuts[piece - 1]) if piece else 0
     end = int(cuts[piece]) if piece < cuts.size else index.size
     return index[start:end] if end - start >= FEWEST_POINTS else None
+
+
+def _runs_ahead(x_m: Floats, y_m: Floats) -> bool:
+    """Whether these points begin along the car's heading, as a corridor's other wall does, and not across, as a front."""
+    last = min(CROSSING_POINTS, x_m.size) - 1
+    return bool(abs(x_m[last] - x_m[0]) > abs(y_m[last] - y_m[0]))
 
 
 def outline(x_m: Floats, y_m: Floats) -> Floats:

@@ -152,3 +152,18 @@ def test_the_ball_is_never_wider_than_the_way(right_m, expected_m):
 
 def test_without_a_line_the_wish_stands():
     assert roomy_m(seen_in("corridor"), None, 1.3) == 1.3
+
+
+NARROW = [(-5, 0.6, 20, 0.6), (1, -0.6, 20, -0.6), (1, -0.6, 1, -5), (-5, -0.6, -1, -0.6)]
+"""A corridor 1.2 m wide with a side way to the right just ahead of the car."""
+
+
+def test_the_other_wall_of_a_narrow_corridor_is_not_mine():
+    _, y_m = wall_points(seen_in(NARROW))
+    assert y_m.min() > 0.5, "the ball is thicker than the corridor and would take both walls for one"
+
+
+def test_a_gap_in_the_front_wall_still_belongs_to_it():
+    front = [(-5, 1, 3, 1), (3, 1, 3, 0.4), (3, -0.4, 3, -4)]
+    _, y_m = wall_points(seen_in(front))
+    assert y_m.min() < -0.5, "the ball does not fit through, so it must not roll into it"
