@@ -122,7 +122,7 @@ def my_wall(seen: SideView, desired_m: float) -> Beams | None:
 
 
 def _runs_ahead(x_m: Floats, y_m: Floats) -> bool:
-    """Whether these points begin along the car's heading, as a corridor's other wall does, and not across, as a front."""
+    """Whether these points begin along the car's heading, as a corridor's other wall does; a front wall lies across."""
     last = min(CROSSING_POINTS, x_m.size) - 1
     return bool(abs(x_m[last] - x_m[0]) > abs(y_m[last] - y_m[0]))
 
