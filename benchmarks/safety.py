@@ -26,11 +26,11 @@ RUNS = 7
 
 def main() -> None:
     """Print a line per speed."""
-    print(f"{'m/s':>4}{'eyes':>8}{'look':>8}{'limit':>8}{'sum':>8}{'again':>8}   us, median of {SCANS} scans")  # noqa: T201
+    print(f"{'m/s':>4}{'eyes':>8}{'look':>8}{'limit':>8}{'sum':>8}{'again':>8}   us, median of {SCANS} scans")
     for speed_mps in (1.0, 2.0, 3.0, 4.0):
         runs = [drive(speed_mps) for _ in range(RUNS)]
         eyes, look, limit, total, again = (min(run[part] for run in runs) for part in range(5))
-        print(f"{speed_mps:4.0f}{eyes:8.0f}{look:8.0f}{limit:8.0f}{total:8.0f}{again:8.0f}")  # noqa: T201
+        print(f"{speed_mps:4.0f}{eyes:8.0f}{look:8.0f}{limit:8.0f}{total:8.0f}{again:8.0f}")
 
 
 def drive(speed_mps: float) -> list[float]:

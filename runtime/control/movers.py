@@ -29,6 +29,9 @@ MOVED_M = 0.2
 SLOWEST_MPS = 0.4
 SLOWEST_SHARE = 0.15
 """Of the car's own speed: a trimmed or drifting car turns by more than its steering says."""
+TURNING_SHARE = 0.3
+"""Of the car's own turning, now and half a second ago, times the distance: the servo lags behind the odometry."""
+TURNING_FADES = 0.95
 FASTEST_MPS = 3.0
 AHEAD_S = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9)
 FORGOTTEN_S = 0.15
@@ -53,6 +56,7 @@ class Movers:
 
     def __init__(self) -> None:
         self._tracks: list[_Track] = []
+        self._turning_radps = 0.0
 
     def update(self, view: View, pose: Pose, stamp_s: float) -> Floats:
         """Return points, (2, k) in base_link, where walkers will be in the next 0.9 s; k = 0 for nobody."""
@@ -61,12 +65,14 @@ class Movers:
         fresh: list[_Track] = []
         strips: list[Floats] = []
         slowest_mps = SLOWEST_MPS + SLOWEST_SHARE * abs(pose.speed_mps)
+        self._turning_radps = max(abs(pose.yaw_rate_radps), TURNING_FADES * self._turning_radps)
+        slowest_per_m = TURNING_SHARE * self._turning_radps
         for first, last in small_things(view):
             points = np.stack([view.x_m[first : last + 1], view.y_m[first : last + 1]])
             points = points[:, view.solid[first : last + 1]]
             track = self._follow(turn @ points + at_m, stamp_s)
             fresh.append(track)
-            if _walks(track, turn[:, 1], slowest_mps):
+            if _walks(track, turn[:, 1], slowest_mps + slowest_per_m * float(view.ranges_m[first])):
                 way_mps = turn.T @ np.array([[track.x_mps], [track.y_mps]])
                 strips += [points + way_mps * ahead_s for ahead_s in AHEAD_S]
         self._tracks = fresh + [track for track in self._tracks if stamp_s - track.seen_s <= FORGOTTEN_S]
@@ -79,6 +85,8 @@ class Movers:
         nearest, nearest_m = None, MATCH_M
         for track in self._tracks:
             elapsed_s = stamp_s - track.seen_s
+            if elapsed_s > FORGOTTEN_S:  # a hole in the scans: nobody can tell who is who
+                continue
             off_m = math.hypot(track.x_m + track.x_mps * elapsed_s - x_m, track.y_m + track.y_mps * elapsed_s - y_m)
             if off_m < nearest_m:
                 nearest, nearest_m = track, off_m
@@ -136,7 +144,7 @@ def _behind(view: View, beams: range, range_m: float) -> bool:
 
 
 def _walks(track: _Track, across: Floats, slowest_mps: float) -> bool:
-    """Whether it crosses: across is the car's left, odom. Along the car, an error of the wheels' speed looks the same."""
+    """Whether it crosses; across is the car's left, odom. Along the car, an error of its own speed looks the same."""
     if track.scans < SEEN_SCANS or math.hypot(track.x_mps, track.y_mps) > FASTEST_MPS:
         return False
     across_mps = float(across @ [track.x_mps, track.y_mps])

@@ -34,8 +34,6 @@ SPEED_STEP_MPS = 0.25
 """Speeds are rounded up to this for the length of the look, so that a slowly rising wish is not swept anew."""
 STOP_SPARE_M = 0.05
 GRADED_SPARE_M = 0.10
-NOSE_ON_M = 0.12
-"""Less way than this is none: the graded limit is 0."""
 
 
 @dataclass(slots=True)
@@ -151,7 +149,7 @@ class Outlook:
             found.travel_m - GRADED_SPARE_M, reaction_s, settings.graded_share * grip_mps2
         )
         where = "beside" if found.side else "ahead"
-        if graded_mps >= settings.slowest_mps and found.travel_m >= NOSE_ON_M:
+        if graded_mps >= settings.slowest_mps:
             return Verdict(graded_mps, NO_LIMIT_MPS, f"slower: wall {where}", found.travel_m)
         creep_m = STOP_SPARE_M + stopping_distance_m(
             settings.creep_mps, reaction_s, settings.hard_share * body.grip_mps2

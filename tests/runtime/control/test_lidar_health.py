@@ -148,6 +148,7 @@ def test_the_cars_own_parts_are_named_and_harmless():
     ranges_m[:20] = 0.1
     health = Drive().go(ranges_m, 3.0, noise_m=0.0)
     assert health.words == ("20 beams around -133 deg see the car itself and are ignored",)
+    assert health.mask is None  # no need: what lies on the car is no thing anyway
     assert health.ceiling_mps == math.inf
 
 

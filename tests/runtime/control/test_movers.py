@@ -74,11 +74,26 @@ def test_a_walker_is_seen_from_a_driving_car_too():
     assert points[1].min() < -0.3
 
 
-def test_of_a_wall_that_comes_into_view_only_one_edge_moves():
+def test_while_the_car_turns_what_seems_to_cross_has_to_be_faster():
+    straight = watch(lambda now_s: (2.5, 1.0 - 0.8 * now_s), pose=lambda _: Pose(0.0, 0.0, 0.0, 0.0, 0.0))
+    turning = watch(lambda now_s: (2.5, 1.0 - 0.8 * now_s), pose=lambda _: Pose(0.0, 0.0, 0.0, 0.0, 1.0))
+    assert straight.shape[1] > 0
+    assert turning.shape[1] == 0
+
+
+def test_a_hole_in_the_scans_ends_all_tracks():
     movers = Movers()
     for step in range(24):
+        movers.update(see(circle(2.0, 1.5 - 0.035 * step)), Pose(), step * SCAN_S)
+    assert movers.update(see(circle(2.0, 0.66)), Pose(), 24 * SCAN_S).shape[1] > 0
+    assert movers.update(see(circle(2.0, 0.62)), Pose(), 24 * SCAN_S + 0.2).shape[1] == 0
+
+
+def test_of_a_wall_that_comes_into_view_only_one_edge_moves():
+    movers = Movers()
+    for step in range(16):
         ranges_m = np.full(1081, 6.0)
-        ranges_m[600 : 612 + 3 * step] = 1.5
+        ranges_m[560 : 566 + 6 * step] = 1.5
         points = movers.update(see(ranges_m), Pose(), step * SCAN_S)
     assert points.shape[1] == 0
 

@@ -136,6 +136,7 @@ def test_learnt_dirt_is_ignored_where_it_reads_near_and_only_there():
     eyes.ignore(dirty)
     assert not eyes.see(scan_of(ranges_m)).solid[at : at + 30].any()
     ranges_m[at : at + 30] = 0.7
+    ranges_m[900:950] = 0.5
     assert eyes.see(scan_of(ranges_m)).solid[at + 15]
     ranges_m[at : at + 30] = 0.3
     eyes.ignore(None)

@@ -96,6 +96,13 @@ def test_a_three_beam_pole_stops_the_car_and_two_beams_do_not():
         assert (judge(ranges_m, 4.0).forward_mps < 4.0) == seen
 
 
+def test_three_points_are_a_thing_and_two_are_noise():
+    outline = Outline(0.45, 0.13, 0.19)
+    points = np.array([[1.0, 1.0, 1.0], [0.0, 0.01, -0.01]])
+    assert first_contact(path(1.0, 0.0), outline, points).travel_m == pytest.approx(0.55)
+    assert first_contact(path(1.0, 0.0), outline, points[:, :2]).travel_m == math.inf
+
+
 def path(speed_mps, steering_rad, wheel_rad=0.0, grip_per_m=math.inf, latency_s=0.1, direction=1.0):
     motion = Motion(speed_mps, direction, wheel_rad, latency_s, 3.2, 0.33, grip_per_m)
     return arc(motion, steering_rad, 3.0)
@@ -230,6 +237,8 @@ def test_turning_away_from_a_wall_beside_keeps_grip_for_turning():
     assert away.reason == "braking: wall beside"
     assert 0 < away.brake_mps2 < 0.8 * GRAVITY_MPS2
     assert Car().look(edge, speed_mps=3.0).limit(3.0, 0.1).brake_mps2 == math.inf
+    closing = world((0.9, 0.17, 1.4, 0.02))  # the edge of something that the car itself would hit
+    assert Car().look(closing, speed_mps=3.0).limit(3.0, -0.01).brake_mps2 == math.inf
     deeper = world((0.9, 0.1, 0.9, 0.6))
     assert Car().look(deeper, speed_mps=3.0).limit(3.0, -0.01).brake_mps2 == math.inf
 
@@ -269,7 +278,7 @@ def test_a_standing_car_is_released_by_the_graded_limit():
 
 
 def test_never_slower_than_the_motor_can_hold():
-    for way_mm in range(60, 200, 5):
+    for way_mm in range(60, 200):
         verdict = judge(world(wall_at(FRONT_M + way_mm / 1000, 0.3)), 1.0)
         assert verdict.forward_mps == 0.0 or verdict.forward_mps >= SETTINGS.slowest_mps
 
@@ -405,5 +414,8 @@ def test_the_same_question_is_swept_once():
     kept = dict(outlook.strip._kept)
     assert outlook.limit(1.6, 0.1) == first
     assert outlook.strip._kept == kept
+    assert outlook.strip.contact(0.1, 2.0) is outlook.strip.contact(0.1, 2.0)
+    assert outlook.strip.contact(0.1, 2.0).travel_m < 2.0
+    kept = dict(outlook.strip._kept)
     outlook.limit(1.6, 0.2)
     assert len(outlook.strip._kept) == len(kept) + 1
