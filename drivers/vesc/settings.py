@@ -34,8 +34,11 @@ class VescSettings(BaseModel):
     servo_min: Annotated[float, Field(ge=0, le=1, description="lowest servo position the linkage allows")] = 0.15
     servo_max: Annotated[float, Field(ge=0, le=1, description="highest servo position the linkage allows")] = 0.85
     brake_current_a: Annotated[
-        float, Field(ge=1, le=100, description="motor current of a stop; more locks the wheels, which stops later")
-    ] = 40.0
+        float,
+        Field(
+            ge=1, le=100, description="motor current of a stop; about 46 A lock the stock car's wheels on clean floor"
+        ),
+    ] = 50.0
     brake_mps2_per_a: Annotated[
         float,
         Field(gt=0, le=5, description="deceleration per ampere of brake current: for stops that leave grip to turn"),

@@ -30,6 +30,8 @@ from runtime.control.strip import LOOK_SPARE_M, Body, Strip
 from runtime.control.swept_settings import SweptSettings
 
 STANDING_MPS = 0.05
+TURNING_SHARE = 0.3
+"""A bend that takes more than this of the grip is braked with what it leaves: locked wheels go straight on."""
 SPEED_STEP_MPS = 0.25
 """Speeds are rounded up to this for the length of the look, so that a slowly rising wish is not swept anew."""
 STOP_SPARE_M = 0.05
@@ -178,6 +180,10 @@ class Outlook:
         if found.side * steering_rad < 0 and self.strip.grazes(steering_rad, found.travel_m):
             brake_mps2 = brake_beside_turning_mps2(speed_mps, found.curvature_per_m, self.guard.body.grip_mps2)
             return Verdict(0.0, NO_LIMIT_MPS, "braking: wall beside", found.travel_m, brake_mps2)
+        grip_mps2 = self.guard.body.grip_mps2
+        if speed_mps * speed_mps * abs(found.curvature_per_m) > TURNING_SHARE * grip_mps2:
+            brake_mps2 = brake_beside_turning_mps2(speed_mps, found.curvature_per_m, grip_mps2)
+            return Verdict(0.0, NO_LIMIT_MPS, "braking in a bend: wall ahead", found.travel_m, brake_mps2)
         return Verdict(0.0, NO_LIMIT_MPS, "braking: wall ahead", found.travel_m)
 
     def _standing(self, found: Contact) -> Verdict:

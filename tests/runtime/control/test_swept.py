@@ -231,12 +231,21 @@ def test_locked_wheels_are_not_a_standing_car():
 # --- braking and turning
 
 
+def test_a_stop_in_a_bend_does_not_lock_the_wheels():
+    outlook = Car().look(world(wall_at(FRONT_M + 0.5)), speed_mps=3.0)
+    bend = outlook.limit(3.0, 0.2)
+    assert bend.reason == "braking in a bend: wall ahead"
+    assert 0 < bend.brake_mps2 < 0.8 * GRAVITY_MPS2
+    assert outlook.limit(3.0, 0.0).brake_mps2 == math.inf
+    assert Car().look(world(wall_at(FRONT_M + 0.1)), speed_mps=1.0).limit(1.0, 0.3).brake_mps2 == math.inf
+
+
 def test_turning_away_from_a_wall_beside_keeps_grip_for_turning():
     edge = world((0.9, 0.17, 0.9, 0.6))  # two centimetres into the margin
     away = Car().look(edge, speed_mps=3.0).limit(3.0, -0.01)
     assert away.reason == "braking: wall beside"
     assert 0 < away.brake_mps2 < 0.8 * GRAVITY_MPS2
-    assert Car().look(edge, speed_mps=3.0).limit(3.0, 0.1).brake_mps2 == math.inf
+    assert Car().look(edge, speed_mps=3.0).limit(3.0, 0.02).brake_mps2 == math.inf
     closing = world((0.9, 0.17, 1.4, 0.02))  # the edge of something that the car itself would hit
     assert Car().look(closing, speed_mps=3.0).limit(3.0, -0.01).brake_mps2 == math.inf
     deeper = world((0.9, 0.1, 0.9, 0.6))
