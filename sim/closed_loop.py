@@ -32,7 +32,7 @@ _WIRING = VescSettings()
 _VEHICLE = VehicleSettings()
 _CAR = CarSettings()
 FULL_BRAKE_MPS2 = _WIRING.brake_current_a * _VEHICLE.brake_mps2_per_a + _VEHICLE.drag_mps2
-"""What the driver's full brake current and the drag give on a floor that holds it: 7.2 m/s2."""
+"""What the driver's full brake current and the drag give on a floor that holds it: 8.9 m/s2."""
 _POLL_S = 1.0 / _WIRING.poll_hz
 _STANDING_BELOW_MPS = 0.05
 _TRUTH_BEARINGS_RAD = np.radians(np.linspace(30.0, 150.0, 121))  # every degree: 4e-5 too far at most
