@@ -16,6 +16,7 @@ from runtime.bus import Bus
 from runtime.car_settings import CarSettings
 from runtime.command import Output, Source
 from runtime.control import methods
+from runtime.control.freeing import Lookout
 from runtime.control.guidance import Guidance
 from runtime.control.limiter import Limiter, Limits
 from runtime.control.odometry import Odometry
@@ -136,6 +137,7 @@ class Car:
             "distance_error": {"mean_abs_m": self.score.mean_abs_m, "rms_m": self.score.rms_m},
             "scans": self.scans,
             "lidar": _health_fields(self.lidar),
+            "window": self.guard.words if isinstance(self.guard, Lookout) else (),
             "motor": _health_fields(self.motor),
             "speed_mps": state.speed_mps if state is not None else None,
             "voltage_v": state.voltage_v if state is not None else None,

@@ -15,9 +15,9 @@ RETRY_S = 0.1
 
 
 class Listener:
-    """Subscribes to one car at a known endpoint and remembers the newest message of each topic.
+    """Subscribes to one car at a known endpoint.
 
-    distance_errors: (stamp_s, error_m) of every message heard, NaN-free, for the score of a run.
+    latest: the newest message of each topic.
     """
 
     def __init__(self, endpoint: str, car: str) -> None:

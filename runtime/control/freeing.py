@@ -13,6 +13,11 @@ class Lookout:
         self.guard = guard
         self.outlook: Outlook | None = None
 
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What is wrong with the lidar's window, in sentences for people."""
+        return self.guard.health.words
+
     def look(self, scan: Scan, motor: MotorState | None) -> Outlook:
         """Take in one scan."""
         self.outlook = self.guard.look(scan, motor)

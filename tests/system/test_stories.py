@@ -257,3 +257,16 @@ def test_the_status_names_winner_reason_and_voices():
     status = next(payload for key, payload in reversed(story.ear.heard) if key == "wallride/car1/status")
     for word in (b'"winner":"navigation"', b'"reason":"wall"', b'"safety":0.0', b'"link":"ready"'):
         assert word in status
+
+
+def test_the_status_says_what_is_wrong_with_the_window():
+    dirt = "12 beams around -95 deg are dirty: clean the window"
+
+    def soil(story):
+        story.car.guard.guard.health.words = (dirt,)
+
+    story = Story(wall_follow={"method": "ball"}, safety={"method": "swept"})
+    story.scans = None  # nothing is learnt that would unsay it
+    story.run(2.0, (1.0, soil))
+    status = next(payload for key, payload in reversed(story.ear.heard) if key == "wallride/car1/status")
+    assert dirt.encode() in status
