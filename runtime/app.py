@@ -11,7 +11,7 @@ from typing import Any
 from drivers.api import Clock, Drive, Lidar, Motor, Scan
 from drivers.hokuyo.driver import Hokuyo
 from drivers.vesc.driver import Vesc
-from runtime import wire
+from runtime import wire, zenoh_config
 from runtime.bus import Bus
 from runtime.car_settings import CarSettings
 from runtime.command import Output, Source
@@ -169,7 +169,7 @@ async def _main(settings: Settings) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)
     clock = time.monotonic
-    bus = Bus(settings.telemetry.listen)
+    bus = Bus(zenoh_config.car_config([settings.telemetry.listen], None, (), settings.car.name))
     car = Car(settings, Hokuyo(settings.lidar, clock=clock), Vesc(settings.motor, clock=clock), bus, clock)
     methods.warm_up(settings.wall_follow, settings.safety, settings.car)
     gc.collect()

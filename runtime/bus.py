@@ -1,59 +1,271 @@
-"""The zenoh session of the car: opened in a thread, never blocking, never in the way of driving.
+"""One zenoh session, for the car and for clients alike: bytes out without waiting, bytes in through the loop.
 
-The only module of the car that imports zenoh, and it does so late, because a car must be able to stop before it can
-talk. Loopback only until keys exist; the car is its own router, so that users install nothing.
+The only module that imports zenoh, and it does so late, because a car must be able to stop before it can talk.
+zenoh calls back in threads of its own; everything it brings crosses into the loop here, in order, with the time at
+which it arrived, one hop per burst.
 """
 
 import asyncio
+import contextlib
+import copy
+import functools
 import json
 import logging
 import socket
-from typing import TYPE_CHECKING
+import time
+from collections import deque
+from collections.abc import Awaitable, Callable, Mapping
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import zenoh
 
 log = logging.getLogger("wallride.bus")
 
+JSON = "application/json"
+CDR = "application/cdr"
+BYTES = "application/octet-stream"
+
+Receive = Callable[[str, bytes, float], None]
+"""key, payload, arrival_s on the monotonic clock."""
+Reply = Callable[[bytes], bytes | Awaitable[bytes]]
+Changed = Callable[[str, bool], None]
+
+BACKLOG = 256
+"""How much one burst may bring per subscription; the oldest beyond it is dropped, because newer words replace older."""
+
+
+class RefusedError(Exception):
+    """The other side answered, and the answer is no; the text is its reason."""
+
 
 class Bus:
-    """Publishes bytes; before the session is open, and after it closed, they are dropped and counted.
+    """Publishes, subscribes, asks and answers. What is declared before `open` takes effect when it opens.
 
-    endpoint: where it listens; known for certain once it is open.
+    endpoint: where it listens or connects; known for certain once it is open.
+    dropped: samples put while closed; strays: samples that came for another key than the one subscribed to.
     """
 
-    def __init__(self, listen: str) -> None:
-        self.endpoint = listen
+    def __init__(self, config: Mapping[str, Any]) -> None:
+        self._config = copy.deepcopy(dict(config))
         self._session: zenoh.Session | None = None
+        self._declare: list[Callable[[], object]] = []
+        self._held: list[object] = []  # publishers and tokens die with their Python object
+        self._publishers: dict[str, zenoh.Publisher] = {}
+        self._answering: set[asyncio.Future[None]] = set()
+        self._loop: asyncio.AbstractEventLoop | None = None
         self.dropped = 0
+        self.strays = 0
+
+    @property
+    def endpoint(self) -> str:
+        """The first endpoint."""
+        return str((self._endpoints("listen") or self._endpoints("connect") or ["nowhere"])[0])
+
+    @property
+    def is_open(self) -> bool:
+        """Whether `put` reaches anybody."""
+        return self._session is not None
 
     async def open(self) -> None:
-        """Open the session; when the port is taken use a free one and say so."""
+        """Open the session in a thread; OSError with a plain reason when it cannot.
+
+        A loopback port that is taken is replaced by a free one, and that is said.
+        """
+        self._loop = asyncio.get_running_loop()
         try:
-            self._session = await asyncio.to_thread(_open_session, self.endpoint)
+            self._session = await asyncio.to_thread(_open_session, self._config)
         except OSError as error:
-            free = free_endpoint()
-            log.warning("telemetry cannot listen on %s (%s); using %s instead", self.endpoint, error, free)
-            self.endpoint = free
-            self._session = await asyncio.to_thread(_open_session, free)
-        log.info("telemetry on %s", self.endpoint)
-
-    def put(self, key: str, payload: bytes) -> None:
-        """Publish without waiting: a slow or vanished reader loses samples, the car loses nothing."""
-        if self._session is None:
-            self.dropped += 1
-            return
-        import zenoh
-
-        self._session.put(
-            key, payload, congestion_control=zenoh.CongestionControl.DROP, encoding=zenoh.Encoding.APPLICATION_JSON
-        )
+            if not self._use_free_port(error):
+                raise
+            self._session = await asyncio.to_thread(_open_session, self._config)
+        for declare in self._declare:
+            declare()
 
     async def close(self) -> None:
         """Close the session; harmless when it never opened."""
         session, self._session = self._session, None
+        self._publishers.clear()
+        self._held.clear()
         if session is not None:
             await asyncio.to_thread(session.close)
+
+    def put(self, key: str, payload: bytes, *, encoding: str = JSON, urgent: bool = False) -> None:
+        """Publish without waiting: a slow or vanished reader loses samples, the car loses nothing.
+
+        encoding and urgent belong to the key: the first call decides.
+        """
+        import zenoh
+
+        try:
+            publisher = self._publishers.get(key) or self._publisher(key, encoding, urgent=urgent)
+            publisher.put(payload)
+        except (zenoh.ZError, ConnectionError):
+            self.dropped += 1
+
+    def wanted(self, key: str, *, encoding: str = JSON, urgent: bool = False) -> bool:
+        """Tell whether anybody is subscribed to a key just now."""
+        try:
+            publisher = self._publishers.get(key) or self._publisher(key, encoding, urgent=urgent)
+        except ConnectionError:
+            return False
+        status: Any = publisher.matching_status  # an object with `matching`; the package's stubs say bool
+        return bool(status.matching)
+
+    def subscribe(self, key: str, receive: Receive) -> None:
+        """Call `receive` in the loop for every sample; with a key free of wildcards, for exactly that key only.
+
+        A put may carry a wildcard ("car/*/teleop") and still reach an exact subscription; such a stray is counted.
+        """
+        self._whenever_open(lambda: self._subscribe(key, receive))
+
+    def answer(self, key: str, reply: Reply) -> None:
+        """Answer queries on exactly this key in the loop; RefusedError becomes an error reply with its text."""
+        self._whenever_open(lambda: self._answer(key, reply))
+
+    def announce(self, key: str) -> None:
+        """Hold a liveliness token until close."""
+        self._whenever_open(lambda: self._held.append(self._open_session.liveliness().declare_token(key)))
+
+    def watch(self, key: str, changed: Changed) -> None:
+        """Call `changed(key, alive)` in the loop for every liveliness token, those that are there already included."""
+        self._whenever_open(lambda: self._watch(key, changed))
+
+    async def ask(self, key: str, payload: bytes = b"", *, timeout_s: float = 1.0) -> list[bytes]:
+        """Return all answers; [] when nobody answers in time. RefusedError when the answer is an error."""
+        import zenoh
+
+        loop = asyncio.get_running_loop()
+        replies: list[zenoh.Reply] = []
+        done = asyncio.Event()
+        collect: zenoh.handlers.Callback[zenoh.Reply] = zenoh.handlers.Callback(
+            lambda reply: _into(loop, functools.partial(replies.append, reply)), lambda: _into(loop, done.set)
+        )
+        self._open_session.get(key, collect, payload=payload, timeout=timeout_s)
+        await asyncio.wait_for(done.wait(), timeout_s + 1)
+        answers = []
+        for reply in replies:
+            if reply.ok is not None:
+                answers.append(reply.ok.payload.to_bytes())
+            elif (
+                reply.err is not None and (reason := reply.err.payload.to_bytes().decode(errors="replace")) != "Timeout"
+            ):
+                raise RefusedError(reason)
+        return answers
+
+    def _publisher(self, key: str, encoding: str, *, urgent: bool) -> "zenoh.Publisher":
+        import zenoh
+
+        publisher = self._open_session.declare_publisher(
+            key,
+            encoding=zenoh.Encoding(encoding),
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.REAL_TIME if urgent else zenoh.Priority.DATA,
+            express=urgent,
+        )
+        self._publishers[key] = publisher
+        return publisher
+
+    def _subscribe(self, key: str, receive: Receive) -> None:
+        exact = "*" not in key
+        mailbox = _Mailbox(self._running_loop, receive)
+
+        def on_sample(sample: "zenoh.Sample") -> None:  # zenoh's thread
+            name = str(sample.key_expr)
+            if exact and name != key:
+                self.strays += 1
+            else:
+                mailbox.post((name, sample.payload.to_bytes(), time.monotonic()))
+
+        self._held.append(self._open_session.declare_subscriber(key, on_sample))
+
+    def _watch(self, key: str, changed: Changed) -> None:
+        import zenoh
+
+        mailbox = _Mailbox(self._running_loop, changed)
+
+        def on_token(sample: "zenoh.Sample") -> None:  # zenoh's thread
+            mailbox.post((str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT))
+
+        self._held.append(self._open_session.liveliness().declare_subscriber(key, on_token, history=True))
+
+    def _answer(self, key: str, reply: Reply) -> None:
+        mailbox = _Mailbox(self._running_loop, functools.partial(self._reply_to, key, reply))
+        self._held.append(self._open_session.declare_queryable(key, lambda query: mailbox.post((query,))))
+
+    def _reply_to(self, key: str, reply: Reply, query: "zenoh.Query") -> None:
+        answering = asyncio.ensure_future(_reply(key, reply, query))
+        self._answering.add(answering)
+        answering.add_done_callback(self._answering.discard)
+
+    def _whenever_open(self, declare: Callable[[], object]) -> None:
+        self._declare.append(declare)
+        if self._session is not None:
+            declare()
+
+    @property
+    def _open_session(self) -> "zenoh.Session":
+        if self._session is None:
+            raise ConnectionError("the session is not open")
+        return self._session
+
+    @property
+    def _running_loop(self) -> asyncio.AbstractEventLoop:
+        if self._loop is None:
+            raise ConnectionError("the session is not open")
+        return self._loop
+
+    def _endpoints(self, side: str) -> list[Any]:
+        return list(self._config.get(side, {}).get("endpoints", []))
+
+    def _use_free_port(self, error: OSError) -> bool:
+        endpoints = self._endpoints("listen")
+        taken = [i for i, endpoint in enumerate(endpoints) if _is_taken(endpoint)]
+        for i in taken:
+            free = free_endpoint()
+            log.warning("cannot listen on %s (%s); using %s instead", endpoints[i], error, free)
+            endpoints[i] = free
+        self._config["listen"] = {**self._config.get("listen", {}), "endpoints": endpoints}
+        return bool(taken)
+
+
+class _Mailbox:
+    """Carries calls from zenoh's threads into the loop, in order, with one wake-up per burst."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, deliver: Callable[..., None]) -> None:
+        self._loop = loop
+        self._deliver = deliver
+        self._waiting: deque[tuple[Any, ...]] = deque(maxlen=BACKLOG)
+        self._woken = False
+
+    def post(self, arguments: tuple[Any, ...]) -> None:
+        """Hand over; called in a foreign thread."""
+        self._waiting.append(arguments)
+        if not self._woken:
+            self._woken = True
+            _into(self._loop, self._drain)
+
+    def _drain(self) -> None:
+        self._woken = False  # before looking: whatever is posted from here on wakes the loop again
+        while self._waiting:
+            self._deliver(*self._waiting.popleft())
+
+
+def _into(loop: asyncio.AbstractEventLoop, call: Callable[[], object]) -> None:
+    with contextlib.suppress(RuntimeError):  # the loop has closed: nobody is left to tell
+        loop.call_soon_threadsafe(call)
+
+
+async def _reply(key: str, reply: Reply, query: "zenoh.Query") -> None:
+    with query:  # leaving it ends the query; otherwise the asker would wait for its timeout
+        if str(query.key_expr) != key:
+            query.reply_err(f"ask {key} itself, not {query.key_expr}".encode())
+            return
+        try:
+            answer = reply(query.payload.to_bytes() if query.payload is not None else b"")
+            query.reply(key, answer if isinstance(answer, bytes) else await answer, encoding=JSON)
+        except RefusedError as error:
+            query.reply_err(str(error).encode())
 
 
 def free_endpoint() -> str:
@@ -63,22 +275,26 @@ def free_endpoint() -> str:
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
-def _open_session(listen: str) -> "zenoh.Session":
-    """Open a router on one endpoint; OSError when it cannot listen there."""
+def _is_taken(endpoint: str) -> bool:
+    """Tell whether a loopback tcp endpoint belongs to somebody else."""
+    if not endpoint.startswith(("tcp/127.0.0.1:", "tcp/[::1]:")):
+        return False
+    host, _, port = endpoint.removeprefix("tcp/").rpartition(":")
+    family = socket.AF_INET6 if host.startswith("[") else socket.AF_INET
+    with socket.socket(family) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host.strip("[]"), int(port)))
+        except OSError:
+            return True
+    return False
+
+
+def _open_session(config: Mapping[str, Any]) -> "zenoh.Session":
     import zenoh
 
-    config = zenoh.Config.from_json5(
-        json.dumps(
-            {
-                "mode": "router",
-                "listen": {"endpoints": [listen]},
-                "connect": {"endpoints": []},
-                "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
-            }
-        )
-    )
     try:
-        return zenoh.open(config)
+        return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
     except zenoh.ZError as error:
         reason = str(error).splitlines()[0]
         raise OSError(reason) from error

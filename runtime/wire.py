@@ -1,10 +1,13 @@
 """What goes over zenoh: keys and payloads. Shared with every client; knows no session and no task.
 
-    wallride/<car>/status          one JSON object, the answer to "why is it (not) moving"
-    wallride/<car>/distance_error  one JSON object per scan: stamp_s, distance_m, error_m
-    wallride/<car>/output          one JSON object per decision
+Telemetry, `wallride/<car>/<topic>`: standard ROS 2 messages in CDR, except
 
-Stamps are seconds on the car's monotonic clock. Numbers that do not exist are null, never NaN (which is not JSON).
+    status      one JSON object, the answer to "why is it (not) moving"
+    decision    one JSON object per change of mind of the mux
+    beat        the car's heartbeat for operators, binary (runtime.teleop_wire)
+
+Towards the car: `operator/command`, binary; `param/list|get|set|save|history`, queries in JSON.
+Stamps in JSON are seconds on the car's monotonic clock. Numbers that do not exist are null, never NaN (not JSON).
 """
 
 import json
@@ -13,9 +16,29 @@ from collections.abc import Mapping
 from typing import Any
 
 ROOT = "wallride"
-STATUS = "status"
-DISTANCE_ERROR = "distance_error"
+
+SCAN = "scan"
+ODOM = "odom"
+NAVIGATION = "navigation"
+SAFETY = "safety"
+TELEOP = "teleop"
 OUTPUT = "output"
+DISTANCE_ERROR = "distance_error"
+WALL = "wall"
+FOOTPRINT = "footprint"
+IMU = "imu"
+MOTOR = "motor"
+BATTERY = "battery"
+DIAGNOSTICS = "diagnostics"
+TF = "tf"
+STATUS = "status"
+DECISION = "decision"
+BEAT = "beat"
+
+COMMAND = "operator/command"
+ALIVE = "alive"
+OPERATOR_ALIVE = "operator/alive"
+PARAM = "param"
 
 
 def key(car: str, topic: str) -> str:
