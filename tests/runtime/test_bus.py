@@ -12,6 +12,12 @@ from runtime.bus import Bus, RefusedError, free_endpoint
 KEY = "wallride/car1/operator/command"
 
 
+def both():
+    endpoint = free_endpoint()
+    car = Bus(zenoh_config.car_config([endpoint], None, (), "car1"))
+    return car, Bus(zenoh_config.client_config(endpoint, None))
+
+
 @pytest.fixture
 async def pair():
     """A car and a client, both open."""
