@@ -1,0 +1,170 @@
+"""The folder of keys on the car: makes it, adds to it, takes from it. Files are replaced whole or not at all.
+
+ca.key       signs; readable by its owner only, and not by the service that drives the car
+ca.pem       what everybody trusts              car.pem car.key   what the car shows
+people.toml  who may do what
+"""
+
+import contextlib
+import os
+import re
+import shutil
+import socket
+from collections.abc import Sequence
+from datetime import date, datetime
+from pathlib import Path
+
+from clients.keys.authority import Authority, Pair
+from runtime.key_files import AUTHORITY, CAR, PEOPLE
+from runtime.people import NAME_FORM, KeysError, Listed, explain_name, read_people
+from runtime.zenoh_config import Person
+
+AUTHORITY_KEY = "ca.key"
+SERVICE_GROUP = "wallride"
+HEAD = "# Who may do what on this car. Written by `wallride keys`; the car reads it when it starts.\n"
+CAR_FORM = re.compile(r"[a-z0-9][a-z0-9_-]{0,31}")
+_HOST_FORM = re.compile(r"[A-Za-z0-9_](?:[A-Za-z0-9._-]{0,251}[A-Za-z0-9])?|[0-9A-Fa-f:.]+")
+
+
+class KeyFolder:
+    """One car's keys. Every method raises KeysError with a remedy; `now` is the civil time with a zone."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def people(self) -> tuple[Listed, ...]:
+        """Return everybody who was ever added, in order."""
+        return read_people(self.path / PEOPLE)
+
+    def begin(self, car: str, names: Sequence[str], now: datetime, days: int, *, renew: bool) -> list[str]:
+        """Make the authority and the car's certificate, whichever is missing; return the names the car goes by."""
+        if not CAR_FORM.fullmatch(car):
+            raise KeysError(f"{car}: is not a car's name; 1 to 32 of a-z, 0-9, _ and -, as in car.name of its settings")
+        self.path.mkdir(mode=0o755, parents=True, exist_ok=True)
+        made = [(self.path / name).exists() for name in (AUTHORITY, AUTHORITY_KEY)]
+        if made[0] != made[1]:
+            raise KeysError(f"{self.path}: has only one of {AUTHORITY} and {AUTHORITY_KEY}; restore the other one")
+        if not made[0]:
+            pair = Authority.make(car, now)
+            _write(self.path / AUTHORITY_KEY, pair.key_pem, 0o600)
+            _write(self.path / AUTHORITY, pair.certificate_pem, 0o644)
+        elif (self.path / f"{CAR}.pem").exists() and not renew:
+            raise KeysError(
+                f"{self.path}: has keys already; --renew makes the car's certificate anew, people keep theirs"
+            )
+        alternatives = names_of_car(car, names)
+        _store(self.path, CAR, self._authority().certify_car(car, alternatives, now, days))
+        _give_to_service(self.path / f"{CAR}.key")
+        if not (self.path / PEOPLE).exists():
+            self._write_people(())
+        return alternatives
+
+    def add(self, person: Person, folder: Path, now: datetime, days: int, *, renew: bool) -> Listed:
+        """Make somebody's keys in a new folder and list them."""
+        if not NAME_FORM.fullmatch(person.name):
+            raise KeysError(f"{person.name}: is not a name; {explain_name()}")
+        if person.name in {CAR, Path(AUTHORITY).stem}:
+            raise KeysError(f"{person.name}: is what the car's own files are called; take another name")
+        others = self._others(person.name, now.date(), renew=renew)
+        if folder.exists():
+            raise KeysError(f"{folder}: is there already; move it away, or choose another one with --out")
+        pair = self._authority().certify_person(person.name, person.role, now, days)
+        folder.mkdir(mode=0o700, parents=True)
+        _store(folder, person.name, pair)
+        _write(folder / AUTHORITY, (self.path / AUTHORITY).read_bytes(), 0o644)
+        _give_to_caller(folder)
+        entry = Listed(person, expires=_day_after(now, days))
+        self._write_people((*others, entry))  # last: keys that nobody lists open nothing
+        return entry
+
+    def revoke(self, name: str, today: date) -> Listed:
+        """Let somebody do nothing any more, with whatever certificate."""
+        people = self.people()
+        entry = next((entry for entry in people if entry.person.name == name), None)
+        if entry is None:
+            known = ", ".join(entry.person.name for entry in people) or "nobody"
+            raise KeysError(f"{name}: is not in {self.path / PEOPLE}; there is {known}")
+        if entry.revoked is None:
+            entry = Listed(entry.person, entry.expires, revoked=today)
+            self._write_people([entry if other.person.name == name else other for other in people])
+        return entry
+
+    def _others(self, name: str, today: date, *, renew: bool) -> list[Listed]:
+        """Return the other people; refuse a name whose old certificate would come to life again."""
+        people = self.people()
+        for entry in people:
+            if entry.person.name != name:
+                continue
+            if entry.revoked is not None and today <= entry.expires:
+                raise KeysError(
+                    f"{name}: was revoked, and the old certificate is valid until {entry.expires}: it would work "
+                    f"again; take another name, like {name}-2"
+                )
+            if entry.revoked is None and today <= entry.expires and not renew:
+                raise KeysError(
+                    f"{name}: is there already, as {entry.person.role}; --renew for new keys or another role"
+                )
+        return [entry for entry in people if entry.person.name != name]
+
+    def _authority(self) -> Authority:
+        try:
+            return Authority(Pair((self.path / AUTHORITY).read_bytes(), (self.path / AUTHORITY_KEY).read_bytes()))
+        except FileNotFoundError as error:
+            if (self.path / AUTHORITY).exists():
+                raise KeysError(f"{error.filename}: is not here; put it back where it is needed to make keys") from None
+            raise KeysError(f"{self.path}: has no keys yet; begin with `wallride keys init`") from None
+
+    def _write_people(self, people: Sequence[Listed]) -> None:
+        lines = [HEAD]
+        for entry in people:
+            lines.append(f'\n[{entry.person.name}]\nrole = "{entry.person.role}"\nexpires = {entry.expires}\n')
+            if entry.revoked is not None:
+                lines.append(f"revoked = {entry.revoked}\n")
+        _write(self.path / PEOPLE, "".join(lines).encode(), 0o644)
+
+
+def names_of_car(car: str, more: Sequence[str]) -> list[str]:
+    """Return every name under which clients may look for the car, once each."""
+    for name in more:
+        if not _HOST_FORM.fullmatch(name):
+            raise KeysError(f"--san {name}: is neither a host name nor an IP address")
+    host = socket.gethostname().split(".")[0].lower()
+    hosts = [host, f"{host}.local"] if _HOST_FORM.fullmatch(host) else []
+    return list(dict.fromkeys([car, f"{car}.local", *hosts, "localhost", "127.0.0.1", *more]))
+
+
+def _day_after(now: datetime, days: int) -> date:
+    return date.fromordinal(now.date().toordinal() + days)
+
+
+def _store(folder: Path, name: str, pair: Pair) -> None:
+    _write(folder / f"{name}.key", pair.key_pem, 0o600)
+    _write(folder / f"{name}.pem", pair.certificate_pem, 0o644)
+
+
+def _write(path: Path, content: bytes, mode: int) -> None:
+    """Write a file so that a power cut leaves the old or the new one, and nobody reads a key before its mode is set."""
+    draft = path.with_name(path.name + ".new")
+    draft.unlink(missing_ok=True)
+    with os.fdopen(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    draft.chmod(mode)
+    draft.replace(path)
+
+
+def _give_to_service(key: Path) -> None:
+    """Let the service's group read the car's key; only root can, and only where that group exists."""
+    if os.name == "posix" and os.geteuid() == 0:
+        with contextlib.suppress(LookupError):
+            shutil.chown(key, group=SERVICE_GROUP)
+            key.chmod(0o640)
+
+
+def _give_to_caller(folder: Path) -> None:
+    """Under sudo, hand the new folder to the one who called it, who has to carry it away."""
+    if os.name == "posix" and os.geteuid() == 0 and (user := os.environ.get("SUDO_UID", "")).isdigit():
+        group = os.environ.get("SUDO_GID", user)
+        for path in (folder, *folder.iterdir()):
+            os.chown(path, int(user), int(group) if group.isdigit() else -1)

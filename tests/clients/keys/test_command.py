@@ -1,0 +1,74 @@
+"""`wallride keys` as a person types it."""
+
+import argparse
+
+import pytest
+
+from wallride import keys_options
+
+
+@pytest.fixture
+def wallride(tmp_path, monkeypatch, capsys):
+    """Return a function that runs one command in an empty folder: (exit code, standard output, standard error)."""
+    monkeypatch.chdir(tmp_path)
+    parser = argparse.ArgumentParser()
+    keys_options.add(parser.add_subparsers())
+
+    def run(line):
+        options = parser.parse_args([*line.split(), "--dir", str(tmp_path / "keys")])
+        code = options.run(options)
+        out = capsys.readouterr()
+        return code, out.out, out.err
+
+    return run
+
+
+def test_from_nothing_to_a_secured_car(wallride, tmp_path):
+    code, out, _ = wallride("keys init --car car7 --san 10.0.0.7")
+    assert code == 0
+    assert "car7.local" in out
+    assert "10.0.0.7" in out
+    assert f'keys_dir = "{tmp_path / "keys"}"' in out
+    code, out, _ = wallride("keys add alice --role operator --car car7")
+    assert code == 0
+    assert "alice is an operator of car7" in out
+    assert sorted(path.name for path in (tmp_path / "alice-keys").iterdir()) == ["alice.key", "alice.pem", "ca.pem"]
+    assert wallride("keys add bob --role viewer --days 10 --car car7")[0] == 0
+    assert wallride("keys revoke alice --car car7")[0] == 0
+    code, out, _ = wallride("keys list")
+    lines = out.splitlines()
+    assert code == 0
+    assert lines[0].startswith("car7   car       until")
+    assert "alice  operator  revoked 20" in out
+    assert "in 10 days: keys add bob --renew" in out
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("keys list", "no such file"),
+        ("keys add alice --role viewer", "wallride keys init"),
+        ("keys revoke alice", "wallride keys init"),
+        ("keys init --car Car", "not a car's name"),
+        ("keys init --san a/b", "--san a/b"),
+    ],
+)
+def test_what_the_user_can_mend_is_one_line_and_exit_code_2(wallride, line, says):
+    code, out, err = wallride(line)
+    assert (code, out) == (2, "")
+    assert says in err
+    assert err.count("\n") == 1
+
+
+def test_a_folder_that_cannot_be_made_is_one_line_too(wallride, tmp_path):
+    (tmp_path / "keys").write_text("a file, not a folder")
+    code, _, err = wallride("keys init")
+    assert code == 2
+    assert str(tmp_path / "keys") in err
+
+
+@pytest.mark.parametrize("days", ["0", "-1", "4000", "soon"])
+def test_days_are_a_sensible_number(wallride, days, capsys):
+    with pytest.raises(SystemExit):
+        wallride(f"keys init --days={days}")
+    assert "--days" in capsys.readouterr().err

@@ -1,0 +1,171 @@
+"""The folder of keys: what is made, who may read it, and which names must never come to life again."""
+
+import os
+import stat
+from datetime import UTC, date, datetime, timedelta
+
+import pytest
+from cryptography import x509
+from cryptography.x509.oid import ExtendedKeyUsageOID
+
+from clients.keys.folder import KeyFolder
+from runtime.certificates import read_identity
+from runtime.key_files import car_keys, client_keys
+from runtime.people import KeysError
+from runtime.zenoh_config import Person, Role, Tls
+
+NOW = datetime(2026, 5, 1, 12, tzinfo=UTC)
+ALICE = Person("alice", Role.OPERATOR)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    folder = KeyFolder(tmp_path / "car")
+    folder.begin("car1", ["10.0.0.5", "pit.example"], NOW, 365, renew=False)
+    return folder
+
+
+def mode(path):
+    return stat.S_IMODE(path.stat().st_mode)
+
+
+def certificate(path):
+    return x509.load_pem_x509_certificate(path.read_bytes())
+
+
+def test_the_car_and_a_person_can_use_what_was_made(folder, tmp_path):
+    entry = folder.add(ALICE, tmp_path / "alice", NOW, 30, renew=False)
+    assert entry.expires == date(2026, 5, 31)
+    car, alice = car_keys(folder.path, NOW), client_keys(tmp_path / "alice", NOW - timedelta(hours=3))
+    assert car.people == (ALICE,)
+    assert (car.warnings, alice.identity.name, alice.identity.role) == ((), "alice", "operator")
+    assert {"car1", "car1.local", "localhost", "127.0.0.1", "10.0.0.5", "pit.example"} <= set(car.identity.names)
+    assert car.tls == Tls(folder.path / "ca.pem", folder.path / "car.pem", folder.path / "car.key")
+
+
+def test_only_their_owner_reads_keys(folder, tmp_path):
+    before = os.umask(0)
+    try:
+        folder.add(ALICE, tmp_path / "alice", NOW, 30, renew=False)
+    finally:
+        os.umask(before)
+    assert mode(tmp_path / "alice") == 0o700
+    assert {path.name: mode(path) for path in (tmp_path / "alice").iterdir()} == {
+        "ca.pem": 0o644,
+        "alice.pem": 0o644,
+        "alice.key": 0o600,
+    }
+    assert mode(folder.path / "ca.key") == 0o600
+    assert mode(folder.path / "car.key") & 0o007 == 0
+
+
+def test_a_person_cannot_serve_and_a_car_cannot_ask(folder, tmp_path):
+    folder.add(ALICE, tmp_path / "alice", NOW, 30, renew=False)
+    usages = [
+        list(certificate(path).extensions.get_extension_for_class(x509.ExtendedKeyUsage).value)
+        for path in (tmp_path / "alice/alice.pem", folder.path / "car.pem")
+    ]
+    assert usages == [[ExtendedKeyUsageOID.CLIENT_AUTH], [ExtendedKeyUsageOID.SERVER_AUTH]]
+    assert not certificate(folder.path / "car.pem").extensions.get_extension_for_class(x509.BasicConstraints).value.ca
+
+
+def test_a_revoked_name_stays_dead_until_its_certificate_has_expired(folder, tmp_path):
+    folder.add(ALICE, tmp_path / "old", NOW, 30, renew=False)
+    assert folder.revoke("alice", NOW.date()).revoked == date(2026, 5, 1)
+    assert car_keys(folder.path, NOW).people == ()
+    for renew in (False, True):
+        with pytest.raises(KeysError, match=r"valid until 2026-05-31.*alice-2"):
+            folder.add(ALICE, tmp_path / "new", NOW + timedelta(days=29), 30, renew=renew)
+    folder.add(ALICE, tmp_path / "new", NOW + timedelta(days=31), 30, renew=False)
+    assert car_keys(folder.path, NOW).people == (ALICE,)
+
+
+def test_revoking_again_keeps_the_first_day_and_revoking_nobody_says_who_there_is(folder, tmp_path):
+    folder.add(ALICE, tmp_path / "alice", NOW, 30, renew=False)
+    folder.revoke("alice", date(2026, 5, 2))
+    assert folder.revoke("alice", date(2026, 5, 9)).revoked == date(2026, 5, 2)
+    with pytest.raises(KeysError, match=r"bob: is not in .*people\.toml; there is alice"):
+        folder.revoke("bob", NOW.date())
+
+
+def test_a_name_is_given_twice_only_on_purpose(folder, tmp_path):
+    folder.add(ALICE, tmp_path / "1", NOW, 30, renew=False)
+    with pytest.raises(KeysError, match=r"there already, as operator; --renew"):
+        folder.add(Person("alice", Role.ADMIN), tmp_path / "2", NOW, 30, renew=False)
+    folder.add(Person("alice", Role.VIEWER), tmp_path / "2", NOW, 60, renew=True)
+    (entry,) = folder.people()
+    assert (entry.person.role, entry.expires) == (Role.VIEWER, date(2026, 6, 30))
+
+
+@pytest.mark.parametrize("name", ["Alice", "a b", "", "-a", "a/b", "../a", "a" * 25, "älice", "a]\nrole", "car", "ca"])
+def test_names_that_would_break_something_are_refused(folder, tmp_path, name):
+    with pytest.raises(KeysError, match="name"):
+        folder.add(Person(name, Role.VIEWER), tmp_path / "x", NOW, 30, renew=False)
+    assert folder.people() == ()
+
+
+def test_init_neither_overwrites_nor_guesses(folder):
+    authority = (folder.path / "ca.pem").read_bytes()
+    with pytest.raises(KeysError, match=r"has keys already; --renew"):
+        folder.begin("car1", [], NOW, 365, renew=False)
+    before = (folder.path / "car.pem").read_bytes()
+    folder.begin("car1", [], NOW, 365, renew=True)
+    assert (folder.path / "ca.pem").read_bytes() == authority
+    assert (folder.path / "car.pem").read_bytes() != before
+    (folder.path / "ca.key").unlink()
+    with pytest.raises(KeysError, match="only one of"):
+        folder.begin("car1", [], NOW, 365, renew=True)
+
+
+def test_renewing_keeps_people(folder, tmp_path):
+    folder.add(ALICE, tmp_path / "alice", NOW, 30, renew=False)
+    folder.begin("car1", [], NOW, 365, renew=True)
+    assert [entry.person for entry in folder.people()] == [ALICE]
+
+
+@pytest.mark.parametrize("san", ["two words", "tls/car1:7448", "", "-x", "a," * 3])
+def test_a_wrong_san_is_named(tmp_path, san):
+    with pytest.raises(KeysError, match=r"--san .*neither a host name nor an IP address"):
+        KeyFolder(tmp_path).begin("car1", [san], NOW, 365, renew=False)
+
+
+@pytest.mark.parametrize("car", ["Car1", "*", "a/b", "**", ""])
+def test_a_wrong_name_of_the_car_is_refused(tmp_path, car):
+    with pytest.raises(KeysError, match="not a car's name"):
+        KeyFolder(tmp_path / "new").begin(car, [], NOW, 365, renew=False)
+    assert not (tmp_path / "new").exists()
+
+
+def test_adding_before_init_says_so(tmp_path):
+    with pytest.raises(KeysError, match="wallride keys init"):
+        KeyFolder(tmp_path).add(ALICE, tmp_path / "alice", NOW, 30, renew=False)
+
+
+def test_the_authoritys_key_may_be_kept_elsewhere(folder, tmp_path):
+    (folder.path / "ca.key").rename(tmp_path / "ca.key")
+    assert car_keys(folder.path, NOW).identity.name == "car1"
+    with pytest.raises(KeysError, match=r"ca\.key: is not here; put it back"):
+        folder.add(ALICE, tmp_path / "alice", NOW, 30, renew=False)
+    (tmp_path / "ca.key").rename(folder.path / "ca.key")
+    folder.add(ALICE, tmp_path / "alice", NOW, 30, renew=False)
+
+
+def test_a_folder_that_is_there_is_not_touched(folder, tmp_path):
+    (tmp_path / "alice").mkdir()
+    with pytest.raises(KeysError, match="--out"):
+        folder.add(ALICE, tmp_path / "alice", NOW, 30, renew=False)
+    assert folder.people() == ()
+
+
+def test_nothing_outlives_the_authority(folder, tmp_path):
+    with pytest.raises(KeysError, match=r"ends on 2036.*--days"):
+        folder.add(ALICE, tmp_path / "alice", NOW + timedelta(days=3500), 365, renew=False)
+
+
+def test_an_authority_with_the_wrong_key_is_noticed(folder, tmp_path):
+    other = KeyFolder(tmp_path / "other")
+    other.begin("car1", [], NOW, 365, renew=False)
+    (folder.path / "ca.key").write_bytes((other.path / "ca.key").read_bytes())
+    with pytest.raises(KeysError, match=r"ca\.key is not the key of ca\.pem"):
+        folder.add(ALICE, tmp_path / "alice", NOW, 30, renew=False)
+    assert read_identity(car_keys(folder.path, NOW).tls, for_car=True).name == "car1"

@@ -1,0 +1,70 @@
+"""What `wallride keys` understands: who may watch, drive and change this car."""
+
+import argparse
+from pathlib import Path
+
+DEFAULT_DIR = Path("/etc/wallride/keys")
+ROLES = ("viewer", "operator", "admin")
+
+
+def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command and its four actions."""
+    keys = commands.add_parser("keys", help="who may watch, drive and change this car over the network")
+    actions = keys.add_subparsers(dest="action", required=True, metavar="ACTION")
+    init = actions.add_parser("init", help="make this car's keys")
+    init.add_argument(
+        "--san", action="append", default=[], metavar="NAME|IP", help="another name or address of the car (repeatable)"
+    )
+    add_person = actions.add_parser("add", help="make keys for a person or a computer")
+    add_person.add_argument("name", metavar="NAME", help="a-z, 0-9, _ and -, up to 24; shown when they operate")
+    add_person.add_argument(
+        "--role",
+        choices=ROLES,
+        required=True,
+        help="viewer hears telemetry and reads parameters; operator also drives and sets them; admin also records",
+    )
+    add_person.add_argument("--out", type=Path, metavar="DIR", help="new folder for the keys (default: ./NAME-keys)")
+    revoke = actions.add_parser("revoke", help="let a person do nothing any more")
+    revoke.add_argument("name", metavar="NAME")
+    show = actions.add_parser("list", help="show who may do what, and until when")
+    for action in (init, add_person):
+        action.add_argument("--days", type=_days, default=365, metavar="N", help="valid for so long (default: 365)")
+        action.add_argument("--renew", action="store_true", help="make them anew where they exist already")
+    for action in (init, add_person, revoke, show):
+        action.add_argument("--dir", type=Path, default=DEFAULT_DIR, help=f"folder of keys (default: {DEFAULT_DIR})")
+        action.add_argument("--car", metavar="NAME", help="the car's name (default: car.name of its settings)")
+        action.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Do it and print what to do next; exit code 2 with one line when the user can mend it."""
+    from runtime.people import KeysError
+    from runtime.settings import SettingsError
+    from wallride.cli import fail
+
+    try:
+        from clients.keys import command
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] != "cryptography":
+            raise
+        return fail("keys need one more package: pip install 'wallride[keys]'")
+    try:
+        lines = command.run(options, options.car or _car_name())
+    except (KeysError, SettingsError) as error:
+        return fail(str(error))
+    print("\n".join(lines))
+    return 0
+
+
+def _car_name() -> str:
+    from runtime.settings import load_settings
+    from wallride.cli import DEFAULT_CONFIG
+
+    return load_settings(DEFAULT_CONFIG if DEFAULT_CONFIG.is_file() else None).car.name
+
+
+def _days(text: str) -> int:
+    days = int(text)
+    if not 1 <= days <= 3600:
+        raise argparse.ArgumentTypeError("write a number of days from 1 to 3600")
+    return days
