@@ -1,4 +1,4 @@
-"""Looks after the devices and the process itself: latches faults, takes the permit back, talks to systemd."""
+"""Looks after the devices and the process itself: latches faults, has operators rearm, talks to systemd."""
 
 import logging
 from collections.abc import Callable
@@ -6,11 +6,10 @@ from dataclasses import dataclass, field
 from typing import Never
 
 from drivers.api import Clock, Health, Lidar, LinkState, Motor
-from runtime.command import Output, Source, refusal
-from runtime.permit import Permit
+from runtime.command import Output
+from runtime.emergency_stop import Cause, EmergencyStop
 from runtime.service_manager import ServiceManager
 from runtime.ticker import ticks
-from runtime.voices import Voices
 
 log = logging.getLogger("wallride.health")
 
@@ -21,6 +20,7 @@ CYCLE_LIMIT_S = 0.2
 """A mux that has not decided for so long is not healthy, and the watchdog is not petted."""
 FAULT_RETRY_S = 2.0
 """Without an operator (permit "always") a latched motor fault is tried again after this time."""
+AFTER_FAULT = "the motor had a fault; permit again"
 
 
 @dataclass(slots=True)
@@ -29,6 +29,7 @@ class _Seen:
 
     link: LinkState = LinkState.ABSENT
     message: str = ""
+    lost: str = ""  # what was said when it was lost, until it is back
 
 
 @dataclass(slots=True)
@@ -36,13 +37,14 @@ class Caretaker:
     """Checks everything at RATE_HZ; `check` is one round, so that tests can walk through time.
 
     output: returns what the mux decided last; its age is the evidence on which the watchdog is petted.
+    rearm: called with the reason when nothing that an operator holds down may count any longer.
     """
 
     lidar: Lidar
     motor: Motor
     output: Callable[[], Output | None]
-    voices: Voices
-    permit: Permit
+    emergency_stop: EmergencyStop
+    rearm: Callable[[str], None]
     manager: ServiceManager
     clock: Clock
     retry_faults: bool
@@ -72,7 +74,11 @@ class Caretaker:
     def _look_at(self, name: str, health: Health) -> None:
         seen = self._seen.setdefault(name, _Seen())
         if seen.link is LinkState.READY and health.link is not LinkState.READY:
-            self.permit.revoke(f"the {name} was lost; permit again")
+            seen.lost = f"the {name} was lost; permit again"
+            self.rearm(seen.lost)
+        elif seen.lost and health.link is LinkState.READY:
+            self.rearm(seen.lost)  # again: what was pressed while it was away must not move the car by itself
+            seen.lost = ""
         if (seen.link, seen.message) != (health.link, health.message):
             level = logging.INFO if health.link in {LinkState.READY, LinkState.STARTING} else logging.WARNING
             log.log(level, "%s %s: %s", name, health.link, health.message)
@@ -85,14 +91,15 @@ class Caretaker:
             if self._fault_since_s is None:
                 self._fault_since_s = now_s
                 log.error("%s", fault)
-                self.voices.say(refusal(Source.ESTOP, fault))
-                self.permit.revoke("the motor had a fault; permit again")
+                self.emergency_stop.latch(Cause.MOTOR, fault)
+                self.rearm(AFTER_FAULT)
             elif self.retry_faults and now_s - self._fault_since_s > FAULT_RETRY_S:
                 self._fault_since_s = now_s
                 self.motor.clear_fault()
         elif self._fault_since_s is not None and state is not None:
             self._fault_since_s = None
-            self.voices.silence(Source.ESTOP)
+            self.rearm(AFTER_FAULT)
+            self.emergency_stop.clear(Cause.MOTOR)
 
     def _fault_words(self) -> str:
         state = self.motor.state

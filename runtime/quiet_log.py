@@ -1,0 +1,41 @@
+"""A log for things that somebody outside can cause as often as they like: a few lines, and how many were left out."""
+
+import logging
+from dataclasses import dataclass
+
+from drivers.api import Clock
+
+FIRST_PAUSE_S = 1.0
+LONGEST_PAUSE_S = 60.0
+
+
+@dataclass(slots=True)
+class _Kind:
+    due_s: float
+    pause_s: float
+    withheld: int
+
+
+class QuietLog:
+    """Says each kind of thing at most once a second; one that goes on is said ever more rarely, up to once a minute.
+
+    The kinds must be few and chosen by us, since each is remembered.
+    """
+
+    def __init__(self, log: logging.Logger, clock: Clock) -> None:
+        self._log = log
+        self._clock = clock
+        self._kinds: dict[str, _Kind] = {}
+
+    def say(self, kind: str, text: str, level: int = logging.WARNING) -> None:
+        """Say it, or only count it."""
+        now_s = self._clock()
+        known = self._kinds.setdefault(kind, _Kind(now_s, FIRST_PAUSE_S, 0))
+        if now_s < known.due_s:
+            known.withheld += 1
+            return
+        more = f" (and {known.withheld} more)" if known.withheld else ""
+        known.pause_s = min(known.pause_s * 2, LONGEST_PAUSE_S) if known.withheld else FIRST_PAUSE_S
+        known.due_s = now_s + known.pause_s
+        known.withheld = 0
+        self._log.log(level, "%s%s", text, more)

@@ -1,0 +1,20 @@
+"""The operator's desk at work: a beat for every operator, and a look for the silence that no message announces."""
+
+import math
+from collections.abc import Callable
+from typing import Never
+
+from drivers.api import Clock, Motor
+from runtime.operator_desk import OperatorDesk
+from runtime.ticker import ticks
+
+
+async def attend(
+    desk: OperatorDesk, motor: Motor, publish: Callable[[bytes], None], *, beat_hz: float, clock: Clock
+) -> Never:
+    """Tick and beat for ever. `publish` sends a beat at once or not at all; it must not wait."""
+    async for _ in ticks(1 / beat_hz, clock):
+        desk.tick()
+        state = motor.state
+        publish(desk.beat(state.speed_mps if state is not None else math.nan).pack())
+    raise AssertionError("ticks never end")

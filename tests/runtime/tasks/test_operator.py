@@ -1,0 +1,76 @@
+"""The operator task in virtual time: beats at their rate, and silence noticed between them."""
+
+import asyncio
+import math
+from itertools import pairwise
+
+import pytest
+
+from drivers.api import Drive
+from runtime.command import LAB_ORDER, Source
+from runtime.emergency_stop import EmergencyStop
+from runtime.operator_desk import OperatorDesk
+from runtime.operator_settings import OperatorSettings
+from runtime.permit import Permit
+from runtime.tasks.operator import attend
+from runtime.teleop_wire import Command, Condition, Input, Press, read_beat
+from runtime.voices import Voices
+from sim.twins import MemoryMotor
+from sim.virtual_time import run_virtual
+
+
+class Bench:
+    """The task with a desk, and a client that sends for a while and then falls silent."""
+
+    def __init__(self, seconds, client_sends_until_s=0.0, *, present=True):
+        self.beats = []
+        self.teleop = []
+        run_virtual(self._run(seconds, client_sends_until_s, present=present))
+
+    async def _run(self, seconds, client_sends_until_s, *, present):
+        clock = asyncio.get_running_loop().time
+        voices = Voices(LAB_ORDER, clock)
+        self.motor = MemoryMotor(clock)
+        self.motor.send(Drive(1.25, 0.0))
+        self.motor.present = present
+        e_stop = EmergencyStop(voices)
+        desk = OperatorDesk(
+            OperatorSettings(), voices, Permit(voices, "required"), e_stop, self.motor.clear_fault, clock, 9
+        )
+
+        def publish(payload):
+            beat = read_beat(payload)
+            self.beats.append((clock(), beat))
+            if clock() < client_sends_until_s:
+                held = Press.MANUAL if beat.beat > 5 else Press(0)
+                command = Command(1, beat.beat, beat.car_session, beat.beat, held, Input.SCRIPT, speed_mps=1.0)
+                desk.receive("", command.pack(), clock())
+            self.teleop.append((clock(), any(word.source is Source.TELEOP for word in voices.live())))
+
+        task = asyncio.create_task(attend(desk, self.motor, publish, beat_hz=50, clock=clock))
+        await asyncio.sleep(seconds)
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+
+
+def test_it_beats_fifty_times_a_second_with_the_measured_speed():
+    bench = Bench(2.01)
+    assert [beat.beat for _, beat in bench.beats] == list(range(1, 101))
+    assert all(after - before == pytest.approx(0.02) for (before, _), (after, _) in pairwise(bench.beats))
+    assert bench.beats[-1][1].speed_mps == 1.25
+    assert bench.beats[-1][1].car_session == 9
+
+
+def test_an_unplugged_motor_has_no_speed():
+    assert math.isnan(Bench(0.1, present=False).beats[0][1].speed_mps)
+
+
+def test_a_client_that_falls_silent_is_lost_within_the_expiry_and_one_beat():
+    bench = Bench(3.0, client_sends_until_s=1.0)
+    driven_s = [at_s for at_s, speaks in bench.teleop if speaks]
+    assert driven_s[-1] - driven_s[0] > 0.8
+    last_sent_s = max(at_s for at_s, _ in bench.beats if at_s < 1.0)
+    assert driven_s[-1] - last_sent_s < 0.2
+    lost_s = next(at_s for at_s, beat in bench.beats if beat.flags & Condition.OPERATOR_LOST)
+    assert lost_s - last_sent_s <= 0.2 + 0.02 + 1e-9

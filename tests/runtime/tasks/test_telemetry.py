@@ -1,0 +1,237 @@
+"""Telemetry: off the hot path, newest values only, every consumer the same bytes."""
+
+import asyncio
+import json
+import math
+from itertools import count
+
+import numpy as np
+import pytest
+
+from runtime import wire
+from runtime.car_settings import CarSettings
+from runtime.command import Source, Verdict
+from runtime.ros.definitions import TYPES
+from runtime.sinks import ZenohSink
+from runtime.tasks.telemetry import Telemetry
+from runtime.telemetry_settings import RatesHz
+from tests.runtime.observed import GUIDANCE, HandClock, make_observed, output_of, scan_at, speak
+from tests.runtime.ros.samples import ros_store
+
+EPOCH_NS = 1_790_000_000_000_000_123
+STORE = ros_store()
+
+
+class Keeper:
+    """A sink that keeps what it takes."""
+
+    def __init__(self, *topics):
+        self.topics = set(topics)
+        self.kept = []
+
+    def wants(self, topic, *, urgent=False):
+        return not self.topics or topic in self.topics
+
+    def take(self, topic, schema, stamp_s, payload):
+        self.kept.append((topic, schema, stamp_s, payload))
+
+    def of(self, topic):
+        return [payload for name, _, _, payload in self.kept if name == topic]
+
+
+class Rig:
+    def __init__(self, *sinks):
+        self.clock = HandClock()
+        self.observed = make_observed(self.clock)
+        self.sinks = sinks or (Keeper(),)
+        self.telemetry = Telemetry(
+            self.observed, CarSettings(), self.sinks, epoch_ns=EPOCH_NS, side=lambda: "left", ball_m=lambda: None
+        )
+
+    def drive_once(self, **output):
+        """Let one scan go all the way to the motor."""
+        self.clock.now_s += 0.025
+        scan = scan_at(self.clock.now_s)
+        self.telemetry.on_scan(scan)
+        speak(self.observed)
+        self.telemetry.on_guidance(scan, GUIDANCE)
+        self.clock.now_s += 0.004
+        self.telemetry.on_output(output_of(self.observed, **output))
+
+    async def written(self, turns=60):
+        """Let the task write what it has."""
+        task = asyncio.create_task(self.telemetry.run())
+        for _ in range(turns):
+            await asyncio.sleep(0)
+        task.cancel()
+        await asyncio.wait([task])
+        return self.sinks[0]
+
+
+def decoded(payload, topic):
+    return STORE.deserialize_cdr(payload, TYPES[topic])
+
+
+async def test_one_scan_brings_every_topic_that_has_something_to_say():
+    rig = Rig()
+    rig.drive_once()
+    kept = await rig.written()
+    silent = {wire.TELEOP, wire.IMU}
+    assert {topic for topic, *_ in kept.kept} == {*TYPES, wire.STATUS, wire.DECISION} - silent
+    for topic, schema, stamp_s, payload in kept.kept:
+        assert schema == TYPES.get(topic, "")
+        assert stamp_s == pytest.approx(1_790_000_000 + rig.clock.now_s, abs=0.03)
+        if schema:
+            decoded(payload, topic)
+        else:
+            json.loads(payload)
+
+
+async def test_stamps_are_those_of_the_measurement_since_1970_with_exact_differences():
+    rig = Rig(Keeper(wire.SCAN))
+    stamps_ns, measured_s = [], []
+    for _ in range(3):
+        rig.drive_once()
+        measured_s.append(rig.clock.now_s - 0.004)
+        header = decoded((await rig.written()).of(wire.SCAN)[-1], wire.SCAN).header
+        stamps_ns.append(header.stamp.sec * 10**9 + header.stamp.nanosec)
+    assert stamps_ns == [EPOCH_NS + round(stamp_s * 1e9) for stamp_s in measured_s]
+
+
+async def test_nothing_is_written_before_the_motor_has_its_command():
+    rig = Rig()
+    rig.telemetry.on_scan(scan_at(100.0))
+    rig.telemetry.on_guidance(scan_at(100.0), GUIDANCE)
+    assert (await rig.written()).kept == []
+    speak(rig.observed)
+    rig.telemetry.on_output(output_of(rig.observed))
+    assert rig.sinks[0].of(wire.SCAN) == []
+    assert len((await rig.written()).of(wire.SCAN)) == 1
+
+
+async def test_one_message_is_written_per_turn_of_the_loop():
+    rig = Rig()
+    rig.drive_once()
+    task = asyncio.create_task(rig.telemetry.run())
+    sizes = []
+    for _ in range(30):
+        await asyncio.sleep(0)
+        sizes.append(len(rig.sinks[0].kept))
+    task.cancel()
+    assert sizes[-1] > 10
+    assert max(np.diff(sizes)) == 1
+
+
+async def test_what_was_not_written_in_time_is_replaced_by_the_newer():
+    rig = Rig()
+    for _ in range(5):
+        rig.drive_once()
+    kept = await rig.written()
+    assert len(kept.of(wire.SCAN)) == len(kept.of(wire.OUTPUT)) == 1
+    assert decoded(kept.of(wire.SCAN)[0], wire.SCAN).scan_time == pytest.approx(0.029)
+
+
+async def test_an_unwanted_message_is_not_even_written(monkeypatch):
+    rig = Rig(Keeper(wire.ODOM))
+    wrote = []
+    write = rig.telemetry._writers.write
+
+    def watched(topic):
+        wrote.append(topic)
+        return write(topic)
+
+    monkeypatch.setattr(rig.telemetry._writers, "write", watched)
+    rig.drive_once()
+    await rig.written()
+    assert wrote == [wire.ODOM]
+
+
+async def test_all_sinks_get_the_same_bytes_of_one_writing():
+    one, two = Keeper(), Keeper(wire.SCAN)
+    rig = Rig(one, two)
+    rig.drive_once()
+    await rig.written()
+    assert two.kept == [kept for kept in one.kept if kept[0] == wire.SCAN]
+    assert two.of(wire.SCAN)[0] is one.of(wire.SCAN)[0]
+
+
+async def test_every_change_of_mind_is_told_even_between_two_turns_and_beyond_the_rate():
+    class Ear:
+        def __init__(self):
+            self.heard = []
+
+        def put(self, key, payload, *, encoding):
+            self.heard.append((key, payload))
+
+        def wanted(self, key, *, encoding):
+            return key.endswith("/decision")
+
+    ear = Ear()
+    clock = HandClock()
+    sink = ZenohSink(ear, "car1", RatesHz(decision=0.001), clock)
+    rig = Rig(sink)
+    reasons = ["wall", "wall ahead", "wall ahead", "wall", "boxed in"]
+    for reason in reasons:
+        rig.drive_once(reason=reason)
+    await rig.written()
+    assert [json.loads(payload)["reason"] for _, payload in ear.heard] == ["wall", "wall ahead", "wall", "boxed in"]
+
+
+async def test_safety_says_what_it_allows_of_the_wish_and_nothing_when_nobody_drives():
+    rig = Rig(Keeper(wire.SAFETY))
+    speak(rig.observed, speed_mps=2.0, safety=Verdict(0.5, math.inf, "slower", 1.0))
+    rig.telemetry.on_output(output_of(rig.observed, speed_mps=0.5, winner=Source.SAFETY, reason="slower", measure=1.0))
+    (payload,) = (await rig.written()).of(wire.SAFETY)
+    assert decoded(payload, wire.SAFETY).drive.speed == 0.5
+    speak(rig.observed, speed_mps=-1.0, safety=Verdict(math.inf, math.inf, "clear"))
+    rig.telemetry.on_output(output_of(rig.observed, speed_mps=-1.0))
+    payload = (await rig.written()).of(wire.SAFETY)[-1]
+    assert decoded(payload, wire.SAFETY).drive.speed == -1.0
+    rig.observed.voices.silence(Source.NAVIGATION)
+    rig.telemetry.on_output(output_of(rig.observed))
+    assert len((await rig.written()).of(wire.SAFETY)) == 2
+
+
+async def test_a_silent_voice_publishes_nothing():
+    rig = Rig(Keeper(wire.NAVIGATION, wire.TELEOP))
+    rig.drive_once()
+    kept = await rig.written()
+    assert decoded(kept.of(wire.NAVIGATION)[0], wire.NAVIGATION).drive.steering_angle == pytest.approx(0.1)
+    assert kept.of(wire.TELEOP) == []
+
+
+async def test_latency_and_score_are_kept_for_the_status():
+    rig = Rig()
+    for _ in range(10):
+        rig.drive_once()
+    status = rig.telemetry.status()
+    assert status["scan_to_motor_ms"]["p50"] == pytest.approx(3.0, abs=0.01), "received 1 ms after its stamp"
+    assert status["distance_error"]["mean_abs_m"] == 0.125
+    assert status["scans"] == 10
+
+
+async def test_an_inertial_measurement_goes_out_as_it_came():
+    rig = Rig(Keeper(wire.IMU))
+    rig.telemetry.on_imu(100.0, (0.0, 0.0, 0.5), (0.0, 0.0, 9.81))
+    rig.drive_once()
+    (payload,) = (await rig.written()).of(wire.IMU)
+    assert decoded(payload, wire.IMU).angular_velocity.z == 0.5
+
+
+async def test_a_lost_motor_has_no_odometry_and_the_rest_goes_on():
+    rig = Rig()
+    rig.observed.motor.present = False
+    rig.drive_once()
+    kept = await rig.written()
+    assert not {wire.ODOM, wire.TF, wire.MOTOR, wire.BATTERY} & {topic for topic, *_ in kept.kept}
+    (payload,) = kept.of(wire.DIAGNOSTICS)
+    assert [report.level for report in decoded(payload, wire.DIAGNOSTICS).status] == [0, 2, 0, 0]
+
+
+async def test_forgotten_changes_are_the_oldest():
+    rig = Rig(Keeper(wire.DECISION))
+    for number, _ in zip(count(), range(100), strict=False):
+        rig.drive_once(reason=f"reason {number}")
+    told = [json.loads(payload)["reason"] for payload in (await rig.written(200)).of(wire.DECISION)]
+    assert told[-1] == "reason 99"
+    assert len(told) <= 33

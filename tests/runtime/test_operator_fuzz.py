@@ -1,0 +1,122 @@
+"""A hundred thousand payloads that are no commands, or not quite: counted, refused, never raised, hardly logged."""
+
+import math
+import random
+import struct
+import time
+import tracemalloc
+
+import pytest
+
+from runtime.operator_sessions import MAX_SESSIONS
+from runtime.teleop_wire import COMMAND_BYTES, Malformed, Press, read_command
+from tests.runtime.operator_rig import Rig
+
+ROUNDS = 100_000
+MUTATED = 30_000
+PER_PAYLOAD_S = 200e-6
+"""Far above what it takes, and still far below what a flood could do harm with."""
+BAD_FLOATS = [math.nan, math.inf, -math.inf, 1e30, -1e30]
+BAD_NAMES = [b"\xff\xfe\xfd", b"\x1b[2J", b"a\nb", b"\x00a", "\u202e".encode(), b"x" * 23 + b"\xc3", b"\x7f"]
+
+
+def random_bytes(dice, _good):
+    return dice.randbytes(dice.choice([0, 1, 4, 55, 59, 60, 61, 64, 1000]))
+
+
+def truncated(dice, good):
+    return good[: dice.randrange(COMMAND_BYTES)]
+
+
+def lengthened(dice, good):
+    return good + dice.randbytes(dice.randrange(1, 100))
+
+
+def bad_float(dice, good):
+    data = bytearray(good)
+    struct.pack_into("<f", data, dice.choice([28, 32]), dice.choice(BAD_FLOATS))
+    return bytes(data)
+
+
+def bad_name(dice, good):
+    name = dice.choice(BAD_NAMES)
+    return good[:36] + name + good[36 + len(name) :]
+
+
+def bad_flags(dice, good):
+    return good[:24] + bytes([dice.randrange(64, 256) & ~0b0111]) + good[25:]
+
+
+def bad_input(dice, good):
+    return good[:25] + bytes([dice.randrange(4, 256)]) + good[26:]
+
+
+def bad_magic(dice, good):
+    return dice.randbytes(4) + good[4:]
+
+
+def nobody(_dice, good):
+    return good[:4] + bytes(8) + good[12:]
+
+
+SPOILERS = [random_bytes, truncated, lengthened, bad_float, bad_name, bad_flags, bad_input, bad_magic, nobody]
+
+
+def test_malformed_payloads_are_counted_and_refused(caplog):
+    dice = random.Random(4)
+    rig = Rig("always")
+    before = rig.decision
+    started_s = time.perf_counter()
+    for _ in range(ROUNDS):
+        rig.now_s += 0.0005
+        good = rig_command(rig, dice.choice([Press(0), Press.MANUAL, Press.RESET, Press.TAKE_OVER, Press.GOODBYE]))
+        rig.desk.receive("", dice.choice(SPOILERS)(dice, good), rig.now_s)
+    assert (time.perf_counter() - started_s) / ROUNDS < PER_PAYLOAD_S
+    assert rig.refused == {"malformed": ROUNDS}
+    assert rig.decision == before
+    assert rig.desk.view().sessions == 0
+    assert len(caplog.records) < 10
+
+
+def test_mutated_commands_never_raise_and_take_no_memory(caplog):
+    """Any byte of a good command may differ: what still reads as a command is judged as one."""
+    dice = random.Random(5)
+    rig = Rig("required")
+    tracemalloc.start()
+    for i in range(MUTATED):
+        if i % 20 == 0:
+            rig.now_s += 0.02
+            rig.beat()
+        data = bytearray(rig_command(rig, Press(dice.randrange(64))))
+        for _ in range(dice.randrange(3)):
+            data[dice.randrange(COMMAND_BYTES)] = dice.randrange(256)
+        rig.desk.receive("", bytes(data), rig.now_s)
+        if i == MUTATED // 10:
+            settled, _ = tracemalloc.get_traced_memory()
+    grown = tracemalloc.get_traced_memory()[0] - settled
+    tracemalloc.stop()
+    view = rig.desk.view()
+    assert view.accepted + sum(view.refused.values()) >= MUTATED
+    assert view.sessions <= MAX_SESSIONS
+    assert grown < 200_000
+    assert len(caplog.records) < 300, "few kinds, each at most once in a second of 30"
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_whatever_is_read_is_a_command_that_packs_to_the_same_bytes(seed):
+    dice = random.Random(seed)
+    rig = Rig()
+    for _ in range(2000):
+        data = bytearray(rig_command(rig, Press(dice.randrange(64))))
+        data[dice.randrange(COMMAND_BYTES)] ^= 1 << dice.randrange(8)
+        try:
+            command = read_command(bytes(data))
+        except Malformed:
+            continue
+        assert command.pack() == bytes(data)
+
+
+def rig_command(rig, flags):
+    """Return a command as a client that has heard the newest beat would send it."""
+    client = rig.client() if not rig.clients else rig.clients[0]
+    return client.make(flags)
