@@ -1,0 +1,140 @@
+"""`wallride param`: lists, shows, changes and saves a driving car's settings from elsewhere."""
+
+import argparse
+import getpass
+import json
+import tomllib
+from collections.abc import Sequence
+from typing import Any
+
+from clients.connection import ConnectionProblemError, connected
+from runtime import wire
+from runtime.bus import Bus, RefusedError
+
+ANSWER_WITHIN_S = 2.0
+SAVED_WITHIN_S = 10.0
+"""A worn SD card may take seconds to confirm a write."""
+LONGEST_NAME = 24
+
+
+async def run(options: argparse.Namespace) -> int:
+    """Run one `wallride param` command and print what came of it; what went wrong is one line."""
+    actions = {"list": _list, "get": _get, "set": _set, "save": _save, "history": _history}
+    async with connected(options) as (bus, car):
+        try:
+            text = await actions[options.action](bus, car, options)
+        except RefusedError as error:
+            raise ConnectionProblemError(str(error)) from None
+    print(text)  # noqa: T201 - the answer to a command
+    return 0
+
+
+async def ask(bus: Bus, car: str, what: str, timeout_s: float = ANSWER_WITHIN_S, **question: object) -> dict[str, Any]:
+    """Put one question to a car's parameter desk; RefusedError with its reason, ConnectionProblemError in silence."""
+    payload = json.dumps(question).encode()
+    try:
+        answers = await bus.ask(wire.key(car, f"{wire.PARAM}/{what}"), payload, timeout_s=timeout_s)
+    except TimeoutError:
+        answers = []
+    if not answers:
+        raise ConnectionProblemError(
+            f"{car} does not answer param/{what}: does your certificate allow it, and is the link up?"
+        )
+    return wire.decode(answers[0])
+
+
+def parsed(assignments: Sequence[str]) -> dict[str, object]:
+    """Return the values of `NAME=VALUE` texts, each read as TOML would, or as bare text."""
+    values: dict[str, object] = {}
+    for assignment in assignments:
+        name, equals, text = assignment.partition("=")
+        if not equals or not name.strip():
+            raise ConnectionProblemError(f"{assignment}: write NAME=VALUE, for example wall_follow.kp=0.5")
+        values[name.strip()] = _value(text.strip())
+    return values
+
+
+def table(parameters: Sequence[dict[str, Any]]) -> str:
+    """Return settings as lines of columns: name, value, what is allowed, when it takes effect, and the words."""
+    rows = []
+    for parameter in parameters:
+        changed = "" if parameter["value"] == parameter["default"] else f" (default {_text(parameter['default'])})"
+        when = {"now": "", "standing": "[while standing] ", "restart": "[after a restart] "}[parameter["takes_effect"]]
+        rows.append(
+            (
+                parameter["name"],
+                _text(parameter["value"]) + changed,
+                parameter["range"],
+                when + parameter["description"],
+            )
+        )
+    widths = [max((len(row[column]) for row in rows), default=0) for column in range(3)]
+    return "\n".join(
+        "  ".join([*(cell.ljust(width) for cell, width in zip(row, widths, strict=False)), row[3]]).rstrip()
+        for row in rows
+    )
+
+
+async def _list(bus: Bus, car: str, options: argparse.Namespace) -> str:
+    found = (await ask(bus, car, "list", under=options.under))["parameters"]
+    return json.dumps(found, indent=2) if options.json else table(found)
+
+
+async def _get(bus: Bus, car: str, options: argparse.Namespace) -> str:
+    found = (await ask(bus, car, "get", names=options.names))["values"]
+    if options.json:
+        return json.dumps(found, indent=2)
+    if len(found) == 1:
+        return _text(next(iter(found.values())))
+    return "\n".join(f"{name} = {_text(value)}" for name, value in found.items())
+
+
+async def _set(bus: Bus, car: str, options: argparse.Namespace) -> str:
+    found = await ask(bus, car, "set", values=parsed(options.assignments), by=_who())
+    said = _changes(found["changed"]) or "nothing changed: these are its values already"
+    if found["unsaved"]:
+        said += f"\nuntil the restart; not saved yet: {', '.join(found['unsaved'])} (wallride param save)"
+    return said
+
+
+async def _save(bus: Bus, car: str, options: argparse.Namespace) -> str:
+    found = await ask(bus, car, "save", SAVED_WITHIN_S, values=parsed(options.assignments), by=_who())
+    if not found["saved"]:
+        return "nothing to save: nothing was changed since the start"
+    said = f"saved to {found['file']}: {', '.join(found['saved'])}"
+    return f"{said}\nafter a restart: {_changes(found['after_restart'])}" if found["after_restart"] else said
+
+
+async def _history(bus: Bus, car: str, options: argparse.Namespace) -> str:
+    found = (await ask(bus, car, "history", most=options.most))["changes"]
+    if options.json:
+        return json.dumps(found, indent=2)
+    lines = [
+        f"{change['at']}  {change['by']:<{LONGEST_NAME}}  {change['name']}:"
+        f" {_text(change['old'])} -> {_text(change['new'])}"
+        for change in found
+    ]
+    return "\n".join(lines) or "nothing was changed"
+
+
+def _changes(changes: Sequence[dict[str, Any]]) -> str:
+    return "\n".join(f"{change['name']}: {_text(change['old'])} -> {_text(change['new'])}" for change in changes)
+
+
+def _text(value: object) -> str:
+    return "(none)" if value is None else value if isinstance(value, str) else json.dumps(value)
+
+
+def _value(text: str) -> object:
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+    return value if isinstance(value, bool | int | float | str | list) else text
+
+
+def _who() -> str:
+    try:
+        return getpass.getuser()[:LONGEST_NAME]
+    except (KeyError, OSError):  # a user without a name, as in some containers
+        return ""

@@ -1,0 +1,115 @@
+"""Two tables about settings: when a change takes effect, and which way of changing a limit loosens it.
+
+Pure data, looked up by dotted name. A safety setting that is missing in the second table counts as loosened by any
+change; a test holds the table complete, so that nobody has to rely on that.
+"""
+
+from collections.abc import Mapping
+from enum import StrEnum
+
+WALL_FOLLOW = "wall_follow."
+SAFETY = "safety."
+
+
+class Effect(StrEnum):
+    """When a new value is obeyed."""
+
+    NOW = "now"
+    STANDING = "standing"
+    """At once, but only while the car stands: the law itself is exchanged, and what it had learnt is lost."""
+    RESTART = "restart"
+
+
+class Loosens(StrEnum):
+    """Which change lets the car come nearer to harm."""
+
+    UP = "up"
+    DOWN = "down"
+    TO_TRUE = "to true"
+    TO_FALSE = "to false"
+    ANY = "any change"
+    """No direction is always the safe one, so none is taken for it."""
+    NEVER = "never"
+
+
+_BUILT_ANEW = frozenset({"wall_follow.method", "safety.method"})
+_NOW = frozenset({"car.max_speed_mps", "car.max_reverse_mps", "car.max_acceleration_mps2", "log.level"})
+_NOW_SECTIONS = (WALL_FOLLOW, SAFETY, "telemetry.rates_hz.")
+
+LOOSENS: Mapping[str, Loosens] = {
+    "car.max_speed_mps": Loosens.UP,
+    "car.max_reverse_mps": Loosens.UP,
+    "car.max_acceleration_mps2": Loosens.UP,
+    # A word that is in force longer drives longer on an old scan.
+    "wall_follow.expires_after_s": Loosens.UP,
+    "safety.expires_after_s": Loosens.UP,
+    "safety.method": Loosens.ANY,
+    "safety.binds_teleop": Loosens.TO_FALSE,
+    # More assumed grip is a shorter assumed way to stop.
+    "safety.grip_mu": Loosens.UP,
+    "safety.slippery_mu": Loosens.UP,
+    # Braking harder in a bend stops sooner and turns less.
+    "safety.gentle_share": Loosens.ANY,
+    "safety.hard_share": Loosens.UP,
+    "safety.graded_share": Loosens.UP,
+    # Stiffer tyres slip less: the arc moves sideways, towards one wall and away from the other.
+    "safety.cornering_per_rad": Loosens.ANY,
+    "safety.actuation_s": Loosens.DOWN,
+    "safety.side_margin_m": Loosens.DOWN,
+    "safety.wary_margin_m": Loosens.DOWN,
+    "safety.front_margin_m": Loosens.DOWN,
+    "safety.hold_s": Loosens.DOWN,
+    "safety.release_m": Loosens.DOWN,
+    "safety.creep_mps": Loosens.UP,
+    # Lower goes on where it would have stopped, higher creeps where it would have gone more slowly.
+    "safety.slowest_mps": Loosens.ANY,
+    "safety.reverse_mps": Loosens.UP,
+    "safety.reverse_unseen_m": Loosens.UP,
+    "safety.doubtful_mps": Loosens.UP,
+    "safety.late_s": Loosens.UP,
+    "safety.stale_s": Loosens.UP,
+    # A car that backs out by itself moves where another one would wait for help.
+    "safety.backs_out": Loosens.TO_TRUE,
+    "safety.recovery.boxed_for_s": Loosens.DOWN,
+    "safety.recovery.tries": Loosens.UP,
+    "safety.recovery.speed_mps": Loosens.UP,
+    "safety.recovery.back_m": Loosens.UP,
+    "safety.recovery.forward_m": Loosens.UP,
+    "safety.recovery.forgotten_after_m": Loosens.DOWN,
+    # Whatever takes a beam for dirt both ignores it (looser) and lowers the ceiling (stricter).
+    "safety.window.memory_m": Loosens.ANY,
+    "safety.window.first_mask_m": Loosens.ANY,
+    "safety.window.mask_above": Loosens.ANY,
+    "safety.window.unmask_below": Loosens.ANY,
+    "safety.window.masked_share": Loosens.UP,
+    "safety.window.masked_gap_rad": Loosens.UP,
+    "safety.window.refused_share": Loosens.UP,
+    "safety.window.empty_share": Loosens.UP,
+}
+"""Every safety limit, and the few outside `safety` that bound the car whoever drives it."""
+
+
+def effect_of(name: str) -> Effect:
+    """Return when a change of this setting takes effect; what nobody has made live waits for a restart."""
+    if name in _BUILT_ANEW:
+        return Effect.STANDING
+    if name in _NOW or name.startswith(_NOW_SECTIONS):
+        return Effect.NOW
+    return Effect.RESTART
+
+
+def loosens_by(name: str) -> Loosens:
+    """Return which change of this setting is a loosening."""
+    return LOOSENS.get(name, Loosens.ANY if name.startswith(SAFETY) else Loosens.NEVER)
+
+
+def is_looser(name: str, old: object, new: object) -> bool:
+    """Tell whether going from old to new loosens a limit; values of no order, and keys that come or go, do."""
+    rule = loosens_by(name)
+    if rule is Loosens.NEVER or old == new:
+        return False
+    if rule in {Loosens.TO_TRUE, Loosens.TO_FALSE} and isinstance(old, bool) and isinstance(new, bool):
+        return new is (rule is Loosens.TO_TRUE)
+    if rule in {Loosens.UP, Loosens.DOWN} and isinstance(old, int | float) and isinstance(new, int | float):
+        return new > old if rule is Loosens.UP else new < old
+    return True

@@ -1,0 +1,104 @@
+"""Puts the parameter desk on the bus, and writes down what was changed there."""
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Never, Protocol
+
+from runtime import wire
+from runtime.bus import RefusedError
+from runtime.parameter_desk import ParameterDesk
+from runtime.parameter_history import Change, History
+from runtime.parameter_plan import UnacceptableError
+from runtime.parameter_store import StoreError, replace
+from runtime.parameters import shown
+
+log = logging.getLogger("wallride.parameters")
+
+WRITTEN_AT_MOST_EVERY_S = 1.0
+NAMED_AT_MOST = 3
+
+Reply = Callable[[bytes], bytes | Awaitable[bytes]]
+
+
+class Answering(Protocol):
+    """Where questions come from; the bus on the car."""
+
+    def answer(self, key: str, reply: Reply) -> None:
+        """Answer queries on exactly this key."""
+        ...
+
+
+def serve(bus: Answering, car: str, desk: ParameterDesk) -> None:
+    """Answer `param/list|get|set|save|history` of a car."""
+    replies: dict[str, Reply] = {
+        "list": _refusing(desk.list_all),
+        "get": _refusing(desk.get_some),
+        "set": _refusing(desk.set_some),
+        "save": _refusing_later(desk.save),
+        "history": _refusing(desk.past),
+    }
+    for name, reply in replies.items():
+        bus.answer(wire.key(car, f"{wire.PARAM}/{name}"), reply)
+
+
+async def keep_history(history: History, file: Path | None) -> Never:
+    """Log changes and write them into a file, in a thread and at most once a second, however fast they come."""
+    news = asyncio.Event()
+    history.notify = news.set
+    told = history.added
+    while True:
+        await news.wait()
+        news.clear()
+        fresh, told = history.newest(history.added - told), history.added
+        log.info("%s", _words(fresh))
+        if file is not None:
+            await _write(file, history.lines())
+        await asyncio.sleep(WRITTEN_AT_MOST_EVERY_S)
+
+
+def read_history(history: History, file: Path) -> None:
+    """Take in what an earlier run wrote; blocks, for before the car drives."""
+    try:
+        bad = history.read(file.read_text(errors="replace").splitlines())
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        log.warning("%s: the history of parameters cannot be read: %s", file, error.strerror)
+        return
+    if bad:
+        log.warning("%s: %d lines are no changes and are left out", file, bad)
+
+
+async def _write(file: Path, lines: str) -> None:
+    try:
+        await asyncio.to_thread(replace, file, lines.encode())
+    except StoreError as error:
+        log.warning("the history of parameters: %s", error)
+
+
+def _words(changes: list[Change]) -> str:
+    said = [f"{change.name} {shown(change.old)} -> {shown(change.new)}" for change in changes[-NAMED_AT_MOST:]]
+    more = f" and {len(changes) - NAMED_AT_MOST} more before" if len(changes) > NAMED_AT_MOST else ""
+    return f"{changes[-1].by} changed {', '.join(said)}{more}"
+
+
+def _refusing(reply: Callable[[bytes], bytes]) -> Reply:
+    def answer(payload: bytes) -> bytes:
+        try:
+            return reply(payload)
+        except UnacceptableError as error:
+            raise RefusedError(str(error)) from None
+
+    return answer
+
+
+def _refusing_later(reply: Callable[[bytes], Awaitable[bytes]]) -> Reply:
+    async def answer(payload: bytes) -> bytes:
+        try:
+            return await reply(payload)
+        except UnacceptableError as error:
+            raise RefusedError(str(error)) from None
+
+    return answer

@@ -1,0 +1,116 @@
+"""The words of `wallride param`, and its questions to a desk over a real session."""
+
+import argparse
+import json
+
+import pytest
+
+from clients import parameters
+from clients.connection import ConnectionProblemError
+from runtime import wire, zenoh_config
+from runtime.bus import Bus, free_endpoint
+from runtime.parameter_desk import ParameterDesk, Surroundings
+from runtime.parameter_history import History
+from runtime.settings import Settings, load_settings
+from runtime.tasks.parameters import serve
+from wallride import param_options
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "value"),
+    [
+        ("a.b=1", "a.b", 1),
+        ("a.b = 0.5", "a.b", 0.5),
+        ("a.b=true", "a.b", True),
+        ("a.b=right", "a.b", "right"),
+        ('a.b="right"', "a.b", "right"),
+        ("a.b=tcp/1.2.3.4:5", "a.b", "tcp/1.2.3.4:5"),
+        ('a.b=["x", "y"]', "a.b", ["x", "y"]),
+        ("a.b=2026-01-01", "a.b", "2026-01-01"),
+        ("a.b={c=1}", "a.b", "{c=1}"),
+        ("a.b=", "a.b", ""),
+    ],
+)
+def test_values_are_read_as_in_the_file(text, name, value):
+    assert parameters.parsed([text]) == {name: value}
+
+
+@pytest.mark.parametrize("text", ["a.b", "=1", " = 1", ""])
+def test_what_is_no_assignment_is_one_clear_message(text):
+    with pytest.raises(ConnectionProblemError, match="write NAME=VALUE"):
+        parameters.parsed([text])
+
+
+class Car:
+    """A desk on a session of its own, and a client's command line."""
+
+    def __init__(self, tmp_path):
+        self.endpoint = free_endpoint()
+        self.file = tmp_path / "car.toml"
+        self.file.write_text("[wall_follow]\nkp = 0.35  # gain\n")
+        car = Surroundings(lambda *_: None, lambda: False, lambda: 1e9, lambda: "2026-01-01T00:00:00Z", self.file)
+        self.desk = ParameterDesk(Settings(), car, History(10))
+        self.bus = Bus(zenoh_config.car_config([self.endpoint], None, (), "car1"))
+
+    async def __aenter__(self):
+        serve(self.bus, "car1", self.desk)
+        self.bus.announce(wire.key("car1", wire.ALIVE))
+        await self.bus.open()
+        return self
+
+    async def __aexit__(self, *_):
+        await self.bus.close()
+
+    async def param(self, *words):
+        parser = argparse.ArgumentParser()
+        param_options.add(parser.add_subparsers())
+        return await parameters.run(parser.parse_args(["param", *words, "--connect", self.endpoint]))
+
+
+async def test_a_session_with_a_car(tmp_path, capsys):
+    async with Car(tmp_path) as car:
+        assert await car.param("get", "wall_follow.kp") == 0
+        assert capsys.readouterr().out == "0.35\n"
+        assert await car.param("set", "wall_follow.kp=0.5", "wall_follow.side=right") == 0
+        assert capsys.readouterr().out.splitlines() == [
+            "wall_follow.side: left -> right",
+            "wall_follow.kp: 0.35 -> 0.5",
+            "until the restart; not saved yet: wall_follow.kp, wall_follow.side (wallride param save)",
+        ]
+        assert await car.param("set", "wall_follow.kp=0.5") == 0
+        assert "nothing changed" in capsys.readouterr().out
+        assert await car.param("list", "wall_follow.k") == 0
+        kp, kd = capsys.readouterr().out.splitlines()
+        assert kp.split("  ")[:2] == ["wall_follow.kp", "0.5 (default 0.35)"]
+        assert "a number from 0 to 20 rad/m" in kp
+        assert "Steering per radian" in kd
+        assert await car.param("list", "wall_follow.kp", "--json") == 0
+        assert json.loads(capsys.readouterr().out)[0]["value"] == 0.5
+        assert await car.param("save", "car.wheelbase_m=0.3") == 0
+        assert "after a restart: car.wheelbase_m: 0.33 -> 0.3" in capsys.readouterr().out
+        assert load_settings(car.file).wall_follow.kp == 0.5
+        assert await car.param("save") == 0
+        assert "nothing to save" in capsys.readouterr().out
+        assert await car.param("history") == 0
+        assert len(capsys.readouterr().out.splitlines()) == 3
+        assert await car.param("get", "wall_follow.kp", "wall_follow.side", "--json") == 0
+        assert json.loads(capsys.readouterr().out) == {"wall_follow.kp": 0.5, "wall_follow.side": "right"}
+
+
+async def test_a_refusal_is_one_line_with_the_range(tmp_path):
+    async with Car(tmp_path) as car:
+        with pytest.raises(ConnectionProblemError, match=r"^wall_follow.kp = 99: must be a number from 0 to 20 rad/m$"):
+            await car.param("set", "wall_follow.kp=99")
+        with pytest.raises(ConnectionProblemError, match="after a restart"):
+            await car.param("set", "motor.address=serial:///dev/other")
+        with pytest.raises(ConnectionProblemError, match="is not a setting"):
+            await car.param("get", "wall_follow.kpp")
+
+
+async def test_a_car_without_a_desk_is_said(tmp_path):
+    car = Car(tmp_path)
+    car.bus.announce(wire.key("car1", wire.ALIVE))
+    await car.bus.open()
+    with pytest.raises(ConnectionProblemError, match="does not answer param/get"):
+        await car.param("get", "wall_follow.kp")
+    await car.bus.close()
