@@ -1,0 +1,145 @@
+"""The way from a command's options to a session in which the car is known to be there."""
+
+import argparse
+import asyncio
+import logging
+import re
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+
+from clients.keys.diagnosis import nothing_heard, why_refused
+from runtime import wire, zenoh_config
+from runtime.bus import Bus
+from runtime.key_files import Keys, client_keys
+from runtime.people import KeysError
+
+log = logging.getLogger("wallride.client")
+
+PORT = 7447
+KEYS = Path("~/.config/wallride/keys")
+ENDPOINT = re.compile(r"(tcp|tls)/(\[[0-9a-fA-F:.]+\]|[\w.-]+):(\d{1,5})")
+FIND_TIMEOUT_S = 3.0
+SETTLING_S = 0.2
+"""After the first car answered, others have so long to make themselves known."""
+
+
+class ConnectionProblemError(Exception):
+    """There is no way to the car; the text is one line and says what to do."""
+
+
+@asynccontextmanager
+async def connected(options: argparse.Namespace) -> AsyncIterator[tuple[Bus, str]]:
+    """Yield an open session and the car's name; the session is closed on every way out.
+
+    options: as of `wallride.client_options.add_common`.
+    """
+    bus, keys = await _open(options)
+    try:
+        yield bus, await find_car(bus, options.car, whose=keys.identity.name if keys is not None else "")
+    finally:
+        await bus.close()
+
+
+async def open_bus(options: argparse.Namespace) -> Bus:
+    """Return an open session; ConnectionProblemError when nobody answers there or the keys are refused."""
+    return (await _open(options))[0]
+
+
+async def _open(options: argparse.Namespace) -> tuple[Bus, Keys | None]:
+    endpoint = endpoint_of(options.connect, with_keys=options.keys is not None)
+    keys = keys_of(endpoint, options.keys)
+    tls = keys.tls if keys is not None else None
+    bus = Bus(zenoh_config.client_config(endpoint, tls))
+    try:
+        await bus.open()
+    except OSError as error:
+        if tls is not None:
+            raise ConnectionProblemError(await asyncio.to_thread(why_refused, endpoint, tls)) from None
+        raise ConnectionProblemError(
+            f"cannot connect to {endpoint}: is the car on and its network reachable?"
+            f" (another place: --connect; zenoh says: {error})"
+        ) from None
+    return bus, keys
+
+
+async def find_car(bus: Bus, name: str | None, *, whose: str = "", timeout_s: float = FIND_TIMEOUT_S) -> str:
+    """Return the name of the car that is meant; ConnectionProblemError when it is not there, or not unique.
+
+    whose: the name on the certificate, "" without one; a car is silent towards names that it does not list.
+    """
+    if name is not None and not re.fullmatch(r"[a-z0-9][a-z0-9_-]*", name):
+        raise ConnectionProblemError(f"--car {name}: is not a car's name; write it like car1")
+    found = Cars(bus)
+    try:
+        async with asyncio.timeout(timeout_s):
+            while not found.names or (name is not None and name not in found.names):
+                await found.changed()
+        if name is not None:
+            return name
+        await asyncio.sleep(SETTLING_S)
+    except TimeoutError:
+        if whose and not found.names:
+            raise ConnectionProblemError(nothing_heard(whose, bus.endpoint)) from None
+        raise ConnectionProblemError(_nobody(bus, name, sorted(found.names))) from None
+    if len(found.names) > 1:
+        raise ConnectionProblemError(f"there are several cars: {', '.join(sorted(found.names))}; choose with --car")
+    return next(iter(found.names), "")
+
+
+class Cars:
+    """The cars that are there, by their liveliness tokens."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.names: set[str] = set()
+        self._news = asyncio.Event()
+        bus.watch(wire.key("*", wire.ALIVE), self._on_token)
+
+    async def changed(self) -> None:
+        """Wait until a car came or went since this last returned."""
+        await self._news.wait()
+        self._news.clear()
+
+    def _on_token(self, key: str, alive: bool) -> None:  # noqa: FBT001 - the bus's callback
+        name = key.split("/")[1]
+        if alive:
+            self.names.add(name)
+        else:
+            self.names.discard(name)
+        self._news.set()
+
+
+def endpoint_of(text: str, *, with_keys: bool = False) -> str:
+    """Return a zenoh endpoint for what a person writes: `car1.local`, `10.0.0.5:7447`, `tls/car1.local:7447`."""
+    scheme, slash, place = text.rpartition("/")
+    if not slash:
+        scheme = "tls" if with_keys else "tcp"
+    if not re.search(r":\d+$", place):
+        place = f"{place}:{PORT}"
+    endpoint = f"{scheme}/{place}"
+    if not ENDPOINT.fullmatch(endpoint):
+        raise ConnectionProblemError(
+            f"--connect {text}: write tcp/HOST:PORT or tls/HOST:PORT, e.g. tls/car1.local:{PORT}"
+        )
+    return endpoint
+
+
+def keys_of(endpoint: str, folder: Path | None) -> Keys | None:
+    """Return the checked keys for an endpoint, None for tcp/, which has none; ConnectionProblemError when unusable."""
+    if not endpoint.startswith("tls/"):
+        return None
+    try:
+        keys = client_keys((folder or KEYS).expanduser(), datetime.now(UTC))
+    except KeysError as error:
+        raise ConnectionProblemError(f"{endpoint} needs keys: {error}") from None
+    for warning in keys.warnings:
+        log.warning("%s", warning)
+    return keys
+
+
+def _nobody(bus: Bus, name: str | None, others: list[str]) -> str:
+    if name is not None and others:
+        return f"no car {name} at {bus.endpoint}; there is {', '.join(others)}"
+    what = f"the car {name}" if name is not None else "a car"
+    return f"connected to {bus.endpoint}, but {what} is not there"

@@ -1,0 +1,102 @@
+"""From a sample's bytes to plain values and text for people."""
+
+import dataclasses
+import json
+from collections.abc import Iterator, Mapping
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from runtime import wire
+from runtime.ros.definitions import TYPES, definition
+from runtime.teleop_wire import read_beat
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+SHOWN_OF_ARRAY = 6
+
+
+class UnreadableError(Exception):
+    """A payload that is not what its topic carries; the text says what is wrong."""
+
+
+def decode(topic: str, payload: bytes) -> dict[str, Any]:
+    """Return a message as plain values; UnreadableError when it is not what the topic carries."""
+    schema = TYPES.get(topic)
+    if schema is not None:
+        return _decode_cdr(topic, schema, payload)
+    try:
+        message = read_beat(payload) if topic == wire.BEAT else wire.decode(payload)
+    except (ValueError, TypeError) as error:
+        raise UnreadableError(f"{topic}: {len(payload)} bytes that cannot be read ({error})") from None
+    return dict(_plain(message))
+
+
+def as_json(message: Mapping[str, Any]) -> str:
+    """Return one line of JSON; numbers that are not finite become null."""
+    return wire.encode(message).decode()
+
+
+def as_text(message: Mapping[str, Any], *, whole: bool = False) -> str:
+    """Return indented lines as YAML would write them, long arrays shortened unless whole is asked for."""
+    return "\n".join(_lines(message, "", whole=whole))
+
+
+def _decode_cdr(topic: str, schema: str, payload: bytes) -> dict[str, Any]:
+    try:
+        from rosbags.serde import SerdeError
+    except ModuleNotFoundError:
+        raise UnreadableError(f"{topic}: reading it needs rosbags; pip install 'wallride[clients]'") from None
+    try:
+        return dict(_plain(_store(schema).deserialize_cdr(payload, schema)))
+    except SerdeError as error:
+        raise UnreadableError(f"{topic}: {len(payload)} bytes that are no {schema} ({error})") from None
+
+
+@cache
+def _store(schema: str) -> "Typestore":
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(definition(schema), schema))
+    return store
+
+
+def _plain(value: object) -> Any:  # noqa: ANN401 - whatever the message holds
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        names = (field.name for field in dataclasses.fields(value))
+        # The upper-case ones are the type's constants.
+        return {name: _plain(getattr(value, name)) for name in names if name.islower() and name[0] != "_"}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value
+
+
+def _lines(value: Mapping[str, Any], indent: str, *, whole: bool) -> Iterator[str]:
+    for name, item in value.items():
+        if isinstance(item, Mapping) and item:
+            yield f"{indent}{name}:"
+            yield from _lines(item, f"{indent}  ", whole=whole)
+        elif isinstance(item, list) and item and isinstance(item[0], Mapping):
+            yield f"{indent}{name}:"
+            for part in item:
+                first, *rest = _lines(part, f"{indent}    ", whole=whole)
+                yield f"{indent}  - {first.strip()}"
+                yield from rest
+        else:
+            yield f"{indent}{name}: {_short(item, whole=whole)}"
+
+
+def _short(item: object, *, whole: bool) -> str:
+    if isinstance(item, float):
+        return f"{item:.6g}"
+    if isinstance(item, list) and len(item) > SHOWN_OF_ARRAY and not whole:
+        shown = ", ".join(_short(part, whole=True) for part in item[:SHOWN_OF_ARRAY])
+        return f"[{shown}, ... {len(item)} values]"
+    if isinstance(item, list):
+        return f"[{', '.join(_short(part, whole=True) for part in item)}]"
+    return json.dumps(item, ensure_ascii=False, default=str)

@@ -1,0 +1,187 @@
+"""`wallride status` and `wallride cars`: one screen that answers "why is it (not) moving?", and who is there."""
+
+import argparse
+import asyncio
+import json
+import time
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from clients.connection import Cars, ConnectionProblemError, connected, open_bus
+from runtime import wire
+from runtime.bus import Bus
+
+FIRST_WITHIN_S = 3.0
+CARS_WITHIN_S = 1.0
+REFRESH_S = 0.2
+SILENT_S = 1.0
+CLEAR_SCREEN = "\x1b[H\x1b[2J"
+RULE_WIDTH = 78
+Status = Mapping[str, Any]
+
+
+async def run(options: argparse.Namespace) -> int:
+    """Show the status once, or until interrupted; options as of `wallride.topic_options`."""
+    async with connected(options) as (bus, car):
+        ear = Ear(bus, wire.key(car, wire.STATUS))
+        status = await ear.first(car)
+        if not options.watch:
+            options.say(json.dumps(status, indent=2) if options.json else "\n".join(screen(status)))
+            return 0
+        while True:
+            silent_s = time.monotonic() - ear.heard_s
+            if options.json:
+                options.say(json.dumps(ear.newest))
+            else:
+                options.say(CLEAR_SCREEN + "\n".join(screen(ear.newest, silent_s)))
+            await asyncio.sleep(REFRESH_S)
+
+
+async def cars(options: argparse.Namespace) -> int:
+    """Say which cars are there; exit code 1 when none is."""
+    bus = await open_bus(options)
+    try:
+        present = Cars(bus)
+        heard = Ear(bus, wire.key("*", wire.STATUS))
+        await asyncio.sleep(CARS_WITHIN_S)
+        names = sorted(name for name in present.names if options.car in {None, name})
+        statuses = {name: heard.by_car.get(name, {}) for name in names}
+    finally:
+        await bus.close()
+    if options.json:
+        options.say(json.dumps(statuses, indent=2))
+    elif not names:
+        options.say(f"no car at {bus.endpoint}")
+    else:
+        for name, status in statuses.items():
+            version, state = status.get("version") or "?", status.get("state") or "says nothing"
+            options.say(f"{name:<16} {version:<10} {state:<10} {headline(status) if status else ''}".rstrip())
+    return 0 if names else 1
+
+
+class Ear:
+    """Keeps the newest status of each car that a key matches.
+
+    newest: of whichever spoke last; heard_s: when, on this machine's monotonic clock.
+    """
+
+    def __init__(self, bus: Bus, key: str) -> None:
+        self.newest: Status = {}
+        self.heard_s = 0.0
+        self.by_car: dict[str, Status] = {}
+        self._came = asyncio.Event()
+        bus.subscribe(key, self._on_status)
+
+    async def first(self, car: str) -> Status:
+        """Return the first status; ConnectionProblemError when none comes."""
+        try:
+            async with asyncio.timeout(FIRST_WITHIN_S):
+                await self._came.wait()
+        except TimeoutError:
+            raise ConnectionProblemError(
+                f"{car} is there but sends no status: is telemetry.rates_hz.status 0 on the car?"
+            ) from None
+        return self.newest
+
+    def _on_status(self, key: str, payload: bytes, arrival_s: float) -> None:
+        try:
+            status = wire.decode(payload)
+        except (ValueError, TypeError):
+            return  # the next one comes in a tenth of a second
+        self.newest = self.by_car[key.split("/")[1]] = status
+        self.heard_s = arrival_s
+        self._came.set()
+
+
+def headline(status: Status) -> str:
+    """Return the answer in one line: who decided, and why."""
+    output = status.get("output") or {}
+    for device in ("motor", "lidar"):
+        if closed := (status.get("gates") or {}).get(device):
+            return f"stands: {device} {closed}"
+    if not output:
+        return "stands: nothing has been decided yet"
+    does = f"drives {output['speed_mps']:.2f} m/s" if output["speed_mps"] else "stands"
+    measure = f" ({output['measure']:.2f})" if output.get("measure") is not None else ""
+    return f"{does}: {output['winner']}: {output['reason']}{measure}"
+
+
+def screen(status: Status, silent_s: float = 0.0) -> list[str]:
+    """Return the screen. silent_s: how long nothing was heard."""
+    lines = [f"{status['car']}  {headline(status)}", "-" * RULE_WIDTH]
+    if silent_s > SILENT_S:
+        lines.insert(1, f"!! nothing heard for {silent_s:.1f} s: what follows is old (car off? radio gone?)")
+    lines += [f"{name:<10}{text}" for name, text in _rows(status) if text]
+    return lines
+
+
+def _rows(status: Status) -> Iterator[tuple[str, str]]:
+    output = status["output"]
+    if output is not None:
+        yield (
+            "drive",
+            (
+                f"asked {_mps(output['asked_mps'])}, allowed {_mps(output['allowed_mps'])},"
+                f" sent {_mps(output['speed_mps'])} {_rad(output['steering_rad'])},"
+                f" measured {_mps(status['speed_mps'])}{'' if output['delivered'] else '  NO MOTOR TAKES IT'}"
+            ),
+        )
+    label = "gates"
+    for gate, closed in status["gates"].items():
+        yield label, f"{gate:<12}{'CLOSED: ' + closed if closed else 'open'}"
+        label = ""
+    label = "voices"
+    for source, voice in status["voices"].items():
+        yield label, f"{source:<12}{_voice(voice)}"
+        label = ""
+    yield "operator", _operator(status.get("operator"))
+    battery = status["battery"]
+    yield "battery", f"{battery['voltage_v']:.1f} V, {battery['current_a']:.1f} A" if battery else "unknown"
+    yield "fault", status["fault"]
+    for device in ("lidar", "motor"):
+        health = status[device]
+        troubles = ", ".join(f"{what} {times}" for what, times in health["counts"].items() if times)
+        yield device, f"{health['link']}: {health['message']}{f'   ({troubles})' if troubles else ''}"
+    yield "window", "; ".join(status["window"]) or "clean"
+    latency = status["scan_to_motor_ms"]
+    if latency["p50"] is not None:
+        yield "latency", f"scan to motor p50 {latency['p50']} ms, p99 {latency['p99']} ms, longest {latency['max']} ms"
+    yield "link", ", ".join(f"{name} {value}" for name, value in status["link"].items())
+    yield "software", f"wallride {status['version']}, up {status['up_s']:.0f} s, {status['scans']} scans"
+
+
+def _voice(voice: Mapping[str, Any]) -> str:
+    if voice["age_s"] is None:
+        return "silent"
+    age = f"{voice['age_s']:6.2f} s ago  "
+    if not voice["live"]:
+        return f"{age}no longer in force"
+    measure = f" ({voice['measure']:.2f})" if voice["measure"] is not None else ""
+    if voice["caps"]:
+        allows = "no limit" if voice["speed_mps"] is None else f"at most {_mps(voice['speed_mps'])}"
+        return f"{age}{allows}: {voice['reason']}{measure}"
+    return f"{age}wants {_mps(voice['speed_mps'])} {_rad(voice['steering_rad'])}: {voice['reason']}{measure}"
+
+
+def _operator(operator: Mapping[str, Any] | None) -> str:
+    if operator is None:
+        return "no operator's side"
+    round_trip_s = operator["round_trip_s"]
+    parts = [
+        operator["operator"] or "nobody",
+        operator["standing"] if operator["standing"] != "nobody" else "",
+        operator["reason"],
+        f"round trip {round_trip_s * 1000:.0f} ms" if round_trip_s is not None else "",
+        f"{operator['sessions']} clients heard" if operator["sessions"] > 1 else "",
+        f"permit: {operator['permit']}" if operator["permit"] else "",
+        *(f"{what} refused {times}" for what, times in operator["refused"].items() if times),
+    ]
+    return ", ".join(part for part in parts if part)
+
+
+def _mps(speed_mps: float | None) -> str:
+    return f"{speed_mps:.2f} m/s" if speed_mps is not None else "-"
+
+
+def _rad(steering_rad: float | None) -> str:
+    return f"{steering_rad:+.3f} rad" if steering_rad is not None else ""

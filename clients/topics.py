@@ -1,0 +1,180 @@
+"""`wallride topic`: what is on the air, how often, how much, and what it says.
+
+A subscriber changes what a car does: it writes only what somebody hears. `hz` and `bw` of one topic ask for that alone.
+"""
+
+import argparse
+import asyncio
+import math
+import statistics
+import time
+from collections import deque
+from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass, field
+
+from clients.connection import ConnectionProblemError, connected
+from clients.decoding import UnreadableError, as_json, as_text, decode
+from runtime import wire
+from runtime.bus import Bus
+from runtime.ros.definitions import TYPES
+
+KINDS = {**TYPES, wire.STATUS: "JSON", wire.DECISION: "JSON", wire.BEAT: "wallride beat"}
+LISTEN_S = 1.5
+WINDOW = 1000
+REPORT_EVERY_S = 1.0
+FIRST_WITHIN_S = 5.0
+"""A topic with nothing to say for so long gets a sentence instead of an empty screen."""
+Say = Callable[[str], object]
+Sample = tuple[str, bytes, float]
+"""Topic, payload, arrival on this machine's monotonic clock [s]."""
+
+
+@dataclass(slots=True)
+class Meter:
+    """Counts arrivals. The newest WINDOW of them are kept."""
+
+    arrivals_s: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW))
+    sizes: deque[int] = field(default_factory=lambda: deque(maxlen=WINDOW))
+
+    def add(self, arrival_s: float, size: int) -> None:
+        """Count one sample."""
+        self.arrivals_s.append(arrival_s)
+        self.sizes.append(size)
+
+    @property
+    def rate_hz(self) -> float:
+        """Mean rate; NaN before the second sample."""
+        span_s = self._span_s
+        return (len(self.arrivals_s) - 1) / span_s if span_s > 0 else math.nan
+
+    @property
+    def bytes_per_s(self) -> float:
+        """Mean volume of payload; NaN before the second sample."""
+        span_s = self._span_s
+        return (sum(self.sizes) - self.sizes[0]) / span_s if span_s > 0 else math.nan
+
+    def rate_line(self) -> str:
+        """Return rate and regularity in a line."""
+        gaps_s = [b - a for a, b in zip(self.arrivals_s, list(self.arrivals_s)[1:], strict=False)]
+        if not gaps_s:
+            return "one sample so far"
+        spread_s = statistics.pstdev(gaps_s)
+        return (
+            f"{self.rate_hz:6.2f} Hz   gaps min {min(gaps_s) * 1000:.1f} ms, max {max(gaps_s) * 1000:.1f} ms,"
+            f" deviation {spread_s * 1000:.1f} ms   ({len(self.arrivals_s)} samples)"
+        )
+
+    def volume_line(self) -> str:
+        """Return the volume in a line."""
+        mean = statistics.fmean(self.sizes)
+        return (
+            f"{self.bytes_per_s / 1000:8.2f} kB/s   {self.bytes_per_s * 8 / 1e6:.3f} Mbit/s"
+            f"   {mean:.0f} bytes a sample   ({len(self.sizes)} samples)"
+        )
+
+    @property
+    def _span_s(self) -> float:
+        return self.arrivals_s[-1] - self.arrivals_s[0] if len(self.arrivals_s) > 1 else 0.0
+
+
+async def run(options: argparse.Namespace) -> int:
+    """Do what `wallride topic ACTION` asks; options as of `wallride.topic_options`."""
+    topic = ""
+    if options.action != "list":
+        options.car, topic = split_topic(options.topic, options.car)
+    async with connected(options) as (bus, car):
+        match options.action:
+            case "list":
+                await list_topics(bus, car, options.say, seconds=options.seconds)
+            case "echo":
+                await echo(bus, car, topic, options)
+            case _:
+                await measure(bus, car, topic, options)
+    return 0
+
+
+def split_topic(text: str, car: str | None) -> tuple[str | None, str]:
+    """Return car and topic for what a person writes: `scan`, `/scan` or `wallride/car1/scan`."""
+    name = text.strip("/")
+    parts = name.split("/")
+    if parts[0] == wire.ROOT and len(parts) == len(("root", "car", "topic")):
+        if car not in {None, parts[1]}:
+            raise ConnectionProblemError(
+                f"{text} is a topic of {parts[1]}, but --car says {car}; leave one of them out"
+            )
+        car, name = parts[1], parts[2]
+    if name not in KINDS:
+        raise ConnectionProblemError(f"{text}: is not a topic; there are {', '.join(KINDS)}")
+    return car, name
+
+
+async def samples(bus: Bus, car: str, topic: str) -> AsyncIterator[Sample]:
+    """Yield what comes, `*` for every topic; ConnectionProblemError when nothing comes at first."""
+    waiting: asyncio.Queue[Sample] = asyncio.Queue()
+    prefix = wire.key(car, "")
+    bus.subscribe(
+        wire.key(car, topic),
+        lambda key, payload, arrival_s: waiting.put_nowait((key.removeprefix(prefix), payload, arrival_s)),
+    )
+    try:
+        async with asyncio.timeout(FIRST_WITHIN_S):
+            yield await waiting.get()
+    except TimeoutError:
+        raise ConnectionProblemError(
+            f"{car} says nothing on {topic}: a silent voice has no topic, and a rate of 0 turns one off"
+            " (`wallride topic list` shows what is on the air)"
+        ) from None
+    while True:
+        yield await waiting.get()
+
+
+async def list_topics(bus: Bus, car: str, say: Say, *, seconds: float = LISTEN_S) -> None:
+    """Listen to everything for a moment, then say what was heard."""
+    meters = {topic: Meter() for topic in KINDS}
+    prefix = wire.key(car, "")
+
+    def hear(key: str, payload: bytes, arrival_s: float) -> None:
+        meter = meters.get(key.removeprefix(prefix))
+        if meter is not None:
+            meter.add(arrival_s, len(payload))
+
+    bus.subscribe(wire.key(car, "*"), hear)
+    await asyncio.sleep(seconds)
+    for topic, kind in KINDS.items():
+        meter = meters[topic]
+        if not meter.arrivals_s:
+            heard = "silent"
+        elif math.isnan(meter.rate_hz):
+            heard = "once"
+        else:
+            heard = f"{meter.rate_hz:.1f} Hz, {meter.bytes_per_s / 1000:.1f} kB/s"
+        say(f"{topic:<15} {kind:<42} {heard}")
+
+
+async def measure(bus: Bus, car: str, topic: str, options: argparse.Namespace) -> None:
+    """Say once a second how often, or how much, comes; `options.count` lines, then end."""
+    meter = Meter()
+    line = meter.rate_line if options.action == "hz" else meter.volume_line
+    said, next_s = 0, time.monotonic() + REPORT_EVERY_S
+    async for _, payload, arrival_s in samples(bus, car, topic):
+        meter.add(arrival_s, len(payload))
+        if time.monotonic() >= next_s:
+            next_s += REPORT_EVERY_S
+            options.say(line())
+            said += 1
+            if said == options.count:
+                return
+
+
+async def echo(bus: Bus, car: str, topic: str, options: argparse.Namespace) -> None:
+    """Say every message, as text or as one line of JSON each; `options.count` messages, then end."""
+    said = 0
+    async for name, payload, _ in samples(bus, car, topic):
+        try:
+            message = decode(name, payload)
+        except UnreadableError as error:
+            raise ConnectionProblemError(str(error)) from None
+        options.say(as_json(message) if options.json else f"{as_text(message, whole=options.whole)}\n---")
+        said += 1
+        if said == options.count:
+            return

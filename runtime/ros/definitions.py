@@ -1,0 +1,68 @@
+"""Which topic carries which message type, and the text of every type for whoever wants to record or decode it."""
+
+from collections.abc import Mapping
+from functools import lru_cache
+from importlib import resources
+from types import MappingProxyType
+
+from runtime import wire
+
+SCHEMA_ENCODING = "ros2msg"
+"""What recorders and viewers (MCAP, Foxglove) call a type that is described by `definition`."""
+JSON_SCHEMA = ""
+"""JSON topics describe themselves."""
+
+TYPES: Mapping[str, str] = MappingProxyType(
+    {
+        wire.SCAN: "sensor_msgs/msg/LaserScan",
+        wire.ODOM: "nav_msgs/msg/Odometry",
+        wire.NAVIGATION: "ackermann_msgs/msg/AckermannDriveStamped",
+        wire.SAFETY: "ackermann_msgs/msg/AckermannDriveStamped",
+        wire.TELEOP: "ackermann_msgs/msg/AckermannDriveStamped",
+        wire.OUTPUT: "ackermann_msgs/msg/AckermannDriveStamped",
+        wire.DISTANCE_ERROR: "std_msgs/msg/Float32",
+        wire.WALL: "visualization_msgs/msg/MarkerArray",
+        wire.FOOTPRINT: "visualization_msgs/msg/MarkerArray",
+        wire.IMU: "sensor_msgs/msg/Imu",
+        wire.MOTOR: "sensor_msgs/msg/JointState",
+        wire.BATTERY: "sensor_msgs/msg/BatteryState",
+        wire.DIAGNOSTICS: "diagnostic_msgs/msg/DiagnosticArray",
+        wire.TF: "tf2_msgs/msg/TFMessage",
+    }
+)
+"""Topics that carry CDR; the others are JSON (status, decision) or our own (beat)."""
+
+_SEPARATOR = "=" * 80
+
+
+def encoding(topic: str) -> str:
+    """Return the zenoh encoding of a topic's samples: the bytes' format and, after a semicolon, their schema."""
+    schema = TYPES.get(topic)
+    return f"application/cdr;{schema}" if schema is not None else "application/json"
+
+
+@lru_cache(maxsize=len(TYPES))
+def definition(schema: str) -> str:
+    """Return the text of a type and of all it is made of, in the form that MCAP calls ros2msg.
+
+    schema: such as sensor_msgs/msg/LaserScan; KeyError for a type that wallride does not use.
+    """
+    fields = _all_fields()
+    names = [schema.replace("/msg/", "/")]
+    for name in names:  # grows while it is walked
+        names += [part for part in dict.fromkeys(_parts(fields[name])) if part not in names]
+    blocks = [fields[name] if not i else f"MSG: {name}\n{fields[name]}" for i, name in enumerate(names)]
+    return f"{_SEPARATOR}\n".join(blocks)
+
+
+def _parts(fields: str) -> list[str]:
+    kinds = (line.split()[0].split("[")[0] for line in fields.splitlines())
+    return [kind for kind in kinds if "/" in kind]
+
+
+@lru_cache(maxsize=1)
+def _all_fields() -> dict[str, str]:
+    """Return the fields of every type in types.msg, by name."""
+    text = resources.files("runtime.ros").joinpath("types.msg").read_text(encoding="utf-8")
+    blocks = (block.split("\n", 1) for block in text.split("=== ")[1:])
+    return {name.strip(): fields.strip() + "\n" for name, fields in blocks}

@@ -1,0 +1,226 @@
+"""The car at one moment as plain values: the status ("why is it (not) moving?") and the mux's decision.
+
+Read off the hot path, from references to what the tasks own; asks nobody to compute anything. In the status, a speed of
+null is "no limit", a measure of null "no number", and a gate of "" is open.
+"""
+
+import math
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from drivers.api import Clock, Lidar, LinkState, Motor
+from runtime.command import CapWord, Decision, DriveWord, Output, Source, Word
+from runtime.control.odometry import Pose
+from runtime.control.score import Score
+from runtime.operator_view import OperatorView
+from runtime.voices import Voices
+
+LATENCIES = 400
+NO_WORD = "no word"
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """What one voice says about the drive in question.
+
+    speed_mps: a driver's wish; a cap's ceiling in the direction of the drive, >= 0, infinity where it does not object.
+    steering_rad: a driver's wish; None for a cap.
+    """
+
+    speed_mps: float
+    steering_rad: float | None
+    reason: str
+    measure: float = math.nan
+
+
+def said(word: Word, decision: Decision | None) -> Said:
+    """Return what a word says now.
+
+    A cap that decided is quoted from the decision. Another one is only asked about standing still, which is cheap and
+    leaves no trace in a safety law that remembers its own words.
+    """
+    if isinstance(word, DriveWord):
+        return Said(word.drive.speed_mps, word.drive.steering_rad, word.reason)
+    if decision is not None and decision.winner is word.source:
+        return Said(abs(decision.speed_mps), None, decision.reason, decision.measure)
+    verdict = word.outlook.limit(0.0, 0.0)
+    backward = decision is not None and decision.speed_mps < 0
+    return Said(verdict.reverse_mps if backward else verdict.forward_mps, None, verdict.reason, verdict.measure)
+
+
+@dataclass(slots=True)
+class Latency:
+    """How long the newest scans took from their last byte to the motor command [s]."""
+
+    samples_s: deque[float] = field(default_factory=lambda: deque(maxlen=LATENCIES))
+
+    def add(self, latency_s: float) -> None:
+        """Remember one."""
+        self.samples_s.append(latency_s)
+
+    def fields(self) -> dict[str, float | None]:
+        """Return p50, p99 and the longest in milliseconds; None without samples."""
+        ordered = sorted(self.samples_s)
+        if not ordered:
+            return dict.fromkeys(("p50", "p99", "max"))
+        p99_s = ordered[min(len(ordered) - 1, math.ceil(0.99 * len(ordered)) - 1)]
+        return {
+            name: round(value_s * 1000, 3)
+            for name, value_s in (("p50", ordered[len(ordered) // 2]), ("p99", p99_s), ("max", ordered[-1]))
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Observed:
+    """What can be looked at; nothing here is owned.
+
+    operator: the operator's side, None where there is none. window: what is wrong with the lidar's window, in words.
+    link: the session as plain values. seconds_by_winner: the mux's own account.
+    """
+
+    car: str
+    version: str
+    lidar: Lidar
+    motor: Motor
+    voices: Voices
+    clock: Clock
+    seconds_by_winner: Mapping[str, float]
+    window: Callable[[], Sequence[str]] = tuple
+    operator: Callable[[], OperatorView] | None = None
+    link: Callable[[], Mapping[str, Any]] = dict
+
+
+@dataclass(slots=True)
+class Journey:
+    """What telemetry itself keeps count of. scans: those that the follower answered."""
+
+    started_s: float
+    scans: int = 0
+    score: Score = field(default_factory=Score)
+    latency: Latency = field(default_factory=Latency)
+    pose: Pose = field(default_factory=Pose)
+
+
+def status(observed: Observed, output: Output | None, journey: Journey) -> dict[str, Any]:
+    """Return the answer to "why is it (not) moving"."""
+    now_s, motor_state = observed.clock(), observed.motor.state
+    decision = output.decision if output is not None else None
+    live = {word.source: word for word in observed.voices.live()}
+    closed = gates(observed, live, decision)
+    pose = journey.pose
+    return {
+        "car": observed.car,
+        "version": observed.version,
+        "stamp_s": now_s,
+        "up_s": now_s - journey.started_s,
+        "state": state(output, closed),
+        "output": decision_fields(output, live) if output is not None else None,
+        "gates": closed,
+        "voices": voices(observed, live, decision),
+        "operator": observed.operator().fields() if observed.operator is not None else None,
+        "seconds_by_winner": dict(observed.seconds_by_winner),
+        "speed_mps": motor_state.speed_mps if motor_state is not None else None,
+        "battery": {"voltage_v": motor_state.voltage_v, "current_a": motor_state.input_current_a}
+        if motor_state is not None
+        else None,
+        "fault": motor_state.fault if motor_state is not None else "",
+        "lidar": health_fields(observed.lidar),
+        "window": list(observed.window()),
+        "motor": health_fields(observed.motor),
+        "link": dict(observed.link()),
+        "scans": journey.scans,
+        "scan_to_motor_ms": journey.latency.fields(),
+        "distance_error": {"mean_abs_m": journey.score.mean_abs_m, "rms_m": journey.score.rms_m},
+        "odom": {"x_m": pose.x_m, "y_m": pose.y_m, "yaw_rad": pose.yaw_rad},
+    }
+
+
+def state(output: Output | None, closed: Mapping[str, str]) -> str:
+    """Return the car's state in a word or two, for lists of cars."""
+    for device in ("motor", "lidar"):
+        if closed[device]:
+            return f"no {device}"
+    if closed[Source.ESTOP]:
+        return "e-stop"
+    if output is None:
+        return "starting"
+    return "driving" if output.drive.speed_mps else "standing"
+
+
+def gates(observed: Observed, live: Mapping[Source, Word], decision: Decision | None) -> dict[str, str]:
+    """Return what must be open for autonomy to move, each with the reason why it is closed, "" where it is open."""
+    closed = {
+        name: "" if device.health.link is LinkState.READY else f"{device.health.link}: {device.health.message}"
+        for name, device in (("lidar", observed.lidar), ("motor", observed.motor))
+    }
+    for source in (Source.ESTOP, Source.SAFETY, Source.PERMIT):
+        word = live.get(source)
+        if word is not None:
+            heard = said(word, decision)
+            closed[source] = heard.reason if heard.speed_mps <= 0 else ""
+        else:
+            closed[source] = "" if source is Source.ESTOP else NO_WORD
+    closed[Source.NAVIGATION] = "" if Source.NAVIGATION in live else NO_WORD
+    return {str(name): reason for name, reason in closed.items()}
+
+
+def voices(observed: Observed, live: Mapping[Source, Word], decision: Decision | None) -> dict[str, Any]:
+    """Return every voice in the mux's order: its age, whether it is in force, and what it says."""
+    ages_s = observed.voices.ages_s()
+    return {str(source): _voice(live.get(source), ages_s.get(source), decision) for source in observed.voices.order}
+
+
+def decision_fields(output: Output, live: Mapping[Source, Word]) -> dict[str, Any]:
+    """Return one decision: who wished what, who decided, why, and what went to the motor.
+
+    asked_mps: the driver's wish. allowed_mps: after the caps. speed_mps, steering_rad: after the limiter, as sent.
+    """
+    decision = output.decision
+    word = live.get(decision.driver) if decision.driver is not None else None
+    return {
+        "stamp_s": output.stamp_s,
+        "winner": decision.winner or "nobody",
+        "driver": decision.driver,
+        "reason": decision.reason,
+        "measure": decision.measure,
+        "asked_mps": word.drive.speed_mps if isinstance(word, DriveWord) else None,
+        "allowed_mps": decision.speed_mps,
+        "speed_mps": output.drive.speed_mps,
+        "steering_rad": output.drive.steering_rad,
+        "delivered": output.delivered,
+    }
+
+
+def decision(observed: Observed, output: Output) -> dict[str, Any]:
+    """Return the message `decision`: the fields, and how old each voice is."""
+    live = {word.source: word for word in observed.voices.live()}
+    ages_s = {str(source): age_s for source, age_s in observed.voices.ages_s().items()}
+    return {**decision_fields(output, live), "voices_age_s": ages_s}
+
+
+def health_fields(device: Lidar | Motor) -> dict[str, Any]:
+    """Return a device's condition."""
+    health = device.health
+    return {
+        "link": str(health.link),
+        "message": health.message,
+        "identity": health.identity,
+        "counts": dict(health.counts),
+    }
+
+
+def _voice(word: Word | None, age_s: float | None, decision: Decision | None) -> dict[str, Any]:
+    if word is None:
+        return {"age_s": age_s, "live": False}
+    heard = said(word, decision)
+    fields = {
+        "age_s": age_s,
+        "live": True,
+        "caps": isinstance(word, CapWord),
+        "speed_mps": heard.speed_mps,
+        "reason": heard.reason,
+        "measure": heard.measure,
+    }
+    return fields if heard.steering_rad is None else {**fields, "steering_rad": heard.steering_rad}

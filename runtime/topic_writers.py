@@ -1,0 +1,213 @@
+"""From the newest of everything to the message of one topic. Called off the hot path, and only for what is wanted."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from drivers.api import LinkState, MotorState, Scan
+from runtime import drawings, snapshot, wire
+from runtime.car_settings import CarSettings
+from runtime.command import CapWord, DriveWord, Output, Source
+from runtime.control.guidance import Guidance
+from runtime.control.perception import View
+from runtime.control.swept import Outlook
+from runtime.ros import markers, messages
+from runtime.ros.messages import Floats, Frame, Report
+from runtime.snapshot import Journey, Observed, Said
+
+Message = tuple[float, bytes]
+"""Time of the measurement on the monotonic clock [s], and the payload."""
+Vector = tuple[float, float, float]
+LEVELS: Mapping[LinkState, int] = {LinkState.READY: 0, LinkState.STARTING: 1, LinkState.ABSENT: 2, LinkState.FAULTY: 2}
+
+
+@dataclass(slots=True)
+class Newest:
+    """One slot for everything that the hot path shows; the new replaces the old."""
+
+    scan: Scan | None = None
+    scan_period_s: float = 0.0
+    guided: tuple[Scan, Guidance] | None = None
+    output: Output | None = None
+    motor: MotorState | None = None
+    imu: tuple[float, Vector, Vector] | None = None
+
+
+class TopicWriters:
+    """Writes a topic on demand.
+
+    epoch_ns: what to add to the monotonic clock for the time since 1970. side: of the followed wall. ball_m: places of
+    the follower's ball, (2, k), base_link, None where it has none.
+    """
+
+    def __init__(
+        self,
+        observed: Observed,
+        car: CarSettings,
+        newest: Newest,
+        journey: Journey,
+        *,
+        epoch_ns: int,
+        side: Callable[[], Literal["left", "right"]],
+        ball_m: Callable[[], Floats | None],
+    ) -> None:
+        self._observed = observed
+        self._car = car
+        self._newest = newest
+        self._journey = journey
+        self._epoch_ns = epoch_ns
+        self._side = side
+        self._ball_m = ball_m
+        self._writers: Mapping[str, Callable[[], Message | None]] = {
+            wire.SCAN: self._scan,
+            wire.DISTANCE_ERROR: self._distance_error,
+            wire.WALL: self._wall,
+            wire.FOOTPRINT: self._footprint,
+            wire.OUTPUT: self._output,
+            wire.SAFETY: self._safety,
+            wire.NAVIGATION: lambda: self._voice(Source.NAVIGATION),
+            wire.TELEOP: lambda: self._voice(Source.TELEOP),
+            wire.ODOM: self._odom,
+            wire.TF: self._tf,
+            wire.MOTOR: self._motor,
+            wire.BATTERY: self._battery,
+            wire.IMU: self._imu,
+            wire.DIAGNOSTICS: self._diagnostics,
+            wire.STATUS: self._status,
+            wire.DECISION: self._decision,
+        }
+
+    def write(self, topic: str) -> Message | None:
+        """Return the topic's message; None when there is nothing to say, for example for a silent voice."""
+        return self._writers[topic]()
+
+    def decision(self, output: Output) -> Message:
+        """Return `decision` for a decision that need not be the newest."""
+        return output.stamp_s, wire.encode(snapshot.decision(self._observed, output))
+
+    def unix_ns(self, stamp_s: float) -> int:
+        """Return the time since 1970 of a time on the monotonic clock."""
+        return self._epoch_ns + round(stamp_s * messages.NS)
+
+    def _scan(self) -> Message | None:
+        scan = self._newest.scan
+        if scan is None:
+            return None
+        return scan.stamp_s, messages.laser_scan(self.unix_ns(scan.stamp_s), scan, self._newest.scan_period_s)
+
+    def _distance_error(self) -> Message | None:
+        if self._newest.guided is None:
+            return None
+        scan, guidance = self._newest.guided
+        return scan.stamp_s, messages.float32(guidance.error_m)
+
+    def _wall(self) -> Message | None:
+        if self._newest.guided is None:
+            return None
+        scan, guidance = self._newest.guided
+        drawn = drawings.wall(guidance, self._side(), self._ball_m())
+        return scan.stamp_s, markers.marker_array(self.unix_ns(scan.stamp_s), drawn)
+
+    def _footprint(self) -> Message | None:
+        output = self._newest.output
+        if output is None:
+            return None
+        drawn = drawings.footprint(output, self._car, self._view())
+        return output.stamp_s, markers.marker_array(self.unix_ns(output.stamp_s), drawn)
+
+    def _output(self) -> Message | None:
+        output = self._newest.output
+        if output is None:
+            return None
+        return self._drive(output.stamp_s, output.drive.speed_mps, output.drive.steering_rad)
+
+    def _safety(self) -> Message | None:
+        """What safety allows of the wish in question; nothing while nobody drives or safety is silent."""
+        output, live = self._newest.output, self._live()
+        safety = live.get(Source.SAFETY)
+        wish = live.get(output.decision.driver) if output is not None and output.decision.driver is not None else None
+        if output is None or safety is None or not isinstance(wish, DriveWord):
+            return None
+        heard: Said = snapshot.said(safety, output.decision)
+        allowed_mps = math.copysign(min(abs(wish.drive.speed_mps), heard.speed_mps), wish.drive.speed_mps)
+        return self._drive(safety.scan_stamp_s or output.stamp_s, allowed_mps, wish.drive.steering_rad)
+
+    def _voice(self, source: Source) -> Message | None:
+        """What a driver wishes; nothing while it is silent."""
+        word = self._live().get(source)
+        if not isinstance(word, DriveWord):
+            return None
+        stamp_s = word.scan_stamp_s if word.scan_stamp_s is not None else self._observed.clock()
+        return self._drive(stamp_s, word.drive.speed_mps, word.drive.steering_rad)
+
+    def _odom(self) -> Message | None:
+        state, pose = self._newest.motor, self._journey.pose
+        if state is None:
+            return None
+        stamp_ns = self.unix_ns(state.stamp_s)
+        return state.stamp_s, messages.odometry(
+            stamp_ns, pose.x_m, pose.y_m, pose.yaw_rad, pose.speed_mps, pose.yaw_rate_radps
+        )
+
+    def _tf(self) -> Message | None:
+        """Where base_link is in odom, and with it the fixed laser in base_link: a late listener has both at once."""
+        state, pose = self._newest.motor, self._journey.pose
+        if state is None:
+            return None
+        frames = (
+            Frame(messages.ODOM, messages.BASE, pose.x_m, pose.y_m, pose.yaw_rad),
+            Frame(messages.BASE, messages.LASER, self._car.lidar_x_m, 0.0, 0.0),
+        )
+        return state.stamp_s, messages.transforms(self.unix_ns(state.stamp_s), frames)
+
+    def _motor(self) -> Message | None:
+        state = self._newest.motor
+        return (state.stamp_s, messages.motor(self.unix_ns(state.stamp_s), state)) if state is not None else None
+
+    def _battery(self) -> Message | None:
+        state = self._newest.motor
+        if state is None:
+            return None
+        return state.stamp_s, messages.battery(self.unix_ns(state.stamp_s), state.voltage_v, state.input_current_a)
+
+    def _imu(self) -> Message | None:
+        if self._newest.imu is None:
+            return None
+        stamp_s, turn_radps, acceleration_mps2 = self._newest.imu
+        return stamp_s, messages.imu(self.unix_ns(stamp_s), turn_radps, acceleration_mps2)
+
+    def _diagnostics(self) -> Message | None:
+        observed, stamp_s = self._observed, self._observed.clock()
+        reports = []
+        for name, device in (("lidar", observed.lidar), ("motor", observed.motor)):
+            health = device.health
+            counts = {what: str(times) for what, times in health.counts.items()}
+            reports.append(Report(LEVELS[health.link], name, health.message, health.identity, counts))
+        window = tuple(observed.window())
+        reports.append(Report(1 if window else 0, "window", "; ".join(window) or "clean", "", {}))
+        if (output := self._newest.output) is not None:
+            decision = output.decision
+            why = f"{decision.winner or 'nobody'}: {decision.reason}"
+            seconds = {winner: f"{spent_s:.1f} s" for winner, spent_s in observed.seconds_by_winner.items()}
+            reports.append(Report(0 if output.delivered else 2, "mux", why, "", seconds))
+        return stamp_s, messages.diagnostics(self.unix_ns(stamp_s), reports)
+
+    def _status(self) -> Message | None:
+        status = snapshot.status(self._observed, self._newest.output, self._journey)
+        return status["stamp_s"], wire.encode(status)
+
+    def _decision(self) -> Message | None:
+        return self.decision(self._newest.output) if self._newest.output is not None else None
+
+    def _drive(self, stamp_s: float, speed_mps: float, steering_rad: float) -> Message:
+        return stamp_s, messages.ackermann(self.unix_ns(stamp_s), speed_mps, steering_rad)
+
+    def _live(self) -> dict[Source, CapWord | DriveWord]:
+        return {word.source: word for word in self._observed.voices.live()}
+
+    def _view(self) -> View | None:
+        """Return the newest scan as safety sees it, where the law keeps a view."""
+        word = self._live().get(Source.SAFETY)
+        outlook = word.outlook if isinstance(word, CapWord) else None
+        return outlook.view if isinstance(outlook, Outlook) else None

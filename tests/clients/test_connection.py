@@ -1,0 +1,102 @@
+"""The way to a car: found by its token, chosen by name, or one line that says what to do."""
+
+import argparse
+import re
+
+import pytest
+
+from clients.connection import ConnectionProblemError, connected, endpoint_of, find_car, keys_of, open_bus
+from runtime import wire, zenoh_config
+from runtime.bus import Bus, free_endpoint
+from wallride.client_options import add_common
+
+
+@pytest.fixture
+async def car():
+    """A car's session at a free port."""
+    bus = Bus(zenoh_config.car_config([free_endpoint()], None, (), "car1"))
+    await bus.open()
+    yield bus
+    await bus.close()
+
+
+def options(*arguments):
+    parser = argparse.ArgumentParser()
+    add_common(parser)
+    return parser.parse_args(arguments)
+
+
+async def test_the_only_car_is_found_without_its_name(car):
+    car.announce(wire.key("car1", wire.ALIVE))
+    async with connected(options("--connect", car.endpoint)) as (bus, name):
+        assert name == "car1"
+        assert bus.is_open
+    assert not bus.is_open
+
+
+async def test_of_several_cars_one_must_be_chosen(car):
+    for name in ("car1", "car2"):
+        car.announce(wire.key(name, wire.ALIVE))
+    bus = await open_bus(options("--connect", car.endpoint))
+    with pytest.raises(ConnectionProblemError, match="car1, car2; choose with --car"):
+        await find_car(bus, None)
+    assert await find_car(bus, "car2") == "car2"
+    await bus.close()
+
+
+async def test_a_car_that_is_not_there_is_named_and_so_are_those_that_are(car):
+    bus = await open_bus(options("--connect", car.endpoint))
+    with pytest.raises(ConnectionProblemError, match="a car is not there"):
+        await find_car(bus, None, timeout_s=0.1)
+    car.announce(wire.key("car1", wire.ALIVE))
+    with pytest.raises(ConnectionProblemError, match=r"no car car9 at .*; there is car1"):
+        await find_car(bus, "car9", timeout_s=0.5)
+    with pytest.raises(ConnectionProblemError, match="is not a car's name"):
+        await find_car(bus, "*")
+    await bus.close()
+
+
+async def test_nobody_listening_is_one_line_with_the_endpoint():
+    endpoint = free_endpoint()
+    with pytest.raises(ConnectionProblemError, match=re.escape(f"cannot connect to {endpoint}")) as caught:
+        await open_bus(options("--connect", endpoint))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "endpoint"),
+    [
+        ("tcp/127.0.0.1:7447", "tcp/127.0.0.1:7447"),
+        ("car1.local", "tcp/car1.local:7447"),
+        ("10.0.0.5:7000", "tcp/10.0.0.5:7000"),
+        ("tls/car1.local", "tls/car1.local:7447"),
+        ("tls/[fe80::1]:7447", "tls/[fe80::1]:7447"),
+    ],
+)
+def test_an_endpoint_may_be_written_short(text, endpoint):
+    assert endpoint_of(text) == endpoint
+
+
+def test_with_keys_the_short_form_is_an_encrypted_one():
+    assert endpoint_of("car1.local", with_keys=True) == "tls/car1.local:7447"
+
+
+@pytest.mark.parametrize("text", ["http/x:1", "tcp/", "tcp/a b:1", "udp/car1:7447"])
+def test_a_wrong_endpoint_is_refused_with_an_example(text):
+    with pytest.raises(ConnectionProblemError, match="write tcp/HOST:PORT"):
+        endpoint_of(text)
+
+
+def test_an_encrypted_endpoint_needs_a_folder_of_keys(tmp_path):
+    assert keys_of("tcp/car1:7447", None) is None
+    with pytest.raises(ConnectionProblemError, match=r"tls/car1:7447 needs keys: .*nothing: no such folder"):
+        keys_of("tls/car1:7447", tmp_path / "nothing")
+    with pytest.raises(ConnectionProblemError, match="holds no key instead of one"):
+        keys_of("tls/car1:7447", tmp_path)
+
+
+async def test_a_car_that_is_silent_towards_a_name_is_explained(car):
+    bus = await open_bus(options("--connect", car.endpoint))
+    with pytest.raises(ConnectionProblemError, match="anna is revoked or not listed there"):
+        await find_car(bus, None, whose="anna", timeout_s=0.1)
+    await bus.close()

@@ -1,0 +1,54 @@
+"""A car that only exists as what telemetry looks at: two twins, a mouthful of voices, a clock set by hand."""
+
+import math
+
+from drivers.api import Drive, LinkState, Scan
+from runtime.command import LAB_ORDER, CapWord, Decision, DriveWord, Output, Source, Verdict, consent, refusal
+from runtime.control.guidance import Guidance
+from runtime.snapshot import Observed
+from runtime.voices import Voices
+from sim.twins import STEP_RAD, MemoryLidar, MemoryMotor, ranges_between_walls
+
+RANGES_M = ranges_between_walls(1.0, 1.0)
+GUIDANCE = Guidance(Drive(1.0, 0.1), 1.1, 0.125, 0.05, "wall")
+
+
+class HandClock:
+    def __init__(self, now_s=100.0):
+        self.now_s = now_s
+
+    def __call__(self):
+        return self.now_s
+
+
+def make_observed(clock, **more):
+    motor = MemoryMotor(clock)
+    lidar = MemoryLidar(lambda _: None, clock)
+    voices = Voices(LAB_ORDER, clock)
+    return Observed(
+        car="car1", version="9.9", lidar=lidar, motor=motor, voices=voices, clock=clock,
+        seconds_by_winner={"navigation": 3.5}, **more,
+    )  # fmt: skip
+
+
+def scan_at(stamp_s, ranges_m=RANGES_M):
+    return Scan(stamp_s, stamp_s + 0.001, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0)
+
+
+def speak(observed, *, speed_mps=1.0, safety=None, permit=True):
+    """Let navigation, safety and the permit speak now."""
+    now_s = observed.clock()
+    verdict = safety or Verdict(math.inf, math.inf, "clear")
+    observed.voices.say(CapWord(Source.SAFETY, verdict, now_s))
+    observed.voices.say(consent(Source.PERMIT, "yes") if permit else refusal(Source.PERMIT, "nobody permits"))
+    observed.voices.say(DriveWord(Source.NAVIGATION, Drive(speed_mps, 0.1), now_s, "wall"))
+
+
+def output_of(observed, *, speed_mps=1.0, winner=Source.NAVIGATION, reason="wall", measure=math.nan, sent_mps=None):
+    decision = Decision(speed_mps, 0.1, Source.NAVIGATION, winner, reason, measure)
+    sent_mps = speed_mps if sent_mps is None else sent_mps
+    return Output(observed.clock(), Drive(sent_mps, 0.1), decision, delivered=True)
+
+
+def lose(device, message="cable"):
+    device.health.link, device.health.message = LinkState.ABSENT, message

@@ -1,0 +1,44 @@
+"""What every command that talks to a car over zenoh understands, and how it ends."""
+
+import argparse
+import os
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import Any
+
+DEFAULT_CONNECT = "tcp/127.0.0.1:7447"
+CONNECT_VARIABLE = "WALLRIDE_CONNECT"
+DEFAULT_KEYS = "~/.config/wallride/keys"
+
+
+def add_common(parser: argparse.ArgumentParser) -> None:
+    """Add --car, --connect and --keys; `clients.connection` reads them."""
+    parser.add_argument("--car", metavar="NAME", help="the car's name (default: the only car there)")
+    parser.add_argument(
+        "--connect",
+        metavar="ENDPOINT",
+        default=os.environ.get(CONNECT_VARIABLE) or DEFAULT_CONNECT,
+        help=f"where the car listens, e.g. tls/car1.local:7447 (default: ${CONNECT_VARIABLE}, else {DEFAULT_CONNECT})",
+    )
+    parser.add_argument(
+        "--keys",
+        type=Path,
+        metavar="DIR",
+        help=f"folder with your certificate, for tls/ endpoints (default: {DEFAULT_KEYS} when it is there)",
+    )
+
+
+def run_client(program: Callable[[argparse.Namespace], Coroutine[Any, Any, int]], options: argparse.Namespace) -> int:
+    """Run a client's coroutine; what the user can mend becomes one line and exit code 2."""
+    import asyncio
+
+    from clients.connection import ConnectionProblemError
+    from wallride.cli import fail
+
+    try:
+        return asyncio.run(program(options))
+    except ConnectionProblemError as problem:
+        return fail(str(problem))
+    except BrokenPipeError:  # `wallride topic echo scan | head` has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        return 0
