@@ -1,35 +1,37 @@
 """The composition root: the one place where devices, queues and tasks meet. Read `drive` and you know the dataflow."""
 
 import asyncio
-import gc
 import logging
-import signal
+import secrets
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 from drivers.api import Clock, Drive, Lidar, Motor, Scan
-from drivers.hokuyo.driver import Hokuyo
-from drivers.vesc.driver import Vesc
-from runtime import wire, zenoh_config
-from runtime.bus import Bus
+from runtime import wire
+from runtime.bus import BYTES, Network
 from runtime.car_settings import CarSettings
-from runtime.command import Output, Source
-from runtime.control import methods
-from runtime.control.freeing import Lookout
-from runtime.control.guidance import Guidance
+from runtime.command import Source
 from runtime.control.limiter import Limiter, Limits
-from runtime.control.odometry import Odometry
-from runtime.control.score import Score
-from runtime.journal import journal
+from runtime.control.live_laws import LiveLaws
+from runtime.emergency_stop import EmergencyStop
+from runtime.operator_desk import OperatorDesk
+from runtime.parameter_desk import ParameterDesk, Surroundings
+from runtime.parameter_history import History
 from runtime.permit import Permit
 from runtime.queues import Inbox
 from runtime.service_manager import ServiceManager
 from runtime.settings import Settings
+from runtime.sinks import ZenohSink
+from runtime.snapshot import Observed
 from runtime.tasks import lidar as lidar_task
 from runtime.tasks import mux as mux_task
-from runtime.tasks import safety, telemetry, wall_follow
+from runtime.tasks import operator, parameters, safety, wall_follow
 from runtime.tasks.health import Caretaker
+from runtime.tasks.telemetry import Telemetry
 from runtime.voices import Voices
 
 log = logging.getLogger("wallride.app")
@@ -42,9 +44,14 @@ REST_BELOW_MPS = 0.05
 
 
 class Car:
-    """Everything that one drive shares. Built once, from settings and two devices; `drive` runs it."""
+    """Everything that one drive shares. Built once, from settings and two devices; `drive` runs it.
 
-    def __init__(self, settings: Settings, lidar: Lidar, motor: Motor, bus: telemetry.Publisher, clock: Clock) -> None:
+    file: where live parameters are saved, None where there is none.
+    """
+
+    def __init__(
+        self, settings: Settings, lidar: Lidar, motor: Motor, bus: Network, clock: Clock, file: Path | None = None
+    ) -> None:
         self.settings = settings
         self.lidar = lidar
         self.motor = motor
@@ -52,13 +59,49 @@ class Car:
         self.clock = clock
         self.manager = ServiceManager()
         self.voices = Voices(settings.effective_order(), clock)
+        self.laws = LiveLaws(settings.wall_follow, settings.safety, settings.car, clock)
+        self.limiter = Limiter(_limits(settings.car))
+        self.mux = mux_task.Mux(self.voices, motor, self.limiter, REQUIRED, clock)
         self.permit = Permit(self.voices, settings.operator.permit)
-        self.mux = mux_task.Mux(self.voices, motor, Limiter(_limits(settings.car)), REQUIRED, clock)
-        self.follower, self.guard = methods.laws(settings.wall_follow, settings.safety, settings.car, clock)
-        self.outbox: telemetry.Outbox = telemetry.Outbox(clock)
-        self.odometry = Odometry(settings.car.wheelbase_m)
-        self.score = Score()
-        self.scans = 0
+        self.emergency_stop = EmergencyStop(self.voices)
+        self.operator = OperatorDesk(
+            settings.operator, self.voices, self.permit, self.emergency_stop, motor.clear_fault, clock,
+            car_session=secrets.randbits(31) + 1,
+        )  # fmt: skip
+        self.history = History(settings.parameters.history)
+        self.parameters = ParameterDesk(settings, self._surroundings(file), self.history)
+        self.sink = ZenohSink(bus, settings.car.name, settings.telemetry.rates_hz, clock)
+        self.telemetry = Telemetry(
+            self._observed(), settings.car, [self.sink],
+            epoch_ns=time.time_ns() - round(clock() * 1e9), side=lambda: self.settings.wall_follow.side,
+        )  # fmt: skip
+
+    def connect(self) -> None:
+        """Declare on the bus what comes in: an operator's commands and questions about parameters."""
+        name = self.settings.car.name
+        self.bus.announce(wire.key(name, wire.ALIVE))
+        self.bus.subscribe(wire.key(name, wire.COMMAND), self.operator.receive)
+        parameters.serve(self.bus, name, self.parameters)
+
+    def apply(self, settings: Settings, changed: Sequence[str]) -> None:
+        """Take other settings in one step of the loop: between two scans, never within one."""
+        self.settings = settings
+        self.laws.tune(settings.wall_follow, settings.safety)
+        self.limiter.tune(_limits(settings.car))
+        self.voices.reorder(settings.effective_order())
+        self.sink.rates = settings.telemetry.rates_hz
+        if "log.level" in changed:
+            logging.getLogger().setLevel(settings.log.level)
+
+    def is_standing(self) -> bool:
+        """Tell whether the wheels stand and nobody drives; a motor that says nothing may be turning."""
+        state, output = self.motor.state, self.mux.output
+        wanted_mps = output.drive.speed_mps if output is not None else 0.0
+        return state is not None and abs(state.speed_mps) < REST_BELOW_MPS and wanted_mps == 0.0
+
+    def status(self) -> Mapping[str, Any]:
+        """Return the answer to "why is it (not) moving" as plain values."""
+        return self.telemetry.status()
 
     async def drive(self, stop: asyncio.Event) -> None:
         """Drive until `stop` is set or a task fails; the car is brought to rest on every way out."""
@@ -77,73 +120,65 @@ class Car:
         for_safety: Inbox[Scan] = Inbox(clock)
         for_follower: Inbox[Scan] = Inbox(clock)
         jobs = {
-            "lidar": lidar_task.pump(self.lidar, [for_safety, for_follower]),
+            "lidar": lidar_task.pump(self.lidar, [for_safety.put, for_follower.put, self.telemetry.on_scan]),
             "safety": safety.watch(
-                for_safety, motor, self.guard, voices,
-                expires_after_s=settings.safety.expires_after_s,
+                for_safety, motor, self.laws, voices,
+                expires_after_s=lambda: self.settings.safety.expires_after_s,
             ),
             "wall_follow": wall_follow.follow(
-                for_follower, motor, self.follower, voices,
-                expires_after_s=settings.wall_follow.expires_after_s, publish=self._on_guidance,
+                for_follower, motor, self.laws, voices,
+                expires_after_s=lambda: self.settings.wall_follow.expires_after_s,
+                publish=self.telemetry.on_guidance,
             ),
-            "mux": self.mux.run(self._on_output),
+            "mux": self.mux.run(self.telemetry.on_output),
             "tick": mux_task.tick(voices, settings.mux.tick_hz, clock),
-            "health": self._caretaker().run(),
-            "telemetry": telemetry.publish(self.outbox, self.bus, settings.car.name),
-            "status": telemetry.report_status(
-                self.bus, settings.car.name, self.status, settings.telemetry.status_hz, clock
+            "operator": operator.attend(
+                self.operator, motor, self._beat, beat_hz=settings.operator.beat_hz, clock=clock
             ),
+            "health": self._caretaker().run(),
+            "parameters": parameters.keep_history(self.history, history_file(settings)),
+            **self.telemetry.jobs(),
         }  # fmt: skip
         return [tasks.create_task(job, name=name) for name, job in jobs.items()]
+
+    def _beat(self, beat: bytes) -> None:
+        self.bus.put(wire.key(self.settings.car.name, wire.BEAT), beat, encoding=BYTES, urgent=True)
 
     def _caretaker(self) -> Caretaker:
         return Caretaker(
             lidar=self.lidar,
             motor=self.motor,
             output=lambda: self.mux.output,
-            voices=self.voices,
-            permit=self.permit,
+            emergency_stop=self.emergency_stop,
+            rearm=self.operator.rearm,
             manager=self.manager,
             clock=self.clock,
             retry_faults=self.settings.operator.permit == "always",
         )
 
-    def _on_guidance(self, scan: Scan, guidance: Guidance) -> None:
-        self.scans += 1
-        self.score.add(guidance.error_m)
-        message = {
-            "topic": wire.DISTANCE_ERROR,
-            "stamp_s": scan.stamp_s,
-            "distance_m": guidance.distance_m,
-            "error_m": guidance.error_m,
-            "angle_rad": guidance.angle_rad,
-        }
-        self.outbox.put(wire.DISTANCE_ERROR, message, priority=2, expires_at_s=self.clock() + 1)
+    def _observed(self) -> Observed:
+        return Observed(
+            car=self.settings.car.name,
+            version=version("wallride"),
+            lidar=self.lidar,
+            motor=self.motor,
+            voices=self.voices,
+            clock=self.clock,
+            seconds_by_winner=self.mux.seconds_by_winner,
+            window=lambda: self.laws.words,
+            operator=self.operator.view,
+            link=lambda: {"endpoint": self.bus.endpoint, "open": self.bus.is_open, "dropped": self.bus.dropped},
+        )
 
-    def _on_output(self, output: Output) -> None:
-        self.odometry.update(self.motor.state)
-        message = {"topic": wire.OUTPUT, "stamp_s": output.stamp_s, **_output_fields(output)}
-        self.outbox.put(wire.OUTPUT, message, priority=1, expires_at_s=self.clock() + 1)
-
-    def status(self) -> Mapping[str, Any]:
-        """Return the answer to "why is it (not) moving" as plain values."""
-        state, pose, output = self.motor.state, self.odometry.pose, self.mux.output
-        return {
-            "car": self.settings.car.name,
-            "stamp_s": self.clock(),
-            "output": _output_fields(output) if output is not None else None,
-            "voices_age_s": {str(source): age_s for source, age_s in self.voices.ages_s().items()},
-            "seconds_by_winner": self.mux.seconds_by_winner,
-            "distance_error": {"mean_abs_m": self.score.mean_abs_m, "rms_m": self.score.rms_m},
-            "scans": self.scans,
-            "lidar": _health_fields(self.lidar),
-            "window": self.guard.words if isinstance(self.guard, Lookout) else (),
-            "motor": _health_fields(self.motor),
-            "speed_mps": state.speed_mps if state is not None else None,
-            "voltage_v": state.voltage_v if state is not None else None,
-            "fault": state.fault if state is not None else "",
-            "odom": {"x_m": pose.x_m, "y_m": pose.y_m, "yaw_rad": pose.yaw_rad},
-        }
+    def _surroundings(self, file: Path | None) -> Surroundings:
+        return Surroundings(
+            apply=self.apply,
+            is_standing=self.is_standing,
+            clock=self.clock,
+            date=lambda: datetime.now(UTC).isoformat(timespec="seconds"),
+            file=file,
+            may_loosen=self.settings.operator.loosen_safety_while_driving,
+        )
 
 
 async def bring_to_rest(motor: Motor, clock: Clock) -> None:
@@ -155,40 +190,6 @@ async def bring_to_rest(motor: Motor, clock: Clock) -> None:
         if state is not None and abs(state.speed_mps) < REST_BELOW_MPS:
             return
         await asyncio.sleep(REST_PERIOD_S)
-
-
-def main(settings: Settings) -> None:
-    """Drive until SIGINT or SIGTERM; returns when the car stands."""
-    with journal(settings.log.level, settings.log.format):
-        asyncio.run(_main(settings))
-
-
-async def _main(settings: Settings) -> None:
-    stop = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, stop.set)
-    clock = time.monotonic
-    bus = Bus(zenoh_config.car_config([settings.telemetry.listen], None, (), settings.car.name))
-    car = Car(settings, Hokuyo(settings.lidar, clock=clock), Vesc(settings.motor, clock=clock), bus, clock)
-    methods.warm_up(settings.wall_follow, settings.safety, settings.car)
-    gc.collect()
-    gc.freeze()  # a full collection would block the loop for milliseconds; what exists now stays anyway
-    opening = asyncio.create_task(_open_bus(bus), name="bus") if settings.telemetry.enabled else None
-    try:
-        await car.drive(stop)
-    finally:
-        car.manager.stopping()
-        if opening is not None:
-            await opening
-        await bus.close()
-
-
-async def _open_bus(bus: Bus) -> None:
-    try:
-        await bus.open()
-    except OSError as error:
-        log.error("driving without telemetry: %s", error)
 
 
 async def _until(stop: asyncio.Event, tasks: list[asyncio.Task[Any]]) -> None:
@@ -208,24 +209,6 @@ def _limits(car: CarSettings) -> Limits:
     )
 
 
-def _output_fields(output: Output) -> dict[str, Any]:
-    decision = output.decision
-    return {
-        "speed_mps": output.drive.speed_mps,
-        "steering_rad": output.drive.steering_rad,
-        "driver": decision.driver,
-        "winner": decision.winner or "nobody",
-        "reason": decision.reason,
-        "measure": decision.measure,
-        "delivered": output.delivered,
-    }
-
-
-def _health_fields(device: Lidar | Motor) -> dict[str, Any]:
-    health = device.health
-    return {
-        "link": str(health.link),
-        "message": health.message,
-        "identity": health.identity,
-        "counts": dict(health.counts),
-    }
+def history_file(settings: Settings) -> Path | None:
+    """Return where changes of parameters are written down, None when nowhere."""
+    return Path(settings.parameters.history_file) if settings.parameters.history_file else None

@@ -15,7 +15,7 @@ import socket
 import time
 from collections import deque
 from collections.abc import Awaitable, Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
     import zenoh
@@ -37,6 +37,45 @@ BACKLOG = 256
 
 class RefusedError(Exception):
     """The other side answered, and the answer is no; the text is its reason."""
+
+
+class Network(Protocol):
+    """What the car needs of a bus; in stories a twin in memory."""
+
+    @property
+    def endpoint(self) -> str:
+        """Where it can be reached."""
+        ...
+
+    @property
+    def is_open(self) -> bool:
+        """Whether `put` reaches anybody."""
+        ...
+
+    @property
+    def dropped(self) -> int:
+        """How many samples were put while it was closed."""
+        ...
+
+    def put(self, key: str, payload: bytes, *, encoding: str = JSON, urgent: bool = False) -> None:
+        """Publish without waiting."""
+        ...
+
+    def wanted(self, key: str, *, encoding: str = JSON, urgent: bool = False) -> bool:
+        """Tell whether anybody is subscribed."""
+        ...
+
+    def subscribe(self, key: str, receive: Receive) -> None:
+        """Hear a key."""
+        ...
+
+    def answer(self, key: str, reply: Reply) -> None:
+        """Answer queries on a key."""
+        ...
+
+    def announce(self, key: str) -> None:
+        """Hold a liveliness token."""
+        ...
 
 
 class Bus:

@@ -11,8 +11,8 @@ For one loop only; other threads come in through `loop.call_soon_threadsafe`.
 
 import asyncio
 from bisect import bisect_left, insort
-from collections.abc import Hashable
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
 from drivers.api import Clock
@@ -63,6 +63,12 @@ class PriorityQueue(Generic[K, V]):
         entry = self._slots.pop(key, None)
         if entry is not None:
             del self._order[bisect_left(self._order, entry.rank, key=_rank)]
+
+    def rank_anew(self, priority: Callable[[K], int]) -> None:
+        """Change the priorities of what was said; its content, age and expiry stay."""
+        for key, entry in self._slots.items():
+            self._slots[key] = replace(entry, rank=(priority(key), entry.rank[1]))
+        self._order = sorted(((entry.rank, key) for key, entry in self._slots.items()), key=_rank)
 
     def live(self) -> list[V]:
         """Return everything in force now, most urgent first, and leave it there."""

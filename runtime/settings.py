@@ -24,7 +24,11 @@ from runtime.control.method_settings import (
     ChosenWallFollow,
     SweptSafetySettings,
 )
+from runtime.operator_settings import OperatorSettings
+from runtime.parameter_settings import ParameterSettings
 from runtime.section import Section
+from runtime.session_settings import SessionSettings
+from runtime.telemetry_settings import TelemetryRates
 
 
 class SettingsError(Exception):
@@ -46,22 +50,15 @@ class MuxSettings(Section):
             raise ValueError("must begin with e-stop: nothing outranks an emergency stop")
         if order.index(Source.NAVIGATION) < max(order.index(Source.SAFETY), order.index(Source.PERMIT)):
             raise ValueError("must have safety and permit before navigation, or they would not bind it")
+        if order.index(Source.PERMIT) < order.index(Source.TELEOP):
+            raise ValueError("must have teleop before permit: while a human drives the permit is refused")
         return order
 
 
-class OperatorSettings(Section):
-    """What the car needs from its human."""
-
-    permit: Literal["required", "always"] = "required"
-    """required: autonomy moves only while an operator permits it. always: simulation and benches."""
-
-
-class TelemetrySettings(Section):
-    """What leaves the car over zenoh; loopback only until keys exist."""
+class TelemetrySettings(TelemetryRates, SessionSettings):
+    """What leaves the car over zenoh, and where it may be heard."""
 
     enabled: bool = True
-    listen: Annotated[str, Field(pattern=r"^tcp/(127\.0\.0\.1|\[::1\]):\d{1,5}$")] = "tcp/127.0.0.1:7447"
-    status_hz: Annotated[float, Field(ge=0.5, le=50)] = 10.0
 
 
 class LogSettings(Section):
@@ -83,6 +80,7 @@ class Settings(Section):
     operator: OperatorSettings = OperatorSettings()
     telemetry: TelemetrySettings = TelemetrySettings()
     log: LogSettings = LogSettings()
+    parameters: ParameterSettings = ParameterSettings()
 
     def effective_order(self) -> tuple[Source, ...]:
         """Return the mux's order after `safety.binds_teleop` moved safety above the human."""

@@ -20,6 +20,13 @@ class Voices:
         self._queue: PriorityQueue[Source, Word] = PriorityQueue(clock)
         self._spoken_at_s: dict[Source, float] = {}
 
+    def reorder(self, order: Sequence[Source]) -> None:
+        """Change who outranks whom, for the words in force as well, and wake the mux."""
+        if tuple(order) != self.order:
+            self.order = tuple(order)
+            self._queue.rank_anew(self.order.index)
+            self._queue.poke()
+
     def say(self, word: Word, *, expires_at_s: float = NEVER_S) -> None:
         """Speak: this replaces the source's earlier word and wakes the mux."""
         self._spoken_at_s[word.source] = self._clock()

@@ -2,7 +2,7 @@
 
 import asyncio
 import math
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import Never
 
 import numpy as np
@@ -129,3 +129,51 @@ def ranges_between_walls(left_m: float, right_m: float, ahead_m: float = math.na
     ranges_m = np.fmin(np.where(np.isfinite(sides_m), sides_m, np.nan), front_m)
     ranges_m[~(ranges_m < 30.0)] = np.nan  # NaN compares as not smaller
     return ranges_m.astype(np.float32)
+
+
+class MemoryBus:
+    """Remembers what is said, brings what a story says, and lets it ask.
+
+    heard: (key, payload) of everything put. listened_to: whether anybody is subscribed to it.
+    """
+
+    endpoint = "memory"
+    is_open = True
+    dropped = 0
+
+    def __init__(self, clock: Clock, *, listened_to: bool = True) -> None:
+        self._clock = clock
+        self._listened_to = listened_to
+        self._readers: dict[str, Callable[[str, bytes, float], None]] = {}
+        self._replies: dict[str, Callable[[bytes], bytes | Awaitable[bytes]]] = {}
+        self.heard: list[tuple[str, bytes]] = []
+        self.tokens: set[str] = set()
+
+    def put(self, key: str, payload: bytes, *, encoding: str = "", urgent: bool = False) -> None:  # noqa: ARG002 - a Bus
+        """Remember it."""
+        self.heard.append((key, payload))
+
+    def wanted(self, key: str, *, encoding: str = "", urgent: bool = False) -> bool:  # noqa: ARG002 - a Bus
+        """Tell whether somebody listens."""
+        return self._listened_to
+
+    def subscribe(self, key: str, receive: Callable[[str, bytes, float], None]) -> None:
+        """Let the car hear what `say` says."""
+        self._readers[key] = receive
+
+    def answer(self, key: str, reply: Callable[[bytes], bytes | Awaitable[bytes]]) -> None:
+        """Let the car answer what `ask` asks."""
+        self._replies[key] = reply
+
+    def announce(self, key: str) -> None:
+        """Hold a token."""
+        self.tokens.add(key)
+
+    def say(self, key: str, payload: bytes) -> None:
+        """Bring a message to the car now."""
+        self._readers[key](key, payload, self._clock())
+
+    async def ask(self, key: str, payload: bytes = b"") -> bytes:
+        """Ask the car."""
+        answer = self._replies[key](payload)
+        return answer if isinstance(answer, bytes) else await answer

@@ -6,8 +6,12 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from wallride import lab_options
+from wallride import keys_options, lab_options, param_options, teleop_options, topic_options
+
+if TYPE_CHECKING:
+    from runtime.settings import Settings
 
 USAGE_ERROR = 2
 DEFAULT_CONFIG = Path("/etc/wallride/car.toml")
@@ -19,9 +23,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     options = build_parser().parse_args(arguments)
-    commands = {"run": _run, "check": _check, "sim": _sim, "lab": _lab}
     try:
-        return commands[options.command](options)
+        return int(options.run(options))
     except KeyboardInterrupt:
         return 130
 
@@ -33,12 +36,18 @@ def build_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     run = commands.add_parser("run", help="drive the car until SIGINT or SIGTERM")
     check = commands.add_parser("check", help="validate the settings and print what is in effect")
+    run.set_defaults(run=_run)
+    check.set_defaults(run=_check)
     for command in (run, check):
         command.add_argument("config", nargs="?", type=Path, help=f"TOML file (default: {DEFAULT_CONFIG} if there)")
         _add_set(command)
     check.add_argument("--devices", action="store_true", help="fail also when a device is not plugged in")
     _add_sim(commands.add_parser("sim", help="drive an emulated car through its real drivers"))
-    lab_options.add(commands.add_parser("lab", help="experiments with the car's own laws, faster than real time"))
+    lab = commands.add_parser("lab", help="experiments with the car's own laws, faster than real time")
+    lab.set_defaults(run=_lab)
+    lab_options.add(lab)
+    for options in (topic_options, teleop_options, param_options, keys_options):
+        options.add(commands)
     return parser
 
 
@@ -54,6 +63,7 @@ def _add_set(command: argparse.ArgumentParser) -> None:
 
 
 def _add_sim(sim: argparse.ArgumentParser) -> None:
+    sim.set_defaults(run=_sim)
     sim.add_argument("world", nargs="?", default="loop", help="a built-in world or a ROS map .yaml (default: loop)")
     _add_set(sim)
     sim.add_argument("--config", type=Path, help="settings file of the simulated car (default: config/sim.toml's)")
@@ -68,30 +78,35 @@ def _add_sim(sim: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from runtime.people import KeysError
     from runtime.settings import SettingsError
 
     try:
-        settings = _load(options.config, options.assignments)
+        file = options.config or _default_config()
+        settings = _load(file, options.assignments)
         problems = [text for text, fatal in _device_problems(settings) if fatal]
-    except SettingsError as error:
+        session, warnings = _session(settings)
+    except (SettingsError, KeysError) as error:
         return fail(str(error))
     if problems:
         return fail("; ".join(problems))
-    from runtime import app
+    from runtime import launch
 
-    app.main(settings)
+    launch.main(settings, file, session, warnings)
     return 0
 
 
 def _check(options: argparse.Namespace) -> int:
+    from runtime.people import KeysError
     from runtime.settings import SettingsError, to_toml
 
     try:
-        settings = _load(options.config, options.assignments)
-    except SettingsError as error:
+        settings = _load(options.config or _default_config(), options.assignments)
+        print(to_toml(settings), end="")
+        _, warnings = _session(settings)
+    except (SettingsError, KeysError) as error:
         return fail(str(error))
-    print(to_toml(settings), end="")
-    problems = _device_problems(settings)
+    problems = [(text, False) for text in warnings] + _device_problems(settings)
     for text, _ in problems:
         print(f"wallride: {text}", file=sys.stderr)
     return USAGE_ERROR if any(fatal or options.devices for _, fatal in problems) else 0
@@ -122,15 +137,27 @@ def _explained_extra() -> Iterator[None]:
         ) from None
 
 
-def _load(config: Path | None, assignments: Sequence[str]):  # type: ignore[no-untyped-def]  # noqa: ANN202 - its type is heavy
+def _default_config() -> Path | None:
+    return DEFAULT_CONFIG if DEFAULT_CONFIG.is_file() else None
+
+
+def _load(config: Path | None, assignments: Sequence[str]) -> "Settings":
     from runtime.settings import load_settings
 
-    if config is None and DEFAULT_CONFIG.is_file():
-        config = DEFAULT_CONFIG
     return load_settings(config, assignments)
 
 
-def _device_problems(settings) -> list[tuple[str, bool]]:  # type: ignore[no-untyped-def]  # noqa: ANN001 - as above
+def _session(settings: "Settings") -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Return the configuration of the car's session and what its owner should hear; KeysError when keys are bad."""
+    from datetime import UTC, datetime
+
+    from runtime.key_files import car_session
+
+    telemetry = settings.telemetry
+    return car_session(telemetry.listen, telemetry.keys_dir, settings.car.name, datetime.now(UTC))
+
+
+def _device_problems(settings: "Settings") -> list[tuple[str, bool]]:
     """Look at the serial paths; (sentence, fatal): a directory can never become a device, a missing one can."""
     from drivers.address import SerialAddress, parse_address
 

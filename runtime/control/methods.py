@@ -15,6 +15,8 @@ from runtime.control.recovery import Recovery
 from runtime.control.report import ReportFollower, ReportGuard
 from runtime.control.swept import SweptGuard
 
+Driver = BallFollower | ReportFollower
+
 
 def laws(
     wall_follow: WallFollowSettings, safety: SafetySettings, car: CarSettings, clock: Clock | None = None
@@ -24,18 +26,38 @@ def laws(
     clock: lets safety measure the age of its scan at every judgement; None takes it as it was on arrival.
     """
     eyes = Eyes(car)
-    follower: Follower
+    driver = driver_for(wall_follow, car, eyes)
+    guard = guard_for(safety, car, eyes, clock)
+    recovery = recovery_for(safety)
+    return freeing(driver, guard, recovery), guard
+
+
+def driver_for(wall_follow: WallFollowSettings, car: CarSettings, eyes: Eyes) -> Driver:
+    """Return the follower itself, which knows no way out of a corner."""
     match wall_follow.method:
         case "ball":
-            follower = BallFollower(wall_follow, car, eyes)
+            return BallFollower(wall_follow, car, eyes)
         case "report":
-            follower = ReportFollower(wall_follow)
-    if not isinstance(safety, SweptSafetySettings):
-        return follower, ReportGuard(car)
-    lookout = Lookout(SweptGuard(safety, car, eyes, health=safety.window, clock=clock))
-    if safety.backs_out:
-        follower = Freeing(follower, lookout, Recovery(safety.recovery))
-    return follower, lookout
+            return ReportFollower(wall_follow)
+
+
+def guard_for(safety: SafetySettings, car: CarSettings, eyes: Eyes, clock: Clock | None) -> Lookout | ReportGuard:
+    """Return the safety law."""
+    if isinstance(safety, SweptSafetySettings):
+        return Lookout(SweptGuard(safety, car, eyes, health=safety.window, clock=clock))
+    return ReportGuard(car)
+
+
+def recovery_for(safety: SafetySettings) -> Recovery | None:
+    """Return the way out of a corner, None where nobody wants one."""
+    if isinstance(safety, SweptSafetySettings) and safety.backs_out:
+        return Recovery(safety.recovery)
+    return None
+
+
+def freeing(driver: Driver, guard: Guard, recovery: Recovery | None) -> Follower:
+    """Return a follower that also frees the car, where there is a way out and a safety that can judge it."""
+    return Freeing(driver, guard, recovery) if recovery is not None and isinstance(guard, Lookout) else driver
 
 
 def warm_up(wall_follow: WallFollowSettings, safety: SafetySettings, car: CarSettings) -> None:

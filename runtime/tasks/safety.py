@@ -1,5 +1,6 @@
 """Says after every scan how fast the car may go."""
 
+from collections.abc import Callable
 from typing import Never
 
 from drivers.api import Motor, Scan
@@ -9,7 +10,9 @@ from runtime.queues import Inbox
 from runtime.voices import Voices
 
 
-async def watch(scans: Inbox[Scan], motor: Motor, guard: Guard, voices: Voices, *, expires_after_s: float) -> Never:
+async def watch(
+    scans: Inbox[Scan], motor: Motor, guard: Guard, voices: Voices, *, expires_after_s: Callable[[], float]
+) -> Never:
     """Take in each scan; the outlook is in force only so long after the scan, so a blind safety is a silent one.
 
     What is said is not a number but a judge: the mux asks it about the very drive that is about to be sent.
@@ -17,4 +20,4 @@ async def watch(scans: Inbox[Scan], motor: Motor, guard: Guard, voices: Voices, 
     while True:
         scan = await scans.get()
         word = CapWord(Source.SAFETY, guard.look(scan, motor.state), scan.stamp_s)
-        voices.say(word, expires_at_s=scan.stamp_s + expires_after_s)
+        voices.say(word, expires_at_s=scan.stamp_s + expires_after_s())

@@ -16,7 +16,7 @@ async def follow(
     follower: Follower,
     voices: Voices,
     *,
-    expires_after_s: float,
+    expires_after_s: Callable[[], float],
     publish: Callable[[Scan, Guidance], None],
 ) -> Never:
     """Answer each scan; a follower without an answer asks for standstill, with its reason."""
@@ -25,5 +25,5 @@ async def follow(
         guidance = follower.follow(scan, motor.state)
         drive = guidance.drive if guidance.drive is not None else Drive(0.0, 0.0)
         word = DriveWord(Source.NAVIGATION, drive, scan.stamp_s, guidance.reason)
-        voices.say(word, expires_at_s=scan.stamp_s + expires_after_s)
+        voices.say(word, expires_at_s=scan.stamp_s + expires_after_s())
         publish(scan, guidance)

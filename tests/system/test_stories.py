@@ -6,26 +6,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from clients.decoding import decode
 from drivers.api import Drive, LinkState
 from runtime.app import Car
 from runtime.command import DriveWord, Source
 from runtime.permit import NOT_GRANTED
 from runtime.settings import Settings
-from sim.twins import MemoryLidar, MemoryMotor, ranges_between_walls
+from sim.twins import MemoryBus, MemoryLidar, MemoryMotor, ranges_between_walls
 from sim.virtual_time import run_virtual
 
 CORRIDOR = ranges_between_walls(1.0, 1.0)
 BLOCKED = ranges_between_walls(1.0, 1.0, ahead_m=0.8)
-
-
-class Ear:
-    """A bus that remembers."""
-
-    def __init__(self):
-        self.heard = []
-
-    def put(self, key, payload):
-        self.heard.append((key, payload))
 
 
 class Story:
@@ -38,7 +29,6 @@ class Story:
         sections |= {name: report | sections[name] for name in ("wall_follow", "safety")}
         self.settings = Settings.model_validate(sections)
         self.scans: np.ndarray | None = CORRIDOR
-        self.ear = Ear()
 
     def run(self, seconds, *events):
         """Drive for so long; events are (time, function of this story)."""
@@ -48,7 +38,9 @@ class Story:
             self.now = loop.time
             self.motor = MemoryMotor(loop.time)
             self.lidar = MemoryLidar(lambda _: self.scans, loop.time)
+            self.ear = MemoryBus(loop.time)
             self.car = Car(self.settings, self.lidar, self.motor, self.ear, loop.time)
+            self.car.connect()
             stop = asyncio.Event()
             for at_s, event in events:
                 loop.call_at(at_s, event, self)
@@ -234,7 +226,7 @@ def test_a_task_that_dies_takes_the_car_to_a_stop():
         def look(*_):
             raise BugError
 
-        story.car.guard.look = look
+        story.car.laws.guard.look = look
 
     story = Story()
     with pytest.raises(ExceptionGroup) as caught:
@@ -248,22 +240,23 @@ def test_the_distance_error_is_published_and_scored():
     story = Story(wall_follow={"desired_distance_m": 0.9}).run(3.0)
     errors = [payload for key, payload in story.ear.heard if key == "wallride/car1/distance_error"]
     assert len(errors) > 100
-    assert b'"error_m":0.1' in errors[-1]
-    assert story.car.score.mean_abs_m == pytest.approx(0.1, abs=0.002)
+    assert decode("distance_error", errors[-1])["data"] == pytest.approx(0.1, abs=0.002)
+    assert story.car.telemetry.journey.score.mean_abs_m == pytest.approx(0.1, abs=0.002)
 
 
 def test_the_status_names_winner_reason_and_voices():
     story = Story().run(3.0)
-    status = next(payload for key, payload in reversed(story.ear.heard) if key == "wallride/car1/status")
-    for word in (b'"winner":"navigation"', b'"reason":"wall"', b'"safety":0.0', b'"link":"ready"'):
-        assert word in status
+    status = decode("status", next(text for key, text in reversed(story.ear.heard) if key == "wallride/car1/status"))
+    assert (status["output"]["winner"], status["output"]["reason"]) == ("navigation", "wall")
+    assert status["voices"]["safety"]["age_s"] < 0.03
+    assert status["lidar"]["link"] == "ready"
 
 
 def test_the_status_says_what_is_wrong_with_the_window():
     dirt = "12 beams around -95 deg are dirty: clean the window"
 
     def soil(story):
-        story.car.guard.guard.health.words = (dirt,)
+        story.car.laws.guard.guard.health.words = (dirt,)
 
     story = Story(wall_follow={"method": "ball"}, safety={"method": "swept"})
     story.scans = None  # nothing is learnt that would unsay it

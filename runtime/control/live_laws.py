@@ -1,0 +1,85 @@
+"""The follower and the safety law of a car, with settings that may change while it drives.
+
+What the laws have learnt (the steering's offset, the dirt on the window, a hard stop that is on, who walks where) is
+kept; only a change of method begins anew. Each law computes a scan wholly with the old or wholly with the new values.
+"""
+
+from drivers.api import Clock, MotorState, Scan
+from runtime.car_settings import CarSettings
+from runtime.command import Outlook
+from runtime.control import methods
+from runtime.control.ball import BallFollower
+from runtime.control.freeing import Lookout
+from runtime.control.guidance import Follower, Guidance
+from runtime.control.method_settings import (
+    BallFollowSettings,
+    SafetySettings,
+    SweptSafetySettings,
+    WallFollowSettings,
+)
+from runtime.control.perception import Eyes
+from runtime.control.report import ReportFollower, ReportGuard
+from runtime.control.report_settings import ReportFollowSettings
+
+
+class LiveLaws:
+    """Is a Follower and a Guard, and hands on to those that the settings name.
+
+    wall_follow, safety: the settings in force. guard: the safety law in force.
+    """
+
+    def __init__(
+        self, wall_follow: WallFollowSettings, safety: SafetySettings, car: CarSettings, clock: Clock | None = None
+    ) -> None:
+        self.wall_follow = wall_follow
+        self.safety = safety
+        self._car = car
+        self._clock = clock
+        self._eyes = Eyes(car)
+        self._driver = methods.driver_for(wall_follow, car, self._eyes)
+        self._recovery = methods.recovery_for(safety)
+        self.guard: Lookout | ReportGuard = methods.guard_for(safety, car, self._eyes, clock)
+        self.follower: Follower = methods.freeing(self._driver, self.guard, self._recovery)
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What is wrong with the lidar's window, in sentences for people."""
+        return self.guard.words if isinstance(self.guard, Lookout) else ()
+
+    def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
+        """Answer one scan."""
+        return self.follower.follow(scan, motor)
+
+    def look(self, scan: Scan, motor: MotorState | None) -> Outlook:
+        """Take in one scan."""
+        return self.guard.look(scan, motor)
+
+    def tune(self, wall_follow: WallFollowSettings, safety: SafetySettings) -> None:
+        """Go on with other settings, from the next scan on."""
+        if wall_follow != self.wall_follow:
+            self._tune_driver(wall_follow)
+        if safety != self.safety:
+            self._tune_guard(safety)
+        self.wall_follow, self.safety = wall_follow, safety
+        self.follower = methods.freeing(self._driver, self.guard, self._recovery)
+
+    def _tune_driver(self, settings: WallFollowSettings) -> None:
+        match self._driver, settings:
+            case BallFollower() as driver, BallFollowSettings():
+                driver.tune(settings)
+            case ReportFollower() as driver, ReportFollowSettings():
+                driver.tune(settings)
+            case _:
+                self._driver = methods.driver_for(settings, self._car, self._eyes)
+
+    def _tune_guard(self, settings: SafetySettings) -> None:
+        match self.guard, settings:
+            case Lookout() as lookout, SweptSafetySettings():
+                lookout.guard.tune(settings, settings.window)
+            case _ if settings.method != self.safety.method:
+                self._eyes.ignore(None)  # the new law has not learnt yet what is dirt
+                self.guard = methods.guard_for(settings, self._car, self._eyes, self._clock)
+        if self._recovery is None or not isinstance(settings, SweptSafetySettings) or not settings.backs_out:
+            self._recovery = methods.recovery_for(settings)
+        else:
+            self._recovery.tune(settings.recovery)

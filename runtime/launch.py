@@ -1,0 +1,65 @@
+"""One drive from start to end: the real devices, the session, the signals. Everything that a process has only once."""
+
+import asyncio
+import gc
+import logging
+import signal
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from drivers.hokuyo.driver import Hokuyo
+from drivers.vesc.driver import Vesc
+from runtime.app import Car, history_file
+from runtime.bus import Bus
+from runtime.control import methods
+from runtime.journal import journal
+from runtime.settings import Settings
+from runtime.tasks import parameters
+
+log = logging.getLogger("wallride.launch")
+
+
+def main(settings: Settings, file: Path | None, session: Mapping[str, Any], warnings: Sequence[str]) -> None:
+    """Drive until SIGINT or SIGTERM; returns when the car stands.
+
+    file: where live parameters are saved. session: the configuration of the zenoh session.
+    warnings: what the owner should hear first.
+    """
+    with journal(settings.log.level, settings.log.format):
+        for warning in warnings:
+            log.warning("%s", warning)
+        asyncio.run(_drive(settings, file, session))
+
+
+async def _drive(settings: Settings, file: Path | None, session: Mapping[str, Any]) -> None:
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stop.set)
+    clock = time.monotonic
+    bus = Bus(session)
+    car = Car(settings, Hokuyo(settings.lidar, clock=clock), Vesc(settings.motor, clock=clock), bus, clock, file)
+    if (history := history_file(settings)) is not None:
+        parameters.read_history(car.history, history)
+    methods.warm_up(settings.wall_follow, settings.safety, settings.car)
+    gc.collect()
+    gc.freeze()  # a full collection would block the loop for milliseconds; what exists now stays anyway
+    opening = asyncio.create_task(_open(car, bus), name="bus") if settings.telemetry.enabled else None
+    try:
+        await car.drive(stop)
+    finally:
+        car.manager.stopping()
+        if opening is not None:
+            await opening
+        await bus.close()
+
+
+async def _open(car: Car, bus: Bus) -> None:
+    car.connect()
+    try:
+        await bus.open()
+        log.info("telemetry on %s", bus.endpoint)
+    except OSError as error:
+        log.error("driving without telemetry: %s", error)
