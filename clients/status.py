@@ -176,7 +176,7 @@ def _operator(operator: Mapping[str, Any] | None) -> str:
         f"permit: {operator['permit']}" if operator["permit"] else "",
         *(f"{what} refused {times}" for what, times in operator["refused"].items() if times),
     ]
-    return ", ".join(part for part in parts if part)
+    return ", ".join(part for part in dict.fromkeys(parts) if part)
 
 
 def _mps(speed_mps: float | None) -> str:

@@ -153,6 +153,8 @@ class OperatorDesk:
             self._leave(session)
         elif is_stop(flags):
             pass  # done already, before its age was looked at
+        elif flags & Press.UNSURE:
+            self._distrust(session, Refusal.UNSURE, "the pad is gone or frozen; release everything, then press")
         elif flags & Press.TAKE_OVER:
             self._take_over(session)
         elif not flags:

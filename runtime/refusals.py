@@ -20,6 +20,7 @@ class Refusal(StrEnum):
     REARM = "not released yet"
     HELD = "e-stop is latched"
     FROZEN = "the pad is frozen"
+    UNSURE = "the hands are not known"
     CONTRADICTION = "contradicting buttons"
 
 

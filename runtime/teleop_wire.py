@@ -60,6 +60,8 @@ class Press(IntFlag):
     """Becomes the operator in place of another; the car stops."""
     GOODBYE = 32
     """The last command of a session: everything is released and the operator leaves."""
+    UNSURE = 64
+    """Nobody can tell what is held: the pad is gone or frozen. A stop, and no release; alone."""
 
 
 class Input(IntEnum):
@@ -87,7 +89,7 @@ class Condition(IntFlag):
     """The motor controller is in a fault."""
 
 
-_KNOWN_PRESSES = int(Press(0b11_1111))
+_KNOWN_PRESSES = int(Press(0b111_1111))
 _KNOWN_CONDITIONS = int(Condition(0b11_1111))
 
 

@@ -590,6 +590,16 @@ def test_a_reset_without_an_e_stop_changes_nothing_but_wants_a_release(rig):
 # --- frozen pads and contradictions ---
 
 
+@pytest.mark.parametrize("permit", ["always", "required"])
+def test_a_pad_that_is_gone_is_no_release(permit):
+    rig = Rig(permit)
+    ann = rig.client()
+    ann.click()
+    ann.hold(Press.UNSURE)
+    assert rig.speed_mps == 0
+    assert rig.refused["the hands are not known"] > 0
+
+
 @pytest.mark.parametrize(
     ("changes", "obeyed"),
     [
@@ -616,8 +626,8 @@ def test_a_pad_that_drives_without_an_event_is_frozen(rig, changes, obeyed):
         assert rig.speed_mps == HAND_MPS
 
 
-@pytest.mark.parametrize("flags", [MANUAL | RESET, AUTONOMY | RESET])
-def test_two_things_at_once_stop_the_car(rig, flags):
+@pytest.mark.parametrize("flags", [MANUAL | RESET, AUTONOMY | RESET, Press.UNSURE, Press.UNSURE | MANUAL])
+def test_two_things_at_once_and_unknown_hands_stop_the_car(rig, flags):
     ann = rig.client()
     ann.click()
     ann.send(flags)

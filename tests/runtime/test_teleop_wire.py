@@ -51,7 +51,7 @@ def test_golden_bytes():
         sequence=U32,
         car_session=U32,
         beat=U32,
-        flags=st.integers(0, 63).map(Press),
+        flags=st.integers(0, 127).map(Press),
         input=st.sampled_from(Input),
         input_age_ms=st.integers(0, UNKNOWN_AGE_MS),
         speed_mps=SPEEDS_MPS,
@@ -133,7 +133,7 @@ BROKEN_COMMANDS = {
     "another version": with_bytes(0, b"WRC2"),
     "a beat, filled up": bytes.fromhex(BEAT_HEX).ljust(60, b"\0"),
     "nobody's session": with_bytes(4, bytes(8)),
-    "an unknown flag": with_bytes(24, b"\x41"),
+    "an unknown flag": with_bytes(24, b"\x81"),
     "an unknown input": with_bytes(25, b"\x04"),
     "speed nan": with_bytes(28, b"\x00\x00\xc0\x7f"),
     "speed inf": with_bytes(28, b"\x00\x00\x80\x7f"),
@@ -175,7 +175,7 @@ def test_broken_beats_are_refused(payload):
         read_beat(payload)
 
 
-@pytest.mark.parametrize("flags", [4, 3, 7, 63, 255])
+@pytest.mark.parametrize("flags", [4, 3, 7, 127, 255])
 def test_a_broken_command_can_still_ask_to_stop(flags):
     payload = bytearray(BROKEN_COMMANDS["speed nan"])
     payload[24] = flags
@@ -184,6 +184,6 @@ def test_a_broken_command_can_still_ask_to_stop(flags):
     assert refused.value.stop
 
 
-@pytest.mark.parametrize("flags", range(64))
+@pytest.mark.parametrize("flags", range(128))
 def test_a_stop_is_the_button_or_both_deadmen(flags):
     assert is_stop(flags) == bool(flags & 4 or (flags & 1 and flags & 2))

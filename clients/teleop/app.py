@@ -1,0 +1,247 @@
+"""The operator's client, wired: inputs to the pilot, the pilot's commands to the car, fifty times a second."""
+
+import argparse
+import asyncio
+import secrets
+import signal
+import sys
+import time
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Protocol
+
+from clients.connection import connected
+from clients.teleop import gamepad, pad_files, terminal
+from clients.teleop.advice import advise
+from clients.teleop.pads import usb_id
+from clients.teleop.pilot import Pilot
+from clients.teleop.screen import CarNews, Screen, lines
+from clients.teleop.script import ScriptError, load
+from clients.teleop.shaping import Feel
+from clients.teleop.sources import KeySource, PadSource, ScriptSource, Source, WindowSource
+from clients.teleop.wizard import Wizard
+from runtime import wire
+from runtime.bus import BYTES
+from runtime.teleop_wire import Input, Malformed, read_beat
+
+PERIOD_S = 0.02
+CYCLES_PER_DRAWING = 3
+GOODBYES = 3
+KEY_STEERING_RATE_RADPS = 1.5
+"""A key is all or nothing; this makes it a stick that moves."""
+
+Clock = Callable[[], float]
+
+
+class TeleopProblemError(Exception):
+    """The user can mend it; one line that says how."""
+
+
+class Link(Protocol):
+    """The part of the bus that a client needs."""
+
+    def put(self, key: str, payload: bytes, *, encoding: str = ..., urgent: bool = False) -> None:
+        """Publish without waiting."""
+        ...
+
+    def subscribe(self, key: str, receive: Callable[[str, bytes, float], None]) -> None:
+        """Call for every sample."""
+        ...
+
+    def announce(self, key: str) -> None:
+        """Hold a liveliness token."""
+        ...
+
+    def watch(self, key: str, changed: Callable[[str, bool], None]) -> None:
+        """Call for every liveliness token."""
+        ...
+
+
+class Client:
+    """One operator at one car. malformed: beats that could not be read."""
+
+    def __init__(self, link: Link, car: str, pilot: Pilot, source: Source, screen: Screen, clock: Clock) -> None:
+        self._link = link
+        self._car = car
+        self._pilot = pilot
+        self._source = source
+        self._screen = screen
+        self._clock = clock
+        self._news = CarNews()
+        self._kind = Input.PAD
+        self.malformed = 0
+
+    async def run(self, stop: asyncio.Event) -> None:
+        """Operate until asked to stop or the source is done; the last words are always a release and a goodbye."""
+        self._listen()
+        try:
+            cycle = 0
+            async for now_s in deadlines(PERIOD_S, self._clock):
+                self.step(now_s)
+                if cycle % CYCLES_PER_DRAWING == 0 and not self.draw():
+                    return
+                cycle += 1
+                if stop.is_set() or self._source.leaving:
+                    return
+        finally:
+            await self._leave()
+
+    def step(self, now_s: float) -> None:
+        """Read the hands, send what they mean."""
+        situation = self._pilot.situation
+        inputs = self._source.poll(now_s, ready=situation is not None and situation.armed)
+        self._kind = inputs.kind
+        self._send(self._pilot.step(inputs, now_s).pack())
+
+    def draw(self) -> bool:
+        """Show the present; False when the terminal is gone, because nobody drives what nobody sees."""
+        situation = self._pilot.situation
+        if situation is None:
+            return True
+        advice = advise(situation, self._source.names)
+        rows = lines(self._car, situation, advice, self._news, self._source.names)
+        try:
+            self._screen.draw(rows, advice)
+        except OSError:
+            return False
+        self._source.show(rows, advice.mood.value)
+        return True
+
+    def _listen(self) -> None:
+        for topic in (wire.STATUS, wire.DECISION):
+            self._link.subscribe(wire.key(self._car, topic), lambda _key, payload, _s: self._news.take(payload))
+        self._link.subscribe(wire.key(self._car, wire.BEAT), self._on_beat)
+        self._link.watch(wire.key(self._car, f"{wire.OPERATOR_ALIVE}/*"), self._news.on_operator)
+        self._link.announce(wire.key(self._car, f"{wire.OPERATOR_ALIVE}/{self._pilot.session:016x}"))
+
+    def _on_beat(self, _key: str, payload: bytes, arrival_s: float) -> None:
+        try:
+            self._pilot.hear(read_beat(payload), arrival_s)
+        except Malformed:
+            self.malformed += 1
+
+    def _send(self, payload: bytes) -> None:
+        self._link.put(wire.key(self._car, wire.COMMAND), payload, encoding=BYTES, urgent=True)
+
+    async def _leave(self) -> None:
+        for _ in range(GOODBYES):
+            self._send(self._pilot.goodbye(self._kind).pack())
+            await asyncio.sleep(PERIOD_S)
+
+
+async def deadlines(period_s: float, clock: Clock) -> AsyncIterator[float]:
+    """Yield the time at absolute deadlines; those that were missed are left out, never made up for in a burst."""
+    next_s = clock()
+    while True:
+        now_s = clock()
+        yield now_s
+        next_s += period_s
+        behind_s = clock() - next_s
+        if behind_s > 0:
+            next_s += period_s * (behind_s // period_s)
+        await asyncio.sleep(max(0.0, next_s - clock()))
+
+
+async def operate(options: argparse.Namespace) -> int:
+    """Run `wallride teleop`; options as of `wallride.teleop_options`."""
+    if options.map:
+        return await map_pad(sys.stdout.write)
+    stop = asyncio.Event()
+    with _stopping(stop), ExitStack() as things:
+        source = _open_source(options, things)
+        feel = _feel(options, keys=isinstance(source, KeySource | WindowSource), script=bool(options.script))
+        pilot = Pilot(secrets.randbits(63) + 1, options.name, feel)
+        async with connected(options) as (bus, car):
+            screen = Screen(sys.stdout, plain=options.plain or bool(options.script))
+            things.callback(screen.close)
+            await Client(bus, car, pilot, source, screen, time.monotonic).run(stop)
+    return 0
+
+
+async def map_pad(say: Callable[[str], object]) -> int:
+    """Ask the wizard's questions about the first pad that appears, and write its file."""
+    with ExitStack() as things:
+        return await _ask(_open_sdl(things, window=False), say)
+
+
+async def _ask(sdl: gamepad.Sdl, say: Callable[[str], object]) -> int:
+    say("Plug in the pad and press one of its buttons. Ctrl-C leaves.\n")
+    wizard: Wizard | None = None
+    found: gamepad.Connected | None = None
+    asked = ""
+    async for now_s in deadlines(PERIOD_S, time.monotonic):
+        for happening in sdl.poll():
+            if isinstance(happening, gamepad.Connected) and found is None:
+                found = happening
+                say(f"{found.name} ({usb_id(found.guid)})\n")
+                wizard = Wizard(found.guid, found.name, found.rest)
+            elif isinstance(happening, gamepad.Gone) and found is not None and happening.pad == found.pad:
+                raise TeleopProblemError("the pad was unplugged; start again")
+            elif isinstance(happening, gamepad.Moved) and found is not None and happening.pad == found.pad and wizard:
+                wizard.feed(happening.event, now_s)
+        if wizard is None or found is None:
+            continue
+        if wizard.finished:
+            break
+        if asked != (asked := f"{wizard.remark}{': ' if wizard.remark else ''}{wizard.question}\n"):
+            say(asked)
+    assert wizard is not None  # noqa: S101 - the loop ended with both
+    assert found is not None  # noqa: S101 - as above
+    say(f"written: {pad_files.save(pad_files.folder(), found.guid, wizard.toml())}\n")
+    return 0
+
+
+def _open_source(options: argparse.Namespace, things: ExitStack) -> Source:
+    try:
+        if options.script:
+            return ScriptSource(load(options.script))
+        if options.window:
+            return WindowSource(_open_sdl(things, window=True))
+        if options.keyboard:
+            if not terminal.is_there():
+                raise TeleopProblemError("--keyboard needs a terminal; use --window, or a pad")
+            keys = things.enter_context(terminal.Terminal(time.monotonic, want_releases=True))
+            return KeySource(keys, releases=keys.releases)
+        own, problems = pad_files.read_all(pad_files.folder())
+        if problems:
+            raise TeleopProblemError("; ".join(problems))
+        sdl = _open_sdl(things, window=False)
+        space = (
+            things.enter_context(terminal.Terminal(time.monotonic, want_releases=False))
+            if terminal.is_there()
+            else None
+        )
+        return PadSource(sdl, own, options.pad or "", space)
+    except (ScriptError, OSError) as error:
+        raise TeleopProblemError(str(error)) from None
+
+
+def _open_sdl(things: ExitStack, *, window: bool) -> gamepad.Sdl:
+    sdl = gamepad.Sdl(window=window)
+    things.callback(sdl.close)
+    return sdl
+
+
+def _feel(options: argparse.Namespace, *, keys: bool, script: bool) -> Feel:
+    feel = Feel(max_speed_mps=options.max_speed, max_steering_rad=options.max_steering, ramp_mps2=options.ramp)
+    if keys:
+        return Feel(feel.max_speed_mps, feel.max_steering_rad, 0.0, 0.0, feel.ramp_mps2, KEY_STEERING_RATE_RADPS)
+    if script:
+        return Feel(feel.max_speed_mps, feel.max_steering_rad, 0.0, 0.0, feel.ramp_mps2)
+    return Feel(feel.max_speed_mps, feel.max_steering_rad, options.deadzone, options.expo, feel.ramp_mps2)
+
+
+@contextmanager
+def _stopping(stop: asyncio.Event) -> Iterator[None]:
+    """Turn the signals that end a program, a closed terminal among them, into a wish to leave in good order."""
+    loop = asyncio.get_running_loop()
+    names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+    before: dict[int, object] = {}
+    for number in (getattr(signal, name) for name in names if hasattr(signal, name)):
+        before[number] = signal.getsignal(number)
+        signal.signal(number, lambda *_: loop.call_soon_threadsafe(stop.set))
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)  # type: ignore[arg-type]

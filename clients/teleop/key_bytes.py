@@ -1,0 +1,88 @@
+"""What a terminal sends, as key events: plain bytes, the arrows' sequences, kitty's keyboard protocol. Pure.
+
+kitty's protocol (sw.kovidgoyal.net/kitty/keyboard-protocol): CSI code ; modifiers : act u, with act 1 press, 2 repeat,
+3 release. We ask for flags 1 + 2 + 8: unambiguous, with releases, for every key, Shift included.
+"""
+
+import re
+
+from clients.teleop.keyboard import Act, Answer, Focus, Key, KeyEvent, Quit
+
+ASK = b"\x1b[?u"
+"""The terminal answers with its flags, if it knows the protocol."""
+ENTER = b"\x1b[>11u\x1b[?1004h"
+LEAVE = b"\x1b[?1004l\x1b[<u"
+LONE_ESCAPE_S = 0.1
+"""An escape byte that nothing follows for so long was the key."""
+
+SEQUENCE = re.compile(rb"\x1b\[(?P<mark>[<=>?]?)(?P<numbers>[0-9:;]*)(?P<final>[A-Za-z~])|\x1bO(?P<arrow>[A-D])")
+UNFINISHED = re.compile(rb"\x1b(\[[<=>?]?[0-9:;]{0,32}|O)?")
+ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
+CODES = {27: "escape", 32: "space", 57441: "shift", 57447: "shift"}
+ACTS = {1: Act.PRESS, 2: Act.REPEAT, 3: Act.RELEASE}
+CONTROL_BIT = 4
+LEAVING = {"c", "d"}
+"""With Ctrl held."""
+
+
+class KeyBytes:
+    """Finds keys in a terminal's bytes, whatever the chunking; what it does not know is left out."""
+
+    def __init__(self) -> None:
+        self._waiting = b""
+        self._since_s = 0.0
+
+    def feed(self, chunk: bytes, now_s: float) -> list[KeyEvent]:
+        """Add bytes (none is fine) and return the events they completed."""
+        if chunk:
+            self._waiting += chunk
+            self._since_s = now_s
+        events: list[KeyEvent] = []
+        while self._waiting:
+            match = SEQUENCE.match(self._waiting)
+            if match is not None:
+                self._waiting = self._waiting[match.end() :]
+                events += _sequence(match)
+            elif UNFINISHED.fullmatch(self._waiting):
+                if self._waiting == b"\x1b" and now_s - self._since_s >= LONE_ESCAPE_S:
+                    self._waiting = b""
+                    events.append(Key("escape"))
+                break
+            else:
+                byte, self._waiting = self._waiting[:1], self._waiting[1:]
+                events += _plain(byte)
+        return events
+
+
+def _plain(byte: bytes) -> list[KeyEvent]:
+    if byte in {b"\x03", b"\x04"}:
+        return [Quit()]
+    if byte == b" ":
+        return [Key("space")]
+    return [Key(byte.decode().lower())] if byte.isalpha() else []
+
+
+def _sequence(match: re.Match[bytes]) -> list[KeyEvent]:
+    if match["arrow"] is not None:
+        return [Key(ARROWS[match["arrow"].decode()])]
+    final, numbers = match["final"].decode(), match["numbers"].decode()
+    if match["mark"]:
+        return [Answer(_int(numbers, 0))] if (match["mark"], final) == (b"?", "u") else []
+    fields = [field.split(":") for field in numbers.split(";")]
+    modifiers = _int(fields[1][0], 1) - 1 if len(fields) > 1 else 0
+    act = ACTS.get(_int(fields[1][1], 1) if len(fields) > 1 and len(fields[1]) > 1 else 1, Act.PRESS)
+    if final in ARROWS:
+        return [Key(ARROWS[final], act)]
+    if final in {"I", "O"} and not numbers:
+        return [Focus(gained=final == "I")]
+    if final != "u":
+        return []
+    code = _int(fields[0][0], 0)
+    name = CODES.get(code) or (chr(code).lower() if code < 128 and chr(code).isalpha() else "")
+    if name in LEAVING and modifiers & CONTROL_BIT:
+        return [Quit()] if act is not Act.RELEASE else []
+    return [Key(name, act)] if name else []
+
+
+def _int(text: str, default: int) -> int:
+    return int(text) if text else default

@@ -1,0 +1,192 @@
+"""From keys to inputs, in the two ways that keyboards come. Pure: key events and a clock's readings in, inputs out.
+
+`HeldKeys` is for keyboards that say when a key goes up (a window, or a terminal with kitty's protocol): hold Shift or
+M as the deadman and drive with the arrows or WASD. `RepeatedKeys` is for all other terminals, which only repeat the
+key that was pressed last: there the driving key is the deadman itself. It counts only once the repeats have begun and
+for 0.15 s after the last, so that a tap never moves the car, and the pause before the first repeat is never bridged:
+standing still for half a second is better than driving on for half a second.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+from clients.teleop.inputs import Control, Inputs
+from runtime.teleop_wire import Input
+
+REPEAT_GAP_S = 0.15
+"""The slowest usual repeat is 11 a second."""
+FAST_GAPS = 2
+"""So many quick repeats in a row are a held key; a person does not tap so fast."""
+CENTRED_START_S = 0.06
+"""The driving key of a terminal first counts as the deadman alone, then also as the stick."""
+SILENT_TERMINAL_S = 0.6
+"""A terminal that does not answer for so long does not tell of released keys either."""
+
+
+class Act(StrEnum):
+    """What happened to a key."""
+
+    PRESS = "press"
+    REPEAT = "repeat"
+    RELEASE = "release"
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """A key by its name: a letter, up, down, left, right, space, escape, shift."""
+
+    name: str
+    act: Act = Act.PRESS
+
+
+@dataclass(frozen=True, slots=True)
+class Focus:
+    """The window or the terminal got the keyboard, or lost it; then nobody tells us of releases."""
+
+    gained: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """The terminal answered our question whether it is there. flags: of kitty's protocol, 0 when it has none."""
+
+    flags: int
+
+
+@dataclass(frozen=True, slots=True)
+class Quit:
+    """The operator wants to leave."""
+
+
+KeyEvent = Key | Focus | Answer | Quit
+
+BUTTON_KEYS = {
+    Control.MANUAL: frozenset({"shift", "m"}),
+    Control.AUTONOMY: frozenset({"p"}),
+    Control.ESTOP: frozenset({"space", "escape"}),
+    Control.RESET: frozenset({"r"}),
+    Control.TAKE_OVER: frozenset({"t"}),
+}
+HELD_NAMES = {
+    Control.MANUAL: "Shift or M",
+    Control.AUTONOMY: "P",
+    Control.ESTOP: "Space",
+    Control.RESET: "R",
+    Control.TAKE_OVER: "T",
+    Control.SPEED: "W/S or up/down",
+    Control.STEERING: "A/D or left/right",
+}
+REPEATED_NAMES = HELD_NAMES | {
+    Control.MANUAL: "W A S D Q E Z C or an arrow",
+    Control.SPEED: "W/S or up/down",
+    Control.STEERING: "A/D (Q, E: forward in a bend; Z, C: backward)",
+}
+DIRECTIONS: dict[str, tuple[float, float]] = {
+    "up": (1, 0), "w": (1, 0), "down": (-1, 0), "s": (-1, 0),
+    "left": (0, 1), "a": (0, 1), "right": (0, -1), "d": (0, -1),
+    "q": (1, 1), "e": (1, -1), "z": (-1, 1), "c": (-1, -1),
+}  # fmt: skip
+"""Speed and steering of every driving key, positive forward and to the left."""
+
+
+class HeldKeys:
+    """Keys with true releases. answers: whether the terminal must keep answering to be believed."""
+
+    def __init__(self, device: str, *, answers: bool = False) -> None:
+        self._device = device
+        self._answers = answers
+        self._answered_s = -math.inf
+        self._down: set[str] = set()
+        self._focused = True
+        self._event_s = -math.inf
+
+    def feed(self, event: KeyEvent, now_s: float) -> None:
+        """Take one event."""
+        match event:
+            case Key(name, act):
+                (self._down.discard if act is Act.RELEASE else self._down.add)(name)
+                self._event_s = now_s
+            case Focus(gained):
+                self._focused = gained
+                self._down.clear()
+            case Answer():
+                self._answered_s = now_s
+            case Quit():
+                self._down.clear()
+
+    def inputs(self, now_s: float) -> Inputs:
+        """Return what is held now."""
+        trouble = ""
+        if not self._focused:
+            trouble = "the keyboard is elsewhere: click here"
+        elif self._answers and now_s - self._answered_s > SILENT_TERMINAL_S:
+            trouble = "the terminal does not answer: it could not tell us of a released key"
+            self._down.clear()
+        if trouble:
+            return Inputs(Input.KEYBOARD, live=False, device=self._device, trouble=trouble)
+        moves = [DIRECTIONS[name] for name in self._down if name in DIRECTIONS]
+        return Inputs(
+            Input.KEYBOARD,
+            live=True,
+            event_s=self._event_s,
+            pressed=frozenset(control for control, keys in BUTTON_KEYS.items() if keys & self._down),
+            speed=_clamp(sum(speed for speed, _ in moves)),
+            steering=_clamp(sum(steering for _, steering in moves)),
+            device=self._device,
+        )
+
+
+class RepeatedKeys:
+    """Keys of a terminal that knows no releases: one key at a time, held as long as it repeats quickly."""
+
+    def __init__(self, device: str) -> None:
+        self._device = device
+        self._name = ""
+        self._last_s = -math.inf
+        self._quick = 0
+        self._held_since_s: float | None = None
+        self._stop_s = -math.inf
+
+    def feed(self, event: KeyEvent, now_s: float) -> None:
+        """Take one event; every arrival of a key is a press or a repeat, the terminal does not say which."""
+        if not isinstance(event, Key):
+            return
+        if event.name in BUTTON_KEYS[Control.ESTOP]:
+            self._stop_s = now_s
+        again = event.name == self._name and now_s - self._last_s <= REPEAT_GAP_S
+        self._quick = self._quick + 1 if again else 0
+        if not again:
+            self._held_since_s = None
+        elif self._quick >= FAST_GAPS and self._held_since_s is None:
+            self._held_since_s = now_s
+        self._name, self._last_s = event.name, now_s
+
+    def inputs(self, now_s: float) -> Inputs:
+        """Return what counts as held now."""
+        if now_s - self._last_s > REPEAT_GAP_S:
+            self._held_since_s, self._quick = None, 0
+        held = self._name if self._held_since_s is not None else ""
+        speed, steering = DIRECTIONS.get(held, (0.0, 0.0))
+        if self._held_since_s is None or now_s - self._held_since_s < CENTRED_START_S:
+            speed = steering = 0.0
+        return Inputs(
+            Input.KEYBOARD,
+            live=True,
+            event_s=self._last_s,
+            pressed=self._pressed(held, now_s),
+            speed=speed,
+            steering=steering,
+            device=self._device,
+        )
+
+    def _pressed(self, held: str, now_s: float) -> frozenset[Control]:
+        keys = BUTTON_KEYS | {Control.MANUAL: frozenset(DIRECTIONS), Control.ESTOP: frozenset()}
+        pressed = {control for control, names in keys.items() if held in names}
+        if now_s - self._stop_s <= REPEAT_GAP_S:
+            pressed.add(Control.ESTOP)
+        return frozenset(pressed)
+
+
+def _clamp(value: float) -> float:
+    return max(-1.0, min(value, 1.0))

@@ -1,0 +1,323 @@
+"""Which presses count, and what to send now: the client's half of "release means stop". Pure: time is an argument.
+
+Every cycle sends the whole state, so that a release is a message like any other and a lost message loses nothing.
+The gate: a deadman counts only after everything was seen released with the sticks centred, on a live device, over a
+live link, and only if the sticks were still centred when it was pressed. Any trouble closes the gate, and only a
+human hand opens it again. An e-stop needs no gate, and is repeated until the car says that it latched.
+
+A command tells the truth: "nothing pressed" goes out only when the hands were seen to let go. A pad that is gone, or a
+deadman that is still held after an incident, is not a release (see DISTRUST).
+
+The car has the same rules and the last word (runtime/operator_desk.py); these here spare the operator surprises.
+"""
+
+import math
+from collections import OrderedDict
+from dataclasses import dataclass
+from enum import StrEnum
+
+from clients.teleop.hold import Hold
+from clients.teleop.inputs import Control, Inputs
+from clients.teleop.shaping import Feel, Shaper
+from runtime.teleop_wire import UNKNOWN_AGE_MS, Beat, Command, Condition, Input, Press
+
+LINK_LOST_S = 0.2
+"""Ten beats missing. The screen is drawn every 0.05 s, so that a lost link is seen within 0.3 s."""
+PAUSE_S = 0.2
+"""A cycle this late means that this program itself stood still."""
+PAD_SILENT_S = 1.0
+"""A held stick jitters: a pad that is silent for so long while it commands a speed has gone without saying so."""
+PERMIT_SILENT_S = 5.0
+"""A held button does not jitter, so autonomy goes on for longer; moving a stick shows that the pad is still there."""
+MINDED_S = 0.5
+"""A car that minds us acknowledges within this."""
+STOP_INSIST_S = 0.3
+"""An e-stop is sent for at least so long, also to a car that is already latched for another reason."""
+REMEMBERED_COMMANDS = 500
+DISTRUST = Press.UNSURE
+"""Sent while we do not know the hands, or know that they still hold what no longer counts; 0 would be an explicit
+release, after which autonomy may go on."""
+
+
+class Block(StrEnum):
+    """Why the deadman does not count, most telling first."""
+
+    NONE = ""
+    WAITING = "no heartbeat from the car yet"
+    LINK = "the link is lost"
+    DEVICE = "no input device"
+    FROZEN = "the pad is silent"
+    PAUSED = "this program stood still"
+    RESTARTED = "the car's program restarted"
+    LATCHED = "e-stop"
+    OTHER = "somebody else operates the car"
+    LOST = "the car lost us"
+    REARM = "the car wants a release"
+    OFF_CENTRE = "a stick was not centred when the deadman was pressed"
+    HELD = "not everything is released"
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """What the pilot makes of it all, for screens and tests.
+
+    block: what stands in the way now; closed_by: what closed the gate. flags, wanted_*: what was sent last.
+    beat_age_s: since the last heartbeat, inf before the first. round_trip_s: NaN when not known.
+    mine: the car obeys this session. unminded_s: how long the car has ignored our deadman.
+    holding, progress: the deliberate press under way, and how far it is (0 to 1).
+    """
+
+    block: Block
+    closed_by: Block
+    armed: bool
+    inputs: Inputs
+    flags: Press
+    wanted_mps: float
+    wanted_rad: float
+    beat: Beat | None
+    beat_age_s: float
+    round_trip_s: float
+    mine: bool
+    unminded_s: float
+    stop_pending: bool
+    input_age_s: float
+    holding: Control | None
+    progress: float
+
+    @property
+    def linked(self) -> bool:
+        """Whether heartbeats arrive."""
+        return self.beat_age_s <= LINK_LOST_S
+
+    @property
+    def operator_name(self) -> str:
+        """Who operates the car, "" when nobody does."""
+        if self.beat is None or self.beat.operator_session == 0:
+            return ""
+        return self.beat.operator_name or f"session {self.beat.operator_session:x}"
+
+
+class Pilot:
+    """Turns inputs and heartbeats into commands.
+
+    session: random and not 0, one per start. name: whom the car and the others shall see.
+    """
+
+    def __init__(self, session: int, name: str, feel: Feel) -> None:
+        self.session = session
+        self._name = name
+        self._shaper = Shaper(feel)
+        self._holds = {Control.RESET: Hold(), Control.TAKE_OVER: Hold()}
+        self._armed = False
+        self._held = frozenset[Control]()
+        self._closed_by = Block.WAITING
+        self._beat: Beat | None = None
+        self._beat_s = -math.inf
+        self._restarted = False
+        self._round_trip_s = math.nan
+        self._stop_since_s: float | None = None
+        self._owes_release = False
+        self._unminded_since_s: float | None = None
+        self._sequence = 0
+        self._sent_s: OrderedDict[int, float] = OrderedDict()
+        self._last_s: float | None = None
+        self.situation: Situation | None = None
+
+    def hear(self, beat: Beat, arrival_s: float) -> None:
+        """Take a heartbeat; one that is not newer than the last is ignored."""
+        last = self._beat
+        if last is not None and last.car_session == beat.car_session:
+            if (beat.beat - last.beat) & 0xFFFF_FFFF not in range(1, 0x8000_0000):
+                return
+        elif last is not None:
+            self._restarted = True
+        self._beat, self._beat_s = beat, arrival_s
+        if beat.operator_session == self.session and beat.acknowledged_age_ms != UNKNOWN_AGE_MS:
+            sent_s = self._sent_s.get(beat.acknowledged)
+            if sent_s is not None:
+                self._round_trip_s = max(0.0, arrival_s - sent_s - beat.acknowledged_age_ms / 1000)
+
+    def step(self, inputs: Inputs, now_s: float) -> Command:
+        """Return what to send now; call it at a steady rate, whatever happened."""
+        elapsed_s = 0.0 if self._last_s is None else now_s - self._last_s
+        block = self._block(inputs, now_s, elapsed_s)
+        self._gate(block, inputs)
+        flags = self._honest(self._flags(block, inputs, now_s), inputs)
+        if flags == Press.MANUAL:
+            wanted_mps, wanted_rad = self._shaper.step(inputs.speed, inputs.steering, min(elapsed_s, PAUSE_S))
+        else:
+            self._shaper.reset()
+            wanted_mps = wanted_rad = 0.0
+        self._held = inputs.pressed if inputs.live else frozenset()
+        self._last_s = now_s
+        command = self._command(flags, inputs, now_s, wanted_mps, wanted_rad)
+        self.situation = self._describe(block, inputs, command, now_s)
+        return command
+
+    def goodbye(self, inputs_kind: Input) -> Command:
+        """Return the last word of this session: everything released. Send it thrice; each call is a new number."""
+        self._sequence += 1
+        beat = self._beat
+        return Command(
+            session=self.session,
+            sequence=self._sequence,
+            car_session=beat.car_session if beat else 0,
+            beat=beat.beat if beat else 0,
+            flags=Press.GOODBYE,
+            input=inputs_kind,
+            name=self._name,
+        )
+
+    @property
+    def _is_mine(self) -> bool:
+        return self._beat is not None and self._beat.operator_session == self.session
+
+    def _block(self, inputs: Inputs, now_s: float, elapsed_s: float) -> Block:
+        """Return what forbids any deadman now."""
+        beat, restarted = self._beat, self._restarted
+        self._restarted = False
+        if beat is None:
+            return Block.WAITING
+        conditions = beat.flags
+        blocks = {
+            Block.LINK: now_s - self._beat_s > LINK_LOST_S,
+            Block.DEVICE: not inputs.live,
+            Block.FROZEN: self._is_silent(inputs, now_s),
+            Block.PAUSED: elapsed_s > PAUSE_S,
+            Block.RESTARTED: restarted,
+            Block.LATCHED: inputs.wants_stop or self._stop_since_s is not None or Condition.ESTOP_LATCHED in conditions,
+            Block.OTHER: beat.operator_session not in {0, self.session},
+            Block.LOST: Condition.OPERATOR_LOST in conditions and beat.operator_session == self.session,
+            Block.REARM: Condition.REARM in conditions and self._is_meant(beat, now_s),
+        }
+        return next((block for block, holds in blocks.items() if holds), Block.NONE)
+
+    def _is_meant(self, beat: Beat, now_s: float) -> bool:
+        """Whether "release first" is for us: while nobody operates, it may be for somebody else's stuck button."""
+        if beat.operator_session == self.session:
+            return True
+        return self._unminded_since_s is not None and now_s - self._unminded_since_s > MINDED_S
+
+    def _is_silent(self, inputs: Inputs, now_s: float) -> bool:
+        if inputs.kind is not Input.PAD:
+            return False
+        silent_s = now_s - inputs.event_s
+        moving = inputs.manual and self._shaper.wants_speed(inputs.speed)
+        return (moving and silent_s > PAD_SILENT_S) or (inputs.autonomy and silent_s > PERMIT_SILENT_S)
+
+    def _gate(self, block: Block, inputs: Inputs) -> None:
+        """Open the gate on a release with nothing in the way; close it on any trouble."""
+        if block is not Block.NONE:
+            self._armed, self._closed_by = False, block
+        elif not self._armed:
+            self._armed = inputs.released
+        elif not inputs.sound or (Control.MANUAL in inputs.pressed - self._held and not inputs.centred):
+            self._armed, self._closed_by = False, Block.OFF_CENTRE
+
+    def _flags(self, block: Block, inputs: Inputs, now_s: float) -> Press:
+        if self._is_stopping(inputs, now_s):
+            return Press.ESTOP
+        deliberate = self._deliberate(block, inputs, now_s)
+        if deliberate:
+            return deliberate
+        if not self._armed:
+            return Press(0)
+        if inputs.manual:
+            return Press.MANUAL
+        return Press.AUTONOMY if inputs.autonomy else Press(0)
+
+    def _honest(self, flags: Press, inputs: Inputs) -> Press:
+        """Say "nothing pressed" only when it is so, to a car that obeyed us."""
+        if flags in {Press.MANUAL, Press.AUTONOMY}:
+            self._owes_release = True
+        elif self._armed or (inputs.live and inputs.released):
+            self._owes_release = False
+        elif not flags and (self._owes_release or (self._is_mine and not inputs.live)):
+            return DISTRUST
+        return flags
+
+    def _is_stopping(self, inputs: Inputs, now_s: float) -> bool:
+        """Remember an e-stop until a heartbeat from after the press says that it latched."""
+        if inputs.wants_stop:
+            self._stop_since_s = now_s
+        since_s = self._stop_since_s
+        if since_s is None or self._beat is None:
+            return since_s is not None
+        confirmed = Condition.ESTOP_LATCHED in self._beat.flags and self._beat_s > since_s
+        if confirmed and now_s - since_s > STOP_INSIST_S:
+            self._stop_since_s = None
+        return self._stop_since_s is not None
+
+    def _deliberate(self, block: Block, inputs: Inputs, now_s: float) -> Press:
+        """Return RESET or TAKE_OVER once it was held for long enough, until the car has done it."""
+        sent = Press(0)
+        beat = self._beat
+        sound = beat is not None and block not in {Block.LINK, Block.DEVICE, Block.PAUSED, Block.RESTARTED}
+        for control, press, needed in (
+            (Control.RESET, Press.RESET, beat is not None and _needs_reset(beat)),
+            (Control.TAKE_OVER, Press.TAKE_OVER, block is Block.OTHER),
+        ):
+            hold = self._holds[control]
+            if not inputs.live or not needed:
+                hold.done()
+                held = control in inputs.pressed
+                if inputs.live and not held:
+                    hold.update(now_s, held=False, alone=False)
+            elif hold.update(now_s, held=control in inputs.pressed, alone=sound and inputs.only(control)):
+                sent = press
+        if sent:
+            self._armed, self._closed_by = False, Block.HELD
+        return sent
+
+    def _command(self, flags: Press, inputs: Inputs, now_s: float, wanted_mps: float, wanted_rad: float) -> Command:
+        self._sequence += 1
+        self._sent_s[self._sequence] = now_s
+        if len(self._sent_s) > REMEMBERED_COMMANDS:
+            self._sent_s.popitem(last=False)
+        beat = self._beat
+        return Command(
+            session=self.session,
+            sequence=self._sequence,
+            car_session=beat.car_session if beat else 0,
+            beat=beat.beat if beat else 0,
+            flags=flags,
+            input=inputs.kind,
+            input_age_ms=_age_ms(now_s - inputs.event_s),
+            speed_mps=wanted_mps,
+            steering_rad=wanted_rad,
+            name=self._name,
+        )
+
+    def _describe(self, block: Block, inputs: Inputs, command: Command, now_s: float) -> Situation:
+        mine = self._is_mine
+        if mine or command.flags not in {Press.MANUAL, Press.AUTONOMY}:
+            self._unminded_since_s = None
+        elif self._unminded_since_s is None:
+            self._unminded_since_s = now_s
+        holding = next((control for control, hold in self._holds.items() if hold.progress(now_s) > 0), None)
+        return Situation(
+            block=block,
+            closed_by=self._closed_by,
+            armed=self._armed,
+            inputs=inputs,
+            flags=command.flags,
+            wanted_mps=command.speed_mps,
+            wanted_rad=command.steering_rad,
+            beat=self._beat,
+            beat_age_s=now_s - self._beat_s,
+            round_trip_s=self._round_trip_s,
+            mine=mine,
+            unminded_s=0.0 if self._unminded_since_s is None else now_s - self._unminded_since_s,
+            stop_pending=self._stop_since_s is not None,
+            input_age_s=now_s - inputs.event_s,
+            holding=holding,
+            progress=self._holds[holding].progress(now_s) if holding is not None else 0.0,
+        )
+
+
+def _needs_reset(beat: Beat) -> bool:
+    return bool(beat.flags & (Condition.ESTOP_LATCHED | Condition.FAULT))
+
+
+def _age_ms(age_s: float) -> int:
+    return UNKNOWN_AGE_MS if not math.isfinite(age_s) else max(0, min(int(age_s * 1000), UNKNOWN_AGE_MS))

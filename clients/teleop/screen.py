@@ -1,0 +1,138 @@
+"""What the operator sees, twenty times a second: what the car does and why, the link, and what to do next."""
+
+import contextlib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TextIO
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.text import Text
+
+from clients.teleop.advice import Advice
+from clients.teleop.inputs import Control
+from clients.teleop.pilot import Situation
+from runtime import wire
+from runtime.teleop_wire import Condition
+
+
+@dataclass(slots=True)
+class CarNews:
+    """What the car says in `status` and `decision`. Reads what it knows and leaves the rest: versions may differ."""
+
+    winner: str = ""
+    reason: str = ""
+    measure: float | None = None
+    voltage_v: float | None = None
+    fault: str = ""
+    operators: set[str] = field(default_factory=set)
+
+    def take(self, payload: bytes) -> None:
+        """Read either of the two messages; one that cannot be read changes nothing on the screen."""
+        try:
+            message = wire.decode(payload)
+        except (ValueError, TypeError):
+            return
+        decision = message.get("decision") or message.get("output") or message
+        if isinstance(decision, Mapping) and isinstance(decision.get("reason"), str):
+            self.winner = str(decision.get("winner") or "nobody")
+            self.reason = decision["reason"]
+            self.measure = _number(decision.get("measure"))
+        battery = message.get("battery")
+        voltage_v = _number(
+            message.get("voltage_v", battery.get("voltage_v") if isinstance(battery, Mapping) else None)
+        )
+        if voltage_v is not None:
+            self.voltage_v = voltage_v
+        if isinstance(message.get("fault"), str):
+            self.fault = message["fault"]
+
+    def on_operator(self, key: str, alive: bool) -> None:  # noqa: FBT001 - the bus's callback
+        """Remember which operators' clients are connected."""
+        (self.operators.add if alive else self.operators.discard)(key.rsplit("/", 1)[-1])
+
+
+def lines(car: str, now: Situation, advice: Advice, news: CarNews, names: Mapping[Control, str]) -> list[str]:
+    """Return the screen as text, most important first: the state, what to do next, then the reasons."""
+    beat = now.beat
+    measured_mps = beat.speed_mps if beat is not None else math.nan
+    others = max(0, len(news.operators) - 1)
+    rows = [
+        f"{advice.state}   {advice.next_step}",
+        f"{car}: {_why(news)}" if now.linked else f"{car}: not heard",
+        f"speed {measured_mps:+.2f} m/s   wished {now.wanted_mps:+.2f} m/s, {now.wanted_rad:+.2f} rad",
+        f"operator: {_operator(now)}" + (f"   {others} more connected" if others else ""),
+        (
+            f"link: beat {_milliseconds(now.beat_age_s)} ago, round trip {_milliseconds(now.round_trip_s)}"
+            f"   battery {_volts(news.voltage_v)}   permit {_permit(now)}"
+        ),
+        f"input: {now.inputs.device or 'none'}" + (f"   {now.inputs.trouble}" if now.inputs.trouble else ""),
+        (
+            f"{names[Control.MANUAL]} drive   {names[Control.AUTONOMY]} autonomy   {names[Control.ESTOP]} e-stop"
+            f"   {names[Control.RESET]} (1 s) reset   {names[Control.TAKE_OVER]} (1 s) take over   Ctrl-C leave"
+        ),
+        f"speed: {names[Control.SPEED]}   steering: {names[Control.STEERING]}",
+    ]
+    if news.fault:
+        rows.insert(2, f"fault: {news.fault}")
+    return rows
+
+
+class Screen:
+    """Draws the lines: in place in a terminal, or, where it is none, one line for every change of state."""
+
+    def __init__(self, out: TextIO, *, plain: bool) -> None:
+        console = Console(file=out)
+        self._console = console
+        self._live = None if plain or not console.is_terminal else Live(console=console, auto_refresh=False)
+        self._last = ""
+        if self._live is not None:
+            self._live.start()
+
+    def draw(self, rows: Sequence[str], advice: Advice) -> None:
+        """Show the present. OSError when the terminal is gone."""
+        if self._live is not None:
+            if not self._console.is_terminal:  # rich would draw nothing, without a word
+                raise OSError("the terminal is gone")
+            head = Text(rows[0], style=f"bold {advice.mood.value}")
+            body = [Text(row) for row in rows[1:]]
+            self._live.update(Group(head, *body), refresh=True)
+        elif advice.state != self._last:
+            self._last = advice.state
+            self._console.print(rows[0], highlight=False, soft_wrap=True)
+
+    def close(self) -> None:
+        """Leave the terminal as it was."""
+        if self._live is not None:
+            with contextlib.suppress(OSError):  # the terminal may be gone
+                self._live.stop()
+
+
+def _why(news: CarNews) -> str:
+    if not news.reason:
+        return "no status yet"
+    measure = "" if news.measure is None else f" ({news.measure:.2f})"
+    return f"{news.winner}: {news.reason}{measure}"
+
+
+def _operator(now: Situation) -> str:
+    if now.mine:
+        return "you"
+    return now.operator_name or "nobody"
+
+
+def _permit(now: Situation) -> str:
+    return "given" if now.beat is not None and Condition.PERMITTED in now.beat.flags else "not given"
+
+
+def _milliseconds(seconds: float) -> str:
+    return f"{seconds * 1000:.0f} ms" if math.isfinite(seconds) else "-"
+
+
+def _volts(voltage_v: float | None) -> str:
+    return "-" if voltage_v is None else f"{voltage_v:.1f} V"
+
+
+def _number(value: Any) -> float | None:  # noqa: ANN401 - whatever JSON holds
+    return float(value) if isinstance(value, int | float) and math.isfinite(value) else None

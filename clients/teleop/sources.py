@@ -1,0 +1,238 @@
+"""Where inputs come from, each as one thing to poll fifty times a second: a pad, a keyboard, a window, a script."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Protocol
+
+from clients.teleop import gamepad
+from clients.teleop.advice import PAD_NAMES
+from clients.teleop.inputs import BUTTONS, Control, Inputs
+from clients.teleop.keyboard import (
+    BUTTON_KEYS,
+    HELD_NAMES,
+    REPEATED_NAMES,
+    HeldKeys,
+    Key,
+    KeyEvent,
+    Quit,
+    RepeatedKeys,
+)
+from clients.teleop.mode_button import FAMILY, ModeWatch
+from clients.teleop.pads import Layout, LayoutError, PadState, choose, usb_id
+from clients.teleop.script import Script
+from runtime.teleop_wire import Input
+
+KEY_STOP_S = 0.2
+"""So long a typed Space counts as the e-stop button held; the pilot repeats it until the car confirms."""
+PLUG_IN = "no pad: plug one in, or start again with --keyboard or --window"
+
+
+class Source(Protocol):
+    """Something that an operator's hands are on.
+
+    names: what its controls are called. leaving: the operator wants to go.
+    """
+
+    names: Mapping[Control, str]
+    leaving: bool
+
+    def poll(self, now_s: float, *, ready: bool) -> Inputs:
+        """Return what is held now. ready: a deadman would count."""
+        ...
+
+    def show(self, lines: Sequence[str], mood: str) -> None:
+        """Show text where this device has a place for it."""
+        ...
+
+
+class Keys(Protocol):
+    """A terminal, or nothing."""
+
+    def poll(self) -> list[KeyEvent]:
+        """Return what was typed since the last call."""
+        ...
+
+
+class Pads(Protocol):
+    """SDL, or a recording of it."""
+
+    def poll(self) -> list[gamepad.Happening]:
+        """Return what happened since the last call."""
+        ...
+
+
+class Window(Pads, Protocol):
+    """A window with a keyboard in it."""
+
+    def show(self, lines: Sequence[str], mood: str) -> None:
+        """Draw text."""
+        ...
+
+
+class PadSource:
+    """The first usable pad. While it is away nothing counts, and whatever comes back starts from nothing.
+
+    own: layouts from the user's files. wanted: part of a name or a USB id that the pad must have, "" for any.
+    keys: the terminal; its space bar is an e-stop too.
+    """
+
+    def __init__(self, pads: Pads, own: Mapping[str, Layout], wanted: str = "", keys: Keys | None = None) -> None:
+        self.names = PAD_NAMES
+        self.leaving = False
+        self._pads = pads
+        self._own = own
+        self._wanted = wanted.lower()
+        self._keys = keys
+        self._there: dict[int, gamepad.Connected] = {}
+        self._unusable: dict[int, str] = {}
+        self._pad: int | None = None
+        self._layout: Layout | None = None
+        self._state = PadState()
+        self._mode: ModeWatch | None = None
+        self._key_stop_s = float("-inf")
+
+    def poll(self, now_s: float, *, ready: bool) -> Inputs:  # noqa: ARG002 - a pad does not wait for the car
+        """Take what SDL has and return what is held."""
+        for happening in self._pads.poll():
+            self._take(happening, now_s)
+        self._take_keys(now_s)
+        stop = frozenset({Control.ESTOP} if now_s - self._key_stop_s < KEY_STOP_S else ())
+        if self._pad is None:
+            self._adopt()
+            return Inputs(Input.PAD, live=False, pressed=stop, trouble=self._absence())
+        inputs = self._read()
+        return replace(inputs, pressed=inputs.pressed | stop)
+
+    def show(self, lines: Sequence[str], mood: str) -> None:
+        """A pad shows nothing."""
+
+    def _take(self, happening: gamepad.Happening, now_s: float) -> None:
+        match happening:
+            case gamepad.Connected(pad):
+                self._there[pad] = happening
+            case gamepad.Gone(pad):
+                self._there.pop(pad, None)
+                self._unusable.pop(pad, None)
+                if pad == self._pad:
+                    self._pad = None
+            case gamepad.Moved(pad, event) if pad == self._pad:
+                self._state.apply(event, now_s)
+                if self._mode is not None:
+                    self._mode.watch(event)
+            case _:
+                pass
+
+    def _take_keys(self, now_s: float) -> None:
+        for event in self._keys.poll() if self._keys is not None else ():
+            if isinstance(event, Quit):
+                self.leaving = True
+            elif isinstance(event, Key) and event.name in BUTTON_KEYS[Control.ESTOP]:
+                self._key_stop_s = now_s
+
+    def _adopt(self) -> None:
+        """Take the first pad that can be used; it counts from the next poll on."""
+        for pad, found in self._there.items():
+            usb = usb_id(found.guid)
+            if self._wanted and self._wanted not in f"{found.name} {usb}".lower():
+                self._unusable[pad] = f"{found.name} ({usb}) is not the --pad that you want"
+                continue
+            try:
+                self._layout = choose(found.guid, found.name, self._own, found.mapping)
+            except LayoutError as error:
+                self._unusable[pad] = str(error)
+                continue
+            self._pad, self._state = pad, PadState()
+            for axis, value in enumerate(found.rest):
+                self._state.rest(axis, value)
+            stick = self._layout.bindings[Control.SPEED].index
+            self._mode = ModeWatch(stick) if usb in FAMILY else None
+            return
+
+    def _absence(self) -> str:
+        return "; ".join(self._unusable.values()) or PLUG_IN
+
+    def _read(self) -> Inputs:
+        assert self._layout is not None  # noqa: S101 - adopted together with the pad
+        state, at = self._state, self._layout.bindings
+        return Inputs(
+            Input.PAD,
+            live=True,
+            event_s=state.last_event_s,
+            pressed=frozenset(control for control in BUTTONS if state.is_down(at[control])),
+            speed=state.read(at[Control.SPEED]),
+            steering=state.read(at[Control.STEERING]),
+            device=self._layout.name,
+            trouble=self._trouble(),
+        )
+
+    def _trouble(self) -> str:
+        if not self._state.events:
+            return "no event since it was connected: is it switched on? Press a button"
+        return self._mode.notice if self._mode is not None else ""
+
+
+class KeySource:
+    """The keyboard of this terminal. releases: the terminal tells when a key goes up."""
+
+    def __init__(self, keys: Keys, *, releases: bool) -> None:
+        self.names: Mapping[Control, str] = HELD_NAMES if releases else REPEATED_NAMES
+        self.leaving = False
+        self._keys = keys
+        self._state: HeldKeys | RepeatedKeys = (
+            HeldKeys("keyboard", answers=True)
+            if releases
+            else RepeatedKeys("keyboard without releases: a driving key counts once it repeats; --window is better")
+        )
+
+    def poll(self, now_s: float, *, ready: bool) -> Inputs:  # noqa: ARG002 - a keyboard does not wait for the car
+        """Take what was typed and return what is held."""
+        for event in self._keys.poll():
+            self.leaving |= isinstance(event, Quit)
+            self._state.feed(event, now_s)
+        return self._state.inputs(now_s)
+
+    def show(self, lines: Sequence[str], mood: str) -> None:
+        """The screen is in the terminal already."""
+
+
+class WindowSource:
+    """A window of its own: true releases, and everything released when it loses the focus."""
+
+    def __init__(self, sdl: Window) -> None:
+        self.names: Mapping[Control, str] = HELD_NAMES
+        self.leaving = False
+        self._sdl = sdl
+        self._state = HeldKeys("keyboard in a window")
+
+    def poll(self, now_s: float, *, ready: bool) -> Inputs:  # noqa: ARG002 - a keyboard does not wait for the car
+        """Take what was typed into the window and return what is held."""
+        for happening in self._sdl.poll():
+            if isinstance(happening, gamepad.Typed):
+                self.leaving |= isinstance(happening.event, Quit)
+                self._state.feed(happening.event, now_s)
+        return self._state.inputs(now_s)
+
+    def show(self, lines: Sequence[str], mood: str) -> None:
+        """Draw into the window."""
+        self._sdl.show(lines, mood)
+
+
+class ScriptSource:
+    """A script; its time begins when the car is ready for the first time, and it leaves at its end."""
+
+    def __init__(self, script: Script) -> None:
+        self.names: Mapping[Control, str] = PAD_NAMES
+        self.leaving = False
+        self._script = script
+        self._start_s: float | None = None
+
+    def poll(self, now_s: float, *, ready: bool) -> Inputs:
+        """Return what the script holds now."""
+        if self._start_s is None and ready:
+            self._start_s = now_s
+        elapsed_s = -1.0 if self._start_s is None else now_s - self._start_s
+        self.leaving = elapsed_s >= self._script.duration_s
+        return self._script.inputs(elapsed_s, now_s)
+
+    def show(self, lines: Sequence[str], mood: str) -> None:
+        """A script has no eyes."""

@@ -1,0 +1,136 @@
+"""The terminal itself: keys without Enter and without echo, on POSIX and on Windows, and as it was afterwards."""
+
+import contextlib
+import os
+import sys
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any
+
+from clients.teleop import key_bytes
+from clients.teleop.key_bytes import KeyBytes
+from clients.teleop.keyboard import Answer, KeyEvent, Quit
+
+ANSWER_TIMEOUT_S = 0.3
+ASK_PERIOD_S = 0.2
+
+if sys.platform == "win32":
+    import msvcrt
+
+    WINDOWS_ARROWS = {"H": b"\x1b[A", "P": b"\x1b[B", "M": b"\x1b[C", "K": b"\x1b[D"}
+
+    class Console:
+        """Raw keys of a Windows console."""
+
+        def open(self) -> None:
+            """Nothing to do: getwch neither waits for Enter nor echoes."""
+
+        def close(self) -> None:
+            """Nothing to undo."""
+
+        def read(self, timeout_s: float = 0.0) -> bytes | None:  # noqa: ARG002 - the other console waits
+            """Return what was typed; the console tells no releases, so there is no answer worth waiting for."""
+            chunk = b""
+            while msvcrt.kbhit():
+                character = msvcrt.getwch()
+                if character in {"\x00", "\xe0"}:
+                    chunk += WINDOWS_ARROWS.get(msvcrt.getwch(), b"")
+                else:
+                    chunk += character.encode(errors="ignore")
+            return chunk
+else:
+    import select
+    import termios
+    import tty
+
+    class Console:
+        """Raw keys of a POSIX terminal."""
+
+        def __init__(self) -> None:
+            self._fd = sys.stdin.fileno()
+            self._before: list[Any] | None = None
+
+        def open(self) -> None:
+            """Take keys one by one, without echo; Ctrl-C stays a signal."""
+            self._before = termios.tcgetattr(self._fd)
+            tty.setcbreak(self._fd)
+
+        def close(self) -> None:
+            """Put everything back."""
+            if self._before is not None:
+                with contextlib.suppress(termios.error, OSError):  # the terminal may be gone
+                    termios.tcsetattr(self._fd, termios.TCSADRAIN, self._before)
+
+        def read(self, timeout_s: float = 0.0) -> bytes | None:
+            """Return what was typed, b"" when nothing was, None when the terminal is gone."""
+            ready, _, _ = select.select([self._fd], [], [], timeout_s)
+            if not ready:
+                return b""
+            try:
+                return os.read(self._fd, 4096) or None
+            except OSError:
+                return None
+
+
+class Terminal:
+    """Key events of the terminal that this runs in. releases: it tells when a key goes up.
+
+    want_releases: ask the terminal for kitty's protocol, which those that do not know it ignore.
+    """
+
+    def __init__(self, clock: Callable[[], float], *, want_releases: bool) -> None:
+        self._clock = clock
+        self._want_releases = want_releases
+        self._console = Console()
+        self._bytes = KeyBytes()
+        self._asked_s = 0.0
+        self.releases = False
+
+    def __enter__(self) -> "Terminal":
+        self._console.open()
+        if self._want_releases:
+            self.releases = self._knows_releases()
+            if self.releases:
+                _write(key_bytes.ENTER)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self.releases:
+            _write(key_bytes.LEAVE)
+        self._console.close()
+
+    def poll(self) -> list[KeyEvent]:
+        """Return what happened since the last call; a terminal that is gone is a wish to leave."""
+        now_s = self._clock()
+        if self.releases and now_s - self._asked_s >= ASK_PERIOD_S:
+            self._asked_s = now_s
+            _write(key_bytes.ASK)
+        chunk = self._console.read()
+        if chunk is None:
+            return [Quit()]
+        return self._bytes.feed(chunk, now_s)
+
+    def _knows_releases(self) -> bool:
+        _write(key_bytes.ASK)
+        give_up_s = self._clock() + ANSWER_TIMEOUT_S
+        while (left_s := give_up_s - self._clock()) > 0:
+            chunk = self._console.read(left_s)
+            if not chunk:
+                return False
+            if any(isinstance(event, Answer) for event in self._bytes.feed(chunk, self._clock())):
+                return True
+        return False
+
+
+def is_there() -> bool:
+    """Whether keys can be read at all."""
+    return sys.stdin is not None and sys.stdin.isatty()
+
+
+def _write(sequence: bytes) -> None:
+    """Send a control sequence; a terminal that is gone will say so when it is read."""
+    with contextlib.suppress(OSError, ValueError):
+        sys.stdout.flush()
+        os.write(sys.stdout.fileno(), sequence)

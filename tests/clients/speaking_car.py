@@ -1,0 +1,53 @@
+"""A car that only talks: real telemetry on a real session, fed with the same scan for ever."""
+
+import argparse
+import asyncio
+import time
+from contextlib import asynccontextmanager
+
+from runtime import wire, zenoh_config
+from runtime.bus import Bus, free_endpoint
+from runtime.car_settings import CarSettings
+from runtime.sinks import ZenohSink
+from runtime.tasks.telemetry import Telemetry
+from runtime.telemetry_settings import RatesHz
+from tests.runtime.observed import GUIDANCE, make_observed, output_of, scan_at, speak
+from wallride import topic_options
+
+
+@asynccontextmanager
+async def speaking_car(name="car1", rates=None, **verdict):
+    """Yield the car's session; `verdict` goes to `speak`."""
+    bus = Bus(zenoh_config.car_config([free_endpoint()], None, (), name))
+    await bus.open()
+    bus.announce(wire.key(name, wire.ALIVE))
+    observed = make_observed(time.monotonic, link=lambda: {"endpoint": bus.endpoint})
+    sink = ZenohSink(bus, name, rates or RatesHz(), time.monotonic)
+    telemetry = Telemetry(observed, CarSettings(name=name), [sink], epoch_ns=10**18, side=lambda: "left")
+
+    async def turn():
+        while True:
+            scan = scan_at(time.monotonic())
+            telemetry.on_scan(scan)
+            speak(observed, **verdict)
+            telemetry.on_guidance(scan, GUIDANCE)
+            telemetry.on_output(output_of(observed))
+            await asyncio.sleep(0.02)
+
+    async with asyncio.TaskGroup() as tasks:
+        running = [tasks.create_task(turn()), *(tasks.create_task(job) for job in telemetry.jobs().values())]
+        try:
+            yield bus
+        finally:
+            for task in running:
+                task.cancel()
+            await bus.close()
+
+
+def options(car, *arguments):
+    """Return the options of a command line against a car, and the list that will hold what it says."""
+    parser = argparse.ArgumentParser()
+    topic_options.add(parser.add_subparsers())
+    parsed = parser.parse_args([*arguments, "--connect", car.endpoint])
+    parsed.say = (said := []).append
+    return parsed, said

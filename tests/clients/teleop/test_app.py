@@ -1,0 +1,185 @@
+"""The client against a car on a real session on loopback, and as a process that is told to end."""
+
+import asyncio
+import io
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from clients.teleop.app import Client, deadlines
+from clients.teleop.inputs import Control
+from clients.teleop.pilot import Pilot
+from clients.teleop.screen import Screen
+from clients.teleop.script import Script, Step
+from clients.teleop.sources import ScriptSource
+from runtime import wire, zenoh_config
+from runtime.bus import BYTES, Bus, free_endpoint
+from runtime.teleop_wire import Beat, Condition, Press, read_command
+from tests.clients.teleop.scenes import LINEAR, SESSION
+
+MANUAL = frozenset({Control.MANUAL})
+LAP = Script([
+    Step(0.0, frozenset()), Step(0.1, MANUAL), Step(0.2, MANUAL, 0.5, -0.5), Step(0.5, frozenset()),
+    Step(0.6, frozenset()),
+])  # fmt: skip
+
+
+class FakeCar:
+    """Beats, and remembers what it was told."""
+
+    def __init__(self):
+        self.bus = Bus(zenoh_config.car_config([free_endpoint()], None, (), "car1"))
+        self.commands = []
+        self.beating = True
+        self.told = asyncio.Event()
+
+    async def __aenter__(self):
+        self.bus.subscribe(wire.key("car1", wire.COMMAND), self._receive)
+        self.bus.announce(wire.key("car1", wire.ALIVE))
+        await self.bus.open()
+        self._task = asyncio.create_task(self._beat())
+        return self
+
+    async def __aexit__(self, *_):
+        self._task.cancel()
+        await self.bus.close()
+
+    def _receive(self, _key, payload, arrival_s):
+        self.commands.append((arrival_s, read_command(payload)))
+        self.told.set()
+
+    async def _beat(self):
+        number = 0
+        while True:
+            number += 1
+            newest = self.commands[-1] if self.commands else None
+            sequence, age_ms = (newest[1].sequence, round((time.monotonic() - newest[0]) * 1000)) if newest else (0, 0)
+            session = newest[1].session if newest else 0
+            beat = Beat(4, number, Condition(0), session, sequence, age_ms, 0.0, "ann")
+            if self.beating:
+                self.bus.put(wire.key("car1", wire.BEAT), beat.pack(), encoding=BYTES, urgent=True)
+            await asyncio.sleep(0.02)
+
+    @property
+    def flags(self):
+        return [command.flags for _, command in self.commands]
+
+    async def heard(self, flags):
+        async with asyncio.timeout(10):
+            while flags not in self.flags:
+                self.told.clear()
+                await self.told.wait()
+
+
+async def client_of(car, script, out):
+    bus = Bus(zenoh_config.client_config(car.bus.endpoint, None))
+    await bus.open()
+    pilot = Pilot(SESSION, "ann", LINEAR)
+    return bus, pilot, Client(bus, "car1", pilot, ScriptSource(script), Screen(out, plain=True), time.monotonic)
+
+
+async def test_a_script_drives_a_car_on_loopback_and_says_goodbye():
+    out = io.StringIO()
+    async with FakeCar() as car:
+        bus, pilot, client = await client_of(car, LAP, out)
+        try:
+            await client.run(asyncio.Event())
+            await car.heard(Press.GOODBYE)
+        finally:
+            await bus.close()
+    driving = [command for _, command in car.commands if command.flags == Press.MANUAL]
+    assert 15 <= len(driving) <= 21
+    assert (driving[-1].speed_mps, driving[-1].steering_rad) == (1.0, pytest.approx(-0.2))
+    assert driving[0].speed_mps == 0, "the deadman first"
+    assert all(command.beat > 0 and command.car_session == 4 for command in driving)
+    assert set(car.flags) == {Press(0), Press.MANUAL, Press.GOODBYE}
+    assert car.flags[-3:] == [Press.GOODBYE] * 3
+    sequences = [command.sequence for _, command in car.commands]
+    assert sequences == sorted(set(sequences))
+    assert 0 <= pilot.situation.round_trip_s < 0.2
+    assert "DRIVING" in out.getvalue()
+
+
+async def test_a_car_that_falls_silent_is_noticed_and_its_return_moves_nothing():
+    out = io.StringIO()
+    held = Script([Step(0.0, frozenset()), Step(0.1, MANUAL), Step(0.2, MANUAL, 1.0), Step(60.0, frozenset())])
+    async with FakeCar() as car:
+        bus, _, client = await client_of(car, held, out)
+        stop = asyncio.Event()
+        running = asyncio.create_task(client.run(stop))
+        try:
+            await car.heard(Press.MANUAL)
+            car.beating = False
+            silent_s = time.monotonic()
+            async with asyncio.timeout(5):
+                while "LINK LOST" not in out.getvalue():
+                    await asyncio.sleep(0.005)
+            noticed_s = time.monotonic() - silent_s
+            car.commands.clear()
+            car.beating = True
+            async with asyncio.timeout(5):
+                while "release first" not in out.getvalue():
+                    await asyncio.sleep(0.005)
+            stop.set()
+            await running
+        finally:
+            await bus.close()
+    assert 0.1 < noticed_s < 0.4, "0.3 s, and some for a busy machine"
+    assert Press.MANUAL not in car.flags
+
+
+async def test_a_closed_terminal_is_a_goodbye():
+    class Closed(io.StringIO):
+        def write(self, _text):
+            raise OSError("gone")
+
+    async with FakeCar() as car:
+        bus, _, client = await client_of(car, LAP, Closed())
+        try:
+            await client.run(asyncio.Event())
+            await car.heard(Press.GOODBYE)
+        finally:
+            await bus.close()
+    assert set(car.flags) <= {Press(0), Press.GOODBYE}
+
+
+async def test_deadlines_are_absolute_and_missed_ones_are_left_out():
+    now_s, seen = time.monotonic(), []
+    offset_s = 0.0
+
+    def clock():
+        return time.monotonic() + offset_s
+
+    async for at_s in deadlines(0.005, clock):
+        seen.append(at_s - now_s)
+        if len(seen) == 3:
+            offset_s = 1.0
+        if len(seen) == 6:
+            break
+    assert seen[3] >= 1.0
+    assert seen[5] - seen[3] >= 0.004, "no burst afterwards"
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+async def test_a_process_that_is_told_to_end_says_goodbye(tmp_path, number):
+    script = tmp_path / "hold.csv"
+    script.write_text("time_s,buttons,speed\n0,,0\n0.1,LB,0\n0.2,LB,1\n60,,0\n")
+    program = (
+        "import argparse, sys\nfrom wallride import teleop_options\nparser = argparse.ArgumentParser()\n"
+        "teleop_options.add(parser.add_subparsers())\noptions = parser.parse_args()\nsys.exit(options.run(options))"
+    )
+    async with FakeCar() as car:
+        process = await asyncio.create_subprocess_exec(
+            sys.executable, "-c", program, "teleop", "--connect", car.bus.endpoint, "--script", str(script),
+            stdout=subprocess.PIPE,
+        )  # fmt: skip
+        await car.heard(Press.MANUAL)
+        process.send_signal(number)
+        out, _ = await asyncio.wait_for(process.communicate(), 10)
+        await car.heard(Press.GOODBYE)
+    assert process.returncode == 0
+    assert car.flags[-3:] == [Press.GOODBYE] * 3
+    assert b"ready" in out

@@ -1,0 +1,153 @@
+"""The words on the screen: every situation has a next step, and the car's own reasons are shown."""
+
+import io
+import json
+import math
+
+import pytest
+
+from clients.teleop.advice import advise
+from clients.teleop.inputs import Control
+from clients.teleop.keyboard import HELD_NAMES
+from clients.teleop.screen import CarNews, Screen, lines
+from runtime.teleop_wire import Condition
+from tests.clients.teleop.scenes import DEAD, SESSION, Drive, hands
+
+
+def waiting(car):
+    car.beating = False
+    car.hold(hands())
+
+
+def lost_link(car):
+    car.drive()
+    car.beating = False
+    car.hold(hands(Control.MANUAL), 0.4)
+
+
+def frozen(car):
+    car.drive()
+    car.event_s = car.now_s
+    car.hold(hands(Control.MANUAL, speed=0.5), 1.4)
+
+
+def quiet_permit(car):
+    car.says(operator=SESSION)
+    car.hold(hands())
+    car.hold(hands(Control.AUTONOMY))
+    car.event_s = car.now_s
+    car.hold(hands(Control.AUTONOMY), 3.5)
+
+
+def other(car):
+    car.says(operator=5, name="bob")
+    car.hold(hands(), 0.1)
+    car.hold(hands(Control.TAKE_OVER), 0.52)
+
+
+def latched(car):
+    car.says(Condition.ESTOP_LATCHED)
+    car.hold(hands())
+
+
+def fault(car):
+    car.says(Condition.FAULT)
+    car.hold(hands())
+
+
+def ignored(car):
+    car.says(operator=0)
+    car.hold(hands())
+    car.hold(hands(Control.MANUAL), 1.0)
+
+
+def off_centre(car):
+    car.hold(hands())
+    car.hold(hands(Control.MANUAL, speed=0.5))
+
+
+def driving(car):
+    car.says(operator=SESSION)
+    car.drive()
+
+
+STORIES = [
+    (waiting, "waiting", "no heartbeat"),
+    (lambda car: car.hold(hands()), "ready", "hold LB to drive, RB to permit autonomy"),
+    (lambda car: car.hold(hands(Control.MANUAL)), "release first", "release everything first: LB"),
+    (off_centre, "release first", "centre the sticks before pressing"),
+    (driving, "DRIVING", "release LB to stop"),
+    (lambda car: (car.hold(hands()), car.hold(hands(Control.AUTONOMY))), "AUTONOMY", "release RB to stop"),
+    (lost_link, "LINK LOST", "link lost 0.4 s ago"),
+    (lambda car: car.hold(DEAD), "NO INPUT", "unplugged"),
+    (frozen, "PAD SILENT", "no event for 1.4 s"),
+    (quiet_permit, "AUTONOMY", "move a stick: the permit ends in 2 s"),
+    (other, "bob drives", "hold Y for 1 s to take over (50%)"),
+    (latched, "E-STOP", "hold Start for 1 s to reset"),
+    (lambda car: car.hold(hands(Control.ESTOP)), "E-STOP", "until the car confirms it"),
+    (fault, "motor fault", "hold Start"),
+    (ignored, "not obeyed", "operator role"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("story", "state", "words"), STORIES, ids=[words for _, _, words in STORIES])
+def test_what_to_do_next(story, state, words):
+    car = Drive()
+    story(car)
+    advice = advise(car.situation)
+    assert advice.state == state
+    assert words in advice.next_step
+
+
+def test_a_lost_link_is_said_within_0_3_s():
+    """Heartbeats stop; the screen is drawn at every third cycle of 0.02 s at the latest."""
+    car = Drive()
+    car.drive()
+    car.beating = False
+    last_beat_s = car.now_s
+    while advise(car.situation).state != "LINK LOST":
+        car.cycle(hands())
+    assert car.now_s - last_beat_s + 3 * 0.02 <= 0.3
+
+
+def test_the_screen_says_why_the_car_does_not_move():
+    car, news = Drive(), CarNews()
+    driving(car)
+    status = {"output": {"winner": "safety", "reason": "wall ahead", "measure": 0.61}, "voltage_v": 7.9, "fault": "hot"}
+    news.take(json.dumps(status).encode())
+    for session in ("a", "b"):
+        news.on_operator(f"wallride/car1/operator/alive/{session}", alive=True)
+    rows = lines("car1", car.situation, advise(car.situation), news, HELD_NAMES)
+    text = "\n".join(rows)
+    for words in (
+        "car1: safety: wall ahead (0.61)",
+        "7.9 V",
+        "fault: hot",
+        "operator: you   1 more",
+        "Shift or M drive",
+    ):
+        assert words in text
+    news.take(b'{"winner": null, "reason": "nobody drives", "measure": null}')
+    news.on_operator("wallride/car1/operator/alive/b", alive=False)
+    text = "\n".join(lines("car1", car.situation, advise(car.situation), news, HELD_NAMES))
+    assert "nobody: nobody drives" in text
+    assert "more" not in text
+
+
+@pytest.mark.parametrize("payload", [b"", b"[]", b"{", b'{"output": 3, "voltage_v": "x", "battery": 1}', b"\xff"])
+def test_news_that_cannot_be_read_change_nothing(payload):
+    news = CarNews()
+    news.take(payload)
+    assert news == CarNews()
+
+
+def test_without_a_terminal_one_line_for_every_change():
+    out, car = io.StringIO(), Drive()
+    screen = Screen(out, plain=False)
+    for inputs in (hands(), hands(), hands(Control.MANUAL), hands(Control.MANUAL)):
+        car.cycle(inputs)
+        advice = advise(car.situation)
+        screen.draw([advice.state], advice)
+    screen.close()
+    assert out.getvalue().split() == ["ready", "DRIVING"]
+    assert math.isnan(car.situation.round_trip_s)

@@ -1,0 +1,130 @@
+"""Pads that come and go, in the words of SDL; the terminal's space bar; scripts that wait for the car."""
+
+import math
+
+from clients.teleop import sources
+from clients.teleop.gamepad import Connected, Gone, Moved, Typed
+from clients.teleop.inputs import Control
+from clients.teleop.keyboard import Act, Focus, Key, Quit
+from clients.teleop.pads import Axis, Button, parse_mapping
+from clients.teleop.script import Script, Step
+from tests.clients.teleop.recordings import D_DRIVE, D_GUID, D_REST, MODE_ON, X_DRIVE, X_GUID, X_REST, X_SDL
+
+
+class Queue:
+    """SDL or a terminal, from a list."""
+
+    def __init__(self):
+        self.waiting = []
+        self.shown = []
+
+    def poll(self):
+        now, self.waiting = self.waiting, []
+        return now
+
+    def show(self, lines, mood):
+        self.shown.append((lines, mood))
+
+
+X_PAD = Connected(0, X_GUID, "Logitech Gamepad F710", X_REST, parse_mapping(X_SDL))
+D_PAD = Connected(1, D_GUID, "Logitech Cordless RumblePad 2", D_REST, None)
+UNKNOWN = Connected(2, "03000000341200007856000000000000", "Mystery", (0.0,), None)
+
+
+def feed(source, queue, *happenings, now_s=1.0):
+    queue.waiting += happenings
+    return source.poll(now_s, ready=True)
+
+
+def test_a_pad_is_adopted_drives_and_is_unplugged():
+    sdl = Queue()
+    source = sources.PadSource(sdl, {})
+    assert feed(source, sdl).trouble == sources.PLUG_IN
+    assert not feed(source, sdl, X_PAD).live
+    idle = feed(source, sdl)
+    assert (idle.live, idle.event_s, idle.device) == (True, -math.inf, "Logitech F710 (X)")
+    assert "no event since" in idle.trouble
+    driving = feed(source, sdl, *(Moved(0, event) for event in X_DRIVE), now_s=2.0)
+    assert (driving.manual, driving.speed, driving.steering, driving.event_s) == (True, 0.5, 1.0, 2.0)
+    assert driving.trouble == ""
+    assert not feed(source, sdl, Gone(0)).live
+
+
+def test_unplugged_and_back_within_one_poll_is_noticed_and_starts_from_nothing():
+    sdl = Queue()
+    source = sources.PadSource(sdl, {})
+    feed(source, sdl, X_PAD)
+    feed(source, sdl, *(Moved(0, event) for event in X_DRIVE))
+    assert not feed(source, sdl, Gone(0), X_PAD).live
+    assert feed(source, sdl).released
+
+
+def test_the_other_pad_takes_its_turn_only_after_a_moment_without_any():
+    sdl = Queue()
+    source = sources.PadSource(sdl, {})
+    feed(source, sdl, X_PAD, D_PAD)
+    assert feed(source, sdl, Moved(1, Button(4, pressed=True))).released, "only one pad counts"
+    assert not feed(source, sdl, Gone(0)).live
+    assert feed(source, sdl, *(Moved(1, event) for event in D_DRIVE)).device == "Logitech F710 (D)"
+
+
+def test_an_unknown_pad_is_named_with_the_way_out_and_a_wanted_one_is_waited_for():
+    sdl = Queue()
+    assert "--map" in feed(sources.PadSource(sdl, {}), sdl, UNKNOWN).trouble
+    source = sources.PadSource(sdl, {}, wanted="c219")
+    assert "not the --pad" in feed(source, sdl, X_PAD).trouble
+    feed(source, sdl, D_PAD)
+    assert feed(source, sdl).device == "Logitech F710 (D)"
+
+
+def test_mode_is_said():
+    sdl = Queue()
+    source = sources.PadSource(sdl, {})
+    feed(source, sdl, X_PAD)
+    assert "press MODE" in feed(source, sdl, *(Moved(0, event) for event in MODE_ON)).trouble
+
+
+def test_the_space_bar_stops_with_a_pad_in_hand_and_without_one():
+    sdl, keys = Queue(), Queue()
+    source = sources.PadSource(sdl, {}, keys=keys)
+    keys.waiting = [Key("space")]
+    assert feed(source, sdl).wants_stop
+    feed(source, sdl, X_PAD, now_s=2.0)
+    assert not feed(source, sdl, now_s=2.1).wants_stop
+    keys.waiting = [Key("space")]
+    assert feed(source, sdl, now_s=3.0).wants_stop
+    keys.waiting = [Quit()]
+    feed(source, sdl)
+    assert source.leaving
+
+
+def test_a_window_sees_releases_and_shows_the_screen():
+    sdl = Queue()
+    source = sources.WindowSource(sdl)
+    assert feed(source, sdl, Typed(Key("shift")), Typed(Key("w")), Moved(0, Axis(0, 1.0))).manual
+    assert not feed(source, sdl, Typed(Key("shift", Act.RELEASE))).manual
+    assert not feed(source, sdl, Typed(Focus(gained=False))).live
+    source.show(["ready"], "green")
+    assert sdl.shown == [(["ready"], "green")]
+    feed(source, sdl, Typed(Quit()))
+    assert source.leaving
+
+
+def test_a_terminal_with_and_without_releases():
+    keys = Queue()
+    plain = sources.KeySource(keys, releases=False)
+    assert not feed(plain, keys, Key("w")).manual
+    releases = sources.KeySource(keys, releases=True)
+    assert not feed(releases, keys, Key("shift")).live, "not before the terminal answered"
+    feed(releases, keys, Quit())
+    assert releases.leaving
+
+
+def test_a_script_waits_until_the_car_is_ready():
+    source = sources.ScriptSource(Script([Step(0.0, frozenset({Control.MANUAL})), Step(1.0, frozenset())]))
+    assert source.poll(5.0, ready=False).released
+    assert source.poll(6.0, ready=True).manual
+    assert source.poll(6.5, ready=False).manual
+    assert not source.leaving
+    assert source.poll(7.0, ready=True).released
+    assert source.leaving

@@ -1,0 +1,185 @@
+"""The real pilot and the car's real desk, in virtual time: what the mux would send while hands and links misbehave."""
+
+from dataclasses import replace
+
+import pytest
+
+from clients.teleop.inputs import Control
+from clients.teleop.pilot import Block, Pilot
+from runtime.command import Source
+from runtime.teleop_wire import Press
+from tests.clients.teleop.scenes import DEAD, LINEAR, SESSION, hands
+from tests.runtime.operator_rig import AUTO_MPS, BEAT_S, Rig
+
+MANUAL, AUTONOMY, ESTOP, RESET, TAKE_OVER = (
+    Control.MANUAL,
+    Control.AUTONOMY,
+    Control.ESTOP,
+    Control.RESET,
+    Control.TAKE_OVER,
+)
+STRANGER = 5
+DRIVING = hands(MANUAL, speed=1.0)
+
+
+class Road:
+    """A desk and a pilot with a link between them."""
+
+    def __init__(self, permit):
+        self.rig = Rig(permit)
+        self.pilot = Pilot(SESSION, "ann", LINEAR)
+        self.rig.clients.append(self)
+        self.up = self.down = True
+        self.frozen_s = None
+        self.hear(self.rig.heard)
+
+    def hear(self, beat):
+        if self.down:
+            self.pilot.hear(beat, self.rig.now_s)
+
+    def hold(self, inputs, seconds=0.2):
+        """Let the hands stay so; return the fastest that the car was told to go."""
+        fastest_mps = 0.0
+        for _ in range(round(seconds / BEAT_S)):
+            self.rig.wait(BEAT_S)
+            event_s = self.rig.now_s if self.frozen_s is None else self.frozen_s
+            payload = self.pilot.step(replace(inputs, event_s=event_s), self.rig.now_s).pack()
+            if self.up:
+                self.rig.desk.receive("", payload, self.rig.now_s)
+            fastest_mps = max(fastest_mps, abs(self.rig.speed_mps))
+        return fastest_mps
+
+    def drive(self):
+        self.hold(hands())
+        self.hold(hands(MANUAL))
+        self.hold(DRIVING)
+        assert self.rig.speed_mps == 2.0
+        assert self.rig.decision.driver is Source.TELEOP
+
+
+@pytest.fixture(params=["required", "always"])
+def road(request):
+    return Road(request.param)
+
+
+def test_drive_release_drive(road):
+    road.drive()
+    road.hold(hands(speed=1.0), BEAT_S)
+    assert road.rig.decision.driver is not Source.TELEOP
+    road.drive()
+    assert road.pilot.situation.mine
+    assert 0 <= road.pilot.situation.round_trip_s <= BEAT_S
+
+
+def test_the_permit_lets_autonomy_go_while_it_is_held():
+    road = Road("required")
+    road.hold(hands())
+    road.hold(hands(AUTONOMY))
+    assert road.rig.speed_mps == AUTO_MPS
+    road.hold(hands(), BEAT_S)
+    assert road.rig.speed_mps == 0
+
+
+TROUBLES = {
+    "the pad is unplugged": DEAD,
+    "an axis is not to be trusted": hands(MANUAL, speed=1.0, steering=float("nan")),
+}
+
+
+@pytest.mark.parametrize("inputs", TROUBLES.values(), ids=TROUBLES)
+def test_trouble_with_the_pad_stops_at_once_and_autonomy_does_not_take_over(road, inputs):
+    road.drive()
+    road.hold(inputs, BEAT_S)
+    assert road.rig.speed_mps == 0
+    assert road.hold(inputs, 3.0) == 0
+    assert road.hold(DRIVING, 3.0) == 0, "what is still held when it returns"
+    road.drive()
+
+
+def test_a_frozen_pad_stops_the_car_within_a_second_and_autonomy_does_not_take_over(road):
+    road.drive()
+    road.frozen_s = road.rig.now_s
+    road.hold(DRIVING, 1.0 + 2 * BEAT_S)
+    assert road.hold(DRIVING, 3.0) == 0
+    road.frozen_s = None
+    assert road.hold(DRIVING, 1.0) == 0
+    road.drive()
+
+
+@pytest.mark.parametrize(("up", "down"), [(False, True), (True, False), (False, False)], ids=["up", "down", "both"])
+def test_a_dead_link_stops_the_car_and_its_return_moves_nothing(road, up, down):
+    road.drive()
+    road.up, road.down = up, down
+    road.hold(DRIVING, 0.2 + BEAT_S)
+    assert road.hold(DRIVING, 1.0) == 0
+    road.up = road.down = True
+    assert road.hold(DRIVING, 2.0) == 0
+    assert road.pilot.situation.block is Block.REARM
+    road.drive()
+
+
+def test_a_paused_client_stops_the_car_and_its_return_moves_nothing(road):
+    road.drive()
+    road.rig.wait(3.0)
+    assert road.rig.speed_mps == 0
+    assert road.hold(DRIVING, 2.0) == 0
+    road.drive()
+
+
+def test_e_stop_and_its_reset(road):
+    road.drive()
+    assert road.hold(hands(ESTOP, MANUAL, speed=1.0), BEAT_S) == 0
+    assert road.hold(DRIVING, 1.0) == 0
+    road.hold(hands(), 0.5)
+    assert "operator" in road.rig.desk.view().e_stop
+    assert road.hold(hands(RESET), 1.2) == 0
+    assert road.rig.desk.view().e_stop == {}
+    assert road.rig.faults_cleared == 1
+    road.drive()
+
+
+def test_both_bumpers_are_an_e_stop(road):
+    road.drive()
+    assert road.hold(hands(MANUAL, AUTONOMY, speed=1.0), BEAT_S) == 0
+    assert road.rig.standing == "e-stop"
+
+
+def test_two_operators_the_second_is_told_and_takes_over_deliberately(road):
+    bob = road.rig.client("bob", STRANGER)
+    bob.click()
+    road.hold(hands(), BEAT_S)
+    bob.send(Press.MANUAL)
+    for _ in range(3):
+        road.hold(hands(), BEAT_S)
+        bob.send(Press.MANUAL)
+    assert (road.pilot.situation.block, road.pilot.situation.operator_name) == (Block.OTHER, "bob")
+    for _ in range(60):
+        road.hold(hands(TAKE_OVER), BEAT_S)
+        bob.send(Press.MANUAL)
+    assert road.pilot.situation.mine
+    assert road.rig.speed_mps == 0
+    road.drive()
+
+
+def test_goodbye_frees_the_car(road):
+    road.drive()
+    for _ in range(3):
+        road.rig.desk.receive("", road.pilot.goodbye(DRIVING.kind).pack(), road.rig.now_s)
+    assert road.rig.decision.driver is not Source.TELEOP
+    assert road.rig.desk.view().operator == ""
+
+
+def test_a_lost_device_of_the_car_wants_a_release(road):
+    road.drive()
+    road.rig.desk.rearm("the lidar was lost")
+    assert road.hold(DRIVING, 1.0) == 0
+    road.drive()
+
+
+def test_a_second_client_with_a_stuck_button_does_not_keep_us_from_driving(road):
+    bob = road.rig.client("bob", STRANGER)
+    for inputs in (hands(), hands(MANUAL), DRIVING):
+        for _ in range(20):
+            bob.send(Press.MANUAL)
+            road.hold(inputs, BEAT_S)
+    assert road.rig.speed_mps == 2.0

@@ -1,0 +1,57 @@
+"""An unknown pad is learnt from what a person does with it."""
+
+from clients.teleop import pad_files
+from clients.teleop.inputs import Control
+from clients.teleop.pads import Axis, Button, Hat
+from clients.teleop.wizard import Wizard
+
+
+def answer(wizard, *events):
+    for event in events:
+        wizard.feed(event, 1.0)
+
+
+def press(index):
+    return Button(index, pressed=True), Button(index, pressed=False)
+
+
+def test_a_whole_conversation():
+    wizard = Wizard("ff", "Mystery pad", (0.0, 0.0, -1.0, 0.0))
+    assert "FORWARD" in wizard.question
+    answer(wizard, Hat(0, 0, 1), Hat(0, 0, 0))
+    assert "MODE" in wizard.remark
+    answer(wizard, Axis(2, 0.9), Axis(2, -1.0))
+    assert "trigger" in wizard.remark
+    answer(wizard, Axis(1, -0.4), Axis(1, -1.0), Axis(1, -0.5), Axis(1, 0.0))
+    answer(wizard, Axis(1, -0.4), Axis(1, -1.0), Axis(1, 0.0))
+    assert "speed already" in wizard.remark
+    answer(wizard, Axis(3, 0.4), Axis(3, 1.0), Axis(3, 0.1))
+    answer(wizard, *press(6))
+    answer(wizard, *press(6))
+    assert "manual already" in wizard.remark
+    answer(wizard, *press(7), *press(2))
+    answer(wizard, Hat(0, 1, 0), Hat(0, 0, 0))
+    assert "takes over" in wizard.question
+    answer(wizard, Axis(2, 0.9), Axis(2, -1.0))
+    assert wizard.finished
+    assert wizard.question == ""
+    answer(wizard, *press(1))
+
+    guid, learnt = pad_files.read(wizard.toml(), "test")
+    assert guid == "ff"
+    assert {control: str(at) for control, at in learnt.bindings.items()} == {
+        Control.SPEED: "a1~",
+        Control.STEERING: "a3",
+        Control.MANUAL: "b6",
+        Control.AUTONOMY: "b7",
+        Control.ESTOP: "b2",
+        Control.RESET: "h0.2",
+        Control.TAKE_OVER: "+a2",
+    }
+
+
+def test_a_trigger_that_reads_zero_until_touched_cannot_steer():
+    wizard = Wizard("ff", "pad", (0.0, 0.0))
+    answer(wizard, Axis(1, -1.0), Axis(1, 0.0))
+    assert "trigger" in wizard.remark
+    assert "FORWARD" in wizard.question

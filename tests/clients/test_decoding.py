@@ -1,0 +1,59 @@
+"""From the wire to text: right, short, and never more than one line of complaint."""
+
+import json
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from clients.decoding import UnreadableError, as_json, as_text, decode
+from runtime import wire
+from runtime.ros.definitions import TYPES
+from runtime.teleop_wire import Beat, Condition
+from tests.runtime.ros.samples import SAMPLES
+
+
+@pytest.mark.parametrize("topic", TYPES)
+def test_every_topic_can_be_read_and_told(topic):
+    message = decode(topic, SAMPLES[topic])
+    assert json.loads(as_json(message)).keys() == message.keys()
+    assert all(line.strip() for line in as_text(message).splitlines())
+
+
+def test_constants_of_a_type_are_not_told():
+    assert "POWER_SUPPLY" not in as_text(decode(wire.BATTERY, SAMPLES[wire.BATTERY]))
+
+
+def test_long_arrays_are_shortened_unless_asked_for():
+    scan = decode(wire.SCAN, SAMPLES[wire.SCAN])
+    assert "... 1081 values]" in as_text(scan)
+    assert as_text(scan, whole=True).count(",") > 1000
+
+
+def test_json_has_null_where_a_number_is_missing():
+    message = decode(wire.MOTOR, SAMPLES[wire.MOTOR])
+    assert math.isnan(message["velocity"][1])
+    assert json.loads(as_json(message))["velocity"][1] is None
+
+
+def test_a_heartbeat_is_read_too():
+    beat = Beat(7, 8, Condition.PERMITTED, operator_name="anna")
+    assert decode(wire.BEAT, beat.pack())["operator_name"] == "anna"
+
+
+@given(st.sampled_from([*TYPES, wire.STATUS, wire.BEAT]), st.binary(max_size=80))
+def test_nonsense_is_one_line(topic, payload):
+    complaint = ""
+    try:
+        decode(topic, payload)
+    except UnreadableError as error:
+        complaint = str(error)
+    assert "\n" not in complaint
+
+
+@given(st.sampled_from(sorted(TYPES)), st.data())
+def test_a_cut_message_is_refused(topic, data):
+    payload = SAMPLES[topic]
+    with pytest.raises(UnreadableError, match=topic):
+        decode(topic, payload[: data.draw(st.integers(0, len(payload) - 1))])

@@ -1,0 +1,143 @@
+"""`wallride status` and `wallride cars`: the answer is in the first line."""
+
+import asyncio
+import json
+import math
+
+import pytest
+
+from clients import status
+from clients.connection import ConnectionProblemError
+from clients.status import headline, screen
+from runtime import snapshot, wire
+from runtime.bus import Bus, free_endpoint
+from runtime.command import Source, Verdict, refusal
+from runtime.operator_view import OperatorView, Standing
+from runtime.snapshot import Journey
+from runtime.telemetry_settings import RatesHz
+from runtime.zenoh_config import car_config
+from tests.clients.speaking_car import options, speaking_car
+from tests.runtime.observed import HandClock, lose, make_observed, output_of, speak
+
+VIEW = OperatorView(
+    Standing.LOST, "anna", "00000000000000a1", 2, 120, 0.7, 0.012, "operator lost", "no operator", False, {},
+    {"stale": 3, "replay": 0},
+)  # fmt: skip
+
+
+def arrived(observed, output):
+    """Return a status as it comes off the wire."""
+    return wire.decode(wire.encode(snapshot.status(observed, output, Journey(0.0))))
+
+
+@pytest.fixture
+def observed():
+    observed = make_observed(HandClock(), operator=lambda: VIEW, window=lambda: ("12 beams are dirty",))
+    speak(observed)
+    return observed
+
+
+def test_a_driving_car_says_how_fast_and_who_decided(observed):
+    assert headline(arrived(observed, output_of(observed))) == "drives 1.00 m/s: navigation: wall"
+
+
+@pytest.mark.parametrize(
+    ("trouble", "answer"),
+    [
+        (lambda o: None, "stands: safety: wall ahead (0.31)"),
+        (lambda o: lose(o.lidar), "stands: lidar absent: cable"),
+        (lambda o: lose(o.motor), "stands: motor ready: cable"),
+    ],
+)
+def test_a_standing_car_says_why(observed, trouble, answer):
+    trouble(observed)
+    if "motor" in answer:
+        observed.motor.present, answer = False, "stands: motor absent: cable"
+    output = output_of(observed, speed_mps=0.0, winner=Source.SAFETY, reason="wall ahead", measure=0.314)
+    assert headline(arrived(observed, output)) == answer
+
+
+def test_before_the_first_decision_it_says_so(observed):
+    assert headline(arrived(observed, None)) == "stands: nothing has been decided yet"
+
+
+def test_one_screen_holds_everything_that_may_hold_the_car(observed):
+    observed.voices.say(refusal(Source.ESTOP, "e-stop by anna"))
+    observed.lidar.health.count("checksum", 4)
+    lines = screen(arrived(observed, output_of(observed, speed_mps=0.0, winner=Source.ESTOP, reason="e-stop by anna")))
+    text = "\n".join(lines)
+    assert len(lines) <= 30
+    assert max(map(len, lines)) <= 140
+    for words in (
+        "car1  stands: e-stop: e-stop by anna",
+        "e-stop      CLOSED: e-stop by anna",
+        "permit      open",
+        "teleop      silent",
+        "0.00 s ago  wants 1.00 m/s +0.100 rad: wall",
+        "no limit: clear",
+        "anna, operator lost, round trip 12 ms, 2 clients heard, permit: no operator, stale refused 3",
+        "11.8 V, 0.0 A",
+        "ready: in memory   (checksum 4)",
+        "12 beams are dirty",
+        "wallride 9.9",
+    ):
+        assert words in text
+
+
+def test_an_old_screen_says_that_it_is_old(observed):
+    fresh = arrived(observed, output_of(observed))
+    assert "nothing heard for 2.5 s" in screen(fresh, 2.5)[1]
+    assert not any("nothing heard" in line for line in screen(fresh, 0.2))
+
+
+async def test_the_status_of_a_car_is_shown_and_given_as_json():
+    async with speaking_car(safety=Verdict(math.inf, math.inf, "clear")) as car:
+        parsed, said = options(car, "status")
+        assert await status.run(parsed) == 0
+        assert said[0].startswith("car1  drives 1.00 m/s: navigation: wall")
+        parsed, said = options(car, "status", "--json")
+        await status.run(parsed)
+        assert json.loads(said[0])["gates"]["safety"] == ""
+
+
+async def test_watching_goes_on_until_it_is_stopped():
+    async with speaking_car() as car:
+        parsed, said = options(car, "status", "--watch")
+        watching = asyncio.create_task(status.run(parsed))
+        async with asyncio.timeout(10):
+            while len(said) < 3:
+                await asyncio.sleep(0.02)
+        watching.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await watching
+    assert all(page.startswith(status.CLEAR_SCREEN) for page in said)
+
+
+async def test_a_car_whose_status_is_turned_off_is_explained(monkeypatch):
+    monkeypatch.setattr(status, "FIRST_WITHIN_S", 0.3)
+    async with speaking_car(rates=RatesHz(status=0)) as car:
+        parsed, _ = options(car, "status")
+        with pytest.raises(ConnectionProblemError, match=r"telemetry\.rates_hz\.status"):
+            await status.run(parsed)
+
+
+async def test_cars_are_listed_with_version_and_state():
+    async with speaking_car("blue") as car:
+        car.announce(wire.key("mute", wire.ALIVE))
+        parsed, said = options(car, "cars")
+        assert await status.cars(parsed) == 0
+        blue, mute = said
+        assert blue.split()[:3] == ["blue", "9.9", "driving"]
+        assert "says nothing" in mute
+        parsed, said = options(car, "cars", "--json", "--car", "blue")
+        await status.cars(parsed)
+        assert json.loads(said[0])["blue"]["state"] == "driving"
+
+
+async def test_no_car_is_an_answer_too():
+    bus = Bus(car_config([free_endpoint()], None, (), "car1"))
+    await bus.open()
+    parsed, said = options(bus, "cars")
+    assert await status.cars(parsed) == 1
+    assert said == [f"no car at {bus.endpoint}"]
+    await bus.close()

@@ -1,0 +1,107 @@
+"""`wallride topic`: what is on the air, measured and read by somebody who only has the wire."""
+
+import asyncio
+import json
+import math
+
+import numpy as np
+import pytest
+
+from clients import topics
+from clients.connection import ConnectionProblemError
+from clients.topics import KINDS, Meter, split_topic
+from runtime import wire, zenoh_config
+from runtime.bus import Bus
+from runtime.ros.definitions import TYPES
+from runtime.telemetry_settings import RatesHz
+from tests.clients.speaking_car import options, speaking_car
+from tests.runtime.observed import RANGES_M
+from tests.runtime.ros.samples import read_as_foxglove_does
+
+
+async def test_the_list_names_every_topic_with_its_type_and_its_rate():
+    async with speaking_car() as car:
+        parsed, said = options(car, "topic", "list", "--seconds", "2")
+        assert await topics.run(parsed) == 0
+    table = {line.split()[0]: line for line in said}
+    assert set(table) == set(KINDS)
+    assert "sensor_msgs/msg/LaserScan" in table["scan"]
+    assert "kB/s" in table["scan"]
+    assert float(table["odom"].split()[2]) == pytest.approx(20, abs=4)
+    assert table["teleop"].endswith("silent")
+
+
+async def test_echo_says_messages_as_text_and_as_json():
+    async with speaking_car() as car:
+        parsed, said = options(car, "topic", "echo", "/output", "--once")
+        await topics.run(parsed)
+        (text,) = said
+        assert 'frame_id: "base_link"' in text
+        assert "speed: 1" in text
+        parsed, said = options(car, "topic", "echo", "wallride/car1/status", "--json", "-n", "2")
+        await topics.run(parsed)
+    assert [json.loads(line)["output"]["reason"] for line in said] == ["wall", "wall"]
+
+
+async def test_hz_and_bw_measure_what_comes():
+    async with speaking_car() as car:
+        for action, unit in (("hz", "Hz"), ("bw", "kB/s")):
+            parsed, said = options(car, "topic", action, "scan", "--count", "2")
+            await topics.run(parsed)
+            rate, first_unit = said[-1].split()[:2]
+            assert len(said) == 2
+            assert first_unit == unit
+            assert float(rate) == pytest.approx(20 if action == "hz" else 20 * 4.384, rel=0.25)
+
+
+async def test_a_topic_that_says_nothing_is_explained(monkeypatch):
+    monkeypatch.setattr(topics, "FIRST_WITHIN_S", 0.3)
+    async with speaking_car() as car:
+        parsed, _ = options(car, "topic", "hz", "teleop")
+        with pytest.raises(ConnectionProblemError, match="car1 says nothing on teleop: a silent voice has no topic"):
+            await topics.run(parsed)
+
+
+async def test_an_independent_reader_decodes_scan_odometry_and_output_from_the_wire():
+    wanted = (wire.SCAN, wire.ODOM, wire.OUTPUT)
+    heard = {}
+    async with speaking_car(rates=RatesHz(scan=40)) as car:
+        reader = Bus(zenoh_config.client_config(car.endpoint, None))
+        for topic in wanted:
+            reader.subscribe(wire.key("car1", topic), lambda key, payload, _: heard.update({key: payload}))
+        await reader.open()
+        async with asyncio.timeout(10):
+            while len(heard) < len(wanted):
+                await asyncio.sleep(0.01)
+        await reader.close()
+    scan, odom, output = (read_as_foxglove_does(TYPES[t], heard[wire.key("car1", t)]) for t in wanted)
+    np.testing.assert_array_equal(np.array(scan.ranges, np.float32), RANGES_M)
+    assert scan.header.frame_id == "laser"
+    assert (odom.child_frame_id, odom.pose.pose.orientation.w) == ("base_link", 1.0)
+    assert (output.drive.speed, round(output.drive.steering_angle, 6)) == (1.0, 0.1)
+
+
+@pytest.mark.parametrize("text", ["scan", "/scan", "wallride/car1/scan", "/wallride/car1/scan"])
+def test_a_topic_may_be_written_in_three_ways(text):
+    car, topic = split_topic(text, None)
+    assert (car, topic) == ("car1" if "car1" in text else None, "scan")
+
+
+def test_a_wrong_topic_is_answered_with_the_right_ones():
+    with pytest.raises(ConnectionProblemError, match="scam: is not a topic; there are scan, odom"):
+        split_topic("scam", None)
+    with pytest.raises(ConnectionProblemError, match="is a topic of car1, but --car says car2"):
+        split_topic("wallride/car1/scan", "car2")
+
+
+def test_a_meter_counts_gaps_and_bytes():
+    meter = Meter()
+    meter.add(10.0, 100)
+    assert math.isnan(meter.rate_hz)
+    assert meter.rate_line() == "one sample so far"
+    for i in range(1, 11):
+        meter.add(10 + 0.1 * i, 100)
+    assert meter.rate_hz == pytest.approx(10)
+    assert meter.bytes_per_s == pytest.approx(1000)
+    assert "gaps min 100.0 ms, max 100.0 ms" in meter.rate_line()
+    assert "1.00 kB/s" in meter.volume_line()
