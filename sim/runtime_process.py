@@ -11,16 +11,15 @@ STOP_TIMEOUT_S = 5.0
 REMEMBERED_LINES = 200
 
 
-class RuntimeProcess:
-    """`wallride run` with its log captured.
+class WallrideProcess:
+    """One `wallride` command with its log captured.
 
-    log: its last lines on standard error.
+    log: the last lines that it printed.
     exit_code: None while it runs.
     """
 
-    def __init__(self, config: Path, assignments: Sequence[str]) -> None:
-        settings = [argument for assignment in assignments for argument in ("--set", assignment)]
-        self._command = [sys.executable, "-m", "wallride", "run", str(config), *settings]
+    def __init__(self, arguments: Sequence[str]) -> None:
+        self._command = [sys.executable, "-m", "wallride", *arguments]
         self._process: asyncio.subprocess.Process | None = None
         self._reader: asyncio.Task[None] | None = None
         self.log: deque[str] = deque(maxlen=REMEMBERED_LINES)
@@ -39,7 +38,10 @@ class RuntimeProcess:
     async def start(self) -> None:
         """Start it."""
         self._process = await asyncio.create_subprocess_exec(
-            *self._command, stdin=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.PIPE
+            *self._command,
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.STDOUT,
         )
         self._reader = asyncio.create_task(self._read_log(), name="runtime log")
 
@@ -68,6 +70,14 @@ class RuntimeProcess:
 
     async def _read_log(self) -> None:
         assert self._process is not None  # noqa: S101 - only start() calls this
-        assert self._process.stderr is not None  # noqa: S101 - it was asked for
-        async for line in self._process.stderr:
+        assert self._process.stdout is not None  # noqa: S101 - it was asked for
+        async for line in self._process.stdout:
             self.log.append(line.decode(errors="replace").rstrip())
+
+
+class RuntimeProcess(WallrideProcess):
+    """`wallride run`."""
+
+    def __init__(self, config: Path, assignments: Sequence[str]) -> None:
+        settings = [argument for assignment in assignments for argument in ("--set", assignment)]
+        super().__init__(["run", str(config), *settings])

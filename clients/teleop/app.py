@@ -14,7 +14,7 @@ from clients.connection import connected
 from clients.teleop import gamepad, pad_files, terminal
 from clients.teleop.advice import advise
 from clients.teleop.pads import usb_id
-from clients.teleop.pilot import Pilot
+from clients.teleop.pilot import Block, Pilot
 from clients.teleop.screen import CarNews, Screen, lines
 from clients.teleop.script import ScriptError, load
 from clients.teleop.shaping import Feel
@@ -89,7 +89,9 @@ class Client:
     def step(self, now_s: float) -> None:
         """Read the hands, send what they mean."""
         situation = self._pilot.situation
-        inputs = self._source.poll(now_s, ready=situation is not None and situation.armed)
+        # A script may also begin at a car that somebody else operates or that is latched: to take over, to reset.
+        ready = situation is not None and (situation.armed or situation.block in {Block.OTHER, Block.LATCHED})
+        inputs = self._source.poll(now_s, ready=ready)
         self._kind = inputs.kind
         self._send(self._pilot.step(inputs, now_s).pack())
 

@@ -218,7 +218,7 @@ class WindowSource:
 
 
 class ScriptSource:
-    """A script; its time begins when the car is ready for the first time, and it leaves at its end."""
+    """A script; its time begins when `poll` first hears that the car is ready, and it leaves at its end."""
 
     def __init__(self, script: Script) -> None:
         self.names: Mapping[Control, str] = PAD_NAMES

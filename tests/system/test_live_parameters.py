@@ -34,7 +34,9 @@ class Lab:
         self.motor = MemoryMotor(clock)
         self.scan_times_s = []
         self.lidar = MemoryLidar(self._scan, clock)
-        self.car = Car(self.settings, self.lidar, self.motor, bus or MemoryBus(clock, listened_to=False), clock, file=file)
+        self.car = Car(
+            self.settings, self.lidar, self.motor, bus or MemoryBus(clock, listened_to=False), clock, file=file
+        )
 
     def _scan(self, now_s):
         self.scan_times_s.append(now_s)

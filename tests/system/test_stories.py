@@ -1,6 +1,8 @@
 """Stories of the whole runtime in virtual time: the unmodified tasks, in-memory devices, exact seconds."""
 
 import asyncio
+import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,6 +14,10 @@ from runtime.app import Car
 from runtime.command import DriveWord, Source
 from runtime.permit import NOT_GRANTED
 from runtime.settings import Settings
+from sim.beams import LidarSettings
+from sim.lab import stories
+from sim.lab.stories import STORIES, tell
+from sim.obstacles import Motion, person
 from sim.twins import MemoryBus, MemoryLidar, MemoryMotor, ranges_between_walls
 from sim.virtual_time import run_virtual
 
@@ -263,3 +269,78 @@ def test_the_status_says_what_is_wrong_with_the_window():
     story.run(2.0, (1.0, soil))
     status = next(payload for key, payload in reversed(story.ear.heard) if key == "wallride/car1/status")
     assert dirt.encode() in status
+
+
+# From here on: a simulated world before the lidar and a simulated car behind the motor, and the default laws.
+
+
+@pytest.mark.parametrize("name", list(STORIES))
+def test_with_the_default_laws_the_story_ends_as_it_should(name):
+    told = tell(STORIES[name])
+    assert [what for what, held in STORIES[name].says(told) if not held] == []
+
+
+def test_laps_are_driven_at_the_wall_and_repeat_to_the_last_bit():
+    story = replace(STORIES["laps of the loop"], lasts_s=6.0)
+    first, second = tell(story), tell(story)
+    assert first.pose == second.pose
+    assert first.motor.wire == second.motor.wire
+    assert first.pose != tell(story, seed=7).pose, "another noise, another drive"
+    off_m = [abs(first.twin.world.wall_distance_m(pose, "left") - 1.0) for pose in first.pose[80:]]
+    assert max(off_m) < 0.15
+
+
+def test_from_a_pulled_lidar_cable_on_not_one_command_moves_the_car():
+    told = tell(STORIES["lidar cable pulled and back"])
+    pulled_s, back_s = 4.0, 7.0
+    after = [drive for at_s, drive in told.motor.wire if pulled_s + 0.15 < at_s < back_s]
+    assert after
+    assert {drive.speed_mps for drive in after} == {0.0}
+    assert {drive.brake_mps2 for drive in after} == {math.inf}, "nobody sees: all the brake there is"
+
+
+def test_with_a_permit_a_pulled_cable_is_the_end_of_it():
+    """After the cable is back the operator has to permit again; nobody does."""
+
+    def permit(play):
+        play.car.permit.grant(until_s=100.0)
+
+    story = STORIES["lidar cable pulled and back"]
+    told = tell(replace(story, permit="required", events=((0.5, permit), *story.events)))
+    assert told.went_s(0.0) < 1.5
+    assert told.went_s(7.0) == math.inf
+    assert told.reasons[-5] == "the lidar was lost; permit again"
+
+
+def test_a_motor_that_comes_back_is_told_no_more_than_it_turns():
+    told = tell(STORIES["motor controller lost and back"])
+    first = next(drive for at_s, drive in told.motor.wire if at_s >= 7.0)
+    assert abs(first.speed_mps) < 0.2
+    assert not [at_s for at_s, _ in told.motor.wire if 4.0 < at_s < 7.0]
+
+
+def test_a_person_is_braked_for_before_the_scan_that_shows_him_can_drive():
+    """One who stands there suddenly, within what stopping takes: no command to move after the first scan of him."""
+    appears_s = 3.0
+    there = person(6.2, 0.0, Motion(0.0, 0.0, appears_s))
+    told = tell(replace(STORIES["a person crosses"], obstacles=(there,), lasts_s=5.0, speed_mps=2.0))
+    assert told.twin.contact_mps is None or told.twin.contact_mps < 1.0
+    moving = [at_s for at_s, drive in told.motor.wire if at_s > appears_s + 0.026 and drive.speed_mps > 1.9]
+    assert moving == []
+
+
+def test_a_dirty_window_is_said_and_a_clean_one_is_not():
+    clean = tell(replace(STORIES["dirty window from the first scan on"], lidar=None, lasts_s=5.0))
+    assert clean.window == ()
+    beams = LidarSettings(noise_std_m=0.02, outlier_share=0.02, dirty_sectors=((20.0, 30.0, 0.3),))
+    wide = tell(replace(STORIES["dirty window from the first scan on"], lidar=beams, lasts_s=8.0, speed_mps=2.0))
+    assert any("are dirty: clean the window" in words for words in wide.window)
+    assert max(wide.speed_mps[-40:]) < 1.1, "ten degrees ahead are too wide to be ignored: slowly on"
+
+
+def test_the_dead_end_is_the_end_without_backing_out():
+    told = tell(replace(STORIES["dead end"], lasts_s=16.0, speed_mps=2.0))
+    assert min(told.speed_mps) < -0.2
+    waits = stories.tell(replace(STORIES["dead end"], lasts_s=16.0, speed_mps=2.0, backs_out=False))
+    assert min(waits.speed_mps) > -0.05
+    assert waits.reasons[-5] == "boxed in"
