@@ -307,6 +307,11 @@ async def _reply(key: str, reply: Reply, query: "zenoh.Query") -> None:
             query.reply_err(str(error).encode())
 
 
+def available(endpoint: str) -> str:
+    """Return the endpoint itself, or a free one on loopback when somebody else has its port."""
+    return free_endpoint() if _is_taken(endpoint) else endpoint
+
+
 def free_endpoint() -> str:
     """Return a loopback endpoint whose port nobody uses at this moment."""
     with socket.socket() as probe:

@@ -26,6 +26,7 @@ from sim.world import World
 from sim.worlds import load_world
 
 CONFIG = "config/sim.toml"
+DEFAULT_LISTEN = Settings().telemetry.listen[0]
 DEFAULT_DURATION_S = 60.0
 LONGEST_LAP_S = 180.0
 """A car that stands still must not keep a script waiting for ever."""
@@ -83,7 +84,7 @@ def _drive(options: argparse.Namespace, config: Path, settings: Settings, consol
     if options.laps and world.lap is None:
         raise UsageError(f"--laps {options.laps}: {world.name} has no lap; give --duration instead")
     duration_s = options.duration or (options.laps * LONGEST_LAP_S if options.laps else DEFAULT_DURATION_S)
-    session = Session(scene, vehicle, settings.motor, settings.car.name)
+    session = Session(scene, vehicle, settings.motor, settings.car.name, settings.telemetry.listen[0])
     record = _run(session, options, config, duration_s, console, _view(options, world, vehicle, console))
     desired_m = settings.wall_follow.desired_distance_m
     summary = {
@@ -104,7 +105,7 @@ def _replay(options: argparse.Namespace, config: Path, settings: Settings, conso
         console.print(f"[dim]{note}[/dim]")
     scene = RecordingScene(recording)
     vehicle = Vehicle(VehicleSettings(), Pose(0.0, 0.0, 0.0))
-    session = Session(scene, vehicle, settings.motor, settings.car.name)
+    session = Session(scene, vehicle, settings.motor, settings.car.name, settings.telemetry.listen[0])
     duration_s = options.duration or math.inf
     record = _run(session, options, config, duration_s, console, _view(options, None, vehicle, console))
     pairs = scene.pairs(record.steering_rad)
@@ -133,6 +134,8 @@ def _run(
     console: Console,
     view: "LiveView | None",
 ) -> Record:
+    there = "" if session.endpoint == DEFAULT_LISTEN else f" --connect {session.endpoint}"
+    console.print(f"[dim]in another terminal: wallride teleop{there} · wallride status --watch{there}[/dim]")
     frame: Callable[[Record], None] = view.show if view is not None else lambda _: None
     try:
         if view is not None:

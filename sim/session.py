@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.vesc.settings import VescSettings
-from runtime.bus import free_endpoint
+from runtime.bus import available
 from runtime.ticker import ticks
 from sim.devices.scip import ScipEmulator
 from sim.devices.scip_encode import SensorModel
@@ -84,9 +84,13 @@ class Record:
 
 
 class Session:
-    """Builds the emulated car around a scene, lets the runtime drive it, and hands out the record."""
+    """Builds the emulated car around a scene, lets the runtime drive it, and hands out the record.
 
-    def __init__(self, scene: Scene, vehicle: Vehicle, wiring: VescSettings, car: str) -> None:
+    endpoint: where the car listens for telemetry readers and operators: the wanted one, or a free one if it is taken.
+    """
+
+    def __init__(self, scene: Scene, vehicle: Vehicle, wiring: VescSettings, car: str, listen: str) -> None:
+        self.endpoint = available(listen)
         self._scene = scene
         self._vehicle = vehicle
         self._wiring = wiring
@@ -105,17 +109,16 @@ class Session:
             scip = ScipEmulator(self._scene.model)
             port = await scip.start_tcp()
             stack.callback(scip.close)
-            endpoint = free_endpoint()
             addresses = [
                 f"lidar.address=tcp://127.0.0.1:{port}",
                 f"motor.address=serial://{folder / 'vesc'}",
-                f"telemetry.listen={endpoint}",
+                f"telemetry.listen={self.endpoint}",
             ]
             runtime = RuntimeProcess(config, [*assignments, *addresses])
             await runtime.start()
             stack.callback(runtime.kill)
             self.record.log = runtime.log
-            listener = Listener(endpoint, self._car)
+            listener = Listener(self.endpoint, self._car)
             self.record.telemetry = listener.latest
             async with asyncio.TaskGroup() as tasks:
                 listening = tasks.create_task(listener.run(), name="listener")
