@@ -40,7 +40,9 @@ async def _drive(settings: Settings, file: Path | None, session: Mapping[str, An
         loop.add_signal_handler(number, stop.set)
     clock = time.monotonic
     bus = Bus(session)
-    car = Car(settings, Hokuyo(settings.lidar, clock=clock), Vesc(settings.motor, clock=clock), bus, clock, file)
+    motor = Vesc(settings.motor, clock=clock)
+    car = Car(settings, Hokuyo(settings.lidar, clock=clock), motor, bus, clock, file)
+    motor.inertia.on_measurement = car.telemetry.on_imu
     if (history := history_file(settings)) is not None:
         parameters.read_history(car.history, history)
     methods.warm_up(settings.wall_follow, settings.safety, settings.car)

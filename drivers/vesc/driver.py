@@ -14,6 +14,7 @@ from drivers.link import ByteLink, open_link
 from drivers.vesc import codec, replies
 from drivers.vesc.calibration import Calibration
 from drivers.vesc.condition import Condition
+from drivers.vesc.inertia import Inertia
 from drivers.vesc.settings import VescSettings
 
 IDENTIFY_PERIOD_S = 0.15
@@ -54,6 +55,7 @@ class Vesc:
         self._calibration = Calibration(settings)
         self._health = Health()
         self._condition = Condition(self._calibration, settings.min_voltage_v, self._health)
+        self.inertia = Inertia(wanted=settings.imu)
         self._link: ByteLink | None = None
         self._ready: ByteLink | None = None  # the same link, from the first report on: it takes commands
         self._steering_rad = 0.0
@@ -195,7 +197,7 @@ class Vesc:
             if not self._awaiting:
                 self._awaiting = True
                 asked_s = now_s
-                link.write(_ASK_VALUES)
+                link.write(_ASK_VALUES + self.inertia.question())
             next_s = max(next_s + period_s, now_s)
             await _pause(link, next_s - now_s)
 
@@ -223,6 +225,9 @@ class Vesc:
     def _on_payload(self, payload: bytes, stamp_s: float) -> None:
         if payload[0] == codec.Packet.GET_VALUES:
             self._on_values(payload, stamp_s)
+        elif payload[0] == codec.Packet.GET_IMU_DATA:
+            if not self.inertia.take(payload, stamp_s):
+                self._health.count("bad_reply")
         elif payload[0] == codec.Packet.FW_VERSION:
             firmware = replies.decode_firmware(payload)
             if firmware is None:

@@ -58,6 +58,7 @@ class VescSettings(BaseModel):
     min_voltage_v: Annotated[
         float, Field(ge=0, le=60, description="below it the battery counts as absent or empty (VESC default: 8.0 V)")
     ] = 8.0
+    imu: Annotated[bool, Field(description="ask for inertial measurements too, for telemetry; not for driving")] = True
 
     @field_validator("address")
     @classmethod

@@ -17,6 +17,7 @@ from drivers.api import Drive, LinkState, Motor, MotorState
 from drivers.vesc import codec, driver
 from drivers.vesc.codec import MOTOR_PACKETS, Packet, frame
 from drivers.vesc.driver import Vesc
+from drivers.vesc.inertia import Inertia
 from drivers.vesc.settings import VescSettings
 from sim.devices.vesc import VescEmulator
 
@@ -446,3 +447,31 @@ def test_the_driver_never_writes_a_motor_command_that_was_not_sent(tmp_path, spe
         assert payload[0] in MOTOR_PACKETS
         held = abs(speed_mps) >= 0.2 and speed_mps * erpm >= 0
         assert payload == (codec.set_erpm(round(4614 * speed_mps)) if held else BRAKE)
+
+
+async def test_inertial_measurements_come_in_si_units_and_are_not_asked_for_by_nobody(emulator):
+    emulator.imu = (0.0, 0.0, 0.0, 0.0, 0.5, 1.0, 0.0, 0.0, 90.0, *(0.0,) * 7)
+    async with ready(emulator) as vesc:
+        await asyncio.sleep(0.1)
+        assert not [payload for _, payload in emulator.wire if payload[0] == Packet.GET_IMU_DATA]
+        heard = []
+        vesc.inertia.on_measurement = lambda *measurement: heard.append(measurement)
+        await until(lambda: len(heard) > 2)
+    stamp_s, rate_radps, acceleration_mps2 = heard[-1]
+    assert heard[0][0] < stamp_s
+    assert rate_radps == pytest.approx((0.0, 0.0, math.pi / 2))
+    assert acceleration_mps2 == pytest.approx((0.0, 4.903325, 9.80665))
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+def test_a_vesc_without_an_imu_is_not_asked_for_ever(wanted):
+    inertia = Inertia(wanted=wanted)
+    inertia.on_measurement = lambda *_: pytest.fail("there is none")
+    assert bool(inertia.question()) == wanted
+    zeros = bytes((Packet.GET_IMU_DATA, 0x01, 0xF8)) + bytes(24)
+    assert not inertia.take(zeros[:-1], 5.0)
+    assert inertia.take(zeros, 5.0)
+    assert inertia.take(zeros, 5.99)
+    assert bool(inertia.question()) == wanted
+    assert inertia.take(zeros, 6.0)
+    assert inertia.question() == b""
