@@ -77,11 +77,11 @@ class ByteLink:
             return
         self._open = False
         self._loop.remove_reader(self._fd)
-        self._release(self._lost.done())
-        if not self._lost.done():
-            self._lost.cancel()
-        elif not self._lost.cancelled():
-            self._lost.exception()  # seen: asyncio need not complain about it
+        # Asking for the exception also tells asyncio that it was seen.
+        failure = self._lost.exception() if self._lost.done() and not self._lost.cancelled() else None
+        # After a bug of ours the device is still there, and the brake that was just written must reach it.
+        self._release(isinstance(failure, LinkLost))
+        self._lost.cancel()
 
     def _on_readable(self) -> None:
         # An exception that leaves a reader callback is merely logged by asyncio, and the loop would spin on a dead

@@ -1,4 +1,4 @@
-"""Inertial measurements of the VESC: asked for together with its values, and no more once there turns out to be none."""
+"""Inertial measurements of the VESC: asked for along with its values, until there turns out to be no such sensor."""
 
 import math
 from collections.abc import Callable
