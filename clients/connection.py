@@ -17,7 +17,8 @@ from runtime.people import KeysError
 
 log = logging.getLogger("wallride.client")
 
-PORT = 7447
+PORTS = {"tcp": 7447, "tls": 7448}
+"""tls has one of its own: `[::]` includes loopback, where tcp listens already."""
 KEYS = Path("~/.config/wallride/keys")
 ENDPOINT = re.compile(r"(tcp|tls)/(\[[0-9a-fA-F:.]+\]|[\w.-]+):(\d{1,5})")
 FIND_TIMEOUT_S = 3.0
@@ -111,16 +112,16 @@ class Cars:
 
 
 def endpoint_of(text: str, *, with_keys: bool = False) -> str:
-    """Return a zenoh endpoint for what a person writes: `car1.local`, `10.0.0.5:7447`, `tls/car1.local:7447`."""
+    """Return a zenoh endpoint for what a person writes: `car1.local`, `10.0.0.5:7447`, `tls/car1.local:7448`."""
     scheme, slash, place = text.rpartition("/")
     if not slash:
         scheme = "tls" if with_keys else "tcp"
     if not re.search(r":\d+$", place):
-        place = f"{place}:{PORT}"
+        place = f"{place}:{PORTS.get(scheme, PORTS['tcp'])}"
     endpoint = f"{scheme}/{place}"
     if not ENDPOINT.fullmatch(endpoint):
         raise ConnectionProblemError(
-            f"--connect {text}: write tcp/HOST:PORT or tls/HOST:PORT, e.g. tls/car1.local:{PORT}"
+            f"--connect {text}: write tcp/HOST:PORT or tls/HOST:PORT, e.g. tls/car1.local:{PORTS['tls']}"
         )
     return endpoint
 

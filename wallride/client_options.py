@@ -18,7 +18,7 @@ def add_common(parser: argparse.ArgumentParser) -> None:
         "--connect",
         metavar="ENDPOINT",
         default=os.environ.get(CONNECT_VARIABLE) or DEFAULT_CONNECT,
-        help=f"where the car listens, e.g. tls/car1.local:7447 (default: ${CONNECT_VARIABLE}, else {DEFAULT_CONNECT})",
+        help=f"where the car listens, e.g. tls/car1.local:7448 (default: ${CONNECT_VARIABLE}, else {DEFAULT_CONNECT})",
     )
     parser.add_argument(
         "--keys",

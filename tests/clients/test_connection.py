@@ -69,8 +69,8 @@ async def test_nobody_listening_is_one_line_with_the_endpoint():
         ("tcp/127.0.0.1:7447", "tcp/127.0.0.1:7447"),
         ("car1.local", "tcp/car1.local:7447"),
         ("10.0.0.5:7000", "tcp/10.0.0.5:7000"),
-        ("tls/car1.local", "tls/car1.local:7447"),
-        ("tls/[fe80::1]:7447", "tls/[fe80::1]:7447"),
+        ("tls/car1.local", "tls/car1.local:7448"),
+        ("tls/[fe80::1]:7447", "tls/[fe80::1]:7448"),
     ],
 )
 def test_an_endpoint_may_be_written_short(text, endpoint):
@@ -78,7 +78,7 @@ def test_an_endpoint_may_be_written_short(text, endpoint):
 
 
 def test_with_keys_the_short_form_is_an_encrypted_one():
-    assert endpoint_of("car1.local", with_keys=True) == "tls/car1.local:7447"
+    assert endpoint_of("car1.local", with_keys=True) == "tls/car1.local:7448"
 
 
 @pytest.mark.parametrize("text", ["http/x:1", "tcp/", "tcp/a b:1", "udp/car1:7447"])
@@ -89,10 +89,10 @@ def test_a_wrong_endpoint_is_refused_with_an_example(text):
 
 def test_an_encrypted_endpoint_needs_a_folder_of_keys(tmp_path):
     assert keys_of("tcp/car1:7447", None) is None
-    with pytest.raises(ConnectionProblemError, match=r"tls/car1:7447 needs keys: .*nothing: no such folder"):
-        keys_of("tls/car1:7447", tmp_path / "nothing")
+    with pytest.raises(ConnectionProblemError, match=r"tls/car1:7448 needs keys: .*nothing: no such folder"):
+        keys_of("tls/car1:7448", tmp_path / "nothing")
     with pytest.raises(ConnectionProblemError, match="holds no key instead of one"):
-        keys_of("tls/car1:7447", tmp_path)
+        keys_of("tls/car1:7448", tmp_path)
 
 
 async def test_a_car_that_is_silent_towards_a_name_is_explained(car):
