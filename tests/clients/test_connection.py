@@ -70,7 +70,7 @@ async def test_nobody_listening_is_one_line_with_the_endpoint():
         ("car1.local", "tcp/car1.local:7447"),
         ("10.0.0.5:7000", "tcp/10.0.0.5:7000"),
         ("tls/car1.local", "tls/car1.local:7448"),
-        ("tls/[fe80::1]:7447", "tls/[fe80::1]:7448"),
+        ("tls/[fe80::1]:7448", "tls/[fe80::1]:7448"),
     ],
 )
 def test_an_endpoint_may_be_written_short(text, endpoint):
