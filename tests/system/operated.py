@@ -6,6 +6,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 from drivers.vesc.codec import Packet
 from runtime import wire, zenoh_config
@@ -25,7 +26,7 @@ class Operated:
     def __init__(self, car: Bench, radio: Radio, folder: Path) -> None:
         self.car = car
         self.radio = radio
-        self.status: dict = {}
+        self.status: dict[str, Any] = {}
         self.operators: list[WallrideProcess] = []
         self._folder = folder
 
