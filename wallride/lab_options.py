@@ -8,17 +8,36 @@ EXPERIMENTS = {
     "safety": "the report's 28 sudden obstacles: stopped, or the impact beside what physics allows",
     "hazards": "things in the way of a navigator that ignores them, and drives in which a stop is needless",
     "laps": "lap time and error on the loop and on maps",
+    "window": "dirt on the lidar's window: what is found of it, and what is only imagined",
+    "rooms": "clutter and people in the way: contacts, stuck, and how soon driving resumes",
+    "recordings": "real recordings: noise, dirt, braking at walls, and stops that were needless",
+    "stories": "the whole process in virtual time: laps, cables pulled, dirt, people, dead ends",
 }
+FIXED = ("recordings", "stories")
+"""Experiments whose courses are what they are: no laws, speeds, floors, sides or seeds to choose."""
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the experiments and their options."""
     experiments = parser.add_subparsers(dest="experiment", required=True, metavar="EXPERIMENT")
     for name, what in EXPERIMENTS.items():
-        _add_options(experiments.add_parser(name, help=what, description=what.capitalize() + "."), maps=name == "laps")
+        parser = experiments.add_parser(name, help=what, description=what.capitalize() + ".")
+        if name in FIXED:
+            parser.set_defaults(method="ball", speeds=None, mu=None, side=None, seed=1000, seeds=1)
+        else:
+            _add_variations(parser)
+        _add_outputs(parser)
+        if name == "laps":
+            parser.add_argument(
+                "--maps", type=Path, metavar="DIR", help="folder of ROS maps (default: data/maps nearby)"
+            )
+        if name == "recordings":
+            parser.add_argument(
+                "folder", type=Path, nargs="?", metavar="DIR", help="recordings, or one (default: data nearby)"
+            )
 
 
-def _add_options(parser: argparse.ArgumentParser, *, maps: bool) -> None:
+def _add_variations(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--method", default="ball", metavar="A,B", help="laws, e.g. ball,report,ball+none (default: ball)"
     )
@@ -27,9 +46,10 @@ def _add_options(parser: argparse.ArgumentParser, *, maps: bool) -> None:
     parser.add_argument("--side", metavar="SIDE,SIDE", help="side of the followed wall (default: left,right)")
     parser.add_argument("--seed", type=int, default=1000, metavar="N", help="first seed of all noise (default: 1000)")
     parser.add_argument("--seeds", type=int, default=1, metavar="K", help="how many seeds, from the first (default: 1)")
+
+
+def _add_outputs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
     parser.add_argument("--json", metavar="FILE|-", help="write every cell's figures as JSON")
     parser.add_argument("--plot", type=Path, metavar="DIR", help="draw a picture of every run into a directory")
     parser.add_argument("--quick", action="store_true", help="a few cells only, as a first impression")
-    if maps:
-        parser.add_argument("--maps", type=Path, metavar="DIR", help="folder of ROS maps (default: data/maps nearby)")

@@ -3,6 +3,10 @@
 Evidence per beam: p <- p + (1 - exp(-dm / memory)) (seen - p), with dm = metres moved + 0.3 * radians turned, so that a
 parked car learns nothing (a leg beside it stays an obstacle). Dirt stays on its beam, at its range, while the world
 moves past; the operator who walks along behind the car does not keep his distance to the centimetre.
+
+What dirt looks like on real cars (recordings of a RACECAR, docs/laws.md): patches of 9 to 15 degrees that read 0.45 to
+0.8 m while a wall is within 1.7 m behind them, and let the beam through to anything farther. So a patch is compared
+with beams 15 degrees away as well, evidence reaches to 0.9 m, and the blurred rim of a patch belongs to it.
 """
 
 import math
@@ -12,10 +16,12 @@ import numpy as np
 from drivers.api import MotorState
 from runtime.control.geometry import Floats
 from runtime.control.lidar_health_settings import LidarHealthSettings
-from runtime.control.perception import DIRT_NEARER_THAN_M, DIRT_STANDS_OUT_M, Booleans, View
+from runtime.control.perception import DIRT_STANDS_OUT_M, Booleans, View
 
-NEIGHBOUR_BEAMS = 40
-"""Dirt stands out against the beams 10 degrees to its left and right."""
+NEIGHBOUR_BEAMS = (40, 60)
+"""Dirt stands out against the beams 10, or 15, degrees to its left and right."""
+SMUDGE_NEARER_THAN_M = 0.9
+"""The rim of a real smudge reads up to 0.8 m, a mixture of the dirt and the wall behind it."""
 ON_THE_WINDOW_M = 0.06
 METRES_PER_RADIAN = 0.3
 LEARNS_EVERY_M = 0.1
@@ -26,6 +32,9 @@ BODY_BEYOND_RAD = math.radians(105)
 """Behind this bearing a fixed near return is taken for a part of the car, before it for dirt."""
 BLIND_MEMORY_RAD = 1.0
 BLIND_ABOVE = 0.95
+BESIDE_ECHOES_BEAMS = 80
+BESIDE_ECHOES_SHARE = 0.25
+"""Darkness says something only where a quarter of the beams within 20 degrees see: in the open nothing is there."""
 GROUP_BEAMS = 8
 """Beams this near each other are spoken of as one patch."""
 
@@ -60,10 +69,27 @@ class LidarHealth:
         self._waiting_rad = 0.0
         self._last_m: float | None = None
         self._empty = False
+        self._tuned = False
         self.mask: Booleans | None = None
         self.ceiling_mps = math.inf
         self.reason = "window clean"
         self.words: tuple[str, ...] = ()
+
+    @property
+    def own(self) -> Booleans:
+        """Return the beams (n,) that see the car's own body, or dirt so near that it looks like it."""
+        return self._beams.own > self._settings.mask_above
+
+    @property
+    def blinded(self) -> Booleans:
+        """Return the beams (n,) that see nothing, wherever the car turns."""
+        return self._beams.blinded
+
+    def tune(self, settings: LidarHealthSettings, doubtful_mps: float) -> None:
+        """Go on with other settings; the evidence of each beam is kept and judged by them at the next scan."""
+        self._settings = settings
+        self._doubtful_mps = doubtful_mps
+        self._tuned = True
 
     def update(self, view: View, motor: MotorState | None) -> None:
         """Learn from one scan; cheap while the car stands."""
@@ -75,8 +101,9 @@ class LidarHealth:
         self._waiting_m += step_m + METRES_PER_RADIAN * turn_rad
         self._waiting_rad += turn_rad
         empty = bool(np.count_nonzero(view.no_echo) > self._settings.empty_share * beams)
-        if self._waiting_m < LEARNS_EVERY_M and empty == self._empty:
+        if self._waiting_m < LEARNS_EVERY_M and empty == self._empty and not self._tuned:
             return
+        self._tuned = False
         self._empty = empty
         if self._waiting_m >= LEARNS_EVERY_M:
             self._learn(view)
@@ -103,23 +130,28 @@ class LidarHealth:
         self._beams.own += learns * (body - self._beams.own)
         self._beams.dirt += learns * (near - self._beams.dirt)
         # Only turning tells a blind beam from a long corridor: the emptiness turns with the car.
-        self._beams.blind += (1 - math.exp(-self._waiting_rad / BLIND_MEMORY_RAD)) * (view.no_echo - self._beams.blind)
+        turns = 1 - math.exp(-self._waiting_rad / BLIND_MEMORY_RAD)
+        self._beams.blind += turns * beside_echoes(view.no_echo) * (view.no_echo - self._beams.blind)
         self._moved_m += self._waiting_m
         self._waiting_m = self._waiting_rad = 0.0
 
     def _judge(self, view: View) -> None:
         settings = self._settings
-        if self._moved_m >= settings.first_mask_m:
-            self._beams.dirty = (self._beams.dirt > settings.mask_above) | (
-                self._beams.dirty & (self._beams.dirt >= settings.unmask_below)
-            )
+        doubtful = self._beams.dirt >= settings.unmask_below
+        if self._moved_m < settings.first_mask_m:
+            doubtful &= np.abs(view.bearing_rad) > BODY_BEYOND_RAD  # the car drives away from what is there
+        surely = (self._beams.dirt > settings.mask_above) | self._beams.dirty
+        self._beams.dirty = runs_with(doubtful, surely & doubtful)
         self._beams.blinded = self._beams.blind > BLIND_ABOVE
         lost = self._beams.dirty | self._beams.blinded
         share = np.count_nonzero(lost) / lost.size
         forward = np.abs(view.bearing_rad) <= FORWARD_RAD
-        gap_rad = longest_run(lost & forward) * abs(view.scan.angle_step_rad)
-        safe = bool(share < settings.masked_share and gap_rad <= settings.masked_gap_rad + 1e-9)
-        self.mask = self._beams.dirty if safe and self._beams.dirty.any() else None
+        widest = int((settings.masked_gap_rad + 1e-9) / abs(view.scan.angle_step_rad))
+        too_wide = runs_longer_than(lost & forward, widest)
+        safe = bool(share < settings.masked_share and not too_wide.any())
+        masked = self._beams.dirty & ~too_wide  # what is too wide to be ignored ahead is no reason to heed the rest
+        few = np.count_nonzero(self._beams.dirty) < settings.masked_share * lost.size
+        self.mask = masked if few and masked.any() else None
         self.ceiling_mps, self.reason = self._ceiling(share, safe=safe)
         self.words = tuple(self._sentences(view))
 
@@ -138,8 +170,8 @@ class LidarHealth:
             (self._beams.dirty & ~rear, "are dirty: clean the window"),
             (self._beams.blinded & ~rear, "see nothing: uncover or clean the window"),
             (
-                (self._beams.own > self._settings.mask_above) | (self._beams.dirty & rear),
-                "see the car itself and are ignored",
+                self.own | (self._beams.dirty & rear),
+                "see the car itself, or dirt, and are ignored",
             ),
         ]
         said = [
@@ -153,24 +185,51 @@ class LidarHealth:
 
 
 def stands_out(ranges_m: Floats) -> Booleans:
-    """Return the beams nearer than dirt can be and 0.12 m nearer than both beams 10 degrees away, or on the glass.
+    """Return the beams nearer than a smudge can be and 0.12 m nearer than both beams so far away, or on the glass.
 
     At the ends of the fan only one of the two exists. No echo counts as far.
     """
-    far = np.full(ranges_m.size + 2 * NEIGHBOUR_BEAMS, math.inf)
-    far[NEIGHBOUR_BEAMS:-NEIGHBOUR_BEAMS] = ranges_m  # NaN - x < c is False: no echo is not near
-    left_near = far[2 * NEIGHBOUR_BEAMS :] - ranges_m < DIRT_STANDS_OUT_M
-    right_near = far[: -2 * NEIGHBOUR_BEAMS] - ranges_m < DIRT_STANDS_OUT_M
-    near = (ranges_m < DIRT_NEARER_THAN_M) & ~left_near & ~right_near
-    return near | (ranges_m < ON_THE_WINDOW_M)
+    near = ranges_m < SMUDGE_NEARER_THAN_M  # NaN compares as not nearer: no echo is not near
+    alone = np.zeros(ranges_m.shape, np.bool_)
+    for apart in NEIGHBOUR_BEAMS:
+        far = np.full(ranges_m.size + 2 * apart, math.inf)
+        far[apart:-apart] = ranges_m
+        left_near = far[2 * apart :] - ranges_m < DIRT_STANDS_OUT_M
+        right_near = far[: -2 * apart] - ranges_m < DIRT_STANDS_OUT_M
+        alone |= ~left_near & ~right_near
+    return (near & alone) | (ranges_m < ON_THE_WINDOW_M)
 
 
-def longest_run(which: Booleans) -> int:
-    """Return the length of the longest row of True."""
-    if not which.any():
-        return 0
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], which.view(np.int8), [0]))))
-    return int((edges[1::2] - edges[::2]).max())
+def beside_echoes(no_echo: Booleans) -> Booleans:
+    """Return the beams (n,) within 20 degrees of which at least a quarter of all beams have an echo."""
+    before = np.concatenate(([0], np.cumsum(~no_echo)))
+    index = np.arange(no_echo.size)
+    first = np.maximum(index - BESIDE_ECHOES_BEAMS, 0)
+    end = np.minimum(index + BESIDE_ECHOES_BEAMS + 1, no_echo.size)
+    near: Booleans = before[end] - before[first] >= BESIDE_ECHOES_SHARE * (end - first)
+    return near
+
+
+def runs(which: Booleans) -> list[tuple[int, int]]:
+    """Return (first, one past the last) of every row of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], which.view(np.int8), [0])))).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
+
+
+def runs_longer_than(which: Booleans, most: int) -> Booleans:
+    """Return only the rows of True that are longer than this."""
+    longer = np.zeros_like(which)
+    for first, end in runs(which):
+        longer[first:end] = end - first > most
+    return longer
+
+
+def runs_with(which: Booleans, some: Booleans) -> Booleans:
+    """Return only the rows of True that hold one of `some`, itself a part of `which`: the rim of a sure thing."""
+    kept = np.zeros_like(which)
+    for first, end in runs(which):
+        kept[first:end] = some[first:end].any()
+    return kept
 
 
 def patches(which: Booleans, bearing_rad: Floats) -> list[tuple[int, float]]:

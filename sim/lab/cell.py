@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 from sim.pose import Side
@@ -38,6 +39,7 @@ class Choice:
     seeds: tuple[int, ...]
     quick: bool = False
     maps: tuple[str, ...] = ()
+    recordings: tuple[str, ...] = ()
 
     def cells(self, experiment: str, scenarios: Sequence[str]) -> list[Cell]:
         """Return every combination; the longest runs first, so that no core waits for one at the end."""
@@ -65,8 +67,12 @@ class Tabled:
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """cells: what to run. measure: runs one. tables: what to show of all figures. plot: draws one cell's run."""
+    """cells: what to run. measure: runs one. tables: what to show of all figures.
+
+    plot: draws a cell into a directory; None draws its path, from `run` of the experiment's module.
+    """
 
     cells: Callable[[Choice], list[Cell]]
     measure: Callable[[Cell], Figures]
     tables: Callable[[Sequence[Mapping[str, Any]]], list[Tabled]]
+    plot: Callable[[Path, Cell, Figures], None] | None = None

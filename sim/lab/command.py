@@ -17,6 +17,7 @@ from sim.lab import laws
 from sim.lab.cell import Choice, Figures, Tabled
 from sim.lab.laps import maps_in
 from sim.lab.pool import experiment, measure_all
+from sim.lab.recordings import ENDINGS, recordings_in
 from sim.pose import Side
 
 USAGE_ERROR = 2
@@ -26,6 +27,7 @@ MUS, QUICK_MUS = (0.5, 0.8, 1.0), (0.8,)
 SIDES: tuple[Side, ...] = ("left", "right")
 _PIPE_WIDTH = 160
 _NEARBY_MAPS = ("data/maps", "shared/data/maps")
+_NEARBY_RECORDINGS = ("data/racecar", "data/originals", "shared/data/racecar", "shared/data/originals")
 
 
 class UsageError(Exception):
@@ -74,7 +76,8 @@ def chosen(options: argparse.Namespace) -> Choice:
     speeds = _numbers("--speeds", options.speeds, 0.3, 8.0) or (QUICK_SPEEDS_MPS if quick else SPEEDS_MPS)
     mus = _numbers("--mu", options.mu, 0.1, 2.0) or (QUICK_MUS if quick else MUS)
     seeds = tuple(range(options.seed, options.seed + options.seeds))
-    return Choice(_laws(options.method), speeds, mus, _sides(options.side, quick=quick), seeds, quick, _maps(options))
+    sides = _sides(options.side, quick=quick)
+    return Choice(_laws(options.method), speeds, mus, sides, seeds, quick, _maps(options), _recordings(options))
 
 
 def _laws(text: str) -> tuple[str, ...]:
@@ -115,6 +118,25 @@ def _maps(options: argparse.Namespace) -> tuple[str, ...]:
     above = [Path.cwd(), *Path(__file__).resolve().parents]
     nearby = (place / name for place in above for name in _NEARBY_MAPS)
     return next((found for place in nearby if (found := maps_in(place))), ())
+
+
+def _recordings(options: argparse.Namespace) -> tuple[str, ...]:
+    if options.experiment != "recordings":
+        return ()
+    folder: Path | None = options.folder
+    if folder is not None:
+        if not folder.exists():
+            raise UsageError(f"{folder} does not exist; give a folder of recordings, or one recording")
+        found = recordings_in(folder)
+        if not found:
+            raise UsageError(f"{folder}: there is no {', '.join(ENDINGS)} in it")
+        return found
+    above = [Path.cwd(), *Path(__file__).resolve().parents]
+    for place in above:
+        found = tuple(path for name in _NEARBY_RECORDINGS for path in recordings_in(place / name))
+        if found:
+            return found
+    raise UsageError("there are no recordings in data/racecar nearby; give the folder that holds them")
 
 
 def _check_outputs(options: argparse.Namespace) -> None:

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from sim.lab.cell import Cell, Experiment, Figures
 
-EXPERIMENTS = ("walls", "safety", "hazards", "laps")
+EXPERIMENTS = ("walls", "safety", "hazards", "laps", "window", "rooms", "recordings", "stories")
 
 
 def experiment(name: str) -> Experiment:
@@ -51,11 +51,12 @@ def measure_all(cells: Sequence[Cell], jobs: int | None, plots: Path | None, con
 
 
 def _measured(cell: Cell, plots: Path | None) -> Figures:
-    figures = cell.named(experiment(cell.experiment).measure(cell))
+    chosen = experiment(cell.experiment)
+    figures = cell.named(chosen.measure(cell))
     if plots is not None:
         from sim.lab.picture import save
 
-        save(plots, cell, figures)
+        (chosen.plot or save)(plots, cell, figures)
     return figures
 
 

@@ -7,7 +7,15 @@ import pytest
 
 from drivers.api import MotorState, Scan
 from runtime.car_settings import CarSettings
-from runtime.control.lidar_health import LidarHealth, longest_run, patches, stands_out
+from runtime.control.lidar_health import (
+    LidarHealth,
+    beside_echoes,
+    patches,
+    runs,
+    runs_longer_than,
+    runs_with,
+    stands_out,
+)
 from runtime.control.lidar_health_settings import LidarHealthSettings
 from runtime.control.perception import Eyes
 
@@ -147,7 +155,7 @@ def test_the_cars_own_parts_are_named_and_harmless():
     ranges_m = room()
     ranges_m[:20] = 0.1
     health = Drive().go(ranges_m, 3.0, noise_m=0.0)
-    assert health.words == ("20 beams around -133 deg see the car itself and are ignored",)
+    assert health.words == ("20 beams around -133 deg see the car itself, or dirt, and are ignored",)
     assert health.mask is None  # no need: what lies on the car is no thing anyway
     assert health.ceiling_mps == math.inf
 
@@ -161,11 +169,13 @@ def test_a_changed_lidar_is_learnt_anew():
     assert drive.health.mask is None
 
 
-def test_standing_out_needs_both_sides_ten_degrees_away():
+def test_standing_out_needs_both_sides_ten_or_fifteen_degrees_away():
     ranges_m = room()
     ranges_m[500:505] = 0.3
     assert np.flatnonzero(stands_out(ranges_m)).tolist() == list(range(500, 505))
     ranges_m[540:545] = 0.4
+    assert stands_out(ranges_m)[500:505].all(), "two smudges may lie ten degrees apart"
+    ranges_m[540:565] = 0.4
     assert not stands_out(ranges_m)[500:505].any()
     ranges_m[500:505] = 0.05
     assert stands_out(ranges_m)[500:505].all()
@@ -173,9 +183,59 @@ def test_standing_out_needs_both_sides_ten_degrees_away():
 
 def test_runs_and_patches():
     which = np.array([0, 1, 1, 0, 1, 1, 1, 0], bool)
-    assert longest_run(which) == 3
-    assert longest_run(np.zeros(4, bool)) == 0
+    assert runs(which) == [(1, 3), (4, 7)]
+    assert runs_longer_than(which, 2).tolist() == [False] * 4 + [True] * 3 + [False]
+    assert runs_with(which, np.array([0, 0, 1, 0, 0, 0, 0, 0], bool)).tolist() == [False, True, True] + [False] * 5
+    assert runs(np.zeros(4, bool)) == []
     assert patches(np.zeros(4, bool), np.zeros(4)) == []
     far = np.zeros(40, bool)
     far[[2, 3, 30]] = True
     assert [count for count, _ in patches(far, np.arange(40.0))] == [2, 1]
+
+
+def test_a_wide_smudge_at_the_rear_is_masked_before_anything_else():
+    """As on a real car: 13 degrees at the left rear, wider than the ten degrees that its middle is compared with."""
+    drive = Drive()
+    assert drive.go(dirty((122, 135), range_m=0.48), 0.6).mask is None
+    health = drive.go(dirty((122, 135), range_m=0.48), 0.4)
+    assert health.mask is not None
+    assert np.flatnonzero(health.mask).tolist() == list(range(beam(122), BEAMS))
+    assert health.words == ("53 beams around 129 deg see the car itself, or dirt, and are ignored",)
+
+
+def test_the_blurred_rim_of_a_smudge_belongs_to_it():
+    """The rim lets some of the wall behind through: it is near in one scan of two."""
+    drive, sharp = Drive(), dirty((60, 63))
+    blurred = dirty((58, 65))
+    for _ in range(30):
+        drive.go(blurred, 0.1)
+        health = drive.go(sharp, 0.1)
+    assert health.mask is not None
+    found = np.flatnonzero(health.mask)
+    assert (found[0], found[-1]) == (beam(58), beam(65))
+    for _ in range(60):
+        health = drive.go(sharp, 0.1)
+    assert np.flatnonzero(health.mask).tolist() == list(range(beam(60), beam(63) + 1)), "nothing left of the rim"
+
+
+def test_what_is_too_wide_to_be_ignored_ahead_does_not_unmask_the_rest():
+    health = Drive().go(dirty((20, 26), (-120, -116)), 3.0)
+    assert health.mask is not None
+    assert np.flatnonzero(health.mask).tolist() == list(range(beam(-120), beam(-116) + 1))
+    assert health.ceiling_mps == 1.0
+
+
+def test_in_the_open_darkness_says_nothing_about_the_window():
+    drive = Drive()
+    for edge_deg in [*range(-40, 41, 4), *range(40, -41, -4)] * 4:  # the car turns to and fro, 2.7 degrees a step
+        ranges_m = np.full(BEAMS, math.nan)
+        ranges_m[beam(edge_deg) :] = 3.0  # a wall; nothing at all on the right
+        assert drive.go(ranges_m, 0.05, steering_rad=0.3).words == ()
+
+
+def test_darkness_counts_only_beside_what_is_seen():
+    dark = np.ones(400, np.bool_)
+    dark[:100] = False
+    beside = beside_echoes(dark)
+    assert beside[:130].all()
+    assert not beside[160:].any()

@@ -1,0 +1,232 @@
+"""`lab recordings`: the car's own eyes and safety on real recordings: noise, window, braking, and needless stops.
+
+What the recorded cars knew of their motion is mostly not recorded; it is read off the scans (`sim.lab.scan_motion`).
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
+from sim.lab.episodes import episodes
+from sim.lab.figures import Row, number, text
+from sim.lab.reenact import reenact, run_at_wall
+from sim.lab.replay import Replay, better_side, jumps, noise, replay
+from sim.recordings import Recording, RecordingError, load_recording
+
+FOREIGN_SHARE = 0.05
+"""So many stamps that jump back are no hiccup: several lidars speak on one topic."""
+MOVES_ABOVE_MPS = 0.3
+_SHORTER = (
+    (" beams around ", " at "),
+    (" see the car itself, or dirt, and are ignored", " car or dirt"),
+    (" are dirty: clean the window", " DIRTY"),
+    (" see nothing: uncover or clean the window", " BLIND"),
+)
+ENDINGS = (".npz", ".bag", ".db3", ".mcap")
+
+
+def recordings_in(folder: Path) -> tuple[str, ...]:
+    """Return the paths of everything in a folder, or below it, that could be a recording; a file is itself."""
+    if folder.is_file():
+        return (str(folder),)
+    return tuple(str(path) for path in sorted(folder.rglob("*")) if path.suffix in ENDINGS)
+
+
+def cells(choice: Choice) -> list[Cell]:
+    """Return one cell per recording; `scenario` is its path."""
+    paths = choice.recordings[:3] if choice.quick else choice.recordings
+    return [Cell("recordings", path, "ball+swept", 0.0, 0.8, "left", 0) for path in paths]
+
+
+def run(cell: Cell) -> Replay:
+    """Judge one recording."""
+    recording = load_recording(Path(cell.scenario))
+    return replay(recording, better_side(recording))
+
+
+def measure(cell: Cell) -> Figures:
+    """Judge one recording; "skipped" holds the reason where that cannot be done."""
+    try:
+        recording = load_recording(Path(cell.scenario))
+    except RecordingError as error:
+        return {"skipped": str(error)}
+    if is_foreign(recording):
+        return {"skipped": "scans of several lidars on one topic: their stamps run backwards"}
+    return judge(replay(recording, better_side(recording)))
+
+
+def is_foreign(recording: Recording) -> bool:
+    """Whether the scans of several lidars are mixed."""
+    return bool(len(recording) > 1 and np.mean(np.diff(recording.stamp_s) < 0) > FOREIGN_SHARE)
+
+
+def judge(done: Replay) -> Figures:
+    """Return the figures of one recording."""
+    distance_m, heading_rad = _wall(done)
+    follower_m = np.array([judged.distance_m for judged in done.judged])
+    moves = np.array([judged.motor.speed_mps > MOVES_ABOVE_MPS for judged in done.judged])
+    which = np.ones_like(moves) if done.motion.stands else moves
+    found = [asdict(episode) for episode in episodes(done)]
+    at_wall = run_at_wall(done)
+    return {
+        "skipped": None,
+        "name": done.recording.name,
+        "scans": len(done.judged),
+        "stands": done.motion.stands,
+        "way_m": number(done.motion.way_m[-1]),
+        "fastest_mps": number(done.motion.speed_mps.max()),
+        "asked_by": done.judged[0].asked.origin,
+        "driving_scans": sum(judged.drives for judged in done.judged),
+        "side": done.side,
+        "wall_seen_share": number(np.isfinite(distance_m).mean()),
+        "wall_m": _spread(distance_m),
+        "wall_heading_rad": _spread(heading_rad),
+        "wall_noise_m": number(noise(np.where(which, distance_m, np.nan))),
+        "wall_jumps": jumps(distance_m[which]),
+        "follower_noise_m": number(noise(np.where(which, follower_m, np.nan))),
+        "follower_off_m": number(np.nanmedian((follower_m - distance_m)[which])) if which.any() else None,
+        "walker_scans": sum(judged.walker for judged in done.judged),
+        "dirty_beams": int(np.count_nonzero(done.masked)),
+        "words": list(done.health.words),
+        "episodes": [{name: _plain(value) for name, value in episode.items()} for episode in found],
+        "stops": sum(episode["stop"] for episode in found),
+        "needless_stops": sum(episode["stop"] and episode["outcome"] == "passed" for episode in found),
+        "at_wall": {name: _plain(value) for name, value in asdict(at_wall).items()} if at_wall else None,
+        "reenacted": [_plain_all(asdict(braking)) for braking in reenact(done, at_wall)] if at_wall else [],
+    }
+
+
+def _wall(done: Replay) -> tuple[np.ndarray[Any, np.dtype[np.float64]], np.ndarray[Any, np.dtype[np.float64]]]:
+    lines = [judged.line for judged in done.judged]
+    return (
+        np.array([line.distance_m if line is not None else np.nan for line in lines]),
+        np.array([line.heading_rad if line is not None else np.nan for line in lines]),
+    )
+
+
+def _spread(values: np.ndarray[Any, np.dtype[np.float64]]) -> list[float | None] | None:
+    """Return (lowest, 1 %, median, 99 %, highest)."""
+    finite = values[np.isfinite(values)]
+    return [number(value) for value in np.percentile(finite, [0, 1, 50, 99, 100])] if finite.size else None
+
+
+def _plain(value: object) -> object:
+    return number(value) if isinstance(value, float) else value
+
+
+def _plain_all(values: dict[str, Any]) -> dict[str, Any]:
+    return {name: _plain(value) for name, value in values.items()}
+
+
+def tables(rows: Sequence[Row]) -> list[Tabled]:
+    """Return what was seen, where safety would have interfered, and the runs at a wall."""
+    judged = [row for row in rows if not row["skipped"]]
+    skipped = tuple(f"skipped {Path(row['scenario']).name}: {row['skipped']}" for row in rows if row["skipped"])
+    return [_seen(judged, skipped), _interfered(judged), _at_walls(judged)]
+
+
+def _seen(rows: Sequence[Row], notes: tuple[str, ...]) -> Tabled:
+    lines = tuple(
+        (
+            row["name"],
+            "stands" if row["stands"] else f"{row['way_m']:.1f} m, {row['fastest_mps']:.1f} m/s",
+            f"{row['side']}, {100 * row['wall_seen_share']:.0f} %",
+            "-" if row["wall_m"] is None else f"{row['wall_m'][1]:.3f} .. {row['wall_m'][3]:.3f}",
+            _mm(row["wall_noise_m"]),
+            str(row["wall_jumps"]),
+            f"{_mm(row['follower_noise_m'])}, {_mm(row['follower_off_m'])}",
+            str(row["walker_scans"]),
+            "; ".join(_briefly(words) for words in row["words"]) or "clean",
+        )
+        for row in rows
+    )
+    columns = (
+        "recording", "car", "wall", "distance 1..99 % [m]", "noise mm", "jumps", "follower: noise, off mm", "walkers",
+        "window",
+    )  # fmt: skip
+    return Tabled("what the car would have seen", columns, lines, notes)
+
+
+def _briefly(words: str) -> str:
+    """Shorten a sentence about the window to the width of a column."""
+    for long, short in _SHORTER:
+        words = words.replace(long, short)
+    return words
+
+
+def _mm(value_m: float | None) -> str:
+    return text(float("nan") if value_m is None else 1000 * value_m, 1)
+
+
+def _interfered(rows: Sequence[Row]) -> Tabled:
+    lines = tuple(
+        (
+            row["name"],
+            f"{episode['first']}..{episode['last']}",
+            "stop" if episode["stop"] else f"<= {episode['allowed_mps']:.2f} m/s",
+            episode["reason"],
+            f"{episode['speed_mps']:.2f}",
+            _or_dash(episode["way_m"]),
+            f"{episode['outcome']} ({_or_dash(episode['room_m'])} m)",
+        )
+        for row in rows
+        for episode in row["episodes"]
+    )
+    stops, needless = (sum(row[name] for row in rows) for name in ("stops", "needless_stops"))
+    drives = [row for row in rows if row["driving_scans"] and not row["stands"]]
+    note = (
+        f"{stops} stops in {len(drives)} drives ({sum(row['driving_scans'] for row in drives)} scans told to go),"
+        f" {needless} before which the real car passed"
+    )
+    columns = ("recording", "scans", "safety", "reason", "m/s", "way m", "the real car (nearest)")
+    return Tabled("where safety would have interfered", columns, lines, (note,))
+
+
+def _or_dash(value: float | None) -> str:
+    return text(float("nan") if value is None else value, 2)
+
+
+def _at_walls(rows: Sequence[Row]) -> Tabled:
+    lines = []
+    for row in rows:
+        if row["at_wall"] is None:
+            continue
+        real = row["at_wall"]
+        lines.append(
+            (row["name"], "really", str(real["braked_scan"]), _at(real["braked_gap_m"], real["braked_mps"]), "-",
+             _or_dash(real["rest_m"]), "")
+        )  # fmt: skip
+        lines += [
+            (
+                "", f"swept, mu {run['mu']:g}", str(run["slower_scan"]), _at(run["slower_gap_m"], run["slower_mps"]),
+                _at(run["braked_gap_m"], run["braked_mps"]), _or_dash(run["rest_m"]),
+                f"{run['needs_m']:.2f}" + (f", hits at {run['impact_mps']:.2f} m/s" if run["impact_mps"] else ""),
+            )
+            for run in row["reenacted"]
+        ]  # fmt: skip
+    columns = ("recording", "who", "slows at scan", "there", "full brake", "rests at m", "physics needs m")
+    return Tabled("runs at a wall: gaps of the bumper", columns, tuple(lines))
+
+
+def _at(gap_m: float | None, speed_mps: float | None) -> str:
+    return f"{_or_dash(gap_m)} m, {_or_dash(speed_mps)} m/s"
+
+
+def plot(folder: Path, cell: Cell, figures: Figures) -> None:
+    """Draw every interference, and the window where anything is said about it."""
+    if figures["skipped"]:
+        return
+    from sim.lab.recording_pictures import save_episode, save_window  # drawing is slow to load, and seldom asked for
+
+    done = run(cell)
+    for place, episode in enumerate(episodes(done)):
+        save_episode(folder, done, place, episode)
+    if done.health.words:
+        save_window(folder, done)
+
+
+EXPERIMENT = Experiment(cells, measure, tables, plot)

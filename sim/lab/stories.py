@@ -1,0 +1,321 @@
+"""`lab stories`: the whole process in virtual time: its own tasks and default laws, devices in memory, a world to see.
+
+The closed loop of the other experiments calls the laws one after the other; here the unmodified `runtime.app.Car` runs,
+with its queues, expiries, permit and caretaker, and an event loop whose clock jumps. Each story says what should happen
+and what did.
+"""
+
+import asyncio
+import logging
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from runtime.app import Car
+from runtime.command import DriveWord
+from runtime.settings import Settings
+from sim.beams import LidarSettings
+from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
+from sim.lab.courses import SMUDGES
+from sim.lab.figures import TOUCH_ABOVE_MPS, Row, number, text
+from sim.lap import LapCounter
+from sim.obstacles import Motion, Obstacle, person
+from sim.pose import Pose
+from sim.twin_world import UNPLUGGED_AFTER_S, TwinWorld, WorldLidar, WorldMotor
+from sim.twins import MemoryBus
+from sim.virtual_time import run_virtual
+from sim.worlds import load_world
+
+STANDS_BELOW_MPS, GOES_ABOVE_MPS = 0.05, 0.25
+SAMPLED_EVERY_S = 0.025
+
+
+@dataclass(slots=True, eq=False)
+class Told:
+    """What happened. Lists have one entry every 25 ms: time, pose, true speed, the decision's words.
+
+    navigation: every different thing that the follower said, in order. window: the last sentences about the lidar's
+    window. laps_s: when the start line was crossed again.
+    """
+
+    twin: TwinWorld
+    motor: WorldMotor
+    time_s: list[float] = field(default_factory=list)
+    pose: list[Pose] = field(default_factory=list)
+    speed_mps: list[float] = field(default_factory=list)
+    reasons: list[str] = field(default_factory=list)
+    navigation: list[str] = field(default_factory=list)
+    window: tuple[str, ...] = ()
+    laps_s: list[float] = field(default_factory=list)
+
+    def speed_at(self, time_s: float) -> float:
+        """Return the true speed at a time."""
+        return self.speed_mps[min(len(self.speed_mps) - 1, max(0, int(np.searchsorted(self.time_s, time_s))))]
+
+    def first(self, after_s: float, holds: Callable[[float], bool]) -> float:
+        """Return the first time after another at which the speed is so, infinity when never."""
+        pairs = zip(self.time_s, self.speed_mps, strict=True)
+        return next((at_s for at_s, speed_mps in pairs if at_s > after_s and holds(speed_mps)), math.inf)
+
+    def stood_s(self, from_s: float) -> float:
+        """Return when the car first stood after a time."""
+        return self.first(from_s, lambda speed_mps: abs(speed_mps) < STANDS_BELOW_MPS)
+
+    def went_s(self, from_s: float) -> float:
+        """Return when the car first went forward after a time."""
+        return self.first(from_s, lambda speed_mps: speed_mps > GOES_ABOVE_MPS)
+
+
+Event = tuple[float, Callable[["Play"], None]]
+
+
+@dataclass(frozen=True, slots=True)
+class Story:
+    """A world, what happens in it, and what should come of it.
+
+    says: what was measured, and whether it is as it should be.
+    """
+
+    world: str
+    lasts_s: float
+    says: Callable[[Told], list[tuple[str, bool]]]
+    speed_mps: float = 2.0
+    lidar: LidarSettings | None = None
+    obstacles: tuple[Obstacle, ...] = ()
+    events: tuple[Event, ...] = ()
+    permit: str = "always"
+    backs_out: bool = True
+
+
+class Play:
+    """One performance: the car, its devices and its world, for events to play with."""
+
+    def __init__(self, story: Story, seed: int) -> None:
+        loop = asyncio.get_running_loop()
+        self.clock = loop.time
+        beams = story.lidar or LidarSettings(noise_std_m=0.02, outlier_share=0.02)
+        twin = TwinWorld(load_world(story.world), loop.time, lidar=beams, obstacles=story.obstacles, seed=seed)
+        self.lidar = WorldLidar(twin, loop.time)
+        self.motor = WorldMotor(twin, loop.time)
+        self.told = Told(twin, self.motor)
+        settings = Settings.model_validate(
+            {
+                "operator": {"permit": story.permit},
+                "wall_follow": {"speed_mps": story.speed_mps},
+                "safety": {"backs_out": story.backs_out},
+            }
+        )
+        self.car = Car(settings, self.lidar, self.motor, MemoryBus(loop.time, listened_to=False), loop.time)
+
+    async def write_down(self) -> None:
+        """Sample the truth for ever."""
+        told, twin = self.told, self.told.twin
+        counter = LapCounter(twin.world.lap) if twin.world.lap is not None else None
+        while True:
+            await asyncio.sleep(SAMPLED_EVERY_S)
+            twin.advance()
+            output, pose = self.car.mux.output, twin.vehicle.pose
+            told.time_s.append(self.clock())
+            told.pose.append(pose)
+            told.speed_mps.append(twin.vehicle.speed_mps)
+            told.reasons.append(output.decision.reason if output is not None else "")
+            for word in self.car.voices.live():
+                if isinstance(word, DriveWord) and word.reason not in told.navigation[-1:]:
+                    told.navigation.append(word.reason)
+            told.window = tuple(self.car.laws.words)
+            if counter is not None and counter.update(pose.x_m, pose.y_m) >= len(told.laps_s) + 1:
+                told.laps_s.append(self.clock())
+
+
+def tell(story: Story, seed: int = 1000) -> Told:
+    """Perform a story in virtual time."""
+
+    async def main() -> Told:
+        loop = asyncio.get_running_loop()
+        play, stop = Play(story, seed), asyncio.Event()
+        for at_s, event in story.events:
+            loop.call_at(at_s, event, play)
+        loop.call_at(story.lasts_s, stop.set)
+        writing = loop.create_task(play.write_down())
+        try:
+            await play.car.drive(stop)
+        finally:
+            writing.cancel()
+        return play.told
+
+    return run_virtual(main())
+
+
+def pull_lidar(play: Play) -> None:
+    """Pull the lidar's cable."""
+    play.lidar.pull()
+
+
+def plug_lidar(play: Play) -> None:
+    """Plug the lidar in."""
+    play.lidar.plug()
+
+
+def pull_motor(play: Play) -> None:
+    """Pull the motor controller's cable; it hears nothing and brakes by itself."""
+    play.motor.pull()
+    asyncio.get_running_loop().call_later(UNPLUGGED_AFTER_S, play.motor.brake_by_itself)
+
+
+def plug_motor(play: Play) -> None:
+    """Plug the motor controller in."""
+    play.motor.plug()
+
+
+def untouched(told: Told) -> tuple[str, bool]:
+    """Say whether anything was touched."""
+    touched = told.twin.contact_mps
+    if touched is None:
+        return "touches nothing", True
+    return f"touched something at {touched:.2f} m/s", touched <= TOUCH_ABOVE_MPS
+
+
+def within(what: str, measured_s: float, most_s: float) -> tuple[str, bool]:
+    """Say how long something took."""
+    return f"{what} after {measured_s:.2f} s (at most {most_s:g})", measured_s <= most_s
+
+
+def _laps(told: Told) -> list[tuple[str, bool]]:
+    best_s = min(np.diff([0.0, *told.laps_s])[1:], default=math.inf)
+    stood = told.stood_s(1.0) < told.time_s[-1] - 1.0
+    return [untouched(told), (f"{len(told.laps_s)} laps, best {best_s:.2f} s", len(told.laps_s) >= 2),
+            ("never stands", not stood)]  # fmt: skip
+
+
+def _dirty(told: Told) -> list[tuple[str, bool]]:
+    return [
+        untouched(told),
+        within("sets off", told.went_s(0.0), 1.0),
+        ("never stands", told.stood_s(1.0) == math.inf or told.stood_s(1.0) > told.time_s[-1] - 1.0),
+        ("says: " + "; ".join(told.window), "clean the window" in " ".join(told.window)),
+    ]
+
+
+_CROSSES_S = 4.0
+_PERSON = person(8.0, -2.6, Motion(0.0, 1.0, _CROSSES_S - 2.6, _CROSSES_S + 2.0))
+
+
+def _crossing(told: Told) -> list[tuple[str, bool]]:
+    slowest = min(told.speed_mps[int(2.0 / SAMPLED_EVERY_S) : int(6.0 / SAMPLED_EVERY_S)])
+    gone_s = _CROSSES_S + 0.5
+    again_s = told.went_s(gone_s) - gone_s
+    return [
+        untouched(told),
+        (f"gives way: slows to {slowest:.2f} m/s", slowest < 1.0),
+        within("goes on", again_s, 5.0),
+        (f"comes {told.pose[-1].x_m:.1f} m far", told.pose[-1].x_m > 12.0),
+    ]
+
+
+_PULLED_S, _BACK_S = 4.0, 7.0
+
+
+def _lost(told: Told, brakes_mps2: float, notices_s: float) -> list[tuple[str, bool]]:
+    stood_s = told.stood_s(_PULLED_S)
+    speed_mps = told.speed_at(_PULLED_S)
+    allowed_s = round(notices_s + speed_mps / brakes_mps2, 2)
+    moved = any(abs(v) > STANDS_BELOW_MPS for t, v in zip(told.time_s, told.speed_mps, strict=True)
+                if stood_s < t < _BACK_S)  # fmt: skip
+    return [
+        untouched(told),
+        within(f"from {speed_mps:.1f} m/s stands", stood_s - _PULLED_S, allowed_s),
+        ("stays until it is back", not moved),
+        within("goes on", told.went_s(_BACK_S) - _BACK_S, 5.0),
+    ]
+
+
+def _lidar_lost(told: Told) -> list[tuple[str, bool]]:
+    """The last scan's words are in force for 0.15 s; then the car brakes with all there is."""
+    return _lost(told, 5.0, 0.25)
+
+
+def _motor_lost(told: Told) -> list[tuple[str, bool]]:
+    """Nobody can brake but the controller itself, gently, after its own timeout."""
+    return _lost(told, 1.9, 0.25)
+
+
+_SAYS_SO = ("backing out", "turning out", "boxed in", "wall ahead", "waiting")
+
+
+def _dead_end(told: Told) -> list[tuple[str, bool]]:
+    backed = sum(-v for v in told.speed_mps if v < -STANDS_BELOW_MPS) * SAMPLED_EVERY_S
+    tried = sorted({reason for reason in told.reasons if reason.startswith(_SAYS_SO)})
+    farthest = max(pose.x_m for pose in told.pose)
+    out_m = farthest - told.pose[-1].x_m
+    words = " and asks for help" if "needs help" in " ".join(told.navigation) else ""
+    at_rest = told.reasons[-2] if abs(told.speed_mps[-2]) < STANDS_BELOW_MPS else ""
+    return [
+        untouched(told),
+        (f"backs {backed:.1f} m", backed > 0.1),
+        (f"comes {out_m:.1f} m out again{words}", out_m > 2.0 or not at_rest or at_rest.startswith(_SAYS_SO)),
+        ("says: " + "; ".join(tried), bool(tried)),
+    ]
+
+
+STORIES = {
+    "laps of the loop": Story("loop", 26.0, _laps, speed_mps=3.0),
+    "dirty window from the first scan on": Story(
+        "loop", 15.0, _dirty, lidar=LidarSettings(noise_std_m=0.02, outlier_share=0.02, dirty_sectors=SMUDGES)
+    ),
+    "a person crosses": Story("straight", 11.0, _crossing, obstacles=(_PERSON,)),
+    "lidar cable pulled and back": Story(
+        "loop", 10.0, _lidar_lost, events=((_PULLED_S, pull_lidar), (_BACK_S, plug_lidar))
+    ),
+    "motor controller lost and back": Story(
+        "loop", 10.0, _motor_lost, events=((_PULLED_S, pull_motor), (_BACK_S, plug_motor))
+    ),
+    "dead end": Story("dead_end", 30.0, _dead_end, speed_mps=2.0),
+}
+"""Every story by its name."""
+
+
+def cells(choice: Choice) -> list[Cell]:
+    """Return what is to be told."""
+    names = list(STORIES)[:2] if choice.quick else list(STORIES)
+    return [
+        Cell("stories", name, "ball+swept", STORIES[name].speed_mps, 0.8, "left", choice.seeds[0]) for name in names
+    ]
+
+
+def measure(cell: Cell) -> Figures:
+    """Tell one story."""
+    story = STORIES[cell.scenario]
+    logging.getLogger("wallride").addHandler(logging.NullHandler())  # the table tells it
+    told = tell(story, cell.seed)
+    said = story.says(told)
+    return {
+        "lasts_s": story.lasts_s,
+        "way_m": number(told.twin.way_m),
+        "scans": len(told.time_s),
+        "held": all(held for _, held in said),
+        "said": [[what, held] for what, held in said],
+    }
+
+
+def tables(rows: Sequence[Row]) -> list[Tabled]:
+    """Return one table: a row per story."""
+    lines = tuple(
+        (
+            row["scenario"],
+            text(row["lasts_s"], 0),
+            text(row["way_m"], 1),
+            "as it should" if row["held"] else "NOT as it should",
+            "\n".join(what if held else f"{what} !" for what, held in row["said"]),
+        )
+        for row in rows
+    )
+    return [Tabled("the whole process in virtual time", ("story", "s", "way m", "ends", "what happened"), lines)]
+
+
+def _no_picture(*_: object) -> None:
+    """A story is read, not looked at."""
+
+
+EXPERIMENT = Experiment(cells, measure, tables, _no_picture)

@@ -1,0 +1,106 @@
+"""`wallride lab recordings`: what must hold on the real ones, and how it meets folders that hold something else."""
+
+import argparse
+import json
+
+import numpy as np
+import pytest
+
+from sim.lab import recordings
+from sim.lab.cell import Cell
+from sim.lab.command import UsageError, chosen, run
+from sim.lab.replay import replay
+from tests.sim.lab.recorded import RACECAR, real
+from wallride import lab_options
+
+
+def options(*arguments):
+    parser = argparse.ArgumentParser()
+    lab_options.add(parser)
+    return parser.parse_args(["recordings", *arguments])
+
+
+def figures_of(name):
+    real(name)
+    return recordings.measure(Cell("recordings", str(RACECAR / f"{name}.npz"), "ball+swept", 0.0, 0.8, "left", 0))
+
+
+@pytest.mark.parametrize("name", ["t1_standing_odom_nav", "t1_standing_all_topics"])
+def test_a_standing_car_sees_a_standing_wall(name):
+    figures = figures_of(name)
+    lowest_m, _, _, _, highest_m = figures["wall_m"]
+    assert figures["stands"]
+    assert highest_m - lowest_m < 0.02
+    lowest_rad, _, _, _, highest_rad = figures["wall_heading_rad"]
+    assert highest_rad - lowest_rad < np.radians(0.5)
+    assert figures["wall_jumps"] == 0
+    assert figures["dirty_beams"] == 0
+    assert figures["way_m"] == 0.0
+
+
+def test_a_real_corridor_is_measured_to_a_millimetre():
+    figures = figures_of("t14_straight_1mps")
+    assert figures["wall_noise_m"] < 0.0015
+    assert figures["wall_jumps"] == 0
+    assert figures["episodes"] == []
+    assert figures["side"] == "left"
+
+
+def test_what_four_drives_of_one_car_have_at_the_same_beams_is_dirt():
+    """At 24 to 38 degrees it reads 0.5 to 0.75 m while a wall is near, and metres through it else: no false claim."""
+    done = replay(real("t14_inside_corner_2mps"), "left")
+    at_deg = (np.flatnonzero(done.health._beams.dirty) - 540) / 4
+    ahead_deg = at_deg[(at_deg > 0) & (at_deg < 90)]
+    assert 24 <= ahead_deg.min() <= 30
+    assert 34 <= ahead_deg.max() <= 39
+    there = np.array([judged.scan.ranges_m[540 + 4 * 32] for judged in done.judged])
+    assert np.count_nonzero(there < 0.75) > 50
+    assert np.count_nonzero(there > 1.8) > 20
+    assert any("around 3" in words and words.endswith("are dirty: clean the window") for words in done.health.words)
+
+
+def test_the_brake_run_is_braked_later_by_swept_and_stands_on_every_floor():
+    figures = figures_of("t3_brake_1_75mps")
+    really = figures["at_wall"]
+    assert really["braked_gap_m"] == pytest.approx(1.4, abs=0.1)
+    assert really["rest_m"] == pytest.approx(0.92, abs=0.05)
+    assert [run["mu"] for run in figures["reenacted"]] == [0.8, 0.5]
+    for run_again in figures["reenacted"]:
+        assert run_again["touched_mps"] == 0.0
+        assert 0.05 < run_again["rest_m"] < 0.5
+        assert run_again["slower_gap_m"] < really["braked_gap_m"]
+
+
+def test_scans_of_several_lidars_on_one_topic_are_not_judged():
+    assert "several lidars" in figures_of("t3_foreign_publishers")["skipped"]
+
+
+def test_the_command_writes_table_json_and_pictures(tmp_path, capsys):
+    real("t1_standing_odom_nav")
+    file, plots = tmp_path / "figures.json", tmp_path / "pictures"
+    path = str(RACECAR / "t14_inside_corner_2mps.npz")
+    assert run(options(path, "--jobs", "1", "--json", str(file), "--plot", str(plots))) == 0
+    (cell,) = json.loads(file.read_text())["cells"]
+    assert cell["name"] == "t14_inside_corner_2mps"
+    pictures = sorted(picture.name for picture in plots.iterdir())
+    assert "recordings-t14_inside_corner_2mps-window.png" in pictures
+    assert len(pictures) == 1 + len(cell["episodes"])
+    said = capsys.readouterr().out
+    assert "what the car would have seen" in said
+    assert "where safety would have interfered" in said
+
+
+def test_a_file_that_is_no_recording_is_skipped_with_its_reason(tmp_path):
+    (tmp_path / "numbers.npz").write_bytes(b"nothing")
+    cells = recordings.cells(chosen(options(str(tmp_path))))
+    figures = [cell.named(recordings.measure(cell)) for cell in cells]
+    assert "numbers" in figures[0]["skipped"]
+    table = recordings.tables(figures)[0]
+    assert table.rows == ()
+    assert "skipped numbers.npz" in table.notes[0]
+
+
+@pytest.mark.parametrize(("place", "words"), [("nowhere", "does not exist"), ("", "there is no .npz")])
+def test_a_wrong_folder_is_said_before_anything_is_read(tmp_path, place, words):
+    with pytest.raises(UsageError, match=words):
+        chosen(options(str(tmp_path / place)))
