@@ -1,0 +1,13 @@
+"""`wallride monitor`, the car in a browser. Modules in the order to read them.
+
+page/      what the browser gets: plain ES modules and a stylesheet, no build step, nothing from elsewhere
+assets     those files, read once
+door       who may come in: Host, Origin and token; pure
+messages   what a page may say; closed and strict
+outbox     what waits for one page: the newest of everything, one bundle on its way; pure
+driving    from a page's hands to the operator's commands: the deadman's second half; pure
+feed       one car as the network tells it, for all pages that watch it
+relay      which cars are there, and their feeds
+visit      one page, from its first byte to its last: reads, sends, keeps the deadman
+server     the web server and the command
+"""

@@ -1,0 +1,78 @@
+"""Who may come in. A page can drive a car, so other sites in the same browser must not be able to. Pure.
+
+* Host: the name under which we were asked for must be ours. A site that lets its own name point to this machine
+  (DNS rebinding) is asked for by its name, and stays outside.
+* Origin: a browser says which page opens a WebSocket. Only the page that came from here may.
+* Token: where other machines can reach the port, the address itself has to be known.
+"""
+
+import hmac
+import ipaddress
+import secrets
+import socket
+from dataclasses import dataclass
+
+LOCAL_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
+TOKEN_BYTES = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Door:
+    """What is asked of whoever comes.
+
+    names: hosts that are us; numbers: whether any address written in digits is us too (we listen on all of them).
+    token: what the address must carry, "" where only this machine can come.
+    """
+
+    names: frozenset[str]
+    numbers: bool = False
+    token: str = ""
+
+    def objection(self, host: str, token: str) -> str:
+        """Return why a request is turned away, "" when it is welcome. host: the Host header."""
+        name = host_name(host)
+        if not (name in self.names or (self.numbers and _is_number(name))):
+            return "this is not the address of a wallride monitor; use the one that `wallride monitor` printed"
+        if self.token and not hmac.compare_digest(token.encode(), self.token.encode()):
+            return "the address lacks its token; use the whole address that `wallride monitor` printed"
+        return ""
+
+    def socket_objection(self, host: str, origin: str, token: str) -> str:
+        """Return why a WebSocket is turned away. origin: the Origin header, "" without one."""
+        if origin.lower() != f"http://{host.lower()}":
+            return "only the page that came from here may talk to the car"
+        return self.objection(host, token)
+
+
+def open_door(host: str) -> Door:
+    """Return the door for a server that listens on a host."""
+    if is_loopback(host):
+        return Door(LOCAL_NAMES)
+    name = socket.gethostname().lower()
+    ours = {host.lower(), name, f"{name}.local", name.split(".")[0]}
+    return Door(LOCAL_NAMES | ours, numbers=True, token=secrets.token_urlsafe(TOKEN_BYTES))
+
+
+def is_loopback(host: str) -> bool:
+    """Tell whether only this machine can reach a host."""
+    if host.lower() == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return False
+
+
+def host_name(header: str) -> str:
+    """Return the name in a Host header, without its port and brackets: the port may be a tunnel's."""
+    if header.startswith("["):
+        return header[1:].partition("]")[0].lower()
+    return header.partition(":")[0].lower()
+
+
+def _is_number(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True

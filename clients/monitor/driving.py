@@ -1,0 +1,173 @@
+"""From a page's hands to the operator's commands: the deadman's second half. Pure: time is an argument.
+
+The same pilot as `wallride teleop`'s decides which presses count. What is special about a page is that it can stand
+still without anybody noticing: a frozen, hidden or closed tab. Therefore
+
+* every command follows from a message of the page; nothing renews a command while the page is silent,
+* the pilot hears only the beats that the page echoes, so that a late page is late on the car's own clock too,
+* a page that is silent for SILENT_S has no hands: the car is told to stop and to want a release (a page that is busy
+  for a moment less than that loses nothing: the car itself waits 0.2 s for the next command),
+* what ends without a person's wish (closed socket, hidden tab) is never a goodbye, after which autonomy may go on.
+
+An e-stop needs none of that: it goes out at once, also from a page that does not drive.
+"""
+
+import math
+import secrets
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from clients.monitor.messages import Hands
+from clients.teleop.advice import advise
+from clients.teleop.inputs import Control, Inputs
+from clients.teleop.pilot import DISTRUST, Pilot
+from clients.teleop.shaping import Feel
+from runtime.teleop_wire import Beat, Command, Input, Press
+
+SILENT_S = 0.15
+"""Six messages of the page missing. The car learns it at the next tick, 0.02 s later at most, and by itself, from the
+age of the last command, 0.05 s later."""
+GIVE_UP_S = 1.0
+"""By then the car has stopped twice over, and has declared the operator lost."""
+INSIST_S = 5.0
+"""So long an e-stop is repeated to a car that does not confirm it, from a page that says nothing more."""
+REMEMBERED_BEATS = 256
+LAST_WORDS = 3
+NAMES: Mapping[Control, str] = {
+    Control.MANUAL: "the drive pad, an arrow key or LB",
+    Control.AUTONOMY: "Autonomy (P, RB)",
+    Control.ESTOP: "STOP",
+    Control.RESET: "Reset (R, Start)",
+    Control.TAKE_OVER: "Take over (T, Y)",
+    Control.SPEED: "up and down",
+    Control.STEERING: "left and right",
+}
+NOBODY = Inputs(Input.PAGE, live=False, trouble="the page is silent: is it hidden, or frozen?")
+
+
+class PageDriver:
+    """The hands of one page.
+
+    engaged: the page took control; otherwise only an e-stop leaves here.
+    """
+
+    def __init__(self, name: str, feel: Feel) -> None:
+        self._name = name
+        self._feel = feel
+        self._pilot = self._new_pilot()
+        self._beats: OrderedDict[tuple[int, int], Beat] = OrderedDict()
+        self._newest: Beat | None = None
+        self._hands = NOBODY
+        self._share = 1.0
+        self._heard_s = -math.inf
+        self._stopped_s = -math.inf
+        self.engaged = False
+
+    def hear(self, beat: Beat, arrival_s: float) -> None:
+        """Take a heartbeat of the car. While the page drives, it counts once the page has echoed it."""
+        self._newest = beat
+        self._beats[beat.car_session, beat.beat] = beat
+        if len(self._beats) > REMEMBERED_BEATS:
+            self._beats.popitem(last=False)
+        if not self.engaged:
+            self._pilot.hear(beat, arrival_s)
+
+    def forget_car(self) -> None:
+        """Begin anew with another car; the old session must have been ended by `leave`."""
+        self._beats.clear()
+        self._newest = None
+        self._pilot = self._new_pilot()
+
+    def take_hands(self, hands: Hands, now_s: float) -> Command:
+        """Return the command that follows from a message of the page."""
+        self.engaged = True
+        echoed = self._beats.get((hands.car_session, hands.beat))
+        if echoed is not None:
+            self._pilot.hear(echoed, now_s)
+        self._heard_s, self._share = now_s, hands.share
+        self._hands = Inputs(
+            kind=Input.PAD if hands.pad else Input.PAGE,
+            live=True,
+            event_s=now_s - hands.age_ms / 1000,
+            pressed=hands.controls,
+            speed=hands.speed,
+            steering=hands.steering,
+        )
+        return self._step(self._hands, now_s)
+
+    def drop(self, now_s: float) -> Command | None:
+        """Return the command for hands that the page lost sight of; None when it does not drive."""
+        if not self.engaged:
+            return None
+        self._hands = NOBODY
+        return self._step(NOBODY, now_s)
+
+    def stop(self, now_s: float) -> Command:
+        """Return the e-stop; `tick` repeats it until the car says that it latched."""
+        self._stopped_s = now_s
+        pressed = self._hands.pressed | {Control.ESTOP}
+        return self._step(Inputs(Input.PAGE, live=True, event_s=now_s, pressed=pressed), now_s)
+
+    def tick(self, now_s: float) -> Command | None:
+        """Return what has to be said without a word of the page, None when nothing has; call it 50 times a second."""
+        situation = self._pilot.situation
+        if situation is not None and situation.stop_pending and now_s - self._stopped_s < INSIST_S:
+            return self._step(self._hands if self._is_heard(now_s) else NOBODY, now_s)
+        if not self.engaged or self._is_heard(now_s):
+            return None
+        if now_s - self._heard_s > GIVE_UP_S:
+            return None
+        self._hands = NOBODY
+        return self._step(NOBODY, now_s)
+
+    def leave(self, now_s: float, *, deliberate: bool) -> list[Command]:
+        """Return the last words, to be sent a few milliseconds apart; [] when the page did not drive."""
+        if not self.engaged:
+            return []
+        self.engaged, hands = False, self._hands
+        self._hands, self._heard_s = NOBODY, -math.inf
+        if deliberate:
+            words = [self._pilot.goodbye(Input.PAGE) for _ in range(LAST_WORDS)]
+            self._pilot = self._new_pilot()
+            if self._newest is not None:
+                self._pilot.hear(self._newest, now_s)
+            return words
+        if hands.live and hands.released:
+            return [self._step(NOBODY, now_s)]
+        return [replace(self._step(NOBODY, now_s), flags=DISTRUST) for _ in range(LAST_WORDS)]
+
+    def view(self, now_s: float) -> dict[str, Any]:
+        """Return the present for the page, as plain values."""
+        now = self._pilot.situation
+        if now is None or not (self.engaged or now.stop_pending):
+            return {"engaged": False, "stop_pending": False, "mood": "yellow", "state": "watching", "next": ""}
+        advice = advise(now, NAMES)
+        return {
+            "engaged": self.engaged,
+            "stop_pending": now.stop_pending,
+            "mood": advice.mood.value,
+            "state": advice.state,
+            "next": advice.next_step,
+            "armed": now.armed,
+            "mine": now.mine,
+            "manual": now.flags == Press.MANUAL,
+            "autonomy": now.flags == Press.AUTONOMY,
+            "speed_mps": now.wanted_mps * self._share,
+            "steering_rad": now.wanted_rad,
+            "round_trip_s": now.round_trip_s,
+            "beat_age_s": min(now.beat_age_s, 1e6),
+            "progress": now.progress,
+            "silent": self.engaged and not self._is_heard(now_s),
+        }
+
+    def _step(self, inputs: Inputs, now_s: float) -> Command:
+        command = self._pilot.step(inputs, now_s)
+        return replace(command, speed_mps=command.speed_mps * self._share)
+
+    def _is_heard(self, now_s: float) -> bool:
+        return now_s - self._heard_s <= SILENT_S
+
+    def _new_pilot(self) -> Pilot:
+        return Pilot(secrets.randbits(63) + 1, self._name, self._feel)

@@ -1,0 +1,120 @@
+"""One car as the network tells it, for all pages that watch it: one subscription each, however many pages there are."""
+
+import asyncio
+import json
+import logging
+import time
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+from clients.monitor.outbox import FROM_CAR
+from runtime import wire
+from runtime.bus import BYTES, Bus, RefusedError
+from runtime.teleop_wire import Beat, Command, Malformed, read_beat
+
+log = logging.getLogger("wallride.monitor")
+
+RETRY_S = 0.5
+ASK_EVERY_S = 1.0
+ANSWER_WITHIN_S = 2.0
+SAVED_WITHIN_S = 10.0
+"""A worn SD card may take seconds to confirm a write."""
+SMALL_QUESTION = json.dumps({"names": ["car.name"]}).encode()
+
+
+class Watcher(Protocol):
+    """Whoever wants to hear what the car says. Neither call may wait."""
+
+    def take(self, topic: str, payload: bytes, arrival_s: float) -> None:
+        """Take a sample."""
+        ...
+
+    def hear(self, beat: Beat, payload: bytes, arrival_s: float) -> None:
+        """Take a heartbeat."""
+        ...
+
+
+class Feed:
+    """One session with one car, open for as long as somebody watches.
+
+    round_trip_s: of a small question to the car, None when it does not answer. problem: why there is no session.
+    malformed: beats that could not be read.
+    """
+
+    def __init__(self, car: str, config: Mapping[str, Any]) -> None:
+        self.car = car
+        self.round_trip_s: float | None = None
+        self.problem = "connecting"
+        self.malformed = 0
+        self.watchers: set[Watcher] = set()
+        self._bus = Bus(config)
+        self._topics = {wire.key(car, topic): topic for topic in FROM_CAR}
+        self._declared = False
+
+    async def run(self) -> None:
+        """Connect, connect again, measure the round trip; until cancelled."""
+        try:
+            while True:
+                connected = self._bus.is_open or await self._connect()
+                if connected:
+                    await self._measure()
+                await asyncio.sleep(ASK_EVERY_S if connected else RETRY_S)
+        finally:
+            await self._bus.close()
+
+    def send(self, command: Command) -> None:
+        """Send a command at once; what cannot be sent is lost, and the car stops by itself."""
+        self._bus.put(wire.key(self.car, wire.COMMAND), command.pack(), encoding=BYTES, urgent=True)
+
+    async def ask(self, what: str, question: Mapping[str, Any]) -> dict[str, Any]:
+        """Put a question to the car; RefusedError with its reason, or ours when nobody answers."""
+        timeout_s = SAVED_WITHIN_S if what == "param/save" else ANSWER_WITHIN_S
+        try:
+            answers = await self._bus.ask(
+                wire.key(self.car, what), json.dumps(question).encode() if question else b"", timeout_s=timeout_s
+            )
+        except (ConnectionError, TimeoutError):
+            answers = []
+        if not answers:
+            raise RefusedError(f"{self.car} does not answer: is the link up, and does your certificate allow it?")
+        try:
+            return wire.decode(answers[0])
+        except (ValueError, TypeError):
+            raise RefusedError(f"{self.car} answered something that cannot be read") from None
+
+    async def _connect(self) -> bool:
+        if not self._declared:
+            self._declared = True
+            for key in self._topics:
+                self._bus.subscribe(key, self._on_sample)
+        try:
+            await self._bus.open()
+        except OSError as error:
+            self.problem = str(error)
+            return False
+        self.problem = ""
+        return True
+
+    async def _measure(self) -> None:
+        before_s = time.monotonic()
+        try:
+            answered = await self._bus.ask(wire.key(self.car, f"{wire.PARAM}/get"), SMALL_QUESTION, timeout_s=1.0)
+        except RefusedError:
+            answered = [b""]  # that was an answer too
+        except (ConnectionError, TimeoutError):
+            answered = []
+        self.round_trip_s = time.monotonic() - before_s if answered else None
+
+    def _on_sample(self, key: str, payload: bytes, arrival_s: float) -> None:
+        topic = self._topics[key]
+        if topic != wire.BEAT:
+            for watcher in self.watchers:
+                watcher.take(topic, payload, arrival_s)
+            return
+        try:
+            beat = read_beat(payload)
+        except Malformed:
+            self.malformed += 1
+            return
+        for watcher in self.watchers:
+            watcher.hear(beat, payload, arrival_s)

@@ -1,0 +1,109 @@
+// Everything else that answers "why is it (not) moving": devices, window, battery, faults, operator, link.
+
+import { $, age, make, number, setData, setHidden, setText } from "./look.js";
+import { because } from "./mux.js";
+
+const LOW_CELL_V = 3.4;
+const EMPTY_CELL_V = 3.2;
+const CELL_V = [[18, 6], [13.5, 4], [9.2, 3], [0, 2]];
+
+export class Condition {
+  constructor(link) { this.link = link; }
+
+  showStatus(status) {
+    this.#device("lidar", status.lidar);
+    this.#device("motor", status.motor);
+    const window = status.window ?? [];
+    this.#line("window", window.length ? "warn" : "good", window.length ? window.join("; ") : "clean");
+    this.#line("fault", status.fault ? "bad" : "good", status.fault || "none");
+    this.#battery(status.battery);
+    this.#operator(status.operator);
+    const gates = Object.entries(status.gates ?? {}).filter(([, reason]) => reason);
+    this.#line("gates", gates.length ? "warn" : "good", gates.length ? gates.map(([name, reason]) => `${name}: ${reason}`).join("; ") : "all open");
+    this.#line("software", "plain", `wallride ${status.version ?? "?"}, up ${age((status.up_s ?? 0) * 1000)}`);
+    this.#line("recording", recordingMood(status), recordingWords(status));
+    setData($("state"), "state", String(status.state ?? ""));
+    setText($("state"), status.state ?? "–");
+    const output = status.output;
+    setText($("why"), output ? `${output.winner}: ${because(output.reason, output.measure)}` : "nothing has been decided yet");
+  }
+
+  /** Runs even when nothing arrives: ages grow by themselves. */
+  showAges(monitor, nowMs) {
+    const { link } = this;
+    const beatMs = link.ageMs("beat", nowMs);
+    const pages = link.open ? "" : "no link to the monitor";
+    const toCar = Number.isFinite(monitor?.round_trip_s) ? monitor.round_trip_s * 1000 : NaN;
+    const words = pages || monitor?.problem || monitor?.link_problem || (monitor && !monitor.here ? "the car is away" : "");
+    const fresh = link.open && beatMs < 500;
+    setData($("link"), "mood", words || !fresh ? "bad" : beatMs > 200 ? "warn" : "good");
+    setText($("link-age"), words || `heard ${age(beatMs)} ago`);
+    setText($("round-trip"), number(toCar + link.roundTripMs, 1, " ms"));
+  }
+
+  #device(name, device) {
+    if (!device) return;
+    const mood = device.link === "ready" ? "good" : device.link === "starting" ? "warn" : "bad";
+    const troubles = Object.entries(device.counts ?? {}).filter(([, times]) => times).map(([what, times]) => `${what} ${times}`);
+    const words = [device.link, device.message].filter(Boolean).join(": ");
+    this.#line(name, mood, words + (troubles.length ? ` (${troubles.join(", ")})` : ""));
+  }
+
+  #battery(battery) {
+    const volts = battery?.voltage_v;
+    const cells = Number.isFinite(volts) ? CELL_V.find(([least]) => volts > least)?.[1] ?? 2 : 0;
+    const each = volts / cells;
+    const mood = !cells ? "plain" : each < EMPTY_CELL_V ? "bad" : each < LOW_CELL_V ? "warn" : "good";
+    setData($("battery"), "mood", mood);
+    setText($("battery-volts"), number(volts, 1, " V"));
+    this.#line("battery-line", mood, battery ? `${number(volts, 2)} V (${number(each, 2)} V a cell), ${number(battery.current_a, 1)} A` : "unknown");
+  }
+
+  #operator(operator) {
+    if (!operator) { this.#line("operator", "plain", "no operator's side"); return; }
+    const stops = Object.values(operator.e_stop ?? {});
+    const parts = [
+      operator.operator || "nobody", operator.standing === "nobody" ? "" : operator.standing, operator.reason, ...stops,
+      Number.isFinite(operator.round_trip_s) ? `round trip ${(operator.round_trip_s * 1000).toFixed(0)} ms` : "",
+      operator.permit ? `permit: ${operator.permit}` : "",
+    ];
+    const mood = stops.length || operator.standing === "operator lost" ? "bad" : operator.reason ? "warn" : "good";
+    this.#line("operator", mood, parts.filter(Boolean).join(", "));
+  }
+
+  #line(name, mood, words) {
+    const line = $(`line-${name}`);
+    setData(line, "mood", mood);
+    setText(line.lastElementChild, words);
+  }
+}
+
+function recordingMood(status) {
+  const recording = status.recording;
+  if (!recording) return "plain";
+  return recording.problem ? "bad" : recording.on ? "good" : "plain";
+}
+
+export function recordingWords(status) {
+  const recording = status.recording;
+  if (recording === undefined || recording === null) return "unknown";
+  if (recording === true || recording === false) return recording ? "recording" : "not recording";
+  return recording.problem || recording.message || (recording.on ? `recording ${recording.file ?? ""}` : "not recording");
+}
+
+/** Lists the cars; returns whether the list changed. */
+export function showCars(select, cars, watching) {
+  const names = watching && !cars.includes(watching) ? [...cars, watching] : cars;
+  const before = [...select.options].map((option) => option.value).join();
+  const after = names.join();
+  if (before !== after) {
+    select.replaceChildren(...names.map((name) => {
+      const option = make("option", "", name);
+      option.value = name;
+      return option;
+    }));
+  }
+  if (watching && select.value !== watching) select.value = watching;
+  setHidden(select, names.length === 0);
+  return before !== after;
+}

@@ -1,0 +1,150 @@
+// The way to the server: one WebSocket that comes back by itself. Takes bundles apart (clients/monitor/outbox.py) and
+// acknowledges them; a hidden page does not, so that nothing is sent to it.
+
+import { Beat, Drive, Float, Json, Markers, Odometry, Scan } from "./cdr.js";
+
+const SOONEST_MS = 200;
+const LATEST_MS = 2000;
+const PING_MS = 1000;
+const MOST_QUEUED_BYTES = 4096;
+const ANSWER_WITHIN_MS = 12000;
+
+/** Events: hello, gone, news (topic), trouble (reason). `newest[topic]` holds the decoded message. */
+export class Link {
+  newest = {
+    scan: new Scan(), wall: new Markers(), footprint: new Markers(), odom: new Odometry(), output: new Drive(),
+    distance_error: new Float(), status: new Json(), decision: new Json(), beat: new Beat(), pilot: new Json(),
+    monitor: new Json(),
+  };
+  /** When what we have of a topic left the car, on this page's clock [ms]; as well as one can know without clocks. */
+  seenMs = {};
+  open = false;
+  everOpen = false;
+  roundTripMs = NaN;
+  bundles = 0;
+  broken = 0;
+  #topics = [];
+  #socket = null;
+  #waitMs = SOONEST_MS;
+  #unacknowledged = 0;
+  #questions = new Map();
+  #question = 0;
+  #handlers = { hello: [], gone: [], news: [], trouble: [] };
+
+  constructor() {
+    for (const topic of Object.keys(this.newest)) this.seenMs[topic] = -Infinity;
+    document.addEventListener("visibilitychange", () => { if (!document.hidden) this.#acknowledge(); });
+    setInterval(() => this.say({ t: "ping", at: performance.now() }), PING_MS);
+  }
+
+  on(event, handler) { this.#handlers[event].push(handler); }
+
+  connect() {
+    const address = new URL("ws", location.href);
+    address.protocol = location.protocol === "https:" ? "wss:" : "ws:";
+    address.search = location.search;
+    address.hash = "";
+    const socket = new WebSocket(address);
+    socket.binaryType = "arraybuffer";
+    socket.onmessage = (event) => {
+      if (socket !== this.#socket) return;
+      if (typeof event.data === "string") this.#takeText(JSON.parse(event.data));
+      else this.#takeBundle(event.data);
+    };
+    socket.onclose = () => this.#gone(socket);
+    this.#socket = socket;
+  }
+
+  /** Sends a message; returns whether it left. What cannot leave now is dropped: late words are worse than none. */
+  say(message) {
+    const socket = this.#socket;
+    if (!this.open || socket.readyState !== WebSocket.OPEN) return false;
+    if (socket.bufferedAmount > MOST_QUEUED_BYTES && message.t !== "stop" && message.t !== "leave") return false;
+    socket.send(JSON.stringify(message));
+    return true;
+  }
+
+  /** Puts a question to the car; resolves to its answer, rejects with an Error that has the reason in words. */
+  ask(what, question = {}) {
+    return new Promise((resolve, reject) => {
+      const id = ++this.#question;
+      const timer = setTimeout(() => this.#answered(id, { refused: "no answer came" }), ANSWER_WITHIN_MS);
+      this.#questions.set(id, { resolve, reject, timer });
+      if (!this.say({ t: "ask", id, what, question })) this.#answered(id, { refused: "there is no link" });
+    });
+  }
+
+  ageMs(topic, nowMs = performance.now()) { return nowMs - this.seenMs[topic]; }
+
+  forget(topics) { for (const topic of topics) this.seenMs[topic] = -Infinity; }
+
+  #emit(event, detail) { for (const handler of this.#handlers[event]) handler(detail); }
+
+  #takeText(message) {
+    if (message.t === "pong") this.roundTripMs = performance.now() - message.at;
+    else if (message.t === "answer") this.#answered(message.id, message);
+    else if (message.t === "trouble") this.#emit("trouble", message.reason);
+    else if (message.t === "hello") {
+      this.#topics = message.topics;
+      this.open = this.everOpen = true;
+      this.#waitMs = SOONEST_MS;
+      this.#emit("hello", message);
+    }
+  }
+
+  #takeBundle(buffer) {
+    const view = new DataView(buffer);
+    const number = view.getUint32(0, true);
+    if (number) {
+      this.#unacknowledged = number;
+      if (!document.hidden) this.#acknowledge();
+    }
+    this.bundles++;
+    const nowMs = performance.now();
+    for (let at = 4; at + 8 <= buffer.byteLength;) {
+      const topic = this.#topics[view.getUint8(at)];
+      const ageMs = view.getUint16(at + 2, true);
+      const length = view.getUint32(at + 4, true);
+      this.#takeRecord(topic, view, at + 8, length, nowMs - ageMs);
+      at += 8 + length + (-length & 3);
+    }
+  }
+
+  #takeRecord(topic, view, start, length, leftMs) {
+    const message = this.newest[topic];
+    if (!message) return;
+    try {
+      message.read(view, start, length);
+    } catch {
+      this.broken++;
+      return;
+    }
+    this.seenMs[topic] = leftMs;
+    this.#emit("news", topic);
+  }
+
+  #acknowledge() {
+    if (this.#unacknowledged && this.say({ t: "ack", n: this.#unacknowledged })) this.#unacknowledged = 0;
+  }
+
+  #answered(id, message) {
+    const waiting = this.#questions.get(id);
+    if (!waiting) return;
+    this.#questions.delete(id);
+    clearTimeout(waiting.timer);
+    if (message.refused !== undefined) waiting.reject(new Error(message.refused));
+    else waiting.resolve(message.answer);
+  }
+
+  #gone(socket) {
+    if (socket !== this.#socket) return;
+    const wasOpen = this.open;
+    this.open = false;
+    this.roundTripMs = NaN;
+    this.#unacknowledged = 0;
+    for (const id of [...this.#questions.keys()]) this.#answered(id, { refused: "the link to the monitor broke" });
+    if (wasOpen) this.#emit("gone");
+    setTimeout(() => this.connect(), this.#waitMs);
+    this.#waitMs = Math.min(LATEST_MS, this.#waitMs * 1.5);
+  }
+}

@@ -1,0 +1,350 @@
+// The page: everything below meets here.
+
+import { Condition, showCars } from "./condition.js";
+import { Hands } from "./hands.js";
+import { Link } from "./link.js";
+import { $, age, announce, fit, ink, number, onLook, ratioOf, setData, setHidden, setText } from "./look.js";
+import { MuxView } from "./mux.js";
+import { Plots } from "./plots.js";
+import { Scene } from "./scene.js";
+import { Settings } from "./settings.js";
+import { Timings } from "./timings.js";
+
+const OLD_MS = 500;
+const AGES_MS = 100;
+const STOP_KEYS = matchMedia("(pointer: coarse)").matches ? "" : "Space or Esc";
+const CAR_TOPICS = ["scan", "wall", "footprint", "odom", "output", "distance_error", "status", "decision", "beat"];
+const REMEMBERED = "wallride.monitor";
+
+const link = new Link();
+const scene = new Scene($("scene"), link);
+const plots = new Plots($("strips"));
+const mux = new MuxView();
+const condition = new Condition(link);
+const timings = new Timings();
+const hands = new Hands(link, { onStop: stop, onChange: showDriving });
+const settings = new Settings(link, (car) => { if (Number.isFinite(car["car.lidar_x_m"])) scene.lidarM = car["car.lidar_x_m"]; });
+const remembered = remember();
+let car = "";
+let carSession = 0;
+let topSpeed = 1.5;
+let stopAskedMs = -Infinity;
+let frameAsked = false;
+
+// --- drawing: once per frame, and only when there is something new ---------------------------------------------
+
+function wantFrame() {
+  if (frameAsked || document.hidden) return;
+  frameAsked = true;
+  requestAnimationFrame(frame);
+}
+
+function frame() {
+  frameAsked = false;
+  const nowMs = performance.now();
+  if (scene.dirty) {
+    scene.draw(nowMs);
+    timings.drawn();
+  }
+  plots.draw(nowMs);
+}
+
+function takeNews(topic) {
+  const nowMs = link.seenMs[topic];
+  const message = link.newest[topic];
+  switch (topic) {
+    case "scan":
+      timings.received(message.stamp);
+      scene.dirty = true;
+      break;
+    case "wall":
+      scene.dirty = true;
+      break;
+    case "footprint":
+      scene.takeFootprint(message, nowMs);
+      scene.dirty = true;
+      break;
+    case "odom":
+      scene.takeOdometry(message);
+      plots.push(plots.speed, 2, nowMs, message.speed);
+      break;
+    case "output":
+      plots.push(plots.speed, 1, nowMs, message.speed);
+      plots.push(plots.steering, 0, nowMs, message.steering);
+      break;
+    case "distance_error":
+      plots.push(plots.error, 0, nowMs, message.value);
+      break;
+    case "decision":
+      plots.push(plots.speed, 0, nowMs, message.value.asked_mps ?? NaN);
+      break;
+    case "status":
+      takeStatus(message.value, nowMs);
+      break;
+    case "beat":
+      takeBeat(message);
+      break;
+    case "pilot":
+      showPilot(message.value);
+      break;
+    case "monitor":
+      takeMonitor(message.value);
+      break;
+  }
+  wantFrame();
+}
+
+function takeStatus(status, nowMs) {
+  condition.showStatus(status);
+  mux.show(status, link.ageMs("decision") < OLD_MS ? link.newest.decision.value : null);
+  plots.push(plots.latency, 0, nowMs, status.scan_to_motor_ms?.p99 ?? NaN);
+  const measured = status.speed_mps;
+  setText($("speed"), number(measured, 2));
+  setText($("distance-error"), number(status.distance_error?.mean_abs_m * 100, 1, " cm"));
+  showRecording(status.recording);
+}
+
+function takeBeat(beat) {
+  if (carSession && beat.carSession !== carSession) {
+    announce("the car's program has restarted");
+    scene.forgetWay();
+    settings.refresh();
+  }
+  carSession = beat.carSession;
+  setData(document.body, "latched", String(beat.latched));
+}
+
+function takeMonitor(monitor) {
+  showCars($("car"), monitor.cars, car);
+  if (!car && monitor.cars.length) watch(monitor.cars.includes(remembered.car) ? remembered.car : monitor.cars[0]);
+  plots.push(plots.latency, 1, performance.now(), monitor.round_trip_s === null ? NaN : monitor.round_trip_s * 1000 + link.roundTripMs);
+}
+
+/** Runs without news too: what is old must look old. */
+function showAges() {
+  const nowMs = performance.now();
+  const scanMs = link.ageMs("scan", nowMs), statusMs = link.ageMs("status", nowMs);
+  showAge($("view"), scanMs);
+  showAge($("mux"), statusMs);
+  showAge($("condition"), statusMs);
+  showAge($("plots"), Math.min(scanMs, statusMs));
+  setData(document.body, "linked", String(link.open && link.ageMs("beat", nowMs) < OLD_MS));
+  condition.showAges(link.newest.monitor.value, nowMs);
+  showStop(nowMs);
+  drawTouch();
+  wantFrame();
+}
+
+function showAge(panel, ms) {
+  const old = !link.open || ms > OLD_MS;
+  setData(panel, "old", String(old));
+  setText(panel.querySelector(".old"), !old ? "" : Number.isFinite(ms) ? `${age(ms)} old` : "nothing heard yet");
+}
+
+// --- stopping ---------------------------------------------------------------------------------------------------
+
+function stop() {
+  stopAskedMs = performance.now();
+  timings.stopped(stopAskedMs);
+  if (!link.say({ t: "stop" })) announce("STOP COULD NOT BE SENT: there is no link to the car", "bad");
+  showStop(stopAskedMs);
+}
+
+function showStop(nowMs) {
+  const pilot = link.newest.pilot.value;
+  const { beat } = link.newest;
+  const pending = pilot?.stop_pending || nowMs - stopAskedMs < 300;
+  const state = beat.latched ? "latched" : pending ? "pending" : "ready";
+  setData($("stop"), "state", state);
+  const words = { latched: "e-stop: the car is held", pending: link.open ? "sending…" : "no link!", ready: STOP_KEYS };
+  setText($("stop-note"), words[state]);
+}
+
+$("stop").addEventListener("pointerdown", (event) => { if (event.button === 0) stop(); });
+$("stop").addEventListener("click", (event) => { if (event.detail === 0) stop(); }); // Enter, or an assistive device
+window.addEventListener("keydown", (event) => {
+  if (event.code !== "Space" && event.key !== "Escape") return;
+  event.preventDefault(); // Space never presses a button on this page; Enter does
+  event.stopPropagation();
+  if (!event.repeat) stop();
+}, { capture: true });
+window.addEventListener("keyup", (event) => { if (event.code === "Space") event.preventDefault(); }, { capture: true });
+
+// --- driving ----------------------------------------------------------------------------------------------------
+
+hands.steerWith($("touch"));
+hands.holdWith($("autonomy"), "autonomy");
+hands.holdWith($("reset"), "reset");
+hands.holdWith($("take-over"), "take_over");
+$("drive").addEventListener("click", () => hands.engage(!hands.engaged));
+$("share").addEventListener("input", showShare);
+hands.share = remembered.share ?? 0.5;
+$("share").value = String(hands.share);
+
+function showShare() {
+  hands.share = $("share").valueAsNumber;
+  remember({ share: hands.share });
+  setText($("share-value"), `${(hands.share * topSpeed).toFixed(1)} m/s`);
+}
+
+let wakeLock = null;
+
+async function keepAwake(on) {
+  if (!navigator.wakeLock) return;
+  try {
+    if (on) wakeLock ??= await navigator.wakeLock.request("screen");
+    else { await wakeLock?.release(); wakeLock = null; }
+  } catch {
+    wakeLock = null; // refused, for example on a low battery: the screen may go dark, and then the car stops
+  }
+}
+
+function showDriving() {
+  const on = hands.engaged;
+  $("drive").setAttribute("aria-checked", String(on));
+  setText($("drive-word"), on ? "on" : "off");
+  setData($("driving"), "on", String(on));
+  for (const id of ["autonomy", "reset", "take-over"]) $(id).disabled = !on;
+  keepAwake(on);
+  drawTouch();
+}
+
+function showPilot(pilot) {
+  setData($("driving"), "mood", hands.engaged ? pilot.mood : "off");
+  const { beat } = link.newest;
+  const idle = beat.latched ? "E-stop. Switch Drive on, then hold Reset." : beat.present || beat.lost ? `${beat.operatorName || "Somebody"} operates.` : "Switch Drive on to take control.";
+  setText($("pilot-state"), hands.engaged ? pilot.state : pilot.stop_pending ? pilot.state : "watching");
+  setText($("pilot-next"), hands.engaged || pilot.stop_pending ? pilot.next : idle);
+  $("driving").style.setProperty("--progress", String(pilot.progress ?? 0));
+  for (const [id, what] of [["autonomy", "autonomy"], ["reset", "reset"], ["take-over", "take_over"]]) {
+    setData($(id), "held", String(hands.isHeld(what)));
+  }
+  setText($("pad-name"), hands.pads.name ? `Gamepad: ${hands.pads.name}` : hands.pads.trouble || "No gamepad (press one of its buttons)");
+}
+
+const touchContext = $("touch").getContext("2d");
+let touchDrawn = "";
+
+/** The drive pad: a cross at rest, a knob under the finger. */
+function drawTouch() {
+  const canvas = $("touch");
+  const { touch } = hands;
+  const state = `${hands.engaged} ${touch.id !== null} ${touch.speed} ${touch.steering} ${canvas.clientWidth} ${canvas.clientHeight} ${ink.text}`;
+  if (state === touchDrawn && !fit(canvas)) return;
+  touchDrawn = state;
+  fit(canvas);
+  const ratio = ratioOf(canvas), context = touchContext, { width, height } = canvas;
+  const reach = (Math.min(width, height) / 2) * 0.8;
+  const active = hands.engaged && touch.id !== null;
+  const x = active ? touch.x0 * ratio : width / 2, y = active ? touch.y0 * ratio : height / 2;
+  context.clearRect(0, 0, width, height);
+  context.strokeStyle = hands.engaged ? ink.muted : ink.faint;
+  context.lineWidth = 1.5 * ratio;
+  context.beginPath();
+  context.arc(x, y, reach, 0, 2 * Math.PI);
+  context.moveTo(x - reach, y);
+  context.lineTo(x + reach, y);
+  context.moveTo(x, y - reach);
+  context.lineTo(x, y + reach);
+  context.stroke();
+  const knobX = x - touch.steering * reach, knobY = y - touch.speed * reach;
+  context.fillStyle = active ? ink.go : hands.engaged ? ink.car : ink.faint;
+  context.beginPath();
+  context.arc(knobX, knobY, 17 * ratio, 0, 2 * Math.PI);
+  context.fill();
+}
+
+$("touch").addEventListener("pointermove", () => { if (hands.touch.id !== null) drawTouch(); });
+onLook(() => { touchDrawn = ""; });
+
+// --- the rest ---------------------------------------------------------------------------------------------------
+
+let recording = false;
+
+function showRecording(state) {
+  recording = typeof state === "object" ? Boolean(state?.on) : Boolean(state);
+  setData($("record"), "on", String(recording));
+  setText($("record-word"), recording ? "Recording" : "Record");
+  $("record").setAttribute("aria-pressed", String(recording));
+}
+
+$("record").addEventListener("click", async () => {
+  const on = !recording;
+  try {
+    await link.ask("record", { on });
+    showRecording(on);
+    announce(on ? "recording" : "recording ended", "good");
+  } catch (error) {
+    announce(error.message, "bad");
+  }
+});
+
+$("car").addEventListener("change", () => watch($("car").value));
+$("zoom-in").addEventListener("click", () => { scene.zoom(1); wantFrame(); });
+$("zoom-out").addEventListener("click", () => { scene.zoom(-1); wantFrame(); });
+for (const button of document.querySelectorAll("#windows button")) {
+  button.addEventListener("click", () => {
+    plots.windowMs = Number(button.value) * 1000;
+    remember({ window: button.value });
+    showWindow(button.value);
+    wantFrame();
+  });
+}
+
+function showWindow(value) {
+  for (const button of document.querySelectorAll("#windows button")) button.setAttribute("aria-pressed", String(button.value === value));
+}
+
+function watch(name) {
+  if (name === car) return;
+  hands.engage(false);
+  const first = !car;
+  car = name;
+  carSession = 0;
+  remember({ car });
+  link.forget(CAR_TOPICS);
+  if (!first) plots.clear();
+  scene.forgetWay();
+  settings.forget();
+  link.say({ t: "watch", car });
+  document.title = `${car} · wallride`;
+  setTimeout(() => settings.refresh(), 400);
+}
+
+/** Keeps a few choices of this browser; returns them. */
+function remember(changes) {
+  let kept = {};
+  try {
+    kept = JSON.parse(localStorage.getItem(REMEMBERED) ?? "{}");
+    if (changes) localStorage.setItem(REMEMBERED, JSON.stringify({ ...kept, ...changes }));
+  } catch {
+    // private windows may refuse; then nothing is remembered
+  }
+  return { ...kept, ...changes };
+}
+
+link.on("hello", (hello) => {
+  topSpeed = hello.top_speed_mps;
+  $("share").disabled = false;
+  showShare();
+  if (car) link.say({ t: "watch", car });
+  else if (hello.car) { showCars($("car"), hello.cars, hello.car); watch(hello.car); }
+  else takeMonitor(hello);
+  setText($("you"), hello.name);
+});
+link.on("gone", () => announce("the link to the monitor broke; trying again", "bad"));
+link.on("trouble", (reason) => announce(reason, "bad"));
+link.on("news", takeNews);
+document.addEventListener("visibilitychange", () => { scene.dirty = true; wantFrame(); });
+window.addEventListener("resize", () => { scene.dirty = true; wantFrame(); });
+
+const windowChoice = remembered.window ?? "30";
+plots.windowMs = Number(windowChoice) * 1000;
+showWindow(windowChoice);
+showDriving();
+setHidden($("noscript"), true);
+setInterval(showAges, AGES_MS);
+link.connect();
+
+/** For measurements and tests; nothing on the page depends on it. */
+window.wallride = { link, scene, plots, hands, timings, get car() { return car; } };

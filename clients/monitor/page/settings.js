@@ -1,0 +1,272 @@
+// The live parameters: what takes effect now, as sliders; undo, save, and the car's own words when it refuses.
+
+import { $, announce, make, setHidden, setText } from "./look.js";
+
+const SET_EVERY_MS = 200;
+const REFRESH_MS = 10000;
+const OPEN_FIRST = ["wall_follow"];
+const STEPS = 200;
+const UNIT_ENDING = /_(m|s|ms|mps|mps2|rad|radps|hz|a|v)$/;
+
+export class Settings {
+  #link;
+  #rows = new Map();
+  #undo = [];
+  #unsaved = [];
+  #onCar;
+
+  /** onCar(values): told what the car's geometry is. */
+  constructor(link, onCar) {
+    this.#link = link;
+    this.#onCar = onCar;
+    $("settings").addEventListener("toggle", () => { if ($("settings").open) this.refresh(); });
+    $("settings-filter").addEventListener("input", () => this.#filter());
+    $("settings-undo").addEventListener("click", () => this.#undoLast());
+    $("settings-save").addEventListener("click", () => this.#save());
+    setInterval(() => { if ($("settings").open && !document.hidden) this.refresh(); }, REFRESH_MS);
+  }
+
+  /** Another car: nothing of the last one holds. */
+  forget() {
+    this.#rows.clear();
+    this.#undo.length = 0;
+    this.#unsaved = [];
+    $("settings-list").replaceChildren();
+    this.#showButtons();
+  }
+
+  /** Asks the car anew; the answer also tells where its lidar is. */
+  async refresh() {
+    try {
+      const { parameters } = await this.#link.ask("param/list");
+      this.#onCar(Object.fromEntries(parameters.filter(({ name }) => name.startsWith("car.")).map(({ name, value }) => [name, value])));
+      if (!$("settings").open) return; // a hundred rows that nobody sees would take a tenth of a second
+      this.#show(parameters.filter(({ takes_effect: when, type }) => when !== "restart" && type !== "text" && type !== "list"));
+      setText($("settings-trouble"), "");
+    } catch (error) {
+      if ($("settings").open) setText($("settings-trouble"), error.message);
+    }
+  }
+
+  #show(parameters) {
+    const names = new Set(parameters.map(({ name }) => name));
+    if ([...this.#rows.keys()].some((name) => !names.has(name)) || parameters.some(({ name }) => !this.#rows.has(name))) this.#build(parameters);
+    for (const parameter of parameters) this.#rows.get(parameter.name).take(parameter.value);
+  }
+
+  #build(parameters) {
+    this.#rows.clear();
+    const groups = new Map();
+    for (const parameter of parameters) {
+      const group = parameter.name.slice(0, parameter.name.lastIndexOf("."));
+      if (!groups.has(group)) {
+        const details = make("details", "group");
+        details.open = OPEN_FIRST.includes(group);
+        details.append(make("summary", "", group));
+        groups.set(group, details);
+      }
+      const row = new Row(parameter, (value) => this.#set(parameter.name, value));
+      this.#rows.set(parameter.name, row);
+      groups.get(group).append(row.element);
+    }
+    $("settings-list").replaceChildren(...groups.values());
+    this.#filter();
+  }
+
+  async #set(name, value, isUndo = false) {
+    const row = this.#rows.get(name);
+    try {
+      const { changed, unsaved } = await this.#link.ask("param/set", { values: { [name]: value } });
+      if (!isUndo && changed.length) this.#remember(changed);
+      this.#unsaved = unsaved;
+      row?.settle(value);
+      if (changed.some((change) => change.name !== name)) this.refresh();
+    } catch (error) {
+      row?.refuse(error.message);
+      announce(error.message, "bad");
+    }
+    this.#showButtons();
+  }
+
+  /** One drag of a slider is one step to undo. */
+  #remember(changed) {
+    const last = this.#undo.at(-1);
+    const nowMs = performance.now();
+    if (last && last.name === changed[0].name && nowMs - last.ms < 1000) last.ms = nowMs;
+    else this.#undo.push({ name: changed[0].name, old: changed[0].old, ms: nowMs });
+    if (this.#undo.length > 100) this.#undo.shift();
+  }
+
+  async #undoLast() {
+    const last = this.#undo.pop();
+    if (!last) return;
+    await this.#set(last.name, last.old, true);
+    this.#rows.get(last.name)?.take(last.old);
+    announce(`${last.name} is ${last.old} again`);
+  }
+
+  async #save() {
+    try {
+      const { saved, file } = await this.#link.ask("param/save");
+      this.#unsaved = [];
+      announce(saved.length ? `saved to ${file}: ${saved.join(", ")}` : "nothing to save", "good");
+    } catch (error) {
+      announce(error.message, "bad");
+    }
+    this.#showButtons();
+  }
+
+  #showButtons() {
+    const last = this.#undo.at(-1);
+    $("settings-undo").disabled = !last;
+    setText($("settings-undo"), last ? `Undo ${last.name.split(".").at(-1)}` : "Undo");
+    $("settings-save").disabled = this.#unsaved.length === 0;
+    setText($("settings-save"), this.#unsaved.length ? `Save ${this.#unsaved.length}` : "Save");
+  }
+
+  #filter() {
+    const words = $("settings-filter").value.trim().toLowerCase().split(/\s+/).filter(Boolean);
+    for (const [name, row] of this.#rows) setHidden(row.element, !words.every((word) => (name + row.description).toLowerCase().includes(word)));
+    for (const group of $("settings-list").children) {
+      const shown = [...group.querySelectorAll(".setting")].some((row) => !row.hidden);
+      setHidden(group, !shown);
+      if (words.length && shown) group.open = true;
+    }
+  }
+}
+
+/** One setting: a slider and a number, a switch, or a choice. */
+class Row {
+  #parameter;
+  #set;
+  #inputs = [];
+  #sentMs = -Infinity;
+  #timer = 0;
+  #waiting;
+  #busyUntilMs = -Infinity;
+
+  constructor(parameter, set) {
+    this.#parameter = parameter;
+    this.#set = set;
+    this.description = parameter.description;
+    this.element = make("div", "setting");
+    const id = `setting-${parameter.name}`;
+    const label = make("label", "", titleOf(parameter));
+    label.htmlFor = id;
+    label.title = parameter.name;
+    this.hint = make("p", "hint", [parameter.description, parameter.takes_effect === "standing" ? "Only while the car stands." : ""].filter(Boolean).join(" "));
+    this.trouble = make("p", "trouble");
+    this.element.append(label, this.#control(id), this.hint, this.trouble);
+  }
+
+  /** Shows what the car says, unless a hand is on it. */
+  take(value) {
+    if (performance.now() < this.#busyUntilMs || this.#inputs.includes(document.activeElement) && this.#waiting !== undefined) return;
+    this.#parameter.value = value;
+    this.#display(value);
+  }
+
+  settle(value) {
+    this.#parameter.value = value;
+    setText(this.trouble, "");
+  }
+
+  refuse(reason) {
+    setText(this.trouble, reason);
+    this.#waiting = undefined;
+    this.#display(this.#parameter.value);
+  }
+
+  #display(value) {
+    setHidden(this.back, value === this.#parameter.default);
+    for (const input of this.#inputs) {
+      if (input.type === "checkbox") input.checked = value;
+      else input.value = String(value);
+    }
+  }
+
+  #control(id) {
+    const { type, unit, default: usual } = this.#parameter;
+    const box = make("div", "control");
+    if (type === "boolean") this.#inputs.push(this.#input("checkbox", () => this.#inputs[0].checked));
+    else if (type === "choice") this.#inputs.push(this.#choice());
+    else this.#inputs.push(...this.#numbers());
+    this.#inputs.at(-1).id = id;
+    box.append(...this.#inputs);
+    if (unit && unit !== "1") box.append(make("span", "unit", unit));
+    const back = this.back = make("button", "quiet", "default");
+    back.type = "button";
+    back.title = `back to ${usual}`;
+    back.setAttribute("aria-label", `${this.#parameter.name} back to ${usual}`);
+    back.addEventListener("click", () => { this.#display(usual); this.#send(usual); });
+    box.append(back);
+    this.#display(this.#parameter.value);
+    return box;
+  }
+
+  #numbers() {
+    const { lowest, highest, type, default: usual } = this.#parameter;
+    const whole = type === "integer";
+    const field = this.#input("number", () => field.valueAsNumber);
+    field.step = whole ? "1" : "any";
+    if (lowest === null || highest === null) return [field];
+    // A range of 0 to 50 around 0.3 would be useless: the slider reaches a few times the usual value, the field all of it.
+    const most = usual > 0 ? Math.min(highest, Math.max(usual * 4, this.#parameter.value)) : highest;
+    const slider = make("input");
+    slider.type = "range";
+    slider.min = lowest;
+    slider.max = most;
+    slider.step = whole ? 1 : fine((most - lowest) / STEPS);
+    slider.setAttribute("aria-label", this.#parameter.name);
+    slider.addEventListener("input", () => { field.value = slider.value; this.#send(slider.valueAsNumber); });
+    field.min = lowest;
+    field.max = highest;
+    return [slider, field];
+  }
+
+  #input(type, value) {
+    const input = make("input");
+    input.type = type;
+    input.addEventListener("change", () => {
+      const wanted = value();
+      if (Number.isNaN(wanted)) this.#display(this.#parameter.value);
+      else { this.#display(wanted); this.#send(wanted); }
+    });
+    return input;
+  }
+
+  #choice() {
+    const select = make("select");
+    for (const word of this.#parameter.allowed) select.append(make("option", "", word));
+    select.addEventListener("change", () => this.#send(select.value));
+    return select;
+  }
+
+  /** Sends the newest value, at most five times a second while a slider moves. */
+  #send(value) {
+    const nowMs = performance.now();
+    this.#busyUntilMs = nowMs + 1500;
+    this.#waiting = value;
+    clearTimeout(this.#timer);
+    const wait = Math.max(0, this.#sentMs + SET_EVERY_MS - nowMs);
+    this.#timer = setTimeout(() => {
+      this.#sentMs = performance.now();
+      const wanted = this.#waiting;
+      this.#waiting = undefined;
+      if (wanted !== undefined) this.#set(wanted);
+    }, wait);
+  }
+}
+
+/** What a person calls it: the unit stands beside the value already. */
+function titleOf({ name, unit }) {
+  const key = name.split(".").at(-1);
+  return (unit && unit !== "1" ? key.replace(UNIT_ENDING, "") : key).replaceAll("_", " ");
+}
+
+/** Rounds a step down to 1, 2 or 5 times a power of ten, so that sliders stop at numbers that people write. */
+function fine(step) {
+  const power = 10 ** Math.floor(Math.log10(step));
+  const digit = step / power >= 5 ? 5 : step / power >= 2 ? 2 : 1;
+  return Number((digit * power).toPrecision(3));
+}

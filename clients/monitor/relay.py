@@ -1,0 +1,114 @@
+"""Which cars are there, on one or several endpoints, and a feed for each car that somebody watches."""
+
+import asyncio
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from clients.connection import Cars
+from clients.monitor.feed import Feed, Watcher
+from runtime.bus import Bus, RefusedError
+
+log = logging.getLogger("wallride.monitor")
+
+RETRY_S = 1.0
+LINGER_S = 5.0
+"""A feed outlives its last page by this, for the page that is only being reloaded."""
+MOST_FEEDS = 32
+
+
+@dataclass(slots=True)
+class Place:
+    """One endpoint: the configuration of sessions with it, who is there, and why we do not know."""
+
+    endpoint: str
+    config: Mapping[str, Any]
+    cars: Cars | None = None
+    problem: str = "connecting"
+
+
+class Relay:
+    """Lives for as long as the server; feeds come and go with the pages."""
+
+    def __init__(self, places: Sequence[Place]) -> None:
+        self._places = places
+        self._feeds: dict[str, Feed] = {}
+        self._running: dict[str, asyncio.Task[None]] = {}
+        self._closing: dict[str, asyncio.TimerHandle] = {}
+
+    @property
+    def names(self) -> list[str]:
+        """The cars that are there now."""
+        return sorted({name for place in self._places if place.cars is not None for name in place.cars.names})
+
+    @property
+    def problem(self) -> str:
+        """Why there is no car to choose, in words; "" when there is one."""
+        if self.names:
+            return ""
+        return "; ".join(
+            f"{place.endpoint}: {place.problem or 'connected, but no car is there'}" for place in self._places
+        )
+
+    async def run(self) -> None:
+        """Look for cars on every endpoint until cancelled; then close everything."""
+        try:
+            async with asyncio.TaskGroup() as group:
+                for place in self._places:
+                    group.create_task(_look(place))
+        finally:
+            for name in list(self._feeds):
+                self._end(name)
+            await asyncio.gather(*self._running.values(), return_exceptions=True)
+
+    def watch(self, name: str, watcher: Watcher) -> Feed:
+        """Let somebody watch a car, which need not be there yet; RefusedError when there are too many."""
+        if (closing := self._closing.pop(name, None)) is not None:
+            closing.cancel()
+        feed = self._feeds.get(name)
+        if feed is None:
+            if len(self._feeds) >= MOST_FEEDS:
+                raise RefusedError("too many cars are being watched already")
+            feed = self._feeds[name] = Feed(name, self._place_of(name).config)
+            self._running[name] = asyncio.create_task(feed.run(), name=f"feed {name}")
+            self._running[name].add_done_callback(_say_why)
+        feed.watchers.add(watcher)
+        return feed
+
+    def unwatch(self, feed: Feed, watcher: Watcher) -> None:
+        """End somebody's watching; the feed goes a while after the last one."""
+        feed.watchers.discard(watcher)
+        if not feed.watchers and feed.car not in self._closing and self._feeds.get(feed.car) is feed:
+            self._closing[feed.car] = asyncio.get_running_loop().call_later(LINGER_S, self._end, feed.car)
+
+    def _place_of(self, name: str) -> Place:
+        return next((place for place in self._places if place.cars and name in place.cars.names), self._places[0])
+
+    def _end(self, name: str) -> None:
+        if (closing := self._closing.pop(name, None)) is not None:
+            closing.cancel()
+        self._feeds.pop(name, None)
+        self._running[name].cancel()
+
+
+async def _look(place: Place) -> None:
+    """Keep one session with an endpoint, only for knowing who is there."""
+    bus = Bus(place.config)
+    place.cars = Cars(bus)
+    try:
+        while place.problem:
+            try:
+                await bus.open()
+                place.problem = ""
+            except OSError as error:
+                place.problem = str(error)
+                await asyncio.sleep(RETRY_S)
+        await asyncio.Event().wait()
+    finally:
+        await bus.close()
+
+
+def _say_why(task: "asyncio.Task[None]") -> None:
+    if not task.cancelled() and (error := task.exception()) is not None:
+        log.error("%s ended: %s", task.get_name(), error)

@@ -1,0 +1,182 @@
+"""`wallride monitor`: the web server. Serves the page, and one WebSocket per page; knows nothing about cars itself."""
+
+import argparse
+import asyncio
+import contextlib
+import logging
+import signal
+import socket
+import webbrowser
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager
+from importlib.metadata import version
+
+from aiohttp import web
+
+from clients.connection import ConnectionProblemError, endpoint_of, keys_of
+from clients.monitor import assets
+from clients.monitor.door import Door, open_door
+from clients.monitor.messages import LONGEST
+from clients.monitor.relay import Place, Relay
+from clients.monitor.visit import Host, Visit
+from clients.teleop.shaping import Feel
+from runtime import zenoh_config
+
+log = logging.getLogger("wallride.monitor")
+
+PING_EVERY_S = 5.0
+"""A phone that went out of reach says nothing; its socket is closed after this and a half."""
+ONLY_FROM_HERE = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self';"
+    " manifest-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+HEADERS = {
+    "Content-Security-Policy": ONLY_FROM_HERE,
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-cache",
+}
+"""No other host is asked for anything, no other site may frame the page (and have STOP clicked, or Drive)."""
+
+EVERYWHERE = ("0.0.0.0", "::")  # noqa: S104 - compared with, not listened on
+SOMEWHERE = "192.0.2.1"
+"""An address of nobody (RFC 5737). Nothing is sent to it."""
+
+HOST: web.AppKey[Host] = web.AppKey("host", Host)
+DOOR: web.AppKey[Door] = web.AppKey("door", Door)
+VISITS: "web.AppKey[set[web.WebSocketResponse]]" = web.AppKey("visits")
+
+
+def application(host: Host, door: Door) -> web.Application:
+    """Return the web application."""
+    files = assets.read_all()
+
+    async def file(request: web.Request) -> web.Response:
+        name = request.match_info.get("name") or assets.INDEX
+        objection = _objection(request) if name == assets.INDEX else door.objection(request.host, door.token)
+        if objection:
+            return web.Response(status=403, text=f"wallride monitor: {objection}\n", headers=HEADERS)
+        asset = files.get(name)
+        if asset is None:
+            return web.Response(status=404, text="wallride monitor: there is no such file\n", headers=HEADERS)
+        return web.Response(body=asset.body, content_type=asset.content_type, charset="utf-8", headers=HEADERS)
+
+    app = web.Application()
+    app[HOST], app[DOOR], app[VISITS] = host, door, set()
+    app.router.add_get("/", file)
+    app.router.add_get("/ws", _socket)
+    app.router.add_get("/{name}", file)
+    app.on_shutdown.append(_say_goodbye)
+    return app
+
+
+async def _socket(request: web.Request) -> web.StreamResponse:
+    origin, token = request.headers.get("Origin", ""), request.query.get("token", "")
+    if objection := request.app[DOOR].socket_objection(request.host, origin, token):
+        log.warning("turned away a WebSocket from %s, origin %s: %s", request.remote, origin or "none", objection)
+        return web.Response(status=403, text=f"wallride monitor: {objection}\n", headers=HEADERS)
+    socket = web.WebSocketResponse(heartbeat=PING_EVERY_S, compress=False, max_msg_size=2 * LONGEST)
+    await socket.prepare(request)
+    request.app[VISITS].add(socket)
+    try:
+        await Visit(socket, request.app[HOST]).run()
+    except ConnectionError:
+        log.debug("a page went away")
+    finally:
+        request.app[VISITS].discard(socket)
+    return socket
+
+
+def _objection(request: web.Request) -> str:
+    return request.app[DOOR].objection(request.host, request.query.get("token", ""))
+
+
+async def _say_goodbye(app: web.Application) -> None:
+    visits = app[VISITS]
+    for visit in tuple(visits):
+        await visit.close(code=1001, message=b"the monitor ends")
+
+
+@asynccontextmanager
+async def serving(host: Host, address: str, port: int, *, any_port: bool = False) -> AsyncIterator[str]:
+    """Serve while the block runs; yields the address of the page. ConnectionProblemError when the port is taken.
+
+    any_port: whether another port will do when this one is taken.
+    """
+    door = open_door(address)
+    runner = web.AppRunner(application(host, door), access_log=None, handler_cancellation=True, shutdown_timeout=2.0)
+    await runner.setup()
+    looking = asyncio.create_task(host.relay.run())
+    try:
+        place = await _listen(runner, address, port, any_port=any_port)
+        yield f"http://{place}/{f'?token={door.token}' if door.token else ''}"
+    finally:
+        await runner.cleanup()  # the pages first: whoever drives is stopped while there is still a link
+        looking.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await looking
+
+
+async def _listen(runner: web.AppRunner, address: str, port: int, *, any_port: bool) -> str:
+    for attempt in (port, 0) if any_port else (port,):
+        try:
+            await web.TCPSite(runner, address.strip("[]"), attempt).start()
+            break
+        except OSError as error:
+            problem = error
+    else:
+        raise ConnectionProblemError(f"cannot listen on {address}:{port} ({problem}); choose another with --port")
+    name = _address_here() if address in EVERYWHERE else address.strip("[]")
+    return f"{f'[{name}]' if ':' in name else name}:{runner.addresses[0][1]}"
+
+
+def _address_here() -> str:
+    """Return the address under which others probably reach this machine; asks only its routing table."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect((SOMEWHERE, 9))
+        except OSError:
+            return socket.gethostname()
+        return str(probe.getsockname()[0])
+
+
+async def run(options: argparse.Namespace) -> int:
+    """Serve until interrupted; options as of `wallride.monitor_options`."""
+    feel = Feel(max_speed_mps=options.max_speed, max_steering_rad=options.max_steering)
+    host = Host(Relay(places(options)), options.name, feel, version("wallride"), options.car or "")
+    port = options.default_port if options.port is None else options.port
+    async with serving(host, options.host, port, any_port=options.port is None) as url:
+        options.say(f"the monitor is at {url}")
+        if "token=" in url:
+            options.say("whoever knows this address can drive the car; it goes over the network unencrypted")
+        if options.browser:
+            await asyncio.to_thread(_open_browser, url, options.say)
+        await _interrupted()
+    return 0
+
+
+def places(options: argparse.Namespace) -> Sequence[Place]:
+    """Return where to look for cars: the endpoints of --connect, separated by commas."""
+    found = []
+    for text in filter(None, (part.strip() for part in options.connect.split(","))):
+        endpoint = endpoint_of(text, with_keys=options.keys is not None)
+        keys = keys_of(endpoint, options.keys)
+        found.append(Place(endpoint, zenoh_config.client_config(endpoint, keys.tls if keys is not None else None)))
+    if not found:
+        raise ConnectionProblemError("--connect: name at least one endpoint, e.g. tcp/127.0.0.1:7447")
+    return found
+
+
+def _open_browser(url: str, say: Callable[[str], object]) -> None:
+    if not webbrowser.open(url):
+        say("no browser could be opened from here; open the address by hand")
+
+
+async def _interrupted() -> None:
+    stop, loop = asyncio.Event(), asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        with contextlib.suppress(NotImplementedError):  # Windows: Ctrl-C ends asyncio.run by itself
+            loop.add_signal_handler(number, stop.set)
+    await stop.wait()

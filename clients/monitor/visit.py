@@ -1,0 +1,240 @@
+"""One page, from its first byte to its last: reads what it says, sends it what is new, keeps its deadman."""
+
+import asyncio
+import json
+import logging
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from aiohttp import WSMsgType, web
+
+from clients.monitor import messages
+from clients.monitor.driving import PageDriver
+from clients.monitor.feed import Feed
+from clients.monitor.messages import Ack, Ask, Drop, Hands, Leave, NoWordError, Ping, Stop, Watch
+from clients.monitor.outbox import MONITOR, PILOT, TOPICS, Outbox, pack
+from clients.monitor.relay import Relay
+from clients.teleop.shaping import Feel
+from runtime import wire
+from runtime.bus import RefusedError
+from runtime.teleop_wire import Beat, Command
+
+log = logging.getLogger("wallride.monitor")
+
+TICK_S = 0.02
+TICKS_PER_VIEW = 5
+TICKS_PER_NEWS = 25
+LAST_WORDS_APART_S = 0.005
+BEATS_AHEAD = 25
+"""So many beats may be on their way to a page that drives; half a second of them is more than any use."""
+MOST_QUESTIONS = 4
+"""Questions of one page under way at the same time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Host:
+    """What all visits share. car: the one to show first, "" for any. name: whom cars and other operators see."""
+
+    relay: Relay
+    name: str
+    feel: Feel
+    version: str
+    car: str = ""
+
+
+class Visit:
+    """A page and its WebSocket. malformed: messages that were none."""
+
+    def __init__(self, socket: web.WebSocketResponse, host: Host) -> None:
+        self._socket = socket
+        self._host = host
+        self._outbox = Outbox()
+        self._news = asyncio.Event()
+        self._feed: Feed | None = None
+        self._driver = PageDriver(host.name, host.feel)
+        self._asking: set[asyncio.Task[None]] = set()
+        self._beats_ahead = 0
+        self._urgent: list[bytes] = []
+        self.malformed = 0
+
+    async def run(self) -> None:
+        """Serve the page until it goes, by whatever way."""
+        await self._socket.send_str(json.dumps(self._hello()))
+        helpers = [asyncio.create_task(job) for job in (self._send_for_ever(), self._tick_for_ever())]
+        try:
+            async for message in self._socket:
+                if message.type is not WSMsgType.TEXT:
+                    break
+                await self._receive(message.data)
+        finally:
+            await self._end([*helpers, *self._asking])
+
+    def take(self, topic: str, payload: bytes, arrival_s: float) -> None:
+        """Take a sample from the feed."""
+        self._outbox.put(topic, payload, arrival_s)
+        self._news.set()
+
+    def hear(self, beat: Beat, payload: bytes, arrival_s: float) -> None:
+        """Take a heartbeat from the feed. A page that drives gets it at once: the car's patience counts from it."""
+        self._driver.hear(beat, arrival_s)
+        if self._driver.engaged and self._beats_ahead < BEATS_AHEAD:
+            self._beats_ahead += 1
+            self._urgent.append(pack(0, {wire.BEAT: (payload, arrival_s)}, arrival_s))
+            self._news.set()
+        else:
+            self.take(wire.BEAT, payload, arrival_s)
+
+    def _hello(self) -> dict[str, Any]:
+        return {
+            "t": "hello",
+            "topics": TOPICS,
+            "version": self._host.version,
+            "name": self._host.name,
+            "car": self._host.car,
+            "top_speed_mps": self._host.feel.max_speed_mps,
+            **self._present(),
+        }
+
+    def _present(self) -> dict[str, Any]:
+        """Return what the monitor itself knows; resent twice a second."""
+        relay, feed = self._host.relay, self._feed
+        return {
+            "cars": relay.names,
+            "problem": relay.problem,
+            "watching": feed.car if feed is not None else "",
+            "here": feed is not None and feed.car in relay.names,
+            "link_problem": feed.problem if feed is not None else "",
+            "round_trip_s": feed.round_trip_s if feed is not None else None,
+            "replaced": self._outbox.replaced,
+        }
+
+    async def _receive(self, text: str) -> None:
+        self._beats_ahead = 0
+        now_s = time.monotonic()
+        try:
+            word = messages.read(text)
+        except NoWordError as error:
+            self.malformed += 1
+            log.warning("a page said something that is no word: %s", error)
+            return
+        match word:
+            case Hands():
+                self._send([self._driver.take_hands(word, now_s)])
+            case Stop():
+                self._send([self._driver.stop(now_s)])
+                self._show_pilot(now_s)
+            case Ack(n=number):
+                self._outbox.acknowledge(number)
+                self._news.set()
+            case Drop():
+                self._send([command for command in [self._driver.drop(now_s)] if command is not None])
+            case Leave(deliberate=deliberate):
+                await self._leave(deliberate=deliberate)
+            case Watch(car=car):
+                await self._watch(car)
+            case Ping(at=at):
+                await self._socket.send_str(json.dumps({"t": "pong", "at": at}))
+            case Ask():
+                self._ask(word)
+
+    async def _watch(self, car: str) -> None:
+        if self._feed is not None and self._feed.car == car:
+            return
+        await self._leave(deliberate=False)
+        self._unwatch()
+        self._driver.forget_car()
+        try:
+            self._feed = self._host.relay.watch(car, self)
+        except RefusedError as error:
+            await self._socket.send_str(json.dumps({"t": "trouble", "reason": str(error)}))
+        self._show_monitor()
+
+    def _unwatch(self) -> None:
+        if self._feed is not None:
+            self._host.relay.unwatch(self._feed, self)
+            self._feed = None
+            self._outbox.clear()
+
+    def _send(self, commands: Sequence[Command]) -> None:
+        if self._feed is not None:
+            for command in commands:
+                self._feed.send(command)
+
+    async def _leave(self, *, deliberate: bool) -> None:
+        for command in self._driver.leave(time.monotonic(), deliberate=deliberate):
+            self._send([command])
+            await asyncio.sleep(LAST_WORDS_APART_S)
+
+    def _ask(self, word: Ask) -> None:
+        if len(self._asking) >= MOST_QUESTIONS:
+            task = asyncio.create_task(self._answer(word.id, {"refused": "too many questions at once; try again"}))
+        else:
+            task = asyncio.create_task(self._put_question(word))
+        self._asking.add(task)
+        task.add_done_callback(self._asking.discard)
+
+    async def _put_question(self, word: Ask) -> None:
+        if self._feed is None:
+            await self._answer(word.id, {"refused": "no car is chosen"})
+            return
+        question = word.question
+        if word.what in {"param/set", "param/save"}:
+            question = {**question, "by": self._host.name[:24]}
+        try:
+            answer: dict[str, Any] = {"answer": await self._feed.ask(word.what, question)}
+        except RefusedError as error:
+            answer = {"refused": str(error)}
+        await self._answer(word.id, answer)
+
+    async def _answer(self, number: int, answer: dict[str, Any]) -> None:
+        if not self._socket.closed:
+            await self._socket.send_str(json.dumps({"t": "answer", "id": number, **answer}))
+
+    async def _send_for_ever(self) -> None:
+        while True:
+            while self._urgent:
+                await self._socket.send_bytes(self._urgent.pop(0))
+            due_in_s = self._outbox.due_in_s(time.monotonic())
+            if due_in_s <= 0:
+                await self._socket.send_bytes(self._outbox.take(time.monotonic()))
+                continue
+            self._news.clear()
+            try:
+                async with asyncio.timeout(min(due_in_s, 1.0)):
+                    await self._news.wait()
+            except TimeoutError:
+                pass
+
+    async def _tick_for_ever(self) -> None:
+        count = 0
+        while True:
+            await asyncio.sleep(TICK_S)
+            now_s = time.monotonic()
+            command = self._driver.tick(now_s)
+            if command is not None:
+                self._send([command])
+            count += 1
+            if count % TICKS_PER_VIEW == 0:
+                self._show_pilot(now_s)
+            if count % TICKS_PER_NEWS == 0:
+                self._show_monitor()
+
+    def _show_pilot(self, now_s: float) -> None:
+        self.take(PILOT, wire.encode(self._driver.view(now_s)), now_s)
+
+    def _show_monitor(self) -> None:
+        self.take(MONITOR, wire.encode(self._present()), time.monotonic())
+
+    async def _end(self, tasks: Sequence["asyncio.Task[None]"]) -> None:
+        """Stop the car first if this page drove it; then tidy up."""
+        try:
+            await self._leave(deliberate=False)
+        finally:
+            self._unwatch()
+            for task in tasks:
+                task.cancel()
+            for result in await asyncio.gather(*tasks, return_exceptions=True):
+                if isinstance(result, Exception) and not isinstance(result, ConnectionError):
+                    log.error("a visit ended badly: %r", result)

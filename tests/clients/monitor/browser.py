@@ -1,0 +1,220 @@
+"""A real Chromium without a screen, driven over its DevTools protocol with aiohttp alone.
+
+Looked for in $WALLRIDE_CHROMIUM, then on the PATH. In a test's sandbox it needs --no-sandbox; the pages are our own.
+"""
+
+import asyncio
+import base64
+import contextlib
+import json
+import os
+import shutil
+import signal
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import aiohttp
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+QUIET = (
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--no-default-browser-check",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-extensions",
+    "--disable-dev-shm-usage", "--mute-audio", "--hide-scrollbars", "--remote-debugging-port=0",
+)  # fmt: skip
+START_WITHIN_S = 20.0
+
+
+def find_chromium():
+    """Return the browser's path, None when there is none."""
+    named = os.environ.get("WALLRIDE_CHROMIUM")
+    return named or next((path for name in NAMES if (path := shutil.which(name))), None)
+
+
+class Page:
+    """One tab. requests: every address that it asked for. errors: what it wrote to the console as an error."""
+
+    def __init__(self, socket, target):
+        self._socket = socket
+        self.target = target
+        self._number = 0
+        self._waiting = {}
+        self._events = {}
+        self.requests = []
+        self.errors = []
+        self._reading = asyncio.create_task(self._read())
+
+    async def call(self, method, **parameters):
+        self._number += 1
+        answer = self._waiting[self._number] = asyncio.get_running_loop().create_future()
+        await self._socket.send_str(json.dumps({"id": self._number, "method": method, "params": parameters}))
+        async with asyncio.timeout(20):
+            return await answer
+
+    async def run(self, script):
+        """Evaluate JavaScript; a promise is awaited; an exception there is one here."""
+        found = await self.call("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True)
+        if "exceptionDetails" in found:
+            details = found["exceptionDetails"]
+            raise AssertionError(details.get("exception", {}).get("description") or details["text"])
+        return found["result"].get("value")
+
+    async def until(self, script, *, within_s=10.0):
+        """Wait until JavaScript says something true; return it."""
+        try:
+            async with asyncio.timeout(within_s):
+                while not (value := await self.run(script)):
+                    await asyncio.sleep(0.02)
+        except TimeoutError:
+            raise AssertionError(f"never came true: {script}; errors: {self.errors}") from None
+        return value
+
+    async def go(self, url):
+        loaded = self._events["Page.loadEventFired"] = asyncio.get_running_loop().create_future()
+        await self.call("Page.navigate", url=url)
+        async with asyncio.timeout(20):
+            await loaded
+
+    async def look(self, *, width, height, scale=1.0, mobile=False, dark=False):
+        """Choose the screen."""
+        await self.call(
+            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=scale, mobile=mobile
+        )
+        await self.call(
+            "Emulation.setEmulatedMedia",
+            features=[{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}],
+        )
+
+    async def picture(self, path, *, whole=False):
+        shot = await self.call("Page.captureScreenshot", format="png", captureBeyondViewport=whole)
+        Path(path).write_bytes(base64.b64decode(shot["data"]))
+
+    async def middle(self, selector):
+        """Return where an element is, after scrolling to it."""
+        box = await self.run(
+            f"(() => {{ const e = document.querySelector({json.dumps(selector)});"
+            " e.scrollIntoView({block: 'center'});"
+            " const b = e.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2]; })()"
+        )
+        return box[0], box[1]
+
+    async def mouse(self, kind, x, y):
+        buttons = 0 if kind == "mouseReleased" else 1
+        await self.call(
+            "Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=buttons, clickCount=1,
+        )  # fmt: skip
+
+    async def click(self, selector):
+        x, y = await self.middle(selector)
+        await self.mouse("mousePressed", x, y)
+        await self.mouse("mouseReleased", x, y)
+
+    async def touch(self, kind, *points):
+        await self.call("Input.dispatchTouchEvent", type=kind, touchPoints=[{"x": x, "y": y} for x, y in points])
+
+    async def key(self, kind, key, code=None):
+        await self.call("Input.dispatchKeyEvent", type=kind, key=key, code=code or key)
+
+    async def close(self):
+        """Close the tab, as its owner would."""
+        with contextlib.suppress(ConnectionError, asyncio.CancelledError):
+            await self.call("Page.close")
+
+    async def _read(self):
+        async for message in self._socket:
+            found = json.loads(message.data)
+            if (answer := self._waiting.pop(found.get("id"), None)) is not None:
+                if not answer.done():
+                    if "error" in found:
+                        answer.set_exception(AssertionError(found["error"]["message"]))
+                    else:
+                        answer.set_result(found["result"])
+            elif "method" in found:
+                self._on_event(found["method"], found["params"])
+        for answer in self._waiting.values():
+            answer.cancel()
+
+    def _on_event(self, method, details):
+        if method == "Network.requestWillBeSent":
+            self.requests.append(details["request"]["url"])
+        elif method == "Network.webSocketCreated":
+            self.requests.append(details["url"])
+        elif method == "Runtime.exceptionThrown":
+            thrown = details["exceptionDetails"]
+            self.errors.append(thrown.get("exception", {}).get("description") or thrown["text"])
+        elif method == "Log.entryAdded" and details["entry"]["level"] == "error":
+            self.errors.append(f"{details['entry']['text']} {details['entry'].get('url', '')}")
+        if (waiting := self._events.pop(method, None)) is not None and not waiting.done():
+            waiting.set_result(details)
+
+
+class Browser:
+    """A running Chromium."""
+
+    def __init__(self, http, port, process):
+        self._http = http
+        self._port = port
+        self.process = process
+
+    async def open(self):
+        """Return a new, empty tab."""
+        async with self._http.put(f"http://127.0.0.1:{self._port}/json/new?about:blank") as answer:
+            target = await answer.json(content_type=None)
+        socket = await self._http.ws_connect(target["webSocketDebuggerUrl"], max_msg_size=0)
+        page = Page(socket, target["id"])
+        for domain in ("Page", "Runtime", "Network", "Log"):
+            await page.call(f"{domain}.enable")
+        return page
+
+    async def show(self, page):
+        """Bring a tab to the front, which hides the others."""
+        async with self._http.get(f"http://127.0.0.1:{self._port}/json/activate/{page.target}"):
+            pass
+
+    def renderers(self):
+        """Return the process ids of the tabs, all of them children of our own browser."""
+        found = []
+        for entry in Path("/proc").iterdir():
+            if not entry.name.isdigit():
+                continue
+            with contextlib.suppress(OSError):
+                words = (entry / "cmdline").read_bytes()
+                parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
+                if b"--type=renderer" in words and self._is_ours(parent):
+                    found.append(int(entry.name))
+        return found
+
+    def _is_ours(self, number):
+        while number > 1:
+            if number == self.process.pid:
+                return True
+            with contextlib.suppress(OSError, ValueError):
+                number = int(Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[1])
+                continue
+            return False
+        return False
+
+
+@asynccontextmanager
+async def chromium(folder, path=None):
+    """Yield a browser with an empty profile in a folder."""
+    process = await asyncio.create_subprocess_exec(
+        path or find_chromium(), *QUIET, f"--user-data-dir={folder}", "about:blank",
+        stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.DEVNULL, start_new_session=True,
+    )  # fmt: skip
+    try:
+        port = await _port(Path(folder) / "DevToolsActivePort", process)
+        async with aiohttp.ClientSession() as http:
+            yield Browser(http, port, process)
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)  # its own session: the browser and its children, nothing else
+        await process.wait()
+
+
+async def _port(file, process):
+    async with asyncio.timeout(START_WITHIN_S):
+        while process.returncode is None:
+            with contextlib.suppress(OSError, ValueError, IndexError):
+                return int(file.read_text().splitlines()[0])
+            await asyncio.sleep(0.05)
+    raise RuntimeError("the browser did not start")

@@ -1,0 +1,53 @@
+"""A monitor with a fake car behind it, and a browser where there is one."""
+
+from contextlib import asynccontextmanager
+
+import pytest
+
+from runtime import zenoh_config
+from runtime.bus import free_endpoint
+from tests.clients.monitor.browser import chromium, find_chromium
+from tests.clients.monitor.fake_car import FakeCar
+
+pytest.importorskip("aiohttp", reason="the monitor needs aiohttp: pip install 'wallride[monitor]'")
+
+
+class Scene:
+    """endpoint: of the car. url: of the page. car: the fake one, while it runs."""
+
+    def __init__(self, endpoint):
+        self.endpoint = endpoint
+        self.url = ""
+        self.port = 0
+
+    def car(self, **more):
+        return FakeCar(self.endpoint, **more)
+
+    @asynccontextmanager
+    async def monitor(self, *, address="127.0.0.1", name="ann@laptop"):
+        from clients.monitor.relay import Place, Relay
+        from clients.monitor.server import serving
+        from clients.monitor.visit import Host
+        from clients.teleop.shaping import Feel
+
+        place = Place(self.endpoint, zenoh_config.client_config(self.endpoint, None))
+        async with serving(Host(Relay([place]), name, Feel(), "9.9"), address, self.port) as self.url:
+            self.port = int(self.url.split(":")[2].split("/")[0])
+            yield self
+
+
+@pytest.fixture
+def scene():
+    return Scene(free_endpoint())
+
+
+@pytest.fixture
+async def tab(tmp_path):
+    """A browser with one empty tab."""
+    path = find_chromium()
+    if path is None:
+        pytest.skip("no Chromium here: apt-get install chromium, or set WALLRIDE_CHROMIUM to one")
+    async with chromium(tmp_path / "profile", path) as browser:
+        page = await browser.open()
+        page.browser = browser
+        yield page

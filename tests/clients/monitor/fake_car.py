@@ -1,0 +1,217 @@
+"""A car on a real zenoh session, without devices: the real operator's desk, the real parameter desk, invented scans.
+
+Counts as "the wire" what the mux would send: `speed_mps` is arbitrated from the real voices at every look.
+"""
+
+import asyncio
+import contextlib
+import math
+import time
+
+import numpy as np
+
+from drivers.api import Drive, Scan
+from runtime import wire, zenoh_config
+from runtime.bus import BYTES, Bus
+from runtime.command import LAB_ORDER, DriveWord, Source, arbitrate, consent
+from runtime.emergency_stop import EmergencyStop
+from runtime.operator_desk import OperatorDesk
+from runtime.operator_settings import OperatorSettings
+from runtime.parameter_desk import ParameterDesk
+from runtime.parameter_desk import Surroundings as DeskSurroundings
+from runtime.parameter_history import History
+from runtime.permit import Permit
+from runtime.ros import markers, messages
+from runtime.ros.definitions import encoding
+from runtime.ros.markers import BLUE, GREEN, ORANGE, RED, Kind, Marker
+from runtime.settings import Settings
+from runtime.tasks import parameters
+from runtime.voices import Voices
+
+BEAMS = 1081
+STEP_RAD = math.radians(0.25)
+BEAT_S = 0.02
+SCAN_S = 0.05
+AUTO_MPS = 1.0
+
+
+class FakeCar:
+    """Serves until closed. autonomy: whether navigation always wants to drive.
+
+    history: (time, speed) whenever the speed on the wire changed. scans: how many were published.
+    """
+
+    def __init__(self, endpoint, name="car1", *, permit="required", car_session=0xCAFE, autonomy=False):
+        self.name = name
+        self.bus = Bus(zenoh_config.car_config([endpoint], None, (), name))
+        self.voices = Voices(LAB_ORDER, time.monotonic)
+        self.e_stop = EmergencyStop(self.voices)
+        self.permit = Permit(self.voices, permit)
+        self.desk = OperatorDesk(
+            OperatorSettings(permit=permit), self.voices, self.permit, self.e_stop, lambda: None, time.monotonic,
+            car_session,
+        )  # fmt: skip
+        self.settings = ParameterDesk(
+            Settings(), DeskSurroundings(self._apply, lambda: True, time.monotonic, lambda: "2026-11-21"), History(100)
+        )
+        self.applied = []
+        self.recording = []
+        self.history = [(time.monotonic(), 0.0)]
+        self.scans = 0
+        self.beat = None
+        self.publishing = True
+        self._autonomy = autonomy
+        self._tasks = []
+
+    async def __aenter__(self):
+        bus, name = self.bus, self.name
+        bus.subscribe(wire.key(name, wire.COMMAND), self._receive)
+        parameters.serve(bus, name, self.settings)
+        bus.answer(wire.key(name, "record"), self._record)
+        bus.announce(wire.key(name, wire.ALIVE))
+        await bus.open()
+        self._tasks = [asyncio.create_task(job) for job in (self._beat(), self._publish())]
+        return self
+
+    async def __aexit__(self, *_):
+        for task in self._tasks:
+            task.cancel()
+        for result in await asyncio.gather(*self._tasks, return_exceptions=True):
+            if isinstance(result, Exception):
+                raise result
+        await self.bus.close()
+
+    @property
+    def decision(self):
+        return arbitrate(self.voices.live(), frozenset({Source.SAFETY, Source.PERMIT}), LAB_ORDER)
+
+    @property
+    def speed_mps(self):
+        return self.history[-1][1]
+
+    async def until(self, condition, what, *, within_s=10.0):
+        """Wait for something to be true of the car; return how long that took."""
+        before_s = time.monotonic()
+        try:
+            async with asyncio.timeout(within_s):
+                while not condition():
+                    await asyncio.sleep(0.002)
+        except TimeoutError:
+            raise AssertionError(f"never: {what}; {self.desk.view()}") from None
+        return time.monotonic() - before_s
+
+    def stopped_at_s(self, since_s):
+        """Return when the car was first told to stand after a time; it must have moved before."""
+        return next((at_s for at_s, speed_mps in self.history if at_s >= since_s and speed_mps == 0), None)
+
+    def look(self):
+        """Note the speed on the wire."""
+        speed_mps = self.decision.speed_mps
+        if speed_mps != self.history[-1][1]:
+            self.history.append((time.monotonic(), speed_mps))
+
+    def _receive(self, key, payload, arrival_s):
+        self.desk.receive(key, payload, arrival_s)
+        self.look()
+
+    def _apply(self, settings, names):
+        self.applied.append(names)
+
+    def _record(self, payload):
+        self.recording.append(wire.decode(payload)["on"])
+        return wire.encode({"on": self.recording[-1]})
+
+    async def _beat(self):
+        while True:
+            now_s = time.monotonic()
+            self.voices.say(consent(Source.SAFETY, "clear"), expires_at_s=now_s + 0.3)
+            if self._autonomy:
+                drive = DriveWord(Source.NAVIGATION, Drive(AUTO_MPS, 0.0), None, "follows the wall")
+                self.voices.say(drive, expires_at_s=now_s + 0.3)
+            self.desk.tick()
+            self.beat = self.desk.beat(self.speed_mps)
+            self.bus.put(wire.key(self.name, wire.BEAT), self.beat.pack(), encoding=BYTES, urgent=True)
+            for _ in range(4):  # a car's mux looks at least every 10 ms
+                self.look()
+                await asyncio.sleep(BEAT_S / 4)
+
+    async def _publish(self):
+        while True:
+            if self.publishing:
+                self._publish_once()
+            await asyncio.sleep(SCAN_S)
+
+    def _publish_once(self):
+        now_s = time.monotonic()
+        self._put(wire.STATUS, wire.encode(self._status(now_s)))
+        self._put(wire.DECISION, wire.encode(self._decided()))
+        self._put(wire.DISTANCE_ERROR, messages.float32(0.05 * math.sin(now_s)))
+        self._put(wire.ODOM, messages.odometry(time.time_ns(), now_s % 10, 0.0, 0.1, self.speed_mps, 0.0))
+        self._put(wire.OUTPUT, messages.ackermann(time.time_ns(), self.speed_mps, 0.125))
+        self._put(wire.WALL, markers.marker_array(time.time_ns(), WALL))
+        self._put(wire.FOOTPRINT, markers.marker_array(time.time_ns(), FOOTPRINT))
+        self.scans += 1
+        ranges_m = corridor(self.scans)
+        scan = Scan(now_s, now_s, -STEP_RAD * (BEAMS // 2), STEP_RAD, 0.02, 30.0, ranges_m, self.scans)
+        self._put(wire.SCAN, messages.laser_scan(time.time_ns(), scan, SCAN_S))
+
+    def _put(self, topic, payload):
+        with contextlib.suppress(ConnectionError):
+            self.bus.put(wire.key(self.name, topic), payload, encoding=encoding(topic))
+
+    def _decided(self):
+        decision = self.decision
+        return {
+            "stamp_s": time.monotonic(), "winner": decision.winner or "nobody", "driver": decision.driver,
+            "reason": decision.reason, "measure": decision.measure, "asked_mps": decision.speed_mps,
+            "allowed_mps": decision.speed_mps, "speed_mps": decision.speed_mps, "steering_rad": 0.125,
+            "delivered": True,
+        }  # fmt: skip
+
+    def _status(self, now_s):
+        ages_s = self.voices.ages_s()
+        live = {word.source: word for word in self.voices.live()}
+        return {
+            "car": self.name, "version": "9.9", "stamp_s": now_s, "up_s": 1.0, "state": "driving",
+            "output": self._decided(), "gates": {"lidar": "", "motor": ""},
+            "voices": {
+                str(source): {"age_s": ages_s.get(source), "live": source in live}
+                | ({"caps": True, "speed_mps": None, "reason": "clear", "measure": None} if source in live else {})
+                for source in LAB_ORDER
+            },
+            "operator": self.desk.view().fields(), "speed_mps": self.speed_mps,
+            "battery": {"voltage_v": 11.75, "current_a": 3.2}, "fault": "",
+            "lidar": {"link": "ready", "message": "UST-10LX", "identity": "", "counts": {}},
+            "motor": {"link": "ready", "message": "VESC 60", "identity": "", "counts": {"missed_reply": 2}},
+            "window": ["37 beams are dirty, from -3 to 6 degrees"], "link": {}, "scans": self.scans,
+            "scan_to_motor_ms": {"p50": 1.1, "p99": 2.2, "max": 3.3},
+            "distance_error": {"mean_abs_m": 0.021, "rms_m": 0.03}, "odom": {"x_m": 0, "y_m": 0, "yaw_rad": 0},
+        }  # fmt: skip
+
+
+def corridor(number):
+    """Return a scan between two walls, open ahead; nothing comes back from far, and it is never twice the same."""
+    bearing_rad = (np.arange(BEAMS) - BEAMS // 2) * STEP_RAD
+    with np.errstate(divide="ignore"):
+        ranges_m = np.where(np.sin(bearing_rad) > 0, 1.0, 1.2) / np.abs(np.sin(bearing_rad))
+    ranges_m[ranges_m > 9.0] = np.nan
+    noisy = ranges_m * (1 + 0.003 * np.random.default_rng(number).standard_normal(BEAMS))
+    return noisy.astype(np.float32)
+
+
+def _points(*places):
+    return np.array(places, dtype=float).T
+
+
+WALL = [
+    Marker("wall", Kind.LINE_STRIP, _points((-1.0, 1.0), (3.0, 1.0)), GREEN),
+    Marker("ball", Kind.LINE_STRIP, _points((0.4, 0.0), (1.0, 0.02), (1.8, 0.1)), BLUE),
+]
+FOOTPRINT = [
+    Marker("car", Kind.LINE_STRIP, _points((0.42, 0.15), (0.42, -0.15), (-0.13, -0.15), (-0.13, 0.15)), BLUE),
+    Marker("left edge", Kind.LINE_STRIP, _points((0.42, 0.15), (0.9, 0.2), (1.4, 0.35)), ORANGE),
+    Marker("right edge", Kind.LINE_STRIP, _points((0.42, -0.15), (0.9, -0.1), (1.45, 0.05)), ORANGE),
+    Marker("the beam that stops", Kind.LINE_STRIP, _points((0.27, 0.0), (1.5, 0.4)), RED),
+    Marker("what stops", Kind.POINTS, _points((1.5, 0.4)), RED),
+    Marker("ignored", Kind.POINTS, _points((0.27, 1.0), (0.275, 1.0)), ORANGE),
+]  # fmt: skip

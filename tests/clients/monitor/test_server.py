@@ -1,0 +1,148 @@
+"""The web server: what it serves, whom it turns away, and that pages do not wait for each other."""
+
+import asyncio
+import json
+import struct
+import time
+
+import aiohttp
+import pytest
+
+from clients.monitor import assets
+from clients.monitor.outbox import TOPICS
+from runtime import wire
+
+
+def number_of(bundle):
+    return struct.unpack_from("<I", bundle)[0]
+
+
+async def hello(socket):
+    return json.loads((await socket.receive(timeout=5)).data)
+
+
+async def bundles(socket, count, *, answer=True):
+    """Return so many bundles; acknowledges them unless told otherwise."""
+    found = []
+    while len(found) < count:
+        message = await socket.receive(timeout=5)
+        if message.type is aiohttp.WSMsgType.BINARY:
+            found.append(message.data)
+            if answer:
+                await socket.send_str(json.dumps({"t": "ack", "n": number_of(message.data)}))
+    return found
+
+
+@pytest.fixture
+async def http():
+    async with aiohttp.ClientSession() as session:
+        yield session
+
+
+def connect(http, scene, **headers):
+    return http.ws_connect(f"{scene.url}ws", headers={"Origin": scene.url.rstrip("/"), **headers})
+
+
+def test_every_file_that_the_page_names_is_in_the_package():
+    files = assets.read_all()
+    text = "".join(asset.body.decode() for asset in files.values())
+    assert {"index.html", "style.css", "main.js", "icon.svg"} <= files.keys()
+    for name in files.keys() - {"index.html"}:
+        assert name in text, f"nobody asks for {name}"
+    for word in ("https://", "//cdn", "@import", "eval("):
+        assert word not in text
+
+
+async def test_the_page_comes_with_headers_that_keep_it_to_itself(scene, http):
+    async with scene.monitor():
+        async with http.get(scene.url) as answer:
+            assert answer.status == 200
+            assert "default-src 'none'" in answer.headers["Content-Security-Policy"]
+            assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
+            assert answer.headers["Referrer-Policy"] == "no-referrer"
+        for path in ("..%2f..%2fetc%2fpasswd", "server.py", "page/index.html", "%00"):
+            async with http.get(scene.url + path) as answer:
+                assert answer.status == 404
+
+
+async def test_other_sites_stay_outside(scene, http):
+    async with scene.monitor():
+        async with http.get(scene.url, headers={"Host": "evil.example"}) as answer:
+            assert answer.status == 403
+        for headers in ({"Origin": "http://evil.example"}, {"Origin": ""}, {"Host": "evil.example"}):
+            with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
+                await connect(http, scene, **headers)
+
+
+async def test_where_others_can_reach_it_the_address_has_a_token(scene, http):
+    async with scene.monitor(address="0.0.0.0"):
+        base, _, token = scene.url.partition("?token=")
+        assert len(token) >= 16
+        assert "0.0.0.0" not in base
+        for url, status in ((base, 403), (f"{base}?token=wrong", 403), (scene.url, 200), (f"{base}main.js", 200)):
+            async with http.get(url) as answer:
+                assert answer.status == status
+        origin = {"Origin": base.rstrip("/")}
+        with pytest.raises(aiohttp.WSServerHandshakeError):
+            await http.ws_connect(f"{base}ws", headers=origin)
+        async with http.ws_connect(f"{base}ws?token={token}", headers=origin) as socket:
+            assert (await hello(socket))["topics"] == list(TOPICS)
+
+
+async def test_one_bundle_is_on_its_way_and_a_late_page_does_not_slow_another(scene, http):
+    async with scene.car(), scene.monitor(), connect(http, scene) as late, connect(http, scene) as quick:
+        for socket in (late, quick):
+            await hello(socket)
+            await socket.send_str('{"t":"watch","car":"car1"}')
+        await bundles(late, 1, answer=False)
+        started_s = time.monotonic()
+        found = await bundles(quick, 40)
+        assert time.monotonic() - started_s < 4
+        numbers = [number_of(bundle) for bundle in found]
+        assert numbers == list(range(numbers[0], numbers[0] + 40))
+        with pytest.raises(TimeoutError):
+            await late.receive(timeout=0.5)
+
+
+async def test_what_is_no_word_is_ignored_and_a_stop_still_stops(scene, http):
+    async with scene.car() as car, scene.monitor(), connect(http, scene) as socket:
+        await hello(socket)
+        await socket.send_str('{"t":"watch","car":"car1"}')
+        await bundles(socket, 2)
+        for text in ("", "{}", "[1]", '{"t":"hands"}', '{"t":"ask","id":1,"what":"operator/command"}'):
+            await socket.send_str(text)
+        await socket.send_str('{"t":"stop"}')
+        await car.until(lambda: car.e_stop.latched, "stopped")
+
+
+async def test_questions_are_answered_or_refused_in_words(scene, http):
+    async with scene.car(), scene.monitor(), connect(http, scene) as socket:
+        await hello(socket)
+
+        async def ask(number, what, question):
+            await socket.send_str(json.dumps({"t": "ask", "id": number, "what": what, "question": question}))
+            while True:
+                message = await socket.receive(timeout=5)
+                if message.type is aiohttp.WSMsgType.TEXT and (found := json.loads(message.data)).get("id") == number:
+                    return found
+
+        assert "no car" in (await ask(1, "param/list", {}))["refused"]
+        await socket.send_str('{"t":"watch","car":"car1"}')
+        await bundles(socket, 3)
+        assert (await ask(2, "param/get", {"names": ["car.name"]}))["answer"] == {"values": {"car.name": "car1"}}
+        assert "not a setting" in (await ask(3, "param/set", {"values": {"no.such": 1}}))["refused"]
+        assert (await ask(4, "record", {"on": True}))["answer"] == {"on": True}
+
+
+async def test_the_monitor_waits_for_a_car_that_is_not_there_yet(scene, http):
+    async with scene.monitor(), connect(http, scene) as socket:
+        first = await hello(socket)
+        assert first["cars"] == []
+        assert scene.endpoint in first["problem"]
+        async with scene.car():
+            await socket.send_str('{"t":"watch","car":"car1"}')
+            async with asyncio.timeout(10):
+                while True:
+                    (bundle,) = await bundles(socket, 1)
+                    if bundle[4] == TOPICS.index(wire.SCAN) or len(bundle) > 4000:
+                        return

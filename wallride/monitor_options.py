@@ -1,0 +1,78 @@
+"""What `wallride monitor` understands. Only definitions: the server itself is imported when it is asked for."""
+
+import argparse
+from functools import partial
+
+from wallride.client_options import add_common, run_client
+from wallride.teleop_options import default_name
+
+DEFAULT_PORT = 8447
+HIGHEST_PORT = 65535
+
+
+def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command and its options."""
+    parser = commands.add_parser(
+        "monitor",
+        help="the car in a browser: what it sees, why it (does not) move, its settings, and driving it",
+        description="Serves one page and opens it; works offline."
+        " Several cars: --connect tls/car1.local,tls/car2.local",
+    )
+    add_common(parser)
+    parser.add_argument(
+        "--port",
+        type=_port,
+        metavar="N",
+        help=f"where to serve, 0 for any free port (default: {DEFAULT_PORT}, or a free one when that is taken)",
+    )
+    parser.add_argument(
+        "--host",
+        default="127.0.0.1",
+        metavar="ADDRESS",
+        help="whom to serve (default: 127.0.0.1, this machine only); with any other address, for example 0.0.0.0 for a"
+        " phone, the page's address carries a secret token",
+    )
+    parser.add_argument("--no-browser", dest="browser", action="store_false", help="only print the page's address")
+    parser.add_argument(
+        "--max-speed", type=_between(0.1, 20.0), default=1.5, metavar="MPS",
+        help="the fastest that anybody can drive from the page (default: 1.5)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--max-steering", type=_between(0.05, 1.5), default=0.34, metavar="RAD",
+        help="the largest angle from the page (default: 0.34)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--name", default=None, help="whom the car and other operators see (default: you@this-computer)"
+    )
+    parser.set_defaults(run=run, say=partial(print, flush=True), default_port=DEFAULT_PORT)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the server; 2 when something is missing that the user can mend."""
+    from wallride.cli import fail
+
+    options.name = options.name or default_name()
+    try:
+        from clients.monitor import server
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] in {"clients", "drivers", "runtime", "wallride"}:
+            raise
+        return fail(f"the monitor needs {error.name}: install it with  pip install 'wallride[monitor]'")
+    return run_client(server.run, options)
+
+
+def _port(text: str) -> int:
+    number = int(text)
+    if not 0 <= number <= HIGHEST_PORT:
+        raise argparse.ArgumentTypeError(f"{text} is not a port: 0 to {HIGHEST_PORT}")
+    return number
+
+
+def _between(low: float, high: float):  # type: ignore[no-untyped-def]  # noqa: ANN202 - a converter for argparse
+    def number(text: str) -> float:
+        value = float(text)
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text} is not between {low:g} and {high:g}")
+        return value
+
+    return number
