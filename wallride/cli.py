@@ -8,7 +8,17 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wallride import keys_options, lab_options, param_options, teleop_options, topic_options
+from wallride import (
+    foxglove_options,
+    keys_options,
+    lab_options,
+    monitor_options,
+    param_options,
+    replay_options,
+    report_options,
+    teleop_options,
+    topic_options,
+)
 
 if TYPE_CHECKING:
     from runtime.settings import Settings
@@ -46,7 +56,16 @@ def build_parser() -> argparse.ArgumentParser:
     lab = commands.add_parser("lab", help="experiments with the car's own laws, faster than real time")
     lab.set_defaults(run=_lab)
     lab_options.add(lab)
-    for options in (topic_options, teleop_options, param_options, keys_options):
+    for options in (
+        teleop_options,
+        monitor_options,
+        topic_options,
+        param_options,
+        keys_options,
+        replay_options,
+        report_options,
+        foxglove_options,
+    ):
         options.add(commands)
     return parser
 

@@ -1,0 +1,88 @@
+"""`wallride foxglove`: a car's topics live for Foxglove, Lichtblick and PlotJuggler, the very bytes from zenoh.
+
+A program of its own, a client like any other; it can only show, never drive: what viewers publish is not accepted.
+A topic is asked of the car when the first viewer wants it, because a car writes only what somebody hears.
+"""
+
+import argparse
+import asyncio
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import foxglove
+from foxglove.websocket import ServerListener, WebSocketServer
+
+from clients.connection import ConnectionProblemError, connected
+from runtime import wire
+from runtime.bus import Bus
+from runtime.recording.channels import STRING, schema_text, text
+from runtime.ros.definitions import SCHEMA_ENCODING, TYPES
+
+if TYPE_CHECKING:
+    from foxglove.websocket import ChannelView, Client
+
+TEXTS = (wire.STATUS, wire.DECISION)
+"""JSON on zenoh; std_msgs/String here, as in a recording, so that one layout fits both."""
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+
+
+class Gate(ServerListener):
+    """Tells the loop which topic a viewer wants; the server calls in a thread of its own."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, wanted: Callable[[str], None]) -> None:
+        self._loop = loop
+        self._wanted = wanted
+
+    def on_subscribe(self, client: "Client", channel: "ChannelView") -> None:  # noqa: ARG002 - whoever it is
+        """Ask the car for it."""
+        self._loop.call_soon_threadsafe(self._wanted, channel.topic.removeprefix("/"))
+
+
+class Show:
+    """Channels of one car. Every topic is offered at once; bytes flow for those that somebody looks at."""
+
+    def __init__(self, bus: Bus, car: str) -> None:
+        self.context = foxglove.Context()
+        self.shown: set[str] = set()
+        self._bus = bus
+        self._car = car
+        types = {**TYPES, **dict.fromkeys(TEXTS, STRING)}
+        self._channels: Mapping[str, Any] = {topic: self._channel(topic, schema) for topic, schema in types.items()}
+
+    def show(self, topic: str) -> None:
+        """Begin to show a topic; harmless when it is shown already or is none of the car's."""
+        channel = self._channels.get(topic)
+        if channel is None or topic in self.shown:
+            return
+        self.shown.add(topic)
+        wrap = text if topic in TEXTS else bytes
+        self._bus.subscribe(wire.key(self._car, topic), lambda _key, payload, _arrival_s: channel.log(wrap(payload)))
+
+    def _channel(self, topic: str, schema: str) -> foxglove.Channel:
+        described = foxglove.Schema(name=schema, encoding=SCHEMA_ENCODING, data=schema_text(schema).encode())
+        return foxglove.Channel(f"/{topic}", message_encoding="cdr", schema=described, context=self.context)
+
+
+async def run(options: argparse.Namespace) -> int:
+    """Serve until interrupted; options as of `wallride.foxglove_options`."""
+    async with connected(options) as (bus, car):
+        show = Show(bus, car)
+        server = _serve(show, car, options)
+        options.say(f"{car}: open ws://{options.host}:{server.port} in Foxglove, Lichtblick or PlotJuggler")
+        if options.host not in LOOPBACK:
+            options.say("anyone who reaches this address can watch: this server knows no passwords")
+        try:
+            await asyncio.get_running_loop().create_future()
+        finally:
+            server.stop()
+    return 0
+
+
+def _serve(show: Show, car: str, options: argparse.Namespace) -> WebSocketServer:
+    gate = Gate(asyncio.get_running_loop(), show.show)
+    try:
+        return foxglove.start_server(
+            name=car, host=options.host, port=options.port, context=show.context, server_listener=gate, capabilities=[]
+        )
+    except (OSError, RuntimeError, ValueError) as error:
+        raise ConnectionProblemError(f"cannot serve on {options.host}:{options.port}: {error} (--port)") from None

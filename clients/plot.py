@@ -1,0 +1,151 @@
+"""`wallride plot`: numbers of a car's topics as curves in this terminal, live, for those on ssh."""
+
+import argparse
+import asyncio
+import math
+import shutil
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from clients.connection import ConnectionProblemError, connected
+from clients.decoding import UnreadableError, decode
+from clients.topics import split_topic
+from runtime import wire
+
+FIELDS: Mapping[str, str] = MappingProxyType(
+    {
+        wire.DISTANCE_ERROR: "data",
+        wire.OUTPUT: "drive.speed",
+        wire.NAVIGATION: "drive.speed",
+        wire.SAFETY: "drive.speed",
+        wire.TELEOP: "drive.speed",
+        wire.ODOM: "twist.twist.linear.x",
+        wire.MOTOR: "velocity.0",
+        wire.BATTERY: "voltage",
+        wire.IMU: "angular_velocity.z",
+        wire.STATUS: "scan_to_motor_ms.p99",
+        wire.DECISION: "allowed_mps",
+        wire.BEAT: "speed_mps",
+    }
+)
+"""What a topic is plotted for where nobody says otherwise."""
+REFRESH_S = 0.25
+MOST_POINTS = 4000
+LEAST_ROWS = 7
+CLEAR_SCREEN = "\x1b[H\x1b[2J"
+HOME = "\x1b[H"
+
+
+@dataclass(slots=True)
+class Curve:
+    """One number of one topic over time. trouble: why there is none, "" while there is."""
+
+    topic: str
+    path: str
+    points: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=MOST_POINTS))
+    trouble: str = "nothing heard yet"
+
+    def hear(self, payload: bytes, arrival_s: float) -> None:
+        """Take in one message."""
+        try:
+            value = number_at(decode(self.topic, payload), self.path)
+        except (UnreadableError, LookupError) as error:
+            self.trouble = str(error.args[0])
+            return
+        self.trouble = ""
+        self.points.append((arrival_s, value))
+
+    @property
+    def title(self) -> str:
+        """Name and newest value."""
+        if self.trouble:
+            return f"{self.topic}: {self.trouble}"
+        return f"{self.topic}:{self.path}  {self.points[-1][1]:.4g}"
+
+
+def curve_of(text: str, car: str | None) -> tuple[str | None, Curve]:
+    """Return car and curve for what a person writes: `scan`-like topic names, `:` and a field."""
+    name, _, path = text.partition(":")
+    car, topic = split_topic(name, car)
+    path = path or FIELDS.get(topic, "")
+    if not path:
+        raise ConnectionProblemError(
+            f"{topic} has no number of its own: name a field, for example {topic}:header.stamp.sec"
+        )
+    return car, Curve(topic, path)
+
+
+def number_at(message: Mapping[str, Any], path: str) -> float:
+    """Return the number behind a path such as `velocity.0`; LookupError with the remedy. null is NaN."""
+    value: Any = message
+    for part in path.split("."):
+        if isinstance(value, Mapping) and part in value:
+            value = value[part]
+        elif isinstance(value, list) and part.isdigit() and int(part) < len(value):
+            value = value[int(part)]
+        else:
+            known = ", ".join(value) if isinstance(value, Mapping) else "a number from 0" if value else "nothing"
+            raise LookupError(f"has no {part} in {path}; there is {known}")
+    if value is None:
+        return math.nan
+    if not isinstance(value, bool | int | float):
+        raise LookupError(f"{path} is no number")  # noqa: TRY004 - as for a field that is not there
+    return float(value)
+
+
+def drawing(curves: Sequence[Curve], now_s: float, past_s: float, size: tuple[int, int]) -> str:
+    """Return the curves one below the other as text of so many columns and rows."""
+    from plotext import figure  # type: ignore[import-untyped]
+
+    columns, rows = size
+    figure.clear()
+    if len(curves) > 1:
+        figure.subplots(len(curves), 1)
+    figure.plot_size(columns, max(rows, LEAST_ROWS * len(curves)))
+    figure.theme("colorless")
+    for place, curve in enumerate(curves, 1):
+        plot = figure.subplot(place, 1) if len(curves) > 1 else figure
+        plot.title(curve.title)
+        plot.ruler("x").lim(-past_s, 0)
+        points = [
+            (at_s - now_s, value) for at_s, value in curve.points if now_s - at_s <= past_s and math.isfinite(value)
+        ]
+        if points:
+            plot.draw(plot.signal([at_s for at_s, _ in points], [value for _, value in points], marker="braille"))
+    return str(figure.build())
+
+
+async def run(options: argparse.Namespace) -> int:
+    """Draw until interrupted; options as of `wallride.report_options`."""
+    curves = []
+    for text in options.topics:
+        options.car, curve = curve_of(text, options.car)
+        curves.append(curve)
+    async with connected(options) as (bus, car):
+        for topic in dict.fromkeys(curve.topic for curve in curves):
+            bus.subscribe(wire.key(car, topic), _all([curve for curve in curves if curve.topic == topic]))
+        if options.once:
+            await asyncio.sleep(options.seconds)
+            options.say(_screen(curves, options.seconds))
+            return 0
+        options.say(CLEAR_SCREEN, end="")
+        while True:
+            options.say(HOME + _screen(curves, options.seconds), end="")
+            await asyncio.sleep(REFRESH_S)
+
+
+def _all(curves: Sequence[Curve]) -> Callable[[str, bytes, float], None]:
+    def hear(_: str, payload: bytes, arrival_s: float) -> None:
+        for curve in curves:
+            curve.hear(payload, arrival_s)
+
+    return hear
+
+
+def _screen(curves: Sequence[Curve], past_s: float) -> str:
+    columns, rows = shutil.get_terminal_size((100, 30))
+    return drawing(curves, time.monotonic(), past_s, (columns, rows - 1))

@@ -1,0 +1,150 @@
+"""`wallride replay`: decide a recording once more and compare, or play it onto the air."""
+
+import argparse
+import json
+import logging
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from sim.replay.drive_log import DriveLog, is_mcap, read_log
+from sim.replay.opening import open_any
+from sim.replay.reenact import Verdict, reenact
+from sim.run_report.figures import numbers, stops
+from sim.run_report.run import Run, run_of
+
+SAME, DIFFERS = 0, 1
+SHOWN_STOPS = 30
+
+
+def run(options: argparse.Namespace) -> int:
+    """Replay; 0 when every decision is the same (or the laws have spoken), 1 at a difference.
+
+    RecordingError or SettingsError when there is nothing to replay.
+    """
+    logging.getLogger("wallride").setLevel(logging.ERROR)  # the mux's words would be those of the past
+    if options.publish:
+        from sim.replay import publish
+
+        return publish.play(options)
+    console = Console(highlight=False, markup=False, soft_wrap=True)
+    path: Path = options.file
+    if path.is_file() and is_mcap(path) and (log := read_log(path)).is_ours:
+        return _again(log, options, console)
+    return _by_our_laws(options, console)
+
+
+def _again(log: DriveLog, options: argparse.Namespace, console: Console) -> int:
+    verdict = reenact(log, options.assignments)
+    if _write(as_plain(log.name, verdict), options.json):
+        return SAME if verdict.first is None else DIFFERS
+    for note in verdict.notes:
+        console.print(f"note: {note}", style="dim")
+    what = f"{verdict.decisions} decisions and {verdict.answers} answers over {verdict.duration_s:.1f} s"
+    if verdict.first is None:
+        how = "identical" if verdict.exact else "the same as far as they can be compared"
+        console.print(f"{log.name}: {what}: {how}")
+        return SAME
+    console.print(f"{log.name}: {what}: {verdict.differing} decisions differ")
+    console.print(f"first difference: {verdict.first.sentence()}", style="bold")
+    for difference in verdict.differences[1:]:
+        if difference.scan == verdict.first.scan:
+            console.print(f"             also: {difference.sentence()}")
+    if verdict.largest_mps:
+        console.print(f"largest difference of an allowed speed: {verdict.largest_mps:.3f} m/s", style="dim")
+    return DIFFERS
+
+
+def as_plain(name: str, verdict: Verdict) -> dict[str, Any]:
+    """Return a verdict for programs."""
+    return {
+        "name": name,
+        "identical": verdict.first is None,
+        "exact": verdict.exact,
+        "decisions": verdict.decisions,
+        "answers": verdict.answers,
+        "scans": verdict.scans,
+        "duration_s": verdict.duration_s,
+        "differing_decisions": verdict.differing,
+        "largest_speed_difference_mps": verdict.largest_mps,
+        "differences": [
+            {
+                "scan": found.scan,
+                "time_s": found.time_s,
+                "what": found.what,
+                "recorded": _finite(found.recorded),
+                "replayed": _finite(found.replayed),
+            }
+            for found in verdict.differences
+        ],
+        "notes": verdict.notes,
+    }
+
+
+def _by_our_laws(options: argparse.Namespace, console: Console) -> int:
+    opened = open_any(options.file, options.assignments, options.topic)
+    told = run_of(opened.log)
+    figures = numbers(told)
+    found = [
+        {"from_s": stop.from_s, "until_s": _finite(stop.until_s), "by": stop.winner, "reason": stop.reason,
+         "measure": _finite(stop.measure), "also": list(stop.also), "speed_mps": _finite(stop.speed_mps)}
+        for stop in stops(told)
+    ]  # fmt: skip
+    if _write({**figures, "stopped": found, "notes": list(told.notes)}, options.json):
+        return SAME
+    for note in told.notes:
+        console.print(f"note: {note}", style="dim")
+    _tell(console, told, figures)
+    return SAME
+
+
+def _tell(console: Console, told: Run, figures: Mapping[str, Any]) -> None:
+    error = figures["distance_error"]
+    side, wanted_m = figures["side"], figures["desired_distance_m"]
+    seen = len([value for value in told.error.value if math.isfinite(value)])
+    console.print(f"{told.name}: {figures['scans']} scans, {figures['duration_s']:.1f} s, by our laws", style="bold")
+    console.print(
+        f"{side} wall seen in {seen} scans; from the wanted {wanted_m:g} m the car was off by"
+        f" {_metres(error['mean_abs_m'])} on average, {_metres(error['rms_m'])} RMS"
+    )
+    found = stops(told)
+    table = Table("at s", "for s", "by", "why", "the car drove", title=f"they would have stopped it {len(found)} times")
+    for stop in found[:SHOWN_STOPS]:
+        lasted = f"{stop.until_s - stop.from_s:.2f}" if math.isfinite(stop.until_s) else "to the end"
+        measure = f" ({stop.measure:.2f})" if math.isfinite(stop.measure) else ""
+        table.add_row(f"{stop.from_s:.2f}", lasted, stop.winner, stop.reason + measure, f"{stop.speed_mps:.2f} m/s")
+    if found:
+        console.print(table)
+    if len(found) > SHOWN_STOPS:
+        console.print(f"and {len(found) - SHOWN_STOPS} more: wallride report has them all")
+    caps = [change for change in told.changes if change.winner == "safety" and change.allowed_mps != 0]
+    if caps:
+        console.print(f"and slowed it {len(caps)} times: {', '.join(dict.fromkeys(cap.reason for cap in caps))}")
+    if not found and not caps:
+        console.print("they would have let it drive")
+
+
+def _write(answer: Mapping[str, Any], target: str | None) -> bool:
+    """Write JSON where it is wanted; True when it is all that is wanted."""
+    if target is None:
+        return False
+    text = json.dumps(answer, indent=2) + "\n"
+    if target == "-":
+        print(text, end="")  # noqa: T201 - this is the command's answer
+        return True
+    Path(target).write_text(text)
+    return False
+
+
+def _metres(value: float | None) -> str:
+    return "an unknown distance" if value is None else f"{value:.3f} m"
+
+
+def _finite(value: object) -> object:
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if value is None or isinstance(value, str | int | bool) else str(value)

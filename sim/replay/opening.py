@@ -1,0 +1,31 @@
+"""Any recording as a log of the car's own topics: ours as it is, another's with what our laws say to it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from sim.recordings import load_recording
+from sim.replay.drive_log import DriveLog, is_mcap, read_log
+from sim.replay.foreign import drive_recording, settings_for
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """ours: whether the car that is told of was driven by us."""
+
+    log: DriveLog
+    ours: bool
+
+
+def open_any(path: Path, assignments: Sequence[str] = (), topic: str | None = None) -> Opened:
+    """Return what a file holds; assignments and topic are for recordings of others.
+
+    RecordingError when nothing can be read, SettingsError when an assignment is unusable.
+    """
+    if path.is_file() and is_mcap(path):
+        log = read_log(path)
+        if log.is_ours:
+            return Opened(log, ours=True)
+    recording = load_recording(path, topic)
+    settings, notes = settings_for(recording, assignments)
+    return Opened(drive_recording(recording, settings, notes), ours=False)

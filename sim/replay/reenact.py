@@ -1,0 +1,281 @@
+"""Our own recording, decided once more by the same code, and compared decision by decision.
+
+What came from outside is taken from the tape: scans, motor states, the words of people, whether the motor was there,
+and every answer that the clock gave. What the laws, the mux and the limiter make of it is computed anew. The recorded
+car does not follow what is replayed: after a first difference the two are two answers to the same question.
+"""
+
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from drivers.api import Scan
+from runtime import wire
+from runtime.command import Output, Source
+from runtime.control.guidance import Guidance
+from runtime.queues import NEVER_S
+from runtime.recording.channels import TAPE
+from runtime.recording.tape import LAWS, Event, Followed, Looked, Scanned, Stepped, Tuned
+from runtime.recording.tape_codec import TapeError, decode
+from runtime.settings import Settings
+from sim.recordings import RecordingError
+from sim.replay import difference
+from sim.replay.decode import decode as decode_message
+from sim.replay.difference import CLOSE, Difference
+from sim.replay.drive_log import DriveLog
+from sim.replay.settings_text import settings_of, with_assignments
+from sim.replay.stage import Stage
+
+SETTLES_S = 5.0
+"""So long after a beginning in the middle nothing is compared: what lay before is on no tape."""
+SCANS_KEPT = 8
+FIRST_SHOWN = 20
+
+
+@dataclass(slots=True)
+class Verdict:
+    """What a replay found. differing: decisions that came out otherwise; differences: the first of them.
+
+    exact: whether values had to agree to the last bit. notes: what the tape lacks, in sentences.
+    """
+
+    decisions: int = 0
+    answers: int = 0
+    differing: int = 0
+    scans: int = 0
+    duration_s: float = 0.0
+    exact: bool = True
+    differences: list[Difference] = field(default_factory=list)
+    largest_mps: float = 0.0
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def first(self) -> Difference | None:
+        """The first difference, None when all is the same."""
+        return self.differences[0] if self.differences else None
+
+
+def events_of(log: DriveLog) -> list[Event]:
+    """Return the tape of a recording in order; RecordingError when it has none that can be read."""
+    events: list[Event] = []
+    unreadable = 0
+    reason = ""
+    for message in log.of(TAPE):
+        try:
+            events += decode(message.payload)
+        except TapeError as error:
+            unreadable, reason = unreadable + 1, str(error)
+    if unreadable and not events:
+        raise RecordingError(f"{log.name}: {reason}.")
+    if not events:
+        raise RecordingError(
+            f"{log.name} has no tape (topic {TAPE}), only what was shown:"
+            " it can be published and reported, not replayed."
+        )
+    if unreadable:
+        log.notes.append(f"{unreadable} pieces of tape cannot be read ({reason}).")
+    return sorted(events, key=lambda event: event.number)
+
+
+def reenact(log: DriveLog, assignments: Sequence[str] = ()) -> Verdict:
+    """Decide a recording once more, with other settings where they are assigned.
+
+    SettingsError when an assignment is unusable, RecordingError when there is nothing to decide.
+    """
+    events = events_of(log)
+    return _Reenactment(log, events, assignments).run()
+
+
+class _Script:
+    """The clock's answers during one event; what is asked beyond them gets the last one again."""
+
+    def __init__(self) -> None:
+        self._answers: deque[float] = deque()
+        self.now_s = 0.0
+
+    def begin(self, times_s: Sequence[float]) -> None:
+        self._answers = deque(times_s)
+        if times_s:
+            self.now_s = times_s[0]
+
+    def __call__(self) -> float:
+        if self._answers:
+            self.now_s = self._answers.popleft()
+        return self.now_s
+
+
+class _Reenactment:
+    def __init__(self, log: DriveLog, events: Sequence[Event], assignments: Sequence[str]) -> None:
+        self._events = events
+        self._assignments = assignments
+        self._ranges = _Ranges(log)
+        self._clock = _Script()
+        self._zero_s = _first_time_s(events)
+        self._verdict = Verdict(notes=[*log.notes, *_other_version(log)])
+        first = next((event.settings for event in events if isinstance(event, Tuned)), None)
+        if first is None and not log.settings_text:
+            self._verdict.notes.append("its settings were not recorded: the defaults are taken.")
+        settings = self._settings(first) if first is not None else settings_of(log, assignments)
+        self._stage = Stage(settings, self._zero_s, self._clock)
+        self._scans: dict[int, Scan] = {}
+        self._latest = -1
+        self._adopts = True
+        self._settled_s = self._zero_s
+
+    def run(self) -> Verdict:
+        expected = 0
+        for event in self._events:
+            if event.number > expected:
+                self._gap(event.number - expected)
+            expected = event.number + 1
+            self._play(event)
+        verdict = self._verdict
+        verdict.duration_s = self._clock.now_s - self._zero_s
+        if self._ranges.missing:
+            verdict.notes.append(
+                f"{self._ranges.missing} scans that the laws saw are not in the recording: they could not be replayed."
+            )
+        return verdict
+
+    def _play(self, event: Event) -> None:
+        match event:
+            case Scanned():
+                self._deliver(event)
+            case Looked():
+                if (scan := self._scans.get(event.sequence)) is not None:
+                    self._clock.begin(event.times_s)
+                    self._stage.look(scan, event.motor)
+            case Followed():
+                if (scan := self._scans.get(event.sequence)) is not None:
+                    self._clock.begin(event.times_s)
+                    self._compare_guidance(event, self._stage.follow(scan, event.motor))
+            case Stepped():
+                self._step(event)
+            case Tuned():
+                self._stage.apply(self._settings(event.settings))
+
+    def _deliver(self, event: Scanned) -> None:
+        ranges_m = self._ranges.of(event.sequence, event.beams)
+        if ranges_m is None:
+            return
+        self._verdict.scans += 1
+        self._latest = event.sequence
+        self._scans[event.sequence] = event.scan(ranges_m)
+        if len(self._scans) > SCANS_KEPT:
+            del self._scans[next(iter(self._scans))]
+
+    def _step(self, event: Stepped) -> None:
+        """Decide under the words that others had in force; they are input, whatever their expiry was."""
+        stage = self._stage
+        for source in Source:
+            if source in LAWS:
+                continue
+            if source not in event.live:
+                stage.voices.silence(source)
+            elif (word := event.words.get(source)) is not None:
+                stage.voices.say(word, expires_at_s=NEVER_S)
+        # Whoever measures how long a decision takes has asked the clock before it.
+        own = event.times_s.index(event.output.stamp_s) if event.output.stamp_s in event.times_s else 0
+        self._clock.begin(event.times_s[own:])
+        output = stage.step(delivered=event.output.delivered)
+        if self._adopts:  # what was sent before is not on the tape, and the limiter goes on from it
+            self._adopts = False
+            stage.adopt(event.output.drive)
+            if not event.output.delivered:
+                stage.limiter.standstill()
+            return
+        self._compare_output(event, output)
+
+    def _compare_output(self, event: Stepped, output: Output) -> None:
+        verdict = self._verdict
+        verdict.decisions += 1
+        if event.output.stamp_s < self._settled_s:
+            return
+        found = list(difference.outputs(event.output, output, self._allowed))
+        if found:
+            verdict.differing += 1
+            gap_mps = abs(event.output.decision.speed_mps - output.decision.speed_mps)
+            verdict.largest_mps = max(verdict.largest_mps, gap_mps)
+        self._note(event.output.stamp_s, found)
+
+    def _compare_guidance(self, event: Followed, guidance: Guidance) -> None:
+        self._verdict.answers += 1
+        scan = self._scans[event.sequence]
+        if scan.received_s >= self._settled_s:
+            self._note(scan.received_s, list(difference.guidances(event.guidance, guidance, self._allowed)))
+
+    def _note(self, time_s: float, found: Sequence[tuple[str, object, object]]) -> None:
+        room = FIRST_SHOWN - len(self._verdict.differences)
+        for what, recorded, replayed in found[: max(0, room)]:
+            difference_ = Difference(time_s - self._zero_s, self._latest, what, recorded, replayed)
+            self._verdict.differences.append(difference_)
+
+    @property
+    def _allowed(self) -> float:
+        return 0.0 if self._verdict.exact else CLOSE
+
+    def _gap(self, missing: int) -> None:
+        self._verdict.exact = False
+        if self._latest < 0:
+            self._verdict.notes.append(
+                "the recording begins while the car was running: what the laws had learnt before is unknown, so the"
+                f" first {SETTLES_S:g} s are not compared, and values may differ by {CLOSE:g}."
+            )
+            self._settled_s = self._zero_s + SETTLES_S
+        else:
+            self._verdict.notes.append(f"{missing} events are missing after scan {self._latest}.")
+            self._settled_s = self._clock.now_s + SETTLES_S
+        self._adopts = True
+
+    def _settings(self, tree: Any) -> Settings:  # noqa: ANN401 - plain values as recorded
+        try:
+            settings = Settings.model_validate(tree)
+        except ValidationError as error:
+            raise RecordingError(
+                f"its settings are those of another version ({error.error_count()} do not fit):"
+                " replay it with the version that recorded it."
+            ) from None
+        return with_assignments(settings, self._assignments)
+
+
+class _Ranges:
+    """The recorded scans by their numbers, decoded when they are wanted. missing: how many were wanted in vain."""
+
+    def __init__(self, log: DriveLog) -> None:
+        self._messages = {message.sequence: message for message in log.of(wire.SCAN)}
+        self.missing = 0
+
+    def of(self, sequence: int, beams: int) -> "np.ndarray[Any, np.dtype[np.float32]] | None":
+        message = self._messages.get(sequence)
+        if message is None:
+            self.missing += 1
+            return None
+        ranges_m = np.array(decode_message(message).ranges, np.float32)
+        if ranges_m.size != beams:
+            self.missing += 1
+            return None
+        ranges_m.setflags(write=False)
+        return ranges_m
+
+
+def _other_version(log: DriveLog) -> list[str]:
+    """Return a sentence where another version decided than the one that replays."""
+    recorded, ours = log.fact("version"), version("wallride")
+    return [f"recorded by wallride {recorded}, replayed by {ours}."] if recorded not in {"", ours} else []
+
+
+def _first_time_s(events: Sequence[Event]) -> float:
+    return next(_times(events), 0.0)
+
+
+def _times(events: Sequence[Event]) -> Iterator[float]:
+    for event in events:
+        if isinstance(event, Stepped):
+            yield event.output.stamp_s
+        elif isinstance(event, Scanned):
+            yield event.received_s

@@ -1,0 +1,52 @@
+"""`wallride report`: from a recording to its page and its numbers."""
+
+import argparse
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from sim.recordings import RecordingError
+from sim.replay.opening import Opened, open_any
+from sim.run_report.figures import numbers, truth_of
+from sim.run_report.page import page
+from sim.run_report.run import run_of
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the page; RecordingError or SettingsError when there is nothing to write it from."""
+    target: Path = options.output or Path(f"{Path(options.file).stem}.html")
+    _check(target)
+    opened: Opened = open_any(options.file, options.assignments, options.topic)
+    told = run_of(opened.log)
+    figures = numbers(told)
+    text = page(told, figures, _truth(options.file, options.summary))
+    target.write_text(text, encoding="utf-8")
+    if options.json is not None:
+        words = json.dumps(figures, indent=2) + "\n"
+        if options.json == "-":
+            print(words, end="")  # noqa: T201 - this is the command's answer
+        else:
+            Path(options.json).write_text(words)
+    else:
+        print(f"{target}: {len(text) / 1000:.0f} kB")  # noqa: T201
+    return 0
+
+
+def _truth(file: Path, summary: Path | None) -> Mapping[str, Any] | None:
+    """Return the simulator's figures: of the file named, or of the one beside the recording."""
+    path = summary or file.with_suffix(".summary.json")
+    if summary is None and not path.is_file():
+        return None
+    try:
+        found = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise RecordingError(f"{path} is no summary of `wallride sim --json` ({error}).") from None
+    if not isinstance(found, dict):
+        raise RecordingError(f"{path} is no summary of `wallride sim --json`.")
+    return truth_of(found)
+
+
+def _check(target: Path) -> None:
+    if target.is_dir() or not target.absolute().parent.is_dir():
+        raise RecordingError(f"{target} cannot be written: name a file in a folder that is there.")

@@ -1,0 +1,87 @@
+"""What happened: the table of the stops, and the scan at each event."""
+
+import math
+from collections.abc import Sequence
+from html import escape
+
+import numpy as np
+
+from sim.pose import Floats
+from sim.run_report.above import Above, from_above
+from sim.run_report.figures import Stop, newest_change, points, slowed
+from sim.run_report.run import Change, Run
+
+MOST_CARDS = 40
+CARD_PX, CARD_M = 250, 4.0
+SAME_EVENT_S = 0.5
+NOT_KNOWN = "–"
+
+
+def stops_table(found: Sequence[Stop], run: Run) -> str:
+    """Return when, for how long, by whom and why the car was told to stand."""
+    if not found:
+        return "<p>The car was never told to stop.</p>"
+    rows = []
+    for number, stop in enumerate(found, 1):
+        lasted = f"{stop.until_s - stop.from_s:.2f} s" if math.isfinite(stop.until_s) else "to the end"
+        also = f' <span class="also">then: {escape(", ".join(stop.also))}</span>' if stop.also else ""
+        rows.append(
+            f"<tr><td>{number}</td><td>{stop.from_s:.2f} s</td><td>{lasted}</td><td>{escape(stop.winner)}</td>"
+            f"<td>{escape(stop.reason)}{_measure(stop.measure)}{also}</td>"
+            f"<td>{text(stop.speed_mps, 'm/s', 2)}</td></tr>"
+        )
+    slower = len(slowed(run))
+    heads = "".join(f"<th>{name}</th>" for name in ("", "at", "for", "by", "why", "from"))
+    more = f"<p>Besides, the car was made slower {slower} times without a stop.</p>" if slower else ""
+    return f"<table><thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table>{more}"
+
+
+def cards(run: Run, found: Sequence[Stop]) -> str:
+    """Return a picture of the scan at every stop and other decision, forward up."""
+    if not run.scans:
+        return '<p class="nothing">no scan was recorded</p>'
+    events: list[tuple[float, str, Change | None]] = [
+        (stop.from_s, f"stop {number}", newest_change(run, stop.from_s)) for number, stop in enumerate(found, 1)
+    ]
+    events += [(change.time_s, "decision", change) for change in _apart(run, found)]
+    events.sort(key=lambda event: (event[1] == "decision", event[0]))
+    shown = sorted(events[:MOST_CARDS], key=lambda event: event[0])
+    more = f"<p>{len(events) - len(shown)} more events are not drawn.</p>" if len(events) > len(shown) else ""
+    drawn = "".join(_card(run, *event) for event in shown)
+    return f'<div class="cards">{drawn}</div>{more}' if drawn else "<p>Nothing but navigation ever decided.</p>"
+
+
+def _apart(run: Run, found: Sequence[Stop]) -> list[Change]:
+    """Return the other decisions that are worth a picture: not of navigation, and not one more of the same moment."""
+    kept: list[Change] = []
+    for change in run.changes:
+        at_stop = any(abs(change.time_s - stop.from_s) < SAME_EVENT_S for stop in found)
+        again = kept and change.winner == kept[-1].winner and change.time_s - kept[-1].time_s < SAME_EVENT_S
+        if change.winner != "navigation" and not at_stop and not again:
+            kept.append(change)
+    return kept
+
+
+def _card(run: Run, time_s: float, what: str, change: Change | None) -> str:
+    message, car = run.scan_at(time_s), run.settings.car
+    if message is None:
+        return ""
+    x_m, y_m = points(message, car)
+    # Seen from behind: forward is up.
+    sides = ((car.half_width_m, car.front_m), (car.half_width_m, -car.rear_m))
+    outline_m = (*sides, *((-aside_m, along_m) for aside_m, along_m in reversed(sides)))
+    nothing: Floats = np.empty(0)
+    drawing = from_above(Above(-y_m, x_m, nothing, nothing, (), outline_m), CARD_PX, tallest=CARD_PX, around_m=CARD_M)
+    why = f"{change.winner}: {change.reason}{_measure(change.measure)}" if change is not None else "not recorded"
+    return f"<figure>{drawing}<figcaption><b>{escape(what)}</b>, {time_s:.2f} s<br>{escape(why)}</figcaption></figure>"
+
+
+def _measure(measure: float) -> str:
+    return f" ({measure:.2f})" if math.isfinite(measure) else ""
+
+
+def text(value: object, unit: str, digits: int = 3) -> str:
+    """Return a number with its unit, a dash where there is none."""
+    if not isinstance(value, int | float) or not math.isfinite(value):
+        return NOT_KNOWN
+    return f"{value:.{digits}f} {unit}"

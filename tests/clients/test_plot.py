@@ -1,0 +1,121 @@
+"""Curves in the terminal: which number is meant, what is drawn, and what is said when there is none."""
+
+import argparse
+import asyncio
+import math
+
+import pytest
+
+from clients import plot
+from clients.connection import ConnectionProblemError
+from clients.plot import Curve, curve_of, drawing, number_at
+from runtime import wire, zenoh_config
+from runtime.bus import Bus, free_endpoint
+from runtime.ros.definitions import encoding
+from runtime.ros.messages import ackermann, float32
+
+STATUS = wire.encode({"scan_to_motor_ms": {"p99": 2.5}, "speed_mps": None, "state": "driving"})
+
+
+@pytest.mark.parametrize(
+    ("text", "car", "topic", "path"),
+    [
+        ("distance_error", None, "distance_error", "data"),
+        ("motor", None, "motor", "velocity.0"),
+        ("status:battery.voltage_v", None, "status", "battery.voltage_v"),
+        ("wallride/car7/odom", "car7", "odom", "twist.twist.linear.x"),
+    ],
+)
+def test_what_a_person_writes_names_a_number(text, car, topic, path):
+    found_car, curve = curve_of(text, None)
+    assert (found_car, curve.topic, curve.path) == (car, topic, path)
+
+
+@pytest.mark.parametrize(("text", "words"), [("scan", "name a field"), ("sped", "is not a topic")])
+def test_what_has_no_number_is_refused_with_the_remedy(text, words):
+    with pytest.raises(ConnectionProblemError, match=words):
+        curve_of(text, None)
+
+
+def test_a_path_leads_through_names_and_places():
+    message = {"a": {"b": [1, 2.5, True]}, "none": None}
+    assert number_at(message, "a.b.1") == 2.5
+    assert number_at(message, "a.b.2") == 1.0
+    assert math.isnan(number_at(message, "none"))
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ("a.c", "there is b"),
+        ("a.b.3", "there is a number from 0"),
+        ("a.b", "is no number"),
+        ("z", "there is a, none"),
+    ],
+)
+def test_a_path_that_leads_nowhere_says_what_is_there(path, words):
+    with pytest.raises(LookupError) as refused:
+        number_at({"a": {"b": [1, 2]}, "none": None}, path)
+    assert words in refused.value.args[0]
+
+
+def test_messages_become_points_and_trouble_is_shown():
+    error, status, bad = (
+        Curve("distance_error", "data"),
+        Curve("status", "scan_to_motor_ms.p99"),
+        Curve("status", "state"),
+    )
+    error.hear(float32(-0.25), 10.0)
+    status.hear(STATUS, 10.0)
+    bad.hear(STATUS, 10.0)
+    error.hear(b"\x00", 11.0)
+    assert list(error.points) == [(10.0, -0.25)]
+    assert "distance_error" in error.title
+    assert status.title == "status:scan_to_motor_ms.p99  2.5"
+    assert "is no number" in bad.title
+
+
+def test_curves_are_drawn_one_below_the_other():
+    curves = [Curve("distance_error", "data"), Curve("output", "drive.speed")]
+    for at in range(100):
+        curves[0].hear(float32(math.sin(at / 10)), at / 10)
+        curves[1].hear(ackermann(0, 1.5, 0.0), at / 10)
+    text = drawing(curves, 10.0, 10.0, (80, 30))
+    assert text.count("\n") >= 20
+    assert text.index("distance_error:data") < text.index("output:drive.speed  1.5")
+    assert sum("⠀" < character <= "⣿" for character in text) > 100
+    blank = drawing([Curve("odom", "twist.twist.linear.x")], 10.0, 10.0, (80, 10))
+    assert "nothing heard yet" in blank
+    assert not any("⠀" < character <= "⣿" for character in blank)
+
+
+def test_what_is_older_is_not_drawn():
+    curve = Curve("distance_error", "data")
+    curve.hear(float32(1.0), 0.0)
+    assert not any("⠀" < character <= "⣿" for character in drawing([curve], 100.0, 20.0, (80, 10)))
+
+
+async def test_it_draws_a_car_on_the_air():
+    endpoint = free_endpoint()
+    car = Bus(zenoh_config.car_config([endpoint], None, (), "car1"))
+    car.announce(wire.key("car1", wire.ALIVE))
+    await car.open()
+    said = []
+    options = argparse.Namespace(
+        topics=["distance_error"], seconds=1.0, once=True, car=None, connect=endpoint, keys=None,
+        say=lambda text, end="\n": said.append(text),
+    )  # fmt: skip
+    key = wire.key("car1", wire.DISTANCE_ERROR)
+
+    async def speak():
+        while True:
+            car.put(key, float32(0.5), encoding=encoding(wire.DISTANCE_ERROR))
+            await asyncio.sleep(0.02)
+
+    speaking = asyncio.create_task(speak())
+    try:
+        assert await plot.run(options) == 0
+    finally:
+        speaking.cancel()
+        await car.close()
+    assert "distance_error:data  0.5" in said[0]

@@ -1,0 +1,149 @@
+"""Drives of the whole process in virtual time, written down as the recorder does: for tests of whatever reads them."""
+
+import argparse
+import asyncio
+import time
+from importlib.metadata import version
+
+from runtime import wire
+from runtime.app import Car
+from runtime.bus import free_endpoint
+from runtime.recording import channels
+from runtime.recording.channels import Message
+from runtime.recording.disk import RealDisk
+from runtime.recording.mcap_file import McapFile
+from runtime.recording.tape import Tape
+from runtime.recording.transcriber import Transcriber
+from runtime.settings import Settings
+from sim.twin_world import TwinWorld, WorldLidar, WorldMotor
+from sim.twins import MemoryBus
+from sim.virtual_time import run_virtual
+from sim.worlds import load_world
+
+SETTINGS = {"operator": {"permit": "always"}, "wall_follow": {"speed_mps": 1.5}}
+
+
+class Sink:
+    """Takes everything that telemetry says, as the recorder does; scans come by way of the tape."""
+
+    def __init__(self, file):
+        self.file = file
+
+    def wants(self, topic, *, urgent=False):
+        return topic != wire.SCAN
+
+    def take(self, topic, schema, stamp_s, payload):
+        if not channels.is_ros(topic):
+            schema, payload = channels.STRING, channels.text(payload)
+        self.file.add(Message(topic, schema, round(stamp_s * 1e9), payload))
+
+
+class Restless:
+    """A clock that is a little later at every look, as a real one is."""
+
+    def __init__(self, loop_time):
+        self.loop_time = loop_time
+        self.looks = 0
+
+    def __call__(self):
+        self.looks += 1
+        return self.loop_time() + 1e-7 * self.looks
+
+
+def record(path, *, world="loop", seconds=6.0, events=(), obstacles=(), sections=None, start=None, forgets=0):
+    """Drive and write it down; returns the car and its world.
+
+    events are (time, function of the car). forgets: so many events behind the settings are not on the tape.
+    """
+    settings = Settings.model_validate({**SETTINGS, **(sections or {})})
+    kept = {}
+
+    async def main():
+        loop = asyncio.get_running_loop()
+        tape = Tape(Restless(loop.time), most=1_000_000)
+        twin = TwinWorld(load_world(world, side="left", seed=0), loop.time, obstacles=obstacles, start=start)
+        tape.tuned(settings)
+        motor = WorldMotor(twin, loop.time)
+        car = Car(settings, WorldLidar(twin, loop.time), motor, MemoryBus(loop.time), tape.clock)
+        epoch_ns = time.time_ns()  # as the car does; virtual time begins at 0
+        car.connect()
+        file = McapFile(path, RealDisk(), {"car": settings.car.name, "version": version("wallride")}, "wallride")
+        car.telemetry.sinks.append(Sink(file))
+        tape_over(car, tape)
+        stop = asyncio.Event()
+        for at_s, event in events:
+            loop.call_at(at_s, event, car)
+        loop.call_at(seconds, stop.set)
+        await car.drive(stop)
+        settings_first, *others = tape.drain()
+        for message in Transcriber(epoch_ns).messages([settings_first, *others[forgets:]]):
+            file.add(message)
+        file.close()
+        kept.update(car=car, twin=twin)
+
+    run_virtual(main())
+    return kept["car"], kept["twin"]
+
+
+def tape_over(car, tape):
+    """Put everything that decides on the tape."""
+    look, follow, step, say, silence = (
+        car.laws.look, car.laws.follow, car.mux.step, car.voices.say, car.voices.silence
+    )  # fmt: skip
+    apply = car.apply
+    last: list[float | None] = [None]
+
+    def taped_look(scan, motor):
+        tape.begin()
+        outlook = look(scan, motor)
+        tape.looked(scan, motor)
+        return outlook
+
+    def taped_follow(scan, motor):
+        tape.begin()
+        guidance = follow(scan, motor)
+        tape.followed(scan, motor, guidance)
+        return guidance
+
+    def taped_step():
+        tape.begin()
+        output = step()
+        elapsed_s = output.stamp_s - last[0] if last[0] is not None else 0.0
+        last[0] = output.stamp_s
+        tape.stepped(elapsed_s, car.voices.live(), output)
+        return output
+
+    def taped_say(word, *, expires_at_s=float("inf")):
+        say(word, expires_at_s=expires_at_s)
+        tape.said(word, expires_at_s)
+
+    def taped_silence(source):
+        silence(source)
+        tape.silenced(source)
+
+    def taped_apply(settings, changed):
+        apply(settings, changed)
+        tape.tuned(settings)
+
+    car.laws.look, car.laws.follow, car.mux.step = taped_look, taped_follow, taped_step
+    car.voices.say, car.voices.silence = taped_say, taped_silence
+    car.apply = taped_apply
+    put = car.lidar.run
+
+    async def run(on_scan):
+        def deliver(scan):
+            tape.scanned(scan)
+            on_scan(scan)
+
+        await put(deliver)
+
+    car.lidar.run = run
+
+
+def options(file, **changes):
+    """Return what a command line would say."""
+    values = {
+        "file": file, "assignments": [], "topic": None, "car": None, "speed": 50.0, "loop": False, "begin_s": 0.0,
+        "listen": free_endpoint(),
+    }  # fmt: skip
+    return argparse.Namespace(**{**values, **changes})

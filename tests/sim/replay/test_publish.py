@@ -1,0 +1,120 @@
+"""A recording on zenoh: heard under the car's own keys, byte for byte, and steered by questions and by keys."""
+
+import asyncio
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from clients.connection import Cars
+from runtime import wire, zenoh_config
+from runtime.bus import Bus, RefusedError, free_endpoint
+from sim.recordings import RecordingError
+from sim.replay import publish
+from sim.replay.drive_log import read_log
+from sim.replay.player import Player
+from sim.replay.publish import Broadcast
+from tests.sim.replay.recorded import options
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+async def until(condition):
+    async with asyncio.timeout(15):
+        while not condition():
+            await asyncio.sleep(0.005)
+
+
+@pytest.fixture
+async def playing(dead_end, monkeypatch):
+    """A player on the air, and a client that hears all of it."""
+    monkeypatch.setattr(publish, "single_keys", lambda: None)
+    endpoint = free_endpoint()
+    player = Player(read_log(dead_end), asyncio.get_running_loop().time, loops=True)
+    stage = Broadcast(player, "car1", endpoint)
+    task = asyncio.create_task(stage.run())
+    await until(lambda: stage.bus.is_open or task.done())
+    client = Bus(zenoh_config.client_config(endpoint, None))
+    await client.open()
+    yield player, client
+    await client.close()
+    task.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await task
+
+
+async def test_it_is_heard_as_the_car_would_be(playing, dead_end):
+    _, client = playing
+    heard = []
+    cars = Cars(client)
+    client.subscribe("wallride/car1/*", lambda key, payload, _: heard.append((key, payload)))
+    await until(lambda: len({key for key, _ in heard}) >= 10)
+    recorded = {(wire.key("car1", message.topic), message.payload) for message in read_log(dead_end).messages}
+    assert set(heard) <= recorded, "the very bytes of the recording"
+    assert {wire.key("car1", topic) for topic in (wire.SCAN, wire.STATUS, wire.OUTPUT)} <= {key for key, _ in heard}
+    assert not any(key.endswith(("/tape", "/settings")) for key, _ in heard)
+    await until(lambda: "car1" in cars.names)
+
+
+async def test_questions_steer_it_and_nonsense_is_refused(playing):
+    player, client = playing
+    key = wire.key("car1", "replay")
+    (answer,) = await client.ask(key, b'{"pause": true, "seek_s": 4}', timeout_s=5)
+    assert json.loads(answer)["position_s"] == 4.0
+    assert player.paused
+    with pytest.raises(RefusedError, match="ask for"):
+        await client.ask(key, b'{"fly": 1}', timeout_s=5)
+    with pytest.raises(RefusedError):
+        await client.ask(key, b"not json", timeout_s=5)
+    (answer,) = await client.ask(key, timeout_s=5)
+    assert json.loads(answer)["paused"]
+
+
+async def test_a_standing_picture_is_sent_again_for_who_comes_late(playing):
+    player, client = playing
+    player.paused = True
+    player.seek(3.0)
+    await asyncio.sleep(0)
+    scans = []
+    client.subscribe(wire.key("car1", wire.SCAN), lambda _, payload, __: scans.append(payload))
+    await until(lambda: len(scans) >= 3)
+    assert len(set(scans)) == 1
+
+
+def test_it_ends_with_the_recording(dead_end, monkeypatch, capsys):
+    monkeypatch.setattr(publish, "single_keys", lambda: None)
+    assert publish.play(options(dead_end)) == 0
+    assert "playing car1 on tcp/127.0.0.1:" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("listen", ["tls/127.0.0.1:7447", "tcp/0.0.0.0:7447", "nonsense"])
+def test_it_is_for_this_machine_only(dead_end, listen):
+    with pytest.raises(RecordingError, match="--listen"):
+        publish.play(options(dead_end, listen=listen))
+
+
+def test_keys_work_in_a_real_terminal_and_the_terminal_is_left_as_it_was(dead_end):
+    master, slave = pty.openpty()
+    script = (
+        "import argparse; from wallride import replay_options; p = argparse.ArgumentParser();"
+        "c = p.add_subparsers(); replay_options.add(c); o = p.parse_args(); raise SystemExit(o.run(o))"
+    )
+    command = [sys.executable, "-c", script, "replay", str(dead_end), "--publish", "--listen", free_endpoint()]
+    process = subprocess.Popen(command, stdin=slave, stdout=slave, stderr=slave, cwd=ROOT)
+    os.close(slave)
+    said = b""
+    try:
+        for awaited, keys in ((b"page keys", b" \x1b[C"), (b"paused      5.0 of", b"q")):
+            while awaited not in said:
+                said += os.read(master, 4096)
+            os.write(master, keys)
+        assert process.wait(15) == 0
+    finally:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        os.close(master)

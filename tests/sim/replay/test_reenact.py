@@ -1,0 +1,159 @@
+"""The same code decides the same, to the last bit; another setting is found at the first scan that it changes."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from drivers.api import Drive
+from runtime.command import DriveWord, Source, refusal
+from runtime.recording import channels
+from runtime.recording.disk import RealDisk
+from runtime.recording.mcap_file import McapFile
+from runtime.settings import SettingsError
+from sim.recordings import RecordingError
+from sim.replay.difference import CLOSE
+from sim.replay.drive_log import read_log
+from sim.replay.reenact import reenact
+from tests.sim.replay.recorded import record
+
+
+def test_a_simulated_drive_is_decided_identically(dead_end):
+    log = read_log(dead_end)
+    reasons = {fields["reason"] for _, fields in log.json("decision")}
+    assert any("slower" in reason for reason in reasons), "a graded limit depends on the clock to the microsecond"
+    verdict = reenact(log)
+    assert verdict.exact
+    assert verdict.first is None
+    assert verdict.answers == 359
+    assert verdict.decisions >= 359
+    assert verdict.notes == []
+
+
+def take_the_wheel(car):
+    word = DriveWord(Source.TELEOP, Drive(0.7, 0.1), None, "by hand")
+    car.voices.say(word, expires_at_s=car.clock() + 0.5)
+
+
+def stop(car):
+    car.voices.say(refusal(Source.ESTOP, "a test"))
+
+
+def go_on(car):
+    car.voices.silence(Source.ESTOP)
+
+
+def set_speed(car):
+    follow = car.settings.wall_follow.model_copy(update={"speed_mps": 0.8})
+    car.apply(car.settings.model_copy(update={"wall_follow": follow}), ["wall_follow.speed_mps"])
+
+
+EVENTFUL = (
+    (1.0, take_the_wheel), (2.0, stop), (2.4, go_on), (3.0, set_speed), (4.0, lambda car: car.motor.pull()),
+    (4.3, lambda car: car.motor.plug()), (5.0, lambda car: car.lidar.pull()), (5.4, lambda car: car.lidar.plug()),
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def eventful(tmp_path_factory) -> Path:
+    path: Path = tmp_path_factory.mktemp("drives") / "eventful.mcap"
+    record(path, seconds=6.0, events=EVENTFUL)
+    return path
+
+
+def test_people_settings_and_cables_are_replayed_too(eventful):
+    log = read_log(eventful)
+    winners = {fields["winner"] for _, fields in log.json("decision")}
+    assert {"teleop", "e-stop", "navigation", "nobody"} <= winners
+    verdict = reenact(log)
+    assert verdict.first is None
+    assert verdict.exact
+    assert verdict.decisions > 240
+
+
+def test_another_gain_is_found_at_the_first_scan_that_it_changes(dead_end):
+    log = read_log(dead_end)
+    verdict = reenact(log, ["safety.graded_share=0.3"])
+    first = verdict.first
+    assert first is not None
+    assert verdict.differing > 10
+    assert first.scan > 100, "the long way is free: only near the wall does the gain matter"
+    assert first.what == "winner"
+    assert (first.recorded, first.replayed) == (Source.NAVIGATION, Source.SAFETY)
+    assert first.sentence().startswith(
+        f"scan {first.scan}, {first.time_s:.3f} s: winner: recorded navigation, replayed"
+    )
+
+
+def test_a_setting_of_the_follower_is_found_at_the_first_scan(dead_end):
+    first = reenact(read_log(dead_end), ["wall_follow.speed_mps=1.9"]).first
+    assert first is not None
+    assert (first.scan, first.what) == (0, "the follower's speed [m/s]")
+    assert (first.recorded, first.replayed) == (2.0, 1.9)
+
+
+def test_a_setting_that_changes_nothing_is_no_difference(dead_end):
+    assert reenact(read_log(dead_end), ["wall_follow.speed_mps=2.0", "log.level=ERROR"]).first is None
+
+
+def test_a_tape_that_begins_in_the_middle_is_compared_loosely_and_says_so(tmp_path):
+    path = tmp_path / "middle.mcap"
+    record(path, world="corridor", seconds=9.0, forgets=400)
+    verdict = reenact(read_log(path))
+    assert not verdict.exact
+    assert "begins while the car was running" in verdict.notes[0]
+    assert str(CLOSE) in verdict.notes[0]
+    assert verdict.first is None
+    assert verdict.decisions > 200
+
+
+def test_scans_that_are_not_in_the_file_are_counted(dead_end, tmp_path):
+    path = rewritten(dead_end, tmp_path, leave_out=lambda message: message.topic == "scan" and message.sequence == 200)
+    verdict = reenact(read_log(path))
+    assert "1 scans that the laws saw are not in the recording" in verdict.notes[-1]
+    assert verdict.scans == 358
+
+
+def test_a_hole_in_the_tape_is_said_and_not_taken_for_a_difference(dead_end, tmp_path):
+    log = read_log(dead_end)
+    tapes = log.of(channels.TAPE)
+    lost = tapes[len(tapes) // 3]
+    verdict = reenact(read_log(rewritten(dead_end, tmp_path, leave_out=lambda message: message == lost)))
+    assert not verdict.exact
+    assert "64 events are missing after scan" in verdict.notes[0]
+    assert verdict.first is None or verdict.first.time_s > 5
+
+
+def test_a_recording_without_a_tape_is_refused_with_what_it_is_good_for(dead_end, tmp_path):
+    path = rewritten(dead_end, tmp_path, leave_out=lambda message: message.topic == channels.TAPE)
+    with pytest.raises(RecordingError, match=r"has no tape.*can be published and reported"):
+        reenact(read_log(path))
+
+
+def test_a_tape_of_another_format_is_refused_with_the_remedy(dead_end, tmp_path):
+    path = rewritten(dead_end, tmp_path, change=lambda payload: payload.replace(b'"tape":1', b'"tape":9', 1))
+    with pytest.raises(RecordingError, match="replay it with the version that recorded it"):
+        reenact(read_log(path))
+
+
+def test_a_setting_that_does_not_exist_is_refused_by_name(dead_end):
+    with pytest.raises(SettingsError, match=r"^wall_follow.sped is not a setting"):
+        reenact(read_log(dead_end), ["wall_follow.sped=1"])
+
+
+def test_nothing_on_the_tape_is_infinite_time(dead_end):
+    assert math.isclose(reenact(read_log(dead_end)).duration_s, 9.0, abs_tol=0.05)
+
+
+def rewritten(path, folder, *, leave_out=lambda message: False, change=lambda payload: payload):
+    """Return a copy without some messages, or with another tape."""
+    copy = folder / "copy.mcap"
+    file = McapFile(copy, RealDisk(), {"car": "car1"}, "wallride")
+    for message in read_log(path).messages:
+        if not leave_out(message):
+            payload = change(message.payload) if message.topic == channels.TAPE else message.payload
+            schema = message.schema or channels.STRING
+            payload = payload if message.schema else channels.text(payload)
+            file.add(channels.Message(message.topic, schema, message.stamp_ns, payload, message.sequence))
+    file.close()
+    return copy

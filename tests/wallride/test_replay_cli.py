@@ -1,0 +1,108 @@
+"""`wallride replay` and `wallride report` as scripts use them: exit codes, JSON, one line when something is wrong."""
+
+import argparse
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.sim.replay.recorded import record
+from wallride import replay_options, report_options
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    path = tmp_path_factory.mktemp("drives") / "drive.mcap"
+    record(path, seconds=2.0)
+    return path
+
+
+@pytest.fixture
+def carried():
+    return Path(__file__).resolve().parents[1] / "data" / "urg04lx_people_40.bag"
+
+
+def wallride(*arguments):
+    parser = argparse.ArgumentParser(prog="wallride")
+    commands = parser.add_subparsers(required=True)
+    replay_options.add(commands)
+    report_options.add(commands)
+    options = parser.parse_args([str(argument) for argument in arguments])
+    return options.run(options)
+
+
+def test_the_same_is_0(drive, capsys):
+    assert wallride("replay", drive) == 0
+    assert capsys.readouterr().out.endswith(": identical\n")
+
+
+def test_a_difference_is_1_and_named(drive, capsys):
+    assert wallride("replay", drive, "--set", "wall_follow.desired_distance_m=0.9") == 1
+    said = capsys.readouterr().out
+    assert "first difference: scan 0, " in said
+    assert "the follower's steering [rad]: recorded" in said
+
+
+def test_a_difference_in_json(drive, capsys):
+    assert wallride("replay", drive, "--set", "wall_follow.speed_mps=1", "--json", "-") == 1
+    found = json.loads(capsys.readouterr().out)
+    assert found["identical"] is False
+    assert found["differing_decisions"] > 10
+    assert {"scan": 0, "recorded": 1.5, "replayed": 1.0}.items() <= found["differences"][0].items()
+
+
+def test_the_json_of_the_same(drive, tmp_path, capsys):
+    target = tmp_path / "replay.json"
+    assert wallride("replay", drive, "--json", target) == 0
+    found = json.loads(target.read_text())
+    assert found["identical"]
+    assert found["exact"]
+    assert "identical" in capsys.readouterr().out
+
+
+def test_somebody_elses_drive_is_told_about(carried, capsys):
+    assert wallride("replay", carried) == 0
+    said = capsys.readouterr().out
+    assert "40 scans" in said
+    assert "wall seen in" in said
+
+
+def test_somebody_elses_drive_in_json(carried, capsys):
+    assert wallride("replay", carried, "--json", "-", "--set", "wall_follow.side=right") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["scans"], found["side"]) == (40, "right")
+    assert "stopped" in found
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("replay", "nowhere.mcap"), "nowhere.mcap does not exist"),
+        (("replay", "README.md"), "is no recording that can be read"),
+        (("report", "nowhere.mcap"), "nowhere.mcap does not exist"),
+    ],
+)
+def test_what_cannot_be_read_is_2_and_one_line(arguments, words, capsys):
+    assert wallride(*arguments) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert said.count("\n") == 1
+
+
+def test_a_wrong_setting_is_2_and_one_line(drive, capsys):
+    assert wallride("replay", drive, "--set", "safety.nothing=1") == 2
+    assert capsys.readouterr().err.startswith("wallride: safety.nothing is not a setting; known here: ")
+
+
+def test_the_report_is_written(drive, tmp_path, capsys):
+    target = tmp_path / "run.html"
+    assert wallride("report", drive, "-o", target) == 0
+    assert target.read_text().startswith("<!doctype html>")
+    assert str(target) in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("speed", ["0", "-1", "1000", "fast"])
+def test_a_speed_beyond_reason_is_refused(drive, speed, capsys):
+    with pytest.raises(SystemExit):
+        wallride("replay", drive, "--publish", "--speed", speed)
+    assert "--speed" in capsys.readouterr().err

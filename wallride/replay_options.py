@@ -1,0 +1,83 @@
+"""What `wallride replay` understands. Only definitions: the code is imported when it is asked for."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from wallride import client_options
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
+
+KEYS = "space pauses, + and - change the speed, arrows go 5 s, page keys 30 s, home begins anew, q ends"
+
+
+def add(commands: "Commands") -> None:
+    """Add the command."""
+    replay = commands.add_parser(
+        "replay",
+        help="decide a recording once more by the same code and show the first difference, or play it on the air",
+        description=(
+            "A recording of wallride is decided once more and compared decision by decision: exit code 0 when all are"
+            " the same, 1 when one is not. A rosbag or archive of somebody else's drive is shown to our laws, which say"
+            " what they would have done. With --publish a recording is played onto zenoh instead: " + KEYS + "."
+        ),
+    )
+    add_file(replay)
+    replay.add_argument("--json", metavar="FILE|-", help="write the result as JSON")
+    replay.add_argument("--publish", action="store_true", help="play it onto zenoh, for monitor, topic and plot")
+    replay.add_argument("--speed", type=_speed, default=1.0, metavar="X", help="how fast to play (default: 1)")
+    replay.add_argument("--from", dest="begin_s", type=float, default=0.0, metavar="S", help="begin S seconds in")
+    replay.add_argument("--loop", action="store_true", help="begin anew at the end")
+    replay.add_argument("--car", metavar="NAME", help="play it as this car (default: the recorded name)")
+    replay.add_argument(
+        "--listen", metavar="ENDPOINT", default=client_options.DEFAULT_CONNECT,
+        help=f"where monitors find it (default: {client_options.DEFAULT_CONNECT})",
+    )  # fmt: skip
+    replay.set_defaults(run=run)
+
+
+def add_file(parser: argparse.ArgumentParser) -> None:
+    """Add what both replay and report take: the recording, settings and topic."""
+    parser.add_argument(
+        "file", type=Path, metavar="FILE", help="our .mcap, or a .bag, .db3, .mcap, .npz with LaserScans"
+    )
+    parser.add_argument(
+        "--set", dest="assignments", action="append", default=[], metavar="KEY=VALUE",
+        help="another setting than the recorded one, for example wall_follow.kp=0.5 (repeatable)",
+    )  # fmt: skip
+    parser.add_argument("--topic", metavar="NAME", help="which lidar, where somebody else's recording has several")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Replay; exit code 2 with one line when the user can mend it."""
+    return run_offline("sim.replay.command", options)
+
+
+def run_offline(module: str, options: argparse.Namespace) -> int:
+    """Run a command's module that reads recordings; what the user can mend becomes one line and exit code 2."""
+    from importlib import import_module
+
+    from wallride.cli import fail
+
+    try:
+        command = import_module(module)
+        from runtime.settings import SettingsError
+        from sim.recordings import RecordingError
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] in {"drivers", "runtime", "sim"}:
+            raise
+        return fail(f"recordings need {error.name}: install it with  pip install 'wallride[sim]'")
+    try:
+        return int(command.run(options))
+    except (RecordingError, SettingsError) as error:
+        return fail(str(error))
+    except OSError as error:
+        return fail(f"{error.filename or options.file}: {error.strerror or error}")
+
+
+def _speed(text: str) -> float:
+    speed = float(text)
+    if not 0.05 <= speed <= 50:
+        raise argparse.ArgumentTypeError("write a number from 0.05 to 50")
+    return speed

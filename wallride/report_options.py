@@ -1,0 +1,55 @@
+"""What `wallride report` and `wallride plot` understand. Only definitions; the code is imported when asked for."""
+
+import argparse
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from wallride import client_options, replay_options
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
+
+
+def add(commands: "Commands") -> None:
+    """Add both commands."""
+    report = commands.add_parser("report", help="a recorded run as one page: path, errors, stops and why")
+    replay_options.add_file(report)
+    report.add_argument("-o", dest="output", type=Path, metavar="RUN.html", help="the page (default: beside you)")
+    report.add_argument("--json", metavar="FILE|-", help="write the figures as JSON as well")
+    report.add_argument(
+        "--summary", type=Path, metavar="FILE", help="what wallride sim --json wrote: the truth beside the car's belief"
+    )
+    report.set_defaults(run=_report)
+    plot = commands.add_parser("plot", help="draw topics live in this terminal", description="For those on ssh.")
+    plot.add_argument(
+        "topics", nargs="*", default=["distance_error"], metavar="TOPIC[:FIELD]",
+        help="for example distance_error, motor:velocity.0, status:scan_to_motor_ms.p99 (default: distance_error)",
+    )  # fmt: skip
+    plot.add_argument("--seconds", type=_seconds, default=20.0, metavar="S", help="how much of the past (default: 20)")
+    plot.add_argument("--once", action="store_true", help="listen for that long, draw once and end")
+    client_options.add_common(plot)
+    plot.set_defaults(run=_plot, say=partial(print, flush=True))
+
+
+def _report(options: argparse.Namespace) -> int:
+    return replay_options.run_offline("sim.run_report.command", options)
+
+
+def _plot(options: argparse.Namespace) -> int:
+    from wallride.cli import fail
+
+    try:
+        from clients import plot
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] in {"clients", "runtime"}:
+            raise
+        return fail(f"plot needs {error.name}: install it with  pip install 'wallride[clients]'")
+    return client_options.run_client(plot.run, options)
+
+
+def _seconds(text: str) -> float:
+    seconds = float(text)
+    if not 1 <= seconds <= 600:
+        raise argparse.ArgumentTypeError("write a number of seconds from 1 to 600")
+    return seconds
