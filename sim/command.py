@@ -4,6 +4,7 @@ import argparse
 import asyncio
 import json
 import math
+import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +16,7 @@ from rich.table import Table
 from runtime.settings import Settings, SettingsError, load_settings
 from sim.beams import LidarSettings
 from sim.comparison import compare
-from sim.live import LiveView
+from sim.live import LiveView, address_in
 from sim.pose import Pose
 from sim.recordings import RecordingError, load_recording
 from sim.scenes import RecordingScene, WorldScene
@@ -84,7 +85,10 @@ def _drive(options: argparse.Namespace, config: Path, settings: Settings, consol
     if options.laps and world.lap is None:
         raise UsageError(f"--laps {options.laps}: {world.name} has no lap; give --duration instead")
     duration_s = options.duration or (options.laps * LONGEST_LAP_S if options.laps else DEFAULT_DURATION_S)
-    session = Session(scene, vehicle, settings.motor, settings.car.name, settings.telemetry.listen[0])
+    session = Session(
+        scene, vehicle, settings.motor, settings.car.name, settings.telemetry.listen[0],
+        watched=not options.headless,
+    )  # fmt: skip
     record = _run(session, options, config, duration_s, console, _view(options, world, vehicle, console))
     desired_m = settings.wall_follow.desired_distance_m
     summary = {
@@ -105,7 +109,10 @@ def _replay(options: argparse.Namespace, config: Path, settings: Settings, conso
         console.print(f"[dim]{note}[/dim]")
     scene = RecordingScene(recording)
     vehicle = Vehicle(VehicleSettings(), Pose(0.0, 0.0, 0.0))
-    session = Session(scene, vehicle, settings.motor, settings.car.name, settings.telemetry.listen[0])
+    session = Session(
+        scene, vehicle, settings.motor, settings.car.name, settings.telemetry.listen[0],
+        watched=not options.headless,
+    )  # fmt: skip
     duration_s = options.duration or math.inf
     record = _run(session, options, config, duration_s, console, _view(options, None, vehicle, console))
     pairs = scene.pairs(record.steering_rad)
@@ -136,7 +143,9 @@ def _run(
 ) -> Record:
     there = "" if session.endpoint == DEFAULT_LISTEN else f" --connect {session.endpoint}"
     console.print(f"[dim]in another terminal: wallride teleop{there} · wallride status --watch{there}[/dim]")
-    frame: Callable[[Record], None] = view.show if view is not None else lambda _: None
+    frame: Callable[[Record], None] = view.show if view is not None else _page_teller(console)
+    # A plain SIGTERM would end us without ending the runtime, which would go on driving an abandoned car.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         if view is not None:
             view.start()
@@ -150,6 +159,19 @@ def _run(
         console.print("\n".join(record.log))
         raise SessionError(f"the runtime ended with exit code {record.exit_code}")
     return record
+
+
+def _page_teller(console: Console) -> Callable[[Record], None]:
+    """Without a live view, say once where the page is."""
+    told = False
+
+    def tell(record: Record) -> None:
+        nonlocal told
+        if not told and (page := address_in(record.page)):
+            console.print(f"[dim]in a browser: {page}[/dim]")
+            told = True
+
+    return tell
 
 
 def _view(options: argparse.Namespace, world: World | None, vehicle: Vehicle, console: Console) -> "LiveView | None":

@@ -1,6 +1,7 @@
 """The live view of a drive: `terminal_view` refreshed on a rich screen while the session runs."""
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 import numpy.typing as npt
@@ -64,6 +65,7 @@ class LiveView:
             reason=output.get("reason", ""),
             lidar=said.get("lidar", {}).get("message", ""),
             motor=said.get("motor", {}).get("message", ""),
+            page=address_in(record.page),
         )
 
     def _scan_points(self, record: Record) -> npt.NDArray[np.float64] | None:
@@ -74,3 +76,8 @@ class LiveView:
         beams = len(ranges_m)
         bearing_rad = lidar.yaw_rad + (np.arange(beams) - beams // 2) * math.radians(0.25)
         return np.column_stack([lidar.x_m + ranges_m * np.cos(bearing_rad), lidar.y_m + ranges_m * np.sin(bearing_rad)])
+
+
+def address_in(lines: Iterable[str]) -> str:
+    """Return the first web address that a program printed, "" before it did."""
+    return next((word for line in lines for word in line.split() if word.startswith("http")), "")

@@ -21,7 +21,7 @@ from sim.devices.vesc import MotorDemand, VescEmulator
 from sim.latency import LatencyProbe
 from sim.listener import Listener
 from sim.plant import Plant
-from sim.runtime_process import RuntimeProcess
+from sim.runtime_process import RuntimeProcess, WallrideProcess
 from sim.summary import Sample
 from sim.vehicle import Vehicle
 
@@ -69,6 +69,7 @@ class Record:
 
     samples: the truth, one per scan. steering_rad: our answer to each scan, read from the wire before the next one.
     telemetry: the runtime's newest message of each topic. stop_command: the last motor command it ever wrote.
+    log, page: what the runtime, and the monitor beside it, printed.
     """
 
     samples: list[Sample] = field(default_factory=list)
@@ -79,6 +80,7 @@ class Record:
     time_s: float = 0.0
     telemetry: dict[str, Any] = field(default_factory=dict)
     log: Sequence[str] = ()
+    page: Sequence[str] = ()
     exit_code: int | None = None
     stop_command: MotorDemand | None = None
 
@@ -87,10 +89,14 @@ class Session:
     """Builds the emulated car around a scene, lets the runtime drive it, and hands out the record.
 
     endpoint: where the car listens for telemetry readers and operators: the wanted one, or a free one if it is taken.
+    watched: whether a monitor serves its page meanwhile.
     """
 
-    def __init__(self, scene: Scene, vehicle: Vehicle, wiring: VescSettings, car: str, listen: str) -> None:
+    def __init__(
+        self, scene: Scene, vehicle: Vehicle, wiring: VescSettings, car: str, listen: str, *, watched: bool = False
+    ) -> None:
         self.endpoint = available(listen)
+        self._watched = watched
         self._scene = scene
         self._vehicle = vehicle
         self._wiring = wiring
@@ -118,6 +124,11 @@ class Session:
             await runtime.start()
             stack.callback(runtime.kill)
             self.record.log = runtime.log
+            if self._watched:
+                monitor = WallrideProcess(["monitor", "--connect", self.endpoint])
+                await monitor.start()
+                stack.callback(monitor.kill)
+                self.record.page = monitor.log
             listener = Listener(self.endpoint, self._car)
             self.record.telemetry = listener.latest
             async with asyncio.TaskGroup() as tasks:

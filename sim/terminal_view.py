@@ -117,6 +117,7 @@ class Status:
     reason: str
     lidar: str
     motor: str
+    page: str = ""
 
 
 def status_rows(status: Status) -> list[tuple[str, str]]:
@@ -131,6 +132,7 @@ def status_rows(status: Status) -> list[tuple[str, str]]:
         ("because", status.reason or "-"),
         ("lidar", status.lidar or "-"),
         ("motor", status.motor or "-"),
+        *([("browser", status.page)] if status.page else []),
     ]
 
 
