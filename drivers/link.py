@@ -35,6 +35,8 @@ class ByteLink:
 
     Guarantees: bytes arrive in order and none is dropped here; a write is complete or raises LinkLost; after the
     first LinkLost nothing more is delivered. The handler runs inside the event loop and must not block.
+
+    reading_s: how long it took to get the newest chunk from the kernel.
     """
 
     def __init__(self, address: Address, fd: int, release: Callable[[bool], None], clock: Clock) -> None:
@@ -46,6 +48,8 @@ class ByteLink:
         self._lost: asyncio.Future[Never] = self._loop.create_future()
         self._handler: BytesHandler | None = None
         self._open = True
+        self._sleeper: asyncio.Future[None] | None = None
+        self.reading_s = 0.0
 
     def listen(self, handler: BytesHandler) -> None:
         """Hand every chunk from now on to `handler(chunk, read_at_s)`, replacing an earlier handler."""
@@ -70,6 +74,19 @@ class ByteLink:
         """Wait until the link is lost and raise why; a bug in the handler comes out here too, as itself."""
         await asyncio.shield(self._lost)
         raise AssertionError("unreachable: the future only ever fails")
+
+    async def sleep(self, pause_s: float) -> None:
+        """Sleep; raise why as soon as the link is lost. Cheaper than a timeout around `lost`; one sleeper at a time."""
+        if not self._lost.done():
+            self._sleeper = self._loop.create_future()
+            timer = self._loop.call_later(pause_s, _wake, self._sleeper)
+            try:
+                await self._sleeper
+            finally:
+                timer.cancel()
+                self._sleeper = None
+        if self._lost.done():
+            self._lost.result()
 
     def close(self) -> None:
         """Release the port; harmless when repeated."""
@@ -97,6 +114,7 @@ class ByteLink:
         if not chunk:
             self._fail(LinkLost(f"{self.address}: the other side closed it (unplugged, or another client took over)"))
             return
+        self.reading_s = self._clock() - stamp_s
         assert self._handler is not None, "the reader is only added by listen()"  # noqa: S101
         try:
             self._handler(chunk, stamp_s)
@@ -107,7 +125,14 @@ class ByteLink:
         self._loop.remove_reader(self._fd)
         if not self._lost.done():
             self._lost.set_exception(error)
+        if self._sleeper is not None:
+            _wake(self._sleeper)
         return error
+
+
+def _wake(sleeper: asyncio.Future[None]) -> None:
+    if not sleeper.done():
+        sleeper.set_result(None)
 
 
 async def open_link(address: Address, clock: Clock) -> ByteLink:

@@ -4,7 +4,7 @@ import asyncio
 import logging
 import secrets
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -23,13 +23,16 @@ from runtime.parameter_desk import ParameterDesk, Surroundings
 from runtime.parameter_history import History
 from runtime.permit import Permit
 from runtime.queues import Inbox
+from runtime.recording.recorder import Recorder
+from runtime.recording.tape import TapedLaws
 from runtime.service_manager import ServiceManager
 from runtime.settings import Settings
 from runtime.sinks import ZenohSink
 from runtime.snapshot import Observed
+from runtime.stage_clock import StageClock
 from runtime.tasks import lidar as lidar_task
 from runtime.tasks import mux as mux_task
-from runtime.tasks import operator, parameters, safety, wall_follow
+from runtime.tasks import operator, parameters, recorder, safety, wall_follow
 from runtime.tasks.health import Caretaker
 from runtime.tasks.telemetry import Telemetry
 from runtime.voices import Voices
@@ -46,22 +49,34 @@ REST_BELOW_MPS = 0.05
 class Car:
     """Everything that one drive shares. Built once, from settings and two devices; `drive` runs it.
 
-    file: where live parameters are saved, None where there is none.
+    file: where live parameters are saved, None where there is none. reading_s: how long the bytes of the newest scan
+    took from the kernel, where the lidar knows it.
     """
 
     def __init__(
-        self, settings: Settings, lidar: Lidar, motor: Motor, bus: Network, clock: Clock, file: Path | None = None
-    ) -> None:
+        self, settings: Settings, lidar: Lidar, motor: Motor, bus: Network, clock: Clock, file: Path | None = None,
+        *, reading_s: Callable[[], float] = lambda: 0.0,
+    ) -> None:  # fmt: skip
         self.settings = settings
         self.lidar = lidar
         self.motor = motor
         self.bus = bus
         self.clock = clock
         self.manager = ServiceManager()
-        self.voices = Voices(settings.effective_order(), clock)
-        self.laws = LiveLaws(settings.wall_follow, settings.safety, settings.car, clock)
+        epoch_ns = time.time_ns() - round(clock() * 1e9)
+        self.recorder = Recorder(
+            settings.recording, car=settings.car.name, version=version("wallride"), epoch_ns=epoch_ns, clock=clock
+        )
+        self.tape = self.recorder.tape
+        self.tape.tuned(settings)
+        # What decides asks the tape for the time, so that a replay can give it the very same answers.
+        self.voices = Voices(settings.effective_order(), self.tape.clock)
+        self.voices.on_said, self.voices.on_silenced = self.tape.said, self.tape.silenced
+        self.laws = LiveLaws(settings.wall_follow, settings.safety, settings.car, self.tape.clock)
         self.limiter = Limiter(_limits(settings.car))
-        self.mux = mux_task.Mux(self.voices, motor, self.limiter, REQUIRED, clock)
+        self.stages = StageClock(clock)
+        self._reading_s = reading_s
+        self.mux = mux_task.Mux(self.voices, motor, self.limiter, REQUIRED, self.tape.clock, self.stages, self.tape)
         self.permit = Permit(self.voices, settings.operator.permit)
         self.emergency_stop = EmergencyStop(self.voices)
         self.operator = OperatorDesk(
@@ -72,8 +87,8 @@ class Car:
         self.parameters = ParameterDesk(settings, self._surroundings(file), self.history)
         self.sink = ZenohSink(bus, settings.car.name, settings.telemetry.rates_hz, clock)
         self.telemetry = Telemetry(
-            self._observed(), settings.car, [self.sink],
-            epoch_ns=time.time_ns() - round(clock() * 1e9), side=lambda: self.settings.wall_follow.side,
+            self._observed(), settings.car, [self.sink, self.recorder],
+            epoch_ns=epoch_ns, side=lambda: self.settings.wall_follow.side,
         )  # fmt: skip
 
     def connect(self) -> None:
@@ -82,10 +97,12 @@ class Car:
         self.bus.announce(wire.key(name, wire.ALIVE))
         self.bus.subscribe(wire.key(name, wire.COMMAND), self.operator.receive)
         parameters.serve(self.bus, name, self.parameters)
+        recorder.serve(self.bus, name, self.recorder)
 
     def apply(self, settings: Settings, changed: Sequence[str]) -> None:
         """Take other settings in one step of the loop: between two scans, never within one."""
         self.settings = settings
+        self.tape.tuned(settings)
         self.laws.tune(settings.wall_follow, settings.safety)
         self.limiter.tune(_limits(settings.car))
         self.voices.reorder(settings.effective_order())
@@ -119,19 +136,26 @@ class Car:
         settings, motor, voices, clock = self.settings, self.motor, self.voices, self.clock
         for_safety: Inbox[Scan] = Inbox(clock)
         for_follower: Inbox[Scan] = Inbox(clock)
+        laws = TapedLaws(self.laws, self.tape)
         jobs = {
-            "lidar": lidar_task.pump(self.lidar, [for_safety.put, for_follower.put, self.telemetry.on_scan]),
+            "lidar": lidar_task.pump(
+                self.lidar, [self.tape.scanned, for_safety.put, for_follower.put, self.telemetry.on_scan],
+                timed=lambda scan: self.stages.on_scan(scan.received_s, self._reading_s()),
+            ),
             "safety": safety.watch(
-                for_safety, motor, self.laws, voices,
+                for_safety, motor, laws, voices,
                 expires_after_s=lambda: self.settings.safety.expires_after_s,
+                stage=self.stages.safety,
             ),
             "wall_follow": wall_follow.follow(
-                for_follower, motor, self.laws, voices,
+                for_follower, motor, laws, voices,
                 expires_after_s=lambda: self.settings.wall_follow.expires_after_s,
                 publish=self.telemetry.on_guidance,
+                decide=self.mux.decide_now,
+                stage=self.stages.follow,
             ),
             "mux": self.mux.run(self.telemetry.on_output),
-            "tick": mux_task.tick(voices, settings.mux.tick_hz, clock),
+            "tick": mux_task.tick(voices, settings.mux.tick_hz, clock, self.stages.on_tick),
             "operator": operator.attend(
                 self.operator, motor, self._beat, beat_hz=settings.operator.beat_hz, clock=clock
             ),
@@ -166,6 +190,8 @@ class Car:
             clock=self.clock,
             seconds_by_winner=self.mux.seconds_by_winner,
             window=lambda: self.laws.words,
+            timings=self.stages,
+            recording=self.recorder.status,
             operator=self.operator.view,
             link=lambda: {"endpoint": self.bus.endpoint, "open": self.bus.is_open, "dropped": self.bus.dropped},
         )

@@ -41,7 +41,8 @@ async def _drive(settings: Settings, file: Path | None, session: Mapping[str, An
     clock = time.monotonic
     bus = Bus(session)
     motor = Vesc(settings.motor, clock=clock)
-    car = Car(settings, Hokuyo(settings.lidar, clock=clock), motor, bus, clock, file)
+    lidar = Hokuyo(settings.lidar, clock=clock)
+    car = Car(settings, lidar, motor, bus, clock, file, reading_s=lambda: lidar.reading_s)
     motor.inertia.on_measurement = car.telemetry.on_imu
     if (history := history_file(settings)) is not None:
         parameters.read_history(car.history, history)
@@ -49,13 +50,19 @@ async def _drive(settings: Settings, file: Path | None, session: Mapping[str, An
     gc.collect()
     gc.freeze()  # a full collection would block the loop for milliseconds; what exists now stays anyway
     opening = asyncio.create_task(_open(car, bus), name="bus") if settings.telemetry.enabled else None
+    car.stages.watch_collections()
+    car.recorder.start()
     try:
         await car.drive(stop)
     finally:
+        car.stages.ignore_collections()
+        for line in car.stages.table():
+            log.info("%s", line)
         car.manager.stopping()
         if opening is not None:
             await opening
         await bus.close()
+        await asyncio.to_thread(car.recorder.close)
 
 
 async def _open(car: Car, bus: Bus) -> None:

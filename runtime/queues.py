@@ -24,7 +24,7 @@ NEVER_S = float("inf")
 """An expiry for words that hold until they are replaced or withdrawn, such as a latched e-stop."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)  # never changed; frozen would double the time to make one
 class _Entry(Generic[V]):
     rank: tuple[int, int]  # priority, then age: unique, so that values are never compared
     value: V
@@ -93,9 +93,21 @@ class PriorityQueue(Generic[K, V]):
         return value
 
     async def changed(self) -> None:
-        """Wait until something was put, or `poke` was called, since this last returned."""
-        await self._news.wait()
+        """Wait until something was put, or `poke` was called, since this last returned or the news was taken."""
+        while not self._news.is_set():  # woken, but somebody else was quicker
+            await self._news.wait()
         self._news.clear()
+
+    def has_expired(self) -> bool:
+        """Tell whether something expired that `live` or `get` have not dropped yet."""
+        now_s = self._clock()
+        return any(entry.expires_at_s <= now_s for entry in self._slots.values())
+
+    def take_news(self) -> bool:
+        """Tell whether there is news, and take it."""
+        news = self._news.is_set()
+        self._news.clear()
+        return news
 
     def poke(self) -> None:
         """Wake whoever waits in `changed`, so that silence is looked at as well as news."""
@@ -109,18 +121,35 @@ class PriorityQueue(Generic[K, V]):
 
 
 class Inbox(Generic[V]):
-    """The newest value only, each taken once: for consumers that must never work through a backlog."""
+    """The newest value only, each taken once: for consumers that must never work through a backlog.
+
+    One reader at a time. What a queue with one key would do, in a quarter of its time: every scan passes here twice.
+    """
 
     def __init__(self, clock: Clock) -> None:
-        self._queue: PriorityQueue[None, V] = PriorityQueue(clock)
+        self._clock = clock
+        self._newest: tuple[V, float] | None = None
+        self._reader: asyncio.Future[None] | None = None
 
     def put(self, value: V, *, expires_at_s: float = NEVER_S) -> None:
         """Replace what was there."""
-        self._queue.put(None, value, priority=0, expires_at_s=expires_at_s)
+        self._newest = (value, expires_at_s)
+        if self._reader is not None and not self._reader.done():
+            self._reader.set_result(None)
 
     async def get(self) -> V:
         """Take the newest value, waiting for one if need be."""
-        return await self._queue.get()
+        while True:
+            if self._newest is not None:
+                (value, expires_at_s), self._newest = self._newest, None
+                if expires_at_s > self._clock():
+                    return value
+            assert self._reader is None, "an inbox has one reader"  # noqa: S101 - a bug in the wiring
+            self._reader = asyncio.get_running_loop().create_future()
+            try:
+                await self._reader
+            finally:
+                self._reader = None
 
 
 def _rank(item: tuple[tuple[int, int], object]) -> tuple[int, int]:

@@ -26,6 +26,7 @@ from runtime.control.method_settings import (
 )
 from runtime.operator_settings import OperatorSettings
 from runtime.parameter_settings import ParameterSettings
+from runtime.recording_settings import RecordingSettings
 from runtime.section import Section
 from runtime.session_settings import SessionSettings
 from runtime.telemetry_settings import TelemetryRates
@@ -81,6 +82,7 @@ class Settings(Section):
     telemetry: TelemetrySettings = TelemetrySettings()
     log: LogSettings = LogSettings()
     parameters: ParameterSettings = ParameterSettings()
+    recording: RecordingSettings = RecordingSettings()
 
     def effective_order(self) -> tuple[Source, ...]:
         """Return the mux's order after `safety.binds_teleop` moved safety above the human."""

@@ -15,6 +15,7 @@ from runtime.command import CapWord, Decision, DriveWord, Output, Source, Word
 from runtime.control.odometry import Pose
 from runtime.control.score import Score
 from runtime.operator_view import OperatorView
+from runtime.stage_clock import StageClock
 from runtime.voices import Voices
 
 LATENCIES = 400
@@ -77,7 +78,8 @@ class Observed:
     """What can be looked at; nothing here is owned.
 
     operator: the operator's side, None where there is none. window: what is wrong with the lidar's window, in words.
-    link: the session as plain values. seconds_by_winner: the mux's own account.
+    link: the session as plain values. seconds_by_winner: the mux's own account. timings: of the hot path's stages.
+    recording: how the recorder stands.
     """
 
     car: str
@@ -90,6 +92,8 @@ class Observed:
     window: Callable[[], Sequence[str]] = tuple
     operator: Callable[[], OperatorView] | None = None
     link: Callable[[], Mapping[str, Any]] = dict
+    timings: StageClock | None = None
+    recording: Callable[[], Mapping[str, Any]] = dict
 
 
 @dataclass(slots=True)
@@ -130,8 +134,10 @@ def status(observed: Observed, output: Output | None, journey: Journey) -> dict[
         "window": list(observed.window()),
         "motor": health_fields(observed.motor),
         "link": dict(observed.link()),
+        "recording": dict(observed.recording()),
         "scans": journey.scans,
         "scan_to_motor_ms": journey.latency.fields(),
+        "timings_us": observed.timings.fields() if observed.timings is not None else None,
         "distance_error": {"mean_abs_m": journey.score.mean_abs_m, "rms_m": journey.score.rms_m},
         "odom": {"x_m": pose.x_m, "y_m": pose.y_m, "yaw_rad": pose.yaw_rad},
     }

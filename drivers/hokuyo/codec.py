@@ -78,13 +78,15 @@ def _ignore(_what: str) -> None:
 class Deframer:
     """Finds blocks in a byte stream, whatever the chunking; forgets at most `limit_bytes` of nonsense at a time.
 
+    limit_bytes: may be raised for a sensor whose scans are longer.
+
     Never raises: a block that is not what it should be is dropped and named to `count`: "checksum" (a sum is wrong),
     "malformed" (no echo, no status), "oversized" (no blank line where one was due). The next blank line is firm ground.
     """
 
     def __init__(self, count: Callable[[str], None] = _ignore, *, limit_bytes: int = BLOCK_LIMIT_BYTES) -> None:
         self._count = count
-        self._limit_bytes = limit_bytes
+        self.limit_bytes = limit_bytes
         self._rest = b""
         self._lost = False
 
@@ -104,7 +106,7 @@ class Deframer:
                 blocks.append(block)
             begin = search_from = end + 2
         self._rest = data[begin:]
-        if len(self._rest) > self._limit_bytes + 1:  # it cannot end in time any more, whatever comes
+        if len(self._rest) > self.limit_bytes + 1:  # it cannot end in time any more, whatever comes
             self._give_up()
         return blocks
 
@@ -114,7 +116,7 @@ class Deframer:
             return None
         if not raw:
             return None  # more blank lines than needed
-        if len(raw) > self._limit_bytes:
+        if len(raw) > self.limit_bytes:
             self._count("oversized")
             return None
         result = parse_block(raw)

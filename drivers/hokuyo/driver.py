@@ -24,7 +24,7 @@ RETRY_DELAYS_S: Final = (0.1, 0.5, 1.0, 2.0)
 USUAL_BAUDS: Final = (115200, 19200, 38400, 57600)
 FIRST_SCAN_TIMEOUT_S: Final = 1.5
 REBOOT_PAUSE_S: Final = 20.0
-_WATCH_PERIOD_S: Final = 0.025
+_WATCH_PERIOD_S: Final = 0.05
 _FAREWELL_TIMEOUT_S: Final = 0.2
 
 
@@ -42,11 +42,17 @@ class Hokuyo:
         self._failures = 0
         self._last_reset_s: float | None = None
         self._last_reboot_s: float | None = None
+        self._talk: Conversation | None = None
 
     @property
     def health(self) -> Health:
         """Its condition now."""
         return self._health
+
+    @property
+    def reading_s(self) -> float:
+        """How long it took to get the newest bytes from the kernel."""
+        return self._talk.link.reading_s if self._talk is not None else 0.0
 
     async def run(self, on_scan: Callable[[Scan], None]) -> Never:
         """Deliver scans for ever; see drivers.api.Lidar. Only a bug, or an error of `on_scan`, comes out."""
@@ -62,7 +68,7 @@ class Hokuyo:
 
     async def _serve(self, on_scan: Callable[[Scan], None]) -> Never:
         """Use one connection until it is lost."""
-        talk = await self._reach()
+        self._talk = talk = await self._reach()
         try:
             await until_lost(talk.link, self._measure(talk, on_scan))
         except asyncio.CancelledError:
@@ -126,10 +132,10 @@ class Hokuyo:
             await quieten(talk)
 
     async def _watch(self, stream: ScanStream, identity: Identity, started_s: float) -> str:
-        """Look at the stream forty times a second; return why it has to be restarted."""
+        """Look at the stream twenty times a second; return why it has to be restarted."""
         model = identity.parameters.model
         while not stream.trouble:
-            await asyncio.sleep(_WATCH_PERIOD_S)
+            await asyncio.sleep(_WATCH_PERIOD_S - self._clock() % _WATCH_PERIOD_S)
             now_s = self._clock()
             if why := self._why_restart(stream, now_s, started_s):
                 return why

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Final
 
 from drivers.api import Health, LinkLost, LinkState, ProtocolError, Scan
-from drivers.hokuyo.codec import Block, stream_command
+from drivers.hokuyo.codec import BLOCK_LIMIT_BYTES, Block, stream_command
 from drivers.hokuyo.conversation import Conversation, Identity
 from drivers.hokuyo.ranges import RangeDecoder
 from drivers.hokuyo.replies import Status, decode_number, judge
@@ -72,6 +72,7 @@ class ScanStream:
 
     async def start(self) -> None:
         """Start measuring; the sensor's refusal is left in `trouble` or raised as ProtocolError."""
+        self._talk.deframer.limit_bytes = max(BLOCK_LIMIT_BYTES, 2 * self._decoder.block_bytes)
         self._talk.link.listen(self._on_bytes)
         self._talk.link.write(self._command)
         try:

@@ -184,7 +184,8 @@ class Vesc:
     async def _poll(self, link: ByteLink) -> Never:
         """Ask for values on absolute deadlines; LinkLost when it stays silent."""
         period_s = 1.0 / self._settings.poll_hz
-        asked_s = next_s = self._replied_s = self._clock()
+        asked_s = self._replied_s = self._clock()
+        next_s = asked_s // period_s * period_s  # together with whatever else ticks at this rate: waking up is costly
         while True:
             now_s = self._clock()
             if self._awaiting and now_s - asked_s >= REPLY_BUDGET_S:
@@ -199,7 +200,7 @@ class Vesc:
                 asked_s = now_s
                 link.write(_ASK_VALUES + self.inertia.question())
             next_s = max(next_s + period_s, now_s)
-            await _pause(link, next_s - now_s)
+            await link.sleep(next_s - now_s)
 
     def _miss_reply(self, now_s: float) -> None:
         self._awaiting = False
@@ -271,12 +272,3 @@ class Vesc:
             self._health.count("brake_not_written")  # nobody is there to hear it; the VESC's own timeout remains
         finally:
             link.close()
-
-
-async def _pause(link: ByteLink, pause_s: float) -> None:
-    """Sleep, unless the link is lost meanwhile: then raise why."""
-    try:
-        async with asyncio.timeout(pause_s):
-            await link.lost()
-    except TimeoutError:
-        return

@@ -8,10 +8,16 @@ from typing import Never
 from drivers.api import Clock, Motor
 from runtime.command import Decision, Output, Source, arbitrate
 from runtime.control.limiter import Limiter
+from runtime.recording.tape import Tape
+from runtime.stage_clock import StageClock
 from runtime.ticker import ticks
 from runtime.voices import Voices
 
 log = logging.getLogger("wallride.mux")
+
+Noted = Callable[[float, int], None]
+SILENT_AFTER_PERIODS = 1.5
+"""At 50 Hz that is 30 ms: scans at 40 Hz leave no silence."""
 
 
 class Mux:
@@ -22,35 +28,59 @@ class Mux:
     """
 
     def __init__(
-        self, voices: Voices, motor: Motor, limiter: Limiter, required: frozenset[Source], clock: Clock
+        self,
+        voices: Voices,
+        motor: Motor,
+        limiter: Limiter,
+        required: frozenset[Source],
+        clock: Clock,
+        stages: StageClock | None = None,
+        tape: Tape | None = None,
     ) -> None:
         self._voices = voices
         self._motor = motor
         self._limiter = limiter
         self._required = required
         self._clock = clock
+        self._stages = stages or StageClock(clock)
+        self._tape = tape or Tape(clock, 0)
         self._last_s = clock()
+        self._publish: Callable[[Output], None] = lambda _: None
         self.output: Output | None = None
         self.seconds_by_winner: dict[str, float] = {}
 
     async def run(self, publish: Callable[[Output], None]) -> Never:
         """Decide for ever."""
+        self._publish = publish
         while True:
             await self._voices.changed()
             publish(self.step())
 
+    def decide_now(self) -> None:
+        """Decide at once instead of at the loop's next turn, if there is news: for the last word on a scan."""
+        if self._voices.take_news():
+            self._publish(self.step())
+
     def step(self) -> Output:
         """Decide once, now."""
+        stages = self._stages
+        stages.mux.begin()
+        self._tape.begin()
         now_s = self._clock()
         elapsed_s = now_s - self._last_s
-        decision = arbitrate(self._voices.live(), self._required, self._voices.order)
+        live = self._voices.live()
+        decision = arbitrate(live, self._required, self._voices.order)
         drive = self._limiter.limit(decision.speed_mps, decision.steering_rad, elapsed_s, decision.brake_mps2)
+        stages.mux.end()
+        stages.write.begin()
         delivered = self._motor.send(drive)
+        stages.write.end()
         if not delivered:
             self._limiter.standstill()
         self._account(decision, elapsed_s)
         self._last_s = now_s
         self.output = Output(now_s, drive, decision, delivered)
+        self._tape.stepped(elapsed_s, live, self.output)
         return self.output
 
     def _account(self, decision: Decision, elapsed_s: float) -> None:
@@ -63,8 +93,15 @@ class Mux:
             log.info("%s: %s%s", decision.winner or "nobody", decision.reason, measure)
 
 
-async def tick(voices: Voices, rate_hz: float, clock: Clock) -> Never:
-    """Wake the mux at a steady rate, so that it also decides in silence."""
-    async for _ in ticks(1 / rate_hz, clock):
-        voices.tick()
+async def tick(voices: Voices, rate_hz: float, clock: Clock, noted: Noted = lambda _late_s, _missed: None) -> Never:
+    """Wake the mux at a steady rate in silence: one that only forwards would go silent instead of stopping.
+
+    While words come often enough, and none has expired, a tick would only repeat them. noted: told how late each tick
+    is, and how many were missed.
+    """
+    silent_after_s = SILENT_AFTER_PERIODS / rate_hz
+    async for beat in ticks(1 / rate_hz, clock):
+        noted(beat.late_s, beat.missed)
+        if voices.somebody_expired() or clock() - voices.spoken_s >= silent_after_s:
+            voices.tick()
     raise AssertionError("ticks never end")

@@ -1,8 +1,8 @@
 """Off the hot path: notes what the tasks show, and has it written when the motor has its command.
 
 The hot path only leaves references, one slot per topic, the new replacing the old. A decision wakes the task, and a
-decision comes after the motor was written; then one message is written per turn of the loop, so that whatever arrives
-meanwhile waits for one message at most. What nobody wants is not written at all.
+decision comes after the motor was written; then messages are written for at most TURN_S per turn of the loop, so that
+whatever arrives meanwhile waits hardly longer. What nobody wants is not written at all.
 """
 
 import asyncio
@@ -30,6 +30,8 @@ BY_OUTPUT = (
     wire.OUTPUT, wire.DECISION, wire.STATUS, wire.SAFETY, wire.NAVIGATION, wire.TELEOP, wire.FOOTPRINT,
     wire.DIAGNOSTICS,
 )  # fmt: skip
+TURN_S = 0.0002
+"""A turn of the loop costs as much as a message, so one message per turn would double the work."""
 MOST_CHANGES = 32
 """Changes of mind that may wait to be written; of more in one burst the oldest are lost."""
 
@@ -91,7 +93,10 @@ class Telemetry:
         """Note a decision, which the motor has already, and let the writing begin."""
         decision = output.decision
         if self._unanswered_s is not None:
-            self.journey.latency.add(self._observed.clock() - self._unanswered_s)
+            latency_s = self._observed.clock() - self._unanswered_s
+            self.journey.latency.add(latency_s)
+            if self._observed.timings is not None:
+                self._observed.timings.scan_to_motor.add(latency_s)
             self._unanswered_s = None
         state = self._observed.motor.state
         if state is not self._newest.motor:
@@ -111,13 +116,16 @@ class Telemetry:
         return {"telemetry": self.run()}
 
     async def run(self) -> Never:
-        """Write for ever, one message per turn of the loop."""
+        """Write for ever, a few messages per turn of the loop."""
+        clock = self._observed.clock
         while True:
             await self._woken.wait()
             self._woken.clear()
+            turn_over_s = clock() + TURN_S
             for write in self._due():
-                if write():
+                if write() and clock() > turn_over_s:
                     await asyncio.sleep(0)
+                    turn_over_s = clock() + TURN_S
 
     def status(self) -> dict[str, Any]:
         """Return the answer to "why is it (not) moving"."""

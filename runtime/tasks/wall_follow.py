@@ -7,6 +7,7 @@ from drivers.api import Drive, Motor, Scan
 from runtime.command import DriveWord, Source
 from runtime.control.guidance import Follower, Guidance
 from runtime.queues import Inbox
+from runtime.stage_clock import Stage
 from runtime.voices import Voices
 
 
@@ -18,12 +19,21 @@ async def follow(
     *,
     expires_after_s: Callable[[], float],
     publish: Callable[[Scan, Guidance], None],
+    decide: Callable[[], None] = lambda: None,
+    stage: Stage | None = None,
 ) -> Never:
-    """Answer each scan; a follower without an answer asks for standstill, with its reason."""
+    """Answer each scan; a follower without an answer asks for standstill, with its reason.
+
+    decide: called when all has been said about a scan, so that the motor need not wait for the mux's turn.
+    """
+    stage = stage or Stage(lambda: 0.0)
     while True:
         scan = await scans.get()
+        stage.begin()
         guidance = follower.follow(scan, motor.state)
         drive = guidance.drive if guidance.drive is not None else Drive(0.0, 0.0)
         word = DriveWord(Source.NAVIGATION, drive, scan.stamp_s, guidance.reason)
         voices.say(word, expires_at_s=scan.stamp_s + expires_after_s())
+        stage.end()
         publish(scan, guidance)
+        decide()

@@ -1,0 +1,245 @@
+"""What recording costs: processor time, and time between a scan and the motor.
+
+    python benchmarks/recording.py [--rounds 6] [--seconds 10] [--folder DIR] [--disk-mbps MB/S]
+                                   [--unpaced] [--switch-interval S]
+
+One event loop runs the car's own tasks (both laws, mux at 50 Hz ticks, telemetry) on a lidar of 40 noisy scans a second
+and a motor in memory. Rounds with the recorder and rounds without alternate, so that a busy machine is as unfair to one
+as to the other. "late" is how long after its due time a scan is delivered (what the recorder's thread may add when it
+holds Python's lock), "answer" is from its delivery to the motor's command, "both" is their sum.
+"""
+
+import argparse
+import asyncio
+import gc
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Never
+
+import numpy as np
+
+from drivers.api import Health, LinkState, Scan
+from runtime.command import Output, Source, consent
+from runtime.control import methods
+from runtime.control.limiter import Limiter, Limits
+from runtime.control.live_laws import LiveLaws
+from runtime.queues import Inbox
+from runtime.recording import recorder
+from runtime.recording.disk import Disk, RealDisk
+from runtime.recording.recorder import Recorder
+from runtime.recording_settings import RecordingSettings
+from runtime.recording.tape import Tape, TapedLaws
+from runtime.settings import Settings
+from runtime.snapshot import Observed
+from runtime.tasks import lidar as lidar_task
+from runtime.tasks import mux as mux_task
+from runtime.tasks import safety, wall_follow
+from runtime.tasks.telemetry import Telemetry
+from runtime.voices import Voices
+from sim.twins import BEAMS, STEP_RAD, MemoryMotor, ranges_between_walls
+
+RATE_HZ = 40.0
+SETTLING_SCANS = 20
+PERCENTILES = (50, 90, 99, 99.9)
+WALLS_M = ranges_between_walls(0.9, 1.1, 8.0)
+
+
+class SteadyLidar:
+    """Delivers a scan at every due time and never makes up for one. late_s: how late each was."""
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        noise = np.random.default_rng(1)
+        self._scans_m = [(WALLS_M + noise.normal(0, 0.01, BEAMS)).astype(np.float32) for _ in range(64)]
+        self._clock = clock
+        self.health = Health(LinkState.READY, "in memory", "bench")
+        self.due_s: dict[int, float] = {}
+        self.delivered_s: dict[int, float] = {}
+
+    async def run(self, on_scan: Callable[[Scan], None]) -> Never:
+        """Deliver for ever."""
+        sequence, due_s = 0, self._clock() + 0.1
+        while True:
+            await asyncio.sleep(max(0.0, due_s - self._clock()))
+            now_s = self._clock()
+            self.due_s[sequence], self.delivered_s[sequence] = due_s, now_s
+            ranges_m = self._scans_m[sequence % len(self._scans_m)]
+            on_scan(Scan(now_s, now_s, -STEP_RAD * (BEAMS // 2), STEP_RAD, 0.02, 30.0, ranges_m, sequence))
+            sequence += 1
+            due_s += (int((self._clock() - due_s) * RATE_HZ) + 1) / RATE_HZ
+
+
+class SlowDisk(RealDisk):
+    """Takes so many bytes a second."""
+
+    def __init__(self, bytes_per_s: float) -> None:
+        self._bytes_per_s = bytes_per_s
+
+    def write(self, descriptor: int, data: memoryview) -> int:
+        """Write, in the time that such a disk takes for it."""
+        time.sleep(len(data) / self._bytes_per_s)
+        return super().write(descriptor, data)
+
+
+class Bench:
+    """One car without wheels. answered_s: when the motor had its answer to a scan."""
+
+    def __init__(self, folder: Path | None, disk: Disk) -> None:
+        clock = time.monotonic
+        settings = Settings()
+        self.recorder = Recorder(
+            RecordingSettings(folder=str(folder or "."), start="always", enabled=folder is not None, keep_free_mb=0),
+            car="bench", version="0", epoch_ns=time.time_ns() - time.monotonic_ns(), clock=clock, disk=disk,
+        )  # fmt: skip
+        tape = self.recorder.tape if folder is not None else Tape(clock, 0)
+        self.lidar, self.motor = SteadyLidar(clock), MemoryMotor(clock)
+        self.voices = Voices(settings.effective_order(), tape.clock)
+        laws = LiveLaws(settings.wall_follow, settings.safety, settings.car, tape.clock)
+        self.laws = TapedLaws(laws, tape)
+        self.limiter = Limiter(Limits(5.0, 1.0, 0.35, 6.0, 5.0))
+        required = frozenset({Source.SAFETY, Source.PERMIT})
+        self.mux = _TapedMux(self.voices, self.motor, self.limiter, required, tape)
+        observed = Observed(
+            car="bench", version="0", lidar=self.lidar, motor=self.motor, voices=self.voices, clock=clock,
+            seconds_by_winner=self.mux.seconds_by_winner, window=lambda: laws.words,
+        )  # fmt: skip
+        sinks = [self.recorder] if folder is not None else []
+        self.telemetry = Telemetry(observed, settings.car, sinks, epoch_ns=0, side=lambda: "left")
+        self.answered_s: dict[int, float] = {}
+        self._expires_s = settings.safety.expires_after_s
+        self._clock = clock
+        self._tape = tape
+        self._unanswered: int | None = None
+        tape.tuned(settings)
+
+    async def drive(self, seconds: float) -> None:
+        """Drive for so long."""
+        for_safety: Inbox[Scan] = Inbox(self._clock)
+        for_follower: Inbox[Scan] = Inbox(self._clock)
+        self.voices.say(consent(Source.PERMIT, "bench"))
+
+        def followed(scan: Scan, guidance: object) -> None:
+            self._unanswered = scan.sequence
+            self.telemetry.on_guidance(scan, guidance)  # type: ignore[arg-type]
+
+        jobs = (
+            lidar_task.pump(
+                self.lidar, [for_safety.put, for_follower.put, self._tape.scanned, self.telemetry.on_scan]
+            ),
+            safety.watch(for_safety, self.motor, self.laws, self.voices, expires_after_s=lambda: self._expires_s),
+            wall_follow.follow(
+                for_follower, self.motor, self.laws, self.voices,
+                expires_after_s=lambda: self._expires_s, publish=followed,
+            ),
+            self.mux.run(self._on_output),
+            mux_task.tick(self.voices, 50.0, self._clock),
+            self.telemetry.run(),
+        )  # fmt: skip
+        tasks = [asyncio.create_task(job) for job in jobs]
+        await asyncio.sleep(seconds)
+        for task in tasks:
+            task.cancel()
+        await asyncio.wait(tasks)
+
+    def _on_output(self, output: Output) -> None:
+        if self._unanswered is not None:
+            self.answered_s[self._unanswered] = self._clock()
+            self._unanswered = None
+        self.telemetry.on_output(output)
+
+    def figures_s(self) -> dict[str, list[float]]:
+        """Return lateness, answer time and their sum of every answered scan but the first ones."""
+        lidar = self.lidar
+        answered = [number for number in self.answered_s if number >= SETTLING_SCANS]
+        return {
+            "late": [lidar.delivered_s[number] - lidar.due_s[number] for number in answered],
+            "answer": [self.answered_s[number] - lidar.delivered_s[number] for number in answered],
+            "both": [self.answered_s[number] - lidar.due_s[number] for number in answered],
+        }
+
+
+class _TapedMux(mux_task.Mux):
+    """The car's mux with its hook to the tape."""
+
+    def __init__(
+        self, voices: Voices, motor: MemoryMotor, limiter: Limiter, required: frozenset[Source], tape: Tape
+    ) -> None:
+        super().__init__(voices, motor, limiter, required, tape.clock)
+        self._the_tape = tape
+        self._stepped_s = 0.0
+
+    def step(self) -> Output:
+        self._the_tape.begin()
+        output = super().step()
+        self._the_tape.stepped(output.stamp_s - self._stepped_s, self._voices.live(), output)
+        self._stepped_s = output.stamp_s
+        return output
+
+
+def run_round(folder: Path | None, seconds: float, disk: Disk) -> tuple[dict[str, list[float]], float, float]:
+    """Return figures, processor time per second of driving, and the recorder's thread's part of it."""
+    bench = Bench(folder, disk)
+    gc.collect()
+    gc.freeze()
+    if folder is not None:
+        bench.recorder.start()
+    began_s, used_s = time.monotonic(), time.process_time()
+    asyncio.run(bench.drive(seconds))
+    used_s, took_s = time.process_time() - used_s, time.monotonic() - began_s
+    thread_s = bench.recorder.processor_s
+    if lost := bench.recorder.status()["lost"]:
+        print(f"{lost} messages lost: {bench.recorder.status()['words']}")
+    bench.recorder.close(5.0)
+    gc.unfreeze()
+    return bench.figures_s(), used_s / took_s, thread_s / took_s
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=6)
+    parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--folder", type=Path)
+    parser.add_argument("--disk-mbps", type=float, metavar="MB/S", help="a disk that takes no more")
+    parser.add_argument("--unpaced", action="store_true", help="let the recorder's thread work without pauses")
+    parser.add_argument("--switch-interval", type=float, default=sys.getswitchinterval())
+    options = parser.parse_args()
+    sys.setswitchinterval(options.switch_interval)
+    if options.unpaced:
+        recorder.WORK_S = 1e9
+    disk = SlowDisk(1e6 * options.disk_mbps) if options.disk_mbps else RealDisk()
+    folder = Path(tempfile.mkdtemp(prefix="wallride-bench-", dir=options.folder))
+    settings = Settings()
+    methods.warm_up(settings.wall_follow, settings.safety, settings.car)
+    run_round(folder, 2.0, disk)
+    run_round(None, 2.0, disk)
+    figures: dict[bool, dict[str, list[float]]] = {True: {}, False: {}}
+    used: dict[bool, list[float]] = {True: [], False: []}
+    by_thread: list[float] = []
+    for number in range(2 * options.rounds):
+        recorded = number % 2 == 0
+        found, share, thread_share = run_round(folder if recorded else None, options.seconds, disk)
+        used[recorded].append(share)
+        if recorded:
+            by_thread.append(thread_share)
+        for name, samples_s in found.items():
+            figures[recorded].setdefault(name, []).extend(samples_s)
+    shutil.rmtree(folder)
+    for recorded in (False, True):
+        print(
+            f"{'with' if recorded else 'without'} recording: {100 * float(np.median(used[recorded])):.2f} % of a core"
+        )
+        for name, samples_s in figures[recorded].items():
+            spread = ", ".join(f"p{p:g} {1000 * np.percentile(samples_s, p):.3f}" for p in PERCENTILES)
+            print(f"  {name:<7} {spread}, max {1000 * max(samples_s):.3f} ms   ({len(samples_s)} scans)")
+    cost = float(np.median(used[True])) - float(np.median(used[False]))
+    print(
+        f"recording costs {100 * cost:.2f} % of a core, {100 * float(np.median(by_thread)):.2f} % of it in its thread"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,116 @@
+"""`wallride logs info`: what is in a recording, also in one without its end."""
+
+import json
+import struct
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from clients.connection import ConnectionProblemError
+from runtime.recording.channels import EVENTS, text_of
+from runtime.recording.mcap_file import METADATA
+from runtime.recording.recover import is_whole
+
+NS = 1_000_000_000
+LARGEST_RECORD_B = 1 << 28
+
+
+@dataclass(slots=True)
+class Info:
+    """What a pass over a file found. times_ns: first and last, since 1970. stops: their reasons, with the seconds."""
+
+    facts: dict[str, str] = field(default_factory=dict)
+    counts: Counter[str] = field(default_factory=Counter)
+    sizes_bytes: Counter[str] = field(default_factory=Counter)
+    kinds: dict[str, str] = field(default_factory=dict)
+    times_ns: list[int] = field(default_factory=list)
+    stops: list[tuple[int, str]] = field(default_factory=list)
+    torn: str = ""
+
+
+def describe(path: Path, *, as_json: bool) -> str:
+    """Return what a file holds, as lines for people or as JSON; ConnectionProblemError when it is no recording."""
+    try:
+        info = read(path)
+        whole = is_whole(path)
+    except OSError as error:
+        raise ConnectionProblemError(f"{path}: cannot be read: {error.strerror or error}") from None
+    if not info.counts:
+        raise ConnectionProblemError(f"{path}: holds no message{f' ({info.torn})' if info.torn else ''}")
+    begins_ns, ends_ns = min(info.times_ns), max(info.times_ns)
+    fields = {
+        "file": str(path),
+        "size_bytes": path.stat().st_size,
+        "whole": whole,
+        **info.facts,
+        "begins": datetime.fromtimestamp(begins_ns / NS, UTC).isoformat(timespec="milliseconds"),
+        "seconds": round((ends_ns - begins_ns) / NS, 3),
+        "messages": info.counts.total(),
+        "topics": {topic: {"type": info.kinds[topic], "messages": count} for topic, count in info.counts.items()},
+        "stops": [{"at_s": round((at_ns - begins_ns) / NS, 3), "reason": reason} for at_ns, reason in info.stops],
+    }
+    if as_json:
+        return json.dumps(fields, indent=2)
+    return "\n".join(_lines(fields, info))
+
+
+def read(path: Path) -> Info:
+    """Go through a file from its start as far as it is whole."""
+    from mcap import records
+    from mcap.stream_reader import StreamReader
+
+    info, schemas, channels = Info(), {}, {}
+    with path.open("rb") as file:
+        reader = StreamReader(file, record_size_limit=LARGEST_RECORD_B)
+        try:
+            for record in reader.records:
+                match record:
+                    case records.Metadata() if record.name == METADATA:
+                        info.facts = dict(record.metadata)
+                    case records.Schema():
+                        schemas[record.id] = record.name
+                    case records.Channel():
+                        channels[record.id] = record.topic
+                        info.kinds[record.topic] = schemas.get(record.schema_id, record.message_encoding)
+                    case records.Message():
+                        _count(info, channels[record.channel_id], record)
+                    case _:
+                        pass
+        except Exception as error:  # noqa: BLE001 - a parser that meets a torn end raises anything; it is shown
+            info.torn = str(error) or type(error).__name__
+    return info
+
+
+def _count(info: Info, topic: str, message: Any) -> None:  # noqa: ANN401 - mcap's
+    info.counts[topic] += 1
+    info.sizes_bytes[topic] += len(message.data)
+    info.times_ns = [
+        min(message.log_time, *info.times_ns[:1]) if info.times_ns else message.log_time,
+        max(message.log_time, *info.times_ns[1:]) if info.times_ns else message.log_time,
+    ]
+    if topic.strip("/") == EVENTS:
+        with suppress(ValueError, KeyError, struct.error):
+            event = json.loads(text_of(message.data))
+            info.stops.append((message.log_time, str(event["reason"])))
+
+
+def _lines(fields: dict[str, Any], info: Info) -> Iterator[str]:
+    yield f"{fields['file']}   {fields['size_bytes'] / 1e6:.1f} MB"
+    if not fields["whole"]:
+        yield f"without its end (wallride logs recover {fields['file']})"
+    if info.facts:
+        what = f"{info.facts.get('kind', 'recording')} {info.facts.get('reason', '')}".strip()
+        yield f"{what} of {info.facts.get('car', '?')}, wallride {info.facts.get('version', '?')}"
+        if info.facts.get("continues"):
+            yield f"goes on from {info.facts['continues']}"
+    yield f"{fields['begins']}, {fields['seconds']:.1f} s, {fields['messages']} messages"
+    seconds = fields["seconds"] or 1.0
+    for topic, count in sorted(info.counts.items()):
+        volume = info.sizes_bytes[topic] / seconds / 1000
+        yield f"  {topic:<17} {info.kinds[topic]:<42} {count:7d}  {count / seconds:6.1f} Hz  {volume:7.1f} kB/s"
+    for stop in fields["stops"]:
+        yield f"  stop at {stop['at_s']:.1f} s: {stop['reason']}"

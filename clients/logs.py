@@ -1,0 +1,223 @@
+"""`wallride logs` and `wallride record`: looks at recordings, brings them here, and has a car begin or end one."""
+
+import argparse
+import asyncio
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from clients.connection import ConnectionProblemError, connected
+from runtime import wire
+from runtime.bus import Bus, RefusedError
+from runtime.recording import questions
+from runtime.recording.recover import RecoveryError, file_state, is_whole, recover
+from runtime.recording.ring import MB, Entry, entries, parse, trim
+from runtime.recording_settings import recordings_folder
+
+ANSWER_WITHIN_S = 3.0
+TRIES = 5
+PART = ".part"
+Answer = Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Listed:
+    """One recording, here or on a car. state: whole, unfinished or recording."""
+
+    name: str
+    size_bytes: int
+    black_box: bool
+    reason: str
+    state: str
+
+
+async def run(options: argparse.Namespace) -> int:
+    """Do what `wallride logs ACTION` asks; options as of `wallride.logs_options`."""
+    match options.action:
+        case "info":
+            from clients.log_info import describe
+
+            for path in options.files:
+                options.say(describe(_found(path), as_json=options.json))
+            return 0
+        case "recover":
+            return _recover(options.files, options)
+        case _ if options.local is not None:
+            return _here(options)
+        case _:
+            return await _there(options)
+
+
+async def record(options: argparse.Namespace) -> int:
+    """Do what `wallride record start|stop|status` asks."""
+    wishes = {"start": {"on": True}, "stop": {"on": False}, "status": {}}
+    async with connected(options) as (bus, car):
+        status = await _ask_json(bus, car, questions.RECORD, **wishes[options.action])
+    options.say(json.dumps(status) if options.json else _standing(status))
+    done = options.action == "status" or status["on"] is (options.action == "start")
+    return 0 if done else 1
+
+
+def _standing(status: Answer) -> str:
+    details = [status["words"]]
+    if status["file"]:
+        details.append(f"{status['file']}, {status['written_mb']:.1f} MB")
+    if status["black_box"]:
+        details.append(f"black box {status['black_box']}")
+    return "; ".join(details)
+
+
+def _here(options: argparse.Namespace) -> int:
+    """List or trim a folder of this machine."""
+    folder = Path(options.local) if options.local else recordings_folder("")
+    if options.action == "get":
+        raise ConnectionProblemError(f"what --local names is here already: {folder}")
+    if options.action == "trim":
+        gone = trim(folder, options.keep_mb * MB)
+        _say_gone([entry.name for entry in gone], options)
+        return 0
+    _say_list([_listed(folder, entry) for entry in entries(folder)], str(folder), options)
+    return 0
+
+
+def _listed(folder: Path, entry: Entry) -> Listed:
+    return Listed(entry.name, entry.size_bytes, entry.is_black_box, entry.reason, file_state(folder / entry.name))
+
+
+async def _there(options: argparse.Namespace) -> int:
+    """List, get or trim what a car has."""
+    async with connected(options) as (bus, car):
+        if options.action == "trim":
+            answer = await _ask_json(bus, car, questions.TRIM, keep_mb=options.keep_mb)
+            _say_gone(answer["deleted"], options)
+            return 0
+        answer = await _ask_json(bus, car, questions.LIST)
+        files = [Listed(**fields) for fields in answer["files"]]
+        if options.action == "list":
+            _say_list(files, f"{car}:{answer['folder']}", options)
+            return 0
+        for chosen in _chosen(files, options):
+            path = await _fetch(bus, car, chosen, options)
+            options.say(str(path))
+    return 0
+
+
+def _chosen(files: Sequence[Listed], options: argparse.Namespace) -> list[Listed]:
+    by_name = {file.name: file for file in files}
+    if unknown := [name for name in options.names if name not in by_name]:
+        raise ConnectionProblemError(f"{', '.join(unknown)}: the car has no such recording; see wallride logs list")
+    if options.names:
+        return [by_name[name] for name in options.names]
+    wanted = [file for file in files if file.black_box] if options.black_boxes else list(files)
+    if not wanted:
+        raise ConnectionProblemError("the car has no recording of that kind")
+    return wanted[-options.last :]
+
+
+async def _fetch(bus: Bus, car: str, file: Listed, options: argparse.Namespace) -> Path:
+    """Bring one file here, going on where an earlier try ended; an unfinished one is finished here."""
+    if parse(file.name) is None:  # a car must not choose where files are written on this machine
+        raise ConnectionProblemError(f"{car} offers {file.name!r}, which is not the name of a recording")
+    target = Path(options.output) / file.name
+    part = target.with_name(target.name + PART)
+    if target.exists() and target.stat().st_size >= file.size_bytes:
+        return target
+    try:
+        part.parent.mkdir(parents=True, exist_ok=True)
+        with part.open("ab") as out:
+            if out.tell() > file.size_bytes:
+                out.truncate(0)
+            while (offset := out.tell()) < file.size_bytes:
+                length = min(questions.LARGEST_PIECE_B, file.size_bytes - offset)
+                piece = await _ask_some_times(bus, car, name=file.name, offset=offset, length=length)
+                if not piece:
+                    raise ConnectionProblemError(f"{file.name}: it became shorter on the car; try again")
+                out.write(piece)
+                options.progress(file.name, out.tell(), file.size_bytes)
+        if not is_whole(part):
+            recover(part)
+    except OSError as error:
+        raise ConnectionProblemError(f"{part}: cannot be written: {error.strerror or error}") from None
+    except RecoveryError as error:
+        raise ConnectionProblemError(str(error)) from None
+    part.replace(target)
+    return target
+
+
+async def _ask_some_times(bus: Bus, car: str, **question: object) -> bytes:
+    """Ask for a piece until it comes: on a full radio link the car drops an answer rather than wait for it."""
+    for _ in range(TRIES - 1):
+        try:
+            return await _ask(bus, car, questions.GET, question)
+        except ConnectionProblemError:
+            await asyncio.sleep(0.1)
+    return await _ask(bus, car, questions.GET, question)
+
+
+async def _ask_json(bus: Bus, car: str, what: str, **question: object) -> Answer:
+    return wire.decode(await _ask(bus, car, what, question))
+
+
+async def _ask(bus: Bus, car: str, what: str, question: Mapping[str, object]) -> bytes:
+    try:
+        payload = json.dumps(question).encode()
+        answers = await bus.ask(wire.key(car, what), payload, timeout_s=ANSWER_WITHIN_S)
+    except RefusedError as error:
+        raise ConnectionProblemError(f"{car}: {error}") from None
+    except TimeoutError:
+        answers = []
+    if not answers:
+        raise ConnectionProblemError(
+            f"{car} does not answer {what}: does your certificate allow it, and is the link up?"
+        )
+    return answers[0]
+
+
+def _recover(files: Sequence[Path], options: argparse.Namespace) -> int:
+    failed = 0
+    for path in files:
+        try:
+            found = recover(_found(path))
+        except RecoveryError as error:
+            options.say(str(error))
+            failed = 1
+            continue
+        if found.was_whole:
+            options.say(f"{path}: is whole; {found.messages} messages")
+        else:
+            options.say(
+                f"{path}: finished; {found.messages} messages kept, a torn end of {found.cut_bytes} bytes cut off"
+            )
+    return failed
+
+
+def _found(path: Path) -> Path:
+    """Return the path of a recording that may be named as in the list."""
+    if path.is_file():
+        return path
+    here = recordings_folder("") / path.name
+    if path.name == str(path) and here.is_file():
+        return here
+    raise ConnectionProblemError(f"{path}: no such file here (wallride logs get brings it from the car)")
+
+
+def _say_gone(names: Sequence[str], options: argparse.Namespace) -> None:
+    for name in names:
+        options.say(f"deleted {name}")
+    if not names:
+        options.say("nothing to delete")
+
+
+def _say_list(files: Sequence[Listed], where: str, options: argparse.Namespace) -> None:
+    if options.json:
+        options.say(
+            json.dumps([{field: getattr(file, field) for field in Listed.__slots__} for file in files], indent=2)
+        )
+        return
+    for file in files:
+        state = "" if file.state == "whole" else f"   {file.state}"
+        options.say(f"{file.size_bytes / MB:9.1f} MB  {file.name}{state}")
+    total_mb = sum(file.size_bytes for file in files) / MB
+    options.say(f"{len(files)} recordings, {total_mb:.1f} MB in {where}")

@@ -1,0 +1,104 @@
+"""The few things that a recording asks of a disk, in one place, so that tests can have a bad one."""
+
+import errno
+import fcntl
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Protocol
+
+_MODE = 0o640
+_WORDS: Mapping[int, str] = MappingProxyType(
+    {
+        errno.ENOSPC: "the disk is full",
+        errno.EDQUOT: "the disk quota is used up",
+        errno.EROFS: "the disk is read-only (its file system may be damaged)",
+        errno.EIO: "the disk fails to write (loose or worn-out SD card?)",
+        errno.EACCES: "the folder may not be written by the car's user",
+        errno.EPERM: "the folder may not be written by the car's user",
+        errno.ENOTDIR: "the folder's place is taken by a file",
+    }
+)
+
+
+class Disk(Protocol):
+    """Where files go. Everything may block for seconds, and may raise OSError."""
+
+    def create(self, path: Path) -> int:
+        """Create a new file and return its descriptor; the name survives a power cut."""
+        ...
+
+    def write(self, descriptor: int, data: memoryview) -> int:
+        """Write some of the data; returns how much."""
+        ...
+
+    def sync(self, descriptor: int) -> None:
+        """Return when the file's data can survive a power cut."""
+        ...
+
+    def close(self, descriptor: int) -> None:
+        """Let go of the file."""
+        ...
+
+    def remove(self, path: Path) -> None:
+        """Delete a file."""
+        ...
+
+    def free_bytes(self, folder: Path) -> int:
+        """Return how much an ordinary user may still write there."""
+        ...
+
+
+class RealDisk:
+    """The machine's own."""
+
+    def create(self, path: Path) -> int:
+        """Create a new file, readable by the owner and the group."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, _MODE)
+        fcntl.flock(descriptor, fcntl.LOCK_EX)  # tells `recover` that somebody is at it
+        folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            self.sync(folder)
+        finally:
+            os.close(folder)
+        return descriptor
+
+    def write(self, descriptor: int, data: memoryview) -> int:
+        """Write some of the data."""
+        return os.write(descriptor, data)
+
+    def sync(self, descriptor: int) -> None:
+        """Force the data to the disk."""
+        os.fdatasync(descriptor)
+
+    def close(self, descriptor: int) -> None:
+        """Let go of the file."""
+        os.close(descriptor)
+
+    def remove(self, path: Path) -> None:
+        """Delete a file; one that is gone already is fine."""
+        path.unlink(missing_ok=True)
+
+    def free_bytes(self, folder: Path) -> int:
+        """Return how much is free where the folder is, or will be."""
+        while not folder.exists() and folder != folder.parent:
+            folder = folder.parent
+        facts = os.statvfs(folder)
+        return facts.f_bavail * facts.f_frsize
+
+
+def is_being_written(path: Path) -> bool:
+    """Tell whether some process is writing a recording; OSError when it cannot be opened."""
+    with path.open("rb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
+
+
+def explain(error: OSError) -> str:
+    """Return what an error of the disk means for the owner of the car."""
+    return _WORDS.get(error.errno or 0) or f"the disk refuses: {error.strerror or error}"

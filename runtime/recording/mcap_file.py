@@ -1,0 +1,107 @@
+"""One MCAP file that is readable wherever its end turns out to be.
+
+The package `mcap` makes the bytes; they go to the disk here, in small chunks, forced to it at every `flush`.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from runtime.recording.channels import Message, schema_text
+from runtime.recording.disk import Disk
+
+PROFILE = "ros2"
+METADATA = "wallride"
+CHUNK_B = 48 << 10
+"""A chunk is closed when it is longer; with the last message it stays below 64 KiB."""
+SEQUENCE_MASK = 0xFFFFFFFF
+
+
+class McapFile:
+    """A file being written. Every method may raise OSError; the file is then given up with `abandon`.
+
+    bytes_written: what the disk has taken.
+    """
+
+    def __init__(self, path: Path, disk: Disk, facts: Mapping[str, str], library: str) -> None:
+        from mcap.writer import CompressionType, Writer  # slow to import; not before there is something to write
+
+        self.path = path
+        self.messages = 0
+        self._disk = disk
+        self._spool = _Spool()
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        # Noise does not compress, and compressing would hold the interpreter's lock for longer.
+        self._writer: Any = Writer(self._spool, chunk_size=CHUNK_B, compression=CompressionType.NONE)  # type: ignore[arg-type]
+        self._writer.start(PROFILE, library)
+        self._writer.add_metadata(METADATA, dict(facts))
+        self._descriptor = disk.create(path)
+
+    @property
+    def bytes_written(self) -> int:
+        """How much the disk has taken."""
+        return self._spool.taken
+
+    def add(self, message: Message) -> None:
+        """Add a message; it reaches the disk with the next `flush`."""
+        channel = self._channels.get(message.topic)
+        if channel is None:
+            channel = self._channels[message.topic] = self._register(message)
+        self._writer.add_message(
+            channel, message.stamp_ns, message.payload, message.stamp_ns, message.sequence & SEQUENCE_MASK
+        )
+        self.messages += 1
+
+    def write(self) -> None:
+        """Give the disk what is complete, without forcing it there."""
+        while self._spool.waiting:
+            with memoryview(self._spool.waiting) as waiting:
+                taken = self._disk.write(self._descriptor, waiting)
+            self._spool.take(taken)
+
+    def flush(self) -> None:
+        """Close the chunk and force everything to the disk: what was added before survives a power cut now."""
+        self._writer.flush()
+        self.write()
+        self._disk.sync(self._descriptor)
+
+    def close(self) -> None:
+        """Write index and footer and let go of the file."""
+        self._writer.finish()
+        self.write()
+        self._disk.sync(self._descriptor)
+        self._disk.close(self._descriptor)
+
+    def abandon(self) -> None:
+        """Let go of the file as it is; `recover` can finish it later."""
+        self._disk.close(self._descriptor)
+
+    def _register(self, message: Message) -> int:
+        schema = self._schemas.get(message.schema)
+        if schema is None:
+            text = schema_text(message.schema).encode()
+            schema = self._schemas[message.schema] = self._writer.register_schema(message.schema, "ros2msg", text)
+        return int(self._writer.register_channel(f"/{message.topic}", "cdr", schema, {"offered_qos_profiles": ""}))
+
+
+class _Spool:
+    """What the mcap writer writes into: bytes that wait for the disk."""
+
+    def __init__(self) -> None:
+        self.waiting = bytearray()
+        self.taken = 0
+
+    def write(self, data: bytes) -> int:
+        self.waiting += data
+        return len(data)
+
+    def tell(self) -> int:
+        return self.taken + len(self.waiting)
+
+    def flush(self) -> None:
+        """Nothing is held back here."""
+
+    def take(self, taken: int) -> None:
+        del self.waiting[:taken]
+        self.taken += taken

@@ -1,0 +1,290 @@
+"""The recorder as the car sees it: takes what happens without waiting, and has it written by a thread of its own.
+
+Between the car's loop and the thread stand two bounded queues; what does not fit is dropped, counted and said. The
+thread works in short stretches and sleeps between them, because while it computes the loop cannot: Python's lock is
+handed over when the thread sleeps, not when the loop wakes.
+"""
+
+import contextlib
+import itertools
+import json
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from drivers.api import Clock
+from runtime import wire
+from runtime.recording import channels
+from runtime.recording.channels import Message
+from runtime.recording.disk import Disk, RealDisk
+from runtime.recording.ring import MB, Ring
+from runtime.recording.scribe import Facts, Scribe
+from runtime.recording.tape import MOST_EVENTS, Tape
+from runtime.recording.transcriber import Transcriber
+from runtime.recording_settings import RecordingSettings, recordings_folder
+from runtime.ros.definitions import TYPES
+
+log = logging.getLogger("wallride.recording")
+
+PERIOD_S = 0.1
+"""How often the thread looks at what there is."""
+WORK_S = 0.0003
+REST_S = 0.0005
+"""The thread works for so long at a stretch, then lets go of Python's lock for so long."""
+MOST_WAITING_BYTES = 8_000_000
+"""About twenty seconds of everything."""
+MOST_LINES = 1000
+SILENT_DISK_S = 1.0
+LOST_LATELY_S = 10.0
+ARMED_S = 1.0
+EARLY_SHARE = 0.2
+EVERY_ONE = 0.0
+
+PERIODS_S: Mapping[str, float] = MappingProxyType(
+    {
+        wire.OUTPUT: EVERY_ONE,
+        wire.DISTANCE_ERROR: EVERY_ONE,
+        wire.IMU: 0.02,
+        wire.SAFETY: 0.05,
+        wire.NAVIGATION: 0.05,
+        wire.TELEOP: 0.05,
+        wire.ODOM: 0.05,
+        wire.TF: 0.05,
+        wire.MOTOR: 0.05,
+        wire.WALL: 0.1,
+        wire.FOOTPRINT: 0.1,
+        wire.DECISION: 0.1,
+        wire.STATUS: 0.5,
+        wire.BATTERY: 1.0,
+        wire.DIAGNOSTICS: 1.0,
+    }
+)
+"""How often telemetry's topics are recorded; motor states and decisions are all on the tape, and every scan is here."""
+
+
+class Recorder:
+    """Is a telemetry sink, and holds the tape, which runs from the beginning. The rest waits for `start`.
+
+    folder: where recordings go. is_enabled: whether it does anything at all.
+    """
+
+    def __init__(
+        self,
+        settings: RecordingSettings,
+        *,
+        car: str,
+        version: str,
+        epoch_ns: int,
+        clock: Clock,
+        disk: Disk | None = None,
+        unix_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self.folder = recordings_folder(settings.folder)
+        self.tape = Tape(clock, MOST_EVENTS if settings.enabled else 0)
+        self.is_enabled = settings.enabled
+        self._settings = settings
+        self._clock = clock
+        self._disk = disk or RealDisk()
+        self._waiting: deque[Message] = deque()
+        self._lines: deque[tuple[float, logging.LogRecord]] = deque(maxlen=MOST_LINES)
+        self._put_bytes = 0  # only the loop adds to this one, only the thread to the next: no lock is needed
+        self._taken_bytes = 0
+        self._next_s: dict[str, float] = {}
+        self._lost = 0
+        self._lost_at_s = float("-inf")
+        self._busy_since_s: float | None = None
+        self._failure = ""
+        self._listens = False
+        self._wake = threading.Event()
+        self._ending = False
+        self._pace = _Pace()
+        ring = Ring(self.folder, settings, self._disk, _boot_id())
+        facts = Facts(car, version, epoch_ns)
+        self._epoch_ns = epoch_ns
+        self._scribe = Scribe(settings, ring, self._disk, facts, unix_ns=unix_ns, breathe=self._pace)
+        self._transcriber = Transcriber(epoch_ns)
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._handler = _Lines(self._lines, clock)
+
+    def wants(self, topic: str, *, urgent: bool = False) -> bool:
+        """Tell whether the next message of a topic would be recorded; scans come by way of the tape."""
+        period_s = PERIODS_S.get(topic)
+        if period_s is None or not self._listens:
+            return False
+        return urgent or self._clock() >= self._next_s.get(topic, 0.0) - EARLY_SHARE * period_s
+
+    def take(self, topic: str, schema: str, stamp_s: float, payload: bytes) -> None:
+        """Take a message of telemetry."""
+        period_s, now_s = PERIODS_S.get(topic, EVERY_ONE), self._clock()
+        due_s = self._next_s.get(topic, float("-inf"))
+        self._next_s[topic] = (due_s if due_s > now_s - period_s else now_s) + period_s
+        if schema not in _CDR_TYPES:
+            schema, payload = channels.STRING, channels.text(payload)
+        self._put(Message(topic, schema, round(stamp_s * 1e9), payload))
+
+    def tap(self, device: str) -> Callable[[str, bytes, float], None] | None:
+        """Return what a device's link tells its bytes ("in" or "out", bytes, time); None when nobody asked for them."""
+        if not (self._settings.raw and self.is_enabled):
+            return None
+
+        def take(way: str, chunk: bytes, stamp_s: float) -> None:
+            stamp_ns = self._epoch_ns + round(stamp_s * 1e9)
+            self._put(Message(f"{channels.RAW}/{device}/{way}", channels.BYTES, stamp_ns, channels.octets(chunk)))
+
+        return take
+
+    def request(self, *, on: bool) -> None:
+        """Begin a recording or end it, whatever the car does."""
+        self._scribe.wished = on
+        self._wake.set()
+
+    def listen(self) -> None:
+        """Take telemetry from here on."""
+        self._listens = self.is_enabled
+
+    def start(self) -> None:
+        """Take telemetry and log lines from here on, and have them written by the thread."""
+        self.listen()
+        if self.is_enabled:
+            logging.getLogger().addHandler(self._handler)
+            self._thread.start()
+
+    def close(self, timeout_s: float = 1.0) -> None:
+        """Finish what is open. A disk that does not answer in time is left alone, and its file unfinished."""
+        self._listens = False
+        logging.getLogger().removeHandler(self._handler)
+        self._ending = True
+        self._wake.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout_s)
+
+    def status(self) -> Mapping[str, Any]:
+        """Return how it stands, as plain values and in words."""
+        report = self._scribe.report
+        return {
+            "on": bool(report.file),
+            "file": report.file,
+            "why": report.why,
+            "words": self._words(),
+            "written_mb": round(report.written_bytes / MB, 3),
+            "lost": self._lost,
+            "black_box": report.black_box,
+        }
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether the car was armed or moving a moment ago."""
+        return self._clock() - self._transcriber.active_s < ARMED_S
+
+    @property
+    def processor_s(self) -> float:
+        """How much processor time the thread has used; 0 before it started and after its end."""
+        if self._thread.ident is None or not self._thread.is_alive():
+            return 0.0
+        return time.clock_gettime(time.pthread_getcpuclockid(self._thread.ident))
+
+    def turn(self) -> None:
+        """Write down what there is; the thread does this ten times a second."""
+        now_s = self._clock()
+        waiting = [self._waiting.popleft() for _ in range(len(self._waiting))]
+        lines = [self._lines.popleft() for _ in range(len(self._lines))]
+        self._taken_bytes += sum(len(message.payload) for message in waiting)
+        fresh = itertools.chain(
+            self._transcriber.messages(self.tape.drain()), waiting, (self._line(*line) for line in lines)
+        )
+        messages = list(self._paced(fresh))
+        stops, self._transcriber.stops = self._transcriber.stops, []
+        self._scribe.turn(messages, stops, self._transcriber.active_s, now_s)
+
+    def _put(self, message: Message) -> None:
+        if self._put_bytes - self._taken_bytes > MOST_WAITING_BYTES:
+            self._lost += 1
+            self._lost_at_s = self._clock()
+            return
+        self._waiting.append(message)
+        self._put_bytes += len(message.payload)
+
+    def _paced(self, messages: Iterable[Message]) -> Iterator[Message]:
+        for message in messages:
+            self._pace()
+            yield message
+
+    def _line(self, stamp_s: float, record: logging.LogRecord) -> Message:
+        fields = {"level": record.levelname, "name": record.name, "message": record.getMessage()}
+        stamp_ns = self._epoch_ns + round(stamp_s * 1e9)
+        return Message(channels.LOG, channels.STRING, stamp_ns, channels.text(json.dumps(fields).encode()))
+
+    def _run(self) -> None:
+        try:
+            while not self._ending:
+                self._wake.wait(PERIOD_S)
+                self._wake.clear()
+                self._pace.begin()
+                self._busy_since_s = self._clock()
+                self.turn()
+                self._busy_since_s = None
+            self.turn()
+            self._scribe.close()
+        except Exception as error:  # a bug here must not be silent, and must not stop the car
+            self._failure = f"the recorder failed: {type(error).__name__}: {error}"
+            log.exception("the recorder failed; the car drives on without it")
+
+    def _words(self) -> str:
+        """Return in a sentence what there is to know."""
+        report, now_s = self._scribe.report, self._clock()
+        if not self.is_enabled:
+            return "recording is turned off (recording.enabled)"
+        if self._failure:
+            return f"NOT recording: {self._failure}"
+        busy_s = now_s - self._busy_since_s if self._busy_since_s is not None else 0.0
+        if busy_s > SILENT_DISK_S:
+            return f"NOT recording: the disk has not answered for {busy_s:.0f} s; {self._lost} messages lost so far"
+        if report.trouble:
+            return f"NOT recording: {report.trouble}; trying again"
+        if now_s - self._lost_at_s < LOST_LATELY_S:
+            return f"the disk is too slow: {self._lost} messages lost so far"
+        return f"recording: {report.why}" if report.file else f"not recording: {report.why}"
+
+
+class _Pace:
+    """Has its caller sleep after each short stretch of work."""
+
+    def __init__(self) -> None:
+        self._until_s = 0.0
+
+    def begin(self) -> None:
+        """Begin a stretch."""
+        self._until_s = time.perf_counter() + WORK_S
+
+    def __call__(self) -> None:
+        if time.perf_counter() >= self._until_s:
+            time.sleep(REST_S)
+            self.begin()
+
+
+class _Lines(logging.Handler):
+    """Keeps log records for the thread, with the monotonic time at which they came."""
+
+    def __init__(self, lines: deque[tuple[float, logging.LogRecord]], clock: Clock) -> None:
+        super().__init__()
+        self._lines = lines
+        self._clock = clock
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep one."""
+        self._lines.append((self._clock(), record))
+
+
+_CDR_TYPES = frozenset(TYPES.values())
+
+
+def _boot_id() -> str:
+    """Return what distinguishes this start of the computer from others, "" where nothing does."""
+    with contextlib.suppress(OSError):
+        return Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+    return ""

@@ -1,0 +1,156 @@
+"""The folder of recordings: names, order, and what has to go so that the new has room.
+
+    20261121T084600Z-b0007-00042.mcap                      a recording
+    20261121T084655Z-b0007-00043-stop-braking-wall-ahead.mcap   a black box: the half minute before that stop
+
+The last number counts the files of this folder and tells what is older, because a car without a battery-backed clock
+may think that it is 1970; b counts the starts of the computer. A file without its end (`recover`) has the same name.
+"""
+
+import json
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from runtime.recording.disk import Disk, is_being_written
+from runtime.recording_settings import RecordingSettings
+
+MB = 1_000_000
+NAME = re.compile(r"(\d{8}T\d{6}Z)-b(\d{4,})-(\d{5,})(-stop(?:-([a-z0-9-]{1,48}))?)?\.mcap")
+COUNTS = "counts.json"
+"""How many files and starts there were, so that a number is not given twice after its file was deleted."""
+BLACK_BOX_SHARE = 0.25
+"""Black boxes go last, as long as they do not take more of the ring than this."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One file of the folder. number: tells what is older. reason: of a black box, "" for a recording."""
+
+    name: str
+    number: int
+    size_bytes: int
+    is_black_box: bool
+    reason: str
+
+
+def parse(name: str) -> tuple[int, bool, str] | None:
+    """Return number, whether it is a black box, and its reason; None for a name that is not one of ours."""
+    found = NAME.fullmatch(name)
+    return (int(found[3]), found[4] is not None, found[5] or "") if found is not None else None
+
+
+def entries(folder: Path) -> list[Entry]:
+    """Return the recordings in a folder, oldest first; other files are none of our business."""
+    try:
+        return sorted(_entries(folder), key=lambda entry: entry.number)
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+
+
+def _entries(folder: Path) -> Iterator[Entry]:
+    for path in folder.iterdir():
+        known = parse(path.name)
+        if known is None or path.is_symlink():
+            continue
+        try:
+            size_bytes = path.stat().st_size
+        except FileNotFoundError:  # deleted just now
+            continue
+        yield Entry(path.name, known[0], size_bytes, *known[1:])
+
+
+def in_order_of_leaving(present: Sequence[Entry], limit_bytes: int) -> list[Entry]:
+    """Return the entries with the one that leaves first in front. limit_bytes: of the whole ring."""
+    boxes = [entry for entry in present if entry.is_black_box]
+    runs = [entry for entry in present if not entry.is_black_box]
+    boxes_bytes, too_many = sum(entry.size_bytes for entry in boxes), 0
+    while boxes_bytes > BLACK_BOX_SHARE * limit_bytes:
+        boxes_bytes -= boxes[too_many].size_bytes
+        too_many += 1
+    return [*boxes[:too_many], *runs, *boxes[too_many:]]
+
+
+def trim(folder: Path, limit_bytes: int) -> list[Entry]:
+    """Delete the oldest until no more is left than the limit; returns what went. OSError when it may not.
+
+    Whatever is being written, by this process or another, stays.
+    """
+    present = entries(folder)
+    total_bytes = sum(entry.size_bytes for entry in present)
+    gone = []
+    for entry in in_order_of_leaving(present, limit_bytes):
+        if total_bytes <= limit_bytes:
+            break
+        if not is_being_written(folder / entry.name):
+            (folder / entry.name).unlink(missing_ok=True)
+            total_bytes -= entry.size_bytes
+            gone.append(entry)
+    return gone
+
+
+class Ring:
+    """Makes room and names files. Everything may raise OSError."""
+
+    def __init__(self, folder: Path, settings: RecordingSettings, disk: Disk, boot_id: str) -> None:
+        self.folder = folder
+        self._settings = settings
+        self._disk = disk
+        self._boot_id = boot_id
+        self._number = 0
+        self._boot = 0
+
+    def next_path(self, unix_ns: int, reason: str | None = None) -> Path:
+        """Return the path of the next file. reason: of a stop, None for a recording."""
+        if not self._number:
+            self._read_counts()
+        self._number += 1
+        self._write_counts()
+        when = datetime.fromtimestamp(max(unix_ns, 0) / 1e9, UTC).strftime("%Y%m%dT%H%M%SZ")
+        stop = "" if reason is None else f"-stop-{slug(reason)}".rstrip("-")
+        return self.folder / f"{when}-b{self._boot:04d}-{self._number:05d}{stop}.mcap"
+
+    def make_room(self) -> bool:
+        """Delete the oldest until ring and disk have room; False when the disk has none even so.
+
+        Whatever is being written, by this process or another, stays.
+        """
+        keep_free_bytes = self._settings.keep_free_mb * MB
+        limit_bytes = self._settings.ring_mb * MB
+        present = entries(self.folder)
+        total_bytes = sum(entry.size_bytes for entry in present)
+        free_bytes = self._disk.free_bytes(self.folder)
+        for entry in in_order_of_leaving(present, limit_bytes):
+            if total_bytes <= limit_bytes and free_bytes >= keep_free_bytes:
+                break
+            if is_being_written(self.folder / entry.name):
+                continue
+            self._disk.remove(self.folder / entry.name)
+            total_bytes -= entry.size_bytes
+            free_bytes = self._disk.free_bytes(self.folder)
+        return free_bytes >= keep_free_bytes
+
+    def _read_counts(self) -> None:
+        counts = {}
+        try:
+            counts = json.loads((self.folder / COUNTS).read_text())
+            self._number, self._boot = int(counts["files"]), int(counts["boots"])
+        except (FileNotFoundError, ValueError, TypeError, KeyError):
+            pass  # none yet, or torn by a power cut: what is there says enough
+        present = entries(self.folder)
+        self._number = max(self._number, *(entry.number for entry in present), 0) if present else self._number
+        if not counts or counts.get("boot_id") != self._boot_id:
+            self._boot += 1
+
+    def _write_counts(self) -> None:
+        text = json.dumps({"files": self._number, "boots": self._boot, "boot_id": self._boot_id})
+        self.folder.mkdir(parents=True, exist_ok=True)
+        (self.folder / f".{COUNTS}").write_text(text)
+        (self.folder / f".{COUNTS}").replace(self.folder / COUNTS)
+
+
+def slug(reason: str) -> str:
+    """Return a reason as a part of a file's name."""
+    return re.sub(r"[^a-z0-9]+", "-", reason.lower()).strip("-")[:40].strip("-")

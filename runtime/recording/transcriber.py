@@ -1,0 +1,97 @@
+"""From what the hot path left to messages for a file; and, on the way, whether the car is armed and why it stopped."""
+
+import math
+from collections.abc import Iterator, Sequence
+
+from drivers.api import Scan
+from runtime import wire
+from runtime.command import CapWord, Output, Source
+from runtime.recording import channels
+from runtime.recording.black_box import StopWatcher
+from runtime.recording.channels import Message
+from runtime.recording.tape import Entry, Heard
+from runtime.recording.tape_codec import encode
+from runtime.ros import messages
+from runtime.ros.definitions import TYPES
+from runtime.settings import Settings, to_toml
+
+NS = messages.NS
+MOST_EVENTS = 64
+"""One message of tape holds so many at most: encoding it is one stretch of work without a pause."""
+LONGEST_PERIOD_S = 1.0
+
+
+class Transcriber:
+    """Reads entries in their order.
+
+    active_s: when the car was last armed or moving, minus infinity before it was. stops: reasons of stops that are
+    worth a black box; whoever reads them clears them. epoch_ns: added to the monotonic clock gives the time since 1970.
+    """
+
+    def __init__(self, epoch_ns: int) -> None:
+        self.active_s = -math.inf
+        self.stops: list[str] = []
+        self._epoch_ns = epoch_ns
+        self._watcher = StopWatcher()
+        self._now_s = 0.0
+        self._last_scan_s = -math.inf
+
+    def messages(self, entries: Sequence[Entry]) -> Iterator[Message]:
+        """Yield the scans at once, and the tape in pieces, both in order."""
+        piece: list[Entry] = []
+        for entry in entries:
+            _, kind, parts = entry
+            match kind:
+                case "scan":
+                    yield self._scan(*parts)
+                case "step":
+                    self._look_at(*parts)
+                case "settings":
+                    if piece:
+                        yield self._tape(piece)
+                    yield from self._settings(entry)
+                    piece = []
+                    continue
+                case _:
+                    pass
+            piece.append(entry)
+            if len(piece) == MOST_EVENTS:
+                yield self._tape(piece)
+                piece = []
+        if piece:
+            yield self._tape(piece)
+
+    def unix_ns(self, stamp_s: float) -> int:
+        """Return the time since 1970 of a time on the monotonic clock."""
+        return self._epoch_ns + round(stamp_s * NS)
+
+    def _scan(self, scan: Scan) -> Message:
+        self._now_s = max(self._now_s, scan.received_s)
+        period_s, self._last_scan_s = scan.stamp_s - self._last_scan_s, scan.stamp_s
+        stamp_ns = self.unix_ns(scan.stamp_s)
+        payload = messages.laser_scan(stamp_ns, scan, period_s if period_s < LONGEST_PERIOD_S else 0.0)
+        return Message(wire.SCAN, TYPES[wire.SCAN], stamp_ns, payload, scan.sequence)
+
+    def _tape(self, piece: Sequence[Entry], *, lasting: bool = False) -> Message:
+        payload = channels.text(encode(piece))
+        return Message(channels.TAPE, channels.STRING, self.unix_ns(self._now_s), payload, lasting=lasting)
+
+    def _settings(self, entry: Entry) -> Iterator[Message]:
+        settings: Settings = entry[2][0]
+        payload = channels.text(to_toml(settings).encode())
+        yield Message(channels.SETTINGS, channels.STRING, self.unix_ns(self._now_s), payload, lasting=True)
+        yield self._tape([entry], lasting=True)
+
+    def _look_at(self, times_s: Sequence[float], elapsed_s: float, live: Heard, output: Output) -> None:  # noqa: ARG002 - an entry's parts
+        self._now_s = max(self._now_s, output.stamp_s)
+        if output.drive.speed_mps or any(map(_arms, live)):
+            self.active_s = output.stamp_s
+        if (reason := self._watcher.look(output, live)) is not None:
+            self.stops.append(reason)
+
+
+def _arms(word: object) -> bool:
+    """Tell whether a word means that the car may begin to move."""
+    if isinstance(word, CapWord) and word.source is Source.PERMIT:
+        return word.outlook.limit(0.0, 0.0).forward_mps > 0
+    return not isinstance(word, CapWord | Source) and getattr(word, "source", None) is Source.TELEOP

@@ -1,0 +1,171 @@
+"""How long each stage between a scan's bytes and the motor's took, since the start. Under a microsecond a stage.
+
+A histogram with buckets a sixteenth of an octave wide: no sample is kept, nothing grows, and a percentile is right to
+3 %. Its place is the hot path's: `begin` and `end` do nothing but look at the clock and count.
+"""
+
+import gc
+import math
+from bisect import bisect_left
+from collections.abc import Mapping, Sequence
+from itertools import accumulate
+from typing import Any, Literal
+
+from drivers.api import Clock
+
+SUB_BITS = 4
+_SUB = 1 << SUB_BITS
+_TICKS_PER_S = 1e7
+"""Times are counted in 0.1 us; below 1.6 us every tick has its own bucket."""
+_OCTAVES = 32
+SUMMED_EVERY_S = 1.0
+STAGES = ("read", "decode", "safety", "follow", "mux", "write")
+"""In the order in which a scan passes them; what is left of `scan_to_motor` is the loop's own time."""
+
+
+class Histogram:
+    """Counts durations; `fields` tells what they were like."""
+
+    __slots__ = ("_counts", "longest_s", "total")
+
+    def __init__(self) -> None:
+        self._counts = [0] * (_SUB * _OCTAVES)
+        self.longest_s = 0.0
+        self.total = 0
+
+    def add(self, seconds: float) -> None:
+        """Count one; what is negative counts as nothing, what is longer than 100 minutes as that."""
+        ticks = int(seconds * _TICKS_PER_S)
+        shift = ticks.bit_length() - SUB_BITS - 1
+        bucket = (shift << SUB_BITS) + (ticks >> shift) if shift > 0 else max(ticks, 0)
+        self._counts[min(bucket, len(self._counts) - 1)] += 1
+        self.total += 1
+        if seconds > self.longest_s:
+            self.longest_s = seconds
+
+    def quantiles_s(self, shares: Sequence[float]) -> list[float]:
+        """Return what so large a share of the durations did not exceed, to 3 %; zeros without any."""
+        if not self.total:
+            return [0.0] * len(shares)
+        seen = list(accumulate(self._counts))
+        buckets = [bisect_left(seen, max(1.0, share * self.total)) for share in shares]
+        return [min(_middle_ticks(bucket) / _TICKS_PER_S, self.longest_s) for bucket in buckets]
+
+    def fields(self) -> dict[str, float]:
+        """Return count, and p50, p99, p99_9 and max in microseconds."""
+        p50_s, p99_s, p99_9_s = self.quantiles_s((0.5, 0.99, 0.999))
+        times_s = {"p50": p50_s, "p99": p99_s, "p99_9": p99_9_s, "max": self.longest_s}
+        return {"count": self.total, **{name: round(time_s * 1e6, 1) for name, time_s in times_s.items()}}
+
+
+class Stage:
+    """A stretch of the hot path, from `begin` to `end`."""
+
+    __slots__ = ("_began_s", "_clock", "histogram")
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._began_s = 0.0
+        self.histogram = Histogram()
+
+    def begin(self) -> None:
+        """It begins."""
+        self._began_s = self._clock()
+
+    def end(self) -> None:
+        """It ends."""
+        self.histogram.add(self._clock() - self._began_s)
+
+
+class StageClock:
+    """Everything about time that the car shows: stages, the whole way, the loop's lag, collections of garbage.
+
+    missed_ticks: deadlines of the mux's tick that passed while the loop was busy.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self.read = Histogram()
+        self.decode = Histogram()
+        self.safety = Stage(clock)
+        self.follow = Stage(clock)
+        self.mux = Stage(clock)
+        self.write = Stage(clock)
+        self.scan_to_motor = Histogram()
+        self.loop_lag = Histogram()
+        self.collections = [Histogram() for _ in range(3)]
+        self.missed_ticks = 0
+        self._collecting_since_s = 0.0
+        self._summary: dict[str, Any] = {}
+        self._summed_s = -math.inf
+
+    def on_scan(self, received_s: float, reading_s: float) -> None:
+        """Note a scan that was decoded just now. reading_s: how long taking its bytes from the kernel took."""
+        self.read.add(reading_s)
+        self.decode.add(self._clock() - received_s - reading_s)
+
+    def on_tick(self, late_s: float, missed: int) -> None:
+        """Note how late the loop was with something that had a deadline."""
+        self.loop_lag.add(late_s)
+        self.missed_ticks += missed
+
+    def watch_collections(self) -> None:
+        """Time the garbage collector from now on, until `ignore_collections`."""
+        gc.callbacks.append(self._on_collection)
+
+    def ignore_collections(self) -> None:
+        """Undo `watch_collections`; harmless when repeated."""
+        if self._on_collection in gc.callbacks:
+            gc.callbacks.remove(self._on_collection)
+
+    def fields(self) -> dict[str, Any]:
+        """Return everything as plain values, times in microseconds; what never happened is left out.
+
+        Reckoned at most once a second: it is read ten times as often.
+        """
+        if self._clock() - self._summed_s >= SUMMED_EVERY_S:
+            self._summed_s = self._clock()
+            histograms = {name: histogram.fields() for name, histogram in self._named() if histogram.total}
+            self._summary = {**histograms, "missed_ticks": self.missed_ticks}
+        return self._summary
+
+    def table(self) -> list[str]:
+        """Return the same as lines for people."""
+        lines = [f"{'us':<16}{'count':>9}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>9}"]
+        for name, histogram in self._named():
+            if histogram.total:
+                row = histogram.fields()
+                times = "".join(f"{row[column]:9.0f}" for column in ("p50", "p99", "p99_9", "max"))
+                lines.append(f"{name:<16}{histogram.total:9d}{times}")
+        return lines
+
+    def _named(self) -> list[tuple[str, Histogram]]:
+        stages: Mapping[str, Histogram] = {
+            "read": self.read,
+            "decode": self.decode,
+            "safety": self.safety.histogram,
+            "follow": self.follow.histogram,
+            "mux": self.mux.histogram,
+            "write": self.write.histogram,
+        }
+        collections = [(f"gc{generation}", pauses) for generation, pauses in enumerate(self.collections)]
+        return [
+            *((name, stages[name]) for name in STAGES),
+            ("scan_to_motor", self.scan_to_motor),
+            ("loop_lag", self.loop_lag),
+            *collections,
+        ]
+
+    def _on_collection(self, phase: Literal["start", "stop"], info: dict[str, int]) -> None:
+        if phase == "start":
+            self._collecting_since_s = self._clock()
+        else:
+            self.collections[info["generation"]].add(self._clock() - self._collecting_since_s)
+
+
+def _middle_ticks(bucket: int) -> float:
+    """Return the middle of a bucket, in ticks of 0.1 us."""
+    if bucket < 2 * _SUB:
+        return bucket + 0.5
+    shift = (bucket >> SUB_BITS) - 1
+    return (bucket - (shift << SUB_BITS) + 0.5) * (1 << shift)

@@ -1,0 +1,149 @@
+"""Puts the recorder on the bus: begins and ends recordings, lists, hands out and deletes files.
+
+Files are read in threads, one piece at a time and slowly while the car is armed: neither the loop nor the radio link
+of a driving car has time for them.
+"""
+
+import asyncio
+import os
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from runtime import wire
+from runtime.bus import RefusedError
+from runtime.recording import questions
+from runtime.recording.disk import explain
+from runtime.recording.questions import GetQuestion, ListQuestion, RecordQuestion, TrimQuestion
+from runtime.recording.recorder import Recorder
+from runtime.recording.recover import file_state
+from runtime.recording.ring import MB, entries, parse, trim
+
+BEGINS_WITHIN_S = 1.0
+LOOK_EVERY_S = 0.05
+PIECE_EVERY_S = 0.01
+PIECE_EVERY_ARMED_S = 0.1
+MOST_ASKING = 8
+
+Reply = Callable[[bytes], bytes | Awaitable[bytes]]
+Q = TypeVar("Q", bound=BaseModel)
+T = TypeVar("T")
+
+
+class Answering(Protocol):
+    """Where questions come from; the bus on the car."""
+
+    def answer(self, key: str, reply: Reply) -> None:
+        """Answer queries on exactly this key."""
+        ...
+
+
+def serve(bus: Answering, car: str, recorder: Recorder) -> None:
+    """Answer `record` and `logs/list|get|trim` of a car."""
+    library = Library(recorder)
+    replies: dict[str, Reply] = {
+        questions.RECORD: library.record,
+        questions.LIST: library.list_all,
+        questions.GET: library.get,
+        questions.TRIM: library.trim,
+    }
+    for name, reply in replies.items():
+        bus.answer(wire.key(car, name), reply)
+
+
+class Library:
+    """Answers the questions; RefusedError says why not."""
+
+    def __init__(self, recorder: Recorder) -> None:
+        self._recorder = recorder
+        self._desk = asyncio.Lock()
+        self._asking = 0
+
+    async def record(self, payload: bytes) -> bytes:
+        """Begin or end a recording, wait until that happened, and say how it stands."""
+        wish = _read(RecordQuestion, payload).on
+        if wish and not self._recorder.is_enabled:
+            raise RefusedError("recording is turned off on this car: recording.enabled = false")
+        if wish is not None:
+            self._recorder.request(on=wish)
+            for _ in range(round(BEGINS_WITHIN_S / LOOK_EVERY_S)):
+                if self._recorder.status()["on"] is wish:
+                    break
+                await asyncio.sleep(LOOK_EVERY_S)
+        return wire.encode(self._recorder.status())
+
+    async def list_all(self, payload: bytes) -> bytes:
+        """Return every recording, oldest first."""
+        _read(ListQuestion, payload)
+        return wire.encode(await self._in_turn(lambda: _listing(self._recorder.folder)))
+
+    async def get(self, payload: bytes) -> bytes:
+        """Return a piece of a file: fewer bytes than asked for at its end, none behind it."""
+        question = _read(GetQuestion, payload)
+        if parse(question.name) is None:  # also keeps every path but those in the folder out
+            raise RefusedError(f"{question.name!r} is not the name of a recording; see wallride logs list")
+        path = self._recorder.folder / question.name
+        return await self._in_turn(lambda: _piece(path, question.offset, question.length))
+
+    async def trim(self, payload: bytes) -> bytes:
+        """Delete the oldest files; returns the names of those that went."""
+        question = _read(TrimQuestion, payload)
+        gone = await self._in_turn(lambda: trim(self._recorder.folder, question.keep_mb * MB))
+        return wire.encode({"deleted": [entry.name for entry in gone]})
+
+    async def _in_turn(self, read: Callable[[], T]) -> T:
+        """Read in a thread, one question after the other, with a pause after each."""
+        if self._asking >= MOST_ASKING:
+            raise RefusedError("too many are asking for recordings; try again")
+        self._asking += 1
+        try:
+            async with self._desk:
+                answer = await asyncio.to_thread(read)
+                await asyncio.sleep(PIECE_EVERY_ARMED_S if self._recorder.is_armed else PIECE_EVERY_S)
+                return answer
+        except OSError as error:
+            raise RefusedError(_why(error)) from None
+        finally:
+            self._asking -= 1
+
+
+def _listing(folder: Path) -> dict[str, Any]:
+    return {
+        "folder": str(folder),
+        "files": [
+            {
+                "name": entry.name,
+                "size_bytes": entry.size_bytes,
+                "black_box": entry.is_black_box,
+                "reason": entry.reason,
+                "state": file_state(folder / entry.name),
+            }
+            for entry in entries(folder)
+        ],
+    }
+
+
+def _piece(path: Path, offset: int, length: int) -> bytes:
+    descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
+    try:
+        return os.pread(descriptor, length, offset)
+    finally:
+        os.close(descriptor)
+
+
+def _why(error: OSError) -> str:
+    if isinstance(error, FileNotFoundError):
+        return "that recording is not there (any more); see wallride logs list"
+    return explain(error)
+
+
+def _read(form: type[Q], payload: bytes) -> Q:
+    if len(payload) > questions.LONGEST_QUESTION_B:
+        raise RefusedError("the question is too long")
+    try:
+        return form.model_validate_json(payload or b"{}")
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise RefusedError(f"{'.'.join(map(str, first['loc'])) or 'the question'}: {first['msg']}") from None

@@ -1,0 +1,234 @@
+"""`wallride logs` and `wallride record` against a car's recorder over a real session, and on files here."""
+
+import argparse
+import asyncio
+import json
+import time
+
+import pytest
+
+from clients import logs
+from clients.connection import ConnectionProblemError
+from runtime import wire, zenoh_config
+from runtime.bus import Bus, RefusedError, free_endpoint
+from runtime.recording.questions import GET, LIST, RECORD, TRIM
+from runtime.recording.recorder import Recorder
+from runtime.recording.recover import is_whole
+from runtime.recording_settings import RecordingSettings, recordings_folder
+from runtime.tasks import recorder as recorder_task
+from wallride import logs_options
+
+
+class Car:
+    """A recorder on a session of its own, and a client's command line."""
+
+    def __init__(self, folder, **settings):
+        self.endpoint = free_endpoint()
+        self.folder = folder
+        given = {"folder": str(folder), "start": "request", "keep_free_mb": 0, **settings}
+        self.recorder = Recorder(
+            RecordingSettings(**given), car="car1", version="9.9",
+            epoch_ns=time.time_ns() - time.monotonic_ns(), clock=time.monotonic,
+        )  # fmt: skip
+        self.bus = Bus(zenoh_config.car_config([self.endpoint], None, (), "car1"))
+
+    async def __aenter__(self):
+        recorder_task.serve(self.bus, "car1", self.recorder)
+        self.bus.announce(wire.key("car1", wire.ALIVE))
+        self.recorder.start()
+        await self.bus.open()
+        return self
+
+    async def __aexit__(self, *_):
+        await asyncio.to_thread(self.recorder.close, 5.0)
+        await self.bus.close()
+
+    async def run(self, *words):
+        """Return exit code and lines of a command."""
+        said = []
+        here = "--local" in words or words[1] in {"info", "recover"}
+        options = parsed(*words, *(() if here else ("--connect", self.endpoint)))
+        options.say, options.progress = said.append, lambda *_: None
+        program = logs.record if words[0] == "record" else logs.run
+        return await program(options), "\n".join(said).splitlines()
+
+    async def recorded(self, messages=2000):
+        """Record something and return the file's name."""
+        assert (await self.run("record", "start"))[0] == 0
+        name = self.recorder.status()["file"]
+        for number in range(messages):
+            self.recorder.take(wire.STATUS, "", time.time(), json.dumps({"number": number, "fill": "x" * 200}).encode())
+        assert (await self.run("record", "stop"))[0] == 0
+        return name
+
+
+def parsed(*words):
+    parser = argparse.ArgumentParser()
+    logs_options.add(parser.add_subparsers())
+    return parser.parse_args(words)
+
+
+async def test_a_recording_is_begun_ended_listed_fetched_read_and_deleted(tmp_path):
+    async with Car(tmp_path / "car") as car:
+        code, (line,) = await car.run("record", "status")
+        assert (code, line) == (0, "not recording: request")
+        code, (line,) = await car.run("record", "start")
+        assert code == 0
+        assert line.startswith("recording: asked for; 2")
+        assert json.loads((await car.run("record", "status", "--json"))[1][0])["on"] is True
+        code, lines = await car.run("logs", "list")
+        assert code == 0
+        assert lines[0].endswith("recording")
+        assert (await car.run("record", "stop"))[0] == 0
+        name = await car.recorded()
+        (tmp_path / "car" / "notes.txt").write_text("not ours")
+        code, lines = await car.run("logs", "list")
+        assert [line.split()[2] for line in lines[:-1]] == sorted(
+            path.name for path in (tmp_path / "car").glob("*.mcap")
+        )
+        assert lines[-1].startswith("2 recordings, ")
+        code, (path,) = await car.run("logs", "get", "-o", str(tmp_path / "here"))
+        assert path == str(tmp_path / "here" / name)
+        assert (tmp_path / "here" / name).read_bytes() == (tmp_path / "car" / name).read_bytes()
+        code, lines = await car.run("logs", "info", path)
+        assert lines[1] == "recording of car1, wallride 9.9"
+        assert any("/status" in line and " 2000 " in line for line in lines)
+        code, lines = await car.run("logs", "trim", "--keep-mb", "0")
+        assert len(lines) == 2
+        assert not list((tmp_path / "car").glob("*.mcap"))
+        assert (await car.run("logs", "trim", "--keep-mb", "0"))[1] == ["nothing to delete"]
+
+
+async def test_a_fetch_that_was_interrupted_goes_on_where_it_was(tmp_path):
+    async with Car(tmp_path / "car") as car:
+        name = await car.recorded()
+        whole = (tmp_path / "car" / name).read_bytes()
+        (tmp_path / f"{name}.part").write_bytes(whole[:100_000])
+        asked = []
+        piece = recorder_task._piece
+
+        def watched(path, offset, length):
+            asked.append(offset)
+            return piece(path, offset, length)
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(recorder_task, "_piece", watched)
+            await car.run("logs", "get", name, "-o", str(tmp_path))
+        assert asked[0] == 100_000
+        assert (tmp_path / name).read_bytes() == whole
+
+
+async def test_a_file_that_is_still_written_comes_as_far_as_it_is_and_whole(tmp_path):
+    async with Car(tmp_path / "car") as car:
+        await car.run("record", "start")
+        for number in range(2000):
+            car.recorder.take(wire.STATUS, "", time.time(), b'{"number":%d}' % number)
+        await asyncio.sleep(0.8)  # it reaches the disk twice a second
+        _, (path,) = await car.run("logs", "get", "-o", str(tmp_path))
+        assert is_whole(type(tmp_path)(path))
+        assert "2000 messages" in "\n".join((await car.run("logs", "info", path))[1])
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../../etc/passwd", "/etc/passwd", "counts.json", "..", "", "a/20260921T141500Z-b0001-00001.mcap",
+     "20260921T141500Z-b0001-00001.mcap/../counts.json", "20260921T141500Z-b0001-00001.mcap\n"],
+)  # fmt: skip
+async def test_no_name_leads_out_of_the_folder(tmp_path, name):
+    async with Car(tmp_path / "car") as car:
+        client = Bus(zenoh_config.client_config(car.endpoint, None))
+        await client.open()
+        with pytest.raises(RefusedError, match="not the name of a recording"):
+            await client.ask(wire.key("car1", GET), json.dumps({"name": name, "offset": 0}).encode())
+        await client.close()
+
+
+async def test_a_link_in_the_folder_is_not_followed(tmp_path):
+    async with Car(tmp_path / "car") as car:
+        (tmp_path / "car").mkdir(exist_ok=True)
+        (tmp_path / "secret").write_text("secret")
+        link = tmp_path / "car" / "20260921T141500Z-b0001-00001.mcap"
+        link.symlink_to(tmp_path / "secret")
+        client = Bus(zenoh_config.client_config(car.endpoint, None))
+        await client.open()
+        with pytest.raises(RefusedError):
+            await client.ask(wire.key("car1", GET), json.dumps({"name": link.name, "offset": 0}).encode())
+        assert json.loads((await client.ask(wire.key("car1", LIST)))[0])["files"] == []
+        await client.close()
+
+
+@pytest.mark.parametrize(
+    ("what", "question"),
+    [
+        (GET, b'{"name":"20260921T141500Z-b0001-00001.mcap","offset":0}'),
+        (GET, b'{"name":"x","offset":-1}'),
+        (GET, b'{"name":"x","offset":0,"length":10000000}'),
+        (GET, b"[]"),
+        (TRIM, b"{}"),
+        (TRIM, b'{"keep_mb":-1}'),
+        (RECORD, b'{"on":"yes"}'),
+        (RECORD, b"nonsense"),
+        (LIST, b'{"folder":"/"}'),
+        (LIST, b" " * 2000),
+    ],
+)
+async def test_what_cannot_be_answered_is_refused(tmp_path, what, question):
+    async with Car(tmp_path / "car") as car:
+        client = Bus(zenoh_config.client_config(car.endpoint, None))
+        await client.open()
+        with pytest.raises(RefusedError):
+            await client.ask(wire.key("car1", what), question)
+        await client.close()
+
+
+async def test_a_car_that_does_not_record_says_so(tmp_path):
+    async with Car(tmp_path / "car", enabled=False) as car:
+        with pytest.raises(ConnectionProblemError, match="recording is turned off"):
+            await car.run("record", "start")
+        assert (await car.run("logs", "list"))[0] == 0
+
+
+async def test_a_car_cannot_choose_where_files_are_written_here(tmp_path):
+    endpoint = free_endpoint()
+    bus = Bus(zenoh_config.car_config([endpoint], None, (), "car1"))
+    file = {"name": "../evil.mcap", "size_bytes": 1, "black_box": False, "reason": "", "state": "whole"}
+    bus.answer(wire.key("car1", LIST), lambda _: wire.encode({"folder": "/", "files": [file]}))
+    bus.announce(wire.key("car1", wire.ALIVE))
+    await bus.open()
+    options = parsed("logs", "get", "--connect", endpoint, "-o", str(tmp_path / "here"))
+    with pytest.raises(ConnectionProblemError, match="not the name of a recording"):
+        await logs.run(options)
+    await bus.close()
+
+
+async def test_files_of_this_machine(tmp_path):
+    async with Car(tmp_path) as car:
+        name = await car.recorded()
+        _, lines = await car.run("logs", "list", "--local", str(tmp_path))
+        assert name in lines[0]
+        listed = json.loads("\n".join((await car.run("logs", "list", "--local", str(tmp_path), "--json"))[1]))
+        assert listed[0]["state"] == "whole"
+        path = tmp_path / name
+        path.write_bytes(path.read_bytes()[:-20_000])
+        assert "without its end" in (await car.run("logs", "info", str(path)))[1][1]
+        assert "unfinished" in (await car.run("logs", "list", "--local", str(tmp_path)))[1][0]
+        code, (line,) = await car.run("logs", "recover", str(path))
+        assert code == 0
+        assert "finished; " in line
+        assert "is whole" in (await car.run("logs", "recover", str(path)))[1][0]
+        assert (await car.run("logs", "trim", "--local", str(tmp_path), "--keep-mb", "0"))[1] == [f"deleted {name}"]
+        (tmp_path / "x.mcap").write_bytes(b"nonsense")
+        code, (line,) = await car.run("logs", "recover", str(tmp_path / "x.mcap"))
+        assert code == 1
+        assert "not an MCAP file" in line
+        with pytest.raises(ConnectionProblemError, match="holds no message"):
+            await car.run("logs", "info", str(tmp_path / "x.mcap"))
+        with pytest.raises(ConnectionProblemError, match="no such file"):
+            await car.run("logs", "info", "nowhere.mcap")
+
+
+def test_where_recordings_are_kept():
+    assert str(recordings_folder("/data/drives", {})) == "/data/drives"
+    assert str(recordings_folder("", {"STATE_DIRECTORY": "/var/lib/wallride"})) == "/var/lib/wallride/recordings"
+    assert str(recordings_folder("", {"XDG_DATA_HOME": "/home/ann/data"})) == "/home/ann/data/wallride/recordings"
+    assert str(recordings_folder("", {})).endswith("/.local/share/wallride/recordings")

@@ -1,0 +1,135 @@
+"""Drives for recorders: the car's own laws and mux, a motor in memory, telemetry, and a clock set by hand."""
+
+import asyncio
+import math
+from pathlib import Path
+
+import numpy as np
+
+from drivers.api import Scan
+from runtime.car_settings import CarSettings
+from runtime.command import LAB_ORDER, CapWord, DriveWord, Source, Verdict, consent, refusal
+from runtime.control.limiter import Limiter, Limits
+from runtime.control.live_laws import LiveLaws
+from runtime.recording.recorder import Recorder
+from runtime.recording.tape import TapedLaws
+from runtime.recording_settings import RecordingSettings
+from runtime.settings import Settings
+from runtime.snapshot import Observed
+from runtime.tasks.mux import Mux
+from runtime.tasks.telemetry import Telemetry
+from runtime.voices import Voices
+from sim.twins import BEAMS, STEP_RAD, MemoryLidar, MemoryMotor, ranges_between_walls
+from tests.runtime.observed import GUIDANCE, HandClock
+from tests.runtime.recording.disks import QuickDisk
+
+EPOCH_NS = 1_790_000_000_000_000_000
+PERIOD_S = 0.025
+REQUIRED = frozenset({Source.SAFETY, Source.PERMIT})
+LIMITS = Limits(5.0, 1.0, 0.35, 6.0, 20.0)
+RANGES_M = ranges_between_walls(0.9, 1.1)
+
+
+class PlainLaws:
+    """Drive straight on and stop before what is near: cheap, for stories that last."""
+
+    def follow(self, scan, motor):
+        return GUIDANCE
+
+    def look(self, scan, motor):
+        ahead_m = scan.ranges_m[BEAMS // 2]
+        return Verdict(0.0, 0.0, "braking: wall ahead", ahead_m) if ahead_m < 0.5 else Verdict(9.0, 9.0, "clear")
+
+
+class Drive:
+    """A car on a desk. `go` lets time pass, and gives the recorder its turn ten times a second.
+
+    real: drive by the car's own laws, as they are by default.
+    """
+
+    def __init__(self, folder: Path, *, disk=None, seed=1, real=False, **settings):
+        self.clock = HandClock(100.0)
+        self.settings = Settings()
+        self.recorder = Recorder(
+            RecordingSettings(**{"folder": str(folder), "keep_free_mb": 0, **settings}),
+            car="car1", version="9.9", epoch_ns=EPOCH_NS, clock=self.clock, disk=disk or QuickDisk(),
+            unix_ns=lambda: EPOCH_NS + round(self.clock.now_s * 1e9),
+        )  # fmt: skip
+        self.tape = tape = self.recorder.tape
+        self.motor = MemoryMotor(self.clock)
+        self.voices = Voices(LAB_ORDER, tape.clock)
+        self.laws = TapedLaws(
+            LiveLaws(self.settings.wall_follow, self.settings.safety, CarSettings(), tape.clock), tape
+        )
+        self.mux = Mux(self.voices, self.motor, Limiter(LIMITS), REQUIRED, tape.clock)
+        observed = Observed(
+            car="car1", version="9.9", lidar=MemoryLidar(lambda _: None, self.clock), motor=self.motor,
+            voices=self.voices, clock=self.clock, seconds_by_winner=self.mux.seconds_by_winner,
+        )  # fmt: skip
+        self.telemetry = Telemetry(observed, CarSettings(), [self.recorder], epoch_ns=EPOCH_NS, side=lambda: "left")
+        self.permitted = True
+        self.outputs = []
+        self.scans = []
+        self._noise = np.random.default_rng(seed)
+        self._stepped_s = self.clock.now_s
+        tape.tuned(self.settings)
+        self.recorder.listen()
+
+    def scan(self, ranges_m=RANGES_M):
+        """Let one scan go all the way to the motor."""
+        noisy_m = (ranges_m + self._noise.normal(0, 0.01, BEAMS)).astype(np.float32)
+        self.clock.now_s += 0.001
+        scan = Scan(
+            self.clock.now_s - 0.001, self.clock.now_s, -STEP_RAD * (BEAMS // 2), STEP_RAD, 0.02, 30.0, noisy_m,
+            len(self.scans),
+        )  # fmt: skip
+        self.scans.append(scan)
+        self.tape.scanned(scan)
+        self.telemetry.on_scan(scan)
+        state = self.motor.state
+        self.say(CapWord(Source.SAFETY, self.laws.look(scan, state), scan.stamp_s), scan.stamp_s + 0.15)
+        guidance = self.laws.follow(scan, state)
+        drive = guidance.drive
+        assert drive is not None
+        self.say(DriveWord(Source.NAVIGATION, drive, scan.stamp_s, guidance.reason), scan.stamp_s + 0.15)
+        self.telemetry.on_guidance(scan, guidance)
+        self.step()
+
+    def step(self):
+        """Let the mux decide."""
+        self.tape.begin()
+        output = self.mux.step()
+        self.tape.stepped(output.stamp_s - self._stepped_s, self.voices.live(), output)
+        self._stepped_s = output.stamp_s
+        self.outputs.append(output)
+        self.telemetry.on_output(output)
+
+    def say(self, word, expires_at_s=math.inf):
+        """Speak; the tape hears it as the voices will have it heard."""
+        self.tape.said(word, expires_at_s)
+        self.voices.say(word, expires_at_s=expires_at_s)
+
+    def permit(self, yes=True):
+        """Arm or disarm."""
+        self.permitted = yes
+        self.say(consent(Source.PERMIT, "yes") if yes else refusal(Source.PERMIT, "no operator permits autonomy"))
+
+    async def go(self, seconds, *, write=True, ranges_m=RANGES_M, speak=True):
+        """Drive for a while; the recorder has its turn every tenth of a second."""
+        task = asyncio.create_task(self.telemetry.run())
+        end_s = self.clock.now_s + seconds
+        turn_s = self.clock.now_s
+        while self.clock.now_s < end_s - 1e-9:
+            if speak:
+                self.scan(ranges_m)
+            else:
+                self.clock.now_s += 0.001
+                self.step()
+            for _ in range(40):
+                await asyncio.sleep(0)
+            self.clock.now_s += PERIOD_S - 0.001
+            if write and self.clock.now_s >= turn_s + 0.1:
+                turn_s = self.clock.now_s
+                self.recorder.turn()
+        task.cancel()
+        await asyncio.wait([task])

@@ -1,0 +1,85 @@
+"""A real disk that is too small, and one that may only be read. Needs root: it mounts a file system in memory."""
+
+import os
+import shutil
+import subprocess
+from contextlib import contextmanager
+
+import pytest
+
+from runtime.recording.recover import is_whole
+from tests.runtime.recording.drives import Drive
+from tests.runtime.recording.reading import streamed
+
+SIZE_MB = 6
+
+
+@contextmanager
+def mounted(path):
+    if os.geteuid() != 0 or shutil.which("mount") is None:
+        pytest.skip("only root can mount a file system")
+    path.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", f"size={SIZE_MB}m", "tmpfs", str(path)]
+    if subprocess.run(command, check=False, capture_output=True).returncode != 0:
+        pytest.skip("this machine lets nobody mount a file system")
+    try:
+        yield path
+    finally:
+        subprocess.run(["umount", str(path)], check=True)
+
+
+def files(folder):
+    return sorted(folder.glob("*.mcap"), key=lambda path: path.name.split("-")[2])
+
+
+async def test_a_disk_that_others_fill_is_said_and_recording_goes_on_when_they_clear_it(tmp_path):
+    with mounted(tmp_path / "disk") as disk:
+        drive = Drive(disk / "recordings", start="always", black_box_s=20)
+        drive.permit()
+        await drive.go(3)
+        others = disk / "photos"
+        with pytest.raises(OSError, match="No space left"):
+            others.write_bytes(bytes(SIZE_MB << 20))
+        sent = len(drive.motor.wire)
+        await drive.go(7)
+        assert len(drive.motor.wire) - sent == pytest.approx(7 * 40, abs=2)
+        assert "the disk is full" in drive.recorder.status()["words"]
+        others.unlink()
+        await drive.go(6)
+        assert drive.recorder.status()["words"] == "recording: always"
+        drive.recorder._scribe.close()
+        recorded = {
+            message.sequence
+            for path in files(disk / "recordings")
+            for topic, message in streamed(path.read_bytes())
+            if topic == "/scan"
+        }
+        assert recorded == set(range(len(drive.scans)))
+
+
+async def test_on_a_small_disk_the_oldest_makes_room(tmp_path, monkeypatch):
+    monkeypatch.setattr("runtime.recording.scribe.MB", 100_000)
+    with mounted(tmp_path / "disk") as disk:
+        drive = Drive(disk, start="always", file_mb=8, keep_free_mb=2, black_box_s=2)
+        drive.permit()
+        await drive.go(25)
+        assert drive.recorder.status()["on"] is True
+        drive.recorder._scribe.close()
+        kept = files(disk)
+        assert "-00001." not in kept[0].name
+        assert all(map(is_whole, kept))
+        newest = [message.sequence for topic, message in streamed(kept[-1].read_bytes()) if topic == "/scan"]
+        assert newest[-1] == len(drive.scans) - 1
+
+
+async def test_a_read_only_disk_is_said(tmp_path):
+    with mounted(tmp_path / "disk") as disk:
+        subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)
+        drive = Drive(disk / "recordings", start="always")
+        drive.permit()
+        await drive.go(2)
+        assert "read-only" in drive.recorder.status()["words"]
+        subprocess.run(["mount", "-o", "remount,rw", str(disk)], check=True)
+        await drive.go(6)
+        assert drive.recorder.status()["words"] == "recording: always"
+        drive.recorder._scribe.close()

@@ -1,0 +1,89 @@
+"""What `wallride logs` and `wallride record` understand; only definitions."""
+
+import argparse
+import sys
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from wallride import client_options
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
+
+say = partial(print, flush=True)
+MB = 1_000_000
+
+
+def add(commands: "Commands") -> None:
+    """Add both commands."""
+    logs = commands.add_parser("logs", help="recordings of a car: list, get, trim, info, recover")
+    actions = logs.add_subparsers(dest="action", required=True, metavar="ACTION")
+    listing = actions.add_parser("list", help="the recordings that a car, or a folder here, has")
+    getting = actions.add_parser("get", help="bring recordings here (default: the newest)")
+    getting.add_argument("names", nargs="*", metavar="NAME", help="as in `wallride logs list`")
+    getting.add_argument("--last", type=_count, default=1, metavar="N", help="the newest N (default: 1)")
+    getting.add_argument("--black-boxes", action="store_true", help="only black boxes")
+    getting.add_argument("-o", "--output", default=".", metavar="DIR", help="where to put them (default: here)")
+    trimming = actions.add_parser("trim", help="delete the oldest until no more is left than that")
+    trimming.add_argument("--keep-mb", type=_size, required=True, metavar="MB")
+    for action in (listing, getting, trimming):
+        client_options.add_common(action)
+        action.add_argument(
+            "--local", nargs="?", const="", metavar="DIR",
+            help="a folder of this machine instead of a car (default: where this machine records)",
+        )  # fmt: skip
+    _add_for_files(actions, listing)
+    for action in actions.choices.values():
+        action.set_defaults(run=_logs, say=say, progress=_progress)
+    _add_record(commands)
+
+
+def _add_for_files(actions: "Commands", listing: argparse.ArgumentParser) -> None:
+    info = actions.add_parser("info", help="what is in a recording")
+    mending = actions.add_parser("recover", help="finish a recording that was cut off, in its place")
+    for action in (info, mending):
+        action.add_argument("files", nargs="+", type=Path, metavar="FILE")
+    for action in (listing, info):
+        action.add_argument("--json", action="store_true", help="as JSON, for programs")
+
+
+def _add_record(commands: "Commands") -> None:
+    record = commands.add_parser("record", help="begin or end a recording, whatever the car does")
+    record.add_argument("action", choices=("start", "stop", "status"))
+    record.add_argument("--json", action="store_true", help="as JSON, for programs")
+    client_options.add_common(record)
+    record.set_defaults(run=_record, say=say)
+
+
+def _logs(options: argparse.Namespace) -> int:
+    from clients import logs
+
+    return client_options.run_client(logs.run, options)
+
+
+def _record(options: argparse.Namespace) -> int:
+    from clients import logs
+
+    return client_options.run_client(logs.record, options)
+
+
+def _progress(name: str, got_bytes: int, of_bytes: int) -> None:
+    """Show how far it is, where somebody looks."""
+    if sys.stderr.isatty():
+        end = "\n" if got_bytes >= of_bytes else ""
+        print(f"\r{name}  {got_bytes / MB:.1f} of {of_bytes / MB:.1f} MB", end=end, file=sys.stderr, flush=True)
+
+
+def _count(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError("at least 1")
+    return number
+
+
+def _size(text: str) -> int:
+    number = int(text)
+    if number < 0:
+        raise argparse.ArgumentTypeError("at least 0")
+    return number
