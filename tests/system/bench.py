@@ -5,6 +5,7 @@ import math
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -59,7 +60,9 @@ class Bench:
 
     def motor_commands(self, since_s: float = 0.0) -> list[tuple[float, bytes]]:
         """Return (time, payload) of the motor commands on the wire."""
-        return [(at_s, payload) for at_s, payload in self.vesc.wire if payload[0] in MOTOR_PACKETS and at_s >= since_s]
+        # From the end: asked every few milliseconds, while a long test's wire has tens of thousands of entries.
+        recent = takewhile(lambda entry: entry[0] >= since_s, reversed(self.vesc.wire))
+        return [entry for entry in recent if entry[1][0] in MOTOR_PACKETS][::-1]
 
     def first_brake_s(self, since_s: float) -> float:
         """Return when the first brake after a moment arrived; infinity while there is none."""

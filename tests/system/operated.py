@@ -55,12 +55,11 @@ class Operated:
 
     def moves_after(self, since_s: float) -> list[float]:
         """Return when a speed was asked for since a moment."""
-        return [at_s for at_s in self.moved_s() if at_s > since_s]
-
-    def moved_s(self) -> list[float]:
-        """Return when a speed was asked for."""
-        commands = self.car.motor_commands()
-        return [at_s for at_s, payload in commands if payload[0] == Packet.SET_RPM and any(payload[1:])]
+        commands = self.car.motor_commands(since_s)
+        return [
+            at_s for at_s, payload in commands
+            if payload[0] == Packet.SET_RPM and any(payload[1:]) and at_s > since_s
+        ]  # fmt: skip
 
     def standing(self) -> str:
         """Return what the car says of its operator."""

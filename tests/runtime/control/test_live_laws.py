@@ -72,28 +72,29 @@ def test_a_new_gain_steers_at_the_very_next_scan(method):
     assert drive.steering_rad() - before == pytest.approx(0.8 * 0.05, abs=0.005), "0.8 more, for an error of 0.05 m"
 
 
-def test_what_the_steering_learnt_survives_a_new_gain():
+def test_what_the_follower_learnt_survives_a_new_gain():
     drive = Drive(left_m=1.05)
     for _ in range(40):
         drive.scan()
-    driver = drive.ball
-    learnt_rad = driver._trim.steering_rad
-    assert learnt_rad > 0.005
+    driver, track, bias_m = drive.ball, drive.ball._track, drive.ball._bias.bias_m
+    track.trim_rad = 0.02  # as if learnt on a crooked car
     drive.tune(wall_follow={"kp": 0.4})
     assert drive.ball is driver
-    assert driver._trim.steering_rad == learnt_rad
+    assert drive.ball._track is track
+    assert (track.trim_rad, drive.ball._bias.bias_m) == (0.02, bias_m)
 
 
-def test_on_the_other_side_what_was_learnt_is_mirrored():
+def test_on_the_other_side_the_other_wall_is_followed_with_the_learnt_offset_mirrored():
     drive = Drive(left_m=1.05, right_m=1.05)
     for _ in range(40):
         drive.scan()
-    learnt_rad = drive.ball._trim.steering_rad
+    track = drive.ball._track
+    track.trim_rad = 0.02  # as if learnt on a crooked car
     drive.tune(wall_follow={"side": "right"})
     guidance, _ = drive.scan()
     assert guidance.drive.steering_rad < 0, "to the right, where the wall is too far away now"
     assert guidance.error_m == pytest.approx(0.05, abs=0.01)
-    assert drive.ball._trim.steering_rad == pytest.approx(-learnt_rad, abs=0.003)
+    assert track.trim_rad == pytest.approx(-0.02, abs=0.003)
 
 
 def test_a_lost_wall_is_searched_for_as_the_new_settings_say():
