@@ -2,7 +2,8 @@
 
 One scan at a time: find my wall, see it from where the car will be when the answer takes effect (`prediction`), roll a
 ball of the wanted distance along it (`ball_path`), steer after the ball (`ball_law`), and go no faster than its path
-allows (`speed_profile`). Without a piece of wall the follower says so and does what the settings say (`lost`).
+allows (`speed_profile`). Beside a straight wall the tracked line (`wall_track`) says more exactly than one scan's
+points where the wall is. Without a piece of wall the follower says so and does what the settings say (`lost`).
 Everything between the mirror at the entrance and the one at the exit is for a wall on the left.
 """
 
@@ -12,21 +13,28 @@ import numpy as np
 
 from drivers.api import Drive, MotorState, Scan
 from runtime.car_settings import CarSettings
-from runtime.control.ball_law import ball_bearing_rad, bend_correction_rad, look_aheads_m
-from runtime.control.ball_path import RADII_M, BallPath, ball_path, bend_per_m
+from runtime.control.ball_law import Aim, ball_aim, bend_correction_rad, look_aheads_m, steering_for_rad
+from runtime.control.ball_path import RADII_M, BallPath, WallPoints, ball_path, bend_per_m
 from runtime.control.ball_settings import BallSettings
-from runtime.control.geometry import Floats
+from runtime.control.geometry import Floats, Places
 from runtime.control.guidance import Guidance
 from runtime.control.lost import SEARCH_PER_M, Lost
 from runtime.control.my_wall import Beams, SideView, bridge_glass, my_wall, outline, roomy_m, side_view
+from runtime.control.noise_bias import NoiseBias
 from runtime.control.perception import Eyes
 from runtime.control.prediction import Predictor, Shift
-from runtime.control.speed_profile import profile_mps, speed_limit_mps
-from runtime.control.trim import NoiseBias, Trim
+from runtime.control.speed_profile import mu_with_room, profile_mps, speed_limit_mps
 from runtime.control.wall import Line
+from runtime.control.wall_track import WallTrack
 
 LONGEST_STEP_S = 0.25
 """Between two scans; after a longer silence the way since is not known."""
+TOO_NEAR_M = 0.05
+SLIPPING_SHARE = 0.3
+"""A car that is so much nearer to the wall than it should be, and still comes nearer with the wheels turned away as far
+as they can, is on a floor that gives less than what was counted on; it goes slower."""
+BEND_LOW_PASS = 0.2
+"""By which the path's bend is averaged before it tells a bent wall from a straight one."""
 
 
 class BallFollower:
@@ -39,7 +47,9 @@ class BallFollower:
         self._sign = 1.0 if settings.side == "left" else -1.0
         self._predictor = Predictor(car.wheelbase_m, car.steering_rate_radps)
         self._bias = NoiseBias()
-        self._trim = Trim()
+        self._track = WallTrack(car.wheelbase_m)
+        self._bend_per_m = 0.0
+        self._straight = 0.0
         self._lost = Lost(
             settings.no_wall,
             min(settings.no_wall_speed_mps, settings.speed_mps),
@@ -47,6 +57,27 @@ class BallFollower:
             math.atan(SEARCH_PER_M * car.wheelbase_m),
         )
         self._stamp_s = math.nan
+        self._path: BallPath | None = None
+
+    @property
+    def path_m(self) -> Floats | None:
+        """Where the ball of the newest scan runs, (2, k) in base_link; None without a wall. For drawings."""
+        if self._path is None:
+            return None
+        path = self._path.first(RADII_M.size)
+        x_m, y_m = path.radius_m * np.cos(path.bearing_rad), path.radius_m * np.sin(path.bearing_rad)
+        return np.stack((x_m, self._sign * y_m))[:, path.crosses]
+
+    def tune(self, settings: BallSettings) -> None:
+        """Go on with other settings; what was learnt stays. On the other side, what was learnt is mirrored."""
+        self._lost.tune(
+            settings.no_wall, min(settings.no_wall_speed_mps, settings.speed_mps), settings.search_at_most_m
+        )
+        if settings.side != self._settings.side:
+            self._sign = -self._sign
+            self._track.mirror()
+            self._lost.found(0.0)
+        self._settings = settings
 
     def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
         """Answer one scan."""
@@ -54,44 +85,57 @@ class BallFollower:
         speed_mps = motor.speed_mps if motor is not None else 0.0
         moved_m = self._moved_m(scan.stamp_s, speed_mps)
         shift = self._shift(scan, motor)
+        wheel_rad = self._sign * self._predictor.wheel_rad
+        expected = self._track.expect(moved_m, wheel_rad, speed_mps, straight=self._straight >= 1.0)
         seen = side_view(self._eyes.see(scan), settings.side)
-        wall = my_wall(seen, settings.desired_distance_m)
-        if wall is None:
+        mine = my_wall(seen, settings.desired_distance_m)
+        if mine is None:
+            self._path = None
+            self._track.correct(None)
             return self._without_wall(moved_m)
-        line = seen.side.lines.find(seen.x_m, seen.y_m, seen.range_m, seen.solid)
+        line = seen.side.lines.find(seen.x_m, seen.y_m, seen.range_m, seen.solid, expected)
+        tracked = self._track.correct(line)
         desired_m = roomy_m(seen, line, settings.desired_distance_m)
-        points_m = shift.seen_from_there(_wall_points_m(seen, wall, line))
-        line = line.seen_from(shift.x_m, shift.y_m, shift.yaw_rad) if line is not None else None
-        nearest_m = math.sqrt(float(np.einsum("ij,ij->j", points_m, points_m).min()))
+        wall = WallPoints.of(shift.seen_from_there(_wall_places_m(seen, mine, line)))
+        line, tracked = _from_there(line, shift), _from_there(tracked, shift)
+        nearest_m = float(wall.range_m.min())
         bias_m = self._bias.learn(line, nearest_m)
-        distance_m = nearest_m + bias_m
-        look_m = look_aheads_m(settings.look_ahead_m, settings.look_ahead_s, speed_mps)
-        path = ball_path(points_m, desired_m - bias_m, look_m)
-        steering_rad = self._steering_rad(path, line, distance_m - desired_m, speed_mps, moved_m)
-        self._lost.found(steering_rad)
-        drive = Drive(self._speed_mps(path, steering_rad, speed_mps), self._sign * steering_rad)
-        angle_rad = self._sign * line.heading_rad if line is not None else math.nan
-        return Guidance(drive, distance_m, distance_m - desired_m, angle_rad, "wall")
-
-    def _steering_rad(
-        self, path: BallPath, line: Line | None, error_m: float, speed_mps: float, moved_m: float
-    ) -> float:
-        settings, car = self._settings, self._car
-        phi_rad = ball_bearing_rad(path, error_m)
-        steering_rad = settings.kp * error_m + settings.kd * phi_rad
-        steering_rad += bend_correction_rad(
-            bend_per_m(path), float(path.radius_m[-2]), speed_mps, settings.kd, car.wheelbase_m
+        path = ball_path(
+            wall, desired_m - bias_m, look_aheads_m(settings.look_ahead_m, settings.look_ahead_s, speed_mps)
         )
+        self._path = path
+        bend = bend_per_m(path)
+        self._bend_per_m += BEND_LOW_PASS * (bend - self._bend_per_m)
+        line_error_m = tracked.distance_m - desired_m if tracked is not None else math.nan
+        aim = ball_aim(path, nearest_m + bias_m - desired_m, tracked, line_error_m, self._bend_per_m)
+        self._straight = aim.straight
+        steering_rad = self._steering_rad(path, aim, bend, speed_mps)
+        self._lost.found(steering_rad)
+        mu = mu_with_room(settings.assumed_mu, desired_m)
+        if aim.error_m < -TOO_NEAR_M and aim.heading_rad < 0.0 and steering_rad <= -self._car.max_steering_rad:
+            mu *= SLIPPING_SHARE
+        drive = Drive(self._speed_mps(path, steering_rad, speed_mps, mu), self._sign * steering_rad)
+        self._predictor.answers.said(scan.received_s, drive.steering_rad)
+        angle_rad = self._sign * line.heading_rad if line is not None else math.nan
+        return Guidance(drive, aim.error_m + desired_m, aim.error_m, angle_rad, "wall")
+
+    def _steering_rad(self, path: BallPath, aim: Aim, bend: float, speed_mps: float) -> float:
+        settings, car = self._settings, self._car
+        steering_rad = steering_for_rad(aim, speed_mps, settings.kp, settings.kd)
+        if aim.straight < 1.0:
+            look_m = float(path.radius_m[-2])
+            correction_rad = bend_correction_rad(bend, look_m, speed_mps, settings.kd, car.wheelbase_m)
+            steering_rad += (1.0 - aim.straight) * correction_rad
         if settings.trim_integral:
-            steering_rad += self._trim.learn(line, error_m, phi_rad, moved_m)
+            steering_rad -= self._track.trim_rad
         return min(max(steering_rad, -car.max_steering_rad), car.max_steering_rad)
 
-    def _speed_mps(self, path: BallPath, steering_rad: float, speed_mps: float) -> float:
+    def _speed_mps(self, path: BallPath, steering_rad: float, speed_mps: float, mu: float) -> float:
         settings = self._settings
         if not settings.speed_profile:
             return settings.speed_mps
-        now_mps = speed_limit_mps(steering_rad, self._car.wheelbase_m, settings.assumed_mu)
-        ahead_mps = profile_mps(path.first(RADII_M.size), speed_mps, settings.assumed_mu)
+        now_mps = speed_limit_mps(steering_rad, self._car.wheelbase_m, mu)
+        ahead_mps = profile_mps(path.first(RADII_M.size), speed_mps, mu)
         return min(settings.speed_mps, now_mps, ahead_mps)
 
     def _moved_m(self, stamp_s: float, speed_mps: float) -> float:
@@ -103,7 +147,9 @@ class BallFollower:
     def _shift(self, scan: Scan, motor: MotorState | None) -> Shift:
         """Return the motion until the answer takes effect: the latency, and the age of a scan that came late."""
         late_s = min(max(scan.received_s - scan.stamp_s, 0.0), LONGEST_STEP_S)
-        shift = self._predictor.shift(scan.stamp_s, motor, self._settings.latency_s + late_s)
+        trim_rad = self._track.trim_rad if self._settings.trim_integral else 0.0
+        ahead_s = self._settings.latency_s + late_s
+        shift = self._predictor.shift(scan.stamp_s, motor, ahead_s, self._sign * trim_rad)
         return shift if self._sign > 0 else shift.mirrored()
 
     def _without_wall(self, moved_m: float) -> Guidance:
@@ -113,8 +159,12 @@ class BallFollower:
         return Guidance(drive, math.nan, math.nan, math.nan, reason)
 
 
-def _wall_points_m(seen: SideView, wall: Beams, line: Line | None) -> Floats:
-    """Return my wall as thinned points (2, n), panes of glass filled in."""
-    points_m = outline(seen.x_m[wall], seen.y_m[wall])
-    glass_m = bridge_glass(seen, wall, line) if line is not None else None
-    return points_m if glass_m is None else np.concatenate((points_m, glass_m), axis=1)
+def _wall_places_m(seen: SideView, mine: Beams, line: Line | None) -> Places:
+    """Return my wall as thinned places, panes of glass filled in."""
+    places_m = outline(seen.x_m[mine], seen.y_m[mine])
+    glass_m = bridge_glass(seen, mine, line) if line is not None else None
+    return places_m if glass_m is None else np.concatenate((places_m, glass_m))
+
+
+def _from_there(line: Line | None, shift: Shift) -> Line | None:
+    return line.seen_from(shift.x_m, shift.y_m, shift.yaw_rad) if line is not None else None

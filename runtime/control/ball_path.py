@@ -1,8 +1,12 @@
 """The path of a ball that is rolled along the wall, seen from the rear axle.
 
-Around the rear axle lies a fan of places: on each circle 35 bearings from the free side (-85 deg) to the wall side
-(+85 deg). On each circle the first place that is nearer to the wall than D is on the ball's path: no corner rule.
-All distances at once are one matrix product: |c - q|^2 = |c|^2 + |q|^2 - 2 c.q.
+Around the rear axle lie circles. On each one, looked through from the free side (-85 deg) to the wall side (+85 deg),
+the first place that is nearer to the wall than D is on the ball's path: no corner rule. A wall's point at range p and
+bearing b is nearer than D to the places of the circle of radius r within b +- h, by the law of cosines
+
+    cos h = (r^2 + p^2 - D^2) / (2 r p)
+
+so the first place is the least b - h of all points, unless the free end itself lies within one of them.
 """
 
 import math
@@ -12,20 +16,29 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from runtime.control.geometry import Floats
+from runtime.control.geometry import Floats, Places
 
 Booleans = npt.NDArray[np.bool_]
-_Singles = npt.NDArray[np.float32]
 
-BEARINGS = 35
-"""5 deg apart: the linear interpolation between two of them is off by 1e-3 tan(bearing) rad beside a straight wall."""
 WIDEST_RAD = math.radians(85)
-BEARING_RAD = np.linspace(-WIDEST_RAD, WIDEST_RAD, BEARINGS)
-BEARING_STEP_RAD = 2 * WIDEST_RAD / (BEARINGS - 1)
 RADII_M: Floats = np.linspace(0.3, 3.0, 10)
 """The circles of the path: how far it is looked at by the speed profile."""
+_NEAREST_M = 1e-3
 _BEND_CIRCLES = slice(1, 5)
 """Circles of 0.6 to 1.5 m, by which the bend of the path is measured."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WallPoints:
+    """The wall around the rear axle: ranges [m] and bearings [rad], shape (n,)."""
+
+    range_m: Floats
+    bearing_rad: Floats
+
+    @classmethod
+    def of(cls, places_m: Places) -> "WallPoints":
+        """Return points x + iy as seen from the origin."""
+        return cls(np.maximum(np.abs(places_m), _NEAREST_M), np.arctan2(places_m.imag, places_m.real))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,46 +60,43 @@ class BallPath:
         return BallPath(self.radius_m[:count], self.bearing_rad[:count], self.meets[:count], self.crosses[:count])
 
 
-def _fan(radius_m: Floats) -> _Singles:
-    """Return the places (x, y, 1) of the circles, shape (3, k * BEARINGS)."""
-    x_m = np.multiply.outer(radius_m, np.cos(BEARING_RAD)).ravel()
-    y_m = np.multiply.outer(radius_m, np.sin(BEARING_RAD)).ravel()
-    return np.stack([x_m, y_m, np.ones_like(x_m)]).astype(np.float32)
+def ball_path(wall: WallPoints, ball_m: float, more_radii_m: Sequence[float]) -> BallPath:
+    """Roll a ball of radius `ball_m` along the wall's points, rear axle at the origin, wall on the left.
 
-
-_RADII_FAN = _fan(RADII_M)
-_UNIT_FAN = _fan(np.ones(1))
-
-
-def ball_path(wall_m: Floats, ball_m: float, more_radii_m: Sequence[float]) -> BallPath:
-    """Roll a ball of radius `ball_m` along the wall's points (2, n), rear axle at the origin, wall on the left.
-
-    The circles are RADII_M, then `more_radii_m`. Single precision: 1e-6 of a few square metres.
+    The circles are RADII_M, then `more_radii_m`.
     """
-    radius_m = np.append(RADII_M, more_radii_m)
-    fans = [_RADII_FAN]
-    for more_m in more_radii_m:
-        fan = _UNIT_FAN * np.float32(more_m)
-        fan[2] = 1.0
-        fans.append(fan)
-    factors = np.empty((wall_m.shape[1], 3), np.float32)
-    factors[:, :2] = -2.0 * wall_m.T
-    factors[:, 2] = np.einsum("ij,ij->j", wall_m, wall_m)
-    nearest = (factors @ np.concatenate(fans, axis=1)).min(axis=0)
-    square = nearest.reshape(radius_m.size, BEARINGS) + (radius_m * radius_m)[:, None]
-    below = square < ball_m * ball_m
-    first = below.argmax(axis=1)
-    circles = np.arange(radius_m.size)
-    meets = below[circles, first]
-    crosses = meets & (first > 0)
-    # Between the last free place and the first one below D the distance is taken as linear.
-    near_m = np.sqrt(np.maximum(square[circles, first], 0.0))
-    free_m = np.sqrt(np.maximum(square[circles, np.maximum(first - 1, 0)], 0.0))
-    back = np.where(crosses, (ball_m - near_m) / np.where(crosses, free_m - near_m, 1.0), 0.0)
-    bearing_rad = BEARING_RAD[first] - back * BEARING_STEP_RAD
+    radius_m = np.concatenate((RADII_M, more_radii_m))
+    by_point = np.empty((2, wall.range_m.size))
+    by_point[0] = 0.5 / wall.range_m
+    by_point[1] = 0.5 * wall.range_m - (ball_m * ball_m) * by_point[0]
+    by_circle = np.empty((radius_m.size, 2))
+    by_circle[:, 0] = radius_m
+    by_circle[:, 1] = 1.0 / radius_m
+    cos = by_circle @ by_point
+    far = cos > 1.0
+    np.minimum(cos, 1.0, out=cos)
+    half_rad = np.arccos(np.maximum(cos, -1.0, out=cos), out=cos)
+    from_free_rad = (wall.bearing_rad + WIDEST_RAD) % math.tau
+    all_round = (from_free_rad + half_rad).max(axis=1) > math.tau
+    edge_rad = np.subtract(from_free_rad, half_rad, out=half_rad)
+    edge_rad[far] = math.inf
+    first_rad = edge_rad.min(axis=1)
+    at_once = all_round | (first_rad < 0.0)
+    crosses = ~at_once & (first_rad <= 2 * WIDEST_RAD)
+    meets = at_once | crosses
+    bearing_rad = np.where(crosses, first_rad, 0.0) - WIDEST_RAD
     if not meets.all():
-        bearing_rad = np.where(meets, bearing_rad, BEARING_RAD[square.argmin(axis=1)])
+        bearing_rad[~meets] = _nearest_rad(wall, radius_m[~meets])
     return BallPath(radius_m, bearing_rad, meets, crosses)
+
+
+def _nearest_rad(wall: WallPoints, radius_m: Floats) -> Floats:
+    """Return the bearing on each circle that is nearest to the wall, shape (k,)."""
+    aim_rad = np.clip(wall.bearing_rad, -WIDEST_RAD, WIDEST_RAD)
+    along_m = wall.range_m * np.cos(wall.bearing_rad - aim_rad)
+    apart2 = wall.range_m * wall.range_m - 2.0 * np.multiply.outer(radius_m, along_m)  # and r^2, the same for all
+    nearest: Floats = aim_rad[apart2.argmin(axis=1)]
+    return nearest
 
 
 def bend_per_m(path: BallPath) -> float:
@@ -95,10 +105,10 @@ def bend_per_m(path: BallPath) -> float:
     Difference of the headings of the first and the last of three chords over the way between their middles: a straight
     path gives 0 wherever the car stands.
     """
-    if not path.meets[_BEND_CIRCLES].all():
+    if not all(path.meets[_BEND_CIRCLES].tolist()):
         return 0.0
-    x = (path.radius_m[_BEND_CIRCLES] * np.cos(path.bearing_rad[_BEND_CIRCLES])).tolist()
-    y = (path.radius_m[_BEND_CIRCLES] * np.sin(path.bearing_rad[_BEND_CIRCLES])).tolist()
-    turn_rad = math.atan2(y[3] - y[2], x[3] - x[2]) - math.atan2(y[1] - y[0], x[1] - x[0])
-    way_m = (math.hypot(x[2] - x[0], y[2] - y[0]) + math.hypot(x[3] - x[1], y[3] - y[1])) / 2
+    circles = zip(path.radius_m[_BEND_CIRCLES].tolist(), path.bearing_rad[_BEND_CIRCLES].tolist(), strict=True)
+    (x0, y0), (x1, y1), (x2, y2), (x3, y3) = ((r * math.cos(b), r * math.sin(b)) for r, b in circles)
+    turn_rad = math.atan2(y3 - y2, x3 - x2) - math.atan2(y1 - y0, x1 - x0)
+    way_m = (math.hypot(x2 - x0, y2 - y0) + math.hypot(x3 - x1, y3 - y1)) / 2
     return math.remainder(turn_rad, math.tau) / max(way_m, 1e-3)

@@ -1,11 +1,12 @@
 """What is behind the car: the lidar is blind there, but it has seen most of it while coming."""
 
+import cmath
 import math
 from collections import deque
 
 import numpy as np
 
-from runtime.control.geometry import Floats
+from runtime.control.geometry import NOWHERE, Places, places_m
 from runtime.control.odometry import Pose
 from runtime.control.perception import View
 
@@ -20,7 +21,7 @@ class Behind:
 
     def __init__(self, lidar_x_m: float) -> None:
         self._lidar_x_m = lidar_x_m
-        self._views: deque[Floats] = deque(maxlen=KEPT_VIEWS)
+        self._views: deque[Places] = deque(maxlen=KEPT_VIEWS)
         self._last: Pose | None = None
         self._at = Pose()
         self.backed_m = 0.0
@@ -35,25 +36,20 @@ class Behind:
             if moved_m < KEPT_EVERY_M and abs(math.remainder(pose.yaw_rad - last.yaw_rad, math.tau)) < KEPT_EVERY_RAD:
                 return
         self._last = pose
-        near = view.solid & (view.ranges_m < NEAR_M)
-        self._views.append(_to_odom(pose, view.x_m[near], view.y_m[near]))
+        near = (view.solid & (view.ranges_m < NEAR_M)).nonzero()[0]
+        turned = cmath.rect(1.0, pose.yaw_rad)
+        self._views.append(places_m(view.x_m, view.y_m, near) * turned + complex(pose.x_m, pose.y_m))
 
-    def points_m(self, half_view_rad: float) -> Floats:
-        """Return what is remembered where the lidar does not look now (beyond +-half_view_rad), base_link, (2, k).
+    def points_m(self, half_view_rad: float) -> Places:
+        """Return what is remembered where the lidar does not look now (beyond +-half_view_rad), base_link, (k,).
 
         What it does look at is judged by what it sees: a person who has left leaves no ghost there.
         """
         if not self._views:
-            return np.empty((2, 0))
-        points = np.concatenate(self._views, axis=1)
-        cos, sin = math.cos(self._at.yaw_rad), math.sin(self._at.yaw_rad)
-        dx, dy = points[0] - self._at.x_m, points[1] - self._at.y_m
-        x_m, y_m = cos * dx + sin * dy, cos * dy - sin * dx
-        hidden = np.abs(np.arctan2(y_m, x_m - self._lidar_x_m)) > half_view_rad
-        hidden &= np.hypot(x_m, y_m) < NEAR_M
-        return np.stack([x_m[hidden], y_m[hidden]])
-
-
-def _to_odom(pose: Pose, x_m: Floats, y_m: Floats) -> Floats:
-    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-    return np.stack([pose.x_m + cos * x_m - sin * y_m, pose.y_m + sin * x_m + cos * y_m])
+            return NOWHERE
+        at = self._at
+        points = (np.concatenate(self._views) - complex(at.x_m, at.y_m)) * cmath.rect(1.0, -at.yaw_rad)
+        hidden = np.abs(np.angle(points - self._lidar_x_m)) > half_view_rad
+        hidden &= np.abs(points) < NEAR_M
+        found: Places = points[hidden]
+        return found

@@ -1,27 +1,29 @@
 """The strip of floor that the car's outline sweeps along the arc it will really drive, and what stands in it.
 
 The path is that of the rear axle (base_link at the scan is the origin): for the latency the wheels keep their present
-angle, then they slew to the commanded one at the servo's rate, and the tyres allow no more curvature than their grip
-(k = mu g / v^2). In a bend the car drifts: its rear axle moves outward by the slip angle v^2 k / (mu g C), with C the
-cornering stiffness per load (single-track model, small angles). Footprint collision along a predicted arc is the idea
-of nav2's collision monitor ("approach") and of Autoware's emergency braking.
+angle, then they slew to the commanded one at the servo's rate, and the tyres allow no more curvature than the grip that
+is left for turning (k = a / v^2). In a bend the car drifts: its rear axle moves outward by the slip angle v^2 k / (mu g
+C), with C the cornering stiffness per load (single-track model, small angles). Footprint collision along a predicted
+arc is the idea of nav2's collision monitor ("approach") and of Autoware's emergency braking.
+
+Points and poses are complex numbers x + iy: to turn by an angle is to multiply with exp(i angle), once for all points.
 """
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
-from runtime.control.geometry import Floats
+from runtime.control.geometry import Floats, Places
 
 STEP_M = 0.06
 POSES_AT_ONCE = 24
 """A long way is swept piece by piece: the boxes are tighter, and the rest is spared when there is a contact."""
 ENOUGH_POINTS = 3
 """So many points in the strip are a thing; fewer are noise (2 % wild beams)."""
-
-EDGE_M = 0.05
-"""What reaches so little into the strip is beside the car, not before it."""
+SLEWS_AT_LEAST_MPS = 0.3
+"""A standing car is reckoned to start with this speed, or its wheels would be turned before it has moved at all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,9 +40,9 @@ class Motion:
     """How the car moves while the path begins.
 
     speed_mps: how fast, >= 0. direction: +1 forward, -1 backward. wheel_rad: angle of the wheels now.
-    latency_s: until a new steering command shows. rate_radps: of the servo. wheelbase_m, grip_per_m: the tightest
-    curvatures that mechanics (through the wheel angle) and tyres allow. slip_m: angle by which the rear axle drifts
-    outward, per curvature [rad m].
+    latency_s: until a new steering command shows. rate_radps: of the servo. wheelbase_m: makes curvature of an angle.
+    turning_mps2: what the tyres can give to the side. slip_rad_per_mps2: angle by which the rear axle drifts outward,
+    per acceleration to the side. along_mps2: how the speed changes until it is end_mps.
     """
 
     speed_mps: float
@@ -49,19 +51,28 @@ class Motion:
     latency_s: float
     rate_radps: float
     wheelbase_m: float
-    grip_per_m: float
-    slip_m: float = 0.0
+    turning_mps2: float = math.inf
+    slip_rad_per_mps2: float = 0.0
+    along_mps2: float = 0.0
+    end_mps: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Path:
-    """Poses of the rear axle, one every STEP_M: travelled distance, x, y, heading, curvature; shapes (n,)."""
+    """Poses of the rear axle, one every STEP_M: travelled distance, place, heading as a direction; shapes (n,).
+
+    curvature_per_m: shape (n,), or one number where it is the same everywhere.
+    """
 
     travel_m: Floats
-    x_m: Floats
-    y_m: Floats
-    yaw_rad: Floats
+    place_m: Places
+    heading: Places
     curvature_per_m: Floats
+
+    def part(self, first: int, last: int) -> "Path":
+        """Return some of the poses."""
+        piece = slice(first, last)
+        return Path(self.travel_m[piece], self.place_m[piece], self.heading[piece], self.curvature_per_m[piece])
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,59 +80,95 @@ class Contact:
     """The first thing in the strip.
 
     travel_m: how far the car can go before it touches it, infinity when there is nothing.
-    side: +1 or -1 when everything touched is at the left or right edge of the strip; 0 ahead.
+    aside_m: where on the bumper, left positive, the point nearest to the middle; 0 with points on both sides of it.
     curvature_per_m: of the path there. slippery: found on the wider arc of a slippery floor.
     """
 
     travel_m: float
-    side: int
+    aside_m: float
     curvature_per_m: float
     slippery: bool = False
 
 
-NOTHING = Contact(math.inf, 0, 0.0)
+NOTHING = Contact(math.inf, 0.0, 0.0)
+
+
+@lru_cache(maxsize=256)
+def _travels_m(steps: int) -> Floats:
+    travel_m: Floats = STEP_M * np.arange(1, steps + 1, dtype=np.float64)
+    travel_m.setflags(write=False)
+    return travel_m
 
 
 def arc(motion: Motion, steering_rad: float, length_m: float) -> Path:
     """Return the path that a steering command leads to; the first pose is one step on."""
-    steps = max(1, math.ceil(length_m / STEP_M))
-    travel_m: Floats = STEP_M * np.arange(1, steps + 1, dtype=np.float64)
-    slewing_s = np.maximum(travel_m / max(motion.speed_mps, 0.3) - motion.latency_s, 0.0)
-    change_rad = steering_rad - motion.wheel_rad
-    turned_rad = np.minimum(slewing_s * motion.rate_radps, abs(change_rad))
-    wheel_rad = motion.wheel_rad + math.copysign(1.0, change_rad) * turned_rad
-    curvature = np.tan(wheel_rad) / motion.wheelbase_m
-    if math.isfinite(motion.grip_per_m):
-        curvature = np.minimum(np.maximum(curvature, -motion.grip_per_m), motion.grip_per_m)
+    travel_m = _travels_m(max(1, math.ceil(length_m / STEP_M)))
+    curvature = _curvatures(motion, steering_rad, travel_m)
     step_m = motion.direction * STEP_M
-    yaw_rad = np.cumsum(curvature) * step_m
-    middle_rad = yaw_rad - curvature * (step_m / 2 + motion.slip_m)
-    x_m, y_m = np.cumsum(np.cos(middle_rad)) * step_m, np.cumsum(np.sin(middle_rad)) * step_m
-    return Path(travel_m, x_m, y_m, yaw_rad, curvature)
+    yaw_rad = curvature.cumsum()
+    yaw_rad *= step_m
+    heading = np.exp(1j * yaw_rad)
+    # The direction of motion in the middle of each step, turned outward by the slip.
+    square = motion.speed_mps * motion.speed_mps
+    back_rad = curvature * (step_m / 2 + square * motion.slip_rad_per_mps2)
+    moved = np.exp(1j * (yaw_rad - back_rad))
+    moved *= step_m
+    return Path(travel_m, moved.cumsum(), heading, curvature)
 
 
-def first_contact(path: Path, outline: Outline, points_m: Floats, direction: float = 1.0) -> Contact:
-    """Return where the outline first holds three points of points_m (2, k), base_link at the scan.
+def _curvatures(motion: Motion, steering_rad: float, travel_m: Floats) -> Floats:
+    """Return the curvature at each pose: the wheels' angle, as far as the tyres can follow it."""
+    change_rad = steering_rad - motion.wheel_rad
+    if change_rad:
+        turned_rad = travel_m * (motion.rate_radps / max(motion.speed_mps, SLEWS_AT_LEAST_MPS))
+        turned_rad -= motion.latency_s * motion.rate_radps
+        np.minimum(turned_rad, abs(change_rad), out=turned_rad)
+        np.maximum(turned_rad, 0.0, out=turned_rad)
+        turned_rad *= math.copysign(1.0, change_rad)
+        turned_rad += motion.wheel_rad
+        curvature: Floats = np.tan(turned_rad, out=turned_rad)
+        curvature /= motion.wheelbase_m
+    else:
+        curvature = np.full(travel_m.shape, math.tan(steering_rad) / motion.wheelbase_m)
+    square = motion.speed_mps * motion.speed_mps
+    sharpest = max(abs(math.tan(steering_rad)), abs(math.tan(motion.wheel_rad))) / motion.wheelbase_m
+    if max(square, motion.end_mps * motion.end_mps) * sharpest <= motion.turning_mps2:
+        return curvature
+    if motion.along_mps2:
+        squares = square + 2 * motion.along_mps2 * travel_m
+        end = motion.end_mps * motion.end_mps
+        squares = np.minimum(squares, end) if motion.along_mps2 > 0 else np.maximum(squares, max(end, 0.01))
+        most: Floats | float = motion.turning_mps2 / squares
+    else:
+        most = motion.turning_mps2 / square
+    limited: Floats = np.minimum(np.maximum(curvature, -most), most)
+    return limited
+
+
+def first_contact(path: Path, outline: Outline, points_m: Places, direction: float = 1.0) -> Contact:
+    """Return where the outline first holds three of points_m (k,), base_link at the scan.
 
     The travel is exact at the bumper (the third-deepest point) and up to one step too short at the flank.
     """
+    points_m = _in_reach(path, outline, points_m)
+    if points_m.size < ENOUGH_POINTS:
+        return NOTHING
     for first in range(0, path.travel_m.size, POSES_AT_ONCE):
-        piece = slice(first, first + POSES_AT_ONCE)
-        some = Path(
-            path.travel_m[piece], path.x_m[piece], path.y_m[piece], path.yaw_rad[piece], path.curvature_per_m[piece]
-        )
-        found = _first_in(some, outline, points_m, direction)
+        found = _first_in(path.part(first, first + POSES_AT_ONCE), outline, points_m, direction)
         if found is not NOTHING:
             return found
     return NOTHING
 
 
-def _first_in(path: Path, outline: Outline, points_m: Floats, direction: float) -> Contact:
+def _first_in(path: Path, outline: Outline, points_m: Places, direction: float) -> Contact:
     near_m = _in_reach(path, outline, points_m)
-    if near_m.shape[1] < ENOUGH_POINTS:
+    if near_m.size < ENOUGH_POINTS:
         return NOTHING
-    ahead_m, aside_m = _in_car_frames(path, near_m)
-    inside = (np.abs(aside_m) <= outline.half_width_m) & (ahead_m <= outline.front_m) & (ahead_m >= -outline.rear_m)
+    seen = (near_m - path.place_m[:, None]) * path.heading.conj()[:, None]
+    ahead_m, aside_m = seen.real, seen.imag
+    inside = np.abs(aside_m) <= outline.half_width_m
+    inside &= ahead_m <= outline.front_m
+    inside &= ahead_m >= -outline.rear_m
     enough = np.count_nonzero(inside, axis=1) >= ENOUGH_POINTS
     pose = int(enough.argmax())
     if not enough[pose]:
@@ -132,35 +179,36 @@ def _first_in(path: Path, outline: Outline, points_m: Floats, direction: float) 
     third_m = float(np.partition(depth_m, -ENOUGH_POINTS)[-ENOUGH_POINTS])
     travel_m = float(path.travel_m[pose])
     travel_m = max(travel_m - STEP_M, travel_m - third_m)
-    return Contact(travel_m, _flank(aside_m, outline), float(path.curvature_per_m[pose]))
+    return Contact(travel_m, _innermost_m(aside_m), float(path.curvature_per_m[pose]))
 
 
-def _in_reach(path: Path, outline: Outline, points_m: Floats) -> Floats:
+def _in_reach(path: Path, outline: Outline, points_m: Places) -> Places:
     """Return the points in a box that holds this piece of the strip: most of a scan is outside.
 
-    The outline's middle is reached by turning about the rear axle, so the box has room for it at every heading.
+    The outline's middle is reached by turning about the rear axle, so the box has room for it at every heading. First
+    what is too far aside: that leaves little of a corridor.
     """
     middle_m, half_m = (outline.front_m - outline.rear_m) / 2, (outline.front_m + outline.rear_m) / 2
-    cos, sin = np.cos(path.yaw_rad), np.sin(path.yaw_rad)
-    centre_x, centre_y = path.x_m + middle_m * cos, path.y_m + middle_m * sin
-    cos, sin = np.abs(cos), np.abs(sin)
-    wide_x, wide_y = half_m * cos + outline.half_width_m * sin, half_m * sin + outline.half_width_m * cos
-    x_m, y_m = points_m
-    inside = (x_m >= (centre_x - wide_x).min()) & (x_m <= (centre_x + wide_x).max())
-    inside &= (y_m >= (centre_y - wide_y).min()) & (y_m <= (centre_y + wide_y).max())
-    return points_m[:, inside]
+    centre = path.place_m + middle_m * path.heading
+    y_m, steepest = centre.imag, float(np.abs(path.heading.imag).max())
+    wide_m = half_m * steepest + outline.half_width_m
+    aside_m = points_m.imag
+    inside = aside_m <= y_m.max() + wide_m
+    inside &= aside_m >= y_m.min() - wide_m
+    near_m: Places = points_m.take(inside.nonzero()[0])
+    if not near_m.size:
+        return near_m
+    x_m, ahead_m = centre.real, near_m.real
+    wide_m = half_m + outline.half_width_m * steepest
+    inside = ahead_m <= x_m.max() + wide_m
+    inside &= ahead_m >= x_m.min() - wide_m
+    within_m: Places = near_m.take(inside.nonzero()[0])
+    return within_m
 
 
-def _in_car_frames(path: Path, points_m: Floats) -> tuple[Floats, Floats]:
-    """Return x and y of every point seen from every pose, shapes (poses, points)."""
-    cos, sin = np.cos(path.yaw_rad), np.sin(path.yaw_rad)
-    ahead_m = np.outer(cos, points_m[0]) + np.outer(sin, points_m[1]) - (cos * path.x_m + sin * path.y_m)[:, None]
-    aside_m = np.outer(cos, points_m[1]) - np.outer(sin, points_m[0]) + (sin * path.x_m - cos * path.y_m)[:, None]
-    return ahead_m, aside_m
-
-
-def _flank(aside_m: Floats, outline: Outline) -> int:
-    """Return the side at whose edge (5 cm) all points are; 0 where one of them is farther in."""
-    if float(np.abs(aside_m).min()) <= outline.half_width_m - EDGE_M or (aside_m.min() > 0) != (aside_m.max() > 0):
-        return 0
-    return 1 if aside_m[0] > 0 else -1
+def _innermost_m(aside_m: Floats) -> float:
+    """Return the place nearest to the car's middle line; 0 with points on both sides of it."""
+    low_m, high_m = float(aside_m.min()), float(aside_m.max())
+    if low_m > 0:
+        return low_m
+    return high_m if high_m < 0 else 0.0

@@ -27,6 +27,10 @@ class Limiter:
         self._limits = limits
         self._last = Drive(0.0, 0.0)
 
+    def tune(self, limits: Limits) -> None:
+        """Go on with other limits, from the next drive on; a lower speed is a stop down to it, never delayed."""
+        self._limits = limits
+
     def limit(self, speed_mps: float, steering_rad: float | None, dt_s: float, brake_mps2: float = math.inf) -> Drive:
         """Return what may be sent now, dt_s after the previous call; steering None holds the wheels.
 

@@ -10,6 +10,7 @@ from runtime.command import Outlook
 from runtime.control import methods
 from runtime.control.ball import BallFollower
 from runtime.control.freeing import Lookout
+from runtime.control.geometry import Floats
 from runtime.control.guidance import Follower, Guidance
 from runtime.control.method_settings import (
     BallFollowSettings,
@@ -45,6 +46,11 @@ class LiveLaws:
     def words(self) -> tuple[str, ...]:
         """What is wrong with the lidar's window, in sentences for people."""
         return self.guard.words if isinstance(self.guard, Lookout) else ()
+
+    @property
+    def path_m(self) -> Floats | None:
+        """Where the follower's ball runs, (2, k) in base_link; None where there is none."""
+        return self._driver.path_m if isinstance(self._driver, BallFollower) else None
 
     def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
         """Answer one scan."""

@@ -22,6 +22,12 @@ class Lost:
         self._steering_rad = 0.0
         self._way_m = 0.0
 
+    def tune(self, manner: Literal["slow", "search", "stop"], speed_mps: float, at_most_m: float) -> None:
+        """Go on in another manner; the last steering and the way since are kept."""
+        self._manner = manner
+        self._speed_mps = speed_mps
+        self._at_most_m = at_most_m
+
     def found(self, steering_rad: float) -> None:
         """There is a wall, and this is how the car steers along it."""
         self._steering_rad = steering_rad

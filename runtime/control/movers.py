@@ -1,21 +1,22 @@
 """Who walks: small things that stand out are tracked in the odometry frame, and where they are going is taken as full.
 
-A person who crosses at 1.5 m/s is not in the way until it is too late. The track is an alpha-beta filter (Kalata 1984)
-on the middle of the thing's visible side; a thing counts as walking when it has moved faster than odometry can err, for
-long enough, with both of its edges: of a wall's end that comes into view only one edge moves. Its points, moved on
-along its way for the next moments, are added to what the safety sweeps.
+A person who crosses at 1.5 m/s is not in the way until it is too late, and one who comes toward the car takes the way
+that it needs to stop. The track is an alpha-beta filter (Kalata 1984) on the middle of the thing's visible side; a
+thing counts as walking when it has moved faster than odometry can err, for long enough, with both of its edges: of a
+wall's end that comes into view only one edge moves. Its points, moved on along its way for the next moments, are added
+to what the safety sweeps.
 """
 
-import math
+import cmath
 from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.control.geometry import Floats
+from runtime.control.geometry import NOWHERE, Places, places_m
 from runtime.control.odometry import Pose
 from runtime.control.perception import View
 
-WITHIN_M = 3.5
+WITHIN_M = 6.0
 GAP_BEAMS = 3
 JUMP_M = 0.2
 BACKGROUND_BEAMS = 40
@@ -39,16 +40,21 @@ FORGOTTEN_S = 0.15
 
 @dataclass(slots=True)
 class _Track:
-    """A thing in the odometry frame: middle, speed, edges (2, xy) now and at first, how often and when last seen."""
+    """A thing in the odometry frame: middle, velocity, right and left edge now and at first, how often, when last."""
 
-    x_m: float
-    y_m: float
-    x_mps: float
-    y_mps: float
-    edges_m: Floats
-    from_m: Floats
+    place_m: complex
+    way_mps: complex
+    edges_m: tuple[complex, complex]
+    from_m: tuple[complex, complex]
     scans: int
     seen_s: float
+
+    def carry(self, by_m: complex, stamp_s: float) -> None:
+        """Move it to where it is seen, without a way of its own."""
+        self.place_m += by_m
+        self.edges_m = self.edges_m[0] + by_m, self.edges_m[1] + by_m
+        self.from_m = self.from_m[0] + by_m, self.from_m[1] + by_m
+        self.seen_s = stamp_s
 
 
 class Movers:
@@ -58,50 +64,60 @@ class Movers:
         self._tracks: list[_Track] = []
         self._turning_radps = 0.0
 
-    def update(self, view: View, pose: Pose, stamp_s: float) -> Floats:
-        """Return points, (2, k) in base_link, where walkers will be in the next 0.9 s; k = 0 for nobody."""
-        cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-        turn, at_m = np.array([[cos, -sin], [sin, cos]]), np.array([[pose.x_m], [pose.y_m]])
+    def update(self, view: View, pose: Pose, stamp_s: float, *, sliding: bool = False) -> Places:
+        """Return points, (k,) in base_link, where walkers will be in the next 0.9 s; k = 0 for nobody.
+
+        sliding: the wheels are locked, so that the odometry stands while everything comes nearer: nothing is learnt
+        about who goes where, and nothing is forgotten.
+        """
+        turned, at_m = cmath.rect(1.0, pose.yaw_rad), complex(pose.x_m, pose.y_m)
         fresh: list[_Track] = []
-        strips: list[Floats] = []
+        strips: list[Places] = []
         slowest_mps = SLOWEST_MPS + SLOWEST_SHARE * abs(pose.speed_mps)
         self._turning_radps = max(abs(pose.yaw_rate_radps), TURNING_FADES * self._turning_radps)
         slowest_per_m = TURNING_SHARE * self._turning_radps
         for first, last in small_things(view):
-            points = np.stack([view.x_m[first : last + 1], view.y_m[first : last + 1]])
-            points = points[:, view.solid[first : last + 1]]
-            track = self._follow(turn @ points + at_m, stamp_s)
+            beams = view.solid[first : last + 1].nonzero()[0] + first
+            points = places_m(view.x_m, view.y_m, beams)
+            track = self._follow(points * turned + at_m, stamp_s, sliding=sliding)
             fresh.append(track)
-            if _walks(track, turn[:, 1], slowest_mps + slowest_per_m * float(view.ranges_m[first])):
-                way_mps = turn.T @ np.array([[track.x_mps], [track.y_mps]])
+            if track.scans < SEEN_SCANS:
+                continue
+            across_mps = slowest_mps + slowest_per_m * float(view.ranges_m[first])
+            if _goes(track, turned * 1j, across_mps, either=True) or _goes(track, at_m - track.place_m, slowest_mps):
+                way_mps = track.way_mps * turned.conjugate()
                 strips += [points + way_mps * ahead_s for ahead_s in AHEAD_S]
         self._tracks = fresh + [track for track in self._tracks if stamp_s - track.seen_s <= FORGOTTEN_S]
-        return np.hstack(strips) if strips else np.empty((2, 0))
+        return np.concatenate(strips) if strips else NOWHERE
 
-    def _follow(self, points_m: Floats, stamp_s: float) -> _Track:
-        """Return the track that these points (2, k), odom, continue, taken from the list, or a new one."""
-        x_m, y_m = (points_m.sum(axis=1) / points_m.shape[1]).tolist()
-        edges_m = points_m[:, [0, -1]].T
+    def _follow(self, points_m: Places, stamp_s: float, *, sliding: bool) -> _Track:
+        """Return the track that these points (k,), odom, continue, taken from the list, or a new one."""
+        place_m = complex(points_m.sum()) / points_m.size
+        edges_m = complex(points_m[0]), complex(points_m[-1])
         nearest, nearest_m = None, MATCH_M
         for track in self._tracks:
             elapsed_s = stamp_s - track.seen_s
             if elapsed_s > FORGOTTEN_S:  # a hole in the scans: nobody can tell who is who
                 continue
-            off_m = math.hypot(track.x_m + track.x_mps * elapsed_s - x_m, track.y_m + track.y_mps * elapsed_s - y_m)
+            off_m = abs(track.place_m + track.way_mps * elapsed_s - place_m)
             if off_m < nearest_m:
                 nearest, nearest_m = track, off_m
         if nearest is None:
-            return _Track(x_m, y_m, 0.0, 0.0, edges_m, edges_m, 1, stamp_s)
+            return _Track(place_m, 0j, edges_m, edges_m, 1, stamp_s)
         self._tracks.remove(nearest)
+        if sliding:
+            nearest.carry(place_m - nearest.place_m, stamp_s)
+            return nearest
         elapsed_s = max(1e-3, stamp_s - nearest.seen_s)
-        nearest.x_m += nearest.x_mps * elapsed_s
-        nearest.y_m += nearest.y_mps * elapsed_s
-        off_x, off_y = x_m - nearest.x_m, y_m - nearest.y_m
-        nearest.x_m += POSITION_GAIN * off_x
-        nearest.y_m += POSITION_GAIN * off_y
-        nearest.x_mps += SPEED_GAIN / elapsed_s * off_x
-        nearest.y_mps += SPEED_GAIN / elapsed_s * off_y
-        nearest.edges_m = nearest.edges_m + POSITION_GAIN * (edges_m - nearest.edges_m)
+        nearest.place_m += nearest.way_mps * elapsed_s
+        off = place_m - nearest.place_m
+        nearest.place_m += POSITION_GAIN * off
+        nearest.way_mps += SPEED_GAIN / elapsed_s * off
+        right_m, left_m = nearest.edges_m
+        nearest.edges_m = (
+            right_m + POSITION_GAIN * (edges_m[0] - right_m),
+            left_m + POSITION_GAIN * (edges_m[1] - left_m),
+        )
         nearest.scans += 1
         nearest.seen_s = stamp_s
         return nearest
@@ -109,24 +125,30 @@ class Movers:
 
 def small_things(view: View) -> list[tuple[int, int]]:
     """Return (first, last) beam of every near thing at most 0.7 m wide that stands out before its surroundings."""
-    index = np.flatnonzero(view.solid & (view.ranges_m < WITHIN_M))
+    index = (view.solid & (view.ranges_m < WITHIN_M)).nonzero()[0]
     if index.size < FEWEST_BEAMS:
         return []
-    ranges_m = view.ranges_m[index]
-    cut = np.flatnonzero((index[1:] - index[:-1] > GAP_BEAMS) | (np.abs(ranges_m[1:] - ranges_m[:-1]) > JUMP_M))
-    starts, ends = [0, *(cut + 1).tolist()], [*cut.tolist(), index.size - 1]
+    ranges_m = view.ranges_m.take(index)
+    off_m = ranges_m[1:] - ranges_m[:-1]
+    cut = np.abs(off_m, out=off_m) > JUMP_M
+    cut |= index[1:] - index[:-1] > GAP_BEAMS
+    ends = [*cut.nonzero()[0].tolist(), index.size - 1]
     step_rad = abs(view.scan.angle_step_rad)
-    things = []
-    for start, end in zip(starts, ends, strict=True):
-        first, last = int(index[start]), int(index[end])
-        width_m = (last - first) * step_rad * ranges_m[start]
-        if end - start + 1 < FEWEST_BEAMS or width_m > WIDEST_M or first == 0 or last == view.solid.size - 1:
-            continue
-        if _behind(view, range(first - 1, first - 1 - BACKGROUND_BEAMS, -1), ranges_m[start]) and _behind(
-            view, range(last + 1, last + 1 + BACKGROUND_BEAMS), ranges_m[end]
-        ):
-            things.append((first, last))
+    things, start = [], 0
+    for end in ends:
+        if end - start >= FEWEST_BEAMS - 1:
+            right, left = int(index[start]), int(index[end])
+            if (left - right) * step_rad * ranges_m[start] <= WIDEST_M and _stands_out(view, right, left):
+                things.append((right, left))
+        start = end + 1
     return things
+
+
+def _stands_out(view: View, right: int, left: int) -> bool:
+    """Whether the things at both sides are farther away, and there are both sides."""
+    return _behind(view, range(right - 1, right - 1 - BACKGROUND_BEAMS, -1), view.ranges_m[right]) and _behind(
+        view, range(left + 1, left + 1 + BACKGROUND_BEAMS), view.ranges_m[left]
+    )
 
 
 def _behind(view: View, beams: range, range_m: float) -> bool:
@@ -143,11 +165,14 @@ def _behind(view: View, beams: range, range_m: float) -> bool:
     return True
 
 
-def _walks(track: _Track, across: Floats, slowest_mps: float) -> bool:
-    """Whether it crosses; across is the car's left, odom. Along the car, an error of its own speed looks the same."""
-    if track.scans < SEEN_SCANS or math.hypot(track.x_mps, track.y_mps) > FASTEST_MPS:
+def _goes(track: _Track, toward: complex, slowest_mps: float, *, either: bool = False) -> bool:
+    """Whether the thing moves that way (odom; either: or the opposite one) faster than that, with both of its edges."""
+    size = abs(toward)
+    if not size or abs(track.way_mps) > FASTEST_MPS:
         return False
-    across_mps = float(across @ [track.x_mps, track.y_mps])
-    if abs(across_mps) <= slowest_mps:
-        return False
-    return bool((((track.edges_m - track.from_m) @ across) * math.copysign(1.0, across_mps)).min() > MOVED_M)
+    along = toward.conjugate() / size  # the real part of a product with it is the part of a vector in this direction
+    along_mps = (track.way_mps * along).real
+    if either and along_mps < 0:
+        along, along_mps = -along, -along_mps
+    edges = zip(track.edges_m, track.from_m, strict=True)
+    return along_mps > slowest_mps and all(((now - then) * along).real > MOVED_M for now, then in edges)

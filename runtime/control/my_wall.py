@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.api import Scan
-from runtime.control.geometry import Floats, bearings_rad
+from runtime.control.geometry import Floats, Places, bearings_rad
 from runtime.control.perception import View
 from runtime.control.wall import Line, LineFinder
 
@@ -41,7 +41,10 @@ GLASS_ON_LINE_M = 0.08
 GLASS_FIRST_BEAMS = 12
 GLASS_SILENT_SHARE = 0.8
 ROOM_EVERY_BEAM = 2
+ROOM_FROM_RAD = math.radians(5)
 ROOM_BESIDE_M = 0.5
+ROOM_REACH_M = 0.8
+"""A point beside the rear axle is farther from the lidar, which is ahead of it, by no more than this."""
 ROOM_NEAREST_SHARE = 0.1
 ROOM_LEAST_GAIN_M = 0.03
 """Only this much less room than 2 D narrows D; otherwise noise would narrow a corridor of exactly 2 D."""
@@ -49,12 +52,16 @@ ROOM_LEAST_GAIN_M = 0.03
 
 @dataclass(frozen=True, slots=True)
 class WallSide:
-    """One kind of lidar, seen so that the followed wall is on the left. bearing_rad: falls from the rear left."""
+    """One kind of lidar, seen so that the followed wall is on the left. bearing_rad: falls from the rear left.
+
+    beside: beams of the wall side. opposite: every second beam that may see what is on the other side of the car.
+    """
 
     order: slice
     sign: float
     bearing_rad: Floats
     beside: slice
+    opposite: slice
     lines: LineFinder
 
 
@@ -66,7 +73,9 @@ def wall_side(angle_min_rad: float, angle_step_rad: float, beams: int, side: Lit
     bearing_rad = sign * bearings_rad(angle_min_rad, angle_step_rad, beams)[order]
     beside = np.flatnonzero((bearing_rad >= SIDE_FROM_RAD) & (bearing_rad <= SIDE_TO_RAD))
     span = slice(int(beside[0]), int(beside[-1]) + 1) if beside.size else slice(0, 0)
-    return WallSide(order, sign, bearing_rad, span, LineFinder(bearing_rad))
+    ahead = int(np.searchsorted(-bearing_rad, -ROOM_FROM_RAD))
+    opposite = slice(ahead - ahead % ROOM_EVERY_BEAM, None, ROOM_EVERY_BEAM)
+    return WallSide(order, sign, bearing_rad, span, opposite, LineFinder(bearing_rad))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,26 +107,26 @@ def my_wall(seen: SideView, desired_m: float) -> Beams | None:
     one: after a U turn another wall is behind the car).
     """
     index = np.flatnonzero(seen.solid & (seen.range_m < CAP_M))
-    if index.size < FEWEST_POINTS:
-        return None
-    x_m, y_m = seen.x_m[index], seen.y_m[index]
-    gap_m = min(GAP_DIAMETERS * desired_m, WIDEST_GAP_M)
-    dx, dy = x_m[1:] - x_m[:-1], y_m[1:] - y_m[:-1]
-    apart2 = dx * dx + dy * dy
-    cut = apart2 > gap_m * gap_m
-    left = y_m > 0.0
-    for across in np.flatnonzero(left[:-1] > left[1:]):
-        if apart2[across] > CROSSING_M * CROSSING_M:
-            cut[across] |= _runs_ahead(x_m[across + 1 :], y_m[across + 1 :])
-    cuts = np.flatnonzero(cut) + 1
     first = int(np.searchsorted(index, seen.side.beside.start))
     last = int(np.searchsorted(index, seen.side.beside.stop))
-    if last <= first:
+    if index.size < FEWEST_POINTS or last <= first:
         return None
-    nearest = first + int(np.argmin(seen.range_m[index[first:last]]))
-    piece = int(np.searchsorted(cuts, nearest, side="right"))
-    start = int(cuts[piece - 1]) if piece else 0
-    end = int(cuts[piece]) if piece < cuts.size else index.size
+    x_m, y_m = seen.x_m[index], seen.y_m[index]
+    dx, dy = x_m[1:] - x_m[:-1], y_m[1:] - y_m[:-1]
+    dx *= dx
+    dy *= dy
+    dx += dy
+    gap_m = min(GAP_DIAMETERS * desired_m, WIDEST_GAP_M)
+    jumps = np.flatnonzero(dx > min(gap_m, CROSSING_M) ** 2)  # few, if any
+    nearest = first + int(seen.range_m[index[first:last]].argmin())
+    start, end = 0, index.size
+    for jump in jumps.tolist():
+        crosses = y_m[jump] > 0.0 >= y_m[jump + 1] and dx[jump] > CROSSING_M * CROSSING_M
+        if dx[jump] > gap_m * gap_m or (crosses and _runs_ahead(x_m[jump + 1 :], y_m[jump + 1 :])):
+            if jump >= nearest:
+                end = jump + 1
+                break
+            start = jump + 1
     return index[start:end] if end - start >= FEWEST_POINTS else None
 
 
@@ -127,28 +136,27 @@ def _runs_ahead(x_m: Floats, y_m: Floats) -> bool:
     return bool(abs(x_m[last] - x_m[0]) > abs(y_m[last] - y_m[0]))
 
 
-def outline(x_m: Floats, y_m: Floats) -> Floats:
-    """Return the wall's points smoothed by a 5-point mean and thinned to one per 8 cm, shape (2, m)."""
+def outline(x_m: Floats, y_m: Floats) -> Places:
+    """Return the wall's points smoothed by a 5-point mean and thinned to one per 8 cm, x + iy, shape (m,)."""
     count, half = x_m.size, SMOOTHED_POINTS // 2
-    points = np.empty((2, count))
-    points[0], points[1] = x_m, y_m
+    places = np.empty(count, np.complex128)
+    places.real, places.imag = x_m, y_m
     if count > SMOOTHED_POINTS:
-        total = points.cumsum(axis=1)
-        points[:, half + 1 : count - half] = (
-            total[:, SMOOTHED_POINTS:] - total[:, :-SMOOTHED_POINTS]
-        ) / SMOOTHED_POINTS
-        points[:, half] = total[:, SMOOTHED_POINTS - 1] / SMOOTHED_POINTS
-    step = points[:, 1:] - points[:, :-1]
-    step *= step
-    cell = (np.sqrt(step[0] + step[1]).cumsum() / THINNED_TO_M).astype(np.intp)
-    keep = np.ones(count, np.bool_)  # the first point and the last one stay
-    keep[1:-1] = cell[1:] != cell[:-1]
-    kept: Floats = points[:, keep]
+        total = places.cumsum()
+        places[half + 1 : count - half] = (total[SMOOTHED_POINTS:] - total[:-SMOOTHED_POINTS]) * (1 / SMOOTHED_POINTS)
+        places[half] = total[SMOOTHED_POINTS - 1] / SMOOTHED_POINTS
+    way_m = np.abs(places[1:] - places[:-1]).cumsum()
+    way_m *= 1 / THINNED_TO_M
+    cell = way_m.astype(np.intp)
+    keep = np.empty(count, np.bool_)
+    np.not_equal(cell[1:], cell[:-1], out=keep[1:-1])
+    keep[0] = keep[-1] = True  # the first point and the last one stay
+    kept: Places = places[keep]
     return kept
 
 
-def bridge_glass(seen: SideView, wall: Beams, line: Line) -> Floats | None:
-    """Return points (2, k) that fill a pane of glass beyond the front end of my wall, None where there is none.
+def bridge_glass(seen: SideView, wall: Beams, line: Line) -> Places | None:
+    """Return places x + iy, shape (k,), that fill a pane of glass beyond the front end of my wall, or None.
 
     A pane returns only the beams near its normal. If points lie on the wall's line beyond the gap, and most beams
     between have no echo, the wall goes on; beams that do return show a real opening, which stays open.
@@ -173,20 +181,28 @@ def bridge_glass(seen: SideView, wall: Beams, line: Line) -> Floats | None:
     from_m = cos * seen.x_m[end] + sin * seen.y_m[end]
     to_m = cos * seen.x_m[far] + sin * seen.y_m[far]
     along = np.arange(from_m, to_m, THINNED_TO_M)
-    return np.stack([along * cos - line.distance_m * sin, along * sin + line.distance_m * cos])
+    filled: Places = (along + 1j * line.distance_m) * complex(cos, sin)
+    return filled
 
 
 def roomy_m(seen: SideView, line: Line | None, desired_m: float) -> float:
     """Return D' = min(D, half of the free width between my wall's line and the opposite side)."""
     if line is None:
         return desired_m
+    part = seen.side.opposite
+    range_m = seen.range_m[part]
+    if np.count_nonzero(range_m < 2 * desired_m - line.distance_m + ROOM_REACH_M) < FEWEST_POINTS:
+        return desired_m  # the usual case in the open, at once
     cos, sin = math.cos(line.heading_rad), math.sin(line.heading_rad)
-    x_m, y_m, solid = seen.x_m[::ROOM_EVERY_BEAM], seen.y_m[::ROOM_EVERY_BEAM], seen.solid[::ROOM_EVERY_BEAM]
-    along = cos * x_m + sin * y_m
-    across = sin * x_m - cos * y_m
-    opposite = across[solid & (np.abs(along) < ROOM_BESIDE_M) & (across > 0.0)]
+    x_m, y_m = seen.x_m[part], seen.y_m[part]
+    across = sin * x_m
+    across -= cos * y_m
+    x_m = cos * x_m
+    x_m += sin * y_m
+    opposite = across[seen.solid[part] & (np.abs(x_m) < ROOM_BESIDE_M) & (across > 0.0)]
     if opposite.size < FEWEST_POINTS:
         return desired_m
     nearest = max(1, round(ROOM_NEAREST_SHARE * opposite.size))
-    free_m = line.distance_m + float(np.partition(opposite, nearest - 1)[:nearest].mean())
+    opposite.partition(nearest - 1)
+    free_m = line.distance_m + float(opposite[:nearest].mean())
     return free_m / 2 if free_m / 2 < desired_m - ROOM_LEAST_GAIN_M else desired_m

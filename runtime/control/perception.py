@@ -21,8 +21,11 @@ Booleans = npt.NDArray[np.bool_]
 
 SUPPORT_WITHIN_M = 0.15
 """Neighbours this near in range belong to the same thing; 2 of 4 make a beam credible."""
+NEIGHBOURS = 2
 DIRT_NEARER_THAN_M = 0.6
 """Dirt on a window reads as centimetres to decimetres; beyond this nothing is taken for dirt."""
+LEARNT_DIRT_NEARER_THAN_M = 0.9
+"""Beams that are known to be dirty are ignored up to here: the rim of a smudge mixes it with the wall behind."""
 DIRT_STANDS_OUT_M = 0.12
 """Dirt is so much nearer than the beams on both of its sides."""
 DIRT_THINNER_THAN_M = 0.012
@@ -55,6 +58,8 @@ class Eyes:
 
     def __init__(self, car: CarSettings) -> None:
         self._car = car
+        ahead_m, aback_m = car.front_m - car.lidar_x_m, car.rear_m + car.lidar_x_m
+        self._own_within_m = math.hypot(max(ahead_m, aback_m), car.half_width_m)
         self._dirty: Booleans | None = None
         self._last: View | None = None
 
@@ -72,28 +77,45 @@ class Eyes:
         car = self._car
         kind = (scan.angle_min_rad, scan.angle_step_rad, scan.ranges_m.shape[0])
         ranges_m = scan.ranges_m.astype(np.float64)
-        no_echo = ~((ranges_m > 0.0) & (ranges_m < math.inf))
+        echo = ranges_m > 0.0
+        echo &= ranges_m < math.inf
+        no_echo = ~echo
         ranges_m[no_echo] = math.nan
         x_m, y_m = directions(*kind) * ranges_m
         x_m += car.lidar_x_m
-        own = (x_m <= car.front_m) & (x_m >= -car.rear_m) & (np.abs(y_m) <= car.half_width_m)
-        solid = supported(ranges_m) & ~own
-        near = ranges_m < DIRT_NEARER_THAN_M  # NaN compares as not nearer
-        if near.any():
-            solid[thin_dirt(ranges_m, near, scan.angle_step_rad)] = False
-            if self._dirty is not None and self._dirty.shape == near.shape:
-                solid &= ~(near & self._dirty)
+        solid = supported(ranges_m)
+        own = np.zeros(ranges_m.shape, np.bool_)
+        near = ranges_m < max(DIRT_NEARER_THAN_M, self._own_within_m)  # NaN compares as not nearer
+        index = near.nonzero()[0]
+        if index.size:
+            near_x, aside_m = x_m[index], np.abs(y_m[index])
+            own[index] = (near_x <= car.front_m) & (near_x >= -car.rear_m) & (aside_m <= car.half_width_m)
+            solid &= ~own
+            near &= ranges_m < DIRT_NEARER_THAN_M
+            # Only what would count is worth a look whether it is dirt: a wild beam has no neighbours anyway.
+            if np.count_nonzero(near & solid):
+                solid[thin_dirt(ranges_m, near, scan.angle_step_rad)] = False
+        if self._dirty is not None and self._dirty.shape == solid.shape:
+            solid &= ~(self._dirty & (ranges_m < LEARNT_DIRT_NEARER_THAN_M))
         return View(scan, ranges_m, bearings_rad(*kind), x_m, y_m, solid, no_echo, own)
 
 
 def supported(ranges_m: Floats) -> Booleans:
     """Return which beams have at least 2 of 4 neighbours (2 each side) within 0.15 m; shape (n,)."""
-    count = np.zeros(ranges_m.shape, np.int8)
-    for step in (1, 2):
-        agree = np.abs(ranges_m[step:] - ranges_m[:-step]) <= SUPPORT_WITHIN_M
-        count[step:] += agree
-        count[:-step] += agree
-    return count >= 2
+    beams = ranges_m.shape[0]
+    # Row r, column i + r + 1: whether beams i and i + r + 1 agree. The rest stays 0: beyond the ends is nobody.
+    agree = np.zeros((2, beams + 4), np.int8)
+    for row, step in ((0, 1), (1, 2)):
+        off_m = ranges_m[step:] - ranges_m[:-step]
+        np.less_equal(
+            np.abs(off_m, out=off_m), SUPPORT_WITHIN_M, out=agree[row, step : step + off_m.size].view(np.bool_)
+        )
+    by_one, by_two = agree
+    count = by_one[:beams] + by_one[1 : beams + 1]
+    count += by_two[:beams]
+    count += by_two[2 : beams + 2]
+    enough: Booleans = count >= NEIGHBOURS
+    return enough
 
 
 def thin_dirt(ranges_m: Floats, near: Booleans, angle_step_rad: float) -> npt.NDArray[np.intp]:

@@ -1,17 +1,25 @@
 """Where the car will be when the answer to this scan takes effect."""
 
+import cmath
 import math
-from dataclasses import dataclass
-
-import numpy as np
+from collections import deque
+from dataclasses import dataclass, field
 
 from drivers.api import MotorState
-from runtime.control.geometry import Floats
+from runtime.control.geometry import Places
 
 _STEP_S = 0.015
 _GRAVITY_MPS2 = 9.81
 _GRIP_MU = 0.8
 """Only bounds the yaw rate that the steering angle promises; the car turns no faster than it can grip."""
+WIRE_S = 0.02
+"""From a scan's arrival to its answer on the wire, until it has been measured."""
+_SCAN_S = 0.025
+LONGEST_WIRE_S = 0.2
+SAME_RAD = 1e-6
+"""Two angles so near to each other are the same answer."""
+OBEYED_WITHIN_S = 0.5
+"""Answers that the motor has not shown for so long are somebody else's to override: nothing of them is in flight."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,12 +34,56 @@ class Shift:
         """Return the motion in a mirror along x."""
         return Shift(self.x_m, -self.y_m, -self.yaw_rad)
 
-    def seen_from_there(self, points_m: Floats) -> Floats:
-        """Return points (2, n) of base_link now in base_link then."""
-        cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
-        turn = np.array([[cos, sin], [-sin, cos]])
-        seen: Floats = turn @ (points_m - np.array([[self.x_m], [self.y_m]]))
+    def seen_from_there(self, places_m: Places) -> Places:
+        """Return places x + iy of base_link now in base_link then."""
+        seen: Places = (places_m - complex(self.x_m, self.y_m)) * cmath.rect(1.0, -self.yaw_rad)
         return seen
+
+
+@dataclass(slots=True)
+class Answers:
+    """The last steering answers, and how long they take to the wire, by what the motor says it was told.
+
+    rate_radps: the limiter before the wire lets the steering change no faster.
+    """
+
+    rate_radps: float
+    _told: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=12))
+    _obeyed_s: float = -math.inf
+    _least_s: float = WIRE_S
+    _most_s: float = WIRE_S
+
+    @property
+    def wire_s(self) -> float:
+        """From a scan's arrival to its answer on the wire, as far as it has been measured."""
+        return (self._least_s + self._most_s) / 2
+
+    def said(self, now_s: float, steering_rad: float) -> None:
+        """Remember the answer to a scan that came at that time."""
+        last_s, last_rad = self._told[-1] if self._told else (now_s - _SCAN_S, 0.0)
+        self._told.append((now_s, towards(last_rad, steering_rad, self.rate_radps * max(now_s - last_s, 0.0))))
+
+    def heard(self, motor: MotorState) -> None:
+        """Compare with what the motor was told last: that answer had arrived by then, and the next one had not."""
+        same = [i for i, (_, angle_rad) in enumerate(self._told) if abs(angle_rad - motor.steering_rad) < SAME_RAD]
+        if len(same) != 1:
+            return  # none of mine, or a steady wheel, which tells nothing
+        self._obeyed_s = motor.stamp_s
+        most_s = motor.stamp_s - self._told[same[0]][0]
+        newest = same[0] + 1 == len(self._told)
+        least_s = 0.0 if newest else max(motor.stamp_s - self._told[same[0] + 1][0], 0.0)
+        if not 0.0 <= most_s <= LONGEST_WIRE_S:
+            return
+        if most_s < self._least_s or least_s > self._most_s:  # it has changed, or was never measured
+            self._least_s, self._most_s = least_s, most_s
+        else:
+            self._least_s, self._most_s = max(self._least_s, least_s), min(self._most_s, most_s)
+
+    def in_flight(self, now_s: float) -> list[tuple[float, float]]:
+        """Return (time on the wire, angle) of the answers that the motor cannot have shown yet, in order."""
+        if now_s - self._obeyed_s > OBEYED_WITHIN_S:
+            return []
+        return [(told_s + self.wire_s, angle_rad) for told_s, angle_rad in self._told if told_s + self.wire_s > now_s]
 
 
 class Predictor:
@@ -42,34 +94,45 @@ class Predictor:
         self._rate_radps = steering_rate_radps
         self._servo_rad = 0.0
         self._stamp_s: float | None = None
-        self.steering_rad = 0.0
-        """Wheel angle at the moment of effect."""
+        self.answers = Answers(steering_rate_radps)
+        self.wheel_rad = 0.0
+        """Mean servo angle between the last two scans."""
 
-    def shift(self, stamp_s: float, motor: MotorState | None, ahead_s: float) -> Shift:
-        """Return the motion over the next `ahead_s`; no motion while nothing is known about the motor."""
+    def shift(self, stamp_s: float, motor: MotorState | None, ahead_s: float, trim_rad: float = 0.0) -> Shift:
+        """Return the motion from the scan until `ahead_s` after its answer is on the wire.
+
+        No motion while nothing is known about the motor. trim_rad: wheel angle while the servo stands in the middle.
+        """
         if motor is None:
             self._stamp_s = None
-            self.steering_rad = self._servo_rad = 0.0
+            self._servo_rad = self.wheel_rad = 0.0
             return Shift()
         since_s = 0.0 if self._stamp_s is None else min(max(stamp_s - self._stamp_s, 0.0), 1.0)
         self._stamp_s = stamp_s
-        self._servo_rad = self._towards(self._servo_rad, motor.steering_rad, since_s)
+        before_rad = self._servo_rad
+        self._servo_rad = towards(before_rad, motor.steering_rad, self._rate_radps * since_s)
+        self.wheel_rad = (before_rad + self._servo_rad) / 2
+        self.answers.heard(motor)
+        coming = self.answers.in_flight(motor.stamp_s)
         x_m = y_m = yaw_rad = 0.0
-        angle_rad = self._servo_rad
+        angle_rad, target_rad = self._servo_rad, motor.steering_rad
         speed_mps = motor.speed_mps
+        ahead_s += self.answers.wire_s
         steps = max(1, round(ahead_s / _STEP_S))
         dt_s = ahead_s / steps
         most_radps = _GRIP_MU * _GRAVITY_MPS2 / max(abs(speed_mps), 0.1)
-        for _ in range(steps):
-            angle_rad = self._towards(angle_rad, motor.steering_rad, dt_s)
-            rate = min(max(speed_mps * math.tan(angle_rad) / self._wheelbase_m, -most_radps), most_radps)
+        for step in range(steps):
+            while coming and coming[0][0] <= stamp_s + step * dt_s:
+                target_rad = coming.pop(0)[1]
+            angle_rad = towards(angle_rad, target_rad, self._rate_radps * dt_s)
+            rate = min(max(speed_mps * math.tan(angle_rad + trim_rad) / self._wheelbase_m, -most_radps), most_radps)
             middle_rad = yaw_rad + rate * dt_s / 2
             x_m += speed_mps * math.cos(middle_rad) * dt_s
             y_m += speed_mps * math.sin(middle_rad) * dt_s
             yaw_rad += rate * dt_s
-        self.steering_rad = angle_rad
         return Shift(x_m, y_m, yaw_rad)
 
-    def _towards(self, from_rad: float, to_rad: float, dt_s: float) -> float:
-        most = self._rate_radps * dt_s
-        return from_rad + min(max(to_rad - from_rad, -most), most)
+
+def towards(from_rad: float, to_rad: float, most_rad: float) -> float:
+    """Return the angle at most so far from the first one on the way to the second."""
+    return from_rad + min(max(to_rad - from_rad, -most_rad), most_rad)

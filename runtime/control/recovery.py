@@ -9,11 +9,9 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
-
 from drivers.api import Drive, MotorState
 from runtime.control.footprint import STEP_M, Motion, Path, arc, first_contact
-from runtime.control.geometry import Floats
+from runtime.control.geometry import Places
 from runtime.control.swept import STANDING_MPS, Outlook
 from runtime.control.swept_settings import RecoverySettings
 
@@ -63,6 +61,10 @@ class Recovery:
         self._begun_s = 0.0
         self._begun_m = 0.0
         self._moving_s = 0.0
+
+    def tune(self, settings: RecoverySettings) -> None:
+        """Go on with other settings; a manoeuvre that is on is driven to its end."""
+        self._settings = settings
 
     def step(self, outlook: Outlook, wish: Drive | None, motor: MotorState | None) -> Advice:
         """Answer one scan: wish is the driver's, before the safety."""
@@ -165,11 +167,10 @@ def _manoeuvres(outlook: Outlook, settings: RecoverySettings) -> Iterator[tuple[
 
 def _settled(outlook: Outlook, wheel_rad: float, direction: float) -> Motion:
     car = outlook.strip.body.car
-    return Motion(0.0, direction, wheel_rad, 0.0, car.steering_rate_radps, car.wheelbase_m, math.inf)
+    return Motion(0.0, direction, wheel_rad, 0.0, car.steering_rate_radps, car.wheelbase_m)
 
 
-def _from_pose(path: Path, pose: int, points_m: Floats) -> Floats:
+def _from_pose(path: Path, pose: int, points_m: Places) -> Places:
     """Return the points in the car's frame at a pose of the path."""
-    cos, sin = math.cos(path.yaw_rad[pose]), math.sin(path.yaw_rad[pose])
-    dx, dy = points_m[0] - path.x_m[pose], points_m[1] - path.y_m[pose]
-    return np.stack([cos * dx + sin * dy, cos * dy - sin * dx])
+    seen: Places = (points_m - path.place_m[pose]) * path.heading[pose].conjugate()
+    return seen

@@ -31,6 +31,10 @@ class ReportFollower:
     """steer = Kd * atan(slope) + Kp * error, towards the wall when positive; 0 when the line is steeper than pi/3."""
 
     def __init__(self, settings: ReportFollowSettings) -> None:
+        self.tune(settings)
+
+    def tune(self, settings: ReportFollowSettings) -> None:
+        """Go on with other settings; the report's law remembers nothing."""
         self._settings = settings
         self._sign = 1.0 if settings.side == "left" else -1.0
 

@@ -5,21 +5,31 @@ v(s)^2 <= v_point^2 + 2 a_brake (s - 0.3 - 0.06 v)
 """
 
 import math
-
-import numpy as np
+from itertools import pairwise
 
 from runtime.control.ball_path import BallPath
 
 GRAVITY_MPS2 = 9.81
 LATERAL_SHARE = 0.75
-BRAKE_SHARE = 0.6
-"""Of mu g; together within the friction circle (0.75^2 + 0.6^2 < 1)."""
+BRAKE_SHARE = 0.54
+"""Of mu g; together within the friction circle (0.75^2 + 0.54^2 < 1). With mu 0.65 that is 0.35 g, which the graded
+limit of `swept` (0.45 of 0.8 g) lets pass: braking later for a corner ends in its hard stops."""
+ROOM_M, NARROW_M = 0.95, 0.8
+NARROW_SHARE = 0.77
+"""A floor of 0.5 where 0.65 is counted on lets the car run 0.45 m wide in a corner. Who drives nearer to the wall than
+ROOM_M has less room for that and counts on less, nearer than NARROW_M on this share."""
 SHARPEST_PER_M = 0.9
 """The path has kinks; the car rounds them no tighter than this."""
 SPAN = 2
 """Chords between the two headings whose difference is a point's curvature: over less way, noise bends the path."""
 MARGIN_M = 0.3
 REACTION_S = 0.06
+
+
+def mu_with_room(assumed_mu: float, distance_m: float) -> float:
+    """Return the friction to count on at this distance from the wall."""
+    less = min(max((ROOM_M - distance_m) / (ROOM_M - NARROW_M), 0.0), 1.0)
+    return assumed_mu * (1.0 - less * (1.0 - NARROW_SHARE))
 
 
 def speed_limit_mps(steering_rad: float, wheelbase_m: float, assumed_mu: float) -> float:
@@ -36,22 +46,23 @@ def profile_mps(path: BallPath, speed_mps: float, assumed_mu: float) -> float:
     """
     lateral = LATERAL_SHARE * assumed_mu * GRAVITY_MPS2
     brake = BRAKE_SHARE * assumed_mu * GRAVITY_MPS2
+    meets, crosses = path.meets.tolist(), path.crosses.tolist()
     # Nearer circles than the first crossing lie wholly inside or outside of D: the way to the path, not the path.
-    begin = int(path.crosses.argmax())
-    ends = np.flatnonzero(~path.meets[begin:])
-    end = begin + int(ends[0]) if ends.size else path.meets.size
-    if not path.crosses[begin]:
-        end = begin
-    radius_m, bearing_rad = path.radius_m[begin:end], path.bearing_rad[begin:end]
-    x_m, y_m = radius_m * np.cos(bearing_rad), radius_m * np.sin(bearing_rad)
-    dx, dy = x_m[1:] - x_m[:-1], y_m[1:] - y_m[:-1]
-    heading = np.arctan2(dy, dx)
-    way = radius_m[:1].sum() + np.cumsum(np.sqrt(dx * dx + dy * dy))
-    turn = np.abs((heading[SPAN:] - heading[:-SPAN] + math.pi) % math.tau - math.pi)
-    # At each inner point its own curvature; at the end of what is seen, a corner.
-    curvature = np.append(turn / np.maximum(way[SPAN:] - way[:-SPAN], 1e-3), SHARPEST_PER_M)
-    curvature = np.minimum(curvature, SHARPEST_PER_M)
-    way_m = np.append(way[:-SPAN], way[-1] if way.size else 0.0)
-    free_m = np.maximum(way_m - MARGIN_M - REACTION_S * abs(speed_mps), 0.0)
-    square = lateral / np.maximum(curvature, 1e-3) + 2 * brake * free_m
-    return math.sqrt(float(square.min()))
+    begin = crosses.index(True) if True in crosses else len(crosses)
+    end = next((i for i in range(begin, len(meets)) if not meets[i]), len(meets))
+    circles = list(zip(path.radius_m[begin:end].tolist(), path.bearing_rad[begin:end].tolist(), strict=True))
+    places = [(radius_m * math.cos(bearing_rad), radius_m * math.sin(bearing_rad)) for radius_m, bearing_rad in circles]
+    heading: list[float] = []
+    way = [circles[0][0]] if len(circles) > 1 else [0.0]
+    for (x0, y0), (x1, y1) in pairwise(places):
+        heading.append(math.atan2(y1 - y0, x1 - x0))
+        way.append(way[-1] + math.hypot(x1 - x0, y1 - y0))
+    margin_m = MARGIN_M + REACTION_S * abs(speed_mps)
+    # At the end of what is seen, a corner; before it, at each inner point its own curvature.
+    square = lateral / SHARPEST_PER_M + 2 * brake * max(way[-1] - margin_m, 0.0)
+    for i in range(len(heading) - SPAN):
+        turn_rad = abs(math.remainder(heading[i + SPAN] - heading[i], math.tau))
+        curvature = turn_rad / max(way[i + 1 + SPAN] - way[i + 1], 1e-3)
+        curvature = min(max(curvature, 1e-3), SHARPEST_PER_M)
+        square = min(square, lateral / curvature + 2 * brake * max(way[i + 1] - margin_m, 0.0))
+    return math.sqrt(square)

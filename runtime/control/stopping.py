@@ -31,30 +31,38 @@ def brake_beside_turning_mps2(speed_mps: float, curvature_per_m: float, grip_mps
     return math.sqrt(max(0.0, grip_mps2 * grip_mps2 - aside_mps2 * aside_mps2))
 
 
-def grip_curvature_per_m(speed_mps: float, grip_mps2: float) -> float:
-    """Return the tightest curvature that the tyres hold: k = grip / v^2, infinity for a standing car."""
-    return grip_mps2 / (speed_mps * speed_mps) if speed_mps else math.inf
-
-
 class SlidingSpeed:
     """The speed to reckon with: locked wheels read 0 on a car that still slides.
 
-    A report may lower the speed by no more than the hardest braking there is; it raises it at once.
+    Nothing slows a rolling car faster than rolls_mps2; a report that falls faster comes from locking wheels. From then
+    on the car is taken to slow down as a slippery floor slows it, slides_mps2, until the wheels are as fast again.
+    (With the fall of a good floor the brake was released on a bad one while the car still did 2.5 m/s.)
+
+    slides: whether the wheels are locked now, as far as one can tell.
     """
 
-    def __init__(self, fastest_fall_mps2: float) -> None:
-        self._fastest_fall_mps2 = fastest_fall_mps2
+    def __init__(self, rolls_mps2: float, slides_mps2: float) -> None:
+        self._rolls_mps2 = rolls_mps2
+        self._slides_mps2 = slides_mps2
         self._signed_mps = 0.0
         self._stamp_s = math.nan
+        self.slides = False
+
+    def tune(self, rolls_mps2: float, slides_mps2: float) -> None:
+        """Go on with another floor; a car that slides goes on sliding."""
+        self._rolls_mps2 = rolls_mps2
+        self._slides_mps2 = slides_mps2
 
     def update(self, reported_mps: float | None, stamp_s: float) -> float:
         """Return the signed speed at this scan; None (no report) counts as locked wheels."""
         reported_mps = reported_mps or 0.0
-        elapsed_s = stamp_s - self._stamp_s if not math.isnan(self._stamp_s) else math.inf
-        fall_mps = self._fastest_fall_mps2 * max(0.0, elapsed_s)
-        slowest_mps = max(0.0, abs(self._signed_mps) - fall_mps)
+        elapsed_s = max(0.0, stamp_s - self._stamp_s) if not math.isnan(self._stamp_s) else math.inf
         self._stamp_s = stamp_s
-        if abs(reported_mps) >= slowest_mps:
+        last_mps = abs(self._signed_mps)
+        self.slides = self.slides or abs(reported_mps) < last_mps - self._rolls_mps2 * elapsed_s
+        slowest_mps = max(0.0, last_mps - self._slides_mps2 * elapsed_s)
+        if not self.slides or abs(reported_mps) >= slowest_mps:
+            self.slides = False
             self._signed_mps = reported_mps
         else:
             self._signed_mps = math.copysign(slowest_mps, self._signed_mps)

@@ -7,15 +7,18 @@ import numpy as np
 
 from runtime.car_settings import CarSettings
 from runtime.control.behind import Behind
+from runtime.control.darkness import enclosed_dark
 from runtime.control.footprint import ENOUGH_POINTS, NOTHING, Contact, Motion, Outline, Path, arc, first_contact
-from runtime.control.geometry import Floats
+from runtime.control.geometry import NOWHERE, Places, places_m
 from runtime.control.perception import View
-from runtime.control.stopping import GRAVITY_MPS2, grip_curvature_per_m
+from runtime.control.stopping import GRAVITY_MPS2
 from runtime.control.swept_settings import SweptSettings
 
 LOOK_SPARE_M = 0.25
 OTHER_STEERINGS = (0.0, 0.5, -0.5, 1.0, -1.0)
 FREE_WAY_M = 0.5
+GAINS_MPS = 0.1
+"""A wish that is faster than the car by less is no acceleration."""
 
 
 class Body:
@@ -26,8 +29,13 @@ class Body:
         self.car = car
         wide_m, spare_m = car.half_width_m + settings.side_margin_m, settings.front_margin_m
         self.bare = Outline(car.front_m, car.rear_m, car.half_width_m)
+        self.nose = replace(self.bare, rear_m=0.0)
         self.ahead = Outline(car.front_m + spare_m, car.rear_m, wide_m)
+        self.wary = replace(self.ahead, half_width_m=wide_m + settings.wary_margin_m)
         self.aback = Outline(car.front_m, car.rear_m + spare_m, wide_m)
+        beyond_m = max(self.ahead.front_m - car.lidar_x_m, self.aback.rear_m + car.lidar_x_m)
+        self.reach_m = math.hypot(beyond_m, wide_m)
+        """No point farther from the lidar is within the margins."""
         self.grip_mps2 = settings.grip_mu * GRAVITY_MPS2
         self.slippery_mps2 = min(settings.slippery_mu, settings.grip_mu) * GRAVITY_MPS2
 
@@ -36,8 +44,9 @@ class Body:
 class Strip:
     """One scan, ready to be swept. Sweeps are kept by steering, length and direction.
 
-    speed_mps: signed. wheel_rad: of the wheels now. latency_s: until a new steering shows. walkers_m: where walkers
-    will be, (2, k). behind: the memory of what the lidar no longer sees.
+    speed_mps: signed. wheel_rad: of the wheels now. latency_s: until a new steering shows. more_m: what the scan alone
+    does not show, (k,): where walkers will be, and things too thin for it. behind: the memory of what the lidar no
+    longer sees.
     """
 
     body: Body
@@ -45,109 +54,153 @@ class Strip:
     speed_mps: float
     wheel_rad: float
     latency_s: float
-    walkers_m: Floats
+    more_m: Places
     behind: Behind
-    _kept: dict[tuple[float, float, float], Contact] = field(default_factory=dict)
-    _near_m: tuple[Floats, Floats] | None = None
-    _hidden_m: Floats | None = None
+    _kept: dict[tuple[float, float, float, bool, float], Contact] = field(default_factory=dict)
+    _dark: dict[tuple[float, float], bool] = field(default_factory=dict)
+    _near_m: tuple[Places, Places] | None = None
+    _hidden_m: Places | None = None
 
-    def contact(self, steering_rad: float, length_m: float, direction: float = 1.0) -> Contact:
-        """Return what the outline meets first on the way that this steering leads to."""
-        key = (round(steering_rad, 3), length_m, direction)
+    def contact(
+        self,
+        steering_rad: float,
+        length_m: float,
+        direction: float = 1.0,
+        *,
+        wary: bool = False,
+        faster_mps: float = 0.0,
+    ) -> Contact:
+        """Return what the outline meets first on the way that this steering leads to; NOTHING beyond length_m.
+
+        wary: with more margin aside. faster_mps: judge the way on which the car gains speed up to this, on a slippery
+        floor: the grip that speeds it up does not turn it.
+        """
+        key = (round(steering_rad, 3), length_m, direction, wary, faster_mps)
         found = self._kept.get(key)
         if found is None:
-            found = self._kept[key] = self._sweep(steering_rad, length_m, direction)
+            ahead = self.body.wary if wary else self.body.ahead
+            outline = ahead if direction > 0 else self.body.aback
+            found = self._kept[key] = self._sweep(steering_rad, length_m, direction, outline, faster_mps)
         return found
+
+    def leads_into_the_dark(self, steering_rad: float, look_m: float) -> bool:
+        """Whether there is an enclosed patch without echoes in that direction, nearer than the look."""
+        key = (round(steering_rad, 3), look_m)
+        dark = self._dark.get(key)
+        if dark is None:
+            toward_rad = math.tan(steering_rad) / self.body.car.wheelbase_m * look_m / 2
+            dark = self._dark[key] = enclosed_dark(self.view, toward_rad, look_m + LOOK_SPARE_M)
+        return dark
 
     def free_somewhere(self, length_m: float = FREE_WAY_M) -> bool:
         """Whether any steering leads the standing car so far ahead without a contact."""
         most_rad = self.body.car.max_steering_rad
         return any(self.contact(share * most_rad, length_m).travel_m >= length_m for share in OTHER_STEERINGS)
 
-    def grazes(self, steering_rad: float, way_m: float) -> bool:
-        """Whether the car itself, without margins, gets past on this arc."""
-        length_m = way_m + self.body.car.front_m + LOOK_SPARE_M
-        path = self._path(steering_rad, length_m, 1.0, self.body.slippery_mps2)
-        return first_contact(path, self.body.bare, np.hstack(self._points_m())) == NOTHING
+    def nose_passes(self, steering_rad: float, way_m: float, brake_mps2: float) -> bool:
+        """Whether the car gets past on this arc while it brakes so much on a slippery floor, margins left out.
 
-    def _sweep(self, steering_rad: float, length_m: float, direction: float) -> Contact:
+        The tail is left out as well: whether it touches depends on how the driver steers when the nose is through.
+        """
+        length_m = way_m + self.body.car.front_m + LOOK_SPARE_M
+        path = self._path(steering_rad, length_m, 1.0, self.body.slippery_mps2, -brake_mps2)
+        return first_contact(path, self.body.nose, np.concatenate(self._points_m())) is NOTHING
+
+    def needs_grip(self, steering_rad: float, speed_mps: float, grip_mps2: float) -> bool:
+        """Whether the bend asks for more than this at this speed."""
+        return speed_mps * speed_mps * abs(math.tan(steering_rad)) > self.body.car.wheelbase_m * grip_mps2
+
+    def _sweep(
+        self, steering_rad: float, length_m: float, direction: float, outline: Outline, faster_mps: float
+    ) -> Contact:
         body = self.body
-        found = self._along(self._path(steering_rad, length_m, direction), direction)
-        if direction > 0 and self._needs_grip(steering_rad):
-            slides = self._along(self._path(steering_rad, length_m, direction, body.slippery_mps2), direction)
-            found = min(found, replace(slides, slippery=True), key=lambda contact: contact.travel_m)
+        if faster_mps:
+            gain_mps2 = min(body.car.max_acceleration_mps2, 0.9 * body.slippery_mps2)
+            path = self._path(steering_rad, length_m, direction, body.slippery_mps2, gain_mps2, faster_mps)
+            found = replace(self._along(path, direction, outline), slippery=True)
+        else:
+            found = self._along(self._path(steering_rad, length_m, direction, body.grip_mps2), direction, outline)
+            if direction > 0 and self.needs_grip(steering_rad, self.speed_mps, body.slippery_mps2):
+                path = self._path(steering_rad, length_m, direction, body.slippery_mps2)
+                slides = self._along(path, direction, outline)
+                if slides.travel_m < found.travel_m:
+                    found = replace(slides, slippery=True)
         return found if found.travel_m <= length_m else NOTHING
 
-    def _needs_grip(self, steering_rad: float) -> bool:
-        """Whether the bend asks for more than a slippery floor gives."""
-        aside_mps2 = self.speed_mps**2 * abs(math.tan(steering_rad)) / self.body.car.wheelbase_m
-        return aside_mps2 > self.body.slippery_mps2
-
-    def _along(self, path: Path, direction: float) -> Contact:
+    def _along(self, path: Path, direction: float, outline: Outline) -> Contact:
         body = self.body
         free_m, touching_m = self._points_m()
         if direction < 0:
-            free_m = np.hstack([free_m, self._points_behind_m()])
-        outline = body.ahead if direction > 0 else body.aback
-        if touching_m.shape[1]:
+            free_m = np.concatenate([free_m, self._points_behind_m()])
+        if touching_m.size:
             outline = replace(outline, half_width_m=self._room_aside_m(touching_m, outline))
         found = first_contact(path, outline, free_m, direction)
-        if touching_m.shape[1]:
+        if touching_m.size:
             # What is within the margins already would stop the car for ever: it is judged by the bare outline.
             pressed = first_contact(path, body.bare, touching_m, direction)
             found = min(found, pressed, key=lambda contact: contact.travel_m)
         return found
 
-    def _room_aside_m(self, touching_m: Floats, outline: Outline) -> float:
+    def _room_aside_m(self, touching_m: Places, outline: Outline) -> float:
         """Return the half width of the strip beside something within the margin: a wall there goes on ahead.
 
         It keeps half of what room there is; without this a car two centimetres from a wall never moves along it.
         """
-        aside_m = np.abs(touching_m[1])
+        aside_m = np.abs(touching_m.imag)
         aside_m = aside_m[aside_m > self.body.bare.half_width_m]
         if aside_m.size < ENOUGH_POINTS:
             return outline.half_width_m
         third_m = float(np.partition(aside_m, ENOUGH_POINTS - 1)[ENOUGH_POINTS - 1])
         return (self.body.bare.half_width_m + third_m) / 2
 
-    def _path(self, steering_rad: float, length_m: float, direction: float, grip_mps2: float = math.nan) -> Path:
-        body = self.body
-        if math.isnan(grip_mps2):
-            grip_mps2 = body.grip_mps2
-        speed_mps = max(0.0, direction * self.speed_mps)
-        grip_per_m = grip_curvature_per_m(speed_mps, grip_mps2)
-        slip_m = speed_mps * speed_mps / (grip_mps2 * body.settings.cornering_per_rad)
-        car = body.car
+    def _path(
+        self,
+        steering_rad: float,
+        length_m: float,
+        direction: float,
+        grip_mps2: float,
+        along_mps2: float = 0.0,
+        end_mps: float = 0.0,
+    ) -> Path:
+        """Return the arc on such a floor; along_mps2 is taken from the grip."""
+        car = self.body.car
         motion = Motion(
-            speed_mps,
+            max(0.0, direction * self.speed_mps),
             direction,
             self.wheel_rad,
             self.latency_s,
             car.steering_rate_radps,
             car.wheelbase_m,
-            grip_per_m,
-            slip_m,
+            math.sqrt(grip_mps2 * grip_mps2 - along_mps2 * along_mps2),
+            1.0 / (grip_mps2 * self.body.settings.cornering_per_rad),
+            along_mps2,
+            end_mps,
         )
         return arc(motion, steering_rad, length_m)
 
-    def _points_m(self) -> tuple[Floats, Floats]:
-        """Return the solid points outside and inside the margins, (2, k) each."""
+    def _points_m(self) -> tuple[Places, Places]:
+        """Return the solid points outside and inside the margins, (k,) each."""
         if self._near_m is None:
             view, ahead, aback = self.view, self.body.ahead, self.body.aback
-            points = np.stack([view.x_m[view.solid], view.y_m[view.solid]])
-            if self.walkers_m.shape[1]:
-                points = np.hstack([points, self.walkers_m])
-            inside = (points[0] <= ahead.front_m) & (points[0] >= -aback.rear_m)
-            inside &= np.abs(points[1]) <= ahead.half_width_m
-            self._near_m = (points[:, ~inside], points[:, inside]) if inside.any() else (points, points[:, :0])
+            points = places_m(view.x_m, view.y_m, view.solid.nonzero()[0])
+            if self.more_m.size:
+                points = np.concatenate([points, self.more_m])
+            if not (self.more_m.size or np.count_nonzero(view.solid & (view.ranges_m < self.body.reach_m))):
+                self._near_m = points, NOWHERE
+                return self._near_m
+            inside = np.abs(points.imag) <= ahead.half_width_m
+            inside &= points.real <= ahead.front_m
+            inside &= points.real >= -aback.rear_m
+            self._near_m = points[~inside], points[inside]
         return self._near_m
 
-    def points_around_m(self, within_m: float) -> Floats:
-        """Return everything seen and remembered within a distance of the rear axle, (2, k), base_link."""
-        points = np.hstack([*self._points_m(), self._points_behind_m()])
-        return points[:, np.hypot(points[0], points[1]) < within_m]
+    def points_around_m(self, within_m: float) -> Places:
+        """Return everything seen and remembered within a distance of the rear axle, (k,), base_link."""
+        points = np.concatenate([*self._points_m(), self._points_behind_m()])
+        around: Places = points[np.abs(points) < within_m]
+        return around
 
-    def _points_behind_m(self) -> Floats:
+    def _points_behind_m(self) -> Places:
         if self._hidden_m is None:
             half_view_rad = float(np.abs(self.view.bearing_rad[[0, -1]]).min())
             self._hidden_m = self.behind.points_m(half_view_rad)

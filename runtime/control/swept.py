@@ -8,12 +8,16 @@ held for a moment. Section 5 of the project's control reference compares this wi
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from drivers.api import Clock, MotorState, Scan
 from runtime.car_settings import CarSettings
 from runtime.command import NO_LIMIT_MPS, Verdict
 from runtime.control.behind import Behind
-from runtime.control.darkness import enclosed_dark
-from runtime.control.footprint import Contact
+from runtime.control.braking import hard_stop, is_beside, turns_past
+from runtime.control.faint import Faint
+from runtime.control.footprint import NOTHING, Contact
+from runtime.control.geometry import NOWHERE
 from runtime.control.lidar_health import LidarHealth
 from runtime.control.lidar_health_settings import LidarHealthSettings
 from runtime.control.movers import Movers
@@ -22,28 +26,29 @@ from runtime.control.perception import Eyes, View
 from runtime.control.stopping import (
     GRAVITY_MPS2,
     SlidingSpeed,
-    brake_beside_turning_mps2,
     speed_to_stop_within_mps,
     stopping_distance_m,
 )
-from runtime.control.strip import LOOK_SPARE_M, Body, Strip
+from runtime.control.strip import GAINS_MPS, LOOK_SPARE_M, Body, Strip
 from runtime.control.swept_settings import SweptSettings
 
 STANDING_MPS = 0.05
-TURNING_SHARE = 0.3
-"""A bend that takes more than this of the grip is braked with what it leaves: locked wheels go straight on."""
 SPEED_STEP_MPS = 0.25
 """Speeds are rounded up to this for the length of the look, so that a slowly rising wish is not swept anew."""
 STOP_SPARE_M = 0.05
 GRADED_SPARE_M = 0.10
+WARY_S = 0.25
+CLEAR = Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "clear")
 
 
 @dataclass(slots=True)
-class _Brake:
-    """The one thing that safety remembers about its own words: a hard stop is on."""
+class _Memory:
+    """What safety remembers about its own words: until when a hard stop is held, and until when it is wary."""
 
-    until_s: float = -math.inf
-    on: bool = False
+    held_until_s: float = -math.inf
+    braking: bool = False
+    wary_until_s: float = -math.inf
+    turning: bool = False
 
 
 class SweptGuard:
@@ -69,11 +74,19 @@ class SweptGuard:
         self.health = LidarHealth(health or LidarHealthSettings(), car.wheelbase_m, settings.doubtful_mps)
         self.behind = Behind(car.lidar_x_m)
         self.movers = Movers()
-        self.brake = _Brake()
+        self.faint = Faint()
+        self.memory = _Memory()
         self._eyes = eyes
         self._odometry = Odometry(car.wheelbase_m)
-        self._speed = SlidingSpeed(GRAVITY_MPS2)
+        self._speed = SlidingSpeed(GRAVITY_MPS2, self.body.slippery_mps2)
         self._last_m: float | None = None
+
+    def tune(self, settings: SweptSettings, health: LidarHealthSettings) -> None:
+        """Go on with other settings; a hard stop that is on, the window's dirt and who walks where are kept."""
+        self.settings = settings
+        self.body = Body(settings, self.car)
+        self.health.tune(health, settings.doubtful_mps)
+        self._speed.tune(GRAVITY_MPS2, self.body.slippery_mps2)
 
     def look(self, scan: Scan, motor: MotorState | None) -> "Outlook":
         """Take in one scan; called once for each, in order."""
@@ -87,10 +100,14 @@ class SweptGuard:
         self._eyes.ignore(self.health.mask)
         most_rad = self.car.max_steering_rad
         wheel_rad = min(max(motor.steering_rad, -most_rad), most_rad) if motor is not None else 0.0
-        walkers_m = self.movers.update(view, pose, scan.stamp_s)
+        walkers_m = self.movers.update(view, pose, scan.stamp_s, sliding=self._speed.slides)
+        faint_m = self.faint.update(view, pose, scan.stamp_s)
+        more_m = np.concatenate([walkers_m, faint_m]) if walkers_m.size or faint_m.size else NOWHERE
         latency_s = max(0.0, self.now_s(scan) - scan.stamp_s) + self.settings.actuation_s
-        strip = Strip(self.body, view, speed_mps, wheel_rad, latency_s, walkers_m, self.behind)
-        return Outlook(self, view, speed_mps, strip)
+        strip = Strip(self.body, view, speed_mps, wheel_rad, latency_s, more_m, self.behind)
+        wary = speed_mps > self.settings.doubtful_mps and scan.stamp_s < self.memory.wary_until_s
+        window = Verdict(self.health.ceiling_mps, self.health.ceiling_mps, self.health.reason)
+        return Outlook(self, view, speed_mps, strip, window, wary)
 
     def now_s(self, scan: Scan) -> float:
         """Return the time, or that of the scan's arrival where there is no clock."""
@@ -105,6 +122,8 @@ class Outlook:
     view: View
     speed_mps: float
     strip: Strip
+    window: Verdict
+    wary: bool
 
     @property
     def age_s(self) -> float:
@@ -113,94 +132,103 @@ class Outlook:
 
     def limit(self, speed_mps: float, steering_rad: float) -> Verdict:
         """Judge a drive; nonsense and standstill are never a reason to move."""
-        ceiling = self._ceiling()
+        age_s = self.age_s
+        ceiling = self._ceiling(age_s)
         if ceiling.forward_mps <= 0 or not speed_mps or not math.isfinite(speed_mps + steering_rad):
             return ceiling
         most_rad = self.guard.car.max_steering_rad
         steering_rad = min(max(steering_rad, -most_rad), most_rad)
-        verdict = self._forward(speed_mps, steering_rad) if speed_mps > 0 else self._backward(steering_rad)
+        reaction_s = age_s + self.guard.settings.actuation_s
         if speed_mps > 0:
+            verdict = self._forward(speed_mps, steering_rad, reaction_s)
             return verdict if verdict.forward_mps <= ceiling.forward_mps else ceiling
+        verdict = self._backward(steering_rad, reaction_s)
         return verdict if verdict.reverse_mps <= ceiling.reverse_mps else ceiling
 
-    def _ceiling(self) -> Verdict:
+    def _ceiling(self, age_s: float) -> Verdict:
         """What holds whatever is asked: the scan's age and the window."""
-        settings, health, age_s = self.guard.settings, self.guard.health, self.age_s
+        settings = self.guard.settings
         if age_s > settings.stale_s:
             return Verdict(0.0, 0.0, "the scan is too old", age_s)
-        if health.ceiling_mps < settings.doubtful_mps or age_s <= settings.late_s:
-            return Verdict(health.ceiling_mps, health.ceiling_mps, health.reason)
+        if age_s <= settings.late_s or self.window.forward_mps < settings.doubtful_mps:
+            return self.window
         return Verdict(settings.doubtful_mps, settings.doubtful_mps, "the scan is late", age_s)
 
-    def _forward(self, wanted_mps: float, steering_rad: float) -> Verdict:
-        body, settings = self.guard.body, self.guard.settings
+    def _forward(self, wanted_mps: float, steering_rad: float, reaction_s: float) -> Verdict:
+        body, settings, memory = self.guard.body, self.guard.settings, self.guard.memory
         speed_mps = max(self.speed_mps, 0.0)
-        reaction_s = self.age_s + settings.actuation_s
-        graded_mps2 = settings.graded_share * body.grip_mps2
         look_mps = math.ceil(max(speed_mps, wanted_mps) / SPEED_STEP_MPS) * SPEED_STEP_MPS
         # The age is left out of the length: a look that grows with every tick would be swept at every tick.
+        graded_mps2 = settings.graded_share * body.grip_mps2
         look_m = stopping_distance_m(look_mps, settings.actuation_s + 0.05, graded_mps2) + LOOK_SPARE_M
-        found = self.strip.contact(steering_rad, look_m)
+        found = self.strip.contact(steering_rad, look_m, wary=self.wary)
+        if found is NOTHING and not (memory.braking or memory.turning):
+            return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s)
+        if found is not NOTHING and speed_mps > settings.doubtful_mps:
+            memory.wary_until_s = self.view.scan.stamp_s + WARY_S
         grip_mps2 = body.slippery_mps2 if found.slippery else body.grip_mps2
         hard_m = STOP_SPARE_M + stopping_distance_m(speed_mps, reaction_s, settings.hard_share * grip_mps2)
+        graded_mps = self._graded_mps(found, reaction_s)
+        hurries, hastes = found.travel_m < hard_m, wanted_mps >= speed_mps > graded_mps
+        if speed_mps > STANDING_MPS and (hurries or hastes or memory.turning):
+            gently = turns_past(self.strip, found, steering_rad, hurries=hurries, hastes=hastes, begun=memory.turning)
+            memory.turning = gently is not None
+            if gently is not None:
+                return gently
         if self._brakes(found.travel_m, hard_m, speed_mps):
-            return self._hard(found, steering_rad, speed_mps)
-        if found.travel_m > look_m:
-            return self._into_the_dark(steering_rad, look_m)
-        graded_mps = speed_to_stop_within_mps(
-            found.travel_m - GRADED_SPARE_M, reaction_s, settings.graded_share * grip_mps2
-        )
-        where = "beside" if found.side else "ahead"
+            return self._standing(found) if speed_mps <= STANDING_MPS else hard_stop(body, found, speed_mps)
+        if found is NOTHING:
+            return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s)
+        return self._slower(found, graded_mps, reaction_s)
+
+    def _slower(self, found: Contact, graded_mps: float, reaction_s: float) -> Verdict:
+        """No stop, but something in the way: the graded limit, or the slowest speed that the motor can hold."""
+        body, settings = self.guard.body, self.guard.settings
+        where = "beside" if is_beside(body, found) else "ahead"
         if graded_mps >= settings.slowest_mps:
             return Verdict(graded_mps, NO_LIMIT_MPS, f"slower: wall {where}", found.travel_m)
-        creep_m = STOP_SPARE_M + stopping_distance_m(
-            settings.creep_mps, reaction_s, settings.hard_share * body.grip_mps2
-        )
+        hard_mps2 = settings.hard_share * body.grip_mps2
+        creep_m = STOP_SPARE_M + stopping_distance_m(settings.creep_mps, reaction_s, hard_mps2)
         if found.travel_m > creep_m and self.strip.free_somewhere():
             return Verdict(settings.creep_mps, NO_LIMIT_MPS, f"creeping: wall {where}", found.travel_m)
         return self._standing(found)
 
+    def _graded_mps(self, found: Contact, reaction_s: float) -> float:
+        body, settings = self.guard.body, self.guard.settings
+        if found is NOTHING:
+            return math.inf
+        grip_mps2 = body.slippery_mps2 if found.slippery else body.grip_mps2
+        return speed_to_stop_within_mps(found.travel_m - GRADED_SPARE_M, reaction_s, settings.graded_share * grip_mps2)
+
     def _brakes(self, way_m: float, hard_m: float, speed_mps: float) -> bool:
         """Whether a hard stop is on: begins at once, lasts a moment, ends with room to spare or at standstill."""
-        brake, settings, now_s = self.guard.brake, self.guard.settings, self.view.scan.stamp_s
+        memory, settings, now_s = self.guard.memory, self.guard.settings, self.view.scan.stamp_s
         if way_m < hard_m:
-            brake.on = True
-            brake.until_s = now_s + settings.hold_s
-        elif brake.on and now_s >= brake.until_s:
-            brake.on = speed_mps > STANDING_MPS and way_m < hard_m + settings.release_m
-        return brake.on
-
-    def _hard(self, found: Contact, steering_rad: float, speed_mps: float) -> Verdict:
-        """Brake with all there is, unless the car turns away and only its margin will touch: grip is for that first.
-
-        Full braking in mid-turn lets the car go straight on into the wall that it was just avoiding.
-        """
-        if speed_mps <= STANDING_MPS:
-            return self._standing(found)
-        if found.side * steering_rad < 0 and self.strip.grazes(steering_rad, found.travel_m):
-            brake_mps2 = brake_beside_turning_mps2(speed_mps, found.curvature_per_m, self.guard.body.grip_mps2)
-            return Verdict(0.0, NO_LIMIT_MPS, "braking: wall beside", found.travel_m, brake_mps2)
-        grip_mps2 = self.guard.body.grip_mps2
-        if speed_mps * speed_mps * abs(found.curvature_per_m) > TURNING_SHARE * grip_mps2:
-            brake_mps2 = brake_beside_turning_mps2(speed_mps, found.curvature_per_m, grip_mps2)
-            return Verdict(0.0, NO_LIMIT_MPS, "braking in a bend: wall ahead", found.travel_m, brake_mps2)
-        return Verdict(0.0, NO_LIMIT_MPS, "braking: wall ahead", found.travel_m)
+            memory.braking = True
+            memory.held_until_s = now_s + settings.hold_s
+        elif memory.braking and now_s >= memory.held_until_s:
+            memory.braking = speed_mps > STANDING_MPS and way_m < hard_m + settings.release_m
+        return memory.braking
 
     def _standing(self, found: Contact) -> Verdict:
         reason = "wall ahead" if self.strip.free_somewhere() else "boxed in"
         return Verdict(0.0, NO_LIMIT_MPS, reason, found.travel_m)
 
-    def _into_the_dark(self, steering_rad: float, look_m: float) -> Verdict:
-        """No contact: consent, unless the way leads into an enclosed patch without echoes nearer than the look."""
-        toward_rad = math.tan(steering_rad) / self.guard.car.wheelbase_m * look_m / 2
-        if enclosed_dark(self.view, toward_rad, look_m + LOOK_SPARE_M):
+    def _no_contact(self, steering_rad: float, look_m: float, wanted_mps: float, reaction_s: float) -> Verdict:
+        """Consent, unless the way leads into an enclosed patch without echoes, or gaining speed would carry it out."""
+        if self.strip.leads_into_the_dark(steering_rad, look_m):
             return Verdict(self.guard.settings.doubtful_mps, NO_LIMIT_MPS, "no information ahead", look_m)
-        return Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "clear")
+        speed_mps, slippery_mps2 = max(self.speed_mps, 0.0), self.guard.body.slippery_mps2
+        if wanted_mps > speed_mps + GAINS_MPS and self.strip.needs_grip(steering_rad, wanted_mps, slippery_mps2):
+            found = self.strip.contact(steering_rad, look_m, faster_mps=wanted_mps)
+            if found is not NOTHING:
+                held_mps = max(speed_mps, self._graded_mps(found, reaction_s), self.guard.settings.creep_mps)
+                return Verdict(held_mps, NO_LIMIT_MPS, "no faster in this bend", found.travel_m)
+        return CLEAR
 
-    def _backward(self, steering_rad: float) -> Verdict:
+    def _backward(self, steering_rad: float, reaction_s: float) -> Verdict:
         settings = self.guard.settings
         left_m = settings.reverse_unseen_m - self.guard.behind.backed_m
-        reaction_s = self.age_s + settings.actuation_s
         brake_mps2 = settings.graded_share * self.guard.body.grip_mps2
         look_m = stopping_distance_m(settings.reverse_mps, reaction_s, brake_mps2) + LOOK_SPARE_M
         found = self.strip.contact(steering_rad, round(look_m, 2), -1.0)

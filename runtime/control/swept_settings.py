@@ -21,11 +21,15 @@ class SweptSettings(BaseModel):
     """Lateral force per slip angle of the rear tyres, in multiples of grip times load (f1tenth_gym: 5.456)."""
     actuation_s: Annotated[float, Field(ge=0, le=0.3)] = 0.05
     """From the decision to the first deceleration; the measured age of the scan is added to it."""
+    gentle_share: Annotated[float, Field(gt=0, lt=1)] = 0.43
+    """Share of a slippery floor's grip for braking while the bend needs the rest (90 % of it, by Pythagoras)."""
     hard_share: Annotated[float, Field(gt=0, le=1)] = 0.8
     """Share of the grip that a hard stop is reckoned with."""
     graded_share: Annotated[float, Field(gt=0, le=1)] = 0.45
     """Share of the grip that the graded limit lets the car brake with."""
     side_margin_m: Annotated[float, Field(ge=0, le=0.3)] = 0.04
+    wary_margin_m: Annotated[float, Field(ge=0, le=0.3)] = 0.04
+    """Added aside while something limits a car above `doubtful_mps`, so that noise at an edge does not let it go."""
     front_margin_m: Annotated[float, Field(ge=0, le=0.3)] = 0.03
     hold_s: Annotated[float, Field(ge=0, le=2)] = 0.2
     """A hard stop lasts at least so long: no stop-and-go."""

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from runtime.control.geometry import Floats
 
 Booleans = npt.NDArray[np.bool_]
+Singles = npt.NDArray[np.float32]
 
 FROM_RAD = math.radians(20)
 TO_RAD = math.radians(126)
@@ -27,11 +28,16 @@ PAIR_APART_TO = 44
 GATES_M = (0.08, 0.08, 0.06)
 """How near a point must be to the line to belong to it: in the vote, and in each of the refits."""
 STEEPEST_RAD = math.radians(60)
+_STEEPEST_COS = math.cos(STEEPEST_RAD)
 NEAREST_LINE_M = 0.1
 VOTE_RANGE_M = 2.0
 """A vote counts as much as its range, up to here: it undoes the crowding of the near beams."""
 NEARER_WINS_PER_M = 0.25
+WINS_WITH = 0.9
+"""Share of all votes with which an expected line is taken without a vote: no other can have as many."""
 FEWEST_INLIERS = 8
+CLEAN_INLIERS = 45
+"""A line on no more beams than this (of 141) is no long straight wall: nothing to be learnt from."""
 _SEED = 20
 
 
@@ -77,10 +83,13 @@ class LineFinder:
         self._front = np.where(towards_front, pairs[:, 0], pairs[:, 1])
         self._rear = np.where(towards_front, pairs[:, 1], pairs[:, 0])
 
-    def find(self, x_m: Floats, y_m: Floats, range_m: Floats, usable: Booleans) -> Line | None:
+    def find(
+        self, x_m: Floats, y_m: Floats, range_m: Floats, usable: Booleans, expected: Line | None = None
+    ) -> Line | None:
         """Return the wall's line, or None where there is none to speak of: never a guess.
 
         All (n,), wall on the left; x_m, y_m in base_link, range_m from the lidar, `usable` a mask of beams to believe.
+        expected: where the line should be by the last scan; if it has most of all votes there, nobody else is asked.
         """
         beams = self.beams
         range_m = range_m[beams]
@@ -91,43 +100,49 @@ class LineFinder:
         points[0] = 1.0
         points[1] = np.where(valid, x_m[beams], 0.0)
         points[2] = np.where(valid, y_m[beams], 0.0)
+        weight = np.where(valid, np.minimum(range_m, VOTE_RANGE_M), 0.0)
+        if expected is not None:
+            members = valid & (np.abs(expected.offsets_m(points[1], points[2])) < GATES_M[0])
+            if float(weight @ members) > WINS_WITH * float(weight.sum()):
+                return _refined(points, valid, members, GATES_M[2:])
         planes = self._planes(points, valid)
         if not planes.size:
             return None
-        near = np.abs(planes @ points) < GATES_M[0]
-        weight = np.where(valid, np.minimum(range_m, VOTE_RANGE_M), 0.0)
-        votes = (near @ weight) / (1.0 - NEARER_WINS_PER_M * planes[:, 0])
-        members = near[int(np.argmax(votes))] & valid
-        return _refined(points, valid, members)
+        offset_m = planes @ points.astype(np.float32)  # single precision: 1e-6 of a few metres
+        near = np.abs(offset_m, out=offset_m) < GATES_M[0]
+        votes = near.astype(np.float32) @ weight.astype(np.float32)
+        votes /= 1.0 - NEARER_WINS_PER_M * planes[:, 0]
+        return _refined(points, valid, near[int(votes.argmax())] & valid, GATES_M[1:])
 
-    def _planes(self, points: Floats, valid: Booleans) -> Floats:
+    def _planes(self, points: Floats, valid: Booleans) -> Singles:
         """Return (-d, -sin a, cos a) of each pair that could be a wall, shape (k, 3)."""
-        front, rear = points[:, self._front], points[:, self._rear]
-        ahead, aside = front[1] - rear[1], front[2] - rear[2]
-        length = np.hypot(ahead, aside) + 1e-9
+        rear = points[1:, self._rear]
+        ahead, aside = points[1:, self._front] - rear
+        length = np.hypot(ahead, aside)
+        length += 1e-9
         cos, sin = ahead / length, aside / length
-        distance = cos * rear[2] - sin * rear[1]
-        good = valid[self._front] & valid[self._rear] & (cos > math.cos(STEEPEST_RAD)) & (distance > NEAREST_LINE_M)
-        planes: Floats = np.stack([-distance, -sin, cos], axis=1)[good]
-        return planes
+        distance = cos * rear[1] - sin * rear[0]
+        good = valid[self._front] & valid[self._rear] & (cos > _STEEPEST_COS) & (distance > NEAREST_LINE_M)
+        planes = np.empty((distance.size, 3), np.float32)
+        planes[:, 0], planes[:, 1], planes[:, 2] = -distance, -sin, cos
+        kept: Singles = planes[good]
+        return kept
 
 
-def _refined(points: Floats, valid: Booleans, members: Booleans) -> Line | None:
-    """Fit the members by total least squares, then twice more whoever is near the fit."""
-    heading_rad = distance_m = 0.0
-    count = 0
-    for gate_m in (*GATES_M[1:], None):
-        weighted = points * members
-        (count_, sx, sy), (_, sxx, sxy), (_, _, syy) = (weighted @ points.T).tolist()
-        count = round(count_)
+def _refined(points: Floats, valid: Booleans, members: Booleans, gates_m: tuple[float, ...]) -> Line | None:
+    """Fit the members by total least squares, then for each gate once more whoever is so near to the fit."""
+    plane = np.empty(3)
+    transposed = points.T
+    for gate_m in (*gates_m, None):
+        (count, sx, sy), (_, sxx, sxy), (_, _, syy) = ((points * members) @ transposed).tolist()
         if count < FEWEST_INLIERS:
             return None
         mx, my = sx / count, sy / count
         heading_rad = 0.5 * math.atan2(2 * (sxy / count - mx * my), (sxx - syy) / count - mx * mx + my * my)
         cos, sin = math.cos(heading_rad), math.sin(heading_rad)
         distance_m = cos * my - sin * mx
-        if gate_m is not None:
-            members = valid & (np.abs(np.array([-distance_m, -sin, cos]) @ points) < gate_m)
-    if distance_m < 0:
-        return None
-    return Line(distance_m, heading_rad, count)
+        if gate_m is None:
+            break
+        plane[:] = -distance_m, -sin, cos
+        members = valid & (np.abs(plane @ points) < gate_m)
+    return Line(distance_m, heading_rad, round(count)) if distance_m >= 0 else None

@@ -55,6 +55,11 @@ def _walker(speed_mps: float, from_y_m: float, until_m: float = 10.0) -> tuple[O
     return (person(AT_M, from_y_m, motion),)
 
 
+def _comer(from_x_m: float, y_m: float, walking_mps: float = _WALKING_MPS) -> tuple[Obstacle, ...]:
+    """A person who walks straight at the car all the time and does not stop for it."""
+    return (person(from_x_m, y_m, Motion(-walking_mps, 0.0)),)
+
+
 HAZARDS = {
     "box": Hazard(lambda _: (_box(AT_M, 0.0),)),
     "box at the edge": Hazard(lambda _: (_box(AT_M, -0.3),)),
@@ -66,6 +71,8 @@ HAZARDS = {
     "person stands": Hazard(lambda _: (Obstacle(Round(0.2), Standing(Pose(AT_M, 0.1, 0.0))),)),
     "person crosses": Hazard(lambda speed_mps: _walker(speed_mps, -2.6)),
     "person stops in the way": Hazard(lambda speed_mps: _walker(speed_mps, -2.6, until_m=2.6)),
+    "person comes": Hazard(lambda _: _comer(10.0, 0.0)),
+    "person comes at the edge": Hazard(lambda _: _comer(9.0, 0.3, 1.2)),
     "dead end": Hazard(world="dead_end"),
     "wall across": Hazard(world="inside_corner"),
     "wall aslant": Hazard(slant_rad=SLANT_RAD),

@@ -8,20 +8,36 @@ import pytest
 
 from drivers.api import MotorState, Scan
 from runtime.car_settings import CarSettings
-from runtime.control.ball import BallFollower
-from runtime.control.ball_law import ball_bearing_rad, bend_correction_rad
-from runtime.control.ball_path import RADII_M, BallPath, ball_path, bend_per_m
+from runtime.control.ball import SLIPPING_SHARE, BallFollower
+from runtime.control.ball_law import (
+    ARC_M,
+    ARC_S,
+    BENT_PER_M,
+    STEEPEST_RAD,
+    STRAIGHT_PER_M,
+    Aim,
+    approach_rad,
+    ball_aim,
+    bend_correction_rad,
+    steering_for_rad,
+)
+from runtime.control.ball_path import RADII_M, BallPath, WallPoints, ball_path, bend_per_m
 from runtime.control.ball_settings import BallSettings
-from runtime.control.geometry import Floats
+from runtime.control.geometry import Floats, Places
 from runtime.control.lost import FADE_PER_SCAN, Lost
+from runtime.control.noise_bias import NoiseBias
 from runtime.control.perception import Eyes
-from runtime.control.prediction import Predictor, Shift
-from runtime.control.trim import MOST_RAD, NoiseBias, Trim
+from runtime.control.prediction import LONGEST_WIRE_S, WIRE_S, Answers, Predictor, Shift
+from runtime.control.speed_profile import speed_limit_mps
 from runtime.control.wall import Line
 from sim.beams import LidarSettings, true_ranges_m
 from sim.closed_loop import Case, drive
+from sim.lab.courses import case_of
+from sim.lab.limits import limit_m
 from sim.pose import Pose, Twist
+from sim.segments import SegmentGeometry
 from sim.vehicle import VehicleSettings
+from sim.world import World
 from sim.worlds import load_world
 
 CAR = CarSettings()
@@ -50,7 +66,9 @@ def follower(**changes):
 def wall_m(distance_m, heading_rad=0.0, from_m=-2.0, to_m=5.0):
     along = np.arange(from_m, to_m, 0.05)
     cos, sin = math.cos(heading_rad), math.sin(heading_rad)
-    return np.stack([along * cos - distance_m * sin, along * sin + distance_m * cos])
+    places_m: Places = np.empty(along.size, np.complex128)
+    places_m.real, places_m.imag = along * cos - distance_m * sin, along * sin + distance_m * cos
+    return WallPoints.of(places_m)
 
 
 # the path
@@ -79,13 +97,13 @@ def test_a_circle_that_the_wall_does_not_meet_points_to_the_wall():
 
 
 def test_the_ball_goes_round_an_outside_corner_and_stays_in_an_inside_one():
-    outside = ball_path(np.array([np.arange(-2.0, 1.0, 0.05), np.ones(60)]), 1.0, ())
+    outside = ball_path(WallPoints.of(np.asarray(np.arange(-2.0, 1.0, 0.05) + 1j, np.complex128)), 1.0, ())
     x_m, y_m = outside.radius_m * np.cos(outside.bearing_rad), outside.radius_m * np.sin(outside.bearing_rad)
     round_it = outside.crosses & (x_m > 1.1)
     assert round_it.any()
     assert np.hypot(x_m - 0.95, y_m - 1.0)[round_it] == pytest.approx(1.0, abs=0.03)
-    front = np.stack([np.full(80, 3.0), np.arange(1.0, -3.0, -0.05)])
-    inside = ball_path(np.concatenate([wall_m(1.0, to_m=3.0), front], axis=1), 1.0, ())
+    beside, front = np.arange(-2.0, 3.0, 0.05) + 1j, 3.0 + 1j * np.arange(1.0, -3.0, -0.05)
+    inside = ball_path(WallPoints.of(np.concatenate([beside, front])), 1.0, ())
     x_m = inside.radius_m * np.cos(inside.bearing_rad)
     assert x_m.max() == pytest.approx(2.0, abs=0.02)
 
@@ -112,22 +130,75 @@ def two_looks(near_rad, far_rad):
     return BallPath(np.array([0.7, 1.1]), np.array([near_rad, far_rad]), np.ones(2, bool), np.ones(2, bool))
 
 
+def heading_rad(near_rad, far_rad, error_m=0.0):
+    return ball_aim(two_looks(near_rad, far_rad), error_m, None, math.nan, 0.0).heading_rad
+
+
 def test_a_corner_away_from_the_wall_is_answered_before_the_short_look_ahead_sees_it():
-    assert ball_bearing_rad(two_looks(0.0, -0.4), 0.0) == pytest.approx(-0.35)
-    assert ball_bearing_rad(two_looks(0.0, 0.4), 0.0) == 0.0
-    assert ball_bearing_rad(two_looks(0.0, -0.04), 0.0) == 0.0
+    assert heading_rad(0.0, -0.4) == pytest.approx(-0.35)
+    assert heading_rad(0.0, 0.4) == 0.0
+    assert heading_rad(0.0, -0.04) == 0.0
 
 
 def test_the_way_back_to_a_straight_wall_is_no_corner():
     for error_m in (-0.3, 0.3):
-        path = two_looks(math.asin(error_m / 0.7), math.asin(error_m / 1.1))
-        assert ball_bearing_rad(path, error_m) == pytest.approx(math.asin(error_m / 0.7))
+        near_rad, far_rad = math.asin(error_m / 0.7), math.asin(error_m / 1.1)
+        assert heading_rad(near_rad + 0.2, far_rad + 0.2, error_m) == pytest.approx(0.2)
+
+
+def aimed(off_rad=0.0, bend=0.0):
+    """The aim beside a line that the ball's bearing contradicts by some angle; the points say 0.1, the line 0.02."""
+    line = Line(1.02, 0.05, 100)
+    near_rad = 0.05 + math.asin(0.02 / 0.7) + off_rad
+    return ball_aim(two_looks(near_rad, 1.0), 0.1, line, 0.02, bend)
+
+
+def test_beside_a_straight_wall_its_line_is_steered_by():
+    aim = aimed(0.05)
+    assert (aim.error_m, aim.heading_rad, aim.straight) == pytest.approx((0.02, 0.05, 1.0))
+
+
+@pytest.mark.parametrize("change", [{"off_rad": 0.13}, {"off_rad": -0.13}, {"bend": 0.17}, {"bend": -0.17}])
+def test_where_the_ball_or_the_bend_says_otherwise_the_ball_is_steered_by(change):
+    aim = aimed(**change)
+    assert (aim.error_m, aim.straight) == (0.1, 0.0)
+    assert aimed(bend=(STRAIGHT_PER_M + BENT_PER_M) / 2).straight == pytest.approx(0.5)
+    assert aimed(0.09).error_m == pytest.approx(0.06)
+
+
+def test_near_the_path_the_approach_is_straight_in_the_error_and_farther_off_an_arc():
+    bend = 1 / (ARC_M + ARC_S * 2.0)
+    assert approach_rad(0.05, 2.0, 1.5) == pytest.approx(0.075)
+    assert approach_rad(-0.05, 2.0, 1.5) == pytest.approx(-0.075)
+    joint_rad = math.asin(bend / 1.5)
+    along_m = np.arange(0.0, 0.6, 1e-4) + joint_rad / 1.5
+    headings = np.array([approach_rad(size_m, 2.0, 1.5) for size_m in along_m])
+    assert headings[0] == pytest.approx(joint_rad)
+    # On the arc the heading turns by the curvature per metre of way: d(cos h) = -c de.
+    assert np.diff(np.cos(headings)) == pytest.approx(-bend * 1e-4, rel=1e-3)
+
+
+def test_the_approach_is_never_backwards_and_a_fast_car_approaches_more_gently():
+    assert approach_rad(9.0, 1.0, 3.0) == STEEPEST_RAD
+    assert approach_rad(-9.0, 4.0, 3.0) == -STEEPEST_RAD
+    headings = [approach_rad(0.5, speed_mps, 3.0) for speed_mps in (1.0, 2.0, 3.0, 4.0)]
+    assert headings == sorted(headings, reverse=True)
+    assert approach_rad(0.1, 1.0, 0.2) == pytest.approx(0.02)
+    assert approach_rad(0.1, 1.0, 0.0) == 0.0
+
+
+def test_a_faster_car_steers_less_for_the_same_so_that_it_needs_the_same_time():
+    one, three = (steering_for_rad(Aim(0.01, 0.0, 1.0), speed_mps, 9.0, 4.5) for speed_mps in (1.0, 3.0))
+    assert (one, three) == pytest.approx((9.0 * 0.01, 1.0 * 0.01))
+    one, three = (steering_for_rad(Aim(0.0, 0.1, 1.0), speed_mps, 9.0, 4.5) for speed_mps in (1.0, 3.0))
+    assert (one, three) == pytest.approx((0.45, 0.15))
+    assert steering_for_rad(Aim(0.01, 0.1, 1.0), 0.2, 9.0, 4.5) == steering_for_rad(Aim(0.01, 0.1, 1.0), 1.0, 9.0, 4.5)
 
 
 def test_a_car_without_error_in_a_slow_bend_is_told_the_bends_own_steering():
     for curvature in (-0.25, 0.4, 0.9):
-        phi_rad = math.asin(curvature * 0.7 / 2)
-        steering_rad = 1.5 * phi_rad + bend_correction_rad(curvature, 0.7, 0.0, 1.5, 0.33)
+        seen = Aim(0.0, math.asin(curvature * 0.7 / 2), 0.0)
+        steering_rad = steering_for_rad(seen, 0.0, 9.0, 4.5) + bend_correction_rad(curvature, 0.7, 0.0, 4.5, 0.33)
         assert steering_rad == pytest.approx(math.atan(0.33 * curvature))
 
 
@@ -136,14 +207,13 @@ def test_a_fast_bend_is_steered_more_than_a_slow_one_and_a_kink_is_not_corrected
     assert bend_correction_rad(-0.9, 1.0, 1.0, 1.5, 0.33) == 0.0
 
 
-@pytest.mark.parametrize("error_m", [-0.15, -0.05, 0.05, 0.15])
-def test_the_answer_is_kp_on_the_error_and_kd_on_the_ball(error_m):
-    settings = {"kp": 0.4, "kd": 0.5, "trim_integral": False}
-    answer = follower(**settings).follow(scan_in("straight", y_m=-error_m), None)
-    expected_rad = 0.4 * error_m + 0.5 * math.asin(error_m / 0.4)
-    assert answer.drive.steering_rad == pytest.approx(expected_rad, abs=0.01)
-    assert answer.error_m == pytest.approx(error_m, abs=5e-3)
-    assert answer.distance_m == pytest.approx(1.0 + error_m, abs=5e-3)
+@pytest.mark.parametrize("error_m", [-0.1, -0.05, 0.05, 0.1])
+@pytest.mark.parametrize("yaw_rad", [-0.05, 0.05])
+def test_the_answer_is_kp_on_the_error_and_kd_on_the_heading(error_m, yaw_rad):
+    answer = follower(kp=0.4, kd=0.8).follow(scan_in("straight", y_m=-error_m, yaw_rad=yaw_rad), None)
+    assert answer.drive.steering_rad == pytest.approx(0.4 * error_m - 0.8 * yaw_rad, abs=0.003)
+    assert answer.error_m == pytest.approx(error_m, abs=1e-3)
+    assert answer.distance_m == pytest.approx(1.0 + error_m, abs=1e-3)
 
 
 def test_steering_stays_within_what_the_car_can_do():
@@ -179,14 +249,41 @@ def test_the_requested_speed_is_a_ceiling():
     assert careless.drive.speed_mps == 4.0
 
 
+def test_a_car_that_slides_nearer_with_its_wheels_turned_away_goes_slower():
+    fast = replace(MOTOR, speed_mps=2.0)
+
+    def speed_mps(y_m, yaw_rad):
+        return follower(speed_mps=4.0).follow(scan_in("straight", y_m=y_m, yaw_rad=yaw_rad), fast).drive.speed_mps
+
+    full_mps = speed_limit_mps(0.34, 0.33, 0.65)
+    assert speed_mps(0.2, 0.3) == pytest.approx(speed_limit_mps(0.34, 0.33, 0.65 * SLIPPING_SHARE))
+    assert speed_mps(0.2, 0.3) < 0.6 * full_mps
+    assert speed_mps(-0.2, -0.6) == pytest.approx(full_mps)  # too far away, and coming nearer: as it should be
+    assert speed_mps(0.5, -0.1) == pytest.approx(full_mps)  # too near, but leaving
+    assert speed_mps(0.1, 0.02) > full_mps  # the wheels could do more
+
+
+def test_a_narrow_way_is_driven_more_carefully():
+    def before_the_corner_mps(right_m):
+        walls = [(-5, 1, 2.2, 1), (2.2, 1, 2.2, -9), (-5, -right_m, 1, -right_m)]
+        world = World("", SegmentGeometry(np.array(walls, np.float64)), Pose(0.0, 0.0, 0.0))
+        ranges_m = true_ranges_m(world, Pose(0.0, 0.0, 0.0), Twist(), LidarSettings(noise_std_m=0.0))
+        law = follower(speed_mps=4.0, speed_profile=True, look_ahead_m=0.4)
+        return law.follow(scan_of(ranges_m), replace(MOTOR, speed_mps=1.0)).drive.speed_mps
+
+    assert before_the_corner_mps(0.7) < before_the_corner_mps(1.2)
+
+
 # what it knows about its own motion
 
 
 def test_the_car_is_predicted_to_where_the_answer_takes_effect():
-    shift = Predictor(0.33, 3.2).shift(0.0, replace(MOTOR, speed_mps=2.0), 0.05)
+    shift = Predictor(0.33, 3.2).shift(0.0, replace(MOTOR, speed_mps=2.0), 0.05 - WIRE_S)
     assert (shift.x_m, shift.y_m, shift.yaw_rad) == pytest.approx((0.1, 0.0, 0.0))
-    turning = Predictor(0.33, 1e6).shift(0.0, replace(MOTOR, speed_mps=1.0, steering_rad=0.2), 0.05)
+    turning = Predictor(0.33, 1e6).shift(0.0, replace(MOTOR, speed_mps=1.0, steering_rad=0.2), 0.05 - WIRE_S)
     assert turning.yaw_rad == pytest.approx(0.05 * math.tan(0.2) / 0.33)
+    trimmed = Predictor(0.33, 1e6).shift(0.0, replace(MOTOR, speed_mps=1.0), 0.05 - WIRE_S, 0.03)
+    assert trimmed.yaw_rad == pytest.approx(0.05 * math.tan(0.03) / 0.33)
 
 
 def test_the_servo_is_known_to_be_slow_and_the_floor_to_be_slippery():
@@ -194,24 +291,74 @@ def test_the_servo_is_known_to_be_slow_and_the_floor_to_be_slippery():
     motor = replace(MOTOR, speed_mps=1.0, steering_rad=0.34)
     first, second = (slow.shift(stamp_s, motor, 0.03).yaw_rad for stamp_s in (0.0, 0.2))
     assert 0 < first < second
-    slipping = Predictor(0.33, 1e6).shift(0.0, replace(MOTOR, speed_mps=4.0, steering_rad=0.34), 0.05)
+    slipping = Predictor(0.33, 1e6).shift(0.0, replace(MOTOR, speed_mps=4.0, steering_rad=0.34), 0.05 - WIRE_S)
     assert slipping.yaw_rad == pytest.approx(0.05 * 0.8 * 9.81 / 4.0)
     assert slow.shift(1.0, None, 0.05) == Shift()
 
 
 def test_points_are_seen_from_the_predicted_place():
-    seen = Shift(1.0, 0.5, math.pi / 2).seen_from_there(np.array([[1.0, 2.0], [1.5, 0.5]]))
-    assert seen == pytest.approx(np.array([[1.0, 0.0], [0.0, -1.0]]))
+    seen = Shift(1.0, 0.5, math.pi / 2).seen_from_there(np.array([1.0 + 1.5j, 2.0 + 0.5j]))
+    assert seen == pytest.approx(np.array([1.0, -1.0j]))
 
 
 def test_the_follower_looks_ahead_by_its_latency_and_by_the_age_of_a_late_scan():
     motor = replace(MOTOR, speed_mps=2.0)
     at = {"name": "straight", "yaw_rad": 0.2}
     prompt = follower(latency_s=0.0).follow(scan_in(**at), motor).error_m
-    usual = follower(latency_s=0.05).follow(scan_in(**at), motor).error_m
+    usual = follower(latency_s=0.05).follow(scan_in(**at), motor).error_m  # the way to the wire comes on top of both
     late = follower(latency_s=0.0).follow(scan_in(late_s=0.1, **at), motor).error_m
     assert usual - prompt == pytest.approx(-0.1 * math.sin(0.2), abs=2e-3)
     assert late - prompt == pytest.approx(-0.2 * math.sin(0.2), abs=2e-3)
+
+
+def heard(wire_s, told, polls=200, poll_s=0.02, scan_s=0.025):
+    """What `Answers` makes of a motor that is told each answer wire_s after its scan, and asked every poll_s."""
+    answers = Answers(100.0)
+    scans = 0
+    for poll in range(polls):
+        now_s = poll * poll_s
+        while scans * scan_s <= now_s:
+            answers.said(scans * scan_s, told(scans))
+            scans += 1
+        arrived = math.floor((now_s - wire_s) / scan_s + 1e-9)
+        if arrived >= 0:
+            answers.heard(replace(MOTOR, stamp_s=now_s, steering_rad=told(arrived)))
+    return answers
+
+
+@pytest.mark.parametrize("wire_s", [0.0, 0.013, 0.04, 0.06, 0.11])
+def test_the_way_to_the_wire_is_measured_by_when_the_motor_shows_an_answer(wire_s):
+    assert heard(wire_s, lambda scan: 1e-3 * scan).wire_s == pytest.approx(wire_s, abs=0.008)
+
+
+def test_steady_wheels_strangers_and_very_old_answers_tell_nothing_about_the_wire():
+    assert heard(0.06, lambda _: 0.1).wire_s == WIRE_S
+    assert heard(LONGEST_WIRE_S + 0.05, lambda scan: 1e-3 * scan).wire_s == WIRE_S
+    stranger = Answers(100.0)
+    stranger.said(0.0, 0.1)
+    stranger.heard(replace(MOTOR, stamp_s=0.1, steering_rad=0.2))
+    assert stranger.wire_s == WIRE_S
+    assert stranger.in_flight(0.0) == []
+
+
+def test_the_limiter_before_the_wire_is_reckoned_with():
+    answers = Answers(3.2)
+    answers.said(0.0, 0.34)
+    answers.said(0.025, 0.34)
+    answers.heard(replace(MOTOR, stamp_s=0.05, steering_rad=0.08))
+    assert answers.wire_s == pytest.approx(0.0375)
+    assert [angle_rad for _, angle_rad in answers.in_flight(0.05)] == pytest.approx([0.16])
+
+
+def test_answers_on_their_way_to_the_wire_are_part_of_the_motion():
+    plain, knowing = Predictor(0.33, 1e6), Predictor(0.33, 1e6)
+    for number in range(4):
+        knowing.answers.said(0.025 * number, 0.05 * number)
+    motor = replace(MOTOR, stamp_s=0.08, speed_mps=1.0, steering_rad=0.05)  # the second one: 30 to 55 ms to the wire
+    expected = knowing.shift(0.08, motor, 0.03).yaw_rad
+    assert knowing.answers.wire_s == pytest.approx(0.0425)
+    assert expected > 2 * plain.shift(0.08, motor, 0.03).yaw_rad > 0
+    assert knowing.answers.in_flight(9.0) == []  # nobody shows them: somebody else drives
 
 
 def test_the_bias_of_the_nearest_of_many_noisy_points_is_learnt_from_clean_lines_only():
@@ -223,24 +370,11 @@ def test_the_bias_of_the_nearest_of_many_noisy_points_is_learnt_from_clean_lines
     assert bias.learn(None, 0.96) == pytest.approx(0.004)
 
 
-def test_the_trim_learns_beside_a_straight_wall_and_nowhere_else():
-    line = Line(1.0, 0.0, 100)
-    assert Trim().learn(line, 0.05, 0.0, 0.1) == pytest.approx(0.4 * 0.05 * 0.1)
-    for wall, error_m, bearing_rad in (
-        (None, 0.05, 0.0), (Line(1.0, 0.0, 45), 0.05, 0.0), (line, 0.11, 0.0), (line, 0.05, -0.16),
-    ):  # fmt: skip
-        assert Trim().learn(wall, error_m, bearing_rad, 0.1) == 0.0
-    stubborn = Trim()
-    for _ in range(1000):
-        stubborn.learn(line, -0.09, 0.0, 0.1)
-    assert stubborn.steering_rad == -MOST_RAD
-
-
 # without a wall
 
 
 def test_slow_fades_the_last_steering_and_says_so():
-    law = follower(speed_mps=3.0, trim_integral=False)
+    law = follower(speed_mps=3.0)
     steered = law.follow(scan_in("straight", y_m=-0.1), None).drive.steering_rad
     for number in (1, 2, 3):
         answer = law.follow(scan_of(NOTHING_M, number), MOTOR)
@@ -302,16 +436,16 @@ def test_it_settles_on_the_wanted_distance_and_stays_within_a_centimetre(speed_m
     start = load_world("straight").start_at(distance_m=0.5, toward_wall_rad=math.radians(20))
     error_m = driven("straight", speed_mps, start=start).error_m
     assert np.abs(error_m[80:]).max() < 0.05
-    assert abs(error_m[-30:].mean()) < 0.01
+    assert np.abs(error_m[-30:]).max() < 0.01
 
 
 @pytest.mark.parametrize(
     ("name", "speed_mps", "mu", "way_m", "mean_m"),
     [
         ("inside_corner", 1.0, 0.8, 12.0, 0.03),
-        ("inside_corner", 4.0, 0.5, 12.0, 0.10),
+        ("inside_corner", 4.0, 0.5, 12.0, 0.12),
         ("outside_corner", 4.0, 0.8, 12.0, 0.02),
-        ("doorway", 3.0, 0.8, 12.0, 0.01),
+        ("doorway", 3.0, 0.8, 12.0, 0.006),
         ("u_turn", 4.0, 0.8, 17.0, 0.05),
         ("u_turn_inner", 2.0, 0.8, 14.0, 0.02),
         ("curved", 2.0, 0.8, 20.0, 0.015),
@@ -322,11 +456,53 @@ def test_it_gets_round_without_a_corner_rule(name, speed_mps, mu, way_m, mean_m)
     assert np.abs(run.error_m).mean() < mean_m
 
 
-def test_a_badly_centred_steering_is_learnt_away():
-    error_m = driven("straight", 2.0, way_m=20.0, trim_rad=0.03).error_m
-    assert abs(error_m[-80:].mean()) < 0.005
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_badly_centred_steering_is_learnt_away(side):
+    error_m = driven("straight", 2.0, way_m=12.0, trim_rad=0.03, side=side).error_m
+    assert np.abs(error_m[-80:]).max() < 0.005
 
 
 def test_more_noise_does_not_move_the_car():
     error_m = driven("straight", 2.0, way_m=16.0, noise_m=0.05).error_m
     assert abs(error_m[-120:].mean()) < 0.01
+
+
+@pytest.mark.parametrize("speed_mps", [1.0, 2.0, 3.0])
+@pytest.mark.parametrize("name", ["t2", "t4"])
+def test_the_way_to_the_wall_is_nearly_the_shortest_there_is(name, speed_mps):
+    run = drive(case_of(name, speed_mps, 0.8, "left", 1), follower(speed_mps=speed_mps), None)
+    assert np.abs(run.error_m).mean() < 1.2 * limit_m(name, speed_mps, 0.8)
+
+
+def test_the_loop_is_driven_fast_on_a_good_floor_and_without_contact_on_a_slippery_one():
+    world = load_world("loop")
+    assert world.lap is not None
+    for mu in (0.8, 0.5):
+        case = Case(world, distance_m=1.6 * world.lap.length_m, vehicle=VehicleSettings(grip_mu=mu), seed=3)
+        run = drive(case, follower(speed_mps=4.0), None)
+        assert run.contact is None
+        if mu == 0.8:
+            assert np.abs(run.error_m).mean() < 0.05
+            late = run.time_s > 2.0
+            assert run.speed_mps[late, 0].mean() > world.lap.length_m / 9.4
+
+
+@pytest.mark.parametrize("name", ["t2", "t4", "t5"])
+def test_a_rough_car_follows_nearly_as_well_as_a_clean_one(name):
+    clean, rough = (
+        np.abs(drive(case_of(name + how, 2.0, 0.8, "right", 1), follower(speed_mps=2.0, side="right"), None).error_m)
+        for how in ("", " rough")
+    )
+    assert rough.mean() < 1.4 * clean.mean()
+    assert rough[-30:].mean() < 0.015
+
+
+def test_another_side_mirrors_what_was_learnt_about_the_steering():
+    law = follower(speed_mps=2.0)
+    drive(case_of("t2 rough", 2.0, 0.8, "left", 1), law, None)
+    learnt_rad = law._track.trim_rad
+    assert learnt_rad == pytest.approx(0.03, abs=0.004)
+    law.tune(BallSettings(side="right", speed_mps=2.0))
+    assert law._track.trim_rad == -learnt_rad
+    law.tune(BallSettings(side="right", speed_mps=1.0))
+    assert law._track.trim_rad == -learnt_rad

@@ -135,7 +135,9 @@ def test_learnt_dirt_is_ignored_where_it_reads_near_and_only_there():
     assert eyes.see(scan_of(ranges_m)).solid[at + 15]
     eyes.ignore(dirty)
     assert not eyes.see(scan_of(ranges_m)).solid[at : at + 30].any()
-    ranges_m[at : at + 30] = 0.7
+    ranges_m[at : at + 30] = 0.85
+    assert not eyes.see(scan_of(ranges_m)).solid[at : at + 30].any()  # the rim of a smudge
+    ranges_m[at : at + 30] = 0.95
     ranges_m[900:950] = 0.5
     assert eyes.see(scan_of(ranges_m)).solid[at + 15]
     ranges_m[at : at + 30] = 0.3

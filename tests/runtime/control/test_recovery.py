@@ -8,8 +8,9 @@ import pytest
 
 from drivers.api import Drive, MotorState, Scan
 from runtime.car_settings import CarSettings
+from runtime.control.footprint import STEP_M
 from runtime.control.perception import Eyes
-from runtime.control.recovery import NO_ADVICE, Recovery, plan
+from runtime.control.recovery import NO_ADVICE, Recovery, _manoeuvres, plan
 from runtime.control.swept import SweptGuard
 from runtime.control.swept_settings import RecoverySettings, SweptSettings
 from sim.pose import CAR as OUTLINE
@@ -129,17 +130,33 @@ def test_where_nothing_opens_it_asks_for_help_and_stays():
     assert stage.way_m == 0.0
 
 
-def test_what_is_behind_ends_the_way_back():
-    stage = Stage(room((0.75, 0.0, 0.5, 0.3), (-0.35, 0.0, 0.1, 0.1)))
-    stage.look()
-    # The lidar does not see the thing behind; what it saw while coming, it knows.
-    free = max(-legs.travel_m for legs in plan(stage.outlook, RecoverySettings()) if legs.travel_m < 0)
-    stage.guard.behind._views.append(np.stack([np.full(12, -0.28), np.linspace(-0.05, 0.05, 12)]))
+def remember(stage, x_m):
+    """Put something 10 cm wide across the way back into the memory of what is behind."""
+    stage.guard.behind._views.append(x_m + 1j * np.linspace(-0.05, 0.05, 12))
     stage.outlook.strip._hidden_m = None
     stage.outlook.strip._kept.clear()
-    legs = plan(stage.outlook, RecoverySettings())
-    assert free > 0.13
-    assert all(-leg.travel_m < 0.13 for leg in legs)
+
+
+def longest_back_m(stage, settings):
+    return max((-leg.travel_m for legs, _ in _manoeuvres(stage.outlook, settings) for leg in legs[:1]), default=0.0)
+
+
+@pytest.mark.parametrize("at_x_m", [-0.4, -0.5])
+def test_what_is_behind_ends_the_way_back(at_x_m):
+    """The lidar does not see the thing behind; what it saw while coming, it knows."""
+    stage, settings = Stage(AHEAD), RecoverySettings(back_m=0.5)
+    stage.look()
+    assert longest_back_m(stage, settings) > 0.45
+    remember(stage, at_x_m)
+    room_m = -at_x_m - CAR.rear_m - stage.guard.settings.front_margin_m
+    assert room_m - 3 * STEP_M < longest_back_m(stage, settings) <= room_m - STEP_M + 1e-9
+
+
+def test_nothing_is_planned_where_there_is_no_room_behind():
+    stage = Stage(AHEAD)
+    stage.look()
+    remember(stage, -0.28)
+    assert plan(stage.outlook, RecoverySettings()) == []
 
 
 def test_no_more_tries_than_allowed():

@@ -6,16 +6,22 @@ import numpy as np
 import pytest
 
 from runtime.control.ball_path import RADII_M, BallPath
+from runtime.control.ball_settings import BallSettings
 from runtime.control.speed_profile import (
     BRAKE_SHARE,
     GRAVITY_MPS2,
     LATERAL_SHARE,
     MARGIN_M,
+    NARROW_M,
+    NARROW_SHARE,
     REACTION_S,
+    ROOM_M,
     SHARPEST_PER_M,
+    mu_with_room,
     profile_mps,
     speed_limit_mps,
 )
+from runtime.control.swept_settings import SweptSettings
 
 YES = np.ones(RADII_M.size, bool)
 
@@ -87,3 +93,14 @@ def test_a_corner_ahead_slows_the_car_in_time_and_to_either_side(sign):
 def test_faster_and_slippery_mean_earlier():
     assert profile_mps(path_of(0.0), 4.0, 0.5) < profile_mps(path_of(0.0), 1.0, 0.5)
     assert profile_mps(path_of(0.0), 2.0, 0.5) < profile_mps(path_of(0.0), 2.0, 0.8)
+
+
+def test_who_has_less_room_to_run_wide_counts_on_less():
+    assert mu_with_room(0.65, ROOM_M) == mu_with_room(0.65, 2.0) == 0.65
+    assert mu_with_room(0.65, NARROW_M) == mu_with_room(0.65, 0.3) == pytest.approx(0.5, abs=0.005)
+    assert mu_with_room(1.0, (ROOM_M + NARROW_M) / 2) == pytest.approx((1 + NARROW_SHARE) / 2)
+
+
+def test_braking_is_so_gentle_that_safety_lets_it_pass():
+    settings = SweptSettings()
+    assert BRAKE_SHARE * BallSettings().assumed_mu < settings.graded_share * settings.grip_mu

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from runtime.control.geometry import bearings_rad
-from runtime.control.wall import FEWEST_INLIERS, LineFinder
+from runtime.control.wall import FEWEST_INLIERS, Line, LineFinder
 
 BEARING_RAD = bearings_rad(-math.radians(135), math.radians(0.25), 1081)[::-1]
 FINDER = LineFinder(BEARING_RAD)
@@ -26,10 +26,10 @@ def between(from_deg, to_deg):
     return np.abs(np.degrees(BEARING_RAD) - (from_deg + to_deg) / 2) < (to_deg - from_deg) / 2
 
 
-def find(ranges_m, usable=None):
+def find(ranges_m, usable=None, expected=None, finder=FINDER):
     x_m = LIDAR_X_M + np.cos(BEARING_RAD) * ranges_m
     y_m = np.sin(BEARING_RAD) * ranges_m
-    return FINDER.find(x_m, y_m, ranges_m, np.isfinite(ranges_m) if usable is None else usable)
+    return finder.find(x_m, y_m, ranges_m, np.isfinite(ranges_m) if usable is None else usable, expected)
 
 
 @pytest.mark.parametrize("distance_m", [0.4, 1.0, 2.5])
@@ -124,3 +124,31 @@ def test_a_lidar_that_does_not_look_aside_finds_no_wall():
     ranges_m = np.full(61, 1.0)
     line = LineFinder(ahead_rad).find(np.cos(ahead_rad), np.sin(ahead_rad), ranges_m, np.ones(61, bool))
     assert line is None
+
+
+class NoVote(LineFinder):
+    """Finds what it expects, or nothing."""
+
+    def _planes(self, points, valid):
+        return np.zeros((0, 3), np.float32)
+
+
+@pytest.mark.parametrize(("noise_m", "off"), [(0.02, 1e-3), (0.03, 3e-3)])
+def test_a_line_that_is_where_it_was_expected_needs_no_vote_and_is_the_same(noise_m, off):
+    rng = np.random.default_rng(4)
+    blind = NoVote(BEARING_RAD)
+    for _ in range(50):
+        ranges_m = ranges_to(1.0, 0.1) + rng.normal(0.0, noise_m, BEARING_RAD.size)
+        found = find(ranges_m, expected=Line(1.01, 0.095, 140), finder=blind)
+        voted = find(ranges_m)
+        assert found.distance_m == pytest.approx(voted.distance_m, abs=off)
+        assert found.heading_rad == pytest.approx(voted.heading_rad, abs=off)
+
+
+def test_an_expected_line_that_is_not_nearly_everything_has_to_stand_for_the_vote():
+    near_m, far_m = ranges_to(1.0, 0.0), ranges_to(2.0, 0.0)
+    ranges_m = np.where(between(55, 70), far_m, near_m)
+    expected = Line(2.0, 0.0, 140)
+    assert find(ranges_m, expected=expected) == find(ranges_m)
+    assert find(ranges_m, expected=expected, finder=NoVote(BEARING_RAD)) is None
+    assert find(ranges_m, expected=Line(1.0, 0.0, 140), finder=NoVote(BEARING_RAD)) is None

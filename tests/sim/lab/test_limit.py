@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim.lab.courses import ALL_COURSES, COURSES, case_of, limit_task
-from sim.lab.limit import Task, _best, driven_mean_error_m, least_mean_error_m
+from sim.lab.limit import SCAN_S, Task, _best, _Problem, _scan_weights, driven_mean_error_m, least_mean_error_m
 from sim.lab.limits import FILE, MUS, REFERENCE_M, SPEEDS_MPS, key, limit_m
 from sim.pose import Pose
 from sim.vehicle import VehicleSettings
@@ -50,6 +50,16 @@ def test_the_whole_vehicle_comes_near_the_constant_speed_limit():
 def test_nothing_to_do_costs_nothing_and_a_worse_start_costs_more():
     assert least_mean_error_m(task()) == 0.0
     assert least_mean_error_m(task(0.8)) < least_mean_error_m(task(0.6))
+
+
+def test_what_counts_is_the_error_at_the_scans_and_the_first_one_is_at_the_start():
+    weights = _scan_weights(60, 0.1)
+    assert weights.sum() == pytest.approx(1.0)
+    assert weights[0] == pytest.approx((1 + 0.75 + 0.5 + 0.25) / 240)
+    assert weights[1:-1] == pytest.approx(4 / 240)
+    away = task(0.8, -0.1)  # nothing is done about it: 0.2 m less 0.1 per metre of way
+    errors_m = np.abs(0.2 - np.sin(0.1) * np.arange(0.0, 6.0, SCAN_S))
+    assert _Problem(away).cost(_Problem(away).straight()) == pytest.approx(errors_m.mean(), abs=5e-4)
 
 
 def test_less_grip_a_slower_servo_and_a_delay_cost():

@@ -1,0 +1,59 @@
+"""How to stop: with all there is, with what a bend leaves, or so gently that the car still turns past.
+
+Braking and turning share one grip (Kamm's circle), and locked wheels go straight on. A car 0.5 m from a wall and turned
+20 degrees toward it at 3 m/s that turns away as sharply as it can passes on any floor from 0.5 on when it brakes with 1
+to 3.5 m/s2; with all there is it hits the wall on a floor of 0.65 and less, and without braking on one of 0.5. (Tried
+in the simulator; at 4 m/s nothing that was tried passes on a floor of 0.8.)
+"""
+
+from runtime.command import NO_LIMIT_MPS, Verdict
+from runtime.control.footprint import Contact
+from runtime.control.stopping import brake_beside_turning_mps2
+from runtime.control.strip import Body, Strip
+
+TURNING_SHARE = 0.3
+"""A bend that takes more than this of the grip is braked with what it leaves: locked wheels go straight on."""
+NEEDY_SHARE = 0.7
+"""A bend that takes more than this of a slippery floor's grip leaves too little for slowing down as the motor does."""
+EDGE_M = 0.05
+"""What reaches so little into the strip is beside the car, not before it."""
+
+
+def is_beside(body: Body, found: Contact) -> bool:
+    """Whether it touches only the flank."""
+    return abs(found.aside_m) > body.ahead.half_width_m - EDGE_M
+
+
+def turns_past(
+    strip: Strip, found: Contact, steering_rad: float, *, hurries: bool, hastes: bool, begun: bool
+) -> Verdict | None:
+    """Return a gentle stop where the car turns away and gets past what it would touch with its margins; else None.
+
+    hurries: the distance is less than a hard stop needs. hastes: it is too fast, and its driver does not slow down;
+    in a bend that needs much grip the motor must not do it for him as fast as it can. begun: it was so in the scan
+    before; then it goes on through such a bend, because a motor that is told a speed again comes to it at once.
+    """
+    body = strip.body
+    needy = strip.needs_grip(steering_rad, strip.speed_mps, NEEDY_SHARE * body.slippery_mps2)
+    if begun and not hurries:
+        return _gently(body, found) if needy else None
+    if not (hurries or (hastes and needy)) or found.aside_m * steering_rad >= 0:
+        return None
+    passes = strip.nose_passes(steering_rad, found.travel_m, _gentle_mps2(body))
+    return _gently(body, found) if passes else None
+
+
+def _gently(body: Body, found: Contact) -> Verdict:
+    return Verdict(0.0, NO_LIMIT_MPS, "braking: wall beside", found.travel_m, _gentle_mps2(body))
+
+
+def _gentle_mps2(body: Body) -> float:
+    return body.settings.gentle_share * body.slippery_mps2
+
+
+def hard_stop(body: Body, found: Contact, speed_mps: float) -> Verdict:
+    """Brake with all there is, in a bend with what it leaves."""
+    if speed_mps * speed_mps * abs(found.curvature_per_m) > TURNING_SHARE * body.grip_mps2:
+        brake_mps2 = brake_beside_turning_mps2(speed_mps, found.curvature_per_m, body.grip_mps2)
+        return Verdict(0.0, NO_LIMIT_MPS, "braking in a bend: wall ahead", found.travel_m, brake_mps2)
+    return Verdict(0.0, NO_LIMIT_MPS, "braking: wall ahead", found.travel_m)
