@@ -31,8 +31,8 @@ from runtime.queues import Inbox
 from runtime.recording import recorder
 from runtime.recording.disk import Disk, RealDisk
 from runtime.recording.recorder import Recorder
-from runtime.recording_settings import RecordingSettings
 from runtime.recording.tape import Tape, TapedLaws
+from runtime.recording_settings import RecordingSettings
 from runtime.settings import Settings
 from runtime.snapshot import Observed
 from runtime.tasks import lidar as lidar_task
@@ -44,6 +44,7 @@ from sim.twins import BEAMS, STEP_RAD, MemoryMotor, ranges_between_walls
 
 RATE_HZ = 40.0
 SETTLING_SCANS = 20
+LATE_S = 0.005
 PERCENTILES = (50, 90, 99, 99.9)
 WALLS_M = ranges_between_walls(0.9, 1.1, 8.0)
 
@@ -101,7 +102,7 @@ class Bench:
         self.laws = TapedLaws(laws, tape)
         self.limiter = Limiter(Limits(5.0, 1.0, 0.35, 6.0, 5.0))
         required = frozenset({Source.SAFETY, Source.PERMIT})
-        self.mux = _TapedMux(self.voices, self.motor, self.limiter, required, tape)
+        self.mux = mux_task.Mux(self.voices, self.motor, self.limiter, required, tape.clock, tape=tape)
         observed = Observed(
             car="bench", version="0", lidar=self.lidar, motor=self.motor, voices=self.voices, clock=clock,
             seconds_by_winner=self.mux.seconds_by_winner, window=lambda: laws.words,
@@ -161,24 +162,6 @@ class Bench:
         }
 
 
-class _TapedMux(mux_task.Mux):
-    """The car's mux with its hook to the tape."""
-
-    def __init__(
-        self, voices: Voices, motor: MemoryMotor, limiter: Limiter, required: frozenset[Source], tape: Tape
-    ) -> None:
-        super().__init__(voices, motor, limiter, required, tape.clock)
-        self._the_tape = tape
-        self._stepped_s = 0.0
-
-    def step(self) -> Output:
-        self._the_tape.begin()
-        output = super().step()
-        self._the_tape.stepped(output.stamp_s - self._stepped_s, self._voices.live(), output)
-        self._stepped_s = output.stamp_s
-        return output
-
-
 def run_round(folder: Path | None, seconds: float, disk: Disk) -> tuple[dict[str, list[float]], float, float]:
     """Return figures, processor time per second of driving, and the recorder's thread's part of it."""
     bench = Bench(folder, disk)
@@ -234,7 +217,9 @@ def main() -> None:
         )
         for name, samples_s in figures[recorded].items():
             spread = ", ".join(f"p{p:g} {1000 * np.percentile(samples_s, p):.3f}" for p in PERCENTILES)
-            print(f"  {name:<7} {spread}, max {1000 * max(samples_s):.3f} ms   ({len(samples_s)} scans)")
+            late = sum(sample_s > LATE_S for sample_s in samples_s)
+            more = f"max {1000 * max(samples_s):.3f} ms, {late} of {len(samples_s)} over {1000 * LATE_S:.0f} ms"
+            print(f"  {name:<7} {spread}, {more}")
     cost = float(np.median(used[True])) - float(np.median(used[False]))
     print(
         f"recording costs {100 * cost:.2f} % of a core, {100 * float(np.median(by_thread)):.2f} % of it in its thread"

@@ -147,7 +147,7 @@ async def _fetch(bus: Bus, car: str, file: Listed, options: argparse.Namespace) 
 
 
 async def _ask_some_times(bus: Bus, car: str, **question: object) -> bytes:
-    """Ask for a piece until it comes: on a full radio link the car drops an answer rather than wait for it."""
+    """Ask for a piece until it comes: a radio link that is gone for a moment takes one answer with it."""
     for _ in range(TRIES - 1):
         try:
             return await _ask(bus, car, questions.GET, question)

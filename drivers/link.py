@@ -25,6 +25,8 @@ E = TypeVar("E", bound=Exception)
 
 BytesHandler = Callable[[bytes, float], None]
 """Takes a chunk and the monotonic time at which it was read."""
+Tap = Callable[[str, bytes, float], None]
+"""Hears what goes over a link, for a recording: "in" or "out", the bytes, the monotonic time."""
 
 CONNECT_TIMEOUT_S = 2.0
 _READ_BYTES = 65536
@@ -36,7 +38,7 @@ class ByteLink:
     Guarantees: bytes arrive in order and none is dropped here; a write is complete or raises LinkLost; after the
     first LinkLost nothing more is delivered. The handler runs inside the event loop and must not block.
 
-    reading_s: how long it took to get the newest chunk from the kernel.
+    reading_s: how long it took to get the newest chunk from the kernel. tap: is told everything that comes and goes.
     """
 
     def __init__(self, address: Address, fd: int, release: Callable[[bool], None], clock: Clock) -> None:
@@ -50,6 +52,7 @@ class ByteLink:
         self._open = True
         self._sleeper: asyncio.Future[None] | None = None
         self.reading_s = 0.0
+        self.tap: Tap | None = None
 
     def listen(self, handler: BytesHandler) -> None:
         """Hand every chunk from now on to `handler(chunk, read_at_s)`, replacing an earlier handler."""
@@ -69,6 +72,8 @@ class ByteLink:
             raise self._fail(LinkLost(f"{self.address}: {_explain(error)}")) from error
         if written != len(data):
             raise self._fail(LinkLost(f"{self.address}: it stopped taking bytes (hung device? power-cycle it)"))
+        if self.tap is not None:
+            self.tap("out", data, self._clock())
 
     async def lost(self) -> Never:
         """Wait until the link is lost and raise why; a bug in the handler comes out here too, as itself."""
@@ -117,6 +122,8 @@ class ByteLink:
         self.reading_s = self._clock() - stamp_s
         assert self._handler is not None, "the reader is only added by listen()"  # noqa: S101
         try:
+            if self.tap is not None:
+                self.tap("in", chunk, stamp_s)
             self._handler(chunk, stamp_s)
         except Exception as error:  # noqa: BLE001 - not swallowed: it is raised out of lost()
             self._fail(error)

@@ -88,7 +88,7 @@ class Car:
         self.sink = ZenohSink(bus, settings.car.name, settings.telemetry.rates_hz, clock)
         self.telemetry = Telemetry(
             self._observed(), settings.car, [self.sink, self.recorder],
-            epoch_ns=epoch_ns, side=lambda: self.settings.wall_follow.side,
+            epoch_ns=epoch_ns, side=lambda: self.settings.wall_follow.side, ball_m=lambda: self.laws.path_m,
         )  # fmt: skip
 
     def connect(self) -> None:

@@ -93,6 +93,7 @@ class Bus:
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._answering: set[asyncio.Future[None]] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
+        self._troubles: tuple[type[Exception], ...] = (ConnectionError,)
         self.dropped = 0
         self.strays = 0
 
@@ -118,6 +119,9 @@ class Bus:
             if not self._use_free_port(error):
                 raise
             self._session = await asyncio.to_thread(_open_session, self._config)
+        import zenoh
+
+        self._troubles = (ConnectionError, zenoh.ZError)
         for declare in self._declare:
             declare()
 
@@ -134,12 +138,10 @@ class Bus:
 
         encoding and urgent belong to the key: the first call decides.
         """
-        import zenoh
-
         try:
             publisher = self._publishers.get(key) or self._publisher(key, encoding, urgent=urgent)
             publisher.put(payload)
-        except (zenoh.ZError, ConnectionError):
+        except self._troubles:
             self.dropped += 1
 
     def wanted(self, key: str, *, encoding: str = JSON, urgent: bool = False) -> bool:

@@ -51,6 +51,7 @@ async def _drive(settings: Settings, file: Path | None, session: Mapping[str, An
     gc.freeze()  # a full collection would block the loop for milliseconds; what exists now stays anyway
     opening = asyncio.create_task(_open(car, bus), name="bus") if settings.telemetry.enabled else None
     car.stages.watch_collections()
+    lidar.tap, motor.tap = car.recorder.tap("lidar"), car.recorder.tap("motor")
     car.recorder.start()
     try:
         await car.drive(stop)

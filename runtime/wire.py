@@ -39,6 +39,9 @@ COMMAND = "operator/command"
 ALIVE = "alive"
 OPERATOR_ALIVE = "operator/alive"
 PARAM = "param"
+RECORD = "record"
+"""Starts and stops recording on the car: a question, not telemetry, although it is one chunk deep."""
+LOGS = "logs"
 
 
 def key(car: str, topic: str) -> str:

@@ -19,8 +19,6 @@ CONNECT_TIMEOUT_MS = 1000
 LARGEST_INCOMING_B = 1 << 20
 """zenoh would gather up to 1 GiB from anyone who sends it in pieces; nothing that the car is told is this long."""
 
-RECORD = "record"
-"""Starts and stops recording on the car: a question, not telemetry, although it is one chunk deep."""
 
 EVERY_MESSAGE = [
     "put",
@@ -193,7 +191,8 @@ def _grants(car: str) -> Iterator[Grant]:
     yield Grant(operator, "others-operate", "egress", ("liveliness_token",), token)
     yield from _questions(operator, "change", _parameter_keys(car, "set", "save"))
 
-    yield from _questions(admin, "record", (wire.key(car, RECORD),))
+    yield from _questions(operator, "logs", (wire.key(car, f"{wire.LOGS}/list"), wire.key(car, f"{wire.LOGS}/get")))
+    yield from _questions(admin, "record", (wire.key(car, wire.RECORD), wire.key(car, f"{wire.LOGS}/trim")))
 
 
 def _parameter_keys(car: str, *verbs: str) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from drivers.hokuyo.conversation import Conversation, Identity, identify, quiete
 from drivers.hokuyo.settings import HokuyoSettings
 from drivers.hokuyo.stream import UNSTABLE_WARN, ScanStream, Sequence
 from drivers.hokuyo.timing import StampGate
-from drivers.link import open_link
+from drivers.link import Tap, open_link
 
 _log = logging.getLogger(__name__)
 
@@ -43,6 +43,7 @@ class Hokuyo:
         self._last_reset_s: float | None = None
         self._last_reboot_s: float | None = None
         self._talk: Conversation | None = None
+        self.tap: Tap | None = None
 
     @property
     def health(self) -> Health:
@@ -83,6 +84,7 @@ class Hokuyo:
         silence: LinkLost | None = None
         for address in self._candidates():
             link = await open_link(address, self._clock)
+            link.tap = self.tap
             talk = Conversation(link, self._on_bad_block)
             try:
                 await until_lost(link, quieten(talk))

@@ -10,7 +10,7 @@ from typing import Never
 
 from drivers.address import parse_address
 from drivers.api import Clock, Drive, Health, LinkLost, LinkState, MotorState, ProtocolError
-from drivers.link import ByteLink, open_link
+from drivers.link import ByteLink, Tap, open_link
 from drivers.vesc import codec, replies
 from drivers.vesc.calibration import Calibration
 from drivers.vesc.condition import Condition
@@ -60,6 +60,7 @@ class Vesc:
         self._ready: ByteLink | None = None  # the same link, from the first report on: it takes commands
         self._steering_rad = 0.0
         self._reopen_step = 0
+        self.tap: Tap | None = None
         self._begin_session()
 
     def _begin_session(self) -> None:
@@ -136,6 +137,7 @@ class Vesc:
     async def _connect_and_poll(self) -> Never:
         self._begin_session()
         self._link = link = await open_link(self._address, self._clock)
+        link.tap = self.tap
         try:
             link.listen(self._on_bytes)
             self._health.link, self._health.message = LinkState.STARTING, f"{self._address}: asking who it is"

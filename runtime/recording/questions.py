@@ -10,10 +10,12 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
-RECORD = "record"
-LIST = "logs/list"
-GET = "logs/get"
-TRIM = "logs/trim"
+from runtime import wire
+
+RECORD = wire.RECORD
+LIST = f"{wire.LOGS}/list"
+GET = f"{wire.LOGS}/get"
+TRIM = f"{wire.LOGS}/trim"
 LARGEST_PIECE_B = 1 << 16
 LONGEST_QUESTION_B = 1024
 

@@ -32,7 +32,9 @@ from runtime.ros.definitions import TYPES
 log = logging.getLogger("wallride.recording")
 
 PERIOD_S = 0.1
-"""How often the thread looks at what there is."""
+"""How often the thread looks at what there is: just after a command to the motor, when the loop has least to do."""
+SILENT_PERIOD_S = 0.25
+"""How often when there are no commands."""
 WORK_S = 0.0003
 REST_S = 0.0005
 """The thread works for so long at a stretch, then lets go of Python's lock for so long."""
@@ -101,6 +103,7 @@ class Recorder:
         self._failure = ""
         self._listens = False
         self._wake = threading.Event()
+        self._wake_s = 0.0
         self._ending = False
         self._pace = _Pace()
         ring = Ring(self.folder, settings, self._disk, _boot_id())
@@ -123,6 +126,9 @@ class Recorder:
         period_s, now_s = PERIODS_S.get(topic, EVERY_ONE), self._clock()
         due_s = self._next_s.get(topic, float("-inf"))
         self._next_s[topic] = (due_s if due_s > now_s - period_s else now_s) + period_s
+        if topic == wire.OUTPUT and now_s >= self._wake_s:
+            self._wake_s = now_s + PERIOD_S
+            self._wake.set()
         if schema not in _CDR_TYPES:
             schema, payload = channels.STRING, channels.text(payload)
         self._put(Message(topic, schema, round(stamp_s * 1e9), payload))
@@ -152,6 +158,7 @@ class Recorder:
         self.listen()
         if self.is_enabled:
             logging.getLogger().addHandler(self._handler)
+            self._wake.set()
             self._thread.start()
 
     def close(self, timeout_s: float = 1.0) -> None:
@@ -222,7 +229,7 @@ class Recorder:
     def _run(self) -> None:
         try:
             while not self._ending:
-                self._wake.wait(PERIOD_S)
+                self._wake.wait(SILENT_PERIOD_S)
                 self._wake.clear()
                 self._pace.begin()
                 self._busy_since_s = self._clock()

@@ -1,0 +1,118 @@
+"""When the mux decides: on every word, at once for the last word on a scan, and on ticks only in silence."""
+
+import asyncio
+
+import pytest
+
+from drivers.api import Drive
+from runtime.command import LAB_ORDER, DriveWord, Source
+from runtime.control.limiter import Limiter, Limits
+from runtime.tasks.mux import Mux, tick
+from runtime.voices import Voices
+from sim.virtual_time import run_virtual
+
+TICK_HZ = 50.0
+
+
+class Motor:
+    def __init__(self):
+        self.sent = []
+
+    def send(self, drive):
+        self.sent.append(drive)
+        return True
+
+
+class Rig:
+    """A mux with its tick, and nobody who speaks."""
+
+    def __init__(self):
+        clock = asyncio.get_running_loop().time
+        self.clock = clock
+        self.voices = Voices(LAB_ORDER, clock)
+        self.motor = Motor()
+        self.mux = Mux(self.voices, self.motor, Limiter(Limits(4, 1, 0.34, 3.2, 4)), frozenset(), clock)
+        self.decided_s = []
+        self.notes = []
+        self._tasks = [
+            asyncio.ensure_future(self.mux.run(lambda _: self.decided_s.append(clock()))),
+            asyncio.ensure_future(tick(self.voices, TICK_HZ, clock, lambda *note: self.notes.append(note))),
+        ]
+
+    def say(self, *, for_s=10.0):
+        word = DriveWord(Source.TELEOP, Drive(1.0, 0.0), None, "stick")
+        self.voices.say(word, expires_at_s=self.clock() + for_s)
+
+    async def end(self):
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+
+def play(story):
+    async def main():
+        rig = Rig()
+        try:
+            await story(rig)
+        finally:
+            await rig.end()
+        return rig
+
+    return run_virtual(main())
+
+
+def test_it_ticks_in_silence():
+    async def story(_rig):
+        await asyncio.sleep(1.001)
+
+    rig = play(story)
+    assert len(rig.decided_s) == pytest.approx(50, abs=2)
+    assert len(rig.notes) == 50
+
+
+def test_words_at_the_lidars_rate_leave_no_silence():
+    async def story(rig):
+        for _ in range(40):
+            rig.say()
+            await asyncio.sleep(0.025)
+
+    assert len(play(story).decided_s) == 40
+
+
+def test_after_the_last_word_it_ticks_again_soon():
+    async def story(rig):
+        rig.say()
+        await asyncio.sleep(0.2)
+
+    decided_s = play(story).decided_s
+    assert decided_s[1] - decided_s[0] < 0.0501
+    assert decided_s[-1] - decided_s[-2] == pytest.approx(0.02)
+
+
+def test_a_word_that_expires_is_noticed_within_a_tick():
+    async def story(rig):
+        rig.say(for_s=0.031)
+        for _ in range(10):
+            await asyncio.sleep(0.025)
+            rig.voices.spoken_s = rig.clock()  # somebody else keeps talking
+
+    rig = play(story)
+    assert rig.motor.sent[0].speed_mps >= 0
+    assert min(at_s for at_s in rig.decided_s if at_s >= 0.031) <= 0.0511
+
+
+def test_deciding_now_leaves_no_news_for_the_loops_next_turn():
+    async def story(rig):
+        await asyncio.sleep(0)
+        rig.say()
+        rig.mux.decide_now()
+        assert len(rig.motor.sent) == 1
+        await asyncio.sleep(0.001)
+        assert len(rig.motor.sent) == 1
+        rig.mux.decide_now()
+        assert len(rig.motor.sent) == 1, "nothing new was said"
+        rig.say()
+        await asyncio.sleep(0.001)
+        assert len(rig.motor.sent) == 2
+
+    assert len(play(story).decided_s) == 2
