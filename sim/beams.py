@@ -5,6 +5,7 @@ recordings of RACECARs: 65533 for "no return", returns far beyond the 10 m of th
 right rear that see the car itself at 0.03 to 0.15 m.
 """
 
+import cmath
 import math
 from dataclasses import dataclass
 from functools import lru_cache
@@ -14,10 +15,11 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from sim.pose import Floats, Pose, Twist
+from sim.pose import STANDING, Floats, Pose, Twist
 from sim.world import Surroundings
 
 Millimetres = npt.NDArray[np.int64]
+Complexes = npt.NDArray[np.complex128]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 NO_RETURN_MM = 65533
@@ -89,17 +91,32 @@ def scan(
 def true_ranges_m(surroundings: Surroundings, pose: Pose, twist: Twist, lidar: LidarSettings) -> Floats:
     """Return what a perfect lidar in the same place would measure, shape (beams,); inf where there is nothing."""
     fan = _fan(lidar)
-    if not lidar.motion_skew or twist == Twist():
+    if not lidar.motion_skew or twist == STANDING:
         at = pose.ahead(lidar.mount_x_m)
         return surroundings.cast(at.x_m, at.y_m, fan.bearing_rad + pose.yaw_rad)
-    turned_rad = twist.yaw_rate_radps * fan.ago_s
-    middle_rad = pose.yaw_rad - turned_rad / 2  # a short arc is as long as its chord, to 1e-4
-    back_x, back_y = twist.speed_mps * fan.ago_s, twist.lateral_mps * fan.ago_s
-    cos, sin = np.cos(middle_rad), np.sin(middle_rad)
-    yaw_rad = pose.yaw_rad - turned_rad
-    x_m = pose.x_m - back_x * cos + back_y * sin + lidar.mount_x_m * np.cos(yaw_rad)
-    y_m = pose.y_m - back_x * sin - back_y * cos + lidar.mount_x_m * np.sin(yaw_rad)
-    return surroundings.cast(x_m, y_m, fan.bearing_rad + yaw_rad)
+    # In complex numbers, x + iy: a short arc is as long as its chord, to 1e-4, and points half-way between its ends.
+    half_way = _evenly_turned(-twist.yaw_rate_radps * lidar.sweep_s / 2, lidar.beams)
+    heading = cmath.rect(1.0, pose.yaw_rad) * half_way
+    place = fan.ago_s * heading
+    place *= -complex(twist.speed_mps, twist.lateral_mps)
+    place += complex(pose.x_m, pose.y_m)
+    heading *= half_way
+    heading *= lidar.mount_x_m
+    place += heading
+    yaw_rad = pose.yaw_rad - twist.yaw_rate_radps * fan.ago_s
+    return surroundings.cast(place.real, place.imag, fan.bearing_rad + yaw_rad)
+
+
+def _evenly_turned(from_rad: float, count: int) -> Complexes:
+    """Return exp(i angle), shape (count,), for angles that go evenly from `from_rad` to 0; `count` is 2 at least.
+
+    A number in two digits, so to speak: few exponentials and one product each, instead of an exponential each.
+    """
+    step_rad = -from_rad / (count - 1)
+    base = math.isqrt(count - 1) + 1
+    small = np.arange(base)
+    coarse, fine = np.exp(1j * (from_rad + base * step_rad * small)), np.exp(1j * step_rad * small)
+    return np.outer(coarse, fine).ravel()[:count]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,9 +147,10 @@ def _as_reported(ranges_m: Floats, lidar: LidarSettings, rng: np.random.Generato
     """Add what a real sensor adds. The dice are thrown in the same order whatever is hit: one seed, one noise."""
     fan = _fan(lidar)
     noise_m = rng.normal(0.0, lidar.noise_std_m, lidar.beams) if lidar.noise_std_m else 0.0
-    seen_m = np.minimum(ranges_m, fan.dirt_m)
+    seen_m = np.minimum(ranges_m, fan.dirt_m) if lidar.dirty_sectors else ranges_m
     lost = seen_m > lidar.range_max_m
-    seen_m = np.where(lost, 0.0, seen_m) + noise_m
+    seen_m = np.minimum(seen_m, lidar.range_max_m)  # of the lost ones nothing is reported; this keeps them finite
+    seen_m += noise_m
     if lidar.outlier_share:
         wild = rng.random(lidar.beams) < lidar.outlier_share
         seen_m = np.where(wild, rng.uniform(0.02, min(10.0, lidar.range_max_m), lidar.beams), seen_m)
@@ -143,6 +161,9 @@ def _as_reported(ranges_m: Floats, lidar: LidarSettings, rng: np.random.Generato
         own = np.isfinite(fan.own_parts_m)
         seen_m = np.where(own, np.clip(fan.own_parts_m + 0.2 * noise_m, 0.03, 0.15), seen_m)
         lost &= ~own
-    reported_mm = np.rint(np.maximum(seen_m, 0.0) * 1000.0).astype(np.int64)
-    reported_mm[lost] = NO_RETURN_MM
+    np.maximum(seen_m, 0.0, out=seen_m)
+    seen_m *= 1000.0
+    reported_mm = np.rint(seen_m, out=seen_m).astype(np.int64)
+    if lost.any():
+        reported_mm[lost] = NO_RETURN_MM
     return reported_mm

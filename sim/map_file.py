@@ -111,7 +111,8 @@ def choose_start(geometry: GridGeometry, side: Side) -> Pose:
     """Choose a place about 1 m from a wall (as far as a narrower map allows), parallel to it, with a free way ahead.
 
     Of 300 cells spread over those at that distance, the one with the longest straight way ahead and behind wins
-    (8 m are enough), less what the wall's distance changes within 1 m. The same map gives the same start.
+    (8 m are enough), less what the wall's distance changes within 1 m. The same map gives the same start
+    on every machine: many places look alike to the last bit, so it is numpy's beams that choose, never compiled ones.
     """
     from scipy import ndimage
 
@@ -128,7 +129,7 @@ def choose_start(geometry: GridGeometry, side: Side) -> Pose:
 def _along_the_wall(geometry: GridGeometry, at: tuple[float, float], side: Side) -> Pose:
     """The pose at a point that has the nearest wall square to one side."""
     bearings = np.linspace(-math.pi, math.pi, 180, endpoint=False)
-    ranges_m = geometry.cast(*at, bearings)
+    ranges_m = geometry.march(*at, bearings)
     points = np.column_stack([ranges_m * np.cos(bearings), ranges_m * np.sin(bearings)])
     aside = np.cos(bearings - bearings[np.argmin(ranges_m)]) > 0.5
     near = points[aside & (ranges_m <= 1.3 * ranges_m.min())]  # a patch about 1.6 times as long as it is far
@@ -144,8 +145,8 @@ def _worth(geometry: GridGeometry, pose: Pose, side: Side) -> float:
     """Metres of free way, less a penalty for a wall that is not where it should be."""
     sides = pose.yaw_rad + side_sign(side) * np.radians(np.linspace(60.0, 120.0, 25))
     ways = pose.yaw_rad + np.radians([-4.0, 0.0, 4.0, 176.0, 180.0, 184.0])
-    ranges_m = geometry.cast(pose.x_m, pose.y_m, ways)
+    ranges_m = geometry.march(pose.x_m, pose.y_m, ways)
     ahead_m, behind_m = min(_LOOK_AHEAD_M, ranges_m[:3].min()), min(1.0, ranges_m[3:].min())
     places = [pose.ahead(forward_m) for forward_m in (-0.5, 0.0, 0.5, 1.0)]
-    walls_m = [float(geometry.cast(at.x_m, at.y_m, sides).min()) for at in places]
+    walls_m = [float(geometry.march(at.x_m, at.y_m, sides).min()) for at in places]
     return float(ahead_m + behind_m - 10.0 * (max(walls_m) - min(walls_m)) - 5.0 * abs(walls_m[1] - START_DISTANCE_M))

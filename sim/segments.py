@@ -1,20 +1,23 @@
 """Walls as straight segments and poles as circles: exact ray casts and exact distances to the car's outline.
 
-All beams meet all segments at once; for up to about 60 segments that beats any index structure in numpy.
+Beams are cast in one of three ways that agree to rounding: the compiled `casting.c` where it can be had; else `FanCast`
+for an even fan from one place among more than a few walls; else all beams meet all walls at once.
 """
+
+from functools import cached_property, lru_cache
 
 import numpy as np
 
+from sim import compiled
+from sim.fan_cast import EDGE_ON, FanCast, is_fan
 from sim.pose import Booleans, Floats, Footprint, Pose, into_frame
 
 _NO_SEGMENTS = np.empty((0, 4))
 _NO_CIRCLES = np.empty((0, 3))
 _END_SLACK_M = 1e-9
 """By how much segments are longer for rays, so that none slips through a corner."""
-_EDGE_ON = 1e-9
-"""Sine of the angle under which a wall, which has no thickness, is not seen: there rounding decides where it is."""
-
-
+_FEW_WALLS = 5
+"""Up to so many, meeting all of them costs less than finding out which."""
 _BLOCK = 6
 """Segments taken at once: more of them times 1081 beams would no longer fit the processor's inner cache."""
 
@@ -35,6 +38,9 @@ class SegmentGeometry:
         self._along_ray = np.column_stack([px * ey - py * ex, -ey, ex])
         self._along_segment = np.column_stack([px, -py, -np.ones_like(px)])
         self._facing = np.column_stack([ey, -ex])
+        self._library = compiled.library()
+        self._straight = np.column_stack([px, py, ex, ey, length / 2])
+        self._compiled = compiled.walls(self._straight, self.circles_m, end_slack_m=_END_SLACK_M, edge_on=EDGE_ON)
 
     @property
     def bounds_m(self) -> tuple[float, float, float, float]:
@@ -53,10 +59,15 @@ class SegmentGeometry:
 
         bearing_rad: shape (n,); x_m, y_m: one origin for all beams, or one for each, shape (n,).
         """
+        if self._library is not None:
+            return compiled.cast(self._library.cast_walls, self._compiled, x_m, y_m, bearing_rad)
         dx, dy = np.cos(bearing_rad), np.sin(bearing_rad)
         ox, oy = np.broadcast_to(x_m, dx.shape), np.broadcast_to(y_m, dx.shape)
         nearest = np.full(dx.shape, np.inf)
-        if len(self.segments_m):
+        spread = isinstance(x_m, np.ndarray) or isinstance(y_m, np.ndarray)
+        if len(self.segments_m) > _FEW_WALLS and not spread and is_fan(bearing_rad):
+            nearest = self._fan.cast(float(ox[0]), float(oy[0]), bearing_rad)
+        elif len(self.segments_m):
             nearest = self._cast_segments(ox, oy, dx, dy)
         if len(self.circles_m):
             np.minimum(nearest, _cast_circles(self.circles_m, ox, oy, dx, dy), out=nearest)
@@ -78,6 +89,10 @@ class SegmentGeometry:
         """Return the same walls with y negated."""
         return SegmentGeometry(self.segments_m * [1, -1, 1, -1], self.circles_m * [1, -1, 1])
 
+    @cached_property
+    def _fan(self) -> FanCast:
+        return FanCast(self.segments_m)
+
     def _cast_segments(self, ox: Floats, oy: Floats, dx: Floats, dy: Floats) -> Floats:
         aim = np.stack([dx, dy])
         offset = np.stack([dy, dx, ox * dy - oy * dx])
@@ -95,7 +110,7 @@ class SegmentGeometry:
                 along -= half_m
                 met = np.abs(along, out=along) <= half_m + _END_SLACK_M
                 met &= distance >= 0.0
-                met &= np.abs(facing, out=facing) < 1.0 / _EDGE_ON
+                met &= np.abs(facing, out=facing) < 1.0 / EDGE_ON
                 np.minimum(nearest, np.where(met, distance, np.inf).min(axis=0), out=nearest)
         return nearest
 
@@ -136,27 +151,38 @@ def _segments_to_rectangle(x0: Floats, y0: Floats, x1: Floats, y1: Floats, footp
 
     Two convex shapes that do not meet are nearest at a corner of one of them.
     """
-    nearest = np.minimum(footprint.distance_to(x0, y0), footprint.distance_to(x1, y1))
+    ends = footprint.distance_to(np.stack([x0, x1]), np.stack([y0, y1]))
     ex, ey = x1 - x0, y1 - y0
     length2 = np.maximum(ex**2 + ey**2, 1e-18)
-    for cx, cy in footprint.corners():
-        share = np.clip(((cx - x0) * ex + (cy - y0) * ey) / length2, 0.0, 1.0)
-        nearest = np.minimum(nearest, np.hypot(x0 + share * ex - cx, y0 + share * ey - cy))
-    return np.where(_crosses(x0, y0, ex, ey, footprint), 0.0, nearest)
+    cx, cy = _corners(footprint)
+    share = np.minimum(np.maximum(((cx - x0) * ex + (cy - y0) * ey) / length2, 0.0), 1.0)
+    corners = np.hypot(x0 + share * ex - cx, y0 + share * ey - cy)
+    nearest: Floats = np.minimum(ends.min(axis=0), corners.min(axis=0))
+    nearest[_crosses(np.stack([x0, y0]), np.stack([ex, ey]), footprint)] = 0.0
+    return nearest
 
 
-def _crosses(x0: Floats, y0: Floats, ex: Floats, ey: Floats, footprint: Footprint) -> Booleans:
-    """Whether each segment passes through the rectangle: the slab test."""
-    enter, leave = np.zeros_like(x0), np.ones_like(x0)
+def _crosses(start: Floats, step: Floats, footprint: Footprint) -> Booleans:
+    """Whether each segment, start and start + step, shape (2, n), passes through the rectangle: the slab test."""
+    low, high = _slabs(footprint)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # a side that is parallel is crossed nowhere
-        for start, step, low, high in (
-            (x0, ex, footprint.rear_m, footprint.front_m),
-            (y0, ey, -footprint.half_width_m, footprint.half_width_m),
-        ):
-            a, b = (low - start) / step, (high - start) / step
-            within = (step == 0.0) & (start >= low) & (start <= high)
-            first = np.where(within, -np.inf, np.fmin(a, b))
-            last = np.where(within, np.inf, np.fmax(a, b))
-            enter, leave = np.maximum(enter, first), np.minimum(leave, last)
-    crosses: Booleans = enter <= leave
+        a, b = (low - start) / step, (high - start) / step
+    within = (step == 0.0) & (start >= low) & (start <= high)
+    first = np.where(within, -np.inf, np.fmin(a, b))
+    last = np.where(within, np.inf, np.fmax(a, b))
+    crosses: Booleans = np.maximum(first.max(axis=0), 0.0) <= np.minimum(last.min(axis=0), 1.0)
     return crosses
+
+
+@lru_cache(maxsize=16)
+def _corners(footprint: Footprint) -> Floats:
+    """X and y of the corners, shape (2, 4, 1)."""
+    corners: Floats = np.ascontiguousarray(footprint.corners().T)[:, :, None]
+    return corners
+
+
+@lru_cache(maxsize=16)
+def _slabs(footprint: Footprint) -> Floats:
+    """Lower and upper bound of x and of y, shape (2, 2, 1)."""
+    half_m = footprint.half_width_m
+    return np.array([[[footprint.rear_m], [-half_m]], [[footprint.front_m], [half_m]]])

@@ -12,7 +12,7 @@ has no stiff equations; between 0.4 and 0.8 m/s the two are mixed. Accelerating 
 driving and braking force is shared like the load. Plain floats: numpy would be ten times slower for so few numbers.
 """
 
-import math
+from math import atan2, ceil, copysign, cos, hypot, remainder, sin, sqrt, tan, tau
 
 from sim.delay import DelayLine
 from sim.motor_control import COAST, BrakeDemand, CoastDemand, Demand, MotorControl, SpeedDemand
@@ -43,6 +43,10 @@ class Vehicle:
         self._shift_per_mps2 = s.cg_height_m / (GRAVITY_MPS2 * s.wheelbase_m)
         self._yaw_per_moment = s.mass_kg / s.yaw_inertia_kgm2  # forces are kept per mass, in m/s2
         self._wheel_inertia = s.wheel_mass_kg / s.mass_kg
+        # Looked up 400 times a second and more: a model's fields are slower than a body's own.
+        self._wheelbase_m, self._trim_rad = s.wheelbase_m, s.trim_rad
+        self._steering_rate_radps, self._max_steering_rad = s.steering_rate_radps, s.max_steering_rad
+        self._stiff_front, self._stiff_rear = s.cornering_front_per_rad, s.cornering_rear_per_rad
         self.place(pose or Pose(0.0, 0.0, 0.0))
 
     def place(self, pose: Pose, *, speed_mps: float = 0.0) -> None:
@@ -55,6 +59,7 @@ class Vehicle:
         self.servo_rad = 0.0
         self._sliding = False
         self._motor.reset()
+        self._told: Demand = COAST
         self._demands: DelayLine[Demand] = DelayLine(self.settings.drive_delay_s, COAST)
         self._steering: DelayLine[float] = DelayLine(self.settings.steering_delay_s, 0.0)
 
@@ -100,24 +105,26 @@ class Vehicle:
 
         They take effect after the delays in the settings. Steps over 2.5 ms are divided.
         """
-        self._demands.put(self.now_s, demand)
+        if demand is not self._told:
+            self._told = demand
+            self._demands.put(self.now_s, demand)
         self._steering.put(self.now_s, steering_command_rad)
-        parts = max(1, math.ceil(dt_s / _LONGEST_STEP_S - 1e-9))
+        parts = max(1, ceil(dt_s / _LONGEST_STEP_S - 1e-9))
         for _ in range(parts):
             self._advance(dt_s / parts)
 
     def _advance(self, dt_s: float) -> None:
-        s = self.settings
-        wanted_rad = min(max(self._steering.at(self.now_s), -s.max_steering_rad), s.max_steering_rad)
-        turn_rad = s.steering_rate_radps * dt_s
-        self.servo_rad += min(max(wanted_rad - self.servo_rad, -turn_rad), turn_rad)
+        wanted_rad = self._steering.at(self.now_s)
+        if wanted_rad != self.servo_rad:
+            wanted_rad = _within(wanted_rad, self._max_steering_rad)
+            self.servo_rad += _within(wanted_rad - self.servo_rad, self._steering_rate_radps * dt_s)
         drive_mps2, brake_mps2 = self._motor.forces(self._demands.at(self.now_s), self.wheel_speed_mps, dt_s)
         self.now_s += dt_s
         if not drive_mps2 and not (self._forward_mps or self._left_mps or self.yaw_rate_radps):
             self.wheel_speed_mps = 0.0
             return
         yaw_before = self.yaw_rate_radps
-        angle_rad = self.servo_rad + s.trim_rad
+        angle_rad = self.servo_rad + self._trim_rad
         if self._sliding:
             self._slide(dt_s, drive_mps2, brake_mps2, angle_rad)
         else:
@@ -126,11 +133,11 @@ class Vehicle:
 
     def _move(self, dt_s: float, yaw_rate_radps: float) -> None:
         middle_rad = self.yaw_rad + yaw_rate_radps * dt_s / 2
-        cos, sin = math.cos(middle_rad), math.sin(middle_rad)
+        cosine, sine = cos(middle_rad), sin(middle_rad)
         left_mps = self._left_mps - self._rear_m * yaw_rate_radps
-        self.x_m += (self._forward_mps * cos - left_mps * sin) * dt_s
-        self.y_m += (self._forward_mps * sin + left_mps * cos) * dt_s
-        self.yaw_rad = math.remainder(self.yaw_rad + yaw_rate_radps * dt_s, math.tau)
+        self.x_m += (self._forward_mps * cosine - left_mps * sine) * dt_s
+        self.y_m += (self._forward_mps * sine + left_mps * cosine) * dt_s
+        self.yaw_rad = remainder(self.yaw_rad + yaw_rate_radps * dt_s, tau)
         self.wheel_travel_m += self.wheel_speed_mps * dt_s
 
     def _roll(self, dt_s: float, drive_mps2: float, brake_mps2: float, angle_rad: float) -> None:
@@ -138,22 +145,25 @@ class Vehicle:
         u, grip_mps2 = self._forward_mps, self._grip_mps2
         # A standing car is held by its drag, which is never stronger than what it holds against.
         drag_mps2 = brake_mps2 if u else min(brake_mps2, abs(drive_mps2))
-        along_mps2 = drive_mps2 - math.copysign(drag_mps2, u or drive_mps2)
+        along_mps2 = drive_mps2 - copysign(drag_mps2, u or drive_mps2)
         if brake_mps2 > grip_mps2 and abs(along_mps2) > grip_mps2:
             self._sliding = True
-            self.wheel_speed_mps = u - math.copysign(min(_SLIP_SCALE_MPS, abs(u)), u)  # enough slip to rub in full
+            self.wheel_speed_mps = u - copysign(min(_SLIP_SCALE_MPS, abs(u)), u)  # enough slip to rub in full
             self._slide(dt_s, drive_mps2, brake_mps2, angle_rad)
             return
         if drive_mps2:  # the speed control does not spin the wheels, and leaves some grip to steer with
             most_mps2 = _DRIVE_SHARE * grip_mps2
-            along_mps2 = min(max(along_mps2, -most_mps2), most_mps2)
-        slips = (math.hypot(u, self._left_mps) - _ROLLS_BELOW_MPS) / (_SLIPS_ABOVE_MPS - _ROLLS_BELOW_MPS)
-        slips = min(max(slips, 0.0), 1.0)
+            along_mps2 = _within(along_mps2, most_mps2)
+        slips = (hypot(u, self._left_mps) - _ROLLS_BELOW_MPS) / (_SLIPS_ABOVE_MPS - _ROLLS_BELOW_MPS)
+        if slips < 0.0:
+            slips = 0.0
+        elif slips > 1.0:
+            slips = 1.0
         by_tyres = self._tyre_accelerations(along_mps2, angle_rad) if slips else (along_mps2, 0.0, 0.0)
         new_u = u + (slips * by_tyres[0] + (1.0 - slips) * along_mps2) * dt_s
         if new_u * u < 0.0 and abs(drive_mps2) <= brake_mps2:
             new_u = 0.0  # friction stops, it does not push back
-        rolling_rate = new_u * math.tan(angle_rad) / self.settings.wheelbase_m
+        rolling_rate = new_u * tan(angle_rad) / self._wheelbase_m
         rolling_left = self._rear_m * rolling_rate
         slipping_left = self._left_mps + by_tyres[1] * dt_s
         slipping_rate = self.yaw_rate_radps + by_tyres[2] * dt_s
@@ -167,17 +177,19 @@ class Vehicle:
         along_mps2: driving (positive) or braking force of all wheels per mass of the car, within the grip.
         """
         u, w, rate = self._forward_mps, self._left_mps, self.yaw_rate_radps
-        aside_mps2 = math.sqrt(max(0.0, self._grip_mps2**2 - along_mps2**2))
-        cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+        aside_mps2 = sqrt(max(0.0, self._grip_mps2**2 - along_mps2**2))
+        cosine, sine = cos(angle_rad), sin(angle_rad)
         front_left = w + self._front_m * rate
-        slip_front = math.atan2(front_left * cos - u * sin, abs(u * cos + front_left * sin))
-        slip_rear = math.atan2(w - self._rear_m * rate, abs(u))
-        front_share = min(max(self._front_share - self._shift_per_mps2 * along_mps2, 0.0), 1.0)
+        slip_front = atan2(front_left * cosine - u * sine, abs(u * cosine + front_left * sine))
+        slip_rear = atan2(w - self._rear_m * rate, abs(u))
+        front_share = self._front_share - self._shift_per_mps2 * along_mps2
+        if not 0.0 <= front_share <= 1.0:
+            front_share = min(max(front_share, 0.0), 1.0)
         rear_share = 1.0 - front_share
-        front = -front_share * aside_mps2 * _saturated(self.settings.cornering_front_per_rad * slip_front)
-        rear = -rear_share * aside_mps2 * _saturated(self.settings.cornering_rear_per_rad * slip_rear)
+        front = -front_share * aside_mps2 * _saturated(self._stiff_front * slip_front)
+        rear = -rear_share * aside_mps2 * _saturated(self._stiff_rear * slip_rear)
         pull = front_share * along_mps2
-        front_along, front_aside = pull * cos - front * sin, pull * sin + front * cos
+        front_along, front_aside = pull * cosine - front * sine, pull * sine + front * cosine
         forward = front_along + rear_share * along_mps2 + w * rate
         turning = self._yaw_per_moment * (self._front_m * front_aside - self._rear_m * rear)
         return forward, front_aside + rear - u * rate, turning
@@ -186,17 +198,17 @@ class Vehicle:
         """Wheels slip along as well: all grip acts against the direction in which the tread slides."""
         u, w, rate, wheel = self._forward_mps, self._left_mps, self.yaw_rate_radps, self.wheel_speed_mps
         grip_mps2 = self._grip_mps2
-        if wheel == 0.0 and math.hypot(u, w) + abs(rate) * self._rear_m <= grip_mps2 * dt_s:
+        if wheel == 0.0 and hypot(u, w) + abs(rate) * self._rear_m <= grip_mps2 * dt_s:
             self.halt()
             return
-        cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+        cosine, sine = cos(angle_rad), sin(angle_rad)
         front_left = w + self._front_m * rate
-        front_x, front_y = _friction(u * cos + front_left * sin - wheel, front_left * cos - u * sin)
+        front_x, front_y = _friction(u * cosine + front_left * sine - wheel, front_left * cosine - u * sine)
         rear_x, rear_y = _friction(u - wheel, w - self._rear_m * rate)
         shift = self._shift_per_mps2 * grip_mps2 * rear_x  # the load follows the force, here the whole grip
         front_share = min(max(self._front_share - shift, 0.0), 1.0)
         front_grip, rear_grip = front_share * grip_mps2, (1.0 - front_share) * grip_mps2
-        front_along, front_aside = front_x * cos - front_y * sin, front_x * sin + front_y * cos
+        front_along, front_aside = front_x * cosine - front_y * sine, front_x * sine + front_y * cosine
         self._forward_mps = u + (front_grip * front_along + rear_grip * rear_x + w * rate) * dt_s
         self._left_mps = w + (front_grip * front_aside + rear_grip * rear_y - u * rate) * dt_s
         turning = self._front_m * front_grip * front_aside - self._rear_m * rear_grip * rear_y
@@ -211,7 +223,7 @@ class Vehicle:
         wheel = self.wheel_speed_mps
         if wheel == 0.0 and abs(turning_mps2) <= brake_mps2:
             return
-        brakes = math.copysign(brake_mps2, wheel or turning_mps2)
+        brakes = copysign(brake_mps2, wheel or turning_mps2)
         turned = wheel + (turning_mps2 - brakes) / self._wheel_inertia * dt_s
         self.wheel_speed_mps = 0.0 if turned * wheel < 0.0 else turned
         if (self.wheel_speed_mps - self._forward_mps) * (wheel - before_mps) <= 0.0 and wheel != before_mps:
@@ -219,12 +231,21 @@ class Vehicle:
             self._sliding = False
 
 
+def _within(value: float, most: float) -> float:
+    """Limit to +-most. Comparisons: min and max take twice as long."""
+    if value > most:
+        return most
+    if value < -most:
+        return -most
+    return value
+
+
 def _saturated(z: float) -> float:
     z2 = z * z
-    return z / math.sqrt(math.sqrt(1.0 + z2 * z2))
+    return z / sqrt(sqrt(1.0 + z2 * z2))
 
 
 def _friction(slip_x_mps: float, slip_y_mps: float) -> tuple[float, float]:
     """Direction of sliding friction, as shares of the grip; fades with the last of the slip."""
-    size = max(math.hypot(slip_x_mps, slip_y_mps), _SLIP_SCALE_MPS)
+    size = max(hypot(slip_x_mps, slip_y_mps), _SLIP_SCALE_MPS)
     return -slip_x_mps / size, -slip_y_mps / size

@@ -47,7 +47,7 @@ def test_beams_along_the_grid_lines(bearing):
 
 
 @given(x=st.floats(0.0, 8.0), y=st.floats(0.0, 5.0), yaw=st.floats(-4, 4))
-@settings(max_examples=300)
+@settings(max_examples=300, deadline=None)
 def test_clearance_agrees_with_segments(x, y, yaw):
     pose = Pose(x, y, yaw)
     if GRID.is_free(x, y):
@@ -86,7 +86,7 @@ def test_mirrored_and_drawn():
 
 
 @given(seed=st.integers(0, 1000))
-@settings(max_examples=30)
+@settings(max_examples=30, deadline=None)
 def test_in_random_clutter_every_beam_ends_at_the_first_solid_cell(seed):
     rng = np.random.default_rng(seed)
     solid = rng.random((40, 40)) < 0.1
