@@ -136,13 +136,13 @@ def box(x_m: float, y_m: float, length_m: float, width_m: float, yaw_rad: float 
 
 
 def _cast_circles(circles_m: Floats, ox: Floats, oy: Floats, dx: Floats, dy: Floats) -> Floats:
-    to_x, to_y = circles_m[:, :1] - ox, circles_m[:, 1:2] - oy
-    along = to_x * dx + to_y * dy
-    aside = to_x * dy - to_y * dx
-    half_chord = np.sqrt(np.maximum(circles_m[:, 2:] ** 2 - aside**2, 0.0))
-    inside = to_x**2 + to_y**2 <= circles_m[:, 2:] ** 2
-    distance = np.where((np.abs(aside) <= circles_m[:, 2:]) & (along > 0), along - half_chord, np.inf)
-    nearest: Floats = np.where(inside, 0.0, distance).min(axis=0)
+    to_x, to_y, radius = circles_m[:, :1] - ox, circles_m[:, 1:2] - oy, circles_m[:, 2:]
+    along, aside = to_x * dx + to_y * dy, to_x * dy - to_y * dx
+    circle, beam = np.nonzero((np.abs(aside) <= radius) & (along > 0))  # few: circles are poles and legs
+    half_chord = np.sqrt(np.maximum(radius[circle, 0] ** 2 - aside[circle, beam] ** 2, 0.0))
+    nearest: Floats = np.full(dx.shape, np.inf)
+    np.minimum.at(nearest, beam, along[circle, beam] - half_chord)
+    nearest[(to_x**2 + to_y**2 <= radius**2).any(axis=0)] = 0.0
     return nearest
 
 

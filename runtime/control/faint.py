@@ -2,7 +2,8 @@
 
 A single beam may be wild, so a thing normally counts from three neighbouring beams on; a pole of 2 cm has them only
 within 2.2 m, too late for a car at 4 m/s on a slippery floor. But a pole stands still: the one or two beams that meet
-it farther out meet it again, while a wild beam of the next scan is somewhere else. (The idea is that of "M of N"
+it farther out meet it again, while a wild beam of the next scan is somewhere else. Nearer, when three or four beams
+meet it and one of them is wild, it is known from the scans before. (The idea is that of "M of N"
 confirmation in radar tracking, Blackman & Popoli 1999, section 6.2, with a track that is a place.)
 """
 
@@ -11,6 +12,7 @@ import math
 from collections import deque
 
 import numpy as np
+import numpy.typing as npt
 
 from runtime.control.geometry import NOWHERE, Places, places_m
 from runtime.control.odometry import Pose
@@ -22,6 +24,9 @@ SAME_RANGE_M = 0.1
 """Three times the noise of two distances, and how far the odometry may err within 0.1 s."""
 SAME_ASIDE_M = 0.03
 """Aside a beam is as good as its bearing: 0.25 degrees are 1 cm at 2.5 m."""
+STANDS_OUT_M = 0.15
+STANDS_OUT_BEAMS = 4
+"""A thin thing is so much nearer than the beams so many places to its left and right."""
 AHEAD_RAD = math.radians(40)
 FROM_M, WITHIN_M = 1.0, 5.0
 """Nearer, three beams meet a thing of 1.3 cm; farther, the beams are wider apart than a pole."""
@@ -30,7 +35,7 @@ FORGOTTEN_S = 0.1
 
 
 class Faint:
-    """Small state: lonely returns of the last scans in the odometry frame."""
+    """Small state: what stood out thinly in the last scans, in the odometry frame."""
 
     def __init__(self) -> None:
         self._before: deque[Places] = deque(maxlen=SCANS - 1)
@@ -45,15 +50,16 @@ class Faint:
             self._before.clear()
         self._stamp_s = stamp_s
         turned, at_m = cmath.rect(1.0, pose.yaw_rad), complex(pose.x_m, pose.y_m)
-        seen = _lonely(view)
-        places = seen * turned
-        places += at_m
+        thin = _thin(view)
         before = tuple(self._before)
-        self._before.append(places)
+        self._before.append(places_m(view.x_m, view.y_m, thin) * turned + at_m)
+        # What three beams meet counts already; the others are asked whether they were seen before.
+        lonely = thin[~view.solid.take(thin)]
+        seen = places_m(view.x_m, view.y_m, lonely)
         if len(before) < SCANS - 1 or not seen.size:
             return NOWHERE
         old = np.concatenate(before)
-        off = old - places[:, None]
+        off = old - (seen * turned + at_m)[:, None]
         if np.count_nonzero(np.abs(off) < SAME_RANGE_M + SAME_ASIDE_M) < SCANS - 2:
             return NOWHERE  # as after most scans
         off *= (seen.conj() / (np.abs(seen) * turned))[:, None]  # the real part along the beam, the imaginary one aside
@@ -66,14 +72,17 @@ class Faint:
         return np.concatenate([seen[there], (old[same[there].any(axis=0)] - at_m) / turned])
 
 
-def _lonely(view: View) -> Places:
-    """Return the places (k,), base_link, of the beams ahead that have a distance but too few neighbours."""
+def _thin(view: View) -> npt.NDArray[np.intp]:
+    """Return the indices (k,) of the beams ahead that stand out, nearer than what is to their left and right."""
     middle = round(-view.scan.angle_min_rad / view.scan.angle_step_rad)
     half = round(AHEAD_RAD / abs(view.scan.angle_step_rad))
-    first = max(0, middle - half)
-    index = (~view.solid[first : max(first, middle + half + 1)]).nonzero()[0]
-    index += first
-    ranges_m = view.ranges_m.take(index)
-    near = ranges_m < WITHIN_M  # NaN is not nearer
-    near &= ranges_m > FROM_M
-    return places_m(view.x_m, view.y_m, index[near])
+    first = max(STANDS_OUT_BEAMS, middle - half)
+    last = max(first, min(view.ranges_m.size - STANDS_OUT_BEAMS, middle + half + 1))
+    around_m = view.ranges_m[first - STANDS_OUT_BEAMS : last + STANDS_OUT_BEAMS]
+    ranges_m = view.ranges_m[first:last]
+    hidden = around_m[2 * STANDS_OUT_BEAMS :] - ranges_m < STANDS_OUT_M  # NaN, no echo, counts as far
+    hidden |= around_m[: -2 * STANDS_OUT_BEAMS] - ranges_m < STANDS_OUT_M
+    thin = ranges_m < WITHIN_M
+    thin &= ranges_m > FROM_M
+    thin &= ~hidden
+    return thin.nonzero()[0] + first

@@ -28,11 +28,11 @@ SLIP_PER_TURN = 0.3
 """What the model may be wrong by in a step: always, and per radian turned."""
 TRIM_START_STD_RAD = 0.02
 TRIM_STEP_STD_RAD = 1e-4
-STRAIGHT_WITHIN_MPS2 = 1.5
+STRAIGHT_WITHIN_MPS2 = 1.8
 CALM_SHARE = 0.9
-FIRST_UNREST_RAD = 0.05
+BENT_UNREST_RAD = 0.05
 """The trim learns only while the car turns with less than this lateral acceleration, and has done so for a while: per
-scan the memory of the last turn falls to CALM_SHARE of itself. A car that was just put somewhere counts as turning."""
+scan the memory of the last turn falls to CALM_SHARE of itself. A bent wall counts as such a turn."""
 
 
 class WallTrack:
@@ -44,7 +44,7 @@ class WallTrack:
         self._trim_var = TRIM_START_STD_RAD**2
         self._line: Line | None = None
         self._d = self._a = 0.0
-        self._unrest_rad = FIRST_UNREST_RAD
+        self._unrest_rad = 0.0
         # Covariances: of d, a, and between them and the trim.
         self._dd = self._aa = self._da = self._dt = self._at = 0.0
 
@@ -62,7 +62,7 @@ class WallTrack:
         if self._line is None:
             return None
         if not straight:
-            self._unrest_rad = max(self._unrest_rad, FIRST_UNREST_RAD)
+            self._unrest_rad = max(self._unrest_rad, BENT_UNREST_RAD)
         self._predict(way_m, wheel_rad, speed_mps)
         return Line(self._d, self._a, self._line.inliers)
 

@@ -47,7 +47,7 @@ class Car:
     def __init__(self, tmp_path):
         self.endpoint = free_endpoint()
         self.file = tmp_path / "car.toml"
-        self.file.write_text("[wall_follow]\nkp = 0.35  # gain\n")
+        self.file.write_text("[wall_follow]\nkp = 13.5  # gain\n")
         car = Surroundings(lambda *_: None, lambda: False, lambda: 1e9, lambda: "2026-01-01T00:00:00Z", self.file)
         self.desk = ParameterDesk(Settings(), car, History(10))
         self.bus = Bus(zenoh_config.car_config([self.endpoint], None, (), "car1"))
@@ -70,18 +70,18 @@ class Car:
 async def test_a_session_with_a_car(tmp_path, capsys):
     async with Car(tmp_path) as car:
         assert await car.param("get", "wall_follow.kp") == 0
-        assert capsys.readouterr().out == "0.35\n"
+        assert capsys.readouterr().out == "13.5\n"
         assert await car.param("set", "wall_follow.kp=0.5", "wall_follow.side=right") == 0
         assert capsys.readouterr().out.splitlines() == [
             "wall_follow.side: left -> right",
-            "wall_follow.kp: 0.35 -> 0.5",
+            "wall_follow.kp: 13.5 -> 0.5",
             "until the restart; not saved yet: wall_follow.kp, wall_follow.side (wallride param save)",
         ]
         assert await car.param("set", "wall_follow.kp=0.5") == 0
         assert "nothing changed" in capsys.readouterr().out
         assert await car.param("list", "wall_follow.k") == 0
         kp, kd = capsys.readouterr().out.splitlines()
-        assert kp.split("  ")[:2] == ["wall_follow.kp", "0.5 (default 0.35)"]
+        assert kp.split("  ")[:2] == ["wall_follow.kp", "0.5 (default 13.5)"]
         assert "a number from 0 to 20 rad/m" in kp
         assert "Steering per radian" in kd
         assert await car.param("list", "wall_follow.kp", "--json") == 0

@@ -63,7 +63,7 @@ class Room:
 def test_the_list_tells_everything_about_each_setting():
     room = Room()
     found = {entry["name"]: entry for entry in json.loads(room.desk.list_all(b""))["parameters"]}
-    assert found[KP]["value"] == found[KP]["default"] == 0.35
+    assert found[KP]["value"] == found[KP]["default"] == 13.5
     assert (found[KP]["lowest"], found[KP]["highest"], found[KP]["unit"]) == (0, 20, "rad/m")
     assert found["car.wheelbase_m"]["takes_effect"] == "restart"
     only = json.loads(room.desk.list_all(b'{"under": "safety.recovery."}'))["parameters"]
@@ -72,25 +72,25 @@ def test_the_list_tells_everything_about_each_setting():
 
 def test_what_is_set_is_applied_once_and_remembered():
     room = Room()
-    said = room.set(wall_follow__kp=0.5, wall_follow__kd=1.5, by="ann")
-    assert said["changed"] == [{"name": KP, "old": 0.35, "new": 0.5}]
+    said = room.set(wall_follow__kp=0.5, wall_follow__kd=4.5, by="ann")
+    assert said["changed"] == [{"name": KP, "old": 13.5, "new": 0.5}]
     assert said["unsaved"] == [KP]
     assert [changed for _, changed in room.applied] == [[KP]]
-    assert room.get(KP, "wall_follow.kd") == {KP: 0.5, "wall_follow.kd": 1.5}
+    assert room.get(KP, "wall_follow.kd") == {KP: 0.5, "wall_follow.kd": 4.5}
     (change,) = room.history()
-    assert (change["by"], change["at"], change["name"], change["old"], change["new"]) == ("ann", "a day", KP, 0.35, 0.5)
+    assert (change["by"], change["at"], change["name"], change["old"], change["new"]) == ("ann", "a day", KP, 13.5, 0.5)
 
 
 def test_setting_what_is_already_so_changes_nothing():
     room = Room()
-    assert room.set(wall_follow__kp=0.35)["changed"] == []
+    assert room.set(wall_follow__kp=13.5)["changed"] == []
     assert (room.applied, room.history()) == ([], [])
 
 
 def test_one_wrong_value_refuses_all_of_them():
     room = Room()
     assert "kd = 99" in room.refusal(wall_follow__kp=0.5, wall_follow__kd=99)
-    assert room.get(KP) == {KP: 0.35}
+    assert room.get(KP) == {KP: 13.5}
 
 
 @pytest.mark.parametrize(

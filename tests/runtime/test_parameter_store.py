@@ -38,8 +38,8 @@ def test_only_the_value_changes_and_comments_and_order_stay(file):
     after = file.read_text().splitlines()
     changed = [(old, new) for old, new in zip(before, after, strict=True) if old != new]
     assert changed == [
-        ("kp = 0.35                         # steering per metre of distance error",
-         "kp = 0.5                         # steering per metre of distance error"),
+        ("kp = 13.5                         # steering per metre of distance error, at 1 m/s; falls as 1 / speed^2",
+         "kp = 0.5                         # steering per metre of distance error, at 1 m/s; falls as 1 / speed^2"),
         ("binds_teleop = false              # true: the joystick is limited too",
          "binds_teleop = true              # true: the joystick is limited too"),
     ]  # fmt: skip
@@ -83,7 +83,7 @@ def test_a_removed_section_leaves_no_empty_header():
 
 def test_everything_printed_can_be_edited():
     text = to_toml(Settings())
-    assert merged(text, {KP: 0.5}, FILE) == text.replace("kp = 0.35", "kp = 0.5")
+    assert merged(text, {KP: 0.5}, FILE) == text.replace("kp = 13.5", "kp = 0.5")
 
 
 def test_mode_and_owner_stay(file):
@@ -256,13 +256,13 @@ def test_a_process_killed_at_random_moments_leaves_the_old_or_the_new_file(file)
     one = file.read_bytes()
     other = merged(one.decode(), {KP: 0.5}, file).encode()
     began_s = time.monotonic()
-    for kp in (0.5, 0.35):
+    for kp in (0.5, 13.5):
         save(file, {KP: kp}, {KP: kp})
     takes_s = (time.monotonic() - began_s) / 2
     seen = {one: 0, other: 0}
     chance = random.Random(1)
     for _ in range(100):
-        kps = (0.5, 0.35) if file.read_bytes() == one else (0.35, 0.5)
+        kps = (0.5, 13.5) if file.read_bytes() == one else (13.5, 0.5)
         child = os.fork()
         if child == 0:
             try:

@@ -41,8 +41,8 @@ def test_everything_about_every_setting_is_json(settings):
 @pytest.mark.parametrize(
     ("name", "kind", "default", "range_words", "unit", "effect"),
     [
-        ("wall_follow.kp", Kind.NUMBER, 0.35, "a number from 0 to 20 rad/m", "rad/m", Effect.NOW),
-        ("wall_follow.kd", Kind.NUMBER, 1.5, "a number from 0 to 20", "1", Effect.NOW),
+        ("wall_follow.kp", Kind.NUMBER, 13.5, "a number from 0 to 20 rad/m", "rad/m", Effect.NOW),
+        ("wall_follow.kd", Kind.NUMBER, 4.5, "a number from 0 to 20", "1", Effect.NOW),
         ("wall_follow.side", Kind.CHOICE, "left", "'left' or 'right'", "", Effect.NOW),
         ("wall_follow.method", Kind.CHOICE, "ball", "'ball' or 'report'", "", Effect.STANDING),
         ("wall_follow.expires_after_s", Kind.NUMBER, 0.15, "a number above 0 and at most 0.2 s", "s", Effect.NOW),
@@ -77,15 +77,15 @@ def test_rates_of_telemetry_take_effect_at_once():
 
 def test_the_text_under_a_field_is_its_description_also_when_a_base_class_has_it():
     known = catalogue(SETTINGS)
-    assert known["wall_follow.kp"].words == "Steering per metre of distance error [rad/m]."
+    assert known["wall_follow.kp"].words.startswith("Steering per metre of distance error")
     assert known["wall_follow.expires_after_s"].words.startswith("A navigation word")
     assert known["motor.poll_hz"].words == "how often the VESC is asked for its values"
 
 
 def test_a_wish_is_planned_and_what_it_was_is_told():
-    wanted = plan(SETTINGS, {"wall_follow.kp": 0.5, "safety.recovery.tries": 2, "wall_follow.kd": 1.5})
-    assert wanted.changed == (("wall_follow.kp", 0.35, 0.5), ("safety.recovery.tries", 3, 2))
-    assert (wanted.settings.wall_follow.kp, SETTINGS.wall_follow.kp) == (0.5, 0.35)
+    wanted = plan(SETTINGS, {"wall_follow.kp": 0.5, "safety.recovery.tries": 2, "wall_follow.kd": 4.5})
+    assert wanted.changed == (("wall_follow.kp", 13.5, 0.5), ("safety.recovery.tries", 3, 2))
+    assert (wanted.settings.wall_follow.kp, SETTINGS.wall_follow.kp) == (0.5, 13.5)
 
 
 @pytest.mark.parametrize(

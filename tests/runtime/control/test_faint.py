@@ -113,6 +113,24 @@ def test_after_a_hole_in_the_scans_it_begins_anew():
     assert faint.update(see(3.0, 0.0), Pose(), SCANS * SCAN_S + 0.2).size == 0
 
 
+def test_a_wild_beam_in_a_pole_does_not_hide_it():
+    """Three beams make it a thing; when one of them is wild, the other two know it from the scans before."""
+    faint = Faint()
+    whole = [(545, 1.4), (546, 1.4), (547, 1.4)]
+    for step, wild in enumerate([whole] * (SCANS - 1) + [[(545, 1.4), (546, 6.0), (547, 1.4)]]):
+        points = faint.update(see(wild=wild), Pose(), step * SCAN_S)
+    assert points.size == 2 + 3 * (SCANS - 1)
+    assert abs(points - (CAR.lidar_x_m + 1.4)).max() < 0.06
+
+
+def test_the_edge_of_a_wall_is_no_thin_thing():
+    faint = Faint()
+    for step in range(SCANS):
+        wall = [(beam, 1.5) for beam in range(500, 545)] + [(545, 1.75), (546, 2.0)]
+        points = faint.update(see(wild=wall), Pose(), step * SCAN_S)
+    assert points.size == 0
+
+
 def test_what_three_beams_meet_is_no_business_of_this():
     faint = Faint()
     for step in range(SCANS):
