@@ -100,6 +100,16 @@ def test_somebody_who_walks_on_costs_no_manoeuvre():
     assert stage.pose.x_m > 0.5
 
 
+def test_noise_at_the_edge_does_not_make_patience_begin_anew():
+    """One scan in ten says that the way is free; the car does not get going on that."""
+    stage = Stage(AHEAD)
+    for step in range(round(2.6 / SCAN_S)):
+        stage.surroundings = room() if step % 10 == 9 else AHEAD
+        stage.step()
+        stage.pose, stage.speed_mps, stage.way_m = Pose(0.0, 0.0, 0.0), 0.0, 0.0
+    assert "backing out, try 1 of 3" in stage.said
+
+
 def test_backs_out_turns_out_and_hands_the_wheel_back_without_a_touch():
     stage = Stage(AHEAD)
     least_m = 1.0

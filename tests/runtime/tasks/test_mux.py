@@ -9,18 +9,10 @@ from runtime.command import LAB_ORDER, DriveWord, Source
 from runtime.control.limiter import Limiter, Limits
 from runtime.tasks.mux import Mux, tick
 from runtime.voices import Voices
+from sim.twins import MemoryMotor
 from sim.virtual_time import run_virtual
 
 TICK_HZ = 50.0
-
-
-class Motor:
-    def __init__(self):
-        self.sent = []
-
-    def send(self, drive):
-        self.sent.append(drive)
-        return True
 
 
 class Rig:
@@ -30,7 +22,7 @@ class Rig:
         clock = asyncio.get_running_loop().time
         self.clock = clock
         self.voices = Voices(LAB_ORDER, clock)
-        self.motor = Motor()
+        self.motor = MemoryMotor(clock)
         self.mux = Mux(self.voices, self.motor, Limiter(Limits(4, 1, 0.34, 3.2, 4)), frozenset(), clock)
         self.decided_s = []
         self.notes = []
@@ -97,7 +89,7 @@ def test_a_word_that_expires_is_noticed_within_a_tick():
             rig.voices.spoken_s = rig.clock()  # somebody else keeps talking
 
     rig = play(story)
-    assert rig.motor.sent[0].speed_mps >= 0
+    assert rig.motor.wire[0][1].speed_mps >= 0
     assert min(at_s for at_s in rig.decided_s if at_s >= 0.031) <= 0.0511
 
 
@@ -106,13 +98,13 @@ def test_deciding_now_leaves_no_news_for_the_loops_next_turn():
         await asyncio.sleep(0)
         rig.say()
         rig.mux.decide_now()
-        assert len(rig.motor.sent) == 1
+        assert len(rig.motor.wire) == 1
         await asyncio.sleep(0.001)
-        assert len(rig.motor.sent) == 1
+        assert len(rig.motor.wire) == 1
         rig.mux.decide_now()
-        assert len(rig.motor.sent) == 1, "nothing new was said"
+        assert len(rig.motor.wire) == 1, "nothing new was said"
         rig.say()
         await asyncio.sleep(0.001)
-        assert len(rig.motor.sent) == 2
+        assert len(rig.motor.wire) == 2
 
     assert len(play(story).decided_s) == 2
