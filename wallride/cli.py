@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wallride import (
+    bench_options,
     foxglove_options,
     keys_options,
     lab_options,
@@ -58,6 +59,7 @@ def build_parser() -> argparse.ArgumentParser:
     lab.set_defaults(run=_lab)
     lab_options.add(lab)
     for options in (
+        bench_options,
         teleop_options,
         monitor_options,
         topic_options,

@@ -1,0 +1,97 @@
+"""Which motor command answers which scan, and how long it took. Pure.
+
+A command answers a scan when it is the first one after it whose servo position is another than before: the pictures
+alternate so that the right steering always changes (`course`). Commands of the mux's own tick repeat the old position
+and answer nothing.
+"""
+
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sim.bench.devices import Command
+from sim.bench.rig import Sent
+
+
+@dataclass(slots=True)
+class Answers:
+    """latency_s: of every answered scan. any_s: until the first command of any kind. unanswered: scans without."""
+
+    latency_s: list[float] = field(default_factory=list)
+    any_s: list[float] = field(default_factory=list)
+    unanswered: int = 0
+
+    def figures_ms(self) -> dict[str, float]:
+        """Return p50, p99, p99.9 and max in milliseconds, for both ways to count."""
+        return {**percentiles_ms(self.latency_s), **{f"any_{k}": v for k, v in percentiles_ms(self.any_s).items()}}
+
+
+def percentiles_ms(samples_s: Sequence[float]) -> dict[str, float]:
+    """Return p50, p99, p99_9 and max in milliseconds; {} without samples."""
+    if not samples_s:
+        return {}
+    milliseconds = np.array(samples_s) * 1000
+    p50, p99, p99_9 = np.percentile(milliseconds, [50, 99, 99.9])
+    return {"p50": float(p50), "p99": float(p99), "p99_9": float(p99_9), "max": float(milliseconds.max())}
+
+
+def pair(sent: Sequence[Sent], commands: Sequence[Command]) -> Answers:
+    """Pair every scan with its answer, which must come before the next scan."""
+    answers = Answers()
+    times_s = [command.at_s for command in commands]
+    for i, scan in enumerate(sent):
+        first = bisect_right(times_s, scan.begun_s)
+        last = bisect_right(times_s, sent[i + 1].begun_s) if i + 1 < len(sent) else len(commands)
+        if first == 0 or first == last:
+            answers.unanswered += 1
+            continue
+        answers.any_s.append(times_s[first] - scan.at_s)
+        before = commands[first - 1].servo
+        changed = next((c for c in commands[first:last] if c.servo != before), None)
+        if changed is None:
+            answers.unanswered += 1
+        else:
+            answers.latency_s.append(changed.at_s - scan.at_s)
+    return answers
+
+
+@dataclass(slots=True)
+class Onsets:
+    """What happened when a board stood before the car suddenly.
+
+    onsets: those that met a moving car. slipped: moving commands that were computed from a blocked scan. stops_s: from
+    the first blocked scan to the first command that does not move.
+    """
+
+    onsets: int = 0
+    slipped: int = 0
+    stops_s: list[float] = field(default_factory=list)
+
+    def figures(self) -> Mapping[str, float]:
+        """Return the counts, and the times in milliseconds."""
+        return {"onsets": self.onsets, "slipped": self.slipped, **percentiles_ms(self.stops_s)}
+
+
+def onsets(sent: Sequence[Sent], commands: Sequence[Command]) -> Onsets:
+    """Count; a moving command under a board counts as slipped unless it only repeats what an older scan steered."""
+    found = Onsets()
+    times_s = [command.at_s for command in commands]
+    for i, scan in enumerate(sent):
+        if not scan.blocked or i == 0 or sent[i - 1].blocked:
+            continue
+        free = next((later for later in sent[i:] if not later.blocked), None)
+        first = bisect_right(times_s, scan.begun_s)
+        last = bisect_right(times_s, free.begun_s) if free is not None else len(commands)
+        if first == 0 or not commands[first - 1].moving:
+            continue
+        found.onsets += 1
+        under = commands[first:last]
+        stopped = next((k for k, command in enumerate(under) if not command.moving), len(under))
+        if stopped < len(under):
+            found.stops_s.append(under[stopped].at_s - scan.at_s)
+        older_servo = commands[first - 1].servo
+        late = [c for k, c in enumerate(under) if c.moving and (k > stopped or c.servo != older_servo)]
+        found.slipped += len(late)
+    return found

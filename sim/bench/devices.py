@@ -1,0 +1,181 @@
+"""The lidar and the motor controller of a benchmark: one thread, blocking, no event loop between a byte and its time.
+
+Their minds are those of the emulators in `sim.devices`; only the way in and out is shorter.
+"""
+
+import contextlib
+import os
+import select
+import socket
+import time
+import tty
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from drivers.vesc import codec
+from drivers.vesc.codec import MOTOR_PACKETS, Packet
+from drivers.vesc.settings import VescSettings
+from sim.bench.course import Picture
+from sim.devices.scip_encode import SensorModel
+from sim.devices.scip_sensor import ScipSensor
+from sim.devices.vesc_replies import firmware_reply, values_reply
+
+FIRMWARE: Final = (6, 5)
+_GAIN: Final = VescSettings().speed_to_erpm_gain
+_READ_BYTES: Final = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A motor command and the servo position that came with it.
+
+    at_s: when its first byte was read. moving: whether it asks for a speed. servo: thousandths, -1 when none came.
+    """
+
+    at_s: float
+    moving: bool
+    servo: int
+
+
+class LidarPort:
+    """A lidar on a TCP port of this machine; one client."""
+
+    def __init__(self, model: SensorModel) -> None:
+        self._sensor = ScipSensor(model, time.monotonic, lambda: None)
+        self._door = socket.create_server(("127.0.0.1", 0))
+        self._client: socket.socket | None = None
+
+    @property
+    def address(self) -> str:
+        """As the settings want it."""
+        return f"tcp://127.0.0.1:{self._door.getsockname()[1]}"
+
+    @property
+    def fd(self) -> int:
+        """What to wait on."""
+        return (self._client or self._door).fileno()
+
+    @property
+    def streaming(self) -> bool:
+        """Whether somebody asked for scans."""
+        return self._client is not None and self._sensor.measurement is not None
+
+    def on_readable(self) -> None:
+        """Take a client, or what it says."""
+        if self._client is None:
+            self._client, _ = self._door.accept()
+            self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            return
+        try:
+            chunk = self._client.recv(_READ_BYTES)
+            for reply in self._sensor.feed(chunk):
+                self._client.sendall(reply)
+        except ConnectionError:
+            chunk = b""
+        if not chunk:
+            self._client.close()
+            self._client = None
+            self._sensor.forget_client()
+
+    def block(self, picture: Picture, stamp_ms: int) -> bytes:
+        """Return what `send` shall send."""
+        return picture.block(self._sensor.measurement.echo if self._sensor.measurement else b"", stamp_ms)
+
+    def send(self, block: bytes) -> None:
+        """Send a scan; returns when the kernel has all of it."""
+        if self._client is not None:
+            with contextlib.suppress(ConnectionError):  # the car has gone; whoever measures it will notice
+                self._client.sendall(block)
+
+    def close(self) -> None:
+        """Leave nothing open."""
+        self._door.close()
+        if self._client is not None:
+            self._client.close()
+
+
+@dataclass(slots=True)
+class _Wheels:
+    """What the controller reports."""
+
+    speed_mps: float = 0.0
+    distance_m: float = 0.0
+    since_s: float = field(default_factory=time.monotonic)
+
+    def turn(self, speed_mps: float) -> None:
+        """Go on at another speed."""
+        now_s = time.monotonic()
+        self.distance_m += self.speed_mps * (now_s - self.since_s)
+        self.speed_mps, self.since_s = speed_mps, now_s
+
+
+class MotorPort:
+    """A VESC on a pseudo-terminal. commands: everything it was told, oldest first."""
+
+    def __init__(self, link: Path) -> None:
+        self.fd, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        link.symlink_to(os.ttyname(self._slave))
+        self.address = f"serial://{link}"
+        self.wheels = _Wheels()
+        self.commands: list[Command] = []
+        self._deframer = codec.Deframer()
+        self._pending: tuple[float, bool] | None = None
+
+    def on_readable(self) -> None:
+        """Take commands, answer questions."""
+        chunk = os.read(self.fd, _READ_BYTES)
+        at_s = time.monotonic()
+        for payload in self._deframer.feed(chunk):
+            self._on_payload(payload, at_s)
+
+    def _on_payload(self, payload: bytes, at_s: float) -> None:
+        packet = payload[0]
+        if packet in MOTOR_PACKETS:
+            self._flush()
+            self._pending = (at_s, packet == Packet.SET_RPM and payload[1:5] != bytes(4))
+        elif packet == Packet.SET_SERVO_POS and self._pending is not None:
+            self.commands.append(Command(*self._pending, int.from_bytes(payload[1:3], "big")))
+            self._pending = None
+        elif packet == Packet.GET_VALUES:
+            wheels = self.wheels
+            values = {
+                "voltage_v": 11.8,
+                "erpm": round(wheels.speed_mps * _GAIN),
+                "tachometer": round(wheels.distance_m * _GAIN / 10),
+            }
+            os.write(self.fd, codec.frame(values_reply(FIRMWARE, values)))
+        elif packet == Packet.FW_VERSION:
+            os.write(self.fd, codec.frame(firmware_reply(FIRMWARE)))
+
+    def _flush(self) -> None:
+        if self._pending is not None:
+            self.commands.append(Command(*self._pending, -1))
+            self._pending = None
+
+    def close(self) -> None:
+        """Leave nothing open."""
+        os.close(self._slave)
+        os.close(self.fd)
+
+
+@dataclass(slots=True)
+class Ports:
+    """Both, served by one thread."""
+
+    lidar: LidarPort
+    motor: MotorPort
+
+    def serve_until(self, deadline_s: float) -> None:
+        """Answer whoever speaks until then (monotonic)."""
+        while (left_s := deadline_s - time.monotonic()) > 0:
+            self.serve_once(left_s)
+
+    def serve_once(self, timeout_s: float) -> None:
+        """Wait for somebody to speak, at most so long."""
+        ready, _, _ = select.select((self.motor.fd, self.lidar.fd), (), (), timeout_s)
+        if self.motor.fd in ready:
+            self.motor.on_readable()
+        if self.lidar.fd in ready:
+            self.lidar.on_readable()

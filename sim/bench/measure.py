@@ -1,0 +1,166 @@
+"""The measurements: one run of each, as plain values. Times in milliseconds, CPU in cores, memory in MiB."""
+
+import gc
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from sim.bench.answers import onsets, pair
+from sim.bench.cost import Meter
+from sim.bench.course import Course, make_course
+from sim.bench.rig import BenchError, Rig
+
+RATE_HZ = 40.0
+ONSET_EVERY = 20
+ONSET_LENGTH = 6
+RATES_HZ = (100, 200, 300, 400, 500, 600, 700, 800, 900, 1000)
+BEAMS = (361, 721, 1081, 2161, 4321)
+FAST_STEERING = ("car.steering_rate_radps=50",)
+"""At hundreds of scans a second the limiter would smooth away the difference by which an answer is known."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """How long each measurement takes. settings: of the car, as `--set` takes them."""
+
+    warm_up_s: float = 3.0
+    seconds: float = 30.0
+    onsets: int = 170
+    rate_seconds: float = 4.0
+    rates_hz: Sequence[int] = RATES_HZ
+    beams: Sequence[int] = BEAMS
+    settings: Sequence[str] = ()
+
+
+SHORT = Plan(warm_up_s=1.0, seconds=4.0, onsets=8, rate_seconds=1.0, rates_hz=(100, 400), beams=(361, 1081))
+
+
+def latency(plan: Plan) -> dict[str, Any]:
+    """Drive for a while without, then with boards that suddenly stand before the car."""
+    course = _course(1081, RATE_HZ)
+    count = round(plan.seconds * RATE_HZ)
+    with Rig(course, plan.settings) as rig:
+        rig.start()
+        rig.feed([False] * round(plan.warm_up_s * RATE_HZ), RATE_HZ)
+        meter = Meter.of(rig.process.pid)
+        sent = rig.feed([False] * count, RATE_HZ)
+        cost = meter.stop()
+        driven = len(rig.commands)
+        scares = rig.feed(itertools.islice(_scares(), plan.onsets * ONSET_EVERY), RATE_HZ)
+        heard = rig.heard()
+        answers, stops = pair(sent, rig.commands[:driven]), onsets(scares, rig.commands)
+    if not answers.latency_s:
+        raise BenchError("no command ever answered a scan")
+    return {
+        **answers.figures_ms(),
+        "samples_ms": [round(sample_s * 1000, 4) for sample_s in answers.latency_s],
+        "unanswered": answers.unanswered,
+        "scans": len(sent),
+        "others_cores": cost.others,
+        "onsets": dict(stops.figures()),
+        "stages_us": heard.get("status", {}).get("timings_us"),
+        "messages_hz": {name: count / heard["seconds"] for name, count in heard.get("messages", {}).items()},
+    }
+
+
+def cpu(plan: Plan) -> dict[str, Any]:
+    """Drive at 40 Hz with one subscriber, and look at what it cost."""
+    with Rig(_course(1081, RATE_HZ), plan.settings) as rig:
+        rig.start()
+        rig.feed([False] * round(plan.warm_up_s * RATE_HZ), RATE_HZ)
+        meter = Meter.of(rig.process.pid)
+        rig.feed([False] * round(plan.seconds * RATE_HZ), RATE_HZ)
+        cost = meter.stop()
+    return {
+        "cores": cost.cores,
+        "by_thread": dict(cost.cpu),
+        "pss_mib": cost.pss_mib,
+        "threads": cost.threads,
+        "others_cores": cost.others,
+    }
+
+
+def startup(plan: Plan) -> dict[str, Any]:
+    """Start it where the devices are there already: until the first motor command, and until the first that moves."""
+    with Rig(_course(1081, RATE_HZ), plan.settings, subscribe=False) as rig:
+        rig.start()
+        for _ in range(20):
+            rig.feed([False] * 10, RATE_HZ)
+            if any(command.moving for command in rig.commands):
+                break
+        moving = next((command.at_s for command in rig.commands if command.moving), None)
+        if moving is None:
+            raise BenchError(f"the car did not set off; it said:\n{rig.log}")
+        return {
+            "first_command_ms": (rig.commands[0].at_s - rig.started_s) * 1000,
+            "first_moving_ms": (moving - rig.started_s) * 1000,
+        }
+
+
+def rates(plan: Plan) -> dict[str, Any]:
+    """Raise the lidar's rate until scans are lost or p99 exceeds the period; then the cost of more beams."""
+    rows = [_at_rate(plan, rate_hz) for rate_hz in plan.rates_hz]
+    held = [row["rate_hz"] for row in rows if row["held"]]
+    return {
+        "highest_held_hz": max(held, default=0),
+        "rates": rows,
+        "beams": [_with_beams(plan, beams) for beams in plan.beams],
+    }
+
+
+def _at_rate(plan: Plan, rate_hz: int) -> dict[str, Any]:
+    course = _course(1081, float(rate_hz))
+    with Rig(course, [*plan.settings, *FAST_STEERING]) as rig:
+        rig.start()
+        rig.feed([False] * (rate_hz // 2), rate_hz)
+        meter = Meter.of(rig.process.pid)
+        sent = rig.feed([False] * round(plan.rate_seconds * rate_hz), rate_hz)
+        cost = meter.stop()
+        answers = pair(sent, rig.commands)
+        log = _scan_counts(rig)
+    lost = log["sent"] - log["answered"]
+    reached_hz = (len(sent) - 1) / (sent[-1].at_s - sent[0].at_s)
+    p99_ms = answers.figures_ms().get("p99", float("inf"))
+    return {
+        "rate_hz": rate_hz,
+        "reached_hz": reached_hz,
+        "lost": lost,
+        "held": lost == 0 and p99_ms < 1000 / rate_hz and reached_hz > 0.99 * rate_hz,
+        "cores": cost.cores,
+        **answers.figures_ms(),
+    }
+
+
+def _with_beams(plan: Plan, beams: int) -> dict[str, Any]:
+    with Rig(_course(beams, RATE_HZ), plan.settings) as rig:
+        rig.start()
+        rig.feed([False] * round(RATE_HZ), RATE_HZ)
+        meter = Meter.of(rig.process.pid)
+        sent = rig.feed([False] * round(plan.rate_seconds * RATE_HZ), RATE_HZ)
+        cost = meter.stop()
+        figures = pair(sent, rig.commands).figures_ms()
+    return {"beams": beams, "ms_per_scan": 1000 * cost.cores / RATE_HZ, "cores": cost.cores, **figures}
+
+
+def _scan_counts(rig: Rig) -> dict[str, int]:
+    """Return how many scans the lidar sent since it streams, and how many the follower answered, by its own log."""
+    rig.heard()
+    rig.stop()
+    counts = [line.split("follow")[1].split()[0] for line in rig.log.splitlines() if ": follow " in line]
+    return {"sent": rig.scans_sent, "answered": int(counts[-1]) if counts else 0}
+
+
+def _scares() -> Iterator[bool]:
+    """Yield whether the next scan is blocked."""
+    while True:
+        yield from [False] * (ONSET_EVERY - ONSET_LENGTH)
+        yield from [True] * ONSET_LENGTH
+
+
+@lru_cache(maxsize=2)
+def _course(beams: int, rate_hz: float) -> Course:
+    course = make_course(beams, rate_hz, scans=800, blocked=(beams, rate_hz) == (1081, RATE_HZ))
+    gc.collect()
+    return course

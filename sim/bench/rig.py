@@ -1,0 +1,173 @@
+"""One `wallride run` process between the two ports, told and listened to as on a car, and nothing else changed."""
+
+import gc
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Self
+
+from runtime.bus import free_endpoint
+from sim.bench.course import Course
+from sim.bench.devices import Command, LidarPort, MotorPort, Ports
+
+START_TIMEOUT_S: Final = 20.0
+STOP_TIMEOUT_S: Final = 5.0
+CAR: Final = "bench"
+_SPEEDING_UP_MPS2: Final = 4.0
+_BRAKING_MPS2: Final = 8.0
+_SETTINGS: Final = (
+    f"car.name={CAR}", "operator.permit=always", "motor.servo_min=0.1", "motor.servo_max=0.95",
+    "recording.enabled=false",
+)  # fmt: skip
+"""What a bench needs: nobody stands beside it, the linkage reaches both ends, the disk stays as it is. The rest is as
+shipped; measure a recording car with `--set recording.enabled=true`."""
+
+
+class BenchError(Exception):
+    """The process did not do what a measurement needs; the text holds what it said."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """A scan: when its writing began, when the kernel had its last byte, and whether a board stood before the car."""
+
+    begun_s: float
+    at_s: float
+    blocked: bool
+
+
+class Rig:
+    """Starts and stops everything; `feed` sends scans on time and answers the car meanwhile.
+
+    subscribe: whether a process of its own hears all the telemetry. telemetry: whether there is any.
+    started_s: when the process was started (monotonic). scans_sent: since then.
+    """
+
+    def __init__(
+        self, course: Course, assignments: Sequence[str] = (), *, subscribe: bool = True, telemetry: bool = True
+    ) -> None:
+        self._course = course
+        self._assignments = [*_SETTINGS, *assignments]
+        self._subscribe = subscribe and telemetry
+        self._telemetry = telemetry
+        self.scans_sent = 0
+        self._subscriber: subprocess.Popen[str] | None = None
+
+    def __enter__(self) -> Self:
+        self._folder = tempfile.TemporaryDirectory(prefix="wallride-bench-")
+        folder = Path(self._folder.name)
+        self.ports = Ports(LidarPort(self._course.model), MotorPort(folder / "vesc"))
+        self._log = folder / "log"
+        (folder / "car.toml").write_text("")  # the settings of this machine's own car are none of our business
+        endpoint = free_endpoint()
+        settings = [
+            f"recording.folder={folder / 'recordings'}",
+            *self._assignments,
+            f"lidar.address={self.ports.lidar.address}",
+            f"motor.address={self.ports.motor.address}",
+            f"telemetry.enabled={str(self._telemetry).lower()}",
+            f'telemetry.listen=["{endpoint}"]',
+        ]
+        command = [sys.executable, "-m", "wallride", "run", str(folder / "car.toml")]
+        command += [part for setting in settings for part in ("--set", setting)]
+        with self._log.open("wb") as log:
+            self.started_s = time.monotonic()
+            self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+        self._endpoint = endpoint
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            self.stop()
+        finally:
+            self.process.kill()
+            self.process.wait()
+            if self._subscriber is not None:
+                self._subscriber.kill()
+                self._subscriber.communicate()
+            self.ports.lidar.close()
+            self.ports.motor.close()
+            self._folder.cleanup()
+
+    @property
+    def log(self) -> str:
+        """What the process said so far."""
+        return self._log.read_text(errors="replace")
+
+    @property
+    def commands(self) -> list[Command]:
+        """What the motor was told so far."""
+        return self.ports.motor.commands
+
+    def start(self) -> None:
+        """Wait for the stream; with a subscriber, until that one hears something."""
+        give_up_s = time.monotonic() + START_TIMEOUT_S
+        while not self.ports.lidar.streaming:
+            self._check(give_up_s, "did not ask the lidar for scans")
+            self.ports.serve_once(0.05)
+        if self._subscribe:
+            listen = [sys.executable, "-m", "sim.bench.subscriber", self._endpoint, CAR]
+            self._subscriber = subprocess.Popen(listen, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+    def feed(self, scans: Iterable[bool], rate_hz: float) -> list[Sent]:
+        """Send scans at this rate, True for a blocked one; what comes late is not made up for."""
+        course, ports = self._course, self.ports
+        sent: list[Sent] = []
+        gc.disable()
+        try:
+            next_s = time.monotonic() + 1 / rate_hz
+            for blocked in scans:
+                pictures = course.blocked if blocked else course.free
+                picture = pictures[self.scans_sent % len(pictures)]
+                self._turn_wheels(picture.speed_mps, 1 / rate_hz)
+                block = ports.lidar.block(picture, round(next_s * 1000))
+                ports.serve_until(next_s)
+                begun_s = time.monotonic()
+                ports.lidar.send(block)
+                sent.append(Sent(begun_s, time.monotonic(), blocked))
+                self.scans_sent += 1
+                next_s = max(next_s + 1 / rate_hz, begun_s + 0.5 / rate_hz)
+        finally:
+            gc.enable()
+        ports.serve_until(time.monotonic() + 0.05)
+        self._check(time.monotonic() + 1, "")
+        return sent
+
+    def stop(self) -> int:
+        """End it as systemd would; returns the exit code. Harmless when repeated."""
+        if self.process.poll() is None:
+            self.process.terminate()
+        give_up_s = time.monotonic() + STOP_TIMEOUT_S
+        while self.process.poll() is None and time.monotonic() < give_up_s:
+            self.ports.serve_once(0.02)
+        return self.process.poll() or 0
+
+    def heard(self) -> dict[str, Any]:
+        """Return what the subscriber heard: messages by topic, seconds, and the newest status; ends it."""
+        if self._subscriber is None:
+            return {}
+        out, _ = self._subscriber.communicate("", timeout=STOP_TIMEOUT_S)
+        self._subscriber = None
+        return dict(json.loads(out))
+
+    def _turn_wheels(self, wanted_mps: float, dt_s: float) -> None:
+        """Turn as the newest command asks."""
+        wheels, commands = self.ports.motor.wheels, self.commands
+        if commands and commands[-1].moving:
+            wheels.turn(min(wanted_mps, wheels.speed_mps + _SPEEDING_UP_MPS2 * dt_s))
+        else:
+            wheels.turn(max(0.0, wheels.speed_mps - _BRAKING_MPS2 * dt_s))
+
+    def _check(self, give_up_s: float, what: str) -> None:
+        if self.process.poll() is not None:
+            raise BenchError(f"the car's process ended ({self.process.returncode}); it said:\n{self.log}")
+        if time.monotonic() > give_up_s:
+            raise BenchError(f"the car's process {what}; it said:\n{self.log}")
