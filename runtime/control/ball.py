@@ -31,8 +31,8 @@ LONGEST_STEP_S = 0.25
 """Between two scans; after a longer silence the way since is not known."""
 TOO_NEAR_M = 0.05
 SLIPPING_SHARE = 0.3
-"""A car that is so much nearer to the wall than it should be, and still comes nearer with the wheels turned away as far
-as they can, is on a floor that gives less than what was counted on; it goes slower."""
+"""A car that is so much nearer to the wall than it should be, and comes nearer still with the wheels turned away as far
+as they can, may be on a floor that gives less than counted on: it goes on by this share of it."""
 BEND_LOW_PASS = 0.2
 """By which the path's bend is averaged before it tells a bent wall from a straight one."""
 
@@ -112,7 +112,7 @@ class BallFollower:
         steering_rad = self._steering_rad(path, aim, bend, speed_mps)
         self._lost.found(steering_rad)
         mu = mu_with_room(settings.assumed_mu, desired_m)
-        if aim.error_m < -TOO_NEAR_M and aim.heading_rad < 0.0 and steering_rad <= -self._car.max_steering_rad:
+        if self._slips(aim, steering_rad):
             mu *= SLIPPING_SHARE
         drive = Drive(self._speed_mps(path, steering_rad, speed_mps, mu), self._sign * steering_rad)
         self._predictor.answers.said(scan.received_s, drive.steering_rad)
@@ -129,6 +129,11 @@ class BallFollower:
         if settings.trim_integral:
             steering_rad -= self._track.trim_rad
         return min(max(steering_rad, -car.max_steering_rad), car.max_steering_rad)
+
+    def _slips(self, aim: Aim, steering_rad: float) -> bool:
+        """Whether the floor may not hold the car in its bend away from the wall."""
+        turned_away = steering_rad <= -self._car.max_steering_rad
+        return turned_away and aim.error_m < -TOO_NEAR_M and aim.heading_rad < 0.0
 
     def _speed_mps(self, path: BallPath, steering_rad: float, speed_mps: float, mu: float) -> float:
         settings = self._settings
