@@ -136,9 +136,7 @@ async def test_a_burst_beyond_the_backlog_keeps_the_newest(pair):
     for i in range(1000):
         client.put(KEY, str(i).encode())
     client.put(KEY, b"1000")
-    deadline_s = time.monotonic() + 0.5
-    while time.monotonic() < deadline_s:
-        pass  # the loop is busy, as in a stall: the burst piles up behind it
+    time.sleep(1.0)  # the loop is blocked, as in a stall, and zenoh's threads are not: the burst piles up behind it
     await until(lambda: heard and heard[-1] == 1000, "the newest has come")
     assert heard == sorted(heard)
     assert len(heard) <= 257

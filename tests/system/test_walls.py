@@ -56,7 +56,9 @@ def test_an_inside_corner_is_turned(tmp_path, side):
 )
 def test_the_default_laws_drive_faster_and_closer(tmp_path, world, side, speed_mps, error_m):
     start = load_world(world, side=side).start
-    summary = drive(tmp_path, world, side, start, settings=[f"wall_follow.speed_mps={speed_mps}"])
+    before_the_wall_ends_s = 9.0
+    settings = [f"wall_follow.speed_mps={speed_mps}"]
+    summary = drive(tmp_path, world, side, start, before_the_wall_ends_s, settings)
     assert summary["method"] == "ball"
     assert not summary["collided"]
     assert not summary["stopped"]
