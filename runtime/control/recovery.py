@@ -26,6 +26,8 @@ WORTH_IT_M = 0.5
 BACKING_COSTS = 0.5
 REPEATING_COSTS_M = 0.7
 PLANS_EVERY_S = 0.5
+FREE_FOR_S = 0.25
+"""Shorter than this, "free" is the lidar's noise at the edge of the margins, and patience goes on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +55,7 @@ class Recovery:
     def __init__(self, settings: RecoverySettings) -> None:
         self._settings = settings
         self._since_s: float | None = None
+        self._boxed_s = -math.inf
         self._planned_s = -math.inf
         self._tries = 0
         self._tried_at_m = 0.0
@@ -75,10 +78,12 @@ class Recovery:
             return self._drive_leg(outlook, motor)
         now_s = outlook.view.scan.stamp_s
         if not self._is_boxed_in(outlook, wish):
-            self._since_s = None
+            if now_s - self._boxed_s > FREE_FOR_S or abs(outlook.speed_mps) > STANDING_MPS:
+                self._since_s = None
             if motor.distance_m - self._tried_at_m > self._settings.forgotten_after_m:
                 self._tries, self._last = 0, ()
             return NO_ADVICE
+        self._boxed_s = now_s
         if self._since_s is None:
             self._since_s = now_s
         if now_s - self._since_s < self._settings.boxed_for_s:

@@ -70,6 +70,11 @@ def test_seven_scans_are_no_walk_however_fast():
     assert SEEN_SCANS == 8
 
 
+def test_who_runs_is_expected_and_what_flies_is_not():
+    assert watch(lambda now_s: (3.0, 1.8 - 3.4 * now_s), scans=16).size > 0
+    assert watch(lambda now_s: (3.0, 1.8 - 5.5 * now_s), scans=16).size == 0
+
+
 @pytest.mark.parametrize("speed_mps", [0.0, 2.0, 4.0])
 def test_a_person_who_comes_toward_the_car_is_expected_nearer(speed_mps):
     driving = {"pose": lambda now_s: Pose(speed_mps * now_s, 0.0, 0.0, speed_mps, 0.0)}

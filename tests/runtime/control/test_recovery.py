@@ -100,14 +100,28 @@ def test_somebody_who_walks_on_costs_no_manoeuvre():
     assert stage.pose.x_m > 0.5
 
 
-def test_noise_at_the_edge_does_not_make_patience_begin_anew():
-    """One scan in ten says that the way is free; the car does not get going on that."""
-    stage = Stage(AHEAD)
-    for step in range(round(2.6 / SCAN_S)):
-        stage.surroundings = room() if step % 10 == 9 else AHEAD
-        stage.step()
-        stage.pose, stage.speed_mps, stage.way_m = Pose(0.0, 0.0, 0.0), 0.0, 0.0
-    assert "backing out, try 1 of 3" in stage.said
+def wait(stage, monkeypatch, *episodes):
+    """Let the car be boxed in or not for some time each, (seconds, boxed, speed), and say whether it set about it."""
+    for seconds, boxed, speed_mps in episodes:
+        monkeypatch.setattr(stage.recovery, "_is_boxed_in", lambda *_, boxed=boxed: boxed)
+        for _ in range(round(seconds / SCAN_S)):
+            state = stage.look()
+            stage.outlook.speed_mps = speed_mps
+            stage.recovery.step(stage.outlook, WAY, state)
+    return bool(stage.recovery._legs)
+
+
+def test_noise_at_the_edge_does_not_make_patience_begin_anew(monkeypatch):
+    """Now and then a scan or five say that the way is free; the car does not get going on that."""
+    assert wait(Stage(AHEAD), monkeypatch, *[(0.5, True, 0.0), (0.125, False, 0.0)] * 3, (0.5, True, 0.0))
+
+
+def test_patience_begins_anew_when_the_way_was_free_for_a_moment(monkeypatch):
+    assert not wait(Stage(AHEAD), monkeypatch, (1.8, True, 0.0), (0.35, False, 0.0), (1.0, True, 0.0))
+
+
+def test_patience_begins_anew_when_the_car_got_going(monkeypatch):
+    assert not wait(Stage(AHEAD), monkeypatch, (1.8, True, 0.0), (0.1, False, 0.3), (1.0, True, 0.0))
 
 
 def test_backs_out_turns_out_and_hands_the_wheel_back_without_a_touch():
