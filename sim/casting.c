@@ -10,6 +10,7 @@
 #include <stdint.h>
 
 #define LANES 64
+#define FEW 8
 #define EACH_LANE for (int k = 0; k < LANES; k++)
 #define MIN(a, b) ((a) < (b) ? (a) : (b))
 #define MAX(a, b) ((a) > (b) ? (a) : (b))
@@ -87,6 +88,11 @@ struct lanes {
     double sign_x[LANES], sign_y[LANES], plane[LANES], column[LANES], row[LANES], now[LANES];
 };
 
+static inline int cell_of(const struct lanes *at, int k, double columns)
+{
+    return (int)(at->plane[k] + at->row[k] * columns + at->column[k]);
+}
+
 /* Go to where the beam leaves its free rectangle; a leap of 0 stays. The axis that was crossed steps exactly; the other
  * may not be rounded out of the rectangle. */
 static inline void go(struct lanes *at, int k, int leap)
@@ -132,15 +138,17 @@ void cast_cells(const struct cells *grid, const struct beams *beams)
             at.row[k] = inside ? floor(at.py[k]) : 0.0;
             at.now[k] = 0.0;
         }
-        for (;;) {
-            int cell[LANES], leap[LANES], going = 0;
-            EACH_LANE cell[k] = (int)(at.plane[k] + at.row[k] * columns + at.column[k]);
+        int cell[LANES], leap[LANES], going;
+        do {
+            going = 0;
+            EACH_LANE cell[k] = cell_of(&at, k, columns);
             EACH_LANE leap[k] = leaps[cell[k]];
-            EACH_LANE going |= leap[k];
-            if (!going)
-                break;
+            EACH_LANE going += leap[k] > 0;
             EACH_LANE go(&at, k, leap[k]);
-        }
+        } while (going > FEW);
+        for (int k = 0; going && k < LANES; k++) /* the last few one at a time */
+            while (leap[k] && (leap[k] = leaps[cell_of(&at, k, columns)]))
+                go(&at, k, leap[k]);
         for (int k = 0; k < some; k++) beams->ranges[first + k] = at.now[k] * grid->cell_m;
     }
 }

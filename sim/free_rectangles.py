@@ -32,7 +32,7 @@ class FreeRectangles:
 
     def __init__(self, solid: Booleans) -> None:
         self.rows, self.columns = solid.shape
-        planes = [_largest(_free_run(solid, sign_x), sign_y).ravel() for sign_x, sign_y in _SIGNS]
+        planes = [_longest(_free_run(solid, sign_x), sign_y).ravel() for sign_x, sign_y in _SIGNS]
         self.leaps: Leaps = np.concatenate(planes)
         self._leap_of = self.leaps.data
 
@@ -108,20 +108,22 @@ def _free_run(solid: Booleans, sign_x: int) -> Cells:
     return run
 
 
-def _largest(run: Cells, sign_y: int) -> Leaps:
+def _longest(run: Cells, sign_y: int) -> Leaps:
     """Width and height, as in `leaps`, of each cell's rectangle that grows from its run of free cells along the sign.
 
-    The one with the largest area of those that are 1, 2, 3, 4, 6, 8, 12 ... cells high, each made of two lower ones.
+    Of those that are 1, 2, 3, 4, 6, 8, 12 ... cells high, each made of two lower ones, the one with the greatest
+    harmonic mean of width and height: tried on eight maps against largest area and longest mean way through, it needs
+    the fewest leaps.
     """
-    best_area, best = run.copy(), (run + (1 << _BYTE)) * (run > 0)
+    best, best_worth = (run + (1 << _BYTE)) * (run > 0), run / (run + 1)
     height, width = 1, run
     while width.any() and 3 * height <= _LONGEST:
         double = np.minimum(width, _further(width, height, sign_y))
         triple = np.minimum(double, _further(width, 2 * height, sign_y))
         for high, wide in ((2 * height, double), (3 * height, triple)):
-            area = high * wide
-            better = area > best_area
-            best_area[better] = area[better]
+            worth = high * wide / (high + wide)
+            better = worth > best_worth
+            best_worth[better] = worth[better]
             best[better] = wide[better] + (high << _BYTE)
         height, width = 2 * height, double
     return best.astype(np.uint16)

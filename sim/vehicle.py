@@ -186,8 +186,9 @@ class Vehicle:
         if not 0.0 <= front_share <= 1.0:
             front_share = min(max(front_share, 0.0), 1.0)
         rear_share = 1.0 - front_share
-        front = -front_share * aside_mps2 * _saturated(self._stiff_front * slip_front)
-        rear = -rear_share * aside_mps2 * _saturated(self._stiff_rear * slip_rear)
+        z_front, z_rear = self._stiff_front * slip_front, self._stiff_rear * slip_rear
+        front = -front_share * aside_mps2 * (z_front / sqrt(sqrt(1.0 + (z_front * z_front) ** 2)))
+        rear = -rear_share * aside_mps2 * (z_rear / sqrt(sqrt(1.0 + (z_rear * z_rear) ** 2)))
         pull = front_share * along_mps2
         front_along, front_aside = pull * cosine - front * sine, pull * sine + front * cosine
         forward = front_along + rear_share * along_mps2 + w * rate

@@ -25,6 +25,9 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
             "--set", dest="assignments", action="append", default=[], metavar="KEY=VALUE",
             help="override one of the car's settings (repeatable)",
         )  # fmt: skip
+    sim = measurements.add_parser("sim", help="the simulator: steps a second on one core, and its error")
+    sim.set_defaults(run=run)
+    add_outputs(sim)
 
 
 def add_outputs(parser: argparse.ArgumentParser) -> None:
@@ -39,7 +42,10 @@ def run(options: argparse.Namespace) -> int:
     from wallride.cli import fail
 
     try:
-        from sim.bench.command import run as measure
+        if options.measurement == "sim":
+            from sim.bench_sim import run as measure
+        else:
+            from sim.bench.command import run as measure
     except ModuleNotFoundError as error:
         if (error.name or "").split(".")[0] in {"clients", "drivers", "runtime", "sim", "wallride"}:
             raise
