@@ -187,6 +187,7 @@ class Vehicle:
             front_share = min(max(front_share, 0.0), 1.0)
         rear_share = 1.0 - front_share
         z_front, z_rear = self._stiff_front * slip_front, self._stiff_rear * slip_rear
+        # z / (1 + z^4)^(1/4): linear in the slip at first, saturating at the grip
         front = -front_share * aside_mps2 * (z_front / sqrt(sqrt(1.0 + (z_front * z_front) ** 2)))
         rear = -rear_share * aside_mps2 * (z_rear / sqrt(sqrt(1.0 + (z_rear * z_rear) ** 2)))
         pull = front_share * along_mps2
@@ -239,11 +240,6 @@ def _within(value: float, most: float) -> float:
     if value < -most:
         return -most
     return value
-
-
-def _saturated(z: float) -> float:
-    z2 = z * z
-    return z / sqrt(sqrt(1.0 + z2 * z2))
 
 
 def _friction(slip_x_mps: float, slip_y_mps: float) -> tuple[float, float]:
