@@ -20,6 +20,7 @@ MEASUREMENTS: Final[Mapping[str, Measurement]] = {
     "cpu": measure.cpu,
     "startup": measure.startup,
     "rates": measure.rates,
+    "readers": measure.readers,
 }
 FAILED: Final = 1
 
@@ -107,11 +108,17 @@ def _rates_lines(medians: Mapping[str, Any]) -> list[str]:
     return rows
 
 
+def _reader_lines(medians: Mapping[str, Any]) -> list[str]:
+    rows = [f"{'scan to the answer to it, ms':<28}{'p50':>8}{'p99':>8}{'p99.9':>8}{'max':>8}{'cores':>8}"]
+    return rows + [_row(name, figures, "") + f"{figures['cores']:8.3f}" for name, figures in medians.items()]
+
+
 TABLES: Final[Mapping[str, Callable[[Mapping[str, Any]], list[str]]]] = {
     "latency": _latency_lines,
     "cpu": _cpu_lines,
     "startup": _startup_lines,
     "rates": _rates_lines,
+    "readers": _reader_lines,
 }
 
 

@@ -84,7 +84,7 @@ def cpu(plan: Plan) -> dict[str, Any]:
 
 def startup(plan: Plan) -> dict[str, Any]:
     """Start it where the devices are there already: until the first motor command, and until the first that moves."""
-    with Rig(_course(1081, RATE_HZ), plan.settings, subscribe=False) as rig:
+    with Rig(_course(1081, RATE_HZ), plan.settings, subscribers=0) as rig:
         rig.start()
         for _ in range(20):
             rig.feed([False] * 10, RATE_HZ)
@@ -97,6 +97,34 @@ def startup(plan: Plan) -> dict[str, Any]:
             "first_command_ms": (rig.commands[0].at_s - rig.started_s) * 1000,
             "first_moving_ms": (moving - rig.started_s) * 1000,
         }
+
+
+def readers(plan: Plan) -> dict[str, Any]:
+    """Drive with nobody listening, with one reader, with one that stops reading, and with ten."""
+    return {
+        name: _read_by(plan, count, stops=stops)
+        for name, count, stops in (
+            ("nobody", 0, False),
+            ("one reader", 1, False),
+            ("one that stops reading", 1, True),
+            ("ten readers", 10, False),
+        )
+    }
+
+
+def _read_by(plan: Plan, count: int, *, stops: bool) -> dict[str, Any]:
+    with Rig(_course(1081, RATE_HZ), plan.settings, subscribers=count) as rig:
+        rig.start()
+        rig.feed([False] * round((plan.warm_up_s + 0.5 * count) * RATE_HZ), RATE_HZ)
+        if stops:
+            rig.stop_reading()
+        meter = Meter.of(rig.process.pid)
+        sent = rig.feed([False] * round(plan.seconds * RATE_HZ), RATE_HZ)
+        cost = meter.stop()
+        figures = pair(sent, rig.commands).figures_ms()
+    if not figures:
+        raise BenchError("no command ever answered a scan")
+    return {**figures, "cores": cost.cores, "others_cores": cost.others}
 
 
 def rates(plan: Plan) -> dict[str, Any]:

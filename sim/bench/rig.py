@@ -2,6 +2,7 @@
 
 import gc
 import json
+import signal
 import subprocess
 import sys
 import tempfile
@@ -45,19 +46,19 @@ class Sent:
 class Rig:
     """Starts and stops everything; `feed` sends scans on time and answers the car meanwhile.
 
-    subscribe: whether a process of its own hears all the telemetry. telemetry: whether there is any.
+    subscribers: how many processes of their own hear all the telemetry. telemetry: whether there is any.
     started_s: when the process was started (monotonic). scans_sent: since then.
     """
 
     def __init__(
-        self, course: Course, assignments: Sequence[str] = (), *, subscribe: bool = True, telemetry: bool = True
+        self, course: Course, assignments: Sequence[str] = (), *, subscribers: int = 1, telemetry: bool = True
     ) -> None:
         self._course = course
         self._assignments = [*_SETTINGS, *assignments]
-        self._subscribe = subscribe and telemetry
+        self._count = subscribers if telemetry else 0
         self._telemetry = telemetry
         self.scans_sent = 0
-        self._subscriber: subprocess.Popen[str] | None = None
+        self._subscribers: list[subprocess.Popen[str]] = []
 
     def __enter__(self) -> Self:
         self._folder = tempfile.TemporaryDirectory(prefix="wallride-bench-")
@@ -90,9 +91,9 @@ class Rig:
         finally:
             self.process.kill()
             self.process.wait()
-            if self._subscriber is not None:
-                self._subscriber.kill()
-                self._subscriber.communicate()
+            for subscriber in self._subscribers:
+                subscriber.kill()
+                subscriber.communicate()
             self.ports.lidar.close()
             self.ports.motor.close()
             self._folder.cleanup()
@@ -108,14 +109,20 @@ class Rig:
         return self.ports.motor.commands
 
     def start(self) -> None:
-        """Wait for the stream; with a subscriber, until that one hears something."""
+        """Wait for the stream; then start the subscribers."""
         give_up_s = time.monotonic() + START_TIMEOUT_S
         while not self.ports.lidar.streaming:
             self._check(give_up_s, "did not ask the lidar for scans")
             self.ports.serve_once(0.05)
-        if self._subscribe:
-            listen = [sys.executable, "-m", "sim.bench.subscriber", self._endpoint, CAR]
-            self._subscriber = subprocess.Popen(listen, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        listen = [sys.executable, "-m", "sim.bench.subscriber", self._endpoint, CAR]
+        for _ in range(self._count):
+            subscriber = subprocess.Popen(listen, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+            self._subscribers.append(subscriber)
+
+    def stop_reading(self) -> None:
+        """Freeze the subscribers: they stay connected and take nothing any more."""
+        for subscriber in self._subscribers:
+            subscriber.send_signal(signal.SIGSTOP)
 
     def feed(self, scans: Iterable[bool], rate_hz: float) -> list[Sent]:
         """Send scans at this rate, True for a blocked one; what comes late is not made up for."""
@@ -151,11 +158,10 @@ class Rig:
         return self.process.poll() or 0
 
     def heard(self) -> dict[str, Any]:
-        """Return what the subscriber heard: messages by topic, seconds, and the newest status; ends it."""
-        if self._subscriber is None:
+        """Return what the first subscriber heard: messages by topic, seconds, and the newest status; ends it."""
+        if not self._subscribers:
             return {}
-        out, _ = self._subscriber.communicate("", timeout=STOP_TIMEOUT_S)
-        self._subscriber = None
+        out, _ = self._subscribers.pop(0).communicate("", timeout=STOP_TIMEOUT_S)
         return dict(json.loads(out))
 
     def _turn_wheels(self, wanted_mps: float, dt_s: float) -> None:

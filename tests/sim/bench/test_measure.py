@@ -44,15 +44,23 @@ def test_long_scans_are_driven_by_too():
     assert found["rates"][0]["lost"] < 0.5 * 50
 
 
+def test_whoever_listens_is_there_and_the_car_answers_all_the_same():
+    found = measure.readers(BRIEF)
+    assert list(found) == ["nobody", "one reader", "one that stops reading", "ten readers"]
+    assert all(0 < figures["p50"] <= figures["max"] for figures in found.values())
+
+
 def test_settings_that_the_car_refuses_are_said():
     course = make_course(scans=2, blocked=False)
     with Rig(course, ["mux.tick_hz=nonsense"]) as rig, pytest.raises(BenchError, match="tick_hz"):
         rig.start()
 
 
-@pytest.mark.parametrize("measurement", ["latency", "cpu", "startup", "rates"])
+@pytest.mark.parametrize("measurement", ["latency", "cpu", "startup", "rates", "readers"])
 def test_the_command_prints_medians_and_writes_json(measurement, tmp_path, capsys, monkeypatch):
-    runs = iter(({"latency": LATENCY, "cpu": CPU, "startup": STARTUP, "rates": RATES}[measurement],) * 2)
+    runs = iter(
+        ({"latency": LATENCY, "cpu": CPU, "startup": STARTUP, "rates": RATES, "readers": READERS}[measurement],) * 2
+    )
     monkeypatch.setitem(_measurements(), measurement, lambda _plan: json.loads(json.dumps(next(runs))))
     file = tmp_path / "bench.json"
     assert _run(measurement, "--runs", "2", "--json", str(file)) == 0
@@ -89,6 +97,7 @@ LATENCY = {
 }  # fmt: skip
 CPU = {"cores": 0.05, "by_thread": {"python": 0.05}, "pss_mib": 40.0, "threads": 16, "others_cores": 0.5}
 STARTUP = {"first_command_ms": 400.0, "first_moving_ms": 600.0}
+READERS = {"nobody": {**TIMES, "cores": 0.1, "others_cores": 0.0}}
 RATES = {
     "highest_held_hz": 100, "rates": [{"rate_hz": 100, "lost": 0, "held": True, "cores": 0.1, **TIMES}],
     "beams": [{"beams": 361, "ms_per_scan": 1.0, **TIMES}],
