@@ -3,8 +3,10 @@
 import multiprocessing
 import os
 import signal
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 
@@ -39,7 +41,8 @@ def measure_all(cells: Sequence[Cell], jobs: int | None, plots: Path | None, con
             return figures
         spawn = multiprocessing.get_context("spawn")
         with ProcessPoolExecutor(jobs, mp_context=spawn, initializer=_start_worker) as pool:
-            futures = [pool.submit(_measured, cell, plots) for cell in cells]
+            with _ctrl_c_waits():
+                futures = [pool.submit(_measured, cell, plots) for cell in cells]
             try:
                 for future in as_completed(futures):
                     future.result()  # an error ends everything at once
@@ -48,6 +51,19 @@ def measure_all(cells: Sequence[Cell], jobs: int | None, plots: Path | None, con
             except BaseException:
                 _abandon(futures, pool)
                 raise
+
+
+@contextmanager
+def _ctrl_c_waits() -> Iterator[None]:
+    """Workers that are started meanwhile inherit that they do not hear Ctrl-C, from their first instruction on."""
+    if sys.platform == "win32":
+        yield
+        return
+    heard = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, heard)
 
 
 def _measured(cell: Cell, plots: Path | None) -> Figures:
