@@ -52,4 +52,7 @@ def _add_outputs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
     parser.add_argument("--json", metavar="FILE|-", help="write every cell's figures as JSON")
     parser.add_argument("--plot", type=Path, metavar="DIR", help="draw a picture of every run into a directory")
+    parser.add_argument(
+        "--only", metavar="A,B", help="courses by name or pattern, e.g. t1,rough*; a wrong one lists all"
+    )
     parser.add_argument("--quick", action="store_true", help="a few cells only, as a first impression")

@@ -1,6 +1,7 @@
 """`wallride lab EXPERIMENT`: from the options to all runs, tables on the terminal, a JSON file and pictures."""
 
 import argparse
+import fnmatch
 import json
 import math
 import os
@@ -14,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from sim.lab import laws
-from sim.lab.cell import Choice, Figures, Tabled
+from sim.lab.cell import Cell, Choice, Figures, Tabled
 from sim.lab.laps import maps_in
 from sim.lab.pool import experiment, measure_all
 from sim.lab.recordings import ENDINGS, recordings_in
@@ -42,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
         choice = chosen(options)
         _check_outputs(options)
         chosen_experiment = experiment(options.experiment)
-        cells = chosen_experiment.cells(choice)
+        cells = only(chosen_experiment.cells(choice), options.only)
         if options.plot is not None:
             options.plot.mkdir(parents=True, exist_ok=True)
         began_s = time.monotonic()
@@ -78,6 +79,20 @@ def chosen(options: argparse.Namespace) -> Choice:
     seeds = tuple(range(options.seed, options.seed + options.seeds))
     sides = _sides(options.side, quick=quick)
     return Choice(_laws(options.method), speeds, mus, sides, seeds, quick, _maps(options), _recordings(options))
+
+
+def only(cells: Sequence[Cell], text: str | None) -> list[Cell]:
+    """Return the cells whose course has one of the names, or fits one of the patterns; UsageError for a wrong one."""
+    if text is None:
+        return list(cells)
+    courses = dict.fromkeys(cell.scenario for cell in cells)
+    kept: set[str] = set()
+    for pattern in (part.strip() for part in text.split(",")):
+        found = fnmatch.filter(courses, pattern)
+        if not found:
+            raise UsageError(f"--only {pattern}: no course is called so; write some of {', '.join(courses)}")
+        kept.update(found)
+    return [cell for cell in cells if cell.scenario in kept]
 
 
 def _laws(text: str) -> tuple[str, ...]:

@@ -46,6 +46,19 @@ def test_walls_json_has_every_cell(tmp_path, capsys):
     assert "mean |error| / limit" in capsys.readouterr().out
 
 
+def test_courses_are_chosen_by_name_and_by_pattern(tmp_path):
+    file = tmp_path / "walls.json"
+    asked = ["--only", "t2,t[13] rough", "--speeds", "4", "--mu", ".8", "--side", "left", "--method", "report"]
+    assert run(options("walls", *asked, "--jobs", "1", "--json", str(file))) == 0
+    assert {cell["scenario"] for cell in json.loads(file.read_text())["cells"]} == {"t2", "t1 rough", "t3 rough"}
+
+
+def test_a_course_that_does_not_exist_is_answered_with_those_that_do(capsys):
+    assert run(options("walls", "--only", "t1,t9")) == 2
+    assert "--only t9" in (said := capsys.readouterr().err)
+    assert "t1, t2, t3" in said
+
+
 def test_quick_is_quick_on_all_cores(tmp_path):
     began_s = time.monotonic()
     assert run(options("walls", "--quick", "--method", "report", "--json", str(tmp_path / "quick.json"))) == 0
