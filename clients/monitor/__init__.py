@@ -3,6 +3,7 @@
 page/      what the browser gets: plain ES modules and a stylesheet, no build step, nothing from elsewhere
 assets     those files, read once
 door       who may come in: Host, Origin and token; pure
+kept_secret  that token, kept for as long as its user is logged in
 messages   what a page may say; closed and strict
 outbox     what waits for one page: the newest of everything, one bundle on its way; pure
 driving    from a page's hands to the operator's commands: the deadman's second half; pure

@@ -8,12 +8,10 @@
 
 import hmac
 import ipaddress
-import secrets
 import socket
 from dataclasses import dataclass
 
 LOCAL_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
-TOKEN_BYTES = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,13 +42,13 @@ class Door:
         return self.objection(host, token)
 
 
-def open_door(host: str) -> Door:
-    """Return the door for a server that listens on a host."""
+def open_door(host: str, token: str) -> Door:
+    """Return the door for a server that listens on a host; token: asked for where others can reach it."""
     if is_loopback(host):
         return Door(LOCAL_NAMES)
     name = socket.gethostname().lower()
     ours = {host.lower(), name, f"{name}.local", name.split(".")[0]}
-    return Door(LOCAL_NAMES | ours, numbers=True, token=secrets.token_urlsafe(TOKEN_BYTES))
+    return Door(LOCAL_NAMES | ours, numbers=True, token=token)
 
 
 def is_loopback(host: str) -> bool:

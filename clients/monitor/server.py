@@ -15,7 +15,8 @@ from aiohttp import web
 
 from clients.connection import ConnectionProblemError, endpoint_of, keys_of
 from clients.monitor import assets
-from clients.monitor.door import Door, open_door
+from clients.monitor.door import Door, is_loopback, open_door
+from clients.monitor.kept_secret import kept_secret
 from clients.monitor.messages import LONGEST
 from clients.monitor.relay import Place, Relay
 from clients.monitor.visit import Host, Visit
@@ -105,7 +106,7 @@ async def serving(host: Host, address: str, port: int, *, any_port: bool = False
 
     any_port: whether another port will do when this one is taken.
     """
-    door = open_door(address)
+    door = open_door(address, "" if is_loopback(address) else kept_secret())
     runner = web.AppRunner(application(host, door), access_log=None, handler_cancellation=True, shutdown_timeout=2.0)
     await runner.setup()
     looking = asyncio.create_task(host.relay.run())

@@ -1,5 +1,6 @@
 // Everything else that answers "why is it (not) moving": devices, window, battery, faults, operator, link.
 
+import { windowWords } from "./beams.js";
 import { $, age, make, number, setData, setHidden, setText } from "./look.js";
 import { because } from "./mux.js";
 
@@ -14,14 +15,14 @@ export class Condition {
     this.#device("lidar", status.lidar);
     this.#device("motor", status.motor);
     const window = status.window ?? [];
-    this.#line("window", window.length ? "warn" : "good", window.length ? window.join("; ") : "clean");
+    this.#line("window", window.length ? "warn" : "good", window.length ? windowWords(window) : "clean");
     this.#line("fault", status.fault ? "bad" : "good", status.fault || "none");
     this.#battery(status.battery);
     this.#operator(status.operator);
     const gates = Object.entries(status.gates ?? {}).filter(([, reason]) => reason);
     this.#line("gates", gates.length ? "warn" : "good", gates.length ? gates.map(([name, reason]) => `${name}: ${reason}`).join("; ") : "all open");
     this.#line("software", "plain", `wallride ${status.version ?? "?"}, up ${age((status.up_s ?? 0) * 1000)}`);
-    this.#line("recording", recordingMood(status), recordingWords(status));
+    this.#line("recording", recordingMood(status.recording), recordingWords(status.recording));
     setData($("state"), "state", String(status.state ?? ""));
     setText($("state"), status.state ?? "–");
     const output = status.output;
@@ -78,17 +79,16 @@ export class Condition {
   }
 }
 
-function recordingMood(status) {
-  const recording = status.recording;
-  if (!recording) return "plain";
-  return recording.problem ? "bad" : recording.on ? "good" : "plain";
+/** The recorder says in a sentence how it stands; what is lost, it says in capitals or by name. */
+function recordingMood(recording) {
+  if (/^NOT recording|too slow/.test(recording?.words ?? "")) return "bad";
+  return recording?.on ? "good" : "plain";
 }
 
-export function recordingWords(status) {
-  const recording = status.recording;
-  if (recording === undefined || recording === null) return "unknown";
-  if (recording === true || recording === false) return recording ? "recording" : "not recording";
-  return recording.problem || recording.message || (recording.on ? `recording ${recording.file ?? ""}` : "not recording");
+function recordingWords(recording) {
+  if (!recording?.words) return "unknown";
+  const file = recording.on ? recording.file?.split("/").at(-1) : "";
+  return file ? `${recording.words} (${file}, ${number(recording.written_mb, 1, " MB")})` : recording.words;
 }
 
 /** Lists the cars; returns whether the list changed. */

@@ -144,7 +144,13 @@ export class Link {
     this.#unacknowledged = 0;
     for (const id of [...this.#questions.keys()]) this.#answered(id, { refused: "the link to the monitor broke" });
     if (wasOpen) this.#emit("gone");
+    else if (location.search) this.#askWhy();
     setTimeout(() => this.connect(), this.#waitMs);
     this.#waitMs = Math.min(LATEST_MS, this.#waitMs * 1.5);
+  }
+  /** A browser does not say why a WebSocket was refused; the page's own address does. */
+  async #askWhy() {
+    const answer = await fetch(location.href, { method: "HEAD", cache: "no-store" }).catch(() => null);
+    if (answer?.status === 403) this.#emit("trouble", "this address is not valid any more: open the one that wallride monitor prints now");
   }
 }

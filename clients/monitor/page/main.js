@@ -13,6 +13,7 @@ import { Timings } from "./timings.js";
 const OLD_MS = 500;
 const AGES_MS = 100;
 const STOP_KEYS = matchMedia("(pointer: coarse)").matches ? "" : "Space or Esc";
+const SMALL = matchMedia("(max-width: 760px)");
 const CAR_TOPICS = ["scan", "wall", "footprint", "odom", "output", "distance_error", "status", "decision", "beat"];
 const REMEMBERED = "wallride.monitor";
 
@@ -96,6 +97,7 @@ function takeNews(topic) {
 
 function takeStatus(status, nowMs) {
   condition.showStatus(status);
+  scene.takeWindow(status.window ?? []);
   mux.show(status, link.ageMs("decision") < OLD_MS ? link.newest.decision.value : null);
   plots.push(plots.latency, 0, nowMs, status.scan_to_motor_ms?.p99 ?? NaN);
   const measured = status.speed_mps;
@@ -129,6 +131,7 @@ function showAges() {
   showAge($("condition"), statusMs);
   showAge($("plots"), Math.min(scanMs, statusMs));
   setData(document.body, "linked", String(link.open && link.ageMs("beat", nowMs) < OLD_MS));
+  setData(document.body, "old", String(!link.open || statusMs > OLD_MS));
   condition.showAges(link.newest.monitor.value, nowMs);
   showStop(nowMs);
   drawTouch();
@@ -156,8 +159,9 @@ function showStop(nowMs) {
   const pending = pilot?.stop_pending || nowMs - stopAskedMs < 300;
   const state = beat.latched ? "latched" : pending ? "pending" : "ready";
   setData($("stop"), "state", state);
-  const words = { latched: "e-stop: the car is held", pending: link.open ? "sending…" : "no link!", ready: STOP_KEYS };
-  setText($("stop-note"), words[state]);
+  const words = { latched: "e-stop: the car is held", pending: "sending…", ready: STOP_KEYS };
+  const silent = !link.open ? "no link!" : link.ageMs("beat", nowMs) > OLD_MS ? "the car is not heard" : "";
+  setText($("stop-note"), silent || words[state]);
 }
 
 $("stop").addEventListener("pointerdown", (event) => { if (event.button === 0) stop(); });
@@ -184,7 +188,7 @@ $("share").value = String(hands.share);
 function showShare() {
   hands.share = $("share").valueAsNumber;
   remember({ share: hands.share });
-  setText($("share-value"), `${(hands.share * topSpeed).toFixed(1)} m/s`);
+  setText($("share-value"), `${(hands.share * topSpeed).toFixed(2)} m/s`);
 }
 
 let wakeLock = null;
@@ -204,9 +208,11 @@ function showDriving() {
   $("drive").setAttribute("aria-checked", String(on));
   setText($("drive-word"), on ? "on" : "off");
   setData($("driving"), "on", String(on));
+  setData(document.body, "driving", String(on));
   for (const id of ["autonomy", "reset", "take-over"]) $(id).disabled = !on;
   keepAwake(on);
   drawTouch();
+  if (on && SMALL.matches) scrollTo(0, 0); // everything that a driver needs is up there now
 }
 
 function showPilot(pilot) {
@@ -271,9 +277,9 @@ function showRecording(state) {
 $("record").addEventListener("click", async () => {
   const on = !recording;
   try {
-    await link.ask("record", { on });
-    showRecording(on);
-    announce(on ? "recording" : "recording ended", "good");
+    const answer = await link.ask("record", { on });
+    showRecording(answer);
+    announce(answer.words ?? (on ? "recording" : "recording ended"), answer.on === on ? "good" : "bad");
   } catch (error) {
     announce(error.message, "bad");
   }

@@ -21,6 +21,7 @@ class Voice {
   show(voice, isWinner, isDriver) {
     const live = voice.live === true;
     setData(this.row, "tone", toneOf(voice));
+    setData(this.row, "steers", String(live && !voice.caps));
     setData(this.row, "state", isWinner ? "winner" : isDriver ? "driver" : live ? "live" : "silent");
     setText(this.age, voice.age_s === null || voice.age_s === undefined ? "" : age(voice.age_s * 1000));
     setText(this.wish, live ? wish(voice) : "");

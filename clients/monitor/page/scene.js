@@ -1,14 +1,15 @@
 // The top view: the car stands still and looks up, the world moves. Frame base_link: x forward (up), y left.
 
+import { Beams, DIRT, ECHO, OWN, STRAY } from "./beams.js";
 import { fit, ink, onLook, ratioOf } from "./look.js";
 
 const LIDAR_AHEAD_M = 0.27;
 const SCALES = [15, 22, 32, 46, 64, 90, 130, 190];
-const MASK_LASTS_MS = 1000;
 const TRAIL = 600;
 const TRAIL_STEP_M = 0.05;
 const CAR_UP_SHARE = 0.7;
 const SILENT_AT_M = 0.55;
+const SECTORS = { dirty: "masked", covered: "stop", own: "muted" };
 const LINES = {
   wall: ["wall", 3, []],
   ball: ["ball", 2.5, [7, 5]],
@@ -22,6 +23,7 @@ export class Scene {
   dirty = true;
   /** Where the lidar is, ahead of the rear axle [m]; told by the car's settings. */
   lidarM = LIDAR_AHEAD_M;
+  beams = new Beams();
   #canvas;
   #context;
   #link;
@@ -30,8 +32,6 @@ export class Scene {
   #sin = new Float32Array(0);
   #angleMin = NaN;
   #step = NaN;
-  #masked = new Uint8Array(0);
-  #maskMs = -Infinity;
   #trail = new Float64Array(2 * TRAIL);
   #trailNext = 0;
   #trailCount = 0;
@@ -63,19 +63,10 @@ export class Scene {
     this.#trailCount = Math.min(TRAIL, this.#trailCount + 1);
   }
 
-  /** Remembers which beams safety ignores, so that the scan shows them differently. */
-  takeFootprint(markers, nowMs) {
-    const ignored = markers.find("ignored");
-    const { scan } = this.#link.newest;
-    if (!ignored || !scan.n) return;
-    this.#tabulate(scan);
-    this.#masked.fill(0);
-    this.#maskMs = nowMs;
-    for (let i = 0; i < ignored.n; i++) {
-      const bearing = Math.atan2(ignored.xy[2 * i + 1], ignored.xy[2 * i] - this.lidarM);
-      const beam = Math.round((bearing - scan.angleMin) / scan.step);
-      if (beam >= 0 && beam < scan.n) this.#masked[beam] = 1;
-    }
+  takeFootprint(markers, nowMs) { this.beams.takeIgnored(markers, this.#link.newest.scan, this.lidarM, nowMs); }
+
+  takeWindow(sentences) {
+    if (this.beams.takeWindow(sentences, this.#link.newest.scan.step)) this.dirty = true;
   }
 
   draw(nowMs) {
@@ -92,9 +83,11 @@ export class Scene {
     const { scan, wall, footprint } = this.#link.newest;
     if (this.#link.ageMs("footprint", nowMs) < 5000) this.#sweep(footprint, originX, originY, scale);
     if (scan.n) this.#points(scan, nowMs, originX, originY, scale, ratio);
+    this.#sectors(originX, originY, scale, ratio);
     if (this.#link.ageMs("wall", nowMs) < 5000) this.#markers(wall, originX, originY, scale, ratio);
     if (this.#link.ageMs("footprint", nowMs) < 5000) this.#markers(footprint, originX, originY, scale, ratio);
     this.#car(footprint, originX, originY, scale, ratio);
+    if (scan.n) this.#leftOut(scan, originX, originY, scale, ratio);
     this.dirty = false;
   }
 
@@ -136,43 +129,74 @@ export class Scene {
     context.stroke();
   }
 
-  /** Distances as squares, ignored beams as crosses, beams without an echo as ticks around the car. */
+  /** Distances as squares, stray ones small and pale, beams without an echo as ticks around the car. */
   #points(scan, nowMs, x0, y0, scale, ratio) {
     this.#tabulate(scan);
-    const context = this.#context, { ranges, rangeMax } = scan;
-    if (nowMs - this.#maskMs > MASK_LASTS_MS) this.#masked.fill(0);
-    const masked = this.#masked, cosines = this.#cos, sines = this.#sin;
+    this.beams.expire(nowMs, scan.n);
     const lidarY = y0 - this.lidarM * scale;
-    const size = 2.6 * ratio, half = size / 2, cross = 3.2 * ratio;
-    const inner = SILENT_AT_M * scale, outer = inner + 7 * ratio;
-    context.fillStyle = ink.point;
-    for (let i = 0; i < scan.n; i++) {
-      const r = ranges[i];
-      if (masked[i] || !(r < rangeMax)) continue;
-      context.fillRect(x0 - sines[i] * r * scale - half, lidarY - cosines[i] * r * scale - half, size, size);
-    }
-    context.strokeStyle = ink.masked;
-    context.lineWidth = 1.4 * ratio;
-    context.beginPath();
-    for (let i = 0; i < scan.n; i++) {
-      const r = ranges[i];
-      if (!masked[i] || !(r < rangeMax)) continue;
-      const x = x0 - sines[i] * r * scale, y = lidarY - cosines[i] * r * scale;
-      context.moveTo(x - cross, y - cross);
-      context.lineTo(x + cross, y + cross);
-      context.moveTo(x + cross, y - cross);
-      context.lineTo(x - cross, y + cross);
-    }
-    context.stroke();
+    this.#squares(scan, ECHO, ink.point, 2.6 * ratio, x0, lidarY, scale);
+    this.#squares(scan, STRAY, ink.silent, 2 * ratio, x0, lidarY, scale);
+    const context = this.#context, inner = SILENT_AT_M * scale, outer = inner + 7 * ratio;
     context.strokeStyle = ink.silent;
     context.lineWidth = ratio;
     context.beginPath();
     for (let i = 0; i < scan.n; i++) {
-      if (ranges[i] < rangeMax) continue;
-      context.moveTo(x0 - sines[i] * inner, lidarY - cosines[i] * inner);
-      context.lineTo(x0 - sines[i] * outer, lidarY - cosines[i] * outer);
+      if (scan.ranges[i] < scan.rangeMax) continue;
+      context.moveTo(x0 - this.#sin[i] * inner, lidarY - this.#cos[i] * inner);
+      context.lineTo(x0 - this.#sin[i] * outer, lidarY - this.#cos[i] * outer);
     }
     context.stroke();
+  }
+
+  #squares(scan, kind, color, size, x0, lidarY, scale) {
+    const context = this.#context, { ranges, rangeMax } = scan, { why } = this.beams, half = size / 2;
+    context.fillStyle = color;
+    for (let i = 0; i < scan.n; i++) {
+      const r = ranges[i];
+      if (why[i] !== kind || !(r < rangeMax)) continue;
+      context.fillRect(x0 - this.#sin[i] * r * scale - half, lidarY - this.#cos[i] * r * scale - half, size, size);
+    }
+  }
+
+  /** On top of the car, because they lie there: dirt as crosses, the car's own parts as hollow squares. */
+  #leftOut(scan, x0, y0, scale, ratio) {
+    const context = this.#context, { ranges, rangeMax } = scan, { why } = this.beams;
+    const lidarY = y0 - this.lidarM * scale, arm = 3.4 * ratio;
+    context.lineWidth = 1.4 * ratio;
+    for (let kind = OWN; kind <= DIRT; kind++) {
+      context.strokeStyle = kind === OWN ? ink.muted : ink.masked;
+      context.beginPath();
+      for (let i = 0; i < scan.n; i++) {
+        const r = ranges[i];
+        if (why[i] !== kind || !(r < rangeMax)) continue;
+        const x = x0 - this.#sin[i] * r * scale, y = lidarY - this.#cos[i] * r * scale;
+        if (kind === OWN) { context.rect(x - arm / 2, y - arm / 2, arm, arm); continue; }
+        context.moveTo(x - arm, y - arm);
+        context.lineTo(x + arm, y + arm);
+        context.moveTo(x + arm, y - arm);
+        context.lineTo(x - arm, y + arm);
+      }
+      context.stroke();
+    }
+  }
+
+  /** Shows where the window is dirty or covered as bands around the lidar: the beams themselves may end inside the car. */
+  #sectors(x0, y0, scale, ratio) {
+    const context = this.#context, lidarY = y0 - this.lidarM * scale, radius = SILENT_AT_M * scale - 5 * ratio;
+    for (const { kind, from, to } of this.beams.sectors) {
+      const start = -Math.PI / 2 - to, end = -Math.PI / 2 - from;
+      context.strokeStyle = context.fillStyle = ink[SECTORS[kind]];
+      context.globalAlpha = 0.2;
+      context.beginPath();
+      context.moveTo(x0, lidarY);
+      context.arc(x0, lidarY, radius, start, end);
+      context.fill();
+      context.globalAlpha = 1;
+      context.lineWidth = (kind === "own" ? 3 : 7) * ratio;
+      context.beginPath();
+      context.arc(x0, lidarY, radius, start, end);
+      context.stroke();
+    }
   }
 
   /** Fills the strip that the car is about to sweep. */
@@ -255,7 +279,6 @@ export class Scene {
     this.#step = scan.step;
     this.#cos = new Float32Array(scan.n);
     this.#sin = new Float32Array(scan.n);
-    this.#masked = new Uint8Array(scan.n);
     for (let i = 0; i < scan.n; i++) {
       this.#cos[i] = Math.cos(scan.angleMin + i * scan.step);
       this.#sin[i] = Math.sin(scan.angleMin + i * scan.step);

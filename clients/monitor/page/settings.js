@@ -232,6 +232,7 @@ class Row {
       if (Number.isNaN(wanted)) this.#display(this.#parameter.value);
       else { this.#display(wanted); this.#send(wanted); }
     });
+    if (type === "checkbox") input.addEventListener("keydown", (event) => { if (event.key === "Enter") input.click(); }); // Space is STOP
     return input;
   }
 

@@ -24,16 +24,22 @@ class Scene:
         return FakeCar(self.endpoint, **more)
 
     @asynccontextmanager
-    async def monitor(self, *, address="127.0.0.1", name="ann@laptop"):
+    async def monitor(self, *, address="127.0.0.1", name="ann@laptop", also=()):
         from clients.monitor.relay import Place, Relay
         from clients.monitor.server import serving
         from clients.monitor.visit import Host
         from clients.teleop.shaping import Feel
 
-        place = Place(self.endpoint, zenoh_config.client_config(self.endpoint, None))
-        async with serving(Host(Relay([place]), name, Feel(), "9.9"), address, self.port) as self.url:
+        places = [Place(one, zenoh_config.client_config(one, None)) for one in (self.endpoint, *also)]
+        async with serving(Host(Relay(places), name, Feel(), "9.9"), address, self.port) as self.url:
             self.port = int(self.url.split(":")[2].split("/")[0])
             yield self
+
+
+@pytest.fixture(autouse=True)
+def no_kept_secret(monkeypatch):
+    """Leave the secret of whoever runs the tests alone."""
+    monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
 
 
 @pytest.fixture

@@ -183,7 +183,7 @@ class FakeCar:
             "battery": {"voltage_v": 11.75, "current_a": 3.2}, "fault": "",
             "lidar": {"link": "ready", "message": "UST-10LX", "identity": "", "counts": {}},
             "motor": {"link": "ready", "message": "VESC 60", "identity": "", "counts": {"missed_reply": 2}},
-            "window": ["37 beams are dirty, from -3 to 6 degrees"], "link": {}, "scans": self.scans,
+            "window": WINDOW, "link": {}, "scans": self.scans,
             "scan_to_motor_ms": {"p50": 1.1, "p99": 2.2, "max": 3.3},
             "distance_error": {"mean_abs_m": 0.021, "rms_m": 0.03}, "odom": {"x_m": 0, "y_m": 0, "yaw_rad": 0},
         }  # fmt: skip
@@ -207,11 +207,21 @@ WALL = [
     Marker("wall", Kind.LINE_STRIP, _points((-1.0, 1.0), (3.0, 1.0)), GREEN),
     Marker("ball", Kind.LINE_STRIP, _points((0.4, 0.0), (1.0, 0.02), (1.8, 0.1)), BLUE),
 ]
+WINDOW = [
+    "12 beams around 30 deg are dirty: clean the window",
+    "9 beams around 160 deg see the car itself, or dirt, and are ignored",
+]
+DIRT_RAD = math.radians(30) + STEP_RAD * (np.arange(12) - 6)
+DIRT = np.array([0.27 + 0.5 * np.cos(DIRT_RAD), 0.5 * np.sin(DIRT_RAD)])
 FOOTPRINT = [
     Marker("car", Kind.LINE_STRIP, _points((0.42, 0.15), (0.42, -0.15), (-0.13, -0.15), (-0.13, 0.15)), BLUE),
     Marker("left edge", Kind.LINE_STRIP, _points((0.42, 0.15), (0.9, 0.2), (1.4, 0.35)), ORANGE),
     Marker("right edge", Kind.LINE_STRIP, _points((0.42, -0.15), (0.9, -0.1), (1.45, 0.05)), ORANGE),
     Marker("the beam that stops", Kind.LINE_STRIP, _points((0.27, 0.0), (1.5, 0.4)), RED),
     Marker("what stops", Kind.POINTS, _points((1.5, 0.4)), RED),
-    Marker("ignored", Kind.POINTS, _points((0.27, 1.0), (0.275, 1.0)), ORANGE),
+    Marker(
+        "ignored", Kind.POINTS,
+        np.hstack([DIRT, _points((0.27, 1.0), (0.15, 0.14), (0.15, -0.14))]),  # dirt, a stray echo, the car itself
+        ORANGE,
+    ),
 ]  # fmt: skip

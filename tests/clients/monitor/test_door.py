@@ -3,9 +3,10 @@
 import pytest
 
 from clients.monitor.door import Door, is_loopback, open_door
+from clients.monitor.kept_secret import NAME, kept_secret
 
-LOCAL = open_door("127.0.0.1")
-SECRET = open_door("0.0.0.0").token
+SECRET = kept_secret({})
+LOCAL = open_door("127.0.0.1", SECRET)
 WIDE = Door(frozenset({"localhost", "box", "box.local"}), numbers=True, token=SECRET)
 
 
@@ -38,9 +39,31 @@ def test_from_other_machines_the_address_must_carry_its_token():
 
 def test_a_door_to_the_network_has_a_token_and_one_to_this_machine_has_none():
     assert not LOCAL.token
-    assert len(open_door("0.0.0.0").token) >= 16
-    assert open_door("0.0.0.0").token != open_door("0.0.0.0").token
+    assert open_door("0.0.0.0", SECRET).token == SECRET
     assert is_loopback("::1")
     assert is_loopback("127.3.2.1")
     assert not is_loopback("192.168.1.5")
     assert not is_loopback("car1.local")
+
+
+def test_a_secret_is_kept_for_a_login_and_only_for_its_user(tmp_path):
+    login = {"XDG_RUNTIME_DIR": str(tmp_path)}
+    first = kept_secret(login)
+    assert len(first) >= 16
+    assert kept_secret(login) == first, "a phone's page finds the server again after its restart"
+    kept = tmp_path / NAME
+    assert kept.stat().st_mode & 0o777 == 0o600
+    kept.chmod(0o644)
+    assert kept_secret(login) != first, "others could have read it"
+    kept.chmod(0o600)
+    kept.write_text("easy")
+    assert len(kept_secret(login)) >= 16
+    kept.unlink()
+    kept.symlink_to(tmp_path / "elsewhere")
+    assert kept_secret(login) != kept_secret(login)
+    assert not (tmp_path / "elsewhere").exists()
+
+
+@pytest.mark.parametrize("environment", [{}, {"XDG_RUNTIME_DIR": ""}, {"XDG_RUNTIME_DIR": "/nowhere/at/all"}])
+def test_without_a_place_for_it_every_start_has_its_own(environment):
+    assert kept_secret(environment) != kept_secret(environment)

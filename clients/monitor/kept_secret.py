@@ -1,0 +1,46 @@
+"""The secret in an address for other machines, kept until its user logs out or the machine restarts.
+
+A page that is open on a phone thereby finds the server again after the server's restart. It lies where only its user
+can read it ($XDG_RUNTIME_DIR, cleared by the system); without such a place every start has a secret of its own.
+"""
+
+import os
+import re
+import secrets
+import stat
+from collections.abc import Mapping
+from pathlib import Path
+
+NAME = "wallride-monitor-secret"
+BYTES = 12
+_WORD = re.compile(r"[A-Za-z0-9_-]{16}")
+
+
+def kept_secret(environment: Mapping[str, str] = os.environ) -> str:
+    """Return the secret of this login, made at its first use."""
+    fresh = secrets.token_urlsafe(BYTES)
+    folder = environment.get("XDG_RUNTIME_DIR")
+    if not folder:
+        return fresh
+    path = Path(folder) / NAME
+    try:
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+    except FileExistsError:
+        return _read(path) or fresh
+    except OSError:  # a place that cannot be written to keeps nothing
+        return fresh
+    with os.fdopen(descriptor, "w") as file:
+        file.write(fresh)
+    return fresh
+
+
+def _read(path: Path) -> str:
+    """Return what is kept, "" unless it is a secret and only ours."""
+    try:
+        with os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)) as file:
+            about = os.fstat(file.fileno())
+            private = stat.S_ISREG(about.st_mode) and about.st_uid == os.geteuid() and not about.st_mode & 0o077
+            text = file.read(64) if private else ""
+    except OSError:
+        return ""
+    return text if _WORD.fullmatch(text) else ""
