@@ -31,11 +31,13 @@ def wall(guidance: Guidance, side: Literal["left", "right"], ball_m: Floats | No
     ball_m: places of the ball, (2, k), base_link; None where the law has none.
     """
     drawings = []
-    if math.isfinite(guidance.angle_rad + guidance.distance_m):
+    # Before a corner the distance is that of the nearest wall, which need not be the one that the line is fitted to.
+    away_m = guidance.line_m if math.isfinite(guidance.line_m) else guidance.distance_m
+    if math.isfinite(guidance.angle_rad + away_m):
         sign = 1.0 if side == "left" else -1.0
         along = np.array([[math.cos(guidance.angle_rad)], [math.sin(guidance.angle_rad)]])
         aside = sign * np.array([[-along[1, 0]], [along[0, 0]]])
-        line = aside * guidance.distance_m + along * np.array([[WALL_FROM_M, WALL_TO_M]])
+        line = aside * away_m + along * np.array([[WALL_FROM_M, WALL_TO_M]])
         drawings.append(Marker("wall", Kind.LINE_STRIP, line, GREEN))
     if ball_m is not None and ball_m.shape[1]:
         drawings.append(Marker("ball", Kind.LINE_STRIP, ball_m, BLUE))

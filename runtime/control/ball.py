@@ -97,7 +97,7 @@ class BallFollower:
         tracked = self._track.correct(line)
         desired_m = roomy_m(seen, line, settings.desired_distance_m)
         wall = WallPoints.of(shift.seen_from_there(_wall_places_m(seen, mine, line)))
-        line, tracked = _from_there(line, shift), _from_there(tracked, shift)
+        line_now, line, tracked = line, _from_there(line, shift), _from_there(tracked, shift)
         nearest_m = float(wall.range_m.min())
         bias_m = self._bias.learn(line, nearest_m)
         path = ball_path(
@@ -116,8 +116,10 @@ class BallFollower:
             mu *= SLIPPING_SHARE
         drive = Drive(self._speed_mps(path, steering_rad, speed_mps, mu), self._sign * steering_rad)
         self._predictor.answers.said(scan.received_s, drive.steering_rad)
-        angle_rad = self._sign * line.heading_rad if line is not None else math.nan
-        return Guidance(drive, aim.error_m + desired_m, aim.error_m, angle_rad, "wall")
+        angle_rad, line_m = math.nan, math.nan
+        if line_now is not None:
+            angle_rad, line_m = self._sign * line_now.heading_rad, line_now.distance_m
+        return Guidance(drive, aim.error_m + desired_m, aim.error_m, angle_rad, "wall", line_m)
 
     def _steering_rad(self, path: BallPath, aim: Aim, bend: float, speed_mps: float) -> float:
         settings, car = self._settings, self._car

@@ -1,5 +1,6 @@
 """What a follower or a safety law answers: the shape that every method shares."""
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -15,7 +16,8 @@ class Guidance:
 
     drive: None when the method cannot tell where to go; the car then stops, with `reason` as the reason.
     distance_m, error_m: distance to the followed wall and that minus the desired one; NaN without a wall.
-    angle_rad: heading of the wall seen from the car, positive when the wall leads to the left; NaN without a wall.
+    angle_rad: heading of the fitted line seen from the car, positive when it leads to the left; NaN without one.
+    line_m: distance of that line from the rear axle; NaN where the method fits none or steers by the nearest points.
     """
 
     drive: Drive | None
@@ -23,6 +25,7 @@ class Guidance:
     error_m: float
     angle_rad: float
     reason: str
+    line_m: float = math.nan
 
 
 class Follower(Protocol):

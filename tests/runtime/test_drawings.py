@@ -30,6 +30,11 @@ def test_the_wall_is_drawn_where_it_is(side, sign):
     assert wall.points_m[0, 0] < 0 < wall.points_m[0, 1]
 
 
+def test_before_a_corner_the_line_stays_on_the_wall_it_was_fitted_to():
+    before_a_corner = Guidance(Drive(1.0, 0.0), 0.6, -0.4, 0.0, "wall", line_m=1.0)
+    np.testing.assert_allclose(by_name(drawings.wall(before_a_corner, "left", None))["wall"].points_m[1], 1.0)
+
+
 def test_a_wall_that_leads_to_the_left_is_farther_left_ahead():
     guidance = Guidance(Drive(1.0, 0.0), 0.8, 0.0, 0.2, "wall")
     for side in ("left", "right"):

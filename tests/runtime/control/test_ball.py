@@ -506,3 +506,14 @@ def test_another_side_mirrors_what_was_learnt_about_the_steering():
     assert law._track.trim_rad == -learnt_rad
     law.tune(BallSettings(side="right", speed_mps=1.0))
     assert law._track.trim_rad == -learnt_rad
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_the_line_it_tells_of_is_where_the_car_is_now_even_before_a_corner(side):
+    """The wall is at 1 m; the error is that of the wall ahead, which is nearer, and of where the car will soon be."""
+    moving = replace(MOTOR, speed_mps=3.0)
+    told = follower(side=side).follow(scan_in("inside_corner", x_m=7.3, yaw_rad=0.1, side=side), moving)
+    sign = 1 if side == "left" else -1
+    assert told.line_m == pytest.approx(1.0, abs=0.02)
+    assert told.angle_rad == pytest.approx(-sign * 0.1, abs=0.02)
+    assert told.distance_m < 0.9
