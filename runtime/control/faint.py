@@ -5,6 +5,9 @@ within 2.2 m, too late for a car at 4 m/s on a slippery floor. But a pole stands
 it farther out meet it again, while a wild beam of the next scan is somewhere else. Nearer, when three or four beams
 meet it and one of them is wild, it is known from the scans before. (The idea is that of "M of N"
 confirmation in radar tracking, Blackman & Popoli 1999, section 6.2, with a track that is a place.)
+
+Dirt on the window returns again and again as well, and while the car stands or creeps even from the same place: beams
+that are known to be dirty do not count here, however far they read.
 """
 
 import cmath
@@ -85,4 +88,6 @@ def _thin(view: View) -> npt.NDArray[np.intp]:
     thin = ranges_m < WITHIN_M
     thin &= ranges_m > FROM_M
     thin &= ~hidden
+    if view.dirty is not None:
+        thin &= ~view.dirty[first:last]
     return thin.nonzero()[0] + first

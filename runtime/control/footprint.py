@@ -15,7 +15,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from runtime.control.geometry import Floats, Places
+from runtime.control.geometry import Booleans, Floats, Places
 
 STEP_M = 0.06
 POSES_AT_ONCE = 24
@@ -33,6 +33,13 @@ class Outline:
     front_m: float
     rear_m: float
     half_width_m: float
+
+    def holds(self, points_m: Places) -> Booleans:
+        """Return which points (k,) in base_link are within it."""
+        inside: Booleans = np.abs(points_m.imag) <= self.half_width_m
+        inside &= points_m.real <= self.front_m
+        inside &= points_m.real >= -self.rear_m
+        return inside
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,10 @@
 """A follower that can also free the car: it asks the driver first, and backs out when safety boxed the car in."""
 
+from dataclasses import replace
+
 from drivers.api import MotorState, Scan
 from runtime.control.guidance import Follower, Guidance
-from runtime.control.recovery import Recovery
+from runtime.control.recovery import HELP, Recovery
 from runtime.control.swept import Outlook, SweptGuard
 
 
@@ -39,8 +41,8 @@ class Freeing:
         if outlook is None or outlook.view.scan is not scan:
             return guidance
         advice = self._recovery.step(outlook, guidance.drive, motor)
+        # A standing car's reason is the safety's, not the driver's: it has to know that nobody knows a way on.
+        self._lookout.guard.plight = advice.words if advice.words == HELP else ""
         if advice.drive is None and not advice.words:
             return guidance
-        return Guidance(
-            advice.drive or guidance.drive, guidance.distance_m, guidance.error_m, guidance.angle_rad, advice.words
-        )
+        return replace(guidance, drive=advice.drive or guidance.drive, reason=advice.words)

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from drivers.api import Scan
 
 Floats = npt.NDArray[np.float64]
+Booleans = npt.NDArray[np.bool_]
 Places = npt.NDArray[np.complex128]
 """Points of a plane as complex numbers x + iy [m]: turning them all by an angle is one multiplication."""
 NOWHERE: Places = np.empty(0, np.complex128)
@@ -29,6 +30,18 @@ def directions(angle_min_rad: float, angle_step_rad: float, beams: int) -> Float
     vectors = np.stack([np.cos(bearings), np.sin(bearings)])
     vectors.setflags(write=False)
     return vectors
+
+
+def beyond(scan: Scan, bearing_rad: float) -> Booleans:
+    """Return which beams look farther aside than this, (beams,), read-only; computed once per kind of lidar."""
+    return _beyond(scan.angle_min_rad, scan.angle_step_rad, scan.ranges_m.shape[0], bearing_rad)
+
+
+@lru_cache(maxsize=16)
+def _beyond(angle_min_rad: float, angle_step_rad: float, beams: int, bearing_rad: float) -> Booleans:
+    aside: Booleans = np.abs(bearings_rad(angle_min_rad, angle_step_rad, beams)) > bearing_rad
+    aside.setflags(write=False)
+    return aside
 
 
 def sector(scan: Scan, from_rad: float, to_rad: float) -> slice:

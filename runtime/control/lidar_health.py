@@ -14,29 +14,20 @@ import math
 import numpy as np
 
 from drivers.api import MotorState
-from runtime.control.geometry import Floats
+from runtime.control.geometry import Booleans, beyond
 from runtime.control.lidar_health_settings import LidarHealthSettings
-from runtime.control.perception import DIRT_STANDS_OUT_M, Booleans, View
+from runtime.control.perception import BODY_BEYOND_RAD, View
+from runtime.control.smudges import beside_echoes, patches, runs_longer_than, runs_with, stands_out
 
-NEIGHBOUR_BEAMS = (40, 60)
-"""Dirt stands out against the beams 10, or 15, degrees to its left and right."""
-SMUDGE_NEARER_THAN_M = 0.9
-"""The rim of a real smudge reads up to 0.8 m, a mixture of the dirt and the wall behind it."""
-ON_THE_WINDOW_M = 0.06
 METRES_PER_RADIAN = 0.3
+BODY_NEARER_THAN_M, BODY_MEMORY_M = 0.45, 0.3
+"""Beside the car's tail nothing that stands still keeps its distance to the centimetre for so long a way."""
 LEARNS_EVERY_M = 0.1
 STEADY_WITHIN_M = 0.06
 """Three standard deviations of a noisy lidar (0.02 m)."""
 FORWARD_RAD = math.pi / 4
-BODY_BEYOND_RAD = math.radians(105)
-"""Behind this bearing a fixed near return is taken for a part of the car, before it for dirt."""
 BLIND_MEMORY_RAD = 1.0
 BLIND_ABOVE = 0.95
-BESIDE_ECHOES_BEAMS = 80
-BESIDE_ECHOES_SHARE = 0.25
-"""Darkness says something only where a quarter of the beams within 20 degrees see: in the open nothing is there."""
-GROUP_BEAMS = 8
-"""Beams this near each other are spoken of as one patch."""
 
 
 class _Beams:
@@ -70,6 +61,7 @@ class LidarHealth:
         self._last_m: float | None = None
         self._empty = False
         self._tuned = False
+        self._told: tuple[object, ...] = ()
         self.mask: Booleans | None = None
         self.ceiling_mps = math.inf
         self.reason = "window clean"
@@ -118,42 +110,70 @@ class LidarHealth:
         return step_m, step_m * abs(math.tan(motor.steering_rad)) / self._wheelbase_m
 
     def _learn(self, view: View) -> None:
+        beams = self._beams
         learns = 1 - math.exp(-self._waiting_m / self._settings.memory_m)
         near = stands_out(view.ranges_m)
-        off_m = np.where(near, view.ranges_m - self._beams.near_m, math.nan)
-        near &= ~(np.abs(off_m) >= STEADY_WITHIN_M)  # NaN: seen near for the first time
-        self._beams.near_m = np.where(np.isnan(off_m), self._beams.near_m, self._beams.near_m + learns * off_m)
-        fresh = near & np.isnan(self._beams.near_m)
-        self._beams.near_m[fresh] = view.ranges_m[fresh]
-        body = view.own & (np.abs(view.bearing_rad) > BODY_BEYOND_RAD)
-        near &= ~body
-        self._beams.own += learns * (body - self._beams.own)
-        self._beams.dirt += learns * (near - self._beams.dirt)
-        # Only turning tells a blind beam from a long corridor: the emptiness turns with the car.
-        turns = 1 - math.exp(-self._waiting_rad / BLIND_MEMORY_RAD)
-        self._beams.blind += turns * beside_echoes(view.no_echo) * (view.no_echo - self._beams.blind)
+        near_m, kept_m = view.ranges_m.take(near), beams.near_m.take(near)
+        off_m = near_m - kept_m
+        beams.near_m[near] = np.where(np.isnan(kept_m), near_m, kept_m + learns * off_m)
+        rear = beyond(view.scan, BODY_BEYOND_RAD)
+        body = view.own & rear
+        dirt = near[~(np.abs(off_m) >= STEADY_WITHIN_M) & ~body.take(near)]  # NaN: seen near for the first time
+        # p + learns (seen - p), seen being 1 or 0
+        beams.own *= 1 - learns
+        beams.own[body] += learns
+        # What is so near behind the shoulders is learnt quickly, and silence is no evidence: black parts answer seldom.
+        quickly = 1 - math.exp(-self._waiting_m / BODY_MEMORY_M)
+        part = rear & (beams.near_m < BODY_NEARER_THAN_M)
+        known = beams.dirt.take(dirt)
+        learnt = beams.dirt * (1 - learns)
+        np.copyto(learnt, beams.dirt, where=part & view.no_echo)
+        learnt[dirt] = known + np.where(part.take(dirt), quickly, learns) * (1 - known)
+        beams.dirt = learnt
+        if self._waiting_rad and (np.count_nonzero(view.no_echo) or np.count_nonzero(beams.blind)):
+            # Only turning tells a blind beam from a long corridor: the emptiness turns with the car.
+            changes = view.no_echo - beams.blind
+            changes *= 1 - math.exp(-self._waiting_rad / BLIND_MEMORY_RAD)
+            np.add(beams.blind, changes, out=beams.blind, where=beside_echoes(view.no_echo))
         self._moved_m += self._waiting_m
         self._waiting_m = self._waiting_rad = 0.0
 
     def _judge(self, view: View) -> None:
-        settings = self._settings
-        doubtful = self._beams.dirt >= settings.unmask_below
+        settings, beams = self._settings, self._beams
+        doubtful = beams.dirt >= settings.unmask_below
         if self._moved_m < settings.first_mask_m:
-            doubtful &= np.abs(view.bearing_rad) > BODY_BEYOND_RAD  # the car drives away from what is there
-        surely = (self._beams.dirt > settings.mask_above) | self._beams.dirty
-        self._beams.dirty = runs_with(doubtful, surely & doubtful)
-        self._beams.blinded = self._beams.blind > BLIND_ABOVE
-        lost = self._beams.dirty | self._beams.blinded
-        share = np.count_nonzero(lost) / lost.size
-        forward = np.abs(view.bearing_rad) <= FORWARD_RAD
-        widest = int((settings.masked_gap_rad + 1e-9) / abs(view.scan.angle_step_rad))
-        too_wide = runs_longer_than(lost & forward, widest)
-        safe = bool(share < settings.masked_share and not too_wide.any())
-        masked = self._beams.dirty & ~too_wide  # what is too wide to be ignored ahead is no reason to heed the rest
-        few = np.count_nonzero(self._beams.dirty) < settings.masked_share * lost.size
-        self.mask = masked if few and masked.any() else None
+            doubtful &= beyond(view.scan, BODY_BEYOND_RAD)  # the car drives away from what is there
+        surely = beams.dirt > settings.mask_above
+        surely |= beams.dirty
+        surely &= doubtful
+        beams.dirty = runs_with(doubtful, surely)
+        beams.blinded = beams.blind > BLIND_ABOVE
+        lost = beams.dirty | beams.blinded
+        self.mask, share, safe = self._masked(view, lost) if np.count_nonzero(lost) else (None, 0.0, True)
         self.ceiling_mps, self.reason = self._ceiling(share, safe=safe)
-        self.words = tuple(self._sentences(view))
+        own = self.own
+        told = view.bearing_rad[0], self._empty, own.tobytes(), beams.dirty.tobytes(), beams.blinded.tobytes()
+        if told != self._told:
+            self._told = told
+            self.words = tuple(self._sentences(view, own))
+
+    def _masked(self, view: View, lost: Booleans) -> tuple[Booleans | None, float, bool]:
+        """Return the beams to ignore, None for none, the share that is lost, and whether it is safe without them.
+
+        Shares are those of the beams before the car's shoulders: the car's parts behind them take nothing from its
+        view of where it drives.
+        """
+        settings, dirty = self._settings, self._beams.dirty
+        before = ~beyond(view.scan, BODY_BEYOND_RAD)
+        beams = max(1, int(np.count_nonzero(before)))
+        most = max(1.0, settings.masked_share * beams)
+        widest = int((settings.masked_gap_rad + 1e-9) / abs(view.scan.angle_step_rad))
+        too_wide = runs_longer_than(lost & ~beyond(view.scan, FORWARD_RAD), widest)
+        masked = dirty & ~too_wide  # what is too wide to be ignored ahead is no reason to heed the rest
+        few = int(np.count_nonzero(dirty & before)) < most
+        lost_beams = int(np.count_nonzero(lost & before))
+        safe = lost_beams < most and not np.count_nonzero(too_wide)
+        return masked if few and np.count_nonzero(masked) else None, lost_beams / beams, safe
 
     def _ceiling(self, share: float, *, safe: bool) -> tuple[float, str]:
         if self._empty:
@@ -164,13 +184,13 @@ class LidarHealth:
             return self._doubtful_mps, "dirty window: clean the lidar"
         return math.inf, "window clean"
 
-    def _sentences(self, view: View) -> list[str]:
-        rear = np.abs(view.bearing_rad) > BODY_BEYOND_RAD
+    def _sentences(self, view: View, own: Booleans) -> list[str]:
+        rear = beyond(view.scan, BODY_BEYOND_RAD)
         told = [
             (self._beams.dirty & ~rear, "are dirty: clean the window"),
             (self._beams.blinded & ~rear, "see nothing: uncover or clean the window"),
             (
-                self.own | (self._beams.dirty & rear),
+                own | (self._beams.dirty & rear),
                 "see the car itself, or dirt, and are ignored",
             ),
         ]
@@ -182,60 +202,3 @@ class LidarHealth:
         if self._empty:
             said.insert(0, "almost no beam has an echo: uncover or clean the lidar")
         return said
-
-
-def stands_out(ranges_m: Floats) -> Booleans:
-    """Return the beams nearer than a smudge can be and 0.12 m nearer than both beams so far away, or on the glass.
-
-    At the ends of the fan only one of the two exists. No echo counts as far.
-    """
-    near = ranges_m < SMUDGE_NEARER_THAN_M  # NaN compares as not nearer: no echo is not near
-    alone = np.zeros(ranges_m.shape, np.bool_)
-    for apart in NEIGHBOUR_BEAMS:
-        far = np.full(ranges_m.size + 2 * apart, math.inf)
-        far[apart:-apart] = ranges_m
-        left_near = far[2 * apart :] - ranges_m < DIRT_STANDS_OUT_M
-        right_near = far[: -2 * apart] - ranges_m < DIRT_STANDS_OUT_M
-        alone |= ~left_near & ~right_near
-    return (near & alone) | (ranges_m < ON_THE_WINDOW_M)
-
-
-def beside_echoes(no_echo: Booleans) -> Booleans:
-    """Return the beams (n,) within 20 degrees of which at least a quarter of all beams have an echo."""
-    before = np.concatenate(([0], np.cumsum(~no_echo)))
-    index = np.arange(no_echo.size)
-    first = np.maximum(index - BESIDE_ECHOES_BEAMS, 0)
-    end = np.minimum(index + BESIDE_ECHOES_BEAMS + 1, no_echo.size)
-    near: Booleans = before[end] - before[first] >= BESIDE_ECHOES_SHARE * (end - first)
-    return near
-
-
-def runs(which: Booleans) -> list[tuple[int, int]]:
-    """Return (first, one past the last) of every row of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], which.view(np.int8), [0])))).tolist()
-    return list(zip(edges[::2], edges[1::2], strict=True))
-
-
-def runs_longer_than(which: Booleans, most: int) -> Booleans:
-    """Return only the rows of True that are longer than this."""
-    longer = np.zeros_like(which)
-    for first, end in runs(which):
-        longer[first:end] = end - first > most
-    return longer
-
-
-def runs_with(which: Booleans, some: Booleans) -> Booleans:
-    """Return only the rows of True that hold one of `some`, itself a part of `which`: the rim of a sure thing."""
-    kept = np.zeros_like(which)
-    for first, end in runs(which):
-        kept[first:end] = some[first:end].any()
-    return kept
-
-
-def patches(which: Booleans, bearing_rad: Floats) -> list[tuple[int, float]]:
-    """Return (beams, middle bearing in degrees) of each patch of beams; small gaps do not divide a patch."""
-    index = np.flatnonzero(which)
-    if not index.size:
-        return []
-    groups = np.split(index, np.flatnonzero(np.diff(index) > GROUP_BEAMS) + 1)
-    return [(int(group.size), math.degrees(float(bearing_rad[group].mean()))) for group in groups]

@@ -16,7 +16,7 @@ class LidarHealthSettings(BaseModel):
     mask_above: Annotated[float, Field(gt=0, lt=1)] = 0.6
     unmask_below: Annotated[float, Field(gt=0, lt=1)] = 0.3
     masked_share: Annotated[float, Field(ge=0, le=1)] = 0.10
-    """Masks are believed while fewer beams than this are dirty..."""
+    """Masks are believed while fewer of the beams within +-105 degrees than this are dirty..."""
     masked_gap_rad: Annotated[float, Field(ge=0, le=1)] = 0.0524
     """...and no gap in the forward +-45 degrees is wider than this (3 degrees)."""
     refused_share: Annotated[float, Field(ge=0, le=1)] = 0.25

@@ -14,6 +14,7 @@ from runtime.control.perception import Eyes
 from runtime.control.recovery import Recovery
 from runtime.control.report import ReportFollower, ReportGuard
 from runtime.control.swept import SweptGuard
+from runtime.control.swept_settings import RecoverySettings
 
 Driver = BallFollower | ReportFollower
 
@@ -49,10 +50,13 @@ def guard_for(safety: SafetySettings, car: CarSettings, eyes: Eyes, clock: Clock
 
 
 def recovery_for(safety: SafetySettings) -> Recovery | None:
-    """Return the way out of a corner, None where nobody wants one."""
-    if isinstance(safety, SweptSafetySettings) and safety.backs_out:
-        return Recovery(safety.recovery)
-    return None
+    """Return the way out of a corner, where the settings forbid one what asks for help; None without `swept`."""
+    return Recovery(recovery_settings(safety)) if isinstance(safety, SweptSafetySettings) else None
+
+
+def recovery_settings(safety: SweptSafetySettings) -> RecoverySettings:
+    """Return how a car may free itself: without a try where it must not back out."""
+    return safety.recovery if safety.backs_out else safety.recovery.model_copy(update={"tries": 0})
 
 
 def freeing(driver: Driver, guard: Guard, recovery: Recovery | None) -> Follower:

@@ -15,9 +15,7 @@ import numpy.typing as npt
 
 from drivers.api import Scan
 from runtime.car_settings import CarSettings
-from runtime.control.geometry import Floats, bearings_rad, directions
-
-Booleans = npt.NDArray[np.bool_]
+from runtime.control.geometry import Booleans, Floats, bearings_rad, beyond, directions
 
 SUPPORT_WITHIN_M = 0.15
 """Neighbours this near in range belong to the same thing; 2 of 4 make a beam credible."""
@@ -30,6 +28,10 @@ DIRT_STANDS_OUT_M = 0.12
 """Dirt is so much nearer than the beams on both of its sides."""
 DIRT_THINNER_THAN_M = 0.012
 """A real thing so thin and so near is not seen: the price for setting off with a smudge on the window."""
+BODY_BEYOND_RAD = math.radians(105)
+"""Behind this bearing a near return that goes along with the car is a part of it, before it dirt."""
+TRAIL_STEP_M = 0.02
+"""A trail gets so much farther from beam to beam; a wall as near as the car's flank, a twentieth of it."""
 BRIDGED_BEAMS = 2
 """Wild beams inside a thin thing do not divide it into two thinner ones."""
 
@@ -39,8 +41,9 @@ class View:
     """One scan, understood. All arrays have shape (beams,) and are read-only by agreement.
 
     ranges_m: float64; NaN where a beam has no distance. bearing_rad: of each beam in the lidar frame.
-    x_m, y_m: end points in base_link; NaN without a distance.
+    x_m, y_m: end points in base_link; NaN without a distance. lidar_x_m: where the beams begin.
     solid: things that can be hit or followed. no_echo: no information. own: on or in the car's own outline.
+    dirty: known to be dirty, whatever they read now; None while no beam is.
     """
 
     scan: Scan
@@ -51,6 +54,8 @@ class View:
     solid: Booleans
     no_echo: Booleans
     own: Booleans
+    lidar_x_m: float
+    dirty: Booleans | None = None
 
 
 class Eyes:
@@ -89,15 +94,19 @@ class Eyes:
         index = near.nonzero()[0]
         if index.size:
             near_x, aside_m = x_m[index], np.abs(y_m[index])
-            own[index] = (near_x <= car.front_m) & (near_x >= -car.rear_m) & (aside_m <= car.half_width_m)
-            solid &= ~own
+            mine = index[(near_x <= car.front_m) & (near_x >= -car.rear_m) & (aside_m <= car.half_width_m)]
+            own[mine] = True
+            solid[mine] = False
+            if mine.size:
+                solid[trails(ranges_m, mine[beyond(scan, BODY_BEYOND_RAD)[mine]])] = False
             near &= ranges_m < DIRT_NEARER_THAN_M
             # Only what would count is worth a look whether it is dirt: a wild beam has no neighbours anyway.
             if np.count_nonzero(near & solid):
                 solid[thin_dirt(ranges_m, near, scan.angle_step_rad)] = False
-        if self._dirty is not None and self._dirty.shape == solid.shape:
-            solid &= ~(self._dirty & (ranges_m < LEARNT_DIRT_NEARER_THAN_M))
-        return View(scan, ranges_m, bearings_rad(*kind), x_m, y_m, solid, no_echo, own)
+        dirty = self._dirty if self._dirty is not None and self._dirty.shape == solid.shape else None
+        if dirty is not None:
+            solid &= ~(dirty & (ranges_m < LEARNT_DIRT_NEARER_THAN_M))
+        return View(scan, ranges_m, bearings_rad(*kind), x_m, y_m, solid, no_echo, own, car.lidar_x_m, dirty)
 
 
 def supported(ranges_m: Floats) -> Booleans:
@@ -116,6 +125,28 @@ def supported(ranges_m: Floats) -> Booleans:
     count += by_two[2 : beams + 2]
     enough: Booleans = count >= NEIGHBOURS
     return enough
+
+
+def trails(ranges_m: Floats, own: npt.NDArray[np.intp]) -> list[int]:
+    """Return the beams beside the car's own parts that see half of the part and half of what is behind it.
+
+    A beam that meets an edge measures something between the edge and the background ("mixed pixels", Tuley, Vandapel &
+    Hebert 2005): a row of returns that leads from the car's own part away, almost along the beams. So does no real
+    surface, whose extension would have to pass through the lidar.
+
+    own: indices (k,) of the beams that see the car's own parts.
+    """
+    if not own.size:
+        return []
+    found: list[int] = []
+    gaps = np.flatnonzero(own[1:] - own[:-1] > 1)
+    edges = [(int(beam), -1) for beam in own[[0, *(gaps + 1)]]] + [(int(beam), 1) for beam in own[[*gaps, -1]]]
+    for edge, step in edges:
+        beam = edge
+        while 0 <= beam + step < ranges_m.size and ranges_m[beam + step] - ranges_m[beam] >= TRAIL_STEP_M:
+            beam += step
+            found.append(beam)
+    return found
 
 
 def thin_dirt(ranges_m: Floats, near: Booleans, angle_step_rad: float) -> npt.NDArray[np.intp]:

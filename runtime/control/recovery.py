@@ -23,11 +23,16 @@ FORWARD_SHARES = (0.0, 0.5, -0.5, 1.0, -1.0)
 LOOKS_AHEAD_M = 2.0
 WORTH_IT_M = 0.5
 """A manoeuvre that opens less way ahead than this is not begun."""
+TURNS_OVER_M = 0.4
+"""So much way, with full wheels, turns the car by 25 degrees."""
 BACKING_COSTS = 0.5
 REPEATING_COSTS_M = 0.7
 PLANS_EVERY_S = 0.5
 FREE_FOR_S = 0.25
 """Shorter than this, "free" is the lidar's noise at the edge of the margins, and patience goes on."""
+ASKS_AFTER_S = 10.0
+"""Who may not try anything himself waits so long for somebody to walk on before he asks for help."""
+HELP = "boxed in: needs help"
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +63,7 @@ class Recovery:
         self._boxed_s = -math.inf
         self._planned_s = -math.inf
         self._tries = 0
+        self._turning = False
         self._tried_at_m = 0.0
         self._legs: list[Leg] = []
         self._last: tuple[Leg, ...] = ()
@@ -81,30 +87,40 @@ class Recovery:
             if now_s - self._boxed_s > FREE_FOR_S or abs(outlook.speed_mps) > STANDING_MPS:
                 self._since_s = None
             if motor.distance_m - self._tried_at_m > self._settings.forgotten_after_m:
-                self._tries, self._last = 0, ()
+                self._tries, self._turning, self._last = 0, False, ()
             return NO_ADVICE
         self._boxed_s = now_s
         if self._since_s is None:
             self._since_s = now_s
-        if now_s - self._since_s < self._settings.boxed_for_s:
+        patience_s = self._settings.boxed_for_s
+        if not self._settings.tries:
+            patience_s = max(patience_s, ASKS_AFTER_S)
+        if now_s - self._since_s < patience_s or self._is_free(outlook, wish):
             return Advice(None, "waiting for the way to clear")
-        if self._tries >= self._settings.tries:
-            return Advice(None, "boxed in: needs help")
+        if self._tries >= self._settings.tries and not self._turning:
+            return Advice(None, HELP)
         return self._begin(outlook, motor)
 
     def _is_boxed_in(self, outlook: Outlook, wish: Drive) -> bool:
-        allowed_mps = outlook.limit(wish.speed_mps, wish.steering_rad).forward_mps
-        return allowed_mps <= 0 and abs(outlook.speed_mps) <= STANDING_MPS
+        """Whether the car stands and may not go ahead; what forbids both ways, a blind lidar, is no box."""
+        verdict = outlook.limit(wish.speed_mps, wish.steering_rad)
+        return verdict.forward_mps <= 0 < verdict.reverse_mps and abs(outlook.speed_mps) <= STANDING_MPS
+
+    def _is_free(self, outlook: Outlook, wish: Drive) -> bool:
+        """Whether the way is free by now, and only a stop is still held."""
+        return outlook.strip.contact(wish.steering_rad, WORTH_IT_M).travel_m >= WORTH_IT_M
 
     def _begin(self, outlook: Outlook, motor: MotorState) -> Advice:
         now_s = outlook.view.scan.stamp_s
         if now_s - self._planned_s < PLANS_EVERY_S:
-            return Advice(None, "boxed in: needs help")
+            return Advice(None, HELP)
         self._planned_s = now_s
         legs = plan(outlook, self._settings, self._last)
         if not legs:
-            return Advice(None, "boxed in: needs help")
-        self._tries += 1
+            return Advice(None, HELP)
+        self._tries += not self._turning
+        # A piece of a turn, and what comes after it, are one try; two such pieces in a row are not.
+        self._turning = not self._turning and legs[1].travel_m < min(WORTH_IT_M, self._settings.forward_m)
         self._tried_at_m = motor.distance_m
         self._legs, self._last = list(legs), tuple(legs)
         self._enter_leg(now_s, motor)
@@ -136,16 +152,21 @@ class Recovery:
 def plan(outlook: Outlook, settings: RecoverySettings, last: tuple[Leg, ...] = ()) -> list[Leg]:
     """Return the legs of the best manoeuvre, none when nothing opens enough way.
 
-    Worth = free way ahead afterwards - half of the way back - a malus for what was tried last.
+    Worth = free way ahead afterwards - half of the way back - a malus for what was tried last. Where none is worth it,
+    a piece of a three-point turn is: back and ahead with opposite wheels both turn the car the same way.
     """
     best_worth_m, best = WORTH_IT_M, list[Leg]()
+    farthest_m, turning = TURNS_OVER_M, list[Leg]()
     for legs, way_m in _manoeuvres(outlook, settings):
+        back, ahead = legs
+        if back.steering_rad * ahead.steering_rad < 0 and ahead.travel_m - back.travel_m > farthest_m:
+            farthest_m, turning = ahead.travel_m - back.travel_m, legs
         worth_m = way_m + BACKING_COSTS * min(0.0, legs[0].travel_m)
         if last and [leg.steering_rad for leg in legs] == [leg.steering_rad for leg in last]:
             worth_m -= REPEATING_COSTS_M
         if worth_m > best_worth_m:
             best_worth_m, best = worth_m, legs
-    return best
+    return best or turning
 
 
 def _manoeuvres(outlook: Outlook, settings: RecoverySettings) -> Iterator[tuple[list[Leg], float]]:

@@ -9,7 +9,7 @@ from runtime.car_settings import CarSettings
 from runtime.control.behind import Behind
 from runtime.control.darkness import enclosed_dark
 from runtime.control.footprint import ENOUGH_POINTS, NOTHING, Contact, Motion, Outline, Path, arc, first_contact
-from runtime.control.geometry import NOWHERE, Places, places_m
+from runtime.control.geometry import NOWHERE, Booleans, Places, places_m
 from runtime.control.perception import View
 from runtime.control.stopping import GRAVITY_MPS2
 from runtime.control.swept_settings import SweptSettings
@@ -38,6 +38,11 @@ class Body:
         """No point farther from the lidar is within the margins."""
         self.grip_mps2 = settings.grip_mu * GRAVITY_MPS2
         self.slippery_mps2 = min(settings.slippery_mu, settings.grip_mu) * GRAVITY_MPS2
+        self._margins = replace(self.ahead, rear_m=self.aback.rear_m)
+
+    def presses(self, points_m: Places) -> Booleans:
+        """Return which points are within the margins, forward or backward, now."""
+        return self._margins.holds(points_m)
 
 
 @dataclass(slots=True, eq=False)
@@ -59,7 +64,7 @@ class Strip:
     _kept: dict[tuple[float, float, float, bool, float], Contact] = field(default_factory=dict)
     _dark: dict[tuple[float, float], bool] = field(default_factory=dict)
     _near_m: tuple[Places, Places] | None = None
-    _hidden_m: Places | None = None
+    _hidden_m: tuple[Places, Places] | None = None
 
     def contact(
         self,
@@ -131,7 +136,8 @@ class Strip:
         body = self.body
         free_m, touching_m = self._points_m()
         if direction < 0:
-            free_m = np.concatenate([free_m, self._points_behind_m()])
+            hidden_m, pressing_m = self._points_behind_m()
+            free_m, touching_m = np.concatenate([free_m, hidden_m]), np.concatenate([touching_m, pressing_m])
         if touching_m.size:
             outline = replace(outline, half_width_m=self._room_aside_m(touching_m, outline))
         found = first_contact(path, outline, free_m, direction)
@@ -181,27 +187,32 @@ class Strip:
     def _points_m(self) -> tuple[Places, Places]:
         """Return the solid points outside and inside the margins, (k,) each."""
         if self._near_m is None:
-            view, ahead, aback = self.view, self.body.ahead, self.body.aback
+            view = self.view
             points = places_m(view.x_m, view.y_m, view.solid.nonzero()[0])
             if self.more_m.size:
                 points = np.concatenate([points, self.more_m])
             if not (self.more_m.size or np.count_nonzero(view.solid & (view.ranges_m < self.body.reach_m))):
                 self._near_m = points, NOWHERE
                 return self._near_m
-            inside = np.abs(points.imag) <= ahead.half_width_m
-            inside &= points.real <= ahead.front_m
-            inside &= points.real >= -aback.rear_m
+            inside = self.body.presses(points)
             self._near_m = points[~inside], points[inside]
         return self._near_m
 
     def points_around_m(self, within_m: float) -> Places:
         """Return everything seen and remembered within a distance of the rear axle, (k,), base_link."""
-        points = np.concatenate([*self._points_m(), self._points_behind_m()])
+        points = np.concatenate([*self._points_m(), *self._points_behind_m()])
         around: Places = points[np.abs(points) < within_m]
         return around
 
-    def _points_behind_m(self) -> Places:
+    def _points_behind_m(self) -> tuple[Places, Places]:
+        """Return what is remembered where nothing is seen, outside and inside the margins, (k,) each.
+
+        Where the car is, nothing else is: what is remembered there, a sliding car's odometry has put there.
+        """
         if self._hidden_m is None:
             half_view_rad = float(np.abs(self.view.bearing_rad[[0, -1]]).min())
-            self._hidden_m = self.behind.points_m(half_view_rad)
+            hidden_m = self.behind.points_m(half_view_rad)
+            hidden_m = hidden_m[~self.body.bare.holds(hidden_m)]
+            inside = self.body.presses(hidden_m)
+            self._hidden_m = hidden_m[~inside], hidden_m[inside]
         return self._hidden_m

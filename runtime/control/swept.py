@@ -56,6 +56,7 @@ class SweptGuard:
 
     clock: where given, the scan's age is measured at every judgement, else taken as it was when the scan came.
     health: what is known about the lidar's window.
+    plight: what to say of a car that cannot go on and knows no way out; "" while it knows one.
     """
 
     def __init__(
@@ -76,6 +77,7 @@ class SweptGuard:
         self.movers = Movers()
         self.faint = Faint()
         self.memory = _Memory()
+        self.plight = ""
         self._eyes = eyes
         self._odometry = Odometry(car.wheelbase_m)
         self._speed = SlidingSpeed(GRAVITY_MPS2, self.body.slippery_mps2)
@@ -211,7 +213,7 @@ class Outlook:
         return memory.braking
 
     def _standing(self, found: Contact) -> Verdict:
-        reason = "wall ahead" if self.strip.free_somewhere() else "boxed in"
+        reason = self.guard.plight or ("wall ahead" if self.strip.free_somewhere() else "boxed in")
         return Verdict(0.0, NO_LIMIT_MPS, reason, found.travel_m)
 
     def _no_contact(self, steering_rad: float, look_m: float, wanted_mps: float, reaction_s: float) -> Verdict:

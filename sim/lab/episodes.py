@@ -12,7 +12,8 @@ from typing import Literal
 import numpy as np
 
 from runtime.car_settings import CarSettings
-from runtime.control.lidar_health import BODY_BEYOND_RAD, SMUDGE_NEARER_THAN_M
+from runtime.control.perception import BODY_BEYOND_RAD
+from runtime.control.smudges import SMUDGE_NEARER_THAN_M
 from sim.lab.replay import Judged, Replay
 from sim.lab.scan_motion import ScanMotion
 from sim.pose import Floats

@@ -1,6 +1,7 @@
 """What keeps returning from the same place is there, however thin; what does not is noise."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -136,3 +137,17 @@ def test_what_three_beams_meet_is_no_business_of_this():
     for step in range(SCANS):
         points = faint.update(see(wild=[(545, 3.0), (546, 3.0), (547, 3.0)]), Pose(), step * SCAN_S)
     assert points.size == 0
+
+
+def test_a_beam_that_is_known_to_be_dirty_makes_no_thing():
+    """Seen from a car that stands, what is on the window keeps returning from the same place as well."""
+    dirty = np.zeros(1081, np.bool_)
+    dirty[545] = True
+    found = {}
+    for known in (None, dirty):
+        faint = Faint()
+        for step in range(SCANS):
+            view = replace(see(wild=[(545, 1.2)]), dirty=known)
+            points = faint.update(view, Pose(), step * SCAN_S)
+        found[known is None] = points.size
+    assert found == {True: SCANS, False: 0}

@@ -154,6 +154,33 @@ def test_of_a_wall_that_comes_into_view_only_one_edge_moves():
     assert points.size == 0
 
 
+def by_turns(first, later):
+    """Return the most walkers' points in any scan; six scans show some (beams, range), ten later ones others."""
+    movers, most = Movers(), 0
+    for step in range(16):
+        ranges_m = np.full(1081, 6.0)
+        for beams, range_m in first if step < 6 else later:
+            ranges_m[beams] = range_m
+        most = max(most, movers.update(see(ranges_m), Pose(), step * SCAN_S).size)
+    return most
+
+
+RIGHT, LEFT = slice(540, 546), slice(567, 573)
+"""Two legs of a table, 2 m away, 0.23 m apart."""
+
+
+def test_what_appears_beside_a_thing_that_is_still_there_has_not_walked_there():
+    walked = by_turns([(RIGHT, 2.0)], [(LEFT, 2.0)])
+    assert walked > 0, "by all the rest one thing went from here to there"
+    still_there = slice(540, 543), 2.0  # three beams are enough to be there, and too few to be watched
+    assert by_turns([(RIGHT, 2.0)], [still_there, (LEFT, 2.0)]) == 0
+
+
+def test_who_walks_comes_to_where_nothing_was():
+    assert by_turns([(RIGHT, 2.0), (LEFT, math.nan)], [(RIGHT, math.nan), (LEFT, 2.0)]) > 0
+    assert by_turns([(RIGHT, 2.0), (slice(570, 573), 2.0)], [(RIGHT, math.nan), (LEFT, 2.0)]) == 0
+
+
 def test_small_things_stand_out_and_are_small():
     assert len(small_things(see(circle(2.0, 0.3)))) == 1
     assert small_things(see(circle(2.0, 0.3, radius_m=0.6))) == []
@@ -162,3 +189,19 @@ def test_small_things_stand_out_and_are_small():
     before_a_near_wall[600:] = 1.0
     assert len(small_things(see(before_a_near_wall))) == 0
     assert small_things(see(np.full(1081, math.nan))) == []
+
+
+def test_what_is_seen_farther_away_than_anybody_runs_is_something_else():
+    farther = slice(578, 584)
+    assert by_turns([(RIGHT, 2.0), (farther, math.nan)], [(RIGHT, math.nan), (farther, 2.0)]) == 0
+
+
+def test_what_has_crept_elsewhere_in_a_minute_does_not_walk():
+    """Whatever moved an edge ten seconds ago says nothing about now."""
+    movers, most = Movers(), 0
+    for step in range(480):
+        crept_m = 0.25 * min(1.0, step / 240)
+        sways_m = 0.08 * math.sin(0.5 * step) if step > 440 else 0.0
+        points = movers.update(see(circle(2.0, crept_m + sways_m)), Pose(), step * SCAN_S)
+        most = max(most, points.size)
+    assert most == 0

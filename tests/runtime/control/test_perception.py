@@ -7,7 +7,7 @@ import pytest
 
 from drivers.api import Scan
 from runtime.car_settings import CarSettings
-from runtime.control.perception import Eyes, supported, thin_dirt
+from runtime.control.perception import Eyes, supported, thin_dirt, trails
 
 BEAMS = 1081
 STEP_RAD = math.radians(0.25)
@@ -69,6 +69,49 @@ def test_what_lies_on_the_car_is_the_car():
     assert not view.solid[MIDDLE]
     ranges_m[MIDDLE - 20 : MIDDLE + 21] = 0.2
     assert see(ranges_m).solid[MIDDLE]
+
+
+CABLE = range(7, 19)
+TRAIL_M = [0.207, 0.262, 0.307, 0.408, 0.437, 0.555]
+"""A RACECAR's cable at 7 cm, and what its edge made of the wall behind (`t14_safety_gap3s`, scan 74)."""
+
+
+def cable(ranges_m):
+    ranges_m[CABLE.start : CABLE.stop] = 0.07
+    return ranges_m
+
+
+def test_the_trail_from_the_cars_own_part_to_the_wall_is_no_thing():
+    ranges_m = cable(room(0.6))
+    ranges_m[CABLE.stop : CABLE.stop + 6] = TRAIL_M
+    view = see(ranges_m)
+    trail = slice(CABLE.start, CABLE.stop + 6)
+    assert not view.solid[trail].any()
+    assert view.solid[CABLE.stop + 8 :].all()
+    assert not see(ranges_m[::-1]).solid[::-1][trail].any(), "on the left as well"
+
+
+def test_without_the_cars_own_part_a_row_away_from_the_lidar_is_a_thing():
+    ranges_m = room(0.6)
+    ranges_m[CABLE.stop : CABLE.stop + 6] = TRAIL_M
+    assert see(ranges_m).solid[CABLE.stop : CABLE.stop + 6].all()
+
+
+def test_before_the_cars_shoulders_nothing_is_a_trail():
+    ranges_m = room(0.6)
+    ranges_m[200:212] = 0.07
+    ranges_m[212:218] = TRAIL_M
+    assert see(ranges_m).solid[213:218].any()
+
+
+@pytest.mark.parametrize("aside_m", [0.17, 0.25, 0.4])
+def test_a_wall_beside_the_cars_own_part_is_still_a_wall(aside_m):
+    bearing_rad = STEP_RAD * (np.arange(BEAMS) - MIDDLE)
+    wall_m = np.where(bearing_rad < -0.5, aside_m / np.maximum(-np.sin(bearing_rad), 1e-3), 5.0)
+    noisy_m = wall_m + np.random.default_rng(6).normal(0.0, 0.01, BEAMS)
+    view = see(cable(noisy_m))
+    assert np.count_nonzero(view.solid[CABLE.stop : CABLE.stop + 40]) >= 37
+    assert trails(cable(wall_m), np.array(CABLE)) == [CABLE.start - 1, CABLE.stop]
 
 
 def smudge(beams, range_m, at=300):
@@ -134,7 +177,9 @@ def test_learnt_dirt_is_ignored_where_it_reads_near_and_only_there():
     dirty[at : at + 30] = True
     assert eyes.see(scan_of(ranges_m)).solid[at + 15]
     eyes.ignore(dirty)
-    assert not eyes.see(scan_of(ranges_m)).solid[at : at + 30].any()
+    view = eyes.see(scan_of(ranges_m))
+    assert not view.solid[at : at + 30].any()
+    assert view.dirty is dirty
     ranges_m[at : at + 30] = 0.85
     assert not eyes.see(scan_of(ranges_m)).solid[at : at + 30].any()  # the rim of a smudge
     ranges_m[at : at + 30] = 0.95

@@ -10,7 +10,7 @@ from drivers.api import Drive, MotorState, Scan
 from runtime.car_settings import CarSettings
 from runtime.control.footprint import STEP_M
 from runtime.control.perception import Eyes
-from runtime.control.recovery import NO_ADVICE, Recovery, _manoeuvres, plan
+from runtime.control.recovery import NO_ADVICE, Leg, Recovery, _manoeuvres, plan
 from runtime.control.swept import SweptGuard
 from runtime.control.swept_settings import RecoverySettings, SweptSettings
 from sim.pose import CAR as OUTLINE
@@ -154,9 +154,9 @@ def test_where_nothing_opens_it_asks_for_help_and_stays():
     assert stage.way_m == 0.0
 
 
-def remember(stage, x_m):
+def remember(stage, x_m, y_m=0.0):
     """Put something 10 cm wide across the way back into the memory of what is behind."""
-    stage.guard.behind._views.append(x_m + 1j * np.linspace(-0.05, 0.05, 12))
+    stage.guard.behind._views.append(x_m + 1j * (y_m + np.linspace(-0.05, 0.05, 12)))
     stage.outlook.strip._hidden_m = None
     stage.outlook.strip._kept.clear()
 
@@ -174,6 +174,17 @@ def test_what_is_behind_ends_the_way_back(at_x_m):
     remember(stage, at_x_m)
     room_m = -at_x_m - CAR.rear_m - stage.guard.settings.front_margin_m
     assert room_m - 3 * STEP_M < longest_back_m(stage, settings) <= room_m - STEP_M + 1e-9
+
+
+def test_what_a_slide_has_put_where_the_car_is_holds_nobody():
+    """Locked wheels tell of no way: what was beside the car is remembered in it, and nothing else is there."""
+    stage, settings = Stage(AHEAD), RecoverySettings(back_m=0.5)
+    stage.look()
+    remember(stage, -0.02)
+    remember(stage, -0.02, 0.16)
+    assert longest_back_m(stage, settings) > 0.45
+    remember(stage, -0.4)
+    assert longest_back_m(stage, settings) < 0.3
 
 
 def test_nothing_is_planned_where_there_is_no_room_behind():
@@ -226,7 +237,53 @@ def test_a_new_obstacle_ends_a_leg():
     assert not stage.recovery._legs
 
 
+def test_a_car_that_sees_nothing_is_not_boxed_in():
+    """Safety says what is wrong; nobody plans a way out, and nobody talks of walls."""
+    stage = Stage(AHEAD)
+    stage.surroundings = SegmentGeometry(np.array([[50.0, 50.0, 51.0, 50.0]]))
+    stage.go(3.0)
+    assert stage.outlook.limit(1.0, 0.0).reason == "the lidar sees almost nothing: uncover or clean it"
+    assert stage.said == []
+
+
 def test_without_a_motor_report_nothing_is_begun():
     stage = Stage(AHEAD)
     stage.look()
     assert stage.recovery.step(stage.outlook, WAY, None) == NO_ADVICE
+
+
+def turn_piece(back_rad, ahead_rad, back_m=0.2, ahead_m=0.3):
+    return [Leg(back_rad, -back_m), Leg(ahead_rad, ahead_m)], ahead_m
+
+
+@pytest.mark.parametrize(
+    ("pieces", "chosen"),
+    [
+        ([turn_piece(0.34, -0.34)], 0),
+        ([turn_piece(0.34, 0.34), turn_piece(-0.34, 0.17), turn_piece(0.0, 0.34)], 1),
+        ([turn_piece(0.34, -0.34), turn_piece(0.34, -0.34, ahead_m=0.4)], 1),
+        ([turn_piece(0.34, -0.34), turn_piece(0.34, 0.34, ahead_m=1.0)], 1),
+        ([turn_piece(0.34, -0.34, ahead_m=0.2)], None),
+    ],
+)
+def test_where_nothing_opens_back_and_ahead_with_opposite_wheels_turns_the_car(monkeypatch, pieces, chosen):
+    monkeypatch.setattr("runtime.control.recovery._manoeuvres", lambda *_: iter(pieces))
+    stage = Stage(AHEAD)
+    stage.look()
+    assert plan(stage.outlook, RecoverySettings()) == ([] if chosen is None else pieces[chosen][0])
+
+
+@pytest.mark.parametrize(("ahead_m", "begun"), [(0.3, 2), (0.6, 1)])
+def test_a_piece_of_a_turn_and_what_follows_are_one_try(monkeypatch, ahead_m, begun):
+    monkeypatch.setattr(
+        "runtime.control.recovery._manoeuvres", lambda *_: iter([turn_piece(0.34, -0.34, ahead_m=ahead_m)])
+    )
+    stage, begins = Stage(AHEAD, tries=1), 0
+    for _ in range(round(20 / SCAN_S)):
+        busy = bool(stage.recovery._legs)
+        stage.step()
+        begins += not busy and bool(stage.recovery._legs)
+        if busy and not stage.recovery._legs:
+            stage.pose = Pose(0.0, 0.0, 0.0)  # somebody puts it back before the box
+    assert begins == begun
+    assert stage.said[-1] == "boxed in: needs help"

@@ -36,6 +36,7 @@ def test_a_standing_car_sees_a_standing_wall(name):
     assert figures["wall_jumps"] == 0
     assert figures["dirty_beams"] == 0
     assert figures["way_m"] == 0.0
+    assert figures["walker_scans"] == 0
 
 
 def test_a_real_corridor_is_measured_to_a_millimetre():
@@ -44,6 +45,20 @@ def test_a_real_corridor_is_measured_to_a_millimetre():
     assert figures["wall_jumps"] == 0
     assert figures["episodes"] == []
     assert figures["side"] == "left"
+    assert abs(figures["follower_off_m"]) < 0.005, "what it follows is the wall, not the dirt on the window"
+
+
+@pytest.mark.parametrize("name", ["t14_safety_gap3s", "t3_wall_data"])
+def test_nobody_is_stopped_for_ghosts_or_for_the_cars_own_parts(name):
+    """A cable's trail and the end of a wall looked like walkers; another car's rack sticks out of our outline."""
+    figures = figures_of(name)
+    assert figures["driving_scans"] > 100
+    assert figures["episodes"] == []
+
+
+def test_people_who_walk_are_still_seen():
+    """Somebody walks up to the car that has stopped, and lifts it."""
+    assert figures_of("t14_straight_1mps")["walker_scans"] > 25
 
 
 def test_what_four_drives_of_one_car_have_at_the_same_beams_is_dirt():

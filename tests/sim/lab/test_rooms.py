@@ -112,7 +112,7 @@ def test_waiting_forbids_backing_out():
     blocked = cell("stops in the way at 1 m/s, waits", 2.0)
     told = rooms.measure(blocked)
     assert (told["collided"], told["tries"], told["stuck"]) == (False, 0, True)
-    assert told["last_words"] == "boxed in"
+    assert told["last_words"] == "boxed in: needs help"
     assert told["freed"] is False
 
 
