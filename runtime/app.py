@@ -152,6 +152,7 @@ class Car:
                 expires_after_s=lambda: self.settings.wall_follow.expires_after_s,
                 publish=self.telemetry.on_guidance,
                 decide=self.mux.decide_now,
+                afterwards=laws.learn,
                 stage=self.stages.follow,
             ),
             "mux": self.mux.run(self.telemetry.on_output),

@@ -11,6 +11,7 @@ from typing import Any
 
 from drivers.hokuyo.driver import Hokuyo
 from drivers.vesc.driver import Vesc
+from runtime import kernel
 from runtime.app import Car, history_file
 from runtime.bus import Bus
 from runtime.control import methods
@@ -30,6 +31,7 @@ def main(settings: Settings, file: Path | None, session: Mapping[str, Any], warn
     with journal(settings.log.level, settings.log.format):
         for warning in warnings:
             log.warning("%s", warning)
+        log.info("%s", kernel.use().words)
         asyncio.run(_drive(settings, file, session))
 
 

@@ -5,14 +5,8 @@ numpy answers, more slowly. The built file is kept in the user's cache, named af
 """
 
 import ctypes
-import hashlib
 import math
 import os
-import platform
-import shutil
-import stat
-import subprocess
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import lru_cache
@@ -20,15 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
+from runtime.kernel import SWITCH
+from runtime.kernel.build import built
 from sim.free_rectangles import FreeRectangles
 from sim.pose import Floats, Pose
 
-SWITCH = "WALLRIDE_COMPILED"
 SOURCE = Path(__file__).with_name("casting.c")
-# No fused multiply-add: a product is rounded as numpy rounds it. Nobody asks for errno or floating-point traps.
-FLAGS = ("-O3", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC")
-_PLAINER_FLAGS = ("-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC")
-_LONGEST_BUILD_S = 30.0
 _BYTES = ctypes.c_char * 1
 
 
@@ -130,57 +121,8 @@ def numpy_only() -> Iterator[None]:
 
 @lru_cache(maxsize=1)
 def _library() -> ctypes.CDLL | None:
-    compiler = shutil.which(os.environ.get("CC", "cc"))
-    if compiler is None:
-        return None
-    for flags in (FLAGS, _PLAINER_FLAGS):  # a compiler may not know -march=native
-        built = _built(compiler, flags)
-        if built is not None:
-            return _loaded(built)
-    return None
-
-
-def _built(compiler: str, flags: tuple[str, ...]) -> Path | None:
-    """The shared library for this source, compiler and processor; made when it is not in the cache yet."""
-    made_by = Path(compiler).stat()
-    depends_on = (SOURCE.read_text(), compiler, made_by.st_size, made_by.st_mtime_ns, flags, _processor())
-    folder = _private_folder()
-    if folder is None:
-        return None
-    target = folder / f"casting-{hashlib.sha256(repr(depends_on).encode()).hexdigest()[:16]}.so"
-    if target.is_file():
-        return target
-    with tempfile.TemporaryDirectory(dir=folder) as scratch:
-        fresh = Path(scratch) / target.name
-        command = [compiler, *flags, str(SOURCE), "-o", str(fresh), "-lm"]
-        try:
-            subprocess.run(command, check=True, capture_output=True, timeout=_LONGEST_BUILD_S)
-        except (OSError, subprocess.SubprocessError):
-            return None
-        fresh.replace(target)  # several processes may do this at once
-    return target
-
-
-def _private_folder() -> Path | None:
-    """Where built libraries are kept: a folder that nobody else can write to, for what is in it is executed."""
-    kept = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "wallride"
-    try:
-        kept.mkdir(mode=0o700, parents=True, exist_ok=True)
-        state = kept.stat()
-    except (OSError, RuntimeError):  # no home, or one that is read-only
-        return None
-    ours = state.st_uid == os.getuid() and not state.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-    return kept if ours and os.access(kept, os.W_OK) else None
-
-
-def _processor() -> str:
-    """What -march=native depends on: a home on a network is shared by different machines."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return f"{platform.machine()} {platform.processor()}"
-    told = {line for line in lines if line.startswith(("flags", "Features", "model name", "CPU part"))}
-    return " ".join([platform.machine(), *sorted(told)])
+    path = built("casting", {SOURCE.name: SOURCE.read_text()})
+    return None if path is None else _loaded(path)
 
 
 def _loaded(path: Path) -> ctypes.CDLL | None:

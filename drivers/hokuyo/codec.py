@@ -14,6 +14,8 @@ from typing import Final
 
 import numpy as np
 
+from drivers.twin import twin
+
 BLOCK_LIMIT_BYTES: Final = 8192
 """A full scan with intensities is 6.7 kB. Without a blank line for longer than this, the bytes do not line up."""
 
@@ -160,13 +162,20 @@ def _check_scan(body: bytes) -> tuple[bytes, ...] | None:
 
 
 def join_sample_lines(data: bytes) -> bytes | None:
-    """Verify sample lines (the last one without its LF) and join them; None when a sum is wrong.
+    """Verify sample lines (the last one without its LF) and join them; None when a sum is wrong."""
+    samples = joined_rows(data)
+    return _join_irregular(data) if samples is None else samples
 
-    Sensors send lines of exactly 64 characters and a shorter last one, so all but that are verified as one table.
+
+@twin
+def joined_rows(data: bytes) -> bytes | None:
+    """Verify and join lines of exactly 64 characters and a shorter last one, as sensors send them; None for others.
+
+    All but the last one are verified as one table.
     """
     row_count, tail_bytes = divmod(len(data), _ROW_BYTES)
     if tail_bytes < 2 or data.count(b"\n") != row_count or checksum(tail := data[-tail_bytes:-1]) != data[-1]:
-        return _join_irregular(data)
+        return None
     rows_bytes = row_count * _ROW_BYTES
     table = np.frombuffer(data, np.uint8, rows_bytes).reshape(row_count, _ROW_BYTES)
     samples = table[:, :_LINE_CHARS]
@@ -174,7 +183,7 @@ def join_sample_lines(data: bytes) -> bytes | None:
     said = data[_LINE_CHARS:rows_bytes:_ROW_BYTES]
     ends = data[_LINE_CHARS + 1 : rows_bytes : _ROW_BYTES]
     if totals.tobytes().translate(_SUM_OF) != said or ends != b"\n" * row_count:
-        return _join_irregular(data)
+        return None
     return samples.tobytes() + tail
 
 

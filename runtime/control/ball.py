@@ -64,9 +64,10 @@ class BallFollower:
         """Where the ball of the newest scan runs, (2, k) in base_link; None without a wall. For drawings."""
         if self._path is None:
             return None
-        path = self._path.first(RADII_M.size)
-        x_m, y_m = path.radius_m * np.cos(path.bearing_rad), path.radius_m * np.sin(path.bearing_rad)
-        return np.stack((x_m, self._sign * y_m))[:, path.crosses]
+        path = self._path.first(len(RADII_M))
+        places = zip(path.radius_m, path.bearing_rad, path.crosses, strict=True)
+        crossed = [(r * math.cos(b), self._sign * r * math.sin(b)) for r, b, crosses in places if crosses]
+        return np.array(crossed, np.float64).reshape(-1, 2).T
 
     def tune(self, settings: BallSettings) -> None:
         """Go on with other settings; what was learnt stays. On the other side, what was learnt is mirrored."""
@@ -96,7 +97,7 @@ class BallFollower:
         line = seen.side.lines.find(seen.x_m, seen.y_m, seen.range_m, seen.solid, expected)
         tracked = self._track.correct(line)
         desired_m = roomy_m(seen, line, settings.desired_distance_m)
-        wall = WallPoints.of(shift.seen_from_there(_wall_places_m(seen, mine, line)))
+        wall = WallPoints.of(_wall_places_m(seen, mine, line), shift)
         line_now, line, tracked = line, _from_there(line, shift), _from_there(tracked, shift)
         nearest_m = float(wall.range_m.min())
         bias_m = self._bias.learn(line, nearest_m)
@@ -125,7 +126,7 @@ class BallFollower:
         settings, car = self._settings, self._car
         steering_rad = steering_for_rad(aim, speed_mps, settings.kp, settings.kd)
         if aim.straight < 1.0:
-            look_m = float(path.radius_m[-2])
+            look_m = path.radius_m[-2]
             correction_rad = bend_correction_rad(bend, look_m, speed_mps, settings.kd, car.wheelbase_m)
             steering_rad += (1.0 - aim.straight) * correction_rad
         if settings.trim_integral:
@@ -142,7 +143,7 @@ class BallFollower:
         if not settings.speed_profile:
             return settings.speed_mps
         now_mps = speed_limit_mps(steering_rad, self._car.wheelbase_m, mu)
-        ahead_mps = profile_mps(path.first(RADII_M.size), speed_mps, mu)
+        ahead_mps = profile_mps(path.first(len(RADII_M)), speed_mps, mu)
         return min(settings.speed_mps, now_mps, ahead_mps)
 
     def _moved_m(self, stamp_s: float, speed_mps: float) -> float:
@@ -168,7 +169,7 @@ class BallFollower:
 
 def _wall_places_m(seen: SideView, mine: Beams, line: Line | None) -> Places:
     """Return my wall as thinned places, panes of glass filled in."""
-    places_m = outline(seen.x_m[mine], seen.y_m[mine])
+    places_m = outline(seen.x_m, seen.y_m, mine)
     glass_m = bridge_glass(seen, mine, line) if line is not None else None
     return places_m if glass_m is None else np.concatenate((places_m, glass_m))
 

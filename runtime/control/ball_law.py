@@ -70,8 +70,8 @@ def ball_aim(path: BallPath, error_m: float, line: Line | None, line_error_m: fl
     Beside a straight wall the ball lies at asin(e/l) to the path's heading, less far aside the farther one looks. If it
     lies more to the free side than that at the long look-ahead, then a corner is coming, and the path turns with it.
     """
-    near_m, far_m = path.radius_m[-2:].tolist()
-    near_rad, far_rad = path.bearing_rad[-2:].tolist()
+    near_m, far_m = path.radius_m[-2:]
+    near_rad, far_rad = path.bearing_rad[-2:]
     heading_rad = near_rad - _asin(error_m / near_m)
     straight = 0.0
     if line is not None:

@@ -9,23 +9,25 @@ bearing b is nearer than D to the places of the circle of radius r within b +- h
 so the first place is the least b - h of all points, unless the free end itself lies within one of them.
 """
 
+import cmath
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from drivers.twin import twin
 from runtime.control.geometry import Floats, Places
-
-Booleans = npt.NDArray[np.bool_]
+from runtime.control.prediction import Shift
 
 WIDEST_RAD = math.radians(85)
-RADII_M: Floats = np.linspace(0.3, 3.0, 10)
+RADII_M = tuple(np.linspace(0.3, 3.0, 10).tolist())
 """The circles of the path: how far it is looked at by the speed profile."""
 _NEAREST_M = 1e-3
 _BEND_CIRCLES = slice(1, 5)
 """Circles of 0.6 to 1.5 m, by which the bend of the path is measured."""
+
+
+HERE = Shift()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,9 +38,9 @@ class WallPoints:
     bearing_rad: Floats
 
     @classmethod
-    def of(cls, places_m: Places) -> "WallPoints":
-        """Return points x + iy as seen from the origin."""
-        return cls(np.maximum(np.abs(places_m), _NEAREST_M), np.arctan2(places_m.imag, places_m.real))
+    def of(cls, places_m: Places, shift: Shift = HERE) -> "WallPoints":
+        """Return points x + iy as seen from there."""
+        return cls(*around(places_m, shift.x_m, shift.y_m, shift.yaw_rad))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,25 +52,41 @@ class BallPath:
     not meet, the answer is the bearing nearest to the wall.
     """
 
-    radius_m: Floats
-    bearing_rad: Floats
-    meets: Booleans
-    crosses: Booleans
+    radius_m: tuple[float, ...]
+    bearing_rad: tuple[float, ...]
+    meets: tuple[bool, ...]
+    crosses: tuple[bool, ...]
 
     def first(self, count: int) -> "BallPath":
         """Return the part on the first circles."""
         return BallPath(self.radius_m[:count], self.bearing_rad[:count], self.meets[:count], self.crosses[:count])
 
 
-def ball_path(wall: WallPoints, ball_m: float, more_radii_m: Sequence[float]) -> BallPath:
+@twin
+def around(places_m: Places, x_m: float, y_m: float, yaw_rad: float) -> tuple[Floats, Floats]:
+    """Return the range_m and bearing_rad of places x + iy, (n,) each, as seen from (x_m, y_m) at that heading."""
+    seen = (places_m - complex(x_m, y_m)) * cmath.rect(1.0, -yaw_rad)
+    return np.maximum(np.abs(seen), _NEAREST_M), np.arctan2(seen.imag, seen.real)
+
+
+def ball_path(wall: WallPoints, ball_m: float, more_radii_m: tuple[float, ...]) -> BallPath:
     """Roll a ball of radius `ball_m` along the wall's points, rear axle at the origin, wall on the left.
 
     The circles are RADII_M, then `more_radii_m`.
     """
-    radius_m = np.concatenate((RADII_M, more_radii_m))
-    by_point = np.empty((2, wall.range_m.size))
-    by_point[0] = 0.5 / wall.range_m
-    by_point[1] = 0.5 * wall.range_m - (ball_m * ball_m) * by_point[0]
+    radii_m = RADII_M + more_radii_m
+    return BallPath(radii_m, *rolled(wall.range_m, wall.bearing_rad, ball_m, radii_m))
+
+
+@twin
+def rolled(
+    range_m: Floats, wall_rad: Floats, ball_m: float, radii_m: tuple[float, ...]
+) -> tuple[tuple[float, ...], tuple[bool, ...], tuple[bool, ...]]:
+    """Return bearing_rad, meets and crosses of a BallPath along a wall given by its ranges and bearings, (n,)."""
+    radius_m = np.array(radii_m)
+    by_point = np.empty((2, range_m.size))
+    by_point[0] = 0.5 / range_m
+    by_point[1] = 0.5 * range_m - (ball_m * ball_m) * by_point[0]
     by_circle = np.empty((radius_m.size, 2))
     by_circle[:, 0] = radius_m
     by_circle[:, 1] = 1.0 / radius_m
@@ -76,7 +94,7 @@ def ball_path(wall: WallPoints, ball_m: float, more_radii_m: Sequence[float]) ->
     far = cos > 1.0
     np.minimum(cos, 1.0, out=cos)
     half_rad = np.arccos(np.maximum(cos, -1.0, out=cos), out=cos)
-    from_free_rad = (wall.bearing_rad + WIDEST_RAD) % math.tau
+    from_free_rad = (wall_rad + WIDEST_RAD) % math.tau
     all_round = (from_free_rad + half_rad).max(axis=1) > math.tau
     edge_rad = np.subtract(from_free_rad, half_rad, out=half_rad)
     edge_rad[far] = math.inf
@@ -86,15 +104,15 @@ def ball_path(wall: WallPoints, ball_m: float, more_radii_m: Sequence[float]) ->
     meets = at_once | crosses
     bearing_rad = np.where(crosses, first_rad, 0.0) - WIDEST_RAD
     if not meets.all():
-        bearing_rad[~meets] = _nearest_rad(wall, radius_m[~meets])
-    return BallPath(radius_m, bearing_rad, meets, crosses)
+        bearing_rad[~meets] = _nearest_rad(range_m, wall_rad, radius_m[~meets])
+    return tuple(bearing_rad.tolist()), tuple(meets.tolist()), tuple(crosses.tolist())
 
 
-def _nearest_rad(wall: WallPoints, radius_m: Floats) -> Floats:
+def _nearest_rad(range_m: Floats, wall_rad: Floats, radius_m: Floats) -> Floats:
     """Return the bearing on each circle that is nearest to the wall, shape (k,)."""
-    aim_rad = np.clip(wall.bearing_rad, -WIDEST_RAD, WIDEST_RAD)
-    along_m = wall.range_m * np.cos(wall.bearing_rad - aim_rad)
-    apart2 = wall.range_m * wall.range_m - 2.0 * np.multiply.outer(radius_m, along_m)  # and r^2, the same for all
+    aim_rad = np.clip(wall_rad, -WIDEST_RAD, WIDEST_RAD)
+    along_m = range_m * np.cos(wall_rad - aim_rad)
+    apart2 = range_m * range_m - 2.0 * np.multiply.outer(radius_m, along_m)  # and r^2, the same for all
     nearest: Floats = aim_rad[apart2.argmin(axis=1)]
     return nearest
 
@@ -105,9 +123,9 @@ def bend_per_m(path: BallPath) -> float:
     Difference of the headings of the first and the last of three chords over the way between their middles: a straight
     path gives 0 wherever the car stands.
     """
-    if not all(path.meets[_BEND_CIRCLES].tolist()):
+    if not all(path.meets[_BEND_CIRCLES]):
         return 0.0
-    circles = zip(path.radius_m[_BEND_CIRCLES].tolist(), path.bearing_rad[_BEND_CIRCLES].tolist(), strict=True)
+    circles = zip(path.radius_m[_BEND_CIRCLES], path.bearing_rad[_BEND_CIRCLES], strict=True)
     (x0, y0), (x1, y1), (x2, y2), (x3, y3) = ((r * math.cos(b), r * math.sin(b)) for r, b in circles)
     turn_rad = math.atan2(y3 - y2, x3 - x2) - math.atan2(y1 - y0, x1 - x0)
     way_m = (math.hypot(x2 - x0, y2 - y0) + math.hypot(x3 - x1, y3 - y1)) / 2

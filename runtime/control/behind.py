@@ -26,11 +26,14 @@ class Behind:
         self._at = Pose()
         self.backed_m = 0.0
 
-    def update(self, view: View, pose: Pose, step_m: float) -> None:
-        """Take in one scan at a pose, step_m (signed) after the one before; keeps a view every 10 cm or 9 degrees."""
+    def move(self, pose: Pose, step_m: float) -> None:
+        """Be at another pose, step_m (signed) after the one before."""
         self._at = pose
         self.backed_m = max(0.0, self.backed_m - step_m)
-        last = self._last
+
+    def keep(self, view: View) -> None:
+        """Take in the scan of this pose; keeps a view every 10 cm or 9 degrees."""
+        pose, last = self._at, self._last
         if last is not None:
             moved_m = math.hypot(pose.x_m - last.x_m, pose.y_m - last.y_m)
             if moved_m < KEPT_EVERY_M and abs(math.remainder(pose.yaw_rad - last.yaw_rad, math.tau)) < KEPT_EVERY_RAD:

@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 
+from drivers.twin import twin
+from runtime.control.geometry import Booleans, Floats
 from runtime.control.perception import View
 
 DARK_SHARE = 0.3
@@ -21,12 +23,18 @@ def enclosed_dark(view: View, toward_rad: float, near_m: float) -> bool:
     middle = round((toward_rad - view.scan.angle_min_rad) / step_rad)
     width = round(DARK_WINDOW_RAD / abs(step_rad))
     first, last = max(0, middle - width), min(view.no_echo.size, middle + width + 1)
-    window = view.no_echo[first:last]
+    return dark_between(view.no_echo, view.solid, view.ranges_m, first, last, near_m)
+
+
+@twin
+def dark_between(no_echo: Booleans, solid: Booleans, ranges_m: Floats, first: int, last: int, near_m: float) -> bool:
+    """Whether the beams from first to before last are dark, and enclosed by things nearer than near_m."""
+    window = no_echo[first:last]
     if not window.size or np.count_nonzero(window) <= DARK_SHARE * window.size:
         return False
     dark = np.flatnonzero(window) + first
-    right = np.flatnonzero(view.solid[: dark[0]])
-    left = np.flatnonzero(view.solid[dark[-1] + 1 :]) + dark[-1] + 1
+    right = np.flatnonzero(solid[: dark[0]])
+    left = np.flatnonzero(solid[dark[-1] + 1 :]) + dark[-1] + 1
     if not right.size or not left.size:
         return False
-    return bool(max(view.ranges_m[right[-1]], view.ranges_m[left[0]]) < near_m)
+    return bool(max(ranges_m[right[-1]], ranges_m[left[0]]) < near_m)

@@ -15,9 +15,9 @@ import math
 from collections import deque
 
 import numpy as np
-import numpy.typing as npt
 
-from runtime.control.geometry import NOWHERE, Places, places_m
+from drivers.twin import twin
+from runtime.control.geometry import NOWHERE, Booleans, Floats, Places, places_m
 from runtime.control.odometry import Pose
 from runtime.control.perception import View
 
@@ -53,41 +53,66 @@ class Faint:
             self._before.clear()
         self._stamp_s = stamp_s
         turned, at_m = cmath.rect(1.0, pose.yaw_rad), complex(pose.x_m, pose.y_m)
-        thin = _thin(view)
+        middle = round(-view.scan.angle_min_rad / view.scan.angle_step_rad)
+        half = round(AHEAD_RAD / abs(view.scan.angle_step_rad))
+        thin_m, seen = thin_places(
+            view.x_m, view.y_m, view.solid, view.ranges_m, view.dirty, middle - half, middle + half + 1, turned, at_m
+        )
         before = tuple(self._before)
-        self._before.append(places_m(view.x_m, view.y_m, thin) * turned + at_m)
-        # What three beams meet counts already; the others are asked whether they were seen before.
-        lonely = thin[~view.solid.take(thin)]
-        seen = places_m(view.x_m, view.y_m, lonely)
+        self._before.append(thin_m)
         if len(before) < SCANS - 1 or not seen.size:
             return NOWHERE
-        old = np.concatenate(before)
-        off = old - (seen * turned + at_m)[:, None]
-        if np.count_nonzero(np.abs(off) < SAME_RANGE_M + SAME_ASIDE_M) < SCANS - 2:
-            return NOWHERE  # as after most scans
-        off *= (seen.conj() / (np.abs(seen) * turned))[:, None]  # the real part along the beam, the imaginary one aside
-        same = (np.abs(off.real) < SAME_RANGE_M) & (np.abs(off.imag) < SAME_ASIDE_M)
-        ends = np.cumsum([one.size for one in before])
-        again = np.array([part.any(axis=1) for part in np.split(same, ends[:-1], axis=1)])
-        there = np.count_nonzero(again, axis=0) >= SCANS - 2
-        if not there.any():
-            return NOWHERE
-        return np.concatenate([seen[there], (old[same[there].any(axis=0)] - at_m) / turned])
+        there_m = returned(seen, before, turned, at_m)
+        return NOWHERE if there_m is None else there_m
 
 
-def _thin(view: View) -> npt.NDArray[np.intp]:
-    """Return the indices (k,) of the beams ahead that stand out, nearer than what is to their left and right."""
-    middle = round(-view.scan.angle_min_rad / view.scan.angle_step_rad)
-    half = round(AHEAD_RAD / abs(view.scan.angle_step_rad))
-    first = max(STANDS_OUT_BEAMS, middle - half)
-    last = max(first, min(view.ranges_m.size - STANDS_OUT_BEAMS, middle + half + 1))
-    around_m = view.ranges_m[first - STANDS_OUT_BEAMS : last + STANDS_OUT_BEAMS]
-    ranges_m = view.ranges_m[first:last]
-    hidden = around_m[2 * STANDS_OUT_BEAMS :] - ranges_m < STANDS_OUT_M  # NaN, no echo, counts as far
-    hidden |= around_m[: -2 * STANDS_OUT_BEAMS] - ranges_m < STANDS_OUT_M
-    thin = ranges_m < WITHIN_M
-    thin &= ranges_m > FROM_M
+@twin
+def returned(seen: Places, before: tuple[Places, ...], turned: complex, at_m: complex) -> Places | None:
+    """Return which of the places seen, (k,) in base_link, were seen before, and those seen before; None for none.
+
+    before: of each of the scans before, in the odometry frame. turned, at_m: heading and place of base_link in it.
+    """
+    old = np.concatenate(before)
+    off = old - (seen * turned + at_m)[:, None]
+    if np.count_nonzero(np.abs(off) < SAME_RANGE_M + SAME_ASIDE_M) < SCANS - 2:
+        return None  # as after most scans
+    off *= (seen.conj() / (np.abs(seen) * turned))[:, None]  # the real part along the beam, the imaginary one aside
+    same = (np.abs(off.real) < SAME_RANGE_M) & (np.abs(off.imag) < SAME_ASIDE_M)
+    ends = np.cumsum([one.size for one in before])
+    again = np.array([part.any(axis=1) for part in np.split(same, ends[:-1], axis=1)])
+    there = np.count_nonzero(again, axis=0) >= SCANS - 2
+    if not there.any():
+        return None
+    return np.concatenate([seen[there], (old[same[there].any(axis=0)] - at_m) / turned])
+
+
+@twin
+def thin_places(
+    x_m: Floats,
+    y_m: Floats,
+    solid: Booleans,
+    ranges_m: Floats,
+    dirty: Booleans | None,
+    first: int,
+    last: int,
+    turned: complex,
+    at_m: complex,
+) -> tuple[Places, Places]:
+    """Return the places of beams from first to before last that are nearer than what is left and right of them.
+
+    First all of them, (k,) in the odometry frame, then in base_link those that do not count already, (j,), because
+    fewer than three beams meet them. turned, at_m: heading and place of base_link in the odometry frame.
+    """
+    first = max(STANDS_OUT_BEAMS, first)
+    last = max(first, min(ranges_m.size - STANDS_OUT_BEAMS, last))
+    around_m = ranges_m[first - STANDS_OUT_BEAMS : last + STANDS_OUT_BEAMS]
+    here_m = ranges_m[first:last]
+    hidden = around_m[2 * STANDS_OUT_BEAMS :] - here_m < STANDS_OUT_M  # NaN, no echo, counts as far
+    hidden |= around_m[: -2 * STANDS_OUT_BEAMS] - here_m < STANDS_OUT_M
+    thin = here_m < WITHIN_M
+    thin &= here_m > FROM_M
     thin &= ~hidden
-    if view.dirty is not None:
-        thin &= ~view.dirty[first:last]
-    return thin.nonzero()[0] + first
+    if dirty is not None:
+        thin &= ~dirty[first:last]
+    index = thin.nonzero()[0] + first
+    return places_m(x_m, y_m, index) * turned + at_m, places_m(x_m, y_m, index[~solid.take(index)])

@@ -11,10 +11,11 @@ Points and poses are complex numbers x + iy: to turn by an angle is to multiply 
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
+from drivers.twin import twin
 from runtime.control.geometry import Booleans, Floats, Places
 
 STEP_M = 0.06
@@ -42,8 +43,7 @@ class Outline:
         return inside
 
 
-@dataclass(frozen=True, slots=True)
-class Motion:
+class Motion(NamedTuple):
     """How the car moves while the path begins.
 
     speed_mps: how fast, >= 0. direction: +1 forward, -1 backward. wheel_rad: angle of the wheels now.
@@ -100,16 +100,16 @@ class Contact:
 NOTHING = Contact(math.inf, 0.0, 0.0)
 
 
-@lru_cache(maxsize=256)
-def _travels_m(steps: int) -> Floats:
-    travel_m: Floats = STEP_M * np.arange(1, steps + 1, dtype=np.float64)
-    travel_m.setflags(write=False)
-    return travel_m
-
-
 def arc(motion: Motion, steering_rad: float, length_m: float) -> Path:
     """Return the path that a steering command leads to; the first pose is one step on."""
-    travel_m = _travels_m(max(1, math.ceil(length_m / STEP_M)))
+    return Path(*bent_way(max(1, math.ceil(length_m / STEP_M)), steering_rad, *motion))
+
+
+@twin
+def bent_way(steps: int, steering_rad: float, *motion_fields: float) -> tuple[Floats, Places, Places, Floats]:
+    """Return travel_m, place_m, heading and curvature_per_m of a Path with so many poses; the rest is a Motion."""
+    motion = Motion(*motion_fields)
+    travel_m = STEP_M * np.arange(1, steps + 1, dtype=np.float64)
     curvature = _curvatures(motion, steering_rad, travel_m)
     step_m = motion.direction * STEP_M
     yaw_rad = curvature.cumsum()
@@ -120,7 +120,7 @@ def arc(motion: Motion, steering_rad: float, length_m: float) -> Path:
     back_rad = curvature * (step_m / 2 + square * motion.slip_rad_per_mps2)
     moved = np.exp(1j * (yaw_rad - back_rad))
     moved *= step_m
-    return Path(travel_m, moved.cumsum(), heading, curvature)
+    return travel_m, moved.cumsum(), heading, curvature
 
 
 def _curvatures(motion: Motion, steering_rad: float, travel_m: Floats) -> Floats:
@@ -157,20 +157,41 @@ def first_contact(path: Path, outline: Outline, points_m: Places, direction: flo
 
     The travel is exact at the bumper (the third-deepest point) and up to one step too short at the flank.
     """
+    touch = first_touch(
+        path.travel_m, path.place_m, path.heading, path.curvature_per_m, points_m,
+        outline.front_m, outline.rear_m, outline.half_width_m, direction,
+    )  # fmt: skip
+    return NOTHING if touch is None else Contact(*touch)
+
+
+@twin
+def first_touch(
+    travel_m: Floats,
+    place_m: Places,
+    heading: Places,
+    curvature_per_m: Floats,
+    points_m: Places,
+    front_m: float,
+    rear_m: float,
+    half_width_m: float,
+    direction: float,
+) -> tuple[float, float, float] | None:
+    """Return travel_m, aside_m and curvature_per_m of the first contact on a path, given by its parts; or None."""
+    path, outline = Path(travel_m, place_m, heading, curvature_per_m), Outline(front_m, rear_m, half_width_m)
     points_m = _in_reach(path, outline, points_m)
     if points_m.size < ENOUGH_POINTS:
-        return NOTHING
-    for first in range(0, path.travel_m.size, POSES_AT_ONCE):
+        return None
+    for first in range(0, travel_m.size, POSES_AT_ONCE):
         found = _first_in(path.part(first, first + POSES_AT_ONCE), outline, points_m, direction)
-        if found is not NOTHING:
+        if found is not None:
             return found
-    return NOTHING
+    return None
 
 
-def _first_in(path: Path, outline: Outline, points_m: Places, direction: float) -> Contact:
+def _first_in(path: Path, outline: Outline, points_m: Places, direction: float) -> tuple[float, float, float] | None:
     near_m = _in_reach(path, outline, points_m)
     if near_m.size < ENOUGH_POINTS:
-        return NOTHING
+        return None
     seen = (near_m - path.place_m[:, None]) * path.heading.conj()[:, None]
     ahead_m, aside_m = seen.real, seen.imag
     inside = np.abs(aside_m) <= outline.half_width_m
@@ -179,14 +200,14 @@ def _first_in(path: Path, outline: Outline, points_m: Places, direction: float) 
     enough = np.count_nonzero(inside, axis=1) >= ENOUGH_POINTS
     pose = int(enough.argmax())
     if not enough[pose]:
-        return NOTHING
+        return None
     touched = inside[pose]
     ahead_m, aside_m = ahead_m[pose, touched], aside_m[pose, touched]
     depth_m = outline.front_m - ahead_m if direction > 0 else outline.rear_m + ahead_m
     third_m = float(np.partition(depth_m, -ENOUGH_POINTS)[-ENOUGH_POINTS])
     travel_m = float(path.travel_m[pose])
     travel_m = max(travel_m - STEP_M, travel_m - third_m)
-    return Contact(travel_m, _innermost_m(aside_m), float(path.curvature_per_m[pose]))
+    return travel_m, _innermost_m(aside_m), float(path.curvature_per_m[pose])
 
 
 def _in_reach(path: Path, outline: Outline, points_m: Places) -> Places:

@@ -25,6 +25,10 @@ class Lookout:
         self.outlook = self.guard.look(scan, motor)
         return self.outlook
 
+    def learn(self) -> None:
+        """Do what can wait until the answer is on its way."""
+        self.guard.learn()
+
 
 class Freeing:
     """Wraps a follower; its manoeuvres are wishes like any other, judged by safety and outranked by the human."""

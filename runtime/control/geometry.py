@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.api import Scan
+from drivers.twin import twin
 
 Floats = npt.NDArray[np.float64]
 Booleans = npt.NDArray[np.bool_]
@@ -64,3 +65,15 @@ def places_m(x_m: Floats, y_m: Floats, which: npt.NDArray[np.intp]) -> Places:
     places.real = x_m.take(which)
     places.imag = y_m.take(which)
     return places
+
+
+@twin
+def solid_places(x_m: Floats, y_m: Floats, solid: Booleans) -> Places:
+    """Return the solid ones of points (n,) as complex numbers, shape (k,)."""
+    return places_m(x_m, y_m, solid.nonzero()[0])
+
+
+@twin
+def any_nearer(solid: Booleans, ranges_m: Floats, reach_m: float) -> bool:
+    """Whether a solid beam reads less."""
+    return bool(np.count_nonzero(solid & (ranges_m < reach_m)))

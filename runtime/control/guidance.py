@@ -42,3 +42,7 @@ class Guard(Protocol):
     def look(self, scan: Scan, motor: MotorState | None) -> Outlook:
         """Take in one scan; called once for each, in order. The outlook then judges every drive until the next."""
         ...
+
+    def learn(self) -> None:
+        """Do now what else was to be done with the last scan, once its answer is on the wire; else `look` does it."""
+        ...

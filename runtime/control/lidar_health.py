@@ -83,20 +83,26 @@ class LidarHealth:
         self._doubtful_mps = doubtful_mps
         self._tuned = True
 
-    def update(self, view: View, motor: MotorState | None) -> None:
-        """Learn from one scan; cheap while the car stands."""
+    def glance(self, view: View) -> None:
+        """Notice at once when almost nothing is seen, or something again."""
         beams = view.ranges_m.shape[0]
         if self._beams.dirt.shape[0] != beams:
             self._beams = _Beams(beams)
             self._moved_m = self._waiting_m = self._waiting_rad = 0.0
+        empty = view.silent > self._settings.empty_share * beams
+        if empty != self._empty:
+            self._empty = empty
+            self._judge(view)
+
+    def update(self, view: View, motor: MotorState | None) -> None:
+        """Learn from one scan; cheap while the car stands."""
+        self.glance(view)
         step_m, turn_rad = self._motion(motor)
         self._waiting_m += step_m + METRES_PER_RADIAN * turn_rad
         self._waiting_rad += turn_rad
-        empty = bool(np.count_nonzero(view.no_echo) > self._settings.empty_share * beams)
-        if self._waiting_m < LEARNS_EVERY_M and empty == self._empty and not self._tuned:
+        if self._waiting_m < LEARNS_EVERY_M and not self._tuned:
             return
         self._tuned = False
-        self._empty = empty
         if self._waiting_m >= LEARNS_EVERY_M:
             self._learn(view)
         self._judge(view)
@@ -130,7 +136,7 @@ class LidarHealth:
         np.copyto(learnt, beams.dirt, where=part & view.no_echo)
         learnt[dirt] = known + np.where(part.take(dirt), quickly, learns) * (1 - known)
         beams.dirt = learnt
-        if self._waiting_rad and (np.count_nonzero(view.no_echo) or np.count_nonzero(beams.blind)):
+        if self._waiting_rad and (view.silent or np.count_nonzero(beams.blind)):
             # Only turning tells a blind beam from a long corridor: the emptiness turns with the car.
             changes = view.no_echo - beams.blind
             changes *= 1 - math.exp(-self._waiting_rad / BLIND_MEMORY_RAD)

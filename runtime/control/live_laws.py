@@ -60,6 +60,10 @@ class LiveLaws:
         """Take in one scan."""
         return self.guard.look(scan, motor)
 
+    def learn(self) -> None:
+        """Do what can wait until the answer is on its way."""
+        self.guard.learn()
+
     def tune(self, wall_follow: WallFollowSettings, safety: SafetySettings) -> None:
         """Go on with other settings, from the next scan on."""
         if wall_follow != self.wall_follow:

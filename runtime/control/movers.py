@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runtime.control.geometry import NOWHERE, Floats, Places, places_m
+from drivers.twin import twin
+from runtime.control.geometry import NOWHERE, Booleans, Floats, Places, places_m
 from runtime.control.odometry import Pose
 from runtime.control.perception import View
 
@@ -126,7 +127,7 @@ class Movers:
         slowest_mps = SLOWEST_MPS + SLOWEST_SHARE * abs(pose.speed_mps)
         self._turning_radps = max(abs(pose.yaw_rate_radps), TURNING_FADES * self._turning_radps)
         slowest_per_m = TURNING_SHARE * self._turning_radps
-        for first, last in small_things(view):
+        for first, last in small_things(view.solid, view.ranges_m, abs(view.scan.angle_step_rad)):
             beams = view.solid[first : last + 1].nonzero()[0] + first
             points = places_m(view.x_m, view.y_m, beams)
             track = self._follow(points * turned + at_m, stamp_s, look, sliding=sliding)
@@ -177,45 +178,50 @@ class Movers:
         return nearest
 
 
-def small_things(view: View) -> list[tuple[int, int]]:
-    """Return (first, last) beam of every near thing at most 0.7 m wide that stands out before its surroundings."""
-    index = (view.solid & (view.ranges_m < WITHIN_M)).nonzero()[0]
+@twin
+def small_things(solid: Booleans, ranges_m: Floats, step_rad: float) -> list[tuple[int, int]]:
+    """Return (first, last) beam of every near thing at most 0.7 m wide that stands out before its surroundings.
+
+    solid, ranges_m: (beams,) of a View. step_rad: between two beams, positive.
+    """
+    index = (solid & (ranges_m < WITHIN_M)).nonzero()[0]
     if index.size < FEWEST_BEAMS:
         return []
-    ranges_m = view.ranges_m.take(index)
-    off_m = ranges_m[1:] - ranges_m[:-1]
+    near_m = ranges_m.take(index)
+    off_m = near_m[1:] - near_m[:-1]
     cut = np.abs(off_m, out=off_m) > JUMP_M
     cut |= index[1:] - index[:-1] > GAP_BEAMS
     ends = [*cut.nonzero()[0].tolist(), index.size - 1]
-    step_rad = abs(view.scan.angle_step_rad)
     things, start = [], 0
     for end in ends:
         if end - start >= FEWEST_BEAMS - 1:
             right, left = int(index[start]), int(index[end])
-            if (left - right) * step_rad * ranges_m[start] <= WIDEST_M and _stands_out(view, right, left):
+            if (left - right) * step_rad * near_m[start] <= WIDEST_M and _stands_out(solid, ranges_m, right, left):
                 things.append((right, left))
         start = end + 1
     return things
 
 
-def _stands_out(view: View, right: int, left: int) -> bool:
+def _stands_out(solid: Booleans, ranges_m: Floats, right: int, left: int) -> bool:
     """Whether the things at both sides are farther away, and there are both sides."""
-    return _behind(view, range(right - 1, right - 1 - BACKGROUND_BEAMS, -1), view.ranges_m[right]) and _behind(
-        view, range(left + 1, left + 1 + BACKGROUND_BEAMS), view.ranges_m[left]
+    to_the_right = range(right - 1, right - 1 - BACKGROUND_BEAMS, -1)
+    to_the_left = range(left + 1, left + 1 + BACKGROUND_BEAMS)
+    return _behind(solid, ranges_m, to_the_right, ranges_m[right]) and _behind(
+        solid, ranges_m, to_the_left, ranges_m[left]
     )
 
 
-def _behind(view: View, beams: range, range_m: float) -> bool:
+def _behind(solid: Booleans, ranges_m: Floats, beams: range, range_m: float) -> bool:
     """Whether the first solid one of the next beams is clearly farther away.
 
     Dirt and wild beams are skipped: they cut walls into pieces whose edges go along with the car. Where nothing is
     solid, silence counts as far.
     """
     for beam in beams:
-        if not 0 <= beam < view.solid.size:
+        if not 0 <= beam < solid.size:
             return False
-        if view.solid[beam]:
-            return bool(view.ranges_m[beam] > range_m + JUMP_M)
+        if solid[beam]:
+            return bool(ranges_m[beam] > range_m + JUMP_M)
     return True
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.api import Scan
+from drivers.twin import twin
 from runtime.control.geometry import Floats, Places, bearings_rad
 from runtime.control.perception import View
 from runtime.control.wall import Line, LineFinder
@@ -106,19 +107,28 @@ def my_wall(seen: SideView, desired_m: float) -> Beams | None:
     corridor: the car passes between them. The piece that holds the nearest return beside the car is mine (not the first
     one: after a U turn another wall is behind the car).
     """
-    index = np.flatnonzero(seen.solid & (seen.range_m < CAP_M))
-    first = int(np.searchsorted(index, seen.side.beside.start))
-    last = int(np.searchsorted(index, seen.side.beside.stop))
+    gap_m = min(GAP_DIAMETERS * desired_m, WIDEST_GAP_M)
+    beside = seen.side.beside
+    return wall_piece(seen.x_m, seen.y_m, seen.range_m, seen.solid, beside.start, beside.stop, gap_m)
+
+
+@twin
+def wall_piece(
+    x_m: Floats, y_m: Floats, range_m: Floats, solid: Booleans, beside_from: int, beside_to: int, gap_m: float
+) -> Beams | None:
+    """Return the beams of my wall among those of a SideView, cut where gaps are wider than gap_m."""
+    index = np.flatnonzero(solid & (range_m < CAP_M))
+    first = int(np.searchsorted(index, beside_from))
+    last = int(np.searchsorted(index, beside_to))
     if index.size < FEWEST_POINTS or last <= first:
         return None
-    x_m, y_m = seen.x_m[index], seen.y_m[index]
+    x_m, y_m = x_m[index], y_m[index]
     dx, dy = x_m[1:] - x_m[:-1], y_m[1:] - y_m[:-1]
     dx *= dx
     dy *= dy
     dx += dy
-    gap_m = min(GAP_DIAMETERS * desired_m, WIDEST_GAP_M)
     jumps = np.flatnonzero(dx > min(gap_m, CROSSING_M) ** 2)  # few, if any
-    nearest = first + int(seen.range_m[index[first:last]].argmin())
+    nearest = first + int(range_m[index[first:last]].argmin())
     start, end = 0, index.size
     for jump in jumps.tolist():
         crosses = y_m[jump] > 0.0 >= y_m[jump + 1] and dx[jump] > CROSSING_M * CROSSING_M
@@ -136,11 +146,12 @@ def _runs_ahead(x_m: Floats, y_m: Floats) -> bool:
     return bool(abs(x_m[last] - x_m[0]) > abs(y_m[last] - y_m[0]))
 
 
-def outline(x_m: Floats, y_m: Floats) -> Places:
+@twin
+def outline(x_m: Floats, y_m: Floats, wall: Beams) -> Places:
     """Return the wall's points smoothed by a 5-point mean and thinned to one per 8 cm, x + iy, shape (m,)."""
-    count, half = x_m.size, SMOOTHED_POINTS // 2
+    count, half = wall.size, SMOOTHED_POINTS // 2
     places = np.empty(count, np.complex128)
-    places.real, places.imag = x_m, y_m
+    places.real, places.imag = x_m[wall], y_m[wall]
     if count > SMOOTHED_POINTS:
         total = places.cumsum()
         places[half + 1 : count - half] = (total[SMOOTHED_POINTS:] - total[:-SMOOTHED_POINTS]) * (1 / SMOOTHED_POINTS)
@@ -190,19 +201,26 @@ def roomy_m(seen: SideView, line: Line | None, desired_m: float) -> float:
     if line is None:
         return desired_m
     part = seen.side.opposite
-    range_m = seen.range_m[part]
-    if np.count_nonzero(range_m < 2 * desired_m - line.distance_m + ROOM_REACH_M) < FEWEST_POINTS:
+    ranges_m, solid = seen.range_m[part], seen.solid[part]
+    return room_for(seen.x_m[part], seen.y_m[part], ranges_m, solid, line.distance_m, line.heading_rad, desired_m)
+
+
+@twin
+def room_for(
+    x_m: Floats, y_m: Floats, range_m: Floats, solid: Booleans, line_m: float, heading_rad: float, desired_m: float
+) -> float:
+    """Return D' for a line on the left at a distance and a heading, and points that may be on the other side."""
+    if np.count_nonzero(range_m < 2 * desired_m - line_m + ROOM_REACH_M) < FEWEST_POINTS:
         return desired_m  # the usual case in the open, at once
-    cos, sin = math.cos(line.heading_rad), math.sin(line.heading_rad)
-    x_m, y_m = seen.x_m[part], seen.y_m[part]
+    cos, sin = math.cos(heading_rad), math.sin(heading_rad)
     across = sin * x_m
     across -= cos * y_m
     x_m = cos * x_m
     x_m += sin * y_m
-    opposite = across[seen.solid[part] & (np.abs(x_m) < ROOM_BESIDE_M) & (across > 0.0)]
+    opposite = across[solid & (np.abs(x_m) < ROOM_BESIDE_M) & (across > 0.0)]
     if opposite.size < FEWEST_POINTS:
         return desired_m
     nearest = max(1, round(ROOM_NEAREST_SHARE * opposite.size))
     opposite.partition(nearest - 1)
-    free_m = line.distance_m + float(opposite[:nearest].mean())
+    free_m = line_m + float(opposite[:nearest].mean())
     return free_m / 2 if free_m / 2 < desired_m - ROOM_LEAST_GAIN_M else desired_m

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.api import Scan
+from drivers.twin import twin
 from runtime.car_settings import CarSettings
 from runtime.control.geometry import Booleans, Floats, bearings_rad, beyond, directions
 
@@ -43,7 +44,7 @@ class View:
     ranges_m: float64; NaN where a beam has no distance. bearing_rad: of each beam in the lidar frame.
     x_m, y_m: end points in base_link; NaN without a distance. lidar_x_m: where the beams begin.
     solid: things that can be hit or followed. no_echo: no information. own: on or in the car's own outline.
-    dirty: known to be dirty, whatever they read now; None while no beam is.
+    dirty: known to be dirty, whatever they read now; None while no beam is. silent: how many have no echo.
     """
 
     scan: Scan
@@ -55,7 +56,8 @@ class View:
     no_echo: Booleans
     own: Booleans
     lidar_x_m: float
-    dirty: Booleans | None = None
+    dirty: Booleans | None
+    silent: int
 
 
 class Eyes:
@@ -79,34 +81,60 @@ class Eyes:
         return self._last
 
     def _look(self, scan: Scan) -> View:
-        car = self._car
-        kind = (scan.angle_min_rad, scan.angle_step_rad, scan.ranges_m.shape[0])
-        ranges_m = scan.ranges_m.astype(np.float64)
-        echo = ranges_m > 0.0
-        echo &= ranges_m < math.inf
-        no_echo = ~echo
-        ranges_m[no_echo] = math.nan
-        x_m, y_m = directions(*kind) * ranges_m
-        x_m += car.lidar_x_m
-        solid = supported(ranges_m)
-        own = np.zeros(ranges_m.shape, np.bool_)
-        near = ranges_m < max(DIRT_NEARER_THAN_M, self._own_within_m)  # NaN compares as not nearer
-        index = near.nonzero()[0]
-        if index.size:
-            near_x, aside_m = x_m[index], np.abs(y_m[index])
-            mine = index[(near_x <= car.front_m) & (near_x >= -car.rear_m) & (aside_m <= car.half_width_m)]
-            own[mine] = True
-            solid[mine] = False
-            if mine.size:
-                solid[trails(ranges_m, mine[beyond(scan, BODY_BEYOND_RAD)[mine]])] = False
-            near &= ranges_m < DIRT_NEARER_THAN_M
-            # Only what would count is worth a look whether it is dirt: a wild beam has no neighbours anyway.
-            if np.count_nonzero(near & solid):
-                solid[thin_dirt(ranges_m, near, scan.angle_step_rad)] = False
-        dirty = self._dirty if self._dirty is not None and self._dirty.shape == solid.shape else None
-        if dirty is not None:
-            solid &= ~(dirty & (ranges_m < LEARNT_DIRT_NEARER_THAN_M))
-        return View(scan, ranges_m, bearings_rad(*kind), x_m, y_m, solid, no_echo, own, car.lidar_x_m, dirty)
+        car, sent_m = self._car, scan.ranges_m
+        kind = (scan.angle_min_rad, scan.angle_step_rad, sent_m.shape[0])
+        dirty = self._dirty if self._dirty is not None and self._dirty.shape == sent_m.shape else None
+        cos, sin = directions(*kind)
+        ranges_m, x_m, y_m, solid, no_echo, own, silent = look(
+            sent_m, cos, sin, beyond(scan, BODY_BEYOND_RAD), dirty, scan.angle_step_rad,
+            car.lidar_x_m, car.front_m, car.rear_m, car.half_width_m, self._own_within_m,
+        )  # fmt: skip
+        return View(scan, ranges_m, bearings_rad(*kind), x_m, y_m, solid, no_echo, own, car.lidar_x_m, dirty, silent)
+
+
+@twin
+def look(  # flat arguments, as its twin in C wants them
+    sent_m: npt.NDArray[np.float32],
+    cos: Floats,
+    sin: Floats,
+    aback: Booleans,
+    dirty: Booleans | None,
+    angle_step_rad: float,
+    lidar_x_m: float,
+    front_m: float,
+    rear_m: float,
+    half_width_m: float,
+    own_within_m: float,
+) -> tuple[Floats, Floats, Floats, Booleans, Booleans, Booleans, int]:
+    """Return ranges_m, x_m, y_m, solid, no_echo, own and silent of a View, from the ranges as sent, (beams,).
+
+    cos, sin: of the beams' bearings. aback: beams behind BODY_BEYOND_RAD. own_within_m: no part of the car is farther
+    from the lidar.
+    """
+    ranges_m = sent_m.astype(np.float64)
+    echo = ranges_m > 0.0
+    echo &= ranges_m < math.inf
+    no_echo = ~echo
+    ranges_m[no_echo] = math.nan
+    x_m, y_m = cos * ranges_m, sin * ranges_m
+    x_m += lidar_x_m
+    solid = supported(ranges_m)
+    own = np.zeros(ranges_m.shape, np.bool_)
+    index = (ranges_m < own_within_m).nonzero()[0]  # NaN compares as not nearer
+    if index.size:
+        near_x, aside_m = x_m[index], np.abs(y_m[index])
+        mine = index[(near_x <= front_m) & (near_x >= -rear_m) & (aside_m <= half_width_m)]
+        own[mine] = True
+        solid[mine] = False
+        if mine.size:
+            solid[trails(ranges_m, mine[aback[mine]])] = False
+    near = ranges_m < DIRT_NEARER_THAN_M
+    # Only what would count is worth a look whether it is dirt: a wild beam has no neighbours anyway.
+    if np.count_nonzero(near & solid):
+        solid[thin_dirt(ranges_m, near, angle_step_rad)] = False
+    if dirty is not None:
+        solid &= ~(dirty & (ranges_m < LEARNT_DIRT_NEARER_THAN_M))
+    return ranges_m, x_m, y_m, solid, no_echo, own, int(np.count_nonzero(no_echo))
 
 
 def supported(ranges_m: Floats) -> Booleans:

@@ -80,6 +80,9 @@ class ReportGuard:
             return Verdict(0.0, NO_LIMIT_MPS, "obstacle ahead", ahead_m)
         return Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "clear", ahead_m)
 
+    def learn(self) -> None:
+        """Nothing: the rule remembers nothing."""
+
 
 def range_ahead_m(scan: Scan) -> float:
     """Return the mean of the three nearest usable ranges straight ahead, infinity when there are none.

@@ -46,11 +46,11 @@ def profile_mps(path: BallPath, speed_mps: float, assumed_mu: float) -> float:
     """
     lateral = LATERAL_SHARE * assumed_mu * GRAVITY_MPS2
     brake = BRAKE_SHARE * assumed_mu * GRAVITY_MPS2
-    meets, crosses = path.meets.tolist(), path.crosses.tolist()
+    meets, crosses = path.meets, path.crosses
     # Nearer circles than the first crossing lie wholly inside or outside of D: the way to the path, not the path.
     begin = crosses.index(True) if True in crosses else len(crosses)
     end = next((i for i in range(begin, len(meets)) if not meets[i]), len(meets))
-    circles = list(zip(path.radius_m[begin:end].tolist(), path.bearing_rad[begin:end].tolist(), strict=True))
+    circles = list(zip(path.radius_m[begin:end], path.bearing_rad[begin:end], strict=True))
     places = [(radius_m * math.cos(bearing_rad), radius_m * math.sin(bearing_rad)) for radius_m, bearing_rad in circles]
     heading: list[float] = []
     way = [circles[0][0]] if len(circles) > 1 else [0.0]

@@ -9,7 +9,7 @@ from runtime.car_settings import CarSettings
 from runtime.control.behind import Behind
 from runtime.control.darkness import enclosed_dark
 from runtime.control.footprint import ENOUGH_POINTS, NOTHING, Contact, Motion, Outline, Path, arc, first_contact
-from runtime.control.geometry import NOWHERE, Booleans, Places, places_m
+from runtime.control.geometry import NOWHERE, Booleans, Places, any_nearer, solid_places
 from runtime.control.perception import View
 from runtime.control.stopping import GRAVITY_MPS2
 from runtime.control.swept_settings import SweptSettings
@@ -188,10 +188,10 @@ class Strip:
         """Return the solid points outside and inside the margins, (k,) each."""
         if self._near_m is None:
             view = self.view
-            points = places_m(view.x_m, view.y_m, view.solid.nonzero()[0])
+            points = solid_places(view.x_m, view.y_m, view.solid)
             if self.more_m.size:
                 points = np.concatenate([points, self.more_m])
-            if not (self.more_m.size or np.count_nonzero(view.solid & (view.ranges_m < self.body.reach_m))):
+            if not (self.more_m.size or any_nearer(view.solid, view.ranges_m, self.body.reach_m)):
                 self._near_m = points, NOWHERE
                 return self._near_m
             inside = self.body.presses(points)

@@ -82,9 +82,11 @@ class SweptGuard:
         self._odometry = Odometry(car.wheelbase_m)
         self._speed = SlidingSpeed(GRAVITY_MPS2, self.body.slippery_mps2)
         self._last_m: float | None = None
+        self._unlearnt: tuple[View, MotorState | None] | None = None
 
     def tune(self, settings: SweptSettings, health: LidarHealthSettings) -> None:
         """Go on with other settings; a hard stop that is on, the window's dirt and who walks where are kept."""
+        self.learn()
         self.settings = settings
         self.body = Body(settings, self.car)
         self.health.tune(health, settings.doubtful_mps)
@@ -92,14 +94,15 @@ class SweptGuard:
 
     def look(self, scan: Scan, motor: MotorState | None) -> "Outlook":
         """Take in one scan; called once for each, in order."""
+        self.learn()
         view = self._eyes.see(scan)
         speed_mps = self._speed.update(motor.speed_mps if motor is not None else None, scan.stamp_s)
         pose = self._odometry.update(motor)
         last_m, self._last_m = self._last_m, motor.distance_m if motor is not None else None
         step_m = motor.distance_m - last_m if motor is not None and last_m is not None else 0.0
-        self.behind.update(view, pose, step_m)
-        self.health.update(view, motor)
-        self._eyes.ignore(self.health.mask)
+        self.behind.move(pose, step_m)
+        self.health.glance(view)
+        self._unlearnt = view, motor
         most_rad = self.car.max_steering_rad
         wheel_rad = min(max(motor.steering_rad, -most_rad), most_rad) if motor is not None else 0.0
         walkers_m = self.movers.update(view, pose, scan.stamp_s, sliding=self._speed.slides)
@@ -110,6 +113,19 @@ class SweptGuard:
         wary = speed_mps > self.settings.doubtful_mps and scan.stamp_s < self.memory.wary_until_s
         window = Verdict(self.health.ceiling_mps, self.health.ceiling_mps, self.health.reason)
         return Outlook(self, view, speed_mps, strip, window, wary)
+
+    def learn(self) -> None:
+        """Learn from the last scan what only later ones need: the window's dirt, and what lies behind the car.
+
+        So that the motor need not wait for it, it is done when the answer is on its way, at the latest with the next
+        scan. Harmless when repeated.
+        """
+        if self._unlearnt is None:
+            return
+        (view, motor), self._unlearnt = self._unlearnt, None
+        self.behind.keep(view)
+        self.health.update(view, motor)
+        self._eyes.ignore(self.health.mask)
 
     def now_s(self, scan: Scan) -> float:
         """Return the time, or that of the scan's arrival where there is no clock."""

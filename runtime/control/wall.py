@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from drivers.twin import twin
 from runtime.control.geometry import Floats
 
 Booleans = npt.NDArray[np.bool_]
-Singles = npt.NDArray[np.float32]
+Indices = npt.NDArray[np.intp]
 
 FROM_RAD = math.radians(20)
 TO_RAD = math.radians(126)
@@ -91,45 +92,68 @@ class LineFinder:
         All (n,), wall on the left; x_m, y_m in base_link, range_m from the lidar, `usable` a mask of beams to believe.
         expected: where the line should be by the last scan; if it has most of all votes there, nobody else is asked.
         """
-        beams = self.beams
-        range_m = range_m[beams]
-        valid = usable[beams] & (range_m > NEAREST_M) & (range_m < FARTHEST_M)
-        if np.count_nonzero(valid) < FEWEST_INLIERS or not self._front.size:
-            return None
-        points = np.empty((3, beams.size))
-        points[0] = 1.0
-        points[1] = np.where(valid, x_m[beams], 0.0)
-        points[2] = np.where(valid, y_m[beams], 0.0)
-        weight = np.where(valid, np.minimum(range_m, VOTE_RANGE_M), 0.0)
-        if expected is not None:
-            members = valid & (np.abs(expected.offsets_m(points[1], points[2])) < GATES_M[0])
-            if float(weight @ members) > WINS_WITH * float(weight.sum()):
-                return _refined(points, valid, members, GATES_M[2:])
-        planes = self._planes(points, valid)
-        if not planes.size:
-            return None
-        offset_m = planes @ points.astype(np.float32)  # single precision: 1e-6 of a few metres
-        near = np.abs(offset_m, out=offset_m) < GATES_M[0]
-        votes = near.astype(np.float32) @ weight.astype(np.float32)
-        votes /= 1.0 - NEARER_WINS_PER_M * planes[:, 0]
-        return _refined(points, valid, near[int(votes.argmax())] & valid, GATES_M[1:])
-
-    def _planes(self, points: Floats, valid: Booleans) -> Singles:
-        """Return (-d, -sin a, cos a) of each pair that could be a wall, shape (k, 3)."""
-        rear = points[1:, self._rear]
-        ahead, aside = points[1:, self._front] - rear
-        length = np.hypot(ahead, aside)
-        length += 1e-9
-        cos, sin = ahead / length, aside / length
-        distance = cos * rear[1] - sin * rear[0]
-        good = valid[self._front] & valid[self._rear] & (cos > _STEEPEST_COS) & (distance > NEAREST_LINE_M)
-        planes = np.empty((distance.size, 3), np.float32)
-        planes[:, 0], planes[:, 1], planes[:, 2] = -distance, -sin, cos
-        kept: Singles = planes[good]
-        return kept
+        wanted_m, wanted_rad = (math.nan, 0.0) if expected is None else (expected.distance_m, expected.heading_rad)
+        found = wall_line(x_m, y_m, range_m, usable, self.beams, self._rear, self._front, wanted_m, wanted_rad)
+        return None if found is None else Line(*found)
 
 
-def _refined(points: Floats, valid: Booleans, members: Booleans, gates_m: tuple[float, ...]) -> Line | None:
+@twin
+def wall_line(
+    x_m: Floats,
+    y_m: Floats,
+    range_m: Floats,
+    usable: Booleans,
+    beams: Indices,
+    rear: Indices,
+    front: Indices,
+    expected_m: float,
+    expected_rad: float,
+) -> tuple[float, float, int] | None:
+    """Return distance_m, heading_rad and inliers of the Line through some of the beams, or None.
+
+    rear, front: the pairs, as places in `beams`. expected_m: NaN where no line is expected.
+    """
+    range_m = range_m[beams]
+    valid = usable[beams] & (range_m > NEAREST_M) & (range_m < FARTHEST_M)
+    if np.count_nonzero(valid) < FEWEST_INLIERS or not front.size:
+        return None
+    points = np.empty((3, beams.size))
+    points[0] = 1.0
+    points[1] = np.where(valid, x_m[beams], 0.0)
+    points[2] = np.where(valid, y_m[beams], 0.0)
+    weight = np.where(valid, np.minimum(range_m, VOTE_RANGE_M), 0.0)
+    if not math.isnan(expected_m):
+        expected = Line(expected_m, expected_rad, 0)
+        members = valid & (np.abs(expected.offsets_m(points[1], points[2])) < GATES_M[0])
+        if float(weight @ members) > WINS_WITH * float(weight.sum()):
+            return _refined(points, valid, members, GATES_M[2:])
+    planes = _planes(points, valid, rear, front)
+    if not planes.size:
+        return None
+    offset_m = planes @ points
+    near = np.abs(offset_m, out=offset_m) < GATES_M[0]
+    votes = near.astype(np.float64) @ weight
+    votes /= 1.0 - NEARER_WINS_PER_M * planes[:, 0]
+    return _refined(points, valid, near[int(votes.argmax())] & valid, GATES_M[1:])
+
+
+def _planes(points: Floats, valid: Booleans, rear: Indices, front: Indices) -> Floats:
+    """Return (-d, -sin a, cos a) of each pair that could be a wall, shape (k, 3)."""
+    behind = points[1:, rear]
+    ahead, aside = points[1:, front] - behind
+    length = np.hypot(ahead, aside)
+    length += 1e-9
+    cos, sin = ahead / length, aside / length
+    distance = cos * behind[1] - sin * behind[0]
+    good = valid[front] & valid[rear] & (cos > _STEEPEST_COS) & (distance > NEAREST_LINE_M)
+    planes = np.stack((-distance, -sin, cos), axis=1)
+    kept: Floats = planes[good]
+    return kept
+
+
+def _refined(
+    points: Floats, valid: Booleans, members: Booleans, gates_m: tuple[float, ...]
+) -> tuple[float, float, int] | None:
     """Fit the members by total least squares, then for each gate once more whoever is so near to the fit."""
     plane = np.empty(3)
     transposed = points.T
@@ -145,4 +169,4 @@ def _refined(points: Floats, valid: Booleans, members: Booleans, gates_m: tuple[
             break
         plane[:] = -distance_m, -sin, cos
         members = valid & (np.abs(plane @ points) < gate_m)
-    return Line(distance_m, heading_rad, round(count)) if distance_m >= 0 else None
+    return (distance_m, heading_rad, round(count)) if distance_m >= 0 else None

@@ -20,11 +20,13 @@ async def follow(
     expires_after_s: Callable[[], float],
     publish: Callable[[Scan, Guidance], None],
     decide: Callable[[], None] = lambda: None,
+    afterwards: Callable[[], None] = lambda: None,
     stage: Stage | None = None,
 ) -> Never:
     """Answer each scan; a follower without an answer asks for standstill, with its reason.
 
     decide: called when all has been said about a scan, so that the motor need not wait for the mux's turn.
+    afterwards: called when the answer is on its way.
     """
     stage = stage or Stage(lambda: 0.0)
     while True:
@@ -37,3 +39,4 @@ async def follow(
         stage.end()
         publish(scan, guidance)
         decide()
+        afterwards()

@@ -47,12 +47,16 @@ class Watched:
     def look(self, scan: Scan, motor: MotorState | None) -> Outlook:
         """Look as the guard does."""
         outlook = self.guard.look(scan, motor)
+        self.guard.learn()
         health = self.guard.guard.health
         mask = health.mask if health.mask is not None else np.zeros(scan.ranges_m.shape, np.bool_)
         self.way_m.append(motor.distance_m if motor is not None else 0.0)
         self.dirty.append(mask | health.blinded)
         self.own.append(health.own)
         return outlook
+
+    def learn(self) -> None:
+        """Nothing: it is done with each look."""
 
 
 def cells(choice: Choice) -> list[Cell]:

@@ -49,6 +49,9 @@ class Stopper:
         cap_mps = 0.0 if scan.stamp_s >= self.from_s else math.inf
         return Verdict(cap_mps, cap_mps, "told to", math.nan, self.brake_mps2)
 
+    def learn(self):
+        pass
+
 
 def report_run(seed):
     case = Case(load_world("straight"), None, 1.0, duration_s=2.0, seed=seed)

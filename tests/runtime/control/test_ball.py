@@ -23,7 +23,7 @@ from runtime.control.ball_law import (
 )
 from runtime.control.ball_path import RADII_M, BallPath, WallPoints, ball_path, bend_per_m
 from runtime.control.ball_settings import BallSettings
-from runtime.control.geometry import Floats, Places
+from runtime.control.geometry import Places
 from runtime.control.lost import FADE_PER_SCAN, Lost
 from runtime.control.noise_bias import NoiseBias
 from runtime.control.perception import Eyes
@@ -74,13 +74,18 @@ def wall_m(distance_m, heading_rad=0.0, from_m=-2.0, to_m=5.0):
 # the path
 
 
+def places(path):
+    radius_m = np.array(path.radius_m)
+    return radius_m * np.cos(path.bearing_rad), radius_m * np.sin(path.bearing_rad)
+
+
 @pytest.mark.parametrize("distance_m", [0.7, 1.0, 1.25])
 def test_beside_a_straight_wall_the_path_is_parallel_to_it(distance_m):
     path = ball_path(wall_m(distance_m), 1.0, (0.7, 1.1))
-    offset_m = path.radius_m * np.sin(path.bearing_rad)
-    far = path.radius_m > 0.5
-    assert offset_m[far] == pytest.approx(distance_m - 1.0, abs=0.005)
-    assert path.crosses[far].all()
+    radius_m = np.array(path.radius_m)
+    far = radius_m > 0.5
+    assert (radius_m * np.sin(path.bearing_rad))[far] == pytest.approx(distance_m - 1.0, abs=0.005)
+    assert np.array(path.crosses)[far].all()
 
 
 def test_a_circle_that_lies_too_near_as_a_whole_is_no_crossing_and_points_to_the_free_side():
@@ -98,13 +103,13 @@ def test_a_circle_that_the_wall_does_not_meet_points_to_the_wall():
 
 def test_the_ball_goes_round_an_outside_corner_and_stays_in_an_inside_one():
     outside = ball_path(WallPoints.of(np.asarray(np.arange(-2.0, 1.0, 0.05) + 1j, np.complex128)), 1.0, ())
-    x_m, y_m = outside.radius_m * np.cos(outside.bearing_rad), outside.radius_m * np.sin(outside.bearing_rad)
-    round_it = outside.crosses & (x_m > 1.1)
+    x_m, y_m = places(outside)
+    round_it = np.array(outside.crosses) & (x_m > 1.1)
     assert round_it.any()
     assert np.hypot(x_m - 0.95, y_m - 1.0)[round_it] == pytest.approx(1.0, abs=0.03)
     beside, front = np.arange(-2.0, 3.0, 0.05) + 1j, 3.0 + 1j * np.arange(1.0, -3.0, -0.05)
     inside = ball_path(WallPoints.of(np.concatenate([beside, front])), 1.0, ())
-    x_m = inside.radius_m * np.cos(inside.bearing_rad)
+    x_m, _ = places(inside)
     assert x_m.max() == pytest.approx(2.0, abs=0.02)
 
 
@@ -116,10 +121,11 @@ def test_the_bend_of_a_straight_path_is_zero_wherever_the_car_stands():
 
 @pytest.mark.parametrize("curvature", [-0.4, -0.2, 0.25, 0.5])
 def test_the_bend_of_an_arc_is_its_curvature(curvature):
-    bearing: Floats = np.arcsin(RADII_M * curvature / 2)
-    path = BallPath(RADII_M, bearing, np.ones(10, bool), np.ones(10, bool))
+    bearing = tuple(math.asin(radius_m * curvature / 2) for radius_m in RADII_M)
+    path = BallPath(RADII_M, bearing, (True,) * 10, (True,) * 10)
     assert bend_per_m(path) == pytest.approx(curvature, rel=0.02)
-    blind = BallPath(RADII_M, bearing, RADII_M < 1.4, RADII_M < 1.4)
+    near = tuple(radius_m < 1.4 for radius_m in RADII_M)
+    blind = BallPath(RADII_M, bearing, near, near)
     assert bend_per_m(blind) == 0.0
 
 
@@ -127,7 +133,7 @@ def test_the_bend_of_an_arc_is_its_curvature(curvature):
 
 
 def two_looks(near_rad, far_rad):
-    return BallPath(np.array([0.7, 1.1]), np.array([near_rad, far_rad]), np.ones(2, bool), np.ones(2, bool))
+    return BallPath((0.7, 1.1), (near_rad, far_rad), (True, True), (True, True))
 
 
 def heading_rad(near_rad, far_rad, error_m=0.0):

@@ -149,9 +149,11 @@ def test_the_window_is_judged_anew_at_the_next_scan_although_the_car_has_hardly_
     health._beams.dirty[150:400] = True
     drive.tune(safety={"doubtful_mps": 0.7})
     drive.scan()
+    drive.laws.learn()
     assert health.ceiling_mps == 0.0, "more than a quarter of the window is dirty"
     drive.tune(safety={"window": {"refused_share": 0.9}})
     drive.scan()
+    drive.laws.learn()
     assert health.ceiling_mps == 0.7
 
 

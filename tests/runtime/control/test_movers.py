@@ -181,14 +181,18 @@ def test_who_walks_comes_to_where_nothing_was():
     assert by_turns([(RIGHT, 2.0), (slice(570, 573), 2.0)], [(RIGHT, math.nan), (LEFT, 2.0)]) == 0
 
 
+def things(view):
+    return small_things(view.solid, view.ranges_m, view.scan.angle_step_rad)
+
+
 def test_small_things_stand_out_and_are_small():
-    assert len(small_things(see(circle(2.0, 0.3)))) == 1
-    assert small_things(see(circle(2.0, 0.3, radius_m=0.6))) == []
-    assert small_things(see(circle(WITHIN_M + 1.0, 0.3))) == []
+    assert len(things(see(circle(2.0, 0.3)))) == 1
+    assert things(see(circle(2.0, 0.3, radius_m=0.6))) == []
+    assert things(see(circle(WITHIN_M + 1.0, 0.3))) == []
     before_a_near_wall = circle(2.0, 0.3)
     before_a_near_wall[600:] = 1.0
-    assert len(small_things(see(before_a_near_wall))) == 0
-    assert small_things(see(np.full(1081, math.nan))) == []
+    assert len(things(see(before_a_near_wall))) == 0
+    assert things(see(np.full(1081, math.nan))) == []
 
 
 def test_what_is_seen_farther_away_than_anybody_runs_is_something_else():

@@ -23,12 +23,14 @@ from runtime.control.speed_profile import (
 )
 from runtime.control.swept_settings import SweptSettings
 
-YES = np.ones(RADII_M.size, bool)
+RADIUS_M = np.array(RADII_M)
+YES = np.ones(RADIUS_M.shape, np.bool_)
 
 
 def path_of(bearing_rad, meets=YES, crosses=None):
-    bearing_rad = np.broadcast_to(np.asarray(bearing_rad, float), RADII_M.shape)
-    return BallPath(RADII_M, bearing_rad, meets, meets if crosses is None else crosses)
+    bearing_rad = np.broadcast_to(np.asarray(bearing_rad, float), RADIUS_M.shape)
+    crosses = meets if crosses is None else crosses
+    return BallPath(RADII_M, tuple(bearing_rad.tolist()), tuple(meets.tolist()), tuple(crosses.tolist()))
 
 
 def stopping_to_corner_mps(way_m, mu, speed_mps):
@@ -55,13 +57,13 @@ def test_the_path_ends_at_the_first_circle_that_the_wall_does_not_meet():
 
 
 def test_without_any_path_the_corner_is_here():
-    nothing = np.zeros(RADII_M.size, bool)
+    nothing = np.zeros(RADIUS_M.shape, np.bool_)
     assert profile_mps(path_of(0.0, nothing), 1.0, 0.5) == pytest.approx(stopping_to_corner_mps(0, 0.5, 1.0))
 
 
 def test_circles_before_the_first_crossing_are_not_path():
     """A car that is 0.5 m too near has no crossing on the near circles; that is not a corner."""
-    bearing = np.zeros(RADII_M.size)
+    bearing = np.zeros(RADIUS_M.shape)
     bearing[:2] = -math.radians(85)
     crosses = YES.copy()
     crosses[:2] = False
@@ -72,7 +74,7 @@ def test_circles_before_the_first_crossing_are_not_path():
 
 def test_a_steady_bend_is_driven_at_the_speed_of_its_radius():
     radius_m = 2.0
-    path = path_of(np.arcsin(RADII_M / (2 * radius_m)))
+    path = path_of(np.arcsin(RADIUS_M / (2 * radius_m)))
     allowed = profile_mps(path, 1.5, 0.5)
     assert allowed == pytest.approx(math.sqrt(0.75 * 0.5 * 9.81 * radius_m), rel=0.15)
     assert allowed < profile_mps(path_of(0.0), 1.5, 0.5)
@@ -81,8 +83,8 @@ def test_a_steady_bend_is_driven_at_the_speed_of_its_radius():
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_a_corner_ahead_slows_the_car_in_time_and_to_either_side(sign):
     def corner_at(way_m):
-        aside_m = np.sqrt(np.maximum(RADII_M**2 - way_m**2, 0))
-        return path_of(sign * np.arctan2(aside_m, np.minimum(RADII_M, way_m)))
+        aside_m = np.sqrt(np.maximum(RADIUS_M**2 - way_m**2, 0))
+        return path_of(sign * np.arctan2(aside_m, np.minimum(RADIUS_M, way_m)))
 
     near, middle, far = (profile_mps(corner_at(way_m), 2.0, 0.5) for way_m in (0.6, 1.2, 1.8))
     assert near < middle < far

@@ -1,0 +1,118 @@
+"""The compiled twins of the hot functions (`drivers.twin`): built on the car itself, used where they can be had.
+
+A twin is used only while the Python beside it is the text that it was written for (`seal.json`): who changes a law
+drives his own law, more slowly. `python -m runtime.kernel` seals anew, for those who have brought both up to date.
+"""
+
+import hashlib
+import importlib.util
+import json
+import os
+import sys
+import sysconfig
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from importlib.machinery import ExtensionFileLoader
+from pathlib import Path
+from types import ModuleType
+from typing import Final
+
+import numpy as np
+
+from drivers import twin
+from drivers.hokuyo import codec, ranges
+from runtime.control import (
+    ball_path,
+    darkness,
+    faint,
+    footprint,
+    geometry,
+    movers,
+    my_wall,
+    perception,
+    wall,
+)
+from runtime.kernel.build import built
+
+SWITCH: Final = "WALLRIDE_COMPILED"
+MODULES: Final = (
+    codec, ranges, ball_path, darkness, faint, footprint, geometry, movers, my_wall, perception, wall,
+)  # fmt: skip
+HERE: Final = Path(__file__).parent
+SEAL: Final = HERE / "seal.json"
+
+
+@dataclass(frozen=True, slots=True)
+class Kernel:
+    """What there is. functions: names of those that C answers. words: how it is, in a sentence."""
+
+    functions: frozenset[str]
+    words: str
+
+
+def use() -> Kernel:
+    """Let the compiled functions answer where they can be had; build them first where they have never been."""
+    if os.environ.get(SWITCH) == "0":
+        return _without(f"{SWITCH}=0")
+    edited = [module for module in MODULES if fingerprint(module) != _sealed().get(module.__name__)]
+    library = _library()
+    if library is None:
+        return _without("no C compiler with Python's headers: apt install gcc python3-dev")
+    own = {module.__name__ for module in edited}
+    names = [name for name, plain in twin.PLAIN.items() if plain.__module__ not in own and hasattr(library, name)]
+    twin.use({name: getattr(library, name) for name in names})
+    words = f"{len(names)} of {len(twin.PLAIN)} functions of the hot path are compiled"
+    if edited:
+        words += f"; {', '.join(module.__name__ for module in edited)} changed since, and run as they are written"
+    return Kernel(twin.in_use(), words)
+
+
+def _without(why: str) -> Kernel:
+    twin.use({})
+    return Kernel(frozenset(), f"the hot path runs in Python ({why})")
+
+
+def fingerprint(module: ModuleType) -> str:
+    """Return what changes with every change of a module's text."""
+    return hashlib.sha256(Path(str(module.__file__)).read_bytes()).hexdigest()
+
+
+def seal() -> None:
+    """Say that the twins do what the Python does that is here now. The tests compare them."""
+    SEAL.write_text(json.dumps({module.__name__: fingerprint(module) for module in MODULES}, indent=2) + "\n")
+
+
+def _sealed() -> Mapping[str, str]:
+    return dict(json.loads(SEAL.read_text())) if SEAL.is_file() else {}
+
+
+def _library() -> ModuleType | None:
+    include = sysconfig.get_paths()["include"], np.get_include()
+    sources = {path.name: path.read_text() for path in sorted(HERE.glob("*.[ch]"))}
+    sources["constants.h"] = "".join(f"#define {name} {value!r}\n" for name, value in constants())
+    path = built("kernel", sources, folders=include, extra=(sys.version, np.__version__))
+    if path is None:
+        return None
+    loader = ExtensionFileLoader("_kernel", str(path))
+    spec = importlib.util.spec_from_file_location("_kernel", path, loader=loader)
+    try:
+        if spec is None:
+            return None
+        module = importlib.util.module_from_spec(spec)
+        loader.exec_module(module)
+    except ImportError:
+        return None
+    return module
+
+
+def constants() -> Iterator[tuple[str, float]]:
+    """Yield the numbers of the modules as C knows them: module and name, MOVERS_JUMP_M; of a tuple each one."""
+    for module in MODULES:
+        for name, value in vars(module).items():
+            if not name.isupper():
+                continue
+            called = f"{module.__name__.rpartition('.')[2]}_{name.lstrip('_')}".upper()
+            if isinstance(value, int | float) and not isinstance(value, bool):
+                yield called, value
+            elif isinstance(value, tuple) and all(isinstance(part, float) for part in value):
+                yield from ((f"{called}_{place}", part) for place, part in enumerate(value))

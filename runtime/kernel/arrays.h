@@ -1,0 +1,80 @@
+/* Numpy arrays as C sees them. Every function of the kernel answers what the Python function of the same name answers
+ * (drivers/twin.py): look there for what it means. Units: metres, radians. NaN is a beam without a distance, and every
+ * comparison is written so that NaN falls on the side on which it falls in the Python.
+ */
+
+#ifndef WALLRIDE_ARRAYS_H
+#define WALLRIDE_ARRAYS_H
+
+#define PY_SSIZE_T_CLEAN
+#include <Python.h>
+
+#define NPY_NO_DEPRECATED_API NPY_2_0_API_VERSION
+#define PY_ARRAY_UNIQUE_SYMBOL wallride_kernel_arrays
+#ifndef KERNEL_MODULE
+#define NO_IMPORT_ARRAY
+#endif
+#include <numpy/arrayobject.h>
+
+#include <complex.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+typedef double complex place;
+typedef Py_ssize_t beam;
+
+/* One dimension of an array: its first element, the way to the next one in bytes, how many there are. */
+struct row {
+    char *data;
+    npy_intp stride;
+    beam count;
+};
+
+#define AT(type, row, i) (*(type *)((row).data + (i) * (row).stride))
+#define NUMBER(row, i) AT(double, row, i)
+#define FLAG(row, i) AT(npy_bool, row, i)
+#define PLACE(row, i) AT(place, row, i)
+#define INDEX(row, i) AT(npy_intp, row, i)
+
+/* Read arguments; on a wrong one they set TypeError and return false. */
+int as_row(PyObject *object, int type, struct row *row);
+int as_numbers(PyObject *const *from, int count, double *to);
+int as_indices(PyObject *const *from, int count, beam *to);
+int enough(Py_ssize_t given, Py_ssize_t wanted, const char *name);
+
+/* Fresh arrays; the data of an array that is known to be contiguous. */
+PyObject *fresh(int type, beam count);
+PyObject *copied(int type, beam count, const void *from);
+#define DATA(type, array) ((type *)PyArray_DATA((PyArrayObject *)(array)))
+
+#define TURNED_BACK(offset, heading) ((offset) * conj(heading))
+
+/* Multiplying complex numbers by hand: C's own way looks for infinities. */
+static inline place times(place a, place b) {
+    return CMPLX(creal(a) * creal(b) - cimag(a) * cimag(b), creal(a) * cimag(b) + cimag(a) * creal(b));
+}
+
+static inline double least(double a, double b) { return a < b ? a : b; }
+static inline double most(double a, double b) { return a > b ? a : b; }
+
+#define KERNEL(name) PyObject *name(PyObject *self, PyObject *const *given, Py_ssize_t count)
+KERNEL(decode_samples);
+KERNEL(joined_rows);
+KERNEL(look);
+KERNEL(small_things);
+KERNEL(thin_places);
+KERNEL(returned);
+KERNEL(solid_places);
+KERNEL(any_nearer);
+KERNEL(dark_between);
+KERNEL(bent_way);
+KERNEL(first_touch);
+KERNEL(wall_piece);
+KERNEL(outline);
+KERNEL(wall_line);
+KERNEL(room_for);
+KERNEL(around);
+KERNEL(rolled);
+
+#endif

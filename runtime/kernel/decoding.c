@@ -1,0 +1,68 @@
+/* Twins of drivers/hokuyo/codec.py and ranges.py: the characters of a scan, verified, joined, and as metres. */
+
+#include "arrays.h"
+#include "constants.h"
+
+/* joined_rows(data) -> samples | None: lines of 64 characters, a checksum, a line feed; the last one may be shorter and
+ * has no line feed. None where that is not so, for whatever reason. */
+KERNEL(joined_rows) {
+    char *data, *to;
+    Py_ssize_t bytes;
+    if (!enough(count, 1, "joined_rows") || PyBytes_AsStringAndSize(given[0], &data, &bytes) < 0)
+        return NULL;
+    Py_ssize_t rows = bytes / CODEC_ROW_BYTES, tail = bytes % CODEC_ROW_BYTES, chars = rows * CODEC_LINE_CHARS + tail - 1;
+    if (tail < 2)
+        Py_RETURN_NONE;
+    PyObject *samples = PyBytes_FromStringAndSize(NULL, chars);
+    if (!samples)
+        return NULL;
+    to = PyBytes_AS_STRING(samples);
+    int wrong = 0;
+    for (Py_ssize_t row = 0; row <= rows; row++, data += CODEC_ROW_BYTES) {
+        Py_ssize_t wide = row < rows ? CODEC_LINE_CHARS : tail - 1;
+        unsigned char sum = 0, feeds = 0;
+        for (Py_ssize_t i = 0; i < wide; i++) {
+            sum = (unsigned char)(sum + (unsigned char)data[i]);
+            feeds |= data[i] == '\n';
+        }
+        wrong |= feeds | ((sum & 0x3f) + 0x30 != (unsigned char)data[wide]);
+        wrong |= row < rows && data[wide + 1] != '\n';
+        memcpy(to, data, (size_t)wide);
+        to += wide;
+    }
+    if (wrong) {
+        Py_DECREF(samples);
+        Py_RETURN_NONE;
+    }
+    return samples;
+}
+
+/* decode_samples(samples, beams, range_min_mm, range_max_mm, reverse) -> ranges | None */
+KERNEL(decode_samples) {
+    char *samples;
+    Py_ssize_t bytes;
+    beam number[4];
+    if (!enough(count, 5, "decode_samples") || PyBytes_AsStringAndSize(given[0], &samples, &bytes) < 0 ||
+        !as_indices(given + 1, 4, number))
+        return NULL;
+    beam beams = number[0], low = number[1], high = number[2], reverse = number[3];
+    if (bytes != 3 * beams)
+        Py_RETURN_NONE;
+    PyObject *ranges = fresh(NPY_FLOAT, beams);
+    if (!ranges)
+        return NULL;
+    unsigned char wrong = 0;
+    for (beam i = 0; i < beams; i++) {
+        const unsigned char *at = (const unsigned char *)samples + 3 * i;
+        unsigned char a = at[0] - 0x30, b = at[1] - 0x30, c = at[2] - 0x30;
+        wrong |= a | b | c;
+        int mm = (a << 12) + (b << 6) + c;
+        DATA(float, ranges)[reverse ? beams - 1 - i : i] = mm < low || mm > high ? NAN : (float)mm / 1000.0f;
+    }
+    if (wrong > 63) {
+        Py_DECREF(ranges);
+        Py_RETURN_NONE;
+    }
+    PyArray_CLEARFLAGS((PyArrayObject *)ranges, NPY_ARRAY_WRITEABLE);
+    return ranges;
+}

@@ -1,0 +1,68 @@
+/* The module `_kernel`: its functions, and how they read their arguments. Nothing is kept between calls. */
+
+#define KERNEL_MODULE
+#include "arrays.h"
+
+int as_row(PyObject *object, int type, struct row *row) {
+    if (!PyArray_Check(object) || PyArray_NDIM((PyArrayObject *)object) != 1 ||
+        PyArray_TYPE((PyArrayObject *)object) != type || !PyArray_ISBEHAVED_RO((PyArrayObject *)object)) {
+        PyErr_Format(PyExc_TypeError, "the kernel wants a one-dimensional array of type %d, not %R", type, object);
+        return 0;
+    }
+    row->data = PyArray_BYTES((PyArrayObject *)object);
+    row->stride = PyArray_STRIDE((PyArrayObject *)object, 0);
+    row->count = PyArray_DIM((PyArrayObject *)object, 0);
+    return 1;
+}
+
+int as_numbers(PyObject *const *from, int count, double *to) {
+    for (int i = 0; i < count; i++) {
+        to[i] = PyFloat_AsDouble(from[i]);
+        if (to[i] == -1.0 && PyErr_Occurred())
+            return 0;
+    }
+    return 1;
+}
+
+int as_indices(PyObject *const *from, int count, beam *to) {
+    for (int i = 0; i < count; i++) {
+        to[i] = PyNumber_AsSsize_t(from[i], PyExc_OverflowError);
+        if (to[i] == -1 && PyErr_Occurred())
+            return 0;
+    }
+    return 1;
+}
+
+int enough(Py_ssize_t given, Py_ssize_t wanted, const char *name) {
+    if (given == wanted)
+        return 1;
+    PyErr_Format(PyExc_TypeError, "%s takes %zd arguments, not %zd", name, wanted, given);
+    return 0;
+}
+
+PyObject *fresh(int type, beam count) {
+    npy_intp shape = count;
+    return PyArray_SimpleNew(1, &shape, type);
+}
+
+PyObject *copied(int type, beam count, const void *from) {
+    PyObject *array = fresh(type, count);
+    if (array != NULL && count)
+        memcpy(DATA(char, array), from, (size_t)count * (size_t)PyArray_ITEMSIZE((PyArrayObject *)array));
+    return array;
+}
+
+#define ENTRY(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, NULL}
+static PyMethodDef functions[] = {
+    ENTRY(decode_samples), ENTRY(joined_rows),  ENTRY(look),       ENTRY(small_things), ENTRY(thin_places),
+    ENTRY(returned),       ENTRY(solid_places), ENTRY(any_nearer), ENTRY(dark_between), ENTRY(bent_way),
+    ENTRY(first_touch),    ENTRY(wall_piece),   ENTRY(outline),    ENTRY(wall_line),    ENTRY(room_for),
+    ENTRY(around),         ENTRY(rolled),       {NULL, NULL, 0, NULL},
+};
+
+static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_kernel", NULL, -1, functions, NULL, NULL, NULL, NULL};
+
+PyMODINIT_FUNC PyInit__kernel(void) {
+    import_array();
+    return PyModule_Create(&definition);
+}

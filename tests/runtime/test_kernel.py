@@ -1,0 +1,262 @@
+"""The compiled twins answer what the Python answers, and leave when the Python is no longer what they were made for."""
+
+import math
+import shutil
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from drivers import twin
+from drivers.api import MotorState, Scan
+from drivers.hokuyo.codec import checksum
+from runtime import kernel
+from runtime.car_settings import CarSettings
+from runtime.control import movers, perception
+from runtime.control.ball import BallFollower
+from runtime.control.ball_settings import BallSettings
+from runtime.control.perception import Eyes
+from runtime.control.swept import SweptGuard
+from runtime.control.swept_settings import SweptSettings
+from sim.beams import LidarSettings, scan
+from sim.closed_loop import as_scan
+from sim.pose import Pose, Twist
+from sim.worlds import load_world
+
+BEAMS, STEP_RAD = 1081, math.radians(0.25)
+ROUNDING = 1e-9
+"""Sines and sums are rounded differently; whatever is a choice (a beam, a yes or no) has to be the same."""
+
+
+@pytest.fixture(scope="module")
+def compiled():
+    """Return the twins; the Python goes on answering."""
+    found = kernel.use()
+    answering = dict(twin._answering)
+    twin.use({})
+    if not found.functions:
+        pytest.skip(found.words)
+    return {name: answering[name] for name in found.functions}
+
+
+@pytest.fixture
+def compared(compiled):
+    """Let both answer everything, and compare; counts how often each was asked."""
+    asked = Counter()
+
+    def both(name):
+        def answer(*given):
+            by_python = twin.PLAIN[name](*given)
+            asked[name] += 1
+            assert_same(name, by_python, compiled[name](*given))
+            return by_python
+
+        return answer
+
+    twin.use({name: both(name) for name in compiled})
+    yield asked
+    twin.use({})
+
+
+def assert_same(name, one, other):
+    if isinstance(one, tuple | list):
+        assert type(one) is type(other), name
+        assert len(one) == len(other), name
+        for a, b in zip(one, other, strict=True):
+            assert_same(name, a, b)
+    elif isinstance(one, np.ndarray):
+        assert one.dtype == other.dtype, name
+        assert one.shape == other.shape, name
+        exact = one.dtype.kind in "bi"
+        np.testing.assert_allclose(other, one, rtol=0 if exact else ROUNDING, atol=0 if exact else ROUNDING)
+    elif isinstance(one, float):
+        assert other == pytest.approx(one, rel=ROUNDING, abs=ROUNDING, nan_ok=True), name
+    else:
+        assert one == other, name
+
+
+class Drive:
+    """Feeds scans to both laws of a car that drives by dead reckoning; asks about driving on and about backing out."""
+
+    def __init__(self, side="left"):
+        car = CarSettings()
+        eyes = Eyes(car)
+        self.guard = SweptGuard(SweptSettings(), car, eyes)
+        self.follower = BallFollower(BallSettings(speed_mps=2.0, side=side), car, eyes)
+        self.way_m = 0.0
+        self.scans = 0
+
+    def see(self, sweep, speed_mps=2.0, steering_rad=0.05):
+        self.way_m += 0.025 * speed_mps
+        motor = MotorState(
+            sweep.stamp_s, speed_mps, self.way_m, steering_rad, 11.0, 0.0, 0.0, 30.0, "", timed_out=False, killed=False
+        )
+        outlook = self.guard.look(sweep, motor)
+        guidance = self.follower.follow(sweep, motor)
+        wish = guidance.drive
+        if wish is not None:
+            outlook.limit(wish.speed_mps, wish.steering_rad)
+        for asked in ((4.0, 0.3), (1.0, -0.34), (-0.4, 0.2)):
+            outlook.limit(*asked)
+        self.scans += 1
+
+    def see_ranges(self, ranges_m, **how):
+        at_s = 0.025 * self.scans
+        ranges_m = np.asarray(ranges_m, np.float32)
+        self.see(Scan(at_s, at_s, -STEP_RAD * (BEAMS // 2), STEP_RAD, 0.02, 30.0, ranges_m, self.scans), **how)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("world", ["l_turn", "corridor", "doorway", "outside_corner", "straight"])
+def test_a_drive_gets_the_same_answers(compared, world, side):
+    rng = np.random.default_rng(3)
+    lidar = LidarSettings(noise_std_m=0.02, outlier_share=0.02, dirty_sectors=((-96.0, -93.0, 0.3), (40.0, 41.0, 0.2)))
+    drive, geometry = Drive(side), load_world(world)
+    for step in range(80):
+        at_s = 0.025 * step
+        pose = Pose(0.07 * step, rng.uniform(-0.1, 0.1), rng.uniform(-0.2, 0.2))
+        drive.see(as_scan(scan(geometry, pose, Twist(2.0), at_s, rng, lidar), lidar, at_s, step))
+    hot = {"look", "small_things", "thin_places", "solid_places", "any_nearer", "bent_way", "first_touch", "wall_piece"}
+    assert {name for name in hot if compared[name] < 60} == set()
+
+
+def ranges(draw_seed):
+    """Return ranges as a hostile room gives them: pieces of walls, poles, dirt, the car's own parts, silence, noise."""
+    rng = np.random.default_rng(draw_seed)
+    ranges_m = np.empty(BEAMS)
+    edges = np.sort(rng.integers(0, BEAMS, rng.integers(1, 40)))
+    for piece in np.split(np.arange(BEAMS), edges):
+        nearest_m = rng.choice([0.05, 0.15, 0.3, 0.5, 0.8, 1.5, 3.0, 6.0, 20.0])
+        ranges_m[piece] = nearest_m * (1 + rng.uniform(-0.01, 0.01) * np.arange(piece.size))
+        if rng.random() < 0.2:
+            ranges_m[piece] = rng.choice([math.nan, math.inf, 0.0, -1.0])
+    ranges_m += rng.normal(0, rng.choice([0.0, 0.005, 0.03]), BEAMS)
+    wild = rng.random(BEAMS) < 0.03
+    ranges_m[wild] = rng.uniform(0.0, 10.0, np.count_nonzero(wild))
+    return ranges_m
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(seed=st.integers(0, 2**32), speed_mps=st.floats(-0.5, 4.0), steering_rad=st.floats(-0.34, 0.34))
+def test_nonsense_gets_the_same_answers(compared, seed, speed_mps, steering_rad):
+    for side in ("left", "right"):
+        drive = Drive(side)
+        for scan_number in range(7):  # the same room again and again, so that things are seen again
+            drive.see_ranges(ranges(seed + scan_number // 5), speed_mps=speed_mps, steering_rad=steering_rad)
+
+
+@pytest.mark.parametrize("beams", [1, 2, 5])
+def test_hardly_any_beam_gets_the_same_answers(compared, beams):
+    drive = Drive()
+    for ranges_m in (np.full(beams, 1.0), np.full(beams, math.nan), np.full(beams, 0.1)):
+        drive.see_ranges(ranges_m)
+
+
+@given(data=st.binary(max_size=300), flipped=st.integers(0, 10**6))
+def test_any_bytes_are_joined_alike(compiled, data, flipped):
+    lines = [bytes(0x30 + byte % 64 for byte in data[i : i + 64]) for i in range(0, len(data), 64)]
+    regular = b"\n".join(line + bytes([checksum(line)]) for line in lines)
+    broken = bytearray(regular)
+    if broken:
+        broken[flipped % len(broken)] ^= 1 + flipped % 255
+    for sent in (data, regular, bytes(broken)):
+        assert compiled["joined_rows"](sent) == twin.PLAIN["joined_rows"](sent)
+
+
+@given(samples=st.binary(max_size=60), beams=st.integers(0, 20), reverse=st.booleans())
+def test_any_samples_are_decoded_alike(compiled, samples, beams, reverse):
+    digits = bytes(0x30 + byte % 64 for byte in samples)
+    for sent in (samples, digits, digits[: 3 * beams]):
+        answers = [of["decode_samples"](sent, beams, 20, 30000, int(reverse)) for of in (twin.PLAIN, compiled)]
+        assert_same("decode_samples", *answers)
+        assert answers[1] is None or not answers[1].flags.writeable
+
+
+def test_wrong_arguments_are_refused_and_crash_nothing(compiled):
+    wrong = (
+        (),
+        (None,),
+        (1, 2, 3),
+        ("text",) * 9,
+        (np.zeros(3),) * 12,
+        (np.zeros((2, 2)),) * 11,
+        (np.zeros(0, int),) * 7,
+    )
+    for function in compiled.values():
+        for given_ in wrong:
+            with pytest.raises((TypeError, ValueError, OverflowError, IndexError)):
+                function(*given_)
+
+
+def test_arrays_of_different_lengths_are_refused(compiled):
+    short, long_m, flags = np.zeros(3), np.zeros(9), np.zeros(9, np.bool_)
+    with pytest.raises(ValueError, match="different lengths"):
+        compiled["solid_places"](short, long_m, flags)
+    with pytest.raises(IndexError, match="no beam 9"):
+        compiled["outline"](long_m, long_m, np.array([0, 9]))
+
+
+def test_the_twins_were_written_for_the_python_that_is_here():
+    stale = [
+        module.__name__ for module in kernel.MODULES if kernel.fingerprint(module) != kernel._sealed()[module.__name__]
+    ]
+    assert not stale, "after the twins do the same and these tests pass: python -m runtime.kernel"
+
+
+@pytest.fixture
+def as_it_was():
+    yield
+    twin.use({})
+
+
+def test_every_function_that_may_have_a_twin_has_one(compiled):
+    assert set(compiled) == set(twin.PLAIN)
+
+
+def test_who_changes_a_law_drives_his_own(compiled, monkeypatch, as_it_was):
+    fingerprint = kernel.fingerprint
+    monkeypatch.setattr(kernel, "fingerprint", lambda module: "" if module is movers else fingerprint(module))
+    found = kernel.use()
+    assert found.functions == set(compiled) - {"small_things"}
+    assert "runtime.control.movers changed" in found.words
+
+
+def test_constants_come_from_the_python():
+    known = dict(kernel.constants())
+    assert known["PERCEPTION_DIRT_NEARER_THAN_M"] == perception.DIRT_NEARER_THAN_M
+    assert known["WALL_GATES_M_2"] == 0.06
+    assert known["BALL_PATH_NEAREST_M"] == 1e-3
+
+
+def test_without_a_compiler_python_answers_and_says_so(monkeypatch, tmp_path, as_it_was):
+    monkeypatch.setenv("CC", str(tmp_path / "no-such-compiler"))
+    found = kernel.use()
+    assert not found.functions
+    assert "apt install" in found.words
+
+
+def test_it_can_be_switched_off(monkeypatch, as_it_was):
+    monkeypatch.setenv(kernel.SWITCH, "0")
+    assert not kernel.use().functions
+    assert not twin.in_use()
+
+
+def test_a_twin_needs_a_name_of_its_own():
+    def look():
+        return None
+
+    with pytest.raises(ValueError, match="look"):
+        twin.twin(look)
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler here")
+def test_it_is_built_once(monkeypatch, tmp_path, compiled, as_it_was):
+    monkeypatch.setenv("CACHE_DIRECTORY", str(tmp_path))
+    assert kernel.use().functions
+    built = list((tmp_path / "wallride").iterdir())
+    assert len(built) == 1
+    at = built[0].stat().st_mtime_ns
+    assert kernel.use().functions
+    assert built[0].stat().st_mtime_ns == at
