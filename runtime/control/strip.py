@@ -5,44 +5,19 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from runtime.car_settings import CarSettings
 from runtime.control.behind import Behind
+from runtime.control.body import LOOK_SPARE_M, Body
 from runtime.control.darkness import enclosed_dark
 from runtime.control.footprint import ENOUGH_POINTS, NOTHING, Contact, Motion, Outline, Path, arc, first_contact
-from runtime.control.geometry import NOWHERE, Booleans, Places, any_nearer, solid_places
+from runtime.control.geometry import NOWHERE, Places, any_nearer, solid_places
 from runtime.control.perception import View
-from runtime.control.stopping import GRAVITY_MPS2
-from runtime.control.swept_settings import SweptSettings
 
-LOOK_SPARE_M = 0.25
 OTHER_STEERINGS = (0.0, 0.5, -0.5, 1.0, -1.0)
 FREE_WAY_M = 0.5
+LOCKS_RADPS = 1e3
+"""At once: how fast a locking wheel ceases to steer, as if it were turned straight."""
 GAINS_MPS = 0.1
 """A wish that is faster than the car by less is no acceleration."""
-
-
-class Body:
-    """The car as safety sees it: outlines bare, with margins forward, with margins backward; and what floors hold."""
-
-    def __init__(self, settings: SweptSettings, car: CarSettings) -> None:
-        self.settings = settings
-        self.car = car
-        wide_m, spare_m = car.half_width_m + settings.side_margin_m, settings.front_margin_m
-        self.bare = Outline(car.front_m, car.rear_m, car.half_width_m)
-        self.nose = replace(self.bare, rear_m=0.0)
-        self.ahead = Outline(car.front_m + spare_m, car.rear_m, wide_m)
-        self.wary = replace(self.ahead, half_width_m=wide_m + settings.wary_margin_m)
-        self.aback = Outline(car.front_m, car.rear_m + spare_m, wide_m)
-        beyond_m = max(self.ahead.front_m - car.lidar_x_m, self.aback.rear_m + car.lidar_x_m)
-        self.reach_m = math.hypot(beyond_m, wide_m)
-        """No point farther from the lidar is within the margins."""
-        self.grip_mps2 = settings.grip_mu * GRAVITY_MPS2
-        self.slippery_mps2 = min(settings.slippery_mu, settings.grip_mu) * GRAVITY_MPS2
-        self._margins = replace(self.ahead, rear_m=self.aback.rear_m)
-
-    def presses(self, points_m: Places) -> Booleans:
-        """Return which points are within the margins, forward or backward, now."""
-        return self._margins.holds(points_m)
 
 
 @dataclass(slots=True, eq=False)
@@ -110,6 +85,14 @@ class Strip:
         length_m = way_m + self.body.car.front_m + LOOK_SPARE_M
         path = self._path(steering_rad, length_m, 1.0, self.body.slippery_mps2, -brake_mps2)
         return first_contact(path, self.body.nose, np.concatenate(self._points_m())) is NOTHING
+
+    def straight_on(self, length_m: float) -> Contact:
+        """Return what the car meets whose wheels lock after the latency: they do not steer any more."""
+        car, speed_mps = self.body.car, max(0.0, self.speed_mps)
+        motion = Motion(
+            speed_mps, 1.0, self.wheel_rad, self.latency_s, LOCKS_RADPS, car.wheelbase_m, self.body.grip_mps2
+        )
+        return first_contact(arc(motion, 0.0, length_m), self.body.ahead, np.concatenate(self._points_m()))
 
     def needs_grip(self, steering_rad: float, speed_mps: float, grip_mps2: float) -> bool:
         """Whether the bend asks for more than this at this speed."""

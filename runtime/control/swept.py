@@ -14,6 +14,7 @@ from drivers.api import Clock, MotorState, Scan
 from runtime.car_settings import CarSettings
 from runtime.command import NO_LIMIT_MPS, Verdict
 from runtime.control.behind import Behind
+from runtime.control.body import LOOK_SPARE_M, Body
 from runtime.control.braking import hard_stop, is_beside, turns_past
 from runtime.control.faint import Faint
 from runtime.control.footprint import NOTHING, Contact
@@ -29,14 +30,11 @@ from runtime.control.stopping import (
     speed_to_stop_within_mps,
     stopping_distance_m,
 )
-from runtime.control.strip import GAINS_MPS, LOOK_SPARE_M, Body, Strip
+from runtime.control.strip import GAINS_MPS, Strip
 from runtime.control.swept_settings import SweptSettings
 
 STANDING_MPS = 0.05
-SPEED_STEP_MPS = 0.25
-"""Speeds are rounded up to this for the length of the look, so that a slowly rising wish is not swept anew."""
 STOP_SPARE_M = 0.05
-GRADED_SPARE_M = 0.10
 WARY_S = 0.25
 CLEAR = Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "clear")
 
@@ -174,19 +172,15 @@ class Outlook:
 
     def _forward(self, wanted_mps: float, steering_rad: float, reaction_s: float) -> Verdict:
         body, settings, memory = self.guard.body, self.guard.settings, self.guard.memory
-        speed_mps = max(self.speed_mps, 0.0)
-        look_mps = math.ceil(max(speed_mps, wanted_mps) / SPEED_STEP_MPS) * SPEED_STEP_MPS
-        # The age is left out of the length: a look that grows with every tick would be swept at every tick.
-        graded_mps2 = settings.graded_share * body.grip_mps2
-        look_m = stopping_distance_m(look_mps, settings.actuation_s + 0.05, graded_mps2) + LOOK_SPARE_M
+        speed_mps, look_m = max(self.speed_mps, 0.0), body.look_m(max(self.speed_mps, wanted_mps))
         found = self.strip.contact(steering_rad, look_m, wary=self.wary)
         if found is NOTHING and not (memory.braking or memory.turning):
             return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s)
         if found is not NOTHING and speed_mps > settings.doubtful_mps:
             memory.wary_until_s = self.view.scan.stamp_s + WARY_S
-        grip_mps2 = body.slippery_mps2 if found.slippery else body.grip_mps2
-        hard_m = STOP_SPARE_M + stopping_distance_m(speed_mps, reaction_s, settings.hard_share * grip_mps2)
-        graded_mps = self._graded_mps(found, reaction_s)
+        hard_mps2 = settings.hard_share * body.grip_for_mps2(found)
+        hard_m = STOP_SPARE_M + stopping_distance_m(speed_mps, reaction_s, hard_mps2)
+        graded_mps = body.graded_mps(found, reaction_s)
         hurries, hastes = found.travel_m < hard_m, wanted_mps >= speed_mps > graded_mps
         if speed_mps > STANDING_MPS and (hurries or hastes or memory.turning):
             gently = turns_past(self.strip, found, steering_rad, hurries=hurries, hastes=hastes, begun=memory.turning)
@@ -194,7 +188,7 @@ class Outlook:
             if gently is not None:
                 return gently
         if self._brakes(found.travel_m, hard_m, speed_mps):
-            return self._standing(found) if speed_mps <= STANDING_MPS else hard_stop(body, found, speed_mps)
+            return self._standing(found) if speed_mps <= STANDING_MPS else hard_stop(self.strip, found, reaction_s)
         if found is NOTHING:
             return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s)
         return self._slower(found, graded_mps, reaction_s)
@@ -210,13 +204,6 @@ class Outlook:
         if found.travel_m > creep_m and self.strip.free_somewhere():
             return Verdict(settings.creep_mps, NO_LIMIT_MPS, f"creeping: wall {where}", found.travel_m)
         return self._standing(found)
-
-    def _graded_mps(self, found: Contact, reaction_s: float) -> float:
-        body, settings = self.guard.body, self.guard.settings
-        if found is NOTHING:
-            return math.inf
-        grip_mps2 = body.slippery_mps2 if found.slippery else body.grip_mps2
-        return speed_to_stop_within_mps(found.travel_m - GRADED_SPARE_M, reaction_s, settings.graded_share * grip_mps2)
 
     def _brakes(self, way_m: float, hard_m: float, speed_mps: float) -> bool:
         """Whether a hard stop is on: begins at once, lasts a moment, ends with room to spare or at standstill."""
@@ -240,7 +227,7 @@ class Outlook:
         if wanted_mps > speed_mps + GAINS_MPS and self.strip.needs_grip(steering_rad, wanted_mps, slippery_mps2):
             found = self.strip.contact(steering_rad, look_m, faster_mps=wanted_mps)
             if found is not NOTHING:
-                held_mps = max(speed_mps, self._graded_mps(found, reaction_s), self.guard.settings.creep_mps)
+                held_mps = max(speed_mps, self.guard.body.graded_mps(found, reaction_s), self.guard.settings.creep_mps)
                 return Verdict(held_mps, NO_LIMIT_MPS, "no faster in this bend", found.travel_m)
         return CLEAR
 
