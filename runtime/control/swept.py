@@ -6,7 +6,7 @@ held for a moment. Section 5 of the project's control reference compares this wi
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from runtime.control.stopping import (
 )
 from runtime.control.strip import GAINS_MPS, Strip
 from runtime.control.swept_settings import SweptSettings
+from runtime.control.wavering import Wavering
 
 STANDING_MPS = 0.05
 STOP_SPARE_M = 0.05
@@ -47,6 +48,7 @@ class _Memory:
     braking: bool = False
     wary_until_s: float = -math.inf
     turning: bool = False
+    wavering: Wavering = field(default_factory=Wavering)
 
 
 class SweptGuard:
@@ -156,8 +158,12 @@ class Outlook:
         steering_rad = min(max(steering_rad, -most_rad), most_rad)
         reaction_s = age_s + self.guard.settings.actuation_s
         if speed_mps > 0:
-            verdict = self._forward(speed_mps, steering_rad, reaction_s)
-            return verdict if verdict.forward_mps <= ceiling.forward_mps else ceiling
+            verdicts = (
+                self._forward(speed_mps, steering_rad, reaction_s),
+                self._wavering(speed_mps, steering_rad, reaction_s),
+                ceiling,
+            )
+            return min(verdicts, key=lambda verdict: verdict.forward_mps)
         verdict = self._backward(steering_rad, reaction_s)
         return verdict if verdict.reverse_mps <= ceiling.reverse_mps else ceiling
 
@@ -192,6 +198,16 @@ class Outlook:
         if found is NOTHING:
             return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s)
         return self._slower(found, graded_mps, reaction_s)
+
+    def _wavering(self, wanted_mps: float, steering_rad: float, reaction_s: float) -> Verdict:
+        """Slow enough to stop on the way that the driver has just given up, should it turn back."""
+        guard, now_s = self.guard, self.view.scan.stamp_s
+        other_rad = guard.memory.wavering.given_up_rad(steering_rad, now_s, guard.car.steering_rate_radps * reaction_s)
+        if other_rad is None:
+            return CLEAR
+        found = self.strip.contact(other_rad, guard.body.look_m(max(self.speed_mps, wanted_mps)))
+        slow_mps = max(guard.body.graded_mps(found, reaction_s), guard.settings.creep_mps)
+        return Verdict(slow_mps, NO_LIMIT_MPS, "slower: the driver wavers", found.travel_m)
 
     def _slower(self, found: Contact, graded_mps: float, reaction_s: float) -> Verdict:
         """No stop, but something in the way: the graded limit, or the slowest speed that the motor can hold."""

@@ -330,6 +330,48 @@ def test_all_questions_about_one_scan_get_the_same_answer():
     assert len(outlook.strip._kept) == swept
 
 
+# --- a driver who turns round
+
+
+BESIDE_A_POST = world((1.3, -0.3, 1.3, -0.1))
+"""A post that the car can pass on the left, but not on the right."""
+
+
+def drives(car, steering_rad, scans, speed_mps=2.5, scan=BESIDE_A_POST):
+    for _ in range(scans):
+        verdict = car.look(scan, speed_mps=speed_mps).limit(speed_mps, steering_rad)
+    return verdict
+
+
+def test_who_has_just_turned_round_may_turn_back():
+    assert drives(Car(), 0.34, 1).forward_mps == math.inf
+    car = Car()
+    before = drives(car, -0.05, 5)
+    assert before.reason == "slower: wall ahead"
+    wavers = drives(car, 0.34, 10)
+    assert wavers.reason == "slower: the driver wavers"
+    assert 1.0 < wavers.forward_mps < 2.5
+    assert drives(car, 0.34, 4).forward_mps == math.inf  # 0.3 s later it drives where it steers
+
+
+def test_a_driver_who_wavers_is_slowed_and_keeps_its_steering_and_its_brake():
+    """It may mean it: a stop would take away the grip that it turns with."""
+    near = world((0.8, -0.3, 0.8, -0.1))
+    car = Car()
+    drives(car, -0.05, 5, speed_mps=2.0, scan=world())
+    assert Car().look(near, speed_mps=2.0).limit(2.0, -0.05).forward_mps == 0.0
+    wavers = drives(car, 0.34, 1, speed_mps=2.0, scan=near)
+    assert wavers.reason == "slower: the driver wavers"
+    assert SETTINGS.creep_mps <= wavers.forward_mps < 2.0
+
+
+def test_one_wrong_wish_is_no_wavering():
+    car = Car()
+    drives(car, 0.34, 5, speed_mps=2.0)
+    assert drives(car, -0.05, 1, speed_mps=2.0).reason == "slower: wall ahead"
+    assert drives(car, 0.34, 1, speed_mps=2.0).forward_mps == math.inf
+
+
 # --- who comes, and what is thin
 
 
