@@ -103,8 +103,10 @@ class Recovery:
 
     def _is_boxed_in(self, outlook: Outlook, wish: Drive) -> bool:
         """Whether the car stands and may not go ahead; what forbids both ways, a blind lidar, is no box."""
+        if abs(outlook.speed_mps) > STANDING_MPS:
+            return False  # and nothing is asked for a follower that perhaps is not the one who drives
         verdict = outlook.limit(wish.speed_mps, wish.steering_rad)
-        return verdict.forward_mps <= 0 < verdict.reverse_mps and abs(outlook.speed_mps) <= STANDING_MPS
+        return verdict.forward_mps <= 0 < verdict.reverse_mps
 
     def _is_free(self, outlook: Outlook, wish: Drive) -> bool:
         """Whether the way is free by now, and only a stop is still held."""

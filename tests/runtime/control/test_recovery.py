@@ -100,6 +100,17 @@ def test_somebody_who_walks_on_costs_no_manoeuvre():
     assert stage.pose.x_m > 0.5
 
 
+def test_a_moving_car_is_not_asked_about():
+    """A human may be driving it: the safety would start to brake for what only the follower wished."""
+    stage = Stage(room((1.1, 0.0, 0.5, 0.3)))
+    stage.speed_mps = 2.0
+    state = stage.look()
+    assert stage.recovery.step(stage.outlook, Drive(2.0, 0.0), state) == NO_ADVICE
+    assert not stage.guard.memory.braking
+    assert stage.outlook.limit(2.0, 0.0).forward_mps == 0.0
+    assert stage.guard.memory.braking
+
+
 def wait(stage, monkeypatch, *episodes):
     """Let the car be boxed in or not for some time each, (seconds, boxed, speed), and say whether it set about it."""
     for seconds, boxed, speed_mps in episodes:
