@@ -53,18 +53,16 @@ def _gentle_mps2(body: Body) -> float:
 
 
 def hard_stop(strip: Strip, found: Contact, reaction_s: float) -> Verdict:
-    """Brake with all there is; in a bend with what it leaves, where that takes more of the speed before the contact.
+    """Brake with all there is where that stops the car, also on a slippery floor, before what is straight on.
 
-    A braking car loses a (s - v t) of v^2 / 2 on the way to what it meets after s. Locked wheels have the whole grip
-    for a, and the s of a car that goes straight on; in a bend it is the rest of Kamm's circle, and the s of the bend.
-    A bend that takes all of the grip leaves nothing at all: to turn there is no stop, however near the contact is.
+    Else a car in a bend needs its bend, because locked wheels go straight on, and brakes with what it leaves. A bend
+    that takes all of the grip leaves nothing, and to turn is no stop; the gentle brake it does not feel (Pythagoras).
     """
-    speed_mps, grip_mps2 = strip.speed_mps, strip.body.grip_for_mps2(found)
-    if speed_mps * speed_mps * abs(found.curvature_per_m) > TURNING_SHARE * grip_mps2:
-        rest_mps2 = brake_beside_turning_mps2(speed_mps, found.curvature_per_m, grip_mps2)
-        needed_m = stopping_distance_m(speed_mps, reaction_s, grip_mps2)
-        straight_m = min(strip.straight_on(needed_m).travel_m, needed_m)
-        rolled_m = speed_mps * reaction_s
-        if rest_mps2 * max(found.travel_m - rolled_m, 0.0) > grip_mps2 * max(straight_m - rolled_m, 0.0):
-            return Verdict(0.0, NO_LIMIT_MPS, "braking in a bend: wall ahead", found.travel_m, rest_mps2)
+    body, speed_mps = strip.body, strip.speed_mps
+    if speed_mps * speed_mps * abs(found.curvature_per_m) > TURNING_SHARE * body.grip_mps2:
+        needed_m = stopping_distance_m(speed_mps, reaction_s, body.slippery_mps2)
+        if strip.straight_on(needed_m).travel_m < needed_m:
+            rest_mps2 = brake_beside_turning_mps2(speed_mps, found.curvature_per_m, body.grip_mps2)
+            brake_mps2 = max(rest_mps2, _gentle_mps2(body))
+            return Verdict(0.0, NO_LIMIT_MPS, "braking in a bend: wall ahead", found.travel_m, brake_mps2)
     return Verdict(0.0, NO_LIMIT_MPS, "braking: wall ahead", found.travel_m)
