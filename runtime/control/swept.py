@@ -15,7 +15,7 @@ from runtime.car_settings import CarSettings
 from runtime.command import NO_LIMIT_MPS, Verdict
 from runtime.control.behind import Behind
 from runtime.control.body import LOOK_SPARE_M, Body
-from runtime.control.braking import hard_stop, is_beside, turns_past
+from runtime.control.braking import NEEDY_SHARE, hard_stop, is_beside, turns_past
 from runtime.control.faint import Faint
 from runtime.control.footprint import NOTHING, Contact
 from runtime.control.geometry import NOWHERE
@@ -158,12 +158,8 @@ class Outlook:
         steering_rad = min(max(steering_rad, -most_rad), most_rad)
         reaction_s = age_s + self.guard.settings.actuation_s
         if speed_mps > 0:
-            verdicts = (
-                self._forward(speed_mps, steering_rad, reaction_s),
-                self._wavering(speed_mps, steering_rad, reaction_s),
-                ceiling,
-            )
-            return min(verdicts, key=lambda verdict: verdict.forward_mps)
+            asked = speed_mps, steering_rad, reaction_s
+            return min(self._forward(*asked), self._wavering(*asked), ceiling, key=lambda verdict: verdict.forward_mps)
         verdict = self._backward(steering_rad, reaction_s)
         return verdict if verdict.reverse_mps <= ceiling.reverse_mps else ceiling
 
@@ -197,7 +193,8 @@ class Outlook:
             return self._standing(found) if speed_mps <= STANDING_MPS else hard_stop(self.strip, found, reaction_s)
         if found is NOTHING:
             return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s)
-        return self._slower(found, graded_mps, reaction_s)
+        gaining = self._gaining(steering_rad, look_m, wanted_mps, reaction_s)
+        return min(self._slower(found, graded_mps, reaction_s), gaining, key=lambda verdict: verdict.forward_mps)
 
     def _wavering(self, wanted_mps: float, steering_rad: float, reaction_s: float) -> Verdict:
         """Slow enough to stop on the way that the driver has just given up, should it turn back."""
@@ -239,13 +236,19 @@ class Outlook:
         """Consent, unless the way leads into an enclosed patch without echoes, or gaining speed would carry it out."""
         if self.strip.leads_into_the_dark(steering_rad, look_m):
             return Verdict(self.guard.settings.doubtful_mps, NO_LIMIT_MPS, "no information ahead", look_m)
-        speed_mps, slippery_mps2 = max(self.speed_mps, 0.0), self.guard.body.slippery_mps2
-        if wanted_mps > speed_mps + GAINS_MPS and self.strip.needs_grip(steering_rad, wanted_mps, slippery_mps2):
-            found = self.strip.contact(steering_rad, look_m, faster_mps=wanted_mps)
-            if found is not NOTHING:
-                held_mps = max(speed_mps, self.guard.body.graded_mps(found, reaction_s), self.guard.settings.creep_mps)
-                return Verdict(held_mps, NO_LIMIT_MPS, "no faster in this bend", found.travel_m)
-        return CLEAR
+        return self._gaining(steering_rad, look_m, wanted_mps, reaction_s)
+
+    def _gaining(self, steering_rad: float, look_m: float, wanted_mps: float, reaction_s: float) -> Verdict:
+        """Consent, unless the grip that gains speed is missing in the bend, and the wider bend leads to something."""
+        body, speed_mps = self.guard.body, max(self.speed_mps, 0.0)
+        needy_mps2 = NEEDY_SHARE * body.slippery_mps2
+        if wanted_mps <= speed_mps + GAINS_MPS or not self.strip.needs_grip(steering_rad, wanted_mps, needy_mps2):
+            return CLEAR
+        found = self.strip.contact(steering_rad, look_m, faster_mps=wanted_mps)
+        if found is NOTHING:
+            return CLEAR
+        held_mps = max(speed_mps, body.graded_mps(found, reaction_s), self.guard.settings.creep_mps)
+        return Verdict(held_mps, NO_LIMIT_MPS, "no faster in this bend", found.travel_m)
 
     def _backward(self, steering_rad: float, reaction_s: float) -> Verdict:
         settings = self.guard.settings

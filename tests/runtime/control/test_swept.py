@@ -302,6 +302,28 @@ def test_no_gain_of_speed_that_would_carry_the_car_out_of_its_bend():
     assert straight.forward_mps == math.inf
 
 
+BESIDE_THE_BEND = (1.2, 0.4, 1.23, 0.3)
+"""A leg just outside of the arc of a car that keeps its speed."""
+
+
+def test_nor_of_speed_that_takes_the_grip_that_the_bend_needs_on_a_slippery_floor():
+    """Neither the bend nor the gain needs more than 0.5 g, but both together do (Kamm)."""
+    outlook = Car().look(world(BESIDE_THE_BEND), speed_mps=1.5, wheel_rad=0.3)
+    assert outlook.limit(1.5, 0.3).forward_mps == math.inf
+    assert outlook.limit(1.8, 0.3).forward_mps == math.inf
+    assert outlook.limit(2.1, 0.3).reason == "no faster in this bend"
+    assert 1.5 < outlook.limit(2.1, 0.3).forward_mps < 1.8
+
+
+def test_nor_where_something_farther_on_lets_it_go_faster():
+    scan = world(BESIDE_THE_BEND, (-2.0, 1.0, 4.0, 1.0))
+    outlook = Car().look(scan, speed_mps=1.5, wheel_rad=0.3)
+    farther = Car().look(world((-2.0, 1.0, 4.0, 1.0)), speed_mps=1.5, wheel_rad=0.3).limit(2.1, 0.3)
+    assert farther.reason == "slower: wall ahead"
+    assert farther.forward_mps > 2.1
+    assert outlook.limit(2.1, 0.3).reason == "no faster in this bend"
+
+
 def test_at_an_edge_noise_does_not_let_a_fast_car_go_again():
     just_outside = world((2.0, 0.20, 2.0, 0.5))
     assert judge(just_outside, 4.0, speed_mps=3.0).forward_mps == math.inf
