@@ -7,6 +7,7 @@ goes from the rear of the wall side across the front to the other side.
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -130,9 +131,10 @@ def wall_piece(
     jumps = np.flatnonzero(dx > min(gap_m, CROSSING_M) ** 2)  # few, if any
     nearest = first + int(range_m[index[first:last]].argmin())
     start, end = 0, index.size
-    for jump in jumps.tolist():
-        crosses = y_m[jump] > 0.0 >= y_m[jump + 1] and dx[jump] > CROSSING_M * CROSSING_M
-        if dx[jump] > gap_m * gap_m or (crosses and _runs_ahead(x_m[jump + 1 :], y_m[jump + 1 :])):
+    for jump, piece_end in pairwise([*jumps.tolist(), index.size - 1]):
+        piece = slice(jump + 1, piece_end + 1)
+        crosses = y_m[jump] > 0.0 and dx[jump] > CROSSING_M * CROSSING_M and _is_opposite(x_m[piece], y_m[piece])
+        if dx[jump] > gap_m * gap_m or crosses:
             if jump >= nearest:
                 end = jump + 1
                 break
@@ -140,10 +142,15 @@ def wall_piece(
     return index[start:end] if end - start >= FEWEST_POINTS else None
 
 
-def _runs_ahead(x_m: Floats, y_m: Floats) -> bool:
-    """Whether these points begin along the car's heading, as a corridor's other wall does; a front wall lies across."""
+def _is_opposite(x_m: Floats, y_m: Floats) -> bool:
+    """Whether this piece, from its far end on, is a corridor's other wall: a front wall lies across the car's heading.
+
+    It begins on the other side of the heading. Where the car is not turned along its corridor, the far end may be on
+    my side of the heading; then the piece comes back from there to the other side of the car.
+    """
     last = min(CROSSING_POINTS, x_m.size) - 1
-    return bool(abs(x_m[last] - x_m[0]) > abs(y_m[last] - y_m[0]))
+    comes_back = y_m[-1] <= 0.0 and x_m[-1] < x_m[0]
+    return bool(abs(x_m[last] - x_m[0]) > abs(y_m[last] - y_m[0]) and (y_m[0] <= 0.0 or comes_back))
 
 
 @twin

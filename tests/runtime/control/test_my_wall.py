@@ -163,7 +163,19 @@ def test_the_other_wall_of_a_narrow_corridor_is_not_mine():
     assert y_m.min() > 0.5, "the ball is thicker than the corridor and would take both walls for one"
 
 
-def test_a_gap_in_the_front_wall_still_belongs_to_it():
+@pytest.mark.parametrize("turned_deg", [-20, -12])
+def test_nor_is_it_where_the_car_is_turned_away_from_mine(turned_deg):
+    """Its far end is then seen on my side of the heading; a ball rolled round it lies beyond it."""
+    turned = np.exp(1j * math.radians(turned_deg))
+    x_m, y_m = wall_points(
+        seen_in([(-5, 0.45, 20, 0.45), (0, -0.5, 20, -0.5)], Pose(0.0, 0.0, float(np.angle(turned))))
+    )
+    assert ((x_m + 1j * y_m) * turned).imag.min() > 0.4
+
+
+@pytest.mark.parametrize("turned_deg", [-40, -20, 0, 20, 40])
+def test_a_gap_in_the_front_wall_still_belongs_to_it(turned_deg):
     front = [(-5, 1, 3, 1), (3, 1, 3, 0.4), (3, -0.4, 3, -4)]
-    _, y_m = wall_points(seen_in(front))
-    assert y_m.min() < -0.5, "the ball does not fit through, so it must not roll into it"
+    turned = np.exp(1j * math.radians(turned_deg))
+    x_m, y_m = wall_points(seen_in(front, Pose(0.0, 0.0, math.radians(turned_deg))))
+    assert ((x_m + 1j * y_m) * turned).imag.min() < -0.5, "the ball does not fit through, so it must not roll into it"
