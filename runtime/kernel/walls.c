@@ -3,9 +3,12 @@
 #include "arrays.h"
 #include "constants.h"
 
-static int runs_ahead(const struct row *x, const struct row *y, const npy_intp *index, beam points) {
+/* Whether a piece of wall, from its far end on, is a corridor's other wall; see _is_opposite. */
+static int is_opposite(const struct row *x, const struct row *y, const npy_intp *index, beam points) {
     beam last = (points < MY_WALL_CROSSING_POINTS ? points : MY_WALL_CROSSING_POINTS) - 1;
-    return fabs(NUMBER(*x, index[last]) - NUMBER(*x, index[0])) > fabs(NUMBER(*y, index[last]) - NUMBER(*y, index[0]));
+    double x0 = NUMBER(*x, index[0]), y0 = NUMBER(*y, index[0]);
+    int comes_back = NUMBER(*y, index[points - 1]) <= 0.0 && NUMBER(*x, index[points - 1]) < x0;
+    return fabs(NUMBER(*x, index[last]) - x0) > fabs(NUMBER(*y, index[last]) - y0) && (y0 <= 0.0 || comes_back);
 }
 
 static double apart2(const struct row *x, const struct row *y, npy_intp one, npy_intp other) {
@@ -46,8 +49,12 @@ KERNEL(wall_piece) {
         double square = apart2(&x, &y, index[jump], index[jump + 1]);
         if (!(square > least(gap2, crossing2)))
             continue;
-        int crosses = NUMBER(y, index[jump]) > 0.0 && 0.0 >= NUMBER(y, index[jump + 1]) && square > crossing2;
-        if (square > gap2 || (crosses && runs_ahead(&x, &y, index + jump + 1, points - jump - 1))) {
+        beam piece_end = jump + 1;
+        while (piece_end + 1 < points && !(apart2(&x, &y, index[piece_end], index[piece_end + 1]) > least(gap2, crossing2)))
+            piece_end++;
+        int crosses = NUMBER(y, index[jump]) > 0.0 && square > crossing2 &&
+                      is_opposite(&x, &y, index + jump + 1, piece_end - jump);
+        if (square > gap2 || crosses) {
             if (jump >= nearest) {
                 end = jump + 1;
                 break;
