@@ -18,6 +18,7 @@ from runtime.control import methods
 from runtime.journal import journal
 from runtime.settings import Settings
 from runtime.tasks import parameters
+from runtime.wakefulness import awake
 
 log = logging.getLogger("wallride.launch")
 
@@ -32,7 +33,9 @@ def main(settings: Settings, file: Path | None, session: Mapping[str, Any], warn
         for warning in warnings:
             log.warning("%s", warning)
         log.info("%s", kernel.use().words)
-        asyncio.run(_drive(settings, file, session))
+        with awake(wanted=settings.process.stay_awake) as words:
+            log.info("%s", words)
+            asyncio.run(_drive(settings, file, session))
 
 
 async def _drive(settings: Settings, file: Path | None, session: Mapping[str, Any]) -> None:

@@ -69,6 +69,13 @@ class LogSettings(Section):
     format: Literal["text", "json"] = "text"
 
 
+class ProcessSettings(Section):
+    """How the process treats the computer."""
+
+    stay_awake: bool = True
+    """Keep the processor from dozing between two scans, where it may: sooner answers for a little more power."""
+
+
 class Settings(Section):
     """Everything, as one frozen value."""
 
@@ -81,6 +88,7 @@ class Settings(Section):
     operator: OperatorSettings = OperatorSettings()
     telemetry: TelemetrySettings = TelemetrySettings()
     log: LogSettings = LogSettings()
+    process: ProcessSettings = ProcessSettings()
     parameters: ParameterSettings = ParameterSettings()
     recording: RecordingSettings = RecordingSettings()
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from runtime import kernel
 from sim.lab.cell import Cell, Experiment, Figures
 
 EXPERIMENTS = ("walls", "safety", "hazards", "laps", "window", "rooms", "recordings", "stories")
@@ -30,6 +31,7 @@ def measure_all(cells: Sequence[Cell], jobs: int | None, plots: Path | None, con
     KeyboardInterrupt ends all processes; nothing is left running.
     """
     jobs = min(jobs or os.cpu_count() or 1, len(cells))
+    kernel.use()  # here, because a car's own process does; built once, before the workers want it
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
     with Progress(*columns, console=console, transient=True) as progress:
         bar = progress.add_task(cells[0].experiment, total=len(cells))
@@ -79,6 +81,7 @@ def _measured(cell: Cell, plots: Path | None) -> Figures:
 def _start_worker() -> None:
     """Leave Ctrl-C to the parent, and the cores to the other workers."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    kernel.use()
 
 
 def _abandon(futures: Sequence[Future[Figures]], pool: ProcessPoolExecutor) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from runtime import kernel
 from sim.replay.drive_log import DriveLog, is_mcap, read_log
 from sim.replay.opening import open_any
 from sim.replay.reenact import Verdict, reenact
@@ -26,6 +27,7 @@ def run(options: argparse.Namespace) -> int:
 
     RecordingError or SettingsError when there is nothing to replay.
     """
+    kernel.use()
     logging.getLogger("wallride").setLevel(logging.ERROR)  # the mux's words would be those of the past
     if options.publish:
         from sim.replay import publish

@@ -1,4 +1,4 @@
-"""Two decisions, recorded and replayed: where they differ, to the last bit or beyond what is allowed, and in words."""
+"""Two decisions, recorded and replayed: where they differ by more than rounding, and in words."""
 
 import math
 from collections.abc import Iterator
@@ -7,6 +7,8 @@ from dataclasses import dataclass, fields
 from runtime.command import Output, Source
 from runtime.control.guidance import Guidance
 
+ROUNDING = 1e-9
+"""Another computer, or one without the compiled laws, rounds sines and sums otherwise in the last bits."""
 CLOSE = 0.02
 """What a recording that begins in the middle may be off: metres, m/s, rad. The laws' memory before it is unknown."""
 
@@ -65,11 +67,11 @@ def guidances(recorded: Guidance, replayed: Guidance, allowed: float = 0.0) -> I
 
 
 def same(recorded: object, replayed: object, allowed: float = 0.0) -> bool:
-    """Tell whether two values are one: numbers to the last bit, or within `allowed`; NaN is itself."""
+    """Tell whether two values are one: numbers but for rounding, or within `allowed`; NaN is itself."""
     if isinstance(recorded, int | float) and isinstance(replayed, int | float):
         if math.isnan(recorded) or math.isnan(replayed):
             return math.isnan(recorded) and math.isnan(replayed)
-        return recorded == replayed or abs(recorded - replayed) <= allowed
+        return recorded == replayed or abs(recorded - replayed) <= max(allowed, ROUNDING)
     return recorded == replayed
 
 

@@ -41,7 +41,7 @@ FIRST_SHOWN = 20
 class Verdict:
     """What a replay found. differing: decisions that came out otherwise; differences: the first of them.
 
-    exact: whether values had to agree to the last bit. notes: what the tape lacks, in sentences.
+    exact: whether values had to agree but for rounding. notes: what the tape lacks, in sentences.
     """
 
     decisions: int = 0

@@ -22,14 +22,15 @@ GUIDANCE = Guidance(Drive(1.0, 0.1), 0.9, -0.1, 0.0, "wall")
         (math.nan, math.nan, True),
         (math.nan, 1.0, False),
         (math.inf, math.inf, True),
-        (1.0, math.nextafter(1.0, 2.0), False),
+        (1.0, math.nextafter(1.0, 2.0), True),
+        (1.0, 1.0 + 1e-8, False),
         (None, None, True),
         (None, 0.0, False),
         ("a", "a", True),
         (Source.SAFETY, Source.TELEOP, False),
     ],
 )
-def test_the_same_is_the_same_bit_by_bit(one, other, is_same):
+def test_the_same_is_the_same_but_for_rounding(one, other, is_same):
     assert same(one, other) is is_same
 
 

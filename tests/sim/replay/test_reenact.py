@@ -1,4 +1,4 @@
-"""The same code decides the same, to the last bit; another setting is found at the first scan that it changes."""
+"""The same code decides the same; another setting is found at the first scan that it changes."""
 
 import math
 from pathlib import Path
