@@ -10,10 +10,10 @@ KERNEL(joined_rows) {
     Py_ssize_t bytes;
     if (!enough(count, 1, "joined_rows") || PyBytes_AsStringAndSize(given[0], &data, &bytes) < 0)
         return NULL;
-    Py_ssize_t rows = bytes / CODEC_ROW_BYTES, tail = bytes % CODEC_ROW_BYTES, chars = rows * CODEC_LINE_CHARS + tail - 1;
+    Py_ssize_t rows = bytes / CODEC_ROW_BYTES, tail = bytes % CODEC_ROW_BYTES;
     if (tail < 2)
         Py_RETURN_NONE;
-    PyObject *samples = PyBytes_FromStringAndSize(NULL, chars);
+    PyObject *samples = PyBytes_FromStringAndSize(NULL, rows * CODEC_LINE_CHARS + tail - 1);
     if (!samples)
         return NULL;
     to = PyBytes_AS_STRING(samples);

@@ -192,8 +192,9 @@ KERNEL(first_touch) {
     struct box all = reach(&o, &at, &heading, 0, poses);
     many = in_reach(&all, near, many, some);
     PyObject *answer = NULL;
-    for (beam first = 0; first < poses && !answer && many >= FOOTPRINT_ENOUGH_POINTS; first += FOOTPRINT_POSES_AT_ONCE) {
-        beam last = first + FOOTPRINT_POSES_AT_ONCE < poses ? first + FOOTPRINT_POSES_AT_ONCE : poses;
+    const beam at_once = FOOTPRINT_POSES_AT_ONCE;
+    for (beam first = 0; first < poses && !answer && many >= FOOTPRINT_ENOUGH_POINTS; first += at_once) {
+        beam last = first + at_once < poses ? first + at_once : poses;
         struct box piece = reach(&o, &at, &heading, first, last);
         beam few = in_reach(&piece, some, many, near);
         for (beam i = first; i < last && !answer && few >= FOOTPRINT_ENOUGH_POINTS; i++) {

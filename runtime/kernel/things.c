@@ -1,0 +1,195 @@
+/* Twins of runtime/control/movers.py, faint.py, darkness.py: small and thin things, and patches without echo. */
+
+#include "arrays.h"
+#include "constants.h"
+
+/* Whether the first solid of the next beams in this direction is clearly farther away. */
+static int behind(const struct row *solid, const struct row *range, beam first, beam step, double range_m) {
+    for (beam k = 0, i = first; k < MOVERS_BACKGROUND_BEAMS; k++, i += step) {
+        if (i < 0 || i >= solid->count)
+            return 0;
+        if (FLAG(*solid, i))
+            return NUMBER(*range, i) > range_m + MOVERS_JUMP_M;
+    }
+    return 1;
+}
+
+/* small_things(solid, ranges, step_rad) -> [(first, last), ...] */
+KERNEL(small_things) {
+    struct row solid, range;
+    double step_rad;
+    if (!enough(count, 3, "small_things") || !as_row(given[0], NPY_BOOL, &solid) ||
+        !as_row(given[1], NPY_DOUBLE, &range) || !as_numbers(given + 2, 1, &step_rad))
+        return NULL;
+    PyObject *things = PyList_New(0);
+    beam right = -1, last = -1, points = 0;
+    for (beam i = 0; things && i <= solid.count; i++) {
+        int ends = i == solid.count;
+        if (!ends && !(FLAG(solid, i) && NUMBER(range, i) < MOVERS_WITHIN_M))
+            continue;
+        int cut = last >= 0 && (ends || i - last > MOVERS_GAP_BEAMS ||
+                                fabs(NUMBER(range, i) - NUMBER(range, last)) > MOVERS_JUMP_M);
+        if (cut && points >= MOVERS_FEWEST_BEAMS &&
+            (double)(last - right) * step_rad * NUMBER(range, right) <= MOVERS_WIDEST_M &&
+            behind(&solid, &range, right - 1, -1, NUMBER(range, right)) &&
+            behind(&solid, &range, last + 1, 1, NUMBER(range, last))) {
+            PyObject *thing = Py_BuildValue("(nn)", right, last);
+            if (!thing || PyList_Append(things, thing) < 0)
+                Py_CLEAR(things);
+            Py_XDECREF(thing);
+        }
+        if (cut || last < 0) {
+            right = i;
+            points = 0;
+        }
+        points++;
+        last = i;
+    }
+    return things;
+}
+
+/* thin_places(x, y, solid, ranges, dirty | None, first, last, turned, at)
+ *   -> places in odom, lonely ones in base_link */
+KERNEL(thin_places) {
+    struct row x, y, solid, range, dirty = {NULL, 0, 0};
+    beam span[2];
+    const beam apart = FAINT_STANDS_OUT_BEAMS;
+    if (!enough(count, 9, "thin_places") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
+        !as_row(given[2], NPY_BOOL, &solid) || !as_row(given[3], NPY_DOUBLE, &range) ||
+        (given[4] != Py_None && !as_row(given[4], NPY_BOOL, &dirty)) || !as_indices(given + 5, 2, span))
+        return NULL;
+    if (x.count != range.count || y.count != range.count || solid.count != range.count ||
+        (dirty.data && dirty.count != range.count)) {
+        PyErr_SetString(PyExc_ValueError, "thin_places: arrays of different lengths");
+        return NULL;
+    }
+    Py_complex turned = PyComplex_AsCComplex(given[7]), at = PyComplex_AsCComplex(given[8]);
+    if (PyErr_Occurred())
+        return NULL;
+    beam from = span[0] < apart ? apart : span[0], to = span[1] > range.count - apart ? range.count - apart : span[1];
+    place *found = malloc(2 * sizeof(place) * (size_t)(to > from ? to - from : 1));
+    if (!found)
+        return PyErr_NoMemory();
+    place *lonely = found + (to > from ? to - from : 1);
+    beam few = 0, alone = 0;
+    for (beam i = from; i < to; i++) {
+        double here = NUMBER(range, i);
+        if (here < FAINT_WITHIN_M && here > FAINT_FROM_M && !(NUMBER(range, i + apart) - here < FAINT_STANDS_OUT_M) &&
+            !(NUMBER(range, i - apart) - here < FAINT_STANDS_OUT_M) && !(dirty.data && FLAG(dirty, i))) {
+            place seen = CMPLX(NUMBER(x, i), NUMBER(y, i));
+            found[few++] = times(seen, CMPLX(turned.real, turned.imag)) + CMPLX(at.real, at.imag);
+            if (!FLAG(solid, i))
+                lonely[alone++] = seen;
+        }
+    }
+    PyObject *all = copied(NPY_CDOUBLE, few, found), *some = copied(NPY_CDOUBLE, alone, lonely);
+    free(found);
+    if (all && some)
+        return Py_BuildValue("(NN)", all, some);
+    Py_XDECREF(all);
+    Py_XDECREF(some);
+    return NULL;
+}
+
+/* returned(seen, before, turned, at) -> places | None */
+KERNEL(returned) {
+    struct row seen, old[8];
+    if (!enough(count, 4, "returned") || !as_row(given[0], NPY_CDOUBLE, &seen))
+        return NULL;
+    if (!PyTuple_Check(given[1]) || PyTuple_GET_SIZE(given[1]) > 8) {
+        PyErr_SetString(PyExc_TypeError, "returned wants a tuple of at most 8 arrays");
+        return NULL;
+    }
+    int scans = (int)PyTuple_GET_SIZE(given[1]);
+    beam most_places = seen.count;
+    for (int k = 0; k < scans; k++) {
+        if (!as_row(PyTuple_GET_ITEM(given[1], k), NPY_CDOUBLE, &old[k]))
+            return NULL;
+        most_places += old[k].count;
+    }
+    Py_complex turned_by = PyComplex_AsCComplex(given[2]), at_m = PyComplex_AsCComplex(given[3]);
+    if (PyErr_Occurred())
+        return NULL;
+    place turned = CMPLX(turned_by.real, turned_by.imag), at = CMPLX(at_m.real, at_m.imag);
+    place *found = malloc(sizeof(place) * (size_t)(most_places + 1));
+    npy_bool *kept = calloc((size_t)most_places + 1, 1);
+    if (!found || !kept) {
+        free(found);
+        free(kept);
+        return PyErr_NoMemory();
+    }
+    beam there = 0, places = 0;
+    for (beam i = 0; i < seen.count; i++) {
+        place here = PLACE(seen, i), odom = times(here, turned) + at;
+        place along = conj(here) / (cabs(here) * turned);
+        npy_bool *of_scan = kept;
+        int again = 0;
+        for (int pass = 0; pass < 2; pass++) { /* count the scans first, then keep what they saw */
+            of_scan = kept;
+            for (int k = 0; k < scans; k++) {
+                int same = 0;
+                for (beam j = 0; j < old[k].count; j++) {
+                    place off = times(PLACE(old[k], j) - odom, along);
+                    if (fabs(creal(off)) < FAINT_SAME_RANGE_M && fabs(cimag(off)) < FAINT_SAME_ASIDE_M) {
+                        same = 1;
+                        if (pass)
+                            of_scan[j] = 1;
+                    }
+                }
+                again += same && !pass;
+                of_scan += old[k].count;
+            }
+            if (again < FAINT_SCANS - 2)
+                break;
+        }
+        if (again >= FAINT_SCANS - 2) {
+            there++;
+            found[places++] = here;
+        }
+    }
+    if (there) {
+        npy_bool *of_scan = kept;
+        for (int k = 0; k < scans; k++) {
+            for (beam j = 0; j < old[k].count; j++)
+                if (of_scan[j])
+                    found[places++] = times(PLACE(old[k], j) - at, conj(turned));
+            of_scan += old[k].count;
+        }
+    }
+    PyObject *answer = there ? copied(NPY_CDOUBLE, places, found) : Py_NewRef(Py_None);
+    free(found);
+    free(kept);
+    return answer;
+}
+
+/* dark_between(no_echo, solid, ranges, first, last, near_m) -> bool */
+KERNEL(dark_between) {
+    struct row no_echo, solid, range;
+    beam span[2], dark = 0, from = -1, to = -1;
+    double near_m;
+    if (!enough(count, 6, "dark_between") || !as_row(given[0], NPY_BOOL, &no_echo) ||
+        !as_row(given[1], NPY_BOOL, &solid) || !as_row(given[2], NPY_DOUBLE, &range) ||
+        !as_indices(given + 3, 2, span) || !as_numbers(given + 5, 1, &near_m))
+        return NULL;
+    if (span[0] < 0 || span[1] > no_echo.count || solid.count != no_echo.count || range.count != no_echo.count) {
+        PyErr_SetString(PyExc_ValueError, "dark_between: beams outside the scan");
+        return NULL;
+    }
+    for (beam i = span[0]; i < span[1]; i++)
+        if (FLAG(no_echo, i)) {
+            dark++;
+            if (from < 0)
+                from = i;
+            to = i;
+        }
+    if (span[1] <= span[0] || (double)dark <= DARKNESS_DARK_SHARE * (double)(span[1] - span[0]))
+        Py_RETURN_FALSE;
+    beam right = from - 1, left = to + 1;
+    while (right >= 0 && !FLAG(solid, right))
+        right--;
+    while (left < solid.count && !FLAG(solid, left))
+        left++;
+    if (right < 0 || left >= solid.count)
+        Py_RETURN_FALSE;
+    return PyBool_FromLong(most(NUMBER(range, right), NUMBER(range, left)) < near_m);
+}
