@@ -11,6 +11,7 @@ import time
 import numpy as np
 
 from drivers.api import MotorState
+from runtime import kernel
 from runtime.car_settings import CarSettings
 from runtime.control.lidar_health import LidarHealth
 from runtime.control.perception import Eyes, View
@@ -45,6 +46,7 @@ class Timed:
 
 def main() -> None:
     """Print a line per speed."""
+    print(kernel.use().words)  # WALLRIDE_COMPILED=0: in Python
     print(f"{'m/s':>4}" + "".join(f"{name:>8}" for name in COLUMNS) + f"   us, median of {SCANS} scans")
     for speed_mps in (1.0, 2.0, 3.0, 4.0):
         least_s = np.min([drive(speed_mps) for _ in range(RUNS)], axis=0)

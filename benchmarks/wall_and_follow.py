@@ -14,6 +14,7 @@ import time
 import numpy as np
 
 from drivers.api import MotorState, Scan
+from runtime import kernel
 from runtime.car_settings import CarSettings
 from runtime.control.ball import BallFollower
 from runtime.control.ball_settings import BallSettings
@@ -50,6 +51,7 @@ def drive() -> list[tuple[Scan, MotorState]]:
 
 def main() -> None:
     """Print a line per part."""
+    print(kernel.use().words)  # WALLRIDE_COMPILED=0: in Python
     car, sweeps = CarSettings(), drive()
     results: dict[str, list[float]] = {"eyes": [], "wall line": [], "follow (line and all)": []}
     for _ in range(RUNS + 1):
