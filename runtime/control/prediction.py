@@ -1,12 +1,10 @@
 """Where the car will be when the answer to this scan takes effect."""
 
-import cmath
 import math
 from collections import deque
 from dataclasses import dataclass, field
 
 from drivers.api import MotorState
-from runtime.control.geometry import Places
 
 _STEP_S = 0.015
 _GRAVITY_MPS2 = 9.81
@@ -33,11 +31,6 @@ class Shift:
     def mirrored(self) -> "Shift":
         """Return the motion in a mirror along x."""
         return Shift(self.x_m, -self.y_m, -self.yaw_rad)
-
-    def seen_from_there(self, places_m: Places) -> Places:
-        """Return places x + iy of base_link now in base_link then."""
-        seen: Places = (places_m - complex(self.x_m, self.y_m)) * cmath.rect(1.0, -self.yaw_rad)
-        return seen
 
 
 @dataclass(slots=True)

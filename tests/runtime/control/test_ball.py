@@ -303,7 +303,8 @@ def test_the_servo_is_known_to_be_slow_and_the_floor_to_be_slippery():
 
 
 def test_points_are_seen_from_the_predicted_place():
-    seen = Shift(1.0, 0.5, math.pi / 2).seen_from_there(np.array([1.0 + 1.5j, 2.0 + 0.5j]))
+    wall = WallPoints.of(np.array([1.0 + 1.5j, 2.0 + 0.5j]), Shift(1.0, 0.5, math.pi / 2))
+    seen = wall.range_m * np.exp(1j * wall.bearing_rad)
     assert seen == pytest.approx(np.array([1.0, -1.0j]))
 
 
