@@ -54,10 +54,11 @@ def use() -> Kernel:
     """Let the compiled functions answer where they can be had; build them first where they have never been."""
     if os.environ.get(SWITCH) == "0":
         return _without(f"{SWITCH}=0")
-    edited = [module for module in MODULES if fingerprint(module) != _sealed().get(module.__name__)]
+    sealed = _sealed()
+    edited = [module for module in MODULES if fingerprint(module) != sealed.get(module.__name__)]
     library = _library()
     if library is None:
-        return _without("no C compiler with Python's headers: apt install gcc python3-dev")
+        return _without("no C compiler with Python's headers, or it failed: apt install gcc python3-dev")
     own = {module.__name__ for module in edited}
     names = [name for name, plain in twin.PLAIN.items() if plain.__module__ not in own and hasattr(library, name)]
     twin.use({name: getattr(library, name) for name in names})
