@@ -15,6 +15,13 @@ import numpy.typing as npt
 
 Clock = Callable[[], float]
 """Monotonic seconds. Injected everywhere, so that tests and simulation run on a clock of their own."""
+Reschedule = Callable[[float], float]
+"""Takes the time at which somebody wants to wake, returns a near one at which nothing that hurries more is due."""
+
+
+def as_wanted(wanted_s: float) -> float:
+    """Be a Reschedule that changes nothing."""
+    return wanted_s
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from drivers.api import Clock, Drive, Lidar, Motor, Scan
-from runtime import wire
+from runtime import rehearsal, wire
 from runtime.bus import BYTES, Network
+from runtime.cadence import Cadence
 from runtime.car_settings import CarSettings
 from runtime.command import Source
 from runtime.control.limiter import Limiter, Limits
@@ -25,6 +26,7 @@ from runtime.permit import Permit
 from runtime.queues import Inbox
 from runtime.recording.recorder import Recorder
 from runtime.recording.tape import TapedLaws
+from runtime.rehearsal import Rehearsal
 from runtime.service_manager import ServiceManager
 from runtime.settings import Settings
 from runtime.sinks import ZenohSink
@@ -50,12 +52,12 @@ class Car:
     """Everything that one drive shares. Built once, from settings and two devices; `drive` runs it.
 
     file: where live parameters are saved, None where there is none. reading_s: how long the bytes of the newest scan
-    took from the kernel, where the lidar knows it.
+    took from the kernel, where the lidar knows it. cadence: the one that the devices keep clear of.
     """
 
     def __init__(
         self, settings: Settings, lidar: Lidar, motor: Motor, bus: Network, clock: Clock, file: Path | None = None,
-        *, reading_s: Callable[[], float] = lambda: 0.0,
+        *, reading_s: Callable[[], float] = lambda: 0.0, cadence: Cadence | None = None,
     ) -> None:  # fmt: skip
         self.settings = settings
         self.lidar = lidar
@@ -76,6 +78,8 @@ class Car:
         self.limiter = Limiter(_limits(settings.car))
         self.stages = StageClock(clock)
         self._reading_s = reading_s
+        self.cadence = cadence or Cadence()
+        self.rehearsal: Rehearsal | None = None
         self.mux = mux_task.Mux(self.voices, motor, self.limiter, REQUIRED, self.tape.clock, self.stages, self.tape)
         self.permit = Permit(self.voices, settings.operator.permit)
         self.emergency_stop = EmergencyStop(self.voices)
@@ -105,6 +109,8 @@ class Car:
         self.tape.tuned(settings)
         self.laws.tune(settings.wall_follow, settings.safety)
         self.limiter.tune(_limits(settings.car))
+        if self.rehearsal is not None:
+            self.rehearsal.tune(settings)
         self.voices.reorder(settings.effective_order())
         self.sink.rates = settings.telemetry.rates_hz
         if "log.level" in changed:
@@ -152,19 +158,42 @@ class Car:
                 expires_after_s=lambda: self.settings.wall_follow.expires_after_s,
                 publish=self.telemetry.on_guidance,
                 decide=self.mux.decide_now,
-                afterwards=laws.learn,
+                afterwards=self._afterwards,
                 stage=self.stages.follow,
             ),
             "mux": self.mux.run(self.telemetry.on_output),
-            "tick": mux_task.tick(voices, settings.mux.tick_hz, clock, self.stages.on_tick),
+            "tick": mux_task.tick(voices, settings.mux.tick_hz, clock, self.stages.on_tick, self.cadence.clear_s),
             "operator": operator.attend(
-                self.operator, motor, self._beat, beat_hz=settings.operator.beat_hz, clock=clock
+                self.operator, motor, self._beat, beat_hz=settings.operator.beat_hz, clock=clock,
+                clear_s=self.cadence.clear_s,
             ),
             "health": self._caretaker().run(),
             "parameters": parameters.keep_history(self.history, history_file(settings)),
             **self.telemetry.jobs(),
         }  # fmt: skip
         return [tasks.create_task(job, name=name) for name, job in jobs.items()]
+
+    def rehearse(self, decode: Callable[[], None], send: Callable[[Drive], None]) -> None:
+        """Rehearse from now on, with what the devices offer for it; see `Rehearsal`."""
+        settings, clock = self.settings, self.clock
+        self.rehearsal = Rehearsal(
+            LiveLaws(settings.wall_follow, settings.safety, settings.car, clock),
+            Voices(settings.effective_order(), clock),
+            Limiter(_limits(settings.car)),
+            REQUIRED,
+            decode,
+            send,
+        )
+
+    def _afterwards(self, scan: Scan) -> None:
+        """Do what can wait until a scan is answered."""
+        self.laws.learn()
+        self.cadence.arrived(scan.received_s)
+        due_in_s = self.cadence.next_s() - self.clock()
+        if self.rehearsal is not None and due_in_s > rehearsal.LEAD_S:
+            asyncio.get_running_loop().call_later(
+                due_in_s - rehearsal.LEAD_S, self.rehearsal.run, scan, self.motor.state
+            )
 
     def _beat(self, beat: bytes) -> None:
         self.bus.put(wire.key(self.settings.car.name, wire.BEAT), beat, encoding=BYTES, urgent=True)
@@ -179,6 +208,7 @@ class Car:
             manager=self.manager,
             clock=self.clock,
             retry_faults=self.settings.operator.permit == "always",
+            clear_s=self.cadence.clear_s,
         )
 
     def _observed(self) -> Observed:

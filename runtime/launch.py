@@ -14,6 +14,7 @@ from drivers.vesc.driver import Vesc
 from runtime import kernel
 from runtime.app import Car, history_file
 from runtime.bus import Bus
+from runtime.cadence import Cadence
 from runtime.control import methods
 from runtime.journal import journal
 from runtime.settings import Settings
@@ -45,12 +46,15 @@ async def _drive(settings: Settings, file: Path | None, session: Mapping[str, An
         loop.add_signal_handler(number, stop.set)
     clock = time.monotonic
     bus = Bus(session)
-    motor = Vesc(settings.motor, clock=clock)
-    lidar = Hokuyo(settings.lidar, clock=clock)
-    car = Car(settings, lidar, motor, bus, clock, file, reading_s=lambda: lidar.reading_s)
+    cadence = Cadence()
+    motor = Vesc(settings.motor, clock=clock, clear_s=cadence.clear_s)
+    lidar = Hokuyo(settings.lidar, clock=clock, clear_s=cadence.clear_s)
+    car = Car(settings, lidar, motor, bus, clock, file, reading_s=lambda: lidar.reading_s, cadence=cadence)
     motor.inertia.on_measurement = car.telemetry.on_imu
     if (history := history_file(settings)) is not None:
         parameters.read_history(car.history, history)
+    if settings.process.rehearse:
+        car.rehearse(lidar.rehearse, motor.rehearse)
     methods.warm_up(settings.wall_follow, settings.safety, settings.car)
     gc.collect()
     gc.freeze()  # a full collection would block the loop for milliseconds; what exists now stays anyway

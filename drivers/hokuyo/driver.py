@@ -9,7 +9,17 @@ from dataclasses import replace
 from typing import Final, Never
 
 from drivers.address import Address, SerialAddress, parse_address
-from drivers.api import Clock, DriverError, Health, LinkLost, LinkState, ProtocolError, Scan
+from drivers.api import (
+    Clock,
+    DriverError,
+    Health,
+    LinkLost,
+    LinkState,
+    ProtocolError,
+    Reschedule,
+    Scan,
+    as_wanted,
+)
 from drivers.hokuyo.codec import command
 from drivers.hokuyo.conversation import Conversation, Identity, identify, quieten, until_lost
 from drivers.hokuyo.settings import HokuyoSettings
@@ -29,11 +39,17 @@ _FAREWELL_TIMEOUT_S: Final = 0.2
 
 
 class Hokuyo:
-    """A `Lidar` (see drivers.api) with SCIP 2.x at a TCP or serial address."""
+    """A `Lidar` (see drivers.api) with SCIP 2.x at a TCP or serial address.
 
-    def __init__(self, settings: HokuyoSettings, *, clock: Clock = time.monotonic) -> None:
+    clear_s: moves looks at the stream out of the way of its scans.
+    """
+
+    def __init__(
+        self, settings: HokuyoSettings, *, clock: Clock = time.monotonic, clear_s: Reschedule = as_wanted
+    ) -> None:
         self._settings = settings
         self._clock = clock
+        self._clear_s = clear_s
         self._health = Health()
         self._sequence = Sequence()
         self._gate = StampGate(settings.stale_after_s, self._health.count)
@@ -43,6 +59,7 @@ class Hokuyo:
         self._last_reset_s: float | None = None
         self._last_reboot_s: float | None = None
         self._talk: Conversation | None = None
+        self._stream: ScanStream | None = None
         self.tap: Tap | None = None
 
     @property
@@ -54,6 +71,11 @@ class Hokuyo:
     def reading_s(self) -> float:
         """How long it took to get the newest bytes from the kernel."""
         return self._talk.link.reading_s if self._talk is not None else 0.0
+
+    def rehearse(self) -> None:
+        """Decode the newest scan again, for nobody; see `ScanStream.rehearse`."""
+        if self._stream is not None:
+            self._stream.rehearse()
 
     async def run(self, on_scan: Callable[[Scan], None]) -> Never:
         """Deliver scans for ever; see drivers.api.Lidar. Only a bug, or an error of `on_scan`, comes out."""
@@ -111,7 +133,7 @@ class Hokuyo:
             self._say(LinkState.STARTING, f"{talk.link.address}: asking the sensor who it is")
             identity = await identify(talk)
             self._meet(identity)
-            stream = ScanStream(
+            self._stream = stream = ScanStream(
                 talk,
                 identity,
                 self._gate,
@@ -136,8 +158,10 @@ class Hokuyo:
     async def _watch(self, stream: ScanStream, identity: Identity, started_s: float) -> str:
         """Look at the stream twenty times a second; return why it has to be restarted."""
         model = identity.parameters.model
+        next_s = self._clock() // _WATCH_PERIOD_S * _WATCH_PERIOD_S  # together with whatever else ticks
         while not stream.trouble:
-            await asyncio.sleep(_WATCH_PERIOD_S - self._clock() % _WATCH_PERIOD_S)
+            next_s = max(next_s + _WATCH_PERIOD_S, self._clock())
+            await asyncio.sleep(self._clear_s(next_s) - self._clock())
             now_s = self._clock()
             if why := self._why_restart(stream, now_s, started_s):
                 return why

@@ -9,7 +9,17 @@ from collections.abc import Callable
 from typing import Never
 
 from drivers.address import parse_address
-from drivers.api import Clock, Drive, Health, LinkLost, LinkState, MotorState, ProtocolError
+from drivers.api import (
+    Clock,
+    Drive,
+    Health,
+    LinkLost,
+    LinkState,
+    MotorState,
+    ProtocolError,
+    Reschedule,
+    as_wanted,
+)
 from drivers.link import ByteLink, Tap, open_link
 from drivers.vesc import codec, replies
 from drivers.vesc.calibration import Calibration
@@ -44,13 +54,18 @@ class Vesc:
     The only motor command of the driver's own is a brake, as the last thing it does with a connection. While a fault
     is latched every command is carried out as a brake: the VESC alone would obey again after half a second.
 
+    clear_s: moves the polling out of the way of what hurries more.
+
     Counted in `health`: bad_command, fault, reboot, lost, reconnect, missed_reply, bad_reply, unasked_packet,
     skipped_bytes, checksum, brake_not_written.
     """
 
-    def __init__(self, settings: VescSettings, *, clock: Clock = time.monotonic) -> None:
+    def __init__(
+        self, settings: VescSettings, *, clock: Clock = time.monotonic, clear_s: Reschedule = as_wanted
+    ) -> None:
         self._settings = settings
         self._clock = clock
+        self._clear_s = clear_s
         self._address = parse_address(settings.address)
         self._calibration = Calibration(settings)
         self._health = Health()
@@ -96,6 +111,12 @@ class Vesc:
             self._ready = None
             return False
         return True
+
+    def rehearse(self, drive: Drive) -> None:
+        """Do what `send` does, but for the writing, and keep nothing of it."""
+        steering_rad = self._steering_rad
+        self._frames(drive)
+        self._steering_rad = steering_rad
 
     def clear_fault(self) -> None:
         """Forget the latched fault; commands are obeyed again unless it is still there."""
@@ -202,7 +223,7 @@ class Vesc:
                 asked_s = now_s
                 link.write(_ASK_VALUES + self.inertia.question())
             next_s = max(next_s + period_s, now_s)
-            await link.sleep(next_s - now_s)
+            await link.sleep(self._clear_s(next_s) - now_s)
 
     def _miss_reply(self, now_s: float) -> None:
         self._awaiting = False

@@ -4,8 +4,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from drivers.address import SerialAddress, TcpAddress, parse_address
+from drivers.address import TcpAddress, parse_address
 
+LOOPBACK = frozenset({"127.0.0.1", "::1"})
 MISSED_POLLS_MIN = 3
 """A link is not lost before so many polls went unanswered."""
 
@@ -62,12 +63,16 @@ class VescSettings(BaseModel):
 
     @field_validator("address")
     @classmethod
-    def _is_serial(cls, text: str) -> str:
+    def _is_at_hand(cls, text: str) -> str:
+        """Take a serial port, or a TCP port of this very computer: a bridge, an emulator. Brakes go over no network."""
         match parse_address(text):
-            case SerialAddress():
+            case TcpAddress(host=host) if host not in LOOPBACK:
+                raise ValueError(
+                    f"{text!r} is another computer, and a brake must not depend on a network:"
+                    " write serial:///dev/NAME (or tcp://127.0.0.1:PORT for a bridge on this computer)"
+                )
+            case _:
                 return text
-            case TcpAddress():
-                raise ValueError(f"{text!r} is not a serial port: write serial:///dev/NAME")
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:

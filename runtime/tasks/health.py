@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Never
 
-from drivers.api import Clock, Health, Lidar, LinkState, Motor
+from drivers.api import Clock, Health, Lidar, LinkState, Motor, Reschedule, as_wanted
 from runtime.command import Output
 from runtime.emergency_stop import Cause, EmergencyStop
 from runtime.service_manager import ServiceManager
@@ -48,6 +48,7 @@ class Caretaker:
     manager: ServiceManager
     clock: Clock
     retry_faults: bool
+    clear_s: Reschedule = as_wanted
     worst_lag_s: float = 0.0
     missed_ticks: int = 0
     _seen: dict[str, _Seen] = field(default_factory=dict)
@@ -57,7 +58,7 @@ class Caretaker:
 
     async def run(self) -> Never:
         """Check for ever."""
-        async for tick in ticks(1 / RATE_HZ, self.clock):
+        async for tick in ticks(1 / RATE_HZ, self.clock, self.clear_s):
             self.worst_lag_s = max(self.worst_lag_s, tick.late_s)
             self.missed_ticks += tick.missed
             self.check()

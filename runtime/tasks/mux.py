@@ -5,7 +5,7 @@ import math
 from collections.abc import Callable
 from typing import Never
 
-from drivers.api import Clock, Motor
+from drivers.api import Clock, Motor, Reschedule, as_wanted
 from runtime.command import Decision, Output, Source, arbitrate
 from runtime.control.limiter import Limiter
 from runtime.recording.tape import Tape
@@ -93,14 +93,20 @@ class Mux:
             log.info("%s: %s%s", decision.winner or "nobody", decision.reason, measure)
 
 
-async def tick(voices: Voices, rate_hz: float, clock: Clock, noted: Noted = lambda _late_s, _missed: None) -> Never:
+async def tick(
+    voices: Voices,
+    rate_hz: float,
+    clock: Clock,
+    noted: Noted = lambda _late_s, _missed: None,
+    clear_s: Reschedule = as_wanted,
+) -> Never:
     """Wake the mux at a steady rate in silence: one that only forwards would go silent instead of stopping.
 
     While words come often enough, and none has expired, a tick would only repeat them. noted: told how late each tick
-    is, and how many were missed.
+    is, and how many were missed. clear_s: as in `ticks`.
     """
     silent_after_s = SILENT_AFTER_PERIODS / rate_hz
-    async for beat in ticks(1 / rate_hz, clock):
+    async for beat in ticks(1 / rate_hz, clock, clear_s):
         noted(beat.late_s, beat.missed)
         if voices.somebody_expired() or clock() - voices.spoken_s >= silent_after_s:
             voices.tick()

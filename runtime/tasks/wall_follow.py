@@ -20,13 +20,13 @@ async def follow(
     expires_after_s: Callable[[], float],
     publish: Callable[[Scan, Guidance], None],
     decide: Callable[[], None] = lambda: None,
-    afterwards: Callable[[], None] = lambda: None,
+    afterwards: Callable[[Scan], None] = lambda _: None,
     stage: Stage | None = None,
 ) -> Never:
     """Answer each scan; a follower without an answer asks for standstill, with its reason.
 
     decide: called when all has been said about a scan, so that the motor need not wait for the mux's turn.
-    afterwards: called when the answer is on its way.
+    afterwards: told of the scan when its answer is on its way.
     """
     stage = stage or Stage(lambda: 0.0)
     while True:
@@ -39,4 +39,4 @@ async def follow(
         stage.end()
         publish(scan, guidance)
         decide()
-        afterwards()
+        afterwards(scan)

@@ -8,6 +8,7 @@ and answer nothing.
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from statistics import median
 
 import numpy as np
 
@@ -38,8 +39,13 @@ def percentiles_ms(samples_s: Sequence[float]) -> dict[str, float]:
 
 
 def pair(sent: Sequence[Sent], commands: Sequence[Command]) -> Answers:
-    """Pair every scan with its answer, which must come before the next scan."""
+    """Pair every scan with its answer, which must come before the next scan.
+
+    A scan counts as written when the call returned; where the scheduler gave the core to the car within the call, and
+    so it took longer than usual, as long after its beginning as usual.
+    """
     answers = Answers()
+    usual_s = median(scan.at_s - scan.begun_s for scan in sent) if sent else 0.0
     times_s = [command.at_s for command in commands]
     for i, scan in enumerate(sent):
         first = bisect_right(times_s, scan.begun_s)
@@ -47,13 +53,14 @@ def pair(sent: Sequence[Sent], commands: Sequence[Command]) -> Answers:
         if first == 0 or first == last:
             answers.unanswered += 1
             continue
-        answers.any_s.append(times_s[first] - scan.at_s)
+        written_s = min(scan.at_s, scan.begun_s + usual_s)
+        answers.any_s.append(times_s[first] - written_s)
         before = commands[first - 1].servo
         changed = next((c for c in commands[first:last] if c.servo != before), None)
         if changed is None:
             answers.unanswered += 1
         else:
-            answers.latency_s.append(changed.at_s - scan.at_s)
+            answers.latency_s.append(changed.at_s - written_s)
     return answers
 
 

@@ -3,27 +3,22 @@
 Their minds are those of the emulators in `sim.devices`; only the way in and out is shorter.
 """
 
-import contextlib
-import os
 import select
-import socket
 import time
-import tty
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Final
 
 from drivers.vesc import codec
 from drivers.vesc.codec import MOTOR_PACKETS, Packet
 from drivers.vesc.settings import VescSettings
 from sim.bench.course import Picture
+from sim.bench.doors import Door
 from sim.devices.scip_encode import SensorModel
 from sim.devices.scip_sensor import ScipSensor
 from sim.devices.vesc_replies import firmware_reply, values_reply
 
 FIRMWARE: Final = (6, 5)
 _GAIN: Final = VescSettings().speed_to_erpm_gain
-_READ_BYTES: Final = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,43 +34,32 @@ class Command:
 
 
 class LidarPort:
-    """A lidar on a TCP port of this machine; one client."""
+    """A lidar; one client."""
 
-    def __init__(self, model: SensorModel) -> None:
+    def __init__(self, model: SensorModel, door: Door) -> None:
         self._sensor = ScipSensor(model, time.monotonic, lambda: None)
-        self._door = socket.create_server(("127.0.0.1", 0))
-        self._client: socket.socket | None = None
-
-    @property
-    def address(self) -> str:
-        """As the settings want it."""
-        return f"tcp://127.0.0.1:{self._door.getsockname()[1]}"
+        self._door = door
+        self._served = False
+        self.address = door.address
 
     @property
     def fd(self) -> int:
         """What to wait on."""
-        return (self._client or self._door).fileno()
+        return self._door.fd
 
     @property
     def streaming(self) -> bool:
         """Whether somebody asked for scans."""
-        return self._client is not None and self._sensor.measurement is not None
+        return self._served and self._sensor.measurement is not None
 
     def on_readable(self) -> None:
         """Take a client, or what it says."""
-        if self._client is None:
-            self._client, _ = self._door.accept()
-            self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            return
-        try:
-            chunk = self._client.recv(_READ_BYTES)
+        chunk = self._door.read()
+        self._served = chunk != b""
+        if chunk:
             for reply in self._sensor.feed(chunk):
-                self._client.sendall(reply)
-        except ConnectionError:
-            chunk = b""
-        if not chunk:
-            self._client.close()
-            self._client = None
+                self._door.write(reply)
+        elif chunk == b"":
             self._sensor.forget_client()
 
     def block(self, picture: Picture, stamp_ms: int) -> bytes:
@@ -84,15 +68,11 @@ class LidarPort:
 
     def send(self, block: bytes) -> None:
         """Send a scan; returns when the kernel has all of it."""
-        if self._client is not None:
-            with contextlib.suppress(ConnectionError):  # the car has gone; whoever measures it will notice
-                self._client.sendall(block)
+        self._door.write(block)
 
     def close(self) -> None:
         """Leave nothing open."""
         self._door.close()
-        if self._client is not None:
-            self._client.close()
 
 
 @dataclass(slots=True)
@@ -111,23 +91,26 @@ class _Wheels:
 
 
 class MotorPort:
-    """A VESC on a pseudo-terminal. commands: everything it was told, oldest first."""
+    """A VESC. commands: everything it was told, oldest first."""
 
-    def __init__(self, link: Path) -> None:
-        self.fd, self._slave = os.openpty()
-        tty.setraw(self._slave)
-        link.symlink_to(os.ttyname(self._slave))
-        self.address = f"serial://{link}"
+    def __init__(self, door: Door) -> None:
+        self._door = door
+        self.address = door.address
         self.wheels = _Wheels()
         self.commands: list[Command] = []
         self._deframer = codec.Deframer()
         self._pending: tuple[float, bool] | None = None
 
+    @property
+    def fd(self) -> int:
+        """What to wait on."""
+        return self._door.fd
+
     def on_readable(self) -> None:
         """Take commands, answer questions."""
-        chunk = os.read(self.fd, _READ_BYTES)
+        chunk = self._door.read()
         at_s = time.monotonic()
-        for payload in self._deframer.feed(chunk):
+        for payload in self._deframer.feed(chunk or b""):
             self._on_payload(payload, at_s)
 
     def _on_payload(self, payload: bytes, at_s: float) -> None:
@@ -145,9 +128,9 @@ class MotorPort:
                 "erpm": round(wheels.speed_mps * _GAIN),
                 "tachometer": round(wheels.distance_m * _GAIN / 10),
             }
-            os.write(self.fd, codec.frame(values_reply(FIRMWARE, values)))
+            self._door.write(codec.frame(values_reply(FIRMWARE, values)))
         elif packet == Packet.FW_VERSION:
-            os.write(self.fd, codec.frame(firmware_reply(FIRMWARE)))
+            self._door.write(codec.frame(firmware_reply(FIRMWARE)))
 
     def _flush(self) -> None:
         if self._pending is not None:
@@ -156,8 +139,7 @@ class MotorPort:
 
     def close(self) -> None:
         """Leave nothing open."""
-        os.close(self._slave)
-        os.close(self.fd)
+        self._door.close()
 
 
 @dataclass(slots=True)

@@ -16,6 +16,7 @@ from typing import Any, Final, Self
 from runtime.bus import free_endpoint
 from sim.bench.course import Course
 from sim.bench.devices import Command, LidarPort, MotorPort, Ports
+from sim.bench.doors import PtyDoor, TcpDoor
 
 START_TIMEOUT_S: Final = 20.0
 STOP_TIMEOUT_S: Final = 5.0
@@ -46,24 +47,28 @@ class Sent:
 class Rig:
     """Starts and stops everything; `feed` sends scans on time and answers the car meanwhile.
 
-    subscribers: how many processes of their own hear all the telemetry. telemetry: whether there is any.
+    subscribers: how many processes of their own hear all the telemetry. telemetry: whether there is any. pty: the motor
+    controller is behind a pseudo-terminal instead of a TCP port.
     started_s: when the process was started (monotonic). scans_sent: since then.
     """
 
     def __init__(
-        self, course: Course, assignments: Sequence[str] = (), *, subscribers: int = 1, telemetry: bool = True
-    ) -> None:
+        self, course: Course, assignments: Sequence[str] = (), *, subscribers: int = 1, telemetry: bool = True,
+        pty: bool = False,
+    ) -> None:  # fmt: skip
         self._course = course
         self._assignments = [*_SETTINGS, *assignments]
         self._count = subscribers if telemetry else 0
         self._telemetry = telemetry
+        self._pty = pty
         self.scans_sent = 0
         self._subscribers: list[subprocess.Popen[str]] = []
 
     def __enter__(self) -> Self:
         self._folder = tempfile.TemporaryDirectory(prefix="wallride-bench-")
         folder = Path(self._folder.name)
-        self.ports = Ports(LidarPort(self._course.model), MotorPort(folder / "vesc"))
+        motor_door = PtyDoor(folder / "vesc") if self._pty else TcpDoor()
+        self.ports = Ports(LidarPort(self._course.model, TcpDoor()), MotorPort(motor_door))
         self._log = folder / "log"
         (folder / "car.toml").write_text("")  # the settings of this machine's own car are none of our business
         endpoint = free_endpoint()

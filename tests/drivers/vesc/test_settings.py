@@ -18,7 +18,7 @@ def test_the_defaults_are_those_of_the_stock_cars():
         ({"adress": "serial:///dev/x"}, "Extra inputs"),
         ({"driver": "pwm"}, "vesc"),
         ({"address": "ttyACM0"}, "is not an address"),
-        ({"address": "tcp://10.0.0.1:65102"}, "is not a serial port"),
+        ({"address": "tcp://10.0.0.1:65102"}, "a brake must not depend on a network"),
         ({"speed_to_erpm_gain": -4614}, "greater than 0"),
         ({"speed_to_erpm_gain": float("nan")}, "finite"),
         ({"brake_current_a": 0.0}, "greater than or equal to 1"),
@@ -43,3 +43,7 @@ def test_settings_do_not_change_behind_ones_back(name):
 
 def test_every_setting_is_described():
     assert all(field.description for field in VescSettings.model_fields.values())
+
+
+def test_a_bridge_on_this_computer_is_at_hand():
+    assert VescSettings(address="tcp://127.0.0.1:65102").address == "tcp://127.0.0.1:65102"

@@ -63,3 +63,10 @@ def test_an_onset_before_a_standing_car_proves_nothing():
 def test_percentiles_of_nothing_are_nothing():
     assert percentiles_ms([]) == {}
     assert percentiles_ms([0.001, 0.003])["p50"] == pytest.approx(2.0)
+
+
+def test_a_write_in_which_the_car_ran_already_counts_as_long_as_usual():
+    usual = [Sent(0.1 * i, 0.1 * i + 0.001, FREE) for i in range(1, 4)]
+    interrupted = Sent(0.4, 0.409, FREE)  # the car had the core, and answered before the call returned
+    commands = told(*((0.1 * i + 0.005, True, 500 + i) for i in range(5)))
+    assert pair([*usual, interrupted], commands).latency_s == [pytest.approx(0.004)] * 4

@@ -1,0 +1,54 @@
+"""When the next scan is due, so that nothing else is begun just then. Pure.
+
+Scans come every 25 ms, polls and ticks every 20 ms: without an agreement every fourth answer waits for housekeeping,
+which is all of the tail in the times from scan to motor.
+"""
+
+import math
+from typing import Final
+
+BEFORE_S: Final = 0.0045
+"""So long before a scan nothing is begun but the rehearsal: a poll needs 1 to 3 ms until its reply is read."""
+AFTER_S: Final = 0.002
+"""So late a scan may come and still find the way clear; then whatever waited goes first."""
+LEAST_PERIOD_S: Final = 0.015
+"""At a faster beat there is no time between two scans that could be kept free."""
+_SAME_SHARE: Final = 0.1
+_MISSED_PERIODS: Final = 3.5
+
+
+class Cadence:
+    """Learns the lidar's beat from the arrivals; where there is none, everybody goes when he likes.
+
+    period_s: between two scans; NaN until two gaps in a row agree, and where the beat is too fast.
+    """
+
+    def __init__(self) -> None:
+        self.period_s = math.nan
+        self._gap_s = math.nan
+        self._last_s = math.nan
+
+    def arrived(self, now_s: float) -> None:
+        """Note a scan. One that is missing or late changes nothing; a new beat counts when it comes twice."""
+        gap_s, self._last_s = now_s - self._last_s, now_s
+        if abs(gap_s - self._gap_s) <= _SAME_SHARE * gap_s:
+            self.period_s = gap_s if gap_s >= LEAST_PERIOD_S else math.nan
+        self._gap_s = gap_s
+
+    def next_s(self) -> float:
+        """Return when the scan after the newest is due; NaN when nobody can tell."""
+        return self._last_s + self.period_s
+
+    def clear_s(self, wanted_s: float) -> float:
+        """Return the moment nearest to `wanted_s` at which no scan is due: at most 3.3 ms sooner or later.
+
+        Whoever has a deadline may pass it through here; it holds again as soon as the scans stop.
+        """
+        periods = (wanted_s - self._last_s) / self.period_s
+        if not -1.0 < periods < _MISSED_PERIODS:  # NaN included
+            return wanted_s
+        due_s = self._last_s + round(periods) * self.period_s
+        since_s = wanted_s - due_s
+        if not -BEFORE_S < since_s < AFTER_S:
+            return wanted_s
+        return due_s - BEFORE_S if since_s < (AFTER_S - BEFORE_S) / 2 else due_s + AFTER_S

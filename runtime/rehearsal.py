@@ -1,0 +1,74 @@
+"""Goes the way from a scan to the motor's bytes once more, for nobody, just before the next scan is due.
+
+Between two scans lie 25 ms in which everybody else on the computer takes the processor's caches, and the way through
+cold code and data takes three times as long as through warm (docs/decisions/0013). The rehearsal is told the scan
+before, has laws of its own and reaches no wire: whether it runs or not, every answer is the same.
+"""
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from drivers.api import Drive, MotorState, Scan
+from runtime.command import CapWord, DriveWord, Source, arbitrate, consent
+from runtime.control.limiter import Limiter
+from runtime.control.live_laws import LiveLaws
+from runtime.settings import Settings
+from runtime.voices import Voices
+
+log = logging.getLogger("wallride.rehearsal")
+
+LEAD_S: Final = 0.0025
+"""So long before the scan it begins: it takes 0.3 to 0.8 ms, a timer of the loop may come 1 ms late, and what is warm
+stays so for some milliseconds. `cadence.BEFORE_S` keeps everybody else away meanwhile."""
+_ELAPSED_S: Final = 0.025
+_FOR_S: Final = 1.0
+
+
+@dataclass(slots=True)
+class Rehearsal:
+    """Laws, voices and limiter that nobody hears.
+
+    decode: decodes the newest scan again, for nobody. send: does what the motor's `send` does before it writes.
+    required: as the mux has it. failed: it raised, was logged, and does nothing any more.
+    """
+
+    laws: LiveLaws
+    voices: Voices
+    limiter: Limiter
+    required: frozenset[Source]
+    decode: Callable[[], None]
+    send: Callable[[Drive], None]
+    failed: bool = False
+
+    def __post_init__(self) -> None:
+        """Permit it to drive."""
+        self.voices.say(consent(Source.PERMIT, "only a rehearsal"))
+
+    def tune(self, settings: Settings) -> None:
+        """Go on with other settings, as the real laws do."""
+        self.laws.tune(settings.wall_follow, settings.safety)
+        self.voices.reorder(settings.effective_order())
+
+    def run(self, scan: Scan, motor: MotorState | None) -> None:
+        """Answer a scan that was answered already; an error here ends the rehearsals, not the drive."""
+        if self.failed:
+            return
+        try:
+            self._answer(scan, motor)
+        except Exception:
+            self.failed = True
+            log.exception("the rehearsal failed and is left out from here on; scans are answered as before, but slower")
+
+    def _answer(self, scan: Scan, motor: MotorState | None) -> None:
+        self.decode()
+        expires_at_s = scan.stamp_s + _FOR_S
+        self.voices.say(CapWord(Source.SAFETY, self.laws.look(scan, motor), scan.stamp_s), expires_at_s=expires_at_s)
+        guidance = self.laws.follow(scan, motor)
+        drive = guidance.drive or Drive(0.0, 0.0)
+        word = DriveWord(Source.NAVIGATION, drive, scan.stamp_s, guidance.reason)
+        self.voices.say(word, expires_at_s=expires_at_s)
+        decision = arbitrate(self.voices.live(), self.required, self.voices.order)
+        self.send(self.limiter.limit(decision.speed_mps, decision.steering_rad, _ELAPSED_S, decision.brake_mps2))
+        self.laws.learn()

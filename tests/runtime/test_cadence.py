@@ -1,0 +1,74 @@
+"""Nothing is begun when a scan is due, and nobody waits for a scan that does not come."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from runtime.cadence import AFTER_S, BEFORE_S, Cadence
+
+PERIOD_S = 0.025
+LAST_S = 1.0
+
+
+def steady(period_s=PERIOD_S, count=5):
+    cadence = Cadence()
+    for i in range(count):
+        cadence.arrived(LAST_S - (count - 1 - i) * period_s)
+    return cadence
+
+
+def test_the_beat_is_known_when_two_gaps_agree():
+    cadence = Cadence()
+    for arrival_s in (0.0, 0.025):
+        cadence.arrived(arrival_s)
+        assert math.isnan(cadence.next_s())
+    cadence.arrived(0.050)
+    assert cadence.next_s() == pytest.approx(0.075)
+
+
+def test_without_a_beat_everybody_goes_when_he_likes():
+    assert Cadence().clear_s(3.21) == 3.21
+
+
+def test_one_scan_that_is_missing_changes_no_beat():
+    cadence = steady()
+    cadence.arrived(LAST_S + 2 * PERIOD_S)
+    assert cadence.period_s == pytest.approx(PERIOD_S)
+
+
+def test_another_lidar_has_another_beat():
+    cadence = steady()
+    for i in (1, 2, 3):
+        cadence.arrived(LAST_S + i * 0.1)
+    assert cadence.period_s == pytest.approx(0.1)
+
+
+def test_between_fast_scans_nothing_could_be_kept_free():
+    cadence = steady(period_s=0.005)
+    assert math.isnan(cadence.next_s())
+    assert cadence.clear_s(LAST_S + 0.005) == LAST_S + 0.005
+
+
+def test_whoever_wants_to_go_when_a_scan_is_due_goes_a_little_sooner_or_later():
+    cadence = steady()
+    due_s = cadence.next_s()
+    assert cadence.clear_s(due_s - 0.003) == pytest.approx(due_s - BEFORE_S)
+    assert cadence.clear_s(due_s + 0.001) == pytest.approx(due_s + AFTER_S)
+    assert cadence.clear_s(due_s + PERIOD_S) == pytest.approx(due_s + PERIOD_S + AFTER_S)
+    assert cadence.clear_s(due_s - 0.010) == due_s - 0.010
+
+
+@given(st.floats(0.0, 3.4 * PERIOD_S))
+def test_every_moment_is_clear_of_scans_and_near(after_s):
+    wanted_s = LAST_S + after_s
+    moment_s = steady().clear_s(wanted_s)
+    assert abs(moment_s - wanted_s) <= (BEFORE_S + AFTER_S) / 2 + 1e-9
+    since_s = (moment_s - LAST_S + PERIOD_S / 2) % PERIOD_S - PERIOD_S / 2
+    assert not -BEFORE_S + 1e-9 < since_s < AFTER_S - 1e-9
+
+
+def test_when_the_scans_have_stopped_deadlines_are_kept():
+    wanted_s = LAST_S + 4 * PERIOD_S
+    assert steady().clear_s(wanted_s) == wanted_s
