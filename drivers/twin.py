@@ -4,6 +4,7 @@ The Python is the law: it is what is read, changed and tested, and it runs where
 the compiled functions in the place of those of the same names (`runtime.kernel` builds and loads them).
 """
 
+import sys
 from collections.abc import Callable, Mapping
 from functools import wraps
 from typing import Any, Final, ParamSpec, TypeVar
@@ -14,6 +15,7 @@ R = TypeVar("R")
 PLAIN: Final[dict[str, Callable[..., Any]]] = {}
 """Every function that may have a twin, by name, as written in Python."""
 _answering: Final[dict[str, Callable[..., Any]]] = {}
+_either: Final[dict[str, Callable[..., Any]]] = {}
 
 
 def twin(plain: Callable[P, R]) -> Callable[P, R]:
@@ -29,13 +31,25 @@ def twin(plain: Callable[P, R]) -> Callable[P, R]:
         answer: R = answering[name](*given, **named)
         return answer
 
+    _either[name] = either
     return either
 
 
 def use(compiled: Mapping[str, Callable[..., Any]]) -> None:
     """Let these functions answer from now on, and the Python ones where none is given."""
+    before = dict(_answering)
     for name, plain in PLAIN.items():
         _answering[name] = compiled.get(name, plain)
+    for module in list(sys.modules.values()):
+        _put_in_place(getattr(module, "__dict__", {}), before)
+
+
+def _put_in_place(names: dict[str, Any], before: Mapping[str, Callable[..., Any]]) -> None:
+    """Bind, in a module that has the name, the compiled function itself: it is called without a step in between."""
+    for name in PLAIN.keys() & names.keys():
+        if names[name] is _either[name] or (before[name] is not PLAIN[name] and names[name] is before[name]):
+            answering = _answering[name]
+            names[name] = answering if answering is not PLAIN[name] else _either[name]
 
 
 def in_use() -> frozenset[str]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.api import Clock, Drive, Lidar, Motor, Scan
-from runtime import rehearsal, wire
+from runtime import wire
 from runtime.bus import BYTES, Network
 from runtime.cadence import Cadence
 from runtime.car_settings import CarSettings
@@ -181,6 +181,7 @@ class Car:
             Voices(settings.effective_order(), clock),
             Limiter(_limits(settings.car)),
             REQUIRED,
+            clock,
             decode,
             send,
         )
@@ -189,11 +190,10 @@ class Car:
         """Do what can wait until a scan is answered."""
         self.laws.learn()
         self.cadence.arrived(scan.received_s)
-        due_in_s = self.cadence.next_s() - self.clock()
-        if self.rehearsal is not None and due_in_s > rehearsal.LEAD_S:
-            asyncio.get_running_loop().call_later(
-                due_in_s - rehearsal.LEAD_S, self.rehearsal.run, scan, self.motor.state
-            )
+        if (rehearsal := self.rehearsal) is not None:
+            begins_in_s = self.cadence.next_s() - rehearsal.lead_s - self.clock()
+            if begins_in_s > 0:  # neither without a beat, nor where it takes too long
+                asyncio.get_running_loop().call_later(begins_in_s, rehearsal.run, scan, self.motor.state)
 
     def _beat(self, beat: bytes) -> None:
         self.bus.put(wire.key(self.settings.car.name, wire.BEAT), beat, encoding=BYTES, urgent=True)

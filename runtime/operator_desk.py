@@ -110,6 +110,11 @@ class OperatorDesk:
         """Notice what did not come; call at the rate of the beats."""
         self._notice_silence(self._clock())
 
+    @property
+    def is_attended(self) -> bool:
+        """Whether an operator has spoken lately, to drive or only to be there."""
+        return bool(self._gate.heard_lately(self._clock()))
+
     def rearm(self, reason: str) -> None:
         """Distrust what is held down, because a device was lost or came back; the reason is shown."""
         self._gate.disarm()

@@ -6,11 +6,13 @@ before, has laws of its own and reaches no wire: whether it runs or not, every a
 """
 
 import logging
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from drivers.api import Drive, MotorState, Scan
+from drivers.api import Clock, Drive, MotorState, Scan
+from runtime.cadence import BEFORE_S
 from runtime.command import CapWord, DriveWord, Source, arbitrate, consent
 from runtime.control.limiter import Limiter
 from runtime.control.live_laws import LiveLaws
@@ -19,9 +21,11 @@ from runtime.voices import Voices
 
 log = logging.getLogger("wallride.rehearsal")
 
-LEAD_S: Final = 0.0025
-"""So long before the scan it begins: it takes 0.3 to 0.8 ms, a timer of the loop may come 1 ms late, and what is warm
-stays so for some milliseconds. `cadence.BEFORE_S` keeps everybody else away meanwhile."""
+MARGIN_S: Final = 0.0007
+"""It ends so long before the scan: enough for one that is early, not more, because what is warm cools within 5 ms."""
+LEAST_S: Final = 0.0005
+FORGETS: Final = 0.95
+"""The longest that it took counts, and by this share less every time, so that one that was interrupted is forgotten."""
 _ELAPSED_S: Final = 0.025
 _FOR_S: Final = 1.0
 
@@ -31,20 +35,29 @@ class Rehearsal:
     """Laws, voices and limiter that nobody hears.
 
     decode: decodes the newest scan again, for nobody. send: does what the motor's `send` does before it writes.
-    required: as the mux has it. failed: it raised, was logged, and does nothing any more.
+    required: as the mux has it. took_s: how long it usually takes at most.
+    failed: it raised, was logged, and does nothing any more.
     """
 
     laws: LiveLaws
     voices: Voices
     limiter: Limiter
     required: frozenset[Source]
+    clock: Clock
     decode: Callable[[], None]
     send: Callable[[Drive], None]
+    took_s: float = LEAST_S
     failed: bool = False
 
     def __post_init__(self) -> None:
         """Permit it to drive."""
         self.voices.say(consent(Source.PERMIT, "only a rehearsal"))
+
+    @property
+    def lead_s(self) -> float:
+        """How long before a scan it has to begin; infinity when it would disturb more than it helps."""
+        lead_s = self.took_s + MARGIN_S
+        return lead_s if lead_s < BEFORE_S else math.inf
 
     def tune(self, settings: Settings) -> None:
         """Go on with other settings, as the real laws do."""
@@ -55,11 +68,13 @@ class Rehearsal:
         """Answer a scan that was answered already; an error here ends the rehearsals, not the drive."""
         if self.failed:
             return
+        began_s = self.clock()
         try:
             self._answer(scan, motor)
         except Exception:
             self.failed = True
             log.exception("the rehearsal failed and is left out from here on; scans are answered as before, but slower")
+        self.took_s = max(self.clock() - began_s, self.took_s * FORGETS, LEAST_S)
 
     def _answer(self, scan: Scan, motor: MotorState | None) -> None:
         self.decode()

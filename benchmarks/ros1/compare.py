@@ -27,6 +27,7 @@ from sim.bench.command import machine
 from sim.bench.cost import Meter
 from sim.bench.course import Course, make_course
 from sim.bench.medians import median_of
+from sim.bench.rig import another_computer
 
 HERE = Path(__file__).resolve().parent
 NODES = str(HERE / "build" / "nodes")
@@ -148,6 +149,7 @@ def client_run(
 ) -> dict[str, Any]:
     """Run the client to its end; with nodes, what they cost from after its warm-up."""
     client = start(stack, command, environment)
+    os.sched_setaffinity(client.pid, another_computer())  # before it starts threads: it sleeps a second first
     time.sleep(4.0)
     meter = Meter([node.pid for node in nodes])
     # The client keeps its results until the end, so there is nothing to read while it measures.

@@ -99,8 +99,7 @@ class BallFollower:
         desired_m = roomy_m(seen, line, settings.desired_distance_m)
         wall = WallPoints.of(_wall_places_m(seen, mine, line), shift)
         line_now, line, tracked = line, _from_there(line, shift), _from_there(tracked, shift)
-        nearest_m = float(wall.range_m.min())
-        bias_m = self._bias.learn(line, nearest_m)
+        bias_m = self._bias.learn(line, wall.nearest_m)
         path = ball_path(
             wall, desired_m - bias_m, look_aheads_m(settings.look_ahead_m, settings.look_ahead_s, speed_mps)
         )
@@ -108,7 +107,7 @@ class BallFollower:
         bend = bend_per_m(path)
         self._bend_per_m += BEND_LOW_PASS * (bend - self._bend_per_m)
         line_error_m = tracked.distance_m - desired_m if tracked is not None else math.nan
-        aim = ball_aim(path, nearest_m + bias_m - desired_m, tracked, line_error_m, self._bend_per_m)
+        aim = ball_aim(path, wall.nearest_m + bias_m - desired_m, tracked, line_error_m, self._bend_per_m)
         self._straight = aim.straight
         steering_rad = self._steering_rad(path, aim, bend, speed_mps)
         self._lost.found(steering_rad)

@@ -32,10 +32,11 @@ HERE = Shift()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WallPoints:
-    """The wall around the rear axle: ranges [m] and bearings [rad], shape (n,)."""
+    """The wall around the rear axle: ranges [m] and bearings [rad], shape (n,); nearest_m: the least range."""
 
     range_m: Floats
     bearing_rad: Floats
+    nearest_m: float
 
     @classmethod
     def of(cls, places_m: Places, shift: Shift = HERE) -> "WallPoints":
@@ -63,10 +64,11 @@ class BallPath:
 
 
 @twin
-def around(places_m: Places, x_m: float, y_m: float, yaw_rad: float) -> tuple[Floats, Floats]:
-    """Return the range_m and bearing_rad of places x + iy, (n,) each, as seen from (x_m, y_m) at that heading."""
+def around(places_m: Places, x_m: float, y_m: float, yaw_rad: float) -> tuple[Floats, Floats, float]:
+    """Return range_m and bearing_rad of places x + iy, (n,) each, seen from (x_m, y_m) at that heading; the nearest."""
     seen = (places_m - complex(x_m, y_m)) * cmath.rect(1.0, -yaw_rad)
-    return np.maximum(np.abs(seen), _NEAREST_M), np.arctan2(seen.imag, seen.real)
+    range_m = np.maximum(np.abs(seen), _NEAREST_M)
+    return range_m, np.arctan2(seen.imag, seen.real), float(range_m.min(initial=math.inf))
 
 
 def ball_path(wall: WallPoints, ball_m: float, more_radii_m: tuple[float, ...]) -> BallPath:

@@ -180,7 +180,7 @@ def bridge_glass(seen: SideView, wall: Beams, line: Line) -> Places | None:
     between have no echo, the wall goes on; beams that do return show a real opening, which stays open.
     """
     end = int(wall[-1])
-    if np.count_nonzero(seen.no_echo[end + 1 : end + 1 + GLASS_FIRST_BEAMS]) < GLASS_FIRST_BEAMS // 2:
+    if seen.no_echo[end + 1 : end + 1 + GLASS_FIRST_BEAMS].tobytes().count(1) < GLASS_FIRST_BEAMS // 2:
         return None  # the usual case, at once
     beyond = np.arange(end + 1, seen.x_m.size)
     beyond = beyond[seen.solid[beyond] & (seen.range_m[beyond] < GLASS_RANGE_M)]

@@ -2,11 +2,15 @@
 
 import math
 from collections.abc import Callable
-from typing import Never
+from typing import Final, Never
 
 from drivers.api import Clock, Motor, Reschedule, as_wanted
 from runtime.operator_desk import OperatorDesk
 from runtime.ticker import ticks
+
+EVERY_UNHEARD: Final = 5
+"""While no operator speaks, only every fifth beat is sent: enough to see the car and to speak to it, for a fifth of the
+work. The first command is at most so many beats old, half of `expiry_s`; from then on every beat is sent."""
 
 
 async def attend(
@@ -19,8 +23,11 @@ async def attend(
     clear_s: Reschedule = as_wanted,
 ) -> Never:
     """Tick and beat for ever. `publish` sends a beat at once or not at all, and must not wait. clear_s: see `ticks`."""
+    unheard = -1  # the first beat at once
     async for _ in ticks(1 / beat_hz, clock, clear_s):
         desk.tick()
-        state = motor.state
-        publish(desk.beat(state.speed_mps if state is not None else math.nan).pack())
+        unheard = 0 if desk.is_attended else (unheard + 1) % EVERY_UNHEARD
+        if unheard == 0:
+            state = motor.state
+            publish(desk.beat(state.speed_mps if state is not None else math.nan).pack())
     raise AssertionError("ticks never end")

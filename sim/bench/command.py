@@ -21,6 +21,7 @@ MEASUREMENTS: Final[Mapping[str, Measurement]] = {
     "startup": measure.startup,
     "rates": measure.rates,
     "readers": measure.readers,
+    "loaded": measure.loaded,
 }
 FAILED: Final = 1
 
@@ -108,6 +109,12 @@ def _rates_lines(medians: Mapping[str, Any]) -> list[str]:
     return rows
 
 
+def _loaded_lines(medians: Mapping[str, Any]) -> list[str]:
+    rows = [f"{'ms, others want every core':<28}{'p50':>8}{'p99':>8}{'p99.9':>8}{'max':>8}"]
+    said = f"{medians['unanswered']:g} unanswered; {medians['cores']:.3f} cores, others {medians['others_cores']:.2f}"
+    return [*rows, _row("scan to the answer to it", medians, ""), said]
+
+
 def _reader_lines(medians: Mapping[str, Any]) -> list[str]:
     rows = [f"{'scan to the answer to it, ms':<28}{'p50':>8}{'p99':>8}{'p99.9':>8}{'max':>8}{'cores':>8}"]
     return rows + [_row(name, figures, "") + f"{figures['cores']:8.3f}" for name, figures in medians.items()]
@@ -119,6 +126,7 @@ TABLES: Final[Mapping[str, Callable[[Mapping[str, Any]], list[str]]]] = {
     "startup": _startup_lines,
     "rates": _rates_lines,
     "readers": _reader_lines,
+    "loaded": _loaded_lines,
 }
 
 

@@ -25,7 +25,7 @@ _GAIN: Final = VescSettings().speed_to_erpm_gain
 class Command:
     """A motor command and the servo position that came with it.
 
-    at_s: when its first byte was read. moving: whether it asks for a speed. servo: thousandths, -1 when none came.
+    at_s: when its first byte could be read. moving: whether it asks for a speed. servo: thousandths, -1 when none came.
     """
 
     at_s: float
@@ -106,11 +106,9 @@ class MotorPort:
         """What to wait on."""
         return self._door.fd
 
-    def on_readable(self) -> None:
-        """Take commands, answer questions."""
-        chunk = self._door.read()
-        at_s = time.monotonic()
-        for payload in self._deframer.feed(chunk or b""):
+    def on_readable(self, at_s: float) -> None:
+        """Take commands, answer questions. at_s: when there was something to read."""
+        for payload in self._deframer.feed(self._door.read() or b""):
             self._on_payload(payload, at_s)
 
     def _on_payload(self, payload: bytes, at_s: float) -> None:
@@ -157,7 +155,8 @@ class Ports:
     def serve_once(self, timeout_s: float) -> None:
         """Wait for somebody to speak, at most so long."""
         ready, _, _ = select.select((self.motor.fd, self.lidar.fd), (), (), timeout_s)
+        at_s = time.monotonic()
         if self.motor.fd in ready:
-            self.motor.on_readable()
+            self.motor.on_readable(at_s)
         if self.lidar.fd in ready:
             self.lidar.on_readable()

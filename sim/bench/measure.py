@@ -2,7 +2,11 @@
 
 import gc
 import itertools
+import os
+import subprocess
+import sys
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -125,6 +129,29 @@ def _read_by(plan: Plan, count: int, *, stops: bool) -> dict[str, Any]:
     if not figures:
         raise BenchError("no command ever answered a scan")
     return {**figures, "cores": cost.cores, "others_cores": cost.others}
+
+
+def loaded(plan: Plan) -> dict[str, Any]:
+    """Drive while others want every core, scheduled before them as systemd does it."""
+    course = _course(1081, RATE_HZ)
+    with ExitStack() as stack:
+        for _ in range(os.cpu_count() or 1):
+            hog = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+            stack.callback(hog.communicate)
+            stack.callback(hog.kill)
+        try:
+            rig = stack.enter_context(Rig(course, plan.settings, fifo=True))
+        except PermissionError as error:
+            raise BenchError("this user may not ask for SCHED_FIFO: run it as root") from error
+        rig.start()
+        rig.feed([False] * round(plan.warm_up_s * RATE_HZ), RATE_HZ)
+        meter = Meter.of(rig.process.pid)
+        sent = rig.feed([False] * round(plan.seconds * RATE_HZ), RATE_HZ)
+        cost = meter.stop()
+        answers = pair(sent, rig.commands)
+    if not answers.latency_s:
+        raise BenchError("no command ever answered a scan")
+    return {**answers.figures_ms(), "unanswered": answers.unanswered, "cores": cost.cores, "others_cores": cost.others}
 
 
 def rates(plan: Plan) -> dict[str, Any]:

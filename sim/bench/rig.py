@@ -1,7 +1,9 @@
 """One `wallride run` process between the two ports, told and listened to as on a car, and nothing else changed."""
 
+import ctypes
 import gc
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -20,7 +22,10 @@ from sim.bench.doors import PtyDoor, TcpDoor
 
 START_TIMEOUT_S: Final = 20.0
 STOP_TIMEOUT_S: Final = 5.0
+FIFO_PRIORITY: Final = 20
+"""That of systemd/wallride.service."""
 CAR: Final = "bench"
+_PR_SET_PDEATHSIG: Final = 1
 _SPEEDING_UP_MPS2: Final = 4.0
 _BRAKING_MPS2: Final = 8.0
 _SETTINGS: Final = (
@@ -44,23 +49,39 @@ class Sent:
     blocked: bool
 
 
+def another_computer() -> set[int]:
+    """Return the core for whatever is no part of the car: the last one, where there are several.
+
+    The car may use all of them. Sender and receiver on one core take it from each other in the middle of a write, which
+    no lidar does.
+    """
+    return {max(os.sched_getaffinity(0))}
+
+
+def die_with_me() -> None:
+    """Have the kernel end this process when its parent ends, however that ends; for the moment before exec."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
 class Rig:
     """Starts and stops everything; `feed` sends scans on time and answers the car meanwhile.
 
     subscribers: how many processes of their own hear all the telemetry. telemetry: whether there is any. pty: the motor
-    controller is behind a pseudo-terminal instead of a TCP port.
+    controller is behind a pseudo-terminal instead of a TCP port. fifo: car and emulators are
+    scheduled before everybody else, as systemd does it.
     started_s: when the process was started (monotonic). scans_sent: since then.
     """
 
     def __init__(
         self, course: Course, assignments: Sequence[str] = (), *, subscribers: int = 1, telemetry: bool = True,
-        pty: bool = False,
+        pty: bool = False, fifo: bool = False,
     ) -> None:  # fmt: skip
         self._course = course
         self._assignments = [*_SETTINGS, *assignments]
         self._count = subscribers if telemetry else 0
         self._telemetry = telemetry
         self._pty = pty
+        self._fifo = fifo
         self.scans_sent = 0
         self._subscribers: list[subprocess.Popen[str]] = []
 
@@ -84,8 +105,15 @@ class Rig:
         command += [part for setting in settings for part in ("--set", setting)]
         with self._log.open("wb") as log:
             self.started_s = time.monotonic()
-            self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+            self.process = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, preexec_fn=die_with_me
+            )
         self._endpoint = endpoint
+        self._cores = os.sched_getaffinity(0)
+        os.sched_setaffinity(0, another_computer())
+        if self._fifo:
+            for pid in (self.process.pid, 0):  # threads and children that begin later inherit it
+                os.sched_setscheduler(pid, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
         return self
 
     def __exit__(
@@ -102,6 +130,9 @@ class Rig:
             self.ports.lidar.close()
             self.ports.motor.close()
             self._folder.cleanup()
+            os.sched_setaffinity(0, self._cores)
+            if self._fifo:
+                os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
     @property
     def log(self) -> str:

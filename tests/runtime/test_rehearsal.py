@@ -2,18 +2,21 @@
 
 import asyncio
 import logging
+import math
 
 import numpy as np
 import pytest
 
-from drivers.api import Drive
+from drivers.api import Drive, Scan
 from runtime.app import Car
-from runtime.rehearsal import LEAD_S, Rehearsal
+from runtime.rehearsal import FORGETS, LEAST_S, MARGIN_S, Rehearsal
 from runtime.settings import Settings
 from sim.twins import BEAMS, MemoryBus, MemoryLidar, MemoryMotor
 from sim.virtual_time import run_virtual
 
 SETTINGS = Settings.model_validate({"operator": {"permit": "always"}, "recording": {"enabled": False}})
+
+SCAN = (Scan(0.0, 0.0, -2.35, 0.00436, 0.02, 30.0, np.full(BEAMS, 2.0, np.float32), 0), None)
 
 
 def corridor(now_s):
@@ -80,7 +83,7 @@ def test_it_comes_just_before_a_scan():
     drill = Drill()
     due_s = np.array(drill.scanned_s)
     for decoded_s in drill.decoded_s[:-1]:
-        assert np.min(np.abs(due_s - decoded_s - LEAD_S)) < 1e-6
+        assert np.min(np.abs(due_s - decoded_s - MARGIN_S - LEAST_S)) < 1e-6
 
 
 def test_an_error_in_it_is_said_once_and_the_car_drives_on(caplog):
@@ -109,3 +112,16 @@ def test_it_follows_the_settings():
 
 def test_what_it_sends_is_a_drive():
     assert all(isinstance(drive, Drive) for drive in Drill().sent)
+
+
+def test_it_begins_sooner_when_it_takes_longer_and_not_at_all_when_it_takes_too_long():
+    rehearsal = Drill().rehearsal
+    assert rehearsal.lead_s == pytest.approx(MARGIN_S + LEAST_S)
+    times_s = iter([0.0, 0.002, 0.0, 0.0])
+    rehearsal.clock = lambda: next(times_s)
+    rehearsal.run(*SCAN)
+    assert rehearsal.lead_s == pytest.approx(MARGIN_S + 0.002)
+    rehearsal.run(*SCAN)
+    assert rehearsal.took_s == pytest.approx(0.002 * FORGETS)
+    rehearsal.took_s = 0.01
+    assert rehearsal.lead_s == math.inf

@@ -54,8 +54,14 @@ class Bench:
             await task
 
 
-def test_it_beats_fifty_times_a_second_with_the_measured_speed():
-    bench = Bench(2.01)
+def test_while_nobody_speaks_it_beats_ten_times_a_second():
+    bench = Bench(2.001)
+    assert [beat.beat for _, beat in bench.beats] == list(range(1, 21))
+    assert all(after - before == pytest.approx(0.1) for (before, _), (after, _) in pairwise(bench.beats))
+
+
+def test_it_beats_fifty_times_a_second_for_whoever_speaks():
+    bench = Bench(2.01, client_sends_until_s=10.0)
     assert [beat.beat for _, beat in bench.beats] == list(range(1, 101))
     assert all(after - before == pytest.approx(0.02) for (before, _), (after, _) in pairwise(bench.beats))
     assert bench.beats[-1][1].speed_mps == 1.25

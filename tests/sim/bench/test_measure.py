@@ -2,7 +2,12 @@
 
 import argparse
 import json
+import os
+import subprocess
+import sys
+import time
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -48,6 +53,35 @@ def test_whoever_listens_is_there_and_the_car_answers_all_the_same():
     found = measure.readers(BRIEF)
     assert list(found) == ["nobody", "one reader", "one that stops reading", "ten readers"]
     assert all(0 < figures["p50"] <= figures["max"] for figures in found.values())
+
+
+def test_it_answers_while_others_want_every_core():
+    try:
+        found = measure.loaded(BRIEF)
+    except BenchError as error:
+        if "root" not in str(error):
+            raise
+        pytest.skip("SCHED_FIFO needs root")
+    assert 0 < found["p50"] <= found["p99"]
+    assert os.sched_getscheduler(0) == os.SCHED_OTHER
+
+
+def test_the_car_does_not_outlive_a_bench_that_was_killed():
+    course = "from sim.bench.course import make_course; course = make_course(scans=2, blocked=False)"
+    rig = (
+        "from sim.bench.rig import Rig; import sys, time; r = Rig(course).__enter__(); print(r.process.pid, flush=True)"
+    )
+    bench = subprocess.Popen(
+        [sys.executable, "-c", f"{course}; {rig}; time.sleep(60)"], stdout=subprocess.PIPE, text=True
+    )
+    assert bench.stdout is not None
+    pid = int(bench.stdout.readline())
+    bench.kill()
+    bench.communicate()
+    give_up_s = time.monotonic() + 10
+    while Path(f"/proc/{pid}/stat").exists() and "wallride" in Path(f"/proc/{pid}/cmdline").read_text():
+        assert time.monotonic() < give_up_s
+        time.sleep(0.05)
 
 
 def test_settings_that_the_car_refuses_are_said():
