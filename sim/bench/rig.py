@@ -106,7 +106,11 @@ class Rig:
         with self._log.open("wb") as log:
             self.started_s = time.monotonic()
             self.process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, preexec_fn=die_with_me
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                preexec_fn=die_with_me,  # noqa: PLW1509 - one thread here
             )
         self._endpoint = endpoint
         self._cores = os.sched_getaffinity(0)
