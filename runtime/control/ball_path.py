@@ -127,7 +127,13 @@ def bend_per_m(path: BallPath) -> float:
     """
     if not all(path.meets[_BEND_CIRCLES]):
         return 0.0
-    circles = zip(path.radius_m[_BEND_CIRCLES], path.bearing_rad[_BEND_CIRCLES], strict=True)
+    return bend_of(path.radius_m[_BEND_CIRCLES], path.bearing_rad[_BEND_CIRCLES])
+
+
+@twin
+def bend_of(radius_m: tuple[float, ...], bearing_rad: tuple[float, ...]) -> float:
+    """Return the curvature [1/m] of a path over four circles."""
+    circles = zip(radius_m, bearing_rad, strict=True)
     (x0, y0), (x1, y1), (x2, y2), (x3, y3) = ((r * math.cos(b), r * math.sin(b)) for r, b in circles)
     turn_rad = math.atan2(y3 - y2, x3 - x2) - math.atan2(y1 - y0, x1 - x0)
     way_m = (math.hypot(x2 - x0, y2 - y0) + math.hypot(x3 - x1, y3 - y1)) / 2

@@ -5,9 +5,11 @@ from collections import deque
 from dataclasses import dataclass, field
 
 from drivers.api import MotorState
+from drivers.twin import twin
 
 _STEP_S = 0.015
 _GRAVITY_MPS2 = 9.81
+_SLOWEST_MPS = 0.1
 _GRIP_MU = 0.8
 """Only bounds the yaw rate that the steering angle promises; the car turns no faster than it can grip."""
 WIRE_S = 0.02
@@ -107,23 +109,40 @@ class Predictor:
         self.wheel_rad = (before_rad + self._servo_rad) / 2
         self.answers.heard(motor)
         coming = self.answers.in_flight(motor.stamp_s)
-        x_m = y_m = yaw_rad = 0.0
-        angle_rad, target_rad = self._servo_rad, motor.steering_rad
-        speed_mps = motor.speed_mps
+        after_s = [(told_s - stamp_s, angle_rad) for told_s, angle_rad in coming]
         ahead_s += self.answers.wire_s
         steps = max(1, round(ahead_s / _STEP_S))
-        dt_s = ahead_s / steps
-        most_radps = _GRIP_MU * _GRAVITY_MPS2 / max(abs(speed_mps), 0.1)
-        for step in range(steps):
-            while coming and coming[0][0] <= stamp_s + step * dt_s:
-                target_rad = coming.pop(0)[1]
-            angle_rad = towards(angle_rad, target_rad, self._rate_radps * dt_s)
-            rate = min(max(speed_mps * math.tan(angle_rad + trim_rad) / self._wheelbase_m, -most_radps), most_radps)
-            middle_rad = yaw_rad + rate * dt_s / 2
-            x_m += speed_mps * math.cos(middle_rad) * dt_s
-            y_m += speed_mps * math.sin(middle_rad) * dt_s
-            yaw_rad += rate * dt_s
-        return Shift(x_m, y_m, yaw_rad)
+        motion = motor.speed_mps, self._wheelbase_m, trim_rad, self._rate_radps, ahead_s / steps
+        return Shift(*rolled_ahead(motion, (self._servo_rad, motor.steering_rad), after_s, steps))
+
+
+@twin
+def rolled_ahead(
+    motion: tuple[float, float, float, float, float],
+    steering: tuple[float, float],
+    coming: list[tuple[float, float]],
+    steps: int,
+) -> tuple[float, float, float]:
+    """Return x_m, y_m, yaw_rad after so many steps (kinematic single-track model).
+
+    motion: speed_mps, wheelbase_m, trim_rad, slew rate_radps, seconds of a step. steering: the servo's angle and where
+    it goes. coming: (seconds from the beginning, angle) of the targets that follow, in order; at most 32.
+    """
+    speed_mps, wheelbase_m, trim_rad, rate_radps, dt_s = motion
+    angle_rad, target_rad = steering
+    x_m = y_m = yaw_rad = 0.0
+    most_radps = _GRIP_MU * _GRAVITY_MPS2 / max(abs(speed_mps), _SLOWEST_MPS)
+    waiting = deque(coming)
+    for step in range(steps):
+        while waiting and waiting[0][0] <= step * dt_s:
+            target_rad = waiting.popleft()[1]
+        angle_rad = towards(angle_rad, target_rad, rate_radps * dt_s)
+        rate = min(max(speed_mps * math.tan(angle_rad + trim_rad) / wheelbase_m, -most_radps), most_radps)
+        middle_rad = yaw_rad + rate * dt_s / 2
+        x_m += speed_mps * math.cos(middle_rad) * dt_s
+        y_m += speed_mps * math.sin(middle_rad) * dt_s
+        yaw_rad += rate * dt_s
+    return x_m, y_m, yaw_rad
 
 
 def towards(from_rad: float, to_rad: float, most_rad: float) -> float:

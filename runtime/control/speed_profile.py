@@ -7,6 +7,7 @@ v(s)^2 <= v_point^2 + 2 a_brake (s - 0.3 - 0.06 v)
 import math
 from itertools import pairwise
 
+from drivers.twin import twin
 from runtime.control.ball_path import BallPath
 
 GRAVITY_MPS2 = 9.81
@@ -44,20 +45,30 @@ def profile_mps(path: BallPath, speed_mps: float, assumed_mu: float) -> float:
     path: circles in growing order; it ends at the first circle that the wall does not meet, and beyond the end a
     corner of the sharpest curvature is assumed.
     """
-    lateral = LATERAL_SHARE * assumed_mu * GRAVITY_MPS2
-    brake = BRAKE_SHARE * assumed_mu * GRAVITY_MPS2
     meets, crosses = path.meets, path.crosses
     # Nearer circles than the first crossing lie wholly inside or outside of D: the way to the path, not the path.
     begin = crosses.index(True) if True in crosses else len(crosses)
     end = next((i for i in range(begin, len(meets)) if not meets[i]), len(meets))
-    circles = list(zip(path.radius_m[begin:end], path.bearing_rad[begin:end], strict=True))
-    places = [(radius_m * math.cos(bearing_rad), radius_m * math.sin(bearing_rad)) for radius_m, bearing_rad in circles]
+    grip_mps2 = assumed_mu * GRAVITY_MPS2
+    margin_m = MARGIN_M + REACTION_S * abs(speed_mps)
+    seen = path.radius_m[begin:end], path.bearing_rad[begin:end]
+    return fastest_mps(*seen, margin_m, LATERAL_SHARE * grip_mps2, BRAKE_SHARE * grip_mps2)
+
+
+@twin
+def fastest_mps(
+    radius_m: tuple[float, ...], bearing_rad: tuple[float, ...], margin_m: float, lateral: float, brake: float
+) -> float:
+    """Return the highest speed now at the beginning of a path over these circles, which it crosses.
+
+    margin_m: rolled before the brakes take hold. lateral, brake: what the floor gives [m/s^2].
+    """
+    places = [(r_m * math.cos(b_rad), r_m * math.sin(b_rad)) for r_m, b_rad in zip(radius_m, bearing_rad, strict=True)]
     heading: list[float] = []
-    way = [circles[0][0]] if len(circles) > 1 else [0.0]
+    way = [radius_m[0]] if len(radius_m) > 1 else [0.0]
     for (x0, y0), (x1, y1) in pairwise(places):
         heading.append(math.atan2(y1 - y0, x1 - x0))
         way.append(way[-1] + math.hypot(x1 - x0, y1 - y0))
-    margin_m = MARGIN_M + REACTION_S * abs(speed_mps)
     # At the end of what is seen, a corner; before it, at each inner point its own curvature.
     square = lateral / SHARPEST_PER_M + 2 * brake * max(way[-1] - margin_m, 0.0)
     for i in range(len(heading) - SPAN):

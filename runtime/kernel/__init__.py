@@ -30,13 +30,16 @@ from runtime.control import (
     movers,
     my_wall,
     perception,
+    prediction,
+    speed_profile,
     wall,
 )
 from runtime.kernel.build import built
 
 SWITCH: Final = "WALLRIDE_COMPILED"
 MODULES: Final = (
-    codec, ranges, ball_path, darkness, faint, footprint, geometry, movers, my_wall, perception, wall,
+    codec, ranges, ball_path, darkness, faint, footprint, geometry, movers, my_wall, perception,
+    prediction, speed_profile, wall,
 )  # fmt: skip
 HERE: Final = Path(__file__).parent
 SEAL: Final = HERE / "seal.json"

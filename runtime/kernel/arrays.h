@@ -76,5 +76,8 @@ KERNEL(wall_line);
 KERNEL(room_for);
 KERNEL(around);
 KERNEL(rolled);
+KERNEL(rolled_ahead);
+KERNEL(bend_of);
+KERNEL(fastest_mps);
 
 #endif

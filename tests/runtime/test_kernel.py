@@ -14,7 +14,7 @@ from drivers.api import MotorState, Scan
 from drivers.hokuyo.codec import checksum
 from runtime import kernel
 from runtime.car_settings import CarSettings
-from runtime.control import movers, perception
+from runtime.control import ball_path, movers, perception
 from runtime.control.ball import BallFollower
 from runtime.control.ball_settings import BallSettings
 from runtime.control.perception import Eyes
@@ -118,7 +118,17 @@ def test_a_drive_gets_the_same_answers(compared, world, side):
         at_s = 0.025 * step
         pose = Pose(0.07 * step, rng.uniform(-0.1, 0.1), rng.uniform(-0.2, 0.2))
         drive.see(as_scan(scan(geometry, pose, Twist(2.0), at_s, rng, lidar), lidar, at_s, step))
-    hot = {"look", "small_things", "thin_places", "solid_places", "any_nearer", "bent_way", "first_touch", "wall_piece"}
+    hot = {
+        "look",
+        "small_things",
+        "thin_places",
+        "solid_places",
+        "any_nearer",
+        "bent_way",
+        "first_touch",
+        "wall_piece",
+        "rolled_ahead",
+    }
     assert {name for name in hot if compared[name] < 60} == set()
 
 
@@ -172,6 +182,40 @@ def test_any_samples_are_decoded_alike(compiled, samples, beams, reverse):
         answers = [of["decode_samples"](sent, beams, 20, 30000, int(reverse)) for of in (twin.PLAIN, compiled)]
         assert_same("decode_samples", *answers)
         assert answers[1] is None or not answers[1].flags.writeable
+
+
+ANGLE = st.floats(-1.5, 1.5)
+RADII = tuple(np.linspace(0.3, 3.0, 10).tolist())
+
+
+@given(
+    motion=st.tuples(st.floats(-1.0, 8.0), st.floats(0.2, 0.5), st.floats(-0.1, 0.1), st.floats(0.1, 10.0)),
+    steering=st.tuples(st.floats(-0.4, 0.4), st.floats(-0.4, 0.4)),
+    coming=st.lists(st.tuples(st.floats(-0.1, 0.3), st.floats(-0.4, 0.4)), max_size=12),
+    steps=st.integers(1, 20),
+)
+def test_any_motion_is_rolled_ahead_alike(compiled, motion, steering, coming, steps):
+    given_ = ((*motion, 0.015), steering, sorted(coming), steps)
+    assert_same("rolled_ahead", twin.PLAIN["rolled_ahead"](*given_), compiled["rolled_ahead"](*given_))
+
+
+@given(bearing_rad=st.lists(ANGLE, min_size=10, max_size=10), count=st.integers(0, 10), margin_m=st.floats(0.3, 0.8))
+def test_any_path_is_bent_and_driven_alike(compiled, bearing_rad, count, margin_m):
+    path = RADII[:count], tuple(bearing_rad[:count])
+    for grip in (2.0, 6.0):
+        given_ = (*path, margin_m, grip, 0.7 * grip)
+        assert_same("fastest_mps", twin.PLAIN["fastest_mps"](*given_), compiled["fastest_mps"](*given_))
+    four = RADII[1:5], tuple(bearing_rad[1:5])
+    assert_same("bend_of", twin.PLAIN["bend_of"](*four), compiled["bend_of"](*four))
+
+
+def test_compiled_functions_are_called_without_a_step_in_between(compiled, as_it_was):
+    before = ball_path.around
+    twin.use(compiled)
+    assert ball_path.around is compiled["around"]
+    twin.use({"look": compiled["look"]})
+    assert ball_path.around is before
+    assert perception.look is compiled["look"]
 
 
 def test_wrong_arguments_are_refused_and_crash_nothing(compiled):
