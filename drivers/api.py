@@ -13,6 +13,8 @@ from typing import Never, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from drivers.value import value
+
 Clock = Callable[[], float]
 """Monotonic seconds. Injected everywhere, so that tests and simulation run on a clock of their own."""
 Reschedule = Callable[[float], float]
@@ -24,7 +26,7 @@ def as_wanted(wanted_s: float) -> float:
     return wanted_s
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value(eq=False)
 class Scan:
     """One lidar revolution in the lidar frame (x forward, y left, angles counter-clockwise, REP-103).
 
@@ -46,7 +48,7 @@ class Scan:
     sequence: int
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class Drive:
     """What the car should do: speed positive forward, steering positive to the left.
 
@@ -59,7 +61,7 @@ class Drive:
     brake_mps2: float = math.inf
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class MotorState:
     """What the motor controller last said about itself.
 

@@ -7,11 +7,11 @@ a table of cases tests it completely.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 
 from drivers.api import Drive
+from drivers.value import value
 
 NO_LIMIT_MPS = math.inf
 
@@ -33,7 +33,7 @@ CAPPING = frozenset({Source.ESTOP, Source.SAFETY, Source.PERMIT})
 DRIVING = frozenset({Source.TELEOP, Source.NAVIGATION})
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class DriveWord:
     """A wish to move.
 
@@ -46,7 +46,7 @@ class DriveWord:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class Verdict:
     """How fast one particular drive may go.
 
@@ -75,7 +75,7 @@ class Outlook(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class CapWord:
     """A ceiling on the speed of everyone less urgent.
 
@@ -101,7 +101,7 @@ def refusal(source: Source, reason: str) -> CapWord:
 Word = DriveWord | CapWord
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class Decision:
     """What goes to the output, and why.
 
@@ -122,7 +122,7 @@ class Decision:
     brake_mps2: float = math.inf
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class Output:
     """What went to the motor, and why.
 

@@ -9,12 +9,12 @@ is range-checked as well. Source: SCIP 2.0 specification C-42-03320B, and vendor
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from drivers.twin import twin
+from drivers.value import value
 
 BLOCK_LIMIT_BYTES: Final = 8192
 """A full scan with intensities is 6.7 kB. Without a blank line for longer than this, the bytes do not line up."""
@@ -59,7 +59,7 @@ def checksum(text: bytes) -> int:
     return (sum(text) & 0x3F) + 0x30
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class Block:
     """One reply, every checksum verified and stripped.
 

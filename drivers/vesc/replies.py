@@ -10,6 +10,8 @@ import struct
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from drivers.value import value
+
 STATUS_TIMED_OUT = 1
 STATUS_KILLED = 2
 HARDWARE_VESC = 0
@@ -19,7 +21,7 @@ _UUID_BYTES = 12
 _STANDARD_GRAVITY_MPS2 = 9.80665
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class Firmware:
     """Reply to FW_VERSION. Everything after the version may be missing, which is None (or "", or no bytes).
 
@@ -216,7 +218,7 @@ def decode_values_selective(payload: bytes) -> dict[str, Any] | None:
     return fields if len(fields) == len(asked) else None
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class Imu:
     """Reply to GET_IMU_DATA in SI units and the VESC's own axes; NaN where it was not asked for.
 

@@ -21,8 +21,8 @@ f1tenth_gym); SLIP is that for mu = 0.5, the low guess: better a little to the i
 """
 
 import math
-from dataclasses import dataclass
 
+from drivers.value import value
 from runtime.control.ball_path import WIDEST_RAD, BallPath
 from runtime.control.wall import Line
 
@@ -48,7 +48,7 @@ KINKED_ABOVE_PER_M = 0.6
 SLIP_S2_PER_M = 0.037
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class Aim:
     """What the law steers by. straight: how far the wall beside and ahead is one straight line, 0 to 1."""
 

@@ -11,11 +11,11 @@ so the first place is the least b - h of all points, unless the free end itself 
 
 import cmath
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from drivers.twin import twin
+from drivers.value import value
 from runtime.control.geometry import Floats, Places
 from runtime.control.prediction import Shift
 
@@ -30,7 +30,7 @@ _BEND_CIRCLES = slice(1, 5)
 HERE = Shift()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value(eq=False)
 class WallPoints:
     """The wall around the rear axle: ranges [m] and bearings [rad], shape (n,); nearest_m: the least range."""
 
@@ -44,7 +44,7 @@ class WallPoints:
         return cls(*around(places_m, shift.x_m, shift.y_m, shift.yaw_rad))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value(eq=False)
 class BallPath:
     """The ball on each circle, all (k,).
 

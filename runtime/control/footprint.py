@@ -10,12 +10,12 @@ Points and poses are complex numbers x + iy: to turn by an angle is to multiply 
 """
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from drivers.twin import twin
+from drivers.value import value
 from runtime.control.geometry import Booleans, Floats, Places
 
 STEP_M = 0.06
@@ -27,7 +27,7 @@ SLEWS_AT_LEAST_MPS = 0.3
 """A standing car is reckoned to start with this speed, or its wheels would be turned before it has moved at all."""
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class Outline:
     """The car as a rectangle in base_link, margins included; rear_m is measured backwards."""
 
@@ -64,7 +64,7 @@ class Motion(NamedTuple):
     end_mps: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value(eq=False)
 class Path:
     """Poses of the rear axle, one every STEP_M: travelled distance, place, heading as a direction; shapes (n,).
 
@@ -82,7 +82,7 @@ class Path:
         return Path(self.travel_m[piece], self.place_m[piece], self.heading[piece], self.curvature_per_m[piece])
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class Contact:
     """The first thing in the strip.
 

@@ -1,16 +1,16 @@
 """What a follower or a safety law answers: the shape that every method shares."""
 
 import math
-from dataclasses import dataclass
 from typing import Protocol
 
 from drivers.api import Drive, MotorState, Scan
+from drivers.value import value
 from runtime.command import Outlook, Verdict
 
 __all__ = ["Follower", "Guard", "Guidance", "Outlook", "Verdict"]
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class Guidance:
     """A follower's answer to one scan.
 

@@ -5,7 +5,6 @@ goes from the rear of the wall side across the front to the other side.
 """
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from typing import Literal
@@ -15,6 +14,7 @@ import numpy.typing as npt
 
 from drivers.api import Scan
 from drivers.twin import twin
+from drivers.value import value
 from runtime.control.geometry import Floats, Places, bearings_rad
 from runtime.control.perception import View
 from runtime.control.wall import Line, LineFinder
@@ -52,7 +52,7 @@ ROOM_LEAST_GAIN_M = 0.03
 """Only this much less room than 2 D narrows D; otherwise noise would narrow a corridor of exactly 2 D."""
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class WallSide:
     """One kind of lidar, seen so that the followed wall is on the left. bearing_rad: falls from the rear left.
 
@@ -80,7 +80,7 @@ def wall_side(angle_min_rad: float, angle_step_rad: float, beams: int, side: Lit
     return WallSide(order, sign, bearing_rad, span, opposite, LineFinder(bearing_rad))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value(eq=False)
 class SideView:
     """A view with the followed wall on the left; arrays (beams,) in the order of WallSide."""
 

@@ -1,12 +1,12 @@
 """Where the car is, from wheel distance and steering: dead reckoning of the rear axle (base_link in odom, REP-105)."""
 
 import math
-from dataclasses import dataclass
 
 from drivers.api import MotorState
+from drivers.value import value
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class Pose:
     """Position [m] and heading [rad, counter-clockwise from x] in the odom frame, with the speeds at that moment."""
 

@@ -8,13 +8,13 @@ Frames: base_link = middle of the rear axle, x forward, y left (REP-105). The li
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from drivers.api import Scan
 from drivers.twin import twin
+from drivers.value import value
 from runtime.car_settings import CarSettings
 from runtime.control.geometry import Booleans, Floats, bearings_rad, beyond, directions
 
@@ -37,7 +37,7 @@ BRIDGED_BEAMS = 2
 """Wild beams inside a thin thing do not divide it into two thinner ones."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value(eq=False)
 class View:
     """One scan, understood. All arrays have shape (beams,) and are read-only by agreement.
 

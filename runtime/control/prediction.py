@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from drivers.api import MotorState
 from drivers.twin import twin
+from drivers.value import value
 
 _STEP_S = 0.015
 _GRAVITY_MPS2 = 9.81
@@ -22,7 +23,7 @@ OBEYED_WITHIN_S = 0.5
 """Answers that the motor has not shown for so long are somebody else's to override: nothing of them is in flight."""
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class Shift:
     """Motion of the rear axle from the scan to the moment of effect: base_link then, in base_link now."""
 

@@ -7,12 +7,12 @@ origin of the points (here base_link, the rear axle).
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from drivers.twin import twin
+from drivers.value import value
 from runtime.control.geometry import Floats
 
 Booleans = npt.NDArray[np.bool_]
@@ -42,7 +42,7 @@ CLEAN_INLIERS = 45
 _SEED = 20
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class Line:
     """A straight wall on the left.
 
