@@ -74,12 +74,12 @@ class Telemetry:
         if newest.scan is not None:
             newest.scan_period_s = scan.stamp_s - newest.scan.stamp_s
         newest.scan = scan
+        self._unanswered_s = scan.received_s
         self._note(BY_SCAN)
 
     def on_guidance(self, scan: Scan, guidance: Guidance) -> None:
         """Note the follower's answer."""
         self._newest.guided = (scan, guidance)
-        self._unanswered_s = scan.received_s
         self.journey.scans += 1
         self.journey.score.add(guidance.error_m)
         self._note(BY_GUIDANCE)

@@ -37,6 +37,6 @@ async def follow(
         word = DriveWord(Source.NAVIGATION, drive, scan.stamp_s, guidance.reason)
         voices.say(word, expires_at_s=scan.stamp_s + expires_after_s())
         stage.end()
-        publish(scan, guidance)
         decide()
+        publish(scan, guidance)
         afterwards(scan)
