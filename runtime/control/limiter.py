@@ -5,6 +5,9 @@ from dataclasses import dataclass
 
 from drivers.api import Drive
 
+FRONT_GRIP_MPS2 = 4.0
+"""Half of a good floor's grip: the front axle's side force per mass, at most."""
+
 
 @dataclass(frozen=True, slots=True)
 class Limits:
@@ -21,11 +24,15 @@ class Limiter:
     """Clamps steering and speed, and lets them change only so fast.
 
     Slowing down is never delayed: a smoother that stands between "stop" and the brake is a fault, not a comfort.
+    A stop that may only brake with b leaves a car v - (b + c) t of its speed, where c is what turned front wheels take
+    (their side force, at most half of the grip, times the sine of their angle), and a speed that is allowed again rises
+    from there. From zero, the motor would brake the rolling car down to the first step, with the grip that turns it.
     """
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
         self._last = Drive(0.0, 0.0)
+        self._rolls_mps = 0.0
 
     def tune(self, limits: Limits) -> None:
         """Go on with other limits, from the next drive on; a lower speed is a stop down to it, never delayed."""
@@ -36,6 +43,7 @@ class Limiter:
 
         brake_mps2 is passed on: how hard to brake is safety's business, not the mechanics'.
         """
+        self._rolls_mps = self._last.speed_mps or self._left_mps(dt_s)
         steering_rad = self._last.steering_rad if steering_rad is None else steering_rad
         self._last = Drive(self._speed(speed_mps, dt_s), self._steering(steering_rad, dt_s), brake_mps2)
         return self._last
@@ -43,10 +51,19 @@ class Limiter:
     def standstill(self) -> None:
         """Forget the speed: nothing was sent, or the car was stopped by somebody else."""
         self._last = Drive(0.0, self._last.steering_rad)
+        self._rolls_mps = 0.0
+
+    def _left_mps(self, dt_s: float) -> float:
+        """Return what the stop told last has left of the speed; of one that brakes with all there is, nothing."""
+        if math.isinf(self._last.brake_mps2):
+            return 0.0
+        lost_mps = (self._last.brake_mps2 + FRONT_GRIP_MPS2 * math.sin(abs(self._last.steering_rad))) * dt_s
+        left_mps = max(0.0, abs(self._rolls_mps) - lost_mps)
+        return math.copysign(left_mps, self._rolls_mps)
 
     def _speed(self, wanted_mps: float, dt_s: float) -> float:
         wanted_mps = max(-self._limits.max_reverse_mps, min(self._limits.max_speed_mps, wanted_mps))
-        last_mps = self._last.speed_mps
+        last_mps = self._rolls_mps
         if last_mps * wanted_mps < 0:
             return 0.0  # through standstill, never from gear to gear
         if abs(wanted_mps) <= abs(last_mps):

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.control.limiter import Limiter, Limits
+from runtime.control.limiter import FRONT_GRIP_MPS2, Limiter, Limits
 
 LIMITS = Limits(
     max_speed_mps=4.0, max_reverse_mps=1.0, max_steering_rad=0.34, steering_rate_radps=3.2, max_acceleration_mps2=4.0
@@ -63,6 +63,49 @@ def test_after_a_standstill_it_starts_from_zero():
     limiter.standstill()
     drive = limiter.limit(3.0, 0.2, 0.02)
     assert (drive.speed_mps, drive.steering_rad) == (pytest.approx(0.08), 0.2)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_after_a_gentle_stop_it_starts_from_what_the_brake_has_left(sign):
+    limiter = moving(sign * 1.0)
+    for _ in range(10):
+        assert limiter.limit(0.0, 0.0, 0.02, brake_mps2=1.25).speed_mps == 0.0
+    assert limiter.limit(sign * 1.0, 0.0, 0.02).speed_mps == pytest.approx(sign * (1.0 - 0.2 * 1.25 + 0.08))
+    assert limiter.limit(sign * 1.0, 0.0, 0.02).speed_mps == pytest.approx(sign * (1.0 - 0.2 * 1.25 + 0.16))
+
+
+def test_turned_wheels_brake_as_well():
+    limiter = moving(3.0, 0.34)
+    limiter.limit(0.0, 0.34, 0.0, brake_mps2=1.25)
+    drive = limiter.limit(4.0, 0.34, 0.4)
+    assert drive.speed_mps == pytest.approx(3.0 - 0.4 * (1.25 + FRONT_GRIP_MPS2 * math.sin(0.34)) + 0.4 * 4.0)
+
+
+def test_a_gentle_stop_ends_at_standstill_and_a_slower_wish_is_obeyed_at_once():
+    limiter = moving(2.0)
+    limiter.limit(0.0, 0.0, 0.0, brake_mps2=1.25)
+    assert limiter.limit(0.5, 0.0, 0.02).speed_mps == 0.5
+    limiter = moving(2.0)
+    limiter.limit(0.0, 0.0, 0.0, brake_mps2=1.25)
+    assert limiter.limit(-0.5, 0.0, 0.02).speed_mps == 0.0  # it still rolls ahead
+    limiter = moving(2.0)
+    limiter.limit(0.0, 0.0, 0.0, brake_mps2=1.25)
+    limiter.limit(0.0, 0.0, LONG_S, brake_mps2=1.25)
+    assert limiter.limit(2.0, 0.0, 0.02).speed_mps == pytest.approx(0.08)
+
+
+def test_one_hard_stop_among_gentle_ones_and_it_starts_from_zero():
+    limiter = moving(3.0)
+    for brake_mps2 in (1.25, math.inf, 1.25):
+        limiter.limit(0.0, 0.0, 0.02, brake_mps2)
+    assert limiter.limit(3.0, 0.0, 0.02).speed_mps == pytest.approx(0.08)
+    limiter = moving(3.0)
+    limiter.limit(0.0, 0.0, 0.0)
+    assert limiter.limit(3.0, 0.0, 0.0).speed_mps == 0.0  # and no time at all makes no difference
+    limiter = moving(3.0)
+    limiter.limit(0.0, 0.0, 0.02, 1.25)
+    limiter.standstill()
+    assert limiter.limit(3.0, 0.0, 0.02).speed_mps == pytest.approx(0.08)
 
 
 @given(st.lists(st.tuples(st.floats(-20, 20), st.one_of(st.none(), st.floats(-5, 5)), st.floats(0, 0.5)), max_size=30))
