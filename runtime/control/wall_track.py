@@ -8,6 +8,9 @@ stand while the servo stands in the middle. Over a way s the kinematic single-tr
 
 so a car that turns otherwise than its steering says tells its trim within a metre or two, long before its distance from
 the wall does. Tyres that slip tell the same, so in bends the model is believed less, and the trim learns nothing there.
+While the servo turns the model is believed less as well, because the wheels are a scan or so behind the wire (dead
+time, tyres); and the first scans of a line teach no trim. (A car that began its first turn in the second scan learnt
+0.04 rad of a trim that it did not have, and came back to the wall too wide.)
 """
 
 import math
@@ -35,6 +38,12 @@ BENT_UNREST_RAD = 0.05
 scan the memory of the last turn falls to CALM_SHARE of itself. A bent wall counts as such a turn."""
 
 
+LATE_SCANS = 1.0
+"""By so many scans the wheels are behind the wire: 20 ms of a servo's dead time, and the tyres' own."""
+SETTLING_SCANS = 3
+"""Of a new line no trim is learnt: two lines of one scan each differ by more than 30 mrad of trim turn the car."""
+
+
 class WallTrack:
     """Tracks one wall; forgets it when another one is found, but never the trim."""
 
@@ -45,12 +54,15 @@ class WallTrack:
         self._line: Line | None = None
         self._d = self._a = 0.0
         self._unrest_rad = 0.0
+        self._wheel_rad = 0.0
+        self._scans = 0
         # Covariances: of d, a, and between them and the trim.
         self._dd = self._aa = self._da = self._dt = self._at = 0.0
 
     def mirror(self) -> None:
         """The wall is on the other side now: another wall, but the same steering."""
         self.trim_rad = -self.trim_rad
+        self._wheel_rad = -self._wheel_rad
         self._line = None
 
     def expect(self, way_m: float, wheel_rad: float, speed_mps: float, *, straight: bool = True) -> Line | None:
@@ -80,19 +92,24 @@ class WallTrack:
         return self._line
 
     def _begin(self, found: Line) -> None:
+        self._scans = 0
         self._d, self._a = found.distance_m, found.heading_rad
         self._dd, self._aa = LINE_STD_M**2, LINE_STD_RAD**2
         self._da = self._dt = self._at = 0.0
 
     def _predict(self, way_m: float, wheel_rad: float, speed_mps: float) -> None:
         turn_rad = way_m * math.tan(wheel_rad + self.trim_rad) / self._wheelbase_m
+        late_rad = LATE_SCANS * way_m * abs(wheel_rad - self._wheel_rad) / self._wheelbase_m
+        self._wheel_rad = wheel_rad
+        self._scans += 1
         chord_rad = turn_rad / 2 - self._a
         self._d -= way_m * math.sin(chord_rad)
         self._a -= turn_rad
         self._unrest_rad = max(abs(turn_rad), CALM_SHARE * self._unrest_rad)
         # P = F P F' + Q with F = [[1, s cos, 0], [0, 1, -s/L], [0, 0, 1]]; what the trim does to d at once is tiny
         along_m, by_trim = way_m * math.cos(chord_rad), -way_m / self._wheelbase_m
-        if self._unrest_rad * speed_mps * speed_mps > STRAIGHT_WITHIN_MPS2 * way_m:
+        turns = self._unrest_rad * speed_mps * speed_mps > STRAIGHT_WITHIN_MPS2 * way_m
+        if turns or self._scans <= SETTLING_SCANS:
             self._dt = self._at = 0.0
             by_trim = 0.0
         at = self._at + by_trim * self._trim_var
@@ -101,7 +118,7 @@ class WallTrack:
         self._dd += along_m * (2 * self._da + along_m * self._aa) + (STEP_STD_M + DRIFT_PER_TURN_M * abs(turn_rad)) ** 2
         self._dt += along_m * self._at
         self._at, self._da = at, da
-        self._aa = aa + (STEP_STD_RAD + SLIP_PER_TURN * self._unrest_rad) ** 2
+        self._aa = aa + (STEP_STD_RAD + SLIP_PER_TURN * self._unrest_rad + late_rad) ** 2
         self._trim_var = min(self._trim_var + TRIM_STEP_STD_RAD**2, TRIM_START_STD_RAD**2)
 
     def _correct(self, found: Line) -> None:

@@ -77,6 +77,33 @@ def test_in_a_bend_and_soon_after_it_the_trim_learns_nothing():
     assert car.track.trim_rad == pytest.approx(0.03, abs=0.004)
 
 
+def test_wheels_that_are_behind_the_wire_are_no_trim():
+    """A car that follows its steering one scan late and weaves so fast that the two differ by more than a trim."""
+    car = Car(speed_mps=3.0)
+    told_rad = turned_rad = 0.0
+    for number in range(200):
+        turned_rad, told_rad = told_rad, 0.04 * math.sin(number)
+        way_m = 0.075
+        turn_rad = way_m * math.tan(turned_rad) / L_M
+        car.yaw_rad += turn_rad
+        car.track.expect(way_m, told_rad, 3.0)
+        car.track.correct(Line(1.0, -car.yaw_rad, 120))
+        assert abs(car.track.trim_rad) < 0.012
+
+
+def test_the_first_scans_of_a_line_teach_no_trim():
+    """A line of one scan is off by more than a trim turns the car: two of them fake one of 30 mrad."""
+    track = WallTrack(L_M)
+    for heading_rad in (0.0, 0.01, 0.02):
+        track.expect(0.075, 0.0, 3.0)
+        track.correct(Line(1.0, heading_rad, 120))
+    assert track.trim_rad == 0.0
+    for _ in range(40):
+        track.expect(0.075, 0.03, 3.0)  # held straight with turned wheels
+        track.correct(Line(1.0, 0.02, 120))
+    assert track.trim_rad == pytest.approx(-0.03, abs=0.006)
+
+
 def test_a_wall_that_bends_with_the_car_is_no_trim():
     for straight, learnt_rad in ((True, 0.03), (False, 0.0)):
         track = WallTrack(L_M)
