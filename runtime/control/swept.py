@@ -190,7 +190,9 @@ class Outlook:
             if gently is not None:
                 return gently
         if self._brakes(found.travel_m, hard_m, speed_mps):
-            return self._standing(found) if speed_mps <= STANDING_MPS else hard_stop(self.strip, found, reaction_s)
+            if speed_mps <= STANDING_MPS:
+                return self._standing(found)
+            return hard_stop(self.strip, found, steering_rad, reaction_s)
         if found is NOTHING:
             return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s)
         gaining = self._gaining(steering_rad, look_m, wanted_mps, reaction_s)
