@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from drivers.api import Drive
 
-FRONT_GRIP_MPS2 = 4.0
-"""Half of a good floor's grip: the front axle's side force per mass, at most."""
+ASIDE_MPS2 = 2.0
+"""Side force of the front axle per mass of the car, half of its grip on a good floor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,8 +25,8 @@ class Limiter:
 
     Slowing down is never delayed: a smoother that stands between "stop" and the brake is a fault, not a comfort.
     A stop that may only brake with b leaves a car v - (b + c) t of its speed, where c is what turned front wheels take
-    (their side force, at most half of the grip, times the sine of their angle), and a speed that is allowed again rises
-    from there. From zero, the motor would brake the rolling car down to the first step, with the grip that turns it.
+    (their side force times the sine of their angle), and a speed that is allowed again rises from there. From zero, the
+    motor would brake the rolling car down to the first step, with the grip that turns it.
     """
 
     def __init__(self, limits: Limits) -> None:
@@ -57,7 +57,7 @@ class Limiter:
         """Return what the stop told last has left of the speed; of one that brakes with all there is, nothing."""
         if math.isinf(self._last.brake_mps2):
             return 0.0
-        lost_mps = (self._last.brake_mps2 + FRONT_GRIP_MPS2 * math.sin(abs(self._last.steering_rad))) * dt_s
+        lost_mps = (self._last.brake_mps2 + ASIDE_MPS2 * math.sin(abs(self._last.steering_rad))) * dt_s
         left_mps = max(0.0, abs(self._rolls_mps) - lost_mps)
         return math.copysign(left_mps, self._rolls_mps)
 

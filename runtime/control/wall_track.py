@@ -9,8 +9,9 @@ stand while the servo stands in the middle. Over a way s the kinematic single-tr
 so a car that turns otherwise than its steering says tells its trim within a metre or two, long before its distance from
 the wall does. Tyres that slip tell the same, so in bends the model is believed less, and the trim learns nothing there.
 While the servo turns the model is believed less as well, because the wheels are a scan or so behind the wire (dead
-time, tyres); and the first scans of a line teach no trim. (A car that began its first turn in the second scan learnt
-0.04 rad of a trim that it did not have, and came back to the wall too wide.)
+time, tyres); and the first step from a new line teaches no trim, because two lines of one scan each differ by more than
+a trim turns the car. (A car that began its first turn in the second scan learnt 0.04 rad of a trim that it did not
+have, and came back to the wall too wide.)
 """
 
 import math
@@ -40,8 +41,6 @@ scan the memory of the last turn falls to CALM_SHARE of itself. A bent wall coun
 
 LATE_SCANS = 1.0
 """By so many scans the wheels are behind the wire: 20 ms of a servo's dead time, and the tyres' own."""
-SETTLING_SCANS = 3
-"""Of a new line no trim is learnt: two lines of one scan each differ by more than 30 mrad of trim turn the car."""
 
 
 class WallTrack:
@@ -55,7 +54,7 @@ class WallTrack:
         self._d = self._a = 0.0
         self._unrest_rad = 0.0
         self._wheel_rad = 0.0
-        self._scans = 0
+        self._new = True
         # Covariances: of d, a, and between them and the trim.
         self._dd = self._aa = self._da = self._dt = self._at = 0.0
 
@@ -92,7 +91,7 @@ class WallTrack:
         return self._line
 
     def _begin(self, found: Line) -> None:
-        self._scans = 0
+        self._new = True
         self._d, self._a = found.distance_m, found.heading_rad
         self._dd, self._aa = LINE_STD_M**2, LINE_STD_RAD**2
         self._da = self._dt = self._at = 0.0
@@ -101,7 +100,6 @@ class WallTrack:
         turn_rad = way_m * math.tan(wheel_rad + self.trim_rad) / self._wheelbase_m
         late_rad = LATE_SCANS * way_m * abs(wheel_rad - self._wheel_rad) / self._wheelbase_m
         self._wheel_rad = wheel_rad
-        self._scans += 1
         chord_rad = turn_rad / 2 - self._a
         self._d -= way_m * math.sin(chord_rad)
         self._a -= turn_rad
@@ -109,9 +107,10 @@ class WallTrack:
         # P = F P F' + Q with F = [[1, s cos, 0], [0, 1, -s/L], [0, 0, 1]]; what the trim does to d at once is tiny
         along_m, by_trim = way_m * math.cos(chord_rad), -way_m / self._wheelbase_m
         turns = self._unrest_rad * speed_mps * speed_mps > STRAIGHT_WITHIN_MPS2 * way_m
-        if turns or self._scans <= SETTLING_SCANS:
+        if turns or self._new:
             self._dt = self._at = 0.0
             by_trim = 0.0
+        self._new = False
         at = self._at + by_trim * self._trim_var
         aa = self._aa + by_trim * (self._at + at)
         da = self._da + along_m * self._aa + by_trim * (self._dt + along_m * self._at)

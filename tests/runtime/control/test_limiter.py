@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.control.limiter import FRONT_GRIP_MPS2, Limiter, Limits
+from runtime.control.limiter import ASIDE_MPS2, Limiter, Limits
 
 LIMITS = Limits(
     max_speed_mps=4.0, max_reverse_mps=1.0, max_steering_rad=0.34, steering_rate_radps=3.2, max_acceleration_mps2=4.0
@@ -78,7 +78,7 @@ def test_turned_wheels_brake_as_well():
     limiter = moving(3.0, 0.34)
     limiter.limit(0.0, 0.34, 0.0, brake_mps2=1.25)
     drive = limiter.limit(4.0, 0.34, 0.4)
-    assert drive.speed_mps == pytest.approx(3.0 - 0.4 * (1.25 + FRONT_GRIP_MPS2 * math.sin(0.34)) + 0.4 * 4.0)
+    assert drive.speed_mps == pytest.approx(3.0 - 0.4 * (1.25 + ASIDE_MPS2 * math.sin(0.34)) + 0.4 * 4.0)
 
 
 def test_a_gentle_stop_ends_at_standstill_and_a_slower_wish_is_obeyed_at_once():
