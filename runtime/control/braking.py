@@ -68,7 +68,7 @@ def _gentle_mps2(body: Body) -> float:
 def _beside_bend_mps2(strip: Strip) -> float:
     """Return how hard a car may brake whose wheels are only being turned: gently when they stand for a sharp bend."""
     body = strip.body
-    wheels_per_m = math.tan(strip.wheel_rad) / body.car.wheelbase_m
+    wheels_per_m = math.tan(strip.told_rad) / body.car.wheelbase_m
     grip_mps2 = body.settings.hard_share * body.slippery_mps2
     return max(brake_beside_turning_mps2(strip.speed_mps, wheels_per_m, grip_mps2), _gentle_mps2(body))
 

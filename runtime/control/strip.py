@@ -24,15 +24,17 @@ GAINS_MPS = 0.1
 class Strip:
     """One scan, ready to be swept. Sweeps are kept by steering, length and direction.
 
-    speed_mps: signed. wheel_rad: of the wheels now. latency_s: until a new steering shows. more_m: what the scan alone
-    does not show, (k,): where walkers will be, and things too thin for it. behind: the memory of what the lidar no
-    longer sees.
+    speed_mps: signed. wheel_rad: of the wheels now; the car turns as they were told a scan ago (the servo's dead time,
+    the tyres' own). told_rad: where they will be when an answer takes effect. latency_s: until a new steering shows.
+    more_m: what the scan alone does not show, (k,): where walkers will be, and things too thin for it. behind: the
+    memory of what the lidar no longer sees.
     """
 
     body: Body
     view: View
     speed_mps: float
     wheel_rad: float
+    told_rad: float
     latency_s: float
     more_m: Places
     behind: Behind

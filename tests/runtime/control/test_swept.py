@@ -309,6 +309,18 @@ def test_turning_past_goes_on_through_the_bend_and_ends_with_it():
     assert ahead.reason == "braking in a bend: wall ahead"
 
 
+def test_the_way_begins_with_wheels_that_are_a_scan_behind_the_wire():
+    """A car whose wheels were just turned the other way still turns as before, and gets less far round."""
+    post = world((0.7, -0.5, 0.7, -0.14))
+    car = Car()
+    car.look(post, 1.8, wheel_rad=-0.1)
+    turning = car.look(post, 1.8, wheel_rad=0.1)
+    assert (turning.strip.wheel_rad, turning.strip.told_rad) == (-0.1, 0.1)
+    settled = car.look(post, 1.8, wheel_rad=0.1)
+    assert turning.strip.contact(0.34, 2.0).travel_m < 1.0
+    assert settled.strip.contact(0.34, 2.0).travel_m == math.inf
+
+
 # --- the bend and the wish
 
 
