@@ -33,7 +33,7 @@ SLIP_PER_TURN = 0.3
 TRIM_START_STD_RAD = 0.02
 TRIM_STEP_STD_RAD = 1e-4
 STRAIGHT_WITHIN_MPS2 = 1.8
-CALM_SHARE = 0.9
+CALM_SHARE = 0.88
 BENT_UNREST_RAD = 0.05
 """The trim learns only while the car turns with less than this lateral acceleration, and has done so for a while: per
 scan the memory of the last turn falls to CALM_SHARE of itself. A bent wall counts as such a turn."""
