@@ -191,9 +191,10 @@ class Car:
         self.laws.learn()
         self.cadence.arrived(scan.received_s)
         if (rehearsal := self.rehearsal) is not None:
-            begins_in_s = self.cadence.next_s() - rehearsal.lead_s - self.clock()
+            due_s = self.cadence.next_s()
+            begins_in_s = due_s - rehearsal.lead_s - self.clock()
             if begins_in_s > 0:  # neither without a beat, nor where it takes too long
-                asyncio.get_running_loop().call_later(begins_in_s, rehearsal.run, scan, self.motor.state)
+                asyncio.get_running_loop().call_later(begins_in_s, rehearsal.run, scan, self.motor.state, due_s)
 
     def _beat(self, beat: bytes) -> None:
         self.bus.put(wire.key(self.settings.car.name, wire.BEAT), beat, encoding=BYTES, urgent=True)

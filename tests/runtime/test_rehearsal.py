@@ -1,6 +1,7 @@
 """The rehearsal goes the whole way and leaves no trace."""
 
 import asyncio
+import itertools
 import logging
 import math
 
@@ -9,7 +10,7 @@ import pytest
 
 from drivers.api import Drive, Scan
 from runtime.app import Car
-from runtime.rehearsal import FORGETS, LEAST_S, MARGIN_S, Rehearsal
+from runtime.rehearsal import FIRST_S, GIVE_UP_S, MARGIN_S, Rehearsal
 from runtime.settings import Settings
 from sim.twins import BEAMS, MemoryBus, MemoryLidar, MemoryMotor
 from sim.virtual_time import run_virtual
@@ -83,7 +84,7 @@ def test_it_comes_just_before_a_scan():
     drill = Drill()
     due_s = np.array(drill.scanned_s)
     for decoded_s in drill.decoded_s[:-1]:
-        assert np.min(np.abs(due_s - decoded_s - MARGIN_S - LEAST_S)) < 1e-6
+        assert MARGIN_S - 1e-6 < np.min(np.abs(due_s - decoded_s)) < MARGIN_S + FIRST_S + 1e-6
 
 
 def test_an_error_in_it_is_said_once_and_the_car_drives_on(caplog):
@@ -114,14 +115,31 @@ def test_what_it_sends_is_a_drive():
     assert all(isinstance(drive, Drive) for drive in Drill().sent)
 
 
-def test_it_begins_sooner_when_it_takes_longer_and_not_at_all_when_it_takes_too_long():
-    rehearsal = Drill().rehearsal
-    assert rehearsal.lead_s == pytest.approx(MARGIN_S + LEAST_S)
-    times_s = iter([0.0, 0.002, 0.0, 0.0])
+def ready():
+    """A rehearsal, with what it has decoded and sent, and a clock to be set."""
+    drill = Drill()
+    drill.sent.clear()
+    drill.decoded_s.clear()
+    drill.rehearsal.took_s = FIRST_S
+    return drill, drill.rehearsal
+
+
+def test_it_begins_as_early_as_it_lately_took_and_not_at_all_when_that_is_too_long():
+    _, rehearsal = ready()
+    assert rehearsal.lead_s == pytest.approx(FIRST_S + MARGIN_S)
+    times_s = itertools.count(0.0, 0.0005)  # each look at the clock is half a millisecond later
     rehearsal.clock = lambda: next(times_s)
-    rehearsal.run(*SCAN)
-    assert rehearsal.lead_s == pytest.approx(MARGIN_S + 0.002)
-    rehearsal.run(*SCAN)
-    assert rehearsal.took_s == pytest.approx(0.002 * FORGETS)
+    for _ in range(100):
+        rehearsal.run(*SCAN, due_s=math.inf)
+    assert rehearsal.lead_s == pytest.approx(0.002 + MARGIN_S, abs=1e-5)
     rehearsal.took_s = 0.01
     assert rehearsal.lead_s == math.inf
+
+
+@pytest.mark.parametrize(("left_s", "decoded", "sent"), [(0.0, 1, 0), (0.0012, 1, 0), (0.01, 1, 1)])
+def test_no_piece_is_begun_when_the_scan_is_about_to_come(left_s, decoded, sent):
+    drill, rehearsal = ready()
+    times_s = itertools.count(1.0, 0.0005)
+    rehearsal.clock = lambda: next(times_s)
+    rehearsal.run(*SCAN, due_s=1.0 + GIVE_UP_S + left_s)
+    assert (len(drill.decoded_s), len(drill.sent)) == (decoded, sent)
