@@ -189,6 +189,7 @@ class Car:
     def _afterwards(self, scan: Scan) -> None:
         """Do what can wait until a scan is answered."""
         self.laws.learn()
+        self.stages.count()
         self.cadence.arrived(scan.received_s)
         if (rehearsal := self.rehearsal) is not None:
             due_s = self.cadence.next_s()

@@ -1,12 +1,13 @@
 """How long each stage between a scan's bytes and the motor's took, since the start. Under a microsecond a stage.
 
 A histogram with buckets a sixteenth of an octave wide: no sample is kept, nothing grows, and a percentile is right to
-3 %. Its place is the hot path's: `begin` and `end` do nothing but look at the clock and count.
+3 %. Its place is the hot path's: `begin` and `end` do nothing but look at the clock; `count` counts when there is time.
 """
 
 import gc
 import math
 from bisect import bisect_left
+from collections import deque
 from collections.abc import Mapping, Sequence
 from itertools import accumulate
 from typing import Any, Literal
@@ -19,6 +20,8 @@ _TICKS_PER_S = 1e7
 """Times are counted in 0.1 us; below 1.6 us every tick has its own bucket."""
 _OCTAVES = 32
 SUMMED_EVERY_S = 1.0
+MOST_UNCOUNTED = 256
+"""A second of ticks without a scan; of more the oldest are lost."""
 STAGES = ("read", "decode", "safety", "follow", "mux", "write")
 """In the order in which a scan passes them; what is left of `scan_to_motor` is the loop's own time."""
 
@@ -58,14 +61,18 @@ class Histogram:
         return {"count": self.total, **{name: round(time_s * 1e6, 1) for name, time_s in times_s.items()}}
 
 
+Uncounted = deque[tuple[Histogram, float]]
+
+
 class Stage:
     """A stretch of the hot path, from `begin` to `end`."""
 
-    __slots__ = ("_began_s", "_clock", "histogram")
+    __slots__ = ("_began_s", "_clock", "_uncounted", "histogram")
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: Clock, uncounted: "Uncounted | None" = None) -> None:
         self._clock = clock
         self._began_s = 0.0
+        self._uncounted = uncounted if uncounted is not None else deque(maxlen=0)
         self.histogram = Histogram()
 
     def begin(self) -> None:
@@ -74,7 +81,7 @@ class Stage:
 
     def end(self) -> None:
         """It ends."""
-        self.histogram.add(self._clock() - self._began_s)
+        self._uncounted.append((self.histogram, self._clock() - self._began_s))
 
 
 class StageClock:
@@ -85,12 +92,13 @@ class StageClock:
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
+        self._uncounted: Uncounted = deque(maxlen=MOST_UNCOUNTED)
         self.read = Histogram()
         self.decode = Histogram()
-        self.safety = Stage(clock)
-        self.follow = Stage(clock)
-        self.mux = Stage(clock)
-        self.write = Stage(clock)
+        self.safety = Stage(clock, self._uncounted)
+        self.follow = Stage(clock, self._uncounted)
+        self.mux = Stage(clock, self._uncounted)
+        self.write = Stage(clock, self._uncounted)
         self.scan_to_motor = Histogram()
         self.loop_lag = Histogram()
         self.collections = [Histogram() for _ in range(3)]
@@ -101,8 +109,14 @@ class StageClock:
 
     def on_scan(self, received_s: float, reading_s: float) -> None:
         """Note a scan that was decoded just now. reading_s: how long taking its bytes from the kernel took."""
-        self.read.add(reading_s)
-        self.decode.add(self._clock() - received_s - reading_s)
+        self._uncounted.append((self.read, reading_s))
+        self._uncounted.append((self.decode, self._clock() - received_s - reading_s))
+
+    def count(self) -> None:
+        """Count what was timed since the last time; call it when nothing is waiting, at least after every scan."""
+        while self._uncounted:
+            histogram, took_s = self._uncounted.popleft()
+            histogram.add(took_s)
 
     def on_tick(self, late_s: float, missed: int) -> None:
         """Note how late the loop was with something that had a deadline."""
@@ -124,6 +138,7 @@ class StageClock:
         Reckoned at most once a second: it is read ten times as often.
         """
         if self._clock() - self._summed_s >= SUMMED_EVERY_S:
+            self.count()
             self._summed_s = self._clock()
             histograms = {name: histogram.fields() for name, histogram in self._named() if histogram.total}
             self._summary = {**histograms, "missed_ticks": self.missed_ticks}
@@ -131,6 +146,7 @@ class StageClock:
 
     def table(self) -> list[str]:
         """Return the same as lines for people."""
+        self.count()
         lines = [f"{'us':<16}{'count':>9}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>9}"]
         for name, histogram in self._named():
             if histogram.total:

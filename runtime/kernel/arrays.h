@@ -61,6 +61,7 @@ static inline double most(double a, double b) { return a > b ? a : b; }
 #define KERNEL(name) PyObject *name(PyObject *self, PyObject *const *given, Py_ssize_t count)
 KERNEL(decode_samples);
 KERNEL(joined_rows);
+KERNEL(scan_parts);
 KERNEL(look);
 KERNEL(small_things);
 KERNEL(thin_places);

@@ -5,11 +5,8 @@
 
 /* joined_rows(data) -> samples | None: lines of 64 characters, a checksum, a line feed; the last one may be shorter and
  * has no line feed. None where that is not so, for whatever reason. */
-KERNEL(joined_rows) {
-    char *data, *to;
-    Py_ssize_t bytes;
-    if (!enough(count, 1, "joined_rows") || PyBytes_AsStringAndSize(given[0], &data, &bytes) < 0)
-        return NULL;
+static PyObject *joined(const char *data, Py_ssize_t bytes) {
+    char *to;
     Py_ssize_t rows = bytes / CODEC_ROW_BYTES, tail = bytes % CODEC_ROW_BYTES;
     if (tail < 2)
         Py_RETURN_NONE;
@@ -35,6 +32,54 @@ KERNEL(joined_rows) {
         Py_RETURN_NONE;
     }
     return samples;
+}
+
+KERNEL(joined_rows) {
+    char *data;
+    Py_ssize_t bytes;
+    if (!enough(count, 1, "joined_rows") || PyBytes_AsStringAndSize(given[0], &data, &bytes) < 0)
+        return NULL;
+    return joined(data, bytes);
+}
+
+/* Whether a line of so many characters, the last one a sum, has the right sum. */
+static int sums_up(const char *line, Py_ssize_t chars) {
+    unsigned char sum = 0;
+    for (Py_ssize_t i = 0; i < chars - 1; i++)
+        sum = (unsigned char)(sum + (unsigned char)line[i]);
+    return (sum & 0x3f) + 0x30 == (unsigned char)line[chars - 1];
+}
+
+static int is_ascii(const char *line, Py_ssize_t chars) {
+    unsigned char all = 0;
+    for (Py_ssize_t i = 0; i < chars; i++)
+        all |= (unsigned char)line[i];
+    return all < 128;
+}
+
+/* scan_parts(raw) -> (echo, status, stamp, samples) | None */
+KERNEL(scan_parts) {
+    char *at, *end;
+    Py_ssize_t bytes, chars[3];
+    const char *line[3];
+    if (!enough(count, 1, "scan_parts") || PyBytes_AsStringAndSize(given[0], &at, &bytes) < 0)
+        return NULL;
+    end = at + bytes;
+    for (int i = 0; i < 3; i++) {
+        char *feed = at < end ? memchr(at, '\n', (size_t)(end - at)) : NULL;
+        if (!feed)
+            Py_RETURN_NONE; /* a scan has a line more */
+        line[i] = at;
+        chars[i] = feed - at;
+        at = feed + 1;
+    }
+    if (chars[0] < 1 || chars[0] > CODEC_ECHO_LIMIT_CHARS || chars[1] != 3 || chars[2] < 2 ||
+        !is_ascii(line[0], chars[0]) || !is_ascii(line[1], 3) || !sums_up(line[1], 3) || !sums_up(line[2], chars[2]))
+        Py_RETURN_NONE;
+    PyObject *samples = joined(at, end - at);
+    if (!samples || samples == Py_None)
+        return samples;
+    return Py_BuildValue("(y#y#y#N)", line[0], chars[0], line[1], (Py_ssize_t)2, line[2], chars[2] - 1, samples);
 }
 
 /* decode_samples(samples, beams, range_min_mm, range_max_mm, reverse) -> ranges | None */

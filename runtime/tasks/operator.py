@@ -8,9 +8,9 @@ from drivers.api import Clock, Motor, Reschedule, as_wanted
 from runtime.operator_desk import OperatorDesk
 from runtime.ticker import ticks
 
-EVERY_UNHEARD: Final = 5
-"""While no operator speaks, only every fifth beat is sent: enough to see the car and to speak to it, for a fifth of the
-work. The first command is at most so many beats old, half of `expiry_s`; from then on every beat is sent."""
+EVERY_UNHEARD: Final = 3
+"""While no operator speaks, only every third beat is sent: enough to see the car and to speak to it, for a third of the
+work, and one that is lost is not yet a lost link (0.2 s). From the first command on every beat is sent."""
 
 
 async def attend(

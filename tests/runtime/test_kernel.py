@@ -175,6 +175,20 @@ def test_any_bytes_are_joined_alike(compiled, data, flipped):
         assert compiled["joined_rows"](sent) == twin.PLAIN["joined_rows"](sent)
 
 
+@given(data=st.binary(max_size=300), flipped=st.integers(0, 10**6), head=st.sampled_from([0, 1, 2, 40, 41]))
+def test_any_block_is_taken_apart_alike(compiled, data, flipped, head):
+    lines = [bytes(0x30 + byte % 64 for byte in data[i : i + 64]) for i in range(0, len(data), 64)]
+    summed = [line + bytes([checksum(line)]) for line in (b"99", b"0abc", *lines)]
+    regular = b"\n".join([b"MD0000108000000".ljust(head, b"x")[:head], *summed])
+    broken = bytearray(regular)
+    if broken:
+        broken[flipped % len(broken)] ^= 1 + flipped % 255
+    for sent in (data, regular, bytes(broken), b"\n" + regular, regular[: flipped % 60]):
+        assert compiled["scan_parts"](sent) == twin.PLAIN["scan_parts"](sent)
+    if lines and head in {1, 2, 40}:
+        assert compiled["scan_parts"](regular)[1:] == (b"99", b"0abc", b"".join(lines))
+
+
 @given(samples=st.binary(max_size=60), beams=st.integers(0, 20), reverse=st.booleans())
 def test_any_samples_are_decoded_alike(compiled, samples, beams, reverse):
     digits = bytes(0x30 + byte % 64 for byte in samples)

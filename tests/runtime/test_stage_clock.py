@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.stage_clock import SUMMED_EVERY_S, Histogram, StageClock
+from runtime.stage_clock import MOST_UNCOUNTED, SUMMED_EVERY_S, Histogram, StageClock
 
 
 class HandClock:
@@ -87,3 +87,23 @@ def test_the_table_has_a_line_for_what_happened_only():
     title, *lines = stages.table()
     assert title.split() == ["us", "count", "p50", "p99", "p99.9", "max"]
     assert [line.split()[0] for line in lines] == ["mux"]
+
+
+def test_what_was_timed_is_counted_when_there_is_time():
+    clock = HandClock()
+    stages = StageClock(clock)
+    for _ in range(3):
+        stages.mux.begin()
+        stages.mux.end()
+    assert stages.mux.histogram.total == 0
+    stages.count()
+    stages.count()
+    assert stages.mux.histogram.total == 3
+
+
+def test_a_clock_that_nobody_reads_does_not_grow():
+    stages = StageClock(HandClock())
+    for _ in range(3 * MOST_UNCOUNTED):
+        stages.mux.end()
+    stages.count()
+    assert stages.mux.histogram.total == MOST_UNCOUNTED
