@@ -1,7 +1,7 @@
 """When the next scan is due, so that nothing else is begun just then. Pure.
 
-Scans come every 25 ms, polls and ticks every 20 ms: without an agreement every fourth answer waits for housekeeping,
-which is all of the tail in the times from scan to motor.
+Scans come every 25 ms, polls and ticks every 20 ms: where their phases meet, every fourth answer waits for
+housekeeping, and takes three times as long as the others.
 """
 
 import math
