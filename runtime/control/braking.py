@@ -4,12 +4,7 @@ Braking and turning share one grip (Kamm's circle), and locked wheels go straigh
 20 degrees toward it at 3 m/s that turns away as sharply as it can passes on any floor from 0.5 on when it brakes with 1
 to 3.5 m/s2; with all there is it hits the wall on a floor of 0.65 and less, and without braking on one of 0.5. (Tried
 in the simulator; at 4 m/s nothing that was tried passes on a floor of 0.8.)
-
-Until the wheels have turned, a bend that has only been told needs nothing yet: the way there is braked with what a
-slippery floor gives beside the bend that the wheels stand for (Kamm's circle), never less than gently.
 """
-
-import math
 
 from runtime.command import NO_LIMIT_MPS, Verdict
 from runtime.control.body import Body
@@ -21,8 +16,6 @@ TURNING_SHARE = 0.3
 """A bend that takes more than this of the grip is braked with what it leaves: locked wheels go straight on."""
 NEEDY_SHARE = 0.7
 """A bend that takes more than this of a slippery floor's grip leaves too little for slowing down as the motor does."""
-SATURATED_SHARE = 0.84
-"""What a tyre gives of its grip at the slip at which a linear one would give all: 1 / (1 + 1)^(1/4) (`sim.vehicle`)."""
 EDGE_M = 0.05
 """What reaches so little into the strip is beside the car, not before it."""
 
@@ -44,56 +37,32 @@ def turns_past(
     body = strip.body
     needy = strip.needs_grip(steering_rad, strip.speed_mps, NEEDY_SHARE * body.slippery_mps2)
     if begun and not hurries:
-        return _gently(strip, found) if needy else None
-    if not (hurries or (hastes and needy)):
+        return _gently(body, found) if needy else None
+    if not (hurries or (hastes and needy)) or found.aside_m * steering_rad >= 0:
         return None
-    return _gently(strip, found) if _passes(strip, found, steering_rad, body.slippery_mps2) else None
+    passes = strip.nose_passes(steering_rad, found.travel_m, _gentle_mps2(body))
+    return _gently(body, found) if passes else None
 
 
-def _gently(strip: Strip, found: Contact) -> Verdict:
-    return Verdict(0.0, NO_LIMIT_MPS, "braking: wall beside", found.travel_m, _beside_bend_mps2(strip))
-
-
-def _passes(strip: Strip, found: Contact, steering_rad: float, floor_mps2: float) -> bool:
-    """Whether the car turns away from what was found, and its nose gets past on such a floor while it brakes gently."""
-    if found.aside_m * steering_rad >= 0:
-        return False
-    return strip.nose_passes(steering_rad, found.travel_m, _gentle_mps2(strip.body), floor_mps2)
+def _gently(body: Body, found: Contact) -> Verdict:
+    return Verdict(0.0, NO_LIMIT_MPS, "braking: wall beside", found.travel_m, _gentle_mps2(body))
 
 
 def _gentle_mps2(body: Body) -> float:
     return body.settings.gentle_share * body.slippery_mps2
 
 
-def _beside_bend_mps2(strip: Strip) -> float:
-    """Return how hard a car may brake whose wheels are only being turned: gently when they stand for a sharp bend."""
-    body = strip.body
-    wheels_per_m = math.tan(strip.told_rad) / body.car.wheelbase_m
-    grip_mps2 = body.settings.hard_share * body.slippery_mps2
-    return max(brake_beside_turning_mps2(strip.speed_mps, wheels_per_m, grip_mps2), _gentle_mps2(body))
-
-
-def hard_stop(strip: Strip, found: Contact, steering_rad: float, reaction_s: float) -> Verdict:
+def hard_stop(strip: Strip, found: Contact, reaction_s: float) -> Verdict:
     """Brake with all there is where that stops the car, also on a slippery floor, before what is straight on.
 
     Else a car in a bend needs its bend, because locked wheels go straight on, and brakes with what it leaves. A bend
     that takes all of the grip leaves nothing, and to turn is no stop; the gentle brake it does not feel (Pythagoras).
-    So does a car whose bend has only been told (where it would touch, its wheels are not turned yet), provided that
-    the bend gets past on the floor that is counted on; where it does not, to be slow is worth more.
     """
     body, speed_mps = strip.body, strip.speed_mps
-    needy_mps2 = TURNING_SHARE * body.grip_mps2
-    bends = speed_mps * speed_mps * abs(found.curvature_per_m) > needy_mps2
-    will_bend = strip.needs_grip(steering_rad, speed_mps, needy_mps2)
-    needed_m = stopping_distance_m(speed_mps, reaction_s, body.slippery_mps2)
-    if (bends or will_bend) and strip.straight_on(needed_m).travel_m < needed_m:
-        if will_bend and _passes(strip, found, steering_rad, SATURATED_SHARE * body.grip_mps2):
-            return _in_a_bend(found, _beside_bend_mps2(strip))
-        if bends:
+    if speed_mps * speed_mps * abs(found.curvature_per_m) > TURNING_SHARE * body.grip_mps2:
+        needed_m = stopping_distance_m(speed_mps, reaction_s, body.slippery_mps2)
+        if strip.straight_on(needed_m).travel_m < needed_m:
             rest_mps2 = brake_beside_turning_mps2(speed_mps, found.curvature_per_m, body.grip_mps2)
-            return _in_a_bend(found, max(rest_mps2, _gentle_mps2(body)))
+            brake_mps2 = max(rest_mps2, _gentle_mps2(body))
+            return Verdict(0.0, NO_LIMIT_MPS, "braking in a bend: wall ahead", found.travel_m, brake_mps2)
     return Verdict(0.0, NO_LIMIT_MPS, "braking: wall ahead", found.travel_m)
-
-
-def _in_a_bend(found: Contact, brake_mps2: float) -> Verdict:
-    return Verdict(0.0, NO_LIMIT_MPS, "braking in a bend: wall ahead", found.travel_m, brake_mps2)

@@ -24,17 +24,15 @@ GAINS_MPS = 0.1
 class Strip:
     """One scan, ready to be swept. Sweeps are kept by steering, length and direction.
 
-    speed_mps: signed. wheel_rad: of the wheels now; the car turns as they were told a scan ago (the servo's dead time,
-    the tyres' own). told_rad: where they will be when an answer takes effect. latency_s: until a new steering shows.
-    more_m: what the scan alone does not show, (k,): where walkers will be, and things too thin for it. behind: the
-    memory of what the lidar no longer sees.
+    speed_mps: signed. wheel_rad: of the wheels now. latency_s: until a new steering shows. more_m: what the scan alone
+    does not show, (k,): where walkers will be, and things too thin for it. behind: the memory of what the lidar no
+    longer sees.
     """
 
     body: Body
     view: View
     speed_mps: float
     wheel_rad: float
-    told_rad: float
     latency_s: float
     more_m: Places
     behind: Behind
@@ -79,13 +77,13 @@ class Strip:
         most_rad = self.body.car.max_steering_rad
         return any(self.contact(share * most_rad, length_m).travel_m >= length_m for share in OTHER_STEERINGS)
 
-    def nose_passes(self, steering_rad: float, way_m: float, brake_mps2: float, floor_mps2: float) -> bool:
-        """Whether the car gets past on this arc while it brakes so much on such a floor, margins left out.
+    def nose_passes(self, steering_rad: float, way_m: float, brake_mps2: float) -> bool:
+        """Whether the car gets past on this arc while it brakes so much on a slippery floor, margins left out.
 
         The tail is left out as well: whether it touches depends on how the driver steers when the nose is through.
         """
         length_m = way_m + self.body.car.front_m + LOOK_SPARE_M
-        path = self._path(steering_rad, length_m, 1.0, floor_mps2, -brake_mps2)
+        path = self._path(steering_rad, length_m, 1.0, self.body.slippery_mps2, -brake_mps2)
         return first_contact(path, self.body.nose, np.concatenate(self._points_m())) is NOTHING
 
     def straight_on(self, length_m: float) -> Contact:

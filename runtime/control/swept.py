@@ -82,7 +82,6 @@ class SweptGuard:
         self._odometry = Odometry(car.wheelbase_m)
         self._speed = SlidingSpeed(GRAVITY_MPS2, self.body.slippery_mps2)
         self._last_m: float | None = None
-        self._told_rad: float | None = None
         self._unlearnt: tuple[View, MotorState | None] | None = None
 
     def tune(self, settings: SweptSettings, health: LidarHealthSettings) -> None:
@@ -105,13 +104,12 @@ class SweptGuard:
         self.health.glance(view)
         self._unlearnt = view, motor
         most_rad = self.car.max_steering_rad
-        told_rad = min(max(motor.steering_rad, -most_rad), most_rad) if motor is not None else 0.0
-        wheel_rad, self._told_rad = told_rad if self._told_rad is None else self._told_rad, told_rad
+        wheel_rad = min(max(motor.steering_rad, -most_rad), most_rad) if motor is not None else 0.0
         walkers_m = self.movers.update(view, pose, scan.stamp_s, sliding=self._speed.slides)
         faint_m = self.faint.update(view, pose, scan.stamp_s)
         more_m = np.concatenate([walkers_m, faint_m]) if walkers_m.size or faint_m.size else NOWHERE
         latency_s = max(0.0, self.now_s(scan) - scan.stamp_s) + self.settings.actuation_s
-        strip = Strip(self.body, view, speed_mps, wheel_rad, told_rad, latency_s, more_m, self.behind)
+        strip = Strip(self.body, view, speed_mps, wheel_rad, latency_s, more_m, self.behind)
         wary = speed_mps > self.settings.doubtful_mps and scan.stamp_s < self.memory.wary_until_s
         window = Verdict(self.health.ceiling_mps, self.health.ceiling_mps, self.health.reason)
         return Outlook(self, view, speed_mps, strip, window, wary)
@@ -192,9 +190,7 @@ class Outlook:
             if gently is not None:
                 return gently
         if self._brakes(found.travel_m, hard_m, speed_mps):
-            if speed_mps <= STANDING_MPS:
-                return self._standing(found)
-            return hard_stop(self.strip, found, steering_rad, reaction_s)
+            return self._standing(found) if speed_mps <= STANDING_MPS else hard_stop(self.strip, found, reaction_s)
         if found is NOTHING:
             return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s)
         gaining = self._gaining(steering_rad, look_m, wanted_mps, reaction_s)

@@ -19,7 +19,6 @@ BEARING_RAD = STEP_RAD * (np.arange(BEAMS) - BEAMS // 2)
 CAR = CarSettings()
 SETTINGS = SweptSettings()
 GRADED_MPS2 = 0.45 * 0.8 * GRAVITY_MPS2
-GENTLE_MPS2 = SETTINGS.gentle_share * SETTINGS.slippery_mu * GRAVITY_MPS2
 REACTION_S = 0.05
 FRONT_M = CAR.front_m + SETTINGS.front_margin_m
 
@@ -207,7 +206,7 @@ def test_a_bend_into_the_wall_beside_is_left_where_the_way_straight_on_is_long_e
     # A floor of 0.5 needs 1.2 m. On less, it turns, and what does not take the grip from a bend is braked even so.
     turning = Car().look(short, speed_mps=3.2, wheel_rad=0.34).limit(1.87, 0.34)
     assert turning.reason == "braking in a bend: wall ahead"
-    assert turning.brake_mps2 == pytest.approx(GENTLE_MPS2)
+    assert turning.brake_mps2 == pytest.approx(SETTINGS.gentle_share * SETTINGS.slippery_mu * GRAVITY_MPS2)
 
 
 def slanted(distance_m, toward_rad, sign=1):
@@ -227,33 +226,10 @@ def test_turning_away_at_the_limit_from_a_wall_that_it_passes_brakes_gently(sign
     away = Car().look(scan, speed_mps=3.0).limit(1.85, -sign * 0.34)
     assert away.reason == "braking: wall beside"
     assert (away.forward_mps, away.reverse_mps) == (0.0, math.inf)
-    assert 1.0 < away.brake_mps2 < 4.0
+    assert 1.0 < away.brake_mps2 < 2.5
     # A little is not enough to pass, and toward the wall is no way past.
     for steering_rad in (-0.03, 0.0, 0.1):
         assert Car().look(scan, speed_mps=3.0).limit(1.85, sign * steering_rad).brake_mps2 > 5.0
-
-
-def test_until_the_wheels_have_turned_the_way_to_the_bend_is_braked_with_what_a_slippery_floor_gives():
-    scan = slanted(0.44, math.radians(20))
-    brakes = [Car().look(scan, 3.0, wheel_rad).limit(1.85, -0.34).brake_mps2 for wheel_rad in (0.0, -0.1, -0.2, -0.34)]
-    unlocked_mps2 = SETTINGS.hard_share * SETTINGS.slippery_mu * GRAVITY_MPS2
-    aside_mps2 = 3.0**2 * math.tan(0.1) / CAR.wheelbase_m
-    rest_mps2 = math.sqrt(unlocked_mps2**2 - aside_mps2**2)  # Kamm's circle
-    assert brakes == pytest.approx([unlocked_mps2, rest_mps2, GENTLE_MPS2, GENTLE_MPS2])
-
-
-def test_a_bend_that_has_only_been_told_is_not_lost_by_locking_the_wheels():
-    """Where it would touch with its margins the car goes straight on as yet, but a stop comes too late anyway."""
-    for distance_m, speed_mps, turns in ((0.42, 3.0, True), (0.395, 3.0, False), (0.36, 3.0, False)):
-        car = Car()
-        car.look(slanted(distance_m + 0.03, math.radians(20)), speed_mps).limit(1.85, -0.34)
-        outlook = car.look(slanted(distance_m, math.radians(20)), speed_mps)
-        verdict = outlook.limit(1.85, -0.34)
-        assert abs(outlook.strip.contact(-0.34, 2.0, wary=True).curvature_per_m) < 0.2
-        # Where saturated tyres do not get it past on a good floor either, what is hit is hit more slowly.
-        assert verdict.reason == ("braking in a bend: wall ahead" if turns else "braking: wall ahead")
-        assert verdict.brake_mps2 < 5.0 if turns else verdict.brake_mps2 == math.inf
-        assert outlook.limit(1.85, 0.0).brake_mps2 == math.inf
 
 
 def test_who_turns_away_too_fast_and_does_not_slow_down_is_slowed_gently():
@@ -270,10 +246,8 @@ def test_who_turns_away_too_fast_and_does_not_slow_down_is_slowed_gently():
 
 def test_a_bend_gets_tighter_while_the_car_brakes_gently():
     strip = Car().look(slanted(0.53, math.radians(30)), speed_mps=2.5).strip
-    slippery_mps2 = SETTINGS.slippery_mu * GRAVITY_MPS2
-    assert strip.nose_passes(-0.34, 0.5, 2.1, slippery_mps2)
-    assert not strip.nose_passes(-0.34, 0.5, 0.0, slippery_mps2)
-    assert strip.nose_passes(-0.34, 0.5, 0.0, 1.5 * slippery_mps2)
+    assert strip.nose_passes(-0.34, 0.5, 2.1)
+    assert not strip.nose_passes(-0.34, 0.5, 0.0)
 
 
 def test_only_who_turns_away_may_brake_gently():
@@ -296,8 +270,7 @@ def test_a_slow_car_turns_away_without_a_brake():
 def test_turning_past_goes_on_through_the_bend_and_ends_with_it():
     """A motor that is told a speed again comes to it as fast as it can, and takes the grip that the bend needs."""
     car = Car()
-    turning = car.look(slanted(0.5, math.radians(20)), speed_mps=3.0).limit(1.85, -0.34)
-    assert turning.reason == "braking: wall beside"
+    assert car.look(slanted(0.5, math.radians(20)), speed_mps=3.0).limit(1.85, -0.34).brake_mps2 < 2.5
     beside = world((-2, 0.6, 8, 0.6))
     assert car.look(beside, speed_mps=2.5, wheel_rad=-0.34).limit(1.85, -0.34).reason == "braking: wall beside"
     assert car.look(beside, speed_mps=2.45, wheel_rad=-0.34).limit(1.85, -0.05).forward_mps == math.inf
@@ -307,18 +280,6 @@ def test_turning_past_goes_on_through_the_bend_and_ends_with_it():
     car.look(slanted(0.5, math.radians(20)), speed_mps=3.0).limit(1.85, -0.34)
     ahead = car.look(world(wall_at(FRONT_M + 0.3)), speed_mps=2.9, wheel_rad=-0.34).limit(1.85, -0.34)
     assert ahead.reason == "braking in a bend: wall ahead"
-
-
-def test_the_way_begins_with_wheels_that_are_a_scan_behind_the_wire():
-    """A car whose wheels were just turned the other way still turns as before, and gets less far round."""
-    post = world((0.7, -0.5, 0.7, -0.14))
-    car = Car()
-    car.look(post, 1.8, wheel_rad=-0.1)
-    turning = car.look(post, 1.8, wheel_rad=0.1)
-    assert (turning.strip.wheel_rad, turning.strip.told_rad) == (-0.1, 0.1)
-    settled = car.look(post, 1.8, wheel_rad=0.1)
-    assert turning.strip.contact(0.34, 2.0).travel_m < 1.0
-    assert settled.strip.contact(0.34, 2.0).travel_m == math.inf
 
 
 # --- the bend and the wish
