@@ -12,7 +12,7 @@ from drivers.vesc import codec
 from drivers.vesc.codec import MOTOR_PACKETS, Packet
 from drivers.vesc.settings import VescSettings
 from sim.bench.course import Picture
-from sim.bench.doors import Door
+from sim.bench.doors import TcpDoor
 from sim.devices.scip_encode import SensorModel
 from sim.devices.scip_sensor import ScipSensor
 from sim.devices.vesc_replies import firmware_reply, values_reply
@@ -36,7 +36,7 @@ class Command:
 class LidarPort:
     """A lidar; one client."""
 
-    def __init__(self, model: SensorModel, door: Door) -> None:
+    def __init__(self, model: SensorModel, door: TcpDoor) -> None:
         self._sensor = ScipSensor(model, time.monotonic, lambda: None)
         self._door = door
         self._served = False
@@ -93,7 +93,7 @@ class _Wheels:
 class MotorPort:
     """A VESC. commands: everything it was told, oldest first."""
 
-    def __init__(self, door: Door) -> None:
+    def __init__(self, door: TcpDoor) -> None:
         self._door = door
         self.address = door.address
         self.wheels = _Wheels()

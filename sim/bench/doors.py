@@ -1,40 +1,14 @@
-"""Ways in and out for one client: a TCP port or a pseudo-terminal, blocking, without an event loop."""
+"""A way in and out for one client: a TCP port, blocking, without an event loop."""
 
 import contextlib
-import os
 import socket
-import tty
-from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 READ_BYTES: Final = 4096
 
 
-class Door(Protocol):
-    """One client behind one descriptor. address: as the car's settings want it."""
-
-    address: str
-
-    @property
-    def fd(self) -> int:
-        """What to wait on."""
-        ...
-
-    def read(self) -> bytes | None:
-        """Return what the client says, b"" when it has left, None when it has only just come."""
-        ...
-
-    def write(self, data: bytes) -> None:
-        """Tell the client; returns when the kernel has all of it. Nobody there is no error."""
-        ...
-
-    def close(self) -> None:
-        """Leave nothing open."""
-        ...
-
-
 class TcpDoor:
-    """A TCP port of this machine."""
+    """A TCP port of this machine. address: as the car's settings want it."""
 
     def __init__(self) -> None:
         self._listener = socket.create_server(("127.0.0.1", 0))
@@ -72,26 +46,3 @@ class TcpDoor:
         self._listener.close()
         if self._client is not None:
             self._client.close()
-
-
-class PtyDoor:
-    """A pseudo-terminal. What is written into it is handed over by a worker of the kernel, when the writer pauses."""
-
-    def __init__(self, link: Path) -> None:
-        self.fd, self._slave = os.openpty()
-        tty.setraw(self._slave)
-        link.symlink_to(os.ttyname(self._slave))
-        self.address = f"serial://{link}"
-
-    def read(self) -> bytes | None:
-        """Return what the client says; it never leaves, because we hold its end open."""
-        return os.read(self.fd, READ_BYTES)
-
-    def write(self, data: bytes) -> None:
-        """Tell the client."""
-        os.write(self.fd, data)
-
-    def close(self) -> None:
-        """Leave nothing open."""
-        os.close(self._slave)
-        os.close(self.fd)

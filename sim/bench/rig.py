@@ -18,7 +18,7 @@ from typing import Any, Final, Self
 from runtime.bus import free_endpoint
 from sim.bench.course import Course
 from sim.bench.devices import Command, LidarPort, MotorPort, Ports
-from sim.bench.doors import PtyDoor, TcpDoor
+from sim.bench.doors import TcpDoor
 
 START_TIMEOUT_S: Final = 20.0
 STOP_TIMEOUT_S: Final = 5.0
@@ -66,30 +66,29 @@ def die_with_me() -> None:
 class Rig:
     """Starts and stops everything; `feed` sends scans on time and answers the car meanwhile.
 
-    subscribers: how many processes of their own hear all the telemetry. telemetry: whether there is any. pty: the motor
-    controller is behind a pseudo-terminal instead of a TCP port. fifo: car and emulators are
-    scheduled before everybody else, as systemd does it.
+    subscribers: how many processes of their own hear all the telemetry. telemetry: whether there is any. fifo: car
+    and emulators are scheduled before everybody else, as systemd does it; PermissionError where that is not allowed.
     started_s: when the process was started (monotonic). scans_sent: since then.
     """
 
     def __init__(
         self, course: Course, assignments: Sequence[str] = (), *, subscribers: int = 1, telemetry: bool = True,
-        pty: bool = False, fifo: bool = False,
+        fifo: bool = False,
     ) -> None:  # fmt: skip
         self._course = course
         self._assignments = [*_SETTINGS, *assignments]
         self._count = subscribers if telemetry else 0
         self._telemetry = telemetry
-        self._pty = pty
         self._fifo = fifo
         self.scans_sent = 0
         self._subscribers: list[subprocess.Popen[str]] = []
 
     def __enter__(self) -> Self:
+        if self._fifo:  # first, because it may be refused; the car inherits it
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
         self._folder = tempfile.TemporaryDirectory(prefix="wallride-bench-")
         folder = Path(self._folder.name)
-        motor_door = PtyDoor(folder / "vesc") if self._pty else TcpDoor()
-        self.ports = Ports(LidarPort(self._course.model, TcpDoor()), MotorPort(motor_door))
+        self.ports = Ports(LidarPort(self._course.model, TcpDoor()), MotorPort(TcpDoor()))
         self._log = folder / "log"
         (folder / "car.toml").write_text("")  # the settings of this machine's own car are none of our business
         endpoint = free_endpoint()
@@ -115,9 +114,6 @@ class Rig:
         self._endpoint = endpoint
         self._cores = os.sched_getaffinity(0)
         os.sched_setaffinity(0, another_computer())
-        if self._fifo:
-            for pid in (self.process.pid, 0):  # threads and children that begin later inherit it
-                os.sched_setscheduler(pid, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
         return self
 
     def __exit__(
