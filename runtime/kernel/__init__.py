@@ -91,7 +91,8 @@ def _sealed() -> Mapping[str, str]:
 
 
 def _library() -> ModuleType | None:
-    include = sysconfig.get_paths()["include"], np.get_include()
+    # numpy's own first: a distribution's Python has another, older numpy's headers among its own
+    include = np.get_include(), sysconfig.get_paths()["include"]
     sources = {path.name: path.read_text() for path in sorted(HERE.glob("*.[ch]"))}
     sources["constants.h"] = "".join(f"#define {name} {value!r}\n" for name, value in constants())
     path = built("kernel", sources, folders=include, extra=(sys.version, np.__version__))
