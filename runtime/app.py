@@ -112,7 +112,7 @@ class Car:
         if self.rehearsal is not None:
             self.rehearsal.tune(settings)
         self.voices.reorder(settings.effective_order())
-        self.sink.rates = settings.telemetry.rates_hz
+        self.sink.limit(settings.telemetry.rates_hz)
         if "log.level" in changed:
             logging.getLogger().setLevel(settings.log.level)
 

@@ -20,7 +20,9 @@ from runtime.ros.messages import Floats
 WALL_FROM_M, WALL_TO_M = -1.0, 3.0
 LOOK_S = 1.0
 SHORTEST_LOOK_M = 0.5
-STEPS = np.linspace(0.0, 1.0, 16)
+STEPS = 16
+SMALL_RAD = 1e-6
+"""A turn so small is drawn straight."""
 NEAR_M = 0.15
 """What is so near the outline at the place of contact is taken for what stops the car."""
 
@@ -53,18 +55,18 @@ def footprint(output: Output, car: CarSettings, view: View | None) -> list[Marke
     bound = decision.winner is Source.SAFETY
     travel_m = way_m(drive, decision.measure if bound else math.nan)
     color = GREEN if not bound else ORANGE if drive.speed_mps else RED
-    swept = corners(car, drive.steering_rad, travel_m * STEPS)
+    left_m, right_m = edges_m(car, drive.steering_rad, travel_m)
     drawings = [
-        Marker("car", Kind.LINE_STRIP, swept[:, [0, 1, 2, 3, 0], 0], BLUE),
-        Marker("left edge", Kind.LINE_STRIP, swept[:, 0], color),
-        Marker("right edge", Kind.LINE_STRIP, swept[:, 1], color),
-        Marker("end", Kind.LINE_STRIP, swept[:, :2, -1], color),
+        Marker("car", Kind.LINE_STRIP, outline_m(car), BLUE),
+        Marker("left edge", Kind.LINE_STRIP, left_m, color),
+        Marker("right edge", Kind.LINE_STRIP, right_m, color),
+        Marker("end", Kind.LINE_STRIP, np.stack([left_m[:, -1], right_m[:, -1]], axis=1), color),
     ]
     if view is None:
         return drawings
     if bound:
         drawings += _cause(view, car, *pose(drive.steering_rad, travel_m, car.wheelbase_m))
-    ignored = np.isfinite(view.ranges_m) & ~view.solid
+    ignored = np.flatnonzero(np.isfinite(view.ranges_m) & ~view.solid)  # few: places are cheaper than a mask
     points = np.stack([view.x_m[ignored], view.y_m[ignored]])
     return [*drawings, Marker("ignored", Kind.POINTS, points, ORANGE)]
 
@@ -79,20 +81,30 @@ def way_m(drive: Drive, free_m: float) -> float:
 def pose(steering_rad: float, travel_m: float, wheelbase_m: float) -> tuple[float, float, float]:
     """Return x, y, yaw of the rear axle after a way on the circle of a steering angle."""
     half_turn_rad = travel_m * math.tan(steering_rad) / wheelbase_m / 2
-    chord_m = travel_m * float(np.sinc(half_turn_rad / math.pi))
+    straight = abs(half_turn_rad) < SMALL_RAD
+    chord_m = travel_m if straight else travel_m * math.sin(half_turn_rad) / half_turn_rad
     return chord_m * math.cos(half_turn_rad), chord_m * math.sin(half_turn_rad), 2 * half_turn_rad
 
 
-def corners(car: CarSettings, steering_rad: float, travel_m: Floats) -> Floats:
-    """Return the corners of the car along its way, (2, 4, n): front left, front right, rear right, rear left."""
-    turn_per_m = math.tan(steering_rad) / car.wheelbase_m
-    heading = np.exp(1j * turn_per_m * travel_m)
-    chord_m = travel_m * np.sinc(turn_per_m * travel_m / math.tau)
-    axle_m = chord_m * np.exp(0.5j * turn_per_m * travel_m)
-    aside_m = car.half_width_m * 1j
-    outline_m = np.array([car.front_m + aside_m, car.front_m - aside_m, -car.rear_m - aside_m, -car.rear_m + aside_m])
-    placed = axle_m + outline_m[:, None] * heading
-    return np.stack([placed.real, placed.imag])
+def edges_m(car: CarSettings, steering_rad: float, travel_m: float) -> tuple[Floats, Floats]:
+    """Return the ways of the front left and the front right corner, (2, STEPS) each.
+
+    Number by number: for so few numpy costs more, the more so as nothing else needs it at that moment.
+    """
+    left_m, right_m = [], []
+    for step in range(STEPS):
+        x_m, y_m, yaw_rad = pose(steering_rad, travel_m * step / (STEPS - 1), car.wheelbase_m)
+        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+        nose_x_m, nose_y_m = x_m + car.front_m * cos, y_m + car.front_m * sin
+        left_m.append((nose_x_m - car.half_width_m * sin, nose_y_m + car.half_width_m * cos))
+        right_m.append((nose_x_m + car.half_width_m * sin, nose_y_m - car.half_width_m * cos))
+    return np.array(left_m).T, np.array(right_m).T
+
+
+def outline_m(car: CarSettings) -> Floats:
+    """Return the car's corners, (2, 5), closed."""
+    front_m, rear_m, half_m = car.front_m, -car.rear_m, car.half_width_m
+    return np.array([[front_m, front_m, rear_m, rear_m, front_m], [half_m, -half_m, -half_m, half_m, half_m]])
 
 
 def _cause(view: View, car: CarSettings, x_m: float, y_m: float, yaw_rad: float) -> Sequence[Marker]:

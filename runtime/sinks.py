@@ -8,8 +8,6 @@ from runtime import wire
 from runtime.ros.definitions import encoding
 from runtime.telemetry_settings import RatesHz
 
-ASK_EVERY_S = 0.2
-"""A new subscriber waits at most so long for its first message."""
 EARLY_SHARE = 0.2
 """News that come this much of a period early still count: a lidar's 25 ms are not always 25 ms."""
 
@@ -45,50 +43,41 @@ class Publisher(Protocol):
 
 
 class ZenohSink:
-    """Sends what somebody is subscribed to, each topic at most at its rate.
-
-    rates: may be replaced while the car drives.
-    """
+    """Sends what somebody is subscribed to, each topic at most at its rate."""
 
     def __init__(self, bus: Publisher, car: str, rates: RatesHz, clock: Clock) -> None:
-        self.rates = rates
         self._bus = bus
         self._car = car
         self._clock = clock
-        self._next_s: dict[str, float] = {}
-        self._heard: dict[str, bool] = {}
-        self._asked_s = -math.inf
+        self._due_s: dict[str, float] = {}
+        self._not_before_s: dict[str, float] = {}
         self._names: dict[str, tuple[str, str]] = {}
+        self.limit(rates)
+
+    def limit(self, rates: RatesHz) -> None:
+        """Keep to other rates from now on."""
+        rates_hz: dict[str, float] = rates.model_dump()
+        self._periods_s = {topic: 1 / rate_hz for topic, rate_hz in rates_hz.items() if rate_hz > 0}
+        self._not_before_s.clear()
 
     def wants(self, topic: str, *, urgent: bool = False) -> bool:
         """Tell whether the topic is due and somebody is subscribed."""
-        rate_hz: float = getattr(self.rates, topic)
-        if rate_hz <= 0:
+        if not urgent and self._clock() < self._not_before_s.get(topic, -math.inf):
             return False
-        now_s = self._clock()
-        if not urgent and now_s < self._next_s.get(topic, 0.0) - EARLY_SHARE / rate_hz:
+        if topic not in self._periods_s:
             return False
-        return self._is_heard(topic, now_s)
+        key, kind = self._name(topic)
+        return self._bus.wanted(key, encoding=kind)
 
     def take(self, topic: str, schema: str, stamp_s: float, payload: bytes) -> None:  # noqa: ARG002 - both are in the payload
         """Send it; a slow or vanished reader loses it."""
-        now_s, period_s = self._clock(), 1 / (getattr(self.rates, topic) or math.inf)
-        due_s = self._next_s.get(topic, -math.inf)
+        now_s, period_s = self._clock(), self._periods_s.get(topic, 0.0)
+        due_s = self._due_s.get(topic, -math.inf)
         # On a grid, so that the mean rate is right; after a silence the grid begins anew.
-        self._next_s[topic] = (due_s if due_s > now_s - period_s else now_s) + period_s
+        self._due_s[topic] = (due_s if due_s > now_s - period_s else now_s) + period_s
+        self._not_before_s[topic] = self._due_s[topic] - EARLY_SHARE * period_s
         key, kind = self._name(topic)
         self._bus.put(key, payload, encoding=kind)
-
-    def _is_heard(self, topic: str, now_s: float) -> bool:
-        """Tell whether somebody is subscribed: asked now and then, because asking costs more than most messages."""
-        if now_s - self._asked_s > ASK_EVERY_S:
-            self._asked_s = now_s
-            self._heard.clear()
-        heard = self._heard.get(topic)
-        if heard is None:
-            key, kind = self._name(topic)
-            heard = self._heard[topic] = self._bus.wanted(key, encoding=kind)
-        return heard
 
     def _name(self, topic: str) -> tuple[str, str]:
         name = self._names.get(topic)

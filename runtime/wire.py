@@ -63,10 +63,15 @@ def decode(payload: bytes) -> dict[str, Any]:
 
 
 def _finite(value: object) -> object:
+    kind = type(value)
+    if kind is str or kind is int or kind is bool or value is None:  # most values, ten times a second
+        return value
     if isinstance(value, float):
         return round(value, 6) if math.isfinite(value) else None
-    if isinstance(value, Mapping):
+    if isinstance(value, dict):
         return {str(name): _finite(item) for name, item in value.items()}
+    if isinstance(value, Mapping):
+        return _finite(dict(value))
     if isinstance(value, list | tuple):
         return [_finite(item) for item in value]
     return value

@@ -3,7 +3,7 @@
 Four bytes name the encapsulation (00 01 00 00: CDR, little endian); alignment counts from the byte after them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Hashable, Mapping
 from functools import lru_cache
 from struct import Struct, calcsize
 from typing import Any
@@ -52,12 +52,53 @@ class CdrWriter:
         if values.size:
             self.array(letter, values)
 
+    def again(self, write: Callable[..., None], *what: Hashable) -> None:
+        """Add what `write(out, *what)` adds, which is the same every time: it is called once for each alignment."""
+        self._buffer += _written(write, (len(self._buffer) - len(ENCAPSULATION)) % 8, *what)
+
     def done(self) -> bytes:
         """Return the message."""
         return bytes(self._buffer)
 
     def _align(self, size: int) -> None:
         self._buffer += bytes(-(len(self._buffer) - len(ENCAPSULATION)) % size)
+
+
+class Template(CdrWriter):
+    """A message of which only some numbers change: everything is written once, and copied with the numbers filled in.
+
+    A fifth of the time of writing it anew, forty times a second.
+    """
+
+    __slots__ = ("_holes", "_numbers")
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._holes: list[tuple[Struct, int, slice]] = []
+        self._numbers = 0
+
+    def holes(self, letters: str) -> None:
+        """Leave room for numbers; letters as in `put`."""
+        layout = _layout(letters, (len(self._buffer) - len(ENCAPSULATION)) % 8)
+        numbers = slice(self._numbers, self._numbers + len(letters))
+        self._holes.append((layout, len(self._buffer), numbers))
+        self._buffer += bytes(layout.size)
+        self._numbers = numbers.stop
+
+    def fill(self, *values: float) -> bytes:
+        """Return the message with all its holes filled, in their order."""
+        filled = bytearray(self._buffer)
+        for layout, at, numbers in self._holes:
+            layout.pack_into(filled, at, *values[numbers])
+        return bytes(filled)
+
+
+@lru_cache(maxsize=256)
+def _written(write: Callable[..., None], phase: int, *what: Hashable) -> bytes:
+    out = CdrWriter()
+    out.put("B" * phase, *bytes(phase))
+    write(out, *what)
+    return out.done()[len(ENCAPSULATION) + phase :]
 
 
 @lru_cache(maxsize=256)

@@ -48,19 +48,28 @@ def marker_array(stamp_ns: int, markers: Sequence[Marker]) -> bytes:
 
 
 def _marker(out: CdrWriter, stamp_ns: int, marker: Marker) -> None:
-    add = 0
-    header(out, stamp_ns, BASE)
-    out.text(marker.name)
-    out.put("iii", 0, marker.kind, add)
-    out.put("ddddddd", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-    out.put("ddd", marker.width_m, marker.width_m, marker.width_m)
-    out.put("ffff", *marker.color)
-    out.put("iI?", 0, round(LIFETIME_S * NS), False)  # noqa: FBT003 - not locked to its frame
+    out.put("iI", *divmod(stamp_ns, NS))
+    out.again(_before_points, marker.name, marker.kind, marker.color, marker.width_m)
     points: npt.NDArray[np.float64] = np.zeros((marker.points_m.shape[1], 3))
     points[:, :2] = marker.points_m.T
     out.put("I", points.shape[0])
     if points.size:
         out.array("d", points)
+    out.again(_after_points)
+
+
+def _before_points(out: CdrWriter, name: str, kind: Kind, color: Color, width_m: float) -> None:
+    add = 0
+    out.text(BASE)
+    out.text(name)
+    out.put("iii", 0, kind, add)
+    out.put("ddddddd", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+    out.put("ddd", width_m, width_m, width_m)
+    out.put("ffff", *color)
+    out.put("iI?", 0, round(LIFETIME_S * NS), False)  # noqa: FBT003 - not locked to its frame
+
+
+def _after_points(out: CdrWriter) -> None:
     out.sequence("f", NOTHING)  # a colour for each point
     out.text("")  # texture
     header(out, 0, "")

@@ -7,12 +7,14 @@ rear axle), `odom`. The order of the writes is that of the fields in types.msg.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import chain
 
 import numpy as np
 import numpy.typing as npt
 
 from drivers.api import MotorState, Scan
-from runtime.ros.cdr import CdrWriter
+from runtime.ros.cdr import CdrWriter, Template
 
 BASE, LASER, ODOM = "base_link", "laser", "odom"
 NS = 1_000_000_000
@@ -20,6 +22,8 @@ NS = 1_000_000_000
 Floats = npt.NDArray[np.float64]
 
 NOTHING: Floats = np.empty(0)
+NO_NUMBERS = b"\0\0\0\0"
+"""A sequence of none, where the numbers before it end at a multiple of four."""
 NAN = math.nan
 UNKNOWN_3X3: Floats = np.zeros(9)
 NO_ORIENTATION_3X3: Floats = np.array([-1.0, *np.zeros(8)])
@@ -55,50 +59,34 @@ def laser_scan(stamp_ns: int, scan: Scan, scan_time_s: float) -> bytes:
 
     All beams carry the time of the sweep's last byte (time_increment 0): what came when is the sensor's secret.
     """
-    out = _stamped(stamp_ns, LASER)
     beams = scan.ranges_m.shape[0]
-    out.put("fff", scan.angle_min_rad, scan.angle_min_rad + scan.angle_step_rad * (beams - 1), scan.angle_step_rad)
-    out.put("ffff", 0.0, scan_time_s, scan.range_min_m, scan.range_max_m)
-    out.sequence("f", scan.ranges_m)
-    out.sequence("f", NOTHING)
-    return out.done()
+    last_rad = scan.angle_min_rad + scan.angle_step_rad * (beams - 1)
+    head = _SCAN.fill(
+        *divmod(stamp_ns, NS), scan.angle_min_rad, last_rad, scan.angle_step_rad,
+        0.0, scan_time_s, scan.range_min_m, scan.range_max_m, beams,
+    )  # fmt: skip
+    return head + np.ascontiguousarray(scan.ranges_m, "<f4").tobytes() + NO_NUMBERS
 
 
 def odometry(stamp_ns: int, x_m: float, y_m: float, yaw_rad: float, speed_mps: float, yaw_rate_radps: float) -> bytes:
     """Return nav_msgs/Odometry: base_link in odom, speeds in base_link."""
-    out = _stamped(stamp_ns, ODOM)
-    out.text(BASE)
-    out.put("ddddddd", x_m, y_m, 0.0, *_quaternion(yaw_rad))
-    out.array("d", WHEEL_COVARIANCE_6X6)
-    out.put("dddddd", speed_mps, 0.0, 0.0, 0.0, 0.0, yaw_rate_radps)
-    out.array("d", WHEEL_COVARIANCE_6X6)
-    return out.done()
+    place = x_m, y_m, 0.0, *_quaternion(yaw_rad)
+    return _ODOMETRY.fill(*divmod(stamp_ns, NS), *place, speed_mps, yaw_rate_radps)
 
 
 def ackermann(stamp_ns: int, speed_mps: float, steering_rad: float) -> bytes:
     """Return ackermann_msgs/AckermannDriveStamped in base_link; rates and accelerations are 0: unspecified."""
-    out = _stamped(stamp_ns, BASE)
-    out.put("fffff", steering_rad, 0.0, speed_mps, 0.0, 0.0)
-    return out.done()
+    return _ACKERMANN.fill(*divmod(stamp_ns, NS), steering_rad, 0.0, speed_mps, 0.0, 0.0)
 
 
 def float32(value: float) -> bytes:
     """Return std_msgs/Float32."""
-    out = CdrWriter()
-    out.put("f", value)
-    return out.done()
+    return _FLOAT32.fill(value)
 
 
 def imu(stamp_ns: int, turn_radps: tuple[float, float, float], acceleration_mps2: tuple[float, float, float]) -> bytes:
     """Return sensor_msgs/Imu in base_link, without an orientation."""
-    out = _stamped(stamp_ns, BASE)
-    out.put("dddd", 0.0, 0.0, 0.0, 1.0)
-    out.array("d", NO_ORIENTATION_3X3)
-    out.put("ddd", *turn_radps)
-    out.array("d", UNKNOWN_3X3)
-    out.put("ddd", *acceleration_mps2)
-    out.array("d", UNKNOWN_3X3)
-    return out.done()
+    return _IMU.fill(*divmod(stamp_ns, NS), *turn_radps, *acceleration_mps2)
 
 
 def motor(stamp_ns: int, state: MotorState) -> bytes:
@@ -107,12 +95,9 @@ def motor(stamp_ns: int, state: MotorState) -> bytes:
     The steering is the angle commanded: hobby servos have no read-back. What else the controller says is in `battery`
     and `diagnostics`.
     """
-    out = _stamped(stamp_ns, BASE)
-    out.texts(("drive", "steering"))
-    out.sequence("d", np.array([state.distance_m, state.steering_rad]))
-    out.sequence("d", np.array([state.speed_mps, NAN]))
-    out.sequence("d", np.array([state.motor_current_a, NAN]))
-    return out.done()
+    return _MOTOR.fill(
+        *divmod(stamp_ns, NS), state.distance_m, state.steering_rad, state.speed_mps, state.motor_current_a
+    )
 
 
 def battery(stamp_ns: int, voltage_v: float, current_a: float) -> bytes:
@@ -146,13 +131,9 @@ def diagnostics(stamp_ns: int, reports: Sequence[Report]) -> bytes:
 
 def transforms(stamp_ns: int, frames: Sequence[Frame]) -> bytes:
     """Return tf2_msgs/TFMessage."""
-    out = CdrWriter()
-    out.put("I", len(frames))
-    for frame in frames:
-        header(out, stamp_ns, frame.parent)
-        out.text(frame.child)
-        out.put("ddddddd", frame.x_m, frame.y_m, 0.0, *_quaternion(frame.yaw_rad))
-    return out.done()
+    stamp = divmod(stamp_ns, NS)
+    numbers = [(*stamp, frame.x_m, frame.y_m, 0.0, *_quaternion(frame.yaw_rad)) for frame in frames]
+    return _transforms(*((frame.parent, frame.child) for frame in frames)).fill(*chain.from_iterable(numbers))
 
 
 def header(out: CdrWriter, stamp_ns: int, frame: str) -> None:
@@ -169,3 +150,80 @@ def _stamped(stamp_ns: int, frame: str) -> CdrWriter:
 
 def _quaternion(yaw_rad: float) -> tuple[float, float, float, float]:
     return 0.0, 0.0, math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
+
+
+def _template(frame: str) -> Template:
+    out = Template()
+    out.holes("iI")
+    out.text(frame)
+    return out
+
+
+def _scan() -> Template:
+    out = _template(LASER)
+    out.holes("fffffffI")
+    return out
+
+
+def _odometry() -> Template:
+    out = _template(ODOM)
+    out.text(BASE)
+    out.holes("ddddddd")
+    out.array("d", WHEEL_COVARIANCE_6X6)
+    out.holes("d")
+    out.put("dddd", 0.0, 0.0, 0.0, 0.0)
+    out.holes("d")
+    out.array("d", WHEEL_COVARIANCE_6X6)
+    return out
+
+
+def _ackermann() -> Template:
+    out = _template(BASE)
+    out.holes("fffff")
+    return out
+
+
+def _float32() -> Template:
+    out = Template()
+    out.holes("f")
+    return out
+
+
+def _imu() -> Template:
+    out = _template(BASE)
+    out.put("dddd", 0.0, 0.0, 0.0, 1.0)
+    out.array("d", NO_ORIENTATION_3X3)
+    out.holes("ddd")
+    out.array("d", UNKNOWN_3X3)
+    out.holes("ddd")
+    out.array("d", UNKNOWN_3X3)
+    return out
+
+
+def _motor() -> Template:
+    out = _template(BASE)
+    out.texts(("drive", "steering"))
+    out.put("I", 2)
+    out.holes("dd")
+    for _ in ("velocity", "effort"):
+        out.put("I", 2)
+        out.holes("d")
+        out.put("d", NAN)
+    return out
+
+
+@lru_cache(maxsize=16)
+def _transforms(*names: tuple[str, str]) -> Template:
+    out = Template()
+    out.put("I", len(names))
+    for parent, child in names:
+        out.holes("iI")
+        out.text(parent)
+        out.text(child)
+        out.holes("ddddddd")
+    return out
+
+
+_SCAN, _ODOMETRY, _ACKERMANN, _FLOAT32, _IMU, _MOTOR = (
+    write() for write in (_scan, _odometry, _ackermann, _float32, _imu, _motor)
+)

@@ -61,6 +61,24 @@ def test_the_way_is_the_circle_of_the_steering(steering_rad):
     assert (x_m, y_m, yaw_rad) == pytest.approx((x, y, yaw), abs=1e-3)
 
 
+@pytest.mark.parametrize("steering_rad", [-0.3, 0.0, 0.2])
+@pytest.mark.parametrize("travel_m", [-0.8, 1.5])
+def test_the_edges_are_the_front_corners_on_their_way(steering_rad, travel_m):
+    left, right = drawings.edges_m(CAR, steering_rad, travel_m)
+    for place in (0, 7, -1):
+        share = np.linspace(0, 1, drawings.STEPS)[place]
+        x_m, y_m, yaw_rad = drawings.pose(steering_rad, share * travel_m, CAR.wheelbase_m)
+        turned = np.array([[math.cos(yaw_rad), -math.sin(yaw_rad)], [math.sin(yaw_rad), math.cos(yaw_rad)]])
+        for edge, aside_m in ((left, CAR.half_width_m), (right, -CAR.half_width_m)):
+            np.testing.assert_allclose(edge[:, place], turned @ [CAR.front_m, aside_m] + [x_m, y_m], atol=1e-12)
+
+
+def test_the_outline_is_closed_and_as_large_as_the_car():
+    outline = drawings.outline_m(CAR)
+    assert tuple(outline[:, 0]) == tuple(outline[:, -1]) == (CAR.front_m, CAR.half_width_m)
+    assert np.ptp(outline, axis=1) == pytest.approx([CAR.front_m + CAR.rear_m, 2 * CAR.half_width_m])
+
+
 def test_the_strip_ends_at_the_contact_and_the_beam_leads_to_it():
     ahead_m = 0.9
     view = Eyes(CAR).see(scan_at(1.0, ranges_between_walls(1.0, 1.0, ahead_m=ahead_m)))
