@@ -59,9 +59,10 @@ def use() -> Kernel:
         return _without(f"{SWITCH}=0")
     sealed = _sealed()
     edited = [module for module in MODULES if fingerprint(module) != sealed.get(module.__name__)]
-    library = _library()
-    if library is None:
-        return _without("no C compiler with Python's headers, or it failed: apt install gcc python3-dev")
+    try:
+        library = _library()
+    except ImportError as error:
+        return _without(str(error))
     own = {module.__name__ for module in edited}
     names = [name for name, plain in twin.PLAIN.items() if plain.__module__ not in own and hasattr(library, name)]
     twin.use({name: getattr(library, name) for name in names})
@@ -90,23 +91,24 @@ def _sealed() -> Mapping[str, str]:
     return dict(json.loads(SEAL.read_text())) if SEAL.is_file() else {}
 
 
-def _library() -> ModuleType | None:
+def _library() -> ModuleType:
+    """Return the compiled functions; ImportError says why there are none."""
     # numpy's own first: a distribution's Python has another, older numpy's headers among its own
     include = np.get_include(), sysconfig.get_paths()["include"]
     sources = {path.name: path.read_text() for path in sorted(HERE.glob("*.[ch]"))}
     sources["constants.h"] = "".join(f"#define {name} {value!r}\n" for name, value in constants())
     path = built("kernel", sources, folders=include, extra=(sys.version, np.__version__))
     if path is None:
-        return None
+        raise ImportError("no C compiler with Python's headers, or it failed: apt install gcc python3-dev")
     loader = ExtensionFileLoader("_kernel", str(path))
     spec = importlib.util.spec_from_file_location("_kernel", path, loader=loader)
     try:
-        if spec is None:
-            return None
-        module = importlib.util.module_from_spec(spec)
-        loader.exec_module(module)
-    except ImportError:
-        return None
+        module = importlib.util.module_from_spec(spec) if spec is not None else None
+    except ImportError as error:
+        raise ImportError(f"{path} was built and cannot be loaded: {error}") from error
+    if module is None:
+        raise ImportError(f"{path} was built and cannot be loaded")
+    loader.exec_module(module)
     return module
 
 

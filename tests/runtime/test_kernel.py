@@ -2,7 +2,9 @@
 
 import math
 import shutil
+import sysconfig
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,6 +27,7 @@ from sim.closed_loop import as_scan
 from sim.pose import Pose, Twist
 from sim.worlds import load_world
 
+HEADER = Path(sysconfig.get_paths()["include"]) / "Python.h"
 BEAMS, STEP_RAD = 1081, math.radians(0.25)
 ROUNDING = 1e-9
 """Sines and sums are rounded differently; whatever is a choice (a beam, a yes or no) has to be the same."""
@@ -37,6 +40,7 @@ def compiled():
     answering = dict(twin._answering)
     twin.use({})
     if not found.functions:
+        assert shutil.which("cc") is None or not HEADER.is_file(), found.words  # it could be had, and is broken
         pytest.skip(found.words)
     return {name: answering[name] for name in found.functions}
 
@@ -293,6 +297,23 @@ def test_without_a_compiler_python_answers_and_says_so(monkeypatch, tmp_path, as
     found = kernel.use()
     assert not found.functions
     assert "apt install" in found.words
+
+
+def test_the_numpy_that_runs_is_the_one_it_is_built_for(monkeypatch, as_it_was):
+    """Debian's Python has an older numpy's headers among its own: what is built with those cannot be loaded."""
+    asked = []
+    monkeypatch.setattr(kernel, "built", lambda *sources, folders, extra: asked.append(folders))
+    assert not kernel.use().functions
+    assert asked[0][0] == np.get_include()
+
+
+def test_what_cannot_be_loaded_is_named(monkeypatch, tmp_path, as_it_was):
+    wrong = tmp_path / "kernel.so"
+    wrong.write_bytes(b"not a library")
+    monkeypatch.setattr(kernel, "built", lambda *sources, folders, extra: wrong)
+    found = kernel.use()
+    assert not found.functions
+    assert str(wrong) in found.words
 
 
 def test_it_can_be_switched_off(monkeypatch, as_it_was):

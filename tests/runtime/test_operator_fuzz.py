@@ -68,7 +68,7 @@ def test_malformed_payloads_are_counted_and_refused(caplog):
         good = rig_command(rig, dice.choice([Press(0), Press.MANUAL, Press.RESET, Press.TAKE_OVER, Press.GOODBYE]))
         rig.desk.receive("", dice.choice(SPOILERS)(dice, good), rig.now_s)
     assert rig.refused == {"malformed": ROUNDS}
-    assert rig.decision == before
+    assert repr(rig.decision) == repr(before)  # its measure is NaN, which equals nothing
     assert rig.desk.view().sessions == 0
     assert len(caplog.records) < 10
 
