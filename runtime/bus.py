@@ -91,7 +91,6 @@ class Bus:
         self._declare: list[Callable[[], object]] = []
         self._held: list[object] = []  # publishers and tokens die with their Python object
         self._publishers: dict[str, zenoh.Publisher] = {}
-        self._heard: dict[str, bool] = {}  # whether anybody reads a key, by key
         self._answering: set[asyncio.Future[None]] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._troubles: tuple[type[Exception], ...] = (ConnectionError,)
@@ -130,7 +129,6 @@ class Bus:
         """Close the session; harmless when it never opened."""
         session, self._session = self._session, None
         self._publishers.clear()
-        self._heard.clear()
         self._held.clear()
         if session is not None:
             await asyncio.to_thread(session.close)
@@ -148,13 +146,12 @@ class Bus:
 
     def wanted(self, key: str, *, encoding: str = JSON, urgent: bool = False) -> bool:
         """Tell whether anybody is subscribed to a key just now."""
-        heard = self._heard.get(key)
-        if heard is None:
-            try:
-                heard = self._listen_for_readers(key, encoding, urgent=urgent)
-            except self._troubles:
-                return False
-        return heard
+        try:
+            publisher = self._publishers.get(key) or self._publisher(key, encoding, urgent=urgent)
+        except ConnectionError:
+            return False
+        status: Any = publisher.matching_status  # an object with `matching`; the package's stubs say bool
+        return bool(status.matching)
 
     def subscribe(self, key: str, receive: Receive) -> None:
         """Call `receive` in the loop for every sample; with a key free of wildcards, for exactly that key only.
@@ -209,20 +206,6 @@ class Bus:
         )
         self._publishers[key] = publisher
         return publisher
-
-    def _listen_for_readers(self, key: str, encoding: str, *, urgent: bool) -> bool:
-        """Be told from now on when a key's first reader comes and its last one goes: asking takes as long as sending.
-
-        In zenoh's thread; a new value in a dictionary is one step.
-        """
-        publisher = self._publishers.get(key) or self._publisher(key, encoding, urgent=urgent)
-
-        def on_change(status: "zenoh.MatchingStatus") -> None:
-            self._heard[key] = bool(status.matching)
-
-        self._held.append(publisher.declare_matching_listener(on_change))
-        status: Any = publisher.matching_status  # an object with `matching`; the package's stubs say bool
-        return self._heard.setdefault(key, bool(status.matching))
 
     def _subscribe(self, key: str, receive: Receive) -> None:
         exact = "*" not in key

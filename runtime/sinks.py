@@ -10,6 +10,8 @@ from runtime.telemetry_settings import RatesHz
 
 EARLY_SHARE = 0.2
 """News that come this much of a period early still count: a lidar's 25 ms are not always 25 ms."""
+ASK_EVERY_S = 0.2
+"""A new subscriber waits at most so long for its first message."""
 
 
 class Sink(Protocol):
@@ -51,6 +53,8 @@ class ZenohSink:
         self._clock = clock
         self._due_s: dict[str, float] = {}
         self._not_before_s: dict[str, float] = {}
+        self._heard: dict[str, bool] = {}
+        self._asked_s = -math.inf
         self._names: dict[str, tuple[str, str]] = {}
         self.limit(rates)
 
@@ -62,12 +66,10 @@ class ZenohSink:
 
     def wants(self, topic: str, *, urgent: bool = False) -> bool:
         """Tell whether the topic is due and somebody is subscribed."""
-        if not urgent and self._clock() < self._not_before_s.get(topic, -math.inf):
+        now_s = self._clock()
+        if not urgent and now_s < self._not_before_s.get(topic, -math.inf):
             return False
-        if topic not in self._periods_s:
-            return False
-        key, kind = self._name(topic)
-        return self._bus.wanted(key, encoding=kind)
+        return topic in self._periods_s and self._is_heard(topic, now_s)
 
     def take(self, topic: str, schema: str, stamp_s: float, payload: bytes) -> None:  # noqa: ARG002 - both are in the payload
         """Send it; a slow or vanished reader loses it."""
@@ -78,6 +80,17 @@ class ZenohSink:
         self._not_before_s[topic] = self._due_s[topic] - EARLY_SHARE * period_s
         key, kind = self._name(topic)
         self._bus.put(key, payload, encoding=kind)
+
+    def _is_heard(self, topic: str, now_s: float) -> bool:
+        """Tell whether somebody is subscribed: asked now and then, because asking costs more than most messages."""
+        if now_s - self._asked_s > ASK_EVERY_S:
+            self._asked_s = now_s
+            self._heard.clear()
+        heard = self._heard.get(topic)
+        if heard is None:
+            key, kind = self._name(topic)
+            heard = self._heard[topic] = self._bus.wanted(key, encoding=kind)
+        return heard
 
     def _name(self, topic: str) -> tuple[str, str]:
         name = self._names.get(topic)

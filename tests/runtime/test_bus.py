@@ -106,22 +106,6 @@ async def test_a_token_is_seen_to_come_and_to_go(pair):
     await until(lambda: seen[-1] == ("wallride/car1/alive", False), "it is gone")
 
 
-async def test_readers_are_noticed_when_they_come_and_when_they_go(pair):
-    car, client = pair
-    another = Bus(zenoh_config.client_config(car.endpoint, None))
-    assert not car.wanted(KEY)
-    client.subscribe(KEY, lambda key, payload, arrival_s: None)
-    await connected(car, KEY)
-    await another.open()
-    heard = []
-    another.subscribe(KEY, lambda key, payload, arrival_s: heard.append(payload))
-    await client.close()
-    await until(lambda: car.put(KEY, b"who is left?") or heard, "the other one hears it")
-    assert car.wanted(KEY)
-    await another.close()
-    await until(lambda: not car.wanted(KEY), "the last one has gone")
-
-
 async def test_what_is_declared_before_it_opens_holds_afterwards_and_what_is_put_is_counted_as_lost():
     endpoint = free_endpoint()
     car, client = (

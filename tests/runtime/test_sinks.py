@@ -71,6 +71,8 @@ def test_a_change_does_not_wait_for_its_turn_but_an_unheard_one_is_not_sent():
     clock.now_s += 0.3
     assert not sink.wants("decision", urgent=True)
     ear.deaf = False
+    assert not sink.wants("decision", urgent=True), "asked now and then"
+    clock.now_s += 0.3
     assert sink.wants("decision", urgent=True)
     sink.limit(RatesHz(decision=0))
     assert not sink.wants("decision", urgent=True)
