@@ -6,6 +6,8 @@ to 3.5 m/s2; with all there is it hits the wall on a floor of 0.65 and less, and
 in the simulator; at 4 m/s nothing that was tried passes on a floor of 0.8.)
 """
 
+import math
+
 from runtime.command import NO_LIMIT_MPS, Verdict
 from runtime.control.body import Body
 from runtime.control.footprint import Contact
@@ -28,24 +30,35 @@ def is_beside(body: Body, found: Contact) -> bool:
 def turns_past(
     strip: Strip, found: Contact, steering_rad: float, *, hurries: bool, hastes: bool, begun: bool
 ) -> Verdict | None:
-    """Return a gentle stop where the car turns away and gets past what it would touch with its margins; else None.
+    """Return a stop beside the bend where the car turns away and gets past what it would touch with its margins.
 
     hurries: the distance is less than a hard stop needs. hastes: it is too fast, and its driver does not slow down;
     in a bend that needs much grip the motor must not do it for him as fast as it can. begun: it was so in the scan
-    before; then it goes on through such a bend, because a motor that is told a speed again comes to it at once.
+    before; then it goes on through such a bend, because a motor that is told a speed again comes to it at once. None
+    where that is no way past, or not needed any more.
     """
     body = strip.body
     needy = strip.needs_grip(steering_rad, strip.speed_mps, NEEDY_SHARE * body.slippery_mps2)
     if begun and not hurries:
-        return _gently(body, found) if needy else None
+        return _beside_bend(strip, found, steering_rad) if needy else None
     if not (hurries or (hastes and needy)) or found.aside_m * steering_rad >= 0:
         return None
     passes = strip.nose_passes(steering_rad, found.travel_m, _gentle_mps2(body))
-    return _gently(body, found) if passes else None
+    return _beside_bend(strip, found, steering_rad) if passes else None
 
 
-def _gently(body: Body, found: Contact) -> Verdict:
-    return Verdict(0.0, NO_LIMIT_MPS, "braking: wall beside", found.travel_m, _gentle_mps2(body))
+def _beside_bend(strip: Strip, found: Contact, steering_rad: float) -> Verdict:
+    """Brake gently, and with all that a slippery floor leaves beside the bend for what is still ahead.
+
+    The slower the car, the less its bend needs, and that only the nose gets past is no reason to arrive there fast:
+    gently all the way, it came to the edge of a corner at 1.6 m/s and touched it. From what is beside it already, no
+    brake keeps it away.
+    """
+    body, brake_mps2 = strip.body, _gentle_mps2(strip.body)
+    if 0.0 < found.travel_m < math.inf:
+        bend_per_m = math.tan(steering_rad) / body.car.wheelbase_m
+        brake_mps2 = max(brake_mps2, brake_beside_turning_mps2(strip.speed_mps, bend_per_m, body.slippery_mps2))
+    return Verdict(0.0, NO_LIMIT_MPS, "braking: wall beside", found.travel_m, brake_mps2)
 
 
 def _gentle_mps2(body: Body) -> float:

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from drivers.api import Drive
+from runtime.control.stopping import GRAVITY_MPS2
 
 ASIDE_MPS2 = 2.0
 """Side force of the front axle per mass of the car, half of its grip on a good floor."""
@@ -26,7 +27,8 @@ class Limiter:
     Slowing down is never delayed: a smoother that stands between "stop" and the brake is a fault, not a comfort.
     A stop that may only brake with b leaves a car v - (b + c) t of its speed, where c is what turned front wheels take
     (their side force times the sine of their angle), and a speed that is allowed again rises from there. From zero, the
-    motor would brake the rolling car down to the first step, with the grip that turns it.
+    motor would brake the rolling car down to the first step, with the grip that turns it. A brake with all there is
+    leaves more than one of 1 g would: no floor gives more.
     """
 
     def __init__(self, limits: Limits) -> None:
@@ -54,10 +56,9 @@ class Limiter:
         self._rolls_mps = 0.0
 
     def _left_mps(self, dt_s: float) -> float:
-        """Return what the stop told last has left of the speed; of one that brakes with all there is, nothing."""
-        if math.isinf(self._last.brake_mps2):
-            return 0.0
-        lost_mps = (self._last.brake_mps2 + ASIDE_MPS2 * math.sin(abs(self._last.steering_rad))) * dt_s
+        """Return what the stop told last has left of the speed at least."""
+        brake_mps2 = min(self._last.brake_mps2, GRAVITY_MPS2)
+        lost_mps = (brake_mps2 + ASIDE_MPS2 * math.sin(abs(self._last.steering_rad))) * dt_s
         left_mps = max(0.0, abs(self._rolls_mps) - lost_mps)
         return math.copysign(left_mps, self._rolls_mps)
 

@@ -186,6 +186,8 @@ class Outlook:
         hurries, hastes = found.travel_m < hard_m, wanted_mps >= speed_mps > graded_mps
         if speed_mps > STANDING_MPS and (hurries or hastes or memory.turning):
             gently = turns_past(self.strip, found, steering_rad, hurries=hurries, hastes=hastes, begun=memory.turning)
+            if memory.turning and gently is None and not hurries:
+                memory.braking = False  # it is past: to hold the stop now would lock the wheels that turn it away
             memory.turning = gently is not None
             if gently is not None:
                 return gently

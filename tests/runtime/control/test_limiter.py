@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.control.limiter import ASIDE_MPS2, Limiter, Limits
+from runtime.control.stopping import GRAVITY_MPS2
 
 LIMITS = Limits(
     max_speed_mps=4.0, max_reverse_mps=1.0, max_steering_rad=0.34, steering_rate_radps=3.2, max_acceleration_mps2=4.0
@@ -94,14 +95,17 @@ def test_a_gentle_stop_ends_at_standstill_and_a_slower_wish_is_obeyed_at_once():
     assert limiter.limit(2.0, 0.0, 0.02).speed_mps == pytest.approx(0.08)
 
 
-def test_one_hard_stop_among_gentle_ones_and_it_starts_from_zero():
+def test_a_hard_stop_leaves_what_one_of_1_g_would():
+    """No floor gives more: from zero, the motor locked the wheels of a car that was to roll on."""
     limiter = moving(3.0)
     for brake_mps2 in (1.25, math.inf, 1.25):
         limiter.limit(0.0, 0.0, 0.02, brake_mps2)
-    assert limiter.limit(3.0, 0.0, 0.02).speed_mps == pytest.approx(0.08)
+    left_mps = 3.0 - 0.02 * (1.25 + GRAVITY_MPS2 + 1.25)
+    assert limiter.limit(3.0, 0.0, 0.02).speed_mps == pytest.approx(left_mps + 0.08)
     limiter = moving(3.0)
     limiter.limit(0.0, 0.0, 0.0)
-    assert limiter.limit(3.0, 0.0, 0.0).speed_mps == 0.0  # and no time at all makes no difference
+    limiter.limit(0.0, 0.0, 0.31)
+    assert limiter.limit(3.0, 0.0, 0.02).speed_mps == pytest.approx(0.08)
     limiter = moving(3.0)
     limiter.limit(0.0, 0.0, 0.02, 1.25)
     limiter.standstill()
@@ -111,13 +115,14 @@ def test_one_hard_stop_among_gentle_ones_and_it_starts_from_zero():
 @given(st.lists(st.tuples(st.floats(-20, 20), st.one_of(st.none(), st.floats(-5, 5)), st.floats(0, 0.5)), max_size=30))
 def test_no_sequence_leaves_the_limits(wishes):
     limiter = Limiter(LIMITS)
-    last = limiter.limit(0.0, 0.0, 0.0)
+    last, rolls_mps = limiter.limit(0.0, 0.0, 0.0), 0.0
     for speed_mps, steering_rad, dt_s in wishes:
         drive = limiter.limit(speed_mps, steering_rad, dt_s)
         assert -1.0 <= drive.speed_mps <= 4.0
         assert abs(drive.steering_rad) <= 0.34
         assert abs(drive.steering_rad - last.steering_rad) <= 3.2 * dt_s + 1e-9
-        assert abs(drive.speed_mps) <= abs(last.speed_mps) + 4.0 * dt_s + 1e-9
+        rolls_mps = abs(last.speed_mps) or rolls_mps  # a stop leaves no more than what it found
+        assert abs(drive.speed_mps) <= rolls_mps + 4.0 * dt_s + 1e-9
         assert last.speed_mps * drive.speed_mps >= 0
         assert math.isfinite(drive.speed_mps)
         last = drive

@@ -19,6 +19,7 @@ BEARING_RAD = STEP_RAD * (np.arange(BEAMS) - BEAMS // 2)
 CAR = CarSettings()
 SETTINGS = SweptSettings()
 GRADED_MPS2 = 0.45 * 0.8 * GRAVITY_MPS2
+GENTLE_MPS2 = SETTINGS.gentle_share * SETTINGS.slippery_mu * GRAVITY_MPS2
 REACTION_S = 0.05
 FRONT_M = CAR.front_m + SETTINGS.front_margin_m
 
@@ -206,7 +207,7 @@ def test_a_bend_into_the_wall_beside_is_left_where_the_way_straight_on_is_long_e
     # A floor of 0.5 needs 1.2 m. On less, it turns, and what does not take the grip from a bend is braked even so.
     turning = Car().look(short, speed_mps=3.2, wheel_rad=0.34).limit(1.87, 0.34)
     assert turning.reason == "braking in a bend: wall ahead"
-    assert turning.brake_mps2 == pytest.approx(SETTINGS.gentle_share * SETTINGS.slippery_mu * GRAVITY_MPS2)
+    assert turning.brake_mps2 == pytest.approx(GENTLE_MPS2)
 
 
 def slanted(distance_m, toward_rad, sign=1):
@@ -280,6 +281,51 @@ def test_turning_past_goes_on_through_the_bend_and_ends_with_it():
     car.look(slanted(0.5, math.radians(20)), speed_mps=3.0).limit(1.85, -0.34)
     ahead = car.look(world(wall_at(FRONT_M + 0.3)), speed_mps=2.9, wheel_rad=-0.34).limit(1.85, -0.34)
     assert ahead.reason == "braking in a bend: wall ahead"
+
+
+def test_who_has_turned_past_is_not_held_to_the_stop_that_came_before():
+    """Full braking locked the wheels of a car that had nothing before it any more, and let it stand at the wall."""
+    car = Car()
+    nearer, farther, beside = slanted(0.40, math.radians(35)), slanted(0.42, math.radians(35)), (-2, 0.6, 8, 0.6)
+    stop = car.look(nearer, speed_mps=1.7, wheel_rad=-0.34).limit(1.16, -0.34)
+    assert stop.reason == "braking in a bend: wall ahead"
+    assert car.look(farther, speed_mps=1.6, wheel_rad=-0.34).limit(1.16, -0.34).reason == "braking: wall beside"
+    assert car.look(world(beside), speed_mps=1.55, wheel_rad=-0.34).limit(1.16, -0.34).forward_mps == math.inf
+    # Who has not begun to turn past is held for the moment that a stop lasts.
+    car = Car()
+    car.look(nearer, speed_mps=1.7, wheel_rad=-0.34).limit(1.16, -0.34)
+    assert car.look(world(beside), speed_mps=1.6, wheel_rad=-0.34).limit(1.16, -0.34).brake_mps2 == math.inf
+
+
+@pytest.mark.parametrize(
+    ("speed_mps", "wheel_rad", "distance_m", "toward_deg"),
+    [(1.5, -0.34, 0.42, 35), (1.6, -0.34, 0.42, 35), (3.0, 0.0, 0.5, 20)],
+)
+def test_turning_past_brakes_with_what_a_slippery_floor_leaves_beside_the_bend(
+    speed_mps, wheel_rad, distance_m, toward_deg
+):
+    """Only the nose is known to get past; gently all the way, it touched the edge of a corner."""
+    away = Car().look(slanted(distance_m, math.radians(toward_deg)), speed_mps, wheel_rad).limit(1.16, -0.34)
+    aside_mps2 = speed_mps**2 * math.tan(0.34) / CAR.wheelbase_m
+    left_mps2 = math.sqrt(max(0.0, (SETTINGS.slippery_mu * GRAVITY_MPS2) ** 2 - aside_mps2**2))
+    assert away.reason == "braking: wall beside"
+    assert away.brake_mps2 == pytest.approx(max(GENTLE_MPS2, left_mps2))
+
+
+def test_so_does_going_on_to_what_comes_next():
+    """Long before a stop would be due: when it is, it may come too late for what the bend does not get past."""
+    car = Car()
+    begun = car.look(slanted(0.18, math.radians(-8)), speed_mps=2.0, wheel_rad=-0.34).limit(1.16, -0.34)
+    on = car.look(world((1.0, -0.6, 1.0, 0.3)), speed_mps=1.9, wheel_rad=-0.34).limit(1.16, -0.34)
+    assert begun.reason == on.reason == "braking: wall beside"
+    assert on.measure > 0.05 + stopping_distance_m(1.9, REACTION_S, 0.8 * 0.8 * GRAVITY_MPS2)
+    assert on.brake_mps2 > 2.0 * GENTLE_MPS2
+
+
+def test_what_is_beside_it_already_is_no_reason_to_brake_harder():
+    beside = Car().look(slanted(0.18, math.radians(-8)), speed_mps=2.0, wheel_rad=-0.34).limit(1.16, -0.34)
+    assert (beside.reason, beside.measure) == ("braking: wall beside", 0.0)
+    assert beside.brake_mps2 == pytest.approx(GENTLE_MPS2)
 
 
 # --- the bend and the wish
