@@ -19,6 +19,7 @@ from runtime.command import Source
 from runtime.control.limiter import Limiter, Limits
 from runtime.control.live_laws import LiveLaws
 from runtime.emergency_stop import EmergencyStop
+from runtime.garbage import collect_young
 from runtime.operator_desk import OperatorDesk
 from runtime.parameter_desk import ParameterDesk, Surroundings
 from runtime.parameter_history import History
@@ -189,6 +190,7 @@ class Car:
     def _afterwards(self, scan: Scan) -> None:
         """Do what can wait until a scan is answered."""
         self.laws.learn()
+        collect_young()
         self.stages.count()
         self.cadence.arrived(scan.received_s)
         if (rehearsal := self.rehearsal) is not None:

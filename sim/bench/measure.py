@@ -5,16 +5,16 @@ import itertools
 import os
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 from sim.bench.answers import onsets, pair
-from sim.bench.cost import Meter
+from sim.bench.cost import Cost, Meter
 from sim.bench.course import Course, make_course
-from sim.bench.rig import BenchError, Rig
+from sim.bench.rig import BenchError, Rig, Sent
 
 RATE_HZ = 40.0
 ONSET_EVERY = 20
@@ -44,13 +44,9 @@ SHORT = Plan(warm_up_s=1.0, seconds=4.0, onsets=8, rate_seconds=1.0, rates_hz=(1
 def latency(plan: Plan) -> dict[str, Any]:
     """Drive for a while without, then with boards that suddenly stand before the car."""
     course = _course(1081, RATE_HZ)
-    count = round(plan.seconds * RATE_HZ)
     with Rig(course, plan.settings) as rig:
         rig.start()
-        rig.feed([False] * round(plan.warm_up_s * RATE_HZ), RATE_HZ)
-        meter = Meter.of(rig.process.pid)
-        sent = rig.feed([False] * count, RATE_HZ)
-        cost = meter.stop()
+        sent, cost = _driven(rig, plan.warm_up_s, plan.seconds)
         driven = len(rig.commands)
         scares = rig.feed(itertools.islice(_scares(), plan.onsets * ONSET_EVERY), RATE_HZ)
         heard = rig.heard()
@@ -69,14 +65,31 @@ def latency(plan: Plan) -> dict[str, Any]:
     }
 
 
+def _driven(
+    rig: Rig, warm_up_s: float, seconds: float, *, begin: Callable[[], None] = lambda: None
+) -> tuple[list[Sent], Cost]:
+    """Return the scans that were sent after the warm-up, and what the car cost meanwhile.
+
+    Without a gap between the two, like the peers' client: a car that waits for a scan which does not come is cold.
+    """
+    warming = round(warm_up_s * RATE_HZ)
+    meters: list[Meter] = []
+
+    def scans() -> Iterator[bool]:
+        yield from [False] * warming
+        begin()
+        meters.append(Meter.of(rig.process.pid))
+        yield from [False] * round(seconds * RATE_HZ)
+
+    sent = rig.feed(scans(), RATE_HZ)
+    return sent[warming:], meters[0].stop()
+
+
 def cpu(plan: Plan) -> dict[str, Any]:
     """Drive at 40 Hz with one subscriber, and look at what it cost."""
     with Rig(_course(1081, RATE_HZ), plan.settings) as rig:
         rig.start()
-        rig.feed([False] * round(plan.warm_up_s * RATE_HZ), RATE_HZ)
-        meter = Meter.of(rig.process.pid)
-        rig.feed([False] * round(plan.seconds * RATE_HZ), RATE_HZ)
-        cost = meter.stop()
+        _, cost = _driven(rig, plan.warm_up_s, plan.seconds)
     return {
         "cores": cost.cores,
         "by_thread": dict(cost.cpu),
@@ -119,12 +132,9 @@ def readers(plan: Plan) -> dict[str, Any]:
 def _read_by(plan: Plan, count: int, *, stops: bool) -> dict[str, Any]:
     with Rig(_course(1081, RATE_HZ), plan.settings, subscribers=count) as rig:
         rig.start()
-        rig.feed([False] * round((plan.warm_up_s + 0.5 * count) * RATE_HZ), RATE_HZ)
-        if stops:
-            rig.stop_reading()
-        meter = Meter.of(rig.process.pid)
-        sent = rig.feed([False] * round(plan.seconds * RATE_HZ), RATE_HZ)
-        cost = meter.stop()
+        sent, cost = _driven(
+            rig, plan.warm_up_s + 0.5 * count, plan.seconds, begin=rig.stop_reading if stops else lambda: None
+        )
         figures = pair(sent, rig.commands).figures_ms()
     if not figures:
         raise BenchError("no command ever answered a scan")
@@ -144,10 +154,7 @@ def loaded(plan: Plan) -> dict[str, Any]:
         except PermissionError as error:
             raise BenchError("this user may not ask for SCHED_FIFO: run it as root") from error
         rig.start()
-        rig.feed([False] * round(plan.warm_up_s * RATE_HZ), RATE_HZ)
-        meter = Meter.of(rig.process.pid)
-        sent = rig.feed([False] * round(plan.seconds * RATE_HZ), RATE_HZ)
-        cost = meter.stop()
+        sent, cost = _driven(rig, plan.warm_up_s, plan.seconds)
         answers = pair(sent, rig.commands)
     if not answers.latency_s:
         raise BenchError("no command ever answered a scan")
