@@ -67,7 +67,7 @@ class CdrWriter:
 class Template(CdrWriter):
     """A message of which only some numbers change: everything is written once, and copied with the numbers filled in.
 
-    A fifth of the time of writing it anew, forty times a second.
+    Half the time of writing it anew, forty times a second.
     """
 
     __slots__ = ("_holes", "_numbers")
