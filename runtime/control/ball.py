@@ -19,10 +19,11 @@ from runtime.control.ball_settings import BallSettings
 from runtime.control.geometry import Floats, Places
 from runtime.control.guidance import Guidance
 from runtime.control.lost import SEARCH_PER_M, Lost
-from runtime.control.my_wall import Beams, SideView, bridge_glass, my_wall, outline, roomy_m, side_view
+from runtime.control.my_wall import Beams, SideView, bridge_glass, my_wall, outline, side_view
 from runtime.control.noise_bias import NoiseBias
 from runtime.control.perception import Eyes
 from runtime.control.prediction import Predictor, Shift
+from runtime.control.room import Room
 from runtime.control.speed_profile import mu_with_room, profile_mps, speed_limit_mps
 from runtime.control.wall import Line
 from runtime.control.wall_track import WallTrack
@@ -48,6 +49,7 @@ class BallFollower:
         self._predictor = Predictor(car.wheelbase_m, car.steering_rate_radps)
         self._bias = NoiseBias()
         self._track = WallTrack(car.wheelbase_m)
+        self._room = Room()
         self._bend_per_m = 0.0
         self._straight = 0.0
         self._lost = Lost(
@@ -89,14 +91,14 @@ class BallFollower:
         wheel_rad = self._sign * self._predictor.wheel_rad
         expected = self._track.expect(moved_m, wheel_rad, speed_mps, straight=self._straight >= 1.0)
         seen = side_view(self._eyes.see(scan), settings.side)
-        mine = my_wall(seen, settings.desired_distance_m)
+        mine = my_wall(seen, self._room.within_m(settings.desired_distance_m))
         if mine is None:
             self._path = None
             self._track.correct(None)
             return self._without_wall(moved_m)
         line = seen.side.lines.find(seen.x_m, seen.y_m, seen.range_m, seen.solid, expected)
         tracked = self._track.correct(line)
-        desired_m = roomy_m(seen, line, settings.desired_distance_m)
+        desired_m = self._room.beside_m(seen, line, settings.desired_distance_m, moved_m)
         wall = WallPoints.of(_wall_places_m(seen, mine, line), shift)
         line_now, line, tracked = line, _from_there(line, shift), _from_there(tracked, shift)
         bias_m = self._bias.learn(line, wall.nearest_m)

@@ -45,6 +45,9 @@ STRAIGHT_PER_M, BENT_PER_M = 0.05, 0.1
 SMOOTH_BELOW_PER_M = 0.3
 KINKED_ABOVE_PER_M = 0.6
 """A path that turns away from the wall more sharply is a kink, not a bend: nothing to be fed forward."""
+TIGHTEST_PER_M = 1.0 / ARC_M
+"""A ball smaller than the car's own tightest arc turns more sharply round a corner than the car can. Were all of that
+fed forward, the car would swing out before the corner, by 0.3 m round one at 0.6 m, and miss it."""
 SLIP_S2_PER_M = 0.037
 
 
@@ -105,9 +108,9 @@ def steering_for_rad(aim: Aim, speed_mps: float, kp: float, kd: float) -> float:
 
 
 def bend_correction_rad(bend_per_m: float, look_m: float, speed_mps: float, kd: float, wheelbase_m: float) -> float:
-    """Return atan(L c) - kd phi_c, for the smooth part of the curvature."""
+    """Return atan(L c) - kd phi_c, for the smooth part of the curvature that a car can drive."""
     share = (bend_per_m + KINKED_ABOVE_PER_M) / (KINKED_ABOVE_PER_M - SMOOTH_BELOW_PER_M)
-    curvature = bend_per_m * min(max(share, 0.0), 1.0)
+    curvature = min(bend_per_m * min(max(share, 0.0), 1.0), TIGHTEST_PER_M)
     on_arc_rad = _asin(curvature * look_m / 2) - SLIP_S2_PER_M * speed_mps * speed_mps * curvature
     slower = SLOW_MPS / max(abs(speed_mps), SLOW_MPS)
     return math.atan(wheelbase_m * curvature) - slower * kd * on_arc_rad

@@ -213,6 +213,11 @@ def test_a_fast_bend_is_steered_more_than_a_slow_one_and_a_kink_is_not_corrected
     assert bend_correction_rad(-0.9, 1.0, 1.0, 1.5, 0.33) == 0.0
 
 
+def test_a_path_that_bends_more_sharply_than_the_car_can_is_fed_forward_as_the_tightest_that_it_can():
+    tightest, sharper = (bend_correction_rad(bend_per_m, 1.0, 2.0, 2.25, 0.33) for bend_per_m in (1.0 / ARC_M, 1.7))
+    assert sharper == tightest
+
+
 @pytest.mark.parametrize("error_m", [-0.1, -0.05, 0.05, 0.1])
 @pytest.mark.parametrize("yaw_rad", [-0.05, 0.05])
 def test_the_answer_is_kp_on_the_error_and_kd_on_the_heading(error_m, yaw_rad):

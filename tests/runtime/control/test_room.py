@@ -1,0 +1,91 @@
+"""How much room there is for the wanted distance, and what is remembered of it where corridors meet."""
+
+import math
+
+import numpy as np
+import pytest
+
+from drivers.api import Scan
+from runtime.car_settings import CarSettings
+from runtime.control.my_wall import side_view
+from runtime.control.perception import Eyes
+from runtime.control.room import ALONG_RAD, WIDENS_PER_M, Room
+from runtime.control.wall import Line
+from sim.beams import LidarSettings, true_ranges_m
+from sim.closed_loop import Case, drive
+from sim.lab import laws
+from sim.pose import Pose, Twist
+from sim.segments import SegmentGeometry
+from sim.vehicle import VehicleSettings
+from sim.world import World
+from sim.worlds import chain
+
+HERE = Pose(0.0, 0.0, 0.0)
+STEP_RAD = math.radians(0.25)
+WALL = Line(0.8, 0.0, 100)
+
+
+def between(left_m, right_m):
+    """What is seen between two walls; right_m inf: there is no other one."""
+    walls = [(-5.0, left_m, 9.0, left_m)] + ([(-5.0, -right_m, 9.0, -right_m)] if math.isfinite(right_m) else [])
+    world = World("", SegmentGeometry(np.array(walls)), HERE)
+    ranges_m = true_ranges_m(world, HERE, Twist(), LidarSettings(noise_std_m=0.0)).astype(np.float32)
+    ranges_m[~(ranges_m < 30)] = np.nan
+    scan = Scan(0.0, 0.0, -540 * STEP_RAD, STEP_RAD, 0.02, 30.0, ranges_m, 0)
+    return side_view(Eyes(CarSettings()).see(scan), "left")
+
+
+NARROW, OPEN = between(0.8, 0.8), between(0.8, math.inf)
+
+
+def test_in_the_open_there_is_room_for_all_that_is_wanted():
+    room = Room()
+    assert room.within_m(1.0) == 1.0
+    assert room.beside_m(OPEN, WALL, 1.0, 0.05) == 1.0
+    assert room.within_m(1.0) == 1.0
+
+
+def test_between_narrow_walls_it_is_half_of_the_width_and_known_for_the_next_scan():
+    room = Room()
+    assert room.beside_m(NARROW, WALL, 1.0, 0.05) == pytest.approx(0.8, abs=0.01)
+    assert room.within_m(1.0) == pytest.approx(0.8, abs=0.01)
+    assert room.within_m(0.5) == 0.5
+
+
+def test_where_the_other_wall_ends_it_widens_with_the_way_until_all_is_wanted_again():
+    room = Room()
+    narrow_m = room.beside_m(NARROW, WALL, 1.0, 0.0)
+    for metre in (0.5, 1.0, 1.5):
+        assert room.beside_m(OPEN, WALL, 1.0, 0.5) == pytest.approx(narrow_m + WIDENS_PER_M * metre)
+    room.beside_m(OPEN, None, 1.0, 0.2)
+    assert room.within_m(1.0) < 1.0
+    room.beside_m(OPEN, WALL, 1.0, 1.0)
+    assert room.within_m(2.0) == 2.0  # nothing is left of it: who wants more may have it at once
+
+
+def test_a_car_that_stands_or_backs_does_not_forget():
+    room = Room()
+    narrow_m = room.beside_m(NARROW, WALL, 1.0, 0.0)
+    assert room.beside_m(OPEN, WALL, 1.0, 0.0) == narrow_m
+    assert room.beside_m(OPEN, WALL, 1.0, -0.5) == pytest.approx(narrow_m + 0.5 * WIDENS_PER_M)
+
+
+def test_the_width_beside_a_line_across_the_way_counts_for_one_scan_only():
+    room = Room()
+    across = Line(0.7, -ALONG_RAD - 0.3, 10)
+    assert room.beside_m(NARROW, across, 1.0, 0.05) < 0.95
+    assert room.within_m(1.0) == 1.0
+
+
+@pytest.mark.parametrize("desired_m", [0.6, 1.0])
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_the_car_turns_into_a_corridor_as_narrow_as_its_own(desired_m, side):
+    near, far = chain([(-5, 0.83), (6, 0.83), (6, 20)]), chain([(7.58, 20), (7.58, 0.83), (30, 0.83)])
+    world = World("", SegmentGeometry(np.array([*near, *far, *chain([(-5, -0.83), (30, -0.83)])])), HERE)
+    world = world if side == "left" else world.mirrored()
+    follower, guard = laws.build("ball", side, desired_m, 2.0)
+    done = drive(Case(world, desired_m=desired_m, distance_m=14.0, vehicle=VehicleSettings()), follower, guard)
+    assert done.contact is None
+    assert not [stop for stop in done.stops if stop.from_s > 0.0]
+    assert 6.2 < done.pose[-1, 0] < 7.5
+    assert abs(done.pose[-1, 1]) > 5.0
