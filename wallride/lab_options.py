@@ -27,6 +27,8 @@ def add(parser: argparse.ArgumentParser) -> None:
         else:
             _add_variations(parser)
         _add_outputs(parser)
+        if name in {"walls", "laps"}:
+            parser.add_argument("--distance", metavar="M", help="wanted distance to the wall in m (default: 1)")
         if name == "laps":
             parser.add_argument(
                 "--maps", type=Path, metavar="DIR", help="folder of ROS maps (default: data/maps nearby)"

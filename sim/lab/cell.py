@@ -7,13 +7,18 @@ from typing import Any
 
 from sim.pose import Side
 
+DESIRED_M = 1.0
+"""Distance to the wall that is asked for where nothing else is said."""
 Figures = dict[str, Any]
 """The figures of a cell: numbers, booleans, short texts and None, as they go into the JSON file."""
 
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One run. law: what `sim.lab.laws` understands. speed_mps: what is asked for; the law may choose less."""
+    """One run. law: what `sim.lab.laws` understands. speed_mps: what is asked for; the law may choose less.
+
+    desired_m: distance to the wall that is asked for.
+    """
 
     experiment: str
     scenario: str
@@ -22,6 +27,7 @@ class Cell:
     mu: float
     side: Side
     seed: int
+    desired_m: float = DESIRED_M
 
     def named(self, figures: Figures) -> Figures:
         """Return the figures with the cell's own names in front."""
@@ -40,11 +46,12 @@ class Choice:
     quick: bool = False
     maps: tuple[str, ...] = ()
     recordings: tuple[str, ...] = ()
+    desired_m: float = DESIRED_M
 
     def cells(self, experiment: str, scenarios: Sequence[str]) -> list[Cell]:
         """Return every combination; the longest runs first, so that no core waits for one at the end."""
         cells = [
-            Cell(experiment, scenario, law, speed_mps, mu, side, seed)
+            Cell(experiment, scenario, law, speed_mps, mu, side, seed, self.desired_m)
             for speed_mps in self.speeds_mps
             for scenario in scenarios
             for law in self.laws

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from sim.lab import laws
-from sim.lab.cell import Cell, Choice, Figures, Tabled
+from sim.lab.cell import DESIRED_M, Cell, Choice, Figures, Tabled
 from sim.lab.laps import maps_in
 from sim.lab.pool import experiment, measure_all
 from sim.lab.recordings import ENDINGS, recordings_in
@@ -26,6 +26,7 @@ INTERRUPTED = 130
 SPEEDS_MPS, QUICK_SPEEDS_MPS = (1.0, 2.0, 3.0, 4.0), (1.0, 3.0)
 MUS, QUICK_MUS = (0.5, 0.8, 1.0), (0.8,)
 SIDES: tuple[Side, ...] = ("left", "right")
+NEAREST_M, FARTHEST_M = 0.3, 3.0
 _PIPE_WIDTH = 160
 _NEARBY_MAPS = ("data/maps", "shared/data/maps")
 _NEARBY_RECORDINGS = ("data/racecar", "data/originals", "shared/data/racecar", "shared/data/originals")
@@ -74,11 +75,17 @@ def chosen(options: argparse.Namespace) -> Choice:
         )
     if options.jobs is not None and options.jobs < 1:
         raise UsageError(f"--jobs {options.jobs}: give 1 or more processes")
-    speeds = _numbers("--speeds", options.speeds, 0.3, 8.0) or (QUICK_SPEEDS_MPS if quick else SPEEDS_MPS)
-    mus = _numbers("--mu", options.mu, 0.1, 2.0) or (QUICK_MUS if quick else MUS)
-    seeds = tuple(range(options.seed, options.seed + options.seeds))
-    sides = _sides(options.side, quick=quick)
-    return Choice(_laws(options.method), speeds, mus, sides, seeds, quick, _maps(options), _recordings(options))
+    return Choice(
+        _laws(options.method),
+        _numbers("--speeds", options.speeds, 0.3, 8.0) or (QUICK_SPEEDS_MPS if quick else SPEEDS_MPS),
+        _numbers("--mu", options.mu, 0.1, 2.0) or (QUICK_MUS if quick else MUS),
+        _sides(options.side, quick=quick),
+        tuple(range(options.seed, options.seed + options.seeds)),
+        quick,
+        _maps(options),
+        _recordings(options),
+        _distance_m(options),
+    )
 
 
 def only(cells: Sequence[Cell], text: str | None) -> list[Cell]:
@@ -112,6 +119,14 @@ def _numbers(option: str, text: str | None, low: float, high: float) -> tuple[fl
     if not numbers or not all(math.isfinite(number) and low <= number <= high for number in numbers):
         raise UsageError(f"{option} {text}: write numbers between {low:g} and {high:g} with commas between them")
     return numbers
+
+
+def _distance_m(options: argparse.Namespace) -> float:
+    text: str | None = getattr(options, "distance", None)
+    distances_m = _numbers("--distance", text, NEAREST_M, FARTHEST_M)
+    if len(distances_m) > 1:
+        raise UsageError(f"--distance {text}: write one number; the tables of two would not be told apart")
+    return distances_m[0] if distances_m else DESIRED_M
 
 
 def _sides(text: str | None, *, quick: bool) -> tuple[Side, ...]:

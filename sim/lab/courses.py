@@ -11,6 +11,7 @@ from functools import lru_cache
 
 from sim.beams import LidarSettings
 from sim.closed_loop import ROUGH_BEAMS, Case
+from sim.lab.cell import DESIRED_M
 from sim.lab.glass import Glazed
 from sim.lab.limit import Task, Wall
 from sim.pose import Pose, Side
@@ -19,7 +20,6 @@ from sim.vehicle import VehicleSettings
 from sim.world import World
 from sim.worlds import load_world
 
-DESIRED_M = 1.0
 SLANT_RAD = math.radians(20.0)
 ROUGH_LATENCY_S, ROUGH_TRIM_RAD, ROUGH_NOISE_M = 0.06, 0.03, 0.03
 SMUDGES = ((-97.0, -94.5, 0.05), (40.0, 41.0, 0.12), (88.0, 89.5, 0.20))
@@ -31,22 +31,22 @@ _PANE_FROM_M, _PANE_TO_M = 3.0, 7.0
 class Course:
     """A wall and a start, for a wall on the left.
 
-    distance_m, toward_rad, ahead_m: the start, against the world's own. way_m: how far it goes.
+    distance, toward_rad, ahead_m: the start; distance is a share of the wanted one. way_m: how far it goes.
     wall_segments: how many of the world's first segments are the followed wall; 0: a straight one at y = 1, whose doors
     and panes do not count.
     """
 
     world: str
-    distance_m: float = 1.0
+    distance: float = 1.0
     toward_rad: float = 0.0
     ahead_m: float = 0.0
     way_m: float = 9.0
     wall_segments: int = 0
     glass: bool = False
 
-    def start(self, world: World) -> Pose:
+    def start(self, world: World, desired_m: float) -> Pose:
         """Return where the run starts."""
-        return world.start_at(distance_m=self.distance_m, toward_wall_rad=self.toward_rad).ahead(self.ahead_m)
+        return world.start_at(distance_m=self.distance * desired_m, toward_wall_rad=self.toward_rad).ahead(self.ahead_m)
 
 
 COURSES = {
@@ -76,16 +76,16 @@ def world_of(name: str, side: Side) -> World:
     return load_world(name, side=side)
 
 
-def case_of(scenario: str, speed_mps: float, mu: float, side: Side, seed: int) -> Case:
+def case_of(scenario: str, speed_mps: float, mu: float, side: Side, seed: int, desired_m: float = DESIRED_M) -> Case:
     """Return the run of a course, "t1" or "t1 dirty"."""
     name, _, spoilt = scenario.partition(" ")
     course = COURSES[name]
     world = world_of(course.world, side)
     case = Case(
         world,
-        course.start(world_of(course.world, "left")) if side == "left" else _mirrored_start(course),
+        _start(course, side, desired_m),
         speed_mps,
-        DESIRED_M,
+        desired_m,
         side,
         distance_m=course.way_m,
         duration_s=4.0 * course.way_m / max(speed_mps, 0.5) + 5.0,
@@ -98,14 +98,15 @@ def case_of(scenario: str, speed_mps: float, mu: float, side: Side, seed: int) -
     return _spoil(case, spoilt, side)
 
 
-def limit_task(scenario: str, speed_mps: float, mu: float) -> Task | None:
+def limit_task(scenario: str, speed_mps: float, mu: float, desired_m: float = DESIRED_M) -> Task | None:
     """Return the optimal control problem of a course, the clean one's for its variants; None where it is 0."""
     course = COURSES[scenario.partition(" ")[0]]
     if not course.wall_segments:
         return None
     world = world_of(course.world, "left")
     vehicle = VehicleSettings(grip_mu=mu)
-    return Task(followed_wall(course), course.start(world), speed_mps, course.way_m, DESIRED_M, vehicle=vehicle)
+    start = course.start(world, desired_m)
+    return Task(followed_wall(course), start, speed_mps, course.way_m, desired_m, vehicle=vehicle)
 
 
 def followed_wall(course: Course) -> Wall:
@@ -117,8 +118,9 @@ def followed_wall(course: Course) -> Wall:
     return tuple((float(a), float(b), float(c), float(d)) for a, b, c, d in geometry.segments_m[:count])
 
 
-def _mirrored_start(course: Course) -> Pose:
-    return course.start(world_of(course.world, "left")).mirrored()
+def _start(course: Course, side: Side, desired_m: float) -> Pose:
+    start = course.start(world_of(course.world, "left"), desired_m)
+    return start if side == "left" else start.mirrored()
 
 
 @lru_cache(maxsize=2)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from sim.closed_loop import Case, Run, drive
 from sim.lab import laws
 from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
-from sim.lab.courses import COURSES, DESIRED_M, SLANT_RAD, STRAIGHT_COURSES, case_of, world_of
+from sim.lab.courses import COURSES, SLANT_RAD, STRAIGHT_COURSES, case_of, world_of
 from sim.lab.figures import Row, chosen, common, distinct, text
 from sim.lab.limits import limit_m
 from sim.lab.safety import Blind
@@ -101,7 +101,7 @@ def _hopeless(cell: Cell) -> bool:
 
 def run(cell: Cell) -> Run:
     """Drive one cell."""
-    follower, guard = laws.build(cell.law, cell.side, DESIRED_M, cell.speed_mps)
+    follower, guard = laws.build(cell.law, cell.side, cell.desired_m, cell.speed_mps)
     if cell.scenario.startswith(NORMAL):
         case = case_of(cell.scenario.removeprefix(NORMAL), cell.speed_mps, cell.mu, cell.side, cell.seed)
         return drive(case, follower, guard)

@@ -10,6 +10,7 @@ import sys
 from functools import lru_cache
 from pathlib import Path
 
+from sim.lab.cell import DESIRED_M
 from sim.lab.courses import COURSES, REPORT_COURSES, limit_task
 from sim.lab.limit import Task, driven_mean_error_m, least_mean_error_m
 
@@ -30,16 +31,21 @@ REFERENCE_M = {
 """The limits that another simulator's search found, mu 0.8 (design notes, section 3)."""
 
 
-def limit_m(scenario: str, speed_mps: float, mu: float) -> float:
+def limit_m(scenario: str, speed_mps: float, mu: float, desired_m: float = DESIRED_M) -> float:
     """Return the least mean error of a course [m], NaN when no way without contact was found.
 
-    Computed when the file does not have it, which takes seconds.
+    Computed when the file does not have it, which takes seconds; it has those for the usual distance.
     """
     known = _kept().get(key(scenario, speed_mps, mu))
-    if key(scenario, speed_mps, mu) in _kept():
+    if desired_m == DESIRED_M and key(scenario, speed_mps, mu) in _kept():
         return math.nan if known is None else known
-    task = limit_task(scenario, speed_mps, mu)
-    return least_mean_error_m(task) if task is not None else 0.0
+    task = limit_task(scenario, speed_mps, mu, desired_m)
+    return _least_m(task) if task is not None else 0.0
+
+
+@lru_cache(maxsize=64)
+def _least_m(task: Task) -> float:
+    return least_mean_error_m(task)
 
 
 def key(scenario: str, speed_mps: float, mu: float) -> str:

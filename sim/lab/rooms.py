@@ -17,8 +17,8 @@ from runtime.control.guidance import Follower, Guard
 from runtime.settings import load_settings
 from sim.closed_loop import Case, Run, drive
 from sim.lab import laws
-from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
-from sim.lab.courses import DESIRED_M, world_of
+from sim.lab.cell import DESIRED_M, Cell, Choice, Experiment, Figures, Tabled
+from sim.lab.courses import world_of
 from sim.lab.figures import Row, chosen, common, distinct, mean, number, text, worst
 from sim.lab.safety import stopping_m
 from sim.obstacles import Motion, Obstacle, Round, Standing, person

@@ -18,7 +18,7 @@ from runtime.control.guidance import Guidance
 from sim.closed_loop import Case, Run, drive
 from sim.lab import laws
 from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
-from sim.lab.courses import DESIRED_M, world_of
+from sim.lab.courses import world_of
 from sim.lab.figures import Row, chosen, common, distinct, number, worst
 from sim.obstacles import LIDAR_AHEAD_M, sudden_box
 from sim.pose import CAR
@@ -51,7 +51,7 @@ def cells(choice: Choice) -> list[Cell]:
 
 def run(cell: Cell) -> Run:
     """Drive one cell: straight on beside a wall, and a box across the way."""
-    guard = laws.build(cell.law, cell.side, DESIRED_M, cell.speed_mps)[1]
+    guard = laws.build(cell.law, cell.side, cell.desired_m, cell.speed_mps)[1]
     ahead_m = float(cell.scenario.split()[0])
     case = Case(
         world_of("straight", cell.side),

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 from sim.closed_loop import Run, drive
 from sim.lab import laws
-from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
-from sim.lab.courses import ALL_COURSES, DESIRED_M, STRAIGHT_COURSES, case_of
+from sim.lab.cell import DESIRED_M, Cell, Choice, Experiment, Figures, Tabled
+from sim.lab.courses import ALL_COURSES, STRAIGHT_COURSES, case_of
 from sim.lab.figures import Row, chosen, common, distinct, errors, mean, number, text, worst
-from sim.lab.limits import REFERENCE_M, limit_m
+from sim.lab.limits import DRIVEN_MU, REFERENCE_M, limit_m
 
 LOST_ABOVE_M = 0.5
 """A run that ends so far off has lost its wall."""
@@ -31,8 +31,8 @@ def cells(choice: Choice) -> list[Cell]:
 
 def run(cell: Cell) -> Run:
     """Drive one cell."""
-    follower, guard = laws.build(cell.law, cell.side, DESIRED_M, cell.speed_mps)
-    case = case_of(cell.scenario, cell.speed_mps, cell.mu, cell.side, cell.seed)
+    follower, guard = laws.build(cell.law, cell.side, cell.desired_m, cell.speed_mps)
+    case = case_of(cell.scenario, cell.speed_mps, cell.mu, cell.side, cell.seed, cell.desired_m)
     return drive(replace(case, standing_s=3.0), follower, guard)
 
 
@@ -44,8 +44,9 @@ def measure(cell: Cell) -> Figures:
     steady_m = figures["steady_error_m"]
     figures["lost"] = steady_m is None or steady_m > LOST_ABOVE_M
     figures["completed"] = done.contact is None and done.distance_m >= case.distance_m and not figures["lost"]
-    figures["limit_m"] = number(limit_m(cell.scenario, cell.speed_mps, cell.mu))
-    figures["reference_limit_m"] = REFERENCE_M.get(cell.scenario, {}).get(cell.speed_mps) if cell.mu == 0.8 else None
+    figures["limit_m"] = number(limit_m(cell.scenario, cell.speed_mps, cell.mu, cell.desired_m))
+    usual = cell.mu == DRIVEN_MU and cell.desired_m == DESIRED_M
+    figures["reference_limit_m"] = REFERENCE_M.get(cell.scenario, {}).get(cell.speed_mps) if usual else None
     return figures
 
 
@@ -59,10 +60,15 @@ def tables(rows: Sequence[Row]) -> list[Tabled]:
             columns = ("course", *(f"{speed:g} m/s" for speed in speeds), "settle s", "steady mm", "stops")
             order = [name for name in ALL_COURSES if name in distinct(some, "scenario")]
             lines = [_line(chosen(some, scenario=name), name, speeds) for name in order]
-            made.append(Tabled(f"{law}, mu {mu:g}: mean |error| / limit [m]", columns, tuple(lines), _notes(some)))
+            title = f"{law}, mu {mu:g}{_asked(some)}: mean |error| / limit [m]"
+            made.append(Tabled(title, columns, tuple(lines), _notes(some)))
     if any(row["law"].startswith("report") for row in rows):
         made.append(_published(rows))
     return made
+
+
+def _asked(rows: Sequence[Row]) -> str:
+    return "".join(f", {desired_m:g} m" for desired_m in distinct(rows, "desired_m") if desired_m != DESIRED_M)
 
 
 def _line(rows: Sequence[Row], name: str, speeds: Sequence[float]) -> tuple[str, ...]:

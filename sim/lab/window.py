@@ -16,7 +16,7 @@ from sim.beams import LidarSettings
 from sim.closed_loop import Case, Run, drive
 from sim.lab import laws
 from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
-from sim.lab.courses import DESIRED_M, world_of
+from sim.lab.courses import world_of
 from sim.lab.figures import Row, chosen, common, distinct, mean, number, text, worst
 from sim.pose import Booleans, Side
 from sim.vehicle import VehicleSettings
@@ -109,7 +109,7 @@ def truly_dirty(dirt: Sectors, lidar: LidarSettings) -> Booleans:
 
 
 def _watched(cell: Cell) -> tuple[Run, Watched]:
-    follower, guard = laws.build(cell.law, cell.side, DESIRED_M, cell.speed_mps)
+    follower, guard = laws.build(cell.law, cell.side, cell.desired_m, cell.speed_mps)
     if not isinstance(guard, Lookout):
         raise TypeError(f"{cell.law}: only the safety `swept` knows its window; write --method ball")
     watched = Watched(guard)

@@ -15,10 +15,9 @@ from sim.beams import LidarSettings, true_ranges_m
 from sim.closed_loop import Case, drive
 from sim.lab import laws
 from sim.pose import Pose, Twist
-from sim.segments import SegmentGeometry
+from sim.segments import SegmentGeometry, chain
 from sim.vehicle import VehicleSettings
 from sim.world import World
-from sim.worlds import chain
 
 HERE = Pose(0.0, 0.0, 0.0)
 STEP_RAD = math.radians(0.25)
