@@ -14,14 +14,12 @@ from typing import Any
 import numpy as np
 
 from sim.grid import GridGeometry
-from sim.pose import Booleans, Floats, Pose, Side, side_sign
-from sim.world import START_DISTANCE_M, World
+from sim.map_start import choose_start
+from sim.pose import Booleans, Floats, Pose, Side
+from sim.world import World
 
 SURELY_FREE_BELOW = 0.1
 """Highest occupancy of a drivable cell; antialiased edges and the 205 of "unknown" (0.196) lie above it."""
-
-_START_CANDIDATES = 300
-_LOOK_AHEAD_M = 8.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +49,8 @@ def load_map(path: Path, *, side: Side = "left") -> World:
     corner = settings.origin.ahead(float(columns[0]) * settings.cell_m, float(rows[0]) * settings.cell_m)
     geometry = GridGeometry(~inner, settings.cell_m, corner)
     text = f"Map {path.name}: {inner.sum() * settings.cell_m**2:.0f} m2 drivable, cells of {settings.cell_m:.4g} m."
-    return World(path.stem, geometry, choose_start(geometry, side), side, description=text)
+    start, room_m = choose_start(geometry, side)
+    return World(path.stem, geometry, start, side, description=text, room_m=room_m)
 
 
 def read_settings(path: Path) -> MapSettings:
@@ -105,48 +104,3 @@ def drivable(occupancy: Floats, free_below: float) -> Booleans:
     sizes = np.bincount(regions.ravel())[1:]
     largest: Booleans = regions == 1 + int(np.argmax(sizes))
     return largest
-
-
-def choose_start(geometry: GridGeometry, side: Side) -> Pose:
-    """Choose a place about 1 m from a wall (as far as a narrower map allows), parallel to it, with a free way ahead.
-
-    Of 300 cells spread over those at that distance, the one with the longest straight way ahead and behind wins
-    (8 m are enough), less what the wall's distance changes within 1 m. The same map gives the same start
-    on every machine: many places look alike to the last bit, so it is numpy's beams that choose, never compiled ones.
-    """
-    from scipy import ndimage
-
-    away_m = ndimage.distance_transform_edt(~geometry.solid) * geometry.cell_m
-    wanted_m = min(START_DISTANCE_M, float(away_m.max()) - geometry.cell_m)
-    row, column = np.nonzero(np.abs(away_m - wanted_m) <= geometry.cell_m)
-    spread = np.unique(np.linspace(0, len(row) - 1, _START_CANDIDATES).astype(np.int64))
-    poses = [
-        _along_the_wall(geometry, geometry.cell_centre(int(row[index]), int(column[index])), side) for index in spread
-    ]
-    return max(poses, key=lambda pose: _worth(geometry, pose, side))
-
-
-def _along_the_wall(geometry: GridGeometry, at: tuple[float, float], side: Side) -> Pose:
-    """The pose at a point that has the nearest wall square to one side."""
-    bearings = np.linspace(-math.pi, math.pi, 180, endpoint=False)
-    ranges_m = geometry.march(*at, bearings)
-    points = np.column_stack([ranges_m * np.cos(bearings), ranges_m * np.sin(bearings)])
-    aside = np.cos(bearings - bearings[np.argmin(ranges_m)]) > 0.5
-    near = points[aside & (ranges_m <= 1.3 * ranges_m.min())]  # a patch about 1.6 times as long as it is far
-    _, _, axes = np.linalg.svd(near - near.mean(axis=0))
-    yaw_rad = math.atan2(axes[0, 1], axes[0, 0])
-    centre = near.mean(axis=0)
-    wall_is_left = -math.sin(yaw_rad) * centre[0] + math.cos(yaw_rad) * centre[1] > 0
-    facing = yaw_rad if wall_is_left == (side == "left") else yaw_rad + math.pi
-    return Pose(*at, math.remainder(facing, math.tau))
-
-
-def _worth(geometry: GridGeometry, pose: Pose, side: Side) -> float:
-    """Metres of free way, less a penalty for a wall that is not where it should be."""
-    sides = pose.yaw_rad + side_sign(side) * np.radians(np.linspace(60.0, 120.0, 25))
-    ways = pose.yaw_rad + np.radians([-4.0, 0.0, 4.0, 176.0, 180.0, 184.0])
-    ranges_m = geometry.march(pose.x_m, pose.y_m, ways)
-    ahead_m, behind_m = min(_LOOK_AHEAD_M, ranges_m[:3].min()), min(1.0, ranges_m[3:].min())
-    places = [pose.ahead(forward_m) for forward_m in (-0.5, 0.0, 0.5, 1.0)]
-    walls_m = [float(geometry.march(at.x_m, at.y_m, sides).min()) for at in places]
-    return float(ahead_m + behind_m - 10.0 * (max(walls_m) - min(walls_m)) - 5.0 * abs(walls_m[1] - START_DISTANCE_M))

@@ -13,7 +13,7 @@ from sim.lap import Lap
 from sim.pose import CAR, Floats, Footprint, Pose, Side, other_side, side_sign
 
 START_DISTANCE_M = 1.0
-"""Distance of every default start pose from the followed wall (as near to it as a map allows)."""
+"""Distance of every default start pose from the followed wall; less only on maps too narrow for it."""
 
 _SIDE_BEARINGS_RAD = np.radians(np.linspace(30.0, 150.0, 481))
 
@@ -60,9 +60,10 @@ class Geometry(Protocol):
 class World:
     """Walls and how to use them.
 
-    start: a pose from which to follow the wall, parallel to it, START_DISTANCE_M from it where there is room.
+    start: a pose from which to follow the wall, parallel to it, room_m from it.
     side: the side on which the followed wall is at the start.
     lap: how progress is measured where the world closes on itself, else None.
+    room_m: the largest distance up to START_DISTANCE_M at which the followed wall leads far enough (`sim.map_start`).
     """
 
     name: str
@@ -71,6 +72,7 @@ class World:
     side: Side = "left"
     lap: Lap | None = None
     description: str = ""
+    room_m: float = START_DISTANCE_M
 
     @property
     def bounds_m(self) -> tuple[float, float, float, float]:
@@ -103,10 +105,10 @@ class World:
         bearings = pose.yaw_rad + side_sign(side or self.side) * _SIDE_BEARINGS_RAD
         return float(self.cast(pose.x_m, pose.y_m, bearings).min())
 
-    def start_at(self, *, distance_m: float = START_DISTANCE_M, toward_wall_rad: float = 0.0) -> Pose:
-        """Return the start moved to another distance from the followed wall and turned toward it (negative: away)."""
+    def start_at(self, *, distance_m: float | None = None, toward_wall_rad: float = 0.0) -> Pose:
+        """Return the start turned toward the followed wall (negative: away), at another distance from it if wanted."""
         sign = side_sign(self.side)
-        at = self.start.ahead(0.0, sign * (START_DISTANCE_M - distance_m))
+        at = self.start if distance_m is None else self.start.ahead(0.0, sign * (self.room_m - distance_m))
         return Pose(at.x_m, at.y_m, at.yaw_rad + sign * toward_wall_rad)
 
     def mirrored(self) -> "World":

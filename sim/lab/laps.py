@@ -6,8 +6,7 @@ from pathlib import Path
 
 from sim.closed_loop import Case, Run, drive
 from sim.lab import laws
-from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
-from sim.lab.courses import DESIRED_M
+from sim.lab.cell import DESIRED_M, Cell, Choice, Experiment, Figures, Tabled
 from sim.lab.figures import Row, chosen, common, distinct, errors, mean, number, text
 from sim.lap import LapCounter
 from sim.pose import Side
@@ -28,10 +27,12 @@ def cells(choice: Choice) -> list[Cell]:
 
 def run(cell: Cell) -> Run:
     """Drive one cell: some laps of a closed course, or 60 s where nobody knows what a lap is."""
-    follower, guard = laws.build(cell.law, cell.side, DESIRED_M, cell.speed_mps)
     world = _world(cell.scenario, cell.side)
+    desired_m = min(cell.desired_m, world.room_m)
+    follower, guard = laws.build(cell.law, cell.side, desired_m, cell.speed_mps)
     case = Case(
         world,
+        desired_m=desired_m,
         distance_m=(LAPS + 0.1) * world.lap.length_m if world.lap is not None else float("inf"),
         duration_s=120.0 if world.lap is not None else FOLLOWED_S,
         standing_s=5.0,
@@ -48,6 +49,7 @@ def measure(cell: Cell) -> Figures:
     return {
         **common(done),
         **errors(done),
+        "desired_m": number(done.case.desired_m),
         "laps": len(times_s),
         "lap_times_s": times_s,
         "best_lap_s": min(times_s[1:] or times_s, default=None),
@@ -86,7 +88,11 @@ def tables(rows: Sequence[Row]) -> list[Tabled]:
             some = chosen(rows, law=law, mu=mu)
             speeds = sorted(distinct(some, "speed_mps"))
             lines = [
-                (Path(name).stem, side, *(_figure(chosen(some, scenario=name, side=side, speed_mps=v)) for v in speeds))
+                (
+                    _course(name, some, side),
+                    side,
+                    *(_figure(chosen(some, scenario=name, side=side, speed_mps=v)) for v in speeds),
+                )
                 for name in distinct(some, "scenario")
                 for side in distinct(some, "side")
             ]
@@ -95,6 +101,12 @@ def tables(rows: Sequence[Row]) -> list[Tabled]:
             note = f"{sum(row['collided'] for row in some)} of {len(some)} runs with a contact"
             made.append(Tabled(title, columns, tuple(lines), (note,)))
     return made
+
+
+def _course(name: str, rows: Sequence[Row], side: Side) -> str:
+    """The course's name, and what was asked for on it where that is not the usual distance."""
+    course, (asked_m, *_) = Path(name).stem, distinct(chosen(rows, scenario=name, side=side), "desired_m")
+    return course if asked_m == DESIRED_M else f"{course}, {asked_m:g} m"
 
 
 def _figure(rows: Sequence[Row]) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from sim import compiled
 from sim.grid import GridGeometry
 from sim.map_file import load_map, read_occupancy, read_settings
 from sim.pose import Pose
@@ -35,20 +36,26 @@ def test_every_shared_map_loads_with_a_start_beside_a_wall(name, side):
     world = load_map(shared_map(name), side=side)
     assert world.name == name
     assert world.side == side
-    assert 0.9 < world.wall_distance_m(world.start) < 1.1
+    assert world.room_m == (0.8 if name == "levine" else 1.0)
+    assert world.wall_distance_m(world.start) == pytest.approx(world.room_m, abs=0.1)
     assert world.clearance(world.start) > 0.4
     ahead = world.start.yaw_rad + np.radians([-4.0, 0.0, 4.0])
     assert world.cast(world.start.x_m, world.start.y_m, ahead).min() > 4.0
     metre_on = world.start.ahead(1.0)
-    assert world.wall_distance_m(metre_on) == pytest.approx(1.0, abs=0.2), "not parallel to the wall"
+    assert world.wall_distance_m(metre_on) == pytest.approx(world.room_m, abs=0.2), "not parallel to the wall"
     fan = world.cast(world.start.x_m, world.start.y_m, world.start.yaw_rad + np.radians(np.linspace(-135, 135, 1081)))
     assert np.isfinite(fan).all(), "a map is closed"
     assert fan.min() > 0.5
 
 
-def test_the_same_map_gives_the_same_start():
-    path = shared_map("track_porto")
-    assert load_map(path).start == load_map(path).start
+@pytest.mark.parametrize("name", ["levine", "track_porto"])
+def test_the_same_map_gives_the_same_start_with_and_without_a_compiler(name):
+    path = shared_map(name)
+    first = load_map(path)
+    assert load_map(path).start == first.start
+    with compiled.numpy_only():
+        plain = load_map(path)
+    assert (plain.start, plain.room_m) == (first.start, first.room_m)
 
 
 @pytest.mark.parametrize(("name", "cell_m", "corner"), [

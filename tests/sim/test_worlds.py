@@ -1,6 +1,7 @@
 """The built-in worlds are what their docstrings say, on both sides."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -104,6 +105,17 @@ def test_starts_can_be_moved_and_turned_toward_the_wall(side):
     assert world.wall_distance_m(near) == pytest.approx(0.5)
     ahead = near.ahead(1.0)
     assert world.wall_distance_m(Pose(ahead.x_m, ahead.y_m, world.start.yaw_rad)) == pytest.approx(0.5 - math.sin(0.3))
+
+
+@BOTH_SIDES
+def test_a_start_nearer_to_its_wall_is_moved_from_there(side):
+    world = load_world("straight", side=side)
+    near = replace(world, start=world.start_at(distance_m=0.7), room_m=0.7)
+    assert near.start_at() == near.start
+    assert near.wall_distance_m(near.start_at(distance_m=0.5)) == pytest.approx(0.5)
+    mirrored = near.mirrored()
+    assert mirrored.room_m == 0.7
+    assert mirrored.wall_distance_m(mirrored.start_at(distance_m=1.2)) == pytest.approx(1.2)
 
 
 def test_the_side_without_a_wall_is_infinitely_far():

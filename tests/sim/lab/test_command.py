@@ -88,11 +88,34 @@ def test_pictures_are_drawn(tmp_path):
         (["--side", "up"], "left, right or left,right"),
         (["--seeds", "0"], "at least one"),
         (["--jobs", "0"], "1 or more"),
+        (["--distance", "0.1"], "numbers between 0.3 and 3"),
+        (["--distance", "0.5,1"], "write one number"),
     ],
 )
 def test_wrong_options_say_what_to_write(arguments, words):
     with pytest.raises(UsageError, match=words):
         chosen(options("walls", *arguments))
+
+
+def test_another_distance_is_asked_for_started_at_and_counted_against():
+    cells = walls.cells(chosen(options("walls", "--distance", "0.6", "--quick")))
+    (curved,) = (one for one in cells if one.scenario == "outside_corner" and one.speed_mps == 1.0)
+    figures = walls.measure(curved)
+    assert figures["mean_error_m"] < 0.1
+    assert figures["reference_limit_m"] is None
+    assert {one.desired_m for one in cells} == {0.6}
+
+
+def test_on_a_narrow_map_no_more_is_asked_for_than_there_is_room():
+    if not MAPS.is_dir():
+        pytest.skip("the shared maps are not there")
+    narrow = Cell("laps", str(MAPS / "levine.yaml"), check("ball"), 2.0, 0.8, "left", 0)
+    figures = laps.measure(narrow)
+    assert figures["desired_m"] == 0.8
+    assert figures["mean_error_m"] < 0.05
+    assert not figures["stopped_for_good"]
+    (table,) = laps.tables([narrow.named(figures)])
+    assert table.rows[0][0] == "levine, 0.8 m"
 
 
 def test_an_unusable_file_is_noticed_before_driving(tmp_path, capsys):
@@ -162,6 +185,21 @@ def test_a_lap_is_timed():
     assert done["laps"] == laps.LAPS
     assert 10.0 < done["best_lap_s"] < 20.0
     assert done["lap_times_s"][0] > done["best_lap_s"]
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_levine_is_lapped_at_the_distance_that_leads_round_it(side):
+    if not MAPS.is_dir():
+        pytest.skip("the shared maps are not there")
+    course = Cell("laps", str(MAPS / "levine.yaml"), check("ball"), 2.0, 0.8, side, 0)
+    done = course.named(laps.measure(course))
+    assert done["desired_m"] == 0.8
+    assert done["distance_m"] > 110.0
+    assert not done["collided"]
+    assert not done["stopped_for_good"]
+    assert done["mean_error_m"] < 0.05
+    (table,) = laps.tables([done])
+    assert table.rows[0][:2] == ("levine, 0.8 m", side)
 
 
 def test_cells_go_slowest_first():
