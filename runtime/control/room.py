@@ -11,6 +11,8 @@ from runtime.control.wall import Line
 
 WIDENS_PER_M = 0.1
 """What was narrow is believed to become so much wider per metre of way, until another width is seen."""
+CORRIDOR_M = 1.2
+"""What is narrow for so long is a corridor; a pole is beside the car for 1 m, and the way on is as wide as before."""
 ALONG_RAD = 0.35
 """A line at a greater angle to the car is a corner or the end of a wall; the width beside it says nothing of the way
 on, and counts for this scan alone."""
@@ -21,6 +23,7 @@ class Room:
 
     def __init__(self) -> None:
         self._known_m = math.inf
+        self._narrow_for_m = 0.0
 
     def within_m(self, desired_m: float) -> float:
         """Return the wanted distance, or less where the way was narrower."""
@@ -29,7 +32,11 @@ class Room:
     def beside_m(self, seen: SideView, line: Line | None, desired_m: float, moved_m: float) -> float:
         """Return the distance to keep beside a line of my wall, after so much way since the last scan."""
         self._known_m += WIDENS_PER_M * abs(moved_m)
-        kept_m = min(roomy_m(seen, line, desired_m), self._known_m)
-        if line is not None and abs(line.heading_rad) < ALONG_RAD:
+        room_m = roomy_m(seen, line, desired_m)
+        narrow = room_m < desired_m
+        self._narrow_for_m = self._narrow_for_m + abs(moved_m) if narrow else 0.0
+        kept_m = min(room_m, self._known_m)
+        along = line is not None and abs(line.heading_rad) < ALONG_RAD
+        if along and (not narrow or self._narrow_for_m > CORRIDOR_M):
             self._known_m = kept_m if kept_m < desired_m else math.inf
         return kept_m

@@ -34,6 +34,14 @@ def between(left_m, right_m):
     return side_view(Eyes(CarSettings()).see(scan), "left")
 
 
+def in_a_corridor():
+    """A room after a corridor of 1.6 m, and what it keeps there."""
+    room = Room()
+    for _ in range(30):
+        narrow_m = room.beside_m(NARROW, WALL, 1.0, 0.05)
+    return room, narrow_m
+
+
 NARROW, OPEN = between(0.8, 0.8), between(0.8, math.inf)
 
 
@@ -45,15 +53,14 @@ def test_in_the_open_there_is_room_for_all_that_is_wanted():
 
 
 def test_between_narrow_walls_it_is_half_of_the_width_and_known_for_the_next_scan():
-    room = Room()
-    assert room.beside_m(NARROW, WALL, 1.0, 0.05) == pytest.approx(0.8, abs=0.01)
+    room, narrow_m = in_a_corridor()
+    assert narrow_m == pytest.approx(0.8, abs=0.01)
     assert room.within_m(1.0) == pytest.approx(0.8, abs=0.01)
     assert room.within_m(0.5) == 0.5
 
 
 def test_where_the_other_wall_ends_it_widens_with_the_way_until_all_is_wanted_again():
-    room = Room()
-    narrow_m = room.beside_m(NARROW, WALL, 1.0, 0.0)
+    room, narrow_m = in_a_corridor()
     for metre in (0.5, 1.0, 1.5):
         assert room.beside_m(OPEN, WALL, 1.0, 0.5) == pytest.approx(narrow_m + WIDENS_PER_M * metre)
     room.beside_m(OPEN, None, 1.0, 0.2)
@@ -63,16 +70,25 @@ def test_where_the_other_wall_ends_it_widens_with_the_way_until_all_is_wanted_ag
 
 
 def test_a_car_that_stands_or_backs_does_not_forget():
-    room = Room()
-    narrow_m = room.beside_m(NARROW, WALL, 1.0, 0.0)
+    room, narrow_m = in_a_corridor()
     assert room.beside_m(OPEN, WALL, 1.0, 0.0) == narrow_m
     assert room.beside_m(OPEN, WALL, 1.0, -0.5) == pytest.approx(narrow_m + 0.5 * WIDENS_PER_M)
+
+
+def test_a_pole_beside_the_car_narrows_while_it_is_there_and_is_not_remembered():
+    room = Room()
+    for moved_m in [0.0, 0.0] + 20 * [0.05]:
+        assert room.beside_m(NARROW, WALL, 1.0, moved_m) < 0.85
+        assert room.within_m(1.0) == 1.0
+    assert room.beside_m(OPEN, WALL, 1.0, 0.05) == 1.0
+    assert room.within_m(1.0) == 1.0
 
 
 def test_the_width_beside_a_line_across_the_way_counts_for_one_scan_only():
     room = Room()
     across = Line(0.7, -ALONG_RAD - 0.3, 10)
-    assert room.beside_m(NARROW, across, 1.0, 0.05) < 0.95
+    for _ in range(30):
+        assert room.beside_m(NARROW, across, 1.0, 0.05) < 0.95
     assert room.within_m(1.0) == 1.0
 
 
