@@ -8,6 +8,7 @@ import json
 import math
 import sys
 from functools import lru_cache
+from itertools import product
 from pathlib import Path
 
 from sim.lab.cell import DESIRED_M
@@ -18,6 +19,8 @@ FILE = Path(__file__).with_name("limits.json")
 SPEEDS_MPS = (1.0, 2.0, 3.0, 4.0)
 MUS = (0.8, 0.5, 1.0)
 DRIVEN_MU = 0.8
+KEPT = (*((mu, DESIRED_M) for mu in MUS), (DRIVEN_MU, 0.7))
+"""Friction and wanted distance of the limits in the file."""
 
 MIRRORED = {"t1": "t4", "t2": "t3"}
 """Starts on the other side of the wanted distance: a path in the mirror costs the same."""
@@ -34,10 +37,11 @@ REFERENCE_M = {
 def limit_m(scenario: str, speed_mps: float, mu: float, desired_m: float = DESIRED_M) -> float:
     """Return the least mean error of a course [m], NaN when no way without contact was found.
 
-    Computed when the file does not have it, which takes seconds; it has those for the usual distance.
+    Computed when the file does not have it, which takes ten seconds or more.
     """
-    known = _kept().get(key(scenario, speed_mps, mu))
-    if desired_m == DESIRED_M and key(scenario, speed_mps, mu) in _kept():
+    cell = key(scenario, speed_mps, mu, desired_m)
+    if cell in _kept():
+        known = _kept()[cell]
         return math.nan if known is None else known
     task = limit_task(scenario, speed_mps, mu, desired_m)
     return _least_m(task) if task is not None else 0.0
@@ -48,17 +52,18 @@ def _least_m(task: Task) -> float:
     return least_mean_error_m(task)
 
 
-def key(scenario: str, speed_mps: float, mu: float) -> str:
+def key(scenario: str, speed_mps: float, mu: float, desired_m: float = DESIRED_M) -> str:
     """Return the name of a limit in the file."""
-    return f"{scenario.partition(' ')[0]} {speed_mps:g} m/s mu {mu:g}"
+    asked = "" if desired_m == DESIRED_M else f" at {desired_m:g} m"
+    return f"{scenario.partition(' ')[0]} {speed_mps:g} m/s mu {mu:g}{asked}"
 
 
-def _found_m(name: str, speed_mps: float, mu: float) -> float:
-    task = limit_task(name, speed_mps, mu)
+def _found_m(name: str, speed_mps: float, mu: float, desired_m: float) -> float:
+    task = limit_task(name, speed_mps, mu, desired_m)
     if task is None:
         return 0.0
     found_m = least_mean_error_m(task)
-    if name not in REPORT_COURSES or mu != DRIVEN_MU or math.isnan(found_m):
+    if name not in REPORT_COURSES or (mu, desired_m) != (DRIVEN_MU, DESIRED_M) or math.isnan(found_m):
         return found_m
     same = limit_task(MIRRORED.get(name, name), speed_mps, mu)  # the same but for the wall that could be touched
     return _driven_m(same or task)
@@ -80,15 +85,13 @@ def _kept() -> dict[str, float | None]:
 def compute_all() -> None:
     """Compute what is missing in the file; delete it first to compute everything."""
     kept = dict(_kept())
-    for mu in MUS:
-        for name in COURSES:
-            for speed_mps in SPEEDS_MPS:
-                cell = key(name, speed_mps, mu)
-                if cell not in kept:
-                    found_m = _found_m(name, speed_mps, mu)
-                    kept[cell] = None if math.isnan(found_m) else round(found_m, 4)
-                    FILE.write_text(json.dumps(kept, indent=0, sort_keys=True) + "\n")
-                    sys.stderr.write(f"{cell}: {kept[cell]}\n")
+    for (mu, desired_m), name, speed_mps in product(KEPT, COURSES, SPEEDS_MPS):
+        cell = key(name, speed_mps, mu, desired_m)
+        if cell not in kept:
+            found_m = _found_m(name, speed_mps, mu, desired_m)
+            kept[cell] = None if math.isnan(found_m) else round(found_m, 4)
+            FILE.write_text(json.dumps(kept, indent=0, sort_keys=True) + "\n")
+            sys.stderr.write(f"{cell}: {kept[cell]}\n")
 
 
 if __name__ == "__main__":
