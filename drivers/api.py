@@ -17,11 +17,12 @@ from drivers.value import value
 
 Clock = Callable[[], float]
 """Monotonic seconds. Injected everywhere, so that tests and simulation run on a clock of their own."""
-Reschedule = Callable[[float], float]
-"""Takes the time at which somebody wants to wake, returns a near one at which nothing that hurries more is due."""
+Reschedule = Callable[[float, float], float]
+"""Takes the time at which somebody wants to wake and how much sooner or later may be; returns a better moment near it,
+at which others wake as well or at least nothing that hurries more is due."""
 
 
-def as_wanted(wanted_s: float) -> float:
+def as_wanted(wanted_s: float, _slack_s: float) -> float:
     """Be a Reschedule that changes nothing."""
     return wanted_s
 

@@ -20,6 +20,7 @@ from runtime.control.limiter import Limiter, Limits
 from runtime.control.live_laws import LiveLaws
 from runtime.emergency_stop import EmergencyStop
 from runtime.garbage import collect_young
+from runtime.metronome import Metronome
 from runtime.operator_desk import OperatorDesk
 from runtime.parameter_desk import ParameterDesk, Surroundings
 from runtime.parameter_history import History
@@ -33,9 +34,9 @@ from runtime.settings import Settings
 from runtime.sinks import ZenohSink
 from runtime.snapshot import Observed
 from runtime.stage_clock import StageClock
+from runtime.tasks import health, operator, parameters, recorder, safety, wall_follow
 from runtime.tasks import lidar as lidar_task
 from runtime.tasks import mux as mux_task
-from runtime.tasks import operator, parameters, recorder, safety, wall_follow
 from runtime.tasks.health import Caretaker
 from runtime.tasks.telemetry import Telemetry
 from runtime.voices import Voices
@@ -163,12 +164,7 @@ class Car:
                 stage=self.stages.follow,
             ),
             "mux": self.mux.run(self.telemetry.on_output),
-            "tick": mux_task.tick(voices, settings.mux.tick_hz, clock, self.stages.on_tick, self.cadence.clear_s),
-            "operator": operator.attend(
-                self.operator, motor, self._beat, beat_hz=settings.operator.beat_hz, clock=clock,
-                clear_s=self.cadence.clear_s,
-            ),
-            "health": self._caretaker().run(),
+            "metronome": self._metronome().run(),
             "parameters": parameters.keep_history(self.history, history_file(settings)),
             **self.telemetry.jobs(),
         }  # fmt: skip
@@ -202,6 +198,17 @@ class Car:
     def _beat(self, beat: bytes) -> None:
         self.bus.put(wire.key(self.settings.car.name, wire.BEAT), beat, encoding=BYTES, urgent=True)
 
+    def _metronome(self) -> Metronome:
+        """Return what ticks for everybody who only has to look now and then."""
+        settings, clock = self.settings, self.clock
+        metronome = Metronome(clock, self.cadence.clear_s)
+        silence = mux_task.SilenceTick(self.voices, settings.mux.tick_hz, clock, self.stages.on_tick)
+        metronome.every(1 / settings.mux.tick_hz, silence.tick)
+        attendance = operator.Attendance(self.operator, self.motor, self._beat)
+        metronome.every(1 / settings.operator.beat_hz, attendance.tick)
+        metronome.every(1 / health.RATE_HZ, self._caretaker().tick)
+        return metronome
+
     def _caretaker(self) -> Caretaker:
         return Caretaker(
             lidar=self.lidar,
@@ -212,7 +219,6 @@ class Car:
             manager=self.manager,
             clock=self.clock,
             retry_faults=self.settings.operator.permit == "always",
-            clear_s=self.cadence.clear_s,
         )
 
     def _observed(self) -> Observed:

@@ -1,20 +1,23 @@
-"""When the next scan is due, so that nothing else is begun just then. Pure.
+"""When the next scan is due: nothing is begun just then, and what has to be done anyway is done just before. Pure.
 
 Scans come every 25 ms, polls and ticks every 20 ms: where their phases meet, every fourth answer waits for
-housekeeping, and takes three times as long as the others.
+housekeeping, and takes three times as long as the others. Where they do not, everybody wakes by himself, at a moment at
+which the processor has forgotten everything. So they meet shortly before a scan, which then finds a motor state that
+is milliseconds old.
 """
 
 import math
 from typing import Final
 
 BEFORE_S: Final = 0.0045
-"""So long before a scan nothing is begun but the rehearsal: a poll needs 1 to 3 ms until its reply is read."""
+"""So long before a scan everybody meets, and from then on nothing is begun but the rehearsal: a poll needs 1 to 3 ms
+until its reply is read."""
 AFTER_S: Final = 0.002
 """So late a scan may come and still find the way clear; then whatever waited goes first."""
 LEAST_PERIOD_S: Final = 0.015
 """At a faster beat there is no time between two scans that could be kept free."""
 _SAME_SHARE: Final = 0.1
-_MISSED_PERIODS: Final = 3.5
+_PLANNED_PERIODS: Final = 6.0
 
 
 class Cadence:
@@ -39,16 +42,24 @@ class Cadence:
         """Return when the scan after the newest is due; NaN when nobody can tell."""
         return self._last_s + self.period_s
 
-    def clear_s(self, wanted_s: float) -> float:
-        """Return the moment nearest to `wanted_s` at which no scan is due: at most 3.3 ms sooner or later.
+    def clear_s(self, wanted_s: float, slack_s: float) -> float:
+        """Return when to do what is wanted at `wanted_s`: before a scan together with everybody, where one is near.
 
-        Whoever has a deadline may pass it through here; it holds again as soon as the scans stop.
+        slack_s: how much sooner or later may be. Where no scan is so near, the moment is at most 3.3 ms from the one
+        wanted, and none at which a scan is due.
         """
         periods = (wanted_s - self._last_s) / self.period_s
-        if not -1.0 < periods < _MISSED_PERIODS:  # NaN included
+        if not -1.0 < periods < _PLANNED_PERIODS:  # NaN included
             return wanted_s
-        due_s = self._last_s + round(periods) * self.period_s
+        meeting_s = self._due_s(wanted_s + BEFORE_S) - BEFORE_S
+        if abs(meeting_s - wanted_s) <= slack_s:
+            return meeting_s
+        due_s = self._due_s(wanted_s)
         since_s = wanted_s - due_s
         if not -BEFORE_S < since_s < AFTER_S:
             return wanted_s
         return due_s - BEFORE_S if since_s < (AFTER_S - BEFORE_S) / 2 else due_s + AFTER_S
+
+    def _due_s(self, near_s: float) -> float:
+        """Return when the scan nearest to a moment is due, or was."""
+        return self._last_s + round((near_s - self._last_s) / self.period_s) * self.period_s

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from drivers.vesc.settings import VescSettings
 from runtime.bus import available
-from runtime.ticker import ticks
+from runtime.metronome import Metronome, Tick
 from sim.devices.scip import ScipEmulator
 from sim.devices.scip_encode import SensorModel
 from sim.devices.vesc import MotorDemand, VescEmulator
@@ -26,6 +26,7 @@ from sim.summary import Sample
 from sim.vehicle import Vehicle
 
 STEP_S = 0.005
+SHOW_S = 0.1
 START_TIMEOUT_S = 20.0
 STAMP_MS = 1 << 24
 """SCIP stamps are 24 bits of milliseconds and wrap."""
@@ -134,12 +135,14 @@ class Session:
             async with asyncio.TaskGroup() as tasks:
                 listening = tasks.create_task(listener.run(), name="listener")
                 await self._until_streaming(scip, runtime)
-                stepping = tasks.create_task(self._step(scip, vesc), name="physics")
-                showing = tasks.create_task(self._show(on_frame), name="view")
+                metronome = Metronome(time.monotonic)
+                metronome.every(STEP_S, self._stepper(scip, vesc))
+                metronome.every(SHOW_S, lambda _late_s, _missed: on_frame(self.record))
+                going_on = tasks.create_task(metronome.run(), name="world")
                 await self._until_over(runtime, duration_s)
                 # The world goes on while the runtime brings the car to rest.
                 self.record.exit_code = await runtime.stop()
-                for task in (showing, stepping, listening):
+                for task in (going_on, listening):
                     task.cancel()
         return self.record
 
@@ -159,12 +162,13 @@ class Session:
                 raise SessionError(f"the runtime ended by itself (exit code {runtime.exit_code}); it said:\n{said}")
             await asyncio.sleep(STEP_S)
 
-    async def _step(self, scip: ScipEmulator, vesc: VescEmulator) -> None:
-        """Keep the world up with the clock, and let the lidar look when it is time."""
+    def _stepper(self, scip: ScipEmulator, vesc: VescEmulator) -> Tick:
+        """Return what keeps the world up with the clock, and lets the lidar look when it is time."""
         begin_s = time.monotonic()
         plant = Plant(self._vehicle, vesc, self._wiring, begin_s)
         record = self.record
-        async for _ in ticks(STEP_S, time.monotonic):
+
+        def step(_late_s: float, _missed: int) -> None:
             now_s = time.monotonic()
             plant.advance(now_s)
             record.time_s = now_s - begin_s
@@ -175,16 +179,14 @@ class Session:
                 self._publish(scip, *due)
                 record.samples.append(self._scene.sample(record.time_s, self._vehicle))
 
+        return step
+
     def _publish(self, scip: ScipEmulator, ranges_mm: Ranges, stamp_ms: int) -> None:
         sent_s = scip.publish(ranges_mm, stamp_ms % STAMP_MS)
         self.record.scan_times_s.append(self.record.time_s)
         self.record.ranges_mm = ranges_mm
         if sent_s is not None:
             self.record.latency.scan_sent(sent_s)
-
-    async def _show(self, on_frame: Callable[[Record], None]) -> None:
-        async for _ in ticks(0.1, time.monotonic):
-            on_frame(self.record)
 
     def _on_command(self, at_s: float, demand: MotorDemand) -> None:
         self.record.latency.command_received(at_s)

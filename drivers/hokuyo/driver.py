@@ -34,14 +34,15 @@ RETRY_DELAYS_S: Final = (0.1, 0.5, 1.0, 2.0)
 USUAL_BAUDS: Final = (115200, 19200, 38400, 57600)
 FIRST_SCAN_TIMEOUT_S: Final = 1.5
 REBOOT_PAUSE_S: Final = 20.0
-_WATCH_PERIOD_S: Final = 0.05
+_WATCH_PERIOD_S: Final = 0.1
+_WATCH_SLACK_S: Final = 0.02
 _FAREWELL_TIMEOUT_S: Final = 0.2
 
 
 class Hokuyo:
     """A `Lidar` (see drivers.api) with SCIP 2.x at a TCP or serial address.
 
-    clear_s: moves looks at the stream out of the way of its scans.
+    clear_s: moves looks at the stream to a better moment.
     """
 
     def __init__(
@@ -156,12 +157,12 @@ class Hokuyo:
             await quieten(talk)
 
     async def _watch(self, stream: ScanStream, identity: Identity, started_s: float) -> str:
-        """Look at the stream twenty times a second; return why it has to be restarted."""
+        """Look at the stream ten times a second; return why it has to be restarted."""
         model = identity.parameters.model
         next_s = self._clock() // _WATCH_PERIOD_S * _WATCH_PERIOD_S  # together with whatever else ticks
         while not stream.trouble:
-            next_s = max(next_s + _WATCH_PERIOD_S, self._clock())
-            await asyncio.sleep(self._clear_s(next_s) - self._clock())
+            next_s = self._clear_s(max(next_s + _WATCH_PERIOD_S, self._clock()), _WATCH_SLACK_S)
+            await asyncio.sleep(next_s - self._clock())
             now_s = self._clock()
             if why := self._why_restart(stream, now_s, started_s):
                 return why

@@ -3,13 +3,11 @@
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Never
 
-from drivers.api import Clock, Health, Lidar, LinkState, Motor, Reschedule, as_wanted
+from drivers.api import Clock, Health, Lidar, LinkState, Motor
 from runtime.command import Output
 from runtime.emergency_stop import Cause, EmergencyStop
 from runtime.service_manager import ServiceManager
-from runtime.ticker import ticks
 
 log = logging.getLogger("wallride.health")
 
@@ -48,7 +46,6 @@ class Caretaker:
     manager: ServiceManager
     clock: Clock
     retry_faults: bool
-    clear_s: Reschedule = as_wanted
     worst_lag_s: float = 0.0
     missed_ticks: int = 0
     _seen: dict[str, _Seen] = field(default_factory=dict)
@@ -56,13 +53,11 @@ class Caretaker:
     _started_s: float | None = None
     _ready: bool = False
 
-    async def run(self) -> Never:
-        """Check for ever."""
-        async for tick in ticks(1 / RATE_HZ, self.clock, self.clear_s):
-            self.worst_lag_s = max(self.worst_lag_s, tick.late_s)
-            self.missed_ticks += tick.missed
-            self.check()
-        raise AssertionError("ticks never end")
+    def tick(self, late_s: float, missed: int) -> None:
+        """Check once; a `metronome.Tick`."""
+        self.worst_lag_s = max(self.worst_lag_s, late_s)
+        self.missed_ticks += missed
+        self.check()
 
     def check(self) -> None:
         """Look at everything once."""

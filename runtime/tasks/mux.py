@@ -5,17 +5,16 @@ import math
 from collections.abc import Callable
 from typing import Never
 
-from drivers.api import Clock, Motor, Reschedule, as_wanted
+from drivers.api import Clock, Motor
 from runtime.command import Decision, Output, Source, arbitrate
 from runtime.control.limiter import Limiter
+from runtime.metronome import Tick
 from runtime.recording.tape import Tape
 from runtime.stage_clock import StageClock
-from runtime.ticker import ticks
 from runtime.voices import Voices
 
 log = logging.getLogger("wallride.mux")
 
-Noted = Callable[[float, int], None]
 SILENT_AFTER_PERIODS = 1.5
 """At 50 Hz that is 30 ms: scans at 40 Hz leave no silence."""
 
@@ -93,21 +92,24 @@ class Mux:
             log.info("%s: %s%s", decision.winner or "nobody", decision.reason, measure)
 
 
-async def tick(
-    voices: Voices,
-    rate_hz: float,
-    clock: Clock,
-    noted: Noted = lambda _late_s, _missed: None,
-    clear_s: Reschedule = as_wanted,
-) -> Never:
-    """Wake the mux at a steady rate in silence: one that only forwards would go silent instead of stopping.
+class SilenceTick:
+    """Wakes the mux at a steady rate in silence: one that only forwards would go silent instead of stopping.
 
     While words come often enough, and none has expired, a tick would only repeat them. noted: told how late each tick
-    is, and how many were missed. clear_s: as in `ticks`.
+    is, and how many were missed.
     """
-    silent_after_s = SILENT_AFTER_PERIODS / rate_hz
-    async for beat in ticks(1 / rate_hz, clock, clear_s):
-        noted(beat.late_s, beat.missed)
-        if voices.somebody_expired() or clock() - voices.spoken_s >= silent_after_s:
+
+    def __init__(
+        self, voices: Voices, rate_hz: float, clock: Clock, noted: Tick = lambda _late_s, _missed: None
+    ) -> None:
+        self._voices = voices
+        self._silent_after_s = SILENT_AFTER_PERIODS / rate_hz
+        self._clock = clock
+        self._noted = noted
+
+    def tick(self, late_s: float, missed: int) -> None:
+        """Look once; a `metronome.Tick`."""
+        self._noted(late_s, missed)
+        voices = self._voices
+        if voices.somebody_expired() or self._clock() - voices.spoken_s >= self._silent_after_s:
             voices.tick()
-    raise AssertionError("ticks never end")

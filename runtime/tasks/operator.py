@@ -2,32 +2,30 @@
 
 import math
 from collections.abc import Callable
-from typing import Final, Never
+from typing import Final
 
-from drivers.api import Clock, Motor, Reschedule, as_wanted
+from drivers.api import Motor
 from runtime.operator_desk import OperatorDesk
-from runtime.ticker import ticks
 
 EVERY_UNHEARD: Final = 3
 """While no operator speaks, only every third beat is sent: enough to see the car and to speak to it, for a third of the
 work, and one that is lost is not yet a lost link (0.2 s). From the first command on every beat is sent."""
 
 
-async def attend(
-    desk: OperatorDesk,
-    motor: Motor,
-    publish: Callable[[bytes], None],
-    *,
-    beat_hz: float,
-    clock: Clock,
-    clear_s: Reschedule = as_wanted,
-) -> Never:
-    """Tick and beat for ever. `publish` sends a beat at once or not at all, and must not wait. clear_s: see `ticks`."""
-    unheard = -1  # the first beat at once
-    async for _ in ticks(1 / beat_hz, clock, clear_s):
+class Attendance:
+    """Has the desk look, and beats. `publish` sends a beat at once or not at all, and must not wait."""
+
+    def __init__(self, desk: OperatorDesk, motor: Motor, publish: Callable[[bytes], None]) -> None:
+        self._desk = desk
+        self._motor = motor
+        self._publish = publish
+        self._unheard = -1  # the first beat at once
+
+    def tick(self, _late_s: float, _missed: int) -> None:
+        """Look once, at the rate of the beats; a `metronome.Tick`."""
+        desk = self._desk
         desk.tick()
-        unheard = 0 if desk.is_attended else (unheard + 1) % EVERY_UNHEARD
-        if unheard == 0:
-            state = motor.state
-            publish(desk.beat(state.speed_mps if state is not None else math.nan).pack())
-    raise AssertionError("ticks never end")
+        self._unheard = 0 if desk.is_attended else (self._unheard + 1) % EVERY_UNHEARD
+        if self._unheard == 0:
+            state = self._motor.state
+            self._publish(desk.beat(state.speed_mps if state is not None else math.nan).pack())

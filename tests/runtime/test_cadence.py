@@ -1,6 +1,7 @@
 """Nothing is begun when a scan is due, and nobody waits for a scan that does not come."""
 
 import math
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -29,7 +30,7 @@ def test_the_beat_is_known_when_two_gaps_agree():
 
 
 def test_without_a_beat_everybody_goes_when_he_likes():
-    assert Cadence().clear_s(3.21) == 3.21
+    assert Cadence().clear_s(3.21, 0.008) == 3.21
 
 
 def test_one_scan_that_is_missing_changes_no_beat():
@@ -48,27 +49,44 @@ def test_another_lidar_has_another_beat():
 def test_between_fast_scans_nothing_could_be_kept_free():
     cadence = steady(period_s=0.005)
     assert math.isnan(cadence.next_s())
-    assert cadence.clear_s(LAST_S + 0.005) == LAST_S + 0.005
+    assert cadence.clear_s(LAST_S + 0.005, 0.002) == LAST_S + 0.005
 
 
 def test_whoever_wants_to_go_when_a_scan_is_due_goes_a_little_sooner_or_later():
     cadence = steady()
     due_s = cadence.next_s()
-    assert cadence.clear_s(due_s - 0.003) == pytest.approx(due_s - BEFORE_S)
-    assert cadence.clear_s(due_s + 0.001) == pytest.approx(due_s + AFTER_S)
-    assert cadence.clear_s(due_s + PERIOD_S) == pytest.approx(due_s + PERIOD_S + AFTER_S)
-    assert cadence.clear_s(due_s - 0.010) == due_s - 0.010
+    assert cadence.clear_s(due_s - 0.003, 0.0) == pytest.approx(due_s - BEFORE_S)
+    assert cadence.clear_s(due_s + 0.001, 0.0) == pytest.approx(due_s + AFTER_S)
+    assert cadence.clear_s(due_s + PERIOD_S, 0.0) == pytest.approx(due_s + PERIOD_S + AFTER_S)
+    assert cadence.clear_s(due_s - 0.010, 0.0) == due_s - 0.010
+
+
+def test_whoever_has_slack_comes_with_every_scan():
+    cadence = steady()
+    first_s = cadence.clear_s(cadence.next_s() - 0.010, 0.008)
+    assert first_s == pytest.approx(cadence.next_s() - BEFORE_S)
+    assert cadence.clear_s(first_s + 0.020, 0.008) == pytest.approx(first_s + PERIOD_S)
+    assert cadence.clear_s(first_s + 0.050, 0.020) == pytest.approx(first_s + 2 * PERIOD_S)
+
+
+def test_with_a_slow_lidar_the_rate_is_kept():
+    cadence, moment_s, moments_s = steady(period_s=0.1), LAST_S, []
+    while moment_s < LAST_S + 0.5:
+        moment_s = cadence.clear_s(moment_s + 0.020, 0.008)
+        moments_s.append(moment_s)
+    assert len(moments_s) == pytest.approx(25, abs=1)
+    assert all(0.0119 < after_s - before_s < 0.0281 for before_s, after_s in pairwise(moments_s))
 
 
 @given(st.floats(0.0, 3.4 * PERIOD_S))
 def test_every_moment_is_clear_of_scans_and_near(after_s):
     wanted_s = LAST_S + after_s
-    moment_s = steady().clear_s(wanted_s)
+    moment_s = steady().clear_s(wanted_s, 0.0)
     assert abs(moment_s - wanted_s) <= (BEFORE_S + AFTER_S) / 2 + 1e-9
     since_s = (moment_s - LAST_S + PERIOD_S / 2) % PERIOD_S - PERIOD_S / 2
     assert not -BEFORE_S + 1e-9 < since_s < AFTER_S - 1e-9
 
 
 def test_when_the_scans_have_stopped_deadlines_are_kept():
-    wanted_s = LAST_S + 4 * PERIOD_S
-    assert steady().clear_s(wanted_s) == wanted_s
+    wanted_s = LAST_S + 7 * PERIOD_S
+    assert steady().clear_s(wanted_s, 0.008) == wanted_s

@@ -7,7 +7,8 @@ import pytest
 from drivers.api import Drive
 from runtime.command import LAB_ORDER, DriveWord, Source
 from runtime.control.limiter import Limiter, Limits
-from runtime.tasks.mux import Mux, tick
+from runtime.metronome import Metronome
+from runtime.tasks.mux import Mux, SilenceTick
 from runtime.voices import Voices
 from sim.twins import MemoryMotor
 from sim.virtual_time import run_virtual
@@ -26,9 +27,12 @@ class Rig:
         self.mux = Mux(self.voices, self.motor, Limiter(Limits(4, 1, 0.34, 3.2, 4)), frozenset(), clock)
         self.decided_s = []
         self.notes = []
+        metronome = Metronome(clock)
+        silence = SilenceTick(self.voices, TICK_HZ, clock, lambda *note: self.notes.append(note))
+        metronome.every(1 / TICK_HZ, silence.tick)
         self._tasks = [
             asyncio.ensure_future(self.mux.run(lambda _: self.decided_s.append(clock()))),
-            asyncio.ensure_future(tick(self.voices, TICK_HZ, clock, lambda *note: self.notes.append(note))),
+            asyncio.ensure_future(metronome.run()),
         ]
 
     def say(self, *, for_s=10.0):

@@ -9,10 +9,11 @@ import pytest
 from drivers.api import Drive
 from runtime.command import LAB_ORDER, Source
 from runtime.emergency_stop import EmergencyStop
+from runtime.metronome import Metronome
 from runtime.operator_desk import OperatorDesk
 from runtime.operator_settings import OperatorSettings
 from runtime.permit import Permit
-from runtime.tasks.operator import attend
+from runtime.tasks.operator import Attendance
 from runtime.teleop_wire import Command, Condition, Input, Press, read_beat
 from runtime.voices import Voices
 from sim.twins import MemoryMotor
@@ -47,7 +48,9 @@ class Bench:
                 desk.receive("", command.pack(), clock())
             self.teleop.append((clock(), any(word.source is Source.TELEOP for word in voices.live())))
 
-        task = asyncio.create_task(attend(desk, self.motor, publish, beat_hz=50, clock=clock))
+        metronome = Metronome(clock)
+        metronome.every(1 / 50, Attendance(desk, self.motor, publish).tick)
+        task = asyncio.create_task(metronome.run())
         await asyncio.sleep(seconds)
         task.cancel()
         with pytest.raises(asyncio.CancelledError):

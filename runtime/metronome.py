@@ -1,0 +1,58 @@
+"""Calls on absolute deadlines, because `sleep(period)` drifts and replays a stall as a burst.
+
+The first deadlines are multiples of their periods on the clock itself, and everybody whose deadline has come is called
+in one waking of the loop: waking up, and a task of one's own, cost more than most of what is done then.
+"""
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, Never
+
+from drivers.api import Clock, Reschedule, as_wanted
+
+Tick = Callable[[float, int], None]
+"""late_s: how much later than wanted the loop woke us; missed: deadlines skipped since the tick before."""
+
+TOGETHER_S: Final = 0.001
+"""Deadlines so close to each other are one waking."""
+SLACK_SHARE: Final = 0.4
+"""By so much of a period a tick may come sooner or later."""
+
+
+@dataclass(slots=True)
+class _Ticked:
+    period_s: float
+    deadline_s: float
+    tick: Tick
+
+
+class Metronome:
+    """Ticks for everybody who asked with `every`; an error of one of them ends `run`.
+
+    clear_s: moves a deadline to a better moment (`Cadence.clear_s`); the next one is a period later than that.
+    """
+
+    def __init__(self, clock: Clock, clear_s: Reschedule = as_wanted) -> None:
+        self._clock = clock
+        self._clear_s = clear_s
+        self._ticked: list[_Ticked] = []
+
+    def every(self, period_s: float, tick: Tick) -> None:
+        """Call `tick` once per period from `run` on; after a stall once, and never for the deadlines missed."""
+        self._ticked.append(_Ticked(period_s, (self._clock() // period_s + 1) * period_s, tick))
+
+    async def run(self) -> Never:
+        """Tick for ever; within one waking in the order of `every`."""
+        clock = self._clock
+        while True:
+            next_s = min(ticked.deadline_s for ticked in self._ticked)
+            await asyncio.sleep(max(0.0, next_s - clock()))
+            now_s = clock()
+            for ticked in self._ticked:
+                if ticked.deadline_s <= max(next_s + TOGETHER_S, now_s):
+                    late_s = max(0.0, now_s - ticked.deadline_s)
+                    missed = int(late_s // ticked.period_s)
+                    wanted_s = ticked.deadline_s + ticked.period_s * (missed + 1)
+                    ticked.deadline_s = self._clear_s(wanted_s, SLACK_SHARE * ticked.period_s)
+                    ticked.tick(late_s, missed)
