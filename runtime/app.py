@@ -91,7 +91,7 @@ class Car:
         )  # fmt: skip
         self.history = History(settings.parameters.history)
         self.parameters = ParameterDesk(settings, self._surroundings(file), self.history)
-        self.sink = ZenohSink(bus, settings.car.name, settings.telemetry.rates_hz, clock)
+        self.sink = ZenohSink(bus, settings.car.name, settings.telemetry.rates_hz)
         self.telemetry = Telemetry(
             self._observed(), settings.car, [self.sink, self.recorder],
             epoch_ns=epoch_ns, side=lambda: self.settings.wall_follow.side, ball_m=lambda: self.laws.path_m,

@@ -3,7 +3,6 @@
 import math
 from typing import Protocol
 
-from drivers.api import Clock
 from runtime import wire
 from runtime.ros.definitions import encoding
 from runtime.telemetry_settings import RatesHz
@@ -17,15 +16,15 @@ ASK_EVERY_S = 0.2
 class Sink(Protocol):
     """A consumer of messages. Neither call may wait: both are made in the car's event loop."""
 
-    def wants(self, topic: str, *, urgent: bool = False) -> bool:
-        """Tell whether the next message of a topic would be taken; if nobody wants it, it is not even written.
+    def claim(self, topic: str, at_s: float, *, urgent: bool = False) -> bool:
+        """Claim the next message of a topic; one that nobody claims is not even written.
 
-        urgent: a change, not a repetition; rates do not hold it back.
+        at_s: when it was news, on the monotonic clock. urgent: a change, not a repetition; rates do not hold it back.
         """
         ...
 
     def take(self, topic: str, schema: str, stamp_s: float, payload: bytes) -> None:
-        """Take one message that was wanted.
+        """Take one message that was claimed.
 
         schema: its ROS 2 type, "" for JSON. stamp_s: seconds since 1970, as in the message's header.
         """
@@ -47,10 +46,9 @@ class Publisher(Protocol):
 class ZenohSink:
     """Sends what somebody is subscribed to, each topic at most at its rate."""
 
-    def __init__(self, bus: Publisher, car: str, rates: RatesHz, clock: Clock) -> None:
+    def __init__(self, bus: Publisher, car: str, rates: RatesHz) -> None:
         self._bus = bus
         self._car = car
-        self._clock = clock
         self._due_s: dict[str, float] = {}
         self._not_before_s: dict[str, float] = {}
         self._heard: dict[str, bool] = {}
@@ -64,27 +62,28 @@ class ZenohSink:
         self._periods_s = {topic: 1 / rate_hz for topic, rate_hz in rates_hz.items() if rate_hz > 0}
         self._not_before_s.clear()
 
-    def wants(self, topic: str, *, urgent: bool = False) -> bool:
+    def claim(self, topic: str, at_s: float, *, urgent: bool = False) -> bool:
         """Tell whether the topic is due and somebody is subscribed."""
-        now_s = self._clock()
-        if not urgent and now_s < self._not_before_s.get(topic, -math.inf):
+        if not urgent and at_s < self._not_before_s.get(topic, -math.inf):
             return False
-        return topic in self._periods_s and self._is_heard(topic, now_s)
+        period_s = self._periods_s.get(topic)
+        if period_s is None or not self._is_heard(topic, at_s):
+            return False
+        due_s = self._due_s.get(topic, -math.inf)
+        # On a grid, so that the mean rate is right; after a silence the grid begins anew.
+        self._due_s[topic] = due_s = (due_s if due_s > at_s - period_s else at_s) + period_s
+        self._not_before_s[topic] = due_s - EARLY_SHARE * period_s
+        return True
 
     def take(self, topic: str, schema: str, stamp_s: float, payload: bytes) -> None:  # noqa: ARG002 - both are in the payload
         """Send it; a slow or vanished reader loses it."""
-        now_s, period_s = self._clock(), self._periods_s.get(topic, 0.0)
-        due_s = self._due_s.get(topic, -math.inf)
-        # On a grid, so that the mean rate is right; after a silence the grid begins anew.
-        self._due_s[topic] = (due_s if due_s > now_s - period_s else now_s) + period_s
-        self._not_before_s[topic] = self._due_s[topic] - EARLY_SHARE * period_s
         key, kind = self._name(topic)
         self._bus.put(key, payload, encoding=kind)
 
-    def _is_heard(self, topic: str, now_s: float) -> bool:
+    def _is_heard(self, topic: str, at_s: float) -> bool:
         """Tell whether somebody is subscribed: asked now and then, because asking costs more than most messages."""
-        if now_s - self._asked_s > ASK_EVERY_S:
-            self._asked_s = now_s
+        if at_s - self._asked_s > ASK_EVERY_S:
+            self._asked_s = at_s
             self._heard.clear()
         heard = self._heard.get(topic)
         if heard is None:

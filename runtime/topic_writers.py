@@ -31,7 +31,6 @@ class Newest:
     guided: tuple[Scan, Guidance] | None = None
     output: Output | None = None
     motor: MotorState | None = None
-    imu: tuple[float, Vector, Vector] | None = None
 
 
 class TopicWriters:
@@ -61,10 +60,8 @@ class TopicWriters:
         self._ball_m = ball_m
         self._writers: Mapping[str, Callable[[], Message | None]] = {
             wire.SCAN: self._scan,
-            wire.DISTANCE_ERROR: self._distance_error,
             wire.WALL: self._wall,
             wire.FOOTPRINT: self._footprint,
-            wire.OUTPUT: self._output,
             wire.SAFETY: self._safety,
             wire.NAVIGATION: lambda: self._voice(Source.NAVIGATION),
             wire.TELEOP: lambda: self._voice(Source.TELEOP),
@@ -72,15 +69,26 @@ class TopicWriters:
             wire.TF: self._tf,
             wire.MOTOR: self._motor,
             wire.BATTERY: self._battery,
-            wire.IMU: self._imu,
             wire.DIAGNOSTICS: self._diagnostics,
             wire.STATUS: self._status,
             wire.DECISION: self._decision,
         }
 
     def write(self, topic: str) -> Message | None:
-        """Return the topic's message; None when there is nothing to say, for example for a silent voice."""
+        """Return the newest message of a topic; None when there is nothing to say, for example for a silent voice."""
         return self._writers[topic]()
+
+    def output(self, output: Output) -> Message:
+        """Return `output`: what went to the motor."""
+        return self._drive(output.stamp_s, output.drive.speed_mps, output.drive.steering_rad)
+
+    def distance_error(self, scan: Scan, guidance: Guidance) -> Message:
+        """Return `distance_error` of a scan."""
+        return scan.stamp_s, messages.float32(guidance.error_m)
+
+    def imu(self, stamp_s: float, turn_radps: Vector, acceleration_mps2: Vector) -> Message:
+        """Return `imu`, in base_link."""
+        return stamp_s, messages.imu(self.unix_ns(stamp_s), turn_radps, acceleration_mps2)
 
     def decision(self, output: Output) -> Message:
         """Return `decision` for a decision that need not be the newest."""
@@ -96,12 +104,6 @@ class TopicWriters:
             return None
         return scan.stamp_s, messages.laser_scan(self.unix_ns(scan.stamp_s), scan, self._newest.scan_period_s)
 
-    def _distance_error(self) -> Message | None:
-        if self._newest.guided is None:
-            return None
-        scan, guidance = self._newest.guided
-        return scan.stamp_s, messages.float32(guidance.error_m)
-
     def _wall(self) -> Message | None:
         if self._newest.guided is None:
             return None
@@ -115,12 +117,6 @@ class TopicWriters:
             return None
         drawn = drawings.footprint(output, self._car, self._view())
         return output.stamp_s, markers.marker_array(self.unix_ns(output.stamp_s), drawn)
-
-    def _output(self) -> Message | None:
-        output = self._newest.output
-        if output is None:
-            return None
-        return self._drive(output.stamp_s, output.drive.speed_mps, output.drive.steering_rad)
 
     def _safety(self) -> Message | None:
         """What safety allows of the wish in question; nothing while nobody drives or safety is silent."""
@@ -170,12 +166,6 @@ class TopicWriters:
         if state is None:
             return None
         return state.stamp_s, messages.battery(self.unix_ns(state.stamp_s), state.voltage_v, state.input_current_a)
-
-    def _imu(self) -> Message | None:
-        if self._newest.imu is None:
-            return None
-        stamp_s, turn_radps, acceleration_mps2 = self._newest.imu
-        return stamp_s, messages.imu(self.unix_ns(stamp_s), turn_radps, acceleration_mps2)
 
     def _diagnostics(self) -> Message | None:
         observed, stamp_s = self._observed, self._observed.clock()

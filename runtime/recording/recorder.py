@@ -9,6 +9,7 @@ import contextlib
 import itertools
 import json
 import logging
+import math
 import threading
 import time
 from collections import deque
@@ -114,19 +115,20 @@ class Recorder:
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._handler = _Lines(self._lines, clock)
 
-    def wants(self, topic: str, *, urgent: bool = False) -> bool:
+    def claim(self, topic: str, at_s: float, *, urgent: bool = False) -> bool:
         """Tell whether the next message of a topic would be recorded; scans come by way of the tape."""
         period_s = PERIODS_S.get(topic)
         if period_s is None or not self._listens:
             return False
-        return urgent or self._clock() >= self._next_s.get(topic, 0.0) - EARLY_SHARE * period_s
+        due_s = self._next_s.get(topic, -math.inf)
+        if not urgent and at_s < due_s - EARLY_SHARE * period_s:
+            return False
+        self._next_s[topic] = (due_s if due_s > at_s - period_s else at_s) + period_s
+        return True
 
     def take(self, topic: str, schema: str, stamp_s: float, payload: bytes) -> None:
         """Take a message of telemetry."""
-        period_s, now_s = PERIODS_S.get(topic, EVERY_ONE), self._clock()
-        due_s = self._next_s.get(topic, float("-inf"))
-        self._next_s[topic] = (due_s if due_s > now_s - period_s else now_s) + period_s
-        if topic == wire.OUTPUT and now_s >= self._wake_s:
+        if topic == wire.OUTPUT and (now_s := self._clock()) >= self._wake_s:
             self._wake_s = now_s + PERIOD_S
             self._wake.set()
         if schema not in _CDR_TYPES:

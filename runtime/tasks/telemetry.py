@@ -1,11 +1,14 @@
 """Off the hot path: notes what the tasks show, and has it written when the motor has its command.
 
-The hot path only leaves references, one slot per topic, the new replacing the old. A decision wakes the task, and a
-decision comes after the motor was written; then messages are written for at most TURN_S per turn of the loop, so that
-whatever arrives meanwhile waits hardly longer. What nobody wants is not written at all.
+The hot path only leaves references. Of most topics the newest is told; of what belongs to one scan, every one. They
+leave in bursts, one in BURST_PERIOD_S, because each burst wakes everything that sends, and the second message of a
+kind costs a quarter of the first; a change of mind does not wait for the next burst. A burst begins when the motor has
+its command, and writes for at most TURN_S per turn of the loop, so that whatever arrives meanwhile waits hardly longer.
+What nobody claims is not written at all.
 """
 
 import asyncio
+import math
 from collections import deque
 from collections.abc import Callable, Coroutine, Iterator, Sequence
 from functools import partial
@@ -24,16 +27,21 @@ from runtime.snapshot import Observed
 from runtime.topic_writers import Message, Newest, TopicWriters, Vector
 
 BY_SCAN = (wire.SCAN,)
-BY_GUIDANCE = (wire.DISTANCE_ERROR, wire.WALL)
+BY_GUIDANCE = (wire.WALL,)
 BY_MOTOR = (wire.ODOM, wire.TF, wire.MOTOR, wire.BATTERY)
 BY_OUTPUT = (
-    wire.OUTPUT, wire.DECISION, wire.STATUS, wire.SAFETY, wire.NAVIGATION, wire.TELEOP, wire.FOOTPRINT,
-    wire.DIAGNOSTICS,
+    wire.DECISION, wire.STATUS, wire.SAFETY, wire.NAVIGATION, wire.TELEOP, wire.FOOTPRINT, wire.DIAGNOSTICS,
 )  # fmt: skip
+BURST_PERIOD_S = 0.04
+"""Decisions come every 20 or 25 ms, so that every second one begins a burst: 20 or 25 a second."""
 TURN_S = 0.0002
 """A turn of the loop costs as much as a message, so one message per turn would double the work."""
-MOST_CHANGES = 32
-"""Changes of mind that may wait to be written; of more in one burst the oldest are lost."""
+MOST_WAITING = 32
+"""Changes of mind, and others of which every one is told, that may wait; of more in one burst the oldest are lost."""
+
+_Waiting = tuple[str, float, Callable[[], Message | None]]
+"""Topic, when it was news on the monotonic clock, what writes it."""
+_Written = tuple[list[Sink], tuple[str, str, float, bytes]]
 
 
 class Telemetry:
@@ -63,8 +71,10 @@ class Telemetry:
         )
         self._odometry = Odometry(car.wheelbase_m)
         self._news: dict[str, None] = {}  # a set that keeps its order
-        self._changes: deque[Output] = deque(maxlen=MOST_CHANGES)
+        self._changes: deque[_Waiting] = deque(maxlen=MOST_WAITING)
+        self._each: deque[_Waiting] = deque(maxlen=MOST_WAITING)
         self._mind: tuple[object, ...] = ()
+        self._burst_s = -math.inf
         self._unanswered_s: float | None = None
         self._woken = asyncio.Event()
 
@@ -82,12 +92,12 @@ class Telemetry:
         self._newest.guided = (scan, guidance)
         self.journey.scans += 1
         self.journey.score.add(guidance.error_m)
+        self._each.append((wire.DISTANCE_ERROR, scan.stamp_s, partial(self._writers.distance_error, scan, guidance)))
         self._note(BY_GUIDANCE)
 
     def on_imu(self, stamp_s: float, turn_radps: Vector, acceleration_mps2: Vector) -> None:
         """Note an inertial measurement in base_link."""
-        self._newest.imu = (stamp_s, turn_radps, acceleration_mps2)
-        self._note((wire.IMU,))
+        self._each.append((wire.IMU, stamp_s, partial(self._writers.imu, stamp_s, turn_radps, acceleration_mps2)))
 
     def on_output(self, output: Output) -> None:
         """Note a decision, which the motor has already, and let the writing begin."""
@@ -106,26 +116,33 @@ class Telemetry:
         mind = (decision.winner, decision.driver, decision.reason, output.delivered)
         if mind != self._mind:
             self._mind = mind
-            self._changes.append(output)
+            self._changes.append((wire.DECISION, output.stamp_s, partial(self._writers.decision, output)))
+        self._each.append((wire.OUTPUT, output.stamp_s, partial(self._writers.output, output)))
         self._newest.output = output
         self._note(BY_OUTPUT)
-        self._woken.set()
+        if self._changes or output.stamp_s - self._burst_s >= BURST_PERIOD_S:
+            self._burst_s = output.stamp_s
+            self._woken.set()
 
     def jobs(self) -> dict[str, Coroutine[Any, Any, Never]]:
         """Return what has to run, by name."""
         return {"telemetry": self.run()}
 
     async def run(self) -> Never:
-        """Write for ever, a few messages per turn of the loop."""
+        """Write for ever, a few messages per turn of the loop; what was written in a burst leaves together."""
         clock = self._observed.clock
         while True:
             await self._woken.wait()
             self._woken.clear()
+            written: list[_Written] = []
             turn_over_s = clock() + TURN_S
-            for write in self._due():
-                if write() and clock() > turn_over_s:
+            for waiting, urgent in self._due(clock()):
+                if self._write(written, *waiting, urgent=urgent) and clock() > turn_over_s:
                     await asyncio.sleep(0)
                     turn_over_s = clock() + TURN_S
+            for takers, message in written:
+                for sink in takers:
+                    sink.take(*message)
 
     def status(self) -> dict[str, Any]:
         """Return the answer to "why is it (not) moving"."""
@@ -135,32 +152,23 @@ class Telemetry:
         for topic in topics:
             self._news[topic] = None
 
-    def _due(self) -> Iterator[Callable[[], bool]]:
-        """Yield the writing of everything that was new when it was asked, what hurries first."""
+    def _due(self, now_s: float) -> Iterator[tuple[_Waiting, bool]]:
+        """Yield everything that was new when it was asked, what hurries first, and whether it is urgent."""
         news, self._news = self._news, {}
-        while self._changes:
-            yield self._write_change
+        for queue, urgent in ((self._changes, True), (self._each, False)):
+            while queue:
+                yield queue.popleft(), urgent
         hurried = [topic for topic in BY_OUTPUT if topic in news]
         for topic in [*hurried, *(topic for topic in news if topic not in BY_OUTPUT)]:
-            yield partial(self._write, topic)
+            yield (topic, now_s, partial(self._writers.write, topic)), False
 
-    def _write_change(self) -> bool:
-        """Write a change of mind, whatever the rate of `decision` is."""
-        output = self._changes.popleft()
-        takers = [sink for sink in self.sinks if sink.wants(wire.DECISION, urgent=True)]
-        return bool(takers) and self._hand_out(wire.DECISION, self._writers.decision(output), takers)
-
-    def _write(self, topic: str) -> bool:
-        """Write one message for whoever wants it; False when it took no time."""
-        takers = [sink for sink in self.sinks if sink.wants(topic)]
-        if not takers:
+    def _write(
+        self, written: list[_Written], topic: str, at_s: float, write: Callable[[], Message | None], *, urgent: bool
+    ) -> bool:
+        """Write one message for whoever claims it; False when it took no time."""
+        takers = [sink for sink in self.sinks if sink.claim(topic, at_s, urgent=urgent)]
+        if not takers or (message := write()) is None:
             return False
-        message = self._writers.write(topic)
-        return message is not None and self._hand_out(topic, message, takers)
-
-    def _hand_out(self, topic: str, message: Message, takers: Sequence[Sink]) -> bool:
         stamp_s, payload = message
-        stamp_unix_s = self._writers.unix_ns(stamp_s) / NS
-        for sink in takers:
-            sink.take(topic, TYPES.get(topic, ""), stamp_unix_s, payload)
+        written.append((takers, (topic, TYPES.get(topic, ""), self._writers.unix_ns(stamp_s) / NS, payload)))
         return True

@@ -32,10 +32,7 @@ TICK_S = 0.02
 STATUS_EVERY_S = 0.1
 LONGEST_HOLE_S = 120.0
 ROUNDED_MPS = 0.05
-BY_SCAN = (
-    wire.SCAN, wire.DISTANCE_ERROR, wire.WALL, wire.FOOTPRINT, wire.NAVIGATION, wire.SAFETY, wire.ODOM, wire.TF,
-    wire.MOTOR, wire.OUTPUT,
-)  # fmt: skip
+BY_SCAN = (wire.SCAN, wire.WALL, wire.FOOTPRINT, wire.NAVIGATION, wire.SAFETY, wire.ODOM, wire.TF, wire.MOTOR)
 ONLY_THE_WAY = "driven by somebody else; the words are ours"
 
 
@@ -129,9 +126,12 @@ class _Foreign:
         self._journey.scans += 1
         self._journey.score.add(guidance.error_m)
         self._journey.pose = self._odometry.update(state)
-        self._decided(stage.step())
+        output = stage.step()
+        self._decided(output)
+        self._keep(wire.DISTANCE_ERROR, self._writers.distance_error(scan, guidance))
         for topic in BY_SCAN:
             self._write(topic)
+        self._keep(wire.OUTPUT, self._writers.output(output))
         if stage.now_s - self._status_s >= STATUS_EVERY_S:
             self._status_s = stage.now_s
             self._write(wire.STATUS)
@@ -145,7 +145,9 @@ class _Foreign:
             self._write(wire.DECISION)
 
     def _write(self, topic: str) -> None:
-        written = self._writers.write(topic)
+        self._keep(topic, self._writers.write(topic))
+
+    def _keep(self, topic: str, written: tuple[float, bytes] | None) -> None:
         if written is not None:
             stamp_s, payload = written
             self._log.messages.append(Message(topic, TYPES.get(topic, ""), self._writers.unix_ns(stamp_s), payload))

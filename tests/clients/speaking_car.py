@@ -22,7 +22,7 @@ async def speaking_car(name="car1", rates=None, **verdict):
     await bus.open()
     bus.announce(wire.key(name, wire.ALIVE))
     observed = make_observed(time.monotonic, link=lambda: {"endpoint": bus.endpoint})
-    sink = ZenohSink(bus, name, rates or RatesHz(), time.monotonic)
+    sink = ZenohSink(bus, name, rates or RatesHz())
     telemetry = Telemetry(observed, CarSettings(name=name), [sink], epoch_ns=10**18, side=lambda: "left")
 
     async def turn():

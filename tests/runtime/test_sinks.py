@@ -5,7 +5,6 @@ import pytest
 from runtime.ros.definitions import TYPES
 from runtime.sinks import ZenohSink
 from runtime.telemetry_settings import RatesHz
-from tests.runtime.observed import HandClock
 
 
 class Ear:
@@ -22,12 +21,11 @@ class Ear:
 
 def offered(rate_hz, every_s, seconds, jitter_s=0.0):
     """Return how many of the offered messages a topic's rate lets through."""
-    clock, ear = HandClock(), Ear()
-    sink = ZenohSink(ear, "car1", RatesHz(scan=rate_hz), clock)
+    ear = Ear()
+    sink = ZenohSink(ear, "car1", RatesHz(scan=rate_hz))
     count = round(seconds / every_s)
     for i in range(count):
-        clock.now_s = 100 + i * every_s + (jitter_s if i % 2 else -jitter_s)
-        if sink.wants("scan"):
+        if sink.claim("scan", 100 + i * every_s + (jitter_s if i % 2 else -jitter_s)):
             sink.take("scan", TYPES["scan"], 0.0, b"")
     return len(ear.heard)
 
@@ -48,39 +46,35 @@ def test_a_rate_that_divides_nothing_is_kept_too():
 
 
 def test_after_a_silence_there_is_no_burst():
-    clock, ear = HandClock(), Ear()
-    sink = ZenohSink(ear, "car1", RatesHz(scan=10), clock)
-    sink.take("scan", "", 0.0, b"")
-    clock.now_s += 60
-    taken = 0
-    for _ in range(20):
-        if sink.wants("scan"):
-            sink.take("scan", "", 0.0, b"")
-            taken += 1
-        clock.now_s += 0.01
-    assert taken <= 4
+    sink = ZenohSink(Ear(), "car1", RatesHz(scan=10))
+    assert sink.claim("scan", 100.0)
+    assert sum(sink.claim("scan", 160 + i * 0.01) for i in range(20)) <= 4
 
 
 def test_a_change_does_not_wait_for_its_turn_but_an_unheard_one_is_not_sent():
-    clock, ear = HandClock(), Ear()
-    sink = ZenohSink(ear, "car1", RatesHz(decision=1.0), clock)
-    sink.take("decision", "", 0.0, b"{}")
-    assert not sink.wants("decision")
-    assert sink.wants("decision", urgent=True)
+    ear = Ear()
+    sink = ZenohSink(ear, "car1", RatesHz(decision=1.0))
+    assert sink.claim("decision", 100.0)
+    assert not sink.claim("decision", 100.0)
+    assert sink.claim("decision", 100.0, urgent=True)
     ear.deaf = True
-    clock.now_s += 0.3
-    assert not sink.wants("decision", urgent=True)
+    assert not sink.claim("decision", 100.3, urgent=True)
     ear.deaf = False
-    assert not sink.wants("decision", urgent=True), "asked now and then"
-    clock.now_s += 0.3
-    assert sink.wants("decision", urgent=True)
+    assert not sink.claim("decision", 100.3, urgent=True), "asked now and then"
+    assert sink.claim("decision", 100.6, urgent=True)
     sink.limit(RatesHz(decision=0))
-    assert not sink.wants("decision", urgent=True)
+    assert not sink.claim("decision", 100.6, urgent=True)
+
+
+def test_what_was_news_earlier_and_is_offered_together_is_told_apart_by_its_time():
+    sink = ZenohSink(Ear(), "car1", RatesHz(output=200))
+    assert all(sink.claim("output", 100 + i * 0.025) for i in range(4))
+    assert not sink.claim("output", 100 + 3 * 0.025 + 0.001)
 
 
 def test_a_sample_goes_under_the_cars_key_with_its_schema():
     ear = Ear()
-    ZenohSink(ear, "car7", RatesHz(), HandClock()).take("odom", TYPES["odom"], 0.0, b"x")
+    ZenohSink(ear, "car7", RatesHz()).take("odom", TYPES["odom"], 0.0, b"x")
     assert ear.heard == [("wallride/car7/odom", b"x", "application/cdr;nav_msgs/msg/Odometry")]
 
 

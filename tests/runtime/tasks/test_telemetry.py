@@ -13,7 +13,7 @@ from runtime.car_settings import CarSettings
 from runtime.command import Source, Verdict
 from runtime.ros.definitions import TYPES
 from runtime.sinks import ZenohSink
-from runtime.tasks.telemetry import Telemetry
+from runtime.tasks.telemetry import BURST_PERIOD_S, Telemetry
 from runtime.telemetry_settings import RatesHz
 from tests.runtime.observed import GUIDANCE, HandClock, make_observed, output_of, scan_at, speak
 from tests.runtime.ros.samples import ros_store
@@ -29,7 +29,7 @@ class Keeper:
         self.topics = set(topics)
         self.kept = []
 
-    def wants(self, topic, *, urgent=False):
+    def claim(self, topic, at_s, *, urgent=False):
         return not self.topics or topic in self.topics
 
     def take(self, topic, schema, stamp_s, payload):
@@ -91,6 +91,7 @@ async def test_stamps_are_those_of_the_measurement_since_1970_with_exact_differe
     rig = Rig(Keeper(wire.SCAN))
     stamps_ns, measured_s = [], []
     for _ in range(3):
+        rig.clock.now_s += BURST_PERIOD_S
         rig.drive_once()
         measured_s.append(rig.clock.now_s - 0.004)
         header = decoded((await rig.written()).of(wire.SCAN)[-1], wire.SCAN).header
@@ -112,30 +113,55 @@ async def test_nothing_is_written_before_the_motor_has_its_command():
 async def test_a_turn_of_the_loop_writes_for_a_fifth_of_a_millisecond_at_most(monkeypatch):
     rig = Rig()
     rig.drive_once()
-    take = rig.sinks[0].take
+    write, writes = rig.telemetry._writers.write, []
 
-    def take_slowly(*message):
+    def write_slowly(topic):
         rig.clock.now_s += 0.00015
-        take(*message)
+        writes.append(topic)
+        return write(topic)
 
-    monkeypatch.setattr(rig.sinks[0], "take", take_slowly)
+    monkeypatch.setattr(rig.telemetry._writers, "write", write_slowly)
     task = asyncio.create_task(rig.telemetry.run())
     sizes = []
     for _ in range(30):
         await asyncio.sleep(0)
-        sizes.append(len(rig.sinks[0].kept))
+        sizes.append(len(writes))
     task.cancel()
     assert sizes[-1] > 10
     assert max(np.diff(sizes)) == 2
+    assert len(rig.sinks[0].kept) > 10
 
 
-async def test_what_was_not_written_in_time_is_replaced_by_the_newer():
+async def test_what_was_not_written_in_time_is_replaced_by_the_newer_or_told_too():
     rig = Rig()
     for _ in range(5):
         rig.drive_once()
     kept = await rig.written()
-    assert len(kept.of(wire.SCAN)) == len(kept.of(wire.OUTPUT)) == 1
+    assert len(kept.of(wire.SCAN)) == len(kept.of(wire.STATUS)) == 1
+    assert len(kept.of(wire.OUTPUT)) == len(kept.of(wire.DISTANCE_ERROR)) == 5
     assert decoded(kept.of(wire.SCAN)[0], wire.SCAN).scan_time == pytest.approx(0.029)
+
+
+async def test_they_leave_in_bursts_but_a_change_of_mind_at_once():
+    rig = Rig()
+    task = asyncio.create_task(rig.telemetry.run())
+
+    async def told(**output):
+        before = len(rig.sinks[0].kept)
+        rig.drive_once(**output)
+        for _ in range(60):
+            await asyncio.sleep(0)
+        return [topic for topic, *_ in rig.sinks[0].kept[before:]]
+
+    assert wire.OUTPUT in await told()
+    assert await told() == []
+    assert (await told()).count(wire.OUTPUT) == 2
+    assert await told() == []
+    changed = await told(reason="boxed in")
+    assert changed[0] == wire.DECISION
+    assert changed.count(wire.OUTPUT) == 2
+    assert await told(reason="wall ahead"), "another one right after it"
+    task.cancel()
 
 
 async def test_an_unwanted_message_is_not_even_written(monkeypatch):
@@ -174,8 +200,7 @@ async def test_every_change_of_mind_is_told_even_between_two_turns_and_beyond_th
             return key.endswith("/decision")
 
     ear = Ear()
-    clock = HandClock()
-    sink = ZenohSink(ear, "car1", RatesHz(decision=0.001), clock)
+    sink = ZenohSink(ear, "car1", RatesHz(decision=0.001))
     rig = Rig(sink)
     reasons = ["wall", "wall ahead", "wall ahead", "wall", "boxed in"]
     for reason in reasons:

@@ -29,7 +29,7 @@ class Sink:
     def __init__(self, file):
         self.file = file
 
-    def wants(self, topic, *, urgent=False):
+    def claim(self, topic, at_s, *, urgent=False):
         return topic != wire.SCAN
 
     def take(self, topic, schema, stamp_s, payload):
