@@ -84,7 +84,7 @@ class Rehearsal:
         self.took_s += LEARNING * (self.clock() - began_s - self.took_s)
 
     def _pieces(self, scan: Scan, motor: MotorState | None) -> Iterator[None]:
-        self.laws.learn()
+        self.laws.forget()  # what is learnt later is on nobody's way to the motor
         expires_at_s = scan.stamp_s + _FOR_S
         self.decode()
         yield
