@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.twin import twin
+from drivers.value import value
 from runtime.control.geometry import NOWHERE, Booleans, Floats, Places, places_m
 from runtime.control.odometry import Pose
 from runtime.control.perception import View
@@ -48,7 +49,7 @@ AHEAD_S = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9)
 FORGOTTEN_S = 0.15
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value(eq=False)
 class _Look:
     """One scan, and where it was taken: position and heading of base_link in the odometry frame."""
 

@@ -180,7 +180,7 @@ def bridge_glass(seen: SideView, wall: Beams, line: Line) -> Places | None:
     between have no echo, the wall goes on; beams that do return show a real opening, which stays open.
     """
     end = int(wall[-1])
-    if seen.no_echo[end + 1 : end + 1 + GLASS_FIRST_BEAMS].tobytes().count(1) < GLASS_FIRST_BEAMS // 2:
+    if silent_among(seen.no_echo, end + 1, end + 1 + GLASS_FIRST_BEAMS) < GLASS_FIRST_BEAMS // 2:
         return None  # the usual case, at once
     beyond = np.arange(end + 1, seen.x_m.size)
     beyond = beyond[seen.solid[beyond] & (seen.range_m[beyond] < GLASS_RANGE_M)]
@@ -201,6 +201,12 @@ def bridge_glass(seen: SideView, wall: Beams, line: Line) -> Places | None:
     along = np.arange(from_m, to_m, THINNED_TO_M)
     filled: Places = (along + 1j * line.distance_m) * complex(cos, sin)
     return filled
+
+
+@twin
+def silent_among(no_echo: Booleans, first: int, last: int) -> int:
+    """Return how many of the beams from first to before last, as far as there are so many, have no echo."""
+    return int(np.count_nonzero(no_echo[first:last]))
 
 
 def roomy_m(seen: SideView, line: Line | None, desired_m: float) -> float:

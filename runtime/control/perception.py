@@ -60,6 +60,27 @@ class View:
     silent: int
 
 
+Kind = tuple[float, float, int]
+"""What one lidar has in common with another of its kind: first bearing, step, beams."""
+
+
+@value(eq=False)
+class Fan:
+    """The beams of one kind of lidar: bearing, its cosine and sine, and which look behind BODY_BEYOND_RAD; (beams,)."""
+
+    bearing_rad: Floats
+    cos: Floats
+    sin: Floats
+    aback: Booleans
+
+
+def fan_of(scan: Scan) -> Fan:
+    """Return the beams of the lidar that took a scan."""
+    kind = scan.angle_min_rad, scan.angle_step_rad, scan.ranges_m.shape[0]
+    cos, sin = directions(*kind)
+    return Fan(bearings_rad(*kind), cos, sin, beyond(scan, BODY_BEYOND_RAD))
+
+
 class Eyes:
     """Sees each scan once, however many ask: follower and safety share one pair."""
 
@@ -69,6 +90,7 @@ class Eyes:
         self._own_within_m = math.hypot(max(ahead_m, aback_m), car.half_width_m)
         self._dirty: Booleans | None = None
         self._last: View | None = None
+        self._fan: tuple[Kind, Fan] | None = None
 
     def ignore(self, dirty: Booleans | None) -> None:
         """From the next scan on, leave these beams (n,) out where they read less than dirt can; None: ignore none."""
@@ -82,14 +104,16 @@ class Eyes:
 
     def _look(self, scan: Scan) -> View:
         car, sent_m = self._car, scan.ranges_m
-        kind = (scan.angle_min_rad, scan.angle_step_rad, sent_m.shape[0])
+        kind = scan.angle_min_rad, scan.angle_step_rad, sent_m.shape[0]
+        if self._fan is None or self._fan[0] != kind:
+            self._fan = kind, fan_of(scan)
+        fan = self._fan[1]
         dirty = self._dirty if self._dirty is not None and self._dirty.shape == sent_m.shape else None
-        cos, sin = directions(*kind)
         ranges_m, x_m, y_m, solid, no_echo, own, silent = look(
-            sent_m, cos, sin, beyond(scan, BODY_BEYOND_RAD), dirty, scan.angle_step_rad,
+            sent_m, fan.cos, fan.sin, fan.aback, dirty, scan.angle_step_rad,
             car.lidar_x_m, car.front_m, car.rear_m, car.half_width_m, self._own_within_m,
         )  # fmt: skip
-        return View(scan, ranges_m, bearings_rad(*kind), x_m, y_m, solid, no_echo, own, car.lidar_x_m, dirty, silent)
+        return View(scan, ranges_m, fan.bearing_rad, x_m, y_m, solid, no_echo, own, car.lidar_x_m, dirty, silent)
 
 
 @twin

@@ -72,6 +72,7 @@ KERNEL(dark_between);
 KERNEL(bent_way);
 KERNEL(first_touch);
 KERNEL(wall_piece);
+KERNEL(silent_among);
 KERNEL(outline);
 KERNEL(wall_line);
 KERNEL(room_for);

@@ -56,7 +56,7 @@ PyObject *copied(int type, beam count, const void *from) {
 static PyMethodDef functions[] = {
     ENTRY(decode_samples), ENTRY(joined_rows),  ENTRY(look),       ENTRY(small_things), ENTRY(thin_places),
     ENTRY(returned),       ENTRY(solid_places), ENTRY(any_nearer), ENTRY(dark_between), ENTRY(bent_way),
-    ENTRY(first_touch),    ENTRY(wall_piece),   ENTRY(outline),    ENTRY(wall_line),    ENTRY(room_for),
+    ENTRY(first_touch),    ENTRY(wall_piece),   ENTRY(silent_among), ENTRY(outline),    ENTRY(wall_line),    ENTRY(room_for),
     ENTRY(around),         ENTRY(rolled),       ENTRY(rolled_ahead), ENTRY(bend_of),    ENTRY(fastest_mps),  ENTRY(scan_parts),
     {NULL, NULL, 0, NULL},
 };

@@ -68,6 +68,21 @@ KERNEL(wall_piece) {
     return answer;
 }
 
+/* silent_among(no_echo, first, last) -> how many */
+KERNEL(silent_among) {
+    struct row no_echo;
+    beam part[2], silent = 0;
+    if (!enough(count, 3, "silent_among") || !as_row(given[0], NPY_BOOL, &no_echo) || !as_indices(given + 1, 2, part))
+        return NULL;
+    if (part[0] < 0 || part[1] < 0) {
+        PyErr_SetString(PyExc_ValueError, "silent_among: beams are counted from 0");
+        return NULL;
+    }
+    for (beam i = part[0]; i < part[1] && i < no_echo.count; i++)
+        silent += FLAG(no_echo, i);
+    return PyLong_FromSsize_t(silent);
+}
+
 /* outline(x, y, indices) -> places */
 KERNEL(outline) {
     struct row x, y, index;
