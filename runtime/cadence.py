@@ -17,11 +17,16 @@ AFTER_S: Final = 0.002
 LEAST_PERIOD_S: Final = 0.015
 """At a faster beat there is no time between two scans that could be kept free."""
 _SAME_SHARE: Final = 0.1
+_BEAT_GAIN: Final = 0.2
+_PERIOD_GAIN: Final = 0.02
 _PLANNED_PERIODS: Final = 6.0
 
 
 class Cadence:
     """Learns the lidar's beat from the arrivals; where there is none, everybody goes when he likes.
+
+    A scan comes at its beat and a little late, now and then very late: the beat is followed slowly (an alpha-beta
+    filter), because the last arrival and the gap before it promise the next one two and a half times worse.
 
     period_s: between two scans; NaN until two gaps in a row agree, and where the beat is too fast.
     """
@@ -30,17 +35,35 @@ class Cadence:
         self.period_s = math.nan
         self._gap_s = math.nan
         self._last_s = math.nan
+        self._beat_s = math.nan  # when the newest scan came, or should have come
+        self._off_beat = False
 
     def arrived(self, now_s: float) -> None:
         """Note a scan. One that is missing or late changes nothing; a new beat counts when it comes twice."""
         gap_s, self._last_s = now_s - self._last_s, now_s
-        if abs(gap_s - self._gap_s) <= _SAME_SHARE * gap_s:
+        same_s = _SAME_SHARE * gap_s
+        if abs(gap_s - self._gap_s) <= same_s and not abs(gap_s - self.period_s) <= same_s:  # NaN is no beat
             self.period_s = gap_s if gap_s >= LEAST_PERIOD_S else math.nan
+            self._beat_s = now_s
         self._gap_s = gap_s
+        self._keep_time(now_s)
+
+    def _keep_time(self, now_s: float) -> None:
+        """Follow the beat by a part of what the arrival was off it; begin anew after two that were far off."""
+        self._beat_s = self._due_s(now_s)
+        off_s = now_s - self._beat_s
+        if abs(off_s) <= _SAME_SHARE * self.period_s:
+            self._off_beat = False
+            self._beat_s += _BEAT_GAIN * off_s
+            self.period_s += _PERIOD_GAIN * off_s
+        elif self._off_beat:
+            self._beat_s, self._off_beat = now_s, False
+        else:
+            self._off_beat = True
 
     def next_s(self) -> float:
         """Return when the scan after the newest is due; NaN when nobody can tell."""
-        return self._last_s + self.period_s
+        return self._beat_s + self.period_s
 
     def clear_s(self, wanted_s: float, slack_s: float) -> float:
         """Return when to do what is wanted at `wanted_s`: before a scan together with everybody, where one is near.
@@ -48,7 +71,7 @@ class Cadence:
         slack_s: how much sooner or later may be. Where no scan is so near, the moment is at most 3.3 ms from the one
         wanted, and none at which a scan is due.
         """
-        periods = (wanted_s - self._last_s) / self.period_s
+        periods = (wanted_s - self._beat_s) / self.period_s
         if not -1.0 < periods < _PLANNED_PERIODS:  # NaN included
             return wanted_s
         meeting_s = self._due_s(wanted_s + BEFORE_S) - BEFORE_S
@@ -62,4 +85,5 @@ class Cadence:
 
     def _due_s(self, near_s: float) -> float:
         """Return when the scan nearest to a moment is due, or was."""
-        return self._last_s + round((near_s - self._last_s) / self.period_s) * self.period_s
+        periods = (near_s - self._beat_s) / self.period_s
+        return self._beat_s + (round(periods) * self.period_s if math.isfinite(periods) else math.nan)

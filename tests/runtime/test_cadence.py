@@ -3,6 +3,7 @@
 import math
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -37,6 +38,34 @@ def test_one_scan_that_is_missing_changes_no_beat():
     cadence = steady()
     cadence.arrived(LAST_S + 2 * PERIOD_S)
     assert cadence.period_s == pytest.approx(PERIOD_S)
+
+
+def test_scans_that_are_a_little_late_keep_the_beat():
+    rng, cadence, off_s = np.random.default_rng(1), Cadence(), []
+    for i in range(400):
+        due_s = i * PERIOD_S
+        if i > 100:
+            off_s.append(cadence.next_s() - due_s)
+        cadence.arrived(due_s + rng.exponential(0.0002))
+    assert np.mean(off_s) == pytest.approx(0.0002, abs=5e-5)
+    assert np.std(off_s) < 0.0001, "the last arrival plus the last gap would be off by 0.0005"
+
+
+def test_one_late_scan_does_not_make_the_next_one_late():
+    cadence = steady()
+    cadence.arrived(LAST_S + PERIOD_S + 0.006)
+    assert cadence.next_s() == pytest.approx(LAST_S + 2 * PERIOD_S)
+    for i in (2, 3, 4):
+        cadence.arrived(LAST_S + i * PERIOD_S + 0.006)  # from here on it is another beat
+    assert cadence.next_s() == pytest.approx(LAST_S + 5 * PERIOD_S + 0.006)
+
+
+def test_a_lidar_that_is_a_little_slower_is_followed():
+    cadence = steady()
+    slower_s = 1.002 * PERIOD_S
+    for i in range(1, 200):
+        cadence.arrived(LAST_S + i * slower_s)
+    assert cadence.next_s() == pytest.approx(LAST_S + 200 * slower_s, abs=1e-5)
 
 
 def test_another_lidar_has_another_beat():
