@@ -14,7 +14,8 @@ class RatesHz(Section):
     """How often each topic goes out at most; shaped for a Wi-Fi that ten cars share.
 
     Who hears everything takes 1.3 Mbit/s, 0.7 of it for the scans; what nobody hears takes nothing.
-    200 is "every one": the lidar brings 10 to 40 scans a second, the mux decides about a hundred times.
+    200 is "every one", of output, distance_error and imu; of everything else the newest, at most 20 or 25 a second,
+    because telemetry leaves in bursts.
     """
 
     output: Rate = 200.0
