@@ -46,17 +46,13 @@ class Caretaker:
     manager: ServiceManager
     clock: Clock
     retry_faults: bool
-    worst_lag_s: float = 0.0
-    missed_ticks: int = 0
     _seen: dict[str, _Seen] = field(default_factory=dict)
     _fault_since_s: float | None = None
     _started_s: float | None = None
     _ready: bool = False
 
-    def tick(self, late_s: float, missed: int) -> None:
-        """Check once; a `metronome.Tick`."""
-        self.worst_lag_s = max(self.worst_lag_s, late_s)
-        self.missed_ticks += missed
+    def tick(self, _late_s: float, _missed: int) -> None:
+        """Check once; a `metronome.Tick`. How late the loop is, the mux's tick notes (`StageClock`)."""
         self.check()
 
     def check(self) -> None:
