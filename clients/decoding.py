@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 SHOWN_OF_ARRAY = 6
+DIGITS = 6
+"""A micrometre, a microsecond: a float32 that was written as 0.1 is read as 0.1."""
 
 
 class UnreadableError(Exception):
@@ -66,13 +68,17 @@ def _store(schema: str) -> "Typestore":
 
 def _plain(value: object) -> Any:  # noqa: ANN401 - whatever the message holds
     if isinstance(value, np.ndarray):
-        return value.tolist()
+        return value.astype(np.float64).round(DIGITS).tolist() if value.dtype.kind == "f" else value.tolist()
+    if isinstance(value, float):
+        return round(value, DIGITS)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         names = (field.name for field in dataclasses.fields(value))
         # The upper-case ones are the type's constants.
         return {name: _plain(getattr(value, name)) for name in names if name.islower() and name[0] != "_"}
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
+    if isinstance(value, Mapping):
+        return {name: _plain(item) for name, item in value.items()}
     return value
 
 

@@ -11,9 +11,10 @@ Stamps in JSON are seconds on the car's monotonic clock. Numbers that do not exi
 """
 
 import json
-import math
 from collections.abc import Mapping
 from typing import Any
+
+from pydantic_core import to_json
 
 ROOT = "wallride"
 
@@ -51,7 +52,7 @@ def key(car: str, topic: str) -> str:
 
 def encode(message: Mapping[str, Any]) -> bytes:
     """Write a message; numbers that are not finite become null."""
-    return json.dumps(_finite(message), separators=(",", ":")).encode()
+    return to_json(message, inf_nan_mode="null")
 
 
 def decode(payload: bytes) -> dict[str, Any]:
@@ -60,18 +61,3 @@ def decode(payload: bytes) -> dict[str, Any]:
     if not isinstance(message, dict):
         raise TypeError("not a JSON object")
     return message
-
-
-def _finite(value: object) -> object:
-    kind = type(value)
-    if kind is str or kind is int or kind is bool or value is None:  # most values, ten times a second
-        return value
-    if isinstance(value, float):
-        return round(value, 6) if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {str(name): _finite(item) for name, item in value.items()}
-    if isinstance(value, Mapping):
-        return _finite(dict(value))
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return value
