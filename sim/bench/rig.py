@@ -11,6 +11,7 @@ import tempfile
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
@@ -50,16 +51,22 @@ class Sent:
 
 
 def another_computer() -> set[int]:
-    """Return the core for whatever is no part of the car: the last one, where there are several.
-
-    The car may use all of them. Sender and receiver on one core take it from each other in the middle of a write, which
-    no lidar does.
-    """
+    """Return the core for whatever is no part of the car: the last one, where there are several."""
     return {max(os.sched_getaffinity(0))}
 
 
-def die_with_me() -> None:
-    """Have the kernel end this process when its parent ends, however that ends; for the moment before exec."""
+def own_computer() -> set[int]:
+    """Return the cores for the car: all others.
+
+    Sender and receiver on one core take it from each other in the middle of a write, which no lidar does; and the
+    scheduler wakes the receiver where the sender is.
+    """
+    return os.sched_getaffinity(0) - another_computer() or another_computer()
+
+
+def be_the_car(cores: set[int]) -> None:
+    """Keep to these cores, and have the kernel end this process with its parent; for the moment before exec."""
+    os.sched_setaffinity(0, cores)
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
@@ -109,7 +116,7 @@ class Rig:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
-                preexec_fn=die_with_me,  # noqa: PLW1509 - one thread here
+                preexec_fn=partial(be_the_car, own_computer()),  # noqa: PLW1509 - one thread here
             )
         self._endpoint = endpoint
         self._cores = os.sched_getaffinity(0)
