@@ -13,7 +13,7 @@ import numpy as np
 
 from drivers.api import Drive, MotorState, Scan
 from runtime.car_settings import CarSettings
-from runtime.control.ball_law import Aim, ball_aim, bend_correction_rad, look_aheads_m, steering_for_rad
+from runtime.control.ball_law import Aim, look_aheads_m, pursued
 from runtime.control.ball_path import RADII_M, BallPath, WallPoints, ball_path, bend_per_m
 from runtime.control.ball_settings import BallSettings
 from runtime.control.geometry import Floats, Places
@@ -108,10 +108,8 @@ class BallFollower:
         self._path = path
         bend = bend_per_m(path)
         self._bend_per_m += BEND_LOW_PASS * (bend - self._bend_per_m)
-        line_error_m = tracked.distance_m - desired_m if tracked is not None else math.nan
-        aim = ball_aim(path, wall.nearest_m + bias_m - desired_m, tracked, line_error_m, self._bend_per_m)
+        aim, steering_rad = self._pursuit(path, tracked, wall.nearest_m + bias_m, desired_m, bend, speed_mps)
         self._straight = aim.straight
-        steering_rad = self._steering_rad(path, aim, bend, speed_mps)
         self._lost.found(steering_rad)
         mu = mu_with_room(settings.assumed_mu, desired_m)
         if self._slips(aim, steering_rad):
@@ -123,16 +121,24 @@ class BallFollower:
             angle_rad, line_m = self._sign * line_now.heading_rad, line_now.distance_m
         return Guidance(drive, aim.error_m + desired_m, aim.error_m, angle_rad, "wall", line_m)
 
-    def _steering_rad(self, path: BallPath, aim: Aim, bend: float, speed_mps: float) -> float:
+    def _pursuit(
+        self, path: BallPath, line: Line | None, nearest_m: float, desired_m: float, bend: float, speed_mps: float
+    ) -> tuple[Aim, float]:
+        """Return what to steer by, and the steering."""
         settings, car = self._settings, self._car
-        steering_rad = steering_for_rad(aim, speed_mps, settings.kp, settings.kd)
-        if aim.straight < 1.0:
-            look_m = path.radius_m[-2]
-            correction_rad = bend_correction_rad(bend, look_m, speed_mps, settings.kd, car.wheelbase_m)
-            steering_rad += (1.0 - aim.straight) * correction_rad
+        near_m, far_m = path.radius_m[-2:]
+        near_rad, far_rad = path.bearing_rad[-2:]
+        line_rad, line_error_m = math.nan, math.nan
+        if line is not None:
+            line_rad, line_error_m = line.heading_rad, line.distance_m - desired_m
+        error_m, heading_rad, straight, steering_rad = pursued(
+            near_m, near_rad, far_m, far_rad, nearest_m - desired_m, line_rad, line_error_m, self._bend_per_m, bend,
+            speed_mps, settings.kp, settings.kd, car.wheelbase_m,
+        )  # fmt: skip
         if settings.trim_integral:
             steering_rad -= self._track.trim_rad
-        return min(max(steering_rad, -car.max_steering_rad), car.max_steering_rad)
+        steering_rad = min(max(steering_rad, -car.max_steering_rad), car.max_steering_rad)
+        return Aim(error_m, heading_rad, straight), steering_rad
 
     def _slips(self, aim: Aim, steering_rad: float) -> bool:
         """Whether the floor may not hold the car in its bend away from the wall."""
@@ -144,7 +150,7 @@ class BallFollower:
         if not settings.speed_profile:
             return settings.speed_mps
         now_mps = speed_limit_mps(steering_rad, self._car.wheelbase_m, mu)
-        ahead_mps = profile_mps(path.first(len(RADII_M)), speed_mps, mu)
+        ahead_mps = profile_mps(path, speed_mps, mu)
         return min(settings.speed_mps, now_mps, ahead_mps)
 
     def _moved_m(self, stamp_s: float, speed_mps: float) -> float:

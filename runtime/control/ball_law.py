@@ -22,9 +22,9 @@ f1tenth_gym); SLIP is that for mu = 0.5, the low guess: better a little to the i
 
 import math
 
+from drivers.twin import twin
 from drivers.value import value
-from runtime.control.ball_path import WIDEST_RAD, BallPath
-from runtime.control.wall import Line
+from runtime.control.ball_path import WIDEST_RAD
 
 SLOW_MPS = 1.0
 """At this speed and below, the gains are what the settings say."""
@@ -65,24 +65,59 @@ def look_aheads_m(look_ahead_m: float, look_ahead_s: float, speed_mps: float) ->
     return look_ahead_m + look_ahead_s * abs(speed_mps), CORNER_LOOK_M + CORNER_LOOK_S * abs(speed_mps)
 
 
-def ball_aim(path: BallPath, error_m: float, line: Line | None, line_error_m: float, bend_per_m: float) -> Aim:
-    """Return what to steer by; the last two circles of the path are those of `look_aheads_m`.
+@twin
+def pursued(  # flat arguments, as its twin in C wants them
+    near_m: float,
+    near_rad: float,
+    far_m: float,
+    far_rad: float,
+    error_m: float,
+    line_rad: float,
+    line_error_m: float,
+    mean_bend_per_m: float,
+    bend_per_m: float,
+    speed_mps: float,
+    kp: float,
+    kd: float,
+    wheelbase_m: float,
+) -> tuple[float, float, float, float]:
+    """Return error_m, heading_rad and straight of the Aim, and the steering angle for it.
 
-    error_m: of the nearest point. line, line_error_m: the tracked line and the error by it. bend_per_m: of the path.
+    The first eight arguments are those of `ball_aim`. bend_per_m: of this scan's path.
+    """
+    aim = ball_aim(near_m, near_rad, far_m, far_rad, error_m, line_rad, line_error_m, mean_bend_per_m)
+    steering_rad = steering_for_rad(aim, speed_mps, kp, kd)
+    if aim.straight < 1.0:
+        steering_rad += (1.0 - aim.straight) * bend_correction_rad(bend_per_m, near_m, speed_mps, kd, wheelbase_m)
+    return aim.error_m, aim.heading_rad, aim.straight, steering_rad
+
+
+def ball_aim(
+    near_m: float,
+    near_rad: float,
+    far_m: float,
+    far_rad: float,
+    error_m: float,
+    line_rad: float,
+    line_error_m: float,
+    bend_per_m: float,
+) -> Aim:
+    """Return what to steer by.
+
+    near, far: the ball on the two circles of `look_aheads_m`. error_m: of the nearest point. line_rad, line_error_m:
+    the tracked line's heading, NaN where none is tracked, and the error by it. bend_per_m: of the path, over time.
 
     Beside a straight wall the ball lies at asin(e/l) to the path's heading, less far aside the farther one looks. If it
     lies more to the free side than that at the long look-ahead, then a corner is coming, and the path turns with it.
     """
-    near_m, far_m = path.radius_m[-2:]
-    near_rad, far_rad = path.bearing_rad[-2:]
     heading_rad = near_rad - _asin(error_m / near_m)
     straight = 0.0
-    if line is not None:
-        expected_rad = min(max(line.heading_rad + _asin(line_error_m / near_m), -WIDEST_RAD), WIDEST_RAD)
+    if not math.isnan(line_rad):
+        expected_rad = min(max(line_rad + _asin(line_error_m / near_m), -WIDEST_RAD), WIDEST_RAD)
         straight = _fading(abs(near_rad - expected_rad), STRAIGHT_RAD, NOT_STRAIGHT_RAD)
         straight *= _fading(abs(bend_per_m), STRAIGHT_PER_M, BENT_PER_M)
         error_m += straight * (line_error_m - error_m)
-        heading_rad += straight * (line.heading_rad - heading_rad)
+        heading_rad += straight * (line_rad - heading_rad)
     corner_rad = far_rad - _asin(error_m / far_m) + CORNER_AT_LEAST_RAD
     return Aim(error_m, min(heading_rad, corner_rad), straight)
 

@@ -121,14 +121,17 @@ class Movers:
         sliding: the wheels are locked, so that the odometry stands while everything comes nearer: nothing is learnt
         about who goes where, and nothing is forgotten.
         """
+        self._turning_radps = max(abs(pose.yaw_rate_radps), TURNING_FADES * self._turning_radps)
+        things = small_things(view.solid, view.ranges_m, abs(view.scan.angle_step_rad))
+        if not things and not self._tracks:
+            return NOWHERE  # as a rule
         turned, at_m = cmath.rect(1.0, pose.yaw_rad), complex(pose.x_m, pose.y_m)
         look = _Look(view, at_m, turned)
         fresh: list[_Track] = []
         strips: list[Places] = []
         slowest_mps = SLOWEST_MPS + SLOWEST_SHARE * abs(pose.speed_mps)
-        self._turning_radps = max(abs(pose.yaw_rate_radps), TURNING_FADES * self._turning_radps)
         slowest_per_m = TURNING_SHARE * self._turning_radps
-        for first, last in small_things(view.solid, view.ranges_m, abs(view.scan.angle_step_rad)):
+        for first, last in things:
             beams = view.solid[first : last + 1].nonzero()[0] + first
             points = places_m(view.x_m, view.y_m, beams)
             track = self._follow(points * turned + at_m, stamp_s, look, sliding=sliding)

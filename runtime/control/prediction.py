@@ -61,13 +61,14 @@ class Answers:
 
     def heard(self, motor: MotorState) -> None:
         """Compare with what the motor was told last: that answer had arrived by then, and the next one had not."""
-        same = [i for i, (_, angle_rad) in enumerate(self._told) if abs(angle_rad - motor.steering_rad) < SAME_RAD]
-        if len(same) != 1:
+        told = tuple(self._told)
+        place = only_one(told, motor.steering_rad)
+        if place < 0:
             return  # none of mine, or a steady wheel, which tells nothing
         self._obeyed_s = motor.stamp_s
-        most_s = motor.stamp_s - self._told[same[0]][0]
-        newest = same[0] + 1 == len(self._told)
-        least_s = 0.0 if newest else max(motor.stamp_s - self._told[same[0] + 1][0], 0.0)
+        most_s = motor.stamp_s - told[place][0]
+        newest = place + 1 == len(told)
+        least_s = 0.0 if newest else max(motor.stamp_s - told[place + 1][0], 0.0)
         if not 0.0 <= most_s <= LONGEST_WIRE_S:
             return
         if most_s < self._least_s or least_s > self._most_s:  # it has changed, or was never measured
@@ -77,9 +78,25 @@ class Answers:
 
     def in_flight(self, now_s: float) -> list[tuple[float, float]]:
         """Return (time on the wire, angle) of the answers that the motor cannot have shown yet, in order."""
+        coming: list[tuple[float, float]] = []
         if now_s - self._obeyed_s > OBEYED_WITHIN_S:
-            return []
-        return [(told_s + self.wire_s, angle_rad) for told_s, angle_rad in self._told if told_s + self.wire_s > now_s]
+            return coming
+        wire_s = self.wire_s
+        for told_s, angle_rad in reversed(self._told):  # the newest ones, as a rule one or two
+            if told_s + wire_s <= now_s:
+                break
+            coming.insert(0, (told_s + wire_s, angle_rad))
+        return coming
+
+
+@twin
+def only_one(told: tuple[tuple[float, float], ...], angle_rad: float) -> int:
+    """Return the place of the only answer with this angle, -1 where there is none or where there are several.
+
+    told: time and angle of each.
+    """
+    same = [place for place, (_, told_rad) in enumerate(told) if abs(told_rad - angle_rad) < SAME_RAD]
+    return same[0] if len(same) == 1 else -1
 
 
 class Predictor:

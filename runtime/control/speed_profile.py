@@ -8,7 +8,7 @@ import math
 from itertools import pairwise
 
 from drivers.twin import twin
-from runtime.control.ball_path import BallPath
+from runtime.control.ball_path import RADII_M, BallPath
 
 GRAVITY_MPS2 = 9.81
 LATERAL_SHARE = 0.75
@@ -23,6 +23,7 @@ SHARPEST_PER_M = 0.9
 """The path has kinks; the car rounds them no tighter than this."""
 SPAN = 2
 """Chords between the two headings whose difference is a point's curvature: over less way, noise bends the path."""
+CIRCLES = len(RADII_M)
 MARGIN_M = 0.3
 REACTION_S = 0.06
 
@@ -42,27 +43,29 @@ def speed_limit_mps(steering_rad: float, wheelbase_m: float, assumed_mu: float) 
 def profile_mps(path: BallPath, speed_mps: float, assumed_mu: float) -> float:
     """Return the highest speed now from which every point of the path can still be driven.
 
-    path: circles in growing order; it ends at the first circle that the wall does not meet, and beyond the end a
-    corner of the sharpest curvature is assumed.
+    path: circles in growing order, of which those of RADII_M count; it ends at the first circle that the wall
+    does not meet, and beyond the end a corner of the sharpest curvature is assumed.
     """
-    meets, crosses = path.meets, path.crosses
-    # Nearer circles than the first crossing lie wholly inside or outside of D: the way to the path, not the path.
-    begin = crosses.index(True) if True in crosses else len(crosses)
-    end = next((i for i in range(begin, len(meets)) if not meets[i]), len(meets))
-    grip_mps2 = assumed_mu * GRAVITY_MPS2
-    margin_m = MARGIN_M + REACTION_S * abs(speed_mps)
-    seen = path.radius_m[begin:end], path.bearing_rad[begin:end]
-    return fastest_mps(*seen, margin_m, LATERAL_SHARE * grip_mps2, BRAKE_SHARE * grip_mps2)
+    return fastest_mps(path.radius_m, path.bearing_rad, path.meets, path.crosses, speed_mps, assumed_mu)
 
 
 @twin
 def fastest_mps(
-    radius_m: tuple[float, ...], bearing_rad: tuple[float, ...], margin_m: float, lateral: float, brake: float
+    radius_m: tuple[float, ...],
+    bearing_rad: tuple[float, ...],
+    meets: tuple[bool, ...],
+    crosses: tuple[bool, ...],
+    speed_mps: float,
+    assumed_mu: float,
 ) -> float:
-    """Return the highest speed now at the beginning of a path over these circles, which it crosses.
-
-    margin_m: rolled before the brakes take hold. lateral, brake: what the floor gives [m/s^2].
-    """
+    """Return the highest speed now along a BallPath."""
+    # Nearer circles than the first crossing lie wholly inside or outside of D: the way to the path, not the path.
+    circles = min(len(radius_m), CIRCLES)
+    begin = next((i for i in range(circles) if crosses[i]), circles)
+    end = next((i for i in range(begin, circles) if not meets[i]), circles)
+    margin_m = MARGIN_M + REACTION_S * abs(speed_mps)
+    lateral, brake = LATERAL_SHARE * assumed_mu * GRAVITY_MPS2, BRAKE_SHARE * assumed_mu * GRAVITY_MPS2
+    radius_m, bearing_rad = radius_m[begin:end], bearing_rad[begin:end]
     places = [(r_m * math.cos(b_rad), r_m * math.sin(b_rad)) for r_m, b_rad in zip(radius_m, bearing_rad, strict=True)]
     heading: list[float] = []
     way = [radius_m[0]] if len(radius_m) > 1 else [0.0]

@@ -16,6 +16,7 @@ have, and came back to the wall too wide.)
 
 import math
 
+from drivers.twin import twin
 from runtime.control.wall import CLEAN_INLIERS, Line
 
 MOST_TRIM_RAD = 0.06
@@ -37,10 +38,12 @@ CALM_SHARE = 0.88
 BENT_UNREST_RAD = 0.05
 """The trim learns only while the car turns with less than this lateral acceleration, and has done so for a while: per
 scan the memory of the last turn falls to CALM_SHARE of itself. A bent wall counts as such a turn."""
-
-
 LATE_SCANS = 1.0
 """By so many scans the wheels are behind the wire: 20 ms of a servo's dead time, and the tyres' own."""
+
+State = tuple[float, ...]
+"""d, a and t [m, rad, rad]; their covariances dd, aa, da, dt, at, tt; then how restless the car's heading was lately
+[rad], the servo's angle [rad], and 1.0 for a line that was just begun."""
 
 
 class WallTrack:
@@ -48,20 +51,18 @@ class WallTrack:
 
     def __init__(self, wheelbase_m: float) -> None:
         self._wheelbase_m = wheelbase_m
-        self.trim_rad = 0.0
-        self._trim_var = TRIM_START_STD_RAD**2
         self._line: Line | None = None
-        self._d = self._a = 0.0
-        self._unrest_rad = 0.0
-        self._wheel_rad = 0.0
-        self._new = True
-        # Covariances: of d, a, and between them and the trim.
-        self._dd = self._aa = self._da = self._dt = self._at = 0.0
+        self._state: State = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, TRIM_START_STD_RAD**2, 0.0, 0.0, 1.0)
+
+    @property
+    def trim_rad(self) -> float:
+        """The angle at which the wheels stand while the servo stands in the middle, as learnt."""
+        return self._state[2]
 
     def mirror(self) -> None:
         """The wall is on the other side now: another wall, but the same steering."""
-        self.trim_rad = -self.trim_rad
-        self._wheel_rad = -self._wheel_rad
+        d, a, trim, *others, unrest, wheel, new = self._state
+        self._state = (d, a, -trim, *others, unrest, -wheel, new)
         self._line = None
 
     def expect(self, way_m: float, wheel_rad: float, speed_mps: float, *, straight: bool = True) -> Line | None:
@@ -72,74 +73,72 @@ class WallTrack:
         """
         if self._line is None:
             return None
-        if not straight:
-            self._unrest_rad = max(self._unrest_rad, BENT_UNREST_RAD)
-        self._predict(way_m, wheel_rad, speed_mps)
-        return Line(self._d, self._a, self._line.inliers)
+        unrest_rad = 0.0 if straight else BENT_UNREST_RAD
+        self._state = predicted(self._state, way_m, wheel_rad, speed_mps, self._wheelbase_m, unrest_rad)
+        return Line(self._state[0], self._state[1], self._line.inliers)
 
     def correct(self, found: Line | None) -> Line | None:
         """Take one scan's line and return the tracked one, None without a clean one."""
         if found is None or found.inliers <= CLEAN_INLIERS:
             self._line = None
             return None
-        same = abs(found.distance_m - self._d) < JUMP_M and abs(found.heading_rad - self._a) < JUMP_RAD
+        d, a, trim, *_, trim_var, unrest, wheel, _ = self._state
+        same = abs(found.distance_m - d) < JUMP_M and abs(found.heading_rad - a) < JUMP_RAD
         if self._line is not None and same:
-            self._correct(found)
+            self._state = corrected(self._state, found.distance_m, found.heading_rad)
         else:
-            self._begin(found)
-        self._line = Line(self._d, self._a, found.inliers)
+            variances = LINE_STD_M**2, LINE_STD_RAD**2, 0.0, 0.0, 0.0, trim_var
+            self._state = (found.distance_m, found.heading_rad, trim, *variances, unrest, wheel, 1.0)
+        self._line = Line(self._state[0], self._state[1], found.inliers)
         return self._line
 
-    def _begin(self, found: Line) -> None:
-        self._new = True
-        self._d, self._a = found.distance_m, found.heading_rad
-        self._dd, self._aa = LINE_STD_M**2, LINE_STD_RAD**2
-        self._da = self._dt = self._at = 0.0
 
-    def _predict(self, way_m: float, wheel_rad: float, speed_mps: float) -> None:
-        turn_rad = way_m * math.tan(wheel_rad + self.trim_rad) / self._wheelbase_m
-        late_rad = LATE_SCANS * way_m * abs(wheel_rad - self._wheel_rad) / self._wheelbase_m
-        self._wheel_rad = wheel_rad
-        chord_rad = turn_rad / 2 - self._a
-        self._d -= way_m * math.sin(chord_rad)
-        self._a -= turn_rad
-        self._unrest_rad = max(abs(turn_rad), CALM_SHARE * self._unrest_rad)
-        # P = F P F' + Q with F = [[1, s cos, 0], [0, 1, -s/L], [0, 0, 1]]; what the trim does to d at once is tiny
-        along_m, by_trim = way_m * math.cos(chord_rad), -way_m / self._wheelbase_m
-        turns = self._unrest_rad * speed_mps * speed_mps > STRAIGHT_WITHIN_MPS2 * way_m
-        if turns or self._new:
-            self._dt = self._at = 0.0
-            by_trim = 0.0
-        self._new = False
-        at = self._at + by_trim * self._trim_var
-        aa = self._aa + by_trim * (self._at + at)
-        da = self._da + along_m * self._aa + by_trim * (self._dt + along_m * self._at)
-        self._dd += along_m * (2 * self._da + along_m * self._aa) + (STEP_STD_M + DRIFT_PER_TURN_M * abs(turn_rad)) ** 2
-        self._dt += along_m * self._at
-        self._at, self._da = at, da
-        self._aa = aa + (STEP_STD_RAD + SLIP_PER_TURN * self._unrest_rad + late_rad) ** 2
-        self._trim_var = min(self._trim_var + TRIM_STEP_STD_RAD**2, TRIM_START_STD_RAD**2)
+@twin
+def predicted(
+    state: State, way_m: float, wheel_rad: float, speed_mps: float, wheelbase_m: float, unrest_at_least_rad: float
+) -> State:
+    """Return the state after a way at a mean angle of the servo.
 
-    def _correct(self, found: Line) -> None:
-        """Both measurements, one after the other: scalar Kalman updates."""
-        share = 1.0 / (self._dd + LINE_STD_M**2)
-        gd, ga, gt = self._dd * share, self._da * share, self._dt * share
-        self._move(gd, ga, gt, found.distance_m - self._d)
-        dd, da, dt = self._dd, self._da, self._dt
-        self._aa -= ga * da
-        self._at -= ga * dt
-        self._trim_var -= gt * dt
-        self._dd, self._da, self._dt = dd - gd * dd, da - gd * da, dt - gd * dt
-        share = 1.0 / (self._aa + LINE_STD_RAD**2)
-        gd, ga, gt = self._da * share, self._aa * share, self._at * share
-        self._move(gd, ga, gt, found.heading_rad - self._a)
-        aa, da, at = self._aa, self._da, self._at
-        self._dd -= gd * da
-        self._dt -= gd * at
-        self._trim_var -= gt * at
-        self._aa, self._da, self._at = aa - ga * aa, da - ga * da, at - ga * at
+    unrest_at_least_rad: more than 0 beside a wall that bends.
+    """
+    d, a, trim, dd, aa, da, dt, at, tt, unrest, wheel_before, new = state
+    turn_rad = way_m * math.tan(wheel_rad + trim) / wheelbase_m
+    late_rad = LATE_SCANS * way_m * abs(wheel_rad - wheel_before) / wheelbase_m
+    chord_rad = turn_rad / 2 - a
+    unrest = max(abs(turn_rad), CALM_SHARE * max(unrest, unrest_at_least_rad))
+    # P = F P F' + Q with F = [[1, s cos, 0], [0, 1, -s/L], [0, 0, 1]]; what the trim does to d at once is tiny
+    along_m, by_trim = way_m * math.cos(chord_rad), -way_m / wheelbase_m
+    if new or unrest * speed_mps * speed_mps > STRAIGHT_WITHIN_MPS2 * way_m:
+        dt = at = by_trim = 0.0
+    at_now = at + by_trim * tt
+    aa_now = aa + by_trim * (at + at_now)
+    da_now = da + along_m * aa + by_trim * (dt + along_m * at)
+    dd += along_m * (2 * da + along_m * aa) + (STEP_STD_M + DRIFT_PER_TURN_M * abs(turn_rad)) ** 2
+    dt += along_m * at
+    aa_now += (STEP_STD_RAD + SLIP_PER_TURN * unrest + late_rad) ** 2
+    tt = min(tt + TRIM_STEP_STD_RAD**2, TRIM_START_STD_RAD**2)
+    d -= way_m * math.sin(chord_rad)
+    return d, a - turn_rad, trim, dd, aa_now, da_now, dt, at_now, tt, unrest, wheel_rad, 0.0
 
-    def _move(self, gd: float, ga: float, gt: float, surprise: float) -> None:
-        self._d += gd * surprise
-        self._a += ga * surprise
-        self.trim_rad = min(max(self.trim_rad + gt * surprise, -MOST_TRIM_RAD), MOST_TRIM_RAD)
+
+@twin
+def corrected(state: State, distance_m: float, heading_rad: float) -> State:
+    """Return the state after a line was found: two scalar Kalman updates, one after the other."""
+    d, a, trim, dd, aa, da, dt, at, tt, *rest = state
+    share = 1.0 / (dd + LINE_STD_M**2)
+    gd, ga, gt = dd * share, da * share, dt * share
+    surprise = distance_m - d
+    d, a, trim = d + gd * surprise, a + ga * surprise, _possible(trim + gt * surprise)
+    aa, at, tt = aa - ga * da, at - ga * dt, tt - gt * dt
+    dd, da, dt = dd - gd * dd, da - gd * da, dt - gd * dt
+    share = 1.0 / (aa + LINE_STD_RAD**2)
+    gd, ga, gt = da * share, aa * share, at * share
+    surprise = heading_rad - a
+    d, a, trim = d + gd * surprise, a + ga * surprise, _possible(trim + gt * surprise)
+    dd, dt, tt = dd - gd * da, dt - gd * at, tt - gt * at
+    aa, da, at = aa - ga * aa, da - ga * da, at - ga * at
+    return d, a, trim, dd, aa, da, dt, at, tt, *rest
+
+
+def _possible(trim_rad: float) -> float:
+    return min(max(trim_rad, -MOST_TRIM_RAD), MOST_TRIM_RAD)

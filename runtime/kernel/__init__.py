@@ -22,6 +22,7 @@ import numpy as np
 from drivers import twin
 from drivers.hokuyo import codec, ranges
 from runtime.control import (
+    ball_law,
     ball_path,
     darkness,
     faint,
@@ -33,13 +34,14 @@ from runtime.control import (
     prediction,
     speed_profile,
     wall,
+    wall_track,
 )
 from runtime.kernel.build import built
 
 SWITCH: Final = "WALLRIDE_COMPILED"
 MODULES: Final = (
-    codec, ranges, ball_path, darkness, faint, footprint, geometry, movers, my_wall, perception,
-    prediction, speed_profile, wall,
+    codec, ranges, ball_law, ball_path, darkness, faint, footprint, geometry, movers, my_wall, perception,
+    prediction, speed_profile, wall, wall_track,
 )  # fmt: skip
 HERE: Final = Path(__file__).parent
 SEAL: Final = HERE / "seal.json"

@@ -41,6 +41,9 @@ struct row {
 int as_row(PyObject *object, int type, struct row *row);
 int as_numbers(PyObject *const *from, int count, double *to);
 int as_indices(PyObject *const *from, int count, beam *to);
+int numbers_of(PyObject *tuple, double *to); /* at most MOST_NUMBERS; how many, or -1 */
+int same_count(PyObject *tuple, int count, double *to);
+#define MOST_NUMBERS 32
 int enough(Py_ssize_t given, Py_ssize_t wanted, const char *name);
 
 /* Fresh arrays; the data of an array that is known to be contiguous. */
@@ -57,6 +60,7 @@ static inline place times(place a, place b) {
 
 static inline double least(double a, double b) { return a < b ? a : b; }
 static inline double most(double a, double b) { return a > b ? a : b; }
+static inline double within(double value, double from, double to) { return least(most(value, from), to); }
 
 #define KERNEL(name) PyObject *name(PyObject *self, PyObject *const *given, Py_ssize_t count)
 KERNEL(decode_samples);
@@ -81,5 +85,9 @@ KERNEL(rolled);
 KERNEL(rolled_ahead);
 KERNEL(bend_of);
 KERNEL(fastest_mps);
+KERNEL(only_one);
+KERNEL(pursued);
+KERNEL(predicted);
+KERNEL(corrected);
 
 #endif

@@ -3,45 +3,24 @@
 #include "arrays.h"
 #include "constants.h"
 
-#define CIRCLES 32
-
-/* Read a tuple of at most `most` numbers; -1 with TypeError when it is none. */
-static int numbers_of(PyObject *tuple, double *to) {
-    if (!PyTuple_Check(tuple) || PyTuple_GET_SIZE(tuple) > CIRCLES) {
-        PyErr_SetString(PyExc_TypeError, "the kernel wants a tuple of at most 32 numbers");
-        return -1;
-    }
-    int count = (int)PyTuple_GET_SIZE(tuple);
-    for (int i = 0; i < count; i++) {
-        PyObject *one = PyTuple_GET_ITEM(tuple, i);
-        if (!as_numbers(&one, 1, to + i))
-            return -1;
-    }
-    return count;
-}
-
-static double within(double value, double least_value, double most_value) {
-    return least(most(value, least_value), most_value);
-}
-
 /* rolled_ahead(motion, steering, coming, steps) -> x, y, yaw
  * motion: speed, wheelbase, trim, slew rate, way of one step in seconds. steering: angle, target. coming: (time after
  * the beginning, angle) in order. */
 KERNEL(rolled_ahead) {
-    double motion[CIRCLES], steering[CIRCLES], times[CIRCLES], angles[CIRCLES];
+    double motion[MOST_NUMBERS], steering[MOST_NUMBERS], times[MOST_NUMBERS], angles[MOST_NUMBERS];
     beam steps;
     if (!enough(count, 4, "rolled_ahead") || !as_indices(given + 3, 1, &steps))
         return NULL;
     int motions = numbers_of(given[0], motion), angles_now = motions < 0 ? -1 : numbers_of(given[1], steering);
     if (angles_now < 0)
         return NULL;
-    if (motions != 5 || angles_now != 2 || !PyList_Check(given[2]) || PyList_GET_SIZE(given[2]) > CIRCLES) {
+    if (motions != 5 || angles_now != 2 || !PyList_Check(given[2]) || PyList_GET_SIZE(given[2]) > MOST_NUMBERS) {
         PyErr_SetString(PyExc_TypeError, "rolled_ahead wants 5 numbers, 2 numbers and a list of at most 32 pairs");
         return NULL;
     }
     int coming = (int)PyList_GET_SIZE(given[2]), next = 0;
     for (int i = 0; i < coming; i++) {
-        double pair[CIRCLES];
+        double pair[MOST_NUMBERS];
         int size = numbers_of(PyList_GET_ITEM(given[2], i), pair);
         if (size != 2) {
             if (size >= 0)
@@ -69,7 +48,7 @@ KERNEL(rolled_ahead) {
 
 /* bend_of(radii, bearings) -> curvature, of four circles */
 KERNEL(bend_of) {
-    double radius[CIRCLES], bearing[CIRCLES], x[4], y[4];
+    double radius[MOST_NUMBERS], bearing[MOST_NUMBERS], x[4], y[4];
     if (!enough(count, 2, "bend_of"))
         return NULL;
     int radii = numbers_of(given[0], radius), bearings = radii < 0 ? -1 : numbers_of(given[1], bearing);
@@ -88,21 +67,28 @@ KERNEL(bend_of) {
     return PyFloat_FromDouble(remainder(turn, 2 * Py_MATH_PI) / most(way, 1e-3));
 }
 
-/* fastest_mps(radii, bearings, margin, lateral, brake) -> speed, of the circles that the path crosses */
+/* fastest_mps(radii, bearings, meets, crosses, speed, mu) -> speed, of the circles that the path crosses */
 KERNEL(fastest_mps) {
-    double radius[CIRCLES], bearing[CIRCLES], v[3], heading[CIRCLES], way[CIRCLES + 1];
-    if (!enough(count, 5, "fastest_mps") || !as_numbers(given + 2, 3, v))
+    double radii[MOST_NUMBERS], bearings[MOST_NUMBERS], meets[MOST_NUMBERS], crosses[MOST_NUMBERS], v[2];
+    double heading[MOST_NUMBERS], way[MOST_NUMBERS + 1];
+    if (!enough(count, 6, "fastest_mps") || !as_numbers(given + 4, 2, v))
         return NULL;
-    int circles = numbers_of(given[0], radius), bearings = circles < 0 ? -1 : numbers_of(given[1], bearing);
-    if (bearings < 0)
+    int all = numbers_of(given[0], radii);
+    if (all < 0 || !same_count(given[1], all, bearings) || !same_count(given[2], all, meets) ||
+        !same_count(given[3], all, crosses))
         return NULL;
-    if (circles != bearings) {
-        PyErr_SetString(PyExc_TypeError, "fastest_mps wants as many bearings as radii");
-        return NULL;
-    }
-    double margin = v[0], lateral = v[1], brake = v[2];
-    way[0] = circles > 1 ? radius[0] : 0.0;
-    int chords = circles > 1 ? circles - 1 : 0;
+    int begin = 0, end;
+    all = all < SPEED_PROFILE_CIRCLES ? all : SPEED_PROFILE_CIRCLES;
+    while (begin < all && !crosses[begin])
+        begin++;
+    for (end = begin; end < all && meets[end];)
+        end++;
+    double margin = SPEED_PROFILE_MARGIN_M + SPEED_PROFILE_REACTION_S * fabs(v[0]);
+    double lateral = SPEED_PROFILE_LATERAL_SHARE * v[1] * SPEED_PROFILE_GRAVITY_MPS2;
+    double brake = SPEED_PROFILE_BRAKE_SHARE * v[1] * SPEED_PROFILE_GRAVITY_MPS2;
+    int circles = end - begin, chords = circles > 1 ? circles - 1 : 0;
+    const double *radius = radii + begin, *bearing = bearings + begin;
+    way[0] = chords ? radius[0] : 0.0;
     double x0 = 0, y0 = 0;
     for (int i = 0; i < circles; i++) {
         double x1 = radius[i] * cos(bearing[i]), y1 = radius[i] * sin(bearing[i]);
@@ -121,4 +107,25 @@ KERNEL(fastest_mps) {
         square = least(square, lateral / bend + 2 * brake * most(way[i + 1] - margin, 0.0));
     }
     return PyFloat_FromDouble(sqrt(square));
+}
+
+/* only_one(told, angle) -> place in told, a tuple of (time, angle), or -1 */
+KERNEL(only_one) {
+    double angle, pair[MOST_NUMBERS];
+    if (!enough(count, 2, "only_one") || !as_numbers(given + 1, 1, &angle))
+        return NULL;
+    if (!PyTuple_Check(given[0])) {
+        PyErr_SetString(PyExc_TypeError, "only_one wants a tuple of pairs");
+        return NULL;
+    }
+    Py_ssize_t found = -1, many = 0;
+    for (Py_ssize_t i = 0; i < PyTuple_GET_SIZE(given[0]); i++) {
+        if (!same_count(PyTuple_GET_ITEM(given[0], i), 2, pair))
+            return NULL;
+        if (fabs(pair[1] - angle) < PREDICTION_SAME_RAD) {
+            found = i;
+            many++;
+        }
+    }
+    return PyLong_FromSsize_t(many == 1 ? found : -1);
 }

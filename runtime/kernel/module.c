@@ -33,6 +33,27 @@ int as_indices(PyObject *const *from, int count, beam *to) {
     return 1;
 }
 
+int numbers_of(PyObject *tuple, double *to) {
+    if (!PyTuple_Check(tuple) || PyTuple_GET_SIZE(tuple) > MOST_NUMBERS) {
+        PyErr_Format(PyExc_TypeError, "the kernel wants a tuple of at most %d numbers", MOST_NUMBERS);
+        return -1;
+    }
+    int count = (int)PyTuple_GET_SIZE(tuple);
+    for (int i = 0; i < count; i++) {
+        PyObject *one = PyTuple_GET_ITEM(tuple, i);
+        if (!as_numbers(&one, 1, to + i))
+            return -1;
+    }
+    return count;
+}
+
+int same_count(PyObject *tuple, int count, double *to) {
+    int found = numbers_of(tuple, to);
+    if (found >= 0 && found != count)
+        PyErr_Format(PyExc_TypeError, "the kernel wants %d numbers, not %d", count, found);
+    return found == count;
+}
+
 int enough(Py_ssize_t given, Py_ssize_t wanted, const char *name) {
     if (given == wanted)
         return 1;
@@ -58,6 +79,7 @@ static PyMethodDef functions[] = {
     ENTRY(returned),       ENTRY(solid_places), ENTRY(any_nearer), ENTRY(dark_between), ENTRY(bent_way),
     ENTRY(first_touch),    ENTRY(wall_piece),   ENTRY(silent_among), ENTRY(outline),    ENTRY(wall_line),    ENTRY(room_for),
     ENTRY(around),         ENTRY(rolled),       ENTRY(rolled_ahead), ENTRY(bend_of),    ENTRY(fastest_mps),  ENTRY(scan_parts),
+    ENTRY(only_one),       ENTRY(pursued),      ENTRY(predicted),  ENTRY(corrected),
     {NULL, NULL, 0, NULL},
 };
 

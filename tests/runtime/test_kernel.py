@@ -22,6 +22,7 @@ from runtime.control.ball_settings import BallSettings
 from runtime.control.perception import Eyes
 from runtime.control.swept import SweptGuard
 from runtime.control.swept_settings import SweptSettings
+from runtime.control.wall_track import WallTrack
 from sim.beams import LidarSettings, scan
 from sim.closed_loop import as_scan
 from sim.pose import Pose, Twist
@@ -217,14 +218,59 @@ def test_any_motion_is_rolled_ahead_alike(compiled, motion, steering, coming, st
     assert_same("rolled_ahead", twin.PLAIN["rolled_ahead"](*given_), compiled["rolled_ahead"](*given_))
 
 
-@given(bearing_rad=st.lists(ANGLE, min_size=10, max_size=10), count=st.integers(0, 10), margin_m=st.floats(0.3, 0.8))
-def test_any_path_is_bent_and_driven_alike(compiled, bearing_rad, count, margin_m):
-    path = RADII[:count], tuple(bearing_rad[:count])
-    for grip in (2.0, 6.0):
-        given_ = (*path, margin_m, grip, 0.7 * grip)
-        assert_same("fastest_mps", twin.PLAIN["fastest_mps"](*given_), compiled["fastest_mps"](*given_))
+YES_OR_NO = st.lists(st.booleans(), min_size=12, max_size=12)
+
+
+@given(
+    bearing_rad=st.lists(ANGLE, min_size=12, max_size=12), meets=YES_OR_NO, crosses=YES_OR_NO, count=st.integers(0, 12)
+)
+def test_any_path_is_bent_and_driven_alike(compiled, bearing_rad, meets, crosses, count):
+    radii_m = (*RADII, 0.7, 1.3)
+    for yes in ((meets, crosses), ([True] * 12, [True] * 12)):
+        path = tuple(tuple(part[:count]) for part in (radii_m, bearing_rad, *yes))
+        for speed_mps, mu in ((0.5, 0.3), (4.0, 0.9)):
+            given_ = (*path, speed_mps, mu)
+            assert_same("fastest_mps", twin.PLAIN["fastest_mps"](*given_), compiled["fastest_mps"](*given_))
     four = RADII[1:5], tuple(bearing_rad[1:5])
     assert_same("bend_of", twin.PLAIN["bend_of"](*four), compiled["bend_of"](*four))
+
+
+LENGTH = st.floats(0.3, 3.0)
+
+
+@given(
+    near=st.tuples(LENGTH, ANGLE),
+    far=st.tuples(LENGTH, ANGLE),
+    error_m=st.floats(-2.0, 5.0),
+    line=st.one_of(st.just((math.nan, math.nan)), st.tuples(st.floats(-0.5, 0.5), st.floats(-2.0, 2.0))),
+    bends=st.tuples(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0)),
+    speed_mps=st.floats(-1.0, 8.0),
+    gains=st.tuples(st.floats(0.0, 9.0), st.floats(0.0, 9.0)),
+)
+def test_any_ball_is_pursued_alike(compiled, near, far, error_m, line, bends, speed_mps, gains):
+    given_ = (*near, *far, error_m, *line, *bends, speed_mps, *gains, 0.33)
+    assert_same("pursued", twin.PLAIN["pursued"](*given_), compiled["pursued"](*given_))
+
+
+STEP = st.tuples(st.floats(-0.05, 0.25), st.floats(-0.4, 0.4), st.floats(0.0, 6.0), st.sampled_from([0.0, 0.05]))
+
+
+@given(steps=st.lists(st.tuples(STEP, st.floats(0.3, 2.0), st.floats(-0.5, 0.5)), min_size=1, max_size=20))
+def test_any_line_is_tracked_alike(compiled, steps):
+    state = WallTrack(0.33)._state
+    for (way_m, wheel_rad, speed_mps, unrest_rad), distance_m, heading_rad in steps:
+        step = (state, way_m, wheel_rad, speed_mps, 0.33, unrest_rad)
+        state = twin.PLAIN["predicted"](*step)
+        assert_same("predicted", state, compiled["predicted"](*step))
+        seen = (state, distance_m, heading_rad)
+        state = twin.PLAIN["corrected"](*seen)
+        assert_same("corrected", state, compiled["corrected"](*seen))
+
+
+@given(angles_rad=st.lists(st.sampled_from([0.0, 0.1, 0.1 + 1e-7, 0.2]), max_size=12))
+def test_the_only_answer_is_found_alike(compiled, angles_rad):
+    told = tuple(enumerate(angles_rad))
+    assert_same("only_one", twin.PLAIN["only_one"](told, 0.1), compiled["only_one"](told, 0.1))
 
 
 def test_compiled_functions_are_called_without_a_step_in_between(compiled, as_it_was):

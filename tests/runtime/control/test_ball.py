@@ -132,12 +132,8 @@ def test_the_bend_of_an_arc_is_its_curvature(curvature):
 # the law
 
 
-def two_looks(near_rad, far_rad):
-    return BallPath((0.7, 1.1), (near_rad, far_rad), (True, True), (True, True))
-
-
 def heading_rad(near_rad, far_rad, error_m=0.0):
-    return ball_aim(two_looks(near_rad, far_rad), error_m, None, math.nan, 0.0).heading_rad
+    return ball_aim(0.7, near_rad, 1.1, far_rad, error_m, math.nan, math.nan, 0.0).heading_rad
 
 
 def test_a_corner_away_from_the_wall_is_answered_before_the_short_look_ahead_sees_it():
@@ -154,9 +150,8 @@ def test_the_way_back_to_a_straight_wall_is_no_corner():
 
 def aimed(off_rad=0.0, bend=0.0):
     """The aim beside a line that the ball's bearing contradicts by some angle; the points say 0.1, the line 0.02."""
-    line = Line(1.02, 0.05, 100)
     near_rad = 0.05 + math.asin(0.02 / 0.7) + off_rad
-    return ball_aim(two_looks(near_rad, 1.0), 0.1, line, 0.02, bend)
+    return ball_aim(0.7, near_rad, 1.1, 1.0, 0.1, 0.05, 0.02, bend)
 
 
 def test_beside_a_straight_wall_its_line_is_steered_by():

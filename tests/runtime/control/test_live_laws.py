@@ -72,12 +72,17 @@ def test_a_new_gain_steers_at_the_very_next_scan(method):
     assert drive.steering_rad() - before == pytest.approx(0.8 * 0.05, abs=0.005), "0.8 more, for an error of 0.05 m"
 
 
+def learn_trim(track, trim_rad):
+    """Let it know what a crooked car would have taught it."""
+    track._state = (*track._state[:2], trim_rad, *track._state[3:])
+
+
 def test_what_the_follower_learnt_survives_a_new_gain():
     drive = Drive(left_m=1.05)
     for _ in range(40):
         drive.scan()
     driver, track, bias_m = drive.ball, drive.ball._track, drive.ball._bias.bias_m
-    track.trim_rad = 0.02  # as if learnt on a crooked car
+    learn_trim(track, 0.02)
     drive.tune(wall_follow={"kp": 0.4})
     assert drive.ball is driver
     assert drive.ball._track is track
@@ -89,7 +94,7 @@ def test_on_the_other_side_the_other_wall_is_followed_with_the_learnt_offset_mir
     for _ in range(40):
         drive.scan()
     track = drive.ball._track
-    track.trim_rad = 0.02  # as if learnt on a crooked car
+    learn_trim(track, 0.02)
     drive.tune(wall_follow={"side": "right"})
     guidance, _ = drive.scan()
     assert guidance.drive.steering_rad < 0, "to the right, where the wall is too far away now"

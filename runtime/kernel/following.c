@@ -1,0 +1,121 @@
+/* Twins of runtime/control/ball_law.py and wall_track.py: no loops, but dozens of steps on numbers. */
+
+#include "arrays.h"
+#include "constants.h"
+
+static double asin_of(double sine) { return asin(within(sine, -1.0, 1.0)); }
+
+static double fading(double value, double whole_below, double none_above) {
+    return within((none_above - value) / (none_above - whole_below), 0.0, 1.0);
+}
+
+static double slower(double speed) { return BALL_LAW_SLOW_MPS / most(fabs(speed), BALL_LAW_SLOW_MPS); }
+
+static double approach(double error, double speed, double slope) {
+    double bend = 1.0 / (BALL_LAW_ARC_M + BALL_LAW_ARC_S * fabs(speed)), size = fabs(error), wanted = slope * size;
+    double joint = slope > 0 ? asin(least(bend / slope, 1.0)) : HUGE_VAL;
+    if (wanted > joint)
+        wanted = acos(most(cos(joint) - bend * (size - joint / slope), -1.0));
+    return copysign(least(wanted, BALL_LAW_STEEPEST_RAD), error);
+}
+
+static double bend_correction(double bend, double look, double speed, double kd, double wheelbase) {
+    double share = (bend + BALL_LAW_KINKED_ABOVE_PER_M) / (BALL_LAW_KINKED_ABOVE_PER_M - BALL_LAW_SMOOTH_BELOW_PER_M);
+    double curvature = least(bend * within(share, 0.0, 1.0), BALL_LAW_TIGHTEST_PER_M);
+    double on_arc = asin_of(curvature * look / 2) - BALL_LAW_SLIP_S2_PER_M * speed * speed * curvature;
+    return atan(wheelbase * curvature) - slower(speed) * kd * on_arc;
+}
+
+/* pursued(near_m, near_rad, far_m, far_rad, error, line_rad, line_error, mean_bend, bend, speed, kp, kd, wheelbase)
+ * -> error, heading, straight, steering; line_rad is NaN where no line is tracked */
+KERNEL(pursued) {
+    double v[13];
+    if (!enough(count, 13, "pursued") || !as_numbers(given, 13, v))
+        return NULL;
+    double near = v[0], near_rad = v[1], error = v[4], line_rad = v[5], line_error = v[6], speed = v[9], kd = v[11];
+    double heading = near_rad - asin_of(error / near), straight = 0.0;
+    if (!isnan(line_rad)) {
+        double expected = within(line_rad + asin_of(line_error / near), -BALL_LAW_WIDEST_RAD, BALL_LAW_WIDEST_RAD);
+        straight = fading(fabs(near_rad - expected), BALL_LAW_STRAIGHT_RAD, BALL_LAW_NOT_STRAIGHT_RAD);
+        straight *= fading(fabs(v[7]), BALL_LAW_STRAIGHT_PER_M, BALL_LAW_BENT_PER_M);
+        error += straight * (line_error - error);
+        heading += straight * (line_rad - heading);
+    }
+    heading = least(heading, v[3] - asin_of(error / v[2]) + BALL_LAW_CORNER_AT_LEAST_RAD);
+    double slope = slower(speed) * v[10] / most(kd, 1e-6);
+    double steering = slower(speed) * kd * (approach(error, speed, slope) + heading);
+    if (straight < 1.0)
+        steering += (1.0 - straight) * bend_correction(v[8], near, speed, kd, v[12]);
+    return Py_BuildValue("(dddd)", error, heading, straight, steering);
+}
+
+/* A WallTrack's state, in the order of its tuple. */
+enum { D, A, TRIM, DD, AA, DA, DT, AT_, TT, UNREST, WHEEL, NEW, STATES };
+
+static PyObject *state_of(const double *s) {
+    return Py_BuildValue("(dddddddddddd)", s[D], s[A], s[TRIM], s[DD], s[AA], s[DA], s[DT], s[AT_], s[TT], s[UNREST],
+                         s[WHEEL], s[NEW]);
+}
+
+static double square(double value) { return value * value; }
+
+/* predicted(state, way, wheel, speed, wheelbase, least unrest) -> state */
+KERNEL(predicted) {
+    double s[MOST_NUMBERS], v[5];
+    if (!enough(count, 6, "predicted") || !same_count(given[0], STATES, s) || !as_numbers(given + 1, 5, v))
+        return NULL;
+    double way = v[0], wheel = v[1], speed = v[2], wheelbase = v[3];
+    double turn = way * tan(wheel + s[TRIM]) / wheelbase, chord = turn / 2 - s[A];
+    double late = WALL_TRACK_LATE_SCANS * way * fabs(wheel - s[WHEEL]) / wheelbase;
+    double unrest = most(fabs(turn), WALL_TRACK_CALM_SHARE * most(s[UNREST], v[4]));
+    double along = way * cos(chord), by_trim = -way / wheelbase;
+    if (s[NEW] || unrest * speed * speed > WALL_TRACK_STRAIGHT_WITHIN_MPS2 * way)
+        s[DT] = s[AT_] = by_trim = 0.0;
+    double at = s[AT_] + by_trim * s[TT], aa = s[AA] + by_trim * (s[AT_] + at);
+    double da = s[DA] + along * s[AA] + by_trim * (s[DT] + along * s[AT_]);
+    s[DD] += along * (2 * s[DA] + along * s[AA]);
+    s[DD] += square(WALL_TRACK_STEP_STD_M + WALL_TRACK_DRIFT_PER_TURN_M * fabs(turn));
+    s[DT] += along * s[AT_];
+    s[AT_] = at;
+    s[DA] = da;
+    s[AA] = aa + square(WALL_TRACK_STEP_STD_RAD + WALL_TRACK_SLIP_PER_TURN * unrest + late);
+    s[TT] = least(s[TT] + square(WALL_TRACK_TRIM_STEP_STD_RAD), square(WALL_TRACK_TRIM_START_STD_RAD));
+    s[D] -= way * sin(chord);
+    s[A] -= turn;
+    s[UNREST] = unrest;
+    s[WHEEL] = wheel;
+    s[NEW] = 0.0;
+    return state_of(s);
+}
+
+static void move(double *s, double gd, double ga, double gt, double surprise) {
+    s[D] += gd * surprise;
+    s[A] += ga * surprise;
+    s[TRIM] = within(s[TRIM] + gt * surprise, -WALL_TRACK_MOST_TRIM_RAD, WALL_TRACK_MOST_TRIM_RAD);
+}
+
+/* corrected(state, distance, heading) -> state */
+KERNEL(corrected) {
+    double s[MOST_NUMBERS], v[2];
+    if (!enough(count, 3, "corrected") || !same_count(given[0], STATES, s) || !as_numbers(given + 1, 2, v))
+        return NULL;
+    double share = 1.0 / (s[DD] + square(WALL_TRACK_LINE_STD_M));
+    double gd = s[DD] * share, ga = s[DA] * share, gt = s[DT] * share;
+    move(s, gd, ga, gt, v[0] - s[D]);
+    s[AA] -= ga * s[DA];
+    s[AT_] -= ga * s[DT];
+    s[TT] -= gt * s[DT];
+    s[DA] -= gd * s[DA];
+    s[DT] -= gd * s[DT];
+    s[DD] -= gd * s[DD];
+    share = 1.0 / (s[AA] + square(WALL_TRACK_LINE_STD_RAD));
+    gd = s[DA] * share, ga = s[AA] * share, gt = s[AT_] * share;
+    move(s, gd, ga, gt, v[1] - s[A]);
+    s[DD] -= gd * s[DA];
+    s[DT] -= gd * s[AT_];
+    s[TT] -= gt * s[AT_];
+    s[DA] -= ga * s[DA];
+    s[AT_] -= ga * s[AT_];
+    s[AA] -= ga * s[AA];
+    return state_of(s);
+}
