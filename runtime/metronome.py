@@ -43,16 +43,39 @@ class Metronome:
         self._ticked.append(_Ticked(period_s, (self._clock() // period_s + 1) * period_s, tick))
 
     async def run(self) -> Never:
-        """Tick for ever; within one waking in the order of `every`."""
-        clock = self._clock
-        while True:
-            next_s = min(ticked.deadline_s for ticked in self._ticked)
-            await asyncio.sleep(max(0.0, next_s - clock()))
-            now_s = clock()
-            for ticked in self._ticked:
-                if ticked.deadline_s <= max(next_s + TOGETHER_S, now_s):
-                    late_s = max(0.0, now_s - ticked.deadline_s)
-                    missed = int(late_s // ticked.period_s)
-                    wanted_s = ticked.deadline_s + ticked.period_s * (missed + 1)
-                    ticked.deadline_s = self._clear_s(wanted_s, SLACK_SHARE * ticked.period_s)
-                    ticked.tick(late_s, missed)
+        """Tick for ever; within one waking in the order of `every`.
+
+        By the loop's timer itself: a task that sleeps has the loop turn once more for each of its wakings.
+        """
+        loop = asyncio.get_running_loop()
+        over: asyncio.Future[Never] = loop.create_future()
+        timer: asyncio.TimerHandle | None = None
+
+        def strike() -> None:
+            nonlocal timer
+            try:
+                self._tick()
+                timer = loop.call_later(max(0.0, self._next_s() - self._clock()), strike)
+            except Exception as error:
+                if over.done():  # cancelled just now
+                    raise
+                over.set_exception(error)
+
+        timer = loop.call_later(max(0.0, self._next_s() - self._clock()), strike)
+        try:
+            await over
+        finally:
+            timer.cancel()
+
+    def _next_s(self) -> float:
+        return min(ticked.deadline_s for ticked in self._ticked)
+
+    def _tick(self) -> None:
+        until_s, now_s = self._next_s() + TOGETHER_S, self._clock()
+        for ticked in self._ticked:
+            if ticked.deadline_s <= max(until_s, now_s):
+                late_s = max(0.0, now_s - ticked.deadline_s)
+                missed = int(late_s // ticked.period_s)
+                wanted_s = ticked.deadline_s + ticked.period_s * (missed + 1)
+                ticked.deadline_s = self._clear_s(wanted_s, SLACK_SHARE * ticked.period_s)
+                ticked.tick(late_s, missed)

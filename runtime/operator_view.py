@@ -1,10 +1,10 @@
 """What the operator's side looks like from outside: for the status, the log of a race, a page."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
+from drivers.value import value
 from runtime.emergency_stop import Cause
 from runtime.teleop_wire import Condition
 
@@ -23,7 +23,7 @@ class Standing(StrEnum):
     NOBODY = "nobody"
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class Facts:
     """What the desk knows at one moment, before it is put into words.
 
@@ -67,7 +67,7 @@ class Facts:
         return Condition(sum(flag for flag, holds in facts.items() if holds))
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class OperatorView:
     """The operator's side at one moment.
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from drivers.api import Clock, Lidar, LinkState, Motor
+from drivers.value import value
 from runtime.command import CapWord, Decision, DriveWord, Output, Source, Word
 from runtime.control.odometry import Pose
 from runtime.control.score import Score
@@ -22,7 +23,7 @@ LATENCIES = 400
 NO_WORD = "no word"
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class Said:
     """What one voice says about the drive in question.
 

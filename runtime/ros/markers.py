@@ -1,12 +1,12 @@
 """Drawings for Foxglove, Lichtblick and RViz: lines and points in base_link as visualization_msgs/MarkerArray."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 import numpy.typing as npt
 
+from drivers.value import value
 from runtime.ros.cdr import CdrWriter
 from runtime.ros.messages import BASE, NOTHING, NS, Floats, header
 
@@ -27,7 +27,7 @@ class Kind(IntEnum):
     POINTS = 8
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value(eq=False)
 class Marker:
     """One drawing. name: unlike that of every other drawing on its topic. points_m: (2, n), base_link."""
 

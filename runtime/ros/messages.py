@@ -6,7 +6,6 @@ rear axle), `odom`. The order of the writes is that of the fields in types.msg.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import chain
 
@@ -14,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.api import MotorState, Scan
+from drivers.value import value
 from runtime.ros.cdr import CdrWriter, Template
 
 BASE, LASER, ODOM = "base_link", "laser", "odom"
@@ -32,7 +32,7 @@ WHEEL_COVARIANCE_6X6: Floats = np.diag([0.05, 0.05, 1e6, 1e6, 1e6, 0.1]).ravel()
 """Dead reckoning in a plane: a rough guess for x, y and yaw, nothing known of the rest."""
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class Report:
     """One line of diagnostics: level 0 ok, 1 warning, 2 error, 3 stale."""
 
@@ -43,7 +43,7 @@ class Report:
     values: Mapping[str, str]
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class Frame:
     """Where a frame stands in its parent, in the plane."""
 
@@ -123,9 +123,9 @@ def diagnostics(stamp_ns: int, reports: Sequence[Report]) -> bytes:
         out.text(report.message)
         out.text(report.hardware)
         out.put("I", len(report.values))
-        for key, value in report.values.items():
+        for key, text in report.values.items():
             out.text(key)
-            out.text(value)
+            out.text(text)
     return out.done()
 
 

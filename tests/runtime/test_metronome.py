@@ -101,3 +101,17 @@ def test_an_error_of_one_ends_it():
 
     with pytest.raises(ZeroDivisionError):
         run_virtual(story())
+
+
+def test_who_is_cancelled_ticks_no_more():
+    async def story():
+        loop = asyncio.get_running_loop()
+        metronome, times = Metronome(loop.time), []
+        metronome.every(0.02, lambda _late_s, _missed: times.append(loop.time()))
+        task = asyncio.ensure_future(metronome.run())
+        await asyncio.sleep(0.05)
+        task.cancel()
+        await asyncio.sleep(0.1)
+        return times
+
+    assert run_virtual(story()) == pytest.approx([0.02, 0.04])
