@@ -50,7 +50,7 @@ class ByteLink:
         self._lost: asyncio.Future[Never] = self._loop.create_future()
         self._handler: BytesHandler | None = None
         self._open = True
-        self._sleeper: asyncio.Future[None] | None = None
+        self._over: asyncio.Future[None] | None = None
         self.reading_s = 0.0
         self.tap: Tap | None = None
 
@@ -80,18 +80,32 @@ class ByteLink:
         await asyncio.shield(self._lost)
         raise AssertionError("unreachable: the future only ever fails")
 
-    async def sleep(self, pause_s: float) -> None:
-        """Sleep; raise why as soon as the link is lost. Cheaper than a timeout around `lost`; one sleeper at a time."""
-        if not self._lost.done():
-            self._sleeper = self._loop.create_future()
-            timer = self._loop.call_later(pause_s, _wake, self._sleeper)
+    async def repeat(self, job: Callable[[], float]) -> Never:
+        """Call `job`, and again after each pause [s] that it returns; raise its error, or why the link was lost.
+
+        By the loop's timer itself, because a task that sleeps has the loop turn once more. One caller at a time.
+        """
+        over = self._over = self._loop.create_future()
+        timer: asyncio.TimerHandle | None = None
+
+        def call() -> None:
+            nonlocal timer
             try:
-                await self._sleeper
-            finally:
-                timer.cancel()
-                self._sleeper = None
-        if self._lost.done():
+                timer = self._loop.call_later(job(), call)
+            except Exception as error:  # noqa: BLE001 - not swallowed: it is raised below
+                if not over.done():  # else the link was lost in the middle, and says so itself
+                    over.set_exception(error)
+
+        try:
+            if not self._lost.done():
+                call()
+                await over
             self._lost.result()
+        finally:
+            self._over = None
+            if timer is not None:
+                timer.cancel()
+        raise AssertionError("unreachable: nobody ends it but an error or a loss")
 
     def close(self) -> None:
         """Release the port; harmless when repeated."""
@@ -132,14 +146,9 @@ class ByteLink:
         self._loop.remove_reader(self._fd)
         if not self._lost.done():
             self._lost.set_exception(error)
-        if self._sleeper is not None:
-            _wake(self._sleeper)
+        if self._over is not None and not self._over.done():
+            self._over.set_result(None)
         return error
-
-
-def _wake(sleeper: asyncio.Future[None]) -> None:
-    if not sleeper.done():
-        sleeper.set_result(None)
 
 
 async def open_link(address: Address, clock: Clock) -> ByteLink:

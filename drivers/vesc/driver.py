@@ -6,6 +6,7 @@ Contains no format and no conversion: those are in `codec`, `replies` and `calib
 import asyncio
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Never
 
 from drivers.address import parse_address
@@ -86,7 +87,7 @@ class Vesc:
         self._identified: asyncio.Future[replies.Firmware] | None = None
         self._awaiting = False
         self._noise_bytes = 0
-        self._heard_s = self._replied_s = self._clock()
+        self._heard_s = self._replied_s = self._asked_s = self._next_poll_s = self._clock()
 
     @property
     def health(self) -> Health:
@@ -209,23 +210,27 @@ class Vesc:
     async def _poll(self, link: ByteLink) -> Never:
         """Ask for values on absolute deadlines; LinkLost when it stays silent."""
         period_s = 1.0 / self._settings.poll_hz
-        asked_s = self._replied_s = self._clock()
-        next_s = asked_s // period_s * period_s  # together with whatever else ticks at this rate: waking up is costly
-        while True:
-            now_s = self._clock()
-            if self._awaiting and now_s - asked_s >= REPLY_BUDGET_S:
-                self._miss_reply(now_s)
-            if now_s - self._replied_s >= self._settings.lost_after_s:
-                raise LinkLost(
-                    f"{self._address}: no usable reply for {self._settings.lost_after_s:g} s"
-                    f" from {self._health.identity} (cable, motor noise; power-cycle the VESC if it stays so)"
-                )
-            if not self._awaiting:
-                self._awaiting = True
-                asked_s = now_s
-                link.write(_ASK_VALUES + self.inertia.question())
-            next_s = self._clear_s(max(next_s + period_s, now_s), _SLACK_SHARE * period_s)
-            await link.sleep(next_s - now_s)
+        self._asked_s = self._replied_s = self._clock()
+        # on multiples of its period: together with whatever else ticks at this rate, because waking up is costly
+        self._next_poll_s = self._asked_s // period_s * period_s
+        await link.repeat(partial(self._ask, link, period_s))
+
+    def _ask(self, link: ByteLink, period_s: float) -> float:
+        """Ask once, unless an answer is still on its way; return how long to pause."""
+        now_s = self._clock()
+        if self._awaiting and now_s - self._asked_s >= REPLY_BUDGET_S:
+            self._miss_reply(now_s)
+        if now_s - self._replied_s >= self._settings.lost_after_s:
+            raise LinkLost(
+                f"{self._address}: no usable reply for {self._settings.lost_after_s:g} s"
+                f" from {self._health.identity} (cable, motor noise; power-cycle the VESC if it stays so)"
+            )
+        if not self._awaiting:
+            self._awaiting = True
+            self._asked_s = now_s
+            link.write(_ASK_VALUES + self.inertia.question())
+        self._next_poll_s = self._clear_s(max(self._next_poll_s + period_s, now_s), _SLACK_SHARE * period_s)
+        return self._next_poll_s - now_s
 
     def _miss_reply(self, now_s: float) -> None:
         self._awaiting = False
