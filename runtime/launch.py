@@ -3,7 +3,6 @@
 import asyncio
 import gc
 import logging
-import selectors
 import signal
 import time
 from collections.abc import Mapping, Sequence
@@ -17,6 +16,7 @@ from runtime.app import Car, history_file
 from runtime.bus import Bus
 from runtime.cadence import Cadence
 from runtime.control import methods
+from runtime.few_ports import FewPorts
 from runtime.journal import journal
 from runtime.settings import Settings
 from runtime.tasks import parameters
@@ -42,11 +42,8 @@ def main(settings: Settings, file: Path | None, session: Mapping[str, Any], warn
 
 
 def punctual_loop() -> asyncio.AbstractEventLoop:
-    """Return an event loop whose timers are right to 0.1 ms: with epoll they come up to 1 ms late, in whole ones.
-
-    select() takes microseconds, and is as quick where a process waits for a handful of ports.
-    """
-    return asyncio.SelectorEventLoop(selectors.SelectSelector())
+    """Return an event loop whose timers are right to 0.1 ms."""
+    return asyncio.SelectorEventLoop(FewPorts())
 
 
 async def _drive(settings: Settings, file: Path | None, session: Mapping[str, Any]) -> None:
