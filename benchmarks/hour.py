@@ -3,7 +3,7 @@
 Run: python benchmarks/hour.py [--hours 1]
 
 The car laps the loop at 3 m/s with all of its telemetry wanted; devices and bus are in memory, the world is simulated
-(`sim.twin_world`). As in `wallride run` the hot functions are compiled, the way is rehearsed, and everything is frozen
+(`sim.twin_world`). As in `wallride run` the hot functions are compiled and everything is frozen
 once the car has set off. Memory is the private and shared pages of this process (RSS), simulator included; a collection
 of generation 2 would block the loop for milliseconds.
 """
@@ -66,7 +66,6 @@ async def drive(seconds: float) -> tuple[list[float], Counter[int], bool]:
     ear = Ear(loop.time)
     motor = WorldMotor(twin, loop.time)
     car = Car(settings, WorldLidar(twin, loop.time), motor, ear, loop.time)
-    car.rehearse(decode=lambda: None, send=lambda _: None)
     stop = asyncio.Event()
     driving = loop.create_task(car.drive(stop))
     await asyncio.sleep(SETTLED_S)

@@ -28,7 +28,6 @@ from runtime.permit import Permit
 from runtime.queues import Inbox
 from runtime.recording.recorder import Recorder
 from runtime.recording.tape import TapedLaws
-from runtime.rehearsal import Rehearsal
 from runtime.service_manager import ServiceManager
 from runtime.settings import Settings
 from runtime.sinks import ZenohSink
@@ -81,7 +80,6 @@ class Car:
         self.stages = StageClock(clock)
         self._reading_s = reading_s
         self.cadence = cadence or Cadence()
-        self.rehearsal: Rehearsal | None = None
         self.mux = mux_task.Mux(self.voices, motor, self.limiter, REQUIRED, self.tape.clock, self.stages, self.tape)
         self.permit = Permit(self.voices, settings.operator.permit)
         self.emergency_stop = EmergencyStop(self.voices)
@@ -111,8 +109,6 @@ class Car:
         self.tape.tuned(settings)
         self.laws.tune(settings.wall_follow, settings.safety)
         self.limiter.tune(_limits(settings.car))
-        if self.rehearsal is not None:
-            self.rehearsal.tune(settings)
         self.voices.reorder(settings.effective_order())
         self.sink.limit(settings.telemetry.rates_hz)
         if "log.level" in changed:
@@ -170,30 +166,12 @@ class Car:
         }  # fmt: skip
         return [tasks.create_task(job, name=name) for name, job in jobs.items()]
 
-    def rehearse(self, decode: Callable[[], None], send: Callable[[Drive], None]) -> None:
-        """Rehearse from now on, with what the devices offer for it; see `Rehearsal`."""
-        settings, clock = self.settings, self.clock
-        self.rehearsal = Rehearsal(
-            LiveLaws(settings.wall_follow, settings.safety, settings.car, clock),
-            Voices(settings.effective_order(), clock),
-            Limiter(_limits(settings.car)),
-            REQUIRED,
-            clock,
-            decode,
-            send,
-        )
-
     def _afterwards(self, scan: Scan) -> None:
         """Do what can wait until a scan is answered."""
         self.laws.learn()
         collect_young()
         self.stages.count()
         self.cadence.arrived(scan.received_s)
-        if (rehearsal := self.rehearsal) is not None:
-            due_s = self.cadence.next_s()
-            begins_in_s = due_s - rehearsal.lead_s - self.clock()
-            if begins_in_s > 0:  # neither without a beat, nor where it takes too long
-                asyncio.get_running_loop().call_later(begins_in_s, rehearsal.run, scan, self.motor.state, due_s)
 
     def _beat(self, beat: bytes) -> None:
         self.bus.put(wire.key(self.settings.car.name, wire.BEAT), beat, encoding=BYTES, urgent=True)

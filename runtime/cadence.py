@@ -10,8 +10,8 @@ import math
 from typing import Final
 
 BEFORE_S: Final = 0.0045
-"""So long before a scan everybody meets, and from then on nothing is begun but the rehearsal: a poll needs 1 to 3 ms
-until its reply is read."""
+"""So long before a scan everybody meets, and from then on nothing is begun: a poll needs 1 to 3 ms until its reply is
+read."""
 AFTER_S: Final = 0.002
 """So late a scan may come and still find the way clear; then whatever waited goes first."""
 LEAST_PERIOD_S: Final = 0.015
@@ -60,10 +60,6 @@ class Cadence:
             self._beat_s, self._off_beat = now_s, False
         else:
             self._off_beat = True
-
-    def next_s(self) -> float:
-        """Return when the scan after the newest is due; NaN when nobody can tell."""
-        return self._beat_s + self.period_s
 
     def clear_s(self, wanted_s: float, slack_s: float) -> float:
         """Return when to do what is wanted at `wanted_s`: before a scan together with everybody, where one is near.

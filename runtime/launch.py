@@ -60,8 +60,6 @@ async def _drive(settings: Settings, file: Path | None, session: Mapping[str, An
     motor.inertia.on_measurement = car.telemetry.on_imu
     if (history := history_file(settings)) is not None:
         parameters.read_history(car.history, history)
-    if settings.process.rehearse:
-        car.rehearse(lidar.rehearse, motor.rehearse)
     methods.warm_up(settings.wall_follow, settings.safety, settings.car)
     gc.collect()
     gc.freeze()  # a full collection would block the loop for milliseconds; what exists now stays anyway

@@ -74,8 +74,6 @@ class ProcessSettings(Section):
 
     stay_awake: bool = True
     """Keep the processor from dozing between two scans, where it may: sooner answers for a little more power."""
-    rehearse: bool = True
-    """Go the way from scan to motor for nobody, just before a scan is due: sooner answers for a little CPU."""
 
 
 class Settings(Section):

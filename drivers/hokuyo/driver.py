@@ -60,7 +60,6 @@ class Hokuyo:
         self._last_reset_s: float | None = None
         self._last_reboot_s: float | None = None
         self._talk: Conversation | None = None
-        self._stream: ScanStream | None = None
         self.tap: Tap | None = None
 
     @property
@@ -72,11 +71,6 @@ class Hokuyo:
     def reading_s(self) -> float:
         """How long it took to get the newest bytes from the kernel."""
         return self._talk.link.reading_s if self._talk is not None else 0.0
-
-    def rehearse(self) -> None:
-        """Decode the newest scan again, for nobody; see `ScanStream.rehearse`."""
-        if self._stream is not None:
-            self._stream.rehearse()
 
     async def run(self, on_scan: Callable[[Scan], None]) -> Never:
         """Deliver scans for ever; see drivers.api.Lidar. Only a bug, or an error of `on_scan`, comes out."""
@@ -134,7 +128,7 @@ class Hokuyo:
             self._say(LinkState.STARTING, f"{talk.link.address}: asking the sensor who it is")
             identity = await identify(talk)
             self._meet(identity)
-            self._stream = stream = ScanStream(
+            stream = ScanStream(
                 talk,
                 identity,
                 self._gate,

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Final
 
 from drivers.api import Health, LinkLost, LinkState, ProtocolError, Scan
-from drivers.hokuyo.codec import BLOCK_LIMIT_BYTES, Block, Deframer, stream_command
+from drivers.hokuyo.codec import BLOCK_LIMIT_BYTES, Block, stream_command
 from drivers.hokuyo.conversation import Conversation, Identity
 from drivers.hokuyo.ranges import RangeDecoder
 from drivers.hokuyo.replies import Status, decode_number, judge
@@ -69,7 +69,6 @@ class ScanStream:
         self.delivered_s: float | None = None
         self.unstable_in_a_row = 0
         self.trouble = ""
-        self._newest_chunk = b""
 
     async def start(self) -> None:
         """Start measuring; the sensor's refusal is left in `trouble` or raised as ProtocolError."""
@@ -89,15 +88,7 @@ class ScanStream:
                 " (restart it; if it stays so, the sensor does not accept its own limits)"
             )
 
-    def rehearse(self) -> None:
-        """Decode the newest chunk again, for nobody and without a trace: what is warm in the caches is quicker."""
-        for block in Deframer().feed(self._newest_chunk):
-            if block.status == "99" and len(block.lines) == 2:
-                decode_number(block.lines[0])
-                self._decoder.decode(block.lines[1])
-
     def _on_bytes(self, chunk: bytes, read_at_s: float) -> None:
-        self._newest_chunk = chunk
         for block in self._talk.deframer.feed(chunk):
             if not block.echo.startswith(self._echo_head):
                 self._health.count("stray reply")

@@ -115,12 +115,6 @@ class Vesc:
             return False
         return True
 
-    def rehearse(self, drive: Drive) -> None:
-        """Do what `send` does, but for the writing, and keep nothing of it."""
-        steering_rad = self._steering_rad
-        self._frames(drive)
-        self._steering_rad = steering_rad
-
     def clear_fault(self) -> None:
         """Forget the latched fault; commands are obeyed again unless it is still there."""
         self._condition.clear_fault()

@@ -64,11 +64,6 @@ class LiveLaws:
         """Do what can wait until the answer is on its way."""
         self.guard.learn()
 
-    def forget(self) -> None:
-        """Learn nothing from the last scan: for a rehearsal, which answers the same scan as the car."""
-        if isinstance(self.guard, Lookout):
-            self.guard.guard.forget()
-
     def tune(self, wall_follow: WallFollowSettings, safety: SafetySettings) -> None:
         """Go on with other settings, from the next scan on."""
         if wall_follow != self.wall_follow:

@@ -127,10 +127,6 @@ class SweptGuard:
         self.health.update(view, motor)
         self._eyes.ignore(self.health.mask)
 
-    def forget(self) -> None:
-        """Let the last scan go without learning from it."""
-        self._unlearnt = None
-
     def now_s(self, scan: Scan) -> float:
         """Return the time, or that of the scan's arrival where there is no clock."""
         return self.clock() if self.clock is not None else scan.received_s

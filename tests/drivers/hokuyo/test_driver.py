@@ -135,17 +135,6 @@ async def test_it_starts_says_what_it_is_and_delivers_exact_ranges(rig: Rig) -> 
     assert rig.health.identity == "UST-10LX, firmware 1.1.8, serial H0000010"
 
 
-async def test_a_rehearsal_delivers_nothing_and_leaves_nothing(rig: Rig) -> None:
-    rig.driver.rehearse()  # before there is a stream
-    await rig.ready()
-    first = await rig.scan()
-    counts = dict(rig.counts)
-    rig.driver.rehearse()
-    assert len(rig.scans) == 1
-    assert dict(rig.counts) == counts
-    assert (await rig.scan()).sequence == first.sequence + 1
-
-
 async def test_scans_come_in_order_each_once_across_the_wrap_of_the_sensors_clock(rig: Rig) -> None:
     await rig.ready()
     for number in range(20):

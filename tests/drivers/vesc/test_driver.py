@@ -204,15 +204,6 @@ async def test_it_brakes_before_it_drives_the_other_way(emulator, erpm, speed_mp
         assert motor == (BRAKE if brakes else codec.set_erpm(round(4614 * speed_mps)))
 
 
-async def test_a_rehearsal_writes_nothing_and_leaves_nothing(emulator):
-    async with ready(emulator) as vesc:
-        assert await sent(vesc, emulator, Drive(1.0, 0.1)) == [codec.set_erpm(4614), codec.set_servo(0.409)]
-        before = len(commands(emulator))
-        vesc.rehearse(Drive(2.0, -0.1))
-        assert await sent(vesc, emulator, Drive(math.nan, 0.0)) == [BRAKE, codec.set_servo(0.409)]
-        assert len(commands(emulator)) == before + 2
-
-
 async def test_the_state_tells_the_steering_that_was_possible(emulator):
     async with ready(emulator) as vesc:
         vesc.send(Drive(0.0, 0.12))
