@@ -29,7 +29,7 @@ Tap = Callable[[str, bytes, float], None]
 """Hears what goes over a link, for a recording: "in" or "out", the bytes, the monotonic time."""
 
 CONNECT_TIMEOUT_S = 2.0
-_READ_BYTES = 65536
+_READ_BYTES = 16384
 
 
 class ByteLink:

@@ -10,7 +10,7 @@ For one loop only; other threads come in through `loop.call_soon_threadsafe`.
 """
 
 import asyncio
-from bisect import bisect_left, insort
+from bisect import insort
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
@@ -25,8 +25,8 @@ NEVER_S = float("inf")
 
 
 @dataclass(slots=True)  # never changed; frozen would double the time to make one
-class _Entry(Generic[V]):
-    rank: tuple[int, int]  # priority, then age: unique, so that values are never compared
+class _Entry(Generic[K, V]):
+    rank: tuple[int, int, K]  # priority, then age: unique, so that keys are never compared
     value: V
     expires_at_s: float
 
@@ -41,8 +41,8 @@ class PriorityQueue(Generic[K, V]):
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
-        self._slots: dict[K, _Entry[V]] = {}
-        self._order: list[tuple[tuple[int, int], K]] = []
+        self._slots: dict[K, _Entry[K, V]] = {}
+        self._order: list[tuple[int, int, K]] = []  # the ranks
         self._sequence = 0
         self._news = asyncio.Event()
 
@@ -53,34 +53,34 @@ class PriorityQueue(Generic[K, V]):
         """Say something; it replaces what the same key said before and counts as news."""
         self.discard(key)
         self._sequence += 1
-        entry = _Entry((priority, self._sequence), value, expires_at_s)
-        self._slots[key] = entry
-        insort(self._order, (entry.rank, key), key=_rank)
+        rank = priority, self._sequence, key
+        self._slots[key] = _Entry(rank, value, expires_at_s)
+        insort(self._order, rank)
         self._news.set()
 
     def discard(self, key: K) -> None:
         """Withdraw what a key said; harmless when it said nothing."""
         entry = self._slots.pop(key, None)
         if entry is not None:
-            del self._order[bisect_left(self._order, entry.rank, key=_rank)]
+            self._order.remove(entry.rank)
 
     def rank_anew(self, priority: Callable[[K], int]) -> None:
         """Change the priorities of what was said; its content, age and expiry stay."""
         for key, entry in self._slots.items():
-            self._slots[key] = replace(entry, rank=(priority(key), entry.rank[1]))
-        self._order = sorted(((entry.rank, key) for key, entry in self._slots.items()), key=_rank)
+            self._slots[key] = replace(entry, rank=(priority(key), entry.rank[1], key))
+        self._order = sorted(entry.rank for entry in self._slots.values())
 
     def live(self) -> list[V]:
         """Return everything in force now, most urgent first, and leave it there."""
         self._forget_expired()
-        return [self._slots[key].value for _, key in self._order]
+        return [self._slots[key].value for _, _, key in self._order]
 
     def get_nowait(self) -> V | None:
         """Take out the most urgent live entry; None when there is none."""
         self._forget_expired()
         if not self._order:
             return None
-        _, key = self._order[0]
+        _, _, key = self._order[0]
         value = self._slots[key].value
         self.discard(key)
         return value
@@ -150,7 +150,3 @@ class Inbox(Generic[V]):
                 await self._reader
             finally:
                 self._reader = None
-
-
-def _rank(item: tuple[tuple[int, int], object]) -> tuple[int, int]:
-    return item[0]

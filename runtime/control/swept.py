@@ -158,8 +158,11 @@ class Outlook:
         steering_rad = min(max(steering_rad, -most_rad), most_rad)
         reaction_s = age_s + self.guard.settings.actuation_s
         if speed_mps > 0:
-            asked = speed_mps, steering_rad, reaction_s
-            return min(self._forward(*asked), self._wavering(*asked), ceiling, key=lambda verdict: verdict.forward_mps)
+            return _slowest(
+                self._forward(speed_mps, steering_rad, reaction_s),
+                self._wavering(speed_mps, steering_rad, reaction_s),
+                ceiling,
+            )
         verdict = self._backward(steering_rad, reaction_s)
         return verdict if verdict.reverse_mps <= ceiling.reverse_mps else ceiling
 
@@ -196,7 +199,7 @@ class Outlook:
         if found is NOTHING:
             return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s)
         gaining = self._gaining(steering_rad, look_m, wanted_mps, reaction_s)
-        return min(self._slower(found, graded_mps, reaction_s), gaining, key=lambda verdict: verdict.forward_mps)
+        return _slowest(self._slower(found, graded_mps, reaction_s), gaining)
 
     def _wavering(self, wanted_mps: float, steering_rad: float, reaction_s: float) -> Verdict:
         """Slow enough to stop on the way that the driver has just given up, should it turn back."""
@@ -265,3 +268,11 @@ class Outlook:
             reason = "wall behind" if found.travel_m <= left_m else "backed far enough without seeing"
             return Verdict(NO_LIMIT_MPS, 0.0, reason, max(0.0, way_m))
         return Verdict(NO_LIMIT_MPS, min(allowed_mps, settings.reverse_mps), "backing slowly", found.travel_m)
+
+
+def _slowest(first: Verdict, *others: Verdict) -> Verdict:
+    """Return the verdict that lets the car drive forward least fast; of equal ones the first."""
+    for other in others:
+        if other.forward_mps < first.forward_mps:
+            first = other
+    return first

@@ -75,18 +75,20 @@ class Rig:
 
     subscribers: how many processes of their own hear all the telemetry. telemetry: whether there is any. fifo: car
     and emulators are scheduled before everybody else, as systemd does it; PermissionError where that is not allowed.
+    every_core: the car may use the emulators' core as well; else it keeps off it.
     started_s: when the process was started (monotonic). scans_sent: since then.
     """
 
     def __init__(
         self, course: Course, assignments: Sequence[str] = (), *, subscribers: int = 1, telemetry: bool = True,
-        fifo: bool = False,
+        fifo: bool = False, every_core: bool = False,
     ) -> None:  # fmt: skip
         self._course = course
         self._assignments = [*_SETTINGS, *assignments]
         self._count = subscribers if telemetry else 0
         self._telemetry = telemetry
         self._fifo = fifo
+        self._every_core = every_core
         self.scans_sent = 0
         self._subscribers: list[subprocess.Popen[str]] = []
 
@@ -116,7 +118,7 @@ class Rig:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
-                preexec_fn=partial(be_the_car, own_computer()),  # noqa: PLW1509 - one thread here
+                preexec_fn=partial(be_the_car, os.sched_getaffinity(0) if self._every_core else own_computer()),  # noqa: PLW1509 - one thread here
             )
         self._endpoint = endpoint
         self._cores = os.sched_getaffinity(0)

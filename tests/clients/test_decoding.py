@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from clients.decoding import UnreadableError, as_json, as_text, decode
 from runtime import wire
+from runtime.ros import messages
 from runtime.ros.definitions import TYPES
 from runtime.teleop_wire import Beat, Condition
 from tests.runtime.ros.samples import SAMPLES
@@ -35,6 +36,11 @@ def test_json_has_null_where_a_number_is_missing():
     message = decode(wire.MOTOR, SAMPLES[wire.MOTOR])
     assert math.isnan(message["velocity"][1])
     assert json.loads(as_json(message))["velocity"][1] is None
+
+
+def test_a_float32_is_told_as_it_was_meant():
+    assert decode(wire.OUTPUT, messages.ackermann(0, 0.1, -0.3))["drive"]["speed"] == 0.1
+    assert decode(wire.STATUS, b'{"nested":{"a":[0.10000000149011612]}}') == {"nested": {"a": [0.1]}}
 
 
 def test_a_heartbeat_is_read_too():
