@@ -3,25 +3,30 @@
 #include "arrays.h"
 #include "constants.h"
 
-static double asin_of(double sine) { return asin(within(sine, -1.0, 1.0)); }
+/* As Python's min and max: what is not a number stays so, and nobody drives by it. */
+static double lesser(double a, double b) { return b < a ? b : a; }
+static double greater(double a, double b) { return b > a ? b : a; }
+static double bounded(double value, double from, double to) { return lesser(greater(value, from), to); }
+
+static double asin_of(double sine) { return asin(bounded(sine, -1.0, 1.0)); }
 
 static double fading(double value, double whole_below, double none_above) {
-    return within((none_above - value) / (none_above - whole_below), 0.0, 1.0);
+    return bounded((none_above - value) / (none_above - whole_below), 0.0, 1.0);
 }
 
-static double slower(double speed) { return BALL_LAW_SLOW_MPS / most(fabs(speed), BALL_LAW_SLOW_MPS); }
+static double slower(double speed) { return BALL_LAW_SLOW_MPS / greater(fabs(speed), BALL_LAW_SLOW_MPS); }
 
 static double approach(double error, double speed, double slope) {
     double bend = 1.0 / (BALL_LAW_ARC_M + BALL_LAW_ARC_S * fabs(speed)), size = fabs(error), wanted = slope * size;
-    double joint = slope > 0 ? asin(least(bend / slope, 1.0)) : HUGE_VAL;
+    double joint = slope > 0 ? asin(lesser(bend / slope, 1.0)) : HUGE_VAL;
     if (wanted > joint)
-        wanted = acos(most(cos(joint) - bend * (size - joint / slope), -1.0));
-    return copysign(least(wanted, BALL_LAW_STEEPEST_RAD), error);
+        wanted = acos(greater(cos(joint) - bend * (size - joint / slope), -1.0));
+    return copysign(lesser(wanted, BALL_LAW_STEEPEST_RAD), error);
 }
 
 static double bend_correction(double bend, double look, double speed, double kd, double wheelbase) {
     double share = (bend + BALL_LAW_KINKED_ABOVE_PER_M) / (BALL_LAW_KINKED_ABOVE_PER_M - BALL_LAW_SMOOTH_BELOW_PER_M);
-    double curvature = least(bend * within(share, 0.0, 1.0), BALL_LAW_TIGHTEST_PER_M);
+    double curvature = lesser(bend * bounded(share, 0.0, 1.0), BALL_LAW_TIGHTEST_PER_M);
     double on_arc = asin_of(curvature * look / 2) - BALL_LAW_SLIP_S2_PER_M * speed * speed * curvature;
     return atan(wheelbase * curvature) - slower(speed) * kd * on_arc;
 }
@@ -35,14 +40,14 @@ KERNEL(pursued) {
     double near = v[0], near_rad = v[1], error = v[4], line_rad = v[5], line_error = v[6], speed = v[9], kd = v[11];
     double heading = near_rad - asin_of(error / near), straight = 0.0;
     if (!isnan(line_rad)) {
-        double expected = within(line_rad + asin_of(line_error / near), -BALL_LAW_WIDEST_RAD, BALL_LAW_WIDEST_RAD);
+        double expected = bounded(line_rad + asin_of(line_error / near), -BALL_LAW_WIDEST_RAD, BALL_LAW_WIDEST_RAD);
         straight = fading(fabs(near_rad - expected), BALL_LAW_STRAIGHT_RAD, BALL_LAW_NOT_STRAIGHT_RAD);
         straight *= fading(fabs(v[7]), BALL_LAW_STRAIGHT_PER_M, BALL_LAW_BENT_PER_M);
         error += straight * (line_error - error);
         heading += straight * (line_rad - heading);
     }
-    heading = least(heading, v[3] - asin_of(error / v[2]) + BALL_LAW_CORNER_AT_LEAST_RAD);
-    double slope = slower(speed) * v[10] / most(kd, 1e-6);
+    heading = lesser(heading, v[3] - asin_of(error / v[2]) + BALL_LAW_CORNER_AT_LEAST_RAD);
+    double slope = slower(speed) * v[10] / greater(kd, 1e-6);
     double steering = slower(speed) * kd * (approach(error, speed, slope) + heading);
     if (straight < 1.0)
         steering += (1.0 - straight) * bend_correction(v[8], near, speed, kd, v[12]);
@@ -67,7 +72,7 @@ KERNEL(predicted) {
     double way = v[0], wheel = v[1], speed = v[2], wheelbase = v[3];
     double turn = way * tan(wheel + s[TRIM]) / wheelbase, chord = turn / 2 - s[A];
     double late = WALL_TRACK_LATE_SCANS * way * fabs(wheel - s[WHEEL]) / wheelbase;
-    double unrest = most(fabs(turn), WALL_TRACK_CALM_SHARE * most(s[UNREST], v[4]));
+    double unrest = greater(fabs(turn), WALL_TRACK_CALM_SHARE * greater(s[UNREST], v[4]));
     double along = way * cos(chord), by_trim = -way / wheelbase;
     if (s[NEW] || unrest * speed * speed > WALL_TRACK_STRAIGHT_WITHIN_MPS2 * way)
         s[DT] = s[AT_] = by_trim = 0.0;
@@ -79,7 +84,7 @@ KERNEL(predicted) {
     s[AT_] = at;
     s[DA] = da;
     s[AA] = aa + square(WALL_TRACK_STEP_STD_RAD + WALL_TRACK_SLIP_PER_TURN * unrest + late);
-    s[TT] = least(s[TT] + square(WALL_TRACK_TRIM_STEP_STD_RAD), square(WALL_TRACK_TRIM_START_STD_RAD));
+    s[TT] = lesser(s[TT] + square(WALL_TRACK_TRIM_STEP_STD_RAD), square(WALL_TRACK_TRIM_START_STD_RAD));
     s[D] -= way * sin(chord);
     s[A] -= turn;
     s[UNREST] = unrest;
@@ -91,7 +96,7 @@ KERNEL(predicted) {
 static void move(double *s, double gd, double ga, double gt, double surprise) {
     s[D] += gd * surprise;
     s[A] += ga * surprise;
-    s[TRIM] = within(s[TRIM] + gt * surprise, -WALL_TRACK_MOST_TRIM_RAD, WALL_TRACK_MOST_TRIM_RAD);
+    s[TRIM] = bounded(s[TRIM] + gt * surprise, -WALL_TRACK_MOST_TRIM_RAD, WALL_TRACK_MOST_TRIM_RAD);
 }
 
 /* corrected(state, distance, heading) -> state */

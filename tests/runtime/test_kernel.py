@@ -252,6 +252,24 @@ def test_any_ball_is_pursued_alike(compiled, near, far, error_m, line, bends, sp
     assert_same("pursued", twin.PLAIN["pursued"](*given_), compiled["pursued"](*given_))
 
 
+@pytest.mark.parametrize("place", range(13))
+@pytest.mark.parametrize("line", [(0.1, 0.2), (math.nan, math.nan)])
+def test_what_is_no_number_is_pursued_alike(compiled, place, line):
+    given_ = [0.7, 0.1, 1.1, 0.2, 0.3, *line, 0.02, 0.04, 1.5, 4.0, 2.0, 0.33]
+    given_[place] = math.nan
+    assert_same("pursued", twin.PLAIN["pursued"](*given_), compiled["pursued"](*given_))
+
+
+def test_what_is_no_number_is_tracked_alike(compiled):
+    state = twin.PLAIN["predicted"](WallTrack(0.33)._state, 0.02, 0.1, 1.0, 0.33, 0.0)
+    for place in range(5):
+        step = [0.02, 0.1, 1.0, 0.33, 0.05]
+        step[place] = math.nan
+        assert_same("predicted", twin.PLAIN["predicted"](state, *step), compiled["predicted"](state, *step))
+    for seen in ((math.nan, 0.1), (1.0, math.nan)):
+        assert_same("corrected", twin.PLAIN["corrected"](state, *seen), compiled["corrected"](state, *seen))
+
+
 STEP = st.tuples(st.floats(-0.05, 0.25), st.floats(-0.4, 0.4), st.floats(0.0, 6.0), st.sampled_from([0.0, 0.05]))
 
 
