@@ -263,13 +263,18 @@ def test_a_process_killed_at_random_moments_leaves_the_old_or_the_new_file(file)
     chance = random.Random(1)
     for _ in range(100):
         kps = (0.5, 13.5) if file.read_bytes() == one else (13.5, 0.5)
+        begun, begins = os.pipe()
         child = os.fork()
         if child == 0:
             try:
+                os.write(begins, b"!")
                 for kp in itertools.cycle(kps):
                     save(file, {KP: kp}, {KP: kp})
             finally:
                 os._exit(1)
+        os.read(begun, 1)  # on a busy machine the child may begin late
+        os.close(begun)
+        os.close(begins)
         time.sleep(chance.uniform(0.0, 3 * takes_s))  # the kill is the event; its moment is meant to be random
         os.kill(child, signal.SIGKILL)
         assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGKILL
