@@ -39,6 +39,7 @@ from runtime.tasks import mux as mux_task
 from runtime.tasks.health import Caretaker
 from runtime.tasks.telemetry import Telemetry
 from runtime.voices import Voices
+from runtime.warmth import Warmth
 
 log = logging.getLogger("wallride.app")
 
@@ -54,11 +55,13 @@ class Car:
 
     file: where live parameters are saved, None where there is none. reading_s: how long the bytes of the newest scan
     took from the kernel, where the lidar knows it. cadence: the one that the devices keep clear of.
+    warmth: told when a scan is answered.
     """
 
     def __init__(
         self, settings: Settings, lidar: Lidar, motor: Motor, bus: Network, clock: Clock, file: Path | None = None,
         *, reading_s: Callable[[], float] = lambda: 0.0, cadence: Cadence | None = None,
+        warmth: Warmth | None = None,
     ) -> None:  # fmt: skip
         self.settings = settings
         self.lidar = lidar
@@ -80,6 +83,7 @@ class Car:
         self.stages = StageClock(clock)
         self._reading_s = reading_s
         self.cadence = cadence or Cadence()
+        self.warmth = warmth or Warmth()
         self.mux = mux_task.Mux(self.voices, motor, self.limiter, REQUIRED, self.tape.clock, self.stages, self.tape)
         self.permit = Permit(self.voices, settings.operator.permit)
         self.emergency_stop = EmergencyStop(self.voices)
@@ -168,6 +172,7 @@ class Car:
 
     def _afterwards(self, scan: Scan) -> None:
         """Do what can wait until a scan is answered."""
+        self.warmth.answered()
         self.laws.learn()
         collect_young()
         self.stages.count()

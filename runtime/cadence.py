@@ -3,15 +3,17 @@
 Scans come every 25 ms, polls and ticks every 20 ms: where their phases meet, every fourth answer waits for
 housekeeping, and takes three times as long as the others. Where they do not, everybody wakes by himself, at a moment at
 which the processor has forgotten everything. So they meet shortly before a scan, which then finds a motor state that
-is milliseconds old.
+is a millisecond or two old: as late as the motor's own answers permit.
 """
 
 import math
 from typing import Final
 
-BEFORE_S: Final = 0.0045
-"""So long before a scan everybody meets, and from then on nothing is begun: a poll needs 1 to 3 ms until its reply is
-read."""
+MOST_BEFORE_S: Final = 0.0045
+"""So long before a scan everybody meets at most, and at first, and from then on nothing is begun: a VESC needs 1 to 3
+ms for its reply."""
+SPARE_S: Final = 0.001
+"""The reply has to be read so long before the scan: a scan comes a little early sometimes."""
 AFTER_S: Final = 0.002
 """So late a scan may come and still find the way clear; then whatever waited goes first."""
 LEAST_PERIOD_S: Final = 0.015
@@ -20,6 +22,7 @@ _SAME_SHARE: Final = 0.1
 _BEAT_GAIN: Final = 0.2
 _PERIOD_GAIN: Final = 0.02
 _PLANNED_PERIODS: Final = 6.0
+_FASTER_GAIN: Final = 0.02
 
 
 class Cadence:
@@ -29,10 +32,12 @@ class Cadence:
     filter), because the last arrival and the gap before it promise the next one two and a half times worse.
 
     period_s: between two scans; NaN until two gaps in a row agree, and where the beat is too fast.
+    before_s: so long before a scan everybody meets.
     """
 
     def __init__(self) -> None:
         self.period_s = math.nan
+        self.before_s = MOST_BEFORE_S
         self._gap_s = math.nan
         self._last_s = math.nan
         self._beat_s = math.nan  # when the newest scan came, or should have come
@@ -47,6 +52,15 @@ class Cadence:
             self._beat_s = now_s
         self._gap_s = gap_s
         self._keep_time(now_s)
+
+    def replied(self, took_s: float) -> None:
+        """Note how long the motor took for a reply: slower ones count at once, faster ones slowly."""
+        before_s = min(took_s + SPARE_S, MOST_BEFORE_S)
+        self.before_s = max(before_s, self.before_s + _FASTER_GAIN * (before_s - self.before_s))
+
+    def expects(self, now_s: float) -> bool:
+        """Tell whether a scan is due in a moment."""
+        return now_s < self._due_s(now_s) < now_s + MOST_BEFORE_S  # NaN: no
 
     def _keep_time(self, now_s: float) -> None:
         """Follow the beat by a part of what the arrival was off it; begin anew after two that were far off."""
@@ -70,14 +84,15 @@ class Cadence:
         periods = (wanted_s - self._beat_s) / self.period_s
         if not -1.0 < periods < _PLANNED_PERIODS:  # NaN included
             return wanted_s
-        meeting_s = self._due_s(wanted_s + BEFORE_S) - BEFORE_S
+        before_s = self.before_s
+        meeting_s = self._due_s(wanted_s + before_s) - before_s
         if abs(meeting_s - wanted_s) <= slack_s:
             return meeting_s
         due_s = self._due_s(wanted_s)
         since_s = wanted_s - due_s
-        if not -BEFORE_S < since_s < AFTER_S:
+        if not -before_s < since_s < AFTER_S:
             return wanted_s
-        return due_s - BEFORE_S if since_s < (AFTER_S - BEFORE_S) / 2 else due_s + AFTER_S
+        return due_s - before_s if since_s < (AFTER_S - before_s) / 2 else due_s + AFTER_S
 
     def _due_s(self, near_s: float) -> float:
         """Return when the scan nearest to a moment is due, or was."""

@@ -21,6 +21,7 @@ from runtime.journal import journal
 from runtime.settings import Settings
 from runtime.tasks import parameters
 from runtime.wakefulness import awake
+from runtime.warmth import Warmth
 
 log = logging.getLogger("wallride.launch")
 
@@ -34,11 +35,12 @@ def main(settings: Settings, file: Path | None, session: Mapping[str, Any], warn
     with journal(settings.log.level, settings.log.format):
         for warning in warnings:
             log.warning("%s", warning)
-        log.info("%s", kernel.use().words)
+        compiled = kernel.use()
+        log.info("%s", compiled.words)
         with awake(wanted=settings.process.stay_awake) as words:
             log.info("%s", words)
             with asyncio.Runner(loop_factory=punctual_loop) as runner:
-                runner.run(_drive(settings, file, session))
+                runner.run(_drive(settings, file, session, Warmth(compiled.prefetch)))
 
 
 def punctual_loop() -> asyncio.AbstractEventLoop:
@@ -46,7 +48,7 @@ def punctual_loop() -> asyncio.AbstractEventLoop:
     return asyncio.SelectorEventLoop(FewPorts())
 
 
-async def _drive(settings: Settings, file: Path | None, session: Mapping[str, Any]) -> None:
+async def _drive(settings: Settings, file: Path | None, session: Mapping[str, Any], warmth: Warmth) -> None:
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -54,9 +56,17 @@ async def _drive(settings: Settings, file: Path | None, session: Mapping[str, An
     clock = time.monotonic
     bus = Bus(session)
     cadence = Cadence()
-    motor = Vesc(settings.motor, clock=clock, clear_s=cadence.clear_s)
+
+    def replied(took_s: float) -> None:
+        cadence.replied(took_s)
+        if cadence.expects(clock()):
+            warmth.warm()  # the last that is done before the scan
+
+    motor = Vesc(settings.motor, clock=clock, clear_s=cadence.clear_s, replied=replied)
     lidar = Hokuyo(settings.lidar, clock=clock, clear_s=cadence.clear_s)
-    car = Car(settings, lidar, motor, bus, clock, file, reading_s=lambda: lidar.reading_s, cadence=cadence)
+    car = Car(
+        settings, lidar, motor, bus, clock, file, reading_s=lambda: lidar.reading_s, cadence=cadence, warmth=warmth
+    )
     motor.inertia.on_measurement = car.telemetry.on_imu
     if (history := history_file(settings)) is not None:
         parameters.read_history(car.history, history)
@@ -70,6 +80,7 @@ async def _drive(settings: Settings, file: Path | None, session: Mapping[str, An
     try:
         await car.drive(stop)
     finally:
+        warmth.stop()
         car.stages.ignore_collections()
         for line in car.stages.table():
             log.info("%s", line)

@@ -57,18 +57,25 @@ class Vesc:
     The only motor command of the driver's own is a brake, as the last thing it does with a connection. While a fault
     is latched every command is carried out as a brake: the VESC alone would obey again after half a second.
 
-    clear_s: moves the polling to a better moment.
+    clear_s: moves the polling to a better moment. replied: told of every reply, when all is done with it, how long it
+    took.
 
     Counted in `health`: bad_command, fault, reboot, lost, reconnect, missed_reply, bad_reply, unasked_packet,
     skipped_bytes, checksum, brake_not_written.
     """
 
     def __init__(
-        self, settings: VescSettings, *, clock: Clock = time.monotonic, clear_s: Reschedule = as_wanted
+        self,
+        settings: VescSettings,
+        *,
+        clock: Clock = time.monotonic,
+        clear_s: Reschedule = as_wanted,
+        replied: Callable[[float], None] = lambda _took_s: None,
     ) -> None:
         self._settings = settings
         self._clock = clock
         self._clear_s = clear_s
+        self._replied = replied
         self._address = parse_address(settings.address)
         self._calibration = Calibration(settings)
         self._health = Health()
@@ -276,6 +283,7 @@ class Vesc:
         self._ready = self._link
         self._reopen_step = 0
         self._tell_condition()
+        self._replied(stamp_s - self._asked_s)
 
     def _tell_condition(self) -> None:
         health, trouble = self._health, self._condition.trouble

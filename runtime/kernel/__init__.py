@@ -37,6 +37,7 @@ from runtime.control import (
     wall_track,
 )
 from runtime.kernel.build import built
+from runtime.warmth import Prefetch
 
 SWITCH: Final = "WALLRIDE_COMPILED"
 MODULES: Final = (
@@ -49,10 +50,14 @@ SEAL: Final = HERE / "seal.json"
 
 @dataclass(frozen=True, slots=True)
 class Kernel:
-    """What there is. functions: names of those that C answers. words: how it is, in a sentence."""
+    """What there is. functions: names of those that C answers. words: how it is, in a sentence.
+
+    prefetch: has the processor fetch the cache lines at some addresses, an array of intp, (n,); None without a library.
+    """
 
     functions: frozenset[str]
     words: str
+    prefetch: Prefetch | None = None
 
 
 def use() -> Kernel:
@@ -71,7 +76,7 @@ def use() -> Kernel:
     words = f"{len(names)} of {len(twin.PLAIN)} functions of the hot path are compiled"
     if edited:
         words += f"; {', '.join(module.__name__ for module in edited)} changed since, and run as they are written"
-    return Kernel(twin.in_use(), words)
+    return Kernel(twin.in_use(), words, library.prefetch)
 
 
 def _without(why: str) -> Kernel:

@@ -89,5 +89,6 @@ KERNEL(only_one);
 KERNEL(pursued);
 KERNEL(predicted);
 KERNEL(corrected);
+KERNEL(prefetch);
 
 #endif

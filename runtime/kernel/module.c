@@ -73,13 +73,23 @@ PyObject *copied(int type, beam count, const void *from) {
     return array;
 }
 
+/* prefetch(addresses): a hint, of which no address can be wrong. Not a twin: Python has nothing like it. */
+KERNEL(prefetch) {
+    struct row lines;
+    if (!enough(count, 1, "prefetch") || !as_row(given[0], NPY_INTP, &lines))
+        return NULL;
+    for (beam i = 0; i < lines.count; i++)
+        __builtin_prefetch((const void *)INDEX(lines, i));
+    Py_RETURN_NONE;
+}
+
 #define ENTRY(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, NULL}
 static PyMethodDef functions[] = {
     ENTRY(decode_samples), ENTRY(joined_rows),  ENTRY(look),       ENTRY(small_things), ENTRY(thin_places),
     ENTRY(returned),       ENTRY(solid_places), ENTRY(any_nearer), ENTRY(dark_between), ENTRY(bent_way),
     ENTRY(first_touch),    ENTRY(wall_piece),   ENTRY(silent_among), ENTRY(outline),    ENTRY(wall_line),    ENTRY(room_for),
     ENTRY(around),         ENTRY(rolled),       ENTRY(rolled_ahead), ENTRY(bend_of),    ENTRY(fastest_mps),  ENTRY(scan_parts),
-    ENTRY(only_one),       ENTRY(pursued),      ENTRY(predicted),  ENTRY(corrected),
+    ENTRY(only_one),       ENTRY(pursued),      ENTRY(predicted),  ENTRY(corrected),  ENTRY(prefetch),
     {NULL, NULL, 0, NULL},
 };
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.cadence import AFTER_S, BEFORE_S, Cadence
+from runtime.cadence import AFTER_S, MOST_BEFORE_S, SPARE_S, Cadence
 
 PERIOD_S = 0.025
 LAST_S = 1.0
@@ -89,7 +89,7 @@ def test_between_fast_scans_nothing_could_be_kept_free():
 def test_whoever_wants_to_go_when_a_scan_is_due_goes_a_little_sooner_or_later():
     cadence = steady()
     due_s = due_next_s(cadence)
-    assert cadence.clear_s(due_s - 0.003, 0.0) == pytest.approx(due_s - BEFORE_S)
+    assert cadence.clear_s(due_s - 0.003, 0.0) == pytest.approx(due_s - MOST_BEFORE_S)
     assert cadence.clear_s(due_s + 0.001, 0.0) == pytest.approx(due_s + AFTER_S)
     assert cadence.clear_s(due_s + PERIOD_S, 0.0) == pytest.approx(due_s + PERIOD_S + AFTER_S)
     assert cadence.clear_s(due_s - 0.010, 0.0) == due_s - 0.010
@@ -98,7 +98,7 @@ def test_whoever_wants_to_go_when_a_scan_is_due_goes_a_little_sooner_or_later():
 def test_whoever_has_slack_comes_with_every_scan():
     cadence = steady()
     first_s = cadence.clear_s(due_next_s(cadence) - 0.010, 0.008)
-    assert first_s == pytest.approx(due_next_s(cadence) - BEFORE_S)
+    assert first_s == pytest.approx(due_next_s(cadence) - MOST_BEFORE_S)
     assert cadence.clear_s(first_s + 0.020, 0.008) == pytest.approx(first_s + PERIOD_S)
     assert cadence.clear_s(first_s + 0.050, 0.020) == pytest.approx(first_s + 2 * PERIOD_S)
 
@@ -116,11 +116,46 @@ def test_with_a_slow_lidar_the_rate_is_kept():
 def test_every_moment_is_clear_of_scans_and_near(after_s):
     wanted_s = LAST_S + after_s
     moment_s = steady().clear_s(wanted_s, 0.0)
-    assert abs(moment_s - wanted_s) <= (BEFORE_S + AFTER_S) / 2 + 1e-9
+    assert abs(moment_s - wanted_s) <= (MOST_BEFORE_S + AFTER_S) / 2 + 1e-9
     since_s = (moment_s - LAST_S + PERIOD_S / 2) % PERIOD_S - PERIOD_S / 2
-    assert not -BEFORE_S + 1e-9 < since_s < AFTER_S - 1e-9
+    assert not -MOST_BEFORE_S + 1e-9 < since_s < AFTER_S - 1e-9
 
 
 def test_when_the_scans_have_stopped_deadlines_are_kept():
     wanted_s = LAST_S + 7 * PERIOD_S
     assert steady().clear_s(wanted_s, 0.008) == wanted_s
+
+
+def test_everybody_meets_as_late_as_the_replies_permit():
+    cadence = steady()
+    for _ in range(400):
+        cadence.replied(0.0004)
+    assert cadence.clear_s(due_next_s(cadence), 0.008) == pytest.approx(
+        due_next_s(cadence) - 0.0004 - SPARE_S, abs=1e-5
+    )
+
+
+def test_one_slow_reply_counts_at_once_and_for_long():
+    cadence = steady()
+    for _ in range(400):
+        cadence.replied(0.0004)
+    cadence.replied(0.0025)
+    assert cadence.before_s == pytest.approx(0.0025 + SPARE_S)
+    for _ in range(10):
+        cadence.replied(0.0004)
+    assert cadence.before_s > 0.0025 + SPARE_S / 2
+
+
+def test_a_motor_that_hardly_replies_is_not_waited_for():
+    cadence = steady()
+    cadence.replied(0.019)
+    assert cadence.before_s == MOST_BEFORE_S
+
+
+def test_a_scan_is_expected_just_before_it_is_due():
+    cadence = steady()
+    due_s = due_next_s(cadence)
+    assert cadence.expects(due_s - 0.001)
+    assert not cadence.expects(due_s + 0.001)
+    assert not cadence.expects(due_s - 0.010)
+    assert not Cadence().expects(1.0), "nothing is expected without a beat"

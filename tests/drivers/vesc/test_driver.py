@@ -82,6 +82,15 @@ async def sent(vesc: Vesc, emulator: VescEmulator, drive: Drive) -> list[bytes]:
     return commands(emulator)[count:]
 
 
+async def test_whoever_wants_to_know_is_told_how_long_each_reply_took(emulator):
+    took_s: list[float] = []
+    vesc = Vesc(VescSettings(address=f"serial://{emulator.link}", lost_after_s=2.0), replied=took_s.append)
+    async with running(vesc):
+        await until(lambda: len(took_s) >= 3)
+        assert all(0.0 < reply_s < PATIENCE_S for reply_s in took_s)
+        assert seen(vesc).stamp_s > 0.0, "by then the state is the new one"
+
+
 async def test_it_is_a_motor(emulator):
     vesc: Motor = vesc_at(emulator.link)
     assert (vesc.health.link, vesc.state) == (LinkState.ABSENT, None)
