@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from drivers.api import MotorState
 from drivers.twin import twin
@@ -17,6 +17,8 @@ WIRE_S = 0.02
 """From a scan's arrival to its answer on the wire, until it has been measured."""
 _SCAN_S = 0.025
 LONGEST_WIRE_S = 0.2
+MOST_TOLD = 12
+"""So many answers are remembered."""
 SAME_RAD = 1e-6
 """Two angles so near to each other are the same answer."""
 OBEYED_WITHIN_S = 0.5
@@ -36,6 +38,12 @@ class Shift:
         return Shift(self.x_m, -self.y_m, -self.yaw_rad)
 
 
+Told = tuple[tuple[float, float], ...]
+"""Time [s] and angle [rad] of the last answers, the oldest first."""
+Wire = tuple[float, float, float]
+"""obeyed_s: when the motor last showed an answer; least_s, most_s: between these is the time of one to the wire."""
+
+
 @dataclass(slots=True)
 class Answers:
     """The last steering answers, and how long they take to the wire, by what the motor says it was told.
@@ -44,59 +52,61 @@ class Answers:
     """
 
     rate_radps: float
-    _told: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=12))
-    _obeyed_s: float = -math.inf
-    _least_s: float = WIRE_S
-    _most_s: float = WIRE_S
+    told: Told = ()
+    wire: Wire = (-math.inf, WIRE_S, WIRE_S)
 
     @property
     def wire_s(self) -> float:
         """From a scan's arrival to its answer on the wire, as far as it has been measured."""
-        return (self._least_s + self._most_s) / 2
+        return to_wire_s(self.wire)
 
     def said(self, now_s: float, steering_rad: float) -> None:
         """Remember the answer to a scan that came at that time."""
-        last_s, last_rad = self._told[-1] if self._told else (now_s - _SCAN_S, 0.0)
-        self._told.append((now_s, towards(last_rad, steering_rad, self.rate_radps * max(now_s - last_s, 0.0))))
+        last_s, last_rad = self.told[-1] if self.told else (now_s - _SCAN_S, 0.0)
+        angle_rad = towards(last_rad, steering_rad, self.rate_radps * max(now_s - last_s, 0.0))
+        self.told = (*self.told[1 - MOST_TOLD :], (now_s, angle_rad))
 
     def heard(self, motor: MotorState) -> None:
-        """Compare with what the motor was told last: that answer had arrived by then, and the next one had not."""
-        told = tuple(self._told)
-        place = only_one(told, motor.steering_rad)
-        if place < 0:
-            return  # none of mine, or a steady wheel, which tells nothing
-        self._obeyed_s = motor.stamp_s
-        most_s = motor.stamp_s - told[place][0]
-        newest = place + 1 == len(told)
-        least_s = 0.0 if newest else max(motor.stamp_s - told[place + 1][0], 0.0)
-        if not 0.0 <= most_s <= LONGEST_WIRE_S:
-            return
-        if most_s < self._least_s or least_s > self._most_s:  # it has changed, or was never measured
-            self._least_s, self._most_s = least_s, most_s
-        else:
-            self._least_s, self._most_s = max(self._least_s, least_s), min(self._most_s, most_s)
+        """Compare with what the motor was told last."""
+        self.wire = measured(self.told, self.wire, motor.stamp_s, motor.steering_rad)
 
     def in_flight(self, now_s: float) -> list[tuple[float, float]]:
         """Return (time on the wire, angle) of the answers that the motor cannot have shown yet, in order."""
-        coming: list[tuple[float, float]] = []
-        if now_s - self._obeyed_s > OBEYED_WITHIN_S:
-            return coming
-        wire_s = self.wire_s
-        for told_s, angle_rad in reversed(self._told):  # the newest ones, as a rule one or two
-            if told_s + wire_s <= now_s:
-                break
-            coming.insert(0, (told_s + wire_s, angle_rad))
-        return coming
+        return in_flight(self.told, self.wire, now_s)
 
 
-@twin
-def only_one(told: tuple[tuple[float, float], ...], angle_rad: float) -> int:
-    """Return the place of the only answer with this angle, -1 where there is none or where there are several.
+def to_wire_s(wire: Wire) -> float:
+    """Return the middle of what the time to the wire may be."""
+    return (wire[1] + wire[2]) / 2
 
-    told: time and angle of each.
-    """
+
+def measured(told: Told, wire: Wire, stamp_s: float, angle_rad: float) -> Wire:
+    """Return the wire after the motor said what it was told last: that had arrived, and the next answer had not."""
     same = [place for place, (_, told_rad) in enumerate(told) if abs(told_rad - angle_rad) < SAME_RAD]
-    return same[0] if len(same) == 1 else -1
+    if len(same) != 1:
+        return wire  # none of mine, or a steady wheel, which tells nothing
+    _, least_s, most_s = wire
+    next_s = [told_s for told_s, _ in told[same[0] + 1 :]]
+    now_most_s = stamp_s - told[same[0]][0]
+    now_least_s = max(stamp_s - next_s[0], 0.0) if next_s else 0.0
+    if not 0.0 <= now_most_s <= LONGEST_WIRE_S:
+        return stamp_s, least_s, most_s
+    if now_most_s < least_s or now_least_s > most_s:  # it has changed, or was never measured
+        return stamp_s, now_least_s, now_most_s
+    return stamp_s, max(least_s, now_least_s), min(most_s, now_most_s)
+
+
+def in_flight(told: Told, wire: Wire, now_s: float) -> list[tuple[float, float]]:
+    """Return (time on the wire, angle) of the answers that the motor cannot have shown yet, in order."""
+    coming: list[tuple[float, float]] = []
+    if now_s - wire[0] > OBEYED_WITHIN_S:
+        return coming
+    wire_s = to_wire_s(wire)
+    for told_s, angle_rad in reversed(told):  # the newest ones, as a rule one or two
+        if told_s + wire_s <= now_s:
+            break
+        coming.insert(0, (told_s + wire_s, angle_rad))
+    return coming
 
 
 class Predictor:
@@ -123,18 +133,44 @@ class Predictor:
         since_s = 0.0 if self._stamp_s is None else min(max(stamp_s - self._stamp_s, 0.0), 1.0)
         self._stamp_s = stamp_s
         before_rad = self._servo_rad
-        self._servo_rad = towards(before_rad, motor.steering_rad, self._rate_radps * since_s)
+        self.answers.wire, self._servo_rad, x_m, y_m, yaw_rad = foreseen(
+            self.answers.told, self.answers.wire, motor.stamp_s, motor.speed_mps, motor.steering_rad, before_rad,
+            stamp_s, since_s, ahead_s, self._wheelbase_m, trim_rad, self._rate_radps,
+        )  # fmt: skip
         self.wheel_rad = (before_rad + self._servo_rad) / 2
-        self.answers.heard(motor)
-        coming = self.answers.in_flight(motor.stamp_s)
-        after_s = [(told_s - stamp_s, angle_rad) for told_s, angle_rad in coming]
-        ahead_s += self.answers.wire_s
-        steps = max(1, round(ahead_s / _STEP_S))
-        motion = motor.speed_mps, self._wheelbase_m, trim_rad, self._rate_radps, ahead_s / steps
-        return Shift(*rolled_ahead(motion, (self._servo_rad, motor.steering_rad), after_s, steps))
+        return Shift(x_m, y_m, yaw_rad)
 
 
 @twin
+def foreseen(  # flat arguments, as its twin in C wants them
+    told: Told,
+    wire: Wire,
+    motor_s: float,
+    speed_mps: float,
+    steering_rad: float,
+    servo_rad: float,
+    scan_s: float,
+    since_s: float,
+    ahead_s: float,
+    wheelbase_m: float,
+    trim_rad: float,
+    rate_radps: float,
+) -> tuple[Wire, float, float, float, float]:
+    """Return the wire, the servo's angle at the scan, and x_m, y_m and yaw_rad of the motion from then on.
+
+    told: at most MOST_TOLD. motor_s, speed_mps, steering_rad: the motor's report and its time. servo_rad: its angle at
+    the last scan, since_s before this one, which was taken at scan_s. ahead_s: how long the motion goes on after its
+    answer is on the wire.
+    """
+    wire = measured(told, wire, motor_s, steering_rad)
+    servo_rad = towards(servo_rad, steering_rad, rate_radps * since_s)
+    coming = [(there_s - scan_s, angle_rad) for there_s, angle_rad in in_flight(told, wire, motor_s)]
+    ahead_s += to_wire_s(wire)
+    steps = max(1, round(ahead_s / _STEP_S))
+    motion = speed_mps, wheelbase_m, trim_rad, rate_radps, ahead_s / steps
+    return wire, servo_rad, *rolled_ahead(motion, (servo_rad, steering_rad), coming, steps)
+
+
 def rolled_ahead(
     motion: tuple[float, float, float, float, float],
     steering: tuple[float, float],
@@ -144,7 +180,7 @@ def rolled_ahead(
     """Return x_m, y_m, yaw_rad after so many steps (kinematic single-track model).
 
     motion: speed_mps, wheelbase_m, trim_rad, slew rate_radps, seconds of a step. steering: the servo's angle and where
-    it goes. coming: (seconds from the beginning, angle) of the targets that follow, in order; at most 32.
+    it goes. coming: (seconds from the beginning, angle) of the targets that follow, in order.
     """
     speed_mps, wheelbase_m, trim_rad, rate_radps, dt_s = motion
     angle_rad, target_rad = steering

@@ -62,6 +62,11 @@ static inline double least(double a, double b) { return a < b ? a : b; }
 static inline double most(double a, double b) { return a > b ? a : b; }
 static inline double within(double value, double from, double to) { return least(most(value, from), to); }
 
+/* As Python's min and max: what is not a number stays so, and nobody drives by it. */
+static inline double lesser(double a, double b) { return b < a ? b : a; }
+static inline double greater(double a, double b) { return b > a ? b : a; }
+static inline double bounded(double value, double from, double to) { return lesser(greater(value, from), to); }
+
 #define KERNEL(name) PyObject *name(PyObject *self, PyObject *const *given, Py_ssize_t count)
 KERNEL(decode_samples);
 KERNEL(joined_rows);
@@ -82,10 +87,9 @@ KERNEL(wall_line);
 KERNEL(room_for);
 KERNEL(around);
 KERNEL(rolled);
-KERNEL(rolled_ahead);
 KERNEL(bend_of);
 KERNEL(fastest_mps);
-KERNEL(only_one);
+KERNEL(foreseen);
 KERNEL(pursued);
 KERNEL(predicted);
 KERNEL(corrected);

@@ -3,47 +3,84 @@
 #include "arrays.h"
 #include "constants.h"
 
-/* rolled_ahead(motion, steering, coming, steps) -> x, y, yaw
- * motion: speed, wheelbase, trim, slew rate, way of one step in seconds. steering: angle, target. coming: (time after
- * the beginning, angle) in order. */
-KERNEL(rolled_ahead) {
-    double motion[MOST_NUMBERS], steering[MOST_NUMBERS], times[MOST_NUMBERS], angles[MOST_NUMBERS];
-    beam steps;
-    if (!enough(count, 4, "rolled_ahead") || !as_indices(given + 3, 1, &steps))
-        return NULL;
-    int motions = numbers_of(given[0], motion), angles_now = motions < 0 ? -1 : numbers_of(given[1], steering);
-    if (angles_now < 0)
-        return NULL;
-    if (motions != 5 || angles_now != 2 || !PyList_Check(given[2]) || PyList_GET_SIZE(given[2]) > MOST_NUMBERS) {
-        PyErr_SetString(PyExc_TypeError, "rolled_ahead wants 5 numbers, 2 numbers and a list of at most 32 pairs");
-        return NULL;
+/* An answer that was told, or will be on the wire, and when. */
+struct answer {
+    double at, angle;
+};
+
+/* The answers of a tuple of (time, angle); how many, or -1. */
+static int answers_of(PyObject *told, struct answer *to) {
+    if (!PyTuple_Check(told) || PyTuple_GET_SIZE(told) > PREDICTION_MOST_TOLD) {
+        PyErr_Format(PyExc_TypeError, "the kernel wants a tuple of at most %d answers", PREDICTION_MOST_TOLD);
+        return -1;
     }
-    int coming = (int)PyList_GET_SIZE(given[2]), next = 0;
-    for (int i = 0; i < coming; i++) {
+    int count = (int)PyTuple_GET_SIZE(told);
+    for (int i = 0; i < count; i++) {
         double pair[MOST_NUMBERS];
-        int size = numbers_of(PyList_GET_ITEM(given[2], i), pair);
-        if (size != 2) {
-            if (size >= 0)
-                PyErr_SetString(PyExc_TypeError, "rolled_ahead wants pairs of time and angle");
-            return NULL;
-        }
-        times[i] = pair[0];
-        angles[i] = pair[1];
+        if (!same_count(PyTuple_GET_ITEM(told, i), 2, pair))
+            return -1;
+        to[i] = (struct answer){pair[0], pair[1]};
     }
-    double speed = motion[0], wheelbase = motion[1], trim = motion[2], slew = motion[3] * motion[4], dt = motion[4];
-    double angle = steering[0], target = steering[1], x = 0, y = 0, yaw = 0;
-    double most_rate = PREDICTION_GRIP_MU * PREDICTION_GRAVITY_MPS2 / most(fabs(speed), PREDICTION_SLOWEST_MPS);
-    for (beam step = 0; step < steps; step++) {
-        while (next < coming && times[next] <= (double)step * dt)
-            target = angles[next++];
-        angle += within(target - angle, -slew, slew);
-        double rate = within(speed * tan(angle + trim) / wheelbase, -most_rate, most_rate);
+    return count;
+}
+
+enum { OBEYED, LEAST, MOST };
+
+static void measure(double *wire, const struct answer *told, int count, double stamp, double angle) {
+    int same = -1, many = 0;
+    for (int i = 0; i < count; i++)
+        if (fabs(told[i].angle - angle) < PREDICTION_SAME_RAD) {
+            same = i;
+            many++;
+        }
+    if (many != 1)
+        return;
+    wire[OBEYED] = stamp;
+    double upper = stamp - told[same].at, lower = same + 1 < count ? greater(stamp - told[same + 1].at, 0.0) : 0.0;
+    if (!(0.0 <= upper && upper <= PREDICTION_LONGEST_WIRE_S))
+        return;
+    int changed = upper < wire[LEAST] || lower > wire[MOST];
+    wire[LEAST] = changed ? lower : greater(wire[LEAST], lower);
+    wire[MOST] = changed ? upper : lesser(wire[MOST], upper);
+}
+
+static double towards(double from, double to, double most_rad) { return from + bounded(to - from, -most_rad, most_rad); }
+
+/* foreseen(told, (obeyed, least, most), motor's time, speed, steering, servo, scan's time, since, ahead, wheelbase,
+ * trim, rate) -> (obeyed, least, most), servo, x, y, yaw */
+KERNEL(foreseen) {
+    struct answer told[PREDICTION_MOST_TOLD];
+    double wire[MOST_NUMBERS], v[10];
+    if (!enough(count, 12, "foreseen") || !same_count(given[1], 3, wire) || !as_numbers(given + 2, 10, v))
+        return NULL;
+    int all = answers_of(given[0], told);
+    if (all < 0)
+        return NULL;
+    double now = v[0], speed = v[1], target = v[2], scan = v[4], ahead = v[6], wheelbase = v[7], trim = v[8];
+    measure(wire, told, all, now, target);
+    double servo = towards(v[3], target, v[9] * v[5]), to_wire = (wire[LEAST] + wire[MOST]) / 2;
+    int next = all;
+    if (!(now - wire[OBEYED] > PREDICTION_OBEYED_WITHIN_S))
+        while (next > 0 && !(told[next - 1].at + to_wire <= now))
+            next--;
+    ahead += to_wire;
+    double steps = rint(ahead / PREDICTION_STEP_S); /* of two as near, the even one, as Python's round */
+    if (!isfinite(steps))
+        return PyLong_FromDouble(steps); /* fails as round does */
+    steps = most(steps, 1.0);
+    double dt = ahead / steps, slew = v[9] * dt, angle = servo, x = 0, y = 0, yaw = 0;
+    double most_rate = PREDICTION_GRIP_MU * PREDICTION_GRAVITY_MPS2 / greater(fabs(speed), PREDICTION_SLOWEST_MPS);
+    for (double step = 0; step < steps; step++) {
+        for (; next < all && told[next].at + to_wire - scan <= step * dt; next++)
+            target = told[next].angle;
+        angle = towards(angle, target, slew);
+        double rate = bounded(speed * tan(angle + trim) / wheelbase, -most_rate, most_rate);
         double middle = yaw + rate * dt / 2;
         x += speed * cos(middle) * dt;
         y += speed * sin(middle) * dt;
         yaw += rate * dt;
     }
-    return Py_BuildValue("(ddd)", x, y, yaw);
+    return Py_BuildValue("((ddd)dddd)", wire[OBEYED], wire[LEAST], wire[MOST], servo, x, y, yaw);
 }
 
 /* bend_of(radii, bearings) -> curvature, of four circles */
@@ -107,25 +144,4 @@ KERNEL(fastest_mps) {
         square = least(square, lateral / bend + 2 * brake * most(way[i + 1] - margin, 0.0));
     }
     return PyFloat_FromDouble(sqrt(square));
-}
-
-/* only_one(told, angle) -> place in told, a tuple of (time, angle), or -1 */
-KERNEL(only_one) {
-    double angle, pair[MOST_NUMBERS];
-    if (!enough(count, 2, "only_one") || !as_numbers(given + 1, 1, &angle))
-        return NULL;
-    if (!PyTuple_Check(given[0])) {
-        PyErr_SetString(PyExc_TypeError, "only_one wants a tuple of pairs");
-        return NULL;
-    }
-    Py_ssize_t found = -1, many = 0;
-    for (Py_ssize_t i = 0; i < PyTuple_GET_SIZE(given[0]); i++) {
-        if (!same_count(PyTuple_GET_ITEM(given[0], i), 2, pair))
-            return NULL;
-        if (fabs(pair[1] - angle) < PREDICTION_SAME_RAD) {
-            found = i;
-            many++;
-        }
-    }
-    return PyLong_FromSsize_t(many == 1 ? found : -1);
 }

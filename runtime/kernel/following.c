@@ -3,11 +3,6 @@
 #include "arrays.h"
 #include "constants.h"
 
-/* As Python's min and max: what is not a number stays so, and nobody drives by it. */
-static double lesser(double a, double b) { return b < a ? b : a; }
-static double greater(double a, double b) { return b > a ? b : a; }
-static double bounded(double value, double from, double to) { return lesser(greater(value, from), to); }
-
 static double asin_of(double sine) { return asin(bounded(sine, -1.0, 1.0)); }
 
 static double fading(double value, double whole_below, double none_above) {

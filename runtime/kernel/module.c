@@ -85,11 +85,12 @@ KERNEL(prefetch) {
 
 #define ENTRY(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, NULL}
 static PyMethodDef functions[] = {
-    ENTRY(decode_samples), ENTRY(joined_rows),  ENTRY(look),       ENTRY(small_things), ENTRY(thin_places),
-    ENTRY(returned),       ENTRY(solid_places), ENTRY(any_nearer), ENTRY(dark_between), ENTRY(bent_way),
-    ENTRY(first_touch),    ENTRY(wall_piece),   ENTRY(silent_among), ENTRY(outline),    ENTRY(wall_line),    ENTRY(room_for),
-    ENTRY(around),         ENTRY(rolled),       ENTRY(rolled_ahead), ENTRY(bend_of),    ENTRY(fastest_mps),  ENTRY(scan_parts),
-    ENTRY(only_one),       ENTRY(pursued),      ENTRY(predicted),  ENTRY(corrected),  ENTRY(prefetch),
+    ENTRY(decode_samples), ENTRY(joined_rows),    ENTRY(look),           ENTRY(small_things),   ENTRY(thin_places),
+    ENTRY(returned),       ENTRY(solid_places),   ENTRY(any_nearer),     ENTRY(dark_between),   ENTRY(bent_way),
+    ENTRY(first_touch),    ENTRY(wall_piece),     ENTRY(silent_among),   ENTRY(outline),        ENTRY(wall_line),
+    ENTRY(room_for),       ENTRY(around),         ENTRY(rolled),         ENTRY(bend_of),        ENTRY(fastest_mps),
+    ENTRY(scan_parts),     ENTRY(foreseen),       ENTRY(pursued),        ENTRY(predicted),      ENTRY(corrected),
+    ENTRY(prefetch),
     {NULL, NULL, 0, NULL},
 };
 

@@ -20,6 +20,7 @@ from runtime.control import ball_path, movers, perception
 from runtime.control.ball import BallFollower
 from runtime.control.ball_settings import BallSettings
 from runtime.control.perception import Eyes
+from runtime.control.prediction import Answers
 from runtime.control.swept import SweptGuard
 from runtime.control.swept_settings import SweptSettings
 from runtime.control.wall_track import WallTrack
@@ -132,7 +133,7 @@ def test_a_drive_gets_the_same_answers(compared, world, side):
         "bent_way",
         "first_touch",
         "wall_piece",
-        "rolled_ahead",
+        "foreseen",
     }
     assert {name for name in hot if compared[name] < 60} == set()
 
@@ -207,15 +208,58 @@ ANGLE = st.floats(-1.5, 1.5)
 RADII = tuple(np.linspace(0.3, 3.0, 10).tolist())
 
 
+SOME_RAD = st.one_of(st.floats(-0.4, 0.4), st.sampled_from([0.0, 0.1, 0.1 + 1e-7, 0.2]))
+BOUND_S = st.floats(0.0, 0.2)
+
+
 @given(
-    motion=st.tuples(st.floats(-1.0, 8.0), st.floats(0.2, 0.5), st.floats(-0.1, 0.1), st.floats(0.1, 10.0)),
-    steering=st.tuples(st.floats(-0.4, 0.4), st.floats(-0.4, 0.4)),
-    coming=st.lists(st.tuples(st.floats(-0.1, 0.3), st.floats(-0.4, 0.4)), max_size=12),
-    steps=st.integers(1, 20),
+    told=st.lists(st.tuples(st.floats(8.7, 9.1), SOME_RAD), max_size=12).map(lambda told: tuple(sorted(told))),
+    obeyed_s=st.sampled_from([-math.inf, 8.4, 8.9]),
+    wire_s=st.tuples(BOUND_S, BOUND_S),
+    motor=st.tuples(st.floats(8.8, 9.1), st.floats(-1.0, 8.0), SOME_RAD),
+    servo_rad=st.floats(-0.4, 0.4),
+    times=st.tuples(st.floats(8.9, 9.1), st.floats(0.0, 1.0), st.floats(-0.1, 0.4)),
+    car=st.tuples(st.floats(0.2, 0.5), st.floats(-0.1, 0.1), st.floats(0.1, 10.0)),
 )
-def test_any_motion_is_rolled_ahead_alike(compiled, motion, steering, coming, steps):
-    given_ = ((*motion, 0.015), steering, sorted(coming), steps)
-    assert_same("rolled_ahead", twin.PLAIN["rolled_ahead"](*given_), compiled["rolled_ahead"](*given_))
+def test_any_motion_is_foreseen_alike(compiled, told, obeyed_s, wire_s, motor, servo_rad, times, car):
+    given_ = (told, (obeyed_s, *wire_s), *motor, servo_rad, *times, *car)
+    assert_same("foreseen", twin.PLAIN["foreseen"](*given_), compiled["foreseen"](*given_))
+
+
+FORESEEN = [9.0, 2.0, 0.1, 0.05, 8.99, 0.025, 0.04, 0.33, 0.01, 3.2]
+"""The numbers of `foreseen`, after the answers told and the wire."""
+
+
+@given(steps=st.lists(st.tuples(st.floats(0.0, 0.06), SOME_RAD, st.integers(0, 3)), min_size=1, max_size=25))
+def test_the_way_to_the_wire_is_measured_alike_along_a_drive(compiled, steps):
+    told, wire, now_s = (), Answers(3.2).wire, 9.0
+    for since_s, angle_rad, ago in steps:
+        now_s += since_s
+        told = (*told[-11:], (now_s, angle_rad))
+        given_ = (told, wire, now_s + 0.01, 2.0, told[-1 - ago % len(told)][1], 0.05, now_s, *FORESEEN[5:])
+        answer = twin.PLAIN["foreseen"](*given_)
+        assert_same("foreseen", answer, compiled["foreseen"](*given_))
+        wire = answer[0]
+
+
+@pytest.mark.parametrize("place", range(15))
+@pytest.mark.parametrize("told", [(), ((8.9, 0.1), (8.97, 0.2)), ((math.nan, 0.1), (8.97, math.nan)), ((8.9, 0.3),)])
+def test_what_is_no_number_is_foreseen_alike(compiled, place, told):
+    numbers = [8.8, 0.01, 0.06, *FORESEEN]
+    if place < len(numbers):
+        numbers[place] = math.nan
+    if place in {1, 2, 9}:  # how long it takes, which is rounded to steps
+        for of in (twin.PLAIN, compiled):
+            with pytest.raises(ValueError, match="NaN to integer"):
+                of["foreseen"]((), tuple(numbers[:3]), *numbers[3:])
+        return
+    given_ = (told, tuple(numbers[:3]), *numbers[3:])
+    assert_same("foreseen", twin.PLAIN["foreseen"](*given_), compiled["foreseen"](*given_))
+
+
+def test_more_answers_than_are_remembered_are_refused(compiled):
+    with pytest.raises(TypeError, match="at most 12 answers"):
+        compiled["foreseen"](((9.0, 0.1),) * 13, (8.9, 0.0, 0.1), *FORESEEN)
 
 
 YES_OR_NO = st.lists(st.booleans(), min_size=12, max_size=12)
@@ -283,12 +327,6 @@ def test_any_line_is_tracked_alike(compiled, steps):
         seen = (state, distance_m, heading_rad)
         state = twin.PLAIN["corrected"](*seen)
         assert_same("corrected", state, compiled["corrected"](*seen))
-
-
-@given(angles_rad=st.lists(st.sampled_from([0.0, 0.1, 0.1 + 1e-7, 0.2]), max_size=12))
-def test_the_only_answer_is_found_alike(compiled, angles_rad):
-    told = tuple(enumerate(angles_rad))
-    assert_same("only_one", twin.PLAIN["only_one"](told, 0.1), compiled["only_one"](told, 0.1))
 
 
 def test_compiled_functions_are_called_without_a_step_in_between(compiled, as_it_was):
