@@ -12,7 +12,6 @@ that are known to be dirty do not count here, however far they read.
 
 import cmath
 import math
-from collections import deque
 
 import numpy as np
 
@@ -41,7 +40,7 @@ class Faint:
     """Small state: what stood out thinly in the last scans, in the odometry frame."""
 
     def __init__(self) -> None:
-        self._before: deque[Places] = deque(maxlen=SCANS - 1)
+        self._before: tuple[Places, ...] = ()
         self._stamp_s = -math.inf
 
     def update(self, view: View, pose: Pose, stamp_s: float) -> Places:
@@ -49,29 +48,27 @@ class Faint:
 
         So a pole that one beam meets has the three points of a thing.
         """
-        if stamp_s - self._stamp_s > FORGOTTEN_S:
-            self._before.clear()
+        before = () if stamp_s - self._stamp_s > FORGOTTEN_S else self._before
         self._stamp_s = stamp_s
-        turned, at_m = cmath.rect(1.0, pose.yaw_rad), complex(pose.x_m, pose.y_m)
-        middle = round(-view.scan.angle_min_rad / view.scan.angle_step_rad)
-        half = round(AHEAD_RAD / abs(view.scan.angle_step_rad))
+        scan, x_m, y_m, yaw_rad = view.scan, pose.x_m, pose.y_m, pose.yaw_rad
         thin_m, seen = thin_places(
-            view.x_m, view.y_m, view.solid, view.ranges_m, view.dirty, middle - half, middle + half + 1, turned, at_m
-        )
-        before = tuple(self._before)
-        self._before.append(thin_m)
+            view.x_m, view.y_m, view.solid, view.ranges_m, view.dirty, scan.angle_min_rad, scan.angle_step_rad,
+            x_m, y_m, yaw_rad,
+        )  # fmt: skip
+        self._before = (*before[2 - SCANS :], thin_m)
         if len(before) < SCANS - 1 or not seen.size:
             return NOWHERE
-        there_m = returned(seen, before, turned, at_m)
+        there_m = returned(seen, before, x_m, y_m, yaw_rad)
         return NOWHERE if there_m is None else there_m
 
 
 @twin
-def returned(seen: Places, before: tuple[Places, ...], turned: complex, at_m: complex) -> Places | None:
+def returned(seen: Places, before: tuple[Places, ...], at_x_m: float, at_y_m: float, yaw_rad: float) -> Places | None:
     """Return which of the places seen, (k,) in base_link, were seen before, and those seen before; None for none.
 
-    before: of each of the scans before, in the odometry frame. turned, at_m: heading and place of base_link in it.
+    before: of each of the scans before, in the odometry frame. at_x_m, at_y_m, yaw_rad: where base_link is in it.
     """
+    turned, at_m = cmath.rect(1.0, yaw_rad), complex(at_x_m, at_y_m)
     old = np.concatenate(before)
     off = old - (seen * turned + at_m)[:, None]
     if np.count_nonzero(np.abs(off) < SAME_RANGE_M + SAME_ASIDE_M) < SCANS - 2:
@@ -87,24 +84,28 @@ def returned(seen: Places, before: tuple[Places, ...], turned: complex, at_m: co
 
 
 @twin
-def thin_places(
+def thin_places(  # flat arguments, as its twin in C wants them
     x_m: Floats,
     y_m: Floats,
     solid: Booleans,
     ranges_m: Floats,
     dirty: Booleans | None,
-    first: int,
-    last: int,
-    turned: complex,
-    at_m: complex,
+    angle_min_rad: float,
+    angle_step_rad: float,
+    at_x_m: float,
+    at_y_m: float,
+    yaw_rad: float,
 ) -> tuple[Places, Places]:
-    """Return the places of beams from first to before last that are nearer than what is left and right of them.
+    """Return the places of beams ahead, within AHEAD_RAD, that are nearer than what is left and right of them.
 
     First all of them, (k,) in the odometry frame, then in base_link those that do not count already, (j,), because
-    fewer than three beams meet them. turned, at_m: heading and place of base_link in the odometry frame.
+    fewer than three beams meet them. x_m to dirty: of a View, (beams,). at_x_m, at_y_m, yaw_rad: where base_link is in
+    the odometry frame.
     """
-    first = max(STANDS_OUT_BEAMS, first)
-    last = max(first, min(ranges_m.size - STANDS_OUT_BEAMS, last))
+    middle = round(-angle_min_rad / angle_step_rad)
+    half = round(AHEAD_RAD / abs(angle_step_rad))
+    first = max(STANDS_OUT_BEAMS, middle - half)
+    last = max(first, min(ranges_m.size - STANDS_OUT_BEAMS, middle + half + 1))
     around_m = ranges_m[first - STANDS_OUT_BEAMS : last + STANDS_OUT_BEAMS]
     here_m = ranges_m[first:last]
     hidden = around_m[2 * STANDS_OUT_BEAMS :] - here_m < STANDS_OUT_M  # NaN, no echo, counts as far
@@ -115,4 +116,5 @@ def thin_places(
     if dirty is not None:
         thin &= ~dirty[first:last]
     index = thin.nonzero()[0] + first
+    turned, at_m = cmath.rect(1.0, yaw_rad), complex(at_x_m, at_y_m)
     return places_m(x_m, y_m, index) * turned + at_m, places_m(x_m, y_m, index[~solid.take(index)])

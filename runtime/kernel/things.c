@@ -48,25 +48,27 @@ KERNEL(small_things) {
     return things;
 }
 
-/* thin_places(x, y, solid, ranges, dirty | None, first, last, turned, at)
+/* thin_places(x, y, solid, ranges, dirty | None, first bearing, step, at x, at y, yaw)
  *   -> places in odom, lonely ones in base_link */
 KERNEL(thin_places) {
     struct row x, y, solid, range, dirty = {NULL, 0, 0};
-    beam span[2];
+    double v[5];
     const beam apart = FAINT_STANDS_OUT_BEAMS;
-    if (!enough(count, 9, "thin_places") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
+    if (!enough(count, 10, "thin_places") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
         !as_row(given[2], NPY_BOOL, &solid) || !as_row(given[3], NPY_DOUBLE, &range) ||
-        (given[4] != Py_None && !as_row(given[4], NPY_BOOL, &dirty)) || !as_indices(given + 5, 2, span))
+        (given[4] != Py_None && !as_row(given[4], NPY_BOOL, &dirty)) || !as_numbers(given + 5, 5, v))
         return NULL;
     if (x.count != range.count || y.count != range.count || solid.count != range.count ||
         (dirty.data && dirty.count != range.count)) {
         PyErr_SetString(PyExc_ValueError, "thin_places: arrays of different lengths");
         return NULL;
     }
-    Py_complex turned = PyComplex_AsCComplex(given[7]), at = PyComplex_AsCComplex(given[8]);
-    if (PyErr_Occurred())
-        return NULL;
-    beam from = span[0] < apart ? apart : span[0], to = span[1] > range.count - apart ? range.count - apart : span[1];
+    double middle = rint(-v[0] / v[1]), half = rint(FAINT_AHEAD_RAD / fabs(v[1]));
+    if (!isfinite(middle) || !isfinite(half))
+        return PyErr_Format(PyExc_ValueError, "thin_places: no angle from beam to beam");
+    place turned = CMPLX(cos(v[4]), sin(v[4])), at = CMPLX(v[2], v[3]);
+    beam from = (beam)within(middle - half, (double)apart, (double)range.count);
+    beam to = (beam)within(middle + half + 1, 0.0, (double)(range.count - apart));
     place *found = malloc(2 * sizeof(place) * (size_t)(to > from ? to - from : 1));
     if (!found)
         return PyErr_NoMemory();
@@ -77,7 +79,7 @@ KERNEL(thin_places) {
         if (here < FAINT_WITHIN_M && here > FAINT_FROM_M && !(NUMBER(range, i + apart) - here < FAINT_STANDS_OUT_M) &&
             !(NUMBER(range, i - apart) - here < FAINT_STANDS_OUT_M) && !(dirty.data && FLAG(dirty, i))) {
             place seen = CMPLX(NUMBER(x, i), NUMBER(y, i));
-            found[few++] = times(seen, CMPLX(turned.real, turned.imag)) + CMPLX(at.real, at.imag);
+            found[few++] = times(seen, turned) + at;
             if (!FLAG(solid, i))
                 lonely[alone++] = seen;
         }
@@ -91,10 +93,11 @@ KERNEL(thin_places) {
     return NULL;
 }
 
-/* returned(seen, before, turned, at) -> places | None */
+/* returned(seen, before, at x, at y, yaw) -> places | None */
 KERNEL(returned) {
     struct row seen, old[8];
-    if (!enough(count, 4, "returned") || !as_row(given[0], NPY_CDOUBLE, &seen))
+    double v[3];
+    if (!enough(count, 5, "returned") || !as_row(given[0], NPY_CDOUBLE, &seen) || !as_numbers(given + 2, 3, v))
         return NULL;
     if (!PyTuple_Check(given[1]) || PyTuple_GET_SIZE(given[1]) > 8) {
         PyErr_SetString(PyExc_TypeError, "returned wants a tuple of at most 8 arrays");
@@ -107,10 +110,7 @@ KERNEL(returned) {
             return NULL;
         most_places += old[k].count;
     }
-    Py_complex turned_by = PyComplex_AsCComplex(given[2]), at_m = PyComplex_AsCComplex(given[3]);
-    if (PyErr_Occurred())
-        return NULL;
-    place turned = CMPLX(turned_by.real, turned_by.imag), at = CMPLX(at_m.real, at_m.imag);
+    place turned = CMPLX(cos(v[2]), sin(v[2])), at = CMPLX(v[0], v[1]);
     place *found = malloc(sizeof(place) * (size_t)(most_places + 1));
     npy_bool *kept = calloc((size_t)most_places + 1, 1);
     if (!found || !kept) {
