@@ -3,6 +3,7 @@
 import math
 
 from drivers.api import MotorState
+from drivers.twin import twin
 from drivers.value import value
 
 
@@ -35,15 +36,26 @@ class Odometry:
         if state is None:
             self.pose = Pose(self.pose.x_m, self.pose.y_m, self.pose.yaw_rad)
             return self.pose
-        curvature = math.tan(state.steering_rad) / self._wheelbase_m
         step_m = state.distance_m - last.distance_m if last is not None else 0.0
-        turn_rad = step_m * curvature
-        middle_rad = self.pose.yaw_rad + turn_rad / 2
-        self.pose = Pose(
-            self.pose.x_m + step_m * math.cos(middle_rad),
-            self.pose.y_m + step_m * math.sin(middle_rad),
-            math.remainder(self.pose.yaw_rad + turn_rad, math.tau),
-            state.speed_mps,
-            state.speed_mps * curvature,
+        at, speed_mps = self.pose, state.speed_mps
+        x_m, y_m, yaw_rad, curvature_per_m = driven_on(
+            at.x_m, at.y_m, at.yaw_rad, step_m, state.steering_rad, self._wheelbase_m
         )
+        self.pose = Pose(x_m, y_m, yaw_rad, speed_mps, speed_mps * curvature_per_m)
         return self.pose
+
+
+@twin
+def driven_on(
+    x_m: float, y_m: float, yaw_rad: float, step_m: float, steering_rad: float, wheelbase_m: float
+) -> tuple[float, float, float, float]:
+    """Return x_m, y_m, yaw_rad and the curvature [1/m] after a step with that steering from that place."""
+    curvature_per_m = math.tan(steering_rad) / wheelbase_m
+    turn_rad = step_m * curvature_per_m
+    middle_rad = yaw_rad + turn_rad / 2
+    return (
+        x_m + step_m * math.cos(middle_rad),
+        y_m + step_m * math.sin(middle_rad),
+        math.remainder(yaw_rad + turn_rad, math.tau),
+        curvature_per_m,
+    )

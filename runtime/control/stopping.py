@@ -45,7 +45,7 @@ class SlidingSpeed:
         self._rolls_mps2 = rolls_mps2
         self._slides_mps2 = slides_mps2
         self._signed_mps = 0.0
-        self._stamp_s = math.nan
+        self._stamp_s = -math.inf
         self.slides = False
 
     def tune(self, rolls_mps2: float, slides_mps2: float) -> None:
@@ -55,15 +55,14 @@ class SlidingSpeed:
 
     def update(self, reported_mps: float | None, stamp_s: float) -> float:
         """Return the signed speed at this scan; None (no report) counts as locked wheels."""
-        reported_mps = reported_mps or 0.0
-        elapsed_s = max(0.0, stamp_s - self._stamp_s) if not math.isnan(self._stamp_s) else math.inf
+        signed_mps = reported_mps or 0.0
+        size_mps, last_mps = abs(signed_mps), abs(self._signed_mps)
+        elapsed_s = stamp_s - self._stamp_s if stamp_s > self._stamp_s else 0.0
         self._stamp_s = stamp_s
-        last_mps = abs(self._signed_mps)
-        self.slides = self.slides or abs(reported_mps) < last_mps - self._rolls_mps2 * elapsed_s
-        slowest_mps = max(0.0, last_mps - self._slides_mps2 * elapsed_s)
-        if not self.slides or abs(reported_mps) >= slowest_mps:
-            self.slides = False
-            self._signed_mps = reported_mps
-        else:
-            self._signed_mps = math.copysign(slowest_mps, self._signed_mps)
-        return self._signed_mps
+        if self.slides or size_mps < last_mps - self._rolls_mps2 * elapsed_s:
+            slowest_mps = max(0.0, last_mps - self._slides_mps2 * elapsed_s)
+            self.slides = not size_mps >= slowest_mps  # nor where the report is no number
+            if self.slides:
+                signed_mps = math.copysign(slowest_mps, self._signed_mps)
+        self._signed_mps = signed_mps
+        return signed_mps

@@ -30,6 +30,7 @@ from runtime.control import (
     geometry,
     movers,
     my_wall,
+    odometry,
     perception,
     prediction,
     speed_profile,
@@ -41,7 +42,7 @@ from runtime.warmth import Prefetch
 
 SWITCH: Final = "WALLRIDE_COMPILED"
 MODULES: Final = (
-    codec, ranges, ball_law, ball_path, darkness, faint, footprint, geometry, movers, my_wall, perception,
+    codec, ranges, ball_law, ball_path, darkness, faint, footprint, geometry, movers, my_wall, odometry, perception,
     prediction, speed_profile, wall, wall_track,
 )  # fmt: skip
 HERE: Final = Path(__file__).parent

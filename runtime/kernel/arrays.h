@@ -90,6 +90,7 @@ KERNEL(rolled);
 KERNEL(bend_of);
 KERNEL(fastest_mps);
 KERNEL(foreseen);
+KERNEL(driven_on);
 KERNEL(pursued);
 KERNEL(predicted);
 KERNEL(corrected);

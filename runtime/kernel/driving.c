@@ -1,4 +1,4 @@
-/* Twins of runtime/control/prediction.py, speed_profile.py and ball_path.py's bend: loops over a few numbers. */
+/* Twins of runtime/control/prediction.py, odometry.py, speed_profile.py and ball_path.py's bend: a few numbers. */
 
 #include "arrays.h"
 #include "constants.h"
@@ -144,4 +144,18 @@ KERNEL(fastest_mps) {
         square = least(square, lateral / bend + 2 * brake * most(way[i + 1] - margin, 0.0));
     }
     return PyFloat_FromDouble(sqrt(square));
+}
+
+/* driven_on(x, y, yaw, step, steering, wheelbase) -> x, y, yaw, curvature */
+KERNEL(driven_on) {
+    double v[6];
+    if (!enough(count, 6, "driven_on") || !as_numbers(given, 6, v))
+        return NULL;
+    double curvature = tan(v[4]) / v[5], turn = v[3] * curvature, middle = v[2] + turn / 2;
+    if (isinf(v[4]) || isinf(middle)) {
+        PyErr_SetString(PyExc_ValueError, "math domain error"); /* as Python's tan and cos */
+        return NULL;
+    }
+    return Py_BuildValue("(dddd)", v[0] + v[3] * cos(middle), v[1] + v[3] * sin(middle),
+                         remainder(v[2] + turn, 2 * Py_MATH_PI), curvature);
 }

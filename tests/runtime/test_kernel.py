@@ -290,6 +290,30 @@ def test_more_answers_than_are_remembered_are_refused(compiled):
         compiled["foreseen"](((9.0, 0.1),) * 13, (8.9, 0.0, 0.1), *FORESEEN)
 
 
+@given(
+    place=st.tuples(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(-3.2, 3.2)),
+    step_m=st.floats(-2.0, 20.0),
+    steering_rad=SOME_RAD,
+)
+def test_any_step_is_driven_alike(compiled, place, step_m, steering_rad):
+    given_ = (*place, step_m, steering_rad, 0.33)
+    assert_same("driven_on", twin.PLAIN["driven_on"](*given_), compiled["driven_on"](*given_))
+
+
+@pytest.mark.parametrize("place", range(6))
+def test_what_is_no_number_is_driven_alike(compiled, place):
+    given_ = [1.0, 2.0, 0.5, 0.1, 0.2, 0.33]
+    for value in (math.nan, math.inf):
+        given_[place] = value
+        try:
+            expected = twin.PLAIN["driven_on"](*given_)
+        except ValueError:  # no angle is without end
+            with pytest.raises(ValueError, match="math domain error"):
+                compiled["driven_on"](*given_)
+        else:
+            assert_same("driven_on", expected, compiled["driven_on"](*given_))
+
+
 YES_OR_NO = st.lists(st.booleans(), min_size=12, max_size=12)
 
 
