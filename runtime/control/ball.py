@@ -16,10 +16,10 @@ from runtime.car_settings import CarSettings
 from runtime.control.ball_law import Aim, look_aheads_m, pursued
 from runtime.control.ball_path import RADII_M, BallPath, WallPoints, ball_path, bend_per_m
 from runtime.control.ball_settings import BallSettings
-from runtime.control.geometry import Floats, Places
+from runtime.control.geometry import Floats
 from runtime.control.guidance import Guidance
 from runtime.control.lost import SEARCH_PER_M, Lost
-from runtime.control.my_wall import Beams, SideView, bridge_glass, my_wall, outline, side_view
+from runtime.control.my_wall import Beams, SideView, bridge_glass, my_wall, outline, side_view, wall_around
 from runtime.control.noise_bias import NoiseBias
 from runtime.control.perception import Eyes
 from runtime.control.prediction import Predictor, Shift
@@ -99,7 +99,7 @@ class BallFollower:
         line = seen.side.lines.find(seen.x_m, seen.y_m, seen.range_m, seen.solid, expected)
         tracked = self._track.correct(line)
         desired_m = self._room.beside_m(seen, line, settings.desired_distance_m, moved_m)
-        wall = WallPoints.of(_wall_places_m(seen, mine, line), shift)
+        wall = _wall_points(seen, mine, line, shift)
         line_now, line, tracked = line, _from_there(line, shift), _from_there(tracked, shift)
         bias_m = self._bias.learn(line, wall.nearest_m)
         path = ball_path(
@@ -174,11 +174,12 @@ class BallFollower:
         return Guidance(drive, math.nan, math.nan, math.nan, reason)
 
 
-def _wall_places_m(seen: SideView, mine: Beams, line: Line | None) -> Places:
-    """Return my wall as thinned places, panes of glass filled in."""
-    places_m = outline(seen.x_m, seen.y_m, mine)
+def _wall_points(seen: SideView, mine: Beams, line: Line | None, shift: Shift) -> WallPoints:
+    """Return my wall as thinned points, panes of glass filled in, as seen from there."""
     glass_m = bridge_glass(seen, mine, line) if line is not None else None
-    return places_m if glass_m is None else np.concatenate((places_m, glass_m))
+    if glass_m is None:
+        return WallPoints(*wall_around(seen.x_m, seen.y_m, mine, shift.x_m, shift.y_m, shift.yaw_rad))
+    return WallPoints.of(np.concatenate((outline(seen.x_m, seen.y_m, mine), glass_m)), shift)
 
 
 def _from_there(line: Line | None, shift: Shift) -> Line | None:

@@ -9,7 +9,6 @@ bearing b is nearer than D to the places of the circle of radius r within b +- h
 so the first place is the least b - h of all points, unless the free end itself lies within one of them.
 """
 
-import cmath
 import math
 
 import numpy as np
@@ -17,12 +16,12 @@ import numpy as np
 from drivers.twin import twin
 from drivers.value import value
 from runtime.control.geometry import Floats, Places
+from runtime.control.my_wall import around
 from runtime.control.prediction import Shift
 
 WIDEST_RAD = math.radians(85)
 RADII_M = tuple(np.linspace(0.3, 3.0, 10).tolist())
 """The circles of the path: how far it is looked at by the speed profile."""
-_NEAREST_M = 1e-3
 _BEND_CIRCLES = slice(1, 5)
 """Circles of 0.6 to 1.5 m, by which the bend of the path is measured."""
 
@@ -61,14 +60,6 @@ class BallPath:
     def first(self, count: int) -> "BallPath":
         """Return the part on the first circles."""
         return BallPath(self.radius_m[:count], self.bearing_rad[:count], self.meets[:count], self.crosses[:count])
-
-
-@twin
-def around(places_m: Places, x_m: float, y_m: float, yaw_rad: float) -> tuple[Floats, Floats, float]:
-    """Return range_m and bearing_rad of places x + iy, (n,) each, seen from (x_m, y_m) at that heading; the nearest."""
-    seen = (places_m - complex(x_m, y_m)) * cmath.rect(1.0, -yaw_rad)
-    range_m = np.maximum(np.abs(seen), _NEAREST_M)
-    return range_m, np.arctan2(seen.imag, seen.real), float(range_m.min(initial=math.inf))
 
 
 def ball_path(wall: WallPoints, ball_m: float, more_radii_m: tuple[float, ...]) -> BallPath:

@@ -4,6 +4,7 @@ Everything is for a wall on the left: `WallSide` brings a scan into that form. P
 goes from the rear of the wall side across the front to the other side.
 """
 
+import cmath
 import math
 from functools import lru_cache
 from itertools import pairwise
@@ -37,6 +38,8 @@ SIDE_TO_RAD = math.radians(132)
 FEWEST_POINTS = 5
 SMOOTHED_POINTS = 5
 THINNED_TO_M = 0.08
+NEAREST_M = 1e-3
+"""No point counts as nearer to the rear axle: the ball's path divides by ranges."""
 GLASS_RANGE_M = 6.0
 GLASS_GAP_M = 4.5
 GLASS_ON_LINE_M = 0.08
@@ -171,6 +174,22 @@ def outline(x_m: Floats, y_m: Floats, wall: Beams) -> Places:
     keep[0] = keep[-1] = True  # the first point and the last one stay
     kept: Places = places[keep]
     return kept
+
+
+@twin
+def around(places_m: Places, x_m: float, y_m: float, yaw_rad: float) -> tuple[Floats, Floats, float]:
+    """Return range_m and bearing_rad of places x + iy, (n,) each, seen from (x_m, y_m) at that heading; the nearest."""
+    seen = (places_m - complex(x_m, y_m)) * cmath.rect(1.0, -yaw_rad)
+    range_m = np.maximum(np.abs(seen), NEAREST_M)
+    return range_m, np.arctan2(seen.imag, seen.real), float(range_m.min(initial=math.inf))
+
+
+@twin
+def wall_around(
+    x_m: Floats, y_m: Floats, wall: Beams, from_x_m: float, from_y_m: float, yaw_rad: float
+) -> tuple[Floats, Floats, float]:
+    """Return the outline of the wall as seen from (from_x_m, from_y_m) at that heading: see `around`."""
+    return around(outline(x_m, y_m, wall), from_x_m, from_y_m, yaw_rad)
 
 
 def bridge_glass(seen: SideView, wall: Beams, line: Line) -> Places | None:

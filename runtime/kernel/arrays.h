@@ -86,6 +86,7 @@ KERNEL(outline);
 KERNEL(wall_line);
 KERNEL(room_for);
 KERNEL(around);
+KERNEL(wall_around);
 KERNEL(rolled);
 KERNEL(bend_of);
 KERNEL(fastest_mps);

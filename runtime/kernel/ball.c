@@ -5,29 +5,6 @@
 
 #define TAU 6.283185307179586476925286766559
 
-/* around(places, x, y, yaw) -> ranges, bearings, nearest, seen from (x, y) at that heading */
-KERNEL(around) {
-    struct row places;
-    double v[3];
-    if (!enough(count, 4, "around") || !as_row(given[0], NPY_CDOUBLE, &places) || !as_numbers(given + 1, 3, v))
-        return NULL;
-    PyObject *ranges = fresh(NPY_DOUBLE, places.count), *bearings = fresh(NPY_DOUBLE, places.count);
-    if (!ranges || !bearings) {
-        Py_XDECREF(ranges);
-        Py_XDECREF(bearings);
-        return NULL;
-    }
-    double nearest = INFINITY;
-    place turned = CMPLX(1.0 * cos(-v[2]), 1.0 * sin(-v[2]));
-    for (beam i = 0; i < places.count; i++) {
-        place seen = times(PLACE(places, i) - CMPLX(v[0], v[1]), turned);
-        double range = DATA(double, ranges)[i] = most(cabs(seen), BALL_PATH_NEAREST_M);
-        nearest = least(range, nearest);
-        DATA(double, bearings)[i] = atan2(cimag(seen), creal(seen));
-    }
-    return Py_BuildValue("(NNd)", ranges, bearings, nearest);
-}
-
 /* The bearing on a circle that is nearest to the wall, where the wall does not meet the circle. */
 static double nearest_rad(const double *range, const double *bearing, beam points, double radius) {
     double best = INFINITY, at = 0.0;

@@ -83,21 +83,25 @@ KERNEL(silent_among) {
     return PyLong_FromSsize_t(silent);
 }
 
-/* outline(x, y, indices) -> places */
-KERNEL(outline) {
+/* Put the wall's points, smoothed and thinned, where the caller frees them; return how many, or -1.
+ * given: x, y, indices. */
+static beam outlined(PyObject *const *given, place **to) {
     struct row x, y, index;
-    if (!enough(count, 3, "outline") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
-        !as_row(given[2], NPY_INTP, &index))
-        return NULL;
+    if (!as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) || !as_row(given[2], NPY_INTP, &index))
+        return -1;
     const beam points = index.count, window = MY_WALL_SMOOTHED_POINTS, half = window / 2;
-    place *places = malloc(sizeof(place) * (size_t)(2 * points + 1)), *total = places + points;
-    if (!places)
-        return PyErr_NoMemory();
+    place *total = malloc(sizeof(place) * (size_t)(2 * points + 1));
+    if (!total) {
+        PyErr_NoMemory();
+        return -1;
+    }
+    place *places = total + points;
     for (beam i = 0; i < points; i++) {
         npy_intp from = INDEX(index, i);
         if (from < 0 || from >= x.count || from >= y.count) {
-            free(places);
-            return PyErr_Format(PyExc_IndexError, "outline: no beam %zd", (Py_ssize_t)from);
+            free(total);
+            PyErr_Format(PyExc_IndexError, "outline: no beam %zd", (Py_ssize_t)from);
+            return -1;
         }
         places[i] = CMPLX(NUMBER(x, from), NUMBER(y, from));
         total[i] = i ? total[i - 1] + places[i] : places[i];
@@ -109,19 +113,71 @@ KERNEL(outline) {
     }
     beam kept = 0, cell = -1;
     double way_m = 0.0;
-    place *to = total; /* never ahead of what is read */
+    *to = total; /* nobody needs the sums any more */
     if (points)
-        to[kept++] = places[0];
+        total[kept++] = places[0];
     for (beam i = 1; i < points; i++) {
         way_m += cabs(places[i] - places[i - 1]);
         beam here = (beam)(way_m * (1 / MY_WALL_THINNED_TO_M));
         if (i > 1 && here != cell)
-            to[kept++] = places[i - 1];
+            total[kept++] = places[i - 1];
         cell = here;
     }
     if (points > 1)
-        to[kept++] = places[points - 1];
-    PyObject *answer = copied(NPY_CDOUBLE, kept, to);
+        total[kept++] = places[points - 1];
+    return kept;
+}
+
+/* outline(x, y, indices) -> places */
+KERNEL(outline) {
+    place *places;
+    beam kept = enough(count, 3, "outline") ? outlined(given, &places) : -1;
+    if (kept < 0)
+        return NULL;
+    PyObject *answer = copied(NPY_CDOUBLE, kept, places);
+    free(places);
+    return answer;
+}
+
+/* Ranges, bearings and the nearest range of places seen from (v[0], v[1]) at heading v[2]. */
+static PyObject *seen_from(const struct row *places, const double *v) {
+    PyObject *ranges = fresh(NPY_DOUBLE, places->count), *bearings = fresh(NPY_DOUBLE, places->count);
+    if (!ranges || !bearings) {
+        Py_XDECREF(ranges);
+        Py_XDECREF(bearings);
+        return NULL;
+    }
+    double nearest = INFINITY;
+    place turned = CMPLX(cos(-v[2]), sin(-v[2]));
+    for (beam i = 0; i < places->count; i++) {
+        place seen = times(PLACE(*places, i) - CMPLX(v[0], v[1]), turned);
+        double range = DATA(double, ranges)[i] = greater(cabs(seen), MY_WALL_NEAREST_M);
+        nearest = range < nearest || isnan(range) ? range : nearest; /* as numpy's min */
+        DATA(double, bearings)[i] = atan2(cimag(seen), creal(seen));
+    }
+    return Py_BuildValue("(NNd)", ranges, bearings, nearest);
+}
+
+/* around(places, x, y, yaw) -> ranges, bearings, nearest, seen from (x, y) at that heading */
+KERNEL(around) {
+    struct row places;
+    double v[3];
+    if (!enough(count, 4, "around") || !as_row(given[0], NPY_CDOUBLE, &places) || !as_numbers(given + 1, 3, v))
+        return NULL;
+    return seen_from(&places, v);
+}
+
+/* wall_around(x, y, indices, from x, from y, yaw) -> ranges, bearings, nearest of the outline */
+KERNEL(wall_around) {
+    place *places;
+    double v[3];
+    if (!enough(count, 6, "wall_around") || !as_numbers(given + 3, 3, v))
+        return NULL;
+    beam kept = outlined(given, &places);
+    if (kept < 0)
+        return NULL;
+    struct row row = {(char *)places, sizeof(place), kept};
+    PyObject *answer = seen_from(&row, v);
     free(places);
     return answer;
 }

@@ -163,6 +163,31 @@ def test_nonsense_gets_the_same_answers(compared, seed, speed_mps, steering_rad)
             drive.see_ranges(ranges(seed + scan_number // 5), speed_mps=speed_mps, steering_rad=steering_rad)
 
 
+@given(
+    seed=st.integers(0, 2**32),
+    points=st.sampled_from([1, 2, 3, 4, 5, 6, 7, 30, 400]),
+    there=st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-4.0, 4.0)),
+)
+def test_any_wall_is_seen_from_there_alike(compiled, seed, points, there):
+    rng = np.random.default_rng(seed)
+    x_m, y_m = rng.choice([0.005, 0.05, 1.0]) * rng.normal(1.0, 1.0, (2, points)).cumsum(axis=1)
+    wall = np.flatnonzero(rng.random(points) < rng.choice([0.3, 1.0]))
+    if not wall.size:
+        wall = np.array([points - 1])
+    given_ = (x_m, y_m, wall, *there)
+    assert_same("wall_around", twin.PLAIN["wall_around"](*given_), compiled["wall_around"](*given_))
+    at_once = (x_m, y_m, wall, x_m[wall[0]], y_m[wall[0]], there[2])  # the rear axle in the wall
+    assert_same("wall_around", twin.PLAIN["wall_around"](*at_once), compiled["wall_around"](*at_once))
+
+
+@pytest.mark.parametrize("place", range(3))
+def test_a_wall_is_seen_alike_from_where_is_no_number(compiled, place):
+    there = [0.1, 0.2, 0.3]
+    there[place] = math.nan
+    given_ = (np.arange(9.0), np.ones(9), np.arange(9), *there)
+    assert_same("wall_around", twin.PLAIN["wall_around"](*given_), compiled["wall_around"](*given_))
+
+
 @pytest.mark.parametrize("beams", [1, 2, 5])
 def test_hardly_any_beam_gets_the_same_answers(compared, beams):
     drive = Drive()
@@ -412,6 +437,8 @@ def test_arrays_of_different_lengths_are_refused(compiled):
         compiled["solid_places"](short, long_m, flags)
     with pytest.raises(IndexError, match="no beam 9"):
         compiled["outline"](long_m, long_m, np.array([0, 9]))
+    with pytest.raises(IndexError, match="no beam -1"):
+        compiled["wall_around"](long_m, long_m, np.array([0, -1]), 0.0, 0.0, 0.0)
 
 
 def test_the_twins_were_written_for_the_python_that_is_here():
@@ -443,7 +470,7 @@ def test_constants_come_from_the_python():
     known = dict(kernel.constants())
     assert known["PERCEPTION_DIRT_NEARER_THAN_M"] == perception.DIRT_NEARER_THAN_M
     assert known["WALL_GATES_M_2"] == 0.06
-    assert known["BALL_PATH_NEAREST_M"] == 1e-3
+    assert known["PREDICTION_STEP_S"] == 0.015
 
 
 def test_without_a_compiler_python_answers_and_says_so(monkeypatch, tmp_path, as_it_was):
