@@ -55,24 +55,11 @@ class Answers:
     told: Told = ()
     wire: Wire = (-math.inf, WIRE_S, WIRE_S)
 
-    @property
-    def wire_s(self) -> float:
-        """From a scan's arrival to its answer on the wire, as far as it has been measured."""
-        return to_wire_s(self.wire)
-
     def said(self, now_s: float, steering_rad: float) -> None:
         """Remember the answer to a scan that came at that time."""
         last_s, last_rad = self.told[-1] if self.told else (now_s - _SCAN_S, 0.0)
         angle_rad = towards(last_rad, steering_rad, self.rate_radps * max(now_s - last_s, 0.0))
         self.told = (*self.told[1 - MOST_TOLD :], (now_s, angle_rad))
-
-    def heard(self, motor: MotorState) -> None:
-        """Compare with what the motor was told last."""
-        self.wire = measured(self.told, self.wire, motor.stamp_s, motor.steering_rad)
-
-    def in_flight(self, now_s: float) -> list[tuple[float, float]]:
-        """Return (time on the wire, angle) of the answers that the motor cannot have shown yet, in order."""
-        return in_flight(self.told, self.wire, now_s)
 
 
 def to_wire_s(wire: Wire) -> float:

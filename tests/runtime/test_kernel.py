@@ -16,11 +16,11 @@ from drivers.api import MotorState, Scan
 from drivers.hokuyo.codec import checksum
 from runtime import kernel
 from runtime.car_settings import CarSettings
-from runtime.control import ball_path, movers, perception
+from runtime.control import movers, my_wall, perception
 from runtime.control.ball import BallFollower
 from runtime.control.ball_settings import BallSettings
 from runtime.control.perception import Eyes
-from runtime.control.prediction import Answers
+from runtime.control.prediction import Answers, Told
 from runtime.control.swept import SweptGuard
 from runtime.control.swept_settings import SweptSettings
 from runtime.control.wall_track import WallTrack
@@ -285,7 +285,8 @@ FORESEEN = [9.0, 2.0, 0.1, 0.05, 8.99, 0.025, 0.04, 0.33, 0.01, 3.2]
 
 @given(steps=st.lists(st.tuples(st.floats(0.0, 0.06), SOME_RAD, st.integers(0, 3)), min_size=1, max_size=25))
 def test_the_way_to_the_wire_is_measured_alike_along_a_drive(compiled, steps):
-    told, wire, now_s = (), Answers(3.2).wire, 9.0
+    told: Told = ()
+    wire, now_s = Answers(3.2).wire, 9.0
     for since_s, angle_rad, ago in steps:
         now_s += since_s
         told = (*told[-11:], (now_s, angle_rad))
@@ -407,11 +408,11 @@ def test_any_line_is_tracked_alike(compiled, steps):
 
 
 def test_compiled_functions_are_called_without_a_step_in_between(compiled, as_it_was):
-    before = ball_path.around
+    before = my_wall.around
     twin.use(compiled)
-    assert ball_path.around is compiled["around"]
+    assert my_wall.around is compiled["around"]
     twin.use({"look": compiled["look"]})
-    assert ball_path.around is before
+    assert my_wall.around is before
     assert perception.look is compiled["look"]
 
 

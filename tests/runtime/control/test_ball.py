@@ -27,7 +27,7 @@ from runtime.control.geometry import Places
 from runtime.control.lost import FADE_PER_SCAN, Lost
 from runtime.control.noise_bias import NoiseBias
 from runtime.control.perception import Eyes
-from runtime.control.prediction import LONGEST_WIRE_S, WIRE_S, Answers, Predictor, Shift
+from runtime.control.prediction import LONGEST_WIRE_S, WIRE_S, Answers, Predictor, Shift, in_flight, measured, to_wire_s
 from runtime.control.speed_profile import speed_limit_mps
 from runtime.control.wall import Line
 from sim.beams import LidarSettings, true_ranges_m
@@ -329,32 +329,32 @@ def heard(wire_s, told, polls=200, poll_s=0.02, scan_s=0.025):
             scans += 1
         arrived = math.floor((now_s - wire_s) / scan_s + 1e-9)
         if arrived >= 0:
-            answers.heard(replace(MOTOR, stamp_s=now_s, steering_rad=told(arrived)))
+            answers.wire = measured(answers.told, answers.wire, now_s, told(arrived))
     return answers
 
 
 @pytest.mark.parametrize("wire_s", [0.0, 0.013, 0.04, 0.06, 0.11])
 def test_the_way_to_the_wire_is_measured_by_when_the_motor_shows_an_answer(wire_s):
-    assert heard(wire_s, lambda scan: 1e-3 * scan).wire_s == pytest.approx(wire_s, abs=0.008)
+    assert to_wire_s(heard(wire_s, lambda scan: 1e-3 * scan).wire) == pytest.approx(wire_s, abs=0.008)
 
 
 def test_steady_wheels_strangers_and_very_old_answers_tell_nothing_about_the_wire():
-    assert heard(0.06, lambda _: 0.1).wire_s == WIRE_S
-    assert heard(LONGEST_WIRE_S + 0.05, lambda scan: 1e-3 * scan).wire_s == WIRE_S
+    assert to_wire_s(heard(0.06, lambda _: 0.1).wire) == WIRE_S
+    assert to_wire_s(heard(LONGEST_WIRE_S + 0.05, lambda scan: 1e-3 * scan).wire) == WIRE_S
     stranger = Answers(100.0)
     stranger.said(0.0, 0.1)
-    stranger.heard(replace(MOTOR, stamp_s=0.1, steering_rad=0.2))
-    assert stranger.wire_s == WIRE_S
-    assert stranger.in_flight(0.0) == []
+    stranger.wire = measured(stranger.told, stranger.wire, 0.1, 0.2)
+    assert to_wire_s(stranger.wire) == WIRE_S
+    assert in_flight(stranger.told, stranger.wire, 0.0) == []
 
 
 def test_the_limiter_before_the_wire_is_reckoned_with():
     answers = Answers(3.2)
     answers.said(0.0, 0.34)
     answers.said(0.025, 0.34)
-    answers.heard(replace(MOTOR, stamp_s=0.05, steering_rad=0.08))
-    assert answers.wire_s == pytest.approx(0.0375)
-    assert [angle_rad for _, angle_rad in answers.in_flight(0.05)] == pytest.approx([0.16])
+    answers.wire = measured(answers.told, answers.wire, 0.05, 0.08)
+    assert to_wire_s(answers.wire) == pytest.approx(0.0375)
+    assert [angle_rad for _, angle_rad in in_flight(answers.told, answers.wire, 0.05)] == pytest.approx([0.16])
 
 
 def test_answers_on_their_way_to_the_wire_are_part_of_the_motion():
@@ -363,9 +363,9 @@ def test_answers_on_their_way_to_the_wire_are_part_of_the_motion():
         knowing.answers.said(0.025 * number, 0.05 * number)
     motor = replace(MOTOR, stamp_s=0.08, speed_mps=1.0, steering_rad=0.05)  # the second one: 30 to 55 ms to the wire
     expected = knowing.shift(0.08, motor, 0.03).yaw_rad
-    assert knowing.answers.wire_s == pytest.approx(0.0425)
+    assert to_wire_s(knowing.answers.wire) == pytest.approx(0.0425)
     assert expected > 2 * plain.shift(0.08, motor, 0.03).yaw_rad > 0
-    assert knowing.answers.in_flight(9.0) == []  # nobody shows them: somebody else drives
+    assert in_flight(knowing.answers.told, knowing.answers.wire, 9.0) == []  # nobody shows them: somebody else drives
 
 
 def test_the_bias_of_the_nearest_of_many_noisy_points_is_learnt_from_clean_lines_only():
