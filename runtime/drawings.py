@@ -18,7 +18,8 @@ from runtime.control.perception import View
 from runtime.ros.markers import BLUE, GREEN, ORANGE, RED, Kind, Marker
 from runtime.ros.messages import Floats
 
-WALL_FROM_M, WALL_TO_M = -1.0, 3.0
+WALL_ENDS_M = -1.0, 3.0
+"""Where it is drawn, along it from the point beside the rear axle."""
 LOOK_S = 1.0
 SHORTEST_LOOK_M = 0.5
 STEPS = 16
@@ -38,10 +39,10 @@ def wall(guidance: Guidance, side: Literal["left", "right"], ball_m: Floats | No
     away_m = guidance.line_m if math.isfinite(guidance.line_m) else guidance.distance_m
     if math.isfinite(guidance.angle_rad + away_m):
         sign = 1.0 if side == "left" else -1.0
-        along = np.array([[math.cos(guidance.angle_rad)], [math.sin(guidance.angle_rad)]])
-        aside = sign * np.array([[-along[1, 0]], [along[0, 0]]])
-        line = aside * away_m + along * np.array([[WALL_FROM_M, WALL_TO_M]])
-        drawings.append(Marker("wall", Kind.LINE_STRIP, line, GREEN))
+        cos, sin = math.cos(guidance.angle_rad), math.sin(guidance.angle_rad)
+        foot_x_m, foot_y_m = -sign * sin * away_m, sign * cos * away_m
+        line = [[foot_x_m + cos * on_m for on_m in WALL_ENDS_M], [foot_y_m + sin * on_m for on_m in WALL_ENDS_M]]
+        drawings.append(Marker("wall", Kind.LINE_STRIP, np.array(line), GREEN))
     if ball_m is not None and ball_m.shape[1]:
         drawings.append(Marker("ball", Kind.LINE_STRIP, ball_m, BLUE))
     return drawings
@@ -56,19 +57,19 @@ def footprint(output: Output, car: CarSettings, view: View | None) -> list[Marke
     bound = decision.winner is Source.SAFETY
     travel_m = way_m(drive, decision.measure if bound else math.nan)
     color = GREEN if not bound else ORANGE if drive.speed_mps else RED
-    left_m, right_m = edges_m(car, drive.steering_rad, travel_m)
+    edges = edges_m(car, drive.steering_rad, travel_m)
     drawings = [
         Marker("car", Kind.LINE_STRIP, outline_m(car), BLUE),
-        Marker("left edge", Kind.LINE_STRIP, left_m, color),
-        Marker("right edge", Kind.LINE_STRIP, right_m, color),
-        Marker("end", Kind.LINE_STRIP, np.stack([left_m[:, -1], right_m[:, -1]], axis=1), color),
+        Marker("left edge", Kind.LINE_STRIP, edges[0], color),
+        Marker("right edge", Kind.LINE_STRIP, edges[1], color),
+        Marker("end", Kind.LINE_STRIP, edges[:, :, -1].T, color),
     ]
     if view is None:
         return drawings
     if bound:
         drawings += _cause(view, car, *pose(drive.steering_rad, travel_m, car.wheelbase_m))
-    ignored = np.flatnonzero(np.isfinite(view.ranges_m) & ~view.solid)  # few: places are cheaper than a mask
-    points = np.stack([view.x_m[ignored], view.y_m[ignored]])
+    ignored = (np.isfinite(view.ranges_m) & ~view.solid).nonzero()[0]  # few: places are cheaper than a mask
+    points = np.array([view.x_m.take(ignored), view.y_m.take(ignored)])
     return [*drawings, Marker("ignored", Kind.POINTS, points, ORANGE)]
 
 
@@ -87,8 +88,8 @@ def pose(steering_rad: float, travel_m: float, wheelbase_m: float) -> tuple[floa
     return chord_m * math.cos(half_turn_rad), chord_m * math.sin(half_turn_rad), 2 * half_turn_rad
 
 
-def edges_m(car: CarSettings, steering_rad: float, travel_m: float) -> tuple[Floats, Floats]:
-    """Return the ways of the front left and the front right corner, (2, STEPS) each.
+def edges_m(car: CarSettings, steering_rad: float, travel_m: float) -> Floats:
+    """Return the ways of the front left and the front right corner, (2 corners, 2 coordinates, STEPS).
 
     Both turn about the same centre by the same angle from step to step, which in complex numbers is one product.
     """
@@ -103,8 +104,7 @@ def edges_m(car: CarSettings, steering_rad: float, travel_m: float) -> tuple[Flo
         ways_m += left_m, right_m
         left_m = centre_m + (left_m - centre_m) * turned + on_m
         right_m = centre_m + (right_m - centre_m) * turned + on_m
-    places_m = np.array(ways_m).view(np.float64).reshape(STEPS, 4).T
-    return places_m[:2], places_m[2:]
+    return np.array(ways_m).view(np.float64).reshape(STEPS, 2, 2).transpose(1, 2, 0)
 
 
 def outline_m(car: CarSettings) -> Floats:

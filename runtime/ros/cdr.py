@@ -3,7 +3,7 @@
 Four bytes name the encapsulation (00 01 00 00: CDR, little endian); alignment counts from the byte after them.
 """
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Mapping
 from functools import lru_cache
 from struct import Struct, calcsize
 from typing import Any
@@ -43,7 +43,7 @@ class CdrWriter:
     def array(self, letter: str, values: npt.NDArray[Any]) -> None:
         """Add an array whose length the definition fixes; letter f, d or B."""
         numbers = np.ascontiguousarray(values, _NUMBERS[letter])
-        self._align(numbers.itemsize)
+        self.align(numbers.itemsize)
         self._buffer += numbers.data if numbers.size else b""
 
     def sequence(self, letter: str, values: npt.NDArray[Any]) -> None:
@@ -52,16 +52,13 @@ class CdrWriter:
         if values.size:
             self.array(letter, values)
 
-    def again(self, write: Callable[..., None], *what: Hashable) -> None:
-        """Add what `write(out, *what)` adds, which is the same every time: it is called once for each alignment."""
-        self._buffer += _written(write, (len(self._buffer) - len(ENCAPSULATION)) % 8, *what)
+    def align(self, size_bytes: int) -> None:
+        """Fill up to a multiple of this."""
+        self._buffer += bytes(-(len(self._buffer) - len(ENCAPSULATION)) % size_bytes)
 
     def done(self) -> bytes:
         """Return the message."""
         return bytes(self._buffer)
-
-    def _align(self, size: int) -> None:
-        self._buffer += bytes(-(len(self._buffer) - len(ENCAPSULATION)) % size)
 
 
 class Template(CdrWriter):
@@ -91,14 +88,6 @@ class Template(CdrWriter):
         for layout, at, numbers in self._holes:
             layout.pack_into(filled, at, *values[numbers])
         return bytes(filled)
-
-
-@lru_cache(maxsize=256)
-def _written(write: Callable[..., None], phase: int, *what: Hashable) -> bytes:
-    out = CdrWriter()
-    out.put("B" * phase, *bytes(phase))
-    write(out, *what)
-    return out.done()[len(ENCAPSULATION) + phase :]
 
 
 @lru_cache(maxsize=256)

@@ -2,16 +2,18 @@
 
 from collections.abc import Sequence
 from enum import IntEnum
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from drivers.value import value
-from runtime.ros.cdr import CdrWriter
+from runtime.ros.cdr import ENCAPSULATION, CdrWriter, Template
 from runtime.ros.messages import BASE, NOTHING, NS, Floats, header
 
 LIFETIME_S = 0.6
 """A drawing that nobody renews disappears by itself."""
+POINT_BYTES = 3 * 8
 Color = tuple[float, float, float, float]
 GREEN: Color = (0.2, 0.8, 0.3, 1.0)
 BLUE: Color = (0.2, 0.5, 1.0, 1.0)
@@ -40,25 +42,37 @@ class Marker:
 
 def marker_array(stamp_ns: int, markers: Sequence[Marker]) -> bytes:
     """Return visualization_msgs/MarkerArray."""
-    out = CdrWriter()
-    out.put("I", len(markers))
+    message = bytearray(ENCAPSULATION + len(markers).to_bytes(4, "little"))
+    stamp, points, at = divmod(stamp_ns, NS), _points(markers), 0
     for marker in markers:
-        _marker(out, stamp_ns, marker)
-    return out.done()
+        count = marker.points_m.shape[1]
+        before = (len(message) - len(ENCAPSULATION)) % 8
+        head = _head(before, marker.name, marker.kind, marker.color, marker.width_m, filled=count > 0)
+        message += head.fill(*stamp, count)[len(ENCAPSULATION) + before :]
+        message += points[at : at + count * POINT_BYTES]
+        message += _TAIL
+        at += count * POINT_BYTES
+    return bytes(message)
 
 
-def _marker(out: CdrWriter, stamp_ns: int, marker: Marker) -> None:
-    out.put("iI", *divmod(stamp_ns, NS))
-    out.again(_before_points, marker.name, marker.kind, marker.color, marker.width_m)
-    points: npt.NDArray[np.float64] = np.zeros((marker.points_m.shape[1], 3))
-    points[:, :2] = marker.points_m.T
-    out.put("I", points.shape[0])
-    if points.size:
-        out.array("d", points)
-    out.again(_after_points)
+def _points(markers: Sequence[Marker]) -> bytes:
+    """Return the points of all the drawings, one after the other, as x, y, 0."""
+    if not markers:
+        return b""
+    points: npt.NDArray[np.float64] = np.zeros((sum(marker.points_m.shape[1] for marker in markers), 3))
+    np.concatenate([marker.points_m for marker in markers], axis=1, out=points.T[:2])
+    return points.tobytes()
 
 
-def _before_points(out: CdrWriter, name: str, kind: Kind, color: Color, width_m: float) -> None:
+@lru_cache(maxsize=256)
+def _head(before: int, name: str, kind: Kind, color: Color, width_m: float, *, filled: bool) -> Template:
+    """Return what is written before the points, from the time to their number.
+
+    before: how many bytes after a multiple of 8 it begins, which it has at its front. filled: there are points.
+    """
+    out = Template()
+    out.put("B" * before, *bytes(before))
+    out.holes("iI")
     add = 0
     out.text(BASE)
     out.text(name)
@@ -67,9 +81,14 @@ def _before_points(out: CdrWriter, name: str, kind: Kind, color: Color, width_m:
     out.put("ddd", width_m, width_m, width_m)
     out.put("ffff", *color)
     out.put("iI?", 0, round(LIFETIME_S * NS), False)  # noqa: FBT003 - not locked to its frame
+    out.holes("I")
+    if filled:
+        out.align(8)  # doubles
+    return out
 
 
-def _after_points(out: CdrWriter) -> None:
+def _tail() -> bytes:
+    out = CdrWriter()
     out.sequence("f", NOTHING)  # a colour for each point
     out.text("")  # texture
     header(out, 0, "")
@@ -81,3 +100,7 @@ def _after_points(out: CdrWriter) -> None:
     out.text("")
     out.sequence("B", NOTHING)
     out.put("?", False)  # noqa: FBT003 - no materials
+    return out.done()[len(ENCAPSULATION) :]
+
+
+_TAIL = _tail()
