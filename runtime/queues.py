@@ -75,6 +75,11 @@ class PriorityQueue(Generic[K, V]):
         self._forget_expired()
         return [self._slots[key].value for _, _, key in self._order]
 
+    def peek(self, key: K) -> V | None:
+        """Return what a key said, None when that is not in force now, and leave it there."""
+        entry = self._slots.get(key)
+        return entry.value if entry is not None and entry.expires_at_s > self._clock() else None
+
     def get_nowait(self) -> V | None:
         """Take out the most urgent live entry; None when there is none."""
         self._forget_expired()

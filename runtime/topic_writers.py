@@ -120,10 +120,11 @@ class TopicWriters:
 
     def _safety(self) -> Message | None:
         """What safety allows of the wish in question; nothing while nobody drives or safety is silent."""
-        output, live = self._newest.output, self._live()
-        safety = live.get(Source.SAFETY)
-        wish = live.get(output.decision.driver) if output is not None and output.decision.driver is not None else None
-        if output is None or safety is None or not isinstance(wish, DriveWord):
+        output, voices = self._newest.output, self._observed.voices
+        if output is None or output.decision.driver is None:
+            return None
+        safety, wish = voices.word(Source.SAFETY), voices.word(output.decision.driver)
+        if safety is None or not isinstance(wish, DriveWord):
             return None
         heard: Said = snapshot.said(safety, output.decision)
         allowed_mps = math.copysign(min(abs(wish.drive.speed_mps), heard.speed_mps), wish.drive.speed_mps)
@@ -131,7 +132,7 @@ class TopicWriters:
 
     def _voice(self, source: Source) -> Message | None:
         """What a driver wishes; nothing while it is silent."""
-        word = self._live().get(source)
+        word = self._observed.voices.word(source)
         if not isinstance(word, DriveWord):
             return None
         stamp_s = word.scan_stamp_s if word.scan_stamp_s is not None else self._observed.clock()
@@ -193,11 +194,8 @@ class TopicWriters:
     def _drive(self, stamp_s: float, speed_mps: float, steering_rad: float) -> Message:
         return stamp_s, messages.ackermann(self.unix_ns(stamp_s), speed_mps, steering_rad)
 
-    def _live(self) -> dict[Source, CapWord | DriveWord]:
-        return {word.source: word for word in self._observed.voices.live()}
-
     def _view(self) -> View | None:
         """Return the newest scan as safety sees it, where the law keeps a view."""
-        word = self._live().get(Source.SAFETY)
+        word = self._observed.voices.word(Source.SAFETY)
         outlook = word.outlook if isinstance(word, CapWord) else None
         return outlook.view if isinstance(outlook, Outlook) else None

@@ -50,6 +50,10 @@ class Voices:
         """Return the words in force, most urgent first."""
         return self._queue.live()
 
+    def word(self, source: Source) -> Word | None:
+        """Return the word of one voice; None when it is silent."""
+        return self._queue.peek(source)
+
     async def changed(self) -> None:
         """Wait for a new word or a tick."""
         await self._queue.changed()
