@@ -5,6 +5,7 @@ null is "no limit", a measure of null "no number", and a gate of "" is open.
 """
 
 import math
+from bisect import bisect_left, insort
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -54,17 +55,21 @@ def said(word: Word, decision: Decision | None) -> Said:
 
 @dataclass(slots=True)
 class Latency:
-    """How long the newest scans took from their last byte to the motor command [s]."""
+    """How long the newest scans took from their last byte to the motor command [s], by age and in order."""
 
-    samples_s: deque[float] = field(default_factory=lambda: deque(maxlen=LATENCIES))
+    _samples_s: deque[float] = field(default_factory=deque)
+    _ordered_s: list[float] = field(default_factory=list)
 
     def add(self, latency_s: float) -> None:
-        """Remember one."""
-        self.samples_s.append(latency_s)
+        """Remember one; kept in order, because to sort them all for every status costs more than the other fields."""
+        if len(self._samples_s) == LATENCIES:
+            del self._ordered_s[bisect_left(self._ordered_s, self._samples_s.popleft())]
+        self._samples_s.append(latency_s)
+        insort(self._ordered_s, latency_s)
 
     def fields(self) -> dict[str, float | None]:
         """Return p50, p99 and the longest in milliseconds; None without samples."""
-        ordered = sorted(self.samples_s)
+        ordered = self._ordered_s
         if not ordered:
             return dict.fromkeys(("p50", "p99", "max"))
         p99_s = ordered[min(len(ordered) - 1, math.ceil(0.99 * len(ordered)) - 1)]
