@@ -118,7 +118,8 @@ def status(observed: Observed, output: Output | None, journey: Journey) -> dict[
     now_s, motor_state = observed.clock(), observed.motor.state
     decision = output.decision if output is not None else None
     live = {word.source: word for word in observed.voices.live()}
-    closed = gates(observed, live, decision)
+    heard = {source: said(word, decision) for source, word in live.items()}
+    closed = gates(observed, heard)
     pose = journey.pose
     return {
         "car": observed.car,
@@ -128,7 +129,7 @@ def status(observed: Observed, output: Output | None, journey: Journey) -> dict[
         "state": state(output, closed),
         "output": decision_fields(output, live) if output is not None else None,
         "gates": closed,
-        "voices": voices(observed, live, decision),
+        "voices": voices(observed, live, heard),
         "operator": observed.operator().fields() if observed.operator is not None else None,
         "seconds_by_winner": dict(observed.seconds_by_winner),
         "speed_mps": motor_state.speed_mps if motor_state is not None else None,
@@ -161,27 +162,25 @@ def state(output: Output | None, closed: Mapping[str, str]) -> str:
     return "driving" if output.drive.speed_mps else "standing"
 
 
-def gates(observed: Observed, live: Mapping[Source, Word], decision: Decision | None) -> dict[str, str]:
+def gates(observed: Observed, heard: Mapping[Source, Said]) -> dict[str, str]:
     """Return what must be open for autonomy to move, each with the reason why it is closed, "" where it is open."""
     closed = {
         name: "" if device.health.link is LinkState.READY else f"{device.health.link}: {device.health.message}"
         for name, device in (("lidar", observed.lidar), ("motor", observed.motor))
     }
     for source in (Source.ESTOP, Source.SAFETY, Source.PERMIT):
-        word = live.get(source)
-        if word is not None:
-            heard = said(word, decision)
-            closed[source] = heard.reason if heard.speed_mps <= 0 else ""
+        if (says := heard.get(source)) is not None:
+            closed[str(source)] = says.reason if says.speed_mps <= 0 else ""
         else:
-            closed[source] = "" if source is Source.ESTOP else NO_WORD
-    closed[Source.NAVIGATION] = "" if Source.NAVIGATION in live else NO_WORD
-    return {str(name): reason for name, reason in closed.items()}
+            closed[str(source)] = "" if source is Source.ESTOP else NO_WORD
+    closed[str(Source.NAVIGATION)] = "" if Source.NAVIGATION in heard else NO_WORD
+    return closed
 
 
-def voices(observed: Observed, live: Mapping[Source, Word], decision: Decision | None) -> dict[str, Any]:
+def voices(observed: Observed, live: Mapping[Source, Word], heard: Mapping[Source, Said]) -> dict[str, Any]:
     """Return every voice in the mux's order: its age, whether it is in force, and what it says."""
     ages_s = observed.voices.ages_s()
-    return {str(source): _voice(live.get(source), ages_s.get(source), decision) for source in observed.voices.order}
+    return {str(source): _voice(live.get(source), ages_s.get(source), heard) for source in observed.voices.order}
 
 
 def decision_fields(output: Output, live: Mapping[Source, Word]) -> dict[str, Any]:
@@ -193,8 +192,8 @@ def decision_fields(output: Output, live: Mapping[Source, Word]) -> dict[str, An
     word = live.get(decision.driver) if decision.driver is not None else None
     return {
         "stamp_s": output.stamp_s,
-        "winner": decision.winner or "nobody",
-        "driver": decision.driver,
+        "winner": str(decision.winner or "nobody"),
+        "driver": str(decision.driver) if decision.driver is not None else None,
         "reason": decision.reason,
         "measure": decision.measure,
         "asked_mps": word.drive.speed_mps if isinstance(word, DriveWord) else None,
@@ -223,16 +222,18 @@ def health_fields(device: Lidar | Motor) -> dict[str, Any]:
     }
 
 
-def _voice(word: Word | None, age_s: float | None, decision: Decision | None) -> dict[str, Any]:
+def _voice(word: Word | None, age_s: float | None, heard: Mapping[Source, Said]) -> dict[str, Any]:
     if word is None:
         return {"age_s": age_s, "live": False}
-    heard = said(word, decision)
+    says = heard[word.source]
     fields = {
         "age_s": age_s,
         "live": True,
         "caps": isinstance(word, CapWord),
-        "speed_mps": heard.speed_mps,
-        "reason": heard.reason,
-        "measure": heard.measure,
+        "speed_mps": says.speed_mps,
+        "reason": says.reason,
+        "measure": says.measure,
     }
-    return fields if heard.steering_rad is None else {**fields, "steering_rad": heard.steering_rad}
+    if says.steering_rad is not None:
+        fields["steering_rad"] = says.steering_rad
+    return fields
