@@ -56,15 +56,14 @@ class Facts:
 
     def condition(self) -> Condition:
         """Put it into the flags of a beat."""
-        facts = {
-            Condition.ESTOP_LATCHED: bool(self.e_stop),
-            Condition.PERMITTED: self.permitted,
-            Condition.OPERATOR_PRESENT: self.present,
-            Condition.OPERATOR_LOST: self.lost,
-            Condition.REARM: self.must_release,
-            Condition.FAULT: Cause.MOTOR in self.e_stop,
-        }
-        return Condition(sum(flag for flag, holds in facts.items() if holds))
+        return Condition(
+            bool(self.e_stop) * Condition.ESTOP_LATCHED
+            + self.permitted * Condition.PERMITTED
+            + self.present * Condition.OPERATOR_PRESENT
+            + self.lost * Condition.OPERATOR_LOST
+            + self.must_release * Condition.REARM
+            + (Cause.MOTOR in self.e_stop) * Condition.FAULT
+        )
 
 
 @value()

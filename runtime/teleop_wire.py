@@ -13,9 +13,10 @@ has the rules and the reasons. Shared by the car and by every client; knows no c
 
 import math
 import struct
-from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from typing import Final
+
+from drivers.value import value
 
 COMMAND_MAGIC: Final = b"WRC1"
 BEAT_MAGIC: Final = b"WRB1"
@@ -93,7 +94,7 @@ _KNOWN_PRESSES = int(Press(0b111_1111))
 _KNOWN_CONDITIONS = int(Condition(0b11_1111))
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class Command:
     """What an operator wants at this moment.
 
@@ -122,7 +123,7 @@ class Command:
             self.sequence & _U32,
             self.car_session & _U32,
             self.beat & _U32,
-            self.flags & _KNOWN_PRESSES,
+            int(self.flags) & _KNOWN_PRESSES,
             self.input,
             _age_field(self.input_age_ms),
             _within(self.speed_mps, MAX_SPEED_MPS),
@@ -131,7 +132,7 @@ class Command:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@value()
 class Beat:
     """The car's heartbeat for operators.
 
@@ -158,7 +159,7 @@ class Beat:
             BEAT_MAGIC,
             self.car_session & _U32,
             self.beat & _U32,
-            self.flags & _KNOWN_CONDITIONS,
+            int(self.flags) & _KNOWN_CONDITIONS,
             self.operator_session & _U64,
             self.acknowledged & _U32,
             _age_field(self.acknowledged_age_ms),
@@ -202,7 +203,9 @@ def is_stop(flags: int) -> bool:
 
 def fit_name(name: str) -> bytes:
     """Return a name as its 24 bytes: unprintable characters left out, cut between characters, padded with NUL."""
-    raw = "".join(character for character in name if character.isprintable()).encode(errors="ignore")
+    if not name.isprintable():
+        name = "".join(character for character in name if character.isprintable())
+    raw = name.encode(errors="ignore")
     return raw[:NAME_BYTES].decode(errors="ignore").encode().ljust(NAME_BYTES, b"\0")
 
 
