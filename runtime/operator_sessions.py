@@ -83,7 +83,8 @@ class Gate:
 
     def heard_lately(self, now_s: float) -> int:
         """Return how many clients are there."""
-        return sum(not one.over and now_s - one.heard_s < self._forget_after_s for one in self._sessions.values())
+        sessions = self._sessions.values()
+        return len([one for one in sessions if not one.over and now_s - one.heard_s < self._forget_after_s])
 
     def _open(self, command: Command, now_s: float, arrival_s: float, beat_s: float) -> Session | Refusal:
         if len(self._sessions) >= MAX_SESSIONS:
