@@ -46,7 +46,8 @@ class Caretaker:
     manager: ServiceManager
     clock: Clock
     retry_faults: bool
-    _seen: dict[str, _Seen] = field(default_factory=dict)
+    _lidar_seen: _Seen = field(default_factory=_Seen)
+    _motor_seen: _Seen = field(default_factory=_Seen)
     _fault_since_s: float | None = None
     _started_s: float | None = None
     _ready: bool = False
@@ -58,13 +59,12 @@ class Caretaker:
     def check(self) -> None:
         """Look at everything once."""
         now_s = self.clock()
-        self._look_at("lidar", self.lidar.health)
-        self._look_at("motor", self.motor.health)
+        self._look_at("lidar", self.lidar.health, self._lidar_seen)
+        self._look_at("motor", self.motor.health, self._motor_seen)
         self._latch_fault(now_s)
         self._tell_systemd(now_s)
 
-    def _look_at(self, name: str, health: Health) -> None:
-        seen = self._seen.setdefault(name, _Seen())
+    def _look_at(self, name: str, health: Health, seen: _Seen) -> None:
         if seen.link is LinkState.READY and health.link is not LinkState.READY:
             seen.lost = f"the {name} was lost; permit again"
             self.rearm(seen.lost)
@@ -104,10 +104,11 @@ class Caretaker:
     def _tell_systemd(self, now_s: float) -> None:
         if self._started_s is None:
             self._started_s = now_s
-        devices_up = self.lidar.health.link is LinkState.READY and self.motor.health.link is LinkState.READY
-        if not self._ready and (devices_up or now_s - self._started_s > READY_AT_LATEST_S):
-            self._ready = True
-            self.manager.ready()
+        if not self._ready:
+            devices_up = self.lidar.health.link is LinkState.READY and self.motor.health.link is LinkState.READY
+            if devices_up or now_s - self._started_s > READY_AT_LATEST_S:
+                self._ready = True
+                self.manager.ready()
         output = self.output()
         if output is not None and now_s - output.stamp_s < CYCLE_LIMIT_S:
             self.manager.alive()
