@@ -58,6 +58,7 @@ class TopicWriters:
         self._epoch_ns = epoch_ns
         self._side = side
         self._ball_m = ball_m
+        self._laser = Frame(messages.BASE, messages.LASER, car.lidar_x_m, 0.0, 0.0)
         self._writers: Mapping[str, Callable[[], Message | None]] = {
             wire.SCAN: self._scan,
             wire.WALL: self._wall,
@@ -152,11 +153,8 @@ class TopicWriters:
         state, pose = self._newest.motor, self._journey.pose
         if state is None:
             return None
-        frames = (
-            Frame(messages.ODOM, messages.BASE, pose.x_m, pose.y_m, pose.yaw_rad),
-            Frame(messages.BASE, messages.LASER, self._car.lidar_x_m, 0.0, 0.0),
-        )
-        return state.stamp_s, messages.transforms(self.unix_ns(state.stamp_s), frames)
+        base = Frame(messages.ODOM, messages.BASE, pose.x_m, pose.y_m, pose.yaw_rad)
+        return state.stamp_s, messages.transforms(self.unix_ns(state.stamp_s), (base, self._laser))
 
     def _motor(self) -> Message | None:
         state = self._newest.motor

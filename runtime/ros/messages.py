@@ -7,7 +7,6 @@ rear axle), `odom`. The order of the writes is that of the fields in types.msg.
 import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from itertools import chain
 
 import numpy as np
 import numpy.typing as npt
@@ -131,9 +130,13 @@ def diagnostics(stamp_ns: int, reports: Sequence[Report]) -> bytes:
 
 def transforms(stamp_ns: int, frames: Sequence[Frame]) -> bytes:
     """Return tf2_msgs/TFMessage."""
-    stamp = divmod(stamp_ns, NS)
-    numbers = [(*stamp, frame.x_m, frame.y_m, 0.0, *_quaternion(frame.yaw_rad)) for frame in frames]
-    return _transforms(*((frame.parent, frame.child) for frame in frames)).fill(*chain.from_iterable(numbers))
+    seconds, nanoseconds = divmod(stamp_ns, NS)
+    names: list[str] = []
+    numbers: list[float] = []
+    for frame in frames:
+        names += frame.parent, frame.child
+        numbers += seconds, nanoseconds, frame.x_m, frame.y_m, 0.0, *_quaternion(frame.yaw_rad)
+    return _transforms(*names).fill(*numbers)
 
 
 def header(out: CdrWriter, stamp_ns: int, frame: str) -> None:
@@ -213,10 +216,10 @@ def _motor() -> Template:
 
 
 @lru_cache(maxsize=16)
-def _transforms(*names: tuple[str, str]) -> Template:
+def _transforms(*names: str) -> Template:
     out = Template()
-    out.put("I", len(names))
-    for parent, child in names:
+    out.put("I", len(names) // 2)
+    for parent, child in zip(names[::2], names[1::2], strict=True):
         out.holes("iI")
         out.text(parent)
         out.text(child)
