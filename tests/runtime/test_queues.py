@@ -127,3 +127,13 @@ def test_an_inbox_keeps_only_the_newest():
         return first, await inbox.get()
 
     assert run_virtual(story()) == (2, 3)
+
+
+def test_a_look_at_one_key_drops_nothing_that_has_expired_unseen():
+    now_s = 0.0
+    queue = PriorityQueue(lambda: now_s)
+    queue.put("a", 1, priority=0, expires_at_s=1.0)
+    assert (queue.peek("a"), queue.peek("b")) == (1, None)
+    now_s = 1.0
+    assert queue.peek("a") is None
+    assert queue.has_expired()
