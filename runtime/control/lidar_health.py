@@ -17,14 +17,12 @@ from drivers.api import MotorState
 from runtime.control.geometry import Booleans, beyond
 from runtime.control.lidar_health_settings import LidarHealthSettings
 from runtime.control.perception import BODY_BEYOND_RAD, View
-from runtime.control.smudges import beside_echoes, patches, runs_longer_than, runs_with, stands_out
+from runtime.control.smudges import evidence, patches, runs_longer_than, runs_with
 
 METRES_PER_RADIAN = 0.3
-BODY_NEARER_THAN_M, BODY_MEMORY_M = 0.45, 0.3
-"""Beside the car's tail nothing that stands still keeps its distance to the centimetre for so long a way."""
+BODY_MEMORY_M = 0.3
+"""What is near behind the car's shoulders is learnt on so short a way."""
 LEARNS_EVERY_M = 0.1
-STEADY_WITHIN_M = 0.06
-"""Three standard deviations of a noisy lidar (0.02 m)."""
 FORWARD_RAD = math.pi / 4
 BLIND_MEMORY_RAD = 1.0
 BLIND_ABOVE = 0.95
@@ -117,30 +115,13 @@ class LidarHealth:
 
     def _learn(self, view: View) -> None:
         beams = self._beams
-        learns = 1 - math.exp(-self._waiting_m / self._settings.memory_m)
-        near = stands_out(view.ranges_m)
-        near_m, kept_m = view.ranges_m.take(near), beams.near_m.take(near)
-        off_m = near_m - kept_m
-        beams.near_m[near] = np.where(np.isnan(kept_m), near_m, kept_m + learns * off_m)
-        rear = beyond(view.scan, BODY_BEYOND_RAD)
-        body = view.own & rear
-        dirt = near[~(np.abs(off_m) >= STEADY_WITHIN_M) & ~body.take(near)]  # NaN: seen near for the first time
-        # p + learns (seen - p), seen being 1 or 0
-        beams.own *= 1 - learns
-        beams.own[body] += learns
-        # What is so near behind the shoulders is learnt quickly, and silence is no evidence: black parts answer seldom.
-        quickly = 1 - math.exp(-self._waiting_m / BODY_MEMORY_M)
-        part = rear & (beams.near_m < BODY_NEARER_THAN_M)
-        known = beams.dirt.take(dirt)
-        learnt = beams.dirt * (1 - learns)
-        np.copyto(learnt, beams.dirt, where=part & view.no_echo)
-        learnt[dirt] = known + np.where(part.take(dirt), quickly, learns) * (1 - known)
-        beams.dirt = learnt
-        if self._waiting_rad and (view.silent or np.count_nonzero(beams.blind)):
-            # Only turning tells a blind beam from a long corridor: the emptiness turns with the car.
-            changes = view.no_echo - beams.blind
-            changes *= 1 - math.exp(-self._waiting_rad / BLIND_MEMORY_RAD)
-            np.add(beams.blind, changes, out=beams.blind, where=beside_echoes(view.no_echo))
+        beams.near_m, beams.dirt, beams.own, beams.blind = evidence(
+            view.ranges_m, view.no_echo, view.own, beyond(view.scan, BODY_BEYOND_RAD),
+            beams.near_m, beams.dirt, beams.own, beams.blind,
+            1 - math.exp(-self._waiting_m / self._settings.memory_m),
+            1 - math.exp(-self._waiting_m / BODY_MEMORY_M),
+            1 - math.exp(-self._waiting_rad / BLIND_MEMORY_RAD),
+        )  # fmt: skip
         self._moved_m += self._waiting_m
         self._waiting_m = self._waiting_rad = 0.0
 

@@ -1,4 +1,4 @@
-"""Which beams of one scan look like dirt, and rows of beams: what the judgement of the window works with."""
+"""What the judgement of the window works with: which beams look like dirt, the evidence per beam, rows of beams."""
 
 import math
 from functools import lru_cache
@@ -6,6 +6,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from drivers.twin import twin
 from runtime.control.geometry import Booleans, Floats
 from runtime.control.perception import DIRT_STANDS_OUT_M
 
@@ -17,11 +18,57 @@ _NEIGHBOURS = _NOTHING_M.size + np.array([[sign * apart] for apart in NEIGHBOUR_
 SMUDGE_NEARER_THAN_M = 0.9
 """The rim of a real smudge reads up to 0.8 m, a mixture of the dirt and the wall behind it."""
 ON_THE_WINDOW_M = 0.06
+STEADY_WITHIN_M = 0.06
+"""Three standard deviations of a noisy lidar (0.02 m)."""
+BODY_NEARER_THAN_M = 0.45
+"""Beside the car's tail nothing that stands still keeps its distance to the centimetre for so long a way."""
 BESIDE_ECHOES_BEAMS = 80
 BESIDE_ECHOES_SHARE = 0.25
 """Darkness says something only where a quarter of the beams within 20 degrees see: in the open nothing is there."""
 GROUP_BEAMS = 8
 """Beams this near each other are spoken of as one patch."""
+
+
+@twin
+def evidence(  # flat arguments, as its twin in C wants them
+    ranges_m: Floats,
+    no_echo: Booleans,
+    own: Booleans,
+    rear: Booleans,
+    near_m: Floats,
+    dirt: Floats,
+    body: Floats,
+    blind: Floats,
+    learns: float,
+    quickly: float,
+    turned: float,
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return near_m, dirt, body and blind of every beam after one more scan; all arrays (n,), none is changed.
+
+    ranges_m, no_echo, own: of the View. rear: beams behind BODY_BEYOND_RAD. near_m: where the beam's dirt is, NaN
+    where none was seen. dirt, body, blind: evidence in 0..1 for dirt, for the car's body, for a beam that sees nothing.
+    learns, quickly, turned: shares of what is new; quickly is for parts of the car, turned for blindness.
+    """
+    near = stands_out(ranges_m)
+    seen_m, kept_m = ranges_m.take(near), near_m.take(near)
+    off_m = seen_m - kept_m
+    near_m = near_m.copy()
+    near_m[near] = np.where(np.isnan(kept_m), seen_m, kept_m + learns * off_m)
+    of_body = own & rear
+    steady = near[~(np.abs(off_m) >= STEADY_WITHIN_M) & ~of_body.take(near)]  # NaN: seen near for the first time
+    # p + learns (seen - p), seen being 1 or 0
+    body = body * (1 - learns)
+    body[of_body] += learns
+    # What is so near behind the shoulders is learnt quickly, and silence is no evidence: black parts answer seldom.
+    part = rear & (near_m < BODY_NEARER_THAN_M)
+    learnt = dirt * (1 - learns)
+    np.copyto(learnt, dirt, where=part & no_echo)
+    known = dirt.take(steady)
+    learnt[steady] = known + np.where(part.take(steady), quickly, learns) * (1 - known)
+    if turned:
+        # Only turning tells a blind beam from a long corridor: the emptiness turns with the car.
+        blind = np.where(beside_echoes(no_echo), blind + turned * (no_echo - blind), blind)
+    return near_m, learnt, body, blind
 
 
 def stands_out(ranges_m: Floats) -> npt.NDArray[np.intp]:

@@ -33,6 +33,7 @@ from runtime.control import (
     odometry,
     perception,
     prediction,
+    smudges,
     speed_profile,
     wall,
     wall_track,
@@ -43,7 +44,7 @@ from runtime.warmth import Prefetch
 SWITCH: Final = "WALLRIDE_COMPILED"
 MODULES: Final = (
     codec, ranges, ball_law, ball_path, darkness, faint, footprint, geometry, movers, my_wall, odometry, perception,
-    prediction, speed_profile, wall, wall_track,
+    prediction, smudges, speed_profile, wall, wall_track,
 )  # fmt: skip
 HERE: Final = Path(__file__).parent
 SEAL: Final = HERE / "seal.json"
@@ -129,5 +130,5 @@ def constants() -> Iterator[tuple[str, float]]:
             called = f"{module.__name__.rpartition('.')[2]}_{name.lstrip('_')}".upper()
             if isinstance(value, int | float) and not isinstance(value, bool):
                 yield called, value
-            elif isinstance(value, tuple) and all(isinstance(part, float) for part in value):
+            elif isinstance(value, tuple) and all(isinstance(part, int | float) for part in value):
                 yield from ((f"{called}_{place}", part) for place, part in enumerate(value))

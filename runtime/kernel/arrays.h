@@ -95,6 +95,7 @@ KERNEL(driven_on);
 KERNEL(pursued);
 KERNEL(predicted);
 KERNEL(corrected);
+KERNEL(evidence);
 KERNEL(prefetch);
 
 #endif

@@ -250,6 +250,58 @@ def test_any_thin_places_are_found_alike(compiled, seed, beams, lidar, pose):
         assert_same("returned", twin.PLAIN["returned"](*given_), compiled["returned"](*given_))
 
 
+def window(seed, beams):
+    """Return what one scan shows of a window and what is known of it: the arrays that `evidence` wants."""
+    rng = np.random.default_rng(seed)
+    ranges_m = ranges(seed)[:beams]
+    ranges_m[~((ranges_m > 0) & (ranges_m < math.inf))] = math.nan
+    near_m = np.where(rng.random(beams) < 0.5, ranges_m + rng.normal(0.0, 0.06, beams), math.nan)
+    own, rear = rng.random((2, beams)) < 0.4
+    dirt, body, blind = rng.choice([0.0, 1.0, 0.3, 0.6, 0.95, rng.random()], (3, beams))
+    return ranges_m, np.isnan(ranges_m), own, rear, near_m, dirt, body, blind
+
+
+SHARE = st.floats(0.0, 1.0)
+
+
+@given(
+    seed=st.integers(0, 2**32),
+    beams=st.sampled_from([0, 1, 40, 41, 81, 161, 200, BEAMS]),
+    shares=st.tuples(SHARE, SHARE, st.one_of(st.just(0.0), SHARE)),
+)
+def test_any_window_is_learnt_alike(compiled, seed, beams, shares):
+    known = window(seed, beams)
+    for scan_number in range(3):  # each learns on from what was learnt by Python
+        given_ = (*window(seed + scan_number // 2, beams)[:4], *known[4:], *shares)
+        before = [array.copy() for array in given_[:8]]
+        learnt = twin.PLAIN["evidence"](*given_)
+        assert_same("evidence", learnt, compiled["evidence"](*given_))
+        assert_same("evidence", tuple(before), given_[:8])
+        known = (*known[:4], *learnt)
+
+
+@pytest.mark.parametrize("place", range(11))
+def test_what_is_no_number_is_learnt_alike(compiled, place):
+    for value in (math.nan, math.inf, -math.inf):
+        given_ = [*window(5, BEAMS), 0.1, 0.3, 0.2]
+        if place >= 8:
+            given_[place] = value
+        elif given_[place].dtype == np.float64:
+            given_[place][::3] = value
+        else:
+            given_[place] = np.repeat(given_[place], 2)[::-2]  # backwards, and not side by side
+        with np.errstate(invalid="ignore"):
+            assert_same("evidence", twin.PLAIN["evidence"](*given_), compiled["evidence"](*given_))
+
+
+def test_a_window_of_different_lengths_is_refused(compiled):
+    for place in range(8):
+        given_ = list(window(5, 30))
+        given_[place] = given_[place][1:]
+        with pytest.raises(ValueError, match="different lengths"):
+            compiled["evidence"](*given_, 0.1, 0.3, 0.2)
+
+
 def test_a_lidar_whose_beams_are_one_has_no_thin_places(compiled):
     flags, ranges_m = np.zeros(9, np.bool_), np.ones(9)
     for of, step_rad in ((twin.PLAIN, 0.0), (compiled, 0.0), (twin.PLAIN, math.nan), (compiled, math.nan)):

@@ -1,0 +1,74 @@
+/* Twin of runtime/control/smudges.py: what is learnt of the lidar's window, beam by beam. */
+
+#include "arrays.h"
+#include "constants.h"
+
+/* Whether the beam so far away is about as near as this one; beyond the ends of the fan nothing is. */
+static int hides(const struct row *range, beam i, double range_m) {
+    return i >= 0 && i < range->count && NUMBER(*range, i) - range_m < SMUDGES_DIRT_STANDS_OUT_M;
+}
+
+static int stands_out(const struct row *range, beam i) {
+    const beam some = SMUDGES_NEIGHBOUR_BEAMS_0, more = SMUDGES_NEIGHBOUR_BEAMS_1;
+    double range_m = NUMBER(*range, i);
+    if (!(range_m < SMUDGES_SMUDGE_NEARER_THAN_M))
+        return 0;
+    return range_m < SMUDGES_ON_THE_WINDOW_M || !((hides(range, i - some, range_m) || hides(range, i + some, range_m)) &&
+                                                  (hides(range, i - more, range_m) || hides(range, i + more, range_m)));
+}
+
+/* Only beside echoes is silence evidence: how many there are around each beam is counted along the way. */
+static void learn_blindness(const struct row *no_echo, const struct row *blind, double turned, double *learnt) {
+    const beam aside = SMUDGES_BESIDE_ECHOES_BEAMS, beams = no_echo->count;
+    beam echoes = 0, first = 0, end = 0;
+    for (beam i = 0; i < beams; i++) {
+        for (; end < beams && end <= i + aside; end++)
+            echoes += !FLAG(*no_echo, end);
+        for (; first < i - aside; first++)
+            echoes -= !FLAG(*no_echo, first);
+        double known = NUMBER(*blind, i);
+        int tells = (double)echoes >= SMUDGES_BESIDE_ECHOES_SHARE * (double)(end - first);
+        learnt[i] = tells ? known + turned * ((FLAG(*no_echo, i) ? 1.0 : 0.0) - known) : known;
+    }
+}
+
+/* evidence(ranges, no_echo, own, rear, near, dirt, body, blind, learns, quickly, turned) -> near, dirt, body, blind */
+KERNEL(evidence) {
+    static const int types[] = {NPY_DOUBLE, NPY_BOOL, NPY_BOOL, NPY_BOOL, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE};
+    struct row rows[8];
+    double share[3];
+    if (!enough(count, 11, "evidence") || !as_numbers(given + 8, 3, share))
+        return NULL;
+    for (int k = 0; k < 8; k++) {
+        if (!as_row(given[k], types[k], &rows[k]))
+            return NULL;
+        if (rows[k].count != rows[0].count)
+            return PyErr_Format(PyExc_ValueError, "evidence: arrays of different lengths");
+    }
+    const struct row range = rows[0], no_echo = rows[1], own = rows[2], rear = rows[3], near = rows[4], dirt = rows[5],
+                     body = rows[6], blind = rows[7];
+    const double learns = share[0], quickly = share[1], turned = share[2], keeps = 1 - learns;
+    const beam beams = range.count;
+    PyObject *learnt[4] = {fresh(NPY_DOUBLE, beams), fresh(NPY_DOUBLE, beams), fresh(NPY_DOUBLE, beams),
+                           turned != 0 ? fresh(NPY_DOUBLE, beams) : Py_NewRef(given[7])};
+    if (!learnt[0] || !learnt[1] || !learnt[2] || !learnt[3]) {
+        for (int k = 0; k < 4; k++)
+            Py_XDECREF(learnt[k]);
+        return NULL;
+    }
+    double *new_near = DATA(double, learnt[0]), *new_dirt = DATA(double, learnt[1]), *new_body = DATA(double, learnt[2]);
+    for (beam i = 0; i < beams; i++) {
+        double kept_m = NUMBER(near, i), off_m = NUMBER(range, i) - kept_m, known = NUMBER(dirt, i);
+        int stands = stands_out(&range, i), of_body = FLAG(own, i) && FLAG(rear, i);
+        new_near[i] = !stands ? kept_m : isnan(kept_m) ? NUMBER(range, i) : kept_m + learns * off_m;
+        new_body[i] = NUMBER(body, i) * keeps + (of_body ? learns : 0.0);
+        int part = FLAG(rear, i) && new_near[i] < SMUDGES_BODY_NEARER_THAN_M;
+        if (stands && !of_body && !(fabs(off_m) >= SMUDGES_STEADY_WITHIN_M))
+            new_dirt[i] = known + (part ? quickly : learns) * (1 - known);
+        else
+            new_dirt[i] = part && FLAG(no_echo, i) ? known : known * keeps;
+    }
+    if (turned != 0)
+        learn_blindness(&no_echo, &blind, turned, DATA(double, learnt[3]));
+    return Py_BuildValue("(NNNN)", learnt[0], learnt[1], learnt[2], learnt[3]);
+}
