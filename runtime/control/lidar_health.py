@@ -17,7 +17,7 @@ from drivers.api import MotorState
 from runtime.control.geometry import Booleans, beyond
 from runtime.control.lidar_health_settings import LidarHealthSettings
 from runtime.control.perception import BODY_BEYOND_RAD, View
-from runtime.control.smudges import evidence, patches, runs_longer_than, runs_with
+from runtime.control.smudges import evidence, findings, patches, runs_longer_than
 
 METRES_PER_RADIAN = 0.3
 BODY_MEMORY_M = 0.3
@@ -25,7 +25,6 @@ BODY_MEMORY_M = 0.3
 LEARNS_EVERY_M = 0.1
 FORWARD_RAD = math.pi / 4
 BLIND_MEMORY_RAD = 1.0
-BLIND_ABOVE = 0.95
 
 
 class _Beams:
@@ -37,6 +36,7 @@ class _Beams:
         self.own = np.zeros(beams)
         self.near_m = np.full(beams, math.nan)
         self.dirty: Booleans = np.zeros(beams, np.bool_)
+        self.parts: Booleans = np.zeros(beams, np.bool_)
         self.blinded: Booleans = np.zeros(beams, np.bool_)
 
 
@@ -59,7 +59,7 @@ class LidarHealth:
         self._last_m: float | None = None
         self._empty = False
         self._tuned = False
-        self._told: tuple[object, ...] = ()
+        self._told: tuple[float, bool] | None = None
         self.mask: Booleans | None = None
         self.ceiling_mps = math.inf
         self.reason = "window clean"
@@ -87,6 +87,7 @@ class LidarHealth:
         if self._beams.dirt.shape[0] != beams:
             self._beams = _Beams(beams)
             self._moved_m = self._waiting_m = self._waiting_rad = 0.0
+            self._told = None
         empty = view.silent > self._settings.empty_share * beams
         if empty != self._empty:
             self._empty = empty
@@ -127,30 +128,28 @@ class LidarHealth:
 
     def _judge(self, view: View) -> None:
         settings, beams = self._settings, self._beams
-        doubtful = beams.dirt >= settings.unmask_below
-        if self._moved_m < settings.first_mask_m:
-            doubtful &= beyond(view.scan, BODY_BEYOND_RAD)  # the car drives away from what is there
-        surely = beams.dirt > settings.mask_above
-        surely |= beams.dirty
-        surely &= doubtful
-        beams.dirty = runs_with(doubtful, surely)
-        beams.blinded = beams.blind > BLIND_ABOVE
-        lost = beams.dirty | beams.blinded
-        self.mask, share, safe = self._masked(view, lost) if np.count_nonzero(lost) else (None, 0.0, True)
+        setting_off = self._moved_m < settings.first_mask_m  # the car drives away from what is before its shoulders
+        found, lost = findings(
+            beams.dirt, beams.own, beams.blind, beyond(view.scan, BODY_BEYOND_RAD) if setting_off else None,
+            (beams.dirty, beams.parts, beams.blinded), settings.mask_above, settings.unmask_below,
+        )  # fmt: skip
+        if found is not None:
+            beams.dirty, beams.parts, beams.blinded = found
+        self.mask, share, safe = self._masked(view) if lost else (None, 0.0, True)
         self.ceiling_mps, self.reason = self._ceiling(share, safe=safe)
-        own = self.own
-        told = view.bearing_rad[0], self._empty, own.tobytes(), beams.dirty.tobytes(), beams.blinded.tobytes()
-        if told != self._told:
+        told = view.bearing_rad[0], self._empty
+        if found is not None or told != self._told:
             self._told = told
-            self.words = tuple(self._sentences(view, own))
+            self.words = tuple(self._sentences(view))
 
-    def _masked(self, view: View, lost: Booleans) -> tuple[Booleans | None, float, bool]:
+    def _masked(self, view: View) -> tuple[Booleans | None, float, bool]:
         """Return the beams to ignore, None for none, the share that is lost, and whether it is safe without them.
 
         Shares are those of the beams before the car's shoulders: the car's parts behind them take nothing from its
         view of where it drives.
         """
         settings, dirty = self._settings, self._beams.dirty
+        lost = dirty | self._beams.blinded
         before = ~beyond(view.scan, BODY_BEYOND_RAD)
         beams = max(1, int(np.count_nonzero(before)))
         most = max(1.0, settings.masked_share * beams)
@@ -171,13 +170,13 @@ class LidarHealth:
             return self._doubtful_mps, "dirty window: clean the lidar"
         return math.inf, "window clean"
 
-    def _sentences(self, view: View, own: Booleans) -> list[str]:
+    def _sentences(self, view: View) -> list[str]:
         rear = beyond(view.scan, BODY_BEYOND_RAD)
         told = [
             (self._beams.dirty & ~rear, "are dirty: clean the window"),
             (self._beams.blinded & ~rear, "see nothing: uncover or clean the window"),
             (
-                own | (self._beams.dirty & rear),
+                self._beams.parts | (self._beams.dirty & rear),
                 "see the car itself, or dirt, and are ignored",
             ),
         ]

@@ -22,6 +22,7 @@ STEADY_WITHIN_M = 0.06
 """Three standard deviations of a noisy lidar (0.02 m)."""
 BODY_NEARER_THAN_M = 0.45
 """Beside the car's tail nothing that stands still keeps its distance to the centimetre for so long a way."""
+BLIND_ABOVE = 0.95
 BESIDE_ECHOES_BEAMS = 80
 BESIDE_ECHOES_SHARE = 0.25
 """Darkness says something only where a quarter of the beams within 20 degrees see: in the open nothing is there."""
@@ -69,6 +70,30 @@ def evidence(  # flat arguments, as its twin in C wants them
         # Only turning tells a blind beam from a long corridor: the emptiness turns with the car.
         blind = np.where(beside_echoes(no_echo), blind + turned * (no_echo - blind), blind)
     return near_m, learnt, body, blind
+
+
+@twin
+def findings(
+    dirt: Floats,
+    body: Floats,
+    blind: Floats,
+    doubted: Booleans | None,
+    before: tuple[Booleans, Booleans, Booleans],
+    mask_above: float,
+    unmask_below: float,
+) -> tuple[tuple[Booleans, Booleans, Booleans] | None, bool]:
+    """Return which beams are dirty, which the car's own and which blinded, and whether one is dirty or blinded.
+
+    dirt, body, blind: the evidence, (n,). doubted: where alone dirt is believed in; None: everywhere. before: what was
+    returned last; where nothing has changed, None is returned in its place.
+    """
+    doubtful = dirt >= unmask_below
+    if doubted is not None:
+        doubtful &= doubted
+    surely = ((dirt > mask_above) | before[0]) & doubtful
+    now = runs_with(doubtful, surely), body > mask_above, blind > BLIND_ABOVE
+    changed = any(np.count_nonzero(a != b) for a, b in zip(now, before, strict=True))
+    return now if changed else None, bool(np.count_nonzero(now[0] | now[2]))
 
 
 def stands_out(ranges_m: Floats) -> npt.NDArray[np.intp]:

@@ -96,6 +96,7 @@ KERNEL(pursued);
 KERNEL(predicted);
 KERNEL(corrected);
 KERNEL(evidence);
+KERNEL(findings);
 KERNEL(prefetch);
 
 #endif

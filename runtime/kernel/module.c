@@ -90,7 +90,8 @@ static PyMethodDef functions[] = {
     ENTRY(first_touch),    ENTRY(wall_piece),     ENTRY(silent_among),   ENTRY(outline),        ENTRY(wall_line),
     ENTRY(room_for),       ENTRY(around),         ENTRY(rolled),         ENTRY(bend_of),        ENTRY(fastest_mps),
     ENTRY(scan_parts),     ENTRY(foreseen),       ENTRY(pursued),        ENTRY(predicted),      ENTRY(corrected),
-    ENTRY(driven_on),      ENTRY(wall_around),    ENTRY(evidence),       ENTRY(prefetch),
+    ENTRY(driven_on),      ENTRY(wall_around),    ENTRY(evidence),       ENTRY(findings),
+    ENTRY(prefetch),
     {NULL, NULL, 0, NULL},
 };
 

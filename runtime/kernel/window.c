@@ -1,4 +1,4 @@
-/* Twin of runtime/control/smudges.py: what is learnt of the lidar's window, beam by beam. */
+/* Twins of runtime/control/smudges.py: what is learnt of the lidar's window, beam by beam, and what is found. */
 
 #include "arrays.h"
 #include "constants.h"
@@ -71,4 +71,61 @@ KERNEL(evidence) {
     if (turned != 0)
         learn_blindness(&no_echo, &blind, turned, DATA(double, learnt[3]));
     return Py_BuildValue("(NNNN)", learnt[0], learnt[1], learnt[2], learnt[3]);
+}
+
+/* Rows of doubtful beams are dirty from end to end where one of them surely is. */
+static void whole_rows(npy_bool *dirty, const npy_bool *surely, beam beams) {
+    for (beam i = 0, first = 0, sure = 0; i <= beams; i++) {
+        if (i < beams && dirty[i]) {
+            sure |= surely[i];
+            continue;
+        }
+        if (!sure)
+            memset(dirty + first, 0, (size_t)(i - first));
+        first = i + 1;
+        sure = 0;
+    }
+}
+
+/* findings(dirt, body, blind, doubted | None, (dirty, parts, blinded), mask above, unmask below)
+ *   -> (dirty, parts, blinded) | None, any */
+KERNEL(findings) {
+    struct row dirt, body, blind, doubted = {NULL, 0, 0}, before[3];
+    double from[2];
+    if (!enough(count, 7, "findings") || !as_row(given[0], NPY_DOUBLE, &dirt) ||
+        !as_row(given[1], NPY_DOUBLE, &body) || !as_row(given[2], NPY_DOUBLE, &blind) ||
+        (given[3] != Py_None && !as_row(given[3], NPY_BOOL, &doubted)) || !as_numbers(given + 5, 2, from))
+        return NULL;
+    if (!PyTuple_Check(given[4]) || PyTuple_GET_SIZE(given[4]) != 3)
+        return PyErr_Format(PyExc_TypeError, "findings wants a tuple of 3 arrays");
+    const beam beams = dirt.count;
+    int same = body.count == beams && blind.count == beams && (!doubted.data || doubted.count == beams);
+    for (int k = 0; k < 3; k++) {
+        if (!as_row(PyTuple_GET_ITEM(given[4], k), NPY_BOOL, &before[k]))
+            return NULL;
+        same &= before[k].count == beams;
+    }
+    if (!same)
+        return PyErr_Format(PyExc_ValueError, "findings: arrays of different lengths");
+    npy_bool *dirty = malloc(4 * (size_t)beams + 1);
+    if (!dirty)
+        return PyErr_NoMemory();
+    npy_bool *parts = dirty + beams, *blinded = parts + beams, *surely = blinded + beams;
+    for (beam i = 0; i < beams; i++) {
+        dirty[i] = NUMBER(dirt, i) >= from[1] && (!doubted.data || FLAG(doubted, i));
+        surely[i] = NUMBER(dirt, i) > from[0] || FLAG(before[0], i);
+        parts[i] = NUMBER(body, i) > from[0];
+        blinded[i] = NUMBER(blind, i) > SMUDGES_BLIND_ABOVE;
+    }
+    whole_rows(dirty, surely, beams);
+    int changed = 0, any = 0;
+    for (beam i = 0; i < beams; i++) {
+        any |= dirty[i] || blinded[i];
+        changed |= dirty[i] != FLAG(before[0], i) || parts[i] != FLAG(before[1], i) || blinded[i] != FLAG(before[2], i);
+    }
+    PyObject *now = changed ? Py_BuildValue("(NNN)", copied(NPY_BOOL, beams, dirty), copied(NPY_BOOL, beams, parts),
+                                            copied(NPY_BOOL, beams, blinded))
+                            : Py_NewRef(Py_None);
+    free(dirty);
+    return now ? Py_BuildValue("(NN)", now, PyBool_FromLong(any)) : NULL;
 }

@@ -302,6 +302,39 @@ def test_a_window_of_different_lengths_is_refused(compiled):
             compiled["evidence"](*given_, 0.1, 0.3, 0.2)
 
 
+LEVELS = np.array([0.0, 0.25, 0.3, 0.31, 0.6, 0.61, 0.95, 0.96, 1.0, math.nan])
+
+
+@given(
+    seed=st.integers(0, 2**32),
+    beams=st.sampled_from([0, 1, 2, 40, BEAMS]),
+    highest=st.integers(1, LEVELS.size),
+    bounds=st.sampled_from([(0.6, 0.3), (0.3, 0.6), (math.nan, 0.3), (0.6, math.nan)]),
+)
+def test_any_window_is_judged_alike(compiled, seed, beams, highest, bounds):
+    rng = np.random.default_rng(seed)
+    dirt, body, blind = rng.choice(LEVELS[:highest], (3, beams))
+    for doubted in (None, rng.random(beams) < 0.8):
+        before = tuple(rng.random((3, beams)) < rng.choice([0.0, 0.05]))
+        for _ in range(3):  # the second time nothing has changed, but rows that grow
+            given_ = (dirt, body, blind, doubted, before, *bounds)
+            found, lost = twin.PLAIN["findings"](*given_)
+            assert_same("findings", (found, lost), compiled["findings"](*given_))
+            before = found or before
+
+
+def test_findings_of_different_lengths_are_refused(compiled):
+    flags = np.zeros(9, np.bool_)
+    for place in range(7):
+        arrays = [np.zeros(9), np.zeros(9), np.zeros(9), flags, flags, flags, flags]
+        arrays[place] = arrays[place][1:]
+        with pytest.raises(ValueError, match="different lengths"):
+            compiled["findings"](*arrays[:4], tuple(arrays[4:]), 0.6, 0.3)
+    for before in (None, (), (flags, flags), (flags, flags, None), [flags, flags, flags]):
+        with pytest.raises(TypeError):
+            compiled["findings"](*arrays[:3], None, before, 0.6, 0.3)
+
+
 def test_a_lidar_whose_beams_are_one_has_no_thin_places(compiled):
     flags, ranges_m = np.zeros(9, np.bool_), np.ones(9)
     for of, step_rad in ((twin.PLAIN, 0.0), (compiled, 0.0), (twin.PLAIN, math.nan), (compiled, math.nan)):
