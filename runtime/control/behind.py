@@ -6,7 +6,8 @@ from collections import deque
 
 import numpy as np
 
-from runtime.control.geometry import NOWHERE, Places, places_m
+from drivers.twin import twin
+from runtime.control.geometry import NOWHERE, Booleans, Floats, Places, places_m
 from runtime.control.odometry import Pose
 from runtime.control.perception import View
 
@@ -39,9 +40,8 @@ class Behind:
             if moved_m < KEPT_EVERY_M and abs(math.remainder(pose.yaw_rad - last.yaw_rad, math.tau)) < KEPT_EVERY_RAD:
                 return
         self._last = pose
-        near = (view.solid & (view.ranges_m < NEAR_M)).nonzero()[0]
-        turned = cmath.rect(1.0, pose.yaw_rad)
-        self._views.append(places_m(view.x_m, view.y_m, near) * turned + complex(pose.x_m, pose.y_m))
+        at = pose.x_m, pose.y_m, pose.yaw_rad
+        self._views.append(near_places(view.x_m, view.y_m, view.solid, view.ranges_m, *at))
 
     def points_m(self, half_view_rad: float) -> Places:
         """Return what is remembered where the lidar does not look now (beyond +-half_view_rad), base_link, (k,).
@@ -56,3 +56,12 @@ class Behind:
         hidden &= np.abs(points) < NEAR_M
         found: Places = points[hidden]
         return found
+
+
+@twin
+def near_places(
+    x_m: Floats, y_m: Floats, solid: Booleans, ranges_m: Floats, at_x_m: float, at_y_m: float, yaw_rad: float
+) -> Places:
+    """Return in odom, (k,), the solid ones nearer than NEAR_M of points (n,) seen from a pose in base_link."""
+    near = (solid & (ranges_m < NEAR_M)).nonzero()[0]
+    return places_m(x_m, y_m, near) * cmath.rect(1.0, yaw_rad) + complex(at_x_m, at_y_m)

@@ -24,6 +24,7 @@ from drivers.hokuyo import codec, ranges
 from runtime.control import (
     ball_law,
     ball_path,
+    behind,
     darkness,
     faint,
     footprint,
@@ -43,8 +44,8 @@ from runtime.warmth import Prefetch
 
 SWITCH: Final = "WALLRIDE_COMPILED"
 MODULES: Final = (
-    codec, ranges, ball_law, ball_path, darkness, faint, footprint, geometry, movers, my_wall, odometry, perception,
-    prediction, smudges, speed_profile, wall, wall_track,
+    codec, ranges, ball_law, ball_path, behind, darkness, faint, footprint, geometry, movers, my_wall, odometry,
+    perception, prediction, smudges, speed_profile, wall, wall_track,
 )  # fmt: skip
 HERE: Final = Path(__file__).parent
 SEAL: Final = HERE / "seal.json"

@@ -97,6 +97,7 @@ KERNEL(predicted);
 KERNEL(corrected);
 KERNEL(evidence);
 KERNEL(findings);
+KERNEL(near_places);
 KERNEL(prefetch);
 
 #endif

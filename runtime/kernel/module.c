@@ -91,7 +91,7 @@ static PyMethodDef functions[] = {
     ENTRY(room_for),       ENTRY(around),         ENTRY(rolled),         ENTRY(bend_of),        ENTRY(fastest_mps),
     ENTRY(scan_parts),     ENTRY(foreseen),       ENTRY(pursued),        ENTRY(predicted),      ENTRY(corrected),
     ENTRY(driven_on),      ENTRY(wall_around),    ENTRY(evidence),       ENTRY(findings),
-    ENTRY(prefetch),
+    ENTRY(near_places),    ENTRY(prefetch),
     {NULL, NULL, 0, NULL},
 };
 

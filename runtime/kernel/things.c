@@ -1,4 +1,6 @@
-/* Twins of runtime/control/movers.py, faint.py, darkness.py: small and thin things, and patches without echo. */
+/* Twins of runtime/control/movers.py, faint.py, darkness.py, behind.py: small, thin and near things, and patches
+ * without echo.
+ */
 
 #include "arrays.h"
 #include "constants.h"
@@ -192,4 +194,28 @@ KERNEL(dark_between) {
     if (right < 0 || left >= solid.count)
         Py_RETURN_FALSE;
     return PyBool_FromLong(most(NUMBER(range, right), NUMBER(range, left)) < near_m);
+}
+
+/* near_places(x, y, solid, ranges, at x, at y, yaw) -> places in odom */
+KERNEL(near_places) {
+    struct row x, y, solid, range;
+    double v[3];
+    if (!enough(count, 7, "near_places") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
+        !as_row(given[2], NPY_BOOL, &solid) || !as_row(given[3], NPY_DOUBLE, &range) || !as_numbers(given + 4, 3, v))
+        return NULL;
+    if (x.count != range.count || y.count != range.count || solid.count != range.count)
+        return PyErr_Format(PyExc_ValueError, "near_places: arrays of different lengths");
+    if (isinf(v[2]))
+        return PyErr_Format(PyExc_ValueError, "math domain error");
+    beam few = 0;
+    for (beam i = 0; i < range.count; i++)
+        few += FLAG(solid, i) && NUMBER(range, i) < BEHIND_NEAR_M;
+    PyObject *answer = fresh(NPY_CDOUBLE, few);
+    if (!answer)
+        return NULL;
+    place turned = CMPLX(cos(v[2]), sin(v[2])), at = CMPLX(v[0], v[1]), *to = DATA(place, answer);
+    for (beam i = 0; i < range.count; i++)
+        if (FLAG(solid, i) && NUMBER(range, i) < BEHIND_NEAR_M)
+            *to++ = times(CMPLX(NUMBER(x, i), NUMBER(y, i)), turned) + at;
+    return answer;
 }

@@ -302,6 +302,30 @@ def test_a_window_of_different_lengths_is_refused(compiled):
             compiled["evidence"](*given_, 0.1, 0.3, 0.2)
 
 
+@given(
+    seed=st.integers(0, 2**32),
+    beams=st.sampled_from([0, 1, 40, BEAMS]),
+    pose=st.tuples(*[st.one_of(st.floats(-50.0, 50.0), st.just(math.nan))] * 3),
+)
+def test_any_near_places_are_kept_alike(compiled, seed, beams, pose):
+    ranges_m, _, solid, *_ = window(seed, beams)
+    given_ = (ranges_m * np.cos(np.arange(beams)), ranges_m * np.sin(np.arange(beams)), solid, ranges_m, *pose)
+    with np.errstate(invalid="ignore"):
+        assert_same("near_places", twin.PLAIN["near_places"](*given_), compiled["near_places"](*given_))
+
+
+def test_near_places_of_no_direction_or_of_different_lengths_are_refused(compiled):
+    long_m, flags = np.ones(9), np.ones(9, np.bool_)
+    for of in (twin.PLAIN, compiled):
+        with pytest.raises(ValueError, match="math domain error"):
+            of["near_places"](long_m, long_m, flags, long_m, 0.0, 0.0, math.inf)
+    for place in range(4):
+        arrays = [long_m, long_m, flags, long_m]
+        arrays[place] = arrays[place][1:]
+        with pytest.raises(ValueError, match="different lengths"):
+            compiled["near_places"](*arrays, 0.0, 0.0, 0.0)
+
+
 LEVELS = np.array([0.0, 0.25, 0.3, 0.31, 0.6, 0.61, 0.95, 0.96, 1.0, math.nan])
 
 
