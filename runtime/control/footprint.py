@@ -102,13 +102,7 @@ NOTHING = Contact(math.inf, 0.0, 0.0)
 
 def arc(motion: Motion, steering_rad: float, length_m: float) -> Path:
     """Return the path that a steering command leads to; the first pose is one step on."""
-    return Path(*bent_way(max(1, math.ceil(length_m / STEP_M)), steering_rad, *motion))
-
-
-@twin
-def bent_way(steps: int, steering_rad: float, *motion_fields: float) -> tuple[Floats, Places, Places, Floats]:
-    """Return travel_m, place_m, heading and curvature_per_m of a Path with so many poses; the rest is a Motion."""
-    motion = Motion(*motion_fields)
+    steps = max(1, math.ceil(length_m / STEP_M))
     travel_m = STEP_M * np.arange(1, steps + 1, dtype=np.float64)
     curvature = _curvatures(motion, steering_rad, travel_m)
     step_m = motion.direction * STEP_M
@@ -120,7 +114,7 @@ def bent_way(steps: int, steering_rad: float, *motion_fields: float) -> tuple[Fl
     back_rad = curvature * (step_m / 2 + square * motion.slip_rad_per_mps2)
     moved = np.exp(1j * (yaw_rad - back_rad))
     moved *= step_m
-    return travel_m, moved.cumsum(), heading, curvature
+    return Path(travel_m, moved.cumsum(), heading, curvature)
 
 
 def _curvatures(motion: Motion, steering_rad: float, travel_m: Floats) -> Floats:
@@ -152,43 +146,46 @@ def _curvatures(motion: Motion, steering_rad: float, travel_m: Floats) -> Floats
     return limited
 
 
+def contact_on_arc(motion: Motion, steering_rad: float, length_m: float, outline: Outline, points_m: Places) -> Contact:
+    """Return what `first_contact` finds on the `arc`, in one go: there is no path for anybody to look at."""
+    touch = swept_touch(
+        steering_rad, length_m, points_m, outline.front_m, outline.rear_m, outline.half_width_m, *motion
+    )
+    return NOTHING if touch is None else Contact(*touch)
+
+
+@twin
+def swept_touch(
+    steering_rad: float,
+    length_m: float,
+    points_m: Places,
+    front_m: float,
+    rear_m: float,
+    half_width_m: float,
+    *motion_fields: float,
+) -> tuple[float, float, float] | None:
+    """Return travel_m, aside_m and curvature_per_m of the first contact on an arc, or None; the rest is a Motion."""
+    motion, outline = Motion(*motion_fields), Outline(front_m, rear_m, half_width_m)
+    found = first_contact(arc(motion, steering_rad, length_m), outline, points_m, motion.direction)
+    return None if found is NOTHING else (found.travel_m, found.aside_m, found.curvature_per_m)
+
+
 def first_contact(path: Path, outline: Outline, points_m: Places, direction: float = 1.0) -> Contact:
     """Return where the outline first holds three of points_m (k,), base_link at the scan.
 
     The travel is exact at the bumper (the third-deepest point) and up to one step too short at the flank.
     """
-    touch = first_touch(
-        path.travel_m, path.place_m, path.heading, path.curvature_per_m, points_m,
-        outline.front_m, outline.rear_m, outline.half_width_m, direction,
-    )  # fmt: skip
-    return NOTHING if touch is None else Contact(*touch)
-
-
-@twin
-def first_touch(
-    travel_m: Floats,
-    place_m: Places,
-    heading: Places,
-    curvature_per_m: Floats,
-    points_m: Places,
-    front_m: float,
-    rear_m: float,
-    half_width_m: float,
-    direction: float,
-) -> tuple[float, float, float] | None:
-    """Return travel_m, aside_m and curvature_per_m of the first contact on a path, given by its parts; or None."""
-    path, outline = Path(travel_m, place_m, heading, curvature_per_m), Outline(front_m, rear_m, half_width_m)
     points_m = _in_reach(path, outline, points_m)
     if points_m.size < ENOUGH_POINTS:
-        return None
-    for first in range(0, travel_m.size, POSES_AT_ONCE):
+        return NOTHING
+    for first in range(0, path.travel_m.size, POSES_AT_ONCE):
         found = _first_in(path.part(first, first + POSES_AT_ONCE), outline, points_m, direction)
         if found is not None:
             return found
-    return None
+    return NOTHING
 
 
-def _first_in(path: Path, outline: Outline, points_m: Places, direction: float) -> tuple[float, float, float] | None:
+def _first_in(path: Path, outline: Outline, points_m: Places, direction: float) -> Contact | None:
     near_m = _in_reach(path, outline, points_m)
     if near_m.size < ENOUGH_POINTS:
         return None
@@ -207,7 +204,7 @@ def _first_in(path: Path, outline: Outline, points_m: Places, direction: float) 
     third_m = float(np.partition(depth_m, -ENOUGH_POINTS)[-ENOUGH_POINTS])
     travel_m = float(path.travel_m[pose])
     travel_m = max(travel_m - STEP_M, travel_m - third_m)
-    return travel_m, _innermost_m(aside_m), float(path.curvature_per_m[pose])
+    return Contact(travel_m, _innermost_m(aside_m), float(path.curvature_per_m[pose]))
 
 
 def _in_reach(path: Path, outline: Outline, points_m: Places) -> Places:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from drivers.api import Drive, MotorState
-from runtime.control.footprint import STEP_M, Motion, Path, arc, first_contact
+from runtime.control.footprint import STEP_M, Motion, Path, arc, contact_on_arc
 from runtime.control.geometry import Places
 from runtime.control.swept import STANDING_MPS, Outlook
 from runtime.control.swept_settings import RecoverySettings
@@ -187,8 +187,9 @@ def _manoeuvres(outlook: Outlook, settings: RecoverySettings) -> Iterator[tuple[
             seen_m = _from_pose(path, pose, points_m)
             for forward in FORWARD_SHARES:
                 ahead_rad = forward * most_rad
-                ahead = arc(_settled(outlook, ahead_rad, 1.0), ahead_rad, LOOKS_AHEAD_M)
-                way_m = min(first_contact(ahead, strip.body.ahead, seen_m).travel_m, LOOKS_AHEAD_M)
+                motion = _settled(outlook, ahead_rad, 1.0)
+                found = contact_on_arc(motion, ahead_rad, LOOKS_AHEAD_M, strip.body.ahead, seen_m)
+                way_m = min(found.travel_m, LOOKS_AHEAD_M)
                 legs = [Leg(steering_rad, -back_m), Leg(ahead_rad, min(settings.forward_m, way_m))]
                 yield legs, way_m
 

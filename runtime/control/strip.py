@@ -8,7 +8,7 @@ import numpy as np
 from runtime.control.behind import Behind
 from runtime.control.body import LOOK_SPARE_M, Body
 from runtime.control.darkness import enclosed_dark
-from runtime.control.footprint import ENOUGH_POINTS, NOTHING, Contact, Motion, Outline, Path, arc, first_contact
+from runtime.control.footprint import ENOUGH_POINTS, NOTHING, Contact, Motion, Outline, contact_on_arc
 from runtime.control.geometry import NOWHERE, Places, any_nearer, solid_places
 from runtime.control.perception import View
 
@@ -83,8 +83,8 @@ class Strip:
         The tail is left out as well: whether it touches depends on how the driver steers when the nose is through.
         """
         length_m = way_m + self.body.car.front_m + LOOK_SPARE_M
-        path = self._path(steering_rad, length_m, 1.0, self.body.slippery_mps2, -brake_mps2)
-        return first_contact(path, self.body.nose, np.concatenate(self._points_m())) is NOTHING
+        motion, points_m = self._motion(1.0, self.body.slippery_mps2, -brake_mps2), np.concatenate(self._points_m())
+        return contact_on_arc(motion, steering_rad, length_m, self.body.nose, points_m) is NOTHING
 
     def straight_on(self, length_m: float) -> Contact:
         """Return what the car meets whose wheels lock after the latency: they do not steer any more."""
@@ -92,7 +92,7 @@ class Strip:
         motion = Motion(
             speed_mps, 1.0, self.wheel_rad, self.latency_s, LOCKS_RADPS, car.wheelbase_m, self.body.grip_mps2
         )
-        return first_contact(arc(motion, 0.0, length_m), self.body.ahead, np.concatenate(self._points_m()))
+        return contact_on_arc(motion, 0.0, length_m, self.body.ahead, np.concatenate(self._points_m()))
 
     def needs_grip(self, steering_rad: float, speed_mps: float, grip_mps2: float) -> bool:
         """Whether the bend asks for more than this at this speed."""
@@ -104,31 +104,29 @@ class Strip:
         body = self.body
         if faster_mps:
             gain_mps2 = min(body.car.max_acceleration_mps2, 0.9 * body.slippery_mps2)
-            path = self._path(steering_rad, length_m, direction, body.slippery_mps2, gain_mps2, faster_mps)
-            found = replace(self._along(path, direction, outline), slippery=True)
+            motion = self._motion(direction, body.slippery_mps2, gain_mps2, faster_mps)
+            found = replace(self._along(motion, steering_rad, length_m, outline), slippery=True)
         else:
-            found = self._along(self._path(steering_rad, length_m, direction, body.grip_mps2), direction, outline)
+            found = self._along(self._motion(direction, body.grip_mps2), steering_rad, length_m, outline)
             if direction > 0 and self.needs_grip(steering_rad, self.speed_mps, body.slippery_mps2):
-                path = self._path(steering_rad, length_m, direction, body.slippery_mps2)
-                slides = self._along(path, direction, outline)
+                motion = self._motion(direction, body.slippery_mps2)
+                slides = self._along(motion, steering_rad, length_m, outline)
                 if slides.travel_m < found.travel_m:
                     found = replace(slides, slippery=True)
         return found if found.travel_m <= length_m else NOTHING
 
-    def _along(self, path: Path, direction: float, outline: Outline) -> Contact:
-        body = self.body
+    def _along(self, motion: Motion, steering_rad: float, length_m: float, outline: Outline) -> Contact:
         free_m, touching_m = self._points_m()
-        if direction < 0:
+        if motion.direction < 0:
             hidden_m, pressing_m = self._points_behind_m()
             free_m, touching_m = np.concatenate([free_m, hidden_m]), np.concatenate([touching_m, pressing_m])
-        if touching_m.size:
-            outline = replace(outline, half_width_m=self._room_aside_m(touching_m, outline))
-        found = first_contact(path, outline, free_m, direction)
-        if touching_m.size:
-            # What is within the margins already would stop the car for ever: it is judged by the bare outline.
-            pressed = first_contact(path, body.bare, touching_m, direction)
-            found = min(found, pressed, key=lambda contact: contact.travel_m)
-        return found
+        if not touching_m.size:
+            return contact_on_arc(motion, steering_rad, length_m, outline, free_m)
+        outline = replace(outline, half_width_m=self._room_aside_m(touching_m, outline))
+        found = contact_on_arc(motion, steering_rad, length_m, outline, free_m)
+        # What is within the margins already would stop the car for ever: it is judged by the bare outline.
+        pressed = contact_on_arc(motion, steering_rad, length_m, self.body.bare, touching_m)
+        return min(found, pressed, key=lambda contact: contact.travel_m)
 
     def _room_aside_m(self, touching_m: Places, outline: Outline) -> float:
         """Return the half width of the strip beside something within the margin: a wall there goes on ahead.
@@ -142,18 +140,10 @@ class Strip:
         third_m = float(np.partition(aside_m, ENOUGH_POINTS - 1)[ENOUGH_POINTS - 1])
         return (self.body.bare.half_width_m + third_m) / 2
 
-    def _path(
-        self,
-        steering_rad: float,
-        length_m: float,
-        direction: float,
-        grip_mps2: float,
-        along_mps2: float = 0.0,
-        end_mps: float = 0.0,
-    ) -> Path:
-        """Return the arc on such a floor; along_mps2 is taken from the grip."""
+    def _motion(self, direction: float, grip_mps2: float, along_mps2: float = 0.0, end_mps: float = 0.0) -> Motion:
+        """Return how the car moves on such a floor; along_mps2 is taken from the grip."""
         car = self.body.car
-        motion = Motion(
+        return Motion(
             max(0.0, direction * self.speed_mps),
             direction,
             self.wheel_rad,
@@ -165,7 +155,6 @@ class Strip:
             along_mps2,
             end_mps,
         )
-        return arc(motion, steering_rad, length_m)
 
     def _points_m(self) -> tuple[Places, Places]:
         """Return the solid points outside and inside the margins, (k,) each."""

@@ -86,12 +86,11 @@ KERNEL(prefetch) {
 #define ENTRY(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, NULL}
 static PyMethodDef functions[] = {
     ENTRY(decode_samples), ENTRY(joined_rows),    ENTRY(look),           ENTRY(small_things),   ENTRY(thin_places),
-    ENTRY(returned),       ENTRY(solid_places),   ENTRY(any_nearer),     ENTRY(dark_between),   ENTRY(bent_way),
-    ENTRY(first_touch),    ENTRY(wall_piece),     ENTRY(silent_among),   ENTRY(outline),        ENTRY(wall_line),
-    ENTRY(room_for),       ENTRY(around),         ENTRY(rolled),         ENTRY(bend_of),        ENTRY(fastest_mps),
-    ENTRY(scan_parts),     ENTRY(foreseen),       ENTRY(pursued),        ENTRY(predicted),      ENTRY(corrected),
-    ENTRY(driven_on),      ENTRY(wall_around),    ENTRY(evidence),       ENTRY(findings),
-    ENTRY(near_places),    ENTRY(prefetch),
+    ENTRY(returned),       ENTRY(solid_places),   ENTRY(any_nearer),     ENTRY(dark_between),   ENTRY(swept_touch),
+    ENTRY(wall_piece),     ENTRY(silent_among),   ENTRY(outline),        ENTRY(wall_line),      ENTRY(room_for),
+    ENTRY(around),         ENTRY(rolled),         ENTRY(bend_of),        ENTRY(fastest_mps),    ENTRY(scan_parts),
+    ENTRY(foreseen),       ENTRY(pursued),        ENTRY(predicted),      ENTRY(corrected),      ENTRY(driven_on),
+    ENTRY(wall_around),    ENTRY(evidence),       ENTRY(findings),       ENTRY(near_places),    ENTRY(prefetch),
     {NULL, NULL, 0, NULL},
 };
 

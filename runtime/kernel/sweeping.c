@@ -39,19 +39,25 @@ KERNEL(any_nearer) {
     Py_RETURN_FALSE;
 }
 
-/* How the car moves: the arguments of bent_way after the steering, in the order of Motion. */
+/* As numpy's minimum and maximum: what is not a number stays so, whichever it is. */
+static inline double lower(double a, double b) { return a < b || isnan(a) ? a : b; }
+static inline double higher(double a, double b) { return a > b || isnan(a) ? a : b; }
+
+/* How the car moves, in the order of Motion. */
 struct motion {
     double speed, direction, wheel, latency, rate, wheelbase, turning, slip, along, end;
 };
 
-static double bent(const struct motion *m, double steering, double travel, int slews) {
-    if (!slews)
-        return tan(steering) / m->wheelbase;
-    double change = steering - m->wheel;
-    double turned = travel * (m->rate / most(m->speed, FOOTPRINT_SLEWS_AT_LEAST_MPS));
-    turned -= m->latency * m->rate;
-    turned = most(least(turned, fabs(change)), 0.0);
-    return tan(turned * copysign(1.0, change) + m->wheel) / m->wheelbase;
+/* One pose of the rear axle. */
+struct pose {
+    place at, heading;
+    double travel, curvature;
+};
+
+/* The angle of the wheels at this place. */
+static double turned(const struct motion *m, double change, double travel) {
+    double by = travel * (m->rate / greater(m->speed, FOOTPRINT_SLEWS_AT_LEAST_MPS)) - m->latency * m->rate;
+    return higher(lower(by, fabs(change)), 0.0) * copysign(1.0, change) + m->wheel;
 }
 
 /* The sharpest curvature that the tyres follow at this place. */
@@ -59,51 +65,43 @@ static double sharpest(const struct motion *m, double travel) {
     double square = m->speed * m->speed, end = m->end * m->end;
     if (m->along) {
         square += 2 * m->along * travel;
-        square = m->along > 0 ? least(square, end) : most(square, most(end, 0.01));
+        square = m->along > 0 ? lower(square, end) : higher(square, greater(end, 0.01));
     }
     return m->turning / square;
 }
 
-/* bent_way(steps, steering, *motion) -> travel, place, heading, curvature */
-KERNEL(bent_way) {
-    beam steps;
-    double steering;
-    struct motion m;
-    if (!enough(count, 12, "bent_way") || !as_indices(given, 1, &steps) || !as_numbers(given + 1, 1, &steering) ||
-        !as_numbers(given + 2, 10, (double *)&m))
-        return NULL;
-    if (steps < 0)
-        return PyErr_Format(PyExc_ValueError, "bent_way: %zd steps", steps);
-    PyObject *travels = fresh(NPY_DOUBLE, steps), *places = fresh(NPY_CDOUBLE, steps);
-    PyObject *headings = fresh(NPY_CDOUBLE, steps), *curvatures = fresh(NPY_DOUBLE, steps);
-    if (travels && places && headings && curvatures) {
-        double step_m = m.direction * FOOTPRINT_STEP_M, square = m.speed * m.speed;
-        double tightest = most(fabs(tan(steering)), fabs(tan(m.wheel))) / m.wheelbase;
-        int limited = !(most(square, m.end * m.end) * tightest <= m.turning), slews = steering - m.wheel != 0.0;
-        double yaw = 0.0;
-        place at = 0.0;
-        for (beam i = 0; i < steps; i++) {
-            double travel = FOOTPRINT_STEP_M * (double)(i + 1), curvature = bent(&m, steering, travel, slews);
-            if (limited) {
-                double limit = sharpest(&m, travel);
-                curvature = least(most(curvature, -limit), limit);
-            }
-            yaw += curvature;
-            double yaw_rad = yaw * step_m, moved_rad = yaw_rad - curvature * (step_m / 2 + square * m.slip);
-            at += CMPLX(cos(moved_rad) * step_m, sin(moved_rad) * step_m);
-            DATA(double, travels)[i] = travel;
-            DATA(place, places)[i] = at;
-            DATA(place, headings)[i] = CMPLX(cos(yaw_rad), sin(yaw_rad));
-            DATA(double, curvatures)[i] = curvature;
-        }
-    } else {
-        Py_CLEAR(travels);
-        Py_CLEAR(places);
-        Py_CLEAR(headings);
-        Py_CLEAR(curvatures);
-        return PyErr_NoMemory();
+/* The poses of `arc`; fails where Python does. */
+static int arc(const struct motion *m, double steering, struct pose *to, beam steps) {
+    double step_m = m->direction * FOOTPRINT_STEP_M, square = m->speed * m->speed, change = steering - m->wheel;
+    if (isinf(steering) || isinf(m->wheel)) {
+        PyErr_SetString(PyExc_ValueError, "math domain error"); /* as Python's tan */
+        return 0;
     }
-    return Py_BuildValue("(NNNN)", travels, places, headings, curvatures);
+    double tightest = greater(fabs(tan(steering)), fabs(tan(m->wheel))) / m->wheelbase;
+    int limited = !(greater(square, m->end * m->end) * tightest <= m->turning);
+    if (!m->wheelbase || (limited && !m->along && !square)) {
+        PyErr_SetString(PyExc_ZeroDivisionError, "float division by zero");
+        return 0;
+    }
+    double angle = change ? turned(m, change, FOOTPRINT_STEP_M) : steering, bend = tan(angle) / m->wheelbase, yaw = 0.0;
+    place at = 0.0;
+    for (beam i = 0; i < steps; i++) {
+        double travel = FOOTPRINT_STEP_M * (double)(i + 1), now = change ? turned(m, change, travel) : steering;
+        if (now != angle) { /* most of the way the wheels stay as they are */
+            angle = now;
+            bend = tan(angle) / m->wheelbase;
+        }
+        double curvature = bend;
+        if (limited) {
+            double limit = sharpest(m, travel);
+            curvature = lower(higher(curvature, -limit), limit);
+        }
+        yaw += curvature;
+        double yaw_rad = yaw * step_m, moved_rad = yaw_rad - curvature * (step_m / 2 + square * m->slip);
+        at += CMPLX(cos(moved_rad) * step_m, sin(moved_rad) * step_m);
+        to[i] = (struct pose){at, CMPLX(cos(yaw_rad), sin(yaw_rad)), travel, curvature};
+    }
+    return 1;
 }
 
 _Static_assert(FOOTPRINT_ENOUGH_POINTS == 3, "`touched` keeps the three deepest");
@@ -117,38 +115,39 @@ struct box {
 };
 
 /* A box that holds what the outline covers at these poses; see _in_reach of footprint.py. */
-static struct box reach(const struct outline *o, const struct row *at, const struct row *heading, beam from, beam to) {
+static struct box reach(const struct outline *o, const struct pose *poses, beam count) {
     struct box box = {INFINITY, -INFINITY, INFINITY, -INFINITY};
     double middle = (o->front - o->rear) / 2, half = (o->front + o->rear) / 2, steepest = 0.0;
-    for (beam i = from; i < to; i++) {
-        place centre = PLACE(*at, i) + middle * PLACE(*heading, i);
-        steepest = most(steepest, fabs(cimag(PLACE(*heading, i))));
-        box.low_x = least(box.low_x, creal(centre));
-        box.high_x = most(box.high_x, creal(centre));
-        box.low_y = least(box.low_y, cimag(centre));
-        box.high_y = most(box.high_y, cimag(centre));
+    for (beam i = 0; i < count; i++) {
+        place centre = poses[i].at + middle * poses[i].heading;
+        steepest = higher(steepest, fabs(cimag(poses[i].heading)));
+        box.low_x = lower(box.low_x, creal(centre));
+        box.high_x = higher(box.high_x, creal(centre));
+        box.low_y = lower(box.low_y, cimag(centre));
+        box.high_y = higher(box.high_y, cimag(centre));
     }
     double along = half + o->half * steepest, aside = half * steepest + o->half;
     return (struct box){box.low_x - along, box.high_x + along, box.low_y - aside, box.high_y + aside};
 }
 
-static beam in_reach(const struct box *box, const place *from, beam points, place *to) {
+static beam in_reach(const struct box *box, const struct row *from, place *to) {
     beam kept = 0;
-    for (beam i = 0; i < points; i++) {
-        double x = creal(from[i]), y = cimag(from[i]);
+    for (beam i = 0; i < from->count; i++) {
+        place point = PLACE(*from, i);
+        double x = creal(point), y = cimag(point);
         if (y <= box->high_y && y >= box->low_y && x <= box->high_x && x >= box->low_x)
-            to[kept++] = from[i];
+            to[kept++] = point;
     }
     return kept;
 }
 
 /* How deep the third-deepest point is, and where aside the innermost; the number of points inside. */
-static beam touched(const struct outline *o, place at, place heading, const place *points, beam many, double direction,
+static beam touched(const struct outline *o, const struct pose *pose, const place *points, beam many, double direction,
                     double *third, double *innermost) {
     double deepest[3] = {-INFINITY, -INFINITY, -INFINITY}, low = INFINITY, high = -INFINITY;
     beam inside = 0;
     for (beam i = 0; i < many; i++) {
-        place seen = times(points[i] - at, conj(heading));
+        place seen = times(points[i] - pose->at, conj(pose->heading));
         double ahead = creal(seen), aside = cimag(seen);
         if (!(fabs(aside) <= o->half && ahead <= o->front && ahead >= -o->rear))
             continue;
@@ -168,47 +167,47 @@ static beam touched(const struct outline *o, place at, place heading, const plac
     return inside;
 }
 
-/* first_touch(travel, place, heading, curvature, points, front, rear, half_width, direction)
- *   -> (travel, aside, curvature) | None */
-KERNEL(first_touch) {
-    struct row travel, at, heading, curvature, points;
-    double v[4];
-    if (!enough(count, 9, "first_touch") || !as_row(given[0], NPY_DOUBLE, &travel) ||
-        !as_row(given[1], NPY_CDOUBLE, &at) || !as_row(given[2], NPY_CDOUBLE, &heading) ||
-        !as_row(given[3], NPY_DOUBLE, &curvature) || !as_row(given[4], NPY_CDOUBLE, &points) ||
-        !as_numbers(given + 5, 4, v))
-        return NULL;
-    beam poses = travel.count, many = points.count;
-    if (at.count != poses || heading.count != poses || curvature.count != poses) {
-        PyErr_SetString(PyExc_ValueError, "first_touch: a path of different lengths");
-        return NULL;
-    }
-    struct outline o = {v[0], v[1], v[2]};
-    place *some = malloc(sizeof(place) * (size_t)(2 * many + 1)), *near = some + many;
-    if (!some)
-        return PyErr_NoMemory();
-    for (beam i = 0; i < many; i++)
-        near[i] = PLACE(points, i);
-    struct box all = reach(&o, &at, &heading, 0, poses);
-    many = in_reach(&all, near, many, some);
-    PyObject *answer = NULL;
+/* The first contact on these poses; some and near: room for every point. */
+static PyObject *first_touch(const struct outline *o, const struct pose *poses, beam steps, const struct row *points,
+                             double direction, place *some, place *near) {
+    struct box all = reach(o, poses, steps);
+    struct row row = {(char *)some, sizeof(place), in_reach(&all, points, some)};
     const beam at_once = FOOTPRINT_POSES_AT_ONCE;
-    for (beam first = 0; first < poses && !answer && many >= FOOTPRINT_ENOUGH_POINTS; first += at_once) {
-        beam last = first + at_once < poses ? first + at_once : poses;
-        struct box piece = reach(&o, &at, &heading, first, last);
-        beam few = in_reach(&piece, some, many, near);
-        for (beam i = first; i < last && !answer && few >= FOOTPRINT_ENOUGH_POINTS; i++) {
-            double third, aside;
-            if (touched(&o, PLACE(at, i), PLACE(heading, i), near, few, v[3], &third, &aside) < FOOTPRINT_ENOUGH_POINTS)
-                continue;
-            double way = NUMBER(travel, i);
-            answer = Py_BuildValue("(ddd)", most(way - FOOTPRINT_STEP_M, way - third), aside, NUMBER(curvature, i));
-            if (!answer) {
-                free(some);
-                return NULL;
-            }
+    for (beam first = 0; first < steps && row.count >= FOOTPRINT_ENOUGH_POINTS; first += at_once) {
+        beam last = steps - first < at_once ? steps : first + at_once;
+        struct box piece = reach(o, poses + first, last - first);
+        beam few = in_reach(&piece, &row, near);
+        for (beam i = first; i < last && few >= FOOTPRINT_ENOUGH_POINTS; i++) {
+            double third, aside, way = poses[i].travel;
+            if (touched(o, poses + i, near, few, direction, &third, &aside) >= FOOTPRINT_ENOUGH_POINTS)
+                return Py_BuildValue("(ddd)", greater(way - FOOTPRINT_STEP_M, way - third), aside, poses[i].curvature);
         }
     }
-    free(some);
-    return answer ? answer : Py_NewRef(Py_None);
+    return Py_NewRef(Py_None);
+}
+
+/* swept_touch(steering, length, points, front, rear, half_width, *motion) -> (travel, aside, curvature) | None */
+KERNEL(swept_touch) {
+    double way[2];
+    struct row points;
+    struct outline o;
+    struct motion m;
+    if (!enough(count, 16, "swept_touch") || !as_numbers(given, 2, way) || !as_row(given[2], NPY_CDOUBLE, &points) ||
+        !as_numbers(given + 3, 3, (double *)&o) || !as_numbers(given + 6, 10, (double *)&m))
+        return NULL;
+    double steps = ceil(way[1] / FOOTPRINT_STEP_M);
+    if (!isfinite(steps))
+        return PyLong_FromDouble(steps); /* fails as ceil does */
+    steps = most(steps, 1.0);
+    const beam many = points.count, most_steps = PY_SSIZE_T_MAX / (beam)sizeof(struct pose) - many;
+    _Static_assert(sizeof(struct pose) >= 2 * sizeof(place), "the room of a pose is enough for a point, twice");
+    struct pose *poses = steps < (double)most_steps ? malloc(sizeof *poses * (size_t)((beam)steps + many)) : NULL;
+    if (!poses)
+        return PyErr_NoMemory();
+    place *some = (place *)(poses + (beam)steps);
+    PyObject *answer = NULL;
+    if (arc(&m, way[0], poses, (beam)steps))
+        answer = first_touch(&o, poses, (beam)steps, &points, m.direction, some, some + many);
+    free(poses);
+    return answer;
 }
