@@ -19,16 +19,26 @@ def enclosed_dark(view: View, toward_rad: float, near_m: float) -> bool:
     between walls that are seen far beyond the stopping distance is depth; dark that begins and ends near is a window, a
     black box or a blinded lidar.
     """
-    step_rad = view.scan.angle_step_rad
-    middle = round((toward_rad - view.scan.angle_min_rad) / step_rad)
-    width = round(DARK_WINDOW_RAD / abs(step_rad))
-    first, last = max(0, middle - width), min(view.no_echo.size, middle + width + 1)
-    return dark_between(view.no_echo, view.solid, view.ranges_m, first, last, near_m)
+    scan = view.scan
+    return dark_around(
+        view.no_echo, view.solid, view.ranges_m, scan.angle_min_rad, scan.angle_step_rad, toward_rad, near_m
+    )
 
 
 @twin
-def dark_between(no_echo: Booleans, solid: Booleans, ranges_m: Floats, first: int, last: int, near_m: float) -> bool:
-    """Whether the beams from first to before last are dark, and enclosed by things nearer than near_m."""
+def dark_around(
+    no_echo: Booleans,
+    solid: Booleans,
+    ranges_m: Floats,
+    angle_min_rad: float,
+    angle_step_rad: float,
+    toward_rad: float,
+    near_m: float,
+) -> bool:
+    """Whether the beams around a bearing are dark, and enclosed by things nearer than near_m; of beams (n,)."""
+    middle = round((toward_rad - angle_min_rad) / angle_step_rad)
+    width = round(DARK_WINDOW_RAD / abs(angle_step_rad))
+    first, last = max(0, middle - width), max(0, middle + width + 1)  # a negative one would count from the far end
     window = no_echo[first:last]
     if not window.size or np.count_nonzero(window) <= DARK_SHARE * window.size:
         return False

@@ -77,7 +77,7 @@ KERNEL(thin_places);
 KERNEL(returned);
 KERNEL(solid_places);
 KERNEL(any_nearer);
-KERNEL(dark_between);
+KERNEL(dark_around);
 KERNEL(swept_touch);
 KERNEL(wall_piece);
 KERNEL(silent_among);

@@ -86,7 +86,7 @@ KERNEL(prefetch) {
 #define ENTRY(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, NULL}
 static PyMethodDef functions[] = {
     ENTRY(decode_samples), ENTRY(joined_rows),    ENTRY(look),           ENTRY(small_things),   ENTRY(thin_places),
-    ENTRY(returned),       ENTRY(solid_places),   ENTRY(any_nearer),     ENTRY(dark_between),   ENTRY(swept_touch),
+    ENTRY(returned),       ENTRY(solid_places),   ENTRY(any_nearer),     ENTRY(dark_around),    ENTRY(swept_touch),
     ENTRY(wall_piece),     ENTRY(silent_among),   ENTRY(outline),        ENTRY(wall_line),      ENTRY(room_for),
     ENTRY(around),         ENTRY(rolled),         ENTRY(bend_of),        ENTRY(fastest_mps),    ENTRY(scan_parts),
     ENTRY(foreseen),       ENTRY(pursued),        ENTRY(predicted),      ENTRY(corrected),      ENTRY(driven_on),

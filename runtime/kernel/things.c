@@ -164,27 +164,36 @@ KERNEL(returned) {
     return answer;
 }
 
-/* dark_between(no_echo, solid, ranges, first, last, near_m) -> bool */
-KERNEL(dark_between) {
+/* dark_around(no_echo, solid, ranges, angle_min, angle_step, toward, near_m) -> bool */
+KERNEL(dark_around) {
     struct row no_echo, solid, range;
-    beam span[2], dark = 0, from = -1, to = -1;
-    double near_m;
-    if (!enough(count, 6, "dark_between") || !as_row(given[0], NPY_BOOL, &no_echo) ||
-        !as_row(given[1], NPY_BOOL, &solid) || !as_row(given[2], NPY_DOUBLE, &range) ||
-        !as_indices(given + 3, 2, span) || !as_numbers(given + 5, 1, &near_m))
+    double v[4];
+    if (!enough(count, 7, "dark_around") || !as_row(given[0], NPY_BOOL, &no_echo) ||
+        !as_row(given[1], NPY_BOOL, &solid) || !as_row(given[2], NPY_DOUBLE, &range) || !as_numbers(given + 3, 4, v))
         return NULL;
-    if (span[0] < 0 || span[1] > no_echo.count || solid.count != no_echo.count || range.count != no_echo.count) {
-        PyErr_SetString(PyExc_ValueError, "dark_between: beams outside the scan");
+    if (solid.count != no_echo.count || range.count != no_echo.count) {
+        PyErr_SetString(PyExc_ValueError, "dark_around: arrays of different lengths");
         return NULL;
     }
-    for (beam i = span[0]; i < span[1]; i++)
+    if (!v[1]) {
+        PyErr_SetString(PyExc_ZeroDivisionError, "float division by zero");
+        return NULL;
+    }
+    /* of two beams as near, the even one, as Python's round */
+    double middle = rint((v[2] - v[0]) / v[1]), width = rint(DARKNESS_DARK_WINDOW_RAD / fabs(v[1])), near_m = v[3];
+    if (!isfinite(middle) || !isfinite(width))
+        return PyLong_FromDouble(isfinite(middle) ? width : middle); /* fails as round does */
+    const beam first = (beam)within(middle - width, 0.0, (double)no_echo.count);
+    const beam last = (beam)within(middle + width + 1, 0.0, (double)no_echo.count);
+    beam dark = 0, from = -1, to = -1;
+    for (beam i = first; i < last; i++)
         if (FLAG(no_echo, i)) {
             dark++;
             if (from < 0)
                 from = i;
             to = i;
         }
-    if (span[1] <= span[0] || (double)dark <= DARKNESS_DARK_SHARE * (double)(span[1] - span[0]))
+    if (last <= first || (double)dark <= DARKNESS_DARK_SHARE * (double)(last - first))
         Py_RETURN_FALSE;
     beam right = from - 1, left = to + 1;
     while (right >= 0 && !FLAG(solid, right))
@@ -193,7 +202,7 @@ KERNEL(dark_between) {
         left++;
     if (right < 0 || left >= solid.count)
         Py_RETURN_FALSE;
-    return PyBool_FromLong(most(NUMBER(range, right), NUMBER(range, left)) < near_m);
+    return PyBool_FromLong(greater(NUMBER(range, right), NUMBER(range, left)) < near_m);
 }
 
 /* near_places(x, y, solid, ranges, at x, at y, yaw) -> places in odom */

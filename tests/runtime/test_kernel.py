@@ -187,6 +187,29 @@ def test_a_wall_is_seen_alike_from_where_is_no_number(compiled, place):
     assert_same("wall_around", twin.PLAIN["wall_around"](*given_), compiled["wall_around"](*given_))
 
 
+@settings(max_examples=300)
+@given(
+    seed=st.integers(0, 2**32),
+    lidar=st.tuples(
+        st.floats(-3.2, 3.2), st.sampled_from([-0.1, -0.02, 0.004, 0.02, 0.1, 1e-9, 1e-300, 0.0, math.nan])
+    ),
+    toward_rad=st.one_of(st.floats(-3.2, 3.2), st.sampled_from([1e300, -1e300, math.nan, math.inf])),
+    near_m=st.sampled_from([1.0, 2.0, 3.0, math.nan, math.inf]),
+)
+def test_any_dark_is_enclosed_alike(compiled, seed, lidar, toward_rad, near_m):
+    rng = np.random.default_rng(seed)
+    beams = rng.choice([0, 1, 9, 100, 400])
+    no_echo, solid = rng.random((2, beams)) < rng.choice([0.03, 0.3, 0.9], (2, 1))
+    given_ = (no_echo, solid, rng.choice([0.5, 1.0, 2.5, math.nan], beams), *lidar, toward_rad, near_m)
+    try:
+        expected = twin.PLAIN["dark_around"](*given_)
+    except (ValueError, OverflowError, ZeroDivisionError) as error:
+        with pytest.raises(type(error)):
+            compiled["dark_around"](*given_)
+    else:
+        assert compiled["dark_around"](*given_) is expected
+
+
 SOME_RAD = st.one_of(st.floats(-0.4, 0.4), st.sampled_from([0.0, 0.1, 0.1 + 1e-7, 0.2]))
 OUTLINE = (0.45, 0.05, 0.2)
 MOTION = [2.0, 1.0, 0.1, 0.05, 3.2, 0.33, 4.0, 0.01, 1.0, 3.0]
@@ -605,6 +628,8 @@ def test_arrays_of_different_lengths_are_refused(compiled):
     short, long_m, flags = np.zeros(3), np.zeros(9), np.zeros(9, np.bool_)
     with pytest.raises(ValueError, match="different lengths"):
         compiled["solid_places"](short, long_m, flags)
+    with pytest.raises(ValueError, match="different lengths"):
+        compiled["dark_around"](flags, flags, short, 0.0, 0.1, 0.0, 1.0)
     with pytest.raises(IndexError, match="no beam 9"):
         compiled["outline"](long_m, long_m, np.array([0, 9]))
     with pytest.raises(IndexError, match="no beam -1"):

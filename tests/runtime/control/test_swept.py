@@ -580,6 +580,15 @@ def test_a_third_of_the_window_must_be_dark():
         assert enclosed_dark(view, 0.0, 3.0) == dark
 
 
+def test_where_the_lidar_does_not_look_nothing_is_dark():
+    ranges_m = np.full(BEAMS, 2.0, np.float32)
+    ranges_m[300:700] = np.nan
+    view = Eyes(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
+    assert enclosed_dark(view, 0.0, 3.0)
+    assert not enclosed_dark(view, -3.0, 3.0)
+    assert not enclosed_dark(view, 3.0, 3.0)
+
+
 def test_a_covered_lidar_stops_the_car():
     verdict = judge(np.full(BEAMS, math.nan), 1.0)
     assert (verdict.forward_mps, verdict.reason) == (0.0, "the lidar sees almost nothing: uncover or clean it")
