@@ -146,8 +146,10 @@ def _curvatures(motion: Motion, steering_rad: float, travel_m: Floats) -> Floats
     return limited
 
 
-def contact_on_arc(motion: Motion, steering_rad: float, length_m: float, outline: Outline, points_m: Places) -> Contact:
-    """Return what `first_contact` finds on the `arc`, in one go: there is no path for anybody to look at."""
+def contact_on_arc(
+    motion: tuple[float, ...], steering_rad: float, length_m: float, outline: Outline, points_m: Places
+) -> Contact:
+    """Return what `first_contact` finds on the `arc` of a Motion, in one go: no path is made for anybody to look at."""
     touch = swept_touch(
         steering_rad, length_m, points_m, outline.front_m, outline.rear_m, outline.half_width_m, *motion
     )

@@ -105,19 +105,22 @@ class Strip:
         if faster_mps:
             gain_mps2 = min(body.car.max_acceleration_mps2, 0.9 * body.slippery_mps2)
             motion = self._motion(direction, body.slippery_mps2, gain_mps2, faster_mps)
-            found = replace(self._along(motion, steering_rad, length_m, outline), slippery=True)
+            found = replace(self._along(motion, steering_rad, length_m, direction, outline), slippery=True)
         else:
-            found = self._along(self._motion(direction, body.grip_mps2), steering_rad, length_m, outline)
+            motion = self._motion(direction, body.grip_mps2)
+            found = self._along(motion, steering_rad, length_m, direction, outline)
             if direction > 0 and self.needs_grip(steering_rad, self.speed_mps, body.slippery_mps2):
                 motion = self._motion(direction, body.slippery_mps2)
-                slides = self._along(motion, steering_rad, length_m, outline)
+                slides = self._along(motion, steering_rad, length_m, direction, outline)
                 if slides.travel_m < found.travel_m:
                     found = replace(slides, slippery=True)
         return found if found.travel_m <= length_m else NOTHING
 
-    def _along(self, motion: Motion, steering_rad: float, length_m: float, outline: Outline) -> Contact:
+    def _along(
+        self, motion: tuple[float, ...], steering_rad: float, length_m: float, direction: float, outline: Outline
+    ) -> Contact:
         free_m, touching_m = self._points_m()
-        if motion.direction < 0:
+        if direction < 0:
             hidden_m, pressing_m = self._points_behind_m()
             free_m, touching_m = np.concatenate([free_m, hidden_m]), np.concatenate([touching_m, pressing_m])
         if not touching_m.size:
@@ -140,10 +143,15 @@ class Strip:
         third_m = float(np.partition(aside_m, ENOUGH_POINTS - 1)[ENOUGH_POINTS - 1])
         return (self.body.bare.half_width_m + third_m) / 2
 
-    def _motion(self, direction: float, grip_mps2: float, along_mps2: float = 0.0, end_mps: float = 0.0) -> Motion:
-        """Return how the car moves on such a floor; along_mps2 is taken from the grip."""
+    def _motion(
+        self, direction: float, grip_mps2: float, along_mps2: float = 0.0, end_mps: float = 0.0
+    ) -> tuple[float, ...]:
+        """Return how the car moves on such a floor, the fields of a Motion; along_mps2 is taken from the grip.
+
+        Two calls fewer than a Motion itself, and nobody asks it for a field by name.
+        """
         car = self.body.car
-        return Motion(
+        return (
             max(0.0, direction * self.speed_mps),
             direction,
             self.wheel_rad,
