@@ -1,0 +1,42 @@
+"""Bytes of a lidar are taken apart alike."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers import twin
+from drivers.hokuyo.codec import checksum
+from tests.runtime.kernel.sameness import assert_same
+
+
+@given(data=st.binary(max_size=300), flipped=st.integers(0, 10**6))
+def test_any_bytes_are_joined_alike(compiled, data, flipped):
+    lines = [bytes(0x30 + byte % 64 for byte in data[i : i + 64]) for i in range(0, len(data), 64)]
+    regular = b"\n".join(line + bytes([checksum(line)]) for line in lines)
+    broken = bytearray(regular)
+    if broken:
+        broken[flipped % len(broken)] ^= 1 + flipped % 255
+    for sent in (data, regular, bytes(broken)):
+        assert compiled["joined_rows"](sent) == twin.PLAIN["joined_rows"](sent)
+
+
+@given(data=st.binary(max_size=300), flipped=st.integers(0, 10**6), head=st.sampled_from([0, 1, 2, 40, 41]))
+def test_any_block_is_taken_apart_alike(compiled, data, flipped, head):
+    lines = [bytes(0x30 + byte % 64 for byte in data[i : i + 64]) for i in range(0, len(data), 64)]
+    summed = [line + bytes([checksum(line)]) for line in (b"99", b"0abc", *lines)]
+    regular = b"\n".join([b"MD0000108000000".ljust(head, b"x")[:head], *summed])
+    broken = bytearray(regular)
+    if broken:
+        broken[flipped % len(broken)] ^= 1 + flipped % 255
+    for sent in (data, regular, bytes(broken), b"\n" + regular, regular[: flipped % 60]):
+        assert compiled["scan_parts"](sent) == twin.PLAIN["scan_parts"](sent)
+    if lines and head in {1, 2, 40}:
+        assert compiled["scan_parts"](regular)[1:] == (b"99", b"0abc", b"".join(lines))
+
+
+@given(samples=st.binary(max_size=60), beams=st.integers(0, 20), reverse=st.booleans())
+def test_any_samples_are_decoded_alike(compiled, samples, beams, reverse):
+    digits = bytes(0x30 + byte % 64 for byte in samples)
+    for sent in (samples, digits, digits[: 3 * beams]):
+        answers = [of["decode_samples"](sent, beams, 20, 30000, int(reverse)) for of in (twin.PLAIN, compiled)]
+        assert_same("decode_samples", *answers)
+        assert answers[1] is None or not answers[1].flags.writeable

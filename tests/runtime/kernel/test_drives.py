@@ -1,0 +1,53 @@
+"""Along whole drives, and through nonsense, the twins answer what the Python answers."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from sim.beams import LidarSettings, scan
+from sim.closed_loop import as_scan
+from sim.pose import Pose, Twist
+from sim.worlds import load_world
+from tests.runtime.kernel.sameness import Drive, ranges
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("world", ["l_turn", "corridor", "doorway", "outside_corner", "straight"])
+def test_a_drive_gets_the_same_answers(compared, world, side):
+    rng = np.random.default_rng(3)
+    lidar = LidarSettings(noise_std_m=0.02, outlier_share=0.02, dirty_sectors=((-96.0, -93.0, 0.3), (40.0, 41.0, 0.2)))
+    drive, geometry = Drive(side), load_world(world)
+    for step in range(80):
+        at_s = 0.025 * step
+        pose = Pose(0.07 * step, rng.uniform(-0.1, 0.1), rng.uniform(-0.2, 0.2))
+        drive.see(as_scan(scan(geometry, pose, Twist(2.0), at_s, rng, lidar), lidar, at_s, step))
+    hot = {
+        "look",
+        "small_things",
+        "thin_places",
+        "solid_places",
+        "any_nearer",
+        "swept_touch",
+        "wall_piece",
+        "foreseen",
+    }
+    assert {name for name in hot if compared[name] < 60} == set()
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(seed=st.integers(0, 2**32), speed_mps=st.floats(-0.5, 4.0), steering_rad=st.floats(-0.34, 0.34))
+def test_nonsense_gets_the_same_answers(compared, seed, speed_mps, steering_rad):
+    for side in ("left", "right"):
+        drive = Drive(side)
+        for scan_number in range(7):  # the same room again and again, so that things are seen again
+            drive.see_ranges(ranges(seed + scan_number // 5), speed_mps=speed_mps, steering_rad=steering_rad)
+
+
+@pytest.mark.parametrize("beams", [1, 2, 5])
+def test_hardly_any_beam_gets_the_same_answers(compared, beams):
+    drive = Drive()
+    for ranges_m in (np.full(beams, 1.0), np.full(beams, math.nan), np.full(beams, 0.1)):
+        drive.see_ranges(ranges_m)

@@ -1,0 +1,120 @@
+"""What is learnt of the window, and what is found, is alike."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers import twin
+from tests.runtime.kernel.sameness import BEAMS, assert_same, ranges
+
+
+def window(seed, beams):
+    """Return what one scan shows of a window and what is known of it: the arrays that `evidence` wants."""
+    rng = np.random.default_rng(seed)
+    ranges_m = ranges(seed)[:beams]
+    ranges_m[~((ranges_m > 0) & (ranges_m < math.inf))] = math.nan
+    near_m = np.where(rng.random(beams) < 0.5, ranges_m + rng.normal(0.0, 0.06, beams), math.nan)
+    own, rear = rng.random((2, beams)) < 0.4
+    dirt, body, blind = rng.choice([0.0, 1.0, 0.3, 0.6, 0.95, rng.random()], (3, beams))
+    return ranges_m, np.isnan(ranges_m), own, rear, near_m, dirt, body, blind
+
+
+SHARE = st.floats(0.0, 1.0)
+
+
+@given(
+    seed=st.integers(0, 2**32),
+    beams=st.sampled_from([0, 1, 40, 41, 81, 161, 200, BEAMS]),
+    shares=st.tuples(SHARE, SHARE, st.one_of(st.just(0.0), SHARE)),
+)
+def test_any_window_is_learnt_alike(compiled, seed, beams, shares):
+    known = window(seed, beams)
+    for scan_number in range(3):  # each learns on from what was learnt by Python
+        given_ = (*window(seed + scan_number // 2, beams)[:4], *known[4:], *shares)
+        before = [array.copy() for array in given_[:8]]
+        learnt = twin.PLAIN["evidence"](*given_)
+        assert_same("evidence", learnt, compiled["evidence"](*given_))
+        assert_same("evidence", tuple(before), given_[:8])
+        known = (*known[:4], *learnt)
+
+
+@pytest.mark.parametrize("place", range(11))
+def test_what_is_no_number_is_learnt_alike(compiled, place):
+    for value in (math.nan, math.inf, -math.inf):
+        given_ = [*window(5, BEAMS), 0.1, 0.3, 0.2]
+        if place >= 8:
+            given_[place] = value
+        elif given_[place].dtype == np.float64:
+            given_[place][::3] = value
+        else:
+            given_[place] = np.repeat(given_[place], 2)[::-2]  # backwards, and not side by side
+        with np.errstate(invalid="ignore"):
+            assert_same("evidence", twin.PLAIN["evidence"](*given_), compiled["evidence"](*given_))
+
+
+def test_a_window_of_different_lengths_is_refused(compiled):
+    for place in range(8):
+        given_ = list(window(5, 30))
+        given_[place] = given_[place][1:]
+        with pytest.raises(ValueError, match="different lengths"):
+            compiled["evidence"](*given_, 0.1, 0.3, 0.2)
+
+
+LEVELS = np.array([0.0, 0.25, 0.3, 0.31, 0.6, 0.61, 0.95, 0.96, 1.0, math.nan])
+
+
+@given(
+    seed=st.integers(0, 2**32),
+    beams=st.sampled_from([0, 1, 2, 40, BEAMS]),
+    highest=st.integers(1, LEVELS.size),
+    bounds=st.sampled_from([(0.6, 0.3), (0.3, 0.6), (math.nan, 0.3), (0.6, math.nan)]),
+)
+def test_any_window_is_judged_alike(compiled, seed, beams, highest, bounds):
+    rng = np.random.default_rng(seed)
+    dirt, body, blind = rng.choice(LEVELS[:highest], (3, beams))
+    for doubted in (None, rng.random(beams) < 0.8):
+        before = tuple(rng.random((3, beams)) < rng.choice([0.0, 0.05]))
+        for _ in range(3):  # the second time nothing has changed, but rows that grow
+            given_ = (dirt, body, blind, doubted, before, *bounds)
+            found, lost = twin.PLAIN["findings"](*given_)
+            assert_same("findings", (found, lost), compiled["findings"](*given_))
+            before = found or before
+
+
+def test_findings_of_different_lengths_are_refused(compiled):
+    flags = np.zeros(9, np.bool_)
+    for place in range(7):
+        arrays = [np.zeros(9), np.zeros(9), np.zeros(9), flags, flags, flags, flags]
+        arrays[place] = arrays[place][1:]
+        with pytest.raises(ValueError, match="different lengths"):
+            compiled["findings"](*arrays[:4], tuple(arrays[4:]), 0.6, 0.3)
+    for before in (None, (), (flags, flags), (flags, flags, None), [flags, flags, flags]):
+        with pytest.raises(TypeError):
+            compiled["findings"](*arrays[:3], None, before, 0.6, 0.3)
+
+
+@given(
+    seed=st.integers(0, 2**32),
+    beams=st.sampled_from([0, 1, 40, BEAMS]),
+    pose=st.tuples(*[st.one_of(st.floats(-50.0, 50.0), st.just(math.nan))] * 3),
+)
+def test_any_near_places_are_kept_alike(compiled, seed, beams, pose):
+    ranges_m, _, solid, *_ = window(seed, beams)
+    given_ = (ranges_m * np.cos(np.arange(beams)), ranges_m * np.sin(np.arange(beams)), solid, ranges_m, *pose)
+    with np.errstate(invalid="ignore"):
+        assert_same("near_places", twin.PLAIN["near_places"](*given_), compiled["near_places"](*given_))
+
+
+def test_near_places_of_no_direction_or_of_different_lengths_are_refused(compiled):
+    long_m, flags = np.ones(9), np.ones(9, np.bool_)
+    for of in (twin.PLAIN, compiled):
+        with pytest.raises(ValueError, match="math domain error"):
+            of["near_places"](long_m, long_m, flags, long_m, 0.0, 0.0, math.inf)
+    for place in range(4):
+        arrays = [long_m, long_m, flags, long_m]
+        arrays[place] = arrays[place][1:]
+        with pytest.raises(ValueError, match="different lengths"):
+            compiled["near_places"](*arrays, 0.0, 0.0, 0.0)
