@@ -20,10 +20,9 @@ Prefetch = Callable[[Addresses], object]
 """Fetches the cache lines at these addresses, (n,), without waiting for them."""
 
 LINE_BYTES: Final = 64
-FIRST_WATCHED: Final = 10
-WATCHED_EVERY: Final = 200
-"""The first answers are watched, and then one in five seconds: it takes a third longer, and the car may do what it did
-not do before."""
+WATCHED_EVERY: Final = 1000
+"""So many answers apart one is watched, because the car may do what it did not do before; at first much oftener: the
+first, the second, the fourth, the eighth. A watched answer takes a third longer."""
 LONGEST_TEXT_BYTES: Final = 256
 """What is longer is a docstring."""
 
@@ -70,7 +69,8 @@ class Warmth:
             sys.setprofile(None)
 
     def _is_due(self) -> bool:
-        return self._warmed <= FIRST_WATCHED or self._warmed % WATCHED_EVERY == 0
+        is_power_of_two = self._warmed & (self._warmed - 1) == 0
+        return is_power_of_two or self._warmed % WATCHED_EVERY == 0
 
     def _see(self, frame: FrameType, event: str, _: object) -> None:
         if event == "call" and self._seen is not None:
