@@ -13,27 +13,23 @@ import numpy as np
 
 from drivers.api import Drive, MotorState, Scan
 from runtime.car_settings import CarSettings
-from runtime.control.ball_law import Aim, look_aheads_m, pursued
-from runtime.control.ball_path import RADII_M, BallPath, WallPoints, ball_path, bend_per_m
+from runtime.control.ball_drive import driven_along
+from runtime.control.ball_law import look_aheads_m
+from runtime.control.ball_path import RADII_M, BallPath, Rolled, rolled
 from runtime.control.ball_settings import BallSettings
 from runtime.control.geometry import Floats
 from runtime.control.guidance import Guidance
 from runtime.control.lost import SEARCH_PER_M, Lost
-from runtime.control.my_wall import Beams, SideView, bridge_glass, my_wall, outline, side_view, wall_around
-from runtime.control.noise_bias import NoiseBias
+from runtime.control.my_wall import my_wall, side_view
 from runtime.control.perception import Eyes
 from runtime.control.prediction import Predictor, Shift
 from runtime.control.room import Room
-from runtime.control.speed_profile import mu_with_room, profile_mps, speed_limit_mps
+from runtime.control.speed_profile import mu_with_room
 from runtime.control.wall import Line
 from runtime.control.wall_track import WallTrack
 
 LONGEST_STEP_S = 0.25
 """Between two scans; after a longer silence the way since is not known."""
-TOO_NEAR_M = 0.05
-SLIPPING_SHARE = 0.3
-"""A car that is so much nearer to the wall than it should be, and comes nearer still with the wheels turned away as far
-as they can, may be on a floor that gives less than counted on: it goes on by this share of it."""
 BEND_LOW_PASS = 0.2
 """By which the path's bend is averaged before it tells a bent wall from a straight one."""
 
@@ -47,7 +43,7 @@ class BallFollower:
         self._eyes = eyes
         self._sign = 1.0 if settings.side == "left" else -1.0
         self._predictor = Predictor(car.wheelbase_m, car.steering_rate_radps)
-        self._bias = NoiseBias()
+        self._bias_m = 0.0
         self._track = WallTrack(car.wheelbase_m)
         self._room = Room()
         self._bend_per_m = 0.0
@@ -91,67 +87,44 @@ class BallFollower:
         wheel_rad = self._sign * self._predictor.wheel_rad
         expected = self._track.expect(moved_m, wheel_rad, speed_mps, straight=self._straight >= 1.0)
         seen = side_view(self._eyes.see(scan), settings.side)
-        mine = my_wall(seen, self._room.within_m(settings.desired_distance_m))
-        if mine is None:
+        wanted_m = settings.desired_distance_m
+        wall = my_wall(seen, self._room.within_m(wanted_m), expected, wanted_m)
+        if wall is None:
             self._path = None
             self._track.correct(None)
             return self._without_wall(moved_m)
-        line = seen.side.lines.find(seen.x_m, seen.y_m, seen.range_m, seen.solid, expected)
+        line = wall.line
         tracked = self._track.correct(line)
-        desired_m = self._room.beside_m(seen, line, settings.desired_distance_m, moved_m)
-        wall = _wall_points(seen, mine, line, shift)
-        line_now, line, tracked = line, _from_there(line, shift), _from_there(tracked, shift)
-        bias_m = self._bias.learn(line, wall.nearest_m)
-        path = ball_path(
-            wall, desired_m - bias_m, look_aheads_m(settings.look_ahead_m, settings.look_ahead_s, speed_mps)
-        )
-        self._path = path
-        bend = bend_per_m(path)
-        self._bend_per_m += BEND_LOW_PASS * (bend - self._bend_per_m)
-        aim, steering_rad = self._pursuit(path, tracked, wall.nearest_m + bias_m, desired_m, bend, speed_mps)
-        self._straight = aim.straight
+        desired_m = self._room.beside_m(line, wall.room_m, wanted_m, moved_m)
+        look_m = look_aheads_m(settings.look_ahead_m, settings.look_ahead_s, speed_mps)
+        ball = rolled(seen, wall, shift, self._bias_m, desired_m, look_m)
+        self._path, self._bias_m = ball.path, ball.bias_m
+        self._bend_per_m += BEND_LOW_PASS * (ball.bend_per_m - self._bend_per_m)
+        error_m, steering_rad, wanted_mps = self._answer(ball, tracked, shift, desired_m, speed_mps)
         self._lost.found(steering_rad)
-        mu = mu_with_room(settings.assumed_mu, desired_m)
-        if self._slips(aim, steering_rad):
-            mu *= SLIPPING_SHARE
-        drive = Drive(self._speed_mps(path, steering_rad, speed_mps, mu), self._sign * steering_rad)
+        drive = Drive(wanted_mps, self._sign * steering_rad)
         self._predictor.answers.said(scan.received_s, drive.steering_rad)
         angle_rad, line_m = math.nan, math.nan
-        if line_now is not None:
-            angle_rad, line_m = self._sign * line_now.heading_rad, line_now.distance_m
-        return Guidance(drive, aim.error_m + desired_m, aim.error_m, angle_rad, "wall", line_m)
-
-    def _pursuit(
-        self, path: BallPath, line: Line | None, nearest_m: float, desired_m: float, bend: float, speed_mps: float
-    ) -> tuple[Aim, float]:
-        """Return what to steer by, and the steering."""
-        settings, car = self._settings, self._car
-        near_m, far_m = path.radius_m[-2:]
-        near_rad, far_rad = path.bearing_rad[-2:]
-        line_rad, line_error_m = math.nan, math.nan
         if line is not None:
-            line_rad, line_error_m = line.heading_rad, line.distance_m - desired_m
-        error_m, heading_rad, straight, steering_rad = pursued(
-            near_m, near_rad, far_m, far_rad, nearest_m - desired_m, line_rad, line_error_m, self._bend_per_m, bend,
-            speed_mps, settings.kp, settings.kd, car.wheelbase_m,
+            angle_rad, line_m = self._sign * line.heading_rad, line.distance_m
+        return Guidance(drive, error_m + desired_m, error_m, angle_rad, "wall", line_m)
+
+    def _answer(
+        self, ball: Rolled, tracked: Line | None, shift: Shift, desired_m: float, speed_mps: float
+    ) -> tuple[float, float, float]:
+        """Return the distance error, the steering and the speed."""
+        settings, car, path = self._settings, self._car, ball.path
+        line_rad, line_error_m = math.nan, math.nan
+        if tracked is not None:
+            there = tracked.seen_from(shift.x_m, shift.y_m, shift.yaw_rad)
+            line_rad, line_error_m = there.heading_rad, there.distance_m - desired_m
+        error_m, self._straight, steering_rad, wanted_mps = driven_along(
+            path.radius_m, path.bearing_rad, path.meets, path.crosses, ball.nearest_m + ball.bias_m - desired_m,
+            line_rad, line_error_m, self._bend_per_m, ball.bend_per_m, speed_mps, settings.kp, settings.kd,
+            car.wheelbase_m, self._track.trim_rad if settings.trim_integral else 0.0, car.max_steering_rad,
+            settings.speed_mps, mu_with_room(settings.assumed_mu, desired_m) if settings.speed_profile else math.inf,
         )  # fmt: skip
-        if settings.trim_integral:
-            steering_rad -= self._track.trim_rad
-        steering_rad = min(max(steering_rad, -car.max_steering_rad), car.max_steering_rad)
-        return Aim(error_m, heading_rad, straight), steering_rad
-
-    def _slips(self, aim: Aim, steering_rad: float) -> bool:
-        """Whether the floor may not hold the car in its bend away from the wall."""
-        turned_away = steering_rad <= -self._car.max_steering_rad
-        return turned_away and aim.error_m < -TOO_NEAR_M and aim.heading_rad < 0.0
-
-    def _speed_mps(self, path: BallPath, steering_rad: float, speed_mps: float, mu: float) -> float:
-        settings = self._settings
-        if not settings.speed_profile:
-            return settings.speed_mps
-        now_mps = speed_limit_mps(steering_rad, self._car.wheelbase_m, mu)
-        ahead_mps = profile_mps(path, speed_mps, mu)
-        return min(settings.speed_mps, now_mps, ahead_mps)
+        return error_m, steering_rad, wanted_mps
 
     def _moved_m(self, stamp_s: float, speed_mps: float) -> float:
         """Return the way since the last scan."""
@@ -172,15 +145,3 @@ class BallFollower:
         if drive is not None:
             drive = Drive(drive.speed_mps, self._sign * drive.steering_rad)
         return Guidance(drive, math.nan, math.nan, math.nan, reason)
-
-
-def _wall_points(seen: SideView, mine: Beams, line: Line | None, shift: Shift) -> WallPoints:
-    """Return my wall as thinned points, panes of glass filled in, as seen from there."""
-    glass_m = bridge_glass(seen, mine, line) if line is not None else None
-    if glass_m is None:
-        return WallPoints(*wall_around(seen.x_m, seen.y_m, mine, shift.x_m, shift.y_m, shift.yaw_rad))
-    return WallPoints.of(np.concatenate((outline(seen.x_m, seen.y_m, mine), glass_m)), shift)
-
-
-def _from_there(line: Line | None, shift: Shift) -> Line | None:
-    return line.seen_from(shift.x_m, shift.y_m, shift.yaw_rad) if line is not None else None

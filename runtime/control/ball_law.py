@@ -22,7 +22,6 @@ f1tenth_gym); SLIP is that for mu = 0.5, the low guess: better a little to the i
 
 import math
 
-from drivers.twin import twin
 from drivers.value import value
 from runtime.control.ball_path import WIDEST_RAD
 
@@ -65,8 +64,7 @@ def look_aheads_m(look_ahead_m: float, look_ahead_s: float, speed_mps: float) ->
     return look_ahead_m + look_ahead_s * abs(speed_mps), CORNER_LOOK_M + CORNER_LOOK_S * abs(speed_mps)
 
 
-@twin
-def pursued(  # flat arguments, as its twin in C wants them
+def pursued(
     near_m: float,
     near_rad: float,
     far_m: float,

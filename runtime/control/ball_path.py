@@ -16,31 +16,16 @@ import numpy as np
 from drivers.twin import twin
 from drivers.value import value
 from runtime.control.geometry import Floats, Places
-from runtime.control.my_wall import around
+from runtime.control.my_wall import Beams, MyWall, SideView, around, bridge_glass, outline
+from runtime.control.noise_bias import bias_learnt_m
 from runtime.control.prediction import Shift
+from runtime.control.wall import CLEAN_INLIERS
 
 WIDEST_RAD = math.radians(85)
 RADII_M = tuple(np.linspace(0.3, 3.0, 10).tolist())
 """The circles of the path: how far it is looked at by the speed profile."""
-_BEND_CIRCLES = slice(1, 5)
-"""Circles of 0.6 to 1.5 m, by which the bend of the path is measured."""
-
-
-HERE = Shift()
-
-
-@value(eq=False)
-class WallPoints:
-    """The wall around the rear axle: ranges [m] and bearings [rad], shape (n,); nearest_m: the least range."""
-
-    range_m: Floats
-    bearing_rad: Floats
-    nearest_m: float
-
-    @classmethod
-    def of(cls, places_m: Places, shift: Shift = HERE) -> "WallPoints":
-        """Return points x + iy as seen from there."""
-        return cls(*around(places_m, shift.x_m, shift.y_m, shift.yaw_rad))
+_BEND_CIRCLES = 1, 5
+"""From which circle to before which the bend of the path is measured: 0.6 to 1.5 m."""
 
 
 @value(eq=False)
@@ -62,20 +47,76 @@ class BallPath:
         return BallPath(self.radius_m[:count], self.bearing_rad[:count], self.meets[:count], self.crosses[:count])
 
 
-def ball_path(wall: WallPoints, ball_m: float, more_radii_m: tuple[float, ...]) -> BallPath:
-    """Roll a ball of radius `ball_m` along the wall's points, rear axle at the origin, wall on the left.
+@value(eq=False)
+class Rolled:
+    """A ball rolled along the wall as seen from where the answer takes effect.
 
-    The circles are RADII_M, then `more_radii_m`.
+    nearest_m: the nearest of the wall's points. bias_m: how much too near that is, see `noise_bias`.
+    bend_per_m: curvature of the path between 0.6 and 1.5 m ahead, left positive; 0 where it is not all seen.
     """
+
+    path: BallPath
+    nearest_m: float
+    bias_m: float
+    bend_per_m: float
+
+
+def rolled(
+    seen: SideView, wall: MyWall, shift: Shift, bias_m: float, desired_m: float, more_radii_m: tuple[float, ...]
+) -> Rolled:
+    """Roll a ball of the desired distance, less the bias, along my wall, panes of glass filled in.
+
+    bias_m: known before this scan. The circles are RADII_M, then `more_radii_m`.
+    """
+    line_m, line_rad = math.nan, 0.0
+    if wall.line is not None and wall.line.inliers > CLEAN_INLIERS:
+        line_m, line_rad = wall.line.distance_m, wall.line.heading_rad
     radii_m = RADII_M + more_radii_m
-    return BallPath(radii_m, *rolled(wall.range_m, wall.bearing_rad, ball_m, radii_m))
+    nearest_m, bias_m, bend_per_m, *circles = rolled_along(
+        seen.x_m, seen.y_m, wall.beams, bridge_glass(seen, wall), shift.x_m, shift.y_m, shift.yaw_rad, line_m, line_rad,
+        bias_m, desired_m, radii_m,
+    )  # fmt: skip
+    return Rolled(BallPath(radii_m, *circles), nearest_m, bias_m, bend_per_m)
+
+
+Circles = tuple[tuple[float, ...], tuple[bool, ...], tuple[bool, ...]]
+"""bearing_rad, meets and crosses of a BallPath."""
 
 
 @twin
-def rolled(
-    range_m: Floats, wall_rad: Floats, ball_m: float, radii_m: tuple[float, ...]
-) -> tuple[tuple[float, ...], tuple[bool, ...], tuple[bool, ...]]:
-    """Return bearing_rad, meets and crosses of a BallPath along a wall given by its ranges and bearings, (n,)."""
+def rolled_along(  # flat arguments, as its twin in C wants them
+    x_m: Floats,
+    y_m: Floats,
+    wall: Beams,
+    glass_m: Places | None,
+    from_x_m: float,
+    from_y_m: float,
+    yaw_rad: float,
+    line_m: float,
+    line_rad: float,
+    bias_m: float,
+    desired_m: float,
+    radii_m: tuple[float, ...],
+) -> tuple[float, float, float, tuple[float, ...], tuple[bool, ...], tuple[bool, ...]]:
+    """Return nearest_m, bias_m and bend_per_m of Rolled, then bearing_rad, meets and crosses of its path.
+
+    The wall is seen from (from_x_m, from_y_m) at the heading yaw_rad; all else is given as seen from the origin.
+    line_m: NaN without a clean line.
+    """
+    places_m = outline(x_m, y_m, wall)
+    if glass_m is not None:
+        places_m = np.concatenate((places_m, glass_m))
+    range_m, bearing_rad, nearest_m = around(places_m, from_x_m, from_y_m, yaw_rad)
+    line_m -= math.cos(line_rad) * from_y_m - math.sin(line_rad) * from_x_m
+    bias_m = bias_learnt_m(bias_m, line_m, nearest_m)
+    path_rad, meets, crosses = circles_met(range_m, bearing_rad, desired_m - bias_m, radii_m)
+    part = slice(*_BEND_CIRCLES)
+    bend_per_m = bend_of(radii_m[part], path_rad[part]) if all(meets[part]) else 0.0
+    return nearest_m, bias_m, bend_per_m, path_rad, meets, crosses
+
+
+def circles_met(range_m: Floats, wall_rad: Floats, ball_m: float, radii_m: tuple[float, ...]) -> Circles:
+    """Return where a ball, rolled along a wall of these ranges and bearings (n,), is on each circle."""
     radius_m = np.array(radii_m)
     by_point = np.empty((2, range_m.size))
     by_point[0] = 0.5 / range_m
@@ -110,20 +151,12 @@ def _nearest_rad(range_m: Floats, wall_rad: Floats, radius_m: Floats) -> Floats:
     return nearest
 
 
-def bend_per_m(path: BallPath) -> float:
-    """Return the curvature of the path [1/m] between 0.6 and 1.5 m ahead, left positive; 0 where it is not all seen.
+def bend_of(radius_m: tuple[float, ...], bearing_rad: tuple[float, ...]) -> float:
+    """Return the curvature [1/m] of a path over four circles, left positive.
 
     Difference of the headings of the first and the last of three chords over the way between their middles: a straight
     path gives 0 wherever the car stands.
     """
-    if not all(path.meets[_BEND_CIRCLES]):
-        return 0.0
-    return bend_of(path.radius_m[_BEND_CIRCLES], path.bearing_rad[_BEND_CIRCLES])
-
-
-@twin
-def bend_of(radius_m: tuple[float, ...], bearing_rad: tuple[float, ...]) -> float:
-    """Return the curvature [1/m] of a path over four circles."""
     circles = zip(radius_m, bearing_rad, strict=True)
     (x0, y0), (x1, y1), (x2, y2), (x3, y3) = ((r * math.cos(b), r * math.sin(b)) for r, b in circles)
     turn_rad = math.atan2(y3 - y2, x3 - x2) - math.atan2(y1 - y0, x1 - x0)

@@ -18,7 +18,7 @@ from drivers.twin import twin
 from drivers.value import value
 from runtime.control.geometry import Floats, Places, bearings_rad
 from runtime.control.perception import View
-from runtime.control.wall import Line, LineFinder
+from runtime.control.wall import Line, LineFinder, wall_line
 
 Booleans = npt.NDArray[np.bool_]
 Beams = npt.NDArray[np.intp]
@@ -104,19 +104,78 @@ def side_view(view: View, side: Literal["left", "right"]) -> SideView:
     return SideView(way, view.x_m[order], y_m, view.ranges_m[order], view.solid[order], view.no_echo[order])
 
 
-def my_wall(seen: SideView, desired_m: float) -> Beams | None:
-    """Return the beams of the followed wall, in order, or None when no piece of wall is beside the car.
+@value(eq=False)
+class MyWall:
+    """The followed wall in one scan.
+
+    beams: those that see it, in order. line: of its points beside the car, None where they are no line.
+    room_m: D' = min(D, half of the free width between the line and the opposite side). silent: how many of the first
+    GLASS_FIRST_BEAMS beams beyond its front end have no echo.
+    """
+
+    beams: Beams
+    line: Line | None
+    room_m: float
+    silent: int
+
+
+def my_wall(seen: SideView, ball_m: float, expected: Line | None, desired_m: float) -> MyWall | None:
+    """Return the followed wall, or None when no piece of wall is beside the car.
 
     Cut where neighbours are farther apart than the ball is thick, and where the eye jumps to the other wall of a narrow
     corridor: the car passes between them. The piece that holds the nearest return beside the car is mine (not the first
     one: after a U turn another wall is behind the car).
+
+    ball_m: radius of the ball. expected: where its line should be by the last scan. desired_m: D.
     """
-    gap_m = min(GAP_DIAMETERS * desired_m, WIDEST_GAP_M)
-    beside = seen.side.beside
-    return wall_piece(seen.x_m, seen.y_m, seen.range_m, seen.solid, beside.start, beside.stop, gap_m)
+    side, lines = seen.side, seen.side.lines
+    expected_m, expected_rad = (math.nan, 0.0) if expected is None else (expected.distance_m, expected.heading_rad)
+    found = wall_beside(
+        seen.x_m, seen.y_m, seen.range_m, seen.solid, seen.no_echo, side.beside.start, side.beside.stop,
+        side.opposite.start, min(GAP_DIAMETERS * ball_m, WIDEST_GAP_M), lines.beams, lines.rear, lines.front,
+        expected_m, expected_rad, desired_m,
+    )  # fmt: skip
+    if found is None:
+        return None
+    beams, line, room_m, silent = found
+    return MyWall(beams, Line(*line) if line is not None else None, room_m, silent)
 
 
 @twin
+def wall_beside(  # flat arguments, as its twin in C wants them
+    x_m: Floats,
+    y_m: Floats,
+    range_m: Floats,
+    solid: Booleans,
+    no_echo: Booleans,
+    beside_from: int,
+    beside_to: int,
+    opposite_from: int,
+    gap_m: float,
+    beams: Beams,
+    rear: Beams,
+    front: Beams,
+    expected_m: float,
+    expected_rad: float,
+    desired_m: float,
+) -> tuple[Beams, tuple[float, float, int] | None, float, int] | None:
+    """Return beams, line, room_m and silent of MyWall, None without a piece of wall.
+
+    Arrays of a SideView, and of its LineFinder. opposite_from: the first of the beams that may see the other side.
+    expected_m: NaN where no line is expected.
+    """
+    wall = wall_piece(x_m, y_m, range_m, solid, beside_from, beside_to, gap_m)
+    if wall is None:
+        return None
+    line = wall_line(x_m, y_m, range_m, solid, beams, rear, front, expected_m, expected_rad)
+    room_m = desired_m
+    if line is not None:
+        part = slice(opposite_from, None, ROOM_EVERY_BEAM)
+        room_m = room_for(x_m[part], y_m[part], range_m[part], solid[part], line[0], line[1], desired_m)
+    beyond = int(wall[-1]) + 1
+    return wall, line, room_m, int(np.count_nonzero(no_echo[beyond : beyond + GLASS_FIRST_BEAMS]))
+
+
 def wall_piece(
     x_m: Floats, y_m: Floats, range_m: Floats, solid: Booleans, beside_from: int, beside_to: int, gap_m: float
 ) -> Beams | None:
@@ -156,7 +215,6 @@ def _is_opposite(x_m: Floats, y_m: Floats) -> bool:
     return bool(abs(x_m[last] - x_m[0]) > abs(y_m[last] - y_m[0]) and (y_m[0] <= 0.0 or comes_back))
 
 
-@twin
 def outline(x_m: Floats, y_m: Floats, wall: Beams) -> Places:
     """Return the wall's points smoothed by a 5-point mean and thinned to one per 8 cm, x + iy, shape (m,)."""
     count, half = wall.size, SMOOTHED_POINTS // 2
@@ -176,7 +234,6 @@ def outline(x_m: Floats, y_m: Floats, wall: Beams) -> Places:
     return kept
 
 
-@twin
 def around(places_m: Places, x_m: float, y_m: float, yaw_rad: float) -> tuple[Floats, Floats, float]:
     """Return range_m and bearing_rad of places x + iy, (n,) each, seen from (x_m, y_m) at that heading; the nearest."""
     seen = (places_m - complex(x_m, y_m)) * cmath.rect(1.0, -yaw_rad)
@@ -184,23 +241,16 @@ def around(places_m: Places, x_m: float, y_m: float, yaw_rad: float) -> tuple[Fl
     return range_m, np.arctan2(seen.imag, seen.real), float(range_m.min(initial=math.inf))
 
 
-@twin
-def wall_around(
-    x_m: Floats, y_m: Floats, wall: Beams, from_x_m: float, from_y_m: float, yaw_rad: float
-) -> tuple[Floats, Floats, float]:
-    """Return the outline of the wall as seen from (from_x_m, from_y_m) at that heading: see `around`."""
-    return around(outline(x_m, y_m, wall), from_x_m, from_y_m, yaw_rad)
-
-
-def bridge_glass(seen: SideView, wall: Beams, line: Line) -> Places | None:
+def bridge_glass(seen: SideView, wall: MyWall) -> Places | None:
     """Return places x + iy, shape (k,), that fill a pane of glass beyond the front end of my wall, or None.
 
     A pane returns only the beams near its normal. If points lie on the wall's line beyond the gap, and most beams
     between have no echo, the wall goes on; beams that do return show a real opening, which stays open.
     """
-    end = int(wall[-1])
-    if silent_among(seen.no_echo, end + 1, end + 1 + GLASS_FIRST_BEAMS) < GLASS_FIRST_BEAMS // 2:
+    line = wall.line
+    if line is None or wall.silent < GLASS_FIRST_BEAMS // 2:
         return None  # the usual case, at once
+    end = int(wall.beams[-1])
     beyond = np.arange(end + 1, seen.x_m.size)
     beyond = beyond[seen.solid[beyond] & (seen.range_m[beyond] < GLASS_RANGE_M)]
     if not beyond.size:
@@ -222,22 +272,6 @@ def bridge_glass(seen: SideView, wall: Beams, line: Line) -> Places | None:
     return filled
 
 
-@twin
-def silent_among(no_echo: Booleans, first: int, last: int) -> int:
-    """Return how many of the beams from first to before last, as far as there are so many, have no echo."""
-    return int(np.count_nonzero(no_echo[first:last]))
-
-
-def roomy_m(seen: SideView, line: Line | None, desired_m: float) -> float:
-    """Return D' = min(D, half of the free width between my wall's line and the opposite side)."""
-    if line is None:
-        return desired_m
-    part = seen.side.opposite
-    ranges_m, solid = seen.range_m[part], seen.solid[part]
-    return room_for(seen.x_m[part], seen.y_m[part], ranges_m, solid, line.distance_m, line.heading_rad, desired_m)
-
-
-@twin
 def room_for(
     x_m: Floats, y_m: Floats, range_m: Floats, solid: Booleans, line_m: float, heading_rad: float, desired_m: float
 ) -> float:

@@ -6,7 +6,6 @@ that grew at once to the whole wanted distance would not fit into it: the car wo
 
 import math
 
-from runtime.control.my_wall import SideView, roomy_m
 from runtime.control.wall import Line
 
 WIDENS_PER_M = 0.1
@@ -29,10 +28,12 @@ class Room:
         """Return the wanted distance, or less where the way was narrower."""
         return min(desired_m, self._known_m)
 
-    def beside_m(self, seen: SideView, line: Line | None, desired_m: float, moved_m: float) -> float:
-        """Return the distance to keep beside a line of my wall, after so much way since the last scan."""
+    def beside_m(self, line: Line | None, room_m: float, desired_m: float, moved_m: float) -> float:
+        """Return the distance to keep beside a line of my wall, after so much way since the last scan.
+
+        room_m: what this scan has room for, at most the wanted distance.
+        """
         self._known_m += WIDENS_PER_M * abs(moved_m)
-        room_m = roomy_m(seen, line, desired_m)
         narrow = room_m < desired_m
         self._narrow_for_m = self._narrow_for_m + abs(moved_m) if narrow else 0.0
         kept_m = min(room_m, self._known_m)

@@ -7,7 +7,6 @@ v(s)^2 <= v_point^2 + 2 a_brake (s - 0.3 - 0.06 v)
 import math
 from itertools import pairwise
 
-from drivers.twin import twin
 from runtime.control.ball_path import RADII_M, BallPath
 
 GRAVITY_MPS2 = 9.81
@@ -49,7 +48,6 @@ def profile_mps(path: BallPath, speed_mps: float, assumed_mu: float) -> float:
     return fastest_mps(path.radius_m, path.bearing_rad, path.meets, path.crosses, speed_mps, assumed_mu)
 
 
-@twin
 def fastest_mps(
     radius_m: tuple[float, ...],
     bearing_rad: tuple[float, ...],

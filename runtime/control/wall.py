@@ -68,6 +68,7 @@ class LineFinder:
     """Finds the wall line among beams of a fixed geometry.
 
     bearing_rad: (n,) of the beams in the order in which `find` will get their points, wall on the left.
+    beams: indices of those that are asked. rear, front: the pairs, as places in `beams`.
     """
 
     def __init__(self, bearing_rad: Floats) -> None:
@@ -81,8 +82,8 @@ class LineFinder:
             pairs = np.stack([first, first + apart], axis=1)
         # The beam that looks more to the front is the head of each pair's direction.
         towards_front = bearing_rad[self.beams[pairs[:, 0]]] < bearing_rad[self.beams[pairs[:, 1]]]
-        self._front = np.where(towards_front, pairs[:, 0], pairs[:, 1])
-        self._rear = np.where(towards_front, pairs[:, 1], pairs[:, 0])
+        self.front = np.where(towards_front, pairs[:, 0], pairs[:, 1])
+        self.rear = np.where(towards_front, pairs[:, 1], pairs[:, 0])
 
     def find(
         self, x_m: Floats, y_m: Floats, range_m: Floats, usable: Booleans, expected: Line | None = None
@@ -93,7 +94,7 @@ class LineFinder:
         expected: where the line should be by the last scan; if it has most of all votes there, nobody else is asked.
         """
         wanted_m, wanted_rad = (math.nan, 0.0) if expected is None else (expected.distance_m, expected.heading_rad)
-        found = wall_line(x_m, y_m, range_m, usable, self.beams, self._rear, self._front, wanted_m, wanted_rad)
+        found = wall_line(x_m, y_m, range_m, usable, self.beams, self.rear, self.front, wanted_m, wanted_rad)
         return None if found is None else Line(*found)
 
 

@@ -1,7 +1,8 @@
 """The compiled twins of the hot functions (`drivers.twin`): built on the car itself, used where they can be had.
 
-A twin is used only while the Python beside it is the text that it was written for (`seal.json`): who changes a law
-drives his own law, more slowly. `python -m runtime.kernel` seals anew, for those who have brought both up to date.
+A twin is used only while the Python beside it, and what that calls, is the text that it was written for (`seal.json`):
+who changes a law drives his own law, more slowly. `python -m runtime.kernel` seals anew, for those who have brought
+both up to date.
 """
 
 import hashlib
@@ -22,6 +23,7 @@ import numpy as np
 from drivers import twin
 from drivers.hokuyo import codec, ranges
 from runtime.control import (
+    ball_drive,
     ball_law,
     ball_path,
     behind,
@@ -31,6 +33,7 @@ from runtime.control import (
     geometry,
     movers,
     my_wall,
+    noise_bias,
     odometry,
     perception,
     prediction,
@@ -44,8 +47,8 @@ from runtime.warmth import Prefetch
 
 SWITCH: Final = "WALLRIDE_COMPILED"
 MODULES: Final = (
-    codec, ranges, ball_law, ball_path, behind, darkness, faint, footprint, geometry, movers, my_wall, odometry,
-    perception, prediction, smudges, speed_profile, wall, wall_track,
+    codec, ranges, ball_drive, ball_law, ball_path, behind, darkness, faint, footprint, geometry, movers, my_wall,
+    noise_bias, odometry, perception, prediction, smudges, speed_profile, wall, wall_track,
 )  # fmt: skip
 HERE: Final = Path(__file__).parent
 SEAL: Final = HERE / "seal.json"
@@ -73,13 +76,26 @@ def use() -> Kernel:
         library = _library()
     except ImportError as error:
         return _without(str(error))
-    own = {module.__name__ for module in edited}
+    own = {module.__name__ for module in MODULES if not called_by(module).isdisjoint(edited)}
     names = [name for name, plain in twin.PLAIN.items() if plain.__module__ not in own and hasattr(library, name)]
     twin.use({name: getattr(library, name) for name in names})
     words = f"{len(names)} of {len(twin.PLAIN)} functions of the hot path are compiled"
     if edited:
         words += f"; {', '.join(module.__name__ for module in edited)} changed since, and run as they are written"
     return Kernel(twin.in_use(), words, library.prefetch)
+
+
+def called_by(module: ModuleType) -> set[ModuleType]:
+    """Return the module and those of the sealed ones whose functions and classes it uses, at first or second hand."""
+    called = {module}
+    waiting = [module]
+    while waiting:
+        names = vars(waiting.pop())
+        theirs = {getattr(twin.PLAIN.get(name, thing), "__module__", None) for name, thing in names.items()}
+        new = [other for other in MODULES if other.__name__ in theirs and other not in called]
+        called.update(new)
+        waiting.extend(new)
+    return called
 
 
 def _without(why: str) -> Kernel:

@@ -43,6 +43,7 @@ int as_numbers(PyObject *const *from, int count, double *to);
 int as_indices(PyObject *const *from, int count, beam *to);
 int numbers_of(PyObject *tuple, double *to); /* at most MOST_NUMBERS; how many, or -1 */
 int same_count(PyObject *tuple, int count, double *to);
+int flags_of(PyObject *tuple, int count, npy_bool *to);
 #define MOST_NUMBERS 32
 int enough(Py_ssize_t given, Py_ssize_t wanted, const char *name);
 
@@ -79,19 +80,12 @@ KERNEL(solid_places);
 KERNEL(any_nearer);
 KERNEL(dark_around);
 KERNEL(swept_touch);
-KERNEL(wall_piece);
-KERNEL(silent_among);
-KERNEL(outline);
 KERNEL(wall_line);
-KERNEL(room_for);
-KERNEL(around);
-KERNEL(wall_around);
-KERNEL(rolled);
-KERNEL(bend_of);
-KERNEL(fastest_mps);
+KERNEL(wall_beside);
+KERNEL(rolled_along);
+KERNEL(driven_along);
 KERNEL(foreseen);
 KERNEL(driven_on);
-KERNEL(pursued);
 KERNEL(predicted);
 KERNEL(corrected);
 KERNEL(evidence);

@@ -1,17 +1,20 @@
-/* Twins of runtime/control/ball_path.py: the path of a ball that is rolled along the wall. */
+/* Twin of runtime/control/ball_path.py: the path of a ball that is rolled along the wall. */
 
 #include "arrays.h"
 #include "constants.h"
+#include "steps.h"
 
 #define TAU 6.283185307179586476925286766559
+#define BEND_FROM ((int)BALL_PATH_BEND_CIRCLES_0)
+#define BEND_TO ((int)BALL_PATH_BEND_CIRCLES_1)
 
 /* The bearing on a circle that is nearest to the wall, where the wall does not meet the circle. */
 static double nearest_rad(const double *range, const double *bearing, beam points, double radius) {
     double best = INFINITY, at = 0.0;
     for (beam i = 0; i < points; i++) {
-        double aim = least(most(bearing[i], -BALL_PATH_WIDEST_RAD), BALL_PATH_WIDEST_RAD);
+        double aim = bounded(bearing[i], -BALL_PATH_WIDEST_RAD, BALL_PATH_WIDEST_RAD);
         double apart2 = range[i] * range[i] - 2.0 * (radius * (range[i] * cos(bearing[i] - aim)));
-        if (apart2 < best) {
+        if (apart2 < best || (isnan(apart2) && !isnan(best))) { /* as numpy's argmin */
             best = apart2;
             at = aim;
         }
@@ -19,63 +22,133 @@ static double nearest_rad(const double *range, const double *bearing, beam point
     return at;
 }
 
-/* rolled(ranges, bearings, ball_m, radii) -> ((bearing, ...), (meets, ...), (crosses, ...)) */
-KERNEL(rolled) {
-    struct row ranges, bearings;
-    double ball_m, radius[32];
-    if (!enough(count, 4, "rolled") || !as_row(given[0], NPY_DOUBLE, &ranges) ||
-        !as_row(given[1], NPY_DOUBLE, &bearings) || !as_numbers(given + 2, 1, &ball_m))
-        return NULL;
-    if (!PyTuple_Check(given[3]) || PyTuple_GET_SIZE(given[3]) > 32 || bearings.count != ranges.count) {
-        PyErr_SetString(PyExc_TypeError, "rolled wants as many bearings as ranges, and at most 32 radii in a tuple");
-        return NULL;
+/* A path over some circles. */
+struct path {
+    int circles;
+    double radius[MOST_NUMBERS], bearing[MOST_NUMBERS];
+    npy_bool meets[MOST_NUMBERS], crosses[MOST_NUMBERS];
+};
+
+/* A wall's points around the rear axle. */
+struct wall {
+    beam points;
+    double *range, *bearing, *free_side, *over, *under; /* of one allocation */
+    double nearest;
+};
+
+/* The wall seen from (v[0], v[1]) at heading v[2]; see around. */
+static int see(struct wall *wall, const place *places, beam points, const double *v) {
+    wall->range = malloc(sizeof(double) * (size_t)(5 * points + 1));
+    if (!wall->range) {
+        PyErr_NoMemory();
+        return 0;
     }
-    int circles = (int)PyTuple_GET_SIZE(given[3]);
-    beam points = ranges.count;
-    for (int k = 0; k < circles; k++) {
-        PyObject *one = PyTuple_GET_ITEM(given[3], k);
-        if (!as_numbers(&one, 1, radius + k))
-            return NULL;
-    }
-    double *range = malloc(sizeof(double) * (size_t)(5 * points + 1));
-    if (!range)
-        return PyErr_NoMemory();
-    double *bearing = range + points, *free_side = bearing + points, *over = free_side + points, *under = over + points;
+    wall->points = points;
+    wall->bearing = wall->range + points;
+    wall->free_side = wall->bearing + points;
+    wall->over = wall->free_side + points;
+    wall->under = wall->over + points;
+    wall->nearest = INFINITY;
+    place turned = CMPLX(cos(-v[2]), sin(-v[2]));
     for (beam i = 0; i < points; i++) {
-        range[i] = NUMBER(ranges, i);
-        bearing[i] = NUMBER(bearings, i);
-        free_side[i] = fmod(bearing[i] + BALL_PATH_WIDEST_RAD, TAU);
-        if (free_side[i] < 0)
-            free_side[i] += TAU;
-        over[i] = 0.5 / range[i];
-        under[i] = 0.5 * range[i] - (ball_m * ball_m) * over[i];
+        place seen = times(places[i] - CMPLX(v[0], v[1]), turned);
+        double range = wall->range[i] = greater(cabs(seen), MY_WALL_NEAREST_M);
+        wall->nearest = range < wall->nearest || isnan(range) ? range : wall->nearest; /* as numpy's min */
+        wall->bearing[i] = atan2(cimag(seen), creal(seen));
     }
-    PyObject *answer = Py_BuildValue("(NNN)", PyTuple_New(circles), PyTuple_New(circles), PyTuple_New(circles));
-    for (int k = 0; k < circles && answer; k++) {
+    return 1;
+}
+
+/* As numpy's max: what is no number is larger than any. */
+static double larger(double so_far, double next) { return next > so_far || isnan(next) ? next : so_far; }
+
+/* Roll the ball; see circles_met. */
+static void roll(struct wall *wall, double ball, struct path *path) {
+    for (beam i = 0; i < wall->points; i++) {
+        wall->free_side[i] = fmod(wall->bearing[i] + BALL_PATH_WIDEST_RAD, TAU);
+        if (wall->free_side[i] < 0)
+            wall->free_side[i] += TAU;
+        wall->over[i] = 0.5 / wall->range[i];
+        wall->under[i] = 0.5 * wall->range[i] - (ball * ball) * wall->over[i];
+    }
+    for (int k = 0; k < path->circles; k++) {
         double first = INFINITY, last = -INFINITY;
-        for (beam i = 0; i < points; i++) {
-            double cosine = radius[k] * over[i] + (1.0 / radius[k]) * under[i];
+        for (beam i = 0; i < wall->points; i++) {
+            double cosine = path->radius[k] * wall->over[i] + (1.0 / path->radius[k]) * wall->under[i];
             if (cosine > 1.0) { /* no place of the circle is near this point */
-                last = most(last, free_side[i]);
+                last = larger(last, wall->free_side[i]);
                 continue;
             }
-            double half = acos(most(cosine, -1.0));
-            last = most(last, free_side[i] + half);
-            first = least(first, free_side[i] - half);
+            double half = acos(greater(cosine, -1.0));
+            last = larger(last, wall->free_side[i] + half);
+            first = -larger(-first, half - wall->free_side[i]);
         }
         int at_once = last > TAU || first < 0.0, crosses = !at_once && first <= 2 * BALL_PATH_WIDEST_RAD;
-        double where = (crosses ? first : 0.0) - BALL_PATH_WIDEST_RAD;
-        if (!at_once && !crosses)
-            where = nearest_rad(range, bearing, points, radius[k]);
-        PyObject *number = PyFloat_FromDouble(where);
-        if (!number)
-            Py_CLEAR(answer);
-        else {
-            PyTuple_SET_ITEM(PyTuple_GET_ITEM(answer, 0), k, number);
-            PyTuple_SET_ITEM(PyTuple_GET_ITEM(answer, 1), k, PyBool_FromLong(at_once || crosses));
-            PyTuple_SET_ITEM(PyTuple_GET_ITEM(answer, 2), k, PyBool_FromLong(crosses));
-        }
+        path->meets[k] = (npy_bool)(at_once || crosses);
+        path->crosses[k] = (npy_bool)crosses;
+        path->bearing[k] = path->meets[k] ? (crosses ? first : 0.0) - BALL_PATH_WIDEST_RAD
+                                          : nearest_rad(wall->range, wall->bearing, wall->points, path->radius[k]);
     }
-    free(range);
-    return answer;
+}
+
+/* The bias after one more scan; see noise_bias.py. */
+static double learnt(double bias, double found) {
+    int possible = NOISE_BIAS_LOWEST_M < found && found < NOISE_BIAS_HIGHEST_M;
+    return possible ? bias + NOISE_BIAS_LOW_PASS * (found - bias) : bias;
+}
+
+/* nearest, bias, bend, (bearing, ...), (meets, ...), (crosses, ...) */
+static PyObject *answer_of(const struct path *path, double nearest, double bias, double bend) {
+    PyObject *parts[3] = {NULL, NULL, NULL};
+    for (int part = 0; part < 3; part++)
+        parts[part] = PyTuple_New(path->circles);
+    for (int k = 0; k < path->circles && parts[0] && parts[1] && parts[2]; k++) {
+        PyObject *number = PyFloat_FromDouble(path->bearing[k]);
+        if (!number)
+            break;
+        PyTuple_SET_ITEM(parts[0], k, number);
+        PyTuple_SET_ITEM(parts[1], k, PyBool_FromLong(path->meets[k]));
+        PyTuple_SET_ITEM(parts[2], k, PyBool_FromLong(path->crosses[k]));
+    }
+    if (!PyErr_Occurred())
+        return Py_BuildValue("(dddNNN)", nearest, bias, bend, parts[0], parts[1], parts[2]);
+    for (int part = 0; part < 3; part++)
+        Py_XDECREF(parts[part]);
+    return NULL;
+}
+
+/* rolled_along(x, y, indices, more places | None, from_x, from_y, yaw, line_m, line_rad, bias_m, desired_m, radii)
+ * -> nearest, bias, bend, (bearing, ...), (meets, ...), (crosses, ...) */
+KERNEL(rolled_along) {
+    struct row x, y, beams, glass = {NULL, 0, 0};
+    struct path path;
+    struct wall wall;
+    place *places;
+    double v[7];
+    if (!enough(count, 12, "rolled_along") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
+        !as_row(given[2], NPY_INTP, &beams) || (given[3] != Py_None && !as_row(given[3], NPY_CDOUBLE, &glass)) ||
+        !as_numbers(given + 4, 7, v))
+        return NULL;
+    path.circles = numbers_of(given[11], path.radius);
+    if (path.circles < 0)
+        return NULL;
+    if (path.circles < BEND_TO || !beams.count)
+        return PyErr_Format(PyExc_ValueError, "rolled_along wants a wall, and at least %d circles", BEND_TO);
+    beam points = outline_of(&x, &y, &beams, glass.count, &places);
+    if (points < 0)
+        return NULL;
+    for (beam i = 0; i < glass.count; i++)
+        places[points++] = PLACE(glass, i);
+    int seen = see(&wall, places, points, v);
+    free(places);
+    if (!seen)
+        return NULL;
+    double line = v[3] - (cos(v[4]) * v[1] - sin(v[4]) * v[0]), bias = learnt(v[5], line - wall.nearest);
+    roll(&wall, v[6] - bias, &path);
+    free(wall.range);
+    int whole = 1;
+    for (int k = BEND_FROM; k < BEND_TO; k++)
+        whole = whole && path.meets[k];
+    double bend = whole ? bend_of(path.radius + BEND_FROM, path.bearing + BEND_FROM) : 0.0;
+    return answer_of(&path, wall.nearest, bias, bend);
 }

@@ -1,7 +1,8 @@
-/* Twins of runtime/control/prediction.py, odometry.py, speed_profile.py and ball_path.py's bend: a few numbers. */
+/* Twins of runtime/control/prediction.py and odometry.py, and steps of speed_profile.py and ball_path.py. */
 
 #include "arrays.h"
 #include "constants.h"
+#include "steps.h"
 
 /* An answer that was told, or will be on the wire, and when. */
 struct answer {
@@ -83,46 +84,31 @@ KERNEL(foreseen) {
     return Py_BuildValue("((ddd)dddd)", wire[OBEYED], wire[LEAST], wire[MOST], servo, x, y, yaw);
 }
 
-/* bend_of(radii, bearings) -> curvature, of four circles */
-KERNEL(bend_of) {
-    double radius[MOST_NUMBERS], bearing[MOST_NUMBERS], x[4], y[4];
-    if (!enough(count, 2, "bend_of"))
-        return NULL;
-    int radii = numbers_of(given[0], radius), bearings = radii < 0 ? -1 : numbers_of(given[1], bearing);
-    if (bearings < 0)
-        return NULL;
-    if (radii != 4 || bearings != 4) {
-        PyErr_SetString(PyExc_TypeError, "bend_of wants four circles");
-        return NULL;
-    }
+/* The curvature of a path over four circles. */
+double bend_of(const double *radius, const double *bearing) {
+    double x[4], y[4];
     for (int i = 0; i < 4; i++) {
         x[i] = radius[i] * cos(bearing[i]);
         y[i] = radius[i] * sin(bearing[i]);
     }
     double turn = atan2(y[3] - y[2], x[3] - x[2]) - atan2(y[1] - y[0], x[1] - x[0]);
     double way = (hypot(x[2] - x[0], y[2] - y[0]) + hypot(x[3] - x[1], y[3] - y[1])) / 2;
-    return PyFloat_FromDouble(remainder(turn, 2 * Py_MATH_PI) / most(way, 1e-3));
+    return remainder(turn, 2 * Py_MATH_PI) / most(way, 1e-3);
 }
 
-/* fastest_mps(radii, bearings, meets, crosses, speed, mu) -> speed, of the circles that the path crosses */
-KERNEL(fastest_mps) {
-    double radii[MOST_NUMBERS], bearings[MOST_NUMBERS], meets[MOST_NUMBERS], crosses[MOST_NUMBERS], v[2];
+/* The highest speed now along the circles that the path crosses; see fastest_mps. */
+double fastest(const double *radii, const double *bearings, const npy_bool *meets, const npy_bool *crosses, int all,
+               double speed, double mu) {
     double heading[MOST_NUMBERS], way[MOST_NUMBERS + 1];
-    if (!enough(count, 6, "fastest_mps") || !as_numbers(given + 4, 2, v))
-        return NULL;
-    int all = numbers_of(given[0], radii);
-    if (all < 0 || !same_count(given[1], all, bearings) || !same_count(given[2], all, meets) ||
-        !same_count(given[3], all, crosses))
-        return NULL;
     int begin = 0, end;
     all = all < SPEED_PROFILE_CIRCLES ? all : SPEED_PROFILE_CIRCLES;
     while (begin < all && !crosses[begin])
         begin++;
     for (end = begin; end < all && meets[end];)
         end++;
-    double margin = SPEED_PROFILE_MARGIN_M + SPEED_PROFILE_REACTION_S * fabs(v[0]);
-    double lateral = SPEED_PROFILE_LATERAL_SHARE * v[1] * SPEED_PROFILE_GRAVITY_MPS2;
-    double brake = SPEED_PROFILE_BRAKE_SHARE * v[1] * SPEED_PROFILE_GRAVITY_MPS2;
+    double margin = SPEED_PROFILE_MARGIN_M + SPEED_PROFILE_REACTION_S * fabs(speed);
+    double lateral = SPEED_PROFILE_LATERAL_SHARE * mu * SPEED_PROFILE_GRAVITY_MPS2;
+    double brake = SPEED_PROFILE_BRAKE_SHARE * mu * SPEED_PROFILE_GRAVITY_MPS2;
     int circles = end - begin, chords = circles > 1 ? circles - 1 : 0;
     const double *radius = radii + begin, *bearing = bearings + begin;
     way[0] = chords ? radius[0] : 0.0;
@@ -136,14 +122,15 @@ KERNEL(fastest_mps) {
         x0 = x1;
         y0 = y1;
     }
-    double square = lateral / SPEED_PROFILE_SHARPEST_PER_M + 2 * brake * most(way[chords] - margin, 0.0);
+    double square = lateral / SPEED_PROFILE_SHARPEST_PER_M + 2 * brake * greater(way[chords] - margin, 0.0);
     const int span = SPEED_PROFILE_SPAN;
     for (int i = 0; i < chords - span; i++) {
         double turn = fabs(remainder(heading[i + span] - heading[i], 2 * Py_MATH_PI));
-        double bend = within(turn / most(way[i + 1 + span] - way[i + 1], 1e-3), 1e-3, SPEED_PROFILE_SHARPEST_PER_M);
-        square = least(square, lateral / bend + 2 * brake * most(way[i + 1] - margin, 0.0));
+        double bend = turn / greater(way[i + 1 + span] - way[i + 1], 1e-3);
+        bend = bounded(bend, 1e-3, SPEED_PROFILE_SHARPEST_PER_M);
+        square = lesser(square, lateral / bend + 2 * brake * greater(way[i + 1] - margin, 0.0));
     }
-    return PyFloat_FromDouble(sqrt(square));
+    return sqrt(square);
 }
 
 /* driven_on(x, y, yaw, step, steering, wheelbase) -> x, y, yaw, curvature */

@@ -1,7 +1,8 @@
-/* Twins of runtime/control/ball_law.py and wall_track.py: no loops, but dozens of steps on numbers. */
+/* Twins of runtime/control/ball_drive.py (with ball_law.py) and wall_track.py: dozens of steps on numbers. */
 
 #include "arrays.h"
 #include "constants.h"
+#include "steps.h"
 
 static double asin_of(double sine) { return asin(bounded(sine, -1.0, 1.0)); }
 
@@ -26,12 +27,9 @@ static double bend_correction(double bend, double look, double speed, double kd,
     return atan(wheelbase * curvature) - slower(speed) * kd * on_arc;
 }
 
-/* pursued(near_m, near_rad, far_m, far_rad, error, line_rad, line_error, mean_bend, bend, speed, kp, kd, wheelbase)
- * -> error, heading, straight, steering; line_rad is NaN where no line is tracked */
-KERNEL(pursued) {
-    double v[13];
-    if (!enough(count, 13, "pursued") || !as_numbers(given, 13, v))
-        return NULL;
+/* v: near_m, near_rad, far_m, far_rad, error, line_rad, line_error, mean_bend, bend, speed, kp, kd, wheelbase; line_rad
+ * is NaN where no line is tracked. to: error, heading, straight, steering. */
+void pursue(const double *v, double *to) {
     double near = v[0], near_rad = v[1], error = v[4], line_rad = v[5], line_error = v[6], speed = v[9], kd = v[11];
     double heading = near_rad - asin_of(error / near), straight = 0.0;
     if (!isnan(line_rad)) {
@@ -46,7 +44,35 @@ KERNEL(pursued) {
     double steering = slower(speed) * kd * (approach(error, speed, slope) + heading);
     if (straight < 1.0)
         steering += (1.0 - straight) * bend_correction(v[8], near, speed, kd, v[12]);
-    return Py_BuildValue("(dddd)", error, heading, straight, steering);
+    to[0] = error, to[1] = heading, to[2] = straight, to[3] = steering;
+}
+
+/* driven_along((radius, ...), (bearing, ...), (meets, ...), (crosses, ...), error, line_rad, line_error, mean_bend, bend,
+ * speed, kp, kd, wheelbase, trim, most_rad, wanted, mu) -> error, straight, steering, speed */
+KERNEL(driven_along) {
+    double radius[MOST_NUMBERS], bearing[MOST_NUMBERS], v[17], aim[4];
+    npy_bool meets[MOST_NUMBERS], crosses[MOST_NUMBERS];
+    if (!enough(count, 17, "driven_along") || !as_numbers(given + 4, 13, v + 4))
+        return NULL;
+    int circles = numbers_of(given[0], radius);
+    if (circles < 0 || !same_count(given[1], circles, bearing) || !flags_of(given[2], circles, meets) ||
+        !flags_of(given[3], circles, crosses))
+        return NULL;
+    if (circles < 2)
+        return PyErr_Format(PyExc_ValueError, "driven_along wants at least two circles");
+    v[0] = radius[circles - 2], v[1] = bearing[circles - 2], v[2] = radius[circles - 1], v[3] = bearing[circles - 1];
+    pursue(v, aim);
+    double speed = v[9], wheelbase = v[12], most_rad = v[14], wanted = v[15], mu = v[16];
+    double steering = bounded(aim[3] - v[13], -most_rad, most_rad);
+    if (isinf(mu))
+        return Py_BuildValue("(dddd)", aim[0], aim[2], steering, wanted);
+    if (steering <= -most_rad && aim[0] < -BALL_DRIVE_TOO_NEAR_M && aim[1] < 0.0)
+        mu *= BALL_DRIVE_SLIPPING_SHARE;
+    double curvature = greater(fabs(tan(steering)) / wheelbase, 1e-6);
+    double now = sqrt(SPEED_PROFILE_LATERAL_SHARE * mu * SPEED_PROFILE_GRAVITY_MPS2 / curvature);
+    wanted = lesser(wanted, now);
+    wanted = lesser(wanted, fastest(radius, bearing, meets, crosses, circles, speed, mu));
+    return Py_BuildValue("(dddd)", aim[0], aim[2], steering, wanted);
 }
 
 /* A WallTrack's state, in the order of its tuple. */

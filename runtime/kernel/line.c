@@ -2,6 +2,7 @@
 
 #include "arrays.h"
 #include "constants.h"
+#include "steps.h"
 
 /* Some points of a wall, and which of them are to be believed. */
 struct points {
@@ -19,7 +20,7 @@ static double off(const struct plane *plane, const struct points *p, beam i) {
 }
 
 /* Fit the members by total least squares, then for each gate once more whoever is so near to the fit; see _refined. */
-static PyObject *refined(struct points *p, const double *gates_m, int gates) {
+static enum found refined(struct points *p, const double *gates_m, int gates, struct wall_line *line) {
     double distance_m = 0.0, heading_rad = 0.0;
     beam members = 0;
     for (int fit = 0; fit <= gates; fit++) {
@@ -36,7 +37,7 @@ static PyObject *refined(struct points *p, const double *gates_m, int gates) {
             syy += p->y[i] * p->y[i];
         }
         if (members < WALL_FEWEST_INLIERS)
-            Py_RETURN_NONE;
+            return NONE;
         double n = (double)members, mx = sx / n, my = sy / n;
         heading_rad = 0.5 * atan2(2 * (sxy / n - mx * my), (sxx - syy) / n - mx * mx + my * my);
         double cosine = cos(heading_rad), sine = sin(heading_rad);
@@ -47,9 +48,8 @@ static PyObject *refined(struct points *p, const double *gates_m, int gates) {
         for (beam i = 0; i < p->count; i++)
             p->member[i] = p->valid[i] && fabs(off(&plane, p, i)) < gates_m[fit];
     }
-    if (!(distance_m >= 0))
-        Py_RETURN_NONE;
-    return Py_BuildValue("(ddn)", distance_m, heading_rad, members);
+    *line = (struct wall_line){distance_m, heading_rad, members};
+    return distance_m >= 0 ? FOUND : NONE;
 }
 
 /* The plane through one pair of points; false where no wall could be so. */
@@ -94,49 +94,65 @@ static int wins(struct points *p, double distance_m, double heading_rad) {
     return for_it > WALL_WINS_WITH * all;
 }
 
+enum found find_line(const struct row *x, const struct row *y, const struct row *range, const struct row *usable,
+                     const struct row *beams, const struct row *rear, const struct row *front, const double *expected,
+                     struct wall_line *line) {
+    struct points p = {.count = beams->count};
+    p.x = malloc((size_t)(p.count + 1) * (3 * sizeof(double) + 2));
+    if (!p.x) {
+        PyErr_NoMemory();
+        return FAILED;
+    }
+    p.y = p.x + p.count;
+    p.weight = p.y + p.count;
+    p.valid = (npy_bool *)(p.weight + p.count);
+    p.member = p.valid + p.count;
+    beam valid = 0, wrong = rear->count != front->count;
+    for (beam i = 0; i < p.count && !wrong; i++) {
+        npy_intp from = INDEX(*beams, i);
+        wrong = from < 0 || from >= x->count || from >= y->count || from >= range->count || from >= usable->count;
+        if (wrong)
+            break;
+        double range_m = NUMBER(*range, from);
+        p.valid[i] = FLAG(*usable, from) && range_m > WALL_NEAREST_M && range_m < WALL_FARTHEST_M;
+        p.x[i] = p.valid[i] ? NUMBER(*x, from) : 0.0;
+        p.y[i] = p.valid[i] ? NUMBER(*y, from) : 0.0;
+        p.weight[i] = p.valid[i] ? least(range_m, WALL_VOTE_RANGE_M) : 0.0;
+        valid += p.valid[i];
+    }
+    for (beam k = 0; k < rear->count && !wrong; k++)
+        wrong = INDEX(*rear, k) < 0 || INDEX(*rear, k) >= p.count || INDEX(*front, k) < 0 ||
+                INDEX(*front, k) >= p.count;
+    const double gates_m[] = {WALL_GATES_M_1, WALL_GATES_M_2};
+    enum found answer = NONE;
+    if (wrong) {
+        PyErr_SetString(PyExc_IndexError, "wall_line: indices outside the scan");
+        answer = FAILED;
+    } else if (valid < WALL_FEWEST_INLIERS || !rear->count)
+        answer = NONE;
+    else if (!isnan(expected[0]) && wins(&p, expected[0], expected[1]))
+        answer = refined(&p, gates_m + 1, 1, line);
+    else if (vote(&p, rear, front))
+        answer = refined(&p, gates_m, 2, line);
+    free(p.x);
+    return answer;
+}
+
 /* wall_line(x, y, ranges, usable, beams, rear, front, expected_m, expected_rad) -> (distance, heading, inliers) | None;
  * expected_m: NaN where nothing is expected. */
 KERNEL(wall_line) {
     struct row x, y, range, usable, beams, rear, front;
+    struct wall_line line;
     double expected[2];
     if (!enough(count, 9, "wall_line") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
         !as_row(given[2], NPY_DOUBLE, &range) || !as_row(given[3], NPY_BOOL, &usable) ||
         !as_row(given[4], NPY_INTP, &beams) || !as_row(given[5], NPY_INTP, &rear) ||
         !as_row(given[6], NPY_INTP, &front) || !as_numbers(given + 7, 2, expected))
         return NULL;
-    struct points p = {.count = beams.count};
-    p.x = malloc((size_t)(p.count + 1) * (3 * sizeof(double) + 2));
-    if (!p.x)
-        return PyErr_NoMemory();
-    p.y = p.x + p.count;
-    p.weight = p.y + p.count;
-    p.valid = (npy_bool *)(p.weight + p.count);
-    p.member = p.valid + p.count;
-    beam valid = 0, wrong = rear.count != front.count;
-    for (beam i = 0; i < p.count && !wrong; i++) {
-        npy_intp from = INDEX(beams, i);
-        wrong = from < 0 || from >= x.count || from >= y.count || from >= range.count || from >= usable.count;
-        if (wrong)
-            break;
-        double range_m = NUMBER(range, from);
-        p.valid[i] = FLAG(usable, from) && range_m > WALL_NEAREST_M && range_m < WALL_FARTHEST_M;
-        p.x[i] = p.valid[i] ? NUMBER(x, from) : 0.0;
-        p.y[i] = p.valid[i] ? NUMBER(y, from) : 0.0;
-        p.weight[i] = p.valid[i] ? least(range_m, WALL_VOTE_RANGE_M) : 0.0;
-        valid += p.valid[i];
-    }
-    for (beam k = 0; k < rear.count && !wrong; k++)
-        wrong = INDEX(rear, k) < 0 || INDEX(rear, k) >= p.count || INDEX(front, k) < 0 || INDEX(front, k) >= p.count;
-    PyObject *answer;
-    const double gates_m[] = {WALL_GATES_M_1, WALL_GATES_M_2};
-    if (wrong)
-        answer = PyErr_Format(PyExc_IndexError, "wall_line: indices outside the scan");
-    else if (valid < WALL_FEWEST_INLIERS || !rear.count)
-        answer = Py_NewRef(Py_None);
-    else if (!isnan(expected[0]) && wins(&p, expected[0], expected[1]))
-        answer = refined(&p, gates_m + 1, 1);
-    else
-        answer = vote(&p, &rear, &front) ? refined(&p, gates_m, 2) : Py_NewRef(Py_None);
-    free(p.x);
-    return answer;
+    enum found found = find_line(&x, &y, &range, &usable, &beams, &rear, &front, expected, &line);
+    if (found == FAILED)
+        return NULL;
+    if (found == NONE)
+        Py_RETURN_NONE;
+    return Py_BuildValue("(ddn)", line.distance_m, line.heading_rad, line.inliers);
 }

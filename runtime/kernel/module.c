@@ -54,6 +54,15 @@ int same_count(PyObject *tuple, int count, double *to) {
     return found == count;
 }
 
+int flags_of(PyObject *tuple, int count, npy_bool *to) {
+    double numbers[MOST_NUMBERS];
+    if (!same_count(tuple, count, numbers))
+        return 0;
+    for (int i = 0; i < count; i++)
+        to[i] = numbers[i] != 0.0;
+    return 1;
+}
+
 int enough(Py_ssize_t given, Py_ssize_t wanted, const char *name) {
     if (given == wanted)
         return 1;
@@ -85,12 +94,11 @@ KERNEL(prefetch) {
 
 #define ENTRY(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, NULL}
 static PyMethodDef functions[] = {
-    ENTRY(decode_samples), ENTRY(joined_rows),    ENTRY(look),           ENTRY(small_things),   ENTRY(thin_places),
-    ENTRY(returned),       ENTRY(solid_places),   ENTRY(any_nearer),     ENTRY(dark_around),    ENTRY(swept_touch),
-    ENTRY(wall_piece),     ENTRY(silent_among),   ENTRY(outline),        ENTRY(wall_line),      ENTRY(room_for),
-    ENTRY(around),         ENTRY(rolled),         ENTRY(bend_of),        ENTRY(fastest_mps),    ENTRY(scan_parts),
-    ENTRY(foreseen),       ENTRY(pursued),        ENTRY(predicted),      ENTRY(corrected),      ENTRY(driven_on),
-    ENTRY(wall_around),    ENTRY(evidence),       ENTRY(findings),       ENTRY(near_places),    ENTRY(prefetch),
+    ENTRY(decode_samples), ENTRY(joined_rows), ENTRY(look), ENTRY(small_things), ENTRY(thin_places),
+    ENTRY(returned), ENTRY(solid_places), ENTRY(any_nearer), ENTRY(dark_around), ENTRY(swept_touch),
+    ENTRY(wall_line), ENTRY(wall_beside), ENTRY(rolled_along), ENTRY(driven_along), ENTRY(scan_parts),
+    ENTRY(foreseen), ENTRY(predicted), ENTRY(corrected), ENTRY(driven_on), ENTRY(evidence),
+    ENTRY(findings), ENTRY(near_places), ENTRY(prefetch),
     {NULL, NULL, 0, NULL},
 };
 

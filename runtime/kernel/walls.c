@@ -2,6 +2,7 @@
 
 #include "arrays.h"
 #include "constants.h"
+#include "steps.h"
 
 /* Whether a piece of wall, from its far end on, is a corridor's other wall; see _is_opposite. */
 static int is_opposite(const struct row *x, const struct row *y, const npy_intp *index, beam points) {
@@ -16,28 +17,20 @@ static double apart2(const struct row *x, const struct row *y, npy_intp one, npy
     return dx * dx + dy * dy;
 }
 
-/* wall_piece(x, y, ranges, solid, beside_from, beside_to, gap_m) -> indices | None */
-KERNEL(wall_piece) {
-    struct row x, y, range, solid;
-    beam beside[2];
-    double gap_m;
-    if (!enough(count, 7, "wall_piece") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
-        !as_row(given[2], NPY_DOUBLE, &range) || !as_row(given[3], NPY_BOOL, &solid) ||
-        !as_indices(given + 4, 2, beside) || !as_numbers(given + 6, 1, &gap_m))
-        return NULL;
-    if (x.count != solid.count || y.count != solid.count || range.count != solid.count) {
-        PyErr_SetString(PyExc_ValueError, "wall_piece: arrays of different lengths");
-        return NULL;
+/* Put the beams of my wall where the caller frees them, from `*from` on; return how many, or -1. See wall_piece. */
+static beam piece_of(const struct row *x, const struct row *y, const struct row *range, const struct row *solid,
+                     const beam *beside, double gap_m, npy_intp **to, beam *from) {
+    npy_intp *index = malloc(sizeof(npy_intp) * (size_t)(solid->count + 1));
+    if (!index) {
+        PyErr_NoMemory();
+        return -1;
     }
-    npy_intp *index = malloc(sizeof(npy_intp) * (size_t)(solid.count + 1));
-    if (!index)
-        return PyErr_NoMemory();
     beam points = 0, nearest = -1;
-    for (beam i = 0; i < solid.count; i++) {
-        if (!(FLAG(solid, i) && NUMBER(range, i) < MY_WALL_CAP_M))
+    for (beam i = 0; i < solid->count; i++) {
+        if (!(FLAG(*solid, i) && NUMBER(*range, i) < MY_WALL_CAP_M))
             continue;
         if (i >= beside[0] && i < beside[1] &&
-            (nearest < 0 || NUMBER(range, i) < NUMBER(range, index[nearest])))
+            (nearest < 0 || NUMBER(*range, i) < NUMBER(*range, index[nearest])))
             nearest = points;
         index[points++] = i;
     }
@@ -46,14 +39,14 @@ KERNEL(wall_piece) {
         end = 0;
     double crossing2 = MY_WALL_CROSSING_M * MY_WALL_CROSSING_M, gap2 = gap_m * gap_m, jump2 = least(gap2, crossing2);
     for (beam jump = 0; jump + 1 < end; jump++) {
-        double square = apart2(&x, &y, index[jump], index[jump + 1]);
+        double square = apart2(x, y, index[jump], index[jump + 1]);
         if (!(square > jump2))
             continue;
         beam piece_end = jump + 1;
-        while (piece_end + 1 < points && !(apart2(&x, &y, index[piece_end], index[piece_end + 1]) > jump2))
+        while (piece_end + 1 < points && !(apart2(x, y, index[piece_end], index[piece_end + 1]) > jump2))
             piece_end++;
-        int crosses = NUMBER(y, index[jump]) > 0.0 && square > crossing2 &&
-                      is_opposite(&x, &y, index + jump + 1, piece_end - jump);
+        int crosses = NUMBER(*y, index[jump]) > 0.0 && square > crossing2 &&
+                      is_opposite(x, y, index + jump + 1, piece_end - jump);
         if (square > gap2 || crosses) {
             if (jump >= nearest) {
                 end = jump + 1;
@@ -62,48 +55,27 @@ KERNEL(wall_piece) {
             start = jump + 1;
         }
     }
-    int found = end - start >= MY_WALL_FEWEST_POINTS;
-    PyObject *answer = found ? copied(NPY_INTP, end - start, index + start) : Py_NewRef(Py_None);
-    free(index);
-    return answer;
+    *to = index;
+    *from = start;
+    return end - start >= MY_WALL_FEWEST_POINTS ? end - start : 0;
 }
 
-/* silent_among(no_echo, first, last) -> how many */
-KERNEL(silent_among) {
-    struct row no_echo;
-    beam part[2], silent = 0;
-    if (!enough(count, 3, "silent_among") || !as_row(given[0], NPY_BOOL, &no_echo) || !as_indices(given + 1, 2, part))
-        return NULL;
-    if (part[0] < 0 || part[1] < 0) {
-        PyErr_SetString(PyExc_ValueError, "silent_among: beams are counted from 0");
-        return NULL;
-    }
-    for (beam i = part[0]; i < part[1] && i < no_echo.count; i++)
-        silent += FLAG(no_echo, i);
-    return PyLong_FromSsize_t(silent);
-}
-
-/* Put the wall's points, smoothed and thinned, where the caller frees them; return how many, or -1.
- * given: x, y, indices. */
-static beam outlined(PyObject *const *given, place **to) {
-    struct row x, y, index;
-    if (!as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) || !as_row(given[2], NPY_INTP, &index))
-        return -1;
-    const beam points = index.count, window = MY_WALL_SMOOTHED_POINTS, half = window / 2;
-    place *total = malloc(sizeof(place) * (size_t)(2 * points + 1));
+beam outline_of(const struct row *x, const struct row *y, const struct row *wall, beam more, place **to) {
+    const beam points = wall->count, window = MY_WALL_SMOOTHED_POINTS, half = window / 2;
+    place *total = malloc(sizeof(place) * (size_t)(2 * points + more + 1));
     if (!total) {
         PyErr_NoMemory();
         return -1;
     }
     place *places = total + points;
     for (beam i = 0; i < points; i++) {
-        npy_intp from = INDEX(index, i);
-        if (from < 0 || from >= x.count || from >= y.count) {
+        npy_intp from = INDEX(*wall, i);
+        if (from < 0 || from >= x->count || from >= y->count) {
             free(total);
             PyErr_Format(PyExc_IndexError, "outline: no beam %zd", (Py_ssize_t)from);
             return -1;
         }
-        places[i] = CMPLX(NUMBER(x, from), NUMBER(y, from));
+        places[i] = CMPLX(NUMBER(*x, from), NUMBER(*y, from));
         total[i] = i ? total[i - 1] + places[i] : places[i];
     }
     if (points > window) {
@@ -128,92 +100,33 @@ static beam outlined(PyObject *const *given, place **to) {
     return kept;
 }
 
-/* outline(x, y, indices) -> places */
-KERNEL(outline) {
-    place *places;
-    beam kept = enough(count, 3, "outline") ? outlined(given, &places) : -1;
-    if (kept < 0)
-        return NULL;
-    PyObject *answer = copied(NPY_CDOUBLE, kept, places);
-    free(places);
-    return answer;
-}
-
-/* Ranges, bearings and the nearest range of places seen from (v[0], v[1]) at heading v[2]. */
-static PyObject *seen_from(const struct row *places, const double *v) {
-    PyObject *ranges = fresh(NPY_DOUBLE, places->count), *bearings = fresh(NPY_DOUBLE, places->count);
-    if (!ranges || !bearings) {
-        Py_XDECREF(ranges);
-        Py_XDECREF(bearings);
-        return NULL;
-    }
-    double nearest = INFINITY;
-    place turned = CMPLX(cos(-v[2]), sin(-v[2]));
-    for (beam i = 0; i < places->count; i++) {
-        place seen = times(PLACE(*places, i) - CMPLX(v[0], v[1]), turned);
-        double range = DATA(double, ranges)[i] = greater(cabs(seen), MY_WALL_NEAREST_M);
-        nearest = range < nearest || isnan(range) ? range : nearest; /* as numpy's min */
-        DATA(double, bearings)[i] = atan2(cimag(seen), creal(seen));
-    }
-    return Py_BuildValue("(NNd)", ranges, bearings, nearest);
-}
-
-/* around(places, x, y, yaw) -> ranges, bearings, nearest, seen from (x, y) at that heading */
-KERNEL(around) {
-    struct row places;
-    double v[3];
-    if (!enough(count, 4, "around") || !as_row(given[0], NPY_CDOUBLE, &places) || !as_numbers(given + 1, 3, v))
-        return NULL;
-    return seen_from(&places, v);
-}
-
-/* wall_around(x, y, indices, from x, from y, yaw) -> ranges, bearings, nearest of the outline */
-KERNEL(wall_around) {
-    place *places;
-    double v[3];
-    if (!enough(count, 6, "wall_around") || !as_numbers(given + 3, 3, v))
-        return NULL;
-    beam kept = outlined(given, &places);
-    if (kept < 0)
-        return NULL;
-    struct row row = {(char *)places, sizeof(place), kept};
-    PyObject *answer = seen_from(&row, v);
-    free(places);
-    return answer;
-}
-
 static int by_size(const void *one, const void *other) {
     double a = *(const double *)one, b = *(const double *)other;
     return (a > b) - (a < b);
 }
 
-/* room_for(x, y, ranges, solid, line_m, heading_rad, desired_m) -> metres */
-KERNEL(room_for) {
-    struct row x, y, range, solid;
-    double v[3];
-    if (!enough(count, 7, "room_for") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
-        !as_row(given[2], NPY_DOUBLE, &range) || !as_row(given[3], NPY_BOOL, &solid) || !as_numbers(given + 4, 3, v))
-        return NULL;
-    if (x.count != solid.count || y.count != solid.count || range.count != solid.count) {
-        PyErr_SetString(PyExc_ValueError, "room_for: arrays of different lengths");
-        return NULL;
-    }
-    double line_m = v[0], cosine = cos(v[1]), sine = sin(v[1]), desired_m = v[2];
-    double reach_m = 2 * desired_m - line_m + MY_WALL_ROOM_REACH_M;
+/* The room beside a line, where every beam from one on may be on the other side; negative on failure. See room_for. */
+static double room_for(const struct row *x, const struct row *y, const struct row *range, const struct row *solid,
+                       beam from, const struct wall_line *line, double desired_m) {
+    double line_m = line->distance_m, cosine = cos(line->heading_rad), sine = sin(line->heading_rad);
+    double reach_m = 2 * desired_m - line_m + MY_WALL_ROOM_REACH_M, room_m = desired_m;
+    const beam every = MY_WALL_ROOM_EVERY_BEAM;
     beam near = 0, few = 0;
-    for (beam i = 0; i < range.count; i++)
-        near += NUMBER(range, i) < reach_m;
+    for (beam i = from; i < range->count; i += every)
+        near += NUMBER(*range, i) < reach_m;
     if (near < MY_WALL_FEWEST_POINTS)
-        return PyFloat_FromDouble(desired_m);
-    double *across = malloc(sizeof(double) * (size_t)solid.count);
-    if (!across)
-        return PyErr_NoMemory();
-    for (beam i = 0; i < solid.count; i++) {
-        double along = cosine * NUMBER(x, i) + sine * NUMBER(y, i), aside = sine * NUMBER(x, i) - cosine * NUMBER(y, i);
-        if (FLAG(solid, i) && fabs(along) < MY_WALL_ROOM_BESIDE_M && aside > 0.0)
+        return desired_m;
+    double *across = malloc(sizeof(double) * (size_t)solid->count);
+    if (!across) {
+        PyErr_NoMemory();
+        return -1.0;
+    }
+    for (beam i = from; i < solid->count; i += every) {
+        double along = cosine * NUMBER(*x, i) + sine * NUMBER(*y, i);
+        double aside = sine * NUMBER(*x, i) - cosine * NUMBER(*y, i);
+        if (FLAG(*solid, i) && fabs(along) < MY_WALL_ROOM_BESIDE_M && aside > 0.0)
             across[few++] = aside;
     }
-    double room_m = desired_m;
     if (few >= MY_WALL_FEWEST_POINTS) {
         beam nearest = (beam)rint(MY_WALL_ROOM_NEAREST_SHARE * (double)few);
         double sum = 0.0;
@@ -226,5 +139,43 @@ KERNEL(room_for) {
             room_m = half_m;
     }
     free(across);
-    return PyFloat_FromDouble(room_m);
+    return room_m;
+}
+
+/* wall_beside(x, y, ranges, solid, no_echo, beside_from, beside_to, opposite_from, gap_m, beams, rear, front,
+ * expected_m, expected_rad, desired_m) -> (indices, (distance, heading, inliers) | None, room_m, silent) | None */
+KERNEL(wall_beside) {
+    struct row x, y, range, solid, no_echo, beams, rear, front;
+    beam side[3], from;
+    double gap_m, v[3];
+    if (!enough(count, 15, "wall_beside") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
+        !as_row(given[2], NPY_DOUBLE, &range) || !as_row(given[3], NPY_BOOL, &solid) ||
+        !as_row(given[4], NPY_BOOL, &no_echo) || !as_indices(given + 5, 3, side) || !as_numbers(given + 8, 1, &gap_m) ||
+        !as_row(given[9], NPY_INTP, &beams) || !as_row(given[10], NPY_INTP, &rear) ||
+        !as_row(given[11], NPY_INTP, &front) || !as_numbers(given + 12, 3, v))
+        return NULL;
+    if (x.count != solid.count || y.count != solid.count || range.count != solid.count || no_echo.count != solid.count)
+        return PyErr_Format(PyExc_ValueError, "wall_beside: arrays of different lengths");
+    if (side[0] < 0 || side[1] < 0 || side[2] < 0)
+        return PyErr_Format(PyExc_ValueError, "wall_beside: beams are counted from 0");
+    npy_intp *piece;
+    beam points = piece_of(&x, &y, &range, &solid, side, gap_m, &piece, &from), silent = 0;
+    if (points < 0)
+        return NULL;
+    struct wall_line line;
+    enum found found = points ? find_line(&x, &y, &range, &solid, &beams, &rear, &front, v, &line) : NONE;
+    double room_m = found == FOUND ? room_for(&x, &y, &range, &solid, side[2], &line, v[2]) : v[2];
+    PyObject *wall = points ? copied(NPY_INTP, points, piece + from) : Py_NewRef(Py_None);
+    beam beyond = points ? piece[from + points - 1] + 1 : 0;
+    free(piece);
+    if (!points || !wall || PyErr_Occurred()) {
+        if (PyErr_Occurred())
+            Py_CLEAR(wall);
+        return wall;
+    }
+    for (beam i = beyond; i < beyond + MY_WALL_GLASS_FIRST_BEAMS && i < no_echo.count; i++)
+        silent += FLAG(no_echo, i);
+    if (found == NONE)
+        return Py_BuildValue("(NOdn)", wall, Py_None, room_m, silent);
+    return Py_BuildValue("(N(ddn)dn)", wall, line.distance_m, line.heading_rad, line.inliers, room_m, silent);
 }

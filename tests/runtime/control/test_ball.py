@@ -8,7 +8,8 @@ import pytest
 
 from drivers.api import MotorState, Scan
 from runtime.car_settings import CarSettings
-from runtime.control.ball import SLIPPING_SHARE, BallFollower
+from runtime.control.ball import BallFollower
+from runtime.control.ball_drive import SLIPPING_SHARE
 from runtime.control.ball_law import (
     ARC_M,
     ARC_S,
@@ -21,15 +22,16 @@ from runtime.control.ball_law import (
     bend_correction_rad,
     steering_for_rad,
 )
-from runtime.control.ball_path import RADII_M, BallPath, WallPoints, ball_path, bend_per_m
+from runtime.control.ball_path import RADII_M, BallPath, bend_of, circles_met, rolled, rolled_along
 from runtime.control.ball_settings import BallSettings
 from runtime.control.geometry import Places
 from runtime.control.lost import FADE_PER_SCAN, Lost
-from runtime.control.noise_bias import NoiseBias
+from runtime.control.my_wall import MyWall, around, my_wall, side_view
+from runtime.control.noise_bias import bias_learnt_m
 from runtime.control.perception import Eyes
 from runtime.control.prediction import LONGEST_WIRE_S, WIRE_S, Answers, Predictor, Shift, in_flight, measured, to_wire_s
 from runtime.control.speed_profile import speed_limit_mps
-from runtime.control.wall import Line
+from runtime.control.wall import CLEAN_INLIERS, Line
 from sim.beams import LidarSettings, true_ranges_m
 from sim.closed_loop import Case, drive
 from sim.lab.courses import case_of
@@ -68,10 +70,16 @@ def wall_m(distance_m, heading_rad=0.0, from_m=-2.0, to_m=5.0):
     cos, sin = math.cos(heading_rad), math.sin(heading_rad)
     places_m: Places = np.empty(along.size, np.complex128)
     places_m.real, places_m.imag = along * cos - distance_m * sin, along * sin + distance_m * cos
-    return WallPoints.of(places_m)
+    return places_m
 
 
 # the path
+
+
+def ball_path(places_m, ball_m, more_radii_m=()):
+    range_m, bearing_rad, _ = around(places_m, 0.0, 0.0, 0.0)
+    radii_m = RADII_M + more_radii_m
+    return BallPath(radii_m, *circles_met(range_m, bearing_rad, ball_m, radii_m))
 
 
 def places(path):
@@ -89,44 +97,50 @@ def test_beside_a_straight_wall_the_path_is_parallel_to_it(distance_m):
 
 
 def test_a_circle_that_lies_too_near_as_a_whole_is_no_crossing_and_points_to_the_free_side():
-    path = ball_path(wall_m(0.5), 1.0, ())
+    path = ball_path(wall_m(0.5), 1.0)
     assert path.meets[0]
     assert not path.crosses[0]
     assert path.bearing_rad[0] == pytest.approx(-math.radians(85))
 
 
 def test_a_circle_that_the_wall_does_not_meet_points_to_the_wall():
-    path = ball_path(wall_m(2.0), 1.0, ())
+    path = ball_path(wall_m(2.0), 1.0)
     assert not path.meets[0]
     assert path.bearing_rad[0] == pytest.approx(math.radians(85))
 
 
 def test_the_ball_goes_round_an_outside_corner_and_stays_in_an_inside_one():
-    outside = ball_path(WallPoints.of(np.asarray(np.arange(-2.0, 1.0, 0.05) + 1j, np.complex128)), 1.0, ())
+    outside = ball_path(np.asarray(np.arange(-2.0, 1.0, 0.05) + 1j, np.complex128), 1.0)
     x_m, y_m = places(outside)
     round_it = np.array(outside.crosses) & (x_m > 1.1)
     assert round_it.any()
     assert np.hypot(x_m - 0.95, y_m - 1.0)[round_it] == pytest.approx(1.0, abs=0.03)
     beside, front = np.arange(-2.0, 3.0, 0.05) + 1j, 3.0 + 1j * np.arange(1.0, -3.0, -0.05)
-    inside = ball_path(WallPoints.of(np.concatenate([beside, front])), 1.0, ())
+    inside = ball_path(np.concatenate([beside, front]), 1.0)
     x_m, _ = places(inside)
     assert x_m.max() == pytest.approx(2.0, abs=0.02)
 
 
 def test_the_bend_of_a_straight_path_is_zero_wherever_the_car_stands():
     for distance_m, heading_rad in ((1.0, 0.0), (1.4, 0.3), (0.7, -0.3)):
-        path = ball_path(wall_m(distance_m, heading_rad), 1.0, ())
-        assert bend_per_m(path) == pytest.approx(0.0, abs=0.02)
+        path = ball_path(wall_m(distance_m, heading_rad), 1.0)
+        assert bend_of(path.radius_m[1:5], path.bearing_rad[1:5]) == pytest.approx(0.0, abs=0.02)
 
 
 @pytest.mark.parametrize("curvature", [-0.4, -0.2, 0.25, 0.5])
 def test_the_bend_of_an_arc_is_its_curvature(curvature):
     bearing = tuple(math.asin(radius_m * curvature / 2) for radius_m in RADII_M)
-    path = BallPath(RADII_M, bearing, (True,) * 10, (True,) * 10)
-    assert bend_per_m(path) == pytest.approx(curvature, rel=0.02)
-    near = tuple(radius_m < 1.4 for radius_m in RADII_M)
-    blind = BallPath(RADII_M, bearing, near, near)
-    assert bend_per_m(blind) == 0.0
+    assert bend_of(RADII_M[1:5], bearing[1:5]) == pytest.approx(curvature, rel=0.02)
+
+
+@pytest.mark.parametrize(("ends_m", "bends"), [(2.5, True), (0.4, False)])
+def test_a_path_that_is_not_all_seen_has_no_bend(ends_m, bends):
+    """Along a bent wall it bends; where the wall ends beside the car, the far circles do not meet it."""
+    x_m = np.arange(-2.0, ends_m, 0.02)
+    y_m = 0.8 + 0.15 * x_m * x_m
+    beams = np.arange(x_m.size)
+    answer = rolled_along(x_m, y_m, beams, None, 0.0, 0.0, 0.0, math.nan, 0.0, 0.0, 0.3, RADII_M)
+    assert (answer[2] != 0.0) == bends
 
 
 # the law
@@ -303,8 +317,9 @@ def test_the_servo_is_known_to_be_slow_and_the_floor_to_be_slippery():
 
 
 def test_points_are_seen_from_the_predicted_place():
-    wall = WallPoints.of(np.array([1.0 + 1.5j, 2.0 + 0.5j]), Shift(1.0, 0.5, math.pi / 2))
-    seen = wall.range_m * np.exp(1j * wall.bearing_rad)
+    range_m, bearing_rad, nearest_m = around(np.array([1.0 + 1.5j, 2.0 + 0.5j]), 1.0, 0.5, math.pi / 2)
+    assert nearest_m == pytest.approx(1.0)
+    seen = range_m * np.exp(1j * bearing_rad)
     assert seen == pytest.approx(np.array([1.0, -1.0j]))
 
 
@@ -368,13 +383,22 @@ def test_answers_on_their_way_to_the_wire_are_part_of_the_motion():
     assert in_flight(knowing.answers.told, knowing.answers.wire, 9.0) == []  # nobody shows them: somebody else drives
 
 
-def test_the_bias_of_the_nearest_of_many_noisy_points_is_learnt_from_clean_lines_only():
-    bias, clean = NoiseBias(), Line(1.0, 0.0, 100)
-    assert bias.learn(clean, 0.96) == pytest.approx(0.004)
-    assert bias.learn(Line(1.0, 0.0, 45), 0.9) == pytest.approx(0.004)
-    assert bias.learn(clean, 0.8) == pytest.approx(0.004)
-    assert bias.learn(clean, 1.1) == pytest.approx(0.004)
-    assert bias.learn(None, 0.96) == pytest.approx(0.004)
+def test_the_bias_of_the_nearest_of_many_noisy_points_is_learnt_while_it_is_credible():
+    assert bias_learnt_m(0.0, 1.0, 0.96) == pytest.approx(0.004)
+    for line_m, nearest_m in ((1.0, 0.8), (1.0, 1.1), (math.nan, 0.96)):
+        assert bias_learnt_m(0.004, line_m, nearest_m) == 0.004
+
+
+@pytest.mark.parametrize(("inliers", "learns"), [(100, True), (CLEAN_INLIERS, False)])
+def test_it_is_learnt_from_clean_lines_only_and_makes_the_ball_smaller(inliers, learns):
+    """So the ball rolls at the wanted distance from the wall, and not from its nearest points."""
+    seen = side_view(Eyes(CAR).see(scan_in("straight")), "left")
+    wall = my_wall(seen, 1.0, None, 1.0)
+    wall = MyWall(wall.beams, Line(1.05, 0.0, inliers), 1.0, 0)
+    ball = rolled(seen, wall, Shift(), 0.01, 1.0, ())
+    assert ball.bias_m == pytest.approx(0.01 + 0.1 * 0.04 if learns else 0.01, abs=1e-4)
+    alone = rolled(seen, MyWall(wall.beams, None, 1.0, 0), Shift(), 0.0, 1.0 - ball.bias_m, ())
+    assert ball.path.bearing_rad == pytest.approx(alone.path.bearing_rad)
 
 
 # without a wall

@@ -7,8 +7,9 @@ import pytest
 
 from drivers.api import Scan
 from runtime.car_settings import CarSettings
-from runtime.control.my_wall import bridge_glass, my_wall, outline, roomy_m, side_view
+from runtime.control.my_wall import bridge_glass, my_wall, outline, side_view
 from runtime.control.perception import Eyes
+from runtime.control.wall import Line
 from sim.beams import LidarSettings, true_ranges_m
 from sim.pose import Pose, Twist
 from sim.segments import SegmentGeometry
@@ -39,18 +40,15 @@ def seen_in(walls, pose=None, side="left", silent=None):
 
 
 def wall_points(seen, desired_m=1.0):
-    wall = my_wall(seen, desired_m)
-    return seen.x_m[wall], seen.y_m[wall]
+    wall = my_wall(seen, desired_m, None, desired_m)
+    return seen.x_m[wall.beams], seen.y_m[wall.beams]
 
 
 def bridged(seen):
-    wall = my_wall(seen, 1.0)
+    wall = my_wall(seen, 1.0, None, 1.0)
     assert wall is not None
-    return bridge_glass(seen, wall, line_of(seen))
-
-
-def line_of(seen):
-    return seen.side.lines.find(seen.x_m, seen.y_m, seen.range_m, seen.solid)
+    assert wall.line is not None
+    return bridge_glass(seen, wall)
 
 
 def test_the_far_wall_of_a_room_is_not_mine():
@@ -89,8 +87,8 @@ def test_a_wall_behind_is_not_mine_however_early_it_is_seen():
 
 
 def test_nothing_beside_the_car_is_no_wall():
-    assert my_wall(seen_in([(2, -1, 2, 0.1)]), 1.0) is None
-    assert my_wall(seen_in([(-5, 9, 9, 9)]), 1.0) is None
+    assert my_wall(seen_in([(2, -1, 2, 0.1)]), 1.0, None, 1.0) is None
+    assert my_wall(seen_in([(-5, 9, 9, 9)]), 1.0, None, 1.0) is None
 
 
 @pytest.mark.parametrize("name", ["inside_corner", "outside_corner", "doorway"])
@@ -147,11 +145,21 @@ def test_silence_wider_than_any_pane_is_no_glass():
 @pytest.mark.parametrize(("right_m", "expected_m"), [(0.6, 0.8), (0.97, 1.0), (3.0, 1.0)])
 def test_the_ball_is_never_wider_than_the_way(right_m, expected_m):
     seen = seen_in([(-5, 1, 9, 1), (-5, -right_m, 9, -right_m)])
-    assert roomy_m(seen, line_of(seen), 1.0) == pytest.approx(expected_m, abs=0.01)
+    assert my_wall(seen, 1.0, None, 1.0).room_m == pytest.approx(expected_m, abs=0.01)
 
 
 def test_without_a_line_the_wish_stands():
-    assert roomy_m(seen_in("corridor"), None, 1.3) == 1.3
+    """A short piece beside the car is a wall, and no line; the other side is as near as on a narrow way."""
+    wall = my_wall(seen_in([(0.2, 0.5, 0.25, 0.5), (-5, -0.5, 9, -0.5)]), 1.0, None, 1.3)
+    assert wall.line is None
+    assert wall.room_m == 1.3
+
+
+def test_a_line_that_is_expected_is_found_as_well_as_by_a_vote():
+    seen = seen_in([(-5, 1, 9, 1), (-5, -3, 9, -3)])
+    by_vote = my_wall(seen, 1.0, None, 1.0).line
+    line = my_wall(seen, 1.0, Line(1.02, 0.01, 100), 1.0).line
+    assert (line.distance_m, line.heading_rad) == pytest.approx((by_vote.distance_m, by_vote.heading_rad), abs=1e-3)
 
 
 NARROW = [(-5, 0.6, 20, 0.6), (1, -0.6, 20, -0.6), (1, -0.6, 1, -5), (-5, -0.6, -1, -0.6)]

@@ -1,54 +1,35 @@
 """How much room there is for the wanted distance, and what is remembered of it where corridors meet."""
 
-import math
-
 import numpy as np
 import pytest
 
-from drivers.api import Scan
-from runtime.car_settings import CarSettings
-from runtime.control.my_wall import side_view
-from runtime.control.perception import Eyes
 from runtime.control.room import ALONG_RAD, WIDENS_PER_M, Room
 from runtime.control.wall import Line
-from sim.beams import LidarSettings, true_ranges_m
 from sim.closed_loop import Case, drive
 from sim.lab import laws
-from sim.pose import Pose, Twist
+from sim.pose import Pose
 from sim.segments import SegmentGeometry, chain
 from sim.vehicle import VehicleSettings
 from sim.world import World
 
 HERE = Pose(0.0, 0.0, 0.0)
-STEP_RAD = math.radians(0.25)
 WALL = Line(0.8, 0.0, 100)
-
-
-def between(left_m, right_m):
-    """What is seen between two walls; right_m inf: there is no other one."""
-    walls = [(-5.0, left_m, 9.0, left_m)] + ([(-5.0, -right_m, 9.0, -right_m)] if math.isfinite(right_m) else [])
-    world = World("", SegmentGeometry(np.array(walls)), HERE)
-    ranges_m = true_ranges_m(world, HERE, Twist(), LidarSettings(noise_std_m=0.0)).astype(np.float32)
-    ranges_m[~(ranges_m < 30)] = np.nan
-    scan = Scan(0.0, 0.0, -540 * STEP_RAD, STEP_RAD, 0.02, 30.0, ranges_m, 0)
-    return side_view(Eyes(CarSettings()).see(scan), "left")
+NARROW_M, OPEN_M = 0.8, 1.0
+"""What a scan has room for, of 1 m."""
 
 
 def in_a_corridor():
     """A room after a corridor of 1.6 m, and what it keeps there."""
     room = Room()
     for _ in range(30):
-        narrow_m = room.beside_m(NARROW, WALL, 1.0, 0.05)
+        narrow_m = room.beside_m(WALL, NARROW_M, 1.0, 0.05)
     return room, narrow_m
-
-
-NARROW, OPEN = between(0.8, 0.8), between(0.8, math.inf)
 
 
 def test_in_the_open_there_is_room_for_all_that_is_wanted():
     room = Room()
     assert room.within_m(1.0) == 1.0
-    assert room.beside_m(OPEN, WALL, 1.0, 0.05) == 1.0
+    assert room.beside_m(WALL, OPEN_M, 1.0, 0.05) == 1.0
     assert room.within_m(1.0) == 1.0
 
 
@@ -62,25 +43,25 @@ def test_between_narrow_walls_it_is_half_of_the_width_and_known_for_the_next_sca
 def test_where_the_other_wall_ends_it_widens_with_the_way_until_all_is_wanted_again():
     room, narrow_m = in_a_corridor()
     for metre in (0.5, 1.0, 1.5):
-        assert room.beside_m(OPEN, WALL, 1.0, 0.5) == pytest.approx(narrow_m + WIDENS_PER_M * metre)
-    room.beside_m(OPEN, None, 1.0, 0.2)
+        assert room.beside_m(WALL, OPEN_M, 1.0, 0.5) == pytest.approx(narrow_m + WIDENS_PER_M * metre)
+    room.beside_m(None, OPEN_M, 1.0, 0.2)
     assert room.within_m(1.0) < 1.0
-    room.beside_m(OPEN, WALL, 1.0, 1.0)
+    room.beside_m(WALL, OPEN_M, 1.0, 1.0)
     assert room.within_m(2.0) == 2.0  # nothing is left of it: who wants more may have it at once
 
 
 def test_a_car_that_stands_or_backs_does_not_forget():
     room, narrow_m = in_a_corridor()
-    assert room.beside_m(OPEN, WALL, 1.0, 0.0) == narrow_m
-    assert room.beside_m(OPEN, WALL, 1.0, -0.5) == pytest.approx(narrow_m + 0.5 * WIDENS_PER_M)
+    assert room.beside_m(WALL, OPEN_M, 1.0, 0.0) == narrow_m
+    assert room.beside_m(WALL, OPEN_M, 1.0, -0.5) == pytest.approx(narrow_m + 0.5 * WIDENS_PER_M)
 
 
 def test_a_pole_beside_the_car_narrows_while_it_is_there_and_is_not_remembered():
     room = Room()
     for moved_m in [0.0, 0.0] + 20 * [0.05]:
-        assert room.beside_m(NARROW, WALL, 1.0, moved_m) < 0.85
+        assert room.beside_m(WALL, NARROW_M, 1.0, moved_m) < 0.85
         assert room.within_m(1.0) == 1.0
-    assert room.beside_m(OPEN, WALL, 1.0, 0.05) == 1.0
+    assert room.beside_m(WALL, OPEN_M, 1.0, 0.05) == 1.0
     assert room.within_m(1.0) == 1.0
 
 
@@ -88,7 +69,7 @@ def test_the_width_beside_a_line_across_the_way_counts_for_one_scan_only():
     room = Room()
     across = Line(0.7, -ALONG_RAD - 0.3, 10)
     for _ in range(30):
-        assert room.beside_m(NARROW, across, 1.0, 0.05) < 0.95
+        assert room.beside_m(across, NARROW_M, 1.0, 0.05) < 0.95
     assert room.within_m(1.0) == 1.0
 
 

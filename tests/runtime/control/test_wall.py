@@ -58,7 +58,7 @@ def test_the_same_scan_gives_the_same_line():
     ranges_m = ranges_to(1.2, -0.2) + np.random.default_rng(3).normal(0.0, 0.03, BEARING_RAD.size)
     assert find(ranges_m) == find(ranges_m.copy())
     usable = np.isfinite(ranges_m)
-    assert np.array_equal(LineFinder(BEARING_RAD)._front, FINDER._front)
+    assert np.array_equal(LineFinder(BEARING_RAD).front, FINDER.front)
     again = LineFinder(BEARING_RAD).find(
         LIDAR_X_M + np.cos(BEARING_RAD) * ranges_m, np.sin(BEARING_RAD) * ranges_m, ranges_m, usable
     )
@@ -96,7 +96,7 @@ def test_no_wall_is_said_instead_of_guessed():
     few[FINDER.beams[20 : 20 + FEWEST_INLIERS - 1]] = 1.0
     assert find(few) is None
     few[:] = np.nan
-    ends = sorted((int(FINDER._front[0]), int(FINDER._rear[0])))  # seven beams on a line that is sure to be tried
+    ends = sorted((int(FINDER.front[0]), int(FINDER.rear[0])))  # seven beams on a line that is sure to be tried
     on_line = FINDER.beams[np.linspace(ends[0], ends[1], FEWEST_INLIERS - 1).astype(int)]
     few[FINDER.beams[[0, 70, 140]]] = 4.5, 3.9, 3.3
     few[on_line] = 1.0 / np.sin(BEARING_RAD[on_line])
@@ -131,7 +131,7 @@ class NoVote(LineFinder):
 
     def __init__(self, bearing_rad):
         super().__init__(bearing_rad)
-        self._front = self._rear  # pairs of a point with itself show no direction
+        self.front = self.rear  # pairs of a point with itself show no direction
 
 
 @pytest.mark.parametrize(("noise_m", "off"), [(0.02, 1e-3), (0.03, 3e-3)])

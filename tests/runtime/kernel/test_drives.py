@@ -31,10 +31,11 @@ def test_a_drive_gets_the_same_answers(compared, world, side):
         "solid_places",
         "any_nearer",
         "swept_touch",
-        "wall_piece",
+        "wall_beside",
         "foreseen",
     }
     assert {name for name in hot if compared[name] < 60} == set()
+    assert compared["rolled_along"] == compared["driven_along"] > 15  # where there is a wall
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -1,18 +1,14 @@
-"""Motions are foreseen alike, steps driven, paths bent."""
+"""Motions are foreseen alike, steps driven."""
 
 import math
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers import twin
 from runtime.control.prediction import Answers, Told
-from tests.runtime.kernel.sameness import ANGLE, SOME_RAD, assert_same
-
-RADII = tuple(np.linspace(0.3, 3.0, 10).tolist())
-
+from tests.runtime.kernel.sameness import SOME_RAD, assert_same
 
 BOUND_S = st.floats(0.0, 0.2)
 
@@ -90,20 +86,3 @@ def test_what_is_no_number_is_driven_alike(compiled, place):
                 compiled["driven_on"](*given_)
         else:
             assert_same("driven_on", expected, compiled["driven_on"](*given_))
-
-
-YES_OR_NO = st.lists(st.booleans(), min_size=12, max_size=12)
-
-
-@given(
-    bearing_rad=st.lists(ANGLE, min_size=12, max_size=12), meets=YES_OR_NO, crosses=YES_OR_NO, count=st.integers(0, 12)
-)
-def test_any_path_is_bent_and_driven_alike(compiled, bearing_rad, meets, crosses, count):
-    radii_m = (*RADII, 0.7, 1.3)
-    for yes in ((meets, crosses), ([True] * 12, [True] * 12)):
-        path = tuple(tuple(part[:count]) for part in (radii_m, bearing_rad, *yes))
-        for speed_mps, mu in ((0.5, 0.3), (4.0, 0.9)):
-            given_ = (*path, speed_mps, mu)
-            assert_same("fastest_mps", twin.PLAIN["fastest_mps"](*given_), compiled["fastest_mps"](*given_))
-    four = RADII[1:5], tuple(bearing_rad[1:5])
-    assert_same("bend_of", twin.PLAIN["bend_of"](*four), compiled["bend_of"](*four))

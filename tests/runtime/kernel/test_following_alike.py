@@ -1,7 +1,8 @@
-"""The ball is pursued and the wall tracked alike."""
+"""A path is driven along and a wall tracked alike."""
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,29 +11,66 @@ from drivers import twin
 from runtime.control.wall_track import WallTrack
 from tests.runtime.kernel.sameness import ANGLE, assert_same
 
-LENGTH = st.floats(0.3, 3.0)
+RADII = tuple(np.linspace(0.3, 3.0, 10).tolist())
+YES_OR_NO = st.lists(st.booleans(), min_size=12, max_size=12)
+ANY_OR_ALL = st.one_of(YES_OR_NO, st.just([True] * 12))
 
 
 @given(
-    near=st.tuples(LENGTH, ANGLE),
-    far=st.tuples(LENGTH, ANGLE),
+    bearing_rad=st.lists(ANGLE, min_size=12, max_size=12),
+    meets=ANY_OR_ALL,
+    crosses=ANY_OR_ALL,
+    left_out=st.integers(0, 10),
+    look_m=st.tuples(st.floats(0.3, 3.0), st.floats(0.3, 3.0)),
     error_m=st.floats(-2.0, 5.0),
     line=st.one_of(st.just((math.nan, math.nan)), st.tuples(st.floats(-0.5, 0.5), st.floats(-2.0, 2.0))),
     bends=st.tuples(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0)),
     speed_mps=st.floats(-1.0, 8.0),
     gains=st.tuples(st.floats(0.0, 9.0), st.floats(0.0, 9.0)),
+    trim_rad=st.floats(-0.06, 0.06),
+    mu=st.sampled_from([0.3, 0.9, math.inf]),
 )
-def test_any_ball_is_pursued_alike(compiled, near, far, error_m, line, bends, speed_mps, gains):
-    given_ = (*near, *far, error_m, *line, *bends, speed_mps, *gains, 0.33)
-    assert_same("pursued", twin.PLAIN["pursued"](*given_), compiled["pursued"](*given_))
+def test_any_path_is_driven_along_alike(
+    compiled, bearing_rad, meets, crosses, left_out, look_m, error_m, line, bends, speed_mps, gains, trim_rad, mu
+):
+    radii_m = (*RADII, *look_m)
+    path = tuple(tuple(part[left_out:]) for part in (radii_m, bearing_rad, meets, crosses))
+    given_ = (*path, error_m, *line, *bends, speed_mps, *gains, 0.33, trim_rad, 0.34, 3.0, mu)
+    assert_same("driven_along", twin.PLAIN["driven_along"](*given_), compiled["driven_along"](*given_))
+
+
+CLEAR = (True,) * 12
+TURNED_AWAY = [-0.5, math.nan, math.nan, 0.02, 0.04, 1.5, 4.0, 2.0, 0.33, 0.01, 0.34, 3.0, 0.65]
+"""From error_m on: far too near, and steering as far away as it can."""
+
+
+def test_a_slipping_car_is_slowed_alike(compiled):
+    path = ((*RADII, 0.7, 1.1), (0.1,) * 10 + (-1.2, -1.2), CLEAR, CLEAR)
+    given_ = (*path, *TURNED_AWAY)
+    answer = twin.PLAIN["driven_along"](*given_)
+    assert_same("driven_along", answer, compiled["driven_along"](*given_))
+    nearer_by_the_line = (*path, -0.04, *TURNED_AWAY[1:])
+    assert answer[2] == twin.PLAIN["driven_along"](*nearer_by_the_line)[2] == -0.34
+    assert answer[3] < 0.6 * compiled["driven_along"](*nearer_by_the_line)[3]
 
 
 @pytest.mark.parametrize("place", range(13))
 @pytest.mark.parametrize("line", [(0.1, 0.2), (math.nan, math.nan)])
-def test_what_is_no_number_is_pursued_alike(compiled, place, line):
-    given_ = [0.7, 0.1, 1.1, 0.2, 0.3, *line, 0.02, 0.04, 1.5, 4.0, 2.0, 0.33]
-    given_[place] = math.nan
-    assert_same("pursued", twin.PLAIN["pursued"](*given_), compiled["pursued"](*given_))
+@pytest.mark.parametrize("error_m", [0.3, -0.5])
+def test_what_is_no_number_is_driven_along_alike(compiled, place, line, error_m):
+    numbers = [error_m, *line, *TURNED_AWAY[3:]]
+    numbers[place] = math.nan
+    given_ = ((*RADII, 0.7, 1.1), (0.1,) * 10 + (-0.2, -0.1), CLEAR, CLEAR, *numbers)
+    assert_same("driven_along", twin.PLAIN["driven_along"](*given_), compiled["driven_along"](*given_))
+
+
+@pytest.mark.parametrize("of", range(2))
+@pytest.mark.parametrize("at", [0, 3, 10, 11])
+def test_a_place_that_is_no_number_is_driven_along_alike(compiled, of, at):
+    path = [[*RADII, 0.7, 1.1], [0.1] * 10 + [-0.2, -0.1]]
+    path[of][at] = math.nan
+    given_ = (*map(tuple, path), CLEAR, CLEAR, 0.3, 0.1, 0.2, *TURNED_AWAY[3:])
+    assert_same("driven_along", twin.PLAIN["driven_along"](*given_), compiled["driven_along"](*given_))
 
 
 def test_what_is_no_number_is_tracked_alike(compiled):

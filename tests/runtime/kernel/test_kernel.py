@@ -7,15 +7,15 @@ import pytest
 
 from drivers import twin
 from runtime import kernel
-from runtime.control import movers, my_wall, perception
+from runtime.control import movers, my_wall, perception, wall
 
 
 def test_compiled_functions_are_called_without_a_step_in_between(compiled, as_it_was):
-    before = my_wall.around
+    before = my_wall.wall_beside
     twin.use(compiled)
-    assert my_wall.around is compiled["around"]
+    assert my_wall.wall_beside is compiled["wall_beside"]
     twin.use({"look": compiled["look"]})
-    assert my_wall.around is before
+    assert my_wall.wall_beside is before
     assert perception.look is compiled["look"]
 
 
@@ -41,10 +41,23 @@ def test_arrays_of_different_lengths_are_refused(compiled):
         compiled["solid_places"](short, long_m, flags)
     with pytest.raises(ValueError, match="different lengths"):
         compiled["dark_around"](flags, flags, short, 0.0, 0.1, 0.0, 1.0)
-    with pytest.raises(IndexError, match="no beam 9"):
-        compiled["outline"](long_m, long_m, np.array([0, 9]))
-    with pytest.raises(IndexError, match="no beam -1"):
-        compiled["wall_around"](long_m, long_m, np.array([0, -1]), 0.0, 0.0, 0.0)
+    for beam in (9, -1):
+        with pytest.raises(IndexError, match=f"no beam {beam}"):
+            compiled["rolled_along"](long_m, long_m, np.array([0, beam]), None, *[0.0] * 7, (1.0,) * 5)
+    with pytest.raises(ValueError, match="at least 5 circles"):
+        compiled["rolled_along"](long_m, long_m, np.array([0]), None, *[0.0] * 7, (1.0,) * 4)
+    with pytest.raises(ValueError, match="at least two circles"):
+        compiled["driven_along"]((1.0,), (1.0,), (True,), (True,), *[0.0] * 13)
+    beams = np.zeros(2, np.intp)
+    for lengths in ((3, 9, 9), (9, 3, 9), (9, 9, 3)):
+        x_m, range_m, echo = (np.ones(length) for length in lengths)
+        with pytest.raises(ValueError, match="wall_beside: arrays of different lengths"):
+            compiled["wall_beside"](x_m, long_m, range_m, flags, echo > 2, 0, 9, 0, 1.0, *[beams] * 3, 0.0, 0.0, 1.0)
+    with pytest.raises(ValueError, match="counted from 0"):
+        compiled["wall_beside"](*[long_m] * 3, *[flags] * 2, 0, 9, -1, 1.0, *[beams] * 3, 0.0, 0.0, 1.0)
+    for outside in (np.array([0, 9]), np.array([-1, 0])):
+        with pytest.raises(IndexError, match="outside the scan"):
+            compiled["wall_beside"](*[long_m] * 3, ~flags, flags, 0, 9, 0, 1.0, outside, beams, beams, 0.0, 0.0, 1.0)
 
 
 def test_the_twins_were_written_for_the_python_that_is_here():
@@ -64,6 +77,15 @@ def test_who_changes_a_law_drives_his_own(compiled, monkeypatch, as_it_was):
     found = kernel.use()
     assert found.functions == set(compiled) - {"small_things"}
     assert "runtime.control.movers changed" in found.words
+
+
+def test_who_changes_what_a_law_calls_drives_it_as_well(compiled, monkeypatch, as_it_was):
+    fingerprint = kernel.fingerprint
+    monkeypatch.setattr(kernel, "fingerprint", lambda module: "" if module is wall else fingerprint(module))
+    for _ in range(2):  # the second time, what it calls is compiled
+        left = set(compiled) - kernel.use().functions
+        assert {"wall_line", "wall_beside", "rolled_along", "driven_along"} <= left
+        assert left.isdisjoint({"look", "swept_touch", "decode_samples"})
 
 
 def test_constants_come_from_the_python():

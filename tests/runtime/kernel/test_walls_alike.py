@@ -1,4 +1,4 @@
-"""Walls, thin things and near places are seen alike."""
+"""Walls, balls along them, and thin things are seen alike."""
 
 import math
 
@@ -8,32 +8,87 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers import twin
-from tests.runtime.kernel.sameness import assert_same
+from runtime.control.my_wall import wall_side
+from tests.runtime.kernel.sameness import assert_same, ranges
+
+
+def some_room(seed, beams):
+    """Return x_m, y_m and range_m, solid, no_echo of beams that go round a hostile room."""
+    rng = np.random.default_rng(seed)
+    bearing_rad = np.linspace(2.3, -2.3, beams)
+    range_m = np.resize(ranges(seed), beams)
+    range_m[~(np.isfinite(range_m) & (range_m > 0.0))] = math.nan
+    solid = np.isfinite(range_m) & (rng.random(beams) < rng.choice([0.7, 1.0]))
+    return range_m * np.cos(bearing_rad) + 0.27, range_m * np.sin(bearing_rad), range_m, solid, ~np.isfinite(range_m)
+
+
+@given(
+    seed=st.integers(0, 2**32),
+    beams=st.sampled_from([1, 9, 60, 400, 1081]),
+    gap_m=st.sampled_from([0.3, 0.6, 1.0, 1.6]),
+    expected=st.one_of(st.just((math.nan, 0.0)), st.tuples(st.floats(0.1, 3.0), st.floats(-0.8, 0.8))),
+    desired_m=st.floats(0.2, 2.0),
+)
+def test_any_wall_beside_the_car_is_found_alike(compiled, seed, beams, gap_m, expected, desired_m):
+    way = wall_side(-2.3, 4.6 / max(beams - 1, 1), beams, "left")
+    spans = (way.beside.start, way.beside.stop, way.opposite.start)
+    lines = (way.lines.beams, way.lines.rear, way.lines.front)
+    given_ = (*some_room(seed, beams), *spans, gap_m, *lines, *expected, desired_m)
+    assert_same("wall_beside", twin.PLAIN["wall_beside"](*given_), compiled["wall_beside"](*given_))
+    turned = [part[::-1] for part in given_[:5]]  # as a lidar that turns the other way gives them
+    turned += [*spans, gap_m, *lines, *expected, desired_m]
+    assert_same("wall_beside", twin.PLAIN["wall_beside"](*turned), compiled["wall_beside"](*turned))
+
+
+def test_a_wall_and_a_line_and_a_narrow_way_were_among_them(compiled):
+    way = wall_side(-2.3, 4.6 / 1080, 1081, "left")
+    spans = (way.beside.start, way.beside.stop, way.opposite.start)
+    lines = (way.lines.beams, way.lines.rear, way.lines.front)
+    found = [
+        compiled["wall_beside"](*some_room(seed, 1081), *spans, 1.0, *lines, math.nan, 0.0, 1.0) for seed in range(300)
+    ]
+    assert 20 < sum(one is None for one in found) < 250
+    walls = [one for one in found if one is not None]
+    assert sum(line is not None for _, line, _, _ in walls) > 20
+    assert sum(room_m < 1.0 for _, _, room_m, _ in walls) > 5
+    assert sum(silent > 5 for _, _, _, silent in walls) > 5
+
+
+RADII_M = tuple(np.linspace(0.3, 3.0, 10).tolist())
+PLACE = st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-4.0, 4.0))
 
 
 @given(
     seed=st.integers(0, 2**32),
     points=st.sampled_from([1, 2, 3, 4, 5, 6, 7, 30, 400]),
-    there=st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-4.0, 4.0)),
+    there=PLACE,
+    line=st.sampled_from([(math.nan, 0.0), (1.0, 0.1), (0.3, -0.4)]),
+    bias_m=st.floats(-0.02, 0.12),
+    desired_m=st.floats(0.1, 2.0),
+    glass=st.booleans(),
 )
-def test_any_wall_is_seen_from_there_alike(compiled, seed, points, there):
+def test_a_ball_is_rolled_along_any_wall_alike(compiled, seed, points, there, line, bias_m, desired_m, glass):
     rng = np.random.default_rng(seed)
     x_m, y_m = rng.choice([0.005, 0.05, 1.0]) * rng.normal(1.0, 1.0, (2, points)).cumsum(axis=1)
     wall = np.flatnonzero(rng.random(points) < rng.choice([0.3, 1.0]))
     if not wall.size:
         wall = np.array([points - 1])
-    given_ = (x_m, y_m, wall, *there)
-    assert_same("wall_around", twin.PLAIN["wall_around"](*given_), compiled["wall_around"](*given_))
-    at_once = (x_m, y_m, wall, x_m[wall[0]], y_m[wall[0]], there[2])  # the rear axle in the wall
-    assert_same("wall_around", twin.PLAIN["wall_around"](*at_once), compiled["wall_around"](*at_once))
+    pane = rng.normal(1.0, 1.0, 7) + 1j * rng.normal(1.0, 1.0, 7) if glass else None
+    radii_m = (*RADII_M, *rng.uniform(0.3, 2.0, 2).tolist())
+    at_once = (x_m[wall[0]], y_m[wall[0]], there[2])  # the rear axle in the wall
+    for place in (there, at_once):
+        given_ = (x_m, y_m, wall, pane, *place, *line, bias_m, desired_m, radii_m)
+        assert_same("rolled_along", twin.PLAIN["rolled_along"](*given_), compiled["rolled_along"](*given_))
 
 
-@pytest.mark.parametrize("place", range(3))
-def test_a_wall_is_seen_alike_from_where_is_no_number(compiled, place):
-    there = [0.1, 0.2, 0.3]
-    there[place] = math.nan
-    given_ = (np.arange(9.0), np.ones(9), np.arange(9), *there)
-    assert_same("wall_around", twin.PLAIN["wall_around"](*given_), compiled["wall_around"](*given_))
+@pytest.mark.parametrize("radii_m", [RADII_M, RADII_M[:5]])
+@pytest.mark.parametrize("place", range(7))
+@pytest.mark.filterwarnings("ignore:invalid value")
+def test_a_ball_is_rolled_alike_where_something_is_no_number(compiled, place, radii_m):
+    numbers = [0.1, 0.2, 0.3, 1.0, 0.05, 0.01, 1.0]
+    numbers[place] = math.nan
+    given_ = (np.arange(9.0), np.ones(9), np.arange(9), None, *numbers, radii_m)
+    assert_same("rolled_along", twin.PLAIN["rolled_along"](*given_), compiled["rolled_along"](*given_))
 
 
 @given(

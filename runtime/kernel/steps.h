@@ -1,0 +1,31 @@
+/* Steps that more than one function of the kernel takes; each is described where it is. */
+
+#ifndef WALLRIDE_STEPS_H
+#define WALLRIDE_STEPS_H
+
+#include "arrays.h"
+
+struct wall_line {
+    double distance_m, heading_rad;
+    beam inliers;
+};
+
+enum found { FAILED = -1, NONE, FOUND };
+
+/* line.c. expected: distance and heading, NaN where no line is expected. */
+enum found find_line(const struct row *x, const struct row *y, const struct row *range, const struct row *usable,
+                     const struct row *beams, const struct row *rear, const struct row *front, const double *expected,
+                     struct wall_line *line);
+
+/* walls.c. Puts the places where the caller frees them, with room for so many more; how many, or -1. */
+beam outline_of(const struct row *x, const struct row *y, const struct row *wall, beam more, place **to);
+
+/* following.c. v: the arguments of pursued; to: its answer. */
+void pursue(const double *v, double *to);
+
+/* driving.c */
+double bend_of(const double *radius, const double *bearing);
+double fastest(const double *radius, const double *bearing, const npy_bool *meets, const npy_bool *crosses, int circles,
+               double speed, double mu);
+
+#endif
