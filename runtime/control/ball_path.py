@@ -72,11 +72,11 @@ def rolled(
     if wall.line is not None and wall.line.inliers > CLEAN_INLIERS:
         line_m, line_rad = wall.line.distance_m, wall.line.heading_rad
     radii_m = RADII_M + more_radii_m
-    nearest_m, bias_m, bend_per_m, *circles = rolled_along(
+    nearest_m, bias_m, bend_per_m, path_rad, meets, crosses = rolled_along(
         seen.x_m, seen.y_m, wall.beams, bridge_glass(seen, wall), shift.x_m, shift.y_m, shift.yaw_rad, line_m, line_rad,
         bias_m, desired_m, radii_m,
     )  # fmt: skip
-    return Rolled(BallPath(radii_m, *circles), nearest_m, bias_m, bend_per_m)
+    return Rolled(BallPath(radii_m, path_rad, meets, crosses), nearest_m, bias_m, bend_per_m)
 
 
 Circles = tuple[tuple[float, ...], tuple[bool, ...], tuple[bool, ...]]

@@ -393,8 +393,9 @@ def test_the_bias_of_the_nearest_of_many_noisy_points_is_learnt_while_it_is_cred
 def test_it_is_learnt_from_clean_lines_only_and_makes_the_ball_smaller(inliers, learns):
     """So the ball rolls at the wanted distance from the wall, and not from its nearest points."""
     seen = side_view(Eyes(CAR).see(scan_in("straight")), "left")
-    wall = my_wall(seen, 1.0, None, 1.0)
-    wall = MyWall(wall.beams, Line(1.05, 0.0, inliers), 1.0, 0)
+    found = my_wall(seen, 1.0, None, 1.0)
+    assert found is not None
+    wall = MyWall(found.beams, Line(1.05, 0.0, inliers), 1.0, 0)
     ball = rolled(seen, wall, Shift(), 0.01, 1.0, ())
     assert ball.bias_m == pytest.approx(0.01 + 0.1 * 0.04 if learns else 0.01, abs=1e-4)
     alone = rolled(seen, MyWall(wall.beams, None, 1.0, 0), Shift(), 0.0, 1.0 - ball.bias_m, ())

@@ -81,12 +81,12 @@ def test_what_the_follower_learnt_survives_a_new_gain():
     drive = Drive(left_m=1.05)
     for _ in range(40):
         drive.scan()
-    driver, track, bias_m = drive.ball, drive.ball._track, drive.ball._bias.bias_m
+    driver, track, bias_m = drive.ball, drive.ball._track, drive.ball._bias_m
     learn_trim(track, 0.02)
     drive.tune(wall_follow={"kp": 0.4})
     assert drive.ball is driver
     assert drive.ball._track is track
-    assert (track.trim_rad, drive.ball._bias.bias_m) == (0.02, bias_m)
+    assert (track.trim_rad, drive.ball._bias_m) == (0.02, bias_m)
 
 
 def test_on_the_other_side_the_other_wall_is_followed_with_the_learnt_offset_mirrored():

@@ -39,14 +39,19 @@ def seen_in(walls, pose=None, side="left", silent=None):
     return side_view(Eyes(CarSettings()).see(scan_of(ranges_m)), side)
 
 
+def wall_of(seen, ball_m=1.0, expected=None, desired_m=1.0):
+    wall = my_wall(seen, ball_m, expected, desired_m)
+    assert wall is not None
+    return wall
+
+
 def wall_points(seen, desired_m=1.0):
-    wall = my_wall(seen, desired_m, None, desired_m)
+    wall = wall_of(seen, desired_m)
     return seen.x_m[wall.beams], seen.y_m[wall.beams]
 
 
 def bridged(seen):
-    wall = my_wall(seen, 1.0, None, 1.0)
-    assert wall is not None
+    wall = wall_of(seen)
     assert wall.line is not None
     return bridge_glass(seen, wall)
 
@@ -145,21 +150,22 @@ def test_silence_wider_than_any_pane_is_no_glass():
 @pytest.mark.parametrize(("right_m", "expected_m"), [(0.6, 0.8), (0.97, 1.0), (3.0, 1.0)])
 def test_the_ball_is_never_wider_than_the_way(right_m, expected_m):
     seen = seen_in([(-5, 1, 9, 1), (-5, -right_m, 9, -right_m)])
-    assert my_wall(seen, 1.0, None, 1.0).room_m == pytest.approx(expected_m, abs=0.01)
+    assert wall_of(seen).room_m == pytest.approx(expected_m, abs=0.01)
 
 
 def test_without_a_line_the_wish_stands():
     """A short piece beside the car is a wall, and no line; the other side is as near as on a narrow way."""
-    wall = my_wall(seen_in([(0.2, 0.5, 0.25, 0.5), (-5, -0.5, 9, -0.5)]), 1.0, None, 1.3)
+    wall = wall_of(seen_in([(0.2, 0.5, 0.25, 0.5), (-5, -0.5, 9, -0.5)]), desired_m=1.3)
     assert wall.line is None
     assert wall.room_m == 1.3
 
 
 def test_a_line_that_is_expected_is_found_as_well_as_by_a_vote():
     seen = seen_in([(-5, 1, 9, 1), (-5, -3, 9, -3)])
-    by_vote = my_wall(seen, 1.0, None, 1.0).line
-    line = my_wall(seen, 1.0, Line(1.02, 0.01, 100), 1.0).line
-    assert (line.distance_m, line.heading_rad) == pytest.approx((by_vote.distance_m, by_vote.heading_rad), abs=1e-3)
+    lines = wall_of(seen).line, wall_of(seen, expected=Line(1.02, 0.01, 100)).line
+    for line in lines:
+        assert line is not None
+        assert (line.distance_m, line.heading_rad) == pytest.approx((1.0, 0.0), abs=1e-3)
 
 
 NARROW = [(-5, 0.6, 20, 0.6), (1, -0.6, 20, -0.6), (1, -0.6, 1, -5), (-5, -0.6, -1, -0.6)]
