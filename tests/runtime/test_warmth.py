@@ -8,7 +8,8 @@ import pytest
 
 from drivers import twin
 from runtime import kernel
-from runtime.warmth import LINE_BYTES, WATCHED_EVERY, Warmth, addresses
+from runtime.cache_lines import LINE_BYTES
+from runtime.warmth import WATCHED_EVERY, Warmth
 
 
 class Fetched(list[Any]):
@@ -102,14 +103,42 @@ def test_what_is_known_stays_known_when_an_answer_does_less(warmth):
     assert {an_answer.__code__, something_else.__code__} <= warmth.known
 
 
-def test_every_line_of_a_code_and_of_its_names_is_there_once():
-    code = test_of_many_answers_one_is_watched_now_and_then.__code__
-    lines = addresses([code, code])
-    assert (np.diff(lines) > 0).all()
-    assert (lines % LINE_BYTES == 0).all()
-    for thing in (code, code.co_names, *code.co_names):
-        for place in range(id(thing), id(thing) + thing.__sizeof__()):
-            assert place // LINE_BYTES * LINE_BYTES in lines
+class Part:
+    """One of those that are there at every answer."""
+
+    def __init__(self):
+        self.measure_m = 0.125
+
+    def step(self):
+        return self.measure_m
+
+
+def line_of(thing):
+    return id(thing) // LINE_BYTES * LINE_BYTES
+
+
+def test_what_is_there_at_every_answer_is_fetched_with_what_it_holds(warmth, fetched):
+    part, gone = Part(), []
+    for _ in range(4):
+        warmth.warm()
+        part.step()
+        passing = Part()
+        passing.step()
+        gone.append(passing)  # kept, so that none takes the place of another
+        warmth.answered()
+    assert id(part) in warmth.lasting
+    assert not {id(one) for one in gone} & warmth.lasting.keys()
+    assert {line_of(part), line_of(Part), line_of(Part.step), line_of(part.measure_m)} <= set(fetched[-1].tolist())
+
+
+def test_what_is_there_no_more_is_let_go(warmth):
+    first, second = Part(), Part()
+    for number in range(1, 9):  # the first two, the fourth and the eighth are watched
+        warmth.warm()
+        (first if number < 4 else second).step()
+        warmth.answered()
+        assert (id(first) in warmth.lasting) == (number in {2, 3})
+    assert id(second) in warmth.lasting
 
 
 def test_the_processor_takes_any_address_as_a_hint():

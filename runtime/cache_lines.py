@@ -1,0 +1,66 @@
+"""Where in memory lies what a call needs. By CPython's `id`, which is an address; read as a hint and nothing else."""
+
+import gc
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from types import CodeType, FunctionType, ModuleType
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+Addresses = npt.NDArray[np.intp]
+
+LINE_BYTES: Final = 64
+HEADER_BYTES: Final = 16
+"""Of the garbage collector, before what an `id` shows."""
+LONGEST_BYTES: Final = 256
+"""Of a thing that is no code and no class; what is longer is a docstring, a table or an array."""
+
+
+class Call(NamedTuple):
+    """One call of a Python function: its code, the names of its module, and whose method it is, if anybody's."""
+
+    code: CodeType
+    names: Mapping[str, Any]
+    owner: object
+
+
+def called(call: Call) -> Iterator[object]:
+    """Yield what any such call needs: code, names, constants, the function, and the class that it belongs to."""
+    code = call.code
+    yield code
+    yield code.co_names
+    yield code.co_consts
+    yield from code.co_names
+    yield from (thing for thing in code.co_consts if sys.getsizeof(thing) <= LONGEST_BYTES)
+    for kind in type(call.owner).__mro__:
+        if code.co_name in vars(kind):
+            found = vars(kind)[code.co_name]
+            yield kind
+            yield found
+            if isinstance(found, property):
+                yield found.fget
+            return
+    yield call.names.get(code.co_name)
+
+
+def held(owner: object) -> Iterator[object]:
+    """Yield an object and the values of its attributes."""
+    yield owner
+    for thing in gc.get_referents(owner):
+        if not isinstance(thing, type | ModuleType | FunctionType):
+            yield thing
+
+
+def addresses(things: Iterable[object]) -> Addresses:
+    """Return where the cache lines of these things are, in order."""
+    lines = {line for thing in things for line in _lines(thing)}
+    return np.array(sorted(lines), np.intp) * LINE_BYTES
+
+
+def _lines(thing: object) -> range:
+    size = sys.getsizeof(thing)
+    if not isinstance(thing, CodeType | type):
+        size = min(size, LONGEST_BYTES)
+    return range((id(thing) - HEADER_BYTES) // LINE_BYTES, (id(thing) + size - 1) // LINE_BYTES + 1)
