@@ -5,6 +5,7 @@
 #include "steps.h"
 
 #define TAU 6.283185307179586476925286766559
+#define QUARTER (TAU / 4)
 #define BEND_FROM ((int)BALL_PATH_BEND_CIRCLES_0)
 #define BEND_TO ((int)BALL_PATH_BEND_CIRCLES_1)
 
@@ -72,16 +73,16 @@ static void roll(struct wall *wall, double ball, struct path *path) {
         wall->under[i] = 0.5 * wall->range[i] - (ball * ball) * wall->over[i];
     }
     for (int k = 0; k < path->circles; k++) {
-        double first = INFINITY, last = -INFINITY;
-        for (beam i = 0; i < wall->points; i++) {
-            double cosine = path->radius[k] * wall->over[i] + (1.0 / path->radius[k]) * wall->under[i];
-            if (cosine > 1.0) { /* no place of the circle is near this point */
-                last = larger(last, wall->free_side[i]);
+        double first = INFINITY, last = -INFINITY, per_radius = 1.0 / path->radius[k];
+        for (beam i = wall->points - 1; i >= 0; i--) { /* from the front: there the path is met first */
+            double cosine = path->radius[k] * wall->over[i] + per_radius * wall->under[i], free = wall->free_side[i];
+            /* Most points change nothing, whatever the arc cosine: no place of the circle is near them, or at most a
+             * quarter of it, and all that farther than what is known. */
+            if (cosine > 1.0 || (cosine >= 0.0 && free - QUARTER >= first && free + QUARTER <= TAU))
                 continue;
-            }
             double half = acos(greater(cosine, -1.0));
-            last = larger(last, wall->free_side[i] + half);
-            first = -larger(-first, half - wall->free_side[i]);
+            last = larger(last, free + half);
+            first = -larger(-first, half - free);
         }
         int at_once = last > TAU || first < 0.0, crosses = !at_once && first <= 2 * BALL_PATH_WIDEST_RAD;
         path->meets[k] = (npy_bool)(at_once || crosses);

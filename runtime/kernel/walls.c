@@ -100,9 +100,22 @@ beam outline_of(const struct row *x, const struct row *y, const struct row *wall
     return kept;
 }
 
-static int by_size(const void *one, const void *other) {
-    double a = *(const double *)one, b = *(const double *)other;
-    return (a > b) - (a < b);
+/* The mean of so many of the smallest numbers; sorts these to the beginning. */
+static double mean_of_least(double *numbers, beam count, beam wanted) {
+    double sum = 0.0;
+    for (beam i = 0; i < count; i++) {
+        double number = numbers[i];
+        beam place = i < wanted ? i : wanted;
+        if (place == wanted && !(number < numbers[wanted - 1]))
+            continue;
+        place -= place == wanted;
+        for (; place > 0 && number < numbers[place - 1]; place--)
+            numbers[place] = numbers[place - 1];
+        numbers[place] = number;
+    }
+    for (beam i = 0; i < wanted; i++)
+        sum += numbers[i];
+    return sum / (double)wanted;
 }
 
 /* The room beside a line, where every beam from one on may be on the other side; negative on failure. See room_for. */
@@ -129,12 +142,7 @@ static double room_for(const struct row *x, const struct row *y, const struct ro
     }
     if (few >= MY_WALL_FEWEST_POINTS) {
         beam nearest = (beam)rint(MY_WALL_ROOM_NEAREST_SHARE * (double)few);
-        double sum = 0.0;
-        nearest = nearest < 1 ? 1 : nearest;
-        qsort(across, (size_t)few, sizeof(double), by_size);
-        for (beam i = 0; i < nearest; i++)
-            sum += across[i];
-        double half_m = (line_m + sum / (double)nearest) / 2;
+        double half_m = (line_m + mean_of_least(across, few, nearest < 1 ? 1 : nearest)) / 2;
         if (half_m < desired_m - MY_WALL_ROOM_LEAST_GAIN_M)
             room_m = half_m;
     }
