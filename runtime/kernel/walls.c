@@ -80,8 +80,8 @@ beam outline_of(const struct row *x, const struct row *y, const struct row *wall
     }
     if (points > window) {
         for (beam i = window; i < points; i++)
-            places[i - half] = (total[i] - total[i - window]) * (1.0 / window);
-        places[half] = total[window - 1] / window;
+            places[i - half] = (total[i] - total[i - window]) * (1.0 / (double)window);
+        places[half] = total[window - 1] / (double)window;
     }
     beam kept = 0, cell = -1;
     double way_m = 0.0;
@@ -105,13 +105,13 @@ static double mean_of_least(double *numbers, beam count, beam wanted) {
     double sum = 0.0;
     for (beam i = 0; i < count; i++) {
         double number = numbers[i];
-        beam place = i < wanted ? i : wanted;
-        if (place == wanted && !(number < numbers[wanted - 1]))
+        beam at = i < wanted ? i : wanted;
+        if (at == wanted && !(number < numbers[wanted - 1]))
             continue;
-        place -= place == wanted;
-        for (; place > 0 && number < numbers[place - 1]; place--)
-            numbers[place] = numbers[place - 1];
-        numbers[place] = number;
+        at -= at == wanted;
+        for (; at > 0 && number < numbers[at - 1]; at--)
+            numbers[at] = numbers[at - 1];
+        numbers[at] = number;
     }
     for (beam i = 0; i < wanted; i++)
         sum += numbers[i];
