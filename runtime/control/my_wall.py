@@ -109,14 +109,14 @@ class MyWall:
     """The followed wall in one scan.
 
     beams: those that see it, in order. line: of its points beside the car, None where they are no line.
-    room_m: D' = min(D, half of the free width between the line and the opposite side). silent: how many of the first
-    GLASS_FIRST_BEAMS beams beyond its front end have no echo.
+    room_m: D' = min(D, half of the free width between the line and the opposite side). glass_to: the beam at the far
+    end of a pane of glass that begins at its front end, -1 where there is none.
     """
 
     beams: Beams
     line: Line | None
     room_m: float
-    silent: int
+    glass_to: int
 
 
 def my_wall(seen: SideView, ball_m: float, expected: Line | None, desired_m: float) -> MyWall | None:
@@ -137,8 +137,8 @@ def my_wall(seen: SideView, ball_m: float, expected: Line | None, desired_m: flo
     )  # fmt: skip
     if found is None:
         return None
-    beams, line, room_m, silent = found
-    return MyWall(beams, Line(*line) if line is not None else None, room_m, silent)
+    beams, line, room_m, glass_to = found
+    return MyWall(beams, Line(*line) if line is not None else None, room_m, glass_to)
 
 
 @twin
@@ -159,7 +159,7 @@ def wall_beside(  # flat arguments, as its twin in C wants them
     expected_rad: float,
     desired_m: float,
 ) -> tuple[Beams, tuple[float, float, int] | None, float, int] | None:
-    """Return beams, line, room_m and silent of MyWall, None without a piece of wall.
+    """Return beams, line, room_m and glass_to of MyWall, None without a piece of wall.
 
     Arrays of a SideView, and of its LineFinder. opposite_from: the first of the beams that may see the other side.
     expected_m: NaN where no line is expected.
@@ -168,12 +168,12 @@ def wall_beside(  # flat arguments, as its twin in C wants them
     if wall is None:
         return None
     line = wall_line(x_m, y_m, range_m, solid, beams, rear, front, expected_m, expected_rad)
-    room_m = desired_m
-    if line is not None:
-        part = slice(opposite_from, None, ROOM_EVERY_BEAM)
-        room_m = room_for(x_m[part], y_m[part], range_m[part], solid[part], line[0], line[1], desired_m)
-    beyond = int(wall[-1]) + 1
-    return wall, line, room_m, int(np.count_nonzero(no_echo[beyond : beyond + GLASS_FIRST_BEAMS]))
+    if line is None:
+        return wall, None, desired_m, -1
+    part = slice(opposite_from, None, ROOM_EVERY_BEAM)
+    room_m = room_for(x_m[part], y_m[part], range_m[part], solid[part], line[0], line[1], desired_m)
+    near = solid & (range_m < GLASS_RANGE_M)
+    return wall, line, room_m, pane_to(x_m, y_m, near, no_echo, int(wall[-1]), Line(*line))
 
 
 def wall_piece(
@@ -241,28 +241,32 @@ def around(places_m: Places, x_m: float, y_m: float, yaw_rad: float) -> tuple[Fl
     return range_m, np.arctan2(seen.imag, seen.real), float(range_m.min(initial=math.inf))
 
 
-def bridge_glass(seen: SideView, wall: MyWall) -> Places | None:
-    """Return places x + iy, shape (k,), that fill a pane of glass beyond the front end of my wall, or None.
+def pane_to(x_m: Floats, y_m: Floats, near: Booleans, no_echo: Booleans, end: int, line: Line) -> int:
+    """Return the beam at the far end of a pane of glass beyond the beam `end`, the last of my wall; -1: there is none.
 
     A pane returns only the beams near its normal. If points lie on the wall's line beyond the gap, and most beams
     between have no echo, the wall goes on; beams that do return show a real opening, which stays open.
+    near: beams with something that is not farther away than glass is looked for.
     """
-    line = wall.line
-    if line is None or wall.silent < GLASS_FIRST_BEAMS // 2:
-        return None  # the usual case, at once
+    beyond = end + 1
+    if np.count_nonzero(no_echo[beyond : beyond + GLASS_FIRST_BEAMS]) < GLASS_FIRST_BEAMS // 2:
+        return -1  # the usual case, at once
+    on_line = near[beyond:] & (np.abs(line.offsets_m(x_m[beyond:], y_m[beyond:])) < GLASS_ON_LINE_M)
+    if np.count_nonzero(on_line) < FEWEST_POINTS:
+        return -1
+    far = beyond + int(on_line.argmax())
+    gap_m = math.hypot(x_m[far] - x_m[end], y_m[far] - y_m[end])
+    between = no_echo[beyond:far]
+    is_pane = THINNED_TO_M < gap_m < GLASS_GAP_M and between.size > 0 and between.mean() > GLASS_SILENT_SHARE
+    return far if is_pane else -1
+
+
+def bridge_glass(seen: SideView, wall: MyWall) -> Places | None:
+    """Return places x + iy, shape (k,), that fill the pane of glass beyond the front end of my wall, or None."""
+    line, far = wall.line, wall.glass_to
+    if line is None or far < 0:
+        return None
     end = int(wall.beams[-1])
-    beyond = np.arange(end + 1, seen.x_m.size)
-    beyond = beyond[seen.solid[beyond] & (seen.range_m[beyond] < GLASS_RANGE_M)]
-    if not beyond.size:
-        return None
-    on_line = beyond[np.abs(line.offsets_m(seen.x_m[beyond], seen.y_m[beyond])) < GLASS_ON_LINE_M]
-    if on_line.size < FEWEST_POINTS:
-        return None
-    far = int(on_line[0])
-    gap_m = math.hypot(seen.x_m[far] - seen.x_m[end], seen.y_m[far] - seen.y_m[end])
-    between = seen.no_echo[end + 1 : far]
-    if not THINNED_TO_M < gap_m < GLASS_GAP_M or not between.size or between.mean() <= GLASS_SILENT_SHARE:
-        return None
     # Along the line, not from point to point: one noisy end point must not bend the bridge.
     cos, sin = math.cos(line.heading_rad), math.sin(line.heading_rad)
     from_m = cos * seen.x_m[end] + sin * seen.y_m[end]

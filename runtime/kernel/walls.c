@@ -150,8 +150,35 @@ static double room_for(const struct row *x, const struct row *y, const struct ro
     return room_m;
 }
 
+/* The beam at the far end of a pane of glass beyond the beam `end`, or -1; see pane_to. */
+static beam pane_to(const struct row *x, const struct row *y, const struct row *range, const struct row *solid,
+                    const struct row *no_echo, beam end, const struct wall_line *line) {
+    double cosine = cos(line->heading_rad), sine = sin(line->heading_rad);
+    beam silent = 0, points = 0, far = -1, all = x->count;
+    for (beam i = end + 1; i <= end + MY_WALL_GLASS_FIRST_BEAMS && i < all; i++)
+        silent += FLAG(*no_echo, i);
+    if (silent < MY_WALL_GLASS_FIRST_BEAMS / 2)
+        return -1;
+    for (beam i = end + 1; i < all; i++) {
+        double off = cosine * NUMBER(*y, i) - sine * NUMBER(*x, i) - line->distance_m;
+        if (!(FLAG(*solid, i) && NUMBER(*range, i) < MY_WALL_GLASS_RANGE_M && fabs(off) < MY_WALL_GLASS_ON_LINE_M))
+            continue;
+        far = points ? far : i;
+        points++;
+    }
+    if (points < MY_WALL_FEWEST_POINTS || far <= end + 1)
+        return -1;
+    double gap = hypot(NUMBER(*x, far) - NUMBER(*x, end), NUMBER(*y, far) - NUMBER(*y, end));
+    silent = 0;
+    for (beam i = end + 1; i < far; i++)
+        silent += FLAG(*no_echo, i);
+    double share = (double)silent / (double)(far - end - 1);
+    int is_pane = MY_WALL_THINNED_TO_M < gap && gap < MY_WALL_GLASS_GAP_M && share > MY_WALL_GLASS_SILENT_SHARE;
+    return is_pane ? far : -1;
+}
+
 /* wall_beside(x, y, ranges, solid, no_echo, beside_from, beside_to, opposite_from, gap_m, beams, rear, front,
- * expected_m, expected_rad, desired_m) -> (indices, (distance, heading, inliers) | None, room_m, silent) | None */
+ * expected_m, expected_rad, desired_m) -> (indices, (distance, heading, inliers) | None, room_m, glass_to) | None */
 KERNEL(wall_beside) {
     struct row x, y, range, solid, no_echo, beams, rear, front;
     beam side[3], from;
@@ -167,23 +194,22 @@ KERNEL(wall_beside) {
     if (side[0] < 0 || side[1] < 0 || side[2] < 0)
         return PyErr_Format(PyExc_ValueError, "wall_beside: beams are counted from 0");
     npy_intp *piece;
-    beam points = piece_of(&x, &y, &range, &solid, side, gap_m, &piece, &from), silent = 0;
+    beam points = piece_of(&x, &y, &range, &solid, side, gap_m, &piece, &from);
     if (points < 0)
         return NULL;
     struct wall_line line;
     enum found found = points ? find_line(&x, &y, &range, &solid, &beams, &rear, &front, v, &line) : NONE;
     double room_m = found == FOUND ? room_for(&x, &y, &range, &solid, side[2], &line, v[2]) : v[2];
     PyObject *wall = points ? copied(NPY_INTP, points, piece + from) : Py_NewRef(Py_None);
-    beam beyond = points ? piece[from + points - 1] + 1 : 0;
+    beam end = points ? piece[from + points - 1] : 0;
     free(piece);
     if (!points || !wall || PyErr_Occurred()) {
         if (PyErr_Occurred())
             Py_CLEAR(wall);
         return wall;
     }
-    for (beam i = beyond; i < beyond + MY_WALL_GLASS_FIRST_BEAMS && i < no_echo.count; i++)
-        silent += FLAG(no_echo, i);
     if (found == NONE)
-        return Py_BuildValue("(NOdn)", wall, Py_None, room_m, silent);
-    return Py_BuildValue("(N(ddn)dn)", wall, line.distance_m, line.heading_rad, line.inliers, room_m, silent);
+        return Py_BuildValue("(NOdi)", wall, Py_None, room_m, -1);
+    beam glass_to = pane_to(&x, &y, &range, &solid, &no_echo, end, &line);
+    return Py_BuildValue("(N(ddn)dn)", wall, line.distance_m, line.heading_rad, line.inliers, room_m, glass_to);
 }

@@ -395,10 +395,10 @@ def test_it_is_learnt_from_clean_lines_only_and_makes_the_ball_smaller(inliers, 
     seen = side_view(Eyes(CAR).see(scan_in("straight")), "left")
     found = my_wall(seen, 1.0, None, 1.0)
     assert found is not None
-    wall = MyWall(found.beams, Line(1.05, 0.0, inliers), 1.0, 0)
+    wall = MyWall(found.beams, Line(1.05, 0.0, inliers), 1.0, -1)
     ball = rolled(seen, wall, Shift(), 0.01, 1.0, ())
     assert ball.bias_m == pytest.approx(0.01 + 0.1 * 0.04 if learns else 0.01, abs=1e-4)
-    alone = rolled(seen, MyWall(wall.beams, None, 1.0, 0), Shift(), 0.0, 1.0 - ball.bias_m, ())
+    alone = rolled(seen, MyWall(wall.beams, None, 1.0, -1), Shift(), 0.0, 1.0 - ball.bias_m, ())
     assert ball.path.bearing_rad == pytest.approx(alone.path.bearing_rad)
 
 
