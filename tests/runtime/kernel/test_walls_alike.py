@@ -53,28 +53,44 @@ def test_a_wall_and_a_line_and_a_narrow_way_were_among_them(compiled):
     assert sum(room_m < 1.0 for _, _, room_m, _ in walls) > 5
 
 
-@given(
-    silent=st.tuples(st.integers(0, 300), st.integers(2, 260)),
-    echoes=st.floats(0.0, 0.4),
-    wall_m=st.tuples(st.floats(0.5, 1.5), st.floats(-0.2, 0.2)),
-    seed=st.integers(0, 2**32),
-)
-def test_any_pane_of_glass_is_found_alike(compiled, silent, echoes, wall_m, seed):
-    """A straight wall, some of whose beams are silent."""
+def behind_glass(silent, echoes, wall_m, seed):
+    """Return the arguments of `wall_beside` for a straight wall with a gap, through which some beams see farther."""
     rng = np.random.default_rng(seed)
     way = wall_side(-2.3, 4.6 / 1080, 1081, "left")
     distance_m, heading_rad = wall_m
     range_m = distance_m / np.maximum(np.sin(way.bearing_rad - heading_rad), 0.05) + rng.normal(0.0, 0.01, 1081)
-    first = 200 + silent[0]
-    range_m[first : first + silent[1]][rng.random(silent[1]) >= echoes] = math.nan
+    gap = slice(*silent)
+    range_m[gap] = np.where(rng.random(silent[1] - silent[0]) < echoes, range_m[gap] + 1.0, math.nan)
     no_echo = np.isnan(range_m)
     x_m, y_m = range_m * np.cos(way.bearing_rad), range_m * np.sin(way.bearing_rad)
     spans = (way.beside.start, way.beside.stop, way.opposite.start)
     lines = (way.lines.beams, way.lines.rear, way.lines.front)
-    given_ = (x_m, y_m, range_m, ~no_echo, no_echo, *spans, 0.6, *lines, math.nan, 0.0, 1.0)
+    return (x_m, y_m, range_m, ~no_echo, no_echo, *spans, 0.6, *lines, math.nan, 0.0, 1.0)
+
+
+@given(
+    first=st.integers(200, 500),
+    beams=st.integers(2, 260),
+    echoes=st.floats(0.0, 0.4),
+    wall_m=st.tuples(st.floats(0.5, 1.5), st.floats(-0.2, 0.2)),
+    seed=st.integers(0, 2**32),
+)
+def test_any_pane_of_glass_is_found_alike(compiled, first, beams, echoes, wall_m, seed):
+    given_ = behind_glass((first, first + beams), echoes, wall_m, seed)
     found = twin.PLAIN["wall_beside"](*given_)
     assert_same("wall_beside", found, compiled["wall_beside"](*given_))
     event("glass" if found is not None and found[3] >= 0 else "none")
+
+
+@pytest.mark.parametrize("echoes", [0.0, 0.15, 0.2, 0.25])
+def test_glass_with_some_echoes_is_glass_alike(compiled, echoes):
+    panes = []
+    for seed in range(40):
+        given_ = behind_glass((330, 480), echoes, (1.0, 0.0), seed)
+        found = twin.PLAIN["wall_beside"](*given_)
+        assert_same("wall_beside", found, compiled["wall_beside"](*given_))
+        panes.append(found[3] >= 0)
+    assert {0.0: all(panes), 0.15: any(panes), 0.2: any(panes), 0.25: not all(panes)}[echoes]
 
 
 RADII_M = tuple(np.linspace(0.3, 3.0, 10).tolist())
