@@ -1,7 +1,7 @@
 """The wall as one straight line from one scan, or no line: RANSAC with fixed pairs of beams (Fischler & Bolles 1981).
 
 The pairs are drawn once, with a fixed seed, so that the same scan gives the same line. Everything is for a wall on the
-left; for the right-hand side hand in mirrored points (`Side.of` in `runtime.control.my_wall`).
+left; for the right-hand side hand in mirrored points (`side_view` in `runtime.control.my_wall`).
 Line: all points p with n . p = d, n = (-sin a, cos a); a is the line's heading, d > 0 its distance, both seen from the
 origin of the points (here base_link, the rear axle).
 """
