@@ -59,14 +59,14 @@ ROOM_LEAST_GAIN_M = 0.03
 class WallSide:
     """One kind of lidar, seen so that the followed wall is on the left. bearing_rad: falls from the rear left.
 
-    beside: beams of the wall side. opposite: every second beam that may see what is on the other side of the car.
+    beside: beams of the wall side. opposite_from: the first of those that may see what is on the other side of the car.
     """
 
     order: slice
     sign: float
     bearing_rad: Floats
     beside: slice
-    opposite: slice
+    opposite_from: int
     lines: LineFinder
 
 
@@ -79,8 +79,7 @@ def wall_side(angle_min_rad: float, angle_step_rad: float, beams: int, side: Lit
     beside = np.flatnonzero((bearing_rad >= SIDE_FROM_RAD) & (bearing_rad <= SIDE_TO_RAD))
     span = slice(int(beside[0]), int(beside[-1]) + 1) if beside.size else slice(0, 0)
     ahead = int(np.searchsorted(-bearing_rad, -ROOM_FROM_RAD))
-    opposite = slice(ahead - ahead % ROOM_EVERY_BEAM, None, ROOM_EVERY_BEAM)
-    return WallSide(order, sign, bearing_rad, span, opposite, LineFinder(bearing_rad))
+    return WallSide(order, sign, bearing_rad, span, ahead - ahead % ROOM_EVERY_BEAM, LineFinder(bearing_rad))
 
 
 @value(eq=False)
@@ -132,7 +131,7 @@ def my_wall(seen: SideView, ball_m: float, expected: Line | None, desired_m: flo
     expected_m, expected_rad = (math.nan, 0.0) if expected is None else (expected.distance_m, expected.heading_rad)
     found = wall_beside(
         seen.x_m, seen.y_m, seen.range_m, seen.solid, seen.no_echo, side.beside.start, side.beside.stop,
-        side.opposite.start, min(GAP_DIAMETERS * ball_m, WIDEST_GAP_M), lines.beams, lines.rear, lines.front,
+        side.opposite_from, min(GAP_DIAMETERS * ball_m, WIDEST_GAP_M), lines.beams, lines.rear, lines.front,
         expected_m, expected_rad, desired_m,
     )  # fmt: skip
     if found is None:

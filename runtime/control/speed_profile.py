@@ -7,7 +7,7 @@ v(s)^2 <= v_point^2 + 2 a_brake (s - 0.3 - 0.06 v)
 import math
 from itertools import pairwise
 
-from runtime.control.ball_path import RADII_M, BallPath
+from runtime.control.ball_path import RADII_M
 
 GRAVITY_MPS2 = 9.81
 LATERAL_SHARE = 0.75
@@ -39,15 +39,6 @@ def speed_limit_mps(steering_rad: float, wheelbase_m: float, assumed_mu: float) 
     return math.sqrt(LATERAL_SHARE * assumed_mu * GRAVITY_MPS2 / max(curvature, 1e-6))
 
 
-def profile_mps(path: BallPath, speed_mps: float, assumed_mu: float) -> float:
-    """Return the highest speed now from which every point of the path can still be driven.
-
-    path: circles in growing order, of which those of RADII_M count; it ends at the first circle that the wall
-    does not meet, and beyond the end a corner of the sharpest curvature is assumed.
-    """
-    return fastest_mps(path.radius_m, path.bearing_rad, path.meets, path.crosses, speed_mps, assumed_mu)
-
-
 def fastest_mps(
     radius_m: tuple[float, ...],
     bearing_rad: tuple[float, ...],
@@ -56,7 +47,11 @@ def fastest_mps(
     speed_mps: float,
     assumed_mu: float,
 ) -> float:
-    """Return the highest speed now along a BallPath."""
+    """Return the highest speed now from which every point of a BallPath can still be driven.
+
+    Of the circles, which come in growing order, those of RADII_M count; the path ends at the first circle that the wall
+    does not meet, and beyond the end a corner of the sharpest curvature is assumed.
+    """
     # Nearer circles than the first crossing lie wholly inside or outside of D: the way to the path, not the path.
     circles = min(len(radius_m), CIRCLES)
     begin = next((i for i in range(circles) if crosses[i]), circles)

@@ -17,14 +17,18 @@ from runtime.control.speed_profile import (
     REACTION_S,
     ROOM_M,
     SHARPEST_PER_M,
+    fastest_mps,
     mu_with_room,
-    profile_mps,
     speed_limit_mps,
 )
 from runtime.control.swept_settings import SweptSettings
 
 RADIUS_M = np.array(RADII_M)
 YES = np.ones(RADIUS_M.shape, np.bool_)
+
+
+def profile_mps(path, speed_mps, mu):
+    return fastest_mps(path.radius_m, path.bearing_rad, path.meets, path.crosses, speed_mps, mu)
 
 
 def path_of(bearing_rad, meets=YES, crosses=None):

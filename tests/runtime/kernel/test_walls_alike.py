@@ -31,7 +31,7 @@ def some_room(seed, beams):
 )
 def test_any_wall_beside_the_car_is_found_alike(compiled, seed, beams, gap_m, expected, desired_m):
     way = wall_side(-2.3, 4.6 / max(beams - 1, 1), beams, "left")
-    spans = (way.beside.start, way.beside.stop, way.opposite.start)
+    spans = (way.beside.start, way.beside.stop, way.opposite_from)
     lines = (way.lines.beams, way.lines.rear, way.lines.front)
     given_ = (*some_room(seed, beams), *spans, gap_m, *lines, *expected, desired_m)
     assert_same("wall_beside", twin.PLAIN["wall_beside"](*given_), compiled["wall_beside"](*given_))
@@ -42,7 +42,7 @@ def test_any_wall_beside_the_car_is_found_alike(compiled, seed, beams, gap_m, ex
 
 def test_a_wall_and_a_line_and_a_narrow_way_were_among_them(compiled):
     way = wall_side(-2.3, 4.6 / 1080, 1081, "left")
-    spans = (way.beside.start, way.beside.stop, way.opposite.start)
+    spans = (way.beside.start, way.beside.stop, way.opposite_from)
     lines = (way.lines.beams, way.lines.rear, way.lines.front)
     found = [
         compiled["wall_beside"](*some_room(seed, 1081), *spans, 1.0, *lines, math.nan, 0.0, 1.0) for seed in range(300)
@@ -63,7 +63,7 @@ def behind_glass(silent, echoes, wall_m, seed):
     range_m[gap] = np.where(rng.random(silent[1] - silent[0]) < echoes, range_m[gap] + 1.0, math.nan)
     no_echo = np.isnan(range_m)
     x_m, y_m = range_m * np.cos(way.bearing_rad), range_m * np.sin(way.bearing_rad)
-    spans = (way.beside.start, way.beside.stop, way.opposite.start)
+    spans = (way.beside.start, way.beside.stop, way.opposite_from)
     lines = (way.lines.beams, way.lines.rear, way.lines.front)
     return (x_m, y_m, range_m, ~no_echo, no_echo, *spans, 0.6, *lines, math.nan, 0.0, 1.0)
 
