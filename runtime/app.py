@@ -38,6 +38,7 @@ from runtime.tasks import lidar as lidar_task
 from runtime.tasks import mux as mux_task
 from runtime.tasks.health import Caretaker
 from runtime.tasks.telemetry import Telemetry
+from runtime.teleop_wire import COMMAND_BYTES
 from runtime.voices import Voices
 from runtime.warmth import Warmth
 
@@ -103,7 +104,7 @@ class Car:
         """Declare on the bus what comes in: an operator's commands and questions about parameters."""
         name = self.settings.car.name
         self.bus.announce(wire.key(name, wire.ALIVE))
-        self.bus.subscribe(wire.key(name, wire.COMMAND), self.operator.receive)
+        self.bus.subscribe(wire.key(name, wire.COMMAND), self.operator.receive, max_bytes=COMMAND_BYTES)
         parameters.serve(self.bus, name, self.parameters)
         recorder.serve(self.bus, name, self.recorder)
 

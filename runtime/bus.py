@@ -33,6 +33,13 @@ Changed = Callable[[str, bool], None]
 
 BACKLOG = 256
 """How much one burst may bring per subscription; the oldest beyond it is dropped, because newer words replace older."""
+MAX_DELIVERIES = 16
+"""Deliveries per subscription and turn of the loop. zenoh refills a mailbox as fast as it is emptied: without a
+limit a flood of 35,000 commands/s kept the loop from the motor for up to 4 s."""
+MAX_SAMPLE_BYTES = 65536
+"""The largest sample that is taken in; telemetry's largest, a scan of 4321 beams, has 17 kB."""
+MAX_QUESTION_BYTES = 4096
+"""The largest question that is answered; larger ones are refused before their bytes are copied."""
 
 
 class RefusedError(Exception):
@@ -65,7 +72,7 @@ class Network(Protocol):
         """Tell whether anybody is subscribed."""
         ...
 
-    def subscribe(self, key: str, receive: Receive) -> None:
+    def subscribe(self, key: str, receive: Receive, *, max_bytes: int = MAX_SAMPLE_BYTES) -> None:
         """Hear a key."""
         ...
 
@@ -82,7 +89,8 @@ class Bus:
     """Publishes, subscribes, asks and answers. What is declared before `open` takes effect when it opens.
 
     endpoint: where it listens or connects; known for certain once it is open.
-    dropped: samples put while closed; strays: samples that came for another key than the one subscribed to.
+    dropped: samples put while closed; strays: samples that came for another key than the one subscribed to; oversized:
+    samples and questions that were too large.
     """
 
     def __init__(self, config: Mapping[str, Any]) -> None:
@@ -96,6 +104,7 @@ class Bus:
         self._troubles: tuple[type[Exception], ...] = (ConnectionError,)
         self.dropped = 0
         self.strays = 0
+        self.oversized = 0
 
     @property
     def endpoint(self) -> str:
@@ -153,12 +162,13 @@ class Bus:
         status: Any = publisher.matching_status  # an object with `matching`; the package's stubs say bool
         return bool(status.matching)
 
-    def subscribe(self, key: str, receive: Receive) -> None:
+    def subscribe(self, key: str, receive: Receive, *, max_bytes: int = MAX_SAMPLE_BYTES) -> None:
         """Call `receive` in the loop for every sample; with a key free of wildcards, for exactly that key only.
 
-        A put may carry a wildcard ("car/*/teleop") and still reach an exact subscription; such a stray is counted.
+        A put may carry a wildcard ("car/*/teleop") and still reach an exact subscription; such a stray is counted, and
+        so is a sample larger than max_bytes, which is dropped before its bytes are copied.
         """
-        self._whenever_open(lambda: self._subscribe(key, receive))
+        self._whenever_open(lambda: self._subscribe(key, receive, max_bytes))
 
     def answer(self, key: str, reply: Reply) -> None:
         """Answer queries on exactly this key in the loop; RefusedError becomes an error reply with its text."""
@@ -207,7 +217,7 @@ class Bus:
         self._publishers[key] = publisher
         return publisher
 
-    def _subscribe(self, key: str, receive: Receive) -> None:
+    def _subscribe(self, key: str, receive: Receive, max_bytes: int) -> None:
         exact = "*" not in key
         mailbox = _Mailbox(self._running_loop, receive)
 
@@ -215,6 +225,8 @@ class Bus:
             name = str(sample.key_expr)
             if exact and name != key:
                 self.strays += 1
+            elif len(sample.payload) > max_bytes:
+                self.oversized += 1
             else:
                 mailbox.post((name, sample.payload.to_bytes(), time.monotonic()))
 
@@ -232,7 +244,16 @@ class Bus:
 
     def _answer(self, key: str, reply: Reply) -> None:
         mailbox = _Mailbox(self._running_loop, functools.partial(self._reply_to, key, reply))
-        self._held.append(self._open_session.declare_queryable(key, lambda query: mailbox.post((query,))))
+
+        def on_query(query: "zenoh.Query") -> None:  # zenoh's thread
+            if query.payload is not None and len(query.payload) > MAX_QUESTION_BYTES:
+                self.oversized += 1
+                with query:
+                    query.reply_err(f"the question is longer than {MAX_QUESTION_BYTES} bytes".encode())
+            else:
+                mailbox.post((query,))
+
+        self._held.append(self._open_session.declare_queryable(key, on_query))
 
     def _reply_to(self, key: str, reply: Reply, query: "zenoh.Query") -> None:
         answering = asyncio.ensure_future(_reply(key, reply, query))
@@ -271,7 +292,10 @@ class Bus:
 
 
 class _Mailbox:
-    """Carries calls from zenoh's threads into the loop, in order, with one wake-up per burst."""
+    """Carries calls from zenoh's threads into the loop, in order, with one wake-up per burst.
+
+    A burst is delivered over as many turns of the loop as it needs, so that devices and timers have their turns.
+    """
 
     def __init__(self, loop: asyncio.AbstractEventLoop, deliver: Callable[..., None]) -> None:
         self._loop = loop
@@ -287,9 +311,12 @@ class _Mailbox:
             _into(self._loop, self._drain)
 
     def _drain(self) -> None:
-        self._woken = False  # before looking: whatever is posted from here on wakes the loop again
-        while self._waiting:
+        for _ in range(min(MAX_DELIVERIES, len(self._waiting))):
             self._deliver(*self._waiting.popleft())
+        self._woken = False  # before looking: whatever is posted from here on wakes the loop again
+        if self._waiting:
+            self._woken = True
+            self._loop.call_soon(self._drain)
 
 
 def _into(loop: asyncio.AbstractEventLoop, call: Callable[[], object]) -> None:

@@ -157,7 +157,7 @@ class MemoryBus:
         """Tell whether somebody listens."""
         return self._listened_to
 
-    def subscribe(self, key: str, receive: Callable[[str, bytes, float], None]) -> None:
+    def subscribe(self, key: str, receive: Callable[[str, bytes, float], None], *, max_bytes: int = 0) -> None:  # noqa: ARG002 - a Bus
         """Let the car hear what `say` says."""
         self._readers[key] = receive
 

@@ -1,11 +1,13 @@
 """The zenoh session on loopback: heard, asked, watched; out of the way when its port is taken, silent when closed."""
 
 import asyncio
+import itertools
 import socket
 import time
 
 import pytest
 
+from runtime import bus as bus_module
 from runtime import zenoh_config
 from runtime.bus import Bus, RefusedError, free_endpoint
 
@@ -140,6 +142,40 @@ async def test_a_burst_beyond_the_backlog_keeps_the_newest(pair):
     await until(lambda: heard and heard[-1] == 1000, "the newest has come")
     assert heard == sorted(heard)
     assert len(heard) <= 257
+
+
+async def test_a_flood_leaves_the_loop_its_turns():
+    """zenoh's threads may refill a mailbox faster than it is emptied; whatever else is due must run in between."""
+    loop = asyncio.get_running_loop()
+    flooded, turns = [], []
+    mailbox = bus_module._Mailbox(loop, lambda number: (flooded.append(number), mailbox.post((number + 1,))))
+
+    def turn():
+        turns.append(len(flooded))
+        if len(turns) < 10:
+            loop.call_soon(turn)
+
+    mailbox.post((0,))
+    loop.call_soon(turn)
+    await until(lambda: len(turns) == 10, "something else ran ten times")
+    mailbox._deliver = lambda _: None
+    assert max(after - before for before, after in itertools.pairwise(turns)) <= bus_module.MAX_DELIVERIES
+    assert flooded == list(range(len(flooded)))
+
+
+async def test_what_is_too_large_is_dropped_before_it_is_copied(pair):
+    car, client = pair
+    heard = []
+    car.subscribe(KEY, lambda key, payload, arrival_s: heard.append(payload), max_bytes=60)
+    car.answer("wallride/car1/param/get", lambda payload: b"yes")
+    await connected(client, KEY)
+    client.put(KEY, b"x" * 61)
+    client.put(KEY, b"x" * 60)
+    await until(lambda: heard, "the other one has come")
+    assert [len(payload) for payload in heard] == [60]
+    with pytest.raises(RefusedError, match="longer than 4096 bytes"):
+        await client.ask("wallride/car1/param/get", b"x" * 4097)
+    assert car.oversized == 2
 
 
 async def test_a_taken_port_is_left_to_its_owner_and_another_one_is_used():
