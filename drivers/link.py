@@ -18,6 +18,7 @@ import termios
 from collections.abc import Callable
 from typing import Never, TypeVar
 
+from drivers import spare_descriptors
 from drivers.address import Address, SerialAddress, TcpAddress
 from drivers.api import Clock, LinkLost
 
@@ -117,6 +118,7 @@ class ByteLink:
         failure = self._lost.exception() if self._lost.done() and not self._lost.cancelled() else None
         # After a bug of ours the device is still there, and the brake that was just written must reach it.
         self._release(isinstance(failure, LinkLost))
+        spare_descriptors.refill()
         self._lost.cancel()
 
     def _on_readable(self) -> None:
@@ -165,8 +167,10 @@ async def _open_tcp(address: TcpAddress, clock: Clock) -> ByteLink:
             family, kind, protocol, _, target = (
                 await loop.getaddrinfo(address.host, address.port, type=socket.SOCK_STREAM)
             )[0]
-            sock = socket.socket(family, kind, protocol)
+            with spare_descriptors.freed():
+                sock = socket.socket(family, kind, protocol)
             try:
+                spare_descriptors.check(sock.fileno())
                 sock.setblocking(False)  # noqa: FBT003
                 sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 _keep_alive(sock)
@@ -195,7 +199,9 @@ def _open_serial(address: SerialAddress, clock: Clock) -> ByteLink:
     port = serial.Serial(baudrate=address.baud, timeout=0, exclusive=True)
     port.port = address.path
     try:
-        port.open()
+        with spare_descriptors.freed():
+            port.open()
+        spare_descriptors.check(port.fileno())
         # pyserial's lock is advisory; this one also keeps out ModemManager and other drivers.
         fcntl.ioctl(port.fileno(), termios.TIOCEXCL)
         port.reset_input_buffer()
@@ -231,6 +237,7 @@ _REMEDIES = {
     errno.EHOSTUNREACH: "no route (give this computer an address in the sensor's subnet, not the sensor's own)",
     errno.ENETUNREACH: "network unreachable (is the interface up, with an address in the sensor's subnet?)",
     errno.EPIPE: "the other side closed it",
+    errno.EMFILE: "this process has too many connections open (see wallride status; raise LimitNOFILE)",
 }
 
 

@@ -9,6 +9,8 @@ import select
 import selectors
 from typing import TYPE_CHECKING, Any
 
+from drivers.spare_descriptors import check
+
 if TYPE_CHECKING:
     from _typeshed import FileDescriptorLike
 
@@ -24,7 +26,8 @@ class FewPorts(selectors.SelectSelector):
         self._look()
 
     def register(self, fileobj: "FileDescriptorLike", events: int, data: Any = None) -> selectors.SelectorKey:  # noqa: ANN401 - as its base has it
-        """Watch a port."""
+        """Watch a port; OSError EMFILE where `select()` cannot: its ValueError would end the loop at the next turn."""
+        check(fileobj if isinstance(fileobj, int) else fileobj.fileno())
         key = super().register(fileobj, events, data)
         self._look()
         return key

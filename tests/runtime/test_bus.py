@@ -148,7 +148,12 @@ async def test_a_flood_leaves_the_loop_its_turns():
     """zenoh's threads may refill a mailbox faster than it is emptied; whatever else is due must run in between."""
     loop = asyncio.get_running_loop()
     flooded, turns = [], []
-    mailbox = bus_module._Mailbox(loop, lambda number: (flooded.append(number), mailbox.post((number + 1,))))
+
+    def deliver(number):
+        flooded.append(number)
+        mailbox.post((number + 1,))
+
+    mailbox = bus_module._Mailbox(loop, deliver)
 
     def turn():
         turns.append(len(flooded))

@@ -1,6 +1,9 @@
 """The car's selector answers what the standard library's answers."""
 
 import asyncio
+import errno
+import fcntl
+import os
 import selectors
 import socket
 
@@ -61,6 +64,20 @@ def test_who_is_watched_already_or_not_at_all_is_refused(ports):
         with pytest.raises(KeyError):
             few.unregister(far)
         assert [key.fileobj for key, _ in few.select(0)] == [near]
+
+
+def test_a_descriptor_that_select_cannot_watch_is_refused_at_once(ports):
+    near, _ = ports
+    high = fcntl.fcntl(near, fcntl.F_DUPFD, 1024)
+    try:
+        with FewPorts() as few:
+            with pytest.raises(OSError, match="1024") as refused:
+                few.register(high, READ)
+            assert refused.value.errno == errno.EMFILE
+            few.register(near, READ)
+            assert [key.fd for key, _ in few.select(0)] == [near.fileno()]
+    finally:
+        os.close(high)
 
 
 def test_the_cars_loop_reads_and_writes_with_it():
