@@ -3,11 +3,14 @@
 import asyncio
 import gc
 import logging
+import os
 import signal
+import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, Protocol
 
 from drivers.hokuyo.driver import Hokuyo
 from drivers.vesc.driver import Vesc
@@ -25,6 +28,17 @@ from runtime.warmth import Warmth
 
 log = logging.getLogger("wallride.launch")
 
+MAX_ENDING_S: Final = 2.0
+"""Below the service's TimeoutStopSec."""
+
+
+class Motor(Protocol):
+    """What can brake without the event loop."""
+
+    def brake_now(self) -> None:
+        """Write one brake; never raises."""
+        ...
+
 
 def main(settings: Settings, file: Path | None, session: Mapping[str, Any], warnings: Sequence[str]) -> None:
     """Drive until SIGINT or SIGTERM; returns when the car stands.
@@ -39,8 +53,26 @@ def main(settings: Settings, file: Path | None, session: Mapping[str, Any], warn
         log.info("%s", compiled.words)
         with awake(wanted=settings.process.stay_awake) as words:
             log.info("%s", words)
-            with asyncio.Runner(loop_factory=punctual_loop) as runner:
-                runner.run(_drive(settings, file, session, Warmth(compiled.prefetch)))
+            motors: list[Motor] = []
+            with braking_last(motors), asyncio.Runner(loop_factory=punctual_loop) as runner, braking_last(motors):
+                runner.run(_drive(settings, file, session, Warmth(compiled.prefetch), motors.append))
+
+
+@contextmanager
+def braking_last(motors: Sequence[Motor]) -> Iterator[None]:
+    """Brake when an error leaves this block: the loop may have ended without one `finally` of its tasks.
+
+    The process then ends within MAX_ENDING_S, so that the service manager starts it anew, even when closing hangs.
+    """
+    try:
+        yield
+    except BaseException:
+        for motor in motors:
+            motor.brake_now()
+        end = threading.Timer(MAX_ENDING_S, os._exit, (1,))
+        end.daemon = True
+        end.start()
+        raise
 
 
 def punctual_loop() -> asyncio.AbstractEventLoop:
@@ -48,7 +80,13 @@ def punctual_loop() -> asyncio.AbstractEventLoop:
     return asyncio.SelectorEventLoop(FewPorts())
 
 
-async def _drive(settings: Settings, file: Path | None, session: Mapping[str, Any], warmth: Warmth) -> None:
+async def _drive(
+    settings: Settings,
+    file: Path | None,
+    session: Mapping[str, Any],
+    warmth: Warmth,
+    fitted: Callable[[Motor], None],
+) -> None:
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -63,6 +101,7 @@ async def _drive(settings: Settings, file: Path | None, session: Mapping[str, An
             warmth.warm()  # the last that is done before the scan
 
     motor = Vesc(settings.motor, clock=clock, clear_s=cadence.clear_s, replied=replied)
+    fitted(motor)
     lidar = Hokuyo(settings.lidar, clock=clock, clear_s=cadence.clear_s)
     car = Car(
         settings, lidar, motor, bus, clock, file, reading_s=lambda: lidar.reading_s, cadence=cadence, warmth=warmth

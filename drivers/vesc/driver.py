@@ -4,6 +4,7 @@ Contains no format and no conversion: those are in `codec`, `replies` and `calib
 """
 
 import asyncio
+import contextlib
 import time
 from collections.abc import Callable
 from functools import partial
@@ -121,6 +122,12 @@ class Vesc:
             self._ready = None
             return False
         return True
+
+    def brake_now(self) -> None:
+        """Write one brake without the event loop: the last act of a process whose loop has ended. Never raises."""
+        if self._link is not None and self._decode is not None:
+            with contextlib.suppress(Exception):  # the VESC's own timeout remains
+                self._link.write(self._calibration.brake)
 
     def clear_fault(self) -> None:
         """Forget the latched fault; commands are obeyed again unless it is still there."""

@@ -3,6 +3,7 @@
 import asyncio
 import math
 import os
+import time
 import tty
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
@@ -484,3 +485,14 @@ def test_a_vesc_without_an_imu_is_not_asked_for_ever(wanted):
     assert bool(inertia.question()) == wanted
     assert inertia.take(zeros, 6.0)
     assert inertia.question() == b""
+
+
+async def test_the_last_brake_needs_no_loop_and_no_living_controller(emulator):
+    async with ready(emulator) as vesc:
+        vesc.send(Drive(1.0, 0.0))
+        await until(lambda: emulator.demand(time.monotonic()).kind == "speed")
+        await asyncio.to_thread(vesc.brake_now)  # a thread without a loop, as a process whose loop has ended
+        await until(lambda: commands(emulator)[-1] == BRAKE)
+        emulator.close()
+        vesc.brake_now()
+    vesc.brake_now()

@@ -1,0 +1,67 @@
+"""The last brake: an event loop that ends without its tasks' `finally` must not leave a driving car."""
+
+import asyncio
+import subprocess
+import sys
+import time
+
+import pytest
+
+from runtime import launch
+
+
+class BrakedMotor:
+    def __init__(self):
+        self.brakes = 0
+
+    def brake_now(self):
+        self.brakes += 1
+
+
+@pytest.fixture(autouse=True)
+def no_end(monkeypatch):
+    """Let the timer that ends the process end nothing here."""
+    monkeypatch.setattr("os._exit", lambda _code: None)
+
+
+def test_a_loop_that_breaks_is_followed_by_a_brake():
+    motor = BrakedMotor()
+
+    async def drive():
+        loop = asyncio.get_running_loop()
+
+        def broken(_timeout):
+            raise ValueError("filedescriptor out of range in select()")
+
+        vars(loop)["_selector"].select = broken
+        await asyncio.sleep(1)
+
+    with (
+        pytest.raises(ValueError, match="out of range"),
+        launch.braking_last([motor]),
+        asyncio.Runner(loop_factory=launch.punctual_loop) as runner,
+        launch.braking_last([motor]),
+    ):
+        runner.run(drive())
+    assert motor.brakes >= 1
+
+
+def test_a_drive_that_ends_well_needs_no_last_brake():
+    motor = BrakedMotor()
+    with launch.braking_last([motor]):
+        pass
+    assert motor.brakes == 0
+
+
+def test_a_process_whose_end_hangs_is_ended():
+    program = """
+import threading, time
+from runtime import launch
+launch.MAX_ENDING_S = 0.2
+threading.Thread(target=time.sleep, args=(60,)).start()
+with launch.braking_last([]):
+    raise ValueError("broken")
+"""
+    begun_s = time.monotonic()
+    assert subprocess.run([sys.executable, "-c", program], capture_output=True, check=False, timeout=50).returncode == 1
+    assert time.monotonic() - begun_s < 30  # seconds of a loaded machine, not the minute of the thread
