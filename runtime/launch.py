@@ -21,6 +21,7 @@ from runtime.cadence import Cadence
 from runtime.control import methods
 from runtime.few_ports import FewPorts
 from runtime.journal import journal
+from runtime.scheduling import keep_for_this_thread
 from runtime.settings import Settings
 from runtime.tasks import parameters
 from runtime.wakefulness import awake
@@ -46,7 +47,9 @@ def main(settings: Settings, file: Path | None, session: Mapping[str, Any], warn
     file: where live parameters are saved. session: the configuration of the zenoh session.
     warnings: what the owner should hear first.
     """
+    scheduling = keep_for_this_thread()
     with journal(settings.log.level, settings.log.format):
+        log.info("%s", scheduling)
         for warning in warnings:
             log.warning("%s", warning)
         compiled = kernel.use()
