@@ -40,6 +40,7 @@ from runtime.tasks import mux as mux_task
 from runtime.tasks import safety, wall_follow
 from runtime.tasks.telemetry import Telemetry
 from runtime.voices import Voices
+from runtime.wall_clock import WallClock
 from sim.twins import BEAMS, STEP_RAD, MemoryMotor, ranges_between_walls
 
 RATE_HZ = 40.0
@@ -93,7 +94,7 @@ class Bench:
         settings = Settings()
         self.recorder = Recorder(
             RecordingSettings(folder=str(folder or "."), start="always", enabled=folder is not None, keep_free_mb=0),
-            car="bench", version="0", epoch_ns=time.time_ns() - time.monotonic_ns(), clock=clock, disk=disk,
+            car="bench", version="0", wall_clock=WallClock(clock), clock=clock, disk=disk,
         )  # fmt: skip
         tape = self.recorder.tape if folder is not None else Tape(clock, 0)
         self.lidar, self.motor = SteadyLidar(clock), MemoryMotor(clock)
@@ -108,7 +109,9 @@ class Bench:
             seconds_by_winner=self.mux.seconds_by_winner, window=lambda: laws.words,
         )  # fmt: skip
         sinks = [self.recorder] if folder is not None else []
-        self.telemetry = Telemetry(observed, settings.car, sinks, epoch_ns=0, side=lambda: "left")
+        self.telemetry = Telemetry(
+            observed, settings.car, sinks, wall_clock=WallClock(lambda: 0.0, lambda: 0), side=lambda: "left"
+        )
         self.answered_s: dict[int, float] = {}
         self._expires_s = settings.safety.expires_after_s
         self._clock = clock

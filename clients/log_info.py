@@ -21,14 +21,14 @@ LARGEST_RECORD_B = 1 << 28
 
 @dataclass(slots=True)
 class Info:
-    """What a pass over a file found. times_ns: first and last, since 1970. stops: their reasons, with the seconds."""
+    """What a pass over a file found. times_ns: first and last, since 1970. events: when, what kind, why."""
 
     facts: dict[str, str] = field(default_factory=dict)
     counts: Counter[str] = field(default_factory=Counter)
     sizes_bytes: Counter[str] = field(default_factory=Counter)
     kinds: dict[str, str] = field(default_factory=dict)
     times_ns: list[int] = field(default_factory=list)
-    stops: list[tuple[int, str]] = field(default_factory=list)
+    events: list[tuple[int, str, str]] = field(default_factory=list)
     torn: str = ""
 
 
@@ -51,7 +51,8 @@ def describe(path: Path, *, as_json: bool) -> str:
         "seconds": round((ends_ns - begins_ns) / NS, 3),
         "messages": info.counts.total(),
         "topics": {topic: {"type": info.kinds[topic], "messages": count} for topic, count in info.counts.items()},
-        "stops": [{"at_s": round((at_ns - begins_ns) / NS, 3), "reason": reason} for at_ns, reason in info.stops],
+        "stops": _events(info, "stop", begins_ns),
+        "clock_steps": _events(info, "clock", begins_ns),
     }
     if as_json:
         return json.dumps(fields, indent=2)
@@ -95,7 +96,15 @@ def _count(info: Info, topic: str, message: Any) -> None:  # noqa: ANN401 - mcap
     if topic.strip("/") == EVENTS:
         with suppress(ValueError, KeyError, struct.error):
             event = json.loads(text_of(message.data))
-            info.stops.append((message.log_time, str(event["reason"])))
+            info.events.append((message.log_time, str(event["event"]), str(event["reason"])))
+
+
+def _events(info: Info, kind: str, begins_ns: int) -> list[dict[str, Any]]:
+    return [
+        {"at_s": round((at_ns - begins_ns) / NS, 3), "reason": reason}
+        for at_ns, event, reason in info.events
+        if event == kind
+    ]
 
 
 def _lines(fields: dict[str, Any], info: Info) -> Iterator[str]:
@@ -114,3 +123,5 @@ def _lines(fields: dict[str, Any], info: Info) -> Iterator[str]:
         yield f"  {topic:<17} {info.kinds[topic]:<42} {count:7d}  {count / seconds:6.1f} Hz  {volume:7.1f} kB/s"
     for stop in fields["stops"]:
         yield f"  stop at {stop['at_s']:.1f} s: {stop['reason']}"
+    for step in fields["clock_steps"]:
+        yield f"  at {step['at_s']:.1f} s {step['reason']}"

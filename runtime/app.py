@@ -3,7 +3,6 @@
 import asyncio
 import logging
 import secrets
-import time
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -40,12 +39,14 @@ from runtime.tasks.health import Caretaker
 from runtime.tasks.telemetry import Telemetry
 from runtime.teleop_wire import COMMAND_BYTES
 from runtime.voices import Voices
+from runtime.wall_clock import WallClock, never_set
 from runtime.warmth import Warmth
 
 log = logging.getLogger("wallride.app")
 
 REQUIRED = frozenset({Source.SAFETY, Source.PERMIT})
 """Voices whose silence is a stop for everyone less urgent."""
+FOLLOW_WALL_CLOCK_S = 1.0
 REST_TIMEOUT_S = 1.0
 REST_PERIOD_S = 0.02
 REST_BELOW_MPS = 0.05
@@ -62,7 +63,7 @@ class Car:
     def __init__(
         self, settings: Settings, lidar: Lidar, motor: Motor, bus: Network, clock: Clock, file: Path | None = None,
         *, reading_s: Callable[[], float] = lambda: 0.0, cadence: Cadence | None = None,
-        warmth: Warmth | None = None,
+        warmth: Warmth | None = None, wall_clock: WallClock | None = None,
     ) -> None:  # fmt: skip
         self.settings = settings
         self.lidar = lidar
@@ -70,9 +71,13 @@ class Car:
         self.bus = bus
         self.clock = clock
         self.manager = ServiceManager()
-        epoch_ns = time.time_ns() - round(clock() * 1e9)
+        self.wall_clock = wall_clock or never_set(clock)
         self.recorder = Recorder(
-            settings.recording, car=settings.car.name, version=version("wallride"), epoch_ns=epoch_ns, clock=clock
+            settings.recording,
+            car=settings.car.name,
+            version=version("wallride"),
+            wall_clock=self.wall_clock,
+            clock=clock,
         )
         self.tape = self.recorder.tape
         self.tape.tuned(settings)
@@ -97,7 +102,7 @@ class Car:
         self.sink = ZenohSink(bus, settings.car.name, settings.telemetry.rates_hz)
         self.telemetry = Telemetry(
             self._observed(), settings.car, [self.sink, self.recorder],
-            epoch_ns=epoch_ns, side=lambda: self.settings.wall_follow.side, ball_m=lambda: self.laws.path_m,
+            wall_clock=self.wall_clock, side=lambda: self.settings.wall_follow.side, ball_m=lambda: self.laws.path_m,
         )  # fmt: skip
 
     def connect(self) -> None:
@@ -191,7 +196,12 @@ class Car:
         attendance = operator.Attendance(self.operator, self.motor, self._beat)
         metronome.every(1 / settings.operator.beat_hz, attendance.tick)
         metronome.every(1 / health.RATE_HZ, self._caretaker().tick)
+        metronome.every(FOLLOW_WALL_CLOCK_S, lambda _late_s, _missed: self._follow_wall_clock())
         return metronome
+
+    def _follow_wall_clock(self) -> None:
+        if step_ns := self.wall_clock.follow():
+            log.warning("the computer's clock was set by %+.3f s; stamps and recordings follow", step_ns / 1e9)
 
     def _caretaker(self) -> Caretaker:
         return Caretaker(

@@ -25,6 +25,7 @@ from runtime.scheduling import keep_for_this_thread
 from runtime.settings import Settings
 from runtime.tasks import parameters
 from runtime.wakefulness import awake
+from runtime.wall_clock import WallClock
 from runtime.warmth import Warmth
 
 log = logging.getLogger("wallride.launch")
@@ -107,8 +108,9 @@ async def _drive(
     fitted(motor)
     lidar = Hokuyo(settings.lidar, clock=clock, clear_s=cadence.clear_s)
     car = Car(
-        settings, lidar, motor, bus, clock, file, reading_s=lambda: lidar.reading_s, cadence=cadence, warmth=warmth
-    )
+        settings, lidar, motor, bus, clock, file, reading_s=lambda: lidar.reading_s, cadence=cadence, warmth=warmth,
+        wall_clock=WallClock(clock),
+    )  # fmt: skip
     motor.inertia.on_measurement = car.telemetry.on_imu
     if (history := history_file(settings)) is not None:
         parameters.read_history(car.history, history)

@@ -26,7 +26,7 @@ class Sink(Protocol):
     def take(self, topic: str, schema: str, stamp_s: float, payload: bytes) -> None:
         """Take one message that was claimed.
 
-        schema: its ROS 2 type, "" for JSON. stamp_s: seconds since 1970, as in the message's header.
+        schema: its ROS 2 type, "" for JSON. stamp_s: of the measurement, on the monotonic clock.
         """
         ...
 

@@ -15,6 +15,7 @@ from runtime.control.swept import Outlook
 from runtime.ros import markers, messages
 from runtime.ros.messages import Floats, Frame, Report
 from runtime.snapshot import Journey, Observed, Said
+from runtime.wall_clock import WallClock
 
 Message = tuple[float, bytes]
 """Time of the measurement on the monotonic clock [s], and the payload."""
@@ -36,7 +37,7 @@ class Newest:
 class TopicWriters:
     """Writes a topic on demand.
 
-    epoch_ns: what to add to the monotonic clock for the time since 1970. side: of the followed wall. ball_m: places of
+    wall_clock: for the headers' stamps. side: of the followed wall. ball_m: places of
     the follower's ball, (2, k), base_link, None where it has none.
     """
 
@@ -47,7 +48,7 @@ class TopicWriters:
         newest: Newest,
         journey: Journey,
         *,
-        epoch_ns: int,
+        wall_clock: WallClock,
         side: Callable[[], Literal["left", "right"]],
         ball_m: Callable[[], Floats | None],
     ) -> None:
@@ -55,7 +56,7 @@ class TopicWriters:
         self._car = car
         self._newest = newest
         self._journey = journey
-        self._epoch_ns = epoch_ns
+        self._unix_ns = wall_clock.unix_ns
         self._side = side
         self._ball_m = ball_m
         self._laser = Frame(messages.BASE, messages.LASER, car.lidar_x_m, 0.0, 0.0)
@@ -97,7 +98,7 @@ class TopicWriters:
 
     def unix_ns(self, stamp_s: float) -> int:
         """Return the time since 1970 of a time on the monotonic clock."""
-        return self._epoch_ns + round(stamp_s * messages.NS)
+        return self._unix_ns(stamp_s)
 
     def _scan(self) -> Message | None:
         scan = self._newest.scan

@@ -47,8 +47,8 @@ _HEAD_B = len(ENCAPSULATION) + _LENGTH.size
 class Message(NamedTuple):
     """One message to be recorded.
 
-    stamp_ns: since 1970. sequence: the scan's, 0 elsewhere. lasting: it holds until the next one of its topic, so that
-    a file needs the last one before its beginning, too.
+    stamp_ns: since 1970, by the wall clock as it stood when the process began. sequence: the scan's, 0 elsewhere.
+    lasting: it holds until the next one of its topic, so that a file needs the last one before its beginning, too.
     """
 
     topic: str

@@ -20,14 +20,19 @@ SEQUENCE_MASK = 0xFFFFFFFF
 class McapFile:
     """A file being written. Every method may raise OSError; the file is then given up with `abandon`.
 
-    bytes_written: what the disk has taken.
+    bytes_written: what the disk has taken. shift_ns: added to every stamp. begin_ns: before the shift; what was earlier
+    is logged at this time and keeps its own as time of publication.
     """
 
-    def __init__(self, path: Path, disk: Disk, facts: Mapping[str, str], library: str) -> None:
+    def __init__(
+        self, path: Path, disk: Disk, facts: Mapping[str, str], library: str, *, shift_ns: int = 0, begin_ns: int = 0
+    ) -> None:
         from mcap.writer import CompressionType, Writer  # slow to import; not before there is something to write
 
         self.path = path
         self.messages = 0
+        self.shift_ns = shift_ns
+        self._begin_ns = begin_ns
         self._disk = disk
         self._spool = _Spool()
         self._channels: dict[str, int] = {}
@@ -48,9 +53,9 @@ class McapFile:
         channel = self._channels.get(message.topic)
         if channel is None:
             channel = self._channels[message.topic] = self._register(message)
-        self._writer.add_message(
-            channel, message.stamp_ns, message.payload, message.stamp_ns, message.sequence & SEQUENCE_MASK
-        )
+        log_ns = max(message.stamp_ns, self._begin_ns) + self.shift_ns
+        published_ns = message.stamp_ns + self.shift_ns
+        self._writer.add_message(channel, log_ns, message.payload, published_ns, message.sequence & SEQUENCE_MASK)
         self.messages += 1
 
     def write(self) -> None:

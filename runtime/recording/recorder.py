@@ -29,6 +29,7 @@ from runtime.recording.tape import MOST_EVENTS, Tape
 from runtime.recording.transcriber import Transcriber
 from runtime.recording_settings import RecordingSettings, recordings_folder
 from runtime.ros.definitions import TYPES
+from runtime.wall_clock import WallClock
 
 log = logging.getLogger("wallride.recording")
 
@@ -82,10 +83,9 @@ class Recorder:
         *,
         car: str,
         version: str,
-        epoch_ns: int,
+        wall_clock: WallClock,
         clock: Clock,
         disk: Disk | None = None,
-        unix_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         self.folder = recordings_folder(settings.folder)
         self.tape = Tape(clock, MOST_EVENTS if settings.enabled else 0)
@@ -108,10 +108,9 @@ class Recorder:
         self._ending = False
         self._pace = _Pace()
         ring = Ring(self.folder, settings, self._disk, _boot_id())
-        facts = Facts(car, version, epoch_ns)
-        self._epoch_ns = epoch_ns
-        self._scribe = Scribe(settings, ring, self._disk, facts, unix_ns=unix_ns, breathe=self._pace)
-        self._transcriber = Transcriber(epoch_ns)
+        self._unix_ns = wall_clock.started_unix_ns
+        self._scribe = Scribe(settings, ring, self._disk, Facts(car, version, clock(), wall_clock), breathe=self._pace)
+        self._transcriber = Transcriber(wall_clock, clock())
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._handler = _Lines(self._lines, clock)
 
@@ -133,7 +132,7 @@ class Recorder:
             self._wake.set()
         if schema not in _CDR_TYPES:
             schema, payload = channels.STRING, channels.text(payload)
-        self._put(Message(topic, schema, round(stamp_s * 1e9), payload))
+        self._put(Message(topic, schema, self._unix_ns(stamp_s), payload))
 
     def tap(self, device: str) -> Callable[[str, bytes, float], None] | None:
         """Return what a device's link tells its bytes ("in" or "out", bytes, time); None when nobody asked for them."""
@@ -141,8 +140,8 @@ class Recorder:
             return None
 
         def take(way: str, chunk: bytes, stamp_s: float) -> None:
-            stamp_ns = self._epoch_ns + round(stamp_s * 1e9)
-            self._put(Message(f"{channels.RAW}/{device}/{way}", channels.BYTES, stamp_ns, channels.octets(chunk)))
+            topic = f"{channels.RAW}/{device}/{way}"
+            self._put(Message(topic, channels.BYTES, self._unix_ns(stamp_s), channels.octets(chunk)))
 
         return take
 
@@ -225,8 +224,9 @@ class Recorder:
 
     def _line(self, stamp_s: float, record: logging.LogRecord) -> Message:
         fields = {"level": record.levelname, "name": record.name, "message": record.getMessage()}
-        stamp_ns = self._epoch_ns + round(stamp_s * 1e9)
-        return Message(channels.LOG, channels.STRING, stamp_ns, channels.text(json.dumps(fields).encode()))
+        return Message(
+            channels.LOG, channels.STRING, self._unix_ns(stamp_s), channels.text(json.dumps(fields).encode())
+        )
 
     def _run(self) -> None:
         try:

@@ -5,6 +5,7 @@ still in memory and goes into the next one, which is tried every few seconds.
 """
 
 import logging
+import math
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from runtime.recording.mcap_file import McapFile
 from runtime.recording.recover import RecoveryError, is_whole, recover
 from runtime.recording.ring import MB, Ring, entries
 from runtime.recording_settings import RecordingSettings
+from runtime.wall_clock import WallClock
 
 log = logging.getLogger("wallride.recording")
 
@@ -30,15 +32,18 @@ TAIL_S = 5.0
 """A black box goes on for so long after its stop; another stop within it goes into the same file."""
 LONGEST_TAIL_S = 30.0
 LEAST_MEMORY_S = 1.0
+START_UP_S = 5.0
+"""A recording begins with the process's first scan; without one, so long after the process began."""
 
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What every file says about itself. epoch_ns: added to the monotonic clock gives the stamps' time since 1970."""
+    """What every file says about itself. began_s: when the process began, on the monotonic clock."""
 
     car: str
     version: str
-    epoch_ns: int
+    began_s: float
+    wall_clock: WallClock
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +82,6 @@ class Scribe:
         disk: Disk,
         facts: Facts,
         *,
-        unix_ns: Callable[[], int],
         breathe: Callable[[], None],
     ) -> None:
         self.report = Report()
@@ -86,13 +90,14 @@ class Scribe:
         self._ring = ring
         self._disk = disk
         self._facts = facts
-        self._unix_ns = unix_ns
         self._breathe = breathe
         self._memory = Memory(max(settings.black_box_s, LEAST_MEMORY_S))
         self._run: McapFile | None = None
         self._box: _Box | None = None
         self._trouble = ""
         self._now_s = 0.0
+        self._stepped_ns = 0
+        self._first_scan_ns = 0  # 0: none yet, or only long after the process began
         self._retry_s = 0.0
         self._flush_s = 0.0
         self._tidy_s = 0.0
@@ -108,6 +113,7 @@ class Scribe:
             self._breathe()
         for reason in stops:
             self._on_stop(reason)
+        self._follow_wall_clock()
         wanted = self._wanted(active_s)
         self._begin_or_end(wanted=wanted)
         if now_s >= self._flush_s:
@@ -119,12 +125,16 @@ class Scribe:
         self._tell(wanted=wanted)
 
     def close(self) -> None:
-        """Finish what is open."""
+        """Finish what is open, and write down what still waited for a first scan."""
+        if self._run is None and self._wanted(-math.inf) and not self._has_begun():
+            self._begin_run()
         self._end_run()
         self._end_box()
         self.report = Report(why="the recorder has ended", trouble=self._trouble)
 
     def _take(self, message: Message) -> None:
+        if message.topic == wire.SCAN and not self._first_scan_ns and not self._is_started_up():
+            self._first_scan_ns = message.stamp_ns
         self._memory.add(message)
         for file in self._open_files():
             file.add(message)
@@ -137,7 +147,7 @@ class Scribe:
 
     def _begin_or_end(self, *, wanted: bool) -> None:
         if self._run is None:
-            if wanted and self._now_s >= self._retry_s:
+            if wanted and self._now_s >= self._retry_s and (self.wished or self._has_begun()):
                 self._begin_run()
             elif not wanted and self._now_s >= self._retry_s:
                 self._goes_on, self._trouble = "", ""
@@ -175,9 +185,7 @@ class Scribe:
 
     def _on_stop(self, reason: str) -> None:
         now_s = self._now_s
-        payload = channels.text(wire.encode({"stamp_s": now_s, "event": "stop", "reason": reason}))
-        stamp_ns = self._facts.epoch_ns + round(now_s * 1e9)
-        self._take(Message(channels.EVENTS, channels.STRING, stamp_ns, payload))
+        self._take(self._event("stop", reason))
         if self._settings.black_box_s <= 0:
             return
         if self._box is not None:
@@ -196,8 +204,12 @@ class Scribe:
             if not self._ring.make_room():
                 self._on_trouble(f"less than {self._settings.keep_free_mb} MB of the disk are free")
                 return None
-            path = self._ring.next_path(self._unix_ns(), reason)
-            return McapFile(path, self._disk, self._metadata(reason), f"wallride {self._facts.version}")
+            wall_clock = self._facts.wall_clock
+            path = self._ring.next_path(wall_clock.unix_ns(self._now_s), reason)
+            return McapFile(
+                path, self._disk, self._metadata(reason), f"wallride {self._facts.version}",
+                shift_ns=wall_clock.stepped_ns, begin_ns=self._first_scan_ns,
+            )  # fmt: skip
         except OSError as error:
             self._on_trouble(explain(error))
             return None
@@ -209,9 +221,32 @@ class Scribe:
             "kind": "recording" if reason is None else "black box",
             "reason": reason or "",
             "continues": self._goes_on if reason is None else "",
-            "epoch_ns": str(self._facts.epoch_ns),
-            "wall_minus_monotonic_ns": str(self._unix_ns() - round(self._now_s * 1e9)),
+            "epoch_ns": str(self._facts.wall_clock.epoch_ns),
         }
+
+    def _event(self, event: str, reason: str) -> Message:
+        payload = channels.text(wire.encode({"stamp_s": self._now_s, "event": event, "reason": reason}))
+        return Message(channels.EVENTS, channels.STRING, self._facts.wall_clock.started_unix_ns(self._now_s), payload)
+
+    def _has_begun(self) -> bool:
+        """Tell whether there is a first scan to begin with, or none comes."""
+        return self._first_scan_ns > 0 or self._is_started_up()
+
+    def _is_started_up(self) -> bool:
+        """Tell whether the time is over in which what comes before the first scan counts as the start."""
+        return self._now_s - self._facts.began_s > START_UP_S
+
+    def _follow_wall_clock(self) -> None:
+        """When the computer's clock was set, say so in what is open and go on in another file, with right stamps."""
+        stepped_ns = self._facts.wall_clock.stepped_ns
+        if stepped_ns == self._stepped_ns:
+            return
+        step_s, self._stepped_ns = (stepped_ns - self._stepped_ns) / 1e9, stepped_ns
+        self._take(self._event("clock", f"the computer's clock was set by {step_s:+.3f} s; stamps before it are off"))
+        if self._run is not None:
+            self._goes_on = self._run.path.name
+            self._end_run()
+            self._begin_run()
 
     def _fill(self, file: McapFile, first: int) -> bool:
         """Put what is remembered into a new file; False when the disk refused."""

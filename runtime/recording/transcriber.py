@@ -14,8 +14,8 @@ from runtime.recording.tape_codec import encode
 from runtime.ros import messages
 from runtime.ros.definitions import TYPES
 from runtime.settings import Settings, to_toml
+from runtime.wall_clock import WallClock
 
-NS = messages.NS
 MOST_EVENTS = 64
 """One message of tape holds so many at most: encoding it is one stretch of work without a pause."""
 LONGEST_PERIOD_S = 1.0
@@ -25,15 +25,15 @@ class Transcriber:
     """Reads entries in their order.
 
     active_s: when the car was last armed or moving, minus infinity before it was. stops: reasons of stops that are
-    worth a black box; whoever reads them clears them. epoch_ns: added to the monotonic clock gives the time since 1970.
+    worth a black box; whoever reads them clears them. begin_s: when the process began, for what comes before any time.
     """
 
-    def __init__(self, epoch_ns: int) -> None:
+    def __init__(self, wall_clock: WallClock, begin_s: float) -> None:
         self.active_s = -math.inf
         self.stops: list[str] = []
-        self._epoch_ns = epoch_ns
+        self._wall_clock = wall_clock
         self._watcher = StopWatcher()
-        self._now_s = 0.0
+        self._now_s = begin_s
         self._last_scan_s = -math.inf
 
     def messages(self, entries: Sequence[Entry]) -> Iterator[Message]:
@@ -61,25 +61,26 @@ class Transcriber:
         if piece:
             yield self._tape(piece)
 
-    def unix_ns(self, stamp_s: float) -> int:
-        """Return the time since 1970 of a time on the monotonic clock."""
-        return self._epoch_ns + round(stamp_s * NS)
-
     def _scan(self, scan: Scan) -> Message:
         self._now_s = max(self._now_s, scan.received_s)
         period_s, self._last_scan_s = scan.stamp_s - self._last_scan_s, scan.stamp_s
-        stamp_ns = self.unix_ns(scan.stamp_s)
-        payload = messages.laser_scan(stamp_ns, scan, period_s if period_s < LONGEST_PERIOD_S else 0.0)
+        header_ns = self._wall_clock.unix_ns(scan.stamp_s)
+        payload = messages.laser_scan(header_ns, scan, period_s if period_s < LONGEST_PERIOD_S else 0.0)
+        stamp_ns = self._wall_clock.started_unix_ns(scan.stamp_s)
         return Message(wire.SCAN, TYPES[wire.SCAN], stamp_ns, payload, scan.sequence)
 
     def _tape(self, piece: Sequence[Entry], *, lasting: bool = False) -> Message:
         payload = channels.text(encode(piece))
-        return Message(channels.TAPE, channels.STRING, self.unix_ns(self._now_s), payload, lasting=lasting)
+        return Message(
+            channels.TAPE, channels.STRING, self._wall_clock.started_unix_ns(self._now_s), payload, lasting=lasting
+        )
 
     def _settings(self, entry: Entry) -> Iterator[Message]:
         settings: Settings = entry[2][0]
         payload = channels.text(to_toml(settings).encode())
-        yield Message(channels.SETTINGS, channels.STRING, self.unix_ns(self._now_s), payload, lasting=True)
+        yield Message(
+            channels.SETTINGS, channels.STRING, self._wall_clock.started_unix_ns(self._now_s), payload, lasting=True
+        )
         yield self._tape([entry], lasting=True)
 
     def _look_at(self, times_s: Sequence[float], elapsed_s: float, live: Heard, output: Output) -> None:  # noqa: ARG002 - an entry's parts

@@ -21,10 +21,11 @@ from runtime.command import Output
 from runtime.control.guidance import Guidance
 from runtime.control.odometry import Odometry
 from runtime.ros.definitions import TYPES
-from runtime.ros.messages import NS, Floats
+from runtime.ros.messages import Floats
 from runtime.sinks import Sink
 from runtime.snapshot import Observed
 from runtime.topic_writers import Message, Newest, TopicWriters, Vector
+from runtime.wall_clock import WallClock
 
 BY_SCAN = (wire.SCAN,)
 BY_GUIDANCE = (wire.WALL,)
@@ -49,7 +50,7 @@ class Telemetry:
 
     sinks: who gets the messages; may be added to and taken from while the car drives.
     journey: scans, score, latency and pose since the start.
-    epoch_ns, side, ball_m: as in `TopicWriters`.
+    wall_clock, side, ball_m: as in `TopicWriters`.
     """
 
     def __init__(
@@ -58,7 +59,7 @@ class Telemetry:
         car: CarSettings,
         sinks: Sequence[Sink],
         *,
-        epoch_ns: int,
+        wall_clock: WallClock,
         side: Callable[[], Literal["left", "right"]],
         ball_m: Callable[[], Floats | None] = lambda: None,
     ) -> None:
@@ -67,7 +68,7 @@ class Telemetry:
         self._observed = observed
         self._newest = Newest()
         self._writers = TopicWriters(
-            observed, car, self._newest, self.journey, epoch_ns=epoch_ns, side=side, ball_m=ball_m
+            observed, car, self._newest, self.journey, wall_clock=wall_clock, side=side, ball_m=ball_m
         )
         self._odometry = Odometry(car.wheelbase_m)
         self._news: dict[str, None] = {}  # a set that keeps its order
@@ -170,5 +171,5 @@ class Telemetry:
         if not takers or (message := write()) is None:
             return False
         stamp_s, payload = message
-        written.append((takers, (topic, TYPES.get(topic, ""), self._writers.unix_ns(stamp_s) / NS, payload)))
+        written.append((takers, (topic, TYPES.get(topic, ""), stamp_s, payload)))
         return True

@@ -21,6 +21,7 @@ from runtime.ros.definitions import TYPES
 from runtime.settings import Settings, load_settings, to_toml
 from runtime.snapshot import Journey, Observed
 from runtime.topic_writers import Newest, TopicWriters
+from runtime.wall_clock import WallClock
 from sim.lab.recordings import is_foreign
 from sim.lab.replay import better_side, motor_at, scans_of
 from sim.lab.scan_motion import motion_of
@@ -90,7 +91,7 @@ class _Foreign:
         self._odometry = Odometry(settings.car.wheelbase_m)
         self._writers = TopicWriters(
             self._observed(settings.car.name), settings.car, self._newest, self._journey,
-            epoch_ns=0, side=lambda: settings.wall_follow.side, ball_m=lambda: None,
+            wall_clock=WallClock(lambda: 0.0, lambda: 0), side=lambda: settings.wall_follow.side, ball_m=lambda: None,
         )  # fmt: skip
         self._log = DriveLog(recording.name, notes=list(notes))
         self._log.metadata["wallride"] = {

@@ -12,7 +12,7 @@ import numpy as np
 from runtime import wire
 from runtime.settings import Settings
 from sim.pose import Floats
-from sim.replay.decode import decode, stamp_ns
+from sim.replay.decode import decode
 from sim.replay.drive_log import NS, DriveLog, Message
 from sim.replay.settings_text import settings_of
 
@@ -64,7 +64,7 @@ class Change:
 
 @dataclass(eq=False)
 class Run:
-    """Everything that the page shows. status: the last one said; statuses: (time, fields) of all."""
+    """Everything that the page shows. statuses: (time, fields). duration_s: to the last message."""
 
     name: str
     car: str
@@ -81,17 +81,12 @@ class Run:
     steering: Series
     changes: list[Change]
     statuses: Sequence[tuple[float, Mapping[str, Any]]] = ()
+    duration_s: float = 0.0
 
     @property
     def status(self) -> Mapping[str, Any]:
         """The newest status, empty where none was recorded."""
         return self.statuses[-1][1] if self.statuses else {}
-
-    @property
-    def duration_s(self) -> float:
-        """From the first to the last of anything."""
-        ends = [float(series[-1]) for series in (self.path.time_s, self.error.time_s, self.sent.time_s) if len(series)]
-        return max(ends + [time_s for time_s, _ in self.scans[-1:]], default=0.0)
 
     def scan_at(self, time_s: float) -> Message | None:
         """Return the newest scan at a time, or the first one; None without any."""
@@ -131,6 +126,7 @@ def run_of(log: DriveLog) -> Run:
         steering=_series([(seconds(at_ns), drive.steering_angle) for at_ns, drive in outputs]),
         changes=_changes(log, zero_ns),
         statuses=statuses,
+        duration_s=max((seconds(message.stamp_ns) for message in log.messages), default=0.0),
     )
 
 
@@ -147,7 +143,7 @@ def _path(log: DriveLog, zero_ns: int) -> Path:
         pose, turn = said.pose.pose, said.pose.pose.orientation
         yaw_rad = 2 * math.atan2(turn.z, turn.w)
         rows.append(
-            ((stamp_ns(said) - zero_ns) / NS, pose.position.x, pose.position.y, yaw_rad, said.twist.twist.linear.x)
+            ((message.stamp_ns - zero_ns) / NS, pose.position.x, pose.position.y, yaw_rad, said.twist.twist.linear.x)
         )
     table = np.array(rows, dtype=np.float64).reshape(-1, 5)
     return Path(*table.T)

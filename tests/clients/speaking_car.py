@@ -11,6 +11,7 @@ from runtime.car_settings import CarSettings
 from runtime.sinks import ZenohSink
 from runtime.tasks.telemetry import Telemetry
 from runtime.telemetry_settings import RatesHz
+from runtime.wall_clock import WallClock
 from tests.runtime.observed import GUIDANCE, make_observed, output_of, scan_at, speak
 from wallride import topic_options
 
@@ -23,7 +24,9 @@ async def speaking_car(name="car1", rates=None, **verdict):
     bus.announce(wire.key(name, wire.ALIVE))
     observed = make_observed(time.monotonic, link=lambda: {"endpoint": bus.endpoint})
     sink = ZenohSink(bus, name, rates or RatesHz())
-    telemetry = Telemetry(observed, CarSettings(name=name), [sink], epoch_ns=10**18, side=lambda: "left")
+    telemetry = Telemetry(
+        observed, CarSettings(name=name), [sink], wall_clock=WallClock(lambda: 0.0, lambda: 10**18), side=lambda: "left"
+    )
 
     async def turn():
         while True:

@@ -16,6 +16,7 @@ from runtime.recording.recorder import Recorder
 from runtime.recording.recover import is_whole
 from runtime.recording_settings import RecordingSettings, recordings_folder
 from runtime.tasks import recorder as recorder_task
+from runtime.wall_clock import WallClock
 from wallride import logs_options
 
 
@@ -28,7 +29,7 @@ class Car:
         given = {"folder": str(folder), "start": "request", "keep_free_mb": 0, **settings}
         self.recorder = Recorder(
             RecordingSettings(**given), car="car1", version="9.9",
-            epoch_ns=time.time_ns() - time.monotonic_ns(), clock=time.monotonic,
+            wall_clock=WallClock(time.monotonic), clock=time.monotonic,
         )  # fmt: skip
         self.bus = Bus(zenoh_config.car_config([self.endpoint], None, (), "car1"))
 

@@ -19,6 +19,7 @@ from runtime.snapshot import Observed
 from runtime.tasks.mux import Mux
 from runtime.tasks.telemetry import Telemetry
 from runtime.voices import Voices
+from runtime.wall_clock import WallClock
 from sim.twins import BEAMS, STEP_RAD, MemoryLidar, MemoryMotor, ranges_between_walls
 from tests.runtime.observed import GUIDANCE, HandClock
 from tests.runtime.recording.disks import QuickDisk
@@ -49,11 +50,12 @@ class Drive:
 
     def __init__(self, folder: Path, *, disk=None, seed=1, real=False, **settings):
         self.clock = HandClock(100.0)
+        self.clock_set_s = 0.0
+        self.wall_clock = WallClock(self.clock, self.unix_ns)
         self.settings = Settings()
         self.recorder = Recorder(
             RecordingSettings(**{"folder": str(folder), "keep_free_mb": 0, **settings}),
-            car="car1", version="9.9", epoch_ns=EPOCH_NS, clock=self.clock, disk=disk or QuickDisk(),
-            unix_ns=lambda: EPOCH_NS + round(self.clock.now_s * 1e9),
+            car="car1", version="9.9", wall_clock=self.wall_clock, clock=self.clock, disk=disk or QuickDisk(),
         )  # fmt: skip
         self.tape = tape = self.recorder.tape
         self.motor = MemoryMotor(self.clock)
@@ -66,7 +68,9 @@ class Drive:
             car="car1", version="9.9", lidar=MemoryLidar(lambda _: None, self.clock), motor=self.motor,
             voices=self.voices, clock=self.clock, seconds_by_winner=self.mux.seconds_by_winner,
         )  # fmt: skip
-        self.telemetry = Telemetry(observed, CarSettings(), [self.recorder], epoch_ns=EPOCH_NS, side=lambda: "left")
+        self.telemetry = Telemetry(
+            observed, CarSettings(), [self.recorder], wall_clock=self.wall_clock, side=lambda: "left"
+        )
         self.permitted = True
         self.outputs = []
         self.scans = []
@@ -74,6 +78,10 @@ class Drive:
         self._stepped_s = self.clock.now_s
         tape.tuned(self.settings)
         self.recorder.listen()
+
+    def unix_ns(self):
+        """Return what the computer's clock says."""
+        return EPOCH_NS + round((self.clock.now_s + self.clock_set_s) * 1e9)
 
     def scan(self, ranges_m=RANGES_M):
         """Let one scan go all the way to the motor."""

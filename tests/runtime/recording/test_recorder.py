@@ -307,6 +307,7 @@ async def test_what_was_torn_is_finished_at_the_next_start(tmp_path):
 async def test_a_number_is_never_given_twice(tmp_path):
     for number in (1, 2, 3):
         drive = Drive(tmp_path, start="always")
+        drive.scan()
         drive.recorder.turn()
         drive.recorder.turn()
         drive.recorder._scribe.close()
@@ -360,6 +361,7 @@ async def test_a_stuck_disk_holds_nobody_up_and_is_said(tmp_path, monkeypatch):
     disk = StuckDisk()
     drive = Drive(tmp_path, disk=disk, start="always")
     drive.permit()
+    drive.scan()
     drive.recorder.start()
     disk.lets_go.clear()
     until(disk.asked.is_set)
@@ -398,6 +400,7 @@ async def test_a_disk_of_one_megabyte_a_second_is_fast_enough(tmp_path):
 async def test_a_disk_that_never_answers_does_not_keep_the_process(tmp_path):
     disk = StuckDisk()
     drive = Drive(tmp_path, disk=disk, start="always")
+    drive.scan()
     drive.recorder.start()
     disk.lets_go.clear()
     until(disk.asked.is_set)

@@ -139,7 +139,7 @@ def test_a_damaged_chunk_in_the_middle_costs_only_itself(recording, tmp_path):
 def test_damage_far_from_the_end_is_not_cut_off(recording, tmp_path, monkeypatch):
     monkeypatch.setattr("runtime.recording.recover.MOST_TORN_B", 100_000)
     content = bytearray(recording[0])
-    first_chunk = content.index(b"\x06", content.index(b"wall_minus_monotonic_ns") + 40)
+    first_chunk = content.index(b"\x06", content.index(b"epoch_ns") + 28)
     content[first_chunk : first_chunk + 9] = bytes(9)
     path = tmp_path / "damaged.mcap"
     path.write_bytes(content)
@@ -164,6 +164,7 @@ def test_a_file_that_is_not_there_is_said(tmp_path):
 
 async def test_a_file_that_is_being_written_is_left_alone(tmp_path):
     drive = Drive(tmp_path, start="always")
+    drive.scan()
     drive.recorder.turn()
     path = next(tmp_path.glob("*.mcap"))
     assert file_state(path) == "recording"

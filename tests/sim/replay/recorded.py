@@ -2,7 +2,6 @@
 
 import argparse
 import asyncio
-import time
 from importlib.metadata import version
 
 from runtime import wire
@@ -26,8 +25,9 @@ SETTINGS = {"operator": {"permit": "always"}, "wall_follow": {"speed_mps": 1.5}}
 class Sink:
     """Takes everything that telemetry says, as the recorder does; scans come by way of the tape."""
 
-    def __init__(self, file):
+    def __init__(self, file, wall_clock):
         self.file = file
+        self.wall_clock = wall_clock
 
     def claim(self, topic, at_s, *, urgent=False):
         return topic != wire.SCAN
@@ -35,7 +35,7 @@ class Sink:
     def take(self, topic, schema, stamp_s, payload):
         if not channels.is_ros(topic):
             schema, payload = channels.STRING, channels.text(payload)
-        self.file.add(Message(topic, schema, round(stamp_s * 1e9), payload))
+        self.file.add(Message(topic, schema, self.wall_clock.started_unix_ns(stamp_s), payload))
 
 
 class Restless:
@@ -65,10 +65,9 @@ def record(path, *, world="loop", seconds=6.0, events=(), obstacles=(), sections
         tape.tuned(settings)
         motor = WorldMotor(twin, loop.time)
         car = Car(settings, WorldLidar(twin, loop.time), motor, MemoryBus(loop.time), tape.clock)
-        epoch_ns = time.time_ns()  # as the car does; virtual time begins at 0
         car.connect()
         file = McapFile(path, RealDisk(), {"car": settings.car.name, "version": version("wallride")}, "wallride")
-        car.telemetry.sinks.append(Sink(file))
+        car.telemetry.sinks.append(Sink(file, car.wall_clock))
         tape_over(car, tape)
         stop = asyncio.Event()
         for at_s, event in events:
@@ -76,7 +75,7 @@ def record(path, *, world="loop", seconds=6.0, events=(), obstacles=(), sections
         loop.call_at(seconds, stop.set)
         await car.drive(stop)
         settings_first, *others = tape.drain()
-        for message in Transcriber(epoch_ns).messages([settings_first, *others[forgets:]]):
+        for message in Transcriber(car.wall_clock, 0.0).messages([settings_first, *others[forgets:]]):
             file.add(message)
         file.close()
         kept.update(car=car, twin=twin)

@@ -21,7 +21,7 @@ def made(times_s, sent_mps, changes=(), **values):
         "scans": [], "error": Series(NOTHING, NOTHING), "wish": Series(NOTHING, NOTHING),
         "path": Path(times_s, still, still, still, np.asarray(sent_mps, dtype=np.float64)),
         "sent": Series(times_s, np.asarray(sent_mps, dtype=np.float64)), "steering": Series(times_s, still),
-        "changes": list(changes),
+        "changes": list(changes), "duration_s": float(times_s[-1]) if len(times_s) else 0.0,
     }  # fmt: skip
     return Run(**{**fields, **values})
 

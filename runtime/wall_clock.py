@@ -1,0 +1,65 @@
+"""Time since 1970, from the monotonic clock and what lies between the two, which changes when the clock is set.
+
+A computer without a battery-backed clock starts in the past, and NTP sets its clock once the network is up. NTP's slow
+corrections move the monotonic clock as well; what changes the difference is a step.
+"""
+
+import time
+from collections.abc import Callable
+
+from drivers.api import Clock
+
+NS = 1_000_000_000
+MIN_STEP_NS = 20_000_000
+"""A smaller difference may be a moment in which this process did not run between two readings."""
+READINGS = 3
+
+
+class WallClock:
+    """Turns monotonic times into times since 1970.
+
+    epoch_ns: added to a monotonic time [ns] gives the time since 1970, by the clock as it stands now.
+    started_epoch_ns: the same as it stood when this object was made. Both may be read in any thread.
+    """
+
+    def __init__(self, clock: Clock, unix_ns: Callable[[], int] = time.time_ns) -> None:
+        self._clock = clock
+        self._unix_ns = unix_ns
+        self.epoch_ns = self.started_epoch_ns = self._difference_ns()
+
+    def follow(self) -> int:
+        """Take up a step of the computer's clock, and return it [ns]; 0 without one. To be called once a second."""
+        step_ns = self._difference_ns() - self.epoch_ns
+        if abs(step_ns) < MIN_STEP_NS:
+            return 0
+        self.epoch_ns += step_ns
+        return step_ns
+
+    @property
+    def stepped_ns(self) -> int:
+        """By how much the clock was set forward since the start."""
+        return self.epoch_ns - self.started_epoch_ns
+
+    def unix_ns(self, stamp_s: float) -> int:
+        """Return the time since 1970 of a time on the monotonic clock."""
+        return self.epoch_ns + round(stamp_s * NS)
+
+    def started_unix_ns(self, stamp_s: float) -> int:
+        """Return the same by the clock as it stood when this object was made: never steps."""
+        return self.started_epoch_ns + round(stamp_s * NS)
+
+    def _difference_ns(self) -> int:
+        """Return wall minus monotonic time, of a few readings the one with the least time between its two halves."""
+        return min(self._reading() for _ in range(READINGS))[1]
+
+    def _reading(self) -> tuple[float, int]:
+        before_s = self._clock()
+        unix_ns = self._unix_ns()
+        after_s = self._clock()
+        return after_s - before_s, unix_ns - round((before_s + after_s) / 2 * NS)
+
+
+def never_set(clock: Clock) -> WallClock:
+    """Return a wall clock for a clock whose seconds are not the computer's, as in a simulation."""
+    begin_ns = time.time_ns() - round(clock() * NS)
+    return WallClock(clock, lambda: begin_ns + round(clock() * NS))
