@@ -82,12 +82,13 @@ class ParameterDesk:
         read_texts(settings)  # before the car drives
 
     def list_all(self, payload: bytes) -> bytes:
-        """Return every setting with its type, value, default, range, unit, text, and when a change takes effect."""
+        """Return every setting with its type, value, default, range, unit, text, and effect; and the names not yet saved."""
         question = self._read(ListQuestion, payload or b"{}")
         now = values(self.settings)
         known = catalogue(self.settings)
         return self._answer(
-            parameters=[known[name].describe(now[name]) for name in known if name.startswith(question.under)]
+            parameters=[known[name].describe(now[name]) for name in known if name.startswith(question.under)],
+            unsaved=sorted(self._unsaved),
         )
 
     def get_some(self, payload: bytes) -> bytes:

@@ -40,7 +40,9 @@ class MuxSettings(Section):
     """Who outranks whom, and how often the output is renewed without news."""
 
     order: tuple[Source, ...] = LAB_ORDER
+    """Who outranks whom in the mux, most urgent first."""
     tick_hz: Annotated[float, Field(ge=20, le=200)] = 50.0
+    """How often the mux decides while no scan comes."""
 
     @field_validator("order")
     @classmethod
@@ -60,13 +62,16 @@ class TelemetrySettings(TelemetryRates, SessionSettings):
     """What leaves the car over zenoh, and where it may be heard."""
 
     enabled: bool = True
+    """false: nothing leaves the car, and nothing comes in: no status, no teleop, no page."""
 
 
 class LogSettings(Section):
     """What is said on standard error."""
 
     level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = "INFO"
+    """The least severe message that the log shows."""
     format: Literal["text", "json"] = "text"
+    """How the log is written: lines for people, or JSON."""
 
 
 class ProcessSettings(Section):

@@ -13,6 +13,7 @@ class HokuyoSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     driver: Literal["hokuyo"] = "hokuyo"
+    """The kind of lidar."""
     address: Annotated[str, Field(description="tcp://HOST:PORT or serial:///dev/NAME?baud=115200")] = (
         "tcp://192.168.0.10:10940"
     )

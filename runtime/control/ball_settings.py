@@ -15,6 +15,7 @@ class BallSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     side: Literal["left", "right"] = "left"
+    """Which wall is followed."""
     desired_distance_m: Annotated[float, Field(ge=0.2, le=5)] = 1.0
     """From the rear axle to the wall; narrowed to half of the free width where there is less room."""
     speed_mps: Annotated[float, Field(ge=0, le=10)] = 1.0
@@ -24,6 +25,7 @@ class BallSettings(BaseModel):
     kd: Annotated[float, Field(ge=0, le=20)] = 4.5
     """Steering per radian between the car's heading and the wanted one at 1 m/s [-]; falls as 1 / speed."""
     look_ahead_m: Annotated[float, Field(ge=0.1, le=3)] = 0.4
+    """The part of the distance from the rear axle to the ball that does not depend on the speed."""
     look_ahead_s: Annotated[float, Field(ge=0, le=2)] = 0.3
     """Distance from the rear axle to the ball: look_ahead_m + look_ahead_s * speed."""
     latency_s: Annotated[float, Field(ge=0, le=0.3)] = 0.03
@@ -39,5 +41,6 @@ class BallSettings(BaseModel):
     no_wall: Literal["slow", "search", "stop"] = "slow"
     """slow: fade the last steering. search: turn gently towards the wanted side. stop: stop."""
     no_wall_speed_mps: Annotated[float, Field(gt=0, le=1)] = 0.5
+    """The fastest while no wall is seen."""
     search_at_most_m: Annotated[float, Field(gt=0, le=100)] = 12.0
     """A search without a wall for this long ends in a stop. One full turn of the search circle is 11.4 m."""

@@ -13,8 +13,11 @@ class LidarHealthSettings(BaseModel):
     memory_m: Annotated[float, Field(gt=0, le=10)] = 0.8
     """Evidence decays over metres moved, not over seconds: a parked car learns nothing."""
     first_mask_m: Annotated[float, Field(ge=0, le=20)] = 1.5
+    """So far the car must have driven before the first beam is masked as dirty."""
     mask_above: Annotated[float, Field(gt=0, lt=1)] = 0.6
+    """A beam is masked when its evidence of dirt rises above this."""
     unmask_below: Annotated[float, Field(gt=0, lt=1)] = 0.3
+    """A masked beam counts again when its evidence of dirt falls below this."""
     masked_share: Annotated[float, Field(ge=0, le=1)] = 0.10
     """Masks are believed while fewer of the beams within +-105 degrees than this are dirty..."""
     masked_gap_rad: Annotated[float, Field(ge=0, le=1)] = 0.0524

@@ -18,6 +18,7 @@ class BallFollowSettings(BallSettings):
     """The rolling ball: the default follower."""
 
     method: Literal["ball"] = "ball"
+    """The law that follows the wall: the rolling ball, or the lab report's."""
     expires_after_s: Annotated[float, Field(gt=0, le=0.2)] = 0.15
     """A navigation word is in force this long after its scan."""
 
@@ -26,6 +27,7 @@ class SweptSafetySettings(SweptSettings):
     """The swept footprint: the default safety."""
 
     method: Literal["swept"] = "swept"
+    """The law that slows and stops: the swept footprint, or the lab report's."""
     binds_teleop: bool = False
     """True puts safety above the human: the joystick is limited too, and needs a working lidar."""
     expires_after_s: Annotated[float, Field(gt=0, le=0.2)] = 0.15

@@ -31,23 +31,29 @@ class SweptSettings(BaseModel):
     graded_share: Annotated[float, Field(gt=0, le=1)] = 0.45
     """Share of the grip that the graded limit lets the car brake with."""
     side_margin_m: Annotated[float, Field(ge=0, le=0.3)] = 0.04
+    """Room that is kept free on each side of the swept outline."""
     wary_margin_m: Annotated[float, Field(ge=0, le=0.3)] = 0.04
     """Added aside while something limits a car above `doubtful_mps`, so that noise at an edge does not let it go."""
     front_margin_m: Annotated[float, Field(ge=0, le=0.3)] = 0.03
+    """Room that is left between the front of the car and an obstacle when it stands."""
     hold_s: Annotated[float, Field(ge=0, le=2)] = 0.2
     """A hard stop lasts at least so long: no stop-and-go."""
     release_m: Annotated[float, Field(ge=0, le=2)] = 0.2
     """A hard stop of a moving car ends when the way is so much longer than the stopping distance."""
     creep_mps: Annotated[float, Field(ge=0, le=1)] = 0.3
+    """The speed that is still allowed where there is room for nothing faster."""
     slowest_mps: Annotated[float, Field(ge=0, le=1)] = 0.25
     """Below this the motor coasts (VESC: 900 erpm = 0.195 m/s): a lower limit would be a stop for ever."""
     reverse_mps: Annotated[float, Field(ge=0, le=2)] = 0.5
+    """The fastest that the car may drive backward."""
     reverse_unseen_m: Annotated[float, Field(ge=0, le=2)] = 0.5
     """How far the car may back into what the lidar does not see, before it has to come forward again."""
     doubtful_mps: Annotated[float, Field(ge=0, le=5)] = 1.0
     """Ceiling with a late scan, a doubtful window, or an enclosed dark patch in the way."""
     late_s: Annotated[float, Field(gt=0, le=1)] = 0.10
+    """A scan older than this is late: the car goes on at doubtful_mps at most."""
     stale_s: Annotated[float, Field(gt=0, le=2)] = 0.25
+    """A scan older than this counts as no scan: the car stops."""
 
 
 class RecoverySettings(BaseModel):
@@ -58,7 +64,9 @@ class RecoverySettings(BaseModel):
     boxed_for_s: Annotated[float, Field(ge=0, le=60)] = 2.0
     """Patience: a person in the way walks on by himself."""
     tries: Annotated[int, Field(ge=0, le=10)] = 3
+    """So many times the car backs out of the same place; then it waits for help."""
     speed_mps: Annotated[float, Field(gt=0.25, le=0.5)] = 0.4
+    """The speed while the car frees itself."""
     back_m: Annotated[float, Field(gt=0.05, le=0.5)] = 0.45
     """Longest way back in one try."""
     forward_m: Annotated[float, Field(ge=0, le=2)] = 0.6

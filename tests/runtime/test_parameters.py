@@ -29,6 +29,11 @@ def test_it_lists_every_value_of_the_tree_once(settings):
 
 
 @pytest.mark.parametrize("settings", BOTH_METHODS)
+def test_every_setting_has_a_sentence(settings):
+    assert [name for name, parameter in catalogue(settings).items() if not parameter.words] == []
+
+
+@pytest.mark.parametrize("settings", BOTH_METHODS)
 def test_everything_about_every_setting_is_json(settings):
     now = values(settings)
     for name, parameter in catalogue(settings).items():

@@ -66,6 +66,12 @@ export function announce(text, kind = "info") {
   announce.timer = setTimeout(() => { box.textContent = ""; }, 6000);
 }
 
+/** Takes a notice of a kind back, because what it says does not hold any more. */
+export function withdraw(kind) {
+  const box = $("notice");
+  if (box.dataset.kind === kind) box.textContent = "";
+}
+
 export function age(ms) {
   if (!Number.isFinite(ms)) return "never";
   if (ms < 1000) return `${Math.max(0, Math.round(ms))} ms`;

@@ -1,6 +1,7 @@
 // The live parameters: what takes effect now, as sliders; undo, save, and the car's own words when it refuses.
+// What is shown is what the car answered, never what was typed.
 
-import { $, announce, make, setHidden, setText } from "./look.js";
+import { $, announce, make, setHidden, setText, withdraw } from "./look.js";
 
 const SET_EVERY_MS = 200;
 const REFRESH_MS = 10000;
@@ -38,7 +39,9 @@ export class Settings {
   /** Asks the car anew; the answer also tells where its lidar is. */
   async refresh() {
     try {
-      const { parameters } = await this.#link.ask("param/list");
+      const { parameters, unsaved } = await this.#link.ask("param/list");
+      this.#unsaved = unsaved ?? this.#unsaved;
+      this.#showButtons();
       this.#onCar(Object.fromEntries(parameters.filter(({ name }) => name.startsWith("car.")).map(({ name, value }) => [name, value])));
       if (!$("settings").open) return; // a hundred rows that nobody sees would take a tenth of a second
       this.#show(parameters.filter(({ takes_effect: when, type }) => when !== "restart" && type !== "text" && type !== "list"));
@@ -73,20 +76,26 @@ export class Settings {
     this.#filter();
   }
 
+  /** Resolves to what the car has now, undefined when it refused. */
   async #set(name, value, isUndo = false) {
-    const row = this.#rows.get(name);
+    let has;
     try {
       const { changed, unsaved } = await this.#link.ask("param/set", { values: { [name]: value } });
       if (!isUndo && changed.length) this.#remember(changed);
       this.#unsaved = unsaved;
-      row?.settle(value);
+      has = changed.find((change) => change.name === name)?.new ?? await this.#read(name);
+      this.#rows.get(name)?.settle(has);
+      withdraw("bad");
       if (changed.some((change) => change.name !== name)) this.refresh();
     } catch (error) {
-      row?.refuse(error.message);
+      this.#rows.get(name)?.refuse(error.message);
       announce(error.message, "bad");
     }
     this.#showButtons();
+    return has;
   }
+
+  async #read(name) { return (await this.#link.ask("param/get", { names: [name] })).values[name]; }
 
   /** One drag of a slider is one step to undo. */
   #remember(changed) {
@@ -98,17 +107,19 @@ export class Settings {
   }
 
   async #undoLast() {
-    const last = this.#undo.pop();
+    const last = this.#undo.at(-1);
     if (!last) return;
-    await this.#set(last.name, last.old, true);
-    this.#rows.get(last.name)?.take(last.old);
-    announce(`${last.name} is ${last.old} again`);
+    const has = await this.#set(last.name, last.old, true);
+    if (has === undefined) return; // refused: it can be tried again, for example when the car stands
+    this.#undo.splice(this.#undo.indexOf(last), 1);
+    this.#showButtons();
+    announce(`${last.name} is ${has} again`);
   }
 
   async #save() {
     try {
       const { saved, file } = await this.#link.ask("param/save");
-      this.#unsaved = [];
+      this.#unsaved = this.#unsaved.filter((name) => !saved.includes(name));
       announce(saved.length ? `saved to ${file}: ${saved.join(", ")}` : "nothing to save", "good");
     } catch (error) {
       announce(error.message, "bad");
@@ -126,7 +137,14 @@ export class Settings {
 
   #filter() {
     const words = $("settings-filter").value.trim().toLowerCase().split(/\s+/).filter(Boolean);
-    for (const [name, row] of this.#rows) setHidden(row.element, !words.every((word) => (name + row.description).toLowerCase().includes(word)));
+    let found = 0;
+    for (const [name, row] of this.#rows) {
+      const shown = words.every((word) => `${name} ${row.text}`.toLowerCase().includes(word));
+      setHidden(row.element, !shown);
+      found += Number(shown);
+    }
+    const none = words.length && this.#rows.size && !found;
+    setText($("settings-none"), none ? `No setting has “${words.join(" ")}”. Here is what takes effect at once; the rest is in the car's file.` : "");
     for (const group of $("settings-list").children) {
       const shown = [...group.querySelectorAll(".setting")].some((row) => !row.hidden);
       setHidden(group, !shown);
@@ -148,27 +166,37 @@ class Row {
   constructor(parameter, set) {
     this.#parameter = parameter;
     this.#set = set;
-    this.description = parameter.description;
+    const { name, description, range, default: usual, takes_effect: when } = parameter;
+    const words = [when === "standing" ? "[while standing]" : "", description].filter(Boolean).join(" ");
+    const limits = `${range}, default ${usual}`;
+    this.text = `${titleOf(parameter)} ${words} ${limits}`;
     this.element = make("div", "setting");
-    const id = `setting-${parameter.name}`;
+    const id = `setting-${name}`;
     const label = make("label", "", titleOf(parameter));
     label.htmlFor = id;
-    label.title = parameter.name;
-    this.hint = make("p", "hint", [parameter.description, parameter.takes_effect === "standing" ? "Only while the car stands." : ""].filter(Boolean).join(" "));
+    const hint = make("p", "hint", words);
+    hint.id = `${id}-hint`;
+    const limit = make("p", "hint range", limits);
+    limit.id = `${id}-range`;
     this.trouble = make("p", "trouble");
-    this.element.append(label, this.#control(id), this.hint, this.trouble);
+    this.trouble.id = `${id}-trouble`;
+    this.element.append(label, make("code", "name", name), this.#control(id), hint, limit, this.trouble);
+    for (const input of this.#inputs) input.setAttribute("aria-describedby", `${hint.id} ${limit.id} ${this.trouble.id}`);
   }
 
   /** Shows what the car says, unless a hand is on it. */
   take(value) {
-    if (performance.now() < this.#busyUntilMs || this.#inputs.includes(document.activeElement) && this.#waiting !== undefined) return;
+    if (this.#waiting !== undefined || performance.now() < this.#busyUntilMs) return;
+    if (value !== this.#parameter.value) setText(this.trouble, "");
     this.#parameter.value = value;
     this.#display(value);
   }
 
+  /** The car took a value, and has this one now; while a newer one waits to be sent, that one stays on show. */
   settle(value) {
     this.#parameter.value = value;
     setText(this.trouble, "");
+    if (this.#waiting === undefined) this.#display(value);
   }
 
   refuse(reason) {
@@ -194,10 +222,10 @@ class Row {
     this.#inputs.at(-1).id = id;
     box.append(...this.#inputs);
     if (unit && unit !== "1") box.append(make("span", "unit", unit));
-    const back = this.back = make("button", "quiet", "default");
+    const back = this.back = make("button", "quiet", "reset to default");
     back.type = "button";
-    back.title = `back to ${usual}`;
-    back.setAttribute("aria-label", `${this.#parameter.name} back to ${usual}`);
+    back.title = `reset ${this.#parameter.name} to ${usual}`;
+    back.setAttribute("aria-label", `reset to default ${usual}: ${this.#parameter.name}`);
     back.addEventListener("click", () => { this.#display(usual); this.#send(usual); });
     box.append(back);
     this.#display(this.#parameter.value);
@@ -229,7 +257,7 @@ class Row {
     input.type = type;
     input.addEventListener("change", () => {
       const wanted = value();
-      if (Number.isNaN(wanted)) this.#display(this.#parameter.value);
+      if (Number.isNaN(wanted)) this.refuse("not a number");
       else { this.#display(wanted); this.#send(wanted); }
     });
     if (type === "checkbox") input.addEventListener("keydown", (event) => { if (event.key === "Enter") input.click(); }); // Space is STOP

@@ -52,8 +52,11 @@ class FakeCar:
             car_session,
         )  # fmt: skip
         self.settings = ParameterDesk(
-            Settings(), DeskSurroundings(self._apply, lambda: True, time.monotonic, lambda: "2026-11-21"), History(100)
+            Settings(),
+            DeskSurroundings(self._apply, lambda: self.standing, time.monotonic, lambda: "2026-11-21"),
+            History(100),
         )
+        self.standing = True
         self.applied = []
         self.recording = []
         self.history = [(time.monotonic(), 0.0)]
