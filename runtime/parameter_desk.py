@@ -82,7 +82,7 @@ class ParameterDesk:
         read_texts(settings)  # before the car drives
 
     def list_all(self, payload: bytes) -> bytes:
-        """Return every setting with its type, value, default, range, unit, text, and effect; and the names not yet saved."""
+        """Return all of every setting, and the names of those that were changed and not saved."""
         question = self._read(ListQuestion, payload or b"{}")
         now = values(self.settings)
         known = catalogue(self.settings)

@@ -8,6 +8,8 @@ from pathlib import Path
 from wallride.client_options import add_common, run_client
 
 MAX_SPEED_MPS = 20.0
+FIRST_SPEED_MPS = 0.75
+"""As slow as the page's slider begins."""
 
 
 def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -15,8 +17,8 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     parser = commands.add_parser(
         "teleop",
         help="drive a car by hand, or permit its autonomy, with a gamepad or a keyboard",
-        description="Left bumper held: drive by hand. Right bumper held: permit autonomy. Both, B or the space bar:"
-        " e-stop. Released: the car stops at once.",
+        description="With a gamepad, or without one with this terminal's keyboard. Left bumper held: drive by hand."
+        " Right bumper held: permit autonomy. Both, B, Space or Esc: e-stop. Released: the car stops at once.",
     )
     add_common(parser)
     _add_devices(parser)
@@ -56,7 +58,7 @@ def default_name() -> str:
 
 def _add_devices(parser: argparse.ArgumentParser) -> None:
     device = parser.add_mutually_exclusive_group()
-    device.add_argument("--keyboard", action="store_true", help="this terminal's keyboard instead of a gamepad")
+    device.add_argument("--keyboard", action="store_true", help="this terminal's keyboard, even with a gamepad")
     device.add_argument("--window", action="store_true", help="the keyboard, in a window that sees released keys")
     device.add_argument("--script", type=Path, metavar="FILE", help="a CSV or TOML file instead of hands")
     device.add_argument("--map", action="store_true", help="teach an unknown gamepad: asks, and writes its file")
@@ -69,9 +71,9 @@ def _add_feel(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--max-speed",
         type=_between(0.1, MAX_SPEED_MPS),
-        default=1.5,
+        default=FIRST_SPEED_MPS,
         metavar="MPS",
-        help="at full stick (default: 1.5)",
+        help=f"at full stick (default: {FIRST_SPEED_MPS:g})",
     )
     parser.add_argument(
         "--max-steering", type=_between(0.05, 1.5), default=0.34, metavar="RAD", help="at full stick (default: 0.34)"

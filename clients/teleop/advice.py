@@ -1,5 +1,6 @@
 """What is going on and what to do next, in the operator's words. Pure: a situation in, two short texts out."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -54,7 +55,7 @@ def _blocked(now: Situation, names: Mapping[Control, str]) -> Advice:
     release = _release(now, names)
     texts = {
         Block.WAITING: ("waiting", "no heartbeat from the car yet: may this certificate read it?"),
-        Block.LINK: ("LINK LOST", f"link lost {now.beat_age_s:.1f} s ago: the car stops by itself; wait, {release}"),
+        Block.LINK: ("LINK LOST", f"{_link_lost(now)}: the car stops by itself; wait, {release}"),
         Block.DEVICE: ("NO INPUT", now.inputs.trouble or "no input device"),
         Block.FROZEN: ("PAD SILENT", f"no event for {now.input_age_s:.1f} s: is the pad on, and near? {release}"),
         Block.PAUSED: ("paused", f"this program stood still: {release}"),
@@ -111,4 +112,8 @@ def _progress(now: Situation) -> str:
 
 
 def _link_note(now: Situation) -> str:
-    return "" if now.linked else f"; link lost {now.beat_age_s:.1f} s ago"
+    return "" if now.linked else f"; {_link_lost(now)}"
+
+
+def _link_lost(now: Situation) -> str:
+    return f"link lost {now.beat_age_s:.1f} s ago" if math.isfinite(now.beat_age_s) else "no heartbeat heard yet"

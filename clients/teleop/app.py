@@ -18,7 +18,15 @@ from clients.teleop.pilot import Block, Pilot
 from clients.teleop.screen import CarNews, Screen, lines
 from clients.teleop.script import ScriptError, load
 from clients.teleop.shaping import Feel
-from clients.teleop.sources import KeySource, PadSource, ScriptSource, Source, WindowSource
+from clients.teleop.sources import (
+    KeySource,
+    PadOrKeySource,
+    PadSource,
+    ScriptSource,
+    Source,
+    StopKeySource,
+    WindowSource,
+)
 from clients.teleop.wizard import Wizard
 from runtime import wire
 from runtime.bus import BYTES
@@ -151,7 +159,7 @@ async def operate(options: argparse.Namespace) -> int:
     stop = asyncio.Event()
     with _stopping(stop), ExitStack() as things:
         source = _open_source(options, things)
-        feel = _feel(options, keys=isinstance(source, KeySource | WindowSource), script=bool(options.script))
+        feel = _feel(options, keys=options.keyboard or options.window, script=bool(options.script))
         pilot = Pilot(secrets.randbits(63) + 1, options.name, feel)
         async with connected(options) as (bus, car):
             screen = Screen(sys.stdout, plain=options.plain or bool(options.script))
@@ -196,26 +204,34 @@ async def _ask(sdl: gamepad.Sdl, say: Callable[[str], object]) -> int:
 def _open_source(options: argparse.Namespace, things: ExitStack) -> Source:
     try:
         if options.script:
-            return ScriptSource(load(options.script))
+            return _with_stop_keys(ScriptSource(load(options.script)), things)
         if options.window:
-            return WindowSource(_open_sdl(things, window=True))
+            return _with_stop_keys(WindowSource(_open_sdl(things, window=True)), things)
         if options.keyboard:
             if not terminal.is_there():
                 raise TeleopProblemError("--keyboard needs a terminal; use --window, or a pad")
-            keys = things.enter_context(terminal.Terminal(time.monotonic, want_releases=True))
-            return KeySource(keys, releases=keys.releases)
+            return _open_keys(things)
         own, problems = pad_files.read_all(pad_files.folder())
         if problems:
             raise TeleopProblemError("; ".join(problems))
-        sdl = _open_sdl(things, window=False)
-        space = (
-            things.enter_context(terminal.Terminal(time.monotonic, want_releases=False))
-            if terminal.is_there()
-            else None
-        )
-        return PadSource(sdl, own, options.pad or "", space)
+        pads = PadSource(_open_sdl(things, window=False), own, options.pad or "")
+        if not terminal.is_there():
+            return pads
+        return PadOrKeySource(pads, _open_keys(things), KEY_STEERING_RATE_RADPS / options.max_steering)
     except (ScriptError, OSError) as error:
         raise TeleopProblemError(str(error)) from None
+
+
+def _open_keys(things: ExitStack) -> KeySource:
+    keys = things.enter_context(terminal.Terminal(time.monotonic, want_releases=True))
+    return KeySource(keys, releases=keys.releases)
+
+
+def _with_stop_keys(source: Source, things: ExitStack) -> Source:
+    """Let the terminal, where there is one, stop the car besides."""
+    if not terminal.is_there():
+        return source
+    return StopKeySource(source, things.enter_context(terminal.Terminal(time.monotonic, want_releases=False)))
 
 
 def _open_sdl(things: ExitStack, *, window: bool) -> gamepad.Sdl:

@@ -71,7 +71,7 @@ BUTTON_KEYS = {
 HELD_NAMES = {
     Control.MANUAL: "Shift or M",
     Control.AUTONOMY: "P",
-    Control.ESTOP: "Space",
+    Control.ESTOP: "Space or Esc",
     Control.RESET: "R",
     Control.TAKE_OVER: "T",
     Control.SPEED: "W/S or up/down",
@@ -99,7 +99,7 @@ class HeldKeys:
         self._answered_s = -math.inf
         self._down: set[str] = set()
         self._focused = True
-        self._event_s = -math.inf
+        self._event_s = self._stop_s = -math.inf
 
     def feed(self, event: KeyEvent, now_s: float) -> None:
         """Take one event."""
@@ -107,6 +107,8 @@ class HeldKeys:
             case Key(name, act):
                 (self._down.discard if act is Act.RELEASE else self._down.add)(name)
                 self._event_s = now_s
+                if act is not Act.RELEASE and name in BUTTON_KEYS[Control.ESTOP]:
+                    self._stop_s = now_s
             case Focus(gained):
                 self._focused = gained
                 self._down.clear()
@@ -124,7 +126,8 @@ class HeldKeys:
             trouble = "the terminal does not answer: it could not tell us of a released key"
             self._down.clear()
         if trouble:
-            return Inputs(Input.KEYBOARD, live=False, device=self._device, trouble=trouble)
+            stop = frozenset({Control.ESTOP} if now_s - self._stop_s <= REPEAT_GAP_S else ())
+            return Inputs(Input.KEYBOARD, live=False, pressed=stop, device=self._device, trouble=trouble)
         moves = [DIRECTIONS[name] for name in self._down if name in DIRECTIONS]
         return Inputs(
             Input.KEYBOARD,

@@ -24,7 +24,9 @@ from runtime.teleop_wire import Input
 
 KEY_STOP_S = 0.2
 """So long a typed Space counts as the e-stop button held; the pilot repeats it until the car confirms."""
-PLUG_IN = "no pad: plug one in, or start again with --keyboard or --window"
+PLUG_IN = "no pad: plug one in, or start again with --window"
+NO_PAD = "no gamepad: the keyboard drives"
+LOST_PAD = "the gamepad is gone: plug it in, or press a key to drive with the keyboard"
 
 
 class Source(Protocol):
@@ -33,8 +35,15 @@ class Source(Protocol):
     names: what its controls are called. leaving: the operator wants to go.
     """
 
-    names: Mapping[Control, str]
-    leaving: bool
+    @property
+    def names(self) -> Mapping[Control, str]:
+        """What its controls are called."""
+        ...
+
+    @property
+    def leaving(self) -> bool:
+        """Whether the operator wants to go."""
+        ...
 
     def poll(self, now_s: float, *, ready: bool) -> Inputs:
         """Return what is held now. ready: a deadman would count."""
@@ -73,35 +82,34 @@ class PadSource:
     """The first usable pad. While it is away nothing counts, and whatever comes back starts from nothing.
 
     own: layouts from the user's files. wanted: part of a name or a USB id that the pad must have, "" for any.
-    keys: the terminal; its space bar is an e-stop too.
     """
 
-    def __init__(self, pads: Pads, own: Mapping[str, Layout], wanted: str = "", keys: Keys | None = None) -> None:
-        self.names = PAD_NAMES
+    def __init__(self, pads: Pads, own: Mapping[str, Layout], wanted: str = "") -> None:
+        self.names: Mapping[Control, str] = PAD_NAMES
         self.leaving = False
         self._pads = pads
         self._own = own
         self._wanted = wanted.lower()
-        self._keys = keys
         self._there: dict[int, gamepad.Connected] = {}
         self._unusable: dict[int, str] = {}
         self._pad: int | None = None
         self._layout: Layout | None = None
         self._state = PadState()
         self._mode: ModeWatch | None = None
-        self._key_stop_s = float("-inf")
+
+    @property
+    def has_pad(self) -> bool:
+        """Whether a usable pad is there."""
+        return self._pad is not None
 
     def poll(self, now_s: float, *, ready: bool) -> Inputs:  # noqa: ARG002 - a pad does not wait for the car
         """Take what SDL has and return what is held."""
         for happening in self._pads.poll():
             self._take(happening, now_s)
-        self._take_keys(now_s)
-        stop = frozenset({Control.ESTOP} if now_s - self._key_stop_s < KEY_STOP_S else ())
         if self._pad is None:
             self._adopt()
-            return Inputs(Input.PAD, live=False, pressed=stop, trouble=self._absence())
-        inputs = self._read()
-        return replace(inputs, pressed=inputs.pressed | stop)
+            return Inputs(Input.PAD, live=False, trouble=self._absence())
+        return self._read()
 
     def show(self, lines: Sequence[str], mood: str) -> None:
         """A pad shows nothing."""
@@ -121,13 +129,6 @@ class PadSource:
                     self._mode.watch(event)
             case _:
                 pass
-
-    def _take_keys(self, now_s: float) -> None:
-        for event in self._keys.poll() if self._keys is not None else ():
-            if isinstance(event, Quit):
-                self.leaving = True
-            elif isinstance(event, Key) and event.name in BUTTON_KEYS[Control.ESTOP]:
-                self._key_stop_s = now_s
 
     def _adopt(self) -> None:
         """Take the first pad that can be used; it counts from the next poll on."""
@@ -169,6 +170,88 @@ class PadSource:
         if not self._state.events:
             return "no event since it was connected: is it switched on? Press a button"
         return self._mode.notice if self._mode is not None else ""
+
+
+class PadOrKeySource:
+    """A pad while there is one, else the keyboard of this terminal, whose Space and Esc stop in either case.
+
+    A pad that is lost is no release, so the keyboard takes over from it only when a key is pressed there.
+    steering_per_s: how fast a key moves the stick that it stands for.
+    """
+
+    def __init__(self, pads: PadSource, keys: "KeySource", steering_per_s: float) -> None:
+        self._pads = pads
+        self._keys = keys
+        self._steering_per_s = steering_per_s
+        self._steering = 0.0
+        self._polled_s = float("-inf")
+        self._on_keys = True
+
+    @property
+    def names(self) -> Mapping[Control, str]:
+        """What the controls of the present device are called."""
+        return (self._keys if self._on_keys else self._pads).names
+
+    @property
+    def leaving(self) -> bool:
+        """Whether the operator wants to go."""
+        return self._keys.leaving
+
+    def poll(self, now_s: float, *, ready: bool) -> Inputs:
+        """Return what is held on the present device."""
+        from_pad, from_keys = self._pads.poll(now_s, ready=ready), self._keys.poll(now_s, ready=ready)
+        stop = (from_pad.pressed | from_keys.pressed) & {Control.ESTOP}
+        self._on_keys = not self._pads.has_pad and (self._on_keys or not from_keys.released)
+        if not self._on_keys:
+            trouble = from_pad.trouble.replace(PLUG_IN, LOST_PAD)
+            return replace(from_pad, pressed=from_pad.pressed | stop, trouble=trouble)
+        return replace(self._steered(from_keys, now_s), pressed=from_keys.pressed | stop)
+
+    def show(self, lines: Sequence[str], mood: str) -> None:
+        """The screen is in the terminal already."""
+
+    def _steered(self, keys: Inputs, now_s: float) -> Inputs:
+        """Return the keys with a stick that moves gradually, and centres at once."""
+        step = self._steering_per_s * max(0.0, now_s - self._polled_s)
+        self._polled_s = now_s
+        self._steering += max(-step, min(keys.steering - self._steering, step))
+        if not keys.steering:
+            self._steering = 0.0
+        return replace(keys, steering=self._steering, trouble=keys.trouble or NO_PAD)
+
+
+class StopKeySource:
+    """Another source, with the Space and Esc of a terminal as an e-stop besides."""
+
+    def __init__(self, source: Source, keys: Keys) -> None:
+        self._source = source
+        self._keys = keys
+        self._left = False
+        self._stop_s = float("-inf")
+
+    @property
+    def names(self) -> Mapping[Control, str]:
+        """What the other source's controls are called."""
+        return self._source.names
+
+    @property
+    def leaving(self) -> bool:
+        """Whether the operator wants to go, or the other source is at its end."""
+        return self._left or self._source.leaving
+
+    def poll(self, now_s: float, *, ready: bool) -> Inputs:
+        """Return what the other source holds, and the e-stop."""
+        for event in self._keys.poll():
+            self._left |= isinstance(event, Quit)
+            if isinstance(event, Key) and event.name in BUTTON_KEYS[Control.ESTOP]:
+                self._stop_s = now_s
+        inputs = self._source.poll(now_s, ready=ready)
+        stopped = now_s - self._stop_s < KEY_STOP_S
+        return replace(inputs, pressed=inputs.pressed | {Control.ESTOP}) if stopped else inputs
+
+    def show(self, lines: Sequence[str], mood: str) -> None:
+        """Show text where the other source does."""
+        self._source.show(lines, mood)
 
 
 class KeySource:

@@ -2,12 +2,15 @@
 
 import math
 
+import pytest
+
 from clients.teleop import sources
 from clients.teleop.gamepad import Connected, Gone, Moved, Typed
 from clients.teleop.inputs import Control
 from clients.teleop.keyboard import Act, Focus, Key, Quit
 from clients.teleop.pads import Axis, Button, parse_mapping
 from clients.teleop.script import Script, Step
+from runtime.teleop_wire import Input
 from tests.clients.teleop.recordings import D_DRIVE, D_GUID, D_REST, MODE_ON, X_DRIVE, X_GUID, X_REST, X_SDL
 
 
@@ -84,18 +87,95 @@ def test_mode_is_said():
     assert "press MODE" in feed(source, sdl, *(Moved(0, event) for event in MODE_ON)).trouble
 
 
-def test_the_space_bar_stops_with_a_pad_in_hand_and_without_one():
+def pad_or_keys(*, releases=False):
     sdl, keys = Queue(), Queue()
-    source = sources.PadSource(sdl, {}, keys=keys)
-    keys.waiting = [Key("space")]
-    assert feed(source, sdl).wants_stop
+    pads = sources.PadSource(sdl, {})
+    return sources.PadOrKeySource(pads, sources.KeySource(keys, releases=releases), 4.0), sdl, keys
+
+
+@pytest.mark.parametrize("name", ["space", "escape"])
+@pytest.mark.parametrize("releases", [False, True])
+def test_space_and_escape_stop_with_a_pad_in_hand_and_without_one(name, releases):
+    source, sdl, keys = pad_or_keys(releases=releases)
+    keys.waiting = [Key(name)]
+    assert feed(source, sdl).wants_stop, "also before the terminal has answered"
+    keys.waiting = [Key(name, Act.RELEASE)] if releases else []
     feed(source, sdl, X_PAD, now_s=2.0)
     assert not feed(source, sdl, now_s=2.1).wants_stop
-    keys.waiting = [Key("space")]
+    keys.waiting = [Key(name)]
     assert feed(source, sdl, now_s=3.0).wants_stop
+    keys.waiting = [Key(name, Act.RELEASE)] if releases else []
+    feed(source, sdl, Gone(0), now_s=4.0)
+    keys.waiting = [Key(name)]
+    assert feed(source, sdl, now_s=5.0).wants_stop, "and when the pad is gone"
     keys.waiting = [Quit()]
     feed(source, sdl)
     assert source.leaving
+
+
+@pytest.mark.parametrize("name", ["space", "escape"])
+def test_space_and_escape_stop_beside_a_script_and_a_window(name):
+    others = (
+        sources.ScriptSource(Script([Step(0.0, frozenset({Control.MANUAL})), Step(9.0, frozenset())])),
+        sources.WindowSource(Queue()),
+    )
+    for other in others:
+        keys = Queue()
+        source = sources.StopKeySource(other, keys)
+        assert not source.poll(1.0, ready=True).wants_stop
+        keys.waiting = [Key(name)]
+        assert source.poll(1.1, ready=True).wants_stop
+        assert source.poll(1.2, ready=True).wants_stop
+        assert not source.poll(1.5, ready=True).wants_stop
+        assert source.names == other.names
+        keys.waiting = [Quit()]
+        source.poll(1.6, ready=True)
+        assert source.leaving
+
+
+def held(keys, name, source, sdl, until_s, since_s):
+    """Hold a key of a terminal that only repeats; return the last inputs."""
+    inputs, now_s = None, since_s
+    while now_s < until_s:
+        keys.waiting = [Key(name)]
+        inputs = feed(source, sdl, now_s=now_s)
+        now_s += 0.04
+    return inputs
+
+
+def test_without_a_pad_the_keyboard_drives_until_one_is_plugged_in():
+    source, sdl, keys = pad_or_keys()
+    idle = feed(source, sdl)
+    assert (idle.kind, idle.live, idle.released, idle.trouble) == (Input.KEYBOARD, True, True, sources.NO_PAD)
+    assert "W A S D" in source.names[Control.MANUAL]
+    driving = held(keys, "w", source, sdl, 2.0, 1.0)
+    assert (driving.manual, driving.speed) == (True, 1.0)
+    feed(source, sdl, X_PAD, now_s=2.1)
+    idle = feed(source, sdl, now_s=2.2)
+    assert (idle.kind, idle.released) == (Input.PAD, True)
+    assert source.names[Control.MANUAL] == "LB"
+
+
+def test_a_key_steers_gradually_and_centres_at_once():
+    source, sdl, keys = pad_or_keys()
+    feed(source, sdl, now_s=1.0)
+    first = held(keys, "q", source, sdl, 1.3, 1.04)
+    assert 0 < first.steering < 1
+    assert held(keys, "q", source, sdl, 2.0, 1.3).steering == 1.0
+    assert feed(source, sdl, now_s=2.5).steering == 0.0
+
+
+def test_a_pad_that_is_lost_is_no_release_until_a_key_is_pressed():
+    source, sdl, keys = pad_or_keys()
+    feed(source, sdl, X_PAD)
+    feed(source, sdl)
+    assert feed(source, sdl, *(Moved(0, event) for event in X_DRIVE), now_s=2.0).manual
+    lost = feed(source, sdl, Gone(0), now_s=2.1)
+    assert (lost.live, lost.trouble) == (False, sources.LOST_PAD)
+    assert not feed(source, sdl, now_s=60.0).live, "however long that takes"
+    keys.waiting = [Key("w")]
+    assert not feed(source, sdl, now_s=61.0).manual, "a tap is no drive"
+    assert held(keys, "w", source, sdl, 63.0, 62.0).manual
 
 
 def test_a_window_sees_releases_and_shows_the_screen():
