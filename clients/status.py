@@ -10,6 +10,7 @@ from typing import Any
 from clients.connection import Cars, ConnectionProblemError, connected, open_bus
 from runtime import wire
 from runtime.bus import Bus
+from runtime.screen_words import because, steering_words
 
 FIRST_WITHIN_S = 3.0
 CARS_WITHIN_S = 1.0
@@ -18,6 +19,7 @@ SILENT_S = 1.0
 CLEAR_SCREEN = "\x1b[H\x1b[2J"
 RULE_WIDTH = 78
 Status = Mapping[str, Any]
+BIND = "wallride param set safety.binds_teleop=true"
 
 
 async def run(options: argparse.Namespace) -> int:
@@ -102,8 +104,7 @@ def headline(status: Status) -> str:
     if not output:
         return "stands: nothing has been decided yet"
     does = f"drives {output['speed_mps']:.2f} m/s" if output["speed_mps"] else "stands"
-    measure = f" ({output['measure']:.2f})" if output.get("measure") is not None else ""
-    return f"{does}: {output['winner']}: {output['reason']}{measure}"
+    return f"{does}: {output['winner']}: {because(output['reason'], output.get('measure'))}"
 
 
 def screen(status: Status, silent_s: float = 0.0) -> list[str]:
@@ -122,7 +123,7 @@ def _rows(status: Status) -> Iterator[tuple[str, str]]:
             "drive",
             (
                 f"asked {_mps(output['asked_mps'])}, allowed {_mps(output['allowed_mps'])},"
-                f" sent {_mps(output['speed_mps'])} {_rad(output['steering_rad'])},"
+                f" sent {_mps(output['speed_mps'])} {steering_words(output['steering_rad'])},"
                 f" measured {_mps(status['speed_mps'])}{'' if output['delivered'] else '  NO MOTOR TAKES IT'}"
             ),
         )
@@ -135,6 +136,7 @@ def _rows(status: Status) -> Iterator[tuple[str, str]]:
         yield label, f"{source:<12}{_voice(voice)}"
         label = ""
     yield "operator", _operator(status.get("operator"))
+    yield "not bound", overruled_words(status.get("overruled"))
     battery = status["battery"]
     yield "battery", f"{battery['voltage_v']:.1f} V, {battery['current_a']:.1f} A" if battery else "unknown"
     yield "fault", status["fault"]
@@ -158,11 +160,19 @@ def _voice(voice: Mapping[str, Any]) -> str:
     age = f"{voice['age_s']:6.2f} s ago  "
     if not voice["live"]:
         return f"{age}no longer in force"
-    measure = f" ({voice['measure']:.2f})" if voice["measure"] is not None else ""
+    reason = because(voice["reason"], voice["measure"])
     if voice["caps"]:
         allows = "no limit" if voice["speed_mps"] is None else f"at most {_mps(voice['speed_mps'])}"
-        return f"{age}{allows}: {voice['reason']}{measure}"
-    return f"{age}wants {_mps(voice['speed_mps'])} {_rad(voice['steering_rad'])}: {voice['reason']}{measure}"
+        return f"{age}{allows}: {reason}"
+    return f"{age}wants {_mps(voice['speed_mps'])} {steering_words(voice['steering_rad'])}: {reason}"
+
+
+def overruled_words(overruled: Mapping[str, Any] | None) -> str:
+    """Return what safety says to a human whom it does not bind, and the switch; "" where it has nothing to say."""
+    if not overruled:
+        return ""
+    said = because(str(overruled.get("reason", "")), overruled.get("measure"))
+    return f"safety says {said}, and does not bind the human: {BIND}"
 
 
 def _operator(operator: Mapping[str, Any] | None) -> str:
@@ -183,7 +193,3 @@ def _operator(operator: Mapping[str, Any] | None) -> str:
 
 def _mps(speed_mps: float | None) -> str:
     return f"{speed_mps:.2f} m/s" if speed_mps is not None else "-"
-
-
-def _rad(steering_rad: float | None) -> str:
-    return f"{steering_rad:+.3f} rad" if steering_rad is not None else ""

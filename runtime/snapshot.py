@@ -4,18 +4,20 @@ Read off the hot path, from references to what the tasks own; asks nobody to com
 null is "no limit", a measure of null "no number", and a gate of "" is open.
 """
 
+import copy
 import math
 from bisect import bisect_left, insort
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from drivers.api import Clock, Lidar, LinkState, Motor
 from drivers.value import value
-from runtime.command import CapWord, Decision, DriveWord, Output, Source, Word
+from runtime.command import CapWord, Decision, DriveWord, Outlook, Output, Source, Word
 from runtime.control.odometry import Pose
 from runtime.control.score import Score
+from runtime.control.swept import Outlook as SweptOutlook
 from runtime.operator_view import OperatorView
 from runtime.stage_clock import StageClock
 from runtime.voices import Voices
@@ -131,6 +133,7 @@ def status(observed: Observed, output: Output | None, journey: Journey) -> dict[
         "gates": closed,
         "voices": voices(observed, live, heard),
         "operator": observed.operator().fields() if observed.operator is not None else None,
+        "overruled": overruled(observed, live, decision),
         "seconds_by_winner": dict(observed.seconds_by_winner),
         "speed_mps": motor_state.speed_mps if motor_state is not None else None,
         "battery": {"voltage_v": motor_state.voltage_v, "current_a": motor_state.input_current_a}
@@ -175,6 +178,35 @@ def gates(observed: Observed, heard: Mapping[Source, Said]) -> dict[str, str]:
             closed[str(source)] = "" if source is Source.ESTOP else NO_WORD
     closed[str(Source.NAVIGATION)] = "" if Source.NAVIGATION in heard else NO_WORD
     return closed
+
+
+def overruled(
+    observed: Observed, live: Mapping[Source, Word], decision: Decision | None
+) -> dict[str, float | str] | None:
+    """Return what safety says to the wish of a human whom it does not bind; None where it binds or does not object.
+
+    speed_mps: as fast as safety would let the car go. reason, measure: as of a verdict.
+    """
+    order, safety, wish = observed.voices.order, live.get(Source.SAFETY), live.get(Source.TELEOP)
+    driving = decision is not None and decision.driver is Source.TELEOP
+    if not driving or not isinstance(wish, DriveWord) or not isinstance(safety, CapWord):
+        return None
+    if order.index(Source.SAFETY) < order.index(Source.TELEOP) or not wish.drive.speed_mps:
+        return None
+    verdict = _without_trace(safety.outlook).limit(wish.drive.speed_mps, wish.drive.steering_rad)
+    most_mps = verdict.forward_mps if wish.drive.speed_mps > 0 else verdict.reverse_mps
+    if most_mps >= abs(wish.drive.speed_mps):
+        return None
+    return {"speed_mps": most_mps, "reason": verdict.reason, "measure": verdict.measure}
+
+
+def _without_trace(outlook: Outlook) -> Outlook:
+    """Return an outlook that can be asked without the law remembering what it said."""
+    if not isinstance(outlook, SweptOutlook):
+        return outlook
+    guard = copy.copy(outlook.guard)
+    guard.memory = copy.deepcopy(guard.memory)
+    return replace(outlook, guard=guard)
 
 
 def voices(observed: Observed, live: Mapping[Source, Word], heard: Mapping[Source, Said]) -> dict[str, Any]:

@@ -10,10 +10,12 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
+from clients.status import overruled_words
 from clients.teleop.advice import Advice
 from clients.teleop.inputs import Control
 from clients.teleop.pilot import Situation
 from runtime import wire
+from runtime.screen_words import because, steering_words
 from runtime.teleop_wire import Condition
 
 
@@ -26,6 +28,7 @@ class CarNews:
     measure: float | None = None
     voltage_v: float | None = None
     fault: str = ""
+    overruled: str = ""
     operators: set[str] = field(default_factory=set)
 
     def take(self, payload: bytes) -> None:
@@ -45,6 +48,9 @@ class CarNews:
         )
         if voltage_v is not None:
             self.voltage_v = voltage_v
+        if "overruled" in message:
+            said = message["overruled"]
+            self.overruled = overruled_words(said) if isinstance(said, Mapping) else ""
         if isinstance(message.get("fault"), str):
             self.fault = message["fault"]
 
@@ -61,7 +67,7 @@ def lines(car: str, now: Situation, advice: Advice, news: CarNews, names: Mappin
     rows = [
         f"{advice.state}   {advice.next_step}",
         f"{car}: {_why(news)}" if now.linked else f"{car}: not heard",
-        f"speed {measured_mps:+.2f} m/s   wished {now.wanted_mps:+.2f} m/s, {now.wanted_rad:+.2f} rad",
+        f"speed {measured_mps:+.2f} m/s   wished {now.wanted_mps:+.2f} m/s, {steering_words(now.wanted_rad)}",
         f"operator: {_operator(now)}" + (f"   {others} more connected" if others else ""),
         (
             f"link: beat {_milliseconds(now.beat_age_s)} ago, round trip {_milliseconds(now.round_trip_s)}"
@@ -74,6 +80,8 @@ def lines(car: str, now: Situation, advice: Advice, news: CarNews, names: Mappin
         ),
         f"speed: {names[Control.SPEED]}   steering: {names[Control.STEERING]}",
     ]
+    if news.overruled:
+        rows.insert(2, news.overruled)
     if news.fault:
         rows.insert(2, f"fault: {news.fault}")
     return rows
@@ -112,8 +120,7 @@ class Screen:
 def _why(news: CarNews) -> str:
     if not news.reason:
         return "no status yet"
-    measure = "" if news.measure is None else f" ({news.measure:.2f})"
-    return f"{news.winner}: {news.reason}{measure}"
+    return f"{news.winner}: {because(news.reason, news.measure)}"
 
 
 def _operator(now: Situation) -> str:

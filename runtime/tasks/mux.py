@@ -1,7 +1,6 @@
 """The command mux: decides whose word goes to the motor, on every word and on every tick."""
 
 import logging
-import math
 from collections.abc import Callable
 from typing import Never
 
@@ -10,6 +9,7 @@ from runtime.command import Decision, Output, Source, arbitrate
 from runtime.control.limiter import Limiter
 from runtime.metronome import Tick
 from runtime.recording.tape import Tape
+from runtime.screen_words import because
 from runtime.stage_clock import StageClock
 from runtime.voices import Voices
 
@@ -88,8 +88,7 @@ class Mux:
             winner = str(last.winner or "nobody")
             self.seconds_by_winner[winner] = self.seconds_by_winner.get(winner, 0.0) + elapsed_s
         if last is None or (last.reason, last.winner) != (decision.reason, decision.winner):
-            measure = "" if math.isnan(decision.measure) else f" ({decision.measure:.2f})"
-            log.info("%s: %s%s", decision.winner or "nobody", decision.reason, measure)
+            log.info("%s: %s", decision.winner or "nobody", because(decision.reason, decision.measure))
 
 
 class SilenceTick:

@@ -6,6 +6,7 @@ from html import escape
 
 import numpy as np
 
+from runtime.screen_words import because
 from sim.pose import Floats
 from sim.run_report.above import Above, from_above
 from sim.run_report.figures import Stop, newest_change, points, slowed
@@ -27,7 +28,7 @@ def stops_table(found: Sequence[Stop], run: Run) -> str:
         also = f' <span class="also">then: {escape(", ".join(stop.also))}</span>' if stop.also else ""
         rows.append(
             f"<tr><td>{number}</td><td>{stop.from_s:.2f} s</td><td>{lasted}</td><td>{escape(stop.winner)}</td>"
-            f"<td>{escape(stop.reason)}{_measure(stop.measure)}{also}</td>"
+            f"<td>{escape(because(stop.reason, stop.measure))}{also}</td>"
             f"<td>{text(stop.speed_mps, 'm/s', 2)}</td></tr>"
         )
     slower = len(slowed(run))
@@ -72,12 +73,8 @@ def _card(run: Run, time_s: float, what: str, change: Change | None) -> str:
     outline_m = (*sides, *((-aside_m, along_m) for aside_m, along_m in reversed(sides)))
     nothing: Floats = np.empty(0)
     drawing = from_above(Above(-y_m, x_m, nothing, nothing, (), outline_m), CARD_PX, tallest=CARD_PX, around_m=CARD_M)
-    why = f"{change.winner}: {change.reason}{_measure(change.measure)}" if change is not None else "not recorded"
+    why = f"{change.winner}: {because(change.reason, change.measure)}" if change is not None else "not recorded"
     return f"<figure>{drawing}<figcaption><b>{escape(what)}</b>, {time_s:.2f} s<br>{escape(why)}</figcaption></figure>"
-
-
-def _measure(measure: float) -> str:
-    return f" ({measure:.2f})" if math.isfinite(measure) else ""
 
 
 def text(value: object, unit: str, digits: int = 3) -> str:

@@ -44,7 +44,7 @@ def test_a_driving_car_says_how_fast_and_who_decided(observed):
 @pytest.mark.parametrize(
     ("trouble", "answer"),
     [
-        (lambda o: None, "stands: safety: wall ahead (0.31)"),
+        (lambda o: None, "stands: safety: wall ahead, 0.31 m free"),
         (lambda o: lose(o.lidar), "stands: lidar absent: cable"),
         (lambda o: lose(o.motor), "stands: motor ready: cable"),
     ],
@@ -73,7 +73,7 @@ def test_one_screen_holds_everything_that_may_hold_the_car(observed):
         "e-stop      CLOSED: e-stop by anna",
         "permit      open",
         "teleop      silent",
-        "0.00 s ago  wants 1.00 m/s +0.100 rad: wall",
+        "0.00 s ago  wants 1.00 m/s 6° left: wall",
         "no limit: clear",
         "anna, operator lost, round trip 12 ms, 2 clients heard, permit: no operator, stale refused 3",
         "11.8 V, 0.0 A",

@@ -1,17 +1,24 @@
 """The status answers "why is it (not) moving", whatever is the matter."""
 
+import copy
 import json
 import math
 
 import pytest
 
-from drivers.api import Drive
+from drivers.api import Drive, MotorState
 from runtime import wire
-from runtime.command import CapWord, Decision, DriveWord, Source, Verdict, refusal
+from runtime.car_settings import CarSettings
+from runtime.command import LAB_ORDER, CapWord, Decision, DriveWord, Output, Source, Verdict, refusal
+from runtime.control.live_laws import LiveLaws
+from runtime.control.swept import Outlook as SweptOutlook
+from runtime.settings import Settings
 from runtime.snapshot import Journey, Latency, decision, said, status
-from tests.runtime.observed import HandClock, lose, make_observed, output_of, speak
+from sim.twins import ranges_between_walls
+from tests.runtime.observed import HandClock, lose, make_observed, output_of, scan_at, speak
 
 INF = math.inf
+WALL_AHEAD = Verdict(0.0, INF, "wall ahead", 0.3)
 
 
 @pytest.fixture
@@ -125,3 +132,60 @@ def test_latency_is_told_in_milliseconds_and_forgets_the_oldest():
     for i in range(400):
         latency.add(i * 7 % 400 / 1000)  # every one once, in a wild order
     assert latency.fields() == {"p50": 200.0, "p99": 395.0, "max": 399.0}
+
+
+def drive_by_hand(observed, *, order=LAB_ORDER, outlook=WALL_AHEAD, speed_mps=1.0):
+    observed.voices.reorder(order)
+    speak(observed)
+    observed.voices.say(CapWord(Source.SAFETY, outlook, observed.clock()))
+    observed.voices.say(DriveWord(Source.TELEOP, Drive(speed_mps, 0.0), None, "anna drives"))
+    decided = Decision(speed_mps, 0.0, Source.TELEOP, Source.TELEOP, "anna drives")
+    return Output(observed.clock(), Drive(speed_mps, 0.0), decided, delivered=True)
+
+
+BOUND = (Source.ESTOP, Source.SAFETY, Source.TELEOP, Source.PERMIT, Source.NAVIGATION)
+
+
+def test_what_safety_says_to_a_human_whom_it_does_not_bind_is_told(observed):
+    found = told(observed, drive_by_hand(observed))["overruled"]
+    assert found == {"speed_mps": 0.0, "reason": "wall ahead", "measure": 0.3}
+
+
+@pytest.mark.parametrize(
+    "story",
+    [
+        {"order": BOUND},
+        {"outlook": Verdict(INF, INF, "clear")},
+        {"outlook": Verdict(1.5, INF, "slower: wall ahead", 2.0)},
+        {"speed_mps": -0.5},
+        {"speed_mps": 0.0},
+    ],
+)
+def test_nothing_is_overruled_where_safety_binds_or_does_not_object(observed, story):
+    assert told(observed, drive_by_hand(observed, **story))["overruled"] is None
+
+
+def test_autonomy_is_never_overruled(observed):
+    speak(observed, safety=WALL_AHEAD)
+    assert told(observed, output_of(observed))["overruled"] is None
+
+
+def fast(now_s):
+    return MotorState(now_s, 2.0, 2.0 * now_s, 0.0, 11.8, 0.0, 0.0, 25.0, "", timed_out=False, killed=False)
+
+
+def test_asking_leaves_no_trace_in_the_law(observed):
+    """The swept law remembers its own stops; what is only asked for a screen must not be among them."""
+    laws = LiveLaws(Settings().wall_follow, Settings().safety, CarSettings(), observed.clock)
+    ranges_m = ranges_between_walls(1.0, 1.0, 0.6)
+    for _ in range(3):
+        observed.clock.now_s += 0.025
+        outlook = laws.look(scan_at(observed.clock.now_s, ranges_m), fast(observed.clock.now_s))
+    assert isinstance(outlook, SweptOutlook)
+    before = copy.deepcopy(outlook.guard.memory)
+    found = told(observed, drive_by_hand(observed, outlook=outlook, speed_mps=2.0))["overruled"]
+    assert "wall ahead" in found["reason"]
+    assert found["speed_mps"] < 2.0
+    assert outlook.guard.memory == before
+    outlook.limit(2.0, 0.0)
+    assert outlook.guard.memory != before, "being asked in earnest does leave one"

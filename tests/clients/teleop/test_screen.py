@@ -120,7 +120,7 @@ def test_the_screen_says_why_the_car_does_not_move():
     rows = lines("car1", car.situation, advise(car.situation), news, HELD_NAMES)
     text = "\n".join(rows)
     for words in (
-        "car1: safety: wall ahead (0.61)",
+        "car1: safety: wall ahead, 0.61 m free",
         "7.9 V",
         "fault: hot",
         "operator: you   1 more",

@@ -1,0 +1,27 @@
+"""How reasons and angles read on every screen: with units, steering in degrees. Files and topics keep SI units."""
+
+import math
+from collections.abc import Sequence
+
+MIN_SHOWN_M = 0.005
+STRAIGHT_RAD = math.radians(0.5)
+AGE_REASONS: Sequence[str] = ("the scan is",)
+"""Behind these reasons stands an age [s]; behind all others a free way [m]."""
+
+
+def because(reason: str, measure: float | None) -> str:
+    """Return a reason with the number behind it and the number's unit; without one that would read as 0."""
+    if measure is None or not math.isfinite(measure):
+        return reason
+    if reason.startswith(tuple(AGE_REASONS)):
+        return f"{reason}, {measure:.2f} s"
+    return reason if abs(measure) < MIN_SHOWN_M else f"{reason}, {measure:.2f} m free"
+
+
+def steering_words(steering_rad: float | None) -> str:
+    """Return a steering angle as "12° left"; "" for None or what is no number."""
+    if steering_rad is None or not math.isfinite(steering_rad):
+        return ""
+    if abs(steering_rad) < STRAIGHT_RAD:
+        return "straight"
+    return f"{math.degrees(abs(steering_rad)):.0f}° {'left' if steering_rad > 0 else 'right'}"
