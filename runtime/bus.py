@@ -11,6 +11,7 @@ import copy
 import functools
 import json
 import logging
+import re
 import socket
 import time
 from collections import deque
@@ -31,6 +32,8 @@ Receive = Callable[[str, bytes, float], None]
 Reply = Callable[[bytes], bytes | Awaitable[bytes]]
 Changed = Callable[[str, bool], None]
 
+SOURCE_PLACE = re.compile(r" at /?[\w./@-]*\.rs:\d+\.?")
+SINGLE = re.compile(r"\[Single\(([^)]*)\)\]")
 BACKLOG = 256
 """How much one burst may bring per subscription; the oldest beyond it is dropped, because newer words replace older."""
 MAX_DELIVERIES = 16
@@ -369,5 +372,10 @@ def _open_session(config: Mapping[str, Any]) -> "zenoh.Session":
     try:
         return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
     except zenoh.ZError as error:
-        reason = str(error).splitlines()[0]
-        raise OSError(reason) from error
+        raise OSError(_plain(str(error))) from error
+
+
+def _plain(words: str) -> str:
+    """Return zenoh's reason without the places in its source."""
+    reason = SOURCE_PLACE.sub("", words.splitlines()[0] if words else "no reason given")
+    return SINGLE.sub(r"\1", reason).rstrip(" .")

@@ -15,7 +15,7 @@ An e-stop needs none of that: it goes out at once, also from a page that does no
 import math
 import secrets
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -36,14 +36,15 @@ INSIST_S = 5.0
 REMEMBERED_BEATS = 256
 LAST_WORDS = 3
 NAMES: Mapping[Control, str] = {
-    Control.MANUAL: "the drive pad, an arrow key or LB",
-    Control.AUTONOMY: "Autonomy (P, RB)",
+    Control.MANUAL: "{manual}",
+    Control.AUTONOMY: "{autonomy}",
     Control.ESTOP: "STOP",
-    Control.RESET: "Reset (R, Start)",
-    Control.TAKE_OVER: "Take over (T, Y)",
+    Control.RESET: "{reset}",
+    Control.TAKE_OVER: "{take_over}",
     Control.SPEED: "up and down",
     Control.STEERING: "left and right",
 }
+"""Only the page knows whether it has keys, a gamepad or a finger: it puts its own names into the braces."""
 NOBODY = Inputs(Input.PAGE, live=False, trouble="the page is silent: is it hidden, or frozen?")
 
 
@@ -73,6 +74,20 @@ class PageDriver:
             self._beats.popitem(last=False)
         if not self.engaged:
             self._pilot.hear(beat, arrival_s)
+
+    @property
+    def session(self) -> int:
+        """The number under which the car knows the operator of this page."""
+        return self._pilot.session
+
+    def whose(self, pages: Iterable["PageDriver"]) -> str:
+        """Return who operates the car: "this page", "another page" of this monitor, "elsewhere", or "" for none."""
+        beat = self._newest
+        if beat is None or not beat.operator_session:
+            return ""
+        if beat.operator_session == self.session:
+            return "this page"
+        return "another page" if any(page.session == beat.operator_session for page in pages) else "elsewhere"
 
     def forget_car(self) -> None:
         """Begin anew with another car; the old session must have been ended by `leave`."""

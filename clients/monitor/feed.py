@@ -7,6 +7,7 @@ import time
 from collections.abc import Mapping
 from typing import Any, Protocol
 
+from clients.monitor.history import History
 from clients.monitor.outbox import FROM_CAR
 from runtime import wire
 from runtime.bus import BYTES, Bus, RefusedError
@@ -38,7 +39,7 @@ class Feed:
     """One session with one car, open for as long as somebody watches.
 
     round_trip_s: of a small question to the car, None when it does not answer. problem: why there is no session.
-    malformed: beats that could not be read.
+    malformed: beats that could not be read. history: what pages plot, since the feed began.
     """
 
     def __init__(self, car: str, config: Mapping[str, Any]) -> None:
@@ -47,6 +48,7 @@ class Feed:
         self.problem = "connecting"
         self.malformed = 0
         self.watchers: set[Watcher] = set()
+        self.history = History()
         self._bus = Bus(config)
         self._topics = {wire.key(car, topic): topic for topic in FROM_CAR}
         self._declared = False
@@ -104,10 +106,12 @@ class Feed:
         except (ConnectionError, TimeoutError):
             answered = []
         self.round_trip_s = time.monotonic() - before_s if answered else None
+        self.history.take_round_trip(self.round_trip_s, time.monotonic())
 
     def _on_sample(self, key: str, payload: bytes, arrival_s: float) -> None:
         topic = self._topics[key]
         if topic != wire.BEAT:
+            self.history.take(topic, payload, arrival_s)
             for watcher in self.watchers:
                 watcher.take(topic, payload, arrival_s)
             return

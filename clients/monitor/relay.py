@@ -13,9 +13,10 @@ from runtime.bus import Bus, RefusedError
 log = logging.getLogger("wallride.monitor")
 
 RETRY_S = 1.0
-LINGER_S = 5.0
-"""A feed outlives its last page by this, for the page that is only being reloaded."""
+LINGER_S = 60.0
+"""A feed outlives its last page by this: a page that is reloaded, or a phone that slept, finds its plots again."""
 MOST_FEEDS = 32
+START_ONE = "Start one: make sim here, or wallride run on the car."
 
 
 @dataclass(slots=True)
@@ -26,6 +27,11 @@ class Place:
     config: Mapping[str, Any]
     cars: Cars | None = None
     problem: str = "connecting"
+
+    @property
+    def is_refused(self) -> bool:
+        """Whether the reason may be a key, and is worth telling."""
+        return self.endpoint.startswith("tls/") and self.problem not in {"", "connecting"}
 
 
 class Relay:
@@ -44,12 +50,12 @@ class Relay:
 
     @property
     def problem(self) -> str:
-        """Why there is no car to choose, in words; "" when there is one."""
+        """Why there is no car to choose, in words that say what to start; "" when there is one."""
         if self.names:
             return ""
-        return "; ".join(
-            f"{place.endpoint}: {place.problem or 'connected, but no car is there'}" for place in self._places
-        )
+        secured = [f"{place.endpoint}: {place.problem}" for place in self._places if place.is_refused]
+        where = ", ".join(place.endpoint for place in self._places)
+        return "; ".join([f"No car at {where}. {START_ONE}", *secured])
 
     async def run(self) -> None:
         """Look for cars on every endpoint until cancelled; then close everything."""

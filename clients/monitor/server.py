@@ -18,6 +18,7 @@ from clients.monitor import assets
 from clients.monitor.door import Door, is_loopback, open_door
 from clients.monitor.kept_secret import kept_secret
 from clients.monitor.messages import LONGEST
+from clients.monitor.qr import qr_lines
 from clients.monitor.relay import Place, Relay
 from clients.monitor.visit import Host, Visit
 from clients.teleop.shaping import Feel
@@ -151,7 +152,9 @@ async def run(options: argparse.Namespace) -> int:
     async with serving(host, options.host, port, any_port=options.port is None) as url:
         options.say(f"the monitor is at {url}")
         if "token=" in url:
-            options.say("whoever knows this address can drive the car; it goes over the network unencrypted")
+            options.say("with this address anyone can drive the car; it goes over the network unencrypted")
+            if code := qr_lines(url):
+                options.say(code)
         if options.browser:
             await asyncio.to_thread(_open_browser, url, options.say)
         await _interrupted()

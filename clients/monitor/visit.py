@@ -5,7 +5,7 @@ import json
 import logging
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from aiohttp import WSMsgType, web
@@ -35,13 +35,17 @@ MOST_QUESTIONS = 4
 
 @dataclass(frozen=True, slots=True)
 class Host:
-    """What all visits share. car: the one to show first, "" for any. name: whom cars and other operators see."""
+    """What all visits share.
+
+    car: the one to show first, "" for any. name: whom cars and other operators see. drivers: of all pages.
+    """
 
     relay: Relay
     name: str
     feel: Feel
     version: str
     car: str = ""
+    drivers: set[PageDriver] = field(default_factory=set)
 
 
 class Visit:
@@ -61,6 +65,7 @@ class Visit:
 
     async def run(self) -> None:
         """Serve the page until it goes, by whatever way."""
+        self._host.drivers.add(self._driver)
         await self._socket.send_str(json.dumps(self._hello()))
         helpers = [asyncio.create_task(job) for job in (self._send_for_ever(), self._tick_for_ever())]
         try:
@@ -149,6 +154,9 @@ class Visit:
             self._feed = self._host.relay.watch(car, self)
         except RefusedError as error:
             await self._socket.send_str(json.dumps({"t": "trouble", "reason": str(error)}))
+        else:
+            lines = self._feed.history.fields(time.monotonic())
+            await self._socket.send_str(json.dumps({"t": "history", "car": car, "lines": lines}))
         self._show_monitor()
 
     def _unwatch(self) -> None:
@@ -222,7 +230,8 @@ class Visit:
                 self._show_monitor()
 
     def _show_pilot(self, now_s: float) -> None:
-        self.take(PILOT, wire.encode(self._driver.view(now_s)), now_s)
+        view = {**self._driver.view(now_s), "whose": self._driver.whose(self._host.drivers)}
+        self.take(PILOT, wire.encode(view), now_s)
 
     def _show_monitor(self) -> None:
         self.take(MONITOR, wire.encode(self._present()), time.monotonic())
@@ -233,6 +242,7 @@ class Visit:
             await self._leave(deliberate=False)
         finally:
             self._unwatch()
+            self._host.drivers.discard(self._driver)
             for task in tasks:
                 task.cancel()
             for result in await asyncio.gather(*tasks, return_exceptions=True):

@@ -4,6 +4,8 @@ import { windowWords } from "./beams.js";
 import { $, age, make, number, setData, setHidden, setText } from "./look.js";
 import { because } from "./mux.js";
 
+const START = "Start one: make sim here, or wallride run on the car.";
+
 const LOW_CELL_V = 3.4;
 const EMPTY_CELL_V = 3.2;
 const CELL_V = [[18, 6], [13.5, 4], [9.2, 3], [0, 2]];
@@ -18,7 +20,7 @@ export class Condition {
     this.#line("window", window.length ? "warn" : "good", window.length ? windowWords(window) : "clean");
     this.#line("fault", status.fault ? "bad" : "good", status.fault || "none");
     this.#battery(status.battery);
-    this.#operator(status.operator);
+    this.#operator(status.operator, status.overruled, status.voices);
     const gates = Object.entries(status.gates ?? {}).filter(([, reason]) => reason);
     this.#line("gates", gates.length ? "warn" : "good", gates.length ? gates.map(([name, reason]) => `${name}: ${reason}`).join("; ") : "all open");
     this.#line("software", "plain", `wallride ${status.version ?? "?"}, up ${age((status.up_s ?? 0) * 1000)}`);
@@ -35,19 +37,31 @@ export class Condition {
     const beatMs = link.ageMs("beat", nowMs);
     const pages = link.open ? "" : "no link to the monitor";
     const toCar = Number.isFinite(monitor?.round_trip_s) ? monitor.round_trip_s * 1000 : NaN;
-    const words = pages || monitor?.problem || monitor?.link_problem || (monitor && !monitor.here ? "the car is away" : "");
+    const away = monitor && !monitor.here;
+    const words = pages || (monitor?.problem ? "no car" : monitor?.link_problem ? "no link to the car" : away ? "the car is away" : "");
     const fresh = link.open && beatMs < 500;
+    if (!fresh) this.#sayWhatIsMissing(pages, monitor, away);
     setData($("link"), "mood", words || !fresh ? "bad" : beatMs > 200 ? "warn" : "good");
-    setText($("link-age"), words || `heard ${age(beatMs)} ago`);
+    setText($("link-age"), words || (Number.isFinite(beatMs) ? `heard ${age(beatMs)} ago` : "not heard"));
     setText($("round-trip"), number(toCar + link.roundTripMs, 1, " ms"));
+  }
+
+  /** Instead of a state that is old: what is not there, and what to start. */
+  #sayWhatIsMissing(pages, monitor, away) {
+    const why = pages ? `${pages}: is wallride monitor still running?`
+      : monitor?.problem || (away ? `${monitor.watching || "The car"} is not there. ${START}` : monitor?.link_problem || "");
+    if (!why) return;
+    setData($("state"), "state", "no car");
+    setText($("state"), pages ? "no link" : "no car");
+    setText($("why"), why);
   }
 
   #device(name, device) {
     if (!device) return;
     const mood = device.link === "ready" ? "good" : device.link === "starting" ? "warn" : "bad";
-    const troubles = Object.entries(device.counts ?? {}).filter(([, times]) => times).map(([what, times]) => `${what} ${times}`);
+    const troubles = Object.entries(device.counts ?? {}).filter(([, times]) => times).map(([what, times]) => `${times} ${what.replaceAll("_", " ")}`);
     const words = [device.link, device.message].filter(Boolean).join(": ");
-    this.#line(name, mood, words + (troubles.length ? ` (${troubles.join(", ")})` : ""));
+    this.#line(name, mood, words + (troubles.length ? `; since the start: ${troubles.join(", ")}` : ""));
   }
 
   #battery(battery) {
@@ -60,15 +74,20 @@ export class Condition {
     this.#line("battery-line", mood, battery ? `${number(volts, 2)} V (${number(each, 2)} V a cell), ${number(battery.current_a, 1)} A` : "unknown");
   }
 
-  #operator(operator) {
+  #operator(operator, overruled, voices) {
     if (!operator) { this.#line("operator", "plain", "no operator's side"); return; }
     const stops = Object.values(operator.e_stop ?? {});
+    const lost = operator.standing === "operator lost";
+    const page = this.link.newest.pilot.value?.whose;
+    const name = operator.operator && (page === "this page" || page === "another page") ? `${operator.operator} on ${page}` : operator.operator;
     const parts = [
-      operator.operator || "nobody", operator.standing === "nobody" ? "" : operator.standing, operator.reason, ...stops,
+      lost ? `not operated, ${operator.operator || this.link.newest.beat.operatorName || "the operator"} was lost` : name || "not operated",
+      lost || operator.standing === "nobody" ? "" : operator.standing, operator.reason, ...stops,
+      name && !lost && !bindsHuman(voices) ? "not bound by safety" : "",
       Number.isFinite(operator.round_trip_s) ? `round trip ${(operator.round_trip_s * 1000).toFixed(0)} ms` : "",
       operator.permit ? `permit: ${operator.permit}` : "",
     ];
-    const mood = stops.length || operator.standing === "operator lost" ? "bad" : operator.reason ? "warn" : "good";
+    const mood = stops.length || lost || overruled ? "bad" : operator.reason ? "warn" : "good";
     this.#line("operator", mood, parts.filter(Boolean).join(", "));
   }
 
@@ -77,6 +96,12 @@ export class Condition {
     setData(line, "mood", mood);
     setText(line.lastElementChild, words);
   }
+}
+
+/** Whether safety limits a human, too: the voices come in the mux's order. */
+export function bindsHuman(voices) {
+  const names = Object.keys(voices ?? {});
+  return names.indexOf("safety") < names.indexOf("teleop");
 }
 
 /** The recorder says in a sentence how it stands; what is lost, it says in capitals or by name. */

@@ -9,7 +9,7 @@ const PING_MS = 1000;
 const MOST_QUEUED_BYTES = 4096;
 const ANSWER_WITHIN_MS = 12000;
 
-/** Events: hello, gone, news (topic), trouble (reason). `newest[topic]` holds the decoded message. */
+/** Events: hello, gone, news (topic), trouble (reason), history (lines). `newest[topic]` holds the decoded message. */
 export class Link {
   newest = {
     scan: new Scan(), wall: new Markers(), footprint: new Markers(), odom: new Odometry(), output: new Drive(),
@@ -29,7 +29,7 @@ export class Link {
   #unacknowledged = 0;
   #questions = new Map();
   #question = 0;
-  #handlers = { hello: [], gone: [], news: [], trouble: [] };
+  #handlers = { hello: [], gone: [], news: [], trouble: [], history: [] };
 
   constructor() {
     for (const topic of Object.keys(this.newest)) this.seenMs[topic] = -Infinity;
@@ -83,6 +83,7 @@ export class Link {
   #takeText(message) {
     if (message.t === "pong") this.roundTripMs = performance.now() - message.at;
     else if (message.t === "answer") this.#answered(message.id, message);
+    else if (message.t === "history") this.#emit("history", message);
     else if (message.t === "trouble") this.#emit("trouble", message.reason);
     else if (message.t === "hello") {
       this.#topics = message.topics;

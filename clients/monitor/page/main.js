@@ -1,6 +1,7 @@
 // The page: everything below meets here.
 
 import { Condition, showCars } from "./condition.js";
+import { Device } from "./device.js";
 import { Hands } from "./hands.js";
 import { Link } from "./link.js";
 import { $, age, announce, fit, ink, number, onLook, ratioOf, setData, setHidden, setText } from "./look.js";
@@ -12,7 +13,6 @@ import { Timings } from "./timings.js";
 
 const OLD_MS = 500;
 const AGES_MS = 100;
-const STOP_KEYS = matchMedia("(pointer: coarse)").matches ? "" : "Space or Esc";
 const SMALL = matchMedia("(max-width: 760px)");
 const CAR_TOPICS = ["scan", "wall", "footprint", "odom", "output", "distance_error", "status", "decision", "beat"];
 const REMEMBERED = "wallride.monitor";
@@ -23,6 +23,7 @@ const plots = new Plots($("strips"));
 const mux = new MuxView();
 const condition = new Condition(link);
 const timings = new Timings();
+const device = new Device();
 const hands = new Hands(link, { onStop: stop, onChange: showDriving });
 const settings = new Settings(link, (car) => { if (Number.isFinite(car["car.lidar_x_m"])) scene.lidarM = car["car.lidar_x_m"]; });
 const remembered = remember();
@@ -71,7 +72,7 @@ function takeNews(topic) {
       break;
     case "output":
       plots.push(plots.speed, 1, nowMs, message.speed);
-      plots.push(plots.steering, 0, nowMs, message.steering);
+      plots.pushSteering(nowMs, message.steering);
       break;
     case "distance_error":
       plots.push(plots.error, 0, nowMs, message.value);
@@ -104,7 +105,24 @@ function takeStatus(status, nowMs) {
   setText($("speed"), number(measured, 2));
   setText($("distance-error"), number(status.distance_error?.mean_abs_m * 100, 1, " cm"));
   showRecording(status.recording);
+  showOverruled(status.overruled);
 }
+
+/** Says when safety would stop the human whom it does not bind, and offers to let it. */
+function showOverruled(overruled) {
+  setHidden($("overruled"), !overruled);
+  if (overruled) setText($("overruled-words"), `Safety says “${overruled.reason}”. It does not bind you.`);
+}
+
+$("bind").addEventListener("click", async () => {
+  try {
+    await link.ask("param/set", { values: { "safety.binds_teleop": true } });
+    announce("Safety binds you from now on (safety.binds_teleop).", "good");
+    settings.refresh();
+  } catch (error) {
+    announce(error.message, "bad");
+  }
+});
 
 function takeBeat(beat) {
   if (carSession && beat.carSession !== carSession) {
@@ -159,7 +177,7 @@ function showStop(nowMs) {
   const pending = pilot?.stop_pending || nowMs - stopAskedMs < 300;
   const state = beat.latched ? "latched" : pending ? "pending" : "ready";
   setData($("stop"), "state", state);
-  const words = { latched: "e-stop: the car is held", pending: "sending…", ready: STOP_KEYS };
+  const words = { latched: "e-stop: the car is held", pending: "sending…", ready: device.stopKeys };
   const silent = !link.open ? "no link!" : link.ageMs("beat", nowMs) > OLD_MS ? "the car is not heard" : "";
   setText($("stop-note"), silent || words[state]);
 }
@@ -188,7 +206,9 @@ $("share").value = String(hands.share);
 function showShare() {
   hands.share = $("share").valueAsNumber;
   remember({ share: hands.share });
-  setText($("share-value"), `${(hands.share * topSpeed).toFixed(2)} m/s`);
+  const words = `${(hands.share * topSpeed).toFixed(2)} m/s`;
+  setText($("share-value"), words);
+  $("share").setAttribute("aria-valuetext", words);
 }
 
 let wakeLock = null;
@@ -218,14 +238,37 @@ function showDriving() {
 function showPilot(pilot) {
   setData($("driving"), "mood", hands.engaged ? pilot.mood : "off");
   const { beat } = link.newest;
-  const idle = beat.latched ? "E-stop. Switch Drive on, then hold Reset." : beat.present || beat.lost ? `${beat.operatorName || "Somebody"} operates.` : "Switch Drive on to take control.";
+  const idle = beat.latched ? "E-stop: the car is held. Switch Drive on, then hold Reset." : operatedBy(beat, pilot.whose);
   setText($("pilot-state"), hands.engaged ? pilot.state : pilot.stop_pending ? pilot.state : "watching");
-  setText($("pilot-next"), hands.engaged || pilot.stop_pending ? pilot.next : idle);
+  setText($("pilot-next"), hands.engaged || pilot.stop_pending ? device.named(pilot.next) : idle);
+  setData(document.body, "other", String(Boolean(beat.present && pilot.whose && pilot.whose !== "this page")));
+  if (announcedState !== (announcedState = $("pilot-state").textContent)) setText($("pilot-said"), announcedState);
   $("driving").style.setProperty("--progress", String(pilot.progress ?? 0));
   for (const [id, what] of [["autonomy", "autonomy"], ["reset", "reset"], ["take-over", "take_over"]]) {
     setData($(id), "held", String(hands.isHeld(what)));
   }
-  setText($("pad-name"), hands.pads.name ? `Gamepad: ${hands.pads.name}` : hands.pads.trouble || "No gamepad (press one of its buttons)");
+  if (device.look(hands.pads)) showDevice();
+}
+
+let announcedState = "";
+
+function operatedBy(beat, whose) {
+  const who = beat.operatorName || "an operator";
+  if (link.ageMs("beat") > 5000) return "No car to drive.";
+  if (beat.lost) return `Not operated: ${who} was lost. Switch Drive on to take control.`;
+  if (!beat.present) return "Not operated. Switch Drive on to take control.";
+  return whose === "another page" ? `${who} operates, on another page.` : `${who} operates.`;
+}
+
+/** Names what this device has: keys, a gamepad, or fingers. */
+function showDevice() {
+  for (const [id, what] of [["autonomy", "autonomy"], ["reset", "reset"], ["take-over", "take_over"]]) setText($(id).querySelector("small"), device.hold(what));
+  setText($("pad-name"), device.padWords);
+  setHidden($("pad-name"), !device.padWords);
+  setText($("drive-keys"), device.keys ? " Arrow keys or W A S D drive while held." : " Hold the pad and pull to drive.");
+  $("touch").setAttribute("aria-label", device.keys
+    ? "Drive pad: hold and pull to drive, let go to stop. With the keyboard: hold the arrow keys or W A S D."
+    : "Drive pad: hold and pull to drive, let go to stop.");
 }
 
 const touchContext = $("touch").getContext("2d");
@@ -338,6 +381,11 @@ link.on("hello", (hello) => {
   else takeMonitor(hello);
   setText($("you"), hello.name);
 });
+link.on("history", (message) => {
+  if (message.car !== car) return;
+  plots.fill(message.lines, performance.now());
+  wantFrame();
+});
 link.on("gone", () => announce("the link to the monitor broke; trying again", "bad"));
 link.on("trouble", (reason) => announce(reason, "bad"));
 link.on("news", takeNews);
@@ -348,6 +396,8 @@ const windowChoice = remembered.window ?? "30";
 plots.windowMs = Number(windowChoice) * 1000;
 showWindow(windowChoice);
 showDriving();
+device.look(hands.pads);
+showDevice();
 setHidden($("noscript"), true);
 setInterval(showAges, AGES_MS);
 link.connect();

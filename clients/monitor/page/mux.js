@@ -41,8 +41,11 @@ function wish(voice) {
   return voice.speed_mps === SAYS_NO ? "stop" : `≤ ${number(voice.speed_mps, 2)} m/s`;
 }
 
+/** A reason with the number behind it and its unit, as runtime/screen_words.py writes it. */
 export function because(reason, measure) {
-  return Number.isFinite(measure) ? `${reason} (${measure.toFixed(2)})` : reason ?? "";
+  if (!Number.isFinite(measure)) return reason ?? "";
+  if (reason.startsWith("the scan is")) return `${reason}, ${measure.toFixed(2)} s`;
+  return Math.abs(measure) < 0.005 ? reason : `${reason}, ${measure.toFixed(2)} m free`;
 }
 
 export function angle(rad) {

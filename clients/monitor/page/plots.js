@@ -23,7 +23,7 @@ class Strip {
     for (const line of this.lines) {
       const key = make("span", "key");
       key.style.setProperty("--key", `var(--${line.color})`);
-      line.value = make("output", "", "–");
+      line.value = make("span", "value", "–"); // not an output: what changes ten times a second is not to be read out
       key.append(line.label, " ", line.value);
       caption.append(key);
     }
@@ -118,9 +118,7 @@ class Strip {
     if (low === this.low && high === this.high) return;
     this.low = low;
     this.high = high;
-    const middle = (high + low) / 2;
-    const digits = high - low < 0.5 || Math.abs(middle * 10 - Math.round(middle * 10)) > 0.01 ? 2 : high - low < 10 ? 1 : 0;
-    this.labels = [high.toFixed(digits), middle.toFixed(digits), low.toFixed(digits)];
+    this.labels = tickLabels(low, high);
   }
 
   #axes(left, right, top, bottom, ratio, windowMs) {
@@ -156,11 +154,20 @@ function timeLabel(windowMs, third) {
   const key = windowMs * 4 + third;
   let label = timeLabels.get(key);
   if (label === undefined) {
-    const seconds = (windowMs / 1000) * (1 - third / 3);
-    label = third === 3 ? "now" : seconds >= 100 ? `−${(seconds / 60).toFixed(1)} min` : `−${seconds.toFixed(0)} s`;
+    const seconds = Math.round((windowMs / 1000) * (1 - third / 3));
+    label = third === 3 ? "now" : seconds >= 100 ? `−${Math.floor(seconds / 60)}:${String(seconds % 60).padStart(2, "0")} min` : `−${seconds} s`;
     timeLabels.set(key, label);
   }
   return label;
+}
+
+/** Top, middle and bottom with as many digits as the most exact of them needs, so that no label is a rounded one. */
+export function tickLabels(low, high) {
+  const ticks = [high, (high + low) / 2, low];
+  const exact = (value, digits) => Math.abs(Number(value.toFixed(digits)) - value) < 1e-9 * Math.max(1, Math.abs(value));
+  let digits = 0;
+  while (digits < 6 && !ticks.every((tick) => exact(tick, digits))) digits++;
+  return ticks.map((tick) => (tick === 0 ? 0 : tick).toFixed(digits).replace("-", "−"));
 }
 
 /** Rounds up to 1, 2 or 5 times a power of ten. */
@@ -187,7 +194,7 @@ export class Plots {
       ],
     });
     this.steering = new Strip(parent, {
-      title: "Steering", unit: "rad", least: 0.1, symmetric: true, lines: [{ label: "sent", color: a, digits: 3 }],
+      title: "Steering, left is up", unit: "°", least: 5, symmetric: true, lines: [{ label: "sent", color: a, digits: 1 }],
     });
     this.latency = new Strip(parent, {
       title: "Latency", unit: "ms", least: 5, symmetric: false,
@@ -200,6 +207,20 @@ export class Plots {
   }
 
   push(strip, line, ms, value) { strip.lines[line].series.push(ms, value); }
+
+  pushSteering(ms, rad) { this.push(this.steering, 0, ms, rad * 180 / Math.PI); }
+
+  /** Adds what the server kept of the minutes before, in among what is here already. lines: { name: { age_ms, value } }. */
+  fill(lines, nowMs) {
+    const places = {
+      error: [this.error, 0, 1], asked: [this.speed, 0, 1], sent: [this.speed, 1, 1], driven: [this.speed, 2, 1],
+      steering: [this.steering, 0, 180 / Math.PI], latency: [this.latency, 0, 1], round_trip: [this.latency, 1, 1],
+    };
+    for (const [name, [strip, line, factor]] of Object.entries(places)) {
+      const { age_ms: ages = [], value: values = [] } = lines[name] ?? {};
+      strip.lines[line].series.merge(ages.map((age) => nowMs - age), values.map((value) => (value === null ? NaN : value * factor)));
+    }
+  }
 
   clear() { for (const strip of this.strips) for (const line of strip.lines) line.series.clear(); }
 

@@ -21,6 +21,15 @@ export class Series {
     if (this.count < this.capacity) this.count++;
   }
 
+  /** Takes samples of any age, times ascending, in among its own. */
+  merge(times, values) {
+    const all = times.map((ms, i) => [ms, values[i]]);
+    for (let k = this.count - 1; k >= 0; k--) { const i = this.at(k); all.push([this.t[i], this.v[i]]); }
+    all.sort((a, b) => a[0] - b[0]);
+    this.clear();
+    for (const [ms, value] of all.slice(-this.capacity)) this.push(ms, value);
+  }
+
   /** Index of the k-th newest sample, 0 is the newest. */
   at(k) { return (this.next - 1 - k + 2 * this.capacity) % this.capacity; }
 

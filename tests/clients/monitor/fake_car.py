@@ -57,6 +57,7 @@ class FakeCar:
             History(100),
         )
         self.standing = True
+        self.overruled = None
         self.applied = []
         self.recording = []
         self.history = [(time.monotonic(), 0.0)]
@@ -182,7 +183,7 @@ class FakeCar:
                 | ({"caps": True, "speed_mps": None, "reason": "clear", "measure": None} if source in live else {})
                 for source in LAB_ORDER
             },
-            "operator": self.desk.view().fields(), "speed_mps": self.speed_mps,
+            "operator": self.desk.view().fields(), "overruled": self.overruled, "speed_mps": self.speed_mps,
             "battery": {"voltage_v": 11.75, "current_a": 3.2}, "fault": "",
             "lidar": {"link": "ready", "message": "UST-10LX", "identity": "", "counts": {}},
             "motor": {"link": "ready", "message": "VESC 60", "identity": "", "counts": {"missed_reply": 2}},

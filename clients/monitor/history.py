@@ -1,0 +1,72 @@
+"""The last minutes of one car as a page plots them, for a page that is opened or comes back later. Pure."""
+
+import math
+import struct
+from collections import deque
+from collections.abc import Mapping
+from typing import Any
+
+from runtime import wire
+
+LONGEST_S = 300.0
+APART_S = 0.2
+"""Closer samples are left out: a plot of minutes has fewer pixels than that."""
+NAMES = ("error", "asked", "sent", "driven", "steering", "latency", "round_trip")
+_FLOAT32 = struct.Struct("<4xf")
+
+
+class Track:
+    """Values of one line over time; the oldest go after LONGEST_S."""
+
+    def __init__(self) -> None:
+        self._samples: deque[tuple[float, float]] = deque(maxlen=round(LONGEST_S / APART_S))
+
+    def is_due(self, at_s: float) -> bool:
+        """Tell whether a sample now is not too close to the last one."""
+        return not self._samples or at_s - self._samples[-1][0] >= APART_S
+
+    def add(self, at_s: float, value: object) -> None:
+        """Keep a value; what is no number is kept as none, which a plot shows as a gap."""
+        number = float(value) if isinstance(value, int | float) and math.isfinite(value) else math.nan
+        self._samples.append((at_s, number))
+
+    def fields(self, now_s: float) -> dict[str, list[float | None]]:
+        """Return ages [ms], oldest first, and values."""
+        kept = [(at_s, value) for at_s, value in self._samples if now_s - at_s <= LONGEST_S]
+        return {
+            "age_ms": [round((now_s - at_s) * 1000) for at_s, _ in kept],
+            "value": [round(value, 5) if math.isfinite(value) else None for _, value in kept],
+        }
+
+
+class History:
+    """Takes what a car says and keeps what is plotted."""
+
+    def __init__(self) -> None:
+        self._tracks = {name: Track() for name in NAMES}
+
+    def take(self, topic: str, payload: bytes, arrival_s: float) -> None:
+        """Take a sample of a topic; what cannot be read is left out, as the page leaves it out."""
+        try:
+            if topic == wire.DISTANCE_ERROR and self._tracks["error"].is_due(arrival_s):
+                self._tracks["error"].add(arrival_s, _FLOAT32.unpack(payload)[0])
+            elif topic == wire.STATUS and self._tracks["driven"].is_due(arrival_s):
+                self._take_status(wire.decode(payload), arrival_s)
+        except (ValueError, TypeError, struct.error):
+            return
+
+    def take_round_trip(self, seconds: float | None, at_s: float) -> None:
+        """Take a measured round trip [s], None for one without an answer."""
+        self._tracks["round_trip"].add(at_s, None if seconds is None else seconds * 1000)
+
+    def fields(self, now_s: float) -> dict[str, Any]:
+        """Return every line as plain values; speeds in m/s, steering in rad, latencies in ms, the error in m."""
+        return {name: track.fields(now_s) for name, track in self._tracks.items()}
+
+    def _take_status(self, status: Mapping[str, Any], at_s: float) -> None:
+        output, latency = status.get("output") or {}, status.get("scan_to_motor_ms") or {}
+        self._tracks["asked"].add(at_s, output.get("asked_mps"))
+        self._tracks["sent"].add(at_s, output.get("speed_mps"))
+        self._tracks["driven"].add(at_s, status.get("speed_mps"))
+        self._tracks["steering"].add(at_s, output.get("steering_rad"))
+        self._tracks["latency"].add(at_s, latency.get("p99"))

@@ -1,0 +1,180 @@
+"""The page says what is so: who operates, whether there is a car, what this device has; and what safety would do."""
+
+import asyncio
+
+import pytest
+
+from tests.clients.monitor.test_browser import operate, take_control, watching
+
+STATE, WHY = "document.querySelector('#state').textContent", "document.querySelector('#why').textContent"
+NEXT = "document.querySelector('#pilot-next').textContent"
+OPERATOR = "document.querySelector('#line-operator dd').textContent"
+
+
+async def test_without_a_car_the_page_says_what_to_start(scene, tab):
+    async with scene.monitor():
+        await tab.look(width=1400, height=900)
+        await tab.go(scene.url)
+        await tab.until(f"{STATE} === 'no car'")
+        await asyncio.sleep(1.5)  # the reason of the first failed connection is there by now
+        said = await tab.run("document.body.innerText")
+        assert f"No car at {scene.endpoint}. Start one: make sim here, or wallride run on the car." in said
+        for wrong in (".rs", "cargo", "Single(", "inf ", "never ago", "Timeout"):
+            assert wrong not in said
+        assert await tab.run(NEXT) == "No car to drive."
+
+
+async def test_a_car_that_went_away_is_named(scene, tab):
+    async with scene.monitor():
+        async with scene.car():
+            await watching(tab, scene)
+        await tab.until(f"{STATE} === 'no car' && {WHY}.includes('No car at')", within_s=15)
+        async with scene.car():
+            await tab.until(f"{STATE} !== 'no car'", within_s=15)
+
+
+async def test_an_operator_who_was_lost_is_named_and_does_not_operate(scene, tab):
+    async with scene.car() as car, scene.monitor():
+        rival = asyncio.create_task(operate(car))
+        await watching(tab, scene)
+        await tab.until(f"{NEXT} === 'rival operates.'")
+        rival.cancel()
+        await car.until(lambda: "lost" in str(car.desk.view().standing), "lost")
+        await tab.until(f"{NEXT} === 'Not operated: rival was lost. Switch Drive on to take control.'")
+        await tab.until(f"{OPERATOR}.startsWith('not operated, rival was lost')")
+        assert "nobody" not in await tab.run(OPERATOR)
+
+
+async def test_it_tells_this_page_from_another(scene, tab):
+    async with scene.car() as car, scene.monitor():
+        other = await tab.browser.open()
+        await tab.browser.show(tab)
+        await watching(tab, scene)
+        await tab.until(f"{NEXT} === 'Not operated. Switch Drive on to take control.'")
+        await watching(other, scene)
+        await tab.browser.show(tab)
+        await take_control(tab)
+        x, y = await tab.middle("#touch")
+        await tab.touch("touchStart", (x, y))
+        await car.until(lambda: car.desk.view().operator == "ann@laptop", "this page operates")
+        await tab.until(f"{OPERATOR}.includes('ann@laptop on this page')")
+        await other.until("wallride.link.newest.pilot.value?.whose === 'another page'")
+        await other.until(f"{NEXT} === 'ann@laptop operates, on another page.'")
+
+
+async def test_a_page_that_is_opened_later_has_the_minutes_before_it(scene, tab):
+    async with scene.car(), scene.monitor():
+        await watching(tab, scene)
+        await asyncio.sleep(3)
+        await tab.go(scene.url)
+        ages = (
+            "Object.fromEntries(wallride.plots.strips.flatMap((strip) => strip.lines.map(({label, series}) => [label,"
+            " series.count ? performance.now() - series.t[series.at(series.count - 1)] : 0])))"
+        )
+        await tab.until("window.wallride && wallride.timings.count > 2")
+        found = await tab.run(ages)
+        assert set(found) == {"error", "asked", "sent", "driven", "scan to motor p99", "round trip"}
+        for label in ("error", "sent", "driven", "scan to motor p99"):
+            assert found[label] > 2500, f"{label} begins only {found[label]:.0f} ms ago"
+
+
+PHONES = {"upright": (390, 844), "sideways": (844, 390)}
+
+
+@pytest.mark.parametrize("way", PHONES)
+async def test_a_phone_reaches_all_that_is_held_without_scrolling(scene, tab, way):
+    width, height = PHONES[way]
+    async with scene.car() as car, scene.monitor():
+        await tab.call("Emulation.setTouchEmulationEnabled", enabled=True)
+        await tab.look(width=width, height=height, mobile=True)
+        await tab.go(scene.url)
+        await tab.until("window.wallride && wallride.timings.count > 3")
+        await tab.run("document.querySelector('#drive').click()")
+        await tab.until("document.querySelector('#pilot-state').textContent === 'ready'")
+        hit = (
+            "(id) => { const e = document.getElementById(id), b = e.getBoundingClientRect();"
+            " const at = (x, y) => e.contains(document.elementFromPoint(x, y));"
+            " return b.top >= 0 && b.left >= 0 && b.bottom <= innerHeight && b.right <= innerWidth && b.height >= 44"
+            " && at(b.x + b.width / 2, b.y + b.height / 2) && at(b.x + 6, b.y + b.height / 2)"
+            " && at(b.right - 6, b.y + b.height / 2); }"
+        )
+        for name in ("stop", "autonomy", "reset", "touch"):
+            assert await tab.run(f"({hit})('{name}')"), f"{name} is covered or off the screen"
+        gap = (
+            "Math.abs(document.querySelector('#autonomy').getBoundingClientRect().right"
+            " - document.querySelector('#stop').getBoundingClientRect().left)"
+        )
+        if way == "upright":
+            assert await tab.run(gap) < 30, "beside STOP"
+        rival = asyncio.create_task(operate(car))
+        try:
+            await tab.until("getComputedStyle(document.querySelector('#take-over')).display !== 'none'")
+            assert await tab.run(f"({hit})('take-over')")
+        finally:
+            rival.cancel()
+
+
+async def test_the_words_name_what_this_device_has(scene, tab):
+    async with scene.car(), scene.monitor():
+        texts = "document.querySelector('.side').innerText + document.querySelector('#touch').ariaLabel"
+        await watching(tab, scene)
+        await take_control(tab)
+        desk = await tab.run(texts)
+        for word in ("Space or Esc", "an arrow key", "W A S D", "Autonomy (P)", "hold 1 s · R"):
+            assert word in desk
+        assert "LB" not in desk
+        assert "{" not in desk
+        await tab.call("Emulation.setTouchEmulationEnabled", enabled=True)
+        await tab.look(width=390, height=844, mobile=True)
+        await tab.go(scene.url)
+        await tab.until("window.wallride && wallride.timings.count > 3")
+        await tab.run("document.querySelector('#drive').click()")
+        await tab.until("document.querySelector('#pilot-state').textContent === 'ready'")
+        phone = await tab.run(texts)
+        assert "hold the drive pad to drive, Autonomy to permit autonomy" in phone
+        for word in ("arrow", "W A S D", "Space", " · ", "LB", "RB", "Start", "No gamepad"):
+            assert word not in phone
+
+
+async def test_a_human_whom_safety_does_not_bind_is_told_and_offered_the_switch(scene, tab):
+    async with scene.car() as car, scene.monitor():
+        await watching(tab, scene)
+        assert await tab.run("document.querySelector('#overruled').hidden")
+        car.overruled = {"speed_mps": 0.0, "reason": "braking: wall ahead", "measure": 0.4}
+        await tab.until("!document.querySelector('#overruled').hidden")
+        said = await tab.run("document.querySelector('#overruled-words').textContent")
+        assert said == "Safety says “braking: wall ahead”. It does not bind you."
+        await tab.click("#bind")
+        await car.until(lambda: car.settings.settings.safety.binds_teleop, "safety binds")
+        car.overruled = None
+        await tab.until("document.querySelector('#overruled').hidden")
+
+
+async def test_steering_is_in_degrees_and_no_number_is_bare(scene, tab):
+    async with scene.car(), scene.monitor():
+        await watching(tab, scene)
+        plots = await tab.run("document.querySelector('#strips').innerText")
+        assert "rad" not in plots
+        await tab.until("document.querySelector('#strips').innerText.includes('7.2 °')")  # 0.125 rad
+        because = "import('./mux.js').then(({because}) => because({reason}, {measure}))"
+        for reason, measure, words in (
+            ("'boxed in'", "0.0", "boxed in"),
+            ("'wall ahead'", "0.314", "wall ahead, 0.31 m free"),
+            ("'the scan is too old'", "0.3", "the scan is too old, 0.30 s"),
+        ):
+            asked = because.replace("{reason}", reason).replace("{measure}", measure)
+            assert await tab.run(asked) == words
+
+
+async def test_ticks_are_not_rounded(scene, tab):
+    async with scene.car(), scene.monitor():
+        await watching(tab, scene)
+        for low, high, labels in (
+            (0, 0.25, ["0.250", "0.125", "0.000"]),
+            (-0.1, 0.1, ["0.1", "0.0", "−0.1"]),
+            (0, 5, ["5.0", "2.5", "0.0"]),
+            (0, 200, ["200", "100", "0"]),
+            (-0.25, 0.25, ["0.25", "0.00", "−0.25"]),
+        ):
+            found = f"import('./plots.js').then(({{tickLabels}}) => tickLabels({low}, {high}))"
+            assert await tab.run(found) == labels

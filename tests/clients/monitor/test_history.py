@@ -1,0 +1,48 @@
+"""What a page gets of the minutes before it was opened."""
+
+import math
+
+from clients.monitor.history import APART_S, LONGEST_S, NAMES, History
+from runtime import wire
+from runtime.ros import messages
+
+STATUS = {
+    "speed_mps": 0.9, "output": {"asked_mps": 1.2, "speed_mps": 1.0, "steering_rad": -0.1},
+    "scan_to_motor_ms": {"p99": 2.5},
+}  # fmt: skip
+
+
+def test_it_keeps_what_is_plotted_with_its_age():
+    history = History()
+    history.take(wire.STATUS, wire.encode(STATUS), 100.0)
+    history.take(wire.DISTANCE_ERROR, messages.float32(0.25), 100.5)
+    history.take_round_trip(0.012, 101.0)
+    found = history.fields(102.0)
+    assert set(found) == set(NAMES)
+    assert {name: (line["age_ms"], line["value"]) for name, line in found.items()} == {
+        "error": ([1500], [0.25]), "asked": ([2000], [1.2]), "sent": ([2000], [1.0]), "driven": ([2000], [0.9]),
+        "steering": ([2000], [-0.1]), "latency": ([2000], [2.5]), "round_trip": ([1000], [12.0]),
+    }  # fmt: skip
+
+
+def test_it_stays_small_and_forgets_what_is_too_old():
+    history = History()
+    for tick in range(round(LONGEST_S / 0.025) + 4000):
+        history.take(wire.DISTANCE_ERROR, messages.float32(0.1), tick * 0.025)
+    now_s = LONGEST_S + 100
+    ages_ms = history.fields(now_s)["error"]["age_ms"]
+    assert max(ages_ms) <= LONGEST_S * 1000
+    assert len(ages_ms) <= LONGEST_S / APART_S
+    assert min(b - a for a, b in zip(ages_ms[1:], ages_ms, strict=False)) >= APART_S * 1000 - 1
+    assert history.fields(now_s + 2 * LONGEST_S)["error"]["age_ms"] == []
+
+
+def test_what_is_no_number_is_a_gap_and_what_is_damaged_is_left_out():
+    history = History()
+    history.take(wire.STATUS, wire.encode({"speed_mps": None, "output": None}), 1.0)
+    history.take(wire.DISTANCE_ERROR, messages.float32(math.nan), 1.0)
+    history.take(wire.STATUS, b"\xff{", 2.0)
+    history.take(wire.DISTANCE_ERROR, b"\0\1", 2.0)
+    history.take_round_trip(None, 1.0)
+    found = history.fields(2.0)
+    assert {tuple(line["value"]) for line in found.values()} == {(None,)}
