@@ -1,5 +1,6 @@
 """A monitor with a fake car behind it, and a browser where there is one."""
 
+import os
 from contextlib import asynccontextmanager
 
 import pytest
@@ -52,6 +53,8 @@ async def tab(tmp_path):
     """A browser with one empty tab."""
     path = find_chromium()
     if path is None:
+        if os.environ.get("WALLRIDE_NEEDS_CHROMIUM"):
+            pytest.fail("no Chromium here, and CI needs one: apt-get install chromium")
         pytest.skip("no Chromium here: apt-get install chromium, or set WALLRIDE_CHROMIUM to one")
     async with chromium(tmp_path / "profile", path) as browser:
         page = await browser.open()
