@@ -29,6 +29,8 @@ def add(parser: argparse.ArgumentParser) -> None:
         _add_outputs(parser)
         if name in {"walls", "laps"}:
             parser.add_argument("--distance", metavar="M", help="wanted distance to the wall in m (default: 1)")
+        if name in {"laps", "rooms"}:
+            parser.add_argument("--generated", action="store_true", help="on courses made from the seeds instead")
         if name == "laps":
             parser.add_argument(
                 "--maps", type=Path, metavar="DIR", help="folder of ROS maps (default: data/maps nearby)"
@@ -47,7 +49,9 @@ def _add_variations(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--mu", metavar="MU,MU", help="true friction (default: .5,.8,1)")
     parser.add_argument("--side", metavar="SIDE,SIDE", help="side of the followed wall (default: left,right)")
     parser.add_argument("--seed", type=int, default=1000, metavar="N", help="first seed of all noise (default: 1000)")
-    parser.add_argument("--seeds", type=int, default=1, metavar="K", help="how many seeds, from the first (default: 1)")
+    parser.add_argument(
+        "--seeds", default="1", metavar="K|A:B", help="how many seeds, from the first, or A to before B (default: 1)"
+    )
 
 
 def _add_outputs(parser: argparse.ArgumentParser) -> None:

@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
     try:
         choice = chosen(options)
         _check_outputs(options)
-        chosen_experiment = experiment(options.experiment)
+        chosen_experiment = experiment(_experiment(options))
         cells = only(chosen_experiment.cells(choice), options.only)
         if options.plot is not None:
             options.plot.mkdir(parents=True, exist_ok=True)
@@ -69,10 +69,7 @@ def run(options: argparse.Namespace) -> int:
 def chosen(options: argparse.Namespace) -> Choice:
     """Return what the options ask for; UsageError for what makes no sense."""
     quick = options.quick
-    if options.seeds < 1 or options.seed < 0:
-        raise UsageError(
-            f"--seeds {options.seeds} --seed {options.seed}: seeds count from 0, and at least one is needed"
-        )
+    seeds = _seeds(options)
     if options.jobs is not None and options.jobs < 1:
         raise UsageError(f"--jobs {options.jobs}: give 1 or more processes")
     return Choice(
@@ -80,7 +77,7 @@ def chosen(options: argparse.Namespace) -> Choice:
         _numbers("--speeds", options.speeds, 0.3, 8.0) or (QUICK_SPEEDS_MPS if quick else SPEEDS_MPS),
         _numbers("--mu", options.mu, 0.1, 2.0) or (QUICK_MUS if quick else MUS),
         _sides(options.side, quick=quick),
-        tuple(range(options.seed, options.seed + options.seeds)),
+        seeds,
         quick,
         _maps(options),
         _recordings(options),
@@ -100,6 +97,26 @@ def only(cells: Sequence[Cell], text: str | None) -> list[Cell]:
             raise UsageError(f"--only {pattern}: no course is called so; write some of {', '.join(courses)}")
         kept.update(found)
     return [cell for cell in cells if cell.scenario in kept]
+
+
+def _experiment(options: argparse.Namespace) -> str:
+    """Return the module of the experiment: rooms and laps have one for generated worlds as well."""
+    return f"generated_{options.experiment}" if getattr(options, "generated", False) else str(options.experiment)
+
+
+def _seeds(options: argparse.Namespace) -> tuple[int, ...]:
+    """Return the seeds: so many from the first on, or from A to before B."""
+    from_text, colon, to_text = str(options.seeds).partition(":")
+    try:
+        first, last = (int(from_text), int(to_text)) if colon else (options.seed, options.seed + int(from_text))
+    except ValueError:
+        first, last = -1, -1
+    if first < 0 or last <= first:
+        raise UsageError(
+            f"--seeds {options.seeds} --seed {options.seed}: write how many, or FIRST:END; seeds count from 0, and at"
+            " least one is needed"
+        )
+    return tuple(range(first, last))
 
 
 def _laws(text: str) -> tuple[str, ...]:
