@@ -7,6 +7,7 @@ from collections import deque
 import numpy as np
 
 from drivers.twin import twin
+from drivers.value import value
 from runtime.control.geometry import NOWHERE, Booleans, Floats, Places, places_m
 from runtime.control.odometry import Pose
 from runtime.control.perception import View
@@ -15,14 +16,28 @@ NEAR_M = 1.6
 KEPT_EVERY_M = 0.1
 KEPT_EVERY_RAD = 0.15
 KEPT_VIEWS = 16
+KEPT_FOR_A_WAY_OUT = 24
+
+
+@value(eq=False)
+class Kept:
+    """A view, and the pose of base_link in the odometry frame at which it was taken."""
+
+    view: View
+    place_m: complex
+    yaw_rad: float
 
 
 class Behind:
-    """Remembers near points in the odometry frame over the last one and a half metres, and how far the car backed."""
+    """Remembers near points in the odometry frame over the last one and a half metres, and how far the car backed.
+
+    kept: whole views of the last metres, for one who has to find a way out; nothing of them is computed before.
+    """
 
     def __init__(self, lidar_x_m: float) -> None:
         self._lidar_x_m = lidar_x_m
         self._views: deque[Places] = deque(maxlen=KEPT_VIEWS)
+        self.kept: deque[Kept] = deque(maxlen=KEPT_FOR_A_WAY_OUT)
         self._last: Pose | None = None
         self._at = Pose()
         self.backed_m = 0.0
@@ -41,7 +56,12 @@ class Behind:
                 return
         self._last = pose
         at = pose.x_m, pose.y_m, pose.yaw_rad
+        self.kept.append(self.seen_now(view))
         self._views.append(near_places(view.x_m, view.y_m, view.solid, view.ranges_m, *at))
+
+    def seen_now(self, view: View) -> Kept:
+        """Return a view as one that was taken at this pose."""
+        return Kept(view, complex(self._at.x_m, self._at.y_m), self._at.yaw_rad)
 
     def points_m(self, half_view_rad: float) -> Places:
         """Return what is remembered where the lidar does not look now (beyond +-half_view_rad), base_link, (k,).

@@ -32,11 +32,11 @@ class Body:
         """No point farther from the lidar is within the margins."""
         self.grip_mps2 = settings.grip_mu * GRAVITY_MPS2
         self.slippery_mps2 = min(settings.slippery_mu, settings.grip_mu) * GRAVITY_MPS2
-        self._margins = replace(self.ahead, rear_m=self.aback.rear_m)
+        self.around = replace(self.ahead, rear_m=self.aback.rear_m)
 
     def presses(self, points_m: Places) -> Booleans:
         """Return which points are within the margins, forward or backward, now."""
-        return self._margins.holds(points_m)
+        return self.around.holds(points_m)
 
     def grip_for_mps2(self, found: Contact) -> float:
         """Return the grip of the floor on which this was found."""

@@ -1,38 +1,42 @@
-"""The way out for a car whose nose stands against something: back a little, steered so that the way ahead opens.
+"""The way out for a car whose nose stands against something: back and forth on its arcs until it is driven off.
 
 Creeping forward at any angle frees no car that touches with its margins; backing out blindly hits what is behind. So:
-be patient first (people walk on), then try in thought what backing and then going forward at a few angles would lead
-to, on all points seen and remembered, take the best, and let the safety judge every moment of it like any drive.
+be patient first (people walk on), and meanwhile search all that is seen and remembered (`floor_map`) for the way that
+leads off (`pose_search`), a slice with each scan. Drive it leg by leg; safety judges every moment of it like any drive.
+Where a leg is blocked, look again from there. What was tried is remembered: from the same place the car next looks for
+a way that leads elsewhere and farther, and after a few tries it asks for help.
 """
 
+import cmath
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from drivers.api import Drive, MotorState
-from runtime.control.footprint import STEP_M, Motion, Path, arc, contact_on_arc
-from runtime.control.geometry import Places
+from runtime.control.floor_map import blocked_floor
+from runtime.control.pose_search import Goal, Leg, PoseSearch, WayOut
 from runtime.control.swept import STANDING_MPS, Outlook
 from runtime.control.swept_settings import RecoverySettings
 
 SETTLING_S = 0.3
 """The servo needs 0.2 s from one end to the other; the plan reckons with wheels that are there already."""
 GIVE_UP_LEG_S = 0.5
-BACKWARD_SHARES = (1.0, -1.0, 0.0)
-FORWARD_SHARES = (0.0, 0.5, -0.5, 1.0, -1.0)
-LOOKS_AHEAD_M = 2.0
 WORTH_IT_M = 0.5
-"""A manoeuvre that opens less way ahead than this is not begun."""
-TURNS_OVER_M = 0.4
-"""So much way, with full wheels, turns the car by 25 degrees."""
-BACKING_COSTS = 0.5
-REPEATING_COSTS_M = 0.7
-PLANS_EVERY_S = 0.5
+"""So much free way ahead ends a stand by itself."""
+LOOKS_AFTER_S = 0.3
+"""A stand that is shorter is not worth a thought."""
+LOOKS_AGAIN_AFTER_S = 2.0
+"""Where no way was found, something may have moved by then."""
+AWAY_M = (1.3, 1.7, 2.1)
+"""How far a way out leads: farther each time that the car stands at the same place again."""
 FREE_FOR_S = 0.25
 """Shorter than this, "free" is the lidar's noise at the edge of the margins, and patience goes on."""
 ASKS_AFTER_S = 10.0
-"""Who may not try anything himself waits so long for somebody to walk on before he asks for help."""
+"""A car that may not try anything waits so long for the way to clear before it asks for help."""
 HELP = "boxed in: needs help"
+DISBELIEF = "boxed in: will not back out without a believed odometry"
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,30 +47,57 @@ class Advice:
     words: str
 
 
-@dataclass(frozen=True, slots=True)
-class Leg:
-    """A piece of a manoeuvre: a steering, and how far, negative backwards."""
-
-    steering_rad: float
-    travel_m: float
-
-
 NO_ADVICE = Advice(None, "")
 
 
+class Thought:
+    """A search that is under way: one slice with each scan. way: its answer, None while it is not finished."""
+
+    def __init__(self, outlook: Outlook, goal: Goal) -> None:
+        guard, behind = outlook.guard, outlook.strip.behind
+        body, car = guard.body, guard.car
+        kept = [*behind.kept, behind.seen_now(outlook.view)]
+        self.from_m, self.yaw_rad = kept[-1].place_m, kept[-1].yaw_rad
+        self._floor = blocked_floor(kept, body.bare)
+        self._search = PoseSearch(
+            (body.around, body.bare),
+            (car.max_steering_rad, car.wheelbase_m),
+            (behind.backed_m, guard.settings.reverse_unseen_m),
+            goal,
+        )
+        self._slices = self._think()
+        self.way: WayOut | None = None
+
+    def step(self) -> None:
+        """Think one slice further."""
+        if next(self._slices, self) is self:
+            self.way = self._search.found
+
+    def end_in_odom_m(self, way: WayOut) -> complex:
+        """Return where the way leads, in the odometry frame."""
+        return self.from_m + way.end_m * cmath.rect(1.0, self.yaw_rad)
+
+    def _think(self) -> Iterator[None]:
+        blocked = None
+        for blocked in self._floor:
+            yield
+        if blocked is not None:
+            yield from self._search.look(blocked)
+
+
 class Recovery:
-    """Small state: since when the car is boxed in, which leg it drives, how often it has tried."""
+    """Small state: since when the car is boxed in, what it thinks, which leg it drives, what it has tried."""
 
     def __init__(self, settings: RecoverySettings) -> None:
         self._settings = settings
         self._since_s: float | None = None
         self._boxed_s = -math.inf
-        self._planned_s = -math.inf
+        self._thought: Thought | None = None
+        self._thought_s = -math.inf
         self._tries = 0
-        self._turning = False
         self._tried_at_m = 0.0
+        self._ends_m: list[complex] = []
         self._legs: list[Leg] = []
-        self._last: tuple[Leg, ...] = ()
         self._begun_s = 0.0
         self._begun_m = 0.0
         self._moving_s = 0.0
@@ -75,31 +106,58 @@ class Recovery:
         """Go on with other settings; a manoeuvre that is on is driven to its end."""
         self._settings = settings
 
-    def step(self, outlook: Outlook, wish: Drive | None, motor: MotorState | None) -> Advice:
-        """Answer one scan: wish is the driver's, before the safety."""
+    def step(self, outlook: Outlook, wish: Drive | None, motor: MotorState | None, *, believed: bool = True) -> Advice:
+        """Answer one scan: wish is the driver's, before the safety. believed: whether the odometry can be trusted."""
         if motor is None or wish is None or wish.speed_mps <= 0:
-            self._since_s, self._legs = None, []
+            self._forget()
             return NO_ADVICE
-        if self._legs:
+        if self._legs and believed:
             return self._drive_leg(outlook, motor)
         now_s = outlook.view.scan.stamp_s
         if not self._is_boxed_in(outlook, wish):
             if now_s - self._boxed_s > FREE_FOR_S or abs(outlook.speed_mps) > STANDING_MPS:
-                self._since_s = None
+                self._forget()
             if motor.distance_m - self._tried_at_m > self._settings.forgotten_after_m:
-                self._tries, self._turning, self._last = 0, False, ()
+                self._tries, self._ends_m = 0, []
             return NO_ADVICE
+        if not believed:
+            self._forget()
+            return Advice(None, DISBELIEF)
         self._boxed_s = now_s
         if self._since_s is None:
             self._since_s = now_s
-        patience_s = self._settings.boxed_for_s
-        if not self._settings.tries:
-            patience_s = max(patience_s, ASKS_AFTER_S)
-        if now_s - self._since_s < patience_s or self._is_free(outlook, wish):
+        return self._stand(outlook, wish, motor)
+
+    def _forget(self) -> None:
+        self._since_s, self._thought, self._legs = None, None, []
+
+    def _stand(self, outlook: Outlook, wish: Drive, motor: MotorState) -> Advice:
+        """Be patient, and think meanwhile."""
+        stood_s = self._boxed_s - (self._since_s if self._since_s is not None else self._boxed_s)
+        if self._tries >= self._settings.tries:
+            patient = stood_s < (self._settings.boxed_for_s if self._settings.tries else ASKS_AFTER_S)
+            return Advice(None, "waiting for the way to clear" if patient else HELP)
+        if stood_s >= LOOKS_AFTER_S and self._thought is None and self._boxed_s - self._thought_s > LOOKS_AGAIN_AFTER_S:
+            self._thought = Thought(outlook, self._goal(outlook))
+        if self._thought is not None and self._thought.way is None:
+            self._thought.step()
+        if stood_s < self._settings.boxed_for_s or self._is_free(outlook, wish):
             return Advice(None, "waiting for the way to clear")
-        if self._tries >= self._settings.tries and not self._turning:
+        thought = self._thought
+        if thought is None or thought.way is None:
+            return Advice(None, "looking for a way out" if thought is not None else HELP)
+        self._thought, self._thought_s = None, self._boxed_s
+        if not thought.way.legs:
             return Advice(None, HELP)
-        return self._begin(outlook, motor)
+        self._thought_s = -math.inf
+        self._ends_m.append(thought.end_in_odom_m(thought.way))
+        return self._begin(thought.way, outlook, motor)
+
+    def _goal(self, outlook: Outlook) -> Goal:
+        """Return where to: farther with each try, and not where an earlier one led."""
+        here = outlook.strip.behind.seen_now(outlook.view)
+        ends_m = (np.array(self._ends_m, np.complex128) - here.place_m) * cmath.rect(1.0, -here.yaw_rad)
+        return Goal(AWAY_M[min(self._tries, len(AWAY_M) - 1)], ends_m)
 
     def _is_boxed_in(self, outlook: Outlook, wish: Drive) -> bool:
         """Whether the car stands and may not go ahead; what forbids both ways, a blind lidar, is no box."""
@@ -112,20 +170,11 @@ class Recovery:
         """Whether the way is free by now, and only a stop is still held."""
         return outlook.strip.contact(wish.steering_rad, WORTH_IT_M).travel_m >= WORTH_IT_M
 
-    def _begin(self, outlook: Outlook, motor: MotorState) -> Advice:
-        now_s = outlook.view.scan.stamp_s
-        if now_s - self._planned_s < PLANS_EVERY_S:
-            return Advice(None, HELP)
-        self._planned_s = now_s
-        legs = plan(outlook, self._settings, self._last)
-        if not legs:
-            return Advice(None, HELP)
-        self._tries += not self._turning
-        # A piece of a turn, and what comes after it, are one try; two such pieces in a row are not.
-        self._turning = not self._turning and legs[1].travel_m < min(WORTH_IT_M, self._settings.forward_m)
+    def _begin(self, way: WayOut, outlook: Outlook, motor: MotorState) -> Advice:
+        self._tries += 1
         self._tried_at_m = motor.distance_m
-        self._legs, self._last = list(legs), tuple(legs)
-        self._enter_leg(now_s, motor)
+        self._legs = list(way.legs)
+        self._enter_leg(outlook.view.scan.stamp_s, motor)
         return self._drive_leg(outlook, motor)
 
     def _enter_leg(self, now_s: float, motor: MotorState) -> None:
@@ -142,64 +191,14 @@ class Recovery:
         blocked = (verdict.forward_mps if speed_mps > 0 else verdict.reverse_mps) <= 0
         if not blocked:
             self._moving_s = now_s
-        if abs(motor.distance_m - self._begun_m) >= abs(leg.travel_m) or now_s - self._moving_s > GIVE_UP_LEG_S:
+        if now_s - self._moving_s > GIVE_UP_LEG_S:
+            self._forget()
+            self._since_s = now_s - self._settings.boxed_for_s  # look again from here, patience has been had
+            return Advice(Drive(0.0, leg.steering_rad), words)
+        if abs(motor.distance_m - self._begun_m) >= abs(leg.travel_m):
             self._legs.pop(0)
             self._since_s = None
             if self._legs:
                 self._enter_leg(now_s, motor)
             return Advice(Drive(0.0, leg.steering_rad), words)
         return Advice(Drive(speed_mps, leg.steering_rad), words)
-
-
-def plan(outlook: Outlook, settings: RecoverySettings, last: tuple[Leg, ...] = ()) -> list[Leg]:
-    """Return the legs of the best manoeuvre, none when nothing opens enough way.
-
-    Worth = free way ahead afterwards - half of the way back - a malus for what was tried last. Where none is worth it,
-    a piece of a three-point turn is: back and ahead with opposite wheels both turn the car the same way.
-    """
-    best_worth_m, best = WORTH_IT_M, list[Leg]()
-    farthest_m, turning = TURNS_OVER_M, list[Leg]()
-    for legs, way_m in _manoeuvres(outlook, settings):
-        back, ahead = legs
-        if back.steering_rad * ahead.steering_rad < 0 and ahead.travel_m - back.travel_m > farthest_m:
-            farthest_m, turning = ahead.travel_m - back.travel_m, legs
-        worth_m = way_m + BACKING_COSTS * min(0.0, legs[0].travel_m)
-        if last and [leg.steering_rad for leg in legs] == [leg.steering_rad for leg in last]:
-            worth_m -= REPEATING_COSTS_M
-        if worth_m > best_worth_m:
-            best_worth_m, best = worth_m, legs
-    return best or turning
-
-
-def _manoeuvres(outlook: Outlook, settings: RecoverySettings) -> Iterator[tuple[list[Leg], float]]:
-    """Yield every manoeuvre worth a thought, with the free way ahead after backing."""
-    strip = outlook.strip
-    most_rad = strip.body.car.max_steering_rad
-    points_m = strip.points_around_m(LOOKS_AHEAD_M + settings.back_m)
-    for backward in BACKWARD_SHARES:
-        steering_rad = backward * most_rad
-        path = arc(_settled(outlook, steering_rad, -1.0), steering_rad, settings.back_m)
-        room_m = strip.contact(steering_rad, settings.back_m + STEP_M, -1.0).travel_m - STEP_M
-        for pose in range(2, path.travel_m.size, 2):
-            back_m = float(path.travel_m[pose])
-            if back_m > room_m:
-                break
-            seen_m = _from_pose(path, pose, points_m)
-            for forward in FORWARD_SHARES:
-                ahead_rad = forward * most_rad
-                motion = _settled(outlook, ahead_rad, 1.0)
-                found = contact_on_arc(motion, ahead_rad, LOOKS_AHEAD_M, strip.body.ahead, seen_m)
-                way_m = min(found.travel_m, LOOKS_AHEAD_M)
-                legs = [Leg(steering_rad, -back_m), Leg(ahead_rad, min(settings.forward_m, way_m))]
-                yield legs, way_m
-
-
-def _settled(outlook: Outlook, wheel_rad: float, direction: float) -> Motion:
-    car = outlook.strip.body.car
-    return Motion(0.0, direction, wheel_rad, 0.0, car.steering_rate_radps, car.wheelbase_m)
-
-
-def _from_pose(path: Path, pose: int, points_m: Places) -> Places:
-    """Return the points in the car's frame at a pose of the path."""
-    seen: Places = (points_m - path.place_m[pose]) * path.heading[pose].conjugate()
-    return seen
