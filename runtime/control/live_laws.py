@@ -63,6 +63,8 @@ class LiveLaws:
     def learn(self) -> None:
         """Do what can wait until the answer is on its way."""
         self.guard.learn()
+        if self._recovery is not None:
+            self._recovery.think()
 
     def tune(self, wall_follow: WallFollowSettings, safety: SafetySettings) -> None:
         """Go on with other settings, from the next scan on."""

@@ -23,6 +23,10 @@ from runtime.control.swept_settings import RecoverySettings
 SETTLING_S = 0.3
 """The servo needs 0.2 s from one end to the other; the plan reckons with wheels that are there already."""
 GIVE_UP_LEG_S = 0.5
+STOPPING_M = 0.1
+"""Safety lets the car back as far as it may less its braking distance; a leg that is short by so much is driven."""
+SLICES_AT_ONCE = 2
+"""So much of a search, a few milliseconds, between two scans."""
 WORTH_IT_M = 0.5
 """So much free way ahead ends a stand by itself."""
 LOOKS_AFTER_S = 0.3
@@ -62,16 +66,17 @@ class Thought:
         self._search = PoseSearch(
             (body.around, body.bare),
             (car.max_steering_rad, car.wheelbase_m),
-            (behind.backed_m, guard.settings.reverse_unseen_m),
+            (behind.backed_m, guard.settings.reverse_unseen_m - STOPPING_M),
             goal,
         )
         self._slices = self._think()
         self.way: WayOut | None = None
 
     def step(self) -> None:
-        """Think one slice further."""
-        if next(self._slices, self) is self:
-            self.way = self._search.found
+        """Think some slices further."""
+        for _ in range(SLICES_AT_ONCE):
+            if self.way is None and next(self._slices, self) is self:
+                self.way = self._search.found
 
     def end_in_odom_m(self, way: WayOut) -> complex:
         """Return where the way leads, in the odometry frame."""
@@ -94,6 +99,7 @@ class Recovery:
         self._boxed_s = -math.inf
         self._thought: Thought | None = None
         self._thought_s = -math.inf
+        self._due = False
         self._tries = 0
         self._tried_at_m = 0.0
         self._ends_m: list[complex] = []
@@ -102,12 +108,20 @@ class Recovery:
         self._begun_m = 0.0
         self._moving_s = 0.0
 
+    def think(self) -> None:
+        """Do what can wait until the answer is on its way; at the latest it is done with the next scan."""
+        if self._due:
+            self._due = False
+            if self._thought is not None:
+                self._thought.step()
+
     def tune(self, settings: RecoverySettings) -> None:
         """Go on with other settings; a manoeuvre that is on is driven to its end."""
         self._settings = settings
 
     def step(self, outlook: Outlook, wish: Drive | None, motor: MotorState | None, *, believed: bool = True) -> Advice:
         """Answer one scan: wish is the driver's, before the safety. believed: whether the odometry can be trusted."""
+        self.think()
         if motor is None or wish is None or wish.speed_mps <= 0:
             self._forget()
             return NO_ADVICE
@@ -139,8 +153,7 @@ class Recovery:
             return Advice(None, "waiting for the way to clear" if patient else HELP)
         if stood_s >= LOOKS_AFTER_S and self._thought is None and self._boxed_s - self._thought_s > LOOKS_AGAIN_AFTER_S:
             self._thought = Thought(outlook, self._goal(outlook))
-        if self._thought is not None and self._thought.way is None:
-            self._thought.step()
+        self._due = self._thought is not None
         if stood_s < self._settings.boxed_for_s or self._is_free(outlook, wish):
             return Advice(None, "waiting for the way to clear")
         thought = self._thought
@@ -191,11 +204,12 @@ class Recovery:
         blocked = (verdict.forward_mps if speed_mps > 0 else verdict.reverse_mps) <= 0
         if not blocked:
             self._moving_s = now_s
-        if now_s - self._moving_s > GIVE_UP_LEG_S:
+        left_m = abs(leg.travel_m) - abs(motor.distance_m - self._begun_m)
+        if now_s - self._moving_s > GIVE_UP_LEG_S and left_m > STOPPING_M:
             self._forget()
             self._since_s = now_s - self._settings.boxed_for_s  # look again from here, patience has been had
             return Advice(Drive(0.0, leg.steering_rad), words)
-        if abs(motor.distance_m - self._begun_m) >= abs(leg.travel_m):
+        if left_m <= 0.0 or now_s - self._moving_s > GIVE_UP_LEG_S:
             self._legs.pop(0)
             self._since_s = None
             if self._legs:
