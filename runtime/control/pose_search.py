@@ -10,7 +10,7 @@ slices that take a millisecond or two each, for a car that stands and has time.
 import math
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,7 +39,11 @@ POSE_CELLS = 2
 """One pose is kept in so many cells of the map by as many, for each heading and way."""
 SPARE_M, TIGHT_SPARE_M = 0.02, -0.01
 """Beside the margins of safety, half a cell; a car that stands within the margins may leave them."""
+NOSE_SPARE_M, TAIL_SPARE_M = 0.07, 0.03
+"""Safety does not let the car creep up to its margins, but to where it can still stop before them."""
 STEERINGS = (1, 0, -1)
+Move = tuple[int, int]
+"""Way, +1 forward or -1 backward, and steering, +1 left to -1 right."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,15 +107,27 @@ def _joined(parts: list[_Poses]) -> _Poses:
 
 
 class PoseSearch:
-    """One search. margins, bare: the car's outline with and without what safety keeps clear.
+    """One search.
 
-    backed_m, most_backed_m: how far the car has backed already without coming forward again, and how far it may.
+    outlines: the car's outline with and without what safety keeps clear. tightest: the steering's end and the
+    wheelbase. backing: how far the car has backed already without coming forward again, and how far it may.
+    refused: first moves, way and steering of STEERINGS, that safety did not let the car make from here.
     """
 
     def __init__(
-        self, outlines: tuple[Outline, Outline], tightest: tuple[float, float], backing: tuple[float, float], goal: Goal
+        self,
+        outlines: tuple[Outline, Outline],
+        tightest: tuple[float, float],
+        backing: tuple[float, float],
+        goal: Goal,
+        refused: frozenset[Move] = frozenset(),
     ) -> None:
-        self._margins, self._bare = outlines
+        margins, bare = outlines
+        self._refused = refused
+        self._outlines = [
+            (replace(one, front_m=margins.front_m + NOSE_SPARE_M), replace(one, rear_m=margins.rear_m + TAIL_SPARE_M))
+            for one in (margins, bare)
+        ]
         self._steering_rad, wheelbase_m = tightest
         curvature_per_m = math.tan(self._steering_rad) / wheelbase_m
         self._headings = math.ceil(math.tau / (curvature_per_m * LONGEST_STEP_M))
@@ -132,19 +148,15 @@ class PoseSearch:
     def look(self, blocked: Booleans) -> Iterator[None]:
         """Search on a map of `floor_map`; after each slice it yields, at the end `found` has the answer."""
         border = border_of(blocked)
-        free = np.empty((self._headings, CELLS * CELLS), np.bool_)
+        free = np.empty((2, 2, self._headings, CELLS * CELLS), np.bool_)
         for first in range(0, self._headings, HEADINGS_AT_ONCE):
             for heading in range(first, min(first + HEADINGS_AT_ONCE, self._headings)):
-                free[heading] = self._free_at(border, heading, self._margins, SPARE_M)
+                for pressed, back in ((0, 0), (0, 1), (1, 0), (1, 1)):
+                    spare_m = TIGHT_SPARE_M if pressed else SPARE_M
+                    outline = self._outlines[pressed][back]
+                    free[pressed, back, heading] = self._free_at(border, heading, outline, spare_m)
             yield
-        tight = free
-        if not free[0, HALF_CELLS * CELLS + HALF_CELLS]:
-            tight = np.empty_like(free)
-            for first in range(0, self._headings, HEADINGS_AT_ONCE):
-                for heading in range(first, min(first + HEADINGS_AT_ONCE, self._headings)):
-                    tight[heading] = self._free_at(border, heading, self._bare, TIGHT_SPARE_M)
-                yield
-        yield from self._spread(free, tight)
+        yield from self._spread(free.reshape(2, 2, -1))
 
     def _free_at(self, border: Whole, heading: int, outline: Outline, spare_m: float) -> Booleans:
         """Return where the car may be at a heading, (CELLS * CELLS,)."""
@@ -158,12 +170,12 @@ class PoseSearch:
         free: Booleans = ~taken.reshape(wide, wide)[reach:-reach, reach:-reach].ravel()
         return free
 
-    def _spread(self, free: Booleans, tight: Booleans) -> Iterator[None]:
+    def _spread(self, free: Booleans) -> Iterator[None]:
         """Flood the poses in the order of what they cost."""
         waiting: dict[int, list[_Poses]] = defaultdict(list)
         zero = np.zeros(1, np.intp)
         waiting[0].append(_Poses(np.zeros(1, np.complex128), zero, zero, zero, np.array([self._backed_m]), zero - 1))
-        seen = np.zeros(2 * free.size, np.bool_)
+        seen = np.zeros(2 * free.shape[2], np.bool_)
         all_found: list[_Poses] = []
         count, cost = 0, 0
         best: tuple[float, int] = (math.inf, -1)
@@ -175,8 +187,8 @@ class PoseSearch:
             for first in range(0, fresh.heading.size, POSES_AT_ONCE):
                 some = fresh.some(np.arange(first, min(first + POSES_AT_ONCE, fresh.heading.size)))
                 all_found.append(some)
-                best = min(best, self._driven_off(some, free, cost, count))
-                self._expand(some, count, cost, (free, tight), waiting)
+                best = min(best, self._driven_off(some, free[0, 0], cost, count))
+                self._expand(some, count, cost, free, waiting)
                 count += some.heading.size
                 yield
             cost += 1
@@ -201,15 +213,16 @@ class PoseSearch:
         return cell
 
     def _expand(
-        self, some: _Poses, count: int, cost: int, maps: tuple[Booleans, Booleans], waiting: dict[int, list[_Poses]]
+        self, some: _Poses, count: int, cost: int, free: Booleans, waiting: dict[int, list[_Poses]]
     ) -> None:
-        free, tight = (one.reshape(-1) for one in maps)
         parent = count + np.arange(some.heading.size)
-        presses = ~free[self._cell(some)]
+        presses = ~(free[0, 0] | free[0, 1])[self._cell(some)]
         for back in (0, 1):
             way = -1 if back else 1
             backed_m = np.maximum(some.backed_m - way * self._step_m, 0.0)
             for number, steering in enumerate(STEERINGS):
+                if not count and (way, steering) in self._refused:
+                    continue
                 place_m = some.place_m + self._moves_m[back, number, some.heading]
                 heading = (some.heading + way * steering) % self._headings
                 full = np.full(heading.size, way), np.full(heading.size, steering)
@@ -219,7 +232,7 @@ class PoseSearch:
                 good = np.flatnonzero(good)
                 poses = poses.some(good)
                 cell = self._cell(poses)
-                fits = free[cell] | (presses[good] & tight[cell])
+                fits = free[0, back, cell] | (presses[good] & free[1, back, cell])
                 turns = (some.way[good] == -way) * CUSP_COSTS + (some.steering[good] != steering) * STEERING_COSTS
                 costs = cost + turns + (BACKWARD_COSTS if back else FORWARD_COSTS)
                 for value in np.unique(costs[fits]).tolist():
@@ -244,7 +257,6 @@ class PoseSearch:
 
     def _room_ahead(self, some: _Poses, free: Booleans) -> Booleans:
         """Return at which poses the car can roll on for ROOM_AHEAD_STEPS, on one of its arcs."""
-        flat = free.reshape(-1)
         room = np.zeros(some.heading.size, np.bool_)
         for number, steering in enumerate(STEERINGS):
             place_m, heading = some.place_m, some.heading
@@ -254,7 +266,7 @@ class PoseSearch:
                 heading = (heading + steering) % self._headings
                 inside = np.maximum(np.abs(place_m.real), np.abs(place_m.imag)) < (HALF_CELLS - 1) * CELL_M
                 there = _Poses(np.where(inside, place_m, 0j), heading, heading, heading, some.backed_m, heading)
-                clear &= ~inside | flat[self._cell(there)]  # beyond the map is the follower's business
+                clear &= ~inside | free[self._cell(there)]  # beyond the map is the follower's business
             room |= clear
         return room
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from drivers.api import Drive, MotorState
 from runtime.control.floor_map import blocked_floor
-from runtime.control.pose_search import Goal, Leg, PoseSearch, WayOut
+from runtime.control.pose_search import Goal, Leg, Move, PoseSearch, WayOut
 from runtime.control.swept import STANDING_MPS, Outlook
 from runtime.control.swept_settings import RecoverySettings
 
@@ -25,6 +25,7 @@ SETTLING_S = 0.3
 GIVE_UP_LEG_S = 0.5
 STOPPING_M = 0.1
 """Safety lets the car back as far as it may less its braking distance; a leg that is short by so much is driven."""
+BEGUN_M = 0.03
 SLICES_AT_ONCE = 2
 """So much of a search, a few milliseconds, between two scans."""
 WORTH_IT_M = 0.5
@@ -57,7 +58,7 @@ NO_ADVICE = Advice(None, "")
 class Thought:
     """A search that is under way: one slice with each scan. way: its answer, None while it is not finished."""
 
-    def __init__(self, outlook: Outlook, goal: Goal) -> None:
+    def __init__(self, outlook: Outlook, goal: Goal, refused: frozenset[Move]) -> None:
         guard, behind = outlook.guard, outlook.strip.behind
         body, car = guard.body, guard.car
         kept = [*behind.kept, behind.seen_now(outlook.view)]
@@ -68,6 +69,7 @@ class Thought:
             (car.max_steering_rad, car.wheelbase_m),
             (behind.backed_m, guard.settings.reverse_unseen_m - STOPPING_M),
             goal,
+            refused,
         )
         self._slices = self._think()
         self.way: WayOut | None = None
@@ -103,6 +105,7 @@ class Recovery:
         self._tries = 0
         self._tried_at_m = 0.0
         self._ends_m: list[complex] = []
+        self._refused: frozenset[Move] = frozenset()
         self._legs: list[Leg] = []
         self._begun_s = 0.0
         self._begun_m = 0.0
@@ -132,7 +135,7 @@ class Recovery:
             if now_s - self._boxed_s > FREE_FOR_S or abs(outlook.speed_mps) > STANDING_MPS:
                 self._forget()
             if motor.distance_m - self._tried_at_m > self._settings.forgotten_after_m:
-                self._tries, self._ends_m = 0, []
+                self._tries, self._ends_m, self._refused = 0, [], frozenset()
             return NO_ADVICE
         if not believed:
             self._forget()
@@ -152,7 +155,7 @@ class Recovery:
             patient = stood_s < (self._settings.boxed_for_s if self._settings.tries else ASKS_AFTER_S)
             return Advice(None, "waiting for the way to clear" if patient else HELP)
         if stood_s >= LOOKS_AFTER_S and self._thought is None and self._boxed_s - self._thought_s > LOOKS_AGAIN_AFTER_S:
-            self._thought = Thought(outlook, self._goal(outlook))
+            self._thought = Thought(outlook, self._goal(outlook), self._refused)
         self._due = self._thought is not None
         if stood_s < self._settings.boxed_for_s or self._is_free(outlook, wish):
             return Advice(None, "waiting for the way to clear")
@@ -194,6 +197,15 @@ class Recovery:
         self._begun_s = self._moving_s = now_s
         self._begun_m = motor.distance_m
 
+    def _give_up(self, leg: Leg, motor: MotorState) -> None:
+        """Drop the way; a leg that could not even be begun is not begun again from here."""
+        if abs(motor.distance_m - self._begun_m) > BEGUN_M:
+            self._refused = frozenset()
+        else:
+            steering = round(math.copysign(1, leg.steering_rad)) if leg.steering_rad else 0
+            self._refused |= {(1 if leg.travel_m > 0 else -1, steering)}
+        self._forget()
+
     def _drive_leg(self, outlook: Outlook, motor: MotorState) -> Advice:
         now_s, leg = outlook.view.scan.stamp_s, self._legs[0]
         words = f"{'backing' if leg.travel_m < 0 else 'turning'} out, try {self._tries} of {self._settings.tries}"
@@ -206,9 +218,11 @@ class Recovery:
             self._moving_s = now_s
         left_m = abs(leg.travel_m) - abs(motor.distance_m - self._begun_m)
         if now_s - self._moving_s > GIVE_UP_LEG_S and left_m > STOPPING_M:
-            self._forget()
+            self._give_up(leg, motor)
             self._since_s = now_s - self._settings.boxed_for_s  # look again from here, patience has been had
             return Advice(Drive(0.0, leg.steering_rad), words)
+        if abs(motor.distance_m - self._begun_m) > BEGUN_M:
+            self._refused = frozenset()
         if left_m <= 0.0 or now_s - self._moving_s > GIVE_UP_LEG_S:
             self._legs.pop(0)
             self._since_s = None
