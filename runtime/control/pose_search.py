@@ -216,7 +216,7 @@ class PoseSearch:
         self, some: _Poses, count: int, cost: int, free: Booleans, waiting: dict[int, list[_Poses]]
     ) -> None:
         parent = count + np.arange(some.heading.size)
-        presses = ~(free[0, 0] | free[0, 1])[self._cell(some)]
+        presses = (some.way == 0) | ~free[0, (some.way < 0).astype(np.intp), self._cell(some)]
         for back in (0, 1):
             way = -1 if back else 1
             backed_m = np.maximum(some.backed_m - way * self._step_m, 0.0)
