@@ -5,6 +5,7 @@ is free when a beam went through it or the car itself was there; it is blocked w
 this scan looks through it now; everything else is unknown, and unknown is never free.
 """
 
+import cmath
 import math
 from collections.abc import Iterator
 
@@ -19,6 +20,13 @@ REACH_M = 2.4
 """The map is a square with the rear axle in its middle, this far to each side."""
 HALF_CELLS = round(REACH_M / CELL_M)
 CELLS = 2 * HALF_CELLS + 1
+MATCHED_YAWS_RAD = (0.0, 0.025, -0.025, 0.05, -0.05)
+MATCHED_STEPS_M: Places = np.array(
+    sorted((complex(-CELL_M * back, CELL_M * aside) for back in range(-2, 10) for aside in (0, 1, -1)), key=abs)
+)
+"""How far off a view may be: the nearest first; farther backwards, where a hard stop slides from."""
+BETTER_BY, BETTER_POINTS = 1.05, 3
+MATCHED_EVERY = 4
 EDGE_CELLS = 2
 """Known floor ends short of what returns, by noise and by the beams' spacing; so much is taken for known as well."""
 _ALONG_M = CELL_M * np.arange(-HALF_CELLS, HALF_CELLS + 1, dtype=np.float64)
@@ -41,24 +49,60 @@ def blocked_floor(kept: list[Kept], bare: Outline) -> Iterator[Booleans]:
     kept: views with their places in the odometry frame, the newest last; the map lies in its base_link. bare: the car.
     """
     newest = kept[-1]
-    known = np.zeros(CELLS * CELLS, np.bool_)
     hit = np.zeros(CELLS * CELLS, np.bool_)
-    for one in kept:
-        turn = np.exp(1j * (newest.yaw_rad - one.yaw_rad))
-        moved_m = (newest.place_m - one.place_m) * np.exp(-1j * one.yaw_rad)
-        there_m = CENTRES_M * turn + moved_m
-        looked_through = _seen(there_m - one.view.lidar_x_m, one)
-        if one is newest:
-            hit &= ~looked_through
-        known |= looked_through
+    hit[cell_of(_points_m(newest))] = True
+    looked_through = _seen(CENTRES_M - newest.view.lidar_x_m, newest)
+    known = looked_through | bare.holds(CENTRES_M)
+    later, turn, from_m = newest, 1 + 0j, 0j
+    for one in reversed(kept[:-1]):
+        # By odometry from the next later view, whose place on the map is known by now; then laid over all later ones.
+        from_m += (one.place_m - later.place_m) * cmath.rect(1.0, -later.yaw_rad) * turn
+        turn *= cmath.rect(1.0, one.yaw_rad - later.yaw_rad)
+        later, points_m = one, _points_m(one)
+        turn, from_m = _laid_over(points_m, turn, from_m, hit)
+        there_m = (CENTRES_M - from_m) / turn
+        known |= _seen(there_m - one.view.lidar_x_m, one)
         known |= bare.holds(there_m)
-        solid = one.view.solid
-        points_m = one.view.x_m[solid] + 1j * one.view.y_m[solid]
-        hit[cell_of((points_m - moved_m) / turn)] = True
-        if one is not newest:
-            yield known.reshape(CELLS, CELLS)
+        old = cell_of(points_m * turn + from_m)
+        hit[old[~looked_through[old]]] = True
+        yield known.reshape(CELLS, CELLS)
     hit &= ~bare.holds(CENTRES_M)
-    yield hit.reshape(CELLS, CELLS) | ~_grown(known.reshape(CELLS, CELLS))
+    yield hit.reshape(CELLS, CELLS) | ~grown(known.reshape(CELLS, CELLS), EDGE_CELLS)
+
+
+def _points_m(one: Kept) -> Places:
+    """Return what returned in a view, (k,) in its base_link."""
+    solid = one.view.solid
+    points_m: Places = one.view.x_m[solid] + 1j * one.view.y_m[solid]
+    return points_m
+
+
+def _laid_over(points_m: Places, turn: complex, from_m: complex, hit: Booleans) -> tuple[complex, complex]:
+    """Return heading and place of a view on the map, corrected so that its points lie over those of later views.
+
+    Locked wheels slide on and count nothing, and tyres slip in bends: odometry is good for a metre, not for the way to
+    a box. Of the places near by, the one where most points meet (correlative scan matching, Olson 2009); the odometry's
+    own where none is clearly better, as between bare walls.
+    """
+    near = np.zeros((CELLS + 1, CELLS + 1), np.bool_)  # the last row and column: beyond the map
+    near[:CELLS, :CELLS] = grown(hit.reshape(CELLS, CELLS), 1)
+    some_m = points_m[np.abs(points_m) < 2 * REACH_M][::MATCHED_EVERY] * turn
+    own = best = 0
+    found = turn, from_m
+    for yaw_rad in MATCHED_YAWS_RAD:
+        there_m = some_m * cmath.rect(1.0, yaw_rad) + (from_m + turn * MATCHED_STEPS_M)[:, None]
+        column = np.rint(there_m.real / CELL_M).astype(np.intp) + HALF_CELLS
+        row = np.rint(there_m.imag / CELL_M).astype(np.intp) + HALF_CELLS
+        column[(column < 0) | (column > CELLS)] = CELLS
+        row[(row < 0) | (row > CELLS)] = CELLS
+        met = np.count_nonzero(near[row, column], axis=1)
+        step = int(met.argmax())
+        if not yaw_rad:
+            own = int(met[0])
+        if met[step] > best:
+            best = int(met[step])
+            found = turn * cmath.rect(1.0, yaw_rad), from_m + turn * complex(MATCHED_STEPS_M[step])
+    return found if best > BETTER_BY * own + BETTER_POINTS else (turn, from_m)
 
 
 def _seen(from_lidar_m: Places, one: Kept) -> Booleans:
@@ -79,17 +123,17 @@ def _reach_m(ranges_m: Floats) -> Floats:
     return least
 
 
-def _grown(known: Booleans) -> Booleans:
-    """Return known floor and EDGE_CELLS more on each side."""
-    grown = known.copy()
-    for _ in range(EDGE_CELLS):
-        before = grown.copy()
-        grown[1:] |= before[:-1]
-        grown[:-1] |= before[1:]
-        before = grown.copy()
-        grown[:, 1:] |= before[:, :-1]
-        grown[:, :-1] |= before[:, 1:]
-    return grown
+def grown(cells: Booleans, by: int) -> Booleans:
+    """Return these cells and so many more on each side."""
+    wide = cells.copy()
+    for _ in range(by):
+        before = wide.copy()
+        wide[1:] |= before[:-1]
+        wide[:-1] |= before[1:]
+        before = wide.copy()
+        wide[:, 1:] |= before[:, :-1]
+        wide[:, :-1] |= before[:, 1:]
+    return wide
 
 
 def border_of(blocked: Booleans) -> np.ndarray:
