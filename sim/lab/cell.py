@@ -47,6 +47,8 @@ class Choice:
     maps: tuple[str, ...] = ()
     recordings: tuple[str, ...] = ()
     desired_m: float = DESIRED_M
+    generated: bool = False
+    """Courses made from the seeds instead of those that have names."""
 
     def cells(self, experiment: str, scenarios: Sequence[str]) -> list[Cell]:
         """Return every combination; the longest runs first, so that no core waits for one at the end."""

@@ -82,6 +82,7 @@ def chosen(options: argparse.Namespace) -> Choice:
         _maps(options),
         _recordings(options),
         _distance_m(options),
+        getattr(options, "generated", False),
     )
 
 
@@ -100,8 +101,9 @@ def only(cells: Sequence[Cell], text: str | None) -> list[Cell]:
 
 
 def _experiment(options: argparse.Namespace) -> str:
-    """Return the module of the experiment: rooms and laps have one for generated worlds as well."""
-    return f"generated_{options.experiment}" if getattr(options, "generated", False) else str(options.experiment)
+    """Return the module of the experiment: generated rooms have one of their own."""
+    generated = options.experiment == "rooms" and options.generated
+    return "generated_rooms" if generated else str(options.experiment)
 
 
 def _seeds(options: argparse.Namespace) -> tuple[int, ...]:

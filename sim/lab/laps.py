@@ -5,6 +5,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from sim.closed_loop import Case, Run, drive
+from sim.generated_tracks import generated_track
 from sim.lab import laws
 from sim.lab.cell import DESIRED_M, Cell, Choice, Experiment, Figures, Tabled
 from sim.lab.figures import Row, chosen, common, distinct, errors, mean, number, text
@@ -15,6 +16,8 @@ from sim.world import World
 from sim.worlds import load_world
 
 LOOPS = ("loop", "loop_inner")
+GENERATED = ("generated outer", "generated inner")
+"""Tracks made from the seed (`sim.generated_tracks`), the followed wall being the outer or the inner one."""
 LAPS = 3
 """The first one from a standstill; the best of the others counts."""
 FOLLOWED_S = 60.0
@@ -22,19 +25,22 @@ FOLLOWED_S = 60.0
 
 def cells(choice: Choice) -> list[Cell]:
     """Return what is to be run."""
+    if choice.generated:
+        return choice.cells("laps", GENERATED)
     return choice.cells("laps", [*LOOPS, *choice.maps] if not choice.quick else ["loop"])
 
 
 def run(cell: Cell) -> Run:
     """Drive one cell: some laps of a closed course, or 60 s where nobody knows what a lap is."""
-    world = _world(cell.scenario, cell.side)
+    world = _world(cell.scenario, cell.side, cell.seed)
+    counts = world.lap is not None and cell.scenario not in GENERATED
     desired_m = min(cell.desired_m, world.room_m)
     follower, guard = laws.build(cell.law, cell.side, desired_m, cell.speed_mps)
     case = Case(
         world,
         desired_m=desired_m,
-        distance_m=(LAPS + 0.1) * world.lap.length_m if world.lap is not None else float("inf"),
-        duration_s=120.0 if world.lap is not None else FOLLOWED_S,
+        distance_m=(LAPS + 0.1) * world.lap.length_m if world.lap is not None and counts else float("inf"),
+        duration_s=120.0 if counts else FOLLOWED_S,
         standing_s=5.0,
         vehicle=VehicleSettings(grip_mu=cell.mu),
         seed=cell.seed,
@@ -76,8 +82,11 @@ def maps_in(folder: Path) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=4)
-def _world(name: str, side: Side) -> World:
-    return load_world(name, side=side)
+def _world(name: str, side: Side, seed: int) -> World:
+    if name not in GENERATED:
+        return load_world(name, side=side)
+    world = generated_track(seed, inner=name == GENERATED[1])
+    return world if side == "left" else world.mirrored()
 
 
 def tables(rows: Sequence[Row]) -> list[Tabled]:
