@@ -30,7 +30,12 @@ class FloorPlan:
         """Add a lane that begins at a pose in its middle, perhaps narrowing, and return the pose at its end."""
         end = at.ahead(length_m)
         half_m, end_half_m = width_m / 2, (width_m if end_width_m is None else end_width_m) / 2
-        corners = [at.ahead(0.0, -half_m), end.ahead(0.0, -end_half_m), end.ahead(0.0, end_half_m), at.ahead(0.0, half_m)]
+        corners = [
+            at.ahead(0.0, -half_m),
+            end.ahead(0.0, -end_half_m),
+            end.ahead(0.0, end_half_m),
+            at.ahead(0.0, half_m),
+        ]
         self.pieces.append(np.array([(corner.x_m, corner.y_m) for corner in corners]))
         return end
 

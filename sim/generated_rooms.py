@@ -15,9 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.floor_plan import FloorPlan
-from sim.lap import Lap
-from sim.pose import CAR, Floats, Pose
-from sim.segments import SegmentGeometry, box, chain
+from sim.pose import CAR, Pose
+from sim.segments import SegmentGeometry, box
 from sim.world import START_DISTANCE_M, World
 
 NARROWEST_M, WIDEST_M = 1.2, 3.0
@@ -80,11 +79,11 @@ class _Builder:
         """Put boxes and poles into the last lane: along its walls, or anywhere."""
         for _ in range(count):
             along_m, aside_m = self.random.uniform(0.3, length_m - 0.3), self.random.uniform(-0.5, 0.5) * self.width_m
-            size_m = self.random.uniform(0.2, widest_m, 2)
+            long_m, width_m = self.random.uniform(0.2, widest_m, 2)
             yaw_rad = began.yaw_rad + (self.random.uniform(0, math.pi) if self.random.random() < 0.5 else 0.0)
             at = began.ahead(float(along_m), float(aside_m))
             if math.hypot(at.x_m, at.y_m) > FREE_START_M:
-                self.plan.things.append(box(at.x_m, at.y_m, *size_m, yaw_rad))
+                self.plan.things.append(box(at.x_m, at.y_m, float(long_m), float(width_m), yaw_rad))
 
     def turn_deg(self) -> float:
         return float(self.random.uniform(BLUNTEST_DEG, SHARPEST_DEG) * self.random.choice([-1, 1]))

@@ -13,9 +13,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from sim.pose import CAR, Booleans, Floats, Pose
 from sim.segments import SegmentGeometry
+
+Whole = npt.NDArray[np.int64]
 
 CELL_M = 0.04
 HEADINGS = 64
@@ -47,7 +50,7 @@ class _Lattice:
     free: Booleans
     at: Pose
 
-    def index(self, x_m: Floats, y_m: Floats, yaw_rad: Floats) -> np.ndarray:
+    def index(self, x_m: Floats, y_m: Floats, yaw_rad: Floats) -> Whole:
         """Return the flat index of poses (k,), -1 outside."""
         size = self.free.shape[1]
         column = np.rint((x_m - self.at.x_m) / CELL_M).astype(np.int64) + size // 2
@@ -85,7 +88,7 @@ def way_on(geometry: SegmentGeometry, at: Pose, away_m: float = AWAY_M) -> WayOn
     return WayOn(exists=False, length_m=math.nan)
 
 
-def _moved(x_m: Floats, y_m: Floats, yaw_rad: Floats, run: np.ndarray) -> tuple[Floats, Floats, Floats, np.ndarray]:
+def _moved(x_m: Floats, y_m: Floats, yaw_rad: Floats, run: Whole) -> tuple[Floats, Floats, Floats, Whole]:
     """Return all poses one step on: forward and backward, on three curvatures."""
     moved = []
     for way_m in (STEP_M, -STEP_M):
@@ -94,7 +97,9 @@ def _moved(x_m: Floats, y_m: Floats, yaw_rad: Floats, run: np.ndarray) -> tuple[
             chord_m = way_m * np.sinc(turn_rad / math.tau)
             middle_rad = yaw_rad + turn_rad / 2
             on = np.minimum(run + 1, FORWARD_STEPS) if way_m > 0 else np.zeros_like(run)
-            moved.append((x_m + chord_m * np.cos(middle_rad), y_m + chord_m * np.sin(middle_rad), yaw_rad + turn_rad, on))
+            moved.append(
+                (x_m + chord_m * np.cos(middle_rad), y_m + chord_m * np.sin(middle_rad), yaw_rad + turn_rad, on)
+            )
     x, y, yaw, runs = (np.concatenate(parts) for parts in zip(*moved, strict=True))
     return x, y, yaw, runs
 
@@ -117,7 +122,7 @@ def _lattice(geometry: SegmentGeometry, at: Pose, reach_m: float, margin_m: floa
     return _Lattice(free, at)
 
 
-def _wall_cells(geometry: SegmentGeometry, at: Pose, half: int) -> np.ndarray:
+def _wall_cells(geometry: SegmentGeometry, at: Pose, half: int) -> Whole:
     """Return the cells, (k, 2) columns and rows from the middle, that walls pass through."""
     outline = geometry.outline_m
     cells = []
@@ -125,11 +130,11 @@ def _wall_cells(geometry: SegmentGeometry, at: Pose, half: int) -> np.ndarray:
         steps = max(2, math.ceil(math.hypot(x1 - x0, y1 - y0) / (CELL_M / 2)) + 1)
         cells.append(np.column_stack([np.linspace(x0, x1, steps) - at.x_m, np.linspace(y0, y1, steps) - at.y_m]))
     found = np.unique(np.rint(np.concatenate(cells) / CELL_M).astype(np.int64), axis=0)
-    inside: np.ndarray = found[(np.abs(found) <= half).all(axis=1)]
+    inside: Whole = found[(np.abs(found) <= half).all(axis=1)]
     return inside
 
 
-def _outline_cells(yaw_rad: float, margin_m: float) -> np.ndarray:
+def _outline_cells(yaw_rad: float, margin_m: float) -> Whole:
     """Return the cells, (k, 2) columns and rows, whose middle the car at that heading covers, margin included."""
     half = math.ceil((CAR.reach_m + margin_m) / CELL_M) + 1
     columns, rows = np.meshgrid(np.arange(-half, half + 1), np.arange(-half, half + 1))

@@ -7,13 +7,16 @@ this scan looks through it now; everything else is unknown, and unknown is never
 
 import cmath
 import math
-from collections.abc import Iterator
+from collections.abc import Generator
 
 import numpy as np
+import numpy.typing as npt
 
 from runtime.control.behind import Kept
 from runtime.control.footprint import Outline
 from runtime.control.geometry import Booleans, Floats, Places
+
+Whole = npt.NDArray[np.intp]
 
 CELL_M = 0.04
 REACH_M = 2.4
@@ -34,17 +37,17 @@ CENTRES_M: Places = (_ALONG_M[None, :] + 1j * _ALONG_M[:, None]).ravel()
 """The cells' middles, row by row, in base_link."""
 
 
-def cell_of(places_m: Places) -> np.ndarray:
+def cell_of(places_m: Places) -> Whole:
     """Return the flat index of the cell of each place, (k,), of those on the map only."""
     column = np.rint(places_m.real / CELL_M).astype(np.intp) + HALF_CELLS
     row = np.rint(places_m.imag / CELL_M).astype(np.intp) + HALF_CELLS
     inside = (column >= 0) & (column < CELLS) & (row >= 0) & (row < CELLS)
-    cells: np.ndarray = (row * CELLS + column)[inside]
+    cells: Whole = (row * CELLS + column)[inside]
     return cells
 
 
-def blocked_floor(kept: list[Kept], bare: Outline) -> Iterator[Booleans]:
-    """Yield the cells that are not known to be free, (CELLS, CELLS) rows along y; better with every view, the last best.
+def blocked_floor(kept: list[Kept], bare: Outline) -> Generator[None, None, Booleans]:
+    """Return the cells that are not known to be free, (CELLS, CELLS), rows along y; yields after each view.
 
     kept: views with their places in the odometry frame, the newest last; the map lies in its base_link. bare: the car.
     """
@@ -65,9 +68,9 @@ def blocked_floor(kept: list[Kept], bare: Outline) -> Iterator[Booleans]:
         known |= bare.holds(there_m)
         old = cell_of(points_m * turn + from_m)
         hit[old[~looked_through[old]]] = True
-        yield known.reshape(CELLS, CELLS)
+        yield
     hit &= ~bare.holds(CENTRES_M)
-    yield hit.reshape(CELLS, CELLS) | ~grown(known.reshape(CELLS, CELLS), EDGE_CELLS)
+    return hit.reshape(CELLS, CELLS) | ~grown(known.reshape(CELLS, CELLS), EDGE_CELLS)
 
 
 def _points_m(one: Kept) -> Places:
@@ -136,18 +139,21 @@ def grown(cells: Booleans, by: int) -> Booleans:
     return wide
 
 
-def border_of(blocked: Booleans) -> np.ndarray:
+def border_of(blocked: Booleans) -> Whole:
     """Return rows and columns, (k, 2), of the blocked cells beside free ones: what is behind them cannot be reached."""
-    free = np.pad(~blocked, 1, constant_values=False)
+    free = np.zeros((CELLS + 2, CELLS + 2), np.bool_)
+    free[1:-1, 1:-1] = ~blocked
     beside = free[:-2, 1:-1] | free[2:, 1:-1] | free[1:-1, :-2] | free[1:-1, 2:]
-    return np.argwhere(blocked & beside)
+    border: Whole = np.argwhere(blocked & beside)
+    return border
 
 
-def outline_cells(outline: Outline, yaw_rad: float, spare_m: float) -> np.ndarray:
+def outline_cells(outline: Outline, yaw_rad: float, spare_m: float) -> Whole:
     """Return rows and columns from the middle, (k, 2), that the car at that heading covers, with so much to spare."""
     reach = math.ceil((math.hypot(max(outline.front_m, outline.rear_m), outline.half_width_m) + spare_m) / CELL_M)
     row, column = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     there_m = (column + 1j * row) * (CELL_M * np.exp(-1j * yaw_rad))
     wide = Outline(outline.front_m + spare_m, outline.rear_m + spare_m, outline.half_width_m + spare_m)
     covered = wide.holds(there_m)
-    return np.column_stack([row[covered], column[covered]])
+    cells: Whole = np.column_stack([row[covered], column[covered]])
+    return cells

@@ -9,16 +9,14 @@ slices that take a millisecond or two each, for a car that stands and has time.
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Generator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runtime.control.floor_map import CELL_M, CELLS, HALF_CELLS, border_of, outline_cells
+from runtime.control.floor_map import CELL_M, CELLS, HALF_CELLS, Whole, border_of, outline_cells
 from runtime.control.footprint import Outline
 from runtime.control.geometry import Booleans, Floats, Places
-
-Whole = np.ndarray
 
 LONGEST_STEP_M = 0.125
 FORWARD_COSTS, BACKWARD_COSTS, CUSP_COSTS, STEERING_COSTS = 2, 3, 6, 1
@@ -143,10 +141,9 @@ class PoseSearch:
         ahead_m = np.array([[arc_m * one for one in turned] for arc_m in arcs_m])
         back_m = np.array([[-np.conj(arc_m) * one for one in turned] for arc_m in arcs_m])
         self._moves_m = np.stack([ahead_m, back_m])
-        self.found = NO_WAY
 
-    def look(self, blocked: Booleans) -> Iterator[None]:
-        """Search on a map of `floor_map`; after each slice it yields, at the end `found` has the answer."""
+    def look(self, blocked: Booleans) -> Generator[None, None, WayOut]:
+        """Return the way out on a map of `floor_map`; yields after each slice."""
         border = border_of(blocked)
         free = np.empty((2, 2, self._headings, CELLS * CELLS), np.bool_)
         for first in range(0, self._headings, HEADINGS_AT_ONCE):
@@ -156,7 +153,7 @@ class PoseSearch:
                     outline = self._outlines[pressed][back]
                     free[pressed, back, heading] = self._free_at(border, heading, outline, spare_m)
             yield
-        yield from self._spread(free.reshape(2, 2, -1))
+        return (yield from self._spread(free.reshape(2, 2, -1)))
 
     def _free_at(self, border: Whole, heading: int, outline: Outline, spare_m: float) -> Booleans:
         """Return where the car may be at a heading, (CELLS * CELLS,)."""
@@ -170,7 +167,7 @@ class PoseSearch:
         free: Booleans = ~taken.reshape(wide, wide)[reach:-reach, reach:-reach].ravel()
         return free
 
-    def _spread(self, free: Booleans) -> Iterator[None]:
+    def _spread(self, free: Booleans) -> Generator[None, None, WayOut]:
         """Flood the poses in the order of what they cost."""
         waiting: dict[int, list[_Poses]] = defaultdict(list)
         zero = np.zeros(1, np.intp)
@@ -192,8 +189,7 @@ class PoseSearch:
                 count += some.heading.size
                 yield
             cost += 1
-        if best[1] >= 0:
-            self.found = self._way(_joined(all_found), best[1])
+        return self._way(_joined(all_found), best[1]) if best[1] >= 0 else NO_WAY
 
     def _fresh(self, poses: _Poses, seen: Booleans) -> _Poses:
         """Return the poses in cells that were not reached before, one each, and mark these."""
@@ -212,9 +208,7 @@ class PoseSearch:
         cell: Whole = (poses.heading * CELLS + row) * CELLS + column
         return cell
 
-    def _expand(
-        self, some: _Poses, count: int, cost: int, free: Booleans, waiting: dict[int, list[_Poses]]
-    ) -> None:
+    def _expand(self, some: _Poses, count: int, cost: int, free: Booleans, waiting: dict[int, list[_Poses]]) -> None:
         parent = count + np.arange(some.heading.size)
         presses = (some.way == 0) | ~free[0, (some.way < 0).astype(np.intp), self._cell(some)]
         for back in (0, 1):

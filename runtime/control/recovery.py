@@ -58,7 +58,7 @@ NO_ADVICE = Advice(None, "")
 class Thought:
     """A search that is under way: one slice with each scan. way: its answer, None while it is not finished."""
 
-    def __init__(self, outlook: Outlook, goal: Goal, refused: frozenset[Move]) -> None:
+    def __init__(self, outlook: Outlook, goal: Goal, refused: frozenset[Move], back_m: float) -> None:
         guard, behind = outlook.guard, outlook.strip.behind
         body, car = guard.body, guard.car
         kept = [*behind.kept, behind.seen_now(outlook.view)]
@@ -67,7 +67,7 @@ class Thought:
         self._search = PoseSearch(
             (body.around, body.bare),
             (car.max_steering_rad, car.wheelbase_m),
-            (behind.backed_m, guard.settings.reverse_unseen_m - STOPPING_M),
+            (behind.backed_m, min(back_m, guard.settings.reverse_unseen_m - STOPPING_M)),
             goal,
             refused,
         )
@@ -77,19 +77,15 @@ class Thought:
     def step(self) -> None:
         """Think some slices further."""
         for _ in range(SLICES_AT_ONCE):
-            if self.way is None and next(self._slices, self) is self:
-                self.way = self._search.found
+            next(self._slices, None)
 
     def end_in_odom_m(self, way: WayOut) -> complex:
         """Return where the way leads, in the odometry frame."""
         return self.from_m + way.end_m * cmath.rect(1.0, self.yaw_rad)
 
     def _think(self) -> Iterator[None]:
-        blocked = None
-        for blocked in self._floor:
-            yield
-        if blocked is not None:
-            yield from self._search.look(blocked)
+        blocked = yield from self._floor
+        self.way = yield from self._search.look(blocked)
 
 
 class Recovery:
@@ -155,7 +151,7 @@ class Recovery:
             patient = stood_s < (self._settings.boxed_for_s if self._settings.tries else ASKS_AFTER_S)
             return Advice(None, "waiting for the way to clear" if patient else HELP)
         if stood_s >= LOOKS_AFTER_S and self._thought is None and self._boxed_s - self._thought_s > LOOKS_AGAIN_AFTER_S:
-            self._thought = Thought(outlook, self._goal(outlook), self._refused)
+            self._thought = Thought(outlook, self._goal(outlook), self._refused, self._settings.back_m)
         self._due = self._thought is not None
         if stood_s < self._settings.boxed_for_s or self._is_free(outlook, wish):
             return Advice(None, "waiting for the way to clear")
@@ -189,7 +185,8 @@ class Recovery:
     def _begin(self, way: WayOut, outlook: Outlook, motor: MotorState) -> Advice:
         self._tries += 1
         self._tried_at_m = motor.distance_m
-        self._legs = list(way.legs)
+        *legs, last = way.legs
+        self._legs = [*legs, Leg(last.steering_rad, min(last.travel_m, self._settings.forward_m))]
         self._enter_leg(outlook.view.scan.stamp_s, motor)
         return self._drive_leg(outlook, motor)
 

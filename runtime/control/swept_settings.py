@@ -64,12 +64,12 @@ class RecoverySettings(BaseModel):
     boxed_for_s: Annotated[float, Field(ge=0, le=60)] = 2.0
     """Patience: a person in the way walks on by himself."""
     tries: Annotated[int, Field(ge=0, le=20)] = 6
-    """So many times the car backs out of the same place; then it waits for help."""
+    """Ways out begun at one place before the car asks for help."""
     speed_mps: Annotated[float, Field(gt=0.25, le=0.5)] = 0.4
     """The speed while the car frees itself."""
     back_m: Annotated[float, Field(gt=0.05, le=0.5)] = 0.45
-    """Longest way back in one try."""
-    forward_m: Annotated[float, Field(ge=0, le=2)] = 0.6
-    """Longest way forward, steered to the free side, before the driver gets the wheel back."""
+    """Farthest back from where the car last came forward; safety's `reverse_unseen_m` holds as well."""
+    forward_m: Annotated[float, Field(ge=0, le=5)] = 3.0
+    """Longest last piece forward before the driver gets the wheel back."""
     forgotten_after_m: Annotated[float, Field(gt=0, le=20)] = 2.0
     """So far on, the tries are counted anew."""
