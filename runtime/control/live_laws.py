@@ -20,7 +20,7 @@ from runtime.control.method_settings import (
 )
 from runtime.control.perception import Eyes
 from runtime.control.report import ReportFollower, ReportGuard
-from runtime.control.report_settings import ReportFollowSettings
+from runtime.control.report_settings import ReportFollowSettings, ReportSafetySettings
 
 
 class LiveLaws:
@@ -40,7 +40,7 @@ class LiveLaws:
         self._driver = methods.driver_for(wall_follow, car, self._eyes)
         self._recovery = methods.recovery_for(safety)
         self.guard: Lookout | ReportGuard = methods.guard_for(safety, car, self._eyes, clock)
-        self.follower: Follower = methods.freeing(self._driver, self.guard, self._recovery)
+        self.follower: Follower = methods.wrapped(self._driver, self.guard, self._recovery, wall_follow)
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -73,7 +73,7 @@ class LiveLaws:
         if safety != self.safety:
             self._tune_guard(safety)
         self.wall_follow, self.safety = wall_follow, safety
-        self.follower = methods.freeing(self._driver, self.guard, self._recovery)
+        self.follower = methods.wrapped(self._driver, self.guard, self._recovery, wall_follow)
 
     def _tune_driver(self, settings: WallFollowSettings) -> None:
         match self._driver, settings:
@@ -88,6 +88,8 @@ class LiveLaws:
         match self.guard, settings:
             case Lookout() as lookout, SweptSafetySettings():
                 lookout.guard.tune(settings, settings.window)
+            case ReportGuard() as guard, ReportSafetySettings():
+                guard.tune(settings)
             case _ if settings.method != self.safety.method:
                 self._eyes.ignore(None)  # the new law has not learnt yet what is dirt
                 self.guard = methods.guard_for(settings, self._car, self._eyes, self._clock)

@@ -12,7 +12,7 @@ from runtime.control.guidance import Follower, Guard
 from runtime.control.method_settings import SafetySettings, SweptSafetySettings, WallFollowSettings
 from runtime.control.perception import Eyes
 from runtime.control.recovery import Recovery
-from runtime.control.report import ReportFollower, ReportGuard
+from runtime.control.report import ReportFollower, ReportGuard, ReportTurn
 from runtime.control.swept import SweptGuard
 from runtime.control.swept_settings import RecoverySettings
 
@@ -30,7 +30,7 @@ def laws(
     driver = driver_for(wall_follow, car, eyes)
     guard = guard_for(safety, car, eyes, clock)
     recovery = recovery_for(safety)
-    return freeing(driver, guard, recovery), guard
+    return wrapped(driver, guard, recovery, wall_follow), guard
 
 
 def driver_for(wall_follow: WallFollowSettings, car: CarSettings, eyes: Eyes) -> Driver:
@@ -46,7 +46,7 @@ def guard_for(safety: SafetySettings, car: CarSettings, eyes: Eyes, clock: Clock
     """Return the safety law."""
     if isinstance(safety, SweptSafetySettings):
         return Lookout(SweptGuard(safety, car, eyes, health=safety.window, clock=clock))
-    return ReportGuard(car)
+    return ReportGuard(car, safety)
 
 
 def recovery_for(safety: SafetySettings) -> Recovery | None:
@@ -59,9 +59,13 @@ def recovery_settings(safety: SweptSafetySettings) -> RecoverySettings:
     return safety.recovery if safety.backs_out else safety.recovery.model_copy(update={"tries": 0})
 
 
-def freeing(driver: Driver, guard: Guard, recovery: Recovery | None) -> Follower:
-    """Return a follower that also frees the car, where there is a way out and a safety that can judge it."""
-    return Freeing(driver, guard, recovery) if recovery is not None and isinstance(guard, Lookout) else driver
+def wrapped(
+    driver: Driver, guard: Lookout | ReportGuard, recovery: Recovery | None, wall_follow: WallFollowSettings
+) -> Follower:
+    """Return the follower with what its safety law adds to it: the way out of a corner, or the report's turn."""
+    if isinstance(guard, ReportGuard):
+        return ReportTurn(driver, guard, wall_follow.side)
+    return Freeing(driver, guard, recovery) if recovery is not None else driver
 
 
 def warm_up(wall_follow: WallFollowSettings, safety: SafetySettings, car: CarSettings) -> None:

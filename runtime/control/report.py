@@ -1,11 +1,14 @@
 """The lab report's own two laws, kept faithful: the baseline that everything else has to beat.
 
 Wall follower: ranges of the side sector, nonsense under 0.2 m dropped, a line by least squares, the distance as the
-mean of the three nearest, a corner rule by the beam ahead, and a PD law on distance and angle. Safety: stop when what
-is straight ahead is nearer than the tightest turning radius. What these laws get wrong is part of them and stays.
+mean of the three nearest, Lab 2's corner rule by the beam ahead, and a PD law on distance and angle. Safety: stop when
+what is straight ahead is nearer than the tightest turning radius; nearer than 1.5 m, steer fully away from the wall.
+What these laws get wrong is part of them and stays; docs/decisions/0006-report-law.md says which rule is whose.
 """
 
 import math
+from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -13,15 +16,14 @@ from drivers.api import Drive, MotorState, Scan
 from runtime.car_settings import CarSettings
 from runtime.command import NO_LIMIT_MPS
 from runtime.control.geometry import Floats, points_m, sector
-from runtime.control.guidance import Guidance, Verdict
-from runtime.control.report_settings import ReportFollowSettings
+from runtime.control.guidance import Follower, Guidance, Verdict
+from runtime.control.report_settings import ReportFollowSettings, ReportSafetySettings
 
 NONSENSE_BELOW_M = 0.2
 """Dust on the window reads as centimetres; the report's car once spun in circles for it."""
 SIDE_FROM_RAD = 0.1 * math.pi
 SIDE_TO_RAD = 0.6 * math.pi
 NEAREST_AVERAGED = 3
-CORNER_AHEAD_M = 2.0
 STEEP_RAD = math.pi / 3
 AHEAD_RAD = math.radians(0.5)
 """Half width of "straight ahead": a few beams, because a single one is often without an echo."""
@@ -47,7 +49,7 @@ class ReportFollower:
         angle_rad = math.atan(_slope(x_m, y_m))
         distance_m = mean_of_nearest_m(np.hypot(x_m, y_m))
         ahead_m = range_ahead_m(scan)
-        cornering = ahead_m <= CORNER_AHEAD_M
+        cornering = ahead_m <= settings.corner_ahead_m
         if cornering:
             distance_m = ahead_m / 2
         error_m = distance_m - settings.desired_distance_m
@@ -70,8 +72,14 @@ class ReportFollower:
 class ReportGuard:
     """Stops when the mean of the three nearest ranges straight ahead is under L / tan(max steering) (0.933 m)."""
 
-    def __init__(self, car: CarSettings) -> None:
+    def __init__(self, car: CarSettings, settings: ReportSafetySettings | None = None) -> None:
         self.stop_below_m = car.wheelbase_m / math.tan(car.max_steering_rad)
+        self.max_steering_rad = car.max_steering_rad
+        self.tune(settings or ReportSafetySettings())
+
+    def tune(self, settings: ReportSafetySettings) -> None:
+        """Go on with other settings."""
+        self.turn_below_m = settings.turn_below_m
 
     def look(self, scan: Scan, motor: MotorState | None) -> Verdict:  # noqa: ARG002 - the report's rule knows no speed
         """Answer one scan. Backing out is always allowed: the rule only looks ahead."""
@@ -82,6 +90,27 @@ class ReportGuard:
 
     def learn(self) -> None:
         """Nothing: the rule remembers nothing."""
+
+
+class ReportTurn:
+    """The report's second safety rule around a follower: full steering away from the wall before what is near ahead.
+
+    A wish like any other, at the follower's own speed: it is judged by the guard and outranked by the human. The report
+    has its safety controller publish this steering; here only who drives steers.
+    """
+
+    def __init__(self, follower: Follower, guard: ReportGuard, side: Literal["left", "right"]) -> None:
+        self._follower = follower
+        self._guard = guard
+        self._away = -1.0 if side == "left" else 1.0
+
+    def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
+        """Answer one scan: the follower's answer, turned away where something is nearer than `turn_below_m` ahead."""
+        guidance = self._follower.follow(scan, motor)
+        if guidance.drive is None or not range_ahead_m(scan) < self._guard.turn_below_m:
+            return guidance
+        turned = Drive(guidance.drive.speed_mps, self._away * self._guard.max_steering_rad)
+        return replace(guidance, drive=turned, reason="obstacle ahead: turning away")
 
 
 def range_ahead_m(scan: Scan) -> float:

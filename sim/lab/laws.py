@@ -34,6 +34,8 @@ def build(law: str, side: Side, desired_m: float, speed_mps: float) -> tuple[Fol
         f"wall_follow.speed_mps={speed_mps}",
         f"safety.method={'report' if guard_name == 'none' else guard_name}",
     ]
+    if guard_name == "none":
+        wanted.append("safety.turn_below_m=0")  # without safety neither of its rules
     settings = load_settings(None, wanted)
     follower, guard = methods.laws(settings.wall_follow, settings.safety, settings.car)
     return follower, None if guard_name == "none" else guard

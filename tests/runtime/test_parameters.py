@@ -139,7 +139,7 @@ def test_another_method_begins_with_its_own_gains_and_keeps_what_means_the_same(
     settings = plan(SETTINGS, {"wall_follow.side": "right", "wall_follow.kp": 0.7}).settings
     wanted = plan(settings, {"wall_follow.method": "report", "wall_follow.kd": 2.0})
     follow = wanted.settings.wall_follow
-    assert (follow.method, follow.side, follow.kp, follow.kd) == ("report", "right", 1.6, 2.0)
+    assert (follow.method, follow.side, follow.kp, follow.kd) == ("report", "right", 1.5, 2.0)
     assert ("wall_follow.look_ahead_m", 0.4, None) in wanted.changed
     back = plan(wanted.settings, {"wall_follow.method": "ball"})
     assert ("wall_follow.look_ahead_m", None, 0.4) in back.changed

@@ -27,7 +27,7 @@ def pairs_of(name):
         pytest.skip(f"the recording {path.name} is not here; it lies in shared/data beside the checkout")
     recording = load_recording(path)
     times_s = list(recording.received_s)
-    law = ReportFollower(ReportFollowSettings(side="left", kp=1.6, kd=1.5))
+    law = ReportFollower(ReportFollowSettings(side="left", kp=1.5, kd=1.6))
     moved = drove(times_s, recording.output)
     assert recording.navigation is not None
     answers = recorded_answers(times_s, recording.navigation)

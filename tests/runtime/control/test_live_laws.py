@@ -12,7 +12,7 @@ from runtime.control.freeing import Freeing, Lookout
 from runtime.control.limiter import Limiter, Limits
 from runtime.control.live_laws import LiveLaws
 from runtime.control.recovery import Recovery
-from runtime.control.report import ReportFollower, ReportGuard
+from runtime.control.report import ReportGuard, ReportTurn
 from runtime.control.swept import SweptGuard
 from runtime.settings import Settings
 from sim.twins import BEAMS, STEP_RAD, ranges_between_walls
@@ -114,7 +114,7 @@ def test_another_method_is_a_new_law():
     drive = Drive()
     drive.tune(wall_follow={"method": "report"}, safety={"method": "report"})
     drive.scan()
-    assert isinstance(drive.laws.follower, ReportFollower)
+    assert isinstance(drive.laws.follower, ReportTurn)
     assert type(drive.laws.guard) is ReportGuard
     assert drive.laws.words == ()
     drive.tune(wall_follow={"method": "ball"}, safety={"method": "swept"})

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from drivers.api import Scan
+from drivers.api import Drive, Scan
 from runtime.car_settings import CarSettings
-from runtime.control.report import ReportFollower, ReportGuard, mean_of_nearest_m, range_ahead_m
-from runtime.control.report_settings import ReportFollowSettings
+from runtime.control.report import ReportFollower, ReportGuard, ReportTurn, mean_of_nearest_m, range_ahead_m
+from runtime.control.report_settings import ReportFollowSettings, ReportSafetySettings
 from sim.twins import BEAMS, STEP_RAD, ranges_between_walls
 
 BEARING_RAD = (np.arange(BEAMS) - BEAMS // 2) * STEP_RAD
@@ -46,14 +46,14 @@ def test_parallel_at_the_desired_distance_goes_straight():
 
 @pytest.mark.parametrize("error_m", [-0.3, -0.1, 0.1, 0.3])
 def test_steers_kp_times_error_towards_the_wall_when_too_far(error_m):
-    answer = follower(kp=1.6, kd=1.5).follow(wall_scan(1.0 + error_m), None)
-    assert answer.drive.steering_rad == pytest.approx(1.6 * error_m, abs=2e-3)
+    answer = follower(kd=0.0).follow(wall_scan(1.0 + error_m), None)
+    assert answer.drive.steering_rad == pytest.approx(1.5 * error_m, abs=2e-3)
 
 
 @pytest.mark.parametrize("angle_rad", [-0.5, -0.2, 0.2, 0.5])
 def test_steers_kd_times_the_angle_of_the_wall(angle_rad):
-    answer = follower(kp=0.0, kd=1.5).follow(wall_scan(1.0, angle_rad), None)
-    assert answer.drive.steering_rad == pytest.approx(1.5 * angle_rad, abs=2e-3)
+    answer = follower(kp=0.0).follow(wall_scan(1.0, angle_rad), None)
+    assert answer.drive.steering_rad == pytest.approx(1.6 * angle_rad, abs=2e-3)
     assert answer.angle_rad == pytest.approx(angle_rad, abs=1e-3)
 
 
@@ -104,6 +104,43 @@ def test_only_the_side_sector_counts():
 def test_the_corner_rule_halves_the_beam_ahead(ahead_m, distance_m):
     answer = follower().follow(wall_scan(1.3, ahead_m=ahead_m), None)
     assert answer.distance_m == pytest.approx(distance_m, abs=2e-3)
+
+
+def test_without_the_corner_rule_what_is_ahead_does_not_count():
+    answer = follower(corner_ahead_m=0.0).follow(wall_scan(1.3, ahead_m=1.0), None)
+    assert answer.distance_m == pytest.approx(1.3, abs=2e-3)
+    assert answer.reason == "wall"
+
+
+@pytest.mark.parametrize(("side", "away"), [("left", -0.34), ("right", 0.34)])
+@pytest.mark.parametrize(("ahead_m", "turns"), [(1.49, True), (0.95, True), (1.51, False), (math.nan, False)])
+def test_the_second_safety_rule_turns_fully_away_from_the_wall(side, away, ahead_m, turns):
+    scan = wall_scan(1.0, ahead_m=ahead_m)
+    scan = scan if side == "left" else mirrored(scan)
+    plain = follower(side=side)
+    answer = ReportTurn(plain, ReportGuard(CarSettings()), side).follow(scan, None)
+    if turns:
+        assert answer.drive is not None
+        assert answer.drive.steering_rad == away
+        assert answer.drive.speed_mps == 1.0
+        assert answer.reason == "obstacle ahead: turning away"
+    else:
+        assert answer == plain.follow(scan, None)
+
+
+def test_the_second_safety_rule_can_be_switched_off():
+    guard = ReportGuard(CarSettings(), ReportSafetySettings(turn_below_m=0.0))
+    scan = wall_scan(1.0, ahead_m=1.2)
+    assert ReportTurn(follower(), guard, "left").follow(scan, None) == follower().follow(scan, None)
+    guard.tune(ReportSafetySettings(turn_below_m=1.3))
+    assert ReportTurn(follower(), guard, "left").follow(scan, None).drive == Drive(1.0, -0.34)
+
+
+def test_who_sees_no_wall_is_not_turned():
+    ranges_m = np.full(BEAMS, np.nan)
+    ranges_m[BEAMS // 2 - 2 : BEAMS // 2 + 3] = 1.2
+    answer = ReportTurn(follower(), ReportGuard(CarSettings()), "left").follow(scan_of(ranges_m), None)
+    assert answer.drive is None
 
 
 def test_safety_stops_at_the_turning_radius():
