@@ -48,7 +48,7 @@ class DriveWord:
 
 @value()
 class Verdict:
-    """How fast one particular drive may go.
+    """How fast one particular drive may go. What is negative or NaN is no limit: `arbitrate` makes a stop of it.
 
     forward_mps, reverse_mps: ceilings, both >= 0; infinity is consent, 0 is stop.
     reason: constant words ("wall ahead"), so that a change of reason is an event; the number goes into `measure`.
@@ -173,6 +173,8 @@ def _tightest(word: DriveWord, caps: Sequence[CapWord]) -> Decision:
     decision = Decision(word.drive.speed_mps, steering_rad, word.source, word.source, word.reason)
     for cap in caps:
         verdict = cap.outlook.limit(word.drive.speed_mps, steering_rad)
+        if not (verdict.forward_mps >= 0 and verdict.reverse_mps >= 0 and verdict.brake_mps2 >= 0):  # NaN is not
+            return Decision(0.0, steering_rad, word.source, cap.source, f"{cap.source} answers with what is no limit")
         allowed_mps = max(-verdict.reverse_mps, min(verdict.forward_mps, decision.speed_mps))
         if allowed_mps != decision.speed_mps:
             decision = Decision(

@@ -52,6 +52,10 @@ def boxed():
     return CapWord(Source.SAFETY, Boxed(), 1.0)
 
 
+def bend0():
+    return CapWord(Source.SAFETY, Verdict(0.0, INF, "wall", brake_mps2=0.0), 1.0)
+
+
 def bend(scan=1.0):
     return CapWord(Source.SAFETY, Bend(), scan)
 
@@ -81,6 +85,22 @@ CASES = [
     Case("everyone agrees", [safety(), permit(), nav()], 1, 0.1, N, N, OK),
     Case("reverse under consent", [safety(), permit(), nav(-0.5)], -0.5, 0.1, N, N, OK),
     Case("standstill is a wish too", [safety(), permit(), nav(0.0)], 0, 0.1, N, N, OK),
+    # answers that are no limits
+    *(
+        Case(f"safety answers ({forward}, {reverse}, brake {brake})",
+             [CapWord(Source.SAFETY, Verdict(forward, reverse, "?", 7.0, brake), 1.0), permit(), nav(speed)],
+             0, 0.1, N, S, "safety answers with what is no limit")
+        for speed in (1.0, -1.0)
+        for forward, reverse, brake in [
+            (NAN, NAN, INF), (NAN, INF, INF), (INF, NAN, INF), (-0.1, INF, INF), (INF, -0.1, INF), (-INF, INF, INF),
+            (INF, INF, NAN), (INF, INF, -1.0),
+        ]
+    ),
+    Case("no brake at all is a limit: the bend needs all the grip", [bend0(), permit(), nav(1.0)], 0, 0.1, N, S,
+         "wall", brake=0.0),
+    Case("a stop by the permit stays when safety answers nonsense",
+         [CapWord(Source.SAFETY, Verdict(NAN, NAN, "?"), 1.0), permit(0.0, "no permit"), nav()], 0, 0.1, N, S,
+         "safety answers with what is no limit"),
     # required voices
     Case("safety is silent", [permit(), nav()], 0, 0.1, N, None, "no word from safety"),
     Case("permit is silent", [safety(), nav()], 0, 0.1, N, None, "no word from permit"),

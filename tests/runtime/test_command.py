@@ -7,9 +7,11 @@ import itertools
 import math
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from runtime import command
-from runtime.command import LAB_ORDER, Source, arbitrate
+from runtime.command import LAB_ORDER, CapWord, Source, Verdict, arbitrate
 from tests.runtime.decisions import BOUND_ORDER, CASES, REQUIRED, Case, estop, failing, nav, permit, safety, stick
 
 
@@ -64,6 +66,24 @@ def test_every_combination_of_voices_obeys_the_rules(order):
             assert decision.speed_mps == wish, "nobody objects"
 
 
+LIMIT = st.one_of(st.floats(), st.sampled_from([0.0, -0.0, math.nan, math.inf, -math.inf, 1e-320, -1e-320]))
+
+
+@given(
+    wish=st.floats(allow_nan=False, allow_infinity=False),
+    limits=st.lists(st.tuples(LIMIT, LIMIT, LIMIT), min_size=1, max_size=3),
+)
+def test_whatever_the_verdicts_are_no_speed_is_larger_than_the_wish_or_against_it(wish, limits):
+    caps = [CapWord(Source.SAFETY, Verdict(ahead, back, "?", math.nan, brake), 1.0) for ahead, back, brake in limits]
+    decision = arbitrate([*caps, permit(), nav(wish)], REQUIRED, LAB_ORDER)
+    assert abs(decision.speed_mps) <= abs(wish)
+    assert decision.speed_mps * wish >= 0
+    assert decision.brake_mps2 >= 0
+    if not all(limit >= 0 for three in limits for limit in three):
+        assert decision.speed_mps == 0
+        assert decision.reason == "safety answers with what is no limit"
+
+
 class _Mutator(ast.NodeTransformer):
     """Breaks one place at a time: a comparison, an operator, a constant, a condition, a statement."""
 
@@ -79,7 +99,7 @@ class _Mutator(ast.NodeTransformer):
     def visit_Compare(self, node):
         self.generic_visit(node)
         swaps = {
-            ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.NotEq: ast.Eq, ast.Eq: ast.NotEq,
+            ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.NotEq: ast.Eq, ast.Eq: ast.NotEq,
             ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In,
         }  # fmt: skip
         for position, operator in enumerate(node.ops):
