@@ -103,6 +103,7 @@ class Health:
     """A device's condition in words and counts, for status pages and logs. Owned by its driver.
 
     message: what is wrong and what to do about it, or what it is when all is well ("UST-10LX, 1081 beams, 40 Hz").
+    trouble: what is wrong with a device that is there and answers, in a few words ("battery empty: 9.1 V"); "" else.
     identity: model and firmware as the device named itself, "" before it did.
     counts: how often each kind of trouble happened since the start ("checksum", "reconnect", "stale").
     """
@@ -110,6 +111,7 @@ class Health:
     link: LinkState = LinkState.ABSENT
     message: str = "not opened yet"
     identity: str = ""
+    trouble: str = ""
     counts: dict[str, int] = field(default_factory=dict)
 
     def count(self, what: str, times: int = 1) -> None:

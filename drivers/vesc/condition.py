@@ -1,9 +1,11 @@
 """What the VESC's replies say over time: the motor's state, faults that must not be forgotten, an empty battery."""
 
+import math
 from dataclasses import replace
 
 from drivers.api import Health, MotorState
 from drivers.vesc.calibration import Calibration
+from drivers.vesc.cross_check import CrossCheck
 from drivers.vesc.faults import fault_text
 from drivers.vesc.replies import STATUS_KILLED, STATUS_TIMED_OUT, Values
 from drivers.vesc.tachometer import Tachometer
@@ -11,6 +13,10 @@ from drivers.vesc.tachometer import Tachometer
 LOW_VOLTAGE_S = 1.0
 """A dip shorter than this is the motor accelerating; the VESC itself faults where it becomes dangerous."""
 _RECOVERED_BY_V = 0.3
+_USB_ONLY_V = 6.0
+"""Less comes from no pack: the USB cable feeds the controller alone."""
+_BLIND_AFTER_S = 0.05
+"""So old may the last believed reply be while one refused reply is passed over."""
 
 
 class Condition:
@@ -19,7 +25,9 @@ class Condition:
     The VESC shows a fault for half a second only, then obeys again: latched here until an operator clears it.
 
     state: the newest report, None while disconnected.
-    fault: latched words of the last fault, "" without one.
+    fault: latched words of the last fault, "" without one: the VESC's own, or that its reports contradict each other.
+    refused_mps: the speed that no car has, as last reported; None while replies are believed. blind: refused for so
+    long that the speed is not known: brake.
     """
 
     def __init__(self, calibration: Calibration, min_voltage_v: float, health: Health) -> None:
@@ -29,6 +37,9 @@ class Condition:
         self._min_voltage_v = min_voltage_v
         self._health = health
         self._tachometer = Tachometer()
+        self._check = CrossCheck(calibration.metres_per_step)
+        self.refused_mps: float | None = None
+        self.blind = False
         self._fault_code = 0
         self._low_since_s: float | None = None
         self._battery_trouble = ""
@@ -38,18 +49,26 @@ class Condition:
         """What is wrong and what to do about it, "" when all is well; constant words while it lasts."""
         return self.fault or self._battery_trouble
 
-    def update(self, values: Values, stamp_s: float, steering_rad: float) -> None:
-        """Take a reply that arrived at this time, while this steering was commanded."""
+    def asked(self, speed_mps: float) -> None:
+        """Take in the speed that was sent, 0 for a brake."""
+        self._check.asked(0.0 if self._calibration.is_stop(speed_mps) else speed_mps)
+
+    def update(self, values: Values, stamp_s: float, steering_rad: float) -> bool:
+        """Take a reply that arrived at this time, while this steering was commanded; False when no car is like that."""
+        speed_mps = self._calibration.speed_mps(values.erpm)
+        if not self._check.is_possible(speed_mps, stamp_s):
+            believed_s = self.state.stamp_s if self.state is not None else -math.inf
+            self.blind = self.refused_mps is not None or stamp_s - believed_s > _BLIND_AFTER_S
+            self.refused_mps = speed_mps
+            return False
+        self.refused_mps, self.blind = None, False
         self._latch_fault(values.fault_code)
         self._watch_battery(values.voltage_v, stamp_s)
-        restarts = self._tachometer.restarts
-        self._tachometer.update(values.tachometer, values.tachometer_abs)
-        if self._tachometer.restarts != restarts:
-            self._health.count("reboot")
+        self._compare(speed_mps, self._count_steps(values, stamp_s), stamp_s)
         status = values.status or 0
         self.state = MotorState(
             stamp_s=stamp_s,
-            speed_mps=self._calibration.speed_mps(values.erpm),
+            speed_mps=speed_mps,
             distance_m=self._tachometer.steps * self._calibration.metres_per_step,
             steering_rad=steering_rad,
             voltage_v=values.voltage_v,
@@ -60,16 +79,19 @@ class Condition:
             timed_out=bool(status & STATUS_TIMED_OUT),
             killed=bool(status & STATUS_KILLED),
         )
+        return True
 
     def disconnect(self) -> None:
         """Forget what is only true while connected; distance and fault stay."""
-        self.state = None
+        self.state = self.refused_mps = None
+        self.blind = False
         self._low_since_s = None
 
     def clear_fault(self) -> None:
         """Forget the latched fault; one that is still there comes back with the next reply."""
         self.fault = ""
         self._fault_code = 0
+        self._check.forget()
         if self.state is not None:
             self.state = replace(self.state, fault="")
 
@@ -78,6 +100,24 @@ class Condition:
             self._health.count("fault")
             self.fault = fault_text(code)
         self._fault_code = code
+
+    def _count_steps(self, values: Values, stamp_s: float) -> float:
+        """Return the way counted since the last reply; tell of a reboot and of a counter that makes no sense."""
+        tachometer = self._tachometer
+        steps, restarts, contradictions = tachometer.steps, tachometer.restarts, tachometer.contradictions
+        tachometer.update(values.tachometer, values.tachometer_abs, stamp_s)
+        if tachometer.restarts != restarts:
+            self._health.count("reboot")
+            self._check.forget()
+        if tachometer.contradictions != contradictions:
+            self._health.count("bad_counter")
+        return (tachometer.steps - steps) * self._calibration.metres_per_step
+
+    def _compare(self, speed_mps: float, step_m: float, stamp_s: float) -> None:
+        wrong = self._check.judge(speed_mps, step_m, stamp_s)
+        if wrong and not self.fault:
+            self._health.count("fault")
+            self.fault = wrong
 
     def _watch_battery(self, voltage_v: float, stamp_s: float) -> None:
         if voltage_v >= self._min_voltage_v:
@@ -89,5 +129,7 @@ class Condition:
             self._low_since_s = stamp_s
         if not self._battery_trouble and stamp_s - self._low_since_s >= LOW_VOLTAGE_S:
             self._battery_trouble = (
-                f"{voltage_v:.1f} V is no battery or an empty one (plug it in, charge it, release its switch)"
+                f"no battery: {voltage_v:.1f} V (plug it in, release its switch)"
+                if voltage_v < _USB_ONLY_V
+                else f"battery empty: {voltage_v:.1f} V, less than {self._min_voltage_v:g} V (charge or change it)"
             )

@@ -61,8 +61,11 @@ class Vesc:
     clear_s: moves the polling to a better moment. replied: told of every reply, when all is done with it, how long it
     took.
 
-    Counted in `health`: bad_command, fault, reboot, lost, reconnect, missed_reply, bad_reply, unasked_packet,
-    skipped_bytes, checksum, brake_not_written.
+    A reply with a speed that no car has is a bad one: while they come, it brakes, and lost_after_s later the link
+    counts as lost. Command, speed and counters that contradict each other are a latched fault (`cross_check`).
+
+    Counted in `health`: bad_command, fault, reboot, lost, reconnect, missed_reply, bad_reply, bad_counter,
+    unasked_packet, skipped_bytes, checksum, brake_not_written.
     """
 
     def __init__(
@@ -121,6 +124,7 @@ class Vesc:
         except LinkLost:  # run() is told by the link itself, and reopens it
             self._ready = None
             return False
+        self._condition.asked(drive.speed_mps)
         return True
 
     def brake_now(self) -> None:
@@ -161,7 +165,7 @@ class Vesc:
 
     def _must_brake(self, speed_mps: float) -> bool:
         """Decide between holding a speed and braking. A stop brakes a standing car too: locked wheels read 0."""
-        if self._condition.fault or self._calibration.is_stop(speed_mps):
+        if self._condition.fault or self._condition.blind or self._calibration.is_stop(speed_mps):
             return True
         state = self._condition.state
         return state is not None and abs(state.speed_mps) > REVERSING_ABOVE_MPS and state.speed_mps * speed_mps < 0
@@ -229,16 +233,20 @@ class Vesc:
         if self._awaiting and now_s - self._asked_s >= REPLY_BUDGET_S:
             self._miss_reply(now_s)
         if now_s - self._replied_s >= self._settings.lost_after_s:
-            raise LinkLost(
-                f"{self._address}: no usable reply for {self._settings.lost_after_s:g} s"
-                f" from {self._health.identity} (cable, motor noise; power-cycle the VESC if it stays so)"
-            )
+            raise LinkLost(self._why_lost())
         if not self._awaiting:
             self._awaiting = True
             self._asked_s = now_s
             link.write(_ASK_VALUES + self.inertia.question())
         self._next_poll_s = self._clear_s(max(self._next_poll_s + period_s, now_s), _SLACK_SHARE * period_s)
         return self._next_poll_s - now_s
+
+    def _why_lost(self) -> str:
+        what = f"{self._address}: no usable reply for {self._settings.lost_after_s:g} s from {self._health.identity}"
+        refused_mps = self._condition.refused_mps
+        if refused_mps is None:
+            return f"{what} (cable, motor noise; power-cycle the VESC if it stays so)"
+        return f"{what}: it reports {refused_mps:.3g} m/s (check motor.speed_to_erpm_gain; repeat the motor detection)"
 
     def _miss_reply(self, now_s: float) -> None:
         self._awaiting = False
@@ -285,8 +293,10 @@ class Vesc:
             self._health.count("bad_reply")
             return
         self._awaiting = False
+        if not self._condition.update(values, stamp_s, self._steering_rad):
+            self._health.count("bad_reply")
+            return
         self._replied_s = stamp_s
-        self._condition.update(values, stamp_s, self._steering_rad)
         self._ready = self._link
         self._reopen_step = 0
         self._tell_condition()
@@ -294,7 +304,7 @@ class Vesc:
 
     def _tell_condition(self) -> None:
         health, trouble = self._health, self._condition.trouble
-        health.link = LinkState.FAULTY if trouble else LinkState.READY
+        health.link, health.trouble = (LinkState.FAULTY if trouble else LinkState.READY), trouble
         health.message = f"{health.identity}: {trouble}" if trouble else health.identity
 
     def _hang_up(self, link: ByteLink) -> None:
@@ -304,6 +314,7 @@ class Vesc:
         self._ready = self._link = None
         self._condition.disconnect()
         self._health.link, self._health.message = LinkState.ABSENT, f"{self._address}: closed"
+        self._health.trouble = ""
         try:
             if self._decode is not None:  # only a VESC understands it
                 link.write(self._calibration.brake)

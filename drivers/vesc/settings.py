@@ -25,7 +25,7 @@ class VescSettings(BaseModel):
         "serial:///dev/wallride-vesc"
     )
     speed_to_erpm_gain: Annotated[
-        float, Field(gt=0, le=100_000, description="ERPM per m/s: 60 x pole pairs x gear ratio / wheel circumference")
+        float, Field(ge=200, le=100_000, description="ERPM per m/s: 60 x pole pairs x gear ratio / wheel circumference")
     ] = 4614.0
     speed_to_erpm_offset: Annotated[float, Field(ge=-5000, le=5000, description="ERPM at 0 m/s, normally 0")] = 0.0
     steering_to_servo_gain: Annotated[

@@ -40,6 +40,9 @@ class VescEmulator:
     Troubles, each a switch: `silent` (reads, never answers), `garbage` (answers with random bytes, like a lidar of the
     same USB id), `noise` (random bytes around every answer), `bad_crc`, `dribble` (one byte per write), `deaf` (stops
     reading). `kill_switch`, `inject_fault(code)` and `reboot()` are troubles of the controller rather than the line.
+    So are reports that make no sense: `shown_erpm` (this, whatever the motor does), `backwards` (speed and counter have
+    the wrong sign), `counter_stopped`, `abs_backwards` (the absolute counter runs down). `phases_swapped`: the wheels
+    turn the other way, and the controller, which cannot know, reports that they turn as asked.
     """
 
     def __init__(
@@ -64,8 +67,10 @@ class VescEmulator:
         self._on_command = on_command
         self._limits = {"timeout_s": timeout_s, "timeout_brake_a": timeout_brake_a, "min_erpm": min_erpm}
         self._random = random.Random(_NOISE_SEED)
+        self.shown_erpm: int | None = None
+        self.backwards = self.counter_stopped = self.abs_backwards = self.phases_swapped = False
         self._values: dict[str, Value] = {}
-        self._counted = self._counted_abs = self._zero = 0
+        self._turned = self._counted = self._counted_abs = 0
         self._to_dribble = bytearray()
         self._deaf = False
         self._master: int | None = None
@@ -135,7 +140,10 @@ class VescEmulator:
 
     def demand(self, now_s: float) -> MotorDemand:
         """Return what the motor is asked to do now, after timeout, fault and kill switch."""
-        return self._logic.demand(now_s)
+        demand = self._logic.demand(now_s)
+        if self.phases_swapped and demand.kind in {"speed", "current", "duty"}:
+            return MotorDemand(demand.kind, -demand.value)
+        return demand
 
     def motor_wire(self) -> list[bytes]:
         """Return the received motor commands, oldest first."""
@@ -146,25 +154,28 @@ class VescEmulator:
 
         tachometer: steps since the simulation began; what the wire carries starts at 0 with every reboot.
         """
-        self._counted_abs += abs(tachometer - self._counted)
-        self._counted = tachometer
+        turned, self._turned = tachometer - self._turned, tachometer
+        sign = -1 if self.backwards != self.phases_swapped else 1
+        if not self.counter_stopped:
+            self._counted += sign * turned
+            self._counted_abs += -abs(turned) if self.abs_backwards else abs(turned)
         self._values = {
             "mosfet_temperature_c": 31.5,
             "mosfet_temperatures_c": 31.5,
             "motor_temperature_c": 28.0,
             "controller_id": CONTROLLER_ID,
             **others,
-            "erpm": erpm,
+            "erpm": sign * erpm,
             "voltage_v": voltage_v,
-            "tachometer": tachometer - self._zero,
+            "tachometer": self._counted,
             "tachometer_abs": self._counted_abs,
         }
 
     def _power_up(self) -> None:
         self.servo = 0.5
-        self._zero, self._counted_abs = self._counted, 0
+        self._counted = self._counted_abs = 0
         self._logic = VescLogic(self._clock(), **self._limits)
-        self.report(tachometer=self._counted)
+        self.report(tachometer=self._turned)
 
     def _plant_link(self, target: str) -> None:
         fresh = self.link.with_name(self.link.name + ".new")
@@ -184,7 +195,7 @@ class VescEmulator:
         now_s = self._clock()
         self.wire.append((now_s, payload))
         if self._logic.command(payload, now_s) and self._on_command is not None:
-            self._on_command(now_s, self._logic.demand(now_s))
+            self._on_command(now_s, self.demand(now_s))
         if payload[0] == Packet.SET_SERVO_POS and len(payload) >= 3:
             self.servo = min(max(struct.unpack_from(">h", payload, 1)[0] / 1000, 0.0), 1.0)
         reply = self._answer(payload, now_s)
@@ -207,7 +218,8 @@ class VescEmulator:
     def _values_now(self, now_s: float) -> dict[str, Value]:
         logic = self._logic
         status = STATUS_TIMED_OUT * logic.timed_out(now_s) | STATUS_KILLED * logic.killed
-        return {**self._values, "fault_code": logic.fault_code(now_s), "status": status}
+        shown = {} if self.shown_erpm is None else {"erpm": self.shown_erpm}
+        return {**self._values, **shown, "fault_code": logic.fault_code(now_s), "status": status}
 
     def _transmit(self, payload: bytes) -> None:
         data = codec.frame(payload)

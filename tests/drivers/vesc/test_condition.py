@@ -42,10 +42,10 @@ def wrap(counter: int) -> int:
 def test_the_sum_of_steps_survives_every_wrap(start, steps):
     tachometer = Tachometer()
     at, total = start, start
-    tachometer.update(wrap(at), wrap(total))
+    tachometer.update(wrap(at), wrap(total), 0.0)
     for step in steps:
         at, total = at + step, total + abs(step)
-        tachometer.update(wrap(at), wrap(total))
+        tachometer.update(wrap(at), wrap(total), 0.0)
     assert (tachometer.steps, tachometer.restarts) == (sum(steps), 0)
 
 
@@ -56,18 +56,28 @@ def test_the_sum_of_steps_survives_every_wrap(start, steps):
 )
 def test_a_reboot_keeps_the_sum_and_is_counted(before, after):
     tachometer = Tachometer()
-    tachometer.update(before[0] - 100, before[1] - 100)
-    tachometer.update(*before)
-    tachometer.update(*after)
+    tachometer.update(before[0] - 100, before[1] - 100, 0.0)
+    tachometer.update(before[0], before[1], 0.02)
+    tachometer.update(after[0], after[1], 0.04)
     assert (tachometer.steps, tachometer.restarts) == (100, 1)
-    tachometer.update(after[0] + 7, after[1] + 7)
+    tachometer.update(after[0] + 7, after[1] + 7, 0.06)
     assert tachometer.steps == 107
+
+
+@pytest.mark.parametrize("start_abs", [100_000, 300])
+def test_an_absolute_counter_that_runs_backwards_is_no_reboot_at_every_poll(start_abs):
+    tachometer = Tachometer()
+    for poll in range(101):
+        tachometer.update(20 * poll, start_abs - 20 * poll, 0.02 * poll)
+    assert tachometer.restarts <= 1
+    assert tachometer.steps >= 20 * 99
+    assert tachometer.contradictions >= 99
 
 
 def test_a_jump_too_large_to_be_driven_is_a_restart():
     tachometer = Tachometer()
-    tachometer.update(0, 0)
-    tachometer.update(1001, 1001)
+    tachometer.update(0, 0, 0.0)
+    tachometer.update(1001, 1001, 0.02)
     assert (tachometer.steps, tachometer.restarts) == (0, 1)
 
 
@@ -138,12 +148,18 @@ def test_only_a_lasting_low_voltage_is_an_empty_battery(condition):
     assert condition.trouble == ""
     condition.update(low, 3.1, 0.0)
     told = condition.trouble
-    assert "0.4 V is no battery" in told
+    assert told == "no battery: 0.4 V (plug it in, release its switch)"
     condition.update(replace(WELL, voltage_v=0.9), 3.2, 0.0)
     condition.update(edge, 3.3, 0.0)
     assert condition.trouble == told  # constant words: a change of words is an event
     condition.update(WELL, 3.4, 0.0)
     assert condition.trouble == ""
+
+
+def test_an_empty_battery_is_named_with_its_voltage(condition):
+    for stamp_s in (1.0, 2.0):
+        condition.update(replace(WELL, voltage_v=7.9), stamp_s, 0.0)
+    assert condition.trouble == "battery empty: 7.9 V, less than 8 V (charge or change it)"
 
 
 def test_a_battery_is_judged_anew_after_a_lost_link(condition):

@@ -427,7 +427,8 @@ async def test_an_empty_battery_is_told_but_does_not_stop_the_car(emulator, monk
     async with ready(emulator) as vesc:
         emulator.report(voltage_v=0.4)
         await until(lambda: vesc.health.link is LinkState.FAULTY)
-        assert "0.4 V is no battery" in vesc.health.message
+        assert vesc.health.trouble == "no battery: 0.4 V (plug it in, release its switch)"
+        assert vesc.health.message.endswith(vesc.health.trouble)
         assert (await sent(vesc, emulator, Drive(1.0, 0.0)))[0] == codec.set_erpm(4614)
 
 
