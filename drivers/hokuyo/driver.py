@@ -34,6 +34,8 @@ RETRY_DELAYS_S: Final = (0.1, 0.5, 1.0, 2.0)
 USUAL_BAUDS: Final = (115200, 19200, 38400, 57600)
 FIRST_SCAN_TIMEOUT_S: Final = 1.5
 REBOOT_PAUSE_S: Final = 20.0
+SETTLING_SCANS: Final = 2
+"""Of a restarted stream the first scan sets the clock, and may have waited; the third that fits it is driven by."""
 _WATCH_PERIOD_S: Final = 0.1
 _WATCH_SLACK_S: Final = 0.02
 _FAREWELL_TIMEOUT_S: Final = 0.2
@@ -59,6 +61,7 @@ class Hokuyo:
         self._failures = 0
         self._last_reset_s: float | None = None
         self._last_reboot_s: float | None = None
+        self._has_streamed = False
         self._talk: Conversation | None = None
         self.tap: Tap | None = None
 
@@ -128,6 +131,8 @@ class Hokuyo:
             self._say(LinkState.STARTING, f"{talk.link.address}: asking the sensor who it is")
             identity = await identify(talk)
             self._meet(identity)
+            if unfit := identity.parameters.unfit:
+                raise ProtocolError(f"{talk.link.address}: this {identity.parameters.model} {unfit}")
             stream = ScanStream(
                 talk,
                 identity,
@@ -136,7 +141,9 @@ class Hokuyo:
                 self._sequence,
                 on_scan,
                 upside_down=self._settings.mounted_upside_down,
+                held_back=SETTLING_SCANS if self._has_streamed else 0,
             )
+            self._has_streamed = True
             self._gate.restart()
             started_s = self._clock()
             await stream.start()

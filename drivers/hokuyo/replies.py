@@ -12,6 +12,10 @@ from drivers.hokuyo.codec import Block
 MAX_RANGE_MM: Final = 262143
 """The largest value that three characters carry."""
 _MAX_STEP: Final = 9999  # four digits in a command
+_SIDE_RAD: Final = math.radians(89.5)
+"""A car needs to see what is beside it; half a degree, because a field of 180 degrees may end one step short of it."""
+_COARSEST_RAD: Final = math.radians(1.0) * (1 + 1e-9)
+_SLOWEST_RPM: Final = 300
 
 
 def decode_number(text: bytes) -> int | None:
@@ -76,6 +80,22 @@ class SensorParameters:
     def angle_step_rad(self) -> float:
         """Angle between neighbours."""
         return 2 * math.pi / self.steps_per_turn
+
+    @property
+    def unfit(self) -> str:
+        """Why no car can be driven by this sensor, "" where one can."""
+        right_rad, left_rad = self.angle_rad(self.first_step), self.angle_rad(self.last_step)
+        if right_rad > -_SIDE_RAD or left_rad < _SIDE_RAD:
+            return (
+                f"sees from {math.degrees(right_rad):.0f} to {math.degrees(left_rad):.0f} degrees, and a car needs -90"
+                " to 90: take a sensor with a wider field, or set its full field"
+            )
+        if self.angle_step_rad > _COARSEST_RAD:
+            step_deg = math.degrees(self.angle_step_rad)
+            return f"has a beam every {step_deg:.2g} degrees, and a car needs 1 degree or less: take a finer sensor"
+        if self.speed_rpm < _SLOWEST_RPM:
+            return f"turns at {self.rate_hz:.2g} Hz, and a car needs 5 Hz or more: set its motor faster"
+        return ""
 
     def angle_rad(self, step: int) -> float:
         """Return where a step points, 0 = front, left positive, for a sensor that stands upright."""

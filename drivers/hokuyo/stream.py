@@ -33,7 +33,8 @@ class ScanStream:
     """One MD stream of all steps, from its command to its end.
 
     heard_s: when the sensor last spoke sense: a scan, late ones included, or "unstable". delivered_s: when a scan was
-    last handed on. Both None before the first. trouble: the status in which the sensor gave up, "" while it has not.
+    last handed on. Both None before the first. held_back: so many fresh scans are not handed on at first ("settling" in
+    the counts). trouble: the status in which the sensor gave up, "" while it has not.
     """
 
     def __init__(
@@ -46,6 +47,7 @@ class ScanStream:
         on_scan: Callable[[Scan], None],
         *,
         upside_down: bool,
+        held_back: int = 0,
     ) -> None:
         parameters = identity.parameters
         self._talk = talk
@@ -54,6 +56,7 @@ class ScanStream:
         self._sequence = sequence
         self._on_scan = on_scan
         self._ready_message = identity.summary
+        self._held_back = held_back
         self._command = stream_command("MD", parameters.first_step, parameters.last_step)
         self._echo_head = self._command[:-3]  # in scans the last two digits count down
         self._decoder = RangeDecoder(
@@ -108,6 +111,10 @@ class ScanStream:
         self.unstable_in_a_row = 0
         lateness_s = self._gate.accept(stamp_ms, read_at_s)
         if lateness_s is None:
+            return
+        if self._held_back:
+            self._held_back -= 1
+            self._health.count("settling")
             return
         self.delivered_s = read_at_s
         if self._health.link is not LinkState.READY:

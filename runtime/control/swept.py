@@ -177,7 +177,7 @@ class Outlook:
 
     def _forward(self, wanted_mps: float, steering_rad: float, reaction_s: float) -> Verdict:
         body, settings, memory = self.guard.body, self.guard.settings, self.guard.memory
-        speed_mps, look_m = max(self.speed_mps, 0.0), body.look_m(max(self.speed_mps, wanted_mps))
+        speed_mps, look_m = max(self.speed_mps, 0.0), self._look_m(wanted_mps)
         found = self.strip.contact(steering_rad, look_m, wary=self.wary)
         if found is NOTHING and not (memory.braking or memory.turning):
             return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s)
@@ -201,13 +201,17 @@ class Outlook:
         gaining = self._gaining(steering_rad, look_m, wanted_mps, reaction_s)
         return _slowest(self._slower(found, graded_mps, reaction_s), gaining)
 
+    def _look_m(self, wanted_mps: float) -> float:
+        """Return how far to look: never beyond the lidar's range, whatever speed is reported."""
+        return min(self.guard.body.look_m(max(self.speed_mps, wanted_mps)), self.view.scan.range_max_m)
+
     def _wavering(self, wanted_mps: float, steering_rad: float, reaction_s: float) -> Verdict:
         """Slow enough to stop on the way that the driver has just given up, should it turn back."""
         guard, now_s = self.guard, self.view.scan.stamp_s
         other_rad = guard.memory.wavering.given_up_rad(steering_rad, now_s, guard.car.steering_rate_radps * reaction_s)
         if other_rad is None:
             return CLEAR
-        found = self.strip.contact(other_rad, guard.body.look_m(max(self.speed_mps, wanted_mps)))
+        found = self.strip.contact(other_rad, self._look_m(wanted_mps))
         slow_mps = max(guard.body.graded_mps(found, reaction_s), guard.settings.creep_mps)
         return Verdict(slow_mps, NO_LIMIT_MPS, "slower: the driver wavers", found.travel_m)
 

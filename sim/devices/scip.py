@@ -29,6 +29,7 @@ class ScipEmulator:
         bad_checksum_every: every n-th scan has one character changed.
         garbage_every: random bytes before every n-th scan.
         dribble_s: bytes leave one by one, a scan takes about this long.
+        frozen: every scan repeats the ranges of the last one before, with stamps that go on.
         baud: a serial client at another speed hears nothing.
         sensor: its `fault`, `scip1`, `state_text` and `model` may be changed; see ScipSensor.
     counts: "published", "dropped" (the client did not read), "refused client", "client", "reboot".
@@ -40,6 +41,7 @@ class ScipEmulator:
         self.bad_checksum_every: int | None = None
         self.garbage_every: int | None = None
         self.dribble_s: float | None = None
+        self.frozen = False
         self.baud: int | None = None
         self.counts: Counter[str] = Counter()
         self._clock = clock
@@ -80,6 +82,8 @@ class ScipEmulator:
             raise ValueError(
                 f"{self.sensor.model.model} has {self.sensor.model.beam_count} beams, not {len(ranges_mm)}"
             )
+        if self.frozen:
+            ranges_mm = self.sensor.latest_mm
         block = self.sensor.scan(ranges_mm, stamp_ms)
         return None if block is None else self._emit(self._spoil(block))
 

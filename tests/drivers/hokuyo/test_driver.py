@@ -240,10 +240,8 @@ async def test_an_error_in_the_callback_comes_out_of_run(tcp: MakeRig) -> None:
         raise RuntimeError("a bug")
 
     rig.task = asyncio.create_task(rig.driver.run(explode))
-    await rig.until(lambda: rig.emulator.streaming)
-    rig.turn()
     with pytest.raises(RuntimeError, match="a bug"):
-        await asyncio.wait_for(rig.task, LIMIT_S)
+        await rig.until(lambda: False, turning=True)
 
 
 async def test_a_dropped_connection_is_opened_again(tcp: MakeRig) -> None:
@@ -310,6 +308,52 @@ async def test_the_parameters_are_read_again_after_a_reconnect(tcp: MakeRig) -> 
     assert rig.scans[-1].ranges_m.shape == (720,)
     assert rig.counts["another sensor"] == 1
     assert rig.health.message == "UTM-30LX, 720 beams, 40 Hz"
+
+
+async def test_of_a_restarted_stream_only_the_third_fresh_scan_is_driven_by(rig: Rig) -> None:
+    await rig.ready()
+    await rig.scan()
+    await rig.until(lambda: rig.counts.get("restart", 0) >= 1 or rig.counts.get("reconnect", 0) >= 1)
+    await rig.until(lambda: rig.link() is LinkState.STARTING)
+    await rig.until(lambda: len(rig.scans) >= 2, turning=True)
+    before, after = rig.scans[:2]
+    assert after.sequence >= before.sequence + 3
+    assert rig.counts["settling"] >= 2
+    assert rig.link() is LinkState.READY
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"first_step": 190}, "sees from -88 to 135 degrees, and a car needs -90 to 90"),
+        ({"last_step": 890}, "sees from -135 to 88 degrees"),
+        ({"steps_per_turn": 348, "first_step": 10, "last_step": 250, "front_step": 130}, "has a beam every 1 degrees"),
+        ({"steps_per_turn": 240, "first_step": 0, "last_step": 180, "front_step": 90}, "has a beam every 1.5 degrees"),
+        ({"speed_rpm": 299}, "turns at 5 Hz, and a car needs 5 Hz or more"),
+    ],
+)
+async def test_a_sensor_that_no_car_can_be_driven_by_is_refused_with_the_reason(
+    tcp: MakeRig, changes: dict[str, Any], words: str
+) -> None:
+    rig = await tcp(ScipEmulator(replace(UST_10LX, **changes)))
+    await rig.until(lambda: rig.link() is LinkState.FAULTY)
+    assert words in rig.health.message
+    assert not rig.emulator.streaming
+    rig.emulator.sensor.model = UST_10LX
+    await rig.until(lambda: rig.link() is LinkState.READY, turning=True)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"first_step": 180, "last_step": 899},
+        {"steps_per_turn": 360, "first_step": 0, "last_step": 240, "front_step": 120},
+        {"speed_rpm": 300},
+    ],
+)
+async def test_a_sensor_that_is_just_good_enough_is_taken(tcp: MakeRig, changes: dict[str, Any]) -> None:
+    rig = await tcp(ScipEmulator(replace(UST_10LX, **changes)))
+    await rig.until(lambda: rig.link() is LinkState.READY, turning=True)
 
 
 async def test_a_sensor_left_streaming_by_a_killed_program_is_taken_over(tmp_path: Path) -> None:
@@ -428,9 +472,12 @@ async def test_a_sensor_that_restarted_its_clock_is_believed_at_once_after_a_rec
     rig.emulator.disconnect()
     await rig.until(lambda: rig.counts.get("reconnect", 0) == 1)
     await rig.ready()
-    rig.emulator.publish(np.full(1081, 2000), 17)
+    begun_s = time.monotonic()
+    for _ in range(3):
+        rig.emulator.publish(np.full(1081, 2000), 17 + round((time.monotonic() - begun_s) * 1000))
+        await asyncio.sleep(0.025)
     await rig.until(lambda: len(rig.scans) == 2)
-    assert rig.counts == {"reconnect": 1}
+    assert rig.counts == {"reconnect": 1, "settling": 2}
 
 
 async def test_a_stream_that_stays_late_is_restarted(tcp: MakeRig) -> None:

@@ -10,6 +10,7 @@ from runtime.car_settings import CarSettings
 from runtime.control.darkness import enclosed_dark
 from runtime.control.perception import Eyes
 from runtime.control.stopping import GRAVITY_MPS2, speed_to_stop_within_mps, stopping_distance_m
+from runtime.control.strip import Strip
 from runtime.control.swept import SweptGuard
 from runtime.control.swept_settings import SweptSettings
 
@@ -150,6 +151,20 @@ def test_the_hard_stop_begins_at_the_stopping_distance(speed_mps):
     assert before.reason == "slower: wall ahead"
     after = judge(world(wall_at(FRONT_M + hard_m - 0.02)), speed_mps, speed_mps=speed_mps)
     assert (after.forward_mps, after.reason, after.brake_mps2) == (0.0, "braking: wall ahead", math.inf)
+
+
+@pytest.mark.parametrize("speed_mps", [60.0, 2e3, 1e7, 1e150])
+def test_no_look_goes_beyond_the_lidars_range(speed_mps, monkeypatch):
+    lengths_m = []
+    contact = Strip.contact
+
+    def noted(self, steering_rad, length_m, *rest, **more):
+        lengths_m.append(length_m)
+        return contact(self, steering_rad, length_m, *rest, **more)
+
+    monkeypatch.setattr(Strip, "contact", noted)
+    assert judge(world(), 4.0, 0.1, speed_mps=speed_mps).forward_mps >= 0
+    assert max(lengths_m) == 30.0
 
 
 def test_the_age_of_the_scan_lengthens_the_distance():
