@@ -161,6 +161,10 @@ class Motor(Protocol):
         """Write one command to the wire at once; False (and nothing is queued) when the device is not there."""
         ...
 
+    def latch_fault(self, words: str) -> None:
+        """Hold the car for a contradiction that only others see, as for a fault of the device; once for each."""
+        ...
+
     def clear_fault(self) -> None:
         """Forget the latched fault: a deliberate act of an operator, or of settings that say so."""
         ...

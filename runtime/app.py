@@ -213,6 +213,8 @@ class Car:
             manager=self.manager,
             clock=self.clock,
             retry_faults=self.settings.operator.permit == "always",
+            lidar_doubt=lambda: self.laws.plausibility.lidar_doubt,
+            motor_doubt=lambda: self.laws.plausibility.motor_doubt,
         )
 
     def _observed(self) -> Observed:

@@ -186,6 +186,10 @@ class WorldMotor:
         self._twin.advance()
         self._present = True
 
+    def latch_fault(self, words: str) -> None:
+        """Refuse: wheels and world are one here, so a contradiction is an error of whoever found it."""
+        raise AssertionError(words)
+
     def clear_fault(self) -> None:
         """Nothing is ever wrong with this motor."""
 

@@ -12,12 +12,14 @@ from drivers.api import Clock, Drive, Health, LinkState, MotorState, Scan
 
 BEAMS = 1081
 STEP_RAD = math.radians(0.25)
+FLICKER_M = np.float32(0.0005)
 
 
 class MemoryLidar:
     """Delivers `ranges_at(now_s)` at a steady rate; None from it is a scan that never came.
 
     late_s: how long a scan waits in a buffer before it is delivered; its stamp stays that of the measurement.
+    frozen: repeats a scan bit for bit. A sensor that measures never does: the same ranges flicker by half a millimetre.
     """
 
     def __init__(
@@ -27,6 +29,7 @@ class MemoryLidar:
         self._clock = clock
         self._period_s = 1 / rate_hz
         self.late_s = 0.0
+        self.frozen = False
         self._health = Health(LinkState.READY, "in memory", "twin")
 
     @property
@@ -36,12 +39,17 @@ class MemoryLidar:
 
     async def run(self, on_scan: Callable[[Scan], None]) -> Never:
         """Deliver for ever."""
-        sequence = 0
+        sequence, last_m = 0, None
         while True:
             await asyncio.sleep(self._period_s)
             now_s = self._clock()
             ranges_m = self._ranges_at(now_s)
             if ranges_m is not None:
+                if self.frozen and last_m is not None:
+                    ranges_m = last_m
+                elif last_m is not None and np.array_equal(ranges_m, last_m, equal_nan=True):
+                    ranges_m = ranges_m + FLICKER_M
+                last_m = ranges_m
                 stamp_s = now_s - self.late_s
                 on_scan(Scan(stamp_s, now_s, -STEP_RAD * (BEAMS // 2), STEP_RAD, 0.02, 30.0, ranges_m, sequence))
             sequence += 1
@@ -113,6 +121,10 @@ class MemoryMotor:
         """Report a fault; a lasting one comes back after it was cleared."""
         self.fault = text
         self._fault_gone = not lasting
+
+    def latch_fault(self, words: str) -> None:
+        """Report a fault that others have found."""
+        self.fault = self.fault or words
 
     def clear_fault(self) -> None:
         """Forget the fault if its cause is gone."""

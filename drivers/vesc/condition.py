@@ -87,6 +87,14 @@ class Condition:
         self.blind = False
         self._low_since_s = None
 
+    def latch(self, words: str) -> None:
+        """Latch a fault that is not the VESC's own; nothing changes where one is latched."""
+        if not self.fault:
+            self._health.count("fault")
+            self.fault = words
+            if self.state is not None:
+                self.state = replace(self.state, fault=words)
+
     def clear_fault(self) -> None:
         """Forget the latched fault; one that is still there comes back with the next reply."""
         self.fault = ""
@@ -114,10 +122,8 @@ class Condition:
         return (tachometer.steps - steps) * self._calibration.metres_per_step
 
     def _compare(self, speed_mps: float, step_m: float, stamp_s: float) -> None:
-        wrong = self._check.judge(speed_mps, step_m, stamp_s)
-        if wrong and not self.fault:
-            self._health.count("fault")
-            self.fault = wrong
+        if wrong := self._check.judge(speed_mps, step_m, stamp_s):
+            self.latch(wrong)
 
     def _watch_battery(self, voltage_v: float, stamp_s: float) -> None:
         if voltage_v >= self._min_voltage_v:

@@ -133,6 +133,12 @@ class Vesc:
             with contextlib.suppress(Exception):  # the VESC's own timeout remains
                 self._link.write(self._calibration.brake)
 
+    def latch_fault(self, words: str) -> None:
+        """Latch a fault that others have found; nothing changes where one is latched."""
+        self._condition.latch(words)
+        if self._ready is not None:
+            self._tell_condition()
+
     def clear_fault(self) -> None:
         """Forget the latched fault; commands are obeyed again unless it is still there."""
         self._condition.clear_fault()

@@ -1,5 +1,6 @@
 """A follower that can also free the car: it asks the driver first, and backs out when safety boxed the car in."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from drivers.api import MotorState, Scan
@@ -31,12 +32,18 @@ class Lookout:
 
 
 class Freeing:
-    """Wraps a follower; its manoeuvres are wishes like any other, judged by safety and outranked by the human."""
+    """Wraps a follower; its manoeuvres are wishes like any other, judged by safety and outranked by the human.
 
-    def __init__(self, follower: Follower, lookout: Lookout, recovery: Recovery) -> None:
+    believed: whether the odometry is good enough to back out by; where it is not, the way out is not tried.
+    """
+
+    def __init__(
+        self, follower: Follower, lookout: Lookout, recovery: Recovery, believed: Callable[[], bool] = lambda: True
+    ) -> None:
         self._follower = follower
         self._lookout = lookout
         self._recovery = recovery
+        self._believed = believed
 
     def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
         """Answer one scan: the follower's answer, or the way out with its words as the reason."""
@@ -44,7 +51,7 @@ class Freeing:
         outlook = self._lookout.outlook
         if outlook is None or outlook.view.scan is not scan:
             return guidance
-        advice = self._recovery.step(outlook, guidance.drive, motor)
+        advice = self._recovery.step(outlook, guidance.drive, motor if self._believed() else None)
         # A standing car's reason is the safety's, not the driver's: it has to know that nobody knows a way on.
         self._lookout.guard.plight = advice.words if advice.words == HELP else ""
         if advice.drive is None and not advice.words:

@@ -6,7 +6,7 @@ kept; only a change of method begins anew. Each law computes a scan wholly with 
 
 from drivers.api import Clock, MotorState, Scan
 from runtime.car_settings import CarSettings
-from runtime.command import Outlook
+from runtime.command import Outlook, Verdict
 from runtime.control import methods
 from runtime.control.ball import BallFollower
 from runtime.control.freeing import Lookout
@@ -19,6 +19,7 @@ from runtime.control.method_settings import (
     WallFollowSettings,
 )
 from runtime.control.perception import Eyes
+from runtime.control.plausibility import Plausibility
 from runtime.control.report import ReportFollower, ReportGuard
 from runtime.control.report_settings import ReportFollowSettings, ReportSafetySettings
 
@@ -26,7 +27,8 @@ from runtime.control.report_settings import ReportFollowSettings, ReportSafetySe
 class LiveLaws:
     """Is a Follower and a Guard, and hands on to those that the settings name.
 
-    wall_follow, safety: the settings in force. guard: the safety law in force.
+    wall_follow, safety: the settings in force. guard: the safety law in force. plausibility: whether what the laws are
+    given makes sense; where it does not, the answer is a stop with that reason.
     """
 
     def __init__(
@@ -37,15 +39,16 @@ class LiveLaws:
         self._car = car
         self._clock = clock
         self._eyes = Eyes(car)
+        self.plausibility = Plausibility(car)
         self._driver = methods.driver_for(wall_follow, car, self._eyes)
         self._recovery = methods.recovery_for(safety)
         self.guard: Lookout | ReportGuard = methods.guard_for(safety, car, self._eyes, clock)
-        self.follower: Follower = methods.wrapped(self._driver, self.guard, self._recovery, wall_follow)
+        self.follower: Follower = self._wrapped(wall_follow)
 
     @property
     def words(self) -> tuple[str, ...]:
-        """What is wrong with the lidar's window, in sentences for people."""
-        return self.guard.words if isinstance(self.guard, Lookout) else ()
+        """What is wrong with the lidar's window, or odd about what it sees, in sentences for people."""
+        return (*(self.guard.words if isinstance(self.guard, Lookout) else ()), *self.plausibility.words)
 
     @property
     def path_m(self) -> Floats | None:
@@ -58,13 +61,17 @@ class LiveLaws:
 
     def look(self, scan: Scan, motor: MotorState | None) -> Outlook:
         """Take in one scan."""
-        return self.guard.look(scan, motor)
+        self.plausibility.look(scan, motor, odometry_check=self.safety.odometry_check)
+        outlook = self.guard.look(scan, motor)
+        doubt = self.plausibility.doubt
+        return Verdict(0.0, 0.0, doubt) if doubt else outlook
 
     def learn(self) -> None:
         """Do what can wait until the answer is on its way."""
         self.guard.learn()
         if self._recovery is not None:
             self._recovery.think()
+        self.plausibility.learn()
 
     def tune(self, wall_follow: WallFollowSettings, safety: SafetySettings) -> None:
         """Go on with other settings, from the next scan on."""
@@ -73,7 +80,12 @@ class LiveLaws:
         if safety != self.safety:
             self._tune_guard(safety)
         self.wall_follow, self.safety = wall_follow, safety
-        self.follower = methods.wrapped(self._driver, self.guard, self._recovery, wall_follow)
+        self.follower = self._wrapped(wall_follow)
+
+    def _wrapped(self, wall_follow: WallFollowSettings) -> Follower:
+        return methods.wrapped(
+            self._driver, self.guard, self._recovery, wall_follow, lambda: self.plausibility.believed
+        )
 
     def _tune_driver(self, settings: WallFollowSettings) -> None:
         match self._driver, settings:

@@ -30,6 +30,8 @@ class SweptSafetySettings(SweptSettings):
     """The law that slows and stops: the swept footprint, or the lab report's."""
     binds_teleop: bool = False
     """True puts safety above the human: the joystick is limited too, and needs a working lidar."""
+    odometry_check: bool = True
+    """Compare the wheels' way with the scans' over the first 0.3 m; false where they are not of one drive."""
     expires_after_s: Annotated[float, Field(gt=0, le=0.2)] = 0.15
     """A verdict is in force this long after its scan."""
     backs_out: bool = True

@@ -1,6 +1,7 @@
 """The laws by name, as `wall_follow.method` and `safety.method` choose them."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -60,12 +61,19 @@ def recovery_settings(safety: SweptSafetySettings) -> RecoverySettings:
 
 
 def wrapped(
-    driver: Driver, guard: Lookout | ReportGuard, recovery: Recovery | None, wall_follow: WallFollowSettings
+    driver: Driver,
+    guard: Lookout | ReportGuard,
+    recovery: Recovery | None,
+    wall_follow: WallFollowSettings,
+    believed: Callable[[], bool] = lambda: True,
 ) -> Follower:
-    """Return the follower with what its safety law adds to it: the way out of a corner, or the report's turn."""
+    """Return the follower with what its safety law adds to it: the way out of a corner, or the report's turn.
+
+    believed: whether the odometry is good enough to back out by.
+    """
     if isinstance(guard, ReportGuard):
         return ReportTurn(driver, guard, wall_follow.side)
-    return Freeing(driver, guard, recovery) if recovery is not None else driver
+    return Freeing(driver, guard, recovery, believed) if recovery is not None else driver
 
 
 def warm_up(wall_follow: WallFollowSettings, safety: SafetySettings, car: CarSettings) -> None:

@@ -39,5 +39,7 @@ class ReportSafetySettings(Section):
     the rule off; the stop at the turning radius stays."""
     binds_teleop: bool = False
     """True puts safety above the human: the joystick is limited too, and needs a working lidar."""
+    odometry_check: bool = True
+    """Compare the wheels' way with the scans' over the first 0.3 m; false where they are not of one drive."""
     expires_after_s: Annotated[float, Field(gt=0, le=0.2)] = 0.15
     """A verdict is in force this long after its scan."""

@@ -1,6 +1,7 @@
 """Looks after the devices and the process itself: latches faults, has operators rearm, talks to systemd."""
 
 import logging
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -17,7 +18,11 @@ READY_AT_LATEST_S = 10.0
 CYCLE_LIMIT_S = 0.2
 """A mux that has not decided for so long is not healthy, and the watchdog is not petted."""
 FAULT_RETRY_S = 2.0
-"""Without an operator (permit "always") a latched motor fault is tried again after this time."""
+"""Without an operator (permit "always") a latched motor fault is tried again after this time, then after twice as long
+each time: a car that runs backwards comes a little nearer to what is behind it with every try."""
+FAULT_RETRY_AT_MOST_S = 60.0
+FAULT_FORGOTTEN_S = 30.0
+"""So long without a fault, and the next one is tried again soon."""
 AFTER_FAULT = "the motor had a fault; permit again"
 
 
@@ -27,6 +32,7 @@ class _Seen:
 
     link: LinkState = LinkState.ABSENT
     message: str = ""
+    identity: str = ""
     lost: str = ""  # what was said when it was lost, until it is back
 
 
@@ -36,6 +42,7 @@ class Caretaker:
 
     output: returns what the mux decided last; its age is the evidence on which the watchdog is petted.
     rearm: called with the reason when nothing that an operator holds down may count any longer.
+    lidar_doubt, motor_doubt: in what the devices contradict themselves (`control.plausibility`), "" where they do not.
     """
 
     lidar: Lidar
@@ -46,9 +53,14 @@ class Caretaker:
     manager: ServiceManager
     clock: Clock
     retry_faults: bool
+    lidar_doubt: Callable[[], str] = lambda: ""
+    motor_doubt: Callable[[], str] = lambda: ""
     _lidar_seen: _Seen = field(default_factory=_Seen)
     _motor_seen: _Seen = field(default_factory=_Seen)
+    _doubted: str = ""
     _fault_since_s: float | None = None
+    _fault_over_s: float = -math.inf
+    _retry_after_s: float = FAULT_RETRY_S
     _started_s: float | None = None
     _ready: bool = False
 
@@ -61,20 +73,37 @@ class Caretaker:
         now_s = self.clock()
         self._look_at("lidar", self.lidar.health, self._lidar_seen)
         self._look_at("motor", self.motor.health, self._motor_seen)
+        self._look_for_doubts()
         self._latch_fault(now_s)
         self._tell_systemd(now_s)
 
     def _look_at(self, name: str, health: Health, seen: _Seen) -> None:
         if seen.link is LinkState.READY and health.link is not LinkState.READY:
-            seen.lost = f"the {name} was lost; permit again"
+            seen.lost = f"{health.trouble or f'the {name} was lost'}; permit again"
             self.rearm(seen.lost)
         elif seen.lost and health.link is LinkState.READY:
             self.rearm(seen.lost)  # again: what was pressed while it was away must not move the car by itself
             seen.lost = ""
+        if seen.identity not in {"", health.identity}:
+            log.warning("%s: %s, before it was %s", name, health.identity, seen.identity)
+            seen.lost = f"another {name} than before; check how it is mounted, permit again"
+            self.rearm(seen.lost)
+        seen.identity = health.identity
         if (seen.link, seen.message) != (health.link, health.message):
             level = logging.INFO if health.link in {LinkState.READY, LinkState.STARTING} else logging.WARNING
             log.log(level, "%s %s: %s", name, health.link, health.message)
         seen.link, seen.message = health.link, health.message
+
+    def _look_for_doubts(self) -> None:
+        """Hold the car for a motor that contradicts the lidar; a lidar that contradicts itself counts as lost."""
+        doubt = self.lidar_doubt()
+        if doubt != self._doubted:
+            if doubt:
+                log.error("%s", doubt)
+            self.rearm(f"{doubt or self._doubted}; permit again")
+            self._doubted = doubt
+        if words := self.motor_doubt():
+            self.motor.latch_fault(words)
 
     def _latch_fault(self, now_s: float) -> None:
         state = self.motor.state
@@ -82,14 +111,18 @@ class Caretaker:
         if fault:
             if self._fault_since_s is None:
                 self._fault_since_s = now_s
+                if now_s - self._fault_over_s > FAULT_FORGOTTEN_S:
+                    self._retry_after_s = FAULT_RETRY_S
                 log.error("%s", fault)
                 self.emergency_stop.latch(Cause.MOTOR, fault)
                 self.rearm(AFTER_FAULT)
-            elif self.retry_faults and now_s - self._fault_since_s > FAULT_RETRY_S:
+            elif self.retry_faults and now_s - self._fault_since_s > self._retry_after_s:
                 self._fault_since_s = now_s
+                self._retry_after_s = min(2 * self._retry_after_s, FAULT_RETRY_AT_MOST_S)
                 self.motor.clear_fault()
         elif self._fault_since_s is not None and state is not None:
             self._fault_since_s = None
+            self._fault_over_s = now_s
             self.rearm(AFTER_FAULT)
             self.emergency_stop.clear(Cause.MOTOR)
 

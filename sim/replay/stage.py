@@ -45,6 +45,9 @@ class Wire:
         """Tell whether it was taken."""
         return self.takes
 
+    def latch_fault(self, words: str) -> None:
+        """Have no fault."""
+
     def clear_fault(self) -> None:
         """Have no fault."""
 

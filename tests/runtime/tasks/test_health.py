@@ -22,6 +22,9 @@ class Device:
         self.state = FINE
         self.cleared = 0
 
+    def latch_fault(self, words):
+        self.state = replace(self.state, fault=words)
+
     def clear_fault(self):
         self.cleared += 1
 
