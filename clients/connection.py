@@ -2,6 +2,7 @@
 
 import argparse
 import asyncio
+import contextlib
 import logging
 import re
 from collections.abc import AsyncIterator
@@ -14,6 +15,7 @@ from runtime import wire, zenoh_config
 from runtime.bus import Bus
 from runtime.key_files import Keys, client_keys
 from runtime.people import KeysError
+from runtime.teleop_wire import Malformed, read_beat, session_text
 
 log = logging.getLogger("wallride.client")
 
@@ -38,7 +40,10 @@ async def connected(options: argparse.Namespace) -> AsyncIterator[tuple[Bus, str
     """
     bus, keys = await _open(options)
     try:
-        yield bus, await find_car(bus, options.car, whose=keys.identity.name if keys is not None else "")
+        car = await find_car(bus, options.car, whose=keys.identity.name if keys is not None else "")
+        if options.session is not None:
+            await check_session(bus, car, options.session)
+        yield bus, car
     finally:
         await bus.close()
 
@@ -87,6 +92,34 @@ async def find_car(bus: Bus, name: str | None, *, whose: str = "", timeout_s: fl
     if len(found.names) > 1:
         raise ConnectionProblemError(f"there are several cars: {', '.join(sorted(found.names))}; choose with --car")
     return next(iter(found.names), "")
+
+
+async def check_session(bus: Bus, car: str, session: int, *, timeout_s: float = FIND_TIMEOUT_S) -> None:
+    """Return when this very start of a car is heard; ConnectionProblemError when another one answers, or none."""
+    heard: asyncio.Future[int] = asyncio.get_running_loop().create_future()
+
+    def on_beat(_key: str, payload: bytes, _arrival_s: float) -> None:
+        with contextlib.suppress(Malformed):
+            beat = read_beat(payload)
+            if not heard.done():
+                heard.set_result(beat.car_session)
+
+    bus.subscribe(wire.key(car, wire.BEAT), on_beat)
+    try:
+        async with asyncio.timeout(timeout_s):
+            other = await heard
+    except TimeoutError:
+        raise ConnectionProblemError(f"{car} at {bus.endpoint} has no heartbeat: is it the car?") from None
+    if other != session:
+        raise ConnectionProblemError(another_car(car, bus.endpoint, session, other))
+
+
+def another_car(car: str, endpoint: str, wanted: int, found: int) -> str:
+    """Return what to tell a user whose car has gone, and in whose place another one answers."""
+    return (
+        f"the car at {endpoint} is not the one that was meant: {car} has session {session_text(found)},"
+        f" wanted was {session_text(wanted)}; it has ended, or was started again (leave --session out for any)"
+    )
 
 
 class Cars:

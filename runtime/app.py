@@ -93,9 +93,10 @@ class Car:
         self.mux = mux_task.Mux(self.voices, motor, self.limiter, REQUIRED, self.tape.clock, self.stages, self.tape)
         self.permit = Permit(self.voices, settings.operator.permit)
         self.emergency_stop = EmergencyStop(self.voices)
+        self.session = secrets.randbits(31) + 1
         self.operator = OperatorDesk(
             settings.operator, self.voices, self.permit, self.emergency_stop, motor.clear_fault, clock,
-            car_session=secrets.randbits(31) + 1,
+            car_session=self.session,
         )  # fmt: skip
         self.history = History(settings.parameters.history)
         self.parameters = ParameterDesk(settings, self._surroundings(file), self.history)
@@ -221,6 +222,7 @@ class Car:
         return Observed(
             car=self.settings.car.name,
             version=version("wallride"),
+            session=self.session,
             lidar=self.lidar,
             motor=self.motor,
             voices=self.voices,

@@ -8,6 +8,7 @@ which it arrived, one hop per burst.
 import asyncio
 import contextlib
 import copy
+import errno
 import functools
 import json
 import logging
@@ -17,6 +18,8 @@ import time
 from collections import deque
 from collections.abc import Awaitable, Callable, Mapping
 from typing import TYPE_CHECKING, Any, Protocol
+
+from runtime.endpoints import split_endpoint
 
 if TYPE_CHECKING:
     import zenoh
@@ -45,8 +48,22 @@ MAX_QUESTION_BYTES = 4096
 """The largest question that is answered; larger ones are refused before their bytes are copied."""
 
 
+IN_USE = "Address already in use"
+"""What zenoh's error says of a taken port."""
+OPEN_ATTEMPTS = 5
+"""A port that was free a moment ago may be taken when it is opened."""
+
+
 class RefusedError(Exception):
     """The other side answered, and the answer is no; the text is its reason."""
+
+
+class PortTakenError(OSError):
+    """Another program listens on one of our addresses. endpoint: that address."""
+
+    def __init__(self, endpoint: str) -> None:
+        super().__init__(f"{endpoint} is taken by another program")
+        self.endpoint = endpoint
 
 
 class Network(Protocol):
@@ -91,13 +108,15 @@ class Network(Protocol):
 class Bus:
     """Publishes, subscribes, asks and answers. What is declared before `open` takes effect when it opens.
 
+    any_port: take a free port in place of a taken one on loopback; otherwise a taken port is a PortTakenError.
     endpoint: where it listens or connects; known for certain once it is open.
     dropped: samples put while closed; strays: samples that came for another key than the one subscribed to; oversized:
     samples and questions that were too large.
     """
 
-    def __init__(self, config: Mapping[str, Any]) -> None:
+    def __init__(self, config: Mapping[str, Any], *, any_port: bool = False) -> None:
         self._config = copy.deepcopy(dict(config))
+        self._any_port = any_port
         self._session: zenoh.Session | None = None
         self._declare: list[Callable[[], object]] = []
         self._held: list[object] = []  # publishers and tokens die with their Python object
@@ -120,17 +139,9 @@ class Bus:
         return self._session is not None
 
     async def open(self) -> None:
-        """Open the session in a thread; OSError with a plain reason when it cannot.
-
-        A loopback port that is taken is replaced by a free one, and that is said.
-        """
+        """Open the session in a thread; OSError with a plain reason when it cannot, PortTakenError for a taken port."""
         self._loop = asyncio.get_running_loop()
-        try:
-            self._session = await asyncio.to_thread(_open_session, self._config)
-        except OSError as error:
-            if not self._use_free_port(error):
-                raise
-            self._session = await asyncio.to_thread(_open_session, self._config)
+        self._session = await asyncio.to_thread(self._opened)
         import zenoh
 
         self._troubles = (ConnectionError, zenoh.ZError)
@@ -283,15 +294,28 @@ class Bus:
     def _endpoints(self, side: str) -> list[Any]:
         return list(self._config.get(side, {}).get("endpoints", []))
 
-    def _use_free_port(self, error: OSError) -> bool:
+    def _opened(self) -> "zenoh.Session":
+        """Return an open session; whether a port is free is known only by opening it."""
+        for _ in range(OPEN_ATTEMPTS - 1):
+            try:
+                return _open_session(self._config)
+            except OSError as error:
+                self._consider_ports(error)
+        return _open_session(self._config)
+
+    def _consider_ports(self, error: OSError) -> None:
+        """Replace taken ports where that is allowed; raise when the next attempt would end as the last one."""
         endpoints = self._endpoints("listen")
-        taken = [i for i, endpoint in enumerate(endpoints) if _is_taken(endpoint)]
+        taken = [i for i, endpoint in enumerate(endpoints) if is_taken(endpoint)]
         for i in taken:
+            if not self._any_port or not endpoints[i].startswith("tcp/"):
+                raise PortTakenError(endpoints[i]) from error
             free = free_endpoint()
-            log.warning("cannot listen on %s (%s); using %s instead", endpoints[i], error, free)
+            log.info("%s is taken; listening on %s instead", endpoints[i], free)
             endpoints[i] = free
+        if not taken and IN_USE not in str(error):  # neither now nor a moment ago: it is something else
+            raise error
         self._config["listen"] = {**self._config.get("listen", {}), "endpoints": endpoints}
-        return bool(taken)
 
 
 class _Mailbox:
@@ -339,11 +363,6 @@ async def _reply(key: str, reply: Reply, query: "zenoh.Query") -> None:
             query.reply_err(str(error).encode())
 
 
-def available(endpoint: str) -> str:
-    """Return the endpoint itself, or a free one on loopback when somebody else has its port."""
-    return free_endpoint() if _is_taken(endpoint) else endpoint
-
-
 def free_endpoint() -> str:
     """Return a loopback endpoint whose port nobody uses at this moment."""
     with socket.socket() as probe:
@@ -351,18 +370,23 @@ def free_endpoint() -> str:
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
-def _is_taken(endpoint: str) -> bool:
-    """Tell whether a loopback tcp endpoint belongs to somebody else."""
-    if not endpoint.startswith(("tcp/127.0.0.1:", "tcp/[::1]:")):
+def is_taken(endpoint: str) -> bool:
+    """Tell whether another program listens on an endpoint's port."""
+    _, host, port = split_endpoint(endpoint)
+    try:
+        places = socket.getaddrinfo(host.strip("[]"), port, type=socket.SOCK_STREAM)
+    except OSError:
         return False
-    host, _, port = endpoint.removeprefix("tcp/").rpartition(":")
-    family = socket.AF_INET6 if host.startswith("[") else socket.AF_INET
+    return any(_is_bound(family, place) for family, _, _, _, place in places)
+
+
+def _is_bound(family: int, place: Any) -> bool:  # noqa: ANN401 - the socket module's own form of an address
     with socket.socket(family) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            probe.bind((host.strip("[]"), int(port)))
-        except OSError:
-            return True
+            probe.bind(place)
+        except OSError as error:
+            return error.errno == errno.EADDRINUSE
     return False
 
 

@@ -9,21 +9,25 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, Protocol
 
 from drivers.hokuyo.driver import Hokuyo
 from drivers.vesc.driver import Vesc
 from runtime import kernel
+from runtime.address_file import Address, write_address
 from runtime.app import Car, history_file
-from runtime.bus import Bus
+from runtime.bus import Bus, PortTakenError
 from runtime.cadence import Cadence
 from runtime.control import methods
 from runtime.few_ports import FewPorts
 from runtime.journal import journal
 from runtime.scheduling import keep_for_this_thread
+from runtime.port_holder import holder_of, taken_sentence
 from runtime.settings import Settings
 from runtime.tasks import parameters
+from runtime.teleop_wire import session_text
 from runtime.wakefulness import awake
 from runtime.wall_clock import WallClock
 from runtime.warmth import Warmth
@@ -42,11 +46,22 @@ class Motor(Protocol):
         ...
 
 
-def main(settings: Settings, file: Path | None, session: Mapping[str, Any], warnings: Sequence[str]) -> None:
-    """Drive until SIGINT or SIGTERM; returns when the car stands.
+HOLD_WITHIN_S = 3.0
+"""The wheels wait so long for the session, so that a car whose port is taken ends before it moved."""
+
+
+class LaunchError(Exception):
+    """The car cannot be started as its settings say; the text names the remedy."""
+
+
+def main(
+    settings: Settings, file: Path | None, session: Mapping[str, Any], warnings: Sequence[str],
+    address_file: Path | None = None,
+) -> None:  # fmt: skip
+    """Drive until SIGINT or SIGTERM; returns when the car stands. LaunchError when its port is taken.
 
     file: where live parameters are saved. session: the configuration of the zenoh session.
-    warnings: what the owner should hear first.
+    warnings: what the owner should hear first. address_file: where to write which address telemetry has.
     """
     scheduling = keep_for_this_thread()
     with journal(settings.log.level, settings.log.format):
@@ -59,7 +74,8 @@ def main(settings: Settings, file: Path | None, session: Mapping[str, Any], warn
             log.info("%s", words)
             motors: list[Motor] = []
             with braking_last(motors), asyncio.Runner(loop_factory=punctual_loop) as runner, braking_last(motors):
-                runner.run(_drive(settings, file, session, Warmth(compiled.prefetch), motors.append))
+                warmth = Warmth(compiled.prefetch)
+                runner.run(_drive(settings, file, session, warmth, address_file, motors.append))
 
 
 @contextmanager
@@ -70,6 +86,8 @@ def braking_last(motors: Sequence[Motor]) -> Iterator[None]:
     """
     try:
         yield
+    except LaunchError:
+        raise
     except BaseException:
         for motor in motors:
             motor.brake_now()
@@ -89,6 +107,7 @@ async def _drive(
     file: Path | None,
     session: Mapping[str, Any],
     warmth: Warmth,
+    address_file: Path | None,
     fitted: Callable[[Motor], None],
 ) -> None:
     stop = asyncio.Event()
@@ -96,7 +115,7 @@ async def _drive(
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)
     clock = time.monotonic
-    bus = Bus(session)
+    bus = Bus(session, any_port=settings.telemetry.any_port)
     cadence = Cadence()
 
     def replied(took_s: float) -> None:
@@ -114,10 +133,13 @@ async def _drive(
     motor.inertia.on_measurement = car.telemetry.on_imu
     if (history := history_file(settings)) is not None:
         parameters.read_history(car.history, history)
+    opening = asyncio.create_task(_open(car, bus, stop, address_file), name="bus")
     methods.warm_up(settings.wall_follow, settings.safety, settings.car)
     gc.collect()
     gc.freeze()  # a full collection would block the loop for milliseconds; what exists now stays anyway
-    opening = asyncio.create_task(_open(car, bus), name="bus") if settings.telemetry.enabled else None
+    await asyncio.wait({opening}, timeout=HOLD_WITHIN_S)
+    if opening.done():
+        opening.result()  # LaunchError before anything moves or records
     car.stages.watch_collections()
     lidar.tap, motor.tap = car.recorder.tap("lidar"), car.recorder.tap("motor")
     car.recorder.start()
@@ -129,16 +151,33 @@ async def _drive(
         for line in car.stages.table():
             log.info("%s", line)
         car.manager.stopping()
-        if opening is not None:
-            await opening
+        await asyncio.wait({opening})
         await bus.close()
         await asyncio.to_thread(car.recorder.close)
+    opening.result()
 
 
-async def _open(car: Car, bus: Bus) -> None:
-    car.connect()
-    try:
-        await bus.open()
-        log.info("telemetry on %s", bus.endpoint)
-    except OSError as error:
-        log.error("driving without telemetry: %s", error)
+async def _open(car: Car, bus: Bus, stop: asyncio.Event, address_file: Path | None) -> None:
+    """Open the session and say where it is; LaunchError, after `stop`, when another program has its port."""
+    telemetry = Address(car.settings.car.name, session_text(car.session))
+    if not car.settings.telemetry.enabled:
+        telemetry = replace(telemetry, problem="telemetry.enabled is false")
+    else:
+        car.connect()
+        try:
+            await bus.open()
+        except PortTakenError as error:
+            stop.set()
+            raise LaunchError(taken_sentence(error.endpoint, await holder_of(error.endpoint))) from None
+        except OSError as error:
+            log.error("driving without telemetry: %s", error)
+            telemetry = replace(telemetry, problem=str(error))
+        else:
+            log.info("telemetry on %s, session %s", bus.endpoint, telemetry.session)
+            telemetry = replace(telemetry, endpoint=bus.endpoint)
+    if address_file is not None:
+        try:
+            await asyncio.to_thread(write_address, address_file, telemetry)
+        except OSError as error:
+            stop.set()
+            raise LaunchError(f"--address-file {address_file}: cannot be written ({error.strerror})") from None

@@ -15,6 +15,8 @@ class SessionSettings(Section):
 
     listen: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
     """tcp: this machine only, and whoever is on it may do everything. tls: from anywhere, with keys."""
+    any_port: bool = False
+    """Listen on a free port where one of `listen` is taken, as simulators do; false: end with exit code 2."""
     keys_dir: Path = DEFAULT_KEYS_DIR
     """Made by `wallride keys init`; read only when `listen` names a tls address."""
 

@@ -20,6 +20,7 @@ from runtime.control.score import Score
 from runtime.control.swept import Outlook as SweptOutlook
 from runtime.operator_view import OperatorView
 from runtime.stage_clock import StageClock
+from runtime.teleop_wire import session_text
 from runtime.voices import Voices
 
 LATENCIES = 400
@@ -87,7 +88,7 @@ class Observed:
 
     operator: the operator's side, None where there is none. window: what is wrong with the lidar's window, in words.
     link: the session as plain values. seconds_by_winner: the mux's own account. timings: of the hot path's stages.
-    recording: how the recorder stands.
+    recording: how the recorder stands. session: this start of the process, as in every beat; 0 where there is none.
     """
 
     car: str
@@ -102,6 +103,7 @@ class Observed:
     link: Callable[[], Mapping[str, Any]] = dict
     timings: StageClock | None = None
     recording: Callable[[], Mapping[str, Any]] = dict
+    session: int = 0
 
 
 @dataclass(slots=True)
@@ -126,6 +128,7 @@ def status(observed: Observed, output: Output | None, journey: Journey) -> dict[
     return {
         "car": observed.car,
         "version": observed.version,
+        "session": session_text(observed.session),
         "stamp_s": now_s,
         "up_s": now_s - journey.started_s,
         "state": state(output, closed),

@@ -195,6 +195,11 @@ def read_beat(payload: bytes) -> Beat:
     return Beat(car_session, beat, Condition(flags), session, acknowledged, age_ms, speed_mps, _read_name(name))
 
 
+def session_text(car_session: int) -> str:
+    """Return how a person writes a car's session."""
+    return f"{car_session & _U32:08x}"
+
+
 def is_stop(flags: int) -> bool:
     """Tell whether flags ask for an e-stop: the button itself, or both deadmen at once."""
     both = Press.MANUAL | Press.AUTONOMY

@@ -4,7 +4,6 @@ import argparse
 import asyncio
 import json
 import math
-import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -16,50 +15,57 @@ from rich.table import Table
 from runtime.settings import Settings, SettingsError, load_settings
 from sim.beams import LidarSettings
 from sim.comparison import compare
-from sim.live import LiveView, address_in
+from sim.live import LiveView, address_in, operate_hint
 from sim.pose import Pose
 from sim.recordings import RecordingError, load_recording
 from sim.scenes import RecordingScene, WorldScene
-from sim.session import Record, Session, SessionError
+from sim.session import USAGE_ERROR, Record, Session, SessionError, Start
+from sim.stop_request import StopRequest
 from sim.summary import device_faults, figures
 from sim.vehicle import Vehicle, VehicleSettings
 from sim.world import World
 from sim.worlds import load_world
 
 CONFIG = "config/sim.toml"
-DEFAULT_LISTEN = Settings().telemetry.listen[0]
 DEFAULT_DURATION_S = 60.0
 LONGEST_LAP_S = 180.0
 """A car that stands still must not keep a script waiting for ever."""
-USAGE_ERROR = 2
 FAILED = 1
+KILLED = 130
 POSE_NUMBERS = 3
+HEARD = "heard"
+"""Of telemetry: what the summary says of the runtime is what that runtime said."""
 
 
 class UsageError(Exception):
     """Something on the command line cannot be used; the text says what and how it should look."""
 
 
-def simulate(options: argparse.Namespace) -> int:
-    """Run one simulated drive; 0 when it was completed, 1 when the runtime failed, 2 for a wrong option."""
+def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
+    """Run one simulated drive.
+
+    Returns 0 when it was completed, by time, by laps or by Ctrl-C; 1 when the runtime failed, or drove without
+    telemetry, so that what it says of itself is missing; 2 for a wrong option or a taken port; 130 when it was killed.
+    """
     console = Console(stderr=True)
     try:
         config = options.config or find_config()
         settings = load_settings(config, options.assignments)
         _check_outputs(options)
-        if options.recording is not None:
-            summary = _replay(options, config, settings, console)
-        else:
-            summary = _drive(options, config, settings, console)
+        drive = _replay if options.recording is not None else _drive
+        summary = drive(options, config, settings, stop, console)
     except (SettingsError, RecordingError, UsageError) as error:
         print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
         return USAGE_ERROR
     except SessionError as error:
         print(f"wallride: {error}", file=sys.stderr)  # noqa: T201
-        return FAILED
+        return KILLED if stop.killed else USAGE_ERROR if error.exit_code == USAGE_ERROR else FAILED
     _write(summary, options.json)
     if options.json != "-":
         console.print(_table(summary))
+    if summary["telemetry"] != HEARD:
+        print(f"wallride: {summary['telemetry']}; winners and faults are not known", file=sys.stderr)  # noqa: T201
+        return FAILED
     return 0
 
 
@@ -72,7 +78,9 @@ def find_config() -> Path:
     raise UsageError(f"{CONFIG} is not installed (looked for {candidates[-1]}); give one with --config")
 
 
-def _drive(options: argparse.Namespace, config: Path, settings: Settings, console: Console) -> dict[str, Any]:
+def _drive(
+    options: argparse.Namespace, config: Path, settings: Settings, stop: StopRequest, console: Console
+) -> dict[str, Any]:
     side = settings.wall_follow.side
     try:
         world = load_world(options.world, side=side, seed=options.seed)
@@ -85,11 +93,9 @@ def _drive(options: argparse.Namespace, config: Path, settings: Settings, consol
     if options.laps and world.lap is None:
         raise UsageError(f"--laps {options.laps}: {world.name} has no lap; give --duration instead")
     duration_s = options.duration or (options.laps * LONGEST_LAP_S if options.laps else DEFAULT_DURATION_S)
-    session = Session(
-        scene, vehicle, settings.motor, settings.car.name, settings.telemetry.listen[0],
-        watched=not options.headless,
-    )  # fmt: skip
-    record = _run(session, options, config, duration_s, console, _view(options, world, vehicle, console))
+    session = Session(scene, vehicle, settings.motor, watched=not options.headless)
+    start = _start(options, config, settings)
+    record = _run(session, start, duration_s, stop, console, _view(options, world, vehicle, console))
     desired_m = settings.wall_follow.desired_distance_m
     summary = {
         "world": world.name,
@@ -103,7 +109,9 @@ def _drive(options: argparse.Namespace, config: Path, settings: Settings, consol
     return summary
 
 
-def _replay(options: argparse.Namespace, config: Path, settings: Settings, console: Console) -> dict[str, Any]:
+def _replay(
+    options: argparse.Namespace, config: Path, settings: Settings, stop: StopRequest, console: Console
+) -> dict[str, Any]:
     recording = load_recording(options.recording)
     for note in recording.notes:
         console.print(f"[dim]{note}[/dim]")
@@ -111,12 +119,10 @@ def _replay(options: argparse.Namespace, config: Path, settings: Settings, conso
     options.assignments = ["safety.odometry_check=false", *options.assignments]
     scene = RecordingScene(recording)
     vehicle = Vehicle(VehicleSettings(), Pose(0.0, 0.0, 0.0))
-    session = Session(
-        scene, vehicle, settings.motor, settings.car.name, settings.telemetry.listen[0],
-        watched=not options.headless,
-    )  # fmt: skip
+    session = Session(scene, vehicle, settings.motor, watched=not options.headless)
     duration_s = options.duration or math.inf
-    record = _run(session, options, config, duration_s, console, _view(options, None, vehicle, console))
+    start = _start(options, config, settings)
+    record = _run(session, start, duration_s, stop, console, _view(options, None, vehicle, console))
     pairs = scene.pairs(record.steering_rad)
     if options.plot is not None:
         from sim.drawing import save_comparison
@@ -135,43 +141,47 @@ def _replay(options: argparse.Namespace, config: Path, settings: Settings, conso
     }
 
 
+def _start(options: argparse.Namespace, config: Path, settings: Settings) -> Start:
+    """Return how the runtime is started; where nobody named a port, a free one will do."""
+    is_named = "listen" in settings.telemetry.model_fields_set or "any_port" in settings.telemetry.model_fields_set
+    return Start(config, [*options.assignments, *([] if is_named else ["telemetry.any_port=true"])])
+
+
 def _run(
-    session: Session,
-    options: argparse.Namespace,
-    config: Path,
-    duration_s: float,
-    console: Console,
-    view: "LiveView | None",
+    session: Session, start: Start, duration_s: float, stop: StopRequest, console: Console, view: "LiveView | None"
 ) -> Record:
-    there = "" if session.endpoint == DEFAULT_LISTEN else f" --connect {session.endpoint}"
-    console.print(f"[dim]in another terminal: wallride teleop{there} · wallride status --watch{there}[/dim]")
-    frame: Callable[[Record], None] = view.show if view is not None else _page_teller(console)
-    # A plain SIGTERM would end us without ending the runtime, which would go on driving an abandoned car.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    frame: Callable[[Record], None] = view.show if view is not None else _teller(console)
     try:
         if view is not None:
             view.start()
-        record = asyncio.run(session.run(config, options.assignments, duration_s, frame))
+        record = asyncio.run(session.run(start, duration_s, stop, frame))
     except* SessionError as group:
-        raise SessionError(str(group.exceptions[0])) from None
+        raise _innermost(group) from None
     finally:
         if view is not None:
             view.stop()
+    if stop.killed:
+        raise SessionError("killed; there is no summary")
     if record.exit_code != 0:
         console.print("\n".join(record.log))
         raise SessionError(f"the runtime ended with exit code {record.exit_code}")
     return record
 
 
-def _page_teller(console: Console) -> Callable[[Record], None]:
-    """Without a live view, say once where the page is."""
-    told = False
+def _innermost(group: BaseExceptionGroup[SessionError]) -> SessionError:
+    first = group.exceptions[0]
+    return _innermost(first) if isinstance(first, BaseExceptionGroup) else first
+
+
+def _teller(console: Console) -> Callable[[Record], None]:
+    """Without a live view, say once how the car is reached, and where the page is."""
+    told = [""]
 
     def tell(record: Record) -> None:
-        nonlocal told
-        if not told and (page := address_in(record.page)):
-            console.print(f"[dim]in a browser: {page}[/dim]")
-            told = True
+        for line in (operate_hint(record.address), f"in a browser: {address_in(record.page)}"):
+            if line not in told and not line.endswith(": "):
+                console.print(f"[dim]{line}[/dim]", soft_wrap=True)
+                told.append(line)
 
     return tell
 
@@ -183,14 +193,17 @@ def _view(options: argparse.Namespace, world: World | None, vehicle: Vehicle, co
 
 
 def _common(record: Record, settings: Settings, desired_m: float) -> dict[str, Any]:
-    status = record.telemetry.get("status", {})
+    status = record.telemetry.get("status")
+    winners = (status or {}).get("seconds_by_winner", {})
     return {
         "method": settings.wall_follow.method,
         "side": settings.wall_follow.side,
         **figures(record.samples, desired_m),
         "scan_to_motor_ms": record.latency.summary_ms(),
-        "winners": {name: round(seconds, 2) for name, seconds in status.get("seconds_by_winner", {}).items()},
-        "faults": device_faults(status),
+        "telemetry": HEARD if status else f"drove without telemetry: {record.unheard}",
+        "session": record.address.session if record.address is not None else None,
+        "winners": {name: round(seconds, 2) for name, seconds in winners.items()} if status else None,
+        "faults": device_faults(status) if status else None,
     }
 
 

@@ -1,6 +1,7 @@
 """A telemetry subscriber: what the runtime says about itself over zenoh, newest value per topic."""
 
 import asyncio
+import contextlib
 import struct
 from collections.abc import Mapping
 from typing import Any
@@ -16,15 +17,25 @@ _FLOAT32 = struct.Struct("<4xf")
 
 
 class Listener:
-    """Subscribes to one car at a known endpoint.
+    """Subscribes to one start of one car at a known endpoint; what another one says there is not taken.
 
     latest: the newest message of each topic; `distance_error` as {"error_m": metres}.
+    problem: why nothing is heard, "" while it is.
     """
 
-    def __init__(self, endpoint: str, car: str) -> None:
+    def __init__(self, endpoint: str, car: str, session: str) -> None:
         self._endpoint = endpoint
         self._prefix = wire.key(car, "")
+        self._session = session
         self.latest: dict[str, Mapping[str, Any]] = {}
+        self.problem = "nothing was heard from it"
+        self._heard = asyncio.Event()
+
+    async def wait_until_heard(self, timeout_s: float) -> None:
+        """Wait for the first status, but not for ever."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(timeout_s):
+                await self._heard.wait()
 
     async def run(self) -> None:
         """Connect as soon as the runtime listens, then listen until cancelled."""
@@ -43,7 +54,8 @@ class Listener:
         while loop.time() < give_up_s:
             try:
                 await bus.open()
-            except OSError:
+            except OSError as error:
+                self.problem = str(error)
                 await asyncio.sleep(RETRY_S)
             else:
                 return True
@@ -51,8 +63,13 @@ class Listener:
 
     def _on_sample(self, key: str, payload: bytes, _arrival_s: float) -> None:
         topic = key.removeprefix(self._prefix)
-        if topic == wire.DISTANCE_ERROR:
+        if topic == wire.STATUS:
+            status = wire.decode(payload)
+            if status.get("session") == self._session:
+                self.latest[topic], self.problem = status, ""
+                self._heard.set()
+            else:
+                self.problem = f"another car answers at {self._endpoint} (session {status.get('session')})"
+        elif not self.problem:
             (error_m,) = _FLOAT32.unpack(payload)
             self.latest[topic] = {"error_m": error_m}
-        else:
-            self.latest[topic] = wire.decode(payload)

@@ -8,6 +8,8 @@ import numpy.typing as npt
 from rich.console import Console
 from rich.live import Live
 
+from runtime.address_file import Address
+from runtime.session_settings import SessionSettings
 from sim.session import Record
 from sim.terminal_view import Status, page, render_world, status_rows, world_size
 from sim.vehicle import Vehicle
@@ -15,6 +17,7 @@ from sim.vehicle import Vehicle
 LIDAR_X_M = 0.27
 FARTHEST_MM = 30_000
 REFRESH_HZ = 10
+DEFAULT_LISTEN = SessionSettings().listen[0]
 NOWHERE = np.empty((0, 4))
 
 
@@ -66,6 +69,7 @@ class LiveView:
             lidar=said.get("lidar", {}).get("message", ""),
             motor=said.get("motor", {}).get("message", ""),
             page=address_in(record.page),
+            operate=operate_hint(record.address).partition(": ")[2],
         )
 
     def _scan_points(self, record: Record) -> npt.NDArray[np.float64] | None:
@@ -76,6 +80,14 @@ class LiveView:
         beams = len(ranges_m)
         bearing_rad = lidar.yaw_rad + (np.arange(beams) - beams // 2) * math.radians(0.25)
         return np.column_stack([lidar.x_m + ranges_m * np.cos(bearing_rad), lidar.y_m + ranges_m * np.sin(bearing_rad)])
+
+
+def operate_hint(address: Address | None) -> str:
+    """Return what to type in another terminal to operate this very car, "" while that is not known."""
+    if address is None or not address.endpoint:
+        return ""
+    there = "" if address.endpoint == DEFAULT_LISTEN else f" --connect {address.endpoint}"
+    return f"in another terminal: wallride teleop{there} --session {address.session} · wallride status --watch{there}"
 
 
 def address_in(lines: Iterable[str]) -> str:

@@ -1,14 +1,18 @@
 """The unmodified runtime as a process of its own: started, listened to, and asked to stop as systemd would."""
 
 import asyncio
+import ctypes
 import signal
 import sys
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
 
-STOP_TIMEOUT_S = 5.0
+STOP_TIMEOUT_S = 20.0
+"""Closing a recording on a busy computer with a slow disk takes seconds."""
 REMEMBERED_LINES = 200
+_LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None
+_PR_SET_PDEATHSIG = 1
 
 
 class WallrideProcess:
@@ -42,6 +46,8 @@ class WallrideProcess:
             stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.STDOUT,
+            process_group=0,  # a terminal's Ctrl-C is for the one who started it, who then ends it in order
+            preexec_fn=_end_with_parent if _LIBC is not None else None,
         )
         self._reader = asyncio.create_task(self._read_log(), name="runtime log")
 
@@ -68,6 +74,12 @@ class WallrideProcess:
             self.kill(signal.SIGKILL)
             return await self.wait()
 
+    async def end(self) -> None:
+        """Kill it and wait until it is gone; harmless when it never started."""
+        if self._process is not None:
+            self.kill()
+            await self.wait()
+
     async def _read_log(self) -> None:
         assert self._process is not None  # noqa: S101 - only start() calls this
         assert self._process.stdout is not None  # noqa: S101 - it was asked for
@@ -78,6 +90,12 @@ class WallrideProcess:
 class RuntimeProcess(WallrideProcess):
     """`wallride run`."""
 
-    def __init__(self, config: Path, assignments: Sequence[str]) -> None:
+    def __init__(self, config: Path, assignments: Sequence[str], options: Sequence[str] = ()) -> None:
         settings = [argument for assignment in assignments for argument in ("--set", assignment)]
-        super().__init__(["run", str(config), *settings])
+        super().__init__(["run", str(config), *settings, *options])
+
+
+def _end_with_parent() -> None:
+    """Have the kernel ask this process to end when its parent is gone, however that ended."""
+    if _LIBC is not None:
+        _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.vesc.settings import VescSettings
-from runtime.bus import available
+from runtime.address_file import Address, read_address
 from runtime.metronome import Metronome, Tick
 from sim.devices.scip import ScipEmulator
 from sim.devices.scip_encode import SensorModel
@@ -22,12 +22,16 @@ from sim.latency import LatencyProbe
 from sim.listener import Listener
 from sim.plant import Plant
 from sim.runtime_process import RuntimeProcess, WallrideProcess
+from sim.stop_request import StopRequest
 from sim.summary import Sample
 from sim.vehicle import Vehicle
 
 STEP_S = 0.005
 SHOW_S = 0.1
 START_TIMEOUT_S = 20.0
+USAGE_ERROR = 2
+HEARD_WITHIN_S = 3.0
+"""A drive of a moment is over before the first message; so long is waited for one."""
 STAMP_MS = 1 << 24
 """SCIP stamps are 24 bits of milliseconds and wrap."""
 
@@ -35,7 +39,20 @@ Ranges = npt.NDArray[np.integer]
 
 
 class SessionError(Exception):
-    """The runtime did not come up; the text holds what it said."""
+    """The runtime did not come up, or ended by itself; the text holds what it said. exit_code: its own."""
+
+    def __init__(self, said: str, exit_code: int | None = None) -> None:
+        super().__init__(said)
+        self.exit_code = exit_code
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """How the runtime is started. options: further words of its command line."""
+
+    config: Path
+    assignments: Sequence[str] = ()
+    options: Sequence[str] = ()
 
 
 class Scene(Protocol):
@@ -69,7 +86,8 @@ class Record:
     """One drive, while it goes on and afterwards.
 
     samples: the truth, one per scan. steering_rad: our answer to each scan, read from the wire before the next one.
-    telemetry: the runtime's newest message of each topic. stop_command: the last motor command it ever wrote.
+    telemetry: the runtime's newest message of each topic. unheard: why it has none, "" while it has.
+    address: where the runtime can be reached. stop_command: the last motor command it ever wrote.
     log, page: what the runtime, and the monitor beside it, printed.
     """
 
@@ -80,6 +98,8 @@ class Record:
     ranges_mm: Ranges | None = None
     time_s: float = 0.0
     telemetry: dict[str, Any] = field(default_factory=dict)
+    unheard: str = "the runtime did not say where its telemetry is"
+    address: Address | None = None
     log: Sequence[str] = ()
     page: Sequence[str] = ()
     exit_code: int | None = None
@@ -89,74 +109,93 @@ class Record:
 class Session:
     """Builds the emulated car around a scene, lets the runtime drive it, and hands out the record.
 
-    endpoint: where the car listens for telemetry readers and operators: the wanted one, or a free one if it is taken.
     watched: whether a monitor serves its page meanwhile.
     """
 
-    def __init__(
-        self, scene: Scene, vehicle: Vehicle, wiring: VescSettings, car: str, listen: str, *, watched: bool = False
-    ) -> None:
-        self.endpoint = available(listen)
+    def __init__(self, scene: Scene, vehicle: Vehicle, wiring: VescSettings, *, watched: bool = False) -> None:
         self._watched = watched
         self._scene = scene
         self._vehicle = vehicle
         self._wiring = wiring
-        self._car = car
         self.record = Record()
 
     async def run(
-        self, config: Path, assignments: Sequence[str], duration_s: float, on_frame: Callable[[Record], None]
+        self, start: Start, duration_s: float, stop: StopRequest, on_frame: Callable[[Record], None]
     ) -> Record:
-        """Drive for so long, or until the scene is over; `on_frame` is called about ten times a second."""
+        """Drive until the time, the scene or `stop` says so; `on_frame` is called about ten times a second."""
+        record = self.record
         async with AsyncExitStack() as stack:
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="wallride-")))
-            vesc = VescEmulator(folder / "vesc", on_command=self._on_command)
-            vesc.start()
-            stack.callback(vesc.close)
-            scip = ScipEmulator(self._scene.model)
-            port = await scip.start_tcp()
-            stack.callback(scip.close)
-            addresses = [
-                f"lidar.address=tcp://127.0.0.1:{port}",
-                f"motor.address=serial://{folder / 'vesc'}",
-                f"telemetry.listen={self.endpoint}",
-            ]
-            runtime = RuntimeProcess(config, [*assignments, *addresses])
+            scip, vesc, addresses = await self._devices(stack, folder)
+            told = folder / "address"
+            runtime = RuntimeProcess(
+                start.config, [*start.assignments, *addresses], [*start.options, "--address-file", str(told)]
+            )
+            stack.push_async_callback(runtime.end)
+            stack.enter_context(stop.killing(runtime.kill))
+            record.log = runtime.log
             await runtime.start()
-            stack.callback(runtime.kill)
-            self.record.log = runtime.log
-            if self._watched:
-                monitor = WallrideProcess(["monitor", "--connect", self.endpoint])
-                await monitor.start()
-                stack.callback(monitor.kill)
-                self.record.page = monitor.log
-            listener = Listener(self.endpoint, self._car)
-            self.record.telemetry = listener.latest
+            await self._until_up(scip, runtime, told)
             async with asyncio.TaskGroup() as tasks:
-                listening = tasks.create_task(listener.run(), name="listener")
-                await self._until_streaming(scip, runtime)
+                listener = self._listener()
+                listening = tasks.create_task(listener.run(), name="listener") if listener is not None else None
+                if self._watched and listener is not None:
+                    await self._open_page(stack)
                 metronome = Metronome(time.monotonic)
                 metronome.every(STEP_S, self._stepper(scip, vesc))
-                metronome.every(SHOW_S, lambda _late_s, _missed: on_frame(self.record))
+                metronome.every(SHOW_S, lambda _late_s, _missed: on_frame(record))
                 going_on = tasks.create_task(metronome.run(), name="world")
-                await self._until_over(runtime, duration_s)
+                await self._until_over(runtime, duration_s, stop)
+                if listener is not None and not stop.killed:
+                    await listener.wait_until_heard(HEARD_WITHIN_S)
+                    record.unheard = listener.problem
                 # The world goes on while the runtime brings the car to rest.
-                self.record.exit_code = await runtime.stop()
-                for task in (going_on, listening):
+                record.exit_code = await runtime.stop()
+                for task in filter(None, (going_on, listening)):
                     task.cancel()
-        return self.record
+        return record
 
-    async def _until_streaming(self, scip: ScipEmulator, runtime: RuntimeProcess) -> None:
+    async def _devices(self, stack: AsyncExitStack, folder: Path) -> tuple[ScipEmulator, VescEmulator, list[str]]:
+        """Start both emulators; returns them and the settings that name their addresses."""
+        vesc = VescEmulator(folder / "vesc", on_command=self._on_command)
+        vesc.start()
+        stack.callback(vesc.close)
+        scip = ScipEmulator(self._scene.model)
+        port = await scip.start_tcp()
+        stack.callback(scip.close)
+        return scip, vesc, [f"lidar.address=tcp://127.0.0.1:{port}", f"motor.address=serial://{folder / 'vesc'}"]
+
+    async def _until_up(self, scip: ScipEmulator, runtime: RuntimeProcess, told: Path) -> None:
+        """Wait until the runtime asks for scans and has said where it can be reached."""
         give_up_s = time.monotonic() + START_TIMEOUT_S
-        while not scip.streaming:
+        while not scip.streaming or self.record.address is None:
             if runtime.exit_code is not None or time.monotonic() > give_up_s:
                 await runtime.stop()
-                said = "\n".join(runtime.log) or "nothing"
-                raise SessionError(f"the runtime did not start (exit code {runtime.exit_code}); it said:\n{said}")
+                raise SessionError(_last_words(runtime), runtime.exit_code)
             await asyncio.sleep(0.01)
+            self.record.address = read_address(told)
 
-    async def _until_over(self, runtime: RuntimeProcess, duration_s: float) -> None:
-        while self.record.time_s < duration_s and not self._scene.finished:
+    def _listener(self) -> Listener | None:
+        address = self.record.address
+        if address is None or not address.endpoint:
+            self.record.unheard = address.problem if address is not None else self.record.unheard
+            return None
+        listener = Listener(address.endpoint, address.car, address.session)
+        self.record.telemetry = listener.latest
+        return listener
+
+    async def _open_page(self, stack: AsyncExitStack) -> None:
+        address = self.record.address
+        assert address is not None  # noqa: S101 - the caller has a listener at it
+        monitor = WallrideProcess(
+            ["monitor", "--connect", address.endpoint, "--car", address.car, "--session", address.session]
+        )
+        stack.push_async_callback(monitor.end)
+        self.record.page = monitor.log
+        await monitor.start()
+
+    async def _until_over(self, runtime: RuntimeProcess, duration_s: float, stop: StopRequest) -> None:
+        while self.record.time_s < duration_s and not self._scene.finished and not stop.asked:
             if runtime.exit_code is not None:
                 said = "\n".join(runtime.log)
                 raise SessionError(f"the runtime ended by itself (exit code {runtime.exit_code}); it said:\n{said}")
@@ -191,3 +230,11 @@ class Session:
     def _on_command(self, at_s: float, demand: MotorDemand) -> None:
         self.record.latency.command_received(at_s)
         self.record.stop_command = demand
+
+
+def _last_words(runtime: RuntimeProcess) -> str:
+    """Return why it did not start: its own sentence where it ended with one, else all that it said."""
+    if runtime.exit_code == USAGE_ERROR and runtime.log:
+        return runtime.log[-1].removeprefix("wallride: ")
+    said = "\n".join(runtime.log) or "nothing"
+    return f"the runtime did not start (exit code {runtime.exit_code}); it said:\n{said}"

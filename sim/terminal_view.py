@@ -118,6 +118,7 @@ class Status:
     lidar: str
     motor: str
     page: str = ""
+    operate: str = ""
 
 
 def status_rows(status: Status) -> list[tuple[str, str]]:
@@ -133,6 +134,7 @@ def status_rows(status: Status) -> list[tuple[str, str]]:
         ("lidar", status.lidar or "-"),
         ("motor", status.motor or "-"),
         *([("browser", status.page)] if status.page else []),
+        *([("terminal", status.operate)] if status.operate else []),
     ]
 
 

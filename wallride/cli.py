@@ -18,6 +18,7 @@ from wallride import (
     param_options,
     replay_options,
     report_options,
+    sim_options,
     teleop_options,
     topic_options,
 )
@@ -52,9 +53,12 @@ def build_parser() -> argparse.ArgumentParser:
     check.set_defaults(run=_check)
     for command in (run, check):
         command.add_argument("config", nargs="?", type=Path, help=f"TOML file (default: {DEFAULT_CONFIG} if there)")
-        _add_set(command)
+        add_set(command)
+    run.add_argument(
+        "--address-file", type=Path, metavar="FILE", help="write where telemetry listens, and the session, as JSON"
+    )
     check.add_argument("--devices", action="store_true", help="fail also when a device is not plugged in")
-    _add_sim(commands.add_parser("sim", help="drive an emulated car through its real drivers"))
+    sim_options.add(commands)
     lab = commands.add_parser("lab", help="experiments with the car's own laws, faster than real time")
     lab.set_defaults(run=_lab)
     lab_options.add(lab)
@@ -74,7 +78,8 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _add_set(command: argparse.ArgumentParser) -> None:
+def add_set(command: argparse.ArgumentParser) -> None:
+    """Add --set KEY=VALUE."""
     command.add_argument(
         "--set",
         dest="assignments",
@@ -83,21 +88,6 @@ def _add_set(command: argparse.ArgumentParser) -> None:
         metavar="KEY=VALUE",
         help="override one setting, for example wall_follow.side=right (repeatable)",
     )
-
-
-def _add_sim(sim: argparse.ArgumentParser) -> None:
-    sim.set_defaults(run=_sim)
-    sim.add_argument("world", nargs="?", default="loop", help="a built-in world or a ROS map .yaml (default: loop)")
-    _add_set(sim)
-    sim.add_argument("--config", type=Path, help="settings file of the simulated car (default: config/sim.toml's)")
-    sim.add_argument("--headless", action="store_true", help="no live view, only the summary")
-    sim.add_argument("--duration", type=float, metavar="S", help="seconds to drive (default: 60; a recording's length)")
-    sim.add_argument("--laps", type=int, metavar="N", help="stop after so many laps")
-    sim.add_argument("--pose", metavar="X,Y,THETA", help="start pose of the rear axle [m, m, rad]")
-    sim.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default: 0)")
-    sim.add_argument("--recording", type=Path, metavar="FILE", help="play a real recording through the emulated lidar")
-    sim.add_argument("--json", metavar="FILE|-", help="write the summary as JSON")
-    sim.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the path and the error over time")
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -115,7 +105,10 @@ def _run(options: argparse.Namespace) -> int:
         return fail("; ".join(problems))
     from runtime import launch
 
-    launch.main(settings, file, session, warnings)
+    try:
+        launch.main(settings, file, session, warnings, options.address_file)
+    except launch.LaunchError as error:
+        return fail(str(error))
     return 0
 
 
@@ -135,20 +128,14 @@ def _check(options: argparse.Namespace) -> int:
     return USAGE_ERROR if any(fatal or options.devices for _, fatal in problems) else 0
 
 
-def _sim(options: argparse.Namespace) -> int:
-    with _explained_extra():
-        from sim.command import simulate
-    return simulate(options)
-
-
 def _lab(options: argparse.Namespace) -> int:
-    with _explained_extra():
+    with explained_extra():
         from sim.lab.command import run
     return run(options)
 
 
 @contextmanager
-def _explained_extra() -> Iterator[None]:
+def explained_extra() -> Iterator[None]:
     """Turn a missing package of the simulator into a sentence; a missing module of our own stays a bug."""
     try:
         yield

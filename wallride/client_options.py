@@ -12,8 +12,12 @@ DEFAULT_KEYS = "~/.config/wallride/keys"
 
 
 def add_common(parser: argparse.ArgumentParser) -> None:
-    """Add --car, --connect and --keys; `clients.connection` reads them."""
+    """Add --car, --session, --connect and --keys; `clients.connection` reads them."""
     parser.add_argument("--car", metavar="NAME", help="the car's name (default: the only car there)")
+    parser.add_argument(
+        "--session", type=_session, metavar="ID",
+        help="only this start of the car, as its log and `wallride sim` name it (default: whichever answers)",
+    )  # fmt: skip
     parser.add_argument(
         "--connect",
         metavar="ENDPOINT",
@@ -42,3 +46,10 @@ def run_client(program: Callable[[argparse.Namespace], Coroutine[Any, Any, int]]
     except BrokenPipeError:  # `wallride topic echo scan | head` has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return 0
+
+
+def _session(text: str) -> int:
+    try:
+        return int(text, 16)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text} is not a session: eight hexadecimal digits") from None

@@ -3,10 +3,12 @@
 import asyncio
 import json
 import logging
+import math
 import time
 from collections.abc import Mapping
 from typing import Any, Protocol
 
+from clients.connection import another_car
 from clients.monitor.history import History
 from clients.monitor.outbox import FROM_CAR
 from runtime import wire
@@ -20,6 +22,8 @@ ASK_EVERY_S = 1.0
 ANSWER_WITHIN_S = 2.0
 SAVED_WITHIN_S = 10.0
 """A worn SD card may take seconds to confirm a write."""
+KNOWN_FOR_S = 0.5
+"""25 heartbeats; no program ends, and another one takes its port, in less."""
 SMALL_QUESTION = json.dumps({"names": ["car.name"]}).encode()
 
 
@@ -38,15 +42,19 @@ class Watcher(Protocol):
 class Feed:
     """One session with one car, open for as long as somebody watches.
 
+    session: of the car's process that is meant, None for whichever answers; what another one says is not passed on,
+    and it is told nothing.
     round_trip_s: of a small question to the car, None when it does not answer. problem: why there is no session.
     malformed: beats that could not be read. history: what pages plot, since the feed began.
     """
 
-    def __init__(self, car: str, config: Mapping[str, Any]) -> None:
+    def __init__(self, car: str, config: Mapping[str, Any], session: int | None = None) -> None:
         self.car = car
         self.round_trip_s: float | None = None
         self.problem = "connecting"
         self.malformed = 0
+        self._session = session
+        self._known_s = -math.inf
         self.watchers: set[Watcher] = set()
         self.history = History()
         self._bus = Bus(config)
@@ -66,10 +74,14 @@ class Feed:
 
     def send(self, command: Command) -> None:
         """Send a command at once; what cannot be sent is lost, and the car stops by itself."""
+        if not self._is_meant():
+            return
         self._bus.put(wire.key(self.car, wire.COMMAND), command.pack(), encoding=BYTES, urgent=True)
 
     async def ask(self, what: str, question: Mapping[str, Any]) -> dict[str, Any]:
         """Put a question to the car; RefusedError with its reason, or ours when nobody answers."""
+        if not self._is_meant():
+            raise RefusedError(self.problem or f"{self.car} is not heard")
         timeout_s = SAVED_WITHIN_S if what == "param/save" else ANSWER_WITHIN_S
         try:
             answers = await self._bus.ask(
@@ -111,6 +123,8 @@ class Feed:
     def _on_sample(self, key: str, payload: bytes, arrival_s: float) -> None:
         topic = self._topics[key]
         if topic != wire.BEAT:
+            if not self._is_meant():
+                return
             self.history.take(topic, payload, arrival_s)
             for watcher in self.watchers:
                 watcher.take(topic, payload, arrival_s)
@@ -120,5 +134,14 @@ class Feed:
         except Malformed:
             self.malformed += 1
             return
+        if self._session not in {None, beat.car_session}:
+            self._known_s = -math.inf
+            self.problem = another_car(self.car, self._bus.endpoint, self._session or 0, beat.car_session)
+            return
+        self._known_s, self.problem = arrival_s, ""
         for watcher in self.watchers:
             watcher.hear(beat, payload, arrival_s)
+
+    def _is_meant(self) -> bool:
+        """Tell whether the car that answers is the one that is meant, by a heartbeat of just now."""
+        return self._session is None or time.monotonic() - self._known_s < KNOWN_FOR_S

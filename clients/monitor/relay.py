@@ -21,10 +21,14 @@ START_ONE = "Start one: make sim here, or wallride run on the car."
 
 @dataclass(slots=True)
 class Place:
-    """One endpoint: the configuration of sessions with it, who is there, and why we do not know."""
+    """One endpoint: the configuration of sessions with it, who is there, and why we do not know.
+
+    session: of the one start of a car that is meant there, None for all.
+    """
 
     endpoint: str
     config: Mapping[str, Any]
+    session: int | None = None
     cars: Cars | None = None
     problem: str = "connecting"
 
@@ -76,7 +80,8 @@ class Relay:
         if feed is None:
             if len(self._feeds) >= MOST_FEEDS:
                 raise RefusedError("too many cars are being watched already")
-            feed = self._feeds[name] = Feed(name, self._place_of(name).config)
+            place = self._place_of(name)
+            feed = self._feeds[name] = Feed(name, place.config, place.session)
             self._running[name] = asyncio.create_task(feed.run(), name=f"feed {name}")
             self._running[name].add_done_callback(_say_why)
         feed.watchers.add(watcher)

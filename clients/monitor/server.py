@@ -167,7 +167,8 @@ def places(options: argparse.Namespace) -> Sequence[Place]:
     for text in filter(None, (part.strip() for part in options.connect.split(","))):
         endpoint = endpoint_of(text, with_keys=options.keys is not None)
         keys = keys_of(endpoint, options.keys)
-        found.append(Place(endpoint, zenoh_config.client_config(endpoint, keys.tls if keys is not None else None)))
+        config = zenoh_config.client_config(endpoint, keys.tls if keys is not None else None)
+        found.append(Place(endpoint, config, options.session))
     if not found:
         raise ConnectionProblemError("--connect: name at least one endpoint, e.g. tcp/127.0.0.1:7447")
     return found

@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Protocol
 
-from clients.connection import connected
+from clients.connection import ConnectionProblemError, another_car, connected
 from clients.teleop import gamepad, pad_files, terminal
 from clients.teleop.advice import advise
 from clients.teleop.pads import usb_id
@@ -66,9 +66,16 @@ class Link(Protocol):
 
 
 class Client:
-    """One operator at one car. malformed: beats that could not be read."""
+    """One operator at one car.
 
-    def __init__(self, link: Link, car: str, pilot: Pilot, source: Source, screen: Screen, clock: Clock) -> None:
+    session: of the car's process that is meant, None for whichever answers. foreign: another one's, once it answered.
+    malformed: beats that could not be read.
+    """
+
+    def __init__(
+        self, link: Link, car: str, pilot: Pilot, source: Source, screen: Screen, clock: Clock,
+        session: int | None = None,
+    ) -> None:  # fmt: skip
         self._link = link
         self._car = car
         self._pilot = pilot
@@ -77,6 +84,8 @@ class Client:
         self._clock = clock
         self._news = CarNews()
         self._kind = Input.PAD
+        self._session = session
+        self.foreign: int | None = None
         self.malformed = 0
 
     async def run(self, stop: asyncio.Event) -> None:
@@ -89,7 +98,7 @@ class Client:
                 if cycle % CYCLES_PER_DRAWING == 0 and not self.draw():
                     return
                 cycle += 1
-                if stop.is_set() or self._source.leaving:
+                if stop.is_set() or self._source.leaving or self.foreign is not None:
                     return
         finally:
             await self._leave()
@@ -126,9 +135,14 @@ class Client:
 
     def _on_beat(self, _key: str, payload: bytes, arrival_s: float) -> None:
         try:
-            self._pilot.hear(read_beat(payload), arrival_s)
+            beat = read_beat(payload)
         except Malformed:
             self.malformed += 1
+            return
+        if self._session in {None, beat.car_session}:
+            self._pilot.hear(beat, arrival_s)
+        else:
+            self.foreign = beat.car_session
 
     def _send(self, payload: bytes) -> None:
         self._link.put(wire.key(self._car, wire.COMMAND), payload, encoding=BYTES, urgent=True)
@@ -164,7 +178,10 @@ async def operate(options: argparse.Namespace) -> int:
         async with connected(options) as (bus, car):
             screen = Screen(sys.stdout, plain=options.plain or bool(options.script))
             things.callback(screen.close)
-            await Client(bus, car, pilot, source, screen, time.monotonic).run(stop)
+            client = Client(bus, car, pilot, source, screen, time.monotonic, options.session)
+            await client.run(stop)
+            if client.foreign is not None:
+                raise ConnectionProblemError(another_car(car, bus.endpoint, options.session, client.foreign))
     return 0
 
 

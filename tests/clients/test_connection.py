@@ -1,13 +1,23 @@
 """The way to a car: found by its token, chosen by name, or one line that says what to do."""
 
 import argparse
+import asyncio
 import re
 
 import pytest
 
-from clients.connection import ConnectionProblemError, connected, endpoint_of, find_car, keys_of, open_bus
+from clients.connection import (
+    ConnectionProblemError,
+    check_session,
+    connected,
+    endpoint_of,
+    find_car,
+    keys_of,
+    open_bus,
+)
 from runtime import wire, zenoh_config
-from runtime.bus import Bus, free_endpoint
+from runtime.bus import BYTES, Bus, free_endpoint
+from runtime.teleop_wire import Beat, Condition
 from wallride.client_options import add_common
 
 
@@ -32,6 +42,34 @@ async def test_the_only_car_is_found_without_its_name(car):
         assert name == "car1"
         assert bus.is_open
     assert not bus.is_open
+
+
+async def test_only_the_start_of_the_car_that_is_meant_will_do(car):
+    car.announce(wire.key("car1", wire.ALIVE))
+
+    async def beat_on():
+        number = 0
+        while True:
+            number += 1
+            car.put(wire.key("car1", wire.BEAT), Beat(0xCAFE, number, Condition(0)).pack(), encoding=BYTES, urgent=True)
+            await asyncio.sleep(0.02)
+
+    beating = asyncio.create_task(beat_on())
+    try:
+        async with connected(options("--connect", car.endpoint, "--session", "0000cafe")) as (_, name):
+            assert name == "car1"
+        with pytest.raises(ConnectionProblemError, match="car1 has session 0000cafe, wanted was 0000beef"):
+            async with connected(options("--connect", car.endpoint, "--session", "beef")):
+                pass
+    finally:
+        beating.cancel()
+
+
+async def test_a_car_without_a_heartbeat_is_not_the_one_that_is_meant(car):
+    bus = await open_bus(options("--connect", car.endpoint))
+    with pytest.raises(ConnectionProblemError, match="has no heartbeat"):
+        await check_session(bus, "car1", 0xCAFE, timeout_s=0.1)
+    await bus.close()
 
 
 async def test_of_several_cars_one_must_be_chosen(car):

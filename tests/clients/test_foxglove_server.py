@@ -34,7 +34,9 @@ async def address(car):
     from clients import foxglove_server
 
     said = asyncio.Queue()
-    options = argparse.Namespace(host="127.0.0.1", port=0, car=None, connect=car[1], keys=None, say=said.put_nowait)
+    options = argparse.Namespace(
+        host="127.0.0.1", port=0, car=None, connect=car[1], session=None, keys=None, say=said.put_nowait
+    )
     task = asyncio.create_task(foxglove_server.run(options))
     line = await asyncio.wait_for(said.get(), 15)
     yield line.split()[2]

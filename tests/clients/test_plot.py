@@ -102,7 +102,7 @@ async def test_it_draws_a_car_on_the_air():
     await car.open()
     said = []
     options = argparse.Namespace(
-        topics=["distance_error"], seconds=1.0, once=True, car=None, connect=endpoint, keys=None,
+        topics=["distance_error"], seconds=1.0, once=True, car=None, connect=endpoint, session=None, keys=None,
         say=lambda text, end="\n": said.append(text),
     )  # fmt: skip
     key = wire.key("car1", wire.DISTANCE_ERROR)

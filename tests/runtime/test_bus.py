@@ -9,7 +9,7 @@ import pytest
 
 from runtime import bus as bus_module
 from runtime import zenoh_config
-from runtime.bus import Bus, RefusedError, free_endpoint
+from runtime.bus import Bus, PortTakenError, RefusedError, free_endpoint
 
 KEY = "wallride/car1/operator/command"
 
@@ -183,16 +183,36 @@ async def test_what_is_too_large_is_dropped_before_it_is_copied(pair):
     assert car.oversized == 2
 
 
-async def test_a_taken_port_is_left_to_its_owner_and_another_one_is_used():
+async def test_a_taken_port_is_left_to_its_owner_and_said():
     with socket.socket() as owner:
         owner.bind(("127.0.0.1", 0))
         owner.listen()
         taken = f"tcp/127.0.0.1:{owner.getsockname()[1]}"
         bus = Bus(zenoh_config.car_config([taken], None, (), "car1"))
+        with pytest.raises(PortTakenError, match=taken) as caught:
+            await bus.open()
+        assert caught.value.endpoint == taken
+        assert not bus.is_open
+    await bus.close()
+
+
+async def test_where_any_port_will_do_a_taken_one_is_replaced():
+    with socket.socket() as owner:
+        owner.bind(("127.0.0.1", 0))
+        owner.listen()
+        taken = f"tcp/127.0.0.1:{owner.getsockname()[1]}"
+        bus = Bus(zenoh_config.car_config([taken], None, (), "car1"), any_port=True)
         await bus.open()
+        assert bus.is_open
         assert bus.endpoint != taken
         await bus.close()
-    await bus.close()
+
+
+async def test_an_address_that_this_machine_does_not_have_is_no_taken_port():
+    bus = Bus(zenoh_config.client_config(free_endpoint(), None) | {"listen": {"endpoints": ["tcp/192.0.2.1:7447"]}})
+    with pytest.raises(OSError, match=r"192\.0\.2\.1") as caught:
+        await bus.open()
+    assert not isinstance(caught.value, PortTakenError)
 
 
 async def test_a_client_without_a_car_is_told_so():

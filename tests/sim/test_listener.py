@@ -13,7 +13,7 @@ from sim.listener import Listener
 
 async def test_it_waits_for_the_runtime_and_then_keeps_the_newest():
     endpoint = free_endpoint()
-    listener = Listener(endpoint, "car1")
+    listener = Listener(endpoint, "car1", "0000cafe")
     listening = asyncio.create_task(listener.run())
     await asyncio.sleep(0.05)  # the first attempt finds nobody
     car = Bus(zenoh_config.car_config([endpoint], None, (), "car1"))
@@ -21,7 +21,8 @@ async def test_it_waits_for_the_runtime_and_then_keeps_the_newest():
     try:
         async with asyncio.timeout(10):
             while set(listener.latest) != {wire.STATUS, wire.DISTANCE_ERROR}:
-                car.put(wire.key("car1", wire.STATUS), wire.encode({"reason": "wall", "measure": float("nan")}))
+                status = {"session": "0000cafe", "reason": "wall", "measure": float("nan")}
+                car.put(wire.key("car1", wire.STATUS), wire.encode(status))
                 payload = messages.float32(-0.25)
                 car.put(wire.key("car1", wire.DISTANCE_ERROR), payload, encoding=encoding(wire.DISTANCE_ERROR))
                 car.put(wire.key("car1", wire.SCAN), b"\x00\x01", encoding=encoding(wire.SCAN))
@@ -31,13 +32,34 @@ async def test_it_waits_for_the_runtime_and_then_keeps_the_newest():
         await asyncio.wait([listening])
         await car.close()
     assert listener.latest == {
-        wire.STATUS: {"reason": "wall", "measure": None},
+        wire.STATUS: {"session": "0000cafe", "reason": "wall", "measure": None},
         wire.DISTANCE_ERROR: {"error_m": -0.25},
     }
+    assert not listener.problem
+
+
+async def test_what_another_start_of_the_car_says_is_not_taken_and_named():
+    endpoint = free_endpoint()
+    listener = Listener(endpoint, "car1", "0000cafe")
+    car = Bus(zenoh_config.car_config([endpoint], None, (), "car1"))
+    await car.open()
+    listening = asyncio.create_task(listener.run())
+    try:
+        async with asyncio.timeout(10):
+            while "0000beef" not in listener.problem:
+                car.put(wire.key("car1", wire.STATUS), wire.encode({"session": "0000beef"}))
+                payload = messages.float32(-0.25)
+                car.put(wire.key("car1", wire.DISTANCE_ERROR), payload, encoding=encoding(wire.DISTANCE_ERROR))
+                await asyncio.sleep(0.02)
+    finally:
+        listening.cancel()
+        await asyncio.wait([listening])
+        await car.close()
+    assert not listener.latest
 
 
 async def test_it_can_be_called_off_while_nobody_listens():
-    listening = asyncio.create_task(Listener(free_endpoint(), "car1").run())
+    listening = asyncio.create_task(Listener(free_endpoint(), "car1", "0000cafe").run())
     await asyncio.sleep(0.05)
     listening.cancel()
     with pytest.raises(asyncio.CancelledError):

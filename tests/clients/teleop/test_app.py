@@ -74,11 +74,12 @@ class FakeCar:
                 await self.told.wait()
 
 
-async def client_of(car, script, out):
+async def client_of(car, script, out, session=None):
     bus = Bus(zenoh_config.client_config(car.bus.endpoint, None))
     await bus.open()
     pilot = Pilot(SESSION, "ann", LINEAR)
-    return bus, pilot, Client(bus, "car1", pilot, ScriptSource(script), Screen(out, plain=True), time.monotonic)
+    screen = Screen(out, plain=True)
+    return bus, pilot, Client(bus, "car1", pilot, ScriptSource(script), screen, time.monotonic, session)
 
 
 async def test_a_script_drives_a_car_on_loopback_and_says_goodbye():
@@ -101,6 +102,18 @@ async def test_a_script_drives_a_car_on_loopback_and_says_goodbye():
     assert sequences == sorted(set(sequences))
     assert 0 <= pilot.situation.round_trip_s < 0.2
     assert "DRIVING" in out.getvalue()
+
+
+async def test_another_start_of_the_car_is_not_driven():
+    async with FakeCar() as car:
+        bus, _, client = await client_of(car, LAP, io.StringIO(), session=5)
+        try:
+            async with asyncio.timeout(10):
+                await client.run(asyncio.Event())
+        finally:
+            await bus.close()
+    assert client.foreign == 4
+    assert Press.MANUAL not in car.flags
 
 
 async def test_a_car_that_falls_silent_is_noticed_and_its_return_moves_nothing():

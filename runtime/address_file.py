@@ -1,0 +1,34 @@
+"""Where a car that was started by a program can be reached, told in a file: which port it got, and which start it is.
+
+`wallride run --address-file FILE` writes it once telemetry is open, or is known not to open.
+"""
+
+import json
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """car, session: its name and this start of its process. endpoint: "" without telemetry; problem: why."""
+
+    car: str
+    session: str
+    endpoint: str = ""
+    problem: str = ""
+
+
+def write_address(path: Path, address: Address) -> None:
+    """Write the whole file at once, so that a reader never sees half of it; OSError when it cannot be written."""
+    part = path.with_name(f"{path.name}.{os.getpid()}")
+    part.write_text(json.dumps(asdict(address)) + "\n")
+    part.replace(path)
+
+
+def read_address(path: Path) -> Address | None:
+    """Return what a car told, None while it has not."""
+    try:
+        return Address(**json.loads(path.read_text()))
+    except FileNotFoundError:
+        return None

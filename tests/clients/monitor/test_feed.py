@@ -1,0 +1,64 @@
+"""One start of one car for all pages: another start at the same address is not shown, and is told nothing."""
+
+import asyncio
+import contextlib
+
+import pytest
+
+from clients.monitor.feed import Feed
+from runtime import zenoh_config
+from runtime.bus import RefusedError
+from runtime.teleop_wire import Command, Input, Press
+from tests.clients.monitor.fake_car import FakeCar
+
+SHOWN_WITHIN_S = 10.0
+
+
+class Page:
+    def __init__(self):
+        self.taken, self.beats = [], []
+
+    def take(self, topic, payload, arrival_s):
+        self.taken.append(topic)
+
+    def hear(self, beat, payload, arrival_s):
+        self.beats.append(beat.car_session)
+
+
+@contextlib.asynccontextmanager
+async def fed(endpoint, session):
+    feed, page = Feed("car1", zenoh_config.client_config(endpoint, None), session), Page()
+    feed.watchers.add(page)
+    running = asyncio.create_task(feed.run())
+    try:
+        yield feed, page
+    finally:
+        running.cancel()
+        await asyncio.wait([running])
+
+
+async def until(condition):
+    async with asyncio.timeout(SHOWN_WITHIN_S):
+        while not condition():
+            await asyncio.sleep(0.01)
+
+
+async def test_the_car_that_is_meant_is_shown_and_answers(scene):
+    async with FakeCar(scene.endpoint, car_session=0xCAFE), fed(scene.endpoint, 0xCAFE) as (feed, page):
+        await until(lambda: len(page.taken) > 5 and page.beats)
+        assert set(page.beats) == {0xCAFE}
+        assert (await feed.ask("param/get", {"names": ["car.name"]}))["values"] == {"car.name": "car1"}
+        assert feed.problem == ""
+
+
+async def test_another_one_at_its_address_is_named_not_shown_and_told_nothing(scene):
+    async with FakeCar(scene.endpoint, car_session=0xBEEF) as car, fed(scene.endpoint, 0xCAFE) as (feed, page):
+        await until(lambda: "0000beef" in feed.problem)
+        await asyncio.sleep(0.2)
+        assert (page.taken, page.beats) == ([], [])
+        feed.send(Command(7, 1, 0xBEEF, 1, Press.ESTOP, Input.PAGE))
+        with pytest.raises(RefusedError, match="is not the one that was meant"):
+            await feed.ask("param/set", {"values": {"wall_follow.speed_mps": 3.0}})
+        await asyncio.sleep(0.2)
+        assert car.applied == []
+        assert not car.e_stop.causes

@@ -1,0 +1,35 @@
+"""What `wallride sim` understands. Only definitions: the simulator is imported when it is asked for."""
+
+import argparse
+from pathlib import Path
+
+
+def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command and its options."""
+    from wallride.cli import add_set
+
+    sim = commands.add_parser("sim", help="drive an emulated car through its real drivers")
+    sim.set_defaults(run=run)
+    sim.add_argument("world", nargs="?", default="loop", help="a built-in world or a ROS map .yaml (default: loop)")
+    add_set(sim)
+    sim.add_argument("--config", type=Path, help="settings file of the simulated car (default: config/sim.toml's)")
+    sim.add_argument("--headless", action="store_true", help="no live view, only the summary")
+    sim.add_argument("--duration", type=float, metavar="S", help="seconds to drive (default: 60; a recording's length)")
+    sim.add_argument("--laps", type=int, metavar="N", help="stop after so many laps")
+    sim.add_argument("--pose", metavar="X,Y,THETA", help="start pose of the rear axle [m, m, rad]")
+    sim.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default: 0)")
+    sim.add_argument("--recording", type=Path, metavar="FILE", help="play a real recording through the emulated lidar")
+    sim.add_argument("--json", metavar="FILE|-", help="write the summary as JSON")
+    sim.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the path and the error over time")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Simulate; from here on Ctrl-C is "time is up"."""
+    from sim.stop_request import StopRequest
+    from wallride.cli import explained_extra
+
+    stop = StopRequest()
+    with stop.listening():
+        with explained_extra():
+            from sim.command import simulate
+        return simulate(options, stop)
