@@ -134,8 +134,6 @@ def _replay(
         "collided": False,
         "laps": 0,
         "lap_times_s": [],
-        "scans_sent": len(record.scan_times_s),
-        "scans_driven": record.telemetry.get("status", {}).get("scans"),
         "runtime_distance_error": record.telemetry.get("status", {}).get("distance_error"),
         "recorded_navigation": compare(pairs),
     }
@@ -202,6 +200,8 @@ def _common(record: Record, settings: Settings, desired_m: float) -> dict[str, A
         "scan_to_motor_ms": record.latency.summary_ms(),
         "telemetry": HEARD if status else f"drove without telemetry: {record.unheard}",
         "session": record.address.session if record.address is not None else None,
+        "scans_sent": len(record.scan_times_s),
+        "scans_driven": status.get("scans") if status else None,
         "winners": {name: round(seconds, 2) for name, seconds in winners.items()} if status else None,
         "faults": device_faults(status) if status else None,
     }

@@ -104,10 +104,10 @@ async def test_two_simulators_started_together_each_report_their_own_car(tmp_pat
     assert codes == [0, 0], [list(car.log) for car in cars.values()]
     found = {name: summary(tmp_path, name) for name in cars}
     assert found["short"]["session"] != found["long"]["session"]
-    for name, length_s in lengths_s.items():
-        # Who decided, and for how long: the other's account would be seconds longer or shorter.
-        assert sum(found[name]["winners"].values()) == pytest.approx(length_s, abs=1.9)
-        assert found[name]["distance_m"] > 1.0
+    for told in found.values():
+        # The other's account would be four seconds of scans longer or shorter.
+        assert abs(told["scans_sent"] - told["scans_driven"]) < 60, found
+        assert told["distance_m"] > 0.3, found
 
 
 @pytest.mark.timeout(120)
@@ -128,7 +128,8 @@ async def test_of_a_simulator_and_a_car_started_together_each_has_its_own_or_end
             assert any("wallride teleop --connect tcp/127.0.0.1:" in line for line in simulator.log)
     finally:
         await asyncio.gather(simulator.end(), car.end())
-    assert summary(tmp_path, "sim")["distance_m"] > 1.0
+    told_sim = summary(tmp_path, "sim")
+    assert told_sim["distance_m"] > 0.3, told_sim
 
 
 async def test_a_run_without_telemetry_says_so_in_words_and_by_its_exit_code(tmp_path):
