@@ -43,6 +43,8 @@ PARAM = "param"
 RECORD = "record"
 """Starts and stops recording on the car: a question, not telemetry, although it is one chunk deep."""
 LOGS = "logs"
+SIMULATOR = "simulator"
+"""Changes what a simulated car meets: a question that only a simulator answers, never a car."""
 
 
 def key(car: str, topic: str) -> str:

@@ -13,9 +13,11 @@ from rich.console import Console
 from rich.table import Table
 
 from runtime.settings import Settings, SettingsError, load_settings
-from sim.beams import LidarSettings
 from sim.comparison import compare
+from sim.conditions import Conditions, ConditionsError, Wishes, conditions_of
 from sim.live import LiveView, address_in, operate_hint
+from sim.live_conditions import LiveConditions
+from sim.live_keys import pressing
 from sim.pose import Pose
 from sim.recordings import RecordingError, load_recording
 from sim.scenes import RecordingScene, WorldScene
@@ -54,7 +56,7 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
         _check_outputs(options)
         drive = _replay if options.recording is not None else _drive
         summary = drive(options, config, settings, stop, console)
-    except (SettingsError, RecordingError, UsageError) as error:
+    except (SettingsError, RecordingError, ConditionsError, UsageError) as error:
         print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
         return USAGE_ERROR
     except SessionError as error:
@@ -86,16 +88,18 @@ def _drive(
         world = load_world(options.world, side=side, seed=options.seed)
     except (ValueError, OSError) as error:
         raise UsageError(str(error)) from None
-    vehicle = Vehicle(VehicleSettings(), parse_pose(options.pose) if options.pose else world.start)
+    conditions = conditions_of(_wishes(options))
+    vehicle = Vehicle(conditions.vehicle, parse_pose(options.pose) if options.pose else world.start)
     if world.collides(vehicle.pose):
         raise UsageError(f"--pose {options.pose}: the car would stand in a wall of {world.name}; start somewhere free")
-    scene = WorldScene(world, side, LidarSettings(), options.laps, options.seed)
+    scene = WorldScene(world, side, conditions.lidar, options.laps, options.seed, conditions.things())
     if options.laps and world.lap is None:
         raise UsageError(f"--laps {options.laps}: {world.name} has no lap; give --duration instead")
     duration_s = options.duration or (options.laps * LONGEST_LAP_S if options.laps else DEFAULT_DURATION_S)
-    session = Session(scene, vehicle, settings.motor, watched=not options.headless)
+    live = LiveConditions(vehicle, scene, conditions)
+    session = Session(scene, vehicle, settings.motor, watched=not options.headless, changes=live)
     start = _start(options, config, settings)
-    record = _run(session, start, duration_s, stop, console, _view(options, world, vehicle, console))
+    record = _run(session, start, duration_s, stop, console, _view(options, scene, vehicle, console, live), live)
     desired_m = settings.wall_follow.desired_distance_m
     summary = {
         "world": world.name,
@@ -103,6 +107,8 @@ def _drive(
         "collided": scene.collided,
         "laps": len(scene.lap_times_s),
         "lap_times_s": scene.lap_times_s,
+        "conditions": conditions.changed(),
+        "changed_while_driving": live.done,
     }
     if options.plot is not None:
         _plot(options.plot, world, record, desired_m, settings)
@@ -115,6 +121,10 @@ def _replay(
     recording = load_recording(options.recording)
     for note in recording.notes:
         console.print(f"[dim]{note}[/dim]")
+    if conditions_of(_wishes(options)) != Conditions():
+        raise UsageError(
+            "--recording: its scans are what they are; friction, dirt, obstacles and the like need a world"
+        )
     # The emulated wheels turn as our laws say, the recorded scans show where another car went.
     options.assignments = ["safety.odometry_check=false", *options.assignments]
     scene = RecordingScene(recording)
@@ -146,18 +156,25 @@ def _start(options: argparse.Namespace, config: Path, settings: Settings) -> Sta
 
 
 def _run(
-    session: Session, start: Start, duration_s: float, stop: StopRequest, console: Console, view: "LiveView | None"
-) -> Record:
-    frame: Callable[[Record], None] = view.show if view is not None else _teller(console)
-    try:
-        if view is not None:
-            view.start()
-        record = asyncio.run(session.run(start, duration_s, stop, frame))
-    except* SessionError as group:
-        raise _innermost(group) from None
-    finally:
-        if view is not None:
-            view.stop()
+    session: Session, start: Start, duration_s: float, stop: StopRequest, console: Console,
+    view: "LiveView | None", live: LiveConditions | None = None,
+) -> Record:  # fmt: skip
+    show: Callable[[Record], None] = view.show if view is not None else _teller(console)
+    with pressing(live, stop, wanted=view is not None) as obey_keys:
+
+        def frame(record: Record) -> None:
+            obey_keys()
+            show(record)
+
+        try:
+            if view is not None:
+                view.start()
+            record = asyncio.run(session.run(start, duration_s, stop, frame))
+        except* SessionError as group:
+            raise _innermost(group) from None
+        finally:
+            if view is not None:
+                view.stop()
     if stop.killed:
         raise SessionError("killed; there is no summary")
     if record.exit_code != 0:
@@ -184,10 +201,28 @@ def _teller(console: Console) -> Callable[[Record], None]:
     return tell
 
 
-def _view(options: argparse.Namespace, world: World | None, vehicle: Vehicle, console: Console) -> "LiveView | None":
+def _view(
+    options: argparse.Namespace, scene: WorldScene | None, vehicle: Vehicle, console: Console,
+    live: LiveConditions | None = None,
+) -> "LiveView | None":  # fmt: skip
     if options.headless or not console.is_terminal:
         return None
-    return LiveView(console, world.outline_m if world is not None else None, vehicle)
+    return LiveView(console, scene.outline_m if scene is not None else None, vehicle, live)
+
+
+def _wishes(options: argparse.Namespace) -> Wishes:
+    return Wishes(
+        file=options.conditions,
+        assignments=options.condition,
+        friction=options.friction,
+        noise_m=options.noise,
+        dropouts=options.dropouts,
+        trim_rad=options.trim,
+        delay_s=options.delay,
+        own_parts=options.own_parts,
+        dirt=options.dirt,
+        obstacles=options.obstacle,
+    )
 
 
 def _common(record: Record, settings: Settings, desired_m: float) -> dict[str, Any]:

@@ -3,11 +3,12 @@
 import asyncio
 import contextlib
 import struct
-from collections.abc import Mapping
+from collections.abc import Awaitable, Mapping
+from functools import partial
 from typing import Any
 
 from runtime import wire, zenoh_config
-from runtime.bus import Bus
+from runtime.bus import Bus, RefusedError, Reply
 
 CONNECT_TIMEOUT_S = 15.0
 RETRY_S = 0.1
@@ -27,9 +28,14 @@ class Listener:
         self._endpoint = endpoint
         self._prefix = wire.key(car, "")
         self._session = session
+        self._replies: dict[str, Reply] = {}
         self.latest: dict[str, Mapping[str, Any]] = {}
         self.problem = "nothing was heard from it"
         self._heard = asyncio.Event()
+
+    def answer(self, topic: str, reply: Reply) -> None:
+        """Answer questions beside the car, in this process, as long as it is the car that is meant; before `run`."""
+        self._replies[topic] = reply
 
     async def wait_until_heard(self, timeout_s: float) -> None:
         """Wait for the first status, but not for ever."""
@@ -42,6 +48,8 @@ class Listener:
         bus = Bus(zenoh_config.client_config(self._endpoint, None))
         for topic in TOPICS:
             bus.subscribe(self._prefix + topic, self._on_sample)
+        for topic, reply in self._replies.items():
+            bus.answer(self._prefix + topic, partial(self._guarded, reply))
         try:
             if await self._opened(bus):
                 await asyncio.get_running_loop().create_future()
@@ -60,6 +68,11 @@ class Listener:
             else:
                 return True
         return False
+
+    def _guarded(self, reply: Reply, payload: bytes) -> bytes | Awaitable[bytes]:
+        if self.problem:
+            raise RefusedError(self.problem)
+        return reply(payload)
 
     def _on_sample(self, key: str, payload: bytes, _arrival_s: float) -> None:
         topic = key.removeprefix(self._prefix)

@@ -1,7 +1,7 @@
 """The live view of a drive: `terminal_view` refreshed on a rich screen while the session runs."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +10,8 @@ from rich.live import Live
 
 from runtime.address_file import Address
 from runtime.session_settings import SessionSettings
+from sim.live_conditions import LiveConditions
+from sim.live_keys import legend
 from sim.session import Record
 from sim.terminal_view import Status, page, render_world, status_rows, world_size
 from sim.vehicle import Vehicle
@@ -24,11 +26,16 @@ NOWHERE = np.empty((0, 4))
 class LiveView:
     """Shows what the runtime sees and says; never touches the drive itself.
 
-    outline_m: walls as segments (n, 4); None for a recording, whose world nobody knows: the view then follows the car.
+    outline_m: gives walls and obstacles as segments (n, 4); None for a recording, whose world nobody knows: the view
+    then follows the car. live: what the keys change, None where they change nothing.
     """
 
-    def __init__(self, console: Console, outline_m: npt.NDArray[np.float64] | None, vehicle: Vehicle) -> None:
+    def __init__(
+        self, console: Console, outline_m: Callable[[], npt.NDArray[np.float64]] | None, vehicle: Vehicle,
+        live: LiveConditions | None = None,
+    ) -> None:  # fmt: skip
         self._console = console
+        self._changes = live
         self._outline_m = outline_m
         self._vehicle = vehicle
         self._live = Live(console=console, screen=True, auto_refresh=False)
@@ -44,10 +51,12 @@ class LiveView:
     def show(self, record: Record) -> None:
         """Draw the newest state."""
         rows = status_rows(self._status(record))
+        if self._changes is not None:
+            rows += legend(self._changes.fields())
         width, height = self._console.size
         pose = self._vehicle.pose
         world = render_world(
-            self._outline_m if self._outline_m is not None else NOWHERE,
+            self._outline_m() if self._outline_m is not None else NOWHERE,
             (pose.x_m, pose.y_m, pose.yaw_rad),
             self._scan_points(record),
             *world_size(width, height, len(rows)),

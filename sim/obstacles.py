@@ -140,6 +140,16 @@ class Scene(Surroundings):
         """Segments (x0, y0, x1, y1), shape (k, 4), of the obstacles that are there, to draw."""
         return self._things.outline_m
 
+    def put(self, obstacle: Obstacle) -> None:
+        """Add an obstacle, which appears at the first update from its moment on."""
+        self._waiting.append(obstacle)
+
+    def clear(self) -> None:
+        """Take all obstacles away, those that were still to come as well."""
+        self._waiting.clear()
+        self._present.clear()
+        self._things = SegmentGeometry()
+
     def update(self, now_s: float, car: Pose, speed_mps: float) -> None:
         """Let obstacles appear and move up to now. Time must not run backwards."""
         news = [(obstacle, where) for obstacle in self._waiting if (where := _appears(obstacle, now_s, car, speed_mps))]

@@ -1,6 +1,7 @@
 """The two things a simulated lidar can look at: a world in which the car drives, and a recording of a real one."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -8,7 +9,9 @@ from sim.beams import LidarSettings, scan
 from sim.comparison import SteeringPair, drove, recorded_answers
 from sim.devices.scip_encode import UST_10LX, SensorModel
 from sim.lap import LapCounter
-from sim.pose import Side, Twist
+from sim.obstacles import Obstacle
+from sim.obstacles import Scene as Surroundings
+from sim.pose import Floats, Side, Twist
 from sim.recordings.recording import Recording
 from sim.recordings.sensor_units import to_sensor_mm
 from sim.session import Ranges
@@ -24,10 +27,14 @@ class WorldScene:
 
     model = UST_10LX
 
-    def __init__(self, world: World, side: Side, lidar: LidarSettings, laps: int | None, seed: int) -> None:
+    def __init__(
+        self, world: World, side: Side, lidar: LidarSettings, laps: int | None, seed: int,
+        obstacles: Sequence[Obstacle] = (),
+    ) -> None:  # fmt: skip
         self.world = world
+        self.lidar = lidar
+        self.surroundings = Surroundings(world, list(obstacles))
         self._side = side
-        self._lidar = lidar
         self._wanted_laps = laps
         self._rng = np.random.default_rng(seed)
         self._next_s = 0.0
@@ -53,7 +60,8 @@ class WorldScene:
         """Look at the car; count laps and notice contact."""
         self._time_s = time_s
         pose = vehicle.pose
-        contact = self.world.collides(pose)
+        self.surroundings.update(time_s, pose, vehicle.speed_mps)
+        contact = self.surroundings.collides(pose)
         if contact and self._crashed_s is None:
             self._crashed_s = time_s
         if self._counter is not None and self._counter.update(pose.x_m, pose.y_m) >= len(self.lap_times_s) + 1:
@@ -64,7 +72,7 @@ class WorldScene:
     def sample(self, time_s: float, vehicle: Vehicle) -> Sample:
         """Measure how the car stands in the world."""
         pose = vehicle.pose
-        wall_m, clearance_m = self.world.wall_distance_m(pose, self._side), self.world.clearance(pose)
+        wall_m, clearance_m = self.world.wall_distance_m(pose, self._side), self.surroundings.clearance(pose)
         return Sample(time_s, pose.x_m, pose.y_m, pose.yaw_rad, vehicle.speed_mps, wall_m, clearance_m)
 
     def scan(self, time_s: float, vehicle: Vehicle) -> tuple[Ranges, int] | None:
@@ -74,7 +82,20 @@ class WorldScene:
         period_s = self.model.period_s
         self._next_s += period_s * (1 + math.floor((time_s - self._next_s) / period_s))
         twist = Twist(vehicle.speed_mps, vehicle.yaw_rate_radps)
-        return scan(self.world, vehicle.pose, twist, time_s, self._rng, self._lidar), round(time_s * 1000)
+        return scan(self.surroundings, vehicle.pose, twist, time_s, self._rng, self.lidar), round(time_s * 1000)
+
+    def outline_m(self) -> Floats:
+        """Return walls and obstacles as segments (n, 4), to draw."""
+        things = self.surroundings.obstacle_outline_m
+        return np.vstack([self.world.outline_m, things]) if len(things) else self.world.outline_m
+
+    def put(self, obstacle: Obstacle) -> None:
+        """Let an obstacle appear when its moment comes."""
+        self.surroundings.put(obstacle)
+
+    def clear(self) -> None:
+        """Take all obstacles away."""
+        self.surroundings.clear()
 
 
 class RecordingScene:

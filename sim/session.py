@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.vesc.settings import VescSettings
+from runtime import wire
 from runtime.address_file import Address, read_address
 from runtime.metronome import Metronome, Tick
 from sim.devices.scip import ScipEmulator
@@ -20,6 +21,7 @@ from sim.devices.scip_encode import SensorModel
 from sim.devices.vesc import MotorDemand, VescEmulator
 from sim.latency import LatencyProbe
 from sim.listener import Listener
+from sim.live_conditions import LiveConditions
 from sim.plant import Plant
 from sim.runtime_process import RuntimeProcess, WallrideProcess
 from sim.stop_request import StopRequest
@@ -109,11 +111,15 @@ class Record:
 class Session:
     """Builds the emulated car around a scene, lets the runtime drive it, and hands out the record.
 
-    watched: whether a monitor serves its page meanwhile.
+    watched: whether a monitor serves its page meanwhile. changes: what that page may change, None for nothing.
     """
 
-    def __init__(self, scene: Scene, vehicle: Vehicle, wiring: VescSettings, *, watched: bool = False) -> None:
+    def __init__(
+        self, scene: Scene, vehicle: Vehicle, wiring: VescSettings, *, watched: bool = False,
+        changes: LiveConditions | None = None,
+    ) -> None:  # fmt: skip
         self._watched = watched
+        self._changes = changes
         self._scene = scene
         self._vehicle = vehicle
         self._wiring = wiring
@@ -182,6 +188,8 @@ class Session:
             return None
         listener = Listener(address.endpoint, address.car, address.session)
         self.record.telemetry = listener.latest
+        if self._changes is not None:
+            listener.answer(wire.SIMULATOR, self._changes.answer)
         return listener
 
     async def _open_page(self, stack: AsyncExitStack) -> None:

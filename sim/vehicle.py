@@ -35,7 +35,16 @@ class Vehicle:
     """A car that moves. Same settings and same calls give the same motion, bit by bit."""
 
     def __init__(self, settings: VehicleSettings | None = None, pose: Pose | None = None) -> None:
-        self.settings = s = settings or VehicleSettings()
+        self._take(settings or VehicleSettings())
+        self.place(pose or Pose(0.0, 0.0, 0.0))
+
+    def change(self, settings: VehicleSettings) -> None:
+        """Go on as another car, or on another floor, from here on; what is on its way arrives with its old delay."""
+        self._take(settings)
+        self._demands.delay_s, self._steering.delay_s = settings.drive_delay_s, settings.steering_delay_s
+
+    def _take(self, s: VehicleSettings) -> None:
+        self.settings = s
         self._motor = MotorControl(s)
         self._rear_m, self._front_m = s.rear_axle_to_cg_m, s.front_axle_to_cg_m
         self._grip_mps2 = s.grip_mu * GRAVITY_MPS2
@@ -47,7 +56,6 @@ class Vehicle:
         self._wheelbase_m, self._trim_rad = s.wheelbase_m, s.trim_rad
         self._steering_rate_radps, self._max_steering_rad = s.steering_rate_radps, s.max_steering_rad
         self._stiff_front, self._stiff_rear = s.cornering_front_per_rad, s.cornering_rear_per_rad
-        self.place(pose or Pose(0.0, 0.0, 0.0))
 
     def place(self, pose: Pose, *, speed_mps: float = 0.0) -> None:
         """Put the car somewhere, rolling straight ahead at a speed; nothing said before is still on its way."""

@@ -21,6 +21,31 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     sim.add_argument("--recording", type=Path, metavar="FILE", help="play a real recording through the emulated lidar")
     sim.add_argument("--json", metavar="FILE|-", help="write the summary as JSON")
     sim.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the path and the error over time")
+    _add_conditions(sim.add_argument_group("conditions", "what the car meets; keys change them while it drives"))
+
+
+def _add_conditions(group: "argparse._ArgumentGroup") -> None:
+    group.add_argument("--friction", type=float, metavar="MU", help="grip of the floor (default: 0.8)")
+    group.add_argument("--noise", type=float, metavar="M", help="standard deviation of each distance (default: 0.01)")
+    group.add_argument("--dropouts", type=float, metavar="SHARE", help="beams without a return, 0 to 1 (default: 0)")
+    group.add_argument(
+        "--dirt", action="append", default=[], metavar="FROM,TO[,RANGE]",
+        help="a dirty sector of the window [deg, deg, m]; --dirt=-10,5 (repeatable)",
+    )  # fmt: skip
+    group.add_argument("--trim", type=float, metavar="RAD", help="wheel angle of a servo that stands in the middle")
+    group.add_argument("--delay", type=float, metavar="S", help="of servo and motor (default: 0.02)")
+    group.add_argument(
+        "--own-parts", metavar="KIND", help="the car's own parts that the lidar sees; a wrong KIND names all"
+    )
+    group.add_argument(
+        "--obstacle", action="append", default=[], metavar="TEXT",
+        help='"box at=3,1", "box ahead=1.5 after=4", "person at=3,-1 walks=0,0.8" (repeatable)',
+    )  # fmt: skip
+    group.add_argument(
+        "--condition", action="append", default=[], metavar="KEY=VALUE",
+        help="any other field: vehicle.mass_kg=4, lidar.outlier_share=0.01 (repeatable)",
+    )  # fmt: skip
+    group.add_argument("--conditions", type=Path, metavar="FILE.toml", help="all of them in a file: [vehicle], [lidar]")
 
 
 def run(options: argparse.Namespace) -> int:

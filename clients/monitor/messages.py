@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints, TypeAdapte
 from clients.teleop.inputs import Control
 
 LONGEST = 8192
-QUESTIONS = ("param/list", "param/get", "param/set", "param/save", "param/history", "record")
+QUESTIONS = ("param/list", "param/get", "param/set", "param/save", "param/history", "record", "simulator")
 """The only queries that a page may put to a car."""
 
 U32 = Annotated[int, Field(ge=0, le=0xFFFF_FFFF)]
@@ -80,7 +80,7 @@ class Ask(_Word):
 
     t: Literal["ask"]
     id: U32
-    what: Literal["param/list", "param/get", "param/set", "param/save", "param/history", "record"]
+    what: Literal["param/list", "param/get", "param/set", "param/save", "param/history", "record", "simulator"]
     question: dict[str, Any] = {}
 
 

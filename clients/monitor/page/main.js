@@ -9,6 +9,7 @@ import { MuxView } from "./mux.js";
 import { Plots } from "./plots.js";
 import { Scene } from "./scene.js";
 import { Settings } from "./settings.js";
+import { Simulator } from "./simulator.js";
 import { Timings } from "./timings.js";
 
 const OLD_MS = 500;
@@ -26,6 +27,7 @@ const timings = new Timings();
 const device = new Device();
 const hands = new Hands(link, { onStop: stop, onChange: showDriving });
 const settings = new Settings(link, (car) => { if (Number.isFinite(car["car.lidar_x_m"])) scene.lidarM = car["car.lidar_x_m"]; });
+const simulator = new Simulator(link);
 const remembered = remember();
 let car = "";
 let carSession = 0;
@@ -129,6 +131,7 @@ function takeBeat(beat) {
     announce("the car's program has restarted");
     scene.forgetWay();
     settings.refresh();
+    simulator.refresh();
   }
   carSession = beat.carSession;
   setData(document.body, "latched", String(beat.latched));
@@ -355,9 +358,10 @@ function watch(name) {
   if (!first) plots.clear();
   scene.forgetWay();
   settings.forget();
+  simulator.forget();
   link.say({ t: "watch", car });
   document.title = `${car} · wallride`;
-  setTimeout(() => settings.refresh(), 400);
+  setTimeout(() => { settings.refresh(); simulator.refresh(); }, 400);
 }
 
 /** Keeps a few choices of this browser; returns them. */
