@@ -23,8 +23,8 @@ from runtime.cadence import Cadence
 from runtime.control import methods
 from runtime.few_ports import FewPorts
 from runtime.journal import journal
-from runtime.scheduling import keep_for_this_thread
 from runtime.port_holder import holder_of, taken_sentence
+from runtime.scheduling import keep_for_this_thread
 from runtime.settings import Settings
 from runtime.tasks import parameters
 from runtime.teleop_wire import session_text
