@@ -6,6 +6,7 @@ clock's now first, in steps of 2.5 ms; so the same story gives the same run, bit
 
 import asyncio
 import math
+from dataclasses import replace
 from typing import Never
 
 import numpy as np
@@ -123,12 +124,15 @@ class WorldMotor:
     """The motor controller of a twin world; takes commands as the VESC's driver does and tells the wheels' truth.
 
     wire: (time, drive) of every command taken. present: False is a pulled cable; the controller then brakes by itself.
+    phases_swapped: the wheels turn the other way, and the controller reports that they turn as asked.
     """
 
     def __init__(self, twin: TwinWorld, clock: Clock) -> None:
         self._twin = twin
         self._clock = clock
         self.wire: list[tuple[float, Drive]] = []
+        self.phases_swapped = False
+        self._fault = ""
         self._present = True
         self._health = Health(LinkState.READY, "in memory", "twin")
 
@@ -146,10 +150,11 @@ class WorldMotor:
         self._twin.advance()
         vehicle, gain = self._twin.vehicle, _WIRING.speed_to_erpm_gain
         steps_m = 10.0 / gain
+        sign = -1.0 if self.phases_swapped else 1.0
         return MotorState(
-            self._clock(), round(vehicle.wheel_speed_mps * gain) / gain,
-            math.floor(vehicle.wheel_travel_m / steps_m) * steps_m, self._twin.steering_rad, 11.8,
-            vehicle.motor_current_a, 0.0, 30.0, "", timed_out=False, killed=False,
+            self._clock(), sign * round(vehicle.wheel_speed_mps * gain) / gain,
+            sign * math.floor(vehicle.wheel_travel_m / steps_m) * steps_m, self._twin.steering_rad, 11.8,
+            vehicle.motor_current_a, 0.0, 30.0, self._fault, timed_out=False, killed=False,
         )  # fmt: skip
 
     async def run(self) -> Never:
@@ -166,7 +171,8 @@ class WorldMotor:
             return False
         self._twin.advance()
         self.wire.append((self._clock(), drive))
-        self._twin.demand = demand_of(drive, self._twin.vehicle)
+        speed_mps = 0.0 if self._fault else -drive.speed_mps if self.phases_swapped else drive.speed_mps
+        self._twin.demand = demand_of(replace(drive, speed_mps=speed_mps), self._twin.vehicle)
         self._twin.steering_rad = drive.steering_rad
         return True
 
@@ -187,11 +193,12 @@ class WorldMotor:
         self._present = True
 
     def latch_fault(self, words: str) -> None:
-        """Refuse: wheels and world are one here, so a contradiction is an error of whoever found it."""
-        raise AssertionError(words)
+        """Brake from now on, as the driver does while a fault is latched."""
+        self._fault = self._fault or words
 
     def clear_fault(self) -> None:
-        """Nothing is ever wrong with this motor."""
+        """Forget the latched fault."""
+        self._fault = ""
 
 
 def demand_of(drive: Drive, vehicle: Vehicle) -> Demand:

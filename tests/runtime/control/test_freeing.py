@@ -116,3 +116,12 @@ def test_who_may_not_back_out_asks_for_help_when_nobody_has_walked_on():
     asking = car.go(2.0)
     assert asking[-1].reason == HELP
     assert {decision.speed_mps for decision in waiting + asking} == {0.0}
+
+
+@pytest.mark.parametrize("believed", [True, False])
+def test_a_car_backs_out_only_by_an_odometry_that_is_believed(believed):
+    car = Car((0.62, 0.0, 0.3, 1.4))
+    car.follower = Freeing(Straight(), car.lookout, Recovery(RecoverySettings()), lambda: believed)
+    decisions = car.go(6.0)
+    assert any(decision.speed_mps < 0 for decision in decisions) is believed
+    assert any("backing out" in words for words in car.said) is believed

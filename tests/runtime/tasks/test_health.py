@@ -1,6 +1,7 @@
 """The caretaker's rounds: faults hold the e-stop, and whatever comes back wants a release."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 
@@ -8,7 +9,7 @@ from drivers.api import Health, LinkState, MotorState
 from runtime.command import LAB_ORDER
 from runtime.emergency_stop import Cause, EmergencyStop
 from runtime.service_manager import ServiceManager
-from runtime.tasks.health import FAULT_RETRY_S, Caretaker
+from runtime.tasks.health import FAULT_FORGOTTEN_S, FAULT_RETRY_AT_MOST_S, FAULT_RETRY_S, Caretaker
 from runtime.voices import Voices
 
 FINE = MotorState(0.0, 0.0, 0.0, 0.0, 12.0, 0.0, 0.0, 30.0, "", timed_out=False, killed=False)
@@ -38,7 +39,7 @@ class Device:
 class Ward:
     """A caretaker and everything it looks at."""
 
-    def __init__(self, *, retry_faults=False):
+    def __init__(self, *, retry_faults=False, **more):
         self.now_s = 0.0
         self.lidar, self.motor = Device(), Device()
         self.e_stop = EmergencyStop(Voices(LAB_ORDER, lambda: self.now_s))
@@ -52,6 +53,7 @@ class Ward:
             manager=ServiceManager({}),
             clock=lambda: self.now_s,
             retry_faults=retry_faults,
+            **more,
         )
         self.caretaker.check()
 
@@ -124,3 +126,85 @@ def test_without_an_operator_a_fault_is_tried_again():
     assert ward.motor.cleared == 0
     ward.look()
     assert ward.motor.cleared == 1
+
+
+def test_without_an_operator_a_fault_that_stays_is_tried_less_and_less_often_and_soon_again_after_a_good_while():
+    ward = Ward(retry_faults=True)
+    ward.motor.state = replace(FINE, fault="runs backwards")
+    tried_s = []
+    while ward.now_s < 200.0:
+        ward.look()
+        if ward.motor.cleared > len(tried_s):
+            tried_s.append(ward.now_s)
+    pauses_s = [later - sooner for sooner, later in pairwise([0.0, *tried_s])]
+    assert pauses_s[:5] == pytest.approx([2, 4, 8, 16, 32], abs=0.2)
+    assert pauses_s[5:] == pytest.approx([FAULT_RETRY_AT_MOST_S] * len(pauses_s[5:]), abs=0.2)
+    ward.motor.state = FINE
+    ward.look()
+    ward.look(FAULT_FORGOTTEN_S + 1)
+    ward.motor.state = replace(FINE, fault="runs backwards")
+    ward.look()
+    tried = ward.motor.cleared
+    ward.look(FAULT_RETRY_S + 0.1)
+    assert ward.motor.cleared == tried + 1
+
+
+def test_an_empty_battery_is_named_not_called_a_lost_motor(ward):
+    words = "battery empty: 7.9 V, less than 8 V (charge or change it)"
+    ward.motor.health = Health(LinkState.FAULTY, f"twin: {words}", "twin", words)
+    ward.look()
+    assert ward.rearmed == [f"{words}; permit again"]
+
+
+def test_a_contradiction_between_wheels_and_scans_is_latched_as_a_motor_fault_until_it_is_cleared():
+    doubt = ["runs backwards: swap two phases of the motor"]
+    ward = Ward(motor_doubt=lambda: doubt[0])
+    ward.look()
+    assert ward.e_stop.causes == {Cause.MOTOR: "motor fault: runs backwards: swap two phases of the motor"}
+    doubt[0] = ""
+    ward.look(60)
+    assert ward.e_stop.latched
+    ward.motor.state = FINE
+    ward.look()
+    assert not ward.e_stop.latched
+
+
+def test_a_lidar_that_repeats_itself_takes_the_permit_back_and_again_when_it_measures():
+    doubt = [""]
+    ward = Ward(lidar_doubt=lambda: doubt[0])
+    doubt[0] = "the lidar repeats one scan"
+    ward.look()
+    ward.look()
+    assert ward.rearmed == ["the lidar repeats one scan; permit again"]
+    doubt[0] = ""
+    ward.look()
+    assert ward.rearmed == ["the lidar repeats one scan; permit again"] * 2
+    assert not ward.e_stop.latched
+
+
+@pytest.mark.parametrize("seen_away", [True, False])
+def test_another_lidar_than_before_takes_the_permit_back_even_if_it_was_exchanged_in_a_blink(ward, seen_away):
+    ward.lidar.health.identity = "UST-10LX, serial H1"
+    ward.look()
+    ward.rearmed.clear()
+    if seen_away:
+        ward.lidar.health.link = LinkState.ABSENT
+        ward.look()
+    ward.lidar.health.identity = "UST-10LX, serial H2"
+    ward.lidar.health.link = LinkState.READY
+    ward.look()
+    words = "another lidar than before; check how it is mounted, permit again"
+    assert ward.rearmed[-1] == words
+    ward.look()
+    ward.look()
+    count = len(ward.rearmed)
+    ward.look()
+    assert len(ward.rearmed) == count
+
+
+def test_the_same_lidar_coming_back_is_no_other_one(ward):
+    ward.lidar.health.link = LinkState.ABSENT
+    ward.look()
+    ward.lidar.health.link = LinkState.READY
+    ward.look()
+    assert set(ward.rearmed) == {"the lidar was lost; permit again"}

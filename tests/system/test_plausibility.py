@@ -1,0 +1,77 @@
+"""The whole car, and what it is told that cannot be: in virtual time in a world, and on real wires."""
+
+import time
+from pathlib import Path
+
+import pytest
+
+from drivers.vesc.codec import Packet
+from runtime.control.plausibility import BACKWARDS
+from sim.lab.stories import Story, tell
+from sim.worlds import load_world
+from tests.system.bench import Bench, bench
+
+BRAKE_WITHIN_S = 0.25
+"""0.1 s on a quiet machine; a loaded one answers later, and speed is no matter of this test."""
+MOST_MORE_KB = 20_000
+
+
+def swap_phases(play):
+    play.motor.phases_swapped = True
+
+
+@pytest.mark.parametrize("world", ["loop", "u_turn"])
+def test_a_car_with_two_phases_swapped_stands_after_half_a_metre_and_says_what_to_do(world):
+    story = Story(world, 2.5, lambda _: [], speed_mps=1.0, permit="always", events=((0.0, swap_phases),))
+    told = tell(story)
+    start = load_world(world).start
+    backwards_m = [start.x_m - pose.x_m for pose in told.pose]
+    assert 0.3 < max(backwards_m) < 0.9
+    assert told.reasons[-1] == f"motor fault: {BACKWARDS}"
+    assert abs(told.speed_mps[-1]) < 0.05
+
+
+def test_a_car_whose_phases_are_right_is_not_held():
+    told = tell(Story("loop", 4.0, lambda _: [], speed_mps=1.0, permit="always"))
+    assert not [reason for reason in told.reasons if "fault" in reason]
+    assert max(told.speed_mps) > 0.8
+
+
+def memory_kb(car: Bench) -> int:
+    status = Path(f"/proc/{car.runtime.pid}/status").read_text()
+    return int(next(line for line in status.splitlines() if line.startswith("VmRSS")).split()[1])
+
+
+@pytest.mark.parametrize("erpm", [10**6, 10**7, 2**31 - 1])
+async def test_an_impossible_speed_is_a_brake_no_hang_and_no_memory(tmp_path, erpm):
+    async with bench(tmp_path, "safety.method=swept", "safety.backs_out=false") as car:
+        await car.until_driving()
+        before_kb = memory_kb(car)
+        begun_s = time.monotonic()
+        car.vesc.shown_erpm = erpm
+        await car.until(lambda: time.monotonic() >= begun_s + 0.3, "0.3 s of it")
+        car.vesc.shown_erpm = None
+        assert car.first_brake_s(begun_s) - begun_s < BRAKE_WITHIN_S
+        await car.until_driving()
+        assert memory_kb(car) - before_kb < MOST_MORE_KB
+
+
+@pytest.mark.parametrize(
+    ("trouble", "words"),
+    [("backwards", "runs backwards: swap two phases"), ("counter_stopped", "speed and distance counter disagree")],
+)
+async def test_a_controller_that_contradicts_itself_is_held_with_the_remedy_in_the_log(tmp_path, trouble, words):
+    async with bench(tmp_path) as car:
+        setattr(car.vesc, trouble, True)
+        await car.until(lambda: any(words in line for line in car.runtime.log), "the fault is said", 15.0)
+        await car.until(lambda: car.motor_commands()[-1][1][0] == Packet.SET_CURRENT_BRAKE, "braking")
+
+
+async def test_a_lidar_that_repeats_one_scan_stops_the_car_and_is_named(tmp_path):
+    async with bench(tmp_path) as car:
+        await car.until_driving()
+        car.scip.frozen = True
+        await car.until(lambda: any("the lidar repeats one scan" in line for line in car.runtime.log), "it is said")
+        await car.until(lambda: car.wheel_mps == 0, "standing")
+        car.scip.frozen = False
+        await car.until_driving()
