@@ -51,7 +51,7 @@ class Freeing:
         outlook = self._lookout.outlook
         if outlook is None or outlook.view.scan is not scan:
             return guidance
-        advice = self._recovery.step(outlook, guidance.drive, motor if self._believed() else None)
+        advice = self._recovery.step(outlook, guidance.drive, motor, believed=self._believed())
         # A standing car's reason is the safety's, not the driver's: it has to know that nobody knows a way on.
         self._lookout.guard.plight = advice.words if advice.words == HELP else ""
         if advice.drive is None and not advice.words:

@@ -10,10 +10,12 @@ from runtime.car_settings import CarSettings
 from runtime.command import CapWord, DriveWord, Output, Source, arbitrate
 from runtime.control.freeing import Freeing, Lookout
 from runtime.control.guidance import Guidance
+from runtime.control.live_laws import LiveLaws
 from runtime.control.perception import Eyes
-from runtime.control.recovery import ASKS_AFTER_S, HELP, Recovery
+from runtime.control.recovery import ASKS_AFTER_S, DISBELIEF, HELP, Recovery
 from runtime.control.swept import SweptGuard
 from runtime.control.swept_settings import RecoverySettings, SweptSettings
+from runtime.settings import Settings
 from runtime.snapshot import decision_fields
 from sim.segments import SegmentGeometry, box
 
@@ -119,9 +121,18 @@ def test_who_may_not_back_out_asks_for_help_when_nobody_has_walked_on():
 
 
 @pytest.mark.parametrize("believed", [True, False])
-def test_a_car_backs_out_only_by_an_odometry_that_is_believed(believed):
-    car = Car((0.62, 0.0, 0.3, 1.4))
+def test_a_car_looks_for_a_way_out_only_by_an_odometry_that_is_believed(believed):
+    car = Car((0.62, 0.0, 0.3, 0.5))
     car.follower = Freeing(Straight(), car.lookout, Recovery(RecoverySettings()), lambda: believed)
-    decisions = car.go(6.0)
-    assert any(decision.speed_mps < 0 for decision in decisions) is believed
-    assert any("backing out" in words for words in car.said) is believed
+    car.go(4.0)
+    assert (HELP in car.said) is believed
+    assert (DISBELIEF in car.said) is not believed
+
+
+def test_the_cars_laws_ask_whether_the_wheels_way_is_the_scans():
+    settings = Settings()
+    laws = LiveLaws(settings.wall_follow, settings.safety, CAR)
+    assert isinstance(laws.follower, Freeing)
+    assert laws.follower._believed()
+    laws.plausibility.believed = False
+    assert not laws.follower._believed()
