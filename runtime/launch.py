@@ -24,6 +24,7 @@ from runtime.control import methods
 from runtime.few_ports import FewPorts
 from runtime.journal import journal
 from runtime.port_holder import holder_of, taken_sentence
+from runtime.recording.laws_fingerprint import laws_fingerprint
 from runtime.scheduling import keep_for_this_thread
 from runtime.settings import Settings
 from runtime.tasks import parameters
@@ -134,6 +135,7 @@ async def _drive(
     if (history := history_file(settings)) is not None:
         parameters.read_history(car.history, history)
     opening = asyncio.create_task(_open(car, bus, stop, address_file), name="bus")
+    laws_fingerprint()  # now, while the files are those that were loaded
     methods.warm_up(settings.wall_follow, settings.safety, settings.car)
     gc.collect()
     gc.freeze()  # a full collection would block the loop for milliseconds; what exists now stays anyway

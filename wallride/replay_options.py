@@ -19,8 +19,9 @@ def add(commands: "Commands") -> None:
         help="decide a recording once more by the same code and show the first difference, or play it on the air",
         description=(
             "A recording of wallride is decided once more and compared decision by decision: exit code 0 when all are"
-            " the same, 1 when one is not. A rosbag or archive of somebody else's drive is shown to our laws, which say"
-            " what they would have done. With --publish a recording is played onto zenoh instead: " + KEYS + "."
+            " the same, 1 when one is not, 3 when one is not but the laws have changed since. A rosbag or archive of"
+            " somebody else's drive is shown to our laws, which say what they would have done. With --publish a"
+            " recording is played onto zenoh instead: " + KEYS + "."
         ),
     )
     add_file(replay)

@@ -16,6 +16,7 @@ from runtime.recording import channels
 from runtime.recording.black_box import Memory
 from runtime.recording.channels import Message
 from runtime.recording.disk import Disk, explain
+from runtime.recording.laws_fingerprint import laws_fingerprint
 from runtime.recording.mcap_file import McapFile
 from runtime.recording.recover import RecoveryError, is_whole, recover
 from runtime.recording.ring import MB, Ring, entries
@@ -218,6 +219,7 @@ class Scribe:
         return {
             "car": self._facts.car,
             "version": self._facts.version,
+            "laws": laws_fingerprint(),
             "kind": "recording" if reason is None else "black box",
             "reason": reason or "",
             "continues": self._goes_on if reason is None else "",

@@ -18,12 +18,12 @@ from sim.replay.reenact import Verdict, reenact
 from sim.run_report.figures import numbers, stops
 from sim.run_report.run import Run, run_of
 
-SAME, DIFFERS = 0, 1
+SAME, DIFFERS, CHANGED = 0, 1, 3
 SHOWN_STOPS = 30
 
 
 def run(options: argparse.Namespace) -> int:
-    """Replay; 0 when every decision is the same (or the laws have spoken), 1 at a difference.
+    """Replay; 0 when every decision is the same (or the laws have spoken), 1 at a difference, 3 by changed laws.
 
     RecordingError or SettingsError when there is nothing to replay.
     """
@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
 def _again(log: DriveLog, options: argparse.Namespace, console: Console) -> int:
     verdict = reenact(log, options.assignments)
     if _write(as_plain(log.name, verdict), options.json):
-        return SAME if verdict.first is None else DIFFERS
+        return _code(verdict)
     for note in verdict.notes:
         console.print(f"note: {note}", style="dim")
     what = f"{verdict.decisions} decisions and {verdict.answers} answers over {verdict.duration_s:.1f} s"
@@ -51,14 +51,26 @@ def _again(log: DriveLog, options: argparse.Namespace, console: Console) -> int:
         how = "identical" if verdict.exact else "the same as far as they can be compared"
         console.print(f"{log.name}: {what}: {how}")
         return SAME
-    console.print(f"{log.name}: {what}: {verdict.differing} decisions differ")
+    if verdict.changed:
+        console.print(f"{log.name}: {verdict.changed}.", style="bold")
+        console.print(f"{what}: {verdict.differing} decisions come out otherwise, which is no fault of the recording")
+    else:
+        by = "by the settings of --set" if options.assignments else "by the very same laws"
+        console.print(f"{log.name}: {what}: {verdict.differing} decisions differ, {by}")
     console.print(f"first difference: {verdict.first.sentence()}", style="bold")
     for difference in verdict.differences[1:]:
         if difference.scan == verdict.first.scan:
             console.print(f"             also: {difference.sentence()}")
     if verdict.largest_mps:
         console.print(f"largest difference of an allowed speed: {verdict.largest_mps:.3f} m/s", style="dim")
-    return DIFFERS
+    return _code(verdict)
+
+
+def _code(verdict: Verdict) -> int:
+    """Return the exit code: other laws may decide otherwise, the same ones may not."""
+    if verdict.first is None:
+        return SAME
+    return CHANGED if verdict.changed else DIFFERS
 
 
 def as_plain(name: str, verdict: Verdict) -> dict[str, Any]:
@@ -66,6 +78,7 @@ def as_plain(name: str, verdict: Verdict) -> dict[str, Any]:
     return {
         "name": name,
         "identical": verdict.first is None,
+        "laws_changed": verdict.changed,
         "exact": verdict.exact,
         "decisions": verdict.decisions,
         "answers": verdict.answers,

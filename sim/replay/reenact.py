@@ -5,6 +5,9 @@ and every answer that the clock gave. What the laws, the mux and the limiter mak
 car does not follow what is replayed: after a first difference the two are two answers to the same question.
 """
 
+import copy
+import functools
+import operator
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -18,8 +21,10 @@ from drivers.api import Scan
 from runtime import wire
 from runtime.command import Output, Source
 from runtime.control.guidance import Guidance
+from runtime.control.method_settings import TAGS
 from runtime.queues import NEVER_S
 from runtime.recording.channels import TAPE
+from runtime.recording.laws_fingerprint import laws_fingerprint
 from runtime.recording.tape import LAWS, Event, Followed, Looked, Scanned, Stepped, Tuned
 from runtime.recording.tape_codec import TapeError, decode
 from runtime.settings import Settings
@@ -42,6 +47,7 @@ class Verdict:
     """What a replay found. differing: decisions that came out otherwise; differences: the first of them.
 
     exact: whether values had to agree but for rounding. notes: what the tape lacks, in sentences.
+    changed: that the laws are others than those that were recorded, in a sentence; "" where they are the same.
     """
 
     decisions: int = 0
@@ -53,6 +59,7 @@ class Verdict:
     differences: list[Difference] = field(default_factory=list)
     largest_mps: float = 0.0
     notes: list[str] = field(default_factory=list)
+    changed: str = ""
 
     @property
     def first(self) -> Difference | None:
@@ -116,7 +123,7 @@ class _Reenactment:
         self._ranges = _Ranges(log)
         self._clock = _Script()
         self._zero_s = _first_time_s(events)
-        self._verdict = Verdict(notes=[*log.notes, *_other_version(log)])
+        self._verdict = Verdict(notes=[*log.notes], changed=changed_laws(log))
         first = next((event.settings for event in events if isinstance(event, Tuned)), None)
         if first is None and not log.settings_text:
             self._verdict.notes.append("its settings were not recorded: the defaults are taken.")
@@ -233,6 +240,10 @@ class _Reenactment:
         self._adopts = True
 
     def _settings(self, tree: Any) -> Settings:  # noqa: ANN401 - plain values as recorded
+        tree, gone = _without_unknown(tree)
+        note = f"its settings {', '.join(gone)} do not exist any more: they are left out."
+        if gone and note not in self._verdict.notes:
+            self._verdict.notes.append(note)
         try:
             settings = Settings.model_validate(tree)
         except ValidationError as error:
@@ -241,6 +252,24 @@ class _Reenactment:
                 " replay it with the version that recorded it."
             ) from None
         return with_assignments(settings, self._assignments)
+
+
+def _without_unknown(tree: Any) -> tuple[Any, list[str]]:  # noqa: ANN401 - plain values as recorded
+    """Return recorded settings without the keys that this version does not know, and the names of those."""
+    try:
+        Settings.model_validate(tree)
+    except ValidationError as error:
+        places = [item["loc"] for item in error.errors() if item["type"] == "extra_forbidden"]
+    else:
+        return tree, []
+    tree = copy.deepcopy(tree)
+    gone = []
+    for place in places:
+        keys = [key for key in place if key not in TAGS]
+        section = functools.reduce(operator.getitem, keys[:-1], tree)
+        del section[keys[-1]]
+        gone.append(".".join(map(str, keys)))
+    return tree, gone
 
 
 class _Ranges:
@@ -263,10 +292,19 @@ class _Ranges:
         return ranges_m
 
 
-def _other_version(log: DriveLog) -> list[str]:
-    """Return a sentence where another version decided than the one that replays."""
+def changed_laws(log: DriveLog) -> str:
+    """Return a sentence where other laws decided than those that replay, or may have; "" for the same."""
     recorded, ours = log.fact("version"), version("wallride")
-    return [f"recorded by wallride {recorded}, replayed by {ours}."] if recorded not in {"", ours} else []
+    laws = log.fact("laws")
+    if laws == laws_fingerprint():
+        return ""
+    if not laws:
+        by = f"wallride {recorded}, which did" if recorded else "a wallride that did"
+        return f"the laws may have changed since: it was recorded by {by} not name its laws"
+    return (
+        f"the laws have changed since: recorded with {recorded} (laws {laws}), this is {ours} (laws"
+        f" {laws_fingerprint()})"
+    )
 
 
 def _first_time_s(events: Sequence[Event]) -> float:

@@ -2,10 +2,14 @@
 
 import argparse
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from runtime.recording.laws_fingerprint import laws_fingerprint
+from runtime.recording.tape import Tuned
+from sim.replay import reenact
 from tests.sim.replay.recorded import record
 from wallride import replay_options, report_options
 
@@ -41,6 +45,43 @@ def test_a_difference_is_1_and_named(drive, capsys):
     said = capsys.readouterr().out
     assert "first difference: scan 0, " in said
     assert "the follower's steering [rad]: recorded" in said
+
+
+def test_by_changed_laws_a_difference_is_3_and_no_fault(drive, capsys, monkeypatch):
+    monkeypatch.setattr(reenact, "laws_fingerprint", lambda: "0ther1aws000")
+    assert wallride("replay", drive, "--set", "wall_follow.desired_distance_m=0.9") == 3
+    said = capsys.readouterr().out
+    assert f"the laws have changed since: recorded with 0.1.0 (laws {laws_fingerprint()})" in said
+    assert "(laws 0ther1aws000)" in said
+    assert "come out otherwise, which is no fault of the recording" in said
+
+
+def test_changed_laws_that_decide_the_same_are_the_same(drive, capsys, monkeypatch):
+    monkeypatch.setattr(reenact, "laws_fingerprint", lambda: "0ther1aws000")
+    assert wallride("replay", drive) == 0
+    assert capsys.readouterr().out.endswith(": identical\n")
+
+
+def test_a_recording_that_does_not_name_its_laws_is_not_blamed(drive, capsys, monkeypatch):
+    fact = reenact.DriveLog.fact
+    monkeypatch.setattr(reenact.DriveLog, "fact", lambda log, name: "" if name == "laws" else fact(log, name))
+    assert wallride("replay", drive, "--set", "wall_follow.desired_distance_m=0.9", "--json", "-") == 3
+    assert "may have changed since: it was recorded by wallride" in json.loads(capsys.readouterr().out)["laws_changed"]
+
+
+def test_settings_that_do_not_exist_any_more_are_left_out_and_named(drive, capsys, monkeypatch):
+    decode = reenact.decode
+
+    def decoded(payload):
+        return [
+            replace(event, settings={**event.settings, "safety": {**event.settings["safety"], "wings": 2}})
+            if isinstance(event, Tuned) else event
+            for event in decode(payload)
+        ]  # fmt: skip
+
+    monkeypatch.setattr(reenact, "decode", decoded)
+    assert wallride("replay", drive) == 0
+    assert "its settings safety.wings do not exist any more: they are left out." in capsys.readouterr().out
 
 
 def test_a_difference_in_json(drive, capsys):

@@ -10,6 +10,7 @@ from runtime.bus import free_endpoint
 from runtime.recording import channels
 from runtime.recording.channels import Message
 from runtime.recording.disk import RealDisk
+from runtime.recording.laws_fingerprint import laws_fingerprint
 from runtime.recording.mcap_file import McapFile
 from runtime.recording.tape import Tape
 from runtime.recording.transcriber import Transcriber
@@ -66,7 +67,8 @@ def record(path, *, world="loop", seconds=6.0, events=(), obstacles=(), sections
         motor = WorldMotor(twin, loop.time)
         car = Car(settings, WorldLidar(twin, loop.time), motor, MemoryBus(loop.time), tape.clock)
         car.connect()
-        file = McapFile(path, RealDisk(), {"car": settings.car.name, "version": version("wallride")}, "wallride")
+        facts = {"car": settings.car.name, "version": version("wallride"), "laws": laws_fingerprint()}
+        file = McapFile(path, RealDisk(), facts, "wallride")
         car.telemetry.sinks.append(Sink(file, car.wall_clock))
         tape_over(car, tape)
         stop = asyncio.Event()

@@ -1,0 +1,32 @@
+"""Which laws decided: a fingerprint of everything that turns scans into motor commands, kept in each recording.
+
+A version says what was released; between two releases, and in a student's checkout, the laws change without it.
+"""
+
+import functools
+import hashlib
+from collections.abc import Iterator
+from pathlib import Path
+
+PACKAGE = Path(__file__).parents[1]
+PLACES = ("control", "kernel")
+SINGLE_FILES = ("command.py",)
+ENDINGS = {".py", ".c", ".h"}
+DIGITS = 12
+
+
+@functools.cache
+def laws_fingerprint() -> str:
+    """Return what changes with every change of a law, of its compiled twin, or of the mux's rule; reads files once."""
+    digest = hashlib.sha256()
+    for path in law_files(PACKAGE):
+        digest.update(path.relative_to(PACKAGE).as_posix().encode())
+        digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()[:DIGITS]
+
+
+def law_files(package: Path) -> Iterator[Path]:
+    """Yield the source files that decide, in an order that does not depend on the machine."""
+    for place in PLACES:
+        yield from sorted(path for path in (package / place).rglob("*") if path.suffix in ENDINGS)
+    yield from (package / name for name in SINGLE_FILES if (package / name).is_file())
