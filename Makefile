@@ -25,12 +25,16 @@ format: $(READY)
 # Debian ships Python without venv's own pip; virtualenv from the package index does the same.
 $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "wallride needs Python 3.11 or newer: make PYTHON=python3.11")'
+	@echo "wallride: setting up .venv, once; about a minute and a half, most of it for downloads"
+	@echo "wallride: 1 of 3, a Python environment of its own"
 	@$(PYTHON) -m venv .venv 2>/dev/null || { rm -rf .venv; \
 	  $(PYTHON) -m pip install --quiet --target .virtualenv virtualenv && \
 	  PYTHONPATH=.virtualenv $(PYTHON) -m virtualenv --quiet .venv; }
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@echo "wallride: 2 of 3, packages, one line each"
+	@$(BIN)/python -m pip install --disable-pip-version-check --no-color -c constraints.txt -e '.[dev]'
 	@# Carries axe-core as one file for the browser tests; its own dependency, playwright, is not needed.
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps axe-playwright-python==0.1.8
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps axe-playwright-python==0.1.8
+	@echo "wallride: 3 of 3, ready"
 	@touch $@
 
 clean:

@@ -1,5 +1,6 @@
 """A recorded drive against ours: the runtime's steering beside the recorded navigation command, scan by scan."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -24,13 +25,19 @@ class SteeringPair:
     recorded_rad: float
 
 
-def recorded_answers(scans_s: Sequence[float], track: CommandTrack) -> list[float | None]:
-    """Return, for each scan, the first command received after it, None where it came too late to be an answer."""
+def recorded_answers(
+    scans_s: Sequence[float], track: CommandTrack, max_steering_rad: float = math.inf
+) -> list[float | None]:
+    """Return, for each scan, the first command received after it, None where it came too late to be an answer.
+
+    max_steering_rad: what the wheels can do; programs ask for more, and the linkage does not give it.
+    """
     positions = np.searchsorted(track.received_s, np.asarray(scans_s), side="left")
     answers: list[float | None] = []
     for scan_s, position in zip(scans_s, positions, strict=True):
         late = position >= len(track) or track.received_s[position] - scan_s > LONGEST_WAIT_S
-        answers.append(None if late else float(track.steering_rad[position]))
+        asked_rad = math.nan if late else float(track.steering_rad[position])
+        answers.append(None if late else min(max(asked_rad, -max_steering_rad), max_steering_rad))
     return answers
 
 

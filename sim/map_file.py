@@ -21,6 +21,8 @@ from sim.world import World
 SURELY_FREE_BELOW = 0.1
 """Highest occupancy of a drivable cell; antialiased edges and the 205 of "unknown" (0.196) lie above it."""
 
+PAPER_EDGES = 3
+
 
 @dataclass(frozen=True, slots=True)
 class MapSettings:
@@ -95,12 +97,24 @@ def read_occupancy(settings: MapSettings) -> Floats:
 
 
 def drivable(occupancy: Floats, free_below: float) -> Booleans:
-    """Return the largest region of cells under `free_below` that hang together by their edges; same shape."""
+    """Return the largest region of cells under `free_below` that hang together by their edges; same shape.
+
+    A region that reaches three or four edges of the image is the paper around the drawing, not a part of the building;
+    it counts only where there is no other region.
+    """
     from scipy import ndimage
 
     regions, count = ndimage.label(occupancy < free_below)
     if count == 0:
         return np.zeros(occupancy.shape, dtype=np.bool_)
-    sizes = np.bincount(regions.ravel())[1:]
-    largest: Booleans = regions == 1 + int(np.argmax(sizes))
+    sizes = np.bincount(regions.ravel(), minlength=count + 1)[1:]
+    edges = (regions[0], regions[-1], regions[:, 0], regions[:, -1])
+    reached = sum(np.isin(np.arange(1, count + 1), edge).astype(np.int64) for edge in edges)
+    inside = np.where(reached >= PAPER_EDGES, 0, sizes)
+    largest: Booleans = regions == 1 + int(np.argmax(inside if inside.any() else sizes))
     return largest
+
+
+def check_map(path: Path) -> None:
+    """Read a map's files without making a world of them; raises as `load_map` does."""
+    read_occupancy(read_settings(path))

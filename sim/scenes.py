@@ -16,7 +16,7 @@ from sim.recordings.recording import Recording
 from sim.recordings.sensor_units import to_sensor_mm
 from sim.session import Ranges
 from sim.summary import Sample
-from sim.vehicle import Vehicle
+from sim.vehicle import Vehicle, VehicleSettings
 from sim.world import World
 
 AFTER_CRASH_S = 0.5
@@ -145,7 +145,7 @@ class RecordingScene:
         return [
             SteeringPair(time_s, our_rad, recorded_rad)
             for time_s, our_rad, recorded_rad, counts in zip(
-                times_s, ours, recorded_answers(times_s, track), moved, strict=True
+                times_s, ours, recorded_answers(times_s, track, VehicleSettings().max_steering_rad), moved, strict=True
             )
             if counts and recorded_rad is not None
         ]

@@ -19,6 +19,7 @@ from sim.lab.cell import DESIRED_M, Cell, Choice, Figures, Tabled
 from sim.lab.laps import maps_in
 from sim.lab.pool import experiment, measure_all
 from sim.lab.recordings import ENDINGS, recordings_in
+from sim.map_file import check_map
 from sim.pose import Side
 
 USAGE_ERROR = 2
@@ -158,6 +159,17 @@ def _sides(text: str | None, *, quick: bool) -> tuple[Side, ...]:
 
 
 def _maps(options: argparse.Namespace) -> tuple[str, ...]:
+    """Return the maps to drive; UsageError for one that cannot be read, before any of them is driven."""
+    found = _found_maps(options) if options.experiment == "laps" else ()
+    for path in found:
+        try:
+            check_map(Path(path))
+        except (ValueError, OSError) as error:
+            raise UsageError(str(error)) from None
+    return found
+
+
+def _found_maps(options: argparse.Namespace) -> tuple[str, ...]:
     folder: Path | None = getattr(options, "maps", None)
     if folder is not None:
         found = maps_in(folder)

@@ -98,7 +98,7 @@ def replay(recording: Recording, side: Side, guard_settings: SweptSettings | Non
     judged: list[Judged] = []
     masked = np.zeros(recording.beams, np.intp)
     for number, scan in enumerate(scans_of(recording)):
-        asked = asked_at(recording, motion, number)
+        asked = asked_at(recording, motion, number, car)
         motor = motor_at(motion, number, _wheels_rad(motion, number, asked, car), float(recording.received_s[number]))
         outlook = guard.look(scan, motor)
         distance_m = follower.follow(scan, motor).distance_m
@@ -139,16 +139,17 @@ def motor_at(motion: ScanMotion, number: int, wheels_rad: float, time_s: float) 
     return MotorState(time_s, speed_mps, way_m, wheels_rad, 11.0, 0.0, 0.0, 25.0, "", timed_out=False, killed=False)
 
 
-def asked_at(recording: Recording, motion: ScanMotion, number: int) -> Asked:
-    """Return what the car was told when a scan came."""
+def asked_at(recording: Recording, motion: ScanMotion, number: int, car: CarSettings) -> Asked:
+    """Return what the car was told when a scan came; where that was not recorded, the way that it took."""
     time_s = float(recording.received_s[number])
     for track, origin in ((recording.output, "mux"), (_without_mux(recording), "program")):
         if track is not None and len(track):
-            return Asked(*_newest(track, time_s), origin)
+            speed_mps, steering_rad = _newest(track, time_s)
+            return Asked(speed_mps, _within(steering_rad, car), origin)
     speed_mps = float(motion.speed_mps[number])
     if abs(speed_mps) < DRIVES_ABOVE_MPS:
         return Asked(0.0, 0.0, "motion")
-    return Asked(speed_mps, 0.0, "motion")
+    return Asked(speed_mps, _curving_rad(motion, number, car), "motion")
 
 
 def _without_mux(recording: Recording) -> CommandTrack | None:
@@ -164,10 +165,20 @@ def _newest(track: CommandTrack, time_s: float) -> tuple[float, float]:
 
 def _wheels_rad(motion: ScanMotion, number: int, asked: Asked, car: CarSettings) -> float:
     """Return the angle of the wheels: of the motion where it shows, else what was asked for."""
+    if abs(float(motion.speed_mps[number])) < STEERS_ABOVE_MPS:
+        return asked.steering_rad
+    return _curving_rad(motion, number, car)
+
+
+def _curving_rad(motion: ScanMotion, number: int, car: CarSettings) -> float:
+    """Return the angle of wheels that drive the way's own curvature; 0 where the car is too slow to tell."""
     speed_mps = float(motion.speed_mps[number])
     if abs(speed_mps) < STEERS_ABOVE_MPS:
-        return asked.steering_rad
-    wheels_rad = math.atan(float(motion.yaw_rate_radps[number]) * car.wheelbase_m / speed_mps)
+        return 0.0
+    return _within(math.atan(float(motion.yaw_rate_radps[number]) * car.wheelbase_m / speed_mps), car)
+
+
+def _within(wheels_rad: float, car: CarSettings) -> float:
     return min(max(wheels_rad, -car.max_steering_rad), car.max_steering_rad)
 
 

@@ -15,6 +15,11 @@ OUTPUT_TOPICS = ("vesc_low_level_ackermann_cmd", "vesc_ackermann_cmd", "ackerman
 SAFETY_TOPICS = ("vesc_low_level_input_safety", "vesc_input_safety")
 """The safety controller's override."""
 
+OF_OTHERS = ("safety", "teleop", "joy", "manual", "estop", "low_level_ackermann", "output")
+"""Words in the names of topics on which a human, a safety rule or the last mux speaks."""
+LIKELY = ("nav", "high_level", "auto", "drive", "input")
+"""Words in the names of topics on which autonomous programs speak, the most telling first."""
+
 
 class RecordingError(ValueError):
     """A file cannot be played back; the text is one sentence that says which file, why, and what to do."""
@@ -102,8 +107,11 @@ class Recording:
 
     @property
     def navigation(self) -> CommandTrack | None:
-        """What the autonomous program asked for; None when it was not recorded."""
-        return self._first_of(NAVIGATION_TOPICS)
+        """What the autonomous program asked for; None when it was not recorded.
+
+        Teams name their topics freely: of those with another name the most likely one, by its name, else the fullest.
+        """
+        return self._first_of(NAVIGATION_TOPICS) or self._likely_navigation()
 
     @property
     def output(self) -> CommandTrack | None:
@@ -114,6 +122,18 @@ class Recording:
     def safety(self) -> CommandTrack | None:
         """What the safety controller demanded; None when it was not recorded or never spoke."""
         return self._first_of(SAFETY_TOPICS)
+
+    def _likely_navigation(self) -> CommandTrack | None:
+        others = {
+            topic: track for topic, track in self.commands.items()
+            if topic not in OUTPUT_TOPICS and topic not in SAFETY_TOPICS and len(track)
+            and not any(word in topic.lower() for word in OF_OTHERS)
+        }  # fmt: skip
+        for word in LIKELY:
+            if named := {topic: track for topic, track in others.items() if word in topic.lower()}:
+                others = named
+                break
+        return max(others.items(), key=lambda item: (len(item[1]), item[0]))[1] if others else None
 
     def _first_of(self, topics: tuple[str, ...]) -> CommandTrack | None:
         return next((self.commands[topic] for topic in topics if topic in self.commands), None)

@@ -191,12 +191,13 @@ def test_every_action_has_a_key_and_every_key_stands_in_the_legend():
 def test_keys_change_the_drive_and_q_ends_it():
     _, vehicle, live = corridor()
     stop = StopRequest()
-    obey("f?x", live, stop)
+    wishes = []
+    for typed in ("f?x", "q", "bq"):
+        obey(typed, live if typed != "bq" else None, stop)
+        wishes.append(stop.asked)
     assert vehicle.settings.grip_mu == 0.65
-    assert not stop.asked
-    obey("q", live, stop)
-    assert stop.asked
-    obey("bq", None, stop)
+    assert wishes == [False, True, True]
+    assert not stop.killed
 
 
 def test_a_page_asks_what_there_is_and_has_it_done():

@@ -148,3 +148,30 @@ def test_a_drawn_corridor_starts_along_it(tmp_path):
     assert abs(math.sin(world.start.yaw_rad)) < 0.02
     assert world.wall_distance_m(world.start) == pytest.approx(1.0, abs=0.1)
     assert world.collides(Pose(0.0, 1.5, 0.0))
+
+
+def drawing(folder, margin):
+    """A corridor ring of 0.1 m cells, as a drawing on white paper of that margin in cells."""
+    building = np.zeros((80, 120), np.uint8)
+    building[4:-4, 4:-4] = 254
+    building[24:-24, 24:-24] = 0
+    paper = np.full((80 + 2 * margin, 120 + 2 * margin), 254, np.uint8)
+    paper[margin : margin + 80, margin : margin + 120] = building
+    return write_map(folder, paper, "resolution: 0.1\norigin: [0, 0, 0]\n")
+
+
+@pytest.mark.parametrize("margin", [1, 60, 200])
+def test_a_start_is_in_the_building_and_not_on_the_paper_around_the_drawing(tmp_path, margin):
+    world = load_map(drawing(tmp_path, margin))
+    left_m, low_m = 0.1 * margin, 0.1 * margin
+    assert left_m < world.start.x_m < left_m + 12.0
+    assert low_m < world.start.y_m < low_m + 8.0
+    x_min, y_min, x_max, y_max = world.bounds_m
+    assert (x_max - x_min, y_max - y_min) == pytest.approx((11.2, 7.2), abs=0.21), "the paper is no part of the world"
+
+
+def test_where_there_is_nothing_but_paper_it_is_the_world(tmp_path):
+    rows = np.full((80, 80), 254, np.uint8)
+    rows[30:50, 30:50] = 0
+    world = load_map(write_map(tmp_path, rows, "resolution: 0.1\norigin: [0, 0, 0]\n"))
+    assert world.clearance(world.start) > 0.3

@@ -9,7 +9,9 @@ import pytest
 
 from runtime.recording.laws_fingerprint import laws_fingerprint
 from runtime.recording.tape import Tuned
+from runtime.recording.tape_codec import decode
 from sim.replay import reenact
+from sim.replay.drive_log import DriveLog
 from tests.sim.replay.recorded import record
 from wallride import replay_options, report_options
 
@@ -63,15 +65,13 @@ def test_changed_laws_that_decide_the_same_are_the_same(drive, capsys, monkeypat
 
 
 def test_a_recording_that_does_not_name_its_laws_is_not_blamed(drive, capsys, monkeypatch):
-    fact = reenact.DriveLog.fact
-    monkeypatch.setattr(reenact.DriveLog, "fact", lambda log, name: "" if name == "laws" else fact(log, name))
+    fact = DriveLog.fact
+    monkeypatch.setattr(DriveLog, "fact", lambda log, name: "" if name == "laws" else fact(log, name))
     assert wallride("replay", drive, "--set", "wall_follow.desired_distance_m=0.9", "--json", "-") == 3
     assert "may have changed since: it was recorded by wallride" in json.loads(capsys.readouterr().out)["laws_changed"]
 
 
 def test_settings_that_do_not_exist_any_more_are_left_out_and_named(drive, capsys, monkeypatch):
-    decode = reenact.decode
-
     def decoded(payload):
         return [
             replace(event, settings={**event.settings, "safety": {**event.settings["safety"], "wings": 2}})

@@ -140,6 +140,23 @@ def test_the_full_plan_holds_what_the_issue_names():
     assert kinds.count(True) >= 80
 
 
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("image: gone.png\nresolution: 0.05\norigin: [0, 0, 0]\n", "the map's image"),
+        ("resolution: 0.05\n", "not a map file"),
+        ("image: m.yaml\nresolution: 0.05\norigin: [0, 0, 0]\n", "not an image that can be read"),
+    ],
+)
+def test_a_map_that_cannot_be_read_is_one_sentence_before_anything_drives(tmp_path, capsys, content, words):
+    (tmp_path / "m.yaml").write_text(content)
+    assert run(options("laps", "--maps", str(tmp_path), "--jobs", "1")) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert said.count("\n") == 1
+    assert "Traceback" not in said
+
+
 def test_laps_finds_the_maps():
     if not MAPS.is_dir():
         pytest.skip("the shared maps are not there")

@@ -49,8 +49,20 @@ def test_the_mux_is_asked_before_the_program_and_the_motion_last():
     program = {"vesc_low_level_input_navigation": track(2.5)}
     assert replay(recorded(poses, commands=program), "left").judged[-1].asked.origin == "program"
     shown = replay(recorded(poses), "left").judged[15].asked
-    assert (shown.origin, shown.steering_rad) == ("motion", 0.0)
+    assert shown.origin == "motion"
+    assert shown.steering_rad == pytest.approx(0.0, abs=0.02)
     assert shown.speed_mps == pytest.approx(1.0, abs=0.05)
+
+
+def test_without_any_command_the_ways_own_curvature_is_asked_for_and_not_straight_on():
+    asked = replay(recorded(arc_poses(30, 1.0, 0.4)), "left").judged[15].asked
+    assert asked.origin == "motion"
+    assert asked.steering_rad == pytest.approx(math.atan(0.4 * 0.33), abs=0.02)
+
+
+def test_a_program_may_ask_for_more_than_the_wheels_can_do():
+    commands = {"vesc_low_level_input_navigation": track(1.0, 0.9)}
+    assert replay(recorded(arc_poses(20, 1.0), commands=commands), "left").judged[-1].asked.steering_rad == 0.34
 
 
 def test_a_command_of_long_ago_counts_no_more():
