@@ -55,15 +55,15 @@ REST_BELOW_MPS = 0.05
 class Car:
     """Everything that one drive shares. Built once, from settings and two devices; `drive` runs it.
 
-    file: where live parameters are saved, None where there is none. reading_s: how long the bytes of the newest scan
-    took from the kernel, where the lidar knows it. cadence: the one that the devices keep clear of.
-    warmth: told when a scan is answered.
+    file: where live parameters are saved, None where there is none; base: the file below it.
+    reading_s: how long the bytes of the newest scan took from the kernel, where the lidar knows it.
+    cadence: the one that the devices keep clear of. warmth: told when a scan is answered.
     """
 
     def __init__(
         self, settings: Settings, lidar: Lidar, motor: Motor, bus: Network, clock: Clock, file: Path | None = None,
         *, reading_s: Callable[[], float] = lambda: 0.0, cadence: Cadence | None = None,
-        warmth: Warmth | None = None, wall_clock: WallClock | None = None,
+        warmth: Warmth | None = None, wall_clock: WallClock | None = None, base: Path | None = None,
     ) -> None:  # fmt: skip
         self.settings = settings
         self.lidar = lidar
@@ -99,7 +99,7 @@ class Car:
             car_session=self.session,
         )  # fmt: skip
         self.history = History(settings.parameters.history)
-        self.parameters = ParameterDesk(settings, self._surroundings(file), self.history)
+        self.parameters = ParameterDesk(settings, self._surroundings(file, base), self.history)
         self.sink = ZenohSink(bus, settings.car.name, settings.telemetry.rates_hz)
         self.telemetry = Telemetry(
             self._observed(), settings.car, [self.sink, self.recorder],
@@ -235,13 +235,14 @@ class Car:
             link=lambda: {"endpoint": self.bus.endpoint, "open": self.bus.is_open, "dropped": self.bus.dropped},
         )
 
-    def _surroundings(self, file: Path | None) -> Surroundings:
+    def _surroundings(self, file: Path | None, base: Path | None) -> Surroundings:
         return Surroundings(
             apply=self.apply,
             is_standing=self.is_standing,
             clock=self.clock,
             date=lambda: datetime.now(UTC).isoformat(timespec="seconds"),
             file=file,
+            base=base,
             may_loosen=self.settings.operator.loosen_safety_while_driving,
         )
 

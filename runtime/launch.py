@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -55,14 +55,22 @@ class LaunchError(Exception):
     """The car cannot be started as its settings say; the text names the remedy."""
 
 
-def main(
-    settings: Settings, file: Path | None, session: Mapping[str, Any], warnings: Sequence[str],
-    address_file: Path | None = None,
-) -> None:  # fmt: skip
+@dataclass(frozen=True, slots=True)
+class Files:
+    """Where a process reads and writes. saved: live parameters; base: the settings file below that one, if any.
+
+    address: where to write which address telemetry has.
+    """
+
+    saved: Path | None = None
+    base: Path | None = None
+    address: Path | None = None
+
+
+def main(settings: Settings, files: Files, session: Mapping[str, Any], warnings: Sequence[str]) -> None:
     """Drive until SIGINT or SIGTERM; returns when the car stands. LaunchError when its port is taken.
 
-    file: where live parameters are saved. session: the configuration of the zenoh session.
-    warnings: what the owner should hear first. address_file: where to write which address telemetry has.
+    session: the configuration of the zenoh session. warnings: what the owner should hear first.
     """
     scheduling = keep_for_this_thread()
     with journal(settings.log.level, settings.log.format):
@@ -76,7 +84,7 @@ def main(
             motors: list[Motor] = []
             with braking_last(motors), asyncio.Runner(loop_factory=punctual_loop) as runner, braking_last(motors):
                 warmth = Warmth(compiled.prefetch)
-                runner.run(_drive(settings, file, session, warmth, address_file, motors.append))
+                runner.run(_drive(settings, files, session, warmth, motors.append))
 
 
 @contextmanager
@@ -104,12 +112,7 @@ def punctual_loop() -> asyncio.AbstractEventLoop:
 
 
 async def _drive(
-    settings: Settings,
-    file: Path | None,
-    session: Mapping[str, Any],
-    warmth: Warmth,
-    address_file: Path | None,
-    fitted: Callable[[Motor], None],
+    settings: Settings, files: Files, session: Mapping[str, Any], warmth: Warmth, fitted: Callable[[Motor], None]
 ) -> None:
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
@@ -128,13 +131,13 @@ async def _drive(
     fitted(motor)
     lidar = Hokuyo(settings.lidar, clock=clock, clear_s=cadence.clear_s)
     car = Car(
-        settings, lidar, motor, bus, clock, file, reading_s=lambda: lidar.reading_s, cadence=cadence, warmth=warmth,
-        wall_clock=WallClock(clock),
+        settings, lidar, motor, bus, clock, files.saved, reading_s=lambda: lidar.reading_s, cadence=cadence,
+        warmth=warmth, wall_clock=WallClock(clock), base=files.base,
     )  # fmt: skip
     motor.inertia.on_measurement = car.telemetry.on_imu
     if (history := history_file(settings)) is not None:
         parameters.read_history(car.history, history)
-    opening = asyncio.create_task(_open(car, bus, stop, address_file), name="bus")
+    opening = asyncio.create_task(_open(car, bus, stop, files.address), name="bus")
     laws_fingerprint()  # now, while the files are those that were loaded
     methods.warm_up(settings.wall_follow, settings.safety, settings.car)
     gc.collect()

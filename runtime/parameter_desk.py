@@ -54,6 +54,7 @@ class Surroundings:
 
     apply: takes the new settings and the names that changed, in one step of the loop; must not fail.
     is_standing: whether the wheels stand and nobody drives. file: where to save, None where there is none.
+    base: the file below that one, where it holds differences only.
     may_loosen: whether limits may be loosened while driving. date: date and time in UTC, for people.
     """
 
@@ -63,6 +64,7 @@ class Surroundings:
     date: Callable[[], str]
     file: Path | None = None
     may_loosen: bool = False
+    base: Path | None = None
 
 
 class ParameterDesk:
@@ -192,7 +194,7 @@ class ParameterDesk:
         sections = {name.partition(".")[0] for name in edits}
         expected |= {f"{section}.method": now[f"{section}.method"] for section in METHODS if section in sections}
         try:
-            await asyncio.to_thread(parameter_store.save, file, edits, expected)
+            await asyncio.to_thread(parameter_store.save, file, edits, expected, self._car.base)
         except parameter_store.StoreError as error:
             raise self._refusal(str(error)) from None
 

@@ -8,13 +8,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from runtime.control.method_settings import METHODS, TAGS
+from runtime.control.method_settings import KEPT_BY_NEW_METHOD, METHODS, TAGS
 from runtime.parameter_rules import is_looser
 from runtime.parameters import Parameter, Value, catalogue, shown, values
 from runtime.settings import Settings
 
-KEPT_BY_NEW_METHOD = frozenset({"side", "desired_distance_m", "speed_mps", "expires_after_s", "binds_teleop"})
-"""These mean the same in every law; gains and margins of one law say nothing about another's."""
 _BOUNDS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
 
 

@@ -10,8 +10,11 @@ from collections.abc import Callable, Mapping, MutableMapping
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
+from runtime.control.method_settings import METHODS
 from runtime.parameters import Value, shown, values
-from runtime.settings import SettingsError, load_settings
+from runtime.settings import Settings, SettingsError, layered, load_settings, read_tree
 
 _NEW_FILE_MODE = 0o644
 
@@ -20,29 +23,40 @@ class StoreError(Exception):
     """Nothing was saved, and the file is what it was, unless the text says otherwise."""
 
 
-def save(path: Path, edits: Mapping[str, Value | None], expected: Mapping[str, Value]) -> None:
+def save(
+    path: Path, edits: Mapping[str, Value | None], expected: Mapping[str, Value], base: Path | None = None
+) -> None:
     """Write edits (None removes a key) into a settings file, then see that it loads to the expected values.
 
-    What somebody else wrote into the file since the start stays. Raises StoreError.
+    What has its value without this file is not added to it. What somebody else wrote into it since the start stays.
+    base: the file below this one, where there is one; then this one holds differences only, and need not exist.
+    Raises StoreError.
     """
     path = Path(os.path.realpath(path))  # a link to the file stays a link
-    try:
-        text = path.read_bytes().decode()
-        before = path.stat()
-    except (OSError, UnicodeDecodeError) as error:
-        raise StoreError(f"{path}: cannot be read: {_why(error)}") from None
-    content = merged(text, edits, path)
+    text, before = _present(path, base)
+    known = _unsaid(base, expected)
+    content = merged(text, edits, path, known, keep=base is None)
 
     def is_good(written: Path) -> None:
-        _check(written, expected, path)
-        if _moment(path.stat()) != _moment(before):
+        _check(written, expected, path, base)
+        if _moment(path) != before:
             raise StoreError(f"{path}: somebody else changed it just now; nothing was saved, try again")
 
-    replace(path, content.encode(), like=before, check=is_good)
+    replace(path, content.encode(), like=path.stat() if before is not None else None, check=is_good)
 
 
-def merged(text: str, edits: Mapping[str, Value | None], path: Path) -> str:
-    """Return a TOML text with some values changed and everything else as it was."""
+def merged(
+    text: str,
+    edits: Mapping[str, Value | None],
+    path: Path,
+    known: Mapping[str, Value] | None = None,
+    *,
+    keep: bool = True,
+) -> str:
+    """Return a TOML text with some values changed and everything else as it was.
+
+    known: values that need not be written. keep: whether a line with such a value stays when it is there already.
+    """
     import tomlkit  # slow to import, and only needed here
     from tomlkit.exceptions import TOMLKitError
 
@@ -50,13 +64,42 @@ def merged(text: str, edits: Mapping[str, Value | None], path: Path) -> str:
         document = tomlkit.parse(text)
         for name, value in edits.items():
             *sections, key = name.split(".")
-            if value is None:
+            is_known = value is not None and known is not None and known.get(name) == value
+            if value is None or (is_known and not keep):
                 _remove(document, sections, key)
-            else:
+            elif not is_known or _holds(document, sections, key):
                 _section(document, sections, tomlkit.table)[key] = value
         return tomlkit.dumps(document)
     except (TOMLKitError, TypeError, ValueError) as error:
         raise StoreError(f"{path}: is not TOML that can be edited: {error}; nothing was saved") from None
+
+
+def _present(path: Path, base: Path | None) -> tuple[str, tuple[int, int, int] | None]:
+    """Return what a file holds and when it was written; a file of differences may not be there yet."""
+    try:
+        if base is not None and not path.exists():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            return f"# What `wallride param save` and the page's Save changed, on top of {base.name}.\n\n", None
+        return path.read_bytes().decode(), _moment(path)
+    except (OSError, UnicodeDecodeError) as error:
+        raise StoreError(f"{path}: cannot be read: {_why(error)}") from None
+
+
+def _unsaid(base: Path | None, expected: Mapping[str, Value]) -> Mapping[str, Value]:
+    """Return the values that hold without the file: those of the laws that are wanted, and the method itself."""
+    try:
+        below = load_settings(base)
+        methods = {
+            section: str(expected.get(f"{section}.method", getattr(below, section).method)) for section in METHODS
+        }
+        tree = read_tree(base) if base is not None else {}
+        laws = layered(tree, {section: {"method": method} for section, method in methods.items()})
+        return {
+            **values(Settings.model_validate(laws)),
+            **{f"{section}.method": getattr(below, section).method for section in METHODS},
+        }
+    except (SettingsError, ValidationError):
+        return {}  # then everything is written, and the check of the written file says what is wrong
 
 
 def replace(
@@ -109,10 +152,10 @@ def _force_to_disk(directory: Path) -> None:
         os.close(handle)
 
 
-def _check(written: Path, expected: Mapping[str, Value], path: Path) -> None:
+def _check(written: Path, expected: Mapping[str, Value], path: Path, base: Path | None) -> None:
     """Refuse a file that would not start the car again, or not with these values."""
     try:
-        found = values(load_settings(written))
+        found = values(load_settings(written) if base is None else load_settings(base, saved=written))
     except SettingsError as error:
         raise StoreError(f"{str(error).replace(str(written), str(path))}; nothing was saved") from None
     for name, value in expected.items():
@@ -131,6 +174,12 @@ def _section(document: Any, sections: list[str], new_table: Callable[[], Any]) -
     return document  # type: ignore[no-any-return]
 
 
+def _holds(document: Any, sections: list[str], key: str) -> bool:  # noqa: ANN401 - as above
+    for section in sections:
+        document = document.get(section, {})
+    return key in document
+
+
 def _remove(document: Any, sections: list[str], key: str) -> None:  # noqa: ANN401 - as above
     """Remove a key, and the sections that are empty without it."""
     chain = [document]
@@ -143,7 +192,12 @@ def _remove(document: Any, sections: list[str], key: str) -> None:  # noqa: ANN4
             del table[name]
 
 
-def _moment(status: os.stat_result) -> tuple[int, int, int]:
+def _moment(path: Path) -> tuple[int, int, int] | None:
+    """Return what changes whenever somebody writes a file; None while there is none."""
+    try:
+        status = path.stat()
+    except FileNotFoundError:
+        return None
     return status.st_ino, status.st_size, status.st_mtime_ns
 
 

@@ -1,7 +1,7 @@
 """The settings tree: frozen, closed, and checked before the wheels can turn.
 
 It mirrors the TOML file section by section; drivers bring their own part. A wrong key is an error that names the
-key, never a silent default. Layers, later ones winning: defaults here, the file, `--set KEY=VALUE`.
+key, never a silent default. Layers, later ones winning: defaults here, the file, what was saved, `--set KEY=VALUE`.
 """
 
 import json
@@ -17,6 +17,7 @@ from drivers.vesc.settings import VescSettings
 from runtime.car_settings import CarSettings
 from runtime.command import LAB_ORDER, Source
 from runtime.control.method_settings import (
+    KEPT_BY_NEW_METHOD,
     METHODS,
     TAGS,
     BallFollowSettings,
@@ -107,9 +108,14 @@ class Settings(Section):
         return tuple(order)
 
 
-def load_settings(path: Path | None, assignments: Sequence[str] = ()) -> Settings:
-    """Build the tree from a file and `KEY=VALUE` texts; SettingsError when any part of it is unusable."""
-    tree: dict[str, Any] = _read_file(path) if path is not None else {}
+def load_settings(path: Path | None, assignments: Sequence[str] = (), saved: Path | None = None) -> Settings:
+    """Build the tree from a file and `KEY=VALUE` texts; SettingsError when any part of it is unusable.
+
+    saved: a second file on top of the first, where changes are saved; it need not be there yet.
+    """
+    tree: dict[str, Any] = read_tree(path) if path is not None else {}
+    if saved is not None and saved.exists():
+        tree = layered(tree, read_tree(saved))
     for assignment in assignments:
         _assign(tree, assignment)
     try:
@@ -119,7 +125,26 @@ def load_settings(path: Path | None, assignments: Sequence[str] = ()) -> Setting
         raise SettingsError(f"{where}: " + "; ".join(_sentence(item) for item in error.errors())) from None
 
 
-def _read_file(path: Path) -> dict[str, Any]:
+def layered(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    """Return one tree of two. A law chosen above leaves below only what means the same in every law."""
+    tree = dict(below)
+    for name, value in above.items():
+        under = tree.get(name)
+        if not isinstance(value, dict) or not isinstance(under, dict):
+            tree[name] = value
+            continue
+        if name in METHODS and value.get("method", _method(name, under)) != _method(name, under):
+            under = {key: kept for key, kept in under.items() if key in KEPT_BY_NEW_METHOD}
+        tree[name] = layered(under, value)
+    return tree
+
+
+def _method(section: str, values: Mapping[str, Any]) -> object:
+    return values.get("method", getattr(Settings(), section).method)
+
+
+def read_tree(path: Path) -> dict[str, Any]:
+    """Return what a file says, not yet checked; SettingsError when it cannot be read."""
     try:
         with path.open("rb") as file:
             return tomllib.load(file)

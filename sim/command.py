@@ -20,6 +20,7 @@ from sim.live_conditions import LiveConditions
 from sim.live_keys import pressing
 from sim.pose import Pose
 from sim.recordings import RecordingError, load_recording
+from sim.saved_settings import saved_settings
 from sim.scenes import RecordingScene, WorldScene
 from sim.session import USAGE_ERROR, Record, Session, SessionError, Start
 from sim.stop_request import StopRequest
@@ -52,7 +53,10 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
     console = Console(stderr=True)
     try:
         config = options.config or find_config()
-        settings = load_settings(config, options.assignments)
+        saved = saved_settings(config)
+        settings = load_settings(config, options.assignments, saved)
+        if saved.exists():
+            console.print(f"[dim]with what was saved in {saved} (delete it to forget)[/dim]", soft_wrap=True)
         _check_outputs(options)
         drive = _replay if options.recording is not None else _drive
         summary = drive(options, config, settings, stop, console)
@@ -152,7 +156,8 @@ def _replay(
 def _start(options: argparse.Namespace, config: Path, settings: Settings) -> Start:
     """Return how the runtime is started; where nobody named a port, a free one will do."""
     is_named = "listen" in settings.telemetry.model_fields_set or "any_port" in settings.telemetry.model_fields_set
-    return Start(config, [*options.assignments, *([] if is_named else ["telemetry.any_port=true"])])
+    assignments = [*options.assignments, *([] if is_named else ["telemetry.any_port=true"])]
+    return Start(config, assignments, ["--saved", str(saved_settings(config))])
 
 
 def _run(

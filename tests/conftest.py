@@ -10,6 +10,7 @@ def recordings_go_elsewhere(tmp_path_factory):
     """Let every car, also in another process, record into a folder that goes away."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_DATA_HOME", str(tmp_path_factory.mktemp("data")))
+        patch.setenv("XDG_CONFIG_HOME", str(tmp_path_factory.mktemp("config")))
         yield
 
 

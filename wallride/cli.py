@@ -57,6 +57,10 @@ def build_parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--address-file", type=Path, metavar="FILE", help="write where telemetry listens, and the session, as JSON"
     )
+    run.add_argument(
+        "--saved", type=Path, metavar="FILE",
+        help="settings on top of the TOML file, and where `param save` writes (default: the TOML file itself)",
+    )  # fmt: skip
     check.add_argument("--devices", action="store_true", help="fail also when a device is not plugged in")
     sim_options.add(commands)
     lab = commands.add_parser("lab", help="experiments with the car's own laws, faster than real time")
@@ -96,7 +100,7 @@ def _run(options: argparse.Namespace) -> int:
 
     try:
         file = options.config or _default_config()
-        settings = _load(file, options.assignments)
+        settings = _load(file, options.assignments, options.saved)
         problems = [text for text, fatal in _device_problems(settings) if fatal]
         session, warnings = _session(settings)
     except (SettingsError, KeysError) as error:
@@ -106,7 +110,8 @@ def _run(options: argparse.Namespace) -> int:
     from runtime import launch
 
     try:
-        launch.main(settings, file, session, warnings, options.address_file)
+        files = launch.Files(options.saved or file, file if options.saved else None, options.address_file)
+        launch.main(settings, files, session, warnings)
     except launch.LaunchError as error:
         return fail(str(error))
     return 0
@@ -151,10 +156,10 @@ def _default_config() -> Path | None:
     return DEFAULT_CONFIG if DEFAULT_CONFIG.is_file() else None
 
 
-def _load(config: Path | None, assignments: Sequence[str]) -> "Settings":
+def _load(config: Path | None, assignments: Sequence[str], saved: Path | None = None) -> "Settings":
     from runtime.settings import load_settings
 
-    return load_settings(config, assignments)
+    return load_settings(config, assignments, saved)
 
 
 def _session(settings: "Settings") -> tuple[dict[str, Any], tuple[str, ...]]:

@@ -62,3 +62,6 @@ METHODS: Mapping[str, tuple[type[BaseModel], ...]] = {
     "safety": (SweptSafetySettings, ReportSafetySettings),
 }
 TAGS = frozenset({"ball", "swept", "report"})
+
+KEPT_BY_NEW_METHOD = frozenset({"side", "desired_distance_m", "speed_mps", "expires_after_s", "binds_teleop"})
+"""These mean the same in every law; gains and margins of one law say nothing about another's."""

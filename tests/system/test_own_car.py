@@ -10,12 +10,14 @@ import random
 import signal
 import socket
 import time
+from pathlib import Path
 
 import pytest
 
 from runtime.address_file import read_address
 from runtime.bus import free_endpoint
 from sim.runtime_process import WallrideProcess
+from sim.saved_settings import saved_settings
 from tests.runtime.recording.reading import streamed
 
 STRAY = ("Traceback", "asyncio", "Exception ignored", "never retrieved", "Event loop is closed", "KeyboardInterrupt")
@@ -196,3 +198,28 @@ async def test_a_second_ctrl_c_kills(tmp_path):
     finally:
         await car.end()
     assert not [word for word in STRAY if word in "\n".join(car.log)], list(car.log)
+
+
+async def test_what_is_saved_in_a_simulation_goes_to_a_file_of_the_users(tmp_path):
+    tracked, own = Path("config/sim.toml").read_text(), saved_settings(Path("config/sim.toml"))
+    endpoint = free_endpoint()
+    car = sim(tmp_path, "car", "--duration", "60", "--set", f"telemetry.listen={endpoint}")
+    try:
+        await car.start()
+        async with asyncio.timeout(30):
+            while not any("in another terminal" in line for line in car.log):
+                await asyncio.sleep(0.05)
+        said = []
+        for words in (("set", "wall_follow.kp=11"), ("save",)):
+            asking = WallrideProcess(["param", *words, "--connect", endpoint])
+            await asking.start()
+            assert await asking.wait() == 0, list(asking.log)
+            said.append("\n".join(asking.log))
+        assert f"saved to {own}: wall_follow.kp" in said[-1]
+    finally:
+        car.kill(signal.SIGINT)
+        await car.wait()
+        text = own.read_text()
+        own.unlink()
+    assert Path("config/sim.toml").read_text() == tracked
+    assert [line for line in text.splitlines() if "=" in line] == ["kp = 11"]
