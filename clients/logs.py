@@ -13,7 +13,7 @@ from runtime import wire
 from runtime.bus import Bus, RefusedError
 from runtime.recording import questions
 from runtime.recording.recover import RecoveryError, file_state, is_whole, recover
-from runtime.recording.ring import MB, Entry, entries, parse, trim
+from runtime.recording.ring import KEPT, MB, Entry, entries, folders, keep, parse, trim
 from runtime.recording_settings import recordings_folder
 
 ANSWER_WITHIN_S = 3.0
@@ -44,6 +44,8 @@ async def run(options: argparse.Namespace) -> int:
             return 0
         case "recover":
             return _recover(options.files, options)
+        case "keep":
+            return _keep(options)
         case _ if options.local is not None:
             return _here(options)
         case _:
@@ -71,19 +73,35 @@ def _standing(status: Answer) -> str:
 
 def _here(options: argparse.Namespace) -> int:
     """List or trim a folder of this machine."""
-    folder = Path(options.local) if options.local else recordings_folder("")
+    above = Path(options.local) if options.local else recordings_folder("")
     if options.action == "get":
-        raise ConnectionProblemError(f"what --local names is here already: {folder}")
+        raise ConnectionProblemError(f"what --local names is here already: {above}")
+    places = folders(above)
     if options.action == "trim":
-        gone = trim(folder, options.keep_mb * MB)
-        _say_gone([entry.name for entry in gone], options)
+        rings = [folder for folder in places if folder.name != KEPT]
+        gone = [entry.name for folder in rings for entry in trim(folder, options.keep_mb * MB)]
+        _say_gone(gone, options)
         return 0
-    _say_list([_listed(folder, entry) for entry in entries(folder)], str(folder), options)
+    found = [_listed(folder, entry, above) for folder in places for entry in entries(folder)]
+    _say_list(found, str(above), options)
     return 0
 
 
-def _listed(folder: Path, entry: Entry) -> Listed:
-    return Listed(entry.name, entry.size_bytes, entry.is_black_box, entry.reason, file_state(folder / entry.name))
+def _listed(folder: Path, entry: Entry, above: Path) -> Listed:
+    path = folder / entry.name
+    name = path.relative_to(above).as_posix()
+    return Listed(name, entry.size_bytes, entry.is_black_box, entry.reason, file_state(path))
+
+
+def _keep(options: argparse.Namespace) -> int:
+    """Take recordings out of their ring, which would let go of them one day."""
+    for path in options.files:
+        found = _found(path)
+        try:
+            options.say(f"kept: {keep(found)}")
+        except OSError as error:
+            raise ConnectionProblemError(f"{found}: {error.strerror or error}") from None
+    return 0
 
 
 async def _there(options: argparse.Namespace) -> int:
@@ -197,9 +215,12 @@ def _found(path: Path) -> Path:
     """Return the path of a recording that may be named as in the list."""
     if path.is_file():
         return path
-    here = recordings_folder("") / path.name
-    if path.name == str(path) and here.is_file():
-        return here
+    above = recordings_folder("")
+    if not path.is_absolute() and (above / path).is_file():
+        return above / path
+    for folder in folders(above):
+        if path.name == str(path) and (folder / path).is_file():
+            return folder / path
     raise ConnectionProblemError(f"{path}: no such file here (wallride logs get brings it from the car)")
 
 

@@ -10,6 +10,7 @@ from pydantic import Field
 from runtime.section import Section
 
 FOLDER = "wallride/recordings"
+SIMULATED = "simulated"
 
 
 class RecordingSettings(Section):
@@ -23,10 +24,14 @@ class RecordingSettings(Section):
     request: only when `wallride record start` asks."""
 
     folder: str = ""
-    """Where; empty is the service's state directory, else ~/.local/share/wallride/recordings."""
+    """Where; empty is a folder of the car's name in the service's state directory, else in
+    ~/.local/share/wallride/recordings."""
+
+    simulated: bool = False
+    """A simulated car: its folder, and so its ring, is apart from those of real drives. Set by `wallride sim`."""
 
     ring_mb: Annotated[int, Field(ge=16)] = 4096
-    """All recordings together; the oldest make room for the new. An hour of driving is about 1 GB."""
+    """All recordings of a car together; the oldest make room for the new. An hour of driving is about 1 GB."""
 
     keep_free_mb: Annotated[int, Field(ge=0)] = 512
     """So much of the disk is left to others, whatever the ring may hold."""
@@ -52,3 +57,11 @@ def recordings_folder(configured: str, environment: Mapping[str, str] = os.envir
         return Path(state) / "recordings"
     data = environment.get("XDG_DATA_HOME") or "~/.local/share"
     return Path(data).expanduser() / FOLDER
+
+
+def car_folder(settings: RecordingSettings, car: str, environment: Mapping[str, str] = os.environ) -> Path:
+    """Return where one car records: a folder of its own, so that no car's recordings make room for another's."""
+    folder = recordings_folder(settings.folder, environment)
+    if settings.folder:
+        return folder
+    return folder / SIMULATED / car if settings.simulated else folder / car

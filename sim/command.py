@@ -15,7 +15,7 @@ from rich.table import Table
 from runtime.settings import Settings, SettingsError, load_settings
 from sim.comparison import compare
 from sim.conditions import Conditions, ConditionsError, Wishes, conditions_of
-from sim.live import LiveView, address_in, operate_hint
+from sim.live import LiveView, address_in, operate_hint, starting
 from sim.live_conditions import LiveConditions
 from sim.live_keys import pressing
 from sim.pose import Pose
@@ -156,7 +156,9 @@ def _replay(
 def _start(options: argparse.Namespace, config: Path, settings: Settings) -> Start:
     """Return how the runtime is started; where nobody named a port, a free one will do."""
     is_named = "listen" in settings.telemetry.model_fields_set or "any_port" in settings.telemetry.model_fields_set
-    assignments = [*options.assignments, *([] if is_named else ["telemetry.any_port=true"])]
+    is_placed = "simulated" in settings.recording.model_fields_set
+    chosen = [*([] if is_named else ["telemetry.any_port=true"]), *([] if is_placed else ["recording.simulated=true"])]
+    assignments = [*options.assignments, *chosen]
     return Start(config, assignments, ["--saved", str(saved_settings(config))])
 
 
@@ -198,7 +200,7 @@ def _teller(console: Console) -> Callable[[Record], None]:
     told = [""]
 
     def tell(record: Record) -> None:
-        for line in (operate_hint(record.address), f"in a browser: {address_in(record.page)}"):
+        for line in (starting(record), operate_hint(record.address), f"in a browser: {address_in(record.page)}"):
             if line not in told and not line.endswith(": "):
                 console.print(f"[dim]{line}[/dim]", soft_wrap=True)
                 told.append(line)

@@ -19,6 +19,7 @@ from sim.vehicle import Vehicle
 LIDAR_X_M = 0.27
 FARTHEST_MM = 30_000
 REFRESH_HZ = 10
+SLOW_START_S = 3.0
 DEFAULT_LISTEN = SessionSettings().listen[0]
 NOWHERE = np.empty((0, 4))
 
@@ -74,7 +75,7 @@ class LiveView:
             steering_rad=output.get("steering_rad"),
             distance_error_m=error.get("error_m"),
             winner=output.get("winner", ""),
-            reason=output.get("reason", ""),
+            reason=output.get("reason", "") or starting(record),
             lidar=said.get("lidar", {}).get("message", ""),
             motor=said.get("motor", {}).get("message", ""),
             page=address_in(record.page),
@@ -89,6 +90,13 @@ class LiveView:
         beams = len(ranges_m)
         bearing_rad = lidar.yaw_rad + (np.arange(beams) - beams // 2) * math.radians(0.25)
         return np.column_stack([lidar.x_m + ranges_m * np.cos(bearing_rad), lidar.y_m + ranges_m * np.sin(bearing_rad)])
+
+
+def starting(record: Record) -> str:
+    """Return what a start that takes long is busy with, "" for an ordinary one."""
+    if record.address is not None or record.starting_s < SLOW_START_S:
+        return ""
+    return "the car is starting; the first time it compiles its hot path, which takes up to a minute"
 
 
 def operate_hint(address: Address | None) -> str:

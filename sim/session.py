@@ -30,7 +30,8 @@ from sim.vehicle import Vehicle
 
 STEP_S = 0.005
 SHOW_S = 0.1
-START_TIMEOUT_S = 20.0
+START_TIMEOUT_S = 120.0
+"""The first start compiles the hot path, which takes a busy computer a minute."""
 USAGE_ERROR = 2
 HEARD_WITHIN_S = 3.0
 """A drive of a moment is over before the first message; so long is waited for one."""
@@ -89,7 +90,7 @@ class Record:
 
     samples: the truth, one per scan. steering_rad: our answer to each scan, read from the wire before the next one.
     telemetry: the runtime's newest message of each topic. unheard: why it has none, "" while it has.
-    address: where the runtime can be reached. stop_command: the last motor command it ever wrote.
+    address: where the runtime can be reached. starting_s: how long it has been waited for. stop_command: the last motor command it ever wrote.
     log, page: what the runtime, and the monitor beside it, printed.
     """
 
@@ -102,6 +103,7 @@ class Record:
     telemetry: dict[str, Any] = field(default_factory=dict)
     unheard: str = "the runtime did not say where its telemetry is"
     address: Address | None = None
+    starting_s: float = 0.0
     log: Sequence[str] = ()
     page: Sequence[str] = ()
     exit_code: int | None = None
@@ -141,7 +143,7 @@ class Session:
             stack.enter_context(stop.killing(runtime.kill))
             record.log = runtime.log
             await runtime.start()
-            await self._until_up(scip, runtime, told)
+            await self._until_up(scip, runtime, told, on_frame)
             async with asyncio.TaskGroup() as tasks:
                 listener = self._listener()
                 listening = tasks.create_task(listener.run(), name="listener") if listener is not None else None
@@ -171,15 +173,21 @@ class Session:
         stack.callback(scip.close)
         return scip, vesc, [f"lidar.address=tcp://127.0.0.1:{port}", f"motor.address=serial://{folder / 'vesc'}"]
 
-    async def _until_up(self, scip: ScipEmulator, runtime: RuntimeProcess, told: Path) -> None:
+    async def _until_up(
+        self, scip: ScipEmulator, runtime: RuntimeProcess, told: Path, on_frame: Callable[[Record], None]
+    ) -> None:
         """Wait until the runtime asks for scans and has said where it can be reached."""
-        give_up_s = time.monotonic() + START_TIMEOUT_S
-        while not scip.streaming or self.record.address is None:
-            if runtime.exit_code is not None or time.monotonic() > give_up_s:
+        record, begin_s, shown_s = self.record, time.monotonic(), 0.0
+        while not scip.streaming or record.address is None:
+            record.starting_s = time.monotonic() - begin_s
+            if runtime.exit_code is not None or record.starting_s > START_TIMEOUT_S:
                 await runtime.stop()
                 raise SessionError(_last_words(runtime), runtime.exit_code)
+            if record.starting_s - shown_s > SHOW_S:
+                shown_s = record.starting_s
+                on_frame(record)
             await asyncio.sleep(0.01)
-            self.record.address = read_address(told)
+            record.address = read_address(told)
 
     def _listener(self) -> Listener | None:
         address = self.record.address

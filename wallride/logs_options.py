@@ -17,8 +17,11 @@ MB = 1_000_000
 
 def add(commands: "Commands") -> None:
     """Add both commands."""
-    logs = commands.add_parser("logs", help="recordings of a car: list, get, trim, info, recover")
-    actions = logs.add_subparsers(dest="action", required=True, metavar="ACTION")
+    logs = commands.add_parser(
+        "logs", help="recordings: list, get, keep, trim, info, recover", description="Alone: what is on this machine."
+    )
+    logs.set_defaults(run=_logs, say=say, local="", json=False)
+    actions = logs.add_subparsers(dest="action", metavar="ACTION")
     listing = actions.add_parser("list", help="the recordings that a car, or a folder here, has")
     getting = actions.add_parser("get", help="bring recordings here (default: the newest)")
     getting.add_argument("names", nargs="*", metavar="NAME", help="as in `wallride logs list`")
@@ -42,7 +45,10 @@ def add(commands: "Commands") -> None:
 def _add_for_files(actions: "Commands", listing: argparse.ArgumentParser) -> None:
     info = actions.add_parser("info", help="what is in a recording")
     mending = actions.add_parser("recover", help="finish a recording that was cut off, in its place")
-    for action in (info, mending):
+    keeping = actions.add_parser(
+        "keep", help="take recordings out of the ring, so that they never make room for new ones"
+    )
+    for action in (info, mending, keeping):
         action.add_argument("files", nargs="+", type=Path, metavar="FILE")
     for action in (listing, info):
         action.add_argument("--json", action="store_true", help="as JSON, for programs")

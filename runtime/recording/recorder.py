@@ -27,7 +27,7 @@ from runtime.recording.ring import MB, Ring
 from runtime.recording.scribe import Facts, Scribe
 from runtime.recording.tape import MOST_EVENTS, Tape
 from runtime.recording.transcriber import Transcriber
-from runtime.recording_settings import RecordingSettings, recordings_folder
+from runtime.recording_settings import RecordingSettings, car_folder
 from runtime.ros.definitions import TYPES
 from runtime.wall_clock import WallClock
 
@@ -87,7 +87,7 @@ class Recorder:
         clock: Clock,
         disk: Disk | None = None,
     ) -> None:
-        self.folder = recordings_folder(settings.folder)
+        self.folder = car_folder(settings, car)
         self.tape = Tape(clock, MOST_EVENTS if settings.enabled else 0)
         self.is_enabled = settings.enabled
         self._settings = settings

@@ -7,6 +7,8 @@ The last number counts the files of this folder and tells what is older, because
 may think that it is 1970; b counts the starts of the computer. A file without its end (`recover`) has the same name.
 """
 
+import contextlib
+import errno
 import json
 import re
 from collections.abc import Iterator, Sequence
@@ -21,6 +23,10 @@ MB = 1_000_000
 NAME = re.compile(r"(\d{8}T\d{6}Z)-b(\d{4,})-(\d{5,})(-stop(?:-([a-z0-9-]{1,48}))?)?\.mcap")
 COUNTS = "counts.json"
 """How many files and starts there were, so that a number is not given twice after its file was deleted."""
+KEPT = "kept"
+"""The folder beside a ring whose files the ring never takes."""
+DEEPEST = 3
+"""Folders below the one of all recordings: simulated/CAR/kept."""
 BLACK_BOX_SHARE = 0.25
 """Black boxes go last, as long as they do not take more of the ring than this."""
 
@@ -48,6 +54,28 @@ def entries(folder: Path) -> list[Entry]:
         return sorted(_entries(folder), key=lambda entry: entry.number)
     except (FileNotFoundError, NotADirectoryError):
         return []
+
+
+def folders(above: Path, deepest: int = DEEPEST) -> list[Path]:
+    """Return the folder and those below it, as far as they hold recordings, in the order of their names."""
+    found = [above] if entries(above) else []
+    if deepest:
+        with contextlib.suppress(OSError):
+            below = sorted(path for path in above.iterdir() if path.is_dir() and not path.is_symlink())
+            found += [folder for path in below for folder in folders(path, deepest - 1)]
+    return found
+
+
+def keep(path: Path) -> Path:
+    """Move a recording out of its ring's reach; returns where it is. OSError when it may not, or is being written."""
+    if path.parent.name == KEPT:
+        return path
+    if is_being_written(path):
+        raise OSError(errno.EBUSY, "is being written; keep it when the drive is over")
+    target = path.parent / KEPT / path.name
+    target.parent.mkdir(exist_ok=True)
+    path.rename(target)
+    return target
 
 
 def _entries(folder: Path) -> Iterator[Entry]:

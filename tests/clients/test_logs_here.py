@@ -1,0 +1,85 @@
+"""`wallride logs` on this machine: a folder and a ring for each car, simulations apart, and what is kept for good."""
+
+import argparse
+
+import pytest
+
+from clients import logs
+from clients.connection import ConnectionProblemError
+from runtime.recording.ring import MB, entries, folders, keep, trim
+from runtime.recording_settings import RecordingSettings, car_folder
+from wallride import logs_options
+
+DRIVE = "20261121T084600Z-b0007-{:05d}.mcap"
+
+
+@pytest.fixture
+def home(tmp_path, monkeypatch):
+    """Recordings of a car, of a simulated one, and one from before there were folders."""
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    monkeypatch.delenv("STATE_DIRECTORY", raising=False)
+    above = tmp_path / "wallride" / "recordings"
+    for place, number in ((".", 1), ("car1", 2), ("car1", 3), ("simulated/sim", 4), ("simulated/sim", 5)):
+        folder = above / place
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / DRIVE.format(number)).write_bytes(bytes(MB))
+    return above
+
+
+async def said(*words):
+    parser = argparse.ArgumentParser()
+    logs_options.add(parser.add_subparsers())
+    options = parser.parse_args(["logs", *map(str, words)])
+    lines = []
+    options.say = lines.append
+    code = await logs.run(options)
+    return code, "\n".join(lines)
+
+
+def test_each_car_has_a_folder_and_simulations_have_theirs(home):
+    def place(**settings):
+        name = settings.pop("car", "car1")
+        return car_folder(RecordingSettings(**settings), name).relative_to(home).as_posix()
+
+    assert place() == "car1"
+    assert place(car="car2") == "car2"
+    assert place(car="sim", simulated=True) == "simulated/sim"
+    assert str(car_folder(RecordingSettings(folder="/data/drives"), "car1")) == "/data/drives"
+
+
+async def test_alone_it_lists_everything_here(home):
+    code, text = await said()
+    assert code == 0
+    for name in (DRIVE.format(1), f"car1/{DRIVE.format(3)}", f"simulated/sim/{DRIVE.format(5)}"):
+        assert f"  {name}" in text
+    assert text.endswith(f"5 recordings, 5.0 MB in {home}")
+
+
+async def test_what_is_kept_no_ring_takes(home):
+    code, text = await said("keep", DRIVE.format(4))
+    kept = home / "simulated" / "sim" / "kept" / DRIVE.format(4)
+    assert (code, text) == (0, f"kept: {kept}")
+    assert [entry.number for entry in entries(home / "simulated" / "sim")] == [5]
+    trim(home / "simulated" / "sim", 0)
+    assert kept.is_file()
+    assert not entries(home / "simulated" / "sim")
+    assert keep(kept) == kept, "once more is harmless"
+    _, text = await said("list", "--local")
+    assert f"simulated/sim/kept/{DRIVE.format(4)}" in text
+
+
+async def test_trimming_here_takes_of_every_ring_and_nothing_that_is_kept(home):
+    await said("keep", f"car1/{DRIVE.format(2)}")
+    await said("trim", "--keep-mb", 0, "--local")
+    left = [path.name for folder in folders(home) for path in folder.glob("*.mcap")]
+    assert left == [DRIVE.format(2)]
+
+
+async def test_what_is_not_here_cannot_be_kept(home):
+    with pytest.raises(ConnectionProblemError, match="no such file here"):
+        await said("keep", DRIVE.format(9))
+
+
+def test_one_cars_ring_does_not_reach_into_anothers(home):
+    trim(home / "simulated" / "sim", 0)
+    assert [entry.number for entry in entries(home / "car1")] == [2, 3]
