@@ -5,7 +5,7 @@ import asyncio
 import json
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +58,8 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
         if saved.exists():
             console.print(f"[dim]with what was saved in {saved} (delete it to forget)[/dim]", soft_wrap=True)
         _check_outputs(options)
+        if options.devices:
+            return _devices(options, settings, stop, console)
         drive = _replay if options.recording is not None else _drive
         summary = drive(options, config, settings, stop, console)
     except (SettingsError, RecordingError, ConditionsError, UsageError) as error:
@@ -87,16 +89,8 @@ def find_config() -> Path:
 def _drive(
     options: argparse.Namespace, config: Path, settings: Settings, stop: StopRequest, console: Console
 ) -> dict[str, Any]:
-    side = settings.wall_follow.side
-    try:
-        world = load_world(options.world, side=side, seed=options.seed)
-    except (ValueError, OSError) as error:
-        raise UsageError(str(error)) from None
-    conditions = conditions_of(_wishes(options))
-    vehicle = Vehicle(conditions.vehicle, parse_pose(options.pose) if options.pose else world.start)
-    if world.collides(vehicle.pose):
-        raise UsageError(f"--pose {options.pose}: the car would stand in a wall of {world.name}; start somewhere free")
-    scene = WorldScene(world, side, conditions.lidar, options.laps, options.seed, conditions.things())
+    conditions, scene, vehicle = _scene(options, settings)
+    world = scene.world
     if options.laps and world.lap is None:
         raise UsageError(f"--laps {options.laps}: {world.name} has no lap; give --duration instead")
     duration_s = options.duration or (options.laps * LONGEST_LAP_S if options.laps else DEFAULT_DURATION_S)
@@ -117,6 +111,40 @@ def _drive(
     if options.plot is not None:
         _plot(options.plot, world, record, desired_m, settings)
     return summary
+
+
+def _scene(options: argparse.Namespace, settings: Settings) -> tuple[Conditions, WorldScene, Vehicle]:
+    """Return the world that the options name, with a car in it."""
+    side = settings.wall_follow.side
+    try:
+        world = load_world(options.world, side=side, seed=options.seed)
+    except (ValueError, OSError) as error:
+        raise UsageError(str(error)) from None
+    conditions = conditions_of(_wishes(options))
+    vehicle = Vehicle(conditions.vehicle, parse_pose(options.pose) if options.pose else world.start)
+    if world.collides(vehicle.pose):
+        raise UsageError(f"--pose {options.pose}: the car would stand in a wall of {world.name}; start somewhere free")
+    scene = WorldScene(world, side, conditions.lidar, options.laps, options.seed, conditions.things())
+    return conditions, scene, vehicle
+
+
+def _devices(options: argparse.Namespace, settings: Settings, stop: StopRequest, console: Console) -> int:
+    """Keep the emulated car and its world running for a runtime that somebody starts by hand."""
+    if options.recording is not None:
+        raise UsageError("--devices needs a world: a recording ends, a bench does not")
+    _, scene, vehicle = _scene(options, settings)
+
+    def tell(addresses: Sequence[str]) -> None:
+        console.print(
+            f"an emulated lidar and motor controller in {scene.world.name}; start the car with", soft_wrap=True
+        )
+        sys.stdout.write("".join(f"--set {address}\n" for address in addresses))
+        sys.stdout.flush()
+        console.print("Ctrl-C ends them")
+
+    session = Session(scene, vehicle, settings.motor)
+    asyncio.run(session.keep(options.duration or math.inf, stop, tell))
+    return 0
 
 
 def _replay(

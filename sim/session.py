@@ -23,6 +23,7 @@ from sim.latency import LatencyProbe
 from sim.listener import Listener
 from sim.live_conditions import LiveConditions
 from sim.plant import Plant
+from sim.pose import Pose
 from sim.runtime_process import RuntimeProcess, WallrideProcess
 from sim.stop_request import StopRequest
 from sim.summary import Sample
@@ -35,6 +36,7 @@ START_TIMEOUT_S = 120.0
 USAGE_ERROR = 2
 HEARD_WITHIN_S = 3.0
 """A drive of a moment is over before the first message; so long is waited for one."""
+AGAIN_S = 3.0
 STAMP_MS = 1 << 24
 """SCIP stamps are 24 bits of milliseconds and wrap."""
 
@@ -90,7 +92,8 @@ class Record:
 
     samples: the truth, one per scan. steering_rad: our answer to each scan, read from the wire before the next one.
     telemetry: the runtime's newest message of each topic. unheard: why it has none, "" while it has.
-    address: where the runtime can be reached. starting_s: how long it has been waited for. stop_command: the last motor command it ever wrote.
+    address: where the runtime can be reached. starting_s: how long it has been waited for.
+    stop_command: the last motor command it ever wrote.
     log, page: what the runtime, and the monitor beside it, printed.
     """
 
@@ -150,7 +153,7 @@ class Session:
                 if self._watched and listener is not None:
                     await self._open_page(stack)
                 metronome = Metronome(time.monotonic)
-                metronome.every(STEP_S, self._stepper(scip, vesc))
+                metronome.every(STEP_S, self._stepper(scip, self._plant(vesc)))
                 metronome.every(SHOW_S, lambda _late_s, _missed: on_frame(record))
                 going_on = tasks.create_task(metronome.run(), name="world")
                 await self._until_over(runtime, duration_s, stop)
@@ -162,6 +165,36 @@ class Session:
                 for task in filter(None, (going_on, listening)):
                     task.cancel()
         return record
+
+    async def keep(self, duration_s: float, stop: StopRequest, tell: Callable[[Sequence[str]], None]) -> Record:
+        """Keep car and world running for whatever runtime connects, until the time or `stop` says so.
+
+        tell: gets the two settings with which a runtime connects. A car that hit something is put back to its start.
+        """
+        start = self._vehicle.pose
+        async with AsyncExitStack() as stack:
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="wallride-")))
+            scip, vesc, addresses = await self._devices(stack, folder)
+            plant = self._plant(vesc)
+            metronome = Metronome(time.monotonic)
+            metronome.every(STEP_S, self._stepper(scip, plant))
+            metronome.every(AGAIN_S, lambda _late_s, _missed: self._once_more(plant, start))
+            going_on = asyncio.create_task(metronome.run(), name="world")
+            tell(addresses)
+            while self.record.time_s < duration_s and not stop.asked:
+                if going_on.done():
+                    going_on.result()
+                await asyncio.sleep(STEP_S)
+            going_on.cancel()
+        return self.record
+
+    def _once_more(self, plant: Plant, start: Pose) -> None:
+        """Put a car that hit something back to its start, and forget what nobody will ask about."""
+        if plant.crashed:
+            self._vehicle.place(start)
+            plant.crashed = False
+        for kept in (self.record.samples, self.record.scan_times_s, self.record.steering_rad):
+            kept.clear()
 
     async def _devices(self, stack: AsyncExitStack, folder: Path) -> tuple[ScipEmulator, VescEmulator, list[str]]:
         """Start both emulators; returns them and the settings that name their addresses."""
@@ -217,10 +250,12 @@ class Session:
                 raise SessionError(f"the runtime ended by itself (exit code {runtime.exit_code}); it said:\n{said}")
             await asyncio.sleep(STEP_S)
 
-    def _stepper(self, scip: ScipEmulator, vesc: VescEmulator) -> Tick:
+    def _plant(self, vesc: VescEmulator) -> Plant:
+        return Plant(self._vehicle, vesc, self._wiring, time.monotonic())
+
+    def _stepper(self, scip: ScipEmulator, plant: Plant) -> Tick:
         """Return what keeps the world up with the clock, and lets the lidar look when it is time."""
         begin_s = time.monotonic()
-        plant = Plant(self._vehicle, vesc, self._wiring, begin_s)
         record = self.record
 
         def step(_late_s: float, _missed: int) -> None:

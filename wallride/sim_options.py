@@ -19,6 +19,10 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     sim.add_argument("--pose", metavar="X,Y,THETA", help="start pose of the rear axle [m, m, rad]")
     sim.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default: 0)")
     sim.add_argument("--recording", type=Path, metavar="FILE", help="play a real recording through the emulated lidar")
+    sim.add_argument(
+        "--devices", action="store_true",
+        help="start no car: keep the emulated devices running, and print the --set lines for a `wallride run` by hand",
+    )  # fmt: skip
     sim.add_argument("--json", metavar="FILE|-", help="write the summary as JSON")
     sim.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the path and the error over time")
     _add_conditions(sim.add_argument_group("conditions", "what the car meets; keys change them while it drives"))

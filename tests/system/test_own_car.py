@@ -16,7 +16,7 @@ import pytest
 
 from runtime.address_file import read_address
 from runtime.bus import free_endpoint
-from sim.runtime_process import WallrideProcess
+from sim.runtime_process import RuntimeProcess, WallrideProcess
 from sim.saved_settings import saved_settings
 from tests.runtime.recording.reading import streamed
 
@@ -222,4 +222,32 @@ async def test_what_is_saved_in_a_simulation_goes_to_a_file_of_the_users(tmp_pat
         text = own.read_text()
         own.unlink()
     assert Path("config/sim.toml").read_text() == tracked
-    assert [line for line in text.splitlines() if "=" in line] == ["kp = 11"]
+    assert [line for line in text.splitlines() if "=" in line] == ["kp = 11.0"]
+
+
+async def test_the_emulated_devices_alone_serve_a_car_that_is_started_by_hand(tmp_path):
+    devices = WallrideProcess(["sim", "corridor", "--devices", "--duration", "60"])
+    car = None
+    try:
+        await devices.start()
+        async with asyncio.timeout(30):
+            while sum(line.startswith("--set ") for line in devices.log) < 2:
+                await asyncio.sleep(0.05)
+        lines = [line.removeprefix("--set ") for line in devices.log if line.startswith("--set ")]
+        assert [line.partition("=")[0] for line in lines] == ["lidar.address", "motor.address"]
+        for _ in range(2):  # and for the next one after it
+            told = tmp_path / "address"
+            settings = [*lines, f"telemetry.listen={free_endpoint()}", f"recording.folder={tmp_path}"]
+            car = RuntimeProcess(Path("config/sim.toml"), settings, ["--address-file", str(told)])
+            await car.start()
+            async with asyncio.timeout(40):
+                while not any("lidar ready" in line for line in car.log):
+                    await asyncio.sleep(0.05)
+            assert await car.stop() == 0
+            assert devices.exit_code is None
+    finally:
+        devices.kill(signal.SIGINT)
+        if car is not None:
+            await car.end()
+    assert await devices.wait() == 0
+    assert not [word for word in STRAY if word in "\n".join(devices.log)]
