@@ -1,0 +1,17 @@
+"""The first `make sim` installs for over a minute: it says so before, and shows its packages while it does."""
+
+import subprocess
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_the_set_up_is_announced_and_not_silent():
+    told = subprocess.run(
+        ["make", "-n", "-B", ".venv/.ready"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.splitlines()  # fmt: skip
+    says = [number for number, line in enumerate(told) if line.startswith('echo "wallride: ')]
+    (packages,) = (number for number, line in enumerate(told) if "-e '.[dev]'" in line)
+    assert says[0] < packages
+    assert "about a minute and a half" in told[says[0]]
+    assert "--quiet" not in told[packages], "pip names each package as it comes"
