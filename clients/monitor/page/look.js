@@ -79,5 +79,7 @@ export function age(ms) {
 }
 
 export function number(value, digits, unit = "") {
-  return Number.isFinite(value) ? `${value.toFixed(digits)}${unit}` : "–";
+  if (!Number.isFinite(value)) return "–";
+  const text = value.toFixed(digits);
+  return `${Number(text) === 0 ? text.replace("-", "") : text.replace("-", "−")}${unit}`; // never "-0.00"
 }

@@ -63,7 +63,7 @@ class Strip {
       this.#trace(line.series, nowMs, windowMs, right, bottom, perMs, perUnit);
     }
     context.restore();
-    for (const line of this.lines) setText(line.value, number(line.series.last, line.digits, ` ${this.unit}`));
+    for (const line of this.lines) setText(line.value, number(line.series.last, line.digits, this.unit === "°" ? "°" : ` ${this.unit}`));
   }
 
   /** Draws newest to oldest; samples in one column of pixels become one stroke from their lowest to their highest. */

@@ -155,7 +155,7 @@ async def test_steering_is_in_degrees_and_no_number_is_bare(scene, tab):
         await watching(tab, scene)
         plots = await tab.run("document.querySelector('#strips').innerText")
         assert "rad" not in plots
-        await tab.until("document.querySelector('#strips').innerText.includes('7.2 °')")  # 0.125 rad
+        await tab.until("document.querySelector('#strips').innerText.includes('7.2°')")  # 0.125 rad
         because = "import('./mux.js').then(({because}) => because({reason}, {measure}))"
         for reason, measure, words in (
             ("'boxed in'", "0.0", "boxed in"),
@@ -164,6 +164,13 @@ async def test_steering_is_in_degrees_and_no_number_is_bare(scene, tab):
         ):
             asked = because.replace("{reason}", reason).replace("{measure}", measure)
             assert await tab.run(asked) == words
+
+
+async def test_no_number_is_minus_nothing(scene, tab):
+    async with scene.car(), scene.monitor():
+        await watching(tab, scene)
+        for value, text in ((-0.0004, "0.000 m"), (-0.25, "−0.250 m"), (0.25, "0.250 m"), ("NaN", "–")):
+            assert await tab.run(f"import('./look.js').then(({{number}}) => number({value}, 3, ' m'))") == text
 
 
 async def test_ticks_are_not_rounded(scene, tab):

@@ -6,9 +6,11 @@ import os
 import signal
 
 import pytest
+import segno
 
 from clients.connection import ConnectionProblemError
 from clients.monitor import server
+from clients.monitor.qr import qr_lines
 from wallride import monitor_options
 
 
@@ -32,6 +34,41 @@ async def test_it_prints_its_address_and_ends_in_good_order(scene):
     os.kill(os.getpid(), signal.SIGTERM)
     async with asyncio.timeout(5):
         assert await running == 0
+
+
+async def test_for_others_it_prints_the_address_as_a_code_too(scene):
+    said = []
+    asked = options("--no-browser", "--port", "0", "--host", "0.0.0.0", "--connect", scene.endpoint)
+    asked.say = said.append
+    running = asyncio.create_task(server.run(asked))
+    async with asyncio.timeout(5):
+        while len(said) < 3:
+            await asyncio.sleep(0.01)
+    address = said[0].removeprefix("the monitor is at ")
+    assert "token=" in address
+    assert said[2] == qr_lines(address)
+    os.kill(os.getpid(), signal.SIGTERM)
+    async with asyncio.timeout(5):
+        assert await running == 0
+
+
+def test_the_code_holds_the_whole_address():
+    """Read back from the half blocks: the modules are those of a code of this address and of no other."""
+    address = "http://192.168.1.23:8447/?token=abcdefghijklmnop"
+    lines = qr_lines(address, "utf-8").splitlines()
+    rows = []
+    for line in lines:
+        rows.append([block in "█▀" for block in line])
+        rows.append([block in "█▄" for block in line])
+    light = [[not module for module in row] for row in rows]
+    for text, is_same in ((address, True), (f"{address}x", False)):
+        code = segno.make(text, error="l", micro=False)
+        wanted = [[bool(module) for module in row] for row in code.matrix_iter(border=2)]
+        assert (light[: len(wanted)] == wanted) is is_same
+
+
+def test_a_terminal_without_blocks_gets_no_code():
+    assert qr_lines("http://127.0.0.1/", "ascii") == ""
 
 
 async def test_a_taken_port_is_said_and_the_default_one_is_replaced(scene):
