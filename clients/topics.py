@@ -5,6 +5,7 @@ A subscriber changes what a car does: it writes only what somebody hears. `hz` a
 
 import argparse
 import asyncio
+import json
 import math
 import statistics
 import time
@@ -85,7 +86,7 @@ async def run(options: argparse.Namespace) -> int:
     async with connected(options) as (bus, car):
         match options.action:
             case "list":
-                await list_topics(bus, car, options.say, seconds=options.seconds)
+                await list_topics(bus, car, options.say, seconds=options.seconds, as_json=options.json)
             case "echo":
                 await echo(bus, car, topic, options)
             case _:
@@ -128,7 +129,7 @@ async def samples(bus: Bus, car: str, topic: str) -> AsyncIterator[Sample]:
         yield await waiting.get()
 
 
-async def list_topics(bus: Bus, car: str, say: Say, *, seconds: float = LISTEN_S) -> None:
+async def list_topics(bus: Bus, car: str, say: Say, *, seconds: float = LISTEN_S, as_json: bool = False) -> None:
     """Listen to everything for a moment, then say what was heard."""
     meters = {topic: Meter() for topic in KINDS}
     prefix = wire.key(car, "")
@@ -140,6 +141,9 @@ async def list_topics(bus: Bus, car: str, say: Say, *, seconds: float = LISTEN_S
 
     bus.subscribe(wire.key(car, "*"), hear)
     await asyncio.sleep(seconds)
+    if as_json:
+        say(json.dumps([_fields(topic, kind, meters[topic]) for topic, kind in KINDS.items()], indent=2))
+        return
     for topic, kind in KINDS.items():
         meter = meters[topic]
         if not meter.arrivals_s:
@@ -149,6 +153,17 @@ async def list_topics(bus: Bus, car: str, say: Say, *, seconds: float = LISTEN_S
         else:
             heard = f"{meter.rate_hz:.1f} Hz, {meter.bytes_per_s / 1000:.1f} kB/s"
         say(f"{topic:<15} {kind:<42} {heard}")
+
+
+def _fields(topic: str, kind: str, meter: Meter) -> dict[str, str | int | float | None]:
+    rate_hz, bytes_per_s = meter.rate_hz, meter.bytes_per_s
+    return {
+        "topic": topic,
+        "type": kind,
+        "samples": len(meter.arrivals_s),
+        "rate_hz": round(rate_hz, 2) if math.isfinite(rate_hz) else None,
+        "bytes_per_s": round(bytes_per_s, 1) if math.isfinite(bytes_per_s) else None,
+    }
 
 
 async def measure(bus: Bus, car: str, topic: str, options: argparse.Namespace) -> None:

@@ -1,5 +1,6 @@
 """What becomes of the settings when somebody wishes for other values: the next tree, or a sentence why not. Pure."""
 
+import difflib
 import functools
 import operator
 from collections.abc import Iterator, Mapping
@@ -108,4 +109,6 @@ def _unknown(name: str, known: Mapping[str, Parameter]) -> str:
     here = [other.removeprefix(f"{section}.") for other in known if other.rpartition(".")[0] == section]
     sections = dict.fromkeys(other.partition(".")[0] for other in known)
     hint = f"known in {section}: {', '.join(here)}" if section and here else f"sections: {', '.join(sections)}"
-    return f"{shown(name)[1:-1]} is not a setting; {hint}"
+    near = difflib.get_close_matches(name, known, 1)
+    meant = f"did you mean {near[0]}? " if near else ""
+    return f"{shown(name)[1:-1]} is not a setting; {meant}{hint}"

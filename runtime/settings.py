@@ -4,6 +4,7 @@ It mirrors the TOML file section by section; drivers bring their own part. A wro
 key, never a silent default. Layers, later ones winning: defaults here, the file, what was saved, `--set KEY=VALUE`.
 """
 
+import difflib
 import json
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -186,7 +187,10 @@ def _sentence(error: Mapping[str, Any]) -> str:
     path = [part for part in error["loc"] if part not in TAGS]
     key = ".".join(str(part) for part in path)
     if error["type"] == "extra_forbidden":
-        return f"{key} is not a setting; {_known_keys(error['loc'][:-1])}"
+        known = _known_keys(error["loc"][:-1])
+        near = difflib.get_close_matches(str(path[-1]), known, 1)
+        meant = f"did you mean {'.'.join([*map(str, path[:-1]), near[0]])}? " if near else ""
+        return f"{key} is not a setting; {meant}known here: {', '.join(known)}"
     if error["type"] == "union_tag_invalid":
         return f"{key}.method = '{error['ctx']['tag']}': input should be {error['ctx']['expected_tags']}"
     if error["type"] in {"model_type", "model_attributes_type"}:
@@ -195,15 +199,15 @@ def _sentence(error: Mapping[str, Any]) -> str:
     return f"{key} = {error['input']!r}: {message[:1].lower()}{message[1:]}"
 
 
-def _known_keys(path: Sequence[str | int]) -> str:
-    """Name the keys of the section in which an unknown one was found; `path` may hold the tag of a method."""
+def _known_keys(path: Sequence[str | int]) -> list[str]:
+    """Return the keys of the section in which an unknown one was found; `path` may hold the tag of a method."""
     section: Any = Settings
     for part in path:
         if part in TAGS:
             section = next(model for model in section if model.model_fields["method"].default == part)
         else:
             section = METHODS.get(str(part)) or section.model_fields[part].annotation
-    return "known here: " + ", ".join(section.model_fields)
+    return list(section.model_fields)
 
 
 def to_toml(settings: Settings) -> str:

@@ -22,6 +22,7 @@ from wallride import (
     teleop_options,
     topic_options,
 )
+from wallride.parser import Parser
 
 if TYPE_CHECKING:
     from runtime.settings import Settings
@@ -44,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser; every name in it is a contract that scripts rely on."""
-    parser = argparse.ArgumentParser(prog="wallride", description="Drives a 1/10-scale autonomous racecar.")
+    parser = Parser(prog="wallride", description="Drives a 1/10-scale autonomous racecar.")
     parser.add_argument("--version", action="version", version=f"wallride {_version()}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     run = commands.add_parser("run", help="drive the car until SIGINT or SIGTERM")

@@ -27,6 +27,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     revoke = actions.add_parser("revoke", help="let a person do nothing any more")
     revoke.add_argument("name", metavar="NAME")
     show = actions.add_parser("list", help="show who may do what, and until when")
+    show.add_argument("--json", action="store_true", help="as JSON, for programs")
     for action in (init, add_person):
         action.add_argument("--days", type=_days, default=365, metavar="N", help="valid for so long (default: 365)")
         action.add_argument("--renew", action="store_true", help="make them anew where they exist already")

@@ -18,6 +18,7 @@ def add(commands: "Commands") -> None:
     actions = topic.add_subparsers(dest="action", required=True, metavar="ACTION")
     listing = actions.add_parser("list", help="all topics with type, rate and volume")
     listing.add_argument("--seconds", type=float, default=1.5, metavar="S", help="how long to listen (default: 1.5)")
+    listing.add_argument("--json", action="store_true", help="as JSON, for programs")
     rate = actions.add_parser("hz", help="how often, and how regularly, a topic comes")
     volume = actions.add_parser("bw", help="how much of the network a topic takes")
     echo = actions.add_parser("echo", help="what a topic says")

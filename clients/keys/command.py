@@ -1,8 +1,11 @@
 """What `wallride keys` does and says."""
 
 import argparse
+import json
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from cryptography import x509
 
@@ -62,10 +65,31 @@ def _list(options: argparse.Namespace, car: str, now: datetime) -> list[str]:
     people = KeyFolder(options.dir).people()
     width = max([len(car), *(len(entry.person.name) for entry in people)])
     identity = _car_identity(options.dir)
+    if options.json:
+        return [json.dumps(_listing(identity, people), indent=2)]
     ends = identity.trouble(now) or identity.warning(now) or f"until {identity.expires:%Y-%m-%d}"
     lines = [f"{identity.name:{width}}  car       {ends}; reached as {', '.join(identity.names)}"]
     lines += [f"{e.person.name:{width}}  {e.person.role:8}  {_state(e, now)}" for e in people]
     return lines if people else [*lines, "nobody else: wallride keys add NAME --role viewer|operator|admin"]
+
+
+def _listing(identity: Identity, people: Sequence[Listed]) -> dict[str, Any]:
+    return {
+        "car": {
+            "name": identity.name,
+            "expires": f"{identity.expires:%Y-%m-%d}",
+            "reached_as": list(identity.names),
+        },
+        "people": [
+            {
+                "name": entry.person.name,
+                "role": str(entry.person.role),
+                "expires": str(entry.expires),
+                "revoked": str(entry.revoked) if entry.revoked is not None else None,
+            }
+            for entry in people
+        ],
+    }
 
 
 def _car_identity(directory: Path) -> Identity:

@@ -31,6 +31,17 @@ async def test_the_list_names_every_topic_with_its_type_and_its_rate():
     assert table["teleop"].endswith("silent")
 
 
+async def test_the_list_as_json_has_the_same():
+    async with speaking_car() as car:
+        parsed, said = options(car, "topic", "list", "--seconds", "2", "--json")
+        assert await topics.run(parsed) == 0
+    found = {row["topic"]: row for row in json.loads("\n".join(said))}
+    assert set(found) == set(KINDS)
+    assert found["scan"]["type"] == "sensor_msgs/msg/LaserScan"
+    assert found["odom"]["rate_hz"] == pytest.approx(20, abs=4)
+    assert (found["teleop"]["samples"], found["teleop"]["rate_hz"]) == (0, None)
+
+
 async def test_echo_says_messages_as_text_and_as_json():
     async with speaking_car() as car:
         parsed, said = options(car, "topic", "echo", "/output", "--once")

@@ -107,7 +107,7 @@ def test_a_wish_is_planned_and_what_it_was_is_told():
         ({"wall_follow.side": "up"}, ["wall_follow.side = 'up'", "'left' or 'right'"]),
         ({"wall_follow.method": "magic"}, ["wall_follow.method = 'magic'", "'ball' or 'report'"]),
         ({"wall_follow.method": ["ball"]}, ["wall_follow.method", "'ball' or 'report'"]),
-        ({"wall_follow.kpp": 1}, ["wall_follow.kpp is not a setting", "known in wall_follow", "kp"]),
+        ({"wall_follow.kpp": 1}, ["wall_follow.kpp is not a setting; did you mean wall_follow.kp?", "known in"]),
         ({"wal.kp": 1}, ["wal.kp is not a setting", "sections: car, lidar"]),
         ({"wall_follow": 1}, ["wall_follow is not a setting"]),
         ({"wall_follow.kp.x": 1}, ["wall_follow.kp.x is not a setting"]),

@@ -24,6 +24,29 @@ def test_help_names_the_commands():
     assert all(command in answer.stdout for command in ("run", "check", "sim"))
 
 
+@pytest.mark.parametrize(
+    ("arguments", "meant"),
+    [
+        (["mointor"], "monitor"),
+        (["topic", "lst"], "list"),
+        (["record", "strat"], "start"),
+        (["sim", "--hedless"], "--headless"),
+        (["sim", "--duratoin=5"], "--duration"),
+        (["teleop", "--keybord"], "--keyboard"),
+    ],
+)
+def test_a_near_miss_is_answered_with_what_was_meant(arguments, meant):
+    answer = wallride(*arguments)
+    assert answer.returncode == 2
+    assert f"did you mean {meant}?" in answer.stderr
+
+
+def test_what_is_far_from_everything_is_only_refused():
+    answer = wallride("sim", "--zzz")
+    assert answer.returncode == 2
+    assert "did you mean" not in answer.stderr
+
+
 def test_check_prints_what_is_in_effect():
     answer = wallride("check", "config/car.toml", "--set", "wall_follow.side=right")
     assert answer.returncode == 0
@@ -36,7 +59,8 @@ def test_check_prints_what_is_in_effect():
     [
         (["run", "nowhere.toml"], ["nowhere.toml", "no such file"]),
         (["check", "config"], ["config", "is a directory"]),
-        (["check", "--set", "wall_follow.sped_mps=1"], ["wall_follow.sped_mps", "speed_mps"]),
+        (["check", "--set", "wall_follow.sped_mps=1"], ["wall_follow.sped_mps", "did you mean wall_follow.speed_mps?"]),
+        (["check", "--set", "wal_follow.kp=1"], ["did you mean wall_follow?"]),
         (["run", "--set", "safety.methd=report"], ["safety.methd"]),
         (["check", "--set", "wall_follow.speed_mps=99"], ["wall_follow.speed_mps = 99"]),
         (["run", "--set", "lidar.address=tpc://192.168.0.10:10940"], ["lidar.address", "tcp://HOST:PORT"]),

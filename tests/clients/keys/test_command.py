@@ -1,6 +1,7 @@
 """`wallride keys` as a person types it."""
 
 import argparse
+import json
 
 import pytest
 
@@ -41,6 +42,13 @@ def test_from_nothing_to_a_secured_car(wallride, tmp_path):
     assert lines[0].startswith("car7   car       until")
     assert "alice  operator  revoked 20" in out
     assert "in 10 days: keys add bob --renew" in out
+    found = json.loads(wallride("keys list --json")[1])
+    assert found["car"]["name"] == "car7"
+    assert "car7.local" in found["car"]["reached_as"]
+    assert [(one["name"], one["role"], one["revoked"] is None) for one in found["people"]] == [
+        ("alice", "operator", False),
+        ("bob", "viewer", True),
+    ]
 
 
 @pytest.mark.parametrize(

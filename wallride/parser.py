@@ -1,0 +1,38 @@
+"""argparse with one more sentence: which command, choice or option was probably meant."""
+
+import argparse
+import difflib
+import re
+from collections.abc import Sequence
+from typing import Any, Never
+
+CHOICES = re.compile(r"invalid choice: '(?P<wrong>[^']*)' \(choose from (?P<choices>.*)\)", re.DOTALL)
+OPTION = re.compile(r"--[a-z][a-z-]+")
+
+
+class Parser(argparse.ArgumentParser):
+    """Its subparsers are of the same kind."""
+
+    def error(self, message: str) -> Never:
+        """End with exit code 2, and with what was probably meant."""
+        found = CHOICES.search(message)
+        if found is not None:
+            message += did_you_mean(found["wrong"], re.findall(r"[\w-]+", found["choices"]))
+        super().error(message)
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:  # noqa: ANN401 - as argparse has it
+        """Parse; an unknown option that is nearly a known one of this command ends with that."""
+        parsed, unknown = super().parse_known_args(args, namespace)
+        for text in unknown:
+            if text.startswith("--") and (meant := did_you_mean(text.partition("=")[0], self._options())):
+                self.error(f"unrecognized arguments: {text}{meant}")
+        return parsed, unknown
+
+    def _options(self) -> list[str]:
+        return OPTION.findall(self.format_help())
+
+
+def did_you_mean(wrong: str, known: Sequence[str]) -> str:
+    """Return "; did you mean X?" for the nearest known name, "" where none is near."""
+    near = difflib.get_close_matches(wrong, known, 1)
+    return f"; did you mean {near[0]}?" if near else ""
