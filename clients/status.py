@@ -142,8 +142,8 @@ def _rows(status: Status) -> Iterator[tuple[str, str]]:
     yield "fault", status["fault"]
     for device in ("lidar", "motor"):
         health = status[device]
-        troubles = ", ".join(f"{what} {times}" for what, times in health["counts"].items() if times)
-        yield device, f"{health['link']}: {health['message']}{f'   ({troubles})' if troubles else ''}"
+        counts = ", ".join(f"{times} {what.replace('_', ' ')}" for what, times in health["counts"].items() if times)
+        yield device, f"{health['link']}: {health['message']}{f'; since the start: {counts}' if counts else ''}"
     yield "window", "; ".join(status["window"]) or "clean"
     latency = status["scan_to_motor_ms"]
     if latency["p50"] is not None:
@@ -178,11 +178,11 @@ def overruled_words(overruled: Mapping[str, Any] | None) -> str:
 def _operator(operator: Mapping[str, Any] | None) -> str:
     if operator is None:
         return "no operator's side"
-    round_trip_s = operator["round_trip_s"]
+    round_trip_s, name, lost = operator["round_trip_s"], operator["operator"], operator["standing"] == "operator lost"
     parts = [
-        operator["operator"] or "nobody",
-        operator["standing"] if operator["standing"] != "nobody" else "",
-        operator["reason"],
+        f"not operated, {name or 'the last one'} was lost" if lost else name or "not operated",
+        operator["standing"] if operator["standing"] != "nobody" and not lost else "",
+        "" if lost and "lost" in operator["reason"] else operator["reason"],
         f"round trip {round_trip_s * 1000:.0f} ms" if round_trip_s is not None else "",
         f"{operator['sessions']} clients heard" if operator["sessions"] > 1 else "",
         f"permit: {operator['permit']}" if operator["permit"] else "",

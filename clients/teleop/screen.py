@@ -126,7 +126,10 @@ def _why(news: CarNews) -> str:
 def _operator(now: Situation) -> str:
     if now.mine:
         return "you"
-    return now.operator_name or "nobody"
+    name = now.operator_name
+    if now.beat is not None and Condition.OPERATOR_LOST in now.beat.flags:
+        return f"not operated, {name or 'the last one'} was lost"
+    return name or "not operated"
 
 
 def _permit(now: Situation) -> str:

@@ -75,9 +75,9 @@ def test_one_screen_holds_everything_that_may_hold_the_car(observed):
         "teleop      silent",
         "0.00 s ago  wants 1.00 m/s 6° left: wall",
         "no limit: clear",
-        "anna, operator lost, round trip 12 ms, 2 clients heard, permit: no operator, stale refused 3",
+        "not operated, anna was lost, round trip 12 ms, 2 clients heard, permit: no operator, stale refused 3",
         "11.8 V, 0.0 A",
-        "ready: in memory   (checksum 4)",
+        "ready: in memory; since the start: 4 checksum",
         "12 beams are dirty",
         "wallride 9.9",
     ):

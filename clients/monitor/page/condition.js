@@ -82,7 +82,8 @@ export class Condition {
     const name = operator.operator && (page === "this page" || page === "another page") ? `${operator.operator} on ${page}` : operator.operator;
     const parts = [
       lost ? `not operated, ${operator.operator || this.link.newest.beat.operatorName || "the operator"} was lost` : name || "not operated",
-      lost || operator.standing === "nobody" ? "" : operator.standing, operator.reason, ...stops,
+      lost || operator.standing === "nobody" ? "" : operator.standing,
+      lost && /lost/.test(operator.reason) ? "" : operator.reason, ...stops,
       name && !lost && !bindsHuman(voices) ? "not bound by safety" : "",
       Number.isFinite(operator.round_trip_s) ? `round trip ${(operator.round_trip_s * 1000).toFixed(0)} ms` : "",
       operator.permit ? `permit: ${operator.permit}` : "",

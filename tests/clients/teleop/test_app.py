@@ -1,7 +1,10 @@
 """The client against a car on a real session on loopback, and as a process that is told to end."""
 
 import asyncio
+import contextlib
 import io
+import os
+import pty
 import signal
 import subprocess
 import sys
@@ -17,7 +20,7 @@ from clients.teleop.script import Script, Step
 from clients.teleop.sources import ScriptSource
 from runtime import wire, zenoh_config
 from runtime.bus import BYTES, Bus, free_endpoint
-from runtime.teleop_wire import Beat, Condition, Press, read_command
+from runtime.teleop_wire import Beat, Condition, Input, Press, read_command
 from tests.clients.teleop.scenes import LINEAR, SESSION
 
 MANUAL = frozenset({Control.MANUAL})
@@ -196,3 +199,40 @@ async def test_a_process_that_is_told_to_end_says_goodbye(tmp_path, number):
     assert process.returncode == 0
     assert car.flags[-3:] == [Press.GOODBYE] * 3
     assert b"ready" in out
+
+
+TYPED = {"space": b" ", "escape": b"\x1b"}
+
+
+@pytest.mark.parametrize("name", TYPED)
+async def test_in_a_terminal_without_a_gamepad_the_keyboard_drives_and_stops(name):
+    async with FakeCar() as car:
+        child, terminal = pty.fork()
+        if child == 0:  # SDL finds no pad: it is told to look for none
+            os.environ |= {"TERM": "xterm", "SDL_VIDEODRIVER": "dummy", "SDL_JOYSTICK_DISABLE_UDEV": "1"}
+            os.execv(sys.executable, [sys.executable, "-m", "wallride", "teleop", "--connect", car.bus.endpoint])  # noqa: S606
+        os.set_blocking(terminal, False)
+
+        async def typed_until(key, flags):
+            async with asyncio.timeout(20):
+                while flags not in car.flags:
+                    os.write(terminal, key)
+                    with contextlib.suppress(BlockingIOError):
+                        os.read(terminal, 1 << 16)
+                    await asyncio.sleep(0.04)
+
+        try:
+            await typed_until(b"", Press(0))
+            await typed_until(b"w", Press.MANUAL)
+            driving = [command for _, command in car.commands if command.flags == Press.MANUAL]
+            assert all(command.input is Input.KEYBOARD for command in driving)
+            os.write(terminal, TYPED[name])
+            await typed_until(b"", Press.ESTOP)
+            assert max(command.speed_mps for _, command in car.commands) <= 0.75
+        finally:
+            os.kill(child, signal.SIGTERM)
+            with contextlib.suppress(OSError):
+                while os.read(terminal, 1 << 16):
+                    pass
+            await asyncio.to_thread(os.waitpid, child, 0)
+            os.close(terminal)
