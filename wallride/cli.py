@@ -47,7 +47,7 @@ def build_parser() -> argparse.ArgumentParser:
     """Return the parser; every name in it is a contract that scripts rely on."""
     parser = Parser(prog="wallride", description="Drives a 1/10-scale autonomous racecar.")
     parser.add_argument("--version", action="version", version=f"wallride {_version()}")
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    commands: Any = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     run = commands.add_parser("run", help="drive the car until SIGINT or SIGTERM")
     check = commands.add_parser("check", help="validate the settings and print what is in effect")
     run.set_defaults(run=_run)

@@ -36,12 +36,14 @@ AUTO_MPS = 1.0
 
 
 class FakeCar:
-    """Serves until closed. autonomy: whether navigation always wants to drive.
+    """Serves until closed. autonomy: whether navigation always wants to drive. simulated: whether a simulator answers.
 
     history: (time, speed) whenever the speed on the wire changed. scans: how many were published.
     """
 
-    def __init__(self, endpoint, name="car1", *, permit="required", car_session=0xCAFE, autonomy=False):
+    def __init__(
+        self, endpoint, name="car1", *, permit="required", car_session=0xCAFE, autonomy=False, simulated=False
+    ):
         self.name = name
         self.bus = Bus(zenoh_config.car_config([endpoint], None, (), name))
         self.voices = Voices(LAB_ORDER, time.monotonic)
@@ -65,6 +67,7 @@ class FakeCar:
         self.beat = None
         self.publishing = True
         self._autonomy = autonomy
+        self._simulated = simulated
         self._tasks = []
 
     async def __aenter__(self):
@@ -72,6 +75,8 @@ class FakeCar:
         bus.subscribe(wire.key(name, wire.COMMAND), self._receive)
         parameters.serve(bus, name, self.settings)
         bus.answer(wire.key(name, "record"), self._record)
+        if self._simulated:
+            bus.answer(wire.key(name, wire.SIMULATOR), lambda _: wire.encode(SIMULATOR))
         bus.announce(wire.key(name, wire.ALIVE))
         await bus.open()
         self._tasks = [asyncio.create_task(job) for job in (self._beat(), self._publish())]
@@ -191,6 +196,12 @@ class FakeCar:
             "scan_to_motor_ms": {"p50": 1.1, "p99": 2.2, "max": 3.3},
             "distance_error": {"mean_abs_m": 0.021, "rms_m": 0.03}, "odom": {"x_m": 0, "y_m": 0, "yaw_rad": 0},
         }  # fmt: skip
+
+
+SIMULATOR = {
+    "actions": [{"name": "box", "words": "a box 1 m ahead"}, {"name": "clear", "words": "clear all"}],
+    "conditions": {"friction": "1.00", "noise": "10 mm"},
+}
 
 
 def corridor(number):

@@ -16,6 +16,7 @@ import pytest
 
 from clients.monitor.kept_secret import NAME
 from runtime.bus import free_endpoint
+from runtime.operator_view import Standing
 from runtime.teleop_wire import Command, Condition, Input, Press
 from tests.clients.monitor.fake_car import FakeCar
 from tests.clients.monitor.promises import promise
@@ -44,6 +45,25 @@ async def take_control(tab):
     await tab.until("document.querySelector('#pilot-state').textContent === 'ready'")
 
 
+def drives_by_hand(car):
+    """Autonomy may drive before; what counts is the hand."""
+    return car.speed_mps > 0.3 and car.desk.view().standing is Standing.MANUAL
+
+
+async def insist(car, press, release, condition, what):
+    """Hold something until it works. On a busy machine a page stands still now and then; then the car wants a release.
+
+    Returns how long the hold that worked took.
+    """
+    for _ in range(6):
+        await press()
+        with contextlib.suppress(AssertionError):
+            return await car.until(condition, what, within_s=3)
+        await release()
+        await asyncio.sleep(0.5)
+    raise AssertionError(f"never: {what}; {car.desk.view()}")
+
+
 async def drive_by_touch(tab, car):
     """Hold the drive pad and pull it up until the car drives."""
     x, y = await tab.middle("#touch")
@@ -53,7 +73,7 @@ async def drive_by_touch(tab, car):
         for i in range(1, 6):
             await tab.touch("touchMove", (x, y - 14 * i))
         with contextlib.suppress(AssertionError):  # the page stood still for a moment, so the car wants a release
-            await car.until(lambda: car.speed_mps > 0.3, "the touch drives the car", within_s=2)
+            await car.until(lambda: drives_by_hand(car), "the touch drives the car", within_s=2)
             return
         await tab.touch("touchEnd")
         await asyncio.sleep(0.5)
@@ -155,10 +175,20 @@ async def test_the_page_drives_with_the_keyboard_alone(scene, tab):
         )
         await tab.key("keyUp", "Enter")
         await tab.until("document.querySelector('#pilot-state').textContent === 'ready'")
-        await tab.key("keyDown", "ArrowUp")
-        await car.until(lambda: car.speed_mps > 0.3, "the arrow key drives")
-        await tab.key("keyDown", "ArrowLeft")
-        await car.until(lambda: (car.decision.steering_rad or 0) > 0.2, "and steers to the left")
+
+        async def hold():
+            await tab.key("keyDown", "ArrowUp")
+            await asyncio.sleep(0.1)
+            await tab.key("keyDown", "ArrowLeft")
+
+        async def let_go():
+            await tab.key("keyUp", "ArrowLeft")
+            await tab.key("keyUp", "ArrowUp")
+
+        await insist(
+            car, hold, let_go, lambda: car.speed_mps > 0.3 and (car.decision.steering_rad or 0) > 0.2,
+            "the arrow keys drive and steer to the left",
+        )  # fmt: skip
         await tab.key("keyUp", "ArrowUp")
         await car.until(lambda: car.speed_mps == 0, "released means stop")
 
@@ -228,8 +258,10 @@ async def test_an_e_stop_is_reset_deliberately(scene, tab):
         await tab.click("#drive")
         await tab.until("document.querySelector('#pilot-next').textContent.includes('reset')")
         x, y = await tab.middle("#reset")
-        await tab.mouse("mousePressed", x, y)
-        held_s = await car.until(lambda: not car.e_stop.latched, "reset")
+        held_s = await insist(
+            car, lambda: tab.mouse("mousePressed", x, y), lambda: tab.mouse("mouseReleased", x, y),
+            lambda: not car.e_stop.latched, "reset",
+        )  # fmt: skip
         await tab.mouse("mouseReleased", x, y)
         assert held_s > 0.8
         await tab.until("document.querySelector('#stop').dataset.state === 'ready'")
@@ -249,11 +281,16 @@ async def test_a_gamepad_drives_and_stops(scene, tab):
         )
         await watching(tab, scene)
         await take_control(tab)
-        await tab.run("press(4, true)")
-        await asyncio.sleep(0.1)
-        await tab.run("pad.axes[1] = -1; pad.axes[2] = -1")
-        await car.until(lambda: car.speed_mps > 0.5, "the stick drives")
-        await car.until(lambda: car.decision.steering_rad > 0.3, "to the left")
+
+        async def hold():
+            await tab.run("press(4, true)")
+            await asyncio.sleep(0.1)
+            await tab.run("pad.axes[1] = -1; pad.axes[2] = -1")
+
+        await insist(
+            car, hold, lambda: tab.run("pad.axes.fill(0); press(4, false)"),
+            lambda: car.speed_mps > 0.5 and (car.decision.steering_rad or 0) > 0.3, "the sticks drive to the left",
+        )  # fmt: skip
         await tab.run("window.alive = false")
         await car.until(lambda: car.speed_mps == 0, "a pad that says nothing more is no pad", within_s=2)
         await tab.run("window.alive = true; pad.axes.fill(0); press(4, false)")

@@ -19,8 +19,9 @@ async def open_on(tab, scene, screen, *, dark):
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 @pytest.mark.parametrize("screen", SCREENS)
 async def test_axe_finds_nothing_serious(scene, tab, screen, dark):
-    async with scene.car() as car, scene.monitor():
+    async with scene.car(simulated=True) as car, scene.monitor():
         await open_on(tab, scene, screen, dark=dark)
+        await tab.until("document.querySelector('#simulator').checkVisibility()")
         assert await violations(tab) == [], "watching"
         await tab.run("document.querySelector('#settings').open = true")
         await tab.until("document.querySelectorAll('.setting').length > 5")
