@@ -16,7 +16,11 @@ NEAR_M = 1.6
 KEPT_EVERY_M = 0.1
 KEPT_EVERY_RAD = 0.15
 KEPT_VIEWS = 16
-KEPT_FOR_A_WAY_OUT = 24
+KEPT_FOR_A_WAY_OUT = 32
+TRACK_FOR_S = 30.0
+"""Where the car stood longer ago, something may stand by now."""
+TRACK_FROM_M, TRACK_TO_M, TRACK_ASIDE_M, TRACK_COS = 0.08, 0.35, 0.08, 0.95
+"""The car backs on its own track where it stood so far behind, in line and at the same heading."""
 
 
 @value(eq=False)
@@ -43,9 +47,27 @@ class Behind:
         self.backed_m = 0.0
 
     def move(self, pose: Pose, step_m: float) -> None:
-        """Be at another pose, step_m (signed) after the one before."""
+        """Be at another pose, step_m (signed) after the one before; to back on the own track is not to back blindly."""
         self._at = pose
+        if step_m < 0.0 and self.kept:
+            place_m, heading = np.array([complex(pose.x_m, pose.y_m)]), np.array([cmath.rect(1.0, pose.yaw_rad)])
+            if on_track(place_m, heading, *self.track())[0]:
+                return
         self.backed_m = max(0.0, self.backed_m - step_m)
+
+    def track(self) -> tuple[Places, Places]:
+        """Return where the car stood not long ago, odom, and its headings there, (k,) each."""
+        oldest_s = self.kept[-1].view.scan.stamp_s - TRACK_FOR_S if self.kept else 0.0
+        recent = [one for one in self.kept if one.view.scan.stamp_s >= oldest_s]
+        return np.array([one.place_m for one in recent]), np.array([cmath.rect(1.0, one.yaw_rad) for one in recent])
+
+    def lay_anew(self, kept: list[Kept]) -> None:
+        """Take better poses for the kept views, the newest last, and with them for the points near by."""
+        self.kept = deque(kept, maxlen=KEPT_FOR_A_WAY_OUT)
+        self._views.clear()
+        for one in kept[-KEPT_VIEWS:]:
+            view, at = one.view, (one.place_m.real, one.place_m.imag, one.yaw_rad)
+            self._views.append(near_places(view.x_m, view.y_m, view.solid, view.ranges_m, *at))
 
     def keep(self, view: View) -> None:
         """Take in the scan of this pose; keeps a view every 10 cm or 9 degrees."""
@@ -76,6 +98,19 @@ class Behind:
         hidden &= np.abs(points) < NEAR_M
         found: Places = points[hidden]
         return found
+
+
+def on_track(place_m: Places, heading: Places, track_m: Places, track_heading: Places) -> Booleans:
+    """Return at which places (n,) and headings the car stood a little farther back before: there nothing fixed is.
+
+    track_m, track_heading: where it stood, (k,) each, in the same frame.
+    """
+    behind_m = (track_m - place_m[:, None]) * heading.conj()[:, None]
+    same: Booleans = (behind_m.real <= -TRACK_FROM_M) & (behind_m.real >= -TRACK_TO_M)
+    same &= np.abs(behind_m.imag) <= TRACK_ASIDE_M
+    same &= (track_heading * heading.conj()[:, None]).real >= TRACK_COS
+    there: Booleans = np.asarray(same.any(axis=1))
+    return there
 
 
 @twin

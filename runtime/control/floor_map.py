@@ -46,8 +46,10 @@ def cell_of(places_m: Places) -> Whole:
     return cells
 
 
-def blocked_floor(kept: list[Kept], bare: Outline) -> Generator[None, None, Booleans]:
-    """Return the cells that are not known to be free, (CELLS, CELLS), rows along y; yields after each view.
+def blocked_floor(kept: list[Kept], bare: Outline) -> Generator[None, None, tuple[Booleans, list[Kept]]]:
+    """Return the cells that are not known to be free, (CELLS, CELLS), rows along y, and the views where they belong.
+
+    Yields after each view.
 
     kept: views with their places in the odometry frame, the newest last; the map lies in its base_link. bare: the car.
     """
@@ -57,12 +59,15 @@ def blocked_floor(kept: list[Kept], bare: Outline) -> Generator[None, None, Bool
     looked_through = _seen(CENTRES_M - newest.view.lidar_x_m, newest)
     known = looked_through | bare.holds(CENTRES_M)
     later, turn, from_m = newest, 1 + 0j, 0j
+    laid = [newest]
     for one in reversed(kept[:-1]):
         # By odometry from the next later view, whose place on the map is known by now; then laid over all later ones.
         from_m += (one.place_m - later.place_m) * cmath.rect(1.0, -later.yaw_rad) * turn
         turn *= cmath.rect(1.0, one.yaw_rad - later.yaw_rad)
         later, points_m = one, _points_m(one)
         turn, from_m = _laid_over(points_m, turn, from_m, hit)
+        place_m = newest.place_m + from_m * cmath.rect(1.0, newest.yaw_rad)
+        laid.append(Kept(one.view, place_m, newest.yaw_rad + cmath.phase(turn)))
         there_m = (CENTRES_M - from_m) / turn
         known |= _seen(there_m - one.view.lidar_x_m, one)
         known |= bare.holds(there_m)
@@ -70,7 +75,7 @@ def blocked_floor(kept: list[Kept], bare: Outline) -> Generator[None, None, Bool
         hit[old[~looked_through[old]]] = True
         yield
     hit &= ~bare.holds(CENTRES_M)
-    return hit.reshape(CELLS, CELLS) | ~grown(known.reshape(CELLS, CELLS), EDGE_CELLS)
+    return hit.reshape(CELLS, CELLS) | ~grown(known.reshape(CELLS, CELLS), EDGE_CELLS), laid[::-1]
 
 
 def _points_m(one: Kept) -> Places:

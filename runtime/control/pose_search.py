@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from runtime.control.behind import on_track
 from runtime.control.floor_map import CELL_M, CELLS, HALF_CELLS, Whole, border_of, outline_cells
 from runtime.control.footprint import Outline
 from runtime.control.geometry import Booleans, Floats, Places
@@ -109,6 +110,7 @@ class PoseSearch:
 
     outlines: the car's outline with and without what safety keeps clear. tightest: the steering's end and the
     wheelbase. backing: how far the car has backed already without coming forward again, and how far it may.
+    track: where it stood not long ago, and its headings there, base_link: backing there does not count.
     refused: first moves, way and steering of STEERINGS, that safety did not let the car make from here.
     """
 
@@ -117,6 +119,7 @@ class PoseSearch:
         outlines: tuple[Outline, Outline],
         tightest: tuple[float, float],
         backing: tuple[float, float],
+        track: tuple[Places, Places],
         goal: Goal,
         refused: frozenset[Move] = frozenset(),
     ) -> None:
@@ -132,6 +135,7 @@ class PoseSearch:
         turn_rad = math.tau / self._headings
         self._step_m = turn_rad / curvature_per_m
         self._backed_m, self._most_backed_m = backing
+        self._track = track
         self._goal = goal
         turned = np.exp(1j * turn_rad * np.arange(self._headings))
         self._turned = turned
@@ -214,6 +218,9 @@ class PoseSearch:
         for back in (0, 1):
             way = -1 if back else 1
             backed_m = np.maximum(some.backed_m - way * self._step_m, 0.0)
+            if back:
+                known = on_track(some.place_m, self._turned[some.heading], *self._track)
+                backed_m = np.where(known, some.backed_m, backed_m)
             for number, steering in enumerate(STEERINGS):
                 if not count and (way, steering) in self._refused:
                     continue

@@ -59,18 +59,10 @@ class Thought:
     """A search that is under way: one slice with each scan. way: its answer, None while it is not finished."""
 
     def __init__(self, outlook: Outlook, goal: Goal, refused: frozenset[Move], back_m: float) -> None:
-        guard, behind = outlook.guard, outlook.strip.behind
-        body, car = guard.body, guard.car
-        kept = [*behind.kept, behind.seen_now(outlook.view)]
-        self.from_m, self.yaw_rad = kept[-1].place_m, kept[-1].yaw_rad
-        self._floor = blocked_floor(kept, body.bare)
-        self._search = PoseSearch(
-            (body.around, body.bare),
-            (car.max_steering_rad, car.wheelbase_m),
-            (behind.backed_m, min(back_m, guard.settings.reverse_unseen_m - STOPPING_M)),
-            goal,
-            refused,
-        )
+        guard, self._behind = outlook.guard, outlook.strip.behind
+        self._here = self._behind.seen_now(outlook.view)
+        self._body, self._goal, self._refused = guard.body, goal, refused
+        self._most_backed_m = min(back_m, guard.settings.reverse_unseen_m - STOPPING_M)
         self._slices = self._think()
         self.way: WayOut | None = None
 
@@ -81,11 +73,23 @@ class Thought:
 
     def end_in_odom_m(self, way: WayOut) -> complex:
         """Return where the way leads, in the odometry frame."""
-        return self.from_m + way.end_m * cmath.rect(1.0, self.yaw_rad)
+        return self._here.place_m + way.end_m * cmath.rect(1.0, self._here.yaw_rad)
 
     def _think(self) -> Iterator[None]:
-        blocked = yield from self._floor
-        self.way = yield from self._search.look(blocked)
+        behind, body, here = self._behind, self._body, self._here
+        blocked, laid = yield from blocked_floor([*behind.kept, here], body.bare)
+        behind.lay_anew(laid[:-1])
+        turned = cmath.rect(1.0, -here.yaw_rad)
+        track_m, headings = behind.track()
+        search = PoseSearch(
+            (body.around, body.bare),
+            (body.car.max_steering_rad, body.car.wheelbase_m),
+            (behind.backed_m, self._most_backed_m),
+            ((track_m - here.place_m) * turned, headings * turned),
+            self._goal,
+            self._refused,
+        )
+        self.way = yield from search.look(blocked)
 
 
 class Recovery:
