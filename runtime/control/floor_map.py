@@ -23,9 +23,9 @@ REACH_M = 2.4
 """The map is a square with the rear axle in its middle, this far to each side."""
 HALF_CELLS = round(REACH_M / CELL_M)
 CELLS = 2 * HALF_CELLS + 1
-MATCHED_YAWS_RAD = (0.0, 0.025, -0.025, 0.05, -0.05)
+MATCHED_YAWS_RAD = (0.0, 0.025, -0.025, 0.05, -0.05, 0.1, -0.1)
 MATCHED_STEPS_M: Places = np.array(
-    sorted((complex(-CELL_M * back, CELL_M * aside) for back in range(-2, 10) for aside in (0, 1, -1)), key=abs)
+    sorted((complex(-CELL_M * back, CELL_M * aside) for back in range(-2, 10) for aside in range(-2, 3)), key=abs)
 )
 """How far off a view may be: the nearest first; farther backwards, where a hard stop slides from."""
 BETTER_BY, BETTER_POINTS = 1.05, 3
