@@ -101,6 +101,7 @@ class Recovery:
         self._boxed_s = -math.inf
         self._thought: Thought | None = None
         self._thought_s = -math.inf
+        self._found_none = False
         self._due = False
         self._tries = 0
         self._tried_at_m = 0.0
@@ -146,7 +147,7 @@ class Recovery:
         return self._stand(outlook, wish, motor)
 
     def _forget(self) -> None:
-        self._since_s, self._thought, self._legs = None, None, []
+        self._since_s, self._thought, self._legs, self._found_none = None, None, [], False
 
     def _stand(self, outlook: Outlook, wish: Drive, motor: MotorState) -> Advice:
         """Be patient, and think meanwhile."""
@@ -161,11 +162,11 @@ class Recovery:
             return Advice(None, "waiting for the way to clear")
         thought = self._thought
         if thought is None or thought.way is None:
-            return Advice(None, "looking for a way out" if thought is not None else HELP)
-        self._thought, self._thought_s = None, self._boxed_s
-        if not thought.way.legs:
+            return Advice(None, HELP if self._found_none else "looking for a way out")
+        self._found_none = not thought.way.legs
+        self._thought, self._thought_s = None, self._boxed_s if self._found_none else -math.inf
+        if self._found_none:
             return Advice(None, HELP)
-        self._thought_s = -math.inf
         self._ends_m.append(thought.end_in_odom_m(thought.way))
         return self._begin(thought.way, outlook, motor)
 
