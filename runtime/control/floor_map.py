@@ -92,8 +92,9 @@ def _laid_over(points_m: Places, turn: complex, from_m: complex, hit: Booleans) 
     a box. Of the places near by, the one where most points meet (correlative scan matching, Olson 2009); the odometry's
     own where none is clearly better, as between bare walls.
     """
-    near = np.zeros((CELLS + 1, CELLS + 1), np.bool_)  # the last row and column: beyond the map
-    near[:CELLS, :CELLS] = grown(hit.reshape(CELLS, CELLS), 1)
+    worth = np.zeros((CELLS + 1, CELLS + 1), np.int64)  # the last row and column: beyond the map
+    worth[:CELLS, :CELLS] += hit.reshape(CELLS, CELLS)
+    worth[:CELLS, :CELLS] += grown(hit.reshape(CELLS, CELLS), 1)
     some_m = points_m[np.abs(points_m) < 2 * REACH_M][::MATCHED_EVERY] * turn
     own = best = 0
     found = turn, from_m
@@ -103,7 +104,7 @@ def _laid_over(points_m: Places, turn: complex, from_m: complex, hit: Booleans) 
         row = np.rint(there_m.imag / CELL_M).astype(np.intp) + HALF_CELLS
         column[(column < 0) | (column > CELLS)] = CELLS
         row[(row < 0) | (row > CELLS)] = CELLS
-        met = np.count_nonzero(near[row, column], axis=1)
+        met = worth[row, column].sum(axis=1)
         step = int(met.argmax())
         if not yaw_rad:
             own = int(met[0])
