@@ -19,6 +19,8 @@ KEPT_VIEWS = 16
 KEPT_FOR_A_WAY_OUT = 32
 TRACK_FOR_S = 30.0
 """Where the car stood longer ago, something may stand by now."""
+TRACK_M = 1.5
+"""So far, and no farther, may the car back on its own track before it comes forward again: nothing is looking there."""
 TRACK_FROM_M, TRACK_TO_M, TRACK_ASIDE_M, TRACK_COS = 0.08, 0.35, 0.08, 0.95
 """The car backs on its own track where it stood so far behind, in line and at the same heading."""
 
@@ -44,21 +46,23 @@ class Behind:
         self.kept: deque[Kept] = deque(maxlen=KEPT_FOR_A_WAY_OUT)
         self._last: Pose | None = None
         self._at = Pose()
-        self.backed_m = 0.0
+        self._now_s = -math.inf
+        self.backed_m = self._retraced_m = 0.0
 
     def move(self, pose: Pose, step_m: float) -> None:
         """Be at another pose, step_m (signed) after the one before; to back on the own track is not to back blindly."""
         self._at = pose
         if step_m < 0.0 and self.kept:
             place_m, heading = np.array([complex(pose.x_m, pose.y_m)]), np.array([cmath.rect(1.0, pose.yaw_rad)])
-            if on_track(place_m, heading, *self.track())[0]:
+            if self._retraced_m < TRACK_M and on_track(place_m, heading, *self.track())[0]:
+                self._retraced_m -= step_m
                 return
+        self._retraced_m = max(0.0, self._retraced_m - max(step_m, 0.0))
         self.backed_m = max(0.0, self.backed_m - step_m)
 
     def track(self) -> tuple[Places, Places]:
         """Return where the car stood not long ago, odom, and its headings there, (k,) each."""
-        oldest_s = self.kept[-1].view.scan.stamp_s - TRACK_FOR_S if self.kept else 0.0
-        recent = [one for one in self.kept if one.view.scan.stamp_s >= oldest_s]
+        recent = [one for one in self.kept if one.view.scan.stamp_s >= self._now_s - TRACK_FOR_S]
         return np.array([one.place_m for one in recent]), np.array([cmath.rect(1.0, one.yaw_rad) for one in recent])
 
     def lay_anew(self, kept: list[Kept]) -> None:
@@ -71,6 +75,7 @@ class Behind:
 
     def keep(self, view: View) -> None:
         """Take in the scan of this pose; keeps a view every 10 cm or 9 degrees."""
+        self._now_s = view.scan.stamp_s
         pose, last = self._at, self._last
         if last is not None:
             moved_m = math.hypot(pose.x_m - last.x_m, pose.y_m - last.y_m)
