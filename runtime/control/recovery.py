@@ -166,6 +166,7 @@ class Recovery:
         self._found_none = not thought.way.legs
         self._thought, self._thought_s = None, self._boxed_s if self._found_none else -math.inf
         if self._found_none:
+            self._refused = frozenset()  # it may have been the noise of those scans
             return Advice(None, HELP)
         self._ends_m.append(thought.end_in_odom_m(thought.way))
         return self._begin(thought.way, outlook, motor)
