@@ -63,7 +63,7 @@ class RecoverySettings(BaseModel):
 
     boxed_for_s: Annotated[float, Field(ge=0, le=60)] = 2.0
     """Patience: a person in the way walks on by himself."""
-    tries: Annotated[int, Field(ge=0, le=20)] = 6
+    tries: Annotated[int, Field(ge=0, le=10)] = 6
     """Ways out begun at one place before the car asks for help."""
     speed_mps: Annotated[float, Field(gt=0.25, le=0.5)] = 0.4
     """The speed while the car frees itself."""

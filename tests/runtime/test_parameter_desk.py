@@ -120,7 +120,7 @@ def test_a_law_is_exchanged_only_while_the_car_stands(name):
         ("safety__grip_mu", 0.9, 0.7),
         ("safety__side_margin_m", 0.03, 0.05),
         ("safety__expires_after_s", 0.2, 0.1),
-        ("safety__recovery__tries", 4, 2),
+        ("safety__recovery__tries", 8, 2),
         ("car__max_speed_mps", 5.0, 3.0),
     ],
 )

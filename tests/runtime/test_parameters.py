@@ -51,7 +51,7 @@ def test_everything_about_every_setting_is_json(settings):
         ("wall_follow.side", Kind.CHOICE, "left", "'left' or 'right'", "", Effect.NOW),
         ("wall_follow.method", Kind.CHOICE, "ball", "'ball' or 'report'", "", Effect.STANDING),
         ("wall_follow.expires_after_s", Kind.NUMBER, 0.15, "a number above 0 and at most 0.2 s", "s", Effect.NOW),
-        ("safety.recovery.tries", Kind.INTEGER, 3, "a whole number from 0 to 10", "", Effect.NOW),
+        ("safety.recovery.tries", Kind.INTEGER, 6, "a whole number from 0 to 10", "", Effect.NOW),
         ("safety.backs_out", Kind.BOOLEAN, True, "true or false", "", Effect.NOW),
         ("car.max_speed_mps", Kind.NUMBER, 4.0, "a number above 0 and at most 20 m/s", "m/s", Effect.NOW),
         ("car.wheelbase_m", Kind.NUMBER, 0.33, "a number above 0.05 and at most 2 m", "m", Effect.RESTART),
@@ -89,7 +89,7 @@ def test_the_text_under_a_field_is_its_description_also_when_a_base_class_has_it
 
 def test_a_wish_is_planned_and_what_it_was_is_told():
     wanted = plan(SETTINGS, {"wall_follow.kp": 0.5, "safety.recovery.tries": 2, "wall_follow.kd": 4.5})
-    assert wanted.changed == (("wall_follow.kp", 13.5, 0.5), ("safety.recovery.tries", 3, 2))
+    assert wanted.changed == (("wall_follow.kp", 13.5, 0.5), ("safety.recovery.tries", 6, 2))
     assert (wanted.settings.wall_follow.kp, SETTINGS.wall_follow.kp) == (0.5, 13.5)
 
 

@@ -165,11 +165,11 @@ def test_the_window_is_judged_anew_at_the_next_scan_although_the_car_has_hardly_
 def test_backing_out_can_be_switched_off_and_on():
     drive = Drive()
     assert isinstance(drive.laws.follower, Freeing)
-    assert drive.recovery._settings.tries == 3
+    assert drive.recovery._settings.tries == 6
     drive.tune(safety={"backs_out": False})
     assert drive.recovery._settings.tries == 0
     drive.tune(safety={"backs_out": True})
-    assert drive.recovery._settings.tries == 3
+    assert drive.recovery._settings.tries == 6
 
 
 def test_patience_can_be_changed_while_it_lasts():
