@@ -30,7 +30,8 @@ def driven(*pieces):
     pose, none = np.stack([x_m, np.zeros(rows), np.zeros(rows)], axis=1), np.zeros(rows)
     both = np.stack([speed_mps, speed_mps], axis=1)
     case = Case(world_of("straight", "left"))
-    return Run(case, np.linspace(0.0, (rows - 1) * PERIOD_S, rows), pose, both, both, both, none, none, none, none, 0.0, [], None, [])
+    time_s = np.linspace(0.0, (rows - 1) * PERIOD_S, rows)
+    return Run(case, time_s, pose, both, both, both, none, none, none, none, 0.0, [], None, [])
 
 
 @pytest.mark.parametrize(
