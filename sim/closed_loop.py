@@ -6,6 +6,7 @@ Nothing reads a clock: the same case gives the same run, bit by bit.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -50,6 +51,7 @@ class Case:
     brake_limit_mps2: the deceleration of a full brake; above the grip the wheels lock.
     truth: the world whose walls count as "the wall" (a wall without its doors), None for the world itself.
     surroundings: what is really seen and hit instead of world and obstacles (glass), None for those.
+    cover: what becomes of the lidar's integers at a time [s], e.g. a hand before it; None: nothing.
     """
 
     world: World
@@ -69,6 +71,7 @@ class Case:
     brake_limit_mps2: float = FULL_BRAKE_MPS2
     truth: World | None = None
     surroundings: Surroundings | None = None
+    cover: Callable[[Millimetres, float], Millimetres] | None = None
 
 
 @dataclass(slots=True)
@@ -240,6 +243,8 @@ class _Rig:
         """One scan through everything that stands between it and the wire."""
         case, vehicle, pose = self._case, self._vehicle, self._vehicle.pose
         reported_mm = scan(self._seen, pose, vehicle.twist, now_s, self._rng, case.lidar)
+        if case.cover is not None:
+            reported_mm = case.cover(reported_mm, now_s)
         sweep = as_scan(reported_mm, case.lidar, now_s, sequence)
         outlook = self._guard.look(sweep, self._motor) if self._guard is not None else _CONSENT
         guidance = self._follower.follow(sweep, self._motor)

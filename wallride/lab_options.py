@@ -9,6 +9,7 @@ EXPERIMENTS = {
     "hazards": "things in the way of a navigator that ignores them, and drives in which a stop is needless",
     "laps": "lap time and error on the loop and on maps",
     "window": "dirt on the lidar's window: what is found of it, and what is only imagined",
+    "covers": "a lidar that is covered or falls silent, from the start or while driving: contacts that a brake avoids",
     "rooms": "clutter and people in the way: contacts, stuck, and how soon driving resumes",
     "recordings": "real recordings: noise, dirt, braking at walls, and stops that were needless",
     "stories": "the whole process in virtual time: laps, cables pulled, dirt, people, dead ends",

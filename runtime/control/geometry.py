@@ -10,6 +10,7 @@ from drivers.twin import twin
 
 Floats = npt.NDArray[np.float64]
 Booleans = npt.NDArray[np.bool_]
+Bytes = npt.NDArray[np.int8]
 Places = npt.NDArray[np.complex128]
 """Points of a plane as complex numbers x + iy [m]: turning them all by an angle is one multiplication."""
 NOWHERE: Places = np.empty(0, np.complex128)

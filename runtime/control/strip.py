@@ -94,6 +94,14 @@ class Strip:
         )
         return contact_on_arc(motion, 0.0, length_m, self.body.ahead, np.concatenate(self._points_m()))
 
+    def reaches(self, points_m: Places, steering_rad: float, length_m: float) -> Contact:
+        """Return what the outline meets first of some other places (k,), base_link; NOTHING beyond length_m."""
+        if not points_m.size:
+            return NOTHING
+        motion = self._motion(1.0, self.body.grip_mps2)
+        found = contact_on_arc(motion, steering_rad, length_m, self.body.ahead, points_m)
+        return found if found.travel_m <= length_m else NOTHING
+
     def needs_grip(self, steering_rad: float, speed_mps: float, grip_mps2: float) -> bool:
         """Whether the bend asks for more than this at this speed."""
         return speed_mps * speed_mps * abs(math.tan(steering_rad)) > self.body.car.wheelbase_m * grip_mps2

@@ -32,12 +32,15 @@ from runtime.control.stopping import (
 )
 from runtime.control.strip import GAINS_MPS, Strip
 from runtime.control.swept_settings import SweptSettings
+from runtime.control.visibility import CRAWL_MPS, Visibility
 from runtime.control.wavering import Wavering
 
 STANDING_MPS = 0.05
 STOP_SPARE_M = 0.05
 WARY_S = 0.25
 CLEAR = Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "clear")
+UNSEEN = "the lidar sees nothing ahead"
+ON_LIDAR = Verdict(0.0, 0.0, "something on the lidar: uncover it")
 
 
 @dataclass(slots=True)
@@ -76,6 +79,7 @@ class SweptGuard:
         self.behind = Behind(car.lidar_x_m)
         self.movers = Movers()
         self.faint = Faint()
+        self.visibility = Visibility(car)
         self.memory = _Memory()
         self.plight = ""
         self._eyes = eyes
@@ -102,6 +106,7 @@ class SweptGuard:
         step_m = motor.distance_m - last_m if motor is not None and last_m is not None else 0.0
         self.behind.move(pose, step_m)
         self.health.glance(view)
+        self.visibility.look(view, pose)
         self._unlearnt = view, motor
         most_rad = self.car.max_steering_rad
         wheel_rad = min(max(motor.steering_rad, -most_rad), most_rad) if motor is not None else 0.0
@@ -112,6 +117,8 @@ class SweptGuard:
         strip = Strip(self.body, view, speed_mps, wheel_rad, latency_s, more_m, self.behind)
         wary = speed_mps > self.settings.doubtful_mps and scan.stamp_s < self.memory.wary_until_s
         window = Verdict(self.health.ceiling_mps, self.health.ceiling_mps, self.health.reason)
+        if self.visibility.on_lidar:
+            window = ON_LIDAR
         return Outlook(self, view, speed_mps, strip, window, wary)
 
     def learn(self) -> None:
@@ -125,6 +132,7 @@ class SweptGuard:
         (view, motor), self._unlearnt = self._unlearnt, None
         self.behind.keep(view)
         self.health.update(view, motor)
+        self.visibility.learn()
         self._eyes.ignore(self.health.mask)
 
     def now_s(self, scan: Scan) -> float:
@@ -161,6 +169,7 @@ class Outlook:
             return _slowest(
                 self._forward(speed_mps, steering_rad, reaction_s),
                 self._wavering(speed_mps, steering_rad, reaction_s),
+                self._unseen(speed_mps, steering_rad, reaction_s),
                 ceiling,
             )
         verdict = self._backward(steering_rad, reaction_s)
@@ -214,6 +223,22 @@ class Outlook:
         found = self.strip.contact(other_rad, self._look_m(wanted_mps))
         slow_mps = max(guard.body.graded_mps(found, reaction_s), guard.settings.creep_mps)
         return Verdict(slow_mps, NO_LIMIT_MPS, "slower: the driver wavers", found.travel_m)
+
+    def _unseen(self, wanted_mps: float, steering_rad: float, reaction_s: float) -> Verdict:
+        """Slow enough to stop within what is known on the way, whatever may be where the lidar does not see."""
+        visibility, body = self.guard.visibility, self.guard.body
+        if not visibility.suspicious:
+            return CLEAR
+        unknown, look_m = visibility.unknown(), body.look_m(max(self.speed_mps, wanted_mps))
+        found = self.strip.reaches(unknown.hard, steering_rad, look_m)
+        hard_mps = body.graded_mps(found, reaction_s)
+        if hard_mps < self.guard.settings.slowest_mps:
+            return Verdict(
+                0.0, 0.0, "the lidar is blind ahead: uncover it" if unknown.blind else UNSEEN, found.travel_m
+            )
+        soft_mps = max(CRAWL_MPS, body.graded_mps(self.strip.reaches(unknown.soft, steering_rad, look_m), reaction_s))
+        reason = f"{UNSEEN}: crawling" if soft_mps <= CRAWL_MPS else f"slower: {UNSEEN}"
+        return Verdict(min(hard_mps, soft_mps), NO_LIMIT_MPS, reason, found.travel_m)
 
     def _slower(self, found: Contact, graded_mps: float, reaction_s: float) -> Verdict:
         """No stop, but something in the way: the graded limit, or the slowest speed that the motor can hold."""

@@ -39,6 +39,7 @@ from runtime.control import (
     prediction,
     smudges,
     speed_profile,
+    visibility,
     wall,
     wall_track,
 )
@@ -48,7 +49,7 @@ from runtime.warmth import Prefetch
 SWITCH: Final = "WALLRIDE_COMPILED"
 MODULES: Final = (
     codec, ranges, ball_drive, ball_law, ball_path, behind, darkness, faint, footprint, geometry, movers, my_wall,
-    noise_bias, odometry, perception, prediction, smudges, speed_profile, wall, wall_track,
+    noise_bias, odometry, perception, prediction, smudges, speed_profile, visibility, wall, wall_track,
 )  # fmt: skip
 HERE: Final = Path(__file__).parent
 SEAL: Final = HERE / "seal.json"

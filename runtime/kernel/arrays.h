@@ -91,6 +91,7 @@ KERNEL(corrected);
 KERNEL(evidence);
 KERNEL(findings);
 KERNEL(near_places);
+KERNEL(watched);
 KERNEL(prefetch);
 
 #endif

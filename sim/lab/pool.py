@@ -16,7 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from runtime import kernel
 from sim.lab.cell import Cell, Experiment, Figures
 
-EXPERIMENTS = ("walls", "safety", "hazards", "laps", "window", "rooms", "recordings", "stories")
+EXPERIMENTS = ("walls", "safety", "hazards", "laps", "window", "covers", "rooms", "recordings", "stories")
 
 
 def experiment(name: str) -> Experiment:

@@ -1,0 +1,137 @@
+/* Twin of runtime/control/visibility.py: what is known of each sector after one more scan. */
+
+#include "arrays.h"
+#include "constants.h"
+
+enum { SEEN = VISIBILITY_SEEN, DEPTH, UNPROVEN, MISSING, BLIND };
+
+/* Which sector a place (base_link) is expected in; -1 for none. v: first_rad, width_rad, lidar_x_m, within_m, moved
+ * and turned since. */
+static beam expected_in(place held, place turn, const double *v, beam sectors) {
+    if (isnan(creal(held)))
+        return -1;
+    place off = times(held - CMPLX(v[4], v[5]), turn) - v[2];
+    if (!(hypot(creal(off), cimag(off)) < v[3]))
+        return -1;
+    double at = (atan2(cimag(off), creal(off)) - v[0]) / v[1], nearest = rint(at);
+    return fabs(at - nearest) <= VISIBILITY_IN_THE_MIDDLE && nearest >= 0 && nearest < (double)sectors ? (beam)nearest : -1;
+}
+
+/* The longest row of near beams of which half are within the outline. */
+static beam row_on_lidar(const struct row *x, const struct row *y, const struct row *own, beam from, beam end,
+                         double front_m, double half_m) {
+    beam longest = 0, begin = -1, last = -1, inside = 0;
+    for (beam i = from; i <= end; i++) {
+        int near = i < end && NUMBER(*x, i) <= front_m && fabs(NUMBER(*y, i)) <= half_m;
+        if (begin >= 0 && (i == end || (near && i - last > VISIBILITY_ON_LIDAR_GAP_BEAMS))) {
+            if (2 * inside >= last - begin + 1 && last - begin + 1 > longest)
+                longest = last - begin + 1;
+            begin = -1;
+        }
+        if (!near)
+            continue;
+        if (begin < 0) {
+            begin = i;
+            inside = 0;
+        }
+        last = i;
+        inside += FLAG(*own, i) != 0;
+    }
+    return longest;
+}
+
+/* watched(ranges, x, y, no_echo, own, dirty | None, state, held, first, beams, first_rad, width_rad, lidar_x, front,
+ *         half_width, within, moved_x, moved_y, turned) -> state, seen, held, row, suspects */
+KERNEL(watched) {
+    static const int types[] = {NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_BOOL, NPY_BOOL, NPY_BOOL, NPY_INT8, NPY_CDOUBLE};
+    struct row rows[8] = {{NULL, 0, 0}};
+    beam sizes[2];
+    double v[9];
+    if (!enough(count, 19, "watched") || !as_indices(given + 8, 2, sizes) || !as_numbers(given + 10, 9, v))
+        return NULL;
+    for (int k = 0; k < 8; k++) {
+        if (k == 5 && given[k] == Py_None)
+            continue;
+        if (!as_row(given[k], types[k], &rows[k]))
+            return NULL;
+    }
+    const struct row range = rows[0], x = rows[1], y = rows[2], no_echo = rows[3], own = rows[4], dirty = rows[5],
+                     state = rows[6], held = rows[7];
+    const beam first = sizes[0], beams = sizes[1], sectors = state.count, end = first + sectors * beams;
+    if (x.count != range.count || y.count != range.count || no_echo.count != range.count || own.count != range.count ||
+        (dirty.data && dirty.count != range.count) || held.count != sectors || first < 0 || beams < 1 || sectors < 1 ||
+        sectors > range.count || beams > range.count || end > range.count) {
+        PyErr_SetString(PyExc_ValueError, "watched: arrays of different lengths");
+        return NULL;
+    }
+    const double first_rad = v[0], width_rad = v[1], front_m = v[3], half_m = v[4];
+    const double known[] = {first_rad, width_rad, v[2], v[5], v[6], v[7]};
+    PyObject *next = fresh(NPY_INT8, sectors), *seen = fresh(NPY_CDOUBLE, sectors), *full = fresh(NPY_CDOUBLE, sectors);
+    npy_bool *expected = calloc((size_t)sectors, 1), *echo = calloc((size_t)(end - first) + 1, 1);
+    if (!next || !seen || !full || !expected || !echo) {
+        Py_XDECREF(next);
+        Py_XDECREF(seen);
+        Py_XDECREF(full);
+        free(expected);
+        free(echo);
+        return PyErr_NoMemory();
+    }
+    for (beam i = 0; i < end - first; i++)
+        echo[i] = !FLAG(no_echo, first + i) && !FLAG(own, first + i);
+    if (dirty.data)
+        for (beam i = 0; i < end - first; i++)
+            if (FLAG(dirty, first + i) && NUMBER(range, first + i) < PERCEPTION_LEARNT_DIRT_NEARER_THAN_M)
+                echo[i] = 0;
+    const place turn = CMPLX(cos(-v[8]), sin(-v[8])), nothing = CMPLX(NAN, NAN);
+    if (v[5] > 0.0)
+        for (beam k = 0; k < sectors; k++) {
+            beam at = expected_in(PLACE(held, k), turn, known, sectors);
+            if (at >= 0)
+                expected[at] = 1;
+        }
+    npy_int8 *now = DATA(npy_int8, next);
+    beam suspects = 0, ahead_from = end, ahead_end = first;
+    int before = 0; /* whether the beam before agrees with this one */
+    for (beam k = 0; k < sectors; k++) {
+        beam seeing = 0, nearest = 2 * beams, pick = first + k * beams;
+        for (beam n = 0, i = first + k * beams; n < beams; n++, i++) {
+            int agrees = 0;
+            if (echo[i - first] && echo[i - first + 1]) { /* beyond the last one is none */
+                double range_m = NUMBER(range, i), off_m = NUMBER(range, i + 1) - range_m;
+                agrees = fabs(off_m) <= VISIBILITY_SAME_THING_M + VISIBILITY_SAME_THING_SHARE * range_m;
+            }
+            if (agrees || before) {
+                beam off = 2 * n > beams - 1 ? 2 * n - (beams - 1) : beams - 1 - 2 * n;
+                seeing++;
+                if (off < nearest) {
+                    nearest = off;
+                    pick = i;
+                }
+            }
+            before = agrees;
+        }
+        int sees = (double)seeing >= most(2.0, VISIBILITY_SEES_SHARE * (double)beams);
+        int silent = !sees && (double)seeing <= VISIBILITY_SILENT_SHARE * (double)beams;
+        npy_int8 was = AT(npy_int8, state, k);
+        place at = CMPLX(NUMBER(x, pick), NUMBER(y, pick));
+        DATA(place, seen)[k] = sees ? at : nothing;
+        DATA(place, full)[k] = sees && (double)seeing >= VISIBILITY_FULL_SHARE * (double)beams ? at : nothing;
+        now[k] = was == MISSING ? UNPROVEN : was;
+        if (silent && was == SEEN)
+            now[k] = DEPTH;
+        if (silent && expected[k] && was != BLIND)
+            now[k] = MISSING;
+        if (sees)
+            now[k] = SEEN;
+        if (fabs(first_rad + width_rad * (double)k) <= VISIBILITY_AHEAD_RAD) {
+            suspects += now[k] >= UNPROVEN;
+            ahead_from = ahead_from < first + k * beams ? ahead_from : first + k * beams;
+            ahead_end = first + (k + 1) * beams;
+        }
+    }
+    free(echo);
+    free(expected);
+    beam row = row_on_lidar(&x, &y, &own, ahead_from, ahead_end, front_m + VISIBILITY_ON_LIDAR_SPARE_M,
+                            half_m + VISIBILITY_ON_LIDAR_SPARE_M);
+    return Py_BuildValue("(NNNnn)", next, seen, full, row, suspects);
+}
