@@ -39,8 +39,10 @@ SAME_THING_M, SAME_THING_SHARE = 0.15, 0.12
 EXPECTED_WITHIN_M = 12.0
 EXPECTED_SHARE = 0.9
 """Of the sensor's own range: nothing is expected beyond."""
-IN_THE_MIDDLE = 0.3
-"""A point that is carried so near to the middle of a sector (in sectors) is expected in it, not in its neighbour."""
+BESIDE_SECTORS = 0.3
+"""A sector is expected to see whose middle lies between two neighbours that have seen, or so far beside."""
+MOST_BETWEEN_SECTORS = 2.1
+"""Neighbours that come to lie farther apart than 1.5 sectors were the edges of a gap."""
 LATEST_S = 0.15
 """After a longer silence nothing is expected: people have moved, and the odometry has drifted."""
 DOUBTED_SECTORS, BLIND_SECTORS = 3, 6
@@ -347,11 +349,15 @@ def watched(  # flat arguments, as its twin in C wants them
     seen = np.where(sees, x_m[pick] + 1j * y_m[pick], nothing)
     new_held = np.where(sees & (seeing >= FULL_SHARE * beams), seen, nothing)
     off = (held - complex(moved_x_m, moved_y_m)) * cmath.rect(1.0, -turned_rad) - lidar_x_m
-    place = (np.angle(off[np.abs(off) < within_m]) - first_rad) / width_rad
-    nearest = np.rint(place)
-    nearest = nearest[(np.abs(place - nearest) <= IN_THE_MIDDLE) & (nearest >= 0) & (nearest < count)]
+    place = (np.angle(off) - first_rad) / width_rad
+    place[~(np.abs(off) < within_m)] = math.nan
+    right, left = place[:-1] - BESIDE_SECTORS, place[1:] + BESIDE_SECTORS
+    between = (left > right) & (left - right <= MOST_BETWEEN_SECTORS)
+    right, left = np.ceil(right[between]), left[between]
     expected = np.zeros(count, np.bool_)
-    expected[nearest.astype(np.intp)] = True
+    for step in range(3):
+        there = right[(right + step <= left) & (right + step >= 0) & (right + step < count)] + step
+        expected[there.astype(np.intp)] = True
     silent = ~sees & (seeing <= SILENT_SHARE * beams)
     new_state = np.where(state == MISSING, UNPROVEN, state).astype(np.int8)
     new_state[silent & (state == SEEN)] = DEPTH

@@ -5,16 +5,28 @@
 
 enum { SEEN = VISIBILITY_SEEN, DEPTH, UNPROVEN, MISSING, BLIND };
 
-/* Which sector a place (base_link) is expected in; -1 for none. v: first_rad, width_rad, lidar_x_m, within_m, moved
- * and turned since. */
-static beam expected_in(place held, place turn, const double *v, beam sectors) {
+/* Where a place (base_link, one scan ago) is now, in sectors; NaN for none. v: first_rad, width_rad, lidar_x_m,
+ * within_m, moved since. */
+static double carried(place held, place turn, const double *v) {
     if (isnan(creal(held)))
-        return -1;
+        return NAN;
     place off = times(held - CMPLX(v[4], v[5]), turn) - v[2];
     if (!(hypot(creal(off), cimag(off)) < v[3]))
-        return -1;
-    double at = (atan2(cimag(off), creal(off)) - v[0]) / v[1], nearest = rint(at);
-    return fabs(at - nearest) <= VISIBILITY_IN_THE_MIDDLE && nearest >= 0 && nearest < (double)sectors ? (beam)nearest : -1;
+        return NAN;
+    return (atan2(cimag(off), creal(off)) - v[0]) / v[1];
+}
+
+/* The sectors between two neighbours that have seen are expected to see. */
+static void expect(double right, double left, npy_bool *expected, beam sectors) {
+    right -= VISIBILITY_BESIDE_SECTORS;
+    left += VISIBILITY_BESIDE_SECTORS;
+    if (!(left > right && left - right <= VISIBILITY_MOST_BETWEEN_SECTORS))
+        return;
+    for (int step = 0; step < 3; step++) {
+        double at = ceil(right) + (double)step;
+        if (at <= left && at >= 0 && at < (double)sectors)
+            expected[(beam)at] = 1;
+    }
 }
 
 /* The longest row of near beams of which half are within the outline. */
@@ -83,12 +95,14 @@ KERNEL(watched) {
             if (FLAG(dirty, first + i) && NUMBER(range, first + i) < PERCEPTION_LEARNT_DIRT_NEARER_THAN_M)
                 echo[i] = 0;
     const place turn = CMPLX(cos(-v[8]), sin(-v[8])), nothing = CMPLX(NAN, NAN);
-    if (v[5] > 0.0)
+    if (v[5] > 0.0) {
+        double before = NAN;
         for (beam k = 0; k < sectors; k++) {
-            beam at = expected_in(PLACE(held, k), turn, known, sectors);
-            if (at >= 0)
-                expected[at] = 1;
+            double at = carried(PLACE(held, k), turn, known);
+            expect(before, at, expected, sectors);
+            before = at;
         }
+    }
     npy_int8 *now = DATA(npy_int8, next);
     beam suspects = 0, ahead_from = end, ahead_end = first;
     int before = 0; /* whether the beam before agrees with this one */

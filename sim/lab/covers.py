@@ -36,7 +36,6 @@ LASTS_S = 8.0
 _WALL_AHEAD_M = {"dead end": 12.0, "wall": 8.0}
 _PERSON_AHEAD_M = 9.0
 _PERSON_RADIUS_M = 0.2
-_ACCELERATION_MPS2 = 4.0
 _LATENCY_S = 0.1
 _SETTLED_S = 1.0
 _MORE_ROOM_M = 2.5
@@ -120,10 +119,9 @@ def case_of(cell: Cell) -> Case:
     names = {"dead end": "dead_end", "wall": "inside_corner", "loop": "loop"}
     return Case(
         world_of(names.get(world, "straight"), cell.side),
-        None,
-        cell.speed_mps,
+        start_speed_mps=cell.speed_mps if cover.from_s > 0.0 else 0.0,
         duration_s=max(cover.from_s, 0.0) + LASTS_S,
-        standing_s=2.0,
+        standing_s=3.0,
         vehicle=VehicleSettings(grip_mu=cell.mu),
         obstacles=_people(cell, cover.from_s),
         seed=cell.seed,
@@ -142,8 +140,7 @@ def _cover(cell: Cell) -> Cover:
     room_m = stopping_m(cell.speed_mps, _LATENCY_S, cell.mu * GRAVITY_MPS2) + random.uniform(0.05, _MORE_ROOM_M)
     ahead_m = _WALL_AHEAD_M.get(world, _PERSON_AHEAD_M - _PERSON_RADIUS_M) - CAR.front_m
     way_m = ahead_m - room_m if world != "loop" else random.uniform(1.0, 16.0)
-    gains_s = cell.speed_mps / _ACCELERATION_MPS2
-    return Cover(reads_mm, width_deg, max(_SETTLED_S, way_m / cell.speed_mps + gains_s / 2), cell.seed)
+    return Cover(reads_mm, width_deg, max(_SETTLED_S, way_m / cell.speed_mps), cell.seed)
 
 
 def _people(cell: Cell, from_s: float) -> tuple[Obstacle, ...]:
