@@ -232,7 +232,9 @@ class Outlook:
         unknown, look_m = visibility.unknown(), body.look_m(max(self.speed_mps, wanted_mps))
         found = self.strip.reaches(unknown.hard, steering_rad, look_m)
         hard_mps = body.graded_mps(found, reaction_s)
-        if hard_mps < self.guard.settings.slowest_mps:
+        brake_mps2 = self.guard.settings.hard_share * body.grip_mps2
+        hard_m = STOP_SPARE_M + stopping_distance_m(max(self.speed_mps, 0.0), reaction_s, brake_mps2)
+        if hard_mps < self.guard.settings.slowest_mps or found.travel_m < hard_m:
             return Verdict(
                 0.0, 0.0, "the lidar is blind ahead: uncover it" if unknown.blind else UNSEEN, found.travel_m
             )

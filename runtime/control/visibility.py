@@ -20,6 +20,7 @@ from drivers.api import Scan
 from drivers.twin import twin
 from drivers.value import value
 from runtime.car_settings import CarSettings
+from runtime.control.footprint import ENOUGH_POINTS
 from runtime.control.geometry import NOWHERE, Booleans, Bytes, Floats, Places
 from runtime.control.odometry import Pose
 from runtime.control.perception import LEARNT_DIRT_NEARER_THAN_M, View
@@ -45,8 +46,11 @@ MOST_BETWEEN_SECTORS = 2.1
 """Neighbours that come to lie farther apart than 1.5 sectors were the edges of a gap."""
 LATEST_S = 0.15
 """After a longer silence nothing is expected: people have moved, and the odometry has drifted."""
-DOUBTED_SECTORS, BLIND_SECTORS = 3, 6
-"""So much missing at once leaves unproven, or blind, everything between. (Real halls lose up to 12 degrees at once.)"""
+DOUBTED_SECTORS, BLIND_SECTORS, COVERED_SECTORS = 3, 6, 12
+"""So much missing at once leaves unproven, or blind, everything between; the most is a cover. Real halls lose up to 25
+degrees at once, for a scan or two: dark walls seen at a grazing angle, panes."""
+REMEMBERS_S = 0.04
+"""So long what was seen is still known where the lidar fell blind, unless it is covered."""
 GRAZING_SECTORS = 1.5
 """The wall beside the silence is continued so far into it."""
 FIXED_FOR_M = 0.25
@@ -56,11 +60,12 @@ HIDES_M, HIDES_PERSON_M = 0.1, 0.3
 NARROW_SECTORS = 2
 """A narrower unproven gap hides no person within reach."""
 CRAWL_MPS = 0.5
+MOST_LOST = 256
 EDGE_STEP_M = 0.05
 EDGE_WITHIN_M = 2.0
 
-SEEN, DEPTH, UNPROVEN, MISSING, BLIND = range(5)
-"""What is known of a sector. MISSING: unproven since this scan, because something expected was not seen."""
+SEEN, DEPTH, GONE, UNPROVEN, MISSING, BLIND = range(6)
+"""What is known of a sector. GONE: depth since this scan; MISSING: unproven since this scan, for something expected."""
 
 
 @value(eq=False)
@@ -116,11 +121,13 @@ class Visibility:
         self._kind: tuple[float, float, int] | None = None
         self._sectors = Sectors(0, 1, 0, 0.0, SECTOR_RAD)
         self._state: Bytes = np.empty(0, np.int8)
+        self._blind_s: Floats = np.empty(0)
         self._seen: Places = NOWHERE
         self._held: Places = NOWHERE
         self._pose = Pose()
         self._stamp_s = -math.inf
         self._before: tuple[Pose, Bytes] | None = None
+        self._lost_m: Places = NOWHERE
         self.on_lidar = False
         self.suspicious = False
 
@@ -135,15 +142,17 @@ class Visibility:
             return
         fresh = 0.0 <= scan.stamp_s - self._stamp_s <= LATEST_S
         moved = cmath.rect(1.0, -last.yaw_rad) * complex(pose.x_m - last.x_m, pose.y_m - last.y_m)
-        self._pose, self._stamp_s = pose, scan.stamp_s
+        turned_rad = math.remainder(pose.yaw_rad - last.yaw_rad, math.tau)
+        self._pose, self._stamp_s, held = pose, scan.stamp_s, self._held
         self._state, self._seen, self._held, row, suspects = watched(
             view.ranges_m, view.x_m, view.y_m, view.no_echo, view.own, view.dirty, self._state, self._held,
             sectors.first, sectors.beams, sectors.first_rad, sectors.width_rad, view.lidar_x_m, car.front_m,
             car.half_width_m, min(EXPECTED_WITHIN_M, EXPECTED_SHARE * scan.range_max_m) if fresh else 0.0,
-            moved.real, moved.imag, math.remainder(pose.yaw_rad - last.yaw_rad, math.tau),
+            moved.real, moved.imag, turned_rad,
         )  # fmt: skip
         self.on_lidar = row * abs(scan.angle_step_rad) >= ON_LIDAR_RAD
         if suspects:
+            self._remember((held - moved) * cmath.rect(1.0, -turned_rad))
             self._judge()
             suspects = int(np.count_nonzero(self._state[sectors.ahead()] >= UNPROVEN))
         self.suspicious = suspects > 0
@@ -151,19 +160,39 @@ class Visibility:
     def _begin(self, scan: Scan, kind: tuple[float, float, int]) -> None:
         self._kind, self._sectors = kind, sectors_of(scan)
         self._state = np.full(self._sectors.count, UNPROVEN, np.int8)
+        self._blind_s = np.full(self._sectors.count, -math.inf)
         self._seen = self._held = np.full(self._sectors.count, complex(math.nan, math.nan), np.complex128)
-        self._stamp_s, self._before = -math.inf, None
+        self._stamp_s, self._before, self._lost_m = -math.inf, None, NOWHERE
         self.on_lidar = self.suspicious = False
+
+    def _remember(self, before_m: Places) -> None:
+        """Remember what was seen in the scan before, (n,), base_link, and is missing now: it is still there."""
+        missing = before_m[self._known(before_m) == MISSING]
+        if missing.size:
+            odom_m = missing * cmath.rect(1.0, self._pose.yaw_rad) + complex(self._pose.x_m, self._pose.y_m)
+            self._lost_m = np.concatenate([self._lost_m, odom_m])[-MOST_LOST:]
+
+    def _known(self, places_m: Places) -> Bytes:
+        """Return what is known of the sectors in which places (k,), base_link, lie; SEEN beyond them."""
+        off = places_m - self._car.lidar_x_m
+        sector = np.rint((np.angle(off) - self._sectors.first_rad) / self._sectors.width_rad)
+        inside = (sector >= 0) & (sector < self._state.size)  # NaN is not
+        known = np.full(off.size, SEEN, np.int8)
+        known[inside] = self._state[sector[inside].astype(np.intp)]
+        return known
 
     def _judge(self) -> None:
         """Call silence blind where much is missing at once, and depth where its borders say so."""
         state = self._state
         for first, last in runs(state > SEEN):
             part = state[first : last + 1]
-            gone = np.flatnonzero(part == MISSING)
-            if gone.size >= DOUBTED_SECTORS:
-                between = part[gone[0] : gone[-1] + 1]
-                between[between != BLIND] = BLIND if gone.size >= BLIND_SECTORS else MISSING
+            if np.count_nonzero(part == MISSING) >= DOUBTED_SECTORS:
+                at_once = np.flatnonzero((part == MISSING) | (part == GONE))
+                between = part[at_once[0] : at_once[-1] + 1]
+                fresh = between != BLIND
+                between[fresh] = BLIND if at_once.size >= BLIND_SECTORS else MISSING
+                since_s = -math.inf if at_once.size >= COVERED_SECTORS else self._stamp_s
+                self._blind_s[first : last + 1][at_once[0] : at_once[-1] + 1][fresh] = since_s
             elif self._is_depth(first, last):
                 part[(part == UNPROVEN) | (part == MISSING)] = DEPTH
 
@@ -177,7 +206,7 @@ class Visibility:
 
         It is where the sector was explained, or where the line of the wall outside leads out of range.
         """
-        if self._state[end] == DEPTH:
+        if self._state[end] in (DEPTH, GONE):
             return True
         beside = self._next_seen(end, step)
         if beside is None:
@@ -215,6 +244,7 @@ class Visibility:
         for first, last in runs(self._state >= UNPROVEN):
             if self._goes_along(pose, state, first, last):
                 self._state[first : last + 1] = BLIND
+                self._blind_s[first : last + 1] = -math.inf
         if not np.array_equal(state >= UNPROVEN, self._state >= UNPROVEN):
             self._before = self._pose, self._state.copy()
 
@@ -236,17 +266,21 @@ class Visibility:
     def unknown(self) -> Unknown:
         """Return where unknown begins; asked only while something is suspicious."""
         state, ahead = self._state, self._sectors.ahead()
-        hard: list[Places] = []
+        pose = self._pose
+        lost_m = (self._lost_m - complex(pose.x_m, pose.y_m)) * cmath.rect(1.0, -pose.yaw_rad)
+        lost = self._known(lost_m) >= UNPROVEN
+        self._lost_m = self._lost_m[lost]
+        hard: list[Places] = [np.repeat(lost_m[lost], ENOUGH_POINTS)]
         soft: list[Places] = []
-        for first, last in runs(state == BLIND):
+        blind = (state == BLIND) & (self._stamp_s - self._blind_s > REMEMBERS_S)
+        for first, last in runs(blind):
             hard.append(self._hidden(first, last, HIDES_M))
         for first, last in runs(state > SEEN):
             for begin, end in runs((state[first : last + 1] == UNPROVEN) | (state[first : last + 1] == MISSING)):
                 if first + end >= ahead.start and first + begin < ahead.stop and end - begin >= NARROW_SECTORS - 1:
                     hard.append(self._edge(first, last))
                     soft.append(self._hidden(first + begin, first + end, HIDES_PERSON_M))
-        blind = bool(np.any(state[ahead] == BLIND))
-        return Unknown(_joined(hard), _joined(soft), blind)
+        return Unknown(_joined(hard), _joined(soft), bool(blind[ahead].any()))
 
     def _hidden(self, first: int, last: int, width_m: float) -> Places:
         """Return the arc at which something of this width fits into a gap, (k,)."""
@@ -359,8 +393,8 @@ def watched(  # flat arguments, as its twin in C wants them
         there = right[(right + step <= left) & (right + step >= 0) & (right + step < count)] + step
         expected[there.astype(np.intp)] = True
     silent = ~sees & (seeing <= SILENT_SHARE * beams)
-    new_state = np.where(state == MISSING, UNPROVEN, state).astype(np.int8)
-    new_state[silent & (state == SEEN)] = DEPTH
+    new_state = np.where((state == MISSING) | (state == GONE), state - 1, state).astype(np.int8)
+    new_state[silent & (state == SEEN)] = GONE
     new_state[silent & expected & (state != BLIND)] = MISSING
     new_state[sees] = SEEN
     bearing_rad = first_rad + width_rad * np.arange(count)

@@ -3,7 +3,7 @@
 #include "arrays.h"
 #include "constants.h"
 
-enum { SEEN = VISIBILITY_SEEN, DEPTH, UNPROVEN, MISSING, BLIND };
+enum { SEEN, DEPTH, GONE, UNPROVEN, MISSING, BLIND };
 
 /* Where a place (base_link, one scan ago) is now, in sectors; NaN for none. v: first_rad, width_rad, lidar_x_m,
  * within_m, moved since. */
@@ -130,9 +130,9 @@ KERNEL(watched) {
         place at = CMPLX(NUMBER(x, pick), NUMBER(y, pick));
         DATA(place, seen)[k] = sees ? at : nothing;
         DATA(place, full)[k] = sees && (double)seeing >= VISIBILITY_FULL_SHARE * (double)beams ? at : nothing;
-        now[k] = was == MISSING ? UNPROVEN : was;
+        now[k] = was == MISSING || was == GONE ? was - 1 : was;
         if (silent && was == SEEN)
-            now[k] = DEPTH;
+            now[k] = GONE;
         if (silent && expected[k] && was != BLIND)
             now[k] = MISSING;
         if (sees)
