@@ -144,18 +144,20 @@ class Visibility:
         moved = cmath.rect(1.0, -last.yaw_rad) * complex(pose.x_m - last.x_m, pose.y_m - last.y_m)
         turned_rad = math.remainder(pose.yaw_rad - last.yaw_rad, math.tau)
         self._pose, self._stamp_s, held = pose, scan.stamp_s, self._held
-        self._state, self._seen, self._held, row, suspects = watched(
+        self._state, self._seen, self._held, row, suspects, gone = watched(
             view.ranges_m, view.x_m, view.y_m, view.no_echo, view.own, view.dirty, self._state, self._held,
             sectors.first, sectors.beams, sectors.first_rad, sectors.width_rad, view.lidar_x_m, car.front_m,
             car.half_width_m, min(EXPECTED_WITHIN_M, EXPECTED_SHARE * scan.range_max_m) if fresh else 0.0,
             moved.real, moved.imag, turned_rad,
         )  # fmt: skip
         self.on_lidar = row * abs(scan.angle_step_rad) >= ON_LIDAR_RAD
-        if suspects:
-            self._remember((held - moved) * cmath.rect(1.0, -turned_rad))
+        if suspects or gone > BLIND_SECTORS:
             self._judge()
+            self._remember((held - moved) * cmath.rect(1.0, -turned_rad))
             suspects = int(np.count_nonzero(self._state[sectors.ahead()] >= UNPROVEN))
         self.suspicious = suspects > 0
+        if not suspects:
+            self._lost_m = NOWHERE
 
     def _begin(self, scan: Scan, kind: tuple[float, float, int]) -> None:
         self._kind, self._sectors = kind, sectors_of(scan)
@@ -167,7 +169,7 @@ class Visibility:
 
     def _remember(self, before_m: Places) -> None:
         """Remember what was seen in the scan before, (n,), base_link, and is missing now: it is still there."""
-        missing = before_m[self._known(before_m) == MISSING]
+        missing = before_m[self._known(before_m) >= MISSING]
         if missing.size:
             odom_m = missing * cmath.rect(1.0, self._pose.yaw_rad) + complex(self._pose.x_m, self._pose.y_m)
             self._lost_m = np.concatenate([self._lost_m, odom_m])[-MOST_LOST:]
@@ -186,8 +188,8 @@ class Visibility:
         state = self._state
         for first, last in runs(state > SEEN):
             part = state[first : last + 1]
-            if np.count_nonzero(part == MISSING) >= DOUBTED_SECTORS:
-                at_once = np.flatnonzero((part == MISSING) | (part == GONE))
+            at_once = np.flatnonzero((part == MISSING) | (part == GONE))
+            if at_once.size > BLIND_SECTORS or np.count_nonzero(part == MISSING) >= DOUBTED_SECTORS:
                 between = part[at_once[0] : at_once[-1] + 1]
                 fresh = between != BLIND
                 between[fresh] = BLIND if at_once.size >= BLIND_SECTORS else MISSING
@@ -354,11 +356,12 @@ def watched(  # flat arguments, as its twin in C wants them
     moved_x_m: float,
     moved_y_m: float,
     turned_rad: float,
-) -> tuple[Bytes, Places, Places, int, int]:
+) -> tuple[Bytes, Places, Places, int, int, int]:
     """Return what is known of each sector after one more scan.
 
     state, (n,); a place that each sector sees, and only of the full ones, (n,), base_link, NaN for none; the longest
-    row of beams that return from on the lidar; how many sectors ahead are unproven or blind.
+    row of beams that return from on the lidar; how many sectors ahead are unproven or blind; how many
+    have fallen silent since the scan before.
 
     ranges_m to dirty: of a View, (beams,). state, held: what this has returned for the scan before, which was taken
     at the pose from which the car has moved by moved_x_m, moved_y_m and turned by turned_rad since. first, beams,
@@ -399,11 +402,12 @@ def watched(  # flat arguments, as its twin in C wants them
     new_state[sees] = SEEN
     bearing_rad = first_rad + width_rad * np.arange(count)
     suspects = np.count_nonzero((new_state >= UNPROVEN) & (np.abs(bearing_rad) <= AHEAD_RAD))
+    gone = np.count_nonzero((new_state == GONE) | (new_state == MISSING))
     near = np.zeros(ranges_m.size, np.bool_)
     near[part] = x_m[part] <= front_m + ON_LIDAR_SPARE_M
     near[part] &= np.abs(y_m[part]) <= half_width_m + ON_LIDAR_SPARE_M
     near[part] &= np.repeat(np.abs(bearing_rad) <= AHEAD_RAD, beams)
-    return new_state, seen, new_held, row_on_lidar(near, own), int(suspects)
+    return new_state, seen, new_held, row_on_lidar(near, own), int(suspects), int(gone)
 
 
 def row_on_lidar(near: Booleans, own: Booleans) -> int:

@@ -53,7 +53,7 @@ static beam row_on_lidar(const struct row *x, const struct row *y, const struct 
 }
 
 /* watched(ranges, x, y, no_echo, own, dirty | None, state, held, first, beams, first_rad, width_rad, lidar_x, front,
- *         half_width, within, moved_x, moved_y, turned) -> state, seen, held, row, suspects */
+ *         half_width, within, moved_x, moved_y, turned) -> state, seen, held, row, suspects, gone */
 KERNEL(watched) {
     static const int types[] = {NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_BOOL, NPY_BOOL, NPY_BOOL, NPY_INT8, NPY_CDOUBLE};
     struct row rows[8] = {{NULL, 0, 0}};
@@ -104,7 +104,7 @@ KERNEL(watched) {
         }
     }
     npy_int8 *now = DATA(npy_int8, next);
-    beam suspects = 0, ahead_from = end, ahead_end = first;
+    beam suspects = 0, gone = 0, ahead_from = end, ahead_end = first;
     int before = 0; /* whether the beam before agrees with this one */
     for (beam k = 0; k < sectors; k++) {
         beam seeing = 0, nearest = 2 * beams, pick = first + k * beams;
@@ -137,6 +137,7 @@ KERNEL(watched) {
             now[k] = MISSING;
         if (sees)
             now[k] = SEEN;
+        gone += now[k] == GONE || now[k] == MISSING;
         if (fabs(first_rad + width_rad * (double)k) <= VISIBILITY_AHEAD_RAD) {
             suspects += now[k] >= UNPROVEN;
             ahead_from = ahead_from < first + k * beams ? ahead_from : first + k * beams;
@@ -147,5 +148,5 @@ KERNEL(watched) {
     free(expected);
     beam row = row_on_lidar(&x, &y, &own, ahead_from, ahead_end, front_m + VISIBILITY_ON_LIDAR_SPARE_M,
                             half_m + VISIBILITY_ON_LIDAR_SPARE_M);
-    return Py_BuildValue("(NNNnn)", next, seen, full, row, suspects);
+    return Py_BuildValue("(NNNnnn)", next, seen, full, row, suspects, gone);
 }

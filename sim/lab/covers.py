@@ -88,7 +88,7 @@ def cells(choice: Choice) -> list[Cell]:
     widths_deg = QUICK_HALF_WIDTHS_DEG if choice.quick else HALF_WIDTHS_DEG
     worlds = QUICK_WORLDS if choice.quick else WORLDS
     names = [
-        f"{'silent' if reads_mm is None else f'{reads_mm} mm'}, {width_deg} deg, {moment}, {world}"
+        f"{'silent' if reads_mm is None else f'{reads_mm} mm'}: {width_deg} deg: {moment}: {world}"
         for reads_mm in covers_mm
         for width_deg in widths_deg
         for moment in MOMENTS
@@ -114,7 +114,7 @@ def best(cell: Cell) -> Run:
 
 def case_of(cell: Cell) -> Case:
     """Return the run of a cell."""
-    world = cell.scenario.split(", ")[3]
+    world = cell.scenario.split(": ")[3]
     cover = _cover(cell)
     names = {"dead end": "dead_end", "wall": "inside_corner", "loop": "loop"}
     return Case(
@@ -130,7 +130,7 @@ def case_of(cell: Cell) -> Case:
 
 
 def _cover(cell: Cell) -> Cover:
-    reads, width, moment, world = cell.scenario.split(", ")
+    reads, width, moment, world = cell.scenario.split(": ")
     reads_mm = None if reads == "silent" else int(reads.split()[0])
     width_deg = float(width.split()[0])
     if moment == "from the start":
@@ -144,7 +144,7 @@ def _cover(cell: Cell) -> Cover:
 
 
 def _people(cell: Cell, from_s: float) -> tuple[Obstacle, ...]:
-    world = cell.scenario.split(", ")[3]
+    world = cell.scenario.split(": ")[3]
     sign = 1.0 if cell.side == "left" else -1.0
     if world == "person stands":
         near_m = 1.5 if from_s <= 0.0 else _PERSON_AHEAD_M
@@ -166,7 +166,7 @@ def measure(cell: Cell) -> Figures:
         contact = best(cell).contact
         avoidable = contact is None or contact.speed_mps <= TOUCH_ABOVE_MPS
     from_s = _cover(cell).from_s
-    reads, width, moment, world = cell.scenario.split(", ")
+    reads, width, moment, world = cell.scenario.split(": ")
     return {
         **figures,
         "cover": reads,
