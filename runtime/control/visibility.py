@@ -46,7 +46,7 @@ MOST_BETWEEN_SECTORS = 2.1
 """Neighbours that come to lie farther apart than 1.5 sectors were the edges of a gap."""
 LATEST_S = 0.15
 """After a longer silence nothing is expected: people have moved, and the odometry has drifted."""
-DOUBTED_SECTORS, BLIND_SECTORS, COVERED_SECTORS = 3, 6, 12
+DOUBTED_SECTORS, SILENCED_SECTORS, BLIND_SECTORS, COVERED_SECTORS = 3, 5, 6, 12
 """So much missing at once leaves unproven, or blind, everything between; the most is a cover. Real halls lose up to 25
 degrees at once, for a scan or two: dark walls seen at a grazing angle, panes."""
 REMEMBERS_S = 0.04
@@ -122,6 +122,7 @@ class Visibility:
         self._sectors = Sectors(0, 1, 0, 0.0, SECTOR_RAD)
         self._state: Bytes = np.empty(0, np.int8)
         self._blind_s: Floats = np.empty(0)
+        self._doubted: Booleans = np.empty(0, np.bool_)
         self._seen: Places = NOWHERE
         self._held: Places = NOWHERE
         self._pose = Pose()
@@ -151,7 +152,7 @@ class Visibility:
             moved.real, moved.imag, turned_rad,
         )  # fmt: skip
         self.on_lidar = row * abs(scan.angle_step_rad) >= ON_LIDAR_RAD
-        if suspects or gone > BLIND_SECTORS:
+        if suspects or gone >= SILENCED_SECTORS:
             self._judge()
             self._remember((held - moved) * cmath.rect(1.0, -turned_rad))
             suspects = int(np.count_nonzero(self._state[sectors.ahead()] >= UNPROVEN))
@@ -163,6 +164,7 @@ class Visibility:
         self._kind, self._sectors = kind, sectors_of(scan)
         self._state = np.full(self._sectors.count, UNPROVEN, np.int8)
         self._blind_s = np.full(self._sectors.count, -math.inf)
+        self._doubted = np.zeros(self._sectors.count, np.bool_)
         self._seen = self._held = np.full(self._sectors.count, complex(math.nan, math.nan), np.complex128)
         self._stamp_s, self._before, self._lost_m = -math.inf, None, NOWHERE
         self.on_lidar = self.suspicious = False
@@ -186,17 +188,24 @@ class Visibility:
     def _judge(self) -> None:
         """Call silence blind where much is missing at once, and depth where its borders say so."""
         state = self._state
+        self._doubted &= state > SEEN
         for first, last in runs(state > SEEN):
             part = state[first : last + 1]
             at_once = np.flatnonzero((part == MISSING) | (part == GONE))
-            if at_once.size > BLIND_SECTORS or np.count_nonzero(part == MISSING) >= DOUBTED_SECTORS:
-                between = part[at_once[0] : at_once[-1] + 1]
-                fresh = between != BLIND
-                between[fresh] = BLIND if at_once.size >= BLIND_SECTORS else MISSING
-                since_s = -math.inf if at_once.size >= COVERED_SECTORS else self._stamp_s
-                self._blind_s[first : last + 1][at_once[0] : at_once[-1] + 1][fresh] = since_s
+            missing = int(np.count_nonzero(part == MISSING))
+            if missing >= DOUBTED_SECTORS or at_once.size >= SILENCED_SECTORS:
+                blind = at_once.size >= (BLIND_SECTORS if missing >= DOUBTED_SECTORS else BLIND_SECTORS + 1)
+                self._doubt(first + int(at_once[0]), first + int(at_once[-1]), blind=blind)
             elif self._is_depth(first, last):
-                part[(part == UNPROVEN) | (part == MISSING)] = DEPTH
+                part[((part == UNPROVEN) | (part == MISSING)) & ~self._doubted[first : last + 1]] = DEPTH
+
+    def _doubt(self, first: int, last: int, *, blind: bool) -> None:
+        """Much has fallen silent at once: only echoes prove these sectors again."""
+        fresh = self._state[first : last + 1] != BLIND
+        self._state[first : last + 1][fresh] = BLIND if blind else MISSING
+        covered = last - first + 1 >= COVERED_SECTORS
+        self._blind_s[first : last + 1][fresh] = -math.inf if covered else self._stamp_s
+        self._doubted[first : last + 1] = True
 
     def _is_depth(self, first: int, last: int) -> bool:
         """Whether nothing at the borders of a silent run, right and left, speaks for a cover, and one for depth."""
