@@ -55,8 +55,8 @@ GRAZING_SECTORS = 1.5
 """The wall beside the silence is continued so far into it."""
 FIXED_FOR_M = 0.25
 FIXED_SECTORS = 2
-HIDES_M, HIDES_PERSON_M = 0.1, 0.3
-"""What may hide in a gap: a leg in a blind one; a person in one that nothing speaks against."""
+HIDES_M, HIDES_SIDE_M, HIDES_PERSON_M = 0.1, 0.2, 0.3
+"""What may hide in a gap: a leg in a blind one; half a person in a doubted one; a person in another unproven one."""
 NARROW_SECTORS = 2
 """A narrower unproven gap hides no person within reach."""
 CRAWL_MPS = 0.5
@@ -290,7 +290,9 @@ class Visibility:
             for begin, end in runs((state[first : last + 1] == UNPROVEN) | (state[first : last + 1] == MISSING)):
                 if first + end >= ahead.start and first + begin < ahead.stop and end - begin >= NARROW_SECTORS - 1:
                     hard.append(self._edge(first, last))
-                    soft.append(self._hidden(first + begin, first + end, HIDES_PERSON_M))
+                    doubted = self._doubted[first + begin : first + end + 1].any()
+                    width_m = HIDES_SIDE_M if doubted else HIDES_PERSON_M
+                    soft.append(self._hidden(first + begin, first + end, width_m))
         return Unknown(_joined(hard), _joined(soft), bool(blind[ahead].any()))
 
     def _hidden(self, first: int, last: int, width_m: float) -> Places:
