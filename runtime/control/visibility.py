@@ -422,7 +422,7 @@ def watched(  # flat arguments, as its twin in C wants them
 
 
 def row_on_lidar(near: Booleans, own: Booleans) -> int:
-    """Return the length of the longest row of near beams of which half are within the outline; both (beams,)."""
+    """Return the length of the longest row of near beams of which a third are within the outline; both (beams,)."""
     index = np.flatnonzero(near)
     if not index.size:
         return 0
@@ -430,6 +430,6 @@ def row_on_lidar(near: Booleans, own: Booleans) -> int:
     firsts, lasts = index[[0, *(cut + 1)]], index[[*cut, -1]]
     longest = 0
     for begin, end in zip(firsts.tolist(), lasts.tolist(), strict=True):
-        if 2 * np.count_nonzero(own[begin : end + 1]) >= end - begin + 1:
+        if 3 * np.count_nonzero(own[begin : end + 1]) >= end - begin + 1:
             longest = max(longest, end - begin + 1)
     return longest

@@ -29,14 +29,14 @@ static void expect(double right, double left, npy_bool *expected, beam sectors) 
     }
 }
 
-/* The longest row of near beams of which half are within the outline. */
+/* The longest row of near beams of which a third are within the outline. */
 static beam row_on_lidar(const struct row *x, const struct row *y, const struct row *own, beam from, beam end,
                          double front_m, double half_m) {
     beam longest = 0, begin = -1, last = -1, inside = 0;
     for (beam i = from; i <= end; i++) {
         int near = i < end && NUMBER(*x, i) <= front_m && fabs(NUMBER(*y, i)) <= half_m;
         if (begin >= 0 && (i == end || (near && i - last > VISIBILITY_ON_LIDAR_GAP_BEAMS))) {
-            if (2 * inside >= last - begin + 1 && last - begin + 1 > longest)
+            if (3 * inside >= last - begin + 1 && last - begin + 1 > longest)
                 longest = last - begin + 1;
             begin = -1;
         }

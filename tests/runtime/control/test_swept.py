@@ -583,7 +583,13 @@ def test_an_enclosed_dark_patch_limits_the_speed():
 
 @pytest.mark.parametrize(("left_m", "right_m"), [(9.0, 9.0), (2.0, 9.0), (9.0, 2.0)])
 def test_the_dark_end_of_a_corridor_or_a_corner_does_not(left_m, right_m):
-    assert judge(darkened(0, None, left_m, right_m), 3.0, speed_mps=3.0).forward_mps == math.inf
+    car = Car()
+    for half in range(1, 60, 5):  # it comes into view
+        ranges_m = darkened(0, None, left_m, right_m, half=half)
+        ranges_m[480:600] = np.where(np.isfinite(ranges_m[480:600]), 28.0, np.nan)
+        car.look(ranges_m, speed_mps=3.0)
+    outlook = car.look(darkened(0, None, left_m, right_m), speed_mps=3.0)
+    assert outlook.limit(3.0, 0.0).forward_mps == math.inf
 
 
 def test_a_third_of_the_window_must_be_dark():
