@@ -6,6 +6,7 @@ clock's now first, in steps of 2.5 ms; so the same story gives the same run, bit
 
 import asyncio
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Never
 
@@ -14,7 +15,7 @@ import numpy.typing as npt
 
 from drivers.api import Clock, Drive, Health, LinkState, MotorState
 from drivers.vesc.settings import VescSettings
-from sim.beams import LidarSettings, scan
+from sim.beams import LidarSettings, Millimetres, scan
 from sim.closed_loop import ROUGH_BEAMS, as_scan
 from sim.obstacles import Obstacle, Scene
 from sim.pose import Pose
@@ -34,7 +35,7 @@ _WIRING = VescSettings()
 class TwinWorld:
     """The truth. pose, speed: of the car, moved on by `advance`. contact_mps: speed at the first touch, None before.
 
-    A car that touches something stops dead and stays there. way_m: driven so far.
+    A car that touches something stops dead and stays there. way_m: driven so far. cover: as that of a Case.
     """
 
     def __init__(
@@ -56,6 +57,7 @@ class TwinWorld:
         self.demand: Demand = CoastDemand()
         self.contact_mps: float | None = None
         self.way_m = 0.0
+        self.cover: Callable[[Millimetres, float], Millimetres] | None = None
         self._clock = clock
         self._now_s = clock()
         self._steps = 0
@@ -73,6 +75,8 @@ class TwinWorld:
         self.advance()
         self._look(now_s)
         reported_mm = scan(self.scene, self.vehicle.pose, self.vehicle.twist, now_s, self._rng, self.lidar_settings)
+        if self.cover is not None:
+            reported_mm = self.cover(reported_mm, now_s)
         return as_scan(reported_mm, self.lidar_settings, now_s, 0).ranges_m
 
     def _step(self, now_s: float) -> None:

@@ -229,7 +229,7 @@ class Outlook:
         visibility, body = self.guard.visibility, self.guard.body
         if not visibility.suspicious:
             return CLEAR
-        unknown, look_m = visibility.unknown(), body.look_m(max(self.speed_mps, wanted_mps))
+        unknown, look_m = visibility.unknown(), self._look_m(wanted_mps)
         found = self.strip.reaches(unknown.hard, steering_rad, look_m)
         hard_mps = body.graded_mps(found, reaction_s)
         brake_mps2 = self.guard.settings.hard_share * body.grip_mps2

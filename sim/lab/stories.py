@@ -19,6 +19,7 @@ from runtime.settings import Settings
 from sim.beams import LidarSettings
 from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
 from sim.lab.courses import SMUDGES
+from sim.lab.covers import Cover
 from sim.lab.figures import TOUCH_ABOVE_MPS, Row, number, text
 from sim.lap import LapCounter
 from sim.obstacles import Motion, Obstacle, person
@@ -158,6 +159,16 @@ def plug_lidar(play: Play) -> None:
     play.lidar.plug()
 
 
+def cover_front(play: Play) -> None:
+    """Cover the lidar's front, 120 degrees wide, so that nothing comes back."""
+    play.told.twin.cover = Cover(None, 60.0, _PULLED_S, seed=0)
+
+
+def uncover_front(play: Play) -> None:
+    """Take the cover away."""
+    play.told.twin.cover = None
+
+
 def pull_motor(play: Play) -> None:
     """Pull the motor controller's cable; it hears nothing and brakes by itself."""
     play.motor.pull()
@@ -241,6 +252,12 @@ def _motor_lost(told: Told) -> list[tuple[str, bool]]:
     return _lost(told, 1.9, 0.25)
 
 
+def _front_covered(told: Told) -> list[tuple[str, bool]]:
+    """The first covered scan is a full brake, and the first free one ends it."""
+    said = next((reason for reason in told.reasons if reason.startswith("the lidar is blind")), "nothing of it")
+    return [*_lost(told, 5.0, 0.1), (f"says: {said}", said != "nothing of it")]
+
+
 _SAYS_SO = ("backing out", "turning out", "boxed in", "wall ahead", "waiting")
 
 
@@ -270,6 +287,9 @@ STORIES = {
     ),
     "motor controller lost and back": Story(
         "loop", 10.0, _motor_lost, events=((_PULLED_S, pull_motor), (_BACK_S, plug_motor))
+    ),
+    "lidar's front covered and free": Story(
+        "loop", 10.0, _front_covered, events=((_PULLED_S, cover_front), (_BACK_S, uncover_front))
     ),
     "dead end": Story("dead_end", 30.0, _dead_end, speed_mps=2.0),
 }

@@ -1,0 +1,63 @@
+"""A few cells of `wallride lab covers`: no contact that a brake avoids; and the experiment notices one."""
+
+import numpy as np
+import pytest
+
+from sim.beams import NO_RETURN_MM
+from sim.lab import covers
+from sim.lab.cell import Cell, Choice
+from sim.lab.covers import Cover
+
+
+def cell(scenario, speed_mps=2.0, law="ball+swept", side="left"):
+    return Cell("covers", scenario, law, speed_mps, 0.8, side, 31)
+
+
+@pytest.mark.parametrize("scenario", [
+    "30 mm: 45 deg: driving: dead end",
+    "140 mm: 90 deg: driving: loop",
+    "160 mm: 60 deg: driving: wall",
+    "silent: 30 deg: driving: dead end",
+    "silent: 45 deg: driving: person stands",
+    "silent: 119 deg: driving: person steps in",
+])  # fmt: skip
+def test_a_cover_while_driving_ends_in_no_contact_that_a_brake_avoids(scenario):
+    for speed_mps, side in ((1.0, "left"), (4.0, "right")):
+        figures = covers.measure(cell(scenario, speed_mps, side=side))
+        assert not figures["avoidable"]
+        assert figures["stands"]
+
+
+@pytest.mark.parametrize("cover", ["3 mm", "100 mm", "170 mm", "silent"])
+def test_a_car_that_is_covered_from_the_start_comes_no_farther_than_a_crawl(cover):
+    for width_deg in (30, 60, 135):
+        figures = covers.measure(cell(f"{cover}: {width_deg} deg: from the start: person stands"))
+        assert not figures["collided"]
+        assert figures["way_after_m"] < 0.8
+
+
+def test_a_car_that_is_blind_to_its_cover_has_a_contact_too_many():
+    figures = covers.measure(cell("85 mm: 60 deg: driving: dead end", law="ball+report"))
+    assert figures["avoidable"]
+
+
+def test_a_cover_reads_what_it_should_from_its_moment_on():
+    reported_mm = np.full(1081, 5000)
+    for reads_mm in (100, None):
+        cover = Cover(reads_mm, 45.0, 2.0, seed=1)
+        assert (cover(reported_mm, 1.9) == 5000).all()
+        covered = cover(reported_mm, 2.0) != 5000
+        assert not covered[:360].any()
+        assert not covered[721:].any()
+        assert covered.sum() > 340
+        there = cover(reported_mm, 2.0)[covered]
+        assert (there == NO_RETURN_MM).all() if reads_mm is None else np.abs(np.median(there) - 100) < 2
+
+
+def test_the_plan_has_every_cover_and_the_table_counts():
+    choice = Choice(("ball+swept",), (1.0,), (0.8,), ("left",), (0,))
+    assert len(covers.cells(choice)) == 10 * 7 * 2 * 5
+    made = cell("30 mm: 10 deg: driving: dead end", 1.0)
+    (table,) = covers.tables([made.named(covers.measure(made))])
+    assert table.rows[0][0] == "30 mm, driving"
+    assert "0 of 1 runs" in table.notes[0]
