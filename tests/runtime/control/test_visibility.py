@@ -101,7 +101,7 @@ def test_a_silence_that_goes_along_while_walls_come_out_of_it_is_blind():
     for step in range(20):
         x_m = 0.02 * step
         lidar.look(covered(ranges(BLOCKED, x_m), -45, 45), x_m)
-        assert (lidar.known(0) == BLIND) == (x_m >= visibility.FIXED_FOR_M)
+        assert (lidar.known(0) == BLIND) == (x_m >= 0.25)
 
 
 def test_the_end_of_a_wall_stays_where_it_is_and_proves_the_silence_beside_it():
@@ -127,11 +127,10 @@ def test_walls_that_are_missing_at_once_are_blindness_from_that_scan_on(half_deg
 
 def test_a_car_that_turns_away_from_a_wall_misses_nothing():
     lidar = Lidar()
-    for step in range(40):
-        yaw_rad = -0.04 * step
-        lidar.look(ranges(CORNER, 0.0, 0.0, yaw_rad), 0.0, yaw_rad)
-    before = lidar.visibility._state.copy()
-    assert not np.any(before == BLIND)
+    for step in range(15):
+        yaw_rad = -0.1 * step
+        seen = lidar.look(ranges(CORNER, 0.0, 0.0, yaw_rad), 0.0, yaw_rad)
+        assert not np.any((seen._state == visibility.MISSING) | (seen._state == BLIND))
 
 
 def test_ten_degrees_without_echo_are_no_blindness_but_what_was_there_is_remembered():
@@ -159,12 +158,12 @@ def test_an_echo_ends_blindness():
     assert lidar.known(0) == SEEN
 
 
-def test_two_wild_beams_in_a_hundred_prove_nothing():
+def test_wild_beams_prove_nothing():
     lidar, random = Lidar(), np.random.default_rng(3)
     lidar.look(ranges(BLOCKED))
     for _ in range(40):
         ranges_m = covered(ranges(BLOCKED), -60, 60)
-        wild = random.random(1081) < 0.02
+        wild = random.random(1081) < 0.05
         lidar.look(np.where(wild, random.uniform(0.2, 10.0, 1081), ranges_m))
         assert lidar.known(0) == BLIND
 
@@ -250,3 +249,14 @@ def test_what_a_moment_ago_stood_in_a_small_gap_is_still_in_the_way():
 
 def test_the_drive_down_an_open_corridor_is_not_limited():
     assert Safety().limit(ranges(CORRIDOR), 3.0, 4.0).forward_mps == math.inf
+
+
+@pytest.mark.parametrize(("beams", "known"), [(2, BLIND), (4, SEEN)])
+def test_three_beams_in_ten_that_agree_are_seeing(beams, known):
+    lidar = Lidar()
+    lidar.look(ranges(BLOCKED))
+    lidar.look(covered(ranges(BLOCKED), -60, 60))
+    ranges_m = covered(ranges(BLOCKED), -60, 60)
+    ranges_m[539 : 539 + beams] = 3.0
+    lidar.look(ranges_m)
+    assert lidar.known(0) == known
