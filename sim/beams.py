@@ -13,9 +13,10 @@ from typing import Annotated, Self
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from sim.pose import STANDING, Floats, Pose, Twist
+from sim.own_parts import OWN_PARTS, profile, seen_with_parts
+from sim.pose import STANDING, Booleans, Floats, Pose, Twist
 from sim.world import Surroundings
 
 Millimetres = npt.NDArray[np.int64]
@@ -37,7 +38,8 @@ class LidarSettings(BaseModel):
     outlier_share: beams that report a distance between 0.02 and 10 m that has nothing to do with the world.
     dropout_share: beams that report no return.
     dirty_sectors: (from_deg, to_deg, range_m), dirt on the window: these beams see nothing beyond range_m.
-    self_returns: the car's own parts at the right rear.
+    self_returns: a part of the car at the right rear, within its outline. own_parts: further ones, by the names of
+        `sim.own_parts`, which hide what is behind them.
     motion_skew: each beam is measured at its own moment of the sweep; off: all at its end.
     """
 
@@ -54,6 +56,7 @@ class LidarSettings(BaseModel):
     dropout_share: Share = 0.0
     dirty_sectors: tuple[tuple[float, float, Annotated[float, Field(gt=0)]], ...] = ()
     self_returns: bool = False
+    own_parts: str = "none"
     motion_skew: bool = True
 
     @model_validator(mode="after")
@@ -61,6 +64,13 @@ class LidarSettings(BaseModel):
         if self.last_deg <= self.first_deg:
             raise ValueError(f"last_deg {self.last_deg} must be above first_deg {self.first_deg}: beams go to the left")
         return self
+
+    @field_validator("own_parts")
+    @classmethod
+    def _known(cls, kind: str) -> str:
+        if kind not in OWN_PARTS:
+            raise ValueError(f"write one of {', '.join(OWN_PARTS)}")
+        return kind
 
     @property
     def sweep_s(self) -> float:
@@ -148,6 +158,10 @@ def _as_reported(ranges_m: Floats, lidar: LidarSettings, rng: np.random.Generato
     fan = _fan(lidar)
     noise_m = rng.normal(0.0, lidar.noise_std_m, lidar.beams) if lidar.noise_std_m else 0.0
     seen_m = np.minimum(ranges_m, fan.dirt_m) if lidar.dirty_sectors else ranges_m
+    silent: Booleans | None = None
+    if lidar.own_parts != "none":
+        parts = profile(lidar.own_parts, lidar.first_deg, lidar.last_deg, lidar.beams)
+        seen_m, silent = seen_with_parts(seen_m, parts, rng, lidar.range_max_m)
     lost = seen_m > lidar.range_max_m
     seen_m = np.minimum(seen_m, lidar.range_max_m)  # of the lost ones nothing is reported; this keeps them finite
     seen_m += noise_m
@@ -155,6 +169,8 @@ def _as_reported(ranges_m: Floats, lidar: LidarSettings, rng: np.random.Generato
         wild = rng.random(lidar.beams) < lidar.outlier_share
         seen_m = np.where(wild, rng.uniform(0.02, min(10.0, lidar.range_max_m), lidar.beams), seen_m)
         lost &= ~wild
+    if silent is not None:
+        lost |= silent
     if lidar.dropout_share:
         lost |= rng.random(lidar.beams) < lidar.dropout_share
     if lidar.self_returns:

@@ -28,6 +28,10 @@ def add(parser: argparse.ArgumentParser) -> None:
         else:
             _add_variations(parser)
         _add_outputs(parser)
+        if name in {"walls", "safety", "hazards", "laps"}:
+            parser.add_argument(
+                "--own-parts", metavar="KIND", help="what the car sees of itself (default: a kind on every odd seed)"
+            )
         if name in {"walls", "laps"}:
             parser.add_argument("--distance", metavar="M", help="wanted distance to the wall in m (default: 1)")
         if name in {"laps", "rooms"}:

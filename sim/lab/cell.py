@@ -5,10 +5,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from sim.own_parts import kind_of
 from sim.pose import Side
 
 DESIRED_M = 1.0
 """Distance to the wall that is asked for where nothing else is said."""
+WITH_OWN_PARTS = ("walls", "safety", "hazards", "laps")
+"""Experiments in whose runs a car may see parts of itself."""
 Figures = dict[str, Any]
 """The figures of a cell: numbers, booleans, short texts and None, as they go into the JSON file."""
 
@@ -17,7 +20,7 @@ Figures = dict[str, Any]
 class Cell:
     """One run. law: what `sim.lab.laws` understands. speed_mps: what is asked for; the law may choose less.
 
-    desired_m: distance to the wall that is asked for.
+    desired_m: distance to the wall that is asked for. own_parts: of the car, see `sim.own_parts`.
     """
 
     experiment: str
@@ -28,6 +31,7 @@ class Cell:
     side: Side
     seed: int
     desired_m: float = DESIRED_M
+    own_parts: str = "none"
 
     def named(self, figures: Figures) -> Figures:
         """Return the figures with the cell's own names in front."""
@@ -36,7 +40,7 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """What the user chose to run."""
+    """What the user chose to run. own_parts: of every car; "": none on every other seed, the kinds by turns between."""
 
     laws: tuple[str, ...]
     speeds_mps: tuple[float, ...]
@@ -49,11 +53,12 @@ class Choice:
     desired_m: float = DESIRED_M
     generated: bool = False
     """Courses made from the seeds instead of those that have names."""
+    own_parts: str = ""
 
     def cells(self, experiment: str, scenarios: Sequence[str]) -> list[Cell]:
         """Return every combination; the longest runs first, so that no core waits for one at the end."""
         cells = [
-            Cell(experiment, scenario, law, speed_mps, mu, side, seed, self.desired_m)
+            Cell(experiment, scenario, law, speed_mps, mu, side, seed, self.desired_m, self._parts(experiment, seed))
             for speed_mps in self.speeds_mps
             for scenario in scenarios
             for law in self.laws
@@ -62,6 +67,9 @@ class Choice:
             for seed in self.seeds
         ]
         return sorted(cells, key=lambda cell: cell.speed_mps)
+
+    def _parts(self, experiment: str, seed: int) -> str:
+        return (self.own_parts or kind_of(seed)) if experiment in WITH_OWN_PARTS else "none"
 
 
 @dataclass(frozen=True, slots=True)

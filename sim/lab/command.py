@@ -20,6 +20,7 @@ from sim.lab.laps import maps_in
 from sim.lab.pool import experiment, measure_all
 from sim.lab.recordings import ENDINGS, recordings_in
 from sim.map_file import check_map
+from sim.own_parts import OWN_PARTS
 from sim.pose import Side
 
 USAGE_ERROR = 2
@@ -84,6 +85,7 @@ def chosen(options: argparse.Namespace) -> Choice:
         _recordings(options),
         _distance_m(options),
         getattr(options, "generated", False),
+        _own_parts(options),
     )
 
 
@@ -147,6 +149,13 @@ def _distance_m(options: argparse.Namespace) -> float:
     if len(distances_m) > 1:
         raise UsageError(f"--distance {text}: write one number; the tables of two would not be told apart")
     return distances_m[0] if distances_m else DESIRED_M
+
+
+def _own_parts(options: argparse.Namespace) -> str:
+    kind: str | None = getattr(options, "own_parts", None)
+    if kind is not None and kind not in OWN_PARTS:
+        raise UsageError(f"--own-parts {kind}: write one of {', '.join(OWN_PARTS)}")
+    return kind or ""
 
 
 def _sides(text: str | None, *, quick: bool) -> tuple[Side, ...]:

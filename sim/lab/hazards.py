@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from sim.closed_loop import Case, Run, drive
 from sim.lab import laws
 from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
-from sim.lab.courses import COURSES, SLANT_RAD, STRAIGHT_COURSES, case_of, world_of
+from sim.lab.courses import COURSES, SLANT_RAD, STRAIGHT_COURSES, case_of, with_own_parts, world_of
 from sim.lab.figures import Row, chosen, common, distinct, text
 from sim.lab.limits import limit_m
 from sim.lab.safety import Blind
@@ -104,7 +104,7 @@ def run(cell: Cell) -> Run:
     follower, guard = laws.build(cell.law, cell.side, cell.desired_m, cell.speed_mps)
     if cell.scenario.startswith(NORMAL):
         case = case_of(cell.scenario.removeprefix(NORMAL), cell.speed_mps, cell.mu, cell.side, cell.seed)
-        return drive(case, follower, guard)
+        return drive(with_own_parts(case, cell.own_parts), follower, guard)
     hazard = HAZARDS[cell.scenario]
     sign = 1.0 if cell.side == "left" else -1.0
     world = world_of(hazard.world, cell.side)
@@ -120,7 +120,8 @@ def run(cell: Cell) -> Run:
         seed=cell.seed,
     )
     turns_at_s = hazard.turns_after_m / cell.speed_mps
-    return drive(case, Blind(cell.speed_mps, sign * hazard.steering_rad, turns_at_s), guard)
+    blind = Blind(cell.speed_mps, sign * hazard.steering_rad, turns_at_s)
+    return drive(with_own_parts(case, cell.own_parts), blind, guard)
 
 
 def measure(cell: Cell) -> Figures:

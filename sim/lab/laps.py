@@ -8,6 +8,7 @@ from sim.closed_loop import Case, Run, drive
 from sim.generated_tracks import generated_track
 from sim.lab import laws
 from sim.lab.cell import DESIRED_M, Cell, Choice, Experiment, Figures, Tabled
+from sim.lab.courses import with_own_parts
 from sim.lab.figures import Row, chosen, common, distinct, errors, mean, number, text
 from sim.lap import LapCounter
 from sim.pose import Side
@@ -45,7 +46,7 @@ def run(cell: Cell) -> Run:
         vehicle=VehicleSettings(grip_mu=cell.mu),
         seed=cell.seed,
     )
-    return drive(case, follower, guard)
+    return drive(with_own_parts(case, cell.own_parts), follower, guard)
 
 
 def measure(cell: Cell) -> Figures:

@@ -18,7 +18,7 @@ from runtime.control.guidance import Guidance
 from sim.closed_loop import Case, Run, drive
 from sim.lab import laws
 from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
-from sim.lab.courses import world_of
+from sim.lab.courses import with_own_parts, world_of
 from sim.lab.figures import Row, chosen, common, distinct, number, worst
 from sim.obstacles import LIDAR_AHEAD_M, sudden_box
 from sim.pose import CAR
@@ -63,7 +63,7 @@ def run(cell: Cell) -> Run:
         obstacles=(sudden_box(ahead_m, from_s=_APPEARS_S),),
         seed=cell.seed,
     )
-    return drive(case, Blind(cell.speed_mps), guard)
+    return drive(with_own_parts(case, cell.own_parts), Blind(cell.speed_mps), guard)
 
 
 def measure(cell: Cell) -> Figures:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from sim.closed_loop import Run, drive
 from sim.lab import laws
 from sim.lab.cell import DESIRED_M, Cell, Choice, Experiment, Figures, Tabled
-from sim.lab.courses import ALL_COURSES, STRAIGHT_COURSES, case_of
+from sim.lab.courses import ALL_COURSES, STRAIGHT_COURSES, case_of, with_own_parts
 from sim.lab.figures import Row, chosen, common, distinct, errors, mean, number, text, worst
 from sim.lab.limits import DRIVEN_MU, REFERENCE_M, limit_m
 
@@ -33,7 +33,7 @@ def run(cell: Cell) -> Run:
     """Drive one cell."""
     follower, guard = laws.build(cell.law, cell.side, cell.desired_m, cell.speed_mps)
     case = case_of(cell.scenario, cell.speed_mps, cell.mu, cell.side, cell.seed, cell.desired_m)
-    return drive(replace(case, standing_s=3.0), follower, guard)
+    return drive(with_own_parts(replace(case, standing_s=3.0), cell.own_parts), follower, guard)
 
 
 def measure(cell: Cell) -> Figures:
