@@ -44,6 +44,7 @@ class Behind:
         self._lidar_x_m = lidar_x_m
         self._views: deque[Places] = deque(maxlen=KEPT_VIEWS)
         self.kept: deque[Kept] = deque(maxlen=KEPT_FOR_A_WAY_OUT)
+        self._doubtful = NOWHERE
         self._last: Pose | None = None
         self._at = Pose()
         self._now_s = -math.inf
@@ -73,9 +74,13 @@ class Behind:
             view, at = one.view, (one.place_m.real, one.place_m.imag, one.yaw_rad)
             self._views.append(near_places(view.x_m, view.y_m, view.solid, view.ranges_m, *at))
 
-    def keep(self, view: View) -> None:
-        """Take in the scan of this pose; keeps a view every 10 cm or 9 degrees."""
+    def keep(self, view: View, doubtful: Places = NOWHERE) -> None:
+        """Take in the scan of this pose; keeps a view every 10 cm or 9 degrees.
+
+        doubtful: places (k,), odom, where the lidar does look, but which may be the car itself.
+        """
         self._now_s = view.scan.stamp_s
+        self._doubtful = doubtful
         pose, last = self._at, self._last
         if last is not None:
             moved_m = math.hypot(pose.x_m - last.x_m, pose.y_m - last.y_m)
@@ -93,15 +98,18 @@ class Behind:
     def points_m(self, half_view_rad: float) -> Places:
         """Return what is remembered where the lidar does not look now (beyond +-half_view_rad), base_link, (k,).
 
-        What it does look at is judged by what it sees: a person who has left leaves no ghost there.
+        What it does look at is judged by what it sees: a person who has left leaves no ghost there. Of that only what
+        is in doubt is added.
         """
-        if not self._views:
+        if not (self._views or self._doubtful.size):
             return NOWHERE
         at = self._at
-        points = (np.concatenate(self._views) - complex(at.x_m, at.y_m)) * cmath.rect(1.0, -at.yaw_rad)
-        hidden = np.abs(np.angle(points - self._lidar_x_m)) > half_view_rad
-        hidden &= np.abs(points) < NEAR_M
-        found: Places = points[hidden]
+        points = np.concatenate([*self._views, self._doubtful])
+        points = (points - complex(at.x_m, at.y_m)) * cmath.rect(1.0, -at.yaw_rad)
+        told = np.abs(np.angle(points - self._lidar_x_m)) > half_view_rad
+        told[points.size - self._doubtful.size :] = True
+        told &= np.abs(points) < NEAR_M
+        found: Places = points[told]
         return found
 
 

@@ -31,8 +31,13 @@ DIRT_THINNER_THAN_M = 0.012
 """A real thing so thin and so near is not seen: the price for setting off with a smudge on the window."""
 BODY_BEYOND_RAD = math.radians(105)
 """Behind this bearing a near return that goes along with the car is a part of it, before it dirt."""
+DOUBTED_BEYOND_RAD = math.radians(93)
+DOUBTED_NEARER_THAN_M = 0.9
+"""Behind this bearing and nearer than this is doubted until `own_parts` knows it for the world."""
 TRAIL_STEP_M = 0.02
 """A trail gets so much farther from beam to beam; a wall as near as the car's flank, a twentieth of it."""
+RIM_BEAMS = 2
+"""So many beams beside a part meet its edge, whatever they read; a single beam is wild, or noise, and has no edge."""
 BRIDGED_BEAMS = 2
 """Wild beams inside a thin thing do not divide it into two thinner ones."""
 
@@ -66,35 +71,58 @@ Kind = tuple[float, float, int]
 
 @value(eq=False)
 class Fan:
-    """The beams of one kind of lidar: bearing, its cosine and sine, and which look behind BODY_BEYOND_RAD; (beams,)."""
+    """The beams of one kind of lidar, (beams,): bearing, its cosine and sine, which look behind DOUBTED_BEYOND_RAD.
+
+    doubted_below_m: what each must read to be believed while nothing is known yet. nothing_m: zeros.
+    """
 
     bearing_rad: Floats
     cos: Floats
     sin: Floats
     aback: Booleans
+    doubted_below_m: Floats
+    nothing_m: Floats
+
+
+def doubted_below_m(scan: Scan) -> Floats:
+    """Return what each beam must read to be believed while nothing is known yet, (beams,)."""
+    return np.where(beyond(scan, DOUBTED_BEYOND_RAD), DOUBTED_NEARER_THAN_M, 0.0)
 
 
 def fan_of(scan: Scan) -> Fan:
     """Return the beams of the lidar that took a scan."""
     kind = scan.angle_min_rad, scan.angle_step_rad, scan.ranges_m.shape[0]
     cos, sin = directions(*kind)
-    return Fan(bearings_rad(*kind), cos, sin, beyond(scan, BODY_BEYOND_RAD))
+    return Fan(
+        bearings_rad(*kind), cos, sin, beyond(scan, DOUBTED_BEYOND_RAD), doubted_below_m(scan), np.zeros(kind[2])
+    )
 
 
 class Eyes:
-    """Sees each scan once, however many ask: follower and safety share one pair."""
+    """Sees each scan once, however many ask: follower and safety share one pair.
+
+    doubts: whether what is near behind the shoulders is left out until `ignore` says more; for those who will say it.
+    """
 
     def __init__(self, car: CarSettings) -> None:
         self._car = car
         ahead_m, aback_m = car.front_m - car.lidar_x_m, car.rear_m + car.lidar_x_m
         self._own_within_m = math.hypot(max(ahead_m, aback_m), car.half_width_m)
         self._dirty: Booleans | None = None
+        self._ignored_below_m: Floats | None = None
+        self.doubts = False
         self._last: View | None = None
         self._fan: tuple[Kind, Fan] | None = None
 
-    def ignore(self, dirty: Booleans | None) -> None:
-        """From the next scan on, leave these beams (n,) out where they read less than dirt can; None: ignore none."""
-        self._dirty = dirty
+    def ignore(self, dirty: Booleans | None, below_m: Floats | None = None) -> None:
+        """From the next look on, leave these beams (n,) out where they read less than dirt can; None: ignore none.
+
+        below_m: (n,), what any beam reads less is left out as well.
+        """
+        self._last = None
+        self._dirty, self._ignored_below_m = dirty, below_m
+        if dirty is not None and below_m is not None and dirty.shape == below_m.shape:
+            self._ignored_below_m = np.maximum(below_m, dirty * LEARNT_DIRT_NEARER_THAN_M)
 
     def see(self, scan: Scan) -> View:
         """Return the view of a scan, computed at the first call for it."""
@@ -109,8 +137,13 @@ class Eyes:
             self._fan = kind, fan_of(scan)
         fan = self._fan[1]
         dirty = self._dirty if self._dirty is not None and self._dirty.shape == sent_m.shape else None
+        ignored_below_m = self._ignored_below_m
+        if ignored_below_m is None or ignored_below_m.shape != sent_m.shape:
+            ignored_below_m = fan.doubted_below_m if self.doubts else fan.nothing_m
+            if dirty is not None:
+                ignored_below_m = np.maximum(ignored_below_m, dirty * LEARNT_DIRT_NEARER_THAN_M)
         ranges_m, x_m, y_m, solid, no_echo, own, silent = look(
-            sent_m, fan.cos, fan.sin, fan.aback, dirty, scan.angle_step_rad,
+            sent_m, fan.cos, fan.sin, fan.aback, ignored_below_m, scan.angle_step_rad,
             car.lidar_x_m, car.front_m, car.rear_m, car.half_width_m, self._own_within_m,
         )  # fmt: skip
         return View(scan, ranges_m, fan.bearing_rad, x_m, y_m, solid, no_echo, own, car.lidar_x_m, dirty, silent)
@@ -122,7 +155,7 @@ def look(  # flat arguments, as its twin in C wants them
     cos: Floats,
     sin: Floats,
     aback: Booleans,
-    dirty: Booleans | None,
+    ignored_below_m: Floats,
     angle_step_rad: float,
     lidar_x_m: float,
     front_m: float,
@@ -132,8 +165,8 @@ def look(  # flat arguments, as its twin in C wants them
 ) -> tuple[Floats, Floats, Floats, Booleans, Booleans, Booleans, int]:
     """Return ranges_m, x_m, y_m, solid, no_echo, own and silent of a View, from the ranges as sent, (beams,).
 
-    cos, sin: of the beams' bearings. aback: beams behind BODY_BEYOND_RAD. own_within_m: no part of the car is farther
-    from the lidar.
+    cos, sin: of the beams' bearings. aback: beams behind DOUBTED_BEYOND_RAD. ignored_below_m: what reads less is not
+    solid: dirt, the car's parts, and what may be one. own_within_m: no part of the car is farther from the lidar.
     """
     ranges_m = sent_m.astype(np.float64)
     echo = ranges_m > 0.0
@@ -143,21 +176,22 @@ def look(  # flat arguments, as its twin in C wants them
     x_m, y_m = cos * ranges_m, sin * ranges_m
     x_m += lidar_x_m
     solid = supported(ranges_m)
+    ignored = ranges_m < ignored_below_m  # NaN compares as not nearer
+    solid &= ~ignored
     own = np.zeros(ranges_m.shape, np.bool_)
-    index = (ranges_m < own_within_m).nonzero()[0]  # NaN compares as not nearer
+    index = (ranges_m < own_within_m).nonzero()[0]
     if index.size:
         near_x, aside_m = x_m[index], np.abs(y_m[index])
         mine = index[(near_x <= front_m) & (near_x >= -rear_m) & (aside_m <= half_width_m)]
         own[mine] = True
         solid[mine] = False
-        if mine.size:
-            solid[trails(ranges_m, mine[aback[mine]])] = False
+    parts = ((own | ignored) & aback).nonzero()[0]
+    if parts.size:
+        solid[trails(ranges_m, parts)] = False
     near = ranges_m < DIRT_NEARER_THAN_M
     # Only what would count is worth a look whether it is dirt: a wild beam has no neighbours anyway.
     if np.count_nonzero(near & solid):
         solid[thin_dirt(ranges_m, near, angle_step_rad)] = False
-    if dirty is not None:
-        solid &= ~(dirty & (ranges_m < LEARNT_DIRT_NEARER_THAN_M))
     return ranges_m, x_m, y_m, solid, no_echo, own, int(np.count_nonzero(no_echo))
 
 
@@ -186,18 +220,22 @@ def trails(ranges_m: Floats, own: npt.NDArray[np.intp]) -> list[int]:
     Hebert 2005): a row of returns that leads from the car's own part away, almost along the beams. So does no real
     surface, whose extension would have to pass through the lidar.
 
-    own: indices (k,) of the beams that see the car's own parts.
+    own: indices (k,) of the beams that see the car's own parts, or what may be one.
     """
     if not own.size:
         return []
     found: list[int] = []
     gaps = np.flatnonzero(own[1:] - own[:-1] > 1)
-    edges = [(int(beam), -1) for beam in own[[0, *(gaps + 1)]]] + [(int(beam), 1) for beam in own[[*gaps, -1]]]
-    for edge, step in edges:
-        beam = edge
-        while 0 <= beam + step < ranges_m.size and ranges_m[beam + step] - ranges_m[beam] >= TRAIL_STEP_M:
-            beam += step
-            found.append(beam)
+    firsts, lasts = own[[0, *(gaps + 1)]].tolist(), own[[*gaps, -1]].tolist()
+    for first, last in zip(firsts, lasts, strict=True):
+        rim = RIM_BEAMS if last > first else 0
+        for edge, step in ((first, -1), (last, 1)):
+            beam, far = edge + step, edge + step * rim
+            while 0 <= beam < ranges_m.size and (
+                (far - beam) * step >= 0 or ranges_m[beam] - ranges_m[beam - step] >= TRAIL_STEP_M
+            ):
+                found.append(beam)
+                beam += step
     return found
 
 

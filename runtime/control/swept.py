@@ -22,7 +22,8 @@ from runtime.control.geometry import NOWHERE
 from runtime.control.lidar_health import LidarHealth
 from runtime.control.lidar_health_settings import LidarHealthSettings
 from runtime.control.movers import Movers
-from runtime.control.odometry import Odometry
+from runtime.control.odometry import Odometry, Pose
+from runtime.control.own_parts import OwnParts
 from runtime.control.perception import Eyes, View
 from runtime.control.stopping import (
     GRAVITY_MPS2,
@@ -76,6 +77,7 @@ class SweptGuard:
         self.body = Body(settings, car)
         self.clock = clock
         self.health = LidarHealth(health or LidarHealthSettings(), car.wheelbase_m, settings.doubtful_mps)
+        self.own_parts = OwnParts(car.lidar_x_m)
         self.behind = Behind(car.lidar_x_m)
         self.movers = Movers()
         self.faint = Faint()
@@ -83,10 +85,11 @@ class SweptGuard:
         self.memory = _Memory()
         self.plight = ""
         self._eyes = eyes
+        eyes.doubts = True
         self._odometry = Odometry(car.wheelbase_m)
         self._speed = SlidingSpeed(GRAVITY_MPS2, self.body.slippery_mps2)
         self._last_m: float | None = None
-        self._unlearnt: tuple[View, MotorState | None] | None = None
+        self._unlearnt: tuple[View, MotorState | None, Pose] | None = None
 
     def tune(self, settings: SweptSettings, health: LidarHealthSettings) -> None:
         """Go on with other settings; a hard stop that is on, the window's dirt and who walks where are kept."""
@@ -100,6 +103,8 @@ class SweptGuard:
         """Take in one scan; called once for each, in order."""
         self.learn()
         view = self._eyes.see(scan)
+        if self.own_parts.below_m is None:
+            view = self._look_anew(view)
         speed_mps = self._speed.update(motor.speed_mps if motor is not None else None, scan.stamp_s)
         pose = self._odometry.update(motor)
         last_m, self._last_m = self._last_m, motor.distance_m if motor is not None else None
@@ -107,7 +112,7 @@ class SweptGuard:
         self.behind.move(pose, step_m)
         self.health.glance(view)
         self.visibility.look(view, pose)
-        self._unlearnt = view, motor
+        self._unlearnt = view, motor, pose
         most_rad = self.car.max_steering_rad
         wheel_rad = min(max(motor.steering_rad, -most_rad), most_rad) if motor is not None else 0.0
         walkers_m = self.movers.update(view, pose, scan.stamp_s, sliding=self._speed.slides)
@@ -121,6 +126,12 @@ class SweptGuard:
             window = ON_LIDAR
         return Outlook(self, view, speed_mps, strip, window, wary)
 
+    def _look_anew(self, view: View) -> View:
+        """Return the view of the first scan, with the wall before the shoulder followed beyond it."""
+        self.own_parts.update(view, self._odometry.pose)
+        self._eyes.ignore(self.health.mask, self.own_parts.below_m)
+        return self._eyes.see(view.scan)
+
     def learn(self) -> None:
         """Learn from the last scan what only later ones need: the window's dirt, and what lies behind the car.
 
@@ -129,11 +140,12 @@ class SweptGuard:
         """
         if self._unlearnt is None:
             return
-        (view, motor), self._unlearnt = self._unlearnt, None
-        self.behind.keep(view)
+        (view, motor, pose), self._unlearnt = self._unlearnt, None
+        self.own_parts.update(view, pose, learns=not self._speed.slides)
+        self.behind.keep(view, self.own_parts.doubtful)
         self.health.update(view, motor)
         self.visibility.learn()
-        self._eyes.ignore(self.health.mask)
+        self._eyes.ignore(self.health.mask, self.own_parts.below_m)
 
     def now_s(self, scan: Scan) -> float:
         """Return the time, or that of the scan's arrival where there is no clock."""

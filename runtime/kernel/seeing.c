@@ -14,22 +14,22 @@ static void support(const double *range, npy_bool *solid, beam beams) {
     }
 }
 
-/* A trail leads away from the last beam that sees a part of the car. */
-static void forget_trail(const double *range, npy_bool *solid, beam beams, beam edge, beam step) {
-    for (beam i = edge; i + step >= 0 && i + step < beams && range[i + step] - range[i] >= PERCEPTION_TRAIL_STEP_M;) {
-        i += step;
+/* A trail leads away from the last beam that sees a part of the car, over its rim. */
+static void forget_trail(const double *range, npy_bool *solid, beam beams, beam edge, beam step, int has_rim) {
+    for (beam i = edge + step, far = has_rim ? edge + step * PERCEPTION_RIM_BEAMS : edge;
+         i >= 0 && i < beams && ((far - i) * step >= 0 || range[i] - range[i - step] >= PERCEPTION_TRAIL_STEP_M); i += step)
         solid[i] = 0;
-    }
 }
 
 static void forget_trails(const double *range, npy_bool *solid, const npy_bool *part, beam beams) {
     for (beam i = 0; i < beams; i++) {
         if (!part[i])
             continue;
-        if (i == 0 || !part[i - 1])
-            forget_trail(range, solid, beams, i, -1);
-        if (i + 1 == beams || !part[i + 1])
-            forget_trail(range, solid, beams, i, 1);
+        int begins = i == 0 || !part[i - 1], ends = i + 1 == beams || !part[i + 1];
+        if (begins)
+            forget_trail(range, solid, beams, i, -1, !ends);
+        if (ends)
+            forget_trail(range, solid, beams, i, 1, !begins);
     }
 }
 
@@ -65,18 +65,18 @@ static void forget_thin_dirt(const double *range, npy_bool *solid, beam beams, d
         forget_run(range, solid, from, last);
 }
 
-/* look(ranges, cos, sin, aside, dirty | None, step_rad, lidar_x, front, rear, half_width, near)
+/* look(ranges, cos, sin, aside, ignored_below, step_rad, lidar_x, front, rear, half_width, near)
  *   -> ranges, x, y, solid, no_echo, own, silent */
 KERNEL(look) {
-    struct row sent, cosine, sine, aside, dirty = {NULL, 0, 0};
+    struct row sent, cosine, sine, aside, ignored;
     double v[6];
     if (!enough(count, 11, "look") || !as_row(given[0], NPY_FLOAT, &sent) || !as_row(given[1], NPY_DOUBLE, &cosine) ||
         !as_row(given[2], NPY_DOUBLE, &sine) || !as_row(given[3], NPY_BOOL, &aside) ||
-        (given[4] != Py_None && !as_row(given[4], NPY_BOOL, &dirty)) || !as_numbers(given + 5, 6, v))
+        !as_row(given[4], NPY_DOUBLE, &ignored) || !as_numbers(given + 5, 6, v))
         return NULL;
     beam beams = sent.count, silent = 0;
     if (cosine.count != beams || sine.count != beams || aside.count != beams ||
-        (dirty.data && dirty.count != beams)) {
+        ignored.count != beams) {
         PyErr_SetString(PyExc_ValueError, "look: arrays of different lengths");
         return NULL;
     }
@@ -105,9 +105,10 @@ KERNEL(look) {
     int parts = 0, dirt = 0;
     for (beam i = 0; i < beams; i++) {
         own[i] = range[i] < near && x[i] <= front && x[i] >= -rear && fabs(y[i]) <= half;
-        if (own[i])
+        int skipped = own[i] || range[i] < NUMBER(ignored, i);
+        if (skipped)
             solid[i] = 0;
-        part[i] = own[i] && FLAG(aside, i);
+        part[i] = skipped && FLAG(aside, i);
         parts |= part[i];
     }
     if (parts)
@@ -116,10 +117,6 @@ KERNEL(look) {
         dirt = solid[i] && range[i] < PERCEPTION_DIRT_NEARER_THAN_M;
     if (dirt)
         forget_thin_dirt(range, solid, beams, step_rad);
-    if (dirty.data)
-        for (beam i = 0; i < beams; i++)
-            if (FLAG(dirty, i) && range[i] < PERCEPTION_LEARNT_DIRT_NEARER_THAN_M)
-                solid[i] = 0;
     free(part);
     return Py_BuildValue("(NNNNNNn)", seen[0], seen[1], seen[2], seen[3], seen[4], seen[5], silent);
 }

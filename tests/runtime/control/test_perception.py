@@ -111,7 +111,8 @@ def test_a_wall_beside_the_cars_own_part_is_still_a_wall(aside_m):
     noisy_m = wall_m + np.random.default_rng(6).normal(0.0, 0.01, BEAMS)
     view = see(cable(noisy_m))
     assert np.count_nonzero(view.solid[CABLE.stop : CABLE.stop + 40]) >= 37
-    assert trails(cable(wall_m), np.array(CABLE)) == [CABLE.start - 1, CABLE.stop]
+    rim = [CABLE.start - 1, CABLE.start - 2, CABLE.stop, CABLE.stop + 1]
+    assert trails(cable(wall_m), np.array(CABLE)) == rim
 
 
 def smudge(beams, range_m, at=300):

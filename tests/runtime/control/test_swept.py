@@ -98,11 +98,14 @@ def test_a_three_beam_pole_stops_the_car_and_two_beams_do_not():
 
 
 def test_what_stands_beside_the_car_stops_its_tail_beside_a_cable_too():
-    """A post at the right flank, behind the lidar: the car may go straight on, but not turn its flank into it."""
-    ranges_m = world((0.16, -0.2, 0.12, -0.2))
-    ranges_m[7:19] = 0.07
-    assert judge(ranges_m, 1.0).forward_mps == math.inf
-    assert judge(ranges_m, 1.0, -0.34, wheel_rad=-0.34).forward_mps < 1.0
+    """A post at the right flank, which the car has passed: it may go straight on, but not turn its flank into it."""
+    car = Car()
+    for x_m in np.arange(0.6, 0.15, -0.02):
+        ranges_m = world((x_m, -0.2, x_m - 0.04, -0.2))
+        ranges_m[7:19] = 0.07
+        outlook = car.look(ranges_m, speed_mps=0.8, wheel_rad=-0.34 * (x_m < 0.17), moved_m=0.02)
+    assert outlook.limit(1.0, 0.0).forward_mps == math.inf
+    assert outlook.limit(1.0, -0.34).forward_mps < 1.0
 
 
 def test_grip_widens_the_path():

@@ -19,7 +19,7 @@ from tests.runtime.kernel.sameness import Drive, ranges
 def test_a_drive_gets_the_same_answers(compared, world, side):
     rng = np.random.default_rng(3)
     lidar = LidarSettings(noise_std_m=0.02, outlier_share=0.02, dirty_sectors=((-96.0, -93.0, 0.3), (40.0, 41.0, 0.2)))
-    drive, geometry = Drive(side), load_world(world)
+    drive, geometry = Drive(side), load_world(world, side=side)
     for step in range(80):
         at_s = 0.025 * step
         pose = Pose(0.07 * step, rng.uniform(-0.1, 0.1), rng.uniform(-0.2, 0.2))
