@@ -17,7 +17,7 @@ from drivers.api import MotorState
 from runtime.control.geometry import Booleans, beyond
 from runtime.control.lidar_health_settings import LidarHealthSettings
 from runtime.control.perception import BODY_BEYOND_RAD, View
-from runtime.control.smudges import evidence, findings, patches, runs_longer_than
+from runtime.control.smudges import SMUDGE_NEARER_THAN_M, evidence, findings, patches, runs_longer_than
 
 METRES_PER_RADIAN = 0.3
 BODY_MEMORY_M = 0.3
@@ -25,6 +25,9 @@ BODY_MEMORY_M = 0.3
 LEARNS_EVERY_M = 0.1
 FORWARD_RAD = math.pi / 4
 BLIND_MEMORY_RAD = 1.0
+WIPED_EVERY_S, WIPED_MEMORY_S = 0.25, 1.5
+"""A car that is refused for dirt cannot drive on to see that it was wiped: two seconds of a clear view tell it."""
+TOO_MUCH_DIRT = "too much dirt: clean the lidar"
 
 
 class _Beams:
@@ -57,6 +60,7 @@ class LidarHealth:
         self._waiting_m = 0.0
         self._waiting_rad = 0.0
         self._last_m: float | None = None
+        self._wiped_s = 0.0
         self._empty = False
         self._tuned = False
         self._told: tuple[float, bool] | None = None
@@ -93,10 +97,17 @@ class LidarHealth:
             self._empty = empty
             self._judge(view)
 
-    def update(self, view: View, motor: MotorState | None) -> None:
-        """Learn from one scan; cheap while the car stands."""
+    def update(self, view: View, motor: MotorState | None, *, scene_stands: bool = False) -> None:
+        """Learn from one scan; cheap while the car stands.
+
+        scene_stands: whether the wheels turn and the car does not move: that teaches nothing.
+        """
         self.glance(view)
+        self._look_whether_wiped(view)
         step_m, turn_rad = self._motion(motor)
+        if scene_stands:
+            self._waiting_m = self._waiting_rad = 0.0
+            return
         self._waiting_m += step_m + METRES_PER_RADIAN * turn_rad
         self._waiting_rad += turn_rad
         if self._waiting_m < LEARNS_EVERY_M and not self._tuned:
@@ -104,6 +115,16 @@ class LidarHealth:
         self._tuned = False
         if self._waiting_m >= LEARNS_EVERY_M:
             self._learn(view)
+        self._judge(view)
+
+    def _look_whether_wiped(self, view: View) -> None:
+        """While too much dirt keeps the car from moving: a beam that sees farther than dirt can has been wiped."""
+        elapsed_s = view.scan.stamp_s - self._wiped_s
+        if self.reason != TOO_MUCH_DIRT or 0.0 <= elapsed_s < WIPED_EVERY_S:
+            return
+        self._wiped_s = view.scan.stamp_s
+        clear = self._beams.dirty & (view.ranges_m > SMUDGE_NEARER_THAN_M)  # NaN, no echo, tells nothing
+        self._beams.dirt[clear] *= math.exp(-min(max(elapsed_s, 0.0), WIPED_EVERY_S) / WIPED_MEMORY_S)
         self._judge(view)
 
     def _motion(self, motor: MotorState | None) -> tuple[float, float]:
@@ -165,7 +186,7 @@ class LidarHealth:
         if self._empty:
             return 0.0, "the lidar sees almost nothing: uncover or clean it"
         if share > self._settings.refused_share:
-            return 0.0, "too much dirt: clean the lidar"
+            return 0.0, TOO_MUCH_DIRT
         if not safe:
             return self._doubtful_mps, "dirty window: clean the lidar"
         return math.inf, "window clean"

@@ -119,6 +119,7 @@ class OwnParts:
             self._part_m = ranges_m[rear.beams]
             self._evidence = np.where(np.isfinite(self._part_m), 1.0, 0.0)
         self._parts: Booleans = self._evidence > PART_ABOVE
+        self._settled = self._evidence.copy(), self._part_m.copy()
 
     @property
     def parts(self) -> Booleans:
@@ -142,8 +143,11 @@ class OwnParts:
         self._known = known
         self._begin((0.0, 0.0, 0), None)
 
-    def update(self, view: View, pose: Pose, *, learns: bool = True) -> None:
-        """Take in one scan. learns: False while the wheels tell nothing about the car's motion."""
+    def update(self, view: View, pose: Pose, *, moved: bool | None = True) -> None:
+        """Take in one scan.
+
+        moved: whether the car really made the way that odometry says; None: not known yet, what was learnt on it waits.
+        """
         scan = view.scan
         kind = scan.angle_min_rad, scan.angle_step_rad, scan.ranges_m.shape[0]
         rear = self._rear
@@ -154,17 +158,19 @@ class OwnParts:
         turned = cmath.rect(1.0, pose.yaw_rad)
         seen = _Seen(view, rear, complex(pose.x_m, pose.y_m) + self._lidar_x_m * turned, turned)
         world = np.zeros(seen.near.shape, np.bool_)
-        if not learns:
-            self._keys.clear()
+        if moved is False:
+            self._forget_the_way()
         elif np.count_nonzero(seen.near):
             world = self._weigh(seen)
+        if moved:
+            self._settle()
         self.below_m, self.doubtful, self._world_now = rear.below_m, NOWHERE, NOWHERE
         if np.count_nonzero(seen.near & ~self._parts):
             world |= self._as_expected(seen)
             self._world_now = seen.places(rear.beams[world])
             self.doubtful = seen.places(rear.beams[self._in_doubt(seen, world)])
             self.below_m = self._expecting(seen, pose, elapsed_s)
-        if learns and self._is_key_due(seen):
+        if moved is not False and self._is_key_due(seen):
             self._keep(seen)
 
     def _weigh(self, seen: "_Seen") -> Booleans:
@@ -200,6 +206,15 @@ class OwnParts:
         self._evidence[part] += gain * (1.0 - self._evidence[part])
         self._evidence[world] *= PART_BELOW
         self._evidence[off_m > PART_RIM_M] *= math.exp(-way_m / SEEN_THROUGH_MEMORY_M)
+
+    def _forget_the_way(self) -> None:
+        """The wheels have turned, and the car has not moved: nothing of what was learnt since then holds."""
+        self._keys.clear()
+        self._evidence, self._part_m = self._settled[0].copy(), self._settled[1].copy()
+
+    def _settle(self) -> None:
+        """Let what was learnt hold: the car has really moved."""
+        self._settled = self._evidence.copy(), self._part_m.copy()
         parts = (self._evidence > PART_ABOVE) | (self._parts & (self._evidence > PART_BELOW))
         if np.count_nonzero(parts != self._parts):
             self._parts = parts

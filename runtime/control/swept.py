@@ -25,6 +25,7 @@ from runtime.control.movers import Movers
 from runtime.control.odometry import Odometry, Pose
 from runtime.control.own_parts import OwnParts
 from runtime.control.perception import Eyes, View
+from runtime.control.scene_motion import SceneMotion
 from runtime.control.stopping import (
     GRAVITY_MPS2,
     SlidingSpeed,
@@ -77,6 +78,7 @@ class SweptGuard:
         self.body = Body(settings, car)
         self.clock = clock
         self.health = LidarHealth(health or LidarHealthSettings(), car.wheelbase_m, settings.doubtful_mps)
+        self.scene_motion = SceneMotion(car.lidar_x_m)
         self.own_parts = OwnParts(car.lidar_x_m)
         self.behind = Behind(car.lidar_x_m)
         self.movers = Movers()
@@ -141,9 +143,11 @@ class SweptGuard:
         if self._unlearnt is None:
             return
         (view, motor, pose), self._unlearnt = self._unlearnt, None
-        self.own_parts.update(view, pose, learns=not self._speed.slides)
+        self.scene_motion.update(view, pose)
+        stands = self.scene_motion.stands
+        self.own_parts.update(view, pose, moved=False if self._speed.slides else self.scene_motion.moved)
         self.behind.keep(view, self.own_parts.doubtful)
-        self.health.update(view, motor)
+        self.health.update(view, motor, scene_stands=stands)
         self.visibility.learn()
         self._eyes.ignore(self.health.mask, self.own_parts.below_m)
 

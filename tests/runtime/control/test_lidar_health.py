@@ -279,3 +279,18 @@ def test_darkness_counts_only_beside_what_is_seen():
     beside = beside_echoes(dark)
     assert beside[:130].all()
     assert not beside[160:].any()
+
+
+WIDELY = tuple((first_deg, first_deg + 8) for first_deg in range(-100, 100, 24))
+
+
+def test_a_car_refused_for_dirt_is_let_go_when_it_was_wiped():
+    drive = Drive()
+    health = drive.go(dirty(*WIDELY), 3.0)
+    assert (health.ceiling_mps, health.reason) == (0.0, "too much dirt: clean the lidar")
+    for number in range(160):
+        ranges_m = dirty(*WIDELY) if number < 80 else room()
+        scan = Scan(10 + 0.025 * number, 0.0, -STEP_RAD * MIDDLE, STEP_RAD, 0.02, 30.0, ranges_m.astype(np.float32), 0)
+        health.update(drive.eyes.see(scan), motor(drive.distance_m))
+        assert (health.ceiling_mps == 0.0) or number > 100
+    assert health.ceiling_mps == math.inf

@@ -218,3 +218,25 @@ def test_parts_of_another_kind_of_lidar_are_not_used():
     car.guard.own_parts = parts
     car.look()
     assert not parts.parts.any()
+
+
+def test_wheels_that_turn_while_the_scene_stands_teach_nothing():
+    """Wheels up on a bench, whose edge is near on both sides: no dirt and no part of the car."""
+    shelves = tuple(
+        Obstacle(Box(0.12, 0.12), Standing(Pose(0.27 + x, y, 0.0)))
+        for x, y in ((0.5, 0.0), (0.35, 0.35), (0.35, -0.35), (-0.25, 0.5), (-0.25, -0.5), (0.0, 0.5))
+    )
+    car = Car(world="cluttered", obstacles=shelves)
+    for _ in range(300):
+        car.look(0.0, wheels_m=0.03)
+    assert car.outlook.window.forward_mps == math.inf
+    assert car.guard.health.mask is None
+    assert not car.guard.own_parts.parts.any()
+
+
+def test_a_car_that_drives_is_not_taken_for_one_that_stands():
+    for world in ("straight", "corridor", "cluttered", "loop"):
+        car = Car("mounts", world=world)
+        for _ in range(60):
+            car.look(0.04)
+            assert not car.guard.scene_motion.stands, world
