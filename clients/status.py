@@ -145,6 +145,7 @@ def _rows(status: Status) -> Iterator[tuple[str, str]]:
         counts = ", ".join(f"{times} {what.replace('_', ' ')}" for what, times in health["counts"].items() if times)
         yield device, f"{health['link']}: {health['message']}{f'; since the start: {counts}' if counts else ''}"
     yield "window", "; ".join(status["window"]) or "clean"
+    yield "own parts", own_parts_words(status.get("own_parts") or {})
     latency = status["scan_to_motor_ms"]
     if latency["p50"] is not None:
         yield "latency", f"scan to motor p50 {latency['p50']} ms, p99 {latency['p99']} ms, longest {latency['max']} ms"
@@ -152,6 +153,14 @@ def _rows(status: Status) -> Iterator[tuple[str, str]]:
         yield "record", ", ".join(filter(None, (recording["words"], recording["file"])))
     yield "link", ", ".join(f"{name} {value}" for name, value in status["link"].items())
     yield "software", f"wallride {status['version']}, up {status['up_s']:.0f} s, {status['scans']} scans"
+
+
+def own_parts_words(own_parts: Mapping[str, Any]) -> str:
+    """Return in a line what of the car itself its lidar sees."""
+    patches = own_parts.get("patches", ())
+    said = ", ".join(f"{part['bearing_deg']:.0f} deg at {part['range_m']:.2f} m" for part in patches) or "none known"
+    since = own_parts.get("remembered")
+    return f"{said} (remembered since {since})" if since and patches else said
 
 
 def _voice(voice: Mapping[str, Any]) -> str:

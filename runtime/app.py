@@ -21,6 +21,7 @@ from runtime.emergency_stop import EmergencyStop
 from runtime.garbage import collect_young
 from runtime.metronome import Metronome
 from runtime.operator_desk import OperatorDesk
+from runtime.own_parts_memory import file_in
 from runtime.parameter_desk import ParameterDesk, Surroundings
 from runtime.parameter_history import History
 from runtime.permit import Permit
@@ -36,6 +37,7 @@ from runtime.tasks import health, operator, parameters, recorder, safety, wall_f
 from runtime.tasks import lidar as lidar_task
 from runtime.tasks import mux as mux_task
 from runtime.tasks.health import Caretaker
+from runtime.tasks.own_parts import OwnPartsKeeper
 from runtime.tasks.telemetry import Telemetry
 from runtime.teleop_wire import COMMAND_BYTES
 from runtime.voices import Voices
@@ -98,6 +100,10 @@ class Car:
             settings.operator, self.voices, self.permit, self.emergency_stop, motor.clear_fault, clock,
             car_session=self.session,
         )  # fmt: skip
+        self.own_parts = OwnPartsKeeper(
+            settings.car.name, lambda: lidar.health.identity, self.laws, file_in(settings.process.state_folder), clock,
+            lambda: datetime.now(UTC).isoformat(timespec="seconds"), self.is_standing, self.tape.remembered,
+        )  # fmt: skip
         self.history = History(settings.parameters.history)
         self.parameters = ParameterDesk(settings, self._surroundings(file, base), self.history)
         self.sink = ZenohSink(bus, settings.car.name, settings.telemetry.rates_hz)
@@ -113,6 +119,8 @@ class Car:
         self.bus.subscribe(wire.key(name, wire.COMMAND), self.operator.receive, max_bytes=COMMAND_BYTES)
         parameters.serve(self.bus, name, self.parameters)
         recorder.serve(self.bus, name, self.recorder)
+        self.bus.answer(wire.key(name, f"{wire.OWN_PARTS}/show"), self.own_parts.answer_show)
+        self.bus.answer(wire.key(name, f"{wire.OWN_PARTS}/forget"), self.own_parts.answer_forget)
 
     def apply(self, settings: Settings, changed: Sequence[str]) -> None:
         """Take other settings in one step of the loop: between two scans, never within one."""
@@ -154,7 +162,8 @@ class Car:
         laws = TapedLaws(self.laws, self.tape)
         jobs = {
             "lidar": lidar_task.pump(
-                self.lidar, [self.tape.scanned, for_safety.put, for_follower.put, self.telemetry.on_scan],
+                self.lidar,
+                [self.own_parts.meet, self.tape.scanned, for_safety.put, for_follower.put, self.telemetry.on_scan],
                 timed=lambda scan: self.stages.on_scan(scan.received_s, self._reading_s()),
             ),
             "safety": safety.watch(
@@ -172,6 +181,7 @@ class Car:
             ),
             "mux": self.mux.run(self.telemetry.on_output),
             "metronome": self._metronome().run(),
+            "own_parts": self.own_parts.keep(),
             "parameters": parameters.keep_history(self.history, history_file(settings)),
             **self.telemetry.jobs(),
         }  # fmt: skip
@@ -231,6 +241,7 @@ class Car:
             window=lambda: self.laws.words,
             timings=self.stages,
             recording=self.recorder.status,
+            own_parts=self.own_parts.status,
             operator=self.operator.view,
             link=lambda: {"endpoint": self.bus.endpoint, "open": self.bus.is_open, "dropped": self.bus.dropped},
         )

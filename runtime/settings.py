@@ -79,6 +79,9 @@ class LogSettings(Section):
 class ProcessSettings(Section):
     """How the process treats the computer."""
 
+    state_folder: str = ""
+    """Where the car's own parts are remembered; empty is the service's state directory, without one nowhere."""
+
     stay_awake: bool = True
     """Keep the processor from dozing between two scans, where it may: sooner answers for a little more power."""
 

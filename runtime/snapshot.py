@@ -89,6 +89,7 @@ class Observed:
     operator: the operator's side, None where there is none. window: what is wrong with the lidar's window, in words.
     link: the session as plain values. seconds_by_winner: the mux's own account. timings: of the hot path's stages.
     recording: how the recorder stands. session: this start of the process, as in every beat; 0 where there is none.
+    own_parts: what is known of the parts of the car that its lidar sees.
     """
 
     car: str
@@ -103,6 +104,7 @@ class Observed:
     link: Callable[[], Mapping[str, Any]] = dict
     timings: StageClock | None = None
     recording: Callable[[], Mapping[str, Any]] = dict
+    own_parts: Callable[[], Mapping[str, Any]] = dict
     session: int = 0
 
 
@@ -145,6 +147,7 @@ def status(observed: Observed, output: Output | None, journey: Journey) -> dict[
         "fault": motor_state.fault if motor_state is not None else "",
         "lidar": health_fields(observed.lidar),
         "window": list(observed.window()),
+        "own_parts": dict(observed.own_parts()),
         "motor": health_fields(observed.motor),
         "link": dict(observed.link()),
         "recording": dict(observed.recording()),

@@ -6,7 +6,8 @@ Telemetry, `wallride/<car>/<topic>`: standard ROS 2 messages in CDR, except
     decision    one JSON object per change of mind of the mux
     beat        the car's heartbeat for operators, binary (runtime.teleop_wire)
 
-Towards the car: `operator/command`, binary; `param/list|get|set|save|history`, queries in JSON.
+Towards the car: `operator/command`, binary; `param/list|get|set|save|history`,
+`own_parts/show|forget`, queries in JSON.
 Stamps in JSON are seconds on the car's monotonic clock. Numbers that do not exist are null, never NaN (not JSON).
 """
 
@@ -43,6 +44,7 @@ PARAM = "param"
 RECORD = "record"
 """Starts and stops recording on the car: a question, not telemetry, although it is one chunk deep."""
 LOGS = "logs"
+OWN_PARTS = "own_parts"
 SIMULATOR = "simulator"
 """Changes what a simulated car meets: a question that only a simulator answers, never a car."""
 

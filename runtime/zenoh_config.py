@@ -191,6 +191,8 @@ def _grants(car: str) -> Iterator[Grant]:
     yield Grant(operator, "others-operate", "egress", ("liveliness_token",), token)
     yield from _questions(operator, "change", _parameter_keys(car, "set", "save"))
 
+    own_parts = (wire.key(car, f"{wire.OWN_PARTS}/show"), wire.key(car, f"{wire.OWN_PARTS}/forget"))
+    yield from _questions(operator, "own-parts", own_parts)
     yield from _questions(operator, "logs", (wire.key(car, f"{wire.LOGS}/list"), wire.key(car, f"{wire.LOGS}/get")))
     yield from _questions(admin, "record", (wire.key(car, wire.RECORD), wire.key(car, f"{wire.LOGS}/trim")))
 

@@ -85,13 +85,22 @@ class LidarHealth:
         self._doubtful_mps = doubtful_mps
         self._tuned = True
 
+    def forget(self) -> None:
+        """Know nothing of the window any more: what was learnt is learnt anew."""
+        self._begin(0)
+        self.mask, self.ceiling_mps, self.reason, self.words = None, math.inf, "window clean", ()
+
+    def _begin(self, beams: int) -> None:
+        self._beams = _Beams(beams)
+        self._moved_m = self._waiting_m = self._waiting_rad = 0.0
+        self._told = None
+        self._empty = False
+
     def glance(self, view: View) -> None:
         """Notice at once when almost nothing is seen, or something again."""
         beams = view.ranges_m.shape[0]
         if self._beams.dirt.shape[0] != beams:
-            self._beams = _Beams(beams)
-            self._moved_m = self._waiting_m = self._waiting_rad = 0.0
-            self._told = None
+            self._begin(beams)
         empty = view.silent > self._settings.empty_share * beams
         if empty != self._empty:
             self._empty = empty

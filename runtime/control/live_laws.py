@@ -18,6 +18,7 @@ from runtime.control.method_settings import (
     SweptSafetySettings,
     WallFollowSettings,
 )
+from runtime.control.own_parts import KnownParts
 from runtime.control.perception import Eyes
 from runtime.control.plausibility import Plausibility
 from runtime.control.report import ReportFollower, ReportGuard
@@ -49,6 +50,21 @@ class LiveLaws:
     def words(self) -> tuple[str, ...]:
         """What is wrong with the lidar's window, or odd about what it sees, in sentences for people."""
         return (*(self.guard.words if isinstance(self.guard, Lookout) else ()), *self.plausibility.words)
+
+    @property
+    def own_parts(self) -> KnownParts | None:
+        """What is known of the car's own parts, None where the safety law knows of none."""
+        return self.guard.guard.own_parts.known if isinstance(self.guard, Lookout) else None
+
+    @property
+    def own_parts_changes(self) -> int:
+        """How often the set of own parts has changed by what was seen."""
+        return self.guard.guard.own_parts.changes if isinstance(self.guard, Lookout) else 0
+
+    def remember_own_parts(self, known: KnownParts | None) -> None:
+        """Go on with these own parts, known from before, and with a window of which nothing is known."""
+        if isinstance(self.guard, Lookout):
+            self.guard.guard.remember(known)
 
     @property
     def path_m(self) -> Floats | None:

@@ -23,7 +23,7 @@ from runtime.control.lidar_health import LidarHealth
 from runtime.control.lidar_health_settings import LidarHealthSettings
 from runtime.control.movers import Movers
 from runtime.control.odometry import Odometry, Pose
-from runtime.control.own_parts import OwnParts
+from runtime.control.own_parts import KnownParts, OwnParts
 from runtime.control.perception import Eyes, View
 from runtime.control.scene_motion import SceneMotion
 from runtime.control.stopping import (
@@ -127,6 +127,12 @@ class SweptGuard:
         if self.visibility.on_lidar:
             window = ON_LIDAR
         return Outlook(self, view, speed_mps, strip, window, wary)
+
+    def remember(self, known: KnownParts | None) -> None:
+        """Go on with these own parts, and with a window of which nothing is known."""
+        self.own_parts.remember(known)
+        self.health.forget()
+        self._eyes.ignore(None)
 
     def _look_anew(self, view: View) -> View:
         """Return the view of the first scan, with the wall before the shoulder followed beyond it."""

@@ -21,6 +21,7 @@ import numpy.typing as npt
 from drivers.api import Clock, MotorState, Scan
 from runtime.command import Outlook, Output, Source, Word
 from runtime.control.guidance import Follower, Guard, Guidance
+from runtime.control.own_parts import KnownParts
 
 MOST_EVENTS = 8192
 """About half a minute; of more that nobody drained the oldest are lost, which the gap in their numbers shows."""
@@ -112,7 +113,15 @@ class Tuned:
     settings: Mapping[str, Any]
 
 
-Event = Scanned | Looked | Followed | Said | Silenced | Stepped | Tuned
+@dataclass(frozen=True, slots=True)
+class Remembered:
+    """The laws were handed what is known of the car's own parts from before, or that nothing is."""
+
+    number: int
+    parts: KnownParts | None
+
+
+Event = Scanned | Looked | Followed | Said | Silenced | Stepped | Tuned | Remembered
 LAWS = (Source.SAFETY, Source.NAVIGATION)  # a tuple is searched by identity first: five times as fast as a set
 Heard = Sequence[Source | Word]
 """Whose words were in force: a law by its name, everybody else by the word."""
@@ -184,6 +193,10 @@ class Tape:
     def tuned(self, settings: Dumpable) -> None:
         """Note the settings in force from here on."""
         self._entries.append((next(self._numbers), "settings", (settings,)))
+
+    def remembered(self, parts: KnownParts | None) -> None:
+        """Note what the laws were told of the car's own parts."""
+        self._entries.append((next(self._numbers), "parts", (parts,)))
 
     def drain(self) -> list[Entry]:
         """Take out what there is, oldest first; may be called in another thread than the rest."""

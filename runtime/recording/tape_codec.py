@@ -3,12 +3,14 @@
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 from drivers.api import Drive, MotorState, Scan
 from runtime.command import CapWord, Decision, DriveWord, Output, Source, Verdict, Word
 from runtime.control.guidance import Guidance
+from runtime.control.own_parts import KnownParts
+from runtime.own_parts_memory import known_parts
 from runtime.recording.tape import (
     Dumpable,
     Entry,
@@ -16,6 +18,7 @@ from runtime.recording.tape import (
     Followed,
     Heard,
     Looked,
+    Remembered,
     Said,
     Scanned,
     Silenced,
@@ -141,6 +144,10 @@ def _encode_settings(_: _Batch, settings: Dumpable) -> list[Any]:
     return [settings.model_dump(mode="json")]
 
 
+def _encode_parts(_: _Batch, parts: KnownParts | None) -> list[Any]:
+    return [asdict(parts) if parts is not None else None]
+
+
 _ENCODERS: Mapping[str, Any] = {
     "scan": _encode_scan,
     "look": _encode_look,
@@ -149,6 +156,7 @@ _ENCODERS: Mapping[str, Any] = {
     "silence": _encode_silence,
     "step": _encode_step,
     "settings": _encode_settings,
+    "parts": _encode_parts,
 }
 
 
@@ -186,6 +194,8 @@ def _events(message: Mapping[str, Any]) -> Iterator[Event]:
                 yield read.step(number, parts)
             case "settings":
                 yield Tuned(number, parts[0])
+            case "parts":
+                yield Remembered(number, known_parts(parts[0]) if parts[0] is not None else None)
             case _:
                 raise ValueError(f"an event of a kind that this version does not know: {kind}")
 

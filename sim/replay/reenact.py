@@ -25,7 +25,7 @@ from runtime.control.method_settings import TAGS
 from runtime.queues import NEVER_S
 from runtime.recording.channels import TAPE
 from runtime.recording.laws_fingerprint import laws_fingerprint
-from runtime.recording.tape import LAWS, Event, Followed, Looked, Scanned, Stepped, Tuned
+from runtime.recording.tape import LAWS, Event, Followed, Looked, Remembered, Scanned, Stepped, Tuned
 from runtime.recording.tape_codec import TapeError, decode
 from runtime.settings import Settings
 from sim.recordings import RecordingError
@@ -163,6 +163,8 @@ class _Reenactment:
                     self._compare_guidance(event, self._stage.follow(scan, event.motor))
             case Stepped():
                 self._step(event)
+            case Remembered():
+                self._stage.laws.remember_own_parts(event.parts)
             case Tuned():
                 self._stage.apply(self._settings(event.settings))
 

@@ -18,6 +18,7 @@ export class Condition {
     this.#device("motor", status.motor);
     const window = status.window ?? [];
     this.#line("window", window.length ? "warn" : "good", window.length ? windowWords(window) : "clean");
+    this.#line("own-parts", "plain", ownPartsWords(status.own_parts?.patches ?? []));
     this.#line("fault", status.fault ? "bad" : "good", status.fault || "none");
     this.#battery(status.battery);
     this.#operator(status.operator, status.overruled, status.voices);
@@ -132,4 +133,8 @@ export function showCars(select, cars, watching) {
   if (watching && select.value !== watching) select.value = watching;
   setHidden(select, names.length === 0);
   return before !== after;
+}
+
+function ownPartsWords(patches) {
+  return patches.length ? patches.map((part) => `${part.bearing_deg}° at ${part.range_m} m`).join(", ") : "none known";
 }

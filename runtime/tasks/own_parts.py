@@ -1,0 +1,119 @@
+"""Knows the car's own parts from one run to the next: used before the first scan, written when they have changed."""
+
+import asyncio
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Never
+
+import numpy as np
+
+from drivers.api import Clock, Scan
+from runtime import own_parts_memory as memory
+from runtime import wire
+from runtime.bus import RefusedError
+from runtime.control.geometry import bearings_rad
+from runtime.control.live_laws import LiveLaws
+from runtime.control.own_parts import KnownParts
+from runtime.control.smudges import patches
+from runtime.own_parts_memory import Remembered
+
+LOOKS_EVERY_S = 2.0
+UNCHANGED_S = 10.0
+"""A set of parts that has not changed for so long is written down."""
+
+
+class OwnPartsKeeper:
+    """Hands parts from the file to the laws when the lidar has said who it is, and back when they have changed.
+
+    lidar: which one it is, as it named itself. date: civil time in words. adopted: told what the laws were handed, for
+    the tape.
+    """
+
+    def __init__(
+        self, car: str, lidar: Callable[[], str], laws: LiveLaws, file: Path | None, clock: Clock,
+        date: Callable[[], str], is_standing: Callable[[], bool], adopted: Callable[[KnownParts | None], None] = lambda _: None,
+    ) -> None:  # fmt: skip
+        self._car, self._lidar, self._laws, self._file = car, lidar, laws, file
+        self._clock, self._date, self._is_standing, self._adopted = clock, date, is_standing, adopted
+        self._stored = memory.read(file) if file is not None else None
+        self._met = ""
+        self._changes, self._changed_s = laws.own_parts_changes, clock()
+        self._dirty = False
+
+    def meet(self, _scan: Scan) -> None:
+        """Before a scan is judged: another lidar than before has other parts of the car before it."""
+        identity = self._lidar()
+        if identity is self._met or identity == self._met:
+            return
+        stored = self._stored
+        known = stored.parts if stored is not None and (stored.car, stored.lidar) == (self._car, identity) else None
+        if known is not None or self._met:
+            self._hand_over(known)
+        self._met = identity
+
+    def forget(self) -> None:
+        """Know no part of the car, and no dirt, any more; RefusedError while the car moves."""
+        if not self._is_standing():
+            raise RefusedError("the car moves: stop it, then let it forget its own parts")
+        self._hand_over(None)
+        self._stored, self._dirty = None, True
+
+    async def keep(self) -> Never:
+        """Write down what has changed, in a thread."""
+        while True:
+            await asyncio.sleep(LOOKS_EVERY_S)
+            if self.is_due() and self._file is not None:
+                await asyncio.to_thread(memory.write, self._file, self._stored)
+
+    def is_due(self) -> bool:
+        """Whether the file has to be written now; takes the parts that are to be written."""
+        now_s, changes = self._clock(), self._laws.own_parts_changes
+        if changes != self._changes:
+            self._changes, self._changed_s = changes, now_s
+            self._dirty = True
+        known = self._laws.own_parts
+        if not self._dirty or now_s - self._changed_s < UNCHANGED_S:
+            return False
+        self._dirty = False
+        if known is not None and known.ranges_m:
+            self._stored = Remembered(self._car, self._met, self._date(), known)
+        return True
+
+    def status(self) -> Mapping[str, Any]:
+        """Return what is known: patches as (beams, bearing in degrees, range in m), since when it is remembered."""
+        known, stored = self._laws.own_parts, self._stored
+        return {
+            "patches": [] if known is None else _patches(known),
+            "remembered": stored.at if stored is not None and stored.lidar == self._met else "",
+            "lidar": self._met,
+            "file": str(self._file) if self._file is not None else "",
+        }
+
+    def answer_show(self, _payload: bytes) -> bytes:
+        """Return the status, for `wallride own-parts show`."""
+        return wire.encode(self.status())
+
+    def answer_forget(self, _payload: bytes) -> bytes:
+        """Forget, and return the status; for `wallride own-parts forget`."""
+        self.forget()
+        return wire.encode(self.status())
+
+    def _hand_over(self, known: KnownParts | None) -> None:
+        self._laws.remember_own_parts(known)
+        self._adopted(known)
+
+
+def _patches(known: KnownParts) -> list[dict[str, float]]:
+    which, ranges_m = np.zeros(known.beams, np.bool_), np.full(known.beams, np.nan)
+    for beam, range_m in known.ranges_m:
+        which[beam], ranges_m[beam] = True, range_m
+    found = patches(which, bearings_rad(known.angle_min_rad, known.angle_step_rad, known.beams))
+    first_deg, step_deg = np.degrees(known.angle_min_rad), np.degrees(known.angle_step_rad)
+    said = []
+    for beams, bearing_deg in found:
+        middle = (bearing_deg - first_deg) / step_deg
+        near = ranges_m[max(0, round(middle - beams / 2)) : round(middle + beams / 2) + 1]
+        said.append(
+            {"beams": beams, "bearing_deg": round(bearing_deg, 1), "range_m": round(float(np.nanmedian(near)), 2)}
+        )
+    return said

@@ -1,0 +1,134 @@
+"""Own parts from one run to the next: read before the first scan, written when they have changed, forgotten."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from drivers.api import Scan
+from runtime.bus import RefusedError
+from runtime.car_settings import CarSettings
+from runtime.control.freeing import Lookout
+from runtime.control.live_laws import LiveLaws
+from runtime.control.own_parts import KnownParts
+from runtime.own_parts_memory import FILE, Remembered, file_in, read, write
+from runtime.settings import Settings
+from runtime.tasks.own_parts import UNCHANGED_S, OwnPartsKeeper
+
+STEP_RAD = math.radians(0.25)
+KNOWN = KnownParts(-STEP_RAD * 540, STEP_RAD, 1081, tuple((beam, 0.3) for beam in range(20, 60)))
+MINE, OTHER = "UST-10LX, firmware 1, serial H1", "UST-10LX, firmware 1, serial H2"
+CAR = CarSettings().name
+
+
+class Run:
+    """One run of the process, as far as own parts go."""
+
+    def __init__(self, file, identity=MINE):
+        settings = Settings()
+        self.now_s = 0.0
+        self.stands = True
+        self.told = []
+        self.identity = identity
+        self.laws = LiveLaws(settings.wall_follow, settings.safety, settings.car)
+        self.keeper = OwnPartsKeeper(
+            CAR, lambda: self.identity, self.laws, file, lambda: self.now_s, lambda: "2026-01-02", lambda: self.stands,
+            self.told.append,
+        )  # fmt: skip
+
+    def scan(self, beams=1081):
+        scan = Scan(0.0, 0.0, -STEP_RAD * (beams // 2), STEP_RAD, 0.02, 30.0, np.full(beams, 3.0, np.float32), 0)
+        self.keeper.meet(scan)
+        self.laws.look(scan, None)
+        return self.known.ranges_m
+
+    @property
+    def known(self):
+        assert self.laws.own_parts is not None
+        return self.laws.own_parts
+
+    @property
+    def guard(self):
+        assert isinstance(self.laws.guard, Lookout)
+        return self.laws.guard.guard
+
+
+@pytest.fixture
+def file(tmp_path):
+    write(tmp_path / FILE, Remembered(CAR, MINE, "2026-01-01", KNOWN))
+    return tmp_path / FILE
+
+
+def test_what_was_written_is_known_with_the_first_scan(file):
+    run = Run(file)
+    assert run.scan() == KNOWN.ranges_m
+    assert run.told == [KNOWN]
+    status = run.keeper.status()
+    assert status["patches"] == [{"beams": 40, "bearing_deg": -125.1, "range_m": 0.3}]
+    assert status["remembered"] == "2026-01-01"
+
+
+def test_another_lidar_or_another_car_has_other_parts(file, tmp_path):
+    assert Run(file, OTHER).scan() == ()
+    write(tmp_path / "other.json", Remembered("another", MINE, "2026-01-01", KNOWN))
+    assert Run(tmp_path / "other.json").scan() == ()
+
+
+def test_another_lidar_during_the_run_has_none_of_the_first_ones_parts(file):
+    run = Run(file)
+    assert run.scan()
+    run.identity = OTHER
+    assert run.scan() == ()
+    assert run.told == [KNOWN, None]
+
+
+def test_what_has_changed_is_written_when_it_has_settled(tmp_path):
+    run = Run(tmp_path / FILE)
+    run.scan()
+    parts = run.guard.own_parts
+    parts._parts[30:50] = True
+    parts._part_m[30:50] = 0.41
+    parts.changes += 1
+    assert not run.keeper.is_due()
+    run.now_s = UNCHANGED_S + 0.1
+    assert run.keeper.is_due()
+    assert not run.keeper.is_due(), "once"
+    write(tmp_path / FILE, run.keeper._stored)
+    again = read(tmp_path / FILE)
+    assert again == Remembered(CAR, MINE, "2026-01-02", run.known)
+    assert again is not None
+    assert len(again.parts.ranges_m) == 20
+
+
+def test_forgetting_is_for_a_standing_car_and_takes_the_dirt_along(file):
+    run = Run(file)
+    run.scan()
+    run.stands = False
+    with pytest.raises(RefusedError, match="the car moves"):
+        run.keeper.answer_forget(b"")
+    run.stands = True
+    health = run.guard.health
+    health.ceiling_mps, health.reason = 0.0, "too much dirt: clean the lidar"
+    assert json.loads(run.keeper.answer_forget(b""))["patches"] == []
+    assert (health.ceiling_mps, run.scan()) == (math.inf, ())
+    run.now_s = UNCHANGED_S + 0.1
+    assert run.keeper.is_due()
+    write(file, run.keeper._stored)
+    assert not file.exists()
+
+
+OUTSIDE = {"angle_min_rad": 0, "angle_step_rad": 0.1, "beams": 3, "ranges_m": [[7, 0.3]]}
+NO_MEMORY = json.dumps({"car": "car1", "lidar": "x", "at": "", "parts": OUTSIDE}).encode()
+
+
+@pytest.mark.parametrize("content", [b"", b"[]", b"{}", b"\xff\xfe", NO_MEMORY, b"[" * 100_000])
+def test_a_damaged_file_is_no_memory(tmp_path, content):
+    (tmp_path / FILE).write_bytes(content)
+    assert read(tmp_path / FILE) is None
+
+
+def test_it_is_kept_where_the_settings_or_the_service_say_and_else_nowhere(tmp_path):
+    assert file_in("", {}) is None
+    assert file_in("", {"STATE_DIRECTORY": f"{tmp_path}:/other"}) == tmp_path / FILE
+    assert file_in(str(tmp_path), {"STATE_DIRECTORY": "/other"}) == tmp_path / FILE

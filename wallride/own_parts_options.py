@@ -1,0 +1,30 @@
+"""What `wallride own-parts` understands; only definitions."""
+
+import argparse
+from typing import TYPE_CHECKING
+
+from wallride import client_options
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
+
+
+def add(commands: "Commands") -> None:
+    """Add `own-parts` and its two actions."""
+    parts = commands.add_parser("own-parts", help="parts of the car that its lidar sees: show or forget them")
+    actions = parts.add_subparsers(dest="action", required=True, metavar="ACTION")
+    showing = actions.add_parser("show", help="where they are, and since when they are remembered")
+    forgetting = actions.add_parser(
+        "forget", help="learn them anew, and the dirt on the window too; the car must stand"
+    )
+    for action in (showing, forgetting):
+        action.add_argument("--json", action="store_true", help="as JSON, for programs")
+        client_options.add_common(action)
+        action.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Ask the car."""
+    from clients import own_parts
+
+    return client_options.run_client(own_parts.run, options)
