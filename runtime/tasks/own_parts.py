@@ -31,7 +31,8 @@ class OwnPartsKeeper:
 
     def __init__(
         self, car: str, lidar: Callable[[], str], laws: LiveLaws, file: Path | None, clock: Clock,
-        date: Callable[[], str], is_standing: Callable[[], bool], adopted: Callable[[KnownParts | None], None] = lambda _: None,
+        date: Callable[[], str], is_standing: Callable[[], bool],
+        adopted: Callable[[KnownParts | None], None] = lambda _: None,
     ) -> None:  # fmt: skip
         self._car, self._lidar, self._laws, self._file = car, lidar, laws, file
         self._clock, self._date, self._is_standing, self._adopted = clock, date, is_standing, adopted
