@@ -14,7 +14,7 @@ import numpy as np
 from drivers.api import Drive, MotorState, Scan
 from drivers.vesc.settings import VescSettings
 from runtime.car_settings import CarSettings
-from runtime.command import LAB_ORDER, NO_LIMIT_MPS, CapWord, Decision, DriveWord, Source, Verdict, Word, arbitrate
+from runtime.command import NO_LIMIT_MPS, CapWord, Decision, DriveWord, Source, Verdict, Word, arbitrate
 from runtime.control.guidance import Follower, Guard
 from runtime.control.limiter import Limiter, Limits
 from sim.beams import LidarSettings, Millimetres, scan
@@ -32,6 +32,8 @@ ROUGH_BEAMS = LidarSettings(noise_std_m=0.02, outlier_share=0.02)
 _WIRING = VescSettings()
 _VEHICLE = VehicleSettings()
 _CAR = CarSettings()
+_ORDER = (Source.ESTOP, Source.SAFETY, Source.TELEOP, Source.PERMIT, Source.NAVIGATION)
+"""The lab's order with `safety.binds_teleop`: a human is judged as a navigator is."""
 FULL_BRAKE_MPS2 = _WIRING.brake_current_a * _VEHICLE.brake_mps2_per_a + _VEHICLE.drag_mps2
 """What the driver's full brake current and the drag give on a floor that holds it: 8.9 m/s2."""
 _POLL_S = 1.0 / _WIRING.poll_hz
@@ -52,6 +54,7 @@ class Case:
     truth: the world whose walls count as "the wall" (a wall without its doors), None for the world itself.
     surroundings: what is really seen and hit instead of world and obstacles (glass), None for those.
     cover: what becomes of the lidar's integers at a time [s], e.g. a hand before it; None: nothing.
+    driver: whose wish the follower's is: the navigator's, or a human's whom safety binds.
     """
 
     world: World
@@ -72,6 +75,7 @@ class Case:
     truth: World | None = None
     surroundings: Surroundings | None = None
     cover: Callable[[Millimetres, float], Millimetres] | None = None
+    driver: Source = Source.NAVIGATION
 
 
 @dataclass(slots=True)
@@ -251,9 +255,9 @@ class _Rig:
         wish = guidance.drive or Drive(0.0, 0.0)
         words: list[Word] = [
             CapWord(Source.SAFETY, outlook, now_s),
-            DriveWord(Source.NAVIGATION, wish, now_s, guidance.reason),
+            DriveWord(case.driver, wish, None if case.driver is Source.TELEOP else now_s, guidance.reason),
         ]
-        decision = arbitrate(words, frozenset({Source.SAFETY}), LAB_ORDER)
+        decision = arbitrate(words, frozenset({Source.SAFETY}), _ORDER)
         period_s = 1.0 / case.lidar.rate_hz
         told = self._limiter.limit(decision.speed_mps, decision.steering_rad, period_s, decision.brake_mps2)
         demand = self._demand(told)

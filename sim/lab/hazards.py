@@ -14,7 +14,7 @@ from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
 from sim.lab.courses import COURSES, SLANT_RAD, STRAIGHT_COURSES, case_of, with_own_parts, world_of
 from sim.lab.figures import Row, chosen, common, distinct, text
 from sim.lab.limits import limit_m
-from sim.lab.safety import Blind
+from sim.lab.sudden import Blind
 from sim.obstacles import Box, Motion, Obstacle, Round, Standing, person, pole
 from sim.pose import CAR, Pose
 from sim.vehicle import VehicleSettings

@@ -16,7 +16,8 @@ from runtime.control.swept import SweptGuard
 from runtime.control.swept_settings import SweptSettings
 from sim.closed_loop import Case, drive
 from sim.lab.replay import Judged, Replay
-from sim.lab.safety import Blind, impact_mps, stopping_m
+from sim.lab.safety import impact_mps, stopping_m
+from sim.lab.sudden import Blind
 from sim.pose import CAR, Floats, Pose
 from sim.segments import SegmentGeometry
 from sim.vehicle import GRAVITY_MPS2, VehicleSettings

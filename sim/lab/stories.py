@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from drivers.api import Drive
 from runtime.app import Car
-from runtime.command import DriveWord
+from runtime.command import DriveWord, Source
 from runtime.settings import Settings
 from sim.beams import LidarSettings
 from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
@@ -22,7 +23,7 @@ from sim.lab.courses import SMUDGES
 from sim.lab.covers import Cover
 from sim.lab.figures import TOUCH_ABOVE_MPS, Row, number, text
 from sim.lap import LapCounter
-from sim.obstacles import Motion, Obstacle, person
+from sim.obstacles import Motion, Obstacle, person, sudden_box
 from sim.pose import Pose
 from sim.twin_world import UNPLUGGED_AFTER_S, TwinWorld, WorldLidar, WorldMotor
 from sim.twins import MemoryBus
@@ -88,6 +89,7 @@ class Story:
     events: tuple[Event, ...] = ()
     permit: str = "always"
     backs_out: bool = True
+    binds_teleop: bool = False
 
 
 class Play:
@@ -105,7 +107,7 @@ class Play:
             {
                 "operator": {"permit": story.permit},
                 "wall_follow": {"speed_mps": story.speed_mps},
-                "safety": {"backs_out": story.backs_out},
+                "safety": {"backs_out": story.backs_out, "binds_teleop": story.binds_teleop},
             }
         )
         self.car = Car(settings, self.lidar, self.motor, MemoryBus(loop.time, listened_to=False), loop.time)
@@ -178,6 +180,12 @@ def pull_motor(play: Play) -> None:
 def plug_motor(play: Play) -> None:
     """Plug the motor controller in."""
     play.motor.plug()
+
+
+def swerve(play: Play) -> None:
+    """Push the stick to full lock on the right at full speed, as a human does who sees the box come."""
+    word = DriveWord(Source.TELEOP, Drive(_BOXED_MPS, -play.car.settings.car.max_steering_rad), None, "stick")
+    play.car.voices.say(word, expires_at_s=play.clock() + 0.2)
 
 
 def untouched(told: Told) -> tuple[str, bool]:
@@ -276,6 +284,22 @@ def _dead_end(told: Told) -> list[tuple[str, bool]]:
     ]
 
 
+_BOXED_S, _BOXED_MPS, _BOX_AHEAD_M = 5.0, 3.0, 0.9
+_BOX = sudden_box(_BOX_AHEAD_M, width_m=4.0, from_s=_BOXED_S)
+_SWERVES: tuple[Event, ...] = tuple((_BOXED_S - 0.1 + 0.05 * push, swerve) for push in range(40))
+
+
+def _boxed(told: Told) -> list[tuple[str, bool]]:
+    """0.75 m before the bumper at 3 m/s: the floor's whole grip stops the car with 6 cm to spare."""
+    said = sorted({reason for reason in told.reasons if reason.startswith(("braking", "swerving"))})
+    return [
+        untouched(told),
+        (f"drives at {told.speed_at(_BOXED_S - 0.2):.1f} m/s before", told.speed_at(_BOXED_S - 0.2) > 2.9),
+        within("stands", told.stood_s(_BOXED_S) - _BOXED_S, 0.6),
+        ("says: " + "; ".join(said), said == ["braking: wall ahead"]),
+    ]
+
+
 STORIES = {
     "laps of the loop": Story("loop", 26.0, _laps, speed_mps=3.0),
     "dirty window from the first scan on": Story(
@@ -292,6 +316,10 @@ STORIES = {
         "loop", 10.0, _front_covered, events=((_PULLED_S, cover_front), (_BACK_S, uncover_front))
     ),
     "dead end": Story("dead_end", 30.0, _dead_end, speed_mps=2.0),
+    "a box before the follower": Story("corridor", 7.0, _boxed, speed_mps=_BOXED_MPS, obstacles=(_BOX,)),
+    "a box before a human who swerves": Story(
+        "corridor", 7.0, _boxed, speed_mps=_BOXED_MPS, obstacles=(_BOX,), events=_SWERVES, binds_teleop=True
+    ),
 }
 """Every story by its name."""
 

@@ -17,6 +17,7 @@ from sim.lab.cell import Cell, Choice
 from sim.lab.command import UsageError, chosen, run
 from sim.lab.courses import ALL_COURSES
 from sim.lab.laws import GUARD_OF, build, check
+from sim.lab.sudden import BOXES, PLACES
 from wallride import lab_options
 
 MAPS = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "maps"
@@ -68,7 +69,7 @@ def test_quick_is_quick_on_all_cores(tmp_path):
 
 def test_json_to_standard_output_is_all_there_is(capsys):
     asked = ["--method", "report", "--speeds", "1", "--mu", "1", "--side", "left", "--jobs", "1"]
-    assert run(options("safety", *asked, "--json", "-")) == 0
+    assert run(options("safety", *asked, "--only", "?.? m", "--json", "-")) == 0
     assert len(json.loads(capsys.readouterr().out)["cells"]) == 7
 
 
@@ -134,7 +135,8 @@ def test_ctrl_c_leaves_quietly(monkeypatch):
 def test_the_full_plan_holds_what_the_issue_names():
     full = chosen(options("walls", "--method", "report"))
     assert len(walls.cells(full)) == len(ALL_COURSES) * 4 * 3 * 2
-    assert len(safety.cells(full)) == 28 * 3 * 2
+    blind, driven = 28, 28 * 2 * len(PLACES) * len(BOXES)
+    assert len(safety.cells(full)) == (blind + driven) * 3 * 2
     kinds = [cell.scenario.startswith(hazards.NORMAL) for cell in hazards.cells(full)]
     assert kinds.count(False) >= 12 * 4 * 3 * 2
     assert kinds.count(True) >= 80
@@ -185,6 +187,21 @@ def test_safety_tells_stoppable_from_not():
     assert not hopeless["stopped"]
     assert hopeless["impact_mps"] == pytest.approx(hopeless["expected_impact_mps"], abs=0.2)
     assert hopeless["brake_latency_ms"] == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize("driver", ["follower", "human"])
+@pytest.mark.parametrize("mu", [0.5, 0.8])
+def test_a_driver_who_swerves_before_a_box_is_stopped_as_a_blind_one(driver, mu):
+    """Both turned with a brake of 0.8 g to 0.4 g where only the whole grip stops the car: hit at 2 m/s and more."""
+    for scenario, speed_mps in (("corridor 0.8-centred 0.9m", 3.0), ("wall 0.3-left 0.5m", 2.0)):
+        figures = safety.measure(cell("safety", f"{driver} {scenario}", "ball", speed_mps, mu))
+        assert figures["clear"] or figures["excess_mps"] <= safety.EXCESS_MPS
+        assert figures["clear"] or not figures["stoppable"]
+
+
+def test_a_driver_who_swerves_without_safety_hits():
+    for driver in ("follower", "human"):
+        assert not safety.measure(cell("safety", f"{driver} corridor full-width 0.9m", "ball+none", 3.0))["clear"]
 
 
 def test_safety_counts_commands_to_move_under_a_guard_that_does_not_look():
