@@ -54,6 +54,8 @@ class Verdict:
     reason: constant words ("wall ahead"), so that a change of reason is an event; the number goes into `measure`.
     measure: the number behind the reason (metres of free way), NaN where there is none.
     brake_mps2: how hard a stop may brake; infinity is all there is. Less than that leaves grip for turning.
+    steering_rad: where an emergency stop takes the wheels, None where it leaves them to the driver. Nothing but a stop
+        of a car that was to move is obeyed in this.
     """
 
     forward_mps: float
@@ -61,6 +63,7 @@ class Verdict:
     reason: str
     measure: float = math.nan
     brake_mps2: float = math.inf
+    steering_rad: float | None = None
 
     def limit(self, speed_mps: float, steering_rad: float) -> "Verdict":  # noqa: ARG002 - the same whatever is asked
         """Be an Outlook that judges every drive alike."""
@@ -177,7 +180,15 @@ def _tightest(word: DriveWord, caps: Sequence[CapWord]) -> Decision:
             return Decision(0.0, steering_rad, word.source, cap.source, f"{cap.source} answers with what is no limit")
         allowed_mps = max(-verdict.reverse_mps, min(verdict.forward_mps, decision.speed_mps))
         if allowed_mps != decision.speed_mps:
+            wheels_rad = _wheels_rad(verdict, allowed_mps, steering_rad)
             decision = Decision(
-                allowed_mps, steering_rad, word.source, cap.source, verdict.reason, verdict.measure, verdict.brake_mps2
+                allowed_mps, wheels_rad, word.source, cap.source, verdict.reason, verdict.measure, verdict.brake_mps2
             )
     return decision
+
+
+def _wheels_rad(verdict: Verdict, allowed_mps: float, wish_rad: float) -> float:
+    """Return where the wheels go: an emergency stop may take them from the driver, and nothing else may."""
+    if verdict.steering_rad is None or allowed_mps != 0.0 or not math.isfinite(verdict.steering_rad):
+        return wish_rad
+    return verdict.steering_rad

@@ -216,8 +216,9 @@ class _Reader:
             values[name] = float(values[name])
         if "drive" in values and values["drive"] is not None:
             values["drive"] = self.row(Drive, values["drive"])
-        if kind is Decision:
+        if kind in {Decision, Verdict} and "steering_rad" in values:
             values["steering_rad"] = _maybe(values["steering_rad"])
+        if kind is Decision:
             for name in ("driver", "winner"):
                 values[name] = Source(values[name]) if values[name] is not None else None
         return kind(**values)

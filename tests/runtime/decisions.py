@@ -60,6 +60,11 @@ def bend(scan=1.0):
     return CapWord(Source.SAFETY, Bend(), scan)
 
 
+def swerve(steering=-0.3, forward=0.0, scan=1.0):
+    """An emergency stop that takes the wheels."""
+    return CapWord(Source.SAFETY, Verdict(forward, INF, "swerving", 0.4, 2.0, steering), scan)
+
+
 @dataclass(frozen=True)
 class Case:
     title: str
@@ -153,6 +158,21 @@ CASES = [
          N, None, LATE),
     Case("a human looks for himself", [safety(scan=0.2), stick(), permit()], 2, -0.2, T, T, "stick",
          order=BOUND_ORDER),
+    # an emergency stop may take the wheels
+    Case("an emergency stop steers", [swerve(), permit(), nav()], 0, -0.3, N, S, "swerving", 0.4, brake=2.0),
+    Case("also straight on", [swerve(0.0), permit(), nav()], 0, 0.0, N, S, "swerving", 0.4, brake=2.0),
+    Case("and a human, where safety binds him", [swerve(), stick(), permit()], 0, -0.3, T, S, "swerving", 0.4,
+         brake=2.0, order=BOUND_ORDER),
+    Case("who is above safety keeps the wheels", [stick(), swerve(), permit()], 2, -0.2, T, T, "stick"),
+    Case("a slower drive steers itself", [swerve(forward=0.5), permit(), nav()], 0.5, 0.1, N, S, "swerving", 0.4,
+         brake=2.0),
+    Case("backwards nothing is taken", [swerve(), permit(), nav(-1.0)], -1, 0.1, N, N, OK),
+    Case("an angle that is no number is not taken", [swerve(NAN), permit(), nav()], 0, 0.1, N, S, "swerving", 0.4,
+         brake=2.0),
+    Case("e-stop's wheels stay the driver's", [estop(), swerve(), permit(), nav()], 0, 0.1, N, E, "red button"),
+    Case("the permit's stop does not steer back", [swerve(), permit(0.0, "no operator"), nav()], 0, -0.3, N, S,
+         "swerving", 0.4, brake=2.0),
+    Case("under an old verdict nobody swerves", [swerve(scan=0.975), permit(), nav(scan=1.0)], 0, 0.1, N, None, LATE),
     # a judge is asked about the very drive that would be sent
     Case("it would turn into the wall", [bend(), permit(), nav(2.0, 0.3)], 0.4, 0.3, N, S, "wall on the left", 0.3,
          brake=3.0),

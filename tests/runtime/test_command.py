@@ -84,6 +84,26 @@ def test_whatever_the_verdicts_are_no_speed_is_larger_than_the_wish_or_against_i
         assert decision.reason == "safety answers with what is no limit"
 
 
+LIMITS = st.sampled_from([0.0, 0.3, 1.0, math.inf])
+
+
+@given(
+    wish=st.tuples(st.floats(-4.0, 4.0), st.floats(-0.34, 0.34)),
+    limits=st.tuples(LIMITS, LIMITS),
+    steering=st.one_of(st.none(), st.floats(-0.34, 0.34), st.just(math.nan)),
+    permitted=LIMITS,
+)
+def test_a_verdict_makes_nobody_faster_and_steers_only_a_stop(wish, limits, steering, permitted):
+    verdict = Verdict(limits[0], limits[1], "because", math.nan, 2.0, steering)
+    words = [CapWord(Source.SAFETY, verdict, 1.0), permit(permitted), nav(*wish)]
+    decision = arbitrate(words, REQUIRED, LAB_ORDER)
+    assert abs(decision.speed_mps) <= abs(wish[0])
+    assert decision.speed_mps * wish[0] >= 0.0
+    taken = decision.steering_rad != wish[1]
+    assert not taken or (decision.speed_mps == 0.0 != wish[0] and decision.winner is Source.SAFETY)
+    assert not taken or decision.steering_rad == steering
+
+
 class _Mutator(ast.NodeTransformer):
     """Breaks one place at a time: a comparison, an operator, a constant, a condition, a statement."""
 
@@ -164,7 +184,7 @@ class _Mutator(ast.NodeTransformer):
 
 def _mutants():
     tree = ast.parse(inspect.getsource(command))
-    names = {"arbitrate", "_drive_under_caps", "_tightest"}
+    names = {"arbitrate", "_drive_under_caps", "_tightest", "_wheels_rad"}
     tree.body = [node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name in names]
     assert len(tree.body) == len(names)
     for target in itertools.count():
