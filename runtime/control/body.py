@@ -23,7 +23,6 @@ class Body:
         self.car = car
         wide_m, spare_m = car.half_width_m + settings.side_margin_m, settings.front_margin_m
         self.bare = Outline(car.front_m, car.rear_m, car.half_width_m)
-        self.nose = replace(self.bare, rear_m=0.0)
         self.ahead = Outline(car.front_m + spare_m, car.rear_m, wide_m)
         self.wary = replace(self.ahead, half_width_m=wide_m + settings.wary_margin_m)
         self.aback = Outline(car.front_m, car.rear_m + spare_m, wide_m)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from drivers.api import Clock, Scan
+from drivers.api import Clock, MotorState, Scan
 from runtime.car_settings import CarSettings
 from runtime.control.ball import BallFollower
 from runtime.control.freeing import Freeing, Lookout
@@ -86,3 +86,5 @@ def warm_up(wall_follow: WallFollowSettings, safety: SafetySettings, car: CarSet
     follower.follow(scan, None)
     outlook.limit(1.0, 0.0)
     outlook.limit(-0.4, 0.1)
+    fast = MotorState(0.0, 8.0, 0.0, 0.0, 12.0, 0.0, 0.0, 20.0, "", timed_out=False, killed=False)
+    guard.look(scan, fast).limit(8.0, 0.0)  # an emergency

@@ -8,14 +8,12 @@ import numpy as np
 from runtime.control.behind import Behind
 from runtime.control.body import LOOK_SPARE_M, Body
 from runtime.control.darkness import enclosed_dark
-from runtime.control.footprint import ENOUGH_POINTS, NOTHING, Contact, Motion, Outline, contact_on_arc
+from runtime.control.footprint import ENOUGH_POINTS, NOTHING, Contact, Outline, contact_on_arc
 from runtime.control.geometry import NOWHERE, Places, any_nearer, solid_places
 from runtime.control.perception import View
 
 OTHER_STEERINGS = (0.0, 0.5, -0.5, 1.0, -1.0)
 FREE_WAY_M = 0.5
-LOCKS_RADPS = 1e3
-"""At once: how fast a locking wheel ceases to steer, as if it were turned straight."""
 GAINS_MPS = 0.1
 """A wish that is faster than the car by less is no acceleration."""
 
@@ -76,23 +74,6 @@ class Strip:
         """Whether any steering leads the standing car so far ahead without a contact."""
         most_rad = self.body.car.max_steering_rad
         return any(self.contact(share * most_rad, length_m).travel_m >= length_m for share in OTHER_STEERINGS)
-
-    def nose_passes(self, steering_rad: float, way_m: float, brake_mps2: float) -> bool:
-        """Whether the car gets past on this arc while it brakes so much on a slippery floor, margins left out.
-
-        The tail is left out as well: whether it touches depends on how the driver steers when the nose is through.
-        """
-        length_m = way_m + self.body.car.front_m + LOOK_SPARE_M
-        motion, points_m = self._motion(1.0, self.body.slippery_mps2, -brake_mps2), np.concatenate(self._points_m())
-        return contact_on_arc(motion, steering_rad, length_m, self.body.nose, points_m) is NOTHING
-
-    def straight_on(self, length_m: float) -> Contact:
-        """Return what the car meets whose wheels lock after the latency: they do not steer any more."""
-        car, speed_mps = self.body.car, max(0.0, self.speed_mps)
-        motion = Motion(
-            speed_mps, 1.0, self.wheel_rad, self.latency_s, LOCKS_RADPS, car.wheelbase_m, self.body.grip_mps2
-        )
-        return contact_on_arc(motion, 0.0, length_m, self.body.ahead, np.concatenate(self._points_m()))
 
     def reaches(self, points_m: Places, steering_rad: float, length_m: float) -> Contact:
         """Return what the outline meets first of some other places (k,), base_link; NOTHING beyond length_m."""

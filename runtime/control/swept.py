@@ -15,7 +15,7 @@ from runtime.car_settings import CarSettings
 from runtime.command import NO_LIMIT_MPS, Verdict
 from runtime.control.behind import Behind
 from runtime.control.body import LOOK_SPARE_M, Body
-from runtime.control.braking import NEEDY_SHARE, hard_stop, is_beside, turns_past
+from runtime.control.emergency import Emergency
 from runtime.control.faint import Faint
 from runtime.control.footprint import NOTHING, Contact
 from runtime.control.geometry import NOWHERE
@@ -40,6 +40,10 @@ from runtime.control.wavering import Wavering
 STANDING_MPS = 0.05
 STOP_SPARE_M = 0.05
 WARY_S = 0.25
+NEEDY_SHARE = 0.7
+"""A bend that takes more than this of a slippery floor's grip leaves too little for slowing down as the motor does."""
+EDGE_M = 0.05
+"""What reaches so little into the strip is beside the car, not before it."""
 CLEAR = Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "clear")
 UNSEEN = "the lidar sees nothing ahead"
 ON_LIDAR = Verdict(0.0, 0.0, "something on the lidar: uncover it")
@@ -52,7 +56,6 @@ class _Memory:
     held_until_s: float = -math.inf
     braking: bool = False
     wary_until_s: float = -math.inf
-    turning: bool = False
     wavering: Wavering = field(default_factory=Wavering)
 
 
@@ -85,6 +88,7 @@ class SweptGuard:
         self.faint = Faint()
         self.visibility = Visibility(car)
         self.memory = _Memory()
+        self.emergency = Emergency()
         self.plight = ""
         self._eyes = eyes
         eyes.doubts = True
@@ -117,6 +121,7 @@ class SweptGuard:
         self._unlearnt = view, motor, pose
         most_rad = self.car.max_steering_rad
         wheel_rad = min(max(motor.steering_rad, -most_rad), most_rad) if motor is not None else 0.0
+        self.emergency.note(scan.stamp_s, wheel_rad)
         walkers_m = self.movers.update(view, pose, scan.stamp_s, sliding=self._speed.slides)
         faint_m = self.faint.update(view, pose, scan.stamp_s)
         more_m = np.concatenate([walkers_m, faint_m]) if walkers_m.size or faint_m.size else NOWHERE
@@ -210,31 +215,42 @@ class Outlook:
         body, settings, memory = self.guard.body, self.guard.settings, self.guard.memory
         speed_mps, look_m = max(self.speed_mps, 0.0), self._look_m(wanted_mps)
         found = self.strip.contact(steering_rad, look_m, wary=self.wary)
-        if found is NOTHING and not (memory.braking or memory.turning):
+        now_s = self.view.scan.stamp_s
+        if not memory.braking and self.guard.emergency.swerves_in_vain(self.strip, steering_rad, now_s):
+            memory.braking, memory.held_until_s = True, now_s + settings.hold_s
+        if found is NOTHING and not memory.braking:
             return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s)
         if found is not NOTHING and speed_mps > settings.doubtful_mps:
-            memory.wary_until_s = self.view.scan.stamp_s + WARY_S
+            memory.wary_until_s = now_s + WARY_S
         hard_mps2 = settings.hard_share * body.grip_for_mps2(found)
         hard_m = STOP_SPARE_M + stopping_distance_m(speed_mps, reaction_s, hard_mps2)
-        graded_mps = body.graded_mps(found, reaction_s)
-        hurries, hastes = found.travel_m < hard_m, wanted_mps >= speed_mps > graded_mps
-        if speed_mps > STANDING_MPS and (hurries or hastes or memory.turning):
-            gently = turns_past(self.strip, found, steering_rad, hurries=hurries, hastes=hastes, begun=memory.turning)
-            if memory.turning and gently is None and not hurries:
-                memory.braking = False  # it is past: to hold the stop now would lock the wheels that turn it away
-            memory.turning = gently is not None
-            if gently is not None:
-                return gently
-        if self._brakes(found.travel_m, hard_m, speed_mps):
-            return self._standing(found) if speed_mps <= STANDING_MPS else hard_stop(self.strip, found, reaction_s)
+        if self._brakes(found.travel_m, hard_m, steering_rad):
+            return self._standing(found) if speed_mps <= STANDING_MPS else self._emergency(found, steering_rad)
+        self.guard.emergency.end()
         if found is NOTHING:
             return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s)
+        graded_mps = body.graded_mps(found, reaction_s)
+        hastes = wanted_mps >= speed_mps > graded_mps and found.aside_m * steering_rad < 0.0
+        if hastes and self._is_needy(steering_rad):
+            memory.braking = self.guard.emergency.slow_in_bend(self.strip, steering_rad, now_s)
+            if memory.braking:
+                return self._emergency(found, steering_rad)
         gaining = self._gaining(steering_rad, look_m, wanted_mps, reaction_s)
         return _slowest(self._slower(found, graded_mps, reaction_s), gaining)
 
     def _look_m(self, wanted_mps: float) -> float:
         """Return how far to look: never beyond the lidar's range, whatever speed is reported."""
         return min(self.guard.body.look_m(max(self.speed_mps, wanted_mps)), self.view.scan.range_max_m)
+
+    def _emergency(self, found: Contact, steering_rad: float) -> Verdict:
+        """Drive the emergency manoeuvre; its end is judged by `_brakes`."""
+        emergency = self.guard.emergency
+        brake_mps2 = emergency.decide(self.strip, steering_rad, self.view.scan.stamp_s).manoeuvre.brake_mps2
+        return Verdict(0.0, NO_LIMIT_MPS, emergency.reason, found.travel_m, brake_mps2, emergency.steering_rad)
+
+    def _is_needy(self, steering_rad: float) -> bool:
+        """Whether a bend leaves too little of a slippery floor's grip for a motor that slows down as fast as it can."""
+        return self.strip.needs_grip(steering_rad, self.speed_mps, NEEDY_SHARE * self.guard.body.slippery_mps2)
 
     def _wavering(self, wanted_mps: float, steering_rad: float, reaction_s: float) -> Verdict:
         """Slow enough to stop on the way that the driver has just given up, should it turn back."""
@@ -267,7 +283,7 @@ class Outlook:
     def _slower(self, found: Contact, graded_mps: float, reaction_s: float) -> Verdict:
         """No stop, but something in the way: the graded limit, or the slowest speed that the motor can hold."""
         body, settings = self.guard.body, self.guard.settings
-        where = "beside" if is_beside(body, found) else "ahead"
+        where = "beside" if abs(found.aside_m) > body.ahead.half_width_m - EDGE_M else "ahead"
         if graded_mps >= settings.slowest_mps:
             return Verdict(graded_mps, NO_LIMIT_MPS, f"slower: wall {where}", found.travel_m)
         hard_mps2 = settings.hard_share * body.grip_mps2
@@ -276,14 +292,19 @@ class Outlook:
             return Verdict(settings.creep_mps, NO_LIMIT_MPS, f"creeping: wall {where}", found.travel_m)
         return self._standing(found)
 
-    def _brakes(self, way_m: float, hard_m: float, speed_mps: float) -> bool:
-        """Whether a hard stop is on: begins at once, lasts a moment, ends with room to spare or at standstill."""
+    def _brakes(self, way_m: float, hard_m: float, steering_rad: float) -> bool:
+        """Whether an emergency is on: begins at once, lasts a moment, ends with room to spare or at standstill.
+
+        A car that turns past something is let go as soon as its driver's bend is free and leaves grip for the motor.
+        """
         memory, settings, now_s = self.guard.memory, self.guard.settings, self.view.scan.stamp_s
         if way_m < hard_m:
             memory.braking = True
             memory.held_until_s = now_s + settings.hold_s
+        elif memory.braking and self.guard.emergency.turns:
+            memory.braking = self._is_needy(steering_rad)
         elif memory.braking and now_s >= memory.held_until_s:
-            memory.braking = speed_mps > STANDING_MPS and way_m < hard_m + settings.release_m
+            memory.braking = self.speed_mps > STANDING_MPS and way_m < hard_m + settings.release_m
         return memory.braking
 
     def _standing(self, found: Contact) -> Verdict:

@@ -22,10 +22,7 @@ class SweptSettings(BaseModel):
     actuation_s: Annotated[float, Field(ge=0, le=0.3)] = 0.05
     """From the decision to the first deceleration; the measured age of the scan is added to it."""
     gentle_share: Annotated[float, Field(gt=0, lt=1)] = 0.25
-    """Share of a slippery floor's grip for braking while the bend needs the rest (97 % of it, by Pythagoras).
-
-    With 0.2 to 0.45 the car gets past on a floor of 0.5; the less, the sooner it is away from the wall on a good one.
-    """
+    """The gentlest brake of an emergency manoeuvre, as a share of a slippery floor's grip; 0.25 leaves 97 % to turn."""
     hard_share: Annotated[float, Field(gt=0, le=1)] = 0.8
     """Share of the grip that a hard stop is reckoned with."""
     graded_share: Annotated[float, Field(gt=0, le=1)] = 0.45

@@ -31,6 +31,7 @@ from runtime.control import (
     faint,
     footprint,
     geometry,
+    manoeuvre_rollout,
     movers,
     my_wall,
     noise_bias,
@@ -48,8 +49,8 @@ from runtime.warmth import Prefetch
 
 SWITCH: Final = "WALLRIDE_COMPILED"
 MODULES: Final = (
-    codec, ranges, ball_drive, ball_law, ball_path, behind, darkness, faint, footprint, geometry, movers, my_wall,
-    noise_bias, odometry, perception, prediction, smudges, speed_profile, visibility, wall, wall_track,
+    codec, ranges, ball_drive, ball_law, ball_path, behind, darkness, faint, footprint, geometry, manoeuvre_rollout,
+    movers, my_wall, noise_bias, odometry, perception, prediction, smudges, speed_profile, visibility, wall, wall_track,
 )  # fmt: skip
 HERE: Final = Path(__file__).parent
 SEAL: Final = HERE / "seal.json"

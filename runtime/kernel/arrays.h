@@ -80,6 +80,7 @@ KERNEL(solid_places);
 KERNEL(any_nearer);
 KERNEL(dark_around);
 KERNEL(swept_touch);
+KERNEL(roll_outs);
 KERNEL(wall_line);
 KERNEL(wall_beside);
 KERNEL(rolled_along);
