@@ -42,6 +42,14 @@ def load_map(path: Path, *, side: Side = "left") -> World:
         FileNotFoundError: the .yaml file or its image is not there.
         ValueError: something in them makes no sense; the message says what and where.
     """
+    geometry, inner_m2 = read_geometry(path)
+    text = f"Map {path.name}: {inner_m2:.0f} m2 drivable, cells of {geometry.cell_m:.4g} m."
+    start, room_m = choose_start(geometry, side)
+    return World(path.stem, geometry, start, side, description=text, room_m=room_m)
+
+
+def read_geometry(path: Path) -> tuple[GridGeometry, float]:
+    """Return the walls of a map file, and its drivable area [m2]; raises as `load_map` does."""
     settings = read_settings(path)
     free = drivable(read_occupancy(settings), min(settings.free_thresh, SURELY_FREE_BELOW))
     if not free.any():
@@ -49,10 +57,7 @@ def load_map(path: Path, *, side: Side = "left") -> World:
     rows, columns = np.flatnonzero(free.any(axis=1)), np.flatnonzero(free.any(axis=0))
     inner = free[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     corner = settings.origin.ahead(float(columns[0]) * settings.cell_m, float(rows[0]) * settings.cell_m)
-    geometry = GridGeometry(~inner, settings.cell_m, corner)
-    text = f"Map {path.name}: {inner.sum() * settings.cell_m**2:.0f} m2 drivable, cells of {settings.cell_m:.4g} m."
-    start, room_m = choose_start(geometry, side)
-    return World(path.stem, geometry, start, side, description=text, room_m=room_m)
+    return GridGeometry(~inner, settings.cell_m, corner), float(inner.sum()) * settings.cell_m**2
 
 
 def read_settings(path: Path) -> MapSettings:

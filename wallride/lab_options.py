@@ -5,6 +5,7 @@ from pathlib import Path
 
 EXPERIMENTS = {
     "walls": "the report's starts and more courses: error, settling, contacts, beside the physical limit",
+    "corners": "corners of real buildings and lanes that turn: --method ball,prototype compares with a baseline",
     "safety": "the report's 28 sudden obstacles: stopped, or the impact beside what physics allows",
     "hazards": "things in the way of a navigator that ignores them, and drives in which a stop is needless",
     "laps": "lap time and error on the loop and on maps",
@@ -32,11 +33,11 @@ def add(parser: argparse.ArgumentParser) -> None:
             parser.add_argument(
                 "--own-parts", metavar="KIND", help="what the car sees of itself (default: a kind on every odd seed)"
             )
-        if name in {"walls", "laps"}:
+        if name in {"walls", "laps", "corners"}:
             parser.add_argument("--distance", metavar="M", help="wanted distance to the wall in m (default: 1)")
         if name in {"laps", "rooms"}:
             parser.add_argument("--generated", action="store_true", help="on courses made from the seeds instead")
-        if name == "laps":
+        if name in {"laps", "corners"}:
             parser.add_argument(
                 "--maps", type=Path, metavar="DIR", help="folder of ROS maps (default: data/maps nearby)"
             )

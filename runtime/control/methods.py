@@ -61,7 +61,7 @@ def recovery_settings(safety: SweptSafetySettings) -> RecoverySettings:
 
 
 def wrapped(
-    driver: Driver,
+    driver: Follower,
     guard: Lookout | ReportGuard,
     recovery: Recovery | None,
     wall_follow: WallFollowSettings,

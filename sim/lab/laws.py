@@ -1,14 +1,17 @@
 """The laws under test by name. The one place of the lab that knows how they are made.
 
 "ball" is a follower with the safety that belongs to it; "ball+report" names both; "report+none" drives without safety.
+"prototype" is a baseline that only the lab has (`sim.lab.prototype`).
 """
 
 from runtime.control import methods
 from runtime.control.guidance import Follower, Guard
+from runtime.control.perception import Eyes
 from runtime.settings import load_settings
+from sim.lab.prototype import Prototype
 from sim.pose import Side
 
-GUARD_OF = {"report": "report", "ball": "swept"}
+GUARD_OF = {"report": "report", "ball": "swept", "prototype": "swept"}
 """Every follower, and the guard that it has on the car."""
 GUARDS = ("report", "swept", "none")
 
@@ -27,8 +30,9 @@ def check(law: str) -> str:
 def build(law: str, side: Side, desired_m: float, speed_mps: float) -> tuple[Follower, Guard | None]:
     """Return fresh laws as they come out of the car's default settings but for side, distance and speed."""
     follower_name, _, guard_name = check(law).partition("+")
+    on_car = follower_name if follower_name != "prototype" else "ball"
     wanted = [
-        f"wall_follow.method={follower_name}",
+        f"wall_follow.method={on_car}",
         f"wall_follow.side={side}",
         f"wall_follow.desired_distance_m={desired_m}",
         f"wall_follow.speed_mps={speed_mps}",
@@ -37,5 +41,12 @@ def build(law: str, side: Side, desired_m: float, speed_mps: float) -> tuple[Fol
     if guard_name == "none":
         wanted.append("safety.turn_below_m=0")  # without safety neither of its rules
     settings = load_settings(None, wanted)
-    follower, guard = methods.laws(settings.wall_follow, settings.safety, settings.car)
+    eyes = Eyes(settings.car)
+    guard = methods.guard_for(settings.safety, settings.car, eyes, None)
+    driver: Follower = (
+        methods.driver_for(settings.wall_follow, settings.car, eyes)
+        if follower_name == on_car
+        else Prototype(side, desired_m, speed_mps, settings.car, eyes)
+    )
+    follower = methods.wrapped(driver, guard, methods.recovery_for(settings.safety), settings.wall_follow)
     return follower, None if guard_name == "none" else guard

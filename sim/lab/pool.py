@@ -16,7 +16,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from runtime import kernel
 from sim.lab.cell import Cell, Experiment, Figures
 
-EXPERIMENTS = ("walls", "safety", "hazards", "laps", "window", "covers", "rooms", "recordings", "stories")
+EXPERIMENTS = (
+    "walls", "corners", "safety", "hazards", "laps", "window", "covers", "rooms", "recordings", "stories",
+)  # fmt: skip
 
 
 def experiment(name: str) -> Experiment:
