@@ -22,7 +22,6 @@ def driven_along(  # flat arguments, as its twin in C wants them
     line_rad: float,
     line_error_m: float,
     mean_bend_per_m: float,
-    bend_per_m: float,
     speed_mps: float,
     kp: float,
     kd: float,
@@ -34,16 +33,13 @@ def driven_along(  # flat arguments, as its twin in C wants them
 ) -> tuple[float, float, float, float]:
     """Return the error, how far the wall is one straight line, the steering and the speed.
 
-    The first four are those of a BallPath, whose last two circles are those of `look_aheads_m`; from error_m on the
+    The first four are those of a BallPath, whose last three circles are those of `look_aheads_m`; from error_m on the
     arguments are those of `pursued`. trim_rad: at which the wheels stand while the servo stands in the middle.
     most_rad: the steering's end. mu: the friction to count on, infinite where the path is not to limit the speed.
     """
-    near_m, far_m = radius_m[-2:]
-    near_rad, far_rad = bearing_rad[-2:]
     error_m, heading_rad, straight, steering_rad = pursued(
-        near_m, near_rad, far_m, far_rad, error_m, line_rad, line_error_m, mean_bend_per_m, bend_per_m,
-        speed_mps, kp, kd, wheelbase_m,
-    )  # fmt: skip
+        radius_m, bearing_rad, crosses, error_m, line_rad, line_error_m, mean_bend_per_m, speed_mps, kp, kd, wheelbase_m
+    )
     steering_rad = min(max(steering_rad - trim_rad, -most_rad), most_rad)
     if math.isinf(mu):
         return error_m, straight, steering_rad, wanted_mps

@@ -10,8 +10,6 @@ static double fading(double value, double whole_below, double none_above) {
     return bounded((none_above - value) / (none_above - whole_below), 0.0, 1.0);
 }
 
-static double slower(double speed) { return BALL_LAW_SLOW_MPS / greater(fabs(speed), BALL_LAW_SLOW_MPS); }
-
 static double approach(double error, double speed, double slope) {
     double bend = 1.0 / (BALL_LAW_ARC_M + BALL_LAW_ARC_S * fabs(speed)), size = fabs(error), wanted = slope * size;
     double joint = slope > 0 ? asin(lesser(bend / slope, 1.0)) : HUGE_VAL;
@@ -20,59 +18,90 @@ static double approach(double error, double speed, double slope) {
     return copysign(lesser(wanted, BALL_LAW_STEEPEST_RAD), error);
 }
 
-static double bend_correction(double bend, double look, double speed, double kd, double wheelbase) {
-    double share = (bend + BALL_LAW_KINKED_ABOVE_PER_M) / (BALL_LAW_KINKED_ABOVE_PER_M - BALL_LAW_SMOOTH_BELOW_PER_M);
-    double curvature = lesser(bend * bounded(share, 0.0, 1.0), BALL_LAW_TIGHTEST_PER_M);
-    double on_arc = asin_of(curvature * look / 2) - BALL_LAW_SLIP_S2_PER_M * speed * speed * curvature;
-    return atan(wheelbase * curvature) - slower(speed) * kd * on_arc;
+/* How far to turn as sharply as can be; see turn_share. */
+static double share_of_turn(const double *radius, const double *bearing, const npy_bool *crosses, int circles,
+                            double speed) {
+    double size = fabs(speed), turn = BALL_LAW_TURN_M + BALL_LAW_TURN_S * size, share = 0.0, x0 = 0.0, y0 = 0.0;
+    int begun = 0, all = circles < (int)BALL_LAW_TURN_CIRCLES ? circles : (int)BALL_LAW_TURN_CIRCLES;
+    for (int i = 0; i < all && !(begun && !crosses[i]); i++) {
+        if (!crosses[i])
+            continue;
+        double x = radius[i] * cos(bearing[i]), y = radius[i] * sin(bearing[i]), chord = atan2(y - y0, x - x0);
+        if (begun && -BALL_LAW_TURN_TO_RAD < chord && chord < -BALL_LAW_TURN_FROM_RAD) {
+            double cosine = cos(chord), sine = sin(chord);
+            double left = (cosine * y - sine * x - turn * (1.0 - cosine)) / -sine - BALL_LAW_TURN_AHEAD_S * size;
+            double sharp = (-chord - BALL_LAW_TURN_FROM_RAD) / (BALL_LAW_TURN_WHOLE_RAD - BALL_LAW_TURN_FROM_RAD);
+            share = greater(share, lesser(sharp, 1.0) * fading(left, 0.0, BALL_LAW_TURN_RAMP_M));
+        }
+        begun = 1, x0 = x, y0 = y;
+    }
+    return share;
 }
 
-/* v: near_m, near_rad, far_m, far_rad, error, line_rad, line_error, mean_bend, bend, speed, kp, kd, wheelbase; line_rad
- * is NaN where no line is tracked. to: error, heading, straight, steering. */
-void pursue(const double *v, double *to) {
-    double near = v[0], near_rad = v[1], error = v[4], line_rad = v[5], line_error = v[6], speed = v[9], kd = v[11];
-    double heading = near_rad - asin_of(error / near), straight = 0.0;
+/* What is steered by beside a ball's path; see pursued. */
+struct aim {
+    double error, heading, straight, steering;
+};
+
+/* v: error, line_rad, line_error, mean_bend, speed, kp, kd, wheelbase; line_rad is NaN where no line is tracked. */
+static struct aim pursue(const double *radius, const double *bearing, const npy_bool *crosses, int circles,
+                         const double *v) {
+    struct aim aim = {.error = v[0], .straight = 0.0};
+    const double line_rad = v[1], line_error = v[2], speed = v[4], kd = v[6];
+    const double here = radius[circles - 3], twice = radius[circles - 2], near = radius[circles - 1];
+    const double near_rad = bearing[circles - 1];
+    double from_here = bearing[circles - 3] - asin_of(aim.error / here);
+    double from_twice = bearing[circles - 2] - asin_of(aim.error / twice);
+    double beside = crosses[circles - 3] ? fading(fabs(aim.error), BALL_LAW_HERE_WHOLE * here, BALL_LAW_HERE_NONE * here)
+                                         : 0.0;
+    double bend = bounded(2.0 * (from_twice - from_here) / (twice - here), BALL_LAW_LEAST_BEND_PER_M,
+                          BALL_LAW_MOST_BEND_PER_M);
+    double from_near = near_rad - asin_of(aim.error / near);
+    aim.heading = from_near + beside * (from_here - from_near);
     if (!isnan(line_rad)) {
         double expected = bounded(line_rad + asin_of(line_error / near), -BALL_LAW_WIDEST_RAD, BALL_LAW_WIDEST_RAD);
-        straight = fading(fabs(near_rad - expected), BALL_LAW_STRAIGHT_RAD, BALL_LAW_NOT_STRAIGHT_RAD);
-        straight *= fading(fabs(v[7]), BALL_LAW_STRAIGHT_PER_M, BALL_LAW_BENT_PER_M);
-        error += straight * (line_error - error);
-        heading += straight * (line_rad - heading);
+        aim.straight = fading(fabs(near_rad - expected), BALL_LAW_STRAIGHT_RAD, BALL_LAW_NOT_STRAIGHT_RAD);
+        aim.straight *= fading(fabs(v[3]), BALL_LAW_STRAIGHT_PER_M, BALL_LAW_BENT_PER_M);
+        aim.error += aim.straight * (line_error - aim.error);
+        aim.heading += aim.straight * (line_rad - aim.heading);
     }
-    heading = lesser(heading, v[3] - asin_of(error / v[2]) + BALL_LAW_CORNER_AT_LEAST_RAD);
-    double slope = slower(speed) * v[10] / greater(kd, 1e-6);
-    double steering = slower(speed) * kd * (approach(error, speed, slope) + heading);
-    if (straight < 1.0)
-        steering += (1.0 - straight) * bend_correction(v[8], near, speed, kd, v[12]);
-    to[0] = error, to[1] = heading, to[2] = straight, to[3] = steering;
+    aim.heading = lesser(aim.heading, near_rad - asin_of(aim.error / near) + BALL_LAW_NOT_TOWARDS_RAD);
+    double slower = BALL_LAW_SLOW_MPS / greater(fabs(speed), BALL_LAW_SLOW_MPS);
+    double wanted = approach(aim.error, speed, slower * v[5] / greater(kd, 1e-6)) + aim.heading;
+    double slip = BALL_LAW_SLIP_S2_PER_M + BALL_LAW_SLIP_S3_PER_M2 * fabs(speed);
+    wanted += (1.0 - aim.straight) * beside * slip * speed * speed * bend;
+    double rough = lesser(BALL_LAW_ROUGH_KD_SHARE, slower);
+    aim.steering = kd * (rough + aim.straight * (slower - rough)) * wanted;
+    double turn = -atan(v[7] / (BALL_LAW_TURN_M + BALL_LAW_TURN_S * fabs(speed)));
+    aim.steering += share_of_turn(radius, bearing, crosses, circles, speed) * lesser(turn - aim.steering, 0.0);
+    return aim;
 }
 
-/* driven_along((radius, ...), (bearing, ...), (meets, ...), (crosses, ...), error, line_rad, line_error, mean_bend, bend,
- * speed, kp, kd, wheelbase, trim, most_rad, wanted, mu) -> error, straight, steering, speed */
+/* driven_along((radius, ...), (bearing, ...), (meets, ...), (crosses, ...), error, line_rad, line_error, mean_bend, speed,
+ * kp, kd, wheelbase, trim, most_rad, wanted, mu) -> error, straight, steering, speed */
 KERNEL(driven_along) {
-    double radius[MOST_NUMBERS], bearing[MOST_NUMBERS], v[17], aim[4];
+    double radius[MOST_NUMBERS], bearing[MOST_NUMBERS], v[12];
     npy_bool meets[MOST_NUMBERS], crosses[MOST_NUMBERS];
-    if (!enough(count, 17, "driven_along") || !as_numbers(given + 4, 13, v + 4))
+    if (!enough(count, 16, "driven_along") || !as_numbers(given + 4, 12, v))
         return NULL;
     int circles = numbers_of(given[0], radius);
     if (circles < 0 || !same_count(given[1], circles, bearing) || !flags_of(given[2], circles, meets) ||
         !flags_of(given[3], circles, crosses))
         return NULL;
-    if (circles < 2)
-        return PyErr_Format(PyExc_ValueError, "driven_along wants at least two circles");
-    v[0] = radius[circles - 2], v[1] = bearing[circles - 2], v[2] = radius[circles - 1], v[3] = bearing[circles - 1];
-    pursue(v, aim);
-    double speed = v[9], wheelbase = v[12], most_rad = v[14], wanted = v[15], mu = v[16];
-    double steering = bounded(aim[3] - v[13], -most_rad, most_rad);
+    if (circles < 3)
+        return PyErr_Format(PyExc_ValueError, "driven_along wants at least three circles");
+    struct aim aim = pursue(radius, bearing, crosses, circles, v);
+    double speed = v[4], wheelbase = v[7], most_rad = v[9], wanted = v[10], mu = v[11];
+    double steering = bounded(aim.steering - v[8], -most_rad, most_rad);
     if (isinf(mu))
-        return Py_BuildValue("(dddd)", aim[0], aim[2], steering, wanted);
-    if (steering <= -most_rad && aim[0] < -BALL_DRIVE_TOO_NEAR_M && aim[1] < 0.0)
+        return Py_BuildValue("(dddd)", aim.error, aim.straight, steering, wanted);
+    if (steering <= -most_rad && aim.error < -BALL_DRIVE_TOO_NEAR_M && aim.heading < 0.0)
         mu *= BALL_DRIVE_SLIPPING_SHARE;
     double curvature = greater(fabs(tan(steering)) / wheelbase, 1e-6);
     double now = sqrt(SPEED_PROFILE_LATERAL_SHARE * mu * SPEED_PROFILE_GRAVITY_MPS2 / curvature);
     wanted = lesser(wanted, now);
     wanted = lesser(wanted, fastest(radius, bearing, meets, crosses, circles, speed, mu));
-    return Py_BuildValue("(dddd)", aim[0], aim[2], steering, wanted);
+    return Py_BuildValue("(dddd)", aim.error, aim.straight, steering, wanted);
 }
 
 /* A WallTrack's state, in the order of its tuple. */

@@ -20,9 +20,6 @@ enum found find_line(const struct row *x, const struct row *y, const struct row 
 /* walls.c. Puts the places where the caller frees them, with room for so many more; how many, or -1. */
 beam outline_of(const struct row *x, const struct row *y, const struct row *wall, beam more, place **to);
 
-/* following.c. v: the arguments of pursued; to: its answer. */
-void pursue(const double *v, double *to);
-
 /* driving.c */
 double bend_of(const double *radius, const double *bearing);
 double fastest(const double *radius, const double *bearing, const npy_bool *meets, const npy_bool *crosses, int circles,

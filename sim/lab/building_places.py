@@ -1,9 +1,9 @@
 """Places in real buildings at which a run begins, chosen on a map by a rule.
 
-A ball of the wanted distance is rolled along all walls (`sim.ball_contour`). A place is good where its way can be driven
-for WAY_M, begins straight, and bends by at least a CORNER within sight: corners, offsets, ends of walls, bends. Of all
-good places of a map PLACES are taken, evenly spread along the walls, and of those without a corner WALLS more. Each of
-them has one START, in turn; a start that has no room (the building is narrow there) is replaced by the next one.
+A ball of the wanted distance is rolled along all walls (`sim.ball_contour`). A place is good where its way can be
+driven for WAY_M, begins straight, and bends by at least CORNER_RAD within sight: corners, offsets, ends of walls. Of
+all good places of a map PLACES are taken, evenly spread along the walls, and WALLS more without a corner. Each has one
+of the STARTS, in turn; a start that has no room (the building is narrow there) is replaced by the next one.
 
 Every second place of a map is held out: no law was tuned on it. So are all places of the maps HELD_OUT.
 """
@@ -109,9 +109,7 @@ def _good(rolled: Places, cell_m: float) -> tuple[Booleans, Booleans]:
     return good, corner
 
 
-def _started(
-    world: World, rolled: Places, index: int, desired_m: float, number: int, *, corner: bool
-) -> Place | None:
+def _started(world: World, rolled: Places, index: int, desired_m: float, number: int, *, corner: bool) -> Place | None:
     """Return a place with the first start, from its own on, that has room; None where none has."""
     geometry = world.geometry
     assert isinstance(geometry, GridGeometry)  # noqa: S101 - maps are grids

@@ -14,13 +14,16 @@ from runtime.control.ball_law import (
     ARC_M,
     ARC_S,
     BENT_PER_M,
+    ROUGH_KD_SHARE,
     STEEPEST_RAD,
     STRAIGHT_PER_M,
-    Aim,
+    TURN_AHEAD_S,
+    TURN_M,
+    TURN_S,
     approach_rad,
-    ball_aim,
-    bend_correction_rad,
-    steering_for_rad,
+    look_aheads_m,
+    pursued,
+    turn_share,
 )
 from runtime.control.ball_path import RADII_M, BallPath, bend_of, circles_met, rolled, rolled_along
 from runtime.control.ball_settings import BallSettings
@@ -146,39 +149,104 @@ def test_a_path_that_is_not_all_seen_has_no_bend(ends_m, bends):
 # the law
 
 
-def heading_rad(near_rad, far_rad, error_m=0.0):
-    return ball_aim(0.7, near_rad, 1.1, far_rad, error_m, math.nan, math.nan, 0.0).heading_rad
+def along(way, speed_mps=1.0, *, error_m=0.0, line=(math.nan, math.nan), bend=0.0, kp=13.5, kd=4.5):
+    """Answer a path that is at the bearing way(r) on the circle of radius r; None where it does not cross it."""
+    radii_m = RADII_M + look_aheads_m(0.4, 0.3, speed_mps)
+    bearing_rad = [way(r_m) for r_m in radii_m]
+    crosses = tuple(rad is not None for rad in bearing_rad)
+    return pursued(
+        radii_m, tuple(rad or 0.0 for rad in bearing_rad), crosses, error_m, *line, bend, speed_mps, kp, kd, 0.33
+    )
 
 
-def test_a_corner_away_from_the_wall_is_answered_before_the_short_look_ahead_sees_it():
-    assert heading_rad(0.0, -0.4) == pytest.approx(-0.35)
-    assert heading_rad(0.0, 0.4) == 0.0
-    assert heading_rad(0.0, -0.04) == 0.0
+def off(path, heading_rad):
+    """The line of all places at one heading from the point that is (x, y) from the car, on one side of it."""
+
+    def way(r_m):
+        x_m, y_m = path
+        cos, sin = math.cos(heading_rad), math.sin(heading_rad)
+        ahead_m = -(x_m * cos + y_m * sin) + math.sqrt(r_m * r_m - (x_m * sin - y_m * cos) ** 2)
+        return math.atan2(y_m + ahead_m * sin, x_m + ahead_m * cos)
+
+    return way
+
+
+def kinked(ahead_m, turn_rad):
+    """Straight on, and from so far ahead on at another heading."""
+    return lambda r_m: 0.0 if r_m <= ahead_m else off((ahead_m, 0.0), turn_rad)(r_m)
+
+
+def rounded(ahead_m):
+    """Straight on, and from so far ahead on an arc to the left of 1 m: the way round an outside corner."""
+    centre_m = math.hypot(ahead_m, 1.0)
+
+    def way(r_m):
+        if r_m <= ahead_m:
+            return 0.0
+        cos = (r_m * r_m + centre_m * centre_m - 1.0) / (2 * r_m * centre_m)
+        return math.atan2(1.0, ahead_m) - math.acos(cos) if cos <= 1.0 else None
+
+    return way
+
+
+@pytest.mark.parametrize("speed_mps", [1.0, 2.0, 3.0])
+def test_an_outside_corner_that_the_car_has_not_come_to_is_not_steered_for(speed_mps):
+    here_m, *_, near_m = look_aheads_m(0.4, 0.3, speed_mps)
+    for ahead_m in np.arange(here_m, 1.5, 0.05):
+        steering_rad = along(rounded(ahead_m), speed_mps)[3]
+        assert -0.001 <= steering_rad < 0.15
+        if ahead_m > near_m:
+            assert steering_rad == pytest.approx(0.0, abs=1e-9)
+    assert along(rounded(0.0), speed_mps)[3] > 0.3
+
+
+def test_an_inside_corner_is_turned_for_where_the_tightest_turn_begins_and_not_sooner():
+    for turn_rad in (0.6, 1.0, math.pi / 2):
+        begins_m = (TURN_M + TURN_S) * math.tan(turn_rad / 2) + TURN_AHEAD_S
+        assert along(kinked(begins_m + 0.35, -turn_rad))[3] == pytest.approx(0.0, abs=0.01)
+        assert along(kinked(begins_m - 0.15, -turn_rad))[3] < -0.3
+
+
+def test_a_bend_of_a_few_degrees_is_no_corner():
+    assert turn_share(RADII_M, tuple(kinked(0.4, -0.14)(r_m) for r_m in RADII_M), (True,) * 10, 1.0) == 0.0
+    assert turn_share(RADII_M, tuple(kinked(0.2, -0.5)(r_m) for r_m in RADII_M), (True,) * 10, 1.0) == 1.0
+
+
+def test_no_corner_is_looked_for_beyond_a_gap_in_the_path():
+    crosses = (True, True, False, *(True,) * 7)
+    bearing_rad = tuple(kinked(0.9, -1.2)(r_m) for r_m in RADII_M)
+    assert turn_share(RADII_M, bearing_rad, (True,) * 10, 1.0) > 0.0
+    assert turn_share(RADII_M, bearing_rad, crosses, 1.0) == 0.0
+
+
+def test_the_car_heads_no_farther_towards_the_wall_than_the_path_at_the_long_look_ahead():
+    """A niche: the path leads 0.4 rad to the wall here, and is back on the straight way 0.7 m ahead."""
+    assert along(lambda r_m: 0.4 if r_m < 0.65 else 0.0)[1] == pytest.approx(0.1)
+    assert along(lambda r_m: 0.4)[1] == pytest.approx(0.4)
 
 
 def test_the_way_back_to_a_straight_wall_is_no_corner():
-    for error_m in (-0.3, 0.3):
-        near_rad, far_rad = math.asin(error_m / 0.7), math.asin(error_m / 1.1)
-        assert heading_rad(near_rad + 0.2, far_rad + 0.2, error_m) == pytest.approx(0.2)
+    for error_m in (-0.2, 0.2):
+        place = (-error_m * math.sin(0.1), error_m * math.cos(0.1))
+        assert along(off(place, 0.1), error_m=error_m)[1] == pytest.approx(0.1)
 
 
 def aimed(off_rad=0.0, bend=0.0):
     """The aim beside a line that the ball's bearing contradicts by some angle; the points say 0.1, the line 0.02."""
     near_rad = 0.05 + math.asin(0.02 / 0.7) + off_rad
-    return ball_aim(0.7, near_rad, 1.1, 1.0, 0.1, 0.05, 0.02, bend)
+    return along(lambda _: near_rad, error_m=0.1, line=(0.05, 0.02), bend=bend)
 
 
 def test_beside_a_straight_wall_its_line_is_steered_by():
-    aim = aimed(0.05)
-    assert (aim.error_m, aim.heading_rad, aim.straight) == pytest.approx((0.02, 0.05, 1.0))
+    assert aimed(0.05)[:3] == pytest.approx((0.02, 0.05, 1.0))
 
 
 @pytest.mark.parametrize("change", [{"off_rad": 0.13}, {"off_rad": -0.13}, {"bend": 0.17}, {"bend": -0.17}])
 def test_where_the_ball_or_the_bend_says_otherwise_the_ball_is_steered_by(change):
-    aim = aimed(**change)
-    assert (aim.error_m, aim.straight) == (0.1, 0.0)
-    assert aimed(bend=(STRAIGHT_PER_M + BENT_PER_M) / 2).straight == pytest.approx(0.5)
-    assert aimed(0.09).error_m == pytest.approx(0.06)
+    error_m, _, straight, _ = aimed(**change)
+    assert (error_m, straight) == (0.1, 0.0)
+    assert aimed(bend=(STRAIGHT_PER_M + BENT_PER_M) / 2)[2] == pytest.approx(0.5)
+    assert aimed(0.09)[0] == pytest.approx(0.06)
 
 
 def test_near_the_path_the_approach_is_straight_in_the_error_and_farther_off_an_arc():
@@ -202,29 +270,39 @@ def test_the_approach_is_never_backwards_and_a_fast_car_approaches_more_gently()
     assert approach_rad(0.1, 1.0, 0.0) == 0.0
 
 
+def beside_line(error_m, heading_rad, speed_mps):
+    """The steering beside a tracked straight line."""
+    place = (-error_m * math.sin(heading_rad), error_m * math.cos(heading_rad))
+    line = (heading_rad, error_m)
+    return along(off(place, heading_rad), speed_mps, error_m=error_m, line=line, kp=9.0)[3]
+
+
 def test_a_faster_car_steers_less_for_the_same_so_that_it_needs_the_same_time():
-    one, three = (steering_for_rad(Aim(0.01, 0.0, 1.0), speed_mps, 9.0, 4.5) for speed_mps in (1.0, 3.0))
-    assert (one, three) == pytest.approx((9.0 * 0.01, 1.0 * 0.01))
-    one, three = (steering_for_rad(Aim(0.0, 0.1, 1.0), speed_mps, 9.0, 4.5) for speed_mps in (1.0, 3.0))
-    assert (one, three) == pytest.approx((0.45, 0.15))
-    assert steering_for_rad(Aim(0.01, 0.1, 1.0), 0.2, 9.0, 4.5) == steering_for_rad(Aim(0.01, 0.1, 1.0), 1.0, 9.0, 4.5)
+    assert beside_line(0.01, 0.0, 1.0) == pytest.approx(9.0 * 0.01)
+    assert beside_line(0.01, 0.0, 3.0) == pytest.approx(1.0 * 0.01)
+    assert beside_line(0.0, 0.1, 1.0) == pytest.approx(0.45)
+    assert beside_line(0.0, 0.1, 3.0) == pytest.approx(0.15)
+    assert beside_line(0.01, 0.1, 0.2) == pytest.approx(beside_line(0.01, 0.1, 1.0))
 
 
-def test_a_car_without_error_in_a_slow_bend_is_told_the_bends_own_steering():
-    for curvature in (-0.25, 0.4, 0.9):
-        seen = Aim(0.0, math.asin(curvature * 0.7 / 2), 0.0)
-        steering_rad = steering_for_rad(seen, 0.0, 9.0, 4.5) + bend_correction_rad(curvature, 0.7, 0.0, 4.5, 0.33)
-        assert steering_rad == pytest.approx(math.atan(0.33 * curvature))
+def test_a_slow_car_is_steered_less_where_the_wall_is_not_straight():
+    assert along(lambda _: 0.1)[3] == pytest.approx(ROUGH_KD_SHARE * 4.5 * 0.1)
+    assert along(lambda _: 0.1, 3.0)[3] == pytest.approx(4.5 / 3 * 0.1)
 
 
-def test_a_fast_bend_is_steered_more_than_a_slow_one_and_a_kink_is_not_corrected():
-    assert bend_correction_rad(0.3, 1.0, 3.0, 1.5, 0.33) > bend_correction_rad(0.3, 1.0, 1.0, 1.5, 0.33)
-    assert bend_correction_rad(-0.9, 1.0, 1.0, 1.5, 0.33) == 0.0
+def arc(curvature, speed_mps):
+    """The steering of a car without error on an arc."""
+    return along(lambda r_m: math.asin(r_m * curvature / 2), speed_mps)[3]
 
 
-def test_a_path_that_bends_more_sharply_than_the_car_can_is_fed_forward_as_the_tightest_that_it_can():
-    tightest, sharper = (bend_correction_rad(bend_per_m, 1.0, 2.0, 2.25, 0.33) for bend_per_m in (1.0 / ARC_M, 1.7))
-    assert sharper == tightest
+@pytest.mark.parametrize("curvature", [-0.25, 0.25, 0.4])
+def test_a_car_without_error_in_a_slow_bend_is_told_nearly_the_bends_own_steering(curvature):
+    assert arc(curvature, 1.0) == pytest.approx(math.atan(0.33 * curvature), rel=0.12)
+
+
+def test_a_fast_bend_is_steered_more_than_a_slow_one_as_its_tyres_slip():
+    assert arc(0.3, 3.0) > 1.7 * arc(0.3, 1.0)
+    assert arc(-0.3, 3.0) < 1.7 * arc(-0.3, 1.0)
 
 
 @pytest.mark.parametrize("error_m", [-0.1, -0.05, 0.05, 0.1])

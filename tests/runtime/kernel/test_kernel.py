@@ -46,8 +46,8 @@ def test_arrays_of_different_lengths_are_refused(compiled):
             compiled["rolled_along"](long_m, long_m, np.array([0, beam]), None, *[0.0] * 7, (1.0,) * 5)
     with pytest.raises(ValueError, match="at least 5 circles"):
         compiled["rolled_along"](long_m, long_m, np.array([0]), None, *[0.0] * 7, (1.0,) * 4)
-    with pytest.raises(ValueError, match="at least two circles"):
-        compiled["driven_along"]((1.0,), (1.0,), (True,), (True,), *[0.0] * 13)
+    with pytest.raises(ValueError, match="at least three circles"):
+        compiled["driven_along"]((1.0,), (1.0,), (True,), (True,), *[0.0] * 12)
     beams = np.zeros(2, np.intp)
     for lengths in ((3, 9, 9), (9, 3, 9), (9, 9, 3)):
         x_m, range_m, echo = (np.ones(length) for length in lengths)
