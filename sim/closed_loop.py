@@ -26,7 +26,7 @@ from sim.world import Surroundings, World
 
 STEP_S = 0.0025
 RANGE_MIN_M, RANGE_MAX_M = 0.02, 30.0
-"""What a UST-10LX says of itself; values outside are no distances."""
+"""What a UST-10LX says of itself; values outside are no distances. A sensor of less range says so."""
 ROUGH_BEAMS = LidarSettings(noise_std_m=0.02, outlier_share=0.02)
 """The noise under which every law has to prove itself."""
 _WIRING = VescSettings()
@@ -141,11 +141,12 @@ def drive(case: Case, follower: Follower, guard: Guard | None) -> Run:
 
 def as_scan(reported_mm: Millimetres, lidar: LidarSettings, time_s: float, sequence: int) -> Scan:
     """Return what the driver would make of the sensor's integers."""
-    usable = (reported_mm >= RANGE_MIN_M * 1000) & (reported_mm <= RANGE_MAX_M * 1000)
+    range_max_m = min(lidar.range_max_m, RANGE_MAX_M)
+    usable = (reported_mm >= RANGE_MIN_M * 1000) & (reported_mm <= range_max_m * 1000)
     ranges_m = np.where(usable, reported_mm.astype(np.float32) / np.float32(1000), np.float32(np.nan))
     ranges_m.setflags(write=False)
     first_rad, step_rad = math.radians(lidar.first_deg), math.radians(lidar.last_deg - lidar.first_deg)
-    return Scan(time_s, time_s, first_rad, step_rad / (lidar.beams - 1), RANGE_MIN_M, RANGE_MAX_M, ranges_m, sequence)
+    return Scan(time_s, time_s, first_rad, step_rad / (lidar.beams - 1), RANGE_MIN_M, range_max_m, ranges_m, sequence)
 
 
 @dataclass(slots=True)

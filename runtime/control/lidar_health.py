@@ -28,6 +28,8 @@ BLIND_MEMORY_RAD = 1.0
 WIPED_EVERY_S, WIPED_MEMORY_S = 0.25, 1.5
 """A car that is refused for dirt cannot drive on to see that it was wiped: two seconds of a clear view tell it."""
 TOO_MUCH_DIRT = "too much dirt: clean the lidar"
+FAR_SEEING_M = 10.0
+"""A sensor of less range sees less of the same room: so much less may have an echo before it counts as covered."""
 
 
 class _Beams:
@@ -101,7 +103,8 @@ class LidarHealth:
         beams = view.ranges_m.shape[0]
         if self._beams.dirt.shape[0] != beams:
             self._begin(beams)
-        empty = view.silent > self._settings.empty_share * beams
+        least_share = (1.0 - self._settings.empty_share) * min(view.scan.range_max_m / FAR_SEEING_M, 1.0)
+        empty = view.silent > (1.0 - least_share) * beams
         if empty != self._empty:
             self._empty = empty
             self._judge(view)

@@ -20,12 +20,13 @@ Indices = npt.NDArray[np.intp]
 
 FROM_RAD = math.radians(20)
 TO_RAD = math.radians(126)
-EVERY_BEAM = 3
+APART_RAD = math.radians(0.75)
+"""The beams that are asked are so far apart, where the sensor's own are nearer to each other."""
 NEAREST_M = 0.2
 FARTHEST_M = 5.0
 PAIRS = 64
-PAIR_APART_FROM = 6
-PAIR_APART_TO = 44
+PAIR_FROM_RAD, PAIR_TO_RAD = math.radians(4.5), math.radians(33)
+"""The two beams of a pair are so far apart."""
 GATES_M = (0.08, 0.08, 0.06)
 """How near a point must be to the line to belong to it: in the vote, and in each of the refits."""
 STEEPEST_RAD = math.radians(60)
@@ -38,7 +39,8 @@ WINS_WITH = 0.9
 """Share of all votes with which an expected line is taken without a vote: no other can have as many."""
 FEWEST_INLIERS = 8
 CLEAN_INLIERS = 45
-"""A line on no more beams than this (of 141) is no long straight wall: nothing to be learnt from."""
+"""A line on no more beams than this is no long straight wall, nothing to be learnt from: 34 degrees of them, 45 of a
+sensor with 1 degree a beam."""
 _SEED = 20
 
 
@@ -72,12 +74,17 @@ class LineFinder:
     """
 
     def __init__(self, bearing_rad: Floats) -> None:
-        self.beams = np.flatnonzero((bearing_rad >= FROM_RAD) & (bearing_rad <= TO_RAD))[::EVERY_BEAM]
+        step_rad = abs(float(bearing_rad[1] - bearing_rad[0])) if bearing_rad.size > 1 else APART_RAD
+        every = max(1, round(APART_RAD / step_rad))
+        self.beams = np.flatnonzero((bearing_rad >= FROM_RAD) & (bearing_rad <= TO_RAD))[::every]
         kept = self.beams.size
         pairs = np.zeros((0, 2), np.intp)
-        if kept > PAIR_APART_TO:
+        nearest, farthest = (
+            max(1, round(apart_rad / (every * step_rad))) for apart_rad in (PAIR_FROM_RAD, PAIR_TO_RAD)
+        )
+        if kept > farthest:
             random = np.random.default_rng(_SEED)
-            apart = random.integers(PAIR_APART_FROM, PAIR_APART_TO + 1, PAIRS)
+            apart = random.integers(nearest, farthest + 1, PAIRS)
             first = (random.random(PAIRS) * (kept - apart)).astype(np.intp)
             pairs = np.stack([first, first + apart], axis=1)
         # The beam that looks more to the front is the head of each pair's direction.

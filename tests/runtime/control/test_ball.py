@@ -194,7 +194,7 @@ def test_an_outside_corner_that_the_car_has_not_come_to_is_not_steered_for(speed
     here_m, *_, near_m = look_aheads_m(0.4, 0.3, speed_mps)
     for ahead_m in np.arange(here_m, 1.5, 0.05):
         steering_rad = along(rounded(ahead_m), speed_mps)[3]
-        assert -0.001 <= steering_rad < 0.15
+        assert -0.001 <= steering_rad < 0.1 * (1.0 + speed_mps)  # a fast car's servo has to begin
         if ahead_m > near_m:
             assert steering_rad == pytest.approx(0.0, abs=1e-9)
     assert along(rounded(0.0), speed_mps)[3] > 0.3
@@ -592,9 +592,9 @@ def test_the_loop_is_driven_fast_on_a_good_floor_and_without_contact_on_a_slippe
         run = drive(case, follower(speed_mps=4.0), None)
         assert run.contact is None
         if mu == 0.8:
-            assert np.abs(run.error_m).mean() < 0.05
+            assert np.abs(run.error_m).mean() < 0.04
             late = run.time_s > 2.0
-            assert run.speed_mps[late, 0].mean() > world.lap.length_m / 9.4
+            assert run.speed_mps[late, 0].mean() > world.lap.length_m / 9.6
 
 
 @pytest.mark.parametrize("name", ["t2", "t4", "t5"])

@@ -37,12 +37,12 @@ class Drive:
         self.eyes = Eyes(CarSettings())
         self.distance_m = 0.0
 
-    def go(self, ranges_m, way_m, steering_rad=0.0, noise_m=0.02):
+    def go(self, ranges_m, way_m, steering_rad=0.0, noise_m=0.02, range_max_m=30.0):
         rng = np.random.default_rng(4)
         for _ in range(round(way_m / 0.05) or 1):
             self.distance_m += 0.05 if way_m else 0.0
             noisy = (ranges_m + rng.normal(0, noise_m, BEAMS)).astype(np.float32)
-            view = self.eyes.see(Scan(0.0, 0.0, -STEP_RAD * MIDDLE, STEP_RAD, 0.02, 30.0, noisy, 0))
+            view = self.eyes.see(Scan(0.0, 0.0, -STEP_RAD * MIDDLE, STEP_RAD, 0.02, range_max_m, noisy, 0))
             self.health.update(view, motor(self.distance_m, steering_rad))
         return self.health
 
@@ -134,6 +134,16 @@ def test_almost_no_echo_stops_at_once_and_is_forgiven_at_once():
     assert "almost no beam" in health.words[0]
     ranges_m[: round(0.36 * BEAMS)] = 3.0  # a real hall: 64 % without an echo
     assert drive.go(ranges_m, 0.0).ceiling_mps == math.inf
+
+
+def test_a_sensor_of_little_range_may_see_less_of_a_room_before_it_counts_as_covered():
+    """A wall at 3.9 m fills 25 of 270 degrees of a sensor that sees 4 m."""
+    ranges_m = np.full(BEAMS, math.nan)
+    ranges_m[beam(78) : beam(103)] = 3.9
+    assert Drive().go(ranges_m, 0.0, range_max_m=4.0).ceiling_mps == math.inf
+    assert Drive().go(ranges_m, 0.0, range_max_m=10.0).ceiling_mps == 0.0
+    ranges_m[beam(85) : beam(103)] = math.nan
+    assert Drive().go(ranges_m, 0.0, range_max_m=4.0).ceiling_mps == 0.0
 
 
 def test_beams_that_stay_dark_while_the_car_turns_are_blind():

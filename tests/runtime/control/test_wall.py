@@ -40,6 +40,19 @@ def test_a_clean_wall_is_found_where_it_is(distance_m, heading_rad):
     assert line.heading_rad == pytest.approx(heading_rad, abs=1e-6)
 
 
+@pytest.mark.parametrize("step_deg", [0.125, 0.352, 0.5, 1.0, 1.5])
+def test_any_sensor_finds_a_wall_whatever_its_beams_are_apart(step_deg):
+    step_rad = math.radians(step_deg)
+    bearing_rad = bearings_rad(-math.radians(135), step_rad, int(270 / step_deg) + 1)[::-1]
+    with np.errstate(divide="ignore"):
+        ranges_m = (1.0 + LIDAR_X_M * math.sin(0.2)) / np.sin(bearing_rad - 0.2)
+    ranges_m += np.random.default_rng(5).normal(0.0, 0.02, bearing_rad.size)
+    x_m, y_m = LIDAR_X_M + np.cos(bearing_rad) * ranges_m, np.sin(bearing_rad) * ranges_m
+    line = LineFinder(bearing_rad).find(x_m, y_m, ranges_m, (ranges_m > 0.0) & (ranges_m < 30.0))
+    assert line.distance_m == pytest.approx(1.0, abs=0.01)
+    assert line.heading_rad == pytest.approx(0.2, abs=0.01)
+
+
 def test_noise_and_a_fifth_of_wild_beams_move_it_by_millimetres():
     rng = np.random.default_rng(7)
     errors = []
