@@ -118,11 +118,12 @@ class BallFollower:
         if tracked is not None:
             there = tracked.seen_from(shift.x_m, shift.y_m, shift.yaw_rad)
             line_rad, line_error_m = there.heading_rad, there.distance_m - desired_m
+        room_m = min(desired_m, ball.opposite_m)
         error_m, self._straight, steering_rad, wanted_mps = driven_along(
             path.radius_m, path.bearing_rad, path.meets, path.crosses, ball.nearest_m + ball.bias_m - desired_m,
             line_rad, line_error_m, self._bend_per_m, speed_mps, settings.kp, settings.kd,
             car.wheelbase_m, self._track.trim_rad if settings.trim_integral else 0.0, car.max_steering_rad,
-            settings.speed_mps, mu_with_room(settings.assumed_mu, desired_m) if settings.speed_profile else math.inf,
+            settings.speed_mps, mu_with_room(settings.assumed_mu, room_m) if settings.speed_profile else math.inf,
         )  # fmt: skip
         return error_m, steering_rad, wanted_mps
 

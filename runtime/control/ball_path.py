@@ -9,13 +9,14 @@ bearing b is nearer than D to the places of the circle of radius r within b +- h
 so the first place is the least b - h of all points, unless the free end itself lies within one of them.
 """
 
+import cmath
 import math
 
 import numpy as np
 
 from drivers.twin import twin
 from drivers.value import value
-from runtime.control.geometry import Floats, Places
+from runtime.control.geometry import Booleans, Floats, Places
 from runtime.control.my_wall import Beams, MyWall, SideView, around, bridge_glass, outline
 from runtime.control.noise_bias import bias_learnt_m
 from runtime.control.prediction import Shift
@@ -26,6 +27,8 @@ RADII_M = tuple(np.linspace(0.3, 3.0, 10).tolist())
 """The circles of the path: how far it is looked at by the speed profile."""
 _BEND_CIRCLES = 1, 5
 """From which circle to before which the bend of the path is measured: 0.6 to 1.5 m."""
+OPPOSITE_EVERY = 4
+"""Of the beams that may see what is on the other side of the path, every fourth is looked at."""
 
 
 @value(eq=False)
@@ -53,12 +56,14 @@ class Rolled:
 
     nearest_m: the nearest of the wall's points. bias_m: how much too near that is, see `noise_bias`.
     bend_per_m: curvature of the path between 0.6 and 1.5 m ahead, left positive; 0 where it is not all seen.
+    opposite_m: how near the path comes to anything beyond my wall's front end, infinite where nothing is.
     """
 
     path: BallPath
     nearest_m: float
     bias_m: float
     bend_per_m: float
+    opposite_m: float
 
 
 def rolled(
@@ -72,11 +77,11 @@ def rolled(
     if wall.line is not None and wall.line.inliers > CLEAN_INLIERS:
         line_m, line_rad = wall.line.distance_m, wall.line.heading_rad
     radii_m = RADII_M + more_radii_m
-    nearest_m, bias_m, bend_per_m, path_rad, meets, crosses = rolled_along(
-        seen.x_m, seen.y_m, wall.beams, bridge_glass(seen, wall), shift.x_m, shift.y_m, shift.yaw_rad, line_m, line_rad,
-        bias_m, desired_m, radii_m,
+    nearest_m, bias_m, bend_per_m, opposite_m, path_rad, meets, crosses = rolled_along(
+        seen.x_m, seen.y_m, seen.solid, wall.beams, bridge_glass(seen, wall), shift.x_m, shift.y_m, shift.yaw_rad,
+        line_m, line_rad, bias_m, desired_m, radii_m,
     )  # fmt: skip
-    return Rolled(BallPath(radii_m, path_rad, meets, crosses), nearest_m, bias_m, bend_per_m)
+    return Rolled(BallPath(radii_m, path_rad, meets, crosses), nearest_m, bias_m, bend_per_m, opposite_m)
 
 
 Circles = tuple[tuple[float, ...], tuple[bool, ...], tuple[bool, ...]]
@@ -87,6 +92,7 @@ Circles = tuple[tuple[float, ...], tuple[bool, ...], tuple[bool, ...]]
 def rolled_along(  # flat arguments, as its twin in C wants them
     x_m: Floats,
     y_m: Floats,
+    solid: Booleans,
     wall: Beams,
     glass_m: Places | None,
     from_x_m: float,
@@ -97,8 +103,8 @@ def rolled_along(  # flat arguments, as its twin in C wants them
     bias_m: float,
     desired_m: float,
     radii_m: tuple[float, ...],
-) -> tuple[float, float, float, tuple[float, ...], tuple[bool, ...], tuple[bool, ...]]:
-    """Return nearest_m, bias_m and bend_per_m of Rolled, then bearing_rad, meets and crosses of its path.
+) -> tuple[float, float, float, float, tuple[float, ...], tuple[bool, ...], tuple[bool, ...]]:
+    """Return nearest_m, bias_m, bend_per_m and opposite_m of Rolled, then bearing_rad, meets and crosses of its path.
 
     The wall is seen from (from_x_m, from_y_m) at the heading yaw_rad; all else is given as seen from the origin.
     line_m: NaN without a clean line.
@@ -112,7 +118,22 @@ def rolled_along(  # flat arguments, as its twin in C wants them
     path_rad, meets, crosses = circles_met(range_m, bearing_rad, desired_m - bias_m, radii_m)
     part = slice(*_BEND_CIRCLES)
     bend_per_m = bend_of(radii_m[part], path_rad[part]) if all(meets[part]) else 0.0
-    return nearest_m, bias_m, bend_per_m, path_rad, meets, crosses
+    crossed = [
+        complex(r_m * math.cos(b_rad), r_m * math.sin(b_rad))
+        for r_m, b_rad, crossing in zip(radii_m[: len(RADII_M)], path_rad, crosses, strict=False)
+        if crossing
+    ]
+    beyond = slice(int(wall[-1]) + 1, None, OPPOSITE_EVERY)
+    there_m = np.array(crossed, np.complex128) * cmath.rect(1.0, yaw_rad) + complex(from_x_m, from_y_m)
+    opposite_m = apart_m(there_m, x_m[beyond][solid[beyond]], y_m[beyond][solid[beyond]])
+    return nearest_m, bias_m, bend_per_m, opposite_m, path_rad, meets, crosses
+
+
+def apart_m(places_m: Places, x_m: Floats, y_m: Floats) -> float:
+    """Return the least distance between places x + iy, (k,), and points, (n,); infinite without any."""
+    dx = np.subtract.outer(places_m.real, x_m)
+    dy = np.subtract.outer(places_m.imag, y_m)
+    return math.sqrt(float((dx * dx + dy * dy).min(initial=math.inf)))
 
 
 def circles_met(range_m: Floats, wall_rad: Floats, ball_m: float, radii_m: tuple[float, ...]) -> Circles:

@@ -16,10 +16,14 @@ BRAKE_SHARE = 0.54
 limit of `swept` (0.45 of 0.8 g) lets pass: braking later for a corner ends in its hard stops."""
 ROOM_M, NARROW_M = 0.95, 0.8
 NARROW_SHARE = 0.77
-"""A floor of 0.5 where 0.65 is counted on lets the car run 0.45 m wide in a corner. Who drives nearer to the wall than
-ROOM_M has less room for that and counts on less, nearer than NARROW_M on this share."""
+"""A floor of 0.5 where 0.65 is counted on lets the car run 0.45 m wide in a corner, towards its wall in an inside
+corner and away from it in an outside one. A path that comes nearer to a wall than ROOM_M has less room for that and
+counts on less, nearer than NARROW_M on this share."""
 SHARPEST_PER_M = 0.9
 """The path has kinks; the car rounds them no tighter than this."""
+BACK_FROM_RAD, BACK_WHOLE_RAD, BACK_PER_M = 1.75, 2.1, 1.15
+"""A path that turns back, by more than a right angle, keeps the car at the limit of grip until it is wide of it: it
+counts as sharper than the car can turn."""
 SPAN = 2
 """Chords between the two headings whose difference is a point's curvature: over less way, noise bends the path."""
 CIRCLES = len(RADII_M)
@@ -28,7 +32,7 @@ REACTION_S = 0.06
 
 
 def mu_with_room(assumed_mu: float, distance_m: float) -> float:
-    """Return the friction to count on at this distance from the wall."""
+    """Return the friction to count on at this distance from the nearer wall, the followed one or what is opposite."""
     less = min(max((ROOM_M - distance_m) / (ROOM_M - NARROW_M), 0.0), 1.0)
     return assumed_mu * (1.0 - less * (1.0 - NARROW_SHARE))
 
@@ -65,11 +69,14 @@ def fastest_mps(
     for (x0, y0), (x1, y1) in pairwise(places):
         heading.append(math.atan2(y1 - y0, x1 - x0))
         way.append(way[-1] + math.hypot(x1 - x0, y1 - y0))
+    turned_rad = max((abs(math.remainder(h_rad - heading[0], math.tau)) for h_rad in heading), default=0.0)
+    back = min(max((turned_rad - BACK_FROM_RAD) / (BACK_WHOLE_RAD - BACK_FROM_RAD), 0.0), 1.0)
+    sharpest_per_m = SHARPEST_PER_M + back * (BACK_PER_M - SHARPEST_PER_M)
     # At the end of what is seen, a corner; before it, at each inner point its own curvature.
-    square = lateral / SHARPEST_PER_M + 2 * brake * max(way[-1] - margin_m, 0.0)
+    square = lateral / sharpest_per_m + 2 * brake * max(way[-1] - margin_m, 0.0)
     for i in range(len(heading) - SPAN):
         turn_rad = abs(math.remainder(heading[i + SPAN] - heading[i], math.tau))
         curvature = turn_rad / max(way[i + 1 + SPAN] - way[i + 1], 1e-3)
-        curvature = min(max(curvature, 1e-3), SHARPEST_PER_M)
+        curvature = min(max(curvature, 1e-3), sharpest_per_m)
         square = min(square, lateral / curvature + 2 * brake * max(way[i + 1] - margin_m, 0.0))
     return math.sqrt(square)

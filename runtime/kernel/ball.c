@@ -98,8 +98,29 @@ static double learnt(double bias, double found) {
     return possible ? bias + NOISE_BIAS_LOW_PASS * (found - bias) : bias;
 }
 
-/* nearest, bias, bend, (bearing, ...), (meets, ...), (crosses, ...) */
-static PyObject *answer_of(const struct path *path, double nearest, double bias, double bend) {
+/* How near the path comes to what the beams after `from` see; see apart_m. v: from_x, from_y and yaw of the path. */
+static double opposite(const struct path *path, const struct row *x, const struct row *y, const struct row *solid,
+                       beam from, const double *v) {
+    place there[MOST_NUMBERS], turned = CMPLX(cos(v[2]), sin(v[2]));
+    int crossed = 0, all = path->circles < (int)SPEED_PROFILE_CIRCLES ? path->circles : (int)SPEED_PROFILE_CIRCLES;
+    for (int k = 0; k < all; k++)
+        if (path->crosses[k])
+            there[crossed++] = times(CMPLX(path->radius[k] * cos(path->bearing[k]), path->radius[k] * sin(path->bearing[k])),
+                                     turned) + CMPLX(v[0], v[1]);
+    double nearest = INFINITY;
+    for (beam i = from; i < x->count; i += BALL_PATH_OPPOSITE_EVERY) {
+        if (!FLAG(*solid, i))
+            continue;
+        for (int k = 0; k < crossed; k++) {
+            double dx = creal(there[k]) - NUMBER(*x, i), dy = cimag(there[k]) - NUMBER(*y, i), apart = dx * dx + dy * dy;
+            nearest = apart < nearest || isnan(apart) ? apart : nearest; /* as numpy's min */
+        }
+    }
+    return sqrt(nearest);
+}
+
+/* nearest, bias, bend, opposite, (bearing, ...), (meets, ...), (crosses, ...) */
+static PyObject *answer_of(const struct path *path, double nearest, double bias, double bend, double opposite) {
     PyObject *parts[3] = {NULL, NULL, NULL};
     for (int part = 0; part < 3; part++)
         parts[part] = PyTuple_New(path->circles);
@@ -112,25 +133,27 @@ static PyObject *answer_of(const struct path *path, double nearest, double bias,
         PyTuple_SET_ITEM(parts[2], k, PyBool_FromLong(path->crosses[k]));
     }
     if (!PyErr_Occurred())
-        return Py_BuildValue("(dddNNN)", nearest, bias, bend, parts[0], parts[1], parts[2]);
+        return Py_BuildValue("(ddddNNN)", nearest, bias, bend, opposite, parts[0], parts[1], parts[2]);
     for (int part = 0; part < 3; part++)
         Py_XDECREF(parts[part]);
     return NULL;
 }
 
-/* rolled_along(x, y, indices, more places | None, from_x, from_y, yaw, line_m, line_rad, bias_m, desired_m, radii)
- * -> nearest, bias, bend, (bearing, ...), (meets, ...), (crosses, ...) */
+/* rolled_along(x, y, solid, indices, more places | None, from_x, from_y, yaw, line_m, line_rad, bias_m, desired_m, radii)
+ * -> nearest, bias, bend, opposite, (bearing, ...), (meets, ...), (crosses, ...) */
 KERNEL(rolled_along) {
-    struct row x, y, beams, glass = {NULL, 0, 0};
+    struct row x, y, solid, beams, glass = {NULL, 0, 0};
     struct path path;
     struct wall wall;
     place *places;
     double v[7];
-    if (!enough(count, 12, "rolled_along") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
-        !as_row(given[2], NPY_INTP, &beams) || (given[3] != Py_None && !as_row(given[3], NPY_CDOUBLE, &glass)) ||
-        !as_numbers(given + 4, 7, v))
+    if (!enough(count, 13, "rolled_along") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
+        !as_row(given[2], NPY_BOOL, &solid) || !as_row(given[3], NPY_INTP, &beams) ||
+        (given[4] != Py_None && !as_row(given[4], NPY_CDOUBLE, &glass)) || !as_numbers(given + 5, 7, v))
         return NULL;
-    path.circles = numbers_of(given[11], path.radius);
+    if (x.count != y.count || x.count != solid.count)
+        return PyErr_Format(PyExc_ValueError, "rolled_along: arrays of different lengths");
+    path.circles = numbers_of(given[12], path.radius);
     if (path.circles < 0)
         return NULL;
     if (path.circles < BEND_TO || !beams.count)
@@ -151,5 +174,6 @@ KERNEL(rolled_along) {
     for (int k = BEND_FROM; k < BEND_TO; k++)
         whole = whole && path.meets[k];
     double bend = whole ? bend_of(path.radius + BEND_FROM, path.bearing + BEND_FROM) : 0.0;
-    return answer_of(&path, wall.nearest, bias, bend);
+    double apart = opposite(&path, &x, &y, &solid, INDEX(beams, beams.count - 1) + 1, v);
+    return answer_of(&path, wall.nearest, bias, bend, apart);
 }

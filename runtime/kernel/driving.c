@@ -122,12 +122,18 @@ double fastest(const double *radii, const double *bearings, const npy_bool *meet
         x0 = x1;
         y0 = y1;
     }
-    double square = lateral / SPEED_PROFILE_SHARPEST_PER_M + 2 * brake * greater(way[chords] - margin, 0.0);
+    double turned = 0.0;
+    for (int i = 0; i < chords; i++)
+        turned = greater(turned, fabs(remainder(heading[i] - heading[0], 2 * Py_MATH_PI)));
+    double back = (turned - SPEED_PROFILE_BACK_FROM_RAD) / (SPEED_PROFILE_BACK_WHOLE_RAD - SPEED_PROFILE_BACK_FROM_RAD);
+    double sharpest = SPEED_PROFILE_SHARPEST_PER_M +
+                      bounded(back, 0.0, 1.0) * (SPEED_PROFILE_BACK_PER_M - SPEED_PROFILE_SHARPEST_PER_M);
+    double square = lateral / sharpest + 2 * brake * greater(way[chords] - margin, 0.0);
     const int span = SPEED_PROFILE_SPAN;
     for (int i = 0; i < chords - span; i++) {
         double turn = fabs(remainder(heading[i + span] - heading[i], 2 * Py_MATH_PI));
         double bend = turn / greater(way[i + 1 + span] - way[i + 1], 1e-3);
-        bend = bounded(bend, 1e-3, SPEED_PROFILE_SHARPEST_PER_M);
+        bend = bounded(bend, 1e-3, sharpest);
         square = lesser(square, lateral / bend + 2 * brake * greater(way[i + 1] - margin, 0.0));
     }
     return sqrt(square);

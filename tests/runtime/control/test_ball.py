@@ -142,7 +142,7 @@ def test_a_path_that_is_not_all_seen_has_no_bend(ends_m, bends):
     x_m = np.arange(-2.0, ends_m, 0.02)
     y_m = 0.8 + 0.15 * x_m * x_m
     beams = np.arange(x_m.size)
-    answer = rolled_along(x_m, y_m, beams, None, 0.0, 0.0, 0.0, math.nan, 0.0, 0.0, 0.3, RADII_M)
+    answer = rolled_along(x_m, y_m, beams >= 0, beams, None, 0.0, 0.0, 0.0, math.nan, 0.0, 0.0, 0.3, RADII_M)
     assert (answer[2] != 0.0) == bends
 
 

@@ -112,11 +112,13 @@ def test_a_ball_is_rolled_along_any_wall_alike(compiled, seed, points, there, li
     wall = np.flatnonzero(rng.random(points) < rng.choice([0.3, 1.0]))
     if not wall.size:
         wall = np.array([points - 1])
+    solid = rng.random(points) < 0.8
+    wall = wall[: rng.integers(1, wall.size + 1)]
     pane = rng.normal(1.0, 1.0, 7) + 1j * rng.normal(1.0, 1.0, 7) if glass else None
     radii_m = (*RADII_M, *rng.uniform(0.3, 2.0, 2).tolist())
     at_once = (x_m[wall[0]], y_m[wall[0]], there[2])  # the rear axle in the wall
     for place in (there, at_once):
-        given_ = (x_m, y_m, wall, pane, *place, *line, bias_m, desired_m, radii_m)
+        given_ = (x_m, y_m, solid, wall, pane, *place, *line, bias_m, desired_m, radii_m)
         assert_same("rolled_along", twin.PLAIN["rolled_along"](*given_), compiled["rolled_along"](*given_))
 
 
@@ -126,7 +128,7 @@ def test_a_ball_is_rolled_along_any_wall_alike(compiled, seed, points, there, li
 def test_a_ball_is_rolled_alike_where_something_is_no_number(compiled, place, radii_m):
     numbers = [0.1, 0.2, 0.3, 1.0, 0.05, 0.01, 1.0]
     numbers[place] = math.nan
-    given_ = (np.arange(9.0), np.ones(9), np.arange(9), None, *numbers, radii_m)
+    given_ = (np.arange(9.0), np.ones(9), np.arange(9) < 8, np.arange(4), None, *numbers, radii_m)
     assert_same("rolled_along", twin.PLAIN["rolled_along"](*given_), compiled["rolled_along"](*given_))
 
 
