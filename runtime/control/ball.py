@@ -34,6 +34,10 @@ BEND_LOW_PASS = 0.2
 """By which the path's bend is averaged before it tells a bent wall from a straight one."""
 
 
+LANE_SHARE = 0.9
+"""A way on whose half is a smaller share of the wanted distance is a lane."""
+
+
 class BallFollower:
     """The rolling-ball follower; `BallSettings` has its numbers."""
 
@@ -46,6 +50,8 @@ class BallFollower:
         self._bias_m = 0.0
         self._track = WallTrack(car.wheelbase_m)
         self._room = Room()
+        self._half_ahead_m = math.inf
+        """Half of the width of the narrowest place on the path ahead: it is no gap in a wall, but the way on."""
         self._bend_per_m = 0.0
         self._straight = 0.0
         self._lost = Lost(
@@ -88,9 +94,11 @@ class BallFollower:
         expected = self._track.expect(moved_m, wheel_rad, speed_mps, straight=self._straight >= 1.0)
         seen = side_view(self._eyes.see(scan), settings.side)
         wanted_m = settings.desired_distance_m
-        wall = my_wall(seen, self._room.within_m(wanted_m), expected, wanted_m)
+        ball_m = min(self._room.within_m(wanted_m), self._half_ahead_m)
+        wall = my_wall(seen, ball_m, expected, wanted_m, into_lane=self._half_ahead_m < LANE_SHARE * wanted_m)
         if wall is None:
             self._path = None
+            self._half_ahead_m = math.inf
             self._track.correct(None)
             return self._without_wall(moved_m)
         line = wall.line
@@ -99,6 +107,7 @@ class BallFollower:
         look_m = look_aheads_m(settings.look_ahead_m, settings.look_ahead_s, speed_mps)
         ball = rolled(seen, wall, shift, self._bias_m, desired_m, look_m)
         self._path, self._bias_m = ball.path, ball.bias_m
+        self._half_ahead_m = (desired_m + ball.opposite_m) / 2
         self._bend_per_m += BEND_LOW_PASS * (ball.bend_per_m - self._bend_per_m)
         error_m, steering_rad, wanted_mps = self._answer(ball, tracked, shift, desired_m, speed_mps)
         self._lost.found(steering_rad)

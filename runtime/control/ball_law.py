@@ -51,10 +51,10 @@ TURN_M, TURN_S = 0.8, 0.14
 """Radius of the turn round a kink: TURN_M + TURN_S v, as sharp as the car can, or as a fast one may."""
 TURN_AHEAD_S, TURN_RAMP_M = 0.06, 0.2
 """A turn begins the servo's slewing before its place, and grows over so much way before that."""
-TURN_FROM_RAD, TURN_WHOLE_RAD, TURN_TO_RAD = 0.15, 0.35, 2.1
+TURN_FROM_RAD, TURN_WHOLE_RAD, TURN_TO_RAD = 0.15, 0.35, 2.3
 """By what a kink turns away from the car's heading: less is a bend or noise, more is no corner but its way back."""
-TURN_CIRCLES = 6
-"""Corners are looked for on the first ones of the path, 1.8 m: the ball's way round the end of what is seen, which is
+TURN_CIRCLES = 7
+"""Corners are looked for on the first ones of the path, 2.1 m: the ball's way round the end of what is seen, which is
 no corner, is farther away."""
 STRAIGHT_RAD, NOT_STRAIGHT_RAD = 0.06, 0.12
 STRAIGHT_PER_M, BENT_PER_M = 0.05, 0.1

@@ -35,6 +35,8 @@ CROSSING_POINTS = 6
 SIDE_FROM_RAD = math.radians(11)
 SIDE_TO_RAD = math.radians(132)
 """My wall is the piece that holds the nearest return between these bearings."""
+LANE_FROM_RAD = math.radians(60)
+"""Where the way on is narrow, from here on: ahead of a car that turns into a lane the other wall is the nearer one."""
 FEWEST_POINTS = 5
 SMOOTHED_POINTS = 5
 THINNED_TO_M = 0.08
@@ -59,13 +61,15 @@ ROOM_LEAST_GAIN_M = 0.03
 class WallSide:
     """One kind of lidar, seen so that the followed wall is on the left. bearing_rad: falls from the rear left.
 
-    beside: beams of the wall side. opposite_from: the first of those that may see what is on the other side of the car.
+    beside: beams of the wall side. in_lane: those that see it in a narrow lane. opposite_from: the first of the beams
+    beside that may see what is on the other side of the car.
     """
 
     order: slice
     sign: float
     bearing_rad: Floats
     beside: slice
+    in_lane: slice
     opposite_from: int
     lines: LineFinder
 
@@ -76,10 +80,15 @@ def wall_side(angle_min_rad: float, angle_step_rad: float, beams: int, side: Lit
     sign = 1.0 if side == "left" else -1.0
     order = slice(None, None, -1 if sign * angle_step_rad > 0 else 1)
     bearing_rad = sign * bearings_rad(angle_min_rad, angle_step_rad, beams)[order]
-    beside = np.flatnonzero((bearing_rad >= SIDE_FROM_RAD) & (bearing_rad <= SIDE_TO_RAD))
-    span = slice(int(beside[0]), int(beside[-1]) + 1) if beside.size else slice(0, 0)
+    beside, in_lane = (_between(bearing_rad, from_rad, SIDE_TO_RAD) for from_rad in (SIDE_FROM_RAD, LANE_FROM_RAD))
     ahead = int(np.searchsorted(-bearing_rad, -ROOM_FROM_RAD))
-    return WallSide(order, sign, bearing_rad, span, ahead - ahead % ROOM_EVERY_BEAM, LineFinder(bearing_rad))
+    return WallSide(order, sign, bearing_rad, beside, in_lane, ahead - ahead % ROOM_EVERY_BEAM, LineFinder(bearing_rad))
+
+
+def _between(bearing_rad: Floats, from_rad: float, to_rad: float) -> slice:
+    """Return the row of beams between two bearings."""
+    index = np.flatnonzero((bearing_rad >= from_rad) & (bearing_rad <= to_rad))
+    return slice(int(index[0]), int(index[-1]) + 1) if index.size else slice(0, 0)
 
 
 @value(eq=False)
@@ -118,19 +127,23 @@ class MyWall:
     glass_to: int
 
 
-def my_wall(seen: SideView, ball_m: float, expected: Line | None, desired_m: float) -> MyWall | None:
+def my_wall(
+    seen: SideView, ball_m: float, expected: Line | None, desired_m: float, *, into_lane: bool = False
+) -> MyWall | None:
     """Return the followed wall, or None when no piece of wall is beside the car.
 
     Cut where neighbours are farther apart than the ball is thick, and where the eye jumps to the other wall of a narrow
     corridor: the car passes between them. The piece that holds the nearest return beside the car is mine (not the first
     one: after a U turn another wall is behind the car).
 
-    ball_m: radius of the ball. expected: where its line should be by the last scan. desired_m: D.
+    ball_m: radius of the ball. expected: where its line should be by the last scan. desired_m: D. into_lane: whether
+    the way on is narrower than D would need.
     """
     side, lines = seen.side, seen.side.lines
+    beside = side.in_lane if into_lane else side.beside
     expected_m, expected_rad = (math.nan, 0.0) if expected is None else (expected.distance_m, expected.heading_rad)
     found = wall_beside(
-        seen.x_m, seen.y_m, seen.range_m, seen.solid, seen.no_echo, side.beside.start, side.beside.stop,
+        seen.x_m, seen.y_m, seen.range_m, seen.solid, seen.no_echo, beside.start, beside.stop,
         side.opposite_from, min(GAP_DIAMETERS * ball_m, WIDEST_GAP_M), lines.beams, lines.rear, lines.front,
         expected_m, expected_rad, desired_m,
     )  # fmt: skip
