@@ -146,6 +146,17 @@ def test_a_path_that_is_not_all_seen_has_no_bend(ends_m, bends):
     assert (answer[2] != 0.0) == bends
 
 
+@pytest.mark.parametrize(("across_m", "seen"), [(0.5, True), (0.5, False), (1.4, True)])
+def test_the_path_knows_how_near_it_comes_to_the_other_wall(across_m, seen):
+    """A wall at 1 m on the left, then another one on the right; dirt and the car's own parts are no wall."""
+    along = np.arange(-1.0, 3.0, 0.02)
+    x_m, y_m = np.concatenate((along, along[::-1])), np.repeat([1.0, -across_m], along.size)
+    solid = np.arange(x_m.size) < along.size if not seen else np.ones(x_m.size, np.bool_)
+    mine = np.arange(along.size)
+    answer = rolled_along(x_m, y_m, solid, mine, None, 0.0, 0.0, 0.0, math.nan, 0.0, 0.0, 1.0, RADII_M)
+    assert answer[3] == (pytest.approx(across_m, abs=0.02) if seen else math.inf)
+
+
 # the law
 
 
@@ -154,9 +165,11 @@ def along(way, speed_mps=1.0, *, error_m=0.0, line=(math.nan, math.nan), bend=0.
     radii_m = RADII_M + look_aheads_m(0.4, 0.3, speed_mps)
     bearing_rad = [way(r_m) for r_m in radii_m]
     crosses = tuple(rad is not None for rad in bearing_rad)
+    line_rad, line_error_m = line
     return pursued(
-        radii_m, tuple(rad or 0.0 for rad in bearing_rad), crosses, error_m, *line, bend, speed_mps, kp, kd, 0.33
-    )
+        radii_m, tuple(rad or 0.0 for rad in bearing_rad), crosses, error_m, line_rad, line_error_m, bend,
+        speed_mps, kp, kd, 0.33,
+    )  # fmt: skip
 
 
 def off(path, heading_rad):

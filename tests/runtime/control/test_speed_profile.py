@@ -37,6 +37,23 @@ def path_of(bearing_rad, meets=YES, crosses=None):
     return BallPath(RADII_M, tuple(bearing_rad.tolist()), tuple(meets.tolist()), tuple(crosses.tolist()))
 
 
+def kinked(turn_rad):
+    """Straight on for 1.2 m, then at another heading, as far as circles of RADII_M cross it."""
+
+    def bearing_rad(r_m):
+        if r_m <= 1.2:
+            return 0.0
+        ahead_m = -1.2 * math.cos(turn_rad) + math.sqrt(r_m * r_m - (1.2 * math.sin(turn_rad)) ** 2)
+        return math.atan2(ahead_m * math.sin(turn_rad), 1.2 + ahead_m * math.cos(turn_rad))
+
+    return path_of([bearing_rad(r_m) for r_m in RADII_M])
+
+
+def test_a_path_that_turns_back_is_driven_more_slowly_than_one_round_a_right_angle():
+    right, back = (profile_mps(kinked(turn_rad), 2.0, 0.65) for turn_rad in (-math.pi / 2, -2.2))
+    assert back < 0.95 * right
+
+
 def stopping_to_corner_mps(way_m, mu, speed_mps):
     lateral, brake = LATERAL_SHARE * mu * GRAVITY_MPS2, BRAKE_SHARE * mu * GRAVITY_MPS2
     return math.sqrt(lateral / SHARPEST_PER_M + 2 * brake * max(way_m - MARGIN_M - REACTION_S * speed_mps, 0))

@@ -49,6 +49,7 @@ def test_any_sensor_finds_a_wall_whatever_its_beams_are_apart(step_deg):
     ranges_m += np.random.default_rng(5).normal(0.0, 0.02, bearing_rad.size)
     x_m, y_m = LIDAR_X_M + np.cos(bearing_rad) * ranges_m, np.sin(bearing_rad) * ranges_m
     line = LineFinder(bearing_rad).find(x_m, y_m, ranges_m, (ranges_m > 0.0) & (ranges_m < 30.0))
+    assert line is not None
     assert line.distance_m == pytest.approx(1.0, abs=0.01)
     assert line.heading_rad == pytest.approx(0.2, abs=0.01)
 
