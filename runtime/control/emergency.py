@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,6 +31,8 @@ MAX_SPEED_MPS = 30.0
 SUDDEN_SCANS = 5
 SUDDEN_RAD = 0.1
 """A driver that turns by so much within so many scans has just begun to swerve."""
+LATER_S = 0.03
+"""A scan, and a little."""
 MAX_BRAKE_MPS2 = 2.0 * GRAVITY_MPS2
 
 
@@ -103,8 +106,7 @@ class Emergency:
         if abs(wish_rad - before_rad) < SUDDEN_RAD or strip.speed_mps < strip.body.settings.doubtful_mps:
             return False
         if self._doubted[0] != (stamp_s, wish_rad):
-            brake, turn = self._situation(strip, stamp_s).predict([FULL_BRAKE, Manoeuvre(wish_rad, 0.0)])
-            self._doubted = (stamp_s, wish_rad), not turn.is_free and is_clearly_better(brake, turn)
+            self._doubted = (stamp_s, wish_rad), _is_last_moment(self._situation(strip, stamp_s), wish_rad)
         return self._doubted[1]
 
     def slow_in_bend(self, strip: Strip, wish_rad: float, stamp_s: float) -> bool:
@@ -155,3 +157,13 @@ class Emergency:
         )
         wheels_rad = np.interp(told_s, stamps_s, angles_rad)
         return wheels_rad[:steps], wheels_rad[steps:]
+
+
+def _is_last_moment(situation: Situation, wish_rad: float) -> bool:
+    """Whether a turn may hit something, a full brake is clearly better, and would come too late a scan later."""
+    brake, turn = situation.predict([FULL_BRAKE, Manoeuvre(wish_rad, 0.0)])
+    if turn.is_free or not is_clearly_better(brake, turn):
+        return False
+    later = situation.start._replace(latency_s=situation.start.latency_s + LATER_S)
+    (late_brake,) = replace(situation, start=later).predict([FULL_BRAKE])
+    return not late_brake.is_free
