@@ -101,9 +101,11 @@ class Emergency:
         """Whether the driver has just begun a turn that may hit something, clearly harder than a full brake now.
 
         The swept way of a turn that has just begun is too short: it takes tyres and body a moment to follow the wheels.
+        A driver that steers from one side to the other is none of it: it may turn back (`wavering`).
         """
         before_rad = self._angles[max(0, len(self._angles) - SUDDEN_SCANS)][1]
-        if abs(wish_rad - before_rad) < SUDDEN_RAD or strip.speed_mps < strip.body.settings.doubtful_mps:
+        sudden = abs(wish_rad - before_rad) >= SUDDEN_RAD and min(wish_rad * before_rad, 0.0) > -(SUDDEN_RAD**2)
+        if not sudden or strip.speed_mps < strip.body.settings.doubtful_mps:
             return False
         if self._doubted[0] != (stamp_s, wish_rad):
             self._doubted = (stamp_s, wish_rad), _is_last_moment(self._situation(strip, stamp_s), wish_rad)

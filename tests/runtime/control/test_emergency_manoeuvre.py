@@ -280,6 +280,8 @@ def test_a_swerve_that_comes_too_late_is_braked_although_its_arc_is_free():
     begun = swerves(turned)
     assert begun.strip.contact(-0.34, 2.0).travel_m > 1.0
     assert begun.limit(2.0, -0.34).reason == "braking: wall ahead"
+    other_side = swerves(np.append(np.full(8, 0.34), [0.1, -0.1, -0.34]))
+    assert other_side.limit(2.0, -0.34).forward_mps > 0.0  # it may turn back, as it did before
     long_ago = swerves(np.full(12, -0.34))
     assert long_ago.limit(2.0, -0.34).forward_mps > 0.0
 
