@@ -19,12 +19,12 @@ import numpy as np
 
 from runtime import kernel
 from runtime.app import Car
-from runtime.settings import Settings
-from sim.beams import LidarSettings
-from sim.twin_world import TwinWorld, WorldLidar, WorldMotor
-from sim.twins import MemoryBus
-from sim.virtual_time import run_virtual
-from sim.worlds import load_world
+from runtime.settings.tree import Settings
+from sim.virtual.devices import MemoryBus
+from sim.virtual.twin_world import TwinWorld, WorldLidar, WorldMotor
+from sim.virtual.virtual_time import run_virtual
+from sim.world.beams import LidarSettings
+from sim.world.worlds import load_world
 
 SETTLED_S, MINUTE_S = 120.0, 60.0
 SAMPLES = 12

@@ -23,25 +23,25 @@ from typing import Never
 import numpy as np
 
 from drivers.api import Health, LinkState, Scan
-from runtime.command import Output, Source, consent
+from runtime.arbitration.command import Output, Source, consent
+from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.queues import Inbox
 from runtime.control import methods
 from runtime.control.limiter import Limiter, Limits
 from runtime.control.live_laws import LiveLaws
-from runtime.queues import Inbox
+from runtime.realtime.wall_clock import WallClock
 from runtime.recording import recorder
+from runtime.recording.decision_log import Tape, TapedLaws
 from runtime.recording.disk import Disk, RealDisk
 from runtime.recording.recorder import Recorder
-from runtime.recording.tape import Tape, TapedLaws
-from runtime.recording_settings import RecordingSettings
-from runtime.settings import Settings
-from runtime.snapshot import Observed
+from runtime.settings.recording import RecordingSettings
+from runtime.settings.tree import Settings
 from runtime.tasks import lidar as lidar_task
 from runtime.tasks import mux as mux_task
 from runtime.tasks import safety, wall_follow
 from runtime.tasks.telemetry import Telemetry
-from runtime.voices import Voices
-from runtime.wall_clock import WallClock
-from sim.twins import BEAMS, STEP_RAD, MemoryMotor, ranges_between_walls
+from runtime.telemetry.status import Observed
+from sim.virtual.devices import BEAMS, STEP_RAD, MemoryMotor, ranges_between_walls
 
 RATE_HZ = 40.0
 SETTLING_SCANS = 20

@@ -12,15 +12,15 @@ import numpy as np
 
 from drivers.api import MotorState
 from runtime import kernel
-from runtime.car_settings import CarSettings
-from runtime.control.lidar_health import LidarHealth
-from runtime.control.perception import Eyes, View
-from runtime.control.swept import SweptGuard
-from runtime.control.swept_settings import SweptSettings
-from sim.beams import LidarSettings, scan
-from sim.closed_loop import as_scan
-from sim.pose import Pose, Twist
-from sim.worlds import load_world
+from runtime.control.perception.lidar_health import LidarHealth
+from runtime.control.perception.view import Eyes, View
+from runtime.control.safety.swept import SweptGuard
+from runtime.control.safety.swept_settings import SweptSettings
+from runtime.control.vehicle import CarSettings
+from sim.virtual.closed_loop import as_scan
+from sim.world.beams import LidarSettings, scan
+from sim.world.pose import Pose, Twist
+from sim.world.worlds import load_world
 
 SCANS = 200
 RUNS = 15

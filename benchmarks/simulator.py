@@ -24,11 +24,11 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from sim import bench_sim
+from sim.bench import simulator
 from sim.bench.medians import median_of
-from sim.bench_sim import CELL_M, drawn_loop, error_figures, loop_poses, turned
-from sim.map_file import read_settings
-from sim.worlds import load_world
+from sim.bench.simulator import CELL_M, drawn_loop, error_figures, loop_poses, turned
+from sim.world.map_file import read_settings
+from sim.world.worlds import load_world
 
 PEER = Path(__file__).with_name("f1tenth_gym_steps.py")
 POSES = 40
@@ -46,11 +46,11 @@ def main() -> None:
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
     ours, theirs = [], []
     for _ in range(options.runs):
-        ours.append(bench_sim.simulator(options.seconds, options.maps))
+        ours.append(simulator.simulator(options.seconds, options.maps))
         if options.gym is not None:
             theirs.append(peer(options.gym, options.maps, options.seconds))
     medians, peers = median_of(ours), median_of(theirs) if theirs else None
-    print("\n".join(bench_sim.lines(medians)))
+    print("\n".join(simulator.lines(medians)))
     if peers is not None:
         print("\n".join(side_by_side(medians, peers)))
     if options.json:
@@ -61,8 +61,8 @@ def main() -> None:
 def peer(interpreter: Path, maps: Path | None, seconds: float) -> dict[str, Any]:
     """Let the gym do the same; its answers as plain values."""
     with tempfile.TemporaryDirectory() as scratch:
-        drawings = [_drawn(Path(scratch), name, turn_rad) for name, turn_rad in bench_sim.DRAWINGS.items()]
-        request = {"seconds": seconds, "maps": [_on_map(path) for path in bench_sim.maps_in(maps)], "drawn": drawings}
+        drawings = [_drawn(Path(scratch), name, turn_rad) for name, turn_rad in simulator.DRAWINGS.items()]
+        request = {"seconds": seconds, "maps": [_on_map(path) for path in simulator.maps_in(maps)], "drawn": drawings}
         command = [str(interpreter), str(PEER)]
         done = subprocess.run(command, input=json.dumps(request), capture_output=True, text=True, check=False)
     if done.returncode:

@@ -10,18 +10,18 @@ import asyncio
 import time
 from collections.abc import Sequence
 
-from runtime.settings import load_settings
-from sim.closed_loop import FULL_BRAKE_MPS2, ROUGH_BEAMS
-from sim.command import find_config
+from runtime.settings.tree import load_settings
+from sim.car.vehicle import GRAVITY_MPS2, Vehicle, VehicleSettings
+from sim.lab.courses.sudden import BOXES, PLACES
 from sim.lab.safety import impact_mps, stopping_m
-from sim.lab.sudden import BOXES, PLACES
-from sim.obstacles import LIDAR_AHEAD_M, sudden_box
-from sim.pose import CAR
-from sim.scenes import WorldScene
-from sim.session import Session, Start
-from sim.stop_request import StopRequest
-from sim.vehicle import GRAVITY_MPS2, Vehicle, VehicleSettings
-from sim.worlds import load_world
+from sim.live.command import find_config
+from sim.live.scenes import WorldScene
+from sim.live.session import Session, Start
+from sim.live.stop_request import StopRequest
+from sim.virtual.closed_loop import FULL_BRAKE_MPS2, ROUGH_BEAMS
+from sim.world.obstacles import LIDAR_AHEAD_M, sudden_box
+from sim.world.pose import CAR
+from sim.world.worlds import load_world
 
 APPEARS_S, LASTS_S = 4.0, 6.0
 ANSWER_S = 0.02

@@ -15,15 +15,15 @@ import numpy as np
 
 from drivers.api import MotorState, Scan
 from runtime import kernel
-from runtime.car_settings import CarSettings
-from runtime.control.ball import BallFollower
-from runtime.control.ball_settings import BallSettings
-from runtime.control.my_wall import side_view
-from runtime.control.perception import Eyes
-from sim.beams import LidarSettings, scan
-from sim.closed_loop import as_scan
-from sim.pose import Pose, Twist
-from sim.worlds import load_world
+from runtime.control.perception.view import Eyes
+from runtime.control.vehicle import CarSettings
+from runtime.control.wall_following.ball import BallFollower
+from runtime.control.wall_following.ball_settings import BallSettings
+from runtime.control.wall_following.followed_wall import side_view
+from sim.virtual.closed_loop import as_scan
+from sim.world.beams import LidarSettings, scan
+from sim.world.pose import Pose, Twist
+from sim.world.worlds import load_world
 
 RUNS = 7
 WAY_M = 6.5

@@ -11,11 +11,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from clients.keys.diagnosis import nothing_heard, why_refused
-from runtime import wire, zenoh_config
-from runtime.bus import Bus
-from runtime.key_files import Keys, client_keys
-from runtime.people import KeysError
-from runtime.teleop_wire import Malformed, read_beat, session_text
+from runtime.security.access_list import KeysError
+from runtime.security.key_files import Keys, client_keys
+from runtime.wire import topics, zenoh_config
+from runtime.wire.bus import Bus
+from runtime.wire.teleop import Malformed, read_beat, session_text
 
 log = logging.getLogger("wallride.client")
 
@@ -104,7 +104,7 @@ async def check_session(bus: Bus, car: str, session: int, *, timeout_s: float = 
             if not heard.done():
                 heard.set_result(beat.car_session)
 
-    bus.subscribe(wire.key(car, wire.BEAT), on_beat)
+    bus.subscribe(topics.key(car, topics.BEAT), on_beat)
     try:
         async with asyncio.timeout(timeout_s):
             other = await heard
@@ -128,7 +128,7 @@ class Cars:
     def __init__(self, bus: Bus) -> None:
         self.names: set[str] = set()
         self._news = asyncio.Event()
-        bus.watch(wire.key("*", wire.ALIVE), self._on_token)
+        bus.watch(topics.key("*", topics.ALIVE), self._on_token)
 
     async def changed(self) -> None:
         """Wait until a car came or went since this last returned."""

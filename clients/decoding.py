@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from runtime import wire
 from runtime.ros.definitions import TYPES, definition
-from runtime.teleop_wire import read_beat
+from runtime.wire import topics
+from runtime.wire.teleop import read_beat
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -30,7 +30,7 @@ def decode(topic: str, payload: bytes) -> dict[str, Any]:
     if schema is not None:
         return _decode_cdr(topic, schema, payload)
     try:
-        message = read_beat(payload) if topic == wire.BEAT else wire.decode(payload)
+        message = read_beat(payload) if topic == topics.BEAT else topics.decode(payload)
     except (ValueError, TypeError) as error:
         raise UnreadableError(f"{topic}: {len(payload)} bytes that cannot be read ({error})") from None
     return dict(_plain(message))
@@ -38,7 +38,7 @@ def decode(topic: str, payload: bytes) -> dict[str, Any]:
 
 def as_json(message: Mapping[str, Any]) -> str:
     """Return one line of JSON; numbers that are not finite become null."""
-    return wire.encode(message).decode()
+    return topics.encode(message).decode()
 
 
 def as_text(message: Mapping[str, Any], *, whole: bool = False) -> str:

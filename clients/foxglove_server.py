@@ -13,15 +13,15 @@ import foxglove
 from foxglove.websocket import ServerListener, WebSocketServer
 
 from clients.connection import ConnectionProblemError, connected
-from runtime import wire
-from runtime.bus import Bus
 from runtime.recording.channels import STRING, schema_text, text
 from runtime.ros.definitions import SCHEMA_ENCODING, TYPES
+from runtime.wire import topics
+from runtime.wire.bus import Bus
 
 if TYPE_CHECKING:
     from foxglove.websocket import ChannelView, Client
 
-TEXTS = (wire.STATUS, wire.DECISION)
+TEXTS = (topics.STATUS, topics.DECISION)
 """JSON on zenoh; std_msgs/String here, as in a recording, so that one layout fits both."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
@@ -56,7 +56,7 @@ class Show:
             return
         self.shown.add(topic)
         wrap = text if topic in TEXTS else bytes
-        self._bus.subscribe(wire.key(self._car, topic), lambda _key, payload, _arrival_s: channel.log(wrap(payload)))
+        self._bus.subscribe(topics.key(self._car, topic), lambda _key, payload, _arrival_s: channel.log(wrap(payload)))
 
     def _channel(self, topic: str, schema: str) -> foxglove.Channel:
         described = foxglove.Schema(name=schema, encoding=SCHEMA_ENCODING, data=schema_text(schema).encode())

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from clients.connection import ConnectionProblemError, connected
-from runtime import wire
-from runtime.bus import Bus, RefusedError
-from runtime.recording import questions
+from runtime.recording import requests
 from runtime.recording.recover import RecoveryError, file_state, is_whole, recover
 from runtime.recording.ring import KEPT, MB, Entry, entries, folders, keep, parse, trim
-from runtime.recording_settings import recordings_folder
+from runtime.settings.recording import recordings_folder
+from runtime.wire import topics
+from runtime.wire.bus import Bus, RefusedError
 
 ANSWER_WITHIN_S = 3.0
 TRIES = 5
@@ -56,7 +56,7 @@ async def record(options: argparse.Namespace) -> int:
     """Do what `wallride record start|stop|status` asks."""
     wishes = {"start": {"on": True}, "stop": {"on": False}, "status": {}}
     async with connected(options) as (bus, car):
-        status = await _ask_json(bus, car, questions.RECORD, **wishes[options.action])
+        status = await _ask_json(bus, car, requests.RECORD, **wishes[options.action])
     options.say(json.dumps(status) if options.json else _standing(status))
     done = options.action == "status" or status["on"] is (options.action == "start")
     return 0 if done else 1
@@ -108,10 +108,10 @@ async def _there(options: argparse.Namespace) -> int:
     """List, get or trim what a car has."""
     async with connected(options) as (bus, car):
         if options.action == "trim":
-            answer = await _ask_json(bus, car, questions.TRIM, keep_mb=options.keep_mb)
+            answer = await _ask_json(bus, car, requests.TRIM, keep_mb=options.keep_mb)
             _say_gone(answer["deleted"], options)
             return 0
-        answer = await _ask_json(bus, car, questions.LIST)
+        answer = await _ask_json(bus, car, requests.LIST)
         files = [Listed(**fields) for fields in answer["files"]]
         if options.action == "list":
             _say_list(files, f"{car}:{answer['folder']}", options)
@@ -148,7 +148,7 @@ async def _fetch(bus: Bus, car: str, file: Listed, options: argparse.Namespace) 
             if out.tell() > file.size_bytes:
                 out.truncate(0)
             while (offset := out.tell()) < file.size_bytes:
-                length = min(questions.LARGEST_PIECE_B, file.size_bytes - offset)
+                length = min(requests.LARGEST_PIECE_B, file.size_bytes - offset)
                 piece = await _ask_some_times(bus, car, name=file.name, offset=offset, length=length)
                 if not piece:
                     raise ConnectionProblemError(f"{file.name}: it became shorter on the car; try again")
@@ -168,20 +168,20 @@ async def _ask_some_times(bus: Bus, car: str, **question: object) -> bytes:
     """Ask for a piece until it comes: a radio link that is gone for a moment takes one answer with it."""
     for _ in range(TRIES - 1):
         try:
-            return await _ask(bus, car, questions.GET, question)
+            return await _ask(bus, car, requests.GET, question)
         except ConnectionProblemError:
             await asyncio.sleep(0.1)
-    return await _ask(bus, car, questions.GET, question)
+    return await _ask(bus, car, requests.GET, question)
 
 
 async def _ask_json(bus: Bus, car: str, what: str, **question: object) -> Answer:
-    return wire.decode(await _ask(bus, car, what, question))
+    return topics.decode(await _ask(bus, car, what, question))
 
 
 async def _ask(bus: Bus, car: str, what: str, question: Mapping[str, object]) -> bytes:
     try:
         payload = json.dumps(question).encode()
-        answers = await bus.ask(wire.key(car, what), payload, timeout_s=ANSWER_WITHIN_S)
+        answers = await bus.ask(topics.key(car, what), payload, timeout_s=ANSWER_WITHIN_S)
     except RefusedError as error:
         raise ConnectionProblemError(f"{car}: {error}") from None
     except TimeoutError:

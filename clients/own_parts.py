@@ -5,8 +5,8 @@ import json
 
 from clients.connection import ConnectionProblemError, connected
 from clients.status import own_parts_words
-from runtime import wire
-from runtime.bus import RefusedError
+from runtime.wire import topics
+from runtime.wire.bus import RefusedError
 
 ANSWER_WITHIN_S = 2.0
 
@@ -15,13 +15,13 @@ async def run(options: argparse.Namespace) -> int:
     """Run one `wallride own-parts` command; what went wrong is one line."""
     async with connected(options) as (bus, car):
         try:
-            answers = await bus.ask(wire.key(car, f"{wire.OWN_PARTS}/{options.action}"), timeout_s=ANSWER_WITHIN_S)
+            answers = await bus.ask(topics.key(car, f"{topics.OWN_PARTS}/{options.action}"), timeout_s=ANSWER_WITHIN_S)
         except RefusedError as error:
             raise ConnectionProblemError(str(error)) from None
         except TimeoutError:
             answers = []
     if not answers:
         raise ConnectionProblemError(f"{car} does not say: does your certificate allow it, and is the link up?")
-    told = wire.decode(answers[0])
+    told = topics.decode(answers[0])
     print(json.dumps(told) if options.json else own_parts_words(told))  # noqa: T201 - the answer to a command
     return 0

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from clients.connection import ConnectionProblemError, connected
-from runtime import wire
-from runtime.bus import Bus, RefusedError
+from runtime.wire import topics
+from runtime.wire.bus import Bus, RefusedError
 
 ANSWER_WITHIN_S = 2.0
 SAVED_WITHIN_S = 10.0
@@ -33,14 +33,14 @@ async def ask(bus: Bus, car: str, what: str, timeout_s: float = ANSWER_WITHIN_S,
     """Put one question to a car's parameter desk; RefusedError with its reason, ConnectionProblemError in silence."""
     payload = json.dumps(question).encode()
     try:
-        answers = await bus.ask(wire.key(car, f"{wire.PARAM}/{what}"), payload, timeout_s=timeout_s)
+        answers = await bus.ask(topics.key(car, f"{topics.PARAM}/{what}"), payload, timeout_s=timeout_s)
     except TimeoutError:
         answers = []
     if not answers:
         raise ConnectionProblemError(
             f"{car} does not answer param/{what}: does your certificate allow it, and is the link up?"
         )
-    return wire.decode(answers[0])
+    return topics.decode(answers[0])
 
 
 def parsed(assignments: Sequence[str]) -> dict[str, object]:

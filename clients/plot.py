@@ -14,22 +14,22 @@ from typing import Any
 from clients.connection import ConnectionProblemError, connected
 from clients.decoding import UnreadableError, decode
 from clients.topics import split_topic
-from runtime import wire
+from runtime.wire import topics
 
 FIELDS: Mapping[str, str] = MappingProxyType(
     {
-        wire.DISTANCE_ERROR: "data",
-        wire.OUTPUT: "drive.speed",
-        wire.NAVIGATION: "drive.speed",
-        wire.SAFETY: "drive.speed",
-        wire.TELEOP: "drive.speed",
-        wire.ODOM: "twist.twist.linear.x",
-        wire.MOTOR: "velocity.0",
-        wire.BATTERY: "voltage",
-        wire.IMU: "angular_velocity.z",
-        wire.STATUS: "scan_to_motor_ms.p99",
-        wire.DECISION: "allowed_mps",
-        wire.BEAT: "speed_mps",
+        topics.DISTANCE_ERROR: "data",
+        topics.OUTPUT: "drive.speed",
+        topics.NAVIGATION: "drive.speed",
+        topics.SAFETY: "drive.speed",
+        topics.TELEOP: "drive.speed",
+        topics.ODOM: "twist.twist.linear.x",
+        topics.MOTOR: "velocity.0",
+        topics.BATTERY: "voltage",
+        topics.IMU: "angular_velocity.z",
+        topics.STATUS: "scan_to_motor_ms.p99",
+        topics.DECISION: "allowed_mps",
+        topics.BEAT: "speed_mps",
     }
 )
 """What a topic is plotted for where nobody says otherwise."""
@@ -127,7 +127,7 @@ async def run(options: argparse.Namespace) -> int:
         curves.append(curve)
     async with connected(options) as (bus, car):
         for topic in dict.fromkeys(curve.topic for curve in curves):
-            bus.subscribe(wire.key(car, topic), _all([curve for curve in curves if curve.topic == topic]))
+            bus.subscribe(topics.key(car, topic), _all([curve for curve in curves if curve.topic == topic]))
         if options.once:
             await asyncio.sleep(options.seconds)
             options.say(_screen(curves, options.seconds))

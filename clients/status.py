@@ -8,9 +8,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from clients.connection import Cars, ConnectionProblemError, connected, open_bus
-from runtime import wire
-from runtime.bus import Bus
-from runtime.screen_words import because, steering_words
+from runtime.telemetry.screen_words import because, steering_words
+from runtime.wire import topics
+from runtime.wire.bus import Bus
 
 FIRST_WITHIN_S = 3.0
 CARS_WITHIN_S = 1.0
@@ -25,7 +25,7 @@ BIND = "wallride param set safety.binds_teleop=true"
 async def run(options: argparse.Namespace) -> int:
     """Show the status once, or until interrupted; options as of `wallride.topic_options`."""
     async with connected(options) as (bus, car):
-        ear = Ear(bus, wire.key(car, wire.STATUS))
+        ear = Ear(bus, topics.key(car, topics.STATUS))
         status = await ear.first(car)
         if not options.watch:
             options.say(json.dumps(status, indent=2) if options.json else "\n".join(screen(status)))
@@ -44,7 +44,7 @@ async def cars(options: argparse.Namespace) -> int:
     bus = await open_bus(options)
     try:
         present = Cars(bus)
-        heard = Ear(bus, wire.key("*", wire.STATUS))
+        heard = Ear(bus, topics.key("*", topics.STATUS))
         await asyncio.sleep(CARS_WITHIN_S)
         names = sorted(name for name in present.names if options.car in {None, name})
         statuses = {name: heard.by_car.get(name, {}) for name in names}
@@ -87,7 +87,7 @@ class Ear:
 
     def _on_status(self, key: str, payload: bytes, arrival_s: float) -> None:
         try:
-            status = wire.decode(payload)
+            status = topics.decode(payload)
         except (ValueError, TypeError):
             return  # the next one comes in a tenth of a second
         self.newest = self.by_car[key.split("/")[1]] = status

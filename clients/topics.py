@@ -15,11 +15,11 @@ from dataclasses import dataclass, field
 
 from clients.connection import ConnectionProblemError, connected
 from clients.decoding import UnreadableError, as_json, as_text, decode
-from runtime import wire
-from runtime.bus import Bus
 from runtime.ros.definitions import TYPES
+from runtime.wire import topics
+from runtime.wire.bus import Bus
 
-KINDS = {**TYPES, wire.STATUS: "JSON", wire.DECISION: "JSON", wire.BEAT: "wallride beat"}
+KINDS = {**TYPES, topics.STATUS: "JSON", topics.DECISION: "JSON", topics.BEAT: "wallride beat"}
 LISTEN_S = 1.5
 WINDOW = 1000
 REPORT_EVERY_S = 1.0
@@ -98,7 +98,7 @@ def split_topic(text: str, car: str | None) -> tuple[str | None, str]:
     """Return car and topic for what a person writes: `scan`, `/scan` or `wallride/car1/scan`."""
     name = text.strip("/")
     parts = name.split("/")
-    if parts[0] == wire.ROOT and len(parts) == len(("root", "car", "topic")):
+    if parts[0] == topics.ROOT and len(parts) == len(("root", "car", "topic")):
         if car not in {None, parts[1]}:
             raise ConnectionProblemError(
                 f"{text} is a topic of {parts[1]}, but --car says {car}; leave one of them out"
@@ -112,9 +112,9 @@ def split_topic(text: str, car: str | None) -> tuple[str | None, str]:
 async def samples(bus: Bus, car: str, topic: str) -> AsyncIterator[Sample]:
     """Yield what comes, `*` for every topic; ConnectionProblemError when nothing comes at first."""
     waiting: asyncio.Queue[Sample] = asyncio.Queue()
-    prefix = wire.key(car, "")
+    prefix = topics.key(car, "")
     bus.subscribe(
-        wire.key(car, topic),
+        topics.key(car, topic),
         lambda key, payload, arrival_s: waiting.put_nowait((key.removeprefix(prefix), payload, arrival_s)),
     )
     try:
@@ -132,14 +132,14 @@ async def samples(bus: Bus, car: str, topic: str) -> AsyncIterator[Sample]:
 async def list_topics(bus: Bus, car: str, say: Say, *, seconds: float = LISTEN_S, as_json: bool = False) -> None:
     """Listen to everything for a moment, then say what was heard."""
     meters = {topic: Meter() for topic in KINDS}
-    prefix = wire.key(car, "")
+    prefix = topics.key(car, "")
 
     def hear(key: str, payload: bytes, arrival_s: float) -> None:
         meter = meters.get(key.removeprefix(prefix))
         if meter is not None:
             meter.add(arrival_s, len(payload))
 
-    bus.subscribe(wire.key(car, "*"), hear)
+    bus.subscribe(topics.key(car, "*"), hear)
     await asyncio.sleep(seconds)
     if as_json:
         say(json.dumps([_fields(topic, kind, meters[topic]) for topic, kind in KINDS.items()], indent=2))

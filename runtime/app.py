@@ -10,39 +10,39 @@ from pathlib import Path
 from typing import Any
 
 from drivers.api import Clock, Drive, Lidar, Motor, Scan
-from runtime import wire
-from runtime.bus import BYTES, Network
-from runtime.cadence import Cadence
-from runtime.car_settings import CarSettings
-from runtime.command import Source
+from runtime.arbitration.command import Source
+from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.emergency_stop import EmergencyStop
+from runtime.arbitration.permit import Permit
+from runtime.arbitration.queues import Inbox
 from runtime.control.limiter import Limiter, Limits
 from runtime.control.live_laws import LiveLaws
-from runtime.emergency_stop import EmergencyStop
-from runtime.garbage import collect_young
-from runtime.metronome import Metronome
-from runtime.operator_desk import OperatorDesk
-from runtime.own_parts_memory import file_in
-from runtime.parameter_desk import ParameterDesk, Surroundings
-from runtime.parameter_history import History
-from runtime.permit import Permit
-from runtime.queues import Inbox
+from runtime.control.vehicle import CarSettings
+from runtime.host.systemd import ServiceManager
+from runtime.parameters.history import History
+from runtime.parameters.server import ParameterDesk, Surroundings
+from runtime.realtime.garbage import collect_young
+from runtime.realtime.periodic import Metronome
+from runtime.realtime.prefetch import Warmth
+from runtime.realtime.scan_phase import Cadence
+from runtime.realtime.stage_timing import StageClock
+from runtime.realtime.wall_clock import WallClock, never_set
+from runtime.recording.decision_log import TapedLaws
+from runtime.recording.own_parts_memory import file_in
 from runtime.recording.recorder import Recorder
-from runtime.recording.tape import TapedLaws
-from runtime.service_manager import ServiceManager
-from runtime.settings import Settings
-from runtime.sinks import ZenohSink
-from runtime.snapshot import Observed
-from runtime.stage_clock import StageClock
+from runtime.settings.tree import Settings
 from runtime.tasks import health, operator, parameters, recorder, safety, wall_follow
 from runtime.tasks import lidar as lidar_task
 from runtime.tasks import mux as mux_task
 from runtime.tasks.health import Caretaker
 from runtime.tasks.own_parts import OwnPartsKeeper
 from runtime.tasks.telemetry import Telemetry
-from runtime.teleop_wire import COMMAND_BYTES
-from runtime.voices import Voices
-from runtime.wall_clock import WallClock, never_set
-from runtime.warmth import Warmth
+from runtime.telemetry.sinks import ZenohSink
+from runtime.telemetry.status import Observed
+from runtime.teleop.desk import OperatorDesk
+from runtime.wire import topics
+from runtime.wire.bus import BYTES, Network
+from runtime.wire.teleop import COMMAND_BYTES
 
 log = logging.getLogger("wallride.app")
 
@@ -115,12 +115,12 @@ class Car:
     def connect(self) -> None:
         """Declare on the bus what comes in: an operator's commands and questions about parameters."""
         name = self.settings.car.name
-        self.bus.announce(wire.key(name, wire.ALIVE))
-        self.bus.subscribe(wire.key(name, wire.COMMAND), self.operator.receive, max_bytes=COMMAND_BYTES)
+        self.bus.announce(topics.key(name, topics.ALIVE))
+        self.bus.subscribe(topics.key(name, topics.COMMAND), self.operator.receive, max_bytes=COMMAND_BYTES)
         parameters.serve(self.bus, name, self.parameters)
         recorder.serve(self.bus, name, self.recorder)
-        self.bus.answer(wire.key(name, f"{wire.OWN_PARTS}/show"), self.own_parts.answer_show)
-        self.bus.answer(wire.key(name, f"{wire.OWN_PARTS}/forget"), self.own_parts.answer_forget)
+        self.bus.answer(topics.key(name, f"{topics.OWN_PARTS}/show"), self.own_parts.answer_show)
+        self.bus.answer(topics.key(name, f"{topics.OWN_PARTS}/forget"), self.own_parts.answer_forget)
 
     def apply(self, settings: Settings, changed: Sequence[str]) -> None:
         """Take other settings in one step of the loop: between two scans, never within one."""
@@ -196,7 +196,7 @@ class Car:
         self.cadence.arrived(scan.received_s)
 
     def _beat(self, beat: bytes) -> None:
-        self.bus.put(wire.key(self.settings.car.name, wire.BEAT), beat, encoding=BYTES, urgent=True)
+        self.bus.put(topics.key(self.settings.car.name, topics.BEAT), beat, encoding=BYTES, urgent=True)
 
     def _metronome(self) -> Metronome:
         """Return what ticks for everybody who only has to look now and then."""

@@ -16,22 +16,22 @@ from typing import Any, Final, Protocol
 from drivers.hokuyo.driver import Hokuyo
 from drivers.vesc.driver import Vesc
 from runtime import kernel
-from runtime.address_file import Address, write_address
 from runtime.app import Car, history_file
-from runtime.bus import Bus, PortTakenError
-from runtime.cadence import Cadence
 from runtime.control import methods
-from runtime.few_ports import FewPorts
-from runtime.journal import journal
-from runtime.port_holder import holder_of, taken_sentence
+from runtime.host.address_file import Address, write_address
+from runtime.host.logging_setup import journal
+from runtime.host.scheduling import keep_for_this_thread
+from runtime.realtime.cpu_latency import awake
+from runtime.realtime.prefetch import Warmth
+from runtime.realtime.scan_phase import Cadence
+from runtime.realtime.selector import FewPorts
+from runtime.realtime.wall_clock import WallClock
 from runtime.recording.laws_fingerprint import laws_fingerprint
-from runtime.scheduling import keep_for_this_thread
-from runtime.settings import Settings
+from runtime.settings.tree import Settings
 from runtime.tasks import parameters
-from runtime.teleop_wire import session_text
-from runtime.wakefulness import awake
-from runtime.wall_clock import WallClock
-from runtime.warmth import Warmth
+from runtime.wire.bus import Bus, PortTakenError
+from runtime.wire.port_holder import holder_of, taken_sentence
+from runtime.wire.teleop import session_text
 
 log = logging.getLogger("wallride.launch")
 

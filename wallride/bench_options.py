@@ -45,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
 
     try:
         if options.measurement == "sim":
-            from sim.bench_sim import run as measure
+            from sim.bench.simulator import run as measure
         else:
             from sim.bench.command import run as measure
     except ModuleNotFoundError as error:

@@ -26,7 +26,7 @@ from wallride import (
 from wallride.parser import Parser
 
 if TYPE_CHECKING:
-    from runtime.settings import Settings
+    from runtime.settings.tree import Settings
 
 USAGE_ERROR = 2
 DEFAULT_CONFIG = Path("/etc/wallride/car.toml")
@@ -98,8 +98,8 @@ def add_set(command: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from runtime.people import KeysError
-    from runtime.settings import SettingsError
+    from runtime.security.access_list import KeysError
+    from runtime.settings.tree import SettingsError
 
     try:
         file = options.config or _default_config()
@@ -121,8 +121,8 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from runtime.people import KeysError
-    from runtime.settings import SettingsError, to_toml
+    from runtime.security.access_list import KeysError
+    from runtime.settings.tree import SettingsError, to_toml
 
     try:
         settings = _load(options.config or _default_config(), options.assignments)
@@ -160,7 +160,7 @@ def _default_config() -> Path | None:
 
 
 def _load(config: Path | None, assignments: Sequence[str], saved: Path | None = None) -> "Settings":
-    from runtime.settings import load_settings
+    from runtime.settings.tree import load_settings
 
     return load_settings(config, assignments, saved)
 
@@ -169,7 +169,7 @@ def _session(settings: "Settings") -> tuple[dict[str, Any], tuple[str, ...]]:
     """Return the configuration of the car's session and what its owner should hear; KeysError when keys are bad."""
     from datetime import UTC, datetime
 
-    from runtime.key_files import car_session
+    from runtime.security.key_files import car_session
 
     telemetry = settings.telemetry
     return car_session(telemetry.listen, telemetry.keys_dir, settings.car.name, datetime.now(UTC))

@@ -39,8 +39,8 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 def run(options: argparse.Namespace) -> int:
     """Do it and print what to do next; exit code 2 with one line when the user can mend it."""
-    from runtime.people import KeysError
-    from runtime.settings import SettingsError
+    from runtime.security.access_list import KeysError
+    from runtime.settings.tree import SettingsError
     from wallride.cli import fail
 
     try:
@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _car_name() -> str:
-    from runtime.settings import load_settings
+    from runtime.settings.tree import load_settings
     from wallride.cli import DEFAULT_CONFIG
 
     return load_settings(DEFAULT_CONFIG if DEFAULT_CONFIG.is_file() else None).car.name

@@ -63,7 +63,7 @@ def run_offline(module: str, options: argparse.Namespace) -> int:
 
     try:
         command = import_module(module)
-        from runtime.settings import SettingsError
+        from runtime.settings.tree import SettingsError
         from sim.recordings import RecordingError
     except ModuleNotFoundError as error:
         if (error.name or "").split(".")[0] in {"drivers", "runtime", "sim"}:

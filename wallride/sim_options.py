@@ -54,11 +54,11 @@ def _add_conditions(group: "argparse._ArgumentGroup") -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Simulate; from here on Ctrl-C is "time is up"."""
-    from sim.stop_request import StopRequest
+    from sim.live.stop_request import StopRequest
     from wallride.cli import explained_extra
 
     stop = StopRequest()
     with stop.listening():
         with explained_extra():
-            from sim.command import simulate
+            from sim.live.command import simulate
         return simulate(options, stop)

@@ -10,10 +10,10 @@ from typing import Any
 from cryptography import x509
 
 from clients.keys.folder import KeyFolder
-from runtime.certificates import EXPIRES_SOON, Identity, identity_of
-from runtime.key_files import CAR
-from runtime.people import KeysError, Listed
-from runtime.zenoh_config import Person, Role
+from runtime.security.access_list import KeysError, Listed
+from runtime.security.certificates import EXPIRES_SOON, Identity, identity_of
+from runtime.security.key_files import CAR
+from runtime.wire.zenoh_config import Person, Role
 
 SECURE_PORT = 7448
 RESTART = "the car reads the list when it starts: sudo systemctl restart wallride"

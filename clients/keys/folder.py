@@ -15,9 +15,9 @@ from datetime import date, datetime
 from pathlib import Path
 
 from clients.keys.authority import Authority, Pair
-from runtime.key_files import AUTHORITY, CAR, PEOPLE
-from runtime.people import NAME_FORM, KeysError, Listed, explain_name, read_people
-from runtime.zenoh_config import Person
+from runtime.security.access_list import NAME_FORM, KeysError, Listed, explain_name, read_people
+from runtime.security.key_files import AUTHORITY, CAR, PEOPLE
+from runtime.wire.zenoh_config import Person
 
 AUTHORITY_KEY = "ca.key"
 SERVICE_GROUP = "wallride"

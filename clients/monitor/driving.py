@@ -24,7 +24,7 @@ from clients.teleop.advice import advise
 from clients.teleop.inputs import Control, Inputs
 from clients.teleop.pilot import DISTRUST, Pilot
 from clients.teleop.shaping import Feel
-from runtime.teleop_wire import Beat, Command, Input, Press
+from runtime.wire.teleop import Beat, Command, Input, Press
 
 SILENT_S = 0.15
 """Six messages of the page missing. The car learns it at the next tick, 0.02 s later at most, and by itself, from the

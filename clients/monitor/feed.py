@@ -11,9 +11,9 @@ from typing import Any, Protocol
 from clients.connection import another_car
 from clients.monitor.history import History
 from clients.monitor.outbox import FROM_CAR
-from runtime import wire
-from runtime.bus import BYTES, Bus, RefusedError
-from runtime.teleop_wire import Beat, Command, Malformed, read_beat
+from runtime.wire import topics
+from runtime.wire.bus import BYTES, Bus, RefusedError
+from runtime.wire.teleop import Beat, Command, Malformed, read_beat
 
 log = logging.getLogger("wallride.monitor")
 
@@ -58,7 +58,7 @@ class Feed:
         self.watchers: set[Watcher] = set()
         self.history = History()
         self._bus = Bus(config)
-        self._topics = {wire.key(car, topic): topic for topic in FROM_CAR}
+        self._topics = {topics.key(car, topic): topic for topic in FROM_CAR}
         self._declared = False
 
     async def run(self) -> None:
@@ -76,7 +76,7 @@ class Feed:
         """Send a command at once; what cannot be sent is lost, and the car stops by itself."""
         if not self._is_meant():
             return
-        self._bus.put(wire.key(self.car, wire.COMMAND), command.pack(), encoding=BYTES, urgent=True)
+        self._bus.put(topics.key(self.car, topics.COMMAND), command.pack(), encoding=BYTES, urgent=True)
 
     async def ask(self, what: str, question: Mapping[str, Any]) -> dict[str, Any]:
         """Put a question to the car; RefusedError with its reason, or ours when nobody answers."""
@@ -85,14 +85,14 @@ class Feed:
         timeout_s = SAVED_WITHIN_S if what == "param/save" else ANSWER_WITHIN_S
         try:
             answers = await self._bus.ask(
-                wire.key(self.car, what), json.dumps(question).encode() if question else b"", timeout_s=timeout_s
+                topics.key(self.car, what), json.dumps(question).encode() if question else b"", timeout_s=timeout_s
             )
         except (ConnectionError, TimeoutError):
             answers = []
         if not answers:
             raise RefusedError(f"{self.car} does not answer: is the link up, and does your certificate allow it?")
         try:
-            return wire.decode(answers[0])
+            return topics.decode(answers[0])
         except (ValueError, TypeError):
             raise RefusedError(f"{self.car} answered something that cannot be read") from None
 
@@ -112,7 +112,7 @@ class Feed:
     async def _measure(self) -> None:
         before_s = time.monotonic()
         try:
-            answered = await self._bus.ask(wire.key(self.car, f"{wire.PARAM}/get"), SMALL_QUESTION, timeout_s=1.0)
+            answered = await self._bus.ask(topics.key(self.car, f"{topics.PARAM}/get"), SMALL_QUESTION, timeout_s=1.0)
         except RefusedError:
             answered = [b""]  # that was an answer too
         except (ConnectionError, TimeoutError):
@@ -122,7 +122,7 @@ class Feed:
 
     def _on_sample(self, key: str, payload: bytes, arrival_s: float) -> None:
         topic = self._topics[key]
-        if topic != wire.BEAT:
+        if topic != topics.BEAT:
             if not self._is_meant():
                 return
             self.history.take(topic, payload, arrival_s)

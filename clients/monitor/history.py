@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
-from runtime import wire
+from runtime.wire import topics
 
 LONGEST_S = 300.0
 APART_S = 0.2
@@ -48,10 +48,10 @@ class History:
     def take(self, topic: str, payload: bytes, arrival_s: float) -> None:
         """Take a sample of a topic; what cannot be read is left out, as the page leaves it out."""
         try:
-            if topic == wire.DISTANCE_ERROR and self._tracks["error"].is_due(arrival_s):
+            if topic == topics.DISTANCE_ERROR and self._tracks["error"].is_due(arrival_s):
                 self._tracks["error"].add(arrival_s, _FLOAT32.unpack(payload)[0])
-            elif topic == wire.STATUS and self._tracks["driven"].is_due(arrival_s):
-                self._take_status(wire.decode(payload), arrival_s)
+            elif topic == topics.STATUS and self._tracks["driven"].is_due(arrival_s):
+                self._take_status(topics.decode(payload), arrival_s)
         except (ValueError, TypeError, struct.error):
             return
 

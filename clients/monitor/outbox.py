@@ -10,16 +10,16 @@ import math
 import struct
 from collections.abc import Mapping
 
-from runtime import wire
+from runtime.wire import topics
 
 PILOT, MONITOR = "pilot", "monitor"
 """Two topics of our own, in JSON: what the page's driver makes of things, and what the relay knows."""
 TOPICS = (
-    wire.SCAN, wire.WALL, wire.FOOTPRINT, wire.ODOM, wire.OUTPUT, wire.DISTANCE_ERROR, wire.STATUS, wire.DECISION,
-    wire.BEAT, PILOT, MONITOR,
+    topics.SCAN, topics.WALL, topics.FOOTPRINT, topics.ODOM, topics.OUTPUT, topics.DISTANCE_ERROR, topics.STATUS,
+    topics.DECISION, topics.BEAT, PILOT, MONITOR,
 )  # fmt: skip
 FROM_CAR = TOPICS[: TOPICS.index(PILOT)]
-EAGER = frozenset({wire.SCAN, wire.DECISION, PILOT})
+EAGER = frozenset({topics.SCAN, topics.DECISION, PILOT})
 """These are worth a bundle of their own; the others wait for company, at most LAZY_S."""
 LAZY_S = 0.05
 GIVE_UP_S = 2.0

@@ -8,7 +8,7 @@ from typing import Any
 
 from clients.connection import Cars
 from clients.monitor.feed import Feed, Watcher
-from runtime.bus import Bus, RefusedError
+from runtime.wire.bus import Bus, RefusedError
 
 log = logging.getLogger("wallride.monitor")
 

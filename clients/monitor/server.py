@@ -22,7 +22,7 @@ from clients.monitor.qr import qr_lines
 from clients.monitor.relay import Place, Relay
 from clients.monitor.visit import Host, Visit
 from clients.teleop.shaping import Feel
-from runtime import zenoh_config
+from runtime.wire import zenoh_config
 
 log = logging.getLogger("wallride.monitor")
 

@@ -17,9 +17,9 @@ from clients.monitor.messages import Ack, Ask, Drop, Hands, Leave, NoWordError, 
 from clients.monitor.outbox import MONITOR, PILOT, TOPICS, Outbox, pack
 from clients.monitor.relay import Relay
 from clients.teleop.shaping import Feel
-from runtime import wire
-from runtime.bus import RefusedError
-from runtime.teleop_wire import Beat, Command
+from runtime.wire import topics
+from runtime.wire.bus import RefusedError
+from runtime.wire.teleop import Beat, Command
 
 log = logging.getLogger("wallride.monitor")
 
@@ -86,10 +86,10 @@ class Visit:
         self._driver.hear(beat, arrival_s)
         if self._driver.engaged and self._beats_ahead < BEATS_AHEAD:
             self._beats_ahead += 1
-            self._urgent.append(pack(0, {wire.BEAT: (payload, arrival_s)}, arrival_s))
+            self._urgent.append(pack(0, {topics.BEAT: (payload, arrival_s)}, arrival_s))
             self._news.set()
         else:
-            self.take(wire.BEAT, payload, arrival_s)
+            self.take(topics.BEAT, payload, arrival_s)
 
     def _hello(self) -> dict[str, Any]:
         return {
@@ -231,10 +231,10 @@ class Visit:
 
     def _show_pilot(self, now_s: float) -> None:
         view = {**self._driver.view(now_s), "whose": self._driver.whose(self._host.drivers)}
-        self.take(PILOT, wire.encode(view), now_s)
+        self.take(PILOT, topics.encode(view), now_s)
 
     def _show_monitor(self) -> None:
-        self.take(MONITOR, wire.encode(self._present()), time.monotonic())
+        self.take(MONITOR, topics.encode(self._present()), time.monotonic())
 
     async def _end(self, tasks: Sequence["asyncio.Task[None]"]) -> None:
         """Stop the car first if this page drove it; then tidy up."""

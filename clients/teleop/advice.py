@@ -7,7 +7,7 @@ from enum import StrEnum
 
 from clients.teleop.inputs import BUTTONS, Control
 from clients.teleop.pilot import MINDED_S, PERMIT_SILENT_S, Block, Situation
-from runtime.teleop_wire import Condition, Input, Press
+from runtime.wire.teleop import Condition, Input, Press
 
 PAD_NAMES: Mapping[Control, str] = {
     Control.MANUAL: "LB",

@@ -28,9 +28,9 @@ from clients.teleop.sources import (
     WindowSource,
 )
 from clients.teleop.wizard import Wizard
-from runtime import wire
-from runtime.bus import BYTES
-from runtime.teleop_wire import Input, Malformed, read_beat
+from runtime.wire import topics
+from runtime.wire.bus import BYTES
+from runtime.wire.teleop import Input, Malformed, read_beat
 
 PERIOD_S = 0.02
 CYCLES_PER_DRAWING = 3
@@ -127,11 +127,11 @@ class Client:
         return True
 
     def _listen(self) -> None:
-        for topic in (wire.STATUS, wire.DECISION):
-            self._link.subscribe(wire.key(self._car, topic), lambda _key, payload, _s: self._news.take(payload))
-        self._link.subscribe(wire.key(self._car, wire.BEAT), self._on_beat)
-        self._link.watch(wire.key(self._car, f"{wire.OPERATOR_ALIVE}/*"), self._news.on_operator)
-        self._link.announce(wire.key(self._car, f"{wire.OPERATOR_ALIVE}/{self._pilot.session:016x}"))
+        for topic in (topics.STATUS, topics.DECISION):
+            self._link.subscribe(topics.key(self._car, topic), lambda _key, payload, _s: self._news.take(payload))
+        self._link.subscribe(topics.key(self._car, topics.BEAT), self._on_beat)
+        self._link.watch(topics.key(self._car, f"{topics.OPERATOR_ALIVE}/*"), self._news.on_operator)
+        self._link.announce(topics.key(self._car, f"{topics.OPERATOR_ALIVE}/{self._pilot.session:016x}"))
 
     def _on_beat(self, _key: str, payload: bytes, arrival_s: float) -> None:
         try:
@@ -145,7 +145,7 @@ class Client:
             self.foreign = beat.car_session
 
     def _send(self, payload: bytes) -> None:
-        self._link.put(wire.key(self._car, wire.COMMAND), payload, encoding=BYTES, urgent=True)
+        self._link.put(topics.key(self._car, topics.COMMAND), payload, encoding=BYTES, urgent=True)
 
     async def _leave(self) -> None:
         for _ in range(GOODBYES):

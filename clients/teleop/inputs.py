@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
-from runtime.teleop_wire import Input
+from runtime.wire.teleop import Input
 
 CENTRED = 0.2
 """A stick within this of its middle counts as let go (half range = 1)."""

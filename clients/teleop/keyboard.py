@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from clients.teleop.inputs import Control, Inputs
-from runtime.teleop_wire import Input
+from runtime.wire.teleop import Input
 
 REPEAT_GAP_S = 0.15
 """The slowest usual repeat is 11 a second."""

@@ -8,7 +8,7 @@ human hand opens it again. An e-stop needs no gate, and is repeated until the ca
 A command tells the truth: "nothing pressed" goes out only when the hands were seen to let go. A pad that is gone, or a
 deadman that is still held after an incident, is not a release (see DISTRUST).
 
-The car has the same rules and the last word (runtime/operator_desk.py); these here spare the operator surprises.
+The car has the same rules and the last word (runtime/teleop/desk.py); these here spare the operator surprises.
 """
 
 import math
@@ -19,7 +19,7 @@ from enum import StrEnum
 from clients.teleop.hold import Hold
 from clients.teleop.inputs import Control, Inputs
 from clients.teleop.shaping import Feel, Shaper
-from runtime.teleop_wire import UNKNOWN_AGE_MS, Beat, Command, Condition, Input, Press
+from runtime.wire.teleop import UNKNOWN_AGE_MS, Beat, Command, Condition, Input, Press
 
 LINK_LOST_S = 0.2
 """Ten beats missing. The screen is drawn every 0.05 s, so that a lost link is seen within 0.3 s."""

@@ -14,9 +14,9 @@ from clients.status import overruled_words
 from clients.teleop.advice import Advice
 from clients.teleop.inputs import Control
 from clients.teleop.pilot import Situation
-from runtime import wire
-from runtime.screen_words import because, steering_words
-from runtime.teleop_wire import Condition
+from runtime.telemetry.screen_words import because, steering_words
+from runtime.wire import topics
+from runtime.wire.teleop import Condition
 
 
 @dataclass(slots=True)
@@ -34,7 +34,7 @@ class CarNews:
     def take(self, payload: bytes) -> None:
         """Read either of the two messages; one that cannot be read changes nothing on the screen."""
         try:
-            message = wire.decode(payload)
+            message = topics.decode(payload)
         except (ValueError, TypeError):
             return
         decision = message.get("decision") or message.get("output") or message

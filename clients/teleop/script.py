@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from clients.teleop.inputs import BUTTONS, Control, Inputs
-from runtime.teleop_wire import Input
+from runtime.wire.teleop import Input
 
 ALIASES = {
     "lb": Control.MANUAL,

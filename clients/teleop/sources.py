@@ -20,7 +20,7 @@ from clients.teleop.keyboard import (
 from clients.teleop.mode_button import FAMILY, ModeWatch
 from clients.teleop.pads import Layout, LayoutError, PadState, choose, usb_id
 from clients.teleop.script import Script
-from runtime.teleop_wire import Input
+from runtime.wire.teleop import Input
 
 KEY_STOP_S = 0.2
 """So long a typed Space counts as the e-stop button held; the pilot repeats it until the car confirms."""

@@ -1,7 +1,7 @@
 """Do the command, the speed and the distance counter of one VESC agree? Pure; time is an argument.
 
 Two answers to disagreement: a reply whose speed no car has is refused, and a contradiction that lasts is a fault with
-its remedy. Whether the wheels' way is the car's own only the lidar can tell: runtime/control/plausibility.py.
+its remedy. Whether the wheels' way is the car's own only the lidar can tell (`control/perception/plausibility.py`).
 """
 
 import math

@@ -5,7 +5,7 @@ from typing import Protocol
 
 from drivers.api import Drive, MotorState, Scan
 from drivers.value import value
-from runtime.command import Outlook, Verdict
+from runtime.arbitration.command import Outlook, Verdict
 
 __all__ = ["Follower", "Guard", "Guidance", "Outlook", "Verdict"]
 

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from drivers.api import Drive
-from runtime.control.stopping import GRAVITY_MPS2
+from runtime.control.safety.stopping import GRAVITY_MPS2
 
 ASIDE_MPS2 = 2.0
 """Side force of the front axle per mass of the car, half of its grip on a good floor."""

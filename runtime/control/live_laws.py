@@ -5,12 +5,8 @@ kept; only a change of method begins anew. Each law computes a scan wholly with 
 """
 
 from drivers.api import Clock, MotorState, Scan
-from runtime.car_settings import CarSettings
-from runtime.command import Outlook, Verdict
+from runtime.arbitration.command import Outlook, Verdict
 from runtime.control import methods
-from runtime.control.ball import BallFollower
-from runtime.control.freeing import Lookout
-from runtime.control.geometry import Floats
 from runtime.control.guidance import Follower, Guidance
 from runtime.control.method_settings import (
     BallFollowSettings,
@@ -18,11 +14,15 @@ from runtime.control.method_settings import (
     SweptSafetySettings,
     WallFollowSettings,
 )
-from runtime.control.own_parts import KnownParts
-from runtime.control.perception import Eyes
-from runtime.control.plausibility import Plausibility
-from runtime.control.report import ReportFollower, ReportGuard
-from runtime.control.report_settings import ReportFollowSettings, ReportSafetySettings
+from runtime.control.perception.geometry import Floats
+from runtime.control.perception.own_parts import KnownParts
+from runtime.control.perception.plausibility import Plausibility
+from runtime.control.perception.view import Eyes
+from runtime.control.recovery.recovering_follower import Lookout
+from runtime.control.report.laws import ReportFollower, ReportGuard
+from runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
+from runtime.control.vehicle import CarSettings
+from runtime.control.wall_following.ball import BallFollower
 
 
 class LiveLaws:

@@ -5,10 +5,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Discriminator, Field, Tag
 
-from runtime.control.ball_settings import BallSettings
-from runtime.control.lidar_health_settings import LidarHealthSettings
-from runtime.control.report_settings import ReportFollowSettings, ReportSafetySettings
-from runtime.control.swept_settings import RecoverySettings, SweptSettings
+from runtime.control.perception.lidar_health_settings import LidarHealthSettings
+from runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
+from runtime.control.safety.swept_settings import RecoverySettings, SweptSettings
+from runtime.control.wall_following.ball_settings import BallSettings
 
 DEFAULT_FOLLOW = "ball"
 DEFAULT_SAFETY = "swept"

@@ -6,16 +6,16 @@ from collections.abc import Callable
 import numpy as np
 
 from drivers.api import Clock, MotorState, Scan
-from runtime.car_settings import CarSettings
-from runtime.control.ball import BallFollower
-from runtime.control.freeing import Freeing, Lookout
 from runtime.control.guidance import Follower, Guard
 from runtime.control.method_settings import SafetySettings, SweptSafetySettings, WallFollowSettings
-from runtime.control.perception import Eyes
-from runtime.control.recovery import Recovery
-from runtime.control.report import ReportFollower, ReportGuard, ReportTurn
-from runtime.control.swept import SweptGuard
-from runtime.control.swept_settings import RecoverySettings
+from runtime.control.perception.view import Eyes
+from runtime.control.recovery.recovering_follower import Freeing, Lookout
+from runtime.control.recovery.way_out import Recovery
+from runtime.control.report.laws import ReportFollower, ReportGuard, ReportTurn
+from runtime.control.safety.swept import SweptGuard
+from runtime.control.safety.swept_settings import RecoverySettings
+from runtime.control.vehicle import CarSettings
+from runtime.control.wall_following.ball import BallFollower
 
 Driver = BallFollower | ReportFollower
 

@@ -22,35 +22,34 @@ import numpy as np
 
 from drivers import twin
 from drivers.hokuyo import codec, ranges
-from runtime.control import (
+from runtime.control.perception import geometry, noise_bias, odometry, view, window_dirt
+from runtime.control.safety import (
+    footprint,
+    manoeuvre_rollout,
+    moving_obstacles,
+    no_return_regions,
+    rear_memory,
+    thin_obstacles,
+    visibility,
+)
+from runtime.control.wall_following import (
     ball_drive,
     ball_law,
     ball_path,
-    behind,
-    darkness,
-    faint,
-    footprint,
-    geometry,
-    manoeuvre_rollout,
-    movers,
-    my_wall,
-    noise_bias,
-    odometry,
-    perception,
+    followed_wall,
     prediction,
-    smudges,
     speed_profile,
-    visibility,
-    wall,
+    wall_fit,
     wall_track,
 )
 from runtime.kernel.build import built
-from runtime.warmth import Prefetch
+from runtime.realtime.prefetch import Prefetch
 
 SWITCH: Final = "WALLRIDE_COMPILED"
 MODULES: Final = (
-    codec, ranges, ball_drive, ball_law, ball_path, behind, darkness, faint, footprint, geometry, manoeuvre_rollout,
-    movers, my_wall, noise_bias, odometry, perception, prediction, smudges, speed_profile, visibility, wall, wall_track,
+    codec, ranges, ball_drive, ball_law, ball_path, rear_memory, no_return_regions, thin_obstacles, footprint,
+    geometry, manoeuvre_rollout, moving_obstacles, followed_wall, noise_bias, odometry, view, prediction,
+    window_dirt, speed_profile, visibility, wall_fit, wall_track,
 )  # fmt: skip
 HERE: Final = Path(__file__).parent
 SEAL: Final = HERE / "seal.json"

@@ -1,4 +1,4 @@
-/* Twin of runtime/control/ball_path.py: the path of a ball that is rolled along the wall. */
+/* Twin of runtime/control/wall_following/ball_path.py: the path of a ball that is rolled along the wall. */
 
 #include "arrays.h"
 #include "constants.h"
@@ -53,7 +53,7 @@ static int see(struct wall *wall, const place *places, beam points, const double
     place turned = CMPLX(cos(-v[2]), sin(-v[2]));
     for (beam i = 0; i < points; i++) {
         place seen = times(places[i] - CMPLX(v[0], v[1]), turned);
-        double range = wall->range[i] = greater(cabs(seen), MY_WALL_NEAREST_M);
+        double range = wall->range[i] = greater(cabs(seen), FOLLOWED_WALL_NEAREST_M);
         wall->nearest = range < wall->nearest || isnan(range) ? range : wall->nearest; /* as numpy's min */
         wall->bearing[i] = atan2(cimag(seen), creal(seen));
     }

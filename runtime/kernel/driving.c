@@ -1,4 +1,4 @@
-/* Twins of runtime/control/prediction.py and odometry.py, and steps of speed_profile.py and ball_path.py. */
+/* Twins of runtime/control/wall_following/prediction.py and odometry.py, and steps of speed_profile.py and ball_path.py. */
 
 #include "arrays.h"
 #include "constants.h"

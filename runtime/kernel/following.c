@@ -1,4 +1,4 @@
-/* Twins of runtime/control/ball_drive.py (with ball_law.py) and wall_track.py: dozens of steps on numbers. */
+/* Twins of runtime/control/wall_following/ball_drive.py (with ball_law.py) and wall_track.py: dozens of steps on numbers. */
 
 #include "arrays.h"
 #include "constants.h"

@@ -1,4 +1,4 @@
-/* Twin of runtime/control/wall.py: the wall as one straight line. */
+/* Twin of runtime/control/wall_following/wall_fit.py: the wall as one straight line. */
 
 #include "arrays.h"
 #include "constants.h"
@@ -36,7 +36,7 @@ static enum found refined(struct points *p, const double *gates_m, int gates, st
             sxy += p->x[i] * p->y[i];
             syy += p->y[i] * p->y[i];
         }
-        if (members < WALL_FEWEST_INLIERS)
+        if (members < WALL_FIT_FEWEST_INLIERS)
             return NONE;
         double n = (double)members, mx = sx / n, my = sy / n;
         heading_rad = 0.5 * atan2(2 * (sxy / n - mx * my), (sxx - syy) / n - mx * mx + my * my);
@@ -60,7 +60,7 @@ static int plane_of(const struct points *p, npy_intp rear, npy_intp front, struc
     double length = hypot(ahead, aside) + 1e-9, cosine = ahead / length, sine = aside / length;
     double distance = cosine * p->y[rear] - sine * p->x[rear];
     *plane = (struct plane){-distance, -sine, cosine};
-    return cosine > WALL_STEEPEST_COS && distance > WALL_NEAREST_LINE_M;
+    return cosine > WALL_FIT_STEEPEST_COS && distance > WALL_FIT_NEAREST_LINE_M;
 }
 
 static int vote(struct points *p, const struct row *rear, const struct row *front) {
@@ -71,15 +71,15 @@ static int vote(struct points *p, const struct row *rear, const struct row *fron
             continue;
         double votes = 0.0;
         for (beam i = 0; i < p->count; i++)
-            votes += fabs(off(&plane, p, i)) < WALL_GATES_M_0 ? p->weight[i] : 0.0;
-        votes /= 1.0 - WALL_NEARER_WINS_PER_M * plane.minus_d;
+            votes += fabs(off(&plane, p, i)) < WALL_FIT_GATES_M_0 ? p->weight[i] : 0.0;
+        votes /= 1.0 - WALL_FIT_NEARER_WINS_PER_M * plane.minus_d;
         if (votes > most_votes) {
             most_votes = votes;
             best = plane;
         }
     }
     for (beam i = 0; i < p->count; i++)
-        p->member[i] = p->valid[i] && fabs(off(&best, p, i)) < WALL_GATES_M_0;
+        p->member[i] = p->valid[i] && fabs(off(&best, p, i)) < WALL_FIT_GATES_M_0;
     return most_votes >= 0.0;
 }
 
@@ -87,11 +87,11 @@ static int vote(struct points *p, const struct row *rear, const struct row *fron
 static int wins(struct points *p, double distance_m, double heading_rad) {
     double cosine = cos(heading_rad), sine = sin(heading_rad), for_it = 0.0, all = 0.0;
     for (beam i = 0; i < p->count; i++) {
-        p->member[i] = p->valid[i] && fabs(cosine * p->y[i] - sine * p->x[i] - distance_m) < WALL_GATES_M_0;
+        p->member[i] = p->valid[i] && fabs(cosine * p->y[i] - sine * p->x[i] - distance_m) < WALL_FIT_GATES_M_0;
         for_it += p->member[i] ? p->weight[i] : 0.0;
         all += p->weight[i];
     }
-    return for_it > WALL_WINS_WITH * all;
+    return for_it > WALL_FIT_WINS_WITH * all;
 }
 
 enum found find_line(const struct row *x, const struct row *y, const struct row *range, const struct row *usable,
@@ -114,21 +114,21 @@ enum found find_line(const struct row *x, const struct row *y, const struct row 
         if (wrong)
             break;
         double range_m = NUMBER(*range, from);
-        p.valid[i] = FLAG(*usable, from) && range_m > WALL_NEAREST_M && range_m < WALL_FARTHEST_M;
+        p.valid[i] = FLAG(*usable, from) && range_m > WALL_FIT_NEAREST_M && range_m < WALL_FIT_FARTHEST_M;
         p.x[i] = p.valid[i] ? NUMBER(*x, from) : 0.0;
         p.y[i] = p.valid[i] ? NUMBER(*y, from) : 0.0;
-        p.weight[i] = p.valid[i] ? least(range_m, WALL_VOTE_RANGE_M) : 0.0;
+        p.weight[i] = p.valid[i] ? least(range_m, WALL_FIT_VOTE_RANGE_M) : 0.0;
         valid += p.valid[i];
     }
     for (beam k = 0; k < rear->count && !wrong; k++)
         wrong = INDEX(*rear, k) < 0 || INDEX(*rear, k) >= p.count || INDEX(*front, k) < 0 ||
                 INDEX(*front, k) >= p.count;
-    const double gates_m[] = {WALL_GATES_M_1, WALL_GATES_M_2};
+    const double gates_m[] = {WALL_FIT_GATES_M_1, WALL_FIT_GATES_M_2};
     enum found answer = NONE;
     if (wrong) {
         PyErr_SetString(PyExc_IndexError, "wall_line: indices outside the scan");
         answer = FAILED;
-    } else if (valid < WALL_FEWEST_INLIERS || !rear->count)
+    } else if (valid < WALL_FIT_FEWEST_INLIERS || !rear->count)
         answer = NONE;
     else if (!isnan(expected[0]) && wins(&p, expected[0], expected[1]))
         answer = refined(&p, gates_m + 1, 1, line);

@@ -1,4 +1,4 @@
-/* Twin of runtime/control/manoeuvre_rollout.py: where a manoeuvre takes the car, and what it hits. */
+/* Twin of runtime/control/safety/manoeuvre_rollout.py: where a manoeuvre takes the car, and what it hits. */
 
 #include "arrays.h"
 #include "constants.h"

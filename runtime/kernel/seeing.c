@@ -1,4 +1,4 @@
-/* Twin of runtime/control/perception.py: what one scan shows. */
+/* Twin of runtime/control/perception/view.py: what one scan shows. */
 
 #include "arrays.h"
 #include "constants.h"
@@ -6,18 +6,18 @@
 static void support(const double *range, npy_bool *solid, beam beams) {
     for (beam i = 0; i < beams; i++) {
         int agree = 0;
-        agree += i >= 1 && fabs(range[i] - range[i - 1]) <= PERCEPTION_SUPPORT_WITHIN_M;
-        agree += i >= 2 && fabs(range[i] - range[i - 2]) <= PERCEPTION_SUPPORT_WITHIN_M;
-        agree += i + 1 < beams && fabs(range[i + 1] - range[i]) <= PERCEPTION_SUPPORT_WITHIN_M;
-        agree += i + 2 < beams && fabs(range[i + 2] - range[i]) <= PERCEPTION_SUPPORT_WITHIN_M;
-        solid[i] = agree >= PERCEPTION_NEIGHBOURS;
+        agree += i >= 1 && fabs(range[i] - range[i - 1]) <= VIEW_SUPPORT_WITHIN_M;
+        agree += i >= 2 && fabs(range[i] - range[i - 2]) <= VIEW_SUPPORT_WITHIN_M;
+        agree += i + 1 < beams && fabs(range[i + 1] - range[i]) <= VIEW_SUPPORT_WITHIN_M;
+        agree += i + 2 < beams && fabs(range[i + 2] - range[i]) <= VIEW_SUPPORT_WITHIN_M;
+        solid[i] = agree >= VIEW_NEIGHBOURS;
     }
 }
 
 /* A trail leads away from the last beam that sees a part of the car, over its rim. */
 static void forget_trail(const double *range, npy_bool *solid, beam beams, beam edge, beam step, int has_rim) {
-    for (beam i = edge + step, far = has_rim ? edge + step * PERCEPTION_RIM_BEAMS : edge;
-         i >= 0 && i < beams && ((far - i) * step >= 0 || range[i] - range[i - step] >= PERCEPTION_TRAIL_STEP_M); i += step)
+    for (beam i = edge + step, far = has_rim ? edge + step * VIEW_RIM_BEAMS : edge;
+         i >= 0 && i < beams && ((far - i) * step >= 0 || range[i] - range[i - step] >= VIEW_TRAIL_STEP_M); i += step)
         solid[i] = 0;
 }
 
@@ -35,24 +35,24 @@ static void forget_trails(const double *range, npy_bool *solid, const npy_bool *
 
 static int is_dirt(const double *range, beam beams, beam from, beam to, double step_rad) {
     double width_m = (double)(to - from + 1) * step_rad * least(range[from], range[to]);
-    int left_near = to < beams - 1 && range[to + 1] - range[to] < PERCEPTION_DIRT_STANDS_OUT_M;
-    int right_near = from > 0 && range[from - 1] - range[from] < PERCEPTION_DIRT_STANDS_OUT_M;
-    return width_m < PERCEPTION_DIRT_THINNER_THAN_M && !left_near && !right_near;
+    int left_near = to < beams - 1 && range[to + 1] - range[to] < VIEW_DIRT_STANDS_OUT_M;
+    int right_near = from > 0 && range[from - 1] - range[from] < VIEW_DIRT_STANDS_OUT_M;
+    return width_m < VIEW_DIRT_THINNER_THAN_M && !left_near && !right_near;
 }
 
 static void forget_run(const double *range, npy_bool *solid, beam from, beam to) {
     for (beam i = from; i <= to; i++)
-        if (range[i] < PERCEPTION_DIRT_NEARER_THAN_M)
+        if (range[i] < VIEW_DIRT_NEARER_THAN_M)
             solid[i] = 0;
 }
 
 static void forget_thin_dirt(const double *range, npy_bool *solid, beam beams, double step_rad) {
     beam from = -1, last = -1;
     for (beam i = 0; i < beams; i++) {
-        if (!(range[i] < PERCEPTION_DIRT_NEARER_THAN_M))
+        if (!(range[i] < VIEW_DIRT_NEARER_THAN_M))
             continue;
-        if (from >= 0 && (i - last > PERCEPTION_BRIDGED_BEAMS + 1 ||
-                          fabs(range[i] - range[last]) >= PERCEPTION_DIRT_STANDS_OUT_M)) {
+        if (from >= 0 && (i - last > VIEW_BRIDGED_BEAMS + 1 ||
+                          fabs(range[i] - range[last]) >= VIEW_DIRT_STANDS_OUT_M)) {
             if (is_dirt(range, beams, from, last, step_rad))
                 forget_run(range, solid, from, last);
             from = -1;
@@ -114,7 +114,7 @@ KERNEL(look) {
     if (parts)
         forget_trails(range, solid, part, beams);
     for (beam i = 0; i < beams && !dirt; i++)
-        dirt = solid[i] && range[i] < PERCEPTION_DIRT_NEARER_THAN_M;
+        dirt = solid[i] && range[i] < VIEW_DIRT_NEARER_THAN_M;
     if (dirt)
         forget_thin_dirt(range, solid, beams, step_rad);
     free(part);

@@ -1,4 +1,4 @@
-/* Twins of runtime/control/footprint.py and strip.py: the strip that the car sweeps, and what stands in it. */
+/* Twins of runtime/control/safety/footprint.py and strip.py: the strip that the car sweeps, and what stands in it. */
 
 #include "arrays.h"
 #include "constants.h"

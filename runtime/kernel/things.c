@@ -1,4 +1,4 @@
-/* Twins of runtime/control/movers.py, faint.py, darkness.py, behind.py: small, thin and near things, and patches
+/* Twins of runtime/control/safety/moving_obstacles.py, faint.py, darkness.py, behind.py: small, thin and near things, and patches
  * without echo.
  */
 
@@ -7,11 +7,11 @@
 
 /* Whether the first solid of the next beams in this direction is clearly farther away. */
 static int behind(const struct row *solid, const struct row *range, beam first, beam step, double range_m) {
-    for (beam k = 0, i = first; k < MOVERS_BACKGROUND_BEAMS; k++, i += step) {
+    for (beam k = 0, i = first; k < MOVING_OBSTACLES_BACKGROUND_BEAMS; k++, i += step) {
         if (i < 0 || i >= solid->count)
             return 0;
         if (FLAG(*solid, i))
-            return NUMBER(*range, i) > range_m + MOVERS_JUMP_M;
+            return NUMBER(*range, i) > range_m + MOVING_OBSTACLES_JUMP_M;
     }
     return 1;
 }
@@ -27,12 +27,12 @@ KERNEL(small_things) {
     beam right = -1, last = -1, points = 0;
     for (beam i = 0; things && i <= solid.count; i++) {
         int ends = i == solid.count;
-        if (!ends && !(FLAG(solid, i) && NUMBER(range, i) < MOVERS_WITHIN_M))
+        if (!ends && !(FLAG(solid, i) && NUMBER(range, i) < MOVING_OBSTACLES_WITHIN_M))
             continue;
-        int cut = last >= 0 && (ends || i - last > MOVERS_GAP_BEAMS ||
-                                fabs(NUMBER(range, i) - NUMBER(range, last)) > MOVERS_JUMP_M);
-        if (cut && points >= MOVERS_FEWEST_BEAMS &&
-            (double)(last - right) * step_rad * NUMBER(range, right) <= MOVERS_WIDEST_M &&
+        int cut = last >= 0 && (ends || i - last > MOVING_OBSTACLES_GAP_BEAMS ||
+                                fabs(NUMBER(range, i) - NUMBER(range, last)) > MOVING_OBSTACLES_JUMP_M);
+        if (cut && points >= MOVING_OBSTACLES_FEWEST_BEAMS &&
+            (double)(last - right) * step_rad * NUMBER(range, right) <= MOVING_OBSTACLES_WIDEST_M &&
             behind(&solid, &range, right - 1, -1, NUMBER(range, right)) &&
             behind(&solid, &range, last + 1, 1, NUMBER(range, last))) {
             PyObject *thing = Py_BuildValue("(nn)", right, last);
@@ -55,7 +55,7 @@ KERNEL(small_things) {
 KERNEL(thin_places) {
     struct row x, y, solid, range, dirty = {NULL, 0, 0};
     double v[5];
-    const beam apart = FAINT_STANDS_OUT_BEAMS;
+    const beam apart = THIN_OBSTACLES_STANDS_OUT_BEAMS;
     if (!enough(count, 10, "thin_places") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
         !as_row(given[2], NPY_BOOL, &solid) || !as_row(given[3], NPY_DOUBLE, &range) ||
         (given[4] != Py_None && !as_row(given[4], NPY_BOOL, &dirty)) || !as_numbers(given + 5, 5, v))
@@ -65,7 +65,7 @@ KERNEL(thin_places) {
         PyErr_SetString(PyExc_ValueError, "thin_places: arrays of different lengths");
         return NULL;
     }
-    double middle = rint(-v[0] / v[1]), half = rint(FAINT_AHEAD_RAD / fabs(v[1]));
+    double middle = rint(-v[0] / v[1]), half = rint(THIN_OBSTACLES_AHEAD_RAD / fabs(v[1]));
     if (!isfinite(middle) || !isfinite(half))
         return PyErr_Format(PyExc_ValueError, "thin_places: no angle from beam to beam");
     place turned = CMPLX(cos(v[4]), sin(v[4])), at = CMPLX(v[2], v[3]);
@@ -78,8 +78,8 @@ KERNEL(thin_places) {
     beam few = 0, alone = 0;
     for (beam i = from; i < to; i++) {
         double here = NUMBER(range, i);
-        if (here < FAINT_WITHIN_M && here > FAINT_FROM_M && !(NUMBER(range, i + apart) - here < FAINT_STANDS_OUT_M) &&
-            !(NUMBER(range, i - apart) - here < FAINT_STANDS_OUT_M) && !(dirty.data && FLAG(dirty, i))) {
+        if (here < THIN_OBSTACLES_WITHIN_M && here > THIN_OBSTACLES_FROM_M && !(NUMBER(range, i + apart) - here < THIN_OBSTACLES_STANDS_OUT_M) &&
+            !(NUMBER(range, i - apart) - here < THIN_OBSTACLES_STANDS_OUT_M) && !(dirty.data && FLAG(dirty, i))) {
             place seen = CMPLX(NUMBER(x, i), NUMBER(y, i));
             found[few++] = times(seen, turned) + at;
             if (!FLAG(solid, i))
@@ -132,7 +132,7 @@ KERNEL(returned) {
                 int same = 0;
                 for (beam j = 0; j < old[k].count; j++) {
                     place off = times(PLACE(old[k], j) - odom, along);
-                    if (fabs(creal(off)) < FAINT_SAME_RANGE_M && fabs(cimag(off)) < FAINT_SAME_ASIDE_M) {
+                    if (fabs(creal(off)) < THIN_OBSTACLES_SAME_RANGE_M && fabs(cimag(off)) < THIN_OBSTACLES_SAME_ASIDE_M) {
                         same = 1;
                         if (pass)
                             of_scan[j] = 1;
@@ -141,10 +141,10 @@ KERNEL(returned) {
                 again += same && !pass;
                 of_scan += old[k].count;
             }
-            if (again < FAINT_SCANS - 2)
+            if (again < THIN_OBSTACLES_SCANS - 2)
                 break;
         }
-        if (again >= FAINT_SCANS - 2) {
+        if (again >= THIN_OBSTACLES_SCANS - 2) {
             there++;
             found[places++] = here;
         }
@@ -180,7 +180,7 @@ KERNEL(dark_around) {
         return NULL;
     }
     /* of two beams as near, the even one, as Python's round */
-    double middle = rint((v[2] - v[0]) / v[1]), width = rint(DARKNESS_DARK_WINDOW_RAD / fabs(v[1])), near_m = v[3];
+    double middle = rint((v[2] - v[0]) / v[1]), width = rint(NO_RETURN_REGIONS_DARK_WINDOW_RAD / fabs(v[1])), near_m = v[3];
     if (!isfinite(middle) || !isfinite(width))
         return PyLong_FromDouble(isfinite(middle) ? width : middle); /* fails as round does */
     const beam first = (beam)within(middle - width, 0.0, (double)no_echo.count);
@@ -193,7 +193,7 @@ KERNEL(dark_around) {
                 from = i;
             to = i;
         }
-    if (last <= first || (double)dark <= DARKNESS_DARK_SHARE * (double)(last - first))
+    if (last <= first || (double)dark <= NO_RETURN_REGIONS_DARK_SHARE * (double)(last - first))
         Py_RETURN_FALSE;
     beam right = from - 1, left = to + 1;
     while (right >= 0 && !FLAG(solid, right))
@@ -218,13 +218,13 @@ KERNEL(near_places) {
         return PyErr_Format(PyExc_ValueError, "math domain error");
     beam few = 0;
     for (beam i = 0; i < range.count; i++)
-        few += FLAG(solid, i) && NUMBER(range, i) < BEHIND_NEAR_M;
+        few += FLAG(solid, i) && NUMBER(range, i) < REAR_MEMORY_NEAR_M;
     PyObject *answer = fresh(NPY_CDOUBLE, few);
     if (!answer)
         return NULL;
     place turned = CMPLX(cos(v[2]), sin(v[2])), at = CMPLX(v[0], v[1]), *to = DATA(place, answer);
     for (beam i = 0; i < range.count; i++)
-        if (FLAG(solid, i) && NUMBER(range, i) < BEHIND_NEAR_M)
+        if (FLAG(solid, i) && NUMBER(range, i) < REAR_MEMORY_NEAR_M)
             *to++ = times(CMPLX(NUMBER(x, i), NUMBER(y, i)), turned) + at;
     return answer;
 }

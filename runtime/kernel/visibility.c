@@ -1,4 +1,4 @@
-/* Twin of runtime/control/visibility.py: what is known of each sector after one more scan. */
+/* Twin of runtime/control/safety/visibility.py: what is known of each sector after one more scan. */
 
 #include "arrays.h"
 #include "constants.h"
@@ -92,7 +92,7 @@ KERNEL(watched) {
         echo[i] = !FLAG(no_echo, first + i) && !FLAG(own, first + i);
     if (dirty.data)
         for (beam i = 0; i < end - first; i++)
-            if (FLAG(dirty, first + i) && NUMBER(range, first + i) < PERCEPTION_LEARNT_DIRT_NEARER_THAN_M)
+            if (FLAG(dirty, first + i) && NUMBER(range, first + i) < VIEW_LEARNT_DIRT_NEARER_THAN_M)
                 echo[i] = 0;
     const place turn = CMPLX(cos(-v[8]), sin(-v[8])), nothing = CMPLX(NAN, NAN);
     if (v[5] > 0.0) {

@@ -1,4 +1,4 @@
-/* Twins of runtime/control/my_wall.py: which points are the followed wall, and how much room there is beside it. */
+/* Twins of runtime/control/wall_following/followed_wall.py: which points are the followed wall, and how much room there is beside it. */
 
 #include "arrays.h"
 #include "constants.h"
@@ -6,7 +6,7 @@
 
 /* Whether a piece of wall, from its far end on, is a corridor's other wall; see _is_opposite. */
 static int is_opposite(const struct row *x, const struct row *y, const npy_intp *index, beam points) {
-    beam last = (points < MY_WALL_CROSSING_POINTS ? points : MY_WALL_CROSSING_POINTS) - 1;
+    beam last = (points < FOLLOWED_WALL_CROSSING_POINTS ? points : FOLLOWED_WALL_CROSSING_POINTS) - 1;
     double x0 = NUMBER(*x, index[0]), y0 = NUMBER(*y, index[0]);
     int comes_back = NUMBER(*y, index[points - 1]) <= 0.0 && NUMBER(*x, index[points - 1]) < x0;
     return fabs(NUMBER(*x, index[last]) - x0) > fabs(NUMBER(*y, index[last]) - y0) && (y0 <= 0.0 || comes_back);
@@ -27,7 +27,7 @@ static beam piece_of(const struct row *x, const struct row *y, const struct row 
     }
     beam points = 0, nearest = -1;
     for (beam i = 0; i < solid->count; i++) {
-        if (!(FLAG(*solid, i) && NUMBER(*range, i) < MY_WALL_CAP_M))
+        if (!(FLAG(*solid, i) && NUMBER(*range, i) < FOLLOWED_WALL_CAP_M))
             continue;
         if (i >= beside[0] && i < beside[1] &&
             (nearest < 0 || NUMBER(*range, i) < NUMBER(*range, index[nearest])))
@@ -35,9 +35,9 @@ static beam piece_of(const struct row *x, const struct row *y, const struct row 
         index[points++] = i;
     }
     beam start = 0, end = points;
-    if (points < MY_WALL_FEWEST_POINTS || nearest < 0)
+    if (points < FOLLOWED_WALL_FEWEST_POINTS || nearest < 0)
         end = 0;
-    double crossing2 = MY_WALL_CROSSING_M * MY_WALL_CROSSING_M, gap2 = gap_m * gap_m, jump2 = least(gap2, crossing2);
+    double crossing2 = FOLLOWED_WALL_CROSSING_M * FOLLOWED_WALL_CROSSING_M, gap2 = gap_m * gap_m, jump2 = least(gap2, crossing2);
     for (beam jump = 0; jump + 1 < end; jump++) {
         double square = apart2(x, y, index[jump], index[jump + 1]);
         if (!(square > jump2))
@@ -57,11 +57,11 @@ static beam piece_of(const struct row *x, const struct row *y, const struct row 
     }
     *to = index;
     *from = start;
-    return end - start >= MY_WALL_FEWEST_POINTS ? end - start : 0;
+    return end - start >= FOLLOWED_WALL_FEWEST_POINTS ? end - start : 0;
 }
 
 beam outline_of(const struct row *x, const struct row *y, const struct row *wall, beam more, place **to) {
-    const beam points = wall->count, window = MY_WALL_SMOOTHED_POINTS, half = window / 2;
+    const beam points = wall->count, window = FOLLOWED_WALL_SMOOTHED_POINTS, half = window / 2;
     place *total = malloc(sizeof(place) * (size_t)(2 * points + more + 1));
     if (!total) {
         PyErr_NoMemory();
@@ -90,7 +90,7 @@ beam outline_of(const struct row *x, const struct row *y, const struct row *wall
         total[kept++] = places[0];
     for (beam i = 1; i < points; i++) {
         way_m += cabs(places[i] - places[i - 1]);
-        beam here = (beam)(way_m * (1 / MY_WALL_THINNED_TO_M));
+        beam here = (beam)(way_m * (1 / FOLLOWED_WALL_THINNED_TO_M));
         if (i > 1 && here != cell)
             total[kept++] = places[i - 1];
         cell = here;
@@ -122,12 +122,12 @@ static double mean_of_least(double *numbers, beam count, beam wanted) {
 static double room_for(const struct row *x, const struct row *y, const struct row *range, const struct row *solid,
                        beam from, const struct wall_line *line, double desired_m) {
     double line_m = line->distance_m, cosine = cos(line->heading_rad), sine = sin(line->heading_rad);
-    double reach_m = 2 * desired_m - line_m + MY_WALL_ROOM_REACH_M, room_m = desired_m;
-    const beam every = MY_WALL_ROOM_EVERY_BEAM;
+    double reach_m = 2 * desired_m - line_m + FOLLOWED_WALL_ROOM_REACH_M, room_m = desired_m;
+    const beam every = FOLLOWED_WALL_ROOM_EVERY_BEAM;
     beam near = 0, few = 0;
     for (beam i = from; i < range->count; i += every)
         near += NUMBER(*range, i) < reach_m;
-    if (near < MY_WALL_FEWEST_POINTS)
+    if (near < FOLLOWED_WALL_FEWEST_POINTS)
         return desired_m;
     double *across = malloc(sizeof(double) * (size_t)solid->count);
     if (!across) {
@@ -137,13 +137,13 @@ static double room_for(const struct row *x, const struct row *y, const struct ro
     for (beam i = from; i < solid->count; i += every) {
         double along = cosine * NUMBER(*x, i) + sine * NUMBER(*y, i);
         double aside = sine * NUMBER(*x, i) - cosine * NUMBER(*y, i);
-        if (FLAG(*solid, i) && fabs(along) < MY_WALL_ROOM_BESIDE_M && aside > 0.0)
+        if (FLAG(*solid, i) && fabs(along) < FOLLOWED_WALL_ROOM_BESIDE_M && aside > 0.0)
             across[few++] = aside;
     }
-    if (few >= MY_WALL_FEWEST_POINTS) {
-        beam nearest = (beam)rint(MY_WALL_ROOM_NEAREST_SHARE * (double)few);
+    if (few >= FOLLOWED_WALL_FEWEST_POINTS) {
+        beam nearest = (beam)rint(FOLLOWED_WALL_ROOM_NEAREST_SHARE * (double)few);
         double half_m = (line_m + mean_of_least(across, few, nearest < 1 ? 1 : nearest)) / 2;
-        if (half_m < desired_m - MY_WALL_ROOM_LEAST_GAIN_M)
+        if (half_m < desired_m - FOLLOWED_WALL_ROOM_LEAST_GAIN_M)
             room_m = half_m;
     }
     free(across);
@@ -155,25 +155,25 @@ static beam pane_to(const struct row *x, const struct row *y, const struct row *
                     const struct row *no_echo, beam end, const struct wall_line *line) {
     double cosine = cos(line->heading_rad), sine = sin(line->heading_rad);
     beam silent = 0, points = 0, far = -1, all = x->count;
-    for (beam i = end + 1; i <= end + MY_WALL_GLASS_FIRST_BEAMS && i < all; i++)
+    for (beam i = end + 1; i <= end + FOLLOWED_WALL_GLASS_FIRST_BEAMS && i < all; i++)
         silent += FLAG(*no_echo, i);
-    if (silent < MY_WALL_GLASS_FIRST_BEAMS / 2)
+    if (silent < FOLLOWED_WALL_GLASS_FIRST_BEAMS / 2)
         return -1;
     for (beam i = end + 1; i < all; i++) {
         double off = cosine * NUMBER(*y, i) - sine * NUMBER(*x, i) - line->distance_m;
-        if (!(FLAG(*solid, i) && NUMBER(*range, i) < MY_WALL_GLASS_RANGE_M && fabs(off) < MY_WALL_GLASS_ON_LINE_M))
+        if (!(FLAG(*solid, i) && NUMBER(*range, i) < FOLLOWED_WALL_GLASS_RANGE_M && fabs(off) < FOLLOWED_WALL_GLASS_ON_LINE_M))
             continue;
         far = points ? far : i;
         points++;
     }
-    if (points < MY_WALL_FEWEST_POINTS || far <= end + 1)
+    if (points < FOLLOWED_WALL_FEWEST_POINTS || far <= end + 1)
         return -1;
     double gap = hypot(NUMBER(*x, far) - NUMBER(*x, end), NUMBER(*y, far) - NUMBER(*y, end));
     silent = 0;
     for (beam i = end + 1; i < far; i++)
         silent += FLAG(*no_echo, i);
     double share = (double)silent / (double)(far - end - 1);
-    int is_pane = MY_WALL_THINNED_TO_M < gap && gap < MY_WALL_GLASS_GAP_M && share > MY_WALL_GLASS_SILENT_SHARE;
+    int is_pane = FOLLOWED_WALL_THINNED_TO_M < gap && gap < FOLLOWED_WALL_GLASS_GAP_M && share > FOLLOWED_WALL_GLASS_SILENT_SHARE;
     return is_pane ? far : -1;
 }
 

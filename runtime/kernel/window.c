@@ -1,25 +1,25 @@
-/* Twins of runtime/control/smudges.py: what is learnt of the lidar's window, beam by beam, and what is found. */
+/* Twins of runtime/control/perception/window_dirt.py: what is learnt of the lidar's window, beam by beam, and what is found. */
 
 #include "arrays.h"
 #include "constants.h"
 
 /* Whether the beam so far away is about as near as this one; beyond the ends of the fan nothing is. */
 static int hides(const struct row *range, beam i, double range_m) {
-    return i >= 0 && i < range->count && NUMBER(*range, i) - range_m < SMUDGES_DIRT_STANDS_OUT_M;
+    return i >= 0 && i < range->count && NUMBER(*range, i) - range_m < WINDOW_DIRT_DIRT_STANDS_OUT_M;
 }
 
 static int stands_out(const struct row *range, beam i) {
-    const beam some = SMUDGES_NEIGHBOUR_BEAMS_0, more = SMUDGES_NEIGHBOUR_BEAMS_1;
+    const beam some = WINDOW_DIRT_NEIGHBOUR_BEAMS_0, more = WINDOW_DIRT_NEIGHBOUR_BEAMS_1;
     double range_m = NUMBER(*range, i);
-    if (!(range_m < SMUDGES_SMUDGE_NEARER_THAN_M))
+    if (!(range_m < WINDOW_DIRT_SMUDGE_NEARER_THAN_M))
         return 0;
-    return range_m < SMUDGES_ON_THE_WINDOW_M || !((hides(range, i - some, range_m) || hides(range, i + some, range_m)) &&
+    return range_m < WINDOW_DIRT_ON_THE_WINDOW_M || !((hides(range, i - some, range_m) || hides(range, i + some, range_m)) &&
                                                   (hides(range, i - more, range_m) || hides(range, i + more, range_m)));
 }
 
 /* Only beside echoes is silence evidence: how many there are around each beam is counted along the way. */
 static void learn_blindness(const struct row *no_echo, const struct row *blind, double turned, double *learnt) {
-    const beam aside = SMUDGES_BESIDE_ECHOES_BEAMS, beams = no_echo->count;
+    const beam aside = WINDOW_DIRT_BESIDE_ECHOES_BEAMS, beams = no_echo->count;
     beam echoes = 0, first = 0, end = 0;
     for (beam i = 0; i < beams; i++) {
         for (; end < beams && end <= i + aside; end++)
@@ -27,7 +27,7 @@ static void learn_blindness(const struct row *no_echo, const struct row *blind, 
         for (; first < i - aside; first++)
             echoes -= !FLAG(*no_echo, first);
         double known = NUMBER(*blind, i);
-        int tells = (double)echoes >= SMUDGES_BESIDE_ECHOES_SHARE * (double)(end - first);
+        int tells = (double)echoes >= WINDOW_DIRT_BESIDE_ECHOES_SHARE * (double)(end - first);
         learnt[i] = tells ? known + turned * ((FLAG(*no_echo, i) ? 1.0 : 0.0) - known) : known;
     }
 }
@@ -62,8 +62,8 @@ KERNEL(evidence) {
         int stands = stands_out(&range, i), of_body = FLAG(own, i) && FLAG(rear, i);
         new_near[i] = !stands ? kept_m : isnan(kept_m) ? NUMBER(range, i) : kept_m + learns * off_m;
         new_body[i] = NUMBER(body, i) * keeps + (of_body ? learns : 0.0);
-        int part = FLAG(rear, i) && new_near[i] < SMUDGES_BODY_NEARER_THAN_M;
-        if (stands && !of_body && !(fabs(off_m) >= SMUDGES_STEADY_WITHIN_M))
+        int part = FLAG(rear, i) && new_near[i] < WINDOW_DIRT_BODY_NEARER_THAN_M;
+        if (stands && !of_body && !(fabs(off_m) >= WINDOW_DIRT_STEADY_WITHIN_M))
             new_dirt[i] = known + (part ? quickly : learns) * (1 - known);
         else
             new_dirt[i] = part && FLAG(no_echo, i) ? known : known * keeps;
@@ -115,7 +115,7 @@ KERNEL(findings) {
         dirty[i] = NUMBER(dirt, i) >= from[1] && (!doubted.data || FLAG(doubted, i));
         surely[i] = NUMBER(dirt, i) > from[0] || FLAG(before[0], i);
         parts[i] = NUMBER(body, i) > from[0];
-        blinded[i] = NUMBER(blind, i) > SMUDGES_BLIND_ABOVE;
+        blinded[i] = NUMBER(blind, i) > WINDOW_DIRT_BLIND_ABOVE;
     }
     whole_rows(dirty, surely, beams);
     int changed = 0, any = 0;

@@ -4,9 +4,9 @@ from collections import deque
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from runtime.command import CapWord, Output, Source
+from runtime.arbitration.command import CapWord, Output, Source
 from runtime.recording.channels import Message
-from runtime.recording.tape import Heard
+from runtime.recording.decision_log import Heard
 
 NS = 1_000_000_000
 MOST_BYTES = 24_000_000

@@ -10,7 +10,7 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1]
 PLACES = ("control", "kernel")
-SINGLE_FILES = ("command.py",)
+SINGLE_FILES = ("arbitration/command.py",)
 ENDINGS = {".py", ".c", ".h"}
 DIGITS = 12
 

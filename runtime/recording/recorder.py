@@ -19,17 +19,17 @@ from types import MappingProxyType
 from typing import Any
 
 from drivers.api import Clock
-from runtime import wire
+from runtime.realtime.wall_clock import WallClock
 from runtime.recording import channels
 from runtime.recording.channels import Message
+from runtime.recording.decision_log import MOST_EVENTS, Tape
 from runtime.recording.disk import Disk, RealDisk
 from runtime.recording.ring import MB, Ring
-from runtime.recording.scribe import Facts, Scribe
-from runtime.recording.tape import MOST_EVENTS, Tape
 from runtime.recording.transcriber import Transcriber
-from runtime.recording_settings import RecordingSettings, car_folder
+from runtime.recording.writer import Facts, Scribe
 from runtime.ros.definitions import TYPES
-from runtime.wall_clock import WallClock
+from runtime.settings.recording import RecordingSettings, car_folder
+from runtime.wire import topics
 
 log = logging.getLogger("wallride.recording")
 
@@ -51,21 +51,21 @@ EVERY_ONE = 0.0
 
 PERIODS_S: Mapping[str, float] = MappingProxyType(
     {
-        wire.OUTPUT: EVERY_ONE,
-        wire.DISTANCE_ERROR: EVERY_ONE,
-        wire.IMU: 0.02,
-        wire.SAFETY: 0.05,
-        wire.NAVIGATION: 0.05,
-        wire.TELEOP: 0.05,
-        wire.ODOM: 0.05,
-        wire.TF: 0.05,
-        wire.MOTOR: 0.05,
-        wire.WALL: 0.1,
-        wire.FOOTPRINT: 0.1,
-        wire.DECISION: 0.1,
-        wire.STATUS: 0.5,
-        wire.BATTERY: 1.0,
-        wire.DIAGNOSTICS: 1.0,
+        topics.OUTPUT: EVERY_ONE,
+        topics.DISTANCE_ERROR: EVERY_ONE,
+        topics.IMU: 0.02,
+        topics.SAFETY: 0.05,
+        topics.NAVIGATION: 0.05,
+        topics.TELEOP: 0.05,
+        topics.ODOM: 0.05,
+        topics.TF: 0.05,
+        topics.MOTOR: 0.05,
+        topics.WALL: 0.1,
+        topics.FOOTPRINT: 0.1,
+        topics.DECISION: 0.1,
+        topics.STATUS: 0.5,
+        topics.BATTERY: 1.0,
+        topics.DIAGNOSTICS: 1.0,
     }
 )
 """How often telemetry's topics are recorded; motor states and decisions are all on the tape, and every scan is here."""
@@ -127,7 +127,7 @@ class Recorder:
 
     def take(self, topic: str, schema: str, stamp_s: float, payload: bytes) -> None:
         """Take a message of telemetry."""
-        if topic == wire.OUTPUT and (now_s := self._clock()) >= self._wake_s:
+        if topic == topics.OUTPUT and (now_s := self._clock()) >= self._wake_s:
             self._wake_s = now_s + PERIOD_S
             self._wake.set()
         if schema not in _CDR_TYPES:

@@ -17,7 +17,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from runtime.recording.disk import Disk, is_being_written
-from runtime.recording_settings import RecordingSettings
+from runtime.settings.recording import RecordingSettings
 
 MB = 1_000_000
 NAME = re.compile(r"(\d{8}T\d{6}Z)-b(\d{4,})-(\d{5,})(-stop(?:-([a-z0-9-]{1,48}))?)?\.mcap")

@@ -4,17 +4,17 @@ import math
 from collections.abc import Iterator, Sequence
 
 from drivers.api import Scan
-from runtime import wire
-from runtime.command import CapWord, Output, Source
+from runtime.arbitration.command import CapWord, Output, Source
+from runtime.realtime.wall_clock import WallClock
 from runtime.recording import channels
 from runtime.recording.black_box import StopWatcher
 from runtime.recording.channels import Message
-from runtime.recording.tape import Entry, Heard
-from runtime.recording.tape_codec import encode
+from runtime.recording.decision_codec import encode
+from runtime.recording.decision_log import Entry, Heard
 from runtime.ros import messages
 from runtime.ros.definitions import TYPES
-from runtime.settings import Settings, to_toml
-from runtime.wall_clock import WallClock
+from runtime.settings.tree import Settings, to_toml
+from runtime.wire import topics
 
 MOST_EVENTS = 64
 """One message of tape holds so many at most: encoding it is one stretch of work without a pause."""
@@ -67,7 +67,7 @@ class Transcriber:
         header_ns = self._wall_clock.unix_ns(scan.stamp_s)
         payload = messages.laser_scan(header_ns, scan, period_s if period_s < LONGEST_PERIOD_S else 0.0)
         stamp_ns = self._wall_clock.started_unix_ns(scan.stamp_s)
-        return Message(wire.SCAN, TYPES[wire.SCAN], stamp_ns, payload, scan.sequence)
+        return Message(topics.SCAN, TYPES[topics.SCAN], stamp_ns, payload, scan.sequence)
 
     def _tape(self, piece: Sequence[Entry], *, lasting: bool = False) -> Message:
         payload = channels.text(encode(piece))

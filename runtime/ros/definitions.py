@@ -5,7 +5,7 @@ from functools import lru_cache
 from importlib import resources
 from types import MappingProxyType
 
-from runtime import wire
+from runtime.wire import topics
 
 SCHEMA_ENCODING = "ros2msg"
 """What recorders and viewers (MCAP, Foxglove) call a type that is described by `definition`."""
@@ -14,20 +14,20 @@ JSON_SCHEMA = ""
 
 TYPES: Mapping[str, str] = MappingProxyType(
     {
-        wire.SCAN: "sensor_msgs/msg/LaserScan",
-        wire.ODOM: "nav_msgs/msg/Odometry",
-        wire.NAVIGATION: "ackermann_msgs/msg/AckermannDriveStamped",
-        wire.SAFETY: "ackermann_msgs/msg/AckermannDriveStamped",
-        wire.TELEOP: "ackermann_msgs/msg/AckermannDriveStamped",
-        wire.OUTPUT: "ackermann_msgs/msg/AckermannDriveStamped",
-        wire.DISTANCE_ERROR: "std_msgs/msg/Float32",
-        wire.WALL: "visualization_msgs/msg/MarkerArray",
-        wire.FOOTPRINT: "visualization_msgs/msg/MarkerArray",
-        wire.IMU: "sensor_msgs/msg/Imu",
-        wire.MOTOR: "sensor_msgs/msg/JointState",
-        wire.BATTERY: "sensor_msgs/msg/BatteryState",
-        wire.DIAGNOSTICS: "diagnostic_msgs/msg/DiagnosticArray",
-        wire.TF: "tf2_msgs/msg/TFMessage",
+        topics.SCAN: "sensor_msgs/msg/LaserScan",
+        topics.ODOM: "nav_msgs/msg/Odometry",
+        topics.NAVIGATION: "ackermann_msgs/msg/AckermannDriveStamped",
+        topics.SAFETY: "ackermann_msgs/msg/AckermannDriveStamped",
+        topics.TELEOP: "ackermann_msgs/msg/AckermannDriveStamped",
+        topics.OUTPUT: "ackermann_msgs/msg/AckermannDriveStamped",
+        topics.DISTANCE_ERROR: "std_msgs/msg/Float32",
+        topics.WALL: "visualization_msgs/msg/MarkerArray",
+        topics.FOOTPRINT: "visualization_msgs/msg/MarkerArray",
+        topics.IMU: "sensor_msgs/msg/Imu",
+        topics.MOTOR: "sensor_msgs/msg/JointState",
+        topics.BATTERY: "sensor_msgs/msg/BatteryState",
+        topics.DIAGNOSTICS: "diagnostic_msgs/msg/DiagnosticArray",
+        topics.TF: "tf2_msgs/msg/TFMessage",
     }
 )
 """Topics that carry CDR; the others are JSON (status, decision) or our own (beat)."""

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from drivers.api import Clock, Health, Lidar, LinkState, Motor
-from runtime.command import Output
-from runtime.emergency_stop import Cause, EmergencyStop
-from runtime.service_manager import ServiceManager
+from runtime.arbitration.command import Output
+from runtime.arbitration.emergency_stop import Cause, EmergencyStop
+from runtime.host.systemd import ServiceManager
 
 log = logging.getLogger("wallride.health")
 

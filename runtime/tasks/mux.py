@@ -5,13 +5,13 @@ from collections.abc import Callable
 from typing import Never
 
 from drivers.api import Clock, Motor
-from runtime.command import Decision, Output, Source, arbitrate
+from runtime.arbitration.command import Decision, Output, Source, arbitrate
+from runtime.arbitration.command_queue import Voices
 from runtime.control.limiter import Limiter
-from runtime.metronome import Tick
-from runtime.recording.tape import Tape
-from runtime.screen_words import because
-from runtime.stage_clock import StageClock
-from runtime.voices import Voices
+from runtime.realtime.periodic import Tick
+from runtime.realtime.stage_timing import StageClock
+from runtime.recording.decision_log import Tape
+from runtime.telemetry.screen_words import because
 
 log = logging.getLogger("wallride.mux")
 

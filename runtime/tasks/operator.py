@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Final
 
 from drivers.api import Motor
-from runtime.operator_desk import OperatorDesk
+from runtime.teleop.desk import OperatorDesk
 
 EVERY_UNHEARD: Final = 3
 """While no operator speaks, only every third beat is sent: enough to see the car and to speak to it, for a third of the

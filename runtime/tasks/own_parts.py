@@ -8,14 +8,14 @@ from typing import Any, Never
 import numpy as np
 
 from drivers.api import Clock, Scan
-from runtime import own_parts_memory as memory
-from runtime import wire
-from runtime.bus import RefusedError
-from runtime.control.geometry import bearings_rad
 from runtime.control.live_laws import LiveLaws
-from runtime.control.own_parts import KnownParts
-from runtime.control.smudges import patches
-from runtime.own_parts_memory import Remembered
+from runtime.control.perception.geometry import bearings_rad
+from runtime.control.perception.own_parts import KnownParts
+from runtime.control.perception.window_dirt import patches
+from runtime.recording import own_parts_memory as memory
+from runtime.recording.own_parts_memory import Remembered
+from runtime.wire import topics
+from runtime.wire.bus import RefusedError
 
 LOOKS_EVERY_S = 2.0
 UNCHANGED_S = 10.0
@@ -92,12 +92,12 @@ class OwnPartsKeeper:
 
     def answer_show(self, _payload: bytes) -> bytes:
         """Return the status, for `wallride own-parts show`."""
-        return wire.encode(self.status())
+        return topics.encode(self.status())
 
     def answer_forget(self, _payload: bytes) -> bytes:
         """Forget, and return the status; for `wallride own-parts forget`."""
         self.forget()
-        return wire.encode(self.status())
+        return topics.encode(self.status())
 
     def _hand_over(self, known: KnownParts | None) -> None:
         self._laws.remember_own_parts(known)

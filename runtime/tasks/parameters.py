@@ -6,13 +6,13 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Never, Protocol
 
-from runtime import wire
-from runtime.bus import RefusedError
-from runtime.parameter_desk import ParameterDesk
-from runtime.parameter_history import Change, History
-from runtime.parameter_plan import UnacceptableError
-from runtime.parameter_store import StoreError, replace
-from runtime.parameters import shown
+from runtime.parameters.catalogue import shown
+from runtime.parameters.file import StoreError, replace
+from runtime.parameters.history import Change, History
+from runtime.parameters.server import ParameterDesk
+from runtime.parameters.update import UnacceptableError
+from runtime.wire import topics
+from runtime.wire.bus import RefusedError
 
 log = logging.getLogger("wallride.parameters")
 
@@ -40,7 +40,7 @@ def serve(bus: Answering, car: str, desk: ParameterDesk) -> None:
         "history": _refusing(desk.past),
     }
     for name, reply in replies.items():
-        bus.answer(wire.key(car, f"{wire.PARAM}/{name}"), reply)
+        bus.answer(topics.key(car, f"{topics.PARAM}/{name}"), reply)
 
 
 async def keep_history(history: History, file: Path | None) -> Never:

@@ -12,14 +12,14 @@ from typing import Any, Protocol, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from runtime import wire
-from runtime.bus import RefusedError
-from runtime.recording import questions
+from runtime.recording import requests
 from runtime.recording.disk import explain
-from runtime.recording.questions import GetQuestion, ListQuestion, RecordQuestion, TrimQuestion
 from runtime.recording.recorder import Recorder
 from runtime.recording.recover import file_state
+from runtime.recording.requests import GetQuestion, ListQuestion, RecordQuestion, TrimQuestion
 from runtime.recording.ring import MB, entries, parse, trim
+from runtime.wire import topics
+from runtime.wire.bus import RefusedError
 
 BEGINS_WITHIN_S = 1.0
 LOOK_EVERY_S = 0.05
@@ -44,13 +44,13 @@ def serve(bus: Answering, car: str, recorder: Recorder) -> None:
     """Answer `record` and `logs/list|get|trim` of a car."""
     library = Library(recorder)
     replies: dict[str, Reply] = {
-        questions.RECORD: library.record,
-        questions.LIST: library.list_all,
-        questions.GET: library.get,
-        questions.TRIM: library.trim,
+        requests.RECORD: library.record,
+        requests.LIST: library.list_all,
+        requests.GET: library.get,
+        requests.TRIM: library.trim,
     }
     for name, reply in replies.items():
-        bus.answer(wire.key(car, name), reply)
+        bus.answer(topics.key(car, name), reply)
 
 
 class Library:
@@ -72,12 +72,12 @@ class Library:
                 if self._recorder.status()["on"] is wish:
                     break
                 await asyncio.sleep(LOOK_EVERY_S)
-        return wire.encode(self._recorder.status())
+        return topics.encode(self._recorder.status())
 
     async def list_all(self, payload: bytes) -> bytes:
         """Return every recording, oldest first."""
         _read(ListQuestion, payload)
-        return wire.encode(await self._in_turn(lambda: _listing(self._recorder.folder)))
+        return topics.encode(await self._in_turn(lambda: _listing(self._recorder.folder)))
 
     async def get(self, payload: bytes) -> bytes:
         """Return a piece of a file: fewer bytes than asked for at its end, none behind it."""
@@ -91,7 +91,7 @@ class Library:
         """Delete the oldest files; returns the names of those that went."""
         question = _read(TrimQuestion, payload)
         gone = await self._in_turn(lambda: trim(self._recorder.folder, question.keep_mb * MB))
-        return wire.encode({"deleted": [entry.name for entry in gone]})
+        return topics.encode({"deleted": [entry.name for entry in gone]})
 
     async def _in_turn(self, read: Callable[[], T]) -> T:
         """Read in a thread, one question after the other, with a pause after each."""
@@ -140,7 +140,7 @@ def _why(error: OSError) -> str:
 
 
 def _read(form: type[Q], payload: bytes) -> Q:
-    if len(payload) > questions.LONGEST_QUESTION_B:
+    if len(payload) > requests.LONGEST_QUESTION_B:
         raise RefusedError("the question is too long")
     try:
         return form.model_validate_json(payload or b"{}")

@@ -15,23 +15,25 @@ from functools import partial
 from typing import Any, Literal, Never
 
 from drivers.api import Scan
-from runtime import snapshot, wire
-from runtime.car_settings import CarSettings
-from runtime.command import Output
+from runtime.arbitration.command import Output
 from runtime.control.guidance import Guidance
-from runtime.control.odometry import Odometry
+from runtime.control.perception.odometry import Odometry
+from runtime.control.vehicle import CarSettings
+from runtime.realtime.wall_clock import WallClock
 from runtime.ros.definitions import TYPES
 from runtime.ros.messages import Floats
-from runtime.sinks import Sink
-from runtime.snapshot import Observed
-from runtime.topic_writers import Message, Newest, TopicWriters, Vector
-from runtime.wall_clock import WallClock
+from runtime.telemetry import status as car_status
+from runtime.telemetry.sinks import Sink
+from runtime.telemetry.status import Observed
+from runtime.telemetry.topic_writers import Message, Newest, TopicWriters, Vector
+from runtime.wire import topics
 
-BY_SCAN = (wire.SCAN,)
-BY_GUIDANCE = (wire.WALL,)
-BY_MOTOR = (wire.ODOM, wire.TF, wire.MOTOR, wire.BATTERY)
+BY_SCAN = (topics.SCAN,)
+BY_GUIDANCE = (topics.WALL,)
+BY_MOTOR = (topics.ODOM, topics.TF, topics.MOTOR, topics.BATTERY)
 BY_OUTPUT = (
-    wire.DECISION, wire.STATUS, wire.SAFETY, wire.NAVIGATION, wire.TELEOP, wire.FOOTPRINT, wire.DIAGNOSTICS,
+    topics.DECISION, topics.STATUS, topics.SAFETY, topics.NAVIGATION, topics.TELEOP, topics.FOOTPRINT,
+    topics.DIAGNOSTICS,
 )  # fmt: skip
 BURST_PERIOD_S = 0.04
 """Decisions come every 20 or 25 ms, so that every second one begins a burst: 20 or 25 a second."""
@@ -64,7 +66,7 @@ class Telemetry:
         ball_m: Callable[[], Floats | None] = lambda: None,
     ) -> None:
         self.sinks = list(sinks)
-        self.journey = snapshot.Journey(observed.clock())
+        self.journey = car_status.Journey(observed.clock())
         self._observed = observed
         self._newest = Newest()
         self._writers = TopicWriters(
@@ -93,12 +95,12 @@ class Telemetry:
         self._newest.guided = (scan, guidance)
         self.journey.scans += 1
         self.journey.score.add(guidance.error_m)
-        self._each.append((wire.DISTANCE_ERROR, scan.stamp_s, partial(self._writers.distance_error, scan, guidance)))
+        self._each.append((topics.DISTANCE_ERROR, scan.stamp_s, partial(self._writers.distance_error, scan, guidance)))
         self._note(BY_GUIDANCE)
 
     def on_imu(self, stamp_s: float, turn_radps: Vector, acceleration_mps2: Vector) -> None:
         """Note an inertial measurement in base_link."""
-        self._each.append((wire.IMU, stamp_s, partial(self._writers.imu, stamp_s, turn_radps, acceleration_mps2)))
+        self._each.append((topics.IMU, stamp_s, partial(self._writers.imu, stamp_s, turn_radps, acceleration_mps2)))
 
     def on_output(self, output: Output) -> None:
         """Note a decision, which the motor has already, and let the writing begin."""
@@ -117,8 +119,8 @@ class Telemetry:
         mind = (decision.winner, decision.driver, decision.reason, output.delivered)
         if mind != self._mind:
             self._mind = mind
-            self._changes.append((wire.DECISION, output.stamp_s, partial(self._writers.decision, output)))
-        self._each.append((wire.OUTPUT, output.stamp_s, partial(self._writers.output, output)))
+            self._changes.append((topics.DECISION, output.stamp_s, partial(self._writers.decision, output)))
+        self._each.append((topics.OUTPUT, output.stamp_s, partial(self._writers.output, output)))
         self._newest.output = output
         self._note(BY_OUTPUT)
         if self._changes or output.stamp_s - self._burst_s >= BURST_PERIOD_S:
@@ -147,10 +149,10 @@ class Telemetry:
 
     def status(self) -> dict[str, Any]:
         """Return the answer to "why is it (not) moving"."""
-        return snapshot.status(self._observed, self._newest.output, self.journey)
+        return car_status.status(self._observed, self._newest.output, self.journey)
 
-    def _note(self, topics: Sequence[str]) -> None:
-        for topic in topics:
+    def _note(self, names: Sequence[str]) -> None:
+        for topic in names:
             self._news[topic] = None
 
     def _due(self, now_s: float) -> Iterator[tuple[_Waiting, bool]]:

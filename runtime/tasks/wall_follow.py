@@ -4,11 +4,11 @@ from collections.abc import Callable
 from typing import Never
 
 from drivers.api import Drive, Motor, Scan
-from runtime.command import DriveWord, Source
+from runtime.arbitration.command import DriveWord, Source
+from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.queues import Inbox
 from runtime.control.guidance import Follower, Guidance
-from runtime.queues import Inbox
-from runtime.stage_clock import Stage
-from runtime.voices import Voices
+from runtime.realtime.stage_timing import Stage
 
 
 async def follow(

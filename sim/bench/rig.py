@@ -16,7 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
-from runtime.bus import free_endpoint
+from runtime.wire.bus import free_endpoint
 from sim.bench.course import Course
 from sim.bench.devices import Command, LidarPort, MotorPort, Ports
 from sim.bench.doors import TcpDoor

@@ -7,8 +7,8 @@ import time
 from collections import Counter
 from typing import Any
 
-from runtime import wire, zenoh_config
-from runtime.bus import Bus
+from runtime.wire import topics, zenoh_config
+from runtime.wire.bus import Bus
 
 
 async def listen(endpoint: str, car: str) -> dict[str, Any]:
@@ -26,7 +26,7 @@ async def listen(endpoint: str, car: str) -> dict[str, Any]:
         if key.endswith("/status"):
             statuses[1:] = [payload]
 
-    bus.subscribe(wire.key(car, "*"), hear)
+    bus.subscribe(topics.key(car, "*"), hear)
     began_s = time.monotonic()
     await asyncio.to_thread(sys.stdin.read)
     seconds = time.monotonic() - began_s

@@ -5,8 +5,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from sim.own_parts import kind_of
-from sim.pose import Side
+from sim.world.own_parts import kind_of
+from sim.world.pose import Side
 
 DESIRED_M = 1.0
 """Distance to the wall that is asked for where nothing else is said."""

@@ -19,9 +19,9 @@ from sim.lab.cell import DESIRED_M, Cell, Choice, Figures, Tabled
 from sim.lab.laps import maps_in
 from sim.lab.pool import experiment, measure_all
 from sim.lab.recordings import ENDINGS, recordings_in
-from sim.map_file import check_map
-from sim.own_parts import OWN_PARTS
-from sim.pose import Side
+from sim.world.map_file import check_map
+from sim.world.own_parts import OWN_PARTS
+from sim.world.pose import Side
 
 USAGE_ERROR = 2
 INTERRUPTED = 130

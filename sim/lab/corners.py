@@ -14,15 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.closed_loop import Case, Run, drive
+from sim.car.vehicle import VehicleSettings
 from sim.lab import laws
-from sim.lab.building_places import Place, building, is_held_out, places_on
 from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
+from sim.lab.courses.building_places import Place, building, is_held_out, places_on
 from sim.lab.figures import Row, chosen, common, distinct, errors, number, text
-from sim.pose import Pose, Side
-from sim.segments import SegmentGeometry, chain
-from sim.vehicle import VehicleSettings
-from sim.world import World
+from sim.virtual.closed_loop import Case, Run, drive
+from sim.world.place import World
+from sim.world.pose import Pose, Side
+from sim.world.segments import SegmentGeometry, chain
 
 WAY_M = 9.0
 FASTEST_MPS = 3.0

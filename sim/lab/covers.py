@@ -12,18 +12,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.api import MotorState, Scan
-from runtime.command import Outlook, Verdict
+from runtime.arbitration.command import Outlook, Verdict
 from runtime.control.guidance import Guard
-from sim.beams import NO_RETURN_MM, LidarSettings, Millimetres
-from sim.closed_loop import ROUGH_BEAMS, Case, Run, drive
+from sim.car.vehicle import GRAVITY_MPS2, VehicleSettings
 from sim.lab import laws
 from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
-from sim.lab.courses import world_of
+from sim.lab.courses.walls import world_of
 from sim.lab.figures import TOUCH_ABOVE_MPS, Row, chosen, common, distinct, number, text, worst
 from sim.lab.safety import stopping_m
-from sim.obstacles import Motion, Obstacle, Round, Standing, person
-from sim.pose import CAR, Pose
-from sim.vehicle import GRAVITY_MPS2, VehicleSettings
+from sim.virtual.closed_loop import ROUGH_BEAMS, Case, Run, drive
+from sim.world.beams import NO_RETURN_MM, LidarSettings, Millimetres
+from sim.world.obstacles import Motion, Obstacle, Round, Standing, person
+from sim.world.pose import CAR, Pose
 
 COVERS_MM = (3, 30, 60, 85, 100, 120, 140, 160, 170, None)
 """What the covered beams read; None: nothing."""

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from runtime.command import Source
-from sim.closed_loop import Run
+from runtime.arbitration.command import Source
 from sim.lab.cell import Figures
-from sim.pose import Floats
+from sim.virtual.closed_loop import Run
+from sim.world.pose import Floats
 
 SETTLE_BAND_M = 0.05
 STEADY_WAY = 0.25

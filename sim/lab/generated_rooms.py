@@ -8,15 +8,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sim.closed_loop import Case, Run, drive
-from sim.generated_rooms import generated_room, kind_of
+from sim.car.vehicle import VehicleSettings
 from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
 from sim.lab.figures import Row, chosen, common, distinct, mean, number, text, worst
 from sim.lab.rooms import GIVEN_UP_S, STANDS_BELOW_MPS, STUCK_S, build, tries
-from sim.pose import Pose
-from sim.segments import SegmentGeometry
-from sim.vehicle import VehicleSettings
-from sim.way_on import way_on
+from sim.virtual.closed_loop import Case, Run, drive
+from sim.virtual.way_on import way_on
+from sim.world.generated_rooms import generated_room, kind_of
+from sim.world.pose import Pose
+from sim.world.segments import SegmentGeometry
 
 DURATION_S = 60.0
 FASTEST_MPS = 3.0

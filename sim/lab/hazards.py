@@ -8,16 +8,16 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from sim.closed_loop import Case, Run, drive
+from sim.car.vehicle import VehicleSettings
 from sim.lab import laws
 from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
-from sim.lab.courses import COURSES, SLANT_RAD, STRAIGHT_COURSES, case_of, with_own_parts, world_of
+from sim.lab.courses.sudden import Blind
+from sim.lab.courses.walls import COURSES, SLANT_RAD, STRAIGHT_COURSES, case_of, with_own_parts, world_of
 from sim.lab.figures import Row, chosen, common, distinct, text
 from sim.lab.limits import limit_m
-from sim.lab.sudden import Blind
-from sim.obstacles import Box, Motion, Obstacle, Round, Standing, person, pole
-from sim.pose import CAR, Pose
-from sim.vehicle import VehicleSettings
+from sim.virtual.closed_loop import Case, Run, drive
+from sim.world.obstacles import Box, Motion, Obstacle, Round, Standing, person, pole
+from sim.world.pose import CAR, Pose
 
 NORMAL = "normal "
 AT_M = 4.0

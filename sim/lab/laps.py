@@ -4,17 +4,17 @@ from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
-from sim.closed_loop import Case, Run, drive
-from sim.generated_tracks import generated_track
+from sim.car.vehicle import VehicleSettings
 from sim.lab import laws
 from sim.lab.cell import DESIRED_M, Cell, Choice, Experiment, Figures, Tabled
-from sim.lab.courses import with_own_parts
+from sim.lab.courses.walls import with_own_parts
 from sim.lab.figures import Row, chosen, common, distinct, errors, mean, number, text
-from sim.lap import LapCounter
-from sim.pose import Side
-from sim.vehicle import VehicleSettings
-from sim.world import World
-from sim.worlds import load_world
+from sim.virtual.closed_loop import Case, Run, drive
+from sim.world.generated_tracks import generated_track
+from sim.world.lap import LapCounter
+from sim.world.place import World
+from sim.world.pose import Side
+from sim.world.worlds import load_world
 
 LOOPS = ("loop", "loop_inner")
 GENERATED = ("generated outer", "generated inner")

@@ -6,10 +6,10 @@
 
 from runtime.control import methods
 from runtime.control.guidance import Follower, Guard
-from runtime.control.perception import Eyes
-from runtime.settings import load_settings
-from sim.lab.prototype import Prototype
-from sim.pose import Side
+from runtime.control.perception.view import Eyes
+from runtime.settings.tree import load_settings
+from sim.lab.courses.prototype import Prototype
+from sim.world.pose import Side
 
 GUARD_OF = {"report": "report", "ball": "swept", "prototype": "swept"}
 """Every follower, and the guard that it has on the car."""

@@ -27,10 +27,10 @@ import numpy as np
 from scipy.optimize import linprog
 from scipy.sparse import csr_array, eye_array, hstack, vstack
 
-from sim.pose import CAR, Floats, Pose
-from sim.segments import SegmentGeometry
-from sim.vehicle import GRAVITY_MPS2, SpeedDemand, Vehicle
-from sim.vehicle_settings import VehicleSettings
+from sim.car.vehicle import GRAVITY_MPS2, SpeedDemand, Vehicle
+from sim.car.vehicle_settings import VehicleSettings
+from sim.world.pose import CAR, Floats, Pose
+from sim.world.segments import SegmentGeometry
 
 KNOT_M = 0.1
 """Way between two points of the steering, which is linear between them."""

@@ -12,7 +12,7 @@ from itertools import product
 from pathlib import Path
 
 from sim.lab.cell import DESIRED_M
-from sim.lab.courses import COURSES, REPORT_COURSES, limit_task
+from sim.lab.courses.walls import COURSES, REPORT_COURSES, limit_task
 from sim.lab.limit import Task, driven_mean_error_m, least_mean_error_m
 
 FILE = Path(__file__).with_name("limits.json")

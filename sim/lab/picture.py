@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.drawing import save_plot
+from sim.figures.drawing import save_plot
 from sim.lab.cell import Cell, Figures
 
 

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
-from sim.lab.episodes import episodes
 from sim.lab.figures import Row, number, text
-from sim.lab.reenact import reenact, run_at_wall
-from sim.lab.replay import Replay, better_side, jumps, noise, replay
+from sim.lab.recorded.episodes import episodes
+from sim.lab.recorded.reenact import reenact, run_at_wall
+from sim.lab.recorded.replay import Replay, better_side, jumps, noise, replay
 from sim.recordings import Recording, RecordingError, load_recording
 
 FOREIGN_SHARE = 0.05
@@ -220,7 +220,7 @@ def plot(folder: Path, cell: Cell, figures: Figures) -> None:
     """Draw every interference, and the window where anything is said about it."""
     if figures["skipped"]:
         return
-    from sim.lab.recording_pictures import save_episode, save_window  # drawing is slow to load, and seldom asked for
+    from sim.lab.recorded.recording_pictures import save_episode, save_window
 
     done = run(cell)
     for place, episode in enumerate(episodes(done)):

@@ -14,17 +14,17 @@ import numpy as np
 
 from runtime.control import methods
 from runtime.control.guidance import Follower, Guard
-from runtime.settings import load_settings
-from sim.closed_loop import Case, Run, drive
+from runtime.settings.tree import load_settings
+from sim.car.vehicle import GRAVITY_MPS2, VehicleSettings
 from sim.lab import laws
 from sim.lab.cell import DESIRED_M, Cell, Choice, Experiment, Figures, Tabled
-from sim.lab.courses import world_of
+from sim.lab.courses.walls import world_of
 from sim.lab.figures import Row, chosen, common, distinct, mean, number, text, worst
 from sim.lab.safety import stopping_m
-from sim.obstacles import Motion, Obstacle, Round, Standing, person
-from sim.pose import CAR, Booleans, Floats, Pose
-from sim.vehicle import GRAVITY_MPS2, VehicleSettings
-from sim.worlds import load_world
+from sim.virtual.closed_loop import Case, Run, drive
+from sim.world.obstacles import Motion, Obstacle, Round, Standing, person
+from sim.world.pose import CAR, Booleans, Floats, Pose
+from sim.world.worlds import load_world
 
 ROOMS = 12
 CLUTTER_S = 60.0

@@ -16,14 +16,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sim.closed_loop import Run, drive
+from sim.car.vehicle import GRAVITY_MPS2
 from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
-from sim.lab.courses import with_own_parts
+from sim.lab.courses.sudden import FullBrake, Sudden, case_of, laws_of, scenarios
+from sim.lab.courses.walls import with_own_parts
 from sim.lab.figures import Row, chosen, common, distinct, number, worst
-from sim.lab.sudden import FullBrake, Sudden, case_of, laws_of, scenarios
-from sim.obstacles import LIDAR_AHEAD_M
-from sim.pose import CAR
-from sim.vehicle import GRAVITY_MPS2
+from sim.virtual.closed_loop import Run, drive
+from sim.world.obstacles import LIDAR_AHEAD_M
+from sim.world.pose import CAR
 
 DISTANCES_M = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 EXCESS_MPS = 0.15

@@ -15,20 +15,20 @@ import numpy as np
 
 from drivers.api import Drive
 from runtime.app import Car
-from runtime.command import DriveWord, Source
-from runtime.settings import Settings
-from sim.beams import LidarSettings
+from runtime.arbitration.command import DriveWord, Source
+from runtime.settings.tree import Settings
 from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
-from sim.lab.courses import SMUDGES
+from sim.lab.courses.walls import SMUDGES
 from sim.lab.covers import Cover
 from sim.lab.figures import TOUCH_ABOVE_MPS, Row, number, text
-from sim.lap import LapCounter
-from sim.obstacles import Motion, Obstacle, person, sudden_box
-from sim.pose import Pose
-from sim.twin_world import UNPLUGGED_AFTER_S, TwinWorld, WorldLidar, WorldMotor
-from sim.twins import MemoryBus
-from sim.virtual_time import run_virtual
-from sim.worlds import load_world
+from sim.virtual.devices import MemoryBus
+from sim.virtual.twin_world import UNPLUGGED_AFTER_S, TwinWorld, WorldLidar, WorldMotor
+from sim.virtual.virtual_time import run_virtual
+from sim.world.beams import LidarSettings
+from sim.world.lap import LapCounter
+from sim.world.obstacles import Motion, Obstacle, person, sudden_box
+from sim.world.pose import Pose
+from sim.world.worlds import load_world
 
 STANDS_BELOW_MPS, GOES_ABOVE_MPS = 0.05, 0.25
 SAMPLED_EVERY_S = 0.025

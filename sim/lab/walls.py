@@ -4,12 +4,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from sim.closed_loop import Run, drive
 from sim.lab import laws
 from sim.lab.cell import DESIRED_M, Cell, Choice, Experiment, Figures, Tabled
-from sim.lab.courses import ALL_COURSES, STRAIGHT_COURSES, case_of, with_own_parts
+from sim.lab.courses.walls import ALL_COURSES, STRAIGHT_COURSES, case_of, with_own_parts
 from sim.lab.figures import Row, chosen, common, distinct, errors, mean, number, text, worst
 from sim.lab.limits import DRIVEN_MU, REFERENCE_M, limit_m
+from sim.virtual.closed_loop import Run, drive
 
 LOST_ABOVE_M = 0.5
 """A run that ends so far off has lost its wall."""

@@ -10,16 +10,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from drivers.api import MotorState, Scan
-from runtime.command import Outlook
-from runtime.control.freeing import Lookout
-from sim.beams import LidarSettings
-from sim.closed_loop import Case, Run, drive
+from runtime.arbitration.command import Outlook
+from runtime.control.recovery.recovering_follower import Lookout
+from sim.car.vehicle import VehicleSettings
 from sim.lab import laws
 from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
-from sim.lab.courses import world_of
+from sim.lab.courses.walls import world_of
 from sim.lab.figures import Row, chosen, common, distinct, mean, number, text, worst
-from sim.pose import Booleans, Side
-from sim.vehicle import VehicleSettings
+from sim.virtual.closed_loop import Case, Run, drive
+from sim.world.beams import LidarSettings
+from sim.world.pose import Booleans, Side
 
 Sectors = tuple[tuple[float, float, float], ...]
 WINDOWS: dict[str, Sectors] = {

@@ -13,10 +13,10 @@ from rich.table import Table
 
 from runtime import kernel
 from sim.replay.drive_log import DriveLog, is_mcap, read_log
+from sim.replay.figures import numbers, stops
 from sim.replay.opening import open_any
 from sim.replay.reenact import Verdict, reenact
-from sim.run_report.figures import numbers, stops
-from sim.run_report.run import Run, run_of
+from sim.replay.run import Run, run_of
 
 SAME, DIFFERS, CHANGED = 0, 1, 3
 SHOWN_STOPS = 30

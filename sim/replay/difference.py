@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 
-from runtime.command import Output, Source
+from runtime.arbitration.command import Output, Source
 from runtime.control.guidance import Guidance
 
 ROUNDING = 1e-9

@@ -13,18 +13,18 @@ from typing import Never
 import numpy as np
 
 from drivers.api import Health, LinkState, MotorState, Scan
-from runtime import wire
-from runtime.command import Output, Source, consent
+from runtime.arbitration.command import Output, Source, consent
 from runtime.control.guidance import Guidance
-from runtime.control.odometry import Odometry
+from runtime.control.perception.odometry import Odometry
+from runtime.realtime.wall_clock import WallClock
 from runtime.ros.definitions import TYPES
-from runtime.settings import Settings, load_settings, to_toml
-from runtime.snapshot import Journey, Observed
-from runtime.topic_writers import Newest, TopicWriters
-from runtime.wall_clock import WallClock
+from runtime.settings.tree import Settings, load_settings, to_toml
+from runtime.telemetry.status import Journey, Observed
+from runtime.telemetry.topic_writers import Newest, TopicWriters
+from runtime.wire import topics
+from sim.lab.recorded.replay import better_side, motor_at, scans_of
+from sim.lab.recorded.scan_motion import motion_of
 from sim.lab.recordings import is_foreign
-from sim.lab.replay import better_side, motor_at, scans_of
-from sim.lab.scan_motion import motion_of
 from sim.recordings import OdometryTrack, Recording, RecordingError
 from sim.replay.drive_log import DriveLog, Message
 from sim.replay.stage import Stage
@@ -33,7 +33,16 @@ TICK_S = 0.02
 STATUS_EVERY_S = 0.1
 LONGEST_HOLE_S = 120.0
 ROUNDED_MPS = 0.05
-BY_SCAN = (wire.SCAN, wire.WALL, wire.FOOTPRINT, wire.NAVIGATION, wire.SAFETY, wire.ODOM, wire.TF, wire.MOTOR)
+BY_SCAN = (
+    topics.SCAN,
+    topics.WALL,
+    topics.FOOTPRINT,
+    topics.NAVIGATION,
+    topics.SAFETY,
+    topics.ODOM,
+    topics.TF,
+    topics.MOTOR,
+)
 ONLY_THE_WAY = "driven by somebody else; the words are ours"
 
 
@@ -129,13 +138,13 @@ class _Foreign:
         self._journey.pose = self._odometry.update(state)
         output = stage.step()
         self._decided(output)
-        self._keep(wire.DISTANCE_ERROR, self._writers.distance_error(scan, guidance))
+        self._keep(topics.DISTANCE_ERROR, self._writers.distance_error(scan, guidance))
         for topic in BY_SCAN:
             self._write(topic)
-        self._keep(wire.OUTPUT, self._writers.output(output))
+        self._keep(topics.OUTPUT, self._writers.output(output))
         if stage.now_s - self._status_s >= STATUS_EVERY_S:
             self._status_s = stage.now_s
-            self._write(wire.STATUS)
+            self._write(topics.STATUS)
 
     def _decided(self, output: Output) -> None:
         self._newest.output = output
@@ -143,7 +152,7 @@ class _Foreign:
         mind = (decision.winner, decision.driver, decision.reason)
         if mind != self._mind:
             self._mind = mind
-            self._write(wire.DECISION)
+            self._write(topics.DECISION)
 
     def _write(self, topic: str) -> None:
         self._keep(topic, self._writers.write(topic))

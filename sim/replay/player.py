@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from drivers.api import Clock
-from runtime import wire
 from runtime.ros.definitions import TYPES
+from runtime.wire import topics
 from sim.replay.drive_log import NS, DriveLog, Message
 
-PLAYED = frozenset({*TYPES, wire.STATUS, wire.DECISION})
+PLAYED = frozenset({*TYPES, topics.STATUS, topics.DECISION})
 """Telemetry; the tape, settings and log lines of a recording are nobody's topic."""
 SLOWEST, FASTEST = 0.05, 50.0
 LONGEST_STEP_S = 0.5

@@ -13,10 +13,10 @@ import sys
 import time
 from collections.abc import Callable
 
-from runtime import wire, zenoh_config
-from runtime.bus import Bus, RefusedError
-from runtime.endpoints import split_endpoint
 from runtime.ros.definitions import encoding
+from runtime.wire import topics, zenoh_config
+from runtime.wire.bus import Bus, RefusedError
+from runtime.wire.endpoints import split_endpoint
 from sim.recordings import RecordingError
 from sim.replay.drive_log import Message
 from sim.replay.keys import names, press, single_keys
@@ -56,13 +56,13 @@ class Broadcast:
         self._car = car
         self.bus = Bus(zenoh_config.car_config([listen], None, [], car))
         self._leave = asyncio.Event()
-        self._keys = {topic: (wire.key(car, topic), encoding(topic)) for topic in PLAYED}
+        self._keys = {topic: (topics.key(car, topic), encoding(topic)) for topic in PLAYED}
 
     async def run(self) -> int:
         """Publish until the end."""
         bus, car = self.bus, self._car
-        bus.announce(wire.key(car, wire.ALIVE))
-        bus.answer(wire.key(car, REPLAY), self.answer)
+        bus.announce(topics.key(car, topics.ALIVE))
+        bus.answer(topics.key(car, REPLAY), self.answer)
         await bus.open()
         restore = self._listen_to_keys()
         print(f"playing {car} on {bus.endpoint}, {self._player.duration_s:.1f} s", flush=True)  # noqa: T201
@@ -83,7 +83,7 @@ class Broadcast:
             self._player.obey(json.loads(payload or b"{}"))
         except ValueError as error:
             raise RefusedError(str(error)) from None
-        return wire.encode(self._player.status())
+        return topics.encode(self._player.status())
 
     async def _play(self, *, is_watched: bool) -> None:
         player = self._player

@@ -18,16 +18,16 @@ import numpy as np
 from pydantic import ValidationError
 
 from drivers.api import Scan
-from runtime import wire
-from runtime.command import Output, Source
+from runtime.arbitration.command import Output, Source
+from runtime.arbitration.queues import NEVER_S
 from runtime.control.guidance import Guidance
 from runtime.control.method_settings import TAGS
-from runtime.queues import NEVER_S
 from runtime.recording.channels import TAPE
+from runtime.recording.decision_codec import TapeError, decode
+from runtime.recording.decision_log import LAWS, Event, Followed, Looked, Remembered, Scanned, Stepped, Tuned
 from runtime.recording.laws_fingerprint import laws_fingerprint
-from runtime.recording.tape import LAWS, Event, Followed, Looked, Remembered, Scanned, Stepped, Tuned
-from runtime.recording.tape_codec import TapeError, decode
-from runtime.settings import Settings
+from runtime.settings.tree import Settings
+from runtime.wire import topics
 from sim.recordings import RecordingError
 from sim.replay import difference
 from sim.replay.decode import decode as decode_message
@@ -278,7 +278,7 @@ class _Ranges:
     """The recorded scans by their numbers, decoded when they are wanted. missing: how many were wanted in vain."""
 
     def __init__(self, log: DriveLog) -> None:
-        self._messages = {message.sequence: message for message in log.of(wire.SCAN)}
+        self._messages = {message.sequence: message for message in log.of(topics.SCAN)}
         self.missing = 0
 
     def of(self, sequence: int, beams: int) -> "np.ndarray[Any, np.dtype[np.float32]] | None":

@@ -4,7 +4,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from runtime.settings import Settings, SettingsError, load_settings, to_toml
+from runtime.settings.tree import Settings, SettingsError, load_settings, to_toml
 from sim.replay.drive_log import DriveLog
 
 

@@ -8,15 +8,15 @@ from typing import Never
 
 from drivers.api import Clock, Drive, Health, LinkState, MotorState, Scan
 from runtime.app import REQUIRED
-from runtime.car_settings import CarSettings
-from runtime.command import CapWord, DriveWord, Outlook, Output, Source
+from runtime.arbitration.command import CapWord, DriveWord, Outlook, Output, Source
+from runtime.arbitration.command_queue import Voices
 from runtime.control.guidance import Guidance
 from runtime.control.limiter import Limiter, Limits
 from runtime.control.live_laws import LiveLaws
-from runtime.settings import Settings
-from runtime.stage_clock import StageClock
+from runtime.control.vehicle import CarSettings
+from runtime.realtime.stage_timing import StageClock
+from runtime.settings.tree import Settings
 from runtime.tasks.mux import Mux
-from runtime.voices import Voices
 
 AT_ONCE_S = 1e9
 """So long after the last drive every other one may be sent."""

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from sim.recordings import RecordingError
+from sim.replay.figures import numbers, truth_of
 from sim.replay.opening import Opened, open_any
-from sim.run_report.figures import numbers, truth_of
+from sim.replay.run import run_of
 from sim.run_report.page import page
-from sim.run_report.run import run_of
 
 
 def run(options: argparse.Namespace) -> int:

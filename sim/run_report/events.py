@@ -6,11 +6,11 @@ from html import escape
 
 import numpy as np
 
-from runtime.screen_words import because
-from sim.pose import Floats
+from runtime.telemetry.screen_words import because
+from sim.replay.figures import Stop, newest_change, points, slowed
+from sim.replay.run import Change, Run
 from sim.run_report.above import Above, from_above
-from sim.run_report.figures import Stop, newest_change, points, slowed
-from sim.run_report.run import Change, Run
+from sim.world.pose import Floats
 
 MOST_CARDS = 40
 CARD_PX, CARD_M = 250, 4.0

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from sim.pose import Floats
+from sim.figures.summary import SETTLE_BAND_M
+from sim.replay.figures import Stop, at_time, points, stops
+from sim.replay.run import Run
 from sim.run_report.above import Above, from_above
 from sim.run_report.charts import WIDTH, Line, Mark, histogram, over_time
 from sim.run_report.events import NOT_KNOWN, cards, stops_table, text
-from sim.run_report.figures import Stop, at_time, points, stops
-from sim.run_report.run import Run
-from sim.summary import SETTLE_BAND_M
+from sim.world.pose import Floats
 
 TALLEST_PATH_PX = 620
 MAP_EVERY_M = 0.5

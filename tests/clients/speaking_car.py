@@ -5,13 +5,13 @@ import asyncio
 import time
 from contextlib import asynccontextmanager
 
-from runtime import wire, zenoh_config
-from runtime.bus import Bus, free_endpoint
-from runtime.car_settings import CarSettings
-from runtime.sinks import ZenohSink
+from runtime.control.vehicle import CarSettings
+from runtime.realtime.wall_clock import WallClock
+from runtime.settings.telemetry import RatesHz
 from runtime.tasks.telemetry import Telemetry
-from runtime.telemetry_settings import RatesHz
-from runtime.wall_clock import WallClock
+from runtime.telemetry.sinks import ZenohSink
+from runtime.wire import topics, zenoh_config
+from runtime.wire.bus import Bus, free_endpoint
 from tests.runtime.observed import GUIDANCE, make_observed, output_of, scan_at, speak
 from wallride import topic_options
 
@@ -21,7 +21,7 @@ async def speaking_car(name="car1", rates=None, **verdict):
     """Yield the car's session; `verdict` goes to `speak`."""
     bus = Bus(zenoh_config.car_config([free_endpoint()], None, (), name))
     await bus.open()
-    bus.announce(wire.key(name, wire.ALIVE))
+    bus.announce(topics.key(name, topics.ALIVE))
     observed = make_observed(time.monotonic, link=lambda: {"endpoint": bus.endpoint})
     sink = ZenohSink(bus, name, rates or RatesHz())
     telemetry = Telemetry(

@@ -15,9 +15,9 @@ from clients.connection import (
     keys_of,
     open_bus,
 )
-from runtime import wire, zenoh_config
-from runtime.bus import BYTES, Bus, free_endpoint
-from runtime.teleop_wire import Beat, Condition
+from runtime.wire import topics, zenoh_config
+from runtime.wire.bus import BYTES, Bus, free_endpoint
+from runtime.wire.teleop import Beat, Condition
 from wallride.client_options import add_common
 
 
@@ -37,7 +37,7 @@ def options(*arguments):
 
 
 async def test_the_only_car_is_found_without_its_name(car):
-    car.announce(wire.key("car1", wire.ALIVE))
+    car.announce(topics.key("car1", topics.ALIVE))
     async with connected(options("--connect", car.endpoint)) as (bus, name):
         assert name == "car1"
         assert bus.is_open
@@ -45,13 +45,15 @@ async def test_the_only_car_is_found_without_its_name(car):
 
 
 async def test_only_the_start_of_the_car_that_is_meant_will_do(car):
-    car.announce(wire.key("car1", wire.ALIVE))
+    car.announce(topics.key("car1", topics.ALIVE))
 
     async def beat_on():
         number = 0
         while True:
             number += 1
-            car.put(wire.key("car1", wire.BEAT), Beat(0xCAFE, number, Condition(0)).pack(), encoding=BYTES, urgent=True)
+            car.put(
+                topics.key("car1", topics.BEAT), Beat(0xCAFE, number, Condition(0)).pack(), encoding=BYTES, urgent=True
+            )
             await asyncio.sleep(0.02)
 
     beating = asyncio.create_task(beat_on())
@@ -74,7 +76,7 @@ async def test_a_car_without_a_heartbeat_is_not_the_one_that_is_meant(car):
 
 async def test_of_several_cars_one_must_be_chosen(car):
     for name in ("car1", "car2"):
-        car.announce(wire.key(name, wire.ALIVE))
+        car.announce(topics.key(name, topics.ALIVE))
     bus = await open_bus(options("--connect", car.endpoint))
     with pytest.raises(ConnectionProblemError, match="car1, car2; choose with --car"):
         await find_car(bus, None)
@@ -86,7 +88,7 @@ async def test_a_car_that_is_not_there_is_named_and_so_are_those_that_are(car):
     bus = await open_bus(options("--connect", car.endpoint))
     with pytest.raises(ConnectionProblemError, match="a car is not there"):
         await find_car(bus, None, timeout_s=0.1)
-    car.announce(wire.key("car1", wire.ALIVE))
+    car.announce(topics.key("car1", topics.ALIVE))
     with pytest.raises(ConnectionProblemError, match=r"no car car9 at .*; there is car1"):
         await find_car(bus, "car9", timeout_s=0.5)
     with pytest.raises(ConnectionProblemError, match="is not a car's name"):

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from clients.decoding import UnreadableError, as_json, as_text, decode
-from runtime import wire
 from runtime.ros import messages
 from runtime.ros.definitions import TYPES
-from runtime.teleop_wire import Beat, Condition
+from runtime.wire import topics
+from runtime.wire.teleop import Beat, Condition
 from tests.runtime.ros.samples import SAMPLES
 
 
@@ -23,32 +23,32 @@ def test_every_topic_can_be_read_and_told(topic):
 
 
 def test_constants_of_a_type_are_not_told():
-    assert "POWER_SUPPLY" not in as_text(decode(wire.BATTERY, SAMPLES[wire.BATTERY]))
+    assert "POWER_SUPPLY" not in as_text(decode(topics.BATTERY, SAMPLES[topics.BATTERY]))
 
 
 def test_long_arrays_are_shortened_unless_asked_for():
-    scan = decode(wire.SCAN, SAMPLES[wire.SCAN])
+    scan = decode(topics.SCAN, SAMPLES[topics.SCAN])
     assert "... 1081 values]" in as_text(scan)
     assert as_text(scan, whole=True).count(",") > 1000
 
 
 def test_json_has_null_where_a_number_is_missing():
-    message = decode(wire.MOTOR, SAMPLES[wire.MOTOR])
+    message = decode(topics.MOTOR, SAMPLES[topics.MOTOR])
     assert math.isnan(message["velocity"][1])
     assert json.loads(as_json(message))["velocity"][1] is None
 
 
 def test_a_float32_is_told_as_it_was_meant():
-    assert decode(wire.OUTPUT, messages.ackermann(0, 0.1, -0.3))["drive"]["speed"] == 0.1
-    assert decode(wire.STATUS, b'{"nested":{"a":[0.10000000149011612]}}') == {"nested": {"a": [0.1]}}
+    assert decode(topics.OUTPUT, messages.ackermann(0, 0.1, -0.3))["drive"]["speed"] == 0.1
+    assert decode(topics.STATUS, b'{"nested":{"a":[0.10000000149011612]}}') == {"nested": {"a": [0.1]}}
 
 
 def test_a_heartbeat_is_read_too():
     beat = Beat(7, 8, Condition.PERMITTED, operator_name="anna")
-    assert decode(wire.BEAT, beat.pack())["operator_name"] == "anna"
+    assert decode(topics.BEAT, beat.pack())["operator_name"] == "anna"
 
 
-@given(st.sampled_from([*TYPES, wire.STATUS, wire.BEAT]), st.binary(max_size=80))
+@given(st.sampled_from([*TYPES, topics.STATUS, topics.BEAT]), st.binary(max_size=80))
 def test_nonsense_is_one_line(topic, payload):
     complaint = ""
     try:

@@ -6,11 +6,11 @@ import json
 
 import pytest
 
-from runtime import wire, zenoh_config
-from runtime.bus import Bus, free_endpoint
 from runtime.recording.channels import text_of
 from runtime.ros.definitions import TYPES, encoding
 from runtime.ros.messages import float32
+from runtime.wire import topics, zenoh_config
+from runtime.wire.bus import Bus, free_endpoint
 
 pytest.importorskip("foxglove", reason="the extra [foxglove] is not installed")
 aiohttp = pytest.importorskip("aiohttp", reason="the viewer of this test needs aiohttp")
@@ -23,7 +23,7 @@ MESSAGE_DATA, HEAD_B = 1, 1 + 4 + 8
 async def car():
     endpoint = free_endpoint()
     bus = Bus(zenoh_config.car_config([endpoint], None, (), "car1"))
-    bus.announce(wire.key("car1", wire.ALIVE))
+    bus.announce(topics.key("car1", topics.ALIVE))
     await bus.open()
     yield bus, endpoint
     await bus.close()
@@ -47,19 +47,19 @@ async def address(car):
 
 async def test_a_viewer_is_offered_everything_and_gets_the_cars_bytes(car, address):
     bus, _ = car
-    key, status_key = wire.key("car1", wire.DISTANCE_ERROR), wire.key("car1", wire.STATUS)
-    status = wire.encode({"state": "driving"})
+    key, status_key = topics.key("car1", topics.DISTANCE_ERROR), topics.key("car1", topics.STATUS)
+    status = topics.encode({"state": "driving"})
     async with aiohttp.ClientSession() as session, session.ws_connect(address, protocols=["foxglove.sdk.v1"]) as viewer:
         info, channels = {}, {}
         async with asyncio.timeout(15):
-            while set(channels) != {f"/{topic}" for topic in (*TYPES, wire.STATUS, wire.DECISION)}:
+            while set(channels) != {f"/{topic}" for topic in (*TYPES, topics.STATUS, topics.DECISION)}:
                 said = json.loads((await viewer.receive()).data)
                 info |= said if said["op"] == "serverInfo" else {}
                 channels |= {channel["topic"]: channel for channel in said.get("channels", [])}
         assert info["name"] == "car1"
         assert "clientPublish" not in info["capabilities"]
         assert channels["/scan"]["schemaName"] == "sensor_msgs/msg/LaserScan"
-        assert not bus.wanted(key, encoding=encoding(wire.DISTANCE_ERROR)), "nobody looks yet"
+        assert not bus.wanted(key, encoding=encoding(topics.DISTANCE_ERROR)), "nobody looks yet"
 
         ids = [channels[topic]["id"] for topic in ("/distance_error", "/status")]
         wishes = [{"id": place, "channelId": number} for place, number in enumerate(ids)]
@@ -67,7 +67,7 @@ async def test_a_viewer_is_offered_everything_and_gets_the_cars_bytes(car, addre
         heard = {}
         async with asyncio.timeout(15):
             while len(heard) < 2:
-                bus.put(key, float32(0.25), encoding=encoding(wire.DISTANCE_ERROR))
+                bus.put(key, float32(0.25), encoding=encoding(topics.DISTANCE_ERROR))
                 bus.put(status_key, status)
                 try:
                     frame = await viewer.receive(timeout=0.1)

@@ -9,14 +9,14 @@ import pytest
 
 from clients import logs
 from clients.connection import ConnectionProblemError
-from runtime import wire, zenoh_config
-from runtime.bus import Bus, RefusedError, free_endpoint
-from runtime.recording.questions import GET, LIST, RECORD, TRIM
+from runtime.realtime.wall_clock import WallClock
 from runtime.recording.recorder import Recorder
 from runtime.recording.recover import is_whole
-from runtime.recording_settings import RecordingSettings, recordings_folder
+from runtime.recording.requests import GET, LIST, RECORD, TRIM
+from runtime.settings.recording import RecordingSettings, recordings_folder
 from runtime.tasks import recorder as recorder_task
-from runtime.wall_clock import WallClock
+from runtime.wire import topics, zenoh_config
+from runtime.wire.bus import Bus, RefusedError, free_endpoint
 from wallride import logs_options
 
 
@@ -35,7 +35,7 @@ class Car:
 
     async def __aenter__(self):
         recorder_task.serve(self.bus, "car1", self.recorder)
-        self.bus.announce(wire.key("car1", wire.ALIVE))
+        self.bus.announce(topics.key("car1", topics.ALIVE))
         self.recorder.start()
         await self.bus.open()
         return self
@@ -58,7 +58,9 @@ class Car:
         assert (await self.run("record", "start"))[0] == 0
         name = self.recorder.status()["file"]
         for number in range(messages):
-            self.recorder.take(wire.STATUS, "", time.time(), json.dumps({"number": number, "fill": "x" * 200}).encode())
+            self.recorder.take(
+                topics.STATUS, "", time.time(), json.dumps({"number": number, "fill": "x" * 200}).encode()
+            )
         assert (await self.run("record", "stop"))[0] == 0
         return name
 
@@ -123,7 +125,7 @@ async def test_a_file_that_is_still_written_comes_as_far_as_it_is_and_whole(tmp_
     async with Car(tmp_path / "car") as car:
         await car.run("record", "start")
         for number in range(2000):
-            car.recorder.take(wire.STATUS, "", time.time(), b'{"number":%d}' % number)
+            car.recorder.take(topics.STATUS, "", time.time(), b'{"number":%d}' % number)
         await asyncio.sleep(0.8)  # it reaches the disk twice a second
         _, (path,) = await car.run("logs", "get", "-o", str(tmp_path))
         assert is_whole(type(tmp_path)(path))
@@ -140,7 +142,7 @@ async def test_no_name_leads_out_of_the_folder(tmp_path, name):
         client = Bus(zenoh_config.client_config(car.endpoint, None))
         await client.open()
         with pytest.raises(RefusedError, match="not the name of a recording"):
-            await client.ask(wire.key("car1", GET), json.dumps({"name": name, "offset": 0}).encode())
+            await client.ask(topics.key("car1", GET), json.dumps({"name": name, "offset": 0}).encode())
         await client.close()
 
 
@@ -153,8 +155,8 @@ async def test_a_link_in_the_folder_is_not_followed(tmp_path):
         client = Bus(zenoh_config.client_config(car.endpoint, None))
         await client.open()
         with pytest.raises(RefusedError):
-            await client.ask(wire.key("car1", GET), json.dumps({"name": link.name, "offset": 0}).encode())
-        assert json.loads((await client.ask(wire.key("car1", LIST)))[0])["files"] == []
+            await client.ask(topics.key("car1", GET), json.dumps({"name": link.name, "offset": 0}).encode())
+        assert json.loads((await client.ask(topics.key("car1", LIST)))[0])["files"] == []
         await client.close()
 
 
@@ -178,7 +180,7 @@ async def test_what_cannot_be_answered_is_refused(tmp_path, what, question):
         client = Bus(zenoh_config.client_config(car.endpoint, None))
         await client.open()
         with pytest.raises(RefusedError):
-            await client.ask(wire.key("car1", what), question)
+            await client.ask(topics.key("car1", what), question)
         await client.close()
 
 
@@ -193,8 +195,8 @@ async def test_a_car_cannot_choose_where_files_are_written_here(tmp_path):
     endpoint = free_endpoint()
     bus = Bus(zenoh_config.car_config([endpoint], None, (), "car1"))
     file = {"name": "../evil.mcap", "size_bytes": 1, "black_box": False, "reason": "", "state": "whole"}
-    bus.answer(wire.key("car1", LIST), lambda _: wire.encode({"folder": "/", "files": [file]}))
-    bus.announce(wire.key("car1", wire.ALIVE))
+    bus.answer(topics.key("car1", LIST), lambda _: topics.encode({"folder": "/", "files": [file]}))
+    bus.announce(topics.key("car1", topics.ALIVE))
     await bus.open()
     options = parsed("logs", "get", "--connect", endpoint, "-o", str(tmp_path / "here"))
     with pytest.raises(ConnectionProblemError, match="not the name of a recording"):

@@ -7,7 +7,7 @@ import pytest
 from clients import logs
 from clients.connection import ConnectionProblemError
 from runtime.recording.ring import MB, entries, folders, keep, trim
-from runtime.recording_settings import RecordingSettings, car_folder
+from runtime.settings.recording import RecordingSettings, car_folder
 from wallride import logs_options
 
 DRIVE = "20261121T084600Z-b0007-{:05d}.mcap"

@@ -7,12 +7,12 @@ import pytest
 
 from clients import parameters
 from clients.connection import ConnectionProblemError
-from runtime import wire, zenoh_config
-from runtime.bus import Bus, free_endpoint
-from runtime.parameter_desk import ParameterDesk, Surroundings
-from runtime.parameter_history import History
-from runtime.settings import Settings, load_settings
+from runtime.parameters.history import History
+from runtime.parameters.server import ParameterDesk, Surroundings
+from runtime.settings.tree import Settings, load_settings
 from runtime.tasks.parameters import serve
+from runtime.wire import topics, zenoh_config
+from runtime.wire.bus import Bus, free_endpoint
 from wallride import param_options
 
 
@@ -54,7 +54,7 @@ class Car:
 
     async def __aenter__(self):
         serve(self.bus, "car1", self.desk)
-        self.bus.announce(wire.key("car1", wire.ALIVE))
+        self.bus.announce(topics.key("car1", topics.ALIVE))
         await self.bus.open()
         return self
 
@@ -109,7 +109,7 @@ async def test_a_refusal_is_one_line_with_the_range(tmp_path):
 
 async def test_a_car_without_a_desk_is_said(tmp_path):
     car = Car(tmp_path)
-    car.bus.announce(wire.key("car1", wire.ALIVE))
+    car.bus.announce(topics.key("car1", topics.ALIVE))
     await car.bus.open()
     with pytest.raises(ConnectionProblemError, match="does not answer param/get"):
         await car.param("get", "wall_follow.kp")

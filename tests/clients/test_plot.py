@@ -9,12 +9,12 @@ import pytest
 from clients import plot
 from clients.connection import ConnectionProblemError
 from clients.plot import Curve, curve_of, drawing, number_at
-from runtime import wire, zenoh_config
-from runtime.bus import Bus, free_endpoint
 from runtime.ros.definitions import encoding
 from runtime.ros.messages import ackermann, float32
+from runtime.wire import topics, zenoh_config
+from runtime.wire.bus import Bus, free_endpoint
 
-STATUS = wire.encode({"scan_to_motor_ms": {"p99": 2.5}, "speed_mps": None, "state": "driving"})
+STATUS = topics.encode({"scan_to_motor_ms": {"p99": 2.5}, "speed_mps": None, "state": "driving"})
 
 
 @pytest.mark.parametrize(
@@ -98,18 +98,18 @@ def test_what_is_older_is_not_drawn():
 async def test_it_draws_a_car_on_the_air():
     endpoint = free_endpoint()
     car = Bus(zenoh_config.car_config([endpoint], None, (), "car1"))
-    car.announce(wire.key("car1", wire.ALIVE))
+    car.announce(topics.key("car1", topics.ALIVE))
     await car.open()
     said = []
     options = argparse.Namespace(
         topics=["distance_error"], seconds=1.0, once=True, car=None, connect=endpoint, session=None, keys=None,
         say=lambda text, end="\n": said.append(text),
     )  # fmt: skip
-    key = wire.key("car1", wire.DISTANCE_ERROR)
+    key = topics.key("car1", topics.DISTANCE_ERROR)
 
     async def speak():
         while True:
-            car.put(key, float32(0.5), encoding=encoding(wire.DISTANCE_ERROR))
+            car.put(key, float32(0.5), encoding=encoding(topics.DISTANCE_ERROR))
             await asyncio.sleep(0.02)
 
     speaking = asyncio.create_task(speak())

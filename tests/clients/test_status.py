@@ -9,13 +9,14 @@ import pytest
 from clients import status
 from clients.connection import ConnectionProblemError
 from clients.status import headline, screen
-from runtime import snapshot, wire
-from runtime.bus import Bus, free_endpoint
-from runtime.command import Source, Verdict, refusal
-from runtime.operator_view import OperatorView, Standing
-from runtime.snapshot import Journey
-from runtime.telemetry_settings import RatesHz
-from runtime.zenoh_config import car_config
+from runtime.arbitration.command import Source, Verdict, refusal
+from runtime.settings.telemetry import RatesHz
+from runtime.telemetry import status as car_status
+from runtime.telemetry.status import Journey
+from runtime.teleop.status import OperatorView, Standing
+from runtime.wire import topics
+from runtime.wire.bus import Bus, free_endpoint
+from runtime.wire.zenoh_config import car_config
 from tests.clients.speaking_car import options, speaking_car
 from tests.runtime.observed import HandClock, lose, make_observed, output_of, speak
 
@@ -27,7 +28,7 @@ VIEW = OperatorView(
 
 def arrived(observed, output):
     """Return a status as it comes off the wire."""
-    return wire.decode(wire.encode(snapshot.status(observed, output, Journey(0.0))))
+    return topics.decode(topics.encode(car_status.status(observed, output, Journey(0.0))))
 
 
 @pytest.fixture
@@ -123,7 +124,7 @@ async def test_a_car_whose_status_is_turned_off_is_explained(monkeypatch):
 
 async def test_cars_are_listed_with_version_and_state():
     async with speaking_car("blue") as car:
-        car.announce(wire.key("mute", wire.ALIVE))
+        car.announce(topics.key("mute", topics.ALIVE))
         parsed, said = options(car, "cars")
         assert await status.cars(parsed) == 0
         blue, mute = said

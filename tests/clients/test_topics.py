@@ -10,10 +10,11 @@ import pytest
 from clients import topics
 from clients.connection import ConnectionProblemError
 from clients.topics import KINDS, Meter, split_topic
-from runtime import wire, zenoh_config
-from runtime.bus import Bus
 from runtime.ros.definitions import TYPES
-from runtime.telemetry_settings import RatesHz
+from runtime.settings.telemetry import RatesHz
+from runtime.wire import topics as wire_topics
+from runtime.wire import zenoh_config
+from runtime.wire.bus import Bus
 from tests.clients.speaking_car import options, speaking_car
 from tests.runtime.observed import RANGES_M
 from tests.runtime.ros.samples import read_as_foxglove_does
@@ -74,18 +75,18 @@ async def test_a_topic_that_says_nothing_is_explained(monkeypatch):
 
 
 async def test_an_independent_reader_decodes_scan_odometry_and_output_from_the_wire():
-    wanted = (wire.SCAN, wire.ODOM, wire.OUTPUT)
+    wanted = (wire_topics.SCAN, wire_topics.ODOM, wire_topics.OUTPUT)
     heard = {}
     async with speaking_car(rates=RatesHz(scan=40)) as car:
         reader = Bus(zenoh_config.client_config(car.endpoint, None))
         for topic in wanted:
-            reader.subscribe(wire.key("car1", topic), lambda key, payload, _: heard.update({key: payload}))
+            reader.subscribe(wire_topics.key("car1", topic), lambda key, payload, _: heard.update({key: payload}))
         await reader.open()
         async with asyncio.timeout(10):
             while len(heard) < len(wanted):
                 await asyncio.sleep(0.01)
         await reader.close()
-    scan, odom, output = (read_as_foxglove_does(TYPES[t], heard[wire.key("car1", t)]) for t in wanted)
+    scan, odom, output = (read_as_foxglove_does(TYPES[t], heard[wire_topics.key("car1", t)]) for t in wanted)
     np.testing.assert_array_equal(np.array(scan.ranges, np.float32), RANGES_M)
     assert scan.header.frame_id == "laser"
     assert (odom.child_frame_id, odom.pose.pose.orientation.w) == ("base_link", 1.0)

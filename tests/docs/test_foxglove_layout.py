@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from runtime import wire
 from runtime.ros.definitions import TYPES, definition
+from runtime.wire import topics
 
 LAYOUT = json.loads((Path(__file__).resolve().parents[2] / "docs" / "foxglove-layout.json").read_text())
-TEXTS = {wire.STATUS, wire.DECISION}
+TEXTS = {topics.STATUS, topics.DECISION}
 """In a recording and on the live server these are std_msgs/String."""
 
 

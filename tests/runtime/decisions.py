@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, replace
 
 from drivers.api import Drive
-from runtime.command import LAB_ORDER, CapWord, Decision, DriveWord, Source, Verdict, Word
+from runtime.arbitration.command import LAB_ORDER, CapWord, Decision, DriveWord, Source, Verdict, Word
 
 INF = math.inf
 NAN = math.nan

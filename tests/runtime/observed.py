@@ -3,11 +3,21 @@
 import math
 
 from drivers.api import Drive, LinkState, Scan
-from runtime.command import LAB_ORDER, CapWord, Decision, DriveWord, Output, Source, Verdict, consent, refusal
+from runtime.arbitration.command import (
+    LAB_ORDER,
+    CapWord,
+    Decision,
+    DriveWord,
+    Output,
+    Source,
+    Verdict,
+    consent,
+    refusal,
+)
+from runtime.arbitration.command_queue import Voices
 from runtime.control.guidance import Guidance
-from runtime.snapshot import Observed
-from runtime.voices import Voices
-from sim.twins import STEP_RAD, MemoryLidar, MemoryMotor, ranges_between_walls
+from runtime.telemetry.status import Observed
+from sim.virtual.devices import STEP_RAD, MemoryLidar, MemoryMotor, ranges_between_walls
 
 RANGES_M = ranges_between_walls(1.0, 1.0)
 GUIDANCE = Guidance(Drive(1.0, 0.1), 1.1, 0.125, 0.05, "wall")

@@ -3,13 +3,13 @@
 import math
 
 from drivers.api import Drive
-from runtime.command import LAB_ORDER, DriveWord, Source, arbitrate, consent
-from runtime.emergency_stop import EmergencyStop
-from runtime.operator_desk import OperatorDesk
-from runtime.operator_settings import OperatorSettings
-from runtime.permit import Permit
-from runtime.teleop_wire import Command, Input, Press, read_beat
-from runtime.voices import Voices
+from runtime.arbitration.command import LAB_ORDER, DriveWord, Source, arbitrate, consent
+from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.emergency_stop import EmergencyStop
+from runtime.arbitration.permit import Permit
+from runtime.settings.operator import OperatorSettings
+from runtime.teleop.desk import OperatorDesk
+from runtime.wire.teleop import Command, Input, Press, read_beat
 
 REQUIRED = frozenset({Source.SAFETY, Source.PERMIT})
 CAR_SESSION = 0xCAFE

@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from runtime.queues import Inbox
+from runtime.arbitration.queues import Inbox
 
 
 class HandClock:

@@ -7,8 +7,8 @@ import tracemalloc
 
 import pytest
 
-from runtime.operator_sessions import MAX_SESSIONS
-from runtime.teleop_wire import COMMAND_BYTES, Malformed, Press, read_command
+from runtime.teleop.sessions import MAX_SESSIONS
+from runtime.wire.teleop import COMMAND_BYTES, Malformed, Press, read_command
 from tests.runtime.operator_rig import Rig
 
 ROUNDS = 100_000

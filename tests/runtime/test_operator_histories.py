@@ -11,10 +11,10 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from runtime.command import Source
-from runtime.emergency_stop import Cause
-from runtime.operator_sessions import MAX_SESSIONS
-from runtime.teleop_wire import Input, Press, is_stop
+from runtime.arbitration.command import Source
+from runtime.arbitration.emergency_stop import Cause
+from runtime.teleop.sessions import MAX_SESSIONS
+from runtime.wire.teleop import Input, Press, is_stop
 from tests.runtime.operator_rig import CAR_SESSION, Rig
 
 EXPIRY_S = 0.2

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from drivers.vesc.codec import Packet
-from runtime import wire, zenoh_config
-from runtime.bus import Bus, free_endpoint
-from sim.runtime_process import WallrideProcess
+from runtime.wire import topics, zenoh_config
+from runtime.wire.bus import Bus, free_endpoint
+from sim.live.runtime_process import WallrideProcess
 from tests.system.bench import Bench, bench
 from tests.system.radio import Radio
 
@@ -88,7 +88,7 @@ async def operated(tmp_path: Path, *assignments: str) -> AsyncIterator[Operated]
         await radio.start()
         scene = Operated(car, radio, tmp_path)
         listener = Bus(zenoh_config.client_config(endpoint, None))
-        listener.subscribe(wire.key(CAR, wire.STATUS), lambda _, text, __: scene.status.update(wire.decode(text)))
+        listener.subscribe(topics.key(CAR, topics.STATUS), lambda _, text, __: scene.status.update(topics.decode(text)))
         try:
             await _until_open(listener)
             yield scene

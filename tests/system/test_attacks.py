@@ -16,8 +16,8 @@ from typing import Any
 import pytest
 
 from clients.keys.authority import Authority, Pair
-from runtime.bus import JSON, Bus, RefusedError, free_endpoint
-from runtime.zenoh_config import Person, Role, Tls, car_config, client_config
+from runtime.wire.bus import JSON, Bus, RefusedError, free_endpoint
+from runtime.wire.zenoh_config import Person, Role, Tls, car_config, client_config
 from tests.system.attacker import (
     ASKED,
     COMMAND,

@@ -10,9 +10,9 @@ import zenoh
 from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 
-from runtime.bus import free_endpoint
 from runtime.ros.definitions import SCHEMA_ENCODING, definition
-from sim.runtime_process import WallrideProcess
+from runtime.wire.bus import free_endpoint
+from sim.live.runtime_process import WallrideProcess
 from tests.runtime.ros.test_messages import AckermannDriveStamped, LaserScan
 
 pytestmark = pytest.mark.timeout(60)

@@ -9,13 +9,13 @@ import pytest
 
 from clients.parameters import ask
 from drivers.api import Drive
-from runtime import zenoh_config
 from runtime.app import Car
-from runtime.bus import Bus, RefusedError, free_endpoint
-from runtime.command import DriveWord, Source
-from runtime.settings import Settings, load_settings
-from sim.twins import MemoryBus, MemoryLidar, MemoryMotor, ranges_between_walls
-from sim.virtual_time import run_virtual
+from runtime.arbitration.command import DriveWord, Source
+from runtime.settings.tree import Settings, load_settings
+from runtime.wire import zenoh_config
+from runtime.wire.bus import Bus, RefusedError, free_endpoint
+from sim.virtual.devices import MemoryBus, MemoryLidar, MemoryMotor, ranges_between_walls
+from sim.virtual.virtual_time import run_virtual
 
 SCAN_S = 0.025
 # The scans do not move with the car, which only the report's laws do not mind.

@@ -14,10 +14,10 @@ from pathlib import Path
 
 import pytest
 
-from runtime.address_file import read_address
-from runtime.bus import free_endpoint
-from sim.runtime_process import RuntimeProcess, WallrideProcess
-from sim.saved_settings import saved_settings
+from runtime.host.address_file import read_address
+from runtime.wire.bus import free_endpoint
+from sim.live.runtime_process import RuntimeProcess, WallrideProcess
+from sim.live.saved_settings import saved_settings
 from tests.runtime.recording.reading import streamed
 
 STRAY = ("Traceback", "asyncio", "Exception ignored", "never retrieved", "Event loop is closed", "KeyboardInterrupt")

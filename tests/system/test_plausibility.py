@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from drivers.vesc.codec import Packet
-from runtime.control.plausibility import BACKWARDS
+from runtime.control.perception.plausibility import BACKWARDS
 from sim.lab.stories import Story, tell
-from sim.worlds import load_world
+from sim.world.worlds import load_world
 from tests.system.bench import Bench, bench
 
 BRAKE_WITHIN_S = 0.25

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from drivers.api import Scan
-from runtime.control.report import ReportFollower
-from runtime.control.report_settings import ReportFollowSettings
-from sim.comparison import SteeringPair, compare, drove, recorded_answers
+from runtime.control.report.laws import ReportFollower
+from runtime.control.report.settings import ReportFollowSettings
+from sim.figures.comparison import SteeringPair, compare, drove, recorded_answers
 from sim.recordings import load_recording
 
 RACECAR = Path(__file__).resolve().parents[2] / ".." / "shared" / "data" / "racecar"

@@ -11,15 +11,15 @@ import pytest
 from clients.decoding import decode
 from drivers.api import Drive, LinkState
 from runtime.app import Car
-from runtime.command import DriveWord, Source
-from runtime.permit import NOT_GRANTED
-from runtime.settings import Settings
-from sim.beams import LidarSettings
+from runtime.arbitration.command import DriveWord, Source
+from runtime.arbitration.permit import NOT_GRANTED
+from runtime.settings.tree import Settings
 from sim.lab import stories
 from sim.lab.stories import STORIES, tell
-from sim.obstacles import Motion, person
-from sim.twins import MemoryBus, MemoryLidar, MemoryMotor, ranges_between_walls
-from sim.virtual_time import run_virtual
+from sim.virtual.devices import MemoryBus, MemoryLidar, MemoryMotor, ranges_between_walls
+from sim.virtual.virtual_time import run_virtual
+from sim.world.beams import LidarSettings
+from sim.world.obstacles import Motion, person
 
 CORRIDOR = ranges_between_walls(1.0, 1.0)
 BLOCKED = ranges_between_walls(1.0, 1.0, ahead_m=0.8)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sim.worlds import load_world
+from sim.world.worlds import load_world
 from wallride.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]

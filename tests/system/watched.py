@@ -18,8 +18,8 @@ from typing import Any
 
 from clients.decoding import decode
 from drivers.vesc.codec import Deframer, Packet
-from runtime import wire, zenoh_config
-from runtime.bus import Bus, free_endpoint
+from runtime.wire import topics, zenoh_config
+from runtime.wire.bus import Bus, free_endpoint
 from tests.clients.monitor.browser import Browser, Page, chromium
 from tests.runtime.recording.reading import STORE, streamed
 
@@ -80,8 +80,8 @@ class Watched:
         self.page: Page
         self.browser: Browser
         self._bus = Bus(zenoh_config.client_config(endpoint, None))
-        self._bus.subscribe(wire.key(CAR, wire.OUTPUT), self._on_output)
-        self._bus.subscribe(wire.key(CAR, wire.STATUS), lambda _, text, __: self.status.update(wire.decode(text)))
+        self._bus.subscribe(topics.key(CAR, topics.OUTPUT), self._on_output)
+        self._bus.subscribe(topics.key(CAR, topics.STATUS), lambda _, text, __: self.status.update(topics.decode(text)))
 
     @property
     def speed_mps(self) -> float:
@@ -156,7 +156,7 @@ class Watched:
         await self._bus.close()
 
     def _on_output(self, _key: str, payload: bytes, arrival_s: float) -> None:
-        self.output.append((arrival_s, decode(wire.OUTPUT, payload)["drive"]["speed"]))
+        self.output.append((arrival_s, decode(topics.OUTPUT, payload)["drive"]["speed"]))
 
 
 def brake_s(motor: "list[tuple[float, bytes]]", since_s: float) -> float:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from runtime.recording.decision_codec import decode
+from runtime.recording.decision_log import Tuned
 from runtime.recording.laws_fingerprint import laws_fingerprint
-from runtime.recording.tape import Tuned
-from runtime.recording.tape_codec import decode
 from sim.replay import reenact
 from sim.replay.drive_log import DriveLog
 from tests.sim.replay.recorded import record

@@ -2,7 +2,7 @@
 // covered. The car says the first as points (footprint, "ignored") and the second in words (status, "window").
 
 export const ECHO = 0, OWN = 1, DIRT = 2, STRAY = 3;
-/** Beyond this nothing is taken for dirt (runtime/control/perception.py). */
+/** Beyond this nothing is taken for dirt (runtime/control/perception/view.py). */
 const DIRT_WITHIN_M = 0.9;
 const ON_THE_CAR_M = 0.01;
 const LASTS_MS = 1000;

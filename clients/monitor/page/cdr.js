@@ -191,7 +191,7 @@ export class Json {
 const BEAT_MAGIC = 0x31425257; // "WRB1", little endian
 const BEAT_BYTES = 55;
 
-/** The car's heartbeat (runtime/teleop_wire.py): what a page echoes so that its commands have an age. */
+/** The car's heartbeat (runtime/wire/teleop.py): what a page echoes so that its commands have an age. */
 export class Beat {
   carSession = 0; number = 0; flags = 0; speed = NaN; operatorName = "";
   #name = new Uint8Array(24);

@@ -41,7 +41,7 @@ function wish(voice) {
   return voice.speed_mps === SAYS_NO ? "stop" : `≤ ${number(voice.speed_mps, 2)} m/s`;
 }
 
-/** A reason with the number behind it and its unit, as runtime/screen_words.py writes it. */
+/** A reason with the number behind it and its unit, as runtime/telemetry/screen_words.py writes it. */
 export function because(reason, measure) {
   if (!Number.isFinite(measure)) return reason ?? "";
   if (reason.startsWith("the scan is")) return `${reason}, ${measure.toFixed(2)} s`;

@@ -8,8 +8,8 @@ import pytest
 
 from clients.keys.authority import Authority
 from clients.keys.diagnosis import nothing_heard, why_refused
-from runtime.bus import Bus, free_endpoint
-from runtime.zenoh_config import Person, Role, Tls, car_config
+from runtime.wire.bus import Bus, free_endpoint
+from runtime.wire.zenoh_config import Person, Role, Tls, car_config
 
 
 @pytest.fixture(scope="module")

@@ -9,10 +9,10 @@ from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from clients.keys.folder import KeyFolder
-from runtime.certificates import read_identity
-from runtime.key_files import car_keys, client_keys
-from runtime.people import KeysError
-from runtime.zenoh_config import Person, Role, Tls
+from runtime.security.access_list import KeysError
+from runtime.security.certificates import read_identity
+from runtime.security.key_files import car_keys, client_keys
+from runtime.wire.zenoh_config import Person, Role, Tls
 
 NOW = datetime(2026, 5, 1, 12, tzinfo=UTC)
 ALICE = Person("alice", Role.OPERATOR)

@@ -5,8 +5,8 @@ from contextlib import asynccontextmanager
 
 import pytest
 
-from runtime import zenoh_config
-from runtime.bus import free_endpoint
+from runtime.wire import zenoh_config
+from runtime.wire.bus import free_endpoint
 from tests.clients.monitor.browser import chromium, find_chromium
 from tests.clients.monitor.fake_car import FakeCar
 

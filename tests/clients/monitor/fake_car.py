@@ -11,22 +11,22 @@ import time
 import numpy as np
 
 from drivers.api import Drive, Scan
-from runtime import wire, zenoh_config
-from runtime.bus import BYTES, Bus
-from runtime.command import LAB_ORDER, DriveWord, Source, arbitrate, consent
-from runtime.emergency_stop import EmergencyStop
-from runtime.operator_desk import OperatorDesk
-from runtime.operator_settings import OperatorSettings
-from runtime.parameter_desk import ParameterDesk
-from runtime.parameter_desk import Surroundings as DeskSurroundings
-from runtime.parameter_history import History
-from runtime.permit import Permit
+from runtime.arbitration.command import LAB_ORDER, DriveWord, Source, arbitrate, consent
+from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.emergency_stop import EmergencyStop
+from runtime.arbitration.permit import Permit
+from runtime.parameters.history import History
+from runtime.parameters.server import ParameterDesk
+from runtime.parameters.server import Surroundings as DeskSurroundings
 from runtime.ros import markers, messages
 from runtime.ros.definitions import encoding
 from runtime.ros.markers import BLUE, GREEN, ORANGE, RED, Kind, Marker
-from runtime.settings import Settings
+from runtime.settings.operator import OperatorSettings
+from runtime.settings.tree import Settings
 from runtime.tasks import parameters
-from runtime.voices import Voices
+from runtime.teleop.desk import OperatorDesk
+from runtime.wire import topics, zenoh_config
+from runtime.wire.bus import BYTES, Bus
 
 BEAMS = 1081
 STEP_RAD = math.radians(0.25)
@@ -72,12 +72,12 @@ class FakeCar:
 
     async def __aenter__(self):
         bus, name = self.bus, self.name
-        bus.subscribe(wire.key(name, wire.COMMAND), self._receive)
+        bus.subscribe(topics.key(name, topics.COMMAND), self._receive)
         parameters.serve(bus, name, self.settings)
-        bus.answer(wire.key(name, "record"), self._record)
+        bus.answer(topics.key(name, "record"), self._record)
         if self._simulated:
-            bus.answer(wire.key(name, wire.SIMULATOR), lambda _: wire.encode(SIMULATOR))
-        bus.announce(wire.key(name, wire.ALIVE))
+            bus.answer(topics.key(name, topics.SIMULATOR), lambda _: topics.encode(SIMULATOR))
+        bus.announce(topics.key(name, topics.ALIVE))
         await bus.open()
         self._tasks = [asyncio.create_task(job) for job in (self._beat(), self._publish())]
         return self
@@ -127,8 +127,8 @@ class FakeCar:
         self.applied.append(names)
 
     def _record(self, payload):
-        self.recording.append(wire.decode(payload)["on"])
-        return wire.encode({"on": self.recording[-1]})
+        self.recording.append(topics.decode(payload)["on"])
+        return topics.encode({"on": self.recording[-1]})
 
     async def _beat(self):
         while True:
@@ -139,7 +139,7 @@ class FakeCar:
                 self.voices.say(drive, expires_at_s=now_s + 0.3)
             self.desk.tick()
             self.beat = self.desk.beat(self.speed_mps)
-            self.bus.put(wire.key(self.name, wire.BEAT), self.beat.pack(), encoding=BYTES, urgent=True)
+            self.bus.put(topics.key(self.name, topics.BEAT), self.beat.pack(), encoding=BYTES, urgent=True)
             for _ in range(4):  # a car's mux looks at least every 10 ms
                 self.look()
                 await asyncio.sleep(BEAT_S / 4)
@@ -152,21 +152,21 @@ class FakeCar:
 
     def _publish_once(self):
         now_s = time.monotonic()
-        self._put(wire.STATUS, wire.encode(self._status(now_s)))
-        self._put(wire.DECISION, wire.encode(self._decided()))
-        self._put(wire.DISTANCE_ERROR, messages.float32(0.05 * math.sin(now_s)))
-        self._put(wire.ODOM, messages.odometry(time.time_ns(), now_s % 10, 0.0, 0.1, self.speed_mps, 0.0))
-        self._put(wire.OUTPUT, messages.ackermann(time.time_ns(), self.speed_mps, 0.125))
-        self._put(wire.WALL, markers.marker_array(time.time_ns(), WALL))
-        self._put(wire.FOOTPRINT, markers.marker_array(time.time_ns(), FOOTPRINT))
+        self._put(topics.STATUS, topics.encode(self._status(now_s)))
+        self._put(topics.DECISION, topics.encode(self._decided()))
+        self._put(topics.DISTANCE_ERROR, messages.float32(0.05 * math.sin(now_s)))
+        self._put(topics.ODOM, messages.odometry(time.time_ns(), now_s % 10, 0.0, 0.1, self.speed_mps, 0.0))
+        self._put(topics.OUTPUT, messages.ackermann(time.time_ns(), self.speed_mps, 0.125))
+        self._put(topics.WALL, markers.marker_array(time.time_ns(), WALL))
+        self._put(topics.FOOTPRINT, markers.marker_array(time.time_ns(), FOOTPRINT))
         self.scans += 1
         ranges_m = corridor(self.scans)
         scan = Scan(now_s, now_s, -STEP_RAD * (BEAMS // 2), STEP_RAD, 0.02, 30.0, ranges_m, self.scans)
-        self._put(wire.SCAN, messages.laser_scan(time.time_ns(), scan, SCAN_S))
+        self._put(topics.SCAN, messages.laser_scan(time.time_ns(), scan, SCAN_S))
 
     def _put(self, topic, payload):
         with contextlib.suppress(ConnectionError):
-            self.bus.put(wire.key(self.name, topic), payload, encoding=encoding(topic))
+            self.bus.put(topics.key(self.name, topic), payload, encoding=encoding(topic))
 
     def _decided(self):
         decision = self.decision

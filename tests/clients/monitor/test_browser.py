@@ -15,9 +15,9 @@ from urllib.parse import urlsplit
 import pytest
 
 from clients.monitor.kept_secret import NAME
-from runtime.bus import free_endpoint
-from runtime.operator_view import Standing
-from runtime.teleop_wire import Command, Condition, Input, Press
+from runtime.teleop.status import Standing
+from runtime.wire.bus import free_endpoint
+from runtime.wire.teleop import Command, Condition, Input, Press
 from tests.clients.monitor.fake_car import FakeCar
 from tests.clients.monitor.promises import promise
 

@@ -5,8 +5,8 @@ import pytest
 from clients.monitor.driving import SILENT_S, PageDriver
 from clients.monitor.messages import Hands
 from clients.teleop.shaping import Feel
-from runtime.command import Source
-from runtime.teleop_wire import Press
+from runtime.arbitration.command import Source
+from runtime.wire.teleop import Press
 from tests.runtime.operator_rig import BEAT_S, Rig
 
 FEEL = Feel(max_speed_mps=2.0, ramp_mps2=1000.0, deadzone=0.0, expo=0.0)

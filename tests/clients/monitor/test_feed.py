@@ -6,9 +6,9 @@ import contextlib
 import pytest
 
 from clients.monitor.feed import Feed
-from runtime import zenoh_config
-from runtime.bus import RefusedError
-from runtime.teleop_wire import Command, Input, Press
+from runtime.wire import zenoh_config
+from runtime.wire.bus import RefusedError
+from runtime.wire.teleop import Command, Input, Press
 from tests.clients.monitor.fake_car import FakeCar
 
 SHOWN_WITHIN_S = 10.0

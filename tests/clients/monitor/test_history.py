@@ -3,8 +3,8 @@
 import math
 
 from clients.monitor.history import APART_S, LONGEST_S, NAMES, History
-from runtime import wire
 from runtime.ros import messages
+from runtime.wire import topics
 
 STATUS = {
     "speed_mps": 0.9, "output": {"asked_mps": 1.2, "speed_mps": 1.0, "steering_rad": -0.1},
@@ -14,8 +14,8 @@ STATUS = {
 
 def test_it_keeps_what_is_plotted_with_its_age():
     history = History()
-    history.take(wire.STATUS, wire.encode(STATUS), 100.0)
-    history.take(wire.DISTANCE_ERROR, messages.float32(0.25), 100.5)
+    history.take(topics.STATUS, topics.encode(STATUS), 100.0)
+    history.take(topics.DISTANCE_ERROR, messages.float32(0.25), 100.5)
     history.take_round_trip(0.012, 101.0)
     found = history.fields(102.0)
     assert set(found) == set(NAMES)
@@ -28,7 +28,7 @@ def test_it_keeps_what_is_plotted_with_its_age():
 def test_it_stays_small_and_forgets_what_is_too_old():
     history = History()
     for tick in range(round(LONGEST_S / 0.025) + 4000):
-        history.take(wire.DISTANCE_ERROR, messages.float32(0.1), tick * 0.025)
+        history.take(topics.DISTANCE_ERROR, messages.float32(0.1), tick * 0.025)
     now_s = LONGEST_S + 100
     ages_ms = history.fields(now_s)["error"]["age_ms"]
     assert max(ages_ms) <= LONGEST_S * 1000
@@ -39,10 +39,10 @@ def test_it_stays_small_and_forgets_what_is_too_old():
 
 def test_what_is_no_number_is_a_gap_and_what_is_damaged_is_left_out():
     history = History()
-    history.take(wire.STATUS, wire.encode({"speed_mps": None, "output": None}), 1.0)
-    history.take(wire.DISTANCE_ERROR, messages.float32(math.nan), 1.0)
-    history.take(wire.STATUS, b"\xff{", 2.0)
-    history.take(wire.DISTANCE_ERROR, b"\0\1", 2.0)
+    history.take(topics.STATUS, topics.encode({"speed_mps": None, "output": None}), 1.0)
+    history.take(topics.DISTANCE_ERROR, messages.float32(math.nan), 1.0)
+    history.take(topics.STATUS, b"\xff{", 2.0)
+    history.take(topics.DISTANCE_ERROR, b"\0\1", 2.0)
     history.take_round_trip(None, 1.0)
     found = history.fields(2.0)
     assert {tuple(line["value"]) for line in found.values()} == {(None,)}

@@ -10,7 +10,7 @@ import pytest
 
 from clients.monitor import assets
 from clients.monitor.outbox import TOPICS
-from runtime import wire
+from runtime.wire import topics
 
 
 def number_of(bundle):
@@ -144,5 +144,5 @@ async def test_the_monitor_waits_for_a_car_that_is_not_there_yet(scene, http):
             async with asyncio.timeout(10):
                 while True:
                     (bundle,) = await bundles(socket, 1)
-                    if bundle[4] == TOPICS.index(wire.SCAN) or len(bundle) > 4000:
+                    if bundle[4] == TOPICS.index(topics.SCAN) or len(bundle) > 4000:
                         return

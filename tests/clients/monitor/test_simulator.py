@@ -5,11 +5,11 @@ import json
 import pytest
 
 from clients.monitor.messages import Ask, NoWordError, read
-from runtime import wire
-from sim.beams import LidarSettings
-from sim.conditions import Conditions
-from sim.live_conditions import LiveConditions
-from sim.vehicle import Vehicle
+from runtime.wire import topics
+from sim.car.vehicle import Vehicle
+from sim.live.conditions import Conditions
+from sim.live.live_conditions import LiveConditions
+from sim.world.beams import LidarSettings
 from tests.clients.monitor.test_browser import watching
 
 SHOWN = "!document.querySelector('#simulator').hidden"
@@ -41,7 +41,7 @@ async def test_a_box_is_put_before_a_simulated_car_from_the_page(scene, tab):
     surface = Surface()
     live = LiveConditions(Vehicle(), surface, Conditions())
     async with scene.car() as car, scene.monitor():
-        car.bus.answer(wire.key("car1", wire.SIMULATOR), live.answer)
+        car.bus.answer(topics.key("car1", topics.SIMULATOR), live.answer)
         await watching(tab, scene)
         await tab.until(SHOWN)
         await tab.run("document.querySelector('#simulator-actions button[data-action=box]').click()")

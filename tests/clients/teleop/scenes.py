@@ -7,7 +7,7 @@ from dataclasses import replace
 from clients.teleop.inputs import Control, Inputs
 from clients.teleop.pilot import Pilot, Situation
 from clients.teleop.shaping import Feel
-from runtime.teleop_wire import Beat, Command, Condition, Input, Press
+from runtime.wire.teleop import Beat, Command, Condition, Input, Press
 
 SESSION = 77
 PERIOD_S = 0.02

@@ -18,9 +18,9 @@ from clients.teleop.pilot import Pilot
 from clients.teleop.screen import Screen
 from clients.teleop.script import Script, Step
 from clients.teleop.sources import ScriptSource
-from runtime import wire, zenoh_config
-from runtime.bus import BYTES, Bus, free_endpoint
-from runtime.teleop_wire import Beat, Condition, Input, Press, read_command
+from runtime.wire import topics, zenoh_config
+from runtime.wire.bus import BYTES, Bus, free_endpoint
+from runtime.wire.teleop import Beat, Condition, Input, Press, read_command
 from tests.clients.teleop.scenes import LINEAR, SESSION
 
 MANUAL = frozenset({Control.MANUAL})
@@ -40,8 +40,8 @@ class FakeCar:
         self.told = asyncio.Event()
 
     async def __aenter__(self):
-        self.bus.subscribe(wire.key("car1", wire.COMMAND), self._receive)
-        self.bus.announce(wire.key("car1", wire.ALIVE))
+        self.bus.subscribe(topics.key("car1", topics.COMMAND), self._receive)
+        self.bus.announce(topics.key("car1", topics.ALIVE))
         await self.bus.open()
         self._task = asyncio.create_task(self._beat())
         return self
@@ -63,7 +63,7 @@ class FakeCar:
             session = newest[1].session if newest else 0
             beat = Beat(4, number, Condition(0), session, sequence, age_ms, 0.0, "ann")
             if self.beating:
-                self.bus.put(wire.key("car1", wire.BEAT), beat.pack(), encoding=BYTES, urgent=True)
+                self.bus.put(topics.key("car1", topics.BEAT), beat.pack(), encoding=BYTES, urgent=True)
             await asyncio.sleep(0.02)
 
     @property

@@ -8,7 +8,7 @@ import pytest
 from clients.teleop.inputs import Control
 from clients.teleop.pilot import DISTRUST, PAD_SILENT_S, PERMIT_SILENT_S, Block
 from clients.teleop.shaping import Feel
-from runtime.teleop_wire import UNKNOWN_AGE_MS, Beat, Condition, Input, Press
+from runtime.wire.teleop import UNKNOWN_AGE_MS, Beat, Condition, Input, Press
 from tests.clients.teleop.scenes import DEAD, SESSION, Drive, flags, hands
 
 MANUAL, AUTONOMY, ESTOP, RESET, TAKE_OVER = (

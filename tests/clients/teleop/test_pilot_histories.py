@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from clients.teleop.inputs import BUTTONS, Control, Inputs
 from clients.teleop.pilot import DISTRUST, LINK_LOST_S, PAD_SILENT_S, PAUSE_S, Pilot
-from runtime.teleop_wire import Beat, Condition, Input, Press
+from runtime.wire.teleop import Beat, Condition, Input, Press
 from tests.clients.teleop.scenes import LINEAR, SESSION
 
 NOTHING = Press(0)

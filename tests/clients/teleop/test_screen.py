@@ -10,7 +10,7 @@ from clients.teleop.advice import advise
 from clients.teleop.inputs import Control
 from clients.teleop.keyboard import HELD_NAMES
 from clients.teleop.screen import CarNews, Screen, lines
-from runtime.teleop_wire import Condition
+from runtime.wire.teleop import Condition
 from tests.clients.teleop.scenes import DEAD, SESSION, Drive, hands
 
 

@@ -10,7 +10,7 @@ from clients.teleop.inputs import Control
 from clients.teleop.keyboard import Act, Focus, Key, Quit
 from clients.teleop.pads import Axis, Button, parse_mapping
 from clients.teleop.script import Script, Step
-from runtime.teleop_wire import Input
+from runtime.wire.teleop import Input
 from tests.clients.teleop.recordings import D_DRIVE, D_GUID, D_REST, MODE_ON, X_DRIVE, X_GUID, X_REST, X_SDL
 
 

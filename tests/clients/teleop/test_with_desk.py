@@ -6,8 +6,8 @@ import pytest
 
 from clients.teleop.inputs import Control
 from clients.teleop.pilot import Block, Pilot
-from runtime.command import Source
-from runtime.teleop_wire import Press
+from runtime.arbitration.command import Source
+from runtime.wire.teleop import Press
 from tests.clients.teleop.scenes import DEAD, LINEAR, SESSION, hands
 from tests.runtime.operator_rig import AUTO_MPS, BEAT_S, Rig
 

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from drivers.api import MotorState, Scan
-from runtime.car_settings import CarSettings
-from runtime.control.ball import BallFollower
-from runtime.control.freeing import Freeing, Lookout
 from runtime.control.limiter import Limiter, Limits
 from runtime.control.live_laws import LiveLaws
-from runtime.control.recovery import Recovery
-from runtime.control.report import ReportGuard, ReportTurn
-from runtime.control.swept import SweptGuard
-from runtime.settings import Settings
-from sim.twins import BEAMS, STEP_RAD, ranges_between_walls
+from runtime.control.recovery.recovering_follower import Freeing, Lookout
+from runtime.control.recovery.way_out import Recovery
+from runtime.control.report.laws import ReportGuard, ReportTurn
+from runtime.control.safety.swept import SweptGuard
+from runtime.control.vehicle import CarSettings
+from runtime.control.wall_following.ball import BallFollower
+from runtime.settings.tree import Settings
+from sim.virtual.devices import BEAMS, STEP_RAD, ranges_between_walls
 
 CAR = CarSettings()
 

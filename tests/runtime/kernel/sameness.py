@@ -7,12 +7,12 @@ import pytest
 from hypothesis import strategies as st
 
 from drivers.api import MotorState, Scan
-from runtime.car_settings import CarSettings
-from runtime.control.ball import BallFollower
-from runtime.control.ball_settings import BallSettings
-from runtime.control.perception import Eyes
-from runtime.control.swept import SweptGuard
-from runtime.control.swept_settings import SweptSettings
+from runtime.control.perception.view import Eyes
+from runtime.control.safety.swept import SweptGuard
+from runtime.control.safety.swept_settings import SweptSettings
+from runtime.control.vehicle import CarSettings
+from runtime.control.wall_following.ball import BallFollower
+from runtime.control.wall_following.ball_settings import BallSettings
 
 BEAMS, STEP_RAD = 1081, math.radians(0.25)
 ROUNDING = 1e-9

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sim.beams import LidarSettings, scan
-from sim.closed_loop import as_scan
-from sim.pose import Pose, Twist
-from sim.worlds import load_world
+from sim.virtual.closed_loop import as_scan
+from sim.world.beams import LidarSettings, scan
+from sim.world.pose import Pose, Twist
+from sim.world.worlds import load_world
 from tests.runtime.kernel.sameness import Drive, ranges
 
 

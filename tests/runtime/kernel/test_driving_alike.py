@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers import twin
-from runtime.control.prediction import Answers, Told
+from runtime.control.wall_following.prediction import Answers, Told
 from tests.runtime.kernel.sameness import SOME_RAD, assert_same
 
 BOUND_S = st.floats(0.0, 0.2)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers import twin
-from runtime.control.wall_track import WallTrack
+from runtime.control.wall_following.wall_track import WallTrack
 from tests.runtime.kernel.sameness import ANGLE, assert_same
 
 RADII = tuple(np.linspace(0.3, 3.0, 10).tolist())

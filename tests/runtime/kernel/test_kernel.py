@@ -7,16 +7,18 @@ import pytest
 
 from drivers import twin
 from runtime import kernel
-from runtime.control import movers, my_wall, perception, wall
+from runtime.control.perception import view
+from runtime.control.safety import moving_obstacles
+from runtime.control.wall_following import followed_wall, wall_fit
 
 
 def test_compiled_functions_are_called_without_a_step_in_between(compiled, as_it_was):
-    before = my_wall.wall_beside
+    before = followed_wall.wall_beside
     twin.use(compiled)
-    assert my_wall.wall_beside is compiled["wall_beside"]
+    assert followed_wall.wall_beside is compiled["wall_beside"]
     twin.use({"look": compiled["look"]})
-    assert my_wall.wall_beside is before
-    assert perception.look is compiled["look"]
+    assert followed_wall.wall_beside is before
+    assert view.look is compiled["look"]
 
 
 def test_wrong_arguments_are_refused_and_crash_nothing(compiled):
@@ -73,15 +75,15 @@ def test_every_function_that_may_have_a_twin_has_one(compiled):
 
 def test_who_changes_a_law_drives_his_own(compiled, monkeypatch, as_it_was):
     fingerprint = kernel.fingerprint
-    monkeypatch.setattr(kernel, "fingerprint", lambda module: "" if module is movers else fingerprint(module))
+    monkeypatch.setattr(kernel, "fingerprint", lambda module: "" if module is moving_obstacles else fingerprint(module))
     found = kernel.use()
     assert found.functions == set(compiled) - {"small_things"}
-    assert "runtime.control.movers changed" in found.words
+    assert "runtime.control.safety.moving_obstacles changed" in found.words
 
 
 def test_who_changes_what_a_law_calls_drives_it_as_well(compiled, monkeypatch, as_it_was):
     fingerprint = kernel.fingerprint
-    monkeypatch.setattr(kernel, "fingerprint", lambda module: "" if module is wall else fingerprint(module))
+    monkeypatch.setattr(kernel, "fingerprint", lambda module: "" if module is wall_fit else fingerprint(module))
     for _ in range(2):  # the second time, what it calls is compiled
         left = set(compiled) - kernel.use().functions
         assert {"wall_line", "wall_beside", "rolled_along"} <= left
@@ -90,8 +92,8 @@ def test_who_changes_what_a_law_calls_drives_it_as_well(compiled, monkeypatch, a
 
 def test_constants_come_from_the_python():
     known = dict(kernel.constants())
-    assert known["PERCEPTION_DIRT_NEARER_THAN_M"] == perception.DIRT_NEARER_THAN_M
-    assert known["WALL_GATES_M_2"] == 0.06
+    assert known["VIEW_DIRT_NEARER_THAN_M"] == view.DIRT_NEARER_THAN_M
+    assert known["WALL_FIT_GATES_M_2"] == 0.06
     assert known["PREDICTION_STEP_S"] == 0.015
 
 

@@ -8,7 +8,7 @@ from hypothesis import event, given
 from hypothesis import strategies as st
 
 from drivers import twin
-from runtime.control.my_wall import wall_side
+from runtime.control.wall_following.followed_wall import wall_side
 from tests.runtime.kernel.sameness import assert_same, ranges
 
 

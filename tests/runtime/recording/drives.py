@@ -7,20 +7,20 @@ from pathlib import Path
 import numpy as np
 
 from drivers.api import Scan
-from runtime.car_settings import CarSettings
-from runtime.command import LAB_ORDER, CapWord, DriveWord, Source, Verdict, consent, refusal
+from runtime.arbitration.command import LAB_ORDER, CapWord, DriveWord, Source, Verdict, consent, refusal
+from runtime.arbitration.command_queue import Voices
 from runtime.control.limiter import Limiter, Limits
 from runtime.control.live_laws import LiveLaws
+from runtime.control.vehicle import CarSettings
+from runtime.realtime.wall_clock import WallClock
+from runtime.recording.decision_log import TapedLaws
 from runtime.recording.recorder import Recorder
-from runtime.recording.tape import TapedLaws
-from runtime.recording_settings import RecordingSettings
-from runtime.settings import Settings
-from runtime.snapshot import Observed
+from runtime.settings.recording import RecordingSettings
+from runtime.settings.tree import Settings
 from runtime.tasks.mux import Mux
 from runtime.tasks.telemetry import Telemetry
-from runtime.voices import Voices
-from runtime.wall_clock import WallClock
-from sim.twins import BEAMS, STEP_RAD, MemoryLidar, MemoryMotor, ranges_between_walls
+from runtime.telemetry.status import Observed
+from sim.virtual.devices import BEAMS, STEP_RAD, MemoryLidar, MemoryMotor, ranges_between_walls
 from tests.runtime.observed import GUIDANCE, HandClock
 from tests.runtime.recording.disks import QuickDisk
 

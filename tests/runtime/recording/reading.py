@@ -9,9 +9,9 @@ from mcap import records
 from mcap.stream_reader import StreamReader
 from rosbags.typesys import Stores, get_typestore
 
-from runtime import wire
 from runtime.recording.channels import TAPE, text_of
-from runtime.recording.tape_codec import decode
+from runtime.recording.decision_codec import decode
+from runtime.wire import topics
 
 STORE: Any = get_typestore(Stores.ROS2_HUMBLE)
 
@@ -50,7 +50,7 @@ def ranges_by_sequence(content):
     return {
         message.sequence: STORE.deserialize_cdr(message.data, "sensor_msgs/msg/LaserScan").ranges
         for topic, message in streamed(content)
-        if topic == f"/{wire.SCAN}"
+        if topic == f"/{topics.SCAN}"
     }
 
 

@@ -13,13 +13,13 @@ import pytest
 from mcap.reader import make_reader
 
 from clients.log_info import describe
-from runtime import wire
-from runtime.command import Source, refusal
+from runtime.arbitration.command import Source, refusal
+from runtime.realtime.wall_clock import WallClock, never_set
 from runtime.recording.channels import text_of
 from runtime.recording.recover import recover
-from runtime.wall_clock import WallClock, never_set
+from runtime.wire import topics
 from sim.replay.drive_log import read_log
-from sim.run_report.run import run_of
+from sim.replay.run import run_of
 from tests.runtime.observed import HandClock
 from tests.runtime.recording.drives import EPOCH_NS, Drive
 from tests.runtime.recording.reading import streamed
@@ -213,13 +213,13 @@ async def test_a_step_of_the_clock_begins_another_file_and_is_marked_in_both(tmp
         message.sequence
         for path in (first, second)
         for topic, message in streamed(path.read_bytes())
-        if topic == f"/{wire.SCAN}"
+        if topic == f"/{topics.SCAN}"
     ]
     assert numbers == list(range(len(drive.scans))), "no scan is lost or doubled at the step"
     headers = [
         int.from_bytes(message.data[4:8], "little")
         for topic, message in streamed(second.read_bytes())
-        if topic == f"/{wire.ODOM}"
+        if topic == f"/{topics.ODOM}"
     ]
     assert headers[-1] == pytest.approx(EPOCH_NS / NS + 108 + YEAR_S, abs=1), "headers follow, too"
     assert any(

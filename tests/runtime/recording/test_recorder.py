@@ -10,14 +10,14 @@ from collections import Counter
 
 import pytest
 
-from runtime import wire
-from runtime.command import Source, refusal
+from runtime.arbitration.command import Source, refusal
 from runtime.recording.channels import text_of
 from runtime.recording.recover import is_whole
 from runtime.recording.ring import entries, parse
 from runtime.ros.definitions import TYPES
-from runtime.settings import Settings, load_settings
-from sim.twins import ranges_between_walls
+from runtime.settings.tree import Settings, load_settings
+from runtime.wire import topics
+from sim.virtual.devices import ranges_between_walls
 from tests.runtime.recording.disks import BadDisk, SlowDisk, StuckDisk
 from tests.runtime.recording.drives import EPOCH_NS, Drive
 from tests.runtime.recording.reading import decoded_by_ros2_support, events, metadata, streamed
@@ -47,7 +47,7 @@ def texts(path, topic):
     return [text_of(message.data).decode() for name, message in streamed(path.read_bytes()) if name == f"/{topic}"]
 
 
-def span_s(path, topic=wire.SCAN):
+def span_s(path, topic=topics.SCAN):
     stamps = [message.log_time for name, message in streamed(path.read_bytes()) if name == f"/{topic}"]
     return min(stamps) / 1e9 - EPOCH_NS / 1e9, max(stamps) / 1e9 - EPOCH_NS / 1e9
 
@@ -103,8 +103,8 @@ async def test_everything_that_telemetry_says_is_in_it_for_every_reader(tmp_path
     drive.recorder._scribe.close()
     (path,) = recordings(tmp_path)
     decoded = decoded_by_ros2_support(path)
-    silent = {wire.TELEOP, wire.IMU}
-    told = {*TYPES, wire.STATUS, wire.DECISION} - silent
+    silent = {topics.TELEOP, topics.IMU}
+    told = {*TYPES, topics.STATUS, topics.DECISION} - silent
     assert set(decoded) == {f"/{topic}" for topic in told} | {"/tape", "/settings"}
     assert decoded["/scan"] == len(drive.scans)
     assert decoded["/output"] == decoded["/distance_error"] >= len(drive.scans) - 1, "the last waits for its burst"
@@ -209,7 +209,7 @@ async def test_a_lost_lidar_is_an_event(tmp_path):
 
 async def test_a_long_recording_goes_on_in_another_file_and_the_ring_lets_its_beginning_go(tmp_path, monkeypatch):
     monkeypatch.setattr("runtime.recording.ring.MB", 100_000)
-    monkeypatch.setattr("runtime.recording.scribe.MB", 100_000)
+    monkeypatch.setattr("runtime.recording.writer.MB", 100_000)
     drive = Drive(tmp_path, ring_mb=32, file_mb=8, start="always")
     drive.permit()
     await drive.go(24)
@@ -325,7 +325,7 @@ async def test_a_recorder_that_is_off_does_nothing(tmp_path):
     assert list(tmp_path.iterdir()) == []
     assert drive.tape.drain() == []
     assert "turned off" in drive.recorder.status()["words"]
-    assert not any(drive.recorder.claim(topic, 100.0) for topic in (wire.OUTPUT, wire.STATUS))
+    assert not any(drive.recorder.claim(topic, 100.0) for topic in (topics.OUTPUT, topics.STATUS))
 
 
 async def test_raw_bytes_and_log_lines_are_recorded(tmp_path):

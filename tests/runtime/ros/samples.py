@@ -8,9 +8,9 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from drivers.api import MotorState, Scan
-from runtime import wire
 from runtime.ros import markers, messages
 from runtime.ros.definitions import SCHEMA_ENCODING, definition
+from runtime.wire import topics
 
 STAMP_NS = 1_790_000_000_123_456_789
 RANGES_M = np.where(np.arange(1081) % 7 == 0, np.nan, np.linspace(1, 9, 1081)).astype(np.float32)
@@ -19,32 +19,34 @@ MOTOR = MotorState(10.0, 1.5, 12.25, -0.1, 11.8, 6.5, 2.25, 31.0, "", False, Fal
 LINES = np.array([[0.0, 1.0, 2.0], [0.5, 0.25, -0.5]])
 
 SAMPLES = {
-    wire.SCAN: messages.laser_scan(STAMP_NS, SCAN, 0.025),
-    wire.ODOM: messages.odometry(STAMP_NS, 1.0, -2.0, 0.5, 1.5, 0.25),
-    wire.NAVIGATION: messages.ackermann(STAMP_NS, 2.0, -0.125),
-    wire.SAFETY: messages.ackermann(STAMP_NS, 0.5, -0.125),
-    wire.TELEOP: messages.ackermann(STAMP_NS, -0.5, 0.25),
-    wire.OUTPUT: messages.ackermann(STAMP_NS, 1.75, 0.0625),
-    wire.DISTANCE_ERROR: messages.float32(-0.125),
-    wire.WALL: markers.marker_array(STAMP_NS, [markers.Marker("wall", markers.Kind.LINE_STRIP, LINES, markers.GREEN)]),
-    wire.FOOTPRINT: markers.marker_array(
+    topics.SCAN: messages.laser_scan(STAMP_NS, SCAN, 0.025),
+    topics.ODOM: messages.odometry(STAMP_NS, 1.0, -2.0, 0.5, 1.5, 0.25),
+    topics.NAVIGATION: messages.ackermann(STAMP_NS, 2.0, -0.125),
+    topics.SAFETY: messages.ackermann(STAMP_NS, 0.5, -0.125),
+    topics.TELEOP: messages.ackermann(STAMP_NS, -0.5, 0.25),
+    topics.OUTPUT: messages.ackermann(STAMP_NS, 1.75, 0.0625),
+    topics.DISTANCE_ERROR: messages.float32(-0.125),
+    topics.WALL: markers.marker_array(
+        STAMP_NS, [markers.Marker("wall", markers.Kind.LINE_STRIP, LINES, markers.GREEN)]
+    ),
+    topics.FOOTPRINT: markers.marker_array(
         STAMP_NS,
         [
             markers.Marker("way", markers.Kind.LINE_LIST, LINES, markers.BLUE, 0.5),
             markers.Marker("empty", markers.Kind.POINTS, np.empty((2, 0)), markers.RED),
         ],
     ),
-    wire.IMU: messages.imu(STAMP_NS, (0.1, 0.2, 0.3), (1.0, 2.0, 9.81)),
-    wire.MOTOR: messages.motor(STAMP_NS, MOTOR),
-    wire.BATTERY: messages.battery(STAMP_NS, 11.5, 2.25),
-    wire.DIAGNOSTICS: messages.diagnostics(
+    topics.IMU: messages.imu(STAMP_NS, (0.1, 0.2, 0.3), (1.0, 2.0, 9.81)),
+    topics.MOTOR: messages.motor(STAMP_NS, MOTOR),
+    topics.BATTERY: messages.battery(STAMP_NS, 11.5, 2.25),
+    topics.DIAGNOSTICS: messages.diagnostics(
         STAMP_NS,
         [
             messages.Report(0, "lidar", "UST-10LX, 1081 beams", "H123", {"checksum": "1", "stale": "22"}),
             messages.Report(2, "motor", "Übertemperatur", "", {}),
         ],
     ),
-    wire.TF: messages.transforms(
+    topics.TF: messages.transforms(
         STAMP_NS,
         [
             messages.Frame("odom", "base_link", 1.0, 2.0, math.pi / 2),

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from pycdr2 import types
 from rosbags.typesys import Stores
 
-from runtime import wire
 from runtime.ros import messages
 from runtime.ros.cdr import CdrWriter
 from runtime.ros.definitions import TYPES, definition, encoding
+from runtime.wire import topics
 from tests.runtime.ros.samples import MOTOR, RANGES_M, SAMPLES, STAMP_NS, read_as_foxglove_does, ros_store
 
 STORE = ros_store()
@@ -36,7 +36,7 @@ def test_rosbags_would_have_written_the_same_bytes(topic):
 @pytest.mark.parametrize("topic", TYPES)
 def test_a_header_holds_the_stamp_to_the_nanosecond(topic):
     message = decoded(topic)
-    if topic == wire.DISTANCE_ERROR:
+    if topic == topics.DISTANCE_ERROR:
         assert not hasattr(message, "header")
         return
     many = getattr(message, "markers", None) or getattr(message, "transforms", None) or [message]
@@ -45,7 +45,7 @@ def test_a_header_holds_the_stamp_to_the_nanosecond(topic):
 
 
 def test_a_scan_is_what_the_lidar_said():
-    scan = decoded(wire.SCAN)
+    scan = decoded(topics.SCAN)
     np.testing.assert_array_equal(scan.ranges, RANGES_M)
     assert (scan.header.frame_id, scan.intensities.size) == ("laser", 0)
     assert scan.angle_max == pytest.approx(scan.angle_min + 1080 * scan.angle_increment, abs=1e-4)
@@ -54,7 +54,7 @@ def test_a_scan_is_what_the_lidar_said():
 
 
 def test_odometry_is_a_pose_in_odom_and_speeds_in_base_link():
-    odom = decoded(wire.ODOM)
+    odom = decoded(topics.ODOM)
     assert (odom.header.frame_id, odom.child_frame_id) == ("odom", "base_link")
     pose, twist = odom.pose.pose, odom.twist.twist
     assert (pose.position.x, pose.position.y) == (1.0, -2.0)
@@ -63,25 +63,25 @@ def test_odometry_is_a_pose_in_odom_and_speeds_in_base_link():
 
 
 def test_drives_markers_and_motor_hold_their_values():
-    assert (decoded(wire.OUTPUT).drive.speed, decoded(wire.OUTPUT).drive.steering_angle) == (1.75, 0.0625)
-    assert decoded(wire.DISTANCE_ERROR).data == -0.125
-    (wall,) = decoded(wire.WALL).markers
+    assert (decoded(topics.OUTPUT).drive.speed, decoded(topics.OUTPUT).drive.steering_angle) == (1.75, 0.0625)
+    assert decoded(topics.DISTANCE_ERROR).data == -0.125
+    (wall,) = decoded(topics.WALL).markers
     assert [(point.x, point.y) for point in wall.points] == [(0.0, 0.5), (1.0, 0.25), (2.0, -0.5)]
     assert (wall.ns, wall.type, wall.header.frame_id) == ("wall", wall.LINE_STRIP, "base_link")
-    assert [len(marker.points) for marker in decoded(wire.FOOTPRINT).markers] == [3, 0]
-    joints = decoded(wire.MOTOR)
+    assert [len(marker.points) for marker in decoded(topics.FOOTPRINT).markers] == [3, 0]
+    joints = decoded(topics.MOTOR)
     assert joints.name == ["drive", "steering"]
     assert (joints.position[0], joints.velocity[0], joints.effort[0]) == (12.25, 1.5, 6.5)
     assert joints.position[1] == MOTOR.steering_rad
-    assert decoded(wire.BATTERY).current == -2.25
-    assert decoded(wire.IMU).linear_acceleration.z == 9.81
+    assert decoded(topics.BATTERY).current == -2.25
+    assert decoded(topics.IMU).linear_acceleration.z == 9.81
 
 
 def test_diagnostics_and_transforms_hold_their_values():
-    lidar, motor = decoded(wire.DIAGNOSTICS).status
+    lidar, motor = decoded(topics.DIAGNOSTICS).status
     assert [(pair.key, pair.value) for pair in lidar.values] == [("checksum", "1"), ("stale", "22")]
     assert (motor.level, motor.message) == (2, "Übertemperatur")
-    odom, laser = decoded(wire.TF).transforms
+    odom, laser = decoded(topics.TF).transforms
     assert (odom.header.frame_id, odom.child_frame_id) == ("odom", "base_link")
     assert odom.transform.rotation.z == pytest.approx(math.sqrt(0.5))
     assert laser.transform.translation.x == 0.25
@@ -94,12 +94,12 @@ def test_a_reader_that_has_only_our_definitions_decodes_it(topic):
 
 
 def test_that_reader_sees_the_values():
-    scan = read_as_foxglove_does(TYPES[wire.SCAN], SAMPLES[wire.SCAN])
+    scan = read_as_foxglove_does(TYPES[topics.SCAN], SAMPLES[topics.SCAN])
     assert scan.header.frame_id == "laser"
     np.testing.assert_array_equal(np.array(scan.ranges, np.float32), RANGES_M)
-    odom = read_as_foxglove_does(TYPES[wire.ODOM], SAMPLES[wire.ODOM])
+    odom = read_as_foxglove_does(TYPES[topics.ODOM], SAMPLES[topics.ODOM])
     assert (odom.pose.pose.position.y, odom.twist.twist.linear.x) == (-2.0, 1.5)
-    output = read_as_foxglove_does(TYPES[wire.OUTPUT], SAMPLES[wire.OUTPUT])
+    output = read_as_foxglove_does(TYPES[topics.OUTPUT], SAMPLES[topics.OUTPUT])
     assert (output.drive.speed, output.drive.steering_angle) == (1.75, 0.0625)
 
 
@@ -145,12 +145,12 @@ class LaserScan(pycdr2.IdlStruct):
 
 
 def test_a_dds_library_decodes_scan_and_output():
-    scan = LaserScan.deserialize(SAMPLES[wire.SCAN])
+    scan = LaserScan.deserialize(SAMPLES[topics.SCAN])
     np.testing.assert_array_equal(np.array(scan.ranges, np.float32), RANGES_M)
     assert scan.header == Header(Time(STAMP_NS // 10**9, STAMP_NS % 10**9), "laser")
-    output = AckermannDriveStamped.deserialize(SAMPLES[wire.OUTPUT])
+    output = AckermannDriveStamped.deserialize(SAMPLES[topics.OUTPUT])
     assert (output.drive.speed, output.drive.steering_angle) == (1.75, 0.0625)
-    assert output.serialize() == SAMPLES[wire.OUTPUT]
+    assert output.serialize() == SAMPLES[topics.OUTPUT]
 
 
 def fields(text):
@@ -177,7 +177,7 @@ def test_a_sample_names_its_encoding_and_its_schema():
 def test_text_of_any_length_leaves_the_numbers_after_it_aligned(text, values):
     report = messages.Report(1, text, "", text, {f"{i}{text}": text for i in range(values)})
     payload = messages.diagnostics(STAMP_NS, [report, report])
-    status = STORE.deserialize_cdr(payload, TYPES[wire.DIAGNOSTICS]).status[1]
+    status = STORE.deserialize_cdr(payload, TYPES[topics.DIAGNOSTICS]).status[1]
     assert (status.level, status.name, len(status.values)) == (1, text, values)
 
 

@@ -6,11 +6,11 @@ from itertools import pairwise
 import pytest
 
 from drivers.api import Health, LinkState, MotorState
-from runtime.command import LAB_ORDER
-from runtime.emergency_stop import Cause, EmergencyStop
-from runtime.service_manager import ServiceManager
+from runtime.arbitration.command import LAB_ORDER
+from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.emergency_stop import Cause, EmergencyStop
+from runtime.host.systemd import ServiceManager
 from runtime.tasks.health import FAULT_FORGOTTEN_S, FAULT_RETRY_AT_MOST_S, FAULT_RETRY_S, Caretaker
-from runtime.voices import Voices
 
 FINE = MotorState(0.0, 0.0, 0.0, 0.0, 12.0, 0.0, 0.0, 30.0, "", timed_out=False, killed=False)
 

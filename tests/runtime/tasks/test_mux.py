@@ -5,13 +5,13 @@ import asyncio
 import pytest
 
 from drivers.api import Drive
-from runtime.command import LAB_ORDER, DriveWord, Source
+from runtime.arbitration.command import LAB_ORDER, DriveWord, Source
+from runtime.arbitration.command_queue import Voices
 from runtime.control.limiter import Limiter, Limits
-from runtime.metronome import Metronome
+from runtime.realtime.periodic import Metronome
 from runtime.tasks.mux import Mux, SilenceTick
-from runtime.voices import Voices
-from sim.twins import MemoryMotor
-from sim.virtual_time import run_virtual
+from sim.virtual.devices import MemoryMotor
+from sim.virtual.virtual_time import run_virtual
 
 TICK_HZ = 50.0
 

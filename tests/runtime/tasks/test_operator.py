@@ -7,17 +7,17 @@ from itertools import pairwise
 import pytest
 
 from drivers.api import Drive
-from runtime.command import LAB_ORDER, Source
-from runtime.emergency_stop import EmergencyStop
-from runtime.metronome import Metronome
-from runtime.operator_desk import OperatorDesk
-from runtime.operator_settings import OperatorSettings
-from runtime.permit import Permit
+from runtime.arbitration.command import LAB_ORDER, Source
+from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.emergency_stop import EmergencyStop
+from runtime.arbitration.permit import Permit
+from runtime.realtime.periodic import Metronome
+from runtime.settings.operator import OperatorSettings
 from runtime.tasks.operator import Attendance
-from runtime.teleop_wire import Command, Condition, Input, Press, read_beat
-from runtime.voices import Voices
-from sim.twins import MemoryMotor
-from sim.virtual_time import run_virtual
+from runtime.teleop.desk import OperatorDesk
+from runtime.wire.teleop import Command, Condition, Input, Press, read_beat
+from sim.virtual.devices import MemoryMotor
+from sim.virtual.virtual_time import run_virtual
 
 
 class Bench:

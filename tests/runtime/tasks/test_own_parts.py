@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from drivers.api import Scan
-from runtime.bus import RefusedError
-from runtime.car_settings import CarSettings
-from runtime.control.freeing import Lookout
 from runtime.control.live_laws import LiveLaws
-from runtime.control.own_parts import KnownParts
-from runtime.own_parts_memory import FILE, Remembered, file_in, read, write
-from runtime.settings import Settings
+from runtime.control.perception.own_parts import KnownParts
+from runtime.control.recovery.recovering_follower import Lookout
+from runtime.control.vehicle import CarSettings
+from runtime.recording.own_parts_memory import FILE, Remembered, file_in, read, write
+from runtime.settings.tree import Settings
 from runtime.tasks.own_parts import UNCHANGED_S, OwnPartsKeeper
+from runtime.wire.bus import RefusedError
 
 STEP_RAD = math.radians(0.25)
 KNOWN = KnownParts(-STEP_RAD * 540, STEP_RAD, 1081, tuple((beam, 0.3) for beam in range(20, 60)))

@@ -6,11 +6,11 @@ import logging
 
 import pytest
 
-from runtime.bus import RefusedError
-from runtime.parameter_desk import ParameterDesk, Surroundings
-from runtime.parameter_history import Change, History
-from runtime.settings import Settings
+from runtime.parameters.history import Change, History
+from runtime.parameters.server import ParameterDesk, Surroundings
+from runtime.settings.tree import Settings
 from runtime.tasks import parameters
+from runtime.wire.bus import RefusedError
 
 KP = "wall_follow.kp"
 

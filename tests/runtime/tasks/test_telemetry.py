@@ -8,14 +8,14 @@ from itertools import count
 import numpy as np
 import pytest
 
-from runtime import wire
-from runtime.car_settings import CarSettings
-from runtime.command import Source, Verdict
+from runtime.arbitration.command import Source, Verdict
+from runtime.control.vehicle import CarSettings
+from runtime.realtime.wall_clock import WallClock
 from runtime.ros.definitions import TYPES
-from runtime.sinks import ZenohSink
+from runtime.settings.telemetry import RatesHz
 from runtime.tasks.telemetry import BURST_PERIOD_S, Telemetry
-from runtime.telemetry_settings import RatesHz
-from runtime.wall_clock import WallClock
+from runtime.telemetry.sinks import ZenohSink
+from runtime.wire import topics
 from tests.runtime.observed import GUIDANCE, HandClock, make_observed, output_of, scan_at, speak
 from tests.runtime.ros.samples import ros_store
 
@@ -82,8 +82,8 @@ async def test_one_scan_brings_every_topic_that_has_something_to_say():
     rig = Rig()
     rig.drive_once()
     kept = await rig.written()
-    silent = {wire.TELEOP, wire.IMU}
-    assert {topic for topic, *_ in kept.kept} == {*TYPES, wire.STATUS, wire.DECISION} - silent
+    silent = {topics.TELEOP, topics.IMU}
+    assert {topic for topic, *_ in kept.kept} == {*TYPES, topics.STATUS, topics.DECISION} - silent
     for topic, schema, stamp_s, payload in kept.kept:
         assert schema == TYPES.get(topic, "")
         assert stamp_s == pytest.approx(rig.clock.now_s, abs=0.03)
@@ -94,13 +94,13 @@ async def test_one_scan_brings_every_topic_that_has_something_to_say():
 
 
 async def test_stamps_are_those_of_the_measurement_since_1970_with_exact_differences():
-    rig = Rig(Keeper(wire.SCAN))
+    rig = Rig(Keeper(topics.SCAN))
     stamps_ns, measured_s = [], []
     for _ in range(3):
         rig.clock.now_s += BURST_PERIOD_S
         rig.drive_once()
         measured_s.append(rig.clock.now_s - 0.004)
-        header = decoded((await rig.written()).of(wire.SCAN)[-1], wire.SCAN).header
+        header = decoded((await rig.written()).of(topics.SCAN)[-1], topics.SCAN).header
         stamps_ns.append(header.stamp.sec * 10**9 + header.stamp.nanosec)
     assert stamps_ns == [EPOCH_NS + round(stamp_s * 1e9) for stamp_s in measured_s]
 
@@ -112,8 +112,8 @@ async def test_nothing_is_written_before_the_motor_has_its_command():
     assert (await rig.written()).kept == []
     speak(rig.observed)
     rig.telemetry.on_output(output_of(rig.observed))
-    assert rig.sinks[0].of(wire.SCAN) == []
-    assert len((await rig.written()).of(wire.SCAN)) == 1
+    assert rig.sinks[0].of(topics.SCAN) == []
+    assert len((await rig.written()).of(topics.SCAN)) == 1
 
 
 async def test_a_turn_of_the_loop_writes_for_a_fifth_of_a_millisecond_at_most(monkeypatch):
@@ -143,9 +143,9 @@ async def test_what_was_not_written_in_time_is_replaced_by_the_newer_or_told_too
     for _ in range(5):
         rig.drive_once()
     kept = await rig.written()
-    assert len(kept.of(wire.SCAN)) == len(kept.of(wire.STATUS)) == 1
-    assert len(kept.of(wire.OUTPUT)) == len(kept.of(wire.DISTANCE_ERROR)) == 5
-    assert decoded(kept.of(wire.SCAN)[0], wire.SCAN).scan_time == pytest.approx(0.029)
+    assert len(kept.of(topics.SCAN)) == len(kept.of(topics.STATUS)) == 1
+    assert len(kept.of(topics.OUTPUT)) == len(kept.of(topics.DISTANCE_ERROR)) == 5
+    assert decoded(kept.of(topics.SCAN)[0], topics.SCAN).scan_time == pytest.approx(0.029)
 
 
 async def test_they_leave_in_bursts_but_a_change_of_mind_at_once():
@@ -159,19 +159,19 @@ async def test_they_leave_in_bursts_but_a_change_of_mind_at_once():
             await asyncio.sleep(0)
         return [topic for topic, *_ in rig.sinks[0].kept[before:]]
 
-    assert wire.OUTPUT in await told()
+    assert topics.OUTPUT in await told()
     assert await told() == []
-    assert (await told()).count(wire.OUTPUT) == 2
+    assert (await told()).count(topics.OUTPUT) == 2
     assert await told() == []
     changed = await told(reason="boxed in")
-    assert changed[0] == wire.DECISION
-    assert changed.count(wire.OUTPUT) == 2
+    assert changed[0] == topics.DECISION
+    assert changed.count(topics.OUTPUT) == 2
     assert await told(reason="wall ahead"), "another one right after it"
     task.cancel()
 
 
 async def test_an_unwanted_message_is_not_even_written(monkeypatch):
-    rig = Rig(Keeper(wire.ODOM))
+    rig = Rig(Keeper(topics.ODOM))
     wrote = []
     write = rig.telemetry._writers.write
 
@@ -182,16 +182,16 @@ async def test_an_unwanted_message_is_not_even_written(monkeypatch):
     monkeypatch.setattr(rig.telemetry._writers, "write", watched)
     rig.drive_once()
     await rig.written()
-    assert wrote == [wire.ODOM]
+    assert wrote == [topics.ODOM]
 
 
 async def test_all_sinks_get_the_same_bytes_of_one_writing():
-    one, two = Keeper(), Keeper(wire.SCAN)
+    one, two = Keeper(), Keeper(topics.SCAN)
     rig = Rig(one, two)
     rig.drive_once()
     await rig.written()
-    assert two.kept == [kept for kept in one.kept if kept[0] == wire.SCAN]
-    assert two.of(wire.SCAN)[0] is one.of(wire.SCAN)[0]
+    assert two.kept == [kept for kept in one.kept if kept[0] == topics.SCAN]
+    assert two.of(topics.SCAN)[0] is one.of(topics.SCAN)[0]
 
 
 async def test_every_change_of_mind_is_told_even_between_two_turns_and_beyond_the_rate():
@@ -216,26 +216,26 @@ async def test_every_change_of_mind_is_told_even_between_two_turns_and_beyond_th
 
 
 async def test_safety_says_what_it_allows_of_the_wish_and_nothing_when_nobody_drives():
-    rig = Rig(Keeper(wire.SAFETY))
+    rig = Rig(Keeper(topics.SAFETY))
     speak(rig.observed, speed_mps=2.0, safety=Verdict(0.5, math.inf, "slower", 1.0))
     rig.telemetry.on_output(output_of(rig.observed, speed_mps=0.5, winner=Source.SAFETY, reason="slower", measure=1.0))
-    (payload,) = (await rig.written()).of(wire.SAFETY)
-    assert decoded(payload, wire.SAFETY).drive.speed == 0.5
+    (payload,) = (await rig.written()).of(topics.SAFETY)
+    assert decoded(payload, topics.SAFETY).drive.speed == 0.5
     speak(rig.observed, speed_mps=-1.0, safety=Verdict(math.inf, math.inf, "clear"))
     rig.telemetry.on_output(output_of(rig.observed, speed_mps=-1.0))
-    payload = (await rig.written()).of(wire.SAFETY)[-1]
-    assert decoded(payload, wire.SAFETY).drive.speed == -1.0
+    payload = (await rig.written()).of(topics.SAFETY)[-1]
+    assert decoded(payload, topics.SAFETY).drive.speed == -1.0
     rig.observed.voices.silence(Source.NAVIGATION)
     rig.telemetry.on_output(output_of(rig.observed))
-    assert len((await rig.written()).of(wire.SAFETY)) == 2
+    assert len((await rig.written()).of(topics.SAFETY)) == 2
 
 
 async def test_a_silent_voice_publishes_nothing():
-    rig = Rig(Keeper(wire.NAVIGATION, wire.TELEOP))
+    rig = Rig(Keeper(topics.NAVIGATION, topics.TELEOP))
     rig.drive_once()
     kept = await rig.written()
-    assert decoded(kept.of(wire.NAVIGATION)[0], wire.NAVIGATION).drive.steering_angle == pytest.approx(0.1)
-    assert kept.of(wire.TELEOP) == []
+    assert decoded(kept.of(topics.NAVIGATION)[0], topics.NAVIGATION).drive.steering_angle == pytest.approx(0.1)
+    assert kept.of(topics.TELEOP) == []
 
 
 async def test_latency_and_score_are_kept_for_the_status():
@@ -249,11 +249,11 @@ async def test_latency_and_score_are_kept_for_the_status():
 
 
 async def test_an_inertial_measurement_goes_out_as_it_came():
-    rig = Rig(Keeper(wire.IMU))
+    rig = Rig(Keeper(topics.IMU))
     rig.telemetry.on_imu(100.0, (0.0, 0.0, 0.5), (0.0, 0.0, 9.81))
     rig.drive_once()
-    (payload,) = (await rig.written()).of(wire.IMU)
-    assert decoded(payload, wire.IMU).angular_velocity.z == 0.5
+    (payload,) = (await rig.written()).of(topics.IMU)
+    assert decoded(payload, topics.IMU).angular_velocity.z == 0.5
 
 
 async def test_a_lost_motor_has_no_odometry_and_the_rest_goes_on():
@@ -261,15 +261,15 @@ async def test_a_lost_motor_has_no_odometry_and_the_rest_goes_on():
     rig.observed.motor.present = False
     rig.drive_once()
     kept = await rig.written()
-    assert not {wire.ODOM, wire.TF, wire.MOTOR, wire.BATTERY} & {topic for topic, *_ in kept.kept}
-    (payload,) = kept.of(wire.DIAGNOSTICS)
-    assert [report.level for report in decoded(payload, wire.DIAGNOSTICS).status] == [0, 2, 0, 0]
+    assert not {topics.ODOM, topics.TF, topics.MOTOR, topics.BATTERY} & {topic for topic, *_ in kept.kept}
+    (payload,) = kept.of(topics.DIAGNOSTICS)
+    assert [report.level for report in decoded(payload, topics.DIAGNOSTICS).status] == [0, 2, 0, 0]
 
 
 async def test_forgotten_changes_are_the_oldest():
-    rig = Rig(Keeper(wire.DECISION))
+    rig = Rig(Keeper(topics.DECISION))
     for number, _ in zip(count(), range(100), strict=False):
         rig.drive_once(reason=f"reason {number}")
-    told = [json.loads(payload)["reason"] for payload in (await rig.written(200)).of(wire.DECISION)]
+    told = [json.loads(payload)["reason"] for payload in (await rig.written(200)).of(topics.DECISION)]
     assert told[-1] == "reason 99"
     assert len(told) <= 33

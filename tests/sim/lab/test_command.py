@@ -15,9 +15,9 @@ import pytest
 from sim.lab import hazards, laps, safety, walls
 from sim.lab.cell import Cell, Choice
 from sim.lab.command import UsageError, chosen, run
-from sim.lab.courses import ALL_COURSES
+from sim.lab.courses.sudden import BOXES, PLACES
+from sim.lab.courses.walls import ALL_COURSES
 from sim.lab.laws import GUARD_OF, build, check
-from sim.lab.sudden import BOXES, PLACES
 from wallride import lab_options
 
 MAPS = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "maps"

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from sim.beams import NO_RETURN_MM
 from sim.lab import covers
 from sim.lab.cell import Cell, Choice
 from sim.lab.covers import Cover
+from sim.world.beams import NO_RETURN_MM
 
 
 def cell(scenario, speed_mps=2.0, law="ball+swept", side="left"):

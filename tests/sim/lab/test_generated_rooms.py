@@ -6,11 +6,11 @@ import json
 import numpy as np
 import pytest
 
-from sim.closed_loop import Case, Run
 from sim.lab import generated_rooms, laps
 from sim.lab.cell import Cell, Choice
 from sim.lab.command import run
-from sim.lab.courses import world_of
+from sim.lab.courses.walls import world_of
+from sim.virtual.closed_loop import Case, Run
 from wallride import lab_options
 
 PERIOD_S = 0.025

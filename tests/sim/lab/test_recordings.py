@@ -9,8 +9,8 @@ import pytest
 from sim.lab import recordings
 from sim.lab.cell import Cell
 from sim.lab.command import UsageError, chosen, run
-from sim.lab.replay import replay
-from tests.sim.lab.recorded import RACECAR, real
+from sim.lab.recorded.replay import replay
+from tests.sim.lab.recorded_drives import RACECAR, real
 from wallride import lab_options
 
 

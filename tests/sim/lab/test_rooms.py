@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.closed_loop import Case, Run
 from sim.lab import rooms
 from sim.lab.cell import Cell, Choice
-from sim.lab.courses import world_of
-from sim.obstacles import Motion, Round, person
-from sim.pose import CAR
+from sim.lab.courses.walls import world_of
+from sim.virtual.closed_loop import Case, Run
+from sim.world.obstacles import Motion, Round, person
+from sim.world.pose import CAR
 
 PERIOD_S = 0.025
 

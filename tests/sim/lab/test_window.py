@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from sim.beams import LidarSettings
 from sim.lab import window
 from sim.lab.cell import Cell, Choice
+from sim.world.beams import LidarSettings
 
 
 def cell(scenario, speed_mps=2.0, side="left"):

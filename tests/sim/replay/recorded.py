@@ -4,21 +4,21 @@ import argparse
 import asyncio
 from importlib.metadata import version
 
-from runtime import wire
 from runtime.app import Car
-from runtime.bus import free_endpoint
 from runtime.recording import channels
 from runtime.recording.channels import Message
+from runtime.recording.decision_log import Tape
 from runtime.recording.disk import RealDisk
 from runtime.recording.laws_fingerprint import laws_fingerprint
 from runtime.recording.mcap_file import McapFile
-from runtime.recording.tape import Tape
 from runtime.recording.transcriber import Transcriber
-from runtime.settings import Settings
-from sim.twin_world import TwinWorld, WorldLidar, WorldMotor
-from sim.twins import MemoryBus
-from sim.virtual_time import run_virtual
-from sim.worlds import load_world
+from runtime.settings.tree import Settings
+from runtime.wire import topics
+from runtime.wire.bus import free_endpoint
+from sim.virtual.devices import MemoryBus
+from sim.virtual.twin_world import TwinWorld, WorldLidar, WorldMotor
+from sim.virtual.virtual_time import run_virtual
+from sim.world.worlds import load_world
 
 SETTINGS = {"operator": {"permit": "always"}, "wall_follow": {"speed_mps": 1.5}}
 
@@ -31,7 +31,7 @@ class Sink:
         self.wall_clock = wall_clock
 
     def claim(self, topic, at_s, *, urgent=False):
-        return topic != wire.SCAN
+        return topic != topics.SCAN
 
     def take(self, topic, schema, stamp_s, payload):
         if not channels.is_ros(topic):

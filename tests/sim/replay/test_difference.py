@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from drivers.api import Drive
-from runtime.command import Decision, Output, Source
+from runtime.arbitration.command import Decision, Output, Source
 from runtime.control.guidance import Guidance
 from sim.replay.difference import Difference, guidances, outputs, same
 

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from runtime import wire
+from runtime.wire import topics
 from sim.recordings import RecordingError
 from sim.replay.decode import decode
 from sim.replay.drive_log import is_mcap, read_log
@@ -15,12 +15,12 @@ def test_a_whole_file_holds_what_was_recorded(dead_end):
     assert log.is_ours
     assert not log.notes
     assert log.fact("car") == "car1"
-    assert len(log.of(wire.SCAN)) == 359
-    assert decode(log.of(wire.SCAN)[0]).ranges.size == 1081
+    assert len(log.of(topics.SCAN)) == 359
+    assert decode(log.of(topics.SCAN)[0]).ranges.size == 1081
     assert "[wall_follow]" in log.settings_text
-    statuses = list(log.json(wire.STATUS))
+    statuses = list(log.json(topics.STATUS))
     assert statuses[-1][1]["car"] == "car1"
-    assert all(message.schema == "" and json.loads(message.payload) for message in log.of(wire.STATUS))
+    assert all(message.schema == "" and json.loads(message.payload) for message in log.of(topics.STATUS))
 
 
 def test_a_file_that_was_cut_off_anywhere_holds_everything_before(dead_end, tmp_path):

@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 
-from runtime import wire
+from runtime.wire import topics
 from sim.recordings import OdometryTrack, Recording, RecordingError, load_recording
 from sim.replay.decode import decode
 from sim.replay.foreign import drive_recording, motor_states, settings_for
 from sim.replay.opening import open_any
-from sim.twins import ranges_between_walls
+from sim.virtual.devices import ranges_between_walls
 
 BEAMS = 1081
 
@@ -34,18 +34,20 @@ def driven(made, *assignments):
 
 def test_it_says_what_the_car_would_have_said_on_the_cars_own_topics():
     log = driven(recording(np.arange(0, 2, 0.025)))
-    assert {wire.SCAN, wire.ODOM, wire.DISTANCE_ERROR, wire.OUTPUT, wire.DECISION, wire.STATUS} <= set(log.by_topic)
-    assert len(log.of(wire.SCAN)) == len(log.of(wire.DISTANCE_ERROR)) == 80
-    errors_m = [decode(message).data for message in log.of(wire.DISTANCE_ERROR)]
+    assert {topics.SCAN, topics.ODOM, topics.DISTANCE_ERROR, topics.OUTPUT, topics.DECISION, topics.STATUS} <= set(
+        log.by_topic
+    )
+    assert len(log.of(topics.SCAN)) == len(log.of(topics.DISTANCE_ERROR)) == 80
+    errors_m = [decode(message).data for message in log.of(topics.DISTANCE_ERROR)]
     assert np.abs(errors_m).max() < 0.02
-    decisions = [fields["reason"] for _, fields in log.json(wire.DECISION)]
+    decisions = [fields["reason"] for _, fields in log.json(topics.DECISION)]
     assert decisions[0] == "wall"
-    assert json.loads(log.of(wire.STATUS)[-1].payload)["scans"] > 70
+    assert json.loads(log.of(topics.STATUS)[-1].payload)["scans"] > 70
 
 
 def test_a_hole_in_a_recording_is_a_stop():
     log = driven(recording([*np.arange(0, 1, 0.025), *np.arange(4, 5, 0.025)]))
-    said = [(time_ns / 1e9, fields["reason"], fields["allowed_mps"]) for time_ns, fields in log.json(wire.DECISION)]
+    said = [(time_ns / 1e9, fields["reason"], fields["allowed_mps"]) for time_ns, fields in log.json(topics.DECISION)]
     stopped = [entry for entry in said if entry[2] == 0]
     assert 0.975 < stopped[0][0] < 1.2
     assert stopped[0][1] in {"nobody drives", "no word from safety", "the scan is too old"}
@@ -91,15 +93,15 @@ def test_scans_of_several_lidars_on_one_topic_are_refused():
 def test_real_recordings_replay(shared_data, name, scans):
     opened = open_any(shared_data / name)
     assert not opened.ours
-    assert len(opened.log.of(wire.SCAN)) == (scans or len(load_recording(shared_data / name)))
-    assert len(opened.log.of(wire.DISTANCE_ERROR)) == len(opened.log.of(wire.SCAN))
+    assert len(opened.log.of(topics.SCAN)) == (scans or len(load_recording(shared_data / name)))
+    assert len(opened.log.of(topics.DISTANCE_ERROR)) == len(opened.log.of(topics.SCAN))
     if "damaged" in name:
         assert "360 scans were saved" in opened.log.notes[0]
 
 
 def test_the_carried_bag_replays_where_no_other_recording_is(carried_bag):
     log = open_any(carried_bag).log
-    assert len(log.of(wire.SCAN)) == 40
+    assert len(log.of(topics.SCAN)) == 40
     assert log.fact("source").startswith("urg04lx_people_40")
 
 

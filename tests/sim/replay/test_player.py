@@ -2,7 +2,7 @@
 
 import pytest
 
-from runtime import wire
+from runtime.wire import topics
 from sim.replay.drive_log import DriveLog, Message
 from sim.replay.keys import names, press
 from sim.replay.player import FASTEST, Player
@@ -15,7 +15,7 @@ class Hand:
         return self.now_s
 
 
-def message(at_s, topic=wire.STATUS):
+def message(at_s, topic=topics.STATUS):
     return Message(topic, "", 1_000_000_000_000 + round(at_s * 1e9), f"{topic} {at_s}".encode())
 
 
@@ -25,7 +25,7 @@ def clock():
 
 
 def player_of(clock, **options):
-    log = DriveLog("made", [message(at_s / 10, topic) for at_s in range(101) for topic in (wire.STATUS, wire.SCAN)])
+    log = DriveLog("made", [message(at_s / 10, topic) for at_s in range(101) for topic in (topics.STATUS, topics.SCAN)])
     log.messages += [message(0.05, "tape"), message(0.05, "log"), message(0.05, "settings")]
     return Player(log, clock, **options)
 
@@ -43,7 +43,7 @@ def test_everything_is_played_once_and_in_order(clock):
     found = played(player, clock, 11)
     assert len(found) == 202
     assert found == sorted(found, key=lambda message: message.stamp_ns)
-    assert {message.topic for message in found} == {wire.STATUS, wire.SCAN}
+    assert {message.topic for message in found} == {topics.STATUS, topics.SCAN}
     assert player.ended
 
 

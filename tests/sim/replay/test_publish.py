@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from clients.connection import Cars
-from runtime import wire, zenoh_config
-from runtime.bus import Bus, RefusedError, free_endpoint
+from runtime.wire import topics, zenoh_config
+from runtime.wire.bus import Bus, RefusedError, free_endpoint
 from sim.recordings import RecordingError
 from sim.replay import publish
 from sim.replay.drive_log import read_log
@@ -53,9 +53,9 @@ async def test_it_is_heard_as_the_car_would_be(playing, dead_end):
     heard = []
     cars = Cars(client)
     client.subscribe("wallride/car1/*", lambda key, payload, _: heard.append((key, payload)))
-    needed = {wire.key("car1", topic) for topic in (wire.SCAN, wire.STATUS, wire.OUTPUT)}
+    needed = {topics.key("car1", topic) for topic in (topics.SCAN, topics.STATUS, topics.OUTPUT)}
     await until(lambda: needed <= {key for key, _ in heard})
-    recorded = {(wire.key("car1", message.topic), message.payload) for message in read_log(dead_end).messages}
+    recorded = {(topics.key("car1", message.topic), message.payload) for message in read_log(dead_end).messages}
     assert set(heard) <= recorded, "the very bytes of the recording"
     assert not any(key.endswith(("/tape", "/settings")) for key, _ in heard)
     await until(lambda: "car1" in cars.names)
@@ -63,7 +63,7 @@ async def test_it_is_heard_as_the_car_would_be(playing, dead_end):
 
 async def test_questions_steer_it_and_nonsense_is_refused(playing):
     player, client = playing
-    key = wire.key("car1", "replay")
+    key = topics.key("car1", "replay")
     (answer,) = await client.ask(key, b'{"pause": true, "seek_s": 4}', timeout_s=5)
     assert json.loads(answer)["position_s"] == 4.0
     assert player.paused
@@ -81,7 +81,7 @@ async def test_a_standing_picture_is_sent_again_for_who_comes_late(playing):
     player.seek(3.0)
     await asyncio.sleep(0)
     scans = []
-    client.subscribe(wire.key("car1", wire.SCAN), lambda _, payload, __: scans.append(payload))
+    client.subscribe(topics.key("car1", topics.SCAN), lambda _, payload, __: scans.append(payload))
     await until(lambda: len(scans) >= 3)
     assert len(set(scans)) == 1
 

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 from drivers.api import Drive
-from runtime.command import DriveWord, Source, refusal
+from runtime.arbitration.command import DriveWord, Source, refusal
 from runtime.recording import channels
 from runtime.recording.disk import RealDisk
 from runtime.recording.mcap_file import McapFile
-from runtime.settings import SettingsError
+from runtime.settings.tree import SettingsError
 from sim.recordings import RecordingError
 from sim.replay.difference import CLOSE
 from sim.replay.drive_log import read_log

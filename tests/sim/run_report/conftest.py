@@ -5,7 +5,7 @@ import json
 import pytest
 
 from sim.replay.drive_log import read_log
-from sim.run_report.run import run_of
+from sim.replay.run import run_of
 from tests.sim.replay.recorded import record
 
 

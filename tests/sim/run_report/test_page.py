@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from sim.recordings import RecordingError
+from sim.replay.figures import numbers, stops
 from sim.replay.opening import open_any
+from sim.replay.run import run_of
 from sim.run_report import command
-from sim.run_report.figures import numbers, stops
 from sim.run_report.page import page
-from sim.run_report.run import run_of
 from tests.sim.replay.recorded import options as offline
 
 BAG = Path(__file__).resolve().parents[2] / "data" / "urg04lx_people_40.bag"

@@ -1,0 +1,144 @@
+"""Do the wheels and the lidar tell of the same drive? What contradicts itself is no ground to drive on.
+
+Three questions to each pair of scan and motor report, none of which knows a law or a device:
+
+* Does the lidar measure? A scan that repeats bit for bit while the wheels turned 0.3 m is a memory, not a measurement.
+* Does the car move as its wheels say? Over the first 0.3 m, and again after every lost link, the scan's own motion is
+  compared with the odometry (`scan_shift`). Opposite directions: two phases of the motor are swapped, and the
+  controller cannot know. Another scale: the gain is wrong.
+* Does it move at all? Wheels in the air turn without a way. That is no fault, but no odometry to back out by.
+
+Pure and deterministic; what takes time is done in `learn`, when the answer is on its way.
+"""
+
+import math
+from dataclasses import dataclass
+
+from drivers.api import MotorState, Scan
+from runtime.control.perception.odometry import Odometry, Pose
+from runtime.control.perception.scan_shift import Agreement, compare_shift
+from runtime.control.vehicle import CarSettings
+
+FROZEN_AFTER_M = 0.3
+CHECKED_OVER_M = 0.3
+CHECK_WITHIN_S = 5.0
+"""A slower start is measured anew: the surroundings do not stand still for longer."""
+WITNESSES = 2
+"""So many scans in a row must contradict the odometry."""
+STANDS_FOR_S = 1.0
+STANDING_MPS = 0.05
+FROZEN = "the lidar repeats one scan: power-cycle it, check its cable"
+BACKWARDS = "runs backwards: swap two phases of the motor"
+WHEELS_IN_THE_AIR = "the wheels turn and the scan stands (wheels in the air?): it does not back out"
+WRONG_SCALE = "the wheels' way is not the scan's: check motor.speed_to_erpm_gain and the lidar's mounting"
+
+
+@dataclass(frozen=True, slots=True)
+class _Start:
+    """Where the way that is checked began."""
+
+    scan: Scan
+    distance_m: float
+    pose: Pose
+
+
+class Plausibility:
+    """Looks at every scan once, in order.
+
+    lidar_doubt: why the lidar is not believed, "" while it is. motor_doubt: why the odometry is not, as a fault with
+    its remedy; both are a stop. believed: whether a manoeuvre may be measured by the odometry.
+    """
+
+    def __init__(self, car: CarSettings) -> None:
+        self._car = car
+        self._odometry = Odometry(car.wheelbase_m)
+        self._samples = b""
+        self._changed_at_m: float | None = None
+        self._unlearnt: tuple[Scan, MotorState | None] | None = None
+        self._stood_since_s: float | None = None
+        self._witnesses = 0
+        self._confirmed = False
+        self._start: _Start | None = None
+        self.lidar_doubt = ""
+        self.motor_doubt = ""
+        self.believed = True
+
+    @property
+    def doubt(self) -> str:
+        """Why the car must stand, "" while nothing contradicts itself."""
+        return self.lidar_doubt or self.motor_doubt
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What people should know although the car may drive on."""
+        return () if self.believed or self.doubt else (WHEELS_IN_THE_AIR,)
+
+    def look(self, scan: Scan, motor: MotorState | None, *, odometry_check: bool = True) -> None:
+        """Take in one scan and the newest motor report; odometry_check: whether the two belong together."""
+        self.learn()
+        self._unlearnt = (scan, motor) if odometry_check else None
+        samples = scan.ranges_m.tobytes()
+        if motor is None or samples != self._samples:
+            self._samples, self.lidar_doubt = samples, ""
+            self._changed_at_m = motor.distance_m if motor is not None else None
+        elif self._changed_at_m is None:
+            self._changed_at_m = motor.distance_m
+        elif abs(motor.distance_m - self._changed_at_m) >= FROZEN_AFTER_M:
+            self.lidar_doubt = FROZEN
+
+    def learn(self) -> None:
+        """Compare the last scan's motion with the odometry's. Harmless when repeated."""
+        if self._unlearnt is None:
+            return
+        (scan, motor), self._unlearnt = self._unlearnt, None
+        if motor is None:  # what comes back may be wired otherwise
+            self.motor_doubt, self.believed = "", True
+            self._begin_anew()
+        elif self.motor_doubt:
+            self._await_standstill(scan, motor)
+        elif not self._confirmed:
+            self._check(scan, motor)
+
+    def _begin_anew(self) -> None:
+        self._confirmed, self._start, self._witnesses = False, None, 0
+        self._odometry.update(None)
+
+    def _await_standstill(self, scan: Scan, motor: MotorState) -> None:
+        """End the doubt where the car has stood for a while: who latches it has done so, and the next metres tell."""
+        if abs(motor.speed_mps) > STANDING_MPS or self._stood_since_s is None:
+            self._stood_since_s = scan.stamp_s
+        elif scan.stamp_s - self._stood_since_s >= STANDS_FOR_S:
+            self._stood_since_s, self.motor_doubt = None, ""
+            self._begin_anew()
+
+    def _check(self, scan: Scan, motor: MotorState) -> None:
+        pose = self._odometry.update(motor)
+        start = self._start
+        stands = abs(motor.speed_mps) <= STANDING_MPS
+        if start is None or stands or scan.stamp_s - start.scan.stamp_s > CHECK_WITHIN_S:
+            self._start = _Start(scan, motor.distance_m, pose)
+        elif abs(motor.distance_m - start.distance_m) >= CHECKED_OVER_M + 0.1 * self._witnesses:
+            self._conclude(compare_shift(start.scan, scan, _moved(start.pose, pose), self._car.lidar_x_m))
+
+    def _conclude(self, found: Agreement) -> None:
+        match found:
+            case Agreement.AGREES:
+                self._confirmed = self.believed = True
+            case Agreement.STANDS:
+                self.believed, self._start = False, None
+            case Agreement.UNKNOWN:
+                self._start = None
+            case _:
+                self._witnesses += 1
+                if self._witnesses < WITNESSES:
+                    return
+                self.motor_doubt = BACKWARDS if found is Agreement.OPPOSITE else WRONG_SCALE
+                self.believed = False
+        self._witnesses = 0
+
+
+def _moved(start: Pose, end: Pose) -> tuple[float, float, float]:
+    """Return the shift x_m, y_m, yaw_rad of base_link from one pose to another, in the frame of the first."""
+    dx, dy = end.x_m - start.x_m, end.y_m - start.y_m
+    cos, sin = math.cos(start.yaw_rad), math.sin(start.yaw_rad)
+    return cos * dx + sin * dy, cos * dy - sin * dx, math.remainder(end.yaw_rad - start.yaw_rad, math.tau)

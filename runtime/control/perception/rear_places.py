@@ -1,0 +1,91 @@
+"""What the judgement of the rear beams works with: places carried along by odometry, and the wall before the shoulder.
+
+Places are complex numbers x + iy [m]; in the lidar frame an angle of one is a bearing.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+from runtime.control.perception.geometry import Booleans, Floats, Places
+
+Beams = npt.NDArray[np.intp]
+
+SAME_PLACE_M = 0.07
+SAME_PLACE_BEAMS = 4
+"""A place is seen again by a beam so near to it in range and bearing: noise, odometry, and the scan's own motion."""
+EXPECTED_BEAMS = 3
+LINE_JUMP_M = 0.12
+LINE_FEWEST = 12
+LINE_SHORTEST_M = 0.12
+LINE_STRAIGHT_M = 0.03
+LINE_WITHIN_M = 0.06
+
+
+def seen_again(ranges_m: Floats, beams: Beams, places: Places, angle_min_rad: float, angle_step_rad: float) -> Booleans:
+    """Return which of some beams, (k,), end at one of the places (m,) in the lidar frame; ranges_m is (n,)."""
+    if not beams.size or not places.size:
+        return np.zeros(beams.shape, np.bool_)
+    away_m, at_beam = _polar(places, angle_min_rad, angle_step_rad)
+    inside = (at_beam > -1.0) & (at_beam < ranges_m.size) & (away_m < ranges_m[beams].max() + SAME_PLACE_M)
+    off_m = np.abs(ranges_m[beams][:, None] - away_m[inside])
+    off_beams = np.abs(beams[:, None] - at_beam[inside])
+    again: Booleans = ((off_m < SAME_PLACE_M) & (off_beams <= SAME_PLACE_BEAMS)).any(axis=1)
+    return again
+
+
+def expected_m(beams: int, places: Places, angle_min_rad: float, angle_step_rad: float) -> Floats:
+    """Return what every beam would read of the nearest place (m,) in the lidar frame beside it, inf of none; (n,)."""
+    nearest_m = np.full(beams + 2 * EXPECTED_BEAMS, np.inf)
+    if not places.size:
+        return nearest_m[:beams]
+    away_m, at_beam = _polar(places, angle_min_rad, angle_step_rad)
+    inside = (at_beam > -0.5) & (at_beam < beams - 0.5)
+    away_m, beam = away_m[inside], np.rint(at_beam[inside]).astype(np.intp)
+    for beside in range(2 * EXPECTED_BEAMS + 1):
+        np.minimum.at(nearest_m, beam + beside, away_m)
+    found: Floats = nearest_m[EXPECTED_BEAMS : beams + EXPECTED_BEAMS]
+    return found
+
+
+def on_the_line(x_m: Floats, y_m: Floats, solid: Booleans, before: Beams, beams: Beams) -> Booleans:
+    """Return which of some beams, (k,), end on the straight wall that is seen before the shoulder.
+
+    x_m, y_m, solid: of a View, (n,). before: beams from the shoulder forward; the wall is the piece that begins there.
+    """
+    none = np.zeros(beams.shape, np.bool_)
+    before = before[solid[before]]
+    if before.size < LINE_FEWEST or not beams.size:
+        return none
+    places = x_m[before] + 1j * y_m[before]
+    jumps = np.flatnonzero(np.abs(places[1:] - places[:-1]) > LINE_JUMP_M)
+    piece = places[: int(jumps[0]) + 1] if jumps.size else places
+    if piece.size < LINE_FEWEST or abs(piece[-1] - piece[0]) < LINE_SHORTEST_M:
+        return none
+    middle = complex(piece.mean())
+    off = piece - middle
+    along = np.sqrt((off * off).sum())  # of a line's points this is its direction times their spread
+    size = abs(along)
+    if not size:
+        return none
+    along /= size
+    if float(np.sqrt(np.mean(np.square((off / along).imag)))) > LINE_STRAIGHT_M:
+        return none
+    aside_m = ((x_m[beams] + 1j * y_m[beams] - middle) / along).imag
+    near: Booleans = np.abs(aside_m) < LINE_WITHIN_M
+    return near
+
+
+def around(which: Booleans, first_side: int, reach: int) -> npt.NDArray[np.intp]:
+    """Return how many are True within so many places of each, (k,), the two sides of the car apart."""
+    counts = np.zeros(which.shape, np.intp)
+    for part in (slice(0, first_side), slice(first_side, None)):
+        some = which[part]
+        if some.size and np.count_nonzero(some):
+            total = np.concatenate(([0], np.cumsum(some)))
+            index = np.arange(some.size)
+            counts[part] = total[np.minimum(index + reach + 1, some.size)] - total[np.maximum(index - reach, 0)]
+    return counts
+
+
+def _polar(places: Places, angle_min_rad: float, angle_step_rad: float) -> tuple[Floats, Floats]:
+    return np.abs(places), (np.angle(places) - angle_min_rad) / angle_step_rad

@@ -1,0 +1,264 @@
+"""What one scan says about the world: points in the car's frame, and which of them are things to drive round.
+
+A beam is *solid* when it has a distance, its neighbours agree (despike), it does not lie on the car itself, and it is
+not dirt on the window: thin dirt by its shape in this scan, wide dirt by what `lidar_health` has learnt. Everything
+else is either without an echo ("no information", never "free") or not worth a stop.
+
+Frames: base_link = middle of the rear axle, x forward, y left (REP-105). The lidar looks straight ahead from lidar_x_m.
+"""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from drivers.api import Scan
+from drivers.twin import twin
+from drivers.value import value
+from runtime.control.perception.geometry import Booleans, Floats, bearings_rad, beyond, directions
+from runtime.control.vehicle import CarSettings
+
+SUPPORT_WITHIN_M = 0.15
+"""Neighbours this near in range belong to the same thing; 2 of 4 make a beam credible."""
+NEIGHBOURS = 2
+DIRT_NEARER_THAN_M = 0.6
+"""Dirt on a window reads as centimetres to decimetres; beyond this nothing is taken for dirt."""
+LEARNT_DIRT_NEARER_THAN_M = 0.9
+"""Beams that are known to be dirty are ignored up to here: the rim of a smudge mixes it with the wall behind."""
+DIRT_STANDS_OUT_M = 0.12
+"""Dirt is so much nearer than the beams on both of its sides."""
+DIRT_THINNER_THAN_M = 0.012
+"""A real thing so thin and so near is not seen: the price for setting off with a smudge on the window."""
+BODY_BEYOND_RAD = math.radians(105)
+"""Behind this bearing a near return that goes along with the car is a part of it, before it dirt."""
+DOUBTED_BEYOND_RAD = math.radians(93)
+DOUBTED_NEARER_THAN_M = 0.9
+"""Behind this bearing and nearer than this is doubted until `own_parts` knows it for the world."""
+TRAIL_STEP_M = 0.02
+"""A trail gets so much farther from beam to beam; a wall as near as the car's flank, a twentieth of it."""
+RIM_BEAMS = 2
+"""So many beams beside a part meet its edge, whatever they read; a single beam is wild, or noise, and has no edge."""
+BRIDGED_BEAMS = 2
+"""Wild beams inside a thin thing do not divide it into two thinner ones."""
+
+
+@value(eq=False)
+class View:
+    """One scan, understood. All arrays have shape (beams,) and are read-only by agreement.
+
+    ranges_m: float64; NaN where a beam has no distance. bearing_rad: of each beam in the lidar frame.
+    x_m, y_m: end points in base_link; NaN without a distance. lidar_x_m: where the beams begin.
+    solid: things that can be hit or followed. no_echo: no information. own: on or in the car's own outline.
+    dirty: known to be dirty, whatever they read now; None while no beam is. silent: how many have no echo.
+    """
+
+    scan: Scan
+    ranges_m: Floats
+    bearing_rad: Floats
+    x_m: Floats
+    y_m: Floats
+    solid: Booleans
+    no_echo: Booleans
+    own: Booleans
+    lidar_x_m: float
+    dirty: Booleans | None
+    silent: int
+
+
+Kind = tuple[float, float, int]
+"""What one lidar has in common with another of its kind: first bearing, step, beams."""
+
+
+@value(eq=False)
+class Fan:
+    """The beams of one kind of lidar, (beams,): bearing, its cosine and sine, which look behind DOUBTED_BEYOND_RAD.
+
+    doubted_below_m: what each must read to be believed while nothing is known yet. nothing_m: zeros.
+    """
+
+    bearing_rad: Floats
+    cos: Floats
+    sin: Floats
+    aback: Booleans
+    doubted_below_m: Floats
+    nothing_m: Floats
+
+
+def doubted_below_m(scan: Scan) -> Floats:
+    """Return what each beam must read to be believed while nothing is known yet, (beams,)."""
+    return np.where(beyond(scan, DOUBTED_BEYOND_RAD), DOUBTED_NEARER_THAN_M, 0.0)
+
+
+def fan_of(scan: Scan) -> Fan:
+    """Return the beams of the lidar that took a scan."""
+    kind = scan.angle_min_rad, scan.angle_step_rad, scan.ranges_m.shape[0]
+    cos, sin = directions(*kind)
+    return Fan(
+        bearings_rad(*kind), cos, sin, beyond(scan, DOUBTED_BEYOND_RAD), doubted_below_m(scan), np.zeros(kind[2])
+    )
+
+
+class Eyes:
+    """Sees each scan once, however many ask: follower and safety share one pair.
+
+    doubts: whether what is near behind the shoulders is left out until `ignore` says more; for those who will say it.
+    """
+
+    def __init__(self, car: CarSettings) -> None:
+        self._car = car
+        ahead_m, aback_m = car.front_m - car.lidar_x_m, car.rear_m + car.lidar_x_m
+        self._own_within_m = math.hypot(max(ahead_m, aback_m), car.half_width_m)
+        self._dirty: Booleans | None = None
+        self._ignored_below_m: Floats | None = None
+        self.doubts = False
+        self._last: View | None = None
+        self._fan: tuple[Kind, Fan] | None = None
+
+    def ignore(self, dirty: Booleans | None, below_m: Floats | None = None) -> None:
+        """From the next look on, leave these beams (n,) out where they read less than dirt can; None: ignore none.
+
+        below_m: (n,), what any beam reads less is left out as well.
+        """
+        self._last = None
+        self._dirty, self._ignored_below_m = dirty, below_m
+        if dirty is not None and below_m is not None and dirty.shape == below_m.shape:
+            self._ignored_below_m = np.maximum(below_m, dirty * LEARNT_DIRT_NEARER_THAN_M)
+
+    def see(self, scan: Scan) -> View:
+        """Return the view of a scan, computed at the first call for it."""
+        if self._last is None or self._last.scan is not scan:
+            self._last = self._look(scan)
+        return self._last
+
+    def _look(self, scan: Scan) -> View:
+        car, sent_m = self._car, scan.ranges_m
+        kind = scan.angle_min_rad, scan.angle_step_rad, sent_m.shape[0]
+        if self._fan is None or self._fan[0] != kind:
+            self._fan = kind, fan_of(scan)
+        fan = self._fan[1]
+        dirty = self._dirty if self._dirty is not None and self._dirty.shape == sent_m.shape else None
+        ignored_below_m = self._ignored_below_m
+        if ignored_below_m is None or ignored_below_m.shape != sent_m.shape:
+            ignored_below_m = fan.doubted_below_m if self.doubts else fan.nothing_m
+            if dirty is not None:
+                ignored_below_m = np.maximum(ignored_below_m, dirty * LEARNT_DIRT_NEARER_THAN_M)
+        ranges_m, x_m, y_m, solid, no_echo, own, silent = look(
+            sent_m, fan.cos, fan.sin, fan.aback, ignored_below_m, scan.angle_step_rad,
+            car.lidar_x_m, car.front_m, car.rear_m, car.half_width_m, self._own_within_m,
+        )  # fmt: skip
+        return View(scan, ranges_m, fan.bearing_rad, x_m, y_m, solid, no_echo, own, car.lidar_x_m, dirty, silent)
+
+
+@twin
+def look(  # flat arguments, as its twin in C wants them
+    sent_m: npt.NDArray[np.float32],
+    cos: Floats,
+    sin: Floats,
+    aback: Booleans,
+    ignored_below_m: Floats,
+    angle_step_rad: float,
+    lidar_x_m: float,
+    front_m: float,
+    rear_m: float,
+    half_width_m: float,
+    own_within_m: float,
+) -> tuple[Floats, Floats, Floats, Booleans, Booleans, Booleans, int]:
+    """Return ranges_m, x_m, y_m, solid, no_echo, own and silent of a View, from the ranges as sent, (beams,).
+
+    cos, sin: of the beams' bearings. aback: beams behind DOUBTED_BEYOND_RAD. ignored_below_m: what reads less is not
+    solid: dirt, the car's parts, and what may be one. own_within_m: no part of the car is farther from the lidar.
+    """
+    ranges_m = sent_m.astype(np.float64)
+    echo = ranges_m > 0.0
+    echo &= ranges_m < math.inf
+    no_echo = ~echo
+    ranges_m[no_echo] = math.nan
+    x_m, y_m = cos * ranges_m, sin * ranges_m
+    x_m += lidar_x_m
+    solid = supported(ranges_m)
+    ignored = ranges_m < ignored_below_m  # NaN compares as not nearer
+    solid &= ~ignored
+    own = np.zeros(ranges_m.shape, np.bool_)
+    index = (ranges_m < own_within_m).nonzero()[0]
+    if index.size:
+        near_x, aside_m = x_m[index], np.abs(y_m[index])
+        mine = index[(near_x <= front_m) & (near_x >= -rear_m) & (aside_m <= half_width_m)]
+        own[mine] = True
+        solid[mine] = False
+    parts = ((own | ignored) & aback).nonzero()[0]
+    if parts.size:
+        solid[trails(ranges_m, parts)] = False
+    near = ranges_m < DIRT_NEARER_THAN_M
+    # Only what would count is worth a look whether it is dirt: a wild beam has no neighbours anyway.
+    if np.count_nonzero(near & solid):
+        solid[thin_dirt(ranges_m, near, angle_step_rad)] = False
+    return ranges_m, x_m, y_m, solid, no_echo, own, int(np.count_nonzero(no_echo))
+
+
+def supported(ranges_m: Floats) -> Booleans:
+    """Return which beams have at least 2 of 4 neighbours (2 each side) within 0.15 m; shape (n,)."""
+    beams = ranges_m.shape[0]
+    # Row r, column i + r + 1: whether beams i and i + r + 1 agree. The rest stays 0: beyond the ends is nobody.
+    agree = np.zeros((2, beams + 4), np.int8)
+    for row, step in ((0, 1), (1, 2)):
+        off_m = ranges_m[step:] - ranges_m[:-step]
+        np.less_equal(
+            np.abs(off_m, out=off_m), SUPPORT_WITHIN_M, out=agree[row, step : step + off_m.size].view(np.bool_)
+        )
+    by_one, by_two = agree
+    count = by_one[:beams] + by_one[1 : beams + 1]
+    count += by_two[:beams]
+    count += by_two[2 : beams + 2]
+    enough: Booleans = count >= NEIGHBOURS
+    return enough
+
+
+def trails(ranges_m: Floats, own: npt.NDArray[np.intp]) -> list[int]:
+    """Return the beams beside the car's own parts that see half of the part and half of what is behind it.
+
+    A beam that meets an edge measures something between the edge and the background ("mixed pixels", Tuley, Vandapel &
+    Hebert 2005): a row of returns that leads from the car's own part away, almost along the beams. So does no real
+    surface, whose extension would have to pass through the lidar.
+
+    own: indices (k,) of the beams that see the car's own parts, or what may be one.
+    """
+    if not own.size:
+        return []
+    found: list[int] = []
+    gaps = np.flatnonzero(own[1:] - own[:-1] > 1)
+    firsts, lasts = own[[0, *(gaps + 1)]].tolist(), own[[*gaps, -1]].tolist()
+    for first, last in zip(firsts, lasts, strict=True):
+        rim = RIM_BEAMS if last > first else 0
+        for edge, step in ((first, -1), (last, 1)):
+            beam, far = edge + step, edge + step * rim
+            while 0 <= beam < ranges_m.size and (
+                (far - beam) * step >= 0 or ranges_m[beam] - ranges_m[beam - step] >= TRAIL_STEP_M
+            ):
+                found.append(beam)
+                beam += step
+    return found
+
+
+def thin_dirt(ranges_m: Floats, near: Booleans, angle_step_rad: float) -> npt.NDArray[np.intp]:
+    """Return the indices of near beams that form things thinner than 1.2 cm, standing out on both sides.
+
+    A run is a row of near beams without a jump in range; at an end of the fan only the other side must be farther.
+    No echo counts as far.
+    """
+    index: npt.NDArray[np.intp] = np.flatnonzero(near)
+    near_m = ranges_m[index]
+    cut = (index[1:] - index[:-1] > BRIDGED_BEAMS + 1) | (np.abs(near_m[1:] - near_m[:-1]) >= DIRT_STANDS_OUT_M)
+    first = np.concatenate(([0], np.flatnonzero(cut) + 1))
+    last = np.concatenate((first[1:], [index.size])) - 1
+    from_beam, to_beam = index[first], index[last]
+    width_m = (to_beam - from_beam + 1) * abs(angle_step_rad) * np.minimum(near_m[first], near_m[last])
+    # "Not nearer than that", so that NaN, no echo, counts as far.
+    left_near = ranges_m[np.minimum(to_beam + 1, ranges_m.size - 1)] - near_m[last] < DIRT_STANDS_OUT_M
+    right_near = ranges_m[np.maximum(from_beam - 1, 0)] - near_m[first] < DIRT_STANDS_OUT_M
+    left_near &= to_beam < ranges_m.size - 1
+    right_near &= from_beam > 0
+    thin = (width_m < DIRT_THINNER_THAN_M) & ~left_near & ~right_near
+    if not thin.any():
+        return index[:0]
+    dirt: npt.NDArray[np.intp] = index[np.repeat(thin, last - first + 1)]
+    return dirt

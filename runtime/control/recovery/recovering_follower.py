@@ -1,0 +1,59 @@
+"""A follower that can also free the car: it asks the driver first, and backs out when safety boxed the car in."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from drivers.api import MotorState, Scan
+from runtime.control.guidance import Follower, Guidance
+from runtime.control.recovery.way_out import HELP, Recovery
+from runtime.control.safety.swept import Outlook, SweptGuard
+
+
+class Lookout:
+    """Remembers the last outlook for those who plan by it; safety is served first, so it is this scan's."""
+
+    def __init__(self, guard: SweptGuard) -> None:
+        self.guard = guard
+        self.outlook: Outlook | None = None
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What is wrong with the lidar's window, in sentences for people."""
+        return self.guard.health.words
+
+    def look(self, scan: Scan, motor: MotorState | None) -> Outlook:
+        """Take in one scan."""
+        self.outlook = self.guard.look(scan, motor)
+        return self.outlook
+
+    def learn(self) -> None:
+        """Do what can wait until the answer is on its way."""
+        self.guard.learn()
+
+
+class Freeing:
+    """Wraps a follower; its manoeuvres are wishes like any other, judged by safety and outranked by the human.
+
+    believed: whether the odometry is good enough to back out by; where it is not, the way out is not tried.
+    """
+
+    def __init__(
+        self, follower: Follower, lookout: Lookout, recovery: Recovery, believed: Callable[[], bool] = lambda: True
+    ) -> None:
+        self._follower = follower
+        self._lookout = lookout
+        self._recovery = recovery
+        self._believed = believed
+
+    def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
+        """Answer one scan: the follower's answer, or the way out with its words as the reason."""
+        guidance = self._follower.follow(scan, motor)
+        outlook = self._lookout.outlook
+        if outlook is None or outlook.view.scan is not scan:
+            return guidance
+        advice = self._recovery.step(outlook, guidance.drive, motor, believed=self._believed())
+        # A standing car's reason is the safety's, not the driver's: it has to know that nobody knows a way on.
+        self._lookout.guard.plight = advice.words if advice.words == HELP else ""
+        if advice.drive is None and not advice.words:
+            return guidance
+        return replace(guidance, drive=advice.drive or guidance.drive, reason=advice.words)

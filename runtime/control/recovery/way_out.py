@@ -1,0 +1,235 @@
+"""The way out for a car whose nose stands against something: back and forth on its arcs until it is driven off.
+
+Creeping forward at any angle frees no car that touches with its margins; backing out blindly hits what is behind. So:
+be patient first (people walk on), and meanwhile search all that is seen and remembered (`floor_map`) for the way that
+leads off (`pose_search`), a slice with each scan. Drive it leg by leg; safety judges every moment of it like any drive.
+Where a leg is blocked, look again from there. What was tried is remembered: from the same place the car next looks for
+a way that leads elsewhere and farther, and after a few tries it asks for help.
+"""
+
+import cmath
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.api import Drive, MotorState
+from runtime.control.recovery.floor_map import blocked_floor
+from runtime.control.recovery.pose_search import Goal, Leg, Move, PoseSearch, WayOut
+from runtime.control.safety.swept import STANDING_MPS, Outlook
+from runtime.control.safety.swept_settings import RecoverySettings
+
+SETTLING_S = 0.3
+"""The servo needs 0.2 s from one end to the other; the plan reckons with wheels that are there already."""
+GIVE_UP_LEG_S = 0.5
+STOPPING_M = 0.1
+"""Safety lets the car back as far as it may less its braking distance; a leg that is short by so much is driven."""
+BEGUN_M = 0.03
+SLICES_AT_ONCE = 2
+"""So much of a search, a few milliseconds, between two scans."""
+WORTH_IT_M = 0.5
+"""So much free way ahead ends a stand by itself."""
+LOOKS_AFTER_S = 0.3
+"""A stand that is shorter is not worth a thought."""
+LOOKS_AGAIN_AFTER_S = 2.0
+"""Where no way was found, something may have moved by then."""
+AWAY_M = (1.3, 1.7, 2.1)
+"""How far a way out leads: farther each time that the car stands at the same place again."""
+FREE_FOR_S = 0.25
+"""Shorter than this, "free" is the lidar's noise at the edge of the margins, and patience goes on."""
+ASKS_AFTER_S = 10.0
+"""A car that may not try anything waits so long for the way to clear before it asks for help."""
+HELP = "boxed in: needs help"
+DISBELIEF = "boxed in: will not back out without a believed odometry"
+
+
+@dataclass(frozen=True, slots=True)
+class Advice:
+    """What to do instead of the driver's wish: drive is None when there is nothing to add. words: for people."""
+
+    drive: Drive | None
+    words: str
+
+
+NO_ADVICE = Advice(None, "")
+
+
+class Thought:
+    """A search that is under way: one slice with each scan. way: its answer, None while it is not finished."""
+
+    def __init__(self, outlook: Outlook, goal: Goal, refused: frozenset[Move], back_m: float) -> None:
+        guard, self._behind = outlook.guard, outlook.strip.behind
+        self._here = self._behind.seen_now(outlook.view)
+        self._body, self._goal, self._refused = guard.body, goal, refused
+        self._most_backed_m = min(back_m, guard.settings.reverse_unseen_m - STOPPING_M)
+        self._slices = self._think()
+        self.way: WayOut | None = None
+
+    def step(self) -> None:
+        """Think some slices further."""
+        for _ in range(SLICES_AT_ONCE):
+            next(self._slices, None)
+
+    def end_in_odom_m(self, way: WayOut) -> complex:
+        """Return where the way leads, in the odometry frame."""
+        return self._here.place_m + way.end_m * cmath.rect(1.0, self._here.yaw_rad)
+
+    def _think(self) -> Iterator[None]:
+        behind, body, here = self._behind, self._body, self._here
+        blocked, laid = yield from blocked_floor([*behind.kept, here], body.bare)
+        behind.lay_anew(laid[:-1])
+        turned = cmath.rect(1.0, -here.yaw_rad)
+        track_m, headings = behind.track()
+        search = PoseSearch(
+            (body.around, body.bare),
+            (body.car.max_steering_rad, body.car.wheelbase_m),
+            (behind.backed_m, self._most_backed_m),
+            ((track_m - here.place_m) * turned, headings * turned),
+            self._goal,
+            self._refused,
+        )
+        self.way = yield from search.look(blocked)
+
+
+class Recovery:
+    """Small state: since when the car is boxed in, what it thinks, which leg it drives, what it has tried."""
+
+    def __init__(self, settings: RecoverySettings) -> None:
+        self._settings = settings
+        self._since_s: float | None = None
+        self._boxed_s = -math.inf
+        self._thought: Thought | None = None
+        self._thought_s = -math.inf
+        self._found_none = False
+        self._due = False
+        self._tries = 0
+        self._tried_at_m = 0.0
+        self._ends_m: list[complex] = []
+        self._refused: frozenset[Move] = frozenset()
+        self._legs: list[Leg] = []
+        self._begun_s = 0.0
+        self._begun_m = 0.0
+        self._moving_s = 0.0
+
+    def think(self) -> None:
+        """Do what can wait until the answer is on its way; at the latest it is done with the next scan."""
+        if self._due:
+            self._due = False
+            if self._thought is not None:
+                self._thought.step()
+
+    def tune(self, settings: RecoverySettings) -> None:
+        """Go on with other settings; a manoeuvre that is on is driven to its end."""
+        self._settings = settings
+
+    def step(self, outlook: Outlook, wish: Drive | None, motor: MotorState | None, *, believed: bool = True) -> Advice:
+        """Answer one scan: wish is the driver's, before the safety. believed: whether the odometry can be trusted."""
+        self.think()
+        if motor is None or wish is None or wish.speed_mps <= 0:
+            self._forget()
+            return NO_ADVICE
+        if self._legs and believed:
+            return self._drive_leg(outlook, motor)
+        now_s = outlook.view.scan.stamp_s
+        if not self._is_boxed_in(outlook, wish):
+            if now_s - self._boxed_s > FREE_FOR_S or abs(outlook.speed_mps) > STANDING_MPS:
+                self._forget()
+            if motor.distance_m - self._tried_at_m > self._settings.forgotten_after_m:
+                self._tries, self._ends_m, self._refused = 0, [], frozenset()
+            return NO_ADVICE
+        if not believed:
+            self._forget()
+            return Advice(None, DISBELIEF)
+        self._boxed_s = now_s
+        if self._since_s is None:
+            self._since_s = now_s
+        return self._stand(outlook, wish, motor)
+
+    def _forget(self) -> None:
+        self._since_s, self._thought, self._legs, self._found_none = None, None, [], False
+
+    def _stand(self, outlook: Outlook, wish: Drive, motor: MotorState) -> Advice:
+        """Be patient, and think meanwhile."""
+        stood_s = self._boxed_s - (self._since_s if self._since_s is not None else self._boxed_s)
+        if self._tries >= self._settings.tries:
+            patient = stood_s < (self._settings.boxed_for_s if self._settings.tries else ASKS_AFTER_S)
+            return Advice(None, "waiting for the way to clear" if patient else HELP)
+        if stood_s >= LOOKS_AFTER_S and self._thought is None and self._boxed_s - self._thought_s > LOOKS_AGAIN_AFTER_S:
+            self._thought = Thought(outlook, self._goal(outlook), self._refused, self._settings.back_m)
+        self._due = self._thought is not None
+        if stood_s < self._settings.boxed_for_s or self._is_free(outlook, wish):
+            return Advice(None, "waiting for the way to clear")
+        thought = self._thought
+        if thought is None or thought.way is None:
+            return Advice(None, HELP if self._found_none else "looking for a way out")
+        self._found_none = not thought.way.legs
+        self._thought, self._thought_s = None, self._boxed_s if self._found_none else -math.inf
+        if self._found_none:
+            self._refused = frozenset()  # it may have been the noise of those scans
+            return Advice(None, HELP)
+        self._ends_m.append(thought.end_in_odom_m(thought.way))
+        return self._begin(thought.way, outlook, motor)
+
+    def _goal(self, outlook: Outlook) -> Goal:
+        """Return where to: farther with each try, and not where an earlier one led."""
+        here = outlook.strip.behind.seen_now(outlook.view)
+        ends_m = (np.array(self._ends_m, np.complex128) - here.place_m) * cmath.rect(1.0, -here.yaw_rad)
+        return Goal(AWAY_M[min(self._tries, len(AWAY_M) - 1)], ends_m)
+
+    def _is_boxed_in(self, outlook: Outlook, wish: Drive) -> bool:
+        """Whether the car stands and may not go ahead; what forbids both ways, a blind lidar, is no box."""
+        if abs(outlook.speed_mps) > STANDING_MPS:
+            return False  # and nothing is asked for a follower that perhaps is not the one who drives
+        verdict = outlook.limit(wish.speed_mps, wish.steering_rad)
+        return verdict.forward_mps <= 0 < verdict.reverse_mps
+
+    def _is_free(self, outlook: Outlook, wish: Drive) -> bool:
+        """Whether the way is free by now, and only a stop is still held."""
+        return outlook.strip.contact(wish.steering_rad, WORTH_IT_M).travel_m >= WORTH_IT_M
+
+    def _begin(self, way: WayOut, outlook: Outlook, motor: MotorState) -> Advice:
+        self._tries += 1
+        self._tried_at_m = motor.distance_m
+        *legs, last = way.legs
+        self._legs = [*legs, Leg(last.steering_rad, min(last.travel_m, self._settings.forward_m))]
+        self._enter_leg(outlook.view.scan.stamp_s, motor)
+        return self._drive_leg(outlook, motor)
+
+    def _enter_leg(self, now_s: float, motor: MotorState) -> None:
+        self._begun_s = self._moving_s = now_s
+        self._begun_m = motor.distance_m
+
+    def _give_up(self, leg: Leg, motor: MotorState) -> None:
+        """Drop the way; a leg that could not even be begun is not begun again from here."""
+        if abs(motor.distance_m - self._begun_m) > BEGUN_M:
+            self._refused = frozenset()
+        else:
+            steering = round(math.copysign(1, leg.steering_rad)) if leg.steering_rad else 0
+            self._refused |= {(1 if leg.travel_m > 0 else -1, steering)}
+        self._forget()
+
+    def _drive_leg(self, outlook: Outlook, motor: MotorState) -> Advice:
+        now_s, leg = outlook.view.scan.stamp_s, self._legs[0]
+        words = f"{'backing' if leg.travel_m < 0 else 'turning'} out, try {self._tries} of {self._settings.tries}"
+        if now_s - self._begun_s < SETTLING_S:
+            return Advice(Drive(0.0, leg.steering_rad), words)
+        speed_mps = math.copysign(self._settings.speed_mps, leg.travel_m)
+        verdict = outlook.limit(speed_mps, leg.steering_rad)
+        blocked = (verdict.forward_mps if speed_mps > 0 else verdict.reverse_mps) <= 0
+        if not blocked:
+            self._moving_s = now_s
+        left_m = abs(leg.travel_m) - abs(motor.distance_m - self._begun_m)
+        if now_s - self._moving_s > GIVE_UP_LEG_S and left_m > STOPPING_M:
+            self._give_up(leg, motor)
+            self._since_s = now_s - self._settings.boxed_for_s  # look again from here, patience has been had
+            return Advice(Drive(0.0, leg.steering_rad), words)
+        if abs(motor.distance_m - self._begun_m) > BEGUN_M:
+            self._refused = frozenset()
+        if left_m <= 0.0 or now_s - self._moving_s > GIVE_UP_LEG_S:
+            self._legs.pop(0)
+            self._since_s = None
+            if self._legs:
+                self._enter_leg(now_s, motor)
+            return Advice(Drive(0.0, leg.steering_rad), words)
+        return Advice(Drive(speed_mps, leg.steering_rad), words)

@@ -1,0 +1,1 @@
+"""The lab report's two laws."""

@@ -1,0 +1,1 @@
+"""The safety law `swept`: footprint, stopping, obstacles, what is remembered."""

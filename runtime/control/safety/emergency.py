@@ -1,0 +1,171 @@
+"""What an emergency remembers from scan to scan: how the wheels were turned, and which manoeuvre is on."""
+
+import math
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+
+from runtime.control.perception.geometry import Floats
+from runtime.control.safety.body import LOOK_SPARE_M
+from runtime.control.safety.emergency_manoeuvre import (
+    FULL_BRAKE,
+    Manoeuvre,
+    Outcome,
+    Situation,
+    candidates,
+    choose,
+    is_clearly_better,
+)
+from runtime.control.safety.manoeuvre_rollout import STEP_S, Start
+from runtime.control.safety.stopping import GRAVITY_MPS2, brake_beside_turning_mps2, stopping_distance_m
+from runtime.control.safety.swept_path import Strip
+
+PAST_S = 0.3
+"""The tyres have forgotten what was before."""
+KEPT_ANGLES = 64
+FORGOTTEN_AFTER_S = 0.1
+"""A manoeuvre that was not asked for so long is not on any more: the driver stood, or backed."""
+MAX_SPEED_MPS = 30.0
+"""What is reported faster is no speed of a car; the rollouts are to stay numbers."""
+SUDDEN_SCANS = 5
+SUDDEN_RAD = 0.1
+"""A driver that turns by so much within so many scans has just begun to swerve."""
+LATER_S = 0.03
+"""A scan, and a little."""
+MAX_BRAKE_MPS2 = 2.0 * GRAVITY_MPS2
+
+
+class Emergency:
+    """Chooses a manoeuvre at every scan of an emergency, and keeps it for the next.
+
+    chosen: what is on, with its outcome; None while no emergency is on.
+    """
+
+    def __init__(self) -> None:
+        self.chosen: Outcome | None = None
+        self._follows_driver = False
+        self._asked: tuple[float, float] = (math.nan, math.nan)
+        self._doubted: tuple[tuple[float, float], bool] = (math.nan, math.nan), False
+        self._angles: deque[tuple[float, float]] = deque(maxlen=KEPT_ANGLES)
+
+    def note(self, stamp_s: float, wheel_rad: float) -> None:
+        """Take in the angle that the wheels are told at a scan."""
+        self._angles.append((stamp_s, wheel_rad if math.isfinite(wheel_rad) else 0.0))
+
+    def end(self) -> None:
+        """Leave the car to its driver."""
+        self.chosen = None
+
+    @property
+    def turns(self) -> bool:
+        """Whether the manoeuvre that is on is another than a full brake."""
+        return self.chosen is not None and self.chosen.manoeuvre != FULL_BRAKE
+
+    @property
+    def reason(self) -> str:
+        """What the manoeuvre is, in constant words."""
+        if not self.turns:
+            return "braking: wall ahead"
+        return "braking in the bend: wall ahead" if self._follows_driver else "swerving: wall ahead"
+
+    @property
+    def steering_rad(self) -> float | None:
+        """The angle at which the manoeuvre takes the wheels; None where it leaves them to the driver."""
+        return None if self.chosen is None or self._follows_driver else self.chosen.manoeuvre.steering_rad
+
+    def decide(self, strip: Strip, wish_rad: float, stamp_s: float) -> Outcome:
+        """Return the manoeuvre for this scan; the same again when it is asked again.
+
+        wish_rad: the driver's own steering; a manoeuvre that has it goes on with it when it changes.
+        """
+        if self.chosen is not None and self._asked == (stamp_s, wish_rad):
+            return self.chosen
+        if stamp_s - self._asked[0] > FORGOTTEN_AFTER_S:
+            self.end()
+        kept = FULL_BRAKE if self.chosen is None else self.chosen.manoeuvre
+        if self._follows_driver and kept != FULL_BRAKE:
+            kept = Manoeuvre(wish_rad, kept.brake_mps2)
+        situation = self._situation(strip, stamp_s)
+        body = strip.body
+        most_rad, gentle_share = body.car.max_steering_rad, body.settings.gentle_share
+        tried = candidates(wish_rad, most_rad, situation.grips_mps2, gentle_share)
+        if kept not in tried:
+            tried.insert(1, kept)
+        self.chosen = choose(situation.predict(tried), kept, wish_rad)
+        self._follows_driver = self.chosen.manoeuvre.steering_rad == wish_rad
+        self._asked = stamp_s, wish_rad
+        return self.chosen
+
+    def swerves_in_vain(self, strip: Strip, wish_rad: float, stamp_s: float) -> bool:
+        """Whether the driver has just begun a turn that may hit something, clearly harder than a full brake now.
+
+        The swept way of a turn that has just begun is too short: it takes tyres and body a moment to follow the wheels.
+        A driver that steers from one side to the other is none of it: it may turn back (`wavering`).
+        """
+        before_rad = self._angles[max(0, len(self._angles) - SUDDEN_SCANS)][1]
+        sudden = abs(wish_rad - before_rad) >= SUDDEN_RAD and min(wish_rad * before_rad, 0.0) > -(SUDDEN_RAD**2)
+        if not sudden or strip.speed_mps < strip.body.settings.doubtful_mps:
+            return False
+        if self._doubted[0] != (stamp_s, wish_rad):
+            self._doubted = (stamp_s, wish_rad), _is_last_moment(self._situation(strip, stamp_s), wish_rad)
+        return self._doubted[1]
+
+    def slow_in_bend(self, strip: Strip, wish_rad: float, stamp_s: float) -> bool:
+        """Brake in the driver's bend with what it leaves of a slippery floor; return whether that hits nothing.
+
+        For a driver too fast for what comes, in a bend that needs so much grip that a motor must not slow down in it.
+        """
+        situation = self._situation(strip, stamp_s)
+        slippery_mps2 = min(situation.grips_mps2)
+        bend_per_m = math.tan(wish_rad) / strip.body.car.wheelbase_m
+        gentle_mps2 = strip.body.settings.gentle_share * slippery_mps2
+        left_mps2 = brake_beside_turning_mps2(strip.speed_mps, bend_per_m, slippery_mps2)
+        tried = [Manoeuvre(wish_rad, brake_mps2) for brake_mps2 in (max(left_mps2, gentle_mps2), gentle_mps2)]
+        free = next((outcome for outcome in situation.predict(tried) if outcome.is_free), None)
+        if free is None:
+            return False
+        self.chosen, self._follows_driver, self._asked = free, True, (stamp_s, wish_rad)
+        return True
+
+    def _situation(self, strip: Strip, stamp_s: float) -> Situation:
+        body, car = strip.body, strip.body.car
+        brake_mps2 = 0.0 if self.chosen is None else min(self.chosen.manoeuvre.brake_mps2, MAX_BRAKE_MPS2)
+        start = Start(
+            min(max(0.0, strip.speed_mps), MAX_SPEED_MPS),
+            brake_mps2,
+            strip.latency_s,
+            car.steering_rate_radps,
+            car.wheelbase_m,
+            body.settings.cornering_per_rad,
+            car.front_m,
+            car.rear_m,
+            car.half_width_m,
+        )
+        grips_mps2 = body.grip_mps2, body.slippery_mps2
+        way_m = stopping_distance_m(start.speed_mps, start.latency_s, body.slippery_mps2)
+        points_m = strip.points_around_m(way_m + car.front_m + LOOK_SPARE_M)
+        points_m = points_m[~body.bare.holds(points_m)]  # what is there is the car itself, or dirt
+        return Situation(start, points_m, grips_mps2, *self._wheels_rad(strip, stamp_s))
+
+    def _wheels_rad(self, strip: Strip, stamp_s: float) -> tuple[Floats, Floats]:
+        """Return the angles at each step of the past and of the latency; a command shows after the actuation."""
+        stamps_s, angles_rad = np.array(self._angles).reshape(-1, 2).T
+        steps = round(PAST_S / STEP_S)
+        told_s = (
+            stamp_s
+            - strip.body.settings.actuation_s
+            + STEP_S * np.arange(-steps + 1, math.ceil(strip.latency_s / STEP_S) + 1)
+        )
+        wheels_rad = np.interp(told_s, stamps_s, angles_rad)
+        return wheels_rad[:steps], wheels_rad[steps:]
+
+
+def _is_last_moment(situation: Situation, wish_rad: float) -> bool:
+    """Whether a turn may hit something, a full brake is clearly better, and would come too late a scan later."""
+    brake, turn = situation.predict([FULL_BRAKE, Manoeuvre(wish_rad, 0.0)])
+    if turn.is_free or not is_clearly_better(brake, turn):
+        return False
+    later = situation.start._replace(latency_s=situation.start.latency_s + LATER_S)
+    (late_brake,) = replace(situation, start=later).predict([FULL_BRAKE])
+    return not late_brake.is_free

@@ -1,0 +1,141 @@
+"""The emergency manoeuvre: what to do when the car cannot go on as its driver wishes, chosen by predicted outcome.
+
+A few dozen pairs of a steering angle and a deceleration are driven forward in thought (`manoeuvre_rollout`), on the
+assumed floor and on a slippery one, and the outline is swept along each way. Every few steps the car may lock its
+wheels and slide to rest; the best such end is what a manoeuvre counts with, so "turn away, then stop before the other
+wall" is one of them. A contact counts with its speed; without one, the least distance to anything counts, the room.
+
+A full brake straight on is the rule. Another manoeuvre is chosen only where it hits nothing harder on either floor and
+is clearly better on the worse one; one that was begun is kept until another is clearly better, or the brake is. The
+wheels are taken from the driver, human or not, only where the full brake hits something on the assumed floor as well.
+
+Why so: stopping takes v^2 / 2a, moving aside by w about v sqrt(2 w / a) of way. Below v = 2 sqrt(2 w a), 5.9 m/s for
+a box of 0.8 m met in its middle, no swerve is shorter than the stop, whatever the driver has just begun. Past an edge w
+is small, and the swerve wins: a car 0.5 m from a wall and turned 20 degrees toward it at 3 m/s hits it on a floor of
+0.65 and less with all the brake there is, and passes on any from 0.5 on when it turns and brakes gently.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from drivers.value import value
+from runtime.control.perception.geometry import Floats, Places
+from runtime.control.safety.manoeuvre_rollout import TINY, Start, roll_outs
+
+HARDLY_MPS = 0.1
+"""The rollouts know an impact no better than this."""
+CLEARLY_MPS = 0.3
+CLEARLY_M = 0.04
+"""So much slower an impact, or so much more room, is clearly better."""
+STEERING_SHARES = (0.0, 1.0, -1.0, 0.5, -0.5)
+"""Of full lock."""
+BRAKE_SHARES = (0.7, 0.45)
+"""Of a slippery floor's grip, the preferred one first; they leave 71 and 89 % of it for the bend."""
+HARD_SHARE = 0.8
+"""Of the assumed floor's grip; a slippery one locks the wheels at it."""
+
+
+@value()
+class Manoeuvre:
+    """A steering angle and a deceleration; infinity is all there is."""
+
+    steering_rad: float
+    brake_mps2: float
+
+
+FULL_BRAKE = Manoeuvre(0.0, math.inf)
+
+
+@value()
+class Outcome:
+    """What a manoeuvre leads to.
+
+    impact_mps: speed of the contact on each floor, 0 without one. room_m: the least distance beyond the margin, of
+    any floor; 0 with a contact.
+    """
+
+    manoeuvre: Manoeuvre
+    impact_mps: tuple[float, ...]
+    room_m: float
+
+    @property
+    def worst_mps(self) -> float:
+        """Speed of the contact on the worst floor."""
+        return max(self.impact_mps)
+
+    @property
+    def is_free(self) -> bool:
+        """Whether nothing is hit on any floor."""
+        return self.worst_mps <= TINY
+
+
+@value(eq=False)
+class Situation:
+    """What the rollouts start from.
+
+    points_m: everything solid around, (k,), base_link. grips_mps2: of the assumed floor and of the slippery one.
+    past_rad, coming_rad: the wheels' angle at each step until now, and as the commands under way will turn them.
+    """
+
+    start: Start
+    points_m: Places
+    grips_mps2: tuple[float, float]
+    past_rad: Floats
+    coming_rad: Floats
+
+    def predict(self, manoeuvres: Sequence[Manoeuvre]) -> list[Outcome]:
+        """Return what each manoeuvre leads to."""
+        steering_rad = np.array([manoeuvre.steering_rad for manoeuvre in manoeuvres])
+        brake_mps2 = np.array([manoeuvre.brake_mps2 for manoeuvre in manoeuvres])
+        grips_mps2 = np.array(self.grips_mps2)
+        figures = roll_outs(
+            self.points_m, steering_rad, brake_mps2, grips_mps2, self.past_rad, self.coming_rad, *self.start
+        )
+        rows = figures.reshape(len(manoeuvres), -1).tolist()
+        return [Outcome(done, tuple(row[:-1]), row[-1]) for done, row in zip(manoeuvres, rows, strict=True)]
+
+
+def candidates(
+    wish_rad: float, most_rad: float, grips_mps2: tuple[float, float], gentle_share: float
+) -> list[Manoeuvre]:
+    """Return the manoeuvres to try: the full brake first, then the driver's own steering, straight on, and turns.
+
+    Of equal ones the first is chosen. gentle_share: of a slippery floor's grip, the gentlest brake but none.
+    """
+    grip_mps2, slippery_mps2 = grips_mps2
+    brakes_mps2 = (*(share * slippery_mps2 for share in (*BRAKE_SHARES, gentle_share, 0.0)), HARD_SHARE * grip_mps2)
+    steerings_rad = dict.fromkeys([wish_rad, *(share * most_rad for share in STEERING_SHARES)])
+    return [FULL_BRAKE, *(Manoeuvre(steering, brake) for steering in steerings_rad for brake in brakes_mps2)]
+
+
+def choose(outcomes: Sequence[Outcome], kept: Manoeuvre, wish_rad: float) -> Outcome:
+    """Return the best of outcomes, the first of which is the full brake's, by the rule at the top.
+
+    kept: what was chosen a scan ago, FULL_BRAKE where nothing was. wish_rad: the driver's own steering.
+    """
+    brake = outcomes[0]
+    chosen = next((outcome for outcome in outcomes if outcome.manoeuvre == kept), brake)
+    if not never_harder(chosen, brake, CLEARLY_MPS):
+        chosen = brake
+    takes_wheels = brake.impact_mps[0] > TINY
+    better = [
+        outcome
+        for outcome in outcomes[1:]
+        if (takes_wheels or outcome.manoeuvre.steering_rad == wish_rad) and never_harder(outcome, brake, HARDLY_MPS)
+    ]
+    best = min(better, key=lambda outcome: (round(outcome.worst_mps, 1), -round(outcome.room_m, 2)), default=chosen)
+    return best if is_clearly_better(best, chosen) else chosen
+
+
+def never_harder(one: Outcome, other: Outcome, by_mps: float) -> bool:
+    """Whether it hits nothing harder by more than this than the other does, on any floor."""
+    return all(a <= b + by_mps for a, b in zip(one.impact_mps, other.impact_mps, strict=True))
+
+
+def is_clearly_better(one: Outcome, other: Outcome) -> bool:
+    """Whether it hits clearly less hard, or nothing at all, or nothing either and has clearly more room."""
+    if one.is_free and other.is_free:
+        return one.room_m > other.room_m + CLEARLY_M
+    return one.is_free or one.worst_mps < other.worst_mps - CLEARLY_MPS

@@ -1,0 +1,277 @@
+"""Where a manoeuvre takes the car, and what it hits: the vehicle model behind the emergency manoeuvre.
+
+Single-track model, both axles equally loaded and of the same stiffness C, on a floor with grip G = mu g. Per step:
+
+    the brake     a deceleration of G or more locks the wheels: straight on along the course, slowing by G. Less leaves
+                  A = sqrt(G^2 - brake^2) for turning (Kamm's circle)
+    the wheels    follow the past commands for the latency, then turn to the new angle at the servo's rate
+    the tyres     side force per axle = -A / 2 sat(C slip angle), sat(z) = z / sqrt(1 + z^2)
+
+State: speed ahead u and aside w of the middle, yaw rate r. With h half the wheelbase:
+
+    w' = front + rear - u r      r' = YAW_RESPONSE (front - rear) / h      u' = -brake - front sin(steering) + w r
+
+Below SLOW_MPS the car rolls without slip. Source: single-track model, e.g. Rajamani, Vehicle Dynamics and Control, 2.3.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from drivers.twin import twin
+from runtime.control.perception.geometry import Floats, Places
+
+STEP_S = 0.01
+LOOK_STEPS = 2
+"""The outline is laid over the points at every second step: 8 cm at 4 m/s."""
+HORIZON_STEPS = 100
+"""1 s: after it a car of 4 m/s stands on a floor of 0.5. What still rolls then brakes."""
+LOCK_STEPS = 6
+"""Every so many steps the wheels may be locked."""
+MIN_TURN_S = 0.06
+"""A manoeuvre that ends sooner in a full brake is none: the next scans choose again."""
+YAW_RESPONSE = 2.0
+"""Square of half the wheelbase through that of the radius of gyration (f1tenth_gym: 2.16)."""
+SLIDE_DAMPING = 1.0
+"""How fast locked wheels end a rotation, per way slid; 2 without the load that a brake moves forward."""
+SLOW_MPS = 1.0
+STANDING_MPS = 0.05
+MARGIN_M = 0.04
+"""What comes nearer counts as a contact: the noise of the lidar, and what the model leaves out."""
+MAX_ROOM_M = 0.10
+"""More room than this is as good as any."""
+ENOUGH_POINTS = 3
+"""As in the swept strip: fewer are noise."""
+MAX_FLOORS = 4
+TINY = 1e-9
+
+
+class Start(NamedTuple):
+    """The car as it is when the rollouts begin.
+
+    speed_mps: forward, > 0. brake_mps2: how hard it brakes until a new command shows, which takes latency_s.
+    cornering_per_rad: C. The outline is the car's own: front_m, rear_m (backwards), half_width_m from the rear axle.
+    """
+
+    speed_mps: float
+    brake_mps2: float
+    latency_s: float
+    rate_radps: float
+    wheelbase_m: float
+    cornering_per_rad: float
+    front_m: float
+    rear_m: float
+    half_width_m: float
+
+
+class State(NamedTuple):
+    """The car on its way. middle_m: between the axles. course_rad: where that moves. yaw_radps: its rotation."""
+
+    middle_m: complex
+    heading_rad: float
+    course_rad: float
+    speed_mps: float
+    yaw_radps: float
+
+
+@twin
+def roll_outs(
+    points_m: Places,
+    steering_rad: Floats,
+    brake_mps2: Floats,
+    grip_mps2: Floats,
+    past_rad: Floats,
+    coming_rad: Floats,
+    *start_fields: float,
+) -> Floats:
+    """Return, for each manoeuvre (n,), the impact [m/s] on each floor (f,) and the least room [m]: (n * (f + 1),).
+
+    points_m: solid points around, (k,), base_link. past_rad, coming_rad: angle of the wheels at each step of the past,
+    oldest first, and at those that the commands under way will still bring.
+    """
+    start, points_m = Start(*start_fields), points_m[np.isfinite(points_m)]
+    _check(start, steering_rad, brake_mps2, grip_mps2, past_rad, coming_rad)
+    margin_m = _margin_m(start, points_m)
+    rows: list[float] = []
+    for steering, brake in zip(steering_rad.tolist(), brake_mps2.tolist(), strict=True):
+        floors = []
+        for grip in grip_mps2.tolist():
+            path = roll_out(start, past_rad.tolist(), coming_rad.tolist(), steering, brake, grip)
+            floors.append(_ends(start, path, points_m, brake, grip, margin_m))
+        rows += _best_end(floors)
+    return np.array(rows, np.float64)
+
+
+def _check(start: Start, steering_rad: Floats, brake_mps2: Floats, grip_mps2: Floats, *wheel_rad: Floats) -> None:
+    """Raise ValueError for what is no car."""
+    finite = all(bool(np.isfinite(values).all()) for values in (np.array(start), steering_rad, grip_mps2, *wheel_rad))
+    positive = bool((grip_mps2 > 0.0).all() and (brake_mps2 >= 0.0).all()) and start.brake_mps2 >= 0.0
+    if not (finite and positive) or steering_rad.size != brake_mps2.size or not 1 <= grip_mps2.size <= MAX_FLOORS:
+        raise ValueError("roll_outs: finite numbers, a steering for every brake, and 1 to 4 floors are needed")
+
+
+def roll_out(
+    start: Start,
+    past_rad: list[float],
+    coming_rad: list[float],
+    steering_rad: float,
+    brake_mps2: float,
+    grip_mps2: float,
+) -> list[State]:
+    """Return where the car is at every step, the present first, as the past has left it."""
+    moves = (start.speed_mps, 0.0, 0.0)
+    wheel_rad, heading_rad, middle_m = 0.0, 0.0, complex(start.wheelbase_m / 2, 0.0)
+    for wheel_rad in past_rad:
+        moves = _turned(start, (start.speed_mps, *moves[1:]), wheel_rad, 0.0, grip_mps2)
+    course_rad = math.atan2(moves[1], moves[0])
+    path = [State(middle_m, heading_rad, course_rad, moves[0], moves[2])]
+    for step in range(1, HORIZON_STEPS + 1):
+        acts = step * STEP_S > start.latency_s
+        slows_mps2 = brake_mps2 if acts else start.brake_mps2
+        if acts:
+            most_rad = start.rate_radps * STEP_S
+            wheel_rad += min(max(steering_rad - wheel_rad, -most_rad), most_rad)
+        elif step <= len(coming_rad):
+            wheel_rad = coming_rad[step - 1]
+        if slows_mps2 >= grip_mps2:
+            moves = _slid(moves, course_rad - heading_rad, grip_mps2)
+            heading_rad += moves[2] * STEP_S
+        else:
+            moves = _turned(start, moves, wheel_rad, slows_mps2, grip_mps2)
+            heading_rad += moves[2] * STEP_S
+            course_rad = heading_rad + math.atan2(moves[1], max(moves[0], STANDING_MPS))
+        speed_mps = math.hypot(moves[0], moves[1])
+        moved_m = (path[-1].speed_mps + speed_mps) / 2 * STEP_S
+        middle_m += complex(moved_m * math.cos(course_rad), moved_m * math.sin(course_rad))
+        path.append(State(middle_m, heading_rad, course_rad, speed_mps, moves[2]))
+    return path
+
+
+Moves = tuple[float, float, float]
+"""Speed ahead and aside [m/s] of the middle, yaw rate [rad/s]."""
+
+
+def _turned(start: Start, moves: Moves, wheel_rad: float, brake_mps2: float, grip_mps2: float) -> Moves:
+    """Return the motion one step later while the wheels roll."""
+    ahead, aside, yaw = moves
+    half_m = start.wheelbase_m / 2
+    if ahead < SLOW_MPS:
+        ahead = max(0.0, ahead - brake_mps2 * STEP_S)
+        yaw = ahead * math.tan(wheel_rad) / start.wheelbase_m
+        return ahead, half_m * yaw, yaw
+    axle_mps2 = math.sqrt(grip_mps2 * grip_mps2 - brake_mps2 * brake_mps2) / 2
+    front_slip = start.cornering_per_rad * (math.atan2(aside + half_m * yaw, ahead) - wheel_rad)
+    rear_slip = start.cornering_per_rad * math.atan2(aside - half_m * yaw, ahead)
+    front = -axle_mps2 * front_slip / math.sqrt(1.0 + front_slip * front_slip)
+    rear = -axle_mps2 * rear_slip / math.sqrt(1.0 + rear_slip * rear_slip)
+    inward = front * math.cos(wheel_rad)
+    return (
+        ahead + (aside * yaw - brake_mps2 - front * math.sin(wheel_rad)) * STEP_S,
+        aside + (inward + rear - ahead * yaw) * STEP_S,
+        yaw + YAW_RESPONSE * (inward - rear) / half_m * STEP_S,
+    )
+
+
+def _slid(moves: Moves, drift_rad: float, grip_mps2: float) -> Moves:
+    """Return the motion one step later while the wheels are locked; drift_rad: of the course from the heading."""
+    before = math.hypot(moves[0], moves[1])
+    speed = max(0.0, before - grip_mps2 * STEP_S)
+    yaw = moves[2] * max(0.0, 1.0 - SLIDE_DAMPING * grip_mps2 * STEP_S / max(before, STANDING_MPS))
+    return speed * math.cos(drift_rad), speed * math.sin(drift_rad), yaw
+
+
+def _ends(
+    start: Start, path: list[State], points_m: Places, brake_mps2: float, grip_mps2: float, margin_m: float
+) -> list[tuple[float, float]]:
+    """Return impact and room for every moment at which the wheels may be locked."""
+    ends: list[tuple[float, float]] = []
+    room_m, hit_mps = MAX_ROOM_M, -1.0
+    for step, state in enumerate(path):
+        if step % LOOK_STEPS == 0 and hit_mps < 0.0 and state.speed_mps > STANDING_MPS:
+            room_m = min(room_m, distance_m(start, state, points_m) - margin_m)
+            if room_m <= 0.0:
+                hit_mps = state.speed_mps
+        if not _may_lock(start, brake_mps2, step):
+            continue
+        if hit_mps >= 0.0:
+            ends.append((hit_mps, 0.0))
+        else:
+            impact_mps, rest_m = slide(start, state, points_m, grip_mps2, margin_m)
+            ends.append((impact_mps, min(rest_m, room_m)))
+        if not math.isfinite(brake_mps2):
+            break
+    return ends
+
+
+def _may_lock(start: Start, brake_mps2: float, step: int) -> bool:
+    """Whether this is a moment to lock the wheels: a full brake does it at once, others every few steps, or at last."""
+    if not math.isfinite(brake_mps2):
+        return step * STEP_S >= start.latency_s or step == HORIZON_STEPS
+    return step == HORIZON_STEPS or (step % LOCK_STEPS == 0 and step * STEP_S >= start.latency_s + MIN_TURN_S)
+
+
+def slide(start: Start, state: State, points_m: Places, grip_mps2: float, margin_m: float) -> tuple[float, float]:
+    """Return impact and room of a car that locks its wheels: straight on along its course, while it turns a little.
+
+    A point is met where a line through it against the course enters the outline (slab method).
+    """
+    speed = state.speed_mps
+    heading = state.heading_rad + state.yaw_radps * speed / (2 * (SLIDE_DAMPING + 1) * grip_mps2)
+    drift = state.course_rad - heading
+    ahead_m, aside_m = _from_outline(start, state.middle_m, heading, points_m)
+    long_m, wide_m = (start.front_m + start.rear_m) / 2 + margin_m, start.half_width_m + margin_m
+    cos, sin = math.cos(drift), math.copysign(max(abs(math.sin(drift)), TINY), drift)
+    wide_m = math.copysign(wide_m, sin)
+    enters_m = np.maximum((ahead_m - long_m) / cos, (aside_m - wide_m) / sin)
+    leaves_m = np.minimum((ahead_m + long_m) / cos, (aside_m + wide_m) / sin)
+    met = (enters_m <= leaves_m) & (leaves_m >= 0.0)
+    left = speed * speed - 2 * grip_mps2 * max(0.0, _third(np.where(met, enters_m, np.inf)))
+    if left > 0.0:
+        return math.sqrt(left), 0.0
+    way_m = speed * speed / (2 * grip_mps2) * complex(math.cos(state.course_rad), math.sin(state.course_rad))
+    rests = State(state.middle_m + way_m, heading, 0.0, 0.0, 0.0)
+    halfway = State(state.middle_m + way_m / 2, heading, 0.0, 0.0, 0.0)
+    nearest_m = min(distance_m(start, rests, points_m), distance_m(start, halfway, points_m))
+    return 0.0, min(max(0.0, nearest_m - margin_m), MAX_ROOM_M)
+
+
+def distance_m(start: Start, state: State, points_m: Places) -> float:
+    """Return how far the third-nearest point is from the outline, infinity where there are fewer."""
+    ahead_m, aside_m = _from_outline(start, state.middle_m, state.heading_rad, points_m)
+    ahead_m = np.maximum(np.abs(ahead_m) - (start.front_m + start.rear_m) / 2, 0.0)
+    aside_m = np.maximum(np.abs(aside_m) - start.half_width_m, 0.0)
+    return _third(np.sqrt(ahead_m * ahead_m + aside_m * aside_m))
+
+
+def _margin_m(start: Start, points_m: Places) -> float:
+    """Return the margin, less where something is nearer already: that is no contact whatever the car does."""
+    here = State(complex(start.wheelbase_m / 2, 0.0), 0.0, 0.0, 0.0, 0.0)
+    return min(MARGIN_M, 0.5 * distance_m(start, here, points_m) - TINY)
+
+
+def _from_outline(start: Start, middle_m: complex, heading_rad: float, points_m: Places) -> tuple[Floats, Floats]:
+    """Return the points as seen from the outline's centre: how far ahead and how far to the left."""
+    ahead_m = (start.front_m - start.rear_m - start.wheelbase_m) / 2
+    turned = complex(math.cos(heading_rad), math.sin(heading_rad))
+    seen = (points_m - (middle_m + ahead_m * turned)) * turned.conjugate()
+    return seen.real, seen.imag
+
+
+def _third(values: Floats) -> float:
+    few = values.size < ENOUGH_POINTS
+    return math.inf if few else float(np.partition(values, ENOUGH_POINTS - 1)[ENOUGH_POINTS - 1])
+
+
+def _best_end(floors: list[list[tuple[float, float]]]) -> list[float]:
+    """Return the impacts and the room of the best moment to lock the wheels, the same on all floors.
+
+    floors: of each, impact and room at every such moment.
+    """
+    best, best_energy, best_room_m = [math.inf] * len(floors), math.inf, 0.0
+    for ends in zip(*floors, strict=True):
+        energy = sum(impact * impact for impact, _ in ends)
+        room_m = min(room for _, room in ends)
+        if energy < best_energy - TINY or (energy <= best_energy + TINY and room_m > best_room_m + TINY):
+            best, best_energy, best_room_m = [impact for impact, _ in ends], energy, room_m
+    return [*best, best_room_m]

@@ -1,0 +1,261 @@
+"""Who walks: small things that stand out are tracked in the odometry frame, and where they are going is taken as full.
+
+A person who crosses at 1.5 m/s is not in the way until it is too late, and one who comes toward the car takes the way
+that it needs to stop. The track is an alpha-beta filter (Kalata 1984) on the middle of the thing's visible side; a
+thing counts as walking when it has moved faster than odometry can err, for long enough, with both of its edges: of a
+wall's end that comes into view only one edge moves. And the beams must agree: where it came from, nothing stands now,
+and where it has come to, nothing was seen before (as in detecting dynamic objects by free space: Wang, Thorpe &
+Thrun 2003). Two legs of a table that are seen by turns do not walk. Its points, moved on along its way for the next
+moments, are added to what the safety sweeps.
+"""
+
+import cmath
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drivers.twin import twin
+from drivers.value import value
+from runtime.control.perception.geometry import NOWHERE, Booleans, Floats, Places, places_m
+from runtime.control.perception.odometry import Pose
+from runtime.control.perception.view import View
+
+WITHIN_M = 6.0
+GAP_BEAMS = 3
+JUMP_M = 0.2
+BACKGROUND_BEAMS = 40
+FEWEST_BEAMS = 4
+WIDEST_M = 0.7
+MATCH_M, MOST_M = 0.15, 0.35
+"""How far beside its way a thing may be seen again, beside what who runs does in between; and at most."""
+POSITION_GAIN = 0.4
+SPEED_GAIN = 0.08
+SEEN_SCANS = 8
+MOVED_M = 0.2
+LATELY_S = 0.6
+"""Moved since then, or up to twice as long ago: what has crept elsewhere in a minute does not walk."""
+SLOWEST_MPS = 0.4
+SLOWEST_SHARE = 0.15
+"""Of the car's own speed: a trimmed or drifting car turns by more than its steering says."""
+TURNING_SHARE = 0.3
+"""Of the car's own turning, now and half a second ago, times the distance: the servo lags behind the odometry."""
+TURNING_FADES = 0.95
+FASTEST_MPS = 4.0
+"""Who runs does 3 m/s; what seems faster is a mistake of the matching."""
+SAME_PLACE_M = 0.1
+"""What returns so near to a place stands there."""
+MOST_OF_THREE = 2
+AHEAD_S = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9)
+FORGOTTEN_S = 0.15
+
+
+@value(eq=False)
+class _Look:
+    """One scan, and where it was taken: position and heading of base_link in the odometry frame."""
+
+    view: View
+    at_m: complex
+    turned: complex
+
+    def ranges_m(self, place_m: complex) -> tuple[float, Floats]:
+        """Return how far a place (odom) is from the lidar, and what the three beams toward it read; none outside."""
+        view = self.view
+        off = (place_m - self.at_m) * self.turned.conjugate() - view.lidar_x_m
+        beam = round((cmath.phase(off) - view.scan.angle_min_rad) / view.scan.angle_step_rad)
+        return abs(off), view.ranges_m[max(0, beam - 1) : max(0, beam + 2)]
+
+
+@dataclass(frozen=True, slots=True)
+class _Before:
+    """Where the right and the left edge of a thing were (odom), when, and the look that saw it there."""
+
+    edges_m: tuple[complex, complex]
+    stamp_s: float
+    look: _Look
+
+    def carried(self, by_m: complex) -> "_Before":
+        """Return the same in an odometry frame that has missed a way."""
+        edges_m = self.edges_m[0] + by_m, self.edges_m[1] + by_m
+        return _Before(edges_m, self.stamp_s, replace(self.look, at_m=self.look.at_m + by_m))
+
+
+@dataclass(slots=True)
+class _Track:
+    """A thing in the odometry frame: middle, velocity, right and left edge, how often it was seen, when last.
+
+    edges_m are smoothed, newest_m those of the last scan. before, lately: where it was, long enough ago, and since.
+    """
+
+    place_m: complex
+    way_mps: complex
+    edges_m: tuple[complex, complex]
+    newest_m: tuple[complex, complex]
+    before: _Before
+    lately: _Before
+    scans: int
+    seen_s: float
+
+    def carry(self, by_m: complex, stamp_s: float) -> None:
+        """Move it to where it is seen, without a way of its own."""
+        self.place_m += by_m
+        self.edges_m = self.edges_m[0] + by_m, self.edges_m[1] + by_m
+        self.before, self.lately = self.before.carried(by_m), self.lately.carried(by_m)
+        self.seen_s = stamp_s
+
+    def remember(self, stamp_s: float, look: _Look) -> None:
+        """Take note of where it is, every now and then."""
+        if stamp_s - self.lately.stamp_s > LATELY_S:
+            self.before, self.lately = self.lately, _Before(self.edges_m, stamp_s, look)
+
+
+class Movers:
+    """Small state: the tracks. `update` once per scan."""
+
+    def __init__(self) -> None:
+        self._tracks: list[_Track] = []
+        self._turning_radps = 0.0
+
+    def update(self, view: View, pose: Pose, stamp_s: float, *, sliding: bool = False) -> Places:
+        """Return points, (k,) in base_link, where walkers will be in the next 0.9 s; k = 0 for nobody.
+
+        sliding: the wheels are locked, so that the odometry stands while everything comes nearer: nothing is learnt
+        about who goes where, and nothing is forgotten.
+        """
+        self._turning_radps = max(abs(pose.yaw_rate_radps), TURNING_FADES * self._turning_radps)
+        things = small_things(view.solid, view.ranges_m, abs(view.scan.angle_step_rad))
+        if not things and not self._tracks:
+            return NOWHERE  # as a rule
+        turned, at_m = cmath.rect(1.0, pose.yaw_rad), complex(pose.x_m, pose.y_m)
+        look = _Look(view, at_m, turned)
+        fresh: list[_Track] = []
+        strips: list[Places] = []
+        slowest_mps = SLOWEST_MPS + SLOWEST_SHARE * abs(pose.speed_mps)
+        slowest_per_m = TURNING_SHARE * self._turning_radps
+        for first, last in things:
+            beams = view.solid[first : last + 1].nonzero()[0] + first
+            points = places_m(view.x_m, view.y_m, beams)
+            track = self._follow(points * turned + at_m, stamp_s, look, sliding=sliding)
+            fresh.append(track)
+            if track.scans < SEEN_SCANS:
+                continue
+            across_mps = slowest_mps + slowest_per_m * float(view.ranges_m[first])
+            across = _goes(track, turned * 1j, look, across_mps, either=True)
+            if across or _goes(track, at_m - track.place_m, look, slowest_mps):
+                way_mps = track.way_mps * turned.conjugate()
+                strips += [points + way_mps * ahead_s for ahead_s in AHEAD_S]
+        self._tracks = fresh + [track for track in self._tracks if stamp_s - track.seen_s <= FORGOTTEN_S]
+        return np.concatenate(strips) if strips else NOWHERE
+
+    def _follow(self, points_m: Places, stamp_s: float, look: _Look, *, sliding: bool) -> _Track:
+        """Return the track that these points (k,), odom, continue, taken from the list, or a new one."""
+        place_m = complex(points_m.sum()) / points_m.size
+        edges_m = complex(points_m[0]), complex(points_m[-1])
+        nearest, nearest_m = None, MOST_M
+        for track in self._tracks:
+            elapsed_s = stamp_s - track.seen_s
+            if elapsed_s > FORGOTTEN_S:  # a hole in the scans: nobody can tell who is who
+                continue
+            off_m = abs(track.place_m + track.way_mps * elapsed_s - place_m)
+            if off_m < min(nearest_m, MATCH_M + FASTEST_MPS * elapsed_s):
+                nearest, nearest_m = track, off_m
+        if nearest is None:
+            here = _Before(edges_m, stamp_s, look)
+            return _Track(place_m, 0j, edges_m, edges_m, here, here, 1, stamp_s)
+        self._tracks.remove(nearest)
+        nearest.newest_m = edges_m
+        if sliding:
+            nearest.carry(place_m - nearest.place_m, stamp_s)
+            return nearest
+        elapsed_s = max(1e-3, stamp_s - nearest.seen_s)
+        nearest.place_m += nearest.way_mps * elapsed_s
+        off = place_m - nearest.place_m
+        nearest.place_m += POSITION_GAIN * off
+        nearest.way_mps += SPEED_GAIN / elapsed_s * off
+        right_m, left_m = nearest.edges_m
+        nearest.edges_m = (
+            right_m + POSITION_GAIN * (edges_m[0] - right_m),
+            left_m + POSITION_GAIN * (edges_m[1] - left_m),
+        )
+        nearest.scans += 1
+        nearest.seen_s = stamp_s
+        nearest.remember(stamp_s, look)
+        return nearest
+
+
+@twin
+def small_things(solid: Booleans, ranges_m: Floats, step_rad: float) -> list[tuple[int, int]]:
+    """Return (first, last) beam of every near thing at most 0.7 m wide that stands out before its surroundings.
+
+    solid, ranges_m: (beams,) of a View. step_rad: between two beams, positive.
+    """
+    index = (solid & (ranges_m < WITHIN_M)).nonzero()[0]
+    if index.size < FEWEST_BEAMS:
+        return []
+    near_m = ranges_m.take(index)
+    off_m = near_m[1:] - near_m[:-1]
+    cut = np.abs(off_m, out=off_m) > JUMP_M
+    cut |= index[1:] - index[:-1] > GAP_BEAMS
+    ends = [*cut.nonzero()[0].tolist(), index.size - 1]
+    things, start = [], 0
+    for end in ends:
+        if end - start >= FEWEST_BEAMS - 1:
+            right, left = int(index[start]), int(index[end])
+            if (left - right) * step_rad * near_m[start] <= WIDEST_M and _stands_out(solid, ranges_m, right, left):
+                things.append((right, left))
+        start = end + 1
+    return things
+
+
+def _stands_out(solid: Booleans, ranges_m: Floats, right: int, left: int) -> bool:
+    """Whether the things at both sides are farther away, and there are both sides."""
+    to_the_right = range(right - 1, right - 1 - BACKGROUND_BEAMS, -1)
+    to_the_left = range(left + 1, left + 1 + BACKGROUND_BEAMS)
+    return _behind(solid, ranges_m, to_the_right, ranges_m[right]) and _behind(
+        solid, ranges_m, to_the_left, ranges_m[left]
+    )
+
+
+def _behind(solid: Booleans, ranges_m: Floats, beams: range, range_m: float) -> bool:
+    """Whether the first solid one of the next beams is clearly farther away.
+
+    Dirt and wild beams are skipped: they cut walls into pieces whose edges go along with the car. Where nothing is
+    solid, silence counts as far.
+    """
+    for beam in beams:
+        if not 0 <= beam < solid.size:
+            return False
+        if solid[beam]:
+            return bool(ranges_m[beam] > range_m + JUMP_M)
+    return True
+
+
+def _goes(track: _Track, toward: complex, look: _Look, slowest_mps: float, *, either: bool = False) -> bool:
+    """Whether the thing moves that way (odom; either: or the opposite one) faster than that, with both of its edges.
+
+    look: of this scan; it and the one before must show that the thing has left one place for another.
+    """
+    size = abs(toward)
+    if not size or abs(track.way_mps) > FASTEST_MPS:
+        return False
+    along = toward.conjugate() / size  # the real part of a product with it is the part of a vector in this direction
+    along_mps = (track.way_mps * along).real
+    if either and along_mps < 0:
+        along, along_mps = -along, -along_mps
+    edges = zip(track.edges_m, track.before.edges_m, strict=True)
+    if along_mps <= slowest_mps or not all(((now - then) * along).real > MOVED_M for now, then in edges):
+        return False
+    came_from = min(track.before.edges_m, key=lambda edge: (edge * along).real)
+    came_to = max(track.newest_m, key=lambda edge: (edge * along).real)
+    return not _stands(look, came_from) and _is_free(track.before.look, came_to)
+
+
+def _stands(look: _Look, place_m: complex) -> bool:
+    """Whether most of three beams return from there."""
+    away_m, ranges_m = look.ranges_m(place_m)
+    return int(np.count_nonzero(np.abs(ranges_m - away_m) < SAME_PLACE_M)) >= MOST_OF_THREE
+
+
+def _is_free(look: _Look, place_m: complex) -> bool:
+    """Whether most of three beams go on beyond it; no echo goes on."""
+    away_m, ranges_m = look.ranges_m(place_m)
+    return int(np.count_nonzero(ranges_m < away_m + SAME_PLACE_M)) < MOST_OF_THREE

@@ -1,0 +1,135 @@
+"""What is behind the car: the lidar is blind there, but it has seen most of it while coming."""
+
+import cmath
+import math
+from collections import deque
+
+import numpy as np
+
+from drivers.twin import twin
+from drivers.value import value
+from runtime.control.perception.geometry import NOWHERE, Booleans, Floats, Places, places_m
+from runtime.control.perception.odometry import Pose
+from runtime.control.perception.view import View
+
+NEAR_M = 1.6
+KEPT_EVERY_M = 0.1
+KEPT_EVERY_RAD = 0.15
+KEPT_VIEWS = 16
+KEPT_FOR_A_WAY_OUT = 32
+TRACK_FOR_S = 30.0
+"""Where the car stood longer ago, something may stand by now."""
+TRACK_M = 1.5
+"""So far, and no farther, may the car back on its own track before it comes forward again: nothing is looking there."""
+TRACK_FROM_M, TRACK_TO_M, TRACK_ASIDE_M, TRACK_COS = 0.08, 0.35, 0.08, 0.95
+"""The car backs on its own track where it stood so far behind, in line and at the same heading."""
+
+
+@value(eq=False)
+class Kept:
+    """A view, and the pose of base_link in the odometry frame at which it was taken."""
+
+    view: View
+    place_m: complex
+    yaw_rad: float
+
+
+class Behind:
+    """Remembers near points in the odometry frame over the last one and a half metres, and how far the car backed.
+
+    kept: whole views of the last metres, for one who has to find a way out; nothing of them is computed before.
+    """
+
+    def __init__(self, lidar_x_m: float) -> None:
+        self._lidar_x_m = lidar_x_m
+        self._views: deque[Places] = deque(maxlen=KEPT_VIEWS)
+        self.kept: deque[Kept] = deque(maxlen=KEPT_FOR_A_WAY_OUT)
+        self._doubtful = NOWHERE
+        self._last: Pose | None = None
+        self._at = Pose()
+        self._now_s = -math.inf
+        self.backed_m = self._retraced_m = 0.0
+
+    def move(self, pose: Pose, step_m: float) -> None:
+        """Be at another pose, step_m (signed) after the one before; to back on the own track is not to back blindly."""
+        self._at = pose
+        if step_m < 0.0 and self.kept:
+            place_m, heading = np.array([complex(pose.x_m, pose.y_m)]), np.array([cmath.rect(1.0, pose.yaw_rad)])
+            if self._retraced_m < TRACK_M and on_track(place_m, heading, *self.track())[0]:
+                self._retraced_m -= step_m
+                return
+        self._retraced_m = max(0.0, self._retraced_m - max(step_m, 0.0))
+        self.backed_m = max(0.0, self.backed_m - step_m)
+
+    def track(self) -> tuple[Places, Places]:
+        """Return where the car stood not long ago, odom, and its headings there, (k,) each."""
+        recent = [one for one in self.kept if one.view.scan.stamp_s >= self._now_s - TRACK_FOR_S]
+        return np.array([one.place_m for one in recent]), np.array([cmath.rect(1.0, one.yaw_rad) for one in recent])
+
+    def lay_anew(self, kept: list[Kept]) -> None:
+        """Take better poses for the kept views, the newest last, and with them for the points near by."""
+        self.kept = deque(kept, maxlen=KEPT_FOR_A_WAY_OUT)
+        self._views.clear()
+        for one in kept[-KEPT_VIEWS:]:
+            view, at = one.view, (one.place_m.real, one.place_m.imag, one.yaw_rad)
+            self._views.append(near_places(view.x_m, view.y_m, view.solid, view.ranges_m, *at))
+
+    def keep(self, view: View, doubtful: Places = NOWHERE) -> None:
+        """Take in the scan of this pose; keeps a view every 10 cm or 9 degrees.
+
+        doubtful: places (k,), odom, where the lidar does look, but which may be the car itself.
+        """
+        self._now_s = view.scan.stamp_s
+        self._doubtful = doubtful
+        pose, last = self._at, self._last
+        if last is not None:
+            moved_m = math.hypot(pose.x_m - last.x_m, pose.y_m - last.y_m)
+            if moved_m < KEPT_EVERY_M and abs(math.remainder(pose.yaw_rad - last.yaw_rad, math.tau)) < KEPT_EVERY_RAD:
+                return
+        self._last = pose
+        at = pose.x_m, pose.y_m, pose.yaw_rad
+        self.kept.append(self.seen_now(view))
+        self._views.append(near_places(view.x_m, view.y_m, view.solid, view.ranges_m, *at))
+
+    def seen_now(self, view: View) -> Kept:
+        """Return a view as one that was taken at this pose."""
+        return Kept(view, complex(self._at.x_m, self._at.y_m), self._at.yaw_rad)
+
+    def points_m(self, half_view_rad: float) -> Places:
+        """Return what is remembered where the lidar does not look now (beyond +-half_view_rad), base_link, (k,).
+
+        What it does look at is judged by what it sees: a person who has left leaves no ghost there. Of that only what
+        is in doubt is added.
+        """
+        if not (self._views or self._doubtful.size):
+            return NOWHERE
+        at = self._at
+        points = np.concatenate([*self._views, self._doubtful])
+        points = (points - complex(at.x_m, at.y_m)) * cmath.rect(1.0, -at.yaw_rad)
+        told = np.abs(np.angle(points - self._lidar_x_m)) > half_view_rad
+        told[points.size - self._doubtful.size :] = True
+        told &= np.abs(points) < NEAR_M
+        found: Places = points[told]
+        return found
+
+
+def on_track(place_m: Places, heading: Places, track_m: Places, track_heading: Places) -> Booleans:
+    """Return at which places (n,) and headings the car stood a little farther back before: there nothing fixed is.
+
+    track_m, track_heading: where it stood, (k,) each, in the same frame.
+    """
+    behind_m = (track_m - place_m[:, None]) * heading.conj()[:, None]
+    same: Booleans = (behind_m.real <= -TRACK_FROM_M) & (behind_m.real >= -TRACK_TO_M)
+    same &= np.abs(behind_m.imag) <= TRACK_ASIDE_M
+    same &= (track_heading * heading.conj()[:, None]).real >= TRACK_COS
+    there: Booleans = np.asarray(same.any(axis=1))
+    return there
+
+
+@twin
+def near_places(
+    x_m: Floats, y_m: Floats, solid: Booleans, ranges_m: Floats, at_x_m: float, at_y_m: float, yaw_rad: float
+) -> Places:
+    """Return in odom, (k,), the solid ones nearer than NEAR_M of points (n,) seen from a pose in base_link."""
+    near = (solid & (ranges_m < NEAR_M)).nonzero()[0]
+    return places_m(x_m, y_m, near) * cmath.rect(1.0, yaw_rad) + complex(at_x_m, at_y_m)

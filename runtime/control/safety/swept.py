@@ -1,0 +1,347 @@
+"""Safety `swept`: may the car do what it is about to be told? Judged for that very drive, whoever gave it.
+
+The outline is swept along the arc that will be driven (`footprint`); the way to the first contact is compared with
+what stopping takes (`stopping`). Two limits: a graded one, which brakes gently and early, and a hard stop, which is
+held for a moment. Section 5 of the project's control reference compares this with the alternatives.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from drivers.api import Clock, MotorState, Scan
+from runtime.arbitration.command import NO_LIMIT_MPS, Verdict
+from runtime.control.perception.geometry import NOWHERE
+from runtime.control.perception.lidar_health import LidarHealth
+from runtime.control.perception.lidar_health_settings import LidarHealthSettings
+from runtime.control.perception.odometry import Odometry, Pose
+from runtime.control.perception.own_parts import KnownParts, OwnParts
+from runtime.control.perception.scene_motion import SceneMotion
+from runtime.control.perception.view import Eyes, View
+from runtime.control.safety.body import LOOK_SPARE_M, Body
+from runtime.control.safety.emergency import Emergency
+from runtime.control.safety.footprint import NOTHING, Contact
+from runtime.control.safety.moving_obstacles import Movers
+from runtime.control.safety.rear_memory import Behind
+from runtime.control.safety.steering_reversal import Wavering
+from runtime.control.safety.stopping import GRAVITY_MPS2, SlidingSpeed, speed_to_stop_within_mps, stopping_distance_m
+from runtime.control.safety.swept_path import GAINS_MPS, Strip
+from runtime.control.safety.swept_settings import SweptSettings
+from runtime.control.safety.thin_obstacles import Faint
+from runtime.control.safety.visibility import CRAWL_MPS, Visibility
+from runtime.control.vehicle import CarSettings
+
+STANDING_MPS = 0.05
+STOP_SPARE_M = 0.05
+WARY_S = 0.25
+NEEDY_SHARE = 0.7
+"""A bend that takes more than this of a slippery floor's grip leaves too little for slowing down as the motor does."""
+EDGE_M = 0.05
+"""What reaches so little into the strip is beside the car, not before it."""
+CLEAR = Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "clear")
+UNSEEN = "the lidar sees nothing ahead"
+ON_LIDAR = Verdict(0.0, 0.0, "something on the lidar: uncover it")
+
+
+@dataclass(slots=True)
+class _Memory:
+    """What safety remembers about its own words: until when a hard stop is held, and until when it is wary."""
+
+    held_until_s: float = -math.inf
+    braking: bool = False
+    wary_until_s: float = -math.inf
+    wavering: Wavering = field(default_factory=Wavering)
+
+
+class SweptGuard:
+    """Looks at every scan once; the Outlook that it returns judges drives until the next scan.
+
+    clock: where given, the scan's age is measured at every judgement, else taken as it was when the scan came.
+    health: what is known about the lidar's window.
+    plight: what to say of a car that cannot go on and knows no way out; "" while it knows one.
+    """
+
+    def __init__(
+        self,
+        settings: SweptSettings,
+        car: CarSettings,
+        eyes: Eyes,
+        *,
+        health: LidarHealthSettings | None = None,
+        clock: Clock | None = None,
+    ) -> None:
+        self.settings = settings
+        self.car = car
+        self.body = Body(settings, car)
+        self.clock = clock
+        self.health = LidarHealth(health or LidarHealthSettings(), car.wheelbase_m, settings.doubtful_mps)
+        self.scene_motion = SceneMotion(car.lidar_x_m)
+        self.own_parts = OwnParts(car.lidar_x_m)
+        self.behind = Behind(car.lidar_x_m)
+        self.movers = Movers()
+        self.faint = Faint()
+        self.visibility = Visibility(car)
+        self.memory = _Memory()
+        self.emergency = Emergency()
+        self.plight = ""
+        self._eyes = eyes
+        eyes.doubts = True
+        self._odometry = Odometry(car.wheelbase_m)
+        self._speed = SlidingSpeed(GRAVITY_MPS2, self.body.slippery_mps2)
+        self._last_m: float | None = None
+        self._unlearnt: tuple[View, MotorState | None, Pose] | None = None
+
+    def tune(self, settings: SweptSettings, health: LidarHealthSettings) -> None:
+        """Go on with other settings; a hard stop that is on, the window's dirt and who walks where are kept."""
+        self.learn()
+        self.settings = settings
+        self.body = Body(settings, self.car)
+        self.health.tune(health, settings.doubtful_mps)
+        self._speed.tune(GRAVITY_MPS2, self.body.slippery_mps2)
+
+    def look(self, scan: Scan, motor: MotorState | None) -> "Outlook":
+        """Take in one scan; called once for each, in order."""
+        self.learn()
+        view = self._eyes.see(scan)
+        if self.own_parts.below_m is None:
+            view = self._look_anew(view)
+        speed_mps = self._speed.update(motor.speed_mps if motor is not None else None, scan.stamp_s)
+        pose = self._odometry.update(motor)
+        last_m, self._last_m = self._last_m, motor.distance_m if motor is not None else None
+        step_m = motor.distance_m - last_m if motor is not None and last_m is not None else 0.0
+        self.behind.move(pose, step_m)
+        self.health.glance(view)
+        self.visibility.look(view, pose)
+        self._unlearnt = view, motor, pose
+        most_rad = self.car.max_steering_rad
+        wheel_rad = min(max(motor.steering_rad, -most_rad), most_rad) if motor is not None else 0.0
+        self.emergency.note(scan.stamp_s, wheel_rad)
+        walkers_m = self.movers.update(view, pose, scan.stamp_s, sliding=self._speed.slides)
+        faint_m = self.faint.update(view, pose, scan.stamp_s)
+        more_m = np.concatenate([walkers_m, faint_m]) if walkers_m.size or faint_m.size else NOWHERE
+        latency_s = max(0.0, self.now_s(scan) - scan.stamp_s) + self.settings.actuation_s
+        strip = Strip(self.body, view, speed_mps, wheel_rad, latency_s, more_m, self.behind)
+        wary = speed_mps > self.settings.doubtful_mps and scan.stamp_s < self.memory.wary_until_s
+        window = Verdict(self.health.ceiling_mps, self.health.ceiling_mps, self.health.reason)
+        if self.visibility.on_lidar:
+            window = ON_LIDAR
+        return Outlook(self, view, speed_mps, strip, window, wary)
+
+    def remember(self, known: KnownParts | None) -> None:
+        """Go on with these own parts, and with a window of which nothing is known."""
+        self.own_parts.remember(known)
+        self.health.forget()
+        self._eyes.ignore(None)
+
+    def _look_anew(self, view: View) -> View:
+        """Return the view of the first scan, with the wall before the shoulder followed beyond it."""
+        self.own_parts.update(view, self._odometry.pose)
+        self._eyes.ignore(self.health.mask, self.own_parts.below_m)
+        return self._eyes.see(view.scan)
+
+    def learn(self) -> None:
+        """Learn from the last scan what only later ones need: the window's dirt, and what lies behind the car.
+
+        So that the motor need not wait for it, it is done when the answer is on its way, at the latest with the next
+        scan. Harmless when repeated.
+        """
+        if self._unlearnt is None:
+            return
+        (view, motor, pose), self._unlearnt = self._unlearnt, None
+        self.scene_motion.update(view, pose)
+        stands = self.scene_motion.stands
+        self.own_parts.update(view, pose, moved=False if self._speed.slides else self.scene_motion.moved)
+        self.behind.keep(view, self.own_parts.doubtful)
+        self.health.update(view, motor, scene_stands=stands)
+        self.visibility.learn()
+        self._eyes.ignore(self.health.mask, self.own_parts.below_m)
+
+    def now_s(self, scan: Scan) -> float:
+        """Return the time, or that of the scan's arrival where there is no clock."""
+        return self.clock() if self.clock is not None else scan.received_s
+
+
+@dataclass(slots=True, eq=False)
+class Outlook:
+    """One scan's answer to every drive. Cheap to ask again: the strip keeps its sweeps."""
+
+    guard: SweptGuard
+    view: View
+    speed_mps: float
+    strip: Strip
+    window: Verdict
+    wary: bool
+
+    @property
+    def age_s(self) -> float:
+        """How old the scan is now, as well as can be known."""
+        return max(0.0, self.guard.now_s(self.view.scan) - self.view.scan.stamp_s)
+
+    def limit(self, speed_mps: float, steering_rad: float) -> Verdict:
+        """Judge a drive; nonsense and standstill are never a reason to move."""
+        age_s = self.age_s
+        ceiling = self._ceiling(age_s)
+        if ceiling.forward_mps <= 0 or not speed_mps or not math.isfinite(speed_mps + steering_rad):
+            return ceiling
+        most_rad = self.guard.car.max_steering_rad
+        steering_rad = min(max(steering_rad, -most_rad), most_rad)
+        reaction_s = age_s + self.guard.settings.actuation_s
+        if speed_mps > 0:
+            return _slowest(
+                self._forward(speed_mps, steering_rad, reaction_s),
+                self._wavering(speed_mps, steering_rad, reaction_s),
+                self._unseen(speed_mps, steering_rad, reaction_s),
+                ceiling,
+            )
+        verdict = self._backward(steering_rad, reaction_s)
+        return verdict if verdict.reverse_mps <= ceiling.reverse_mps else ceiling
+
+    def _ceiling(self, age_s: float) -> Verdict:
+        """What holds whatever is asked: the scan's age and the window."""
+        settings = self.guard.settings
+        if age_s > settings.stale_s:
+            return Verdict(0.0, 0.0, "the scan is too old", age_s)
+        if age_s <= settings.late_s or self.window.forward_mps < settings.doubtful_mps:
+            return self.window
+        return Verdict(settings.doubtful_mps, settings.doubtful_mps, "the scan is late", age_s)
+
+    def _forward(self, wanted_mps: float, steering_rad: float, reaction_s: float) -> Verdict:
+        body, settings, memory = self.guard.body, self.guard.settings, self.guard.memory
+        speed_mps, look_m = max(self.speed_mps, 0.0), self._look_m(wanted_mps)
+        found = self.strip.contact(steering_rad, look_m, wary=self.wary)
+        now_s = self.view.scan.stamp_s
+        if not memory.braking and self.guard.emergency.swerves_in_vain(self.strip, steering_rad, now_s):
+            memory.braking, memory.held_until_s = True, now_s + settings.hold_s
+        if found is NOTHING and not memory.braking:
+            return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s)
+        if found is not NOTHING and speed_mps > settings.doubtful_mps:
+            memory.wary_until_s = now_s + WARY_S
+        hard_mps2 = settings.hard_share * body.grip_for_mps2(found)
+        hard_m = STOP_SPARE_M + stopping_distance_m(speed_mps, reaction_s, hard_mps2)
+        if self._brakes(found.travel_m, hard_m, steering_rad):
+            return self._standing(found) if speed_mps <= STANDING_MPS else self._emergency(found, steering_rad)
+        self.guard.emergency.end()
+        if found is NOTHING:
+            return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s)
+        graded_mps = body.graded_mps(found, reaction_s)
+        hastes = wanted_mps >= speed_mps > graded_mps and found.aside_m * steering_rad < 0.0
+        if hastes and self._is_needy(steering_rad):
+            memory.braking = self.guard.emergency.slow_in_bend(self.strip, steering_rad, now_s)
+            if memory.braking:
+                return self._emergency(found, steering_rad)
+        gaining = self._gaining(steering_rad, look_m, wanted_mps, reaction_s)
+        return _slowest(self._slower(found, graded_mps, reaction_s), gaining)
+
+    def _look_m(self, wanted_mps: float) -> float:
+        """Return how far to look: never beyond the lidar's range, whatever speed is reported."""
+        return min(self.guard.body.look_m(max(self.speed_mps, wanted_mps)), self.view.scan.range_max_m)
+
+    def _emergency(self, found: Contact, steering_rad: float) -> Verdict:
+        """Drive the emergency manoeuvre; its end is judged by `_brakes`."""
+        emergency = self.guard.emergency
+        brake_mps2 = emergency.decide(self.strip, steering_rad, self.view.scan.stamp_s).manoeuvre.brake_mps2
+        return Verdict(0.0, NO_LIMIT_MPS, emergency.reason, found.travel_m, brake_mps2, emergency.steering_rad)
+
+    def _is_needy(self, steering_rad: float) -> bool:
+        """Whether a bend leaves too little of a slippery floor's grip for a motor that slows down as fast as it can."""
+        return self.strip.needs_grip(steering_rad, self.speed_mps, NEEDY_SHARE * self.guard.body.slippery_mps2)
+
+    def _wavering(self, wanted_mps: float, steering_rad: float, reaction_s: float) -> Verdict:
+        """Slow enough to stop on the way that the driver has just given up, should it turn back."""
+        guard, now_s = self.guard, self.view.scan.stamp_s
+        other_rad = guard.memory.wavering.given_up_rad(steering_rad, now_s, guard.car.steering_rate_radps * reaction_s)
+        if other_rad is None:
+            return CLEAR
+        found = self.strip.contact(other_rad, self._look_m(wanted_mps))
+        slow_mps = max(guard.body.graded_mps(found, reaction_s), guard.settings.creep_mps)
+        return Verdict(slow_mps, NO_LIMIT_MPS, "slower: the driver wavers", found.travel_m)
+
+    def _unseen(self, wanted_mps: float, steering_rad: float, reaction_s: float) -> Verdict:
+        """Slow enough to stop within what is known on the way, whatever may be where the lidar does not see."""
+        visibility, body = self.guard.visibility, self.guard.body
+        if not visibility.suspicious:
+            return CLEAR
+        unknown, look_m = visibility.unknown(), self._look_m(wanted_mps)
+        found = self.strip.reaches(unknown.hard, steering_rad, look_m)
+        hard_mps = body.graded_mps(found, reaction_s)
+        brake_mps2 = self.guard.settings.hard_share * body.grip_mps2
+        hard_m = STOP_SPARE_M + stopping_distance_m(max(self.speed_mps, 0.0), reaction_s, brake_mps2)
+        if hard_mps < self.guard.settings.slowest_mps or found.travel_m < hard_m:
+            return Verdict(
+                0.0, 0.0, "the lidar is blind ahead: uncover it" if unknown.blind else UNSEEN, found.travel_m
+            )
+        soft_mps = max(CRAWL_MPS, body.graded_mps(self.strip.reaches(unknown.soft, steering_rad, look_m), reaction_s))
+        reason = f"{UNSEEN}: crawling" if soft_mps <= CRAWL_MPS else f"slower: {UNSEEN}"
+        return Verdict(min(hard_mps, soft_mps), NO_LIMIT_MPS, reason, found.travel_m)
+
+    def _slower(self, found: Contact, graded_mps: float, reaction_s: float) -> Verdict:
+        """No stop, but something in the way: the graded limit, or the slowest speed that the motor can hold."""
+        body, settings = self.guard.body, self.guard.settings
+        where = "beside" if abs(found.aside_m) > body.ahead.half_width_m - EDGE_M else "ahead"
+        if graded_mps >= settings.slowest_mps:
+            return Verdict(graded_mps, NO_LIMIT_MPS, f"slower: wall {where}", found.travel_m)
+        hard_mps2 = settings.hard_share * body.grip_mps2
+        creep_m = STOP_SPARE_M + stopping_distance_m(settings.creep_mps, reaction_s, hard_mps2)
+        if found.travel_m > creep_m and self.strip.free_somewhere():
+            return Verdict(settings.creep_mps, NO_LIMIT_MPS, f"creeping: wall {where}", found.travel_m)
+        return self._standing(found)
+
+    def _brakes(self, way_m: float, hard_m: float, steering_rad: float) -> bool:
+        """Whether an emergency is on: begins at once, lasts a moment, ends with room to spare or at standstill.
+
+        A car that turns past something is let go as soon as its driver's bend is free and leaves grip for the motor.
+        """
+        memory, settings, now_s = self.guard.memory, self.guard.settings, self.view.scan.stamp_s
+        if way_m < hard_m:
+            memory.braking = True
+            memory.held_until_s = now_s + settings.hold_s
+        elif memory.braking and self.guard.emergency.turns:
+            memory.braking = self._is_needy(steering_rad)
+        elif memory.braking and now_s >= memory.held_until_s:
+            memory.braking = self.speed_mps > STANDING_MPS and way_m < hard_m + settings.release_m
+        return memory.braking
+
+    def _standing(self, found: Contact) -> Verdict:
+        reason = self.guard.plight or ("wall ahead" if self.strip.free_somewhere() else "boxed in")
+        return Verdict(0.0, NO_LIMIT_MPS, reason, found.travel_m)
+
+    def _no_contact(self, steering_rad: float, look_m: float, wanted_mps: float, reaction_s: float) -> Verdict:
+        """Consent, unless the way leads into an enclosed patch without echoes, or gaining speed would carry it out."""
+        if self.strip.leads_into_the_dark(steering_rad, look_m):
+            return Verdict(self.guard.settings.doubtful_mps, NO_LIMIT_MPS, "no information ahead", look_m)
+        return self._gaining(steering_rad, look_m, wanted_mps, reaction_s)
+
+    def _gaining(self, steering_rad: float, look_m: float, wanted_mps: float, reaction_s: float) -> Verdict:
+        """Consent, unless the grip that gains speed is missing in the bend, and the wider bend leads to something."""
+        body, speed_mps = self.guard.body, max(self.speed_mps, 0.0)
+        needy_mps2 = NEEDY_SHARE * body.slippery_mps2
+        if wanted_mps <= speed_mps + GAINS_MPS or not self.strip.needs_grip(steering_rad, wanted_mps, needy_mps2):
+            return CLEAR
+        found = self.strip.contact(steering_rad, look_m, faster_mps=wanted_mps)
+        if found is NOTHING:
+            return CLEAR
+        held_mps = max(speed_mps, body.graded_mps(found, reaction_s), self.guard.settings.creep_mps)
+        return Verdict(held_mps, NO_LIMIT_MPS, "no faster in this bend", found.travel_m)
+
+    def _backward(self, steering_rad: float, reaction_s: float) -> Verdict:
+        settings = self.guard.settings
+        left_m = settings.reverse_unseen_m - self.guard.behind.backed_m
+        brake_mps2 = settings.graded_share * self.guard.body.grip_mps2
+        look_m = stopping_distance_m(settings.reverse_mps, reaction_s, brake_mps2) + LOOK_SPARE_M
+        found = self.strip.contact(steering_rad, round(look_m, 2), -1.0)
+        # The last centimetres may be used: nobody's nose is there, and the way out may be short.
+        way_m = min(found.travel_m, left_m)
+        allowed_mps = speed_to_stop_within_mps(way_m, reaction_s, brake_mps2)
+        if allowed_mps < settings.slowest_mps:
+            reason = "wall behind" if found.travel_m <= left_m else "backed far enough without seeing"
+            return Verdict(NO_LIMIT_MPS, 0.0, reason, max(0.0, way_m))
+        return Verdict(NO_LIMIT_MPS, min(allowed_mps, settings.reverse_mps), "backing slowly", found.travel_m)
+
+
+def _slowest(first: Verdict, *others: Verdict) -> Verdict:
+    """Return the verdict that lets the car drive forward least fast; of equal ones the first."""
+    for other in others:
+        if other.forward_mps < first.forward_mps:
+            first = other
+    return first

@@ -1,0 +1,187 @@
+"""What one scan puts into the strip that the car would sweep, for any steering: points, margins, floors, memory."""
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from runtime.control.perception.geometry import NOWHERE, Places, any_nearer, solid_places
+from runtime.control.perception.view import View
+from runtime.control.safety.body import LOOK_SPARE_M, Body
+from runtime.control.safety.footprint import ENOUGH_POINTS, NOTHING, Contact, Outline, contact_on_arc
+from runtime.control.safety.no_return_regions import enclosed_dark
+from runtime.control.safety.rear_memory import Behind
+
+OTHER_STEERINGS = (0.0, 0.5, -0.5, 1.0, -1.0)
+FREE_WAY_M = 0.5
+GAINS_MPS = 0.1
+"""A wish that is faster than the car by less is no acceleration."""
+
+
+@dataclass(slots=True, eq=False)
+class Strip:
+    """One scan, ready to be swept. Sweeps are kept by steering, length and direction.
+
+    speed_mps: signed. wheel_rad: of the wheels now. latency_s: until a new steering shows. more_m: what the scan alone
+    does not show, (k,): where walkers will be, and things too thin for it. behind: the memory of what the lidar no
+    longer sees.
+    """
+
+    body: Body
+    view: View
+    speed_mps: float
+    wheel_rad: float
+    latency_s: float
+    more_m: Places
+    behind: Behind
+    _kept: dict[tuple[float, float, float, bool, float], Contact] = field(default_factory=dict)
+    _dark: dict[tuple[float, float], bool] = field(default_factory=dict)
+    _near_m: tuple[Places, Places] | None = None
+    _hidden_m: tuple[Places, Places] | None = None
+
+    def contact(
+        self,
+        steering_rad: float,
+        length_m: float,
+        direction: float = 1.0,
+        *,
+        wary: bool = False,
+        faster_mps: float = 0.0,
+    ) -> Contact:
+        """Return what the outline meets first on the way that this steering leads to; NOTHING beyond length_m.
+
+        wary: with more margin aside. faster_mps: judge the way on which the car gains speed up to this, on a slippery
+        floor: the grip that speeds it up does not turn it.
+        """
+        key = (round(steering_rad, 3), length_m, direction, wary, faster_mps)
+        found = self._kept.get(key)
+        if found is None:
+            ahead = self.body.wary if wary else self.body.ahead
+            outline = ahead if direction > 0 else self.body.aback
+            found = self._kept[key] = self._sweep(steering_rad, length_m, direction, outline, faster_mps)
+        return found
+
+    def leads_into_the_dark(self, steering_rad: float, look_m: float) -> bool:
+        """Whether there is an enclosed patch without echoes in that direction, nearer than the look."""
+        key = (round(steering_rad, 3), look_m)
+        dark = self._dark.get(key)
+        if dark is None:
+            toward_rad = math.tan(steering_rad) / self.body.car.wheelbase_m * look_m / 2
+            dark = self._dark[key] = enclosed_dark(self.view, toward_rad, look_m + LOOK_SPARE_M)
+        return dark
+
+    def free_somewhere(self, length_m: float = FREE_WAY_M) -> bool:
+        """Whether any steering leads the standing car so far ahead without a contact."""
+        most_rad = self.body.car.max_steering_rad
+        return any(self.contact(share * most_rad, length_m).travel_m >= length_m for share in OTHER_STEERINGS)
+
+    def reaches(self, points_m: Places, steering_rad: float, length_m: float) -> Contact:
+        """Return what the outline meets first of some other places (k,), base_link; NOTHING beyond length_m."""
+        if not points_m.size:
+            return NOTHING
+        motion = self._motion(1.0, self.body.grip_mps2)
+        found = contact_on_arc(motion, steering_rad, length_m, self.body.ahead, points_m)
+        return found if found.travel_m <= length_m else NOTHING
+
+    def needs_grip(self, steering_rad: float, speed_mps: float, grip_mps2: float) -> bool:
+        """Whether the bend asks for more than this at this speed."""
+        return speed_mps * speed_mps * abs(math.tan(steering_rad)) > self.body.car.wheelbase_m * grip_mps2
+
+    def _sweep(
+        self, steering_rad: float, length_m: float, direction: float, outline: Outline, faster_mps: float
+    ) -> Contact:
+        body = self.body
+        if faster_mps:
+            gain_mps2 = min(body.car.max_acceleration_mps2, 0.9 * body.slippery_mps2)
+            motion = self._motion(direction, body.slippery_mps2, gain_mps2, faster_mps)
+            found = replace(self._along(motion, steering_rad, length_m, direction, outline), slippery=True)
+        else:
+            motion = self._motion(direction, body.grip_mps2)
+            found = self._along(motion, steering_rad, length_m, direction, outline)
+            if direction > 0 and self.needs_grip(steering_rad, self.speed_mps, body.slippery_mps2):
+                motion = self._motion(direction, body.slippery_mps2)
+                slides = self._along(motion, steering_rad, length_m, direction, outline)
+                if slides.travel_m < found.travel_m:
+                    found = replace(slides, slippery=True)
+        return found if found.travel_m <= length_m else NOTHING
+
+    def _along(
+        self, motion: tuple[float, ...], steering_rad: float, length_m: float, direction: float, outline: Outline
+    ) -> Contact:
+        free_m, touching_m = self._points_m()
+        if direction < 0:
+            hidden_m, pressing_m = self._points_behind_m()
+            free_m, touching_m = np.concatenate([free_m, hidden_m]), np.concatenate([touching_m, pressing_m])
+        if not touching_m.size:
+            return contact_on_arc(motion, steering_rad, length_m, outline, free_m)
+        outline = replace(outline, half_width_m=self._room_aside_m(touching_m, outline))
+        found = contact_on_arc(motion, steering_rad, length_m, outline, free_m)
+        # What is within the margins already would stop the car for ever: it is judged by the bare outline.
+        pressed = contact_on_arc(motion, steering_rad, length_m, self.body.bare, touching_m)
+        return min(found, pressed, key=lambda contact: contact.travel_m)
+
+    def _room_aside_m(self, touching_m: Places, outline: Outline) -> float:
+        """Return the half width of the strip beside something within the margin: a wall there goes on ahead.
+
+        It keeps half of what room there is; without this a car two centimetres from a wall never moves along it.
+        """
+        aside_m = np.abs(touching_m.imag)
+        aside_m = aside_m[aside_m > self.body.bare.half_width_m]
+        if aside_m.size < ENOUGH_POINTS:
+            return outline.half_width_m
+        third_m = float(np.partition(aside_m, ENOUGH_POINTS - 1)[ENOUGH_POINTS - 1])
+        return (self.body.bare.half_width_m + third_m) / 2
+
+    def _motion(
+        self, direction: float, grip_mps2: float, along_mps2: float = 0.0, end_mps: float = 0.0
+    ) -> tuple[float, ...]:
+        """Return how the car moves on such a floor, the fields of a Motion; along_mps2 is taken from the grip.
+
+        Two calls fewer than a Motion itself, and nobody asks it for a field by name.
+        """
+        car = self.body.car
+        return (
+            max(0.0, direction * self.speed_mps),
+            direction,
+            self.wheel_rad,
+            self.latency_s,
+            car.steering_rate_radps,
+            car.wheelbase_m,
+            math.sqrt(grip_mps2 * grip_mps2 - along_mps2 * along_mps2),
+            1.0 / (grip_mps2 * self.body.settings.cornering_per_rad),
+            along_mps2,
+            end_mps,
+        )
+
+    def _points_m(self) -> tuple[Places, Places]:
+        """Return the solid points outside and inside the margins, (k,) each."""
+        if self._near_m is None:
+            view = self.view
+            points = solid_places(view.x_m, view.y_m, view.solid)
+            if self.more_m.size:
+                points = np.concatenate([points, self.more_m])
+            if not (self.more_m.size or any_nearer(view.solid, view.ranges_m, self.body.reach_m)):
+                self._near_m = points, NOWHERE
+                return self._near_m
+            inside = self.body.presses(points)
+            self._near_m = points[~inside], points[inside]
+        return self._near_m
+
+    def points_around_m(self, within_m: float) -> Places:
+        """Return everything seen and remembered within a distance of the rear axle, (k,), base_link."""
+        points = np.concatenate([*self._points_m(), *self._points_behind_m()])
+        around: Places = points[np.abs(points) < within_m]
+        return around
+
+    def _points_behind_m(self) -> tuple[Places, Places]:
+        """Return what is remembered where nothing is seen, outside and inside the margins, (k,) each.
+
+        Where the car is, nothing else is: what is remembered there, a sliding car's odometry has put there.
+        """
+        if self._hidden_m is None:
+            half_view_rad = float(np.abs(self.view.bearing_rad[[0, -1]]).min())
+            hidden_m = self.behind.points_m(half_view_rad)
+            hidden_m = hidden_m[~self.body.bare.holds(hidden_m)]
+            inside = self.body.presses(hidden_m)
+            self._hidden_m = hidden_m[~inside], hidden_m[inside]
+        return self._hidden_m

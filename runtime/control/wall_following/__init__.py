@@ -1,0 +1,1 @@
+"""The follower `ball`: the followed wall, the ball's path, steering and speed."""

@@ -1,0 +1,157 @@
+"""Follows a wall by steering after a ball that is rolled along it.
+
+One scan at a time: find my wall, see it from where the car will be when the answer takes effect (`prediction`), roll a
+ball of the wanted distance along it (`ball_path`), steer after the ball (`ball_law`), and go no faster than its path
+allows (`speed_profile`). Beside a straight wall the tracked line (`wall_track`) says more exactly than one scan's
+points where the wall is. Without a piece of wall the follower says so and does what the settings say (`lost`).
+Everything between the mirror at the entrance and the one at the exit is for a wall on the left.
+"""
+
+import math
+
+import numpy as np
+
+from drivers.api import Drive, MotorState, Scan
+from runtime.control.guidance import Guidance
+from runtime.control.perception.geometry import Floats
+from runtime.control.perception.view import Eyes
+from runtime.control.vehicle import CarSettings
+from runtime.control.wall_following.ball_drive import driven_along
+from runtime.control.wall_following.ball_law import look_aheads_m
+from runtime.control.wall_following.ball_path import RADII_M, BallPath, Rolled, rolled
+from runtime.control.wall_following.ball_settings import BallSettings
+from runtime.control.wall_following.corridor_width import Room
+from runtime.control.wall_following.followed_wall import my_wall, side_view
+from runtime.control.wall_following.no_wall_policy import SEARCH_PER_M, Lost
+from runtime.control.wall_following.prediction import Predictor, Shift
+from runtime.control.wall_following.speed_profile import mu_with_room
+from runtime.control.wall_following.wall_fit import Line
+from runtime.control.wall_following.wall_track import WallTrack
+
+LONGEST_STEP_S = 0.25
+"""Between two scans; after a longer silence the way since is not known."""
+BEND_LOW_PASS = 0.2
+"""By which the path's bend is averaged before it tells a bent wall from a straight one."""
+
+
+LANE_SHARE = 0.9
+"""A way on whose half is a smaller share of the wanted distance is a lane."""
+
+
+class BallFollower:
+    """The rolling-ball follower; `BallSettings` has its numbers."""
+
+    def __init__(self, settings: BallSettings, car: CarSettings, eyes: Eyes) -> None:
+        self._settings = settings
+        self._car = car
+        self._eyes = eyes
+        self._sign = 1.0 if settings.side == "left" else -1.0
+        self._predictor = Predictor(car.wheelbase_m, car.steering_rate_radps)
+        self._bias_m = 0.0
+        self._track = WallTrack(car.wheelbase_m)
+        self._room = Room()
+        self._half_ahead_m = math.inf
+        """Half of the width of the narrowest place on the path ahead: it is no gap in a wall, but the way on."""
+        self._bend_per_m = 0.0
+        self._straight = 0.0
+        self._lost = Lost(
+            settings.no_wall,
+            min(settings.no_wall_speed_mps, settings.speed_mps),
+            settings.search_at_most_m,
+            math.atan(SEARCH_PER_M * car.wheelbase_m),
+        )
+        self._stamp_s = math.nan
+        self._path: BallPath | None = None
+
+    @property
+    def path_m(self) -> Floats | None:
+        """Where the ball of the newest scan runs, (2, k) in base_link; None without a wall. For drawings."""
+        if self._path is None:
+            return None
+        path = self._path.first(len(RADII_M))
+        places = zip(path.radius_m, path.bearing_rad, path.crosses, strict=True)
+        crossed = [(r * math.cos(b), self._sign * r * math.sin(b)) for r, b, crosses in places if crosses]
+        return np.array(crossed, np.float64).reshape(-1, 2).T
+
+    def tune(self, settings: BallSettings) -> None:
+        """Go on with other settings; what was learnt stays. On the other side, what was learnt is mirrored."""
+        self._lost.tune(
+            settings.no_wall, min(settings.no_wall_speed_mps, settings.speed_mps), settings.search_at_most_m
+        )
+        if settings.side != self._settings.side:
+            self._sign = -self._sign
+            self._track.mirror()
+            self._lost.found(0.0)
+        self._settings = settings
+
+    def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
+        """Answer one scan."""
+        settings = self._settings
+        speed_mps = motor.speed_mps if motor is not None else 0.0
+        moved_m = self._moved_m(scan.stamp_s, speed_mps)
+        shift = self._shift(scan, motor)
+        wheel_rad = self._sign * self._predictor.wheel_rad
+        expected = self._track.expect(moved_m, wheel_rad, speed_mps, straight=self._straight >= 1.0)
+        seen = side_view(self._eyes.see(scan), settings.side)
+        wanted_m = settings.desired_distance_m
+        ball_m = min(self._room.within_m(wanted_m), self._half_ahead_m)
+        wall = my_wall(seen, ball_m, expected, wanted_m, into_lane=self._half_ahead_m < LANE_SHARE * wanted_m)
+        if wall is None:
+            self._path = None
+            self._half_ahead_m = math.inf
+            self._track.correct(None)
+            return self._without_wall(moved_m)
+        line = wall.line
+        tracked = self._track.correct(line)
+        desired_m = self._room.beside_m(line, wall.room_m, wanted_m, moved_m)
+        look_m = look_aheads_m(settings.look_ahead_m, settings.look_ahead_s, speed_mps)
+        ball = rolled(seen, wall, shift, self._bias_m, desired_m, look_m)
+        self._path, self._bias_m = ball.path, ball.bias_m
+        self._half_ahead_m = (desired_m + ball.opposite_m) / 2
+        self._bend_per_m += BEND_LOW_PASS * (ball.bend_per_m - self._bend_per_m)
+        error_m, steering_rad, wanted_mps = self._answer(ball, tracked, shift, desired_m, speed_mps)
+        self._lost.found(steering_rad)
+        drive = Drive(wanted_mps, self._sign * steering_rad)
+        self._predictor.answers.said(scan.received_s, drive.steering_rad)
+        angle_rad, line_m = math.nan, math.nan
+        if line is not None:
+            angle_rad, line_m = self._sign * line.heading_rad, line.distance_m
+        return Guidance(drive, error_m + desired_m, error_m, angle_rad, "wall", line_m)
+
+    def _answer(
+        self, ball: Rolled, tracked: Line | None, shift: Shift, desired_m: float, speed_mps: float
+    ) -> tuple[float, float, float]:
+        """Return the distance error, the steering and the speed."""
+        settings, car, path = self._settings, self._car, ball.path
+        line_rad, line_error_m = math.nan, math.nan
+        if tracked is not None:
+            there = tracked.seen_from(shift.x_m, shift.y_m, shift.yaw_rad)
+            line_rad, line_error_m = there.heading_rad, there.distance_m - desired_m
+        room_m = min(desired_m, ball.opposite_m)
+        error_m, self._straight, steering_rad, wanted_mps = driven_along(
+            path.radius_m, path.bearing_rad, path.meets, path.crosses, ball.nearest_m + ball.bias_m - desired_m,
+            line_rad, line_error_m, self._bend_per_m, speed_mps, settings.kp, settings.kd,
+            car.wheelbase_m, self._track.trim_rad if settings.trim_integral else 0.0, car.max_steering_rad,
+            settings.speed_mps, mu_with_room(settings.assumed_mu, room_m) if settings.speed_profile else math.inf,
+        )  # fmt: skip
+        return error_m, steering_rad, wanted_mps
+
+    def _moved_m(self, stamp_s: float, speed_mps: float) -> float:
+        """Return the way since the last scan."""
+        since_s = stamp_s - self._stamp_s
+        self._stamp_s = stamp_s
+        return speed_mps * since_s if 0.0 < since_s < LONGEST_STEP_S else 0.0
+
+    def _shift(self, scan: Scan, motor: MotorState | None) -> Shift:
+        """Return the motion until the answer takes effect: the latency, and the age of a scan that came late."""
+        late_s = min(max(scan.received_s - scan.stamp_s, 0.0), LONGEST_STEP_S)
+        trim_rad = self._track.trim_rad if self._settings.trim_integral else 0.0
+        ahead_s = self._settings.latency_s + late_s
+        shift = self._predictor.shift(scan.stamp_s, motor, ahead_s, self._sign * trim_rad)
+        return shift if self._sign > 0 else shift.mirrored()
+
+    def _without_wall(self, moved_m: float) -> Guidance:
+        drive, reason = self._lost.drive(moved_m)
+        if drive is not None:
+            drive = Drive(drive.speed_mps, self._sign * drive.steering_rad)
+        return Guidance(drive, math.nan, math.nan, math.nan, reason)

@@ -1,0 +1,43 @@
+"""How much of the wanted distance there is room for: half of the free width, and for a while after.
+
+Where corridors meet, there is no opposite wall beside the car, but the way on is as narrow as the way there was. A ball
+that grew at once to the whole wanted distance would not fit into it: the car would lose its wall in the junction.
+"""
+
+import math
+
+from runtime.control.wall_following.wall_fit import Line
+
+WIDENS_PER_M = 0.1
+"""What was narrow is believed to become so much wider per metre of way, until another width is seen."""
+CORRIDOR_M = 1.2
+"""What is narrow for so long is a corridor; a pole is beside the car for 1 m, and the way on is as wide as before."""
+ALONG_RAD = 0.35
+"""A line at a greater angle to the car is a corner or the end of a wall; the width beside it says nothing of the way
+on, and counts for this scan alone."""
+
+
+class Room:
+    """The distance that is kept in place of the wanted one."""
+
+    def __init__(self) -> None:
+        self._known_m = math.inf
+        self._narrow_for_m = 0.0
+
+    def within_m(self, desired_m: float) -> float:
+        """Return the wanted distance, or less where the way was narrower."""
+        return min(desired_m, self._known_m)
+
+    def beside_m(self, line: Line | None, room_m: float, desired_m: float, moved_m: float) -> float:
+        """Return the distance to keep beside a line of my wall, after so much way since the last scan.
+
+        room_m: what this scan has room for, at most the wanted distance.
+        """
+        self._known_m += WIDENS_PER_M * abs(moved_m)
+        narrow = room_m < desired_m
+        self._narrow_for_m = self._narrow_for_m + abs(moved_m) if narrow else 0.0
+        kept_m = min(room_m, self._known_m)
+        along = line is not None and abs(line.heading_rad) < ALONG_RAD
+        if along and (not narrow or self._narrow_for_m > CORRIDOR_M):
+            self._known_m = kept_m if kept_m < desired_m else math.inf
+        return kept_m

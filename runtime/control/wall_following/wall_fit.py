@@ -1,0 +1,180 @@
+"""The wall as one straight line from one scan, or no line: RANSAC with fixed pairs of beams (Fischler & Bolles 1981).
+
+The pairs are drawn once, with a fixed seed, so that the same scan gives the same line. Everything is for a wall on the
+left; for the right-hand side hand in mirrored points (`side_view` in `runtime.control.my_wall`).
+Line: all points p with n . p = d, n = (-sin a, cos a); a is the line's heading, d > 0 its distance, both seen from the
+origin of the points (here base_link, the rear axle).
+"""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from drivers.twin import twin
+from drivers.value import value
+from runtime.control.perception.geometry import Floats
+
+Booleans = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.intp]
+
+FROM_RAD = math.radians(20)
+TO_RAD = math.radians(126)
+APART_RAD = math.radians(0.75)
+"""The beams that are asked are so far apart, where the sensor's own are nearer to each other."""
+NEAREST_M = 0.2
+FARTHEST_M = 5.0
+PAIRS = 64
+PAIR_FROM_RAD, PAIR_TO_RAD = math.radians(4.5), math.radians(33)
+"""The two beams of a pair are so far apart."""
+GATES_M = (0.08, 0.08, 0.06)
+"""How near a point must be to the line to belong to it: in the vote, and in each of the refits."""
+STEEPEST_RAD = math.radians(60)
+_STEEPEST_COS = math.cos(STEEPEST_RAD)
+NEAREST_LINE_M = 0.1
+VOTE_RANGE_M = 2.0
+"""A vote counts as much as its range, up to here: it undoes the crowding of the near beams."""
+NEARER_WINS_PER_M = 0.25
+WINS_WITH = 0.9
+"""Share of all votes with which an expected line is taken without a vote: no other can have as many."""
+FEWEST_INLIERS = 8
+CLEAN_INLIERS = 45
+"""A line on no more beams than this is no long straight wall, nothing to be learnt from: 34 degrees of them, 45 of a
+sensor with 1 degree a beam."""
+_SEED = 20
+
+
+@value()
+class Line:
+    """A straight wall on the left.
+
+    distance_m: from the rear axle along the normal. heading_rad: seen from the car. inliers: beams on it.
+    """
+
+    distance_m: float
+    heading_rad: float
+    inliers: int
+
+    def seen_from(self, x_m: float, y_m: float, yaw_rad: float) -> "Line":
+        """Return the same line seen from another place, which is given in the present frame."""
+        nearer_m = math.cos(self.heading_rad) * y_m - math.sin(self.heading_rad) * x_m
+        return Line(self.distance_m - nearer_m, self.heading_rad - yaw_rad, self.inliers)
+
+    def offsets_m(self, x_m: Floats, y_m: Floats) -> Floats:
+        """Return how far beyond the line each point is, negative on the car's side."""
+        offsets: Floats = math.cos(self.heading_rad) * y_m - math.sin(self.heading_rad) * x_m - self.distance_m
+        return offsets
+
+
+class LineFinder:
+    """Finds the wall line among beams of a fixed geometry.
+
+    bearing_rad: (n,) of the beams in the order in which `find` will get their points, wall on the left.
+    beams: indices of those that are asked. rear, front: the pairs, as places in `beams`.
+    """
+
+    def __init__(self, bearing_rad: Floats) -> None:
+        step_rad = abs(float(bearing_rad[1] - bearing_rad[0])) if bearing_rad.size > 1 else APART_RAD
+        every = max(1, round(APART_RAD / step_rad))
+        self.beams = np.flatnonzero((bearing_rad >= FROM_RAD) & (bearing_rad <= TO_RAD))[::every]
+        kept = self.beams.size
+        pairs = np.zeros((0, 2), np.intp)
+        nearest, farthest = (
+            max(1, round(apart_rad / (every * step_rad))) for apart_rad in (PAIR_FROM_RAD, PAIR_TO_RAD)
+        )
+        if kept > farthest:
+            random = np.random.default_rng(_SEED)
+            apart = random.integers(nearest, farthest + 1, PAIRS)
+            first = (random.random(PAIRS) * (kept - apart)).astype(np.intp)
+            pairs = np.stack([first, first + apart], axis=1)
+        # The beam that looks more to the front is the head of each pair's direction.
+        towards_front = bearing_rad[self.beams[pairs[:, 0]]] < bearing_rad[self.beams[pairs[:, 1]]]
+        self.front = np.where(towards_front, pairs[:, 0], pairs[:, 1])
+        self.rear = np.where(towards_front, pairs[:, 1], pairs[:, 0])
+
+    def find(
+        self, x_m: Floats, y_m: Floats, range_m: Floats, usable: Booleans, expected: Line | None = None
+    ) -> Line | None:
+        """Return the wall's line, or None where there is none to speak of: never a guess.
+
+        All (n,), wall on the left; x_m, y_m in base_link, range_m from the lidar, `usable` a mask of beams to believe.
+        expected: where the line should be by the last scan; if it has most of all votes there, nobody else is asked.
+        """
+        wanted_m, wanted_rad = (math.nan, 0.0) if expected is None else (expected.distance_m, expected.heading_rad)
+        found = wall_line(x_m, y_m, range_m, usable, self.beams, self.rear, self.front, wanted_m, wanted_rad)
+        return None if found is None else Line(*found)
+
+
+@twin
+def wall_line(
+    x_m: Floats,
+    y_m: Floats,
+    range_m: Floats,
+    usable: Booleans,
+    beams: Indices,
+    rear: Indices,
+    front: Indices,
+    expected_m: float,
+    expected_rad: float,
+) -> tuple[float, float, int] | None:
+    """Return distance_m, heading_rad and inliers of the Line through some of the beams, or None.
+
+    rear, front: the pairs, as places in `beams`. expected_m: NaN where no line is expected.
+    """
+    range_m = range_m[beams]
+    valid = usable[beams] & (range_m > NEAREST_M) & (range_m < FARTHEST_M)
+    if np.count_nonzero(valid) < FEWEST_INLIERS or not front.size:
+        return None
+    points = np.empty((3, beams.size))
+    points[0] = 1.0
+    points[1] = np.where(valid, x_m[beams], 0.0)
+    points[2] = np.where(valid, y_m[beams], 0.0)
+    weight = np.where(valid, np.minimum(range_m, VOTE_RANGE_M), 0.0)
+    if not math.isnan(expected_m):
+        expected = Line(expected_m, expected_rad, 0)
+        members = valid & (np.abs(expected.offsets_m(points[1], points[2])) < GATES_M[0])
+        if float(weight @ members) > WINS_WITH * float(weight.sum()):
+            return _refined(points, valid, members, GATES_M[2:])
+    planes = _planes(points, valid, rear, front)
+    if not planes.size:
+        return None
+    offset_m = planes @ points
+    near = np.abs(offset_m, out=offset_m) < GATES_M[0]
+    votes = near.astype(np.float64) @ weight
+    votes /= 1.0 - NEARER_WINS_PER_M * planes[:, 0]
+    return _refined(points, valid, near[int(votes.argmax())] & valid, GATES_M[1:])
+
+
+def _planes(points: Floats, valid: Booleans, rear: Indices, front: Indices) -> Floats:
+    """Return (-d, -sin a, cos a) of each pair that could be a wall, shape (k, 3)."""
+    behind = points[1:, rear]
+    ahead, aside = points[1:, front] - behind
+    length = np.hypot(ahead, aside)
+    length += 1e-9
+    cos, sin = ahead / length, aside / length
+    distance = cos * behind[1] - sin * behind[0]
+    good = valid[front] & valid[rear] & (cos > _STEEPEST_COS) & (distance > NEAREST_LINE_M)
+    planes = np.stack((-distance, -sin, cos), axis=1)
+    kept: Floats = planes[good]
+    return kept
+
+
+def _refined(
+    points: Floats, valid: Booleans, members: Booleans, gates_m: tuple[float, ...]
+) -> tuple[float, float, int] | None:
+    """Fit the members by total least squares, then for each gate once more whoever is so near to the fit."""
+    plane = np.empty(3)
+    transposed = points.T
+    for gate_m in (*gates_m, None):
+        (count, sx, sy), (_, sxx, sxy), (_, _, syy) = ((points * members) @ transposed).tolist()
+        if count < FEWEST_INLIERS:
+            return None
+        mx, my = sx / count, sy / count
+        heading_rad = 0.5 * math.atan2(2 * (sxy / count - mx * my), (sxx - syy) / count - mx * mx + my * my)
+        cos, sin = math.cos(heading_rad), math.sin(heading_rad)
+        distance_m = cos * my - sin * mx
+        if gate_m is None:
+            break
+        plane[:] = -distance_m, -sin, cos
+        members = valid & (np.abs(plane @ points) < gate_m)
+    return (distance_m, heading_rad, round(count)) if distance_m >= 0 else None

@@ -1,0 +1,1 @@
+"""Live settings: the catalogue, updates, the policy, requests, the file, the history."""

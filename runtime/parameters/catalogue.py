@@ -1,0 +1,236 @@
+"""What can be set: every setting of the frozen tree by its dotted name, with type, range, unit and words. Pure."""
+
+import ast
+import functools
+import inspect
+import itertools
+import operator
+import re
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, Literal, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+from pydantic_core import to_jsonable_python
+
+from runtime.control.method_settings import METHODS
+from runtime.parameters.policy import Effect, Loosens, effect_of, loosens_by
+from runtime.settings.tree import Settings
+
+Value = bool | int | float | str | Sequence[str]
+"""What a setting can hold, as JSON and TOML know it."""
+
+SHOWN_CHARACTERS = 40
+UNITS: Mapping[str, str] = {
+    "_mps2_per_a": "m/s2/A",
+    "_per_rad": "1/rad",
+    "_radps": "rad/s",
+    "_mps2": "m/s2",
+    "_mps": "m/s",
+    "_rad": "rad",
+    "_hz": "Hz",
+    "_ms": "ms",
+    "_m": "m",
+    "_s": "s",
+    "_a": "A",
+    "_v": "V",
+    "_share": "1",
+    "_mu": "1",
+}
+"""By the end of a name, longer ends first."""
+
+
+class Kind(StrEnum):
+    """How a value is written."""
+
+    NUMBER = "number"
+    INTEGER = "integer"
+    BOOLEAN = "boolean"
+    TEXT = "text"
+    CHOICE = "choice"
+    LIST = "list"
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One setting.
+
+    lowest, highest: bounds, None where there is none; `open_below`, `open_above`: the bound itself is not allowed.
+    allowed: the words of a choice. words: one line, from the text under the field.
+    """
+
+    name: str
+    kind: Kind
+    default: Value
+    lowest: float | None
+    highest: float | None
+    open_below: bool
+    open_above: bool
+    allowed: tuple[str, ...]
+    unit: str
+    words: str
+    effect: Effect
+    loosens: Loosens
+
+    def range_words(self) -> str:
+        """Say what is allowed: "from 0 to 20 rad/m", "'left' or 'right'"."""
+        match self.kind:
+            case Kind.BOOLEAN:
+                return "true or false"
+            case Kind.CHOICE:
+                return " or ".join(f"'{word}'" for word in self.allowed)
+            case Kind.TEXT:
+                return "a text"
+            case Kind.LIST:
+                return "a list of texts"
+            case Kind.INTEGER:
+                what = "a whole number"
+            case Kind.NUMBER:
+                what = "a number"
+        unit = "" if self.unit == "1" else self.unit
+        return " ".join(filter(None, (what, self._bounds_words(), unit)))
+
+    def _bounds_words(self) -> str:
+        if None not in {self.lowest, self.highest} and not self.open_below and not self.open_above:
+            return f"from {self.lowest:g} to {self.highest:g}"
+        below = "" if self.lowest is None else f"{'above' if self.open_below else 'at least'} {self.lowest:g}"
+        above = "" if self.highest is None else f"{'below' if self.open_above else 'at most'} {self.highest:g}"
+        return " and ".join(filter(None, (below, above)))
+
+    def takes(self, value: object) -> bool:
+        """Tell whether a value has the right type; pydantic alone would take "0.5" or true for a number."""
+        match self.kind:
+            case Kind.BOOLEAN:
+                return isinstance(value, bool)
+            case Kind.CHOICE:
+                return isinstance(value, str) and value in self.allowed
+            case Kind.TEXT:
+                return isinstance(value, str)
+            case Kind.LIST:
+                return isinstance(value, list | tuple) and all(isinstance(item, str) for item in value)
+            case Kind.INTEGER | Kind.NUMBER:
+                return isinstance(value, int | float) and not isinstance(value, bool)
+
+    def describe(self, value: Value) -> dict[str, Any]:
+        """Return everything about it as plain values."""
+        return {
+            "name": self.name,
+            "type": self.kind,
+            "value": value,
+            "default": self.default,
+            "lowest": self.lowest,
+            "highest": self.highest,
+            "open_below": self.open_below,
+            "open_above": self.open_above,
+            "allowed": list(self.allowed),
+            "range": self.range_words(),
+            "unit": self.unit,
+            "description": self.words,
+            "takes_effect": self.effect,
+            "loosens": self.loosens,
+        }
+
+
+def catalogue(settings: Settings) -> Mapping[str, Parameter]:
+    """Return every setting of the laws now chosen, by dotted name, in the order of the tree."""
+    return {name: parameter for section, name in _sections(settings) for name, parameter in _of(section, name).items()}
+
+
+def values(settings: Settings) -> dict[str, Value]:
+    """Return every value by dotted name."""
+    tree = settings.model_dump(mode="json")
+    return {name: functools.reduce(operator.getitem, name.split("."), tree) for name in catalogue(settings)}  # type: ignore[misc]
+
+
+def shown(value: object) -> str:
+    """Write a value for people: short, and printable whatever it is."""
+    text = repr(value)
+    text = text if len(text) <= SHOWN_CHARACTERS else f"{text[: SHOWN_CHARACTERS - 3]}..."
+    return text.encode("ascii", "backslashreplace").decode("ascii")
+
+
+def _sections(section: BaseModel, above: str = "") -> Iterator[tuple[type[BaseModel], str]]:
+    """Yield every part of the tree that is a section, with the beginning of its keys."""
+    yield type(section), above
+    for name in type(section).model_fields:
+        part = getattr(section, name)
+        if isinstance(part, BaseModel):
+            yield from _sections(part, f"{above}{name}.")
+
+
+@functools.cache
+def _of(section: type[BaseModel], above: str) -> Mapping[str, Parameter]:
+    """Return the settings directly in a section. Reads its source once, for the texts under the fields."""
+    texts = _texts(section)
+    found = {}
+    for name, field in section.model_fields.items():
+        if not isinstance(field.get_default(call_default_factory=True), BaseModel):
+            found[above + name] = _parameter(above + name, field, field.description or texts.get(name, ""))
+    return found
+
+
+def _parameter(name: str, field: FieldInfo, text: str) -> Parameter:
+    bounds: dict[str, float] = {}
+    for item in field.metadata:
+        bounds |= {end: getattr(item, end) for end in ("ge", "gt", "le", "lt") if hasattr(item, end)}
+    default = to_jsonable_python(field.get_default(call_default_factory=True))
+    kind, allowed = _kind(name, field.annotation)
+    return Parameter(
+        name=name,
+        kind=kind,
+        default=default,
+        lowest=bounds.get("ge", bounds.get("gt")),
+        highest=bounds.get("le", bounds.get("lt")),
+        open_below="gt" in bounds,
+        open_above="lt" in bounds,
+        allowed=allowed,
+        unit=_unit(name, text),
+        words=_one_line(text),
+        effect=effect_of(name),
+        loosens=loosens_by(name),
+    )
+
+
+def _kind(name: str, annotation: Any) -> tuple[Kind, tuple[str, ...]]:  # noqa: ANN401 - an annotation is anything
+    section, _, key = name.rpartition(".")
+    if key == "method" and section in METHODS:
+        return Kind.CHOICE, tuple(str(law.model_fields["method"].default) for law in METHODS[section])
+    if get_origin(annotation) is Literal:
+        return Kind.CHOICE, tuple(str(word) for word in get_args(annotation))
+    if get_origin(annotation) in {tuple, list}:
+        return Kind.LIST, ()
+    kinds = {bool: Kind.BOOLEAN, int: Kind.INTEGER, float: Kind.NUMBER}
+    return kinds.get(annotation, Kind.TEXT), ()
+
+
+def _unit(name: str, text: str) -> str:
+    for end, unit in UNITS.items():
+        if name.endswith(end) or name.rpartition(".")[0].endswith(end):  # [telemetry.rates_hz] names its keys' unit
+            return unit
+    found = re.search(r"\[([^\]\s]{1,12})\]", text)
+    return "" if found is None else found[1].replace("-", "1")
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def _texts(section: type[BaseModel]) -> dict[str, str]:
+    """Return the text under each field, those of base classes included; none where the source is not at hand."""
+    texts: dict[str, str] = {}
+    for base in reversed(section.__mro__):
+        if not issubclass(base, BaseModel) or base is BaseModel:
+            continue
+        try:
+            body = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0]
+        except (OSError, SyntaxError):
+            continue
+        lines = body.body if isinstance(body, ast.ClassDef) else []
+        for field, text in itertools.pairwise(lines):
+            match field, text:
+                case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(words))):
+                    texts[name] = words
+    return texts

@@ -1,0 +1,207 @@
+"""Writes settings into the car's file: the user's comments and order survive, and so does the file, whatever happens.
+
+A new file is written beside the old one, forced to the disk, checked by loading it, and renamed over it; rename is
+atomic, so a power cut leaves the old file or the new one. Everything here blocks: call it in a thread.
+"""
+
+import os
+import stat
+from collections.abc import Callable, Mapping, MutableMapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from runtime.control.method_settings import METHODS
+from runtime.parameters.catalogue import Value, shown, values
+from runtime.settings.tree import Settings, SettingsError, layered, load_settings, read_tree
+
+_NEW_FILE_MODE = 0o644
+
+
+class StoreError(Exception):
+    """Nothing was saved, and the file is what it was, unless the text says otherwise."""
+
+
+def save(
+    path: Path, edits: Mapping[str, Value | None], expected: Mapping[str, Value], base: Path | None = None
+) -> None:
+    """Write edits (None removes a key) into a settings file, then see that it loads to the expected values.
+
+    What has its value without this file is not added to it. What somebody else wrote into it since the start stays.
+    base: the file below this one, where there is one; then this one holds differences only, and need not exist.
+    Raises StoreError.
+    """
+    path = Path(os.path.realpath(path))  # a link to the file stays a link
+    text, before = _present(path, base)
+    known = _unsaid(base, expected)
+    content = merged(text, edits, path, known, keep=base is None)
+
+    def is_good(written: Path) -> None:
+        _check(written, expected, path, base)
+        if _moment(path) != before:
+            raise StoreError(f"{path}: somebody else changed it just now; nothing was saved, try again")
+
+    replace(path, content.encode(), like=path.stat() if before is not None else None, check=is_good)
+
+
+def merged(
+    text: str,
+    edits: Mapping[str, Value | None],
+    path: Path,
+    known: Mapping[str, Value] | None = None,
+    *,
+    keep: bool = True,
+) -> str:
+    """Return a TOML text with some values changed and everything else as it was.
+
+    known: values that need not be written. keep: whether a line with such a value stays when it is there already.
+    """
+    import tomlkit  # slow to import, and only needed here
+    from tomlkit.exceptions import TOMLKitError
+
+    try:
+        document = tomlkit.parse(text)
+        for name, value in edits.items():
+            *sections, key = name.split(".")
+            is_known = value is not None and known is not None and known.get(name) == value
+            if value is None or (is_known and not keep):
+                _remove(document, sections, key)
+            elif not is_known or _holds(document, sections, key):
+                _section(document, sections, tomlkit.table)[key] = value
+        return tomlkit.dumps(document)
+    except (TOMLKitError, TypeError, ValueError) as error:
+        raise StoreError(f"{path}: is not TOML that can be edited: {error}; nothing was saved") from None
+
+
+def _present(path: Path, base: Path | None) -> tuple[str, tuple[int, int, int] | None]:
+    """Return what a file holds and when it was written; a file of differences may not be there yet."""
+    try:
+        if base is not None and not path.exists():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            return f"# What `wallride param save` and the page's Save changed, on top of {base.name}.\n\n", None
+        return path.read_bytes().decode(), _moment(path)
+    except (OSError, UnicodeDecodeError) as error:
+        raise StoreError(f"{path}: cannot be read: {_why(error)}") from None
+
+
+def _unsaid(base: Path | None, expected: Mapping[str, Value]) -> Mapping[str, Value]:
+    """Return the values that hold without the file: those of the laws that are wanted, and the method itself."""
+    try:
+        below = load_settings(base)
+        methods = {
+            section: str(expected.get(f"{section}.method", getattr(below, section).method)) for section in METHODS
+        }
+        tree = read_tree(base) if base is not None else {}
+        laws = layered(tree, {section: {"method": method} for section, method in methods.items()})
+        return {
+            **values(Settings.model_validate(laws)),
+            **{f"{section}.method": getattr(below, section).method for section in METHODS},
+        }
+    except (SettingsError, ValidationError):
+        return {}  # then everything is written, and the check of the written file says what is wrong
+
+
+def replace(
+    path: Path, content: bytes, *, like: os.stat_result | None = None, check: Callable[[Path], None] | None = None
+) -> None:
+    """Put content in the place of a file, wholly or not at all.
+
+    like: whose mode and owner the new file gets. check: may refuse the written file by raising. Raises StoreError.
+    """
+    written = path.with_name(f".{path.name}.new")
+    try:
+        try:
+            _write(written, content, like)
+            if check is not None:
+                check(written)
+            written.replace(path)
+        except BaseException:
+            written.unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise StoreError(f"{path}: not saved, the old file is untouched: {_why(error)}") from None
+    try:
+        _force_to_disk(path.parent)
+    except OSError as error:
+        raise StoreError(f"{path}: saved, but a power cut now may bring the old file back: {_why(error)}") from None
+
+
+def _write(path: Path, content: bytes, like: os.stat_result | None) -> None:
+    path.unlink(missing_ok=True)  # what an earlier power cut left behind
+    mode = stat.S_IMODE(like.st_mode) if like is not None else _NEW_FILE_MODE
+    file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+    try:
+        if like is not None and (os.geteuid(), os.fstat(file).st_gid) != (like.st_uid, like.st_gid):
+            os.fchown(file, like.st_uid, like.st_gid)
+        os.fchmod(file, mode)
+        left = memoryview(content)
+        while left:
+            left = left[os.write(file, left) :]
+        os.fsync(file)
+    finally:
+        os.close(file)
+
+
+def _force_to_disk(directory: Path) -> None:
+    """Make a rename in this directory survive a power cut."""
+    handle = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _check(written: Path, expected: Mapping[str, Value], path: Path, base: Path | None) -> None:
+    """Refuse a file that would not start the car again, or not with these values."""
+    try:
+        found = values(load_settings(written) if base is None else load_settings(base, saved=written))
+    except SettingsError as error:
+        raise StoreError(f"{str(error).replace(str(written), str(path))}; nothing was saved") from None
+    for name, value in expected.items():
+        if found.get(name) != value:
+            raise StoreError(
+                f"{path}: would say {name} = {shown(found.get(name))} where {shown(value)} is wanted; nothing was saved"
+            )
+
+
+def _section(document: Any, sections: list[str], new_table: Callable[[], Any]) -> MutableMapping[str, Any]:  # noqa: ANN401 - tomlkit's containers share no type
+    """Return the table of a section, made where it is missing."""
+    for section in sections:
+        if section not in document:
+            document[section] = new_table()
+        document = document[section]
+    return document  # type: ignore[no-any-return]
+
+
+def _holds(document: Any, sections: list[str], key: str) -> bool:  # noqa: ANN401 - as above
+    for section in sections:
+        document = document.get(section, {})
+    return key in document
+
+
+def _remove(document: Any, sections: list[str], key: str) -> None:  # noqa: ANN401 - as above
+    """Remove a key, and the sections that are empty without it."""
+    chain = [document]
+    for section in sections:
+        if section not in chain[-1]:
+            return
+        chain.append(chain[-1][section])
+    for table, name in zip(reversed(chain), [key, *reversed(sections)], strict=True):
+        if name in table and (name == key or not table[name]):
+            del table[name]
+
+
+def _moment(path: Path) -> tuple[int, int, int] | None:
+    """Return what changes whenever somebody writes a file; None while there is none."""
+    try:
+        status = path.stat()
+    except FileNotFoundError:
+        return None
+    return status.st_ino, status.st_size, status.st_mtime_ns
+
+
+def _why(error: Exception) -> str:
+    if isinstance(error, PermissionError):
+        return f"{error.strerror}; the car's user must own the file and be able to write into its folder"
+    return str(error.strerror) if isinstance(error, OSError) and error.strerror else str(error)

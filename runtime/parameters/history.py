@@ -1,0 +1,66 @@
+"""Who changed which setting when, from what to what: the last few, in memory and as lines of JSON."""
+
+import json
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, fields
+
+from runtime.parameters.catalogue import Value
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One setting that changed; old or new is None where a change of method brought or took the key.
+
+    stamp_s: on the car's monotonic clock. at: date and time in UTC, for people; nothing is computed from it.
+    by: what the client called itself.
+    """
+
+    stamp_s: float
+    at: str
+    by: str
+    name: str
+    old: Value | None
+    new: Value | None
+
+
+class History:
+    """The newest `most` changes, oldest first.
+
+    notify: called after every addition, for whoever writes it down.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._changes: deque[Change] = deque(maxlen=most)
+        self.added = 0
+        self.notify: Callable[[], None] = _nobody
+
+    def add(self, changes: Sequence[Change]) -> None:
+        """Remember some; the oldest beyond the bound are forgotten."""
+        if changes:
+            self._changes.extend(changes)
+            self.added += len(changes)
+            self.notify()
+
+    def newest(self, count: int) -> list[Change]:
+        """Return at most so many of the newest, oldest first."""
+        return list(self._changes)[-count:] if count > 0 else []
+
+    def lines(self) -> str:
+        """Return everything as JSON, one line a change."""
+        return "".join(f"{json.dumps(asdict(change))}\n" for change in self._changes)
+
+    def read(self, lines: Iterable[str]) -> int:
+        """Take in lines written earlier; returns how many were not readable and are left out."""
+        bad = 0
+        for line in lines:
+            try:
+                entry = json.loads(line)
+                self._changes.append(Change(**{field.name: entry[field.name] for field in fields(Change)}))
+            except (ValueError, TypeError, KeyError, RecursionError):
+                bad += 1
+        return bad
+
+
+def _nobody() -> None:
+    """Be told and do nothing."""

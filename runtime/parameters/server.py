@@ -1,0 +1,227 @@
+"""Answers questions about the settings and takes wishes for others: bytes in, bytes out, or a refusal in words.
+
+Knows no bus. Every answer takes bounded time: length is judged before content, and each question has its turnstile.
+The settings in force are one frozen value that is replaced as a whole, so that nobody ever sees half a change.
+"""
+
+import asyncio
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from drivers.api import Clock
+from runtime.control.method_settings import METHODS
+from runtime.parameters import file as settings_file
+from runtime.parameters.catalogue import Value, catalogue, shown, values
+from runtime.parameters.history import Change, History
+from runtime.parameters.policy import Effect
+from runtime.parameters.requests import (
+    LONGEST_QUESTION,
+    QUESTIONS_HZ,
+    GetQuestion,
+    HistoryQuestion,
+    ListQuestion,
+    Question,
+    SaveQuestion,
+    SetQuestion,
+    Turnstile,
+)
+from runtime.parameters.update import Plan, UnacceptableError, looser, plan, read_texts
+from runtime.settings.tree import Settings
+
+LONGEST_REFUSAL = 600
+
+Q = TypeVar("Q", bound=Question)
+
+
+@dataclass(slots=True)
+class Counts:
+    """What came of the questions: malformed ones were no questions at all, hasty ones came too fast."""
+
+    answered: int = 0
+    refused: int = 0
+    malformed: int = 0
+    hasty: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What the desk needs from the car.
+
+    apply: takes the new settings and the names that changed, in one step of the loop; must not fail.
+    is_standing: whether the wheels stand and nobody drives. file: where to save, None where there is none.
+    base: the file below that one, where it holds differences only.
+    may_loosen: whether limits may be loosened while driving. date: date and time in UTC, for people.
+    """
+
+    apply: Callable[[Settings, Sequence[str]], None]
+    is_standing: Callable[[], bool]
+    clock: Clock
+    date: Callable[[], str]
+    file: Path | None = None
+    may_loosen: bool = False
+    base: Path | None = None
+
+
+class ParameterDesk:
+    """Five questions, each a method from payload to reply; UnacceptableError is the refusal, with its reason.
+
+    settings: those in force. counts: how many questions met which end.
+    """
+
+    def __init__(self, settings: Settings, car: Surroundings, history: History) -> None:
+        self.settings = settings
+        self.history = history
+        self.counts = Counts()
+        self._car = car
+        self._turnstiles: dict[type[Question], Turnstile] = {}
+        self._unsaved: set[str] = set()
+        self._saving = asyncio.Lock()
+        read_texts(settings)  # before the car drives
+
+    def list_all(self, payload: bytes) -> bytes:
+        """Return all of every setting, and the names of those that were changed and not saved."""
+        question = self._read(ListQuestion, payload or b"{}")
+        now = values(self.settings)
+        known = catalogue(self.settings)
+        return self._answer(
+            parameters=[known[name].describe(now[name]) for name in known if name.startswith(question.under)],
+            unsaved=sorted(self._unsaved),
+        )
+
+    def get_some(self, payload: bytes) -> bytes:
+        """Return the values of some settings."""
+        question = self._read(GetQuestion, payload)
+        now = values(self.settings)
+        if unknown := [name for name in question.names if name not in now]:
+            raise self._refusal(f"{shown(unknown[0])[1:-1]} is not a setting; ask for the list of them")
+        return self._answer(values={name: now[name] for name in question.names})
+
+    def set_some(self, payload: bytes) -> bytes:
+        """Take some values, all or none, at once."""
+        question = self._read(SetQuestion, payload)
+        wanted = self._plan(self.settings, question.values)
+        self._object(wanted)
+        if wanted.changed:
+            names = [name for name, _, _ in wanted.changed]
+            self._car.apply(wanted.settings, names)
+            self.settings = wanted.settings
+            self._unsaved.update(names)
+            self._remember(question.by, wanted)
+        return self._answer(changed=_as_json(wanted), unsaved=sorted(self._unsaved))
+
+    async def save(self, payload: bytes) -> bytes:
+        """Write what was set since the start, and what was passed for after a restart, into the car's file."""
+        question = self._read(SaveQuestion, payload or b"{}")
+        if self._car.file is None:
+            raise self._refusal("this car runs without a settings file; start it with one: wallride run FILE")
+        if self._saving.locked():
+            raise self._refusal("a save is under way; try again in a moment")
+        later = self._plan(self.settings, question.values)
+        known = catalogue(later.settings)
+        if now := [name for name in question.values if known[name].effect is not Effect.RESTART]:
+            raise self._refusal(f"{now[0]} can be changed without a restart: set it, then save")
+        edits = self._edits(later.settings, question.values)
+        if edits:
+            async with self._saving:
+                await self._write(self._car.file, edits)
+            self._unsaved -= {name for name in edits if values(self.settings).get(name) == edits[name]}
+            self._remember(question.by, later)
+        return self._answer(saved=sorted(edits), file=str(self._car.file), after_restart=_as_json(later))
+
+    def past(self, payload: bytes) -> bytes:
+        """Return the newest changes, oldest first."""
+        question = self._read(HistoryQuestion, payload or b"{}")
+        return self._answer(changes=[asdict(change) for change in self.history.newest(question.most)])
+
+    def _read(self, kind: type[Q], payload: bytes) -> Q:
+        """Return a question; what is too long is not looked at."""
+        if len(payload) > LONGEST_QUESTION:
+            self.counts.malformed += 1
+            raise UnacceptableError(f"{len(payload)} bytes are too long a question: at most {LONGEST_QUESTION}")
+        if not self._turnstiles.setdefault(kind, Turnstile()).lets_through(self._car.clock()):
+            self.counts.hasty += 1
+            raise UnacceptableError(f"too many questions: at most {QUESTIONS_HZ:g} a second")
+        try:
+            return kind.model_validate_json(payload)
+        except ValidationError as error:
+            self.counts.malformed += 1
+            first = error.errors(include_url=False, include_context=False, include_input=False)[0]
+            where = ".".join(str(part) for part in first["loc"][:2])
+            raise UnacceptableError(_short(f"not a question: {f'{where}: ' if where else ''}{first['msg']}")) from None
+
+    def _plan(self, settings: Settings, wishes: Mapping[str, object]) -> Plan:
+        try:
+            return plan(settings, wishes)
+        except UnacceptableError as error:
+            raise self._refusal(str(error)) from None
+
+    def _object(self, wanted: Plan) -> None:
+        """Refuse what may not change now."""
+        effects = dict(_effects(wanted))
+        later = [name for name, effect in effects.items() if effect is Effect.RESTART]
+        if later:
+            raise self._refusal(
+                f"{', '.join(later)}: takes effect after a restart; save it and restart"
+                f" (wallride param save {later[0]}=...)"
+            )
+        if self._car.is_standing():
+            return
+        anew = [name for name, effect in effects.items() if effect is Effect.STANDING]
+        if anew:
+            raise self._refusal(f"{', '.join(anew)}: only while the car stands; stop it first")
+        loose = looser(wanted)
+        if loose and not self._car.may_loosen:
+            raise self._refusal(
+                f"{', '.join(loose)}: loosens safety while the car drives; stop it first"
+                " (operator.loosen_safety_while_driving in its file allows it)"
+            )
+
+    def _edits(self, later: Settings, names: Iterable[str]) -> dict[str, Value | None]:
+        """Return what is to be written, in the order of the tree; None for keys that went with their law."""
+        now = values(self.settings)
+        edits: dict[str, Value | None] = {name: None for name in self._unsaved if name not in now}
+        edits |= {name: value for name, value in now.items() if name in self._unsaved}
+        return edits | {name: values(later)[name] for name in names}
+
+    async def _write(self, file: Path, edits: Mapping[str, Value | None]) -> None:
+        expected = {name: value for name, value in edits.items() if value is not None}
+        now = values(self.settings)
+        sections = {name.partition(".")[0] for name in edits}
+        expected |= {f"{section}.method": now[f"{section}.method"] for section in METHODS if section in sections}
+        try:
+            await asyncio.to_thread(settings_file.save, file, edits, expected, self._car.base)
+        except settings_file.StoreError as error:
+            raise self._refusal(str(error)) from None
+
+    def _remember(self, by: str, wanted: Plan) -> None:
+        who = "".join(letter for letter in by if letter.isprintable()).strip() or "somebody"
+        now_s, date = self._car.clock(), self._car.date()
+        self.history.add([Change(now_s, date, who, name, old, new) for name, old, new in wanted.changed])
+
+    def _refusal(self, reason: str) -> UnacceptableError:
+        self.counts.refused += 1
+        return UnacceptableError(_short(reason))
+
+    def _answer(self, **fields: object) -> bytes:
+        self.counts.answered += 1
+        return json.dumps(fields, separators=(",", ":"), allow_nan=False).encode()
+
+
+def _effects(wanted: Plan) -> list[tuple[str, Effect]]:
+    """Return when each change takes effect; keys that come or go with a method do so with it."""
+    known = catalogue(wanted.settings)
+    return [(name, known[name].effect) for name, _, _ in wanted.changed if name in known]
+
+
+def _as_json(wanted: Plan) -> list[dict[str, Any]]:
+    return [{"name": name, "old": old, "new": new} for name, old, new in wanted.changed]
+
+
+def _short(text: str) -> str:
+    text = text if len(text) <= LONGEST_REFUSAL else f"{text[: LONGEST_REFUSAL - 3]}..."
+    return text.encode("ascii", "backslashreplace").decode("ascii")

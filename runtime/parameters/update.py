@@ -1,0 +1,114 @@
+"""What becomes of the settings when somebody wishes for other values: the next tree, or a sentence why not. Pure."""
+
+import difflib
+import functools
+import operator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import ValidationError
+
+from runtime.control.method_settings import KEPT_BY_NEW_METHOD, METHODS, TAGS
+from runtime.parameters.catalogue import Parameter, Value, catalogue, shown, values
+from runtime.parameters.policy import is_looser
+from runtime.settings.tree import Settings
+
+_BOUNDS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
+
+
+class UnacceptableError(Exception):
+    """The values cannot be taken; the text names each key and what it may be. Nothing was changed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """settings: the whole tree as it would be. changed: (name, old, new) of everything that would differ."""
+
+    settings: Settings
+    changed: tuple[tuple[str, Value | None, Value | None], ...]
+
+
+def plan(settings: Settings, wishes: Mapping[str, object]) -> Plan:
+    """Return what the settings would become, all wishes or none; UnacceptableError names each reason.
+
+    The whole tree is validated again, so that rules between keys hold too. A new `method` begins with the defaults of
+    its law; what means the same in every law is kept.
+    """
+    base = _with_methods(settings, wishes)
+    known = catalogue(base)
+    wrong = [_objection(name, value, known) for name, value in wishes.items()]
+    if any(wrong):
+        raise UnacceptableError("; ".join(filter(None, wrong)))
+    tree = base.model_dump(mode="json")
+    for name, value in wishes.items():
+        *sections, key = name.split(".")
+        functools.reduce(operator.getitem, sections, tree)[key] = value
+    try:
+        new = Settings.model_validate(tree)
+    except ValidationError as error:
+        found = error.errors(include_url=False)
+        raise UnacceptableError("; ".join(dict.fromkeys(_sentence(item, known, wishes) for item in found))) from None
+    return Plan(new, tuple(_differences(values(settings), values(new))))
+
+
+def looser(plan_: Plan) -> list[str]:
+    """Return the names of the limits that a plan loosens."""
+    return [name for name, old, new in plan_.changed if is_looser(name, old, new)]
+
+
+def read_texts(settings: Settings) -> None:
+    """Read the texts of every setting of every law from the sources on the disk, so that nobody waits for it later."""
+    for section, laws in METHODS.items():
+        for law in laws:
+            catalogue(_with_methods(settings, {f"{section}.method": law.model_fields["method"].default}))
+
+
+def _with_methods(settings: Settings, wishes: Mapping[str, object]) -> Settings:
+    """Return the settings with the wished laws and their defaults; the settings themselves where no law changes."""
+    tree = settings.model_dump(mode="json")
+    for section, laws in METHODS.items():
+        models = {law.model_fields["method"].default: law for law in laws}
+        method = wishes.get(f"{section}.method")
+        if isinstance(method, str) and method in models and method != tree[section]["method"]:
+            kept = KEPT_BY_NEW_METHOD.intersection(models[method].model_fields, tree[section])
+            tree[section] = {"method": method, **{key: tree[section][key] for key in kept}}
+    return Settings.model_validate(tree)
+
+
+def _objection(name: str, value: object, known: Mapping[str, Parameter]) -> str:
+    """Return what is wrong with a wish at first sight: there is no such setting, or its type; "" for nothing."""
+    if name not in known:
+        return _unknown(name, known)
+    return "" if known[name].takes(value) else f"{name} = {shown(value)}: must be {known[name].range_words()}"
+
+
+def _differences(
+    old: Mapping[str, Value], new: Mapping[str, Value]
+) -> Iterator[tuple[str, Value | None, Value | None]]:
+    for name in [*new, *(name for name in old if name not in new)]:
+        if old.get(name) != new.get(name):
+            yield name, old.get(name), new.get(name)
+
+
+def _sentence(error: Mapping[str, Any], known: Mapping[str, Parameter], wishes: Mapping[str, object]) -> str:
+    """Put one of pydantic's errors into words: key, value, what it may be."""
+    name = ".".join(str(part) for part in error["loc"] if part not in TAGS)
+    # A rule of a whole section, or of one item of a list, is broken by the wish for a key.
+    name = name if name in wishes else next((wish for wish in wishes if f"{wish}.".startswith(f"{name}.")), name)
+    name = next((wish for wish in wishes if name.startswith(f"{wish}.")), name)
+    wish = f"{name} = {shown(wishes.get(name, error['input']))}"
+    if name in known and error["type"] in {*_BOUNDS, "finite_number", "int_from_float", "literal_error"}:
+        return f"{wish}: must be {known[name].range_words()}"
+    message = str(error["msg"]).removeprefix("Value error, ")
+    return f"{wish}: {message[:1].lower()}{message[1:]}"
+
+
+def _unknown(name: str, known: Mapping[str, Parameter]) -> str:
+    section = name.rpartition(".")[0]
+    here = [other.removeprefix(f"{section}.") for other in known if other.rpartition(".")[0] == section]
+    sections = dict.fromkeys(other.partition(".")[0] for other in known)
+    hint = f"known in {section}: {', '.join(here)}" if section and here else f"sections: {', '.join(sections)}"
+    near = difflib.get_close_matches(name, known, 1)
+    meant = f"did you mean {near[0]}? " if near else ""
+    return f"{shown(name)[1:-1]} is not a setting; {meant}{hint}"

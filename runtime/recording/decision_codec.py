@@ -1,0 +1,243 @@
+"""A stretch of tape as one message, and back: JSON; numbers that JSON has not are "nan", "inf" and "-inf"."""
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any
+
+from drivers.api import Drive, MotorState, Scan
+from runtime.arbitration.command import CapWord, Decision, DriveWord, Output, Source, Verdict, Word
+from runtime.control.guidance import Guidance
+from runtime.control.perception.own_parts import KnownParts
+from runtime.recording.decision_log import (
+    Dumpable,
+    Entry,
+    Event,
+    Followed,
+    Heard,
+    Looked,
+    Remembered,
+    Said,
+    Scanned,
+    Silenced,
+    Stepped,
+    Tuned,
+)
+from runtime.recording.own_parts_memory import known_parts
+
+FORMAT = 1
+
+
+class TapeError(Exception):
+    """A message that is not a piece of tape; the text says what is wrong."""
+
+
+def encode(entries: Sequence[Entry]) -> bytes:
+    """Return one message, which can be read without any other."""
+    batch = _Batch()
+    events = [[number, kind, *_ENCODERS[kind](batch, *parts)] for number, kind, parts in entries]
+    message = {"tape": FORMAT, "columns": _COLUMN_NAMES, "motors": batch.motors, "events": events}
+    return json.dumps(message, separators=(",", ":"), default=_number).encode()
+
+
+def decode(payload: bytes) -> list[Event]:
+    """Return the events of one message; TapeError when it is none, or of another format."""
+    try:
+        message = json.loads(payload)
+        if message["tape"] != FORMAT:
+            raise TapeError(
+                f"tape format {message['tape']} is not {FORMAT}: replay it with the version that recorded it"
+            )
+        return list(_events(message))
+    except (ValueError, TypeError, KeyError, IndexError) as error:
+        raise TapeError(f"not a piece of tape: {type(error).__name__} {error}") from None
+
+
+@dataclass(slots=True)
+class _Batch:
+    """What the events of one message share: motor states by reference, and whose words were written already."""
+
+    motors: list[list[Any]] = field(default_factory=list)
+    known_motors: dict[int, int] = field(default_factory=dict)
+    words: dict[Source, Word] = field(default_factory=dict)
+
+    def motor(self, state: MotorState | None) -> int | None:
+        """Return a motor state's place in the message."""
+        if state is None:
+            return None
+        place = self.known_motors.get(id(state))  # it lives as long as the entries that hold it
+        if place is None:
+            place = self.known_motors[id(state)] = len(self.motors)
+            self.motors.append(_row(MotorState, state))
+        return place
+
+
+_ROWS: tuple[type[Any], ...] = (MotorState, Drive, Verdict, Decision, Guidance)
+_COLUMNS = {kind: tuple(column.name for column in fields(kind)) for kind in _ROWS}
+_FLOATS = {kind: frozenset(column.name for column in fields(kind) if column.type is float) for kind in _ROWS}
+_COLUMN_NAMES = {kind.__name__: columns for kind, columns in _COLUMNS.items()}
+
+
+def _row(kind: type[Any], value: object) -> list[Any]:
+    return [_plain(getattr(value, name)) for name in _COLUMNS[kind]]
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401 - whatever a field holds
+    if isinstance(value, float):
+        return value if math.isfinite(value) else str(float(value))
+    return _row(Drive, value) if isinstance(value, Drive) else value
+
+
+def _number(value: Any) -> Any:  # noqa: ANN401 - numpy's scalars
+    return _plain(value.item())
+
+
+def _times(times_s: Sequence[float]) -> list[Any]:
+    return [_plain(time_s) for time_s in times_s]
+
+
+def _encode_scan(_: _Batch, scan: Scan) -> list[Any]:
+    numbers = (
+        scan.stamp_s,
+        scan.received_s,
+        scan.angle_min_rad,
+        scan.angle_step_rad,
+        scan.range_min_m,
+        scan.range_max_m,
+    )
+    return [scan.sequence, *map(_plain, numbers), scan.ranges_m.shape[0]]
+
+
+def _encode_look(batch: _Batch, scan: Scan, motor: MotorState | None, times_s: Sequence[float]) -> list[Any]:
+    return [scan.sequence, batch.motor(motor), _times(times_s)]
+
+
+def _encode_follow(
+    batch: _Batch, scan: Scan, motor: MotorState | None, times_s: Sequence[float], guidance: Guidance
+) -> list[Any]:
+    return [scan.sequence, batch.motor(motor), _times(times_s), _row(Guidance, guidance)]
+
+
+def _encode_say(_: _Batch, word: Word, expires_at_s: float) -> list[Any]:
+    return [_word(word), _plain(float(expires_at_s))]
+
+
+def _encode_silence(_: _Batch, source: Source) -> list[Any]:
+    return [source]
+
+
+def _encode_step(batch: _Batch, times_s: Sequence[float], elapsed_s: float, live: Heard, output: Output) -> list[Any]:
+    words = {}
+    for word in live:
+        if not isinstance(word, Source) and batch.words.get(word.source) is not word:
+            batch.words[word.source] = word
+            words[word.source] = _word(word)
+    sources = [word if isinstance(word, Source) else word.source for word in live]
+    return [
+        _times(times_s), _plain(elapsed_s), sources, words, _plain(output.stamp_s),
+        _row(Drive, output.drive), _row(Decision, output.decision), output.delivered,
+    ]  # fmt: skip
+
+
+def _encode_settings(_: _Batch, settings: Dumpable) -> list[Any]:
+    return [settings.model_dump(mode="json")]
+
+
+def _encode_parts(_: _Batch, parts: KnownParts | None) -> list[Any]:
+    return [asdict(parts) if parts is not None else None]
+
+
+_ENCODERS: Mapping[str, Any] = {
+    "scan": _encode_scan,
+    "look": _encode_look,
+    "follow": _encode_follow,
+    "say": _encode_say,
+    "silence": _encode_silence,
+    "step": _encode_step,
+    "settings": _encode_settings,
+    "parts": _encode_parts,
+}
+
+
+def _word(word: Word) -> list[Any]:
+    if isinstance(word, DriveWord):
+        return ["drive", word.source, _row(Drive, word.drive), _plain(word.scan_stamp_s), word.reason]
+    verdict = word.outlook if isinstance(word.outlook, Verdict) else word.outlook.limit(0.0, 0.0)
+    return ["cap", word.source, _row(Verdict, verdict), _plain(word.scan_stamp_s)]
+
+
+def _events(message: Mapping[str, Any]) -> Iterator[Event]:
+    columns = {kind: tuple(message["columns"][kind.__name__]) for kind in _ROWS}
+    read = _Reader(columns)
+    motors = [read.row(MotorState, row) for row in message["motors"]]
+    for number, kind, *parts in message["events"]:
+        match kind:
+            case "scan":
+                sequence, stamp_s, received_s, first_rad, step_rad, least_m, most_m, beams = parts
+                yield Scanned(
+                    number, sequence, float(stamp_s), float(received_s), float(first_rad), float(step_rad),
+                    float(least_m), float(most_m), beams,
+                )  # fmt: skip
+            case "look":
+                sequence, motor, times_s = parts
+                yield Looked(number, sequence, _state(motors, motor), read.times(times_s))
+            case "follow":
+                sequence, motor, times_s, row = parts
+                guidance = read.row(Guidance, row)
+                yield Followed(number, sequence, _state(motors, motor), read.times(times_s), guidance)
+            case "say":
+                yield Said(number, read.word(parts[0]), float(parts[1]))
+            case "silence":
+                yield Silenced(number, Source(parts[0]))
+            case "step":
+                yield read.step(number, parts)
+            case "settings":
+                yield Tuned(number, parts[0])
+            case "parts":
+                yield Remembered(number, known_parts(parts[0]) if parts[0] is not None else None)
+            case _:
+                raise ValueError(f"an event of a kind that this version does not know: {kind}")
+
+
+def _state(motors: Sequence[MotorState], place: int | None) -> MotorState | None:
+    return motors[place] if place is not None else None
+
+
+@dataclass(frozen=True, slots=True)
+class _Reader:
+    """Reads rows by the names of their columns, which the message brings along."""
+
+    columns: Mapping[type[Any], tuple[str, ...]]
+
+    def row(self, kind: type[Any], row: Sequence[Any]) -> Any:  # noqa: ANN401 - an object of the kind
+        values = dict(zip(self.columns[kind], row, strict=True))
+        for name in _FLOATS[kind] & values.keys():
+            values[name] = float(values[name])
+        if "drive" in values and values["drive"] is not None:
+            values["drive"] = self.row(Drive, values["drive"])
+        if kind in {Decision, Verdict} and "steering_rad" in values:
+            values["steering_rad"] = _maybe(values["steering_rad"])
+        if kind is Decision:
+            for name in ("driver", "winner"):
+                values[name] = Source(values[name]) if values[name] is not None else None
+        return kind(**values)
+
+    def word(self, parts: Sequence[Any]) -> Word:
+        form, source, row, stamp_s, *rest = parts
+        if form == "drive":
+            return DriveWord(Source(source), self.row(Drive, row), _maybe(stamp_s), rest[0])
+        return CapWord(Source(source), self.row(Verdict, row), _maybe(stamp_s))
+
+    def step(self, number: int, parts: Sequence[Any]) -> Stepped:
+        times_s, elapsed_s, live, words, stamp_s, drive, decision, delivered = parts
+        output = Output(float(stamp_s), self.row(Drive, drive), self.row(Decision, decision), delivered)
+        said = {Source(source): self.word(word) for source, word in words.items()}
+        return Stepped(number, self.times(times_s), float(elapsed_s), tuple(map(Source, live)), said, output)
+
+    def times(self, times_s: Sequence[Any]) -> tuple[float, ...]:
+        return tuple(map(float, times_s))
+
+
+def _maybe(number: Any) -> float | None:  # noqa: ANN401 - a number, its text, or nothing
+    return float(number) if number is not None else None

@@ -1,0 +1,238 @@
+"""The tape: everything that decides, in the order in which it decided, exactly; what a replay is made from.
+
+The hot path adds references, which takes less than a microsecond; another thread drains and encodes them
+(`tape_codec`). Floats survive bit for bit (JSON's shortest form reads back as the same float64). Ranges are not on the
+tape: the recording holds a LaserScan for every scan delivered, its MCAP sequence number is the scan's, and its ranges
+are the very float32 values.
+
+Time is on the tape too. A law or the mux that asks the clock while it decides gets its answers again in a replay:
+`times_s` are those that one event was given, in order. For that, they all must read `Tape.clock`.
+"""
+
+import itertools
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from drivers.api import Clock, MotorState, Scan
+from runtime.arbitration.command import Outlook, Output, Source, Word
+from runtime.control.guidance import Follower, Guard, Guidance
+from runtime.control.perception.own_parts import KnownParts
+
+MOST_EVENTS = 8192
+"""About half a minute; of more that nobody drained the oldest are lost, which the gap in their numbers shows."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scanned:
+    """A scan was delivered: everything of it but its ranges."""
+
+    number: int
+    sequence: int
+    stamp_s: float
+    received_s: float
+    angle_min_rad: float
+    angle_step_rad: float
+    range_min_m: float
+    range_max_m: float
+    beams: int
+
+    def scan(self, ranges_m: npt.NDArray[np.float32]) -> Scan:
+        """Return the scan that was delivered, given the ranges of the LaserScan with the same sequence number."""
+        return Scan(
+            self.stamp_s, self.received_s, self.angle_min_rad, self.angle_step_rad, self.range_min_m,
+            self.range_max_m, ranges_m, self.sequence,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Looked:
+    """Safety took in a scan, with this motor state; its word was said right after."""
+
+    number: int
+    sequence: int
+    motor: MotorState | None
+    times_s: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """The follower answered a scan, with this motor state; its word was said right after."""
+
+    number: int
+    sequence: int
+    motor: MotorState | None
+    times_s: tuple[float, ...]
+    guidance: Guidance
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """Somebody else than safety or navigation spoke. A cap's outlook is the plain verdict that it was."""
+
+    number: int
+    word: Word
+    expires_at_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Silenced:
+    """A word was withdrawn."""
+
+    number: int
+    source: Source
+
+
+@dataclass(frozen=True, slots=True)
+class Stepped:
+    """The mux decided.
+
+    times_s: the first is the decision's own time. elapsed_s: since the decision before.
+    live: whose words were in force, most urgent first.
+    words: the words of those that are not laws, as far as they are others than at the step before; at the first step
+        of a message all of them, so that a tape may begin anywhere.
+    """
+
+    number: int
+    times_s: tuple[float, ...]
+    elapsed_s: float
+    live: tuple[Source, ...]
+    words: Mapping[Source, Word]
+    output: Output
+
+
+@dataclass(frozen=True, slots=True)
+class Tuned:
+    """Settings came into force, the first ones included; as `Settings.model_validate` takes them."""
+
+    number: int
+    settings: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Remembered:
+    """The laws were handed what is known of the car's own parts from before, or that nothing is."""
+
+    number: int
+    parts: KnownParts | None
+
+
+Event = Scanned | Looked | Followed | Said | Silenced | Stepped | Tuned | Remembered
+LAWS = (Source.SAFETY, Source.NAVIGATION)  # a tuple is searched by identity first: five times as fast as a set
+Heard = Sequence[Source | Word]
+"""Whose words were in force: a law by its name, everybody else by the word."""
+
+
+class Dumpable(Protocol):
+    """What of the settings is needed here."""
+
+    def model_dump(self, *, mode: str) -> dict[str, Any]:
+        """Return plain values."""
+        ...
+
+
+Entry = tuple[int, str, tuple[Any, ...]]
+"""One event as the hot path leaves it, references only: its number since the process started, its kind, its parts."""
+
+
+class Tape:
+    """Collects what happens. One thread adds (the car's loop), one drains.
+
+    most: 0 is a tape that keeps nothing, for a car without a recorder.
+    """
+
+    def __init__(self, clock: Clock, most: int = MOST_EVENTS) -> None:
+        self._clock = clock
+        self._entries: deque[Entry] = deque(maxlen=most)
+        self._numbers = itertools.count()
+        self._times_s: list[float] = []
+
+    def clock(self) -> float:
+        """Return the time, and remember what was answered for the event that is under way."""
+        now_s = self._clock()
+        self._times_s.append(now_s)
+        return now_s
+
+    def begin(self) -> None:
+        """Begin an event: what the clock answers from here on belongs to it."""
+        self._times_s = []
+
+    def scanned(self, scan: Scan) -> None:
+        """Note that a scan was delivered."""
+        self._entries.append((next(self._numbers), "scan", (scan,)))
+
+    def looked(self, scan: Scan, motor: MotorState | None) -> None:
+        """Note, after `begin`, that safety took in a scan."""
+        self._entries.append((next(self._numbers), "look", (scan, motor, self._end())))
+
+    def followed(self, scan: Scan, motor: MotorState | None, guidance: Guidance) -> None:
+        """Note, after `begin`, what the follower answered."""
+        self._entries.append((next(self._numbers), "follow", (scan, motor, self._end(), guidance)))
+
+    def said(self, word: Word, expires_at_s: float) -> None:
+        """Note a word; those of the laws follow from their events and are left out."""
+        if word.source not in LAWS:
+            self._entries.append((next(self._numbers), "say", (word, expires_at_s)))
+
+    def silenced(self, source: Source) -> None:
+        """Note that a word was withdrawn."""
+        self._entries.append((next(self._numbers), "silence", (source,)))
+
+    def stepped(self, elapsed_s: float, live: Sequence[Word], output: Output) -> None:
+        """Note, after `begin`, a decision. live: the words in force.
+
+        Of a law's word only the name is kept: its outlook holds a scan and all that was made of it.
+        """
+        heard = [word.source if word.source in LAWS else word for word in live]
+        self._entries.append((next(self._numbers), "step", (self._end(), elapsed_s, heard, output)))
+
+    def tuned(self, settings: Dumpable) -> None:
+        """Note the settings in force from here on."""
+        self._entries.append((next(self._numbers), "settings", (settings,)))
+
+    def remembered(self, parts: KnownParts | None) -> None:
+        """Note what the laws were told of the car's own parts."""
+        self._entries.append((next(self._numbers), "parts", (parts,)))
+
+    def drain(self) -> list[Entry]:
+        """Take out what there is, oldest first; may be called in another thread than the rest."""
+        return [self._entries.popleft() for _ in range(len(self._entries))]
+
+    def _end(self) -> list[float]:
+        """Return the times of the event that is over; the clock's next answers belong to nobody."""
+        times_s, self._times_s = self._times_s, []
+        return times_s
+
+
+class TapedLaws:
+    """A follower and a guard whose answers go on the tape."""
+
+    def __init__(self, laws: "Laws", tape: Tape) -> None:
+        self._laws = laws
+        self._tape = tape
+
+    def look(self, scan: Scan, motor: MotorState | None) -> Outlook:
+        """Take in one scan."""
+        self._tape.begin()
+        outlook = self._laws.look(scan, motor)
+        self._tape.looked(scan, motor)
+        return outlook
+
+    def learn(self) -> None:
+        """Hand on; whenever it comes, the next scan's answers are the same."""
+        self._laws.learn()
+
+    def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
+        """Answer one scan."""
+        self._tape.begin()
+        guidance = self._laws.follow(scan, motor)
+        self._tape.followed(scan, motor, guidance)
+        return guidance
+
+
+class Laws(Follower, Guard, Protocol):
+    """Both laws in one."""

@@ -1,0 +1,72 @@
+"""Own parts of this car, kept over restarts: one small file, for one car and one lidar."""
+
+import json
+import logging
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from runtime.control.perception.own_parts import KnownParts
+from runtime.parameters.file import StoreError, replace
+
+FILE = "own-parts.json"
+BIGGEST_FILE_B = 200_000
+log = logging.getLogger("wallride.own_parts")
+
+
+@dataclass(frozen=True, slots=True)
+class Remembered:
+    """Own parts, whose they are, and when they were seen so (UTC, for people)."""
+
+    car: str
+    lidar: str
+    at: str
+    parts: KnownParts
+
+
+def file_in(configured: str, environment: Mapping[str, str] = os.environ) -> Path | None:
+    """Return where they are kept: the folder in the settings, else the service's state directory, else nowhere."""
+    folder = configured or environment.get("STATE_DIRECTORY", "").split(":")[0]
+    return Path(folder).expanduser() / FILE if folder else None
+
+
+def read(file: Path) -> Remembered | None:
+    """Return what an earlier run wrote, None where there is nothing to be used; blocks, for before the car drives."""
+    try:
+        with file.open("rb") as opened:
+            return decoded(json.loads(opened.read(BIGGEST_FILE_B)))
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        log.warning("%s: the car's own parts cannot be read (%s): they are learnt anew", file, error.strerror)
+    except (ValueError, TypeError, KeyError, RecursionError):
+        log.warning("%s: does not hold a car's own parts: they are learnt anew", file)
+    return None
+
+
+def write(file: Path, remembered: Remembered | None) -> None:
+    """Put them in the place of the file, or take it away; blocks, for a thread. Logs what went wrong."""
+    try:
+        if remembered is None:
+            file.unlink(missing_ok=True)
+            return
+        file.parent.mkdir(parents=True, exist_ok=True)
+        replace(file, json.dumps(asdict(remembered)).encode())
+    except (OSError, StoreError) as error:
+        log.warning("the car's own parts are not remembered: %s", error)
+
+
+def decoded(tree: Mapping[str, Any]) -> Remembered:
+    """Return what was written; ValueError, TypeError or KeyError when it is nothing of the kind."""
+    return Remembered(str(tree["car"]), str(tree["lidar"]), str(tree["at"]), known_parts(tree["parts"]))
+
+
+def known_parts(tree: Mapping[str, Any]) -> KnownParts:
+    """Return parts from plain values, checked; ValueError, TypeError or KeyError for others."""
+    beams = int(tree["beams"])
+    ranges_m = tuple((int(beam), float(range_m)) for beam, range_m in tree["ranges_m"])
+    if not all(0 <= beam < beams and 0.0 < range_m < 2.0 for beam, range_m in ranges_m):
+        raise ValueError("a part lies outside the fan, or no part of a car is so far away")
+    return KnownParts(float(tree["angle_min_rad"]), float(tree["angle_step_rad"]), beams, ranges_m)

@@ -1,0 +1,48 @@
+"""What may be asked about recordings, and where: closed forms, shared by the car and those who ask it.
+
+record       {"on": true|false}, or {} to hear how it stands
+logs/list    {}                                             what there is
+logs/get     {"name": ..., "offset": ..., "length": ...}    a piece of one file, as it is
+logs/trim    {"keep_mb": ...}                               the oldest go until no more is left
+"""
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+
+from runtime.wire import topics
+
+RECORD = topics.RECORD
+LIST = f"{topics.LOGS}/list"
+GET = f"{topics.LOGS}/get"
+TRIM = f"{topics.LOGS}/trim"
+LARGEST_PIECE_B = 1 << 16
+LONGEST_QUESTION_B = 1024
+
+
+class _Question(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
+
+
+class RecordQuestion(_Question):
+    """Begin, end, or only say."""
+
+    on: bool | None = None
+
+
+class ListQuestion(_Question):
+    """Which recordings there are."""
+
+
+class GetQuestion(_Question):
+    """A piece of a file, please."""
+
+    name: Annotated[str, StringConstraints(max_length=128)]
+    offset: Annotated[int, Field(ge=0, lt=1 << 50)]
+    length: Annotated[int, Field(ge=1, le=LARGEST_PIECE_B)] = LARGEST_PIECE_B
+
+
+class TrimQuestion(_Question):
+    """Make room."""
+
+    keep_mb: Annotated[int, Field(ge=0, le=1 << 30)]

@@ -1,0 +1,349 @@
+"""What the recorder's thread does: keeps the last half minute, and writes files while there is something to record.
+
+Here nothing is in a hurry and everything may fail. A file that the disk refuses is given up as it is; what it lacks is
+still in memory and goes into the next one, which is tried every few seconds.
+"""
+
+import logging
+import math
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from runtime.realtime.wall_clock import WallClock
+from runtime.recording import channels
+from runtime.recording.black_box import Memory
+from runtime.recording.channels import Message
+from runtime.recording.disk import Disk, explain
+from runtime.recording.laws_fingerprint import laws_fingerprint
+from runtime.recording.mcap_file import McapFile
+from runtime.recording.recover import RecoveryError, is_whole, recover
+from runtime.recording.ring import MB, Ring, entries
+from runtime.settings.recording import RecordingSettings
+from runtime.wire import topics
+
+log = logging.getLogger("wallride.recording")
+
+FLUSH_S = 0.4
+"""What is older than this, and the turn of the thread, is on the disk."""
+RETRY_S = 5.0
+HOUSEKEEPING_S = 5.0
+TAIL_S = 5.0
+"""A black box goes on for so long after its stop; another stop within it goes into the same file."""
+LONGEST_TAIL_S = 30.0
+LEAST_MEMORY_S = 1.0
+START_UP_S = 5.0
+"""A recording begins with the process's first scan; without one, so long after the process began."""
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What every file says about itself. began_s: when the process began, on the monotonic clock."""
+
+    car: str
+    version: str
+    began_s: float
+    wall_clock: WallClock
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """How it stands; a new one replaces the old, so that another thread may read it at any time.
+
+    file: the one being written, "" without one. why: why it is (not) recorded. trouble: what the disk says.
+    """
+
+    file: str = ""
+    why: str = "not started"
+    trouble: str = ""
+    written_bytes: int = 0
+    black_box: str = ""
+
+
+@dataclass(slots=True)
+class _Box:
+    """A black box that is still open."""
+
+    file: McapFile
+    opened_s: float
+    until_s: float
+
+
+class Scribe:
+    """Takes messages, `turn` by turn.
+
+    breathe: called between two pieces of work, so that the car's thread may work in between.
+    """
+
+    def __init__(
+        self,
+        settings: RecordingSettings,
+        ring: Ring,
+        disk: Disk,
+        facts: Facts,
+        *,
+        breathe: Callable[[], None],
+    ) -> None:
+        self.report = Report()
+        self.wished: bool | None = None  # what somebody asked for; None is "by itself"
+        self._settings = settings
+        self._ring = ring
+        self._disk = disk
+        self._facts = facts
+        self._breathe = breathe
+        self._memory = Memory(max(settings.black_box_s, LEAST_MEMORY_S))
+        self._run: McapFile | None = None
+        self._box: _Box | None = None
+        self._trouble = ""
+        self._now_s = 0.0
+        self._stepped_ns = 0
+        self._first_scan_ns = 0  # 0: none yet, or only long after the process began
+        self._retry_s = 0.0
+        self._flush_s = 0.0
+        self._tidy_s = 0.0
+        self._unwritten = 0  # number of the first message that no finished or flushed part of a recording holds
+        self._goes_on = ""
+        self._unfinished: list[Path] | None = None
+
+    def turn(self, fresh: Iterable[Message], stops: list[str], active_s: float, now_s: float) -> None:
+        """Take in what happened since the turn before. active_s: when the car was last armed or moving."""
+        self._now_s = now_s
+        for message in fresh:
+            self._take(message)
+            self._breathe()
+        for reason in stops:
+            self._on_stop(reason)
+        self._follow_wall_clock()
+        wanted = self._wanted(active_s)
+        self._begin_or_end(wanted=wanted)
+        if now_s >= self._flush_s:
+            self._flush_s = now_s + FLUSH_S
+            self._flush()
+        if now_s >= self._tidy_s:
+            self._tidy_s = now_s + HOUSEKEEPING_S
+            self._keep_house()
+        self._tell(wanted=wanted)
+
+    def close(self) -> None:
+        """Finish what is open, and write down what still waited for a first scan."""
+        if self._run is None and self._wanted(-math.inf) and not self._has_begun():
+            self._begin_run()
+        self._end_run()
+        self._end_box()
+        self.report = Report(why="the recorder has ended", trouble=self._trouble)
+
+    def _take(self, message: Message) -> None:
+        if message.topic == topics.SCAN and not self._first_scan_ns and not self._is_started_up():
+            self._first_scan_ns = message.stamp_ns
+        self._memory.add(message)
+        for file in self._open_files():
+            file.add(message)
+
+    def _open_files(self) -> Iterable[McapFile]:
+        if self._run is not None:
+            yield self._run
+        if self._box is not None:
+            yield self._box.file
+
+    def _begin_or_end(self, *, wanted: bool) -> None:
+        if self._run is None:
+            if wanted and self._now_s >= self._retry_s and (self.wished or self._has_begun()):
+                self._begin_run()
+            elif not wanted and self._now_s >= self._retry_s:
+                self._goes_on, self._trouble = "", ""
+        elif not wanted:
+            self._end_run()
+            self._goes_on = ""
+        elif self._run.bytes_written > self._settings.file_mb * MB:
+            self._goes_on = self._run.path.name
+            self._end_run()
+            self._begin_run()
+        if self._box is not None and self._now_s >= self._box.until_s:
+            self._end_box()
+
+    def _wanted(self, active_s: float) -> bool:
+        active = self._now_s - active_s < self._settings.after_s
+        if self.wished is False and self._settings.start == "armed" and not active:
+            self.wished = None  # who stopped one recording did not forbid the next drive's
+        if self.wished is not None:
+            return self.wished
+        return self._settings.start == "always" or (self._settings.start == "armed" and active)
+
+    def _begin_run(self) -> None:
+        file = self._open(None)
+        if file is None:
+            return
+        goes_on = self._goes_on
+        self._run = file
+        if self._fill(file, self._unwritten if goes_on else 0):
+            self._trouble = ""
+            log.info("recording %s", file.path.name)
+        else:  # all that it has comes again with the next try
+            self._goes_on = goes_on
+            with suppress(OSError):
+                self._disk.remove(file.path)
+
+    def _on_stop(self, reason: str) -> None:
+        now_s = self._now_s
+        self._take(self._event("stop", reason))
+        if self._settings.black_box_s <= 0:
+            return
+        if self._box is not None:
+            self._box.until_s = min(now_s + TAIL_S, self._box.opened_s + LONGEST_TAIL_S)
+            return
+        file = self._open(reason)
+        if file is None:
+            return
+        self._box = _Box(file, now_s, now_s + TAIL_S)
+        if self._fill(file, 0):
+            log.info("black box %s", file.path.name)
+
+    def _open(self, reason: str | None) -> McapFile | None:
+        """Open a file; None when the disk has no place for it."""
+        try:
+            if not self._ring.make_room():
+                self._on_trouble(f"less than {self._settings.keep_free_mb} MB of the disk are free")
+                return None
+            wall_clock = self._facts.wall_clock
+            path = self._ring.next_path(wall_clock.unix_ns(self._now_s), reason)
+            return McapFile(
+                path, self._disk, self._metadata(reason), f"wallride {self._facts.version}",
+                shift_ns=wall_clock.stepped_ns, begin_ns=self._first_scan_ns,
+            )  # fmt: skip
+        except OSError as error:
+            self._on_trouble(explain(error))
+            return None
+
+    def _metadata(self, reason: str | None) -> Mapping[str, str]:
+        return {
+            "car": self._facts.car,
+            "version": self._facts.version,
+            "laws": laws_fingerprint(),
+            "kind": "recording" if reason is None else "black box",
+            "reason": reason or "",
+            "continues": self._goes_on if reason is None else "",
+            "epoch_ns": str(self._facts.wall_clock.epoch_ns),
+        }
+
+    def _event(self, event: str, reason: str) -> Message:
+        payload = channels.text(topics.encode({"stamp_s": self._now_s, "event": event, "reason": reason}))
+        return Message(channels.EVENTS, channels.STRING, self._facts.wall_clock.started_unix_ns(self._now_s), payload)
+
+    def _has_begun(self) -> bool:
+        """Tell whether there is a first scan to begin with, or none comes."""
+        return self._first_scan_ns > 0 or self._is_started_up()
+
+    def _is_started_up(self) -> bool:
+        """Tell whether the time is over in which what comes before the first scan counts as the start."""
+        return self._now_s - self._facts.began_s > START_UP_S
+
+    def _follow_wall_clock(self) -> None:
+        """When the computer's clock was set, say so in what is open and go on in another file, with right stamps."""
+        stepped_ns = self._facts.wall_clock.stepped_ns
+        if stepped_ns == self._stepped_ns:
+            return
+        step_s, self._stepped_ns = (stepped_ns - self._stepped_ns) / 1e9, stepped_ns
+        self._take(self._event("clock", f"the computer's clock was set by {step_s:+.3f} s; stamps before it are off"))
+        if self._run is not None:
+            self._goes_on = self._run.path.name
+            self._end_run()
+            self._begin_run()
+
+    def _fill(self, file: McapFile, first: int) -> bool:
+        """Put what is remembered into a new file; False when the disk refused."""
+        for message in self._memory.since(first):
+            file.add(message)
+            self._breathe()
+        return self._try(file, file.flush)
+
+    def _flush(self) -> None:
+        for file in list(self._open_files()):
+            if self._try(file, file.flush) and file is self._run:
+                self._unwritten = self._memory.next_number
+
+    def _end_run(self) -> None:
+        if self._run is not None:
+            file = self._run
+            if self._try(file, file.close):
+                self._unwritten = self._memory.next_number
+                log.info("recorded %s: %.1f MB", file.path.name, file.bytes_written / MB)
+            self._run = None
+
+    def _end_box(self) -> None:
+        if self._box is not None:
+            self._try(self._box.file, self._box.file.close)
+            self._box = None
+
+    def _try(self, file: McapFile, act: Callable[[], None]) -> bool:
+        """Do something with a file; give it up when the disk refuses."""
+        try:
+            act()
+        except OSError as error:
+            self._give_up(file)
+            self._on_trouble(f"{explain(error)} ({file.path.name} is cut short)")
+            return False
+        return True
+
+    def _give_up(self, file: McapFile) -> None:
+        if file is self._run:
+            self._run, self._goes_on = None, file.path.name
+        elif self._box is not None and file is self._box.file:
+            self._box = None
+        try:
+            file.abandon()
+        except OSError as error:
+            log.debug("%s: %s", file.path, error)  # the trouble itself is told already
+        self._unfinished = None  # look for it again, when there is time
+
+    def _on_trouble(self, words: str) -> None:
+        if words != self._trouble:
+            log.warning("not recording: %s; trying again every %.0f s", words, RETRY_S)
+        self._trouble = words
+        self._retry_s = self._now_s + RETRY_S
+
+    def _keep_house(self) -> None:
+        """Keep the ring within its limits, and finish what an earlier run could not."""
+        try:
+            if not self._ring.make_room() and self._run is not None:
+                self._on_trouble(f"less than {self._settings.keep_free_mb} MB of the disk are free")
+                self._goes_on = self._run.path.name
+                self._end_run()
+            if self._run is None and self._box is None:
+                self._finish_one()
+        except OSError as error:
+            if explain(error) != self._trouble:
+                log.warning("the recordings' folder: %s", explain(error))
+
+    def _finish_one(self) -> None:
+        """Finish one torn file; one at a time, because the next turn should come soon."""
+        if self._unfinished is None:
+            folder = self._ring.folder
+            self._unfinished = [folder / entry.name for entry in entries(folder) if not is_whole(folder / entry.name)]
+        if not self._unfinished:
+            return
+        path = self._unfinished.pop()
+        if path.stat().st_size == 0:
+            self._disk.remove(path)
+            return
+        try:
+            found = recover(path, self._breathe)
+            log.info("finished %s: %d messages, %d bytes cut off", path.name, found.messages, found.cut_bytes)
+        except RecoveryError as error:
+            log.warning("%s", error)
+
+    def _tell(self, *, wanted: bool) -> None:
+        file = self._run
+        if self.wished is not None:
+            why = "asked for" if self.wished else "asked not to"
+        elif self._settings.start == "armed":
+            why = "armed" if wanted else "disarmed"
+        else:
+            why = self._settings.start
+        self.report = Report(
+            file=file.path.name if file is not None else "",
+            why=why,
+            trouble=self._trouble,
+            written_bytes=file.bytes_written if file is not None else 0,
+            black_box=self._box.file.path.name if self._box is not None else "",
+        )

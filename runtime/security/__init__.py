@@ -1,0 +1,1 @@
+"""Who may do what: certificates, the access list, the folder of keys."""

@@ -1,0 +1,63 @@
+"""people.toml: who may do what on this car. Written by `wallride keys`, read when the car starts.
+
+A certificate only proves a name. A name that is not listed, or is revoked, may do nothing, however long its
+certificate is still valid.
+"""
+
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+
+from runtime.wire.zenoh_config import Person, Role
+
+NAME_FORM = re.compile(r"[a-z0-9][a-z0-9_-]{0,23}")
+"""What people may be called: it is a key in TOML, a file's name everywhere, and fits a teleop message."""
+
+
+class KeysError(Exception):
+    """Keys that cannot be used; the text says what, where, and what to do next."""
+
+
+@dataclass(frozen=True, slots=True)
+class Listed:
+    """One entry of people.toml; `expires` is the day on which the newest certificate ends."""
+
+    person: Person
+    expires: date
+    revoked: date | None = None
+
+
+def read_people(path: Path) -> tuple[Listed, ...]:
+    """Read people.toml; KeysError when anything in it is not understood, because guessing would open doors."""
+    try:
+        entries = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise KeysError(f"{path}: no such file; `wallride keys init` makes it") from None
+    except OSError as error:
+        raise KeysError(f"{path}: cannot be read ({error.strerror}); check its owner and mode") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise KeysError(f"{path}: is not valid TOML: {error}") from None
+    return tuple(_listed(path, name, entry) for name, entry in entries.items())
+
+
+def _listed(path: Path, name: str, entry: object) -> Listed:
+    if not NAME_FORM.fullmatch(name):
+        raise KeysError(f"{path}: [{name}] is not a name; {explain_name()}")
+    if not isinstance(entry, Mapping) or set(entry) - {"role", "expires", "revoked"}:
+        raise KeysError(f"{path}: [{name}] may have role, expires and revoked, and nothing else")
+    try:
+        role = Role(entry["role"])
+    except (KeyError, ValueError):
+        raise KeysError(f"{path}: [{name}] role must be one of {', '.join(Role)}") from None
+    expires, revoked = entry.get("expires"), entry.get("revoked")
+    if type(expires) is not date or type(revoked) not in {date, type(None)}:
+        raise KeysError(f"{path}: [{name}] expires and revoked must be dates like 2027-05-01, without quotes")
+    return Listed(Person(name, role), expires, revoked)
+
+
+def explain_name() -> str:
+    """Say what a name may look like."""
+    return "names are 1 to 24 of a-z, 0-9, _ and -, beginning with a letter or digit"

@@ -1,0 +1,94 @@
+"""The folder of keys: on the car ca.pem car.pem car.key people.toml, at a person's ca.pem NAME.pem NAME.key."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from runtime.security.access_list import KeysError, read_people
+from runtime.wire.endpoints import is_tls
+from runtime.wire.zenoh_config import Person, Tls, car_config
+
+if TYPE_CHECKING:
+    from runtime.security.certificates import Identity
+
+PEOPLE = "people.toml"
+AUTHORITY = "ca.pem"
+CAR = "car"
+
+
+@dataclass(frozen=True, slots=True)
+class Keys:
+    """Files that were checked: whose they are, and what its owner should hear about them."""
+
+    tls: Tls
+    identity: "Identity"
+    warnings: tuple[str, ...] = ()
+    people: tuple[Person, ...] = ()
+
+
+def car_session(
+    listen: Sequence[str], directory: Path, car: str, now: datetime
+) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Return the configuration of the car's session and what its owner should hear about the keys.
+
+    Keys are looked at only when a tls endpoint needs them; KeysError when they cannot be used.
+    """
+    if not any(map(is_tls, listen)):
+        return car_config(listen, None, (), car), ()
+    keys = car_keys(directory, now)
+    return car_config(listen, keys.tls, keys.people, car), keys.warnings
+
+
+def car_keys(directory: Path, now: datetime) -> Keys:
+    """Check the car's folder and read who may do what; KeysError when the car must not listen with it.
+
+    now: the civil time, with a zone. A certificate that is not valid *now* is only a warning, because a car without
+    network often starts with a wrong clock, and must start.
+    """
+    tls = Tls(directory / AUTHORITY, directory / f"{CAR}.pem", directory / f"{CAR}.key")
+    identity = _identity(tls, for_car=True)
+    people = tuple(entry.person for entry in read_people(directory / PEOPLE) if entry.revoked is None)
+    warnings = []
+    if trouble := identity.trouble(now):
+        remedy = "set the clock" if now < identity.begins else f"sudo wallride keys init --renew --dir {directory}"
+        warnings.append(f"nobody can connect with keys: the car's certificate {tls.certificate} {trouble}; {remedy}")
+    if warning := identity.warning(now):
+        warnings.append(f"the car's certificate {tls.certificate} {warning}; sudo wallride keys init --renew")
+    if not people:
+        warnings.append(f"nobody is listed in {directory / PEOPLE}; `wallride keys add NAME --role operator`")
+    return Keys(tls, identity, tuple(warnings), people)
+
+
+def client_keys(directory: Path, now: datetime) -> Keys:
+    """Find and check a person's folder; KeysError when no car would accept it."""
+    tls = _persons_files(directory)
+    identity = _identity(tls, for_car=False)
+    if trouble := identity.trouble(now):
+        remedy = "set the clock" if now < identity.begins else f"on the car: wallride keys add {identity.name} --renew"
+        raise KeysError(f"{tls.certificate} {trouble}; {remedy}")
+    warning = identity.warning(now)
+    said = f"your certificate {warning}; on the car: wallride keys add {identity.name} --renew"
+    return Keys(tls, identity, (said,) if warning else ())
+
+
+def _persons_files(directory: Path) -> Tls:
+    if not directory.is_dir():
+        raise KeysError(f"{directory}: no such folder; put the one there that `wallride keys add NAME` made on the car")
+    keys = sorted(directory.glob("*.key"))
+    if len(keys) != 1:
+        found = "no key" if not keys else f"{len(keys)} keys ({', '.join(key.stem for key in keys)})"
+        raise KeysError(f"{directory}: holds {found} instead of one; keep one folder per person and car: --keys DIR")
+    return Tls(directory / AUTHORITY, keys[0].with_suffix(".pem"), keys[0])
+
+
+def _identity(tls: Tls, *, for_car: bool) -> "Identity":
+    """Check the files with a package that only those need who use keys; say how to get it."""
+    try:
+        from runtime.security.certificates import read_identity
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] != "cryptography":
+            raise
+        raise KeysError("keys need one more package: pip install 'wallride[keys]'") from None
+    return read_identity(tls, for_car=for_car)

@@ -1,0 +1,32 @@
+"""Where the car's session listens, and with which keys."""
+
+from pathlib import Path
+
+from pydantic import field_validator
+
+from runtime.settings_base import Section
+from runtime.wire.endpoints import check_listening
+
+DEFAULT_KEYS_DIR = Path("/etc/wallride/keys")
+
+
+class SessionSettings(Section):
+    """The session's own part of the [telemetry] section."""
+
+    listen: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
+    """tcp: this machine only, and whoever is on it may do everything. tls: from anywhere, with keys."""
+    any_port: bool = False
+    """Listen on a free port where one of `listen` is taken, as simulators do; false: end with exit code 2."""
+    keys_dir: Path = DEFAULT_KEYS_DIR
+    """Made by `wallride keys init`; read only when `listen` names a tls address."""
+
+    @field_validator("listen", mode="before")
+    @classmethod
+    def _one_or_several(cls, listen: object) -> object:
+        return (listen,) if isinstance(listen, str) else listen
+
+    @field_validator("listen")
+    @classmethod
+    def _guarded(cls, listen: tuple[str, ...]) -> tuple[str, ...]:
+        check_listening(listen)
+        return listen

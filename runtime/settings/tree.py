@@ -1,0 +1,233 @@
+"""The settings tree: frozen, closed, and checked before the wheels can turn.
+
+It mirrors the TOML file section by section; drivers bring their own part. A wrong key is an error that names the
+key, never a silent default. Layers, later ones winning: defaults here, the file, what was saved, `--set KEY=VALUE`.
+"""
+
+import difflib
+import json
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationError, field_validator
+
+from drivers.hokuyo.settings import HokuyoSettings
+from drivers.vesc.settings import VescSettings
+from runtime.arbitration.command import LAB_ORDER, Source
+from runtime.control.method_settings import (
+    KEPT_BY_NEW_METHOD,
+    METHODS,
+    TAGS,
+    BallFollowSettings,
+    ChosenSafety,
+    ChosenWallFollow,
+    SweptSafetySettings,
+)
+from runtime.control.vehicle import CarSettings
+from runtime.settings.operator import OperatorSettings
+from runtime.settings.parameters import ParameterSettings
+from runtime.settings.recording import RecordingSettings
+from runtime.settings.session import SessionSettings
+from runtime.settings.telemetry import TelemetryRates
+from runtime.settings_base import Section
+
+
+class SettingsError(Exception):
+    """The settings cannot be used; the text names each key or path and the remedy."""
+
+
+class MuxSettings(Section):
+    """Who outranks whom, and how often the output is renewed without news."""
+
+    order: tuple[Source, ...] = LAB_ORDER
+    """Who outranks whom in the mux, most urgent first."""
+    tick_hz: Annotated[float, Field(ge=20, le=200)] = 50.0
+    """How often the mux decides while no scan comes."""
+
+    @field_validator("order")
+    @classmethod
+    def _complete(cls, order: tuple[Source, ...]) -> tuple[Source, ...]:
+        if sorted(order) != sorted(Source):
+            raise ValueError(f"must name each of {', '.join(LAB_ORDER)} exactly once")
+        if order[0] is not Source.ESTOP:
+            raise ValueError("must begin with e-stop: nothing outranks an emergency stop")
+        if order.index(Source.NAVIGATION) < max(order.index(Source.SAFETY), order.index(Source.PERMIT)):
+            raise ValueError("must have safety and permit before navigation, or they would not bind it")
+        if order.index(Source.PERMIT) < order.index(Source.TELEOP):
+            raise ValueError("must have teleop before permit: while a human drives the permit is refused")
+        return order
+
+
+class TelemetrySettings(TelemetryRates, SessionSettings):
+    """What leaves the car over zenoh, and where it may be heard."""
+
+    enabled: bool = True
+    """false: nothing leaves the car, and nothing comes in: no status, no teleop, no page."""
+
+
+class LogSettings(Section):
+    """What is said on standard error."""
+
+    level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = "INFO"
+    """The least severe message that the log shows."""
+    format: Literal["text", "json"] = "text"
+    """How the log is written: lines for people, or JSON."""
+
+
+class ProcessSettings(Section):
+    """How the process treats the computer."""
+
+    state_folder: str = ""
+    """Where the car's own parts are remembered; empty is the service's state directory, without one nowhere."""
+
+    stay_awake: bool = True
+    """Keep the processor from dozing between two scans, where it may: sooner answers for a little more power."""
+
+
+class Settings(Section):
+    """Everything, as one frozen value."""
+
+    car: CarSettings = CarSettings()
+    lidar: HokuyoSettings = HokuyoSettings()
+    motor: VescSettings = VescSettings()
+    wall_follow: ChosenWallFollow = BallFollowSettings()
+    safety: ChosenSafety = SweptSafetySettings()
+    mux: MuxSettings = MuxSettings()
+    operator: OperatorSettings = OperatorSettings()
+    telemetry: TelemetrySettings = TelemetrySettings()
+    log: LogSettings = LogSettings()
+    process: ProcessSettings = ProcessSettings()
+    parameters: ParameterSettings = ParameterSettings()
+    recording: RecordingSettings = RecordingSettings()
+
+    def effective_order(self) -> tuple[Source, ...]:
+        """Return the mux's order after `safety.binds_teleop` moved safety above the human."""
+        order: list[Source] = [source for source in self.mux.order if source is not Source.SAFETY]
+        position = self.mux.order.index(Source.SAFETY)
+        if self.safety.binds_teleop:
+            position = min(position, order.index(Source.TELEOP))
+        order.insert(position, Source.SAFETY)
+        return tuple(order)
+
+
+def load_settings(path: Path | None, assignments: Sequence[str] = (), saved: Path | None = None) -> Settings:
+    """Build the tree from a file and `KEY=VALUE` texts; SettingsError when any part of it is unusable.
+
+    saved: a second file on top of the first, where changes are saved; it need not be there yet.
+    """
+    tree: dict[str, Any] = read_tree(path) if path is not None else {}
+    if saved is not None and saved.exists():
+        tree = layered(tree, read_tree(saved))
+    for assignment in assignments:
+        _assign(tree, assignment)
+    try:
+        return Settings.model_validate(tree)
+    except ValidationError as error:
+        where = f"{path}" if path is not None else "the settings"
+        raise SettingsError(f"{where}: " + "; ".join(_sentence(item) for item in error.errors())) from None
+
+
+def layered(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    """Return one tree of two. A law chosen above leaves below only what means the same in every law."""
+    tree = dict(below)
+    for name, value in above.items():
+        under = tree.get(name)
+        if not isinstance(value, dict) or not isinstance(under, dict):
+            tree[name] = value
+            continue
+        if name in METHODS and value.get("method", _method(name, under)) != _method(name, under):
+            under = {key: kept for key, kept in under.items() if key in KEPT_BY_NEW_METHOD}
+        tree[name] = layered(under, value)
+    return tree
+
+
+def _method(section: str, values: Mapping[str, Any]) -> object:
+    return values.get("method", getattr(Settings(), section).method)
+
+
+def read_tree(path: Path) -> dict[str, Any]:
+    """Return what a file says, not yet checked; SettingsError when it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return tomllib.load(file)
+    except FileNotFoundError:
+        raise SettingsError(f"{path}: no such file; see config/car.toml for one to start from") from None
+    except IsADirectoryError:
+        raise SettingsError(f"{path}: is a directory; name the .toml file in it") from None
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot be read ({error.strerror}); check its owner and mode") from None
+    except UnicodeDecodeError:
+        raise SettingsError(f"{path}: is not a text file; a settings file is TOML in UTF-8") from None
+    except tomllib.TOMLDecodeError as error:
+        raise SettingsError(f"{path}: is not valid TOML: {error}") from None
+
+
+def _assign(tree: dict[str, Any], assignment: str) -> None:
+    key, equals, text = assignment.partition("=")
+    names = key.strip().split(".")
+    if not equals or not all(names):
+        raise SettingsError(f"--set {assignment}: write SECTION.KEY=VALUE, for example wall_follow.side=right")
+    for name in names[:-1]:
+        branch = tree.setdefault(name, {})
+        if not isinstance(branch, dict):
+            raise SettingsError(f"--set {assignment}: {name} is a value, not a section")
+        tree = branch
+    tree[names[-1]] = _value(text.strip())
+
+
+def _value(text: str) -> object:
+    """Read a value as TOML would, or as bare text: `right` and `"right"` are the same."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def _sentence(error: Mapping[str, Any]) -> str:
+    """Put one pydantic error into words: key, what is wrong, what to do."""
+    path = [part for part in error["loc"] if part not in TAGS]
+    key = ".".join(str(part) for part in path)
+    if error["type"] == "extra_forbidden":
+        known = _known_keys(error["loc"][:-1])
+        near = difflib.get_close_matches(str(path[-1]), known, 1)
+        meant = f"did you mean {'.'.join([*map(str, path[:-1]), near[0]])}? " if near else ""
+        return f"{key} is not a setting; {meant}known here: {', '.join(known)}"
+    if error["type"] == "union_tag_invalid":
+        return f"{key}.method = '{error['ctx']['tag']}': input should be {error['ctx']['expected_tags']}"
+    if error["type"] in {"model_type", "model_attributes_type"}:
+        return f"{key} = {error['input']!r}: is a section; write [{key}] and its keys below, or {key}.KEY=VALUE"
+    message = str(error["msg"]).removeprefix("Value error, ")
+    return f"{key} = {error['input']!r}: {message[:1].lower()}{message[1:]}"
+
+
+def _known_keys(path: Sequence[str | int]) -> list[str]:
+    """Return the keys of the section in which an unknown one was found; `path` may hold the tag of a method."""
+    section: Any = Settings
+    for part in path:
+        if part in TAGS:
+            section = next(model for model in section if model.model_fields["method"].default == part)
+        else:
+            section = METHODS.get(str(part)) or section.model_fields[part].annotation
+    return list(section.model_fields)
+
+
+def to_toml(settings: Settings) -> str:
+    """Return the effective settings as a TOML file that can be loaded again."""
+    lines: list[str] = []
+    for section, values in settings.model_dump(mode="json").items():
+        lines += _table(section, values)
+    return "\n".join(lines)
+
+
+def _table(name: str, values: Mapping[str, Any]) -> list[str]:
+    """Return one section and the ones below it; the method, which decides what the other keys are, comes first."""
+    plain = {key: value for key, value in values.items() if not isinstance(value, dict)}
+    keys = sorted(plain, key=lambda key: key not in {"method", "driver"})
+    # A JSON string, number, boolean or list of them is also a TOML one.
+    lines = [f"[{name}]", *(f"{key} = {json.dumps(plain[key])}" for key in keys), ""]
+    for key, value in values.items():
+        if isinstance(value, dict):
+            lines += _table(f"{name}.{key}", value)
+    return lines

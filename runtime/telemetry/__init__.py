@@ -1,0 +1,1 @@
+"""What leaves the car: status, topics, markers, sinks."""

@@ -1,0 +1,277 @@
+"""The car at one moment as plain values: the status ("why is it (not) moving?") and the mux's decision.
+
+Read off the hot path, from references to what the tasks own; asks nobody to compute anything. In the status, a speed of
+null is "no limit", a measure of null "no number", and a gate of "" is open.
+"""
+
+import copy
+import math
+from bisect import bisect_left, insort
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from drivers.api import Clock, Lidar, LinkState, Motor
+from drivers.value import value
+from runtime.arbitration.command import CapWord, Decision, DriveWord, Outlook, Output, Source, Word
+from runtime.arbitration.command_queue import Voices
+from runtime.control.perception.odometry import Pose
+from runtime.control.safety.swept import Outlook as SweptOutlook
+from runtime.control.score import Score
+from runtime.realtime.stage_timing import StageClock
+from runtime.teleop.status import OperatorView
+from runtime.wire.teleop import session_text
+
+LATENCIES = 400
+NO_WORD = "no word"
+
+
+@value()
+class Said:
+    """What one voice says about the drive in question.
+
+    speed_mps: a driver's wish; a cap's ceiling in the direction of the drive, >= 0, infinity where it does not object.
+    steering_rad: a driver's wish; None for a cap.
+    """
+
+    speed_mps: float
+    steering_rad: float | None
+    reason: str
+    measure: float = math.nan
+
+
+def said(word: Word, decision: Decision | None) -> Said:
+    """Return what a word says now.
+
+    A cap that decided is quoted from the decision. Another one is only asked about standing still, which is cheap and
+    leaves no trace in a safety law that remembers its own words.
+    """
+    if isinstance(word, DriveWord):
+        return Said(word.drive.speed_mps, word.drive.steering_rad, word.reason)
+    if decision is not None and decision.winner is word.source:
+        return Said(abs(decision.speed_mps), None, decision.reason, decision.measure)
+    verdict = word.outlook.limit(0.0, 0.0)
+    backward = decision is not None and decision.speed_mps < 0
+    return Said(verdict.reverse_mps if backward else verdict.forward_mps, None, verdict.reason, verdict.measure)
+
+
+@dataclass(slots=True)
+class Latency:
+    """How long the newest scans took from their last byte to the motor command [s], by age and in order."""
+
+    _samples_s: deque[float] = field(default_factory=deque)
+    _ordered_s: list[float] = field(default_factory=list)
+
+    def add(self, latency_s: float) -> None:
+        """Remember one; kept in order, because to sort them all for every status costs more than the other fields."""
+        if len(self._samples_s) == LATENCIES:
+            del self._ordered_s[bisect_left(self._ordered_s, self._samples_s.popleft())]
+        self._samples_s.append(latency_s)
+        insort(self._ordered_s, latency_s)
+
+    def fields(self) -> dict[str, float | None]:
+        """Return p50, p99 and the longest in milliseconds; None without samples."""
+        ordered = self._ordered_s
+        if not ordered:
+            return dict.fromkeys(("p50", "p99", "max"))
+        p99_s = ordered[min(len(ordered) - 1, math.ceil(0.99 * len(ordered)) - 1)]
+        return {
+            name: round(value_s * 1000, 3)
+            for name, value_s in (("p50", ordered[len(ordered) // 2]), ("p99", p99_s), ("max", ordered[-1]))
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Observed:
+    """What can be looked at; nothing here is owned.
+
+    operator: the operator's side, None where there is none. window: what is wrong with the lidar's window, in words.
+    link: the session as plain values. seconds_by_winner: the mux's own account. timings: of the hot path's stages.
+    recording: how the recorder stands. session: this start of the process, as in every beat; 0 where there is none.
+    own_parts: what is known of the parts of the car that its lidar sees.
+    """
+
+    car: str
+    version: str
+    lidar: Lidar
+    motor: Motor
+    voices: Voices
+    clock: Clock
+    seconds_by_winner: Mapping[str, float]
+    window: Callable[[], Sequence[str]] = tuple
+    operator: Callable[[], OperatorView] | None = None
+    link: Callable[[], Mapping[str, Any]] = dict
+    timings: StageClock | None = None
+    recording: Callable[[], Mapping[str, Any]] = dict
+    own_parts: Callable[[], Mapping[str, Any]] = dict
+    session: int = 0
+
+
+@dataclass(slots=True)
+class Journey:
+    """What telemetry itself keeps count of. scans: those that the follower answered."""
+
+    started_s: float
+    scans: int = 0
+    score: Score = field(default_factory=Score)
+    latency: Latency = field(default_factory=Latency)
+    pose: Pose = field(default_factory=Pose)
+
+
+def status(observed: Observed, output: Output | None, journey: Journey) -> dict[str, Any]:
+    """Return the answer to "why is it (not) moving"."""
+    now_s, motor_state = observed.clock(), observed.motor.state
+    decision = output.decision if output is not None else None
+    live = {word.source: word for word in observed.voices.live()}
+    heard = {source: said(word, decision) for source, word in live.items()}
+    closed = gates(observed, heard)
+    pose = journey.pose
+    return {
+        "car": observed.car,
+        "version": observed.version,
+        "session": session_text(observed.session),
+        "stamp_s": now_s,
+        "up_s": now_s - journey.started_s,
+        "state": state(output, closed),
+        "output": decision_fields(output, live) if output is not None else None,
+        "gates": closed,
+        "voices": voices(observed, live, heard),
+        "operator": observed.operator().fields() if observed.operator is not None else None,
+        "overruled": overruled(observed, live, decision),
+        "seconds_by_winner": dict(observed.seconds_by_winner),
+        "speed_mps": motor_state.speed_mps if motor_state is not None else None,
+        "battery": {"voltage_v": motor_state.voltage_v, "current_a": motor_state.input_current_a}
+        if motor_state is not None
+        else None,
+        "fault": motor_state.fault if motor_state is not None else "",
+        "lidar": health_fields(observed.lidar),
+        "window": list(observed.window()),
+        "own_parts": dict(observed.own_parts()),
+        "motor": health_fields(observed.motor),
+        "link": dict(observed.link()),
+        "recording": dict(observed.recording()),
+        "scans": journey.scans,
+        "scan_to_motor_ms": journey.latency.fields(),
+        "timings_us": observed.timings.fields() if observed.timings is not None else None,
+        "distance_error": {"mean_abs_m": journey.score.mean_abs_m, "rms_m": journey.score.rms_m},
+        "odom": {"x_m": pose.x_m, "y_m": pose.y_m, "yaw_rad": pose.yaw_rad},
+    }
+
+
+def state(output: Output | None, closed: Mapping[str, str]) -> str:
+    """Return the car's state in a word or two, for lists of cars."""
+    for device in ("motor", "lidar"):
+        if closed[device]:
+            return f"no {device}"
+    if closed[Source.ESTOP]:
+        return "e-stop"
+    if output is None:
+        return "starting"
+    return "driving" if output.drive.speed_mps else "standing"
+
+
+def gates(observed: Observed, heard: Mapping[Source, Said]) -> dict[str, str]:
+    """Return what must be open for autonomy to move, each with the reason why it is closed, "" where it is open."""
+    closed = {
+        name: "" if device.health.link is LinkState.READY else f"{device.health.link}: {device.health.message}"
+        for name, device in (("lidar", observed.lidar), ("motor", observed.motor))
+    }
+    for source in (Source.ESTOP, Source.SAFETY, Source.PERMIT):
+        if (says := heard.get(source)) is not None:
+            closed[str(source)] = says.reason if says.speed_mps <= 0 else ""
+        else:
+            closed[str(source)] = "" if source is Source.ESTOP else NO_WORD
+    closed[str(Source.NAVIGATION)] = "" if Source.NAVIGATION in heard else NO_WORD
+    return closed
+
+
+def overruled(
+    observed: Observed, live: Mapping[Source, Word], decision: Decision | None
+) -> dict[str, float | str] | None:
+    """Return what safety says to the wish of a human whom it does not bind; None where it binds or does not object.
+
+    speed_mps: as fast as safety would let the car go. reason, measure: as of a verdict.
+    """
+    order, safety, wish = observed.voices.order, live.get(Source.SAFETY), live.get(Source.TELEOP)
+    driving = decision is not None and decision.driver is Source.TELEOP
+    if not driving or not isinstance(wish, DriveWord) or not isinstance(safety, CapWord):
+        return None
+    if order.index(Source.SAFETY) < order.index(Source.TELEOP) or not wish.drive.speed_mps:
+        return None
+    verdict = _without_trace(safety.outlook).limit(wish.drive.speed_mps, wish.drive.steering_rad)
+    most_mps = verdict.forward_mps if wish.drive.speed_mps > 0 else verdict.reverse_mps
+    if most_mps >= abs(wish.drive.speed_mps):
+        return None
+    return {"speed_mps": most_mps, "reason": verdict.reason, "measure": verdict.measure}
+
+
+def _without_trace(outlook: Outlook) -> Outlook:
+    """Return an outlook that can be asked without the law remembering what it said."""
+    if not isinstance(outlook, SweptOutlook):
+        return outlook
+    guard = copy.copy(outlook.guard)
+    guard.memory = copy.deepcopy(guard.memory)
+    return replace(outlook, guard=guard)
+
+
+def voices(observed: Observed, live: Mapping[Source, Word], heard: Mapping[Source, Said]) -> dict[str, Any]:
+    """Return every voice in the mux's order: its age, whether it is in force, and what it says."""
+    ages_s = observed.voices.ages_s()
+    return {str(source): _voice(live.get(source), ages_s.get(source), heard) for source in observed.voices.order}
+
+
+def decision_fields(output: Output, live: Mapping[Source, Word]) -> dict[str, Any]:
+    """Return one decision: who wished what, who decided, why, and what went to the motor.
+
+    asked_mps: the driver's wish. allowed_mps: after the caps. speed_mps, steering_rad: after the limiter, as sent.
+    """
+    decision = output.decision
+    word = live.get(decision.driver) if decision.driver is not None else None
+    return {
+        "stamp_s": output.stamp_s,
+        "winner": str(decision.winner or "nobody"),
+        "driver": str(decision.driver) if decision.driver is not None else None,
+        "reason": decision.reason,
+        "measure": decision.measure,
+        "asked_mps": word.drive.speed_mps if isinstance(word, DriveWord) else None,
+        "allowed_mps": decision.speed_mps,
+        "speed_mps": output.drive.speed_mps,
+        "steering_rad": output.drive.steering_rad,
+        "delivered": output.delivered,
+    }
+
+
+def decision(observed: Observed, output: Output) -> dict[str, Any]:
+    """Return the message `decision`: the fields, and how old each voice is."""
+    live = {word.source: word for word in observed.voices.live()}
+    ages_s = {str(source): age_s for source, age_s in observed.voices.ages_s().items()}
+    return {**decision_fields(output, live), "voices_age_s": ages_s}
+
+
+def health_fields(device: Lidar | Motor) -> dict[str, Any]:
+    """Return a device's condition."""
+    health = device.health
+    return {
+        "link": str(health.link),
+        "message": health.message,
+        "identity": health.identity,
+        "counts": dict(health.counts),
+    }
+
+
+def _voice(word: Word | None, age_s: float | None, heard: Mapping[Source, Said]) -> dict[str, Any]:
+    if word is None:
+        return {"age_s": age_s, "live": False}
+    says = heard[word.source]
+    fields = {
+        "age_s": age_s,
+        "live": True,
+        "caps": isinstance(word, CapWord),
+        "speed_mps": says.speed_mps,
+        "reason": says.reason,
+        "measure": says.measure,
+    }
+    if says.steering_rad is not None:
+        fields["steering_rad"] = says.steering_rad
+    return fields

@@ -1,0 +1,202 @@
+"""From the newest of everything to the message of one topic. Called off the hot path, and only for what is wanted."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from drivers.api import LinkState, MotorState, Scan
+from runtime.arbitration.command import CapWord, DriveWord, Output, Source
+from runtime.control.guidance import Guidance
+from runtime.control.perception.view import View
+from runtime.control.safety.swept import Outlook
+from runtime.control.vehicle import CarSettings
+from runtime.realtime.wall_clock import WallClock
+from runtime.ros import markers, messages
+from runtime.ros.messages import Floats, Frame, Report
+from runtime.telemetry import marker_writers
+from runtime.telemetry import status as car_status
+from runtime.telemetry.status import Journey, Observed, Said
+from runtime.wire import topics
+
+Message = tuple[float, bytes]
+"""Time of the measurement on the monotonic clock [s], and the payload."""
+Vector = tuple[float, float, float]
+LEVELS: Mapping[LinkState, int] = {LinkState.READY: 0, LinkState.STARTING: 1, LinkState.ABSENT: 2, LinkState.FAULTY: 2}
+
+
+@dataclass(slots=True)
+class Newest:
+    """One slot for everything that the hot path shows; the new replaces the old."""
+
+    scan: Scan | None = None
+    scan_period_s: float = 0.0
+    guided: tuple[Scan, Guidance] | None = None
+    output: Output | None = None
+    motor: MotorState | None = None
+
+
+class TopicWriters:
+    """Writes a topic on demand.
+
+    wall_clock: for the headers' stamps. side: of the followed wall. ball_m: places of
+    the follower's ball, (2, k), base_link, None where it has none.
+    """
+
+    def __init__(
+        self,
+        observed: Observed,
+        car: CarSettings,
+        newest: Newest,
+        journey: Journey,
+        *,
+        wall_clock: WallClock,
+        side: Callable[[], Literal["left", "right"]],
+        ball_m: Callable[[], Floats | None],
+    ) -> None:
+        self._observed = observed
+        self._car = car
+        self._newest = newest
+        self._journey = journey
+        self._unix_ns = wall_clock.unix_ns
+        self._side = side
+        self._ball_m = ball_m
+        self._laser = Frame(messages.BASE, messages.LASER, car.lidar_x_m, 0.0, 0.0)
+        self._writers: Mapping[str, Callable[[], Message | None]] = {
+            topics.SCAN: self._scan,
+            topics.WALL: self._wall,
+            topics.FOOTPRINT: self._footprint,
+            topics.SAFETY: self._safety,
+            topics.NAVIGATION: lambda: self._voice(Source.NAVIGATION),
+            topics.TELEOP: lambda: self._voice(Source.TELEOP),
+            topics.ODOM: self._odom,
+            topics.TF: self._tf,
+            topics.MOTOR: self._motor,
+            topics.BATTERY: self._battery,
+            topics.DIAGNOSTICS: self._diagnostics,
+            topics.STATUS: self._status,
+            topics.DECISION: self._decision,
+        }
+
+    def write(self, topic: str) -> Message | None:
+        """Return the newest message of a topic; None when there is nothing to say, for example for a silent voice."""
+        return self._writers[topic]()
+
+    def output(self, output: Output) -> Message:
+        """Return `output`: what went to the motor."""
+        return self._drive(output.stamp_s, output.drive.speed_mps, output.drive.steering_rad)
+
+    def distance_error(self, scan: Scan, guidance: Guidance) -> Message:
+        """Return `distance_error` of a scan."""
+        return scan.stamp_s, messages.float32(guidance.error_m)
+
+    def imu(self, stamp_s: float, turn_radps: Vector, acceleration_mps2: Vector) -> Message:
+        """Return `imu`, in base_link."""
+        return stamp_s, messages.imu(self.unix_ns(stamp_s), turn_radps, acceleration_mps2)
+
+    def decision(self, output: Output) -> Message:
+        """Return `decision` for a decision that need not be the newest."""
+        return output.stamp_s, topics.encode(car_status.decision(self._observed, output))
+
+    def unix_ns(self, stamp_s: float) -> int:
+        """Return the time since 1970 of a time on the monotonic clock."""
+        return self._unix_ns(stamp_s)
+
+    def _scan(self) -> Message | None:
+        scan = self._newest.scan
+        if scan is None:
+            return None
+        return scan.stamp_s, messages.laser_scan(self.unix_ns(scan.stamp_s), scan, self._newest.scan_period_s)
+
+    def _wall(self) -> Message | None:
+        if self._newest.guided is None:
+            return None
+        scan, guidance = self._newest.guided
+        drawn = marker_writers.wall(guidance, self._side(), self._ball_m())
+        return scan.stamp_s, markers.marker_array(self.unix_ns(scan.stamp_s), drawn)
+
+    def _footprint(self) -> Message | None:
+        output = self._newest.output
+        if output is None:
+            return None
+        drawn = marker_writers.footprint(output, self._car, self._view())
+        return output.stamp_s, markers.marker_array(self.unix_ns(output.stamp_s), drawn)
+
+    def _safety(self) -> Message | None:
+        """What safety allows of the wish in question; nothing while nobody drives or safety is silent."""
+        output, voices = self._newest.output, self._observed.voices
+        if output is None or output.decision.driver is None:
+            return None
+        safety, wish = voices.word(Source.SAFETY), voices.word(output.decision.driver)
+        if safety is None or not isinstance(wish, DriveWord):
+            return None
+        heard: Said = car_status.said(safety, output.decision)
+        allowed_mps = math.copysign(min(abs(wish.drive.speed_mps), heard.speed_mps), wish.drive.speed_mps)
+        return self._drive(safety.scan_stamp_s or output.stamp_s, allowed_mps, wish.drive.steering_rad)
+
+    def _voice(self, source: Source) -> Message | None:
+        """What a driver wishes; nothing while it is silent."""
+        word = self._observed.voices.word(source)
+        if not isinstance(word, DriveWord):
+            return None
+        stamp_s = word.scan_stamp_s if word.scan_stamp_s is not None else self._observed.clock()
+        return self._drive(stamp_s, word.drive.speed_mps, word.drive.steering_rad)
+
+    def _odom(self) -> Message | None:
+        state, pose = self._newest.motor, self._journey.pose
+        if state is None:
+            return None
+        stamp_ns = self.unix_ns(state.stamp_s)
+        return state.stamp_s, messages.odometry(
+            stamp_ns, pose.x_m, pose.y_m, pose.yaw_rad, pose.speed_mps, pose.yaw_rate_radps
+        )
+
+    def _tf(self) -> Message | None:
+        """Where base_link is in odom, and with it the fixed laser in base_link: a late listener has both at once."""
+        state, pose = self._newest.motor, self._journey.pose
+        if state is None:
+            return None
+        base = Frame(messages.ODOM, messages.BASE, pose.x_m, pose.y_m, pose.yaw_rad)
+        return state.stamp_s, messages.transforms(self.unix_ns(state.stamp_s), (base, self._laser))
+
+    def _motor(self) -> Message | None:
+        state = self._newest.motor
+        return (state.stamp_s, messages.motor(self.unix_ns(state.stamp_s), state)) if state is not None else None
+
+    def _battery(self) -> Message | None:
+        state = self._newest.motor
+        if state is None:
+            return None
+        return state.stamp_s, messages.battery(self.unix_ns(state.stamp_s), state.voltage_v, state.input_current_a)
+
+    def _diagnostics(self) -> Message | None:
+        observed, stamp_s = self._observed, self._observed.clock()
+        reports = []
+        for name, device in (("lidar", observed.lidar), ("motor", observed.motor)):
+            health = device.health
+            counts = {what: str(times) for what, times in health.counts.items()}
+            reports.append(Report(LEVELS[health.link], name, health.message, health.identity, counts))
+        window = tuple(observed.window())
+        reports.append(Report(1 if window else 0, "window", "; ".join(window) or "clean", "", {}))
+        if (output := self._newest.output) is not None:
+            decision = output.decision
+            why = f"{decision.winner or 'nobody'}: {decision.reason}"
+            seconds = {winner: f"{spent_s:.1f} s" for winner, spent_s in observed.seconds_by_winner.items()}
+            reports.append(Report(0 if output.delivered else 2, "mux", why, "", seconds))
+        return stamp_s, messages.diagnostics(self.unix_ns(stamp_s), reports)
+
+    def _status(self) -> Message | None:
+        status = car_status.status(self._observed, self._newest.output, self._journey)
+        return status["stamp_s"], topics.encode(status)
+
+    def _decision(self) -> Message | None:
+        return self.decision(self._newest.output) if self._newest.output is not None else None
+
+    def _drive(self, stamp_s: float, speed_mps: float, steering_rad: float) -> Message:
+        return stamp_s, messages.ackermann(self.unix_ns(stamp_s), speed_mps, steering_rad)
+
+    def _view(self) -> View | None:
+        """Return the newest scan as safety sees it, where the law keeps a view."""
+        word = self._observed.voices.word(Source.SAFETY)
+        outlook = word.outlook if isinstance(word, CapWord) else None
+        return outlook.view if isinstance(outlook, Outlook) else None

@@ -1,0 +1,1 @@
+"""The operator's side on the car: sessions, commands, rejections, silence."""

@@ -1,0 +1,70 @@
+"""What an operator's acts mean to the mux: the two words, teleop and permit, that change only together.
+
+While a human drives, the permit refuses in either mode, so that teleop falling silent never lets autonomy go. While
+an operator is there at all, the permit's consent is a lease, so that it ends even if nobody were left to notice.
+"""
+
+from drivers.api import Drive
+from runtime.arbitration.command import DriveWord, Source
+from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.permit import NOT_GRANTED, NOT_REQUIRED, Permit
+from runtime.teleop.status import Standing
+
+
+class OperatorWords:
+    """Speaks for the operator.
+
+    holding: what the last obeyed command held: MANUAL, AUTONOMY, or RELEASED.
+    incident: why autonomy waits for an act of an operator, in the mode that needs no permit; "" when it does not.
+    """
+
+    def __init__(self, voices: Voices, permit: Permit) -> None:
+        self._voices = voices
+        self._permit = permit
+        self.holding = Standing.RELEASED
+        self.incident = ""
+
+    def drive(self, name: str, drive: Drive, *, until_s: float) -> None:
+        """Let a human drive."""
+        self.holding, self.incident = Standing.MANUAL, ""
+        self._permit.refuse(f"{name} drives by hand")
+        self._voices.say(DriveWord(Source.TELEOP, drive, None, f"{name} drives"), expires_at_s=until_s)
+
+    def permit(self, *, until_s: float) -> None:
+        """Let autonomy move."""
+        self._withdraw()
+        self.holding, self.incident = Standing.AUTONOMY, ""
+        self._permit.grant(until_s=until_s)
+
+    def release(self, *, until_s: float) -> None:
+        """Take in an explicit release: a stop, unless autonomy needs no permit and no act is awaited."""
+        self._withdraw()
+        if not self._permit.always:
+            self.incident = ""  # here autonomy needs a press in any case
+            self._permit.refuse(NOT_GRANTED)
+        elif not self.incident:
+            self._permit.grant(until_s=until_s, reason=NOT_REQUIRED)
+
+    def halt(self, reason: str) -> None:
+        """Stop; autonomy waits for an act of an operator, whatever the permit's mode."""
+        self._withdraw()
+        self.incident = reason
+        self._permit.refuse(reason)
+
+    def interrupt(self, reason: str) -> None:
+        """Stop what is held down; where nothing is, only a permit that was granted ends."""
+        if self.holding is Standing.RELEASED:
+            self._permit.revoke(reason)
+        else:
+            self.halt(reason)
+
+    def leave(self) -> None:
+        """Go back to what holds without any operator."""
+        self._withdraw()
+        self.incident = ""
+        self._permit.rest()
+
+    def _withdraw(self) -> None:
+        if self.holding is Standing.MANUAL:
+            self._voices.silence(Source.TELEOP)
+        self.holding = Standing.RELEASED

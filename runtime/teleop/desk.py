@@ -1,0 +1,277 @@
+"""The operator's desk on the car: turns commands into words for the mux, and silence into a stop.
+
+The rules, each with a test that fails when it is broken (docs/decisions/0008-teleop-protocol.md has the reasons):
+
+* Only a fresh and new command is obeyed; stopping is obeyed from any command, however old or broken.
+* A press counts only after a release was seen: at the start of a session, and again after every incident.
+* One operator at a time. Taking over is visible, and stops the car.
+* By hand: the word lasts as long as the command that said it. Autonomy: the permit is a lease of the same length.
+* An operator who falls silent without a goodbye is lost: autonomy does not take over, whatever the permit's mode.
+* After an incident autonomy waits for an act of the operator: a press, or a goodbye. Hands off is no act.
+
+A plain state machine: the clock is injected, nothing here waits, and no bus is known.
+"""
+
+import logging
+import math
+from collections.abc import Callable
+
+from drivers.api import Clock, Drive
+from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.emergency_stop import Cause, EmergencyStop
+from runtime.arbitration.permit import Permit
+from runtime.host.rate_limited_log import QuietLog
+from runtime.settings.operator import OperatorSettings
+from runtime.teleop.commands import OperatorWords
+from runtime.teleop.freshness import Beats
+from runtime.teleop.rejections import Refusal, Refusals
+from runtime.teleop.sessions import Gate, Session
+from runtime.teleop.status import Facts, OperatorView
+from runtime.wire.teleop import UNKNOWN_AGE_MS, Beat, Command, Input, Malformed, Press, is_stop, read_command
+
+log = logging.getLogger("wallride.operator")
+
+RELEASE_FIRST = "release everything first, then press"
+
+
+class OperatorDesk:
+    """Hears commands (`receive`), notices silence (`tick`), and answers with beats (`beat`).
+
+    clear_fault: asks the motor to forget its fault; called on a deliberate reset of the e-stop.
+    car_session: random per start of this process, never 0: commands meant for an earlier start do not count.
+    """
+
+    def __init__(
+        self,
+        settings: OperatorSettings,
+        voices: Voices,
+        permit: Permit,
+        emergency_stop: EmergencyStop,
+        clear_fault: Callable[[], None],
+        clock: Clock,
+        car_session: int,
+    ) -> None:
+        self._settings = settings
+        self._permit = permit
+        self._emergency_stop = emergency_stop
+        self._clear_fault = clear_fault
+        self._clock = clock
+        self._car_session = car_session
+        self._beats = Beats(clock)
+        self._gate = Gate(
+            self._beats, car_session, expiry_s=settings.expiry_s, forget_after_s=settings.slot_free_after_s
+        )
+        self._log = QuietLog(log, clock)
+        self._refusals = Refusals(self._log)
+        self._words = OperatorWords(voices, permit)
+        self._operator: Session | None = None
+        self._lost: Session | None = None  # who fell silent, until somebody acts or it says goodbye
+        self._reason = ""  # why everything has to be released
+        self._futile_until_s = -math.inf  # somebody presses without having released
+        self._accepted = 0
+        self._round_trip_s: float | None = None
+
+    def receive(self, _key: str, payload: bytes, arrival_s: float) -> None:
+        """Take in one command; never raises, whatever the payload is.
+
+        arrival_s: when it came, on the monotonic clock; only for the round trip that the operator is shown.
+        """
+        now_s = self._clock()
+        try:
+            command = read_command(payload)
+        except Malformed as error:
+            self._refusals.count(Refusal.MALFORMED, str(error))
+            if error.stop:
+                self._press_e_stop("an unreadable command")
+            return
+        if is_stop(command.flags):
+            self._press_e_stop(command.name or "an operator without a name")
+        self._notice_silence(now_s)  # first, or a late command would pass for an unbroken series
+        session = self._gate.admit(command, now_s, arrival_s)
+        if session is Refusal.OVER and command.flags & Press.GOODBYE:
+            self._accepted += 1  # a goodbye is sent several times, because one may be lost
+            return
+        if isinstance(session, Refusal):
+            self._refusals.count(session, _advice(session))
+            return
+        self._accepted += 1
+        self._obey(session, command, now_s)
+
+    def tick(self) -> None:
+        """Notice what did not come; call at the rate of the beats."""
+        self._notice_silence(self._clock())
+
+    @property
+    def is_attended(self) -> bool:
+        """Whether an operator has spoken lately, to drive or only to be there."""
+        return bool(self._gate.heard_lately(self._clock()))
+
+    def rearm(self, reason: str) -> None:
+        """Distrust what is held down, because a device was lost or came back; the reason is shown."""
+        self._gate.disarm()
+        self._reason = reason
+        self._words.interrupt(reason)
+
+    def beat(self, speed_mps: float) -> Beat:
+        """Strike the next beat, to be sent at once. speed_mps: measured, NaN when unknown."""
+        number, condition, operator = self._beats.strike(), self._facts().condition(), self._operator
+        if operator is None:
+            return Beat(self._car_session, number, condition, speed_mps=speed_mps)
+        age_ms = round(min(max(0.0, (self._clock() - operator.arrived_s) * 1000), UNKNOWN_AGE_MS))
+        return Beat(
+            self._car_session, number, condition, operator.number, operator.sequence, age_ms, speed_mps, operator.name
+        )
+
+    def view(self) -> OperatorView:
+        """Return the present as plain values."""
+        now_s, facts, operator = self._clock(), self._facts(), self._operator
+        return OperatorView(
+            standing=facts.standing(),
+            operator=operator.title if operator else "",
+            session=f"{operator.number:016x}" if operator else "",
+            sessions=self._gate.heard_lately(now_s),
+            accepted=self._accepted,
+            age_s=now_s - operator.heard_s if operator else None,
+            round_trip_s=self._round_trip_s if operator else None,
+            reason=(self._reason if operator else RELEASE_FIRST) if facts.must_release else facts.incident,
+            permit=self._permit.reason,
+            permitted=facts.permitted,
+            e_stop={str(cause): reason for cause, reason in facts.e_stop.items()},
+            refused=self._refusals.counts,
+        )
+
+    def _obey(self, session: Session, command: Command, now_s: float) -> None:
+        if session is self._operator:
+            self._lost = None
+            self._round_trip_s = now_s - session.beat_s
+        flags = command.flags
+        if flags & Press.GOODBYE:
+            self._leave(session)
+        elif is_stop(flags):
+            pass  # done already, before its age was looked at
+        elif flags & Press.UNSURE:
+            self._distrust(session, Refusal.UNSURE, "the pad is gone or frozen; release everything, then press")
+        elif flags & Press.TAKE_OVER:
+            self._take_over(session)
+        elif not flags:
+            self._release(session)
+        elif self._operator not in {None, session}:
+            session.armed = False  # or it would set off by itself when the other one leaves
+            self._refusals.count(Refusal.NOT_OPERATOR, "somebody else operates; take over, or wait")
+        elif not session.armed:
+            self._futile_until_s = now_s + self._settings.expiry_s
+            self._refusals.count(Refusal.REARM, RELEASE_FIRST)
+        else:
+            self._press(session, command)
+
+    def _press(self, session: Session, command: Command) -> None:
+        flags, until_s = command.flags, session.beat_s + self._settings.expiry_s
+        if flags == Press.RESET:
+            self._reset(session)
+        elif self._emergency_stop.latched:
+            self._distrust(session, Refusal.HELD, "release everything, then reset the e-stop")
+        elif flags == Press.MANUAL and self._is_frozen(command):
+            self._distrust(session, Refusal.FROZEN, "no event from it although it drives; switch it off and on")
+        elif flags == Press.MANUAL:
+            self._appoint(session)
+            self._words.drive(session.title, Drive(command.speed_mps, command.steering_rad), until_s=until_s)
+        elif flags == Press.AUTONOMY:
+            self._appoint(session)
+            self._words.permit(until_s=until_s)
+        else:
+            self._distrust(session, Refusal.CONTRADICTION, "press one thing at a time")
+
+    def _release(self, session: Session) -> None:
+        session.armed = True
+        if session is self._operator:
+            self._words.release(until_s=session.beat_s + self._settings.expiry_s)
+
+    def _leave(self, session: Session) -> None:
+        session.over = True
+        if session in {self._operator, self._lost}:
+            self._log.say("left", f"{session.title} said goodbye", logging.INFO)
+            self._operator = self._lost = None
+            self._words.leave()
+
+    def _take_over(self, session: Session) -> None:
+        self._gate.disarm()
+        self._appoint(session)
+        self._halt(f"{session.title} took over")
+
+    def _reset(self, session: Session) -> None:
+        if not self._emergency_stop.latched:
+            session.armed = False
+            self._reason = "a reset, and nothing to reset"
+            self._words.interrupt(self._reason)
+        else:
+            self._gate.disarm()
+            self._appoint(session)
+            self._log.say("reset", f"{session.title} reset the e-stop")
+            self._emergency_stop.clear(Cause.OPERATOR)
+            self._clear_fault()
+            self._halt("the e-stop was reset")
+
+    def _appoint(self, session: Session) -> None:
+        self._lost = None
+        if self._operator is not session:
+            self._operator = session
+            self._log.say("operator", f"{session.title} operates", logging.INFO)
+
+    def _press_e_stop(self, name: str) -> None:
+        self._gate.disarm()  # each time: a reset must come after the last press of anybody
+        if Cause.OPERATOR not in self._emergency_stop.causes:
+            reason = f"e-stop by {name}"
+            self._log.say("e-stop", reason)
+            self._emergency_stop.latch(Cause.OPERATOR, reason)
+            self._halt(reason)
+
+    def _distrust(self, session: Session, kind: Refusal, advice: str) -> None:
+        self._refusals.count(kind, advice)
+        session.armed = False
+        if session is self._operator:
+            self._halt(str(kind))
+
+    def _notice_silence(self, now_s: float) -> None:
+        operator = self._operator
+        if operator is None or now_s < operator.fresh_until_s:
+            return
+        if self._lost is not operator:
+            self._lost = operator
+            operator.armed = False
+            self._halt(f"{operator.title} was lost")
+            self._log.say("lost", f"{operator.title} was lost: no fresh command and no goodbye")
+        if now_s - operator.heard_s >= self._settings.slot_free_after_s:
+            self._operator = None
+
+    def _halt(self, reason: str) -> None:
+        self._reason = reason
+        self._words.halt(reason)
+
+    def _is_frozen(self, command: Command) -> bool:
+        still_s = command.input_age_ms / 1000
+        return command.input is Input.PAD and command.speed_mps != 0 and still_s > self._settings.frozen_after_s
+
+    def _facts(self) -> Facts:
+        now_s = self._clock()
+        operator = self._operator
+        return Facts(
+            e_stop=self._emergency_stop.causes,
+            present=operator is not None and self._lost is None,
+            lost=self._lost is not None,
+            must_release=not operator.armed if operator is not None else now_s < self._futile_until_s,
+            holding=self._words.holding,
+            incident=self._words.incident,
+            permitted=now_s < self._permit.until_s and not self._emergency_stop.latched,
+        )
+
+
+def _advice(kind: Refusal) -> str:
+    """Say what a command that did not pass the gate means for whoever reads the log."""
+    return {
+        Refusal.FOREIGN: "sent before this car was heard, or for an earlier start of it",
+        Refusal.UNKNOWN_BEAT: "echoes a beat that was not sent lately",
+        Refusal.STALE: "the link is slow, or was away for a while",
+        Refusal.REPLAY: "not newer than the last of its session",
+        Refusal.OVER: "said goodbye; start the client again",
+        Refusal.TOO_MANY: "close some of the clients",
+    }.get(kind, "")

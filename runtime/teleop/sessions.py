@@ -1,0 +1,103 @@
+"""Who talks to the car: one record per client, few of them, and the gate that every command must pass.
+
+The gate asks two things only: is the command fresh (see `freshness`), and is it newer than the last of its session.
+What the command wants is not its business.
+"""
+
+from dataclasses import dataclass
+
+from runtime.teleop.freshness import Beats, newer
+from runtime.teleop.rejections import Refusal
+from runtime.wire.teleop import Command
+
+MAX_SESSIONS = 64
+"""More clients at once than any class has. Whoever holds an operator's key and opens more is refused, not obeyed."""
+
+
+@dataclass(slots=True, eq=False)
+class Session:
+    """One start of one client.
+
+    sequence: the newest command that passed. beat_s: when the car sent the beat which that command echoed.
+    fresh_until_s: when the newest of its commands ends. heard_s, arrived_s: when that was handled, and came.
+    armed: everything was seen released since the last reason to distrust; only then a press counts.
+    over: it said goodbye. It stays known for a while, or its last commands could be played to us again.
+    """
+
+    number: int
+    name: str
+    sequence: int
+    beat_s: float
+    fresh_until_s: float
+    heard_s: float
+    arrived_s: float
+    armed: bool = False
+    over: bool = False
+
+    @property
+    def title(self) -> str:
+        """What to call it."""
+        return self.name or "an operator without a name"
+
+
+class Gate:
+    """Lets fresh and new commands through, and knows the sessions that sent them.
+
+    A session that is forgotten was silent for `forget_after_s`, which is longer than `expiry_s`: whatever is
+    replayed of it is stale, so forgetting opens no door.
+    """
+
+    def __init__(self, beats: Beats, car_session: int, *, expiry_s: float, forget_after_s: float) -> None:
+        self._beats = beats
+        self._car_session = car_session
+        self._expiry_s = expiry_s
+        self._forget_after_s = max(forget_after_s, 2 * expiry_s)
+        self._sessions: dict[int, Session] = {}
+
+    def admit(self, command: Command, now_s: float, arrival_s: float) -> Session | Refusal:
+        """Judge a command; return the session that it renewed, or why it does not count."""
+        if command.car_session != self._car_session:
+            return Refusal.FOREIGN
+        beat_s = self._beats.sent_at_s(command.beat)
+        if beat_s is None:
+            return Refusal.UNKNOWN_BEAT
+        if now_s >= beat_s + self._expiry_s:
+            return Refusal.STALE
+        known = self._sessions.get(command.session)
+        if known is None:
+            return self._open(command, now_s, arrival_s, beat_s)
+        if known.over:
+            return Refusal.OVER
+        if not newer(command.sequence, known.sequence):
+            return Refusal.REPLAY
+        if now_s >= known.fresh_until_s:
+            known.armed = False  # a gap: whatever is held down now may have been pressed in it
+        known.sequence, known.beat_s, known.heard_s, known.arrived_s = command.sequence, beat_s, now_s, arrival_s
+        known.fresh_until_s = max(known.fresh_until_s, beat_s + self._expiry_s)
+        return known
+
+    def disarm(self) -> None:
+        """Let nobody's presses count before a release."""
+        for session in self._sessions.values():
+            session.armed = False
+
+    def heard_lately(self, now_s: float) -> int:
+        """Return how many clients are there."""
+        sessions = self._sessions.values()
+        return len([one for one in sessions if not one.over and now_s - one.heard_s < self._forget_after_s])
+
+    def _open(self, command: Command, now_s: float, arrival_s: float, beat_s: float) -> Session | Refusal:
+        if len(self._sessions) >= MAX_SESSIONS:
+            self._forget_silent(now_s)
+        if len(self._sessions) >= MAX_SESSIONS:
+            return Refusal.TOO_MANY
+        session = Session(
+            command.session, command.name, command.sequence, beat_s, beat_s + self._expiry_s, now_s, arrival_s
+        )
+        self._sessions[command.session] = session
+        return session
+
+    def _forget_silent(self, now_s: float) -> None:
+        silent = [one.number for one in self._sessions.values() if now_s - one.heard_s >= self._forget_after_s]
+        for number in silent:
+            del self._sessions[number]

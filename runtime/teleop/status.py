@@ -1,0 +1,109 @@
+"""What the operator's side looks like from outside: for the status, the log of a race, a page."""
+
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import Any
+
+from drivers.value import value
+from runtime.arbitration.emergency_stop import Cause
+from runtime.wire.teleop import Condition
+
+
+class Standing(StrEnum):
+    """Where the operator's side stands; the first that applies, most urgent first."""
+
+    ESTOP = "e-stop"
+    LOST = "operator lost"
+    REARM = "release everything"
+    MANUAL = "manual"
+    AUTONOMY = "autonomy"
+    WAITING = "waiting for a press"
+    """Everything is released, and autonomy waits for the operator to act after an incident."""
+    RELEASED = "released"
+    NOBODY = "nobody"
+
+
+@value()
+class Facts:
+    """What the desk knows at one moment, before it is put into words.
+
+    present, lost: the operator's commands are fresh; somebody fell silent and nobody has acted since.
+    must_release: a press is not obeyed, and somebody who could operate presses or may do so.
+    holding, incident: as in `OperatorWords`. permitted: autonomy may move now.
+    """
+
+    e_stop: Mapping[Cause, str]
+    present: bool
+    lost: bool
+    must_release: bool
+    holding: Standing
+    incident: str
+    permitted: bool
+
+    def standing(self) -> Standing:
+        """Put it into one word."""
+        if self.e_stop:
+            return Standing.ESTOP
+        if self.lost:
+            return Standing.LOST
+        if self.must_release:
+            return Standing.REARM
+        if self.holding is not Standing.RELEASED:
+            return self.holding
+        if self.incident:
+            return Standing.WAITING
+        return Standing.RELEASED if self.present else Standing.NOBODY
+
+    def condition(self) -> Condition:
+        """Put it into the flags of a beat."""
+        return Condition(
+            bool(self.e_stop) * Condition.ESTOP_LATCHED
+            + self.permitted * Condition.PERMITTED
+            + self.present * Condition.OPERATOR_PRESENT
+            + self.lost * Condition.OPERATOR_LOST
+            + self.must_release * Condition.REARM
+            + (Cause.MOTOR in self.e_stop) * Condition.FAULT
+        )
+
+
+@value()
+class OperatorView:
+    """The operator's side at one moment.
+
+    operator, session: who operates, by name and as 16 hexadecimal digits; "" when nobody does.
+    sessions: clients heard lately. accepted: commands that were fresh and new.
+    age_s: since the operator's last such command. round_trip_s: how old the beat in it was when it came.
+    reason: why a press is not obeyed or autonomy waits; "" when neither.
+    permit: the permit's last words. permitted: whether they allow autonomy to move now.
+    e_stop: what holds the emergency stop, by cause. refused: commands not obeyed, by kind.
+    """
+
+    standing: Standing
+    operator: str
+    session: str
+    sessions: int
+    accepted: int
+    age_s: float | None
+    round_trip_s: float | None
+    reason: str
+    permit: str
+    permitted: bool
+    e_stop: Mapping[str, str]
+    refused: Mapping[str, int]
+
+    def fields(self) -> dict[str, Any]:
+        """Return plain values for the status."""
+        return {
+            "standing": str(self.standing),
+            "operator": self.operator,
+            "session": self.session,
+            "sessions": self.sessions,
+            "accepted": self.accepted,
+            "age_s": self.age_s,
+            "round_trip_s": self.round_trip_s,
+            "reason": self.reason,
+            "permit": self.permit,
+            "permitted": self.permitted,
+            "e_stop": dict(self.e_stop),
+            "refused": dict(self.refused),
+        }

@@ -1,0 +1,231 @@
+"""Configurations of zenoh sessions as plain dictionaries: the car's and its clients'. Pure: no zenoh, no files.
+
+The car is a router of its own, so that users install nothing; whoever talks to it is a client of exactly that car.
+What each person may do stands in `_grants`, and nowhere else. zenoh drops the rest without telling the sender.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, Literal
+
+from runtime.wire import topics
+from runtime.wire.endpoints import check_listening, is_tls, split_endpoint
+
+LEASE_MS = 1000
+KEEP_ALIVES_PER_LEASE = 4
+CONNECT_TIMEOUT_MS = 1000
+LARGEST_INCOMING_B = 1 << 20
+"""zenoh would gather up to 1 GiB from anyone who sends it in pieces; nothing that the car is told is this long."""
+
+
+EVERY_MESSAGE = [
+    "put",
+    "delete",
+    "declare_subscriber",
+    "query",
+    "reply",
+    "declare_queryable",
+    "liveliness_token",
+    "liveliness_query",
+    "declare_liveliness_subscriber",
+]
+
+
+class Role(StrEnum):
+    """What a person may do; each role includes the ones before it."""
+
+    VIEWER = "viewer"
+    OPERATOR = "operator"
+    ADMIN = "admin"
+
+    def includes(self, other: "Role") -> bool:
+        """Tell whether this role may do all that the other may."""
+        ranks = list(Role)
+        return ranks.index(self) >= ranks.index(other)
+
+
+@dataclass(frozen=True, slots=True)
+class Person:
+    """Somebody with a certificate: its common name, and what it may do."""
+
+    name: str
+    role: Role
+
+
+@dataclass(frozen=True, slots=True)
+class Tls:
+    """The three PEM files that a session trusts and shows."""
+
+    authority: Path
+    certificate: Path
+    key: Path
+
+
+@dataclass(frozen=True, slots=True)
+class Grant:
+    """One thing that a role may do. Flows are seen from the car: ingress arrives there, egress leaves it."""
+
+    role: Role
+    name: str
+    flow: Literal["ingress", "egress"]
+    messages: tuple[str, ...]
+    keys: tuple[str, ...]
+
+
+def car_config(listen: Sequence[str], tls: Tls | None, people: Sequence[Person], car: str) -> dict[str, Any]:
+    """Return the configuration of the car's session, which listens and never connects anywhere.
+
+    Without `tls` only this machine can reach the car, and everyone on it may do everything. ValueError when an
+    endpoint would be open to the network without certificates.
+    """
+    check_listening(listen)
+    if tls is None and any(map(is_tls, listen)):
+        raise ValueError("a tls endpoint needs the car's keys")
+    config = _session("router", ["tcp", "tls"] if tls else ["tcp"]) | {
+        "metadata": {"name": car},
+        "listen": {"endpoints": list(listen)},
+        "connect": {"endpoints": []},
+        "timestamping": {"enabled": True},
+        "adminspace": {"enabled": False, "permissions": {"read": False, "write": False}},
+    }
+    # One link per session: the rights of a session are judged over all its links together.
+    config["transport"]["unicast"] = {"max_links": 1}
+    config["transport"]["link"]["rx"] = {"max_message_size": LARGEST_INCOMING_B}
+    if tls is not None:
+        config["transport"]["link"]["tls"] = {
+            "root_ca_certificate": str(tls.authority),
+            "listen_certificate": str(tls.certificate),
+            "listen_private_key": str(tls.key),
+            "enable_mtls": True,
+            "close_link_on_expiration": True,
+        }
+        config["access_control"] = access_control(people, car)
+    return config
+
+
+def client_config(connect: str, tls: Tls | None) -> dict[str, Any]:
+    """Return the configuration of a client's session: one car, found again within half a second when it vanished.
+
+    ValueError when such a connection cannot be made.
+    """
+    protocol, host, _ = split_endpoint(connect)
+    if protocol == "tls" and tls is None:
+        raise ValueError(f"{connect} needs keys")
+    if protocol == "tls" and host.startswith("["):  # zenoh 1.10 takes the brackets for a part of the name
+        raise ValueError(f"{connect}: a certificate cannot be checked against an IPv6 address; use the car's name")
+    config = _session("client", [protocol]) | {
+        "connect": {
+            "endpoints": [connect],
+            "timeout_ms": CONNECT_TIMEOUT_MS,
+            "exit_on_failure": True,
+            "retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5},
+        },
+    }
+    if tls is not None and protocol == "tls":
+        config["transport"]["link"]["tls"] = {
+            "root_ca_certificate": str(tls.authority),
+            "connect_certificate": str(tls.certificate),
+            "connect_private_key": str(tls.key),
+            "enable_mtls": True,
+            "verify_name_on_connect": True,
+        }
+    return config
+
+
+def access_control(people: Sequence[Person], car: str) -> dict[str, Any]:
+    """Return the access control of one car: what is not granted here is dropped, wildcards and all.
+
+    zenoh skips a `deny` rule when the message's key is wider than the rule's, so nothing is ever allowed first and
+    forbidden afterwards. A role that nobody has gets no subject: an empty one would mean everybody.
+    """
+    grants = list(_grants(car))
+    members = {role: [person.name for person in people if person.role.includes(role)] for role in Role}
+    subjects: list[dict[str, Any]] = [
+        # Whoever has no certificate is on the car itself: tcp is never offered elsewhere, and this asks once more.
+        {"id": "this-machine", "link_protocols": ["tcp"], "interfaces": ["lo", "lo0"]},
+        *(
+            {"id": role.value, "link_protocols": ["tls"], "cert_common_names": names}
+            for role, names in members.items()
+            if names
+        ),
+    ]
+    policies = [{"rules": ["everything"], "subjects": ["this-machine"]}] + [
+        {"rules": [grant.name for grant in grants if grant.role is role], "subjects": [role.value]}
+        for role, names in members.items()
+        if names
+    ]
+    everything = _rule("everything", ["ingress", "egress"], EVERY_MESSAGE, ["**"])
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": [everything, *(_rule(grant.name, [grant.flow], grant.messages, grant.keys) for grant in grants)],
+        "subjects": subjects,
+        "policies": policies,
+    }
+
+
+def _grants(car: str) -> Iterator[Grant]:
+    """Yield who may do what with one car.
+
+    One chunk below wallride/<car> is telemetry, which every listed person may hear; what is deeper is granted by its
+    exact key. A question and its answer are separate grants: one for both ways would let a viewer answer in the
+    car's name.
+    """
+    viewer, operator, admin = Role.VIEWER, Role.OPERATOR, Role.ADMIN
+    # What somebody may want to hear may be wide, because what leaves is judged again, by the key it leaves with.
+    yield Grant(viewer, "wants", "ingress", ("declare_subscriber",), (f"{topics.ROOT}/**",))
+    yield Grant(viewer, "telemetry", "egress", ("put",), (topics.key(car, "*"),))
+    asks, cars = ("liveliness_query", "declare_liveliness_subscriber"), (topics.key("*", topics.ALIVE),)
+    yield Grant(viewer, "who-is-there", "ingress", asks, cars)
+    yield Grant(viewer, "car-is-there", "egress", ("liveliness_token",), (topics.key(car, topics.ALIVE),))
+    yield from _questions(viewer, "look", _parameter_keys(car, "list", "get", "history"))
+
+    command = (topics.key(car, topics.COMMAND),)
+    yield Grant(operator, "command", "ingress", ("put",), command)
+    yield Grant(operator, "command-heard", "egress", ("declare_subscriber",), command)
+    token = (topics.key(car, f"{topics.OPERATOR_ALIVE}/*"),)
+    yield Grant(operator, "operator-is-there", "ingress", ("liveliness_token",), token)
+    yield Grant(operator, "who-else-operates", "ingress", asks, token)
+    yield Grant(operator, "others-operate", "egress", ("liveliness_token",), token)
+    yield from _questions(operator, "change", _parameter_keys(car, "set", "save"))
+
+    own_parts = (topics.key(car, f"{topics.OWN_PARTS}/show"), topics.key(car, f"{topics.OWN_PARTS}/forget"))
+    yield from _questions(operator, "own-parts", own_parts)
+    yield from _questions(
+        operator, "logs", (topics.key(car, f"{topics.LOGS}/list"), topics.key(car, f"{topics.LOGS}/get"))
+    )
+    yield from _questions(admin, "record", (topics.key(car, topics.RECORD), topics.key(car, f"{topics.LOGS}/trim")))
+
+
+def _parameter_keys(car: str, *verbs: str) -> tuple[str, ...]:
+    return tuple(topics.key(car, f"{topics.PARAM}/{verb}") for verb in verbs)
+
+
+def _questions(role: Role, name: str, keys: tuple[str, ...]) -> Iterator[Grant]:
+    """Yield the two grants with which a role asks and only the car answers."""
+    yield Grant(role, f"{name}-ask", "ingress", ("query",), keys)
+    yield Grant(role, f"{name}-answer", "egress", ("declare_queryable", "reply"), keys)
+
+
+def _rule(name: str, flows: Sequence[str], messages: Sequence[str], keys: Sequence[str]) -> dict[str, Any]:
+    return {
+        "id": name,
+        "permission": "allow",
+        "flows": list(flows),
+        "messages": list(messages),
+        "key_exprs": list(keys),
+    }
+
+
+def _session(mode: str, protocols: list[str]) -> dict[str, Any]:
+    """Return what both ends share: nothing is searched for on the network, and silence is noticed within a second."""
+    return {
+        "mode": mode,
+        "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "transport": {
+            "link": {"protocols": protocols, "tx": {"lease": LEASE_MS, "keep_alive": KEEP_ALIVES_PER_LEASE}},
+            "shared_memory": {"enabled": False},
+        },
+    }

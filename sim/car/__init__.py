@@ -1,0 +1,1 @@
+"""The simulated car: vehicle, motor control, actuation delay."""

@@ -1,0 +1,101 @@
+"""The figures of a run, from the simulator's own truth: what the car really did, not what it believed."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sim.world.pose import Floats
+
+SETTLE_BAND_M = 0.05
+STANDING_BELOW_MPS = 0.05
+ON_THE_LINE_M = 0.02
+STANDING_FOR_S = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """The car at one moment. wall_m: true distance from the rear axle to the followed wall, inf without one."""
+
+    time_s: float
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    speed_mps: float
+    wall_m: float
+    clearance_m: float
+
+
+def figures(samples: Sequence[Sample], desired_m: float) -> dict[str, Any]:
+    """Return duration, distance, errors, settling, clearance and speed of a run.
+
+    Errors count from the first movement, over samples that have a wall. `settle_s` is the time after which the error
+    stays within 5 cm for the rest of the run, null when it does not.
+    """
+    table = np.array([[s.time_s, s.x_m, s.y_m, s.speed_mps, s.wall_m, s.clearance_m] for s in samples]).reshape(-1, 6)
+    time_s, x_m, y_m, speed_mps, wall_m, clearance_m = table.T
+    moving = np.flatnonzero(np.abs(speed_mps) > STANDING_BELOW_MPS)
+    start = int(moving[0]) if moving.size else len(table)
+    has_wall = np.isfinite(wall_m[start:])
+    error_m = (wall_m[start:] - desired_m)[has_wall]
+    distance_m = float(np.hypot(np.diff(x_m), np.diff(y_m)).sum())
+    moving_s = float(time_s[-1] - time_s[start]) if moving.size else 0.0
+    return {
+        "duration_s": _number(time_s[-1] - time_s[0] if len(table) else 0.0),
+        "distance_m": _number(distance_m),
+        "mean_abs_error_m": _number(np.abs(error_m).mean()) if error_m.size else None,
+        "rms_error_m": _number(np.sqrt((error_m**2).mean())) if error_m.size else None,
+        "settle_s": _settle_s(time_s[start:][has_wall], error_m),
+        "max_overshoot_m": _overshoot_m(error_m),
+        "min_clearance_m": _number(clearance_m.min()) if len(table) else None,
+        "stopped": _stands_at_the_end(time_s, speed_mps),
+        "mean_speed_mps": _number(distance_m / moving_s) if moving_s > 0 else 0.0,
+    }
+
+
+def _number(value: float) -> float | None:
+    return round(float(value), 4) if math.isfinite(value) else None
+
+
+def _settle_s(time_s: Floats, error_m: Floats) -> float | None:
+    if not error_m.size:
+        return None
+    outside = np.flatnonzero(np.abs(error_m) > SETTLE_BAND_M)
+    if not outside.size:
+        return 0.0
+    after = int(outside[-1]) + 1
+    return _number(time_s[after] - time_s[0]) if after < error_m.size else None
+
+
+def _overshoot_m(error_m: Floats) -> float | None:
+    """Return how far the car went past the desired distance, seen from the side on which it started.
+
+    A car that starts on the line has no side: for it every departure counts.
+    """
+    if not error_m.size:
+        return None
+    if abs(error_m[0]) < ON_THE_LINE_M:
+        return _number(np.abs(error_m).max())
+    past_m = -error_m if error_m[0] > 0 else error_m
+    return _number(max(0.0, float(past_m.max())))
+
+
+def _stands_at_the_end(time_s: Floats, speed_mps: Floats) -> bool:
+    if not time_s.size:
+        return True
+    last = time_s > time_s[-1] - STANDING_FOR_S
+    return bool((np.abs(speed_mps[last]) < STANDING_BELOW_MPS).all())
+
+
+def device_faults(status: Mapping[str, Any]) -> dict[str, int]:
+    """Return every kind of trouble that the devices counted, by name: `lidar.checksum`, `motor.reconnect`."""
+    faults = {}
+    for device in ("lidar", "motor"):
+        for what, times in status.get(device, {}).get("counts", {}).items():
+            if times:
+                faults[f"{device}.{what}"] = times
+    if status.get("fault"):
+        faults[f"motor: {status['fault']}"] = 1
+    return faults

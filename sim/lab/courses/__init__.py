@@ -1,0 +1,1 @@
+"""What the experiments drive: courses, places in buildings, sudden obstacles, the prototype."""

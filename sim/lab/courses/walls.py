@@ -1,0 +1,147 @@
+"""The courses of `lab walls`: where the car starts, along which wall, and for how long.
+
+t1 to t5 are the lab report's own: 0.5 or 1.5 m from a straight wall, 20 degrees toward it or away; an inside corner.
+"Clean" means 0.02 m of noise and 2 % of wild beams; "dirty" adds smudges on the window from the first scan on, "rough"
+30 mrad of mechanical trim, 60 ms from scan to wire and 30 mm of noise.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+from sim.car.vehicle import VehicleSettings
+from sim.lab.cell import DESIRED_M
+from sim.lab.courses.glass import Glazed
+from sim.lab.limit import Task, Wall
+from sim.virtual.closed_loop import ROUGH_BEAMS, Case
+from sim.world.beams import LidarSettings
+from sim.world.place import World
+from sim.world.pose import Pose, Side
+from sim.world.segments import SegmentGeometry
+from sim.world.worlds import load_world
+
+SLANT_RAD = math.radians(20.0)
+ROUGH_LATENCY_S, ROUGH_TRIM_RAD, ROUGH_NOISE_M = 0.06, 0.03, 0.03
+SMUDGES = ((-97.0, -94.5, 0.05), (40.0, 41.0, 0.12), (88.0, 89.5, 0.20))
+"""(from, to) [deg] and range [m]: 2 to 5 mm wide, one of them where the wall is looked for."""
+_PANE_FROM_M, _PANE_TO_M = 3.0, 7.0
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """A wall and a start, for a wall on the left.
+
+    distance, toward_rad, ahead_m: the start; distance is a share of the wanted one. way_m: how far it goes.
+    wall_segments: how many of the world's first segments are the followed wall; 0: a straight one at y = 1, whose doors
+    and panes do not count.
+    """
+
+    world: str
+    distance: float = 1.0
+    toward_rad: float = 0.0
+    ahead_m: float = 0.0
+    way_m: float = 9.0
+    wall_segments: int = 0
+    glass: bool = False
+
+    def start(self, world: World, desired_m: float) -> Pose:
+        """Return where the run starts."""
+        return world.start_at(distance_m=self.distance * desired_m, toward_wall_rad=self.toward_rad).ahead(self.ahead_m)
+
+
+COURSES = {
+    "t1": Course("straight", 0.5, SLANT_RAD, way_m=8.5, wall_segments=1),
+    "t2": Course("straight", 0.5, -SLANT_RAD, way_m=8.5, wall_segments=1),
+    "t3": Course("straight", 1.5, SLANT_RAD, way_m=8.5, wall_segments=1),
+    "t4": Course("straight", 1.5, -SLANT_RAD, way_m=8.5, wall_segments=1),
+    "t5": Course("inside_corner", ahead_m=2.0, wall_segments=2),
+    "outside_corner": Course("outside_corner", ahead_m=1.5, wall_segments=2),
+    "doorway": Course("doorway", ahead_m=2.0),
+    "glass": Course("straight", glass=True),
+    "u_turn": Course("u_turn", ahead_m=2.0, way_m=15.0, wall_segments=3),
+    "u_turn_inner": Course("u_turn_inner", ahead_m=2.0, way_m=12.0, wall_segments=3),
+    "curved": Course("curved", ahead_m=-3.0, way_m=24.0, wall_segments=-1),
+}
+"""Every clean course by name."""
+
+STRAIGHT_COURSES = ("t1", "t2", "t3", "t4")
+REPORT_COURSES = (*STRAIGHT_COURSES, "t5")
+SPOILT = ("dirty", "rough")
+ALL_COURSES = (*COURSES, *(f"{name} {spoilt}" for spoilt in SPOILT for name in REPORT_COURSES))
+
+
+@lru_cache(maxsize=64)
+def world_of(name: str, side: Side) -> World:
+    """Return a built-in world; made once per process."""
+    return load_world(name, side=side)
+
+
+def case_of(scenario: str, speed_mps: float, mu: float, side: Side, seed: int, desired_m: float = DESIRED_M) -> Case:
+    """Return the run of a course, "t1" or "t1 dirty"."""
+    name, _, spoilt = scenario.partition(" ")
+    course = COURSES[name]
+    world = world_of(course.world, side)
+    case = Case(
+        world,
+        _start(course, side, desired_m),
+        speed_mps,
+        desired_m,
+        side,
+        distance_m=course.way_m,
+        duration_s=4.0 * course.way_m / max(speed_mps, 0.5) + 5.0,
+        standing_s=3.0,
+        vehicle=VehicleSettings(grip_mu=mu),
+        seed=seed,
+        truth=None if course.wall_segments else world_of("straight", side),
+        surroundings=_glazed(side) if course.glass else None,
+    )
+    return _spoil(case, spoilt, side)
+
+
+def with_own_parts(case: Case, kind: str) -> Case:
+    """Return the same run of a car that sees such parts of itself."""
+    return replace(case, lidar=case.lidar.model_copy(update={"own_parts": kind}))
+
+
+def limit_task(scenario: str, speed_mps: float, mu: float, desired_m: float = DESIRED_M) -> Task | None:
+    """Return the optimal control problem of a course, the clean one's for its variants; None where it is 0."""
+    course = COURSES[scenario.partition(" ")[0]]
+    if not course.wall_segments:
+        return None
+    world = world_of(course.world, "left")
+    vehicle = VehicleSettings(grip_mu=mu)
+    start = course.start(world, desired_m)
+    return Task(followed_wall(course), start, speed_mps, course.way_m, desired_m, vehicle=vehicle)
+
+
+def followed_wall(course: Course) -> Wall:
+    """Return the segments of the followed wall."""
+    geometry = world_of(course.world, "left").geometry
+    if not isinstance(geometry, SegmentGeometry):
+        raise TypeError(f"the limit of {course.world} cannot be computed: its walls are not segments")
+    count = course.wall_segments if course.wall_segments > 0 else len(geometry.segments_m) // 2
+    return tuple((float(a), float(b), float(c), float(d)) for a, b, c, d in geometry.segments_m[:count])
+
+
+def _start(course: Course, side: Side, desired_m: float) -> Pose:
+    start = course.start(world_of(course.world, "left"), desired_m)
+    return start if side == "left" else start.mirrored()
+
+
+@lru_cache(maxsize=2)
+def _glazed(side: Side) -> Glazed:
+    sign = 1.0 if side == "left" else -1.0
+    return Glazed(world_of("straight", side), (_PANE_FROM_M, sign, _PANE_TO_M, sign))
+
+
+def _spoil(case: Case, how: str, side: Side) -> Case:
+    match how:
+        case "dirty":
+            smudges = SMUDGES if side == "left" else tuple((-to, -begin, range_m) for begin, to, range_m in SMUDGES)
+            return replace(case, lidar=ROUGH_BEAMS.model_copy(update={"dirty_sectors": smudges}))
+        case "rough":
+            lidar = LidarSettings(noise_std_m=ROUGH_NOISE_M, outlier_share=0.02)
+            vehicle = case.vehicle.model_copy(update={"trim_rad": ROUGH_TRIM_RAD})
+            return replace(case, lidar=lidar, vehicle=vehicle, latency_s=ROUGH_LATENCY_S)
+        case _:
+            return case

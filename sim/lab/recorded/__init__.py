@@ -1,0 +1,1 @@
+"""Recorded drives through the car's own perception and safety."""

@@ -1,0 +1,217 @@
+"""A recorded drive through the car's own eyes and safety: what they would have said to every scan.
+
+Nothing is steered here. The recorded car drove as it drove; safety is asked, at every scan, about the drive that the
+recorded mux let through at that moment, or, where that was not recorded, about the motion that the scans show.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from drivers.api import MotorState, Scan
+from runtime.arbitration.command import Verdict
+from runtime.control.perception.lidar_health import LidarHealth
+from runtime.control.perception.odometry import Odometry
+from runtime.control.perception.view import Eyes, View
+from runtime.control.safety.moving_obstacles import Movers
+from runtime.control.safety.swept import Outlook, SweptGuard
+from runtime.control.safety.swept_settings import SweptSettings
+from runtime.control.vehicle import CarSettings
+from runtime.control.wall_following.ball import BallFollower
+from runtime.control.wall_following.ball_settings import BallSettings
+from runtime.control.wall_following.followed_wall import side_view
+from runtime.control.wall_following.wall_fit import Line
+from sim.lab.recorded.scan_motion import ScanMotion, motion_of
+from sim.recordings import CommandTrack, Recording
+from sim.world.pose import Floats, Side
+
+DRIVES_ABOVE_MPS = 0.15
+STEERS_ABOVE_MPS = 0.3
+"""Slower than this the heading of the wheels cannot be read off the motion."""
+COMMAND_LASTS_S = 0.3
+JUMP_M = 0.1
+"""No car comes so much nearer to a wall from scan to scan."""
+OLDEST_S = 0.2
+"""Scans that the recorder got later than this came late to it, not to the car's own program."""
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What the recorded car was told at a scan; origin: which voice said so, or that the motion did."""
+
+    speed_mps: float
+    steering_rad: float
+    origin: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Judged:
+    """One scan, and what is said to it. walker: whether somebody is thought to cross."""
+
+    scan: Scan
+    motor: MotorState
+    outlook: Outlook
+    asked: Asked
+    verdict: Verdict
+    line: Line | None
+    distance_m: float
+    walker: bool
+
+    @property
+    def drives(self) -> bool:
+        """Whether the recorded car was told to go forward, and safety's word would have counted."""
+        return self.asked.speed_mps > 0
+
+    @property
+    def capped(self) -> bool:
+        """Whether safety would have lowered the speed at which the car drove; standing, any way at all will do."""
+        return self.drives and self.verdict.forward_mps < min(self.asked.speed_mps, max(self.motor.speed_mps, 0.3))
+
+    @property
+    def stopped(self) -> bool:
+        """Whether safety would have stopped the car."""
+        return self.drives and self.verdict.forward_mps <= 0
+
+
+@dataclass(slots=True, eq=False)
+class Replay:
+    """A recording judged from end to end. side: of the followed wall. masked: (beams,) in how many scans."""
+
+    recording: Recording
+    motion: ScanMotion
+    side: Side
+    judged: list[Judged]
+    health: LidarHealth
+    masked: npt.NDArray[np.intp]
+
+
+def replay(recording: Recording, side: Side, guard_settings: SweptSettings | None = None) -> Replay:
+    """Judge every scan of a recording, in order, with fresh eyes."""
+    car = CarSettings()
+    motion = motion_of(recording)
+    eyes = Eyes(car)
+    guard = SweptGuard(guard_settings or SweptSettings(), car, eyes)
+    follower = BallFollower(BallSettings(side=side, speed_mps=2.0), car, eyes)
+    movers, odometry = Movers(), Odometry(car.wheelbase_m)
+    judged: list[Judged] = []
+    masked = np.zeros(recording.beams, np.intp)
+    for number, scan in enumerate(scans_of(recording)):
+        asked = asked_at(recording, motion, number, car)
+        motor = motor_at(motion, number, _wheels_rad(motion, number, asked, car), float(recording.received_s[number]))
+        outlook = guard.look(scan, motor)
+        distance_m = follower.follow(scan, motor).distance_m
+        view = eyes.see(scan)
+        verdict = outlook.limit(asked.speed_mps, asked.steering_rad)
+        walker = bool(movers.update(view, odometry.update(motor), scan.stamp_s).size)
+        judged.append(Judged(scan, motor, outlook, asked, verdict, wall_line(view, side), distance_m, walker))
+        if guard.health.mask is not None:
+            masked += guard.health.mask
+    return Replay(recording, motion, side, judged, guard.health, masked)
+
+
+def scans_of(recording: Recording) -> list[Scan]:
+    """Return the scans as the car's driver would deliver them: what is no distance is NaN."""
+    ranges_m = np.asarray(recording.ranges_m)
+    usable = (ranges_m >= recording.range_min_m) & (ranges_m <= recording.range_max_m)
+    clean_m = np.where(usable, ranges_m, np.float32(np.nan)).astype(np.float32)
+    clean_m.setflags(write=False)
+    scans = []
+    for number in range(len(recording)):
+        stamp_s = float(recording.stamp_s[number])
+        age_s = min(max(float(recording.received_s[number]) - stamp_s, 0.0), OLDEST_S)
+        scans.append(
+            Scan(
+                stamp_s, stamp_s + age_s, recording.angle_min_rad, recording.angle_step_rad, recording.range_min_m,
+                recording.range_max_m, clean_m[number], number,
+            )
+        )  # fmt: skip
+    return scans
+
+
+def motor_at(motion: ScanMotion, number: int, wheels_rad: float, time_s: float) -> MotorState:
+    """Return what a motor controller would have reported: the speed that the scans show, and the way."""
+    speed_mps = float(motion.speed_mps[number])
+    if abs(speed_mps) < 0.05:
+        speed_mps = 0.0  # the scans' noise; a wheel that stands says so
+    way_m = float(motion.way_m[number])
+    return MotorState(time_s, speed_mps, way_m, wheels_rad, 11.0, 0.0, 0.0, 25.0, "", timed_out=False, killed=False)
+
+
+def asked_at(recording: Recording, motion: ScanMotion, number: int, car: CarSettings) -> Asked:
+    """Return what the car was told when a scan came; where that was not recorded, the way that it took."""
+    time_s = float(recording.received_s[number])
+    for track, origin in ((recording.output, "mux"), (_without_mux(recording), "program")):
+        if track is not None and len(track):
+            speed_mps, steering_rad = _newest(track, time_s)
+            return Asked(speed_mps, _within(steering_rad, car), origin)
+    speed_mps = float(motion.speed_mps[number])
+    if abs(speed_mps) < DRIVES_ABOVE_MPS:
+        return Asked(0.0, 0.0, "motion")
+    return Asked(speed_mps, _curving_rad(motion, number, car), "motion")
+
+
+def _without_mux(recording: Recording) -> CommandTrack | None:
+    return recording.navigation if recording.output is None else None
+
+
+def _newest(track: CommandTrack, time_s: float) -> tuple[float, float]:
+    index = int(np.searchsorted(track.received_s, time_s, side="right")) - 1
+    if index < 0 or time_s - track.received_s[index] > COMMAND_LASTS_S:
+        return 0.0, 0.0
+    return float(track.speed_mps[index]), float(track.steering_rad[index])
+
+
+def _wheels_rad(motion: ScanMotion, number: int, asked: Asked, car: CarSettings) -> float:
+    """Return the angle of the wheels: of the motion where it shows, else what was asked for."""
+    if abs(float(motion.speed_mps[number])) < STEERS_ABOVE_MPS:
+        return asked.steering_rad
+    return _curving_rad(motion, number, car)
+
+
+def _curving_rad(motion: ScanMotion, number: int, car: CarSettings) -> float:
+    """Return the angle of wheels that drive the way's own curvature; 0 where the car is too slow to tell."""
+    speed_mps = float(motion.speed_mps[number])
+    if abs(speed_mps) < STEERS_ABOVE_MPS:
+        return 0.0
+    return _within(math.atan(float(motion.yaw_rate_radps[number]) * car.wheelbase_m / speed_mps), car)
+
+
+def _within(wheels_rad: float, car: CarSettings) -> float:
+    return min(max(wheels_rad, -car.max_steering_rad), car.max_steering_rad)
+
+
+def wall_line(view: View, side: Side) -> Line | None:
+    """Return the wall's line on one side, as the follower finds it."""
+    seen = side_view(view, side)
+    return seen.side.lines.find(seen.x_m, seen.y_m, seen.range_m, seen.solid)
+
+
+def better_side(recording: Recording) -> Side:
+    """Return the side whose wall is seen with more beams, over every tenth scan."""
+    eyes = Eyes(CarSettings())
+    inliers = {"left": 0, "right": 0}
+    for scan in scans_of(recording)[::10]:
+        view = eyes.see(scan)
+        for side in ("left", "right"):
+            line = wall_line(view, side)
+            inliers[side] += line.inliers if line is not None else 0
+    return "left" if inliers["left"] >= inliers["right"] else "right"
+
+
+def noise(values: Floats) -> float:
+    """Return the scan-to-scan noise, free of any steady motion, NaN of too few values.
+
+    The median of |second differences| is 1.4826 times smaller than their standard deviation, and that is sqrt(6) times
+    the noise of one value. Jumps are left out by the median; `jumps` counts them.
+    """
+    bends = np.diff(values, n=2)
+    bends = np.abs(bends[np.isfinite(bends)])
+    return float(1.4826 * np.median(bends) / math.sqrt(6)) if bends.size else math.nan
+
+
+def jumps(values_m: Floats) -> int:
+    """Return how often a distance is suddenly another wall's."""
+    steps_m = np.abs(np.diff(values_m))
+    return int(np.count_nonzero(steps_m[np.isfinite(steps_m)] > JUMP_M))

@@ -1,0 +1,1 @@
+"""`wallride sim`: a drive in real time over emulated devices."""

@@ -1,0 +1,332 @@
+"""`wallride sim`: from the command line's options to a drive, its live view and its summary."""
+
+import argparse
+import asyncio
+import json
+import math
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from runtime.settings.tree import Settings, SettingsError, load_settings
+from sim.car.vehicle import Vehicle, VehicleSettings
+from sim.figures.comparison import compare
+from sim.figures.summary import device_faults, figures
+from sim.live.conditions import Conditions, ConditionsError, Wishes, conditions_of
+from sim.live.live_conditions import LiveConditions
+from sim.live.live_keys import pressing
+from sim.live.saved_settings import saved_settings
+from sim.live.scenes import RecordingScene, WorldScene
+from sim.live.screen import LiveView, address_in, operate_hint, starting
+from sim.live.session import USAGE_ERROR, Record, Session, SessionError, Start
+from sim.live.stop_request import StopRequest
+from sim.recordings import RecordingError, load_recording
+from sim.world.place import World
+from sim.world.pose import Pose
+from sim.world.worlds import load_world
+
+CONFIG = "config/sim.toml"
+DEFAULT_DURATION_S = 60.0
+LONGEST_LAP_S = 180.0
+"""A car that stands still must not keep a script waiting for ever."""
+FAILED = 1
+KILLED = 130
+POSE_NUMBERS = 3
+HEARD = "heard"
+"""Of telemetry: what the summary says of the runtime is what that runtime said."""
+
+
+class UsageError(Exception):
+    """Something on the command line cannot be used; the text says what and how it should look."""
+
+
+def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
+    """Run one simulated drive.
+
+    Returns 0 when it was completed, by time, by laps or by Ctrl-C; 1 when the runtime failed, or drove without
+    telemetry, so that what it says of itself is missing; 2 for a wrong option or a taken port; 130 when it was killed.
+    """
+    console = Console(stderr=True)
+    try:
+        config = options.config or find_config()
+        saved = saved_settings(config)
+        settings = load_settings(config, options.assignments, saved)
+        if saved.exists():
+            console.print(f"[dim]with what was saved in {saved} (delete it to forget)[/dim]", soft_wrap=True)
+        _check_outputs(options)
+        if options.devices:
+            return _devices(options, settings, stop, console)
+        drive = _replay if options.recording is not None else _drive
+        summary = drive(options, config, settings, stop, console)
+    except (SettingsError, RecordingError, ConditionsError, UsageError) as error:
+        print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
+        return USAGE_ERROR
+    except SessionError as error:
+        print(f"wallride: {error}", file=sys.stderr)  # noqa: T201
+        return KILLED if stop.killed else USAGE_ERROR if error.exit_code == USAGE_ERROR else FAILED
+    _write(summary, options.json)
+    if options.json != "-":
+        console.print(_table(summary))
+    if summary["telemetry"] != HEARD:
+        print(f"wallride: {summary['telemetry']}; winners and faults are not known", file=sys.stderr)  # noqa: T201
+        return FAILED
+    return 0
+
+
+def find_config() -> Path:
+    """Return the simulated car's settings file: of this checkout, or of the installed package."""
+    candidates = [Path(__file__).parents[2] / CONFIG, Path(sys.prefix) / "share" / "wallride" / CONFIG]
+    for candidate in candidates:
+        if candidate.is_file():
+            return candidate
+    raise UsageError(f"{CONFIG} is not installed (looked for {candidates[-1]}); give one with --config")
+
+
+def _drive(
+    options: argparse.Namespace, config: Path, settings: Settings, stop: StopRequest, console: Console
+) -> dict[str, Any]:
+    conditions, scene, vehicle = _scene(options, settings)
+    world = scene.world
+    if options.laps and world.lap is None:
+        raise UsageError(f"--laps {options.laps}: {world.name} has no lap; give --duration instead")
+    duration_s = options.duration or (options.laps * LONGEST_LAP_S if options.laps else DEFAULT_DURATION_S)
+    live = LiveConditions(vehicle, scene, conditions)
+    session = Session(scene, vehicle, settings.motor, watched=not options.headless, changes=live)
+    start = _start(options, config, settings)
+    record = _run(session, start, duration_s, stop, console, _view(options, scene, vehicle, console, live), live)
+    desired_m = settings.wall_follow.desired_distance_m
+    summary = {
+        "world": world.name,
+        **_common(record, settings, desired_m),
+        "collided": scene.collided,
+        "laps": len(scene.lap_times_s),
+        "lap_times_s": scene.lap_times_s,
+        "conditions": conditions.changed(),
+        "changed_while_driving": live.done,
+    }
+    if options.plot is not None:
+        _plot(options.plot, world, record, desired_m, settings)
+    return summary
+
+
+def _scene(options: argparse.Namespace, settings: Settings) -> tuple[Conditions, WorldScene, Vehicle]:
+    """Return the world that the options name, with a car in it."""
+    side = settings.wall_follow.side
+    try:
+        world = load_world(options.world, side=side, seed=options.seed)
+    except (ValueError, OSError) as error:
+        raise UsageError(str(error)) from None
+    conditions = conditions_of(_wishes(options))
+    vehicle = Vehicle(conditions.vehicle, parse_pose(options.pose) if options.pose else world.start)
+    if world.collides(vehicle.pose):
+        raise UsageError(f"--pose {options.pose}: the car would stand in a wall of {world.name}; start somewhere free")
+    scene = WorldScene(world, side, conditions.lidar, options.laps, options.seed, conditions.things())
+    return conditions, scene, vehicle
+
+
+def _devices(options: argparse.Namespace, settings: Settings, stop: StopRequest, console: Console) -> int:
+    """Keep the emulated car and its world running for a runtime that somebody starts by hand."""
+    if options.recording is not None:
+        raise UsageError("--devices needs a world: a recording ends, a bench does not")
+    _, scene, vehicle = _scene(options, settings)
+
+    def tell(addresses: Sequence[str]) -> None:
+        console.print(
+            f"an emulated lidar and motor controller in {scene.world.name}; start the car with", soft_wrap=True
+        )
+        sys.stdout.write("".join(f"--set {address}\n" for address in addresses))
+        sys.stdout.flush()
+        console.print("Ctrl-C ends them")
+
+    session = Session(scene, vehicle, settings.motor)
+    asyncio.run(session.keep(options.duration or math.inf, stop, tell))
+    return 0
+
+
+def _replay(
+    options: argparse.Namespace, config: Path, settings: Settings, stop: StopRequest, console: Console
+) -> dict[str, Any]:
+    recording = load_recording(options.recording)
+    for note in recording.notes:
+        console.print(f"[dim]{note}[/dim]")
+    if conditions_of(_wishes(options)) != Conditions():
+        raise UsageError(
+            "--recording: its scans are what they are; friction, dirt, obstacles and the like need a world"
+        )
+    # The emulated wheels turn as our laws say, the recorded scans show where another car went.
+    options.assignments = ["safety.odometry_check=false", *options.assignments]
+    scene = RecordingScene(recording)
+    vehicle = Vehicle(VehicleSettings(), Pose(0.0, 0.0, 0.0))
+    session = Session(scene, vehicle, settings.motor, watched=not options.headless)
+    duration_s = options.duration or math.inf
+    start = _start(options, config, settings)
+    record = _run(session, start, duration_s, stop, console, _view(options, None, vehicle, console))
+    pairs = scene.pairs(record.steering_rad)
+    if options.plot is not None:
+        from sim.figures.drawing import save_comparison
+
+        save_comparison(options.plot, pairs, f"{recording.name}: steering, {settings.wall_follow.side} wall")
+    return {
+        "world": f"recording {recording.name}",
+        **_common(record, settings, settings.wall_follow.desired_distance_m),
+        "collided": False,
+        "laps": 0,
+        "lap_times_s": [],
+        "runtime_distance_error": record.telemetry.get("status", {}).get("distance_error"),
+        "recorded_navigation": compare(pairs),
+    }
+
+
+def _start(options: argparse.Namespace, config: Path, settings: Settings) -> Start:
+    """Return how the runtime is started; where nobody named a port, a free one will do."""
+    is_named = "listen" in settings.telemetry.model_fields_set or "any_port" in settings.telemetry.model_fields_set
+    is_placed = "simulated" in settings.recording.model_fields_set
+    chosen = [*([] if is_named else ["telemetry.any_port=true"]), *([] if is_placed else ["recording.simulated=true"])]
+    assignments = [*options.assignments, *chosen]
+    return Start(config, assignments, ["--saved", str(saved_settings(config))])
+
+
+def _run(
+    session: Session, start: Start, duration_s: float, stop: StopRequest, console: Console,
+    view: "LiveView | None", live: LiveConditions | None = None,
+) -> Record:  # fmt: skip
+    show: Callable[[Record], None] = view.show if view is not None else _teller(console)
+    with pressing(live, stop, wanted=view is not None) as obey_keys:
+
+        def frame(record: Record) -> None:
+            obey_keys()
+            show(record)
+
+        try:
+            if view is not None:
+                view.start()
+            record = asyncio.run(session.run(start, duration_s, stop, frame))
+        except* SessionError as group:
+            raise _innermost(group) from None
+        finally:
+            if view is not None:
+                view.stop()
+    if stop.killed:
+        raise SessionError("killed; there is no summary")
+    if record.exit_code != 0:
+        console.print("\n".join(record.log))
+        raise SessionError(f"the runtime ended with exit code {record.exit_code}")
+    return record
+
+
+def _innermost(group: BaseExceptionGroup[SessionError]) -> SessionError:
+    first = group.exceptions[0]
+    return _innermost(first) if isinstance(first, BaseExceptionGroup) else first
+
+
+def _teller(console: Console) -> Callable[[Record], None]:
+    """Without a live view, say once how the car is reached, and where the page is."""
+    told = [""]
+
+    def tell(record: Record) -> None:
+        for line in (starting(record), operate_hint(record.address), f"in a browser: {address_in(record.page)}"):
+            if line not in told and not line.endswith(": "):
+                console.print(f"[dim]{line}[/dim]", soft_wrap=True)
+                told.append(line)
+
+    return tell
+
+
+def _view(
+    options: argparse.Namespace, scene: WorldScene | None, vehicle: Vehicle, console: Console,
+    live: LiveConditions | None = None,
+) -> "LiveView | None":  # fmt: skip
+    if options.headless or not console.is_terminal:
+        return None
+    return LiveView(console, scene.outline_m if scene is not None else None, vehicle, live)
+
+
+def _wishes(options: argparse.Namespace) -> Wishes:
+    return Wishes(
+        file=options.conditions,
+        assignments=options.condition,
+        friction=options.friction,
+        noise_m=options.noise,
+        dropouts=options.dropouts,
+        trim_rad=options.trim,
+        delay_s=options.delay,
+        own_parts=options.own_parts,
+        dirt=options.dirt,
+        obstacles=options.obstacle,
+    )
+
+
+def _common(record: Record, settings: Settings, desired_m: float) -> dict[str, Any]:
+    status = record.telemetry.get("status")
+    winners = (status or {}).get("seconds_by_winner", {})
+    return {
+        "method": settings.wall_follow.method,
+        "side": settings.wall_follow.side,
+        **figures(record.samples, desired_m),
+        "scan_to_motor_ms": record.latency.summary_ms(),
+        "telemetry": HEARD if status else f"drove without telemetry: {record.unheard}",
+        "session": record.address.session if record.address is not None else None,
+        "scans_sent": len(record.scan_times_s),
+        "scans_driven": status.get("scans") if status else None,
+        "winners": {name: round(seconds, 2) for name, seconds in winners.items()} if status else None,
+        "faults": device_faults(status) if status else None,
+    }
+
+
+def parse_pose(text: str) -> Pose:
+    """Read X,Y,THETA in metres and radians."""
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != POSE_NUMBERS or not all(map(math.isfinite, numbers)):
+        raise UsageError(f"--pose {text}: write three numbers X,Y,THETA [m, m, rad], for example --pose 3,1,0")
+    return Pose(*numbers)
+
+
+def _check_outputs(options: argparse.Namespace) -> None:
+    """Notice unusable options before a minute of driving, not after it."""
+    if options.duration is not None and not 0 < options.duration < math.inf:
+        raise UsageError(f"--duration {options.duration:g}: give a number of seconds above 0")
+    if options.laps is not None and options.laps < 1:
+        raise UsageError(f"--laps {options.laps}: give a whole number of laps, 1 or more")
+    files = [("--json", Path(options.json))] if options.json not in {None, "-"} else []
+    files += [("--plot", options.plot)] if options.plot is not None else []
+    for name, path in files:
+        if path.is_dir():
+            raise UsageError(f"{name} {path}: is a directory; name a file in it")
+        if not path.absolute().parent.is_dir():
+            raise UsageError(f"{name} {path}: there is no directory {path.parent}; make it first")
+
+
+def _write(summary: dict[str, Any], target: str | None) -> None:
+    if target is None:
+        return
+    text = json.dumps(summary, indent=2) + "\n"
+    if target == "-":
+        sys.stdout.write(text)
+    else:
+        Path(target).write_text(text)
+
+
+def _plot(path: Path, world: World, record: Record, desired_m: float, settings: Settings) -> None:
+    import numpy as np
+
+    from sim.figures.drawing import save_plot
+
+    track = np.array([[s.x_m, s.y_m, s.yaw_rad] for s in record.samples]).reshape(-1, 3)
+    times_s = np.array([s.time_s for s in record.samples])
+    errors_m = np.array([s.wall_m - desired_m for s in record.samples])
+    title = f"{world.name}: {settings.wall_follow.method}, {settings.wall_follow.side}, {desired_m:g} m"
+    save_plot(path, world, track, times_s, errors_m, title)
+
+
+def _table(summary: dict[str, Any]) -> Table:
+    table = Table(title=f"wallride sim: {summary['world']}", show_header=False)
+    for name, value in summary.items():
+        table.add_row(name, json.dumps(value) if isinstance(value, dict | list) else str(value))
+    return table

@@ -1,0 +1,171 @@
+"""What a simulated drive meets: floor, tyres, lidar and obstacles, as settings that can be named one by one.
+
+A settings file has the sections [vehicle] and [lidar] with the fields of `VehicleSettings` and `LidarSettings`, and a
+list `obstacles` of texts (`sim.obstacle_text`). Options of the command line come on top.
+"""
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
+
+from sim.car.vehicle_settings import VehicleSettings
+from sim.live.obstacle_text import read_obstacle
+from sim.world.beams import LidarSettings
+from sim.world.obstacles import Obstacle
+
+RIGHT_REAR = "right-rear"
+"""The one kind of own parts that needs no profile: a rough part at 0.03 to 0.15 m in the last beams on the right."""
+NO_PARTS = "none"
+DIRT_RANGE_M = 0.05
+_DIRT_NUMBERS = (2, 3)
+
+
+class ConditionsError(Exception):
+    """Conditions that cannot be used; the text names the key and the remedy."""
+
+
+class Conditions(BaseModel):
+    """Everything at the start of a drive. obstacles: texts as of `sim.obstacle_text`."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    vehicle: VehicleSettings = VehicleSettings()
+    lidar: LidarSettings = LidarSettings()
+    obstacles: tuple[str, ...] = ()
+
+    @field_validator("obstacles")
+    @classmethod
+    def _readable(cls, texts: tuple[str, ...]) -> tuple[str, ...]:
+        for text in texts:
+            read_obstacle(text)
+        return texts
+
+    def changed(self) -> dict[str, Any]:
+        """Return what differs from the defaults, as plain values; {} for an ordinary drive."""
+        return self.model_dump(mode="json", exclude_defaults=True)
+
+    def things(self) -> list[Obstacle]:
+        """Return the obstacles."""
+        return [read_obstacle(text) for text in self.obstacles]
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """What the command line says of them. assignments: SECTION.KEY=VALUE. dirt: FROM,TO[,RANGE] in degrees."""
+
+    file: Path | None = None
+    assignments: Sequence[str] = ()
+    friction: float | None = None
+    noise_m: float | None = None
+    dropouts: float | None = None
+    trim_rad: float | None = None
+    delay_s: float | None = None
+    own_parts: str | None = None
+    dirt: Sequence[str] = ()
+    obstacles: Sequence[str] = field(default_factory=tuple)
+
+
+def conditions_of(wishes: Wishes) -> Conditions:
+    """Return the conditions of a file, of options, or of neither; ConditionsError when any of them is unusable."""
+    tree = _read(wishes.file) if wishes.file is not None else {}
+    for assignment in wishes.assignments:
+        _assign(tree, assignment)
+    for key, value in _named(wishes).items():
+        _put(tree, key, value)
+    if wishes.own_parts is not None:
+        for name, value in own_parts_fields(wishes.own_parts).items():
+            _put(tree, f"lidar.{name}", value)
+    if wishes.obstacles:
+        tree["obstacles"] = [*tree.get("obstacles", ()), *wishes.obstacles]
+    try:
+        return Conditions.model_validate(tree)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise ConditionsError(f"{where} = {first['input']!r}: {_plain(first['msg'])}") from None
+
+
+def own_parts_kinds() -> tuple[str, ...]:
+    """Return the names of the kinds of own parts that this simulator knows."""
+    if "own_parts" not in LidarSettings.model_fields:
+        return (NO_PARTS, RIGHT_REAR)
+    profiles = import_module("sim.world.own_parts").OWN_PARTS
+    return (*dict.fromkeys((NO_PARTS, *profiles)), RIGHT_REAR)
+
+
+def own_parts_fields(kind: str) -> dict[str, Any]:
+    """Return the lidar's fields for one kind of own parts; ConditionsError when there is no such kind."""
+    if kind not in own_parts_kinds():
+        raise ConditionsError(f"--own-parts {kind}: write one of {', '.join(own_parts_kinds())}")
+    fields: dict[str, Any] = {"self_returns": kind == RIGHT_REAR}
+    if "own_parts" in LidarSettings.model_fields:
+        fields["own_parts"] = NO_PARTS if kind == RIGHT_REAR else kind
+    return fields
+
+
+def own_parts_of(lidar: LidarSettings) -> str:
+    """Return which kind of own parts a lidar sees."""
+    return RIGHT_REAR if lidar.self_returns else str(getattr(lidar, "own_parts", NO_PARTS))
+
+
+def read_dirt(text: str) -> tuple[float, float, float]:
+    """Return a dirty sector (from_deg, to_deg, range_m) from FROM,TO[,RANGE]; ConditionsError when it is none."""
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in _DIRT_NUMBERS or not numbers[0] < numbers[1]:
+        raise ConditionsError(f"--dirt {text}: write FROM,TO or FROM,TO,RANGE [deg, deg, m], for example --dirt -10,5")
+    return numbers[0], numbers[1], numbers[2] if len(numbers) > 2 else DIRT_RANGE_M
+
+
+def _named(wishes: Wishes) -> dict[str, Any]:
+    """Return the settings behind the short options, as far as they were given."""
+    values = {
+        "vehicle.grip_mu": wishes.friction,
+        "lidar.noise_std_m": wishes.noise_m,
+        "lidar.dropout_share": wishes.dropouts,
+        "vehicle.trim_rad": wishes.trim_rad,
+        "vehicle.steering_delay_s": wishes.delay_s,
+        "vehicle.drive_delay_s": wishes.delay_s,
+        "lidar.dirty_sectors": [read_dirt(text) for text in wishes.dirt] or None,
+    }
+    return {key: value for key, value in values.items() if value is not None}
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text())
+    except OSError as error:
+        raise ConditionsError(f"--conditions {path}: cannot be read ({error.strerror})") from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConditionsError(f"--conditions {path}: is not valid TOML: {error}") from None
+
+
+def _assign(tree: dict[str, Any], assignment: str) -> None:
+    key, equals, text = assignment.partition("=")
+    if not equals or key.count(".") != 1:
+        raise ConditionsError(f"--condition {assignment}: write vehicle.KEY=VALUE or lidar.KEY=VALUE")
+    try:
+        value: Any = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = text
+    _put(tree, key.strip(), value)
+
+
+def _put(tree: dict[str, Any], key: str, value: Any) -> None:  # noqa: ANN401 - checked when the tree is validated
+    section, _, name = key.partition(".")
+    fields = tree.setdefault(section, {})
+    if not isinstance(fields, Mapping):
+        raise ConditionsError(f"{section} = {fields!r}: is a section; write [{section}] and its keys below")
+    tree[section] = {**fields, name: value}
+
+
+def _plain(message: str) -> str:
+    message = message.removeprefix("Value error, ")
+    return f"{message[:1].lower()}{message[1:]}"

@@ -1,0 +1,88 @@
+"""A telemetry subscriber: what the runtime says about itself over zenoh, newest value per topic."""
+
+import asyncio
+import contextlib
+import struct
+from collections.abc import Awaitable, Mapping
+from functools import partial
+from typing import Any
+
+from runtime.wire import topics, zenoh_config
+from runtime.wire.bus import Bus, RefusedError, Reply
+
+CONNECT_TIMEOUT_S = 15.0
+RETRY_S = 0.1
+TOPICS = (topics.STATUS, topics.DISTANCE_ERROR)
+"""Only what is shown: whatever is subscribed to, the runtime has to write."""
+_FLOAT32 = struct.Struct("<4xf")
+
+
+class Listener:
+    """Subscribes to one start of one car at a known endpoint; what another one says there is not taken.
+
+    latest: the newest message of each topic; `distance_error` as {"error_m": metres}.
+    problem: why nothing is heard, "" while it is.
+    """
+
+    def __init__(self, endpoint: str, car: str, session: str) -> None:
+        self._endpoint = endpoint
+        self._prefix = topics.key(car, "")
+        self._session = session
+        self._replies: dict[str, Reply] = {}
+        self.latest: dict[str, Mapping[str, Any]] = {}
+        self.problem = "nothing was heard from it"
+        self._heard = asyncio.Event()
+
+    def answer(self, topic: str, reply: Reply) -> None:
+        """Answer questions beside the car, in this process, as long as it is the car that is meant; before `run`."""
+        self._replies[topic] = reply
+
+    async def wait_until_heard(self, timeout_s: float) -> None:
+        """Wait for the first status, but not for ever."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(timeout_s):
+                await self._heard.wait()
+
+    async def run(self) -> None:
+        """Connect as soon as the runtime listens, then listen until cancelled."""
+        bus = Bus(zenoh_config.client_config(self._endpoint, None))
+        for topic in TOPICS:
+            bus.subscribe(self._prefix + topic, self._on_sample)
+        for topic, reply in self._replies.items():
+            bus.answer(self._prefix + topic, partial(self._guarded, reply))
+        try:
+            if await self._opened(bus):
+                await asyncio.get_running_loop().create_future()
+        finally:
+            await bus.close()
+
+    async def _opened(self, bus: Bus) -> bool:
+        loop = asyncio.get_running_loop()
+        give_up_s = loop.time() + CONNECT_TIMEOUT_S
+        while loop.time() < give_up_s:
+            try:
+                await bus.open()
+            except OSError as error:
+                self.problem = str(error)
+                await asyncio.sleep(RETRY_S)
+            else:
+                return True
+        return False
+
+    def _guarded(self, reply: Reply, payload: bytes) -> bytes | Awaitable[bytes]:
+        if self.problem:
+            raise RefusedError(self.problem)
+        return reply(payload)
+
+    def _on_sample(self, key: str, payload: bytes, _arrival_s: float) -> None:
+        topic = key.removeprefix(self._prefix)
+        if topic == topics.STATUS:
+            status = topics.decode(payload)
+            if status.get("session") == self._session:
+                self.latest[topic], self.problem = status, ""
+                self._heard.set()
+            else:
+                self.problem = f"another car answers at {self._endpoint} (session {status.get('session')})"
+        elif not self.problem:
+            (error_m,) = _FLOAT32.unpack(payload)
+            self.latest[topic] = {"error_m": error_m}

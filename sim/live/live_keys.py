@@ -1,0 +1,60 @@
+"""Keys of the terminal in which a simulation is watched: read when there is time, never waited for."""
+
+import os
+import select
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from sim.live.live_conditions import KEYS, LiveConditions
+from sim.live.stop_request import StopRequest
+from sim.replay.keys import single_keys
+
+QUIT = "q"
+MOST_AT_ONCE = 64
+LEGEND = (
+    ("b p c", "box, person, clear"),
+    ("f F", "grip"),
+    ("n N", "noise"),
+    ("o O", "dropouts"),
+    ("t T", "trim"),
+    ("l L", "delay"),
+    ("d", "dirt"),
+    ("w", "own parts"),
+    ("q", "end"),
+)
+"""Keys, and which of `LiveConditions.fields` they change."""
+
+
+@contextmanager
+def pressing(live: LiveConditions | None, stop: StopRequest, *, wanted: bool) -> Iterator[Callable[[], None]]:
+    """Yield what obeys the keys pressed since the last call; without a terminal it does nothing."""
+    restore = single_keys() if wanted else None
+    if restore is None:
+        yield lambda: None
+        return
+    try:
+        yield lambda: obey(_typed(), live, stop)
+    finally:
+        restore()
+
+
+def obey(typed: str, live: LiveConditions | None, stop: StopRequest) -> None:
+    """Do what was typed; letters that mean nothing are left out."""
+    for letter in typed:
+        if letter == QUIT:
+            stop.ask()
+        elif live is not None and letter in KEYS:
+            live.do(KEYS[letter])
+
+
+def legend(fields: dict[str, str]) -> list[tuple[str, str]]:
+    """Return keys and what they change, with the value that holds now."""
+    return [(keys, f"{what} {fields.get(what, '')}".strip()) for keys, what in LEGEND]
+
+
+def _typed() -> str:
+    descriptor = sys.stdin.fileno()
+    if not select.select([descriptor], [], [], 0)[0]:
+        return ""
+    return os.read(descriptor, MOST_AT_ONCE).decode(errors="ignore")

@@ -1,0 +1,174 @@
+"""The two things a simulated lidar can look at: a world in which the car drives, and a recording of a real one."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from sim.car.vehicle import Vehicle, VehicleSettings
+from sim.devices.scip_encode import UST_10LX, SensorModel
+from sim.figures.comparison import SteeringPair, drove, recorded_answers
+from sim.figures.summary import Sample
+from sim.live.session import Ranges
+from sim.recordings.recording import Recording
+from sim.recordings.sensor_units import to_sensor_mm
+from sim.world.beams import LidarSettings, scan
+from sim.world.lap import LapCounter
+from sim.world.obstacles import Obstacle
+from sim.world.obstacles import Scene as Surroundings
+from sim.world.place import World
+from sim.world.pose import Floats, Side, Twist
+
+AFTER_CRASH_S = 0.5
+
+
+class WorldScene:
+    """A world with the car in it; over after so many laps, or shortly after a crash."""
+
+    model = UST_10LX
+
+    def __init__(
+        self, world: World, side: Side, lidar: LidarSettings, laps: int | None, seed: int,
+        obstacles: Sequence[Obstacle] = (),
+    ) -> None:  # fmt: skip
+        self.world = world
+        self.lidar = lidar
+        self.surroundings = Surroundings(world, list(obstacles))
+        self._side = side
+        self._wanted_laps = laps
+        self._rng = np.random.default_rng(seed)
+        self._next_s = 0.0
+        self._counter = LapCounter(world.lap) if world.lap is not None else None
+        self._lap_started_s = 0.0
+        self._crashed_s: float | None = None
+        self._time_s = 0.0
+        self.lap_times_s: list[float] = []
+
+    @property
+    def collided(self) -> bool:
+        """Whether the car touched anything."""
+        return self._crashed_s is not None
+
+    @property
+    def finished(self) -> bool:
+        """Whether all laps are done, or the car crashed a moment ago."""
+        if self._crashed_s is not None:
+            return self._time_s - self._crashed_s > AFTER_CRASH_S
+        return self._wanted_laps is not None and len(self.lap_times_s) >= self._wanted_laps
+
+    def step(self, time_s: float, vehicle: Vehicle) -> bool:
+        """Look at the car; count laps and notice contact."""
+        self._time_s = time_s
+        pose = vehicle.pose
+        self.surroundings.update(time_s, pose, vehicle.speed_mps)
+        contact = self.surroundings.collides(pose)
+        if contact and self._crashed_s is None:
+            self._crashed_s = time_s
+        if self._counter is not None and self._counter.update(pose.x_m, pose.y_m) >= len(self.lap_times_s) + 1:
+            self.lap_times_s.append(round(time_s - self._lap_started_s, 3))
+            self._lap_started_s = time_s
+        return contact
+
+    def sample(self, time_s: float, vehicle: Vehicle) -> Sample:
+        """Measure how the car stands in the world."""
+        pose = vehicle.pose
+        wall_m, clearance_m = self.world.wall_distance_m(pose, self._side), self.surroundings.clearance(pose)
+        return Sample(time_s, pose.x_m, pose.y_m, pose.yaw_rad, vehicle.speed_mps, wall_m, clearance_m)
+
+    def scan(self, time_s: float, vehicle: Vehicle) -> tuple[Ranges, int] | None:
+        """Look around, once a revolution; revolutions that the computer was too late for are left out."""
+        if time_s < self._next_s:
+            return None
+        period_s = self.model.period_s
+        self._next_s += period_s * (1 + math.floor((time_s - self._next_s) / period_s))
+        twist = Twist(vehicle.speed_mps, vehicle.yaw_rate_radps)
+        return scan(self.surroundings, vehicle.pose, twist, time_s, self._rng, self.lidar), round(time_s * 1000)
+
+    def outline_m(self) -> Floats:
+        """Return walls and obstacles as segments (n, 4), to draw."""
+        things = self.surroundings.obstacle_outline_m
+        return np.vstack([self.world.outline_m, things]) if len(things) else self.world.outline_m
+
+    def put(self, obstacle: Obstacle) -> None:
+        """Let an obstacle appear when its moment comes."""
+        self.surroundings.put(obstacle)
+
+    def clear(self) -> None:
+        """Take all obstacles away."""
+        self.surroundings.clear()
+
+
+class RecordingScene:
+    """A recording, played at the pace at which it was received; the car moves, but the scans do not care."""
+
+    def __init__(self, recording: Recording) -> None:
+        self.recording = recording
+        self.model = sensor_of(recording)
+        self._position = 0
+        self._ranges_mm = to_sensor_mm(recording.ranges_m, recording.range_min_m, recording.range_max_m)
+        # The sensor's clock must not start below zero: foreign stamps may lie far before the first scan.
+        self._stamps_ms = np.rint((recording.stamp_s - recording.stamp_s.min()) * 1000).astype(np.int64)
+
+    @property
+    def finished(self) -> bool:
+        """Whether every scan was sent."""
+        return self._position >= len(self.recording)
+
+    def step(self, time_s: float, vehicle: Vehicle) -> bool:  # noqa: ARG002 - there is nothing to touch
+        """Nothing is known about walls."""
+        return False
+
+    def sample(self, time_s: float, vehicle: Vehicle) -> Sample:
+        """Where the emulated car would be."""
+        pose = vehicle.pose
+        return Sample(time_s, pose.x_m, pose.y_m, pose.yaw_rad, vehicle.speed_mps, math.inf, math.inf)
+
+    def scan(self, time_s: float, vehicle: Vehicle) -> tuple[Ranges, int] | None:  # noqa: ARG002 - it does not care
+        """Return the next recorded scan when its time has come."""
+        if self.finished or time_s < self.recording.received_s[self._position]:
+            return None
+        position = self._position
+        self._position += 1
+        return self._ranges_mm[position], int(self._stamps_ms[position])
+
+    def pairs(self, steering_rad: list[float]) -> list[SteeringPair]:
+        """Pair our answers with the recorded ones, where the recorded car was let drive.
+
+        Our answer to scan k is what the servo was told when scan k+1 was sent.
+        """
+        track = self.recording.navigation
+        if track is None:
+            return []
+        ours = steering_rad[1:]
+        times_s = [float(time_s) for time_s in self.recording.received_s[: len(ours)]]
+        moved = drove(times_s, self.recording.output)
+        return [
+            SteeringPair(time_s, our_rad, recorded_rad)
+            for time_s, our_rad, recorded_rad, counts in zip(
+                times_s, ours, recorded_answers(times_s, track, VehicleSettings().max_steering_rad), moved, strict=True
+            )
+            if counts and recorded_rad is not None
+        ]
+
+
+def sensor_of(recording: Recording) -> SensorModel:
+    """Return the sensor that would produce scans of this shape."""
+    steps_per_turn = round(math.tau / recording.angle_step_rad)
+    front = round(-recording.angle_min_rad / recording.angle_step_rad)
+    first = max(0, -front)
+    intervals_s = np.diff(recording.received_s)
+    period_s = float(np.median(intervals_s)) if len(intervals_s) else UST_10LX.period_s
+    return SensorModel(
+        model=f"recorded {recording.name}"[:60],
+        range_min_mm=max(1, round(recording.range_min_m * 1000)),
+        range_max_mm=round(recording.range_max_m * 1000),
+        steps_per_turn=steps_per_turn,
+        first_step=first,
+        last_step=first + recording.beams - 1,
+        front_step=first + front,
+        speed_rpm=max(1, round(60 / max(period_s, 1e-3))),
+        product="recording",
+        firmware="0",
+        protocol="SCIP 2.0",
+        serial="0",
+    )

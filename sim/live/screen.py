@@ -1,0 +1,112 @@
+"""The live view of a drive: `terminal_view` refreshed on a rich screen while the session runs."""
+
+import math
+from collections.abc import Callable, Iterable
+
+import numpy as np
+import numpy.typing as npt
+from rich.console import Console
+from rich.live import Live
+
+from runtime.host.address_file import Address
+from runtime.settings.session import SessionSettings
+from sim.car.vehicle import Vehicle
+from sim.live.live_conditions import LiveConditions
+from sim.live.live_keys import legend
+from sim.live.session import Record
+from sim.live.terminal_view import Status, page, render_world, status_rows, world_size
+
+LIDAR_X_M = 0.27
+FARTHEST_MM = 30_000
+REFRESH_HZ = 10
+SLOW_START_S = 3.0
+DEFAULT_LISTEN = SessionSettings().listen[0]
+NOWHERE = np.empty((0, 4))
+
+
+class LiveView:
+    """Shows what the runtime sees and says; never touches the drive itself.
+
+    outline_m: gives walls and obstacles as segments (n, 4); None for a recording, whose world nobody knows: the view
+    then follows the car. live: what the keys change, None where they change nothing.
+    """
+
+    def __init__(
+        self, console: Console, outline_m: Callable[[], npt.NDArray[np.float64]] | None, vehicle: Vehicle,
+        live: LiveConditions | None = None,
+    ) -> None:  # fmt: skip
+        self._console = console
+        self._changes = live
+        self._outline_m = outline_m
+        self._vehicle = vehicle
+        self._live = Live(console=console, screen=True, auto_refresh=False)
+
+    def start(self) -> None:
+        """Take over the terminal."""
+        self._live.start()
+
+    def stop(self) -> None:
+        """Give the terminal back."""
+        self._live.stop()
+
+    def show(self, record: Record) -> None:
+        """Draw the newest state."""
+        rows = status_rows(self._status(record))
+        if self._changes is not None:
+            rows += legend(self._changes.fields())
+        width, height = self._console.size
+        pose = self._vehicle.pose
+        world = render_world(
+            self._outline_m() if self._outline_m is not None else NOWHERE,
+            (pose.x_m, pose.y_m, pose.yaw_rad),
+            self._scan_points(record),
+            *world_size(width, height, len(rows)),
+            follow=self._outline_m is None,
+        )
+        self._live.update(page(world, rows, width), refresh=True)
+
+    def _status(self, record: Record) -> Status:
+        said = record.telemetry.get("status", {})
+        output = said.get("output") or {}
+        error = record.telemetry.get("distance_error", {})
+        return Status(
+            time_s=record.time_s,
+            speed_mps=self._vehicle.speed_mps,
+            steering_rad=output.get("steering_rad"),
+            distance_error_m=error.get("error_m"),
+            winner=output.get("winner", ""),
+            reason=output.get("reason", "") or starting(record),
+            lidar=said.get("lidar", {}).get("message", ""),
+            motor=said.get("motor", {}).get("message", ""),
+            page=address_in(record.page),
+            operate=operate_hint(record.address).partition(": ")[2],
+        )
+
+    def _scan_points(self, record: Record) -> npt.NDArray[np.float64] | None:
+        if record.ranges_mm is None:
+            return None
+        ranges_m = np.where(record.ranges_mm <= FARTHEST_MM, record.ranges_mm, np.nan) / 1000.0
+        lidar = self._vehicle.pose.ahead(LIDAR_X_M)
+        beams = len(ranges_m)
+        bearing_rad = lidar.yaw_rad + (np.arange(beams) - beams // 2) * math.radians(0.25)
+        return np.column_stack([lidar.x_m + ranges_m * np.cos(bearing_rad), lidar.y_m + ranges_m * np.sin(bearing_rad)])
+
+
+def starting(record: Record) -> str:
+    """Return what a start that takes long is busy with, "" for an ordinary one."""
+    if record.address is not None or record.starting_s < SLOW_START_S:
+        return ""
+    return "the car is starting; the first time it compiles its hot path, which takes up to a minute"
+
+
+def operate_hint(address: Address | None) -> str:
+    """Return what to type in another terminal to operate this very car, "" while that is not known."""
+    if address is None or not address.endpoint:
+        return ""
+    there = "" if address.endpoint == DEFAULT_LISTEN else f" --connect {address.endpoint}"
+    return f"in another terminal: wallride teleop{there} --session {address.session} · wallride status --watch{there}"
+
+
+def address_in(lines: Iterable[str]) -> str:
+    """Return the first web address that a program printed, "" before it did."""
+    return next((word for line in lines for word in line.split() if word.startswith("http")), "")

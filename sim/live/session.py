@@ -1,0 +1,291 @@
+"""One simulated drive in real time: emulated devices, the unmodified runtime as a process, the truth written down."""
+
+import asyncio
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from contextlib import AsyncExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from drivers.vesc.settings import VescSettings
+from runtime.host.address_file import Address, read_address
+from runtime.realtime.periodic import Metronome, Tick
+from runtime.wire import topics
+from sim.car.plant import Plant
+from sim.car.vehicle import Vehicle
+from sim.devices.scip import ScipEmulator
+from sim.devices.scip_encode import SensorModel
+from sim.devices.vesc import MotorDemand, VescEmulator
+from sim.figures.summary import Sample
+from sim.live.latency import LatencyProbe
+from sim.live.listener import Listener
+from sim.live.live_conditions import LiveConditions
+from sim.live.runtime_process import RuntimeProcess, WallrideProcess
+from sim.live.stop_request import StopRequest
+from sim.world.pose import Pose
+
+STEP_S = 0.005
+SHOW_S = 0.1
+START_TIMEOUT_S = 120.0
+"""The first start compiles the hot path, which takes a busy computer a minute."""
+USAGE_ERROR = 2
+HEARD_WITHIN_S = 3.0
+"""A drive of a moment is over before the first message; so long is waited for one."""
+AGAIN_S = 3.0
+STAMP_MS = 1 << 24
+"""SCIP stamps are 24 bits of milliseconds and wrap."""
+
+Ranges = npt.NDArray[np.integer]
+
+
+class SessionError(Exception):
+    """The runtime did not come up, or ended by itself; the text holds what it said. exit_code: its own."""
+
+    def __init__(self, said: str, exit_code: int | None = None) -> None:
+        super().__init__(said)
+        self.exit_code = exit_code
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """How the runtime is started. options: further words of its command line."""
+
+    config: Path
+    assignments: Sequence[str] = ()
+    options: Sequence[str] = ()
+
+
+class Scene(Protocol):
+    """What the lidar sees: a world with the car in it, or a recording. Times are seconds since the drive began."""
+
+    @property
+    def model(self) -> SensorModel:
+        """The sensor that sees it."""
+        ...
+
+    def step(self, time_s: float, vehicle: Vehicle) -> bool:
+        """Look at the car now; True when it touches something."""
+        ...
+
+    def sample(self, time_s: float, vehicle: Vehicle) -> Sample:
+        """Return the truth about the car now."""
+        ...
+
+    def scan(self, time_s: float, vehicle: Vehicle) -> tuple[Ranges, int] | None:
+        """Return ranges [mm] and stamp [ms] of the next scan if one is due, else None."""
+        ...
+
+    @property
+    def finished(self) -> bool:
+        """Whether the drive is over by itself: laps done, recording played, car crashed."""
+        ...
+
+
+@dataclass(slots=True)
+class Record:
+    """One drive, while it goes on and afterwards.
+
+    samples: the truth, one per scan. steering_rad: our answer to each scan, read from the wire before the next one.
+    telemetry: the runtime's newest message of each topic. unheard: why it has none, "" while it has.
+    address: where the runtime can be reached. starting_s: how long it has been waited for.
+    stop_command: the last motor command it ever wrote.
+    log, page: what the runtime, and the monitor beside it, printed.
+    """
+
+    samples: list[Sample] = field(default_factory=list)
+    scan_times_s: list[float] = field(default_factory=list)
+    steering_rad: list[float] = field(default_factory=list)
+    latency: LatencyProbe = field(default_factory=LatencyProbe)
+    ranges_mm: Ranges | None = None
+    time_s: float = 0.0
+    telemetry: dict[str, Any] = field(default_factory=dict)
+    unheard: str = "the runtime did not say where its telemetry is"
+    address: Address | None = None
+    starting_s: float = 0.0
+    log: Sequence[str] = ()
+    page: Sequence[str] = ()
+    exit_code: int | None = None
+    stop_command: MotorDemand | None = None
+
+
+class Session:
+    """Builds the emulated car around a scene, lets the runtime drive it, and hands out the record.
+
+    watched: whether a monitor serves its page meanwhile. changes: what that page may change, None for nothing.
+    """
+
+    def __init__(
+        self, scene: Scene, vehicle: Vehicle, wiring: VescSettings, *, watched: bool = False,
+        changes: LiveConditions | None = None,
+    ) -> None:  # fmt: skip
+        self._watched = watched
+        self._changes = changes
+        self._scene = scene
+        self._vehicle = vehicle
+        self._wiring = wiring
+        self.record = Record()
+
+    async def run(
+        self, start: Start, duration_s: float, stop: StopRequest, on_frame: Callable[[Record], None]
+    ) -> Record:
+        """Drive until the time, the scene or `stop` says so; `on_frame` is called about ten times a second."""
+        record = self.record
+        async with AsyncExitStack() as stack:
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="wallride-")))
+            scip, vesc, addresses = await self._devices(stack, folder)
+            told = folder / "address"
+            runtime = RuntimeProcess(
+                start.config, [*start.assignments, *addresses], [*start.options, "--address-file", str(told)]
+            )
+            stack.push_async_callback(runtime.end)
+            stack.enter_context(stop.killing(runtime.kill))
+            record.log = runtime.log
+            await runtime.start()
+            await self._until_up(scip, runtime, told, on_frame)
+            async with asyncio.TaskGroup() as tasks:
+                listener = self._listener()
+                listening = tasks.create_task(listener.run(), name="listener") if listener is not None else None
+                if self._watched and listener is not None:
+                    await self._open_page(stack)
+                metronome = Metronome(time.monotonic)
+                metronome.every(STEP_S, self._stepper(scip, self._plant(vesc)))
+                metronome.every(SHOW_S, lambda _late_s, _missed: on_frame(record))
+                going_on = tasks.create_task(metronome.run(), name="world")
+                await self._until_over(runtime, duration_s, stop)
+                if listener is not None and not stop.killed:
+                    await listener.wait_until_heard(HEARD_WITHIN_S)
+                    record.unheard = listener.problem
+                # The world goes on while the runtime brings the car to rest.
+                record.exit_code = await runtime.stop()
+                for task in filter(None, (going_on, listening)):
+                    task.cancel()
+        return record
+
+    async def keep(self, duration_s: float, stop: StopRequest, tell: Callable[[Sequence[str]], None]) -> Record:
+        """Keep car and world running for whatever runtime connects, until the time or `stop` says so.
+
+        tell: gets the two settings with which a runtime connects. A car that hit something is put back to its start.
+        """
+        start = self._vehicle.pose
+        async with AsyncExitStack() as stack:
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="wallride-")))
+            scip, vesc, addresses = await self._devices(stack, folder)
+            plant = self._plant(vesc)
+            metronome = Metronome(time.monotonic)
+            metronome.every(STEP_S, self._stepper(scip, plant))
+            metronome.every(AGAIN_S, lambda _late_s, _missed: self._once_more(plant, start))
+            going_on = asyncio.create_task(metronome.run(), name="world")
+            tell(addresses)
+            while self.record.time_s < duration_s and not stop.asked:
+                if going_on.done():
+                    going_on.result()
+                await asyncio.sleep(STEP_S)
+            going_on.cancel()
+        return self.record
+
+    def _once_more(self, plant: Plant, start: Pose) -> None:
+        """Put a car that hit something back to its start, and forget what nobody will ask about."""
+        if plant.crashed:
+            self._vehicle.place(start)
+            plant.crashed = False
+        for kept in (self.record.samples, self.record.scan_times_s, self.record.steering_rad):
+            kept.clear()
+
+    async def _devices(self, stack: AsyncExitStack, folder: Path) -> tuple[ScipEmulator, VescEmulator, list[str]]:
+        """Start both emulators; returns them and the settings that name their addresses."""
+        vesc = VescEmulator(folder / "vesc", on_command=self._on_command)
+        vesc.start()
+        stack.callback(vesc.close)
+        scip = ScipEmulator(self._scene.model)
+        port = await scip.start_tcp()
+        stack.callback(scip.close)
+        return scip, vesc, [f"lidar.address=tcp://127.0.0.1:{port}", f"motor.address=serial://{folder / 'vesc'}"]
+
+    async def _until_up(
+        self, scip: ScipEmulator, runtime: RuntimeProcess, told: Path, on_frame: Callable[[Record], None]
+    ) -> None:
+        """Wait until the runtime asks for scans and has said where it can be reached."""
+        record, begin_s, shown_s = self.record, time.monotonic(), 0.0
+        while not scip.streaming or record.address is None:
+            record.starting_s = time.monotonic() - begin_s
+            if runtime.exit_code is not None or record.starting_s > START_TIMEOUT_S:
+                await runtime.stop()
+                raise SessionError(_last_words(runtime), runtime.exit_code)
+            if record.starting_s - shown_s > SHOW_S:
+                shown_s = record.starting_s
+                on_frame(record)
+            await asyncio.sleep(0.01)
+            record.address = read_address(told)
+
+    def _listener(self) -> Listener | None:
+        address = self.record.address
+        if address is None or not address.endpoint:
+            self.record.unheard = address.problem if address is not None else self.record.unheard
+            return None
+        listener = Listener(address.endpoint, address.car, address.session)
+        self.record.telemetry = listener.latest
+        if self._changes is not None:
+            listener.answer(topics.SIMULATOR, self._changes.answer)
+        return listener
+
+    async def _open_page(self, stack: AsyncExitStack) -> None:
+        address = self.record.address
+        assert address is not None  # noqa: S101 - the caller has a listener at it
+        monitor = WallrideProcess(
+            ["monitor", "--connect", address.endpoint, "--car", address.car, "--session", address.session]
+        )
+        stack.push_async_callback(monitor.end)
+        self.record.page = monitor.log
+        await monitor.start()
+
+    async def _until_over(self, runtime: RuntimeProcess, duration_s: float, stop: StopRequest) -> None:
+        while self.record.time_s < duration_s and not self._scene.finished and not stop.asked:
+            if runtime.exit_code is not None:
+                said = "\n".join(runtime.log)
+                raise SessionError(f"the runtime ended by itself (exit code {runtime.exit_code}); it said:\n{said}")
+            await asyncio.sleep(STEP_S)
+
+    def _plant(self, vesc: VescEmulator) -> Plant:
+        return Plant(self._vehicle, vesc, self._wiring, time.monotonic())
+
+    def _stepper(self, scip: ScipEmulator, plant: Plant) -> Tick:
+        """Return what keeps the world up with the clock, and lets the lidar look when it is time."""
+        begin_s = time.monotonic()
+        record = self.record
+
+        def step(_late_s: float, _missed: int) -> None:
+            now_s = time.monotonic()
+            plant.advance(now_s)
+            record.time_s = now_s - begin_s
+            if self._scene.step(record.time_s, self._vehicle):
+                plant.crash()
+            while (due := self._scene.scan(record.time_s, self._vehicle)) is not None:
+                record.steering_rad.append(plant.steering_rad)
+                self._publish(scip, *due)
+                record.samples.append(self._scene.sample(record.time_s, self._vehicle))
+
+        return step
+
+    def _publish(self, scip: ScipEmulator, ranges_mm: Ranges, stamp_ms: int) -> None:
+        sent_s = scip.publish(ranges_mm, stamp_ms % STAMP_MS)
+        self.record.scan_times_s.append(self.record.time_s)
+        self.record.ranges_mm = ranges_mm
+        if sent_s is not None:
+            self.record.latency.scan_sent(sent_s)
+
+    def _on_command(self, at_s: float, demand: MotorDemand) -> None:
+        self.record.latency.command_received(at_s)
+        self.record.stop_command = demand
+
+
+def _last_words(runtime: RuntimeProcess) -> str:
+    """Return why it did not start: its own sentence where it ended with one, else all that it said."""
+    if runtime.exit_code == USAGE_ERROR and runtime.log:
+        return runtime.log[-1].removeprefix("wallride: ")
+    said = "\n".join(runtime.log) or "nothing"
+    return f"the runtime did not start (exit code {runtime.exit_code}); it said:\n{said}"

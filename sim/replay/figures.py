@@ -1,0 +1,184 @@
+"""The numbers of a run, by the simulator's and the car's own yardsticks: `sim.summary` and `runtime.control.score`."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from runtime.control.perception.geometry import directions
+from runtime.control.score import Score
+from runtime.control.vehicle import CarSettings
+from sim.figures.summary import Sample, figures
+from sim.replay.decode import decode
+from sim.replay.drive_log import Message
+from sim.replay.run import Change, Run
+from sim.world.pose import Floats
+
+TOGETHER_S = 1e-3
+"""Two messages of one decision differ by less."""
+SHORTEST_STOP_S = 0.05
+SAME_SCAN_S = 0.02
+NEAREST_BEAMS = 3
+"""The nearest two beams may be dust; the third is something."""
+CAPS = frozenset({"safety", "e-stop", "permit"})
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """A time in which the car was told to stand, after it had been told to move. until_s: NaN to the end of the run.
+
+    speed_mps: how fast it was when it was told. also: what was said later during the same stop.
+    """
+
+    from_s: float
+    until_s: float
+    winner: str
+    reason: str
+    measure: float
+    speed_mps: float
+    also: tuple[str, ...]
+
+
+def numbers(run: Run) -> dict[str, Any]:
+    """Return all figures as plain values: what `wallride report --json` prints and the page shows.
+
+    Those of `sim.summary` are over what the car believed (odometry, its own distance to the wall), not over a truth.
+    """
+    score = Score()
+    for error_m in run.error.value:
+        score.add(float(error_m))
+    found = stops(run)
+    status = run.status
+    return {
+        "name": run.name,
+        "car": run.car,
+        "method": run.settings.wall_follow.method,
+        "side": run.settings.wall_follow.side,
+        "desired_distance_m": run.settings.wall_follow.desired_distance_m,
+        "scans": len(run.scans),
+        **figures(samples(run), run.settings.wall_follow.desired_distance_m),
+        "duration_s": round(run.duration_s, 4),
+        "top_speed_mps": _rounded(float(np.abs(run.path.speed_mps).max())) if len(run.path.speed_mps) else None,
+        "distance_error": {"mean_abs_m": _rounded(score.mean_abs_m, 6), "rms_m": _rounded(score.rms_m, 6)},
+        "stops": len(found),
+        "standing_s": round(sum((_end(stop, run) - stop.from_s) for stop in found), 2),
+        "scan_to_motor_ms": dict(status.get("scan_to_motor_ms") or {}),
+        "winners": {name: round(float(s), 2) for name, s in (status.get("seconds_by_winner") or {}).items()},
+    }
+
+
+def samples(run: Run) -> list[Sample]:
+    """Return the car at every scan that was answered, as it believed to be."""
+    desired_m = run.settings.wall_follow.desired_distance_m
+    path, rows = run.path, []
+    nearest = _clearances(run)
+    for number, time_s in enumerate(run.error.time_s):
+        at = min(max(int(np.searchsorted(path.time_s, time_s, side="right")) - 1, 0), len(path.time_s) - 1)
+        if at < 0:
+            break
+        error_m = float(run.error.value[number])
+        wall_m = error_m + desired_m if math.isfinite(error_m) else math.inf
+        clearance_m = _nearest_value(*nearest, float(time_s))
+        x_m, y_m, yaw_rad, speed_mps = (
+            float(column[at]) for column in (path.x_m, path.y_m, path.yaw_rad, path.speed_mps)
+        )
+        rows.append(Sample(float(time_s), x_m, y_m, yaw_rad, speed_mps, wall_m, clearance_m))
+    return rows
+
+
+def stops(run: Run) -> list[Stop]:
+    """Return every stop, in order: who wanted it, and why."""
+    found: list[Stop] = []
+    moved, began = False, math.nan
+    for time_s, sent_mps in zip(run.sent.time_s, run.sent.value, strict=True):
+        if sent_mps != 0:
+            if not math.isnan(began):
+                _add_stop(found, run, began, float(time_s))
+            moved, began = True, math.nan
+        elif moved and math.isnan(began):
+            began = float(time_s)
+    if not math.isnan(began):
+        _add_stop(found, run, began, math.nan)
+    return found
+
+
+def _add_stop(found: list[Stop], run: Run, from_s: float, until_s: float) -> None:
+    if until_s - from_s < SHORTEST_STOP_S:  # NaN is not smaller
+        return
+    why = newest_change(run, from_s)
+    end_s = until_s if math.isfinite(until_s) else math.inf
+    later = [change.reason for change in run.changes if from_s + TOGETHER_S < change.time_s < end_s - TOGETHER_S]
+    also = tuple(dict.fromkeys(reason for reason in later if why is None or reason != why.reason))
+    speed_mps = at_time(run.path.time_s, run.path.speed_mps, from_s)
+    if why is None:
+        found.append(Stop(from_s, until_s, "nobody", "not recorded", math.nan, speed_mps, also))
+    else:
+        found.append(Stop(from_s, until_s, why.winner, why.reason, why.measure, speed_mps, also))
+
+
+def slowed(run: Run) -> list[Change]:
+    """Return the changes of mind by which a cap made the car slower without stopping it."""
+    return [change for change in run.changes if change.winner in CAPS and change.allowed_mps != 0]
+
+
+def newest_change(run: Run, time_s: float) -> Change | None:
+    """Return the decision in force at a time."""
+    before = [change for change in run.changes if change.time_s <= time_s + TOGETHER_S]
+    return before[-1] if before else None
+
+
+def at_time(times_s: Floats, values: Floats, time_s: float) -> float:
+    """Return the newest value at a time, NaN before the first."""
+    index = int(np.searchsorted(times_s, time_s + TOGETHER_S, side="right")) - 1
+    return float(values[index]) if index >= 0 else math.nan
+
+
+def points(message: Message, car: CarSettings) -> tuple[Floats, Floats]:
+    """Return a scan's points (n,), (n,) in base_link; beams without a distance are left out."""
+    scan = decode(message)
+    ranges_m = np.asarray(scan.ranges, np.float64)
+    rays = directions(float(scan.angle_min), float(scan.angle_increment), ranges_m.size)
+    known = (ranges_m >= scan.range_min) & (ranges_m <= scan.range_max)  # NaN is neither
+    return rays[0][known] * ranges_m[known] + car.lidar_x_m, rays[1][known] * ranges_m[known]
+
+
+def _clearances(run: Run) -> tuple[Floats, Floats]:
+    """Return times and how near the outline anything was then; the car itself does not count."""
+    car = run.settings.car
+    rows: Floats = np.full((len(run.scans), 2), np.inf)
+    for row, (time_s, message) in zip(rows, run.scans, strict=True):
+        x_m, y_m = points(message, car)
+        ahead_m = np.maximum(np.maximum(x_m - car.front_m, -car.rear_m - x_m), 0.0)
+        aside_m = np.maximum(np.abs(y_m) - car.half_width_m, 0.0)
+        gap_m = np.hypot(ahead_m, aside_m)
+        gap_m = gap_m[gap_m > 0]
+        row[0] = time_s
+        if gap_m.size >= NEAREST_BEAMS:
+            row[1] = np.partition(gap_m, NEAREST_BEAMS - 1)[NEAREST_BEAMS - 1]
+    return rows[:, 0], rows[:, 1]
+
+
+def _nearest_value(times_s: Floats, values: Floats, time_s: float) -> float:
+    """Return the value at the time that is nearest, infinity where none is near."""
+    after = int(np.searchsorted(times_s, time_s))
+    near = [at for at in (after - 1, after) if 0 <= at < len(times_s) and abs(times_s[at] - time_s) < SAME_SCAN_S]
+    return float(values[min(near, key=lambda at: abs(times_s[at] - time_s))]) if near else math.inf
+
+
+def _end(stop: Stop, run: Run) -> float:
+    return stop.until_s if math.isfinite(stop.until_s) else run.duration_s
+
+
+def _rounded(value: float, digits: int = 4) -> float | None:
+    return round(value, digits) if math.isfinite(value) else None
+
+
+def truth_of(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what of a summary of `wallride sim --json` stands beside the car's own figures."""
+    names = (
+        "distance_m", "mean_abs_error_m", "rms_error_m", "settle_s", "max_overshoot_m", "min_clearance_m",
+        "mean_speed_mps", "laps", "lap_times_s", "collided",
+    )  # fmt: skip
+    return {name: summary[name] for name in names if name in summary}

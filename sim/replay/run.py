@@ -1,0 +1,184 @@
+"""What a recording tells about a run, as plain series on one clock; times are seconds since its first message."""
+
+import math
+from bisect import bisect_left
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from runtime.settings.tree import Settings
+from runtime.wire import topics
+from sim.replay.decode import decode
+from sim.replay.drive_log import NS, DriveLog, Message
+from sim.replay.settings_text import settings_of
+from sim.world.pose import Floats
+
+SECONDS_OF_A_DAY = 86_400
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Series:
+    """Values (n,) over times (n,)."""
+
+    time_s: Floats
+    value: Floats
+
+    def at(self, time_s: float) -> float:
+        """Return the newest value at a time, NaN before the first."""
+        index = int(np.searchsorted(self.time_s, time_s, side="right")) - 1
+        return float(self.value[index]) if index >= 0 else math.nan
+
+    def __len__(self) -> int:
+        """Return the number of values."""
+        return len(self.time_s)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Path:
+    """Where the car believed to be, all (n,): the odometry's frame, speed along the car."""
+
+    time_s: Floats
+    x_m: Floats
+    y_m: Floats
+    yaw_rad: Floats
+    speed_mps: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A change of the mux's mind. Speeds: the driver's wish (NaN without), after the caps, and as sent."""
+
+    time_s: float
+    winner: str
+    driver: str
+    reason: str
+    measure: float
+    asked_mps: float
+    allowed_mps: float
+    sent_mps: float
+    delivered: bool
+
+
+@dataclass(eq=False)
+class Run:
+    """Everything that the page shows. statuses: (time, fields). duration_s: to the last message."""
+
+    name: str
+    car: str
+    version: str
+    began: str
+    source: str
+    settings: Settings
+    notes: Sequence[str]
+    scans: list[tuple[float, Message]]
+    error: Series
+    path: Path
+    wish: Series
+    sent: Series
+    steering: Series
+    changes: list[Change]
+    statuses: Sequence[tuple[float, Mapping[str, Any]]] = ()
+    duration_s: float = 0.0
+
+    @property
+    def status(self) -> Mapping[str, Any]:
+        """The newest status, empty where none was recorded."""
+        return self.statuses[-1][1] if self.statuses else {}
+
+    def scan_at(self, time_s: float) -> Message | None:
+        """Return the newest scan at a time, or the first one; None without any."""
+        if not self.scans:
+            return None
+        times_s = [stamp_s for stamp_s, _ in self.scans]
+        return self.scans[max(0, bisect_left(times_s, time_s + 1e-6) - 1)][1]
+
+
+def run_of(log: DriveLog) -> Run:
+    """Return the run that a log tells of."""
+    zero_ns = min((message.stamp_ns for message in log.messages if message.stamp_ns > 0), default=0)
+    if log.messages and log.messages[0].stamp_ns < SECONDS_OF_A_DAY * NS:  # another's recording has no date
+        zero_ns = 0
+
+    def seconds(time_ns: int) -> float:
+        return (time_ns - zero_ns) / NS
+
+    statuses = [(seconds(time_ns), fields) for time_ns, fields in log.json(topics.STATUS)]
+    errors = [(seconds(message.stamp_ns), decode(message).data) for message in log.of(topics.DISTANCE_ERROR)]
+    outputs = [(message.stamp_ns, decode(message).drive) for message in log.of(topics.OUTPUT)]
+    wishes = [(message.stamp_ns, decode(message).drive) for message in _wishes(log)]
+    status = statuses[-1][1] if statuses else {}
+    return Run(
+        name=log.name,
+        car=str(log.fact("car") or status.get("car") or "car"),
+        version=str(log.fact("version") or status.get("version") or ""),
+        began=datetime.fromtimestamp(zero_ns / NS, UTC).strftime("%Y-%m-%d %H:%M:%S UTC") if zero_ns else "",
+        source=log.fact("source"),
+        settings=settings_of(log),
+        notes=log.notes,
+        scans=[(seconds(message.stamp_ns), message) for message in log.of(topics.SCAN)],
+        error=_series(errors),
+        path=_path(log, zero_ns),
+        wish=_series([(seconds(at_ns), drive.speed) for at_ns, drive in wishes]),
+        sent=_series([(seconds(at_ns), drive.speed) for at_ns, drive in outputs]),
+        steering=_series([(seconds(at_ns), drive.steering_angle) for at_ns, drive in outputs]),
+        changes=_changes(log, zero_ns),
+        statuses=statuses,
+        duration_s=max((seconds(message.stamp_ns) for message in log.messages), default=0.0),
+    )
+
+
+def _wishes(log: DriveLog) -> list[Message]:
+    """Return the wishes of whoever drove: the operator's where there are any at that time, else navigation's."""
+    both = [*log.of(topics.NAVIGATION), *log.of(topics.TELEOP)]
+    return sorted(both, key=lambda message: message.stamp_ns)
+
+
+def _path(log: DriveLog, zero_ns: int) -> Path:
+    rows = []
+    for message in log.of(topics.ODOM):
+        said = decode(message)
+        pose, turn = said.pose.pose, said.pose.pose.orientation
+        yaw_rad = 2 * math.atan2(turn.z, turn.w)
+        rows.append(
+            ((message.stamp_ns - zero_ns) / NS, pose.position.x, pose.position.y, yaw_rad, said.twist.twist.linear.x)
+        )
+    table = np.array(rows, dtype=np.float64).reshape(-1, 5)
+    return Path(*table.T)
+
+
+def _changes(log: DriveLog, zero_ns: int) -> list[Change]:
+    """Return what was decided, only where winner, driver, reason or delivery changed."""
+    changes: list[Change] = []
+    mind: tuple[object, ...] = ()
+    for time_ns, fields in log.json(topics.DECISION):
+        now = tuple(fields.get(name) for name in ("winner", "driver", "reason", "delivered"))
+        if now == mind:
+            continue
+        mind = now
+        changes.append(
+            Change(
+                time_s=(time_ns - zero_ns) / NS,
+                winner=str(fields.get("winner") or "nobody"),
+                driver=str(fields.get("driver") or ""),
+                reason=str(fields.get("reason") or ""),
+                measure=_number(fields.get("measure")),
+                asked_mps=_number(fields.get("asked_mps")),
+                allowed_mps=_number(fields.get("allowed_mps")),
+                sent_mps=_number(fields.get("speed_mps")),
+                delivered=bool(fields.get("delivered", True)),
+            )
+        )
+    return changes
+
+
+def _series(rows: Sequence[tuple[float, float]]) -> Series:
+    table = np.array(rows, dtype=np.float64).reshape(-1, 2)
+    table = table[np.argsort(table[:, 0], kind="stable")]
+    return Series(table[:, 0], table[:, 1])
+
+
+def _number(value: object) -> float:
+    return float(value) if isinstance(value, int | float) else math.nan

@@ -1,0 +1,1 @@
+"""Drives in virtual time: the closed loop, devices in memory."""

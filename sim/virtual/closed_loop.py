@@ -1,0 +1,325 @@
+"""One drive, faster than real time: world, car, lidar and the very control code of the car, without devices.
+
+Time goes in steps of 2.5 ms. At every revolution of the lidar one scan is made; follower, guard, `arbitrate` and the
+`Limiter` answer it as the tasks of the runtime would, and their answer is on the motor's wire `latency_s` later.
+Nothing reads a clock: the same case gives the same run, bit by bit.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from drivers.api import Drive, MotorState, Scan
+from drivers.vesc.settings import VescSettings
+from runtime.arbitration.command import NO_LIMIT_MPS, CapWord, Decision, DriveWord, Source, Verdict, Word, arbitrate
+from runtime.control.guidance import Follower, Guard
+from runtime.control.limiter import Limiter, Limits
+from runtime.control.vehicle import CarSettings
+from sim.car.delay import DelayLine
+from sim.car.vehicle import BrakeDemand, CoastDemand, Demand, SpeedDemand, Vehicle, VehicleSettings
+from sim.world.beams import LidarSettings, Millimetres, scan
+from sim.world.obstacles import Obstacle, Scene
+from sim.world.place import Surroundings, World
+from sim.world.pose import CAR, Floats, Pose, Side, side_sign
+
+STEP_S = 0.0025
+RANGE_MIN_M, RANGE_MAX_M = 0.02, 30.0
+"""What a UST-10LX says of itself; values outside are no distances. A sensor of less range says so."""
+ROUGH_BEAMS = LidarSettings(noise_std_m=0.02, outlier_share=0.02)
+"""The noise under which every law has to prove itself."""
+_WIRING = VescSettings()
+_VEHICLE = VehicleSettings()
+_CAR = CarSettings()
+_ORDER = (Source.ESTOP, Source.SAFETY, Source.TELEOP, Source.PERMIT, Source.NAVIGATION)
+"""The lab's order with `safety.binds_teleop`: a human is judged as a navigator is."""
+FULL_BRAKE_MPS2 = _WIRING.brake_current_a * _VEHICLE.brake_mps2_per_a + _VEHICLE.drag_mps2
+"""What the driver's full brake current and the drag give on a floor that holds it: 8.9 m/s2."""
+_POLL_S = 1.0 / _WIRING.poll_hz
+_STANDING_BELOW_MPS = 0.05
+_TRUTH_BEARINGS_RAD = np.radians(np.linspace(30.0, 150.0, 121))  # every degree: 4e-5 too far at most
+_TRUTH_POSES_AT_ONCE = 9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Case:
+    """What is driven; every default is that of the tests' car.
+
+    start: pose of the rear axle, None for the world's own. start_speed_mps: the car rolls already.
+    distance_m, duration_s, standing_s: the run ends after so much way, so much time, or so long a standstill after
+        having moved or having tried to for 1 s. It always ends at a contact.
+    latency_s: from a scan's last byte to the motor's wire; the vehicle's own delays come on top.
+    brake_limit_mps2: the deceleration of a full brake; above the grip the wheels lock.
+    truth: the world whose walls count as "the wall" (a wall without its doors), None for the world itself.
+    surroundings: what is really seen and hit instead of world and obstacles (glass), None for those.
+    cover: what becomes of the lidar's integers at a time [s], e.g. a hand before it; None: nothing.
+    driver: whose wish the follower's is: the navigator's, or a human's whom safety binds.
+    """
+
+    world: World
+    start: Pose | None = None
+    start_speed_mps: float = 0.0
+    desired_m: float = 1.0
+    side: Side | None = None
+    distance_m: float = math.inf
+    duration_s: float = 60.0
+    standing_s: float = math.inf
+    vehicle: VehicleSettings = _VEHICLE
+    lidar: LidarSettings = ROUGH_BEAMS
+    car: CarSettings = _CAR
+    obstacles: tuple[Obstacle, ...] = ()
+    seed: int = 0
+    latency_s: float = 0.02
+    brake_limit_mps2: float = FULL_BRAKE_MPS2
+    truth: World | None = None
+    surroundings: Surroundings | None = None
+    cover: Callable[[Millimetres, float], Millimetres] | None = None
+    driver: Source = Source.NAVIGATION
+
+
+@dataclass(slots=True)
+class Stop:
+    """A time in which the car was told to stand. until_s: NaN when it lasted to the end of the run."""
+
+    from_s: float
+    reason: str
+    winner: Source | None
+    measure: float
+    speed_mps: float
+    until_s: float = math.nan
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """The first touch, and the true speed at that moment."""
+
+    time_s: float
+    speed_mps: float
+    pose: Pose
+
+
+@dataclass(slots=True, eq=False)
+class Run:
+    """What happened. Arrays have one row per scan, taken at its last beam.
+
+    time_s: shape (n,). pose: (n, 3) x [m], y [m], yaw [rad] of the rear axle. speed_mps: (n, 2), the car's and what
+    its wheels report. wish: (n, 2) and command: (n, 2), speed [m/s] and steering [rad] of the follower and of what went
+    to the wire `latency_s` later; a stop is 0 m/s. capped: (n,) whether safety lowered the wish. wall_m: (n,) distance
+    to the followed wall, inf without one. clearance_m: (n,), 0 in contact. appeared: (n,) how many obstacles
+    there were for the scan to see. distance_m: way driven. reasons: the decisions' words, one per scan.
+    """
+
+    case: Case
+    time_s: Floats
+    pose: Floats
+    speed_mps: Floats
+    wish: Floats
+    command: Floats
+    capped: Floats
+    wall_m: Floats
+    clearance_m: Floats
+    appeared: Floats
+    distance_m: float
+    stops: list[Stop]
+    contact: Contact | None
+    reasons: list[str]
+
+    @property
+    def error_m(self) -> Floats:
+        """Distance to the wall less the wanted one, shape (n,); inf where there is no wall."""
+        return self.wall_m - self.case.desired_m
+
+
+_CONSENT = Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "nobody looks out")
+
+
+def drive(case: Case, follower: Follower, guard: Guard | None) -> Run:
+    """Drive a case to its end. guard None: nobody looks out."""
+    return _Rig(case, follower, guard).run()
+
+
+def as_scan(reported_mm: Millimetres, lidar: LidarSettings, time_s: float, sequence: int) -> Scan:
+    """Return what the driver would make of the sensor's integers."""
+    range_max_m = min(lidar.range_max_m, RANGE_MAX_M)
+    usable = (reported_mm >= RANGE_MIN_M * 1000) & (reported_mm <= range_max_m * 1000)
+    ranges_m = np.where(usable, reported_mm.astype(np.float32) / np.float32(1000), np.float32(np.nan))
+    ranges_m.setflags(write=False)
+    first_rad, step_rad = math.radians(lidar.first_deg), math.radians(lidar.last_deg - lidar.first_deg)
+    return Scan(time_s, time_s, first_rad, step_rad / (lidar.beams - 1), RANGE_MIN_M, range_max_m, ranges_m, sequence)
+
+
+@dataclass(slots=True)
+class _Log:
+    """Rows in the making."""
+
+    rows: list[tuple[float, ...]] = field(default_factory=list)
+    reasons: list[str] = field(default_factory=list)
+    stops: list[Stop] = field(default_factory=list)
+    stopped: Stop | None = None
+
+    def decision(self, time_s: float, speed_mps: float, decision: Decision, *, stop: bool) -> None:
+        """Open or close a stop."""
+        self.reasons.append(decision.reason)
+        if stop and self.stopped is None:
+            self.stopped = Stop(time_s, decision.reason, decision.winner, decision.measure, speed_mps)
+            self.stops.append(self.stopped)
+        elif not stop and self.stopped is not None:
+            self.stopped.until_s = time_s
+            self.stopped = None
+
+
+class _Rig:
+    """The car on its test stand."""
+
+    def __init__(self, case: Case, follower: Follower, guard: Guard | None) -> None:
+        self._case = case
+        self._follower, self._guard = follower, guard
+        self._vehicle = Vehicle(case.vehicle)
+        self._vehicle.place(case.start or case.world.start, speed_mps=case.start_speed_mps)
+        self._scene = Scene(case.world, case.obstacles)
+        self._seen: Surroundings = case.surroundings or self._scene
+        self._walkers_mps = max(
+            (math.hypot(o.motion.x_mps, o.motion.y_mps) for o in case.obstacles if o.motion), default=0.0
+        )
+        self._rng = np.random.default_rng(case.seed)
+        car = case.car
+        self._limiter = Limiter(
+            Limits(
+                car.max_speed_mps,
+                car.max_reverse_mps,
+                car.max_steering_rad,
+                car.steering_rate_radps,
+                car.max_acceleration_mps2,
+            )
+        )
+        self._limiter.limit(case.start_speed_mps, 0.0, dt_s=1e3)  # whoever rolls was told to
+        rolling: Demand = SpeedDemand(case.start_speed_mps) if case.start_speed_mps else CoastDemand()
+        self._wire: DelayLine[tuple[Demand, float]] = DelayLine(case.latency_s, (rolling, 0.0))
+        self._motor: MotorState | None = None
+        self._polled_s = -math.inf
+        self._free_m = 0.0  # the car may move so far before a contact is possible
+        self._log = _Log()
+        self._distance_m = 0.0
+        self._moved_s = 0.0
+        self._contact: Contact | None = None
+
+    def run(self) -> Run:
+        case, vehicle = self._case, self._vehicle
+        period_s = 1.0 / case.lidar.rate_hz
+        step, scans = 0, 0
+        last = round(case.duration_s / STEP_S)
+        while step <= last and self._contact is None and self._distance_m < case.distance_m:
+            now_s = step * STEP_S
+            self._poll(now_s)
+            if now_s >= scans * period_s - STEP_S / 2:
+                self._scene.update(now_s, vehicle.pose, vehicle.speed_mps)
+                self._free_m = self._seen.clearance(vehicle.pose)
+                self._answer(now_s, scans)
+                scans += 1
+                if now_s - self._moved_s > max(case.standing_s, 1.0):
+                    break
+            self._advance(now_s)
+            step += 1
+        return self._finish()
+
+    def _poll(self, now_s: float) -> None:
+        """Ask the motor as often as its driver does; speed and way in the VESC's own whole numbers."""
+        if now_s - self._polled_s < _POLL_S - STEP_S / 2:
+            return
+        self._polled_s = now_s
+        vehicle, gain = self._vehicle, _WIRING.speed_to_erpm_gain
+        steps_m = 10.0 / gain
+        self._motor = MotorState(
+            now_s,
+            round(vehicle.wheel_speed_mps * gain) / gain,
+            math.floor(vehicle.wheel_travel_m / steps_m) * steps_m,
+            self._wire.at(now_s)[1],
+            11.1,
+            vehicle.motor_current_a,
+            0.0,
+            30.0,
+            "",
+            timed_out=False,
+            killed=False,
+        )
+
+    def _answer(self, now_s: float, sequence: int) -> None:
+        """One scan through everything that stands between it and the wire."""
+        case, vehicle, pose = self._case, self._vehicle, self._vehicle.pose
+        reported_mm = scan(self._seen, pose, vehicle.twist, now_s, self._rng, case.lidar)
+        if case.cover is not None:
+            reported_mm = case.cover(reported_mm, now_s)
+        sweep = as_scan(reported_mm, case.lidar, now_s, sequence)
+        outlook = self._guard.look(sweep, self._motor) if self._guard is not None else _CONSENT
+        guidance = self._follower.follow(sweep, self._motor)
+        wish = guidance.drive or Drive(0.0, 0.0)
+        words: list[Word] = [
+            CapWord(Source.SAFETY, outlook, now_s),
+            DriveWord(case.driver, wish, None if case.driver is Source.TELEOP else now_s, guidance.reason),
+        ]
+        decision = arbitrate(words, frozenset({Source.SAFETY}), _ORDER)
+        period_s = 1.0 / case.lidar.rate_hz
+        told = self._limiter.limit(decision.speed_mps, decision.steering_rad, period_s, decision.brake_mps2)
+        demand = self._demand(told)
+        self._wire.put(now_s, (demand, told.steering_rad))
+        stop = isinstance(demand, BrakeDemand)
+        self._log.decision(now_s, vehicle.speed_mps, decision, stop=stop)
+        self._log.rows.append(
+            (
+                now_s, pose.x_m, pose.y_m, pose.yaw_rad, vehicle.speed_mps, vehicle.wheel_speed_mps, wish.speed_mps,
+                wish.steering_rad, 0.0 if stop else told.speed_mps, told.steering_rad,
+                decision.winner is Source.SAFETY, self._free_m, self._scene.appeared,
+            )
+        )  # fmt: skip
+
+    def _demand(self, told: Drive) -> Demand:
+        """What the driver makes of a command: too slow, or against the motion, is a brake."""
+        speed_mps, wheels_mps = told.speed_mps, self._vehicle.wheel_speed_mps
+        turns_back = speed_mps * wheels_mps < 0 and abs(wheels_mps) > _STANDING_BELOW_MPS
+        if abs(speed_mps) >= _WIRING.min_speed_mps and not turns_back:
+            return SpeedDemand(speed_mps)
+        settings = self._case.vehicle
+        by_motor_mps2 = max(0.0, min(told.brake_mps2, self._case.brake_limit_mps2) - settings.drag_mps2)
+        return BrakeDemand(by_motor_mps2 / settings.brake_mps2_per_a)
+
+    def _advance(self, now_s: float) -> None:
+        """Move the car on by one step, and look for a contact when one is possible."""
+        vehicle = self._vehicle
+        demand, steering_rad = self._wire.at(now_s)
+        vehicle.step(STEP_S, demand, steering_rad)
+        twist = vehicle.twist
+        moved_m = math.hypot(twist.speed_mps, twist.lateral_mps) * STEP_S
+        self._distance_m += moved_m
+        if moved_m > _STANDING_BELOW_MPS * STEP_S:
+            self._moved_s = now_s
+        self._free_m -= moved_m + (abs(twist.yaw_rate_radps) * CAR.reach_m + self._walkers_mps) * STEP_S
+        if self._free_m > 0.0:
+            return
+        if self._walkers_mps:
+            self._scene.update(now_s + STEP_S, vehicle.pose, vehicle.speed_mps)
+        self._free_m = self._seen.clearance(vehicle.pose)
+        if self._free_m <= 0.0:
+            self._contact = Contact(now_s + STEP_S, abs(twist.speed_mps), vehicle.pose)
+
+    def _finish(self) -> Run:
+        table = np.array(self._log.rows)
+        poses = table[:, 1:4]
+        truth = self._case.truth or self._case.world
+        return Run(
+            self._case, table[:, 0], poses, table[:, 4:6], table[:, 6:8], table[:, 8:10], table[:, 10],
+            wall_distances_m(truth, poses, self._case.side or self._case.world.side), table[:, 11], table[:, 12],
+            self._distance_m, self._log.stops, self._contact, self._log.reasons,
+        )  # fmt: skip
+
+
+def wall_distances_m(world: Surroundings, poses: Floats, side: Side) -> Floats:
+    """Return the true distance to the nearest wall on one side (30 to 150 degrees) for poses (n, 3), shape (n,)."""
+    aside = side_sign(side) * _TRUTH_BEARINGS_RAD
+    distances = np.empty(len(poses))
+    for first in range(0, len(poses), _TRUTH_POSES_AT_ONCE):
+        some = poses[first : first + _TRUTH_POSES_AT_ONCE]
+        x_m, y_m = np.repeat(some[:, 0], len(aside)), np.repeat(some[:, 1], len(aside))
+        ranges = world.cast(x_m, y_m, (some[:, 2:] + aside).ravel())
+        distances[first : first + len(some)] = ranges.reshape(len(some), -1).min(axis=1)
+    return distances

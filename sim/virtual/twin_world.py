@@ -1,0 +1,216 @@
+"""A simulated car in a simulated world behind the in-memory devices: the whole process drives it in virtual time.
+
+Nothing runs by itself here. Whoever asks for a scan or the motor's state, or sends a command, moves the world on to the
+clock's now first, in steps of 2.5 ms; so the same story gives the same run, bit by bit.
+"""
+
+import asyncio
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Never
+
+import numpy as np
+import numpy.typing as npt
+
+from drivers.api import Clock, Drive, Health, LinkState, MotorState
+from drivers.vesc.settings import VescSettings
+from sim.car.vehicle import BrakeDemand, CoastDemand, Demand, SpeedDemand, Vehicle, VehicleSettings
+from sim.virtual.closed_loop import ROUGH_BEAMS, as_scan
+from sim.virtual.devices import MemoryLidar
+from sim.world.beams import LidarSettings, Millimetres, scan
+from sim.world.obstacles import Obstacle, Scene
+from sim.world.place import World
+from sim.world.pose import Pose
+
+STEP_S = 0.0025
+UNPLUGGED_AFTER_S = 0.15
+"""A VESC without commands brakes by itself after its own timeout..."""
+UNPLUGGED_BRAKE_A = 10.0
+"""...with the current that docs/bring-up.md tells to set."""
+_STANDING_BELOW_MPS = 0.05
+_WIRING = VescSettings()
+
+
+class TwinWorld:
+    """The truth. pose, speed: of the car, moved on by `advance`. contact_mps: speed at the first touch, None before.
+
+    A car that touches something stops dead and stays there. way_m: driven so far. cover: as that of a Case.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        clock: Clock,
+        *,
+        start: Pose | None = None,
+        vehicle: VehicleSettings | None = None,
+        lidar: LidarSettings = ROUGH_BEAMS,
+        obstacles: tuple[Obstacle, ...] = (),
+        seed: int = 0,
+    ) -> None:
+        self.world = world
+        self.scene = Scene(world, obstacles)
+        self.vehicle = Vehicle(vehicle, start or world.start)
+        self.lidar_settings = lidar
+        self.steering_rad = 0.0
+        self.demand: Demand = CoastDemand()
+        self.contact_mps: float | None = None
+        self.way_m = 0.0
+        self.cover: Callable[[Millimetres, float], Millimetres] | None = None
+        self._clock = clock
+        self._now_s = clock()
+        self._steps = 0
+        self._free_m = 0.0
+        self._rng = np.random.default_rng(seed)
+
+    def advance(self) -> None:
+        """Move on to now."""
+        while (self._steps + 1) * STEP_S + self._now_s <= self._clock() + 1e-9:
+            self._steps += 1
+            self._step(self._now_s + self._steps * STEP_S)
+
+    def ranges_at(self, now_s: float) -> npt.NDArray[np.float32]:
+        """Return what the driver would make of the sensor's scan, (beams,), metres, NaN without a distance."""
+        self.advance()
+        self._look(now_s)
+        reported_mm = scan(self.scene, self.vehicle.pose, self.vehicle.twist, now_s, self._rng, self.lidar_settings)
+        if self.cover is not None:
+            reported_mm = self.cover(reported_mm, now_s)
+        return as_scan(reported_mm, self.lidar_settings, now_s, 0).ranges_m
+
+    def _step(self, now_s: float) -> None:
+        if self.contact_mps is not None:
+            return
+        vehicle = self.vehicle
+        vehicle.step(STEP_S, self.demand, self.steering_rad)
+        moved_m = abs(vehicle.speed_mps) * STEP_S
+        self.way_m += moved_m
+        self._free_m -= 2 * moved_m + 4.0 * STEP_S * bool(self.scene.obstacles)  # people walk, and corners turn faster
+        if self._free_m <= 0.0:
+            self._look(now_s)
+
+    def _look(self, now_s: float) -> None:
+        """Let things move, and see whether the car touches one."""
+        vehicle = self.vehicle
+        self.scene.update(now_s, vehicle.pose, vehicle.speed_mps)
+        self._free_m = self.scene.clearance(vehicle.pose)
+        if self._free_m <= 0.0 and self.contact_mps is None:
+            self.contact_mps = abs(vehicle.speed_mps)
+            vehicle.halt()
+
+
+class WorldLidar(MemoryLidar):
+    """The lidar of a twin world; `pull` and `plug` its cable."""
+
+    def __init__(self, twin: TwinWorld, clock: Clock) -> None:
+        super().__init__(self._seen, clock, twin.lidar_settings.rate_hz)
+        self._twin = twin
+        self._plugged = True
+
+    def pull(self) -> None:
+        """Pull the cable: no more scans, and the driver knows."""
+        self._plugged = False
+        self.health.link = LinkState.ABSENT
+        self.health.message = "cable pulled"
+
+    def plug(self) -> None:
+        """Plug it in again."""
+        self._plugged = True
+        self.health.link = LinkState.READY
+        self.health.message = "in memory"
+
+    def _seen(self, now_s: float) -> npt.NDArray[np.float32] | None:
+        return self._twin.ranges_at(now_s) if self._plugged else None
+
+
+class WorldMotor:
+    """The motor controller of a twin world; takes commands as the VESC's driver does and tells the wheels' truth.
+
+    wire: (time, drive) of every command taken. present: False is a pulled cable; the controller then brakes by itself.
+    phases_swapped: the wheels turn the other way, and the controller reports that they turn as asked.
+    """
+
+    def __init__(self, twin: TwinWorld, clock: Clock) -> None:
+        self._twin = twin
+        self._clock = clock
+        self.wire: list[tuple[float, Drive]] = []
+        self.phases_swapped = False
+        self._fault = ""
+        self._present = True
+        self._health = Health(LinkState.READY, "in memory", "twin")
+
+    @property
+    def health(self) -> Health:
+        """Its condition now."""
+        self._health.link = LinkState.READY if self._present else LinkState.ABSENT
+        return self._health
+
+    @property
+    def state(self) -> MotorState | None:
+        """What the controller reports: speed and way in its own whole numbers."""
+        if not self._present:
+            return None
+        self._twin.advance()
+        vehicle, gain = self._twin.vehicle, _WIRING.speed_to_erpm_gain
+        steps_m = 10.0 / gain
+        sign = -1.0 if self.phases_swapped else 1.0
+        return MotorState(
+            self._clock(), sign * round(vehicle.wheel_speed_mps * gain) / gain,
+            sign * math.floor(vehicle.wheel_travel_m / steps_m) * steps_m, self._twin.steering_rad, 11.8,
+            vehicle.motor_current_a, 0.0, 30.0, self._fault, timed_out=False, killed=False,
+        )  # fmt: skip
+
+    async def run(self) -> Never:
+        """Stay connected; brake when cancelled, as the driver does."""
+        try:
+            await asyncio.Event().wait()
+            raise AssertionError("unreachable: nobody sets that event")
+        finally:
+            self.send(Drive(0.0, 0.0))
+
+    def send(self, drive: Drive) -> bool:
+        """Pass a command on to the wheels; False while the cable is pulled."""
+        if not self._present:
+            return False
+        self._twin.advance()
+        self.wire.append((self._clock(), drive))
+        speed_mps = 0.0 if self._fault else -drive.speed_mps if self.phases_swapped else drive.speed_mps
+        self._twin.demand = demand_of(replace(drive, speed_mps=speed_mps), self._twin.vehicle)
+        self._twin.steering_rad = drive.steering_rad
+        return True
+
+    def pull(self) -> None:
+        """Pull the cable; `brake_by_itself` is due UNPLUGGED_AFTER_S later."""
+        self._twin.advance()
+        self._present = False
+
+    def brake_by_itself(self) -> None:
+        """Do what the controller does when it hears nothing."""
+        self._twin.advance()
+        if not self._present:
+            self._twin.demand = BrakeDemand(UNPLUGGED_BRAKE_A)
+
+    def plug(self) -> None:
+        """Plug the cable in again."""
+        self._twin.advance()
+        self._present = True
+
+    def latch_fault(self, words: str) -> None:
+        """Brake from now on, as the driver does while a fault is latched."""
+        self._fault = self._fault or words
+
+    def clear_fault(self) -> None:
+        """Forget the latched fault."""
+        self._fault = ""
+
+
+def demand_of(drive: Drive, vehicle: Vehicle) -> Demand:
+    """Return what the driver makes of a command: too slow, or against the motion, is a brake."""
+    wheels_mps = vehicle.wheel_speed_mps
+    turns_back = drive.speed_mps * wheels_mps < 0 and abs(wheels_mps) > _STANDING_BELOW_MPS
+    if abs(drive.speed_mps) >= _WIRING.min_speed_mps and not turns_back:
+        return SpeedDemand(drive.speed_mps)
+    full_mps2 = _WIRING.brake_current_a * vehicle.settings.brake_mps2_per_a
+    by_motor_mps2 = min(max(0.0, drive.brake_mps2 - vehicle.settings.drag_mps2), full_mps2)
+    return BrakeDemand(by_motor_mps2 / vehicle.settings.brake_mps2_per_a)

@@ -1,0 +1,185 @@
+"""The way of a ball that rolls along the walls of a map, and how far a car can follow it.
+
+The middle of a ball of radius w that touches a wall is on the border of the cells that are at least w from the nearest
+solid one. That border consists of closed curves: along a followed wall one either comes back to where one was, or has
+to turn on the spot somewhere, at the end of a corridor that is too narrow for the car to turn in.
+
+Frame: the grid's own, x along the columns, y along the rows. Sums and roots only, no sines and no compiled beams:
+the same ways on every machine.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from sim.world.pose import Booleans, Floats, Side
+
+Cells = npt.NDArray[np.int64]
+
+ENDLESS_M = 200.0
+"""Ways that are at least so long are all alike: nearly a minute at 4 m/s."""
+_STEP_M = 0.1
+_SMOOTH_M = 0.5
+"""The border is a staircase; so much of it makes the mean of a place."""
+_TURN_M, _TURN_COS = 1.5, -0.75
+"""Who turns by 139 degrees or more on less than this way needs a radius below 0.62 m; a car has 0.93 m. The angle is
+none of those, multiples of 45 degrees, that drawn maps are full of."""
+_BEFORE_AND_AFTER_M = 2.0
+"""Who goes the same way again so far after a turn as so far before it passed a niche, and can cut it off."""
+_BACK_COS = -0.6
+_SMALLEST_RING_M = 5.86
+"""The car's tightest circle: what is shorter cannot be driven round."""
+_NEARBY_M, _SAME_WAY_COS = 0.5, 0.7
+"""Two balls' ways are beside each other within so much, in directions whose cosine is at least so much."""
+_RIGHT_TURN, _STRAIGHT_ON, _LEFT_TURN = -1, 0, 1
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """Places along the ball's way, one per edge between a cell on its border and one beyond.
+
+    cell: shape (n, 2), row and column of the cell. heading: shape (n, 2), the direction (x, y) in which a car drives
+    there, a unit vector. way_m: shape (n,), how far it comes before the way turns too tightly, in 0.1 m; ENDLESS_M
+    at most. end: shape (n,), the place where that is, as an index; -1 where it never is.
+    """
+
+    cell: Cells
+    heading: Floats
+    way_m: Floats
+    end: Cells
+
+
+def places(away_m: Floats, cell_m: float, ball_m: float, side: Side) -> Places:
+    """Return the way of a ball of radius `ball_m` with the walls on one side.
+
+    away_m: shape (rows, columns), each cell's distance from the nearest solid one; the grid's outermost cells are
+    solid. Some cell must have at least `ball_m`.
+    """
+    found, count = [], 0
+    for middle, cell in _borders(away_m >= ball_m):
+        way = slice(None, None, -1 if side == "left" else 1)
+        heading, way_m, end = _driven(middle[way], cell_m)
+        found.append((cell[way], heading, way_m, np.where(end < 0, -1, end + count)))
+        count += len(cell)
+    return Places(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+
+
+def led_on(here: Places, nearer: Places, cell_m: float) -> Places:
+    """Return the places with the ways of a car that comes nearer to the wall rather than end: a law does.
+
+    nearer: the same walls' places for a smaller ball, on whose way the car is from the end of its own one on.
+    """
+    ends, which = np.unique(here.end, return_inverse=True)
+    onward_m = np.array([_onward_m(here.cell[end], here.heading[end], nearer, cell_m) for end in ends])
+    way_m = np.where(here.end < 0, here.way_m, here.way_m + onward_m[which])
+    return replace(here, way_m=np.minimum(np.round(way_m, 1), ENDLESS_M))
+
+
+def _onward_m(cell: Cells, heading: Floats, nearer: Places, cell_m: float) -> float:
+    """The way from the nearest place in the same direction, 0 where there is none nearby."""
+    far_m = _length(nearer.cell - cell) * cell_m
+    far_m[nearer.heading @ heading < _SAME_WAY_COS] = np.inf
+    nearest = int(np.argmin(far_m))
+    return float(nearer.way_m[nearest]) if far_m[nearest] <= _NEARBY_M else 0.0
+
+
+def _borders(inside: Booleans) -> Iterator[tuple[Floats, Cells]]:
+    """Each closed border of the cells inside, with them on its left: middles of its edges (n, 2), and their cells.
+
+    Cells that share a corner only hang together: a ball's way may be one cell wide and oblique.
+    """
+    begin, heading, cell = _edges(inside)
+    corners = inside.shape[1] + 1
+    key = (begin[:, 1] * corners + begin[:, 0]) * 4 + heading
+    order = np.argsort(key)
+    ahead = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])[heading]
+    end = begin + ahead
+    follower = np.full(len(key), -1)
+    for turn in (_RIGHT_TURN, _STRAIGHT_ON, _LEFT_TURN):
+        wanted = (end[:, 1] * corners + end[:, 0]) * 4 + (heading + turn) % 4
+        at = order[np.minimum(np.searchsorted(key, wanted, sorter=order), len(key) - 1)]
+        follower = np.where((follower < 0) & (key[at] == wanted), at, follower)
+    for ring in _rings(follower.tolist()):
+        yield begin[ring] + ahead[ring] / 2, cell[ring]
+
+
+def _edges(inside: Booleans) -> tuple[Cells, Cells, Cells]:
+    """Edges between inside and outside: first corner (x, y), heading 0 to 3 from x on in quarter turns, cell inside."""
+    begins, headings, cells = [], [], []
+    beside = ((-1, 0, 0, 0), (0, 1, 1, 0), (1, 0, 1, 1), (0, -1, 0, 1))
+    for heading, (rows_on, columns_on, corner_x, corner_y) in enumerate(beside):
+        row, column = np.nonzero(inside & ~np.roll(inside, (-rows_on, -columns_on), axis=(0, 1)))
+        begins.append(np.column_stack([column + corner_x, row + corner_y]))
+        headings.append(np.full(len(row), heading))
+        cells.append(np.column_stack([row, column]))
+    return np.concatenate(begins), np.concatenate(headings), np.concatenate(cells)
+
+
+def _rings(follower: list[int]) -> Iterator[list[int]]:
+    """The cycles of a permutation."""
+    seen = bytearray(len(follower))
+    for first in range(len(follower)):
+        ring, at = [], first
+        while not seen[at]:
+            seen[at] = 1
+            ring.append(at)
+            at = follower[at]
+        if ring:
+            yield ring
+
+
+def _driven(middle: Floats, cell_m: float) -> tuple[Floats, Floats, Cells]:
+    """Heading, drivable way and its end at each edge of a closed border, in its order; see Places."""
+    at_m = _smoothed(middle, max(1, round(_SMOOTH_M / cell_m / 2))) * cell_m
+    steps_m = _length(np.roll(at_m, -1, axis=0) - at_m)
+    along_m = np.concatenate([[0.0], np.cumsum(steps_m)])
+    count = round(float(along_m[-1]) / _STEP_M)
+    if count * _STEP_M < _SMALLEST_RING_M:
+        return np.tile([1.0, 0.0], (len(middle), 1)), np.zeros(len(middle)), np.arange(len(middle))
+    even_m = along_m[-1] * np.arange(count + 1) / count
+    x_m, y_m = (np.interp(even_m, along_m, np.append(part, part[0])) for part in at_m.T)
+    chord_m = np.column_stack([np.diff(x_m), np.diff(y_m)])
+    heading = chord_m / np.maximum(_length(chord_m), 1e-9)[:, None]
+    ahead = _samples_ahead(_too_tight(heading))
+    sample = np.minimum((along_m[:-1] / along_m[-1] * count).astype(np.int64), count - 1)
+    end = np.searchsorted(along_m[:-1], even_m[(sample + ahead[sample] - 1) % count])
+    step_m = float(along_m[-1]) / count
+    way_m = np.minimum(np.round(ahead[sample] * step_m, 1), ENDLESS_M)
+    endless = ahead[sample] < 0
+    return heading[sample], np.where(endless, ENDLESS_M, way_m), np.where(endless, -1, end % len(middle))
+
+
+def _smoothed(points: Floats, reach: int) -> Floats:
+    """Each point's mean with `reach` neighbours on either side, round the ring; shape (n, 2)."""
+    around = np.take(points, np.arange(-reach - 1, len(points) + reach), axis=0, mode="wrap")
+    sums = np.cumsum(around, axis=0)
+    smooth: Floats = (sums[2 * reach + 1 :] - sums[: -2 * reach - 1]) / (2 * reach + 1)
+    return smooth
+
+
+def _too_tight(heading: Floats) -> Booleans:
+    """Where a ring of unit vectors, _STEP_M apart, turns back in too little way; shape (n,)."""
+    tight = np.zeros(len(heading), dtype=np.bool_)
+    for steps in range(1, round(_TURN_M / _STEP_M) + 1):
+        turned = np.sum(heading * np.roll(heading, -steps, axis=0), axis=1) < _TURN_COS
+        tight |= np.roll(turned, steps // 2)
+    far = round(_BEFORE_AND_AFTER_M / _STEP_M)
+    back: Booleans = np.sum(np.roll(heading, far, axis=0) * np.roll(heading, -far, axis=0), axis=1) < _BACK_COS
+    return tight & back
+
+
+def _samples_ahead(tight: Booleans) -> Cells:
+    """How many samples of a ring are between each and the next tight one, 0 there, -1 where none is; shape (n,)."""
+    marks, here = np.flatnonzero(tight), np.arange(len(tight))
+    if not len(marks):
+        return np.full(len(tight), -1)
+    ahead: Cells = np.append(marks, marks[0] + len(tight))[np.searchsorted(marks, here)] - here
+    return ahead
+
+
+def _length(vectors: Floats | Cells) -> Floats:
+    """The length of each, shape (n,)."""
+    long: Floats = np.sqrt(vectors[:, 0] ** 2 + vectors[:, 1] ** 2)
+    return long

@@ -1,0 +1,125 @@
+"""Maps in the format of ROS (map_server): a .yaml file beside a .pgm or .png image, row 0 at the top.
+
+Only one region of a map is drivable: the largest connected one of cells that are surely free. All else is solid:
+walls, unknown cells, what lies outside, rooms that cannot be reached. Published maps disagree about the colour of
+"outside" (black, 205 grey, and in levine.png a 216 that passes for free under its own free_thresh), so a cell is
+surely free only below an occupancy of 0.1, whatever looser free_thresh the file gives.
+"""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sim.world.grid import GridGeometry
+from sim.world.map_start import choose_start
+from sim.world.place import World
+from sim.world.pose import Booleans, Floats, Pose, Side
+
+SURELY_FREE_BELOW = 0.1
+"""Highest occupancy of a drivable cell; antialiased edges and the 205 of "unknown" (0.196) lie above it."""
+
+PAPER_EDGES = 3
+
+
+@dataclass(frozen=True, slots=True)
+class MapSettings:
+    """What a map's .yaml file says. origin: world pose of the image's lower left corner."""
+
+    image: Path
+    cell_m: float
+    origin: Pose
+    negate: bool
+    free_thresh: float
+
+
+def load_map(path: Path, *, side: Side = "left") -> World:
+    """Return the world of a map file; the start is chosen by `choose_start`, with the followed wall on `side`.
+
+    Raises:
+        FileNotFoundError: the .yaml file or its image is not there.
+        ValueError: something in them makes no sense; the message says what and where.
+    """
+    geometry, inner_m2 = read_geometry(path)
+    text = f"Map {path.name}: {inner_m2:.0f} m2 drivable, cells of {geometry.cell_m:.4g} m."
+    start, room_m = choose_start(geometry, side)
+    return World(path.stem, geometry, start, side, description=text, room_m=room_m)
+
+
+def read_geometry(path: Path) -> tuple[GridGeometry, float]:
+    """Return the walls of a map file, and its drivable area [m2]; raises as `load_map` does."""
+    settings = read_settings(path)
+    free = drivable(read_occupancy(settings), min(settings.free_thresh, SURELY_FREE_BELOW))
+    if not free.any():
+        raise ValueError(f"{settings.image}: no free cell in the map; is `negate` in {path} right?")
+    rows, columns = np.flatnonzero(free.any(axis=1)), np.flatnonzero(free.any(axis=0))
+    inner = free[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    corner = settings.origin.ahead(float(columns[0]) * settings.cell_m, float(rows[0]) * settings.cell_m)
+    return GridGeometry(~inner, settings.cell_m, corner), float(inner.sum()) * settings.cell_m**2
+
+
+def read_settings(path: Path) -> MapSettings:
+    """Read and check the .yaml file."""
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
+
+    if not path.is_file():
+        raise FileNotFoundError(f"no map file {path}; give the path of a map's .yaml file")
+    try:
+        content: Any = YAML(typ="safe", pure=True).load(path)
+        image, cell_m = path.parent / str(content["image"]), float(content["resolution"])
+        x_m, y_m, yaw_rad = (float(value) for value in content["origin"])
+        negate, free_thresh = bool(int(content.get("negate", 0))), float(content.get("free_thresh", 0.196))
+    except (YAMLError, KeyError, TypeError, ValueError) as error:
+        raise ValueError(
+            f"{path}: not a map file ({error}); it needs image, resolution and origin: [x, y, yaw]"
+        ) from error
+    if not (math.isfinite(cell_m) and cell_m > 0 and all(map(math.isfinite, (x_m, y_m, yaw_rad)))):
+        raise ValueError(
+            f"{path}: resolution must be above 0 and origin finite, not {cell_m} and {(x_m, y_m, yaw_rad)}"
+        )
+    return MapSettings(image, cell_m, Pose(x_m, y_m, yaw_rad), negate, free_thresh)
+
+
+def read_occupancy(settings: MapSettings) -> Floats:
+    """Return the occupancy of each cell, 0 free to 1 occupied, shape (rows, columns), row 0 lowest in y."""
+    from PIL import Image, UnidentifiedImageError
+
+    if not settings.image.is_file():
+        raise FileNotFoundError(f"the map's image {settings.image} is missing; `image` in the .yaml file names it")
+    try:
+        with Image.open(settings.image) as picture:
+            flat = picture.convert("RGB") if picture.mode in {"P", "1", "RGBA", "LA", "CMYK"} else picture
+            pixels = np.asarray(flat)
+    except (UnidentifiedImageError, OSError) as error:
+        raise ValueError(f"{settings.image}: not an image that can be read ({error})") from error
+    full_scale = 255.0 if pixels.dtype == np.uint8 else 65535.0
+    grey = pixels.astype(np.float64)[::-1] / full_scale
+    grey = grey.mean(axis=2) if grey.ndim > 2 else grey
+    return grey if settings.negate else 1.0 - grey
+
+
+def drivable(occupancy: Floats, free_below: float) -> Booleans:
+    """Return the largest region of cells under `free_below` that hang together by their edges; same shape.
+
+    A region that reaches three or four edges of the image is the paper around the drawing, not a part of the building;
+    it counts only where there is no other region.
+    """
+    from scipy import ndimage
+
+    regions, count = ndimage.label(occupancy < free_below)
+    if count == 0:
+        return np.zeros(occupancy.shape, dtype=np.bool_)
+    sizes = np.bincount(regions.ravel(), minlength=count + 1)[1:]
+    edges = (regions[0], regions[-1], regions[:, 0], regions[:, -1])
+    reached = sum(np.isin(np.arange(1, count + 1), edge).astype(np.int64) for edge in edges)
+    inside = np.where(reached >= PAPER_EDGES, 0, sizes)
+    largest: Booleans = regions == 1 + int(np.argmax(inside if inside.any() else sizes))
+    return largest
+
+
+def check_map(path: Path) -> None:
+    """Read a map's files without making a world of them; raises as `load_map` does."""
+    read_occupancy(read_settings(path))

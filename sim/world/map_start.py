@@ -1,0 +1,109 @@
+"""Where a car starts on a map: beside a wall that leads on, parallel to it, with a free way ahead.
+
+The same map gives the same start on every machine. Many places look alike to the last bit, so numpy's beams choose,
+never compiled ones; what is compared is rounded, and of equal places the first one is taken.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from sim.world.ball_contour import ENDLESS_M, Places, led_on, places
+from sim.world.grid import GridGeometry
+from sim.world.place import START_DISTANCE_M
+from sim.world.pose import Pose, Side, side_sign
+
+_BALLS_M = tuple(round(START_DISTANCE_M - 0.1 * step, 1) for step in range(6))
+"""Distances from the wall that a start may have: 1 m to 0.5 m."""
+_FAR_ENOUGH_M = 60.0
+"""No smaller distance is chosen to come farther than this: a minute at 1 m/s, a lap in a building."""
+_MUCH_FARTHER = 1.5
+"""How many times as far a smaller distance must lead to be chosen; laws pass a short narrow place by themselves."""
+_NEARLY_AS_FAR = 0.8
+"""Where no way is endless: the share of the longest one that is as good."""
+_START_CANDIDATES = 300
+_LOOK_AHEAD_M = 8.0
+
+
+def choose_start(geometry: GridGeometry, side: Side) -> tuple[Pose, float]:
+    """Choose a place beside a wall that leads on, parallel to it, with a free way ahead; and its distance from it [m].
+
+    The distance is START_DISTANCE_M, or less where the way of a smaller ball leads much farther. Of 300 cells spread
+    over those with the longest drivable way, the one with the longest straight way ahead and behind wins (8 m are
+    enough), less what the wall's distance changes within 1 m; to whole millimetres.
+    """
+    room_m, rolled = _places(geometry, side)
+    longest_m = float(rolled.way_m.max())
+    least_m = longest_m if longest_m >= ENDLESS_M else _NEARLY_AS_FAR * longest_m
+    good = np.flatnonzero(rolled.way_m >= least_m)
+    spread = good[np.unique(np.linspace(0, len(good) - 1, _START_CANDIDATES).astype(np.int64))]
+    poses = [_along_the_wall(geometry, _heading(geometry, rolled, int(index)), side) for index in spread]
+    return max(poses, key=lambda pose: round(_worth(geometry, pose, side, room_m), 3)), room_m
+
+
+def _places(geometry: GridGeometry, side: Side) -> tuple[float, Places]:
+    """The distance at which to follow a wall, and the places at it: the largest of `_BALLS_M` that leads far enough.
+
+    Where none does, the one that leads farthest. A map narrower than all of them has only its widest place. Where no
+    way is endless at that distance, the ways of a law that comes nearer to the wall in narrow places count, from those
+    places on that lead far enough, or nearly farthest, without.
+    """
+    from scipy import ndimage
+
+    away_m = np.round(ndimage.distance_transform_edt(~geometry.solid) * geometry.cell_m, 6)
+    balls_m = [ball_m for ball_m in _BALLS_M if ball_m <= away_m.max()] or [float(away_m.max())]
+    rolled: list[Places] = []
+    chosen = 0
+    for ball_m in balls_m:
+        rolled.append(places(away_m, geometry.cell_m, ball_m, side))
+        if _far_m(rolled[-1]) > _MUCH_FARTHER * _far_m(rolled[chosen]):
+            chosen = len(rolled) - 1
+        if rolled[-1].way_m.max() >= ENDLESS_M:
+            break
+    onward = rolled[-1]
+    for larger in reversed(rolled[chosen:-1]):
+        onward = led_on(larger, onward, geometry.cell_m)
+    alone = rolled[chosen]
+    far = alone.way_m >= min(_FAR_ENOUGH_M, _NEARLY_AS_FAR * float(alone.way_m.max()))
+    return balls_m[chosen], replace(onward, way_m=np.where(far, onward.way_m, 0.0))
+
+
+def _far_m(rolled: Places) -> float:
+    """The longest way of all places, as far as it matters for the distance."""
+    return min(float(rolled.way_m.max()), _FAR_ENOUGH_M)
+
+
+def _heading(geometry: GridGeometry, rolled: Places, index: int) -> Pose:
+    """The middle of a place's cell, and the direction of the ball's way there."""
+    x_m, y_m = geometry.cell_centre(*(int(part) for part in rolled.cell[index]))
+    x, y = rolled.heading[index]
+    return Pose(x_m, y_m, geometry.origin.yaw_rad + math.atan2(y, x))
+
+
+def _along_the_wall(geometry: GridGeometry, at: Pose, side: Side) -> Pose:
+    """The pose at a point that has the nearest wall on one side square to it, near to a heading."""
+    bearings = at.yaw_rad + side_sign(side) * np.radians(np.arange(2.0, 180.0, 2.0))
+    ranges_m = geometry.march(at.x_m, at.y_m, bearings)
+    points = np.column_stack([ranges_m * np.cos(bearings), ranges_m * np.sin(bearings)])
+    beside = slice(14, -14)  # 30 to 150 degrees
+    nearest = 14 + int(np.argmin(ranges_m[beside]))
+    aside = np.cos(bearings - bearings[nearest]) > 0.5
+    near = points[aside & (ranges_m <= 1.3 * ranges_m[nearest])]  # a patch about 1.6 times as long as it is far
+    _, _, axes = np.linalg.svd(near - near.mean(axis=0))
+    yaw_rad = math.atan2(axes[0, 1], axes[0, 0])
+    centre = near.mean(axis=0)
+    wall_is_left = -math.sin(yaw_rad) * centre[0] + math.cos(yaw_rad) * centre[1] > 0
+    facing = yaw_rad if wall_is_left == (side == "left") else yaw_rad + math.pi
+    return Pose(at.x_m, at.y_m, math.remainder(facing, math.tau))
+
+
+def _worth(geometry: GridGeometry, pose: Pose, side: Side, distance_m: float) -> float:
+    """Metres of free way, less a penalty for a wall that is not where it should be."""
+    sides = pose.yaw_rad + side_sign(side) * np.radians(np.linspace(60.0, 120.0, 25))
+    ways = pose.yaw_rad + np.radians([-4.0, 0.0, 4.0, 176.0, 180.0, 184.0])
+    ranges_m = geometry.march(pose.x_m, pose.y_m, ways)
+    ahead_m, behind_m = min(_LOOK_AHEAD_M, ranges_m[:3].min()), min(1.0, ranges_m[3:].min())
+    along = [pose.ahead(forward_m) for forward_m in (-0.5, 0.0, 0.5, 1.0)]
+    walls_m = [float(geometry.march(at.x_m, at.y_m, sides).min()) for at in along]
+    return float(ahead_m + behind_m - 20.0 * (max(walls_m) - min(walls_m)) - 5.0 * abs(walls_m[1] - distance_m))

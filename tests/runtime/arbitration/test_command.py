@@ -1,0 +1,208 @@
+"""The decision table holds, it covers every combination of voices, and breaking any line of the code is noticed."""
+
+import ast
+import copy
+import inspect
+import itertools
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from runtime.arbitration import command
+from runtime.arbitration.command import LAB_ORDER, CapWord, Source, Verdict, arbitrate
+from tests.runtime.decisions import BOUND_ORDER, CASES, REQUIRED, Case, estop, failing, nav, permit, safety, stick
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.title)
+def test_decision(case: Case):
+    decision = arbitrate(case.live, case.required, case.order)
+    assert (decision.speed_mps, decision.steering_rad) == (case.speed, case.steering)
+    assert (decision.driver, decision.winner, decision.reason) == (case.driver, case.winner, case.reason)
+    assert decision.brake_mps2 == case.brake
+    assert decision.measure == case.measure or (math.isnan(decision.measure) and math.isnan(case.measure))
+
+
+WORDS = {
+    Source.ESTOP: [None, estop(0.0), estop(math.inf)],
+    Source.TELEOP: [None, stick(2.0), stick(-1.0)],
+    Source.SAFETY: [None, safety(), safety(0.0), safety(0.5), safety(0.0, 0.0), safety(scan=0.9)],
+    Source.PERMIT: [None, permit(), permit(0.0)],
+    Source.NAVIGATION: [None, nav(1.0), nav(-0.5)],
+}
+
+
+@pytest.mark.parametrize("order", [LAB_ORDER, BOUND_ORDER])
+def test_every_combination_of_voices_obeys_the_rules(order):
+    """The rules, stated independently of the code, over all combinations of words."""
+    for combination in itertools.product(*(WORDS[source] for source in order)):
+        live = [word for word in combination if word is not None]
+        decision = arbitrate(live, REQUIRED, order)
+        words = {word.source: word for word in live}
+        driver = next((source for source in order if source in words and source in command.DRIVING), None)
+        above = order[: order.index(driver)] if driver else ()
+        assert decision.driver is driver
+        if driver is None:
+            assert decision.speed_mps == 0
+            continue
+        wish = words[driver].drive.speed_mps
+        assert 0 <= decision.speed_mps / wish <= 1, "never faster than asked, never the other way"
+        for source in above:
+            if source in REQUIRED and source not in words:
+                assert decision.speed_mps == 0, f"{source} is silent"
+            if source in words:
+                assert -words[source].outlook.reverse_mps <= decision.speed_mps <= words[source].outlook.forward_mps
+        free = all(
+            (source not in REQUIRED or source in words)
+            and (
+                source not in words
+                or words[source].outlook.forward_mps == words[source].outlook.reverse_mps == math.inf
+            )
+            for source in above
+        )
+        stale = driver is Source.NAVIGATION and Source.SAFETY in words and words[Source.SAFETY].scan_stamp_s < 1.0
+        if free and not stale:
+            assert decision.speed_mps == wish, "nobody objects"
+
+
+LIMIT = st.one_of(st.floats(), st.sampled_from([0.0, -0.0, math.nan, math.inf, -math.inf, 1e-320, -1e-320]))
+
+
+@given(
+    wish=st.floats(allow_nan=False, allow_infinity=False),
+    limits=st.lists(st.tuples(LIMIT, LIMIT, LIMIT), min_size=1, max_size=3),
+)
+def test_whatever_the_verdicts_are_no_speed_is_larger_than_the_wish_or_against_it(wish, limits):
+    caps = [CapWord(Source.SAFETY, Verdict(ahead, back, "?", math.nan, brake), 1.0) for ahead, back, brake in limits]
+    decision = arbitrate([*caps, permit(), nav(wish)], REQUIRED, LAB_ORDER)
+    assert abs(decision.speed_mps) <= abs(wish)
+    assert decision.speed_mps * wish >= 0
+    assert decision.brake_mps2 >= 0
+    if not all(limit >= 0 for three in limits for limit in three):
+        assert decision.speed_mps == 0
+        assert decision.reason == "safety answers with what is no limit"
+
+
+LIMITS = st.sampled_from([0.0, 0.3, 1.0, math.inf])
+
+
+@given(
+    wish=st.tuples(st.floats(-4.0, 4.0), st.floats(-0.34, 0.34)),
+    limits=st.tuples(LIMITS, LIMITS),
+    steering=st.one_of(st.none(), st.floats(-0.34, 0.34), st.just(math.nan)),
+    permitted=LIMITS,
+)
+def test_a_verdict_makes_nobody_faster_and_steers_only_a_stop(wish, limits, steering, permitted):
+    verdict = Verdict(limits[0], limits[1], "because", math.nan, 2.0, steering)
+    words = [CapWord(Source.SAFETY, verdict, 1.0), permit(permitted), nav(*wish)]
+    decision = arbitrate(words, REQUIRED, LAB_ORDER)
+    assert abs(decision.speed_mps) <= abs(wish[0])
+    assert decision.speed_mps * wish[0] >= 0.0
+    taken = decision.steering_rad != wish[1]
+    assert not taken or (decision.speed_mps == 0.0 != wish[0] and decision.winner is Source.SAFETY)
+    assert not taken or decision.steering_rad == steering
+
+
+class _Mutator(ast.NodeTransformer):
+    """Breaks one place at a time: a comparison, an operator, a constant, a condition, a statement."""
+
+    def __init__(self, target: int) -> None:
+        self.target = target
+        self.seen = -1
+        self.what = ""
+
+    def _mine(self) -> bool:
+        self.seen += 1
+        return self.seen == self.target
+
+    def visit_Compare(self, node):
+        self.generic_visit(node)
+        swaps = {
+            ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.NotEq: ast.Eq, ast.Eq: ast.NotEq,
+            ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In,
+        }  # fmt: skip
+        for position, operator in enumerate(node.ops):
+            if self._mine():
+                self.what = f"line {node.lineno}: {ast.unparse(node)}"
+                node.ops[position] = swaps[type(operator)]()
+        return node
+
+    def visit_BoolOp(self, node):
+        self.generic_visit(node)
+        if self._mine():
+            self.what = f"line {node.lineno}: and/or in {ast.unparse(node)}"
+            node.op = ast.Or() if isinstance(node.op, ast.And) else ast.And()
+        return node
+
+    def visit_UnaryOp(self, node):
+        self.generic_visit(node)
+        if self._mine():
+            self.what = f"line {node.lineno}: sign or not in {ast.unparse(node)}"
+            return node.operand
+        return node
+
+    def visit_Call(self, node):
+        self.generic_visit(node)
+        if isinstance(node.func, ast.Name) and node.func.id in {"min", "max"} and self._mine():
+            self.what = f"line {node.lineno}: {ast.unparse(node)}"
+            if len(node.args) == 1:
+                return node.args[0]
+            node.func = ast.Name("max" if node.func.id == "min" else "min", ast.Load())
+        return node
+
+    def visit_If(self, node):
+        self.generic_visit(node)
+        if self._mine():
+            self.what = f"line {node.lineno}: if {ast.unparse(node.test)} left out"
+            return ast.copy_location(ast.Pass(), node)
+        if self._mine():
+            self.what = f"line {node.lineno}: if {ast.unparse(node.test)} always"
+            node.test = ast.copy_location(ast.Constant(True), node.test)
+        return node
+
+    def visit_For(self, node):
+        self.generic_visit(node)
+        if self._mine():
+            self.what = f"line {node.lineno}: for {ast.unparse(node.target)} left out"
+            return ast.copy_location(ast.Pass(), node)
+        return node
+
+    def visit_Expr(self, node):
+        self.generic_visit(node)
+        if isinstance(node.value, ast.Call) and self._mine():
+            self.what = f"line {node.lineno}: {ast.unparse(node)} left out"
+            return ast.copy_location(ast.Pass(), node)
+        return node
+
+    def visit_Constant(self, node):
+        if isinstance(node.value, float) and self._mine():
+            self.what = f"line {node.lineno}: {node.value} changed"
+            return ast.copy_location(ast.Constant(node.value + 0.5), node)
+        return node
+
+
+def _mutants():
+    tree = ast.parse(inspect.getsource(command))
+    names = {"arbitrate", "_drive_under_caps", "_tightest", "_wheels_rad"}
+    tree.body = [node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name in names]
+    assert len(tree.body) == len(names)
+    for target in itertools.count():
+        mutator = _Mutator(target)
+        mutant = ast.fix_missing_locations(mutator.visit(copy.deepcopy(tree)))
+        if not mutator.what:
+            return
+        yield mutator.what, mutant
+
+
+def test_breaking_any_line_of_arbitrate_is_noticed():
+    assert failing(arbitrate) == []
+    unnoticed, total = [], 0
+    for what, mutant in _mutants():
+        total += 1
+        namespace = dict(vars(command))
+        exec(compile(mutant, "mutant", "exec"), namespace)  # noqa: S102 - our own source, broken on purpose
+        if not failing(namespace["arbitrate"]):
+            unnoticed.append(what)
+    assert unnoticed == []
+    assert total >= 20, "the mutator found too little to break"

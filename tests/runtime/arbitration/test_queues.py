@@ -1,0 +1,139 @@
+"""The queue against a dictionary that is too simple to be wrong."""
+
+import asyncio
+
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+
+from runtime.arbitration.queues import NEVER_S, Inbox, PriorityQueue
+from sim.virtual.virtual_time import run_virtual
+
+KEYS = st.sampled_from("abcde")
+
+
+class QueueMachine(RuleBasedStateMachine):
+    """Random puts, takes, withdrawals and waits; after each step `live()` is the dictionary's answer."""
+
+    def __init__(self):
+        super().__init__()
+        self.now_s = 0.0
+        self.queue = PriorityQueue(lambda: self.now_s)
+        self.model = {}
+        self.sequence = 0
+
+    def expected(self):
+        alive = [entry for entry in self.model.values() if entry[2] > self.now_s]
+        return [entry[3] for entry in sorted(alive, key=lambda entry: entry[:2])]
+
+    @rule(key=KEYS, value=st.integers(), priority=st.integers(0, 3), lifetime_s=st.sampled_from([0, 1, 2, 5, NEVER_S]))
+    def put(self, key, value, priority, lifetime_s):
+        self.sequence += 1
+        self.queue.put(key, value, priority=priority, expires_at_s=self.now_s + lifetime_s)
+        self.model[key] = (priority, self.sequence, self.now_s + lifetime_s, value)
+
+    @rule(key=KEYS)
+    def discard(self, key):
+        self.queue.discard(key)
+        self.model.pop(key, None)
+
+    @rule()
+    def take(self):
+        expected = self.expected()
+        assert self.queue.get_nowait() == (expected[0] if expected else None)
+        if expected:
+            alive = {key: entry for key, entry in self.model.items() if entry[2] > self.now_s}
+            del self.model[min(alive, key=lambda key: alive[key][:2])]
+
+    @rule(seconds=st.sampled_from([0.5, 1, 3]))
+    def wait(self, seconds):
+        self.now_s += seconds
+
+    @invariant()
+    def shows_what_the_dictionary_shows(self):
+        assert self.queue.live() == self.expected()
+
+    @invariant()
+    def memory_is_bounded(self):
+        assert len(self.queue) <= 5
+        assert len(self.queue._order) == len(self.queue)
+
+
+TestQueue = QueueMachine.TestCase
+TestQueue.settings = settings(max_examples=2500, stateful_step_count=30, deadline=None)
+
+
+def test_a_superseded_word_never_comes_back():
+    queue = PriorityQueue(lambda: 0.0)
+    queue.put("stick", "old", priority=0, expires_at_s=1)
+    queue.put("stick", "new", priority=0, expires_at_s=1)
+    assert [queue.get_nowait(), queue.get_nowait()] == ["new", None]
+
+
+def test_looking_does_not_consume():
+    queue = PriorityQueue(lambda: 0.0)
+    queue.put("a", 1, priority=0, expires_at_s=1)
+    assert queue.live() == queue.live() == [1]
+
+
+def test_values_are_never_compared():
+    queue = PriorityQueue(lambda: 0.0)
+    queue.put("a", object(), priority=0, expires_at_s=1)
+    queue.put("b", object(), priority=0, expires_at_s=1)
+    assert len(queue.live()) == 2
+
+
+def test_a_word_is_dead_at_its_expiry_not_after():
+    now = [0.0]
+    queue = PriorityQueue(lambda: now[0])
+    queue.put("a", 1, priority=0, expires_at_s=0.15)
+    now[0] = 0.15
+    assert queue.live() == []
+
+
+def test_get_waits_for_news_and_skips_the_expired():
+    async def story():
+        loop = asyncio.get_running_loop()
+        queue = PriorityQueue(loop.time)
+        queue.put("old", "old", priority=0, expires_at_s=0.5)
+        await asyncio.sleep(1)
+        loop.call_later(2, lambda: queue.put("new", "new", priority=1, expires_at_s=NEVER_S))
+        return await queue.get(), loop.time()
+
+    assert run_virtual(story()) == ("new", 3.0)
+
+
+def test_changed_wakes_once_per_burst_and_on_a_poke():
+    async def story():
+        loop = asyncio.get_running_loop()
+        queue = PriorityQueue(loop.time)
+        for number in range(5):
+            queue.put(number, number, priority=0, expires_at_s=NEVER_S)
+        await queue.changed()
+        loop.call_later(1, queue.poke)
+        await queue.changed()
+        return loop.time()
+
+    assert run_virtual(story()) == 1.0
+
+
+def test_an_inbox_keeps_only_the_newest():
+    async def story():
+        inbox = Inbox(asyncio.get_running_loop().time)
+        inbox.put(1)
+        inbox.put(2)
+        first = await inbox.get()
+        inbox.put(3)
+        return first, await inbox.get()
+
+    assert run_virtual(story()) == (2, 3)
+
+
+def test_a_look_at_one_key_drops_nothing_that_has_expired_unseen():
+    now_s = 0.0
+    queue = PriorityQueue(lambda: now_s)
+    queue.put("a", 1, priority=0, expires_at_s=1.0)
+    assert (queue.peek("a"), queue.peek("b")) == (1, None)
+    now_s = 1.0
+    assert queue.peek("a") is None
+    assert queue.has_expired()

@@ -1,0 +1,243 @@
+"""Wheels and lidar that tell of the same drive, and of different ones: simulated rooms, and real drives."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.api import MotorState, Scan
+from runtime.control.live_laws import LiveLaws
+from runtime.control.perception.plausibility import (
+    BACKWARDS,
+    FROZEN,
+    STANDS_FOR_S,
+    WHEELS_IN_THE_AIR,
+    WRONG_SCALE,
+    Plausibility,
+)
+from runtime.control.perception.scan_shift import Agreement, compare_shift
+from runtime.control.vehicle import CarSettings
+from runtime.settings.tree import load_settings
+from sim.lab.recorded.scan_motion import motion_of
+from sim.recordings import load_recording
+from sim.virtual.closed_loop import as_scan
+from sim.world.beams import LidarSettings, scan
+from sim.world.pose import Pose, Twist
+from sim.world.worlds import load_world
+
+CAR = CarSettings()
+PERIOD_S = 0.025
+ROOMS = ["inside_corner", "loop", "u_turn", "dead_end", "doorway", "cluttered"]
+RACECAR = Path(__file__).resolve().parents[4] / ".." / "shared" / "data" / "racecar"
+
+
+class Room:
+    """A car that is moved along an arc in a world, and whose wheels tell what the test wants."""
+
+    def __init__(self, world="loop", seed=1, judge=None, noise_m=0.01):
+        self.world = load_world(world)
+        start = self.world.start
+        self.pose = Pose(start.x_m, start.y_m, start.yaw_rad)
+        self.rng = np.random.default_rng(seed)
+        self.lidar = LidarSettings(noise_std_m=noise_m)
+        self.plausibility = judge or Plausibility(CAR)
+        self.now_s = self.distance_m = 0.0
+        self.sequence = 0
+        self.frozen_m = None
+        self.odometry_check = True
+        self.moved_m = 0.0
+
+    def step(self, speed_mps, *, told=1.0, steering_rad=0.0, motor=True):
+        """Move for one scan; told: the wheels' way as a share of the car's, or the wheels' speed where it stands."""
+        self.now_s += PERIOD_S
+        wheels_mps = told * speed_mps if speed_mps else told
+        self.distance_m += wheels_mps * PERIOD_S
+        self.moved_m += speed_mps * PERIOD_S
+        turn_rad = speed_mps * PERIOD_S * math.tan(steering_rad) / CAR.wheelbase_m
+        middle_rad = self.pose.yaw_rad + turn_rad / 2
+        self.pose = Pose(
+            self.pose.x_m + speed_mps * PERIOD_S * math.cos(middle_rad),
+            self.pose.y_m + speed_mps * PERIOD_S * math.sin(middle_rad),
+            self.pose.yaw_rad + turn_rad,
+        )
+        seen = as_scan(
+            scan(self.world, self.pose, Twist(0.0, 0.0, 0.0), self.now_s, self.rng, self.lidar),
+            self.lidar, self.now_s, self.sequence,
+        )  # fmt: skip
+        self.sequence += 1
+        if self.frozen_m is not None:
+            seen = Scan(
+                seen.stamp_s, seen.received_s, seen.angle_min_rad, seen.angle_step_rad, seen.range_min_m,
+                seen.range_max_m, self.frozen_m, seen.sequence,
+            )  # fmt: skip
+        state = MotorState(
+            self.now_s, wheels_mps, self.distance_m, steering_rad, 12.0, 0.0, 0.0, 30.0, "", timed_out=False,
+            killed=False,
+        )  # fmt: skip
+        self.last = seen
+        self.plausibility.look(seen, state if motor else None, odometry_check=self.odometry_check)
+
+    def drive(self, way_m, speed_mps=1.0, **more):
+        for _ in range(round(abs(way_m / speed_mps / PERIOD_S))):
+            self.step(speed_mps, **more)
+        return self.plausibility
+
+
+@pytest.mark.parametrize("world", ROOMS)
+@pytest.mark.parametrize("steering_rad", [0.0, 0.3, -0.3])
+@pytest.mark.parametrize("told", [0.8, 1.0, 1.3])
+def test_wheels_that_tell_the_truth_are_believed(world, steering_rad, told):
+    found = Room(world).drive(1.0, told=told, steering_rad=steering_rad)
+    assert (found.doubt, found.believed, found.words) == ("", True, ())
+
+
+@pytest.mark.parametrize("world", ["inside_corner", "loop", "u_turn", "cluttered"])
+@pytest.mark.parametrize("steering_rad", [0.0, 0.2])
+def test_a_car_that_drives_back_while_its_wheels_report_ahead_is_named_with_the_remedy(world, steering_rad):
+    room = Room(world)
+    while not room.plausibility.doubt and abs(room.moved_m) < 1.0:
+        room.step(-0.5, told=-1.0, steering_rad=steering_rad)
+    assert room.plausibility.motor_doubt == BACKWARDS == "runs backwards: swap two phases of the motor"
+    assert not room.plausibility.believed
+    assert abs(room.moved_m) <= 0.5
+
+
+@pytest.mark.parametrize("world", ["loop", "inside_corner", "cluttered"])
+def test_wheels_that_tell_a_third_of_the_way_are_a_wrong_gain(world):
+    room = Room(world)
+    while not room.plausibility.doubt and room.moved_m < 3.0:
+        room.step(1.0, told=0.33)
+    assert room.plausibility.motor_doubt == WRONG_SCALE
+
+
+def test_wheels_in_the_air_are_told_and_not_backed_out_by_and_no_fault():
+    room = Room()
+    for _ in range(40):
+        room.step(0.0, told=1.0)
+    found = room.plausibility
+    assert (found.doubt, found.believed, found.words) == ("", False, (WHEELS_IN_THE_AIR,))
+    room.drive(1.0)
+    assert (found.believed, found.words) == (True, ())
+
+
+def test_a_bare_corridor_tells_nothing():
+    found = Room("straight", noise_m=0.02).drive(1.5, told=-1.0)
+    assert (found.doubt, found.believed) == ("", True)
+
+
+def test_once_confirmed_a_car_may_slide_with_locked_wheels():
+    room = Room()
+    room.drive(0.6)
+    found = room.drive(1.0, told=0.01)
+    assert (found.doubt, found.believed) == ("", True)
+
+
+def test_after_a_lost_link_the_first_way_is_compared_again():
+    room = Room()
+    room.drive(0.6)
+    room.step(0.0, told=0.0, motor=False)
+    assert room.drive(0.6, told=-1.0).motor_doubt == BACKWARDS
+
+
+def test_a_doubt_lasts_until_the_car_has_stood_and_the_next_way_is_compared_anew():
+    room = Room()
+    found = room.drive(0.6, told=-1.0)
+    for _ in range(round(STANDS_FOR_S / PERIOD_S)):
+        assert found.motor_doubt
+        room.step(0.0, told=0.0)
+    room.drive(0.1, speed_mps=0.1, told=0.0)
+    assert found.doubt == ""
+    assert not found.believed, "not before it was compared"
+    assert room.drive(0.6).believed
+
+
+def test_where_wheels_and_scans_are_of_two_drives_they_are_not_compared():
+    room = Room()
+    room.odometry_check = False
+    assert room.drive(1.0, told=-1.0).doubt == ""
+
+
+def test_a_scan_that_repeats_bit_for_bit_while_the_wheels_turn_is_a_faulty_lidar():
+    room = Room()
+    room.drive(0.6)
+    room.frozen_m = room.last.ranges_m
+    assert room.drive(0.25).doubt == ""
+    found = room.drive(0.1)
+    assert found.doubt == found.lidar_doubt == FROZEN
+    room.drive(1.0)
+    assert found.lidar_doubt
+    room.frozen_m = None
+    room.step(0.0, told=0.0)
+    assert found.doubt == ""
+
+
+def test_a_scan_that_repeats_while_the_car_stands_is_none():
+    room = Room()
+    room.step(0.0, told=0.0)
+    room.frozen_m = room.last.ranges_m
+    for _ in range(400):
+        room.step(0.0, told=0.0)
+    assert room.plausibility.doubt == ""
+    assert room.drive(0.25).doubt == ""
+
+
+@pytest.mark.parametrize("method", ["swept", "report"])
+def test_the_laws_answer_a_doubt_with_a_stop_and_its_words(method):
+    settings = load_settings(None, [f"safety.method={method}"])
+    laws = LiveLaws(settings.wall_follow, settings.safety, CAR)
+    room = Room(judge=laws.plausibility)
+    room.drive(0.6, told=-1.0)
+    state = MotorState(room.now_s, -1.0, room.distance_m, 0.0, 12.0, 0.0, 0.0, 30.0, "", timed_out=False, killed=False)
+    verdict = laws.look(room.last, state).limit(1.0, 0.0)
+    assert (verdict.forward_mps, verdict.reverse_mps, verdict.reason) == (0.0, 0.0, BACKWARDS)
+
+
+def shifts(recording, way_m):
+    """Pairs of scans that are so far apart, with base_link's shift between them as the scans' own motion has it."""
+    motion = motion_of(recording)
+    x_m = motion.x_m - CAR.lidar_x_m * np.cos(motion.yaw_rad)
+    y_m = motion.y_m - CAR.lidar_x_m * np.sin(motion.yaw_rad)
+    for first in range(0, len(recording) - 3, 8):
+        far = np.flatnonzero(np.hypot(x_m[first:] - x_m[first], y_m[first:] - y_m[first]) >= way_m)
+        if not far.size or np.ptp(recording.stamp_s[first : first + far[0] + 1]) > 3.0:
+            continue
+        last = first + int(far[0])
+        dx, dy, yaw_rad = x_m[last] - x_m[first], y_m[last] - y_m[first], motion.yaw_rad[first]
+        yield first, last, (
+            math.cos(yaw_rad) * dx + math.sin(yaw_rad) * dy,
+            math.cos(yaw_rad) * dy - math.sin(yaw_rad) * dx,
+            float(motion.yaw_rad[last] - yaw_rad),
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["t14_outside_corner_gap14s", "t14_inside_corner_2mps", "t3_wall_data"])
+def test_on_real_drives_the_scans_never_contradict_a_true_way_and_find_a_reversed_one(name):
+    path = RACECAR / f"{name}.npz"
+    if not path.exists():
+        pytest.skip(f"the recording {path.name} is not here; it lies in shared/data beside the checkout")
+    recording = load_recording(path)
+
+    def scan_at(number):
+        ranges_m = np.where(recording.ranges_m[number] <= 30, recording.ranges_m[number], np.nan)
+        return Scan(
+            0, 0, recording.angle_min_rad, recording.angle_step_rad, 0.02, 30, ranges_m.astype(np.float32), number
+        )
+
+    true, reversed_ = [], []
+    for first, last, (x_m, y_m, yaw_rad) in shifts(recording, 0.3):
+        before, after = scan_at(first), scan_at(last)
+        true.append(compare_shift(before, after, (x_m, y_m, yaw_rad), CAR.lidar_x_m))
+        reversed_.append(compare_shift(before, after, (-x_m, y_m, -yaw_rad), CAR.lidar_x_m))
+    assert set(true) <= {Agreement.AGREES, Agreement.UNKNOWN}
+    assert set(reversed_) <= {Agreement.OPPOSITE, Agreement.UNKNOWN}
+    assert true.count(Agreement.AGREES) >= 0.8 * len(true)
+    assert reversed_.count(Agreement.OPPOSITE) >= 0.8 * len(reversed_)
+
+
+def test_scans_of_two_sensors_are_not_compared():
+    room = Room()
+    room.step(0.0, told=0.0)
+    before = room.last
+    other = Scan(0, 0, before.angle_min_rad, 2 * before.angle_step_rad, 0.02, 30, before.ranges_m[::2], 1)
+    assert compare_shift(before, other, (0.3, 0.0, 0.0), CAR.lidar_x_m) is Agreement.UNKNOWN

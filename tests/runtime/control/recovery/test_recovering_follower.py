@@ -1,0 +1,138 @@
+"""A car that cannot go on says so where people look: in the reason of the decision, which the status quotes."""
+
+import math
+
+import numpy as np
+import pytest
+
+from drivers.api import Drive, MotorState, Scan
+from runtime.arbitration.command import CapWord, DriveWord, Output, Source, arbitrate
+from runtime.control.guidance import Guidance
+from runtime.control.live_laws import LiveLaws
+from runtime.control.perception.view import Eyes
+from runtime.control.recovery.recovering_follower import Freeing, Lookout
+from runtime.control.recovery.way_out import ASKS_AFTER_S, DISBELIEF, HELP, Recovery
+from runtime.control.safety.swept import SweptGuard
+from runtime.control.safety.swept_settings import RecoverySettings, SweptSettings
+from runtime.control.vehicle import CarSettings
+from runtime.settings.tree import Settings
+from runtime.telemetry.status import decision_fields
+from sim.world.segments import SegmentGeometry, box
+
+CAR = CarSettings()
+STEP_RAD = math.radians(0.25)
+BEARING_RAD = STEP_RAD * np.arange(-540.0, 541.0)
+SCAN_S = 0.025
+SAFETY, NAVIGATION = Source.SAFETY, Source.NAVIGATION
+
+
+class Straight:
+    """Wants to go straight on, whatever it sees."""
+
+    def follow(self, scan, motor):
+        return Guidance(Drive(1.0, 0.0), 1.0, 0.0, 0.0, "wall")
+
+
+class Car:
+    """A car that stands between boxes, its laws, and the mux's decision after each scan."""
+
+    def __init__(self, *boxes, **settings):
+        places = (0.0, 0.0, 12.0, 12.0), *boxes
+        self.rooms = SegmentGeometry(
+            np.array([side for x, y, long, wide in places for side in box(x, y, long, wide, 0)])
+        )
+        self.lookout = Lookout(SweptGuard(SweptSettings(), CAR, Eyes(CAR)))
+        self.follower = Freeing(Straight(), self.lookout, Recovery(RecoverySettings(**settings)))
+        self.scans = 0
+        self.word = DriveWord(NAVIGATION, Drive(1.0, 0.0), None, "wall")
+        self.said = set()
+
+    def decide(self, outlook):
+        live = (CapWord(SAFETY, outlook, outlook.view.scan.stamp_s), self.word)
+        return arbitrate(live, frozenset({SAFETY}), (SAFETY, NAVIGATION))
+
+    def look(self):
+        self.scans += 1
+        now_s = self.scans * SCAN_S
+        ranges_m = self.rooms.cast(CAR.lidar_x_m, 0.0, BEARING_RAD).astype(np.float32)
+        self.scan = Scan(now_s, now_s, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, self.scans)
+        self.motor = MotorState(now_s, 0.0, 0.0, 0.0, 12.0, 0.0, 0.0, 20.0, "", timed_out=False, killed=False)
+        return self.lookout.look(self.scan, self.motor)
+
+    def step(self):
+        outlook = self.look()
+        guidance = self.follower.follow(self.scan, self.motor)
+        self.word = DriveWord(NAVIGATION, guidance.drive or Drive(0.0, 0.0), self.scan.stamp_s, guidance.reason)
+        self.said.add(guidance.reason)
+        return self.decide(outlook)
+
+    def go(self, seconds):
+        return [self.step() for _ in range(round(seconds / SCAN_S))]
+
+
+CAGE = (0.7, 0.0, 0.4, 1.4), (0.1, 0.36, 1.4, 0.3), (0.1, -0.36, 1.4, 0.3)
+
+
+def test_boxed_in_without_a_way_out_reaches_the_status():
+    car = Car(*CAGE)
+    first, *_, last = car.go(4.0)
+    assert first.reason == "boxed in"
+    assert (last.speed_mps, last.winner, last.reason) == (0.0, SAFETY, HELP)
+    fields = decision_fields(Output(4.0, Drive(0.0, 0.0), last, delivered=True), {NAVIGATION: car.word})
+    assert (fields["winner"], fields["reason"], fields["driver"]) == ("safety", "boxed in: needs help", "navigation")
+    assert fields["measure"] == pytest.approx(0.05, abs=0.04), "and how far away what is ahead is"
+
+
+def test_between_a_scan_and_its_answer_the_words_are_the_same():
+    """The mux may decide in between; a reason that changes to and fro would be an event eighty times a second."""
+    car = Car(*CAGE)
+    car.go(4.0)
+    outlook = car.look()
+    car.word = DriveWord(NAVIGATION, car.word.drive, None, car.word.reason)
+    assert car.decide(outlook).reason == HELP
+
+
+def test_when_the_way_is_free_again_nobody_asks_for_help():
+    car = Car(*CAGE)
+    car.go(4.0)
+    car.rooms = Car().rooms
+    car.go(1.0)
+    car.rooms = Car(*CAGE).rooms
+    assert car.step().reason == "boxed in"
+
+
+@pytest.mark.parametrize("stood_s", np.arange(2.1, 2.7, 0.1))
+def test_nobody_backs_out_of_a_way_that_has_just_become_free(stood_s):
+    """A stop is held for a moment, and patience may end just then."""
+    car = Car(*CAGE)
+    car.go(stood_s)
+    car.rooms = Car().rooms
+    assert car.go(1.0)[-1].speed_mps == 1.0
+    assert car.said == {"wall", "waiting for the way to clear", HELP}
+
+
+def test_who_may_not_back_out_asks_for_help_when_nobody_has_walked_on():
+    car = Car((0.75, 0.0, 0.5, 0.3), tries=0)
+    waiting = car.go(ASKS_AFTER_S - 1.0)
+    assert {decision.reason for decision in waiting} == {"boxed in"}
+    asking = car.go(2.0)
+    assert asking[-1].reason == HELP
+    assert {decision.speed_mps for decision in waiting + asking} == {0.0}
+
+
+@pytest.mark.parametrize("believed", [True, False])
+def test_a_car_looks_for_a_way_out_only_by_an_odometry_that_is_believed(believed):
+    car = Car((0.62, 0.0, 0.3, 0.5))
+    car.follower = Freeing(Straight(), car.lookout, Recovery(RecoverySettings()), lambda: believed)
+    car.go(4.0)
+    assert (HELP in car.said) is believed
+    assert (DISBELIEF in car.said) is not believed
+
+
+def test_the_cars_laws_ask_whether_the_wheels_way_is_the_scans():
+    settings = Settings()
+    laws = LiveLaws(settings.wall_follow, settings.safety, CAR)
+    assert isinstance(laws.follower, Freeing)
+    assert laws.follower._believed()
+    laws.plausibility.believed = False
+    assert not laws.follower._believed()

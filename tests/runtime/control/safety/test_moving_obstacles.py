@@ -1,0 +1,211 @@
+"""Who walks is expected where he is going; what only comes into view is not taken for a walker."""
+
+import math
+
+import numpy as np
+import pytest
+
+from drivers.api import Scan
+from runtime.control.perception.geometry import NOWHERE
+from runtime.control.perception.odometry import Pose
+from runtime.control.perception.view import Eyes
+from runtime.control.safety.moving_obstacles import SEEN_SCANS, WITHIN_M, Movers, small_things
+from runtime.control.vehicle import CarSettings
+
+CAR = CarSettings()
+STEP_RAD = math.radians(0.25)
+BEARING_RAD = STEP_RAD * (np.arange(1081) - 540)
+SCAN_S = 0.025
+
+
+def circle(x_m, y_m, radius_m=0.2):
+    """Ranges to a leg or a person in base_link before a wall 9 m away."""
+    dx, dy = x_m - CAR.lidar_x_m, y_m
+    along = np.cos(BEARING_RAD) * dx + np.sin(BEARING_RAD) * dy
+    aside = np.cos(BEARING_RAD) * dy - np.sin(BEARING_RAD) * dx
+    with np.errstate(invalid="ignore"):
+        near = along - np.sqrt(radius_m**2 - aside**2)
+    return np.where((np.abs(aside) < radius_m) & (along > 0), near, 9.0)
+
+
+def see(ranges_m):
+    return Eyes(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m.astype(np.float32), 0))
+
+
+def watch(place, *, pose=lambda _: Pose(), scans=24, radius_m=0.2, noise_m=0.02):
+    """Return the walkers' points at the end; place and pose are functions of time."""
+    movers, rng, points = Movers(), np.random.default_rng(3), NOWHERE
+    for step in range(scans):
+        at, now_s = pose(step * SCAN_S), step * SCAN_S
+        x_m, y_m = place(now_s)
+        cos, sin = math.cos(at.yaw_rad), math.sin(at.yaw_rad)
+        dx, dy = x_m - at.x_m, y_m - at.y_m
+        ranges_m = circle(cos * dx + sin * dy, cos * dy - sin * dx, radius_m) + rng.normal(0, noise_m, 1081)
+        points = movers.update(see(ranges_m), at, now_s)
+    return points
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_person_who_crosses_is_expected_in_the_way(sign):
+    points = watch(lambda now_s: (2.0, sign * (1.5 - 1.4 * now_s)))
+    at_y = sign * (1.5 - 1.4 * 23 * SCAN_S)
+    assert points.size > 0
+    reached = (points.imag * sign).min()
+    assert reached == pytest.approx(sign * at_y - 1.4 * 0.9 - 0.2, abs=0.25)
+    assert points.real == pytest.approx(1.85, abs=0.25)
+
+
+def test_who_stands_is_expected_nowhere_else():
+    assert watch(lambda _: (2.0, 0.8)).size == 0
+
+
+def test_seven_scans_are_no_walk_however_fast():
+    """Who runs at 2.9 m/s has long moved far and fast enough: it is the number of scans that counts."""
+
+    def runs(now_s):
+        return 2.5, 2.0 - 2.9 * now_s
+
+    assert watch(runs, scans=SEEN_SCANS - 1, noise_m=0.0).size == 0
+    assert watch(runs, scans=SEEN_SCANS, noise_m=0.0).size > 0
+    assert SEEN_SCANS == 8
+
+
+def test_who_runs_is_expected_and_what_flies_is_not():
+    assert watch(lambda now_s: (3.0, 1.8 - 3.4 * now_s), scans=16).size > 0
+    assert watch(lambda now_s: (3.0, 1.8 - 5.5 * now_s), scans=16).size == 0
+
+
+@pytest.mark.parametrize("speed_mps", [0.0, 2.0, 4.0])
+def test_a_person_who_comes_toward_the_car_is_expected_nearer(speed_mps):
+    driving = {"pose": lambda now_s: Pose(speed_mps * now_s, 0.0, 0.0, speed_mps, 0.0)}
+    points = watch(lambda now_s: (5.5 - 1.5 * now_s, 0.1), scans=20, **driving)
+    now_x = 5.5 - (1.5 + speed_mps) * 19 * SCAN_S - 0.2
+    assert points.size > 0
+    assert points.real.min() == pytest.approx(now_x - 1.5 * 0.9, abs=0.3)
+    assert abs(points.imag).max() < 0.4
+
+
+def test_who_walks_away_takes_no_room():
+    assert watch(lambda now_s: (2.0 + 1.4 * now_s, 0.0)).size == 0
+
+
+def test_an_odometry_that_is_a_tenth_wrong_makes_nobody_walk():
+    crawls = {"pose": lambda now_s: Pose(0.9 * 4.0 * now_s, 0.0, 0.0, 0.9 * 4.0, 0.0)}
+    points = watch(lambda now_s: (5.8 - 0.4 * now_s, 0.0), scans=30, **crawls)
+    assert points.size == 0
+
+
+def slide(walking_mps, scans=16):
+    """Return the points at the end of a slide: the wheels stand, so does the odometry, and all comes nearer."""
+    movers, points = Movers(), NOWHERE
+    for step in range(20 + scans):
+        now_s = step * SCAN_S
+        true_m = 2.0 * min(now_s, 20 * SCAN_S) + 1.5 * max(0.0, now_s - 20 * SCAN_S)
+        locked = step > 20
+        told = Pose(2.0 * min(now_s, 20 * SCAN_S), 0.0, 0.0, 0.0 if locked else 2.0, 0.0)
+        ranges_m = circle(4.5 - true_m, 1.6 - walking_mps * now_s)
+        points = movers.update(see(ranges_m), told, now_s, sliding=locked)
+    return points
+
+
+def test_what_comes_nearer_while_the_wheels_are_locked_does_not_walk():
+    assert slide(0.0).size == 0
+
+
+def test_who_crosses_is_not_forgotten_while_the_wheels_are_locked():
+    points = slide(1.4)
+    assert points.size > 0
+    assert points.imag.min() < 1.6 - 1.4 * 35 * SCAN_S - 1.0
+
+
+def test_what_the_car_passes_does_not_walk():
+    driving = {"pose": lambda now_s: Pose(2.0 * now_s, 0.0, 0.0, 2.0, 0.0)}
+    assert watch(lambda _: (2.5, 0.8), scans=30, radius_m=0.05, **driving).size == 0
+
+
+def test_a_walker_is_seen_from_a_driving_car_too():
+    driving = {"pose": lambda now_s: Pose(1.0 * now_s, 0.0, 0.0, 1.0, 0.0)}
+    points = watch(lambda now_s: (3.0, 1.5 - 1.4 * now_s), **driving)
+    assert points.size > 0
+    assert points.imag.min() < -0.3
+
+
+def test_while_the_car_turns_what_seems_to_cross_has_to_be_faster():
+    straight = watch(lambda now_s: (2.5, 1.0 - 0.8 * now_s), pose=lambda _: Pose(0.0, 0.0, 0.0, 0.0, 0.0))
+    turning = watch(lambda now_s: (2.5, 1.0 - 0.8 * now_s), pose=lambda _: Pose(0.0, 0.0, 0.0, 0.0, 1.0))
+    assert straight.size > 0
+    assert turning.size == 0
+
+
+def test_a_hole_in_the_scans_ends_all_tracks():
+    movers = Movers()
+    for step in range(24):
+        movers.update(see(circle(2.0, 1.5 - 0.035 * step)), Pose(), step * SCAN_S)
+    assert movers.update(see(circle(2.0, 0.66)), Pose(), 24 * SCAN_S).size > 0
+    assert movers.update(see(circle(2.0, 0.62)), Pose(), 24 * SCAN_S + 0.2).size == 0
+
+
+def test_of_a_wall_that_comes_into_view_only_one_edge_moves():
+    movers = Movers()
+    for step in range(16):
+        ranges_m = np.full(1081, 6.0)
+        ranges_m[560 : 566 + 6 * step] = 1.5
+        points = movers.update(see(ranges_m), Pose(), step * SCAN_S)
+    assert points.size == 0
+
+
+def by_turns(first, later):
+    """Return the most walkers' points in any scan; six scans show some (beams, range), ten later ones others."""
+    movers, most = Movers(), 0
+    for step in range(16):
+        ranges_m = np.full(1081, 6.0)
+        for beams, range_m in first if step < 6 else later:
+            ranges_m[beams] = range_m
+        most = max(most, movers.update(see(ranges_m), Pose(), step * SCAN_S).size)
+    return most
+
+
+RIGHT, LEFT = slice(540, 546), slice(567, 573)
+"""Two legs of a table, 2 m away, 0.23 m apart."""
+
+
+def test_what_appears_beside_a_thing_that_is_still_there_has_not_walked_there():
+    walked = by_turns([(RIGHT, 2.0)], [(LEFT, 2.0)])
+    assert walked > 0, "by all the rest one thing went from here to there"
+    still_there = slice(540, 543), 2.0  # three beams are enough to be there, and too few to be watched
+    assert by_turns([(RIGHT, 2.0)], [still_there, (LEFT, 2.0)]) == 0
+
+
+def test_who_walks_comes_to_where_nothing_was():
+    assert by_turns([(RIGHT, 2.0), (LEFT, math.nan)], [(RIGHT, math.nan), (LEFT, 2.0)]) > 0
+    assert by_turns([(RIGHT, 2.0), (slice(570, 573), 2.0)], [(RIGHT, math.nan), (LEFT, 2.0)]) == 0
+
+
+def things(view):
+    return small_things(view.solid, view.ranges_m, view.scan.angle_step_rad)
+
+
+def test_small_things_stand_out_and_are_small():
+    assert len(things(see(circle(2.0, 0.3)))) == 1
+    assert things(see(circle(2.0, 0.3, radius_m=0.6))) == []
+    assert things(see(circle(WITHIN_M + 1.0, 0.3))) == []
+    before_a_near_wall = circle(2.0, 0.3)
+    before_a_near_wall[600:] = 1.0
+    assert len(things(see(before_a_near_wall))) == 0
+    assert things(see(np.full(1081, math.nan))) == []
+
+
+def test_what_is_seen_farther_away_than_anybody_runs_is_something_else():
+    farther = slice(578, 584)
+    assert by_turns([(RIGHT, 2.0), (farther, math.nan)], [(RIGHT, math.nan), (farther, 2.0)]) == 0
+
+
+def test_what_has_crept_elsewhere_in_a_minute_does_not_walk():
+    """Whatever moved an edge ten seconds ago says nothing about now."""
+    movers, most = Movers(), 0
+    for step in range(480):
+        crept_m = 0.25 * min(1.0, step / 240)
+        sways_m = 0.08 * math.sin(0.5 * step) if step > 440 else 0.0
+        points = movers.update(see(circle(2.0, crept_m + sways_m)), Pose(), step * SCAN_S)
+        most = max(most, points.size)
+    assert most == 0

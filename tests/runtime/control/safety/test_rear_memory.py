@@ -1,0 +1,76 @@
+"""What counts as backing blindly: everything but the car's own track of a moment ago, and not much of that."""
+
+import math
+
+import numpy as np
+import pytest
+
+from drivers.api import Scan
+from runtime.control.perception.odometry import Pose
+from runtime.control.perception.view import Eyes
+from runtime.control.safety.rear_memory import TRACK_FOR_S, TRACK_M, Behind
+from runtime.control.vehicle import CarSettings
+
+CAR = CarSettings()
+STEP_RAD = math.radians(0.25)
+
+
+class Rolling:
+    """A car that rolls along x and keeps what it sees."""
+
+    def __init__(self):
+        self.behind = Behind(CAR.lidar_x_m)
+        self.eyes = Eyes(CAR)
+        self.x_m = self.now_s = 0.0
+
+    def roll(self, way_m, *, y_m=0.0, yaw_rad=0.0):
+        steps = round(abs(way_m) / 0.02)
+        for _ in range(steps):
+            self.x_m += way_m / steps
+            self.now_s += 0.05
+            self.behind.move(Pose(self.x_m, y_m, yaw_rad), way_m / steps)
+            ranges_m = np.full(1081, 2.0, np.float32)
+            scan = Scan(self.now_s, self.now_s, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0)
+            self.behind.keep(self.eyes.see(scan))
+        return self.behind.backed_m
+
+
+def test_backing_where_the_car_was_never_is_backing_blindly():
+    assert Rolling().roll(-0.3) == pytest.approx(0.3)
+
+
+def test_backing_on_the_own_track_is_not():
+    car = Rolling()
+    car.roll(2.0)
+    assert car.roll(-1.0) == 0.0
+
+
+def test_the_own_track_ends_where_the_car_began():
+    car = Rolling()
+    car.roll(0.5)
+    assert car.roll(-0.9) == pytest.approx(0.9 - 0.4, abs=0.06)
+
+
+def test_no_more_of_the_own_track_than_allowed():
+    car = Rolling()
+    car.roll(3.0)
+    assert car.roll(-TRACK_M) <= 0.03
+    assert car.roll(-0.3) == pytest.approx(0.3, abs=0.03)
+    car.roll(1.0)
+    assert car.roll(-0.9) < 0.3
+
+
+@pytest.mark.parametrize("aside", [{"y_m": 0.15}, {"yaw_rad": 0.4}])
+def test_beside_the_own_track_or_turned_is_not_on_it(aside):
+    car = Rolling()
+    car.roll(2.0)
+    assert car.roll(-0.4, **aside) == pytest.approx(0.4, abs=0.15)
+
+
+def test_a_track_of_long_ago_is_none():
+    """The car has stood there ever since, and something may have come behind it."""
+    car = Rolling()
+    car.roll(1.5)
+    car.now_s += TRACK_FOR_S + 1.0
+    car.roll(0.02)
+    assert car.roll(-0.6) == pytest.approx(0.6, abs=0.05)

@@ -1,0 +1,153 @@
+"""What keeps returning from the same place is there, however thin; what does not is noise."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drivers.api import Scan
+from runtime.control.perception.odometry import Pose
+from runtime.control.perception.view import Eyes
+from runtime.control.safety.thin_obstacles import SCANS, Faint
+from runtime.control.vehicle import CarSettings
+
+CAR = CarSettings()
+STEP_RAD = math.radians(0.25)
+SCAN_S = 0.025
+
+
+def see(x_m=math.nan, y_m=0.0, wild=()):
+    """View of a hall of 9 m in which one beam meets something at (x, y) in base_link; wild: (beam, range) more."""
+    ranges_m = np.full(1081, 9.0, np.float32)
+    if not math.isnan(x_m):
+        dx = x_m - CAR.lidar_x_m
+        ranges_m[540 + round(math.atan2(y_m, dx) / STEP_RAD)] = math.hypot(dx, y_m)
+    for beam, range_m in wild:
+        ranges_m[beam] = range_m
+    return Eyes(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
+
+
+def watch(places, pose=lambda _: Pose()):
+    """Return the points after these places, one each scan, base_link; None: not seen."""
+    faint = Faint()
+    for step, place in enumerate(places):
+        points = faint.update(see(*place) if place else see(), pose(step), step * SCAN_S)
+    return points
+
+
+def test_one_beam_in_five_scans_is_a_thing_of_five_points():
+    points = watch([(3.0, 0.1)] * SCANS)
+    assert points.size == SCANS
+    assert points.real == pytest.approx(3.0, abs=0.01)
+    assert points.imag == pytest.approx(0.1, abs=0.01)
+
+
+def test_four_scans_are_too_few():
+    assert watch([(3.0, 0.1)] * (SCANS - 1)).size == 0
+
+
+def test_it_may_be_missed_once_but_not_twice():
+    pole = (3.0, 0.1)
+    assert watch([pole, None, pole, pole, pole]).size == SCANS - 1
+    assert watch([pole, None, pole, None, pole]).size == 0
+    assert watch([pole, pole, pole, pole, None]).size == 0
+
+
+def test_two_poles_do_not_count_for_each_other():
+    faint = Faint()
+    for step, wild in enumerate([[(545, 3.0)], [(590, 3.0)], [(545, 3.0)], [(590, 3.0)], [(545, 3.0), (590, 3.0)]]):
+        points = faint.update(see(wild=wild), Pose(), step * SCAN_S)
+    assert points.size == 0
+
+
+def test_two_returns_of_one_scan_are_not_two_scans():
+    faint = Faint()
+    for step in range(SCANS):
+        both = [(545, 3.0), (547, 3.0)] if step in {2, 4} else []
+        points = faint.update(see(wild=both), Pose(), step * SCAN_S)
+    assert points.size == 0
+
+
+def test_noise_of_the_distance_is_allowed_and_none_aside():
+    nearer_and_farther = [(3.0, 0.0), (3.05, 0.0), (2.96, 0.0), (3.03, 0.0), (2.99, 0.0)]
+    assert watch(nearer_and_farther).size == SCANS
+    assert watch([(3.0, 0.05 * step) for step in range(SCANS)]).size == 0
+    assert watch([(3.0 - 0.11 * step, 0.0) for step in range(SCANS)]).size == 0
+    assert watch([(3.0, 0.06 * (step % 2)) for step in range(SCANS)]).size == 0
+    assert watch([(3.0 + 0.115 * (step % 2), 0.0) for step in range(SCANS)]).size == 0
+
+
+def test_from_a_car_that_drives_a_bend_it_is_one_place():
+    def pose(step):
+        return Pose(0.1 * step, 0.02 * step, 0.03 * step)
+
+    def from_there(step):
+        at = pose(step)
+        seen = (complex(3.0, 0.5) - complex(at.x_m, at.y_m)) * complex(math.cos(at.yaw_rad), -math.sin(at.yaw_rad))
+        return seen.real, seen.imag
+
+    points = watch([from_there(step) for step in range(SCANS)], pose)
+    assert points.size == SCANS
+    assert abs(points - complex(*from_there(SCANS - 1))).max() < 0.03
+
+
+def test_wild_beams_make_no_thing():
+    """Two hours of scans with 2 % wild beams would take too long: the same number of wild beams in fewer scans."""
+    faint, rng, found = Faint(), np.random.default_rng(2), 0
+    for step in range(400):
+        wild = [(int(beam), float(rng.uniform(0.02, 10.0))) for beam in rng.integers(0, 1081, 22)]
+        found += faint.update(see(wild=wild), Pose(), step * SCAN_S).size
+    assert found == 0
+
+
+def test_near_far_and_beside_it_is_left_to_three_beams():
+    assert watch([(0.27 + 0.9, 0.0)] * SCANS).size == 0
+    assert watch([(0.27 + 5.1, 0.0)] * SCANS).size == 0
+    assert watch([(1.0, 2.0)] * SCANS).size == 0
+
+
+def test_after_a_hole_in_the_scans_it_begins_anew():
+    faint = Faint()
+    for step in range(SCANS):
+        assert faint.update(see(3.0, 0.0), Pose(), step * SCAN_S).size == (SCANS if step == SCANS - 1 else 0)
+    assert faint.update(see(3.0, 0.0), Pose(), SCANS * SCAN_S + 0.2).size == 0
+
+
+def test_a_wild_beam_in_a_pole_does_not_hide_it():
+    """Three beams make it a thing; when one of them is wild, the other two know it from the scans before."""
+    faint = Faint()
+    whole = [(545, 1.4), (546, 1.4), (547, 1.4)]
+    for step, wild in enumerate([whole] * (SCANS - 1) + [[(545, 1.4), (546, 6.0), (547, 1.4)]]):
+        points = faint.update(see(wild=wild), Pose(), step * SCAN_S)
+    assert points.size == 2 + 3 * (SCANS - 1)
+    assert abs(points - (CAR.lidar_x_m + 1.4)).max() < 0.06
+
+
+def test_the_edge_of_a_wall_is_no_thin_thing():
+    faint = Faint()
+    for step in range(SCANS):
+        wall = [(beam, 1.5) for beam in range(500, 545)] + [(545, 1.75), (546, 2.0)]
+        points = faint.update(see(wild=wall), Pose(), step * SCAN_S)
+    assert points.size == 0
+
+
+def test_what_three_beams_meet_is_no_business_of_this():
+    faint = Faint()
+    for step in range(SCANS):
+        points = faint.update(see(wild=[(545, 3.0), (546, 3.0), (547, 3.0)]), Pose(), step * SCAN_S)
+    assert points.size == 0
+
+
+def test_a_beam_that_is_known_to_be_dirty_makes_no_thing():
+    """Seen from a car that stands, what is on the window keeps returning from the same place as well."""
+    dirty = np.zeros(1081, np.bool_)
+    dirty[545] = True
+    found = {}
+    for known in (None, dirty):
+        faint = Faint()
+        for step in range(SCANS):
+            view = replace(see(wild=[(545, 1.2)]), dirty=known)
+            points = faint.update(view, Pose(), step * SCAN_S)
+        found[known is None] = points.size
+    assert found == {True: SCANS, False: 0}

@@ -1,0 +1,262 @@
+"""What the lidar is known to see: covers are told from depth, by what was seen and by what moving shows."""
+
+import math
+
+import numpy as np
+import pytest
+
+from drivers.api import MotorState, Scan
+from runtime.control.perception.odometry import Pose
+from runtime.control.perception.view import Eyes
+from runtime.control.safety import visibility
+from runtime.control.safety.swept import SweptGuard
+from runtime.control.safety.swept_settings import SweptSettings
+from runtime.control.safety.visibility import BLIND, DEPTH, SEEN, Visibility
+from runtime.control.vehicle import CarSettings
+
+CAR = CarSettings()
+BEARING_DEG = np.linspace(-135.0, 135.0, 1081)
+CORRIDOR = ((-5.0, 1.0, 55.0, 1.0), (-5.0, -1.0, 55.0, -1.0))
+BLOCKED = (*CORRIDOR, (8.0, 1.0, 8.0, -1.0))
+CORNER = ((-5.0, 1.0, 3.5, 1.0), (3.5, 1.0, 3.5, 20.0))
+RANGE_M = 28.0
+
+
+def ranges(walls_m, x_m=0.0, y_m=0.0, yaw_rad=0.0):
+    """Return what a lidar sees of walls (x0, y0, x1, y1) from a pose of base_link; NaN beyond its range."""
+    at = complex(x_m, y_m) + CAR.lidar_x_m * np.exp(1j * yaw_rad)
+    beam = np.exp(1j * (np.radians(BEARING_DEG) + yaw_rad))
+    nearest_m = np.full(beam.size, np.inf)
+    for x0, y0, x1, y1 in walls_m:
+        way, off = complex(x1 - x0, y1 - y0), complex(x0, y0) - at
+        with np.errstate(divide="ignore", invalid="ignore"):
+            cross = (beam.conj() * way).imag
+            range_m, share = (off.conjugate() * way).imag / cross, (off.conjugate() * beam).imag / cross
+        nearest_m = np.where((range_m > 0) & (share >= 0) & (share <= 1), np.minimum(nearest_m, range_m), nearest_m)
+    return np.where(nearest_m < RANGE_M, nearest_m, np.nan)
+
+
+def covered(ranges_m, from_deg, to_deg, reads_m=math.nan):
+    return np.where((from_deg <= BEARING_DEG) & (to_deg >= BEARING_DEG), reads_m, ranges_m)
+
+
+class Lidar:
+    """A Visibility with eyes and a clock."""
+
+    def __init__(self):
+        self.eyes, self.visibility, self.now_s = Eyes(CAR), Visibility(CAR), 10.0
+
+    def look(self, ranges_m, x_m=0.0, yaw_rad=0.0, *, dirty=None):
+        self.now_s += 0.025
+        self.eyes.ignore(dirty)
+        step_rad = math.radians(0.25)
+        sent_m = np.asarray(ranges_m, np.float32)
+        scan = Scan(self.now_s, self.now_s, -540 * step_rad, step_rad, 0.02, 30.0, sent_m, 0)
+        self.visibility.look(self.eyes.see(scan), Pose(x_m, 0.0, yaw_rad))
+        self.visibility.learn()
+        return self.visibility
+
+    def known(self, bearing_deg):
+        sectors = self.visibility._sectors
+        return self.visibility._state[round((math.radians(bearing_deg) - sectors.first_rad) / sectors.width_rad)]
+
+
+@pytest.mark.parametrize(("from_deg", "to_deg", "reads_m", "there"), [
+    (-1.5, 1.5, 0.1, True), (-1.0, 1.0, 0.1, False), (50.0, 56.0, 0.1, True), (110.0, 130.0, 0.1, False),
+    (-1.5, 1.5, 0.3, False),
+])  # fmt: skip
+def test_three_degrees_of_returns_from_within_the_outline_are_something_on_the_lidar(from_deg, to_deg, reads_m, there):
+    assert Lidar().look(covered(ranges(BLOCKED), from_deg, to_deg, reads_m)).on_lidar == there
+
+
+def test_a_cover_at_the_edge_of_the_outline_is_on_the_lidar():
+    reads_m = np.where(np.arange(1081) % 2, 0.145, 0.16)
+    assert Lidar().look(covered(ranges(BLOCKED), -10, 10, reads_m)).on_lidar
+
+
+def test_the_far_end_of_a_corridor_is_depth_from_the_first_scan_on():
+    lidar = Lidar()
+    assert not lidar.look(ranges(CORRIDOR)).suspicious
+    assert lidar.known(0) == DEPTH
+
+
+@pytest.mark.parametrize("half_deg", [30, 45, 60])
+def test_silence_beside_walls_that_are_in_range_is_not(half_deg):
+    seen = Lidar().look(covered(ranges(BLOCKED), -half_deg, half_deg))
+    assert seen.suspicious
+    unknown = seen.unknown()
+    assert not unknown.blind
+    # a wall across the way would show beside the silence, as far as the walls are seen there
+    edge_m = CAR.lidar_x_m + 1.0 / math.tan(math.radians(half_deg))
+    assert unknown.hard.real.min() == pytest.approx(edge_m, rel=0.12)
+
+
+def test_with_nothing_seen_at_its_sides_the_unknown_begins_at_the_bumper():
+    unknown = Lidar().look(np.full(1081, np.nan)).unknown()
+    assert unknown.hard.real.max() == pytest.approx(CAR.front_m)
+
+
+def test_a_silence_that_goes_along_while_walls_come_out_of_it_is_blind():
+    lidar = Lidar()
+    for step in range(20):
+        x_m = 0.02 * step
+        lidar.look(covered(ranges(BLOCKED, x_m), -45, 45), x_m)
+        assert (lidar.known(0) == BLIND) == (x_m >= 0.25)
+
+
+def test_the_end_of_a_wall_stays_where_it_is_and_proves_the_silence_beside_it():
+    lidar = Lidar()
+    assert lidar.look(ranges(CORNER)).suspicious
+    for step in range(60):
+        lidar.look(ranges(CORNER, 0.02 * step), 0.02 * step)
+        assert not np.any(lidar.visibility._state == BLIND)
+    assert not lidar.visibility.suspicious
+
+
+@pytest.mark.parametrize("half_deg", [10, 30, 60, 90])
+@pytest.mark.parametrize("turned_rad", [0.0, 0.025, -0.06])
+def test_walls_that_are_missing_at_once_are_blindness_from_that_scan_on(half_deg, turned_rad):
+    lidar = Lidar()
+    for step in range(3):
+        seen = lidar.look(ranges(BLOCKED, 0.1 * step, 0.0, turned_rad * step), 0.1 * step, turned_rad * step)
+    assert not seen.suspicious
+    seen = lidar.look(covered(ranges(BLOCKED, 0.3, 0.0, 3 * turned_rad), -half_deg, half_deg), 0.3, 3 * turned_rad)
+    assert lidar.known(0) == BLIND
+    assert seen.unknown().hard.size
+
+
+def test_a_car_that_turns_away_from_a_wall_misses_nothing():
+    lidar = Lidar()
+    for step in range(15):
+        yaw_rad = -0.1 * step
+        seen = lidar.look(ranges(CORNER, 0.0, 0.0, yaw_rad), 0.0, yaw_rad)
+        assert not np.any((seen._state == visibility.MISSING) | (seen._state == BLIND))
+
+
+def test_ten_degrees_without_echo_are_no_blindness_but_what_was_there_is_remembered():
+    lidar = Lidar()
+    lidar.look(ranges(BLOCKED))
+    seen = lidar.look(covered(ranges(BLOCKED), -5, 5))
+    assert not np.any(seen._state == BLIND)
+    unknown = seen.unknown()
+    assert np.count_nonzero(np.abs(unknown.hard - (8.0 + 0.2j)) < 0.4) >= 3
+
+
+def test_fifteen_degrees_are_blind_only_after_a_moment_and_thirty_at_once():
+    for half_deg, at_once in ((10, False), (20, True)):
+        lidar = Lidar()
+        lidar.look(ranges(BLOCKED))
+        blind = [lidar.look(covered(ranges(BLOCKED), -half_deg, half_deg)).unknown().blind for _ in range(4)]
+        assert blind == [at_once, at_once, True, True]
+
+
+def test_an_echo_ends_blindness():
+    lidar = Lidar()
+    lidar.look(ranges(BLOCKED))
+    assert lidar.look(covered(ranges(BLOCKED), -60, 60)).suspicious
+    assert not lidar.look(ranges(BLOCKED)).suspicious
+    assert lidar.known(0) == SEEN
+
+
+def test_wild_beams_prove_nothing():
+    lidar, random = Lidar(), np.random.default_rng(3)
+    lidar.look(ranges(BLOCKED))
+    for _ in range(40):
+        ranges_m = covered(ranges(BLOCKED), -60, 60)
+        wild = random.random(1081) < 0.05
+        lidar.look(np.where(wild, random.uniform(0.2, 10.0, 1081), ranges_m))
+        assert lidar.known(0) == BLIND
+
+
+def test_beams_that_are_known_to_be_dirty_see_nothing():
+    lidar, dirty = Lidar(), np.abs(BEARING_DEG) < 20
+    lidar.look(ranges(BLOCKED))
+    lidar.look(covered(ranges(BLOCKED), -20, 20, 0.5), dirty=dirty)
+    assert lidar.known(0) == BLIND
+
+
+def test_a_gradual_horizon_stays_depth():
+    lidar = Lidar()
+    for half_deg in np.arange(0.0, 25.0, 2.5):
+        seen = lidar.look(covered(ranges(CORRIDOR), -half_deg, 0.0))
+    assert not np.any(seen._state == BLIND)
+
+
+def test_after_a_hole_in_the_scans_nothing_is_expected():
+    lidar = Lidar()
+    lidar.look(ranges(BLOCKED))
+    lidar.now_s += 1.0
+    lidar.look(covered(ranges(BLOCKED), -5, 5))
+    assert not np.any(lidar.visibility._state == visibility.MISSING)
+
+
+def test_a_lidar_that_does_not_look_ahead_is_left_to_others():
+    scan = Scan(1.0, 1.0, 1.0, 0.01, 0.02, 30.0, np.full(100, 2.0, np.float32), 0)
+    seen = Visibility(CAR)
+    seen.look(Eyes(CAR).see(scan), Pose())
+    assert not seen.suspicious
+
+
+class Safety:
+    """The whole safety, asked for one drive."""
+
+    def __init__(self):
+        self.guard, self.now_s, self.way_m = SweptGuard(SweptSettings(), CAR, Eyes(CAR)), 10.0, 0.0
+
+    def limit(self, ranges_m, speed_mps, wanted_mps=2.0):
+        self.now_s += 0.025
+        self.way_m += 0.025 * speed_mps
+        motor = MotorState(
+            self.now_s, speed_mps, self.way_m, 0.0, 12.0, 0.0, 0.0, 20.0, "", timed_out=False, killed=False
+        )
+        step_rad = math.radians(0.25)
+        sent_m = np.asarray(ranges_m, np.float32)
+        scan = Scan(self.now_s, self.now_s, -540 * step_rad, step_rad, 0.02, 30.0, sent_m, 0)
+        return self.guard.look(scan, motor).limit(wanted_mps, 0.0)
+
+
+@pytest.mark.parametrize("reads_m", [0.03, 0.085, 0.12, 0.14])
+@pytest.mark.parametrize("half_deg", [10, 45, 135])
+def test_a_covered_front_is_a_stop_with_that_reason(reads_m, half_deg):
+    verdict = Safety().limit(covered(ranges(CORRIDOR), -half_deg, half_deg, reads_m), 0.0)
+    assert (verdict.forward_mps, verdict.reverse_mps) == (0.0, 0.0)
+    assert "on the lidar" in verdict.reason
+
+
+@pytest.mark.parametrize("half_deg", [20, 45, 90, 119])
+def test_a_front_that_falls_silent_is_a_stop(half_deg):
+    safety = Safety()
+    assert safety.limit(ranges(BLOCKED), 2.0).forward_mps == math.inf
+    verdict = safety.limit(covered(ranges(BLOCKED), -half_deg, half_deg), 2.0)
+    assert (verdict.forward_mps, verdict.reason) == (0.0, "the lidar is blind ahead: uncover it")
+
+
+def test_a_front_that_is_silent_from_the_start_is_approached_at_a_crawl():
+    verdict = Safety().limit(covered(ranges(CORRIDOR), -45, 45), 0.0)
+    assert (verdict.forward_mps, verdict.reason) == (visibility.CRAWL_MPS, "the lidar sees nothing ahead: crawling")
+    assert Safety().limit(covered(ranges(CORRIDOR), -90, 90), 0.0).forward_mps == 0.0
+
+
+def test_what_a_moment_ago_stood_in_a_small_gap_is_still_in_the_way():
+    near = (*CORRIDOR, (0.8, -0.1, 0.8, 0.1))
+    safety = Safety()
+    for _ in range(2):
+        safety.limit(ranges(near), 1.5)
+    verdict = safety.limit(covered(ranges(near), -12, 12), 1.5)
+    assert verdict.forward_mps < 1.2
+    assert verdict.measure == pytest.approx(0.8 - CAR.front_m, abs=0.1)
+
+
+def test_the_drive_down_an_open_corridor_is_not_limited():
+    assert Safety().limit(ranges(CORRIDOR), 3.0, 4.0).forward_mps == math.inf
+
+
+@pytest.mark.parametrize(("beams", "known"), [(2, BLIND), (4, SEEN)])
+def test_three_beams_in_ten_that_agree_are_seeing(beams, known):
+    lidar = Lidar()
+    lidar.look(ranges(BLOCKED))
+    lidar.look(covered(ranges(BLOCKED), -60, 60))
+    ranges_m = covered(ranges(BLOCKED), -60, 60)
+    ranges_m[539 : 539 + beams] = 3.0
+    lidar.look(ranges_m)
+    assert lidar.known(0) == known

@@ -1,0 +1,322 @@
+"""Questions to the desk: answered, refused with a reason, or counted as nonsense; never more than bounded work."""
+
+import asyncio
+import functools
+import itertools
+import json
+import random
+import time
+
+import pytest
+
+from runtime.parameters.history import History
+from runtime.parameters.requests import LONGEST_QUESTION
+from runtime.parameters.server import LONGEST_REFUSAL, ParameterDesk, Surroundings
+from runtime.parameters.update import UnacceptableError
+from runtime.settings.tree import Settings, load_settings
+
+KP = "wall_follow.kp"
+
+
+class Room:
+    """A desk in a car that does what is asked of it, and a clock that goes on by a second at every look."""
+
+    def __init__(self, file=None, *, may_loosen=False, **sections):
+        self.settings = Settings.model_validate(sections)
+        self.standing = False
+        self.applied = []
+        self.now_s = 0.0
+        self.step_s = 1.0
+        car = Surroundings(self._apply, lambda: self.standing, self._clock, lambda: "a day", file, may_loosen)
+        self.desk = ParameterDesk(self.settings, car, History(100))
+
+    def _clock(self):
+        self.now_s += self.step_s
+        return self.now_s
+
+    def _apply(self, settings, changed):
+        self.applied.append((settings, list(changed)))
+
+    def set(self, by="me", **wishes):
+        payload = {"values": {name.replace("__", "."): value for name, value in wishes.items()}, "by": by}
+        return json.loads(self.desk.set_some(json.dumps(payload).encode()))
+
+    def get(self, *names):
+        return json.loads(self.desk.get_some(json.dumps({"names": names}).encode()))["values"]
+
+    def save(self, **wishes):
+        payload = {"values": {name.replace("__", "."): value for name, value in wishes.items()}}
+        return json.loads(asyncio.run(self.desk.save(json.dumps(payload).encode())))
+
+    def history(self):
+        return json.loads(self.desk.past(b""))["changes"]
+
+    def refusal(self, **wishes):
+        before = self.desk.settings
+        with pytest.raises(UnacceptableError) as caught:
+            self.set(**wishes)
+        assert self.desk.settings is before
+        assert not self.applied
+        return str(caught.value)
+
+
+def test_the_list_tells_everything_about_each_setting():
+    room = Room()
+    found = {entry["name"]: entry for entry in json.loads(room.desk.list_all(b""))["parameters"]}
+    assert found[KP]["value"] == found[KP]["default"] == 13.5
+    assert (found[KP]["lowest"], found[KP]["highest"], found[KP]["unit"]) == (0, 20, "rad/m")
+    assert found["car.wheelbase_m"]["takes_effect"] == "restart"
+    only = json.loads(room.desk.list_all(b'{"under": "safety.recovery."}'))["parameters"]
+    assert {entry["name"].rpartition(".")[0] for entry in only} == {"safety.recovery"}
+
+
+def test_what_is_set_is_applied_once_and_remembered():
+    room = Room()
+    said = room.set(wall_follow__kp=0.5, wall_follow__kd=4.5, by="ann")
+    assert said["changed"] == [{"name": KP, "old": 13.5, "new": 0.5}]
+    assert said["unsaved"] == [KP]
+    assert [changed for _, changed in room.applied] == [[KP]]
+    assert room.get(KP, "wall_follow.kd") == {KP: 0.5, "wall_follow.kd": 4.5}
+    (change,) = room.history()
+    assert (change["by"], change["at"], change["name"], change["old"], change["new"]) == ("ann", "a day", KP, 13.5, 0.5)
+
+
+def test_setting_what_is_already_so_changes_nothing():
+    room = Room()
+    assert room.set(wall_follow__kp=13.5)["changed"] == []
+    assert (room.applied, room.history()) == ([], [])
+
+
+def test_one_wrong_value_refuses_all_of_them():
+    room = Room()
+    assert "kd = 99" in room.refusal(wall_follow__kp=0.5, wall_follow__kd=99)
+    assert room.get(KP) == {KP: 13.5}
+
+
+@pytest.mark.parametrize(
+    "name", ["motor__brake_current_a", "lidar__silent_after_s", "car__wheelbase_m", "mux__tick_hz"]
+)
+def test_what_takes_effect_at_the_start_is_refused_with_the_way_to_do_it(name):
+    words = Room().refusal(**{name: 21.0 if name == "mux__tick_hz" else 1.5})
+    assert "takes effect after a restart; save it and restart" in words
+    assert f"wallride param save {name.replace('__', '.')}=" in words
+
+
+def test_the_mode_of_the_permit_cannot_be_changed_from_afar():
+    assert "after a restart" in Room().refusal(operator__permit="always")
+
+
+@pytest.mark.parametrize("name", ["wall_follow__method", "safety__method"])
+def test_a_law_is_exchanged_only_while_the_car_stands(name):
+    room = Room()
+    assert "only while the car stands" in room.refusal(**{name: "report"})
+    room.standing = True
+    assert room.set(**{name: "report"})["changed"]
+
+
+@pytest.mark.parametrize(
+    ("name", "looser", "stricter"),
+    [
+        ("safety__grip_mu", 0.9, 0.7),
+        ("safety__side_margin_m", 0.03, 0.05),
+        ("safety__expires_after_s", 0.2, 0.1),
+        ("safety__recovery__tries", 8, 2),
+        ("car__max_speed_mps", 5.0, 3.0),
+    ],
+)
+def test_a_limit_may_be_tightened_but_not_loosened_while_driving(name, looser, stricter):
+    assert "loosens safety while the car drives" in Room().refusal(**{name: looser})
+    assert Room().set(**{name: stricter})["changed"]
+    assert Room(may_loosen=True).set(**{name: looser})["changed"]
+    standing = Room()
+    standing.standing = True
+    assert standing.set(**{name: looser})["changed"]
+
+
+def test_binding_the_human_is_allowed_while_driving_and_letting_him_loose_is_not():
+    assert Room().set(safety__binds_teleop=True)["changed"]
+    assert "loosens" in Room(safety={"binds_teleop": True}).refusal(safety__binds_teleop=False)
+
+
+def test_a_loosening_does_not_hide_among_others():
+    assert "safety.grip_mu" in Room().refusal(wall_follow__kp=1.0, safety__hold_s=0.3, safety__grip_mu=0.9)
+
+
+def test_without_a_file_nothing_can_be_saved():
+    with pytest.raises(UnacceptableError, match="without a settings file"):
+        Room().save()
+
+
+def test_what_was_set_is_saved_and_nothing_else(tmp_path):
+    file = tmp_path / "car.toml"
+    file.write_text("# mine\n[wall_follow]\nkp = 0.4  # by hand\n")
+    room = Room(file, wall_follow={"kp": 0.4, "side": "right"})
+    assert room.save()["saved"] == []
+    room.set(wall_follow__kp=0.5)
+    assert room.save()["saved"] == [KP]
+    assert file.read_text() == "# mine\n[wall_follow]\nkp = 0.5  # by hand\n", "--set side=right is not saved"
+    assert room.save()["saved"] == []
+    assert room.set(wall_follow__kd=1.0)["unsaved"] == ["wall_follow.kd"]
+
+
+def test_what_takes_effect_after_a_restart_can_be_saved(tmp_path):
+    file = tmp_path / "car.toml"
+    file.write_text("[car]\nname = 'bob'\n")
+    room = Room(file, car={"name": "bob"})
+    said = room.save(car__wheelbase_m=0.32)
+    assert said["after_restart"] == [{"name": "car.wheelbase_m", "old": 0.33, "new": 0.32}]
+    assert load_settings(file).car.wheelbase_m == 0.32
+    assert room.desk.settings.car.wheelbase_m == 0.33
+    room.save(car__wheelbase_m=0.33)
+    assert load_settings(file).car.wheelbase_m == 0.33, "also when it is what the running car has"
+    with pytest.raises(UnacceptableError, match="without a restart"):
+        room.save(wall_follow__kp=0.5)
+    with pytest.raises(UnacceptableError, match="at most 2 m"):
+        room.save(car__wheelbase_m=9)
+
+
+def test_a_new_method_is_saved_with_all_that_belongs_to_it(tmp_path):
+    file = tmp_path / "car.toml"
+    file.write_text("[wall_follow]\nkp = 0.3\nlook_ahead_m = 0.5\n\n[safety.recovery]\ntries = 2\n")
+    room = Room(file, wall_follow={"kp": 0.3, "look_ahead_m": 0.5}, safety={"recovery": {"tries": 2}})
+    room.standing = True
+    room.set(wall_follow__method="report", safety__method="report")
+    room.save()
+    saved = load_settings(file)
+    assert (saved.wall_follow, saved.safety) == (room.desk.settings.wall_follow, room.desk.settings.safety)
+
+
+def test_a_file_that_names_another_law_than_the_one_that_was_tuned_is_left_alone(tmp_path):
+    file = tmp_path / "car.toml"
+    file.write_text("[wall_follow]\nmethod = 'report'\n")
+    room = Room(file)
+    room.set(wall_follow__kp=0.5)
+    with pytest.raises(UnacceptableError, match=r"wall_follow.method = 'report' where 'ball' is wanted"):
+        room.save()
+    assert file.read_text() == "[wall_follow]\nmethod = 'report'\n"
+
+
+async def test_one_save_at_a_time(tmp_path):
+    file = tmp_path / "car.toml"
+    file.write_text("")
+    room = Room(file)
+    room.set(wall_follow__kp=0.5)
+    first, second = await asyncio.gather(room.desk.save(b""), room.desk.save(b""), return_exceptions=True)
+    assert isinstance(first, bytes)
+    assert json.loads(first)["saved"] == [KP]
+    assert "under way" in str(second)
+
+
+async def test_what_is_set_during_a_save_is_not_taken_for_saved(tmp_path):
+    file = tmp_path / "car.toml"
+    file.write_text("")
+    room = Room(file)
+    room.set(wall_follow__kp=0.5)
+    saving = asyncio.create_task(room.desk.save(b""))
+    await asyncio.sleep(0)
+    assert room.set(wall_follow__kp=0.6)["unsaved"] == [KP]
+    await saving
+    assert load_settings(file).wall_follow.kp == 0.5
+    assert json.loads(await room.desk.save(b""))["saved"] == [KP]
+    assert load_settings(file).wall_follow.kp == 0.6
+
+
+def test_who_it_was_is_printable_and_short():
+    room = Room()
+    room.set(wall_follow__kp=0.5, by="a\x1b[2J\nb")
+    room.set(wall_follow__kp=0.6, by="")
+    assert [change["by"] for change in room.history()] == ["a[2Jb", "somebody"]
+
+
+def test_a_flood_is_turned_away_at_the_turnstile_and_others_still_get_in():
+    room = Room()
+    room.step_s = 0.001
+    for _ in range(200):
+        try:
+            room.get(KP)
+        except UnacceptableError as error:
+            assert "too many questions" in str(error)  # noqa: PT017 - most of them are refused
+    assert 25 <= room.desk.counts.answered < 32
+    assert room.set(wall_follow__kp=0.5)["changed"], "another kind of question has a turnstile of its own"
+
+
+def malformed(chance):
+    """Return one thing that is no question to anybody, of many kinds."""
+    kinds = [
+        lambda: chance.randbytes(chance.randrange(1, 200)),
+        lambda: b"{" * chance.randrange(1, LONGEST_QUESTION),
+        lambda: b"[" * LONGEST_QUESTION,
+        lambda: json.dumps({"values": {KP: [[1]]}}).encode(),
+        lambda: json.dumps({"values": {KP: {"a": 1}}, "by": "x" * chance.randrange(25, 99)}).encode(),
+        lambda: json.dumps({"values": [KP, chance.random()]}).encode(),
+        lambda: json.dumps({"names": chance.randrange(9)}).encode(),
+        lambda: b'{"values": {"wall_follow.kp": NaN}, "by": 3}',
+        lambda: b'{"values": {"wall_follow.kp": 1e999}, "by": null}',
+        lambda: b'{"names": ["' + b"\\ud800" * chance.randrange(1, 90) + b'"], "most": -1}',
+        lambda: json.dumps({str(number): number for number in range(chance.randrange(1, 200))}).encode(),
+        lambda: json.dumps({"values": {str(number): 1 for number in range(65)}, "names": []}).encode(),
+        lambda: b'{"by": "' + bytes([chance.randrange(128, 256)]) + b'"}',
+        lambda: b"\x00" * chance.randrange(1, 64),
+        lambda: json.dumps({"names": ["x" * 65], "values": {"y" * 65: 1}, "under": "z" * 65, "most": 0}).encode(),
+        lambda: chance.choice([b"null", b"true", b"3", b'"a"', b"[]", b"NaN", b"-", b'{"a":', b"{}{}"]),
+        lambda: b"9" * chance.randrange(1, LONGEST_QUESTION),
+        lambda: bytes(chance.randrange(LONGEST_QUESTION + 1, LONGEST_QUESTION * 4)),
+    ]
+    return chance.choice(kinds)()
+
+
+@functools.cache
+def many_malformed():
+    chance = random.Random(4)
+    return [malformed(chance) for _ in range(25_000)]
+
+
+def refused_wish(chance):
+    """Return a well-formed wish that nobody may have."""
+    name = chance.choice(
+        [KP, "safety.grip_mu", "car.name", "wall_follow.side", "nothing", "a.b.c", "", "mux.order", "."]
+    )
+    value = chance.choice([99, -1, True, "", "\ud800", 1e308, 10**300, [], ["a"], -0.5, "NaN", "x" * 256])
+    return json.dumps({"values": {name: value}}).encode()
+
+
+@pytest.mark.parametrize("what", ["list_all", "get_some", "set_some", "save", "past"])
+def test_a_hundred_thousand_malformed_questions_are_counted_and_refused(what):
+    room = Room()
+    ask = getattr(room.desk, what)
+    longest_s = 0.0
+    for payload in itertools.islice(itertools.cycle(many_malformed()), 100_000):
+        began_s = time.thread_time()
+        try:
+            answer = ask(payload)
+            if what == "save":
+                answer.send(None)
+        except UnacceptableError as error:
+            assert 0 < len(str(error)) <= LONGEST_REFUSAL  # noqa: PT017 - every one of them is refused
+        else:
+            raise AssertionError(payload)
+        longest_s = max(longest_s, time.thread_time() - began_s)
+    assert room.desk.counts.malformed == 100_000
+    assert (room.applied, room.desk.counts.answered) == ([], 0)
+    assert longest_s < 0.05, "processor time of the slowest one"
+
+
+def test_ten_thousand_wishes_that_cannot_be_granted_change_nothing():
+    chance = random.Random(5)
+    room = Room()
+    for _ in range(10_000):
+        with pytest.raises(UnacceptableError) as caught:
+            room.desk.set_some(refused_wish(chance))
+        str(caught.value).encode()
+        assert len(str(caught.value)) <= LONGEST_REFUSAL
+    assert (room.applied, room.history()) == ([], [])
+
+
+@pytest.mark.parametrize("length", [LONGEST_QUESTION + 1, 50_000_000])
+def test_a_huge_question_is_not_even_read(length):
+    room = Room()
+    payload = bytes(length)
+    began_s = time.thread_time()
+    with pytest.raises(UnacceptableError, match=f"{length} bytes are too long"):
+        room.desk.set_some(payload)
+    assert time.thread_time() - began_s < 0.01

@@ -1,0 +1,97 @@
+"""Layers, and messages that name the key and the remedy."""
+
+from pathlib import Path
+
+import pytest
+
+from runtime.arbitration.command import LAB_ORDER, Source
+from runtime.settings.tree import Settings, SettingsError, load_settings, to_toml
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+@pytest.mark.parametrize("name", ["car.toml", "sim.toml"])
+def test_the_shipped_files_are_valid(name):
+    load_settings(ROOT / "config" / name)
+
+
+def test_the_car_needs_a_permit_and_the_simulation_does_not():
+    assert load_settings(ROOT / "config" / "car.toml").operator.permit == "required"
+    assert load_settings(ROOT / "config" / "sim.toml").operator.permit == "always"
+    assert Settings().operator.permit == "required"
+
+
+def test_what_is_printed_loads_again(tmp_path):
+    settings = load_settings(ROOT / "config" / "sim.toml", ["wall_follow.side=right", "mux.tick_hz=40"])
+    path = tmp_path / "again.toml"
+    path.write_text(to_toml(settings))
+    assert load_settings(path) == settings
+
+
+def test_later_layers_win(tmp_path):
+    path = tmp_path / "car.toml"
+    path.write_text("[wall_follow]\nkp = 2.0\nkd = 2.0\n")
+    settings = load_settings(path, ["wall_follow.kp=3", "wall_follow.side=right", 'car.name="my-car"'])
+    assert (settings.wall_follow.kp, settings.wall_follow.kd) == (3.0, 2.0)
+    assert (settings.wall_follow.side, settings.car.name) == ("right", "my-car")
+
+
+def order(*names):
+    return f"mux.order={list(names)}"
+
+
+@pytest.mark.parametrize(
+    ("assignment", "words"),
+    [
+        ("wall_follow.sped_mps=1", ["wall_follow.sped_mps", "not a setting", "speed_mps"]),
+        ("wal_follow.speed_mps=1", ["wal_follow", "not a setting", "wall_follow"]),
+        ("wall_follow.speed_mps=-1", ["wall_follow.speed_mps = -1", "greater than or equal to 0"]),
+        ("wall_follow.speed_mps=fast", ["wall_follow.speed_mps = 'fast'", "valid number"]),
+        ("wall_follow.speed_mps=nan", ["wall_follow.speed_mps", "finite"]),
+        ("wall_follow.side=up", ["wall_follow.side = 'up'", "'left' or 'right'"]),
+        ("wall_follow.method=magic", ["wall_follow.method = 'magic'", "'report'"]),
+        ("lidar.address=tpc://192.168.0.10:10940", ["lidar.address", "tpc", "tcp://HOST:PORT"]),
+        ("lidar.address=tcp://192.168.0.10", ["lidar.address", "port"]),
+        ("motor.address=tcp://1.2.3.4:5", ["motor.address", "serial:///dev/"]),
+        ("motor.address=serial://dev/ttyACM0", ["motor.address", "three slashes"]),
+        ("mux.order=[\"safety\", \"teleop\"]", ["mux.order", "exactly once"]),
+        (order("teleop", "e-stop", "safety", "permit", "navigation"), ["mux.order", "begin with e-stop"]),
+        (order("e-stop", "teleop", "navigation", "safety", "permit"), ["mux.order", "before navigation"]),
+        ("operator.permit=maybe", ["operator.permit", "'required' or 'always'"]),
+        ("wall_follow", ["--set wall_follow", "SECTION.KEY=VALUE"]),
+        ("=1", ["SECTION.KEY=VALUE"]),
+        ("wall_follow.kp.x=1", ["wall_follow.kp"]),
+    ],
+)  # fmt: skip
+def test_a_wrong_value_is_one_clear_message(assignment, words):
+    with pytest.raises(SettingsError) as caught:
+        load_settings(None, [assignment])
+    message = str(caught.value)
+    assert all(word in message for word in words), message
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda path: None, ["no such file", "config/car.toml"]),
+        (lambda path: path.mkdir(), ["is a directory"]),
+        (lambda path: path.write_text("[wall_follow\n"), ["not valid TOML"]),
+        (lambda path: path.write_bytes(b"\xff\xfe\x00"), ["not a text file"]),
+        (lambda path: path.write_text("wall_follow = 3\n"), ["wall_follow"]),
+    ],
+)
+def test_an_unusable_file_is_one_clear_message(tmp_path, make, words):
+    path = tmp_path / "car.toml"
+    make(path)
+    with pytest.raises(SettingsError) as caught:
+        load_settings(path)
+    assert all(word in str(caught.value) for word in [*words, str(path)])
+
+
+def test_binding_teleop_moves_safety_above_it():
+    assert Settings().effective_order() == LAB_ORDER
+    bound = Settings.model_validate({"safety": {"binds_teleop": True}}).effective_order()
+    assert bound == (Source.ESTOP, Source.SAFETY, Source.TELEOP, Source.PERMIT, Source.NAVIGATION)
+    mine = ["e-stop", "safety", "teleop", "permit", "navigation"]
+    assert Settings.model_validate({"mux": {"order": mine}}).effective_order() == tuple(mine)

@@ -1,0 +1,220 @@
+"""The zenoh session on loopback: heard, asked, watched; out of the way when its port is taken, silent when closed."""
+
+import asyncio
+import itertools
+import socket
+import time
+
+import pytest
+
+from runtime.wire import bus as bus_module
+from runtime.wire import zenoh_config
+from runtime.wire.bus import Bus, PortTakenError, RefusedError, free_endpoint
+
+KEY = "wallride/car1/operator/command"
+
+
+def both():
+    endpoint = free_endpoint()
+    car = Bus(zenoh_config.car_config([endpoint], None, (), "car1"))
+    return car, Bus(zenoh_config.client_config(endpoint, None))
+
+
+@pytest.fixture
+async def pair():
+    """A car and a client, both open."""
+    endpoint = free_endpoint()
+    car, client = (
+        Bus(zenoh_config.car_config([endpoint], None, (), "car1")),
+        Bus(zenoh_config.client_config(endpoint, None)),
+    )
+    await car.open()
+    await client.open()
+    yield car, client
+    await client.close()
+    await car.close()
+
+
+async def until(condition, what):
+    async with asyncio.timeout(10):
+        while not condition():
+            await asyncio.sleep(0.005)
+    assert condition(), what
+
+
+async def connected(publisher, key):
+    await until(lambda: publisher.wanted(key), "the subscription has arrived")
+
+
+async def test_a_subscriber_hears_everything_in_order_and_when_it_came(pair):
+    car, client = pair
+    heard = []
+    car.subscribe(KEY, lambda key, payload, arrival_s: heard.append((key, payload, arrival_s)))
+    await connected(client, KEY)
+    before_s = time.monotonic()
+    for i in range(50):
+        client.put(KEY, bytes([i]), encoding="application/octet-stream", urgent=True)
+    await until(lambda: len(heard) == 50, "all have come")
+    assert [payload[0] for _, payload, _ in heard] == list(range(50))
+    assert all(key == KEY and before_s <= arrival_s <= time.monotonic() for key, _, arrival_s in heard)
+
+
+async def test_a_put_on_a_wildcard_does_not_reach_an_exact_subscription(pair):
+    car, client = pair
+    heard = []
+    car.subscribe(KEY, lambda key, payload, arrival_s: heard.append(payload))
+    await connected(client, KEY)
+    for wild in ("wallride/*/operator/command", "wallride/**", "**"):
+        client.put(wild, b"wild")
+    client.put(KEY, b"exact")
+    await until(lambda: heard, "the exact one has come")
+    await until(lambda: car.strays == 3, "the others were counted")
+    assert heard == [b"exact"]
+
+
+async def test_a_question_is_answered_refused_or_met_with_silence(pair):
+    car, client = pair
+
+    def reply(payload):
+        if payload == b"bad":
+            raise RefusedError("no such thing")
+        return b"yes " + payload
+
+    async def slow(payload):
+        await asyncio.sleep(0)
+        return b"slowly"
+
+    car.answer("wallride/car1/param/get", reply)
+    car.answer("wallride/car1/param/save", slow)
+    async with asyncio.timeout(10):
+        while not await client.ask("wallride/car1/param/save"):
+            await asyncio.sleep(0.01)
+    assert await client.ask("wallride/car1/param/get", b"kp") == [b"yes kp"]
+    assert await client.ask("wallride/car1/param/save") == [b"slowly"]
+    with pytest.raises(RefusedError, match="no such thing"):
+        await client.ask("wallride/car1/param/get", b"bad")
+    with pytest.raises(RefusedError, match=r"ask wallride/car1/param/\w+ itself"):
+        await client.ask("wallride/**")
+    assert await client.ask("wallride/car1/nobody") == []
+
+
+async def test_a_token_is_seen_to_come_and_to_go(pair):
+    car, client = pair
+    seen = []
+    client.watch("wallride/*/alive", lambda key, alive: seen.append((key, alive)))
+    car.announce("wallride/car1/alive")
+    await until(lambda: seen == [("wallride/car1/alive", True)], "it is alive")
+    await car.close()
+    await until(lambda: seen[-1] == ("wallride/car1/alive", False), "it is gone")
+
+
+async def test_what_is_declared_before_it_opens_holds_afterwards_and_what_is_put_is_counted_as_lost():
+    endpoint = free_endpoint()
+    car, client = (
+        Bus(zenoh_config.car_config([endpoint], None, (), "car1")),
+        Bus(zenoh_config.client_config(endpoint, None)),
+    )
+    heard = []
+    car.subscribe(KEY, lambda key, payload, arrival_s: heard.append(payload))
+    car.put(KEY, b"too early")
+    assert car.dropped == 1
+    assert not car.wanted(KEY)
+    await car.open()
+    await client.open()
+    await connected(client, KEY)
+    client.put(KEY, b"now")
+    await until(lambda: heard == [b"now"], "it is heard")
+    await client.close()
+    await car.close()
+    car.put(KEY, b"too late")
+    assert car.dropped == 2
+
+
+async def test_a_burst_beyond_the_backlog_keeps_the_newest(pair):
+    car, client = pair
+    heard = []
+    car.subscribe(KEY, lambda key, payload, arrival_s: heard.append(int(payload)))
+    await connected(client, KEY)
+    for i in range(1000):
+        client.put(KEY, str(i).encode())
+    client.put(KEY, b"1000")
+    time.sleep(1.0)  # the loop is blocked, as in a stall, and zenoh's threads are not: the burst piles up behind it
+    await until(lambda: heard and heard[-1] == 1000, "the newest has come")
+    assert heard == sorted(heard)
+    assert len(heard) <= 257
+
+
+async def test_a_flood_leaves_the_loop_its_turns():
+    """zenoh's threads may refill a mailbox faster than it is emptied; whatever else is due must run in between."""
+    loop = asyncio.get_running_loop()
+    flooded, turns = [], []
+
+    def deliver(number):
+        flooded.append(number)
+        mailbox.post((number + 1,))
+
+    mailbox = bus_module._Mailbox(loop, deliver)
+
+    def turn():
+        turns.append(len(flooded))
+        if len(turns) < 10:
+            loop.call_soon(turn)
+
+    mailbox.post((0,))
+    loop.call_soon(turn)
+    await until(lambda: len(turns) == 10, "something else ran ten times")
+    mailbox._deliver = lambda _: None
+    assert max(after - before for before, after in itertools.pairwise(turns)) <= bus_module.MAX_DELIVERIES
+    assert flooded == list(range(len(flooded)))
+
+
+async def test_what_is_too_large_is_dropped_before_it_is_copied(pair):
+    car, client = pair
+    heard = []
+    car.subscribe(KEY, lambda key, payload, arrival_s: heard.append(payload), max_bytes=60)
+    car.answer("wallride/car1/param/get", lambda payload: b"yes")
+    await connected(client, KEY)
+    client.put(KEY, b"x" * 61)
+    client.put(KEY, b"x" * 60)
+    await until(lambda: heard, "the other one has come")
+    assert [len(payload) for payload in heard] == [60]
+    with pytest.raises(RefusedError, match="longer than 4096 bytes"):
+        await client.ask("wallride/car1/param/get", b"x" * 4097)
+    assert car.oversized == 2
+
+
+async def test_a_taken_port_is_left_to_its_owner_and_said():
+    with socket.socket() as owner:
+        owner.bind(("127.0.0.1", 0))
+        owner.listen()
+        taken = f"tcp/127.0.0.1:{owner.getsockname()[1]}"
+        bus = Bus(zenoh_config.car_config([taken], None, (), "car1"))
+        with pytest.raises(PortTakenError, match=taken) as caught:
+            await bus.open()
+        assert caught.value.endpoint == taken
+        assert not bus.is_open
+    await bus.close()
+
+
+async def test_where_any_port_will_do_a_taken_one_is_replaced():
+    with socket.socket() as owner:
+        owner.bind(("127.0.0.1", 0))
+        owner.listen()
+        taken = f"tcp/127.0.0.1:{owner.getsockname()[1]}"
+        bus = Bus(zenoh_config.car_config([taken], None, (), "car1"), any_port=True)
+        await bus.open()
+        assert bus.is_open
+        assert bus.endpoint != taken
+        await bus.close()
+
+
+async def test_an_address_that_this_machine_does_not_have_is_no_taken_port():
+    bus = Bus(zenoh_config.client_config(free_endpoint(), None) | {"listen": {"endpoints": ["tcp/192.0.2.1:7447"]}})
+    with pytest.raises(OSError, match=r"192\.0\.2\.1") as caught:
+        await bus.open()
+    assert not isinstance(caught.value, PortTakenError)
+
+
+async def test_a_client_without_a_car_is_told_so():
+    with pytest.raises(OSError, match="onnect"):
+        await Bus(zenoh_config.client_config(free_endpoint(), None)).open()

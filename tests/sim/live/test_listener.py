@@ -1,0 +1,66 @@
+"""The simulator hears what the runtime says about itself, in whichever order the two come up."""
+
+import asyncio
+
+import pytest
+
+from runtime.ros import messages
+from runtime.ros.definitions import encoding
+from runtime.wire import topics, zenoh_config
+from runtime.wire.bus import Bus, free_endpoint
+from sim.live.listener import Listener
+
+
+async def test_it_waits_for_the_runtime_and_then_keeps_the_newest():
+    endpoint = free_endpoint()
+    listener = Listener(endpoint, "car1", "0000cafe")
+    listening = asyncio.create_task(listener.run())
+    await asyncio.sleep(0.05)  # the first attempt finds nobody
+    car = Bus(zenoh_config.car_config([endpoint], None, (), "car1"))
+    await car.open()
+    try:
+        async with asyncio.timeout(10):
+            while set(listener.latest) != {topics.STATUS, topics.DISTANCE_ERROR}:
+                status = {"session": "0000cafe", "reason": "wall", "measure": float("nan")}
+                car.put(topics.key("car1", topics.STATUS), topics.encode(status))
+                payload = messages.float32(-0.25)
+                car.put(topics.key("car1", topics.DISTANCE_ERROR), payload, encoding=encoding(topics.DISTANCE_ERROR))
+                car.put(topics.key("car1", topics.SCAN), b"\x00\x01", encoding=encoding(topics.SCAN))
+                await asyncio.sleep(0.02)
+    finally:
+        listening.cancel()
+        await asyncio.wait([listening])
+        await car.close()
+    assert listener.latest == {
+        topics.STATUS: {"session": "0000cafe", "reason": "wall", "measure": None},
+        topics.DISTANCE_ERROR: {"error_m": -0.25},
+    }
+    assert not listener.problem
+
+
+async def test_what_another_start_of_the_car_says_is_not_taken_and_named():
+    endpoint = free_endpoint()
+    listener = Listener(endpoint, "car1", "0000cafe")
+    car = Bus(zenoh_config.car_config([endpoint], None, (), "car1"))
+    await car.open()
+    listening = asyncio.create_task(listener.run())
+    try:
+        async with asyncio.timeout(10):
+            while "0000beef" not in listener.problem:
+                car.put(topics.key("car1", topics.STATUS), topics.encode({"session": "0000beef"}))
+                payload = messages.float32(-0.25)
+                car.put(topics.key("car1", topics.DISTANCE_ERROR), payload, encoding=encoding(topics.DISTANCE_ERROR))
+                await asyncio.sleep(0.02)
+    finally:
+        listening.cancel()
+        await asyncio.wait([listening])
+        await car.close()
+    assert not listener.latest
+
+
+async def test_it_can_be_called_off_while_nobody_listens():
+    listening = asyncio.create_task(Listener(free_endpoint(), "car1", "0000cafe").run())
+    await asyncio.sleep(0.05)
+    listening.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await listening

@@ -1,0 +1,52 @@
+"""The first wish to end is "time is up", the second one kills; signals are real, processes are none."""
+
+import os
+import signal
+
+import pytest
+
+from sim.live.stop_request import StopRequest
+
+
+def send(number):
+    os.kill(os.getpid(), number)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_the_first_signal_asks_and_nothing_more(number):
+    stop = StopRequest()
+    before = signal.getsignal(number)
+    with stop.listening():
+        told = [(stop.asked, stop.killed)]
+        send(number)
+        told.append((stop.asked, stop.killed))
+    assert told == [(False, False), (True, False)]
+    assert signal.getsignal(number) is before
+
+
+def test_the_second_kills_what_drives_and_interrupts_nothing():
+    stop, killed = StopRequest(), []
+    with stop.listening(), stop.killing(lambda: killed.append("runtime")):
+        send(signal.SIGINT)
+        assert killed == []
+        send(signal.SIGINT)
+        assert killed == ["runtime"]
+        assert stop.killed
+        with pytest.raises(KeyboardInterrupt):
+            send(signal.SIGINT)
+
+
+def test_where_nothing_drives_the_second_interrupts():
+    stop = StopRequest()
+    with stop.listening():
+        send(signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            send(signal.SIGINT)
+
+
+def test_asking_twice_by_a_key_is_no_kill():
+    stop = StopRequest()
+    stop.ask()
+    stop.ask()
+    assert stop.asked
+    assert not stop.killed

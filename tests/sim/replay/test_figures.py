@@ -1,0 +1,98 @@
+"""A report's numbers are those of the car and of the simulator's summary, from the same code."""
+
+import math
+
+import numpy as np
+import pytest
+
+from runtime.settings.tree import Settings
+from sim.figures import summary
+from sim.replay.figures import numbers, samples, slowed, stops, truth_of
+from sim.replay.run import Change, Path, Run, Series
+
+NOTHING = np.empty(0)
+
+
+def made(times_s, sent_mps, changes=(), **values):
+    times_s = np.asarray(times_s, dtype=np.float64)
+    still = np.zeros_like(times_s)
+    fields = {
+        "name": "made", "car": "car1", "version": "", "began": "", "source": "", "settings": Settings(), "notes": (),
+        "scans": [], "error": Series(NOTHING, NOTHING), "wish": Series(NOTHING, NOTHING),
+        "path": Path(times_s, still, still, still, np.asarray(sent_mps, dtype=np.float64)),
+        "sent": Series(times_s, np.asarray(sent_mps, dtype=np.float64)), "steering": Series(times_s, still),
+        "changes": list(changes), "duration_s": float(times_s[-1]) if len(times_s) else 0.0,
+    }  # fmt: skip
+    return Run(**{**fields, **values})
+
+
+def change(time_s, winner, reason, allowed_mps=0.0):
+    return Change(time_s, winner, "navigation", reason, math.nan, 1.0, allowed_mps, allowed_mps, delivered=True)
+
+
+def test_the_score_is_the_cars_own(run, last_status):
+    found = numbers(run)
+    for name in ("mean_abs_m", "rms_m"):
+        assert found["distance_error"][name] == pytest.approx(last_status["distance_error"][name], abs=2e-6)
+    assert found["scan_to_motor_ms"] == last_status["scan_to_motor_ms"]
+    assert found["winners"] == {name: round(s, 2) for name, s in last_status["seconds_by_winner"].items()}
+    assert found["scans"] == 359
+
+
+def test_the_figures_are_the_summarys(run):
+    expected = summary.figures(samples(run), 1.0)
+    found = numbers(run)
+    assert {name: found[name] for name in expected if name != "duration_s"} == {
+        name: value for name, value in expected.items() if name != "duration_s"
+    }
+    assert expected["distance_m"] > 5
+    assert expected["min_clearance_m"] is not None
+
+
+def test_what_the_car_believed_is_near_the_truth(drive, run):
+    _, car = drive
+    assert numbers(run)["distance_m"] == pytest.approx(abs(car.motor.state.distance_m), rel=0.25)
+    assert run.path.x_m[-1] == pytest.approx(run.status["odom"]["x_m"], abs=1e-6)
+
+
+def test_the_dead_end_is_a_stop_by_safety(run):
+    found = stops(run)
+    assert found
+    assert found[0].winner == "safety"
+    assert found[0].reason in {"boxed in", "wall ahead", "braking: wall ahead"}
+    assert 4 < found[0].from_s < 7
+    assert slowed(run)
+
+
+def test_stops_begin_and_end_with_what_was_sent():
+    told = made(
+        [0.0, 0.5, 1.0, 2.0, 2.5, 3.0, 4.0], [0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0],
+        [change(0.0, "nobody", "nobody drives"), change(0.5, "navigation", "wall", 1.0),
+         change(2.0, "safety", "wall ahead"), change(2.5, "safety", "boxed in"),
+         change(3.0, "navigation", "wall", 1.0), change(4.0, "e-stop", "e-stop by ann")],
+    )  # fmt: skip
+    first, second = stops(told)
+    assert (first.from_s, first.until_s, first.winner, first.reason) == (2.0, 3.0, "safety", "wall ahead")
+    assert first.also == ("boxed in",)
+    assert (second.from_s, second.winner, second.reason) == (4.0, "e-stop", "e-stop by ann")
+    assert math.isnan(second.until_s)
+    assert numbers(told)["standing_s"] == 1.0
+
+
+def test_standing_before_the_first_movement_is_no_stop():
+    assert stops(made([0, 1, 2], [0, 0, 0], [change(0.0, "permit", "no operator permits autonomy")])) == []
+
+
+def test_a_moment_is_no_stop():
+    assert stops(made([0, 1, 1.02, 2], [1, 0, 1, 1])) == []
+
+
+def test_a_run_without_anything_has_figures_too():
+    found = numbers(made([], []))
+    assert (found["distance_m"], found["mean_abs_error_m"], found["stops"]) == (0.0, None, 0)
+    assert found["distance_error"] == {"mean_abs_m": None, "rms_m": None}
+
+
+def test_the_truth_is_taken_as_it_is_written():
+    told = {"rms_error_m": 0.031, "laps": 2, "lap_times_s": [20.1, 19.9], "world": "loop", "faults": {}}
+    assert truth_of(told) == {"rms_error_m": 0.031, "laps": 2, "lap_times_s": [20.1, 19.9]}

@@ -1,0 +1,219 @@
+"""Beams end at the same place however they are cast: compiled, as a fan, or one by one in numpy."""
+
+import math
+import os
+import stat
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sim.world import compiled
+from sim.world.fan_cast import FanCast, is_fan
+from sim.world.grid import GridGeometry
+from sim.world.pose import Pose
+from sim.world.segments import SegmentGeometry, box, chain
+
+FAN_RAD = np.radians(np.linspace(-135.0, 135.0, 1081))
+AGREE_M = 1e-9
+SAME_SPOT = 0.998
+"""Share of beams that must agree; the others pass a corner so closely that rounding decides."""
+
+needs_compiler = pytest.mark.skipif(compiled.library() is None, reason="there is no C compiler here")
+seeds = st.integers(0, 10_000)
+
+
+def cluttered_walls(rng):
+    """Two dozen walls of all sizes and directions in a closed room, and some poles."""
+    ends = rng.uniform(-5, 5, (24, 2))
+    angle, length = rng.uniform(-4, 4, 24), rng.uniform(0.01, 3.0, 24)
+    loose = np.column_stack([ends, ends[:, 0] + length * np.cos(angle), ends[:, 1] + length * np.sin(angle)])
+    room = chain([(-7, -6), (7, -6), (7, 6), (-7, 6)], closed=True)
+    return np.vstack([loose, room, box(1.0, 1.0, 0.5, 0.3, 0.4)]), rng.uniform([-5, -5, 0.01], [5, 5, 0.4], (4, 3))
+
+
+def cluttered_grid(rng):
+    """A turned grid of 60 x 80 cells with a tenth of them solid."""
+    solid = rng.random((60, 80)) < 0.1
+    solid[30, 40] = False
+    return solid, 0.05, Pose(rng.uniform(-3, 3), rng.uniform(-3, 3), rng.uniform(-3, 3))
+
+
+def a_free_place(grid, rng):
+    row, column = np.argwhere(~grid.solid)[rng.integers((~grid.solid).sum())]
+    x, y = grid.cell_centre(int(row), int(column))
+    return x + rng.uniform(-0.01, 0.01), y + rng.uniform(-0.01, 0.01)
+
+
+def assert_agree(ranges_m, expected_m):
+    far = np.isinf(expected_m)
+    difference = np.where(far | np.isinf(ranges_m), 0.0, ranges_m) - np.where(far | np.isinf(ranges_m), 0.0, expected_m)
+    same = (np.abs(difference) < AGREE_M) & (far == np.isinf(ranges_m))
+    assert same.mean() > SAME_SPOT
+
+
+@needs_compiler
+@given(seed=seeds)
+@settings(deadline=None)
+def test_compiled_walls_and_numpy_walls_are_the_same_walls(seed):
+    rng = np.random.default_rng(seed)
+    walls, circles = cluttered_walls(rng)
+    by_c = SegmentGeometry(walls, circles)
+    with compiled.numpy_only():
+        by_numpy = SegmentGeometry(walls, circles)
+    x, y, bearings = rng.uniform(-8, 8), rng.uniform(-7, 7), FAN_RAD + rng.uniform(-4, 4)
+    assert_agree(by_c.cast(x, y, bearings), by_numpy.cast(x, y, bearings))
+    many_x, many_y = x + rng.uniform(-0.1, 0.1, 1081), y + rng.uniform(-0.1, 0.1, 1081)
+    shuffled = rng.permutation(bearings)
+    assert_agree(by_c.cast(many_x, many_y, shuffled), by_numpy.cast(many_x, many_y, shuffled))
+
+
+@needs_compiler
+@given(seed=seeds)
+@settings(deadline=None)
+def test_compiled_cells_and_numpy_cells_are_the_same_cells(seed):
+    rng = np.random.default_rng(seed)
+    grid = GridGeometry(*cluttered_grid(rng))
+    x, y = a_free_place(grid, rng)
+    bearings = FAN_RAD + rng.uniform(-4, 4)
+    assert_agree(grid.cast(x, y, bearings), grid.march(x, y, bearings))
+    many_x, many_y = x + rng.uniform(-0.3, 0.3, 1081), y + rng.uniform(-0.3, 0.3, 1081)
+    assert_agree(grid.cast(many_x, many_y, bearings), grid.march(many_x, many_y, bearings))
+
+
+@given(seed=seeds)
+@settings(deadline=None)
+def test_a_fan_of_numpy_sees_what_beams_one_by_one_see(seed):
+    rng = np.random.default_rng(seed)
+    with compiled.numpy_only():
+        grid = GridGeometry(*cluttered_grid(rng))
+        walls = SegmentGeometry(cluttered_walls(rng)[0])
+    bearings = FAN_RAD + rng.uniform(-4, 4)
+    assert is_fan(bearings)
+    x, y = a_free_place(grid, rng)
+    assert_agree(grid.cast(x, y, bearings), grid.march(x, y, bearings))
+    x, y = rng.uniform(-8, 8), rng.uniform(-7, 7)
+    each_x, each_y = np.full(1081, x), np.full(1081, y)
+    assert_agree(walls.cast(x, y, bearings), walls.cast(each_x, each_y, bearings))
+
+
+@pytest.mark.parametrize("first_deg", [-180.0, -90.0, 0.0, 45.0, 179.9])
+def test_a_fan_has_no_seam(first_deg):
+    room = FanCast(chain([(-1, -1), (1, -1), (1, 1), (-1, 1)], closed=True))
+    bearings = np.radians(first_deg + np.arange(720) * 0.5)
+    expected = 1.0 / np.maximum(np.abs(np.cos(bearings)), np.abs(np.sin(bearings)))
+    np.testing.assert_allclose(room.cast(0.0, 0.0, bearings), expected, rtol=1e-12)
+
+
+def test_a_fan_from_a_place_on_a_wall_is_stopped_by_it_on_one_side():
+    wall = FanCast(np.array([[-1.0, 0.0, 1.0, 0.0], [-5.0, 2.0, 5.0, 2.0]]))
+    bearings = np.linspace(0.1, math.pi - 0.1, 100)
+    assert wall.cast(0.5, 0.0, bearings - math.pi).max() == 0.0
+    np.testing.assert_allclose(wall.cast(0.5, 0.0, bearings[40:60]), 2.0 / np.sin(bearings[40:60]))
+
+
+def test_walls_seen_edge_on_are_not_there():
+    wall = FanCast(np.array([[1.0, 0.0, 3.0, 0.0]]))
+    assert np.isinf(wall.cast(0.0, 0.0, np.linspace(-0.5, 0.5, 101))).all()
+
+
+@pytest.mark.parametrize(("bearings", "accepted"), [
+    (np.linspace(-2, 2, 100), True),
+    (np.linspace(2, -2, 100), False),
+    (np.linspace(0, 2 * math.pi, 100), False),
+    (np.linspace(-2, 2, 100) ** 3, False),
+    (np.linspace(-2, 2, 5), False),
+    (np.array([]), False),
+])  # fmt: skip
+def test_what_is_a_fan(bearings, accepted):
+    assert is_fan(bearings) is accepted
+
+
+@needs_compiler
+def test_any_array_of_numbers_will_do():
+    grid = GridGeometry(np.zeros((50, 50), dtype=bool), 0.1, Pose(0, 0, 0))
+    bearings = np.linspace(-3, 3, 201)
+    expected = grid.cast(1.0, 2.0, bearings)
+    np.testing.assert_allclose(grid.cast(1.0, 2.0, bearings.astype(np.float32)), expected, rtol=1e-4)
+    frozen = bearings.copy()
+    frozen.setflags(write=False)
+    np.testing.assert_array_equal(grid.cast(1.0, 2.0, frozen), expected)
+    np.testing.assert_array_equal(grid.cast(1.0, 2.0, np.repeat(bearings, 2)[::2]), expected)
+    np.testing.assert_array_equal(grid.cast(np.float64(1.0), np.full(201, 2.0), bearings), expected)
+    assert grid.cast(1.0, 2.0, np.array([])).shape == (0,)
+    assert SegmentGeometry().cast(1.0, 2.0, np.array([])).shape == (0,)
+
+
+@needs_compiler
+def test_numbers_that_are_none_end_somewhere():
+    grid = GridGeometry(np.zeros((50, 50), dtype=bool), 0.1, Pose(0, 0, 0))
+    assert grid.cast(math.nan, 1.0, FAN_RAD).max() == 0.0
+    assert grid.cast(math.inf, 1.0, FAN_RAD).max() == 0.0
+    assert grid.cast(1.0, 1.0, np.full(3, math.nan)).shape == (3,)
+
+
+@needs_compiler
+@given(turns=st.integers(-50, 50), bearing=st.floats(-math.pi, math.pi))
+def test_compiled_directions_are_as_good_as_the_libraries(turns, bearing):
+    wall = SegmentGeometry(circles_m=np.array([[0.0, 0.0, 1.0]]), segments_m=chain(_polygon(), closed=True))
+    with compiled.numpy_only():
+        numpys = SegmentGeometry(chain(_polygon(), closed=True), np.array([[0.0, 0.0, 1.0]]))
+    bearings = np.array([bearing + turns * math.tau])
+    ranges = wall.cast(5.0, 0.0, bearings), numpys.cast(5.0, 0.0, bearings)
+    assert ranges[0] == pytest.approx(ranges[1], rel=1e-9) or abs(math.sin(bearing)) == pytest.approx(0.2, abs=1e-6)
+
+
+def _polygon():
+    return [(20 * math.cos(angle), 20 * math.sin(angle)) for angle in np.linspace(0.1, 6.0, 7)]
+
+
+def test_without_a_compiler_numpy_answers(monkeypatch, tmp_path):
+    monkeypatch.setenv("CC", str(tmp_path / "no-such-compiler"))
+    assert compiled._library.__wrapped__() is None
+    with compiled.numpy_only():
+        assert compiled.library() is None
+        assert SegmentGeometry(box(2, 0, 1, 1)).cast(0.0, 0.0, np.array([0.0]))[0] == pytest.approx(1.5)
+
+
+def test_a_compiler_that_fails_is_as_good_as_none(monkeypatch, tmp_path):
+    broken = tmp_path / "cc"
+    broken.write_text("#!/bin/sh\nexit 1\n")
+    broken.chmod(0o755)
+    monkeypatch.setenv("CC", str(broken))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    assert compiled._library.__wrapped__() is None
+    assert list((tmp_path / "cache" / "wallride").iterdir()) == [], "it leaves nothing behind"
+
+
+@needs_compiler
+def test_it_is_built_once_in_a_folder_of_our_own(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert compiled._library.__wrapped__() is not None
+    (built,) = (tmp_path / "wallride").iterdir()
+    assert stat.S_IMODE((tmp_path / "wallride").stat().st_mode) == 0o700
+    before = built.stat().st_mtime_ns
+    assert compiled._library.__wrapped__() is not None
+    assert built.stat().st_mtime_ns == before
+
+
+@needs_compiler
+def test_a_folder_that_others_can_write_to_is_not_trusted(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    (tmp_path / "wallride").mkdir()
+    (tmp_path / "wallride").chmod(0o777)
+    assert compiled._library.__wrapped__() is None
+    if os.getuid() == 0:
+        (tmp_path / "wallride").chmod(0o700)
+        os.chown(tmp_path / "wallride", 12345, 12345)
+        assert compiled._library.__wrapped__() is None
+
+
+def test_many_places_at_once_are_the_places_one_by_one():
+    rng = np.random.default_rng(4)
+    grid = GridGeometry(*cluttered_grid(rng))
+    places = [a_free_place(grid, rng) for _ in range(5)]
+    x, y = np.array(places).T
+    together = grid.cast(np.repeat(x, 1081), np.repeat(y, 1081), np.tile(FAN_RAD, 5)).reshape(5, 1081)
+    for (px, py), ranges in zip(places, together, strict=True):
+        assert_agree(grid.cast(px, py, FAN_RAD), ranges)
