@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.runtime.control.test_ball import scan_in
+from tests.runtime.control.wall_following.test_ball import scan_in
 
 from runtime.control.perception.view import Eyes
 from runtime.control.vehicle import CarSettings

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from tests.runtime.control.test_swept import CAR, FRONT_M, SETTINGS, Car, wall_at, world
+from tests.runtime.control.safety.test_swept import CAR, FRONT_M, SETTINGS, Car, wall_at, world
 
 from runtime.control.safety.emergency_manoeuvre import FULL_BRAKE, Manoeuvre, Outcome, Situation, candidates, choose
 from runtime.control.safety.footprint import Outline
