@@ -26,7 +26,6 @@ from runtime.realtime.prefetch import Warmth
 from runtime.realtime.scan_phase import Cadence
 from runtime.realtime.selector import FewPorts
 from runtime.realtime.wall_clock import WallClock
-from runtime.recording.laws_fingerprint import laws_fingerprint
 from runtime.settings.tree import Settings
 from runtime.tasks import parameters
 from runtime.wire.bus import Bus, PortTakenError
@@ -138,7 +137,6 @@ async def _drive(
     if (history := history_file(settings)) is not None:
         parameters.read_history(car.history, history)
     opening = asyncio.create_task(_open(car, bus, stop, files.address), name="bus")
-    laws_fingerprint()  # now, while the files are those that were loaded
     methods.warm_up(settings.wall_follow, settings.safety, settings.car)
     gc.collect()
     gc.freeze()  # a full collection would block the loop for milliseconds; what exists now stays anyway

@@ -9,8 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1]
-PLACES = ("control", "kernel")
-SINGLE_FILES = ("arbitration/command.py",)
+PLACES = ("arbitration", "control", "kernel")
 ENDINGS = {".py", ".c", ".h"}
 DIGITS = 12
 
@@ -29,4 +28,3 @@ def law_files(package: Path) -> Iterator[Path]:
     """Yield the source files that decide, in an order that does not depend on the machine."""
     for place in PLACES:
         yield from sorted(path for path in (package / place).rglob("*") if path.suffix in ENDINGS)
-    yield from (package / name for name in SINGLE_FILES if (package / name).is_file())

@@ -92,6 +92,7 @@ class Scribe:
         self._disk = disk
         self._facts = facts
         self._breathe = breathe
+        self._laws = laws_fingerprint()  # now, while the files are those that were loaded
         self._memory = Memory(max(settings.black_box_s, LEAST_MEMORY_S))
         self._run: McapFile | None = None
         self._box: _Box | None = None
@@ -219,7 +220,7 @@ class Scribe:
         return {
             "car": self._facts.car,
             "version": self._facts.version,
-            "laws": laws_fingerprint(),
+            "laws": self._laws,
             "kind": "recording" if reason is None else "black box",
             "reason": reason or "",
             "continues": self._goes_on if reason is None else "",

@@ -11,6 +11,7 @@ from runtime.recording.laws_fingerprint import PACKAGE, law_files, laws_fingerpr
 @pytest.fixture
 def copy(tmp_path, monkeypatch):
     """A copy of the runtime, and what computes its fingerprint anew."""
+    laws_fingerprint()  # of the real one, before the package is another
     package = tmp_path / "runtime"
     shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
     monkeypatch.setattr(module, "PACKAGE", package)
@@ -22,7 +23,7 @@ def test_the_same_source_has_the_same_fingerprint_wherever_it_lies(copy):
     assert compute() == laws_fingerprint()
 
 
-@pytest.mark.parametrize("name", ["control/swept.py", "kernel/ball.c", "command.py"])
+@pytest.mark.parametrize("name", ["control/safety/swept.py", "kernel/ball.c", "arbitration/command.py"])
 def test_a_change_of_what_decides_changes_it(copy, name):
     package, compute = copy
     path = package / name
@@ -32,7 +33,7 @@ def test_a_change_of_what_decides_changes_it(copy, name):
 
 def test_what_does_not_decide_does_not_count(copy):
     package, compute = copy
-    (package / "sinks.py").write_text("")
+    (package / "app.py").write_text("")
     (package / "control" / "__pycache__").mkdir()
     (package / "control" / "__pycache__" / "swept.pyc").write_text("")
     assert compute() == laws_fingerprint()
