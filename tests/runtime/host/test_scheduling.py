@@ -9,7 +9,7 @@ from runtime.host.scheduling import keep_for_this_thread
 PROGRAM = """
 import os, threading
 os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(20))
-from runtime.scheduling import keep_for_this_thread
+from runtime.host.scheduling import keep_for_this_thread
 print(keep_for_this_thread())
 seen = []
 thread = threading.Thread(target=lambda: seen.append(os.sched_getscheduler(threading.get_native_id())))
