@@ -25,12 +25,12 @@ from drivers.hokuyo import codec, ranges
 from runtime.control.perception import geometry, noise_bias, odometry, view, window_dirt
 from runtime.control.safety import (
     footprint,
+    lidar_sectors,
     manoeuvre_rollout,
     moving_obstacles,
     no_return_regions,
     rear_memory,
     thin_obstacles,
-    visibility,
 )
 from runtime.control.wall_following import (
     ball_drive,
@@ -49,7 +49,7 @@ SWITCH: Final = "WALLRIDE_COMPILED"
 MODULES: Final = (
     codec, ranges, ball_drive, ball_law, ball_path, rear_memory, no_return_regions, thin_obstacles, footprint,
     geometry, manoeuvre_rollout, moving_obstacles, followed_wall, noise_bias, odometry, view, prediction,
-    window_dirt, speed_profile, visibility, wall_fit, wall_track,
+    window_dirt, speed_profile, lidar_sectors, wall_fit, wall_track,
 )  # fmt: skip
 HERE: Final = Path(__file__).parent
 SEAL: Final = HERE / "seal.json"

@@ -29,7 +29,8 @@ from runtime.control.safety.stopping import GRAVITY_MPS2, SlidingSpeed, speed_to
 from runtime.control.safety.swept_path import GAINS_MPS, Strip
 from runtime.control.safety.swept_settings import SweptSettings
 from runtime.control.safety.thin_obstacles import Faint
-from runtime.control.safety.visibility import CRAWL_MPS, Visibility
+from runtime.control.safety.unknown_regions import CRAWL_MPS
+from runtime.control.safety.visibility import Visibility
 from runtime.control.vehicle import CarSettings
 
 STANDING_MPS = 0.05

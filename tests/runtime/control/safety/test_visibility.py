@@ -8,10 +8,11 @@ import pytest
 from drivers.api import MotorState, Scan
 from runtime.control.perception.odometry import Pose
 from runtime.control.perception.view import Eyes
-from runtime.control.safety import visibility
+from runtime.control.safety.lidar_sectors import BLIND, DEPTH, MISSING, SEEN
 from runtime.control.safety.swept import SweptGuard
 from runtime.control.safety.swept_settings import SweptSettings
-from runtime.control.safety.visibility import BLIND, DEPTH, SEEN, Visibility
+from runtime.control.safety.unknown_regions import CRAWL_MPS
+from runtime.control.safety.visibility import Visibility
 from runtime.control.vehicle import CarSettings
 
 CAR = CarSettings()
@@ -130,7 +131,7 @@ def test_a_car_that_turns_away_from_a_wall_misses_nothing():
     for step in range(15):
         yaw_rad = -0.1 * step
         seen = lidar.look(ranges(CORNER, 0.0, 0.0, yaw_rad), 0.0, yaw_rad)
-        assert not np.any((seen._state == visibility.MISSING) | (seen._state == BLIND))
+        assert not np.any((seen._state == MISSING) | (seen._state == BLIND))
 
 
 def test_ten_degrees_without_echo_are_no_blindness_but_what_was_there_is_remembered():
@@ -187,7 +188,7 @@ def test_after_a_hole_in_the_scans_nothing_is_expected():
     lidar.look(ranges(BLOCKED))
     lidar.now_s += 1.0
     lidar.look(covered(ranges(BLOCKED), -5, 5))
-    assert not np.any(lidar.visibility._state == visibility.MISSING)
+    assert not np.any(lidar.visibility._state == MISSING)
 
 
 def test_a_lidar_that_does_not_look_ahead_is_left_to_others():
@@ -233,7 +234,7 @@ def test_a_front_that_falls_silent_is_a_stop(half_deg):
 
 def test_a_front_that_is_silent_from_the_start_is_approached_at_a_crawl():
     verdict = Safety().limit(covered(ranges(CORRIDOR), -45, 45), 0.0)
-    assert (verdict.forward_mps, verdict.reason) == (visibility.CRAWL_MPS, "the lidar sees nothing ahead: crawling")
+    assert (verdict.forward_mps, verdict.reason) == (CRAWL_MPS, "the lidar sees nothing ahead: crawling")
     assert Safety().limit(covered(ranges(CORRIDOR), -90, 90), 0.0).forward_mps == 0.0
 
 

@@ -1,4 +1,4 @@
-/* Twin of runtime/control/safety/visibility.py: what is known of each sector after one more scan. */
+/* Twin of runtime/control/safety/lidar_sectors.py: what is known of each sector after one more scan. */
 
 #include "arrays.h"
 #include "constants.h"
@@ -18,9 +18,9 @@ static double carried(place held, place turn, const double *v) {
 
 /* The sectors between two neighbours that have seen are expected to see. */
 static void expect(double right, double left, npy_bool *expected, beam sectors) {
-    right -= VISIBILITY_BESIDE_SECTORS;
-    left += VISIBILITY_BESIDE_SECTORS;
-    if (!(left > right && left - right <= VISIBILITY_MOST_BETWEEN_SECTORS))
+    right -= LIDAR_SECTORS_BESIDE_SECTORS;
+    left += LIDAR_SECTORS_BESIDE_SECTORS;
+    if (!(left > right && left - right <= LIDAR_SECTORS_MOST_BETWEEN_SECTORS))
         return;
     for (int step = 0; step < 3; step++) {
         double at = ceil(right) + (double)step;
@@ -35,7 +35,7 @@ static beam row_on_lidar(const struct row *x, const struct row *y, const struct 
     beam longest = 0, begin = -1, last = -1, inside = 0;
     for (beam i = from; i <= end; i++) {
         int near = i < end && NUMBER(*x, i) <= front_m && fabs(NUMBER(*y, i)) <= half_m;
-        if (begin >= 0 && (i == end || (near && i - last > VISIBILITY_ON_LIDAR_GAP_BEAMS))) {
+        if (begin >= 0 && (i == end || (near && i - last > LIDAR_SECTORS_ON_LIDAR_GAP_BEAMS))) {
             if (3 * inside >= last - begin + 1 && last - begin + 1 > longest)
                 longest = last - begin + 1;
             begin = -1;
@@ -112,7 +112,7 @@ KERNEL(watched) {
             int agrees = 0;
             if (echo[i - first] && echo[i - first + 1]) { /* beyond the last one is none */
                 double range_m = NUMBER(range, i), off_m = NUMBER(range, i + 1) - range_m;
-                agrees = fabs(off_m) <= VISIBILITY_SAME_THING_M + VISIBILITY_SAME_THING_SHARE * range_m;
+                agrees = fabs(off_m) <= LIDAR_SECTORS_SAME_THING_M + LIDAR_SECTORS_SAME_THING_SHARE * range_m;
             }
             if (agrees || before) {
                 beam off = 2 * n > beams - 1 ? 2 * n - (beams - 1) : beams - 1 - 2 * n;
@@ -124,12 +124,12 @@ KERNEL(watched) {
             }
             before = agrees;
         }
-        int sees = (double)seeing >= most(2.0, VISIBILITY_SEES_SHARE * (double)beams);
-        int silent = !sees && (double)seeing <= VISIBILITY_SILENT_SHARE * (double)beams;
+        int sees = (double)seeing >= most(2.0, LIDAR_SECTORS_SEES_SHARE * (double)beams);
+        int silent = !sees && (double)seeing <= LIDAR_SECTORS_SILENT_SHARE * (double)beams;
         npy_int8 was = AT(npy_int8, state, k);
         place at = CMPLX(NUMBER(x, pick), NUMBER(y, pick));
         DATA(place, seen)[k] = sees ? at : nothing;
-        DATA(place, full)[k] = sees && (double)seeing >= VISIBILITY_FULL_SHARE * (double)beams ? at : nothing;
+        DATA(place, full)[k] = sees && (double)seeing >= LIDAR_SECTORS_FULL_SHARE * (double)beams ? at : nothing;
         now[k] = was == MISSING || was == GONE ? was - 1 : was;
         if (silent && was == SEEN)
             now[k] = GONE;
@@ -138,7 +138,7 @@ KERNEL(watched) {
         if (sees)
             now[k] = SEEN;
         gone += now[k] == GONE || now[k] == MISSING;
-        if (fabs(first_rad + width_rad * (double)k) <= VISIBILITY_AHEAD_RAD) {
+        if (fabs(first_rad + width_rad * (double)k) <= LIDAR_SECTORS_AHEAD_RAD) {
             suspects += now[k] >= UNPROVEN;
             ahead_from = ahead_from < first + k * beams ? ahead_from : first + k * beams;
             ahead_end = first + (k + 1) * beams;
@@ -146,7 +146,7 @@ KERNEL(watched) {
     }
     free(echo);
     free(expected);
-    beam row = row_on_lidar(&x, &y, &own, ahead_from, ahead_end, front_m + VISIBILITY_ON_LIDAR_SPARE_M,
-                            half_m + VISIBILITY_ON_LIDAR_SPARE_M);
+    beam row = row_on_lidar(&x, &y, &own, ahead_from, ahead_end, front_m + LIDAR_SECTORS_ON_LIDAR_SPARE_M,
+                            half_m + LIDAR_SECTORS_ON_LIDAR_SPARE_M);
     return Py_BuildValue("(NNNnnn)", next, seen, full, row, suspects, gone);
 }

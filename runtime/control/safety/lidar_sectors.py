@@ -1,0 +1,173 @@
+"""The beams before the shoulders taken together in sectors of 2.5 degrees: what each of them sees, scan after scan.
+
+Seeing takes three beams in ten that agree with their neighbours; what filled sectors in the last scan, carried along by
+odometry, says which of them are expected to see.
+"""
+
+import cmath
+import math
+
+import numpy as np
+
+from drivers.api import Scan
+from drivers.twin import twin
+from drivers.value import value
+from runtime.control.perception.geometry import Booleans, Bytes, Floats, Places
+from runtime.control.perception.view import LEARNT_DIRT_NEARER_THAN_M
+
+AHEAD_RAD = math.radians(60)
+ASIDE_RAD = math.radians(105)
+"""Sectors reach so far aside, because silence ahead is judged by what borders it."""
+SECTOR_RAD = math.radians(2.5)
+ON_LIDAR_SPARE_M = 0.03
+"""A cover at the outline's edge returns from both sides of it."""
+ON_LIDAR_GAP_BEAMS = 3
+SEES_SHARE, FULL_SHARE, SILENT_SHARE = 0.3, 0.8, 0.15
+SAME_THING_M, SAME_THING_SHARE = 0.15, 0.12
+"""Neighbouring beams agree within this plus this share of the range: a wall met at a grazing angle, no wild beam."""
+BESIDE_SECTORS = 0.3
+"""A sector is expected to see whose middle lies between two neighbours that have seen, or so far beside."""
+MOST_BETWEEN_SECTORS = 2.1
+"""Neighbours that come to lie farther apart than 1.5 sectors were the edges of a gap."""
+
+SEEN, DEPTH, GONE, UNPROVEN, MISSING, BLIND = range(6)
+"""What is known of a sector. GONE: depth since this scan; MISSING: unproven since this scan, for something expected."""
+
+
+@value(eq=False)
+class Sectors:
+    """How the beams of one kind of lidar are put together: first beam, beams each, how many, bearing of the first."""
+
+    first: int
+    beams: int
+    count: int
+    first_rad: float
+    width_rad: float
+
+    def bearing_rad(self, sector: int) -> float:
+        """Return the bearing of a sector's middle."""
+        return self.first_rad + sector * self.width_rad
+
+    def ahead(self) -> slice:
+        """Return the sectors within AHEAD_RAD."""
+        first = max(0, math.ceil((-AHEAD_RAD - self.first_rad) / self.width_rad))
+        last = min(self.count - 1, math.floor((AHEAD_RAD - self.first_rad) / self.width_rad))
+        return slice(first, last + 1)
+
+
+def sectors_of(scan: Scan) -> Sectors:
+    """Return the sectors of the lidar that took a scan; count is 0 where it does not look ahead."""
+    step_rad, total = abs(scan.angle_step_rad), scan.ranges_m.shape[0]
+    beams = max(1, round(SECTOR_RAD / step_rad))
+    middle = round(-scan.angle_min_rad / scan.angle_step_rad) - beams // 2
+    half = min(int(ASIDE_RAD / (beams * step_rad)), middle // beams, (total - middle - beams) // beams)
+    if half < 1 or scan.angle_step_rad <= 0:
+        return Sectors(0, 1, 0, 0.0, SECTOR_RAD)
+    first = middle - half * beams
+    first_rad = scan.angle_min_rad + scan.angle_step_rad * (first + (beams - 1) / 2)
+    return Sectors(first, beams, 2 * half + 1, first_rad, beams * scan.angle_step_rad)
+
+
+def runs(which: Booleans) -> list[tuple[int, int]]:
+    """Return (first, last) of every row of true ones of (n,)."""
+    edges = np.flatnonzero(np.diff(which, prepend=False, append=False)).tolist()
+    return [(first, end - 1) for first, end in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def next_seen(seen: Places, sector: int, step: int) -> int | None:
+    """Return the next sector, to the left (step 1) or right (-1) of one, that sees something in this scan."""
+    sector += step
+    while 0 <= sector < seen.size:
+        if seen[sector] == seen[sector]:  # no NaN
+            return sector
+        sector += step
+    return None
+
+
+@twin
+def watched(  # flat arguments, as its twin in C wants them
+    ranges_m: Floats,
+    x_m: Floats,
+    y_m: Floats,
+    no_echo: Booleans,
+    own: Booleans,
+    dirty: Booleans | None,
+    state: Bytes,
+    held: Places,
+    first: int,
+    beams: int,
+    first_rad: float,
+    width_rad: float,
+    lidar_x_m: float,
+    front_m: float,
+    half_width_m: float,
+    within_m: float,
+    moved_x_m: float,
+    moved_y_m: float,
+    turned_rad: float,
+) -> tuple[Bytes, Places, Places, int, int, int]:
+    """Return what is known of each sector after one more scan.
+
+    state, (n,); a place that each sector sees, and only of the full ones, (n,), base_link, NaN for none; the longest
+    row of beams that return from on the lidar; how many sectors ahead are unproven or blind; how many
+    have fallen silent since the scan before.
+
+    ranges_m to dirty: of a View, (beams,). state, held: what this has returned for the scan before, which was taken
+    at the pose from which the car has moved by moved_x_m, moved_y_m and turned by turned_rad since. first, beams,
+    first_rad, width_rad: of Sectors. within_m: how far anything is expected to be seen; 0: nothing is.
+    """
+    count = state.size
+    part = slice(first, first + count * beams)
+    range_m, echo = ranges_m[part], ~(no_echo[part] | own[part])
+    if dirty is not None:
+        echo &= ~(dirty[part] & (range_m < LEARNT_DIRT_NEARER_THAN_M))
+    agree = echo[1:] & echo[:-1]
+    agree &= np.abs(range_m[1:] - range_m[:-1]) <= SAME_THING_M + SAME_THING_SHARE * range_m[:-1]
+    linked = np.zeros(range_m.size, np.bool_)
+    linked[1:] |= agree
+    linked[:-1] |= agree
+    links = linked.reshape(count, beams)
+    seeing = np.count_nonzero(links, axis=1)
+    off_middle = np.abs(np.arange(beams) * 2 - (beams - 1))
+    pick = np.where(links, off_middle, 2 * beams).argmin(axis=1) + np.arange(count) * beams + first
+    sees = seeing >= max(2.0, SEES_SHARE * beams)
+    nothing = complex(math.nan, math.nan)
+    seen = np.where(sees, x_m[pick] + 1j * y_m[pick], nothing)
+    new_held = np.where(sees & (seeing >= FULL_SHARE * beams), seen, nothing)
+    off = (held - complex(moved_x_m, moved_y_m)) * cmath.rect(1.0, -turned_rad) - lidar_x_m
+    place = (np.angle(off) - first_rad) / width_rad
+    place[~(np.abs(off) < within_m)] = math.nan
+    right, left = place[:-1] - BESIDE_SECTORS, place[1:] + BESIDE_SECTORS
+    between = (left > right) & (left - right <= MOST_BETWEEN_SECTORS)
+    right, left = np.ceil(right[between]), left[between]
+    expected = np.zeros(count, np.bool_)
+    for step in range(3):
+        there = right[(right + step <= left) & (right + step >= 0) & (right + step < count)] + step
+        expected[there.astype(np.intp)] = True
+    silent = ~sees & (seeing <= SILENT_SHARE * beams)
+    new_state = np.where((state == MISSING) | (state == GONE), state - 1, state).astype(np.int8)
+    new_state[silent & (state == SEEN)] = GONE
+    new_state[silent & expected & (state != BLIND)] = MISSING
+    new_state[sees] = SEEN
+    bearing_rad = first_rad + width_rad * np.arange(count)
+    suspects = np.count_nonzero((new_state >= UNPROVEN) & (np.abs(bearing_rad) <= AHEAD_RAD))
+    gone = np.count_nonzero((new_state == GONE) | (new_state == MISSING))
+    near = np.zeros(ranges_m.size, np.bool_)
+    near[part] = x_m[part] <= front_m + ON_LIDAR_SPARE_M
+    near[part] &= np.abs(y_m[part]) <= half_width_m + ON_LIDAR_SPARE_M
+    near[part] &= np.repeat(np.abs(bearing_rad) <= AHEAD_RAD, beams)
+    return new_state, seen, new_held, row_on_lidar(near, own), int(suspects), int(gone)
+
+
+def row_on_lidar(near: Booleans, own: Booleans) -> int:
+    """Return the length of the longest row of near beams of which a third are within the outline; both (beams,)."""
+    index = np.flatnonzero(near)
+    if not index.size:
+        return 0
+    cut = np.flatnonzero(np.diff(index) > ON_LIDAR_GAP_BEAMS)
+    firsts, lasts = index[[0, *(cut + 1)]], index[[*cut, -1]]
+    longest = 0
+    for begin, end in zip(firsts.tolist(), lasts.tolist(), strict=True):
+        if 3 * np.count_nonzero(own[begin : end + 1]) >= end - begin + 1:
+            longest = max(longest, end - begin + 1)
+    return longest
