@@ -273,6 +273,8 @@ class Outlook:
                 0.0, 0.0, "the lidar is blind ahead: uncover it" if unknown.blind else UNSEEN, found.travel_m
             )
         soft_mps = max(CRAWL_MPS, body.graded_mps(self.strip.reaches(unknown.soft, steering_rad, look_m), reaction_s))
+        if self.strip.reaches(unknown.doubted, steering_rad, look_m) is not NOTHING:
+            soft_mps = CRAWL_MPS
         reason = f"{UNSEEN}: crawling" if soft_mps <= CRAWL_MPS else f"slower: {UNSEEN}"
         return Verdict(min(hard_mps, soft_mps), NO_LIMIT_MPS, reason, found.travel_m)
 

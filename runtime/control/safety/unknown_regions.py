@@ -1,7 +1,7 @@
 """Where unknown begins: the sets of points, in base_link, that the swept outline must not reach, or only at a crawl.
 
 A wall across the way would show beside an unproven sector, as far as that sector's neighbours see; nothing shows in a
-blind one. A person may stand in an unproven gap.
+blind one. A person may stand in an unproven gap; into a doubted one, which has just fallen silent, a person may step.
 Widths and the crawl: `docs/decisions/0015-visibility.md`.
 """
 
@@ -43,12 +43,13 @@ class Sight:
 class Unknown:
     """Where unknown begins, (k,) in base_link. hard: never to be reached.
 
-    soft: where something may stand; slow enough to stop before it, or a crawl. blind: whether the lidar is known to be
-    blind there.
+    soft: where something may stand; slow enough to stop before it, or a crawl. doubted: where something may step in;
+    a crawl as soon as it is within reach. blind: whether the lidar is known to be blind there.
     """
 
     hard: Places
     soft: Places
+    doubted: Places
     blind: bool
 
 
@@ -57,6 +58,7 @@ def find_unknown(sight: Sight, still_there_m: Places) -> Unknown:
     state, ahead = sight.state, sight.sectors.ahead()
     hard: list[Places] = [np.repeat(still_there_m, ENOUGH_POINTS)]
     soft: list[Places] = []
+    doubted: list[Places] = []
     for first, last in runs(sight.blind):
         hard.append(_hidden(sight, first, last, HIDES_M))
     for first, last in runs(state > SEEN):
@@ -66,7 +68,9 @@ def find_unknown(sight: Sight, still_there_m: Places) -> Unknown:
                 doubts = sight.doubted[first + begin : first + end + 1].any()
                 width_m = HIDES_SIDE_M if doubts else HIDES_PERSON_M
                 soft.append(_hidden(sight, first + begin, first + end, width_m))
-    return Unknown(_joined(hard), _joined(soft), bool(sight.blind[ahead].any()))
+                if doubts:  # the silence beside it may hide a person who comes through
+                    doubted.append(_hidden(sight, first, last, HIDES_PERSON_M))
+    return Unknown(_joined(hard), _joined(soft), _joined(doubted), bool(sight.blind[ahead].any()))
 
 
 def _hidden(sight: Sight, first: int, last: int, width_m: float) -> Places:

@@ -42,8 +42,8 @@ EXPECTED_SHARE = 0.9
 """Of the sensor's own range: nothing is expected beyond."""
 LATEST_S = 0.15
 """After a longer silence nothing is expected: people have moved, and the odometry has drifted."""
-DOUBTED_SECTORS, SILENCED_SECTORS, BLIND_SECTORS, COVERED_SECTORS = 3, 5, 6, 12
-"""So much missing at once leaves unproven, or blind, everything between; the most is a cover. Real halls lose up to 25
+DOUBTED_SECTORS, SILENCED_SECTORS, BLIND_SECTORS, COVERED_SECTORS = 2, 5, 6, 12
+"""So much missing at once leaves doubted, or blind, everything between; the most is a cover. Real halls lose up to 25
 degrees at once, for a scan or two: dark walls seen at a grazing angle, panes."""
 REMEMBERS_S = 0.04
 """So long what was seen is still known where the lidar fell blind, unless it is covered."""
@@ -51,6 +51,8 @@ GRAZING_SECTORS = 1.5
 """The wall beside the silence is continued so far into it."""
 FIXED_FOR_M = 0.25
 FIXED_SECTORS = 2
+BLIND_MISSING_SECTORS = 3
+"""So many of them unexpectedly: silent beams are often beside depth."""
 MOST_LOST = 256
 
 
@@ -138,7 +140,7 @@ class Visibility:
             at_once = np.flatnonzero((part == MISSING) | (part == GONE))
             missing = int(np.count_nonzero(part == MISSING))
             if missing >= DOUBTED_SECTORS or at_once.size >= SILENCED_SECTORS:
-                blind = at_once.size >= (BLIND_SECTORS if missing >= DOUBTED_SECTORS else BLIND_SECTORS + 1)
+                blind = at_once.size >= (BLIND_SECTORS if missing >= BLIND_MISSING_SECTORS else BLIND_SECTORS + 1)
                 self._doubt(first + int(at_once[0]), first + int(at_once[-1]), blind=blind)
             elif self._is_depth(first, last):
                 part[((part == UNPROVEN) | (part == MISSING)) & ~self._doubted[first : last + 1]] = DEPTH

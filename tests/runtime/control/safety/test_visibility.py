@@ -248,6 +248,24 @@ def test_what_a_moment_ago_stood_in_a_small_gap_is_still_in_the_way():
     assert verdict.measure == pytest.approx(0.8 - CAR.front_m, abs=0.1)
 
 
+@pytest.mark.parametrize(("right_deg", "left_deg"), [(-10, 0), (-12, 2), (-1, 11)])
+def test_a_gap_that_falls_silent_beside_depth_is_crawled_at(right_deg, left_deg):
+    safety = Safety()
+    for _ in range(2):
+        assert safety.limit(ranges(CORRIDOR), 3.0, 3.0).forward_mps == math.inf
+    for _ in range(20):
+        assert safety.limit(covered(ranges(CORRIDOR), right_deg, left_deg), 3.0, 3.0).forward_mps <= CRAWL_MPS
+    safety.limit(ranges(CORRIDOR), 3.0, 3.0)
+    assert safety.limit(ranges(CORRIDOR), 3.0, 3.0).forward_mps == math.inf
+
+
+def test_a_doubted_gap_beside_the_way_is_not():
+    safety = Safety()
+    for _ in range(2):
+        safety.limit(ranges(BLOCKED), 2.0)
+    assert safety.limit(covered(ranges(BLOCKED), 40, 50), 2.0).forward_mps > CRAWL_MPS
+
+
 def test_the_drive_down_an_open_corridor_is_not_limited():
     assert Safety().limit(ranges(CORRIDOR), 3.0, 4.0).forward_mps == math.inf
 
