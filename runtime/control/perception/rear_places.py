@@ -35,16 +35,16 @@ def seen_again(ranges_m: Floats, beams: Beams, places: Places, angle_min_rad: fl
 
 def expected_m(beams: int, places: Places, angle_min_rad: float, angle_step_rad: float) -> Floats:
     """Return what every beam would read of the nearest place (m,) in the lidar frame beside it, inf of none; (n,)."""
-    nearest_m = np.full(beams + 2 * EXPECTED_BEAMS, np.inf)
+    found_m = np.full(beams, np.inf)
     if not places.size:
-        return nearest_m[:beams]
+        return found_m
     away_m, at_beam = _polar(places, angle_min_rad, angle_step_rad)
     inside = (at_beam > -0.5) & (at_beam < beams - 0.5)
-    away_m, beam = away_m[inside], np.rint(at_beam[inside]).astype(np.intp)
+    nearest_m = np.full(beams + 2 * EXPECTED_BEAMS, np.inf)
+    np.minimum.at(nearest_m, np.rint(at_beam[inside]).astype(np.intp) + EXPECTED_BEAMS, away_m[inside])
     for beside in range(2 * EXPECTED_BEAMS + 1):
-        np.minimum.at(nearest_m, beam + beside, away_m)
-    found: Floats = nearest_m[EXPECTED_BEAMS : beams + EXPECTED_BEAMS]
-    return found
+        np.minimum(found_m, nearest_m[beside : beside + beams], out=found_m)
+    return found_m
 
 
 def on_the_line(x_m: Floats, y_m: Floats, solid: Booleans, before: Beams, beams: Beams) -> Booleans:
