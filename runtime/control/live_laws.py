@@ -120,7 +120,6 @@ class LiveLaws:
                 guard.tune(settings)
             case _ if settings.method != self.safety.method:
                 self._eyes.ignore(None)  # the new law has not learnt yet what is dirt
-                self._eyes.doubts = False
                 self.guard = methods.guard_for(settings, self._car, self._eyes, self._clock)
         if self._recovery is None or not isinstance(settings, SweptSafetySettings) or not settings.backs_out:
             self._recovery = methods.recovery_for(settings)

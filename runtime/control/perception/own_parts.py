@@ -21,10 +21,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from drivers.api import Scan
 from runtime.control.perception.geometry import NOWHERE, Booleans, Floats, Places, places_m
 from runtime.control.perception.odometry import Pose
 from runtime.control.perception.rear_places import Beams, around, expected_m, on_the_line, seen_again
-from runtime.control.perception.view import DOUBTED_BEYOND_RAD, DOUBTED_NEARER_THAN_M, View, doubted_below_m, supported
+from runtime.control.perception.view import DOUBTED_BEYOND_RAD, DOUBTED_NEARER_THAN_M, View, supported
 
 PLACES_NEARER_THAN_M = 1.1
 """Places farther away are seen nearer before they come behind the shoulder."""
@@ -138,6 +139,10 @@ class OwnParts:
         found = ((beam, round(range_m, 3)) for beam, range_m in zip(beams, ranges_m, strict=True))
         return KnownParts(*self._kind, tuple(found))
 
+    def have_met(self, scan: Scan) -> bool:
+        """Whether below_m is for the lidar that took this scan."""
+        return self.below_m is not None and self.below_m.shape == scan.ranges_m.shape
+
     def remember(self, known: KnownParts | None) -> None:
         """Begin anew with parts known from an earlier drive, or with none."""
         self._known = known
@@ -166,7 +171,7 @@ class OwnParts:
             self._settle()
         self.below_m, self.doubtful, self._world_now = rear.below_m, NOWHERE, NOWHERE
         if np.count_nonzero(seen.near & ~self._parts):
-            world |= self._as_expected(seen)
+            world |= self._on_the_wall(seen)
             self._world_now = seen.places(rear.beams[world])
             self.doubtful = seen.places(rear.beams[self._in_doubt(seen, world)])
             self.below_m = self._expecting(seen, pose, elapsed_s)
@@ -220,23 +225,20 @@ class OwnParts:
             self._parts = parts
             self.changes += 1
 
-    def _as_expected(self, seen: "_Seen") -> Booleans:
-        """Return which near beams (k,) see what is known of the world, or the wall that is before the shoulder."""
+    def _on_the_wall(self, seen: "_Seen") -> Booleans:
+        """Return which near beams (k,) see the wall that is before the shoulder."""
         rear, view = seen.rear, seen.view
-        places = self._places(seen.at_m, seen.turned)
-        away_m = expected_m(view.ranges_m.size, places, view.scan.angle_min_rad, view.scan.angle_step_rad)
-        world: Booleans = np.abs(seen.rear_m - away_m[rear.beams]) < EXPECTED_WITHIN_M
+        wall, asked = np.zeros(seen.near.shape, np.bool_), seen.near & ~self._parts
         for side, before in zip((slice(0, rear.first_side), slice(rear.first_side, None)), rear.before, strict=True):
-            asked = np.flatnonzero(seen.near[side] & ~world[side])
-            on_line = on_the_line(view.x_m, view.y_m, view.solid, before, rear.beams[side][asked])
-            world[side][asked[on_line]] = True
-        return world & seen.near & ~self._parts
+            index = np.flatnonzero(asked[side])
+            wall[side][index] = on_the_line(view.x_m, view.y_m, view.solid, before, rear.beams[side][index])
+        return wall
 
     def _in_doubt(self, seen: "_Seen", world: Booleans) -> Booleans:
         """Return which beams (k,) may as well see the car itself; a part's rim is part of it."""
         rear, view = seen.rear, seen.view
         rim = around(self._parts, rear.first_side, PART_RIM_BEAMS) > 0
-        doubtful = seen.near & ~world & ~rim & ~view.own[rear.beams]
+        doubtful = seen.near & ~world & ~rim & ~(view.own | view.solid)[rear.beams]
         return doubtful & supported(view.ranges_m)[rear.beams]
 
     def _expecting(self, seen: "_Seen", pose: Pose, elapsed_s: float) -> Floats:
@@ -336,4 +338,4 @@ def _rear_of(view: View) -> _Rear:
     first = ordered[bearing_rad[ordered] * first_sign > 0]
     second = ordered[bearing_rad[ordered] * first_sign < 0]
     first_side = int(np.count_nonzero(bearing_rad[rear] * first_sign > 0))
-    return _Rear(rear, first_side, (first, second), aback, beside, doubted_below_m(view.scan))
+    return _Rear(rear, first_side, (first, second), aback, beside, np.where(aback, DOUBTED_NEARER_THAN_M, 0.0))

@@ -73,36 +73,25 @@ Kind = tuple[float, float, int]
 class Fan:
     """The beams of one kind of lidar, (beams,): bearing, its cosine and sine, which look behind DOUBTED_BEYOND_RAD.
 
-    doubted_below_m: what each must read to be believed while nothing is known yet. nothing_m: zeros.
+    nothing_m: zeros.
     """
 
     bearing_rad: Floats
     cos: Floats
     sin: Floats
     aback: Booleans
-    doubted_below_m: Floats
     nothing_m: Floats
-
-
-def doubted_below_m(scan: Scan) -> Floats:
-    """Return what each beam must read to be believed while nothing is known yet, (beams,)."""
-    return np.where(beyond(scan, DOUBTED_BEYOND_RAD), DOUBTED_NEARER_THAN_M, 0.0)
 
 
 def fan_of(scan: Scan) -> Fan:
     """Return the beams of the lidar that took a scan."""
     kind = scan.angle_min_rad, scan.angle_step_rad, scan.ranges_m.shape[0]
     cos, sin = directions(*kind)
-    return Fan(
-        bearings_rad(*kind), cos, sin, beyond(scan, DOUBTED_BEYOND_RAD), doubted_below_m(scan), np.zeros(kind[2])
-    )
+    return Fan(bearings_rad(*kind), cos, sin, beyond(scan, DOUBTED_BEYOND_RAD), np.zeros(kind[2]))
 
 
 class Eyes:
-    """Sees each scan once, however many ask: follower and safety share one pair.
-
-    doubts: whether what is near behind the shoulders is left out until `ignore` says more; for those who will say it.
-    """
+    """Sees each scan once, however many ask: follower and safety share one pair."""
 
     def __init__(self, car: CarSettings) -> None:
         self._car = car
@@ -110,7 +99,6 @@ class Eyes:
         self._own_within_m = math.hypot(max(ahead_m, aback_m), car.half_width_m)
         self._dirty: Booleans | None = None
         self._ignored_below_m: Floats | None = None
-        self.doubts = False
         self._last: View | None = None
         self._fan: tuple[Kind, Fan] | None = None
 
@@ -139,7 +127,7 @@ class Eyes:
         dirty = self._dirty if self._dirty is not None and self._dirty.shape == sent_m.shape else None
         ignored_below_m = self._ignored_below_m
         if ignored_below_m is None or ignored_below_m.shape != sent_m.shape:
-            ignored_below_m = fan.doubted_below_m if self.doubts else fan.nothing_m
+            ignored_below_m = fan.nothing_m
             if dirty is not None:
                 ignored_below_m = np.maximum(ignored_below_m, dirty * LEARNT_DIRT_NEARER_THAN_M)
         ranges_m, x_m, y_m, solid, no_echo, own, silent = look(

@@ -87,7 +87,6 @@ class SweptGuard:
         self.emergency = Emergency()
         self.plight = ""
         self._eyes = eyes
-        eyes.doubts = True
         self._odometry = Odometry(car.wheelbase_m)
         self._speed = SlidingSpeed(GRAVITY_MPS2, self.body.slippery_mps2)
         self._last_m: float | None = None
@@ -105,7 +104,7 @@ class SweptGuard:
         """Take in one scan; called once for each, in order."""
         self.learn()
         view = self._eyes.see(scan)
-        if self.own_parts.below_m is None:
+        if not self.own_parts.have_met(scan):
             view = self._look_anew(view)
         speed_mps = self._speed.update(motor.speed_mps if motor is not None else None, scan.stamp_s)
         pose = self._odometry.update(motor)
@@ -136,7 +135,7 @@ class SweptGuard:
         self._eyes.ignore(None)
 
     def _look_anew(self, view: View) -> View:
-        """Return the view of the first scan, with the wall before the shoulder followed beyond it."""
+        """Return the view of a first scan: with all in doubt behind the shoulder but the wall that goes on there."""
         self.own_parts.update(view, self._odometry.pose)
         self._eyes.ignore(self.health.mask, self.own_parts.below_m)
         return self._eyes.see(view.scan)

@@ -133,6 +133,24 @@ def test_a_leg_beside_the_rear_wheel_counts_as_soon_as_it_is_seen_to_move():
     assert moved_m[0] <= 0.081
 
 
+def test_what_was_seen_to_move_still_counts_when_the_car_stops():
+    car = Car(obstacles=(leg(0.17),))
+    car.look()
+    car.drive(0.08)
+    for _ in range(20):
+        view = car.look()
+        assert np.count_nonzero(view.solid & behind(view)) > 0.35 * np.count_nonzero(behind(view)) > 5
+
+
+def test_another_kind_of_lidar_is_doubted_from_its_first_scan_on():
+    car = Car("wide")
+    car.look()
+    car.lidar = car.lidar.model_copy(update={"beams": 721})
+    view = car.look()
+    assert behind(view).any()
+    assert not (view.solid & behind(view)).any()
+
+
 def test_what_was_seen_before_the_shoulder_counts_behind_it():
     car = Car(obstacles=(leg(0.7),))
     car.look()
