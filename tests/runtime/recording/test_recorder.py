@@ -22,7 +22,7 @@ from tests.runtime.recording.disks import BadDisk, SlowDisk, StuckDisk
 from tests.runtime.recording.drives import EPOCH_NS, Drive
 from tests.runtime.recording.reading import decoded_by_ros2_support, events, metadata, streamed
 
-WALL_AHEAD_M = ranges_between_walls(0.9, 1.1, 0.35)
+WALL_AHEAD_M = ranges_between_walls(0.9, 1.1, 0.28)
 
 
 def files(folder, pattern="*.mcap"):

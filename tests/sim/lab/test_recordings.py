@@ -57,8 +57,8 @@ def test_nobody_is_stopped_for_ghosts_or_for_the_cars_own_parts(name):
 
 
 def test_people_who_walk_are_still_seen():
-    """Somebody walks up to the car that has stopped, and lifts it."""
-    assert figures_of("t14_straight_1mps")["walker_scans"] > 25
+    """A person walks up to the car that has stopped, and lifts it; what is near behind is doubted until it moves."""
+    assert figures_of("t14_straight_1mps")["walker_scans"] > 15
 
 
 def test_what_four_drives_of_one_car_have_at_the_same_beams_is_dirt():

@@ -5,12 +5,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from tests.runtime.control.safety.test_swept import CAR, FRONT_M, SETTINGS, Car, wall_at, world
 
 from runtime.control.safety.emergency_manoeuvre import FULL_BRAKE, Manoeuvre, Outcome, Situation, candidates, choose
 from runtime.control.safety.footprint import Outline
 from runtime.control.safety.manoeuvre_rollout import STEP_S, Start, distance_m, roll_out, slide
 from runtime.control.safety.stopping import GRAVITY_MPS2
+from tests.runtime.control.safety.test_swept import CAR, FRONT_M, SETTINGS, Car, wall_at, world
 
 GRIPS_MPS2 = 0.8 * GRAVITY_MPS2, 0.5 * GRAVITY_MPS2
 NO_PAST = np.zeros(30)
