@@ -27,11 +27,12 @@ SAME_RANGE_M = 0.1
 SAME_ASIDE_M = 0.03
 """Aside a beam is as good as its bearing: 0.25 degrees are 1 cm at 2.5 m."""
 STANDS_OUT_M = 0.15
-STANDS_OUT_BEAMS = 4
-"""A thin thing is so much nearer than the beams so many places to its left and right."""
+STANDS_OUT_BEAMS = 5
+"""A thin thing is so much nearer than the beams so many places to its left and right: each of five beams stands out."""
 AHEAD_RAD = math.radians(40)
-FROM_M, WITHIN_M = 1.0, 5.0
-"""Nearer, three beams meet a thing of 1.3 cm; farther, the beams are wider apart than a pole."""
+FROM_M, WITHIN_M = 0.75, 5.0
+"""Nearer, six beams meet a thing of 2 cm, of which three are left when any one is wild; of five, the middle one wild,
+two. Farther, the beams are wider apart than a pole."""
 FORGOTTEN_S = 0.1
 """After a silence nobody knows whether a return is the second of the same thing."""
 

@@ -9,6 +9,7 @@ import pytest
 from drivers.api import Scan
 from runtime.control.perception.odometry import Pose
 from runtime.control.perception.view import Eyes
+from runtime.control.safety.footprint import ENOUGH_POINTS
 from runtime.control.safety.thin_obstacles import SCANS, Faint
 from runtime.control.vehicle import CarSettings
 
@@ -102,7 +103,7 @@ def test_wild_beams_make_no_thing():
 
 
 def test_near_far_and_beside_it_is_left_to_three_beams():
-    assert watch([(0.27 + 0.9, 0.0)] * SCANS).size == 0
+    assert watch([(0.27 + 0.7, 0.0)] * SCANS).size == 0
     assert watch([(0.27 + 5.1, 0.0)] * SCANS).size == 0
     assert watch([(1.0, 2.0)] * SCANS).size == 0
 
@@ -122,6 +123,20 @@ def test_a_wild_beam_in_a_pole_does_not_hide_it():
         points = faint.update(see(wild=wild), Pose(), step * SCAN_S)
     assert points.size == 2 + 3 * (SCANS - 1)
     assert abs(points - (CAR.lidar_x_m + 1.4)).max() < 0.06
+
+
+@pytest.mark.parametrize("range_m", [0.8, 0.9, 1.4, 2.2])
+@pytest.mark.parametrize("beams", [3, 4, 5])
+def test_whichever_beam_of_a_thin_thing_is_wild_enough_of_it_is_left(beams, range_m):
+    whole = [(540 + beam, range_m) for beam in range(beams)]
+    for wild in range(beams):
+        faint = Faint()
+        for step in range(SCANS + 1):  # wild in the last two scans
+            hit = [(beam, 6.0 if step >= SCANS - 1 and beam == 540 + wild else at_m) for beam, at_m in whole]
+            view = see(wild=hit)
+            points = faint.update(view, Pose(), step * SCAN_S)
+        there = np.count_nonzero(view.solid & (view.ranges_m < 3.0)) + points.size
+        assert there >= ENOUGH_POINTS, f"beam {wild} of {beams}"
 
 
 def test_the_edge_of_a_wall_is_no_thin_thing():
