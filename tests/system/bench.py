@@ -47,7 +47,8 @@ class Bench:
             await asyncio.sleep(max(0.0, next_s - loop.time()))
             self._move_wheels(0.025)
             if self.scan_mm is not None:
-                flicker_mm = self.scip.counts["published"] % 2  # no sensor repeats a scan bit for bit
+                # No sensor repeats a scan bit for bit, also not where every other scan is lost.
+                flicker_mm = self.scip.counts["published"] % 5
                 sent_s = self.scip.publish(self.scan_mm + flicker_mm, round((next_s - start_s) * 1000))
                 self.last_good_scan_s = sent_s or self.last_good_scan_s
 
