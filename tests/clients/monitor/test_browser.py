@@ -239,8 +239,10 @@ async def test_one_operator_at_a_time_with_take_over(scene, tab):
             await tab.until("document.querySelector('#pilot-next').textContent.includes('take over')")
             assert "rival" in await tab.run("document.querySelector('#pilot-state').textContent")
             x, y = await tab.middle("#take-over")
-            await tab.mouse("mousePressed", x, y)
-            await car.until(lambda: car.desk.view().operator == "ann@laptop", "taken over")
+            await insist(
+                car, lambda: tab.mouse("mousePressed", x, y), lambda: tab.mouse("mouseReleased", x, y),
+                lambda: car.desk.view().operator == "ann@laptop", "taken over",
+            )  # fmt: skip
             await tab.mouse("mouseReleased", x, y)
             assert car.speed_mps == 0
             await tab.until("document.querySelector('#pilot-state').textContent === 'ready'")

@@ -156,11 +156,10 @@ async def test_a_bad_checksum_costs_one_scan_and_the_stream_goes_on(rig: Rig) ->
 async def test_garbage_between_scans_is_counted_and_survived(rig: Rig) -> None:
     await rig.ready()
     rig.emulator.garbage_every = 4
-    await rig.until(lambda: rig.emulator.counts["published"] >= 40, turning=True)
-    await rig.until(lambda: len(rig.scans) >= 30)
+    await rig.until(lambda: len(rig.scans) >= 30, turning=True)
     assert set(rig.counts) <= {"checksum", "malformed", "stray reply"}
-    assert sum(rig.counts.values()) >= 10
-    assert len(rig.scans) == 30
+    assert sum(rig.counts.values()) >= 9  # before the 30th good scan of 40, or 39 where the last is one of them
+    assert not [scan for scan in rig.scans if set(scan.ranges_m) != {np.float32(1.234)}]
 
 
 async def test_bytes_that_dribble_make_the_same_scans(rig: Rig) -> None:
