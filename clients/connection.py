@@ -49,7 +49,7 @@ async def connected(options: argparse.Namespace) -> AsyncIterator[tuple[Bus, str
 
 
 async def open_bus(options: argparse.Namespace) -> Bus:
-    """Return an open session; ConnectionProblemError when nobody answers there or the keys are refused."""
+    """Return an open session; ConnectionProblemError when nothing answers there or the keys are refused."""
     return (await _open(options))[0]
 
 

@@ -1,7 +1,7 @@
 """`wallride foxglove`: a car's topics live for Foxglove, Lichtblick and PlotJuggler, the very bytes from zenoh.
 
 A program of its own, a client like any other; it can only show, never drive: what viewers publish is not accepted.
-A topic is asked of the car when the first viewer wants it, because a car writes only what somebody hears.
+A topic is asked of the car when the first viewer wants it, because a car writes only topics that have a subscriber.
 """
 
 import argparse
@@ -33,13 +33,13 @@ class Gate(ServerListener):
         self._loop = loop
         self._wanted = wanted
 
-    def on_subscribe(self, client: "Client", channel: "ChannelView") -> None:  # noqa: ARG002 - whoever it is
+    def on_subscribe(self, client: "Client", channel: "ChannelView") -> None:  # noqa: ARG002 - any client
         """Ask the car for it."""
         self._loop.call_soon_threadsafe(self._wanted, channel.topic.removeprefix("/"))
 
 
 class Show:
-    """Channels of one car. Every topic is offered at once; bytes flow for those that somebody looks at."""
+    """Channels of one car. Every topic is offered at once; bytes flow for those that a viewer shows."""
 
     def __init__(self, bus: Bus, car: str) -> None:
         self.context = foxglove.Context()

@@ -32,7 +32,7 @@ FIELDS: Mapping[str, str] = MappingProxyType(
         topics.BEAT: "speed_mps",
     }
 )
-"""What a topic is plotted for where nobody says otherwise."""
+"""What is plotted of a topic by default."""
 REFRESH_S = 0.25
 MOST_POINTS = 4000
 LEAST_ROWS = 7

@@ -9,6 +9,7 @@ from typing import Any
 
 from clients.connection import Cars, ConnectionProblemError, connected, open_bus
 from runtime.telemetry.screen_words import because, steering_words
+from runtime.teleop.status import Standing
 from runtime.wire import topics
 from runtime.wire.bus import Bus
 
@@ -190,7 +191,7 @@ def _operator(operator: Mapping[str, Any] | None) -> str:
     round_trip_s, name, lost = operator["round_trip_s"], operator["operator"], operator["standing"] == "operator lost"
     parts = [
         f"not operated, {name or 'the last one'} was lost" if lost else name or "not operated",
-        operator["standing"] if operator["standing"] != "nobody" and not lost else "",
+        operator["standing"] if operator["standing"] != Standing.ABSENT and not lost else "",
         "" if lost and "lost" in operator["reason"] else operator["reason"],
         f"round trip {round_trip_s * 1000:.0f} ms" if round_trip_s is not None else "",
         f"{operator['sessions']} clients heard" if operator["sessions"] > 1 else "",

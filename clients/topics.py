@@ -1,6 +1,7 @@
 """`wallride topic`: what is on the air, how often, how much, and what it says.
 
-A subscriber changes what a car does: it writes only what somebody hears. `hz` and `bw` of one topic ask for that alone.
+A subscriber changes what a car does: it writes only topics that have a subscriber. `hz` and `bw` of one topic
+subscribe to that one alone.
 """
 
 import argparse

@@ -18,7 +18,7 @@ from drivers.value import value
 Clock = Callable[[], float]
 """Monotonic seconds. Injected everywhere, so that tests and simulation run on a clock of their own."""
 Reschedule = Callable[[float, float], float]
-"""Takes the time at which somebody wants to wake and how much sooner or later may be; returns a better moment near it,
+"""Takes the time at which a task wants to wake and how much sooner or later may be; returns a better moment near it,
 at which others wake as well or at least nothing that hurries more is due."""
 
 
@@ -139,7 +139,7 @@ class Lidar(Protocol):
 class Motor(Protocol):
     """A motor and a steering servo that look after their own connection.
 
-    The driver never repeats a command by itself: whoever drives must keep sending, so that the controller's own
+    The driver never repeats a command by itself: the mux must keep sending, so that the controller's own
     timeout remains a watchdog over the whole process.
     """
 

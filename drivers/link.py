@@ -106,7 +106,7 @@ class ByteLink:
             self._over = None
             if timer is not None:
                 timer.cancel()
-        raise AssertionError("unreachable: nobody ends it but an error or a loss")
+        raise AssertionError("unreachable: only an error or a loss ends it")
 
     def close(self) -> None:
         """Release the port; harmless when repeated."""

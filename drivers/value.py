@@ -9,7 +9,7 @@ T = TypeVar("T")
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
 def value(*, eq: bool = True) -> Callable[[type[T]], type[T]]:
-    """Make a class a dataclass with slots that nobody may change: the type checker says so, not the interpreter.
+    """Make a class a dataclass with slots that are read-only: the type checker says so, not the interpreter.
 
     A frozen dataclass takes four times as long to make, and a scan's way to the motor makes thirty of them. Compared
     and hashed like a frozen one; with eq=False (arrays inside) by identity.

@@ -134,7 +134,7 @@ class Car:
             logging.getLogger().setLevel(settings.log.level)
 
     def is_standing(self) -> bool:
-        """Tell whether the wheels stand and nobody drives; a motor that says nothing may be turning."""
+        """Tell whether the wheels stand and no source drives; a motor that says nothing may be turning."""
         state, output = self.motor.state, self.mux.output
         wanted_mps = output.drive.speed_mps if output is not None else 0.0
         return state is not None and abs(state.speed_mps) < REST_BELOW_MPS and wanted_mps == 0.0
@@ -199,7 +199,7 @@ class Car:
         self.bus.put(topics.key(self.settings.car.name, topics.BEAT), beat, encoding=BYTES, urgent=True)
 
     def _metronome(self) -> Metronome:
-        """Return what ticks for everybody who only has to look now and then."""
+        """Return the timer of the periodic jobs."""
         settings, clock = self.settings, self.clock
         metronome = Metronome(clock, self.cadence.clear_s)
         silence = mux_task.SilenceTick(self.voices, settings.mux.tick_hz, clock, self.stages.on_tick)

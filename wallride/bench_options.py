@@ -7,7 +7,7 @@ MEASUREMENTS = {
     "latency": "from a scan's last byte to the motor's first: emulated devices outside, the unmodified process inside",
     "cpu": "CPU, memory and threads of the whole process at 40 Hz, telemetry on and heard",
     "startup": "from the start of the process to its first motor command",
-    "readers": "whether those who listen can slow it down: nobody, one, one that stops reading, ten",
+    "readers": "whether readers can slow it down: none, one, one that stops reading, ten",
     "loaded": "the same latency while others want every core, under SCHED_FIFO; needs root",
     "rates": "the highest rate of scans that is held, and the cost of more beams",
 }

@@ -75,7 +75,7 @@ def _record(options: argparse.Namespace) -> int:
 
 
 def _progress(name: str, got_bytes: int, of_bytes: int) -> None:
-    """Show how far it is, where somebody looks."""
+    """Show the progress on a terminal."""
     if sys.stderr.isatty():
         end = "\n" if got_bytes >= of_bytes else ""
         print(f"\r{name}  {got_bytes / MB:.1f} of {of_bytes / MB:.1f} MB", end=end, file=sys.stderr, flush=True)

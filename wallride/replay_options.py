@@ -20,7 +20,7 @@ def add(commands: "Commands") -> None:
         description=(
             "A recording of wallride is decided once more and compared decision by decision: exit code 0 when all are"
             " the same, 1 when one is not, 3 when one is not but the laws have changed since. A rosbag or archive of"
-            " somebody else's drive is shown to our laws, which say what they would have done. With --publish a"
+            " another program's drive is shown to our laws, which say what they would have done. With --publish a"
             " recording is played onto zenoh instead: " + KEYS + "."
         ),
     )
@@ -47,7 +47,7 @@ def add_file(parser: argparse.ArgumentParser) -> None:
         "--set", dest="assignments", action="append", default=[], metavar="KEY=VALUE",
         help="another setting than the recorded one, for example wall_follow.kp=0.5 (repeatable)",
     )  # fmt: skip
-    parser.add_argument("--topic", metavar="NAME", help="which lidar, where somebody else's recording has several")
+    parser.add_argument("--topic", metavar="NAME", help="which lidar, where another program's recording has several")
 
 
 def run(options: argparse.Namespace) -> int:

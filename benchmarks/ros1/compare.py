@@ -45,7 +45,7 @@ OURS = "wallride, drivers included"
 
 
 def main() -> None:
-    """Measure everybody in turn, and print medians and ratios."""
+    """Measure each in turn, and print medians and ratios."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--seconds", type=float, default=15.0)

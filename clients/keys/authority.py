@@ -68,7 +68,7 @@ class Authority:
         return self._certify(_name(car), ExtendedKeyUsageOID.SERVER_AUTH, [alternatives], now, days)
 
     def certify_person(self, name: str, role: str, now: datetime, days: int) -> Pair:
-        """Return somebody's certificate; the role is in it only to be shown, the car goes by its own list."""
+        """Return a person's certificate; the role is in it only to be shown, the car goes by its own list."""
         return self._certify(_name(name, role), ExtendedKeyUsageOID.CLIENT_AUTH, [], now, days)
 
     def _certify(

@@ -35,7 +35,7 @@ def _init(options: argparse.Namespace, car: str, now: datetime) -> list[str]:
     folder = KeyFolder(options.dir)
     names = folder.begin(car, options.san, now, options.days, renew=options.renew)
     return [
-        f"{car} has keys in {options.dir}; keep ca.key to yourself, it makes keys for everybody",
+        f"{car} has keys in {options.dir}; keep ca.key to yourself, it signs the keys of every person",
         f"it can be reached as {', '.join(names)}",
         "next, who may do what:     wallride keys add NAME --role viewer|operator|admin",
         "and in the car's settings: [telemetry]",
@@ -50,7 +50,7 @@ def _add(options: argparse.Namespace, car: str, now: datetime) -> list[str]:
     entry = KeyFolder(options.dir).add(person, folder, now, options.days, renew=options.renew)
     return [
         f"{person.name} is {_a(person.role)} of {car} until {entry.expires}; the keys are in {folder}",
-        f"whoever has it is {person.name}: move it to their computer, as ~/.config/wallride/keys, and keep no copy",
+        f"it identifies {person.name}: move it to their computer, as ~/.config/wallride/keys, and keep no copy",
         f"there:       wallride status --connect tls/{car}.local:{SECURE_PORT}",
         f"on this car: {RESTART}",
     ]
@@ -70,7 +70,7 @@ def _list(options: argparse.Namespace, car: str, now: datetime) -> list[str]:
     ends = identity.trouble(now) or identity.warning(now) or f"until {identity.expires:%Y-%m-%d}"
     lines = [f"{identity.name:{width}}  car       {ends}; reached as {', '.join(identity.names)}"]
     lines += [f"{e.person.name:{width}}  {e.person.role:8}  {_state(e, now)}" for e in people]
-    return lines if people else [*lines, "nobody else: wallride keys add NAME --role viewer|operator|admin"]
+    return lines if people else [*lines, "no other person: wallride keys add NAME --role viewer|operator|admin"]
 
 
 def _listing(identity: Identity, people: Sequence[Listed]) -> dict[str, Any]:
@@ -93,7 +93,7 @@ def _listing(identity: Identity, people: Sequence[Listed]) -> dict[str, Any]:
 
 
 def _car_identity(directory: Path) -> Identity:
-    """Return what the car's certificate says; its key, which not everybody may read, is not needed for that."""
+    """Return what the car's certificate says; its key, which only its owner may read, is not needed."""
     try:
         return identity_of(x509.load_pem_x509_certificate((directory / f"{CAR}.pem").read_bytes()))
     except ValueError:

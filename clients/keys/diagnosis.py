@@ -38,9 +38,7 @@ def why_refused(endpoint: str, tls: Tls, *, timeout_s: float = 2.0) -> str:
     except ssl.SSLError as error:
         return _about_us(endpoint, error)
     except socket.gaierror:
-        return (
-            f"{endpoint}: nobody knows a computer {host}; is the car on and in this network? Its IP address works too"
-        )
+        return f"{endpoint}: no computer {host} is known; is the car on and in this network? Its IP address works too"
     except TimeoutError:
         return f"{endpoint}: no answer; is the car on and in this network, and no firewall between?"
     except ConnectionRefusedError:

@@ -1,7 +1,7 @@
 """The folder of keys on the car: makes it, adds to it, takes from it. Files are replaced whole or not at all.
 
 ca.key       signs; readable by its owner only, and not by the service that drives the car
-ca.pem       what everybody trusts              car.pem car.key   what the car shows
+ca.pem       what all sides trust               car.pem car.key   what the car shows
 people.toml  who may do what
 """
 
@@ -33,7 +33,7 @@ class KeyFolder:
         self.path = path
 
     def people(self) -> tuple[Listed, ...]:
-        """Return everybody who was ever added, in order."""
+        """Return every person ever added, in order."""
         return read_people(self.path / PEOPLE)
 
     def begin(self, car: str, names: Sequence[str], now: datetime, days: int, *, renew: bool) -> list[str]:
@@ -60,7 +60,7 @@ class KeyFolder:
         return alternatives
 
     def add(self, person: Person, folder: Path, now: datetime, days: int, *, renew: bool) -> Listed:
-        """Make somebody's keys in a new folder and list them."""
+        """Make a person's keys in a new folder and list them."""
         if not NAME_FORM.fullmatch(person.name):
             raise KeysError(f"{person.name}: is not a name; {explain_name()}")
         if person.name in {CAR, Path(AUTHORITY).stem}:
@@ -74,15 +74,15 @@ class KeyFolder:
         _write(folder / AUTHORITY, (self.path / AUTHORITY).read_bytes(), 0o644)
         _give_to_caller(folder)
         entry = Listed(person, expires=_day_after(now, days))
-        self._write_people((*others, entry))  # last: keys that nobody lists open nothing
+        self._write_people((*others, entry))  # last: keys that are not listed open nothing
         return entry
 
     def revoke(self, name: str, today: date) -> Listed:
-        """Let somebody do nothing any more, with whatever certificate."""
+        """Take every right from a person, whatever certificate is shown."""
         people = self.people()
         entry = next((entry for entry in people if entry.person.name == name), None)
         if entry is None:
-            known = ", ".join(entry.person.name for entry in people) or "nobody"
+            known = ", ".join(entry.person.name for entry in people) or "none"
             raise KeysError(f"{name}: is not in {self.path / PEOPLE}; there is {known}")
         if entry.revoked is None:
             entry = Listed(entry.person, entry.expires, revoked=today)
@@ -143,7 +143,7 @@ def _store(folder: Path, name: str, pair: Pair) -> None:
 
 
 def _write(path: Path, content: bytes, mode: int) -> None:
-    """Write a file so that a power cut leaves the old or the new one, and nobody reads a key before its mode is set."""
+    """Write a file so that a power cut leaves the old or the new one, and no key can be read before its mode is set."""
     draft = path.with_name(path.name + ".new")
     draft.unlink(missing_ok=True)
     with os.fdopen(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:

@@ -16,7 +16,7 @@ LOCAL_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
 
 @dataclass(frozen=True, slots=True)
 class Door:
-    """What is asked of whoever comes.
+    """What is asked of every request.
 
     names: hosts that are us; numbers: whether any address written in digits is us too (we listen on all of them).
     token: what the address must carry, "" where only this machine can come.

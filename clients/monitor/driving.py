@@ -45,7 +45,7 @@ NAMES: Mapping[Control, str] = {
     Control.STEERING: "left and right",
 }
 """Only the page knows whether it has keys, a gamepad or a finger: it puts its own names into the braces."""
-NOBODY = Inputs(Input.PAGE, live=False, trouble="the page is silent: is it hidden, or frozen?")
+NO_INPUT = Inputs(Input.PAGE, live=False, trouble="the page is silent: is it hidden, or frozen?")
 
 
 class PageDriver:
@@ -60,7 +60,7 @@ class PageDriver:
         self._pilot = self._new_pilot()
         self._beats: OrderedDict[tuple[int, int], Beat] = OrderedDict()
         self._newest: Beat | None = None
-        self._hands = NOBODY
+        self._hands = NO_INPUT
         self._share = 1.0
         self._heard_s = -math.inf
         self._stopped_s = -math.inf
@@ -116,8 +116,8 @@ class PageDriver:
         """Return the command for hands that the page lost sight of; None when it does not drive."""
         if not self.engaged:
             return None
-        self._hands = NOBODY
-        return self._step(NOBODY, now_s)
+        self._hands = NO_INPUT
+        return self._step(NO_INPUT, now_s)
 
     def stop(self, now_s: float) -> Command:
         """Return the e-stop; `tick` repeats it until the car says that it latched."""
@@ -129,20 +129,20 @@ class PageDriver:
         """Return what has to be said without a word of the page, None when nothing has; call it 50 times a second."""
         situation = self._pilot.situation
         if situation is not None and situation.stop_pending and now_s - self._stopped_s < INSIST_S:
-            return self._step(self._hands if self._is_heard(now_s) else NOBODY, now_s)
+            return self._step(self._hands if self._is_heard(now_s) else NO_INPUT, now_s)
         if not self.engaged or self._is_heard(now_s):
             return None
         if now_s - self._heard_s > GIVE_UP_S:
             return None
-        self._hands = NOBODY
-        return self._step(NOBODY, now_s)
+        self._hands = NO_INPUT
+        return self._step(NO_INPUT, now_s)
 
     def leave(self, now_s: float, *, deliberate: bool) -> list[Command]:
         """Return the last words, to be sent a few milliseconds apart; [] when the page did not drive."""
         if not self.engaged:
             return []
         self.engaged, hands = False, self._hands
-        self._hands, self._heard_s = NOBODY, -math.inf
+        self._hands, self._heard_s = NO_INPUT, -math.inf
         if deliberate:
             words = [self._pilot.goodbye(Input.PAGE) for _ in range(LAST_WORDS)]
             self._pilot = self._new_pilot()
@@ -150,8 +150,8 @@ class PageDriver:
                 self._pilot.hear(self._newest, now_s)
             return words
         if hands.live and hands.released:
-            return [self._step(NOBODY, now_s)]
-        return [replace(self._step(NOBODY, now_s), flags=DISTRUST) for _ in range(LAST_WORDS)]
+            return [self._step(NO_INPUT, now_s)]
+        return [replace(self._step(NO_INPUT, now_s), flags=DISTRUST) for _ in range(LAST_WORDS)]
 
     def view(self, now_s: float) -> dict[str, Any]:
         """Return the present for the page, as plain values."""

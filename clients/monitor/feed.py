@@ -28,7 +28,7 @@ SMALL_QUESTION = json.dumps({"names": ["car.name"]}).encode()
 
 
 class Watcher(Protocol):
-    """Whoever wants to hear what the car says. Neither call may wait."""
+    """A listener to one car. Neither call may wait."""
 
     def take(self, topic: str, payload: bytes, arrival_s: float) -> None:
         """Take a sample."""
@@ -40,7 +40,7 @@ class Watcher(Protocol):
 
 
 class Feed:
-    """One session with one car, open for as long as somebody watches.
+    """One session with one car, open while a page watches.
 
     session: of the car's process that is meant, None for whichever answers; what another one says is not passed on,
     and it is told nothing.
@@ -79,7 +79,7 @@ class Feed:
         self._bus.put(topics.key(self.car, topics.COMMAND), command.pack(), encoding=BYTES, urgent=True)
 
     async def ask(self, what: str, question: Mapping[str, Any]) -> dict[str, Any]:
-        """Put a question to the car; RefusedError with its reason, or ours when nobody answers."""
+        """Put a question to the car; RefusedError with its reason, or ours when the car does not answer."""
         if not self._is_meant():
             raise RefusedError(self.problem or f"{self.car} is not heard")
         timeout_s = SAVED_WITHIN_S if what == "param/save" else ANSWER_WITHIN_S

@@ -1,4 +1,4 @@
-"""Which cars are there, on one or several endpoints, and a feed for each car that somebody watches."""
+"""Which cars are there, on one or several endpoints, and a feed for each car that a page watches."""
 
 import asyncio
 import logging
@@ -73,7 +73,7 @@ class Relay:
             await asyncio.gather(*self._running.values(), return_exceptions=True)
 
     def watch(self, name: str, watcher: Watcher) -> Feed:
-        """Let somebody watch a car, which need not be there yet; RefusedError when there are too many."""
+        """Add a listener to a car, which need not be there yet; RefusedError when there are too many."""
         if (closing := self._closing.pop(name, None)) is not None:
             closing.cancel()
         feed = self._feeds.get(name)
@@ -88,7 +88,7 @@ class Relay:
         return feed
 
     def unwatch(self, feed: Feed, watcher: Watcher) -> None:
-        """End somebody's watching; the feed goes a while after the last one."""
+        """Remove a listener; the feed goes a while after the last one."""
         feed.watchers.discard(watcher)
         if not feed.watchers and feed.car not in self._closing and self._feeds.get(feed.car) is feed:
             self._closing[feed.car] = asyncio.get_running_loop().call_later(LINGER_S, self._end, feed.car)

@@ -44,7 +44,7 @@ HEADERS = {
 
 EVERYWHERE = ("0.0.0.0", "::")  # noqa: S104 - compared with, not listened on
 SOMEWHERE = "192.0.2.1"
-"""An address of nobody (RFC 5737). Nothing is sent to it."""
+"""A documentation address (RFC 5737). Nothing is sent to it."""
 
 HOST: web.AppKey[Host] = web.AppKey("host", Host)
 DOOR: web.AppKey[Door] = web.AppKey("door", Door)
@@ -115,7 +115,7 @@ async def serving(host: Host, address: str, port: int, *, any_port: bool = False
         place = await _listen(runner, address, port, any_port=any_port)
         yield f"http://{place}/{f'?token={door.token}' if door.token else ''}"
     finally:
-        await runner.cleanup()  # the pages first: whoever drives is stopped while there is still a link
+        await runner.cleanup()  # the pages first: a driving page is stopped while there is still a link
         looking.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await looking

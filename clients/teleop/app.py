@@ -106,14 +106,14 @@ class Client:
     def step(self, now_s: float) -> None:
         """Read the hands, send what they mean."""
         situation = self._pilot.situation
-        # A script may also begin at a car that somebody else operates or that is latched: to take over, to reset.
+        # A script may also begin at a car that has another operator or is latched: to take over, to reset.
         ready = situation is not None and (situation.armed or situation.block in {Block.OTHER, Block.LATCHED})
         inputs = self._source.poll(now_s, ready=ready)
         self._kind = inputs.kind
         self._send(self._pilot.step(inputs, now_s).pack())
 
     def draw(self) -> bool:
-        """Show the present; False when the terminal is gone, because nobody drives what nobody sees."""
+        """Show the present; False when the terminal is gone, because driving unseen is not allowed."""
         situation = self._pilot.situation
         if situation is None:
             return True

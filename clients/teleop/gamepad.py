@@ -17,7 +17,7 @@ os.environ.setdefault("SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS", "1")  # the deadma
 WINDOW_SIZE = (760, 300)
 LINE_PX = 22
 UNSEEN_DRIVERS = frozenset({"dummy", "offscreen", "evdev"})
-"""What SDL falls back to where there is no display: a window that nobody could look at or type into."""
+"""What SDL falls back to where there is no display: a window that cannot be seen or typed into."""
 KEY_NAMES = {"left shift": "shift", "right shift": "shift"}
 COLOURS = {"red": (235, 80, 80), "yellow": (235, 200, 80), "green": (90, 210, 110)}
 
@@ -144,5 +144,5 @@ class Sdl:
         except self._pygame.error:  # unplugged again in the meantime; its removal follows
             return None
         pad = stick.get_instance_id()
-        self._open[pad] = stick  # SDL sends events only of pads that somebody holds open
+        self._open[pad] = stick  # SDL sends events of opened pads only
         return Connected(pad, stick.get_guid(), stick.get_name(), rest, mapping)

@@ -42,7 +42,7 @@ class Key:
 
 @dataclass(frozen=True, slots=True)
 class Focus:
-    """The window or the terminal got the keyboard, or lost it; then nobody tells us of releases."""
+    """The window or the terminal got the keyboard, or lost it; releases are not reported without it."""
 
     gained: bool
 

@@ -1,4 +1,4 @@
-"""Files for pads that nobody knows: one TOML per pad in the user's own configuration folder."""
+"""Files for unknown pads: one TOML per pad in the user's own configuration folder."""
 
 import json
 import tomllib

@@ -223,7 +223,7 @@ F710: Mapping[str, tuple[str, str]] = {
 def choose(guid: str, name: str, own: Mapping[str, Layout], sdl_mapping: Mapping[str, str] | None) -> Layout:
     """Return the layout for a pad: the user's own file first, then SDL's database, then the F710's tables.
 
-    own: by GUID or by USB id. LayoutError when nobody knows the pad.
+    own: by GUID or by USB id. LayoutError when the pad is unknown.
     """
     usb = usb_id(guid)
     for key in (guid, usb):

@@ -50,7 +50,7 @@ class Block(StrEnum):
     PAUSED = "this program stood still"
     RESTARTED = "the car's program restarted"
     LATCHED = "e-stop"
-    OTHER = "somebody else operates the car"
+    OTHER = "another operator drives the car"
     LOST = "the car lost us"
     REARM = "the car wants a release"
     OFF_CENTRE = "a stick was not centred when the deadman was pressed"
@@ -91,7 +91,7 @@ class Situation:
 
     @property
     def operator_name(self) -> str:
-        """Who operates the car, "" when nobody does."""
+        """Name of the car's operator, "" without one."""
         if self.beat is None or self.beat.operator_session == 0:
             return ""
         return self.beat.operator_name or f"session {self.beat.operator_session:x}"
@@ -193,7 +193,7 @@ class Pilot:
         return next((block for block, holds in blocks.items() if holds), Block.NONE)
 
     def _is_meant(self, beat: Beat, now_s: float) -> bool:
-        """Whether "release first" is for us: while nobody operates, it may be for somebody else's stuck button."""
+        """Whether "release first" is for us: without an operator it may be for another client's stuck button."""
         if beat.operator_session == self.session:
             return True
         return self._unminded_since_s is not None and now_s - self._unminded_since_s > MINDED_S

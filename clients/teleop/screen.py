@@ -14,6 +14,7 @@ from clients.status import overruled_words
 from clients.teleop.advice import Advice
 from clients.teleop.inputs import Control
 from clients.teleop.pilot import Situation
+from runtime.arbitration.command import NO_WINNER
 from runtime.telemetry.screen_words import because, steering_words
 from runtime.wire import topics
 from runtime.wire.teleop import Condition
@@ -39,7 +40,7 @@ class CarNews:
             return
         decision = message.get("decision") or message.get("output") or message
         if isinstance(decision, Mapping) and isinstance(decision.get("reason"), str):
-            self.winner = str(decision.get("winner") or "nobody")
+            self.winner = str(decision.get("winner") or NO_WINNER)
             self.reason = decision["reason"]
             self.measure = _number(decision.get("measure"))
         battery = message.get("battery")

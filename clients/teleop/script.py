@@ -10,7 +10,7 @@ CSV with a head line:          or TOML:
 
 A step holds until the next; the script ends at its last one. Buttons (several with + in CSV): manual autonomy estop
 reset take_over, or LB RB B START Y. Sticks run from -1 to 1, positive forward and to the left. Time 0 is when the car
-is ready for the first time, or says why it is not: latched, or operated by somebody else. The deadman must be pressed
+is ready for the first time, or says why it is not: latched, or has another operator. The deadman must be pressed
 with the sticks centred, like on any device.
 """
 

@@ -22,7 +22,7 @@ class Wizard:
     """Asks one question after the other. remark: what was wrong with the last answer, "" when nothing."""
 
     def __init__(self, guid: str, name: str, rest: Sequence[float]) -> None:
-        """Begin; rest: the value of every axis while nobody touches the pad."""
+        """Begin; rest: the value of every axis at rest."""
         self._guid = guid
         self._name = name
         self._state = PadState()

@@ -31,7 +31,7 @@ class Conversation:
         self.listen()
 
     def listen(self) -> None:
-        """Take the link's bytes (back) from whoever had them."""
+        """Take the link's bytes (back) from their last reader."""
         self.link.listen(self._on_bytes)
 
     async def ask(self, line: bytes, *, timeout_s: float = REPLY_TIMEOUT_S) -> Block:

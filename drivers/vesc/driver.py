@@ -291,7 +291,7 @@ class Vesc:
             self._health.count("unasked_packet")
 
     def _on_values(self, payload: bytes, stamp_s: float) -> None:
-        if self._decode is None:  # an answer to somebody who held the port before us
+        if self._decode is None:  # an answer to the port's owner before us
             self._health.count("unasked_packet")
             return
         values = self._decode(payload)
@@ -325,6 +325,6 @@ class Vesc:
             if self._decode is not None:  # only a VESC understands it
                 link.write(self._calibration.brake)
         except LinkLost:
-            self._health.count("brake_not_written")  # nobody is there to hear it; the VESC's own timeout remains
+            self._health.count("brake_not_written")  # no link; the VESC's own timeout remains
         finally:
             link.close()

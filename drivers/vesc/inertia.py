@@ -27,7 +27,7 @@ class Inertia:
         self._weak_since_s: float | None = None
 
     def question(self) -> bytes:
-        """Return what to write after the question for values; nothing where nobody wants an answer."""
+        """Return what to write after the question for values; nothing where no answer is wanted."""
         return _ASK if self._wanted and self.on_measurement is not None else b""
 
     def take(self, payload: bytes, stamp_s: float) -> bool:

@@ -14,6 +14,8 @@ from drivers.api import Drive
 from drivers.value import value
 
 NO_LIMIT_MPS = math.inf
+NO_WINNER = "nobody"
+"""In place of a source's name in status, diagnostics and logs, where no source decided."""
 
 
 class Source(StrEnum):
@@ -74,7 +76,7 @@ class Outlook(Protocol):
     """What a capping voice makes of the present; asked about the very drive that is about to be sent."""
 
     def limit(self, speed_mps: float, steering_rad: float) -> Verdict:
-        """Judge a wish, whoever has it. Cheap: asked again at every tick."""
+        """Judge a wish of any source. Cheap: asked again at every tick."""
         ...
 
 
@@ -109,8 +111,8 @@ class Decision:
     """What goes to the output, and why.
 
     speed_mps: 0.0 is a stop that brakes.
-    steering_rad: None means "hold the wheels where they are", because nobody is steering.
-    driver: whose wish it is; None when nobody drives.
+    steering_rad: None means "hold the wheels where they are", because no source steers.
+    driver: the source of the wish; None without one.
     winner: who decided the speed: the voice that capped it if one did, else the driver; None for a stop by default.
     measure: the number behind the reason (metres to the obstacle), NaN where there is none.
     brake_mps2: how hard a stop may brake; infinity is all there is.
@@ -142,7 +144,7 @@ def arbitrate(live: Sequence[Word], required: frozenset[Source], order: Sequence
     """Let the most urgent drive win under the caps of everyone more urgent.
 
     live: words in force, most urgent first, in the order of `order`.
-    required: voices without which nobody less urgent moves; a silent safety task is no consent.
+    required: sources without which no less urgent source moves the car; a silent safety task is no consent.
     order: all voices, most urgent first; tells whether a silent voice would have bound the driver.
     """
     caps: list[CapWord] = []

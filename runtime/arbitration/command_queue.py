@@ -11,7 +11,7 @@ from runtime.arbitration.queues import NEVER_S, PriorityQueue
 class Voices:
     """Where tasks speak and the mux listens.
 
-    A word expires by its measurement, not by its delivery: whoever speaks passes the time at which its oldest input
+    A word expires by its measurement, not by its delivery: the source passes the time at which its oldest input
     stops being true. A task that keeps running on a frozen scan thus falls silent by itself.
 
     spoken_s: when anybody spoke last; minus infinity before that.
@@ -59,7 +59,7 @@ class Voices:
         await self._queue.changed()
 
     def somebody_expired(self) -> bool:
-        """Tell whether a word has expired that nobody has looked at since."""
+        """Tell whether a word has expired since the last `live`."""
         return self._queue.has_expired()
 
     def take_news(self) -> bool:
@@ -67,7 +67,7 @@ class Voices:
         return self._queue.take_news()
 
     def tick(self) -> None:
-        """Wake the mux although nobody spoke: a mux that only forwards goes silent instead of stopping."""
+        """Wake the mux without a new word: a mux that only forwards goes silent instead of stopping."""
         self._queue.poke()
 
     def ages_s(self) -> Mapping[Source, float]:

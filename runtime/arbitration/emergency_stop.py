@@ -12,7 +12,7 @@ class Cause(StrEnum):
     """Who may hold the emergency stop; each is cleared only by its own side."""
 
     OPERATOR = "operator"
-    """Somebody pressed the button; cleared by a deliberate reset."""
+    """The button was pressed; cleared by a deliberate reset."""
     MOTOR = "motor"
     """The motor controller has a fault or its kill switch is on; cleared when it says that this is over."""
 

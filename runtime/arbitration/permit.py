@@ -15,7 +15,7 @@ class Permit:
     """Speaks as Source.PERMIT: consent while granted, a stop otherwise.
 
     mode "required": consent only while an operator renews it.
-    mode "always" is for simulation and benches: consent so long as nobody operates. An operator who is there may
+    mode "always" is for simulation and benches: consent while there is no operator. A present operator may
     refuse it in this mode too, because a human who was lost or who drives by hand is a reason not to move.
     reason: the words said last. until_s: when the consent ends; minus infinity while refused.
     """
@@ -28,7 +28,7 @@ class Permit:
         self.rest()
 
     def rest(self) -> None:
-        """Go back to what holds while nobody operates: the mode decides."""
+        """Go back to what holds without an operator: the mode decides."""
         if self.always:
             self.grant(until_s=NEVER_S, reason=NOT_REQUIRED)
         else:

@@ -99,7 +99,7 @@ class PriorityQueue(Generic[K, V]):
 
     async def changed(self) -> None:
         """Wait until something was put, or `poke` was called, since this last returned or the news was taken."""
-        while not self._news.is_set():  # woken, but somebody else was quicker
+        while not self._news.is_set():  # woken, but another reader was quicker
             await self._news.wait()
         self._news.clear()
 
@@ -115,7 +115,7 @@ class PriorityQueue(Generic[K, V]):
         return news
 
     def poke(self) -> None:
-        """Wake whoever waits in `changed`, so that silence is looked at as well as news."""
+        """Wake the waiter in `changed`, so that silence is looked at as well as news."""
         self._news.set()
 
     def _forget_expired(self) -> None:

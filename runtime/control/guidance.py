@@ -37,7 +37,7 @@ class Follower(Protocol):
 
 
 class Guard(Protocol):
-    """A way to judge how fast the car may go, whoever drives it."""
+    """A way to judge how fast the car may go, independent of the driving source."""
 
     def look(self, scan: Scan, motor: MotorState | None) -> Outlook:
         """Take in one scan; called once for each, in order. The outlook then judges every drive until the next."""

@@ -1,4 +1,4 @@
-"""The last rules before the wire: what the car can do, whoever asks."""
+"""Clamps every command to the car's limits, the last rules before the wire."""
 
 import math
 from dataclasses import dataclass
@@ -51,7 +51,7 @@ class Limiter:
         return self._last
 
     def standstill(self) -> None:
-        """Forget the speed: nothing was sent, or the car was stopped by somebody else."""
+        """Forget the speed: nothing was sent, or another source stopped the car."""
         self._last = Drive(0.0, self._last.steering_rad)
         self._rolls_mps = 0.0
 

@@ -1,4 +1,4 @@
-"""A log for things that somebody outside can cause as often as they like: a few lines, and how many were left out."""
+"""A log for events that outside clients can cause at any rate: a few lines, and how many were left out."""
 
 import logging
 from dataclasses import dataclass

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 
 class ServiceManager:
-    """Silent when nobody listens, and never raises: driving must not depend on who started us."""
+    """Silent without a service manager, and never raises: driving must not depend on it."""
 
     def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
         address = environment.get("NOTIFY_SOCKET", "")

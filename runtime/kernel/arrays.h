@@ -63,7 +63,7 @@ static inline double least(double a, double b) { return a < b ? a : b; }
 static inline double most(double a, double b) { return a > b ? a : b; }
 static inline double within(double value, double from, double to) { return least(most(value, from), to); }
 
-/* As Python's min and max: what is not a number stays so, and nobody drives by it. */
+/* As Python's min and max: NaN stays NaN, and no command follows from it. */
 static inline double lesser(double a, double b) { return b < a ? b : a; }
 static inline double greater(double a, double b) { return b > a ? b : a; }
 static inline double bounded(double value, double from, double to) { return lesser(greater(value, from), to); }

@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-# No fused multiply-add: a product is rounded as numpy rounds it. Nobody asks for errno or floating-point traps.
+# No fused multiply-add: a product is rounded as numpy rounds it. errno and floating-point traps are not used.
 PLAIN_FLAGS: Final = ("-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC")
 FLAGS: Final = ("-march=native", *PLAIN_FLAGS)
 _LONGEST_BUILD_S: Final = 60.0
@@ -60,7 +60,7 @@ def _compiled(compiler: str, sources: Mapping[str, str], options: Sequence[str],
 
 
 def private_folder() -> Path | None:
-    """Return where libraries are kept: a folder that nobody else can write to, for what is in it is executed."""
+    """Return where libraries are kept: a folder that only this user can write to, because its files are executed."""
     place = next((os.environ[name] for name in _KEPT_IN if os.environ.get(name)), "~/.cache")
     kept = Path(place).expanduser() / "wallride"
     try:

@@ -19,7 +19,7 @@ static double off(const struct plane *plane, const struct points *p, beam i) {
     return plane->minus_d + plane->minus_sin * p->x[i] + plane->cos * p->y[i];
 }
 
-/* Fit the members by total least squares, then for each gate once more whoever is so near to the fit; see _refined. */
+/* Fit the members by total least squares, then for each gate once more the points within it; see _refined. */
 static enum found refined(struct points *p, const double *gates_m, int gates, struct wall_line *line) {
     double distance_m = 0.0, heading_rad = 0.0;
     beam members = 0;

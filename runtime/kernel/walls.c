@@ -85,7 +85,7 @@ beam outline_of(const struct row *x, const struct row *y, const struct row *wall
     }
     beam kept = 0, cell = -1;
     double way_m = 0.0;
-    *to = total; /* nobody needs the sums any more */
+    *to = total; /* the sums are not needed any more */
     if (points)
         total[kept++] = places[0];
     for (beam i = 1; i < points; i++) {

@@ -28,7 +28,7 @@ def save(
 ) -> None:
     """Write edits (None removes a key) into a settings file, then see that it loads to the expected values.
 
-    What has its value without this file is not added to it. What somebody else wrote into it since the start stays.
+    What has its value without this file is not added to it. What others wrote into it since the start stays.
     base: the file below this one, where there is one; then this one holds differences only, and need not exist.
     Raises StoreError.
     """
@@ -40,7 +40,7 @@ def save(
     def is_good(written: Path) -> None:
         _check(written, expected, path, base)
         if _moment(path) != before:
-            raise StoreError(f"{path}: somebody else changed it just now; nothing was saved, try again")
+            raise StoreError(f"{path} was changed by another program just now; nothing was saved, try again")
 
     replace(path, content.encode(), like=path.stat() if before is not None else None, check=is_good)
 
@@ -193,7 +193,7 @@ def _remove(document: Any, sections: list[str], key: str) -> None:  # noqa: ANN4
 
 
 def _moment(path: Path) -> tuple[int, int, int] | None:
-    """Return what changes whenever somebody writes a file; None while there is none."""
+    """Return what changes whenever a file is written; None while there is none."""
     try:
         status = path.stat()
     except FileNotFoundError:

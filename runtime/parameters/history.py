@@ -27,7 +27,7 @@ class Change:
 class History:
     """The newest `most` changes, oldest first.
 
-    notify: called after every addition, for whoever writes it down.
+    notify: called after every addition, for writing it down.
     """
 
     def __init__(self, most: int) -> None:

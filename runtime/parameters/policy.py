@@ -1,7 +1,7 @@
 """Two tables about settings: when a change takes effect, and which way of changing a limit loosens it.
 
 Pure data, looked up by dotted name. A safety setting that is missing in the second table counts as loosened by any
-change; a test holds the table complete, so that nobody has to rely on that.
+change; a test holds the table complete, so that this cannot be forgotten.
 """
 
 from collections.abc import Mapping
@@ -89,11 +89,11 @@ LOOSENS: Mapping[str, Loosens] = {
     "safety.window.refused_share": Loosens.UP,
     "safety.window.empty_share": Loosens.UP,
 }
-"""Every safety limit, and the few outside `safety` that bound the car whoever drives it."""
+"""Every safety limit, and the few outside `safety` that bound the car under every source."""
 
 
 def effect_of(name: str) -> Effect:
-    """Return when a change of this setting takes effect; what nobody has made live waits for a restart."""
+    """Return when a change of this setting takes effect; what is not live waits for a restart."""
     if name in _BUILT_ANEW:
         return Effect.STANDING
     if name in _NOW or name.startswith(_NOW_SECTIONS):

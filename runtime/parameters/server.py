@@ -1,7 +1,7 @@
 """Answers questions about the settings and takes wishes for others: bytes in, bytes out, or a refusal in words.
 
 Knows no bus. Every answer takes bounded time: length is judged before content, and each question has its turnstile.
-The settings in force are one frozen value that is replaced as a whole, so that nobody ever sees half a change.
+The settings in force are one frozen value that is replaced as a whole, so that half a change is never seen.
 """
 
 import asyncio
@@ -53,7 +53,7 @@ class Surroundings:
     """What the desk needs from the car.
 
     apply: takes the new settings and the names that changed, in one step of the loop; must not fail.
-    is_standing: whether the wheels stand and nobody drives. file: where to save, None where there is none.
+    is_standing: whether the wheels stand and no source drives. file: where to save, None where there is none.
     base: the file below that one, where it holds differences only.
     may_loosen: whether limits may be loosened while driving. date: date and time in UTC, for people.
     """
@@ -199,7 +199,7 @@ class ParameterDesk:
             raise self._refusal(str(error)) from None
 
     def _remember(self, by: str, wanted: Plan) -> None:
-        who = "".join(letter for letter in by if letter.isprintable()).strip() or "somebody"
+        who = "".join(letter for letter in by if letter.isprintable()).strip() or "unnamed"
         now_s, date = self._car.clock(), self._car.date()
         self.history.add([Change(now_s, date, who, name, old, new) for name, old, new in wanted.changed])
 

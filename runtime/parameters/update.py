@@ -1,4 +1,4 @@
-"""What becomes of the settings when somebody wishes for other values: the next tree, or a sentence why not. Pure."""
+"""The settings after a change of values: the next tree, or a sentence why it is refused. Pure."""
 
 import difflib
 import functools
@@ -58,7 +58,7 @@ def looser(plan_: Plan) -> list[str]:
 
 
 def read_texts(settings: Settings) -> None:
-    """Read the texts of every setting of every law from the sources on the disk, so that nobody waits for it later."""
+    """Read the texts of every setting of every law from the sources now, so that no request waits for the disk."""
     for section, laws in METHODS.items():
         for law in laws:
             catalogue(_with_methods(settings, {f"{section}.method": law.model_fields["method"].default}))

@@ -1,6 +1,6 @@
 """Calls on absolute deadlines, because `sleep(period)` drifts and replays a stall as a burst.
 
-The first deadlines are multiples of their periods on the clock itself, and everybody whose deadline has come is called
+The first deadlines are multiples of their periods on the clock itself, and every job whose deadline has come is called
 in one waking of the loop: waking up, and a task of one's own, cost more than most of what is done then.
 """
 
@@ -28,7 +28,7 @@ class _Ticked:
 
 
 class Metronome:
-    """Ticks for everybody who asked with `every`; an error of one of them ends `run`.
+    """Ticks for every job added with `every`; an error of one of them ends `run`.
 
     clear_s: moves a deadline to a better moment (`Cadence.clear_s`); the next one is a period later than that.
     """

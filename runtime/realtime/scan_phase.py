@@ -1,7 +1,7 @@
 """When the next scan is due: nothing is begun just then, and what has to be done anyway is done just before. Pure.
 
 Scans come every 25 ms, polls and ticks every 20 ms: where their phases meet, every fourth answer waits for
-housekeeping, and takes three times as long as the others. Where they do not, everybody wakes by himself, at a moment at
+housekeeping, and takes three times as long as the others. Where they do not, each wakes by itself, at a moment at
 which the processor has forgotten everything. So they meet shortly before a scan, which then finds a motor state that
 is a millisecond or two old: as late as the motor's own answers permit.
 """
@@ -10,7 +10,7 @@ import math
 from typing import Final
 
 MOST_BEFORE_S: Final = 0.0045
-"""So long before a scan everybody meets at most, and at first, and from then on nothing is begun: a VESC needs 1 to 3
+"""So long before a scan the timers meet at most, and at first, and from then on nothing is begun: a VESC needs 1 to 3
 ms for its reply."""
 SPARE_S: Final = 0.001
 """The reply has to be read so long before the scan: a scan comes a little early sometimes."""
@@ -26,13 +26,13 @@ _FASTER_GAIN: Final = 0.02
 
 
 class Cadence:
-    """Learns the lidar's beat from the arrivals; where there is none, everybody goes when he likes.
+    """Learns the lidar's beat from the arrivals; without one, each timer keeps its own time.
 
     A scan comes at its beat and a little late, now and then very late: the beat is followed slowly (an alpha-beta
     filter), because the last arrival and the gap before it promise the next one two and a half times worse.
 
     period_s: between two scans; NaN until two gaps in a row agree, and where the beat is too fast.
-    before_s: so long before a scan everybody meets.
+    before_s: so long before a scan the timers meet.
     """
 
     def __init__(self) -> None:
@@ -76,7 +76,7 @@ class Cadence:
             self._off_beat = True
 
     def clear_s(self, wanted_s: float, slack_s: float) -> float:
-        """Return when to do what is wanted at `wanted_s`: before a scan together with everybody, where one is near.
+        """Return when to do what is due at `wanted_s`: before a scan together with the other timers, where one is near.
 
         slack_s: how much sooner or later may be. Where no scan is so near, the moment is at most 3.3 ms from the one
         wanted, and none at which a scan is due.

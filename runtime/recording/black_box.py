@@ -98,7 +98,7 @@ class StopWatcher:
         return None
 
     def _reason(self, output: Output) -> str | None:
-        """Return why a moving car is to stand now; None when it is not, or when somebody simply let go."""
+        """Return why a moving car is to stand now; None when it is not, or when the operator let go."""
         decision = output.decision
         if not output.delivered:
             return "the motor takes no commands"

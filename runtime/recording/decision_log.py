@@ -24,7 +24,7 @@ from runtime.control.guidance import Follower, Guard, Guidance
 from runtime.control.perception.own_parts import KnownParts
 
 MOST_EVENTS = 8192
-"""About half a minute; of more that nobody drained the oldest are lost, which the gap in their numbers shows."""
+"""About half a minute; of more that were not drained the oldest are lost, which the gap in their numbers shows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ class Followed:
 
 @dataclass(frozen=True, slots=True)
 class Said:
-    """Somebody else than safety or navigation spoke. A cap's outlook is the plain verdict that it was."""
+    """A source other than safety and navigation spoke. A cap's outlook is the plain verdict that it was."""
 
     number: int
     word: Word
@@ -124,7 +124,7 @@ class Remembered:
 Event = Scanned | Looked | Followed | Said | Silenced | Stepped | Tuned | Remembered
 LAWS = (Source.SAFETY, Source.NAVIGATION)  # a tuple is searched by identity first: five times as fast as a set
 Heard = Sequence[Source | Word]
-"""Whose words were in force: a law by its name, everybody else by the word."""
+"""The words in force: a law by its name, other sources by the word."""
 
 
 class Dumpable(Protocol):
@@ -203,7 +203,7 @@ class Tape:
         return [self._entries.popleft() for _ in range(len(self._entries))]
 
     def _end(self) -> list[float]:
-        """Return the times of the event that is over; the clock's next answers belong to nobody."""
+        """Return the times of the event that is over; the clock's next answers belong to no event."""
         times_s, self._times_s = self._times_s, []
         return times_s
 

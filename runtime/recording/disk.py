@@ -57,7 +57,7 @@ class RealDisk:
         """Create a new file, readable by the owner and the group."""
         path.parent.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, _MODE)
-        fcntl.flock(descriptor, fcntl.LOCK_EX)  # tells `recover` that somebody is at it
+        fcntl.flock(descriptor, fcntl.LOCK_EX)  # tells `recover` that it is being written
         folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
         try:
             self.sync(folder)

@@ -135,7 +135,7 @@ class Recorder:
         self._put(Message(topic, schema, self._unix_ns(stamp_s), payload))
 
     def tap(self, device: str) -> Callable[[str, bytes, float], None] | None:
-        """Return what a device's link tells its bytes ("in" or "out", bytes, time); None when nobody asked for them."""
+        """Return what a device's link tells its bytes ("in" or "out", bytes, time); None when they are not recorded."""
         if not (self._settings.raw and self.is_enabled):
             return None
 

@@ -1,4 +1,4 @@
-"""Finishes a recording that nobody could finish: the process was killed, or the battery pulled.
+"""Finishes a recording that was cut off: the process was killed, or the battery pulled.
 
 Everything up to the last whole chunk is there and stays as it is, byte for byte; only the torn end is cut off, and the
 index and the footer, without which most tools refuse the file, are written behind it. Trying twice, or being
@@ -52,7 +52,7 @@ def is_whole(path: Path) -> bool:
 
 
 def file_state(path: Path) -> str:
-    """Return whole, unfinished, or recording while somebody writes it; OSError when it cannot be read."""
+    """Return whole, unfinished, or recording while it is written; OSError when it cannot be read."""
     if is_being_written(path):
         return "recording"
     return "whole" if is_whole(path) else "unfinished"
@@ -61,7 +61,7 @@ def file_state(path: Path) -> str:
 def recover(path: Path, breathe: Callable[[], None] = lambda: None) -> Recovered:
     """Finish a file in its place; RecoveryError when that cannot be done. Blocks: reads the whole file.
 
-    breathe: called between two pieces of work, so that somebody else may work in between.
+    breathe: called between two pieces of work, so that other tasks may work in between.
     """
     try:
         with path.open("r+b") as file:

@@ -25,7 +25,7 @@ class Transcriber:
     """Reads entries in their order.
 
     active_s: when the car was last armed or moving, minus infinity before it was. stops: reasons of stops that are
-    worth a black box; whoever reads them clears them. begin_s: when the process began, for what comes before any time.
+    worth a black box; the reader clears them. begin_s: when the process began, for what comes before any time.
     """
 
     def __init__(self, wall_clock: WallClock, begin_s: float) -> None:

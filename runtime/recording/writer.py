@@ -86,7 +86,7 @@ class Scribe:
         breathe: Callable[[], None],
     ) -> None:
         self.report = Report()
-        self.wished: bool | None = None  # what somebody asked for; None is "by itself"
+        self.wished: bool | None = None  # what a client asked for; None is "by itself"
         self._settings = settings
         self._ring = ring
         self._disk = disk

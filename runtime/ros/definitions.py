@@ -1,4 +1,4 @@
-"""Which topic carries which message type, and the text of every type for whoever wants to record or decode it."""
+"""Which topic carries which message type, and the text of every type, for recording and decoding."""
 
 from collections.abc import Mapping
 from functools import lru_cache

@@ -12,7 +12,7 @@ from runtime.ros.cdr import ENCAPSULATION, CdrWriter, Template
 from runtime.ros.messages import BASE, NOTHING, NS, Floats, header
 
 LIFETIME_S = 0.6
-"""A drawing that nobody renews disappears by itself."""
+"""A marker that is not renewed disappears by itself."""
 POINT_BYTES = 3 * 8
 Color = tuple[float, float, float, float]
 GREEN: Color = (0.2, 0.8, 0.3, 1.0)

@@ -53,11 +53,11 @@ def car_keys(directory: Path, now: datetime) -> Keys:
     warnings = []
     if trouble := identity.trouble(now):
         remedy = "set the clock" if now < identity.begins else f"sudo wallride keys init --renew --dir {directory}"
-        warnings.append(f"nobody can connect with keys: the car's certificate {tls.certificate} {trouble}; {remedy}")
+        warnings.append(f"no client can connect with keys: the car's certificate {tls.certificate} {trouble}; {remedy}")
     if warning := identity.warning(now):
         warnings.append(f"the car's certificate {tls.certificate} {warning}; sudo wallride keys init --renew")
     if not people:
-        warnings.append(f"nobody is listed in {directory / PEOPLE}; `wallride keys add NAME --role operator`")
+        warnings.append(f"no person is listed in {directory / PEOPLE}; `wallride keys add NAME --role operator`")
     return Keys(tls, identity, tuple(warnings), people)
 
 

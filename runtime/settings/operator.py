@@ -20,7 +20,7 @@ class OperatorSettings(Section):
     """How often the car tells operators the time of its own clock; also how soon a silence is noticed."""
 
     slot_free_after_s: Annotated[float, Field(ge=1, le=60)] = 3.0
-    """After so much silence of a lost operator somebody else may operate without taking over."""
+    """After so much silence of a lost operator another one may operate without taking over."""
 
     frozen_after_s: Annotated[float, Field(ge=0.3, le=10)] = 1.0
     """A gamepad that is held and moves the car without one event for so long is taken for frozen."""

@@ -50,7 +50,7 @@ class RecordingSettings(Section):
 
 
 def recordings_folder(configured: str, environment: Mapping[str, str] = os.environ) -> Path:
-    """Return where recordings are kept on this machine, for the car and for whoever looks at them there."""
+    """Return where recordings are kept on this machine, for the car and for the commands that read them."""
     if configured:
         return Path(configured).expanduser()
     if state := environment.get("STATE_DIRECTORY", "").split(":")[0]:  # given by systemd

@@ -14,7 +14,7 @@ class SessionSettings(Section):
     """The session's own part of the [telemetry] section."""
 
     listen: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
-    """tcp: this machine only, and whoever is on it may do everything. tls: from anywhere, with keys."""
+    """tcp: this machine only, and every program on it may do everything. tls: from anywhere, with keys."""
     any_port: bool = False
     """Listen on a free port where one of `listen` is taken, as simulators do; false: end with exit code 2."""
     keys_dir: Path = DEFAULT_KEYS_DIR

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from drivers.api import Clock, Health, Lidar, LinkState, Motor
-from runtime.arbitration.command import Output
+from runtime.arbitration.command import NO_WINNER, Output
 from runtime.arbitration.emergency_stop import Cause, EmergencyStop
 from runtime.host.systemd import ServiceManager
 
@@ -145,4 +145,4 @@ class Caretaker:
         output = self.output()
         if output is not None and now_s - output.stamp_s < CYCLE_LIMIT_S:
             self.manager.alive()
-            self.manager.status(f"{output.decision.winner or 'nobody'}: {output.decision.reason}")
+            self.manager.status(f"{output.decision.winner or NO_WINNER}: {output.decision.reason}")

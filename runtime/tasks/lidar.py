@@ -1,4 +1,4 @@
-"""Scans from the lidar to everybody who wants them."""
+"""Delivers scans from the lidar to its subscribers."""
 
 from collections.abc import Callable, Sequence
 from typing import Never

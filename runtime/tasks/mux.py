@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Never
 
 from drivers.api import Clock, Motor
-from runtime.arbitration.command import Decision, Output, Source, arbitrate
+from runtime.arbitration.command import NO_WINNER, Decision, Output, Source, arbitrate
 from runtime.arbitration.command_queue import Voices
 from runtime.control.limiter import Limiter
 from runtime.realtime.periodic import Tick
@@ -22,7 +22,7 @@ SILENT_AFTER_PERIODS = 1.5
 class Mux:
     """Looks at the words in force, lets `arbitrate` decide, limits the result and writes it to the motor.
 
-    seconds_by_winner: how long each voice decided, by name; "nobody" for stops by default.
+    seconds_by_winner: how long each voice decided, by name; NO_WINNER for stops by default.
     output: the last decision; the watchdog is petted on the evidence of its age.
     """
 
@@ -85,10 +85,10 @@ class Mux:
     def _account(self, decision: Decision, elapsed_s: float) -> None:
         last = self.output.decision if self.output is not None else None
         if last is not None:
-            winner = str(last.winner or "nobody")
+            winner = str(last.winner or NO_WINNER)
             self.seconds_by_winner[winner] = self.seconds_by_winner.get(winner, 0.0) + elapsed_s
         if last is None or (last.reason, last.winner) != (decision.reason, decision.winner):
-            log.info("%s: %s", decision.winner or "nobody", because(decision.reason, decision.measure))
+            log.info("%s: %s", decision.winner or NO_WINNER, because(decision.reason, decision.measure))
 
 
 class SilenceTick:

@@ -4,7 +4,7 @@ The hot path only leaves references. Of most topics the newest is told; of what 
 leave in bursts, one in BURST_PERIOD_S, because each burst wakes everything that sends, and the second message of a
 kind costs a quarter of the first; a change of mind does not wait for the next burst. A burst begins when the motor has
 its command, and writes for at most TURN_S per turn of the loop, so that whatever arrives meanwhile waits hardly longer.
-What nobody claims is not written at all.
+A message without a claim is not written at all.
 """
 
 import asyncio
@@ -168,7 +168,7 @@ class Telemetry:
     def _write(
         self, written: list[_Written], topic: str, at_s: float, write: Callable[[], Message | None], *, urgent: bool
     ) -> bool:
-        """Write one message for whoever claims it; False when it took no time."""
+        """Write one message for the sinks that claim it; False when it took no time."""
         takers = [sink for sink in self.sinks if sink.claim(topic, at_s, urgent=urgent)]
         if not takers or (message := write()) is None:
             return False

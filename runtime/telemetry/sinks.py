@@ -17,7 +17,7 @@ class Sink(Protocol):
     """A consumer of messages. Neither call may wait: both are made in the car's event loop."""
 
     def claim(self, topic: str, at_s: float, *, urgent: bool = False) -> bool:
-        """Claim the next message of a topic; one that nobody claims is not even written.
+        """Claim the next message of a topic; one without a claim is not even written.
 
         at_s: when it was news, on the monotonic clock. urgent: a change, not a repetition; rates do not hold it back.
         """
@@ -44,7 +44,7 @@ class Publisher(Protocol):
 
 
 class ZenohSink:
-    """Sends what somebody is subscribed to, each topic at most at its rate."""
+    """Sends the topics that have subscribers, each at most at its rate."""
 
     def __init__(self, bus: Publisher, car: str, rates: RatesHz) -> None:
         self._bus = bus
@@ -63,7 +63,7 @@ class ZenohSink:
         self._not_before_s.clear()
 
     def claim(self, topic: str, at_s: float, *, urgent: bool = False) -> bool:
-        """Tell whether the topic is due and somebody is subscribed."""
+        """Tell whether the topic is due and has a subscriber."""
         if not urgent and at_s < self._not_before_s.get(topic, -math.inf):
             return False
         period_s = self._periods_s.get(topic)
@@ -81,7 +81,7 @@ class ZenohSink:
         self._bus.put(key, payload, encoding=kind)
 
     def _is_heard(self, topic: str, at_s: float) -> bool:
-        """Tell whether somebody is subscribed: asked now and then, because asking costs more than most messages."""
+        """Tell whether there is a subscriber: asked now and then, because asking costs more than most messages."""
         if at_s - self._asked_s > ASK_EVERY_S:
             self._asked_s = at_s
             self._heard.clear()

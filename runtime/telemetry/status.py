@@ -1,6 +1,6 @@
 """The car at one moment as plain values: the status ("why is it (not) moving?") and the mux's decision.
 
-Read off the hot path, from references to what the tasks own; asks nobody to compute anything. In the status, a speed of
+Read off the hot path, from references to what the tasks own; computes nothing of its own. In the status, a speed of
 null is "no limit", a measure of null "no number", and a gate of "" is open.
 """
 
@@ -14,7 +14,7 @@ from typing import Any
 
 from drivers.api import Clock, Lidar, LinkState, Motor
 from drivers.value import value
-from runtime.arbitration.command import CapWord, Decision, DriveWord, Outlook, Output, Source, Word
+from runtime.arbitration.command import NO_WINNER, CapWord, Decision, DriveWord, Outlook, Output, Source, Word
 from runtime.arbitration.command_queue import Voices
 from runtime.control.perception.odometry import Pose
 from runtime.control.safety.swept import Outlook as SweptOutlook
@@ -230,7 +230,7 @@ def decision_fields(output: Output, live: Mapping[Source, Word]) -> dict[str, An
     word = live.get(decision.driver) if decision.driver is not None else None
     return {
         "stamp_s": output.stamp_s,
-        "winner": str(decision.winner or "nobody"),
+        "winner": str(decision.winner or NO_WINNER),
         "driver": str(decision.driver) if decision.driver is not None else None,
         "reason": decision.reason,
         "measure": decision.measure,

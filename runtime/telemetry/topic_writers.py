@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from drivers.api import LinkState, MotorState, Scan
-from runtime.arbitration.command import CapWord, DriveWord, Output, Source
+from runtime.arbitration.command import NO_WINNER, CapWord, DriveWord, Output, Source
 from runtime.control.guidance import Guidance
 from runtime.control.perception.view import View
 from runtime.control.safety.swept import Outlook
@@ -123,7 +123,7 @@ class TopicWriters:
         return output.stamp_s, markers.marker_array(self.unix_ns(output.stamp_s), drawn)
 
     def _safety(self) -> Message | None:
-        """What safety allows of the wish in question; nothing while nobody drives or safety is silent."""
+        """What safety allows of the wish in question; nothing while no source drives or safety is silent."""
         output, voices = self._newest.output, self._observed.voices
         if output is None or output.decision.driver is None:
             return None
@@ -180,7 +180,7 @@ class TopicWriters:
         reports.append(Report(1 if window else 0, "window", "; ".join(window) or "clean", "", {}))
         if (output := self._newest.output) is not None:
             decision = output.decision
-            why = f"{decision.winner or 'nobody'}: {decision.reason}"
+            why = f"{decision.winner or NO_WINNER}: {decision.reason}"
             seconds = {winner: f"{spent_s:.1f} s" for winner, spent_s in observed.seconds_by_winner.items()}
             reports.append(Report(0 if output.delivered else 2, "mux", why, "", seconds))
         return stamp_s, messages.diagnostics(self.unix_ns(stamp_s), reports)

@@ -1,7 +1,7 @@
 """What an operator's acts mean to the mux: the two words, teleop and permit, that change only together.
 
 While a human drives, the permit refuses in either mode, so that teleop falling silent never lets autonomy go. While
-an operator is there at all, the permit's consent is a lease, so that it ends even if nobody were left to notice.
+an operator is there at all, the permit's consent is a lease, so that it ends even if no task were left to notice.
 """
 
 from drivers.api import Drive

@@ -65,9 +65,9 @@ class OperatorDesk:
         self._refusals = Refusals(self._log)
         self._words = OperatorWords(voices, permit)
         self._operator: Session | None = None
-        self._lost: Session | None = None  # who fell silent, until somebody acts or it says goodbye
+        self._lost: Session | None = None  # fell silent; until a client acts or it says goodbye
         self._reason = ""  # why everything has to be released
-        self._futile_until_s = -math.inf  # somebody presses without having released
+        self._futile_until_s = -math.inf  # a client presses without having released
         self._accepted = 0
         self._round_trip_s: float | None = None
 
@@ -157,7 +157,7 @@ class OperatorDesk:
             self._release(session)
         elif self._operator not in {None, session}:
             session.armed = False  # or it would set off by itself when the other one leaves
-            self._refusals.count(Refusal.NOT_OPERATOR, "somebody else operates; take over, or wait")
+            self._refusals.count(Refusal.NOT_OPERATOR, "another operator drives; take over, or wait")
         elif not session.armed:
             self._futile_until_s = now_s + self._settings.expiry_s
             self._refusals.count(Refusal.REARM, RELEASE_FIRST)
@@ -266,7 +266,7 @@ class OperatorDesk:
 
 
 def _advice(kind: Refusal) -> str:
-    """Say what a command that did not pass the gate means for whoever reads the log."""
+    """Say what a command that did not pass the gate means, for the log."""
     return {
         Refusal.FOREIGN: "sent before this car was heard, or for an earlier start of it",
         Refusal.UNKNOWN_BEAT: "echoes a beat that was not sent lately",

@@ -11,7 +11,7 @@ from runtime.teleop.rejections import Refusal
 from runtime.wire.teleop import Command
 
 MAX_SESSIONS = 64
-"""More clients at once than any class has. Whoever holds an operator's key and opens more is refused, not obeyed."""
+"""More clients at once than any class has. Further sessions of a valid key are refused, not obeyed."""
 
 
 @dataclass(slots=True, eq=False)
@@ -77,7 +77,7 @@ class Gate:
         return known
 
     def disarm(self) -> None:
-        """Let nobody's presses count before a release."""
+        """Count no presses before a release."""
         for session in self._sessions.values():
             session.armed = False
 

@@ -20,15 +20,15 @@ class Standing(StrEnum):
     WAITING = "waiting for a press"
     """Everything is released, and autonomy waits for the operator to act after an incident."""
     RELEASED = "released"
-    NOBODY = "nobody"
+    ABSENT = "nobody"
 
 
 @value()
 class Facts:
     """What the desk knows at one moment, before it is put into words.
 
-    present, lost: the operator's commands are fresh; somebody fell silent and nobody has acted since.
-    must_release: a press is not obeyed, and somebody who could operate presses or may do so.
+    present, lost: the operator's commands are fresh; an operator fell silent and no client has acted since.
+    must_release: a press is not obeyed, and a client that could operate presses or may do so.
     holding, incident: as in `OperatorWords`. permitted: autonomy may move now.
     """
 
@@ -52,7 +52,7 @@ class Facts:
             return self.holding
         if self.incident:
             return Standing.WAITING
-        return Standing.RELEASED if self.present else Standing.NOBODY
+        return Standing.RELEASED if self.present else Standing.ABSENT
 
     def condition(self) -> Condition:
         """Put it into the flags of a beat."""
@@ -70,7 +70,7 @@ class Facts:
 class OperatorView:
     """The operator's side at one moment.
 
-    operator, session: who operates, by name and as 16 hexadecimal digits; "" when nobody does.
+    operator, session: who operates, by name and as 16 hexadecimal digits; "" without an operator.
     sessions: clients heard lately. accepted: commands that were fresh and new.
     age_s: since the operator's last such command. round_trip_s: how old the beat in it was when it came.
     reason: why a press is not obeyed or autonomy waits; "" when neither.

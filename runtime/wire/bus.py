@@ -197,7 +197,7 @@ class Bus:
         self._whenever_open(lambda: self._watch(key, changed))
 
     async def ask(self, key: str, payload: bytes = b"", *, timeout_s: float = 1.0) -> list[bytes]:
-        """Return all answers; [] when nobody answers in time. RefusedError when the answer is an error."""
+        """Return all answers; [] when no answer comes in time. RefusedError when the answer is an error."""
         import zenoh
 
         loop = asyncio.get_running_loop()
@@ -347,7 +347,7 @@ class _Mailbox:
 
 
 def _into(loop: asyncio.AbstractEventLoop, call: Callable[[], object]) -> None:
-    with contextlib.suppress(RuntimeError):  # the loop has closed: nobody is left to tell
+    with contextlib.suppress(RuntimeError):  # the loop has closed: there is no listener left
         loop.call_soon_threadsafe(call)
 
 
@@ -364,7 +364,7 @@ async def _reply(key: str, reply: Reply, query: "zenoh.Query") -> None:
 
 
 def free_endpoint() -> str:
-    """Return a loopback endpoint whose port nobody uses at this moment."""
+    """Return a loopback endpoint whose port is free at this moment."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"

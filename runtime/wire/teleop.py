@@ -2,7 +2,7 @@
 
     Command, operator -> car, key `operator/command`, 20 to 100 Hz, 60 bytes, "<4sQIIIBBHff24s"
         "WRC1"  session  sequence  car_session  beat  flags  input  input_age_ms  speed_mps  steering_rad  name
-    Beat, car -> everybody, key `beat`, 50 Hz, 55 bytes, "<4sIIBQIHf24s"
+    Beat, car -> all clients, key `beat`, 50 Hz, 55 bytes, "<4sIIBQIHf24s"
         "WRB1"  car_session  beat  flags  operator_session  acknowledged  acknowledged_age_ms  speed_mps  operator_name
 
 An operator copies `car_session` and `beat` of the newest beat it heard into every command, so the car judges the age
@@ -62,7 +62,7 @@ class Press(IntFlag):
     GOODBYE = 32
     """The last command of a session: everything is released and the operator leaves."""
     UNSURE = 64
-    """Nobody can tell what is held: the pad is gone or frozen. A stop, and no release; alone."""
+    """What is held is unknown: the pad is gone or frozen. A stop, and no release; alone."""
 
 
 class Input(IntEnum):
@@ -85,7 +85,7 @@ class Condition(IntFlag):
     OPERATOR_LOST = 8
     """The operator fell silent without a goodbye; nothing moves until an operator acts."""
     REARM = 16
-    """Whoever presses now is not obeyed: release everything first, then press."""
+    """A press now is not obeyed: release everything first, then press."""
     FAULT = 32
     """The motor controller is in a fault."""
 
@@ -137,7 +137,7 @@ class Beat:
     """The car's heartbeat for operators.
 
     car_session: random per start of the car's process. beat: one more each, wrapping after 2**32.
-    operator_session: whose commands count, 0 when nobody's do. operator_name: its name.
+    operator_session: the session whose commands count, 0 for none. operator_name: its name.
     acknowledged: the newest sequence number accepted from that operator.
     acknowledged_age_ms: how long ago it arrived; the client's round trip is the time since it sent that command
         minus this. UNKNOWN_AGE_MS is never, or longer.
@@ -217,7 +217,7 @@ def fit_name(name: str) -> bytes:
 def _command(fields: tuple[bytes, int, int, int, int, int, int, int, float, float, bytes]) -> Command:
     _, session, sequence, car_session, beat, flags, source, input_age_ms, speed_mps, steering_rad, name = fields
     if session == 0:
-        raise Malformed("session 0 is nobody")
+        raise Malformed("session 0 is no session")
     if flags & ~_KNOWN_PRESSES:
         raise Malformed("unknown flags")
     if source > max(Input):

@@ -1,6 +1,6 @@
 """Configurations of zenoh sessions as plain dictionaries: the car's and its clients'. Pure: no zenoh, no files.
 
-The car is a router of its own, so that users install nothing; whoever talks to it is a client of exactly that car.
+The car is a router of its own, so that users install nothing; every peer is a client of exactly that car.
 What each person may do stands in `_grants`, and nowhere else. zenoh drops the rest without telling the sender.
 """
 
@@ -48,7 +48,7 @@ class Role(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Person:
-    """Somebody with a certificate: its common name, and what it may do."""
+    """The holder of a certificate: its common name, and what it may do."""
 
     name: str
     role: Role
@@ -138,12 +138,12 @@ def access_control(people: Sequence[Person], car: str) -> dict[str, Any]:
     """Return the access control of one car: what is not granted here is dropped, wildcards and all.
 
     zenoh skips a `deny` rule when the message's key is wider than the rule's, so nothing is ever allowed first and
-    forbidden afterwards. A role that nobody has gets no subject: an empty one would mean everybody.
+    forbidden afterwards. A role without members gets no subject: an empty one would match every client.
     """
     grants = list(_grants(car))
     members = {role: [person.name for person in people if person.role.includes(role)] for role in Role}
     subjects: list[dict[str, Any]] = [
-        # Whoever has no certificate is on the car itself: tcp is never offered elsewhere, and this asks once more.
+        # A client without a certificate is on the car itself: tcp is never offered elsewhere, and this asks once more.
         {"id": "this-machine", "link_protocols": ["tcp"], "interfaces": ["lo", "lo0"]},
         *(
             {"id": role.value, "link_protocols": ["tls"], "cert_common_names": names}
@@ -174,7 +174,7 @@ def _grants(car: str) -> Iterator[Grant]:
     car's name.
     """
     viewer, operator, admin = Role.VIEWER, Role.OPERATOR, Role.ADMIN
-    # What somebody may want to hear may be wide, because what leaves is judged again, by the key it leaves with.
+    # A subscription may be wide, because what leaves is judged again, by the key it leaves with.
     yield Grant(viewer, "wants", "ingress", ("declare_subscriber",), (f"{topics.ROOT}/**",))
     yield Grant(viewer, "telemetry", "egress", ("put",), (topics.key(car, "*"),))
     asks, cars = ("liveliness_query", "declare_liveliness_subscriber"), (topics.key("*", topics.ALIVE),)

@@ -49,7 +49,7 @@ class LidarPort:
 
     @property
     def streaming(self) -> bool:
-        """Whether somebody asked for scans."""
+        """Whether scans were asked for."""
         return self._served and self._sensor.measurement is not None
 
     def on_readable(self) -> None:
@@ -148,12 +148,12 @@ class Ports:
     motor: MotorPort
 
     def serve_until(self, deadline_s: float) -> None:
-        """Answer whoever speaks until then (monotonic)."""
+        """Answer requests until then (monotonic)."""
         while (left_s := deadline_s - time.monotonic()) > 0:
             self.serve_once(left_s)
 
     def serve_once(self, timeout_s: float) -> None:
-        """Wait for somebody to speak, at most so long."""
+        """Wait for a request, at most so long."""
         ready, _, _ = select.select((self.motor.fd, self.lidar.fd), (), (), timeout_s)
         at_s = time.monotonic()
         if self.motor.fd in ready:

@@ -38,7 +38,7 @@ class TcpDoor:
     def write(self, data: bytes) -> None:
         """Tell the client; returns when the kernel has all of it."""
         if self._client is not None:
-            with contextlib.suppress(ConnectionError):  # the car has gone; whoever measures it will notice
+            with contextlib.suppress(ConnectionError):  # the car has gone; the measurement will notice
                 self._client.sendall(data)
 
     def close(self) -> None:

@@ -117,11 +117,11 @@ def startup(plan: Plan) -> dict[str, Any]:
 
 
 def readers(plan: Plan) -> dict[str, Any]:
-    """Drive with nobody listening, with one reader, with one that stops reading, and with ten."""
+    """Drive without readers, with one reader, with one that stops reading, and with ten."""
     return {
         name: _read_by(plan, count, stops=stops)
         for name, count, stops in (
-            ("nobody", 0, False),
+            ("no reader", 0, False),
             ("one reader", 1, False),
             ("one that stops reading", 1, True),
             ("ten readers", 10, False),

@@ -33,7 +33,7 @@ _SETTINGS: Final = (
     f"car.name={CAR}", "operator.permit=always", "motor.servo_min=0.1", "motor.servo_max=0.95",
     "recording.enabled=false",
 )  # fmt: skip
-"""What a bench needs: nobody stands beside it, the linkage reaches both ends, the disk stays as it is. The rest is as
+"""What a bench needs: no people are beside it, the linkage reaches both ends, the disk stays as it is. The rest is as
 shipped; measure a recording car with `--set recording.enabled=true`."""
 
 
@@ -74,7 +74,7 @@ class Rig:
     """Starts and stops everything; `feed` sends scans on time and answers the car meanwhile.
 
     subscribers: how many processes of their own hear all the telemetry. telemetry: whether there is any. fifo: car
-    and emulators are scheduled before everybody else, as systemd does it; PermissionError where that is not allowed.
+    and emulators are scheduled before all others, as systemd does it; PermissionError where that is not allowed.
     every_core: the car may use the emulators' core as well; else it keeps off it.
     started_s: when the process was started (monotonic). scans_sent: since then.
     """

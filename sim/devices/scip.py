@@ -22,7 +22,7 @@ _GARBAGE_BYTES: Final = 200
 
 
 class ScipEmulator:
-    """One sensor, one client at a time. Whoever owns it calls `publish` once per revolution, and `close` at the end.
+    """One sensor, one client at a time. Its owner calls `publish` once per revolution, and `close` at the end.
 
     Faults to set at any time (None or False: off):
         silence: connections are accepted, commands and scans go nowhere (a pulled cable).
@@ -75,7 +75,7 @@ class ScipEmulator:
     def publish(self, ranges_mm: npt.NDArray[np.integer], stamp_ms: int) -> float | None:
         """Send one revolution: millimetres of all steps of the model, and the sensor's clock (taken modulo 2**24).
 
-        Return the monotonic time right after its last byte was handed to the kernel; None when nobody streams, or a
+        Return the monotonic time right after its last byte was handed to the kernel; None without a stream, or a
         fault or a client that does not read kept it back. Never blocks.
         """
         if len(ranges_mm) != self.sensor.model.beam_count:

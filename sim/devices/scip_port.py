@@ -174,7 +174,7 @@ class TcpDoor:
 class SerialDoor:
     """A pseudo-terminal in raw mode behind a symbolic link, so that the device has the same name after a replug.
 
-    We keep the client's end open as well: without it our end would report hang-up while nobody has the port open.
+    We keep the client's end open as well: without it our end would report hang-up while no client has the port open.
     """
 
     def __init__(self, link: Path) -> None:
@@ -193,7 +193,7 @@ class SerialDoor:
         return self._ours
 
     def unplug(self) -> None:
-        """Vanish: whoever has the port open gets an I/O error."""
+        """Vanish: a client with the port open gets an I/O error."""
         if self._ours is not None and self._theirs is not None:
             os.close(self._theirs)
             os.close(self._ours)

@@ -193,7 +193,7 @@ class ScipSensor:
         return Measurement(echo, text[:2], first_step, last_step, cluster, skip, scans or None)
 
     def scan(self, ranges_mm: npt.NDArray[np.integer], stamp_ms: int) -> bytes | None:
-        """Return the block for one revolution (ranges of all steps), or None when nobody asked for this one."""
+        """Return the block for one revolution (ranges of all steps), or None when this one was not asked for."""
         self.latest_mm, self.latest_ms = ranges_mm, stamp_ms
         request = self.measurement
         if request is None:

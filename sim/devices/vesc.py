@@ -1,6 +1,6 @@
 """An emulated VESC on a pseudo-terminal: real bytes, real unplugging; everything but the motor.
 
-Whoever simulates the motor asks `demand(now_s)` and tells `report(...)`.
+The simulator of the motor reads `demand(now_s)` and calls `report(...)`.
 """
 
 import asyncio

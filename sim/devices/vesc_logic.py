@@ -18,7 +18,7 @@ MOTOR_CURRENT_MAX_A = 60.0
 class MotorDemand:
     """What the power stage is asked to do: ERPM for "speed", A for "brake" and "current", -1..1 for "duty".
 
-    The ramp of the speed loop (25000 ERPM/s) is left to whoever simulates the motor.
+    The ramp of the speed loop (25000 ERPM/s) is left to the simulator of the motor.
     """
 
     kind: Literal["speed", "brake", "current", "coast", "duty"]

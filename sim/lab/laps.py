@@ -32,7 +32,7 @@ def cells(choice: Choice) -> list[Cell]:
 
 
 def run(cell: Cell) -> Run:
-    """Drive one cell: some laps of a closed course, or 60 s where nobody knows what a lap is."""
+    """Drive one cell: some laps of a closed course, or 60 s where a lap is not defined."""
     world = _world(cell.scenario, cell.side, cell.seed)
     counts = world.lap is not None and cell.scenario not in GENERATED
     desired_m = min(cell.desired_m, world.room_m)

@@ -1,7 +1,7 @@
 """`lab rooms`: a cluttered room, and people in the way, with the whole of the car's law: follower, safety, way out.
 
 A person run asks three things: was anything touched while the car moved, does the car go on when the way is free, and
-how soon. "Free" is the simulator's truth: nobody in the strip that a car going straight on would need, 1.2 m long and
+how soon. "Free" is the simulator's truth: no walker in the strip that a car going straight on needs, 1.2 m long and
 5 cm wider on each side than the car. A car that backed out and went round before that has resumed after 0 s.
 """
 
@@ -31,7 +31,7 @@ CLUTTER_S = 60.0
 GIVEN_UP_S = 15.0
 """A run ends when the car has stood so long: longer than its patience and all thoughts about backing out."""
 STUCK_S = 10.0
-"""Whoever has stood so long at the end is stuck; less is patience."""
+"""A car that has stood so long at the end is stuck; less is patience."""
 WAITS = ", waits"
 """The variant of a scenario in which the settings do not allow the car to back out."""
 FREE_AHEAD_M, FREE_ASIDE_M = 1.2, 0.05
@@ -206,7 +206,7 @@ def tries(reasons: Sequence[str]) -> int:
 def resuming(done: Run, walker: Obstacle) -> Figures:
     """Return whether the car stood, whether its way became free, and how long after that it drove (None: never).
 
-    The first standstill counts. It drives again when it goes forward for a second; whoever backed out and went round
+    The first standstill counts. It drives again when it goes forward for a second; a car that backed out and went round
     before the way was free has resumed at once.
     """
     stands = np.abs(done.speed_mps[:, 0]) < STANDS_BELOW_MPS
@@ -239,7 +239,7 @@ def _for_good(free: Booleans) -> Booleans:
 
 
 def way_free(done: Run, walker: Obstacle) -> Booleans:
-    """Return, for each scan, whether nobody is in the strip straight ahead."""
+    """Return, for each scan, whether the strip straight ahead is free."""
     at_m = walker_at(walker, done.time_s)
     dx, dy = at_m[0] - done.pose[:, 0], at_m[1] - done.pose[:, 1]
     cos, sin = np.cos(done.pose[:, 2]), np.sin(done.pose[:, 2])

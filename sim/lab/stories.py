@@ -256,7 +256,7 @@ def _lidar_lost(told: Told) -> list[tuple[str, bool]]:
 
 
 def _motor_lost(told: Told) -> list[tuple[str, bool]]:
-    """Nobody can brake but the controller itself, gently, after its own timeout."""
+    """Only the controller itself can brake, gently, after its own timeout."""
     return _lost(told, 1.9, 0.25)
 
 

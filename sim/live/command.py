@@ -129,7 +129,7 @@ def _scene(options: argparse.Namespace, settings: Settings) -> tuple[Conditions,
 
 
 def _devices(options: argparse.Namespace, settings: Settings, stop: StopRequest, console: Console) -> int:
-    """Keep the emulated car and its world running for a runtime that somebody starts by hand."""
+    """Keep the emulated car and its world running for a runtime that is started by hand."""
     if options.recording is not None:
         raise UsageError("--devices needs a world: a recording ends, a bench does not")
     _, scene, vehicle = _scene(options, settings)
@@ -182,7 +182,7 @@ def _replay(
 
 
 def _start(options: argparse.Namespace, config: Path, settings: Settings) -> Start:
-    """Return how the runtime is started; where nobody named a port, a free one will do."""
+    """Return how the runtime is started; without a named port a free one is taken."""
     is_named = "listen" in settings.telemetry.model_fields_set or "any_port" in settings.telemetry.model_fields_set
     is_placed = "simulated" in settings.recording.model_fields_set
     chosen = [*([] if is_named else ["telemetry.any_port=true"]), *([] if is_placed else ["recording.simulated=true"])]

@@ -17,7 +17,7 @@ class LatencyProbe:
         self.samples_s: list[float] = []
 
     def scan_sent(self, at_s: float) -> None:
-        """A scan's last byte left; an earlier one that nobody answered is given up."""
+        """A scan's last byte left; an earlier one without an answer is given up."""
         self._waiting_since_s = at_s
 
     def command_received(self, at_s: float) -> None:

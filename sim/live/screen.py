@@ -27,7 +27,7 @@ NOWHERE = np.empty((0, 4))
 class LiveView:
     """Shows what the runtime sees and says; never touches the drive itself.
 
-    outline_m: gives walls and obstacles as segments (n, 4); None for a recording, whose world nobody knows: the view
+    outline_m: gives walls and obstacles as segments (n, 4); None for a recording, whose world is unknown: the view
     then follows the car. live: what the keys change, None where they change nothing.
     """
 

@@ -189,7 +189,7 @@ class Session:
         return self.record
 
     def _once_more(self, plant: Plant, start: Pose) -> None:
-        """Put a car that hit something back to its start, and forget what nobody will ask about."""
+        """Put a car that hit something back to its start, and forget what is not asked for again."""
         if plant.crashed:
             self._vehicle.place(start)
             plant.crashed = False

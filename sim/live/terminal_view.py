@@ -14,6 +14,8 @@ from rich.style import Style
 from rich.table import Table
 from rich.text import Span, Text
 
+from runtime.arbitration.command import NO_WINNER
+
 Floats = npt.NDArray[np.floating]
 Dots = npt.NDArray[np.bool_]
 
@@ -129,7 +131,7 @@ def status_rows(status: Status) -> list[tuple[str, str]]:
         ("speed", _number(status.speed_mps, "+8.2f", "m/s")),
         ("steering", _number(steering_deg, "+8.1f", "deg")),
         ("distance error", _number(status.distance_error_m, "+8.3f", "m")),
-        ("who decides", status.winner or "nobody"),
+        ("who decides", status.winner or NO_WINNER),
         ("because", status.reason or "-"),
         ("lidar", status.lidar or "-"),
         ("motor", status.motor or "-"),

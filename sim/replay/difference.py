@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 
-from runtime.arbitration.command import Output, Source
+from runtime.arbitration.command import NO_WINNER, Output, Source
 from runtime.control.guidance import Guidance
 
 ROUNDING = 1e-9
@@ -79,5 +79,5 @@ def _text(value: object) -> str:
     if isinstance(value, Source):
         return str(value)
     if value is None:
-        return "nobody"
+        return NO_WINNER
     return f"{value!r}" if isinstance(value, str | float) else str(value)

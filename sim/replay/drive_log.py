@@ -83,7 +83,7 @@ class DriveLog:
 
     @property
     def is_ours(self) -> bool:
-        """Whether this is a recording of wallride, not of somebody else's robot."""
+        """Whether this is a recording of wallride, not of another program."""
         return METADATA in self.metadata or TAPE in self.by_topic or {"status", "decision"} <= set(self.by_topic)
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from runtime.arbitration.command import NO_WINNER
 from runtime.control.perception.geometry import directions
 from runtime.control.score import Score
 from runtime.control.vehicle import CarSettings
@@ -113,7 +114,7 @@ def _add_stop(found: list[Stop], run: Run, from_s: float, until_s: float) -> Non
     also = tuple(dict.fromkeys(reason for reason in later if why is None or reason != why.reason))
     speed_mps = at_time(run.path.time_s, run.path.speed_mps, from_s)
     if why is None:
-        found.append(Stop(from_s, until_s, "nobody", "not recorded", math.nan, speed_mps, also))
+        found.append(Stop(from_s, until_s, NO_WINNER, "not recorded", math.nan, speed_mps, also))
     else:
         found.append(Stop(from_s, until_s, why.winner, why.reason, why.measure, speed_mps, also))
 

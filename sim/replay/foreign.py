@@ -1,4 +1,4 @@
-"""Somebody else's recording, driven by our laws: what they would have said to every scan, as if the car had said it.
+"""Another program's recording, driven by our laws: what they would have said to every scan, as if the car had said it.
 
 The recorded car goes where it went; only the words are ours. The result is a log with the car's own topics, so that
 whatever reads our recordings (report, player, monitor) reads these too.
@@ -43,7 +43,7 @@ BY_SCAN = (
     topics.TF,
     topics.MOTOR,
 )
-ONLY_THE_WAY = "driven by somebody else; the words are ours"
+ONLY_THE_WAY = "driven by another program; the words are ours"
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class RecordedLidar:
     health: Health
 
     async def run(self, on_scan: Callable[[Scan], None]) -> Never:
-        """Refuse: its scans are handed over by whoever reads the file."""
+        """Refuse: its scans are handed over by the file's reader."""
         raise NotImplementedError(self.health.message)
 
 
@@ -83,7 +83,7 @@ def drive_recording(recording: Recording, settings: Settings, notes: Sequence[st
     if is_foreign(recording):
         raise RecordingError(
             f"{recording.name} holds scans of several lidars on one topic (their stamps run backwards):"
-            " nobody can drive by that."
+            " it cannot be driven by."
         )
     return _Foreign(recording, settings, [*recording.notes, *notes]).run()
 

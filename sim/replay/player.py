@@ -11,7 +11,7 @@ from runtime.wire import topics
 from sim.replay.drive_log import NS, DriveLog, Message
 
 PLAYED = frozenset({*TYPES, topics.STATUS, topics.DECISION})
-"""Telemetry; the tape, settings and log lines of a recording are nobody's topic."""
+"""Telemetry; the tape, settings and log lines of a recording are no topic."""
 SLOWEST, FASTEST = 0.05, 50.0
 LONGEST_STEP_S = 0.5
 """A player that was held up for longer does not fire all it missed at once."""

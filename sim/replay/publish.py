@@ -26,12 +26,12 @@ from sim.replay.player import PLAYED, Player
 REPLAY = "replay"
 STEP_S = 0.005
 HELD_S = 0.4
-"""While time stands still its picture is sent again so often: who comes late sees it, and nobody calls it old."""
+"""While time stands still its picture is sent again so often: late subscribers see it, and it is not called old."""
 LINE_S = 0.2
 
 
 def play(options: argparse.Namespace) -> int:
-    """Play until the end, or until somebody leaves; RecordingError when there is nothing to play or no place for it."""
+    """Play until the end, or until the user quits; RecordingError when there is nothing to play or no place for it."""
     opened = open_any(options.file, options.assignments, options.topic)
     car = options.car or opened.log.fact("car") or "replay"
     player = Player(opened.log, time.monotonic, speed=options.speed, loops=options.loop)
@@ -100,7 +100,7 @@ class Broadcast:
             if player.ended:
                 if not is_watched:
                     return
-                player.paused = True  # somebody at the keys may want to go back
+                player.paused = True  # the user may want to go back
             if is_watched and now_s - line_s > LINE_S:
                 line_s = now_s
                 print(f"\r{line(player)}\x1b[K", end="", flush=True)  # noqa: T201

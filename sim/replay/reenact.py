@@ -188,7 +188,7 @@ class _Reenactment:
                 stage.voices.silence(source)
             elif (word := event.words.get(source)) is not None:
                 stage.voices.say(word, expires_at_s=NEVER_S)
-        # Whoever measures how long a decision takes has asked the clock before it.
+        # A measured decision has asked the clock before it.
         own = event.times_s.index(event.output.stamp_s) if event.output.stamp_s in event.times_s else 0
         self._clock.begin(event.times_s[own:])
         output = stage.step(delivered=event.output.delivered)

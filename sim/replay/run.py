@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from runtime.arbitration.command import NO_WINNER
 from runtime.settings.tree import Settings
 from runtime.wire import topics
 from sim.replay.decode import decode
@@ -131,7 +132,7 @@ def run_of(log: DriveLog) -> Run:
 
 
 def _wishes(log: DriveLog) -> list[Message]:
-    """Return the wishes of whoever drove: the operator's where there are any at that time, else navigation's."""
+    """Return the wishes of the driving source: the operator's where there are any at that time, else navigation's."""
     both = [*log.of(topics.NAVIGATION), *log.of(topics.TELEOP)]
     return sorted(both, key=lambda message: message.stamp_ns)
 
@@ -161,7 +162,7 @@ def _changes(log: DriveLog, zero_ns: int) -> list[Change]:
         changes.append(
             Change(
                 time_s=(time_ns - zero_ns) / NS,
-                winner=str(fields.get("winner") or "nobody"),
+                winner=str(fields.get("winner") or NO_WINNER),
                 driver=str(fields.get("driver") or ""),
                 reason=str(fields.get("reason") or ""),
                 measure=_number(fields.get("measure")),

@@ -55,7 +55,7 @@ class Wire:
 class Stage:
     """One car's control code, with fresh memories.
 
-    settings: those in force. clock: None for one that stands at `now_s` until somebody turns it.
+    settings: those in force. clock: None for one that stands at `now_s` until it is set.
     """
 
     def __init__(self, settings: Settings, now_s: float, clock: Clock | None = None) -> None:
@@ -66,7 +66,7 @@ class Stage:
         self.voices = Voices(settings.effective_order(), self.clock)
         self.laws = LiveLaws(settings.wall_follow, settings.safety, settings.car, self.clock)
         self.limiter = Limiter(limits(settings.car))
-        untimed = StageClock(lambda: 0.0)  # nobody wants to know how long a replay takes
+        untimed = StageClock(lambda: 0.0)  # a replay's times mean nothing
         self.mux = Mux(self.voices, self.wire, self.limiter, REQUIRED, self.clock, untimed)
 
     def look(self, scan: Scan, motor: MotorState | None) -> Outlook:
@@ -90,7 +90,7 @@ class Stage:
         return self.mux.step()
 
     def adopt(self, drive: Drive) -> None:
-        """Go on from a drive that was sent by somebody else: what may follow depends on it."""
+        """Go on from a drive that another source sent: what may follow depends on it."""
         self.limiter.limit(drive.speed_mps, drive.steering_rad, AT_ONCE_S)
 
     def apply(self, settings: Settings) -> None:

@@ -101,7 +101,7 @@ def _head(run: Run, numbers: Mapping[str, Any]) -> str:
 
 
 def _figures(numbers: Mapping[str, Any], truth: Mapping[str, Any] | None) -> str:
-    """Return the table; its cells carry the names of the summary's values for whoever reads them by program."""
+    """Return the table; its cells carry the names of the summary's values for programs."""
     columns = [("by the car", numbers)] + ([("by the simulator's truth", truth)] if truth else [])
     heads = "".join(f"<th>{title}</th>" for title, _ in columns)
     rows = []

@@ -131,11 +131,11 @@ class Run:
         return self.wall_m - self.case.desired_m
 
 
-_CONSENT = Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "nobody looks out")
+_CONSENT = Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "no guard")
 
 
 def drive(case: Case, follower: Follower, guard: Guard | None) -> Run:
-    """Drive a case to its end. guard None: nobody looks out."""
+    """Drive a case to its end. guard None: without safety."""
     return _Rig(case, follower, guard).run()
 
 
@@ -193,7 +193,7 @@ class _Rig:
                 car.max_acceleration_mps2,
             )
         )
-        self._limiter.limit(case.start_speed_mps, 0.0, dt_s=1e3)  # whoever rolls was told to
+        self._limiter.limit(case.start_speed_mps, 0.0, dt_s=1e3)  # a rolling car was told to
         rolling: Demand = SpeedDemand(case.start_speed_mps) if case.start_speed_mps else CoastDemand()
         self._wire: DelayLine[tuple[Demand, float]] = DelayLine(case.latency_s, (rolling, 0.0))
         self._motor: MotorState | None = None

@@ -105,7 +105,7 @@ class MemoryMotor:
         """Stay connected; brake when cancelled, as a driver does."""
         try:
             await asyncio.Event().wait()  # a motor that is there has nothing to do but to stay
-            raise AssertionError("unreachable: nobody sets that event")
+            raise AssertionError("unreachable: that event is never set")
         finally:
             self.send(Drive(0.0, 0.0))
 
@@ -166,7 +166,7 @@ class MemoryBus:
         self.heard.append((key, payload))
 
     def wanted(self, key: str, *, encoding: str = "", urgent: bool = False) -> bool:  # noqa: ARG002 - a Bus
-        """Tell whether somebody listens."""
+        """Tell whether there is a listener."""
         return self._listened_to
 
     def subscribe(self, key: str, receive: Callable[[str, bytes, float], None], *, max_bytes: int = 0) -> None:  # noqa: ARG002 - a Bus

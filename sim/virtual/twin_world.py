@@ -1,6 +1,6 @@
 """A simulated car in a simulated world behind the in-memory devices: the whole process drives it in virtual time.
 
-Nothing runs by itself here. Whoever asks for a scan or the motor's state, or sends a command, moves the world on to the
+Nothing runs by itself here. A request for a scan or the motor's state, or a command, moves the world on to the
 clock's now first, in steps of 2.5 ms; so the same story gives the same run, bit by bit.
 """
 
@@ -165,7 +165,7 @@ class WorldMotor:
         """Stay connected; brake when cancelled, as the driver does."""
         try:
             await asyncio.Event().wait()
-            raise AssertionError("unreachable: nobody sets that event")
+            raise AssertionError("unreachable: that event is never set")
         finally:
             self.send(Drive(0.0, 0.0))
 

@@ -43,7 +43,7 @@ export class Settings {
       this.#unsaved = unsaved ?? this.#unsaved;
       this.#showButtons();
       this.#onCar(Object.fromEntries(parameters.filter(({ name }) => name.startsWith("car.")).map(({ name, value }) => [name, value])));
-      if (!$("settings").open) return; // a hundred rows that nobody sees would take a tenth of a second
+      if (!$("settings").open) return; // a hundred hidden rows would take a tenth of a second
       this.#show(parameters.filter(({ takes_effect: when, type }) => when !== "restart" && type !== "text" && type !== "list"));
       setText($("settings-trouble"), "");
     } catch (error) {

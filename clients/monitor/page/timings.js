@@ -1,4 +1,4 @@
-// How long it takes from the measurement to the pixels, for whoever wants to know: window.wallride.timings.
+// Latency from the measurement to the pixels: window.wallride.timings.
 
 const KEPT = 2048;
 

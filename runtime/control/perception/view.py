@@ -186,7 +186,7 @@ def look(  # flat arguments, as its twin in C wants them
 def supported(ranges_m: Floats) -> Booleans:
     """Return which beams have at least 2 of 4 neighbours (2 each side) within 0.15 m; shape (n,)."""
     beams = ranges_m.shape[0]
-    # Row r, column i + r + 1: whether beams i and i + r + 1 agree. The rest stays 0: beyond the ends is nobody.
+    # Row r, column i + r + 1: whether beams i and i + r + 1 agree. The rest stays 0: no beams are beyond the ends.
     agree = np.zeros((2, beams + 4), np.int8)
     for row, step in ((0, 1), (1, 2)):
         off_m = ranges_m[step:] - ranges_m[:-step]

@@ -1,4 +1,4 @@
-"""What the car knows of the floor around it: where something stands, and where nobody ever looked.
+"""What the car knows of the floor around it: where something stands, and what was never seen.
 
 Made for a standing car that looks for a way out, from this scan and the views kept on the way here (`behind`). A cell
 is free when a beam went through it or the car itself was there; it is blocked when something returned from it, unless

@@ -52,7 +52,7 @@ class Freeing:
         if outlook is None or outlook.view.scan is not scan:
             return guidance
         advice = self._recovery.step(outlook, guidance.drive, motor, believed=self._believed())
-        # A standing car's reason is the safety's, not the driver's: it has to know that nobody knows a way on.
+        # A standing car's reason is the safety's, not the driver's: it has to know that no way on is known.
         self._lookout.guard.plight = advice.words if advice.words == HELP else ""
         if advice.drive is None and not advice.words:
             return guidance

@@ -116,7 +116,7 @@ class Movers:
         self._turning_radps = 0.0
 
     def update(self, view: View, pose: Pose, stamp_s: float, *, sliding: bool = False) -> Places:
-        """Return points, (k,) in base_link, where walkers will be in the next 0.9 s; k = 0 for nobody.
+        """Return points, (k,) in base_link, where walkers will be in the next 0.9 s; k = 0 without walkers.
 
         sliding: the wheels are locked, so that the odometry stands while everything comes nearer: nothing is learnt
         about who goes where, and nothing is forgotten.
@@ -153,7 +153,7 @@ class Movers:
         nearest, nearest_m = None, MOST_M
         for track in self._tracks:
             elapsed_s = stamp_s - track.seen_s
-            if elapsed_s > FORGOTTEN_S:  # a hole in the scans: nobody can tell who is who
+            if elapsed_s > FORGOTTEN_S:  # a hole in the scans: tracks cannot be associated
                 continue
             off_m = abs(track.place_m + track.way_mps * elapsed_s - place_m)
             if off_m < min(nearest_m, MATCH_M + FASTEST_MPS * elapsed_s):

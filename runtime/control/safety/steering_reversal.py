@@ -13,9 +13,9 @@ from dataclasses import dataclass
 WAVERS_S = 0.3
 """The servo needs 0.21 s from one end to the other, the car's answer 0.07 s: by then it drives where it was steered."""
 MEANT_S = 0.1
-"""What was wished for a shorter time was an error of a scan or two: nobody has gone there."""
+"""What was wished for a shorter time was an error of a scan or two: the car has not gone there."""
 LAST_WISH_S = 0.3
-"""An older wish was given up long ago, or was somebody else's."""
+"""An older wish was given up long ago, or was another source's."""
 
 
 @dataclass(slots=True)

@@ -1,4 +1,4 @@
-"""Safety `swept`: may the car do what it is about to be told? Judged for that very drive, whoever gave it.
+"""Safety `swept`: may the car do what it is about to be told? Judged for that very drive, from any source.
 
 The outline is swept along the arc that will be driven (`footprint`); the way to the first contact is compared with
 what stopping takes (`stopping`). Two limits: a graded one, which brakes gently and early, and a hard stop, which is
@@ -332,7 +332,7 @@ class Outlook:
         brake_mps2 = settings.graded_share * self.guard.body.grip_mps2
         look_m = stopping_distance_m(settings.reverse_mps, reaction_s, brake_mps2) + LOOK_SPARE_M
         found = self.strip.contact(steering_rad, round(look_m, 2), -1.0)
-        # The last centimetres may be used: nobody's nose is there, and the way out may be short.
+        # The last centimetres may be used: the nose does not swing there, and the way out may be short.
         way_m = min(found.travel_m, left_m)
         allowed_mps = speed_to_stop_within_mps(way_m, reaction_s, brake_mps2)
         if allowed_mps < settings.slowest_mps:

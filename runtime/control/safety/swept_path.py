@@ -137,7 +137,7 @@ class Strip:
     ) -> tuple[float, ...]:
         """Return how the car moves on such a floor, the fields of a Motion; along_mps2 is taken from the grip.
 
-        Two calls fewer than a Motion itself, and nobody asks it for a field by name.
+        Two calls fewer than a Motion itself, and no field is read by name.
         """
         car = self.body.car
         return (

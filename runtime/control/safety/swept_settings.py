@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class SweptSettings(BaseModel):
-    """When the car slows and stops, whoever is driving.
+    """When the car slows and stops, for every driving source.
 
     Defaults: section 5 of the project's control reference (96 hazard runs x 6 friction pairs, 76 normal runs).
     """

@@ -34,7 +34,7 @@ FROM_M, WITHIN_M = 0.75, 5.0
 """Nearer, six beams meet a thing of 2 cm, of which three are left when any one is wild; of five, the middle one wild,
 two. Farther, the beams are wider apart than a pole."""
 FORGOTTEN_S = 0.1
-"""After a silence nobody knows whether a return is the second of the same thing."""
+"""After a silence it is unknown whether a return is the second of the same thing."""
 
 
 class Faint:

@@ -22,7 +22,7 @@ MOST_TOLD = 12
 SAME_RAD = 1e-6
 """Two angles so near to each other are the same answer."""
 OBEYED_WITHIN_S = 0.5
-"""Answers that the motor has not shown for so long are somebody else's to override: nothing of them is in flight."""
+"""Answers that the motor has not shown for so long were overridden by another source: nothing of them is in flight."""
 
 
 @value()

@@ -98,7 +98,7 @@ class LineFinder:
         """Return the wall's line, or None where there is none to speak of: never a guess.
 
         All (n,), wall on the left; x_m, y_m in base_link, range_m from the lidar, `usable` a mask of beams to believe.
-        expected: where the line should be by the last scan; if it has most of all votes there, nobody else is asked.
+        expected: where the line should be by the last scan; if it has most of all votes there, no other line is tried.
         """
         wanted_m, wanted_rad = (math.nan, 0.0) if expected is None else (expected.distance_m, expected.heading_rad)
         found = wall_line(x_m, y_m, range_m, usable, self.beams, self.rear, self.front, wanted_m, wanted_rad)
@@ -162,7 +162,7 @@ def _planes(points: Floats, valid: Booleans, rear: Indices, front: Indices) -> F
 def _refined(
     points: Floats, valid: Booleans, members: Booleans, gates_m: tuple[float, ...]
 ) -> tuple[float, float, int] | None:
-    """Fit the members by total least squares, then for each gate once more whoever is so near to the fit."""
+    """Fit the members by total least squares, then for each gate once more the points within it."""
     plane = np.empty(3)
     transposed = points.T
     for gate_m in (*gates_m, None):

@@ -1,7 +1,7 @@
 """When safety would have interfered with a recorded drive, and what the recording says about it afterwards.
 
 An episode is a row of scans at which the car would have had to go slower than it did. The recording shows what became
-of the car that went on: whether it came close, whether somebody stopped it there, or whether it passed with room to
+of the car that went on: whether it came close, whether it was stopped there, or whether it passed with room to
 spare, so that the interference was needless.
 """
 

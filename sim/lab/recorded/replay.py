@@ -48,7 +48,7 @@ class Asked:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Judged:
-    """One scan, and what is said to it. walker: whether somebody is thought to cross."""
+    """One scan, and what is said to it. walker: whether a walker is thought to cross."""
 
     scan: Scan
     motor: MotorState

@@ -17,7 +17,7 @@ from sim.world.pose import Booleans, Floats
 
 KEY_EVERY_M, KEY_EVERY_RAD = 0.2, 0.15
 HOLE_S = 0.5
-"""After a longer silence nobody knows where the car is: a new chain begins, with nothing in between."""
+"""After a longer silence the car's place is unknown: a new chain begins, with nothing in between."""
 NEAREST_M = 0.2
 """Nearer returns are the car itself."""
 NORMAL_BEAMS = 3

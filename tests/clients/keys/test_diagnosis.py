@@ -83,7 +83,7 @@ def test_a_name_that_nobody_knows(keys, monkeypatch):
         raise socket.gaierror(socket.EAI_NONAME, "unknown")
 
     monkeypatch.setattr(socket, "create_connection", unknown)
-    assert "nobody knows a computer car9.local" in why_refused("tls/car9.local:7448", tls(keys, "alice"))
+    assert "no computer car9.local is known" in why_refused("tls/car9.local:7448", tls(keys, "alice"))
 
 
 def test_silence_has_its_sentence_too():

@@ -212,7 +212,7 @@ def test_somebody_who_edits_at_the_same_time_is_not_overwritten(file, monkeypatc
         file.write_text("[wall_follow]\nkp = 3.0\n")
 
     monkeypatch.setattr(settings_file, "_check", edit_meanwhile)
-    with pytest.raises(StoreError, match="somebody else changed it just now"):
+    with pytest.raises(StoreError, match="was changed by another program just now"):
         save(file, {KP: 0.5}, {KP: 0.5})
     assert load_settings(file).wall_follow.kp == 3.0
 

@@ -225,7 +225,7 @@ def test_who_it_was_is_printable_and_short():
     room = Room()
     room.set(wall_follow__kp=0.5, by="a\x1b[2J\nb")
     room.set(wall_follow__kp=0.6, by="")
-    assert [change["by"] for change in room.history()] == ["a[2Jb", "somebody"]
+    assert [change["by"] for change in room.history()] == ["a[2Jb", "unnamed"]
 
 
 def test_a_flood_is_turned_away_at_the_turnstile_and_others_still_get_in():

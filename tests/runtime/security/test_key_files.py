@@ -109,7 +109,7 @@ def test_the_car_starts_whatever_the_time_is_and_says_what_is_wrong(car, days, s
 
 def test_a_car_that_lists_nobody_says_so(car):
     (car / "people.toml").write_text("# nobody\n")
-    assert "nobody is listed" in car_keys(car, NOW).warnings[0]
+    assert "no person is listed" in car_keys(car, NOW).warnings[0]
 
 
 @pytest.mark.parametrize(

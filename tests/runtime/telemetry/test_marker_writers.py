@@ -15,7 +15,7 @@ from sim.virtual.devices import ranges_between_walls
 from tests.runtime.observed import HandClock, make_observed, output_of, scan_at
 
 CAR = CarSettings()
-NOBODY = make_observed(HandClock())
+OBSERVED = make_observed(HandClock())
 
 
 def by_name(markers):
@@ -83,7 +83,7 @@ def test_the_strip_ends_at_the_contact_and_the_beam_leads_to_it():
     ahead_m = 0.9
     view = Eyes(CAR).see(scan_at(1.0, ranges_between_walls(1.0, 1.0, ahead_m=ahead_m)))
     way_m = ahead_m + CAR.lidar_x_m - CAR.front_m
-    output = output_of(NOBODY, speed_mps=0.0, winner=Source.SAFETY, reason="wall ahead", measure=way_m)
+    output = output_of(OBSERVED, speed_mps=0.0, winner=Source.SAFETY, reason="wall ahead", measure=way_m)
     drawn = by_name(marker_writers.footprint(output, CAR, view))
     # The steering of the output is 0.1 rad: the nose comes in at an angle.
     assert drawn["end"].points_m[0].max() == pytest.approx(ahead_m + CAR.lidar_x_m, abs=0.1)
@@ -94,7 +94,7 @@ def test_the_strip_ends_at_the_contact_and_the_beam_leads_to_it():
 
 def test_a_car_that_nothing_holds_shows_a_second_of_its_way_and_no_beam():
     view = Eyes(CAR).see(scan_at(1.0))
-    drawn = by_name(marker_writers.footprint(output_of(NOBODY, speed_mps=2.0), CAR, view))
+    drawn = by_name(marker_writers.footprint(output_of(OBSERVED, speed_mps=2.0), CAR, view))
     assert "the beam that stops" not in drawn
     left = drawn["left edge"].points_m
     travelled_m = np.hypot(*(left[:, 1:] - left[:, :-1])).sum()
@@ -105,11 +105,11 @@ def test_beams_that_are_left_out_are_shown():
     ranges_m = ranges_between_walls(1.0, 1.0)
     ranges_m[500:502] = 0.4  # too thin to be a thing
     view = Eyes(CAR).see(scan_at(1.0, ranges_m))
-    ignored = by_name(marker_writers.footprint(output_of(NOBODY), CAR, view))["ignored"].points_m
+    ignored = by_name(marker_writers.footprint(output_of(OBSERVED), CAR, view))["ignored"].points_m
     near = np.hypot(ignored[0] - CAR.lidar_x_m, ignored[1]) < 0.41
     assert np.count_nonzero(near) >= 2
 
 
 def test_backing_is_drawn_backwards():
-    drawn = by_name(marker_writers.footprint(output_of(NOBODY, speed_mps=-0.5), CAR, None))
+    drawn = by_name(marker_writers.footprint(output_of(OBSERVED, speed_mps=-0.5), CAR, None))
     assert drawn["end"].points_m[0].max() < CAR.front_m

@@ -49,9 +49,9 @@ def test_long_scans_are_driven_by_too():
     assert found["rates"][0]["lost"] < 0.5 * 50
 
 
-def test_whoever_listens_is_there_and_the_car_answers_all_the_same():
+def test_every_reader_is_there_and_the_car_answers_all_the_same():
     found = measure.readers(BRIEF)
-    assert list(found) == ["nobody", "one reader", "one that stops reading", "ten readers"]
+    assert list(found) == ["no reader", "one reader", "one that stops reading", "ten readers"]
     assert all(0 < figures["p50"] <= figures["max"] for figures in found.values())
 
 
@@ -131,7 +131,7 @@ LATENCY = {
 }  # fmt: skip
 CPU = {"cores": 0.05, "by_thread": {"python": 0.05}, "pss_mib": 40.0, "threads": 16, "others_cores": 0.5}
 STARTUP = {"first_command_ms": 400.0, "first_moving_ms": 600.0}
-READERS = {"nobody": {**TIMES, "cores": 0.1, "others_cores": 0.0}}
+READERS = {"no reader": {**TIMES, "cores": 0.1, "others_cores": 0.0}}
 RATES = {
     "highest_held_hz": 100, "rates": [{"rate_hz": 100, "lost": 0, "held": True, "cores": 0.1, **TIMES}],
     "beams": [{"beams": 361, "ms_per_scan": 1.0, **TIMES}],

@@ -100,7 +100,7 @@ def test_what_people_wrote_is_text_and_not_markup(run, monkeypatch):
 def test_somebody_elses_drive_has_a_page_too():
     told = run_of(open_any(BAG).log)
     written = page(told, numbers(told))
-    assert "driven by somebody else" in written
+    assert "driven by another program" in written
     assert "From a scan to the motor" not in written, "nobody measured it"
 
 
