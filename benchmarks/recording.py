@@ -22,16 +22,17 @@ from typing import Never
 
 import numpy as np
 
-from drivers.api import Health, LinkState, Scan
+from drivers.api import Health, LinkState, MotorState, Scan
 from runtime.arbitration.command import Output, Source, consent
-from runtime.arbitration.command_queue import Voices
 from runtime.arbitration.queues import Inbox
 from runtime.control import methods
-from runtime.control.limiter import Limiter, Limits
-from runtime.control.live_laws import LiveLaws
+from runtime.control.guidance import Guidance
+from runtime.live_stack import REQUIRED, LiveStack
+from runtime.realtime.periodic import Metronome
+from runtime.realtime.stage_timing import StageClock
 from runtime.realtime.wall_clock import WallClock
 from runtime.recording import recorder
-from runtime.recording.decision_log import Tape, TapedLaws
+from runtime.recording.decision_log import Tape
 from runtime.recording.disk import Disk, RealDisk
 from runtime.recording.recorder import Recorder
 from runtime.settings.recording import RecordingSettings
@@ -39,6 +40,7 @@ from runtime.settings.tree import Settings
 from runtime.tasks import lidar as lidar_task
 from runtime.tasks import mux as mux_task
 from runtime.tasks import safety, wall_follow
+from runtime.tasks.scan_cycle import ScanCycle
 from runtime.tasks.telemetry import Telemetry
 from runtime.telemetry.status import Observed
 from sim.virtual.devices import BEAMS, STEP_RAD, MemoryMotor, ranges_between_walls
@@ -98,26 +100,22 @@ class Bench:
         )  # fmt: skip
         tape = self.recorder.tape if folder is not None else Tape(clock, 0)
         self.lidar, self.motor = SteadyLidar(clock), MemoryMotor(clock)
-        self.voices = Voices(settings.effective_order(), tape.clock)
-        laws = LiveLaws(settings.wall_follow, settings.safety, settings.car, tape.clock)
-        self.laws = TapedLaws(laws, tape)
-        self.limiter = Limiter(Limits(5.0, 1.0, 0.35, 6.0, 5.0))
-        required = frozenset({Source.SAFETY, Source.PERMIT})
-        self.mux = mux_task.Mux(self.voices, self.motor, self.limiter, required, tape.clock, tape=tape)
+        self.stack = LiveStack(settings, tape)
+        self.voices = self.stack.voices
+        self.stages = StageClock(clock)
+        self.mux = mux_task.Mux(self.voices, self.motor, self.stack.limiter, REQUIRED, tape.clock, self.stages, tape)
         observed = Observed(
             car="bench", version="0", lidar=self.lidar, motor=self.motor, voices=self.voices, clock=clock,
-            seconds_by_winner=self.mux.seconds_by_winner, window=lambda: laws.words,
+            seconds_by_winner=self.mux.seconds_by_winner, window=lambda: self.stack.laws.words,
         )  # fmt: skip
         sinks = [self.recorder] if folder is not None else []
         self.telemetry = Telemetry(
             observed, settings.car, sinks, wall_clock=WallClock(lambda: 0.0, lambda: 0), side=lambda: "left"
         )
         self.answered_s: dict[int, float] = {}
-        self._expires_s = settings.safety.expires_after_s
         self._clock = clock
         self._tape = tape
         self._unanswered: int | None = None
-        tape.tuned(settings)
 
     async def drive(self, seconds: float) -> None:
         """Drive for so long."""
@@ -125,21 +123,25 @@ class Bench:
         for_follower: Inbox[Scan] = Inbox(self._clock)
         self.voices.say(consent(Source.PERMIT, "bench"))
 
-        def followed(scan: Scan, guidance: object) -> None:
+        def answer(scan: Scan, state: MotorState | None) -> Guidance:
             self._unanswered = scan.sequence
-            self.telemetry.on_guidance(scan, guidance)  # type: ignore[arg-type]
+            return self.stack.follow(scan, state)
 
+        def learn(_: Scan) -> None:
+            self.stack.laws.learn()
+            self.stages.count()
+
+        cycle = ScanCycle(self.stages.follow, self.mux.decide_now, self.telemetry.on_guidance, [learn])
+        timer = Metronome(self._clock)
+        timer.every(0.02, mux_task.SilenceTick(self.voices, 50.0, self._clock).tick)
         jobs = (
             lidar_task.pump(
                 self.lidar, [for_safety.put, for_follower.put, self._tape.scanned, self.telemetry.on_scan]
             ),
-            safety.watch(for_safety, self.motor, self.laws, self.voices, expires_after_s=lambda: self._expires_s),
-            wall_follow.follow(
-                for_follower, self.motor, self.laws, self.voices,
-                expires_after_s=lambda: self._expires_s, publish=followed,
-            ),
+            safety.watch(for_safety, self.motor, self.stack.look, self.stages.safety),
+            wall_follow.follow(for_follower, self.motor, answer, cycle),
             self.mux.run(self._on_output),
-            mux_task.tick(self.voices, 50.0, self._clock),
+            timer.run(),
             self.telemetry.run(),
         )  # fmt: skip
         tasks = [asyncio.create_task(job) for job in jobs]

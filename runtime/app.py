@@ -10,15 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from drivers.api import Clock, Drive, Lidar, Motor, Scan
-from runtime.arbitration.command import Source
-from runtime.arbitration.command_queue import Voices
 from runtime.arbitration.emergency_stop import EmergencyStop
 from runtime.arbitration.permit import Permit
 from runtime.arbitration.queues import Inbox
-from runtime.control.limiter import Limiter, Limits
-from runtime.control.live_laws import LiveLaws
-from runtime.control.vehicle import CarSettings
 from runtime.host.systemd import ServiceManager
+from runtime.live_stack import REQUIRED, LiveStack
 from runtime.parameters.history import History
 from runtime.parameters.server import ParameterDesk, Surroundings
 from runtime.realtime.garbage import collect_young
@@ -27,7 +23,6 @@ from runtime.realtime.prefetch import Warmth
 from runtime.realtime.scan_phase import Cadence
 from runtime.realtime.stage_timing import StageClock
 from runtime.realtime.wall_clock import WallClock, never_set
-from runtime.recording.decision_log import TapedLaws
 from runtime.recording.own_parts_memory import file_in
 from runtime.recording.recorder import Recorder
 from runtime.settings.tree import Settings
@@ -36,6 +31,7 @@ from runtime.tasks import lidar as lidar_task
 from runtime.tasks import mux as mux_task
 from runtime.tasks.health import Caretaker
 from runtime.tasks.own_parts import OwnPartsKeeper
+from runtime.tasks.scan_cycle import ScanCycle
 from runtime.tasks.telemetry import Telemetry
 from runtime.telemetry.sinks import ZenohSink
 from runtime.telemetry.status import Observed
@@ -46,8 +42,6 @@ from runtime.wire.teleop import COMMAND_BYTES
 
 log = logging.getLogger("wallride.app")
 
-REQUIRED = frozenset({Source.SAFETY, Source.PERMIT})
-"""Voices whose silence is a stop for everyone less urgent."""
 FOLLOW_WALL_CLOCK_S = 1.0
 REST_TIMEOUT_S = 1.0
 REST_PERIOD_S = 0.02
@@ -82,12 +76,9 @@ class Car:
             clock=clock,
         )
         self.tape = self.recorder.tape
-        self.tape.tuned(settings)
         # What decides asks the tape for the time, so that a replay can give it the very same answers.
-        self.voices = Voices(settings.effective_order(), self.tape.clock)
-        self.voices.on_said, self.voices.on_silenced = self.tape.said, self.tape.silenced
-        self.laws = LiveLaws(settings.wall_follow, settings.safety, settings.car, self.tape.clock)
-        self.limiter = Limiter(_limits(settings.car))
+        self.stack = LiveStack(settings, self.tape)
+        self.voices, self.laws, self.limiter = self.stack.voices, self.stack.laws, self.stack.limiter
         self.stages = StageClock(clock)
         self._reading_s = reading_s
         self.cadence = cadence or Cadence()
@@ -125,10 +116,7 @@ class Car:
     def apply(self, settings: Settings, changed: Sequence[str]) -> None:
         """Take other settings in one step of the loop: between two scans, never within one."""
         self.settings = settings
-        self.tape.tuned(settings)
-        self.laws.tune(settings.wall_follow, settings.safety)
-        self.limiter.tune(_limits(settings.car))
-        self.voices.reorder(settings.effective_order())
+        self.stack.apply(settings)
         self.sink.limit(settings.telemetry.rates_hz)
         if "log.level" in changed:
             logging.getLogger().setLevel(settings.log.level)
@@ -156,29 +144,18 @@ class Car:
                 keeper.cancel()
 
     def _start(self, tasks: asyncio.TaskGroup) -> list[asyncio.Task[Any]]:
-        settings, motor, voices, clock = self.settings, self.motor, self.voices, self.clock
+        settings, motor, clock = self.settings, self.motor, self.clock
         for_safety: Inbox[Scan] = Inbox(clock)
         for_follower: Inbox[Scan] = Inbox(clock)
-        laws = TapedLaws(self.laws, self.tape)
+        cycle = ScanCycle(self.stages.follow, self.mux.decide_now, self.telemetry.on_guidance, [self._afterwards])
         jobs = {
             "lidar": lidar_task.pump(
                 self.lidar,
                 [self.own_parts.meet, self.tape.scanned, for_safety.put, for_follower.put, self.telemetry.on_scan],
                 timed=lambda scan: self.stages.on_scan(scan.received_s, self._reading_s()),
             ),
-            "safety": safety.watch(
-                for_safety, motor, laws, voices,
-                expires_after_s=lambda: self.settings.safety.expires_after_s,
-                stage=self.stages.safety,
-            ),
-            "wall_follow": wall_follow.follow(
-                for_follower, motor, laws, voices,
-                expires_after_s=lambda: self.settings.wall_follow.expires_after_s,
-                publish=self.telemetry.on_guidance,
-                decide=self.mux.decide_now,
-                afterwards=self._afterwards,
-                stage=self.stages.follow,
-            ),
+            "safety": safety.watch(for_safety, motor, self.stack.look, self.stages.safety),
+            "wall_follow": wall_follow.follow(for_follower, motor, self.stack.follow, cycle),
             "mux": self.mux.run(self.telemetry.on_output),
             "metronome": self._metronome().run(),
             "own_parts": self.own_parts.keep(),
@@ -274,16 +251,6 @@ async def _until(stop: asyncio.Event, tasks: list[asyncio.Task[Any]]) -> None:
     log.info("asked to stop")
     for task in tasks:
         task.cancel()
-
-
-def _limits(car: CarSettings) -> Limits:
-    return Limits(
-        max_speed_mps=car.max_speed_mps,
-        max_reverse_mps=car.max_reverse_mps,
-        max_steering_rad=car.max_steering_rad,
-        steering_rate_radps=car.steering_rate_radps,
-        max_acceleration_mps2=car.max_acceleration_mps2,
-    )
 
 
 def history_file(settings: Settings) -> Path | None:

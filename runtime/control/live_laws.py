@@ -18,9 +18,9 @@ from runtime.control.perception.geometry import Floats
 from runtime.control.perception.own_parts import KnownParts
 from runtime.control.perception.plausibility import Plausibility
 from runtime.control.perception.view import Eyes
-from runtime.control.recovery.recovering_follower import Lookout
 from runtime.control.report.laws import ReportFollower, ReportGuard
 from runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
+from runtime.control.safety.swept import SweptGuard
 from runtime.control.vehicle import CarSettings
 from runtime.control.wall_following.ball import BallFollower
 
@@ -43,33 +43,33 @@ class LiveLaws:
         self.plausibility = Plausibility(car)
         self._driver = methods.driver_for(wall_follow, car, self._eyes)
         self._recovery = methods.recovery_for(safety)
-        self.guard: Lookout | ReportGuard = methods.guard_for(safety, car, self._eyes, clock)
+        self.guard: SweptGuard | ReportGuard = methods.guard_for(safety, car, self._eyes, clock)
         self.follower: Follower = self._wrapped(wall_follow)
 
     @property
     def words(self) -> tuple[str, ...]:
         """What is wrong with the lidar's window, or odd about what it sees, in sentences for people."""
-        return (*(self.guard.words if isinstance(self.guard, Lookout) else ()), *self.plausibility.words)
+        return (*self.guard.words, *self.plausibility.words)
 
     @property
     def own_parts(self) -> KnownParts | None:
         """What is known of the car's own parts, None where the safety law knows of none."""
-        return self.guard.guard.own_parts.known if isinstance(self.guard, Lookout) else None
+        return self.guard.own_parts.known if isinstance(self.guard, SweptGuard) else None
 
     @property
     def own_parts_changes(self) -> int:
         """How often the set of own parts has changed by what was seen."""
-        return self.guard.guard.own_parts.changes if isinstance(self.guard, Lookout) else 0
+        return self.guard.own_parts.changes if isinstance(self.guard, SweptGuard) else 0
 
     def remember_own_parts(self, known: KnownParts | None) -> None:
         """Go on with these own parts, known from before, and with a window of which nothing is known."""
-        if isinstance(self.guard, Lookout):
-            self.guard.guard.remember(known)
+        if isinstance(self.guard, SweptGuard):
+            self.guard.remember(known)
 
     @property
     def path_m(self) -> Floats | None:
         """Where the follower's ball runs, (2, k) in base_link; None where there is none."""
-        return self._driver.path_m if isinstance(self._driver, BallFollower) else None
+        return self._driver.path_m
 
     def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
         """Answer one scan."""
@@ -114,8 +114,8 @@ class LiveLaws:
 
     def _tune_guard(self, settings: SafetySettings) -> None:
         match self.guard, settings:
-            case Lookout() as lookout, SweptSafetySettings():
-                lookout.guard.tune(settings, settings.window)
+            case SweptGuard() as guard, SweptSafetySettings():
+                guard.tune(settings, settings.window)
             case ReportGuard() as guard, ReportSafetySettings():
                 guard.tune(settings)
             case _ if settings.method != self.safety.method:

@@ -9,7 +9,7 @@ from drivers.api import Clock, MotorState, Scan
 from runtime.control.guidance import Follower, Guard
 from runtime.control.method_settings import SafetySettings, SweptSafetySettings, WallFollowSettings
 from runtime.control.perception.view import Eyes
-from runtime.control.recovery.recovering_follower import Freeing, Lookout
+from runtime.control.recovery.recovering_follower import Freeing
 from runtime.control.recovery.way_out import Recovery
 from runtime.control.report.laws import ReportFollower, ReportGuard, ReportTurn
 from runtime.control.safety.swept import SweptGuard
@@ -43,10 +43,10 @@ def driver_for(wall_follow: WallFollowSettings, car: CarSettings, eyes: Eyes) ->
             return ReportFollower(wall_follow)
 
 
-def guard_for(safety: SafetySettings, car: CarSettings, eyes: Eyes, clock: Clock | None) -> Lookout | ReportGuard:
+def guard_for(safety: SafetySettings, car: CarSettings, eyes: Eyes, clock: Clock | None) -> SweptGuard | ReportGuard:
     """Return the safety law."""
     if isinstance(safety, SweptSafetySettings):
-        return Lookout(SweptGuard(safety, car, eyes, health=safety.window, clock=clock))
+        return SweptGuard(safety, car, eyes, health=safety.window, clock=clock)
     return ReportGuard(car, safety)
 
 
@@ -62,7 +62,7 @@ def recovery_settings(safety: SweptSafetySettings) -> RecoverySettings:
 
 def wrapped(
     driver: Follower,
-    guard: Lookout | ReportGuard,
+    guard: SweptGuard | ReportGuard,
     recovery: Recovery | None,
     wall_follow: WallFollowSettings,
     believed: Callable[[], bool] = lambda: True,

@@ -19,8 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.api import Clock, MotorState, Scan
-from runtime.arbitration.command import Outlook, Output, Source, Word
-from runtime.control.guidance import Follower, Guard, Guidance
+from runtime.arbitration.command import Output, Source, Word
+from runtime.control.guidance import Guidance
 from runtime.control.perception.own_parts import KnownParts
 
 MOST_EVENTS = 8192
@@ -206,33 +206,3 @@ class Tape:
         """Return the times of the event that is over; the clock's next answers belong to no event."""
         times_s, self._times_s = self._times_s, []
         return times_s
-
-
-class TapedLaws:
-    """A follower and a guard whose answers go on the tape."""
-
-    def __init__(self, laws: "Laws", tape: Tape) -> None:
-        self._laws = laws
-        self._tape = tape
-
-    def look(self, scan: Scan, motor: MotorState | None) -> Outlook:
-        """Take in one scan."""
-        self._tape.begin()
-        outlook = self._laws.look(scan, motor)
-        self._tape.looked(scan, motor)
-        return outlook
-
-    def learn(self) -> None:
-        """Hand on; whenever it comes, the next scan's answers are the same."""
-        self._laws.learn()
-
-    def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
-        """Answer one scan."""
-        self._tape.begin()
-        guidance = self._laws.follow(scan, motor)
-        self._tape.followed(scan, motor, guidance)
-        return guidance
-
-
-class Laws(Follower, Guard, Protocol):
-    """Both laws in one."""

@@ -53,12 +53,15 @@ class Mux:
         self._publish = publish
         while True:
             await self._voices.changed()
-            publish(self.step())
+            self._decide()
 
     def decide_now(self) -> None:
         """Decide at once instead of at the loop's next turn, if there is news: for the last word on a scan."""
         if self._voices.take_news():
-            self._publish(self.step())
+            self._decide()
+
+    def _decide(self) -> None:
+        self._publish(self.step())
 
     def step(self) -> Output:
         """Decide once, now."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from drivers.api import MotorState, Scan
 from runtime.arbitration.command import Outlook
-from runtime.control.recovery.recovering_follower import Lookout
+from runtime.control.safety.swept import SweptGuard
 from sim.car.vehicle import VehicleSettings
 from sim.lab import laws
 from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
@@ -39,7 +39,7 @@ FOUND_SHARE = 0.95
 class Watched:
     """A guard that also writes down, by way driven, which beams it calls dirty, and which are the car's own to it."""
 
-    guard: Lookout
+    guard: SweptGuard
     way_m: list[float] = field(default_factory=list)
     dirty: list[Booleans] = field(default_factory=list)
     own: list[Booleans] = field(default_factory=list)
@@ -48,7 +48,7 @@ class Watched:
         """Look as the guard does."""
         outlook = self.guard.look(scan, motor)
         self.guard.learn()
-        health = self.guard.guard.health
+        health = self.guard.health
         mask = health.mask if health.mask is not None else np.zeros(scan.ranges_m.shape, np.bool_)
         self.way_m.append(motor.distance_m if motor is not None else 0.0)
         self.dirty.append(mask | health.blinded)
@@ -110,7 +110,7 @@ def truly_dirty(dirt: Sectors, lidar: LidarSettings) -> Booleans:
 
 def _watched(cell: Cell) -> tuple[Run, Watched]:
     follower, guard = laws.build(cell.law, cell.side, cell.desired_m, cell.speed_mps)
-    if not isinstance(guard, Lookout):
+    if not isinstance(guard, SweptGuard):
         raise TypeError(f"{cell.law}: only the safety `swept` knows its window; write --method ball")
     watched = Watched(guard)
     lidar = LidarSettings(noise_std_m=0.02, outlier_share=0.02, dirty_sectors=sectors(cell.scenario, cell.side))

@@ -1,20 +1,15 @@
-"""The car's control code on a clock that the caller turns: laws, voices, mux and limiter, and nothing around them.
+"""The car's control code on a clock that the caller turns: the live stack and the mux, and nothing around them.
 
-These are the classes that drive the car, not copies. What the tasks of the runtime add to them, two words and their
-expiries, stands in `look` and `follow`.
+These are the objects that drive the car, not copies.
 """
 
 from typing import Never
 
-from drivers.api import Clock, Drive, Health, LinkState, MotorState, Scan
-from runtime.app import REQUIRED
-from runtime.arbitration.command import CapWord, DriveWord, Outlook, Output, Source
-from runtime.arbitration.command_queue import Voices
-from runtime.control.guidance import Guidance
-from runtime.control.limiter import Limiter, Limits
-from runtime.control.live_laws import LiveLaws
-from runtime.control.vehicle import CarSettings
+from drivers.api import Clock, Drive, Health, LinkState, MotorState
+from runtime.arbitration.command import Output
+from runtime.live_stack import REQUIRED, LiveStack
 from runtime.realtime.stage_timing import StageClock
+from runtime.recording.decision_log import Tape
 from runtime.settings.tree import Settings
 from runtime.tasks.mux import Mux
 
@@ -59,30 +54,19 @@ class Stage:
     """
 
     def __init__(self, settings: Settings, now_s: float, clock: Clock | None = None) -> None:
-        self.settings = settings
         self.now_s = now_s
-        self.clock: Clock = clock or (lambda: self.now_s)
         self.wire = Wire()
-        self.voices = Voices(settings.effective_order(), self.clock)
-        self.laws = LiveLaws(settings.wall_follow, settings.safety, settings.car, self.clock)
-        self.limiter = Limiter(limits(settings.car))
+        self.stack = LiveStack(settings, Tape(clock or (lambda: self.now_s), most=0))
+        self.clock, self.limiter = self.stack.clock, self.stack.limiter
+        self.voices, self.laws = self.stack.voices, self.stack.laws
+        self.look, self.follow, self.apply = self.stack.look, self.stack.follow, self.stack.apply
         untimed = StageClock(lambda: 0.0)  # a replay's times mean nothing
         self.mux = Mux(self.voices, self.wire, self.limiter, REQUIRED, self.clock, untimed)
 
-    def look(self, scan: Scan, motor: MotorState | None) -> Outlook:
-        """Let safety see a scan and speak, as runtime.tasks.safety does."""
-        outlook = self.laws.look(scan, motor)
-        word = CapWord(Source.SAFETY, outlook, scan.stamp_s)
-        self.voices.say(word, expires_at_s=scan.stamp_s + self.settings.safety.expires_after_s)
-        return outlook
-
-    def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
-        """Let the follower see a scan and speak, as runtime.tasks.wall_follow does."""
-        guidance = self.laws.follow(scan, motor)
-        drive = guidance.drive if guidance.drive is not None else Drive(0.0, 0.0)
-        word = DriveWord(Source.NAVIGATION, drive, scan.stamp_s, guidance.reason)
-        self.voices.say(word, expires_at_s=scan.stamp_s + self.settings.wall_follow.expires_after_s)
-        return guidance
+    @property
+    def settings(self) -> Settings:
+        """The settings in force."""
+        return self.stack.settings
 
     def step(self, *, delivered: bool = True) -> Output:
         """Decide now. delivered: whether the motor takes it."""
@@ -92,21 +76,3 @@ class Stage:
     def adopt(self, drive: Drive) -> None:
         """Go on from a drive that another source sent: what may follow depends on it."""
         self.limiter.limit(drive.speed_mps, drive.steering_rad, AT_ONCE_S)
-
-    def apply(self, settings: Settings) -> None:
-        """Go on with other settings, as runtime.app does."""
-        self.settings = settings
-        self.laws.tune(settings.wall_follow, settings.safety)
-        self.limiter.tune(limits(settings.car))
-        self.voices.reorder(settings.effective_order())
-
-
-def limits(car: CarSettings) -> Limits:
-    """Return what the mechanics allow."""
-    return Limits(
-        max_speed_mps=car.max_speed_mps,
-        max_reverse_mps=car.max_reverse_mps,
-        max_steering_rad=car.max_steering_rad,
-        steering_rate_radps=car.steering_rate_radps,
-        max_acceleration_mps2=car.max_acceleration_mps2,
-    )

@@ -6,29 +6,7 @@ from dataclasses import replace
 from drivers.api import MotorState, Scan
 from runtime.control.guidance import Follower, Guidance
 from runtime.control.recovery.way_out import HELP, Recovery
-from runtime.control.safety.swept import Outlook, SweptGuard
-
-
-class Lookout:
-    """Remembers the last outlook for those who plan by it; safety is served first, so it is this scan's."""
-
-    def __init__(self, guard: SweptGuard) -> None:
-        self.guard = guard
-        self.outlook: Outlook | None = None
-
-    @property
-    def words(self) -> tuple[str, ...]:
-        """What is wrong with the lidar's window, in sentences for people."""
-        return self.guard.health.words
-
-    def look(self, scan: Scan, motor: MotorState | None) -> Outlook:
-        """Take in one scan."""
-        self.outlook = self.guard.look(scan, motor)
-        return self.outlook
-
-    def learn(self) -> None:
-        """Do what can wait until the answer is on its way."""
-        self.guard.learn()
+from runtime.control.safety.swept import SweptGuard
 
 
 class Freeing:
@@ -38,22 +16,22 @@ class Freeing:
     """
 
     def __init__(
-        self, follower: Follower, lookout: Lookout, recovery: Recovery, believed: Callable[[], bool] = lambda: True
+        self, follower: Follower, guard: SweptGuard, recovery: Recovery, believed: Callable[[], bool] = lambda: True
     ) -> None:
         self._follower = follower
-        self._lookout = lookout
+        self._guard = guard
         self._recovery = recovery
         self._believed = believed
 
     def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
         """Answer one scan: the follower's answer, or the way out with its words as the reason."""
         guidance = self._follower.follow(scan, motor)
-        outlook = self._lookout.outlook
+        outlook = self._guard.outlook  # safety is served first: it is this scan's
         if outlook is None or outlook.view.scan is not scan:
             return guidance
         advice = self._recovery.step(outlook, guidance.drive, motor, believed=self._believed())
         # A standing car's reason is the safety's, not the driver's: it has to know that no way on is known.
-        self._lookout.guard.plight = advice.words if advice.words == HELP else ""
+        self._guard.stuck_reason = advice.words if advice.words == HELP else ""
         if advice.drive is None and not advice.words:
             return guidance
         return replace(guidance, drive=advice.drive or guidance.drive, reason=advice.words)

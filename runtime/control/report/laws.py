@@ -32,6 +32,9 @@ AHEAD_RAD = math.radians(0.5)
 class ReportFollower:
     """steer = Kd * atan(slope) + Kp * error, towards the wall when positive; 0 when the line is steeper than pi/3."""
 
+    path_m: Floats | None = None
+    """It plans no path."""
+
     def __init__(self, settings: ReportFollowSettings) -> None:
         self.tune(settings)
 
@@ -71,6 +74,9 @@ class ReportFollower:
 
 class ReportGuard:
     """Stops when the mean of the three nearest ranges straight ahead is under L / tan(max steering) (0.933 m)."""
+
+    words: tuple[str, ...] = ()
+    """It knows nothing of the lidar's window."""
 
     def __init__(self, car: CarSettings, settings: ReportSafetySettings | None = None) -> None:
         self.stop_below_m = car.wheelbase_m / math.tan(car.max_steering_rad)

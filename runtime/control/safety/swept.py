@@ -60,7 +60,8 @@ class SweptGuard:
 
     clock: where given, the scan's age is measured at every judgement, else taken as it was when the scan came.
     health: what is known about the lidar's window.
-    plight: what to say of a car that cannot go on and knows no way out; "" while it knows one.
+    outlook: the last one, None before the first scan. stuck_reason: what to say of a car that cannot go on and knows no
+    way out; "" while it knows one.
     """
 
     def __init__(
@@ -85,7 +86,8 @@ class SweptGuard:
         self.visibility = Visibility(car)
         self.memory = _Memory()
         self.emergency = Emergency()
-        self.plight = ""
+        self.outlook: Outlook | None = None
+        self.stuck_reason = ""
         self._eyes = eyes
         self._odometry = Odometry(car.wheelbase_m)
         self._speed = SlidingSpeed(GRAVITY_MPS2, self.body.slippery_mps2)
@@ -126,7 +128,13 @@ class SweptGuard:
         window = Verdict(self.health.ceiling_mps, self.health.ceiling_mps, self.health.reason)
         if self.visibility.on_lidar:
             window = ON_LIDAR
-        return Outlook(self, view, speed_mps, strip, window, wary)
+        self.outlook = Outlook(self, view, speed_mps, strip, window, wary)
+        return self.outlook
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What is wrong with the lidar's window, in sentences for people."""
+        return self.health.words
 
     def remember(self, known: KnownParts | None) -> None:
         """Go on with these own parts, and with a window of which nothing is known."""
@@ -305,7 +313,7 @@ class Outlook:
         return memory.braking
 
     def _standing(self, found: Contact) -> Verdict:
-        reason = self.guard.plight or ("wall ahead" if self.strip.free_somewhere() else "boxed in")
+        reason = self.guard.stuck_reason or ("wall ahead" if self.strip.free_somewhere() else "boxed in")
         return Verdict(0.0, NO_LIMIT_MPS, reason, found.travel_m)
 
     def _no_contact(self, steering_rad: float, look_m: float, wanted_mps: float, reaction_s: float) -> Verdict:

@@ -8,7 +8,7 @@ import pytest
 from drivers.api import MotorState, Scan
 from runtime.control.limiter import Limiter, Limits
 from runtime.control.live_laws import LiveLaws
-from runtime.control.recovery.recovering_follower import Freeing, Lookout
+from runtime.control.recovery.recovering_follower import Freeing
 from runtime.control.recovery.way_out import Recovery
 from runtime.control.report.laws import ReportGuard, ReportTurn
 from runtime.control.safety.swept import SweptGuard
@@ -52,8 +52,8 @@ class Drive:
 
     @property
     def swept(self) -> SweptGuard:
-        assert isinstance(self.laws.guard, Lookout)
-        return self.laws.guard.guard
+        assert isinstance(self.laws.guard, SweptGuard)
+        return self.laws.guard
 
     @property
     def recovery(self) -> Recovery:

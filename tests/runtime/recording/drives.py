@@ -7,13 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from drivers.api import Scan
-from runtime.arbitration.command import LAB_ORDER, CapWord, DriveWord, Source, Verdict, consent, refusal
-from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.command import LAB_ORDER, Source, consent, refusal
 from runtime.control.limiter import Limiter, Limits
-from runtime.control.live_laws import LiveLaws
 from runtime.control.vehicle import CarSettings
+from runtime.live_stack import REQUIRED, LiveStack
 from runtime.realtime.wall_clock import WallClock
-from runtime.recording.decision_log import TapedLaws
 from runtime.recording.recorder import Recorder
 from runtime.settings.recording import RecordingSettings
 from runtime.settings.tree import Settings
@@ -21,25 +19,13 @@ from runtime.tasks.mux import Mux
 from runtime.tasks.telemetry import Telemetry
 from runtime.telemetry.status import Observed
 from sim.virtual.devices import BEAMS, STEP_RAD, MemoryLidar, MemoryMotor, ranges_between_walls
-from tests.runtime.observed import GUIDANCE, HandClock
+from tests.runtime.observed import HandClock
 from tests.runtime.recording.disks import QuickDisk
 
 EPOCH_NS = 1_790_000_000_000_000_000
 PERIOD_S = 0.025
-REQUIRED = frozenset({Source.SAFETY, Source.PERMIT})
 LIMITS = Limits(5.0, 1.0, 0.35, 6.0, 20.0)
 RANGES_M = ranges_between_walls(0.9, 1.1)
-
-
-class PlainLaws:
-    """Drive straight on and stop before what is near: cheap, for stories that last."""
-
-    def follow(self, scan, motor):
-        return GUIDANCE
-
-    def look(self, scan, motor):
-        ahead_m = scan.ranges_m[BEAMS // 2]
-        return Verdict(0.0, 0.0, "braking: wall ahead", ahead_m) if ahead_m < 0.5 else Verdict(9.0, 9.0, "clear")
 
 
 class Drive:
@@ -59,10 +45,9 @@ class Drive:
         )  # fmt: skip
         self.tape = tape = self.recorder.tape
         self.motor = MemoryMotor(self.clock)
-        self.voices = Voices(LAB_ORDER, tape.clock)
-        self.laws = TapedLaws(
-            LiveLaws(self.settings.wall_follow, self.settings.safety, CarSettings(), tape.clock), tape
-        )
+        self.stack = LiveStack(self.settings, tape)
+        self.voices = self.stack.voices
+        self.voices.reorder(LAB_ORDER)
         self.mux = Mux(self.voices, self.motor, Limiter(LIMITS), REQUIRED, tape.clock)
         observed = Observed(
             car="car1", version="9.9", lidar=MemoryLidar(lambda _: None, self.clock), motor=self.motor,
@@ -76,7 +61,6 @@ class Drive:
         self.scans = []
         self._noise = np.random.default_rng(seed)
         self._stepped_s = self.clock.now_s
-        tape.tuned(self.settings)
         self.recorder.listen()
 
     def unix_ns(self):
@@ -95,11 +79,9 @@ class Drive:
         self.tape.scanned(scan)
         self.telemetry.on_scan(scan)
         state = self.motor.state
-        self.say(CapWord(Source.SAFETY, self.laws.look(scan, state), scan.stamp_s), scan.stamp_s + 0.15)
-        guidance = self.laws.follow(scan, state)
-        drive = guidance.drive
-        assert drive is not None
-        self.say(DriveWord(Source.NAVIGATION, drive, scan.stamp_s, guidance.reason), scan.stamp_s + 0.15)
+        self.stack.look(scan, state)
+        guidance = self.stack.follow(scan, state)
+        assert guidance.drive is not None
         self.telemetry.on_guidance(scan, guidance)
         self.step()
 
@@ -113,8 +95,7 @@ class Drive:
         self.telemetry.on_output(output)
 
     def say(self, word, expires_at_s=math.inf):
-        """Speak; the tape hears it as the voices will have it heard."""
-        self.tape.said(word, expires_at_s)
+        """Speak; the tape hears it."""
         self.voices.say(word, expires_at_s=expires_at_s)
 
     def permit(self, yes=True):

@@ -7,10 +7,11 @@ from typing import Any
 from runtime.arbitration.command import CapWord, DriveWord, Source, Word, arbitrate
 from runtime.control.limiter import Limiter
 from runtime.control.live_laws import LiveLaws
+from runtime.live_stack import REQUIRED
 from runtime.recording.decision_log import Followed, Looked, Scanned, Stepped, Tuned
 from runtime.settings.tree import Settings
 from sim.virtual.devices import ranges_between_walls
-from tests.runtime.recording.drives import LIMITS, REQUIRED, Drive
+from tests.runtime.recording.drives import LIMITS, Drive
 from tests.runtime.recording.reading import events, ranges_by_sequence
 
 

@@ -9,7 +9,7 @@ import pytest
 from drivers.api import Scan
 from runtime.control.live_laws import LiveLaws
 from runtime.control.perception.own_parts import KnownParts
-from runtime.control.recovery.recovering_follower import Lookout
+from runtime.control.safety.swept import SweptGuard
 from runtime.control.vehicle import CarSettings
 from runtime.recording.own_parts_memory import FILE, Remembered, file_in, read, write
 from runtime.settings.tree import Settings
@@ -50,8 +50,8 @@ class Run:
 
     @property
     def guard(self):
-        assert isinstance(self.laws.guard, Lookout)
-        return self.laws.guard.guard
+        assert isinstance(self.laws.guard, SweptGuard)
+        return self.laws.guard
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from runtime.arbitration.command import CapWord, DriveWord, Output, Source, arbi
 from runtime.control.guidance import Guidance
 from runtime.control.live_laws import LiveLaws
 from runtime.control.perception.view import Eyes
-from runtime.control.recovery.recovering_follower import Freeing, Lookout
+from runtime.control.recovery.recovering_follower import Freeing
 from runtime.control.recovery.way_out import ASKS_AFTER_S, DISBELIEF, HELP, Recovery
 from runtime.control.safety.swept import SweptGuard
 from runtime.control.safety.swept_settings import RecoverySettings, SweptSettings
@@ -41,8 +41,8 @@ class Car:
         self.rooms = SegmentGeometry(
             np.array([side for x, y, long, wide in places for side in box(x, y, long, wide, 0)])
         )
-        self.lookout = Lookout(SweptGuard(SweptSettings(), CAR, Eyes(CAR)))
-        self.follower = Freeing(Straight(), self.lookout, Recovery(RecoverySettings(**settings)))
+        self.guard = SweptGuard(SweptSettings(), CAR, Eyes(CAR))
+        self.follower = Freeing(Straight(), self.guard, Recovery(RecoverySettings(**settings)))
         self.scans = 0
         self.word = DriveWord(NAVIGATION, Drive(1.0, 0.0), None, "wall")
         self.said = set()
@@ -57,7 +57,7 @@ class Car:
         ranges_m = self.rooms.cast(CAR.lidar_x_m, 0.0, BEARING_RAD).astype(np.float32)
         self.scan = Scan(now_s, now_s, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, self.scans)
         self.motor = MotorState(now_s, 0.0, 0.0, 0.0, 12.0, 0.0, 0.0, 20.0, "", timed_out=False, killed=False)
-        return self.lookout.look(self.scan, self.motor)
+        return self.guard.look(self.scan, self.motor)
 
     def step(self):
         outlook = self.look()
@@ -123,7 +123,7 @@ def test_who_may_not_back_out_asks_for_help_when_nobody_has_walked_on():
 @pytest.mark.parametrize("believed", [True, False])
 def test_a_car_looks_for_a_way_out_only_by_an_odometry_that_is_believed(believed):
     car = Car((0.62, 0.0, 0.3, 0.5))
-    car.follower = Freeing(Straight(), car.lookout, Recovery(RecoverySettings()), lambda: believed)
+    car.follower = Freeing(Straight(), car.guard, Recovery(RecoverySettings()), lambda: believed)
     car.go(4.0)
     assert (HELP in car.said) is believed
     assert (DISBELIEF in car.said) is not believed

@@ -1,0 +1,77 @@
+"""The control code of one car: command queue, laws and limiter. The car's tasks and a replay both drive by it.
+
+`look` and `follow` answer one scan each: the law decides, the decision log keeps it with the times that it was given,
+and the answer becomes a word in the command queue. `apply` changes all settings that decide in one step.
+"""
+
+from drivers.api import Clock, Drive, MotorState, Scan
+from runtime.arbitration.command import CapWord, DriveWord, Outlook, Source
+from runtime.arbitration.command_queue import Voices
+from runtime.control.guidance import Guidance
+from runtime.control.limiter import Limiter, Limits
+from runtime.control.live_laws import LiveLaws
+from runtime.control.vehicle import CarSettings
+from runtime.recording.decision_log import Tape
+from runtime.settings.tree import Settings
+
+REQUIRED = frozenset({Source.SAFETY, Source.PERMIT})
+"""Sources whose silence is a stop for every less urgent one."""
+
+
+class LiveStack:
+    """Built once from settings; memories are fresh.
+
+    settings: those in force. tape: the log of decisions; its clock is the one that all decide by.
+    """
+
+    def __init__(self, settings: Settings, tape: Tape) -> None:
+        self.settings = settings
+        self.tape = tape
+        self.clock: Clock = tape.clock
+        self.voices = Voices(settings.effective_order(), self.clock)
+        self.voices.on_said, self.voices.on_silenced = tape.said, tape.silenced
+        self.laws = LiveLaws(settings.wall_follow, settings.safety, settings.car, self.clock)
+        self.limiter = Limiter(limits(settings.car))
+        tape.tuned(settings)
+
+    def look(self, scan: Scan, motor: MotorState | None) -> Outlook:
+        """Let safety take in a scan and say how fast the car may go.
+
+        The word is not a number but a judge: the mux asks it about the very drive that is about to be sent. It is in
+        force only so long after the scan: a blind safety is a silent one.
+        """
+        self.tape.begin()
+        outlook = self.laws.look(scan, motor)
+        self.tape.looked(scan, motor)
+        word = CapWord(Source.SAFETY, outlook, scan.stamp_s)
+        self.voices.say(word, expires_at_s=scan.stamp_s + self.settings.safety.expires_after_s)
+        return outlook
+
+    def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
+        """Let the follower answer a scan; without an answer it asks for standstill, with its reason."""
+        self.tape.begin()
+        guidance = self.laws.follow(scan, motor)
+        self.tape.followed(scan, motor, guidance)
+        drive = guidance.drive if guidance.drive is not None else Drive(0.0, 0.0)
+        word = DriveWord(Source.NAVIGATION, drive, scan.stamp_s, guidance.reason)
+        self.voices.say(word, expires_at_s=scan.stamp_s + self.settings.wall_follow.expires_after_s)
+        return guidance
+
+    def apply(self, settings: Settings) -> None:
+        """Take other settings in one step: between two scans, never within one."""
+        self.settings = settings
+        self.tape.tuned(settings)
+        self.laws.tune(settings.wall_follow, settings.safety)
+        self.limiter.tune(limits(settings.car))
+        self.voices.reorder(settings.effective_order())
+
+
+def limits(car: CarSettings) -> Limits:
+    """Return what the mechanics allow."""
+    return Limits(
+        max_speed_mps=car.max_speed_mps,
+        max_reverse_mps=car.max_reverse_mps,
+        max_steering_rad=car.max_steering_rad,
+        steering_rate_radps=car.steering_rate_radps,
+        max_acceleration_mps2=car.max_acceleration_mps2,
+    )
