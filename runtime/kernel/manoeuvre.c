@@ -3,7 +3,7 @@
 #include "arrays.h"
 #include "constants.h"
 
-enum { STEPS = MANOEUVRE_ROLLOUT_HORIZON_STEPS, MOST_ENDS = STEPS / MANOEUVRE_ROLLOUT_LOCK_STEPS + 2 };
+enum { STEPS = MANOEUVRE_ROLLOUT_HORIZON_STEPS, MOST_ENDS = STEPS / MANOEUVRE_ROLLOUT_LOCK_STEPS + 3 };
 static const double STEP = MANOEUVRE_ROLLOUT_STEP_S, TINY = MANOEUVRE_ROLLOUT_TINY;
 
 /* The car, in the order of Start. */
@@ -23,12 +23,31 @@ struct moves {
 
 struct state {
     place middle;
-    double heading, course, speed, yaw;
+    double heading, course, speed, wheel;
+    struct moves moves;
 };
 
 struct end {
     double impact, room;
 };
+
+/* One floor, and what stands around. reach: of the outline's corners from the car's middle. */
+struct ground {
+    const struct car *car;
+    struct cloud *points;
+    double grip, margin, reach;
+};
+
+/* A car on its way. room: the least so far. clear: the points are at least so far from the outline, by the last look and
+ * by how far any part of the outline can have moved since. What cannot lower the room is not looked at.
+ */
+struct rollout {
+    struct state at;
+    int step, hit;
+    double room, clear;
+};
+
+static double length(double x, double y) { return sqrt(x * x + y * y); }
 
 static struct moves turned(const struct car *car, struct moves m, double wheel, double brake, double grip) {
     double half = car->wheelbase / 2;
@@ -56,37 +75,21 @@ static struct moves slid(struct moves m, double drift, double grip) {
     return (struct moves){speed * cos(drift), speed * sin(drift), m.yaw * greater(0.0, kept)};
 }
 
-static void roll_out(const struct car *car, const struct row *past, const struct row *coming, double steering,
-                     double brake, double grip, struct state *path) {
-    struct moves m = {car->speed, 0.0, 0.0};
-    double wheel = 0.0, heading = 0.0;
-    place middle = car->wheelbase / 2;
-    for (beam i = 0; i < past->count; i++) {
-        wheel = NUMBER(*past, i);
-        m.ahead = car->speed;
-        m = turned(car, m, wheel, 0.0, grip);
+static struct state next(const struct ground *on, const struct state *at, double wheel, double slows) {
+    struct state to = *at;
+    to.wheel = wheel;
+    if (slows >= on->grip) {
+        to.moves = slid(at->moves, at->course - at->heading, on->grip);
+        to.heading += to.moves.yaw * STEP;
+    } else {
+        to.moves = turned(on->car, at->moves, wheel, slows, on->grip);
+        to.heading += to.moves.yaw * STEP;
+        to.course = to.heading + atan2(to.moves.aside, greater(to.moves.ahead, MANOEUVRE_ROLLOUT_STANDING_MPS));
     }
-    double course = atan2(m.aside, m.ahead);
-    path[0] = (struct state){middle, heading, course, m.ahead, m.yaw};
-    for (int step = 1; step <= STEPS; step++) {
-        int acts = step * STEP > car->latency;
-        double slows = acts ? brake : car->brake, most_rad = car->rate * STEP;
-        if (acts)
-            wheel += bounded(steering - wheel, -most_rad, most_rad);
-        else if (step <= coming->count)
-            wheel = NUMBER(*coming, step - 1);
-        if (slows >= grip) {
-            m = slid(m, course - heading, grip);
-            heading += m.yaw * STEP;
-        } else {
-            m = turned(car, m, wheel, slows, grip);
-            heading += m.yaw * STEP;
-            course = heading + atan2(m.aside, greater(m.ahead, MANOEUVRE_ROLLOUT_STANDING_MPS));
-        }
-        double speed = hypot(m.ahead, m.aside), moved = (path[step - 1].speed + speed) / 2 * STEP;
-        middle += CMPLX(moved * cos(course), moved * sin(course));
-        path[step] = (struct state){middle, heading, course, speed, m.yaw};
-    }
+    to.speed = length(to.moves.ahead, to.moves.aside);
+    double moved = (at->speed + to.speed) / 2 * STEP;
+    to.middle += CMPLX(moved * cos(to.course), moved * sin(to.course));
+    return to;
 }
 
 /* The third-smallest; as `_third`. */
@@ -124,9 +127,16 @@ static double distance(const struct car *car, place middle, double heading, stru
     return sqrt(third(to, points->count));
 }
 
-static struct end slide(const struct car *car, const struct state *at, struct cloud *points, double grip, double margin) {
-    double speed = at->speed, heading = at->heading + at->yaw * speed / (2 * (MANOEUVRE_ROLLOUT_SLIDE_DAMPING + 1) * grip);
-    double drift = at->course - heading;
+static struct end slide(const struct ground *on, const struct rollout *from) {
+    const struct car *car = on->car;
+    const struct state *at = &from->at;
+    struct cloud *points = on->points;
+    const double grip = on->grip, margin = on->margin, speed = at->speed, way = speed * speed / (2 * grip);
+    double turn_on = at->moves.yaw * speed / (2 * (MANOEUVRE_ROLLOUT_SLIDE_DAMPING + 1) * grip);
+    /* The margin's own corners are farther out, by less than half of it. */
+    if (from->clear - way - fabs(turn_on) * on->reach - 1.5 * margin >= from->room)
+        return (struct end){0.0, from->room};
+    double heading = at->heading + turn_on, drift = at->course - heading;
     place turn, centre = centre_of(car, at->middle, heading, &turn);
     const double x0 = creal(centre), y0 = cimag(centre), c = creal(turn), s = cimag(turn);
     const double along = (car->front + car->rear) / 2 + margin, cosine = cos(drift);
@@ -142,11 +152,51 @@ static struct end slide(const struct car *car, const struct state *at, struct cl
     double left = speed * speed - 2 * grip * greater(0.0, third(to, points->count));
     if (left > 0.0)
         return (struct end){sqrt(left), 0.0};
-    double way = speed * speed / (2 * grip);
     place ahead = CMPLX(way * cos(at->course), way * sin(at->course));
     double room = lesser(distance(car, at->middle + ahead, heading, points),
                          distance(car, at->middle + ahead / 2, heading, points));
-    return (struct end){0.0, lesser(greater(0.0, room - margin), MANOEUVRE_ROLLOUT_MAX_ROOM_M)};
+    return (struct end){0.0, lesser(greater(0.0, room - margin), from->room)};
+}
+
+static void look_around(const struct ground *on, struct rollout *car) {
+    if (car->step % MANOEUVRE_ROLLOUT_LOOK_STEPS != 0 || !(car->at.speed > MANOEUVRE_ROLLOUT_STANDING_MPS) ||
+        car->clear - on->margin >= car->room)
+        return;
+    car->clear = distance(on->car, car->at.middle, car->at.heading, on->points);
+    car->room = lesser(car->room, car->clear - on->margin);
+    car->hit = car->room <= 0.0;
+}
+
+static void drive_on(const struct ground *on, struct rollout *car, double wheel, double slows) {
+    struct state to = next(on, &car->at, wheel, slows);
+    place moved = to.middle - car->at.middle;
+    car->clear -= length(creal(moved), cimag(moved)) + fabs(to.heading - car->at.heading) * on->reach;
+    car->at = to;
+    car->step++;
+    look_around(on, car);
+}
+
+static int is_over(const struct rollout *car) { return car->hit || car->at.speed == 0.0; }
+
+/* As `latency_path`. */
+static struct rollout begun(const struct ground *on, const struct row *past, const struct row *coming) {
+    const struct car *car = on->car;
+    struct rollout begun = {.step = 0, .hit = 0, .room = MANOEUVRE_ROLLOUT_MAX_ROOM_M, .clear = -INFINITY};
+    struct moves m = {car->speed, 0.0, 0.0};
+    double wheel = 0.0;
+    for (beam i = 0; i < past->count; i++) {
+        wheel = NUMBER(*past, i);
+        m.ahead = car->speed;
+        m = turned(car, m, wheel, 0.0, on->grip);
+    }
+    begun.at = (struct state){car->wheelbase / 2, 0.0, atan2(m.aside, m.ahead), m.ahead, wheel, m};
+    look_around(on, &begun);
+    while (!is_over(&begun) && begun.step < STEPS && (begun.step + 1) * STEP <= car->latency) {
+        if (begun.step < coming->count)
+            wheel = NUMBER(*coming, begun.step);
+        drive_on(on, &begun, wheel, car->brake);
+    }
+    return begun;
 }
 
 static int may_lock(const struct car *car, double brake, int step) {
@@ -156,48 +206,43 @@ static int may_lock(const struct car *car, double brake, int step) {
                              step * STEP >= car->latency + MANOEUVRE_ROLLOUT_MIN_TURN_S);
 }
 
-static int ends_of(const struct car *car, const struct state *path, struct cloud *points, double brake, double grip,
-                   double margin, struct end *ends) {
-    int count = 0;
-    double room = MANOEUVRE_ROLLOUT_MAX_ROOM_M, hit = -1.0;
-    for (int step = 0; step <= STEPS; step++) {
-        const struct state *at = path + step;
-        if (step % MANOEUVRE_ROLLOUT_LOOK_STEPS == 0 && hit < 0.0 && at->speed > MANOEUVRE_ROLLOUT_STANDING_MPS) {
-            room = lesser(room, distance(car, at->middle, at->heading, points) - margin);
-            if (room <= 0.0)
-                hit = at->speed;
-        }
-        if (!may_lock(car, brake, step))
-            continue;
-        struct end end = {hit, 0.0};
-        if (hit < 0.0) {
-            end = slide(car, at, points, grip, margin);
-            end.room = lesser(end.room, room);
-        }
-        ends[count++] = end;
-        if (!isfinite(brake))
-            break;
+/* As `roll_out` and `_ends`; from: after the latency. */
+static int ends_of(const struct ground *on, struct rollout from, double steering, double brake, struct end *ends) {
+    const double most_rad = on->car->rate * STEP;
+    for (int count = 0;;) {
+        if (from.hit)
+            ends[count++] = (struct end){from.at.speed, 0.0};
+        else if (is_over(&from) || may_lock(on->car, brake, from.step))
+            ends[count++] = slide(on, &from);
+        if (is_over(&from) || from.step == STEPS || (count && !isfinite(brake)))
+            return count;
+        drive_on(on, &from, from.at.wheel + bounded(steering - from.at.wheel, -most_rad, most_rad), brake);
     }
-    return count;
 }
 
-static void best_end(struct end ends[][MOST_ENDS], beam floors, int count, double *to) {
+/* floors: the last end of one holds for all later moments. */
+static void best_end(struct end ends[][MOST_ENDS], const int *counts, beam floors, double *to) {
     double best_energy = INFINITY;
-    for (beam f = 0; f < floors; f++)
+    int moments = 0;
+    for (beam f = 0; f < floors; f++) {
         to[f] = INFINITY;
+        moments = counts[f] > moments ? counts[f] : moments;
+    }
     to[floors] = 0.0;
-    for (int k = 0; k < count; k++) {
+    for (int k = 0; k < moments; k++) {
         double energy = 0.0, room = INFINITY;
+        struct end now[MANOEUVRE_ROLLOUT_MAX_FLOORS];
         for (beam f = 0; f < floors; f++) {
-            energy += ends[f][k].impact * ends[f][k].impact;
-            room = lesser(room, ends[f][k].room);
+            now[f] = ends[f][k < counts[f] ? k : counts[f] - 1];
+            energy += now[f].impact * now[f].impact;
+            room = lesser(room, now[f].room);
         }
         if (!(energy < best_energy - TINY || (energy <= best_energy + TINY && room > to[floors] + TINY)))
             continue;
         best_energy = energy;
         to[floors] = room;
         for (beam f = 0; f < floors; f++)
-            to[f] = ends[f][k].impact;
+            to[f] = now[f].impact;
     }
 }
 
@@ -217,7 +262,8 @@ KERNEL(roll_outs) {
         !as_row(given[3], NPY_DOUBLE, &grip) || !as_row(given[4], NPY_DOUBLE, &past) ||
         !as_row(given[5], NPY_DOUBLE, &coming) || !as_numbers(given + 6, 9, (double *)&car))
         return NULL;
-    int fine = all_finite(&steering) && all_finite(&grip) && all_finite(&past) && all_finite(&coming) && car.brake >= 0;
+    int fine = all_finite(&steering) && all_finite(&grip) && all_finite(&past) && all_finite(&coming) && car.brake >= 0 &&
+               car.front + car.rear >= 0 && car.half >= 0;
     for (int i = 0; i < 9; i++)
         fine = fine && isfinite(((double *)&car)[i]);
     for (beam i = 0; i < brake.count; i++)
@@ -242,15 +288,19 @@ KERNEL(roll_outs) {
         }
     double margin = 0.5 * distance(&car, car.wheelbase / 2, 0.0, &points) - TINY;
     margin = lesser(MANOEUVRE_ROLLOUT_MARGIN_M, margin);
+    struct ground grounds[MANOEUVRE_ROLLOUT_MAX_FLOORS];
+    struct rollout starts[MANOEUVRE_ROLLOUT_MAX_FLOORS];
+    double half = car.wheelbase / 2, reach = length(most(fabs(car.front - half), fabs(car.rear + half)), car.half);
+    for (beam f = 0; f < grip.count; f++) {
+        grounds[f] = (struct ground){&car, &points, NUMBER(grip, f), margin, reach};
+        starts[f] = begun(grounds + f, &past, &coming);
+    }
     for (beam i = 0; answer && i < steering.count; i++) {
-        struct state path[STEPS + 1];
         struct end ends[MANOEUVRE_ROLLOUT_MAX_FLOORS][MOST_ENDS];
-        int moments = 0;
-        for (beam f = 0; f < grip.count; f++) {
-            roll_out(&car, &past, &coming, NUMBER(steering, i), NUMBER(brake, i), NUMBER(grip, f), path);
-            moments = ends_of(&car, path, &points, NUMBER(brake, i), NUMBER(grip, f), margin, ends[f]);
-        }
-        best_end(ends, grip.count, moments, DATA(double, answer) + i * (grip.count + 1));
+        int counts[MANOEUVRE_ROLLOUT_MAX_FLOORS];
+        for (beam f = 0; f < grip.count; f++)
+            counts[f] = ends_of(grounds + f, starts[f], NUMBER(steering, i), NUMBER(brake, i), ends[f]);
+        best_end(ends, counts, grip.count, DATA(double, answer) + i * (grip.count + 1));
     }
     free(room);
     return answer;

@@ -13,8 +13,8 @@ from runtime.control.safety.emergency_manoeuvre import (
     Manoeuvre,
     Outcome,
     Situation,
+    best_of,
     candidates,
-    choose,
     is_clearly_better,
 )
 from runtime.control.safety.manoeuvre_rollout import STEP_S, Start
@@ -92,7 +92,7 @@ class Emergency:
         tried = candidates(wish_rad, most_rad, situation.grips_mps2, gentle_share)
         if kept not in tried:
             tried.insert(1, kept)
-        self.chosen = choose(situation.predict(tried), kept, wish_rad)
+        self.chosen = best_of(situation, tried, kept, wish_rad)
         self._follows_driver = self.chosen.manoeuvre.steering_rad == wish_rad
         self._asked = stamp_s, wish_rad
         return self.chosen
@@ -163,8 +163,11 @@ class Emergency:
 
 def _is_last_moment(situation: Situation, wish_rad: float) -> bool:
     """Whether a turn may hit something, a full brake is clearly better, and would come too late a scan later."""
-    brake, turn = situation.predict([FULL_BRAKE, Manoeuvre(wish_rad, 0.0)])
-    if turn.is_free or not is_clearly_better(brake, turn):
+    (turn,) = situation.predict([Manoeuvre(wish_rad, 0.0)])
+    if turn.is_free:
+        return False
+    (brake,) = situation.predict([FULL_BRAKE])
+    if not is_clearly_better(brake, turn):
         return False
     later = situation.start._replace(latency_s=situation.start.latency_s + LATER_S)
     (late_brake,) = replace(situation, start=later).predict([FULL_BRAKE])

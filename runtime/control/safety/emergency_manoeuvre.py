@@ -22,7 +22,7 @@ import numpy as np
 
 from drivers.value import value
 from runtime.control.perception.geometry import Floats, Places
-from runtime.control.safety.manoeuvre_rollout import TINY, Start, roll_outs
+from runtime.control.safety.manoeuvre_rollout import MAX_ROOM_M, TINY, Start, roll_outs
 
 HARDLY_MPS = 0.1
 """The rollouts know an impact no better than this."""
@@ -95,6 +95,21 @@ class Situation:
         )
         rows = figures.reshape(len(manoeuvres), -1).tolist()
         return [Outcome(done, tuple(row[:-1]), row[-1]) for done, row in zip(manoeuvres, rows, strict=True)]
+
+
+def best_of(situation: Situation, tried: Sequence[Manoeuvre], kept: Manoeuvre, wish_rad: float) -> Outcome:
+    """Return what `choose` chooses of all of tried, the first of which is the full brake; rolls out no others.
+
+    A brake with room enough is beaten by nothing, and one that hits nothing on the assumed floor only by the driver's
+    own steering.
+    """
+    (brake,) = situation.predict(tried[:1])
+    if kept == FULL_BRAKE and brake.is_free and brake.room_m + CLEARLY_M >= MAX_ROOM_M:
+        return brake
+    others = tried[1:]
+    if brake.impact_mps[0] <= TINY:
+        others = [other for other in others if other.steering_rad == wish_rad or other == kept]
+    return choose([brake, *situation.predict(others)], kept, wish_rad)
 
 
 def candidates(

@@ -15,6 +15,7 @@ Below SLOW_MPS the car rolls without slip. Source: single-track model, e.g. Raja
 """
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -66,13 +67,19 @@ class Start(NamedTuple):
 
 
 class State(NamedTuple):
-    """The car on its way. middle_m: between the axles. course_rad: where that moves. yaw_radps: its rotation."""
+    """The car on its way. middle_m: between the axles. course_rad: where that moves. yaw_radps: its rotation.
+
+    ahead_mps, aside_mps: of the middle. wheel_rad: angle of the front wheels.
+    """
 
     middle_m: complex
     heading_rad: float
     course_rad: float
     speed_mps: float
     yaw_radps: float
+    ahead_mps: float = 0.0
+    aside_mps: float = 0.0
+    wheel_rad: float = 0.0
 
 
 @twin
@@ -93,12 +100,13 @@ def roll_outs(
     start, points_m = Start(*start_fields), points_m[np.isfinite(points_m)]
     _check(start, steering_rad, brake_mps2, grip_mps2, past_rad, coming_rad)
     margin_m = _margin_m(start, points_m)
+    begun = [latency_path(start, past_rad.tolist(), coming_rad.tolist(), grip) for grip in grip_mps2.tolist()]
     rows: list[float] = []
     for steering, brake in zip(steering_rad.tolist(), brake_mps2.tolist(), strict=True):
         floors = []
-        for grip in grip_mps2.tolist():
-            path = roll_out(start, past_rad.tolist(), coming_rad.tolist(), steering, brake, grip)
-            floors.append(_ends(start, path, points_m, brake, grip, margin_m))
+        for path, grip in zip(begun, grip_mps2.tolist(), strict=True):
+            way = roll_out(start, path, steering, brake, grip)
+            floors.append(_ends(start, way, points_m, brake, grip, margin_m))
         rows += _best_end(floors)
     return np.array(rows, np.float64)
 
@@ -106,46 +114,53 @@ def roll_outs(
 def _check(start: Start, steering_rad: Floats, brake_mps2: Floats, grip_mps2: Floats, *wheel_rad: Floats) -> None:
     """Raise ValueError for what is no car."""
     finite = all(bool(np.isfinite(values).all()) for values in (np.array(start), steering_rad, grip_mps2, *wheel_rad))
-    positive = bool((grip_mps2 > 0.0).all() and (brake_mps2 >= 0.0).all()) and start.brake_mps2 >= 0.0
+    outlined = start.front_m + start.rear_m >= 0.0 and start.half_width_m >= 0.0 and start.brake_mps2 >= 0.0
+    positive = bool((grip_mps2 > 0.0).all() and (brake_mps2 >= 0.0).all()) and outlined
     if not (finite and positive) or steering_rad.size != brake_mps2.size or not 1 <= grip_mps2.size <= MAX_FLOORS:
         raise ValueError("roll_outs: finite numbers, a steering for every brake, and 1 to 4 floors are needed")
 
 
-def roll_out(
-    start: Start,
-    past_rad: list[float],
-    coming_rad: list[float],
-    steering_rad: float,
-    brake_mps2: float,
-    grip_mps2: float,
-) -> list[State]:
-    """Return where the car is at every step, the present first, as the past has left it."""
-    moves = (start.speed_mps, 0.0, 0.0)
-    wheel_rad, heading_rad, middle_m = 0.0, 0.0, complex(start.wheelbase_m / 2, 0.0)
+def latency_path(start: Start, past_rad: list[float], coming_rad: list[float], grip_mps2: float) -> list[State]:
+    """Return where the car is at every step until a new command shows, the present first, as the past has left it."""
+    moves, wheel_rad = (start.speed_mps, 0.0, 0.0), 0.0
     for wheel_rad in past_rad:
         moves = _turned(start, (start.speed_mps, *moves[1:]), wheel_rad, 0.0, grip_mps2)
-    course_rad = math.atan2(moves[1], moves[0])
-    path = [State(middle_m, heading_rad, course_rad, moves[0], moves[2])]
+    middle_m, course_rad = complex(start.wheelbase_m / 2, 0.0), math.atan2(moves[1], moves[0])
+    path = [State(middle_m, 0.0, course_rad, moves[0], moves[2], *moves[:2], wheel_rad)]
     for step in range(1, HORIZON_STEPS + 1):
-        acts = step * STEP_S > start.latency_s
-        slows_mps2 = brake_mps2 if acts else start.brake_mps2
-        if acts:
-            most_rad = start.rate_radps * STEP_S
-            wheel_rad += min(max(steering_rad - wheel_rad, -most_rad), most_rad)
-        elif step <= len(coming_rad):
-            wheel_rad = coming_rad[step - 1]
-        if slows_mps2 >= grip_mps2:
-            moves = _slid(moves, course_rad - heading_rad, grip_mps2)
-            heading_rad += moves[2] * STEP_S
-        else:
-            moves = _turned(start, moves, wheel_rad, slows_mps2, grip_mps2)
-            heading_rad += moves[2] * STEP_S
-            course_rad = heading_rad + math.atan2(moves[1], max(moves[0], STANDING_MPS))
-        speed_mps = math.hypot(moves[0], moves[1])
-        moved_m = (path[-1].speed_mps + speed_mps) / 2 * STEP_S
-        middle_m += complex(moved_m * math.cos(course_rad), moved_m * math.sin(course_rad))
-        path.append(State(middle_m, heading_rad, course_rad, speed_mps, moves[2]))
+        if step * STEP_S > start.latency_s:
+            break
+        wheel_rad = coming_rad[step - 1] if step <= len(coming_rad) else wheel_rad
+        path.append(_next(start, path[-1], wheel_rad, start.brake_mps2, grip_mps2))
     return path
+
+
+def roll_out(
+    start: Start, path: list[State], steering_rad: float, brake_mps2: float, grip_mps2: float
+) -> Iterator[State]:
+    """Yield where the car is at every step, the latency's path first; ends with the horizon, or at standstill."""
+    yield from path
+    state, most_rad = path[-1], start.rate_radps * STEP_S
+    for _ in range(len(path), HORIZON_STEPS + 1):
+        wheel_rad = state.wheel_rad + min(max(steering_rad - state.wheel_rad, -most_rad), most_rad)
+        state = _next(start, state, wheel_rad, brake_mps2, grip_mps2)
+        yield state
+
+
+def _next(start: Start, state: State, wheel_rad: float, slows_mps2: float, grip_mps2: float) -> State:
+    """Return the state one step later."""
+    moves, course_rad = (state.ahead_mps, state.aside_mps, state.yaw_radps), state.course_rad
+    if slows_mps2 >= grip_mps2:
+        moves = _slid(moves, course_rad - state.heading_rad, grip_mps2)
+        heading_rad = state.heading_rad + moves[2] * STEP_S
+    else:
+        moves = _turned(start, moves, wheel_rad, slows_mps2, grip_mps2)
+        heading_rad = state.heading_rad + moves[2] * STEP_S
+        course_rad = heading_rad + math.atan2(moves[1], max(moves[0], STANDING_MPS))
+    speed_mps = math.hypot(moves[0], moves[1])
+    moved_m = (state.speed_mps + speed_mps) / 2 * STEP_S
+    middle_m = state.middle_m + complex(moved_m * math.cos(course_rad), moved_m * math.sin(course_rad))
+    return State(middle_m, heading_rad, course_rad, speed_mps, moves[2], *moves[:2], wheel_rad)
 
 
 Moves = tuple[float, float, float]
@@ -182,24 +197,24 @@ def _slid(moves: Moves, drift_rad: float, grip_mps2: float) -> Moves:
 
 
 def _ends(
-    start: Start, path: list[State], points_m: Places, brake_mps2: float, grip_mps2: float, margin_m: float
+    start: Start, way: Iterator[State], points_m: Places, brake_mps2: float, grip_mps2: float, margin_m: float
 ) -> list[tuple[float, float]]:
-    """Return impact and room for every moment at which the wheels may be locked."""
+    """Return impact and room for every moment at which the wheels may be locked.
+
+    Ends at standstill and with a contact: whatever comes later ends like that.
+    """
     ends: list[tuple[float, float]] = []
-    room_m, hit_mps = MAX_ROOM_M, -1.0
-    for step, state in enumerate(path):
-        if step % LOOK_STEPS == 0 and hit_mps < 0.0 and state.speed_mps > STANDING_MPS:
+    room_m = MAX_ROOM_M
+    for step, state in enumerate(way):
+        if step % LOOK_STEPS == 0 and state.speed_mps > STANDING_MPS:
             room_m = min(room_m, distance_m(start, state, points_m) - margin_m)
             if room_m <= 0.0:
-                hit_mps = state.speed_mps
-        if not _may_lock(start, brake_mps2, step):
+                return [*ends, (state.speed_mps, 0.0)]
+        if not (stands := state.speed_mps == 0.0) and not _may_lock(start, brake_mps2, step):
             continue
-        if hit_mps >= 0.0:
-            ends.append((hit_mps, 0.0))
-        else:
-            impact_mps, rest_m = slide(start, state, points_m, grip_mps2, margin_m)
-            ends.append((impact_mps, min(rest_m, room_m)))
-        if not math.isfinite(brake_mps2):
+        impact_mps, rest_m = slide(start, state, points_m, grip_mps2, margin_m)
+        ends.append((impact_mps, min(rest_m, room_m)))
+        if stands or not math.isfinite(brake_mps2):
             break
     return ends
 
@@ -266,10 +281,11 @@ def _third(values: Floats) -> float:
 def _best_end(floors: list[list[tuple[float, float]]]) -> list[float]:
     """Return the impacts and the room of the best moment to lock the wheels, the same on all floors.
 
-    floors: of each, impact and room at every such moment.
+    floors: of each, impact and room at every such moment; the last one of a floor holds for all later ones.
     """
     best, best_energy, best_room_m = [math.inf] * len(floors), math.inf, 0.0
-    for ends in zip(*floors, strict=True):
+    for moment in range(max(map(len, floors))):
+        ends = [floor[min(moment, len(floor) - 1)] for floor in floors]
         energy = sum(impact * impact for impact, _ in ends)
         room_m = min(room for _, room in ends)
         if energy < best_energy - TINY or (energy <= best_energy + TINY and room_m > best_room_m + TINY):

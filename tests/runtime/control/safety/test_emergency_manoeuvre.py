@@ -5,10 +5,20 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from runtime.control.safety.emergency_manoeuvre import FULL_BRAKE, Manoeuvre, Outcome, Situation, candidates, choose
+from runtime.control.safety.emergency_manoeuvre import (
+    FULL_BRAKE,
+    Manoeuvre,
+    Outcome,
+    Situation,
+    best_of,
+    candidates,
+    choose,
+)
 from runtime.control.safety.footprint import Outline
-from runtime.control.safety.manoeuvre_rollout import STEP_S, Start, distance_m, roll_out, slide
+from runtime.control.safety.manoeuvre_rollout import STEP_S, Start, distance_m, latency_path, roll_out, slide
 from runtime.control.safety.stopping import GRAVITY_MPS2
 from tests.runtime.control.safety.test_swept import CAR, FRONT_M, SETTINGS, Car, wall_at, world
 
@@ -25,7 +35,8 @@ def start(speed_mps=3.0, braked_mps2=0.0, latency_s=0.05):
 
 
 def rolled(steering_rad, brake_mps2, grip_mps2=GRIPS_MPS2[0], past_rad=NO_PAST, **how):
-    return roll_out(start(**how), past_rad.tolist(), [], steering_rad, brake_mps2, grip_mps2)
+    begun = latency_path(car := start(**how), past_rad.tolist(), [], grip_mps2)
+    return list(roll_out(car, begun, steering_rad, brake_mps2, grip_mps2))
 
 
 def box(ahead_m, width_m, left_m=0.0):
@@ -218,6 +229,32 @@ def test_of_two_that_hit_nothing_the_one_with_clearly_more_room_is_chosen():
     brake = Outcome(FULL_BRAKE, (0.5, 1.0), 0.0)
     narrow, wide = outcome(0.3, (0.0, 0.0), 0.01), outcome(0.3, (0.0, 0.0), 0.09, brake_mps2=3.0)
     assert choose([brake, narrow, wide], FULL_BRAKE, 0.3) is wide
+
+
+@given(
+    gap_m=st.floats(0.05, 1.5),
+    left_m=st.floats(-0.7, 0.7),
+    speed_mps=st.floats(0.3, 4.0),
+    wish_rad=st.sampled_from([0.0, 0.1, LOCK_RAD, -LOCK_RAD]),
+    keeps=st.integers(0, 30),
+)
+@settings(max_examples=60, deadline=None)
+def test_what_cannot_be_chosen_is_not_rolled_out(gap_m, left_m, speed_mps, wish_rad, keeps):
+    rolled_out = []
+
+    class Counted(Situation):
+        def predict(self, manoeuvres):
+            rolled_out.extend(manoeuvres)
+            return super().predict(manoeuvres)
+
+    here = situation(box(gap_m, 0.6, left_m), speed_mps=speed_mps)
+    tried = candidates(wish_rad, LOCK_RAD, GRIPS_MPS2, SETTINGS.gentle_share)
+    kept = tried[keeps % len(tried)]
+    counted = Counted(here.start, here.points_m, here.grips_mps2, here.past_rad, here.coming_rad)
+    found = best_of(counted, tried, kept, wish_rad)
+    outcomes = here.predict(tried)
+    assert found == choose(outcomes, kept, wish_rad)
+    assert len(rolled_out) <= (31 if outcomes[0].impact_mps[0] > 0.0 else 7)
 
 
 # --- through the guard
