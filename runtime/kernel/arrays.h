@@ -92,6 +92,7 @@ KERNEL(corrected);
 KERNEL(evidence);
 KERNEL(findings);
 KERNEL(near_places);
+KERNEL(places_behind);
 KERNEL(watched);
 KERNEL(prefetch);
 

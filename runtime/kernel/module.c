@@ -98,7 +98,8 @@ static PyMethodDef functions[] = {
     ENTRY(returned), ENTRY(solid_places), ENTRY(any_nearer), ENTRY(dark_around), ENTRY(swept_touch),
     ENTRY(wall_line), ENTRY(wall_beside), ENTRY(rolled_along), ENTRY(driven_along), ENTRY(scan_parts),
     ENTRY(foreseen), ENTRY(predicted), ENTRY(corrected), ENTRY(driven_on), ENTRY(evidence),
-    ENTRY(findings), ENTRY(near_places), ENTRY(watched), ENTRY(roll_outs), ENTRY(prefetch),
+    ENTRY(findings), ENTRY(near_places), ENTRY(watched), ENTRY(roll_outs), ENTRY(places_behind),
+    ENTRY(prefetch),
     {NULL, NULL, 0, NULL},
 };
 

@@ -150,13 +150,15 @@ class Emergency:
 
     def _wheels_rad(self, strip: Strip, stamp_s: float) -> tuple[Floats, Floats]:
         """Return the angles at each step of the past and of the latency; a command shows after the actuation."""
-        stamps_s, angles_rad = np.array(self._angles).reshape(-1, 2).T
         steps = round(PAST_S / STEP_S)
-        told_s = (
-            stamp_s
-            - strip.body.settings.actuation_s
-            + STEP_S * np.arange(-steps + 1, math.ceil(strip.latency_s / STEP_S) + 1)
-        )
+        first_s = stamp_s - strip.body.settings.actuation_s - STEP_S * (steps - 1)
+        recent: deque[tuple[float, float]] = deque()
+        for noted in reversed(self._angles):
+            recent.appendleft(noted)
+            if noted[0] <= first_s:
+                break
+        stamps_s, angles_rad = np.array(recent).reshape(-1, 2).T
+        told_s = first_s + STEP_S * np.arange(steps + math.ceil(strip.latency_s / STEP_S))
         wheels_rad = np.interp(told_s, stamps_s, angles_rad)
         return wheels_rad[:steps], wheels_rad[steps:]
 

@@ -43,6 +43,7 @@ class Behind:
     def __init__(self, lidar_x_m: float) -> None:
         self._lidar_x_m = lidar_x_m
         self._views: deque[Places] = deque(maxlen=KEPT_VIEWS)
+        self._seen = NOWHERE
         self.kept: deque[Kept] = deque(maxlen=KEPT_FOR_A_WAY_OUT)
         self._doubtful = NOWHERE
         self._last: Pose | None = None
@@ -73,6 +74,7 @@ class Behind:
         for one in kept[-KEPT_VIEWS:]:
             view, at = one.view, (one.place_m.real, one.place_m.imag, one.yaw_rad)
             self._views.append(near_places(view.x_m, view.y_m, view.solid, view.ranges_m, *at))
+        self._seen = np.concatenate(self._views) if self._views else NOWHERE
 
     def keep(self, view: View, doubtful: Places = NOWHERE) -> None:
         """Take in the scan of this pose; keeps a view every 10 cm or 9 degrees.
@@ -90,6 +92,7 @@ class Behind:
         at = pose.x_m, pose.y_m, pose.yaw_rad
         self.kept.append(self.seen_now(view))
         self._views.append(near_places(view.x_m, view.y_m, view.solid, view.ranges_m, *at))
+        self._seen = np.concatenate(self._views)
 
     def seen_now(self, view: View) -> Kept:
         """Return a view as one that was taken at this pose."""
@@ -101,16 +104,9 @@ class Behind:
         What it does look at is judged by what it sees: a person who has left leaves no ghost there. Of that only what
         is in doubt is added.
         """
-        if not (self._views or self._doubtful.size):
-            return NOWHERE
-        at = self._at
-        points = np.concatenate([*self._views, self._doubtful])
-        points = (points - complex(at.x_m, at.y_m)) * cmath.rect(1.0, -at.yaw_rad)
-        told = np.abs(np.angle(points - self._lidar_x_m)) > half_view_rad
-        told[points.size - self._doubtful.size :] = True
-        told &= np.abs(points) < NEAR_M
-        found: Places = points[told]
-        return found
+        at = self._at.x_m, self._at.y_m, self._at.yaw_rad, self._lidar_x_m
+        found = places_behind(self._seen, *at, half_view_rad)
+        return np.concatenate([found, places_behind(self._doubtful, *at, -1.0)]) if self._doubtful.size else found
 
 
 def on_track(place_m: Places, heading: Places, track_m: Places, track_heading: Places) -> Booleans:
@@ -133,3 +129,17 @@ def near_places(
     """Return in odom, (k,), the solid ones nearer than NEAR_M of points (n,) seen from a pose in base_link."""
     near = (solid & (ranges_m < NEAR_M)).nonzero()[0]
     return places_m(x_m, y_m, near) * cmath.rect(1.0, yaw_rad) + complex(at_x_m, at_y_m)
+
+
+@twin
+def places_behind(
+    places_m: Places, at_x_m: float, at_y_m: float, yaw_rad: float, lidar_x_m: float, half_view_rad: float
+) -> Places:
+    """Return in base_link of a pose, (k,), the places (n,), odom, nearer than NEAR_M and beyond +-half_view_rad.
+
+    half_view_rad: of the lidar, which is lidar_x_m ahead; negative for all directions.
+    """
+    here_m = (places_m - complex(at_x_m, at_y_m)) * cmath.rect(1.0, -yaw_rad)
+    behind = np.abs(np.angle(here_m - lidar_x_m)) > half_view_rad
+    found: Places = here_m[behind & (np.abs(here_m) < NEAR_M)]
+    return found

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers import twin
@@ -108,11 +108,30 @@ def test_any_near_places_are_kept_alike(compiled, seed, beams, pose):
         assert_same("near_places", twin.PLAIN["near_places"](*given_), compiled["near_places"](*given_))
 
 
+@settings(max_examples=120, deadline=None)
+@given(
+    seed=st.integers(0, 2**32),
+    places=st.sampled_from([0, 1, 40, 3000]),
+    pose=st.tuples(*[st.one_of(st.floats(-5.0, 5.0), st.just(math.nan))] * 4),
+    half_view_rad=st.one_of(st.floats(-1.0, 4.0), st.sampled_from([0.0, -1.0, math.nan, math.inf])),
+)
+def test_any_places_are_behind_alike(compiled, seed, places, pose, half_view_rad):
+    rng = np.random.default_rng(seed)
+    places_m = rng.normal(0.0, 2.0, places) + 1j * rng.normal(0.0, 2.0, places)
+    if places > 1:
+        places_m[rng.integers(0, places, 3)] = complex(*rng.choice([math.nan, math.inf, 0.0], 2))
+    given_ = (places_m, *pose, half_view_rad)
+    with np.errstate(invalid="ignore"):
+        assert_same("places_behind", twin.PLAIN["places_behind"](*given_), compiled["places_behind"](*given_))
+
+
 def test_near_places_of_no_direction_or_of_different_lengths_are_refused(compiled):
     long_m, flags = np.ones(9), np.ones(9, np.bool_)
     for of in (twin.PLAIN, compiled):
         with pytest.raises(ValueError, match="math domain error"):
             of["near_places"](long_m, long_m, flags, long_m, 0.0, 0.0, math.inf)
+        with pytest.raises(ValueError, match="math domain error"):
+            of["places_behind"](long_m + 0j, 0.0, 0.0, math.inf, 0.0, 2.0)
     for place in range(4):
         arrays = [long_m, long_m, flags, long_m]
         arrays[place] = arrays[place][1:]
