@@ -169,7 +169,7 @@ def _is_last_moment(situation: Situation, wish_rad: float) -> bool:
     if turn.is_free:
         return False
     (brake,) = situation.predict([FULL_BRAKE])
-    if not is_clearly_better(brake, turn):
+    if not (brake.is_free or is_clearly_better(brake, turn)):
         return False
     later = situation.start._replace(latency_s=situation.start.latency_s + LATER_S)
     (late_brake,) = replace(situation, start=later).predict([FULL_BRAKE])

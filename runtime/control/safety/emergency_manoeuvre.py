@@ -150,7 +150,10 @@ def never_harder(one: Outcome, other: Outcome, by_mps: float) -> bool:
 
 
 def is_clearly_better(one: Outcome, other: Outcome) -> bool:
-    """Whether it hits clearly less hard, or nothing at all, or nothing either and has clearly more room."""
-    if one.is_free and other.is_free:
+    """Whether it hits clearly less hard, or nothing at all, or nothing either and has clearly more room.
+
+    What is hit hardly counts as free without room: for a way that passes by a centimetre no full brake is given up.
+    """
+    if one.is_free and other.worst_mps <= HARDLY_MPS:
         return one.room_m > other.room_m + CLEARLY_M
     return one.is_free or one.worst_mps < other.worst_mps - CLEARLY_MPS
