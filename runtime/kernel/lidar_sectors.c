@@ -11,7 +11,7 @@ static double carried(place held, place turn, const double *v) {
     if (isnan(creal(held)))
         return NAN;
     place off = times(held - CMPLX(v[4], v[5]), turn) - v[2];
-    if (!(hypot(creal(off), cimag(off)) < v[3]))
+    if (!(creal(off) * creal(off) + cimag(off) * cimag(off) < v[3] * v[3]))
         return NAN;
     return (atan2(cimag(off), creal(off)) - v[0]) / v[1];
 }
@@ -26,6 +26,17 @@ static void expect(double right, double left, npy_bool *expected, beam sectors) 
         double at = ceil(right) + (double)step;
         if (at <= left && at >= 0 && at < (double)sectors)
             expected[(beam)at] = 1;
+    }
+}
+
+/* Which sectors are expected to see, by what each has held; only asked where one is silent. */
+static void expect_all(const struct row *held, const double *v, double turned, npy_bool *expected) {
+    const place turn = CMPLX(cos(-turned), sin(-turned));
+    double before = NAN;
+    for (beam k = 0; v[3] > 0.0 && k < held->count; k++) {
+        double at = carried(PLACE(*held, k), turn, v);
+        expect(before, at, expected, held->count);
+        before = at;
     }
 }
 
@@ -94,40 +105,36 @@ KERNEL(watched) {
         for (beam i = 0; i < end - first; i++)
             if (FLAG(dirty, first + i) && NUMBER(range, first + i) < VIEW_LEARNT_DIRT_NEARER_THAN_M)
                 echo[i] = 0;
-    const place turn = CMPLX(cos(-v[8]), sin(-v[8])), nothing = CMPLX(NAN, NAN);
-    if (v[5] > 0.0) {
-        double before = NAN;
-        for (beam k = 0; k < sectors; k++) {
-            double at = carried(PLACE(held, k), turn, known);
-            expect(before, at, expected, sectors);
-            before = at;
-        }
+    npy_bool *linked = echo; /* in place: each beam with one before or behind it that agrees */
+    for (beam i = 0, before = 0; i < end - first; i++) {
+        beam next_one = i + 1 < end - first ? i + 1 : i; /* beyond the last one is none */
+        double range_m = NUMBER(range, first + i), off_m = NUMBER(range, first + next_one) - range_m;
+        int same = fabs(off_m) <= LIDAR_SECTORS_SAME_THING_M + LIDAR_SECTORS_SAME_THING_SHARE * range_m;
+        int agrees = echo[i] & echo[i + 1] & same;
+        linked[i] = agrees || before;
+        before = agrees;
     }
     npy_int8 *now = DATA(npy_int8, next);
     beam suspects = 0, gone = 0, ahead_from = end, ahead_end = first;
-    int before = 0; /* whether the beam before agrees with this one */
+    int expects = 0; /* whether it is known what is expected */
     for (beam k = 0; k < sectors; k++) {
-        beam seeing = 0, nearest = 2 * beams, pick = first + k * beams;
-        for (beam n = 0, i = first + k * beams; n < beams; n++, i++) {
-            int agrees = 0;
-            if (echo[i - first] && echo[i - first + 1]) { /* beyond the last one is none */
-                double range_m = NUMBER(range, i), off_m = NUMBER(range, i + 1) - range_m;
-                agrees = fabs(off_m) <= LIDAR_SECTORS_SAME_THING_M + LIDAR_SECTORS_SAME_THING_SHARE * range_m;
+        const npy_bool *beam_linked = linked + k * beams;
+        beam seeing = 0, pick = first + k * beams;
+        for (beam n = 0; n < beams; n++)
+            seeing += beam_linked[n];
+        for (beam right = (beams - 1) / 2, left = beams / 2; right >= 0 && seeing; right--, left++)
+            if (beam_linked[right] || beam_linked[left]) {
+                pick += beam_linked[right] ? right : left;
+                break;
             }
-            if (agrees || before) {
-                beam off = 2 * n > beams - 1 ? 2 * n - (beams - 1) : beams - 1 - 2 * n;
-                seeing++;
-                if (off < nearest) {
-                    nearest = off;
-                    pick = i;
-                }
-            }
-            before = agrees;
-        }
         int sees = (double)seeing >= most(2.0, LIDAR_SECTORS_SEES_SHARE * (double)beams);
         int silent = !sees && (double)seeing <= LIDAR_SECTORS_SILENT_SHARE * (double)beams;
+        if (silent && !expects) {
+            expects = 1;
+            expect_all(&held, known, v[8], expected);
+        }
         npy_int8 was = AT(npy_int8, state, k);
-        place at = CMPLX(NUMBER(x, pick), NUMBER(y, pick));
+        const place at = CMPLX(NUMBER(x, pick), NUMBER(y, pick)), nothing = CMPLX(NAN, NAN);
         DATA(place, seen)[k] = sees ? at : nothing;
         DATA(place, full)[k] = sees && (double)seeing >= LIDAR_SECTORS_FULL_SHARE * (double)beams ? at : nothing;
         now[k] = was == MISSING || was == GONE ? was - 1 : was;
