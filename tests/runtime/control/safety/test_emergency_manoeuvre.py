@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from runtime.control.safety import emergency
 from runtime.control.safety.emergency_manoeuvre import (
     FULL_BRAKE,
     Manoeuvre,
@@ -331,6 +332,33 @@ def test_a_swerve_that_comes_too_late_is_braked_although_its_arc_is_free():
     assert other_side.limit(2.0, -0.34).forward_mps > 0.0  # it may turn back, as it did before
     long_ago = swerves(np.full(12, -0.34))
     assert long_ago.limit(2.0, -0.34).forward_mps > 0.0
+
+
+@pytest.mark.parametrize("begun_rad", [0.0, 0.1, 0.25])
+@pytest.mark.parametrize("speed_mps", [1.0, 2.0, 3.0])
+def test_what_stops_a_scan_later_is_not_rolled_out_and_would_not_be_braked(monkeypatch, speed_mps, begun_rad):
+    """Walls come nearer: as long as nothing is rolled out the rollouts would not brake, and near walls are rolled."""
+    asked = []
+    judge = emergency._is_last_moment
+    monkeypatch.setattr(emergency, "_is_last_moment", lambda *given_: asked.append(judge(*given_)) or asked[-1])
+    skipped = 0
+    for ahead_m in np.arange(0.2, 4.0, 0.1):
+        car, scan = (
+            Car(),
+            np.minimum(world(wall_at(FRONT_M + ahead_m)), world((-3.0, ahead_m + 0.4, 9.0, ahead_m + 0.4))),
+        )
+        for wheel_rad in np.linspace(0.0, begun_rad, 6):
+            outlook = car.look(scan, speed_mps=speed_mps, wheel_rad=wheel_rad)
+        asked.clear()
+        now_s = outlook.view.scan.stamp_s
+        in_vain = car.guard.emergency.swerves_in_vain(outlook.strip, begun_rad + 0.2, now_s)
+        if not asked:
+            skipped += 1
+            assert not in_vain
+            assert not judge(car.guard.emergency._situation(outlook.strip, now_s), begun_rad + 0.2)
+        else:
+            assert ahead_m < 0.6 + speed_mps**2 / 8.0
+    assert 0 < skipped < 38
 
 
 def test_a_manoeuvre_goes_on_with_the_drivers_steering_when_that_changes():
