@@ -138,7 +138,7 @@ def latency_path(start: Start, past_rad: list[float], coming_rad: list[float], g
 def roll_out(
     start: Start, path: list[State], steering_rad: float, brake_mps2: float, grip_mps2: float
 ) -> Iterator[State]:
-    """Yield where the car is at every step, the latency's path first; ends with the horizon, or at standstill."""
+    """Yield where the car is at every step up to the horizon, the latency's path first."""
     yield from path
     state, most_rad = path[-1], start.rate_radps * STEP_S
     for _ in range(len(path), HORIZON_STEPS + 1):
