@@ -13,8 +13,9 @@ if TYPE_CHECKING:
 
 def add(commands: "Commands") -> None:
     """Add both commands."""
-    report = commands.add_parser("report", help="a recorded run as one page: path, errors, stops and why")
+    report = commands.add_parser("report", help="a recorded run, or two side by side, as one page")
     replay_options.add_file(report)
+    report.add_argument("beside", nargs="?", type=Path, metavar="FILE2", help="another recording, beside the first")
     report.add_argument("-o", dest="output", type=Path, metavar="RUN.html", help="the page (default: beside you)")
     report.add_argument("--json", metavar="FILE|-", help="write the figures as JSON as well")
     report.add_argument(

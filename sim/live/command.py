@@ -96,7 +96,7 @@ def _drive(
     duration_s = options.duration or (options.laps * LONGEST_LAP_S if options.laps else DEFAULT_DURATION_S)
     live = LiveConditions(vehicle, scene, conditions)
     session = Session(scene, vehicle, settings.motor, watched=not options.headless, changes=live)
-    start = _start(options, config, settings)
+    start = _start(options, config, settings, world.name)
     record = _run(session, start, duration_s, stop, console, _view(options, scene, vehicle, console, live), live)
     desired_m = settings.wall_follow.desired_distance_m
     summary = {
@@ -163,7 +163,7 @@ def _replay(
     vehicle = Vehicle(VehicleSettings(), Pose(0.0, 0.0, 0.0))
     session = Session(scene, vehicle, settings.motor, watched=not options.headless)
     duration_s = options.duration or math.inf
-    start = _start(options, config, settings)
+    start = _start(options, config, settings, f"recording {recording.name}")
     record = _run(session, start, duration_s, stop, console, _view(options, None, vehicle, console))
     pairs = scene.pairs(record.steering_rad)
     if options.plot is not None:
@@ -181,12 +181,12 @@ def _replay(
     }
 
 
-def _start(options: argparse.Namespace, config: Path, settings: Settings) -> Start:
+def _start(options: argparse.Namespace, config: Path, settings: Settings, world: str) -> Start:
     """Return how the runtime is started; without a named port a free one is taken."""
     is_named = "listen" in settings.telemetry.model_fields_set or "any_port" in settings.telemetry.model_fields_set
     is_placed = "simulated" in settings.recording.model_fields_set
     chosen = [*([] if is_named else ["telemetry.any_port=true"]), *([] if is_placed else ["recording.simulated=true"])]
-    assignments = [*options.assignments, *chosen]
+    assignments = [*options.assignments, *chosen, f"recording.world={json.dumps(world)}"]
     return Start(config, assignments, ["--saved", str(saved_settings(config))])
 
 
@@ -266,6 +266,7 @@ def _common(record: Record, settings: Settings, desired_m: float) -> dict[str, A
     return {
         "method": settings.wall_follow.method,
         "side": settings.wall_follow.side,
+        "began_unix_s": round(record.began_unix_s, 3),
         **figures(record.samples, desired_m),
         "scan_to_motor_ms": record.latency.summary_ms(),
         "telemetry": HEARD if status else f"drove without telemetry: {record.unheard}",

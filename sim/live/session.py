@@ -93,6 +93,7 @@ class Record:
     samples: the truth, one per scan. steering_rad: our answer to each scan, read from the wire before the next one.
     telemetry: the runtime's newest message of each topic. unheard: why it has none, "" while it has.
     address: where the runtime can be reached. starting_s: how long it has been waited for.
+    began_unix_s: when time_s was 0, since 1970.
     stop_command: the last motor command it ever wrote.
     log, page: what the runtime, and the monitor beside it, printed.
     """
@@ -103,6 +104,7 @@ class Record:
     latency: LatencyProbe = field(default_factory=LatencyProbe)
     ranges_mm: Ranges | None = None
     time_s: float = 0.0
+    began_unix_s: float = 0.0
     telemetry: dict[str, Any] = field(default_factory=dict)
     unheard: str = "the runtime did not say where its telemetry is"
     address: Address | None = None
@@ -257,6 +259,7 @@ class Session:
         """Return what keeps the world up with the clock, and lets the lidar look when it is time."""
         begin_s = time.monotonic()
         record = self.record
+        record.began_unix_s = time.time()
 
         def step(_late_s: float, _missed: int) -> None:
             now_s = time.monotonic()

@@ -180,6 +180,6 @@ def truth_of(summary: Mapping[str, Any]) -> dict[str, Any]:
     """Return what of a summary of `wallride sim --json` stands beside the car's own figures."""
     names = (
         "distance_m", "mean_abs_error_m", "rms_error_m", "settle_s", "max_overshoot_m", "min_clearance_m",
-        "mean_speed_mps", "laps", "lap_times_s", "collided",
+        "mean_speed_mps", "laps", "lap_times_s", "collided", "world", "began_unix_s",
     )  # fmt: skip
     return {name: summary[name] for name in names if name in summary}

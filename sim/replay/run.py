@@ -65,7 +65,10 @@ class Change:
 
 @dataclass(eq=False)
 class Run:
-    """Everything that the page shows. statuses: (time, fields). duration_s: to the last message."""
+    """Everything that the page shows. statuses: (time, fields). duration_s: to the last message.
+
+    zero_unix_s: the first message's time since 1970, 0 where it has no date.
+    """
 
     name: str
     car: str
@@ -83,6 +86,7 @@ class Run:
     changes: list[Change]
     statuses: Sequence[tuple[float, Mapping[str, Any]]] = ()
     duration_s: float = 0.0
+    zero_unix_s: float = 0.0
 
     @property
     def status(self) -> Mapping[str, Any]:
@@ -127,6 +131,7 @@ def run_of(log: DriveLog) -> Run:
         steering=_series([(seconds(at_ns), drive.steering_angle) for at_ns, drive in outputs]),
         changes=_changes(log, zero_ns),
         statuses=statuses,
+        zero_unix_s=zero_ns / NS,
         duration_s=max((seconds(message.stamp_ns) for message in log.messages), default=0.0),
     )
 

@@ -20,12 +20,13 @@ NICE = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Line:
-    """One series: label for the legend, "" for none; style is its class."""
+    """One series: label for the legend, "" for none; style is its class; short: the label beside a value."""
 
     label: str
     time_s: Floats
     value: Floats
     style: str = "s1"
+    short: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +50,13 @@ class Scale:
 
 
 def over_time(
-    lines: Sequence[Line], unit: str, *, marks: Sequence[Mark] = (), band: tuple[float, float] | None = None
-) -> str:
-    """Return lines over seconds with a grid; marks are vertical, the band is horizontal."""
+    lines: Sequence[Line], unit: str, *, marks: Sequence[Mark] = (), band: tuple[float, float] | None = None,
+    name: str = "",
+) -> str:  # fmt: skip
+    """Return lines over seconds with a grid; marks are vertical, the band is horizontal.
+
+    name: under which the page's script finds the chart's values; "" for a chart that stays as it is.
+    """
     shown = [line for line in lines if np.isfinite(line.value).any()]
     if not shown:
         return '<p class="nothing">not recorded</p>'
@@ -68,7 +73,7 @@ def over_time(
         )
     parts += [_marked(x(mark.time_s), mark.text) for mark in marks]
     parts += [f'<path class="line {line.style}" d="{_trace(line, x, y)}"/>' for line in shown]
-    return svg(WIDTH, HEIGHT, parts, f"{unit} over seconds") + _legend(shown)
+    return svg(WIDTH, HEIGHT, parts, f"{unit} over seconds", name) + _legend(shown)
 
 
 def histogram(values: Floats, unit: str, step: float) -> str:
@@ -97,10 +102,11 @@ def histogram(values: Floats, unit: str, step: float) -> str:
     return svg(WIDTH, HEIGHT, parts, f"share of scans by {unit}")
 
 
-def svg(width: int, height: int, parts: Sequence[str], title: str) -> str:
-    """Return a drawing that scales with the page."""
+def svg(width: int, height: int, parts: Sequence[str], title: str, chart: str = "") -> str:
+    """Return a drawing that scales with the page. chart: name of the values that the page's script draws in it."""
     inside = "".join(parts)
-    return f'<svg viewBox="0 0 {width} {height}" role="img" aria-label="{escape(title)}">{inside}</svg>'
+    named = f' data-chart="{escape(chart)}"' if chart else ""
+    return f'<svg viewBox="0 0 {width} {height}" role="img" aria-label="{escape(title)}"{named}>{inside}</svg>'
 
 
 def _legend(lines: Sequence[Line]) -> str:

@@ -7,23 +7,24 @@ from pathlib import Path
 from typing import Any
 
 from sim.recordings import RecordingError
-from sim.replay.figures import numbers, truth_of
+from sim.replay.figures import truth_of
 from sim.replay.opening import Opened, open_any
 from sim.replay.run import run_of
 from sim.run_report.page import page
+from sim.run_report.shown import Shown, shown
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write the page; RecordingError or SettingsError when there is nothing to write it from."""
-    target: Path = options.output or Path(f"{Path(options.file).stem}.html")
+    """Write the page of one run, or of two; RecordingError or SettingsError when there is nothing to write it from."""
+    files = [options.file, *([options.beside] if options.beside is not None else [])]
+    target: Path = options.output or Path(f"{'-'.join(Path(file).stem for file in files)}.html")
     _check(target)
-    opened: Opened = open_any(options.file, options.assignments, options.topic)
-    told = run_of(opened.log)
-    figures = numbers(told)
-    text = page(told, figures, _truth(options.file, options.summary))
+    runs = [_shown(file, tag, options) for file, tag in zip(files, "AB" if len(files) > 1 else ("",), strict=True)]
+    text = page(*runs)
     target.write_text(text, encoding="utf-8")
     if options.json is not None:
-        words = json.dumps(figures, indent=2) + "\n"
+        figures = [one.numbers for one in runs]
+        words = json.dumps(figures[0] if len(figures) == 1 else figures, indent=2) + "\n"
         if options.json == "-":
             print(words, end="")  # noqa: T201 - this is the command's answer
         else:
@@ -31,6 +32,11 @@ def run(options: argparse.Namespace) -> int:
     else:
         print(f"{target}: {len(text) / 1000:.0f} kB")  # noqa: T201
     return 0
+
+
+def _shown(file: Path, tag: str, options: argparse.Namespace) -> Shown:
+    opened: Opened = open_any(file, options.assignments, options.topic)
+    return shown(run_of(opened.log), _truth(file, options.summary if file == options.file else None), tag)
 
 
 def _truth(file: Path, summary: Path | None) -> Mapping[str, Any] | None:

@@ -18,8 +18,8 @@ SAME_EVENT_S = 0.5
 NOT_KNOWN = "–"
 
 
-def stops_table(found: Sequence[Stop], run: Run) -> str:
-    """Return when, for how long, by whom and why the car was told to stand."""
+def stops_table(found: Sequence[Stop], run: Run, tag: str = "") -> str:
+    """Return when, for how long, by whom and why the car was told to stand. tag: of the run, beside another."""
     if not found:
         return "<p>The car was never told to stop.</p>"
     rows = []
@@ -27,22 +27,23 @@ def stops_table(found: Sequence[Stop], run: Run) -> str:
         lasted = f"{stop.until_s - stop.from_s:.2f} s" if math.isfinite(stop.until_s) else "to the end"
         also = f' <span class="also">then: {escape(", ".join(stop.also))}</span>' if stop.also else ""
         rows.append(
-            f"<tr><td>{number}</td><td>{stop.from_s:.2f} s</td><td>{lasted}</td><td>{escape(stop.winner)}</td>"
+            f'<tr><td>{tag}{number}</td><td data-at="{stop.from_s:.3f}">{stop.from_s:.2f} s</td>'
+            f"<td>{lasted}</td><td>{escape(stop.winner)}</td>"
             f"<td>{escape(because(stop.reason, stop.measure))}{also}</td>"
             f"<td>{text(stop.speed_mps, 'm/s', 2)}</td></tr>"
         )
     slower = len(slowed(run))
     heads = "".join(f"<th>{name}</th>" for name in ("", "at", "for", "by", "why", "from"))
-    more = f"<p>Besides, the car was made slower {slower} times without a stop.</p>" if slower else ""
+    more = f"<p>Besides, the car was made slower {times(slower)} without a stop.</p>" if slower else ""
     return f"<table><thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table>{more}"
 
 
-def cards(run: Run, found: Sequence[Stop]) -> str:
+def cards(run: Run, found: Sequence[Stop], tag: str = "") -> str:
     """Return a picture of the scan at every stop and other decision, forward up."""
     if not run.scans:
         return '<p class="nothing">no scan was recorded</p>'
     events: list[tuple[float, str, Change | None]] = [
-        (stop.from_s, f"stop {number}", newest_change(run, stop.from_s)) for number, stop in enumerate(found, 1)
+        (stop.from_s, f"stop {tag}{number}", newest_change(run, stop.from_s)) for number, stop in enumerate(found, 1)
     ]
     events += [(change.time_s, "decision", change) for change in _apart(run, found)]
     events.sort(key=lambda event: (event[1] == "decision", event[0]))
@@ -74,7 +75,13 @@ def _card(run: Run, time_s: float, what: str, change: Change | None) -> str:
     nothing: Floats = np.empty(0)
     drawing = from_above(Above(-y_m, x_m, nothing, nothing, (), outline_m), CARD_PX, tallest=CARD_PX, around_m=CARD_M)
     why = f"{change.winner}: {because(change.reason, change.measure)}" if change is not None else "not recorded"
-    return f"<figure>{drawing}<figcaption><b>{escape(what)}</b>, {time_s:.2f} s<br>{escape(why)}</figcaption></figure>"
+    moment = f'<span data-at="{time_s:.3f}">{time_s:.2f} s</span>'
+    return f"<figure>{drawing}<figcaption><b>{escape(what)}</b>, {moment}<br>{escape(why)}</figcaption></figure>"
+
+
+def times(count: int) -> str:
+    """Return "once" or "3 times"."""
+    return "once" if count == 1 else f"{count} times"
 
 
 def text(value: object, unit: str, digits: int = 3) -> str:

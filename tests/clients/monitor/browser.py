@@ -14,6 +14,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import aiohttp
+import pytest
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 QUIET = (
@@ -28,6 +29,14 @@ def find_chromium():
     """Return the browser's path, None when there is none."""
     named = os.environ.get("WALLRIDE_CHROMIUM")
     return named or next((path for name in NAMES if (path := shutil.which(name))), None)
+
+
+def needs_chromium():
+    """Skip a test without a browser; fail it where CI says that there is one."""
+    if find_chromium() is None:
+        if os.environ.get("WALLRIDE_NEEDS_CHROMIUM"):
+            pytest.fail("no Chromium here, and CI needs one: apt-get install chromium")
+        pytest.skip("no Chromium here: apt-get install chromium, or set WALLRIDE_CHROMIUM to one")
 
 
 class Page:

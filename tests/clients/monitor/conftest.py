@@ -1,13 +1,12 @@
 """A monitor with a fake car behind it, and a browser where there is one."""
 
-import os
 from contextlib import asynccontextmanager
 
 import pytest
 
 from runtime.wire import zenoh_config
 from runtime.wire.bus import free_endpoint
-from tests.clients.monitor.browser import chromium, find_chromium
+from tests.clients.monitor.browser import chromium, find_chromium, needs_chromium
 from tests.clients.monitor.fake_car import FakeCar
 
 pytest.importorskip("aiohttp", reason="the monitor needs aiohttp: pip install 'wallride[monitor]'")
@@ -51,12 +50,8 @@ def scene():
 @pytest.fixture
 async def tab(tmp_path):
     """A browser with one empty tab."""
-    path = find_chromium()
-    if path is None:
-        if os.environ.get("WALLRIDE_NEEDS_CHROMIUM"):
-            pytest.fail("no Chromium here, and CI needs one: apt-get install chromium")
-        pytest.skip("no Chromium here: apt-get install chromium, or set WALLRIDE_CHROMIUM to one")
-    async with chromium(tmp_path / "profile", path) as browser:
+    needs_chromium()
+    async with chromium(tmp_path / "profile", find_chromium()) as browser:
         page = await browser.open()
         page.browser = browser
         yield page

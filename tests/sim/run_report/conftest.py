@@ -8,12 +8,14 @@ from sim.replay.drive_log import read_log
 from sim.replay.run import run_of
 from tests.sim.replay.recorded import record
 
+DRIVE = {"world": "dead_end", "seconds": 9.0, "sections": {"wall_follow": {"speed_mps": 2.0}}}
+
 
 @pytest.fixture(scope="session")
 def drive(tmp_path_factory):
     """A drive into a dead end, its file, and the car that drove it."""
     path = tmp_path_factory.mktemp("runs") / "drive.mcap"
-    car, _ = record(path, world="dead_end", seconds=9.0, sections={"wall_follow": {"speed_mps": 2.0}})
+    car, _ = record(path, **DRIVE)
     return path, car
 
 

@@ -95,4 +95,4 @@ def test_a_run_without_anything_has_figures_too():
 
 def test_the_truth_is_taken_as_it_is_written():
     told = {"rms_error_m": 0.031, "laps": 2, "lap_times_s": [20.1, 19.9], "world": "loop", "faults": {}}
-    assert truth_of(told) == {"rms_error_m": 0.031, "laps": 2, "lap_times_s": [20.1, 19.9]}
+    assert truth_of(told) == {"rms_error_m": 0.031, "laps": 2, "lap_times_s": [20.1, 19.9], "world": "loop"}

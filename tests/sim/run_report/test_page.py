@@ -1,19 +1,28 @@
 """The page: asks nobody for anything, says the summary's numbers, and is small enough to mail."""
 
+import base64
 import json
+import logging
 import re
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from sim.recordings import RecordingError
+from sim.replay.decode import decode
+from sim.replay.drive_log import read_log
 from sim.replay.figures import numbers, stops
 from sim.replay.opening import open_any
 from sim.replay.run import run_of
 from sim.run_report import command
+from sim.run_report.moments import extremes
 from sim.run_report.page import page
+from sim.run_report.shown import shown
 from tests.sim.replay.recorded import options as offline
+from tests.sim.replay.recorded import record
+from tests.sim.run_report.conftest import DRIVE
 
 BAG = Path(__file__).resolve().parents[2] / "data" / "urg04lx_people_40.bag"
 
@@ -37,18 +46,21 @@ class Reader(HTMLParser):
             self._name = None
 
 
+def data_of(text):
+    """What the page's script reads."""
+    return json.loads(re.findall(r'id="data">(.*?)</script>', text, re.DOTALL)[0])
+
+
 @pytest.fixture(scope="module")
 def text(run):
-    return page(run, numbers(run))
+    return page(shown(run))
 
 
 def test_it_asks_nobody_for_anything(text):
     reader = Reader(text)
-    assert not {"script", "img", "link", "iframe", "object", "embed", "video", "audio", "use", "image"} & set(
-        reader.tags
-    )
+    assert not {"img", "link", "iframe", "object", "embed", "video", "audio", "use", "image"} & set(reader.tags)
     assert not {"src", "href", "srcset", "action", "onload"} & {name for name, _ in reader.attributes}
-    assert not re.search(r"url\(|@import|https?://", text)
+    assert not re.search(r"url\(|@import|https?://(?!www\.w3\.org/2000/svg)|fetch\(|XMLHttp|WebSocket", text)
     assert "default-src 'none'" in text
 
 
@@ -78,11 +90,73 @@ def test_its_numbers_are_those_of_the_summary(text, run):
 
 def test_the_simulators_truth_stands_beside_it(run):
     truth = {"rms_error_m": 0.0312, "laps": 2, "lap_times_s": [20.1, 19.9], "collided": False}
-    cells = Reader(page(run, numbers(run), truth)).cells
+    cells = Reader(page(shown(run, truth))).cells
     assert cells["rms_error_m"][1] == "0.0312 m"
     assert cells["laps"] == ["2"]
     assert cells["lap_times_s"] == ["20.1, 19.9 s"]
     assert cells["collided"] == ["no"]
+
+
+def test_the_reasons_are_those_of_the_log(path, text, caplog, tmp_path):
+    with caplog.at_level(logging.INFO, logger="wallride.mux"):
+        record(tmp_path / "drive.mcap", **DRIVE)
+    logged = [line.getMessage() for line in caplog.records if line.name == "wallride.mux"]
+    assert len(logged) > 3
+    told = data_of(page(shown(run_of(read_log(tmp_path / "drive.mcap")))))["runs"][0]["decisions"]
+    # The log has every change of mind; the recorded topic may leave out one that lasted less than its period.
+    shown_reasons = [f"{winner}: {why}" for _, winner, why, *_ in told]
+    assert shown_reasons
+    assert [line for line in shown_reasons if line.startswith("safety")] != []
+    assert all(line in logged for line in shown_reasons)
+
+
+def test_the_moments_hold_the_scan_as_it_was(path, text):
+    scans = data_of(text)["runs"][0]["scans"]
+    beams = np.frombuffer(base64.b64decode(scans["beams"]), "<u2").reshape(-1, scans["groups"])
+    times_s = np.frombuffer(base64.b64decode(scans["t"]), "<f4")
+    assert np.diff(times_s).max() < 0.15
+    run = run_of(read_log(path))
+    at = len(times_s) // 2
+    message = min(run.scans, key=lambda scan: abs(scan[0] - times_s[at]))[1]
+    ranges_m = np.asarray(decode(message).ranges)
+    for group, packed in enumerate(beams[at].tolist()):
+        index = group * scans["group"] + (packed >> 13)
+        if range_m := (packed & 8191) / 100:
+            assert range_m == pytest.approx(ranges_m[index], abs=0.006)
+            assert range_m <= np.nanmin(ranges_m[group * scans["group"] : (group + 1) * scans["group"]]) + 0.006
+
+
+def test_the_settings_that_differ_are_told(text):
+    assert "<th>wall_follow.speed_mps</th><td>2</td><td>1</td>" in text
+    assert "[wall_follow]" in text
+    assert "<th>recording.start</th>" not in text
+
+
+def test_two_runs_stand_side_by_side(run, tmp_path):
+    record(tmp_path / "other.mcap", **{**DRIVE, "sections": {"wall_follow": {"speed_mps": 1.0}}})
+    other = run_of(read_log(tmp_path / "other.mcap"))
+    written = page(shown(run, None, "A"), shown(other, None, "B"))
+    assert [one["tag"] for one in data_of(written)["runs"]] == ["A", "B"]
+    assert '<tr class="differs"><th>wall_follow.speed_mps</th><td>2</td><td>1</td><td>1</td></tr>' in written
+    assert Reader(written).cells["distance_m"] == [f"{numbers(one)['distance_m']:g} m" for one in (run, other)]
+    labels = [line["label"] for line in data_of(written)["charts"]["speed"]["lines"]]
+    assert labels == ["A sent", "A driven", "B sent", "B driven"]
+
+
+def test_world_and_laps_are_told_where_the_simulator_said_them(run):
+    truth = {"world": "loop", "lap_times_s": [12.5, 11.5], "began_unix_s": run.zero_unix_s + 1.0}
+    written = page(shown(run, truth))
+    assert "world: loop · 2 laps, best 11.5 s" in written
+    assert data_of(written)["runs"][0]["laps"] == [13.5, 25.0]
+
+
+def test_a_long_line_keeps_its_extremes_and_its_gaps():
+    value = np.sin(np.linspace(0, 60, 50_000))
+    value[20_000], value[30_000:30_400] = 7.0, np.nan
+    kept = value[extremes(value, 6000)]
+    assert len(kept) <= 6000
+    assert np.nanmax(kept) == 7.0
+    assert np.isnan(kept).any()
 
 
 def test_it_is_small(text):
@@ -92,14 +166,14 @@ def test_it_is_small(text):
 def test_what_people_wrote_is_text_and_not_markup(run, monkeypatch):
     monkeypatch.setattr(run, "name", "<b>&\"'")
     monkeypatch.setattr(run, "notes", ["<script>alert(1)</script>"])
-    written = page(run, numbers(run))
-    assert "<script" not in written
+    written = page(shown(run))
+    assert "<script>alert" not in written
     assert "&lt;b&gt;&amp;" in written
 
 
 def test_somebody_elses_drive_has_a_page_too():
     told = run_of(open_any(BAG).log)
-    written = page(told, numbers(told))
+    written = page(shown(told))
     assert "driven by another program" in written
     assert "From a scan to the motor" not in written, "nobody measured it"
 
@@ -107,7 +181,9 @@ def test_somebody_elses_drive_has_a_page_too():
 def test_the_command_writes_page_and_figures(path, tmp_path, capsys):
     target = tmp_path / "run.html"
     (tmp_path / "truth.json").write_text(json.dumps({"rms_error_m": 0.25}))
-    given = offline(path, output=target, summary=tmp_path / "truth.json", json=str(tmp_path / "figures.json"))
+    given = offline(
+        path, output=target, beside=None, summary=tmp_path / "truth.json", json=str(tmp_path / "figures.json")
+    )
     assert command.run(given) == 0
     figures = json.loads((tmp_path / "figures.json").read_text())
     cells = Reader(target.read_text()).cells
@@ -119,7 +195,7 @@ def test_a_summary_beside_the_recording_is_found(path, tmp_path):
     copy = tmp_path / "drive.mcap"
     copy.write_bytes(path.read_bytes())
     (tmp_path / "drive.summary.json").write_text(json.dumps({"laps": 3}))
-    assert command.run(offline(copy, output=tmp_path / "run.html", summary=None, json="-")) == 0
+    assert command.run(offline(copy, output=tmp_path / "run.html", beside=None, summary=None, json="-")) == 0
     assert Reader((tmp_path / "run.html").read_text()).cells["laps"] == ["3"]
 
 
@@ -127,9 +203,11 @@ def test_a_summary_beside_the_recording_is_found(path, tmp_path):
 def test_what_is_no_summary_is_refused(path, tmp_path, content):
     (tmp_path / "truth.json").write_text(content)
     with pytest.raises(RecordingError, match=r"is no summary of `wallride sim --json`"):
-        command.run(offline(path, output=tmp_path / "run.html", summary=tmp_path / "truth.json", json=None))
+        command.run(
+            offline(path, output=tmp_path / "run.html", beside=None, summary=tmp_path / "truth.json", json=None)
+        )
 
 
 def test_a_place_that_cannot_be_written_is_refused_first(path, tmp_path):
     with pytest.raises(RecordingError, match="name a file in a folder that is there"):
-        command.run(offline(path, output=tmp_path / "nowhere" / "run.html", summary=None, json=None))
+        command.run(offline(path, output=tmp_path / "nowhere" / "run.html", beside=None, summary=None, json=None))

@@ -1,0 +1,46 @@
+"""One run as the page shows it, beside another or alone."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+from typing import Any
+
+from sim.replay.figures import Stop, numbers, stops
+from sim.replay.run import Run
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A run with its figures. truth: the simulator's, where there are any. tag: "A" or "B" beside another run."""
+
+    run: Run
+    numbers: Mapping[str, Any]
+    found: Sequence[Stop]
+    truth: Mapping[str, Any] | None = None
+    tag: str = ""
+
+    @property
+    def label(self) -> str:
+        """How tables and legends call it."""
+        return f"{self.tag} {self.run.name}" if self.tag else ""
+
+    @property
+    def world(self) -> str:
+        """In which simulated world it was, "" on a real car."""
+        return self.run.settings.recording.world or str((self.truth or {}).get("world") or "")
+
+    @property
+    def laps_s(self) -> Sequence[float]:
+        """When each lap was complete, on the run's clock; only the simulator knows."""
+        truth = self.truth or {}
+        began_s = float(truth.get("began_unix_s") or self.run.zero_unix_s) - self.run.zero_unix_s
+        return [began_s + end_s for end_s in accumulate(truth.get("lap_times_s") or ())]
+
+    def tagged(self, text: str) -> str:
+        """Return a series' or a mark's name, with the run's tag where there are two."""
+        return f"{self.tag} {text}" if self.tag and text else self.tag or text
+
+
+def shown(run: Run, truth: Mapping[str, Any] | None = None, tag: str = "") -> Shown:
+    """Return a run with its figures and stops."""
+    return Shown(run, numbers(run), stops(run), truth, tag)

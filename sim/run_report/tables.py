@@ -1,0 +1,169 @@
+"""The page's head and its tables: figures, settings, who decided."""
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import Any
+
+from runtime.settings.tree import Settings, to_toml
+from sim.figures.summary import SETTLE_BAND_M
+from sim.run_report.events import NOT_KNOWN, text
+from sim.run_report.shown import Shown
+
+ROWS = (
+    ("duration_s", "duration", "s"),
+    ("distance_m", "distance driven", "m"),
+    ("mean_speed_mps", "mean speed while under way", "m/s"),
+    ("top_speed_mps", "top speed", "m/s"),
+    ("mean_abs_error_m", "mean absolute error, from the first movement", "m"),
+    ("rms_error_m", "RMS error, from the first movement", "m"),
+    ("settle_s", f"settled within {100 * SETTLE_BAND_M:g} cm after", "s"),
+    ("max_overshoot_m", "largest overshoot", "m"),
+    ("min_clearance_m", "nearest thing to the outline", "m"),
+    ("laps", "laps", ""),
+    ("lap_times_s", "lap times", "s"),
+    ("collided", "touched something", ""),
+)
+NOT_OF_THE_DRIVE = ("recording.", "telemetry.", "log.", "process.")
+"""Settings that say where words go; they are among all settings, not in the table."""
+
+
+def head(shown: Shown) -> str:
+    """Return name, facts and the largest figures of a run."""
+    run, numbers = shown.run, shown.numbers
+    follow = run.settings.wall_follow
+    facts = [
+        f"{follow.side} wall at {follow.desired_distance_m:g} m, {numbers['method']}, {follow.speed_mps:g} m/s asked",
+        f"safety: {run.settings.safety.method}",
+        f"world: {shown.world}" if shown.world else "",
+        _laps((shown.truth or {}).get("lap_times_s") or ()),
+        run.began,
+        f"wallride {run.version}" if run.version else "",
+        run.source,
+    ]
+    tiles = (
+        ("mean absolute error", text(numbers["mean_abs_error_m"], "m")),
+        ("RMS error", text(numbers["rms_error_m"], "m")),
+        ("distance", text(numbers["distance_m"], "m", 1)),
+        ("stops", str(numbers["stops"])),
+        ("scan to motor, p99", text(numbers["scan_to_motor_ms"].get("p99"), "ms", 1)),
+    )
+    boxes = "".join(f"<div><b>{escape(value)}</b><span>{escape(name)}</span></div>" for name, value in tiles)
+    notes = "".join(f"<li>{escape(note)}</li>" for note in run.notes)
+    tag = f"{escape(shown.tag)}: " if shown.tag else ""
+    return (
+        f"<header><h1>{tag}{escape(run.name)} <small>{escape(run.car)}</small></h1>"
+        f"<p>{escape(' · '.join(fact for fact in facts if fact))}</p>"
+        f"{f'<ul>{notes}</ul>' if notes else ''}<div class=tiles>{boxes}</div></header>"
+    )
+
+
+def _laps(times_s: Sequence[float]) -> str:
+    if not times_s:
+        return ""
+    return f"{len(times_s)} lap{'s' if len(times_s) > 1 else ''}, best {min(times_s):.1f} s"
+
+
+def figures(runs: Sequence[Shown]) -> str:
+    """Return the table; its cells carry the names of the summary's values for those who read them by program."""
+    columns: list[tuple[str, Mapping[str, Any]]] = []
+    for shown in runs:
+        columns.append((shown.tagged("by the car"), shown.numbers))
+        if shown.truth:
+            columns.append((shown.tagged("by the simulator's truth"), shown.truth))
+    heads = "".join(f"<th>{escape(title)}</th>" for title, _ in columns)
+    rows = []
+    for name, title, unit in ROWS:
+        if any(name in column for _, column in columns):
+            cells = "".join(_cell(name, column.get(name), unit, known=name in column) for _, column in columns)
+            rows.append(f"<tr><th>{escape(title)}</th>{cells}</tr>")
+    for name, title in (("mean_abs_m", "mean absolute error, all scans"), ("rms_m", "RMS error, all scans")):
+        cells = "".join(
+            _cell(f"distance_error.{name}", column.get("distance_error", {}).get(name), "m", known=column is own)
+            for own, column in _with_own(runs)
+        )
+        rows.append(f"<tr><th>the car's own score: {title}</th>{cells}</tr>")
+    return f"<table><thead><tr><td></td>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
+
+
+def _with_own(runs: Sequence[Shown]) -> list[tuple[Mapping[str, Any], Mapping[str, Any]]]:
+    """Return (the car's figures, the column's figures) of every column."""
+    return [(shown.numbers, column) for shown in runs for column in (shown.numbers, shown.truth) if column]
+
+
+def _cell(name: str, value: object, unit: str, *, known: bool) -> str:
+    if not known:
+        return "<td></td>"
+    if isinstance(value, list):
+        shown = ", ".join(f"{item:g}" for item in value) or "none"
+    elif isinstance(value, bool):
+        shown = "yes" if value else "no"
+    else:
+        shown = NOT_KNOWN if value is None else f"{value:g}"
+    if shown == NOT_KNOWN and name == "settle_s":
+        shown, unit = "never", ""
+    known_unit = unit if shown not in {NOT_KNOWN, "none"} else ""
+    return f'<td data-name="{name}">{escape(shown)}{f" {known_unit}" if known_unit else ""}</td>'
+
+
+def settings(runs: Sequence[Shown]) -> str:
+    """Return what differs from the defaults, and between two runs; and everything, folded."""
+    default = flat(Settings().model_dump(mode="json"))
+    values = [flat(shown.run.settings.model_dump(mode="json")) for shown in runs]
+    names = [name for name in dict.fromkeys(key for one in values for key in one) if _is_told(name, values, default)]
+    heads = "".join(f"<th>{escape(shown.label or 'value')}</th>" for shown in runs)
+    rows = "".join(
+        f"<tr{_mark([one.get(name) for one in values])}><th>{escape(name)}</th>"
+        + "".join(f"<td>{escape(_value(one.get(name)))}</td>" for one in values)
+        + f"<td>{escape(_value(default.get(name)))}</td></tr>"
+        for name in names
+    )
+    table = (
+        f"<table class=settings><thead><tr><td></td>{heads}<th>default</th></tr></thead><tbody>{rows}</tbody></table>"
+        if rows else "<p>All settings are the defaults.</p>"
+    )  # fmt: skip
+    folded = "".join(
+        f"<details><summary>All settings{f' of {escape(shown.label)}' if shown.label else ''}</summary>"
+        f"<pre tabindex=0>{escape(to_toml(shown.run.settings))}</pre></details>"
+        for shown in runs
+    )
+    return table + folded
+
+
+def _mark(values: Sequence[object]) -> str:
+    return ' class="differs"' if any(value != values[0] for value in values) else ""
+
+
+def _is_told(name: str, values: Sequence[Mapping[str, object]], default: Mapping[str, object]) -> bool:
+    if name.startswith(NOT_OF_THE_DRIVE):
+        return False
+    return any(one.get(name) != default.get(name) for one in values)
+
+
+def flat(section: Mapping[str, Any], before: str = "") -> dict[str, object]:
+    """Return nested settings by their dotted names."""
+    found: dict[str, object] = {}
+    for name, value in section.items():
+        found.update(flat(value, f"{before}{name}.") if isinstance(value, Mapping) else {f"{before}{name}": value})
+    return found
+
+
+def _value(value: object) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, list):
+        return ", ".join(map(str, value))
+    return NOT_KNOWN if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def winners(numbers: Mapping[str, Any]) -> str:
+    """Return how long each source decided, as bars."""
+    seconds = numbers["winners"]
+    total_s = sum(seconds.values())
+    if not total_s:
+        return '<p class="nothing">not recorded</p>'
+    rows = "".join(
+        f"<tr><th>{escape(name)}</th><td>{spent_s:g} s</td>"
+        f'<td class="wide"><i style="width:{100 * spent_s / total_s:.1f}%"></i></td></tr>'
+        for name, spent_s in sorted(seconds.items(), key=lambda item: -item[1])
+    )
+    return f"<table><tbody>{rows}</tbody></table>"
