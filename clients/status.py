@@ -144,7 +144,8 @@ def _rows(status: Status) -> Iterator[tuple[str, str]]:
     for device in ("lidar", "motor"):
         health = status[device]
         counts = ", ".join(f"{times} {what.replace('_', ' ')}" for what, times in health["counts"].items() if times)
-        yield device, f"{health['link']}: {health['message']}{f'; since the start: {counts}' if counts else ''}"
+        since = "recovered since the start" if health["link"] == "ready" else "since the start"
+        yield device, f"{health['link']}: {health['message']}{f'; {since}: {counts}' if counts else ''}"
     yield "window", "; ".join(status["window"]) or "clean"
     yield "own parts", own_parts_words(status.get("own_parts") or {})
     latency = status["scan_to_motor_ms"]

@@ -18,6 +18,11 @@ def because(reason: str, measure: float | None) -> str:
     return reason if abs(measure) < MIN_SHOWN_M else f"{reason}, {measure:.2f} m free"
 
 
+def times(count: int) -> str:
+    """Return "once" or "3 times"."""
+    return "once" if count == 1 else f"{count} times"
+
+
 def steering_words(steering_rad: float | None) -> str:
     """Return a steering angle as "12° left"; "" for None or what is no number."""
     if steering_rad is None or not math.isfinite(steering_rad):

@@ -96,11 +96,19 @@ def only(cells: Sequence[Cell], text: str | None) -> list[Cell]:
     courses = dict.fromkeys(cell.scenario for cell in cells)
     kept: set[str] = set()
     for pattern in (part.strip() for part in text.split(",")):
-        found = fnmatch.filter(courses, pattern)
+        found = [
+            course for course in courses if fnmatch.fnmatch(course, pattern) or fnmatch.fnmatch(_short(course), pattern)
+        ]
         if not found:
-            raise UsageError(f"--only {pattern}: no course is called so; write some of {', '.join(courses)}")
+            known = ", ".join(dict.fromkeys(map(_short, courses)))
+            raise UsageError(f"--only {pattern}: no course is called so; write some of {known}")
         kept.update(found)
     return [cell for cell in cells if cell.scenario in kept]
+
+
+def _short(course: str) -> str:
+    """Return what a person calls a course: of a map or a recording the file's name alone."""
+    return Path(course).stem if "/" in course else course
 
 
 def _experiment(options: argparse.Namespace) -> str:

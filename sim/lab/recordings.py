@@ -88,7 +88,7 @@ def judge(done: Replay) -> Figures:
         "wall_noise_m": number(noise(np.where(which, distance_m, np.nan))),
         "wall_jumps": jumps(distance_m[which]),
         "follower_noise_m": number(noise(np.where(which, follower_m, np.nan))),
-        "follower_off_m": number(np.nanmedian((follower_m - distance_m)[which])) if which.any() else None,
+        "follower_off_m": _median((follower_m - distance_m)[which]),
         "walker_scans": sum(judged.walker for judged in done.judged),
         "dirty_beams": int(np.count_nonzero(done.masked)),
         "words": list(done.health.words),
@@ -108,6 +108,11 @@ def _wall(done: Replay) -> tuple[np.ndarray[Any, np.dtype[np.float64]], np.ndarr
     )
 
 
+def _median(values: np.ndarray[Any, np.dtype[np.float64]]) -> float | None:
+    finite = values[np.isfinite(values)]
+    return number(np.median(finite)) if finite.size else None
+
+
 def _spread(values: np.ndarray[Any, np.dtype[np.float64]]) -> list[float | None] | None:
     """Return (lowest, 1 %, median, 99 %, highest)."""
     finite = values[np.isfinite(values)]
@@ -124,7 +129,7 @@ def _plain_all(values: dict[str, Any]) -> dict[str, Any]:
 
 def tables(rows: Sequence[Row]) -> list[Tabled]:
     """Return what was seen, where safety would have interfered, and the runs at a wall."""
-    judged = [row for row in rows if not row["skipped"]]
+    judged = _told_apart([row for row in rows if not row["skipped"]])
     skipped = tuple(f"skipped {Path(row['scenario']).name}: {row['skipped']}" for row in rows if row["skipped"])
     return [_seen(judged, skipped), _interfered(judged), _at_walls(judged)]
 
@@ -171,7 +176,7 @@ def _interfered(rows: Sequence[Row]) -> Tabled:
             episode["reason"],
             f"{episode['speed_mps']:.2f}",
             _or_dash(episode["way_m"]),
-            f"{episode['outcome']} ({_or_dash(episode['room_m'])} m)",
+            episode["outcome"] + (f" ({episode['room_m']:.2f} m)" if episode["room_m"] is not None else ""),
         )
         for row in rows
         for episode in row["episodes"]
@@ -184,6 +189,17 @@ def _interfered(rows: Sequence[Row]) -> Tabled:
     )
     columns = ("recording", "scans", "safety", "reason", "m/s", "way m", "the real car (nearest)")
     return Tabled("where safety would have interfered", columns, lines, (note,))
+
+
+def _told_apart(rows: Sequence[Row]) -> list[Row]:
+    """Return the rows with names that differ: of files of one stem the whole name, of those of one name the folder."""
+    names = [row["name"] for row in rows]
+    for longer in (lambda path: path.name, lambda path: f"{path.parent.name}/{path.name}"):
+        shared = {name for name in names if names.count(name) > 1}
+        names = [
+            longer(Path(row["scenario"])) if name in shared else name for name, row in zip(names, rows, strict=True)
+        ]
+    return [{**row, "name": name} for name, row in zip(names, rows, strict=True)]
 
 
 def _or_dash(value: float | None) -> str:
@@ -213,7 +229,11 @@ def _at_walls(rows: Sequence[Row]) -> Tabled:
 
 
 def _at(gap_m: float | None, speed_mps: float | None) -> str:
-    return f"{_or_dash(gap_m)} m, {_or_dash(speed_mps)} m/s"
+    """Return where and how fast; a run that met no wall has no gap."""
+    if gap_m is None and speed_mps is None:
+        return "-"
+    gap = "at no wall" if gap_m is None else f"{gap_m:.2f} m"
+    return gap if speed_mps is None else f"{gap}, {speed_mps:.2f} m/s"
 
 
 def plot(folder: Path, cell: Cell, figures: Figures) -> None:

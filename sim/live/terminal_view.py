@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Span, Text
 
 from runtime.arbitration.command import NO_WINNER
+from runtime.telemetry.screen_words import steering_words
 
 Floats = npt.NDArray[np.floating]
 Dots = npt.NDArray[np.bool_]
@@ -125,11 +126,10 @@ class Status:
 
 def status_rows(status: Status) -> list[tuple[str, str]]:
     """Return label and text of each line, in the order in which a driver asks."""
-    steering_deg = None if status.steering_rad is None else math.degrees(status.steering_rad)
     return [
         ("time", f"{status.time_s:8.2f} s"),
         ("speed", _number(status.speed_mps, "+8.2f", "m/s")),
-        ("steering", _number(steering_deg, "+8.1f", "deg")),
+        ("steering", steering_words(status.steering_rad) or "-"),
         ("distance error", _number(status.distance_error_m, "+8.3f", "m")),
         ("who decides", status.winner or NO_WINNER),
         ("because", status.reason or "-"),

@@ -17,6 +17,9 @@ import numpy.typing as npt
 from sim.recordings.recording import CommandTrack, OdometryTrack, RecordingError, plain_name
 from sim.recordings.tracks import LidarTrack, Tracks, columns
 
+NEEDED = ("stamps", "recv", "angle_min", "angle_increment", "range_min", "range_max", "scan_time")
+DEFAULT_TOPIC = "scan"
+
 Arrays = Mapping[str, npt.NDArray[Any]]
 
 
@@ -38,7 +41,11 @@ def read_archive(path: Path) -> Tracks:
         raise RecordingError(f"{path} is damaged ({error}) and nothing can be saved: fetch it again.") from error
     try:
         return _tracks(arrays)
-    except (KeyError, ValueError, IndexError) as error:
+    except KeyError as error:
+        raise RecordingError(
+            f"{path} lacks the array {error}; beside ranges a recording needs {', '.join(NEEDED)}: convert it again."
+        ) from error
+    except (ValueError, IndexError) as error:
         raise RecordingError(f"{path} holds arrays that are not those of a recording: {error}.") from error
 
 
@@ -67,7 +74,7 @@ def _lidar(arrays: Arrays, prefix: str) -> LidarTrack:
     if len(stamp_s) != len(ranges_m):
         raise ValueError(f"{prefix}stamps has {len(stamp_s)} entries for {len(ranges_m)} scans")
     return LidarTrack(
-        topic=str(arrays[f"{prefix}topic"]),
+        topic=str(arrays.get(f"{prefix}topic", prefix.removesuffix("__") or DEFAULT_TOPIC)),
         received_s=_times(arrays, prefix, ranges_m),
         stamp_s=stamp_s,
         ranges_m=ranges_m,

@@ -3,6 +3,7 @@
 The package `rosbags` is imported only when such a file is opened, so that .npz archives play without it.
 """
 
+import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -54,10 +55,15 @@ def _read_orderly(path: Path) -> Tracks:
                     message = reader.deserialize(raw, connection.msgtype)
                     collector.add(connection.topic, connection.msgtype, received_ns, message)
     except Exception as error:  # noqa: BLE001 - a parser that meets damage raises anything; the caller reports it
-        cut_short = str(error).rstrip(".") or "its records contradict each other"
+        cut_short = _sentence(error).rstrip(".") or "its records contradict each other"
     tracks = collector.tracks()
     tracks.cut_short = cut_short
     return tracks
+
+
+def _sentence(error: BaseException) -> str:
+    """Return an error's words, without the quotes and commas of a tuple that a library put among them."""
+    return re.sub(r"\('([^']*)',\)", r"\1", str(error))
 
 
 def _salvaged(path: Path) -> Tracks:

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from runtime import kernel
+from runtime.telemetry.screen_words import because, times
 from sim.replay.drive_log import DriveLog, is_mcap, read_log
 from sim.replay.figures import numbers, stops
 from sim.replay.opening import open_any
@@ -127,18 +128,22 @@ def _tell(console: Console, told: Run, figures: Mapping[str, Any]) -> None:
         f" {_metres(error['mean_abs_m'])} on average, {_metres(error['rms_m'])} RMS"
     )
     found = stops(told)
-    table = Table("at s", "for s", "by", "why", "the car drove", title=f"they would have stopped it {len(found)} times")
+    table = Table(
+        "at s", "for s", "by", "why", "the car drove", title=f"they would have stopped it {times(len(found))}"
+    )
     for stop in found[:SHOWN_STOPS]:
         lasted = f"{stop.until_s - stop.from_s:.2f}" if math.isfinite(stop.until_s) else "to the end"
-        measure = f" ({stop.measure:.2f})" if math.isfinite(stop.measure) else ""
-        table.add_row(f"{stop.from_s:.2f}", lasted, stop.winner, stop.reason + measure, f"{stop.speed_mps:.2f} m/s")
+        why = because(stop.reason, stop.measure)
+        table.add_row(f"{stop.from_s:.2f}", lasted, stop.winner, why, f"{stop.speed_mps:.2f} m/s")
     if found:
         console.print(table)
     if len(found) > SHOWN_STOPS:
         console.print(f"and {len(found) - SHOWN_STOPS} more: wallride report has them all")
     caps = [change for change in told.changes if change.winner == "safety" and change.allowed_mps != 0]
     if caps:
-        console.print(f"and slowed it {len(caps)} times: {', '.join(dict.fromkeys(cap.reason for cap in caps))}")
+        began = "and" if found else "they would have"
+        reasons = ", ".join(dict.fromkeys(cap.reason for cap in caps))
+        console.print(f"{began} slowed it {times(len(caps))}: {reasons}")
     if not found and not caps:
         console.print("they would have let it drive")
 

@@ -6,7 +6,7 @@ from html import escape
 
 import numpy as np
 
-from runtime.telemetry.screen_words import because
+from runtime.telemetry.screen_words import because, times
 from sim.replay.figures import Stop, newest_change, points, slowed
 from sim.replay.run import Change, Run
 from sim.run_report.above import Above, from_above
@@ -77,11 +77,6 @@ def _card(run: Run, time_s: float, what: str, change: Change | None) -> str:
     why = f"{change.winner}: {because(change.reason, change.measure)}" if change is not None else "not recorded"
     moment = f'<span data-at="{time_s:.3f}">{time_s:.2f} s</span>'
     return f"<figure>{drawing}<figcaption><b>{escape(what)}</b>, {moment}<br>{escape(why)}</figcaption></figure>"
-
-
-def times(count: int) -> str:
-    """Return "once" or "3 times"."""
-    return "once" if count == 1 else f"{count} times"
 
 
 def text(value: object, unit: str, digits: int = 3) -> str:

@@ -78,7 +78,7 @@ def test_one_screen_holds_everything_that_may_hold_the_car(observed):
         "no limit: clear",
         "not operated, anna was lost, round trip 12 ms, 2 clients heard, permit: no operator, stale refused 3",
         "11.8 V, 0.0 A",
-        "ready: in memory; since the start: 4 checksum",
+        "ready: in memory; recovered since the start: 4 checksum",
         "12 beams are dirty",
         "wallride 9.9",
     ):

@@ -62,7 +62,7 @@ export class Condition {
     const mood = device.link === "ready" ? "good" : device.link === "starting" ? "warn" : "bad";
     const troubles = Object.entries(device.counts ?? {}).filter(([, times]) => times).map(([what, times]) => `${times} ${what.replaceAll("_", " ")}`);
     const words = [device.link, device.message].filter(Boolean).join(": ");
-    this.#line(name, mood, words + (troubles.length ? `; since the start: ${troubles.join(", ")}` : ""));
+    this.#line(name, mood, words + (troubles.length ? `; ${mood === "good" ? "recovered since the start" : "since the start"}: ${troubles.join(", ")}` : ""));
   }
 
   #battery(battery) {

@@ -4,6 +4,7 @@ Also the window: every beam's range over the scans. What belongs to the window s
 """
 
 import math
+import textwrap
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,13 @@ _SEEN_M = 3.0
 _SHOWN_WAY_M = 1.5
 _STEP_M, _LATENCY_S = 0.06, 0.07
 _WINDOW_SHOWN_M = 3.0
+WINDOW_TITLE_LETTERS, EPISODE_TITLE_LETTERS = 120, 95
+"""So many fit above the pictures, at their sizes."""
+
+
+def wrapped(title: str, letters: int) -> str:
+    """Return a title broken into lines that are not cut at the picture's edge."""
+    return "\n".join(part for line in title.split("\n") for part in textwrap.wrap(line, letters))
 
 
 def save_episode(folder: Path, done: Replay, number: int, episode: Episode) -> Path:
@@ -35,10 +43,14 @@ def save_episode(folder: Path, done: Replay, number: int, episode: Episode) -> P
     _draw_really(axes, done, episode.worst)
     kind = "stop" if episode.stop else f"at most {episode.allowed_mps:.2f} m/s"
     axes.set_title(
-        f"{done.recording.name}, scan {episode.worst} ({judged.scan.stamp_s:.2f} s): {kind}\n"
-        f"{episode.reason}; way {episode.way_m:.2f} m at {episode.speed_mps:.2f} m/s,"
-        f" asked {judged.asked.speed_mps:.2f} m/s, {judged.asked.steering_rad:+.2f} rad ({judged.asked.origin})\n"
-        f"the real car {episode.outcome}: nearest {episode.room_m:.2f} m within a second",
+        wrapped(
+            f"{done.recording.name}, scan {episode.worst} ({judged.scan.stamp_s:.2f} s): {kind}\n"
+            f"{episode.reason}; way {episode.way_m:.2f} m at {episode.speed_mps:.2f} m/s,"
+            f" asked {judged.asked.speed_mps:.2f} m/s, {math.degrees(judged.asked.steering_rad):+.0f}°"
+            f" ({judged.asked.origin})\n"
+            f"the real car {episode.outcome}: nearest {episode.room_m:.2f} m within a second",
+            EPISODE_TITLE_LETTERS,
+        ),
         fontsize=10,
     )
     path = folder / f"recordings-{done.recording.name}-{number:02d}-scan{episode.worst}.png"
@@ -61,7 +73,9 @@ def save_window(folder: Path, done: Replay) -> Path:
         extent=(float(at_deg[0]), float(at_deg[-1]), float(len(ranges_m)), 0.0),
     )
     figure.colorbar(image, ax=above, label=f"range, up to {_WINDOW_SHOWN_M:g} [m]; white: no distance")
-    above.set(ylabel="scan", title=f"{done.recording.name}: " + ("; ".join(done.health.words) or "window clean"))
+    words = "; ".join(done.health.words) or "window clean"
+    above.set(ylabel="scan")
+    above.set_title(wrapped(f"{done.recording.name}: {words}", WINDOW_TITLE_LETTERS), fontsize=10)
     below.fill_between(at_deg, done.masked, step="mid", color="tab:red")
     below.set(xlabel="bearing [deg], left positive", ylabel="scans masked")
     path = folder / f"recordings-{done.recording.name}-window.png"

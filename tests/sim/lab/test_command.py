@@ -14,7 +14,7 @@ import pytest
 
 from sim.lab import hazards, laps, safety, walls
 from sim.lab.cell import Cell, Choice
-from sim.lab.command import UsageError, chosen, run
+from sim.lab.command import UsageError, chosen, only, run
 from sim.lab.courses.sudden import BOXES, PLACES
 from sim.lab.courses.walls import ALL_COURSES
 from sim.lab.laws import GUARD_OF, build, check
@@ -282,3 +282,11 @@ def test_ctrl_c_ends_all_processes(tmp_path):
     assert process.returncode == 130
     assert "interrupted" in said
     assert "Traceback" not in said
+
+
+def test_a_map_is_chosen_by_its_name_alone():
+    cells = [Cell("laps", path, "ball+swept", 1.0, 0.8, "left", 0) for path in ("/far/maps/levine.yaml", "loop")]
+    assert only(cells, "levine") == cells[:1]
+    assert only(cells, "/far/maps/levine.yaml") == cells[:1]
+    with pytest.raises(UsageError, match="write some of levine, loop"):
+        only(cells, "levin")

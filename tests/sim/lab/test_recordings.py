@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import warnings
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from sim.lab import recordings
 from sim.lab.cell import Cell
 from sim.lab.command import UsageError, chosen, run
+from sim.lab.recorded.recording_pictures import WINDOW_TITLE_LETTERS, wrapped
 from sim.lab.recorded.replay import replay
 from tests.sim.lab.recorded_drives import RACECAR, real
 from wallride import lab_options
@@ -119,3 +121,39 @@ def test_a_file_that_is_no_recording_is_skipped_with_its_reason(tmp_path):
 def test_a_wrong_folder_is_said_before_anything_is_read(tmp_path, place, words):
     with pytest.raises(UsageError, match=words):
         chosen(options(str(tmp_path / place)))
+
+
+def at_wall(gap_m, speed_mps):
+    return {"braked_scan": 4, "braked_gap_m": gap_m, "braked_mps": speed_mps, "rest_m": 0.3}
+
+
+def row(path, **more):
+    name = path.rpartition("/")[2].rpartition(".")[0]
+    return {"scenario": path, "name": name, "at_wall": at_wall(0.5, 1.0), "reenacted": [], **more}
+
+
+def test_a_run_that_met_no_wall_says_so():
+    cells = [
+        line[3] for line in recordings._at_walls([row("a/x.npz"), row("a/y.npz", at_wall=at_wall(None, 2.0))]).rows
+    ]
+    assert cells == ["0.50 m, 1.00 m/s", "at no wall, 2.00 m/s"]
+    assert recordings._at(None, None) == "-"
+
+
+def test_files_of_one_stem_are_told_apart():
+    rows = [row(path) for path in ("a/x.npz", "a/x.bag", "b/x.bag", "a/y.npz")]
+    assert [one["name"] for one in recordings._told_apart(rows)] == ["x.npz", "a/x.bag", "b/x.bag", "y"]
+
+
+def test_a_median_of_nothing_is_none_and_warns_of_nothing():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert recordings._median(np.full(5, np.nan)) is None
+        assert recordings._median(np.array([np.nan, 1.0, 3.0])) == 2.0
+
+
+def test_no_line_of_a_title_is_longer_than_its_picture():
+    words = "; ".join(f"beams {n} to {n + 9} are dirty: clean the window" for n in range(0, 200, 20))
+    lines = wrapped(f"a recording: {words}\nsecond line", WINDOW_TITLE_LETTERS).split("\n")
+    assert max(map(len, lines)) <= WINDOW_TITLE_LETTERS
+    assert lines[-1] == "second line"

@@ -213,7 +213,7 @@ def test_the_status_says_everything_once() -> None:
     assert table == [
         "time 12.35 s",
         "speed +1.02 m/s",
-        "steering -5.7 deg",
+        "steering 6° right",
         "distance error -",
         "who decides SAFETY",
         "because obstacle 0.6 m [ahead]",

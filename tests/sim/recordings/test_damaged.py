@@ -103,3 +103,12 @@ def test_a_cut_db3_keeps_what_comes_before_the_cut(ros2: Any, tmp_path: Path, ke
     assert len(recording) == pytest.approx(200 * kept_share, abs=6)
     np.testing.assert_array_equal(recording.ranges_m[:, 7], np.arange(len(recording)))
     assert f"{len(recording)} scans were saved" in recording.notes[0]
+
+
+def test_a_note_on_damage_is_a_sentence(carried_bag: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.bag"
+    cut.write_bytes(carried_bag.read_bytes()[: carried_bag.stat().st_size // 2])
+    note = load_recording(cut).notes[0]
+    assert note.startswith("cut.bag cannot be read in order (")
+    assert "('" not in note
+    assert ",)" not in note

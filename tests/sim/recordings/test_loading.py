@@ -243,7 +243,7 @@ def test_an_archive_of_other_arrays_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="recv has 2 entries for 3 messages"):
         load_recording(tmp_path / "a.npz")
     np.savez(tmp_path / "b.npz", ranges=np.ones((3, 2)))
-    with pytest.raises(RecordingError, match="arrays that are not those of a recording"):
+    with pytest.raises(RecordingError, match="lacks the array 'stamps'"):
         load_recording(tmp_path / "b.npz")
 
 
@@ -265,3 +265,21 @@ def test_archives_are_read_without_rosbags(ros2: Any, ros2_story: Any, tmp_path:
 def test_rosbags_is_imported_only_when_needed() -> None:
     check = "import sys, sim.recordings; sys.exit('rosbags' in sys.modules)"
     subprocess.run([sys.executable, "-c", check], cwd=Path(__file__).resolve().parents[3], check=True)
+
+
+def archive(path: Path, **left_out: None) -> Path:
+    arrays: dict[str, Any] = {
+        "ranges": np.ones((3, 5)), "stamps": np.arange(3.0), "recv": np.arange(3.0), "angle_min": -1.0,
+        "angle_increment": 0.5, "range_min": 0.02, "range_max": 30.0, "scan_time": 0.025, "topic": "scan",
+    }  # fmt: skip
+    np.savez(path, **{name: value for name, value in arrays.items() if name not in left_out})
+    return path
+
+
+def test_an_archive_without_a_topic_is_read(tmp_path: Path) -> None:
+    assert len(load_recording(archive(tmp_path / "a.npz", topic=None))) == 3
+
+
+def test_an_archive_without_stamps_says_which_array_is_missing(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="lacks the array 'stamps'; beside ranges a recording needs stamps, recv"):
+        load_recording(archive(tmp_path / "a.npz", stamps=None))

@@ -4,9 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from runtime.settings.tree import Settings
 from sim.figures import summary
+from sim.replay.command import _tell
 from sim.replay.figures import numbers, samples, slowed, stops, truth_of
 from sim.replay.run import Change, Path, Run, Series
 
@@ -96,3 +98,18 @@ def test_a_run_without_anything_has_figures_too():
 def test_the_truth_is_taken_as_it_is_written():
     told = {"rms_error_m": 0.031, "laps": 2, "lap_times_s": [20.1, 19.9], "world": "loop", "faults": {}}
     assert truth_of(told) == {"rms_error_m": 0.031, "laps": 2, "lap_times_s": [20.1, 19.9], "world": "loop"}
+
+
+def test_what_happened_once_is_told_as_once(capsys):
+    change = Change(0.5, "safety", "navigation", "slower: wall ahead", 0.0, 1.0, 0.5, 0.5, delivered=True)
+    stop = Change(1.0, "safety", "navigation", "boxed in", 0.0, 1.0, 0.0, 0.0, delivered=True)
+    console = Console(width=120, no_color=True)
+    slowed = made([0.0, 0.5, 1.0], [1.0, 0.5, 0.5], [change])
+    _tell(console, slowed, numbers(slowed))
+    assert "they would have slowed it once: slower: wall ahead" in capsys.readouterr().out
+    stopped = made([0.0, 0.5, 1.0, 2.0], [1.0, 0.5, 0.0, 0.0], [change, stop])
+    _tell(console, stopped, numbers(stopped))
+    said = capsys.readouterr().out
+    assert "they would have stopped it once" in said
+    assert "and slowed it once" in said
+    assert "0.00)" not in said
