@@ -22,6 +22,7 @@ log = logging.getLogger("wallride.client")
 PORTS = {"tcp": 7447, "tls": 7448}
 """tls has one of its own: `[::]` includes loopback, where tcp listens already."""
 KEYS = Path("~/.config/wallride/keys")
+HIGHEST_PORT = 65535
 ENDPOINT = re.compile(r"(tcp|tls)/(\[[0-9a-fA-F:.]+\]|[\w.-]+):(\d{1,5})")
 FIND_TIMEOUT_S = 3.0
 SETTLING_S = 0.2
@@ -156,6 +157,8 @@ def endpoint_of(text: str, *, with_keys: bool = False) -> str:
         raise ConnectionProblemError(
             f"--connect {text}: write tcp/HOST:PORT or tls/HOST:PORT, e.g. tls/car1.local:{PORTS['tls']}"
         )
+    if not 1 <= int(place.rpartition(":")[2]) <= HIGHEST_PORT:
+        raise ConnectionProblemError(f"--connect {text}: there is no such port; ports are 1 to {HIGHEST_PORT}")
     return endpoint
 
 

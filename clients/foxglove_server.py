@@ -1,41 +1,27 @@
 """`wallride foxglove`: a car's topics live for Foxglove, Lichtblick and PlotJuggler, the very bytes from zenoh.
 
-A program of its own, a client like any other; it can only show, never drive: what viewers publish is not accepted.
+A program of its own, a client like any other; it shows, and takes settings and the e-stop, but no drive command.
 A topic is asked of the car when the first viewer wants it, because a car writes only topics that have a subscriber.
 """
 
 import argparse
 import asyncio
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 import foxglove
-from foxglove.websocket import ServerListener, WebSocketServer
+from foxglove.websocket import Capability, WebSocketServer
 
 from clients.connection import ConnectionProblemError, connected
+from clients.foxglove_control import Gate
 from runtime.recording.channels import STRING, schema_text, text
 from runtime.ros.definitions import SCHEMA_ENCODING, TYPES
 from runtime.wire import topics
 from runtime.wire.bus import Bus
 
-if TYPE_CHECKING:
-    from foxglove.websocket import ChannelView, Client
-
 TEXTS = (topics.STATUS, topics.DECISION)
 """JSON on zenoh; std_msgs/String here, as in a recording, so that one layout fits both."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
-
-
-class Gate(ServerListener):
-    """Tells the loop which topic a viewer wants; the server calls in a thread of its own."""
-
-    def __init__(self, loop: asyncio.AbstractEventLoop, wanted: Callable[[str], None]) -> None:
-        self._loop = loop
-        self._wanted = wanted
-
-    def on_subscribe(self, client: "Client", channel: "ChannelView") -> None:  # noqa: ARG002 - any client
-        """Ask the car for it."""
-        self._loop.call_soon_threadsafe(self._wanted, channel.topic.removeprefix("/"))
 
 
 class Show:
@@ -67,10 +53,10 @@ async def run(options: argparse.Namespace) -> int:
     """Serve until interrupted; options as of `wallride.foxglove_options`."""
     async with connected(options) as (bus, car):
         show = Show(bus, car)
-        server = _serve(show, car, options)
+        server = _serve(show, bus, car, options)
         options.say(f"{car}: open ws://{options.host}:{server.port} in Foxglove, Lichtblick or PlotJuggler")
         if options.host not in LOOPBACK:
-            options.say("anyone who reaches this address can watch: this server knows no passwords")
+            options.say("anyone who reaches this address can watch and press the e-stop: it knows no passwords")
         try:
             await asyncio.get_running_loop().create_future()
         finally:
@@ -78,11 +64,17 @@ async def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _serve(show: Show, car: str, options: argparse.Namespace) -> WebSocketServer:
-    gate = Gate(asyncio.get_running_loop(), show.show)
+def _serve(show: Show, bus: Bus, car: str, options: argparse.Namespace) -> WebSocketServer:
+    gate = Gate(bus, car, show.show, may_change=options.host in LOOPBACK)
     try:
         return foxglove.start_server(
-            name=car, host=options.host, port=options.port, context=show.context, server_listener=gate, capabilities=[]
+            name=car,
+            host=options.host,
+            port=options.port,
+            context=show.context,
+            server_listener=gate,
+            capabilities=[Capability.Parameters, Capability.ClientPublish],
+            supported_encodings=["json", "cdr"],
         )
     except (OSError, RuntimeError, ValueError) as error:
         raise ConnectionProblemError(f"cannot serve on {options.host}:{options.port}: {error} (--port)") from None

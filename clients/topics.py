@@ -66,6 +66,15 @@ class Meter:
             f" deviation {spread_s * 1000:.1f} ms   ({len(self.arrivals_s)} samples)"
         )
 
+    def fields(self) -> dict[str, int | float | None]:
+        """Return rate and volume as plain values, None where they are not known yet."""
+        rate_hz, bytes_per_s = self.rate_hz, self.bytes_per_s
+        return {
+            "samples": len(self.arrivals_s),
+            "rate_hz": round(rate_hz, 2) if math.isfinite(rate_hz) else None,
+            "bytes_per_s": round(bytes_per_s, 1) if math.isfinite(bytes_per_s) else None,
+        }
+
     def volume_line(self) -> str:
         """Return the volume in a line."""
         mean = statistics.fmean(self.sizes)
@@ -143,7 +152,11 @@ async def list_topics(bus: Bus, car: str, say: Say, *, seconds: float = LISTEN_S
     bus.subscribe(topics.key(car, "*"), hear)
     await asyncio.sleep(seconds)
     if as_json:
-        say(json.dumps([_fields(topic, kind, meters[topic]) for topic, kind in KINDS.items()], indent=2))
+        say(
+            json.dumps(
+                [{"topic": topic, "type": kind, **meters[topic].fields()} for topic, kind in KINDS.items()], indent=2
+            )
+        )
         return
     for topic, kind in KINDS.items():
         meter = meters[topic]
@@ -156,17 +169,6 @@ async def list_topics(bus: Bus, car: str, say: Say, *, seconds: float = LISTEN_S
         say(f"{topic:<15} {kind:<42} {heard}")
 
 
-def _fields(topic: str, kind: str, meter: Meter) -> dict[str, str | int | float | None]:
-    rate_hz, bytes_per_s = meter.rate_hz, meter.bytes_per_s
-    return {
-        "topic": topic,
-        "type": kind,
-        "samples": len(meter.arrivals_s),
-        "rate_hz": round(rate_hz, 2) if math.isfinite(rate_hz) else None,
-        "bytes_per_s": round(bytes_per_s, 1) if math.isfinite(bytes_per_s) else None,
-    }
-
-
 async def measure(bus: Bus, car: str, topic: str, options: argparse.Namespace) -> None:
     """Say once a second how often, or how much, comes; `options.count` lines, then end."""
     meter = Meter()
@@ -176,7 +178,7 @@ async def measure(bus: Bus, car: str, topic: str, options: argparse.Namespace) -
         meter.add(arrival_s, len(payload))
         if time.monotonic() >= next_s:
             next_s += REPORT_EVERY_S
-            options.say(line())
+            options.say(json.dumps({"topic": topic, **meter.fields()}) if options.json else line())
             said += 1
             if said == options.count:
                 return

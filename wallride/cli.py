@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from wallride import (
     bench_options,
+    completion_options,
     foxglove_options,
     keys_options,
     lab_options,
@@ -82,6 +83,7 @@ def build_parser() -> argparse.ArgumentParser:
         foxglove_options,
     ):
         options.add(commands)
+    completion_options.add(commands, build_parser)
     return parser
 
 

@@ -9,6 +9,7 @@ from typing import Any
 DEFAULT_CONNECT = "tcp/127.0.0.1:7447"
 CONNECT_VARIABLE = "WALLRIDE_CONNECT"
 DEFAULT_KEYS = "~/.config/wallride/keys"
+HIGHEST_PORT = 65535
 
 
 def add_common(parser: argparse.ArgumentParser) -> None:
@@ -46,6 +47,13 @@ def run_client(program: Callable[[argparse.Namespace], Coroutine[Any, Any, int]]
     except BrokenPipeError:  # `wallride topic echo scan | head` has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return 0
+
+
+def port(text: str) -> int:
+    """Return a port for an option; 0 is any free one."""
+    if not text.isdecimal() or int(text) > HIGHEST_PORT:
+        raise argparse.ArgumentTypeError(f"{text} is not a port: 0 to {HIGHEST_PORT}")
+    return int(text)
 
 
 def _session(text: str) -> int:

@@ -1,7 +1,9 @@
 """What `wallride foxglove` understands. Only definitions: the server is imported when it is asked for."""
 
 import argparse
+import sys
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wallride import client_options
@@ -10,12 +12,20 @@ if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
 
 
+LAYOUT = "foxglove-layout.json"
+
+
 def add(commands: "Commands") -> None:
     """Add the command."""
     server = commands.add_parser("foxglove", help="a car's topics live in Foxglove, Lichtblick or PlotJuggler")
-    server.add_argument("--port", type=int, default=8765, metavar="N", help="where viewers connect (default: 8765)")
+    server.add_argument(
+        "--port", type=client_options.port, default=8765, metavar="N", help="where viewers connect (default: 8765)"
+    )
     server.add_argument(
         "--host", default="127.0.0.1", metavar="ADDRESS", help="on which address (default: this machine only)"
+    )
+    server.add_argument(
+        "--layout", action="store_true", help="print a layout for Foxglove and end: --layout > wallride.json"
     )
     client_options.add_common(server)
     server.set_defaults(run=run, say=partial(print, flush=True))
@@ -25,6 +35,8 @@ def run(options: argparse.Namespace) -> int:
     """Serve until interrupted; exit code 2 with one line when the user can mend it."""
     from wallride.cli import fail
 
+    if options.layout:
+        return _print_layout()
     try:
         from clients import foxglove_server
     except ModuleNotFoundError as error:
@@ -32,3 +44,15 @@ def run(options: argparse.Namespace) -> int:
             raise
         return fail("this needs one more package: pip install 'wallride[foxglove]'")
     return client_options.run_client(foxglove_server.run, options)
+
+
+def _print_layout() -> int:
+    """Print the layout of this checkout, or of the installed package."""
+    from wallride.cli import fail
+
+    places = [Path(__file__).parents[1] / "docs" / LAYOUT, Path(sys.prefix) / "share" / "wallride" / LAYOUT]
+    for place in places:
+        if place.is_file():
+            sys.stdout.write(place.read_text(encoding="utf-8"))
+            return 0
+    return fail(f"{LAYOUT} is not installed (looked for {places[-1]})")

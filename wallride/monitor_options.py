@@ -3,11 +3,10 @@
 import argparse
 from functools import partial
 
-from wallride.client_options import add_common, run_client
+from wallride.client_options import add_common, port, run_client
 from wallride.teleop_options import default_name
 
 DEFAULT_PORT = 8447
-HIGHEST_PORT = 65535
 
 
 def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -21,7 +20,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     add_common(parser)
     parser.add_argument(
         "--port",
-        type=_port,
+        type=port,
         metavar="N",
         help=f"where to serve, 0 for any free port (default: {DEFAULT_PORT}, or a free one when that is taken)",
     )
@@ -59,13 +58,6 @@ def run(options: argparse.Namespace) -> int:
             raise
         return fail(f"the monitor needs {error.name}: install it with  pip install 'wallride[monitor]'")
     return run_client(server.run, options)
-
-
-def _port(text: str) -> int:
-    number = int(text)
-    if not 0 <= number <= HIGHEST_PORT:
-        raise argparse.ArgumentTypeError(f"{text} is not a port: 0 to {HIGHEST_PORT}")
-    return number
 
 
 def _between(low: float, high: float):  # type: ignore[no-untyped-def]  # noqa: ANN202 - a converter for argparse

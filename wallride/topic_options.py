@@ -25,6 +25,8 @@ def add(commands: "Commands") -> None:
     for action in (rate, volume, echo):
         action.add_argument("topic", metavar="TOPIC", help="scan, /scan or wallride/car1/scan")
         action.add_argument("-n", "--count", type=int, default=0, metavar="N", help="stop after N (default: never)")
+    for action in (rate, volume):
+        action.add_argument("--json", action="store_true", help="one line of JSON a second, for programs")
     echo.add_argument("--once", dest="count", action="store_const", const=1, help="the same as -n 1")
     echo.add_argument("--json", action="store_true", help="one line of JSON each, for programs")
     echo.add_argument("--whole", action="store_true", help="do not shorten arrays")

@@ -3,6 +3,7 @@
 import argparse
 import asyncio
 import contextlib
+import errno
 import logging
 import signal
 import socket
@@ -129,7 +130,8 @@ async def _listen(runner: web.AppRunner, address: str, port: int, *, any_port: b
         except OSError as error:
             problem = error
     else:
-        raise ConnectionProblemError(f"cannot listen on {address}:{port} ({problem}); choose another with --port")
+        why = "it is taken by another program" if problem.errno == errno.EADDRINUSE else problem.strerror or problem
+        raise ConnectionProblemError(f"cannot listen on {address}:{port}: {why}; choose another with --port")
     name = _address_here() if address in EVERYWHERE else address.strip("[]")
     return f"{f'[{name}]' if ':' in name else name}:{runner.addresses[0][1]}"
 

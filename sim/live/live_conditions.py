@@ -105,7 +105,7 @@ class LiveConditions:
             "grip": f"{vehicle.grip_mu:g}",
             "noise": f"{lidar.noise_std_m * 100:g} cm",
             "dropouts": f"{lidar.dropout_share * 100:g} %",
-            "trim": f"{math.degrees(vehicle.trim_rad):+.1f} deg",
+            "trim": f"{math.degrees(vehicle.trim_rad):+.1f}°",
             "delay": f"{vehicle.steering_delay_s * 1000:g} ms",
             "dirt": "on" if lidar.dirty_sectors else "off",
             "own parts": own_parts_of(lidar),

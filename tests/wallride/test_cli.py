@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from wallride.cli import main
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -108,3 +110,43 @@ def test_help_loads_neither_numpy_nor_pydantic():
     )
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert not {"numpy", "pydantic", "zenoh", "asyncio"} & set(answer.stdout.splitlines()[-1].split())
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_knows_every_command(shell, capsys):
+    assert main(["completion", shell]) == 0
+    script = capsys.readouterr().out
+    for name in ("run", "sim", "report", "foxglove", "own-parts"):
+        assert name in script
+    assert "--friction" in script or "-l friction" in script
+
+
+def test_bash_reads_its_completion_and_completes_a_command(capsys):
+    main(["completion", "bash"])
+    ask = "\nCOMP_WORDS=(wallride fox); COMP_CWORD=1; _shtab_wallride; echo ${COMPREPLY[@]}\n"
+    answer = subprocess.run(["bash"], input=capsys.readouterr().out + ask, capture_output=True, text=True, check=True)
+    assert answer.stdout.split() == ["foxglove"]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["monitor", "--port", "99999"],
+        ["foxglove", "--port", "99999"],
+        ["foxglove", "--port", "x"],
+        ["topic", "list", "--connect", "tcp/127.0.0.1:99999"],
+        ["status", "--connect", "tcp/127.0.0.1:0"],
+        ["run", "--set", "telemetry.listen=tcp/127.0.0.1:99999"],
+        ["sim", "--headless", "--set", "telemetry.listen=tcp/127.0.0.1:99999"],
+    ],
+)
+def test_an_impossible_port_is_one_sentence(arguments, capsys):
+    code: object
+    try:
+        code = main(arguments)
+    except SystemExit as end:
+        code = end.code
+    said = capsys.readouterr().err
+    assert code == 2
+    assert "Traceback" not in said
+    assert "port" in said
