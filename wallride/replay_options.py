@@ -69,12 +69,23 @@ def run_offline(module: str, options: argparse.Namespace) -> int:
         if (error.name or "").split(".")[0] in {"drivers", "runtime", "sim"}:
             raise
         return fail(f"recordings need {error.name}: install it with  pip install 'wallride[sim]'")
+    for name in ("file", "beside"):
+        if getattr(options, name, None) is not None:
+            setattr(options, name, found(getattr(options, name)))
     try:
         return int(command.run(options))
     except (RecordingError, SettingsError) as error:
         return fail(str(error))
     except OSError as error:
         return fail(f"{error.filename or options.file}: {error.strerror or error}")
+
+
+def found(path: Path) -> Path:
+    """Return a recording's path: as it is written, or, where nothing is there, as `wallride logs` lists it."""
+    from runtime.settings.recording import recordings_folder
+
+    listed = recordings_folder("") / path
+    return listed if not path.exists() and listed.is_file() else path
 
 
 def _speed(text: str) -> float:
