@@ -32,6 +32,7 @@ from runtime.control.safety.lidar_sectors import (
     sectors_of,
     watched,
 )
+from runtime.control.safety.silence_borders import Border, Borders, find_border
 from runtime.control.safety.unknown_regions import Sight, Unknown, find_unknown
 from runtime.control.vehicle import CarSettings
 
@@ -74,6 +75,8 @@ class Visibility:
         self._pose = Pose()
         self._stamp_s = -math.inf
         self._before: tuple[Pose, Bytes] | None = None
+        self._borders = Borders(car.lidar_x_m)
+        self._view: View | None = None
         self._lost_m: Places = NOWHERE
         self.on_lidar = False
         self.suspicious = False
@@ -84,7 +87,7 @@ class Visibility:
         kind = scan.angle_min_rad, scan.angle_step_rad, view.ranges_m.size
         if kind != self._kind:
             self._begin(scan, kind)
-        sectors, last = self._sectors, self._pose
+        sectors, last, self._view = self._sectors, self._pose, view
         if not sectors.count:
             return
         fresh = 0.0 <= scan.stamp_s - self._stamp_s <= LATEST_S
@@ -113,6 +116,7 @@ class Visibility:
         self._doubted = np.zeros(self._sectors.count, np.bool_)
         self._seen = self._held = np.full(self._sectors.count, complex(math.nan, math.nan), np.complex128)
         self._stamp_s, self._before, self._lost_m = -math.inf, None, NOWHERE
+        self._borders = Borders(self._car.lidar_x_m)
         self.on_lidar = self.suspicious = False
 
     def _remember(self, before_m: Places) -> None:
@@ -161,9 +165,10 @@ class Visibility:
     def _leads_out(self, end: int, step: int) -> bool | None:
         """Whether the silence that ends at this sector is depth; None where nothing borders it.
 
-        It is where the sector was explained, or where the line of the wall outside leads out of range.
+        It is where the sector was explained, where the border stays in the world while the car moves, or where the line
+        of the wall outside leads out of range.
         """
-        if self._state[end] in (DEPTH, GONE):
+        if self._state[end] in (DEPTH, GONE) or self._borders.stays(step, self._sectors.bearing_rad(end)):
             return True
         beside = next_seen(self._seen, end, step)
         if beside is None:
@@ -177,6 +182,10 @@ class Visibility:
 
     def learn(self) -> None:
         """Compare with what was silent when the car was elsewhere: walls that come out of a silence that goes along."""
+        view, self._view = self._view, None
+        self._borders.update(
+            self._unproven_borders(view) if view is not None and self.suspicious else (), self._pose, self._beam_rad()
+        )
         if not self.suspicious:
             self._before = None
             return
@@ -192,6 +201,23 @@ class Visibility:
                 self._blind_s[first : last + 1] = -math.inf
         if not np.array_equal(state >= UNPROVEN, self._state >= UNPROVEN):
             self._before = self._pose, self._state.copy()
+
+    def _unproven_borders(self, view: View) -> list[Border]:
+        """Return the borders, beam by beam, of every silence that nothing but its start has made doubtful."""
+        sectors, state, found = self._sectors, self._state, []
+        for first, last in runs(state > SEEN):
+            part = state[first : last + 1]
+            if self._doubted[first : last + 1].any() or np.any(part == BLIND) or np.all(part < UNPROVEN):
+                continue
+            right, left = next_seen(self._seen, first, -1), next_seen(self._seen, last, 1)
+            if right is not None:
+                found.append(find_border(view, sectors, right, first, -1))
+            if left is not None:
+                found.append(find_border(view, sectors, last, left, 1))
+        return [border for border in found if border is not None]
+
+    def _beam_rad(self) -> float:
+        return self._sectors.width_rad / self._sectors.beams
 
     def _goes_along(self, pose: Pose, state: Bytes, first: int, last: int) -> bool:
         """Whether what is seen now beside this silence was, from there, within the same silence."""

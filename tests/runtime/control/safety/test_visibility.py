@@ -8,7 +8,7 @@ import pytest
 from drivers.api import MotorState, Scan
 from runtime.control.perception.odometry import Pose
 from runtime.control.perception.view import Eyes
-from runtime.control.safety.lidar_sectors import BLIND, DEPTH, MISSING, SEEN
+from runtime.control.safety.lidar_sectors import BLIND, DEPTH, MISSING, SEEN, UNPROVEN
 from runtime.control.safety.swept import SweptGuard
 from runtime.control.safety.swept_settings import SweptSettings
 from runtime.control.safety.unknown_regions import CRAWL_MPS
@@ -106,12 +106,21 @@ def test_a_silence_that_goes_along_while_walls_come_out_of_it_is_blind():
 
 
 def test_the_end_of_a_wall_stays_where_it_is_and_proves_the_silence_beside_it():
-    lidar = Lidar()
-    assert lidar.look(ranges(CORNER)).suspicious
-    for step in range(60):
-        lidar.look(ranges(CORNER, 0.02 * step), 0.02 * step)
-        assert not np.any(lidar.visibility._state == BLIND)
-    assert not lidar.visibility.suspicious
+    lidar, from_m = Lidar(), 0.26  # its bearing has just come into another sector
+    for step in range(17):
+        seen = lidar.look(ranges(CORNER, from_m + 0.02 * step), 0.02 * step)
+        assert not np.any(seen._state == BLIND)
+        assert seen.suspicious or 0.02 * step > 0.25
+    assert not seen.suspicious
+
+
+def test_the_new_end_of_a_wall_that_has_lost_a_piece_at_once_proves_nothing():
+    lidar, from_m = Lidar(), 0.26
+    lidar.look(ranges(((-5.0, 1.0, 4.6, 1.0),), from_m))
+    for step in range(17):
+        lidar.look(ranges(CORNER, from_m + 0.02 * step), 0.02 * step)
+        assert lidar.known(15) in (UNPROVEN, MISSING)
+        assert lidar.known(0) == UNPROVEN
 
 
 @pytest.mark.parametrize("half_deg", [10, 30, 60, 90])

@@ -1,0 +1,125 @@
+"""Where silence ends, beam by beam: a border that stays where it is in the world while the car moves is no cover's.
+
+A cover is fixed to the lidar: whatever comes out of it, its border keeps its bearing. The end of a wall keeps its
+place: its bearing changes as odometry says. Sectors show that when it has changed by 2.5 degrees, beams much earlier.
+"""
+
+import cmath
+import math
+from collections.abc import Iterable
+
+import numpy as np
+
+from drivers.value import value
+from runtime.control.perception.geometry import Booleans, Floats
+from runtime.control.perception.odometry import Pose
+from runtime.control.perception.view import LEARNT_DIRT_NEARER_THAN_M, View
+from runtime.control.safety.lidar_sectors import SAME_THING_M, SAME_THING_SHARE, Sectors
+
+STAYS_FOR_M = 0.25
+STAYS_FOR_BEAMS = 3.0
+"""So far must the car have moved, and so much must the bearing of a border that stays have changed, to be judged."""
+MIN_SCANS = 5
+STAYS_SHARE = (0.6, 2.0)
+"""Of the change that is expected of a border that stays; one that goes along does not change. Bearings are whole beams,
+so the share is a coarse one."""
+STRAYS_BEAMS = 1.0
+"""A border whose bearing scatters by more (RMS; whole beams alone are 0.3) is none that could be followed."""
+SAME_BORDER_RAD = math.radians(2.5)
+BESIDE_RAD = math.radians(5)
+"""The first beam that sees is so near to the middle of the last silent sector: one that hardly sees lies between."""
+
+
+@value(eq=False)
+class Border:
+    """One end of a silence: the first beam that sees. step: 1 for the left end, -1 for the right one."""
+
+    step: int
+    bearing_rad: float
+    range_m: float
+
+
+def find_border(view: View, sectors: Sectors, first: int, last: int, step: int) -> Border | None:
+    """Return the border within sectors first to last: the first of them (step 1), or the last (step -1), is silent."""
+    part = slice(sectors.first + first * sectors.beams, sectors.first + (last + 1) * sectors.beams)
+    range_m = view.ranges_m[part]
+    echo = ~(view.no_echo[part] | view.own[part])
+    if view.dirty is not None:
+        echo &= ~(view.dirty[part] & (range_m < LEARNT_DIRT_NEARER_THAN_M))
+    found = np.flatnonzero(_linked(range_m, echo))
+    if not found.size:
+        return None
+    beam = part.start + int(found[0 if step > 0 else -1])
+    return Border(step, float(view.bearing_rad[beam]), float(view.ranges_m[beam]))
+
+
+def _linked(range_m: Floats, echo: Booleans) -> Booleans:
+    """Return which beams (n,) agree with one of their neighbours."""
+    agree = echo[1:] & echo[:-1]
+    agree &= np.abs(range_m[1:] - range_m[:-1]) <= SAME_THING_M + SAME_THING_SHARE * range_m[:-1]
+    linked = np.zeros(range_m.size, np.bool_)
+    linked[1:] |= agree
+    linked[:-1] |= agree
+    return linked
+
+
+class _Track:
+    """One border, scan after scan: what its bearing should be if it stayed where it was first seen, and what it is."""
+
+    def __init__(self, border: Border, pose: Pose, lidar_x_m: float) -> None:
+        self.border, self.stays = border, False
+        self._begin, self._lidar_x_m = pose, lidar_x_m
+        at = lidar_x_m + cmath.rect(border.range_m, border.bearing_rad)
+        self._odom_m = complex(pose.x_m, pose.y_m) + at * cmath.rect(1.0, pose.yaw_rad)
+        self._bearing_rad = border.bearing_rad
+        self._should_rad: list[float] = [0.0]
+        self._is_rad: list[float] = [0.0]
+
+    def add(self, border: Border, pose: Pose, beam_rad: float) -> None:
+        """Add the border as it is seen now."""
+        self.border = border
+        off = (self._odom_m - complex(pose.x_m, pose.y_m)) * cmath.rect(1.0, -pose.yaw_rad) - self._lidar_x_m
+        self._should_rad.append(math.remainder(cmath.phase(off) - self._bearing_rad, math.tau))
+        self._is_rad.append(border.bearing_rad - self._bearing_rad)
+        way_m = math.hypot(pose.x_m - self._begin.x_m, pose.y_m - self._begin.y_m)
+        if way_m >= STAYS_FOR_M and len(self._is_rad) >= MIN_SCANS:
+            self.stays = _stays(np.array(self._should_rad), np.array(self._is_rad), beam_rad)
+
+
+def _stays(should_rad: Floats, is_rad: Floats, beam_rad: float) -> bool:
+    """Whether the bearings (n,) have changed as they should for a border that stays."""
+    should, seen = should_rad - should_rad.mean(), is_rad - is_rad.mean()
+    if np.ptp(should_rad) < STAYS_FOR_BEAMS * beam_rad:
+        return False
+    share = float(should @ seen / (should @ should))
+    strays_rad = float(np.sqrt(np.mean((seen - share * should) ** 2)))
+    return STAYS_SHARE[0] <= share <= STAYS_SHARE[1] and strays_rad <= STRAYS_BEAMS * beam_rad
+
+
+class Borders:
+    """The borders of all silences that may be proven, followed from scan to scan."""
+
+    def __init__(self, lidar_x_m: float) -> None:
+        self._lidar_x_m = lidar_x_m
+        self._tracks: list[_Track] = []
+
+    def update(self, borders: Iterable[Border], pose: Pose, beam_rad: float) -> None:
+        """Go on with the borders of one more scan; a border that is not seen any more is forgotten."""
+        old, self._tracks = self._tracks, []
+        for border in borders:
+            near = [
+                track
+                for track in old
+                if track.border.step == border.step
+                and abs(track.border.bearing_rad - border.bearing_rad) <= SAME_BORDER_RAD
+            ]
+            if near:
+                near[0].add(border, pose, beam_rad)
+            self._tracks.append(near[0] if near else _Track(border, pose, self._lidar_x_m))
+
+    def stays(self, step: int, bearing_rad: float) -> bool:
+        """Whether the border beside a silent sector whose middle has this bearing is known to stay in the world."""
+        return any(
+            track.stays and track.border.step == step and abs(track.border.bearing_rad - bearing_rad) <= BESIDE_RAD
+            for track in self._tracks
+        )
