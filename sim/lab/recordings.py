@@ -13,6 +13,7 @@ import numpy as np
 from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
 from sim.lab.figures import Row, number, text
 from sim.lab.recorded.episodes import episodes
+from sim.lab.recorded.first_scan import first_offsets_m
 from sim.lab.recorded.reenact import reenact, run_at_wall
 from sim.lab.recorded.replay import Replay, better_side, jumps, noise, replay
 from sim.recordings import Recording, RecordingError, load_recording
@@ -72,6 +73,7 @@ def judge(done: Replay) -> Figures:
     which = np.ones_like(moves) if done.motion.stands else moves
     found = [asdict(episode) for episode in episodes(done)]
     at_wall = run_at_wall(done)
+    first_line_off_m, first_off_m = first_offsets_m(done)
     return {
         "skipped": None,
         "name": done.recording.name,
@@ -89,6 +91,8 @@ def judge(done: Replay) -> Figures:
         "wall_jumps": jumps(distance_m[which]),
         "follower_noise_m": number(noise(np.where(which, follower_m, np.nan))),
         "follower_off_m": _median((follower_m - distance_m)[which]),
+        "first_line_off_m": number(first_line_off_m),
+        "first_off_m": number(first_off_m),
         "walker_scans": sum(judged.walker for judged in done.judged),
         "dirty_beams": int(np.count_nonzero(done.masked)),
         "words": list(done.health.words),
@@ -144,14 +148,15 @@ def _seen(rows: Sequence[Row], notes: tuple[str, ...]) -> Tabled:
             _mm(row["wall_noise_m"]),
             str(row["wall_jumps"]),
             f"{_mm(row['follower_noise_m'])}, {_mm(row['follower_off_m'])}",
+            f"{_mm(row['first_off_m'])} ({_mm(row['first_line_off_m'])})",
             str(row["walker_scans"]),
             "; ".join(_briefly(words) for words in row["words"]) or "clean",
         )
         for row in rows
     )
     columns = (
-        "recording", "car", "wall", "distance 1..99 % [m]", "noise mm", "jumps", "follower: noise, off mm", "walkers",
-        "window",
+        "recording", "car", "wall", "distance 1..99 % [m]", "noise mm", "jumps", "follower: noise, off mm",
+        "first scan off (its line) mm", "walkers", "window",
     )  # fmt: skip
     return Tabled("what the car would have seen", columns, lines, notes)
 

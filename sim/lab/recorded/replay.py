@@ -77,7 +77,10 @@ class Judged:
 
 @dataclass(slots=True, eq=False)
 class Replay:
-    """A recording judged from end to end. side: of the followed wall. masked: (beams,) in how many scans."""
+    """A recording judged from end to end. side: of the followed wall. masked: (beams,) in how many scans.
+
+    parts: (beams,), what is known at the end for the car's own parts and dirt.
+    """
 
     recording: Recording
     motion: ScanMotion
@@ -85,6 +88,7 @@ class Replay:
     judged: list[Judged]
     health: LidarHealth
     masked: npt.NDArray[np.intp]
+    parts: npt.NDArray[np.bool_]
 
 
 def replay(recording: Recording, side: Side, guard_settings: SweptSettings | None = None) -> Replay:
@@ -108,7 +112,9 @@ def replay(recording: Recording, side: Side, guard_settings: SweptSettings | Non
         judged.append(Judged(scan, motor, outlook, asked, verdict, wall_line(view, side), distance_m, walker))
         if guard.health.mask is not None:
             masked += guard.health.mask
-    return Replay(recording, motion, side, judged, guard.health, masked)
+    guard.learn()
+    parts = guard.own_parts.parts if guard.health.mask is None else guard.own_parts.parts | guard.health.mask
+    return Replay(recording, motion, side, judged, guard.health, masked, parts)
 
 
 def scans_of(recording: Recording) -> list[Scan]:

@@ -58,6 +58,17 @@ def test_nobody_is_stopped_for_ghosts_or_for_the_cars_own_parts(name):
     assert figures["episodes"] == []
 
 
+@pytest.mark.parametrize("name", [
+    "t14_inside_corner_1mps", "t14_inside_corner_2mps", "t14_outside_corner_gap14s", "t14_start_out_2mps_gaps",
+    "t14_start45in_1mps", "t3_crash_1_5mps", "t3_wall_data",
+])  # fmt: skip
+def test_what_is_followed_from_the_first_scan_on_is_the_worlds(name):
+    """What is near behind the shoulders and not in doubt at once is followed in the first four."""
+    figures = figures_of(name)
+    assert abs(figures["first_off_m"]) < 0.05
+    assert figures["stops"] == 0
+
+
 def test_people_who_walk_are_still_seen():
     """A person walks up to the car that has stopped, and lifts it; what is near behind is doubted until it moves."""
     assert figures_of("t14_straight_1mps")["walker_scans"] > 15
