@@ -6,12 +6,13 @@ place: its bearing changes as odometry says. Sectors show that when it has chang
 
 import cmath
 import math
+from collections import deque
 from collections.abc import Iterable
 
 import numpy as np
 
 from drivers.value import value
-from runtime.control.perception.geometry import Booleans, Floats
+from runtime.control.perception.geometry import Booleans, Floats, Places
 from runtime.control.perception.odometry import Pose
 from runtime.control.perception.view import LEARNT_DIRT_NEARER_THAN_M, View
 from runtime.control.safety.lidar_sectors import SAME_THING_M, SAME_THING_SHARE, Sectors
@@ -26,6 +27,12 @@ so the share is a coarse one."""
 STRAYS_BEAMS = 1.0
 """A border whose bearing scatters by more (RMS; whole beams alone are 0.3) is none that could be followed."""
 SAME_BORDER_RAD = math.radians(2.5)
+FADES_WITHIN_S = 1.0
+FADES_NEARER_THAN_M = 8.0
+FADES_BETWEEN_SECTORS = 4.2
+"""Neighbours on a wall come apart on the way of a second; those on two things lie farther apart."""
+FADES_STRAIGHT_RAD = 0.1
+"""Walls farther away fade of themselves, met at a grazing angle, and so do dark ones from which the car turns."""
 BESIDE_RAD = math.radians(5)
 """The first beam that sees is so near to the middle of the last silent sector: one that hardly sees lies between."""
 
@@ -123,3 +130,39 @@ class Borders:
             track.stays and track.border.step == step and abs(track.border.bearing_rad - bearing_rad) <= BESIDE_RAD
             for track in self._tracks
         )
+
+
+class Fading:
+    """Walls that were seen a second ago and have become silent little by little: a cover that grows has no sudden edge.
+
+    From scan to scan nothing is missing: a sector that fades does not fill its neighbours' place any more.
+    """
+
+    def __init__(self, lidar_x_m: float) -> None:
+        self._lidar_x_m = lidar_x_m
+        self._views: deque[tuple[float, complex, Places]] = deque()
+
+    def missing(self, held: Places, pose: Pose, stamp_s: float, sectors: Sectors) -> Booleans:
+        """Return which sectors (n,) should see what was seen a second ago.
+
+        held: (n,), base_link, a place that each full sector sees now, NaN for none.
+        """
+        turned = cmath.rect(1.0, pose.yaw_rad)
+        at_m = complex(pose.x_m, pose.y_m)
+        self._views.append((stamp_s, turned, held * turned + at_m))
+        while stamp_s - self._views[0][0] > FADES_WITHIN_S or stamp_s < self._views[0][0]:
+            self._views.popleft()
+        _, turned_then, places = self._views[0]
+        if abs(cmath.phase(turned * turned_then.conjugate())) > FADES_STRAIGHT_RAD:
+            return np.zeros(sectors.count, np.bool_)
+        off = (places - at_m) * turned.conjugate() - self._lidar_x_m
+        place = (np.angle(off) - sectors.first_rad) / sectors.width_rad
+        place[~(np.abs(off) < FADES_NEARER_THAN_M)] = math.nan
+        right, left = np.minimum(place[:-1], place[1:]), np.maximum(place[:-1], place[1:])
+        between = left - right <= FADES_BETWEEN_SECTORS
+        first, last = np.ceil(right[between]), np.floor(left[between])
+        there = np.zeros(sectors.count, np.bool_)
+        for step in range(math.ceil(FADES_BETWEEN_SECTORS)):
+            index = (first + step)[(first + step <= last) & (first + step >= 0) & (first + step < sectors.count)]
+            there[index.astype(np.intp)] = True
+        return there

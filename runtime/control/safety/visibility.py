@@ -32,7 +32,7 @@ from runtime.control.safety.lidar_sectors import (
     sectors_of,
     watched,
 )
-from runtime.control.safety.silence_borders import Border, Borders, find_border
+from runtime.control.safety.silence_borders import Border, Borders, Fading, find_border
 from runtime.control.safety.unknown_regions import Sight, Unknown, find_unknown
 from runtime.control.vehicle import CarSettings
 
@@ -52,6 +52,10 @@ GRAZING_SECTORS = 1.5
 """The wall beside the silence is continued so far into it."""
 FIXED_FOR_M = 0.25
 FIXED_SECTORS = 2
+FADED_SECTORS, FADED_BLIND_SECTORS = 4, 8
+"""So many sectors of one silence that have seen walls a second ago leave it doubted, or blind: a cover that grows.
+Only where the silence holds the heading: aside, a real dirty window hides up to 13 of them."""
+FADES_EVERY_S = 0.09
 BLIND_MISSING_SECTORS = 3
 """So many of them unexpectedly: silent beams are often beside depth."""
 MOST_LOST = 256
@@ -76,6 +80,8 @@ class Visibility:
         self._stamp_s = -math.inf
         self._before: tuple[Pose, Bytes] | None = None
         self._borders = Borders(car.lidar_x_m)
+        self._fading = Fading(car.lidar_x_m)
+        self._fades_s = -math.inf
         self._view: View | None = None
         self._lost_m: Places = NOWHERE
         self.on_lidar = False
@@ -117,6 +123,7 @@ class Visibility:
         self._seen = self._held = np.full(self._sectors.count, complex(math.nan, math.nan), np.complex128)
         self._stamp_s, self._before, self._lost_m = -math.inf, None, NOWHERE
         self._borders = Borders(self._car.lidar_x_m)
+        self._fading, self._fades_s = Fading(self._car.lidar_x_m), -math.inf
         self.on_lidar = self.suspicious = False
 
     def _remember(self, before_m: Places) -> None:
@@ -186,6 +193,9 @@ class Visibility:
         self._borders.update(
             self._unproven_borders(view) if view is not None and self.suspicious else (), self._pose, self._beam_rad()
         )
+        if view is not None and not 0.0 <= self._stamp_s - self._fades_s < FADES_EVERY_S:
+            self._fades_s = self._stamp_s
+            self._doubt_what_fades()
         if not self.suspicious:
             self._before = None
             return
@@ -201,6 +211,17 @@ class Visibility:
                 self._blind_s[first : last + 1] = -math.inf
         if not np.array_equal(state >= UNPROVEN, self._state >= UNPROVEN):
             self._before = self._pose, self._state.copy()
+
+    def _doubt_what_fades(self) -> None:
+        """Doubt the silence straight ahead where it covers, little by little, walls that were seen a second ago."""
+        missing = self._fading.missing(self._held, self._pose, self._stamp_s, self._sectors)
+        ahead = self._sectors.ahead()
+        missing[: ahead.start] = missing[ahead.stop :] = False
+        for first, last in runs(self._state > SEEN):
+            faded = np.flatnonzero(missing[first : last + 1])
+            if first <= self._state.size // 2 <= last and faded.size >= FADED_SECTORS:
+                blind = faded.size >= FADED_BLIND_SECTORS
+                self._doubt(first + int(faded[0]), first + int(faded[-1]), blind=blind)
 
     def _unproven_borders(self, view: View) -> list[Border]:
         """Return the borders, beam by beam, of every silence that nothing but its start has made doubtful."""

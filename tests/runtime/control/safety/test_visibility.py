@@ -192,6 +192,22 @@ def test_a_gradual_horizon_stays_depth():
     assert not np.any(seen._state == BLIND)
 
 
+def grown(rate_degps, centre_deg=0.0, walls=CORRIDOR):
+    """Drive down a corridor at 2 m/s while a cover grows; yields what is seen, and how far the cover reaches."""
+    lidar = Lidar()
+    for step in range(120):
+        x_m, half_deg = 0.05 * step, max(0.0, rate_degps * 0.025 * (step - 20))
+        yield lidar.look(covered(ranges(walls, x_m), centre_deg - half_deg, centre_deg + half_deg), x_m), half_deg
+
+
+def test_a_cover_that_grows_slowly_from_the_corridors_far_end_is_not_depth():
+    assert all(seen.suspicious for seen, half_deg in grown(20.0) if 22.0 < half_deg < 45.0)
+
+
+def test_a_corridor_whose_far_end_stays_is_depth_all_the_way():
+    assert not any(seen.suspicious for seen, _ in grown(0.0))
+
+
 def test_after_a_hole_in_the_scans_nothing_is_expected():
     lidar = Lidar()
     lidar.look(ranges(BLOCKED))
