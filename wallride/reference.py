@@ -1,0 +1,225 @@
+"""The reference pages of settings, topics and commands, written from the code: `python -m wallride.reference`.
+
+`pages` returns them; `tests/docs/test_reference.py` fails when the files in docs/reference are not the same.
+"""
+
+import argparse
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+from runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
+from runtime.parameters.catalogue import Parameter, catalogue
+from runtime.parameters.policy import Effect
+from runtime.ros.definitions import TYPES
+from runtime.settings.telemetry import RatesHz
+from runtime.settings.tree import Settings
+from runtime.wire import topics
+from wallride.cli import build_parser
+
+FOLDER: Final = Path(__file__).resolve().parents[1] / "docs" / "reference"
+COMMAND: Final = "python -m wallride.reference"
+HEAD: Final = f"<!-- Written by `{COMMAND}`: edit the code, not this page. -->\n"
+EVERY_HZ: Final = 200.0
+"""The rate setting that means "every one"."""
+
+MEANINGS: Final[Mapping[str, str]] = {
+    topics.SCAN: "the lidar's ranges, frame `laser`; a beam without a return is NaN",
+    topics.ODOM: "pose in `odom` and speed of the rear axle, from wheel speed and steering",
+    topics.TF: "the transforms `odom` to `base_link` and `base_link` to `laser`",
+    topics.MOTOR: "joint states: the motor's speed and the steering angle",
+    topics.IMU: "the motor controller's angular rates and accelerations, in `base_link`",
+    topics.BATTERY: "voltage and input current of the motor controller",
+    topics.DISTANCE_ERROR: "distance to the followed wall minus the wanted one [m]; NaN without a wall",
+    topics.WALL: "markers: the fitted wall line and the path of the follower's ball",
+    topics.FOOTPRINT: "markers: the outline, the swept path, and what stops the car",
+    topics.NAVIGATION: "the follower's drive command",
+    topics.TELEOP: "the operator's drive command, while an operator drives",
+    topics.SAFETY: "the driver's command with the speed that safety allows",
+    topics.OUTPUT: "the drive command that was sent to the motor",
+    topics.DECISION: "the mux's decision: source, reason, speed asked for and allowed; each change at once",
+    topics.STATUS: "the state of the whole car; what `wallride status` shows",
+    topics.DIAGNOSTICS: "health of lidar, motor, window and mux for ROS tools",
+    topics.BEAT: "the car's heartbeat, which every operator command echoes",
+}
+OWN_TYPES: Final[Mapping[str, str]] = {
+    topics.STATUS: "JSON object",
+    topics.DECISION: "JSON object",
+    topics.BEAT: "binary, 55 bytes (`runtime/wire/teleop.py`)",
+}
+OWN_RATES: Final[Mapping[str, str]] = {
+    topics.BEAT: "`operator.beat_hz`; a third of it while no operator is heard",
+}
+TO_THE_CAR: Final[Sequence[tuple[str, str, str, str]]] = (
+    (topics.COMMAND, "put, binary, 60 bytes", "operator", "what an operator holds down now, 20 to 100 times a second"),
+    (f"{topics.PARAM}/list", "query, JSON", "viewer", "every setting with value, range, unit and sentence"),
+    (f"{topics.PARAM}/get", "query, JSON", "viewer", "values of settings"),
+    (f"{topics.PARAM}/history", "query, JSON", "viewer", "the latest changes"),
+    (f"{topics.PARAM}/set", "query, JSON", "operator", "changes settings, all of a request or none"),
+    (f"{topics.PARAM}/save", "query, JSON", "operator", "writes the changes to the settings file"),
+    (f"{topics.LOGS}/list", "query, JSON", "operator", "the recordings on the car"),
+    (f"{topics.LOGS}/get", "query, JSON; the answer is bytes", "operator", "a piece of a recording"),
+    (f"{topics.LOGS}/trim", "query, JSON", "admin", "deletes the oldest recordings"),
+    (topics.RECORD, "query, JSON", "admin", "starts and stops a recording"),
+    (f"{topics.OWN_PARTS}/show", "query, JSON", "operator", "parts of the car that its lidar sees"),
+    (f"{topics.OWN_PARTS}/forget", "query, JSON", "operator", "has them learnt again; refused while the car moves"),
+    (topics.SIMULATOR, "query, JSON", "any program on the computer", "changes a simulated car's world; no car has it"),
+)
+"""Key, kind, least role that may use it (with keys, docs/security.md), meaning."""
+EFFECTS: Final[Mapping[Effect, str]] = {
+    Effect.NOW: "next scan",
+    Effect.STANDING: "standing",
+    Effect.RESTART: "restart",
+}
+
+
+def pages() -> dict[str, str]:
+    """Return the text of every page by file name."""
+    return {"settings.md": settings_page(), "topics.md": topics_page(), "commands.md": commands_page()}
+
+
+def settings_page() -> str:
+    """Return every setting of every law: default, range with its unit, when a change is obeyed, and its sentence."""
+    lines = [
+        HEAD,
+        "# Settings\n",
+        "One table per section of `car.toml`. Set one for a drive with `--set SECTION.KEY=VALUE`, or on a driving",
+        "car with `wallride param set SECTION.KEY=VALUE`. *Obeyed*: when a live change takes effect: from the next",
+        "scan on, only while the car stands, or after a restart. *Looser*: the direction of change for which the car",
+        "has to stand, because it lets the car come nearer to harm (`operator.loosen_safety_while_driving`). A unit",
+        "of 1 is a ratio.\n",
+    ]
+    default = catalogue(Settings())
+    report = Settings(wall_follow=ReportFollowSettings(), safety=ReportSafetySettings())
+    for title, chosen in _sections(default, catalogue(report)):
+        lines += [f"## {title}\n", "| setting | default | range | obeyed | looser | meaning |", "| --- " * 6 + "|"]
+        lines += [_setting_row(parameter) for parameter in chosen]
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _sections(
+    default: Mapping[str, Parameter], report: Mapping[str, Parameter]
+) -> Iterator[tuple[str, list[Parameter]]]:
+    """Yield each section with its settings; those of the report's laws after those of the default laws."""
+    for section in dict.fromkeys(name.rpartition(".")[0] for name in default):
+        chosen = [parameter for name, parameter in default.items() if name.rpartition(".")[0] == section]
+        method = next((p for p in chosen if p.name == f"{section}.method"), None)
+        yield section if method is None else f"{section}, method = {json.dumps(method.default)}", chosen
+    for section in ("wall_follow", "safety"):
+        chosen = [parameter for name, parameter in report.items() if name.rpartition(".")[0] == section]
+        yield f'{section}, method = "report"', chosen
+
+
+def _setting_row(parameter: Parameter) -> str:
+    unit = " 1" if parameter.unit == "1" and parameter.kind == "number" else ""
+    cells = (
+        f"`{parameter.name.rpartition('.')[2]}`",
+        f"`{json.dumps(parameter.default)}`",
+        parameter.range_words() + unit,
+        EFFECTS[parameter.effect],
+        str(parameter.loosens),
+        parameter.words,
+    )
+    return _row(cells)
+
+
+def topics_page() -> str:
+    """Return every key that a car publishes or answers: type, rate, meaning."""
+    rates = RatesHz().model_dump()
+    lines = [
+        HEAD,
+        "# Topics\n",
+        "All keys begin with `wallride/CAR/`; the car's name is `car.name`. Types are ROS 2 messages in CDR unless",
+        "said. The rate is the default of `telemetry.rates_hz`, an upper limit: a topic is never sent more often than",
+        "there is news (of most topics the newest, 20 to 25 times a second), and not at all without a subscriber.",
+        "Listen with `wallride topic list|hz|bw|echo`.\n",
+        "## From the car\n",
+        "| topic | type | rate | meaning |",
+        "| --- " * 4 + "|",
+    ]
+    for topic, meaning in MEANINGS.items():
+        kind = OWN_TYPES.get(topic) or f"`{TYPES[topic]}`"
+        rate = OWN_RATES.get(topic) or _rate(rates[topic])
+        lines.append(_row((f"`{topic}`", kind, rate, meaning)))
+    lines += ["", "## To the car\n", "| key | kind | role | meaning |", "| --- " * 4 + "|"]
+    lines += [_row((f"`{key}`", kind, role, meaning)) for key, kind, role, meaning in TO_THE_CAR]
+    lines += [
+        "",
+        "`alive` and `operator/alive/SESSION` are liveliness tokens: present while a car, or an operator, is there.",
+        "Time stamps in JSON are seconds on the car's monotonic clock; a number that does not exist is `null`.",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _rate(rate_hz: float) -> str:
+    return "every one" if rate_hz >= EVERY_HZ else f"{rate_hz:g} Hz"
+
+
+def commands_page() -> str:
+    """Return every command with its arguments and options."""
+    lines = [
+        HEAD,
+        "# Commands\n",
+        "`wallride COMMAND --help` says the same. Exit codes: 0 done, 2 a mistake that the message explains, 130",
+        "Ctrl-C; commands with other codes name them.\n",
+    ]
+    for command in _commands(build_parser()):
+        lines += command
+    return "\n".join(lines)
+
+
+def _commands(parser: argparse.ArgumentParser, summary: str = "", depth: int = 1) -> Iterator[list[str]]:
+    """Yield the lines of each command, a parent before its children."""
+    children = None
+    rows = []
+    for action in parser._actions:  # noqa: SLF001 - argparse has no public list of its options
+        if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001 - nor a public name for this
+            children = action
+        elif action.dest != "help" and action.help is not argparse.SUPPRESS:
+            rows.append(_option_row(action))
+    if depth > 1 or rows:
+        lines = [f"{'#' * min(depth, 3)} {parser.prog}\n" if depth > 1 else "## Everywhere\n"]
+        said = parser.description or summary
+        if depth > 1 and said:
+            lines.append(f"{said[:1].upper()}{said[1:].rstrip('.')}.\n")
+        if rows:
+            lines += ["| argument | meaning |", "| --- | --- |", *rows, ""]
+        yield lines
+    if children is not None:
+        helps = {choice.dest: choice.help or "" for choice in children._choices_actions}  # noqa: SLF001 - as above
+        for name, child in children.choices.items():
+            yield from _commands(child, helps.get(name, ""), depth + 1)
+
+
+def _option_row(action: argparse.Action) -> str:
+    values = action.metavar if action.metavar is not None else action.dest.upper()
+    if action.choices is not None and action.metavar is None:
+        values = "|".join(map(str, action.choices))
+    value = " ".join(values) if isinstance(values, tuple) else str(values)
+    if not action.option_strings:
+        name = f"[{value}]" if action.nargs in {"?", "*"} else value
+    else:
+        name = ", ".join(action.option_strings) + ("" if action.nargs == 0 else f" {value}")
+    words = (action.help or "") % {"default": action.default, "prog": "wallride"}
+    return _row((f"`{name.replace('|', chr(92) + '|')}`", words))
+
+
+def _row(cells: Sequence[str]) -> str:
+    """Return one line of a table; a bar within a cell would end it."""
+    escaped = (cell if f"{chr(92)}|" in cell else cell.replace("|", f"{chr(92)}|") for cell in cells)
+    return f"| {' | '.join(' '.join(cell.split()) for cell in escaped)} |"
+
+
+def main() -> None:
+    """Write the pages."""
+    FOLDER.mkdir(exist_ok=True)
+    for name, text in pages().items():
+        (FOLDER / name).write_text(text, encoding="utf-8")
+        print(f"docs/reference/{name}")
+
+
+if __name__ == "__main__":
+    main()
