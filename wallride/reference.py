@@ -28,7 +28,7 @@ MEANINGS: Final[Mapping[str, str]] = {
     topics.SCAN: "the lidar's ranges, frame `laser`; a beam without a return is NaN",
     topics.ODOM: "pose in `odom` and speed of the rear axle, from wheel speed and steering",
     topics.TF: "the transforms `odom` to `base_link` and `base_link` to `laser`",
-    topics.MOTOR: "joint states: the motor's speed and the steering angle",
+    topics.MOTOR: "joint `drive`: way, speed, motor current; joint `steering`: the commanded angle",
     topics.IMU: "the motor controller's angular rates and accelerations, in `base_link`",
     topics.BATTERY: "voltage and input current of the motor controller",
     topics.DISTANCE_ERROR: "distance to the followed wall minus the wanted one [m]; NaN without a wall",
