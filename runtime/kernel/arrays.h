@@ -84,6 +84,7 @@ KERNEL(roll_outs);
 KERNEL(wall_line);
 KERNEL(wall_beside);
 KERNEL(rolled_along);
+KERNEL(noise_learnt_m);
 KERNEL(driven_along);
 KERNEL(foreseen);
 KERNEL(driven_on);

@@ -92,6 +92,44 @@ static void roll(struct wall *wall, double ball, struct path *path) {
     }
 }
 
+/* noise_learnt_m(noise, x, y, indices) -> noise; see noise_bias.py */
+KERNEL(noise_learnt_m) {
+    struct row x, y, wall;
+    double noise;
+    if (!enough(count, 4, "noise_learnt_m") || !as_numbers(given, 1, &noise) || !as_row(given[1], NPY_DOUBLE, &x) ||
+        !as_row(given[2], NPY_DOUBLE, &y) || !as_row(given[3], NPY_INTP, &wall))
+        return NULL;
+    const beam part = NOISE_BIAS_NOISE_BEAMS;
+    double least_square = INFINITY, before = 0.0;
+    beam nearest = 0, above = 0;
+    for (beam i = 0; i < wall.count; i++) {
+        npy_intp at = INDEX(wall, i);
+        if (at < 0 || at >= x.count || at >= y.count)
+            return PyErr_Format(PyExc_IndexError, "noise_learnt_m: no beam %zd", (Py_ssize_t)at);
+        double square = NUMBER(x, at) * NUMBER(x, at) + NUMBER(y, at) * NUMBER(y, at);
+        if (square < least_square || (isnan(square) && !isnan(least_square))) { /* as numpy's argmin */
+            least_square = square;
+            nearest = i;
+        }
+    }
+    beam from = nearest > part ? nearest - part : 0, to = nearest + part < wall.count ? nearest + part : wall.count - 1;
+    if (to - from < NOISE_BIAS_FEWEST_NOISE_BEAMS)
+        return PyFloat_FromDouble(noise);
+    for (beam i = from; i <= to; i++) {
+        npy_intp at = INDEX(wall, i);
+        double range = sqrt(NUMBER(x, at) * NUMBER(x, at) + NUMBER(y, at) * NUMBER(y, at));
+        above += i > from && fabs(range - before) > noise;
+        before = range;
+    }
+    noise *= 1.0 + NOISE_BIAS_NOISE_STEP * ((double)above / (double)(to - from) - 0.5);
+    return PyFloat_FromDouble(bounded(noise, NOISE_BIAS_LEAST_NOISE_M, NOISE_BIAS_MOST_NOISE_M));
+}
+
+/* How far the wall's parts stick out of its line; see roughness_m. */
+static double roughness(double bias, double noise) {
+    return bounded(bias - NOISE_BIAS_BIAS_OF_NOISE * noise * sqrt(noise), 0.0, NOISE_BIAS_MOST_ROUGHNESS_M);
+}
+
 /* The bias after one more scan; see noise_bias.py. */
 static double learnt(double bias, double found) {
     int possible = NOISE_BIAS_LOWEST_M < found && found < NOISE_BIAS_HIGHEST_M;
@@ -139,21 +177,21 @@ static PyObject *answer_of(const struct path *path, double nearest, double bias,
     return NULL;
 }
 
-/* rolled_along(x, y, solid, indices, more places | None, from_x, from_y, yaw, line_m, line_rad, bias_m, desired_m, radii)
- * -> nearest, bias, bend, opposite, (bearing, ...), (meets, ...), (crosses, ...) */
+/* rolled_along(x, y, solid, indices, more places | None, from_x, from_y, yaw, line_m, line_rad, bias_m, noise_m, desired_m,
+ * radii) -> nearest, bias, bend, opposite, (bearing, ...), (meets, ...), (crosses, ...) */
 KERNEL(rolled_along) {
     struct row x, y, solid, beams, glass = {NULL, 0, 0};
     struct path path;
     struct wall wall;
     place *places;
-    double v[7];
-    if (!enough(count, 13, "rolled_along") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
+    double v[8];
+    if (!enough(count, 14, "rolled_along") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
         !as_row(given[2], NPY_BOOL, &solid) || !as_row(given[3], NPY_INTP, &beams) ||
-        (given[4] != Py_None && !as_row(given[4], NPY_CDOUBLE, &glass)) || !as_numbers(given + 5, 7, v))
+        (given[4] != Py_None && !as_row(given[4], NPY_CDOUBLE, &glass)) || !as_numbers(given + 5, 8, v))
         return NULL;
     if (x.count != y.count || x.count != solid.count)
         return PyErr_Format(PyExc_ValueError, "rolled_along: arrays of different lengths");
-    path.circles = numbers_of(given[12], path.radius);
+    path.circles = numbers_of(given[13], path.radius);
     if (path.circles < 0)
         return NULL;
     if (path.circles < BEND_TO || !beams.count)
@@ -168,7 +206,7 @@ KERNEL(rolled_along) {
     if (!seen)
         return NULL;
     double line = v[3] - (cos(v[4]) * v[1] - sin(v[4]) * v[0]), bias = learnt(v[5], line - wall.nearest);
-    roll(&wall, v[6] - bias, &path);
+    roll(&wall, v[7] - bias + roughness(bias, v[6]), &path);
     free(wall.range);
     int whole = 1;
     for (int k = BEND_FROM; k < BEND_TO; k++)

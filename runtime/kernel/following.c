@@ -10,8 +10,11 @@ static double fading(double value, double whole_below, double none_above) {
     return bounded((none_above - value) / (none_above - whole_below), 0.0, 1.0);
 }
 
-static double approach(double error, double speed, double slope) {
-    double bend = 1.0 / (BALL_LAW_ARC_M + BALL_LAW_ARC_S * fabs(speed)), size = fabs(error), wanted = slope * size;
+/* path: the path's own curvature; see approach_rad. */
+static double approach(double error, double speed, double slope, double path) {
+    double sharpest = 1.0 / (BALL_LAW_ARC_M + BALL_LAW_ARC_S * fabs(speed));
+    double against = lesser(copysign(path, error * path), 0.0);
+    double bend = greater(sharpest + against, BALL_LAW_LEAST_ARC_SHARE * sharpest), size = fabs(error), wanted = slope * size;
     double joint = slope > 0 ? asin(lesser(bend / slope, 1.0)) : HUGE_VAL;
     if (wanted > joint)
         wanted = acos(greater(cos(joint) - bend * (size - joint / slope), -1.0));
@@ -67,7 +70,8 @@ static struct aim pursue(const double *radius, const double *bearing, const npy_
     }
     aim.heading = lesser(aim.heading, near_rad - asin_of(aim.error / near) + BALL_LAW_NOT_TOWARDS_RAD);
     double slower = BALL_LAW_SLOW_MPS / greater(fabs(speed), BALL_LAW_SLOW_MPS);
-    double wanted = approach(aim.error, speed, slower * v[5] / greater(kd, 1e-6)) + aim.heading;
+    double slope = slower * v[5] / greater(kd, 1e-6);
+    double wanted = approach(aim.error, speed, slope, (1.0 - aim.straight) * v[3]) + aim.heading;
     double slip = BALL_LAW_SLIP_S2_PER_M + BALL_LAW_SLIP_S3_PER_M2 * fabs(speed);
     wanted += (1.0 - aim.straight) * beside * slip * speed * speed * bend;
     double rough = lesser(BALL_LAW_ROUGH_KD_SHARE, slower);

@@ -92,7 +92,7 @@ static PyMethodDef functions[] = {
     ENTRY(wall_line), ENTRY(wall_beside), ENTRY(rolled_along), ENTRY(driven_along), ENTRY(scan_parts),
     ENTRY(foreseen), ENTRY(predicted), ENTRY(corrected), ENTRY(driven_on), ENTRY(evidence),
     ENTRY(findings), ENTRY(near_places), ENTRY(watched), ENTRY(roll_outs), ENTRY(places_behind),
-    ENTRY(prefetch),
+    ENTRY(noise_learnt_m), ENTRY(prefetch),
     {NULL, NULL, 0, NULL},
 };
 

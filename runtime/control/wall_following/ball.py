@@ -14,6 +14,7 @@ import numpy as np
 from drivers.api import Drive, MotorState, Scan
 from runtime.control.guidance import Guidance
 from runtime.control.perception.geometry import Floats
+from runtime.control.perception.noise_bias import FIRST_NOISE_M, noise_learnt_m
 from runtime.control.perception.view import Eyes
 from runtime.control.vehicle import CarSettings
 from runtime.control.wall_following.ball_drive import driven_along
@@ -48,6 +49,7 @@ class BallFollower:
         self._sign = 1.0 if settings.side == "left" else -1.0
         self._predictor = Predictor(car.wheelbase_m, car.steering_rate_radps)
         self._bias_m = 0.0
+        self._noise_m = FIRST_NOISE_M
         self._track = WallTrack(car.wheelbase_m)
         self._room = Room()
         self._half_ahead_m = math.inf
@@ -105,7 +107,8 @@ class BallFollower:
         tracked = self._track.correct(line)
         desired_m = self._room.beside_m(line, wall.room_m, wanted_m, moved_m)
         look_m = look_aheads_m(settings.look_ahead_m, settings.look_ahead_s, speed_mps)
-        ball = rolled(seen, wall, shift, self._bias_m, desired_m, look_m)
+        self._noise_m = noise_learnt_m(self._noise_m, seen.x_m, seen.y_m, wall.beams)
+        ball = rolled(seen, wall, shift, self._bias_m, self._noise_m, desired_m, look_m)
         self._path, self._bias_m = ball.path, ball.bias_m
         self._half_ahead_m = (desired_m + ball.opposite_m) / 2
         self._bend_per_m += BEND_LOW_PASS * (ball.bend_per_m - self._bend_per_m)
@@ -126,10 +129,11 @@ class BallFollower:
         line_rad, line_error_m = math.nan, math.nan
         if tracked is not None:
             there = tracked.seen_from(shift.x_m, shift.y_m, shift.yaw_rad)
-            line_rad, line_error_m = there.heading_rad, there.distance_m - desired_m
+            line_rad, line_error_m = there.heading_rad, there.distance_m - ball.rough_m - desired_m
+        nearest_error_m = ball.nearest_m + ball.bias_m - ball.rough_m - desired_m
         room_m = min(desired_m, ball.opposite_m)
         error_m, self._straight, steering_rad, wanted_mps = driven_along(
-            path.radius_m, path.bearing_rad, path.meets, path.crosses, ball.nearest_m + ball.bias_m - desired_m,
+            path.radius_m, path.bearing_rad, path.meets, path.crosses, nearest_error_m,
             line_rad, line_error_m, self._bend_per_m, speed_mps, settings.kp, settings.kd,
             car.wheelbase_m, self._track.trim_rad if settings.trim_integral else 0.0, car.max_steering_rad,
             settings.speed_mps, mu_with_room(settings.assumed_mu, room_m) if settings.speed_profile else math.inf,

@@ -36,6 +36,8 @@ ARC_M = 0.933
 ARC_S = 0.45
 """The approach's arc has the radius ARC_M + ARC_S v: the tightest one, and the way on which the servo slews from one
 stop to the other (0.21 s) and the tyres follow."""
+LEAST_ARC_SHARE = 0.4
+"""Of the arc's curvature; so much at least is counted on beside a path that bends."""
 STEEPEST_RAD = 1.4
 HERE_M, HERE_S = 0.25, 0.08
 """The path is looked at so far ahead for its heading here: nearer there is noise, farther there is the next bend."""
@@ -108,7 +110,8 @@ def pursued(
         heading_rad += straight * (line_rad - heading_rad)
     heading_rad = min(heading_rad, near_rad - _asin(error_m / near_m) + NOT_TOWARDS_RAD)
     slower = SLOW_MPS / max(abs(speed_mps), SLOW_MPS)
-    wanted_rad = approach_rad(error_m, speed_mps, slower * kp / max(kd, 1e-6)) + heading_rad
+    slope_per_m = slower * kp / max(kd, 1e-6)
+    wanted_rad = approach_rad(error_m, speed_mps, slope_per_m, (1.0 - straight) * mean_bend_per_m) + heading_rad
     slip_s2_per_m = SLIP_S2_PER_M + SLIP_S3_PER_M2 * abs(speed_mps)
     wanted_rad += (1.0 - straight) * beside * slip_s2_per_m * speed_mps * speed_mps * bend_per_m
     rough = min(ROUGH_KD_SHARE, slower)
@@ -144,9 +147,14 @@ def turn_share(
     return share
 
 
-def approach_rad(error_m: float, speed_mps: float, slope_per_m: float) -> float:
-    """Return the heading to the path at which it is approached: a straight, then an arc's acos(1 - c |e|)."""
-    bend_per_m = 1.0 / (ARC_M + ARC_S * abs(speed_mps))
+def approach_rad(error_m: float, speed_mps: float, slope_per_m: float, path_per_m: float = 0.0) -> float:
+    """Return the heading to the path at which it is approached: a straight, then an arc's acos(1 - c |e|).
+
+    path_per_m: the path's own curvature, left positive; an arc that has to turn the same way as the path has less left.
+    """
+    sharpest_per_m = 1.0 / (ARC_M + ARC_S * abs(speed_mps))
+    against_per_m = min(math.copysign(path_per_m, error_m * path_per_m), 0.0)
+    bend_per_m = max(sharpest_per_m + against_per_m, LEAST_ARC_SHARE * sharpest_per_m)
     size_m = abs(error_m)
     # The arc's heading h grows by c / sin(h) per metre: the straight ends where it is no steeper than that.
     joint_rad = math.asin(min(bend_per_m / slope_per_m, 1.0)) if slope_per_m > 0 else math.inf

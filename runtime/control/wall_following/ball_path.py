@@ -17,7 +17,7 @@ import numpy as np
 from drivers.twin import twin
 from drivers.value import value
 from runtime.control.perception.geometry import Booleans, Floats, Places
-from runtime.control.perception.noise_bias import bias_learnt_m
+from runtime.control.perception.noise_bias import bias_learnt_m, roughness_m
 from runtime.control.wall_following.followed_wall import Beams, MyWall, SideView, around, bridge_glass, outline
 from runtime.control.wall_following.prediction import Shift
 from runtime.control.wall_following.wall_fit import CLEAN_INLIERS
@@ -54,7 +54,8 @@ class BallPath:
 class Rolled:
     """A ball rolled along the wall as seen from where the answer takes effect.
 
-    nearest_m: the nearest of the wall's points. bias_m: how much too near that is, see `noise_bias`.
+    nearest_m: the nearest of the wall's points. bias_m: how much nearer than the line that is; rough_m: the part of it
+    that is the wall's own roughness, see `noise_bias`.
     bend_per_m: curvature of the path between 0.6 and 1.5 m ahead, left positive; 0 where it is not all seen.
     opposite_m: how near the path comes to anything beyond my wall's front end, infinite where nothing is.
     """
@@ -62,16 +63,18 @@ class Rolled:
     path: BallPath
     nearest_m: float
     bias_m: float
+    rough_m: float
     bend_per_m: float
     opposite_m: float
 
 
 def rolled(
-    seen: SideView, wall: MyWall, shift: Shift, bias_m: float, desired_m: float, more_radii_m: tuple[float, ...]
-) -> Rolled:
+    seen: SideView, wall: MyWall, shift: Shift, bias_m: float, noise_m: float, desired_m: float,
+    more_radii_m: tuple[float, ...],
+) -> Rolled:  # fmt: skip
     """Roll a ball of the desired distance, less the bias, along my wall, panes of glass filled in.
 
-    bias_m: known before this scan. The circles are RADII_M, then `more_radii_m`.
+    bias_m: known before this scan; noise_m: see `noise_bias`. The circles are RADII_M, then `more_radii_m`.
     """
     line_m, line_rad = math.nan, 0.0
     if wall.line is not None and wall.line.inliers > CLEAN_INLIERS:
@@ -79,9 +82,10 @@ def rolled(
     radii_m = RADII_M + more_radii_m
     nearest_m, bias_m, bend_per_m, opposite_m, path_rad, meets, crosses = rolled_along(
         seen.x_m, seen.y_m, seen.solid, wall.beams, bridge_glass(seen, wall), shift.x_m, shift.y_m, shift.yaw_rad,
-        line_m, line_rad, bias_m, desired_m, radii_m,
+        line_m, line_rad, bias_m, noise_m, desired_m, radii_m,
     )  # fmt: skip
-    return Rolled(BallPath(radii_m, path_rad, meets, crosses), nearest_m, bias_m, bend_per_m, opposite_m)
+    rough_m = roughness_m(bias_m, noise_m)
+    return Rolled(BallPath(radii_m, path_rad, meets, crosses), nearest_m, bias_m, rough_m, bend_per_m, opposite_m)
 
 
 Circles = tuple[tuple[float, ...], tuple[bool, ...], tuple[bool, ...]]
@@ -101,6 +105,7 @@ def rolled_along(  # flat arguments, as its twin in C wants them
     line_m: float,
     line_rad: float,
     bias_m: float,
+    noise_m: float,
     desired_m: float,
     radii_m: tuple[float, ...],
 ) -> tuple[float, float, float, float, tuple[float, ...], tuple[bool, ...], tuple[bool, ...]]:
@@ -115,7 +120,9 @@ def rolled_along(  # flat arguments, as its twin in C wants them
     range_m, bearing_rad, nearest_m = around(places_m, from_x_m, from_y_m, yaw_rad)
     line_m -= math.cos(line_rad) * from_y_m - math.sin(line_rad) * from_x_m
     bias_m = bias_learnt_m(bias_m, line_m, nearest_m)
-    path_rad, meets, crosses = circles_met(range_m, bearing_rad, desired_m - bias_m, radii_m)
+    path_rad, meets, crosses = circles_met(
+        range_m, bearing_rad, desired_m - bias_m + roughness_m(bias_m, noise_m), radii_m
+    )
     part = slice(*_BEND_CIRCLES)
     bend_per_m = bend_of(radii_m[part], path_rad[part]) if all(meets[part]) else 0.0
     crossed = [

@@ -45,9 +45,11 @@ def test_arrays_of_different_lengths_are_refused(compiled):
         compiled["dark_around"](flags, flags, short, 0.0, 0.1, 0.0, 1.0)
     for beam in (9, -1):
         with pytest.raises(IndexError, match=f"no beam {beam}"):
-            compiled["rolled_along"](long_m, long_m, flags, np.array([0, beam]), None, *[0.0] * 7, (1.0,) * 5)
+            compiled["noise_learnt_m"](0.01, long_m, long_m, np.array([0, beam]))
+        with pytest.raises(IndexError, match=f"no beam {beam}"):
+            compiled["rolled_along"](long_m, long_m, flags, np.array([0, beam]), None, *[0.0] * 8, (1.0,) * 5)
     with pytest.raises(ValueError, match="at least 5 circles"):
-        compiled["rolled_along"](long_m, long_m, flags, np.array([0]), None, *[0.0] * 7, (1.0,) * 4)
+        compiled["rolled_along"](long_m, long_m, flags, np.array([0]), None, *[0.0] * 8, (1.0,) * 4)
     with pytest.raises(ValueError, match="at least three circles"):
         compiled["driven_along"]((1.0,), (1.0,), (True,), (True,), *[0.0] * 12)
     beams = np.zeros(2, np.intp)

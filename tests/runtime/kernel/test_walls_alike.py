@@ -102,11 +102,11 @@ PLACE = st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-4.0, 4.
     points=st.sampled_from([1, 2, 3, 4, 5, 6, 7, 30, 400]),
     there=PLACE,
     line=st.sampled_from([(math.nan, 0.0), (1.0, 0.1), (0.3, -0.4)]),
-    bias_m=st.floats(-0.02, 0.12),
+    noise=st.tuples(st.floats(-0.02, 0.12), st.floats(1e-4, 0.1)),
     desired_m=st.floats(0.1, 2.0),
     glass=st.booleans(),
 )
-def test_a_ball_is_rolled_along_any_wall_alike(compiled, seed, points, there, line, bias_m, desired_m, glass):
+def test_a_ball_is_rolled_along_any_wall_alike(compiled, seed, points, there, line, noise, desired_m, glass):
     rng = np.random.default_rng(seed)
     x_m, y_m = rng.choice([0.005, 0.05, 1.0]) * rng.normal(1.0, 1.0, (2, points)).cumsum(axis=1)
     wall = np.flatnonzero(rng.random(points) < rng.choice([0.3, 1.0]))
@@ -118,15 +118,32 @@ def test_a_ball_is_rolled_along_any_wall_alike(compiled, seed, points, there, li
     radii_m = (*RADII_M, *rng.uniform(0.3, 2.0, 2).tolist())
     at_once = (x_m[wall[0]], y_m[wall[0]], there[2])  # the rear axle in the wall
     for place in (there, at_once):
-        given_ = (x_m, y_m, solid, wall, pane, *place, *line, bias_m, desired_m, radii_m)
+        given_ = (x_m, y_m, solid, wall, pane, *place, *line, *noise, desired_m, radii_m)
         assert_same("rolled_along", twin.PLAIN["rolled_along"](*given_), compiled["rolled_along"](*given_))
 
 
+@given(seed=st.integers(0, 2**32), beams=st.integers(1, 200), noise_m=st.floats(1e-4, 0.2))
+def test_the_noise_is_learnt_alike(compiled, seed, beams, noise_m):
+    rng = np.random.default_rng(seed)
+    x_m, y_m = rng.normal(0.0, rng.choice([0.01, 1.0]), (2, 200))
+    given_ = (noise_m, x_m, y_m, np.sort(rng.choice(200, beams, replace=False)))
+    assert_same("noise_learnt_m", twin.PLAIN["noise_learnt_m"](*given_), compiled["noise_learnt_m"](*given_))
+
+
+@pytest.mark.parametrize("of", range(3))
+@pytest.mark.parametrize("at", [0, 50, 99])
+def test_a_noise_that_is_no_number_is_learnt_alike(compiled, of, at):
+    numbers = [np.array([0.01]), np.linspace(-1.0, 1.0, 100), np.ones(100)]
+    numbers[of][min(at, numbers[of].size - 1)] = math.nan
+    given_ = (float(numbers[0][0]), *numbers[1:], np.arange(100))
+    assert_same("noise_learnt_m", twin.PLAIN["noise_learnt_m"](*given_), compiled["noise_learnt_m"](*given_))
+
+
 @pytest.mark.parametrize("radii_m", [RADII_M, RADII_M[:5]])
-@pytest.mark.parametrize("place", range(7))
+@pytest.mark.parametrize("place", range(8))
 @pytest.mark.filterwarnings("ignore:invalid value")
 def test_a_ball_is_rolled_alike_where_something_is_no_number(compiled, place, radii_m):
-    numbers = [0.1, 0.2, 0.3, 1.0, 0.05, 0.01, 1.0]
+    numbers = [0.1, 0.2, 0.3, 1.0, 0.05, 0.01, 0.01, 1.0]
     numbers[place] = math.nan
     given_ = (np.arange(9.0), np.ones(9), np.arange(9) < 8, np.arange(4), None, *numbers, radii_m)
     assert_same("rolled_along", twin.PLAIN["rolled_along"](*given_), compiled["rolled_along"](*given_))

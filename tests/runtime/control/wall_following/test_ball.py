@@ -8,7 +8,13 @@ import pytest
 
 from drivers.api import MotorState, Scan
 from runtime.control.perception.geometry import Places
-from runtime.control.perception.noise_bias import bias_learnt_m
+from runtime.control.perception.noise_bias import (
+    FIRST_NOISE_M,
+    MOST_ROUGHNESS_M,
+    bias_learnt_m,
+    noise_learnt_m,
+    roughness_m,
+)
 from runtime.control.perception.view import Eyes
 from runtime.control.vehicle import CarSettings
 from runtime.control.wall_following.ball import BallFollower
@@ -151,7 +157,7 @@ def test_a_path_that_is_not_all_seen_has_no_bend(ends_m, bends):
     x_m = np.arange(-2.0, ends_m, 0.02)
     y_m = 0.8 + 0.15 * x_m * x_m
     beams = np.arange(x_m.size)
-    answer = rolled_along(x_m, y_m, beams >= 0, beams, None, 0.0, 0.0, 0.0, math.nan, 0.0, 0.0, 0.3, RADII_M)
+    answer = rolled_along(x_m, y_m, beams >= 0, beams, None, 0.0, 0.0, 0.0, math.nan, 0.0, 0.0, 0.01, 0.3, RADII_M)
     assert (answer[2] != 0.0) == bends
 
 
@@ -162,7 +168,7 @@ def test_the_path_knows_how_near_it_comes_to_the_other_wall(across_m, seen):
     x_m, y_m = np.concatenate((along, along[::-1])), np.repeat([1.0, -across_m], along.size)
     solid = np.arange(x_m.size) < along.size if not seen else np.ones(x_m.size, np.bool_)
     mine = np.arange(along.size)
-    answer = rolled_along(x_m, y_m, solid, mine, None, 0.0, 0.0, 0.0, math.nan, 0.0, 0.0, 1.0, RADII_M)
+    answer = rolled_along(x_m, y_m, solid, mine, None, 0.0, 0.0, 0.0, math.nan, 0.0, 0.0, 0.01, 1.0, RADII_M)
     assert answer[3] == (pytest.approx(across_m, abs=0.02) if seen else math.inf)
 
 
@@ -496,10 +502,54 @@ def test_it_is_learnt_from_clean_lines_only_and_makes_the_ball_smaller(inliers, 
     found = my_wall(seen, 1.0, None, 1.0)
     assert found is not None
     wall = MyWall(found.beams, Line(1.05, 0.0, inliers), 1.0, -1)
-    ball = rolled(seen, wall, Shift(), 0.01, 1.0, ())
+    ball = rolled(seen, wall, Shift(), 0.01, 0.1, 1.0, ())
     assert ball.bias_m == pytest.approx(0.01 + 0.1 * 0.04 if learns else 0.01, abs=1e-4)
-    alone = rolled(seen, MyWall(wall.beams, None, 1.0, -1), Shift(), 0.0, 1.0 - ball.bias_m, ())
+    alone = rolled(seen, MyWall(wall.beams, None, 1.0, -1), Shift(), 0.0, 0.1, 1.0 - ball.bias_m, ())
     assert ball.path.bearing_rad == pytest.approx(alone.path.bearing_rad)
+
+
+NORMAL_M = 0.954
+"""The median difference of two numbers with the standard deviation 1."""
+
+
+@pytest.mark.parametrize("noise_m", [0.002, 0.01, 0.04])
+@pytest.mark.parametrize("step_m", [0.0, 0.05])
+def test_the_noise_is_learnt_from_beam_to_beam_whatever_the_wall_is_made_of(noise_m, step_m):
+    """A wall that every tenth beam sees jump by 5 cm, as one drawn in cells, has hardly more noise."""
+    rng = np.random.default_rng(4)
+    beams, learnt_m = np.arange(200), FIRST_NOISE_M
+    bearing_rad = math.pi / 2 + 0.0044 * (beams - 100)
+    for _ in range(60):
+        range_m = 1.0 + rng.normal(0.0, noise_m, 200) + step_m * (beams // 10 % 2)
+        learnt_m = noise_learnt_m(learnt_m, range_m * np.cos(bearing_rad), range_m * np.sin(bearing_rad), beams)
+    assert learnt_m == pytest.approx(NORMAL_M * noise_m, rel=0.3)
+
+
+def test_too_few_beams_tell_no_noise():
+    few = np.arange(19)
+    assert noise_learnt_m(0.02, np.linspace(-1, 1, 19), np.ones(19), few) == 0.02
+
+
+def test_what_sticks_out_of_a_wall_is_wall_and_no_noise():
+    """The car keeps its distance from the nearest part: the ball is made smaller by what is noise only."""
+    assert roughness_m(0.03, 0.0186) == pytest.approx(0.03 - 3.6 * 0.0186**1.5)
+    assert roughness_m(0.008, 0.0186) == 0.0
+    assert roughness_m(0.1, 0.0186) == MOST_ROUGHNESS_M
+    seen = side_view(Eyes(CAR).see(scan_in("straight")), "left")
+    wall = my_wall(seen, 1.0, None, 1.0)
+    assert wall is not None
+    smooth, rough = (rolled(seen, wall, Shift(), 0.02, noise_m, 1.0, ()) for noise_m in (0.1, 1e-4))
+    assert smooth.rough_m == 0.0
+    assert rough.rough_m == pytest.approx(rough.bias_m, abs=1e-4)
+    assert all(far < near for far, near in zip(rough.path.bearing_rad, smooth.path.bearing_rad, strict=True))
+
+
+def test_an_arc_that_turns_the_way_the_path_does_has_less_left_for_the_approach():
+    """Too near to a wall that bends away: the arc back has to outdo the path's bend, so the car turns back sooner."""
+    assert approach_rad(-0.4, 2.0, 1.5, 0.2) == pytest.approx(-approach_rad(0.4, 2.0, 1.5, -0.2))
+    assert abs(approach_rad(-0.4, 2.0, 1.5, 0.2)) < abs(approach_rad(-0.4, 2.0, 1.5))
+    assert approach_rad(0.4, 2.0, 1.5, 0.2) == approach_rad(0.4, 2.0, 1.5)
+    assert approach_rad(-0.4, 2.0, 1.5, 5.0) == pytest.approx(approach_rad(-0.4, 2.0, 1.5, 0.33), rel=0.03)
 
 
 # without a wall
