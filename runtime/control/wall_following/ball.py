@@ -37,6 +37,8 @@ BEND_LOW_PASS = 0.2
 
 LANE_SHARE = 0.9
 """A way on whose half is a smaller share of the wanted distance is a lane."""
+LEAST_OPPOSITE_M = 0.1
+"""Where the path comes nearer to something than this, it goes through it: that is a wall with gaps, and no lane."""
 
 
 class BallFollower:
@@ -110,7 +112,7 @@ class BallFollower:
         self._noise_m = noise_learnt_m(self._noise_m, seen.x_m, seen.y_m, wall.beams)
         ball = rolled(seen, wall, shift, self._bias_m, self._noise_m, desired_m, look_m)
         self._path, self._bias_m = ball.path, ball.bias_m
-        self._half_ahead_m = (desired_m + ball.opposite_m) / 2
+        self._half_ahead_m = half_ahead_m(desired_m, ball.opposite_m)
         self._bend_per_m += BEND_LOW_PASS * (ball.bend_per_m - self._bend_per_m)
         error_m, steering_rad, wanted_mps = self._answer(ball, tracked, shift, desired_m, speed_mps)
         self._lost.found(steering_rad)
@@ -159,3 +161,8 @@ class BallFollower:
         if drive is not None:
             drive = Drive(drive.speed_mps, self._sign * drive.steering_rad)
         return Guidance(drive, math.nan, math.nan, math.nan, reason)
+
+
+def half_ahead_m(desired_m: float, opposite_m: float) -> float:
+    """Return half of the width of the way on, whose path keeps desired_m from my wall; infinite where it is no lane."""
+    return (desired_m + opposite_m) / 2 if opposite_m > LEAST_OPPOSITE_M else math.inf

@@ -17,7 +17,7 @@ from runtime.control.perception.noise_bias import (
 )
 from runtime.control.perception.view import Eyes
 from runtime.control.vehicle import CarSettings
-from runtime.control.wall_following.ball import BallFollower
+from runtime.control.wall_following.ball import LANE_SHARE, BallFollower, half_ahead_m
 from runtime.control.wall_following.ball_drive import SLIPPING_SHARE
 from runtime.control.wall_following.ball_law import (
     ARC_M,
@@ -170,6 +170,13 @@ def test_the_path_knows_how_near_it_comes_to_the_other_wall(across_m, seen):
     mine = np.arange(along.size)
     answer = rolled_along(x_m, y_m, solid, mine, None, 0.0, 0.0, 0.0, math.nan, 0.0, 0.0, 0.01, 1.0, RADII_M)
     assert answer[3] == (pytest.approx(across_m, abs=0.02) if seen else math.inf)
+
+
+def test_what_the_path_goes_through_is_a_wall_with_gaps_and_makes_no_gap_a_way():
+    """A lane of 1.2 m has 0.2 m left where the path is 1 m from my wall; among furniture there is nothing left."""
+    assert half_ahead_m(1.0, 0.2) == pytest.approx(0.6)
+    assert half_ahead_m(1.0, 0.02) == half_ahead_m(1.0, math.inf) == math.inf
+    assert not half_ahead_m(1.0, 0.02) < LANE_SHARE
 
 
 # the law
