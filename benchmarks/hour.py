@@ -32,7 +32,7 @@ MIB = 2**20
 PAGE_BYTES = 4096
 
 
-class Ear(MemoryBus):
+class CountingBus(MemoryBus):
     """Wants everything, and keeps nothing but the count."""
 
     messages = 0
@@ -63,7 +63,7 @@ async def drive(seconds: float) -> tuple[list[float], Counter[int], bool]:
     loop = asyncio.get_running_loop()
     twin = TwinWorld(load_world("loop"), loop.time, lidar=LidarSettings(noise_std_m=0.02, outlier_share=0.02), seed=7)
     settings = Settings.model_validate({"operator": {"permit": "always"}, "wall_follow": {"speed_mps": 3.0}})
-    ear = Ear(loop.time)
+    ear = CountingBus(loop.time)
     motor = WorldMotor(twin, loop.time)
     car = Car(settings, WorldLidar(twin, loop.time), motor, ear, loop.time)
     stop = asyncio.Event()

@@ -28,11 +28,11 @@ from runtime.arbitration.queues import Inbox
 from runtime.control import methods
 from runtime.control.guidance import Guidance
 from runtime.live_stack import REQUIRED, LiveStack
-from runtime.realtime.periodic import Metronome
-from runtime.realtime.stage_timing import StageClock
+from runtime.realtime.periodic import PeriodicTimer
+from runtime.realtime.stage_timing import StageTimer
 from runtime.realtime.wall_clock import WallClock
 from runtime.recording import recorder
-from runtime.recording.decision_log import Tape
+from runtime.recording.decision_log import DecisionLog
 from runtime.recording.disk import Disk, RealDisk
 from runtime.recording.recorder import Recorder
 from runtime.settings.recording import RecordingSettings
@@ -42,7 +42,7 @@ from runtime.tasks import mux as mux_task
 from runtime.tasks import safety, wall_follow
 from runtime.tasks.scan_cycle import ScanCycle
 from runtime.tasks.telemetry import Telemetry
-from runtime.telemetry.status import Observed
+from runtime.telemetry.status import ObservedState
 from sim.virtual.devices import BEAMS, STEP_RAD, MemoryMotor, ranges_between_walls
 
 RATE_HZ = 40.0
@@ -98,13 +98,13 @@ class Bench:
             RecordingSettings(folder=str(folder or "."), start="always", enabled=folder is not None, keep_free_mb=0),
             car="bench", version="0", wall_clock=WallClock(clock), clock=clock, disk=disk,
         )  # fmt: skip
-        tape = self.recorder.tape if folder is not None else Tape(clock, 0)
+        tape = self.recorder.tape if folder is not None else DecisionLog(clock, 0)
         self.lidar, self.motor = SteadyLidar(clock), MemoryMotor(clock)
         self.stack = LiveStack(settings, tape)
         self.voices = self.stack.voices
-        self.stages = StageClock(clock)
+        self.stages = StageTimer(clock)
         self.mux = mux_task.Mux(self.voices, self.motor, self.stack.limiter, REQUIRED, tape.clock, self.stages, tape)
-        observed = Observed(
+        observed = ObservedState(
             car="bench", version="0", lidar=self.lidar, motor=self.motor, voices=self.voices, clock=clock,
             seconds_by_winner=self.mux.seconds_by_winner, window=lambda: self.stack.laws.words,
         )  # fmt: skip
@@ -132,7 +132,7 @@ class Bench:
             self.stages.count()
 
         cycle = ScanCycle(self.stages.follow, self.mux.decide_now, self.telemetry.on_guidance, [learn])
-        timer = Metronome(self._clock)
+        timer = PeriodicTimer(self._clock)
         timer.every(0.02, mux_task.SilenceTick(self.voices, 50.0, self._clock).tick)
         jobs = (
             lidar_task.pump(

@@ -13,7 +13,7 @@ import numpy as np
 from drivers.api import MotorState
 from runtime import kernel
 from runtime.control.perception.lidar_health import LidarHealth
-from runtime.control.perception.view import Eyes, View
+from runtime.control.perception.view import PerceptionCache, View
 from runtime.control.safety.swept import SweptGuard
 from runtime.control.safety.swept_settings import SweptSettings
 from runtime.control.vehicle import CarSettings
@@ -27,7 +27,7 @@ RUNS = 15
 COLUMNS = ("eyes", "window", "look", "limit", "sum", "again")
 
 
-class Timed:
+class TimedStop:
     """What is known about the window, with a stopwatch."""
 
     def __init__(self, health: LidarHealth) -> None:
@@ -57,9 +57,9 @@ def main() -> None:
 def drive(speed_mps: float) -> list[tuple[float, ...]]:
     """Return the seconds of one drive toward the corner, a row for each scan, in the order of the columns."""
     lidar, rng = LidarSettings(noise_std_m=0.02, outlier_share=0.02), np.random.default_rng(5)
-    world, eyes = load_world("l_turn"), Eyes(CarSettings())
+    world, eyes = load_world("l_turn"), PerceptionCache(CarSettings())
     guard = SweptGuard(SweptSettings(), CarSettings(), eyes)
-    health = Timed(guard.health)
+    health = TimedStop(guard.health)
     guard.health = health  # type: ignore[assignment]  # behaves like it
     took: list[tuple[float, ...]] = []
     for step in range(SCANS):

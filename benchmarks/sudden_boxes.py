@@ -16,7 +16,7 @@ from sim.lab.courses.sudden import BOXES, PLACES
 from sim.lab.safety import impact_mps, stopping_m
 from sim.live.command import find_config
 from sim.live.scenes import WorldScene
-from sim.live.session import Session, Start
+from sim.live.session import RuntimeStart, SimulatorSession
 from sim.live.stop_request import StopRequest
 from sim.virtual.closed_loop import FULL_BRAKE_MPS2, ROUGH_BEAMS
 from sim.world.obstacles import LIDAR_AHEAD_M, sudden_box
@@ -54,8 +54,8 @@ def run(place: str, box: str, speed_mps: float, ahead_m: float, mu: float) -> bo
     scene = WorldScene(world, "left", ROUGH_BEAMS, None, 1, [thing])
     wanted = [f"wall_follow.speed_mps={speed_mps}", "telemetry.any_port=true", "recording.enabled=false"]
     config = find_config()
-    session = Session(scene, vehicle, load_settings(config, wanted).motor)
-    record = asyncio.run(session.run(Start(config, wanted), LASTS_S, StopRequest(), lambda _: None))
+    session = SimulatorSession(scene, vehicle, load_settings(config, wanted).motor)
+    record = asyncio.run(session.run(RuntimeStart(config, wanted), LASTS_S, StopRequest(), lambda _: None))
     before_mps = max(sample.speed_mps for sample in record.samples if sample.time_s < APPEARS_S)
     gaps_s = [later - sooner for sooner, later in zip(record.scan_times_s, record.scan_times_s[1:], strict=False)]
     brake_mps2, gap_m = min(FULL_BRAKE_MPS2, mu * GRAVITY_MPS2), ahead_m + LIDAR_AHEAD_M - CAR.front_m

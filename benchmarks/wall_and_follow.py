@@ -15,7 +15,7 @@ import numpy as np
 
 from drivers.api import MotorState, Scan
 from runtime import kernel
-from runtime.control.perception.view import Eyes
+from runtime.control.perception.view import PerceptionCache
 from runtime.control.vehicle import CarSettings
 from runtime.control.wall_following.ball import BallFollower
 from runtime.control.wall_following.ball_settings import BallSettings
@@ -55,7 +55,7 @@ def main() -> None:
     car, sweeps = CarSettings(), drive()
     results: dict[str, list[float]] = {"eyes": [], "wall line": [], "follow (line and all)": []}
     for _ in range(RUNS + 1):
-        eyes = Eyes(car)
+        eyes = PerceptionCache(car)
         follower = BallFollower(BallSettings(speed_mps=SPEED_MPS), car, eyes)
         took: dict[str, list[float]] = {name: [] for name in results}
         for sweep, motor in sweeps:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from clients.keys.diagnosis import nothing_heard, why_refused
 from runtime.security.access_list import KeysError
-from runtime.security.key_files import Keys, client_keys
+from runtime.security.key_files import KeyFiles, client_keys
 from runtime.wire import topics, zenoh_config
 from runtime.wire.bus import Bus
 from runtime.wire.teleop import Malformed, read_beat, session_text
@@ -54,7 +54,7 @@ async def open_bus(options: argparse.Namespace) -> Bus:
     return (await _open(options))[0]
 
 
-async def _open(options: argparse.Namespace) -> tuple[Bus, Keys | None]:
+async def _open(options: argparse.Namespace) -> tuple[Bus, KeyFiles | None]:
     endpoint = endpoint_of(options.connect, with_keys=options.keys is not None)
     keys = keys_of(endpoint, options.keys)
     tls = keys.tls if keys is not None else None
@@ -162,7 +162,7 @@ def endpoint_of(text: str, *, with_keys: bool = False) -> str:
     return endpoint
 
 
-def keys_of(endpoint: str, folder: Path | None) -> Keys | None:
+def keys_of(endpoint: str, folder: Path | None) -> KeyFiles | None:
     """Return the checked keys for an endpoint, None for tcp/, which has none; ConnectionProblemError when unusable."""
     if not endpoint.startswith("tls/"):
         return None

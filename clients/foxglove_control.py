@@ -16,7 +16,7 @@ from clients.connection import ConnectionProblemError
 from clients.parameters import ask
 from clients.teleop.inputs import Control, Inputs
 from clients.teleop.pilot import Pilot
-from clients.teleop.shaping import Feel
+from clients.teleop.shaping import InputShape
 from runtime.wire import topics
 from runtime.wire.bus import Bus, RefusedError
 from runtime.wire.teleop import Input, Malformed, read_beat
@@ -38,7 +38,7 @@ class EStop:
     def __init__(self, bus: Bus, car: str) -> None:
         self._bus = bus
         self._car = car
-        self._pilot = Pilot(secrets.randbits(63) + 1, NAME, Feel())
+        self._pilot = Pilot(secrets.randbits(63) + 1, NAME, InputShape())
         bus.subscribe(topics.key(car, topics.BEAT), self._hear)
 
     def _hear(self, _key: str, payload: bytes, arrival_s: float) -> None:
@@ -60,7 +60,7 @@ class EStop:
         self._bus.put(topics.key(self._car, topics.COMMAND), payload, encoding=BYTES, urgent=True)
 
 
-class Gate(ServerListener):
+class SubscriptionListener(ServerListener):
     """Hands what viewers want to the loop. wanted: told the topic. may_change: whether settings may be changed."""
 
     def __init__(self, bus: Bus, car: str, wanted: Callable[[str], None], *, may_change: bool) -> None:

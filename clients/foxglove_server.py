@@ -13,7 +13,7 @@ import foxglove
 from foxglove.websocket import Capability, WebSocketServer
 
 from clients.connection import ConnectionProblemError, connected
-from clients.foxglove_control import Gate
+from clients.foxglove_control import SubscriptionListener
 from runtime.recording.channels import STRING, schema_text, text
 from runtime.ros.definitions import SCHEMA_ENCODING, TYPES
 from runtime.wire import topics
@@ -24,7 +24,7 @@ TEXTS = (topics.STATUS, topics.DECISION)
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
-class Show:
+class FoxgloveView:
     """Channels of one car. Every topic is offered at once; bytes flow for those that a viewer shows."""
 
     def __init__(self, bus: Bus, car: str) -> None:
@@ -52,7 +52,7 @@ class Show:
 async def run(options: argparse.Namespace) -> int:
     """Serve until interrupted; options as of `wallride.foxglove_options`."""
     async with connected(options) as (bus, car):
-        show = Show(bus, car)
+        show = FoxgloveView(bus, car)
         server = _serve(show, bus, car, options)
         options.say(f"{car}: open ws://{options.host}:{server.port} in Foxglove, Lichtblick or PlotJuggler")
         if options.host not in LOOPBACK:
@@ -64,8 +64,8 @@ async def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _serve(show: Show, bus: Bus, car: str, options: argparse.Namespace) -> WebSocketServer:
-    gate = Gate(bus, car, show.show, may_change=options.host in LOOPBACK)
+def _serve(show: FoxgloveView, bus: Bus, car: str, options: argparse.Namespace) -> WebSocketServer:
+    gate = SubscriptionListener(bus, car, show.show, may_change=options.host in LOOPBACK)
     try:
         return foxglove.start_server(
             name=car,

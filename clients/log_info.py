@@ -16,7 +16,7 @@ from runtime.recording.mcap_file import METADATA
 from runtime.recording.recover import is_whole
 
 NS = 1_000_000_000
-LARGEST_RECORD_B = 1 << 28
+MAX_RECORD_B = 1 << 28
 
 
 @dataclass(slots=True)
@@ -66,7 +66,7 @@ def read(path: Path) -> Info:
 
     info, schemas, channels = Info(), {}, {}
     with path.open("rb") as file:
-        reader = StreamReader(file, record_size_limit=LARGEST_RECORD_B)
+        reader = StreamReader(file, record_size_limit=MAX_RECORD_B)
         try:
             for record in reader.records:
                 match record:

@@ -23,7 +23,7 @@ Answer = Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
-class Listed:
+class ListedRecording:
     """One recording, here or on a car. state: whole, unfinished or recording."""
 
     name: str
@@ -87,10 +87,10 @@ def _here(options: argparse.Namespace) -> int:
     return 0
 
 
-def _listed(folder: Path, entry: Entry, above: Path) -> Listed:
+def _listed(folder: Path, entry: Entry, above: Path) -> ListedRecording:
     path = folder / entry.name
     name = path.relative_to(above).as_posix()
-    return Listed(name, entry.size_bytes, entry.is_black_box, entry.reason, file_state(path))
+    return ListedRecording(name, entry.size_bytes, entry.is_black_box, entry.reason, file_state(path))
 
 
 def _keep(options: argparse.Namespace) -> int:
@@ -112,7 +112,7 @@ async def _there(options: argparse.Namespace) -> int:
             _say_gone(answer["deleted"], options)
             return 0
         answer = await _ask_json(bus, car, requests.LIST)
-        files = [Listed(**fields) for fields in answer["files"]]
+        files = [ListedRecording(**fields) for fields in answer["files"]]
         if options.action == "list":
             _say_list(files, f"{car}:{answer['folder']}", options)
             return 0
@@ -122,7 +122,7 @@ async def _there(options: argparse.Namespace) -> int:
     return 0
 
 
-def _chosen(files: Sequence[Listed], options: argparse.Namespace) -> list[Listed]:
+def _chosen(files: Sequence[ListedRecording], options: argparse.Namespace) -> list[ListedRecording]:
     by_name = {file.name: file for file in files}
     if unknown := [name for name in options.names if name not in by_name]:
         raise ConnectionProblemError(f"{', '.join(unknown)}: the car has no such recording; see wallride logs list")
@@ -134,7 +134,7 @@ def _chosen(files: Sequence[Listed], options: argparse.Namespace) -> list[Listed
     return wanted[-options.last :]
 
 
-async def _fetch(bus: Bus, car: str, file: Listed, options: argparse.Namespace) -> Path:
+async def _fetch(bus: Bus, car: str, file: ListedRecording, options: argparse.Namespace) -> Path:
     """Bring one file here, going on where an earlier try ended; an unfinished one is finished here."""
     if parse(file.name) is None:  # a car must not choose where files are written on this machine
         raise ConnectionProblemError(f"{car} offers {file.name!r}, which is not the name of a recording")
@@ -148,7 +148,7 @@ async def _fetch(bus: Bus, car: str, file: Listed, options: argparse.Namespace) 
             if out.tell() > file.size_bytes:
                 out.truncate(0)
             while (offset := out.tell()) < file.size_bytes:
-                length = min(requests.LARGEST_PIECE_B, file.size_bytes - offset)
+                length = min(requests.MAX_PIECE_B, file.size_bytes - offset)
                 piece = await _ask_some_times(bus, car, name=file.name, offset=offset, length=length)
                 if not piece:
                     raise ConnectionProblemError(f"{file.name}: it became shorter on the car; try again")
@@ -231,10 +231,12 @@ def _say_gone(names: Sequence[str], options: argparse.Namespace) -> None:
         options.say("nothing to delete")
 
 
-def _say_list(files: Sequence[Listed], where: str, options: argparse.Namespace) -> None:
+def _say_list(files: Sequence[ListedRecording], where: str, options: argparse.Namespace) -> None:
     if options.json:
         options.say(
-            json.dumps([{field: getattr(file, field) for field in Listed.__slots__} for file in files], indent=2)
+            json.dumps(
+                [{field: getattr(file, field) for field in ListedRecording.__slots__} for file in files], indent=2
+            )
         )
         return
     for file in files:

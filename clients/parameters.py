@@ -14,7 +14,7 @@ from runtime.wire.bus import Bus, RefusedError
 ANSWER_WITHIN_S = 2.0
 SAVED_WITHIN_S = 10.0
 """A worn SD card may take seconds to confirm a write."""
-LONGEST_NAME = 24
+MAX_NAME_LENGTH = 24
 
 
 async def run(options: argparse.Namespace) -> int:
@@ -110,7 +110,7 @@ async def _history(bus: Bus, car: str, options: argparse.Namespace) -> str:
     if options.json:
         return json.dumps(found, indent=2)
     lines = [
-        f"{change['at']}  {change['by']:<{LONGEST_NAME}}  {change['name']}:"
+        f"{change['at']}  {change['by']:<{MAX_NAME_LENGTH}}  {change['name']}:"
         f" {_text(change['old'])} -> {_text(change['new'])}"
         for change in found
     ]
@@ -135,6 +135,6 @@ def _value(text: str) -> object:
 
 def _who() -> str:
     try:
-        return getpass.getuser()[:LONGEST_NAME]
+        return getpass.getuser()[:MAX_NAME_LENGTH]
     except (KeyError, OSError):  # a user without a name, as in some containers
         return ""

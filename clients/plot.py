@@ -34,8 +34,8 @@ FIELDS: Mapping[str, str] = MappingProxyType(
 )
 """What is plotted of a topic by default."""
 REFRESH_S = 0.25
-MOST_POINTS = 4000
-LEAST_ROWS = 7
+MAX_POINTS = 4000
+MIN_ROWS = 7
 CLEAR_SCREEN = "\x1b[H\x1b[2J"
 HOME = "\x1b[H"
 
@@ -46,7 +46,7 @@ class Curve:
 
     topic: str
     path: str
-    points: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=MOST_POINTS))
+    points: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=MAX_POINTS))
     trouble: str = "nothing heard yet"
 
     def hear(self, payload: bytes, arrival_s: float) -> None:
@@ -105,7 +105,7 @@ def drawing(curves: Sequence[Curve], now_s: float, past_s: float, size: tuple[in
     figure.clear()
     if len(curves) > 1:
         figure.subplots(len(curves), 1)
-    figure.plot_size(columns, max(rows, LEAST_ROWS * len(curves)))
+    figure.plot_size(columns, max(rows, MIN_ROWS * len(curves)))
     figure.theme("colorless")
     for place, curve in enumerate(curves, 1):
         plot = figure.subplot(place, 1) if len(curves) > 1 else figure

@@ -9,7 +9,7 @@ from typing import Any
 
 from clients.connection import Cars, ConnectionProblemError, connected, open_bus
 from runtime.telemetry.screen_words import because, steering_words
-from runtime.teleop.status import Standing
+from runtime.teleop.status import OperatorState
 from runtime.wire import topics
 from runtime.wire.bus import Bus
 
@@ -26,7 +26,7 @@ BIND = "wallride param set safety.binds_teleop=true"
 async def run(options: argparse.Namespace) -> int:
     """Show the status once, or until interrupted; options as of `wallride.topic_options`."""
     async with connected(options) as (bus, car):
-        ear = Ear(bus, topics.key(car, topics.STATUS))
+        ear = StatusListener(bus, topics.key(car, topics.STATUS))
         status = await ear.first(car)
         if not options.watch:
             options.say(json.dumps(status, indent=2) if options.json else "\n".join(screen(status)))
@@ -45,7 +45,7 @@ async def cars(options: argparse.Namespace) -> int:
     bus = await open_bus(options)
     try:
         present = Cars(bus)
-        heard = Ear(bus, topics.key("*", topics.STATUS))
+        heard = StatusListener(bus, topics.key("*", topics.STATUS))
         await asyncio.sleep(CARS_WITHIN_S)
         names = sorted(name for name in present.names if options.car in {None, name})
         statuses = {name: heard.by_car.get(name, {}) for name in names}
@@ -62,7 +62,7 @@ async def cars(options: argparse.Namespace) -> int:
     return 0 if names else 1
 
 
-class Ear:
+class StatusListener:
     """Keeps the newest status of each car that a key matches.
 
     newest: of whichever spoke last; heard_s: when, on this machine's monotonic clock.
@@ -192,7 +192,7 @@ def _operator(operator: Mapping[str, Any] | None) -> str:
     round_trip_s, name, lost = operator["round_trip_s"], operator["operator"], operator["standing"] == "operator lost"
     parts = [
         f"not operated, {name or 'the last one'} was lost" if lost else name or "not operated",
-        operator["standing"] if operator["standing"] != Standing.ABSENT and not lost else "",
+        operator["standing"] if operator["standing"] != OperatorState.ABSENT and not lost else "",
         "" if lost and "lost" in operator["reason"] else operator["reason"],
         f"round trip {round_trip_s * 1000:.0f} ms" if round_trip_s is not None else "",
         f"{operator['sessions']} clients heard" if operator["sessions"] > 1 else "",

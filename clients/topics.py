@@ -32,7 +32,7 @@ Sample = tuple[str, bytes, float]
 
 
 @dataclass(slots=True)
-class Meter:
+class RateMeter:
     """Counts arrivals. The newest WINDOW of them are kept."""
 
     arrivals_s: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW))
@@ -141,7 +141,7 @@ async def samples(bus: Bus, car: str, topic: str) -> AsyncIterator[Sample]:
 
 async def list_topics(bus: Bus, car: str, say: Say, *, seconds: float = LISTEN_S, as_json: bool = False) -> None:
     """Listen to everything for a moment, then say what was heard."""
-    meters = {topic: Meter() for topic in KINDS}
+    meters = {topic: RateMeter() for topic in KINDS}
     prefix = topics.key(car, "")
 
     def hear(key: str, payload: bytes, arrival_s: float) -> None:
@@ -171,7 +171,7 @@ async def list_topics(bus: Bus, car: str, say: Say, *, seconds: float = LISTEN_S
 
 async def measure(bus: Bus, car: str, topic: str, options: argparse.Namespace) -> None:
     """Say once a second how often, or how much, comes; `options.count` lines, then end."""
-    meter = Meter()
+    meter = RateMeter()
     line = meter.rate_line if options.action == "hz" else meter.volume_line
     said, next_s = 0, time.monotonic() + REPORT_EVERY_S
     async for _, payload, arrival_s in samples(bus, car, topic):

@@ -15,13 +15,13 @@ from runtime.arbitration.permit import Permit
 from runtime.arbitration.queues import Inbox
 from runtime.host.systemd import ServiceManager
 from runtime.live_stack import REQUIRED, LiveStack
-from runtime.parameters.history import History
-from runtime.parameters.server import ParameterDesk, Surroundings
+from runtime.parameters.history import ChangeHistory
+from runtime.parameters.server import ParameterServer, ServerContext
 from runtime.realtime.garbage import collect_young
-from runtime.realtime.periodic import Metronome
+from runtime.realtime.periodic import PeriodicTimer
 from runtime.realtime.prefetch import Warmth
-from runtime.realtime.scan_phase import Cadence
-from runtime.realtime.stage_timing import StageClock
+from runtime.realtime.scan_phase import ScanPhase
+from runtime.realtime.stage_timing import StageTimer
 from runtime.realtime.wall_clock import WallClock, never_set
 from runtime.recording.own_parts_memory import file_in
 from runtime.recording.recorder import Recorder
@@ -29,12 +29,12 @@ from runtime.settings.tree import Settings
 from runtime.tasks import health, operator, parameters, recorder, safety, wall_follow
 from runtime.tasks import lidar as lidar_task
 from runtime.tasks import mux as mux_task
-from runtime.tasks.health import Caretaker
+from runtime.tasks.health import HealthMonitor
 from runtime.tasks.own_parts import OwnPartsKeeper
 from runtime.tasks.scan_cycle import ScanCycle
 from runtime.tasks.telemetry import Telemetry
 from runtime.telemetry.sinks import ZenohSink
-from runtime.telemetry.status import Observed
+from runtime.telemetry.status import ObservedState
 from runtime.teleop.desk import OperatorDesk
 from runtime.wire import topics
 from runtime.wire.bus import BYTES, Network
@@ -53,12 +53,12 @@ class Car:
 
     file: where live parameters are saved, None where there is none; base: the file below it.
     reading_s: how long the bytes of the newest scan took from the kernel, where the lidar knows it.
-    cadence: the one that the devices keep clear of. warmth: told when a scan is answered.
+    scan_phase: the one that the devices keep clear of. warmth: told when a scan is answered.
     """
 
     def __init__(
         self, settings: Settings, lidar: Lidar, motor: Motor, bus: Network, clock: Clock, file: Path | None = None,
-        *, reading_s: Callable[[], float] = lambda: 0.0, cadence: Cadence | None = None,
+        *, reading_s: Callable[[], float] = lambda: 0.0, scan_phase: ScanPhase | None = None,
         warmth: Warmth | None = None, wall_clock: WallClock | None = None, base: Path | None = None,
     ) -> None:  # fmt: skip
         self.settings = settings
@@ -79,9 +79,9 @@ class Car:
         # What decides asks the tape for the time, so that a replay can give it the very same answers.
         self.stack = LiveStack(settings, self.tape)
         self.voices, self.laws, self.limiter = self.stack.voices, self.stack.laws, self.stack.limiter
-        self.stages = StageClock(clock)
+        self.stages = StageTimer(clock)
         self._reading_s = reading_s
-        self.cadence = cadence or Cadence()
+        self.scan_phase = scan_phase or ScanPhase()
         self.warmth = warmth or Warmth()
         self.mux = mux_task.Mux(self.voices, motor, self.limiter, REQUIRED, self.tape.clock, self.stages, self.tape)
         self.permit = Permit(self.voices, settings.operator.permit)
@@ -95,8 +95,8 @@ class Car:
             settings.car.name, lambda: lidar.health.identity, self.laws, file_in(settings.process.state_folder), clock,
             lambda: datetime.now(UTC).isoformat(timespec="seconds"), self.is_standing, self.tape.remembered,
         )  # fmt: skip
-        self.history = History(settings.parameters.history)
-        self.parameters = ParameterDesk(settings, self._surroundings(file, base), self.history)
+        self.history = ChangeHistory(settings.parameters.history)
+        self.parameters = ParameterServer(settings, self._surroundings(file, base), self.history)
         self.sink = ZenohSink(bus, settings.car.name, settings.telemetry.rates_hz)
         self.telemetry = Telemetry(
             self._observed(), settings.car, [self.sink, self.recorder],
@@ -157,7 +157,7 @@ class Car:
             "safety": safety.watch(for_safety, motor, self.stack.look, self.stages.safety),
             "wall_follow": wall_follow.follow(for_follower, motor, self.stack.follow, cycle),
             "mux": self.mux.run(self.telemetry.on_output),
-            "metronome": self._metronome().run(),
+            "timer": self._periodic_timer().run(),
             "own_parts": self.own_parts.keep(),
             "parameters": parameters.keep_history(self.history, history_file(settings)),
             **self.telemetry.jobs(),
@@ -170,29 +170,29 @@ class Car:
         self.laws.learn()
         collect_young()
         self.stages.count()
-        self.cadence.arrived(scan.received_s)
+        self.scan_phase.arrived(scan.received_s)
 
     def _beat(self, beat: bytes) -> None:
         self.bus.put(topics.key(self.settings.car.name, topics.BEAT), beat, encoding=BYTES, urgent=True)
 
-    def _metronome(self) -> Metronome:
+    def _periodic_timer(self) -> PeriodicTimer:
         """Return the timer of the periodic jobs."""
         settings, clock = self.settings, self.clock
-        metronome = Metronome(clock, self.cadence.clear_s)
+        timer = PeriodicTimer(clock, self.scan_phase.clear_s)
         silence = mux_task.SilenceTick(self.voices, settings.mux.tick_hz, clock, self.stages.on_tick)
-        metronome.every(1 / settings.mux.tick_hz, silence.tick)
-        attendance = operator.Attendance(self.operator, self.motor, self._beat)
-        metronome.every(1 / settings.operator.beat_hz, attendance.tick)
-        metronome.every(1 / health.RATE_HZ, self._caretaker().tick)
-        metronome.every(FOLLOW_WALL_CLOCK_S, lambda _late_s, _missed: self._follow_wall_clock())
-        return metronome
+        timer.every(1 / settings.mux.tick_hz, silence.tick)
+        desk_ticker = operator.DeskTicker(self.operator, self.motor, self._beat)
+        timer.every(1 / settings.operator.beat_hz, desk_ticker.tick)
+        timer.every(1 / health.RATE_HZ, self._health_monitor().tick)
+        timer.every(FOLLOW_WALL_CLOCK_S, lambda _late_s, _missed: self._follow_wall_clock())
+        return timer
 
     def _follow_wall_clock(self) -> None:
         if step_ns := self.wall_clock.follow():
             log.warning("the computer's clock was set by %+.3f s; stamps and recordings follow", step_ns / 1e9)
 
-    def _caretaker(self) -> Caretaker:
-        return Caretaker(
+    def _health_monitor(self) -> HealthMonitor:
+        return HealthMonitor(
             lidar=self.lidar,
             motor=self.motor,
             output=lambda: self.mux.output,
@@ -205,8 +205,8 @@ class Car:
             motor_doubt=lambda: self.laws.plausibility.motor_doubt,
         )
 
-    def _observed(self) -> Observed:
-        return Observed(
+    def _observed(self) -> ObservedState:
+        return ObservedState(
             car=self.settings.car.name,
             version=version("wallride"),
             session=self.session,
@@ -223,8 +223,8 @@ class Car:
             link=lambda: {"endpoint": self.bus.endpoint, "open": self.bus.is_open, "dropped": self.bus.dropped},
         )
 
-    def _surroundings(self, file: Path | None, base: Path | None) -> Surroundings:
-        return Surroundings(
+    def _surroundings(self, file: Path | None, base: Path | None) -> ServerContext:
+        return ServerContext(
             apply=self.apply,
             is_standing=self.is_standing,
             clock=self.clock,

@@ -23,8 +23,8 @@ from runtime.host.logging_setup import journal
 from runtime.host.scheduling import keep_for_this_thread
 from runtime.realtime.cpu_latency import awake
 from runtime.realtime.prefetch import Warmth
-from runtime.realtime.scan_phase import Cadence
-from runtime.realtime.selector import FewPorts
+from runtime.realtime.scan_phase import ScanPhase
+from runtime.realtime.selector import ReadySelector
 from runtime.realtime.wall_clock import WallClock
 from runtime.settings.tree import Settings
 from runtime.tasks import parameters
@@ -38,7 +38,7 @@ MAX_ENDING_S: Final = 2.0
 """Below the service's TimeoutStopSec."""
 
 
-class Motor(Protocol):
+class BrakingMotor(Protocol):
     """What can brake without the event loop."""
 
     def brake_now(self) -> None:
@@ -80,14 +80,14 @@ def main(settings: Settings, files: Files, session: Mapping[str, Any], warnings:
         log.info("%s", compiled.words)
         with awake(wanted=settings.process.stay_awake) as words:
             log.info("%s", words)
-            motors: list[Motor] = []
+            motors: list[BrakingMotor] = []
             with braking_last(motors), asyncio.Runner(loop_factory=punctual_loop) as runner, braking_last(motors):
                 warmth = Warmth(compiled.prefetch)
                 runner.run(_drive(settings, files, session, warmth, motors.append))
 
 
 @contextmanager
-def braking_last(motors: Sequence[Motor]) -> Iterator[None]:
+def braking_last(motors: Sequence[BrakingMotor]) -> Iterator[None]:
     """Brake when an error leaves this block: the loop may have ended without one `finally` of its tasks.
 
     The process then ends within MAX_ENDING_S, so that the service manager starts it anew, even when closing hangs.
@@ -107,11 +107,11 @@ def braking_last(motors: Sequence[Motor]) -> Iterator[None]:
 
 def punctual_loop() -> asyncio.AbstractEventLoop:
     """Return an event loop whose timers are right to 0.1 ms."""
-    return asyncio.SelectorEventLoop(FewPorts())
+    return asyncio.SelectorEventLoop(ReadySelector())
 
 
 async def _drive(
-    settings: Settings, files: Files, session: Mapping[str, Any], warmth: Warmth, fitted: Callable[[Motor], None]
+    settings: Settings, files: Files, session: Mapping[str, Any], warmth: Warmth, fitted: Callable[[BrakingMotor], None]
 ) -> None:
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
@@ -119,18 +119,18 @@ async def _drive(
         loop.add_signal_handler(number, stop.set)
     clock = time.monotonic
     bus = Bus(session, any_port=settings.telemetry.any_port)
-    cadence = Cadence()
+    scan_phase = ScanPhase()
 
     def replied(took_s: float) -> None:
-        cadence.replied(took_s)
-        if cadence.expects(clock()):
+        scan_phase.replied(took_s)
+        if scan_phase.expects(clock()):
             warmth.warm()  # the last that is done before the scan
 
-    motor = Vesc(settings.motor, clock=clock, clear_s=cadence.clear_s, replied=replied)
+    motor = Vesc(settings.motor, clock=clock, clear_s=scan_phase.clear_s, replied=replied)
     fitted(motor)
-    lidar = Hokuyo(settings.lidar, clock=clock, clear_s=cadence.clear_s)
+    lidar = Hokuyo(settings.lidar, clock=clock, clear_s=scan_phase.clear_s)
     car = Car(
-        settings, lidar, motor, bus, clock, files.saved, reading_s=lambda: lidar.reading_s, cadence=cadence,
+        settings, lidar, motor, bus, clock, files.saved, reading_s=lambda: lidar.reading_s, scan_phase=scan_phase,
         warmth=warmth, wall_clock=WallClock(clock), base=files.base,
     )  # fmt: skip
     motor.inertia.on_measurement = car.telemetry.on_imu

@@ -5,13 +5,13 @@ and the answer becomes a word in the command queue. `apply` changes all settings
 """
 
 from drivers.api import Clock, Drive, MotorState, Scan
-from runtime.arbitration.command import CapWord, DriveWord, Outlook, Source
-from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.command import DriveCommand, SafetyAssessment, Source, SpeedLimit
+from runtime.arbitration.command_queue import CommandQueue
 from runtime.control.guidance import Guidance
 from runtime.control.limiter import Limiter, Limits
 from runtime.control.live_laws import LiveLaws
 from runtime.control.vehicle import CarSettings
-from runtime.recording.decision_log import Tape
+from runtime.recording.decision_log import DecisionLog
 from runtime.settings.tree import Settings
 
 REQUIRED = frozenset({Source.SAFETY, Source.PERMIT})
@@ -24,17 +24,17 @@ class LiveStack:
     settings: those in force. tape: the log of decisions; its clock is the one that all decide by.
     """
 
-    def __init__(self, settings: Settings, tape: Tape) -> None:
+    def __init__(self, settings: Settings, tape: DecisionLog) -> None:
         self.settings = settings
         self.tape = tape
         self.clock: Clock = tape.clock
-        self.voices = Voices(settings.effective_order(), self.clock)
+        self.voices = CommandQueue(settings.effective_order(), self.clock)
         self.voices.on_said, self.voices.on_silenced = tape.said, tape.silenced
         self.laws = LiveLaws(settings.wall_follow, settings.safety, settings.car, self.clock)
         self.limiter = Limiter(limits(settings.car))
         tape.tuned(settings)
 
-    def look(self, scan: Scan, motor: MotorState | None) -> Outlook:
+    def look(self, scan: Scan, motor: MotorState | None) -> SafetyAssessment:
         """Let safety take in a scan and say how fast the car may go.
 
         The word is not a number but a judge: the mux asks it about the very drive that is about to be sent. It is in
@@ -43,7 +43,7 @@ class LiveStack:
         self.tape.begin()
         outlook = self.laws.look(scan, motor)
         self.tape.looked(scan, motor)
-        word = CapWord(Source.SAFETY, outlook, scan.stamp_s)
+        word = SpeedLimit(Source.SAFETY, outlook, scan.stamp_s)
         self.voices.say(word, expires_at_s=scan.stamp_s + self.settings.safety.expires_after_s)
         return outlook
 
@@ -53,7 +53,7 @@ class LiveStack:
         guidance = self.laws.follow(scan, motor)
         self.tape.followed(scan, motor, guidance)
         drive = guidance.drive if guidance.drive is not None else Drive(0.0, 0.0)
-        word = DriveWord(Source.NAVIGATION, drive, scan.stamp_s, guidance.reason)
+        word = DriveCommand(Source.NAVIGATION, drive, scan.stamp_s, guidance.reason)
         self.voices.say(word, expires_at_s=scan.stamp_s + self.settings.wall_follow.expires_after_s)
         return guidance
 

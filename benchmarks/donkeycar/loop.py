@@ -19,7 +19,7 @@ NONSENSE_BELOW_M, CORNER_M, STOP_BELOW_M = 0.2, 2.0, 0.933
 WARM_UP = 80
 
 
-class Lidar:
+class LidarPart:
     """A threaded part: a new scan at a steady rate."""
 
     def __init__(self, scans_m: np.ndarray, rate_hz: float) -> None:
@@ -79,7 +79,7 @@ class Safety:
         return 0.0 if ahead_m < STOP_BELOW_M else SPEED_MPS
 
 
-class Motor:
+class MotorPart:
     """Where a command would be written."""
 
     def __init__(self, vehicle: Vehicle, scans: int) -> None:
@@ -101,8 +101,8 @@ def main() -> None:
     beams, free, _ = np.frombuffer(raw, np.int32, 3)
     scans_m = np.frombuffer(raw, np.float32, free * beams, 12).reshape(free, beams)
     vehicle = Vehicle()
-    lidar = Lidar(scans_m, rate_hz)
-    motor = Motor(vehicle, scans)
+    lidar = LidarPart(scans_m, rate_hz)
+    motor = MotorPart(vehicle, scans)
     vehicle.add(lidar, outputs=["number", "ranges"], threaded=True)
     vehicle.add(WallFollower(), inputs=["number", "ranges"], outputs=["answered", "steering", "ahead"])
     vehicle.add(Safety(), inputs=["ahead"], outputs=["speed"])

@@ -24,8 +24,8 @@ import numpy as np
 
 from sim.bench import measure
 from sim.bench.command import machine
-from sim.bench.cost import Meter
-from sim.bench.course import Course, make_course
+from sim.bench.cost import ProcessMeter
+from sim.bench.course import BenchScans, make_course
 from sim.bench.medians import median_of
 from sim.bench.rig import another_computer
 
@@ -80,7 +80,7 @@ def main() -> None:
 
 def ours(seconds: float) -> dict[str, Any]:
     """Return latency, onsets and cost of the unmodified process, telemetry on, one subscriber."""
-    plan = measure.Plan(seconds=seconds, onsets=round(seconds * measure.RATE_HZ / measure.ONSET_EVERY))
+    plan = measure.MeasurementPlan(seconds=seconds, onsets=round(seconds * measure.RATE_HZ / measure.ONSET_EVERY))
     found, cost = measure.latency(plan), measure.cpu(plan)
     return {
         **{key: found[key] for key in ("p50", "p99", "p99_9", "samples_ms")},
@@ -130,7 +130,7 @@ def donkey(scans: Path, python: str, seconds: float) -> dict[str, Any]:
     with ExitStack() as stack:
         process = start(stack, command, {name: text for name, text in os.environ.items() if name != "PYTHONPATH"})
         time.sleep(4.0)
-        meter = Meter.of(process.pid)
+        meter = ProcessMeter.of(process.pid)
         time.sleep(max(1.0, seconds - 4.0))
         cost = meter.stop()
         out, error = process.communicate()
@@ -151,7 +151,7 @@ def client_run(
     client = start(stack, command, environment)
     os.sched_setaffinity(client.pid, another_computer())  # before it starts threads: it sleeps a second first
     time.sleep(4.0)
-    meter = Meter([node.pid for node in nodes])
+    meter = ProcessMeter([node.pid for node in nodes])
     # The client keeps its results until the end, so there is nothing to read while it measures.
     cost = None
     while client.poll() is None:
@@ -183,7 +183,7 @@ def start(stack: ExitStack, command: Sequence[str], environment: Mapping[str, st
     return process
 
 
-def write_scans(file: Path, course: Course) -> None:
+def write_scans(file: Path, course: BenchScans) -> None:
     """Write what client.cpp reads."""
     header = np.array([course.model.beam_count, len(course.free), len(course.blocked)], np.int32)
     file.write_bytes(header.tobytes() + (course.ranges_mm / np.float32(1000)).astype(np.float32).tobytes())

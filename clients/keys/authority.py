@@ -28,7 +28,7 @@ BACKDATED = timedelta(days=1)
 
 
 @dataclass(frozen=True, slots=True)
-class Pair:
+class KeyPair:
     """A certificate and its private key, both PEM; `key_pem` is not encrypted and must not be readable by others."""
 
     certificate_pem: bytes
@@ -38,7 +38,7 @@ class Pair:
 class Authority:
     """Signs certificates with one private key."""
 
-    def __init__(self, pair: Pair) -> None:
+    def __init__(self, pair: KeyPair) -> None:
         try:
             self._certificate = x509.load_pem_x509_certificate(pair.certificate_pem)
             key = load_pem_private_key(pair.key_pem, password=None)
@@ -49,7 +49,7 @@ class Authority:
         self._key = key
 
     @classmethod
-    def make(cls, car: str, now: datetime) -> Pair:
+    def make(cls, car: str, now: datetime) -> KeyPair:
         """Return a new authority for one car."""
         key = ec.generate_private_key(ec.SECP256R1())
         name = _name(f"{car} keys")
@@ -62,12 +62,12 @@ class Authority:
             key,
         )
 
-    def certify_car(self, car: str, names: Iterable[str], now: datetime, days: int) -> Pair:
+    def certify_car(self, car: str, names: Iterable[str], now: datetime, days: int) -> KeyPair:
         """Return the certificate under which clients reach the car: by any of `names`, DNS names or IP addresses."""
         alternatives = x509.SubjectAlternativeName([_general_name(name) for name in names])
         return self._certify(_name(car), ExtendedKeyUsageOID.SERVER_AUTH, [alternatives], now, days)
 
-    def certify_person(self, name: str, role: str, now: datetime, days: int) -> Pair:
+    def certify_person(self, name: str, role: str, now: datetime, days: int) -> KeyPair:
         """Return a person's certificate; the role is in it only to be shown, the car goes by its own list."""
         return self._certify(_name(name, role), ExtendedKeyUsageOID.CLIENT_AUTH, [], now, days)
 
@@ -78,7 +78,7 @@ class Authority:
         extensions: Sequence[x509.ExtensionType],
         now: datetime,
         days: int,
-    ) -> Pair:
+    ) -> KeyPair:
         key = ec.generate_private_key(ec.SECP256R1())
         expires = now + timedelta(days=days)
         if expires > self._certificate.not_valid_after_utc:
@@ -143,9 +143,9 @@ def _usage(*, signs_certificates: bool) -> x509.KeyUsage:
 
 def _signed(
     builder: x509.CertificateBuilder, key: ec.EllipticCurvePrivateKey, signer: ec.EllipticCurvePrivateKey
-) -> Pair:
+) -> KeyPair:
     certificate = builder.sign(signer, hashes.SHA256())
-    return Pair(
+    return KeyPair(
         certificate.public_bytes(Encoding.PEM),
         key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()),
     )

@@ -10,8 +10,8 @@ from typing import Any
 from cryptography import x509
 
 from clients.keys.folder import KeyFolder
-from runtime.security.access_list import KeysError, Listed
-from runtime.security.certificates import EXPIRES_SOON, Identity, identity_of
+from runtime.security.access_list import AccessEntry, KeysError
+from runtime.security.certificates import EXPIRES_SOON, CertificateIdentity, identity_of
 from runtime.security.key_files import CAR
 from runtime.wire.zenoh_config import Person, Role
 
@@ -73,7 +73,7 @@ def _list(options: argparse.Namespace, car: str, now: datetime) -> list[str]:
     return lines if people else [*lines, "no other person: wallride keys add NAME --role viewer|operator|admin"]
 
 
-def _listing(identity: Identity, people: Sequence[Listed]) -> dict[str, Any]:
+def _listing(identity: CertificateIdentity, people: Sequence[AccessEntry]) -> dict[str, Any]:
     return {
         "car": {
             "name": identity.name,
@@ -92,7 +92,7 @@ def _listing(identity: Identity, people: Sequence[Listed]) -> dict[str, Any]:
     }
 
 
-def _car_identity(directory: Path) -> Identity:
+def _car_identity(directory: Path) -> CertificateIdentity:
     """Return what the car's certificate says; its key, which only its owner may read, is not needed."""
     try:
         return identity_of(x509.load_pem_x509_certificate((directory / f"{CAR}.pem").read_bytes()))
@@ -100,7 +100,7 @@ def _car_identity(directory: Path) -> Identity:
         raise KeysError(f"{directory / CAR}.pem: is not a certificate; wallride keys init --renew") from None
 
 
-def _state(entry: Listed, now: datetime) -> str:
+def _state(entry: AccessEntry, now: datetime) -> str:
     if entry.revoked is not None:
         return f"revoked {entry.revoked}"
     days = (entry.expires - now.date()).days

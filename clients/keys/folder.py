@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from datetime import date, datetime
 from pathlib import Path
 
-from clients.keys.authority import Authority, Pair
-from runtime.security.access_list import NAME_FORM, KeysError, Listed, explain_name, read_people
+from clients.keys.authority import Authority, KeyPair
+from runtime.security.access_list import NAME_FORM, AccessEntry, KeysError, explain_name, read_people
 from runtime.security.key_files import AUTHORITY, CAR, PEOPLE
 from runtime.wire.zenoh_config import Person
 
@@ -32,7 +32,7 @@ class KeyFolder:
     def __init__(self, path: Path) -> None:
         self.path = path
 
-    def people(self) -> tuple[Listed, ...]:
+    def people(self) -> tuple[AccessEntry, ...]:
         """Return every person ever added, in order."""
         return read_people(self.path / PEOPLE)
 
@@ -59,7 +59,7 @@ class KeyFolder:
             self._write_people(())
         return alternatives
 
-    def add(self, person: Person, folder: Path, now: datetime, days: int, *, renew: bool) -> Listed:
+    def add(self, person: Person, folder: Path, now: datetime, days: int, *, renew: bool) -> AccessEntry:
         """Make a person's keys in a new folder and list them."""
         if not NAME_FORM.fullmatch(person.name):
             raise KeysError(f"{person.name}: is not a name; {explain_name()}")
@@ -73,11 +73,11 @@ class KeyFolder:
         _store(folder, person.name, pair)
         _write(folder / AUTHORITY, (self.path / AUTHORITY).read_bytes(), 0o644)
         _give_to_caller(folder)
-        entry = Listed(person, expires=_day_after(now, days))
+        entry = AccessEntry(person, expires=_day_after(now, days))
         self._write_people((*others, entry))  # last: keys that are not listed open nothing
         return entry
 
-    def revoke(self, name: str, today: date) -> Listed:
+    def revoke(self, name: str, today: date) -> AccessEntry:
         """Take every right from a person, whatever certificate is shown."""
         people = self.people()
         entry = next((entry for entry in people if entry.person.name == name), None)
@@ -85,11 +85,11 @@ class KeyFolder:
             known = ", ".join(entry.person.name for entry in people) or "none"
             raise KeysError(f"{name}: is not in {self.path / PEOPLE}; there is {known}")
         if entry.revoked is None:
-            entry = Listed(entry.person, entry.expires, revoked=today)
+            entry = AccessEntry(entry.person, entry.expires, revoked=today)
             self._write_people([entry if other.person.name == name else other for other in people])
         return entry
 
-    def _others(self, name: str, today: date, *, renew: bool) -> list[Listed]:
+    def _others(self, name: str, today: date, *, renew: bool) -> list[AccessEntry]:
         """Return the other people; refuse a name whose old certificate would come to life again."""
         people = self.people()
         for entry in people:
@@ -108,13 +108,13 @@ class KeyFolder:
 
     def _authority(self) -> Authority:
         try:
-            return Authority(Pair((self.path / AUTHORITY).read_bytes(), (self.path / AUTHORITY_KEY).read_bytes()))
+            return Authority(KeyPair((self.path / AUTHORITY).read_bytes(), (self.path / AUTHORITY_KEY).read_bytes()))
         except FileNotFoundError as error:
             if (self.path / AUTHORITY).exists():
                 raise KeysError(f"{error.filename}: is not here; put it back where it is needed to make keys") from None
             raise KeysError(f"{self.path}: has no keys yet; begin with `wallride keys init`") from None
 
-    def _write_people(self, people: Sequence[Listed]) -> None:
+    def _write_people(self, people: Sequence[AccessEntry]) -> None:
         lines = [HEAD]
         for entry in people:
             lines.append(f'\n[{entry.person.name}]\nrole = "{entry.person.role}"\nexpires = {entry.expires}\n')
@@ -137,7 +137,7 @@ def _day_after(now: datetime, days: int) -> date:
     return date.fromordinal(now.date().toordinal() + days)
 
 
-def _store(folder: Path, name: str, pair: Pair) -> None:
+def _store(folder: Path, name: str, pair: KeyPair) -> None:
     _write(folder / f"{name}.key", pair.key_pem, 0o600)
     _write(folder / f"{name}.pem", pair.certificate_pem, 0o644)
 

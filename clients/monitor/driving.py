@@ -19,11 +19,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from clients.monitor.messages import Hands
+from clients.monitor.messages import InputState
 from clients.teleop.advice import advise
 from clients.teleop.inputs import Control, Inputs
 from clients.teleop.pilot import DISTRUST, Pilot
-from clients.teleop.shaping import Feel
+from clients.teleop.shaping import InputShape
 from runtime.wire.teleop import Beat, Command, Input, Press
 
 SILENT_S = 0.15
@@ -54,7 +54,7 @@ class PageDriver:
     engaged: the page took control; otherwise only an e-stop leaves here.
     """
 
-    def __init__(self, name: str, feel: Feel) -> None:
+    def __init__(self, name: str, feel: InputShape) -> None:
         self._name = name
         self._feel = feel
         self._pilot = self._new_pilot()
@@ -95,7 +95,7 @@ class PageDriver:
         self._newest = None
         self._pilot = self._new_pilot()
 
-    def take_hands(self, hands: Hands, now_s: float) -> Command:
+    def take_hands(self, hands: InputState, now_s: float) -> Command:
         """Return the command that follows from a message of the page."""
         self.engaged = True
         echoed = self._beats.get((hands.car_session, hands.beat))

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any, Protocol
 
 from clients.connection import another_car
-from clients.monitor.history import History
+from clients.monitor.history import PlotHistory
 from clients.monitor.outbox import FROM_CAR
 from runtime.wire import topics
 from runtime.wire.bus import BYTES, Bus, RefusedError
@@ -39,7 +39,7 @@ class Watcher(Protocol):
         ...
 
 
-class Feed:
+class PageFeed:
     """One session with one car, open while a page watches.
 
     session: of the car's process that is meant, None for whichever answers; what another one says is not passed on,
@@ -56,7 +56,7 @@ class Feed:
         self._session = session
         self._known_s = -math.inf
         self.watchers: set[Watcher] = set()
-        self.history = History()
+        self.history = PlotHistory()
         self._bus = Bus(config)
         self._topics = {topics.key(car, topic): topic for topic in FROM_CAR}
         self._declared = False

@@ -8,7 +8,7 @@ from typing import Any
 
 from runtime.wire import topics
 
-LONGEST_S = 300.0
+MAX_HISTORY_S = 300.0
 APART_S = 0.2
 """Closer samples are left out: a plot of minutes has fewer pixels than that."""
 NAMES = ("error", "asked", "sent", "driven", "steering", "latency", "round_trip")
@@ -19,7 +19,7 @@ class Track:
     """Values of one line over time; the oldest go after LONGEST_S."""
 
     def __init__(self) -> None:
-        self._samples: deque[tuple[float, float]] = deque(maxlen=round(LONGEST_S / APART_S))
+        self._samples: deque[tuple[float, float]] = deque(maxlen=round(MAX_HISTORY_S / APART_S))
 
     def is_due(self, at_s: float) -> bool:
         """Tell whether a sample now is not too close to the last one."""
@@ -32,14 +32,14 @@ class Track:
 
     def fields(self, now_s: float) -> dict[str, list[float | None]]:
         """Return ages [ms], oldest first, and values."""
-        kept = [(at_s, value) for at_s, value in self._samples if now_s - at_s <= LONGEST_S]
+        kept = [(at_s, value) for at_s, value in self._samples if now_s - at_s <= MAX_HISTORY_S]
         return {
             "age_ms": [round((now_s - at_s) * 1000) for at_s, _ in kept],
             "value": [round(value, 5) if math.isfinite(value) else None for _, value in kept],
         }
 
 
-class History:
+class PlotHistory:
     """Takes what a car says and keeps what is plotted."""
 
     def __init__(self) -> None:

@@ -27,7 +27,7 @@ GIVE_UP_S = 2.0
 _INDEX: Mapping[str, int] = {topic: index for index, topic in enumerate(TOPICS)}
 _HEAD = struct.Struct("<I")
 _RECORD = struct.Struct("<BBHI")
-_LONGEST_AGE_MS = 0xFFFF
+_MAX_AGE_MS = 0xFFFF
 
 
 class Outbox:
@@ -78,6 +78,6 @@ def pack(number: int, payloads: Mapping[str, tuple[bytes, float]], now_s: float)
     """Return a bundle; payloads by topic, each with its arrival."""
     parts = [_HEAD.pack(number)]
     for topic, (payload, arrival_s) in payloads.items():
-        age_ms = min(max(0, round((now_s - arrival_s) * 1000)), _LONGEST_AGE_MS)
+        age_ms = min(max(0, round((now_s - arrival_s) * 1000)), _MAX_AGE_MS)
         parts += (_RECORD.pack(_INDEX[topic], 0, age_ms, len(payload)), payload, bytes(-len(payload) % 4))
     return b"".join(parts)

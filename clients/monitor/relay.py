@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from clients.connection import Cars
-from clients.monitor.feed import Feed, Watcher
+from clients.monitor.feed import PageFeed, Watcher
 from runtime.wire.bus import Bus, RefusedError
 
 log = logging.getLogger("wallride.monitor")
@@ -15,12 +15,12 @@ log = logging.getLogger("wallride.monitor")
 RETRY_S = 1.0
 LINGER_S = 60.0
 """A feed outlives its last page by this: a page that is reloaded, or a phone that slept, finds its plots again."""
-MOST_FEEDS = 32
+MAX_FEEDS = 32
 START_ONE = "Start one: make sim here, or wallride run on the car."
 
 
 @dataclass(slots=True)
-class Place:
+class CarEndpoint:
     """One endpoint: the configuration of sessions with it, who is there, and why we do not know.
 
     session: of the one start of a car that is meant there, None for all.
@@ -41,9 +41,9 @@ class Place:
 class Relay:
     """Lives for as long as the server; feeds come and go with the pages."""
 
-    def __init__(self, places: Sequence[Place]) -> None:
+    def __init__(self, places: Sequence[CarEndpoint]) -> None:
         self._places = places
-        self._feeds: dict[str, Feed] = {}
+        self._feeds: dict[str, PageFeed] = {}
         self._running: dict[str, asyncio.Task[None]] = {}
         self._closing: dict[str, asyncio.TimerHandle] = {}
 
@@ -72,28 +72,28 @@ class Relay:
                 self._end(name)
             await asyncio.gather(*self._running.values(), return_exceptions=True)
 
-    def watch(self, name: str, watcher: Watcher) -> Feed:
+    def watch(self, name: str, watcher: Watcher) -> PageFeed:
         """Add a listener to a car, which need not be there yet; RefusedError when there are too many."""
         if (closing := self._closing.pop(name, None)) is not None:
             closing.cancel()
         feed = self._feeds.get(name)
         if feed is None:
-            if len(self._feeds) >= MOST_FEEDS:
+            if len(self._feeds) >= MAX_FEEDS:
                 raise RefusedError("too many cars are being watched already")
             place = self._place_of(name)
-            feed = self._feeds[name] = Feed(name, place.config, place.session)
+            feed = self._feeds[name] = PageFeed(name, place.config, place.session)
             self._running[name] = asyncio.create_task(feed.run(), name=f"feed {name}")
             self._running[name].add_done_callback(_say_why)
         feed.watchers.add(watcher)
         return feed
 
-    def unwatch(self, feed: Feed, watcher: Watcher) -> None:
+    def unwatch(self, feed: PageFeed, watcher: Watcher) -> None:
         """Remove a listener; the feed goes a while after the last one."""
         feed.watchers.discard(watcher)
         if not feed.watchers and feed.car not in self._closing and self._feeds.get(feed.car) is feed:
             self._closing[feed.car] = asyncio.get_running_loop().call_later(LINGER_S, self._end, feed.car)
 
-    def _place_of(self, name: str) -> Place:
+    def _place_of(self, name: str) -> CarEndpoint:
         return next((place for place in self._places if place.cars and name in place.cars.names), self._places[0])
 
     def _end(self, name: str) -> None:
@@ -103,7 +103,7 @@ class Relay:
         self._running[name].cancel()
 
 
-async def _look(place: Place) -> None:
+async def _look(place: CarEndpoint) -> None:
     """Keep one session with an endpoint, only for knowing who is there."""
     bus = Bus(place.config)
     place.cars = Cars(bus)

@@ -16,13 +16,13 @@ from aiohttp import web
 
 from clients.connection import ConnectionProblemError, endpoint_of, keys_of
 from clients.monitor import assets
-from clients.monitor.door import Door, is_loopback, open_door
-from clients.monitor.kept_secret import kept_secret
+from clients.monitor.auth import PageAuth, is_loopback, open_door
 from clients.monitor.messages import LONGEST
 from clients.monitor.qr import qr_lines
-from clients.monitor.relay import Place, Relay
-from clients.monitor.visit import Host, Visit
-from clients.teleop.shaping import Feel
+from clients.monitor.relay import CarEndpoint, Relay
+from clients.monitor.session import Host, PageSession
+from clients.monitor.token_file import kept_secret
+from clients.teleop.shaping import InputShape
 from runtime.wire import zenoh_config
 
 log = logging.getLogger("wallride.monitor")
@@ -48,11 +48,11 @@ SOMEWHERE = "192.0.2.1"
 """A documentation address (RFC 5737). Nothing is sent to it."""
 
 HOST: web.AppKey[Host] = web.AppKey("host", Host)
-DOOR: web.AppKey[Door] = web.AppKey("door", Door)
+DOOR: web.AppKey[PageAuth] = web.AppKey("door", PageAuth)
 VISITS: "web.AppKey[set[web.WebSocketResponse]]" = web.AppKey("visits")
 
 
-def application(host: Host, door: Door) -> web.Application:
+def application(host: Host, door: PageAuth) -> web.Application:
     """Return the web application."""
     files = assets.read_all()
 
@@ -84,7 +84,7 @@ async def _socket(request: web.Request) -> web.StreamResponse:
     await socket.prepare(request)
     request.app[VISITS].add(socket)
     try:
-        await Visit(socket, request.app[HOST]).run()
+        await PageSession(socket, request.app[HOST]).run()
     except ConnectionError:
         log.debug("a page went away")
     finally:
@@ -148,7 +148,7 @@ def _address_here() -> str:
 
 async def run(options: argparse.Namespace) -> int:
     """Serve until interrupted; options as of `wallride.monitor_options`."""
-    feel = Feel(max_speed_mps=options.max_speed, max_steering_rad=options.max_steering)
+    feel = InputShape(max_speed_mps=options.max_speed, max_steering_rad=options.max_steering)
     host = Host(Relay(places(options)), options.name, feel, version("wallride"), options.car or "")
     port = options.default_port if options.port is None else options.port
     async with serving(host, options.host, port, any_port=options.port is None) as url:
@@ -163,14 +163,14 @@ async def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def places(options: argparse.Namespace) -> Sequence[Place]:
+def places(options: argparse.Namespace) -> Sequence[CarEndpoint]:
     """Return where to look for cars: the endpoints of --connect, separated by commas."""
     found = []
     for text in filter(None, (part.strip() for part in options.connect.split(","))):
         endpoint = endpoint_of(text, with_keys=options.keys is not None)
         keys = keys_of(endpoint, options.keys)
         config = zenoh_config.client_config(endpoint, keys.tls if keys is not None else None)
-        found.append(Place(endpoint, config, options.session))
+        found.append(CarEndpoint(endpoint, config, options.session))
     if not found:
         raise ConnectionProblemError("--connect: name at least one endpoint, e.g. tcp/127.0.0.1:7447")
     return found

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from clients.teleop.inputs import BUTTONS, Control
-from clients.teleop.pilot import MINDED_S, PERMIT_SILENT_S, Block, Situation
-from runtime.wire.teleop import Condition, Input, Press
+from clients.teleop.pilot import MINDED_S, PERMIT_SILENT_S, DeadmanFault, PilotState
+from runtime.wire.teleop import CarCondition, Input, Press
 
 PAD_NAMES: Mapping[Control, str] = {
     Control.MANUAL: "LB",
@@ -21,7 +21,7 @@ PAD_NAMES: Mapping[Control, str] = {
 WARN_SILENT_S = 3.0
 
 
-class Mood(StrEnum):
+class AdviceLevel(StrEnum):
     """How the screen colours it."""
 
     STOPPED = "red"
@@ -33,87 +33,95 @@ class Mood(StrEnum):
 class Advice:
     """state: a word or two. next_step: what to do, "" when there is nothing to do."""
 
-    mood: Mood
+    mood: AdviceLevel
     state: str
     next_step: str
 
 
-def advise(now: Situation, names: Mapping[Control, str] = PAD_NAMES) -> Advice:
+def advise(now: PilotState, names: Mapping[Control, str] = PAD_NAMES) -> Advice:
     """Say where we are; names: what the buttons of this device are called."""
     if now.stop_pending:
-        return Advice(Mood.STOPPED, "E-STOP", "sending the e-stop until the car confirms it" + _link_note(now))
-    if now.block is not Block.NONE:
+        return Advice(AdviceLevel.STOPPED, "E-STOP", "sending the e-stop until the car confirms it" + _link_note(now))
+    if now.block is not DeadmanFault.NONE:
         return _blocked(now, names)
     if now.flags in {Press.RESET, Press.TAKE_OVER}:
-        return Advice(Mood.WAITING, "asking the car", "")
+        return Advice(AdviceLevel.WAITING, "asking the car", "")
     if not now.armed:
-        return Advice(Mood.WAITING, "release first", _release(now, names))
+        return Advice(AdviceLevel.WAITING, "release first", _release(now, names))
     return _armed(now, names)
 
 
-def _blocked(now: Situation, names: Mapping[Control, str]) -> Advice:
+def _blocked(now: PilotState, names: Mapping[Control, str]) -> Advice:
     release = _release(now, names)
     texts = {
-        Block.WAITING: ("waiting", "no heartbeat from the car yet: may this certificate read it?"),
-        Block.LINK: ("LINK LOST", f"{_link_lost(now)}: the car stops by itself; wait, {release}"),
-        Block.DEVICE: ("NO INPUT", now.inputs.trouble or "no input device"),
-        Block.FROZEN: ("PAD SILENT", f"no event for {now.input_age_s:.1f} s: is the pad on, and near? {release}"),
-        Block.PAUSED: ("paused", f"this program stood still: {release}"),
-        Block.RESTARTED: ("car restarted", release),
-        Block.LATCHED: ("E-STOP", _reset(now, names)),
-        Block.OTHER: (
+        DeadmanFault.WAITING: ("waiting", "no heartbeat from the car yet: may this certificate read it?"),
+        DeadmanFault.LINK: ("LINK LOST", f"{_link_lost(now)}: the car stops by itself; wait, {release}"),
+        DeadmanFault.DEVICE: ("NO INPUT", now.inputs.trouble or "no input device"),
+        DeadmanFault.FROZEN: ("PAD SILENT", f"no event for {now.input_age_s:.1f} s: is the pad on and near? {release}"),
+        DeadmanFault.PAUSED: ("paused", f"this program stood still: {release}"),
+        DeadmanFault.RESTARTED: ("car restarted", release),
+        DeadmanFault.LATCHED: ("E-STOP", _reset(now, names)),
+        DeadmanFault.OTHER: (
             f"{now.operator_name} drives",
             f"release everything, then hold {names[Control.TAKE_OVER]} for 1 s to take over{_progress(now)}",
         ),
-        Block.LOST: ("car lost us", f"our commands came too late: {release}"),
-        Block.REARM: ("release first", release),
+        DeadmanFault.LOST: ("car lost us", f"our commands came too late: {release}"),
+        DeadmanFault.REARM: ("release first", release),
     }  # fmt: skip
     state, text = texts.get(now.block, (str(now.block), ""))
-    waiting = {Block.WAITING, Block.OTHER, Block.REARM, Block.PAUSED, Block.RESTARTED}
-    return Advice(Mood.WAITING if now.block in waiting else Mood.STOPPED, state, text)
+    waiting = {
+        DeadmanFault.WAITING,
+        DeadmanFault.OTHER,
+        DeadmanFault.REARM,
+        DeadmanFault.PAUSED,
+        DeadmanFault.RESTARTED,
+    }
+    return Advice(AdviceLevel.WAITING if now.block in waiting else AdviceLevel.STOPPED, state, text)
 
 
-def _armed(now: Situation, names: Mapping[Control, str]) -> Advice:
+def _armed(now: PilotState, names: Mapping[Control, str]) -> Advice:
     if now.unminded_s > MINDED_S:
         text = "the car does not take our commands: has this certificate the operator role?"
-        return Advice(Mood.STOPPED, "not obeyed", text)
+        return Advice(AdviceLevel.STOPPED, "not obeyed", text)
     if now.flags == Press.MANUAL:
-        return Advice(Mood.MOVING, "DRIVING", f"release {names[Control.MANUAL]} to stop")
+        return Advice(AdviceLevel.MOVING, "DRIVING", f"release {names[Control.MANUAL]} to stop")
     if now.flags == Press.AUTONOMY:
         if now.inputs.kind is Input.PAD and now.input_age_s > WARN_SILENT_S:
             left_s = max(0.0, PERMIT_SILENT_S - now.input_age_s)
             return Advice(
-                Mood.WAITING, "AUTONOMY", f"move a stick: the permit ends in {left_s:.0f} s, the pad is silent"
+                AdviceLevel.WAITING, "AUTONOMY", f"move a stick: the permit ends in {left_s:.0f} s, the pad is silent"
             )
-        return Advice(Mood.MOVING, "AUTONOMY", f"release {names[Control.AUTONOMY]} to stop")
-    if now.beat is not None and Condition.FAULT in now.beat.flags:
-        return Advice(Mood.STOPPED, "motor fault", f"hold {names[Control.RESET]} for 1 s to clear it{_progress(now)}")
+        return Advice(AdviceLevel.MOVING, "AUTONOMY", f"release {names[Control.AUTONOMY]} to stop")
+    if now.beat is not None and CarCondition.FAULT in now.beat.flags:
+        return Advice(
+            AdviceLevel.STOPPED, "motor fault", f"hold {names[Control.RESET]} for 1 s to clear it{_progress(now)}"
+        )
     text = f"hold {names[Control.MANUAL]} to drive, {names[Control.AUTONOMY]} to permit autonomy"
-    return Advice(Mood.WAITING, "ready", text)
+    return Advice(AdviceLevel.WAITING, "ready", text)
 
 
-def _release(now: Situation, names: Mapping[Control, str]) -> str:
+def _release(now: PilotState, names: Mapping[Control, str]) -> str:
     """Name what is still held, because a stuck button looks like a broken car."""
     held = [names[control] for control in BUTTONS if control in now.inputs.pressed]
     if not now.inputs.centred:
         held.append(f"the sticks (speed {now.inputs.speed:+.2f}, steering {now.inputs.steering:+.2f})")
     if not held:
         return "then press again"
-    why = " (centre the sticks before pressing)" if now.closed_by is Block.OFF_CENTRE else ""
+    why = " (centre the sticks before pressing)" if now.closed_by is DeadmanFault.OFF_CENTRE else ""
     return f"release everything first: {', '.join(held)}{why}"
 
 
-def _reset(now: Situation, names: Mapping[Control, str]) -> str:
+def _reset(now: PilotState, names: Mapping[Control, str]) -> str:
     return f"release everything, then hold {names[Control.RESET]} for 1 s to reset{_progress(now)}"
 
 
-def _progress(now: Situation) -> str:
+def _progress(now: PilotState) -> str:
     return f" ({now.progress:.0%})" if now.holding is not None else ""
 
 
-def _link_note(now: Situation) -> str:
+def _link_note(now: PilotState) -> str:
     return "" if now.linked else f"; {_link_lost(now)}"
 
 
-def _link_lost(now: Situation) -> str:
+def _link_lost(now: PilotState) -> str:
     return f"link lost {now.beat_age_s:.1f} s ago" if math.isfinite(now.beat_age_s) else "no heartbeat heard yet"

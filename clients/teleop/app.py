@@ -14,16 +14,16 @@ from clients.connection import ConnectionProblemError, another_car, connected
 from clients.teleop import gamepad, pad_files, terminal
 from clients.teleop.advice import advise
 from clients.teleop.pads import usb_id
-from clients.teleop.pilot import Block, Pilot
-from clients.teleop.screen import CarNews, Screen, lines
+from clients.teleop.pilot import DeadmanFault, Pilot
+from clients.teleop.screen import CarState, Screen, lines
 from clients.teleop.script import ScriptError, load
-from clients.teleop.shaping import Feel
+from clients.teleop.shaping import InputShape
 from clients.teleop.sources import (
+    InputSource,
     KeySource,
     PadOrKeySource,
     PadSource,
     ScriptSource,
-    Source,
     StopKeySource,
     WindowSource,
 )
@@ -73,7 +73,7 @@ class Client:
     """
 
     def __init__(
-        self, link: Link, car: str, pilot: Pilot, source: Source, screen: Screen, clock: Clock,
+        self, link: Link, car: str, pilot: Pilot, source: InputSource, screen: Screen, clock: Clock,
         session: int | None = None,
     ) -> None:  # fmt: skip
         self._link = link
@@ -82,7 +82,7 @@ class Client:
         self._source = source
         self._screen = screen
         self._clock = clock
-        self._news = CarNews()
+        self._news = CarState()
         self._kind = Input.PAD
         self._session = session
         self.foreign: int | None = None
@@ -107,7 +107,9 @@ class Client:
         """Read the hands, send what they mean."""
         situation = self._pilot.situation
         # A script may also begin at a car that has another operator or is latched: to take over, to reset.
-        ready = situation is not None and (situation.armed or situation.block in {Block.OTHER, Block.LATCHED})
+        ready = situation is not None and (
+            situation.armed or situation.block in {DeadmanFault.OTHER, DeadmanFault.LATCHED}
+        )
         inputs = self._source.poll(now_s, ready=ready)
         self._kind = inputs.kind
         self._send(self._pilot.step(inputs, now_s).pack())
@@ -194,17 +196,19 @@ async def map_pad(say: Callable[[str], object]) -> int:
 async def _ask(sdl: gamepad.Sdl, say: Callable[[str], object]) -> int:
     say("Plug in the pad and press one of its buttons. Ctrl-C leaves.\n")
     wizard: Wizard | None = None
-    found: gamepad.Connected | None = None
+    found: gamepad.PadConnected | None = None
     asked = ""
     async for now_s in deadlines(PERIOD_S, time.monotonic):
         for happening in sdl.poll():
-            if isinstance(happening, gamepad.Connected) and found is None:
+            if isinstance(happening, gamepad.PadConnected) and found is None:
                 found = happening
                 say(f"{found.name} ({usb_id(found.guid)})\n")
                 wizard = Wizard(found.guid, found.name, found.rest)
             elif isinstance(happening, gamepad.Gone) and found is not None and happening.pad == found.pad:
                 raise TeleopProblemError("the pad was unplugged; start again")
-            elif isinstance(happening, gamepad.Moved) and found is not None and happening.pad == found.pad and wizard:
+            elif (
+                isinstance(happening, gamepad.PadMoved) and found is not None and happening.pad == found.pad and wizard
+            ):
                 wizard.feed(happening.event, now_s)
         if wizard is None or found is None:
             continue
@@ -218,7 +222,7 @@ async def _ask(sdl: gamepad.Sdl, say: Callable[[str], object]) -> int:
     return 0
 
 
-def _open_source(options: argparse.Namespace, things: ExitStack) -> Source:
+def _open_source(options: argparse.Namespace, things: ExitStack) -> InputSource:
     try:
         if options.script:
             return _with_stop_keys(ScriptSource(load(options.script)), things)
@@ -244,7 +248,7 @@ def _open_keys(things: ExitStack) -> KeySource:
     return KeySource(keys, releases=keys.releases)
 
 
-def _with_stop_keys(source: Source, things: ExitStack) -> Source:
+def _with_stop_keys(source: InputSource, things: ExitStack) -> InputSource:
     """Let the terminal, where there is one, stop the car besides."""
     if not terminal.is_there():
         return source
@@ -257,13 +261,13 @@ def _open_sdl(things: ExitStack, *, window: bool) -> gamepad.Sdl:
     return sdl
 
 
-def _feel(options: argparse.Namespace, *, keys: bool, script: bool) -> Feel:
-    feel = Feel(max_speed_mps=options.max_speed, max_steering_rad=options.max_steering, ramp_mps2=options.ramp)
+def _feel(options: argparse.Namespace, *, keys: bool, script: bool) -> InputShape:
+    feel = InputShape(max_speed_mps=options.max_speed, max_steering_rad=options.max_steering, ramp_mps2=options.ramp)
     if keys:
-        return Feel(feel.max_speed_mps, feel.max_steering_rad, 0.0, 0.0, feel.ramp_mps2, KEY_STEERING_RATE_RADPS)
+        return InputShape(feel.max_speed_mps, feel.max_steering_rad, 0.0, 0.0, feel.ramp_mps2, KEY_STEERING_RATE_RADPS)
     if script:
-        return Feel(feel.max_speed_mps, feel.max_steering_rad, 0.0, 0.0, feel.ramp_mps2)
-    return Feel(feel.max_speed_mps, feel.max_steering_rad, options.deadzone, options.expo, feel.ramp_mps2)
+        return InputShape(feel.max_speed_mps, feel.max_steering_rad, 0.0, 0.0, feel.ramp_mps2)
+    return InputShape(feel.max_speed_mps, feel.max_steering_rad, options.deadzone, options.expo, feel.ramp_mps2)
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from clients.teleop.keyboard import Act, Focus, Key, KeyEvent, Quit
+from clients.teleop.keyboard import Act, Key, KeyEvent, Quit, TerminalFocus
 from clients.teleop.pads import Axis, Button, Event, Hat
 
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
@@ -23,7 +23,7 @@ COLOURS = {"red": (235, 80, 80), "yellow": (235, 200, 80), "green": (90, 210, 11
 
 
 @dataclass(frozen=True, slots=True)
-class Connected:
+class PadConnected:
     """A pad is there. rest: its axes at this moment. mapping: SDL's, None when its database does not know the pad."""
 
     pad: int
@@ -41,7 +41,7 @@ class Gone:
 
 
 @dataclass(frozen=True, slots=True)
-class Moved:
+class PadMoved:
     """Something on a pad moved."""
 
     pad: int
@@ -49,13 +49,13 @@ class Moved:
 
 
 @dataclass(frozen=True, slots=True)
-class Typed:
+class KeyTyped:
     """Something happened at the window's keyboard."""
 
     event: KeyEvent
 
 
-Happening = Connected | Gone | Moved | Typed
+Happening = PadConnected | Gone | PadMoved | KeyTyped
 
 
 class Sdl:
@@ -116,13 +116,13 @@ class Sdl:
             self._open.pop(event.instance_id, None)
             return Gone(event.instance_id)
         if event.type == pygame.JOYAXISMOTION:
-            return Moved(event.instance_id, Axis(event.axis, event.value))
+            return PadMoved(event.instance_id, Axis(event.axis, event.value))
         if event.type in {pygame.JOYBUTTONDOWN, pygame.JOYBUTTONUP}:
-            return Moved(event.instance_id, Button(event.button, event.type == pygame.JOYBUTTONDOWN))
+            return PadMoved(event.instance_id, Button(event.button, event.type == pygame.JOYBUTTONDOWN))
         if event.type == pygame.JOYHATMOTION:
-            return Moved(event.instance_id, Hat(event.hat, *event.value))
+            return PadMoved(event.instance_id, Hat(event.hat, *event.value))
         key_event = self._translate_key(event)
-        return Typed(key_event) if key_event is not None else None
+        return KeyTyped(key_event) if key_event is not None else None
 
     def _translate_key(self, event: Any) -> KeyEvent | None:  # noqa: ANN401 - pygame is imported late
         pygame = self._pygame
@@ -131,7 +131,7 @@ class Sdl:
             act = Act.PRESS if event.type == pygame.KEYDOWN else Act.RELEASE
             return Key(KEY_NAMES.get(name, name), act)
         if event.type in {pygame.WINDOWFOCUSLOST, pygame.WINDOWFOCUSGAINED}:
-            return Focus(gained=event.type == pygame.WINDOWFOCUSGAINED)
+            return TerminalFocus(gained=event.type == pygame.WINDOWFOCUSGAINED)
         return Quit() if event.type in {pygame.QUIT, pygame.WINDOWCLOSE} else None
 
     def _connect(self, index: int) -> Happening | None:
@@ -145,4 +145,4 @@ class Sdl:
             return None
         pad = stick.get_instance_id()
         self._open[pad] = stick  # SDL sends events of opened pads only
-        return Connected(pad, stick.get_guid(), stick.get_name(), rest, mapping)
+        return PadConnected(pad, stick.get_guid(), stick.get_name(), rest, mapping)

@@ -6,7 +6,7 @@ kitty's protocol (sw.kovidgoyal.net/kitty/keyboard-protocol): CSI code ; modifie
 
 import re
 
-from clients.teleop.keyboard import Act, Answer, Focus, Key, KeyEvent, Quit
+from clients.teleop.keyboard import Act, Key, KeyEvent, Quit, TerminalAnswer, TerminalFocus
 
 ASK = b"\x1b[?u"
 """The terminal answers with its flags, if it knows the protocol."""
@@ -67,14 +67,14 @@ def _sequence(match: re.Match[bytes]) -> list[KeyEvent]:
         return [Key(ARROWS[match["arrow"].decode()])]
     final, numbers = match["final"].decode(), match["numbers"].decode()
     if match["mark"]:
-        return [Answer(_int(numbers, 0))] if (match["mark"], final) == (b"?", "u") else []
+        return [TerminalAnswer(_int(numbers, 0))] if (match["mark"], final) == (b"?", "u") else []
     fields = [field.split(":") for field in numbers.split(";")]
     modifiers = _int(fields[1][0], 1) - 1 if len(fields) > 1 else 0
     act = ACTS.get(_int(fields[1][1], 1) if len(fields) > 1 and len(fields[1]) > 1 else 1, Act.PRESS)
     if final in ARROWS:
         return [Key(ARROWS[final], act)]
     if final in {"I", "O"} and not numbers:
-        return [Focus(gained=final == "I")]
+        return [TerminalFocus(gained=final == "I")]
     if final != "u":
         return []
     code = _int(fields[0][0], 0)

@@ -41,14 +41,14 @@ class Key:
 
 
 @dataclass(frozen=True, slots=True)
-class Focus:
+class TerminalFocus:
     """The window or the terminal got the keyboard, or lost it; releases are not reported without it."""
 
     gained: bool
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class TerminalAnswer:
     """The terminal answered our question whether it is there. flags: of kitty's protocol, 0 when it has none."""
 
     flags: int
@@ -59,7 +59,7 @@ class Quit:
     """The operator wants to leave."""
 
 
-KeyEvent = Key | Focus | Answer | Quit
+KeyEvent = Key | TerminalFocus | TerminalAnswer | Quit
 
 BUTTON_KEYS = {
     Control.MANUAL: frozenset({"shift", "m"}),
@@ -109,10 +109,10 @@ class HeldKeys:
                 self._event_s = now_s
                 if act is not Act.RELEASE and name in BUTTON_KEYS[Control.ESTOP]:
                     self._stop_s = now_s
-            case Focus(gained):
+            case TerminalFocus(gained):
                 self._focused = gained
                 self._down.clear()
-            case Answer():
+            case TerminalAnswer():
                 self._answered_s = now_s
             case Quit():
                 self._down.clear()

@@ -18,8 +18,8 @@ from enum import StrEnum
 
 from clients.teleop.hold import Hold
 from clients.teleop.inputs import Control, Inputs
-from clients.teleop.shaping import Feel, Shaper
-from runtime.wire.teleop import UNKNOWN_AGE_MS, Beat, Command, Condition, Input, Press
+from clients.teleop.shaping import InputShape, Shaper
+from runtime.wire.teleop import UNKNOWN_AGE_MS, Beat, CarCondition, Command, Input, Press
 
 LINK_LOST_S = 0.2
 """Ten beats missing. The screen is drawn every 0.05 s, so that a lost link is seen within 0.3 s."""
@@ -39,7 +39,7 @@ DISTRUST = Press.UNSURE
 release, after which autonomy may go on."""
 
 
-class Block(StrEnum):
+class DeadmanFault(StrEnum):
     """Why the deadman does not count, most telling first."""
 
     NONE = ""
@@ -58,7 +58,7 @@ class Block(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Situation:
+class PilotState:
     """What the pilot makes of it all, for screens and tests.
 
     block: what stands in the way now; closed_by: what closed the gate. flags, wanted_*: what was sent last.
@@ -67,8 +67,8 @@ class Situation:
     holding, progress: the deliberate press under way, and how far it is (0 to 1).
     """
 
-    block: Block
-    closed_by: Block
+    block: DeadmanFault
+    closed_by: DeadmanFault
     armed: bool
     inputs: Inputs
     flags: Press
@@ -103,14 +103,14 @@ class Pilot:
     session: random and not 0, one per start. name: whom the car and the others shall see.
     """
 
-    def __init__(self, session: int, name: str, feel: Feel) -> None:
+    def __init__(self, session: int, name: str, feel: InputShape) -> None:
         self.session = session
         self._name = name
         self._shaper = Shaper(feel)
         self._holds = {Control.RESET: Hold(), Control.TAKE_OVER: Hold()}
         self._armed = False
         self._held = frozenset[Control]()
-        self._closed_by = Block.WAITING
+        self._closed_by = DeadmanFault.WAITING
         self._beat: Beat | None = None
         self._beat_s = -math.inf
         self._restarted = False
@@ -121,7 +121,7 @@ class Pilot:
         self._sequence = 0
         self._sent_s: OrderedDict[int, float] = OrderedDict()
         self._last_s: float | None = None
-        self.situation: Situation | None = None
+        self.situation: PilotState | None = None
 
     def hear(self, beat: Beat, arrival_s: float) -> None:
         """Take a heartbeat; one that is not newer than the last is ignored."""
@@ -172,25 +172,27 @@ class Pilot:
     def _is_mine(self) -> bool:
         return self._beat is not None and self._beat.operator_session == self.session
 
-    def _block(self, inputs: Inputs, now_s: float, elapsed_s: float) -> Block:
+    def _block(self, inputs: Inputs, now_s: float, elapsed_s: float) -> DeadmanFault:
         """Return what forbids any deadman now."""
         beat, restarted = self._beat, self._restarted
         self._restarted = False
         if beat is None:
-            return Block.WAITING
+            return DeadmanFault.WAITING
         conditions = beat.flags
         blocks = {
-            Block.LINK: now_s - self._beat_s > LINK_LOST_S,
-            Block.DEVICE: not inputs.live,
-            Block.FROZEN: self._is_silent(inputs, now_s),
-            Block.PAUSED: elapsed_s > PAUSE_S,
-            Block.RESTARTED: restarted,
-            Block.LATCHED: inputs.wants_stop or self._stop_since_s is not None or Condition.ESTOP_LATCHED in conditions,
-            Block.OTHER: beat.operator_session not in {0, self.session},
-            Block.LOST: Condition.OPERATOR_LOST in conditions and beat.operator_session == self.session,
-            Block.REARM: Condition.REARM in conditions and self._is_meant(beat, now_s),
+            DeadmanFault.LINK: now_s - self._beat_s > LINK_LOST_S,
+            DeadmanFault.DEVICE: not inputs.live,
+            DeadmanFault.FROZEN: self._is_silent(inputs, now_s),
+            DeadmanFault.PAUSED: elapsed_s > PAUSE_S,
+            DeadmanFault.RESTARTED: restarted,
+            DeadmanFault.LATCHED: inputs.wants_stop
+            or self._stop_since_s is not None
+            or CarCondition.ESTOP_LATCHED in conditions,
+            DeadmanFault.OTHER: beat.operator_session not in {0, self.session},
+            DeadmanFault.LOST: CarCondition.OPERATOR_LOST in conditions and beat.operator_session == self.session,
+            DeadmanFault.REARM: CarCondition.REARM in conditions and self._is_meant(beat, now_s),
         }
-        return next((block for block, holds in blocks.items() if holds), Block.NONE)
+        return next((block for block, holds in blocks.items() if holds), DeadmanFault.NONE)
 
     def _is_meant(self, beat: Beat, now_s: float) -> bool:
         """Whether "release first" is for us: without an operator it may be for another client's stuck button."""
@@ -205,16 +207,16 @@ class Pilot:
         moving = inputs.manual and self._shaper.wants_speed(inputs.speed)
         return (moving and silent_s > PAD_SILENT_S) or (inputs.autonomy and silent_s > PERMIT_SILENT_S)
 
-    def _gate(self, block: Block, inputs: Inputs) -> None:
+    def _gate(self, block: DeadmanFault, inputs: Inputs) -> None:
         """Open the gate on a release with nothing in the way; close it on any trouble."""
-        if block is not Block.NONE:
+        if block is not DeadmanFault.NONE:
             self._armed, self._closed_by = False, block
         elif not self._armed:
             self._armed = inputs.released
         elif not inputs.sound or (Control.MANUAL in inputs.pressed - self._held and not inputs.centred):
-            self._armed, self._closed_by = False, Block.OFF_CENTRE
+            self._armed, self._closed_by = False, DeadmanFault.OFF_CENTRE
 
-    def _flags(self, block: Block, inputs: Inputs, now_s: float) -> Press:
+    def _flags(self, block: DeadmanFault, inputs: Inputs, now_s: float) -> Press:
         if self._is_stopping(inputs, now_s):
             return Press.ESTOP
         deliberate = self._deliberate(block, inputs, now_s)
@@ -243,19 +245,24 @@ class Pilot:
         since_s = self._stop_since_s
         if since_s is None or self._beat is None:
             return since_s is not None
-        confirmed = Condition.ESTOP_LATCHED in self._beat.flags and self._beat_s > since_s
+        confirmed = CarCondition.ESTOP_LATCHED in self._beat.flags and self._beat_s > since_s
         if confirmed and now_s - since_s > STOP_INSIST_S:
             self._stop_since_s = None
         return self._stop_since_s is not None
 
-    def _deliberate(self, block: Block, inputs: Inputs, now_s: float) -> Press:
+    def _deliberate(self, block: DeadmanFault, inputs: Inputs, now_s: float) -> Press:
         """Return RESET or TAKE_OVER once it was held for long enough, until the car has done it."""
         sent = Press(0)
         beat = self._beat
-        sound = beat is not None and block not in {Block.LINK, Block.DEVICE, Block.PAUSED, Block.RESTARTED}
+        sound = beat is not None and block not in {
+            DeadmanFault.LINK,
+            DeadmanFault.DEVICE,
+            DeadmanFault.PAUSED,
+            DeadmanFault.RESTARTED,
+        }
         for control, press, needed in (
             (Control.RESET, Press.RESET, beat is not None and _needs_reset(beat)),
-            (Control.TAKE_OVER, Press.TAKE_OVER, block is Block.OTHER),
+            (Control.TAKE_OVER, Press.TAKE_OVER, block is DeadmanFault.OTHER),
         ):
             hold = self._holds[control]
             if not inputs.live or not needed:
@@ -266,7 +273,7 @@ class Pilot:
             elif hold.update(now_s, held=control in inputs.pressed, alone=sound and inputs.only(control)):
                 sent = press
         if sent:
-            self._armed, self._closed_by = False, Block.HELD
+            self._armed, self._closed_by = False, DeadmanFault.HELD
         return sent
 
     def _command(self, flags: Press, inputs: Inputs, now_s: float, wanted_mps: float, wanted_rad: float) -> Command:
@@ -288,14 +295,14 @@ class Pilot:
             name=self._name,
         )
 
-    def _describe(self, block: Block, inputs: Inputs, command: Command, now_s: float) -> Situation:
+    def _describe(self, block: DeadmanFault, inputs: Inputs, command: Command, now_s: float) -> PilotState:
         mine = self._is_mine
         if mine or command.flags not in {Press.MANUAL, Press.AUTONOMY}:
             self._unminded_since_s = None
         elif self._unminded_since_s is None:
             self._unminded_since_s = now_s
         holding = next((control for control, hold in self._holds.items() if hold.progress(now_s) > 0), None)
-        return Situation(
+        return PilotState(
             block=block,
             closed_by=self._closed_by,
             armed=self._armed,
@@ -316,7 +323,7 @@ class Pilot:
 
 
 def _needs_reset(beat: Beat) -> bool:
-    return bool(beat.flags & (Condition.ESTOP_LATCHED | Condition.FAULT))
+    return bool(beat.flags & (CarCondition.ESTOP_LATCHED | CarCondition.FAULT))
 
 
 def _age_ms(age_s: float) -> int:

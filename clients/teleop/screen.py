@@ -13,15 +13,15 @@ from rich.text import Text
 from clients.status import overruled_words
 from clients.teleop.advice import Advice
 from clients.teleop.inputs import Control
-from clients.teleop.pilot import Situation
+from clients.teleop.pilot import PilotState
 from runtime.arbitration.command import NO_WINNER
 from runtime.telemetry.screen_words import because, steering_words
 from runtime.wire import topics
-from runtime.wire.teleop import Condition
+from runtime.wire.teleop import CarCondition
 
 
 @dataclass(slots=True)
-class CarNews:
+class CarState:
     """What the car says in `status` and `decision`. Reads what it knows and leaves the rest: versions may differ."""
 
     winner: str = ""
@@ -60,7 +60,7 @@ class CarNews:
         (self.operators.add if alive else self.operators.discard)(key.rsplit("/", 1)[-1])
 
 
-def lines(car: str, now: Situation, advice: Advice, news: CarNews, names: Mapping[Control, str]) -> list[str]:
+def lines(car: str, now: PilotState, advice: Advice, news: CarState, names: Mapping[Control, str]) -> list[str]:
     """Return the screen as text, most important first: the state, what to do next, then the reasons."""
     beat = now.beat
     measured_mps = beat.speed_mps if beat is not None else math.nan
@@ -118,23 +118,23 @@ class Screen:
                 self._live.stop()
 
 
-def _why(news: CarNews) -> str:
+def _why(news: CarState) -> str:
     if not news.reason:
         return "no status yet"
     return f"{news.winner}: {because(news.reason, news.measure)}"
 
 
-def _operator(now: Situation) -> str:
+def _operator(now: PilotState) -> str:
     if now.mine:
         return "you"
     name = now.operator_name
-    if now.beat is not None and Condition.OPERATOR_LOST in now.beat.flags:
+    if now.beat is not None and CarCondition.OPERATOR_LOST in now.beat.flags:
         return f"not operated, {name or 'the last one'} was lost"
     return name or "not operated"
 
 
-def _permit(now: Situation) -> str:
-    return "given" if now.beat is not None and Condition.PERMITTED in now.beat.flags else "not given"
+def _permit(now: PilotState) -> str:
+    return "given" if now.beat is not None and CarCondition.PERMITTED in now.beat.flags else "not given"
 
 
 def _milliseconds(seconds: float) -> str:

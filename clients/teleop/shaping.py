@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Feel:
+class InputShape:
     """How the sticks feel.
 
     deadzone: part of the half range around the middle that means nothing. expo: 0 linear, 1 cubic.
@@ -24,7 +24,7 @@ class Feel:
 class Shaper:
     """Remembers the last wish, so that the next one can be a small step from it."""
 
-    def __init__(self, feel: Feel) -> None:
+    def __init__(self, feel: InputShape) -> None:
         self._feel = feel
         self.speed_mps = 0.0
         self.steering_rad = 0.0

@@ -29,7 +29,7 @@ NO_PAD = "no gamepad: the keyboard drives"
 LOST_PAD = "the gamepad is gone: plug it in, or press a key to drive with the keyboard"
 
 
-class Source(Protocol):
+class InputSource(Protocol):
     """Something that an operator's hands are on.
 
     names: what its controls are called. leaving: the operator wants to go.
@@ -54,7 +54,7 @@ class Source(Protocol):
         ...
 
 
-class Keys(Protocol):
+class KeyReader(Protocol):
     """A terminal, or nothing."""
 
     def poll(self) -> list[KeyEvent]:
@@ -90,7 +90,7 @@ class PadSource:
         self._pads = pads
         self._own = own
         self._wanted = wanted.lower()
-        self._there: dict[int, gamepad.Connected] = {}
+        self._there: dict[int, gamepad.PadConnected] = {}
         self._unusable: dict[int, str] = {}
         self._pad: int | None = None
         self._layout: Layout | None = None
@@ -116,14 +116,14 @@ class PadSource:
 
     def _take(self, happening: gamepad.Happening, now_s: float) -> None:
         match happening:
-            case gamepad.Connected(pad):
+            case gamepad.PadConnected(pad):
                 self._there[pad] = happening
             case gamepad.Gone(pad):
                 self._there.pop(pad, None)
                 self._unusable.pop(pad, None)
                 if pad == self._pad:
                     self._pad = None
-            case gamepad.Moved(pad, event) if pad == self._pad:
+            case gamepad.PadMoved(pad, event) if pad == self._pad:
                 self._state.apply(event, now_s)
                 if self._mode is not None:
                     self._mode.watch(event)
@@ -223,7 +223,7 @@ class PadOrKeySource:
 class StopKeySource:
     """Another source, with the Space and Esc of a terminal as an e-stop besides."""
 
-    def __init__(self, source: Source, keys: Keys) -> None:
+    def __init__(self, source: InputSource, keys: KeyReader) -> None:
         self._source = source
         self._keys = keys
         self._left = False
@@ -257,7 +257,7 @@ class StopKeySource:
 class KeySource:
     """The keyboard of this terminal. releases: the terminal tells when a key goes up."""
 
-    def __init__(self, keys: Keys, *, releases: bool) -> None:
+    def __init__(self, keys: KeyReader, *, releases: bool) -> None:
         self.names: Mapping[Control, str] = HELD_NAMES if releases else REPEATED_NAMES
         self.leaving = False
         self._keys = keys
@@ -290,7 +290,7 @@ class WindowSource:
     def poll(self, now_s: float, *, ready: bool) -> Inputs:  # noqa: ARG002 - a keyboard does not wait for the car
         """Take what was typed into the window and return what is held."""
         for happening in self._sdl.poll():
-            if isinstance(happening, gamepad.Typed):
+            if isinstance(happening, gamepad.KeyTyped):
                 self.leaving |= isinstance(happening.event, Quit)
                 self._state.feed(happening.event, now_s)
         return self._state.inputs(now_s)

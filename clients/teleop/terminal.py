@@ -9,7 +9,7 @@ from typing import Any
 
 from clients.teleop import key_bytes
 from clients.teleop.key_bytes import KeyBytes
-from clients.teleop.keyboard import Answer, KeyEvent, Quit
+from clients.teleop.keyboard import KeyEvent, Quit, TerminalAnswer
 
 ANSWER_TIMEOUT_S = 0.3
 ASK_PERIOD_S = 0.2
@@ -119,7 +119,7 @@ class Terminal:
             chunk = self._console.read(left_s)
             if not chunk:
                 return False
-            if any(isinstance(event, Answer) for event in self._bytes.feed(chunk, self._clock())):
+            if any(isinstance(event, TerminalAnswer) for event in self._bytes.feed(chunk, self._clock())):
                 return True
         return False
 

@@ -60,7 +60,7 @@ def checksum(text: bytes) -> int:
 
 
 @value()
-class Block:
+class ReplyBlock:
     """One reply, every checksum verified and stripped.
 
     status: two characters, or the single one of SCIP 1.1.
@@ -77,7 +77,7 @@ def _ignore(_what: str) -> None:
     pass
 
 
-class Deframer:
+class ScipDeframer:
     """Finds blocks in a byte stream, whatever the chunking; forgets at most `limit_bytes` of nonsense at a time.
 
     limit_bytes: may be raised for a sensor whose scans are longer.
@@ -97,7 +97,7 @@ class Deframer:
         self._rest = b""
         self._lost = False
 
-    def feed(self, chunk: bytes) -> list[Block]:
+    def feed(self, chunk: bytes) -> list[ReplyBlock]:
         """Add bytes and return the blocks they completed, oldest first."""
         blocks = []
         begin = 0
@@ -112,7 +112,7 @@ class Deframer:
             self._give_up()
         return blocks
 
-    def _close(self, raw: bytes) -> Block | None:
+    def _close(self, raw: bytes) -> ReplyBlock | None:
         if self._lost:
             self._lost = False
             return None
@@ -134,17 +134,17 @@ class Deframer:
         self._rest = self._rest[-1:]  # the last byte may be the first half of the blank line
 
 
-def parse_block(raw: bytes) -> Block | str:
+def parse_block(raw: bytes) -> ReplyBlock | str:
     """Check one block without its two closing line feeds; what is wrong with it comes back as a word."""
-    parts = scan_parts(raw)
+    parts = split_scan(raw)
     if parts is not None and parts[0][:2] in SCAN_FAMILIES:
         echo, status, stamp, samples = parts
-        return Block(echo, status.decode("ascii"), (stamp, samples))
+        return ReplyBlock(echo, status.decode("ascii"), (stamp, samples))
     return _parse_carefully(raw)
 
 
 @twin
-def scan_parts(raw: bytes) -> tuple[bytes, bytes, bytes, bytes] | None:
+def split_scan(raw: bytes) -> tuple[bytes, bytes, bytes, bytes] | None:
     """Return echo, status, stamp and samples of a scan as sensors send it, all sums verified; None for anything else.
 
     The way of every scan of a healthy stream; what is wrong with another block is found out by `_parse_carefully`.
@@ -156,11 +156,11 @@ def scan_parts(raw: bytes) -> tuple[bytes, bytes, bytes, bytes] | None:
         return None
     if checksum(status[:2]) != status[2] or checksum(stamp[:-1]) != stamp[-1]:
         return None
-    samples = joined_rows(data)
+    samples = join_rows(data)
     return None if samples is None else (echo, status[:2], stamp[:-1], samples)
 
 
-def _parse_carefully(raw: bytes) -> Block | str:
+def _parse_carefully(raw: bytes) -> ReplyBlock | str:
     echo, _, rest = raw.lstrip(b"\n").partition(b"\n")
     status, _, body = rest.partition(b"\n")
     if not 0 < len(echo) <= _ECHO_LIMIT_CHARS or not (echo + status).isascii():
@@ -171,9 +171,9 @@ def _parse_carefully(raw: bytes) -> Block | str:
     elif len(status) != 1:
         return "malformed"
     if not body:
-        return Block(echo, status[:2].decode("ascii"))
+        return ReplyBlock(echo, status[:2].decode("ascii"))
     lines = _check_scan(body) if echo[:2] in SCAN_FAMILIES else _check_lines(body)
-    return "checksum" if lines is None else Block(echo, status[:2].decode("ascii"), lines)
+    return "checksum" if lines is None else ReplyBlock(echo, status[:2].decode("ascii"), lines)
 
 
 def _check_scan(body: bytes) -> tuple[bytes, ...] | None:
@@ -188,12 +188,12 @@ def _check_scan(body: bytes) -> tuple[bytes, ...] | None:
 
 def join_sample_lines(data: bytes) -> bytes | None:
     """Verify sample lines (the last one without its LF) and join them; None when a sum is wrong."""
-    samples = joined_rows(data)
+    samples = join_rows(data)
     return _join_irregular(data) if samples is None else samples
 
 
 @twin
-def joined_rows(data: bytes) -> bytes | None:
+def join_rows(data: bytes) -> bytes | None:
     """Verify and join lines of exactly 64 characters and a shorter last one, as sensors send them; None for others.
 
     All but the last one are verified as one table.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
 from drivers.api import LinkLost, ProtocolError
-from drivers.hokuyo.codec import Block, Deframer, command
+from drivers.hokuyo.codec import ReplyBlock, ScipDeframer, command
 from drivers.hokuyo.replies import SensorParameters, fields, is_healthy
 from drivers.link import ByteLink
 
@@ -25,16 +25,16 @@ class Conversation:
 
     def __init__(self, link: ByteLink, count: Callable[[str], None]) -> None:
         self.link = link
-        self.deframer = Deframer(count)
+        self.deframer = ScipDeframer(count)
         self._question = b""
-        self._answer: asyncio.Future[Block] | None = None
+        self._answer: asyncio.Future[ReplyBlock] | None = None
         self.listen()
 
     def listen(self) -> None:
         """Take the link's bytes (back) from their last reader."""
         self.link.listen(self._on_bytes)
 
-    async def ask(self, line: bytes, *, timeout_s: float = REPLY_TIMEOUT_S) -> Block:
+    async def ask(self, line: bytes, *, timeout_s: float = REPLY_TIMEOUT_S) -> ReplyBlock:
         """Send a command line and return the block that echoes it; all else is dropped. LinkLost if none comes."""
         self._question = line.rstrip(b"\n")
         self._answer = asyncio.get_running_loop().create_future()
@@ -50,7 +50,7 @@ class Conversation:
         finally:
             self._answer = None
 
-    async def ask_patiently(self, line: bytes, *, tries: int) -> Block:
+    async def ask_patiently(self, line: bytes, *, tries: int) -> ReplyBlock:
         """Ask again when no answer comes; the last failure is raised. A link that is gone ends it by `until_lost`."""
         for _ in range(tries - 1):
             with contextlib.suppress(LinkLost):
@@ -100,7 +100,7 @@ async def quieten(talk: Conversation) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Identity:
+class SensorIdentity:
     """Who answered. state_text: STAT of II, "" when the sensor does not say."""
 
     parameters: SensorParameters
@@ -124,7 +124,7 @@ class Identity:
         return text
 
 
-async def identify(talk: Conversation) -> Identity:
+async def identify(talk: Conversation) -> SensorIdentity:
     """Ask a quiet sensor for VV, PP and II. PP must be complete; the other two are for people."""
     version = fields(await talk.ask_patiently(command("VV"), tries=_IDENTIFY_TRIES))
     reply = await talk.ask_patiently(command("PP"), tries=_IDENTIFY_TRIES)
@@ -132,4 +132,4 @@ async def identify(talk: Conversation) -> Identity:
         raise ProtocolError(f"{talk.link.address}: PP is refused with status {reply.status} (power-cycle it)")
     parameters = SensorParameters.from_fields(fields(reply))
     state = fields(await talk.ask_patiently(command("II"), tries=_IDENTIFY_TRIES))
-    return Identity(parameters, version.get("FIRM", ""), version.get("SERI", ""), state.get("STAT", ""))
+    return SensorIdentity(parameters, version.get("FIRM", ""), version.get("SERI", ""), state.get("STAT", ""))

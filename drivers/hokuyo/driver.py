@@ -21,7 +21,7 @@ from drivers.api import (
     as_wanted,
 )
 from drivers.hokuyo.codec import command
-from drivers.hokuyo.conversation import Conversation, Identity, identify, quieten, until_lost
+from drivers.hokuyo.conversation import Conversation, SensorIdentity, identify, quieten, until_lost
 from drivers.hokuyo.settings import HokuyoSettings
 from drivers.hokuyo.stream import UNSTABLE_WARN, ScanStream, Sequence
 from drivers.hokuyo.timing import StampGate
@@ -157,7 +157,7 @@ class Hokuyo:
             self._health.count("restart")
             await quieten(talk)
 
-    async def _watch(self, stream: ScanStream, identity: Identity, started_s: float) -> str:
+    async def _watch(self, stream: ScanStream, identity: SensorIdentity, started_s: float) -> str:
         """Look at the stream ten times a second; return why it has to be restarted."""
         model = identity.parameters.model
         next_s = self._clock() // _WATCH_PERIOD_S * _WATCH_PERIOD_S  # together with whatever else ticks
@@ -216,7 +216,7 @@ class Hokuyo:
     async def _farewell(self, talk: Conversation) -> None:
         await talk.ask(command("QT"), timeout_s=_FAREWELL_TIMEOUT_S)
 
-    def _meet(self, identity: Identity) -> None:
+    def _meet(self, identity: SensorIdentity) -> None:
         if self._health.identity not in {"", identity.name}:
             self._health.count("another sensor")
         self._health.identity = identity.name

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from drivers.hokuyo.codec import SCAN_FAMILIES, Block
+from drivers.hokuyo.codec import SCAN_FAMILIES, ReplyBlock
 from drivers.hokuyo.replies import decode_number
 from drivers.twin import twin
 
@@ -73,7 +73,7 @@ class RawScan:
     echoes_mm: tuple[tuple[int, ...], ...] | None = None
 
 
-def decode_scan(block: Block) -> RawScan | None:
+def decode_scan(block: ReplyBlock) -> RawScan | None:
     """Decode a scan block of any family; None when it holds no scan or its characters make no sense."""
     family = block.echo[:2]
     if family not in SCAN_FAMILIES or len(block.lines) != 2:

@@ -7,7 +7,7 @@ from enum import Enum
 from typing import Final, Self
 
 from drivers.api import ProtocolError
-from drivers.hokuyo.codec import Block
+from drivers.hokuyo.codec import ReplyBlock
 
 MAX_RANGE_MM: Final = 262143
 """The largest value that three characters carry."""
@@ -15,7 +15,7 @@ _MAX_STEP: Final = 9999  # four digits in a command
 _SIDE_RAD: Final = math.radians(89.5)
 """A car needs to see what is beside it; half a degree, because a field of 180 degrees may end one step short of it."""
 _COARSEST_RAD: Final = math.radians(1.0) * (1 + 1e-9)
-_SLOWEST_RPM: Final = 300
+_MIN_RPM: Final = 300
 
 
 def decode_number(text: bytes) -> int | None:
@@ -28,7 +28,7 @@ def decode_number(text: bytes) -> int | None:
     return value
 
 
-def fields(block: Block) -> dict[str, str]:
+def fields(block: ReplyBlock) -> dict[str, str]:
     """Return the KEY:VALUE lines of PP, VV or II; lines without a colon are left out."""
     pairs = (line.decode("ascii", "replace").partition(":") for line in block.lines)
     return {key.strip(): value.strip() for key, colon, value in pairs if colon}
@@ -93,7 +93,7 @@ class SensorParameters:
         if self.angle_step_rad > _COARSEST_RAD:
             step_deg = math.degrees(self.angle_step_rad)
             return f"has a beam every {step_deg:.2g} degrees, and a car needs 1 degree or less: take a finer sensor"
-        if self.speed_rpm < _SLOWEST_RPM:
+        if self.speed_rpm < _MIN_RPM:
             return f"turns at {self.rate_hz:.2g} Hz, and a car needs 5 Hz or more: set its motor faster"
         return ""
 
@@ -119,7 +119,7 @@ def is_healthy(state_text: str) -> bool:
     return any(healthy in state_text.lower() for healthy in _HEALTHY_STATES)
 
 
-class Status(Enum):
+class StreamStatus(Enum):
     """What a status code in a scan stream asks of us."""
 
     ACCEPTED = "accepted"
@@ -131,20 +131,20 @@ class Status(Enum):
 
 
 _STREAM_STATUS: Final = {
-    "00": Status.ACCEPTED,
-    "99": Status.SCAN,
-    "98": Status.RESUMED,
-    "0M": Status.UNSTABLE,
-    "0L": Status.ABNORMAL,
+    "00": StreamStatus.ACCEPTED,
+    "99": StreamStatus.SCAN,
+    "98": StreamStatus.RESUMED,
+    "0M": StreamStatus.UNSTABLE,
+    "0L": StreamStatus.ABNORMAL,
 }
 
 
-def judge(status: str) -> Status:
+def judge(status: str) -> StreamStatus:
     """Sort a status of MD, MS or ME (C-42-03320B; the SCIP 2.2 letters by hokuyolx)."""
     if status in _STREAM_STATUS:
         return _STREAM_STATUS[status]
     if status.isdecimal() and 21 <= int(status) <= 49:
-        return Status.UNSTABLE
+        return StreamStatus.UNSTABLE
     if status.isdecimal() and 50 <= int(status) <= 97:
-        return Status.ABNORMAL
-    return Status.REFUSED
+        return StreamStatus.ABNORMAL
+    return StreamStatus.REFUSED

@@ -5,10 +5,10 @@ from collections.abc import Callable
 from typing import Final
 
 from drivers.api import Health, LinkLost, LinkState, ProtocolError, Scan
-from drivers.hokuyo.codec import BLOCK_LIMIT_BYTES, Block, stream_command
-from drivers.hokuyo.conversation import Conversation, Identity
+from drivers.hokuyo.codec import BLOCK_LIMIT_BYTES, ReplyBlock, stream_command
+from drivers.hokuyo.conversation import Conversation, SensorIdentity
 from drivers.hokuyo.ranges import RangeDecoder
-from drivers.hokuyo.replies import Status, decode_number, judge
+from drivers.hokuyo.replies import StreamStatus, decode_number, judge
 from drivers.hokuyo.timing import StampGate
 
 START_TIMEOUT_S: Final = 1.0
@@ -40,7 +40,7 @@ class ScanStream:
     def __init__(
         self,
         talk: Conversation,
-        identity: Identity,
+        identity: SensorIdentity,
         gate: StampGate,
         health: Health,
         sequence: Sequence,
@@ -85,7 +85,7 @@ class ScanStream:
             raise LinkLost(
                 f"{self._talk.link.address}: it does not start measuring within {START_TIMEOUT_S:g} s (power-cycle it)"
             ) from error
-        if judge(status) is Status.REFUSED:
+        if judge(status) is StreamStatus.REFUSED:
             raise ProtocolError(
                 f"{self._talk.link.address}: refuses {self._command.decode().strip()} with status {status}"
                 " (restart it; if it stays so, the sensor does not accept its own limits)"
@@ -100,7 +100,7 @@ class ScanStream:
             else:
                 self._on_status(block.status, read_at_s)
 
-    def _on_scan_block(self, block: Block, read_at_s: float) -> None:
+    def _on_scan_block(self, block: ReplyBlock, read_at_s: float) -> None:
         sequence = self._sequence.take()
         stamp_ms = decode_number(block.lines[0]) if len(block.lines) == 2 else None
         ranges_m = self._decoder.decode(block.lines[1]) if len(block.lines) == 2 else None
@@ -137,13 +137,13 @@ class ScanStream:
         if not self._started.done():
             self._started.set_result(status)
         meaning = judge(status)
-        if meaning is Status.UNSTABLE:
+        if meaning is StreamStatus.UNSTABLE:
             self._sequence.take()
             self.heard_s = read_at_s
             self.unstable_in_a_row += 1
             self._health.count("unstable")
-        elif meaning is Status.ABNORMAL:
+        elif meaning is StreamStatus.ABNORMAL:
             self.trouble = status
             self._health.count("abnormal")
-        elif meaning is Status.REFUSED:
+        elif meaning is StreamStatus.REFUSED:
             self._health.count("refused")

@@ -7,7 +7,7 @@ from drivers.vesc.settings import VescSettings
 
 _STEPS_PER_ERPM_MINUTE = 6
 _SECONDS_PER_MINUTE = 60
-_LEAST_BRAKE_A = 1.0
+_MIN_BRAKE_A = 1.0
 
 
 class Calibration:
@@ -42,7 +42,7 @@ class Calibration:
         wanted_a = brake_mps2 / settings.brake_mps2_per_a
         if not wanted_a < settings.brake_current_a:  # NaN compares as not smaller
             return self.brake
-        return codec.frame(codec.set_brake_current(max(_LEAST_BRAKE_A, wanted_a)))
+        return codec.frame(codec.set_brake_current(max(_MIN_BRAKE_A, wanted_a)))
 
     def is_stop(self, speed_mps: float) -> bool:
         """Tell whether this speed cannot be held by the VESC's speed loop and therefore means a stop."""

@@ -22,7 +22,10 @@ _HEADER_BYTES = {
     _SHORT_START: 2,
     _LONG_START: 3,
 }  # start byte 4, three length bytes, is above the limit of any firmware
-_SHORTEST_BYTES = {_SHORT_START: 1, _LONG_START: _SHORT_MAX_BYTES}  # the firmware refuses a long form that is too short
+_MIN_LENGTH_BYTES = {
+    _SHORT_START: 1,
+    _LONG_START: _SHORT_MAX_BYTES,
+}  # the firmware refuses a long form that is too short
 
 _INT16 = struct.Struct(">Bh")
 _INT32 = struct.Struct(">Bi")
@@ -68,7 +71,7 @@ MOTOR_PACKETS = frozenset(
 """Requests that move, release or hold the motor. They and ALIVE feed the VESC's command timeout, nothing else does."""
 
 
-class Deframer:
+class VescDeframer:
     """Finds frames in a byte stream, whatever the chunking.
 
     Bytes that belong to no frame are skipped one at a time, which is the firmware's own rule: a false start must not
@@ -127,7 +130,7 @@ def _frame_end(buffer: bytearray, at: int) -> int:
     if len(buffer) < at + header_bytes:
         return at + header_bytes + _TAIL_BYTES
     size_bytes = int.from_bytes(buffer[at + 1 : at + header_bytes], "big")
-    if not _SHORTEST_BYTES[buffer[at]] <= size_bytes <= MAX_PAYLOAD_BYTES:
+    if not _MIN_LENGTH_BYTES[buffer[at]] <= size_bytes <= MAX_PAYLOAD_BYTES:
         return at
     return at + header_bytes + size_bytes + _TAIL_BYTES
 

@@ -19,7 +19,7 @@ _BLIND_AFTER_S = 0.05
 """So old may the last believed reply be while one refused reply is passed over."""
 
 
-class Condition:
+class VescMonitor:
     """Follows one VESC over all its connections.
 
     The VESC shows a fault for half a second only, then obeys again: latched here until an operator clears it.

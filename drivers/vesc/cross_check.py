@@ -6,17 +6,17 @@ its remedy. Whether the wheels' way is the car's own only the lidar can tell (`c
 
 import math
 
-FASTEST_MPS = 60.0
+MAX_SPEED_MPS = 60.0
 JUMP_MPS, JUMP_MPS2, JUMP_WITHIN_S = 3.0, 150.0, 0.1
 """Free wheels gain about 70 m/s2. After a longer silence no more is believed than after JUMP_WITHIN_S. Slower is always
 possible: wheels lock."""
 AGAINST_S = 0.3
 AGAINST_MPS = 0.1
 """A sensorless motor that stands or starts reads less than this either way."""
-SLOWS_AT_LEAST_MPS2 = 2.0
+MIN_SLOWING_MPS2 = 2.0
 """A car that rolls when it is asked the other way needs time: so hard it brakes on any floor."""
 WINDOW_S, GAP_S = 0.3, 0.15
-LEAST_WAY_M = 0.15
+MIN_WAY_M = 0.15
 WAY_SHARE = 0.5
 COUNTED_STEPS = 3
 RUNS_BACKWARDS = "runs backwards: swap two phases of the motor"
@@ -50,7 +50,7 @@ class CrossCheck:
     def is_possible(self, speed_mps: float, stamp_s: float) -> bool:
         """Tell whether a car can have this speed after the last one that was believed."""
         jump_mps = JUMP_MPS + JUMP_MPS2 * min(max(stamp_s - self._stamp_s, 0.0), JUMP_WITHIN_S)
-        return abs(speed_mps) <= min(FASTEST_MPS, abs(self._speed_mps) + jump_mps)
+        return abs(speed_mps) <= min(MAX_SPEED_MPS, abs(self._speed_mps) + jump_mps)
 
     def judge(self, speed_mps: float, step_m: float, stamp_s: float) -> str:
         """Take in a possible speed and the way counted since the last one; return what is wrong, "" if nothing is."""
@@ -68,7 +68,7 @@ class CrossCheck:
 
     def _patience_for_s(self, wish_mps: float) -> float:
         rolls_mps = abs(self._speed_mps) if self._speed_mps * wish_mps < 0 else 0.0
-        return AGAINST_S + rolls_mps / SLOWS_AT_LEAST_MPS2
+        return AGAINST_S + rolls_mps / MIN_SLOWING_MPS2
 
     def _runs_backwards(self, speed_mps: float, elapsed_s: float) -> bool:
         along_mps = speed_mps * math.copysign(1.0, self._wish_mps) if self._wish_mps else 0.0
@@ -82,7 +82,7 @@ class CrossCheck:
         """Compare the two ways of a full window; one alone may be a report that came late."""
         way_m = max(abs(self._expected_m), abs(self._counted_m))
         apart_m = abs(self._expected_m - self._counted_m)
-        wrong = way_m >= LEAST_WAY_M and apart_m > WAY_SHARE * way_m + COUNTED_STEPS * self._metres_per_step
+        wrong = way_m >= MIN_WAY_M and apart_m > WAY_SHARE * way_m + COUNTED_STEPS * self._metres_per_step
         self._wrong_windows = self._wrong_windows + 1 if wrong else 0
         self._begin_window()
         return self._wrong_windows >= 2

@@ -25,7 +25,7 @@ from drivers.api import (
 from drivers.link import ByteLink, Tap, open_link
 from drivers.vesc import codec, replies
 from drivers.vesc.calibration import Calibration
-from drivers.vesc.condition import Condition
+from drivers.vesc.condition import VescMonitor
 from drivers.vesc.inertia import Inertia
 from drivers.vesc.settings import VescSettings
 
@@ -83,7 +83,7 @@ class Vesc:
         self._address = parse_address(settings.address)
         self._calibration = Calibration(settings)
         self._health = Health()
-        self._condition = Condition(self._calibration, settings.min_voltage_v, self._health)
+        self._condition = VescMonitor(self._calibration, settings.min_voltage_v, self._health)
         self.inertia = Inertia(wanted=settings.imu)
         self._link: ByteLink | None = None
         self._ready: ByteLink | None = None  # the same link, from the first report on: it takes commands
@@ -93,7 +93,7 @@ class Vesc:
         self._begin_session()
 
     def _begin_session(self) -> None:
-        self._deframer = codec.Deframer()
+        self._deframer = codec.VescDeframer()
         self._decode: Callable[[bytes], replies.Values | None] | None = None  # known once the firmware is
         self._identified: asyncio.Future[replies.Firmware] | None = None
         self._awaiting = False

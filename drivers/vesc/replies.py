@@ -156,7 +156,7 @@ VALUE_FIELDS_2X = (
 _NEEDED = VALUE_FIELDS[:16]
 
 
-class _Reader:
+class _FieldReader:
     """Reads fields until they or the bytes run out; the plan for a length is made once, for it is always the same."""
 
     def __init__(self, wanted: tuple[ValueField, ...]) -> None:
@@ -190,8 +190,8 @@ class _Reader:
         return struct.Struct(formats), tuple(places)
 
 
-_VALUES = _Reader(VALUE_FIELDS)
-_VALUES_2X = _Reader(VALUE_FIELDS_2X)
+_VALUES = _FieldReader(VALUE_FIELDS)
+_VALUES_2X = _FieldReader(VALUE_FIELDS_2X)
 
 
 def decode_values(payload: bytes) -> Values | None:
@@ -214,7 +214,7 @@ def decode_values_selective(payload: bytes) -> dict[str, Any] | None:
         return None
     mask = int.from_bytes(payload[1:5], "big")
     asked = tuple(field for bit, field in enumerate(VALUE_FIELDS) if mask >> bit & 1)
-    fields = _Reader(asked).read(payload, 5)
+    fields = _FieldReader(asked).read(payload, 5)
     return fields if len(fields) == len(asked) else None
 
 

@@ -36,7 +36,7 @@ DRIVING = frozenset({Source.TELEOP, Source.NAVIGATION})
 
 
 @value()
-class DriveWord:
+class DriveCommand:
     """A wish to move.
 
     scan_stamp_s: the scan it was made from, None for a human's wish. It is not obeyed under a verdict on an older one.
@@ -72,7 +72,7 @@ class Verdict:
         return self
 
 
-class Outlook(Protocol):
+class SafetyAssessment(Protocol):
     """What a capping voice makes of the present; asked about the very drive that is about to be sent."""
 
     def limit(self, speed_mps: float, steering_rad: float) -> Verdict:
@@ -81,7 +81,7 @@ class Outlook(Protocol):
 
 
 @value()
-class CapWord:
+class SpeedLimit:
     """A ceiling on the speed of everyone less urgent.
 
     outlook: judges the drive; a plain Verdict judges all alike.
@@ -89,21 +89,21 @@ class CapWord:
     """
 
     source: Source
-    outlook: Outlook
+    outlook: SafetyAssessment
     scan_stamp_s: float | None = None
 
 
-def consent(source: Source, reason: str) -> CapWord:
+def consent(source: Source, reason: str) -> SpeedLimit:
     """Return the word of a voice that does not object."""
-    return CapWord(source, Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, reason))
+    return SpeedLimit(source, Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, reason))
 
 
-def refusal(source: Source, reason: str) -> CapWord:
+def refusal(source: Source, reason: str) -> SpeedLimit:
     """Return the word of a voice that wants the car to stand."""
-    return CapWord(source, Verdict(0.0, 0.0, reason))
+    return SpeedLimit(source, Verdict(0.0, 0.0, reason))
 
 
-Word = DriveWord | CapWord
+Word = DriveCommand | SpeedLimit
 
 
 @value()
@@ -147,9 +147,9 @@ def arbitrate(live: Sequence[Word], required: frozenset[Source], order: Sequence
     required: sources without which no less urgent source moves the car; a silent safety task is no consent.
     order: all voices, most urgent first; tells whether a silent voice would have bound the driver.
     """
-    caps: list[CapWord] = []
+    caps: list[SpeedLimit] = []
     for word in live:
-        if isinstance(word, DriveWord):
+        if isinstance(word, DriveCommand):
             return _drive_under_caps(word, caps, required.intersection(order[: order.index(word.source)]))
         caps.append(word)
     for cap in caps:
@@ -159,7 +159,7 @@ def arbitrate(live: Sequence[Word], required: frozenset[Source], order: Sequence
     return Decision(0.0, None, None, None, "nobody drives")
 
 
-def _drive_under_caps(word: DriveWord, caps: Sequence[CapWord], required: frozenset[Source]) -> Decision:
+def _drive_under_caps(word: DriveCommand, caps: Sequence[SpeedLimit], required: frozenset[Source]) -> Decision:
     steering_rad = word.drive.steering_rad
     if not (math.isfinite(word.drive.speed_mps) and math.isfinite(steering_rad)):
         return Decision(0.0, None, word.source, None, f"{word.source} asked for something that is not a number")
@@ -173,7 +173,7 @@ def _drive_under_caps(word: DriveWord, caps: Sequence[CapWord], required: frozen
     return _tightest(word, caps)
 
 
-def _tightest(word: DriveWord, caps: Sequence[CapWord]) -> Decision:
+def _tightest(word: DriveCommand, caps: Sequence[SpeedLimit]) -> Decision:
     steering_rad = word.drive.steering_rad
     decision = Decision(word.drive.speed_mps, steering_rad, word.source, word.source, word.reason)
     for cap in caps:

@@ -8,7 +8,7 @@ from runtime.arbitration.command import Source, Word
 from runtime.arbitration.queues import NEVER_S, PriorityQueue
 
 
-class Voices:
+class CommandQueue:
     """Where tasks speak and the mux listens.
 
     A word expires by its measurement, not by its delivery: the source passes the time at which its oldest input

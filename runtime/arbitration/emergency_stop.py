@@ -5,7 +5,7 @@ from enum import StrEnum
 from types import MappingProxyType
 
 from runtime.arbitration.command import Source, refusal
-from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.command_queue import CommandQueue
 
 
 class Cause(StrEnum):
@@ -23,7 +23,7 @@ class EmergencyStop:
     The word never expires: an e-stop ends by an act, not by a silence.
     """
 
-    def __init__(self, voices: Voices) -> None:
+    def __init__(self, voices: CommandQueue) -> None:
         self._voices = voices
         self._reasons: dict[Cause, str] = {}
 

@@ -4,7 +4,7 @@ import math
 from typing import Literal
 
 from runtime.arbitration.command import Source, consent, refusal
-from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.command_queue import CommandQueue
 from runtime.arbitration.queues import NEVER_S
 
 NOT_GRANTED = "no operator permits autonomy"
@@ -20,7 +20,7 @@ class Permit:
     reason: the words said last. until_s: when the consent ends; minus infinity while refused.
     """
 
-    def __init__(self, voices: Voices, mode: Literal["required", "always"]) -> None:
+    def __init__(self, voices: CommandQueue, mode: Literal["required", "always"]) -> None:
         self._voices = voices
         self.always = mode == "always"
         self.reason = ""

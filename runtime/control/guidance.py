@@ -5,9 +5,9 @@ from typing import Protocol
 
 from drivers.api import Drive, MotorState, Scan
 from drivers.value import value
-from runtime.arbitration.command import Outlook, Verdict
+from runtime.arbitration.command import SafetyAssessment, Verdict
 
-__all__ = ["Follower", "Guard", "Guidance", "Outlook", "Verdict"]
+__all__ = ["Follower", "Guard", "Guidance", "SafetyAssessment", "Verdict"]
 
 
 @value()
@@ -39,7 +39,7 @@ class Follower(Protocol):
 class Guard(Protocol):
     """A way to judge how fast the car may go, independent of the driving source."""
 
-    def look(self, scan: Scan, motor: MotorState | None) -> Outlook:
+    def look(self, scan: Scan, motor: MotorState | None) -> SafetyAssessment:
         """Take in one scan; called once for each, in order. The outlook then judges every drive until the next."""
         ...
 

@@ -5,7 +5,7 @@ kept; only a change of method begins anew. Each law computes a scan wholly with 
 """
 
 from drivers.api import Clock, MotorState, Scan
-from runtime.arbitration.command import Outlook, Verdict
+from runtime.arbitration.command import SafetyAssessment, Verdict
 from runtime.control import methods
 from runtime.control.guidance import Follower, Guidance
 from runtime.control.method_settings import (
@@ -17,7 +17,7 @@ from runtime.control.method_settings import (
 from runtime.control.perception.geometry import Floats
 from runtime.control.perception.own_parts import KnownParts
 from runtime.control.perception.plausibility import Plausibility
-from runtime.control.perception.view import Eyes
+from runtime.control.perception.view import PerceptionCache
 from runtime.control.report.laws import ReportFollower, ReportGuard
 from runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
 from runtime.control.safety.swept import SweptGuard
@@ -39,7 +39,7 @@ class LiveLaws:
         self.safety = safety
         self._car = car
         self._clock = clock
-        self._eyes = Eyes(car)
+        self._eyes = PerceptionCache(car)
         self.plausibility = Plausibility(car)
         self._driver = methods.driver_for(wall_follow, car, self._eyes)
         self._recovery = methods.recovery_for(safety)
@@ -75,7 +75,7 @@ class LiveLaws:
         """Answer one scan."""
         return self.follower.follow(scan, motor)
 
-    def look(self, scan: Scan, motor: MotorState | None) -> Outlook:
+    def look(self, scan: Scan, motor: MotorState | None) -> SafetyAssessment:
         """Take in one scan."""
         self.plausibility.look(scan, motor, odometry_check=self.safety.odometry_check)
         outlook = self.guard.look(scan, motor)

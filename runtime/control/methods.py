@@ -8,8 +8,8 @@ import numpy as np
 from drivers.api import Clock, MotorState, Scan
 from runtime.control.guidance import Follower, Guard
 from runtime.control.method_settings import SafetySettings, SweptSafetySettings, WallFollowSettings
-from runtime.control.perception.view import Eyes
-from runtime.control.recovery.recovering_follower import Freeing
+from runtime.control.perception.view import PerceptionCache
+from runtime.control.recovery.recovering_follower import RecoveringFollower
 from runtime.control.recovery.way_out import Recovery
 from runtime.control.report.laws import ReportFollower, ReportGuard, ReportTurn
 from runtime.control.safety.swept import SweptGuard
@@ -27,14 +27,14 @@ def laws(
 
     clock: lets safety measure the age of its scan at every judgement; None takes it as it was on arrival.
     """
-    eyes = Eyes(car)
+    eyes = PerceptionCache(car)
     driver = driver_for(wall_follow, car, eyes)
     guard = guard_for(safety, car, eyes, clock)
     recovery = recovery_for(safety)
     return wrapped(driver, guard, recovery, wall_follow), guard
 
 
-def driver_for(wall_follow: WallFollowSettings, car: CarSettings, eyes: Eyes) -> Driver:
+def driver_for(wall_follow: WallFollowSettings, car: CarSettings, eyes: PerceptionCache) -> Driver:
     """Return the follower itself, which knows no way out of a corner."""
     match wall_follow.method:
         case "ball":
@@ -43,7 +43,9 @@ def driver_for(wall_follow: WallFollowSettings, car: CarSettings, eyes: Eyes) ->
             return ReportFollower(wall_follow)
 
 
-def guard_for(safety: SafetySettings, car: CarSettings, eyes: Eyes, clock: Clock | None) -> SweptGuard | ReportGuard:
+def guard_for(
+    safety: SafetySettings, car: CarSettings, eyes: PerceptionCache, clock: Clock | None
+) -> SweptGuard | ReportGuard:
     """Return the safety law."""
     if isinstance(safety, SweptSafetySettings):
         return SweptGuard(safety, car, eyes, health=safety.window, clock=clock)
@@ -73,7 +75,7 @@ def wrapped(
     """
     if isinstance(guard, ReportGuard):
         return ReportTurn(driver, guard, wall_follow.side)
-    return Freeing(driver, guard, recovery, believed) if recovery is not None else driver
+    return RecoveringFollower(driver, guard, recovery, believed) if recovery is not None else driver
 
 
 def warm_up(wall_follow: WallFollowSettings, safety: SafetySettings, car: CarSettings) -> None:

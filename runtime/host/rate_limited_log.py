@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from drivers.api import Clock
 
 FIRST_PAUSE_S = 1.0
-LONGEST_PAUSE_S = 60.0
+MAX_PAUSE_S = 60.0
 
 
 @dataclass(slots=True)
@@ -16,7 +16,7 @@ class _Kind:
     withheld: int
 
 
-class QuietLog:
+class RateLimitedLog:
     """Says each kind of thing at most once a second; one that goes on is said ever more rarely, up to once a minute.
 
     The kinds must be few and chosen by us, since each is remembered.
@@ -35,7 +35,7 @@ class QuietLog:
             known.withheld += 1
             return
         more = f" (and {known.withheld} more)" if known.withheld else ""
-        known.pause_s = min(known.pause_s * 2, LONGEST_PAUSE_S) if known.withheld else FIRST_PAUSE_S
+        known.pause_s = min(known.pause_s * 2, MAX_PAUSE_S) if known.withheld else FIRST_PAUSE_S
         known.due_s = now_s + known.pause_s
         known.withheld = 0
         self._log.log(level, "%s%s", text, more)

@@ -13,7 +13,7 @@
 static double nearest_rad(const double *range, const double *bearing, beam points, double radius) {
     double best = INFINITY, at = 0.0;
     for (beam i = 0; i < points; i++) {
-        double aim = bounded(bearing[i], -BALL_PATH_WIDEST_RAD, BALL_PATH_WIDEST_RAD);
+        double aim = bounded(bearing[i], -BALL_PATH_MAX_ANGLE_RAD, BALL_PATH_MAX_ANGLE_RAD);
         double apart2 = range[i] * range[i] - 2.0 * (radius * (range[i] * cos(bearing[i] - aim)));
         if (apart2 < best || (isnan(apart2) && !isnan(best))) { /* as numpy's argmin */
             best = apart2;
@@ -53,7 +53,7 @@ static int see(struct wall *wall, const place *places, beam points, const double
     place turned = CMPLX(cos(-v[2]), sin(-v[2]));
     for (beam i = 0; i < points; i++) {
         place seen = times(places[i] - CMPLX(v[0], v[1]), turned);
-        double range = wall->range[i] = greater(cabs(seen), FOLLOWED_WALL_NEAREST_M);
+        double range = wall->range[i] = greater(cabs(seen), FOLLOWED_WALL_MIN_RANGE_M);
         wall->nearest = range < wall->nearest || isnan(range) ? range : wall->nearest; /* as numpy's min */
         wall->bearing[i] = atan2(cimag(seen), creal(seen));
     }
@@ -66,7 +66,7 @@ static double larger(double so_far, double next) { return next > so_far || isnan
 /* Roll the ball; see circles_met. */
 static void roll(struct wall *wall, double ball, struct path *path) {
     for (beam i = 0; i < wall->points; i++) {
-        wall->free_side[i] = fmod(wall->bearing[i] + BALL_PATH_WIDEST_RAD, TAU);
+        wall->free_side[i] = fmod(wall->bearing[i] + BALL_PATH_MAX_ANGLE_RAD, TAU);
         if (wall->free_side[i] < 0)
             wall->free_side[i] += TAU;
         wall->over[i] = 0.5 / wall->range[i];
@@ -84,10 +84,10 @@ static void roll(struct wall *wall, double ball, struct path *path) {
             last = larger(last, free + half);
             first = -larger(-first, half - free);
         }
-        int at_once = last > TAU || first < 0.0, crosses = !at_once && first <= 2 * BALL_PATH_WIDEST_RAD;
+        int at_once = last > TAU || first < 0.0, crosses = !at_once && first <= 2 * BALL_PATH_MAX_ANGLE_RAD;
         path->meets[k] = (npy_bool)(at_once || crosses);
         path->crosses[k] = (npy_bool)crosses;
-        path->bearing[k] = path->meets[k] ? (crosses ? first : 0.0) - BALL_PATH_WIDEST_RAD
+        path->bearing[k] = path->meets[k] ? (crosses ? first : 0.0) - BALL_PATH_MAX_ANGLE_RAD
                                           : nearest_rad(wall->range, wall->bearing, wall->points, path->radius[k]);
     }
 }
@@ -132,7 +132,7 @@ static double roughness(double bias, double noise) {
 
 /* The bias after one more scan; see noise_bias.py. */
 static double learnt(double bias, double found) {
-    int possible = NOISE_BIAS_LOWEST_M < found && found < NOISE_BIAS_HIGHEST_M;
+    int possible = NOISE_BIAS_MIN_BIAS_M < found && found < NOISE_BIAS_MAX_BIAS_M;
     return possible ? bias + NOISE_BIAS_LOW_PASS * (found - bias) : bias;
 }
 
@@ -177,15 +177,15 @@ static PyObject *answer_of(const struct path *path, double nearest, double bias,
     return NULL;
 }
 
-/* rolled_along(x, y, solid, indices, more places | None, from_x, from_y, yaw, line_m, line_rad, bias_m, noise_m, desired_m,
+/* roll_ball(x, y, solid, indices, more places | None, from_x, from_y, yaw, line_m, line_rad, bias_m, noise_m, desired_m,
  * radii) -> nearest, bias, bend, opposite, (bearing, ...), (meets, ...), (crosses, ...) */
-KERNEL(rolled_along) {
+KERNEL(roll_ball) {
     struct row x, y, solid, beams, glass = {NULL, 0, 0};
     struct path path;
     struct wall wall;
     place *places;
     double v[8];
-    if (!enough(count, 14, "rolled_along") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
+    if (!enough(count, 14, "roll_ball") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
         !as_row(given[2], NPY_BOOL, &solid) || !as_row(given[3], NPY_INTP, &beams) ||
         (given[4] != Py_None && !as_row(given[4], NPY_CDOUBLE, &glass)) || !as_numbers(given + 5, 8, v))
         return NULL;

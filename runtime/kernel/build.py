@@ -17,7 +17,7 @@ from typing import Final
 # No fused multiply-add: a product is rounded as numpy rounds it. errno and floating-point traps are not used.
 PLAIN_FLAGS: Final = ("-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC")
 FLAGS: Final = ("-march=native", *PLAIN_FLAGS)
-_LONGEST_BUILD_S: Final = 60.0
+_MAX_BUILD_S: Final = 60.0
 _KEPT_IN: Final = ("CACHE_DIRECTORY", "XDG_CACHE_HOME")
 """Of systemd's service, and of a user."""
 
@@ -51,7 +51,7 @@ def _compiled(compiler: str, sources: Mapping[str, str], options: Sequence[str],
         try:
             subprocess.run(
                 [compiler, *options, *files, "-o", str(fresh), "-lm"],
-                check=True, capture_output=True, timeout=_LONGEST_BUILD_S,
+                check=True, capture_output=True, timeout=_MAX_BUILD_S,
             )  # fmt: skip
         except (OSError, subprocess.SubprocessError):
             return False

@@ -3,7 +3,7 @@
 #include "arrays.h"
 #include "constants.h"
 
-/* joined_rows(data) -> samples | None: lines of 64 characters, a checksum, a line feed; the last one may be shorter and
+/* join_rows(data) -> samples | None: lines of 64 characters, a checksum, a line feed; the last one may be shorter and
  * has no line feed. None where that is not so, for whatever reason. */
 static PyObject *joined(const char *data, Py_ssize_t bytes) {
     char *to;
@@ -34,10 +34,10 @@ static PyObject *joined(const char *data, Py_ssize_t bytes) {
     return samples;
 }
 
-KERNEL(joined_rows) {
+KERNEL(join_rows) {
     char *data;
     Py_ssize_t bytes;
-    if (!enough(count, 1, "joined_rows") || PyBytes_AsStringAndSize(given[0], &data, &bytes) < 0)
+    if (!enough(count, 1, "join_rows") || PyBytes_AsStringAndSize(given[0], &data, &bytes) < 0)
         return NULL;
     return joined(data, bytes);
 }
@@ -57,12 +57,12 @@ static int is_ascii(const char *line, Py_ssize_t chars) {
     return all < 128;
 }
 
-/* scan_parts(raw) -> (echo, status, stamp, samples) | None */
-KERNEL(scan_parts) {
+/* split_scan(raw) -> (echo, status, stamp, samples) | None */
+KERNEL(split_scan) {
     char *at, *end;
     Py_ssize_t bytes, chars[3];
     const char *line[3];
-    if (!enough(count, 1, "scan_parts") || PyBytes_AsStringAndSize(given[0], &at, &bytes) < 0)
+    if (!enough(count, 1, "split_scan") || PyBytes_AsStringAndSize(given[0], &at, &bytes) < 0)
         return NULL;
     end = at + bytes;
     for (int i = 0; i < 3; i++) {

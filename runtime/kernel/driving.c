@@ -11,8 +11,8 @@ struct answer {
 
 /* The answers of a tuple of (time, angle); how many, or -1. */
 static int answers_of(PyObject *told, struct answer *to) {
-    if (!PyTuple_Check(told) || PyTuple_GET_SIZE(told) > PREDICTION_MOST_TOLD) {
-        PyErr_Format(PyExc_TypeError, "the kernel wants a tuple of at most %d answers", PREDICTION_MOST_TOLD);
+    if (!PyTuple_Check(told) || PyTuple_GET_SIZE(told) > PREDICTION_MAX_TOLD) {
+        PyErr_Format(PyExc_TypeError, "the kernel wants a tuple of at most %d answers", PREDICTION_MAX_TOLD);
         return -1;
     }
     int count = (int)PyTuple_GET_SIZE(told);
@@ -38,7 +38,7 @@ static void measure(double *wire, const struct answer *told, int count, double s
         return;
     wire[OBEYED] = stamp;
     double upper = stamp - told[same].at, lower = same + 1 < count ? greater(stamp - told[same + 1].at, 0.0) : 0.0;
-    if (!(0.0 <= upper && upper <= PREDICTION_LONGEST_WIRE_S))
+    if (!(0.0 <= upper && upper <= PREDICTION_MAX_WIRE_S))
         return;
     int changed = upper < wire[LEAST] || lower > wire[MOST];
     wire[LEAST] = changed ? lower : greater(wire[LEAST], lower);
@@ -47,12 +47,12 @@ static void measure(double *wire, const struct answer *told, int count, double s
 
 static double towards(double from, double to, double most_rad) { return from + bounded(to - from, -most_rad, most_rad); }
 
-/* foreseen(told, (obeyed, least, most), motor's time, speed, steering, servo, scan's time, since, ahead, wheelbase,
+/* predict_motion(told, (obeyed, least, most), motor's time, speed, steering, servo, scan's time, since, ahead, wheelbase,
  * trim, rate) -> (obeyed, least, most), servo, x, y, yaw */
-KERNEL(foreseen) {
-    struct answer told[PREDICTION_MOST_TOLD];
+KERNEL(predict_motion) {
+    struct answer told[PREDICTION_MAX_TOLD];
     double wire[MOST_NUMBERS], v[10];
-    if (!enough(count, 12, "foreseen") || !same_count(given[1], 3, wire) || !as_numbers(given + 2, 10, v))
+    if (!enough(count, 12, "predict_motion") || !same_count(given[1], 3, wire) || !as_numbers(given + 2, 10, v))
         return NULL;
     int all = answers_of(given[0], told);
     if (all < 0)
@@ -70,7 +70,7 @@ KERNEL(foreseen) {
         return PyLong_FromDouble(steps); /* fails as round does */
     steps = most(steps, 1.0);
     double dt = ahead / steps, slew = v[9] * dt, angle = servo, x = 0, y = 0, yaw = 0;
-    double most_rate = PREDICTION_GRIP_MU * PREDICTION_GRAVITY_MPS2 / greater(fabs(speed), PREDICTION_SLOWEST_MPS);
+    double most_rate = PREDICTION_GRIP_MU * PREDICTION_GRAVITY_MPS2 / greater(fabs(speed), PREDICTION_MIN_SPEED_MPS);
     for (double step = 0; step < steps; step++) {
         for (; next < all && told[next].at + to_wire - scan <= step * dt; next++)
             target = told[next].angle;
@@ -139,10 +139,10 @@ double fastest(const double *radii, const double *bearings, const npy_bool *meet
     return sqrt(square);
 }
 
-/* driven_on(x, y, yaw, step, steering, wheelbase) -> x, y, yaw, curvature */
-KERNEL(driven_on) {
+/* dead_reckon(x, y, yaw, step, steering, wheelbase) -> x, y, yaw, curvature */
+KERNEL(dead_reckon) {
     double v[6];
-    if (!enough(count, 6, "driven_on") || !as_numbers(given, 6, v))
+    if (!enough(count, 6, "dead_reckon") || !as_numbers(given, 6, v))
         return NULL;
     double curvature = tan(v[4]) / v[5], turn = v[3] * curvature, middle = v[2] + turn / 2;
     if (isinf(v[4]) || isinf(middle)) {

@@ -18,7 +18,7 @@ static double approach(double error, double speed, double slope, double path) {
     double joint = slope > 0 ? asin(lesser(bend / slope, 1.0)) : HUGE_VAL;
     if (wanted > joint)
         wanted = acos(greater(cos(joint) - bend * (size - joint / slope), -1.0));
-    return copysign(lesser(wanted, BALL_LAW_STEEPEST_RAD), error);
+    return copysign(lesser(wanted, BALL_LAW_MAX_SLOPE_RAD), error);
 }
 
 /* How far to turn as sharply as can be; see turn_share. */
@@ -57,12 +57,12 @@ static struct aim pursue(const double *radius, const double *bearing, const npy_
     double from_twice = bearing[circles - 2] - asin_of(aim.error / twice);
     double beside = crosses[circles - 3] ? fading(fabs(aim.error), BALL_LAW_HERE_WHOLE * here, BALL_LAW_HERE_NONE * here)
                                          : 0.0;
-    double bend = bounded(2.0 * (from_twice - from_here) / (twice - here), BALL_LAW_LEAST_BEND_PER_M,
-                          BALL_LAW_MOST_BEND_PER_M);
+    double bend = bounded(2.0 * (from_twice - from_here) / (twice - here), BALL_LAW_MIN_BEND_PER_M,
+                          BALL_LAW_MAX_BEND_PER_M);
     double from_near = near_rad - asin_of(aim.error / near);
     aim.heading = from_near + beside * (from_here - from_near);
     if (!isnan(line_rad)) {
-        double expected = bounded(line_rad + asin_of(line_error / near), -BALL_LAW_WIDEST_RAD, BALL_LAW_WIDEST_RAD);
+        double expected = bounded(line_rad + asin_of(line_error / near), -BALL_LAW_MAX_ANGLE_RAD, BALL_LAW_MAX_ANGLE_RAD);
         aim.straight = fading(fabs(near_rad - expected), BALL_LAW_STRAIGHT_RAD, BALL_LAW_NOT_STRAIGHT_RAD);
         aim.straight *= fading(fabs(v[3]), BALL_LAW_STRAIGHT_PER_M, BALL_LAW_BENT_PER_M);
         aim.error += aim.straight * (line_error - aim.error);
@@ -81,12 +81,12 @@ static struct aim pursue(const double *radius, const double *bearing, const npy_
     return aim;
 }
 
-/* driven_along((radius, ...), (bearing, ...), (meets, ...), (crosses, ...), error, line_rad, line_error, mean_bend, speed,
+/* drive_along_ball((radius, ...), (bearing, ...), (meets, ...), (crosses, ...), error, line_rad, line_error, mean_bend, speed,
  * kp, kd, wheelbase, trim, most_rad, wanted, mu) -> error, straight, steering, speed */
-KERNEL(driven_along) {
+KERNEL(drive_along_ball) {
     double radius[MOST_NUMBERS], bearing[MOST_NUMBERS], v[12];
     npy_bool meets[MOST_NUMBERS], crosses[MOST_NUMBERS];
-    if (!enough(count, 16, "driven_along") || !as_numbers(given + 4, 12, v))
+    if (!enough(count, 16, "drive_along_ball") || !as_numbers(given + 4, 12, v))
         return NULL;
     int circles = numbers_of(given[0], radius);
     if (circles < 0 || !same_count(given[1], circles, bearing) || !flags_of(given[2], circles, meets) ||
@@ -118,10 +118,10 @@ static PyObject *state_of(const double *s) {
 
 static double square(double value) { return value * value; }
 
-/* predicted(state, way, wheel, speed, wheelbase, least unrest) -> state */
-KERNEL(predicted) {
+/* predict_wall(state, way, wheel, speed, wheelbase, least unrest) -> state */
+KERNEL(predict_wall) {
     double s[MOST_NUMBERS], v[5];
-    if (!enough(count, 6, "predicted") || !same_count(given[0], STATES, s) || !as_numbers(given + 1, 5, v))
+    if (!enough(count, 6, "predict_wall") || !same_count(given[0], STATES, s) || !as_numbers(given + 1, 5, v))
         return NULL;
     double way = v[0], wheel = v[1], speed = v[2], wheelbase = v[3];
     double turn = way * tan(wheel + s[TRIM]) / wheelbase, chord = turn / 2 - s[A];
@@ -150,13 +150,13 @@ KERNEL(predicted) {
 static void move(double *s, double gd, double ga, double gt, double surprise) {
     s[D] += gd * surprise;
     s[A] += ga * surprise;
-    s[TRIM] = bounded(s[TRIM] + gt * surprise, -WALL_TRACK_MOST_TRIM_RAD, WALL_TRACK_MOST_TRIM_RAD);
+    s[TRIM] = bounded(s[TRIM] + gt * surprise, -WALL_TRACK_MAX_TRIM_RAD, WALL_TRACK_MAX_TRIM_RAD);
 }
 
-/* corrected(state, distance, heading) -> state */
-KERNEL(corrected) {
+/* correct_wall(state, distance, heading) -> state */
+KERNEL(correct_wall) {
     double s[MOST_NUMBERS], v[2];
-    if (!enough(count, 3, "corrected") || !same_count(given[0], STATES, s) || !as_numbers(given + 1, 2, v))
+    if (!enough(count, 3, "correct_wall") || !same_count(given[0], STATES, s) || !as_numbers(given + 1, 2, v))
         return NULL;
     double share = 1.0 / (s[DD] + square(WALL_TRACK_LINE_STD_M));
     double gd = s[DD] * share, ga = s[DA] * share, gt = s[DT] * share;

@@ -20,7 +20,7 @@ static double carried(place held, place turn, const double *v) {
 static void expect(double right, double left, npy_bool *expected, beam sectors) {
     right -= LIDAR_SECTORS_BESIDE_SECTORS;
     left += LIDAR_SECTORS_BESIDE_SECTORS;
-    if (!(left > right && left - right <= LIDAR_SECTORS_MOST_BETWEEN_SECTORS))
+    if (!(left > right && left - right <= LIDAR_SECTORS_MAX_BETWEEN_SECTORS))
         return;
     for (int step = 0; step < 3; step++) {
         double at = ceil(right) + (double)step;
@@ -63,14 +63,14 @@ static beam row_on_lidar(const struct row *x, const struct row *y, const struct 
     return longest;
 }
 
-/* watched(ranges, x, y, no_echo, own, dirty | None, state, held, first, beams, first_rad, width_rad, lidar_x, front,
+/* watch_sectors(ranges, x, y, no_echo, own, dirty | None, state, held, first, beams, first_rad, width_rad, lidar_x, front,
  *         half_width, within, moved_x, moved_y, turned) -> state, seen, held, row, suspects, gone */
-KERNEL(watched) {
+KERNEL(watch_sectors) {
     static const int types[] = {NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_BOOL, NPY_BOOL, NPY_BOOL, NPY_INT8, NPY_CDOUBLE};
     struct row rows[8] = {{NULL, 0, 0}};
     beam sizes[2];
     double v[9];
-    if (!enough(count, 19, "watched") || !as_indices(given + 8, 2, sizes) || !as_numbers(given + 10, 9, v))
+    if (!enough(count, 19, "watch_sectors") || !as_indices(given + 8, 2, sizes) || !as_numbers(given + 10, 9, v))
         return NULL;
     for (int k = 0; k < 8; k++) {
         if (k == 5 && given[k] == Py_None)

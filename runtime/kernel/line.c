@@ -36,7 +36,7 @@ static enum found refined(struct points *p, const double *gates_m, int gates, st
             sxy += p->x[i] * p->y[i];
             syy += p->y[i] * p->y[i];
         }
-        if (members < WALL_FIT_FEWEST_INLIERS)
+        if (members < WALL_FIT_MIN_INLIERS)
             return NONE;
         double n = (double)members, mx = sx / n, my = sy / n;
         heading_rad = 0.5 * atan2(2 * (sxy / n - mx * my), (sxx - syy) / n - mx * mx + my * my);
@@ -60,7 +60,7 @@ static int plane_of(const struct points *p, npy_intp rear, npy_intp front, struc
     double length = hypot(ahead, aside) + 1e-9, cosine = ahead / length, sine = aside / length;
     double distance = cosine * p->y[rear] - sine * p->x[rear];
     *plane = (struct plane){-distance, -sine, cosine};
-    return cosine > WALL_FIT_STEEPEST_COS && distance > WALL_FIT_NEAREST_LINE_M;
+    return cosine > WALL_FIT_MAX_SLOPE_COS && distance > WALL_FIT_MIN_LINE_M;
 }
 
 static int vote(struct points *p, const struct row *rear, const struct row *front) {
@@ -114,7 +114,7 @@ enum found find_line(const struct row *x, const struct row *y, const struct row 
         if (wrong)
             break;
         double range_m = NUMBER(*range, from);
-        p.valid[i] = FLAG(*usable, from) && range_m > WALL_FIT_NEAREST_M && range_m < WALL_FIT_FARTHEST_M;
+        p.valid[i] = FLAG(*usable, from) && range_m > WALL_FIT_MIN_RANGE_M && range_m < WALL_FIT_MAX_RANGE_M;
         p.x[i] = p.valid[i] ? NUMBER(*x, from) : 0.0;
         p.y[i] = p.valid[i] ? NUMBER(*y, from) : 0.0;
         p.weight[i] = p.valid[i] ? least(range_m, WALL_FIT_VOTE_RANGE_M) : 0.0;
@@ -128,7 +128,7 @@ enum found find_line(const struct row *x, const struct row *y, const struct row 
     if (wrong) {
         PyErr_SetString(PyExc_IndexError, "wall_line: indices outside the scan");
         answer = FAILED;
-    } else if (valid < WALL_FIT_FEWEST_INLIERS || !rear->count)
+    } else if (valid < WALL_FIT_MIN_INLIERS || !rear->count)
         answer = NONE;
     else if (!isnan(expected[0]) && wins(&p, expected[0], expected[1]))
         answer = refined(&p, gates_m + 1, 1, line);
@@ -138,13 +138,13 @@ enum found find_line(const struct row *x, const struct row *y, const struct row 
     return answer;
 }
 
-/* wall_line(x, y, ranges, usable, beams, rear, front, expected_m, expected_rad) -> (distance, heading, inliers) | None;
+/* fit_wall_line(x, y, ranges, usable, beams, rear, front, expected_m, expected_rad) -> (distance, heading, inliers) | None;
  * expected_m: NaN where nothing is expected. */
-KERNEL(wall_line) {
+KERNEL(fit_wall_line) {
     struct row x, y, range, usable, beams, rear, front;
     struct wall_line line;
     double expected[2];
-    if (!enough(count, 9, "wall_line") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
+    if (!enough(count, 9, "fit_wall_line") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
         !as_row(given[2], NPY_DOUBLE, &range) || !as_row(given[3], NPY_BOOL, &usable) ||
         !as_row(given[4], NPY_INTP, &beams) || !as_row(given[5], NPY_INTP, &rear) ||
         !as_row(given[6], NPY_INTP, &front) || !as_numbers(given + 7, 2, expected))

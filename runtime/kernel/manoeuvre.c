@@ -253,11 +253,11 @@ static int all_finite(const struct row *row) {
     return 1;
 }
 
-/* roll_outs(points, steering, brake, grip, past, coming, *start) -> impacts and room of each manoeuvre */
-KERNEL(roll_outs) {
+/* roll_out_all(points, steering, brake, grip, past, coming, *start) -> impacts and room of each manoeuvre */
+KERNEL(roll_out_all) {
     struct row seen, steering, brake, grip, past, coming;
     struct car car;
-    if (!enough(count, 15, "roll_outs") || !as_row(given[0], NPY_CDOUBLE, &seen) ||
+    if (!enough(count, 15, "roll_out_all") || !as_row(given[0], NPY_CDOUBLE, &seen) ||
         !as_row(given[1], NPY_DOUBLE, &steering) || !as_row(given[2], NPY_DOUBLE, &brake) ||
         !as_row(given[3], NPY_DOUBLE, &grip) || !as_row(given[4], NPY_DOUBLE, &past) ||
         !as_row(given[5], NPY_DOUBLE, &coming) || !as_numbers(given + 6, 9, (double *)&car))

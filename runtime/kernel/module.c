@@ -87,11 +87,11 @@ enum { CODE_LINES = 24 };
 
 #define ENTRY(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, NULL}
 static PyMethodDef functions[] = {
-    ENTRY(decode_samples), ENTRY(joined_rows), ENTRY(look), ENTRY(small_things), ENTRY(thin_places),
-    ENTRY(returned), ENTRY(solid_places), ENTRY(any_nearer), ENTRY(dark_around), ENTRY(swept_touch),
-    ENTRY(wall_line), ENTRY(wall_beside), ENTRY(rolled_along), ENTRY(driven_along), ENTRY(scan_parts),
-    ENTRY(foreseen), ENTRY(predicted), ENTRY(corrected), ENTRY(driven_on), ENTRY(evidence),
-    ENTRY(findings), ENTRY(near_places), ENTRY(watched), ENTRY(roll_outs), ENTRY(places_behind),
+    ENTRY(decode_samples), ENTRY(join_rows), ENTRY(view_scan), ENTRY(find_small_clusters), ENTRY(find_thin_places),
+    ENTRY(find_returning), ENTRY(solid_places), ENTRY(any_nearer), ENTRY(find_dark_regions), ENTRY(sweep_arc),
+    ENTRY(fit_wall_line), ENTRY(find_followed_wall), ENTRY(roll_ball), ENTRY(drive_along_ball), ENTRY(split_scan),
+    ENTRY(predict_motion), ENTRY(predict_wall), ENTRY(correct_wall), ENTRY(dead_reckon), ENTRY(weigh_dirt),
+    ENTRY(find_dirt), ENTRY(find_near_places), ENTRY(watch_sectors), ENTRY(roll_out_all), ENTRY(places_behind),
     ENTRY(noise_learnt_m), ENTRY(prefetch),
     {NULL, NULL, 0, NULL},
 };

@@ -65,12 +65,12 @@ static void forget_thin_dirt(const double *range, npy_bool *solid, beam beams, d
         forget_run(range, solid, from, last);
 }
 
-/* look(ranges, cos, sin, aside, ignored_below, step_rad, lidar_x, front, rear, half_width, near)
+/* view_scan(ranges, cos, sin, aside, ignored_below, step_rad, lidar_x, front, rear, half_width, near)
  *   -> ranges, x, y, solid, no_echo, own, silent */
-KERNEL(look) {
+KERNEL(view_scan) {
     struct row sent, cosine, sine, aside, ignored;
     double v[6];
-    if (!enough(count, 11, "look") || !as_row(given[0], NPY_FLOAT, &sent) || !as_row(given[1], NPY_DOUBLE, &cosine) ||
+    if (!enough(count, 11, "view_scan") || !as_row(given[0], NPY_FLOAT, &sent) || !as_row(given[1], NPY_DOUBLE, &cosine) ||
         !as_row(given[2], NPY_DOUBLE, &sine) || !as_row(given[3], NPY_BOOL, &aside) ||
         !as_row(given[4], NPY_DOUBLE, &ignored) || !as_numbers(given + 5, 6, v))
         return NULL;

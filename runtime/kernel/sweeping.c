@@ -56,7 +56,7 @@ struct pose {
 
 /* The angle of the wheels at this place. */
 static double turned(const struct motion *m, double change, double travel) {
-    double by = travel * (m->rate / greater(m->speed, FOOTPRINT_SLEWS_AT_LEAST_MPS)) - m->latency * m->rate;
+    double by = travel * (m->rate / greater(m->speed, FOOTPRINT_MIN_SLEW_SPEED_MPS)) - m->latency * m->rate;
     return higher(lower(by, fabs(change)), 0.0) * copysign(1.0, change) + m->wheel;
 }
 
@@ -186,13 +186,13 @@ static PyObject *first_touch(const struct outline *o, const struct pose *poses, 
     return Py_NewRef(Py_None);
 }
 
-/* swept_touch(steering, length, points, front, rear, half_width, *motion) -> (travel, aside, curvature) | None */
-KERNEL(swept_touch) {
+/* sweep_arc(steering, length, points, front, rear, half_width, *motion) -> (travel, aside, curvature) | None */
+KERNEL(sweep_arc) {
     double way[2];
     struct row points;
     struct outline o;
     struct motion m;
-    if (!enough(count, 16, "swept_touch") || !as_numbers(given, 2, way) || !as_row(given[2], NPY_CDOUBLE, &points) ||
+    if (!enough(count, 16, "sweep_arc") || !as_numbers(given, 2, way) || !as_row(given[2], NPY_CDOUBLE, &points) ||
         !as_numbers(given + 3, 3, (double *)&o) || !as_numbers(given + 6, 10, (double *)&m))
         return NULL;
     double steps = ceil(way[1] / FOOTPRINT_STEP_M);

@@ -16,11 +16,11 @@ static int behind(const struct row *solid, const struct row *range, beam first, 
     return 1;
 }
 
-/* small_things(solid, ranges, step_rad) -> [(first, last), ...] */
-KERNEL(small_things) {
+/* find_small_clusters(solid, ranges, step_rad) -> [(first, last), ...] */
+KERNEL(find_small_clusters) {
     struct row solid, range;
     double step_rad;
-    if (!enough(count, 3, "small_things") || !as_row(given[0], NPY_BOOL, &solid) ||
+    if (!enough(count, 3, "find_small_clusters") || !as_row(given[0], NPY_BOOL, &solid) ||
         !as_row(given[1], NPY_DOUBLE, &range) || !as_numbers(given + 2, 1, &step_rad))
         return NULL;
     PyObject *things = PyList_New(0);
@@ -31,8 +31,8 @@ KERNEL(small_things) {
             continue;
         int cut = last >= 0 && (ends || i - last > MOVING_OBSTACLES_GAP_BEAMS ||
                                 fabs(NUMBER(range, i) - NUMBER(range, last)) > MOVING_OBSTACLES_JUMP_M);
-        if (cut && points >= MOVING_OBSTACLES_FEWEST_BEAMS &&
-            (double)(last - right) * step_rad * NUMBER(range, right) <= MOVING_OBSTACLES_WIDEST_M &&
+        if (cut && points >= MOVING_OBSTACLES_MIN_BEAMS &&
+            (double)(last - right) * step_rad * NUMBER(range, right) <= MOVING_OBSTACLES_MAX_WIDTH_M &&
             behind(&solid, &range, right - 1, -1, NUMBER(range, right)) &&
             behind(&solid, &range, last + 1, 1, NUMBER(range, last))) {
             PyObject *thing = Py_BuildValue("(nn)", right, last);
@@ -50,13 +50,13 @@ KERNEL(small_things) {
     return things;
 }
 
-/* thin_places(x, y, solid, ranges, dirty | None, first bearing, step, at x, at y, yaw)
+/* find_thin_places(x, y, solid, ranges, dirty | None, first bearing, step, at x, at y, yaw)
  *   -> places in odom, lonely ones in base_link */
-KERNEL(thin_places) {
+KERNEL(find_thin_places) {
     struct row x, y, solid, range, dirty = {NULL, 0, 0};
     double v[5];
     const beam apart = THIN_OBSTACLES_STANDS_OUT_BEAMS;
-    if (!enough(count, 10, "thin_places") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
+    if (!enough(count, 10, "find_thin_places") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
         !as_row(given[2], NPY_BOOL, &solid) || !as_row(given[3], NPY_DOUBLE, &range) ||
         (given[4] != Py_None && !as_row(given[4], NPY_BOOL, &dirty)) || !as_numbers(given + 5, 5, v))
         return NULL;
@@ -95,11 +95,11 @@ KERNEL(thin_places) {
     return NULL;
 }
 
-/* returned(seen, before, at x, at y, yaw) -> places | None */
-KERNEL(returned) {
+/* find_returning(seen, before, at x, at y, yaw) -> places | None */
+KERNEL(find_returning) {
     struct row seen, old[8];
     double v[3];
-    if (!enough(count, 5, "returned") || !as_row(given[0], NPY_CDOUBLE, &seen) || !as_numbers(given + 2, 3, v))
+    if (!enough(count, 5, "find_returning") || !as_row(given[0], NPY_CDOUBLE, &seen) || !as_numbers(given + 2, 3, v))
         return NULL;
     if (!PyTuple_Check(given[1]) || PyTuple_GET_SIZE(given[1]) > 8) {
         PyErr_SetString(PyExc_TypeError, "returned wants a tuple of at most 8 arrays");
@@ -164,11 +164,11 @@ KERNEL(returned) {
     return answer;
 }
 
-/* dark_around(no_echo, solid, ranges, angle_min, angle_step, toward, near_m) -> bool */
-KERNEL(dark_around) {
+/* find_dark_regions(no_echo, solid, ranges, angle_min, angle_step, toward, near_m) -> bool */
+KERNEL(find_dark_regions) {
     struct row no_echo, solid, range;
     double v[4];
-    if (!enough(count, 7, "dark_around") || !as_row(given[0], NPY_BOOL, &no_echo) ||
+    if (!enough(count, 7, "find_dark_regions") || !as_row(given[0], NPY_BOOL, &no_echo) ||
         !as_row(given[1], NPY_BOOL, &solid) || !as_row(given[2], NPY_DOUBLE, &range) || !as_numbers(given + 3, 4, v))
         return NULL;
     if (solid.count != no_echo.count || range.count != no_echo.count) {
@@ -205,11 +205,11 @@ KERNEL(dark_around) {
     return PyBool_FromLong(greater(NUMBER(range, right), NUMBER(range, left)) < near_m);
 }
 
-/* near_places(x, y, solid, ranges, at x, at y, yaw) -> places in odom */
-KERNEL(near_places) {
+/* find_near_places(x, y, solid, ranges, at x, at y, yaw) -> places in odom */
+KERNEL(find_near_places) {
     struct row x, y, solid, range;
     double v[3];
-    if (!enough(count, 7, "near_places") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
+    if (!enough(count, 7, "find_near_places") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
         !as_row(given[2], NPY_BOOL, &solid) || !as_row(given[3], NPY_DOUBLE, &range) || !as_numbers(given + 4, 3, v))
         return NULL;
     if (x.count != range.count || y.count != range.count || solid.count != range.count)

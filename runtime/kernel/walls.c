@@ -35,7 +35,7 @@ static beam piece_of(const struct row *x, const struct row *y, const struct row 
         index[points++] = i;
     }
     beam start = 0, end = points;
-    if (points < FOLLOWED_WALL_FEWEST_POINTS || nearest < 0)
+    if (points < FOLLOWED_WALL_MIN_POINTS || nearest < 0)
         end = 0;
     double crossing2 = FOLLOWED_WALL_CROSSING_M * FOLLOWED_WALL_CROSSING_M, gap2 = gap_m * gap_m, jump2 = least(gap2, crossing2);
     for (beam jump = 0; jump + 1 < end; jump++) {
@@ -57,7 +57,7 @@ static beam piece_of(const struct row *x, const struct row *y, const struct row 
     }
     *to = index;
     *from = start;
-    return end - start >= FOLLOWED_WALL_FEWEST_POINTS ? end - start : 0;
+    return end - start >= FOLLOWED_WALL_MIN_POINTS ? end - start : 0;
 }
 
 beam outline_of(const struct row *x, const struct row *y, const struct row *wall, beam more, place **to) {
@@ -127,7 +127,7 @@ static double room_for(const struct row *x, const struct row *y, const struct ro
     beam near = 0, few = 0;
     for (beam i = from; i < range->count; i += every)
         near += NUMBER(*range, i) < reach_m;
-    if (near < FOLLOWED_WALL_FEWEST_POINTS)
+    if (near < FOLLOWED_WALL_MIN_POINTS)
         return desired_m;
     double *across = malloc(sizeof(double) * (size_t)solid->count);
     if (!across) {
@@ -140,10 +140,10 @@ static double room_for(const struct row *x, const struct row *y, const struct ro
         if (FLAG(*solid, i) && fabs(along) < FOLLOWED_WALL_ROOM_BESIDE_M && aside > 0.0)
             across[few++] = aside;
     }
-    if (few >= FOLLOWED_WALL_FEWEST_POINTS) {
+    if (few >= FOLLOWED_WALL_MIN_POINTS) {
         beam nearest = (beam)rint(FOLLOWED_WALL_ROOM_NEAREST_SHARE * (double)few);
         double half_m = (line_m + mean_of_least(across, few, nearest < 1 ? 1 : nearest)) / 2;
-        if (half_m < desired_m - FOLLOWED_WALL_ROOM_LEAST_GAIN_M)
+        if (half_m < desired_m - FOLLOWED_WALL_ROOM_MIN_GAIN_M)
             room_m = half_m;
     }
     free(across);
@@ -166,7 +166,7 @@ static beam pane_to(const struct row *x, const struct row *y, const struct row *
         far = points ? far : i;
         points++;
     }
-    if (points < FOLLOWED_WALL_FEWEST_POINTS || far <= end + 1)
+    if (points < FOLLOWED_WALL_MIN_POINTS || far <= end + 1)
         return -1;
     double gap = hypot(NUMBER(*x, far) - NUMBER(*x, end), NUMBER(*y, far) - NUMBER(*y, end));
     silent = 0;
@@ -177,13 +177,13 @@ static beam pane_to(const struct row *x, const struct row *y, const struct row *
     return is_pane ? far : -1;
 }
 
-/* wall_beside(x, y, ranges, solid, no_echo, beside_from, beside_to, opposite_from, gap_m, beams, rear, front,
+/* find_followed_wall(x, y, ranges, solid, no_echo, beside_from, beside_to, opposite_from, gap_m, beams, rear, front,
  * expected_m, expected_rad, desired_m) -> (indices, (distance, heading, inliers) | None, room_m, glass_to) | None */
-KERNEL(wall_beside) {
+KERNEL(find_followed_wall) {
     struct row x, y, range, solid, no_echo, beams, rear, front;
     beam side[3], from;
     double gap_m, v[3];
-    if (!enough(count, 15, "wall_beside") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
+    if (!enough(count, 15, "find_followed_wall") || !as_row(given[0], NPY_DOUBLE, &x) || !as_row(given[1], NPY_DOUBLE, &y) ||
         !as_row(given[2], NPY_DOUBLE, &range) || !as_row(given[3], NPY_BOOL, &solid) ||
         !as_row(given[4], NPY_BOOL, &no_echo) || !as_indices(given + 5, 3, side) || !as_numbers(given + 8, 1, &gap_m) ||
         !as_row(given[9], NPY_INTP, &beams) || !as_row(given[10], NPY_INTP, &rear) ||

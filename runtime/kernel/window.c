@@ -32,12 +32,12 @@ static void learn_blindness(const struct row *no_echo, const struct row *blind, 
     }
 }
 
-/* evidence(ranges, no_echo, own, rear, near, dirt, body, blind, learns, quickly, turned) -> near, dirt, body, blind */
-KERNEL(evidence) {
+/* weigh_dirt(ranges, no_echo, own, rear, near, dirt, body, blind, learns, quickly, turned) -> near, dirt, body, blind */
+KERNEL(weigh_dirt) {
     static const int types[] = {NPY_DOUBLE, NPY_BOOL, NPY_BOOL, NPY_BOOL, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE};
     struct row rows[8];
     double share[3];
-    if (!enough(count, 11, "evidence") || !as_numbers(given + 8, 3, share))
+    if (!enough(count, 11, "weigh_dirt") || !as_numbers(given + 8, 3, share))
         return NULL;
     for (int k = 0; k < 8; k++) {
         if (!as_row(given[k], types[k], &rows[k]))
@@ -87,12 +87,12 @@ static void whole_rows(npy_bool *dirty, const npy_bool *surely, beam beams) {
     }
 }
 
-/* findings(dirt, body, blind, doubted | None, (dirty, parts, blinded), mask above, unmask below)
+/* find_dirt(dirt, body, blind, doubted | None, (dirty, parts, blinded), mask above, unmask below)
  *   -> (dirty, parts, blinded) | None, any */
-KERNEL(findings) {
+KERNEL(find_dirt) {
     struct row dirt, body, blind, doubted = {NULL, 0, 0}, before[3];
     double from[2];
-    if (!enough(count, 7, "findings") || !as_row(given[0], NPY_DOUBLE, &dirt) ||
+    if (!enough(count, 7, "find_dirt") || !as_row(given[0], NPY_DOUBLE, &dirt) ||
         !as_row(given[1], NPY_DOUBLE, &body) || !as_row(given[2], NPY_DOUBLE, &blind) ||
         (given[3] != Py_None && !as_row(given[3], NPY_BOOL, &doubted)) || !as_numbers(given + 5, 2, from))
         return NULL;

@@ -43,7 +43,7 @@ UNITS: Mapping[str, str] = {
 """By the end of a name, longer ends first."""
 
 
-class Kind(StrEnum):
+class ValueKind(StrEnum):
     """How a value is written."""
 
     NUMBER = "number"
@@ -63,7 +63,7 @@ class Parameter:
     """
 
     name: str
-    kind: Kind
+    kind: ValueKind
     default: Value
     lowest: float | None
     highest: float | None
@@ -78,17 +78,17 @@ class Parameter:
     def range_words(self) -> str:
         """Say what is allowed: "from 0 to 20 rad/m", "'left' or 'right'"."""
         match self.kind:
-            case Kind.BOOLEAN:
+            case ValueKind.BOOLEAN:
                 return "true or false"
-            case Kind.CHOICE:
+            case ValueKind.CHOICE:
                 return " or ".join(f"'{word}'" for word in self.allowed)
-            case Kind.TEXT:
+            case ValueKind.TEXT:
                 return "a text"
-            case Kind.LIST:
+            case ValueKind.LIST:
                 return "a list of texts"
-            case Kind.INTEGER:
+            case ValueKind.INTEGER:
                 what = "a whole number"
-            case Kind.NUMBER:
+            case ValueKind.NUMBER:
                 what = "a number"
         unit = "" if self.unit == "1" else self.unit
         return " ".join(filter(None, (what, self._bounds_words(), unit)))
@@ -103,15 +103,15 @@ class Parameter:
     def takes(self, value: object) -> bool:
         """Tell whether a value has the right type; pydantic alone would take "0.5" or true for a number."""
         match self.kind:
-            case Kind.BOOLEAN:
+            case ValueKind.BOOLEAN:
                 return isinstance(value, bool)
-            case Kind.CHOICE:
+            case ValueKind.CHOICE:
                 return isinstance(value, str) and value in self.allowed
-            case Kind.TEXT:
+            case ValueKind.TEXT:
                 return isinstance(value, str)
-            case Kind.LIST:
+            case ValueKind.LIST:
                 return isinstance(value, list | tuple) and all(isinstance(item, str) for item in value)
-            case Kind.INTEGER | Kind.NUMBER:
+            case ValueKind.INTEGER | ValueKind.NUMBER:
                 return isinstance(value, int | float) and not isinstance(value, bool)
 
     def describe(self, value: Value) -> dict[str, Any]:
@@ -194,16 +194,16 @@ def _parameter(name: str, field: FieldInfo, text: str) -> Parameter:
     )
 
 
-def _kind(name: str, annotation: Any) -> tuple[Kind, tuple[str, ...]]:  # noqa: ANN401 - an annotation is anything
+def _kind(name: str, annotation: Any) -> tuple[ValueKind, tuple[str, ...]]:  # noqa: ANN401 - an annotation is anything
     section, _, key = name.rpartition(".")
     if key == "method" and section in METHODS:
-        return Kind.CHOICE, tuple(str(law.model_fields["method"].default) for law in METHODS[section])
+        return ValueKind.CHOICE, tuple(str(law.model_fields["method"].default) for law in METHODS[section])
     if get_origin(annotation) is Literal:
-        return Kind.CHOICE, tuple(str(word) for word in get_args(annotation))
+        return ValueKind.CHOICE, tuple(str(word) for word in get_args(annotation))
     if get_origin(annotation) in {tuple, list}:
-        return Kind.LIST, ()
-    kinds = {bool: Kind.BOOLEAN, int: Kind.INTEGER, float: Kind.NUMBER}
-    return kinds.get(annotation, Kind.TEXT), ()
+        return ValueKind.LIST, ()
+    kinds = {bool: ValueKind.BOOLEAN, int: ValueKind.INTEGER, float: ValueKind.NUMBER}
+    return kinds.get(annotation, ValueKind.TEXT), ()
 
 
 def _unit(name: str, text: str) -> str:

@@ -9,7 +9,7 @@ from runtime.parameters.catalogue import Value
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class SettingChange:
     """One setting that changed; old or new is None where a change of method brought or took the key.
 
     stamp_s: on the car's monotonic clock. at: date and time in UTC, for people; nothing is computed from it.
@@ -24,25 +24,25 @@ class Change:
     new: Value | None
 
 
-class History:
+class ChangeHistory:
     """The newest `most` changes, oldest first.
 
     notify: called after every addition, for writing it down.
     """
 
     def __init__(self, most: int) -> None:
-        self._changes: deque[Change] = deque(maxlen=most)
+        self._changes: deque[SettingChange] = deque(maxlen=most)
         self.added = 0
         self.notify: Callable[[], None] = _nobody
 
-    def add(self, changes: Sequence[Change]) -> None:
+    def add(self, changes: Sequence[SettingChange]) -> None:
         """Remember some; the oldest beyond the bound are forgotten."""
         if changes:
             self._changes.extend(changes)
             self.added += len(changes)
             self.notify()
 
-    def newest(self, count: int) -> list[Change]:
+    def newest(self, count: int) -> list[SettingChange]:
         """Return at most so many of the newest, oldest first."""
         return list(self._changes)[-count:] if count > 0 else []
 
@@ -56,7 +56,9 @@ class History:
         for line in lines:
             try:
                 entry = json.loads(line)
-                self._changes.append(Change(**{field.name: entry[field.name] for field in fields(Change)}))
+                self._changes.append(
+                    SettingChange(**{field.name: entry[field.name] for field in fields(SettingChange)})
+                )
             except (ValueError, TypeError, KeyError, RecursionError):
                 bad += 1
         return bad

@@ -4,15 +4,15 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
-LONGEST_QUESTION = 4096
-MOST_VALUES = 64
+MAX_QUESTION = 4096
+MAX_VALUES = 64
 QUESTIONS_HZ = 25.0
 """So many of one kind are answered; a flood of them must not eat the time that driving needs."""
 
 Name = Annotated[str, StringConstraints(max_length=64)]
 Text = Annotated[str, StringConstraints(max_length=256)]
 Wish = bool | int | float | Text | Annotated[list[Text], Field(max_length=16)]
-Wishes = Annotated[dict[Name, Wish], Field(max_length=MOST_VALUES)]
+Wishes = Annotated[dict[Name, Wish], Field(max_length=MAX_VALUES)]
 
 
 class Question(BaseModel):
@@ -23,17 +23,17 @@ class Question(BaseModel):
     by: Annotated[str, StringConstraints(max_length=24)] = ""
 
 
-class ListQuestion(Question):
+class ListParameters(Question):
     """Which settings there are."""
 
     under: Name = ""
     """Only the settings whose names begin with this."""
 
 
-class GetQuestion(Question):
+class GetParameters(Question):
     """What some settings are."""
 
-    names: Annotated[list[Name], Field(min_length=1, max_length=MOST_VALUES)]
+    names: Annotated[list[Name], Field(min_length=1, max_length=MAX_VALUES)]
 
 
 class SetQuestion(Question):
@@ -55,7 +55,7 @@ class HistoryQuestion(Question):
     most: Annotated[int, Field(ge=1, le=1000)] = 50
 
 
-class Turnstile:
+class RateLimit:
     """Lets QUESTIONS_HZ through per second, and as many at once after a pause."""
 
     def __init__(self) -> None:

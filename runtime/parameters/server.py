@@ -17,23 +17,23 @@ from drivers.api import Clock
 from runtime.control.method_settings import METHODS
 from runtime.parameters import file as settings_file
 from runtime.parameters.catalogue import Value, catalogue, shown, values
-from runtime.parameters.history import Change, History
+from runtime.parameters.history import ChangeHistory, SettingChange
 from runtime.parameters.policy import Effect
 from runtime.parameters.requests import (
-    LONGEST_QUESTION,
+    MAX_QUESTION,
     QUESTIONS_HZ,
-    GetQuestion,
+    GetParameters,
     HistoryQuestion,
-    ListQuestion,
+    ListParameters,
     Question,
+    RateLimit,
     SaveQuestion,
     SetQuestion,
-    Turnstile,
 )
-from runtime.parameters.update import Plan, UnacceptableError, looser, plan, read_texts
+from runtime.parameters.update import UnacceptableError, UpdatePlan, looser, plan, read_texts
 from runtime.settings.tree import Settings
 
-LONGEST_REFUSAL = 600
+MAX_REFUSAL = 600
 
 Q = TypeVar("Q", bound=Question)
 
@@ -49,7 +49,7 @@ class Counts:
 
 
 @dataclass(frozen=True, slots=True)
-class Surroundings:
+class ServerContext:
     """What the desk needs from the car.
 
     apply: takes the new settings and the names that changed, in one step of the loop; must not fail.
@@ -67,25 +67,25 @@ class Surroundings:
     base: Path | None = None
 
 
-class ParameterDesk:
+class ParameterServer:
     """Five questions, each a method from payload to reply; UnacceptableError is the refusal, with its reason.
 
     settings: those in force. counts: how many questions met which end.
     """
 
-    def __init__(self, settings: Settings, car: Surroundings, history: History) -> None:
+    def __init__(self, settings: Settings, car: ServerContext, history: ChangeHistory) -> None:
         self.settings = settings
         self.history = history
         self.counts = Counts()
         self._car = car
-        self._turnstiles: dict[type[Question], Turnstile] = {}
+        self._turnstiles: dict[type[Question], RateLimit] = {}
         self._unsaved: set[str] = set()
         self._saving = asyncio.Lock()
         read_texts(settings)  # before the car drives
 
     def list_all(self, payload: bytes) -> bytes:
         """Return all of every setting, and the names of those that were changed and not saved."""
-        question = self._read(ListQuestion, payload or b"{}")
+        question = self._read(ListParameters, payload or b"{}")
         now = values(self.settings)
         known = catalogue(self.settings)
         return self._answer(
@@ -95,7 +95,7 @@ class ParameterDesk:
 
     def get_some(self, payload: bytes) -> bytes:
         """Return the values of some settings."""
-        question = self._read(GetQuestion, payload)
+        question = self._read(GetParameters, payload)
         now = values(self.settings)
         if unknown := [name for name in question.names if name not in now]:
             raise self._refusal(f"{shown(unknown[0])[1:-1]} is not a setting; ask for the list of them")
@@ -140,10 +140,10 @@ class ParameterDesk:
 
     def _read(self, kind: type[Q], payload: bytes) -> Q:
         """Return a question; what is too long is not looked at."""
-        if len(payload) > LONGEST_QUESTION:
+        if len(payload) > MAX_QUESTION:
             self.counts.malformed += 1
-            raise UnacceptableError(f"{len(payload)} bytes are too long a question: at most {LONGEST_QUESTION}")
-        if not self._turnstiles.setdefault(kind, Turnstile()).lets_through(self._car.clock()):
+            raise UnacceptableError(f"{len(payload)} bytes are too long a question: at most {MAX_QUESTION}")
+        if not self._turnstiles.setdefault(kind, RateLimit()).lets_through(self._car.clock()):
             self.counts.hasty += 1
             raise UnacceptableError(f"too many questions: at most {QUESTIONS_HZ:g} a second")
         try:
@@ -154,13 +154,13 @@ class ParameterDesk:
             where = ".".join(str(part) for part in first["loc"][:2])
             raise UnacceptableError(_short(f"not a question: {f'{where}: ' if where else ''}{first['msg']}")) from None
 
-    def _plan(self, settings: Settings, wishes: Mapping[str, object]) -> Plan:
+    def _plan(self, settings: Settings, wishes: Mapping[str, object]) -> UpdatePlan:
         try:
             return plan(settings, wishes)
         except UnacceptableError as error:
             raise self._refusal(str(error)) from None
 
-    def _object(self, wanted: Plan) -> None:
+    def _object(self, wanted: UpdatePlan) -> None:
         """Refuse what may not change now."""
         effects = dict(_effects(wanted))
         later = [name for name, effect in effects.items() if effect is Effect.RESTART]
@@ -198,10 +198,10 @@ class ParameterDesk:
         except settings_file.StoreError as error:
             raise self._refusal(str(error)) from None
 
-    def _remember(self, by: str, wanted: Plan) -> None:
+    def _remember(self, by: str, wanted: UpdatePlan) -> None:
         who = "".join(letter for letter in by if letter.isprintable()).strip() or "unnamed"
         now_s, date = self._car.clock(), self._car.date()
-        self.history.add([Change(now_s, date, who, name, old, new) for name, old, new in wanted.changed])
+        self.history.add([SettingChange(now_s, date, who, name, old, new) for name, old, new in wanted.changed])
 
     def _refusal(self, reason: str) -> UnacceptableError:
         self.counts.refused += 1
@@ -212,16 +212,16 @@ class ParameterDesk:
         return json.dumps(fields, separators=(",", ":"), allow_nan=False).encode()
 
 
-def _effects(wanted: Plan) -> list[tuple[str, Effect]]:
+def _effects(wanted: UpdatePlan) -> list[tuple[str, Effect]]:
     """Return when each change takes effect; keys that come or go with a method do so with it."""
     known = catalogue(wanted.settings)
     return [(name, known[name].effect) for name, _, _ in wanted.changed if name in known]
 
 
-def _as_json(wanted: Plan) -> list[dict[str, Any]]:
+def _as_json(wanted: UpdatePlan) -> list[dict[str, Any]]:
     return [{"name": name, "old": old, "new": new} for name, old, new in wanted.changed]
 
 
 def _short(text: str) -> str:
-    text = text if len(text) <= LONGEST_REFUSAL else f"{text[: LONGEST_REFUSAL - 3]}..."
+    text = text if len(text) <= MAX_REFUSAL else f"{text[: MAX_REFUSAL - 3]}..."
     return text.encode("ascii", "backslashreplace").decode("ascii")

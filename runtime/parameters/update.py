@@ -22,14 +22,14 @@ class UnacceptableError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class UpdatePlan:
     """settings: the whole tree as it would be. changed: (name, old, new) of everything that would differ."""
 
     settings: Settings
     changed: tuple[tuple[str, Value | None, Value | None], ...]
 
 
-def plan(settings: Settings, wishes: Mapping[str, object]) -> Plan:
+def plan(settings: Settings, wishes: Mapping[str, object]) -> UpdatePlan:
     """Return what the settings would become, all wishes or none; UnacceptableError names each reason.
 
     The whole tree is validated again, so that rules between keys hold too. A new `method` begins with the defaults of
@@ -49,10 +49,10 @@ def plan(settings: Settings, wishes: Mapping[str, object]) -> Plan:
     except ValidationError as error:
         found = error.errors(include_url=False)
         raise UnacceptableError("; ".join(dict.fromkeys(_sentence(item, known, wishes) for item in found))) from None
-    return Plan(new, tuple(_differences(values(settings), values(new))))
+    return UpdatePlan(new, tuple(_differences(values(settings), values(new))))
 
 
-def looser(plan_: Plan) -> list[str]:
+def looser(plan_: UpdatePlan) -> list[str]:
     """Return the names of the limits that a plan loosens."""
     return [name for name, old, new in plan_.changed if is_looser(name, old, new)]
 

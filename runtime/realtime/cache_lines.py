@@ -14,7 +14,7 @@ Addresses = npt.NDArray[np.intp]
 LINE_BYTES: Final = 64
 HEADER_BYTES: Final = 16
 """Of the garbage collector, before what an `id` shows."""
-LONGEST_BYTES: Final = 256
+MAX_BYTES: Final = 256
 """Of a thing that is no code and no class; what is longer is a docstring, a table or an array."""
 
 
@@ -33,7 +33,7 @@ def called(call: Call) -> Iterator[object]:
     yield code.co_names
     yield code.co_consts
     yield from code.co_names
-    yield from (thing for thing in code.co_consts if sys.getsizeof(thing) <= LONGEST_BYTES)
+    yield from (thing for thing in code.co_consts if sys.getsizeof(thing) <= MAX_BYTES)
     for kind in type(call.owner).__mro__:
         if code.co_name in vars(kind):
             found = vars(kind)[code.co_name]
@@ -62,5 +62,5 @@ def addresses(things: Iterable[object]) -> Addresses:
 def _lines(thing: object) -> range:
     size = sys.getsizeof(thing)
     if not isinstance(thing, CodeType | type):
-        size = min(size, LONGEST_BYTES)
+        size = min(size, MAX_BYTES)
     return range((id(thing) - HEADER_BYTES) // LINE_BYTES, (id(thing) + size - 1) // LINE_BYTES + 1)

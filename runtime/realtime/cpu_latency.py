@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 LATENCY: Final = Path("/dev/cpu_dma_latency")
-LONGEST_US: Final = 0
+MAX_LATENCY_US: Final = 0
 REMEDY: Final = "let the user write to it (systemd/wallride.service does), or set process.stay_awake = false"
 
 
@@ -32,7 +32,7 @@ def awake(*, wanted: bool, device: Path = LATENCY) -> Iterator[str]:
         yield f"the processor may doze between two scans: {device}: {error.strerror} ({REMEDY})"
         return
     try:
-        os.write(held, struct.pack("=i", LONGEST_US))
+        os.write(held, struct.pack("=i", MAX_LATENCY_US))
         yield "the processor is kept awake between two scans"
     finally:
         os.close(held)

@@ -27,10 +27,10 @@ class _Ticked:
     tick: Tick
 
 
-class Metronome:
+class PeriodicTimer:
     """Ticks for every job added with `every`; an error of one of them ends `run`.
 
-    clear_s: moves a deadline to a better moment (`Cadence.clear_s`); the next one is a period later than that.
+    clear_s: moves a deadline to a better moment (`ScanPhase.clear_s`); the next one is a period later than that.
     """
 
     def __init__(self, clock: Clock, clear_s: Reschedule = as_wanted) -> None:

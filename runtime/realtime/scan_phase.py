@@ -9,14 +9,14 @@ is a millisecond or two old: as late as the motor's own answers permit.
 import math
 from typing import Final
 
-MOST_BEFORE_S: Final = 0.0045
+MAX_BEFORE_S: Final = 0.0045
 """So long before a scan the timers meet at most, and at first, and from then on nothing is begun: a VESC needs 1 to 3
 ms for its reply."""
 SPARE_S: Final = 0.001
 """The reply has to be read so long before the scan: a scan comes a little early sometimes."""
 AFTER_S: Final = 0.002
 """So late a scan may come and still find the way clear; then whatever waited goes first."""
-LEAST_PERIOD_S: Final = 0.015
+MIN_PERIOD_S: Final = 0.015
 """At a faster beat there is no time between two scans that could be kept free."""
 _SAME_SHARE: Final = 0.1
 _BEAT_GAIN: Final = 0.2
@@ -25,7 +25,7 @@ _PLANNED_PERIODS: Final = 6.0
 _FASTER_GAIN: Final = 0.02
 
 
-class Cadence:
+class ScanPhase:
     """Learns the lidar's beat from the arrivals; without one, each timer keeps its own time.
 
     A scan comes at its beat and a little late, now and then very late: the beat is followed slowly (an alpha-beta
@@ -37,7 +37,7 @@ class Cadence:
 
     def __init__(self) -> None:
         self.period_s = math.nan
-        self.before_s = MOST_BEFORE_S
+        self.before_s = MAX_BEFORE_S
         self._gap_s = math.nan
         self._last_s = math.nan
         self._beat_s = math.nan  # when the newest scan came, or should have come
@@ -48,19 +48,19 @@ class Cadence:
         gap_s, self._last_s = now_s - self._last_s, now_s
         same_s = _SAME_SHARE * gap_s
         if abs(gap_s - self._gap_s) <= same_s and not abs(gap_s - self.period_s) <= same_s:  # NaN is no beat
-            self.period_s = gap_s if gap_s >= LEAST_PERIOD_S else math.nan
+            self.period_s = gap_s if gap_s >= MIN_PERIOD_S else math.nan
             self._beat_s = now_s
         self._gap_s = gap_s
         self._keep_time(now_s)
 
     def replied(self, took_s: float) -> None:
         """Note how long the motor took for a reply: slower ones count at once, faster ones slowly."""
-        before_s = min(took_s + SPARE_S, MOST_BEFORE_S)
+        before_s = min(took_s + SPARE_S, MAX_BEFORE_S)
         self.before_s = max(before_s, self.before_s + _FASTER_GAIN * (before_s - self.before_s))
 
     def expects(self, now_s: float) -> bool:
         """Tell whether a scan is due in a moment."""
-        return now_s < self._due_s(now_s) < now_s + MOST_BEFORE_S  # NaN: no
+        return now_s < self._due_s(now_s) < now_s + MAX_BEFORE_S  # NaN: no
 
     def _keep_time(self, now_s: float) -> None:
         """Follow the beat by a part of what the arrival was off it; begin anew after two that were far off."""

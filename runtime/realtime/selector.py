@@ -18,7 +18,7 @@ READ, WRITE = selectors.EVENT_READ, selectors.EVENT_WRITE
 Ready = list[tuple[selectors.SelectorKey, int]]
 
 
-class FewPorts(selectors.SelectSelector):
+class ReadySelector(selectors.SelectSelector):
     """Does what its base does, and less of it for each `select`."""
 
     def __init__(self) -> None:

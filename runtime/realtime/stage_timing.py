@@ -20,7 +20,7 @@ _TICKS_PER_S = 1e7
 """Times are counted in 0.1 us; below 1.6 us every tick has its own bucket."""
 _OCTAVES = 32
 SUMMED_EVERY_S = 1.0
-MOST_UNCOUNTED = 256
+MAX_UNCOUNTED = 256
 """A second of ticks without a scan; of more the oldest are lost."""
 STAGES = ("read", "decode", "safety", "follow", "mux", "write")
 """In the order in which a scan passes them; what is left of `scan_to_motor` is the loop's own time."""
@@ -64,7 +64,7 @@ class Histogram:
 Uncounted = deque[tuple[Histogram, float]]
 
 
-class Stage:
+class TimedStage:
     """A stretch of the hot path, from `begin` to `end`."""
 
     __slots__ = ("_began_s", "_clock", "_uncounted", "histogram")
@@ -84,7 +84,7 @@ class Stage:
         self._uncounted.append((self.histogram, self._clock() - self._began_s))
 
 
-class StageClock:
+class StageTimer:
     """Everything about time that the car shows: stages, the whole way, the loop's lag, collections of garbage.
 
     missed_ticks: deadlines of the mux's tick that passed while the loop was busy.
@@ -92,13 +92,13 @@ class StageClock:
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
-        self._uncounted: Uncounted = deque(maxlen=MOST_UNCOUNTED)
+        self._uncounted: Uncounted = deque(maxlen=MAX_UNCOUNTED)
         self.read = Histogram()
         self.decode = Histogram()
-        self.safety = Stage(clock, self._uncounted)
-        self.follow = Stage(clock, self._uncounted)
-        self.mux = Stage(clock, self._uncounted)
-        self.write = Stage(clock, self._uncounted)
+        self.safety = TimedStage(clock, self._uncounted)
+        self.follow = TimedStage(clock, self._uncounted)
+        self.mux = TimedStage(clock, self._uncounted)
+        self.write = TimedStage(clock, self._uncounted)
         self.scan_to_motor = Histogram()
         self.loop_lag = Histogram()
         self.collections = [Histogram() for _ in range(3)]

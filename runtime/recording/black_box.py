@@ -4,12 +4,12 @@ from collections import deque
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from runtime.arbitration.command import CapWord, Output, Source
-from runtime.recording.channels import Message
+from runtime.arbitration.command import Output, Source, SpeedLimit
+from runtime.recording.channels import RecordMessage
 from runtime.recording.decision_log import Heard
 
 NS = 1_000_000_000
-MOST_BYTES = 24_000_000
+MAX_BYTES = 24_000_000
 MOVING_MPS = 0.2
 """A stop from less than this is a car that came to rest by itself."""
 LASTING_S = 0.1
@@ -18,21 +18,21 @@ LOST = "lost"
 """An operator who lets go is no event; one who was lost is."""
 
 
-class Kept(NamedTuple):
+class BufferedMessage(NamedTuple):
     """A message and its running number."""
 
     number: int
-    message: Message
+    message: RecordMessage
 
 
 class Memory:
     """The newest messages, bounded in time and in bytes."""
 
-    def __init__(self, longest_s: float, most_bytes: int = MOST_BYTES) -> None:
+    def __init__(self, longest_s: float, most_bytes: int = MAX_BYTES) -> None:
         self._longest_ns = round(longest_s * NS)
         self._most_bytes = most_bytes
-        self._kept: deque[Kept] = deque()
-        self._basis: dict[str, Message] = {}
+        self._kept: deque[BufferedMessage] = deque()
+        self._basis: dict[str, RecordMessage] = {}
         self._bytes = 0
         self._next = 0
 
@@ -41,9 +41,9 @@ class Memory:
         """The number of the message that comes next."""
         return self._next
 
-    def add(self, message: Message) -> None:
+    def add(self, message: RecordMessage) -> None:
         """Remember a message, and forget what is too old for it."""
-        self._kept.append(Kept(self._next, message))
+        self._kept.append(BufferedMessage(self._next, message))
         self._next += 1
         self._bytes += len(message.payload)
         oldest_ns = message.stamp_ns - self._longest_ns
@@ -53,7 +53,7 @@ class Memory:
             if forgotten.lasting:
                 self._basis[forgotten.topic] = forgotten
 
-    def since(self, number: int) -> Iterator[Message]:
+    def since(self, number: int) -> Iterator[RecordMessage]:
         """Yield what a file needs that begins with a message: what lasts from before it, then all from it on."""
         earlier = [kept.message for kept in self._kept if kept.number < number]
         wanted = [kept.message for kept in self._kept if kept.number >= number]
@@ -79,7 +79,7 @@ class StopWatcher:
 
     def look(self, output: Output, live: Heard) -> str | None:
         """Take in one decision; returns the reason of a stop that has just become one."""
-        held = next((word for word in live if isinstance(word, CapWord) and word.source is Source.ESTOP), None)
+        held = next((word for word in live if isinstance(word, SpeedLimit) and word.source is Source.ESTOP), None)
         begins, self._held = held is not None and not self._held, held is not None
         if begins and held is not None:
             self._moving, self._stopped = False, None

@@ -44,7 +44,7 @@ _LAYOUT_AND_LENGTH = struct.Struct("<III")
 _HEAD_B = len(ENCAPSULATION) + _LENGTH.size
 
 
-class Message(NamedTuple):
+class RecordMessage(NamedTuple):
     """One message to be recorded.
 
     stamp_ns: since 1970, by the wall clock as it stood when the process began. sequence: the scan's, 0 elsewhere.

@@ -7,22 +7,22 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 from drivers.api import Drive, MotorState, Scan
-from runtime.arbitration.command import CapWord, Decision, DriveWord, Output, Source, Verdict, Word
+from runtime.arbitration.command import Decision, DriveCommand, Output, Source, SpeedLimit, Verdict, Word
 from runtime.control.guidance import Guidance
 from runtime.control.perception.own_parts import KnownParts
 from runtime.recording.decision_log import (
+    CommandEvent,
+    DecisionEvent,
     Dumpable,
     Entry,
     Event,
-    Followed,
+    FollowerEvent,
     Heard,
-    Looked,
-    Remembered,
-    Said,
-    Scanned,
-    Silenced,
-    Stepped,
-    Tuned,
+    OwnPartsEvent,
+    SafetyEvent,
+    ScanEvent,
+    SettingsEvent,
+    WithdrawalEvent,
 )
 from runtime.recording.own_parts_memory import known_parts
 
@@ -161,7 +161,7 @@ _ENCODERS: Mapping[str, Any] = {
 
 
 def _word(word: Word) -> list[Any]:
-    if isinstance(word, DriveWord):
+    if isinstance(word, DriveCommand):
         return ["drive", word.source, _row(Drive, word.drive), _plain(word.scan_stamp_s), word.reason]
     verdict = word.outlook if isinstance(word.outlook, Verdict) else word.outlook.limit(0.0, 0.0)
     return ["cap", word.source, _row(Verdict, verdict), _plain(word.scan_stamp_s)]
@@ -169,33 +169,33 @@ def _word(word: Word) -> list[Any]:
 
 def _events(message: Mapping[str, Any]) -> Iterator[Event]:
     columns = {kind: tuple(message["columns"][kind.__name__]) for kind in _ROWS}
-    read = _Reader(columns)
+    read = _RowReader(columns)
     motors = [read.row(MotorState, row) for row in message["motors"]]
     for number, kind, *parts in message["events"]:
         match kind:
             case "scan":
                 sequence, stamp_s, received_s, first_rad, step_rad, least_m, most_m, beams = parts
-                yield Scanned(
+                yield ScanEvent(
                     number, sequence, float(stamp_s), float(received_s), float(first_rad), float(step_rad),
                     float(least_m), float(most_m), beams,
                 )  # fmt: skip
             case "look":
                 sequence, motor, times_s = parts
-                yield Looked(number, sequence, _state(motors, motor), read.times(times_s))
+                yield SafetyEvent(number, sequence, _state(motors, motor), read.times(times_s))
             case "follow":
                 sequence, motor, times_s, row = parts
                 guidance = read.row(Guidance, row)
-                yield Followed(number, sequence, _state(motors, motor), read.times(times_s), guidance)
+                yield FollowerEvent(number, sequence, _state(motors, motor), read.times(times_s), guidance)
             case "say":
-                yield Said(number, read.word(parts[0]), float(parts[1]))
+                yield CommandEvent(number, read.word(parts[0]), float(parts[1]))
             case "silence":
-                yield Silenced(number, Source(parts[0]))
+                yield WithdrawalEvent(number, Source(parts[0]))
             case "step":
                 yield read.step(number, parts)
             case "settings":
-                yield Tuned(number, parts[0])
+                yield SettingsEvent(number, parts[0])
             case "parts":
-                yield Remembered(number, known_parts(parts[0]) if parts[0] is not None else None)
+                yield OwnPartsEvent(number, known_parts(parts[0]) if parts[0] is not None else None)
             case _:
                 raise ValueError(f"an event of a kind that this version does not know: {kind}")
 
@@ -205,7 +205,7 @@ def _state(motors: Sequence[MotorState], place: int | None) -> MotorState | None
 
 
 @dataclass(frozen=True, slots=True)
-class _Reader:
+class _RowReader:
     """Reads rows by the names of their columns, which the message brings along."""
 
     columns: Mapping[type[Any], tuple[str, ...]]
@@ -226,14 +226,14 @@ class _Reader:
     def word(self, parts: Sequence[Any]) -> Word:
         form, source, row, stamp_s, *rest = parts
         if form == "drive":
-            return DriveWord(Source(source), self.row(Drive, row), _maybe(stamp_s), rest[0])
-        return CapWord(Source(source), self.row(Verdict, row), _maybe(stamp_s))
+            return DriveCommand(Source(source), self.row(Drive, row), _maybe(stamp_s), rest[0])
+        return SpeedLimit(Source(source), self.row(Verdict, row), _maybe(stamp_s))
 
-    def step(self, number: int, parts: Sequence[Any]) -> Stepped:
+    def step(self, number: int, parts: Sequence[Any]) -> DecisionEvent:
         times_s, elapsed_s, live, words, stamp_s, drive, decision, delivered = parts
         output = Output(float(stamp_s), self.row(Drive, drive), self.row(Decision, decision), delivered)
         said = {Source(source): self.word(word) for source, word in words.items()}
-        return Stepped(number, self.times(times_s), float(elapsed_s), tuple(map(Source, live)), said, output)
+        return DecisionEvent(number, self.times(times_s), float(elapsed_s), tuple(map(Source, live)), said, output)
 
     def times(self, times_s: Sequence[Any]) -> tuple[float, ...]:
         return tuple(map(float, times_s))

@@ -1,12 +1,12 @@
-"""The tape: everything that decides, in the order in which it decided, exactly; what a replay is made from.
+"""Everything that decides, in the order in which it decided, exactly; what a replay is made from.
 
 The hot path adds references, which takes less than a microsecond; another thread drains and encodes them
-(`tape_codec`). Floats survive bit for bit (JSON's shortest form reads back as the same float64). Ranges are not on the
-tape: the recording holds a LaserScan for every scan delivered, its MCAP sequence number is the scan's, and its ranges
-are the very float32 values.
+(`decision_codec`). Floats survive bit for bit (JSON's shortest form reads back as the same float64). Ranges are not in
+the log: the recording holds a LaserScan for every delivered scan, its MCAP sequence number is the scan's, and its
+ranges are the very float32 values.
 
-Time is on the tape too. A law or the mux that asks the clock while it decides gets its answers again in a replay:
-`times_s` are those that one event was given, in order. For that, they all must read `Tape.clock`.
+Time is in the log too. A law or the mux that asks the clock while it decides gets its answers again in a replay:
+`times_s` are those that one event was given, in order. For that, they all must read `DecisionLog.clock`.
 """
 
 import itertools
@@ -23,12 +23,12 @@ from runtime.arbitration.command import Output, Source, Word
 from runtime.control.guidance import Guidance
 from runtime.control.perception.own_parts import KnownParts
 
-MOST_EVENTS = 8192
+MAX_EVENTS = 8192
 """About half a minute; of more that were not drained the oldest are lost, which the gap in their numbers shows."""
 
 
 @dataclass(frozen=True, slots=True)
-class Scanned:
+class ScanEvent:
     """A scan was delivered: everything of it but its ranges."""
 
     number: int
@@ -50,7 +50,7 @@ class Scanned:
 
 
 @dataclass(frozen=True, slots=True)
-class Looked:
+class SafetyEvent:
     """Safety took in a scan, with this motor state; its word was said right after."""
 
     number: int
@@ -60,7 +60,7 @@ class Looked:
 
 
 @dataclass(frozen=True, slots=True)
-class Followed:
+class FollowerEvent:
     """The follower answered a scan, with this motor state; its word was said right after."""
 
     number: int
@@ -71,7 +71,7 @@ class Followed:
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class CommandEvent:
     """A source other than safety and navigation spoke. A cap's outlook is the plain verdict that it was."""
 
     number: int
@@ -80,7 +80,7 @@ class Said:
 
 
 @dataclass(frozen=True, slots=True)
-class Silenced:
+class WithdrawalEvent:
     """A word was withdrawn."""
 
     number: int
@@ -88,7 +88,7 @@ class Silenced:
 
 
 @dataclass(frozen=True, slots=True)
-class Stepped:
+class DecisionEvent:
     """The mux decided.
 
     times_s: the first is the decision's own time. elapsed_s: since the decision before.
@@ -106,7 +106,7 @@ class Stepped:
 
 
 @dataclass(frozen=True, slots=True)
-class Tuned:
+class SettingsEvent:
     """Settings came into force, the first ones included; as `Settings.model_validate` takes them."""
 
     number: int
@@ -114,14 +114,23 @@ class Tuned:
 
 
 @dataclass(frozen=True, slots=True)
-class Remembered:
+class OwnPartsEvent:
     """The laws were handed what is known of the car's own parts from before, or that nothing is."""
 
     number: int
     parts: KnownParts | None
 
 
-Event = Scanned | Looked | Followed | Said | Silenced | Stepped | Tuned | Remembered
+Event = (
+    ScanEvent
+    | SafetyEvent
+    | FollowerEvent
+    | CommandEvent
+    | WithdrawalEvent
+    | DecisionEvent
+    | SettingsEvent
+    | OwnPartsEvent
+)
 LAWS = (Source.SAFETY, Source.NAVIGATION)  # a tuple is searched by identity first: five times as fast as a set
 Heard = Sequence[Source | Word]
 """The words in force: a law by its name, other sources by the word."""
@@ -139,13 +148,13 @@ Entry = tuple[int, str, tuple[Any, ...]]
 """One event as the hot path leaves it, references only: its number since the process started, its kind, its parts."""
 
 
-class Tape:
+class DecisionLog:
     """Collects what happens. One thread adds (the car's loop), one drains.
 
     most: 0 is a tape that keeps nothing, for a car without a recorder.
     """
 
-    def __init__(self, clock: Clock, most: int = MOST_EVENTS) -> None:
+    def __init__(self, clock: Clock, most: int = MAX_EVENTS) -> None:
         self._clock = clock
         self._entries: deque[Entry] = deque(maxlen=most)
         self._numbers = itertools.count()

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from runtime.recording.channels import Message, schema_text
+from runtime.recording.channels import RecordMessage, schema_text
 from runtime.recording.disk import Disk
 
 PROFILE = "ros2"
@@ -48,7 +48,7 @@ class McapFile:
         """How much the disk has taken."""
         return self._spool.taken
 
-    def add(self, message: Message) -> None:
+    def add(self, message: RecordMessage) -> None:
         """Add a message; it reaches the disk with the next `flush`."""
         channel = self._channels.get(message.topic)
         if channel is None:
@@ -82,7 +82,7 @@ class McapFile:
         """Let go of the file as it is; `recover` can finish it later."""
         self._disk.close(self._descriptor)
 
-    def _register(self, message: Message) -> int:
+    def _register(self, message: RecordMessage) -> int:
         schema = self._schemas.get(message.schema)
         if schema is None:
             text = schema_text(message.schema).encode()

@@ -12,12 +12,12 @@ from runtime.control.perception.own_parts import KnownParts
 from runtime.parameters.file import StoreError, replace
 
 FILE = "own-parts.json"
-BIGGEST_FILE_B = 200_000
+MAX_FILE_B = 200_000
 log = logging.getLogger("wallride.own_parts")
 
 
 @dataclass(frozen=True, slots=True)
-class Remembered:
+class RememberedParts:
     """Own parts, whose they are, and when they were seen so (UTC, for people)."""
 
     car: str
@@ -32,11 +32,11 @@ def file_in(configured: str, environment: Mapping[str, str] = os.environ) -> Pat
     return Path(folder).expanduser() / FILE if folder else None
 
 
-def read(file: Path) -> Remembered | None:
+def read(file: Path) -> RememberedParts | None:
     """Return what an earlier run wrote, None where there is nothing to be used; blocks, for before the car drives."""
     try:
         with file.open("rb") as opened:
-            return decoded(json.loads(opened.read(BIGGEST_FILE_B)))
+            return decoded(json.loads(opened.read(MAX_FILE_B)))
     except FileNotFoundError:
         return None
     except OSError as error:
@@ -46,7 +46,7 @@ def read(file: Path) -> Remembered | None:
     return None
 
 
-def write(file: Path, remembered: Remembered | None) -> None:
+def write(file: Path, remembered: RememberedParts | None) -> None:
     """Put them in the place of the file, or take it away; blocks, for a thread. Logs what went wrong."""
     try:
         if remembered is None:
@@ -58,9 +58,9 @@ def write(file: Path, remembered: Remembered | None) -> None:
         log.warning("the car's own parts are not remembered: %s", error)
 
 
-def decoded(tree: Mapping[str, Any]) -> Remembered:
+def decoded(tree: Mapping[str, Any]) -> RememberedParts:
     """Return what was written; ValueError, TypeError or KeyError when it is nothing of the kind."""
-    return Remembered(str(tree["car"]), str(tree["lidar"]), str(tree["at"]), known_parts(tree["parts"]))
+    return RememberedParts(str(tree["car"]), str(tree["lidar"]), str(tree["at"]), known_parts(tree["parts"]))
 
 
 def known_parts(tree: Mapping[str, Any]) -> KnownParts:

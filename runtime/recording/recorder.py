@@ -21,12 +21,12 @@ from typing import Any
 from drivers.api import Clock
 from runtime.realtime.wall_clock import WallClock
 from runtime.recording import channels
-from runtime.recording.channels import Message
-from runtime.recording.decision_log import MOST_EVENTS, Tape
+from runtime.recording.channels import RecordMessage
+from runtime.recording.decision_log import MAX_EVENTS, DecisionLog
 from runtime.recording.disk import Disk, RealDisk
 from runtime.recording.ring import MB, Ring
 from runtime.recording.transcriber import Transcriber
-from runtime.recording.writer import Facts, Scribe
+from runtime.recording.writer import FileMetadata, RecordingWriter
 from runtime.ros.definitions import TYPES
 from runtime.settings.recording import RecordingSettings, car_folder
 from runtime.wire import topics
@@ -40,9 +40,9 @@ SILENT_PERIOD_S = 0.25
 WORK_S = 0.0003
 REST_S = 0.0005
 """The thread works for so long at a stretch, then lets go of Python's lock for so long."""
-MOST_WAITING_BYTES = 8_000_000
+MAX_WAITING_BYTES = 8_000_000
 """About twenty seconds of everything."""
-MOST_LINES = 1000
+MAX_LINES = 1000
 SILENT_DISK_S = 1.0
 LOST_LATELY_S = 10.0
 ARMED_S = 1.0
@@ -88,13 +88,13 @@ class Recorder:
         disk: Disk | None = None,
     ) -> None:
         self.folder = car_folder(settings, car)
-        self.tape = Tape(clock, MOST_EVENTS if settings.enabled else 0)
+        self.tape = DecisionLog(clock, MAX_EVENTS if settings.enabled else 0)
         self.is_enabled = settings.enabled
         self._settings = settings
         self._clock = clock
         self._disk = disk or RealDisk()
-        self._waiting: deque[Message] = deque()
-        self._lines: deque[tuple[float, logging.LogRecord]] = deque(maxlen=MOST_LINES)
+        self._waiting: deque[RecordMessage] = deque()
+        self._lines: deque[tuple[float, logging.LogRecord]] = deque(maxlen=MAX_LINES)
         self._put_bytes = 0  # only the loop adds to this one, only the thread to the next: no lock is needed
         self._taken_bytes = 0
         self._next_s: dict[str, float] = {}
@@ -109,7 +109,9 @@ class Recorder:
         self._pace = _Pace()
         ring = Ring(self.folder, settings, self._disk, _boot_id())
         self._unix_ns = wall_clock.started_unix_ns
-        self._scribe = Scribe(settings, ring, self._disk, Facts(car, version, clock(), wall_clock), breathe=self._pace)
+        self._scribe = RecordingWriter(
+            settings, ring, self._disk, FileMetadata(car, version, clock(), wall_clock), breathe=self._pace
+        )
         self._transcriber = Transcriber(wall_clock, clock())
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._handler = _Lines(self._lines, clock)
@@ -132,7 +134,7 @@ class Recorder:
             self._wake.set()
         if schema not in _CDR_TYPES:
             schema, payload = channels.STRING, channels.text(payload)
-        self._put(Message(topic, schema, self._unix_ns(stamp_s), payload))
+        self._put(RecordMessage(topic, schema, self._unix_ns(stamp_s), payload))
 
     def tap(self, device: str) -> Callable[[str, bytes, float], None] | None:
         """Return what a device's link tells its bytes ("in" or "out", bytes, time); None when they are not recorded."""
@@ -141,7 +143,7 @@ class Recorder:
 
         def take(way: str, chunk: bytes, stamp_s: float) -> None:
             topic = f"{channels.RAW}/{device}/{way}"
-            self._put(Message(topic, channels.BYTES, self._unix_ns(stamp_s), channels.octets(chunk)))
+            self._put(RecordMessage(topic, channels.BYTES, self._unix_ns(stamp_s), channels.octets(chunk)))
 
         return take
 
@@ -209,22 +211,22 @@ class Recorder:
         stops, self._transcriber.stops = self._transcriber.stops, []
         self._scribe.turn(messages, stops, self._transcriber.active_s, now_s)
 
-    def _put(self, message: Message) -> None:
-        if self._put_bytes - self._taken_bytes > MOST_WAITING_BYTES:
+    def _put(self, message: RecordMessage) -> None:
+        if self._put_bytes - self._taken_bytes > MAX_WAITING_BYTES:
             self._lost += 1
             self._lost_at_s = self._clock()
             return
         self._waiting.append(message)
         self._put_bytes += len(message.payload)
 
-    def _paced(self, messages: Iterable[Message]) -> Iterator[Message]:
+    def _paced(self, messages: Iterable[RecordMessage]) -> Iterator[RecordMessage]:
         for message in messages:
             self._pace()
             yield message
 
-    def _line(self, stamp_s: float, record: logging.LogRecord) -> Message:
+    def _line(self, stamp_s: float, record: logging.LogRecord) -> RecordMessage:
         fields = {"level": record.levelname, "name": record.name, "message": record.getMessage()}
-        return Message(
+        return RecordMessage(
             channels.LOG, channels.STRING, self._unix_ns(stamp_s), channels.text(json.dumps(fields).encode())
         )
 

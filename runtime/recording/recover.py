@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 MAGIC = b"\x89MCAP0\r\n"
 HEAD_B = 9
 """Opcode and length of a record."""
-MOST_TORN_B = 4 << 20
+MAX_TORN_B = 4 << 20
 """A torn end is one unfinished chunk. What is longer is other damage, behind which whole chunks may lie."""
 KNOWN = range(0x01, 0x10)
 FOOTER, SCHEMA, CHANNEL, CHUNK, MESSAGE_INDEX, METADATA, DATA_END = 0x02, 0x03, 0x04, 0x06, 0x07, 0x0C, 0x0F
@@ -70,7 +70,7 @@ def recover(path: Path, breathe: Callable[[], None] = lambda: None) -> Recovered
             if found.whole:
                 return Recovered(found.statistics.message_count, len(found.chunks), 0, was_whole=True)
             cut_bytes = found.length - found.end
-            if cut_bytes > MOST_TORN_B:
+            if cut_bytes > MAX_TORN_B:
                 raise RecoveryError(
                     f"{path}: damaged at byte {found.end} of {found.length}, far from its end; mended in place it would"
                     f" lose all behind that. Copy the file first, cut the copy (truncate -s {found.end}) and recover it"

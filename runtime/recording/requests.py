@@ -16,8 +16,8 @@ RECORD = topics.RECORD
 LIST = f"{topics.LOGS}/list"
 GET = f"{topics.LOGS}/get"
 TRIM = f"{topics.LOGS}/trim"
-LARGEST_PIECE_B = 1 << 16
-LONGEST_QUESTION_B = 1024
+MAX_PIECE_B = 1 << 16
+MAX_QUESTION_B = 1024
 
 
 class _Question(BaseModel):
@@ -30,16 +30,16 @@ class RecordQuestion(_Question):
     on: bool | None = None
 
 
-class ListQuestion(_Question):
+class ListRecordings(_Question):
     """Which recordings there are."""
 
 
-class GetQuestion(_Question):
+class GetRecording(_Question):
     """A piece of a file, please."""
 
     name: Annotated[str, StringConstraints(max_length=128)]
     offset: Annotated[int, Field(ge=0, lt=1 << 50)]
-    length: Annotated[int, Field(ge=1, le=LARGEST_PIECE_B)] = LARGEST_PIECE_B
+    length: Annotated[int, Field(ge=1, le=MAX_PIECE_B)] = MAX_PIECE_B
 
 
 class TrimQuestion(_Question):

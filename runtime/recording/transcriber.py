@@ -4,11 +4,11 @@ import math
 from collections.abc import Iterator, Sequence
 
 from drivers.api import Scan
-from runtime.arbitration.command import CapWord, Output, Source
+from runtime.arbitration.command import Output, Source, SpeedLimit
 from runtime.realtime.wall_clock import WallClock
 from runtime.recording import channels
 from runtime.recording.black_box import StopWatcher
-from runtime.recording.channels import Message
+from runtime.recording.channels import RecordMessage
 from runtime.recording.decision_codec import encode
 from runtime.recording.decision_log import Entry, Heard
 from runtime.ros import messages
@@ -16,9 +16,9 @@ from runtime.ros.definitions import TYPES
 from runtime.settings.tree import Settings, to_toml
 from runtime.wire import topics
 
-MOST_EVENTS = 64
+MAX_EVENTS = 64
 """One message of tape holds so many at most: encoding it is one stretch of work without a pause."""
-LONGEST_PERIOD_S = 1.0
+MAX_PERIOD_S = 1.0
 
 
 class Transcriber:
@@ -36,7 +36,7 @@ class Transcriber:
         self._now_s = begin_s
         self._last_scan_s = -math.inf
 
-    def messages(self, entries: Sequence[Entry]) -> Iterator[Message]:
+    def messages(self, entries: Sequence[Entry]) -> Iterator[RecordMessage]:
         """Yield the scans at once, and the tape in pieces, both in order."""
         piece: list[Entry] = []
         for entry in entries:
@@ -55,30 +55,30 @@ class Transcriber:
                 case _:
                     pass
             piece.append(entry)
-            if len(piece) == MOST_EVENTS:
+            if len(piece) == MAX_EVENTS:
                 yield self._tape(piece)
                 piece = []
         if piece:
             yield self._tape(piece)
 
-    def _scan(self, scan: Scan) -> Message:
+    def _scan(self, scan: Scan) -> RecordMessage:
         self._now_s = max(self._now_s, scan.received_s)
         period_s, self._last_scan_s = scan.stamp_s - self._last_scan_s, scan.stamp_s
         header_ns = self._wall_clock.unix_ns(scan.stamp_s)
-        payload = messages.laser_scan(header_ns, scan, period_s if period_s < LONGEST_PERIOD_S else 0.0)
+        payload = messages.laser_scan(header_ns, scan, period_s if period_s < MAX_PERIOD_S else 0.0)
         stamp_ns = self._wall_clock.started_unix_ns(scan.stamp_s)
-        return Message(topics.SCAN, TYPES[topics.SCAN], stamp_ns, payload, scan.sequence)
+        return RecordMessage(topics.SCAN, TYPES[topics.SCAN], stamp_ns, payload, scan.sequence)
 
-    def _tape(self, piece: Sequence[Entry], *, lasting: bool = False) -> Message:
+    def _tape(self, piece: Sequence[Entry], *, lasting: bool = False) -> RecordMessage:
         payload = channels.text(encode(piece))
-        return Message(
+        return RecordMessage(
             channels.TAPE, channels.STRING, self._wall_clock.started_unix_ns(self._now_s), payload, lasting=lasting
         )
 
-    def _settings(self, entry: Entry) -> Iterator[Message]:
+    def _settings(self, entry: Entry) -> Iterator[RecordMessage]:
         settings: Settings = entry[2][0]
         payload = channels.text(to_toml(settings).encode())
-        yield Message(
+        yield RecordMessage(
             channels.SETTINGS, channels.STRING, self._wall_clock.started_unix_ns(self._now_s), payload, lasting=True
         )
         yield self._tape([entry], lasting=True)
@@ -93,6 +93,6 @@ class Transcriber:
 
 def _arms(word: object) -> bool:
     """Tell whether a word means that the car may begin to move."""
-    if isinstance(word, CapWord) and word.source is Source.PERMIT:
+    if isinstance(word, SpeedLimit) and word.source is Source.PERMIT:
         return word.outlook.limit(0.0, 0.0).forward_mps > 0
-    return not isinstance(word, CapWord | Source) and getattr(word, "source", None) is Source.TELEOP
+    return not isinstance(word, SpeedLimit | Source) and getattr(word, "source", None) is Source.TELEOP

@@ -14,7 +14,7 @@ from pathlib import Path
 from runtime.realtime.wall_clock import WallClock
 from runtime.recording import channels
 from runtime.recording.black_box import Memory
-from runtime.recording.channels import Message
+from runtime.recording.channels import RecordMessage
 from runtime.recording.disk import Disk, explain
 from runtime.recording.laws_fingerprint import laws_fingerprint
 from runtime.recording.mcap_file import McapFile
@@ -31,14 +31,14 @@ RETRY_S = 5.0
 HOUSEKEEPING_S = 5.0
 TAIL_S = 5.0
 """A black box goes on for so long after its stop; another stop within it goes into the same file."""
-LONGEST_TAIL_S = 30.0
-LEAST_MEMORY_S = 1.0
+MAX_TAIL_S = 30.0
+MIN_MEMORY_S = 1.0
 START_UP_S = 5.0
 """A recording begins with the process's first scan; without one, so long after the process began."""
 
 
 @dataclass(frozen=True, slots=True)
-class Facts:
+class FileMetadata:
     """What every file says about itself. began_s: when the process began, on the monotonic clock."""
 
     car: str
@@ -48,7 +48,7 @@ class Facts:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class WriterReport:
     """How it stands; a new one replaces the old, so that another thread may read it at any time.
 
     file: the one being written, "" without one. why: why it is (not) recorded. trouble: what the disk says.
@@ -70,7 +70,7 @@ class _Box:
     until_s: float
 
 
-class Scribe:
+class RecordingWriter:
     """Takes messages, `turn` by turn.
 
     breathe: called between two pieces of work, so that the car's thread may work in between.
@@ -81,11 +81,11 @@ class Scribe:
         settings: RecordingSettings,
         ring: Ring,
         disk: Disk,
-        facts: Facts,
+        facts: FileMetadata,
         *,
         breathe: Callable[[], None],
     ) -> None:
-        self.report = Report()
+        self.report = WriterReport()
         self.wished: bool | None = None  # what a client asked for; None is "by itself"
         self._settings = settings
         self._ring = ring
@@ -93,7 +93,7 @@ class Scribe:
         self._facts = facts
         self._breathe = breathe
         self._laws = laws_fingerprint()  # now, while the files are those that were loaded
-        self._memory = Memory(max(settings.black_box_s, LEAST_MEMORY_S))
+        self._memory = Memory(max(settings.black_box_s, MIN_MEMORY_S))
         self._run: McapFile | None = None
         self._box: _Box | None = None
         self._trouble = ""
@@ -107,7 +107,7 @@ class Scribe:
         self._goes_on = ""
         self._unfinished: list[Path] | None = None
 
-    def turn(self, fresh: Iterable[Message], stops: list[str], active_s: float, now_s: float) -> None:
+    def turn(self, fresh: Iterable[RecordMessage], stops: list[str], active_s: float, now_s: float) -> None:
         """Take in what happened since the turn before. active_s: when the car was last armed or moving."""
         self._now_s = now_s
         for message in fresh:
@@ -132,9 +132,9 @@ class Scribe:
             self._begin_run()
         self._end_run()
         self._end_box()
-        self.report = Report(why="the recorder has ended", trouble=self._trouble)
+        self.report = WriterReport(why="the recorder has ended", trouble=self._trouble)
 
-    def _take(self, message: Message) -> None:
+    def _take(self, message: RecordMessage) -> None:
         if message.topic == topics.SCAN and not self._first_scan_ns and not self._is_started_up():
             self._first_scan_ns = message.stamp_ns
         self._memory.add(message)
@@ -191,7 +191,7 @@ class Scribe:
         if self._settings.black_box_s <= 0:
             return
         if self._box is not None:
-            self._box.until_s = min(now_s + TAIL_S, self._box.opened_s + LONGEST_TAIL_S)
+            self._box.until_s = min(now_s + TAIL_S, self._box.opened_s + MAX_TAIL_S)
             return
         file = self._open(reason)
         if file is None:
@@ -227,9 +227,11 @@ class Scribe:
             "epoch_ns": str(self._facts.wall_clock.epoch_ns),
         }
 
-    def _event(self, event: str, reason: str) -> Message:
+    def _event(self, event: str, reason: str) -> RecordMessage:
         payload = channels.text(topics.encode({"stamp_s": self._now_s, "event": event, "reason": reason}))
-        return Message(channels.EVENTS, channels.STRING, self._facts.wall_clock.started_unix_ns(self._now_s), payload)
+        return RecordMessage(
+            channels.EVENTS, channels.STRING, self._facts.wall_clock.started_unix_ns(self._now_s), payload
+        )
 
     def _has_begun(self) -> bool:
         """Tell whether there is a first scan to begin with, or none comes."""
@@ -341,7 +343,7 @@ class Scribe:
             why = "armed" if wanted else "disarmed"
         else:
             why = self._settings.start
-        self.report = Report(
+        self.report = WriterReport(
             file=file.path.name if file is not None else "",
             why=why,
             trouble=self._trouble,

@@ -21,7 +21,7 @@ ORANGE: Color = (1.0, 0.6, 0.1, 1.0)
 RED: Color = (0.95, 0.2, 0.2, 1.0)
 
 
-class Kind(IntEnum):
+class MarkerType(IntEnum):
     """How the points are joined; the values are the message's."""
 
     LINE_STRIP = 4
@@ -34,7 +34,7 @@ class Marker:
     """One drawing. name: unlike that of every other drawing on its topic. points_m: (2, n), base_link."""
 
     name: str
-    kind: Kind
+    kind: MarkerType
     points_m: Floats
     color: Color
     width_m: float = 0.03
@@ -65,7 +65,7 @@ def _points(markers: Sequence[Marker]) -> bytes:
 
 
 @lru_cache(maxsize=256)
-def _head(before: int, name: str, kind: Kind, color: Color, width_m: float, *, filled: bool) -> Template:
+def _head(before: int, name: str, kind: MarkerType, color: Color, width_m: float, *, filled: bool) -> Template:
     """Return what is written before the points, from the time to their number.
 
     before: how many bytes after a multiple of 8 it begins, which it has at its front. filled: there are points.

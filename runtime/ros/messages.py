@@ -32,7 +32,7 @@ WHEEL_COVARIANCE_6X6: Floats = np.diag([0.05, 0.05, 1e6, 1e6, 1e6, 0.1]).ravel()
 
 
 @value()
-class Report:
+class DiagnosticStatus:
     """One line of diagnostics: level 0 ok, 1 warning, 2 error, 3 stale."""
 
     level: int
@@ -112,7 +112,7 @@ def battery(stamp_ns: int, voltage_v: float, current_a: float) -> bytes:
     return out.done()
 
 
-def diagnostics(stamp_ns: int, reports: Sequence[Report]) -> bytes:
+def diagnostics(stamp_ns: int, reports: Sequence[DiagnosticStatus]) -> bytes:
     """Return diagnostic_msgs/DiagnosticArray."""
     out = _stamped(stamp_ns, "")
     out.put("I", len(reports))

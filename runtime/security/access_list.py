@@ -22,7 +22,7 @@ class KeysError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Listed:
+class AccessEntry:
     """One entry of people.toml; `expires` is the day on which the newest certificate ends."""
 
     person: Person
@@ -30,7 +30,7 @@ class Listed:
     revoked: date | None = None
 
 
-def read_people(path: Path) -> tuple[Listed, ...]:
+def read_people(path: Path) -> tuple[AccessEntry, ...]:
     """Read people.toml; KeysError when anything in it is not understood, because guessing would open doors."""
     try:
         entries = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -43,7 +43,7 @@ def read_people(path: Path) -> tuple[Listed, ...]:
     return tuple(_listed(path, name, entry) for name, entry in entries.items())
 
 
-def _listed(path: Path, name: str, entry: object) -> Listed:
+def _listed(path: Path, name: str, entry: object) -> AccessEntry:
     if not NAME_FORM.fullmatch(name):
         raise KeysError(f"{path}: [{name}] is not a name; {explain_name()}")
     if not isinstance(entry, Mapping) or set(entry) - {"role", "expires", "revoked"}:
@@ -55,7 +55,7 @@ def _listed(path: Path, name: str, entry: object) -> Listed:
     expires, revoked = entry.get("expires"), entry.get("revoked")
     if type(expires) is not date or type(revoked) not in {date, type(None)}:
         raise KeysError(f"{path}: [{name}] expires and revoked must be dates like 2027-05-01, without quotes")
-    return Listed(Person(name, role), expires, revoked)
+    return AccessEntry(Person(name, role), expires, revoked)
 
 
 def explain_name() -> str:

@@ -25,7 +25,7 @@ _Read = TypeVar("_Read")
 
 
 @dataclass(frozen=True, slots=True)
-class Identity:
+class CertificateIdentity:
     """What a certificate says about its owner. `role` is what it was made for; the car's list decides what it may."""
 
     name: str
@@ -49,7 +49,7 @@ class Identity:
         return None
 
 
-def read_identity(tls: Tls, *, for_car: bool) -> Identity:
+def read_identity(tls: Tls, *, for_car: bool) -> CertificateIdentity:
     """Check that the three files belong together and to this side; KeysError with the remedy.
 
     Time is not judged here: a car whose clock is not set yet must still start.
@@ -71,7 +71,7 @@ def read_identity(tls: Tls, *, for_car: bool) -> Identity:
     return identity_of(certificate)
 
 
-def identity_of(certificate: x509.Certificate) -> Identity:
+def identity_of(certificate: x509.Certificate) -> CertificateIdentity:
     """Return what a certificate says."""
     try:
         alternatives = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
@@ -82,7 +82,7 @@ def identity_of(certificate: x509.Certificate) -> Identity:
     except x509.ExtensionNotFound:
         names = ()
     units = certificate.subject.get_attributes_for_oid(NameOID.ORGANIZATIONAL_UNIT_NAME)
-    return Identity(
+    return CertificateIdentity(
         name=common_name(certificate),
         role=str(units[0].value) if units else "",
         names=names,

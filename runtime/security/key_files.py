@@ -11,7 +11,7 @@ from runtime.wire.endpoints import is_tls
 from runtime.wire.zenoh_config import Person, Tls, car_config
 
 if TYPE_CHECKING:
-    from runtime.security.certificates import Identity
+    from runtime.security.certificates import CertificateIdentity
 
 PEOPLE = "people.toml"
 AUTHORITY = "ca.pem"
@@ -19,11 +19,11 @@ CAR = "car"
 
 
 @dataclass(frozen=True, slots=True)
-class Keys:
+class KeyFiles:
     """Files that were checked: whose they are, and what its owner should hear about them."""
 
     tls: Tls
-    identity: "Identity"
+    identity: "CertificateIdentity"
     warnings: tuple[str, ...] = ()
     people: tuple[Person, ...] = ()
 
@@ -41,7 +41,7 @@ def car_session(
     return car_config(listen, keys.tls, keys.people, car), keys.warnings
 
 
-def car_keys(directory: Path, now: datetime) -> Keys:
+def car_keys(directory: Path, now: datetime) -> KeyFiles:
     """Check the car's folder and read who may do what; KeysError when the car must not listen with it.
 
     now: the civil time, with a zone. A certificate that is not valid *now* is only a warning, because a car without
@@ -58,10 +58,10 @@ def car_keys(directory: Path, now: datetime) -> Keys:
         warnings.append(f"the car's certificate {tls.certificate} {warning}; sudo wallride keys init --renew")
     if not people:
         warnings.append(f"no person is listed in {directory / PEOPLE}; `wallride keys add NAME --role operator`")
-    return Keys(tls, identity, tuple(warnings), people)
+    return KeyFiles(tls, identity, tuple(warnings), people)
 
 
-def client_keys(directory: Path, now: datetime) -> Keys:
+def client_keys(directory: Path, now: datetime) -> KeyFiles:
     """Find and check a person's folder; KeysError when no car would accept it."""
     tls = _persons_files(directory)
     identity = _identity(tls, for_car=False)
@@ -70,7 +70,7 @@ def client_keys(directory: Path, now: datetime) -> Keys:
         raise KeysError(f"{tls.certificate} {trouble}; {remedy}")
     warning = identity.warning(now)
     said = f"your certificate {warning}; on the car: wallride keys add {identity.name} --renew"
-    return Keys(tls, identity, (said,) if warning else ())
+    return KeyFiles(tls, identity, (said,) if warning else ())
 
 
 def _persons_files(directory: Path) -> Tls:
@@ -83,7 +83,7 @@ def _persons_files(directory: Path) -> Tls:
     return Tls(directory / AUTHORITY, keys[0].with_suffix(".pem"), keys[0])
 
 
-def _identity(tls: Tls, *, for_car: bool) -> "Identity":
+def _identity(tls: Tls, *, for_car: bool) -> "CertificateIdentity":
     """Check the files with a package that only those need who use keys; say how to get it."""
     try:
         from runtime.security.certificates import read_identity

@@ -20,14 +20,14 @@ CYCLE_LIMIT_S = 0.2
 FAULT_RETRY_S = 2.0
 """Without an operator (permit "always") a latched motor fault is tried again after this time, then after twice as long
 each time: a car that runs backwards comes a little nearer to what is behind it with every try."""
-FAULT_RETRY_AT_MOST_S = 60.0
+MAX_FAULT_RETRY_S = 60.0
 FAULT_FORGOTTEN_S = 30.0
 """So long without a fault, and the next one is tried again soon."""
 AFTER_FAULT = "the motor had a fault; permit again"
 
 
 @dataclass(slots=True)
-class _Seen:
+class _LastReport:
     """What was last said about a device, so that the log speaks once per change."""
 
     link: LinkState = LinkState.ABSENT
@@ -37,7 +37,7 @@ class _Seen:
 
 
 @dataclass(slots=True)
-class Caretaker:
+class HealthMonitor:
     """Checks everything at RATE_HZ; `check` is one round, so that tests can walk through time.
 
     output: returns what the mux decided last; its age is the evidence on which the watchdog is petted.
@@ -55,8 +55,8 @@ class Caretaker:
     retry_faults: bool
     lidar_doubt: Callable[[], str] = lambda: ""
     motor_doubt: Callable[[], str] = lambda: ""
-    _lidar_seen: _Seen = field(default_factory=_Seen)
-    _motor_seen: _Seen = field(default_factory=_Seen)
+    _lidar_seen: _LastReport = field(default_factory=_LastReport)
+    _motor_seen: _LastReport = field(default_factory=_LastReport)
     _doubted: str = ""
     _fault_since_s: float | None = None
     _fault_over_s: float = -math.inf
@@ -65,7 +65,7 @@ class Caretaker:
     _ready: bool = False
 
     def tick(self, _late_s: float, _missed: int) -> None:
-        """Check once; a `metronome.Tick`. How late the loop is, the mux's tick notes (`StageClock`)."""
+        """Check once; a `periodic.Tick`. How late the loop is, the mux's tick notes (`StageTimer`)."""
         self.check()
 
     def check(self) -> None:
@@ -77,7 +77,7 @@ class Caretaker:
         self._latch_fault(now_s)
         self._tell_systemd(now_s)
 
-    def _look_at(self, name: str, health: Health, seen: _Seen) -> None:
+    def _look_at(self, name: str, health: Health, seen: _LastReport) -> None:
         if seen.link is LinkState.READY and health.link is not LinkState.READY:
             seen.lost = f"{health.trouble or f'the {name} was lost'}; permit again"
             self.rearm(seen.lost)
@@ -118,7 +118,7 @@ class Caretaker:
                 self.rearm(AFTER_FAULT)
             elif self.retry_faults and now_s - self._fault_since_s > self._retry_after_s:
                 self._fault_since_s = now_s
-                self._retry_after_s = min(2 * self._retry_after_s, FAULT_RETRY_AT_MOST_S)
+                self._retry_after_s = min(2 * self._retry_after_s, MAX_FAULT_RETRY_S)
                 self.motor.clear_fault()
         elif self._fault_since_s is not None and state is not None:
             self._fault_since_s = None

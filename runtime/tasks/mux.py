@@ -6,11 +6,11 @@ from typing import Never
 
 from drivers.api import Clock, Motor
 from runtime.arbitration.command import NO_WINNER, Decision, Output, Source, arbitrate
-from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.command_queue import CommandQueue
 from runtime.control.limiter import Limiter
 from runtime.realtime.periodic import Tick
-from runtime.realtime.stage_timing import StageClock
-from runtime.recording.decision_log import Tape
+from runtime.realtime.stage_timing import StageTimer
+from runtime.recording.decision_log import DecisionLog
 from runtime.telemetry.screen_words import because
 
 log = logging.getLogger("wallride.mux")
@@ -28,21 +28,21 @@ class Mux:
 
     def __init__(
         self,
-        voices: Voices,
+        voices: CommandQueue,
         motor: Motor,
         limiter: Limiter,
         required: frozenset[Source],
         clock: Clock,
-        stages: StageClock | None = None,
-        tape: Tape | None = None,
+        stages: StageTimer | None = None,
+        tape: DecisionLog | None = None,
     ) -> None:
         self._voices = voices
         self._motor = motor
         self._limiter = limiter
         self._required = required
         self._clock = clock
-        self._stages = stages or StageClock(clock)
-        self._tape = tape or Tape(clock, 0)
+        self._stages = stages or StageTimer(clock)
+        self._tape = tape or DecisionLog(clock, 0)
         self._last_s = clock()
         self._publish: Callable[[Output], None] = lambda _: None
         self.output: Output | None = None
@@ -102,7 +102,7 @@ class SilenceTick:
     """
 
     def __init__(
-        self, voices: Voices, rate_hz: float, clock: Clock, noted: Tick = lambda _late_s, _missed: None
+        self, voices: CommandQueue, rate_hz: float, clock: Clock, noted: Tick = lambda _late_s, _missed: None
     ) -> None:
         self._voices = voices
         self._silent_after_s = SILENT_AFTER_PERIODS / rate_hz
@@ -110,7 +110,7 @@ class SilenceTick:
         self._noted = noted
 
     def tick(self, late_s: float, missed: int) -> None:
-        """Look once; a `metronome.Tick`."""
+        """Look once; a `periodic.Tick`."""
         self._noted(late_s, missed)
         voices = self._voices
         if voices.somebody_expired() or self._clock() - voices.spoken_s >= self._silent_after_s:

@@ -12,7 +12,7 @@ EVERY_UNHEARD: Final = 3
 work, and one that is lost is not yet a lost link (0.2 s). From the first command on every beat is sent."""
 
 
-class Attendance:
+class DeskTicker:
     """Has the desk look, and beats. `publish` sends a beat at once or not at all, and must not wait."""
 
     def __init__(self, desk: OperatorDesk, motor: Motor, publish: Callable[[bytes], None]) -> None:
@@ -22,7 +22,7 @@ class Attendance:
         self._unheard = -1  # the first beat at once
 
     def tick(self, _late_s: float, _missed: int) -> None:
-        """Look once, at the rate of the beats; a `metronome.Tick`."""
+        """Look once, at the rate of the beats; a `periodic.Tick`."""
         desk = self._desk
         desk.tick()
         self._unheard = 0 if desk.is_attended else (self._unheard + 1) % EVERY_UNHEARD

@@ -13,7 +13,7 @@ from runtime.control.perception.geometry import bearings_rad
 from runtime.control.perception.own_parts import KnownParts
 from runtime.control.perception.window_dirt import patches
 from runtime.recording import own_parts_memory as memory
-from runtime.recording.own_parts_memory import Remembered
+from runtime.recording.own_parts_memory import RememberedParts
 from runtime.wire import topics
 from runtime.wire.bus import RefusedError
 
@@ -77,7 +77,7 @@ class OwnPartsKeeper:
             return False
         self._dirty = False
         if known is not None and known.ranges_m:
-            self._stored = Remembered(self._car, self._met, self._date(), known)
+            self._stored = RememberedParts(self._car, self._met, self._date(), known)
         return True
 
     def status(self) -> Mapping[str, Any]:

@@ -8,16 +8,16 @@ from typing import Never, Protocol
 
 from runtime.parameters.catalogue import shown
 from runtime.parameters.file import StoreError, replace
-from runtime.parameters.history import Change, History
-from runtime.parameters.server import ParameterDesk
+from runtime.parameters.history import ChangeHistory, SettingChange
+from runtime.parameters.server import ParameterServer
 from runtime.parameters.update import UnacceptableError
 from runtime.wire import topics
 from runtime.wire.bus import RefusedError
 
 log = logging.getLogger("wallride.parameters")
 
-WRITTEN_AT_MOST_EVERY_S = 1.0
-NAMED_AT_MOST = 3
+MIN_WRITE_PERIOD_S = 1.0
+MAX_NAMED = 3
 
 Reply = Callable[[bytes], bytes | Awaitable[bytes]]
 
@@ -30,7 +30,7 @@ class Answering(Protocol):
         ...
 
 
-def serve(bus: Answering, car: str, desk: ParameterDesk) -> None:
+def serve(bus: Answering, car: str, desk: ParameterServer) -> None:
     """Answer `param/list|get|set|save|history` of a car."""
     replies: dict[str, Reply] = {
         "list": _refusing(desk.list_all),
@@ -43,7 +43,7 @@ def serve(bus: Answering, car: str, desk: ParameterDesk) -> None:
         bus.answer(topics.key(car, f"{topics.PARAM}/{name}"), reply)
 
 
-async def keep_history(history: History, file: Path | None) -> Never:
+async def keep_history(history: ChangeHistory, file: Path | None) -> Never:
     """Log changes and write them into a file, in a thread and at most once a second, however fast they come."""
     news = asyncio.Event()
     history.notify = news.set
@@ -55,10 +55,10 @@ async def keep_history(history: History, file: Path | None) -> Never:
         log.info("%s", _words(fresh))
         if file is not None:
             await _write(file, history.lines())
-        await asyncio.sleep(WRITTEN_AT_MOST_EVERY_S)
+        await asyncio.sleep(MIN_WRITE_PERIOD_S)
 
 
-def read_history(history: History, file: Path) -> None:
+def read_history(history: ChangeHistory, file: Path) -> None:
     """Take in what an earlier run wrote; blocks, for before the car drives."""
     try:
         bad = history.read(file.read_text(errors="replace").splitlines())
@@ -78,9 +78,9 @@ async def _write(file: Path, lines: str) -> None:
         log.warning("the history of parameters: %s", error)
 
 
-def _words(changes: list[Change]) -> str:
-    said = [f"{change.name} {shown(change.old)} -> {shown(change.new)}" for change in changes[-NAMED_AT_MOST:]]
-    more = f" and {len(changes) - NAMED_AT_MOST} more before" if len(changes) > NAMED_AT_MOST else ""
+def _words(changes: list[SettingChange]) -> str:
+    said = [f"{change.name} {shown(change.old)} -> {shown(change.new)}" for change in changes[-MAX_NAMED:]]
+    more = f" and {len(changes) - MAX_NAMED} more before" if len(changes) > MAX_NAMED else ""
     return f"{changes[-1].by} changed {', '.join(said)}{more}"
 
 

@@ -16,7 +16,7 @@ from runtime.recording import requests
 from runtime.recording.disk import explain
 from runtime.recording.recorder import Recorder
 from runtime.recording.recover import file_state
-from runtime.recording.requests import GetQuestion, ListQuestion, RecordQuestion, TrimQuestion
+from runtime.recording.requests import GetRecording, ListRecordings, RecordQuestion, TrimQuestion
 from runtime.recording.ring import MB, entries, parse, trim
 from runtime.wire import topics
 from runtime.wire.bus import RefusedError
@@ -25,7 +25,7 @@ BEGINS_WITHIN_S = 1.0
 LOOK_EVERY_S = 0.05
 PIECE_EVERY_S = 0.01
 PIECE_EVERY_ARMED_S = 0.1
-MOST_ASKING = 8
+MAX_ASKING = 8
 
 Reply = Callable[[bytes], bytes | Awaitable[bytes]]
 Q = TypeVar("Q", bound=BaseModel)
@@ -76,12 +76,12 @@ class Library:
 
     async def list_all(self, payload: bytes) -> bytes:
         """Return every recording, oldest first."""
-        _read(ListQuestion, payload)
+        _read(ListRecordings, payload)
         return topics.encode(await self._in_turn(lambda: _listing(self._recorder.folder)))
 
     async def get(self, payload: bytes) -> bytes:
         """Return a piece of a file: fewer bytes than asked for at its end, none behind it."""
-        question = _read(GetQuestion, payload)
+        question = _read(GetRecording, payload)
         if parse(question.name) is None:  # also keeps every path but those in the folder out
             raise RefusedError(f"{question.name!r} is not the name of a recording; see wallride logs list")
         path = self._recorder.folder / question.name
@@ -95,7 +95,7 @@ class Library:
 
     async def _in_turn(self, read: Callable[[], T]) -> T:
         """Read in a thread, one question after the other, with a pause after each."""
-        if self._asking >= MOST_ASKING:
+        if self._asking >= MAX_ASKING:
             raise RefusedError("too many are asking for recordings; try again")
         self._asking += 1
         try:
@@ -140,7 +140,7 @@ def _why(error: OSError) -> str:
 
 
 def _read(form: type[Q], payload: bytes) -> Q:
-    if len(payload) > requests.LONGEST_QUESTION_B:
+    if len(payload) > requests.MAX_QUESTION_B:
         raise RefusedError("the question is too long")
     try:
         return form.model_validate_json(payload or b"{}")

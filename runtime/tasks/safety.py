@@ -5,13 +5,13 @@ from typing import Never
 
 from drivers.api import Motor, MotorState, Scan
 from runtime.arbitration.queues import Inbox
-from runtime.realtime.stage_timing import Stage
+from runtime.realtime.stage_timing import TimedStage
 
 Look = Callable[[Scan, MotorState | None], object]
 """Takes in one scan and puts safety's word into the command queue: `LiveStack.look`."""
 
 
-async def watch(scans: Inbox[Scan], motor: Motor, look: Look, stage: Stage) -> Never:
+async def watch(scans: Inbox[Scan], motor: Motor, look: Look, stage: TimedStage) -> Never:
     """Take in each scan."""
     while True:
         scan = await scans.get()

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 from drivers.api import Scan
 from runtime.control.guidance import Guidance
-from runtime.realtime.stage_timing import Stage
+from runtime.realtime.stage_timing import TimedStage
 
 
 class ScanCycle:
@@ -16,7 +16,7 @@ class ScanCycle:
 
     def __init__(
         self,
-        stage: Stage,
+        stage: TimedStage,
         decide: Callable[[], None],
         publish: Callable[[Scan, Guidance], None],
         afterwards: Sequence[Callable[[Scan], None]] = (),

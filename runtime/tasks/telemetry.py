@@ -24,7 +24,7 @@ from runtime.ros.definitions import TYPES
 from runtime.ros.messages import Floats
 from runtime.telemetry import status as car_status
 from runtime.telemetry.sinks import Sink
-from runtime.telemetry.status import Observed
+from runtime.telemetry.status import ObservedState
 from runtime.telemetry.topic_writers import Message, Newest, TopicWriters, Vector
 from runtime.wire import topics
 
@@ -39,7 +39,7 @@ BURST_PERIOD_S = 0.04
 """Decisions come every 20 or 25 ms, so that every second one begins a burst: 20 or 25 a second."""
 TURN_S = 0.0002
 """A turn of the loop costs as much as a message, so one message per turn would double the work."""
-MOST_WAITING = 32
+MAX_WAITING = 32
 """Changes of mind, and others of which every one is told, that may wait; of more in one burst the oldest are lost."""
 
 _Waiting = tuple[str, float, Callable[[], Message | None]]
@@ -57,7 +57,7 @@ class Telemetry:
 
     def __init__(
         self,
-        observed: Observed,
+        observed: ObservedState,
         car: CarSettings,
         sinks: Sequence[Sink],
         *,
@@ -74,8 +74,8 @@ class Telemetry:
         )
         self._odometry = Odometry(car.wheelbase_m)
         self._news: dict[str, None] = {}  # a set that keeps its order
-        self._changes: deque[_Waiting] = deque(maxlen=MOST_WAITING)
-        self._each: deque[_Waiting] = deque(maxlen=MOST_WAITING)
+        self._changes: deque[_Waiting] = deque(maxlen=MAX_WAITING)
+        self._each: deque[_Waiting] = deque(maxlen=MAX_WAITING)
         self._mind: tuple[object, ...] = ()
         self._burst_s = -math.inf
         self._unanswered_s: float | None = None

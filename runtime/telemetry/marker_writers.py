@@ -15,13 +15,13 @@ from runtime.arbitration.command import Output, Source
 from runtime.control.guidance import Guidance
 from runtime.control.perception.view import View
 from runtime.control.vehicle import CarSettings
-from runtime.ros.markers import BLUE, GREEN, ORANGE, RED, Kind, Marker
+from runtime.ros.markers import BLUE, GREEN, ORANGE, RED, Marker, MarkerType
 from runtime.ros.messages import Floats
 
 WALL_ENDS_M = -1.0, 3.0
 """Where it is drawn, along it from the point beside the rear axle."""
 LOOK_S = 1.0
-SHORTEST_LOOK_M = 0.5
+MIN_LOOK_M = 0.5
 STEPS = 16
 SMALL_RAD = 1e-6
 """A turn so small is drawn straight."""
@@ -42,9 +42,9 @@ def wall(guidance: Guidance, side: Literal["left", "right"], ball_m: Floats | No
         cos, sin = math.cos(guidance.angle_rad), math.sin(guidance.angle_rad)
         foot_x_m, foot_y_m = -sign * sin * away_m, sign * cos * away_m
         line = [[foot_x_m + cos * on_m for on_m in WALL_ENDS_M], [foot_y_m + sin * on_m for on_m in WALL_ENDS_M]]
-        drawings.append(Marker("wall", Kind.LINE_STRIP, np.array(line), GREEN))
+        drawings.append(Marker("wall", MarkerType.LINE_STRIP, np.array(line), GREEN))
     if ball_m is not None and ball_m.shape[1]:
-        drawings.append(Marker("ball", Kind.LINE_STRIP, ball_m, BLUE))
+        drawings.append(Marker("ball", MarkerType.LINE_STRIP, ball_m, BLUE))
     return drawings
 
 
@@ -59,10 +59,10 @@ def footprint(output: Output, car: CarSettings, view: View | None) -> list[Marke
     color = GREEN if not bound else ORANGE if drive.speed_mps else RED
     edges = edges_m(car, drive.steering_rad, travel_m)
     drawings = [
-        Marker("car", Kind.LINE_STRIP, outline_m(car), BLUE),
-        Marker("left edge", Kind.LINE_STRIP, edges[0], color),
-        Marker("right edge", Kind.LINE_STRIP, edges[1], color),
-        Marker("end", Kind.LINE_STRIP, edges[:, :, -1].T, color),
+        Marker("car", MarkerType.LINE_STRIP, outline_m(car), BLUE),
+        Marker("left edge", MarkerType.LINE_STRIP, edges[0], color),
+        Marker("right edge", MarkerType.LINE_STRIP, edges[1], color),
+        Marker("end", MarkerType.LINE_STRIP, edges[:, :, -1].T, color),
     ]
     if view is None:
         return drawings
@@ -70,14 +70,14 @@ def footprint(output: Output, car: CarSettings, view: View | None) -> list[Marke
         drawings += _cause(view, car, *pose(drive.steering_rad, travel_m, car.wheelbase_m))
     ignored = (np.isfinite(view.ranges_m) & ~view.solid).nonzero()[0]  # few: places are cheaper than a mask
     points = np.array([view.x_m.take(ignored), view.y_m.take(ignored)])
-    return [*drawings, Marker("ignored", Kind.POINTS, points, ORANGE)]
+    return [*drawings, Marker("ignored", MarkerType.POINTS, points, ORANGE)]
 
 
 def way_m(drive: Drive, free_m: float) -> float:
     """Return how far ahead to draw, negative backwards: to the contact where one is known, else a second of driving."""
     if math.isfinite(free_m):
         return math.copysign(free_m, drive.speed_mps or 1.0)
-    return math.copysign(max(SHORTEST_LOOK_M, LOOK_S * abs(drive.speed_mps)), drive.speed_mps)
+    return math.copysign(max(MIN_LOOK_M, LOOK_S * abs(drive.speed_mps)), drive.speed_mps)
 
 
 def pose(steering_rad: float, travel_m: float, wheelbase_m: float) -> tuple[float, float, float]:
@@ -128,6 +128,6 @@ def _cause(view: View, car: CarSettings, x_m: float, y_m: float, yaw_rad: float)
     hit = np.array([[solid_x_m[nearest]], [solid_y_m[nearest]]])
     beam = np.hstack([np.array([[car.lidar_x_m], [0.0]]), hit])
     return (
-        Marker("the beam that stops", Kind.LINE_STRIP, beam, RED, 0.015),
-        Marker("what stops", Kind.POINTS, hit, RED, 0.1),
+        Marker("the beam that stops", MarkerType.LINE_STRIP, beam, RED, 0.015),
+        Marker("what stops", MarkerType.POINTS, hit, RED, 0.1),
     )

@@ -14,12 +14,21 @@ from typing import Any
 
 from drivers.api import Clock, Lidar, LinkState, Motor
 from drivers.value import value
-from runtime.arbitration.command import NO_WINNER, CapWord, Decision, DriveWord, Outlook, Output, Source, Word
-from runtime.arbitration.command_queue import Voices
-from runtime.control.perception.odometry import Pose
-from runtime.control.safety.swept import Outlook as SweptOutlook
+from runtime.arbitration.command import (
+    NO_WINNER,
+    Decision,
+    DriveCommand,
+    Output,
+    SafetyAssessment,
+    Source,
+    SpeedLimit,
+    Word,
+)
+from runtime.arbitration.command_queue import CommandQueue
+from runtime.control.perception.odometry import OdometryState
+from runtime.control.safety.swept import SweptAssessment as SweptOutlook
 from runtime.control.score import Score
-from runtime.realtime.stage_timing import StageClock
+from runtime.realtime.stage_timing import StageTimer
 from runtime.teleop.status import OperatorView
 from runtime.wire.teleop import session_text
 
@@ -28,7 +37,7 @@ NO_WORD = "no word"
 
 
 @value()
-class Said:
+class SourceStatus:
     """What one voice says about the drive in question.
 
     speed_mps: a driver's wish; a cap's ceiling in the direction of the drive, >= 0, infinity where it does not object.
@@ -41,19 +50,19 @@ class Said:
     measure: float = math.nan
 
 
-def said(word: Word, decision: Decision | None) -> Said:
+def said(word: Word, decision: Decision | None) -> SourceStatus:
     """Return what a word says now.
 
     A cap that decided is quoted from the decision. Another one is only asked about standing still, which is cheap and
     leaves no trace in a safety law that remembers its own words.
     """
-    if isinstance(word, DriveWord):
-        return Said(word.drive.speed_mps, word.drive.steering_rad, word.reason)
+    if isinstance(word, DriveCommand):
+        return SourceStatus(word.drive.speed_mps, word.drive.steering_rad, word.reason)
     if decision is not None and decision.winner is word.source:
-        return Said(abs(decision.speed_mps), None, decision.reason, decision.measure)
+        return SourceStatus(abs(decision.speed_mps), None, decision.reason, decision.measure)
     verdict = word.outlook.limit(0.0, 0.0)
     backward = decision is not None and decision.speed_mps < 0
-    return Said(verdict.reverse_mps if backward else verdict.forward_mps, None, verdict.reason, verdict.measure)
+    return SourceStatus(verdict.reverse_mps if backward else verdict.forward_mps, None, verdict.reason, verdict.measure)
 
 
 @dataclass(slots=True)
@@ -83,7 +92,7 @@ class Latency:
 
 
 @dataclass(frozen=True, slots=True)
-class Observed:
+class ObservedState:
     """What can be looked at; nothing here is owned.
 
     operator: the operator's side, None where there is none. window: what is wrong with the lidar's window, in words.
@@ -96,13 +105,13 @@ class Observed:
     version: str
     lidar: Lidar
     motor: Motor
-    voices: Voices
+    voices: CommandQueue
     clock: Clock
     seconds_by_winner: Mapping[str, float]
     window: Callable[[], Sequence[str]] = tuple
     operator: Callable[[], OperatorView] | None = None
     link: Callable[[], Mapping[str, Any]] = dict
-    timings: StageClock | None = None
+    timings: StageTimer | None = None
     recording: Callable[[], Mapping[str, Any]] = dict
     own_parts: Callable[[], Mapping[str, Any]] = dict
     session: int = 0
@@ -116,10 +125,10 @@ class Journey:
     scans: int = 0
     score: Score = field(default_factory=Score)
     latency: Latency = field(default_factory=Latency)
-    pose: Pose = field(default_factory=Pose)
+    pose: OdometryState = field(default_factory=OdometryState)
 
 
-def status(observed: Observed, output: Output | None, journey: Journey) -> dict[str, Any]:
+def status(observed: ObservedState, output: Output | None, journey: Journey) -> dict[str, Any]:
     """Return the answer to "why is it (not) moving"."""
     now_s, motor_state = observed.clock(), observed.motor.state
     decision = output.decision if output is not None else None
@@ -171,7 +180,7 @@ def state(output: Output | None, closed: Mapping[str, str]) -> str:
     return "driving" if output.drive.speed_mps else "standing"
 
 
-def gates(observed: Observed, heard: Mapping[Source, Said]) -> dict[str, str]:
+def gates(observed: ObservedState, heard: Mapping[Source, SourceStatus]) -> dict[str, str]:
     """Return what must be open for autonomy to move, each with the reason why it is closed, "" where it is open."""
     closed = {
         name: "" if device.health.link is LinkState.READY else f"{device.health.link}: {device.health.message}"
@@ -187,7 +196,7 @@ def gates(observed: Observed, heard: Mapping[Source, Said]) -> dict[str, str]:
 
 
 def overruled(
-    observed: Observed, live: Mapping[Source, Word], decision: Decision | None
+    observed: ObservedState, live: Mapping[Source, Word], decision: Decision | None
 ) -> dict[str, float | str] | None:
     """Return what safety says to the wish of a human whom it does not bind; None where it binds or does not object.
 
@@ -195,7 +204,7 @@ def overruled(
     """
     order, safety, wish = observed.voices.order, live.get(Source.SAFETY), live.get(Source.TELEOP)
     driving = decision is not None and decision.driver is Source.TELEOP
-    if not driving or not isinstance(wish, DriveWord) or not isinstance(safety, CapWord):
+    if not driving or not isinstance(wish, DriveCommand) or not isinstance(safety, SpeedLimit):
         return None
     if order.index(Source.SAFETY) < order.index(Source.TELEOP) or not wish.drive.speed_mps:
         return None
@@ -206,7 +215,7 @@ def overruled(
     return {"speed_mps": most_mps, "reason": verdict.reason, "measure": verdict.measure}
 
 
-def _without_trace(outlook: Outlook) -> Outlook:
+def _without_trace(outlook: SafetyAssessment) -> SafetyAssessment:
     """Return an outlook that can be asked without the law remembering what it said."""
     if not isinstance(outlook, SweptOutlook):
         return outlook
@@ -215,7 +224,9 @@ def _without_trace(outlook: Outlook) -> Outlook:
     return replace(outlook, guard=guard)
 
 
-def voices(observed: Observed, live: Mapping[Source, Word], heard: Mapping[Source, Said]) -> dict[str, Any]:
+def voices(
+    observed: ObservedState, live: Mapping[Source, Word], heard: Mapping[Source, SourceStatus]
+) -> dict[str, Any]:
     """Return every voice in the mux's order: its age, whether it is in force, and what it says."""
     ages_s = observed.voices.ages_s()
     return {str(source): _voice(live.get(source), ages_s.get(source), heard) for source in observed.voices.order}
@@ -234,7 +245,7 @@ def decision_fields(output: Output, live: Mapping[Source, Word]) -> dict[str, An
         "driver": str(decision.driver) if decision.driver is not None else None,
         "reason": decision.reason,
         "measure": decision.measure,
-        "asked_mps": word.drive.speed_mps if isinstance(word, DriveWord) else None,
+        "asked_mps": word.drive.speed_mps if isinstance(word, DriveCommand) else None,
         "allowed_mps": decision.speed_mps,
         "speed_mps": output.drive.speed_mps,
         "steering_rad": output.drive.steering_rad,
@@ -242,7 +253,7 @@ def decision_fields(output: Output, live: Mapping[Source, Word]) -> dict[str, An
     }
 
 
-def decision(observed: Observed, output: Output) -> dict[str, Any]:
+def decision(observed: ObservedState, output: Output) -> dict[str, Any]:
     """Return the message `decision`: the fields, and how old each voice is."""
     live = {word.source: word for word in observed.voices.live()}
     ages_s = {str(source): age_s for source, age_s in observed.voices.ages_s().items()}
@@ -260,14 +271,14 @@ def health_fields(device: Lidar | Motor) -> dict[str, Any]:
     }
 
 
-def _voice(word: Word | None, age_s: float | None, heard: Mapping[Source, Said]) -> dict[str, Any]:
+def _voice(word: Word | None, age_s: float | None, heard: Mapping[Source, SourceStatus]) -> dict[str, Any]:
     if word is None:
         return {"age_s": age_s, "live": False}
     says = heard[word.source]
     fields = {
         "age_s": age_s,
         "live": True,
-        "caps": isinstance(word, CapWord),
+        "caps": isinstance(word, SpeedLimit),
         "speed_mps": says.speed_mps,
         "reason": says.reason,
         "measure": says.measure,

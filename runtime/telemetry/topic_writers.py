@@ -6,17 +6,17 @@ from dataclasses import dataclass
 from typing import Literal
 
 from drivers.api import LinkState, MotorState, Scan
-from runtime.arbitration.command import NO_WINNER, CapWord, DriveWord, Output, Source
+from runtime.arbitration.command import NO_WINNER, DriveCommand, Output, Source, SpeedLimit
 from runtime.control.guidance import Guidance
 from runtime.control.perception.view import View
-from runtime.control.safety.swept import Outlook
+from runtime.control.safety.swept import SweptAssessment
 from runtime.control.vehicle import CarSettings
 from runtime.realtime.wall_clock import WallClock
 from runtime.ros import markers, messages
-from runtime.ros.messages import Floats, Frame, Report
+from runtime.ros.messages import DiagnosticStatus, Floats, Frame
 from runtime.telemetry import marker_writers
 from runtime.telemetry import status as car_status
-from runtime.telemetry.status import Journey, Observed, Said
+from runtime.telemetry.status import Journey, ObservedState, SourceStatus
 from runtime.wire import topics
 
 Message = tuple[float, bytes]
@@ -45,7 +45,7 @@ class TopicWriters:
 
     def __init__(
         self,
-        observed: Observed,
+        observed: ObservedState,
         car: CarSettings,
         newest: Newest,
         journey: Journey,
@@ -128,16 +128,16 @@ class TopicWriters:
         if output is None or output.decision.driver is None:
             return None
         safety, wish = voices.word(Source.SAFETY), voices.word(output.decision.driver)
-        if safety is None or not isinstance(wish, DriveWord):
+        if safety is None or not isinstance(wish, DriveCommand):
             return None
-        heard: Said = car_status.said(safety, output.decision)
+        heard: SourceStatus = car_status.said(safety, output.decision)
         allowed_mps = math.copysign(min(abs(wish.drive.speed_mps), heard.speed_mps), wish.drive.speed_mps)
         return self._drive(safety.scan_stamp_s or output.stamp_s, allowed_mps, wish.drive.steering_rad)
 
     def _voice(self, source: Source) -> Message | None:
         """What a driver wishes; nothing while it is silent."""
         word = self._observed.voices.word(source)
-        if not isinstance(word, DriveWord):
+        if not isinstance(word, DriveCommand):
             return None
         stamp_s = word.scan_stamp_s if word.scan_stamp_s is not None else self._observed.clock()
         return self._drive(stamp_s, word.drive.speed_mps, word.drive.steering_rad)
@@ -175,14 +175,14 @@ class TopicWriters:
         for name, device in (("lidar", observed.lidar), ("motor", observed.motor)):
             health = device.health
             counts = {what: str(times) for what, times in health.counts.items()}
-            reports.append(Report(LEVELS[health.link], name, health.message, health.identity, counts))
+            reports.append(DiagnosticStatus(LEVELS[health.link], name, health.message, health.identity, counts))
         window = tuple(observed.window())
-        reports.append(Report(1 if window else 0, "window", "; ".join(window) or "clean", "", {}))
+        reports.append(DiagnosticStatus(1 if window else 0, "window", "; ".join(window) or "clean", "", {}))
         if (output := self._newest.output) is not None:
             decision = output.decision
             why = f"{decision.winner or NO_WINNER}: {decision.reason}"
             seconds = {winner: f"{spent_s:.1f} s" for winner, spent_s in observed.seconds_by_winner.items()}
-            reports.append(Report(0 if output.delivered else 2, "mux", why, "", seconds))
+            reports.append(DiagnosticStatus(0 if output.delivered else 2, "mux", why, "", seconds))
         return stamp_s, messages.diagnostics(self.unix_ns(stamp_s), reports)
 
     def _status(self) -> Message | None:
@@ -198,5 +198,5 @@ class TopicWriters:
     def _view(self) -> View | None:
         """Return the newest scan as safety sees it, where the law keeps a view."""
         word = self._observed.voices.word(Source.SAFETY)
-        outlook = word.outlook if isinstance(word, CapWord) else None
-        return outlook.view if isinstance(outlook, Outlook) else None
+        outlook = word.outlook if isinstance(word, SpeedLimit) else None
+        return outlook.view if isinstance(outlook, SweptAssessment) else None

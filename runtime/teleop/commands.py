@@ -5,35 +5,35 @@ an operator is there at all, the permit's consent is a lease, so that it ends ev
 """
 
 from drivers.api import Drive
-from runtime.arbitration.command import DriveWord, Source
-from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.command import DriveCommand, Source
+from runtime.arbitration.command_queue import CommandQueue
 from runtime.arbitration.permit import NOT_GRANTED, NOT_REQUIRED, Permit
-from runtime.teleop.status import Standing
+from runtime.teleop.status import OperatorState
 
 
-class OperatorWords:
+class TeleopStatements:
     """Speaks for the operator.
 
     holding: what the last obeyed command held: MANUAL, AUTONOMY, or RELEASED.
     incident: why autonomy waits for an act of an operator, in the mode that needs no permit; "" when it does not.
     """
 
-    def __init__(self, voices: Voices, permit: Permit) -> None:
+    def __init__(self, voices: CommandQueue, permit: Permit) -> None:
         self._voices = voices
         self._permit = permit
-        self.holding = Standing.RELEASED
+        self.holding = OperatorState.RELEASED
         self.incident = ""
 
     def drive(self, name: str, drive: Drive, *, until_s: float) -> None:
         """Let a human drive."""
-        self.holding, self.incident = Standing.MANUAL, ""
+        self.holding, self.incident = OperatorState.MANUAL, ""
         self._permit.refuse(f"{name} drives by hand")
-        self._voices.say(DriveWord(Source.TELEOP, drive, None, f"{name} drives"), expires_at_s=until_s)
+        self._voices.say(DriveCommand(Source.TELEOP, drive, None, f"{name} drives"), expires_at_s=until_s)
 
     def permit(self, *, until_s: float) -> None:
         """Let autonomy move."""
         self._withdraw()
-        self.holding, self.incident = Standing.AUTONOMY, ""
+        self.holding, self.incident = OperatorState.AUTONOMY, ""
         self._permit.grant(until_s=until_s)
 
     def release(self, *, until_s: float) -> None:
@@ -53,7 +53,7 @@ class OperatorWords:
 
     def interrupt(self, reason: str) -> None:
         """Stop what is held down; where nothing is, only a permit that was granted ends."""
-        if self.holding is Standing.RELEASED:
+        if self.holding is OperatorState.RELEASED:
             self._permit.revoke(reason)
         else:
             self.halt(reason)
@@ -65,6 +65,6 @@ class OperatorWords:
         self._permit.rest()
 
     def _withdraw(self) -> None:
-        if self.holding is Standing.MANUAL:
+        if self.holding is OperatorState.MANUAL:
             self._voices.silence(Source.TELEOP)
-        self.holding = Standing.RELEASED
+        self.holding = OperatorState.RELEASED

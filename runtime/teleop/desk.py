@@ -17,16 +17,16 @@ import math
 from collections.abc import Callable
 
 from drivers.api import Clock, Drive
-from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.command_queue import CommandQueue
 from runtime.arbitration.emergency_stop import Cause, EmergencyStop
 from runtime.arbitration.permit import Permit
-from runtime.host.rate_limited_log import QuietLog
+from runtime.host.rate_limited_log import RateLimitedLog
 from runtime.settings.operator import OperatorSettings
-from runtime.teleop.commands import OperatorWords
+from runtime.teleop.commands import TeleopStatements
 from runtime.teleop.freshness import Beats
 from runtime.teleop.rejections import Refusal, Refusals
-from runtime.teleop.sessions import Gate, Session
-from runtime.teleop.status import Facts, OperatorView
+from runtime.teleop.sessions import SessionGate, TeleopSession
+from runtime.teleop.status import DeskFacts, OperatorView
 from runtime.wire.teleop import UNKNOWN_AGE_MS, Beat, Command, Input, Malformed, Press, is_stop, read_command
 
 log = logging.getLogger("wallride.operator")
@@ -44,7 +44,7 @@ class OperatorDesk:
     def __init__(
         self,
         settings: OperatorSettings,
-        voices: Voices,
+        voices: CommandQueue,
         permit: Permit,
         emergency_stop: EmergencyStop,
         clear_fault: Callable[[], None],
@@ -58,14 +58,14 @@ class OperatorDesk:
         self._clock = clock
         self._car_session = car_session
         self._beats = Beats(clock)
-        self._gate = Gate(
+        self._gate = SessionGate(
             self._beats, car_session, expiry_s=settings.expiry_s, forget_after_s=settings.slot_free_after_s
         )
-        self._log = QuietLog(log, clock)
+        self._log = RateLimitedLog(log, clock)
         self._refusals = Refusals(self._log)
-        self._words = OperatorWords(voices, permit)
-        self._operator: Session | None = None
-        self._lost: Session | None = None  # fell silent; until a client acts or it says goodbye
+        self._words = TeleopStatements(voices, permit)
+        self._operator: TeleopSession | None = None
+        self._lost: TeleopSession | None = None  # fell silent; until a client acts or it says goodbye
         self._reason = ""  # why everything has to be released
         self._futile_until_s = -math.inf  # a client presses without having released
         self._accepted = 0
@@ -140,7 +140,7 @@ class OperatorDesk:
             refused=self._refusals.counts,
         )
 
-    def _obey(self, session: Session, command: Command, now_s: float) -> None:
+    def _obey(self, session: TeleopSession, command: Command, now_s: float) -> None:
         if session is self._operator:
             self._lost = None
             self._round_trip_s = now_s - session.beat_s
@@ -164,7 +164,7 @@ class OperatorDesk:
         else:
             self._press(session, command)
 
-    def _press(self, session: Session, command: Command) -> None:
+    def _press(self, session: TeleopSession, command: Command) -> None:
         flags, until_s = command.flags, session.beat_s + self._settings.expiry_s
         if flags == Press.RESET:
             self._reset(session)
@@ -181,24 +181,24 @@ class OperatorDesk:
         else:
             self._distrust(session, Refusal.CONTRADICTION, "press one thing at a time")
 
-    def _release(self, session: Session) -> None:
+    def _release(self, session: TeleopSession) -> None:
         session.armed = True
         if session is self._operator:
             self._words.release(until_s=session.beat_s + self._settings.expiry_s)
 
-    def _leave(self, session: Session) -> None:
+    def _leave(self, session: TeleopSession) -> None:
         session.over = True
         if session in {self._operator, self._lost}:
             self._log.say("left", f"{session.title} said goodbye", logging.INFO)
             self._operator = self._lost = None
             self._words.leave()
 
-    def _take_over(self, session: Session) -> None:
+    def _take_over(self, session: TeleopSession) -> None:
         self._gate.disarm()
         self._appoint(session)
         self._halt(f"{session.title} took over")
 
-    def _reset(self, session: Session) -> None:
+    def _reset(self, session: TeleopSession) -> None:
         if not self._emergency_stop.latched:
             session.armed = False
             self._reason = "a reset, and nothing to reset"
@@ -211,7 +211,7 @@ class OperatorDesk:
             self._clear_fault()
             self._halt("the e-stop was reset")
 
-    def _appoint(self, session: Session) -> None:
+    def _appoint(self, session: TeleopSession) -> None:
         self._lost = None
         if self._operator is not session:
             self._operator = session
@@ -225,7 +225,7 @@ class OperatorDesk:
             self._emergency_stop.latch(Cause.OPERATOR, reason)
             self._halt(reason)
 
-    def _distrust(self, session: Session, kind: Refusal, advice: str) -> None:
+    def _distrust(self, session: TeleopSession, kind: Refusal, advice: str) -> None:
         self._refusals.count(kind, advice)
         session.armed = False
         if session is self._operator:
@@ -251,10 +251,10 @@ class OperatorDesk:
         still_s = command.input_age_ms / 1000
         return command.input is Input.PAD and command.speed_mps != 0 and still_s > self._settings.frozen_after_s
 
-    def _facts(self) -> Facts:
+    def _facts(self) -> DeskFacts:
         now_s = self._clock()
         operator = self._operator
-        return Facts(
+        return DeskFacts(
             e_stop=self._emergency_stop.causes,
             present=operator is not None and self._lost is None,
             lost=self._lost is not None,

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from enum import StrEnum
 
-from runtime.host.rate_limited_log import QuietLog
+from runtime.host.rate_limited_log import RateLimitedLog
 
 
 class Refusal(StrEnum):
@@ -27,7 +27,7 @@ class Refusal(StrEnum):
 class Refusals:
     """Counts; the log hears of each kind at most once a second, whatever arrives."""
 
-    def __init__(self, log: QuietLog) -> None:
+    def __init__(self, log: RateLimitedLog) -> None:
         self._log = log
         self._counts: dict[Refusal, int] = {}
 

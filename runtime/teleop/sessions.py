@@ -15,7 +15,7 @@ MAX_SESSIONS = 64
 
 
 @dataclass(slots=True, eq=False)
-class Session:
+class TeleopSession:
     """One start of one client.
 
     sequence: the newest command that passed. beat_s: when the car sent the beat which that command echoed.
@@ -40,7 +40,7 @@ class Session:
         return self.name or "an operator without a name"
 
 
-class Gate:
+class SessionGate:
     """Lets fresh and new commands through, and knows the sessions that sent them.
 
     A session that is forgotten was silent for `forget_after_s`, which is longer than `expiry_s`: whatever is
@@ -52,9 +52,9 @@ class Gate:
         self._car_session = car_session
         self._expiry_s = expiry_s
         self._forget_after_s = max(forget_after_s, 2 * expiry_s)
-        self._sessions: dict[int, Session] = {}
+        self._sessions: dict[int, TeleopSession] = {}
 
-    def admit(self, command: Command, now_s: float, arrival_s: float) -> Session | Refusal:
+    def admit(self, command: Command, now_s: float, arrival_s: float) -> TeleopSession | Refusal:
         """Judge a command; return the session that it renewed, or why it does not count."""
         if command.car_session != self._car_session:
             return Refusal.FOREIGN
@@ -86,12 +86,12 @@ class Gate:
         sessions = self._sessions.values()
         return len([one for one in sessions if not one.over and now_s - one.heard_s < self._forget_after_s])
 
-    def _open(self, command: Command, now_s: float, arrival_s: float, beat_s: float) -> Session | Refusal:
+    def _open(self, command: Command, now_s: float, arrival_s: float, beat_s: float) -> TeleopSession | Refusal:
         if len(self._sessions) >= MAX_SESSIONS:
             self._forget_silent(now_s)
         if len(self._sessions) >= MAX_SESSIONS:
             return Refusal.TOO_MANY
-        session = Session(
+        session = TeleopSession(
             command.session, command.name, command.sequence, beat_s, beat_s + self._expiry_s, now_s, arrival_s
         )
         self._sessions[command.session] = session

@@ -6,10 +6,10 @@ from typing import Any
 
 from drivers.value import value
 from runtime.arbitration.emergency_stop import Cause
-from runtime.wire.teleop import Condition
+from runtime.wire.teleop import CarCondition
 
 
-class Standing(StrEnum):
+class OperatorState(StrEnum):
     """Where the operator's side stands; the first that applies, most urgent first."""
 
     ESTOP = "e-stop"
@@ -24,45 +24,45 @@ class Standing(StrEnum):
 
 
 @value()
-class Facts:
+class DeskFacts:
     """What the desk knows at one moment, before it is put into words.
 
     present, lost: the operator's commands are fresh; an operator fell silent and no client has acted since.
     must_release: a press is not obeyed, and a client that could operate presses or may do so.
-    holding, incident: as in `OperatorWords`. permitted: autonomy may move now.
+    holding, incident: as in `TeleopStatements`. permitted: autonomy may move now.
     """
 
     e_stop: Mapping[Cause, str]
     present: bool
     lost: bool
     must_release: bool
-    holding: Standing
+    holding: OperatorState
     incident: str
     permitted: bool
 
-    def standing(self) -> Standing:
+    def standing(self) -> OperatorState:
         """Put it into one word."""
         if self.e_stop:
-            return Standing.ESTOP
+            return OperatorState.ESTOP
         if self.lost:
-            return Standing.LOST
+            return OperatorState.LOST
         if self.must_release:
-            return Standing.REARM
-        if self.holding is not Standing.RELEASED:
+            return OperatorState.REARM
+        if self.holding is not OperatorState.RELEASED:
             return self.holding
         if self.incident:
-            return Standing.WAITING
-        return Standing.RELEASED if self.present else Standing.ABSENT
+            return OperatorState.WAITING
+        return OperatorState.RELEASED if self.present else OperatorState.ABSENT
 
-    def condition(self) -> Condition:
+    def condition(self) -> CarCondition:
         """Put it into the flags of a beat."""
-        return Condition(
-            bool(self.e_stop) * Condition.ESTOP_LATCHED
-            + self.permitted * Condition.PERMITTED
-            + self.present * Condition.OPERATOR_PRESENT
-            + self.lost * Condition.OPERATOR_LOST
-            + self.must_release * Condition.REARM
-            + (Cause.MOTOR in self.e_stop) * Condition.FAULT
+        return CarCondition(
+            bool(self.e_stop) * CarCondition.ESTOP_LATCHED
+            + self.permitted * CarCondition.PERMITTED
+            + self.present * CarCondition.OPERATOR_PRESENT
+            + self.lost * CarCondition.OPERATOR_LOST
+            + self.must_release * CarCondition.REARM
+            + (Cause.MOTOR in self.e_stop) * CarCondition.FAULT
         )
 
 
@@ -78,7 +78,7 @@ class OperatorView:
     e_stop: what holds the emergency stop, by cause. refused: commands not obeyed, by kind.
     """
 
-    standing: Standing
+    standing: OperatorState
     operator: str
     session: str
     sessions: int

@@ -74,7 +74,7 @@ class Input(IntEnum):
     SCRIPT = 3
 
 
-class Condition(IntFlag):
+class CarCondition(IntFlag):
     """What the car says about itself in every beat."""
 
     ESTOP_LATCHED = 1
@@ -91,7 +91,7 @@ class Condition(IntFlag):
 
 
 _KNOWN_PRESSES = int(Press(0b111_1111))
-_KNOWN_CONDITIONS = int(Condition(0b11_1111))
+_KNOWN_CONDITIONS = int(CarCondition(0b11_1111))
 
 
 @value()
@@ -146,7 +146,7 @@ class Beat:
 
     car_session: int
     beat: int
-    flags: Condition
+    flags: CarCondition
     operator_session: int = 0
     acknowledged: int = 0
     acknowledged_age_ms: int = UNKNOWN_AGE_MS
@@ -192,7 +192,7 @@ def read_beat(payload: bytes) -> Beat:
         raise Malformed("unknown flags")
     if not math.isnan(speed_mps) and abs(speed_mps) > MAX_SPEED_MPS:
         raise Malformed("an impossible speed")
-    return Beat(car_session, beat, Condition(flags), session, acknowledged, age_ms, speed_mps, _read_name(name))
+    return Beat(car_session, beat, CarCondition(flags), session, acknowledged, age_ms, speed_mps, _read_name(name))
 
 
 def session_text(car_session: int) -> str:

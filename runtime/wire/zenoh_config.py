@@ -16,7 +16,7 @@ from runtime.wire.endpoints import check_listening, is_tls, split_endpoint
 LEASE_MS = 1000
 KEEP_ALIVES_PER_LEASE = 4
 CONNECT_TIMEOUT_MS = 1000
-LARGEST_INCOMING_B = 1 << 20
+MAX_INCOMING_B = 1 << 20
 """zenoh would gather up to 1 GiB from anyone who sends it in pieces; nothing that the car is told is this long."""
 
 
@@ -92,7 +92,7 @@ def car_config(listen: Sequence[str], tls: Tls | None, people: Sequence[Person],
     }
     # One link per session: the rights of a session are judged over all its links together.
     config["transport"]["unicast"] = {"max_links": 1}
-    config["transport"]["link"]["rx"] = {"max_message_size": LARGEST_INCOMING_B}
+    config["transport"]["link"]["rx"] = {"max_message_size": MAX_INCOMING_B}
     if tls is not None:
         config["transport"]["link"]["tls"] = {
             "root_ca_certificate": str(tls.authority),

@@ -12,12 +12,12 @@ from statistics import median
 
 import numpy as np
 
-from sim.bench.devices import Command
-from sim.bench.rig import Sent
+from sim.bench.devices import MotorCommand
+from sim.bench.rig import SentScan
 
 
 @dataclass(slots=True)
-class Answers:
+class AnswerTimes:
     """latency_s: of every answered scan. any_s: until the first command of any kind. unanswered: scans without."""
 
     latency_s: list[float] = field(default_factory=list)
@@ -38,13 +38,13 @@ def percentiles_ms(samples_s: Sequence[float]) -> dict[str, float]:
     return {"p50": float(p50), "p99": float(p99), "p99_9": float(p99_9), "max": float(milliseconds.max())}
 
 
-def pair(sent: Sequence[Sent], commands: Sequence[Command]) -> Answers:
+def pair(sent: Sequence[SentScan], commands: Sequence[MotorCommand]) -> AnswerTimes:
     """Pair every scan with its answer, which must come before the next scan.
 
     A scan counts as written when the call returned; where the scheduler gave the core to the car within the call, and
     so it took longer than usual, as long after its beginning as usual.
     """
-    answers = Answers()
+    answers = AnswerTimes()
     usual_s = median(scan.at_s - scan.begun_s for scan in sent) if sent else 0.0
     times_s = [command.at_s for command in commands]
     for i, scan in enumerate(sent):
@@ -81,7 +81,7 @@ class Onsets:
         return {"onsets": self.onsets, "slipped": self.slipped, **percentiles_ms(self.stops_s)}
 
 
-def onsets(sent: Sequence[Sent], commands: Sequence[Command]) -> Onsets:
+def onsets(sent: Sequence[SentScan], commands: Sequence[MotorCommand]) -> Onsets:
     """Count; a moving command under a board counts as slipped unless it only repeats what an older scan steered."""
     found = Onsets()
     times_s = [command.at_s for command in commands]

@@ -14,7 +14,7 @@ from sim.bench import measure
 from sim.bench.medians import median_of
 from sim.bench.rig import BenchError
 
-Measurement = Callable[[measure.Plan], dict[str, Any]]
+Measurement = Callable[[measure.MeasurementPlan], dict[str, Any]]
 MEASUREMENTS: Final[Mapping[str, Measurement]] = {
     "latency": measure.latency,
     "cpu": measure.cpu,
@@ -28,7 +28,7 @@ FAILED: Final = 1
 
 def run(options: argparse.Namespace) -> int:
     """Measure; exit code 1 when something is broken, never because of a time."""
-    plan = replace(measure.SHORT if options.short else measure.Plan(), settings=tuple(options.assignments))
+    plan = replace(measure.SHORT if options.short else measure.MeasurementPlan(), settings=tuple(options.assignments))
     count = options.runs or (1 if options.short else 3)
     runs: list[dict[str, Any]] = []
     try:

@@ -26,7 +26,7 @@ class Cost:
         return sum(self.cpu.values())
 
 
-class Meter:
+class ProcessMeter:
     """Measures processes from now until `stop`. began_s: when that began (monotonic)."""
 
     def __init__(self, pids: Sequence[int]) -> None:

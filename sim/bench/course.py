@@ -42,7 +42,7 @@ class Picture:
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class BenchScans:
     """free: scans of a drive in a corridor with corners. blocked: the same with a board before the car."""
 
     model: SensorModel
@@ -63,7 +63,7 @@ def sensor(beams: int, rate_hz: float) -> SensorModel:
     )
 
 
-def make_course(beams: int = 1081, rate_hz: float = 40.0, scans: int = 800, *, blocked: bool = True) -> Course:
+def make_course(beams: int = 1081, rate_hz: float = 40.0, scans: int = 800, *, blocked: bool = True) -> BenchScans:
     """Drive a simulated car with the default laws, and look from where it was; `scans` pictures of either kind."""
     lidar = LidarSettings(beams=beams, rate_hz=rate_hz)
     world = load_world("curved")
@@ -91,7 +91,7 @@ def make_course(beams: int = 1081, rate_hz: float = 40.0, scans: int = 800, *, b
         if blocked:
             ranges_mm[1, i] = np.minimum(seen_mm, board_mm)
             stopped.append(Picture(_sample_lines(ranges_mm[1, i]), float(speed_mps[i])))
-    return Course(sensor(beams, rate_hz), rate_hz, tuple(free), tuple(stopped), ranges_mm.reshape(-1, beams))
+    return BenchScans(sensor(beams, rate_hz), rate_hz, tuple(free), tuple(stopped), ranges_mm.reshape(-1, beams))
 
 
 def _board_mm(lidar: LidarSettings) -> npt.NDArray[np.int32]:

@@ -12,7 +12,7 @@ from drivers.vesc import codec
 from drivers.vesc.codec import MOTOR_PACKETS, Packet
 from drivers.vesc.settings import VescSettings
 from sim.bench.course import Picture
-from sim.bench.doors import TcpDoor
+from sim.bench.ports import BenchTcpPort
 from sim.devices.scip_encode import SensorModel
 from sim.devices.scip_sensor import ScipSensor
 from sim.devices.vesc_replies import firmware_reply, values_reply
@@ -22,7 +22,7 @@ _GAIN: Final = VescSettings().speed_to_erpm_gain
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class MotorCommand:
     """A motor command and the servo position that came with it.
 
     at_s: when its first byte could be read. moving: whether it asks for a speed. servo: thousandths, -1 when none came.
@@ -36,7 +36,7 @@ class Command:
 class LidarPort:
     """A lidar; one client."""
 
-    def __init__(self, model: SensorModel, door: TcpDoor) -> None:
+    def __init__(self, model: SensorModel, door: BenchTcpPort) -> None:
         self._sensor = ScipSensor(model, time.monotonic, lambda: None)
         self._door = door
         self._served = False
@@ -93,12 +93,12 @@ class _Wheels:
 class MotorPort:
     """A VESC. commands: everything it was told, oldest first."""
 
-    def __init__(self, door: TcpDoor) -> None:
+    def __init__(self, door: BenchTcpPort) -> None:
         self._door = door
         self.address = door.address
         self.wheels = _Wheels()
-        self.commands: list[Command] = []
-        self._deframer = codec.Deframer()
+        self.commands: list[MotorCommand] = []
+        self._deframer = codec.VescDeframer()
         self._pending: tuple[float, bool] | None = None
 
     @property
@@ -117,7 +117,7 @@ class MotorPort:
             self._flush()
             self._pending = (at_s, packet == Packet.SET_RPM and payload[1:5] != bytes(4))
         elif packet == Packet.SET_SERVO_POS and self._pending is not None:
-            self.commands.append(Command(*self._pending, int.from_bytes(payload[1:3], "big")))
+            self.commands.append(MotorCommand(*self._pending, int.from_bytes(payload[1:3], "big")))
             self._pending = None
         elif packet == Packet.GET_VALUES:
             wheels = self.wheels
@@ -132,7 +132,7 @@ class MotorPort:
 
     def _flush(self) -> None:
         if self._pending is not None:
-            self.commands.append(Command(*self._pending, -1))
+            self.commands.append(MotorCommand(*self._pending, -1))
             self._pending = None
 
     def close(self) -> None:

@@ -12,9 +12,9 @@ from functools import lru_cache
 from typing import Any
 
 from sim.bench.answers import onsets, pair
-from sim.bench.cost import Cost, Meter
-from sim.bench.course import Course, make_course
-from sim.bench.rig import BenchError, Rig, Sent
+from sim.bench.cost import Cost, ProcessMeter
+from sim.bench.course import BenchScans, make_course
+from sim.bench.rig import BenchError, Rig, SentScan
 
 RATE_HZ = 40.0
 ONSET_EVERY = 20
@@ -26,7 +26,7 @@ FAST_STEERING = ("car.steering_rate_radps=50",)
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class MeasurementPlan:
     """How long each measurement takes. settings: of the car, as `--set` takes them."""
 
     warm_up_s: float = 3.0
@@ -38,10 +38,10 @@ class Plan:
     settings: Sequence[str] = ()
 
 
-SHORT = Plan(warm_up_s=1.0, seconds=4.0, onsets=8, rate_seconds=1.0, rates_hz=(100, 400), beams=(361, 1081))
+SHORT = MeasurementPlan(warm_up_s=1.0, seconds=4.0, onsets=8, rate_seconds=1.0, rates_hz=(100, 400), beams=(361, 1081))
 
 
-def latency(plan: Plan) -> dict[str, Any]:
+def latency(plan: MeasurementPlan) -> dict[str, Any]:
     """Drive for a while without, then with boards that suddenly stand before the car."""
     course = _course(1081, RATE_HZ)
     with Rig(course, plan.settings) as rig:
@@ -67,25 +67,25 @@ def latency(plan: Plan) -> dict[str, Any]:
 
 def _driven(
     rig: Rig, warm_up_s: float, seconds: float, *, begin: Callable[[], None] = lambda: None
-) -> tuple[list[Sent], Cost]:
+) -> tuple[list[SentScan], Cost]:
     """Return the scans that were sent after the warm-up, and what the car cost meanwhile.
 
     Without a gap between the two, like the peers' client: a car that waits for a scan which does not come is cold.
     """
     warming = round(warm_up_s * RATE_HZ)
-    meters: list[Meter] = []
+    meters: list[ProcessMeter] = []
 
     def scans() -> Iterator[bool]:
         yield from [False] * warming
         begin()
-        meters.append(Meter.of(rig.process.pid))
+        meters.append(ProcessMeter.of(rig.process.pid))
         yield from [False] * round(seconds * RATE_HZ)
 
     sent = rig.feed(scans(), RATE_HZ)
     return sent[warming:], meters[0].stop()
 
 
-def cpu(plan: Plan) -> dict[str, Any]:
+def cpu(plan: MeasurementPlan) -> dict[str, Any]:
     """Drive at 40 Hz with one subscriber, and look at what it cost."""
     with Rig(_course(1081, RATE_HZ), plan.settings) as rig:
         rig.start()
@@ -99,7 +99,7 @@ def cpu(plan: Plan) -> dict[str, Any]:
     }
 
 
-def startup(plan: Plan) -> dict[str, Any]:
+def startup(plan: MeasurementPlan) -> dict[str, Any]:
     """Start it where the devices are there already: until the first motor command, and until the first that moves."""
     with Rig(_course(1081, RATE_HZ), plan.settings, subscribers=0) as rig:
         rig.start()
@@ -116,7 +116,7 @@ def startup(plan: Plan) -> dict[str, Any]:
         }
 
 
-def readers(plan: Plan) -> dict[str, Any]:
+def readers(plan: MeasurementPlan) -> dict[str, Any]:
     """Drive without readers, with one reader, with one that stops reading, and with ten."""
     return {
         name: _read_by(plan, count, stops=stops)
@@ -129,7 +129,7 @@ def readers(plan: Plan) -> dict[str, Any]:
     }
 
 
-def _read_by(plan: Plan, count: int, *, stops: bool) -> dict[str, Any]:
+def _read_by(plan: MeasurementPlan, count: int, *, stops: bool) -> dict[str, Any]:
     with Rig(_course(1081, RATE_HZ), plan.settings, subscribers=count) as rig:
         rig.start()
         sent, cost = _driven(
@@ -141,7 +141,7 @@ def _read_by(plan: Plan, count: int, *, stops: bool) -> dict[str, Any]:
     return {**figures, "cores": cost.cores, "others_cores": cost.others}
 
 
-def loaded(plan: Plan) -> dict[str, Any]:
+def loaded(plan: MeasurementPlan) -> dict[str, Any]:
     """Drive while others want every core, scheduled before them as systemd does it."""
     course = _course(1081, RATE_HZ)
     with ExitStack() as stack:
@@ -161,7 +161,7 @@ def loaded(plan: Plan) -> dict[str, Any]:
     return {**answers.figures_ms(), "unanswered": answers.unanswered, "cores": cost.cores, "others_cores": cost.others}
 
 
-def rates(plan: Plan) -> dict[str, Any]:
+def rates(plan: MeasurementPlan) -> dict[str, Any]:
     """Raise the lidar's rate until scans are lost or p99 exceeds the period; then the cost of more beams."""
     rows = [_at_rate(plan, rate_hz) for rate_hz in plan.rates_hz]
     held = [row["rate_hz"] for row in rows if row["held"]]
@@ -172,13 +172,13 @@ def rates(plan: Plan) -> dict[str, Any]:
     }
 
 
-def _at_rate(plan: Plan, rate_hz: int) -> dict[str, Any]:
+def _at_rate(plan: MeasurementPlan, rate_hz: int) -> dict[str, Any]:
     course = _course(1081, float(rate_hz))
     # with two cores in all, zenoh's own threads would take the only one from the loop for milliseconds
     with Rig(course, [*plan.settings, *FAST_STEERING], every_core=True) as rig:
         rig.start()
         rig.feed([False] * (rate_hz // 2), rate_hz)
-        meter = Meter.of(rig.process.pid)
+        meter = ProcessMeter.of(rig.process.pid)
         sent = rig.feed([False] * round(plan.rate_seconds * rate_hz), rate_hz)
         cost = meter.stop()
         answers = pair(sent, rig.commands)
@@ -196,11 +196,11 @@ def _at_rate(plan: Plan, rate_hz: int) -> dict[str, Any]:
     }
 
 
-def _with_beams(plan: Plan, beams: int) -> dict[str, Any]:
+def _with_beams(plan: MeasurementPlan, beams: int) -> dict[str, Any]:
     with Rig(_course(beams, RATE_HZ), plan.settings) as rig:
         rig.start()
         rig.feed([False] * round(RATE_HZ), RATE_HZ)
-        meter = Meter.of(rig.process.pid)
+        meter = ProcessMeter.of(rig.process.pid)
         sent = rig.feed([False] * round(plan.rate_seconds * RATE_HZ), RATE_HZ)
         cost = meter.stop()
         figures = pair(sent, rig.commands).figures_ms()
@@ -223,7 +223,7 @@ def _scares() -> Iterator[bool]:
 
 
 @lru_cache(maxsize=2)
-def _course(beams: int, rate_hz: float) -> Course:
+def _course(beams: int, rate_hz: float) -> BenchScans:
     course = make_course(beams, rate_hz, scans=800, blocked=(beams, rate_hz) == (1081, RATE_HZ))
     gc.collect()
     return course

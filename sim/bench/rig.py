@@ -17,9 +17,9 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 from runtime.wire.bus import free_endpoint
-from sim.bench.course import Course
-from sim.bench.devices import Command, LidarPort, MotorPort, Ports
-from sim.bench.doors import TcpDoor
+from sim.bench.course import BenchScans
+from sim.bench.devices import LidarPort, MotorCommand, MotorPort, Ports
+from sim.bench.ports import BenchTcpPort
 
 START_TIMEOUT_S: Final = 20.0
 STOP_TIMEOUT_S: Final = 5.0
@@ -42,7 +42,7 @@ class BenchError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Sent:
+class SentScan:
     """A scan: when its writing began, when the kernel had its last byte, and whether a board stood before the car."""
 
     begun_s: float
@@ -80,7 +80,7 @@ class Rig:
     """
 
     def __init__(
-        self, course: Course, assignments: Sequence[str] = (), *, subscribers: int = 1, telemetry: bool = True,
+        self, course: BenchScans, assignments: Sequence[str] = (), *, subscribers: int = 1, telemetry: bool = True,
         fifo: bool = False, every_core: bool = False,
     ) -> None:  # fmt: skip
         self._course = course
@@ -97,7 +97,7 @@ class Rig:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
         self._folder = tempfile.TemporaryDirectory(prefix="wallride-bench-")
         folder = Path(self._folder.name)
-        self.ports = Ports(LidarPort(self._course.model, TcpDoor()), MotorPort(TcpDoor()))
+        self.ports = Ports(LidarPort(self._course.model, BenchTcpPort()), MotorPort(BenchTcpPort()))
         self._log = folder / "log"
         (folder / "car.toml").write_text("")  # the settings of this machine's own car are none of our business
         endpoint = free_endpoint()
@@ -149,7 +149,7 @@ class Rig:
         return self._log.read_text(errors="replace")
 
     @property
-    def commands(self) -> list[Command]:
+    def commands(self) -> list[MotorCommand]:
         """What the motor was told so far."""
         return self.ports.motor.commands
 
@@ -169,10 +169,10 @@ class Rig:
         for subscriber in self._subscribers:
             subscriber.send_signal(signal.SIGSTOP)
 
-    def feed(self, scans: Iterable[bool], rate_hz: float) -> list[Sent]:
+    def feed(self, scans: Iterable[bool], rate_hz: float) -> list[SentScan]:
         """Send scans at this rate, True for a blocked one; what comes late is not made up for."""
         course, ports = self._course, self.ports
-        sent: list[Sent] = []
+        sent: list[SentScan] = []
         gc.disable()
         try:
             next_s = time.monotonic() + 1 / rate_hz
@@ -184,7 +184,7 @@ class Rig:
                 ports.serve_until(next_s)
                 begun_s = time.monotonic()
                 ports.lidar.send(block)
-                sent.append(Sent(begun_s, time.monotonic(), blocked))
+                sent.append(SentScan(begun_s, time.monotonic(), blocked))
                 self.scans_sent += 1
                 next_s = max(next_s + 1 / rate_hz, begun_s + 0.5 / rate_hz)
         finally:

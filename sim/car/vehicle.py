@@ -22,7 +22,7 @@ from sim.world.pose import Pose, Twist
 __all__ = ["BrakeDemand", "CoastDemand", "Demand", "SpeedDemand", "Vehicle", "VehicleSettings"]
 
 GRAVITY_MPS2 = 9.81
-_LONGEST_STEP_S = 0.0025
+_MAX_STEP_S = 0.0025
 _ROLLS_BELOW_MPS = 0.4
 _SLIPS_ABOVE_MPS = 0.8
 _DRIVE_SHARE = 0.85
@@ -117,7 +117,7 @@ class Vehicle:
             self._told = demand
             self._demands.put(self.now_s, demand)
         self._steering.put(self.now_s, steering_command_rad)
-        parts = max(1, ceil(dt_s / _LONGEST_STEP_S - 1e-9))
+        parts = max(1, ceil(dt_s / _MAX_STEP_S - 1e-9))
         for _ in range(parts):
             self._advance(dt_s / parts)
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from drivers.api import Clock
 from sim.devices.scip_encode import UST_10LX, SensorModel
-from sim.devices.scip_port import BytePort, SerialDoor, TcpDoor
+from sim.devices.scip_port import BytePort, SerialDoor, TcpPort
 from sim.devices.scip_sensor import ScipSensor
 
 _HELD_SCANS: Final = 400
@@ -47,7 +47,7 @@ class ScipEmulator:
         self._clock = clock
         self._random = random.Random(seed)
         self._port: BytePort | None = None
-        self._tcp: TcpDoor | None = None
+        self._tcp: TcpPort | None = None
         self._serial: SerialDoor | None = None
         self._held: deque[bytes] | None = None
         self._rebooting = False
@@ -64,7 +64,7 @@ class ScipEmulator:
 
     async def start_tcp(self, host: str = "127.0.0.1", port: int = 0) -> int:
         """Listen; return the port (a free one for 0)."""
-        self._tcp = TcpDoor(self._welcome, lambda: self._port is not None)
+        self._tcp = TcpPort(self._welcome, lambda: self._port is not None)
         return self._tcp.open(host, port)
 
     def start_serial(self, link: Path) -> None:

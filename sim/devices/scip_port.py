@@ -106,7 +106,7 @@ class BytePort:
             self._on_gone()
 
 
-class TcpDoor:
+class TcpPort:
     """Listens for one client at a time; further ones are let in only when the first is gone, like on the sensor."""
 
     def __init__(self, on_client: Callable[[int], None], is_taken: Callable[[], bool]) -> None:

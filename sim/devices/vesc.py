@@ -83,7 +83,7 @@ class VescEmulator:
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
-        self._deframer = codec.Deframer()
+        self._deframer = codec.VescDeframer()
         self._plant_link(os.ttyname(self._slave))
         if not self._deaf:
             self._loop.add_reader(self._master, self._on_readable)

@@ -12,12 +12,12 @@ from sim.world.pose import Floats
 
 CLEAR_TURN_RAD = 0.05
 """Where the recorded car steered less than this, its sign says nothing."""
-LONGEST_WAIT_S = 0.15
+MAX_WAIT_S = 0.15
 DROVE_ABOVE_MPS = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class SteeringPair:
+class ComparedSteering:
     """Both answers to one scan [rad, positive left]."""
 
     time_s: float
@@ -35,7 +35,7 @@ def recorded_answers(
     positions = np.searchsorted(track.received_s, np.asarray(scans_s), side="left")
     answers: list[float | None] = []
     for scan_s, position in zip(scans_s, positions, strict=True):
-        late = position >= len(track) or track.received_s[position] - scan_s > LONGEST_WAIT_S
+        late = position >= len(track) or track.received_s[position] - scan_s > MAX_WAIT_S
         asked_rad = math.nan if late else float(track.steering_rad[position])
         answers.append(None if late else min(max(asked_rad, -max_steering_rad), max_steering_rad))
     return answers
@@ -52,7 +52,7 @@ def drove(scans_s: Sequence[float], output: CommandTrack | None) -> list[bool]:
     return [bool(index >= 0 and abs(output.speed_mps[index]) > DROVE_ABOVE_MPS) for index in newest]
 
 
-def compare(pairs: Sequence[SteeringPair]) -> dict[str, Any]:
+def compare(pairs: Sequence[ComparedSteering]) -> dict[str, Any]:
     """Return how well the two agree: sign where the recorded car clearly turned, size, correlation, slope.
 
     slope: radians of ours per radian recorded (total least squares, so that neither counts as the truth).

@@ -9,13 +9,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from sim.figures.comparison import SteeringPair
+from sim.figures.comparison import ComparedSteering
 from sim.world.place import World
 from sim.world.pose import CAR, Floats, Footprint, Pose
 
 _DPI = 120
 _MARGIN_M = 1.0
-_FARTHEST_WALL_M = 8.0
+_MAX_WALL_M = 8.0
 _OUTLINES = 12
 
 
@@ -34,7 +34,7 @@ def save_plot(path: Path, world: World, track: Floats, times_s: Floats, errors_m
     figure.savefig(path, dpi=_DPI)
 
 
-def save_comparison(path: Path, pairs: Sequence[SteeringPair], title: str) -> None:
+def save_comparison(path: Path, pairs: Sequence[ComparedSteering], title: str) -> None:
     """Write a picture of two steering angles over time: ours, and the one that the recorded car's program gave."""
     figure = Figure(figsize=(10, 4), layout="constrained")
     FigureCanvasAgg(figure)
@@ -60,7 +60,7 @@ def _draw_world(axes: Axes, world: World, track: Floats) -> None:
     _draw_car(axes, start, CAR, color="tab:green")
     # A map of a building is mostly elsewhere: show the walls near the path, or all where the world is small.
     x_min, y_min, x_max, y_max = world.bounds_m
-    low, high = seen.min(axis=0) - _FARTHEST_WALL_M, seen.max(axis=0) + _FARTHEST_WALL_M
+    low, high = seen.min(axis=0) - _MAX_WALL_M, seen.max(axis=0) + _MAX_WALL_M
     axes.set_xlim(max(x_min, float(low[0])) - _MARGIN_M, min(x_max, float(high[0])) + _MARGIN_M)
     axes.set_ylim(max(y_min, float(low[1])) - _MARGIN_M, min(y_max, float(high[1])) + _MARGIN_M)
     axes.set_aspect("equal")

@@ -39,7 +39,7 @@ class Cell:
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class CellChoice:
     """What the user chose to run. own_parts: of every car; "": none on every other seed, the kinds by turns between."""
 
     laws: tuple[str, ...]
@@ -73,7 +73,7 @@ class Choice:
 
 
 @dataclass(frozen=True, slots=True)
-class Tabled:
+class TabledCell:
     """A table for the terminal."""
 
     title: str
@@ -89,7 +89,7 @@ class Experiment:
     plot: draws a cell into a directory; None draws its path, from `run` of the experiment's module.
     """
 
-    cells: Callable[[Choice], list[Cell]]
+    cells: Callable[[CellChoice], list[Cell]]
     measure: Callable[[Cell], Figures]
-    tables: Callable[[Sequence[Mapping[str, Any]]], list[Tabled]]
+    tables: Callable[[Sequence[Mapping[str, Any]]], list[TabledCell]]
     plot: Callable[[Path, Cell, Figures], None] | None = None

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from sim.lab import laws
-from sim.lab.cell import DESIRED_M, Cell, Choice, Figures, Tabled
+from sim.lab.cell import DESIRED_M, Cell, CellChoice, Figures, TabledCell
 from sim.lab.laps import maps_in
 from sim.lab.pool import experiment, measure_all
 from sim.lab.recordings import ENDINGS, recordings_in
@@ -28,13 +28,13 @@ INTERRUPTED = 130
 SPEEDS_MPS, QUICK_SPEEDS_MPS = (1.0, 2.0, 3.0, 4.0), (1.0, 3.0)
 MUS, QUICK_MUS = (0.5, 0.8, 1.0), (0.8,)
 SIDES: tuple[Side, ...] = ("left", "right")
-NEAREST_M, FARTHEST_M = 0.3, 3.0
+MIN_DISTANCE_M, MAX_DISTANCE_M = 0.3, 3.0
 _PIPE_WIDTH = 160
 _NEARBY_MAPS = ("data/maps", "shared/data/maps")
 _NEARBY_RECORDINGS = ("data/racecar", "data/originals", "shared/data/racecar", "shared/data/originals")
 
 
-class UsageError(Exception):
+class LabUsageError(Exception):
     """An option cannot be used; the text says what and how it should look."""
 
 
@@ -51,7 +51,7 @@ def run(options: argparse.Namespace) -> int:
             options.plot.mkdir(parents=True, exist_ok=True)
         began_s = time.monotonic()
         figures = measure_all(cells, options.jobs, options.plot, console)
-    except UsageError as error:
+    except LabUsageError as error:
         print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
         return USAGE_ERROR
     except KeyboardInterrupt:
@@ -68,13 +68,13 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def chosen(options: argparse.Namespace) -> Choice:
+def chosen(options: argparse.Namespace) -> CellChoice:
     """Return what the options ask for; UsageError for what makes no sense."""
     quick = options.quick
     seeds = _seeds(options)
     if options.jobs is not None and options.jobs < 1:
-        raise UsageError(f"--jobs {options.jobs}: give 1 or more processes")
-    return Choice(
+        raise LabUsageError(f"--jobs {options.jobs}: give 1 or more processes")
+    return CellChoice(
         _laws(options.method),
         _numbers("--speeds", options.speeds, 0.3, 8.0) or (QUICK_SPEEDS_MPS if quick else SPEEDS_MPS),
         _numbers("--mu", options.mu, 0.1, 2.0) or (QUICK_MUS if quick else MUS),
@@ -101,7 +101,7 @@ def only(cells: Sequence[Cell], text: str | None) -> list[Cell]:
         ]
         if not found:
             known = ", ".join(dict.fromkeys(map(_short, courses)))
-            raise UsageError(f"--only {pattern}: no course is called so; write some of {known}")
+            raise LabUsageError(f"--only {pattern}: no course is called so; write some of {known}")
         kept.update(found)
     return [cell for cell in cells if cell.scenario in kept]
 
@@ -125,7 +125,7 @@ def _seeds(options: argparse.Namespace) -> tuple[int, ...]:
     except ValueError:
         first, last = -1, -1
     if first < 0 or last <= first:
-        raise UsageError(
+        raise LabUsageError(
             f"--seeds {options.seeds} --seed {options.seed}: write how many, or FIRST:END; seeds count from 0, and at"
             " least one is needed"
         )
@@ -136,7 +136,7 @@ def _laws(text: str) -> tuple[str, ...]:
     try:
         return tuple(dict.fromkeys(laws.check(name.strip()) for name in text.split(",")))
     except ValueError as error:
-        raise UsageError(f"--method {text}: {error}") from None
+        raise LabUsageError(f"--method {text}: {error}") from None
 
 
 def _numbers(option: str, text: str | None, low: float, high: float) -> tuple[float, ...]:
@@ -147,22 +147,22 @@ def _numbers(option: str, text: str | None, low: float, high: float) -> tuple[fl
     except ValueError:
         numbers = ()
     if not numbers or not all(math.isfinite(number) and low <= number <= high for number in numbers):
-        raise UsageError(f"{option} {text}: write numbers between {low:g} and {high:g} with commas between them")
+        raise LabUsageError(f"{option} {text}: write numbers between {low:g} and {high:g} with commas between them")
     return numbers
 
 
 def _distance_m(options: argparse.Namespace) -> float:
     text: str | None = getattr(options, "distance", None)
-    distances_m = _numbers("--distance", text, NEAREST_M, FARTHEST_M)
+    distances_m = _numbers("--distance", text, MIN_DISTANCE_M, MAX_DISTANCE_M)
     if len(distances_m) > 1:
-        raise UsageError(f"--distance {text}: write one number; the tables of two would not be told apart")
+        raise LabUsageError(f"--distance {text}: write one number; the tables of two would not be told apart")
     return distances_m[0] if distances_m else DESIRED_M
 
 
 def _own_parts(options: argparse.Namespace) -> str:
     kind: str | None = getattr(options, "own_parts", None)
     if kind is not None and kind not in OWN_PARTS:
-        raise UsageError(f"--own-parts {kind}: write one of {', '.join(OWN_PARTS)}")
+        raise LabUsageError(f"--own-parts {kind}: write one of {', '.join(OWN_PARTS)}")
     return kind or ""
 
 
@@ -171,7 +171,7 @@ def _sides(text: str | None, *, quick: bool) -> tuple[Side, ...]:
         return SIDES[:1] if quick else SIDES
     wanted = [part.strip() for part in text.split(",")]
     if not set(wanted) <= set(SIDES):
-        raise UsageError(f"--side {text}: write left, right or left,right")
+        raise LabUsageError(f"--side {text}: write left, right or left,right")
     return tuple(side for side in SIDES if side in wanted)
 
 
@@ -182,7 +182,7 @@ def _maps(options: argparse.Namespace) -> tuple[str, ...]:
         try:
             check_map(Path(path))
         except (ValueError, OSError) as error:
-            raise UsageError(str(error)) from None
+            raise LabUsageError(str(error)) from None
     return found
 
 
@@ -191,7 +191,7 @@ def _found_maps(options: argparse.Namespace) -> tuple[str, ...]:
     if folder is not None:
         found = maps_in(folder)
         if not found:
-            raise UsageError(f"--maps {folder}: there is no .yaml file of a map in it")
+            raise LabUsageError(f"--maps {folder}: there is no .yaml file of a map in it")
         return found
     above = [Path.cwd(), *Path(__file__).resolve().parents]
     nearby = (place / name for place in above for name in _NEARBY_MAPS)
@@ -204,17 +204,17 @@ def _recordings(options: argparse.Namespace) -> tuple[str, ...]:
     folder: Path | None = options.folder
     if folder is not None:
         if not folder.exists():
-            raise UsageError(f"{folder} does not exist; give a folder of recordings, or one recording")
+            raise LabUsageError(f"{folder} does not exist; give a folder of recordings, or one recording")
         found = recordings_in(folder)
         if not found:
-            raise UsageError(f"{folder}: there is no {', '.join(ENDINGS)} in it")
+            raise LabUsageError(f"{folder}: there is no {', '.join(ENDINGS)} in it")
         return found
     above = [Path.cwd(), *Path(__file__).resolve().parents]
     for place in above:
         found = tuple(path for name in _NEARBY_RECORDINGS for path in recordings_in(place / name))
         if found:
             return found
-    raise UsageError("there are no recordings in data/racecar nearby; give the folder that holds them")
+    raise LabUsageError("there are no recordings in data/racecar nearby; give the folder that holds them")
 
 
 def _check_outputs(options: argparse.Namespace) -> None:
@@ -222,15 +222,19 @@ def _check_outputs(options: argparse.Namespace) -> None:
     if options.json not in {None, "-"}:
         path = Path(options.json)
         if path.is_dir():
-            raise UsageError(f"--json {path}: is a directory; name a file in it")
+            raise LabUsageError(f"--json {path}: is a directory; name a file in it")
         if not path.absolute().parent.is_dir():
-            raise UsageError(f"--json {path}: there is no directory {path.parent}; make it first")
+            raise LabUsageError(f"--json {path}: there is no directory {path.parent}; make it first")
     if options.plot is not None and options.plot.exists() and not options.plot.is_dir():
-        raise UsageError(f"--plot {options.plot}: is not a directory; name one for the pictures")
+        raise LabUsageError(f"--plot {options.plot}: is not a directory; name one for the pictures")
 
 
 def _write(
-    options: argparse.Namespace, choice: Choice, figures: Sequence[Figures], tables: Sequence[Tabled], took_s: float
+    options: argparse.Namespace,
+    choice: CellChoice,
+    figures: Sequence[Figures],
+    tables: Sequence[TabledCell],
+    took_s: float,
 ) -> None:
     if options.json is None:
         return
@@ -253,7 +257,7 @@ def _write(
         Path(options.json).write_text(text)
 
 
-def _show(tables: Sequence[Tabled], console: Console, took: str) -> None:
+def _show(tables: Sequence[TabledCell], console: Console, took: str) -> None:
     for made in tables:
         table = Table(*made.columns, title=made.title, title_justify="left")
         for row in made.rows:

@@ -16,16 +16,16 @@ import numpy as np
 
 from sim.car.vehicle import VehicleSettings
 from sim.lab import laws
-from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
-from sim.lab.courses.building_places import Place, building, is_held_out, places_on
+from sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
+from sim.lab.courses.building_places import BuildingStart, building, is_held_out, places_on
 from sim.lab.figures import Row, chosen, common, distinct, errors, number, text
-from sim.virtual.closed_loop import Case, Run, drive
+from sim.virtual.closed_loop import Case, SimulatedRun, drive
 from sim.world.place import World
 from sim.world.pose import Pose, Side
 from sim.world.segments import SegmentGeometry, chain
 
 WAY_M = 9.0
-FASTEST_MPS = 3.0
+MAX_SPEED_MPS = 3.0
 FIRST_LANE_M, STRAIGHT_M, AFTER_M = 2.5, 6.0, 12.0
 LANE_WAY_M = 12.0
 TURNS_DEG = (60, 75, 90, 110, 130, 150)
@@ -44,14 +44,14 @@ ALIKE = ("scenario", "speed_mps", "mu", "side", "seed", "desired_m")
 COMPARED, BASELINE = "ball", "prototype"
 
 
-def cells(choice: Choice) -> list[Cell]:
+def cells(choice: CellChoice) -> list[Cell]:
     """Return what is to be run: lanes at all speeds, buildings up to FASTEST_MPS."""
     maps = choice.maps[:1] if choice.quick else choice.maps
     planned = choice.cells("corners", [*(QUICK_LANES if choice.quick else LANES), *_names(maps, choice.desired_m)])
     return [
         cell
         for cell in planned
-        if cell.scenario in LANES or (cell.speed_mps <= FASTEST_MPS and _place(cell) is not None)
+        if cell.scenario in LANES or (cell.speed_mps <= MAX_SPEED_MPS and _place(cell) is not None)
     ]
 
 
@@ -62,12 +62,12 @@ def _names(maps: Sequence[str], desired_m: float) -> list[str]:
     return [f"{path} {place}" for path, count in most.items() for place in range(count)]
 
 
-def _place(cell: Cell) -> Place | None:
+def _place(cell: Cell) -> BuildingStart | None:
     path, _, wanted = cell.scenario.rpartition(" ")
     return next((place for place in places_on(path, cell.side, cell.desired_m) if place.number == int(wanted)), None)
 
 
-def run(cell: Cell) -> Run:
+def run(cell: Cell) -> SimulatedRun:
     """Drive one cell."""
     follower, guard = laws.build(cell.law, cell.side, cell.desired_m, cell.speed_mps)
     return drive(case_of(cell), follower, guard)
@@ -122,7 +122,7 @@ def measure(cell: Cell) -> Figures:
     return figures
 
 
-def tables(rows: Sequence[Row]) -> list[Tabled]:
+def tables(rows: Sequence[Row]) -> list[TabledCell]:
     """Return the lanes, the buildings, and the comparison of two laws."""
     lanes = [row for row in rows if row["held_out"] is None]
     buildings = [row for row in rows if row["held_out"] is not None]
@@ -135,7 +135,7 @@ def tables(rows: Sequence[Row]) -> list[Tabled]:
     return made
 
 
-def _lane_table(rows: Sequence[Row], law: str) -> Tabled:
+def _lane_table(rows: Sequence[Row], law: str) -> TabledCell:
     speeds, mus = sorted(distinct(rows, "speed_mps")), sorted(distinct(rows, "mu"))
     lines = [
         (name, *(_lane_figure(chosen(rows, scenario=name, speed_mps=v, mu=mu)) for mu in mus for v in speeds))
@@ -143,7 +143,7 @@ def _lane_table(rows: Sequence[Row], law: str) -> Tabled:
     ]
     columns = ("lane", *(f"{v:g} m/s, {mu:g}" for mu in mus for v in speeds))
     note = f"{sum(row['collided'] for row in rows)} of {len(rows)} runs with a contact"
-    return Tabled(f"{law}: contacts, runs that end in a stop, mean |error| [m]", columns, tuple(lines), (note,))
+    return TabledCell(f"{law}: contacts, runs that end in a stop, mean |error| [m]", columns, tuple(lines), (note,))
 
 
 def _lane_figure(rows: Sequence[Row]) -> str:
@@ -154,7 +154,7 @@ def _lane_figure(rows: Sequence[Row]) -> str:
     return f"stands {stands} of {len(rows)}" if stands else text(_median(rows))
 
 
-def _building_table(rows: Sequence[Row]) -> Tabled:
+def _building_table(rows: Sequence[Row]) -> TabledCell:
     speeds = sorted(distinct(rows, "speed_mps"))
     lines = []
     for law in distinct(rows, "law"):
@@ -164,7 +164,7 @@ def _building_table(rows: Sequence[Row]) -> Tabled:
             touched, stands = sum(row["collided"] for row in some), sum(row["stopped_for_good"] for row in some)
             lines.append((law, path, str(len(some)), *figures, str(touched), str(stands)))
     columns = ("law", "map", "runs", *(f"{speed:g} m/s" for speed in speeds), "contacts", "stands")
-    return Tabled("buildings: median of the mean |error| [m]", columns, tuple(lines))
+    return TabledCell("buildings: median of the mean |error| [m]", columns, tuple(lines))
 
 
 def compared(rows: Sequence[Row]) -> list[tuple[Row, Row]]:
@@ -188,7 +188,7 @@ def ratio(mine: Row, other: Row) -> float:
     return float(mine["mean_error_m"] / other["mean_error_m"])
 
 
-def _comparison(pairs: Sequence[tuple[Row, Row]]) -> Tabled:
+def _comparison(pairs: Sequence[tuple[Row, Row]]) -> TabledCell:
     kinds = {
         "tuned on": [pair for pair in pairs if not pair[0]["held_out"]],
         "held out": [pair for pair in pairs if pair[0]["held_out"]],
@@ -202,7 +202,7 @@ def _comparison(pairs: Sequence[tuple[Row, Row]]) -> Tabled:
         parts["no corner"] = [p for p in group if not p[0]["corner"]]
         lines += [(held, what, *_compared(some)) for what, some in parts.items() if some]
     columns = ("places", "runs", "count", "not worse", "median ratio", "ball m/s", "prototype m/s")
-    return Tabled(f"buildings: {COMPARED} beside {BASELINE}, mean |error|", columns, tuple(lines))
+    return TabledCell(f"buildings: {COMPARED} beside {BASELINE}, mean |error|", columns, tuple(lines))
 
 
 def _compared(pairs: Sequence[tuple[Row, Row]]) -> tuple[str, ...]:

@@ -12,17 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.api import MotorState, Scan
-from runtime.arbitration.command import Outlook, Verdict
+from runtime.arbitration.command import SafetyAssessment, Verdict
 from runtime.control.guidance import Guard
 from sim.car.vehicle import GRAVITY_MPS2, VehicleSettings
 from sim.lab import laws
-from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
+from sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
 from sim.lab.courses.walls import world_of
 from sim.lab.figures import TOUCH_ABOVE_MPS, Row, chosen, common, distinct, number, text, worst
 from sim.lab.safety import stopping_m
-from sim.virtual.closed_loop import ROUGH_BEAMS, Case, Run, drive
+from sim.virtual.closed_loop import ROUGH_BEAMS, Case, SimulatedRun, drive
 from sim.world.beams import NO_RETURN_MM, LidarSettings, Millimetres
-from sim.world.obstacles import Motion, Obstacle, Round, Standing, person
+from sim.world.obstacles import ConstantMotion, Obstacle, Round, StandingObstacle, person
 from sim.world.pose import CAR, Pose
 
 COVERS_MM = (3, 30, 60, 85, 100, 120, 140, 160, 170, None)
@@ -72,7 +72,7 @@ class Braker:
     guard: Guard
     from_s: float
 
-    def look(self, scan: Scan, motor: MotorState | None) -> Outlook:
+    def look(self, scan: Scan, motor: MotorState | None) -> SafetyAssessment:
         """Look as the guard does; then stop."""
         outlook = self.guard.look(scan, motor)
         return outlook if scan.stamp_s < self.from_s else Verdict(0.0, 0.0, "covered")
@@ -82,7 +82,7 @@ class Braker:
         self.guard.learn()
 
 
-def cells(choice: Choice) -> list[Cell]:
+def cells(choice: CellChoice) -> list[Cell]:
     """Return what is to be run."""
     covers_mm = QUICK_COVERS_MM if choice.quick else COVERS_MM
     widths_deg = QUICK_HALF_WIDTHS_DEG if choice.quick else HALF_WIDTHS_DEG
@@ -97,13 +97,13 @@ def cells(choice: Choice) -> list[Cell]:
     return choice.cells("covers", names)
 
 
-def run(cell: Cell) -> Run:
+def run(cell: Cell) -> SimulatedRun:
     """Drive one cell."""
     follower, guard = laws.build(cell.law, cell.side, cell.desired_m, cell.speed_mps)
     return drive(case_of(cell), follower, guard)
 
 
-def best(cell: Cell) -> Run:
+def best(cell: Cell) -> SimulatedRun:
     """Drive one cell with a full brake from the first covered scan on."""
     case = case_of(cell)
     follower, guard = laws.build(cell.law, cell.side, cell.desired_m, cell.speed_mps)
@@ -148,12 +148,12 @@ def _people(cell: Cell, from_s: float) -> tuple[Obstacle, ...]:
     sign = 1.0 if cell.side == "left" else -1.0
     if world == "person stands":
         near_m = 1.5 if from_s <= 0.0 else _PERSON_AHEAD_M
-        return (Obstacle(Round(_PERSON_RADIUS_M), Standing(Pose(near_m, 0.1 * sign, 0.0))),)
+        return (Obstacle(Round(_PERSON_RADIUS_M), StandingObstacle(Pose(near_m, 0.1 * sign, 0.0))),)
     if world == "person steps in":
         near_m = 2.0 if from_s <= 0.0 else _PERSON_AHEAD_M
-        walk = Motion(0.0, 0.8 * sign, from_s, from_s + 1.0)
+        walk = ConstantMotion(0.0, 0.8 * sign, from_s, from_s + 1.0)
         aside = person(near_m, -0.7 * sign, walk, _PERSON_RADIUS_M)
-        return (Obstacle(aside.shape, Standing(Pose(near_m, -0.7 * sign, 0.0)), walk),)
+        return (Obstacle(aside.shape, StandingObstacle(Pose(near_m, -0.7 * sign, 0.0)), walk),)
     return ()
 
 
@@ -180,12 +180,12 @@ def measure(cell: Cell) -> Figures:
     }
 
 
-def _way_after_m(done: Run, from_s: float) -> float:
+def _way_after_m(done: SimulatedRun, from_s: float) -> float:
     places = done.pose[done.time_s >= from_s, :2]
     return float(np.hypot(*np.diff(places, axis=0).T).sum()) if len(places) > 1 else math.nan
 
 
-def tables(rows: Sequence[Row]) -> list[Tabled]:
+def tables(rows: Sequence[Row]) -> list[TabledCell]:
     """Return one table per law: a row per cover, a column per width."""
     made = []
     for law in distinct(rows, "law"):
@@ -199,7 +199,7 @@ def tables(rows: Sequence[Row]) -> list[Tabled]:
         avoidable, touched = (sum(row[what] for row in some) for what in ("avoidable", "collided"))
         note = f"{avoidable} of {len(some)} runs with a contact that a brake avoids; {touched} with any contact"
         columns = ("cover", *(f"+-{deg} deg" for deg in widths_deg))
-        made.append(Tabled(f"{law}: avoidable contacts, most way after", columns, tuple(lines), (note,)))
+        made.append(TabledCell(f"{law}: avoidable contacts, most way after", columns, tuple(lines), (note,)))
     return made
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from runtime.arbitration.command import Source
 from sim.lab.cell import Figures
-from sim.virtual.closed_loop import Run
+from sim.virtual.closed_loop import SimulatedRun
 from sim.world.pose import Floats
 
 SETTLE_BAND_M = 0.05
@@ -18,7 +18,7 @@ TOUCH_ABOVE_MPS = 0.05
 """A slower contact is a person walking into a standing car."""
 
 
-def common(run: Run) -> Figures:
+def common(run: SimulatedRun) -> Figures:
     """Return what every experiment tells of a run."""
     contact = run.contact
     return {
@@ -36,7 +36,7 @@ def common(run: Run) -> Figures:
     }
 
 
-def errors(run: Run) -> Figures:
+def errors(run: SimulatedRun) -> Figures:
     """Return how well the wall was followed; each scan counts, as in the report."""
     seen = np.isfinite(run.wall_m)
     error_m, time_s = run.error_m[seen], run.time_s[seen]
@@ -66,7 +66,7 @@ def overshoot_m(error_m: Floats) -> float | None:
     return number(max(0.0, float((-error_m if error_m[0] > 0 else error_m).max())))
 
 
-def speed_lost(run: Run) -> float | None:
+def speed_lost(run: SimulatedRun) -> float | None:
     """Return the share of the wished speed that safety took away."""
     wished = np.abs(run.wish[:, 0])
     lost = np.where(run.capped > 0, np.maximum(wished - np.abs(run.command[:, 0]), 0.0), 0.0)

@@ -9,29 +9,29 @@ from collections.abc import Sequence
 import numpy as np
 
 from sim.car.vehicle import VehicleSettings
-from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
+from sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
 from sim.lab.figures import Row, chosen, common, distinct, mean, number, text, worst
 from sim.lab.rooms import GIVEN_UP_S, STANDS_BELOW_MPS, STUCK_S, build, tries
-from sim.virtual.closed_loop import Case, Run, drive
+from sim.virtual.closed_loop import Case, SimulatedRun, drive
 from sim.virtual.way_on import way_on
 from sim.world.generated_rooms import generated_room, kind_of
 from sim.world.pose import Pose
 from sim.world.segments import SegmentGeometry
 
 DURATION_S = 60.0
-FASTEST_MPS = 3.0
+MAX_SPEED_MPS = 3.0
 SCENARIO = "generated"
 STOOD_S = 0.5
 """Shorter than this is a turn of direction, no stand."""
 WENT_ON_M = 1.0
 
 
-def cells(choice: Choice) -> list[Cell]:
+def cells(choice: CellChoice) -> list[Cell]:
     """Return what is to be run: one room per seed, at up to 3 m/s."""
-    return [cell for cell in choice.cells("generated_rooms", [SCENARIO]) if cell.speed_mps <= FASTEST_MPS]
+    return [cell for cell in choice.cells("generated_rooms", [SCENARIO]) if cell.speed_mps <= MAX_SPEED_MPS]
 
 
-def run(cell: Cell) -> Run:
+def run(cell: Cell) -> SimulatedRun:
     """Drive one cell."""
     world = generated_room(cell.seed)
     case = Case(
@@ -60,7 +60,7 @@ def measure(cell: Cell) -> Figures:
     }
 
 
-def _way_exists(done: Run) -> bool:
+def _way_exists(done: SimulatedRun) -> bool:
     x_m, y_m, yaw_rad = done.pose[-1]
     geometry = done.case.world.geometry
     if not isinstance(geometry, SegmentGeometry):
@@ -68,7 +68,7 @@ def _way_exists(done: Run) -> bool:
     return way_on(geometry, Pose(float(x_m), float(y_m), float(yaw_rad))).exists
 
 
-def stood_until_on_s(done: Run) -> list[float]:
+def stood_until_on_s(done: SimulatedRun) -> list[float]:
     """Return, for each stand that the car came out of, how long it took until it was WENT_ON_M away for good.
 
     A stand begins when the car stands for STOOD_S; manoeuvres in between belong to it. One that lasts is left out.
@@ -90,7 +90,7 @@ def stood_until_on_s(done: Run) -> list[float]:
     return found
 
 
-def tables(rows: Sequence[Row]) -> list[Tabled]:
+def tables(rows: Sequence[Row]) -> list[TabledCell]:
     """Return one table per law: a row per kind of room, and one for all of them."""
     made = []
     for law in distinct(rows, "law"):
@@ -100,7 +100,7 @@ def tables(rows: Sequence[Row]) -> list[Tabled]:
             "room", "runs", "touched", "worst m/s", "stands though a way exists", "stands, no way", "way m", "tries",
             "came out of", "after s", "latest s", "last words of who stands",
         )  # fmt: skip
-        made.append(Tabled(f"{law}: generated rooms", columns, (*lines, _line(some, "all"))))
+        made.append(TabledCell(f"{law}: generated rooms", columns, (*lines, _line(some, "all"))))
     return made
 
 

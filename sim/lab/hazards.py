@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 from sim.car.vehicle import VehicleSettings
 from sim.lab import laws
-from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
-from sim.lab.courses.sudden import Blind
+from sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
+from sim.lab.courses.sudden import BlindDriver
 from sim.lab.courses.walls import COURSES, SLANT_RAD, STRAIGHT_COURSES, case_of, with_own_parts, world_of
 from sim.lab.figures import Row, chosen, common, distinct, text
 from sim.lab.limits import limit_m
-from sim.virtual.closed_loop import Case, Run, drive
-from sim.world.obstacles import Box, Motion, Obstacle, Round, Standing, person, pole
+from sim.virtual.closed_loop import Case, SimulatedRun, drive
+from sim.world.obstacles import Box, ConstantMotion, Obstacle, Round, StandingObstacle, person, pole
 from sim.world.pose import CAR, Pose
 
 NORMAL = "normal "
@@ -42,7 +42,7 @@ class Hazard:
 
 
 def _box(x_m: float, y_m: float, length_m: float = 0.3, width_m: float = 0.4) -> Obstacle:
-    return Obstacle(Box(length_m, width_m), Standing(Pose(x_m, y_m, 0.0)))
+    return Obstacle(Box(length_m, width_m), StandingObstacle(Pose(x_m, y_m, 0.0)))
 
 
 def _walker(speed_mps: float, from_y_m: float, until_m: float = 10.0) -> tuple[Obstacle, ...]:
@@ -51,13 +51,13 @@ def _walker(speed_mps: float, from_y_m: float, until_m: float = 10.0) -> tuple[O
     walking_mps = min(_WALKING_MPS, abs(from_y_m) / arrives_s)
     starts_s = arrives_s - abs(from_y_m) / walking_mps
     way = -walking_mps if from_y_m > 0 else walking_mps
-    motion = Motion(0.0, way, starts_s, starts_s + until_m / walking_mps)
+    motion = ConstantMotion(0.0, way, starts_s, starts_s + until_m / walking_mps)
     return (person(AT_M, from_y_m, motion),)
 
 
 def _comer(from_x_m: float, y_m: float, walking_mps: float = _WALKING_MPS) -> tuple[Obstacle, ...]:
     """A person who walks straight at the car all the time and does not stop for it."""
-    return (person(from_x_m, y_m, Motion(-walking_mps, 0.0)),)
+    return (person(from_x_m, y_m, ConstantMotion(-walking_mps, 0.0)),)
 
 
 HAZARDS = {
@@ -68,7 +68,7 @@ HAZARDS = {
     "pole 5 cm": Hazard(lambda _: (pole(AT_M, -0.05, 0.025),)),
     "chair legs": Hazard(lambda _: tuple(pole(AT_M + x, y, 0.012) for x in (0.0, 0.4) for y in (-0.1, 0.3))),
     "narrow gap": Hazard(lambda _: (_box(AT_M, 0.35, width_m=0.5), _box(AT_M, -0.35, width_m=0.5))),
-    "person stands": Hazard(lambda _: (Obstacle(Round(0.2), Standing(Pose(AT_M, 0.1, 0.0))),)),
+    "person stands": Hazard(lambda _: (Obstacle(Round(0.2), StandingObstacle(Pose(AT_M, 0.1, 0.0))),)),
     "person crosses": Hazard(lambda speed_mps: _walker(speed_mps, -2.6)),
     "person stops in the way": Hazard(lambda speed_mps: _walker(speed_mps, -2.6, until_m=2.6)),
     "person comes": Hazard(lambda _: _comer(10.0, 0.0)),
@@ -85,7 +85,7 @@ QUICK_HAZARDS = ("box", "pole 2 cm", "person crosses", "dead end")
 QUICK_NORMAL = ("t2", "t5")
 
 
-def cells(choice: Choice) -> list[Cell]:
+def cells(choice: CellChoice) -> list[Cell]:
     """Return what is to be run."""
     hazards = QUICK_HAZARDS if choice.quick else tuple(HAZARDS)
     normal = QUICK_NORMAL if choice.quick else tuple(COURSES)
@@ -99,7 +99,7 @@ def _hopeless(cell: Cell) -> bool:
     return name in STRAIGHT_COURSES and math.isnan(limit_m(name, cell.speed_mps, cell.mu))
 
 
-def run(cell: Cell) -> Run:
+def run(cell: Cell) -> SimulatedRun:
     """Drive one cell."""
     follower, guard = laws.build(cell.law, cell.side, cell.desired_m, cell.speed_mps)
     if cell.scenario.startswith(NORMAL):
@@ -120,7 +120,7 @@ def run(cell: Cell) -> Run:
         seed=cell.seed,
     )
     turns_at_s = hazard.turns_after_m / cell.speed_mps
-    blind = Blind(cell.speed_mps, sign * hazard.steering_rad, turns_at_s)
+    blind = BlindDriver(cell.speed_mps, sign * hazard.steering_rad, turns_at_s)
     return drive(with_own_parts(case, cell.own_parts), blind, guard)
 
 
@@ -132,7 +132,7 @@ def measure(cell: Cell) -> Figures:
     return {**figures, "normal": normal, "needless_stop": normal and figures["safety_stops"] > 0}
 
 
-def tables(rows: Sequence[Row]) -> list[Tabled]:
+def tables(rows: Sequence[Row]) -> list[TabledCell]:
     """Return one table per law: a row per hazard and per normal drive."""
     made = []
     for law in distinct(rows, "law"):
@@ -143,7 +143,7 @@ def tables(rows: Sequence[Row]) -> list[Tabled]:
         lines = [(name, *(_touched(chosen(hazards, scenario=name, mu=mu)) for mu in mus)) for name in order]
         touched = sum(row["collided"] for row in hazards)
         made.append(
-            Tabled(
+            TabledCell(
                 f"{law}: hazards touched while moving, of runs",
                 ("hazard", *(f"mu {mu:g}" for mu in mus)),
                 tuple(lines),
@@ -162,7 +162,7 @@ def _touched(rows: Sequence[Row]) -> str:
     return f"{len(touched)} of {len(rows)} (at {speeds} m/s)"
 
 
-def _needless(law: str, rows: Sequence[Row]) -> Tabled:
+def _needless(law: str, rows: Sequence[Row]) -> TabledCell:
     lines = []
     for name in distinct(rows, "scenario"):
         some = chosen(rows, scenario=name)
@@ -171,7 +171,7 @@ def _needless(law: str, rows: Sequence[Row]) -> Tabled:
         lines.append((name, f"{stopped} of {len(some)}", str(good), text(lost, 1)))
     stopped = sum(row["needless_stop"] for row in rows)
     lost = 100 * sum(row["speed_lost"] or 0.0 for row in rows) / max(1, len(rows))
-    return Tabled(
+    return TabledCell(
         f"{law}: normal drives",
         ("drive", "with a needless stop", "for good", "speed lost %"),
         tuple(lines),
@@ -181,13 +181,13 @@ def _needless(law: str, rows: Sequence[Row]) -> Tabled:
 
 def _mirrored(thing: Obstacle) -> Obstacle:
     appearance = thing.appearance
-    if not isinstance(appearance, Standing):
+    if not isinstance(appearance, StandingObstacle):
         raise TypeError("only standing things can be mirrored")
     motion = thing.motion
     return Obstacle(
         thing.shape,
-        Standing(appearance.pose.mirrored(), appearance.from_s),
-        Motion(motion.x_mps, -motion.y_mps, motion.from_s, motion.until_s) if motion is not None else None,
+        StandingObstacle(appearance.pose.mirrored(), appearance.from_s),
+        ConstantMotion(motion.x_mps, -motion.y_mps, motion.from_s, motion.until_s) if motion is not None else None,
     )
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from sim.car.vehicle import VehicleSettings
 from sim.lab import laws
-from sim.lab.cell import DESIRED_M, Cell, Choice, Experiment, Figures, Tabled
+from sim.lab.cell import DESIRED_M, Cell, CellChoice, Experiment, Figures, TabledCell
 from sim.lab.courses.walls import with_own_parts
 from sim.lab.figures import Row, chosen, common, distinct, errors, mean, number, text
-from sim.virtual.closed_loop import Case, Run, drive
+from sim.virtual.closed_loop import Case, SimulatedRun, drive
 from sim.world.generated_tracks import generated_track
 from sim.world.lap import LapCounter
 from sim.world.place import World
@@ -24,14 +24,14 @@ LAPS = 3
 FOLLOWED_S = 60.0
 
 
-def cells(choice: Choice) -> list[Cell]:
+def cells(choice: CellChoice) -> list[Cell]:
     """Return what is to be run."""
     if choice.generated:
         return choice.cells("laps", GENERATED)
     return choice.cells("laps", [*LOOPS, *choice.maps] if not choice.quick else ["loop"])
 
 
-def run(cell: Cell) -> Run:
+def run(cell: Cell) -> SimulatedRun:
     """Drive one cell: some laps of a closed course, or 60 s where a lap is not defined."""
     world = _world(cell.scenario, cell.side, cell.seed)
     counts = world.lap is not None and cell.scenario not in GENERATED
@@ -63,7 +63,7 @@ def measure(cell: Cell) -> Figures:
     }
 
 
-def lap_times_s(done: Run) -> list[float]:
+def lap_times_s(done: SimulatedRun) -> list[float]:
     """Return the time of each whole lap."""
     lap = done.case.world.lap
     if lap is None:
@@ -90,7 +90,7 @@ def _world(name: str, side: Side, seed: int) -> World:
     return world if side == "left" else world.mirrored()
 
 
-def tables(rows: Sequence[Row]) -> list[Tabled]:
+def tables(rows: Sequence[Row]) -> list[TabledCell]:
     """Return one table per law and friction: a row per course and side, a column per speed."""
     made = []
     for law in distinct(rows, "law"):
@@ -109,7 +109,7 @@ def tables(rows: Sequence[Row]) -> list[Tabled]:
             columns = ("course", "side", *(f"{speed:g} m/s" for speed in speeds))
             title = f"{law}, mu {mu:g}: best lap, or way in 60 s; mean |error| [m]"
             note = f"{sum(row['collided'] for row in some)} of {len(some)} runs with a contact"
-            made.append(Tabled(title, columns, tuple(lines), (note,)))
+            made.append(TabledCell(title, columns, tuple(lines), (note,)))
     return made
 
 

@@ -6,7 +6,7 @@
 
 from runtime.control import methods
 from runtime.control.guidance import Follower, Guard
-from runtime.control.perception.view import Eyes
+from runtime.control.perception.view import PerceptionCache
 from runtime.settings.tree import load_settings
 from sim.lab.courses.prototype import Prototype
 from sim.world.pose import Side
@@ -41,7 +41,7 @@ def build(law: str, side: Side, desired_m: float, speed_mps: float) -> tuple[Fol
     if guard_name == "none":
         wanted.append("safety.turn_below_m=0")  # without safety neither of its rules
     settings = load_settings(None, wanted)
-    eyes = Eyes(settings.car)
+    eyes = PerceptionCache(settings.car)
     guard = methods.guard_for(settings.safety, settings.car, eyes, None)
     driver: Follower = (
         methods.driver_for(settings.wall_follow, settings.car, eyes)

@@ -36,7 +36,7 @@ KNOT_M = 0.1
 """Way between two points of the steering, which is linear between them."""
 SCAN_S = 0.025
 """The errors that count are those at the scans, as in the figures of a run."""
-_LONGEST_STEP_S = 0.005
+_MAX_STEP_S = 0.005
 _DRIVEN_STEP_S = 0.0025
 _DRIVEN_TRUST_RAD = (0.1, 0.03)
 _ROUNDS = 40
@@ -193,7 +193,7 @@ class _Problem:
         """Return the rear axle's places after each knot for a batch of steerings (b, n), shape (b, n, 2)."""
         task, s = self._task, self._task.vehicle
         batch, speed = len(steering_rad), task.speed_mps
-        parts = math.ceil(self._knot_s / _LONGEST_STEP_S)
+        parts = math.ceil(self._knot_s / _MAX_STEP_S)
         step_s = self._knot_s / parts
         x_m, y_m = np.full(batch, task.start.x_m), np.full(batch, task.start.y_m)
         yaw, left, rate = np.full(batch, task.start.yaw_rad), np.zeros(batch), np.zeros(batch)

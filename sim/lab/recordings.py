@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
+from sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
 from sim.lab.figures import Row, number, text
 from sim.lab.recorded.episodes import episodes
 from sim.lab.recorded.first_scan import first_offsets_m
@@ -37,7 +37,7 @@ def recordings_in(folder: Path) -> tuple[str, ...]:
     return tuple(str(path) for path in sorted(folder.rglob("*")) if path.suffix in ENDINGS)
 
 
-def cells(choice: Choice) -> list[Cell]:
+def cells(choice: CellChoice) -> list[Cell]:
     """Return one cell per recording; `scenario` is its path."""
     paths = choice.recordings[:3] if choice.quick else choice.recordings
     return [Cell("recordings", path, "ball+swept", 0.0, 0.8, "left", 0) for path in paths]
@@ -131,14 +131,14 @@ def _plain_all(values: dict[str, Any]) -> dict[str, Any]:
     return {name: _plain(value) for name, value in values.items()}
 
 
-def tables(rows: Sequence[Row]) -> list[Tabled]:
+def tables(rows: Sequence[Row]) -> list[TabledCell]:
     """Return what was seen, where safety would have interfered, and the runs at a wall."""
     judged = _told_apart([row for row in rows if not row["skipped"]])
     skipped = tuple(f"skipped {Path(row['scenario']).name}: {row['skipped']}" for row in rows if row["skipped"])
     return [_seen(judged, skipped), _interfered(judged), _at_walls(judged)]
 
 
-def _seen(rows: Sequence[Row], notes: tuple[str, ...]) -> Tabled:
+def _seen(rows: Sequence[Row], notes: tuple[str, ...]) -> TabledCell:
     lines = tuple(
         (
             row["name"],
@@ -158,7 +158,7 @@ def _seen(rows: Sequence[Row], notes: tuple[str, ...]) -> Tabled:
         "recording", "car", "wall", "distance 1..99 % [m]", "noise mm", "jumps", "follower: noise, off mm",
         "first scan off (its line) mm", "walkers", "window",
     )  # fmt: skip
-    return Tabled("what the car would have seen", columns, lines, notes)
+    return TabledCell("what the car would have seen", columns, lines, notes)
 
 
 def _briefly(words: str) -> str:
@@ -172,7 +172,7 @@ def _mm(value_m: float | None) -> str:
     return text(float("nan") if value_m is None else 1000 * value_m, 1)
 
 
-def _interfered(rows: Sequence[Row]) -> Tabled:
+def _interfered(rows: Sequence[Row]) -> TabledCell:
     lines = tuple(
         (
             row["name"],
@@ -193,7 +193,7 @@ def _interfered(rows: Sequence[Row]) -> Tabled:
         f" {needless} before which the real car passed"
     )
     columns = ("recording", "scans", "safety", "reason", "m/s", "way m", "the real car (nearest)")
-    return Tabled("where safety would have interfered", columns, lines, (note,))
+    return TabledCell("where safety would have interfered", columns, lines, (note,))
 
 
 def _told_apart(rows: Sequence[Row]) -> list[Row]:
@@ -211,7 +211,7 @@ def _or_dash(value: float | None) -> str:
     return text(float("nan") if value is None else value, 2)
 
 
-def _at_walls(rows: Sequence[Row]) -> Tabled:
+def _at_walls(rows: Sequence[Row]) -> TabledCell:
     lines = []
     for row in rows:
         if row["at_wall"] is None:
@@ -230,7 +230,7 @@ def _at_walls(rows: Sequence[Row]) -> Tabled:
             for run in row["reenacted"]
         ]  # fmt: skip
     columns = ("recording", "who", "slows at scan", "there", "full brake", "rests at m", "physics needs m")
-    return Tabled("runs at a wall: gaps of the bumper", columns, tuple(lines))
+    return TabledCell("runs at a wall: gaps of the bumper", columns, tuple(lines))
 
 
 def _at(gap_m: float | None, speed_mps: float | None) -> str:

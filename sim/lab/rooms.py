@@ -17,12 +17,12 @@ from runtime.control.guidance import Follower, Guard
 from runtime.settings.tree import load_settings
 from sim.car.vehicle import GRAVITY_MPS2, VehicleSettings
 from sim.lab import laws
-from sim.lab.cell import DESIRED_M, Cell, Choice, Experiment, Figures, Tabled
+from sim.lab.cell import DESIRED_M, Cell, CellChoice, Experiment, Figures, TabledCell
 from sim.lab.courses.walls import world_of
 from sim.lab.figures import Row, chosen, common, distinct, mean, number, text, worst
 from sim.lab.safety import stopping_m
-from sim.virtual.closed_loop import Case, Run, drive
-from sim.world.obstacles import Motion, Obstacle, Round, Standing, person
+from sim.virtual.closed_loop import Case, SimulatedRun, drive
+from sim.world.obstacles import ConstantMotion, Obstacle, Round, StandingObstacle, person
 from sim.world.pose import CAR, Booleans, Floats, Pose
 from sim.world.worlds import load_world
 
@@ -45,7 +45,7 @@ ASIDE_M = 2.6
 LEAVES_AFTER_S = 4.0
 COMES_SPARE_M = 0.4
 REACTION_S, SLIPPERY_MU = 0.3, 0.5
-FASTEST_CLUTTER_MPS, FASTEST_MPS = 2.0, 3.0
+MAX_CLUTTER_MPS, MAX_SPEED_MPS = 2.0, 3.0
 WALKS_MPS = (1.0, 2.0, 3.0)
 
 
@@ -74,32 +74,34 @@ class Walker:
 def _crosses(walking_mps: float, arrives_s: float, _: float) -> Obstacle:
     """From the free side through the way and the wall; in the middle of the way when the bumper comes there."""
     from_m = min(ASIDE_M, walking_mps * arrives_s)
-    return person(AT_M, -from_m, Motion(0.0, walking_mps, arrives_s - from_m / walking_mps))
+    return person(AT_M, -from_m, ConstantMotion(0.0, walking_mps, arrives_s - from_m / walking_mps))
 
 
 def _stops(walking_mps: float, arrives_s: float, _: float) -> Obstacle:
     """As before, but only to the middle of the way, for good."""
     from_m = min(ASIDE_M, walking_mps * arrives_s)
-    return person(AT_M, -from_m, Motion(0.0, walking_mps, arrives_s - from_m / walking_mps, arrives_s))
+    return person(AT_M, -from_m, ConstantMotion(0.0, walking_mps, arrives_s - from_m / walking_mps, arrives_s))
 
 
 def _leaves(walking_mps: float, arrives_s: float, _: float) -> Obstacle:
     """In the way from the beginning, and leaves it to the free side when the car has stood for some seconds."""
-    return Obstacle(Round(WALKER_RADIUS_M), _at(AT_M, 0.0), Motion(0.0, -walking_mps, arrives_s + LEAVES_AFTER_S))
+    return Obstacle(
+        Round(WALKER_RADIUS_M), _at(AT_M, 0.0), ConstantMotion(0.0, -walking_mps, arrives_s + LEAVES_AFTER_S)
+    )
 
 
 def _passes(walking_mps: float, arrives_s: float, _: float) -> Obstacle:
     """Comes in the car's way and drifts aside, 0.55 m from its middle line half a second before they meet."""
     drifts_s = max(0.5, arrives_s - 0.5)
     from_m = AT_M + walking_mps * arrives_s
-    return Obstacle(Round(WALKER_RADIUS_M), _at(from_m, 0.2), Motion(-walking_mps, -0.75 / drifts_s))
+    return Obstacle(Round(WALKER_RADIUS_M), _at(from_m, 0.2), ConstantMotion(-walking_mps, -0.75 / drifts_s))
 
 
 def _comes(walking_mps: float, arrives_s: float, speed_mps: float) -> Obstacle:
     """Comes straight at the car and stops, for good, where a car that did not slow down could still stop."""
     room_m = COMES_SPARE_M + stopping_m(speed_mps, REACTION_S, SLIPPERY_MU * GRAVITY_MPS2)
     from_m = AT_M + room_m + walking_mps * arrives_s
-    return Obstacle(Round(WALKER_RADIUS_M), _at(from_m, 0.0), Motion(-walking_mps, 0.0, -math.inf, arrives_s))
+    return Obstacle(Round(WALKER_RADIUS_M), _at(from_m, 0.0), ConstantMotion(-walking_mps, 0.0, -math.inf, arrives_s))
 
 
 WAYS: dict[str, Callable[[float, float, float], Obstacle]] = {
@@ -113,11 +115,11 @@ WALKERS = {f"{name} at {walking_mps:g} m/s": Walker(name, walking_mps) for name 
 CLUTTER = "cluttered room "
 
 
-def _at(x_m: float, y_m: float) -> Standing:
-    return Standing(Pose(x_m, y_m, 0.0))
+def _at(x_m: float, y_m: float) -> StandingObstacle:
+    return StandingObstacle(Pose(x_m, y_m, 0.0))
 
 
-def cells(choice: Choice) -> list[Cell]:
+def cells(choice: CellChoice) -> list[Cell]:
     """Return what is to be run: clutter up to 2 m/s on one floor, people up to 3 m/s on all of them."""
     rooms = [f"{CLUTTER}{room}{variant}" for room in range(2 if choice.quick else ROOMS) for variant in ("", WAITS)]
     people = [name + variant for name in list(WALKERS)[:: 3 if choice.quick else 1] for variant in ("", WAITS)]
@@ -126,8 +128,8 @@ def cells(choice: Choice) -> list[Cell]:
     return [
         cell
         for cell in planned
-        if (cell.speed_mps <= FASTEST_CLUTTER_MPS and cell.mu == mu and cell.scenario.startswith(CLUTTER))
-        or (cell.speed_mps <= FASTEST_MPS and not cell.scenario.startswith(CLUTTER))
+        if (cell.speed_mps <= MAX_CLUTTER_MPS and cell.mu == mu and cell.scenario.startswith(CLUTTER))
+        or (cell.speed_mps <= MAX_SPEED_MPS and not cell.scenario.startswith(CLUTTER))
     ]
 
 
@@ -147,7 +149,7 @@ def build(cell: Cell) -> tuple[Follower, Guard]:
     return methods.laws(settings.wall_follow, settings.safety, settings.car)
 
 
-def run(cell: Cell) -> Run:
+def run(cell: Cell) -> SimulatedRun:
     """Drive one cell."""
     scenario = cell.scenario.removesuffix(WAITS)
     vehicle = VehicleSettings(grip_mu=cell.mu)
@@ -167,10 +169,10 @@ def run(cell: Cell) -> Run:
 
 def _walker(cell: Cell) -> Obstacle:
     thing = WALKERS[cell.scenario.removesuffix(WAITS)].obstacle(cell.speed_mps)
-    if cell.side == "left" or not isinstance(thing.appearance, Standing) or thing.motion is None:
+    if cell.side == "left" or not isinstance(thing.appearance, StandingObstacle) or thing.motion is None:
         return thing
-    motion = Motion(thing.motion.x_mps, -thing.motion.y_mps, thing.motion.from_s, thing.motion.until_s)
-    return Obstacle(thing.shape, Standing(thing.appearance.pose.mirrored(), thing.appearance.from_s), motion)
+    motion = ConstantMotion(thing.motion.x_mps, -thing.motion.y_mps, thing.motion.from_s, thing.motion.until_s)
+    return Obstacle(thing.shape, StandingObstacle(thing.appearance.pose.mirrored(), thing.appearance.from_s), motion)
 
 
 def measure(cell: Cell) -> Figures:
@@ -203,7 +205,7 @@ def tries(reasons: Sequence[str]) -> int:
     return sum(now and not before for before, now in pairwise(backs))
 
 
-def resuming(done: Run, walker: Obstacle) -> Figures:
+def resuming(done: SimulatedRun, walker: Obstacle) -> Figures:
     """Return whether the car stood, whether its way became free, and how long after that it drove (None: never).
 
     The first standstill counts. It drives again when it goes forward for a second; a car that backed out and went round
@@ -238,7 +240,7 @@ def _for_good(free: Booleans) -> Booleans:
     return kept
 
 
-def way_free(done: Run, walker: Obstacle) -> Booleans:
+def way_free(done: SimulatedRun, walker: Obstacle) -> Booleans:
     """Return, for each scan, whether the strip straight ahead is free."""
     at_m = walker_at(walker, done.time_s)
     dx, dy = at_m[0] - done.pose[:, 0], at_m[1] - done.pose[:, 1]
@@ -252,7 +254,7 @@ def way_free(done: Run, walker: Obstacle) -> Booleans:
 
 def walker_at(walker: Obstacle, time_s: Floats) -> Floats:
     """Return where a person is, (2, n)."""
-    if not isinstance(walker.appearance, Standing) or walker.motion is None:
+    if not isinstance(walker.appearance, StandingObstacle) or walker.motion is None:
         raise TypeError("a person stands somewhere and walks")
     motion, pose = walker.motion, walker.appearance.pose
     begins_s = max(motion.from_s, walker.appearance.from_s, 0.0)
@@ -260,7 +262,7 @@ def walker_at(walker: Obstacle, time_s: Floats) -> Floats:
     return np.stack([pose.x_m + motion.x_mps * walked_s, pose.y_m + motion.y_mps * walked_s])
 
 
-def tables(rows: Sequence[Row]) -> list[Tabled]:
+def tables(rows: Sequence[Row]) -> list[TabledCell]:
     """Return one table per law: a row per kind, with and without backing out."""
     made = []
     for law in distinct(rows, "law"):
@@ -275,7 +277,7 @@ def tables(rows: Sequence[Row]) -> list[Tabled]:
             "room", "way out", "runs", "touched (avoidable)", "stuck", "way m", "tries", "stood", "freed", "within 5 s",
             "latest s", "last words of who is stuck",
         )  # fmt: skip
-        made.append(Tabled(f"{law}: clutter and people", columns, tuple(lines)))
+        made.append(TabledCell(f"{law}: clutter and people", columns, tuple(lines)))
     return made
 
 

@@ -17,11 +17,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from sim.car.vehicle import GRAVITY_MPS2
-from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
-from sim.lab.courses.sudden import FullBrake, Sudden, case_of, laws_of, scenarios
+from sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
+from sim.lab.courses.sudden import FullBrake, SuddenRun, case_of, laws_of, scenarios
 from sim.lab.courses.walls import with_own_parts
 from sim.lab.figures import Row, chosen, common, distinct, number, worst
-from sim.virtual.closed_loop import Run, drive
+from sim.virtual.closed_loop import SimulatedRun, drive
 from sim.world.obstacles import LIDAR_AHEAD_M
 from sim.world.pose import CAR
 
@@ -32,13 +32,13 @@ SURELY_M = 0.05
 """Cases nearer to the edge than this are left to chance."""
 
 
-def cells(choice: Choice) -> list[Cell]:
+def cells(choice: CellChoice) -> list[Cell]:
     """Return what is to be run."""
     blind = [f"{distance_m:.1f} m" for distance_m in DISTANCES_M]
     return choice.cells("safety", [*blind, *scenarios(DISTANCES_M, quick=choice.quick)])
 
 
-def run(cell: Cell) -> Run:
+def run(cell: Cell) -> SimulatedRun:
     """Drive one cell."""
     return drive(with_own_parts(case_of(cell), cell.own_parts), *laws_of(cell))
 
@@ -47,7 +47,7 @@ def measure(cell: Cell) -> Figures:
     """Drive one cell and put it beside what physics allows."""
     done = run(cell)
     case = done.case
-    sudden = Sudden.named(cell.scenario)
+    sudden = SuddenRun.named(cell.scenario)
     gap_m = sudden.ahead_m + LIDAR_AHEAD_M - CAR.front_m
     first = int(np.flatnonzero(done.appeared)[0])
     speed_mps = float(done.speed_mps[first, 0])
@@ -97,7 +97,7 @@ def impact_mps(speed_mps: float, gap_m: float, latency_s: float, brake_mps2: flo
     return math.sqrt(max(0.0, speed_mps**2 - 2 * brake_mps2 * braking_m))
 
 
-def moving_commands(done: Run, first: int, gap_m: float, latency_s: float, brake_mps2: float) -> int:
+def moving_commands(done: SimulatedRun, first: int, gap_m: float, latency_s: float, brake_mps2: float) -> int:
     """Count commands to move, from scans that show the obstacle, that leave too little way to stop.
 
     A slow approach to an obstacle that is still far enough away is no fault.
@@ -112,7 +112,7 @@ def moving_commands(done: Run, first: int, gap_m: float, latency_s: float, brake
     return count
 
 
-def tables(rows: Sequence[Row]) -> list[Tabled]:
+def tables(rows: Sequence[Row]) -> list[TabledCell]:
     """Return, per law and friction, a row per distance for the blind driver, and one per place and box for others."""
     made = []
     for law in distinct(rows, "law"):
@@ -128,12 +128,12 @@ def tables(rows: Sequence[Row]) -> list[Tabled]:
             ]
             columns = ("appears at", *(f"{speed:g} m/s" for speed in speeds))
             made.append(
-                Tabled(f"{law}, mu {mu:g}: stopped, or impact (physics) [m/s]", columns, tuple(lines), _notes(some))
+                TabledCell(f"{law}, mu {mu:g}: stopped, or impact (physics) [m/s]", columns, tuple(lines), _notes(some))
             )
     return made
 
 
-def _driven(law: str, mu: float, rows: Sequence[Row]) -> list[Tabled]:
+def _driven(law: str, mu: float, rows: Sequence[Row]) -> list[TabledCell]:
     """Return a table per driver that looks, a row per place and box, a column per speed."""
     made = []
     for driver in distinct(rows, "driver"):
@@ -147,7 +147,7 @@ def _driven(law: str, mu: float, rows: Sequence[Row]) -> list[Tabled]:
         table = tuple((name, *(_outcome(chosen(of, speed_mps=v)) for v in speeds)) for name, of in lines.items())
         title = f"{law}, mu {mu:g}, {driver}: clear of stoppable; impact above physics in the others [m/s]"
         columns = ("place, box", *(f"{v:g} m/s" for v in speeds))
-        made.append(Tabled(title, columns, table, _driven_notes(some)))
+        made.append(TabledCell(title, columns, table, _driven_notes(some)))
     return made
 
 

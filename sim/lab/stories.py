@@ -1,8 +1,8 @@
 """`lab stories`: the whole process in virtual time: its own tasks and default laws, devices in memory, a world to see.
 
 The closed loop of the other experiments calls the laws one after the other; here the unmodified `runtime.app.Car` runs,
-with its queues, expiries, permit and caretaker, and an event loop whose clock jumps. Each story says what should happen
-and what did.
+with its queues, expiries, permit and health monitor, and an event loop whose clock jumps. Each story says what should
+happen and what did.
 """
 
 import asyncio
@@ -15,9 +15,9 @@ import numpy as np
 
 from drivers.api import Drive
 from runtime.app import Car
-from runtime.arbitration.command import DriveWord, Source
+from runtime.arbitration.command import DriveCommand, Source
 from runtime.settings.tree import Settings
-from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
+from sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
 from sim.lab.courses.walls import SMUDGES
 from sim.lab.covers import Cover
 from sim.lab.figures import TOUCH_ABOVE_MPS, Row, number, text
@@ -26,7 +26,7 @@ from sim.virtual.twin_world import UNPLUGGED_AFTER_S, TwinWorld, WorldLidar, Wor
 from sim.virtual.virtual_time import run_virtual
 from sim.world.beams import LidarSettings
 from sim.world.lap import LapCounter
-from sim.world.obstacles import Motion, Obstacle, person, sudden_box
+from sim.world.obstacles import ConstantMotion, Obstacle, person, sudden_box
 from sim.world.pose import Pose
 from sim.world.worlds import load_world
 
@@ -35,7 +35,7 @@ SAMPLED_EVERY_S = 0.025
 
 
 @dataclass(slots=True, eq=False)
-class Told:
+class ReportedFigures:
     """What happened. Lists have one entry every 25 ms: time, pose, true speed, the decision's words.
 
     navigation: every different thing that the follower said, in order. window: the last sentences about the lidar's
@@ -82,7 +82,7 @@ class Story:
 
     world: str
     lasts_s: float
-    says: Callable[[Told], list[tuple[str, bool]]]
+    says: Callable[[ReportedFigures], list[tuple[str, bool]]]
     speed_mps: float = 2.0
     lidar: LidarSettings | None = None
     obstacles: tuple[Obstacle, ...] = ()
@@ -102,7 +102,7 @@ class Play:
         twin = TwinWorld(load_world(story.world), loop.time, lidar=beams, obstacles=story.obstacles, seed=seed)
         self.lidar = WorldLidar(twin, loop.time)
         self.motor = WorldMotor(twin, loop.time)
-        self.told = Told(twin, self.motor)
+        self.told = ReportedFigures(twin, self.motor)
         settings = Settings.model_validate(
             {
                 "operator": {"permit": story.permit},
@@ -125,17 +125,17 @@ class Play:
             told.speed_mps.append(twin.vehicle.speed_mps)
             told.reasons.append(output.decision.reason if output is not None else "")
             for word in self.car.voices.live():
-                if isinstance(word, DriveWord) and word.reason not in told.navigation[-1:]:
+                if isinstance(word, DriveCommand) and word.reason not in told.navigation[-1:]:
                     told.navigation.append(word.reason)
             told.window = tuple(self.car.laws.words)
             if counter is not None and counter.update(pose.x_m, pose.y_m) >= len(told.laps_s) + 1:
                 told.laps_s.append(self.clock())
 
 
-def tell(story: Story, seed: int = 1000) -> Told:
+def tell(story: Story, seed: int = 1000) -> ReportedFigures:
     """Perform a story in virtual time."""
 
-    async def main() -> Told:
+    async def main() -> ReportedFigures:
         loop = asyncio.get_running_loop()
         play, stop = Play(story, seed), asyncio.Event()
         for at_s, event in story.events:
@@ -184,11 +184,11 @@ def plug_motor(play: Play) -> None:
 
 def swerve(play: Play) -> None:
     """Push the stick to full lock on the right at full speed, as a human does who sees the box come."""
-    word = DriveWord(Source.TELEOP, Drive(_BOXED_MPS, -play.car.settings.car.max_steering_rad), None, "stick")
+    word = DriveCommand(Source.TELEOP, Drive(_BOXED_MPS, -play.car.settings.car.max_steering_rad), None, "stick")
     play.car.voices.say(word, expires_at_s=play.clock() + 0.2)
 
 
-def untouched(told: Told) -> tuple[str, bool]:
+def untouched(told: ReportedFigures) -> tuple[str, bool]:
     """Say whether anything was touched."""
     touched = told.twin.contact_mps
     if touched is None:
@@ -201,14 +201,14 @@ def within(what: str, measured_s: float, most_s: float) -> tuple[str, bool]:
     return f"{what} after {measured_s:.2f} s (at most {most_s:g})", measured_s <= most_s
 
 
-def _laps(told: Told) -> list[tuple[str, bool]]:
+def _laps(told: ReportedFigures) -> list[tuple[str, bool]]:
     best_s = min(np.diff([0.0, *told.laps_s])[1:], default=math.inf)
     stood = told.stood_s(1.0) < told.time_s[-1] - 1.0
     return [untouched(told), (f"{len(told.laps_s)} laps, best {best_s:.2f} s", len(told.laps_s) >= 2),
             ("never stands", not stood)]  # fmt: skip
 
 
-def _dirty(told: Told) -> list[tuple[str, bool]]:
+def _dirty(told: ReportedFigures) -> list[tuple[str, bool]]:
     return [
         untouched(told),
         within("sets off", told.went_s(0.0), 1.0),
@@ -218,10 +218,10 @@ def _dirty(told: Told) -> list[tuple[str, bool]]:
 
 
 _CROSSES_S = 4.0
-_PERSON = person(8.0, -2.6, Motion(0.0, 1.0, _CROSSES_S - 2.6, _CROSSES_S + 2.0))
+_PERSON = person(8.0, -2.6, ConstantMotion(0.0, 1.0, _CROSSES_S - 2.6, _CROSSES_S + 2.0))
 
 
-def _crossing(told: Told) -> list[tuple[str, bool]]:
+def _crossing(told: ReportedFigures) -> list[tuple[str, bool]]:
     slowest = min(told.speed_mps[int(2.0 / SAMPLED_EVERY_S) : int(6.0 / SAMPLED_EVERY_S)])
     gone_s = _CROSSES_S + 0.5
     again_s = told.went_s(gone_s) - gone_s
@@ -236,7 +236,7 @@ def _crossing(told: Told) -> list[tuple[str, bool]]:
 _PULLED_S, _BACK_S = 4.0, 7.0
 
 
-def _lost(told: Told, brakes_mps2: float, notices_s: float) -> list[tuple[str, bool]]:
+def _lost(told: ReportedFigures, brakes_mps2: float, notices_s: float) -> list[tuple[str, bool]]:
     stood_s = told.stood_s(_PULLED_S)
     speed_mps = told.speed_at(_PULLED_S)
     allowed_s = round(notices_s + speed_mps / brakes_mps2, 2)
@@ -250,17 +250,17 @@ def _lost(told: Told, brakes_mps2: float, notices_s: float) -> list[tuple[str, b
     ]
 
 
-def _lidar_lost(told: Told) -> list[tuple[str, bool]]:
+def _lidar_lost(told: ReportedFigures) -> list[tuple[str, bool]]:
     """The last scan's words are in force for 0.15 s; then the car brakes with all there is."""
     return _lost(told, 5.0, 0.25)
 
 
-def _motor_lost(told: Told) -> list[tuple[str, bool]]:
+def _motor_lost(told: ReportedFigures) -> list[tuple[str, bool]]:
     """Only the controller itself can brake, gently, after its own timeout."""
     return _lost(told, 1.9, 0.25)
 
 
-def _front_covered(told: Told) -> list[tuple[str, bool]]:
+def _front_covered(told: ReportedFigures) -> list[tuple[str, bool]]:
     """The first covered scan is a full brake, and the first free one ends it."""
     said = next((reason for reason in told.reasons if reason.startswith("the lidar is blind")), "nothing of it")
     return [*_lost(told, 5.0, 0.1), (f"says: {said}", said != "nothing of it")]
@@ -269,7 +269,7 @@ def _front_covered(told: Told) -> list[tuple[str, bool]]:
 _SAYS_SO = ("backing out", "turning out", "boxed in", "wall ahead", "waiting")
 
 
-def _dead_end(told: Told) -> list[tuple[str, bool]]:
+def _dead_end(told: ReportedFigures) -> list[tuple[str, bool]]:
     backed = sum(-v for v in told.speed_mps if v < -STANDS_BELOW_MPS) * SAMPLED_EVERY_S
     tried = sorted({reason for reason in told.reasons if reason.startswith(_SAYS_SO)})
     farthest = max(pose.x_m for pose in told.pose)
@@ -289,7 +289,7 @@ _BOX = sudden_box(_BOX_AHEAD_M, width_m=4.0, from_s=_BOXED_S)
 _SWERVES: tuple[Event, ...] = tuple((_BOXED_S - 0.1 + 0.05 * push, swerve) for push in range(40))
 
 
-def _boxed(told: Told) -> list[tuple[str, bool]]:
+def _boxed(told: ReportedFigures) -> list[tuple[str, bool]]:
     """0.75 m before the bumper at 3 m/s: the floor's whole grip stops the car with 6 cm to spare."""
     said = sorted({reason for reason in told.reasons if reason.startswith(("braking", "swerving"))})
     return [
@@ -324,7 +324,7 @@ STORIES = {
 """Every story by its name."""
 
 
-def cells(choice: Choice) -> list[Cell]:
+def cells(choice: CellChoice) -> list[Cell]:
     """Return what is to be told."""
     names = list(STORIES)[:2] if choice.quick else list(STORIES)
     return [
@@ -347,7 +347,7 @@ def measure(cell: Cell) -> Figures:
     }
 
 
-def tables(rows: Sequence[Row]) -> list[Tabled]:
+def tables(rows: Sequence[Row]) -> list[TabledCell]:
     """Return one table: a row per story."""
     lines = tuple(
         (
@@ -359,7 +359,7 @@ def tables(rows: Sequence[Row]) -> list[Tabled]:
         )
         for row in rows
     )
-    return [Tabled("the whole process in virtual time", ("story", "s", "way m", "ends", "what happened"), lines)]
+    return [TabledCell("the whole process in virtual time", ("story", "s", "way m", "ends", "what happened"), lines)]
 
 
 def _no_picture(*_: object) -> None:

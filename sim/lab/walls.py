@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from sim.lab import laws
-from sim.lab.cell import DESIRED_M, Cell, Choice, Experiment, Figures, Tabled
+from sim.lab.cell import DESIRED_M, Cell, CellChoice, Experiment, Figures, TabledCell
 from sim.lab.courses.walls import ALL_COURSES, STRAIGHT_COURSES, case_of, with_own_parts
 from sim.lab.figures import Row, chosen, common, distinct, errors, mean, number, text, worst
 from sim.lab.limits import DRIVEN_MU, REFERENCE_M, limit_m
-from sim.virtual.closed_loop import Run, drive
+from sim.virtual.closed_loop import SimulatedRun, drive
 
 LOST_ABOVE_M = 0.5
 """A run that ends so far off has lost its wall."""
@@ -24,12 +24,12 @@ REPORT_TABLE_M = {
 """The report law in the simulator of the design notes, mu 0.8, 1 to 4 m/s; None is a contact."""
 
 
-def cells(choice: Choice) -> list[Cell]:
+def cells(choice: CellChoice) -> list[Cell]:
     """Return what is to be run."""
     return choice.cells("walls", QUICK_COURSES if choice.quick else ALL_COURSES)
 
 
-def run(cell: Cell) -> Run:
+def run(cell: Cell) -> SimulatedRun:
     """Drive one cell."""
     follower, guard = laws.build(cell.law, cell.side, cell.desired_m, cell.speed_mps)
     case = case_of(cell.scenario, cell.speed_mps, cell.mu, cell.side, cell.seed, cell.desired_m)
@@ -50,7 +50,7 @@ def measure(cell: Cell) -> Figures:
     return figures
 
 
-def tables(rows: Sequence[Row]) -> list[Tabled]:
+def tables(rows: Sequence[Row]) -> list[TabledCell]:
     """Return one table per law and friction: a row per course, a column per speed."""
     made = []
     for law in distinct(rows, "law"):
@@ -61,7 +61,7 @@ def tables(rows: Sequence[Row]) -> list[Tabled]:
             order = [name for name in ALL_COURSES if name in distinct(some, "scenario")]
             lines = [_line(chosen(some, scenario=name), name, speeds) for name in order]
             title = f"{law}, mu {mu:g}{_asked(some)}: mean |error| / limit [m]"
-            made.append(Tabled(title, columns, tuple(lines), _notes(some)))
+            made.append(TabledCell(title, columns, tuple(lines), _notes(some)))
     if any(row["law"].startswith("report") for row in rows):
         made.append(_published(rows))
     return made
@@ -110,14 +110,14 @@ def _notes(rows: Sequence[Row]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _published(rows: Sequence[Row]) -> Tabled:
+def _published(rows: Sequence[Row]) -> TabledCell:
     lines = [
         (name, *("X" if value is None else text(value) for value in values))
         for name, values in REPORT_TABLE_M.items()
         if name in distinct(rows, "scenario")
     ]
     title = "for comparison: the report's law in the design notes' simulator, mu 0.8"
-    return Tabled(title, ("course", "1 m/s", "2 m/s", "3 m/s", "4 m/s"), tuple(lines))
+    return TabledCell(title, ("course", "1 m/s", "2 m/s", "3 m/s", "4 m/s"), tuple(lines))
 
 
 EXPERIMENT = Experiment(cells, measure, tables)

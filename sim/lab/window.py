@@ -10,14 +10,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from drivers.api import MotorState, Scan
-from runtime.arbitration.command import Outlook
+from runtime.arbitration.command import SafetyAssessment
 from runtime.control.safety.swept import SweptGuard
 from sim.car.vehicle import VehicleSettings
 from sim.lab import laws
-from sim.lab.cell import Cell, Choice, Experiment, Figures, Tabled
+from sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
 from sim.lab.courses.walls import world_of
 from sim.lab.figures import Row, chosen, common, distinct, mean, number, text, worst
-from sim.virtual.closed_loop import Case, Run, drive
+from sim.virtual.closed_loop import Case, SimulatedRun, drive
 from sim.world.beams import LidarSettings
 from sim.world.pose import Booleans, Side
 
@@ -36,7 +36,7 @@ FOUND_SHARE = 0.95
 
 
 @dataclass(slots=True)
-class Watched:
+class WatchedWindow:
     """A guard that also writes down, by way driven, which beams it calls dirty, and which are the car's own to it."""
 
     guard: SweptGuard
@@ -44,7 +44,7 @@ class Watched:
     dirty: list[Booleans] = field(default_factory=list)
     own: list[Booleans] = field(default_factory=list)
 
-    def look(self, scan: Scan, motor: MotorState | None) -> Outlook:
+    def look(self, scan: Scan, motor: MotorState | None) -> SafetyAssessment:
         """Look as the guard does."""
         outlook = self.guard.look(scan, motor)
         self.guard.learn()
@@ -59,13 +59,13 @@ class Watched:
         """Nothing: it is done with each look."""
 
 
-def cells(choice: Choice) -> list[Cell]:
+def cells(choice: CellChoice) -> list[Cell]:
     """Return what is to be run."""
     names = [f"{window}, {world}" for window in WINDOWS for world in (WORLDS[:2] if choice.quick else WORLDS)]
     return choice.cells("window", names)
 
 
-def run(cell: Cell) -> Run:
+def run(cell: Cell) -> SimulatedRun:
     """Drive one cell."""
     return _watched(cell)[0]
 
@@ -108,11 +108,11 @@ def truly_dirty(dirt: Sectors, lidar: LidarSettings) -> Booleans:
     return dirty
 
 
-def _watched(cell: Cell) -> tuple[Run, Watched]:
+def _watched(cell: Cell) -> tuple[SimulatedRun, WatchedWindow]:
     follower, guard = laws.build(cell.law, cell.side, cell.desired_m, cell.speed_mps)
     if not isinstance(guard, SweptGuard):
         raise TypeError(f"{cell.law}: only the safety `swept` knows its window; write --method ball")
-    watched = Watched(guard)
+    watched = WatchedWindow(guard)
     lidar = LidarSettings(noise_std_m=0.02, outlier_share=0.02, dirty_sectors=sectors(cell.scenario, cell.side))
     case = Case(
         world_of(cell.scenario.partition(", ")[2], cell.side),
@@ -128,7 +128,7 @@ def _watched(cell: Cell) -> tuple[Run, Watched]:
     return drive(case, follower, watched), watched
 
 
-def tables(rows: Sequence[Row]) -> list[Tabled]:
+def tables(rows: Sequence[Row]) -> list[TabledCell]:
     """Return one table: a row per window."""
     lines = []
     for window in distinct(rows, "window"):
@@ -152,7 +152,7 @@ def tables(rows: Sequence[Row]) -> list[Tabled]:
         f"{100 * found:.1f} % of dirty beams ignored after {LEARNT_M:g} m;"
         f" false beams in {sum(row['false_beams'] > 0 for row in clean)} of {len(clean)} clean runs"
     )
-    return [Tabled("the lidar's window", columns, tuple(lines), (note,))]
+    return [TabledCell("the lidar's window", columns, tuple(lines), (note,))]
 
 
 EXPERIMENT = Experiment(cells, measure, tables)

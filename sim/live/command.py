@@ -16,13 +16,13 @@ from runtime.settings.tree import Settings, SettingsError, load_settings
 from sim.car.vehicle import Vehicle, VehicleSettings
 from sim.figures.comparison import compare
 from sim.figures.summary import device_faults, figures
-from sim.live.conditions import Conditions, ConditionsError, Wishes, conditions_of
+from sim.live.conditions import Conditions, ConditionsError, RequestedConditions, conditions_of
 from sim.live.live_conditions import LiveConditions
 from sim.live.live_keys import pressing
 from sim.live.saved_settings import saved_settings
 from sim.live.scenes import RecordingScene, WorldScene
 from sim.live.screen import LiveView, address_in, operate_hint, starting
-from sim.live.session import USAGE_ERROR, Record, Session, SessionError, Start
+from sim.live.session import USAGE_ERROR, Record, RuntimeStart, SessionError, SimulatorSession
 from sim.live.stop_request import StopRequest
 from sim.recordings import RecordingError, load_recording
 from sim.world.place import World
@@ -31,7 +31,7 @@ from sim.world.worlds import load_world
 
 CONFIG = "config/sim.toml"
 DEFAULT_DURATION_S = 60.0
-LONGEST_LAP_S = 180.0
+MAX_LAP_S = 180.0
 """A car that stands still must not keep a script waiting for ever."""
 FAILED = 1
 KILLED = 130
@@ -40,7 +40,7 @@ HEARD = "heard"
 """Of telemetry: what the summary says of the runtime is what that runtime said."""
 
 
-class UsageError(Exception):
+class SimUsageError(Exception):
     """Something on the command line cannot be used; the text says what and how it should look."""
 
 
@@ -62,7 +62,7 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
             return _devices(options, settings, stop, console)
         drive = _replay if options.recording is not None else _drive
         summary = drive(options, config, settings, stop, console)
-    except (SettingsError, RecordingError, ConditionsError, UsageError) as error:
+    except (SettingsError, RecordingError, ConditionsError, SimUsageError) as error:
         print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
         return USAGE_ERROR
     except SessionError as error:
@@ -83,7 +83,7 @@ def find_config() -> Path:
     for candidate in candidates:
         if candidate.is_file():
             return candidate
-    raise UsageError(f"{CONFIG} is not installed (looked for {candidates[-1]}); give one with --config")
+    raise SimUsageError(f"{CONFIG} is not installed (looked for {candidates[-1]}); give one with --config")
 
 
 def _drive(
@@ -92,10 +92,10 @@ def _drive(
     conditions, scene, vehicle = _scene(options, settings)
     world = scene.world
     if options.laps and world.lap is None:
-        raise UsageError(f"--laps {options.laps}: {world.name} has no lap; give --duration instead")
-    duration_s = options.duration or (options.laps * LONGEST_LAP_S if options.laps else DEFAULT_DURATION_S)
+        raise SimUsageError(f"--laps {options.laps}: {world.name} has no lap; give --duration instead")
+    duration_s = options.duration or (options.laps * MAX_LAP_S if options.laps else DEFAULT_DURATION_S)
     live = LiveConditions(vehicle, scene, conditions)
-    session = Session(scene, vehicle, settings.motor, watched=not options.headless, changes=live)
+    session = SimulatorSession(scene, vehicle, settings.motor, watched=not options.headless, changes=live)
     start = _start(options, config, settings, world.name)
     record = _run(session, start, duration_s, stop, console, _view(options, scene, vehicle, console, live), live)
     desired_m = settings.wall_follow.desired_distance_m
@@ -119,11 +119,13 @@ def _scene(options: argparse.Namespace, settings: Settings) -> tuple[Conditions,
     try:
         world = load_world(options.world, side=side, seed=options.seed)
     except (ValueError, OSError) as error:
-        raise UsageError(str(error)) from None
+        raise SimUsageError(str(error)) from None
     conditions = conditions_of(_wishes(options))
     vehicle = Vehicle(conditions.vehicle, parse_pose(options.pose) if options.pose else world.start)
     if world.collides(vehicle.pose):
-        raise UsageError(f"--pose {options.pose}: the car would stand in a wall of {world.name}; start somewhere free")
+        raise SimUsageError(
+            f"--pose {options.pose}: the car would stand in a wall of {world.name}; start somewhere free"
+        )
     scene = WorldScene(world, side, conditions.lidar, options.laps, options.seed, conditions.things())
     return conditions, scene, vehicle
 
@@ -131,7 +133,7 @@ def _scene(options: argparse.Namespace, settings: Settings) -> tuple[Conditions,
 def _devices(options: argparse.Namespace, settings: Settings, stop: StopRequest, console: Console) -> int:
     """Keep the emulated car and its world running for a runtime that is started by hand."""
     if options.recording is not None:
-        raise UsageError("--devices needs a world: a recording ends, a bench does not")
+        raise SimUsageError("--devices needs a world: a recording ends, a bench does not")
     _, scene, vehicle = _scene(options, settings)
 
     def tell(addresses: Sequence[str]) -> None:
@@ -142,7 +144,7 @@ def _devices(options: argparse.Namespace, settings: Settings, stop: StopRequest,
         sys.stdout.flush()
         console.print("Ctrl-C ends them")
 
-    session = Session(scene, vehicle, settings.motor)
+    session = SimulatorSession(scene, vehicle, settings.motor)
     asyncio.run(session.keep(options.duration or math.inf, stop, tell))
     return 0
 
@@ -154,14 +156,14 @@ def _replay(
     for note in recording.notes:
         console.print(f"[dim]{note}[/dim]")
     if conditions_of(_wishes(options)) != Conditions():
-        raise UsageError(
+        raise SimUsageError(
             "--recording: its scans are what they are; friction, dirt, obstacles and the like need a world"
         )
     # The emulated wheels turn as our laws say, the recorded scans show where another car went.
     options.assignments = ["safety.odometry_check=false", *options.assignments]
     scene = RecordingScene(recording)
     vehicle = Vehicle(VehicleSettings(), Pose(0.0, 0.0, 0.0))
-    session = Session(scene, vehicle, settings.motor, watched=not options.headless)
+    session = SimulatorSession(scene, vehicle, settings.motor, watched=not options.headless)
     duration_s = options.duration or math.inf
     start = _start(options, config, settings, f"recording {recording.name}")
     record = _run(session, start, duration_s, stop, console, _view(options, None, vehicle, console))
@@ -181,17 +183,17 @@ def _replay(
     }
 
 
-def _start(options: argparse.Namespace, config: Path, settings: Settings, world: str) -> Start:
+def _start(options: argparse.Namespace, config: Path, settings: Settings, world: str) -> RuntimeStart:
     """Return how the runtime is started; without a named port a free one is taken."""
     is_named = "listen" in settings.telemetry.model_fields_set or "any_port" in settings.telemetry.model_fields_set
     is_placed = "simulated" in settings.recording.model_fields_set
     chosen = [*([] if is_named else ["telemetry.any_port=true"]), *([] if is_placed else ["recording.simulated=true"])]
     assignments = [*options.assignments, *chosen, f"recording.world={json.dumps(world)}"]
-    return Start(config, assignments, ["--saved", str(saved_settings(config))])
+    return RuntimeStart(config, assignments, ["--saved", str(saved_settings(config))])
 
 
 def _run(
-    session: Session, start: Start, duration_s: float, stop: StopRequest, console: Console,
+    session: SimulatorSession, start: RuntimeStart, duration_s: float, stop: StopRequest, console: Console,
     view: "LiveView | None", live: LiveConditions | None = None,
 ) -> Record:  # fmt: skip
     show: Callable[[Record], None] = view.show if view is not None else _teller(console)
@@ -245,8 +247,8 @@ def _view(
     return LiveView(console, scene.outline_m if scene is not None else None, vehicle, live)
 
 
-def _wishes(options: argparse.Namespace) -> Wishes:
-    return Wishes(
+def _wishes(options: argparse.Namespace) -> RequestedConditions:
+    return RequestedConditions(
         file=options.conditions,
         assignments=options.condition,
         friction=options.friction,
@@ -285,23 +287,23 @@ def parse_pose(text: str) -> Pose:
     except ValueError:
         numbers = []
     if len(numbers) != POSE_NUMBERS or not all(map(math.isfinite, numbers)):
-        raise UsageError(f"--pose {text}: write three numbers X,Y,THETA [m, m, rad], for example --pose 3,1,0")
+        raise SimUsageError(f"--pose {text}: write three numbers X,Y,THETA [m, m, rad], for example --pose 3,1,0")
     return Pose(*numbers)
 
 
 def _check_outputs(options: argparse.Namespace) -> None:
     """Notice unusable options before a minute of driving, not after it."""
     if options.duration is not None and not 0 < options.duration < math.inf:
-        raise UsageError(f"--duration {options.duration:g}: give a number of seconds above 0")
+        raise SimUsageError(f"--duration {options.duration:g}: give a number of seconds above 0")
     if options.laps is not None and options.laps < 1:
-        raise UsageError(f"--laps {options.laps}: give a whole number of laps, 1 or more")
+        raise SimUsageError(f"--laps {options.laps}: give a whole number of laps, 1 or more")
     files = [("--json", Path(options.json))] if options.json not in {None, "-"} else []
     files += [("--plot", options.plot)] if options.plot is not None else []
     for name, path in files:
         if path.is_dir():
-            raise UsageError(f"{name} {path}: is a directory; name a file in it")
+            raise SimUsageError(f"{name} {path}: is a directory; name a file in it")
         if not path.absolute().parent.is_dir():
-            raise UsageError(f"{name} {path}: there is no directory {path.parent}; make it first")
+            raise SimUsageError(f"{name} {path}: there is no directory {path.parent}; make it first")
 
 
 def _write(summary: dict[str, Any], target: str | None) -> None:

@@ -55,7 +55,7 @@ class Conditions(BaseModel):
 
 
 @dataclass(frozen=True, slots=True)
-class Wishes:
+class RequestedConditions:
     """What the command line says of them. assignments: SECTION.KEY=VALUE. dirt: FROM,TO[,RANGE] in degrees."""
 
     file: Path | None = None
@@ -70,7 +70,7 @@ class Wishes:
     obstacles: Sequence[str] = field(default_factory=tuple)
 
 
-def conditions_of(wishes: Wishes) -> Conditions:
+def conditions_of(wishes: RequestedConditions) -> Conditions:
     """Return the conditions of a file, of options, or of neither; ConditionsError when any of them is unusable."""
     tree = _read(wishes.file) if wishes.file is not None else {}
     for assignment in wishes.assignments:
@@ -124,7 +124,7 @@ def read_dirt(text: str) -> tuple[float, float, float]:
     return numbers[0], numbers[1], numbers[2] if len(numbers) > 2 else DIRT_RANGE_M
 
 
-def _named(wishes: Wishes) -> dict[str, Any]:
+def _named(wishes: RequestedConditions) -> dict[str, Any]:
     """Return the settings behind the short options, as far as they were given."""
     values = {
         "vehicle.grip_mu": wishes.friction,

@@ -14,7 +14,7 @@ from runtime.wire.bus import RefusedError
 from sim.car.vehicle import Vehicle
 from sim.live.conditions import Conditions, own_parts_fields, own_parts_kinds, own_parts_of
 from sim.world.beams import LidarSettings
-from sim.world.obstacles import LIDAR_AHEAD_M, Motion, Obstacle, Round, Standing, sudden_box
+from sim.world.obstacles import LIDAR_AHEAD_M, ConstantMotion, Obstacle, Round, StandingObstacle, sudden_box
 
 BOX_AHEAD_M = 1.0
 PERSON_AHEAD_M, PERSON_ASIDE_M, PERSON_MPS = 2.0, 1.5, 0.8
@@ -163,5 +163,5 @@ class LiveConditions:
         car = self._vehicle.pose
         begin = car.ahead(LIDAR_AHEAD_M + PERSON_AHEAD_M, -PERSON_ASIDE_M)
         left_rad = car.yaw_rad + math.pi / 2
-        walks = Motion(PERSON_MPS * math.cos(left_rad), PERSON_MPS * math.sin(left_rad))
-        self._surface.put(Obstacle(Round(0.2), Standing(begin), walks))
+        walks = ConstantMotion(PERSON_MPS * math.cos(left_rad), PERSON_MPS * math.sin(left_rad))
+        self._surface.put(Obstacle(Round(0.2), StandingObstacle(begin), walks))

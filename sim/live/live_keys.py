@@ -11,7 +11,7 @@ from sim.live.stop_request import StopRequest
 from sim.replay.keys import single_keys
 
 QUIT = "q"
-MOST_AT_ONCE = 64
+MAX_AT_ONCE = 64
 LEGEND = (
     ("b p c", "box, person, clear"),
     ("f F", "grip"),
@@ -57,4 +57,4 @@ def _typed() -> str:
     descriptor = sys.stdin.fileno()
     if not select.select([descriptor], [], [], 0)[0]:
         return ""
-    return os.read(descriptor, MOST_AT_ONCE).decode(errors="ignore")
+    return os.read(descriptor, MAX_AT_ONCE).decode(errors="ignore")

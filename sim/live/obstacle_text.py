@@ -12,7 +12,7 @@ import math
 import re
 from collections.abc import Mapping
 
-from sim.world.obstacles import Box, Motion, Obstacle, Round, Standing, Sudden
+from sim.world.obstacles import Box, ConstantMotion, Obstacle, Round, StandingObstacle, SuddenObstacle
 from sim.world.pose import Pose
 
 KINDS = ("box", "pole", "person")
@@ -50,20 +50,20 @@ def _shape(kind: str, words: Mapping[str, str], text: str) -> Round | Box:
     return Round(radius_m)
 
 
-def _appearance(words: Mapping[str, str], text: str, from_s: float) -> Standing | Sudden:
+def _appearance(words: Mapping[str, str], text: str, from_s: float) -> StandingObstacle | SuddenObstacle:
     if "at" in words:
         x_m, y_m, *turned = _numbers(words, "at", text, (2, 3), ())
-        return Standing(Pose(x_m, y_m, turned[0] if turned else 0.0), from_s)
+        return StandingObstacle(Pose(x_m, y_m, turned[0] if turned else 0.0), from_s)
     ahead_m = _numbers(words, "ahead", text, (1,), ())[0]
     left_m = _numbers(words, "left", text, (1,), (0.0,))[0]
-    return Sudden(ahead_m, left_m, _numbers(words, "speed", text, (1,), (0.0,))[0], from_s)
+    return SuddenObstacle(ahead_m, left_m, _numbers(words, "speed", text, (1,), (0.0,))[0], from_s)
 
 
-def _motion(words: Mapping[str, str], text: str, from_s: float) -> Motion | None:
+def _motion(words: Mapping[str, str], text: str, from_s: float) -> ConstantMotion | None:
     if "walks" not in words:
         return None
     x_mps, y_mps = _numbers(words, "walks", text, (2,), ())
-    return Motion(x_mps, y_mps, from_s, _numbers(words, "until", text, (1,), (math.inf,))[0])
+    return ConstantMotion(x_mps, y_mps, from_s, _numbers(words, "until", text, (1,), (math.inf,))[0])
 
 
 def _numbers(

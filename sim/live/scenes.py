@@ -7,7 +7,7 @@ import numpy as np
 
 from sim.car.vehicle import Vehicle, VehicleSettings
 from sim.devices.scip_encode import UST_10LX, SensorModel
-from sim.figures.comparison import SteeringPair, drove, recorded_answers
+from sim.figures.comparison import ComparedSteering, drove, recorded_answers
 from sim.figures.summary import Sample
 from sim.live.session import Ranges
 from sim.recordings.recording import Recording
@@ -15,7 +15,7 @@ from sim.recordings.sensor_units import to_sensor_mm
 from sim.world.beams import LidarSettings, scan
 from sim.world.lap import LapCounter
 from sim.world.obstacles import Obstacle
-from sim.world.obstacles import Scene as Surroundings
+from sim.world.obstacles import ObstacleWorld as Surroundings
 from sim.world.place import World
 from sim.world.pose import Floats, Side, Twist
 
@@ -131,7 +131,7 @@ class RecordingScene:
         self._position += 1
         return self._ranges_mm[position], int(self._stamps_ms[position])
 
-    def pairs(self, steering_rad: list[float]) -> list[SteeringPair]:
+    def pairs(self, steering_rad: list[float]) -> list[ComparedSteering]:
         """Pair our answers with the recorded ones, where the recorded car was let drive.
 
         Our answer to scan k is what the servo was told when scan k+1 was sent.
@@ -143,7 +143,7 @@ class RecordingScene:
         times_s = [float(time_s) for time_s in self.recording.received_s[: len(ours)]]
         moved = drove(times_s, self.recording.output)
         return [
-            SteeringPair(time_s, our_rad, recorded_rad)
+            ComparedSteering(time_s, our_rad, recorded_rad)
             for time_s, our_rad, recorded_rad, counts in zip(
                 times_s, ours, recorded_answers(times_s, track, VehicleSettings().max_steering_rad), moved, strict=True
             )

@@ -14,10 +14,10 @@ from sim.car.vehicle import Vehicle
 from sim.live.live_conditions import LiveConditions
 from sim.live.live_keys import legend
 from sim.live.session import Record
-from sim.live.terminal_view import Status, page, render_world, status_rows, world_size
+from sim.live.terminal_view import ViewStatus, page, render_world, status_rows, world_size
 
 LIDAR_X_M = 0.27
-FARTHEST_MM = 30_000
+MAX_RANGE_MM = 30_000
 REFRESH_HZ = 10
 SLOW_START_S = 3.0
 DEFAULT_LISTEN = SessionSettings().listen[0]
@@ -65,11 +65,11 @@ class LiveView:
         )
         self._live.update(page(world, rows, width), refresh=True)
 
-    def _status(self, record: Record) -> Status:
+    def _status(self, record: Record) -> ViewStatus:
         said = record.telemetry.get("status", {})
         output = said.get("output") or {}
         error = record.telemetry.get("distance_error", {})
-        return Status(
+        return ViewStatus(
             time_s=record.time_s,
             speed_mps=self._vehicle.speed_mps,
             steering_rad=output.get("steering_rad"),
@@ -85,7 +85,7 @@ class LiveView:
     def _scan_points(self, record: Record) -> npt.NDArray[np.float64] | None:
         if record.ranges_mm is None:
             return None
-        ranges_m = np.where(record.ranges_mm <= FARTHEST_MM, record.ranges_mm, np.nan) / 1000.0
+        ranges_m = np.where(record.ranges_mm <= MAX_RANGE_MM, record.ranges_mm, np.nan) / 1000.0
         lidar = self._vehicle.pose.ahead(LIDAR_X_M)
         beams = len(ranges_m)
         bearing_rad = lidar.yaw_rad + (np.arange(beams) - beams // 2) * math.radians(0.25)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from drivers.vesc.settings import VescSettings
 from runtime.host.address_file import Address, read_address
-from runtime.realtime.periodic import Metronome, Tick
+from runtime.realtime.periodic import PeriodicTimer, Tick
 from runtime.wire import topics
 from sim.car.plant import Plant
 from sim.car.vehicle import Vehicle
@@ -52,7 +52,7 @@ class SessionError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Start:
+class RuntimeStart:
     """How the runtime is started. options: further words of its command line."""
 
     config: Path
@@ -60,7 +60,7 @@ class Start:
     options: Sequence[str] = ()
 
 
-class Scene(Protocol):
+class LidarScene(Protocol):
     """What the lidar sees: a world with the car in it, or a recording. Times are seconds since the drive began."""
 
     @property
@@ -115,14 +115,14 @@ class Record:
     stop_command: MotorDemand | None = None
 
 
-class Session:
+class SimulatorSession:
     """Builds the emulated car around a scene, lets the runtime drive it, and hands out the record.
 
     watched: whether a monitor serves its page meanwhile. changes: what that page may change, None for nothing.
     """
 
     def __init__(
-        self, scene: Scene, vehicle: Vehicle, wiring: VescSettings, *, watched: bool = False,
+        self, scene: LidarScene, vehicle: Vehicle, wiring: VescSettings, *, watched: bool = False,
         changes: LiveConditions | None = None,
     ) -> None:  # fmt: skip
         self._watched = watched
@@ -133,7 +133,7 @@ class Session:
         self.record = Record()
 
     async def run(
-        self, start: Start, duration_s: float, stop: StopRequest, on_frame: Callable[[Record], None]
+        self, start: RuntimeStart, duration_s: float, stop: StopRequest, on_frame: Callable[[Record], None]
     ) -> Record:
         """Drive until the time, the scene or `stop` says so; `on_frame` is called about ten times a second."""
         record = self.record
@@ -154,10 +154,10 @@ class Session:
                 listening = tasks.create_task(listener.run(), name="listener") if listener is not None else None
                 if self._watched and listener is not None:
                     await self._open_page(stack)
-                metronome = Metronome(time.monotonic)
-                metronome.every(STEP_S, self._stepper(scip, self._plant(vesc)))
-                metronome.every(SHOW_S, lambda _late_s, _missed: on_frame(record))
-                going_on = tasks.create_task(metronome.run(), name="world")
+                timer = PeriodicTimer(time.monotonic)
+                timer.every(STEP_S, self._stepper(scip, self._plant(vesc)))
+                timer.every(SHOW_S, lambda _late_s, _missed: on_frame(record))
+                going_on = tasks.create_task(timer.run(), name="world")
                 await self._until_over(runtime, duration_s, stop)
                 if listener is not None and not stop.killed:
                     await listener.wait_until_heard(HEARD_WITHIN_S)
@@ -178,10 +178,10 @@ class Session:
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="wallride-")))
             scip, vesc, addresses = await self._devices(stack, folder)
             plant = self._plant(vesc)
-            metronome = Metronome(time.monotonic)
-            metronome.every(STEP_S, self._stepper(scip, plant))
-            metronome.every(AGAIN_S, lambda _late_s, _missed: self._once_more(plant, start))
-            going_on = asyncio.create_task(metronome.run(), name="world")
+            timer = PeriodicTimer(time.monotonic)
+            timer.every(STEP_S, self._stepper(scip, plant))
+            timer.every(AGAIN_S, lambda _late_s, _missed: self._once_more(plant, start))
+            going_on = asyncio.create_task(timer.run(), name="world")
             tell(addresses)
             while self.record.time_s < duration_s and not stop.asked:
                 if going_on.done():

@@ -38,7 +38,7 @@ FOLLOW_SPAN_M = 12.0
 """How much of the world is shown across the shorter side when the view follows the car."""
 MARGIN = 1.05
 """The whole world is shown this much smaller than would just fit."""
-SMALLEST_SPAN_M = 1.0
+MIN_SPAN_M = 1.0
 NICE_STEPS = (1.0, 2.0, 5.0)
 STATUS_WIDTH = 46
 SEGMENT_COLUMNS = 4
@@ -109,7 +109,7 @@ def render_world(
 
 
 @dataclass(frozen=True, slots=True)
-class Status:
+class ViewStatus:
     """What the page says in words beside the picture. None or NaN means "not known"."""
 
     time_s: float
@@ -124,7 +124,7 @@ class Status:
     operate: str = ""
 
 
-def status_rows(status: Status) -> list[tuple[str, str]]:
+def status_rows(status: ViewStatus) -> list[tuple[str, str]]:
     """Return label and text of each line, in the order in which a driver asks."""
     return [
         ("time", f"{status.time_s:8.2f} s"),
@@ -191,7 +191,7 @@ def _viewport(
             corners_m = np.array([car[:2] if car is not None else (0.0, 0.0)])
         low_m, high_m = corners_m.min(axis=0), corners_m.max(axis=0)
         x_m, y_m = (low_m + high_m) / 2
-        span_m = np.maximum((high_m - low_m) * MARGIN, SMALLEST_SPAN_M)
+        span_m = np.maximum((high_m - low_m) * MARGIN, MIN_SPAN_M)
         dot_m = float(max(span_m[0] / columns, span_m[1] / rows))
     return Viewport(width, height, x_m - columns * dot_m / 2, y_m + rows * dot_m / 2, dot_m)
 

@@ -10,9 +10,9 @@ from collections.abc import Iterator
 
 U32 = struct.Struct("<I")
 TIME = struct.Struct("<II")
-LONGEST_HEADER_BYTES = 4096
+MAX_HEADER_BYTES = 4096
 OP_FIELD = re.compile(rb"\x04\x00\x00\x00op=")
-LONGEST_STEP_BACK_BYTES = 256
+MAX_STEP_BACK_BYTES = 256
 """How far before its `op` field a record's header is looked for."""
 OP_MESSAGE, OP_CHUNK, OP_CONNECTION = b"\x02", b"\x05", b"\x07"
 
@@ -83,7 +83,7 @@ def _header(bag: bytes, position: int) -> tuple[Header, int] | None:
     if position + U32.size > len(bag):
         return None
     end = position + U32.size + U32.unpack_from(bag, position)[0]
-    if not position + U32.size < end <= min(len(bag), position + LONGEST_HEADER_BYTES):
+    if not position + U32.size < end <= min(len(bag), position + MAX_HEADER_BYTES):
         return None
     header = _fields(bag[position + U32.size : end])
     return (header, end) if header is not None and len(header.get(b"op", b"")) == 1 else None
@@ -108,7 +108,7 @@ def _fields(block: bytes) -> Header | None:
 def _next_record(bag: bytes, after: int) -> int | None:
     """Return where the next well-formed record header starts behind a position, or None."""
     for match in OP_FIELD.finditer(bag, after + 1):
-        for start in range(match.start() - U32.size, max(after, match.start() - LONGEST_STEP_BACK_BYTES), -1):
+        for start in range(match.start() - U32.size, max(after, match.start() - MAX_STEP_BACK_BYTES), -1):
             found = _header(bag, start)
             if found is not None and found[1] > match.start():
                 return start

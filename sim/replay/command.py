@@ -16,8 +16,8 @@ from runtime.telemetry.screen_words import because, times
 from sim.replay.drive_log import DriveLog, is_mcap, read_log
 from sim.replay.figures import numbers, stops
 from sim.replay.opening import open_any
-from sim.replay.reenact import Verdict, reenact
-from sim.replay.run import Run, run_of
+from sim.replay.reenact import ReplayVerdict, reenact
+from sim.replay.run import RecordedRun, run_of
 
 SAME, DIFFERS, CHANGED = 0, 1, 3
 SHOWN_STOPS = 30
@@ -67,14 +67,14 @@ def _again(log: DriveLog, options: argparse.Namespace, console: Console) -> int:
     return _code(verdict)
 
 
-def _code(verdict: Verdict) -> int:
+def _code(verdict: ReplayVerdict) -> int:
     """Return the exit code: other laws may decide otherwise, the same ones may not."""
     if verdict.first is None:
         return SAME
     return CHANGED if verdict.changed else DIFFERS
 
 
-def as_plain(name: str, verdict: Verdict) -> dict[str, Any]:
+def as_plain(name: str, verdict: ReplayVerdict) -> dict[str, Any]:
     """Return a verdict for programs."""
     return {
         "name": name,
@@ -118,7 +118,7 @@ def _by_our_laws(options: argparse.Namespace, console: Console) -> int:
     return SAME
 
 
-def _tell(console: Console, told: Run, figures: Mapping[str, Any]) -> None:
+def _tell(console: Console, told: RecordedRun, figures: Mapping[str, Any]) -> None:
     error = figures["distance_error"]
     side, wanted_m = figures["side"], figures["desired_distance_m"]
     seen = len([value for value in told.error.value if math.isfinite(value)])

@@ -4,13 +4,13 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from runtime.ros.definitions import definition
-from sim.replay.drive_log import Message
+from sim.replay.drive_log import LoggedMessage
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 
-def decode(message: Message) -> Any:  # noqa: ANN401 - built at run time by the type store
+def decode(message: LoggedMessage) -> Any:  # noqa: ANN401 - built at run time by the type store
     """Return a CDR message as an object with the fields of its type."""
     return _store(message.schema).deserialize_cdr(message.payload, message.schema)
 

@@ -18,12 +18,12 @@ from sim.recordings import RecordingError
 
 NS = 1_000_000_000
 MAGIC = b"\x89MCAP0\r\n"
-LARGEST_RECORD_B = 1 << 28
+MAX_RECORD_B = 1 << 28
 """No record that we write is near as long: a longer one is damage."""
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
+class LoggedMessage:
     """One message as recorded.
 
     schema: ROS 2 type, "" for text, which is out of its std_msgs/String already. stamp_ns: since 1970, its
@@ -45,19 +45,19 @@ class DriveLog:
     """
 
     name: str
-    messages: list[Message] = field(default_factory=list)
+    messages: list[LoggedMessage] = field(default_factory=list)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
     @cached_property
-    def by_topic(self) -> Mapping[str, list[Message]]:
+    def by_topic(self) -> Mapping[str, list[LoggedMessage]]:
         """Messages by topic, names without outer slashes."""
-        topics: dict[str, list[Message]] = {}
+        topics: dict[str, list[LoggedMessage]] = {}
         for message in self.messages:
             topics.setdefault(message.topic, []).append(message)
         return topics
 
-    def of(self, topic: str) -> list[Message]:
+    def of(self, topic: str) -> list[LoggedMessage]:
         """Return a topic's messages in order, none where it was not recorded."""
         return self.by_topic.get(topic, [])
 
@@ -129,7 +129,7 @@ class _Reading:
     def read(self, file: Any) -> None:  # noqa: ANN401 - mcap takes any binary file
         from mcap.stream_reader import StreamReader
 
-        reader = StreamReader(file, emit_chunks=True, record_size_limit=LARGEST_RECORD_B)
+        reader = StreamReader(file, emit_chunks=True, record_size_limit=MAX_RECORD_B)
         try:
             for record in reader.records:
                 self._take(record)
@@ -168,7 +168,7 @@ class _Reading:
             except ValueError as error:
                 self._damaged[f"{topic}: {error}"] += 1
                 return
-        self._log.messages.append(Message(topic, schema, record.log_time, payload, record.sequence))
+        self._log.messages.append(LoggedMessage(topic, schema, record.log_time, payload, record.sequence))
 
     def _open_chunk(self, chunk: Any) -> None:  # noqa: ANN401 - as mcap gives it
         from mcap.stream_reader import breakup_chunk

@@ -13,21 +13,21 @@ from runtime.control.score import Score
 from runtime.control.vehicle import CarSettings
 from sim.figures.summary import Sample, figures
 from sim.replay.decode import decode
-from sim.replay.drive_log import Message
-from sim.replay.run import Change, Run
+from sim.replay.drive_log import LoggedMessage
+from sim.replay.run import MuxChange, RecordedRun
 from sim.world.pose import Floats
 
 TOGETHER_S = 1e-3
 """Two messages of one decision differ by less."""
-SHORTEST_STOP_S = 0.05
+MIN_STOP_S = 0.05
 SAME_SCAN_S = 0.02
-NEAREST_BEAMS = 3
+NEAREST_COUNT = 3
 """The nearest two beams may be dust; the third is something."""
 CAPS = frozenset({"safety", "e-stop", "permit"})
 
 
 @dataclass(frozen=True, slots=True)
-class Stop:
+class RecordedStop:
     """A time in which the car was told to stand, after it had been told to move. until_s: NaN to the end of the run.
 
     speed_mps: how fast it was when it was told. also: what was said later during the same stop.
@@ -42,7 +42,7 @@ class Stop:
     also: tuple[str, ...]
 
 
-def numbers(run: Run) -> dict[str, Any]:
+def numbers(run: RecordedRun) -> dict[str, Any]:
     """Return all figures as plain values: what `wallride report --json` prints and the page shows.
 
     Those of `sim.summary` are over what the car believed (odometry, its own distance to the wall), not over a truth.
@@ -70,7 +70,7 @@ def numbers(run: Run) -> dict[str, Any]:
     }
 
 
-def samples(run: Run) -> list[Sample]:
+def samples(run: RecordedRun) -> list[Sample]:
     """Return the car at every scan that was answered, as it believed to be."""
     desired_m = run.settings.wall_follow.desired_distance_m
     path, rows = run.path, []
@@ -89,9 +89,9 @@ def samples(run: Run) -> list[Sample]:
     return rows
 
 
-def stops(run: Run) -> list[Stop]:
+def stops(run: RecordedRun) -> list[RecordedStop]:
     """Return every stop, in order: who wanted it, and why."""
-    found: list[Stop] = []
+    found: list[RecordedStop] = []
     moved, began = False, math.nan
     for time_s, sent_mps in zip(run.sent.time_s, run.sent.value, strict=True):
         if sent_mps != 0:
@@ -105,8 +105,8 @@ def stops(run: Run) -> list[Stop]:
     return found
 
 
-def _add_stop(found: list[Stop], run: Run, from_s: float, until_s: float) -> None:
-    if until_s - from_s < SHORTEST_STOP_S:  # NaN is not smaller
+def _add_stop(found: list[RecordedStop], run: RecordedRun, from_s: float, until_s: float) -> None:
+    if until_s - from_s < MIN_STOP_S:  # NaN is not smaller
         return
     why = newest_change(run, from_s)
     end_s = until_s if math.isfinite(until_s) else math.inf
@@ -114,17 +114,17 @@ def _add_stop(found: list[Stop], run: Run, from_s: float, until_s: float) -> Non
     also = tuple(dict.fromkeys(reason for reason in later if why is None or reason != why.reason))
     speed_mps = at_time(run.path.time_s, run.path.speed_mps, from_s)
     if why is None:
-        found.append(Stop(from_s, until_s, NO_WINNER, "not recorded", math.nan, speed_mps, also))
+        found.append(RecordedStop(from_s, until_s, NO_WINNER, "not recorded", math.nan, speed_mps, also))
     else:
-        found.append(Stop(from_s, until_s, why.winner, why.reason, why.measure, speed_mps, also))
+        found.append(RecordedStop(from_s, until_s, why.winner, why.reason, why.measure, speed_mps, also))
 
 
-def slowed(run: Run) -> list[Change]:
+def slowed(run: RecordedRun) -> list[MuxChange]:
     """Return the changes of mind by which a cap made the car slower without stopping it."""
     return [change for change in run.changes if change.winner in CAPS and change.allowed_mps != 0]
 
 
-def newest_change(run: Run, time_s: float) -> Change | None:
+def newest_change(run: RecordedRun, time_s: float) -> MuxChange | None:
     """Return the decision in force at a time."""
     before = [change for change in run.changes if change.time_s <= time_s + TOGETHER_S]
     return before[-1] if before else None
@@ -136,7 +136,7 @@ def at_time(times_s: Floats, values: Floats, time_s: float) -> float:
     return float(values[index]) if index >= 0 else math.nan
 
 
-def points(message: Message, car: CarSettings) -> tuple[Floats, Floats]:
+def points(message: LoggedMessage, car: CarSettings) -> tuple[Floats, Floats]:
     """Return a scan's points (n,), (n,) in base_link; beams without a distance are left out."""
     scan = decode(message)
     ranges_m = np.asarray(scan.ranges, np.float64)
@@ -145,7 +145,7 @@ def points(message: Message, car: CarSettings) -> tuple[Floats, Floats]:
     return rays[0][known] * ranges_m[known] + car.lidar_x_m, rays[1][known] * ranges_m[known]
 
 
-def _clearances(run: Run) -> tuple[Floats, Floats]:
+def _clearances(run: RecordedRun) -> tuple[Floats, Floats]:
     """Return times and how near the outline anything was then; the car itself does not count."""
     car = run.settings.car
     rows: Floats = np.full((len(run.scans), 2), np.inf)
@@ -156,8 +156,8 @@ def _clearances(run: Run) -> tuple[Floats, Floats]:
         gap_m = np.hypot(ahead_m, aside_m)
         gap_m = gap_m[gap_m > 0]
         row[0] = time_s
-        if gap_m.size >= NEAREST_BEAMS:
-            row[1] = np.partition(gap_m, NEAREST_BEAMS - 1)[NEAREST_BEAMS - 1]
+        if gap_m.size >= NEAREST_COUNT:
+            row[1] = np.partition(gap_m, NEAREST_COUNT - 1)[NEAREST_COUNT - 1]
     return rows[:, 0], rows[:, 1]
 
 
@@ -168,7 +168,7 @@ def _nearest_value(times_s: Floats, values: Floats, time_s: float) -> float:
     return float(values[min(near, key=lambda at: abs(times_s[at] - time_s))]) if near else math.inf
 
 
-def _end(stop: Stop, run: Run) -> float:
+def _end(stop: RecordedStop, run: RecordedRun) -> float:
     return stop.until_s if math.isfinite(stop.until_s) else run.duration_s
 
 

@@ -19,19 +19,19 @@ from runtime.control.perception.odometry import Odometry
 from runtime.realtime.wall_clock import WallClock
 from runtime.ros.definitions import TYPES
 from runtime.settings.tree import Settings, load_settings, to_toml
-from runtime.telemetry.status import Journey, Observed
+from runtime.telemetry.status import Journey, ObservedState
 from runtime.telemetry.topic_writers import Newest, TopicWriters
 from runtime.wire import topics
 from sim.lab.recorded.replay import better_side, motor_at, scans_of
 from sim.lab.recorded.scan_motion import motion_of
 from sim.lab.recordings import is_foreign
 from sim.recordings import OdometryTrack, Recording, RecordingError
-from sim.replay.drive_log import DriveLog, Message
-from sim.replay.stage import Stage
+from sim.replay.drive_log import DriveLog, LoggedMessage
+from sim.replay.stack import ReplayStack
 
 TICK_S = 0.02
 STATUS_EVERY_S = 0.1
-LONGEST_HOLE_S = 120.0
+MAX_HOLE_S = 120.0
 ROUNDED_MPS = 0.05
 BY_SCAN = (
     topics.SCAN,
@@ -93,7 +93,7 @@ class _Foreign:
         self._recording = recording
         self._scans = scans_of(recording)
         self._states = motor_states(recording, settings)
-        self._stage = Stage(settings, self._scans[0].received_s)
+        self._stage = ReplayStack(settings, self._scans[0].received_s)
         self._stage.voices.say(consent(Source.PERMIT, "a recording needs no permit"))
         self._journey = Journey(self._stage.now_s)
         self._newest = Newest(scan_period_s=recording.scan_time_s)
@@ -119,8 +119,8 @@ class _Foreign:
     def _tick_until(self, now_s: float) -> None:
         """Decide in the silence between two scans as the mux does, so that a hole in a recording is a stop."""
         stage = self._stage
-        if now_s - stage.now_s > LONGEST_HOLE_S:
-            stage.now_s = now_s - LONGEST_HOLE_S
+        if now_s - stage.now_s > MAX_HOLE_S:
+            stage.now_s = now_s - MAX_HOLE_S
         while stage.now_s + TICK_S < now_s:
             stage.now_s += TICK_S
             self._decided(stage.step())
@@ -160,12 +160,14 @@ class _Foreign:
     def _keep(self, topic: str, written: tuple[float, bytes] | None) -> None:
         if written is not None:
             stamp_s, payload = written
-            self._log.messages.append(Message(topic, TYPES.get(topic, ""), self._writers.unix_ns(stamp_s), payload))
+            self._log.messages.append(
+                LoggedMessage(topic, TYPES.get(topic, ""), self._writers.unix_ns(stamp_s), payload)
+            )
 
-    def _observed(self, car: str) -> Observed:
+    def _observed(self, car: str) -> ObservedState:
         recording, stage = self._recording, self._stage
         what = f"{recording.topic}, {recording.beams} beams"
-        return Observed(
+        return ObservedState(
             car=car,
             version=version("wallride"),
             lidar=RecordedLidar(Health(LinkState.READY, what, "recording")),

@@ -10,14 +10,14 @@ from sim.replay.foreign import drive_recording, settings_for
 
 
 @dataclass(frozen=True, slots=True)
-class Opened:
+class OpenedRecording:
     """ours: whether the car that is told of was driven by us."""
 
     log: DriveLog
     ours: bool
 
 
-def open_any(path: Path, assignments: Sequence[str] = (), topic: str | None = None) -> Opened:
+def open_any(path: Path, assignments: Sequence[str] = (), topic: str | None = None) -> OpenedRecording:
     """Return what a file holds; assignments and topic are for recordings of others.
 
     RecordingError when nothing can be read, SettingsError when an assignment is unusable.
@@ -25,7 +25,7 @@ def open_any(path: Path, assignments: Sequence[str] = (), topic: str | None = No
     if path.is_file() and is_mcap(path):
         log = read_log(path)
         if log.is_ours:
-            return Opened(log, ours=True)
+            return OpenedRecording(log, ours=True)
     recording = load_recording(path, topic)
     settings, notes = settings_for(recording, assignments)
-    return Opened(drive_recording(recording, settings, notes), ours=False)
+    return OpenedRecording(drive_recording(recording, settings, notes), ours=False)

@@ -8,12 +8,12 @@ from typing import Any
 from drivers.api import Clock
 from runtime.ros.definitions import TYPES
 from runtime.wire import topics
-from sim.replay.drive_log import NS, DriveLog, Message
+from sim.replay.drive_log import NS, DriveLog, LoggedMessage
 
 PLAYED = frozenset({*TYPES, topics.STATUS, topics.DECISION})
 """Telemetry; the tape, settings and log lines of a recording are no topic."""
 SLOWEST, FASTEST = 0.05, 50.0
-LONGEST_STEP_S = 0.5
+MAX_STEP_S = 0.5
 """A player that was held up for longer does not fire all it missed at once."""
 PAST_S = 10.0
 """What a topic said longer ago is no picture of a moment."""
@@ -42,10 +42,10 @@ class Player:
         """Whether everything was played."""
         return not self.loops and self.position_s >= self.duration_s
 
-    def due(self) -> list[Message]:
+    def due(self) -> list[LoggedMessage]:
         """Return what is to be published now, in order; after a jump the picture of that moment."""
         now_s = self._clock()
-        elapsed_s, self._last_s = min(now_s - self._last_s, LONGEST_STEP_S), now_s
+        elapsed_s, self._last_s = min(now_s - self._last_s, MAX_STEP_S), now_s
         if self._jumped:
             self._jumped = False
             return self.picture()
@@ -58,9 +58,9 @@ class Player:
             self.seek(0.0)
         return found
 
-    def picture(self) -> list[Message]:
+    def picture(self) -> list[LoggedMessage]:
         """Return the newest message of each topic at the position."""
-        newest: dict[str, Message] = {}
+        newest: dict[str, LoggedMessage] = {}
         for at in range(self._next - 1, -1, -1):
             if self._times_s[at] < self.position_s - PAST_S or len(newest) == len(PLAYED):
                 break

@@ -18,7 +18,7 @@ from runtime.wire import topics, zenoh_config
 from runtime.wire.bus import Bus, RefusedError
 from runtime.wire.endpoints import split_endpoint
 from sim.recordings import RecordingError
-from sim.replay.drive_log import Message
+from sim.replay.drive_log import LoggedMessage
 from sim.replay.keys import names, press, single_keys
 from sim.replay.opening import open_any
 from sim.replay.player import PLAYED, Player
@@ -107,7 +107,7 @@ class Broadcast:
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._leave.wait(), STEP_S)
 
-    def _put(self, message: Message) -> None:
+    def _put(self, message: LoggedMessage) -> None:
         key, kind = self._keys[message.topic]
         self.bus.put(key, message.payload, encoding=kind)
 

@@ -24,7 +24,16 @@ from runtime.control.guidance import Guidance
 from runtime.control.method_settings import TAGS
 from runtime.recording.channels import TAPE
 from runtime.recording.decision_codec import TapeError, decode
-from runtime.recording.decision_log import LAWS, Event, Followed, Looked, Remembered, Scanned, Stepped, Tuned
+from runtime.recording.decision_log import (
+    LAWS,
+    DecisionEvent,
+    Event,
+    FollowerEvent,
+    OwnPartsEvent,
+    SafetyEvent,
+    ScanEvent,
+    SettingsEvent,
+)
 from runtime.recording.laws_fingerprint import laws_fingerprint
 from runtime.settings.tree import Settings
 from runtime.wire import topics
@@ -34,7 +43,7 @@ from sim.replay.decode import decode as decode_message
 from sim.replay.difference import CLOSE, Difference
 from sim.replay.drive_log import DriveLog
 from sim.replay.settings_text import settings_of, with_assignments
-from sim.replay.stage import Stage
+from sim.replay.stack import ReplayStack
 
 SETTLES_S = 5.0
 """So long after a beginning in the middle nothing is compared: what lay before is on no tape."""
@@ -43,7 +52,7 @@ FIRST_SHOWN = 20
 
 
 @dataclass(slots=True)
-class Verdict:
+class ReplayVerdict:
     """What a replay found. differing: decisions that came out otherwise; differences: the first of them.
 
     exact: whether values had to agree but for rounding. notes: what the tape lacks, in sentences.
@@ -89,7 +98,7 @@ def events_of(log: DriveLog) -> list[Event]:
     return sorted(events, key=lambda event: event.number)
 
 
-def reenact(log: DriveLog, assignments: Sequence[str] = ()) -> Verdict:
+def reenact(log: DriveLog, assignments: Sequence[str] = ()) -> ReplayVerdict:
     """Decide a recording once more, with other settings where they are assigned.
 
     SettingsError when an assignment is unusable, RecordingError when there is nothing to decide.
@@ -123,18 +132,18 @@ class _Reenactment:
         self._ranges = _Ranges(log)
         self._clock = _Script()
         self._zero_s = _first_time_s(events)
-        self._verdict = Verdict(notes=[*log.notes], changed=changed_laws(log))
-        first = next((event.settings for event in events if isinstance(event, Tuned)), None)
+        self._verdict = ReplayVerdict(notes=[*log.notes], changed=changed_laws(log))
+        first = next((event.settings for event in events if isinstance(event, SettingsEvent)), None)
         if first is None and not log.settings_text:
             self._verdict.notes.append("its settings were not recorded: the defaults are taken.")
         settings = self._settings(first) if first is not None else settings_of(log, assignments)
-        self._stage = Stage(settings, self._zero_s, self._clock)
+        self._stage = ReplayStack(settings, self._zero_s, self._clock)
         self._scans: dict[int, Scan] = {}
         self._latest = -1
         self._adopts = True
         self._settled_s = self._zero_s
 
-    def run(self) -> Verdict:
+    def run(self) -> ReplayVerdict:
         expected = 0
         for event in self._events:
             if event.number > expected:
@@ -151,24 +160,24 @@ class _Reenactment:
 
     def _play(self, event: Event) -> None:
         match event:
-            case Scanned():
+            case ScanEvent():
                 self._deliver(event)
-            case Looked():
+            case SafetyEvent():
                 if (scan := self._scans.get(event.sequence)) is not None:
                     self._clock.begin(event.times_s)
                     self._stage.look(scan, event.motor)
-            case Followed():
+            case FollowerEvent():
                 if (scan := self._scans.get(event.sequence)) is not None:
                     self._clock.begin(event.times_s)
                     self._compare_guidance(event, self._stage.follow(scan, event.motor))
-            case Stepped():
+            case DecisionEvent():
                 self._step(event)
-            case Remembered():
+            case OwnPartsEvent():
                 self._stage.laws.remember_own_parts(event.parts)
-            case Tuned():
+            case SettingsEvent():
                 self._stage.apply(self._settings(event.settings))
 
-    def _deliver(self, event: Scanned) -> None:
+    def _deliver(self, event: ScanEvent) -> None:
         ranges_m = self._ranges.of(event.sequence, event.beams)
         if ranges_m is None:
             return
@@ -178,7 +187,7 @@ class _Reenactment:
         if len(self._scans) > SCANS_KEPT:
             del self._scans[next(iter(self._scans))]
 
-    def _step(self, event: Stepped) -> None:
+    def _step(self, event: DecisionEvent) -> None:
         """Decide under the words that others had in force; they are input, whatever their expiry was."""
         stage = self._stage
         for source in Source:
@@ -200,7 +209,7 @@ class _Reenactment:
             return
         self._compare_output(event, output)
 
-    def _compare_output(self, event: Stepped, output: Output) -> None:
+    def _compare_output(self, event: DecisionEvent, output: Output) -> None:
         verdict = self._verdict
         verdict.decisions += 1
         if event.output.stamp_s < self._settled_s:
@@ -212,7 +221,7 @@ class _Reenactment:
             verdict.largest_mps = max(verdict.largest_mps, gap_mps)
         self._note(event.output.stamp_s, found)
 
-    def _compare_guidance(self, event: Followed, guidance: Guidance) -> None:
+    def _compare_guidance(self, event: FollowerEvent, guidance: Guidance) -> None:
         self._verdict.answers += 1
         scan = self._scans[event.sequence]
         if scan.received_s >= self._settled_s:
@@ -315,7 +324,7 @@ def _first_time_s(events: Sequence[Event]) -> float:
 
 def _times(events: Sequence[Event]) -> Iterator[float]:
     for event in events:
-        if isinstance(event, Stepped):
+        if isinstance(event, DecisionEvent):
             yield event.output.stamp_s
-        elif isinstance(event, Scanned):
+        elif isinstance(event, ScanEvent):
             yield event.received_s

@@ -13,7 +13,7 @@ from runtime.arbitration.command import NO_WINNER
 from runtime.settings.tree import Settings
 from runtime.wire import topics
 from sim.replay.decode import decode
-from sim.replay.drive_log import NS, DriveLog, Message
+from sim.replay.drive_log import NS, DriveLog, LoggedMessage
 from sim.replay.settings_text import settings_of
 from sim.world.pose import Floats
 
@@ -38,7 +38,7 @@ class Series:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Path:
+class OdometryPath:
     """Where the car believed to be, all (n,): the odometry's frame, speed along the car."""
 
     time_s: Floats
@@ -49,7 +49,7 @@ class Path:
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class MuxChange:
     """A change of the mux's mind. Speeds: the driver's wish (NaN without), after the caps, and as sent."""
 
     time_s: float
@@ -64,7 +64,7 @@ class Change:
 
 
 @dataclass(eq=False)
-class Run:
+class RecordedRun:
     """Everything that the page shows. statuses: (time, fields). duration_s: to the last message.
 
     zero_unix_s: the first message's time since 1970, 0 where it has no date.
@@ -77,13 +77,13 @@ class Run:
     source: str
     settings: Settings
     notes: Sequence[str]
-    scans: list[tuple[float, Message]]
+    scans: list[tuple[float, LoggedMessage]]
     error: Series
-    path: Path
+    path: OdometryPath
     wish: Series
     sent: Series
     steering: Series
-    changes: list[Change]
+    changes: list[MuxChange]
     statuses: Sequence[tuple[float, Mapping[str, Any]]] = ()
     duration_s: float = 0.0
     zero_unix_s: float = 0.0
@@ -93,7 +93,7 @@ class Run:
         """The newest status, empty where none was recorded."""
         return self.statuses[-1][1] if self.statuses else {}
 
-    def scan_at(self, time_s: float) -> Message | None:
+    def scan_at(self, time_s: float) -> LoggedMessage | None:
         """Return the newest scan at a time, or the first one; None without any."""
         if not self.scans:
             return None
@@ -101,7 +101,7 @@ class Run:
         return self.scans[max(0, bisect_left(times_s, time_s + 1e-6) - 1)][1]
 
 
-def run_of(log: DriveLog) -> Run:
+def run_of(log: DriveLog) -> RecordedRun:
     """Return the run that a log tells of."""
     zero_ns = min((message.stamp_ns for message in log.messages if message.stamp_ns > 0), default=0)
     if log.messages and log.messages[0].stamp_ns < SECONDS_OF_A_DAY * NS:  # another's recording has no date
@@ -115,7 +115,7 @@ def run_of(log: DriveLog) -> Run:
     outputs = [(message.stamp_ns, decode(message).drive) for message in log.of(topics.OUTPUT)]
     wishes = [(message.stamp_ns, decode(message).drive) for message in _wishes(log)]
     status = statuses[-1][1] if statuses else {}
-    return Run(
+    return RecordedRun(
         name=log.name,
         car=str(log.fact("car") or status.get("car") or "car"),
         version=str(log.fact("version") or status.get("version") or ""),
@@ -136,13 +136,13 @@ def run_of(log: DriveLog) -> Run:
     )
 
 
-def _wishes(log: DriveLog) -> list[Message]:
+def _wishes(log: DriveLog) -> list[LoggedMessage]:
     """Return the wishes of the driving source: the operator's where there are any at that time, else navigation's."""
     both = [*log.of(topics.NAVIGATION), *log.of(topics.TELEOP)]
     return sorted(both, key=lambda message: message.stamp_ns)
 
 
-def _path(log: DriveLog, zero_ns: int) -> Path:
+def _path(log: DriveLog, zero_ns: int) -> OdometryPath:
     rows = []
     for message in log.of(topics.ODOM):
         said = decode(message)
@@ -152,12 +152,12 @@ def _path(log: DriveLog, zero_ns: int) -> Path:
             ((message.stamp_ns - zero_ns) / NS, pose.position.x, pose.position.y, yaw_rad, said.twist.twist.linear.x)
         )
     table = np.array(rows, dtype=np.float64).reshape(-1, 5)
-    return Path(*table.T)
+    return OdometryPath(*table.T)
 
 
-def _changes(log: DriveLog, zero_ns: int) -> list[Change]:
+def _changes(log: DriveLog, zero_ns: int) -> list[MuxChange]:
     """Return what was decided, only where winner, driver, reason or delivery changed."""
-    changes: list[Change] = []
+    changes: list[MuxChange] = []
     mind: tuple[object, ...] = ()
     for time_ns, fields in log.json(topics.DECISION):
         now = tuple(fields.get(name) for name in ("winner", "driver", "reason", "delivered"))
@@ -165,7 +165,7 @@ def _changes(log: DriveLog, zero_ns: int) -> list[Change]:
             continue
         mind = now
         changes.append(
-            Change(
+            MuxChange(
                 time_s=(time_ns - zero_ns) / NS,
                 winner=str(fields.get("winner") or NO_WINNER),
                 driver=str(fields.get("driver") or ""),

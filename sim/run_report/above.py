@@ -11,8 +11,8 @@ from sim.run_report.charts import Scale, polyline, svg
 from sim.world.pose import Floats
 
 RULERS_M = (0.5, 1, 2, 5, 10, 20, 50, 100, 1000)
-SHORTEST_RULER_PX = 40
-MOST_DOTS = 30_000
+MIN_RULER_PX = 40
+MAX_DOTS = 30_000
 """Of more, every so many-th is drawn: the page is to be mailed."""
 SHOWN_PERCENT = (1.5, 98.5)
 """A view holds the whole track and so much of the dots: a far glimpse through a door must not shrink it."""
@@ -66,7 +66,7 @@ def _extent(dots_m: Floats, track_m: Floats) -> tuple[float, float]:
 
 
 def _ruler(x: Scale, height: int) -> str:
-    length_m = next(nice for nice in RULERS_M if nice * x.gain >= SHORTEST_RULER_PX or nice == RULERS_M[-1])
+    length_m = next(nice for nice in RULERS_M if nice * x.gain >= MIN_RULER_PX or nice == RULERS_M[-1])
     return (
         f'<path class="ruler" d="M10 {height - 8}h{length_m * x.gain:.1f}"/>'
         f'<text class="unit" x="10" y="{height - 13}">{length_m:g} m</text>'
@@ -88,5 +88,5 @@ def _dots(view: Above, x: Scale, y: Scale, edges: tuple[float, float, float, flo
     across = np.rint(x.offset + view.dots_x_m[inside] * x.gain).astype(np.intp)
     down = np.rint(y.offset + view.dots_y_m[inside] * y.gain).astype(np.intp)
     places = list(dict.fromkeys(zip(across.tolist(), down.tolist(), strict=True)))
-    places = places[:: math.ceil(len(places) / MOST_DOTS) or 1]
+    places = places[:: math.ceil(len(places) / MAX_DOTS) or 1]
     return "".join(f"M{px} {py}h0" for px, py in places)

@@ -19,7 +19,7 @@ NICE = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Line:
+class ChartLine:
     """One series: label for the legend, "" for none; style is its class; short: the label beside a value."""
 
     label: str
@@ -50,7 +50,7 @@ class Scale:
 
 
 def over_time(
-    lines: Sequence[Line], unit: str, *, marks: Sequence[Mark] = (), band: tuple[float, float] | None = None,
+    lines: Sequence[ChartLine], unit: str, *, marks: Sequence[Mark] = (), band: tuple[float, float] | None = None,
     name: str = "",
 ) -> str:  # fmt: skip
     """Return lines over seconds with a grid; marks are vertical, the band is horizontal.
@@ -109,7 +109,7 @@ def svg(width: int, height: int, parts: Sequence[str], title: str, chart: str = 
     return f'<svg viewBox="0 0 {width} {height}" role="img" aria-label="{escape(title)}"{named}>{inside}</svg>'
 
 
-def _legend(lines: Sequence[Line]) -> str:
+def _legend(lines: Sequence[ChartLine]) -> str:
     named = [line for line in lines if line.label]
     if len(named) < 2:
         return ""
@@ -164,7 +164,7 @@ def _ticks(low: float, high: float) -> list[float]:
     return [round(at * step, 10) for at in range(first, math.floor(high / step + 1e-9) + 1)]
 
 
-def _trace(line: Line, x: Scale, y: Scale) -> str:
+def _trace(line: ChartLine, x: Scale, y: Scale) -> str:
     """Return a path with gaps where there is no value; of many points in one pixel only the extremes."""
     across = x.offset + line.time_s * x.gain
     down = y.offset + line.value * y.gain

@@ -8,7 +8,7 @@ from typing import Any
 
 from sim.recordings import RecordingError
 from sim.replay.figures import truth_of
-from sim.replay.opening import Opened, open_any
+from sim.replay.opening import OpenedRecording, open_any
 from sim.replay.run import run_of
 from sim.run_report.page import page
 from sim.run_report.shown import Shown, shown
@@ -35,7 +35,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _shown(file: Path, tag: str, options: argparse.Namespace) -> Shown:
-    opened: Opened = open_any(file, options.assignments, options.topic)
+    opened: OpenedRecording = open_any(file, options.assignments, options.topic)
     return shown(run_of(opened.log), _truth(file, options.summary if file == options.file else None), tag)
 
 

@@ -7,18 +7,18 @@ from html import escape
 import numpy as np
 
 from runtime.telemetry.screen_words import because, times
-from sim.replay.figures import Stop, newest_change, points, slowed
-from sim.replay.run import Change, Run
+from sim.replay.figures import RecordedStop, newest_change, points, slowed
+from sim.replay.run import MuxChange, RecordedRun
 from sim.run_report.above import Above, from_above
 from sim.world.pose import Floats
 
-MOST_CARDS = 40
+MAX_CARDS = 40
 CARD_PX, CARD_M = 250, 4.0
 SAME_EVENT_S = 0.5
 NOT_KNOWN = "–"
 
 
-def stops_table(found: Sequence[Stop], run: Run, tag: str = "") -> str:
+def stops_table(found: Sequence[RecordedStop], run: RecordedRun, tag: str = "") -> str:
     """Return when, for how long, by whom and why the car was told to stand. tag: of the run, beside another."""
     if not found:
         return "<p>The car was never told to stop.</p>"
@@ -38,24 +38,24 @@ def stops_table(found: Sequence[Stop], run: Run, tag: str = "") -> str:
     return f"<table><thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table>{more}"
 
 
-def cards(run: Run, found: Sequence[Stop], tag: str = "") -> str:
+def cards(run: RecordedRun, found: Sequence[RecordedStop], tag: str = "") -> str:
     """Return a picture of the scan at every stop and other decision, forward up."""
     if not run.scans:
         return '<p class="nothing">no scan was recorded</p>'
-    events: list[tuple[float, str, Change | None]] = [
+    events: list[tuple[float, str, MuxChange | None]] = [
         (stop.from_s, f"stop {tag}{number}", newest_change(run, stop.from_s)) for number, stop in enumerate(found, 1)
     ]
     events += [(change.time_s, "decision", change) for change in _apart(run, found)]
     events.sort(key=lambda event: (event[1] == "decision", event[0]))
-    shown = sorted(events[:MOST_CARDS], key=lambda event: event[0])
+    shown = sorted(events[:MAX_CARDS], key=lambda event: event[0])
     more = f"<p>{len(events) - len(shown)} more events are not drawn.</p>" if len(events) > len(shown) else ""
     drawn = "".join(_card(run, *event) for event in shown)
     return f'<div class="cards">{drawn}</div>{more}' if drawn else "<p>Nothing but navigation ever decided.</p>"
 
 
-def _apart(run: Run, found: Sequence[Stop]) -> list[Change]:
+def _apart(run: RecordedRun, found: Sequence[RecordedStop]) -> list[MuxChange]:
     """Return the other decisions that are worth a picture: not of navigation, and not one more of the same moment."""
-    kept: list[Change] = []
+    kept: list[MuxChange] = []
     for change in run.changes:
         at_stop = any(abs(change.time_s - stop.from_s) < SAME_EVENT_S for stop in found)
         again = kept and change.winner == kept[-1].winner and change.time_s - kept[-1].time_s < SAME_EVENT_S
@@ -64,7 +64,7 @@ def _apart(run: Run, found: Sequence[Stop]) -> list[Change]:
     return kept
 
 
-def _card(run: Run, time_s: float, what: str, change: Change | None) -> str:
+def _card(run: RecordedRun, time_s: float, what: str, change: MuxChange | None) -> str:
     message, car = run.scan_at(time_s), run.settings.car
     if message is None:
         return ""

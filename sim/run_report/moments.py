@@ -15,10 +15,10 @@ import numpy.typing as npt
 
 from runtime.telemetry.screen_words import because
 from sim.replay.decode import decode
-from sim.replay.drive_log import Message
+from sim.replay.drive_log import LoggedMessage
 from sim.replay.figures import at_time
-from sim.replay.run import Change, Run
-from sim.run_report.charts import Line
+from sim.replay.run import MuxChange, RecordedRun
+from sim.run_report.charts import ChartLine
 from sim.world.pose import Floats
 
 MAX_POINTS = 6000
@@ -31,7 +31,7 @@ GROUP_SHIFT, MAX_CM = 13, (1 << 13) - 1
 MAX_PATH = 3000
 
 
-def moments(run: Run, laps_s: Sequence[float] = ()) -> dict[str, Any]:
+def moments(run: RecordedRun, laps_s: Sequence[float] = ()) -> dict[str, Any]:
     """Return what the script shows of a run at one moment. laps_s: when each lap was complete."""
     car = run.settings.car
     return {
@@ -45,7 +45,9 @@ def moments(run: Run, laps_s: Sequence[float] = ()) -> dict[str, Any]:
     }
 
 
-def chart(lines: Sequence[Line], unit: str, marks: Sequence[Any], band: tuple[float, float] | None) -> dict[str, Any]:
+def chart(
+    lines: Sequence[ChartLine], unit: str, marks: Sequence[Any], band: tuple[float, float] | None
+) -> dict[str, Any]:
     """Return what the script draws in one chart."""
     return {
         "unit": unit,
@@ -55,7 +57,7 @@ def chart(lines: Sequence[Line], unit: str, marks: Sequence[Any], band: tuple[fl
     }
 
 
-def _line(line: Line) -> dict[str, Any]:
+def _line(line: ChartLine) -> dict[str, Any]:
     keep = extremes(line.value, MAX_POINTS)
     return {
         "label": line.label, "short": line.short or line.label, "style": line.style,
@@ -81,20 +83,20 @@ def extremes(value: Floats, most: int) -> npt.NDArray[np.intp]:
     return np.array(sorted(kept), dtype=np.intp)
 
 
-def _decision(change: Change) -> list[object]:
+def _decision(change: MuxChange) -> list[object]:
     speeds = [round(speed, 3) if math.isfinite(speed) else None for speed in (change.asked_mps, change.allowed_mps)]
     words = because(change.reason, change.measure)
     return [round(change.time_s, 3), change.winner, words, change.driver, *speeds, change.delivered]
 
 
-def _path(run: Run) -> dict[str, str]:
+def _path(run: RecordedRun) -> dict[str, str]:
     path = run.path
     keep = np.unique(np.linspace(0, max(len(path.time_s) - 1, 0), MAX_PATH).astype(np.intp))[: len(path.time_s)]
     names = {"t": path.time_s, "x": path.x_m, "y": path.y_m, "yaw": path.yaw_rad}
     return {name: _packed(column[keep], "<f4") for name, column in names.items()}
 
 
-def _scans(run: Run) -> dict[str, Any]:
+def _scans(run: RecordedRun) -> dict[str, Any]:
     chosen = [run.scans[at] for at in chosen_scans([time_s for time_s, _ in run.scans], run)]
     if not chosen:
         return {"t": "", "pose": "", "beams": "", "groups": 0}
@@ -120,7 +122,7 @@ def _scans(run: Run) -> dict[str, Any]:
     }
 
 
-def chosen_scans(times_s: Sequence[float], run: Run) -> list[int]:
+def chosen_scans(times_s: Sequence[float], run: RecordedRun) -> list[int]:
     """Return which scans are shown: at a steady rate, and the one behind each decision."""
     gap_s = max(MIN_SCAN_GAP_S, run.duration_s / MAX_SCANS)
     kept, next_s = set(), -math.inf
@@ -134,7 +136,7 @@ def chosen_scans(times_s: Sequence[float], run: Run) -> list[int]:
     return sorted(kept)
 
 
-def packed_scan(message: Message, beams: int, group: int) -> npt.NDArray[np.uint16]:
+def packed_scan(message: LoggedMessage, beams: int, group: int) -> npt.NDArray[np.uint16]:
     """Return a scan's groups (ceil(beams / group),): centimetres of the nearest beam, and which one it was."""
     scan = decode(message)
     ranges_m = np.asarray(scan.ranges, np.float64)[:beams]

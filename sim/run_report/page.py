@@ -16,7 +16,7 @@ import numpy as np
 
 from sim.figures.summary import SETTLE_BAND_M
 from sim.run_report import moments, tables
-from sim.run_report.charts import WIDTH, Line, Mark, histogram, over_time
+from sim.run_report.charts import WIDTH, ChartLine, Mark, histogram, over_time
 from sim.run_report.events import cards, stops_table
 from sim.run_report.shown import Shown
 from sim.run_report.track import track
@@ -101,9 +101,9 @@ def _over_time(runs: Sequence[Shown], charts: dict[str, dict[str, Any]]) -> list
     return sections
 
 
-def _errors(runs: Sequence[Shown]) -> list[Line]:
+def _errors(runs: Sequence[Shown]) -> list[ChartLine]:
     return [
-        Line(one.label, one.run.error.time_s, one.run.error.value, style, one.tag)
+        ChartLine(one.label, one.run.error.time_s, one.run.error.value, style, one.tag)
         for one, style in zip(runs, STYLES, strict=False)
     ]
 
@@ -113,29 +113,29 @@ def _error_words(runs: Sequence[Shown]) -> str:
     return f"Distance to the wall less the wanted {wanted}; the band is ±{100 * SETTLE_BAND_M:g} cm."
 
 
-def _speeds(runs: Sequence[Shown]) -> list[Line]:
+def _speeds(runs: Sequence[Shown]) -> list[ChartLine]:
     if len(runs) == 1:
         run = runs[0].run
         return [
-            Line("wished", run.wish.time_s, run.wish.value, "s3"),
-            Line("sent", run.sent.time_s, run.sent.value, "s2"),
-            Line("driven", run.path.time_s, run.path.speed_mps, "s1"),
+            ChartLine("wished", run.wish.time_s, run.wish.value, "s3"),
+            ChartLine("sent", run.sent.time_s, run.sent.value, "s2"),
+            ChartLine("driven", run.path.time_s, run.path.speed_mps, "s1"),
         ]
     lines = []
     for one, style in zip(runs, STYLES, strict=False):
-        lines.append(Line(one.tagged("sent"), one.run.sent.time_s, one.run.sent.value, f"{style} faint"))
-        lines.append(Line(one.tagged("driven"), one.run.path.time_s, one.run.path.speed_mps, style))
+        lines.append(ChartLine(one.tagged("sent"), one.run.sent.time_s, one.run.sent.value, f"{style} faint"))
+        lines.append(ChartLine(one.tagged("driven"), one.run.path.time_s, one.run.path.speed_mps, style))
     return lines
 
 
-def _steering(runs: Sequence[Shown]) -> list[Line]:
+def _steering(runs: Sequence[Shown]) -> list[ChartLine]:
     return [
-        Line(one.label, one.run.steering.time_s, np.rad2deg(one.run.steering.value), style, one.tag)
+        ChartLine(one.label, one.run.steering.time_s, np.rad2deg(one.run.steering.value), style, one.tag)
         for one, style in zip(runs, STYLES, strict=False)
     ]
 
 
-def _latencies(runs: Sequence[Shown]) -> list[Line]:
+def _latencies(runs: Sequence[Shown]) -> list[ChartLine]:
     names = ("p50", "p99") if len(runs) == 1 else ("p99",)
     lines = []
     for number, one in enumerate(runs):
@@ -146,5 +146,5 @@ def _latencies(runs: Sequence[Shown]) -> list[Line]:
             ]
             table = np.array([row for row in rows if row[1] is not None], dtype=np.float64).reshape(-1, 2)
             table = table[np.isfinite(table[:, 1])]
-            lines.append(Line(one.tagged(name), table[:, 0], table[:, 1], STYLES[number + also]))
+            lines.append(ChartLine(one.tagged(name), table[:, 0], table[:, 1], STYLES[number + also]))
     return lines

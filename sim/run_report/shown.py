@@ -5,17 +5,17 @@ from dataclasses import dataclass
 from itertools import accumulate
 from typing import Any
 
-from sim.replay.figures import Stop, numbers, stops
-from sim.replay.run import Run
+from sim.replay.figures import RecordedStop, numbers, stops
+from sim.replay.run import RecordedRun
 
 
 @dataclass(frozen=True, slots=True)
 class Shown:
     """A run with its figures. truth: the simulator's, where there are any. tag: "A" or "B" beside another run."""
 
-    run: Run
+    run: RecordedRun
     numbers: Mapping[str, Any]
-    found: Sequence[Stop]
+    found: Sequence[RecordedStop]
     truth: Mapping[str, Any] | None = None
     tag: str = ""
 
@@ -41,6 +41,6 @@ class Shown:
         return f"{self.tag} {text}" if self.tag and text else self.tag or text
 
 
-def shown(run: Run, truth: Mapping[str, Any] | None = None, tag: str = "") -> Shown:
+def shown(run: RecordedRun, truth: Mapping[str, Any] | None = None, tag: str = "") -> Shown:
     """Return a run with its figures and stops."""
     return Shown(run, numbers(run), stops(run), truth, tag)

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sim.replay.figures import at_time, points
-from sim.replay.run import Run
+from sim.replay.run import RecordedRun
 from sim.run_report.above import Above, from_above
 from sim.run_report.shown import Shown
 from sim.world.pose import Floats
@@ -30,7 +30,7 @@ def track(shown: Shown, width: int) -> str:
     return from_above(Above(dots_x_m, dots_y_m, path.x_m, path.y_m, places), width, tallest=TALLEST_PATH_PX)
 
 
-def _map(run: Run) -> tuple[Floats, Floats]:
+def _map(run: RecordedRun) -> tuple[Floats, Floats]:
     """Return the points of a scan every half metre or so, where odometry says that they are."""
     path, last, xs, ys = run.path, None, [], []
     every_m = max(MAP_EVERY_M, float(np.hypot(np.diff(path.x_m), np.diff(path.y_m)).sum()) / MOST_MAP_SCANS)
@@ -47,7 +47,7 @@ def _map(run: Run) -> tuple[Floats, Floats]:
     return (np.concatenate(xs), np.concatenate(ys)) if xs else (np.empty(0), np.empty(0))
 
 
-def _on_itself(x_m: Floats, y_m: Floats, run: Run) -> npt.NDArray[np.bool_]:
+def _on_itself(x_m: Floats, y_m: Floats, run: RecordedRun) -> npt.NDArray[np.bool_]:
     """Return which points are the car's own body, or as near as dirt."""
     car = run.settings.car
     ahead, aside = x_m < car.front_m + BODY_M, np.abs(y_m) < car.half_width_m + BODY_M

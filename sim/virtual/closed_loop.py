@@ -13,14 +13,23 @@ import numpy as np
 
 from drivers.api import Drive, MotorState, Scan
 from drivers.vesc.settings import VescSettings
-from runtime.arbitration.command import NO_LIMIT_MPS, CapWord, Decision, DriveWord, Source, Verdict, Word, arbitrate
+from runtime.arbitration.command import (
+    NO_LIMIT_MPS,
+    Decision,
+    DriveCommand,
+    Source,
+    SpeedLimit,
+    Verdict,
+    Word,
+    arbitrate,
+)
 from runtime.control.guidance import Follower, Guard
 from runtime.control.limiter import Limiter, Limits
 from runtime.control.vehicle import CarSettings
 from sim.car.delay import DelayLine
 from sim.car.vehicle import BrakeDemand, CoastDemand, Demand, SpeedDemand, Vehicle, VehicleSettings
 from sim.world.beams import LidarSettings, Millimetres, scan
-from sim.world.obstacles import Obstacle, Scene
+from sim.world.obstacles import Obstacle, ObstacleWorld
 from sim.world.place import Surroundings, World
 from sim.world.pose import CAR, Floats, Pose, Side, side_sign
 
@@ -79,7 +88,7 @@ class Case:
 
 
 @dataclass(slots=True)
-class Stop:
+class SimulatedStop:
     """A time in which the car was told to stand. until_s: NaN when it lasted to the end of the run."""
 
     from_s: float
@@ -91,7 +100,7 @@ class Stop:
 
 
 @dataclass(frozen=True, slots=True)
-class Contact:
+class FirstContact:
     """The first touch, and the true speed at that moment."""
 
     time_s: float
@@ -100,7 +109,7 @@ class Contact:
 
 
 @dataclass(slots=True, eq=False)
-class Run:
+class SimulatedRun:
     """What happened. Arrays have one row per scan, taken at its last beam.
 
     time_s: shape (n,). pose: (n, 3) x [m], y [m], yaw [rad] of the rear axle. speed_mps: (n, 2), the car's and what
@@ -121,8 +130,8 @@ class Run:
     clearance_m: Floats
     appeared: Floats
     distance_m: float
-    stops: list[Stop]
-    contact: Contact | None
+    stops: list[SimulatedStop]
+    contact: FirstContact | None
     reasons: list[str]
 
     @property
@@ -134,7 +143,7 @@ class Run:
 _CONSENT = Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "no guard")
 
 
-def drive(case: Case, follower: Follower, guard: Guard | None) -> Run:
+def drive(case: Case, follower: Follower, guard: Guard | None) -> SimulatedRun:
     """Drive a case to its end. guard None: without safety."""
     return _Rig(case, follower, guard).run()
 
@@ -155,14 +164,14 @@ class _Log:
 
     rows: list[tuple[float, ...]] = field(default_factory=list)
     reasons: list[str] = field(default_factory=list)
-    stops: list[Stop] = field(default_factory=list)
-    stopped: Stop | None = None
+    stops: list[SimulatedStop] = field(default_factory=list)
+    stopped: SimulatedStop | None = None
 
     def decision(self, time_s: float, speed_mps: float, decision: Decision, *, stop: bool) -> None:
         """Open or close a stop."""
         self.reasons.append(decision.reason)
         if stop and self.stopped is None:
-            self.stopped = Stop(time_s, decision.reason, decision.winner, decision.measure, speed_mps)
+            self.stopped = SimulatedStop(time_s, decision.reason, decision.winner, decision.measure, speed_mps)
             self.stops.append(self.stopped)
         elif not stop and self.stopped is not None:
             self.stopped.until_s = time_s
@@ -177,7 +186,7 @@ class _Rig:
         self._follower, self._guard = follower, guard
         self._vehicle = Vehicle(case.vehicle)
         self._vehicle.place(case.start or case.world.start, speed_mps=case.start_speed_mps)
-        self._scene = Scene(case.world, case.obstacles)
+        self._scene = ObstacleWorld(case.world, case.obstacles)
         self._seen: Surroundings = case.surroundings or self._scene
         self._walkers_mps = max(
             (math.hypot(o.motion.x_mps, o.motion.y_mps) for o in case.obstacles if o.motion), default=0.0
@@ -202,9 +211,9 @@ class _Rig:
         self._log = _Log()
         self._distance_m = 0.0
         self._moved_s = 0.0
-        self._contact: Contact | None = None
+        self._contact: FirstContact | None = None
 
-    def run(self) -> Run:
+    def run(self) -> SimulatedRun:
         case, vehicle = self._case, self._vehicle
         period_s = 1.0 / case.lidar.rate_hz
         step, scans = 0, 0
@@ -255,8 +264,8 @@ class _Rig:
         guidance = self._follower.follow(sweep, self._motor)
         wish = guidance.drive or Drive(0.0, 0.0)
         words: list[Word] = [
-            CapWord(Source.SAFETY, outlook, now_s),
-            DriveWord(case.driver, wish, None if case.driver is Source.TELEOP else now_s, guidance.reason),
+            SpeedLimit(Source.SAFETY, outlook, now_s),
+            DriveCommand(case.driver, wish, None if case.driver is Source.TELEOP else now_s, guidance.reason),
         ]
         decision = arbitrate(words, frozenset({Source.SAFETY}), _ORDER)
         period_s = 1.0 / case.lidar.rate_hz
@@ -300,13 +309,13 @@ class _Rig:
             self._scene.update(now_s + STEP_S, vehicle.pose, vehicle.speed_mps)
         self._free_m = self._seen.clearance(vehicle.pose)
         if self._free_m <= 0.0:
-            self._contact = Contact(now_s + STEP_S, abs(twist.speed_mps), vehicle.pose)
+            self._contact = FirstContact(now_s + STEP_S, abs(twist.speed_mps), vehicle.pose)
 
-    def _finish(self) -> Run:
+    def _finish(self) -> SimulatedRun:
         table = np.array(self._log.rows)
         poses = table[:, 1:4]
         truth = self._case.truth or self._case.world
-        return Run(
+        return SimulatedRun(
             self._case, table[:, 0], poses, table[:, 4:6], table[:, 6:8], table[:, 8:10], table[:, 10],
             wall_distances_m(truth, poses, self._case.side or self._case.world.side), table[:, 11], table[:, 12],
             self._distance_m, self._log.stops, self._contact, self._log.reasons,

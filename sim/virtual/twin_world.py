@@ -19,7 +19,7 @@ from sim.car.vehicle import BrakeDemand, CoastDemand, Demand, SpeedDemand, Vehic
 from sim.virtual.closed_loop import ROUGH_BEAMS, as_scan
 from sim.virtual.devices import MemoryLidar
 from sim.world.beams import LidarSettings, Millimetres, scan
-from sim.world.obstacles import Obstacle, Scene
+from sim.world.obstacles import Obstacle, ObstacleWorld
 from sim.world.place import World
 from sim.world.pose import Pose
 
@@ -50,7 +50,7 @@ class TwinWorld:
         seed: int = 0,
     ) -> None:
         self.world = world
-        self.scene = Scene(world, obstacles)
+        self.scene = ObstacleWorld(world, obstacles)
         self.vehicle = Vehicle(vehicle, start or world.start)
         self.lidar_settings = lidar
         self.steering_rad = 0.0

@@ -30,7 +30,7 @@ MARGIN_M = 0.02
 AWAY_M = 3.0
 FORWARD_STEPS = 8
 """So many steps in a row, about a metre, end the way: driven off, not backed into a corner."""
-MOST_STEPS = 400
+MAX_STEPS = 400
 
 _CURVATURES_PER_M = (-TIGHTEST_PER_M, 0.0, TIGHTEST_PER_M)
 
@@ -70,7 +70,7 @@ def way_on(geometry: SegmentGeometry, at: Pose, away_m: float = AWAY_M) -> WayOn
     """The longest forward run, plus one, with which a cell was reached: a longer one is news."""
     x_m, y_m, yaw_rad = (np.array([value]) for value in (at.x_m, at.y_m, at.yaw_rad))
     run = np.zeros(1, np.int64)
-    for step in range(1, MOST_STEPS + 1):
+    for step in range(1, MAX_STEPS + 1):
         x_m, y_m, yaw_rad, run = _moved(x_m, y_m, yaw_rad, run)
         index = lattice.index(x_m, y_m, yaw_rad)
         good = (index >= 0) & free[index] & (seen[index] <= run)

@@ -29,7 +29,7 @@ none of those, multiples of 45 degrees, that drawn maps are full of."""
 _BEFORE_AND_AFTER_M = 2.0
 """Who goes the same way again so far after a turn as so far before it passed a niche, and can cut it off."""
 _BACK_COS = -0.6
-_SMALLEST_RING_M = 5.86
+_MIN_RING_M = 5.86
 """The car's tightest circle: what is shorter cannot be driven round."""
 _NEARBY_M, _SAME_WAY_COS = 0.5, 0.7
 """Two balls' ways are beside each other within so much, in directions whose cosine is at least so much."""
@@ -136,7 +136,7 @@ def _driven(middle: Floats, cell_m: float) -> tuple[Floats, Floats, Cells]:
     steps_m = _length(np.roll(at_m, -1, axis=0) - at_m)
     along_m = np.concatenate([[0.0], np.cumsum(steps_m)])
     count = round(float(along_m[-1]) / _STEP_M)
-    if count * _STEP_M < _SMALLEST_RING_M:
+    if count * _STEP_M < _MIN_RING_M:
         return np.tile([1.0, 0.0], (len(middle), 1)), np.zeros(len(middle)), np.arange(len(middle))
     even_m = along_m[-1] * np.arange(count + 1) / count
     x_m, y_m = (np.interp(even_m, along_m, np.append(part, part[0])) for part in at_m.T)

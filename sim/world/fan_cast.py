@@ -16,12 +16,12 @@ Indices = npt.NDArray[np.int64]
 
 EDGE_ON = 1e-9
 """Sine of the angle under which a wall, which has no thickness, is not seen: there rounding decides where it is."""
-_WIDEST_RAD = 3.2
+_MAX_FAN_RAD = 3.2
 """No straight wall fills more than half the view; what seems wider is the rounding of a wall seen edge-on."""
 
 _SLACK_BEAMS = 1e-9
 """By how much walls are wider, so that a beam straight at the end of one meets it."""
-_FEWEST_BEAMS = 16
+_MIN_BEAMS = 16
 _EVEN_WITHIN_RAD = 1e-9
 """A beam this far out of step still ends on a wall's line, at most so far beyond its end."""
 
@@ -74,7 +74,7 @@ class FanCast:
         begin, until = ((np.arctan2(y, x) - bearing_rad[0]) % math.tau for x, y in ((x0, y0), (x1, y1)))
         if not self._one_sided:
             begin, until = np.where(turns_left, begin, until), np.where(turns_left, until, begin)
-        sure = (until - begin) % math.tau < _WIDEST_RAD
+        sure = (until - begin) % math.tau < _MAX_FAN_RAD
         per_rad = (bearing_rad.size - 1) / (bearing_rad[-1] - bearing_rad[0])
         first = np.maximum(np.ceil(begin * per_rad - _SLACK_BEAMS), 0.0).astype(np.int64)
         last = np.minimum(np.floor(until * per_rad + _SLACK_BEAMS) + 1.0, bearing_rad.size).astype(np.int64)
@@ -89,7 +89,7 @@ class FanCast:
 
 def is_fan(bearing_rad: Floats) -> bool:
     """Whether bearings grow evenly from beam to beam, over less than a full turn."""
-    if bearing_rad.size < _FEWEST_BEAMS:
+    if bearing_rad.size < _MIN_BEAMS:
         return False
     steps = bearing_rad[1:] - bearing_rad[:-1]
     least, most = float(steps.min()), float(steps.max())

@@ -14,7 +14,7 @@ from sim.world.pose import Floats, Pose
 
 ON_THE_BORDER_M = 1e-6
 """Nearer to a piece's side than this is on it, not inside: sides that lie on each other stay."""
-SHORTEST_WALL_M = 1e-3
+MIN_WALL_M = 1e-3
 
 Corners = list[tuple[float, float]]
 
@@ -62,7 +62,7 @@ def _outside(start: Floats, end: Floats, others: list[Floats]) -> list[Floats]:
     length_m = math.hypot(*(end - start))
     parts, at = [], 0.0
     for first, last in [*hidden, (1.0, 1.0)]:
-        if (first - at) * length_m > SHORTEST_WALL_M:
+        if (first - at) * length_m > MIN_WALL_M:
             parts.append(np.concatenate([start + at * (end - start), start + first * (end - start)])[None, :])
         at = max(at, last)
     return parts

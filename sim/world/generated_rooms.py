@@ -19,7 +19,7 @@ from sim.world.place import START_DISTANCE_M, World
 from sim.world.pose import CAR, Pose
 from sim.world.segments import SegmentGeometry, box
 
-NARROWEST_M, WIDEST_M = 1.2, 3.0
+MIN_WIDTH_M, MAX_WIDTH_M = 1.2, 3.0
 SHARPEST_DEG, BLUNTEST_DEG = 150.0, 60.0
 HALL_M = 5.0
 DOOR_M = 0.15
@@ -44,7 +44,7 @@ class _Builder:
     width_m: float
 
     def width(self) -> float:
-        return float(self.random.uniform(NARROWEST_M, WIDEST_M))
+        return float(self.random.uniform(MIN_WIDTH_M, MAX_WIDTH_M))
 
     def lane(self, length_m: float, width_m: float | None = None, end_width_m: float | None = None) -> Pose:
         """Add a lane straight on and return where it began."""
@@ -182,7 +182,7 @@ def generated_room(seed: int) -> World:
 
 
 def _built(kind: str, random: Random) -> World:
-    width_m = float(random.uniform(NARROWEST_M, WIDEST_M))
+    width_m = float(random.uniform(MIN_WIDTH_M, MAX_WIDTH_M))
     room = _Builder(random, FloorPlan(), Pose(-START_M, 0.0, 0.0), width_m)
     if kind == "closed":
         width_m = room.width_m = float(random.uniform(0.52, 0.62))

@@ -10,16 +10,16 @@ from itertools import combinations
 import numpy as np
 
 from sim.world.floor_plan import FloorPlan
-from sim.world.generated_rooms import NARROWEST_M, TRIES, WIDEST_M
+from sim.world.generated_rooms import MAX_WIDTH_M, MIN_WIDTH_M, TRIES
 from sim.world.lap import Lap
 from sim.world.place import START_DISTANCE_M, World
 from sim.world.pose import Floats, Pose
 from sim.world.segments import SegmentGeometry
 
-NEAREST_M, FARTHEST_M = 4.0, 8.0
+MIN_REACH_M, MAX_REACH_M = 4.0, 8.0
 """Of a corner from the middle."""
 SHARPEST_RAD = math.radians(125)
-SHORTEST_M = 3.0
+MIN_LENGTH_M = 3.0
 BETWEEN_M = 0.3
 """So far apart are lanes that do not meet."""
 
@@ -29,7 +29,7 @@ def generated_track(seed: int, *, inner: bool = False) -> World:
     for attempt in range(TRIES):
         random = np.random.default_rng([seed, attempt])
         corners = _corners(random)
-        widths_m = random.uniform(NARROWEST_M, WIDEST_M, len(corners))
+        widths_m = random.uniform(MIN_WIDTH_M, MAX_WIDTH_M, len(corners))
         if _is_track(corners, widths_m):
             return _built(corners[::-1] if inner else corners, np.roll(widths_m[::-1], -1) if inner else widths_m)
     raise RuntimeError(f"seed {seed}: no track in {TRIES} tries")
@@ -39,7 +39,7 @@ def _corners(random: np.random.Generator) -> Floats:
     """Return the centre line's corners, (k, 2), clockwise."""
     count = int(random.integers(4, 9))
     angle = -math.tau * (np.arange(count) + random.uniform(-0.3, 0.3, count)) / count
-    away_m = random.uniform(NEAREST_M, FARTHEST_M, count)
+    away_m = random.uniform(MIN_REACH_M, MAX_REACH_M, count)
     return np.column_stack([away_m * np.cos(angle), away_m * np.sin(angle)])
 
 
@@ -54,7 +54,7 @@ def _edges(corners: Floats) -> tuple[Floats, Floats, Floats]:
 def _is_track(corners: Floats, widths_m: Floats) -> bool:
     """Whether lanes are long enough, corners not too sharp, and no two lanes meet but at a corner."""
     length_m, _, turn = _edges(corners)
-    if length_m.min() < SHORTEST_M or np.abs(turn).max() > SHARPEST_RAD:
+    if length_m.min() < MIN_LENGTH_M or np.abs(turn).max() > SHARPEST_RAD:
         return False
     count = len(corners)
     shares = np.linspace(0.0, 1.0, 40)[:, None]

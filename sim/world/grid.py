@@ -22,7 +22,7 @@ Cells = npt.NDArray[np.int64]
 
 _ALONG_GRID = 1e-12
 """Directions this close to a grid line lie along it; the inverse of less, or of -0.0, is the wrong infinity."""
-_MOST_COMPILED = 2**31
+_MAX_COMPILED = 2**31
 """The compiled cast counts cells in 32 bits."""
 
 
@@ -41,7 +41,7 @@ class GridGeometry:
         self.origin = origin.ahead(-self.cell_m, -self.cell_m)
         self._rectangles = FreeRectangles(padded)
         self._edge_xy_m = self._edge_cells_m()
-        self._library = compiled.library() if self._rectangles.leaps.size < _MOST_COMPILED else None
+        self._library = compiled.library() if self._rectangles.leaps.size < _MAX_COMPILED else None
         self._compiled = compiled.cells(self._rectangles, self.origin, self.cell_m)
 
     @property

@@ -1,6 +1,6 @@
 """Things that are not part of the building: they stand there, appear suddenly in front of the car, or walk.
 
-A `Scene` is a world with obstacles in it, at one moment. It is moved on by `update` and then answers like a world.
+An `ObstacleWorld` is a world with obstacles in it, at one moment: `update` moves it on, then it answers like a world.
 """
 
 import math
@@ -33,7 +33,7 @@ class Box:
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class StandingObstacle:
     """There at a fixed place, from a time on."""
 
     pose: Pose
@@ -41,7 +41,7 @@ class Standing:
 
 
 @dataclass(frozen=True, slots=True)
-class Sudden:
+class SuddenObstacle:
     """Appears before the car, with its near face `ahead_m` from the lidar, square to the car's heading.
 
     It appears at the first update at which the car is at least this fast and it is at least this late, and then
@@ -55,7 +55,7 @@ class Sudden:
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class ConstantMotion:
     """Constant velocity in the world between two times."""
 
     x_mps: float
@@ -73,8 +73,8 @@ class Obstacle:
     """What it is, how it comes to be there, and whether it walks."""
 
     shape: Round | Box
-    appearance: Standing | Sudden
-    motion: Motion | None = None
+    appearance: StandingObstacle | SuddenObstacle
+    motion: ConstantMotion | None = None
 
     @property
     def half_length_m(self) -> float:
@@ -84,12 +84,12 @@ class Obstacle:
 
 def pole(x_m: float, y_m: float, radius_m: float = 0.02) -> Obstacle:
     """Return a pole that stands from the beginning."""
-    return Obstacle(Round(radius_m), Standing(Pose(x_m, y_m, 0.0)))
+    return Obstacle(Round(radius_m), StandingObstacle(Pose(x_m, y_m, 0.0)))
 
 
-def person(x_m: float, y_m: float, motion: Motion, radius_m: float = 0.2) -> Obstacle:
+def person(x_m: float, y_m: float, motion: ConstantMotion, radius_m: float = 0.2) -> Obstacle:
     """Return a person who is at x, y when the motion begins."""
-    return Obstacle(Round(radius_m), Standing(Pose(x_m, y_m, 0.0), motion.from_s), motion)
+    return Obstacle(Round(radius_m), StandingObstacle(Pose(x_m, y_m, 0.0), motion.from_s), motion)
 
 
 def sudden_box(
@@ -97,7 +97,7 @@ def sudden_box(
     from_s: float = -math.inf,
 ) -> Obstacle:  # fmt: skip
     """Return a box across the car's way that appears `ahead_m` from the lidar; see Sudden."""
-    return Obstacle(Box(depth_m, width_m), Sudden(ahead_m, left_m, min_speed_mps, from_s))
+    return Obstacle(Box(depth_m, width_m), SuddenObstacle(ahead_m, left_m, min_speed_mps, from_s))
 
 
 @dataclass(slots=True)
@@ -118,7 +118,7 @@ class _Present:
 
 
 @dataclass(slots=True)
-class Scene(Surroundings):
+class ObstacleWorld(Surroundings):
     """A world with obstacles. Nothing has appeared before the first `update`."""
 
     world: World
@@ -178,7 +178,7 @@ def _appears(obstacle: Obstacle, now_s: float, car: Pose, speed_mps: float) -> P
     appearance = obstacle.appearance
     if now_s < appearance.from_s:
         return None
-    if isinstance(appearance, Standing):
+    if isinstance(appearance, StandingObstacle):
         return appearance.pose
     if abs(speed_mps) < appearance.min_speed_mps:
         return None

@@ -17,7 +17,7 @@ from clients.connection import (
 )
 from runtime.wire import topics, zenoh_config
 from runtime.wire.bus import BYTES, Bus, free_endpoint
-from runtime.wire.teleop import Beat, Condition
+from runtime.wire.teleop import Beat, CarCondition
 from wallride.client_options import add_common
 
 
@@ -52,7 +52,10 @@ async def test_only_the_start_of_the_car_that_is_meant_will_do(car):
         while True:
             number += 1
             car.put(
-                topics.key("car1", topics.BEAT), Beat(0xCAFE, number, Condition(0)).pack(), encoding=BYTES, urgent=True
+                topics.key("car1", topics.BEAT),
+                Beat(0xCAFE, number, CarCondition(0)).pack(),
+                encoding=BYTES,
+                urgent=True,
             )
             await asyncio.sleep(0.02)
 

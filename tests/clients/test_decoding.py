@@ -11,7 +11,7 @@ from clients.decoding import UnreadableError, as_json, as_text, decode
 from runtime.ros import messages
 from runtime.ros.definitions import TYPES
 from runtime.wire import topics
-from runtime.wire.teleop import Beat, Condition
+from runtime.wire.teleop import Beat, CarCondition
 from tests.runtime.ros.samples import SAMPLES
 
 
@@ -44,7 +44,7 @@ def test_a_float32_is_told_as_it_was_meant():
 
 
 def test_a_heartbeat_is_read_too():
-    beat = Beat(7, 8, Condition.PERMITTED, operator_name="anna")
+    beat = Beat(7, 8, CarCondition.PERMITTED, operator_name="anna")
     assert decode(topics.BEAT, beat.pack())["operator_name"] == "anna"
 
 

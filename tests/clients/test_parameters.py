@@ -7,8 +7,8 @@ import pytest
 
 from clients import parameters
 from clients.connection import ConnectionProblemError
-from runtime.parameters.history import History
-from runtime.parameters.server import ParameterDesk, Surroundings
+from runtime.parameters.history import ChangeHistory
+from runtime.parameters.server import ParameterServer, ServerContext
 from runtime.settings.tree import Settings, load_settings
 from runtime.tasks.parameters import serve
 from runtime.wire import topics, zenoh_config
@@ -48,8 +48,8 @@ class Car:
         self.endpoint = free_endpoint()
         self.file = tmp_path / "car.toml"
         self.file.write_text("[wall_follow]\nkp = 13.5  # gain\n")
-        car = Surroundings(lambda *_: None, lambda: False, lambda: 1e9, lambda: "2026-01-01T00:00:00Z", self.file)
-        self.desk = ParameterDesk(Settings(), car, History(10))
+        car = ServerContext(lambda *_: None, lambda: False, lambda: 1e9, lambda: "2026-01-01T00:00:00Z", self.file)
+        self.desk = ParameterServer(Settings(), car, ChangeHistory(10))
         self.bus = Bus(zenoh_config.car_config([self.endpoint], None, (), "car1"))
 
     async def __aenter__(self):

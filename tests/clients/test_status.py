@@ -13,7 +13,7 @@ from runtime.arbitration.command import Source, Verdict, refusal
 from runtime.settings.telemetry import RatesHz
 from runtime.telemetry import status as car_status
 from runtime.telemetry.status import Journey
-from runtime.teleop.status import OperatorView, Standing
+from runtime.teleop.status import OperatorState, OperatorView
 from runtime.wire import topics
 from runtime.wire.bus import Bus, free_endpoint
 from runtime.wire.zenoh_config import car_config
@@ -21,7 +21,7 @@ from tests.clients.speaking_car import options, speaking_car
 from tests.runtime.observed import HandClock, lose, make_observed, output_of, speak
 
 VIEW = OperatorView(
-    Standing.LOST, "anna", "00000000000000a1", 2, 120, 0.7, 0.012, "operator lost", "no operator", False, {},
+    OperatorState.LOST, "anna", "00000000000000a1", 2, 120, 0.7, 0.012, "operator lost", "no operator", False, {},
     {"stale": 3, "replay": 0},
 )  # fmt: skip
 

@@ -9,7 +9,7 @@ import pytest
 
 from clients import topics
 from clients.connection import ConnectionProblemError
-from clients.topics import KINDS, Meter, split_topic
+from clients.topics import KINDS, RateMeter, split_topic
 from runtime.ros.definitions import TYPES
 from runtime.settings.telemetry import RatesHz
 from runtime.wire import topics as wire_topics
@@ -107,7 +107,7 @@ def test_a_wrong_topic_is_answered_with_the_right_ones():
 
 
 def test_a_meter_counts_gaps_and_bytes():
-    meter = Meter()
+    meter = RateMeter()
     meter.add(10.0, 100)
     assert math.isnan(meter.rate_hz)
     assert meter.rate_line() == "one sample so far"

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, replace
 
 from drivers.api import Drive
-from runtime.arbitration.command import LAB_ORDER, CapWord, Decision, DriveWord, Source, Verdict, Word
+from runtime.arbitration.command import LAB_ORDER, Decision, DriveCommand, Source, SpeedLimit, Verdict, Word
 
 INF = math.inf
 NAN = math.nan
@@ -13,23 +13,23 @@ BOUND_ORDER = (Source.ESTOP, Source.SAFETY, Source.TELEOP, Source.PERMIT, Source
 
 
 def nav(speed=1.0, steering=0.1, scan=1.0):
-    return DriveWord(Source.NAVIGATION, Drive(speed, steering), scan, "wall")
+    return DriveCommand(Source.NAVIGATION, Drive(speed, steering), scan, "wall")
 
 
 def stick(speed=2.0, steering=-0.2):
-    return DriveWord(Source.TELEOP, Drive(speed, steering), None, "stick")
+    return DriveCommand(Source.TELEOP, Drive(speed, steering), None, "stick")
 
 
 def safety(forward=INF, reverse=INF, scan=1.0, reason="clear", measure=NAN):
-    return CapWord(Source.SAFETY, Verdict(forward, reverse, reason, measure), scan)
+    return SpeedLimit(Source.SAFETY, Verdict(forward, reverse, reason, measure), scan)
 
 
 def permit(limit=INF, reason="permitted"):
-    return CapWord(Source.PERMIT, Verdict(limit, limit, reason))
+    return SpeedLimit(Source.PERMIT, Verdict(limit, limit, reason))
 
 
 def estop(limit=0.0):
-    return CapWord(Source.ESTOP, Verdict(limit, limit, "red button"))
+    return SpeedLimit(Source.ESTOP, Verdict(limit, limit, "red button"))
 
 
 class Bend:
@@ -49,20 +49,20 @@ class Boxed:
 
 
 def boxed():
-    return CapWord(Source.SAFETY, Boxed(), 1.0)
+    return SpeedLimit(Source.SAFETY, Boxed(), 1.0)
 
 
 def bend0():
-    return CapWord(Source.SAFETY, Verdict(0.0, INF, "wall", brake_mps2=0.0), 1.0)
+    return SpeedLimit(Source.SAFETY, Verdict(0.0, INF, "wall", brake_mps2=0.0), 1.0)
 
 
 def bend(scan=1.0):
-    return CapWord(Source.SAFETY, Bend(), scan)
+    return SpeedLimit(Source.SAFETY, Bend(), scan)
 
 
 def swerve(steering=-0.3, forward=0.0, scan=1.0):
     """An emergency stop that takes the wheels."""
-    return CapWord(Source.SAFETY, Verdict(forward, INF, "swerving", 0.4, 2.0, steering), scan)
+    return SpeedLimit(Source.SAFETY, Verdict(forward, INF, "swerving", 0.4, 2.0, steering), scan)
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ CASES = [
     # answers that are no limits
     *(
         Case(f"safety answers ({forward}, {reverse}, brake {brake})",
-             [CapWord(Source.SAFETY, Verdict(forward, reverse, "?", 7.0, brake), 1.0), permit(), nav(speed)],
+             [SpeedLimit(Source.SAFETY, Verdict(forward, reverse, "?", 7.0, brake), 1.0), permit(), nav(speed)],
              0, 0.1, N, S, "safety answers with what is no limit")
         for speed in (1.0, -1.0)
         for forward, reverse, brake in [
@@ -104,7 +104,7 @@ CASES = [
     Case("no brake at all is a limit: the bend needs all the grip", [bend0(), permit(), nav(1.0)], 0, 0.1, N, S,
          "wall", brake=0.0),
     Case("a stop by the permit stays when safety answers nonsense",
-         [CapWord(Source.SAFETY, Verdict(NAN, NAN, "?"), 1.0), permit(0.0, "no permit"), nav()], 0, 0.1, N, S,
+         [SpeedLimit(Source.SAFETY, Verdict(NAN, NAN, "?"), 1.0), permit(0.0, "no permit"), nav()], 0, 0.1, N, S,
          "safety answers with what is no limit"),
     # required voices
     Case("safety is silent", [permit(), nav()], 0, 0.1, N, None, "no word from safety"),

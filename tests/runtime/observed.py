@@ -5,18 +5,18 @@ import math
 from drivers.api import Drive, LinkState, Scan
 from runtime.arbitration.command import (
     LAB_ORDER,
-    CapWord,
     Decision,
-    DriveWord,
+    DriveCommand,
     Output,
     Source,
+    SpeedLimit,
     Verdict,
     consent,
     refusal,
 )
-from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.command_queue import CommandQueue
 from runtime.control.guidance import Guidance
-from runtime.telemetry.status import Observed
+from runtime.telemetry.status import ObservedState
 from sim.virtual.devices import STEP_RAD, MemoryLidar, MemoryMotor, ranges_between_walls
 
 RANGES_M = ranges_between_walls(1.0, 1.0)
@@ -34,8 +34,8 @@ class HandClock:
 def make_observed(clock, **more):
     motor = MemoryMotor(clock)
     lidar = MemoryLidar(lambda _: None, clock)
-    voices = Voices(LAB_ORDER, clock)
-    return Observed(
+    voices = CommandQueue(LAB_ORDER, clock)
+    return ObservedState(
         car="car1", version="9.9", lidar=lidar, motor=motor, voices=voices, clock=clock,
         seconds_by_winner={"navigation": 3.5}, **more,
     )  # fmt: skip
@@ -49,9 +49,9 @@ def speak(observed, *, speed_mps=1.0, safety=None, permit=True):
     """Let navigation, safety and the permit speak now."""
     now_s = observed.clock()
     verdict = safety or Verdict(math.inf, math.inf, "clear")
-    observed.voices.say(CapWord(Source.SAFETY, verdict, now_s))
+    observed.voices.say(SpeedLimit(Source.SAFETY, verdict, now_s))
     observed.voices.say(consent(Source.PERMIT, "yes") if permit else refusal(Source.PERMIT, "nobody permits"))
-    observed.voices.say(DriveWord(Source.NAVIGATION, Drive(speed_mps, 0.1), now_s, "wall"))
+    observed.voices.say(DriveCommand(Source.NAVIGATION, Drive(speed_mps, 0.1), now_s, "wall"))
 
 
 def output_of(observed, *, speed_mps=1.0, winner=Source.NAVIGATION, reason="wall", measure=math.nan, sent_mps=None):

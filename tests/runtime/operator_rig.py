@@ -3,8 +3,8 @@
 import math
 
 from drivers.api import Drive
-from runtime.arbitration.command import LAB_ORDER, DriveWord, Source, arbitrate, consent
-from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.command import LAB_ORDER, DriveCommand, Source, arbitrate, consent
+from runtime.arbitration.command_queue import CommandQueue
 from runtime.arbitration.emergency_stop import EmergencyStop
 from runtime.arbitration.permit import Permit
 from runtime.settings.operator import OperatorSettings
@@ -25,7 +25,7 @@ class Rig:
     def __init__(self, permit="required", **settings):
         self.now_s = 100.0
         clock = lambda: self.now_s  # noqa: E731 - the clock is this rig's hand
-        self.voices = Voices(LAB_ORDER, clock)
+        self.voices = CommandQueue(LAB_ORDER, clock)
         self.e_stop = EmergencyStop(self.voices)
         self.permit = Permit(self.voices, permit)
         self.faults_cleared = 0
@@ -35,7 +35,7 @@ class Rig:
         )  # fmt: skip
         self.clients = []
         self.voices.say(consent(Source.SAFETY, "clear"))
-        self.voices.say(DriveWord(Source.NAVIGATION, Drive(AUTO_MPS, 0.0), None, "follows the wall"))
+        self.voices.say(DriveCommand(Source.NAVIGATION, Drive(AUTO_MPS, 0.0), None, "follows the wall"))
         self.beat()
 
     def _clear_fault(self):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from drivers.api import Drive, MotorState, Scan
-from runtime.arbitration.command import CapWord, DriveWord, Source, arbitrate, consent
+from runtime.arbitration.command import DriveCommand, Source, SpeedLimit, arbitrate, consent
 from runtime.live_stack import REQUIRED, LiveStack
-from runtime.recording.decision_log import Tape
+from runtime.recording.decision_log import DecisionLog
 from runtime.settings.tree import load_settings
 from sim.virtual.devices import BEAMS, STEP_RAD, ranges_between_walls
 from tests.runtime.observed import HandClock
@@ -17,7 +17,7 @@ class Desk:
 
     def __init__(self, *wanted, most=64):
         self.clock = HandClock(100.0)
-        self.tape = Tape(self.clock, most)
+        self.tape = DecisionLog(self.clock, most)
         self.stack = LiveStack(load_settings(None, wanted), self.tape)
 
     def scan(self, ranges_m=None):
@@ -41,8 +41,8 @@ def test_each_law_says_one_word_from_the_scan_it_was_made_of():
     desk = Desk()
     desk.answer()
     safety, navigation = desk.live()[Source.SAFETY], desk.live()[Source.NAVIGATION]
-    assert isinstance(safety, CapWord)
-    assert isinstance(navigation, DriveWord)
+    assert isinstance(safety, SpeedLimit)
+    assert isinstance(navigation, DriveCommand)
     assert safety.scan_stamp_s == navigation.scan_stamp_s == 100.0
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from clients.keys.authority import Authority, Pair
+from clients.keys.authority import Authority, KeyPair
 from runtime.wire.bus import JSON, Bus, RefusedError, free_endpoint
 from runtime.wire.zenoh_config import Person, Role, Tls, car_config, client_config
 from tests.system.attacker import (
@@ -46,7 +46,7 @@ def keys(tmp_path_factory):
     """A folder with the keys of the car, of people, and of a stranger whose own authority calls him alice."""
     folder, now = tmp_path_factory.mktemp("keys"), datetime.now(UTC)
 
-    def save(name: str, pair: Pair) -> None:
+    def save(name: str, pair: KeyPair) -> None:
         (folder / f"{name}.pem").write_bytes(pair.certificate_pem)
         (folder / f"{name}.key").write_bytes(pair.key_pem)
 

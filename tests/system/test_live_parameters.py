@@ -10,7 +10,7 @@ import pytest
 from clients.parameters import ask
 from drivers.api import Drive
 from runtime.app import Car
-from runtime.arbitration.command import DriveWord, Source
+from runtime.arbitration.command import DriveCommand, Source
 from runtime.settings.tree import Settings, load_settings
 from runtime.wire import zenoh_config
 from runtime.wire.bus import Bus, RefusedError, free_endpoint
@@ -115,7 +115,7 @@ def test_a_law_is_exchanged_only_while_the_car_stands():
 
 def test_binding_the_human_binds_him_at_the_next_decision():
     def push(lab):
-        word = DriveWord(Source.TELEOP, Drive(0.7, 0.0), None, "stick")
+        word = DriveCommand(Source.TELEOP, Drive(0.7, 0.0), None, "stick")
         lab.car.voices.say(word, expires_at_s=lab.car.clock() + 0.2)
 
     def bind(lab):

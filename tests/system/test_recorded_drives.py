@@ -14,7 +14,7 @@ import pytest
 from drivers.api import Scan
 from runtime.control.report.laws import ReportFollower
 from runtime.control.report.settings import ReportFollowSettings
-from sim.figures.comparison import SteeringPair, compare, drove, recorded_answers
+from sim.figures.comparison import ComparedSteering, compare, drove, recorded_answers
 from sim.recordings import load_recording
 
 RACECAR = Path(__file__).resolve().parents[2] / ".." / "shared" / "data" / "racecar"
@@ -38,7 +38,7 @@ def pairs_of(name):
         answer = law.follow(scan, None)
         if moves and recorded_rad is not None and answer.drive is not None and answer.reason == "wall":
             ours_rad = float(np.clip(answer.drive.steering_rad, -MAX_STEERING_RAD, MAX_STEERING_RAD))
-            pairs.append(SteeringPair(time_s, ours_rad, recorded_rad))
+            pairs.append(ComparedSteering(time_s, ours_rad, recorded_rad))
     return pairs
 
 

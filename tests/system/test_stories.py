@@ -11,7 +11,7 @@ import pytest
 from clients.decoding import decode
 from drivers.api import Drive, LinkState
 from runtime.app import Car
-from runtime.arbitration.command import DriveWord, Source
+from runtime.arbitration.command import DriveCommand, Source
 from runtime.arbitration.permit import NOT_GRANTED
 from runtime.settings.tree import Settings
 from sim.lab import stories
@@ -19,7 +19,7 @@ from sim.lab.stories import STORIES, tell
 from sim.virtual.devices import MemoryBus, MemoryLidar, MemoryMotor, ranges_between_walls
 from sim.virtual.virtual_time import run_virtual
 from sim.world.beams import LidarSettings
-from sim.world.obstacles import Motion, person
+from sim.world.obstacles import ConstantMotion, person
 
 CORRIDOR = ranges_between_walls(1.0, 1.0)
 BLOCKED = ranges_between_walls(1.0, 1.0, ahead_m=0.8)
@@ -214,7 +214,7 @@ def test_a_lasting_fault_keeps_the_car_standing():
 
 
 def push_stick(story):
-    story.car.voices.say(DriveWord(Source.TELEOP, Drive(0.5, 0.0), None, "stick"), expires_at_s=story.now() + 0.2)
+    story.car.voices.say(DriveCommand(Source.TELEOP, Drive(0.5, 0.0), None, "stick"), expires_at_s=story.now() + 0.2)
 
 
 @pytest.mark.parametrize(("bound", "speed"), [(False, 0.5), (True, 0.0)])
@@ -323,7 +323,7 @@ def test_a_motor_that_comes_back_is_told_no_more_than_it_turns():
 def test_a_person_is_braked_for_before_the_scan_that_shows_him_can_drive():
     """One who stands there suddenly, just where stopping still helps: no command to move from that scan on."""
     appears_s = 3.0
-    there = person(6.5, 0.0, Motion(0.0, 0.0, appears_s))
+    there = person(6.5, 0.0, ConstantMotion(0.0, 0.0, appears_s))
     told = tell(replace(STORIES["a person crosses"], obstacles=(there,), lasts_s=5.0, speed_mps=2.0))
     assert told.twin.contact_mps is None
     assert told.speed_at(appears_s) > 1.8

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from clients.decoding import decode
-from drivers.vesc.codec import Deframer, Packet
+from drivers.vesc.codec import Packet, VescDeframer
 from runtime.wire import topics, zenoh_config
 from runtime.wire.bus import Bus, free_endpoint
 from tests.clients.monitor.browser import Browser, Page, chromium
@@ -142,7 +142,7 @@ class Watched:
 
     def wire(self) -> "list[tuple[float, bytes]]":
         """Return (time, payload) of what was recorded of the bytes to the motor controller."""
-        offset_ns, deframer, found = time.time_ns() - time.monotonic_ns(), Deframer(), []
+        offset_ns, deframer, found = time.time_ns() - time.monotonic_ns(), VescDeframer(), []
         for file in sorted(self.folder.glob("*.mcap")):
             for topic, message in streamed(file.read_bytes()):
                 if topic.endswith("raw/motor/out"):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from runtime.recording.decision_codec import decode
-from runtime.recording.decision_log import Tuned
+from runtime.recording.decision_log import SettingsEvent
 from runtime.recording.laws_fingerprint import laws_fingerprint
 from sim.replay import reenact
 from sim.replay.drive_log import DriveLog
@@ -75,7 +75,7 @@ def test_settings_that_do_not_exist_any_more_are_left_out_and_named(drive, capsy
     def decoded(payload):
         return [
             replace(event, settings={**event.settings, "safety": {**event.settings["safety"], "wings": 2}})
-            if isinstance(event, Tuned) else event
+            if isinstance(event, SettingsEvent) else event
             for event in decode(payload)
         ]  # fmt: skip
 

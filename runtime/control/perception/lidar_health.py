@@ -17,7 +17,13 @@ from drivers.api import MotorState
 from runtime.control.perception.geometry import Booleans, beyond
 from runtime.control.perception.lidar_health_settings import LidarHealthSettings
 from runtime.control.perception.view import BODY_BEYOND_RAD, View
-from runtime.control.perception.window_dirt import SMUDGE_NEARER_THAN_M, evidence, findings, patches, runs_longer_than
+from runtime.control.perception.window_dirt import (
+    SMUDGE_NEARER_THAN_M,
+    find_dirt,
+    patches,
+    runs_longer_than,
+    weigh_dirt,
+)
 
 METRES_PER_RADIAN = 0.3
 BODY_MEMORY_M = 0.3
@@ -149,7 +155,7 @@ class LidarHealth:
 
     def _learn(self, view: View) -> None:
         beams = self._beams
-        beams.near_m, beams.dirt, beams.own, beams.blind = evidence(
+        beams.near_m, beams.dirt, beams.own, beams.blind = weigh_dirt(
             view.ranges_m, view.no_echo, view.own, beyond(view.scan, BODY_BEYOND_RAD),
             beams.near_m, beams.dirt, beams.own, beams.blind,
             1 - math.exp(-self._waiting_m / self._settings.memory_m),
@@ -162,7 +168,7 @@ class LidarHealth:
     def _judge(self, view: View) -> None:
         settings, beams = self._settings, self._beams
         setting_off = self._moved_m < settings.first_mask_m  # the car drives away from what is before its shoulders
-        found, lost = findings(
+        found, lost = find_dirt(
             beams.dirt, beams.own, beams.blind, beyond(view.scan, BODY_BEYOND_RAD) if setting_off else None,
             (beams.dirty, beams.parts, beams.blinded), settings.mask_above, settings.unmask_below,
         )  # fmt: skip

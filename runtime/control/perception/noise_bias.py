@@ -14,7 +14,7 @@ from runtime.control.perception.geometry import Floats
 
 Indices = npt.NDArray[np.intp]
 
-LOWEST_M, HIGHEST_M = -0.02, 0.12
+MIN_BIAS_M, MAX_BIAS_M = -0.02, 0.12
 LOW_PASS = 0.1
 FIRST_NOISE_M = 0.01
 NOISE_BEAMS = 40
@@ -31,7 +31,7 @@ MOST_ROUGHNESS_M = 0.03
 def bias_learnt_m(bias_m: float, line_m: float, nearest_m: float) -> float:
     """Return the bias after one more scan. line_m: NaN while the wall is no clean line: then the bias is held."""
     found_m = line_m - nearest_m
-    return bias_m + LOW_PASS * (found_m - bias_m) if LOWEST_M < found_m < HIGHEST_M else bias_m
+    return bias_m + LOW_PASS * (found_m - bias_m) if MIN_BIAS_M < found_m < MAX_BIAS_M else bias_m
 
 
 @twin

@@ -8,7 +8,7 @@ from drivers.value import value
 
 
 @value()
-class Pose:
+class OdometryState:
     """Position [m] and heading [rad, counter-clockwise from x] in the odom frame, with the speeds at that moment."""
 
     x_m: float = 0.0
@@ -28,25 +28,25 @@ class Odometry:
     def __init__(self, wheelbase_m: float) -> None:
         self._wheelbase_m = wheelbase_m
         self._last: MotorState | None = None
-        self.pose = Pose()
+        self.pose = OdometryState()
 
-    def update(self, state: MotorState | None) -> Pose:
+    def update(self, state: MotorState | None) -> OdometryState:
         """Add one report; None (link lost) interrupts the chain, so that nothing is integrated across the gap."""
         last, self._last = self._last, state
         if state is None:
-            self.pose = Pose(self.pose.x_m, self.pose.y_m, self.pose.yaw_rad)
+            self.pose = OdometryState(self.pose.x_m, self.pose.y_m, self.pose.yaw_rad)
             return self.pose
         step_m = state.distance_m - last.distance_m if last is not None else 0.0
         at, speed_mps = self.pose, state.speed_mps
-        x_m, y_m, yaw_rad, curvature_per_m = driven_on(
+        x_m, y_m, yaw_rad, curvature_per_m = dead_reckon(
             at.x_m, at.y_m, at.yaw_rad, step_m, state.steering_rad, self._wheelbase_m
         )
-        self.pose = Pose(x_m, y_m, yaw_rad, speed_mps, speed_mps * curvature_per_m)
+        self.pose = OdometryState(x_m, y_m, yaw_rad, speed_mps, speed_mps * curvature_per_m)
         return self.pose
 
 
 @twin
-def driven_on(
+def dead_reckon(
     x_m: float, y_m: float, yaw_rad: float, step_m: float, steering_rad: float, wheelbase_m: float
 ) -> tuple[float, float, float, float]:
     """Return x_m, y_m, yaw_rad and the curvature [1/m] after a step with that steering from that place."""

@@ -23,7 +23,7 @@ import numpy as np
 
 from drivers.api import Scan
 from runtime.control.perception.geometry import NOWHERE, Booleans, Floats, Places, places_m
-from runtime.control.perception.odometry import Pose
+from runtime.control.perception.odometry import OdometryState
 from runtime.control.perception.rear_places import Beams, around, expected_m, on_the_line, seen_again
 from runtime.control.perception.view import DOUBTED_BEYOND_RAD, DOUBTED_NEARER_THAN_M, View, supported
 
@@ -32,12 +32,12 @@ PLACES_NEARER_THAN_M = 1.1
 KEY_EVERY_M, KEY_EVERY_RAD = 0.04, 0.1
 KEYS = 12
 WEIGHS_EVERY_M = 0.02
-LONGEST_STEP_S = 0.1
-SHORT_M, LONG_M, LONGEST_M = 0.06, 0.2, 0.45
+MAX_STEP_S = 0.1
+SHORT_M, LONG_M, MAX_LENGTH_M = 0.06, 0.2, 0.45
 """A return is compared with a scan SHORT_M back, while which a leg stays in view, and with one LONG_M back, on which no
 part of a car is so long and even that its own beginning hides its end."""
 AROUND_BEAMS = 8
-FEWEST_FIXED, FEWEST_MOVED = 3, 4
+MIN_FIXED, MIN_MOVED = 3, 4
 CLEARLY = 3
 """Of the beams around, so many times more must speak for the one than for the other."""
 PART_MEMORY_M = 0.05
@@ -63,7 +63,7 @@ class KnownParts:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Key:
+class _NearScan:
     """An earlier scan: where the lidar was and looked, and the places of near returns beside and behind it; odom."""
 
     at_m: complex
@@ -105,7 +105,7 @@ class OwnParts:
         count = rear.beams.size if rear is not None else 0
         self._kind, self._rear = kind, rear
         self._evidence, self._part_m = np.zeros(count), np.full(count, math.nan)
-        self._keys: deque[_Key] = deque(maxlen=KEYS)
+        self._keys: deque[_NearScan] = deque(maxlen=KEYS)
         self._world: deque[Places] = deque(maxlen=WORLD_VIEWS)
         self._weighed_m: complex | None = None
         self._stamp_s = math.nan
@@ -148,7 +148,7 @@ class OwnParts:
         self._known = known
         self._begin((0.0, 0.0, 0), None)
 
-    def update(self, view: View, pose: Pose, *, moved: bool | None = True) -> None:
+    def update(self, view: View, pose: OdometryState, *, moved: bool | None = True) -> None:
         """Take in one scan.
 
         moved: whether the car really made the way that odometry says; None: not known yet, what was learnt on it waits.
@@ -161,7 +161,7 @@ class OwnParts:
             self._begin(kind, rear)
         elapsed_s, self._stamp_s = scan.stamp_s - self._stamp_s, scan.stamp_s
         turned = cmath.rect(1.0, pose.yaw_rad)
-        seen = _Seen(view, rear, complex(pose.x_m, pose.y_m) + self._lidar_x_m * turned, turned)
+        seen = _RearScan(view, rear, complex(pose.x_m, pose.y_m) + self._lidar_x_m * turned, turned)
         world = np.zeros(seen.near.shape, np.bool_)
         if moved is False:
             self._forget_the_way()
@@ -178,7 +178,7 @@ class OwnParts:
         if moved is not False and self._is_key_due(seen):
             self._keep(seen)
 
-    def _weigh(self, seen: "_Seen") -> Booleans:
+    def _weigh(self, seen: "_RearScan") -> Booleans:
         """Compare with earlier scans, learn what is a part, return which beams (k,) see the world move."""
         none = np.zeros(seen.near.shape, np.bool_)
         way_m = abs(seen.at_m - self._weighed_m) if self._weighed_m is not None else LONG_M
@@ -196,8 +196,8 @@ class OwnParts:
         fixed[both] = moved[both] = False
         for_fixed = around(fixed, seen.rear.first_side, AROUND_BEAMS)
         for_moved = around(moved, seen.rear.first_side, AROUND_BEAMS)
-        part = fixed & (for_fixed >= FEWEST_FIXED) & (for_fixed > CLEARLY * for_moved)
-        world = seen.near & ~fixed & (for_moved >= FEWEST_MOVED) & (for_moved > CLEARLY * for_fixed)
+        part = fixed & (for_fixed >= MIN_FIXED) & (for_fixed > CLEARLY * for_moved)
+        world = seen.near & ~fixed & (for_moved >= MIN_MOVED) & (for_moved > CLEARLY * for_fixed)
         self._learn(part, world, seen.rear_m, min(way_m, LONG_M))
         return world & ~self._parts
 
@@ -225,7 +225,7 @@ class OwnParts:
             self._parts = parts
             self.changes += 1
 
-    def _on_the_wall(self, seen: "_Seen") -> Booleans:
+    def _on_the_wall(self, seen: "_RearScan") -> Booleans:
         """Return which near beams (k,) see the wall that is before the shoulder."""
         rear, view = seen.rear, seen.view
         wall, asked = np.zeros(seen.near.shape, np.bool_), seen.near & ~self._parts
@@ -234,17 +234,17 @@ class OwnParts:
             wall[side][index] = on_the_line(view.x_m, view.y_m, view.solid, before, rear.beams[side][index])
         return wall
 
-    def _in_doubt(self, seen: "_Seen", world: Booleans) -> Booleans:
+    def _in_doubt(self, seen: "_RearScan", world: Booleans) -> Booleans:
         """Return which beams (k,) may as well see the car itself; a part's rim is part of it."""
         rear, view = seen.rear, seen.view
         rim = around(self._parts, rear.first_side, PART_RIM_BEAMS) > 0
         doubtful = seen.near & ~world & ~rim & ~(view.own | view.solid)[rear.beams]
         return doubtful & supported(view.ranges_m)[rear.beams]
 
-    def _expecting(self, seen: "_Seen", pose: Pose, elapsed_s: float) -> Floats:
+    def _expecting(self, seen: "_RearScan", pose: OdometryState, elapsed_s: float) -> Floats:
         """Return below_m for where the car will be at the next scan."""
         rear, scan = seen.rear, seen.view.scan
-        ahead_s = elapsed_s if 0.0 < elapsed_s < LONGEST_STEP_S else 0.0
+        ahead_s = elapsed_s if 0.0 < elapsed_s < MAX_STEP_S else 0.0
         turned = cmath.rect(1.0, pose.yaw_rad + pose.yaw_rate_radps * ahead_s)
         at_m = complex(pose.x_m, pose.y_m) + pose.speed_mps * ahead_s * seen.turned + self._lidar_x_m * turned
         places = self._places(at_m, turned)
@@ -260,32 +260,32 @@ class OwnParts:
         seen: Places = (places - at_m) * turned.conjugate()
         return seen[np.abs(seen) < PLACES_NEARER_THAN_M]
 
-    def _key(self, seen: "_Seen", back_m: float) -> _Key | None:
+    def _key(self, seen: "_RearScan", back_m: float) -> _NearScan | None:
         """Return the newest scan that was taken at least so far away, None where there is none near by."""
         for key in reversed(self._keys):
-            if back_m <= abs(seen.at_m - key.at_m) <= LONGEST_M:
+            if back_m <= abs(seen.at_m - key.at_m) <= MAX_LENGTH_M:
                 return key
         return None
 
-    def _is_key_due(self, seen: "_Seen") -> bool:
+    def _is_key_due(self, seen: "_RearScan") -> bool:
         if not self._keys:
             return True
         last = self._keys[-1]
         turn_rad = abs(cmath.phase(seen.turned * last.turned.conjugate()))
         return abs(seen.at_m - last.at_m) >= KEY_EVERY_M or turn_rad >= KEY_EVERY_RAD
 
-    def _keep(self, seen: "_Seen") -> None:
+    def _keep(self, seen: "_RearScan") -> None:
         """Keep this scan to compare later ones with, and what of it is the world."""
         view, rear = seen.view, seen.rear
         near = view.ranges_m < PLACES_NEARER_THAN_M
         near &= rear.beside
-        self._keys.append(_Key(seen.at_m, seen.turned, seen.places(near.nonzero()[0])))
+        self._keys.append(_NearScan(seen.at_m, seen.turned, seen.places(near.nonzero()[0])))
         before = (near & view.solid & ~rear.aback).nonzero()[0]
         self._world.append(np.concatenate([seen.places(before), self._world_now]))
 
 
 @dataclass(slots=True, eq=False)
-class _Seen:
+class _RearScan:
     """One scan behind the shoulders, and where it was taken: the lidar's place and heading in odom.
 
     rear_m, near: (k,) of the rear beams; near is what is doubted.
@@ -317,7 +317,7 @@ class _Seen:
         again[index] = seen_again(self.view.ranges_m, beams, places, scan.angle_min_rad, scan.angle_step_rad)
         return again
 
-    def was_in_view(self, key: _Key) -> Booleans:
+    def was_in_view(self, key: _NearScan) -> Booleans:
         """Return which rear beams (k,) end where an earlier scan has looked and remembers what it saw."""
         places = (self.places(self.rear.beams) - key.at_m) * key.turned.conjugate()
         bearing_rad = np.angle(places)  # NaN where a beam does not answer: not in view

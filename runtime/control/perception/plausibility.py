@@ -15,7 +15,7 @@ import math
 from dataclasses import dataclass
 
 from drivers.api import MotorState, Scan
-from runtime.control.perception.odometry import Odometry, Pose
+from runtime.control.perception.odometry import Odometry, OdometryState
 from runtime.control.perception.scan_shift import Agreement, compare_shift
 from runtime.control.vehicle import CarSettings
 
@@ -39,7 +39,7 @@ class _Start:
 
     scan: Scan
     distance_m: float
-    pose: Pose
+    pose: OdometryState
 
 
 class Plausibility:
@@ -137,7 +137,7 @@ class Plausibility:
         self._witnesses = 0
 
 
-def _moved(start: Pose, end: Pose) -> tuple[float, float, float]:
+def _moved(start: OdometryState, end: OdometryState) -> tuple[float, float, float]:
     """Return the shift x_m, y_m, yaw_rad of base_link from one pose to another, in the frame of the first."""
     dx, dy = end.x_m - start.x_m, end.y_m - start.y_m
     cos, sin = math.cos(start.yaw_rad), math.sin(start.yaw_rad)

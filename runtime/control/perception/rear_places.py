@@ -16,7 +16,7 @@ SAME_PLACE_BEAMS = 4
 EXPECTED_BEAMS = 3
 LINE_JUMP_M = 0.12
 LINE_FEWEST = 12
-LINE_SHORTEST_M = 0.12
+MIN_LINE_M = 0.12
 LINE_STRAIGHT_M = 0.03
 LINE_WITHIN_M = 0.06
 
@@ -59,7 +59,7 @@ def on_the_line(x_m: Floats, y_m: Floats, solid: Booleans, before: Beams, beams:
     places = x_m[before] + 1j * y_m[before]
     jumps = np.flatnonzero(np.abs(places[1:] - places[:-1]) > LINE_JUMP_M)
     piece = places[: int(jumps[0]) + 1] if jumps.size else places
-    if piece.size < LINE_FEWEST or abs(piece[-1] - piece[0]) < LINE_SHORTEST_M:
+    if piece.size < LINE_FEWEST or abs(piece[-1] - piece[0]) < MIN_LINE_M:
         return none
     middle = complex(piece.mean())
     off = piece - middle

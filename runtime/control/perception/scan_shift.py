@@ -21,7 +21,7 @@ SHARES = np.array([-1.5, -1.25, -1.0, -0.75, -0.5, 0.0, 0.25, 0.5, 0.75, 1.0, 1.
 TURNS_RAD = np.radians([-12.0, -9.0, -6.0, -3.0, 0.0, 3.0, 6.0, 9.0, 12.0])
 """Added to the supposed heading: trim, slip and a servo that lags."""
 BEFORE_RAD = math.radians(95)
-NEAREST_M, FARTHEST_M = 0.15, 10.0
+MIN_RANGE_M, MAX_RANGE_M = 0.15, 10.0
 POINTS = 150
 ENOUGH_POINTS = 40
 CAP_M = 0.1
@@ -76,7 +76,7 @@ def misfits_m(before: Scan, after: Scan, moved: Shift, lidar_x_m: float) -> Floa
     ahead = sector(after, -BEFORE_RAD, BEFORE_RAD)
     ahead = slice(ahead.start, ahead.stop, max(1, (ahead.stop - ahead.start) // POINTS))
     range_m = after.ranges_m[ahead]
-    seen = (range_m > NEAREST_M) & (range_m < FARTHEST_M)
+    seen = (range_m > MIN_RANGE_M) & (range_m < MAX_RANGE_M)
     points = points_m(after, ahead)[:, seen]
     if points.shape[1] < ENOUGH_POINTS:
         return None

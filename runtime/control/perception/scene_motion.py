@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.control.perception.geometry import Floats, Places
-from runtime.control.perception.odometry import Pose
+from runtime.control.perception.odometry import OdometryState
 from runtime.control.perception.view import View
 
 EVERY_M, EVERY_RAD = 0.09, 0.1
@@ -26,12 +26,12 @@ STANDING_SHARE = 0.7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Key:
+class _Keyframe:
     """An earlier scan: its ranges (n,), its far places (m,) in odom, and where it was taken."""
 
     ranges_m: Floats
     places: Places
-    pose: Pose
+    pose: OdometryState
 
 
 class SceneMotion:
@@ -43,11 +43,11 @@ class SceneMotion:
 
     def __init__(self, lidar_x_m: float) -> None:
         self._lidar_x_m = lidar_x_m
-        self._key: _Key | None = None
+        self._key: _Keyframe | None = None
         self.stands = False
         self.moved: bool | None = None
 
-    def update(self, view: View, pose: Pose) -> None:
+    def update(self, view: View, pose: OdometryState) -> None:
         """Take in one scan and where the wheels say that it was taken."""
         key, self.moved = self._key, None
         if key is not None and key.ranges_m.shape == view.ranges_m.shape:
@@ -59,9 +59,9 @@ class SceneMotion:
         turned, at_m = self._lidar(pose)
         far = np.flatnonzero((view.ranges_m > FROM_M) & (view.ranges_m < WITHIN_M))[::EVERY_BEAM]
         places = view.ranges_m[far] * np.exp(1j * view.bearing_rad[far]) * turned + at_m
-        self._key = _Key(view.ranges_m, places, pose)
+        self._key = _Keyframe(view.ranges_m, places, pose)
 
-    def _stands(self, key: _Key, view: View, pose: Pose) -> bool:
+    def _stands(self, key: _Keyframe, view: View, pose: OdometryState) -> bool:
         turned, at_m = self._lidar(pose)
         seen = (key.places - at_m) * turned.conjugate()
         scan = view.scan
@@ -74,6 +74,6 @@ class SceneMotion:
         count = int(np.count_nonzero(tells & ~np.isnan(now_m)))
         return count >= FEWEST and int(np.count_nonzero(stood)) > STANDING_SHARE * count
 
-    def _lidar(self, pose: Pose) -> tuple[complex, complex]:
+    def _lidar(self, pose: OdometryState) -> tuple[complex, complex]:
         turned = cmath.rect(1.0, pose.yaw_rad)
         return turned, complex(pose.x_m, pose.y_m) + self._lidar_x_m * turned

@@ -90,7 +90,7 @@ def fan_of(scan: Scan) -> Fan:
     return Fan(bearings_rad(*kind), cos, sin, beyond(scan, DOUBTED_BEYOND_RAD), np.zeros(kind[2]))
 
 
-class Eyes:
+class PerceptionCache:
     """Sees each scan once, however many ask: follower and safety share one pair."""
 
     def __init__(self, car: CarSettings) -> None:
@@ -130,7 +130,7 @@ class Eyes:
             ignored_below_m = fan.nothing_m
             if dirty is not None:
                 ignored_below_m = np.maximum(ignored_below_m, dirty * LEARNT_DIRT_NEARER_THAN_M)
-        ranges_m, x_m, y_m, solid, no_echo, own, silent = look(
+        ranges_m, x_m, y_m, solid, no_echo, own, silent = view_scan(
             sent_m, fan.cos, fan.sin, fan.aback, ignored_below_m, scan.angle_step_rad,
             car.lidar_x_m, car.front_m, car.rear_m, car.half_width_m, self._own_within_m,
         )  # fmt: skip
@@ -138,7 +138,7 @@ class Eyes:
 
 
 @twin
-def look(  # flat arguments, as its twin in C wants them
+def view_scan(  # flat arguments, as its twin in C wants them
     sent_m: npt.NDArray[np.float32],
     cos: Floats,
     sin: Floats,

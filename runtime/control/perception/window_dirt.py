@@ -31,7 +31,7 @@ GROUP_BEAMS = 8
 
 
 @twin
-def evidence(  # flat arguments, as its twin in C wants them
+def weigh_dirt(  # flat arguments, as its twin in C wants them
     ranges_m: Floats,
     no_echo: Booleans,
     own: Booleans,
@@ -73,7 +73,7 @@ def evidence(  # flat arguments, as its twin in C wants them
 
 
 @twin
-def findings(
+def find_dirt(
     dirt: Floats,
     body: Floats,
     blind: Floats,

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from runtime.control.perception.geometry import Booleans, Floats, Places
 from runtime.control.safety.footprint import Outline
-from runtime.control.safety.rear_memory import Kept
+from runtime.control.safety.rear_memory import RememberedView
 
 Whole = npt.NDArray[np.intp]
 
@@ -46,7 +46,9 @@ def cell_of(places_m: Places) -> Whole:
     return cells
 
 
-def blocked_floor(kept: list[Kept], bare: Outline) -> Generator[None, None, tuple[Booleans, list[Kept]]]:
+def blocked_floor(
+    kept: list[RememberedView], bare: Outline
+) -> Generator[None, None, tuple[Booleans, list[RememberedView]]]:
     """Return the cells that are not known to be free, (CELLS, CELLS), rows along y, and the views where they belong.
 
     Yields after each view.
@@ -67,7 +69,7 @@ def blocked_floor(kept: list[Kept], bare: Outline) -> Generator[None, None, tupl
         later, points_m = one, _points_m(one)
         turn, from_m = _laid_over(points_m, turn, from_m, hit)
         place_m = newest.place_m + from_m * cmath.rect(1.0, newest.yaw_rad)
-        laid.append(Kept(one.view, place_m, newest.yaw_rad + cmath.phase(turn)))
+        laid.append(RememberedView(one.view, place_m, newest.yaw_rad + cmath.phase(turn)))
         there_m = (CENTRES_M - from_m) / turn
         known |= _seen(there_m - one.view.lidar_x_m, one)
         known |= bare.holds(there_m)
@@ -78,7 +80,7 @@ def blocked_floor(kept: list[Kept], bare: Outline) -> Generator[None, None, tupl
     return hit.reshape(CELLS, CELLS) | ~grown(known.reshape(CELLS, CELLS), EDGE_CELLS), laid[::-1]
 
 
-def _points_m(one: Kept) -> Places:
+def _points_m(one: RememberedView) -> Places:
     """Return what returned in a view, (k,) in its base_link."""
     solid = one.view.solid
     points_m: Places = one.view.x_m[solid] + 1j * one.view.y_m[solid]
@@ -114,7 +116,7 @@ def _laid_over(points_m: Places, turn: complex, from_m: complex, hit: Booleans) 
     return found if best > BETTER_BY * own + BETTER_POINTS else (turn, from_m)
 
 
-def _seen(from_lidar_m: Places, one: Kept) -> Booleans:
+def _seen(from_lidar_m: Places, one: RememberedView) -> Booleans:
     """Return which places, (k,) in the lidar's frame of a view, its beams went through."""
     scan = one.view.scan
     reach_m = _reach_m(one.view.ranges_m)

@@ -19,7 +19,7 @@ from runtime.control.recovery.floor_map import CELL_M, CELLS, HALF_CELLS, Whole,
 from runtime.control.safety.footprint import Outline
 from runtime.control.safety.rear_memory import on_track
 
-LONGEST_STEP_M = 0.125
+MAX_STEP_M = 0.125
 FORWARD_COSTS, BACKWARD_COSTS, CUSP_COSTS, STEERING_COSTS = 2, 3, 6, 1
 """Per step, per change of direction, per change of steering; half a step forward is 1."""
 ROUND_COSTS = 10
@@ -27,11 +27,11 @@ ROUND_COSTS = 10
 ROUND_RAD = math.radians(100)
 FACES_AWAY_COS = 0.3
 ROOM_AHEAD_STEPS = 5
-NEAREST_M = 1.2
+MIN_GOAL_M = 1.2
 SHORT_COSTS_PER_M, REPEATED_COSTS = 20.0, 25
 """Of an end that is nearer than wanted, and of one to which the car has been led before in vain."""
 REPEATED_WITHIN_M = 0.8
-MOST_POSES = 60_000
+MAX_POSES = 60_000
 POSES_AT_ONCE = 500
 HEADINGS_AT_ONCE = 4
 POSE_CELLS = 2
@@ -131,7 +131,7 @@ class PoseSearch:
         ]
         self._steering_rad, wheelbase_m = tightest
         curvature_per_m = math.tan(self._steering_rad) / wheelbase_m
-        self._headings = math.ceil(math.tau / (curvature_per_m * LONGEST_STEP_M))
+        self._headings = math.ceil(math.tau / (curvature_per_m * MAX_STEP_M))
         turn_rad = math.tau / self._headings
         self._step_m = turn_rad / curvature_per_m
         self._backed_m, self._most_backed_m = backing
@@ -180,7 +180,7 @@ class PoseSearch:
         all_found: list[_Poses] = []
         count, cost = 0, 0
         best: tuple[float, int] = (math.inf, -1)
-        while waiting and cost < best[0] and count < MOST_POSES:
+        while waiting and cost < best[0] and count < MAX_POSES:
             if cost not in waiting:
                 cost += 1
                 continue
@@ -243,7 +243,7 @@ class PoseSearch:
         """Return cost and number of the best of these poses at which the car is driven off, inf without one."""
         away_m = np.abs(some.place_m)
         facing = (some.place_m * self._turned[some.heading].conj()).real
-        good = (some.way > 0) & (away_m >= NEAREST_M) & (facing >= FACES_AWAY_COS * away_m)
+        good = (some.way > 0) & (away_m >= MIN_GOAL_M) & (facing >= FACES_AWAY_COS * away_m)
         index = np.flatnonzero(good)
         index = index[self._room_ahead(some.some(index), free)]
         if not index.size:

@@ -9,7 +9,7 @@ from runtime.control.recovery.way_out import HELP, Recovery
 from runtime.control.safety.swept import SweptGuard
 
 
-class Freeing:
+class RecoveringFollower:
     """Wraps a follower; its manoeuvres are wishes like any other, judged by safety and outranked by the human.
 
     believed: whether the odometry is good enough to back out by; where it is not, the way out is not tried.

@@ -17,7 +17,7 @@ import numpy as np
 from drivers.api import Drive, MotorState
 from runtime.control.recovery.floor_map import blocked_floor
 from runtime.control.recovery.pose_search import Goal, Leg, Move, PoseSearch, WayOut
-from runtime.control.safety.swept import STANDING_MPS, Outlook
+from runtime.control.safety.swept import STANDING_MPS, SweptAssessment
 from runtime.control.safety.swept_settings import RecoverySettings
 
 SETTLING_S = 0.3
@@ -45,20 +45,20 @@ DISBELIEF = "boxed in: will not back out without a believed odometry"
 
 
 @dataclass(frozen=True, slots=True)
-class Advice:
+class RecoveryAdvice:
     """What to do instead of the driver's wish: drive is None when there is nothing to add. words: for people."""
 
     drive: Drive | None
     words: str
 
 
-NO_ADVICE = Advice(None, "")
+NO_ADVICE = RecoveryAdvice(None, "")
 
 
-class Thought:
+class WayOutSearch:
     """A search that is under way: one slice with each scan. way: its answer, None while it is not finished."""
 
-    def __init__(self, outlook: Outlook, goal: Goal, refused: frozenset[Move], back_m: float) -> None:
+    def __init__(self, outlook: SweptAssessment, goal: Goal, refused: frozenset[Move], back_m: float) -> None:
         guard, self._behind = outlook.guard, outlook.strip.behind
         self._here = self._behind.seen_now(outlook.view)
         self._body, self._goal, self._refused = guard.body, goal, refused
@@ -99,7 +99,7 @@ class Recovery:
         self._settings = settings
         self._since_s: float | None = None
         self._boxed_s = -math.inf
-        self._thought: Thought | None = None
+        self._thought: WayOutSearch | None = None
         self._thought_s = -math.inf
         self._found_none = False
         self._due = False
@@ -123,7 +123,9 @@ class Recovery:
         """Go on with other settings; a manoeuvre that is on is driven to its end."""
         self._settings = settings
 
-    def step(self, outlook: Outlook, wish: Drive | None, motor: MotorState | None, *, believed: bool = True) -> Advice:
+    def step(
+        self, outlook: SweptAssessment, wish: Drive | None, motor: MotorState | None, *, believed: bool = True
+    ) -> RecoveryAdvice:
         """Answer one scan: wish is the driver's, before the safety. believed: whether the odometry can be trusted."""
         self.think()
         if motor is None or wish is None or wish.speed_mps <= 0:
@@ -140,7 +142,7 @@ class Recovery:
             return NO_ADVICE
         if not believed:
             self._forget()
-            return Advice(None, DISBELIEF)
+            return RecoveryAdvice(None, DISBELIEF)
         self._boxed_s = now_s
         if self._since_s is None:
             self._since_s = now_s
@@ -149,46 +151,46 @@ class Recovery:
     def _forget(self) -> None:
         self._since_s, self._thought, self._legs, self._found_none = None, None, [], False
 
-    def _stand(self, outlook: Outlook, wish: Drive, motor: MotorState) -> Advice:
+    def _stand(self, outlook: SweptAssessment, wish: Drive, motor: MotorState) -> RecoveryAdvice:
         """Be patient, and think meanwhile."""
         stood_s = self._boxed_s - (self._since_s if self._since_s is not None else self._boxed_s)
         if self._tries >= self._settings.tries:
             patient = stood_s < (self._settings.boxed_for_s if self._settings.tries else ASKS_AFTER_S)
-            return Advice(None, "waiting for the way to clear" if patient else HELP)
+            return RecoveryAdvice(None, "waiting for the way to clear" if patient else HELP)
         if stood_s >= LOOKS_AFTER_S and self._thought is None and self._boxed_s - self._thought_s > LOOKS_AGAIN_AFTER_S:
-            self._thought = Thought(outlook, self._goal(outlook), self._refused, self._settings.back_m)
+            self._thought = WayOutSearch(outlook, self._goal(outlook), self._refused, self._settings.back_m)
         self._due = self._thought is not None
         if stood_s < self._settings.boxed_for_s or self._is_free(outlook, wish):
-            return Advice(None, "waiting for the way to clear")
+            return RecoveryAdvice(None, "waiting for the way to clear")
         thought = self._thought
         if thought is None or thought.way is None:
-            return Advice(None, HELP if self._found_none else "looking for a way out")
+            return RecoveryAdvice(None, HELP if self._found_none else "looking for a way out")
         self._found_none = not thought.way.legs
         self._thought, self._thought_s = None, self._boxed_s if self._found_none else -math.inf
         if self._found_none:
             self._refused = frozenset()  # it may have been the noise of those scans
-            return Advice(None, HELP)
+            return RecoveryAdvice(None, HELP)
         self._ends_m.append(thought.end_in_odom_m(thought.way))
         return self._begin(thought.way, outlook, motor)
 
-    def _goal(self, outlook: Outlook) -> Goal:
+    def _goal(self, outlook: SweptAssessment) -> Goal:
         """Return where to: farther with each try, and not where an earlier one led."""
         here = outlook.strip.behind.seen_now(outlook.view)
         ends_m = (np.array(self._ends_m, np.complex128) - here.place_m) * cmath.rect(1.0, -here.yaw_rad)
         return Goal(AWAY_M[min(self._tries, len(AWAY_M) - 1)], ends_m)
 
-    def _is_boxed_in(self, outlook: Outlook, wish: Drive) -> bool:
+    def _is_boxed_in(self, outlook: SweptAssessment, wish: Drive) -> bool:
         """Whether the car stands and may not go ahead; what forbids both ways, a blind lidar, is no box."""
         if abs(outlook.speed_mps) > STANDING_MPS:
             return False  # and nothing is asked for a follower that perhaps is not the one who drives
         verdict = outlook.limit(wish.speed_mps, wish.steering_rad)
         return verdict.forward_mps <= 0 < verdict.reverse_mps
 
-    def _is_free(self, outlook: Outlook, wish: Drive) -> bool:
+    def _is_free(self, outlook: SweptAssessment, wish: Drive) -> bool:
         """Whether the way is free by now, and only a stop is still held."""
         return outlook.strip.contact(wish.steering_rad, WORTH_IT_M).travel_m >= WORTH_IT_M
 
-    def _begin(self, way: WayOut, outlook: Outlook, motor: MotorState) -> Advice:
+    def _begin(self, way: WayOut, outlook: SweptAssessment, motor: MotorState) -> RecoveryAdvice:
         self._tries += 1
         self._tried_at_m = motor.distance_m
         *legs, last = way.legs
@@ -209,11 +211,11 @@ class Recovery:
             self._refused |= {(1 if leg.travel_m > 0 else -1, steering)}
         self._forget()
 
-    def _drive_leg(self, outlook: Outlook, motor: MotorState) -> Advice:
+    def _drive_leg(self, outlook: SweptAssessment, motor: MotorState) -> RecoveryAdvice:
         now_s, leg = outlook.view.scan.stamp_s, self._legs[0]
         words = f"{'backing' if leg.travel_m < 0 else 'turning'} out, try {self._tries} of {self._settings.tries}"
         if now_s - self._begun_s < SETTLING_S:
-            return Advice(Drive(0.0, leg.steering_rad), words)
+            return RecoveryAdvice(Drive(0.0, leg.steering_rad), words)
         speed_mps = math.copysign(self._settings.speed_mps, leg.travel_m)
         verdict = outlook.limit(speed_mps, leg.steering_rad)
         blocked = (verdict.forward_mps if speed_mps > 0 else verdict.reverse_mps) <= 0
@@ -223,7 +225,7 @@ class Recovery:
         if now_s - self._moving_s > GIVE_UP_LEG_S and left_m > STOPPING_M:
             self._give_up(leg, motor)
             self._since_s = now_s - self._settings.boxed_for_s  # look again from here, patience has been had
-            return Advice(Drive(0.0, leg.steering_rad), words)
+            return RecoveryAdvice(Drive(0.0, leg.steering_rad), words)
         if abs(motor.distance_m - self._begun_m) > BEGUN_M:
             self._refused = frozenset()
         if left_m <= 0.0 or now_s - self._moving_s > GIVE_UP_LEG_S:
@@ -231,5 +233,5 @@ class Recovery:
             self._since_s = None
             if self._legs:
                 self._enter_leg(now_s, motor)
-            return Advice(Drive(0.0, leg.steering_rad), words)
-        return Advice(Drive(speed_mps, leg.steering_rad), words)
+            return RecoveryAdvice(Drive(0.0, leg.steering_rad), words)
+        return RecoveryAdvice(Drive(speed_mps, leg.steering_rad), words)

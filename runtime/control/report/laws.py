@@ -23,7 +23,7 @@ NONSENSE_BELOW_M = 0.2
 """Dust on the window reads as centimetres; the report's car once spun in circles for it."""
 SIDE_FROM_RAD = 0.1 * math.pi
 SIDE_TO_RAD = 0.6 * math.pi
-NEAREST_AVERAGED = 3
+NEAREST_COUNT = 3
 STEEP_RAD = math.pi / 3
 AHEAD_RAD = math.radians(0.5)
 """Half width of "straight ahead": a few beams, because a single one is often without an echo."""
@@ -47,7 +47,7 @@ class ReportFollower:
         """Answer one scan; no drive where fewer than three beams of the side sector have a distance."""
         settings = self._settings
         x_m, y_m = self._side_points_m(scan)
-        if x_m.size < NEAREST_AVERAGED:
+        if x_m.size < NEAREST_COUNT:
             return Guidance(None, math.nan, math.nan, math.nan, "no wall in the side sector")
         angle_rad = math.atan(_slope(x_m, y_m))
         distance_m = mean_of_nearest_m(np.hypot(x_m, y_m))
@@ -131,7 +131,7 @@ def range_ahead_m(scan: Scan) -> float:
 
 def mean_of_nearest_m(ranges_m: Floats) -> float:
     """Return the mean of the three smallest values (of all of them when there are fewer)."""
-    count = min(NEAREST_AVERAGED, ranges_m.size)
+    count = min(NEAREST_COUNT, ranges_m.size)
     return float(np.partition(ranges_m, count - 1)[:count].mean())
 
 

@@ -10,14 +10,14 @@ from runtime.control.perception.geometry import Floats, any_nearer
 from runtime.control.safety.body import LOOK_SPARE_M
 from runtime.control.safety.emergency_manoeuvre import (
     FULL_BRAKE,
+    EmergencyState,
     Manoeuvre,
     Outcome,
-    Situation,
     best_of,
     candidates,
     is_clearly_better,
 )
-from runtime.control.safety.manoeuvre_rollout import MARGIN_M, STEP_S, Start
+from runtime.control.safety.manoeuvre_rollout import MARGIN_M, STEP_S, RolloutStart
 from runtime.control.safety.stopping import GRAVITY_MPS2, brake_beside_turning_mps2, stopping_distance_m
 from runtime.control.safety.swept_path import Strip
 
@@ -103,7 +103,7 @@ class Emergency:
         """Whether the driver has just begun a turn that may hit something, clearly harder than a full brake now.
 
         The swept way of a turn that has just begun is too short: it takes tyres and body a moment to follow the wheels.
-        A driver that steers from one side to the other is none of it: it may turn back (`wavering`).
+        A driver that steers from one side to the other is none of it: it may turn back (`reversal`).
         """
         before_rad = self._angles[max(0, len(self._angles) - SUDDEN_SCANS)][1]
         sudden = abs(wish_rad - before_rad) >= SUDDEN_RAD and min(wish_rad * before_rad, 0.0) > -(SUDDEN_RAD**2)
@@ -130,10 +130,10 @@ class Emergency:
         self.chosen, self._follows_driver, self._asked = free, True, (stamp_s, wish_rad)
         return True
 
-    def _situation(self, strip: Strip, stamp_s: float) -> Situation:
+    def _situation(self, strip: Strip, stamp_s: float) -> EmergencyState:
         body, car = strip.body, strip.body.car
         brake_mps2 = 0.0 if self.chosen is None else min(self.chosen.manoeuvre.brake_mps2, MAX_BRAKE_MPS2)
-        start = Start(
+        start = RolloutStart(
             min(max(0.0, strip.speed_mps), MAX_SPEED_MPS),
             brake_mps2,
             strip.latency_s,
@@ -148,7 +148,7 @@ class Emergency:
         way_m = stopping_distance_m(start.speed_mps, start.latency_s, body.slippery_mps2)
         points_m = strip.points_around_m(way_m + car.front_m + LOOK_SPARE_M)
         points_m = points_m[~body.bare.holds(points_m)]  # what is there is the car itself, or dirt
-        return Situation(start, points_m, grips_mps2, *self._wheels_rad(strip, stamp_s))
+        return EmergencyState(start, points_m, grips_mps2, *self._wheels_rad(strip, stamp_s))
 
     def _wheels_rad(self, strip: Strip, stamp_s: float) -> tuple[Floats, Floats]:
         """Return the angles at each step of the past and of the latency; a command shows after the actuation."""
@@ -177,7 +177,7 @@ def _stops_later(strip: Strip) -> bool:
     )
 
 
-def _is_last_moment(situation: Situation, wish_rad: float) -> bool:
+def _is_last_moment(situation: EmergencyState, wish_rad: float) -> bool:
     """Whether a turn may hit something, a full brake is clearly better, and would come too late a scan later."""
     (turn,) = situation.predict([Manoeuvre(wish_rad, 0.0)])
     if turn.is_free:

@@ -22,7 +22,7 @@ import numpy as np
 
 from drivers.value import value
 from runtime.control.perception.geometry import Floats, Places
-from runtime.control.safety.manoeuvre_rollout import MAX_ROOM_M, TINY, Start, roll_outs
+from runtime.control.safety.manoeuvre_rollout import MAX_ROOM_M, TINY, RolloutStart, roll_out_all
 
 HARDLY_MPS = 0.1
 """The rollouts know an impact no better than this."""
@@ -72,14 +72,14 @@ class Outcome:
 
 
 @value(eq=False)
-class Situation:
+class EmergencyState:
     """What the rollouts start from.
 
     points_m: everything solid around, (k,), base_link. grips_mps2: of the assumed floor and of the slippery one.
     past_rad, coming_rad: the wheels' angle at each step until now, and as the commands under way will turn them.
     """
 
-    start: Start
+    start: RolloutStart
     points_m: Places
     grips_mps2: tuple[float, float]
     past_rad: Floats
@@ -90,14 +90,14 @@ class Situation:
         steering_rad = np.array([manoeuvre.steering_rad for manoeuvre in manoeuvres])
         brake_mps2 = np.array([manoeuvre.brake_mps2 for manoeuvre in manoeuvres])
         grips_mps2 = np.array(self.grips_mps2)
-        figures = roll_outs(
+        figures = roll_out_all(
             self.points_m, steering_rad, brake_mps2, grips_mps2, self.past_rad, self.coming_rad, *self.start
         )
         rows = figures.reshape(len(manoeuvres), -1).tolist()
         return [Outcome(done, tuple(row[:-1]), row[-1]) for done, row in zip(manoeuvres, rows, strict=True)]
 
 
-def best_of(situation: Situation, tried: Sequence[Manoeuvre], kept: Manoeuvre, wish_rad: float) -> Outcome:
+def best_of(situation: EmergencyState, tried: Sequence[Manoeuvre], kept: Manoeuvre, wish_rad: float) -> Outcome:
     """Return what `choose` chooses of all of tried, the first of which is the full brake; rolls out no others.
 
     A brake with room enough is beaten by nothing, and one that hits nothing on the assumed floor only by the driver's

@@ -23,7 +23,7 @@ POSES_AT_ONCE = 24
 """A long way is swept piece by piece: the boxes are tighter, and the rest is spared when there is a contact."""
 ENOUGH_POINTS = 3
 """So many points in the strip are a thing; fewer are noise (2 % wild beams)."""
-SLEWS_AT_LEAST_MPS = 0.3
+MIN_SLEW_SPEED_MPS = 0.3
 """A standing car is reckoned to start with this speed, or its wheels would be turned before it has moved at all."""
 
 
@@ -43,7 +43,7 @@ class Outline:
         return inside
 
 
-class Motion(NamedTuple):
+class PathMotion(NamedTuple):
     """How the car moves while the path begins.
 
     speed_mps: how fast, >= 0. direction: +1 forward, -1 backward. wheel_rad: angle of the wheels now.
@@ -65,7 +65,7 @@ class Motion(NamedTuple):
 
 
 @value(eq=False)
-class Path:
+class AxlePath:
     """Poses of the rear axle, one every STEP_M: travelled distance, place, heading as a direction; shapes (n,).
 
     curvature_per_m: shape (n,), or one number where it is the same everywhere.
@@ -76,10 +76,10 @@ class Path:
     heading: Places
     curvature_per_m: Floats
 
-    def part(self, first: int, last: int) -> "Path":
+    def part(self, first: int, last: int) -> "AxlePath":
         """Return some of the poses."""
         piece = slice(first, last)
-        return Path(self.travel_m[piece], self.place_m[piece], self.heading[piece], self.curvature_per_m[piece])
+        return AxlePath(self.travel_m[piece], self.place_m[piece], self.heading[piece], self.curvature_per_m[piece])
 
 
 @value()
@@ -100,7 +100,7 @@ class Contact:
 NOTHING = Contact(math.inf, 0.0, 0.0)
 
 
-def arc(motion: Motion, steering_rad: float, length_m: float) -> Path:
+def arc(motion: PathMotion, steering_rad: float, length_m: float) -> AxlePath:
     """Return the path that a steering command leads to; the first pose is one step on."""
     steps = max(1, math.ceil(length_m / STEP_M))
     travel_m = STEP_M * np.arange(1, steps + 1, dtype=np.float64)
@@ -114,14 +114,14 @@ def arc(motion: Motion, steering_rad: float, length_m: float) -> Path:
     back_rad = curvature * (step_m / 2 + square * motion.slip_rad_per_mps2)
     moved = np.exp(1j * (yaw_rad - back_rad))
     moved *= step_m
-    return Path(travel_m, moved.cumsum(), heading, curvature)
+    return AxlePath(travel_m, moved.cumsum(), heading, curvature)
 
 
-def _curvatures(motion: Motion, steering_rad: float, travel_m: Floats) -> Floats:
+def _curvatures(motion: PathMotion, steering_rad: float, travel_m: Floats) -> Floats:
     """Return the curvature at each pose: the wheels' angle, as far as the tyres can follow it."""
     change_rad = steering_rad - motion.wheel_rad
     if change_rad:
-        turned_rad = travel_m * (motion.rate_radps / max(motion.speed_mps, SLEWS_AT_LEAST_MPS))
+        turned_rad = travel_m * (motion.rate_radps / max(motion.speed_mps, MIN_SLEW_SPEED_MPS))
         turned_rad -= motion.latency_s * motion.rate_radps
         np.minimum(turned_rad, abs(change_rad), out=turned_rad)
         np.maximum(turned_rad, 0.0, out=turned_rad)
@@ -150,14 +150,12 @@ def contact_on_arc(
     motion: tuple[float, ...], steering_rad: float, length_m: float, outline: Outline, points_m: Places
 ) -> Contact:
     """Return what `first_contact` finds on the `arc` of a Motion, in one go: no path is made for anybody to look at."""
-    touch = swept_touch(
-        steering_rad, length_m, points_m, outline.front_m, outline.rear_m, outline.half_width_m, *motion
-    )
+    touch = sweep_arc(steering_rad, length_m, points_m, outline.front_m, outline.rear_m, outline.half_width_m, *motion)
     return NOTHING if touch is None else Contact(*touch)
 
 
 @twin
-def swept_touch(
+def sweep_arc(
     steering_rad: float,
     length_m: float,
     points_m: Places,
@@ -167,12 +165,12 @@ def swept_touch(
     *motion_fields: float,
 ) -> tuple[float, float, float] | None:
     """Return travel_m, aside_m and curvature_per_m of the first contact on an arc, or None; the rest is a Motion."""
-    motion, outline = Motion(*motion_fields), Outline(front_m, rear_m, half_width_m)
+    motion, outline = PathMotion(*motion_fields), Outline(front_m, rear_m, half_width_m)
     found = first_contact(arc(motion, steering_rad, length_m), outline, points_m, motion.direction)
     return None if found is NOTHING else (found.travel_m, found.aside_m, found.curvature_per_m)
 
 
-def first_contact(path: Path, outline: Outline, points_m: Places, direction: float = 1.0) -> Contact:
+def first_contact(path: AxlePath, outline: Outline, points_m: Places, direction: float = 1.0) -> Contact:
     """Return where the outline first holds three of points_m (k,), base_link at the scan.
 
     The travel is exact at the bumper (the third-deepest point) and up to one step too short at the flank.
@@ -187,7 +185,7 @@ def first_contact(path: Path, outline: Outline, points_m: Places, direction: flo
     return NOTHING
 
 
-def _first_in(path: Path, outline: Outline, points_m: Places, direction: float) -> Contact | None:
+def _first_in(path: AxlePath, outline: Outline, points_m: Places, direction: float) -> Contact | None:
     near_m = _in_reach(path, outline, points_m)
     if near_m.size < ENOUGH_POINTS:
         return None
@@ -209,7 +207,7 @@ def _first_in(path: Path, outline: Outline, points_m: Places, direction: float) 
     return Contact(travel_m, _innermost_m(aside_m), float(path.curvature_per_m[pose]))
 
 
-def _in_reach(path: Path, outline: Outline, points_m: Places) -> Places:
+def _in_reach(path: AxlePath, outline: Outline, points_m: Places) -> Places:
     """Return the points in a box that holds this piece of the strip: most of a scan is outside.
 
     The outline's middle is reached by turning about the rear axle, so the box has room for it at every heading. First

@@ -27,7 +27,7 @@ SAME_THING_M, SAME_THING_SHARE = 0.15, 0.12
 """Neighbouring beams agree within this plus this share of the range: a wall met at a grazing angle, no wild beam."""
 BESIDE_SECTORS = 0.3
 """A sector is expected to see whose middle lies between two neighbours that have seen, or so far beside."""
-MOST_BETWEEN_SECTORS = 2.1
+MAX_BETWEEN_SECTORS = 2.1
 """Neighbours that come to lie farther apart than 1.5 sectors were the edges of a gap."""
 
 SEEN, DEPTH, GONE, UNPROVEN, MISSING, BLIND = range(6)
@@ -85,7 +85,7 @@ def next_seen(seen: Places, sector: int, step: int) -> int | None:
 
 
 @twin
-def watched(  # flat arguments, as its twin in C wants them
+def watch_sectors(  # flat arguments, as its twin in C wants them
     ranges_m: Floats,
     x_m: Floats,
     y_m: Floats,
@@ -138,7 +138,7 @@ def watched(  # flat arguments, as its twin in C wants them
     place = (np.angle(off) - first_rad) / width_rad
     place[~(np.abs(off) < within_m)] = math.nan
     right, left = place[:-1] - BESIDE_SECTORS, place[1:] + BESIDE_SECTORS
-    between = (left > right) & (left - right <= MOST_BETWEEN_SECTORS)
+    between = (left > right) & (left - right <= MAX_BETWEEN_SECTORS)
     right, left = np.ceil(right[between]), left[between]
     expected = np.zeros(count, np.bool_)
     for step in range(3):

@@ -48,7 +48,7 @@ MAX_FLOORS = 4
 TINY = 1e-9
 
 
-class Start(NamedTuple):
+class RolloutStart(NamedTuple):
     """The car as it is when the rollouts begin.
 
     speed_mps: forward, > 0. brake_mps2: how hard it brakes until a new command shows, which takes latency_s.
@@ -83,7 +83,7 @@ class State(NamedTuple):
 
 
 @twin
-def roll_outs(
+def roll_out_all(
     points_m: Places,
     steering_rad: Floats,
     brake_mps2: Floats,
@@ -97,7 +97,7 @@ def roll_outs(
     points_m: solid points around, (k,), base_link. past_rad, coming_rad: angle of the wheels at each step of the past,
     oldest first, and at those that the commands under way will still bring.
     """
-    start, points_m = Start(*start_fields), points_m[np.isfinite(points_m)]
+    start, points_m = RolloutStart(*start_fields), points_m[np.isfinite(points_m)]
     _check(start, steering_rad, brake_mps2, grip_mps2, past_rad, coming_rad)
     margin_m = _margin_m(start, points_m)
     begun = [latency_path(start, past_rad.tolist(), coming_rad.tolist(), grip) for grip in grip_mps2.tolist()]
@@ -111,7 +111,9 @@ def roll_outs(
     return np.array(rows, np.float64)
 
 
-def _check(start: Start, steering_rad: Floats, brake_mps2: Floats, grip_mps2: Floats, *wheel_rad: Floats) -> None:
+def _check(
+    start: RolloutStart, steering_rad: Floats, brake_mps2: Floats, grip_mps2: Floats, *wheel_rad: Floats
+) -> None:
     """Raise ValueError for what is no car."""
     finite = all(bool(np.isfinite(values).all()) for values in (np.array(start), steering_rad, grip_mps2, *wheel_rad))
     outlined = start.front_m + start.rear_m >= 0.0 and start.half_width_m >= 0.0 and start.brake_mps2 >= 0.0
@@ -120,7 +122,7 @@ def _check(start: Start, steering_rad: Floats, brake_mps2: Floats, grip_mps2: Fl
         raise ValueError("roll_outs: finite numbers, a steering for every brake, and 1 to 4 floors are needed")
 
 
-def latency_path(start: Start, past_rad: list[float], coming_rad: list[float], grip_mps2: float) -> list[State]:
+def latency_path(start: RolloutStart, past_rad: list[float], coming_rad: list[float], grip_mps2: float) -> list[State]:
     """Return where the car is at every step until a new command shows, the present first, as the past has left it."""
     moves, wheel_rad = (start.speed_mps, 0.0, 0.0), 0.0
     for wheel_rad in past_rad:
@@ -136,7 +138,7 @@ def latency_path(start: Start, past_rad: list[float], coming_rad: list[float], g
 
 
 def roll_out(
-    start: Start, path: list[State], steering_rad: float, brake_mps2: float, grip_mps2: float
+    start: RolloutStart, path: list[State], steering_rad: float, brake_mps2: float, grip_mps2: float
 ) -> Iterator[State]:
     """Yield where the car is at every step up to the horizon, the latency's path first."""
     yield from path
@@ -147,7 +149,7 @@ def roll_out(
         yield state
 
 
-def _next(start: Start, state: State, wheel_rad: float, slows_mps2: float, grip_mps2: float) -> State:
+def _next(start: RolloutStart, state: State, wheel_rad: float, slows_mps2: float, grip_mps2: float) -> State:
     """Return the state one step later."""
     moves, course_rad = (state.ahead_mps, state.aside_mps, state.yaw_radps), state.course_rad
     if slows_mps2 >= grip_mps2:
@@ -167,7 +169,7 @@ Moves = tuple[float, float, float]
 """Speed ahead and aside [m/s] of the middle, yaw rate [rad/s]."""
 
 
-def _turned(start: Start, moves: Moves, wheel_rad: float, brake_mps2: float, grip_mps2: float) -> Moves:
+def _turned(start: RolloutStart, moves: Moves, wheel_rad: float, brake_mps2: float, grip_mps2: float) -> Moves:
     """Return the motion one step later while the wheels roll."""
     ahead, aside, yaw = moves
     half_m = start.wheelbase_m / 2
@@ -197,7 +199,7 @@ def _slid(moves: Moves, drift_rad: float, grip_mps2: float) -> Moves:
 
 
 def _ends(
-    start: Start, way: Iterator[State], points_m: Places, brake_mps2: float, grip_mps2: float, margin_m: float
+    start: RolloutStart, way: Iterator[State], points_m: Places, brake_mps2: float, grip_mps2: float, margin_m: float
 ) -> list[tuple[float, float]]:
     """Return impact and room for every moment at which the wheels may be locked.
 
@@ -219,14 +221,16 @@ def _ends(
     return ends
 
 
-def _may_lock(start: Start, brake_mps2: float, step: int) -> bool:
+def _may_lock(start: RolloutStart, brake_mps2: float, step: int) -> bool:
     """Whether this is a moment to lock the wheels: a full brake does it at once, others every few steps, or at last."""
     if not math.isfinite(brake_mps2):
         return step * STEP_S >= start.latency_s or step == HORIZON_STEPS
     return step == HORIZON_STEPS or (step % LOCK_STEPS == 0 and step * STEP_S >= start.latency_s + MIN_TURN_S)
 
 
-def slide(start: Start, state: State, points_m: Places, grip_mps2: float, margin_m: float) -> tuple[float, float]:
+def slide(
+    start: RolloutStart, state: State, points_m: Places, grip_mps2: float, margin_m: float
+) -> tuple[float, float]:
     """Return impact and room of a car that locks its wheels: straight on along its course, while it turns a little.
 
     A point is met where a line through it against the course enters the outline (slab method).
@@ -251,7 +255,7 @@ def slide(start: Start, state: State, points_m: Places, grip_mps2: float, margin
     return 0.0, min(max(0.0, nearest_m - margin_m), MAX_ROOM_M)
 
 
-def distance_m(start: Start, state: State, points_m: Places) -> float:
+def distance_m(start: RolloutStart, state: State, points_m: Places) -> float:
     """Return how far the third-nearest point is from the outline, infinity where there are fewer."""
     ahead_m, aside_m = _from_outline(start, state.middle_m, state.heading_rad, points_m)
     ahead_m = np.maximum(np.abs(ahead_m) - (start.front_m + start.rear_m) / 2, 0.0)
@@ -259,13 +263,15 @@ def distance_m(start: Start, state: State, points_m: Places) -> float:
     return _third(np.sqrt(ahead_m * ahead_m + aside_m * aside_m))
 
 
-def _margin_m(start: Start, points_m: Places) -> float:
+def _margin_m(start: RolloutStart, points_m: Places) -> float:
     """Return the margin, less where something is nearer already: that is no contact whatever the car does."""
     here = State(complex(start.wheelbase_m / 2, 0.0), 0.0, 0.0, 0.0, 0.0)
     return min(MARGIN_M, 0.5 * distance_m(start, here, points_m) - TINY)
 
 
-def _from_outline(start: Start, middle_m: complex, heading_rad: float, points_m: Places) -> tuple[Floats, Floats]:
+def _from_outline(
+    start: RolloutStart, middle_m: complex, heading_rad: float, points_m: Places
+) -> tuple[Floats, Floats]:
     """Return the points as seen from the outline's centre: how far ahead and how far to the left."""
     ahead_m = (start.front_m - start.rear_m - start.wheelbase_m) / 2
     turned = complex(math.cos(heading_rad), math.sin(heading_rad))

@@ -17,16 +17,16 @@ import numpy as np
 from drivers.twin import twin
 from drivers.value import value
 from runtime.control.perception.geometry import NOWHERE, Booleans, Floats, Places, places_m
-from runtime.control.perception.odometry import Pose
+from runtime.control.perception.odometry import OdometryState
 from runtime.control.perception.view import View
 
 WITHIN_M = 6.0
 GAP_BEAMS = 3
 JUMP_M = 0.2
 BACKGROUND_BEAMS = 40
-FEWEST_BEAMS = 4
-WIDEST_M = 0.7
-MATCH_M, MOST_M = 0.15, 0.35
+MIN_BEAMS = 4
+MAX_WIDTH_M = 0.7
+MATCH_M, MAX_MOVE_M = 0.15, 0.35
 """How far beside its way a thing may be seen again, beside what who runs does in between; and at most."""
 POSITION_GAIN = 0.4
 SPEED_GAIN = 0.08
@@ -34,17 +34,17 @@ SEEN_SCANS = 8
 MOVED_M = 0.2
 LATELY_S = 0.6
 """Moved since then, or up to twice as long ago: what has crept elsewhere in a minute does not walk."""
-SLOWEST_MPS = 0.4
-SLOWEST_SHARE = 0.15
+MIN_SPEED_MPS = 0.4
+MIN_SPEED_SHARE = 0.15
 """Of the car's own speed: a trimmed or drifting car turns by more than its steering says."""
 TURNING_SHARE = 0.3
 """Of the car's own turning, now and half a second ago, times the distance: the servo lags behind the odometry."""
 TURNING_FADES = 0.95
-FASTEST_MPS = 4.0
+MAX_SPEED_MPS = 4.0
 """Who runs does 3 m/s; what seems faster is a mistake of the matching."""
 SAME_PLACE_M = 0.1
 """What returns so near to a place stands there."""
-MOST_OF_THREE = 2
+MAX_OF_THREE = 2
 AHEAD_S = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9)
 FORGOTTEN_S = 0.15
 
@@ -108,28 +108,28 @@ class _Track:
             self.before, self.lately = self.lately, _Before(self.edges_m, stamp_s, look)
 
 
-class Movers:
+class MovingObstacles:
     """Small state: the tracks. `update` once per scan."""
 
     def __init__(self) -> None:
         self._tracks: list[_Track] = []
         self._turning_radps = 0.0
 
-    def update(self, view: View, pose: Pose, stamp_s: float, *, sliding: bool = False) -> Places:
+    def update(self, view: View, pose: OdometryState, stamp_s: float, *, sliding: bool = False) -> Places:
         """Return points, (k,) in base_link, where walkers will be in the next 0.9 s; k = 0 without walkers.
 
         sliding: the wheels are locked, so that the odometry stands while everything comes nearer: nothing is learnt
         about who goes where, and nothing is forgotten.
         """
         self._turning_radps = max(abs(pose.yaw_rate_radps), TURNING_FADES * self._turning_radps)
-        things = small_things(view.solid, view.ranges_m, abs(view.scan.angle_step_rad))
+        things = find_small_clusters(view.solid, view.ranges_m, abs(view.scan.angle_step_rad))
         if not things and not self._tracks:
             return NOWHERE  # as a rule
         turned, at_m = cmath.rect(1.0, pose.yaw_rad), complex(pose.x_m, pose.y_m)
         look = _Look(view, at_m, turned)
         fresh: list[_Track] = []
         strips: list[Places] = []
-        slowest_mps = SLOWEST_MPS + SLOWEST_SHARE * abs(pose.speed_mps)
+        slowest_mps = MIN_SPEED_MPS + MIN_SPEED_SHARE * abs(pose.speed_mps)
         slowest_per_m = TURNING_SHARE * self._turning_radps
         for first, last in things:
             beams = view.solid[first : last + 1].nonzero()[0] + first
@@ -150,13 +150,13 @@ class Movers:
         """Return the track that these points (k,), odom, continue, taken from the list, or a new one."""
         place_m = complex(points_m.sum()) / points_m.size
         edges_m = complex(points_m[0]), complex(points_m[-1])
-        nearest, nearest_m = None, MOST_M
+        nearest, nearest_m = None, MAX_MOVE_M
         for track in self._tracks:
             elapsed_s = stamp_s - track.seen_s
             if elapsed_s > FORGOTTEN_S:  # a hole in the scans: tracks cannot be associated
                 continue
             off_m = abs(track.place_m + track.way_mps * elapsed_s - place_m)
-            if off_m < min(nearest_m, MATCH_M + FASTEST_MPS * elapsed_s):
+            if off_m < min(nearest_m, MATCH_M + MAX_SPEED_MPS * elapsed_s):
                 nearest, nearest_m = track, off_m
         if nearest is None:
             here = _Before(edges_m, stamp_s, look)
@@ -183,13 +183,13 @@ class Movers:
 
 
 @twin
-def small_things(solid: Booleans, ranges_m: Floats, step_rad: float) -> list[tuple[int, int]]:
+def find_small_clusters(solid: Booleans, ranges_m: Floats, step_rad: float) -> list[tuple[int, int]]:
     """Return (first, last) beam of every near thing at most 0.7 m wide that stands out before its surroundings.
 
     solid, ranges_m: (beams,) of a View. step_rad: between two beams, positive.
     """
     index = (solid & (ranges_m < WITHIN_M)).nonzero()[0]
-    if index.size < FEWEST_BEAMS:
+    if index.size < MIN_BEAMS:
         return []
     near_m = ranges_m.take(index)
     off_m = near_m[1:] - near_m[:-1]
@@ -198,9 +198,9 @@ def small_things(solid: Booleans, ranges_m: Floats, step_rad: float) -> list[tup
     ends = [*cut.nonzero()[0].tolist(), index.size - 1]
     things, start = [], 0
     for end in ends:
-        if end - start >= FEWEST_BEAMS - 1:
+        if end - start >= MIN_BEAMS - 1:
             right, left = int(index[start]), int(index[end])
-            if (left - right) * step_rad * near_m[start] <= WIDEST_M and _stands_out(solid, ranges_m, right, left):
+            if (left - right) * step_rad * near_m[start] <= MAX_WIDTH_M and _stands_out(solid, ranges_m, right, left):
                 things.append((right, left))
         start = end + 1
     return things
@@ -235,7 +235,7 @@ def _goes(track: _Track, toward: complex, look: _Look, slowest_mps: float, *, ei
     look: of this scan; it and the one before must show that the thing has left one place for another.
     """
     size = abs(toward)
-    if not size or abs(track.way_mps) > FASTEST_MPS:
+    if not size or abs(track.way_mps) > MAX_SPEED_MPS:
         return False
     along = toward.conjugate() / size  # the real part of a product with it is the part of a vector in this direction
     along_mps = (track.way_mps * along).real
@@ -252,10 +252,10 @@ def _goes(track: _Track, toward: complex, look: _Look, slowest_mps: float, *, ei
 def _stands(look: _Look, place_m: complex) -> bool:
     """Whether most of three beams return from there."""
     away_m, ranges_m = look.ranges_m(place_m)
-    return int(np.count_nonzero(np.abs(ranges_m - away_m) < SAME_PLACE_M)) >= MOST_OF_THREE
+    return int(np.count_nonzero(np.abs(ranges_m - away_m) < SAME_PLACE_M)) >= MAX_OF_THREE
 
 
 def _is_free(look: _Look, place_m: complex) -> bool:
     """Whether most of three beams go on beyond it; no echo goes on."""
     away_m, ranges_m = look.ranges_m(place_m)
-    return int(np.count_nonzero(ranges_m < away_m + SAME_PLACE_M)) < MOST_OF_THREE
+    return int(np.count_nonzero(ranges_m < away_m + SAME_PLACE_M)) < MAX_OF_THREE

@@ -20,13 +20,13 @@ def enclosed_dark(view: View, toward_rad: float, near_m: float) -> bool:
     black box or a blinded lidar.
     """
     scan = view.scan
-    return dark_around(
+    return find_dark_regions(
         view.no_echo, view.solid, view.ranges_m, scan.angle_min_rad, scan.angle_step_rad, toward_rad, near_m
     )
 
 
 @twin
-def dark_around(
+def find_dark_regions(
     no_echo: Booleans,
     solid: Booleans,
     ranges_m: Floats,

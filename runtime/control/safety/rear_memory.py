@@ -9,7 +9,7 @@ import numpy as np
 from drivers.twin import twin
 from drivers.value import value
 from runtime.control.perception.geometry import NOWHERE, Booleans, Floats, Places, places_m
-from runtime.control.perception.odometry import Pose
+from runtime.control.perception.odometry import OdometryState
 from runtime.control.perception.view import View
 
 NEAR_M = 1.6
@@ -26,7 +26,7 @@ TRACK_FROM_M, TRACK_TO_M, TRACK_ASIDE_M, TRACK_COS = 0.08, 0.35, 0.08, 0.95
 
 
 @value(eq=False)
-class Kept:
+class RememberedView:
     """A view, and the pose of base_link in the odometry frame at which it was taken."""
 
     view: View
@@ -34,7 +34,7 @@ class Kept:
     yaw_rad: float
 
 
-class Behind:
+class RearMemory:
     """Remembers near points in the odometry frame over the last one and a half metres, and how far the car backed.
 
     kept: whole views of the last metres, for one who has to find a way out; nothing of them is computed before.
@@ -44,14 +44,14 @@ class Behind:
         self._lidar_x_m = lidar_x_m
         self._views: deque[Places] = deque(maxlen=KEPT_VIEWS)
         self._seen = NOWHERE
-        self.kept: deque[Kept] = deque(maxlen=KEPT_FOR_A_WAY_OUT)
+        self.kept: deque[RememberedView] = deque(maxlen=KEPT_FOR_A_WAY_OUT)
         self._doubtful = NOWHERE
-        self._last: Pose | None = None
-        self._at = Pose()
+        self._last: OdometryState | None = None
+        self._at = OdometryState()
         self._now_s = -math.inf
         self.backed_m = self._retraced_m = 0.0
 
-    def move(self, pose: Pose, step_m: float) -> None:
+    def move(self, pose: OdometryState, step_m: float) -> None:
         """Be at another pose, step_m (signed) after the one before; to back on the own track is not to back blindly."""
         self._at = pose
         if step_m < 0.0 and self.kept:
@@ -67,13 +67,13 @@ class Behind:
         recent = [one for one in self.kept if one.view.scan.stamp_s >= self._now_s - TRACK_FOR_S]
         return np.array([one.place_m for one in recent]), np.array([cmath.rect(1.0, one.yaw_rad) for one in recent])
 
-    def lay_anew(self, kept: list[Kept]) -> None:
+    def lay_anew(self, kept: list[RememberedView]) -> None:
         """Take better poses for the kept views, the newest last, and with them for the points near by."""
         self.kept = deque(kept, maxlen=KEPT_FOR_A_WAY_OUT)
         self._views.clear()
         for one in kept[-KEPT_VIEWS:]:
             view, at = one.view, (one.place_m.real, one.place_m.imag, one.yaw_rad)
-            self._views.append(near_places(view.x_m, view.y_m, view.solid, view.ranges_m, *at))
+            self._views.append(find_near_places(view.x_m, view.y_m, view.solid, view.ranges_m, *at))
         self._seen = np.concatenate(self._views) if self._views else NOWHERE
 
     def keep(self, view: View, doubtful: Places = NOWHERE) -> None:
@@ -91,12 +91,12 @@ class Behind:
         self._last = pose
         at = pose.x_m, pose.y_m, pose.yaw_rad
         self.kept.append(self.seen_now(view))
-        self._views.append(near_places(view.x_m, view.y_m, view.solid, view.ranges_m, *at))
+        self._views.append(find_near_places(view.x_m, view.y_m, view.solid, view.ranges_m, *at))
         self._seen = np.concatenate(self._views)
 
-    def seen_now(self, view: View) -> Kept:
+    def seen_now(self, view: View) -> RememberedView:
         """Return a view as one that was taken at this pose."""
-        return Kept(view, complex(self._at.x_m, self._at.y_m), self._at.yaw_rad)
+        return RememberedView(view, complex(self._at.x_m, self._at.y_m), self._at.yaw_rad)
 
     def points_m(self, half_view_rad: float) -> Places:
         """Return what is remembered where the lidar does not look now (beyond +-half_view_rad), base_link, (k,).
@@ -123,7 +123,7 @@ def on_track(place_m: Places, heading: Places, track_m: Places, track_heading: P
 
 
 @twin
-def near_places(
+def find_near_places(
     x_m: Floats, y_m: Floats, solid: Booleans, ranges_m: Floats, at_x_m: float, at_y_m: float, yaw_rad: float
 ) -> Places:
     """Return in odom, (k,), the solid ones nearer than NEAR_M of points (n,) seen from a pose in base_link."""

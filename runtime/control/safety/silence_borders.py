@@ -13,7 +13,7 @@ import numpy as np
 
 from drivers.value import value
 from runtime.control.perception.geometry import Booleans, Floats, Places
-from runtime.control.perception.odometry import Pose
+from runtime.control.perception.odometry import OdometryState
 from runtime.control.perception.view import LEARNT_DIRT_NEARER_THAN_M, View
 from runtime.control.safety.lidar_sectors import SAME_THING_M, SAME_THING_SHARE, Sectors
 
@@ -73,7 +73,7 @@ def _linked(range_m: Floats, echo: Booleans) -> Booleans:
 class _Track:
     """One border, scan after scan: what its bearing should be if it stayed where it was first seen, and what it is."""
 
-    def __init__(self, border: Border, pose: Pose, lidar_x_m: float) -> None:
+    def __init__(self, border: Border, pose: OdometryState, lidar_x_m: float) -> None:
         self.border, self.stays = border, False
         self._begin, self._lidar_x_m = pose, lidar_x_m
         at = lidar_x_m + cmath.rect(border.range_m, border.bearing_rad)
@@ -82,7 +82,7 @@ class _Track:
         self._should_rad: list[float] = [0.0]
         self._is_rad: list[float] = [0.0]
 
-    def add(self, border: Border, pose: Pose, beam_rad: float) -> None:
+    def add(self, border: Border, pose: OdometryState, beam_rad: float) -> None:
         """Add the border as it is seen now."""
         self.border = border
         off = (self._odom_m - complex(pose.x_m, pose.y_m)) * cmath.rect(1.0, -pose.yaw_rad) - self._lidar_x_m
@@ -110,7 +110,7 @@ class Borders:
         self._lidar_x_m = lidar_x_m
         self._tracks: list[_Track] = []
 
-    def update(self, borders: Iterable[Border], pose: Pose, beam_rad: float) -> None:
+    def update(self, borders: Iterable[Border], pose: OdometryState, beam_rad: float) -> None:
         """Go on with the borders of one more scan; a border that is not seen any more is forgotten."""
         old, self._tracks = self._tracks, []
         for border in borders:
@@ -142,7 +142,7 @@ class Fading:
         self._lidar_x_m = lidar_x_m
         self._views: deque[tuple[float, complex, Places]] = deque()
 
-    def missing(self, held: Places, pose: Pose, stamp_s: float, sectors: Sectors) -> Booleans:
+    def missing(self, held: Places, pose: OdometryState, stamp_s: float, sectors: Sectors) -> Booleans:
         """Return which sectors (n,) should see what was seen a second ago.
 
         held: (n,), base_link, a place that each full sector sees now, NaN for none.

@@ -19,7 +19,7 @@ LAST_WISH_S = 0.3
 
 
 @dataclass(slots=True)
-class Wavering:
+class SteeringReversal:
     """Small state: the wish and since when it is on this side, and the side that was given up."""
 
     _wish_rad: float = math.nan

@@ -15,20 +15,20 @@ from runtime.arbitration.command import NO_LIMIT_MPS, Verdict
 from runtime.control.perception.geometry import NOWHERE
 from runtime.control.perception.lidar_health import LidarHealth
 from runtime.control.perception.lidar_health_settings import LidarHealthSettings
-from runtime.control.perception.odometry import Odometry, Pose
+from runtime.control.perception.odometry import Odometry, OdometryState
 from runtime.control.perception.own_parts import KnownParts, OwnParts
 from runtime.control.perception.scene_motion import SceneMotion
-from runtime.control.perception.view import Eyes, View
+from runtime.control.perception.view import PerceptionCache, View
 from runtime.control.safety.body import LOOK_SPARE_M, Body
 from runtime.control.safety.emergency import Emergency
 from runtime.control.safety.footprint import NOTHING, Contact
-from runtime.control.safety.moving_obstacles import Movers
-from runtime.control.safety.rear_memory import Behind
-from runtime.control.safety.steering_reversal import Wavering
+from runtime.control.safety.moving_obstacles import MovingObstacles
+from runtime.control.safety.rear_memory import RearMemory
+from runtime.control.safety.steering_reversal import SteeringReversal
 from runtime.control.safety.stopping import GRAVITY_MPS2, SlidingSpeed, speed_to_stop_within_mps, stopping_distance_m
 from runtime.control.safety.swept_path import GAINS_MPS, Strip
 from runtime.control.safety.swept_settings import SweptSettings
-from runtime.control.safety.thin_obstacles import Faint
+from runtime.control.safety.thin_obstacles import ThinObstacles
 from runtime.control.safety.unknown_regions import CRAWL_MPS
 from runtime.control.safety.visibility import Visibility
 from runtime.control.vehicle import CarSettings
@@ -52,7 +52,7 @@ class _Memory:
     held_until_s: float = -math.inf
     braking: bool = False
     wary_until_s: float = -math.inf
-    wavering: Wavering = field(default_factory=Wavering)
+    reversal: SteeringReversal = field(default_factory=SteeringReversal)
 
 
 class SweptGuard:
@@ -68,7 +68,7 @@ class SweptGuard:
         self,
         settings: SweptSettings,
         car: CarSettings,
-        eyes: Eyes,
+        eyes: PerceptionCache,
         *,
         health: LidarHealthSettings | None = None,
         clock: Clock | None = None,
@@ -80,19 +80,19 @@ class SweptGuard:
         self.health = LidarHealth(health or LidarHealthSettings(), car.wheelbase_m, settings.doubtful_mps)
         self.scene_motion = SceneMotion(car.lidar_x_m)
         self.own_parts = OwnParts(car.lidar_x_m)
-        self.behind = Behind(car.lidar_x_m)
-        self.movers = Movers()
-        self.faint = Faint()
+        self.behind = RearMemory(car.lidar_x_m)
+        self.movers = MovingObstacles()
+        self.faint = ThinObstacles()
         self.visibility = Visibility(car)
         self.memory = _Memory()
         self.emergency = Emergency()
-        self.outlook: Outlook | None = None
+        self.outlook: SweptAssessment | None = None
         self.stuck_reason = ""
         self._eyes = eyes
         self._odometry = Odometry(car.wheelbase_m)
         self._speed = SlidingSpeed(GRAVITY_MPS2, self.body.slippery_mps2)
         self._last_m: float | None = None
-        self._unlearnt: tuple[View, MotorState | None, Pose] | None = None
+        self._unlearnt: tuple[View, MotorState | None, OdometryState] | None = None
 
     def tune(self, settings: SweptSettings, health: LidarHealthSettings) -> None:
         """Go on with other settings; a hard stop that is on, the window's dirt and who walks where are kept."""
@@ -102,7 +102,7 @@ class SweptGuard:
         self.health.tune(health, settings.doubtful_mps)
         self._speed.tune(GRAVITY_MPS2, self.body.slippery_mps2)
 
-    def look(self, scan: Scan, motor: MotorState | None) -> "Outlook":
+    def look(self, scan: Scan, motor: MotorState | None) -> "SweptAssessment":
         """Take in one scan; called once for each, in order."""
         self.learn()
         view = self._eyes.see(scan)
@@ -128,7 +128,7 @@ class SweptGuard:
         window = Verdict(self.health.ceiling_mps, self.health.ceiling_mps, self.health.reason)
         if self.visibility.on_lidar:
             window = ON_LIDAR
-        self.outlook = Outlook(self, view, speed_mps, strip, window, wary)
+        self.outlook = SweptAssessment(self, view, speed_mps, strip, window, wary)
         return self.outlook
 
     @property
@@ -171,7 +171,7 @@ class SweptGuard:
 
 
 @dataclass(slots=True, eq=False)
-class Outlook:
+class SweptAssessment:
     """One scan's answer to every drive. Cheap to ask again: the strip keeps its sweeps."""
 
     guard: SweptGuard
@@ -198,7 +198,7 @@ class Outlook:
         if speed_mps > 0:
             return _slowest(
                 self._forward(speed_mps, steering_rad, reaction_s),
-                self._wavering(speed_mps, steering_rad, reaction_s),
+                self._reversal(speed_mps, steering_rad, reaction_s),
                 self._unseen(speed_mps, steering_rad, reaction_s),
                 ceiling,
             )
@@ -255,10 +255,10 @@ class Outlook:
         """Whether a bend leaves too little of a slippery floor's grip for a motor that slows down as fast as it can."""
         return self.strip.needs_grip(steering_rad, self.speed_mps, NEEDY_SHARE * self.guard.body.slippery_mps2)
 
-    def _wavering(self, wanted_mps: float, steering_rad: float, reaction_s: float) -> Verdict:
+    def _reversal(self, wanted_mps: float, steering_rad: float, reaction_s: float) -> Verdict:
         """Slow enough to stop on the way that the driver has just given up, should it turn back."""
         guard, now_s = self.guard, self.view.scan.stamp_s
-        other_rad = guard.memory.wavering.given_up_rad(steering_rad, now_s, guard.car.steering_rate_radps * reaction_s)
+        other_rad = guard.memory.reversal.given_up_rad(steering_rad, now_s, guard.car.steering_rate_radps * reaction_s)
         if other_rad is None:
             return CLEAR
         found = self.strip.contact(other_rad, self._look_m(wanted_mps))

@@ -10,7 +10,7 @@ from runtime.control.perception.view import View
 from runtime.control.safety.body import LOOK_SPARE_M, Body
 from runtime.control.safety.footprint import ENOUGH_POINTS, NOTHING, Contact, Outline, contact_on_arc
 from runtime.control.safety.no_return_regions import enclosed_dark
-from runtime.control.safety.rear_memory import Behind
+from runtime.control.safety.rear_memory import RearMemory
 
 OTHER_STEERINGS = (0.0, 0.5, -0.5, 1.0, -1.0)
 FREE_WAY_M = 0.5
@@ -33,7 +33,7 @@ class Strip:
     wheel_rad: float
     latency_s: float
     more_m: Places
-    behind: Behind
+    behind: RearMemory
     _kept: dict[tuple[float, float, float, bool, float], Contact] = field(default_factory=dict)
     _dark: dict[tuple[float, float], bool] = field(default_factory=dict)
     _near_m: tuple[Places, Places] | None = None

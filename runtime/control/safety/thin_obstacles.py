@@ -17,7 +17,7 @@ import numpy as np
 
 from drivers.twin import twin
 from runtime.control.perception.geometry import NOWHERE, Booleans, Floats, Places, places_m
-from runtime.control.perception.odometry import Pose
+from runtime.control.perception.odometry import OdometryState
 from runtime.control.perception.view import View
 
 SCANS = 5
@@ -37,14 +37,14 @@ FORGOTTEN_S = 0.1
 """After a silence it is unknown whether a return is the second of the same thing."""
 
 
-class Faint:
+class ThinObstacles:
     """Small state: what stood out thinly in the last scans, in the odometry frame."""
 
     def __init__(self) -> None:
         self._before: tuple[Places, ...] = ()
         self._stamp_s = -math.inf
 
-    def update(self, view: View, pose: Pose, stamp_s: float) -> Places:
+    def update(self, view: View, pose: OdometryState, stamp_s: float) -> Places:
         """Return the points, (k,) in base_link, of what keeps returning: this scan's, and where it was seen before.
 
         So a pole that one beam meets has the three points of a thing.
@@ -52,19 +52,21 @@ class Faint:
         before = () if stamp_s - self._stamp_s > FORGOTTEN_S else self._before
         self._stamp_s = stamp_s
         scan, x_m, y_m, yaw_rad = view.scan, pose.x_m, pose.y_m, pose.yaw_rad
-        thin_m, seen = thin_places(
+        thin_m, seen = find_thin_places(
             view.x_m, view.y_m, view.solid, view.ranges_m, view.dirty, scan.angle_min_rad, scan.angle_step_rad,
             x_m, y_m, yaw_rad,
         )  # fmt: skip
         self._before = (*before[2 - SCANS :], thin_m)
         if len(before) < SCANS - 1 or not seen.size:
             return NOWHERE
-        there_m = returned(seen, before, x_m, y_m, yaw_rad)
+        there_m = find_returning(seen, before, x_m, y_m, yaw_rad)
         return NOWHERE if there_m is None else there_m
 
 
 @twin
-def returned(seen: Places, before: tuple[Places, ...], at_x_m: float, at_y_m: float, yaw_rad: float) -> Places | None:
+def find_returning(
+    seen: Places, before: tuple[Places, ...], at_x_m: float, at_y_m: float, yaw_rad: float
+) -> Places | None:
     """Return which of the places seen, (k,) in base_link, were seen before, and those seen before; None for none.
 
     before: of each of the scans before, in the odometry frame. at_x_m, at_y_m, yaw_rad: where base_link is in it.
@@ -85,7 +87,7 @@ def returned(seen: Places, before: tuple[Places, ...], at_x_m: float, at_y_m: fl
 
 
 @twin
-def thin_places(  # flat arguments, as its twin in C wants them
+def find_thin_places(  # flat arguments, as its twin in C wants them
     x_m: Floats,
     y_m: Floats,
     solid: Booleans,

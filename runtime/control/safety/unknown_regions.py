@@ -24,7 +24,7 @@ EDGE_WITHIN_M = 2.0
 
 
 @value(eq=False)
-class Sight:
+class SectorView:
     """What is known of the sectors (n,) in one scan; seen: a place that each sees, base_link, NaN for none.
 
     blind: for longer than what was seen before is remembered. doubted: not proven since much fell silent at once.
@@ -53,7 +53,7 @@ class Unknown:
     blind: bool
 
 
-def find_unknown(sight: Sight, still_there_m: Places) -> Unknown:
+def find_unknown(sight: SectorView, still_there_m: Places) -> Unknown:
     """Return where unknown begins; still_there_m, (k,), base_link: what was seen before where nothing is seen now."""
     state, ahead = sight.state, sight.sectors.ahead()
     hard: list[Places] = [np.repeat(still_there_m, ENOUGH_POINTS)]
@@ -73,7 +73,7 @@ def find_unknown(sight: Sight, still_there_m: Places) -> Unknown:
     return Unknown(_joined(hard), _joined(soft), _joined(doubted), bool(sight.blind[ahead].any()))
 
 
-def _hidden(sight: Sight, first: int, last: int, width_m: float) -> Places:
+def _hidden(sight: SectorView, first: int, last: int, width_m: float) -> Places:
     """Return the arc at which something of this width fits into a gap, (k,)."""
     sectors = sight.sectors
     half_rad = min((last - first + 1) * sectors.width_rad / 2, math.pi / 2 - 0.01)
@@ -89,7 +89,7 @@ def _hidden(sight: Sight, first: int, last: int, width_m: float) -> Places:
     return arc
 
 
-def _edge(sight: Sight, first: int, last: int) -> Places:
+def _edge(sight: SectorView, first: int, last: int) -> Places:
     """Return the line between what is seen on both sides of a silent run, (k,).
 
     With nothing on one side it is the line across the way as far ahead as the other side is seen; with nothing on

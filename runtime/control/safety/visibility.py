@@ -16,7 +16,7 @@ import numpy as np
 
 from drivers.api import Scan
 from runtime.control.perception.geometry import NOWHERE, Booleans, Bytes, Floats, Places
-from runtime.control.perception.odometry import Pose
+from runtime.control.perception.odometry import OdometryState
 from runtime.control.perception.view import View
 from runtime.control.safety.lidar_sectors import (
     BLIND,
@@ -30,10 +30,10 @@ from runtime.control.safety.lidar_sectors import (
     next_seen,
     runs,
     sectors_of,
-    watched,
+    watch_sectors,
 )
 from runtime.control.safety.silence_borders import Border, Borders, Fading, find_border
-from runtime.control.safety.unknown_regions import Sight, Unknown, find_unknown
+from runtime.control.safety.unknown_regions import SectorView, Unknown, find_unknown
 from runtime.control.vehicle import CarSettings
 
 ON_LIDAR_RAD = math.radians(3)
@@ -58,7 +58,7 @@ Only where the silence holds the heading: aside, a real dirty window hides up to
 FADES_EVERY_S = 0.09
 BLIND_MISSING_SECTORS = 3
 """So many of them unexpectedly: silent beams are often beside depth."""
-MOST_LOST = 256
+MAX_LOST = 256
 
 
 class Visibility:
@@ -76,9 +76,9 @@ class Visibility:
         self._doubted: Booleans = np.empty(0, np.bool_)
         self._seen: Places = NOWHERE
         self._held: Places = NOWHERE
-        self._pose = Pose()
+        self._pose = OdometryState()
         self._stamp_s = -math.inf
-        self._before: tuple[Pose, Bytes] | None = None
+        self._before: tuple[OdometryState, Bytes] | None = None
         self._borders = Borders(car.lidar_x_m)
         self._fading = Fading(car.lidar_x_m)
         self._fades_s = -math.inf
@@ -87,7 +87,7 @@ class Visibility:
         self.on_lidar = False
         self.suspicious = False
 
-    def look(self, view: View, pose: Pose) -> None:
+    def look(self, view: View, pose: OdometryState) -> None:
         """Take in one scan; pose: base_link in the odometry frame."""
         scan, car = view.scan, self._car
         kind = scan.angle_min_rad, scan.angle_step_rad, view.ranges_m.size
@@ -100,7 +100,7 @@ class Visibility:
         moved = cmath.rect(1.0, -last.yaw_rad) * complex(pose.x_m - last.x_m, pose.y_m - last.y_m)
         turned_rad = math.remainder(pose.yaw_rad - last.yaw_rad, math.tau)
         self._pose, self._stamp_s, held = pose, scan.stamp_s, self._held
-        self._state, self._seen, self._held, row, suspects, gone = watched(
+        self._state, self._seen, self._held, row, suspects, gone = watch_sectors(
             view.ranges_m, view.x_m, view.y_m, view.no_echo, view.own, view.dirty, self._state, self._held,
             sectors.first, sectors.beams, sectors.first_rad, sectors.width_rad, view.lidar_x_m, car.front_m,
             car.half_width_m, min(EXPECTED_WITHIN_M, EXPECTED_SHARE * scan.range_max_m) if fresh else 0.0,
@@ -131,7 +131,7 @@ class Visibility:
         missing = before_m[self._known(before_m) >= MISSING]
         if missing.size:
             odom_m = missing * cmath.rect(1.0, self._pose.yaw_rad) + complex(self._pose.x_m, self._pose.y_m)
-            self._lost_m = np.concatenate([self._lost_m, odom_m])[-MOST_LOST:]
+            self._lost_m = np.concatenate([self._lost_m, odom_m])[-MAX_LOST:]
 
     def _known(self, places_m: Places) -> Bytes:
         """Return what is known of the sectors in which places (k,), base_link, lie; SEEN beyond them."""
@@ -240,7 +240,7 @@ class Visibility:
     def _beam_rad(self) -> float:
         return self._sectors.width_rad / self._sectors.beams
 
-    def _goes_along(self, pose: Pose, state: Bytes, first: int, last: int) -> bool:
+    def _goes_along(self, pose: OdometryState, state: Bytes, first: int, last: int) -> bool:
         """Whether what is seen now beside this silence was, from there, within the same silence."""
         if not np.all(state[first : last + 1] >= UNPROVEN):
             return False
@@ -262,7 +262,7 @@ class Visibility:
         lost = self._known(lost_m) >= UNPROVEN
         self._lost_m = self._lost_m[lost]
         blind = (state == BLIND) & (self._stamp_s - self._blind_s > REMEMBERS_S)
-        sight = Sight(self._sectors, state, self._seen, blind, self._doubted, car.lidar_x_m, car.front_m)
+        sight = SectorView(self._sectors, state, self._seen, blind, self._doubted, car.lidar_x_m, car.front_m)
         return find_unknown(sight, lost_m[lost])
 
 

@@ -15,21 +15,21 @@ from drivers.api import Drive, MotorState, Scan
 from runtime.control.guidance import Guidance
 from runtime.control.perception.geometry import Floats
 from runtime.control.perception.noise_bias import FIRST_NOISE_M, noise_learnt_m
-from runtime.control.perception.view import Eyes
+from runtime.control.perception.view import PerceptionCache
 from runtime.control.vehicle import CarSettings
-from runtime.control.wall_following.ball_drive import driven_along
+from runtime.control.wall_following.ball_drive import drive_along_ball
 from runtime.control.wall_following.ball_law import look_aheads_m
-from runtime.control.wall_following.ball_path import RADII_M, BallPath, Rolled, rolled
+from runtime.control.wall_following.ball_path import RADII_M, BallPath, Rollout, roll_path
 from runtime.control.wall_following.ball_settings import BallSettings
 from runtime.control.wall_following.corridor_width import Room
-from runtime.control.wall_following.followed_wall import my_wall, side_view
+from runtime.control.wall_following.followed_wall import choose_wall, side_view
 from runtime.control.wall_following.no_wall_policy import SEARCH_PER_M, Lost
 from runtime.control.wall_following.prediction import Predictor, Shift
 from runtime.control.wall_following.speed_profile import mu_with_room
-from runtime.control.wall_following.wall_fit import Line
+from runtime.control.wall_following.wall_fit import WallLine
 from runtime.control.wall_following.wall_track import WallTrack
 
-LONGEST_STEP_S = 0.25
+MAX_STEP_S = 0.25
 """Between two scans; after a longer silence the way since is not known."""
 BEND_LOW_PASS = 0.2
 """By which the path's bend is averaged before it tells a bent wall from a straight one."""
@@ -44,7 +44,7 @@ LEAST_OPPOSITE_M = 0.1
 class BallFollower:
     """The rolling-ball follower; `BallSettings` has its numbers."""
 
-    def __init__(self, settings: BallSettings, car: CarSettings, eyes: Eyes) -> None:
+    def __init__(self, settings: BallSettings, car: CarSettings, eyes: PerceptionCache) -> None:
         self._settings = settings
         self._car = car
         self._eyes = eyes
@@ -99,7 +99,7 @@ class BallFollower:
         seen = side_view(self._eyes.see(scan), settings.side)
         wanted_m = settings.desired_distance_m
         ball_m = min(self._room.within_m(wanted_m), self._half_ahead_m)
-        wall = my_wall(seen, ball_m, expected, wanted_m, into_lane=self._half_ahead_m < LANE_SHARE * wanted_m)
+        wall = choose_wall(seen, ball_m, expected, wanted_m, into_lane=self._half_ahead_m < LANE_SHARE * wanted_m)
         if wall is None:
             self._path = None
             self._half_ahead_m = math.inf
@@ -110,7 +110,7 @@ class BallFollower:
         desired_m = self._room.beside_m(line, wall.room_m, wanted_m, moved_m)
         look_m = look_aheads_m(settings.look_ahead_m, settings.look_ahead_s, speed_mps)
         self._noise_m = noise_learnt_m(self._noise_m, seen.x_m, seen.y_m, wall.beams)
-        ball = rolled(seen, wall, shift, self._bias_m, self._noise_m, desired_m, look_m)
+        ball = roll_path(seen, wall, shift, self._bias_m, self._noise_m, desired_m, look_m)
         self._path, self._bias_m = ball.path, ball.bias_m
         self._half_ahead_m = half_ahead_m(desired_m, ball.opposite_m)
         self._bend_per_m += BEND_LOW_PASS * (ball.bend_per_m - self._bend_per_m)
@@ -124,7 +124,7 @@ class BallFollower:
         return Guidance(drive, error_m + desired_m, error_m, angle_rad, "wall", line_m)
 
     def _answer(
-        self, ball: Rolled, tracked: Line | None, shift: Shift, desired_m: float, speed_mps: float
+        self, ball: Rollout, tracked: WallLine | None, shift: Shift, desired_m: float, speed_mps: float
     ) -> tuple[float, float, float]:
         """Return the distance error, the steering and the speed."""
         settings, car, path = self._settings, self._car, ball.path
@@ -134,7 +134,7 @@ class BallFollower:
             line_rad, line_error_m = there.heading_rad, there.distance_m - ball.rough_m - desired_m
         nearest_error_m = ball.nearest_m + ball.bias_m - ball.rough_m - desired_m
         room_m = min(desired_m, ball.opposite_m)
-        error_m, self._straight, steering_rad, wanted_mps = driven_along(
+        error_m, self._straight, steering_rad, wanted_mps = drive_along_ball(
             path.radius_m, path.bearing_rad, path.meets, path.crosses, nearest_error_m,
             line_rad, line_error_m, self._bend_per_m, speed_mps, settings.kp, settings.kd,
             car.wheelbase_m, self._track.trim_rad if settings.trim_integral else 0.0, car.max_steering_rad,
@@ -146,11 +146,11 @@ class BallFollower:
         """Return the way since the last scan."""
         since_s = stamp_s - self._stamp_s
         self._stamp_s = stamp_s
-        return speed_mps * since_s if 0.0 < since_s < LONGEST_STEP_S else 0.0
+        return speed_mps * since_s if 0.0 < since_s < MAX_STEP_S else 0.0
 
     def _shift(self, scan: Scan, motor: MotorState | None) -> Shift:
         """Return the motion until the answer takes effect: the latency, and the age of a scan that came late."""
-        late_s = min(max(scan.received_s - scan.stamp_s, 0.0), LONGEST_STEP_S)
+        late_s = min(max(scan.received_s - scan.stamp_s, 0.0), MAX_STEP_S)
         trim_rad = self._track.trim_rad if self._settings.trim_integral else 0.0
         ahead_s = self._settings.latency_s + late_s
         shift = self._predictor.shift(scan.stamp_s, motor, ahead_s, self._sign * trim_rad)

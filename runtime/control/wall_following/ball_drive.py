@@ -3,7 +3,7 @@
 import math
 
 from drivers.twin import twin
-from runtime.control.wall_following.ball_law import pursued
+from runtime.control.wall_following.ball_law import pursuit_steering
 from runtime.control.wall_following.speed_profile import fastest_mps, speed_limit_mps
 
 TOO_NEAR_M = 0.05
@@ -13,7 +13,7 @@ as they can, may be on a floor that gives less than counted on: it goes on by th
 
 
 @twin
-def driven_along(  # flat arguments, as its twin in C wants them
+def drive_along_ball(  # flat arguments, as its twin in C wants them
     radius_m: tuple[float, ...],
     bearing_rad: tuple[float, ...],
     meets: tuple[bool, ...],
@@ -34,10 +34,10 @@ def driven_along(  # flat arguments, as its twin in C wants them
     """Return the error, how far the wall is one straight line, the steering and the speed.
 
     The first four are those of a BallPath, whose last three circles are those of `look_aheads_m`; from error_m on the
-    arguments are those of `pursued`. trim_rad: at which the wheels stand while the servo stands in the middle.
+    arguments are those of `pursuit_steering`. trim_rad: at which the wheels stand while the servo stands in the middle.
     most_rad: the steering's end. mu: the friction to count on, infinite where the path is not to limit the speed.
     """
-    error_m, heading_rad, straight, steering_rad = pursued(
+    error_m, heading_rad, straight, steering_rad = pursuit_steering(
         radius_m, bearing_rad, crosses, error_m, line_rad, line_error_m, mean_bend_per_m, speed_mps, kp, kd, wheelbase_m
     )
     steering_rad = min(max(steering_rad - trim_rad, -most_rad), most_rad)

@@ -28,7 +28,7 @@ car's heading now or later, and the path behind the corner (`turn_share`).
 
 import math
 
-from runtime.control.wall_following.ball_path import WIDEST_RAD
+from runtime.control.wall_following.ball_path import MAX_ANGLE_RAD
 
 SLOW_MPS = 1.0
 """At this speed and below, the gains are what the settings say."""
@@ -38,7 +38,7 @@ ARC_S = 0.45
 stop to the other (0.21 s) and the tyres follow."""
 LEAST_ARC_SHARE = 0.4
 """Of the arc's curvature; so much at least is counted on beside a path that bends."""
-STEEPEST_RAD = 1.4
+MAX_SLOPE_RAD = 1.4
 HERE_M, HERE_S = 0.25, 0.08
 """The path is looked at so far ahead for its heading here: nearer there is noise, farther there is the next bend."""
 BEND_HERE = 2.0
@@ -61,7 +61,7 @@ no corner, is farther away."""
 STRAIGHT_RAD, NOT_STRAIGHT_RAD = 0.06, 0.12
 STRAIGHT_PER_M, BENT_PER_M = 0.05, 0.1
 """The wall's line is steered by where the ball is seen so near to it and its path so straight; beyond, by the ball."""
-LEAST_BEND_PER_M, MOST_BEND_PER_M = -0.3, 1.07
+MIN_BEND_PER_M, MAX_BEND_PER_M = -0.3, 1.07
 """A path that turns away from the wall more sharply is a kink; towards it no car turns more sharply."""
 SLIP_S2_PER_M, SLIP_S3_PER_M2 = 0.011, 0.0065
 
@@ -72,7 +72,7 @@ def look_aheads_m(look_ahead_m: float, look_ahead_s: float, speed_mps: float) ->
     return here_m, BEND_HERE * here_m, look_ahead_m + look_ahead_s * abs(speed_mps)
 
 
-def pursued(
+def pursuit_steering(
     radius_m: tuple[float, ...],
     bearing_rad: tuple[float, ...],
     crosses: tuple[bool, ...],
@@ -96,14 +96,12 @@ def pursued(
     from_here_rad = bearing_rad[-3] - _asin(error_m / here_m)
     from_twice_rad = bearing_rad[-2] - _asin(error_m / twice_m)
     beside = _fading(abs(error_m), HERE_WHOLE * here_m, HERE_NONE * here_m) if crosses[-3] else 0.0
-    bend_per_m = min(
-        max(2.0 * (from_twice_rad - from_here_rad) / (twice_m - here_m), LEAST_BEND_PER_M), MOST_BEND_PER_M
-    )
+    bend_per_m = min(max(2.0 * (from_twice_rad - from_here_rad) / (twice_m - here_m), MIN_BEND_PER_M), MAX_BEND_PER_M)
     far_rad = near_rad - _asin(error_m / near_m)
     heading_rad = far_rad + beside * (from_here_rad - far_rad)
     straight = 0.0
     if not math.isnan(line_rad):
-        expected_rad = min(max(line_rad + _asin(line_error_m / near_m), -WIDEST_RAD), WIDEST_RAD)
+        expected_rad = min(max(line_rad + _asin(line_error_m / near_m), -MAX_ANGLE_RAD), MAX_ANGLE_RAD)
         straight = _fading(abs(near_rad - expected_rad), STRAIGHT_RAD, NOT_STRAIGHT_RAD)
         straight *= _fading(abs(mean_bend_per_m), STRAIGHT_PER_M, BENT_PER_M)
         error_m += straight * (line_error_m - error_m)
@@ -162,7 +160,7 @@ def approach_rad(error_m: float, speed_mps: float, slope_per_m: float, path_per_
     if wanted_rad > joint_rad:
         cos = math.cos(joint_rad) - bend_per_m * (size_m - joint_rad / slope_per_m)
         wanted_rad = math.acos(max(cos, -1.0))
-    return math.copysign(min(wanted_rad, STEEPEST_RAD), error_m)
+    return math.copysign(min(wanted_rad, MAX_SLOPE_RAD), error_m)
 
 
 def _fading(value: float, whole_below: float, none_above: float) -> float:

@@ -18,11 +18,11 @@ from drivers.twin import twin
 from drivers.value import value
 from runtime.control.perception.geometry import Booleans, Floats, Places
 from runtime.control.perception.noise_bias import bias_learnt_m, roughness_m
-from runtime.control.wall_following.followed_wall import Beams, MyWall, SideView, around, bridge_glass, outline
+from runtime.control.wall_following.followed_wall import Beams, FollowedWall, SideView, around, bridge_glass, outline
 from runtime.control.wall_following.prediction import Shift
 from runtime.control.wall_following.wall_fit import CLEAN_INLIERS
 
-WIDEST_RAD = math.radians(85)
+MAX_ANGLE_RAD = math.radians(85)
 RADII_M = tuple(np.linspace(0.3, 3.0, 10).tolist())
 """The circles of the path: how far it is looked at by the speed profile."""
 _BEND_CIRCLES = 1, 5
@@ -51,7 +51,7 @@ class BallPath:
 
 
 @value(eq=False)
-class Rolled:
+class Rollout:
     """A ball rolled along the wall as seen from where the answer takes effect.
 
     nearest_m: the nearest of the wall's points. bias_m: how much nearer than the line that is; rough_m: the part of it
@@ -68,10 +68,10 @@ class Rolled:
     opposite_m: float
 
 
-def rolled(
-    seen: SideView, wall: MyWall, shift: Shift, bias_m: float, noise_m: float, desired_m: float,
+def roll_path(
+    seen: SideView, wall: FollowedWall, shift: Shift, bias_m: float, noise_m: float, desired_m: float,
     more_radii_m: tuple[float, ...],
-) -> Rolled:  # fmt: skip
+) -> Rollout:  # fmt: skip
     """Roll a ball of the desired distance, less the bias, along my wall, panes of glass filled in.
 
     bias_m: known before this scan; noise_m: see `noise_bias`. The circles are RADII_M, then `more_radii_m`.
@@ -80,12 +80,12 @@ def rolled(
     if wall.line is not None and wall.line.inliers > CLEAN_INLIERS:
         line_m, line_rad = wall.line.distance_m, wall.line.heading_rad
     radii_m = RADII_M + more_radii_m
-    nearest_m, bias_m, bend_per_m, opposite_m, path_rad, meets, crosses = rolled_along(
+    nearest_m, bias_m, bend_per_m, opposite_m, path_rad, meets, crosses = roll_ball(
         seen.x_m, seen.y_m, seen.solid, wall.beams, bridge_glass(seen, wall), shift.x_m, shift.y_m, shift.yaw_rad,
         line_m, line_rad, bias_m, noise_m, desired_m, radii_m,
     )  # fmt: skip
     rough_m = roughness_m(bias_m, noise_m)
-    return Rolled(BallPath(radii_m, path_rad, meets, crosses), nearest_m, bias_m, rough_m, bend_per_m, opposite_m)
+    return Rollout(BallPath(radii_m, path_rad, meets, crosses), nearest_m, bias_m, rough_m, bend_per_m, opposite_m)
 
 
 Circles = tuple[tuple[float, ...], tuple[bool, ...], tuple[bool, ...]]
@@ -93,7 +93,7 @@ Circles = tuple[tuple[float, ...], tuple[bool, ...], tuple[bool, ...]]
 
 
 @twin
-def rolled_along(  # flat arguments, as its twin in C wants them
+def roll_ball(  # flat arguments, as its twin in C wants them
     x_m: Floats,
     y_m: Floats,
     solid: Booleans,
@@ -156,15 +156,15 @@ def circles_met(range_m: Floats, wall_rad: Floats, ball_m: float, radii_m: tuple
     far = cos > 1.0
     np.minimum(cos, 1.0, out=cos)
     half_rad = np.arccos(np.maximum(cos, -1.0, out=cos), out=cos)
-    from_free_rad = (wall_rad + WIDEST_RAD) % math.tau
+    from_free_rad = (wall_rad + MAX_ANGLE_RAD) % math.tau
     all_round = (from_free_rad + half_rad).max(axis=1) > math.tau
     edge_rad = np.subtract(from_free_rad, half_rad, out=half_rad)
     edge_rad[far] = math.inf
     first_rad = edge_rad.min(axis=1)
     at_once = all_round | (first_rad < 0.0)
-    crosses = ~at_once & (first_rad <= 2 * WIDEST_RAD)
+    crosses = ~at_once & (first_rad <= 2 * MAX_ANGLE_RAD)
     meets = at_once | crosses
-    bearing_rad = np.where(crosses, first_rad, 0.0) - WIDEST_RAD
+    bearing_rad = np.where(crosses, first_rad, 0.0) - MAX_ANGLE_RAD
     if not meets.all():
         bearing_rad[~meets] = _nearest_rad(range_m, wall_rad, radius_m[~meets])
     return tuple(bearing_rad.tolist()), tuple(meets.tolist()), tuple(crosses.tolist())
@@ -172,7 +172,7 @@ def circles_met(range_m: Floats, wall_rad: Floats, ball_m: float, radii_m: tuple
 
 def _nearest_rad(range_m: Floats, wall_rad: Floats, radius_m: Floats) -> Floats:
     """Return the bearing on each circle that is nearest to the wall, shape (k,)."""
-    aim_rad = np.clip(wall_rad, -WIDEST_RAD, WIDEST_RAD)
+    aim_rad = np.clip(wall_rad, -MAX_ANGLE_RAD, MAX_ANGLE_RAD)
     along_m = range_m * np.cos(wall_rad - aim_rad)
     apart2 = range_m * range_m - 2.0 * np.multiply.outer(radius_m, along_m)  # and r^2, the same for all
     nearest: Floats = aim_rad[apart2.argmin(axis=1)]

@@ -6,7 +6,7 @@ that grew at once to the whole wanted distance would not fit into it: the car wo
 
 import math
 
-from runtime.control.wall_following.wall_fit import Line
+from runtime.control.wall_following.wall_fit import WallLine
 
 WIDENS_PER_M = 0.1
 """What was narrow is believed to become so much wider per metre of way, until another width is seen."""
@@ -28,7 +28,7 @@ class Room:
         """Return the wanted distance, or less where the way was narrower."""
         return min(desired_m, self._known_m)
 
-    def beside_m(self, line: Line | None, room_m: float, desired_m: float, moved_m: float) -> float:
+    def beside_m(self, line: WallLine | None, room_m: float, desired_m: float, moved_m: float) -> float:
         """Return the distance to keep beside a line of my wall, after so much way since the last scan.
 
         room_m: what this scan has room for, at most the wanted distance.

@@ -18,7 +18,7 @@ from drivers.twin import twin
 from drivers.value import value
 from runtime.control.perception.geometry import Floats, Places, bearings_rad
 from runtime.control.perception.view import View
-from runtime.control.wall_following.wall_fit import Line, LineFinder, wall_line
+from runtime.control.wall_following.wall_fit import LineFinder, WallLine, fit_wall_line
 
 Booleans = npt.NDArray[np.bool_]
 Beams = npt.NDArray[np.intp]
@@ -27,7 +27,7 @@ Beams = npt.NDArray[np.intp]
 CAP_M = 3.5
 """Points farther away are not my wall: without this the front wall joins left and right wall in a dead end."""
 GAP_DIAMETERS = 1.8
-WIDEST_GAP_M = 1.6
+MAX_GAP_M = 1.6
 """The ball does not fit through gaps narrower than its diameter; what lies beyond wider ones is another wall."""
 CROSSING_M = 0.6
 """A jump so wide from my side of the car to a wall that runs ahead on the other is a corridor, not a gap."""
@@ -37,10 +37,10 @@ SIDE_TO_RAD = math.radians(132)
 """My wall is the piece that holds the nearest return between these bearings."""
 LANE_FROM_RAD = math.radians(60)
 """Where the way on is narrow, from here on: ahead of a car that turns into a lane the other wall is the nearer one."""
-FEWEST_POINTS = 5
+MIN_POINTS = 5
 SMOOTHED_POINTS = 5
 THINNED_TO_M = 0.08
-NEAREST_M = 1e-3
+MIN_RANGE_M = 1e-3
 """No point counts as nearer to the rear axle: the ball's path divides by ranges."""
 GLASS_RANGE_M = 6.0
 GLASS_GAP_M = 4.5
@@ -53,7 +53,7 @@ ROOM_BESIDE_M = 0.5
 ROOM_REACH_M = 0.8
 """A point beside the rear axle is farther from the lidar, which is ahead of it, by no more than this."""
 ROOM_NEAREST_SHARE = 0.1
-ROOM_LEAST_GAIN_M = 0.03
+ROOM_MIN_GAIN_M = 0.03
 """Only this much less room than 2 D narrows D; otherwise noise would narrow a corridor of exactly 2 D."""
 
 
@@ -113,7 +113,7 @@ def side_view(view: View, side: Literal["left", "right"]) -> SideView:
 
 
 @value(eq=False)
-class MyWall:
+class FollowedWall:
     """The followed wall in one scan.
 
     beams: those that see it, in order. line: of its points beside the car, None where they are no line.
@@ -122,14 +122,14 @@ class MyWall:
     """
 
     beams: Beams
-    line: Line | None
+    line: WallLine | None
     room_m: float
     glass_to: int
 
 
-def my_wall(
-    seen: SideView, ball_m: float, expected: Line | None, desired_m: float, *, into_lane: bool = False
-) -> MyWall | None:
+def choose_wall(
+    seen: SideView, ball_m: float, expected: WallLine | None, desired_m: float, *, into_lane: bool = False
+) -> FollowedWall | None:
     """Return the followed wall, or None when no piece of wall is beside the car.
 
     Cut where neighbours are farther apart than the ball is thick, and where the eye jumps to the other wall of a narrow
@@ -142,19 +142,19 @@ def my_wall(
     side, lines = seen.side, seen.side.lines
     beside = side.in_lane if into_lane else side.beside
     expected_m, expected_rad = (math.nan, 0.0) if expected is None else (expected.distance_m, expected.heading_rad)
-    found = wall_beside(
+    found = find_followed_wall(
         seen.x_m, seen.y_m, seen.range_m, seen.solid, seen.no_echo, beside.start, beside.stop,
-        side.opposite_from, min(GAP_DIAMETERS * ball_m, WIDEST_GAP_M), lines.beams, lines.rear, lines.front,
+        side.opposite_from, min(GAP_DIAMETERS * ball_m, MAX_GAP_M), lines.beams, lines.rear, lines.front,
         expected_m, expected_rad, desired_m,
     )  # fmt: skip
     if found is None:
         return None
     beams, line, room_m, glass_to = found
-    return MyWall(beams, Line(*line) if line is not None else None, room_m, glass_to)
+    return FollowedWall(beams, WallLine(*line) if line is not None else None, room_m, glass_to)
 
 
 @twin
-def wall_beside(  # flat arguments, as its twin in C wants them
+def find_followed_wall(  # flat arguments, as its twin in C wants them
     x_m: Floats,
     y_m: Floats,
     range_m: Floats,
@@ -179,13 +179,13 @@ def wall_beside(  # flat arguments, as its twin in C wants them
     wall = wall_piece(x_m, y_m, range_m, solid, beside_from, beside_to, gap_m)
     if wall is None:
         return None
-    line = wall_line(x_m, y_m, range_m, solid, beams, rear, front, expected_m, expected_rad)
+    line = fit_wall_line(x_m, y_m, range_m, solid, beams, rear, front, expected_m, expected_rad)
     if line is None:
         return wall, None, desired_m, -1
     part = slice(opposite_from, None, ROOM_EVERY_BEAM)
     room_m = room_for(x_m[part], y_m[part], range_m[part], solid[part], line[0], line[1], desired_m)
     near = solid & (range_m < GLASS_RANGE_M)
-    return wall, line, room_m, pane_to(x_m, y_m, near, no_echo, int(wall[-1]), Line(*line))
+    return wall, line, room_m, pane_to(x_m, y_m, near, no_echo, int(wall[-1]), WallLine(*line))
 
 
 def wall_piece(
@@ -195,7 +195,7 @@ def wall_piece(
     index = np.flatnonzero(solid & (range_m < CAP_M))
     first = int(np.searchsorted(index, beside_from))
     last = int(np.searchsorted(index, beside_to))
-    if index.size < FEWEST_POINTS or last <= first:
+    if index.size < MIN_POINTS or last <= first:
         return None
     x_m, y_m = x_m[index], y_m[index]
     dx, dy = x_m[1:] - x_m[:-1], y_m[1:] - y_m[:-1]
@@ -213,7 +213,7 @@ def wall_piece(
                 end = jump + 1
                 break
             start = jump + 1
-    return index[start:end] if end - start >= FEWEST_POINTS else None
+    return index[start:end] if end - start >= MIN_POINTS else None
 
 
 def _is_opposite(x_m: Floats, y_m: Floats) -> bool:
@@ -249,11 +249,11 @@ def outline(x_m: Floats, y_m: Floats, wall: Beams) -> Places:
 def around(places_m: Places, x_m: float, y_m: float, yaw_rad: float) -> tuple[Floats, Floats, float]:
     """Return range_m and bearing_rad of places x + iy, (n,) each, seen from (x_m, y_m) at that heading; the nearest."""
     seen = (places_m - complex(x_m, y_m)) * cmath.rect(1.0, -yaw_rad)
-    range_m = np.maximum(np.abs(seen), NEAREST_M)
+    range_m = np.maximum(np.abs(seen), MIN_RANGE_M)
     return range_m, np.arctan2(seen.imag, seen.real), float(range_m.min(initial=math.inf))
 
 
-def pane_to(x_m: Floats, y_m: Floats, near: Booleans, no_echo: Booleans, end: int, line: Line) -> int:
+def pane_to(x_m: Floats, y_m: Floats, near: Booleans, no_echo: Booleans, end: int, line: WallLine) -> int:
     """Return the beam at the far end of a pane of glass beyond the beam `end`, the last of my wall; -1: there is none.
 
     A pane returns only the beams near its normal. If points lie on the wall's line beyond the gap, and most beams
@@ -264,7 +264,7 @@ def pane_to(x_m: Floats, y_m: Floats, near: Booleans, no_echo: Booleans, end: in
     if np.count_nonzero(no_echo[beyond : beyond + GLASS_FIRST_BEAMS]) < GLASS_FIRST_BEAMS // 2:
         return -1  # the usual case, at once
     on_line = near[beyond:] & (np.abs(line.offsets_m(x_m[beyond:], y_m[beyond:])) < GLASS_ON_LINE_M)
-    if np.count_nonzero(on_line) < FEWEST_POINTS:
+    if np.count_nonzero(on_line) < MIN_POINTS:
         return -1
     far = beyond + int(on_line.argmax())
     gap_m = math.hypot(x_m[far] - x_m[end], y_m[far] - y_m[end])
@@ -273,7 +273,7 @@ def pane_to(x_m: Floats, y_m: Floats, near: Booleans, no_echo: Booleans, end: in
     return far if is_pane else -1
 
 
-def bridge_glass(seen: SideView, wall: MyWall) -> Places | None:
+def bridge_glass(seen: SideView, wall: FollowedWall) -> Places | None:
     """Return places x + iy, shape (k,), that fill the pane of glass beyond the front end of my wall, or None."""
     line, far = wall.line, wall.glass_to
     if line is None or far < 0:
@@ -292,7 +292,7 @@ def room_for(
     x_m: Floats, y_m: Floats, range_m: Floats, solid: Booleans, line_m: float, heading_rad: float, desired_m: float
 ) -> float:
     """Return D' for a line on the left at a distance and a heading, and points that may be on the other side."""
-    if np.count_nonzero(range_m < 2 * desired_m - line_m + ROOM_REACH_M) < FEWEST_POINTS:
+    if np.count_nonzero(range_m < 2 * desired_m - line_m + ROOM_REACH_M) < MIN_POINTS:
         return desired_m  # the usual case in the open, at once
     cos, sin = math.cos(heading_rad), math.sin(heading_rad)
     across = sin * x_m
@@ -300,9 +300,9 @@ def room_for(
     x_m = cos * x_m
     x_m += sin * y_m
     opposite = across[solid & (np.abs(x_m) < ROOM_BESIDE_M) & (across > 0.0)]
-    if opposite.size < FEWEST_POINTS:
+    if opposite.size < MIN_POINTS:
         return desired_m
     nearest = max(1, round(ROOM_NEAREST_SHARE * opposite.size))
     opposite.partition(nearest - 1)
     free_m = line_m + float(opposite[:nearest].mean())
-    return free_m / 2 if free_m / 2 < desired_m - ROOM_LEAST_GAIN_M else desired_m
+    return free_m / 2 if free_m / 2 < desired_m - ROOM_MIN_GAIN_M else desired_m

@@ -10,14 +10,14 @@ from drivers.value import value
 
 _STEP_S = 0.015
 _GRAVITY_MPS2 = 9.81
-_SLOWEST_MPS = 0.1
+_MIN_SPEED_MPS = 0.1
 _GRIP_MU = 0.8
 """Only bounds the yaw rate that the steering angle promises; the car turns no faster than it can grip."""
 WIRE_S = 0.02
 """From a scan's arrival to its answer on the wire, until it has been measured."""
 _SCAN_S = 0.025
-LONGEST_WIRE_S = 0.2
-MOST_TOLD = 12
+MAX_WIRE_S = 0.2
+MAX_TOLD = 12
 """So many answers are remembered."""
 SAME_RAD = 1e-6
 """Two angles so near to each other are the same answer."""
@@ -45,7 +45,7 @@ Wire = tuple[float, float, float]
 
 
 @dataclass(slots=True)
-class Answers:
+class SteeringHistory:
     """The last steering answers, and how long they take to the wire, by what the motor says it was told.
 
     rate_radps: the limiter before the wire lets the steering change no faster.
@@ -58,8 +58,8 @@ class Answers:
     def said(self, now_s: float, steering_rad: float) -> None:
         """Remember the answer to a scan that came at that time."""
         last_s, last_rad = self.told[-1] if self.told else (now_s - _SCAN_S, 0.0)
-        angle_rad = towards(last_rad, steering_rad, self.rate_radps * max(now_s - last_s, 0.0))
-        self.told = (*self.told[1 - MOST_TOLD :], (now_s, angle_rad))
+        angle_rad = slew_towards(last_rad, steering_rad, self.rate_radps * max(now_s - last_s, 0.0))
+        self.told = (*self.told[1 - MAX_TOLD :], (now_s, angle_rad))
 
 
 def to_wire_s(wire: Wire) -> float:
@@ -67,7 +67,7 @@ def to_wire_s(wire: Wire) -> float:
     return (wire[1] + wire[2]) / 2
 
 
-def measured(told: Told, wire: Wire, stamp_s: float, angle_rad: float) -> Wire:
+def learn_wire_delay(told: Told, wire: Wire, stamp_s: float, angle_rad: float) -> Wire:
     """Return the wire after the motor said what it was told last: that had arrived, and the next answer had not."""
     same = [place for place, (_, told_rad) in enumerate(told) if abs(told_rad - angle_rad) < SAME_RAD]
     if len(same) != 1:
@@ -76,7 +76,7 @@ def measured(told: Told, wire: Wire, stamp_s: float, angle_rad: float) -> Wire:
     next_s = [told_s for told_s, _ in told[same[0] + 1 :]]
     now_most_s = stamp_s - told[same[0]][0]
     now_least_s = max(stamp_s - next_s[0], 0.0) if next_s else 0.0
-    if not 0.0 <= now_most_s <= LONGEST_WIRE_S:
+    if not 0.0 <= now_most_s <= MAX_WIRE_S:
         return stamp_s, least_s, most_s
     if now_most_s < least_s or now_least_s > most_s:  # it has changed, or was never measured
         return stamp_s, now_least_s, now_most_s
@@ -104,7 +104,7 @@ class Predictor:
         self._rate_radps = steering_rate_radps
         self._servo_rad = 0.0
         self._stamp_s: float | None = None
-        self.answers = Answers(steering_rate_radps)
+        self.answers = SteeringHistory(steering_rate_radps)
         self.wheel_rad = 0.0
         """Mean servo angle between the last two scans."""
 
@@ -120,7 +120,7 @@ class Predictor:
         since_s = 0.0 if self._stamp_s is None else min(max(stamp_s - self._stamp_s, 0.0), 1.0)
         self._stamp_s = stamp_s
         before_rad = self._servo_rad
-        self.answers.wire, self._servo_rad, x_m, y_m, yaw_rad = foreseen(
+        self.answers.wire, self._servo_rad, x_m, y_m, yaw_rad = predict_motion(
             self.answers.told, self.answers.wire, motor.stamp_s, motor.speed_mps, motor.steering_rad, before_rad,
             stamp_s, since_s, ahead_s, self._wheelbase_m, trim_rad, self._rate_radps,
         )  # fmt: skip
@@ -129,7 +129,7 @@ class Predictor:
 
 
 @twin
-def foreseen(  # flat arguments, as its twin in C wants them
+def predict_motion(  # flat arguments, as its twin in C wants them
     told: Told,
     wire: Wire,
     motor_s: float,
@@ -149,16 +149,16 @@ def foreseen(  # flat arguments, as its twin in C wants them
     the last scan, since_s before this one, which was taken at scan_s. ahead_s: how long the motion goes on after its
     answer is on the wire.
     """
-    wire = measured(told, wire, motor_s, steering_rad)
-    servo_rad = towards(servo_rad, steering_rad, rate_radps * since_s)
+    wire = learn_wire_delay(told, wire, motor_s, steering_rad)
+    servo_rad = slew_towards(servo_rad, steering_rad, rate_radps * since_s)
     coming = [(there_s - scan_s, angle_rad) for there_s, angle_rad in in_flight(told, wire, motor_s)]
     ahead_s += to_wire_s(wire)
     steps = max(1, round(ahead_s / _STEP_S))
     motion = speed_mps, wheelbase_m, trim_rad, rate_radps, ahead_s / steps
-    return wire, servo_rad, *rolled_ahead(motion, (servo_rad, steering_rad), coming, steps)
+    return wire, servo_rad, *roll_ahead(motion, (servo_rad, steering_rad), coming, steps)
 
 
-def rolled_ahead(
+def roll_ahead(
     motion: tuple[float, float, float, float, float],
     steering: tuple[float, float],
     coming: list[tuple[float, float]],
@@ -172,12 +172,12 @@ def rolled_ahead(
     speed_mps, wheelbase_m, trim_rad, rate_radps, dt_s = motion
     angle_rad, target_rad = steering
     x_m = y_m = yaw_rad = 0.0
-    most_radps = _GRIP_MU * _GRAVITY_MPS2 / max(abs(speed_mps), _SLOWEST_MPS)
+    most_radps = _GRIP_MU * _GRAVITY_MPS2 / max(abs(speed_mps), _MIN_SPEED_MPS)
     waiting = deque(coming)
     for step in range(steps):
         while waiting and waiting[0][0] <= step * dt_s:
             target_rad = waiting.popleft()[1]
-        angle_rad = towards(angle_rad, target_rad, rate_radps * dt_s)
+        angle_rad = slew_towards(angle_rad, target_rad, rate_radps * dt_s)
         rate = min(max(speed_mps * math.tan(angle_rad + trim_rad) / wheelbase_m, -most_radps), most_radps)
         middle_rad = yaw_rad + rate * dt_s / 2
         x_m += speed_mps * math.cos(middle_rad) * dt_s
@@ -186,6 +186,6 @@ def rolled_ahead(
     return x_m, y_m, yaw_rad
 
 
-def towards(from_rad: float, to_rad: float, most_rad: float) -> float:
+def slew_towards(from_rad: float, to_rad: float, most_rad: float) -> float:
     """Return the angle at most so far from the first one on the way to the second."""
     return from_rad + min(max(to_rad - from_rad, -most_rad), most_rad)

@@ -1,7 +1,7 @@
 """The wall as one straight line from one scan, or no line: RANSAC with fixed pairs of beams (Fischler & Bolles 1981).
 
 The pairs are drawn once, with a fixed seed, so that the same scan gives the same line. Everything is for a wall on the
-left; for the right-hand side hand in mirrored points (`side_view` in `runtime.control.my_wall`).
+left; for the right-hand side hand in mirrored points (`side_view` in `followed_wall`).
 Line: all points p with n . p = d, n = (-sin a, cos a); a is the line's heading, d > 0 its distance, both seen from the
 origin of the points (here base_link, the rear axle).
 """
@@ -22,22 +22,22 @@ FROM_RAD = math.radians(20)
 TO_RAD = math.radians(126)
 APART_RAD = math.radians(0.75)
 """The beams that are asked are so far apart, where the sensor's own are nearer to each other."""
-NEAREST_M = 0.2
-FARTHEST_M = 5.0
+MIN_RANGE_M = 0.2
+MAX_RANGE_M = 5.0
 PAIRS = 64
 PAIR_FROM_RAD, PAIR_TO_RAD = math.radians(4.5), math.radians(33)
 """The two beams of a pair are so far apart."""
 GATES_M = (0.08, 0.08, 0.06)
 """How near a point must be to the line to belong to it: in the vote, and in each of the refits."""
-STEEPEST_RAD = math.radians(60)
-_STEEPEST_COS = math.cos(STEEPEST_RAD)
-NEAREST_LINE_M = 0.1
+MAX_SLOPE_RAD = math.radians(60)
+_MAX_SLOPE_COS = math.cos(MAX_SLOPE_RAD)
+MIN_LINE_M = 0.1
 VOTE_RANGE_M = 2.0
 """A vote counts as much as its range, up to here: it undoes the crowding of the near beams."""
 NEARER_WINS_PER_M = 0.25
 WINS_WITH = 0.9
 """Share of all votes with which an expected line is taken without a vote: no other can have as many."""
-FEWEST_INLIERS = 8
+MIN_INLIERS = 8
 CLEAN_INLIERS = 45
 """A line on no more beams than this is no long straight wall, nothing to be learnt from: 34 degrees of them, 45 of a
 sensor with 1 degree a beam."""
@@ -45,7 +45,7 @@ _SEED = 20
 
 
 @value()
-class Line:
+class WallLine:
     """A straight wall on the left.
 
     distance_m: from the rear axle along the normal. heading_rad: seen from the car. inliers: beams on it.
@@ -55,10 +55,10 @@ class Line:
     heading_rad: float
     inliers: int
 
-    def seen_from(self, x_m: float, y_m: float, yaw_rad: float) -> "Line":
+    def seen_from(self, x_m: float, y_m: float, yaw_rad: float) -> "WallLine":
         """Return the same line seen from another place, which is given in the present frame."""
         nearer_m = math.cos(self.heading_rad) * y_m - math.sin(self.heading_rad) * x_m
-        return Line(self.distance_m - nearer_m, self.heading_rad - yaw_rad, self.inliers)
+        return WallLine(self.distance_m - nearer_m, self.heading_rad - yaw_rad, self.inliers)
 
     def offsets_m(self, x_m: Floats, y_m: Floats) -> Floats:
         """Return how far beyond the line each point is, negative on the car's side."""
@@ -93,20 +93,20 @@ class LineFinder:
         self.rear = np.where(towards_front, pairs[:, 1], pairs[:, 0])
 
     def find(
-        self, x_m: Floats, y_m: Floats, range_m: Floats, usable: Booleans, expected: Line | None = None
-    ) -> Line | None:
+        self, x_m: Floats, y_m: Floats, range_m: Floats, usable: Booleans, expected: WallLine | None = None
+    ) -> WallLine | None:
         """Return the wall's line, or None where there is none to speak of: never a guess.
 
         All (n,), wall on the left; x_m, y_m in base_link, range_m from the lidar, `usable` a mask of beams to believe.
         expected: where the line should be by the last scan; if it has most of all votes there, no other line is tried.
         """
         wanted_m, wanted_rad = (math.nan, 0.0) if expected is None else (expected.distance_m, expected.heading_rad)
-        found = wall_line(x_m, y_m, range_m, usable, self.beams, self.rear, self.front, wanted_m, wanted_rad)
-        return None if found is None else Line(*found)
+        found = fit_wall_line(x_m, y_m, range_m, usable, self.beams, self.rear, self.front, wanted_m, wanted_rad)
+        return None if found is None else WallLine(*found)
 
 
 @twin
-def wall_line(
+def fit_wall_line(
     x_m: Floats,
     y_m: Floats,
     range_m: Floats,
@@ -122,8 +122,8 @@ def wall_line(
     rear, front: the pairs, as places in `beams`. expected_m: NaN where no line is expected.
     """
     range_m = range_m[beams]
-    valid = usable[beams] & (range_m > NEAREST_M) & (range_m < FARTHEST_M)
-    if np.count_nonzero(valid) < FEWEST_INLIERS or not front.size:
+    valid = usable[beams] & (range_m > MIN_RANGE_M) & (range_m < MAX_RANGE_M)
+    if np.count_nonzero(valid) < MIN_INLIERS or not front.size:
         return None
     points = np.empty((3, beams.size))
     points[0] = 1.0
@@ -131,7 +131,7 @@ def wall_line(
     points[2] = np.where(valid, y_m[beams], 0.0)
     weight = np.where(valid, np.minimum(range_m, VOTE_RANGE_M), 0.0)
     if not math.isnan(expected_m):
-        expected = Line(expected_m, expected_rad, 0)
+        expected = WallLine(expected_m, expected_rad, 0)
         members = valid & (np.abs(expected.offsets_m(points[1], points[2])) < GATES_M[0])
         if float(weight @ members) > WINS_WITH * float(weight.sum()):
             return _refined(points, valid, members, GATES_M[2:])
@@ -153,7 +153,7 @@ def _planes(points: Floats, valid: Booleans, rear: Indices, front: Indices) -> F
     length += 1e-9
     cos, sin = ahead / length, aside / length
     distance = cos * behind[1] - sin * behind[0]
-    good = valid[front] & valid[rear] & (cos > _STEEPEST_COS) & (distance > NEAREST_LINE_M)
+    good = valid[front] & valid[rear] & (cos > _MAX_SLOPE_COS) & (distance > MIN_LINE_M)
     planes = np.stack((-distance, -sin, cos), axis=1)
     kept: Floats = planes[good]
     return kept
@@ -167,7 +167,7 @@ def _refined(
     transposed = points.T
     for gate_m in (*gates_m, None):
         (count, sx, sy), (_, sxx, sxy), (_, _, syy) = ((points * members) @ transposed).tolist()
-        if count < FEWEST_INLIERS:
+        if count < MIN_INLIERS:
             return None
         mx, my = sx / count, sy / count
         heading_rad = 0.5 * math.atan2(2 * (sxy / count - mx * my), (sxx - syy) / count - mx * mx + my * my)

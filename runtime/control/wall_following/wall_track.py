@@ -17,9 +17,9 @@ have, and came back to the wall too wide.)
 import math
 
 from drivers.twin import twin
-from runtime.control.wall_following.wall_fit import CLEAN_INLIERS, Line
+from runtime.control.wall_following.wall_fit import CLEAN_INLIERS, WallLine
 
-MOST_TRIM_RAD = 0.06
+MAX_TRIM_RAD = 0.06
 JUMP_M = 0.15
 JUMP_RAD = 0.15
 """A line that is found so far from where it was expected is another wall."""
@@ -51,7 +51,7 @@ class WallTrack:
 
     def __init__(self, wheelbase_m: float) -> None:
         self._wheelbase_m = wheelbase_m
-        self._line: Line | None = None
+        self._line: WallLine | None = None
         self._state: State = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, TRIM_START_STD_RAD**2, 0.0, 0.0, 1.0)
 
     @property
@@ -65,7 +65,7 @@ class WallTrack:
         self._state = (d, a, -trim, *others, unrest, -wheel, new)
         self._line = None
 
-    def expect(self, way_m: float, wheel_rad: float, speed_mps: float, *, straight: bool = True) -> Line | None:
+    def expect(self, way_m: float, wheel_rad: float, speed_mps: float, *, straight: bool = True) -> WallLine | None:
         """Return where the line should be after `way_m` since the last scan, None where none is tracked.
 
         wheel_rad: the servo's mean angle on that way. straight: whether the wall is; one that bends with the car looks
@@ -74,10 +74,10 @@ class WallTrack:
         if self._line is None:
             return None
         unrest_rad = 0.0 if straight else BENT_UNREST_RAD
-        self._state = predicted(self._state, way_m, wheel_rad, speed_mps, self._wheelbase_m, unrest_rad)
-        return Line(self._state[0], self._state[1], self._line.inliers)
+        self._state = predict_wall(self._state, way_m, wheel_rad, speed_mps, self._wheelbase_m, unrest_rad)
+        return WallLine(self._state[0], self._state[1], self._line.inliers)
 
-    def correct(self, found: Line | None) -> Line | None:
+    def correct(self, found: WallLine | None) -> WallLine | None:
         """Take one scan's line and return the tracked one, None without a clean one."""
         if found is None or found.inliers <= CLEAN_INLIERS:
             self._line = None
@@ -85,16 +85,16 @@ class WallTrack:
         d, a, trim, *_, trim_var, unrest, wheel, _ = self._state
         same = abs(found.distance_m - d) < JUMP_M and abs(found.heading_rad - a) < JUMP_RAD
         if self._line is not None and same:
-            self._state = corrected(self._state, found.distance_m, found.heading_rad)
+            self._state = correct_wall(self._state, found.distance_m, found.heading_rad)
         else:
             variances = LINE_STD_M**2, LINE_STD_RAD**2, 0.0, 0.0, 0.0, trim_var
             self._state = (found.distance_m, found.heading_rad, trim, *variances, unrest, wheel, 1.0)
-        self._line = Line(self._state[0], self._state[1], found.inliers)
+        self._line = WallLine(self._state[0], self._state[1], found.inliers)
         return self._line
 
 
 @twin
-def predicted(
+def predict_wall(
     state: State, way_m: float, wheel_rad: float, speed_mps: float, wheelbase_m: float, unrest_at_least_rad: float
 ) -> State:
     """Return the state after a way at a mean angle of the servo.
@@ -122,7 +122,7 @@ def predicted(
 
 
 @twin
-def corrected(state: State, distance_m: float, heading_rad: float) -> State:
+def correct_wall(state: State, distance_m: float, heading_rad: float) -> State:
     """Return the state after a line was found: two scalar Kalman updates, one after the other."""
     d, a, trim, dd, aa, da, dt, at, tt, *rest = state
     share = 1.0 / (dd + LINE_STD_M**2)
@@ -141,4 +141,4 @@ def corrected(state: State, distance_m: float, heading_rad: float) -> State:
 
 
 def _possible(trim_rad: float) -> float:
-    return min(max(trim_rad, -MOST_TRIM_RAD), MOST_TRIM_RAD)
+    return min(max(trim_rad, -MAX_TRIM_RAD), MAX_TRIM_RAD)

@@ -42,7 +42,7 @@ _SAMPLE_M = 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class BuildingStart:
     """Where a run begins. number: along the walls of its map."""
 
     number: int
@@ -68,7 +68,7 @@ def _geometry(path: str) -> GridGeometry:
 
 
 @lru_cache(maxsize=64)
-def places_on(path: str, side: Side, desired_m: float) -> tuple[Place, ...]:
+def places_on(path: str, side: Side, desired_m: float) -> tuple[BuildingStart, ...]:
     """Return the places of a map for a side and a wanted distance; none where that distance fits nowhere."""
     from scipy import ndimage
 
@@ -78,7 +78,7 @@ def places_on(path: str, side: Side, desired_m: float) -> tuple[Place, ...]:
         return ()
     rolled = places(away_m, geometry.cell_m, desired_m, side)
     good, corner = _good(rolled, geometry.cell_m)
-    found: list[Place] = []
+    found: list[BuildingStart] = []
     for which, count in ((corner, PLACES), (~corner, WALLS)):
         index = np.flatnonzero(good & which)
         if not index.size:
@@ -109,7 +109,9 @@ def _good(rolled: Places, cell_m: float) -> tuple[Booleans, Booleans]:
     return good, corner
 
 
-def _started(world: World, rolled: Places, index: int, desired_m: float, number: int, *, corner: bool) -> Place | None:
+def _started(
+    world: World, rolled: Places, index: int, desired_m: float, number: int, *, corner: bool
+) -> BuildingStart | None:
     """Return a place with the first start, from its own on, that has room; None where none has."""
     geometry = world.geometry
     assert isinstance(geometry, GridGeometry)  # noqa: S101 - maps are grids
@@ -125,5 +127,5 @@ def _started(world: World, rolled: Places, index: int, desired_m: float, number:
         pose = Pose(at.x_m, at.y_m, at.yaw_rad + sign * toward_rad)
         free = all(world.clearance(pose.ahead(way_m)) > ROOM_M for way_m in (0.0, AHEAD_M))
         if free and abs(world.wall_distance_m(at) - share * desired_m) < OFF_M:
-            return Place(number, name, pose, corner)
+            return BuildingStart(number, name, pose, corner)
     return None

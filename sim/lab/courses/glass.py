@@ -14,7 +14,7 @@ SEEN_WITHIN_RAD = math.radians(4.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Glazed:
+class GlassWall:
     """A world, part of whose wall is glass, with nothing behind it.
 
     pane_m: (x0, y0, x1, y1), lying in a wall of the world.

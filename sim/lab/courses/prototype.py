@@ -18,10 +18,10 @@ import numpy as np
 
 from drivers.api import Drive, MotorState, Scan
 from runtime.control.guidance import Guidance
-from runtime.control.perception.view import Eyes
+from runtime.control.perception.view import PerceptionCache
 from runtime.control.vehicle import CarSettings
 from runtime.control.wall_following.followed_wall import SideView, side_view
-from runtime.control.wall_following.wall_fit import CLEAN_INLIERS, Line
+from runtime.control.wall_following.wall_fit import CLEAN_INLIERS, WallLine
 from sim.world.pose import Floats, Side
 
 KP_RAD_PER_M, KD = 0.35, 1.5
@@ -29,10 +29,10 @@ LOOK_AHEAD_M, LOOK_AHEAD_S = 0.4, 0.3
 PREDICTED_S = 0.045
 MU = 0.5
 """Friction that the speed profile counts on: "0.5 until a floor is measured"."""
-CAP_M, GAP_DIAMETERS, WIDEST_GAP_M = 3.5, 1.8, 1.6
+CAP_M, GAP_DIAMETERS, MAX_GAP_M = 3.5, 1.8, 1.6
 BESIDE_FROM_RAD, BESIDE_TO_RAD = math.radians(11), math.radians(132)
-FEWEST_POINTS, SMOOTHED_POINTS, THINNED_TO_M = 5, 5, 0.06
-ROOM_ALONG_M, ROOM_NEAREST_SHARE, ROOM_LEAST_GAIN_M = 0.5, 0.1, 0.03
+MIN_POINTS, SMOOTHED_POINTS, THINNED_TO_M = 5, 5, 0.06
+ROOM_ALONG_M, ROOM_NEAREST_SHARE, ROOM_MIN_GAIN_M = 0.5, 0.1, 0.03
 BIAS_ABOVE_M, BIAS_BELOW_M, BIAS_LOW_PASS = -0.02, 0.12, 0.1
 FADE_PER_SCAN, NO_WALL_MPS = 0.05, 0.5
 LATERAL_SHARE, BRAKE_SHARE = 0.75, 0.6
@@ -45,7 +45,7 @@ _GRAVITY_MPS2 = 9.81
 class Prototype:
     """Is a Follower; its settings are constants."""
 
-    def __init__(self, side: Side, desired_m: float, speed_mps: float, car: CarSettings, eyes: Eyes) -> None:
+    def __init__(self, side: Side, desired_m: float, speed_mps: float, car: CarSettings, eyes: PerceptionCache) -> None:
         self._side: Side = side
         self._desired_m, self._speed_mps = desired_m, speed_mps
         self._car = car
@@ -81,8 +81,8 @@ class Prototype:
         return Guidance(drive, nearest_m + self._bias_m, nearest_m - ball_m, heading_rad, "wall")
 
     def _predicted(
-        self, wall_m: Floats, line: Line | None, speed_mps: float, wheel_rad: float
-    ) -> tuple[Floats, Line | None]:
+        self, wall_m: Floats, line: WallLine | None, speed_mps: float, wheel_rad: float
+    ) -> tuple[Floats, WallLine | None]:
         """Return the wall as it will be seen PREDICTED_S from now."""
         way_m = speed_mps * PREDICTED_S
         turn_rad = way_m * math.tan(wheel_rad) / self._car.wheelbase_m
@@ -125,9 +125,9 @@ def wall_points_m(seen: SideView, desired_m: float) -> Floats | None:
         return None
     points = np.stack([seen.x_m[index], seen.y_m[index]])
     apart_m = np.hypot(*(points[:, 1:] - points[:, :-1]))
-    piece = np.concatenate([[0], np.cumsum(apart_m > min(GAP_DIAMETERS * desired_m, WIDEST_GAP_M))])
+    piece = np.concatenate([[0], np.cumsum(apart_m > min(GAP_DIAMETERS * desired_m, MAX_GAP_M))])
     mine = points[:, piece == piece[beside[seen.range_m[index[beside]].argmin()]]]
-    if mine.shape[1] < FEWEST_POINTS:
+    if mine.shape[1] < MIN_POINTS:
         return None
     half, smooth = SMOOTHED_POINTS // 2, mine.copy()
     kernel = np.ones(SMOOTHED_POINTS) / SMOOTHED_POINTS
@@ -138,16 +138,16 @@ def wall_points_m(seen: SideView, desired_m: float) -> Floats | None:
     return thinned
 
 
-def room_m(seen: SideView, line: Line, desired_m: float) -> float:
+def room_m(seen: SideView, line: WallLine, desired_m: float) -> float:
     """Return D, or half of the free width between the wall's line and the opposite side where that is less."""
     cos, sin = math.cos(line.heading_rad), math.sin(line.heading_rad)
     along, across = cos * seen.x_m + sin * seen.y_m, sin * seen.x_m - cos * seen.y_m
     opposite = np.sort(across[seen.solid & (np.abs(along) < ROOM_ALONG_M) & (across > 0.0)])
-    if opposite.size < FEWEST_POINTS:
+    if opposite.size < MIN_POINTS:
         return desired_m
     nearest = max(1, round(ROOM_NEAREST_SHARE * opposite.size))
     half_m = (line.distance_m + float(opposite[:nearest].mean())) / 2
-    return half_m if half_m < desired_m - ROOM_LEAST_GAIN_M else desired_m
+    return half_m if half_m < desired_m - ROOM_MIN_GAIN_M else desired_m
 
 
 def target_rad(wall_m: Floats, radius_m: float, ball_m: float) -> tuple[float, bool]:

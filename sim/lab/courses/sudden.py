@@ -41,7 +41,7 @@ BOXES = {
 
 
 @dataclass(slots=True)
-class Blind:
+class BlindDriver:
     """A driver that looks at nothing: one speed, straight on until `turns_at_s`, then one steering angle."""
 
     speed_mps: float
@@ -55,7 +55,7 @@ class Blind:
 
 
 @dataclass(frozen=True, slots=True)
-class Sudden:
+class SuddenRun:
     """One of the runs by its words; driver "blind" drives straight on beside a wall and meets a box of 0.5 m."""
 
     driver: str
@@ -64,7 +64,7 @@ class Sudden:
     ahead_m: float
 
     @classmethod
-    def named(cls, scenario: str) -> "Sudden":
+    def named(cls, scenario: str) -> "SuddenRun":
         """Return what a cell's scenario says."""
         if scenario.endswith(" m"):
             return cls("blind", "wall", "0.5 m", float(scenario.removesuffix(" m")))
@@ -87,7 +87,7 @@ def scenarios(distances_m: tuple[float, ...], *, quick: bool) -> list[str]:
 
 def case_of(cell: Cell) -> Case:
     """Return the run of a cell."""
-    sudden = Sudden.named(cell.scenario)
+    sudden = SuddenRun.named(cell.scenario)
     width_m, left_m = BOXES.get(sudden.box, (0.5, 0.0))
     return Case(
         world_of(PLACES[sudden.place], cell.side),
@@ -117,11 +117,11 @@ class FullBrake:
 def laws_of(cell: Cell) -> tuple[Follower, Guard | None]:
     """Return who drives, and who looks out."""
     follower, guard = laws.build(cell.law, cell.side, cell.desired_m, cell.speed_mps)
-    match Sudden.named(cell.scenario).driver:
+    match SuddenRun.named(cell.scenario).driver:
         case "blind":
-            return Blind(cell.speed_mps), guard
+            return BlindDriver(cell.speed_mps), guard
         case "human":
             away_rad = -side_sign(cell.side) * CarSettings().max_steering_rad
-            return Blind(cell.speed_mps, away_rad, HUMAN_BEGINS_S), guard
+            return BlindDriver(cell.speed_mps, away_rad, HUMAN_BEGINS_S), guard
         case _:
             return follower, guard

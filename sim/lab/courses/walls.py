@@ -11,7 +11,7 @@ from functools import lru_cache
 
 from sim.car.vehicle import VehicleSettings
 from sim.lab.cell import DESIRED_M
-from sim.lab.courses.glass import Glazed
+from sim.lab.courses.glass import GlassWall
 from sim.lab.limit import Task, Wall
 from sim.virtual.closed_loop import ROUGH_BEAMS, Case
 from sim.world.beams import LidarSettings
@@ -129,9 +129,9 @@ def _start(course: Course, side: Side, desired_m: float) -> Pose:
 
 
 @lru_cache(maxsize=2)
-def _glazed(side: Side) -> Glazed:
+def _glazed(side: Side) -> GlassWall:
     sign = 1.0 if side == "left" else -1.0
-    return Glazed(world_of("straight", side), (_PANE_FROM_M, sign, _PANE_TO_M, sign))
+    return GlassWall(world_of("straight", side), (_PANE_FROM_M, sign, _PANE_TO_M, sign))
 
 
 def _spoil(case: Case, how: str, side: Side) -> Case:

@@ -14,7 +14,7 @@ import numpy as np
 from runtime.control.perception.view import BODY_BEYOND_RAD
 from runtime.control.perception.window_dirt import SMUDGE_NEARER_THAN_M
 from runtime.control.vehicle import CarSettings
-from sim.lab.recorded.replay import Judged, Replay
+from sim.lab.recorded.replay import JudgedScan, Replay
 from sim.lab.recorded.scan_motion import ScanMotion
 from sim.world.pose import Floats
 
@@ -48,7 +48,7 @@ class Episode:
 
 def episodes(done: Replay) -> list[Episode]:
     """Return every interference, in order."""
-    rows: list[list[Judged]] = []
+    rows: list[list[JudgedScan]] = []
     for judged in done.judged:
         if not judged.capped:
             continue
@@ -59,7 +59,7 @@ def episodes(done: Replay) -> list[Episode]:
     return [_episode(done, row) for row in rows]
 
 
-def _episode(done: Replay, row: list[Judged]) -> Episode:
+def _episode(done: Replay, row: list[JudgedScan]) -> Episode:
     worst = min(row, key=lambda judged: judged.verdict.forward_mps)
     number = worst.scan.sequence
     room_m = room_along_m(done.motion, done.judged, number)
@@ -86,7 +86,7 @@ def _outcome(done: Replay, number: int, room_m: float) -> Outcome:
     return "passed"
 
 
-def _next(judged: list[Judged], number: int) -> list[int]:
+def _next(judged: list[JudgedScan], number: int) -> list[int]:
     """Return the scans of the next second, without those behind a hole."""
     begun_s, scans = judged[number].scan.stamp_s, []
     for scan in range(number, len(judged)):
@@ -96,7 +96,7 @@ def _next(judged: list[Judged], number: int) -> list[int]:
     return scans
 
 
-def room_along_m(motion: ScanMotion, judged: list[Judged], number: int) -> float:
+def room_along_m(motion: ScanMotion, judged: list[JudgedScan], number: int) -> float:
     """Return how near what a scan shows came to the car's bare outline on the way that it really took."""
     view, car = judged[number].outlook.view, CarSettings()
     # What is so near behind the lidar comes along with the car: its own parts, or dirt.

@@ -10,10 +10,10 @@ import math
 
 import numpy as np
 
-from runtime.control.perception.view import Eyes
+from runtime.control.perception.view import PerceptionCache
 from runtime.control.vehicle import CarSettings
 from runtime.control.wall_following.followed_wall import SIDE_FROM_RAD, SIDE_TO_RAD, side_view
-from sim.lab.recorded.replay import Judged, Replay, wall_line
+from sim.lab.recorded.replay import JudgedScan, Replay, wall_line
 
 
 def first_offsets_m(done: Replay) -> tuple[float, float]:
@@ -26,9 +26,9 @@ def first_offsets_m(done: Replay) -> tuple[float, float]:
     return first.distance_m - line_m, min(offsets_m, key=abs, default=math.nan)
 
 
-def _truths_m(judged: Judged, done: Replay) -> tuple[float, float, float]:
+def _truths_m(judged: JudgedScan, done: Replay) -> tuple[float, float, float]:
     """Return the distance of the wall's line, of the nearest thing beside the car, and of the nearest anywhere."""
-    eyes = Eyes(CarSettings())
+    eyes = PerceptionCache(CarSettings())
     eyes.ignore(done.parts)
     view = eyes.see(judged.scan)
     line, seen = wall_line(view, done.side), side_view(view, done.side)

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from runtime.control.vehicle import CarSettings
 from sim.lab.recorded.episodes import Episode
-from sim.lab.recorded.replay import Judged, Replay
+from sim.lab.recorded.replay import JudgedScan, Replay
 from sim.lab.recorded.scan_motion import bearing_deg
 from sim.world.pose import CAR, Pose
 
@@ -83,7 +83,7 @@ def save_window(folder: Path, done: Replay) -> Path:
     return path
 
 
-def _draw_scan(axes: Axes, judged: Judged) -> None:
+def _draw_scan(axes: Axes, judged: JudgedScan) -> None:
     view = judged.outlook.view
     axes.plot(view.x_m[view.solid], view.y_m[view.solid], ".", color="0.15", markersize=4, label="solid")
     rest = ~view.solid & ~view.no_echo
@@ -96,7 +96,7 @@ def _draw_scan(axes: Axes, judged: Judged) -> None:
     axes.grid(visible=True, color="0.9")
 
 
-def _draw_way(axes: Axes, judged: Judged) -> None:
+def _draw_way(axes: Axes, judged: JudgedScan) -> None:
     """Draw the outlines along the way asked for, as far as safety saw it free: wheels that slew, no drift."""
     car, motor = CarSettings(), judged.motor
     way_m = judged.verdict.measure if math.isfinite(judged.verdict.measure) else _SHOWN_WAY_M

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.control.perception.view import Eyes
+from runtime.control.perception.view import PerceptionCache
 from runtime.control.safety.swept import SweptGuard
 from runtime.control.safety.swept_settings import SweptSettings
 from runtime.control.vehicle import CarSettings
 from sim.car.vehicle import GRAVITY_MPS2, VehicleSettings
-from sim.lab.courses.sudden import Blind
-from sim.lab.recorded.replay import Judged, Replay
+from sim.lab.courses.sudden import BlindDriver
+from sim.lab.recorded.replay import JudgedScan, Replay
 from sim.lab.safety import impact_mps, stopping_m
 from sim.virtual.closed_loop import Case, drive
 from sim.world.place import World
@@ -92,7 +92,7 @@ def reenact(done: Replay, run: Recorded) -> list[Braking]:
     return [_braking(world, run.asked_mps, mu, begin) for mu in MUS]
 
 
-def gap_m(judged: Judged) -> float:
+def gap_m(judged: JudgedScan) -> float:
     """Return the bumper's distance to what is straight ahead, inf when there is nothing."""
     view, car = judged.outlook.view, CarSettings()
     before = view.solid & (np.abs(view.y_m) < car.half_width_m) & (view.x_m > car.front_m)
@@ -100,7 +100,7 @@ def gap_m(judged: Judged) -> float:
     return float(ahead_m[2]) - car.front_m if ahead_m.size > 2 else math.inf
 
 
-def world_of(judged: Judged) -> World:
+def world_of(judged: JudgedScan) -> World:
     """Return the surfaces of one scan as walls, in base_link."""
     view = judged.outlook.view
     points_m = np.stack([view.x_m, view.y_m], axis=1)[view.solid]
@@ -111,13 +111,13 @@ def world_of(judged: Judged) -> World:
 
 def _braking(world: World, asked_mps: float, mu: float, begin: int) -> Braking:
     car = CarSettings()
-    guard = SweptGuard(SweptSettings(), car, Eyes(car))
+    guard = SweptGuard(SweptSettings(), car, PerceptionCache(car))
     ahead_m = float(world.cast(CAR.front_m, 0.0, np.array([0.0]))[0])
     case = Case(
         world, Pose(0.0, 0.0, 0.0), distance_m=LOOK_M, duration_s=8.0, standing_s=1.0,
         vehicle=VehicleSettings(grip_mu=mu), seed=1000,
     )  # fmt: skip
-    done = drive(case, Blind(asked_mps), guard)
+    done = drive(case, BlindDriver(asked_mps), guard)
     gaps_m = ahead_m - done.pose[:, 0]
     lowered = np.flatnonzero((done.capped > 0) & (done.command[:, 0] < done.speed_mps[:, 0]))
     stopped = np.flatnonzero((done.capped > 0) & (done.command[:, 0] <= 0))

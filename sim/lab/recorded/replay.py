@@ -14,15 +14,15 @@ from drivers.api import MotorState, Scan
 from runtime.arbitration.command import Verdict
 from runtime.control.perception.lidar_health import LidarHealth
 from runtime.control.perception.odometry import Odometry
-from runtime.control.perception.view import Eyes, View
-from runtime.control.safety.moving_obstacles import Movers
-from runtime.control.safety.swept import Outlook, SweptGuard
+from runtime.control.perception.view import PerceptionCache, View
+from runtime.control.safety.moving_obstacles import MovingObstacles
+from runtime.control.safety.swept import SweptAssessment, SweptGuard
 from runtime.control.safety.swept_settings import SweptSettings
 from runtime.control.vehicle import CarSettings
 from runtime.control.wall_following.ball import BallFollower
 from runtime.control.wall_following.ball_settings import BallSettings
 from runtime.control.wall_following.followed_wall import side_view
-from runtime.control.wall_following.wall_fit import Line
+from runtime.control.wall_following.wall_fit import WallLine
 from sim.lab.recorded.scan_motion import ScanMotion, motion_of
 from sim.recordings import CommandTrack, Recording
 from sim.world.pose import Floats, Side
@@ -33,12 +33,12 @@ STEERS_ABOVE_MPS = 0.3
 COMMAND_LASTS_S = 0.3
 JUMP_M = 0.1
 """No car comes so much nearer to a wall from scan to scan."""
-OLDEST_S = 0.2
+MAX_AGE_S = 0.2
 """Scans that the recorder got later than this came late to it, not to the car's own program."""
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class AskedDrive:
     """What the recorded car was told at a scan; origin: which voice said so, or that the motion did."""
 
     speed_mps: float
@@ -47,15 +47,15 @@ class Asked:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Judged:
+class JudgedScan:
     """One scan, and what is said to it. walker: whether a walker is thought to cross."""
 
     scan: Scan
     motor: MotorState
-    outlook: Outlook
-    asked: Asked
+    outlook: SweptAssessment
+    asked: AskedDrive
     verdict: Verdict
-    line: Line | None
+    line: WallLine | None
     distance_m: float
     walker: bool
 
@@ -85,7 +85,7 @@ class Replay:
     recording: Recording
     motion: ScanMotion
     side: Side
-    judged: list[Judged]
+    judged: list[JudgedScan]
     health: LidarHealth
     masked: npt.NDArray[np.intp]
     parts: npt.NDArray[np.bool_]
@@ -95,11 +95,11 @@ def replay(recording: Recording, side: Side, guard_settings: SweptSettings | Non
     """Judge every scan of a recording, in order, with fresh eyes."""
     car = CarSettings()
     motion = motion_of(recording)
-    eyes = Eyes(car)
+    eyes = PerceptionCache(car)
     guard = SweptGuard(guard_settings or SweptSettings(), car, eyes)
     follower = BallFollower(BallSettings(side=side, speed_mps=2.0), car, eyes)
-    movers, odometry = Movers(), Odometry(car.wheelbase_m)
-    judged: list[Judged] = []
+    movers, odometry = MovingObstacles(), Odometry(car.wheelbase_m)
+    judged: list[JudgedScan] = []
     masked = np.zeros(recording.beams, np.intp)
     for number, scan in enumerate(scans_of(recording)):
         asked = asked_at(recording, motion, number, car)
@@ -109,7 +109,7 @@ def replay(recording: Recording, side: Side, guard_settings: SweptSettings | Non
         view = eyes.see(scan)
         verdict = outlook.limit(asked.speed_mps, asked.steering_rad)
         walker = bool(movers.update(view, odometry.update(motor), scan.stamp_s).size)
-        judged.append(Judged(scan, motor, outlook, asked, verdict, wall_line(view, side), distance_m, walker))
+        judged.append(JudgedScan(scan, motor, outlook, asked, verdict, wall_line(view, side), distance_m, walker))
         if guard.health.mask is not None:
             masked += guard.health.mask
     guard.learn()
@@ -126,7 +126,7 @@ def scans_of(recording: Recording) -> list[Scan]:
     scans = []
     for number in range(len(recording)):
         stamp_s = float(recording.stamp_s[number])
-        age_s = min(max(float(recording.received_s[number]) - stamp_s, 0.0), OLDEST_S)
+        age_s = min(max(float(recording.received_s[number]) - stamp_s, 0.0), MAX_AGE_S)
         scans.append(
             Scan(
                 stamp_s, stamp_s + age_s, recording.angle_min_rad, recording.angle_step_rad, recording.range_min_m,
@@ -145,17 +145,17 @@ def motor_at(motion: ScanMotion, number: int, wheels_rad: float, time_s: float) 
     return MotorState(time_s, speed_mps, way_m, wheels_rad, 11.0, 0.0, 0.0, 25.0, "", timed_out=False, killed=False)
 
 
-def asked_at(recording: Recording, motion: ScanMotion, number: int, car: CarSettings) -> Asked:
+def asked_at(recording: Recording, motion: ScanMotion, number: int, car: CarSettings) -> AskedDrive:
     """Return what the car was told when a scan came; where that was not recorded, the way that it took."""
     time_s = float(recording.received_s[number])
     for track, origin in ((recording.output, "mux"), (_without_mux(recording), "program")):
         if track is not None and len(track):
             speed_mps, steering_rad = _newest(track, time_s)
-            return Asked(speed_mps, _within(steering_rad, car), origin)
+            return AskedDrive(speed_mps, _within(steering_rad, car), origin)
     speed_mps = float(motion.speed_mps[number])
     if abs(speed_mps) < DRIVES_ABOVE_MPS:
-        return Asked(0.0, 0.0, "motion")
-    return Asked(speed_mps, _curving_rad(motion, number, car), "motion")
+        return AskedDrive(0.0, 0.0, "motion")
+    return AskedDrive(speed_mps, _curving_rad(motion, number, car), "motion")
 
 
 def _without_mux(recording: Recording) -> CommandTrack | None:
@@ -169,7 +169,7 @@ def _newest(track: CommandTrack, time_s: float) -> tuple[float, float]:
     return float(track.speed_mps[index]), float(track.steering_rad[index])
 
 
-def _wheels_rad(motion: ScanMotion, number: int, asked: Asked, car: CarSettings) -> float:
+def _wheels_rad(motion: ScanMotion, number: int, asked: AskedDrive, car: CarSettings) -> float:
     """Return the angle of the wheels: of the motion where it shows, else what was asked for."""
     if abs(float(motion.speed_mps[number])) < STEERS_ABOVE_MPS:
         return asked.steering_rad
@@ -188,7 +188,7 @@ def _within(wheels_rad: float, car: CarSettings) -> float:
     return min(max(wheels_rad, -car.max_steering_rad), car.max_steering_rad)
 
 
-def wall_line(view: View, side: Side) -> Line | None:
+def wall_line(view: View, side: Side) -> WallLine | None:
     """Return the wall's line on one side, as the follower finds it."""
     seen = side_view(view, side)
     return seen.side.lines.find(seen.x_m, seen.y_m, seen.range_m, seen.solid)
@@ -196,7 +196,7 @@ def wall_line(view: View, side: Side) -> Line | None:
 
 def better_side(recording: Recording) -> Side:
     """Return the side whose wall is seen with more beams, over every tenth scan."""
-    eyes = Eyes(CarSettings())
+    eyes = PerceptionCache(CarSettings())
     inliers = {"left": 0, "right": 0}
     for scan in scans_of(recording)[::10]:
         view = eyes.see(scan)

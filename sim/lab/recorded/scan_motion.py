@@ -18,11 +18,11 @@ from sim.world.pose import Booleans, Floats
 KEY_EVERY_M, KEY_EVERY_RAD = 0.2, 0.15
 HOLE_S = 0.5
 """After a longer silence the car's place is unknown: a new chain begins, with nothing in between."""
-NEAREST_M = 0.2
+MIN_RANGE_M = 0.2
 """Nearer returns are the car itself."""
 NORMAL_BEAMS = 3
 """A surface is as straight over +-3 beams as this allows, or it has no direction: width per range, bend."""
-WIDEST_SHARE, WIDEST_M, STRAIGHT_M = 0.3, 0.08, 0.04
+MAX_SHARE, MAX_WIDTH_M, STRAIGHT_M = 0.3, 0.08, 0.04
 GATES_M = (0.3, 0.3, 0.3, 0.1)
 """How far off a surface a point may be, from round to round; the last holds for all further ones."""
 SAME_PLACE_M = 0.4
@@ -64,7 +64,7 @@ class ScanMotion:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Key:
+class _ReferenceScan:
     """A scan to lay others over: its points and the normals of its surfaces, (2, beams), where it has any."""
 
     points_m: Floats
@@ -81,7 +81,7 @@ def motion_of(recording: Recording) -> ScanMotion:
     kind = (recording.angle_min_rad, recording.angle_step_rad, recording.beams)
     rays = directions(*kind)
     ranges_m = recording.ranges_m.astype(np.float64)
-    ranges_m[~((ranges_m >= NEAREST_M) & (ranges_m <= recording.range_max_m))] = np.nan
+    ranges_m[~((ranges_m >= MIN_RANGE_M) & (ranges_m <= recording.range_max_m))] = np.nan
     stamps_s = recording.stamp_s
     poses, at = [STILL], STILL
     key, moved, speeds = _key(rays * ranges_m[0], ranges_m[0]), STILL, np.zeros(3)
@@ -110,7 +110,7 @@ def _after(at: Shift, moved: Shift) -> Shift:
     return at[0] + cos * moved[0] - sin * moved[1], at[1] + sin * moved[0] + cos * moved[1], at[2] + moved[2]
 
 
-def _key(points_m: Floats, ranges_m: Floats) -> _Key:
+def _key(points_m: Floats, ranges_m: Floats) -> _ReferenceScan:
     along = np.full_like(points_m, np.nan)
     reach = NORMAL_BEAMS
     first, last, middle = points_m[:, : -2 * reach], points_m[:, 2 * reach :], points_m[:, reach:-reach]
@@ -119,11 +119,11 @@ def _key(points_m: Floats, ranges_m: Floats) -> _Key:
     normals = np.stack([-along[1], along[0]]) / np.where(width_m > 0, width_m, np.nan)
     bend_m = np.full(ranges_m.size, np.nan)
     bend_m[reach:-reach] = np.abs(np.sum(normals[:, reach:-reach] * (middle - (first + last) / 2), axis=0))
-    usable = (width_m < np.maximum(WIDEST_SHARE * ranges_m, WIDEST_M)) & (bend_m < STRAIGHT_M)  # NaN is not smaller
-    return _Key(points_m, normals, usable)
+    usable = (width_m < np.maximum(MAX_SHARE * ranges_m, MAX_WIDTH_M)) & (bend_m < STRAIGHT_M)  # NaN is not smaller
+    return _ReferenceScan(points_m, normals, usable)
 
 
-def _lay_over(key: _Key, points_m: Floats, guess: Floats, kind: tuple[float, float, int]) -> Floats:
+def _lay_over(key: _ReferenceScan, points_m: Floats, guess: Floats, kind: tuple[float, float, int]) -> Floats:
     """Return the shift (x, y, yaw) that lays points (2, n) over the key's surfaces.
 
     Least squares over n . (R q + t - p), Huber weights, Gauss-Newton.

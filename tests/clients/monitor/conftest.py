@@ -25,13 +25,13 @@ class Scene:
 
     @asynccontextmanager
     async def monitor(self, *, address="127.0.0.1", name="ann@laptop", also=()):
-        from clients.monitor.relay import Place, Relay
+        from clients.monitor.relay import CarEndpoint, Relay
         from clients.monitor.server import serving
-        from clients.monitor.visit import Host
-        from clients.teleop.shaping import Feel
+        from clients.monitor.session import Host
+        from clients.teleop.shaping import InputShape
 
-        places = [Place(one, zenoh_config.client_config(one, None)) for one in (self.endpoint, *also)]
-        async with serving(Host(Relay(places), name, Feel(), "9.9"), address, self.port) as self.url:
+        places = [CarEndpoint(one, zenoh_config.client_config(one, None)) for one in (self.endpoint, *also)]
+        async with serving(Host(Relay(places), name, InputShape(), "9.9"), address, self.port) as self.url:
             self.port = int(self.url.split(":")[2].split("/")[0])
             yield self
 

@@ -11,16 +11,16 @@ import time
 import numpy as np
 
 from drivers.api import Drive, Scan
-from runtime.arbitration.command import LAB_ORDER, DriveWord, Source, arbitrate, consent
-from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.command import LAB_ORDER, DriveCommand, Source, arbitrate, consent
+from runtime.arbitration.command_queue import CommandQueue
 from runtime.arbitration.emergency_stop import EmergencyStop
 from runtime.arbitration.permit import Permit
-from runtime.parameters.history import History
-from runtime.parameters.server import ParameterDesk
-from runtime.parameters.server import Surroundings as DeskSurroundings
+from runtime.parameters.history import ChangeHistory
+from runtime.parameters.server import ParameterServer
+from runtime.parameters.server import ServerContext as DeskSurroundings
 from runtime.ros import markers, messages
 from runtime.ros.definitions import encoding
-from runtime.ros.markers import BLUE, GREEN, ORANGE, RED, Kind, Marker
+from runtime.ros.markers import BLUE, GREEN, ORANGE, RED, Marker, MarkerType
 from runtime.settings.operator import OperatorSettings
 from runtime.settings.tree import Settings
 from runtime.tasks import parameters
@@ -46,17 +46,17 @@ class FakeCar:
     ):
         self.name = name
         self.bus = Bus(zenoh_config.car_config([endpoint], None, (), name))
-        self.voices = Voices(LAB_ORDER, time.monotonic)
+        self.voices = CommandQueue(LAB_ORDER, time.monotonic)
         self.e_stop = EmergencyStop(self.voices)
         self.permit = Permit(self.voices, permit)
         self.desk = OperatorDesk(
             OperatorSettings(permit=permit), self.voices, self.permit, self.e_stop, lambda: None, time.monotonic,
             car_session,
         )  # fmt: skip
-        self.settings = ParameterDesk(
+        self.settings = ParameterServer(
             Settings(),
             DeskSurroundings(self._apply, lambda: self.standing, time.monotonic, lambda: "2026-11-21"),
-            History(100),
+            ChangeHistory(100),
         )
         self.standing = True
         self.overruled = None
@@ -135,7 +135,7 @@ class FakeCar:
             now_s = time.monotonic()
             self.voices.say(consent(Source.SAFETY, "clear"), expires_at_s=now_s + 0.3)
             if self._autonomy:
-                drive = DriveWord(Source.NAVIGATION, Drive(AUTO_MPS, 0.0), None, "follows the wall")
+                drive = DriveCommand(Source.NAVIGATION, Drive(AUTO_MPS, 0.0), None, "follows the wall")
                 self.voices.say(drive, expires_at_s=now_s + 0.3)
             self.desk.tick()
             self.beat = self.desk.beat(self.speed_mps)
@@ -219,8 +219,8 @@ def _points(*places):
 
 
 WALL = [
-    Marker("wall", Kind.LINE_STRIP, _points((-1.0, 1.0), (3.0, 1.0)), GREEN),
-    Marker("ball", Kind.LINE_STRIP, _points((0.4, 0.0), (1.0, 0.02), (1.8, 0.1)), BLUE),
+    Marker("wall", MarkerType.LINE_STRIP, _points((-1.0, 1.0), (3.0, 1.0)), GREEN),
+    Marker("ball", MarkerType.LINE_STRIP, _points((0.4, 0.0), (1.0, 0.02), (1.8, 0.1)), BLUE),
 ]
 WINDOW = [
     "12 beams around 30 deg are dirty: clean the window",
@@ -229,13 +229,13 @@ WINDOW = [
 DIRT_RAD = math.radians(30) + STEP_RAD * (np.arange(12) - 6)
 DIRT = np.array([0.27 + 0.5 * np.cos(DIRT_RAD), 0.5 * np.sin(DIRT_RAD)])
 FOOTPRINT = [
-    Marker("car", Kind.LINE_STRIP, _points((0.42, 0.15), (0.42, -0.15), (-0.13, -0.15), (-0.13, 0.15)), BLUE),
-    Marker("left edge", Kind.LINE_STRIP, _points((0.42, 0.15), (0.9, 0.2), (1.4, 0.35)), ORANGE),
-    Marker("right edge", Kind.LINE_STRIP, _points((0.42, -0.15), (0.9, -0.1), (1.45, 0.05)), ORANGE),
-    Marker("the beam that stops", Kind.LINE_STRIP, _points((0.27, 0.0), (1.5, 0.4)), RED),
-    Marker("what stops", Kind.POINTS, _points((1.5, 0.4)), RED),
+    Marker("car", MarkerType.LINE_STRIP, _points((0.42, 0.15), (0.42, -0.15), (-0.13, -0.15), (-0.13, 0.15)), BLUE),
+    Marker("left edge", MarkerType.LINE_STRIP, _points((0.42, 0.15), (0.9, 0.2), (1.4, 0.35)), ORANGE),
+    Marker("right edge", MarkerType.LINE_STRIP, _points((0.42, -0.15), (0.9, -0.1), (1.45, 0.05)), ORANGE),
+    Marker("the beam that stops", MarkerType.LINE_STRIP, _points((0.27, 0.0), (1.5, 0.4)), RED),
+    Marker("what stops", MarkerType.POINTS, _points((1.5, 0.4)), RED),
     Marker(
-        "ignored", Kind.POINTS,
+        "ignored", MarkerType.POINTS,
         np.hstack([DIRT, _points((0.27, 1.0), (0.15, 0.14), (0.15, -0.14))]),  # dirt, a stray echo, the car itself
         ORANGE,
     ),

@@ -14,10 +14,10 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from clients.monitor.kept_secret import NAME
-from runtime.teleop.status import Standing
+from clients.monitor.token_file import NAME
+from runtime.teleop.status import OperatorState
 from runtime.wire.bus import free_endpoint
-from runtime.wire.teleop import Command, Condition, Input, Press
+from runtime.wire.teleop import CarCondition, Command, Input, Press
 from tests.clients.monitor.fake_car import FakeCar
 from tests.clients.monitor.promises import promise
 
@@ -47,7 +47,7 @@ async def take_control(tab):
 
 def drives_by_hand(car):
     """Autonomy may drive before; what counts is the hand."""
-    return car.speed_mps > 0.3 and car.desk.view().standing is Standing.MANUAL
+    return car.speed_mps > 0.3 and car.desk.view().standing is OperatorState.MANUAL
 
 
 async def insist(car, press, release, condition, what):
@@ -409,7 +409,7 @@ async def test_every_beam_is_decoded_as_it_was_sent(scene, tab):
         assert found["steering"] == 0.125
         assert found["yaw"] == pytest.approx(0.1)
         assert found["session"] == 0xCAFE
-        assert Condition(found["flags"]) is not None
+        assert CarCondition(found["flags"]) is not None
         assert found["broken"] == 0
         assert car.scans > 0
 

@@ -3,13 +3,13 @@
 import pytest
 
 from clients.monitor.driving import SILENT_S, PageDriver
-from clients.monitor.messages import Hands
-from clients.teleop.shaping import Feel
+from clients.monitor.messages import InputState
+from clients.teleop.shaping import InputShape
 from runtime.arbitration.command import Source
 from runtime.wire.teleop import Press
 from tests.runtime.operator_rig import BEAT_S, Rig
 
-FEEL = Feel(max_speed_mps=2.0, ramp_mps2=1000.0, deadzone=0.0, expo=0.0)
+FEEL = InputShape(max_speed_mps=2.0, ramp_mps2=1000.0, deadzone=0.0, expo=0.0)
 
 
 class Page:
@@ -37,7 +37,7 @@ class Page:
         for _ in range(round(seconds / BEAT_S)):
             self.rig.wait(BEAT_S)
             beat = self.beats[-1 - self.lag]
-            word = Hands(
+            word = InputState(
                 t="hands",
                 car_session=beat.car_session,
                 beat=beat.beat,

@@ -5,7 +5,7 @@ import contextlib
 
 import pytest
 
-from clients.monitor.feed import Feed
+from clients.monitor.feed import PageFeed
 from runtime.wire import zenoh_config
 from runtime.wire.bus import RefusedError
 from runtime.wire.teleop import Command, Input, Press
@@ -27,7 +27,7 @@ class Page:
 
 @contextlib.asynccontextmanager
 async def fed(endpoint, session):
-    feed, page = Feed("car1", zenoh_config.client_config(endpoint, None), session), Page()
+    feed, page = PageFeed("car1", zenoh_config.client_config(endpoint, None), session), Page()
     feed.watchers.add(page)
     running = asyncio.create_task(feed.run())
     try:

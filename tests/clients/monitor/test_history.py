@@ -2,7 +2,7 @@
 
 import math
 
-from clients.monitor.history import APART_S, LONGEST_S, NAMES, History
+from clients.monitor.history import APART_S, MAX_HISTORY_S, NAMES, PlotHistory
 from runtime.ros import messages
 from runtime.wire import topics
 
@@ -13,7 +13,7 @@ STATUS = {
 
 
 def test_it_keeps_what_is_plotted_with_its_age():
-    history = History()
+    history = PlotHistory()
     history.take(topics.STATUS, topics.encode(STATUS), 100.0)
     history.take(topics.DISTANCE_ERROR, messages.float32(0.25), 100.5)
     history.take_round_trip(0.012, 101.0)
@@ -26,19 +26,19 @@ def test_it_keeps_what_is_plotted_with_its_age():
 
 
 def test_it_stays_small_and_forgets_what_is_too_old():
-    history = History()
-    for tick in range(round(LONGEST_S / 0.025) + 4000):
+    history = PlotHistory()
+    for tick in range(round(MAX_HISTORY_S / 0.025) + 4000):
         history.take(topics.DISTANCE_ERROR, messages.float32(0.1), tick * 0.025)
-    now_s = LONGEST_S + 100
+    now_s = MAX_HISTORY_S + 100
     ages_ms = history.fields(now_s)["error"]["age_ms"]
-    assert max(ages_ms) <= LONGEST_S * 1000
-    assert len(ages_ms) <= LONGEST_S / APART_S
+    assert max(ages_ms) <= MAX_HISTORY_S * 1000
+    assert len(ages_ms) <= MAX_HISTORY_S / APART_S
     assert min(b - a for a, b in zip(ages_ms[1:], ages_ms, strict=False)) >= APART_S * 1000 - 1
-    assert history.fields(now_s + 2 * LONGEST_S)["error"]["age_ms"] == []
+    assert history.fields(now_s + 2 * MAX_HISTORY_S)["error"]["age_ms"] == []
 
 
 def test_what_is_no_number_is_a_gap_and_what_is_damaged_is_left_out():
-    history = History()
+    history = PlotHistory()
     history.take(topics.STATUS, topics.encode({"speed_mps": None, "output": None}), 1.0)
     history.take(topics.DISTANCE_ERROR, messages.float32(math.nan), 1.0)
     history.take(topics.STATUS, b"\xff{", 2.0)

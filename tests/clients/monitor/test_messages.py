@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from clients.monitor.messages import LONGEST, Ask, Hands, NoWordError, Stop, read
+from clients.monitor.messages import LONGEST, Ask, BadMessageError, InputState, StopMessage, read
 from clients.teleop.inputs import Control
 
 HANDS = {"t": "hands", "car_session": 7, "beat": 9, "held": ["manual"], "speed": 1, "steering": -0.5}
@@ -15,10 +15,10 @@ HANDS = {"t": "hands", "car_session": 7, "beat": 9, "held": ["manual"], "speed":
 
 def test_hands_are_read():
     hands = read(json.dumps(HANDS))
-    assert isinstance(hands, Hands)
+    assert isinstance(hands, InputState)
     assert hands.controls == {Control.MANUAL}
     assert (hands.beat, hands.speed, hands.steering, hands.share, hands.pad) == (9, 1.0, -0.5, 1.0, False)
-    assert read('{"t":"stop"}') == Stop(t="stop")
+    assert read('{"t":"stop"}') == StopMessage(t="stop")
 
 
 @pytest.mark.parametrize(
@@ -29,23 +29,23 @@ def test_hands_are_read():
     ],
 )  # fmt: skip
 def test_impossible_hands_are_no_hands(change):
-    with pytest.raises(NoWordError):
+    with pytest.raises(BadMessageError):
         read(json.dumps(HANDS | change))
 
 
 @pytest.mark.parametrize("what", ["operator/command", "param/../operator/command", "**", "alive"])
 def test_only_known_questions_are_passed_on(what):
     assert isinstance(read(json.dumps({"t": "ask", "id": 1, "what": "param/get"})), Ask)
-    with pytest.raises(NoWordError):
+    with pytest.raises(BadMessageError):
         read(json.dumps({"t": "ask", "id": 1, "what": what}))
 
 
 def test_what_is_too_long_is_not_looked_at():
-    with pytest.raises(NoWordError, match="too long"):
+    with pytest.raises(BadMessageError, match="too long"):
         read(json.dumps({"t": "ask", "id": 1, "what": "param/set", "question": {"a": "x" * LONGEST}}))
 
 
 @given(st.text(max_size=300) | st.recursive(st.none() | st.floats() | st.text(), st.lists).map(json.dumps))
 def test_nothing_else_is_raised_whatever_comes(text):
-    with contextlib.suppress(NoWordError):
+    with contextlib.suppress(BadMessageError):
         read(text)

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from clients.monitor.messages import Ask, NoWordError, read
+from clients.monitor.messages import Ask, BadMessageError, read
 from runtime.wire import topics
 from sim.car.vehicle import Vehicle
 from sim.live.conditions import Conditions
@@ -33,7 +33,7 @@ def test_a_page_may_ask_the_simulator_and_nothing_else_new():
     word = read('{"t": "ask", "id": 1, "what": "simulator", "question": {"do": "box"}}')
     assert isinstance(word, Ask)
     assert word.what == "simulator"
-    with pytest.raises(NoWordError):
+    with pytest.raises(BadMessageError):
         read('{"t": "ask", "id": 1, "what": "simulator/raw", "question": {}}')
 
 

@@ -5,13 +5,13 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from clients.teleop.inputs import Control, Inputs
-from clients.teleop.pilot import Pilot, Situation
-from clients.teleop.shaping import Feel
-from runtime.wire.teleop import Beat, Command, Condition, Input, Press
+from clients.teleop.pilot import Pilot, PilotState
+from clients.teleop.shaping import InputShape
+from runtime.wire.teleop import Beat, CarCondition, Command, Input, Press
 
 SESSION = 77
 PERIOD_S = 0.02
-LINEAR = Feel(max_speed_mps=2.0, max_steering_rad=0.4, deadzone=0.0, expo=0.0, ramp_mps2=math.inf)
+LINEAR = InputShape(max_speed_mps=2.0, max_steering_rad=0.4, deadzone=0.0, expo=0.0, ramp_mps2=math.inf)
 
 
 def hands(*pressed: Control, speed: float = 0.0, steering: float = 0.0, kind: Input = Input.PAD) -> Inputs:
@@ -24,15 +24,15 @@ DEAD = Inputs(Input.PAD, live=False, trouble="unplugged")
 class Drive:
     """A pilot, its car's heartbeats, and a clock. `hold` runs cycles; the last command is returned."""
 
-    def __init__(self, feel: Feel = LINEAR) -> None:
+    def __init__(self, feel: InputShape = LINEAR) -> None:
         self.pilot = Pilot(SESSION, "ann", feel)
         self.now_s = 100.0
         self.beating = True
-        self.beat = Beat(car_session=9, beat=0, flags=Condition(0))
+        self.beat = Beat(car_session=9, beat=0, flags=CarCondition(0))
         self.event_s: float | None = None  # a fixed time of the last event; None: an event in every cycle
 
     @property
-    def situation(self) -> Situation:
+    def situation(self) -> PilotState:
         assert self.pilot.situation is not None
         return self.pilot.situation
 
@@ -48,8 +48,8 @@ class Drive:
     def hold(self, inputs: Inputs, seconds: float = 0.1) -> list[Command]:
         return [self.cycle(inputs) for _ in range(max(1, round(seconds / PERIOD_S)))]
 
-    def says(self, *conditions: Condition, operator: int | None = None, name: str = "") -> None:
-        flags = Condition(0)
+    def says(self, *conditions: CarCondition, operator: int | None = None, name: str = "") -> None:
+        flags = CarCondition(0)
         for condition in conditions:
             flags |= condition
         session = self.beat.operator_session if operator is None else operator

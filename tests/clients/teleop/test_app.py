@@ -20,7 +20,7 @@ from clients.teleop.script import Script, Step
 from clients.teleop.sources import ScriptSource
 from runtime.wire import topics, zenoh_config
 from runtime.wire.bus import BYTES, Bus, free_endpoint
-from runtime.wire.teleop import Beat, Condition, Input, Press, read_command
+from runtime.wire.teleop import Beat, CarCondition, Input, Press, read_command
 from tests.clients.teleop.scenes import LINEAR, SESSION
 
 MANUAL = frozenset({Control.MANUAL})
@@ -61,7 +61,7 @@ class FakeCar:
             newest = self.commands[-1] if self.commands else None
             sequence, age_ms = (newest[1].sequence, round((time.monotonic() - newest[0]) * 1000)) if newest else (0, 0)
             session = newest[1].session if newest else 0
-            beat = Beat(4, number, Condition(0), session, sequence, age_ms, 0.0, "ann")
+            beat = Beat(4, number, CarCondition(0), session, sequence, age_ms, 0.0, "ann")
             if self.beating:
                 self.bus.put(topics.key("car1", topics.BEAT), beat.pack(), encoding=BYTES, urgent=True)
             await asyncio.sleep(0.02)

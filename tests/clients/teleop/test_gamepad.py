@@ -9,9 +9,9 @@ import pytest
 
 pytest.importorskip("pygame")
 
-from clients.teleop.gamepad import Connected, Gone, Moved, Sdl, Typed
+from clients.teleop.gamepad import Gone, KeyTyped, PadConnected, PadMoved, Sdl
 from clients.teleop.inputs import Control
-from clients.teleop.keyboard import Act, Focus, Key, Quit
+from clients.teleop.keyboard import Act, Key, Quit, TerminalFocus
 from clients.teleop.pads import Axis, Button, usb_id
 from clients.teleop.sources import PadSource
 
@@ -92,7 +92,7 @@ def test_a_virtual_pad_is_plugged_in_driven_and_unplugged(reader, library):
 
 def test_happenings_are_raw_and_the_usb_id_is_in_the_guid(reader, library):
     pad = VirtualPad(library)
-    connected = next(one for one in reader.poll() if isinstance(one, Connected))
+    connected = next(one for one in reader.poll() if isinstance(one, PadConnected))
     assert usb_id(connected.guid) == "046d:c21f"
     assert connected.rest[4:] == [-1.0, -1.0]
     assert connected.mapping is not None
@@ -101,8 +101,8 @@ def test_happenings_are_raw_and_the_usb_id_is_in_the_guid(reader, library):
     pad.button(3, pressed=True)
     pad.axis(0, -1.0)
     moved = reader.poll()
-    assert Moved(connected.pad, Button(3, pressed=True)) in moved
-    assert any(isinstance(one, Moved) and isinstance(one.event, Axis) and one.event.value < -0.99 for one in moved)
+    assert PadMoved(connected.pad, Button(3, pressed=True)) in moved
+    assert any(isinstance(one, PadMoved) and isinstance(one.event, Axis) and one.event.value < -0.99 for one in moved)
     pad.detach()
     assert Gone(connected.pad) in reader.poll()
 
@@ -123,8 +123,8 @@ def test_keys_of_the_window(reader):
         pygame.event.post(pygame.event.Event(kind, key=key))
     pygame.event.post(pygame.event.Event(pygame.WINDOWFOCUSLOST))
     pygame.event.post(pygame.event.Event(pygame.QUIT))
-    typed = [one.event for one in reader.poll() if isinstance(one, Typed)]
-    assert typed == [*events.values(), Focus(gained=False), Quit()]
+    typed = [one.event for one in reader.poll() if isinstance(one, KeyTyped)]
+    assert typed == [*events.values(), TerminalFocus(gained=False), Quit()]
 
 
 def test_the_window_draws(reader):

@@ -10,13 +10,13 @@ from clients.teleop.keyboard import (
     CENTRED_START_S,
     REPEAT_GAP_S,
     Act,
-    Answer,
-    Focus,
     HeldKeys,
     Key,
     KeyEvent,
     Quit,
     RepeatedKeys,
+    TerminalAnswer,
+    TerminalFocus,
 )
 
 
@@ -42,9 +42,9 @@ def test_a_release_counts_at_once_and_a_lost_focus_releases_everything():
     keys.feed(Key("shift", Act.RELEASE), 1.1)
     assert not keys.inputs(1.1).manual
     keys = held("shift", "w")
-    keys.feed(Focus(gained=False), 1.1)
+    keys.feed(TerminalFocus(gained=False), 1.1)
     assert not keys.inputs(1.1).live
-    keys.feed(Focus(gained=True), 1.2)
+    keys.feed(TerminalFocus(gained=True), 1.2)
     assert keys.inputs(1.2).live
     assert keys.inputs(1.2).released
 
@@ -52,11 +52,11 @@ def test_a_release_counts_at_once_and_a_lost_focus_releases_everything():
 def test_a_terminal_that_does_not_answer_is_not_believed():
     keys = HeldKeys("keys", answers=True)
     assert not keys.inputs(1.0).live
-    keys.feed(Answer(11), 1.0)
+    keys.feed(TerminalAnswer(11), 1.0)
     held("shift", keys=keys)
     assert keys.inputs(1.5).manual
     assert not keys.inputs(1.7).live
-    keys.feed(Answer(11), 2.0)
+    keys.feed(TerminalAnswer(11), 2.0)
     assert keys.inputs(2.0).released
 
 
@@ -135,10 +135,10 @@ BYTES: dict[bytes, list[KeyEvent]] = {
     b"\x1b[99;5u": [Quit()],
     b"\x1b[99u": [Key("c")],
     b"\x03": [Quit()],
-    b"\x1b[?11u": [Answer(11)],
+    b"\x1b[?11u": [TerminalAnswer(11)],
     b"\x1b[?62;22c": [],
-    b"\x1b[I": [Focus(gained=True)],
-    b"\x1b[O": [Focus(gained=False)],
+    b"\x1b[I": [TerminalFocus(gained=True)],
+    b"\x1b[O": [TerminalFocus(gained=False)],
     b"\x1b[57358u": [],
     b"\xc3\xa9": [],
     b"7": [],

@@ -6,9 +6,9 @@ from dataclasses import replace
 import pytest
 
 from clients.teleop.inputs import Control
-from clients.teleop.pilot import DISTRUST, PAD_SILENT_S, PERMIT_SILENT_S, Block
-from clients.teleop.shaping import Feel
-from runtime.wire.teleop import UNKNOWN_AGE_MS, Beat, Condition, Input, Press
+from clients.teleop.pilot import DISTRUST, PAD_SILENT_S, PERMIT_SILENT_S, DeadmanFault
+from clients.teleop.shaping import InputShape
+from runtime.wire.teleop import UNKNOWN_AGE_MS, Beat, CarCondition, Input, Press
 from tests.clients.teleop.scenes import DEAD, SESSION, Drive, flags, hands
 
 MANUAL, AUTONOMY, ESTOP, RESET, TAKE_OVER = (
@@ -42,7 +42,7 @@ def test_right_bumper_permits_autonomy_and_asks_for_no_speed():
 def test_a_deadman_held_from_the_start_does_not_count():
     car = Drive()
     assert flags(car.hold(hands(MANUAL), 1.0)) == {NOTHING}
-    assert car.situation.block is Block.NONE
+    assert car.situation.block is DeadmanFault.NONE
     assert not car.situation.armed
 
 
@@ -50,7 +50,7 @@ def test_a_deadman_pressed_with_a_stick_out_of_its_middle_does_not_count_until_r
     car = Drive()
     car.hold(hands())
     assert flags(car.hold(hands(MANUAL, speed=0.5))) == {NOTHING}
-    assert car.situation.closed_by is Block.OFF_CENTRE
+    assert car.situation.closed_by is DeadmanFault.OFF_CENTRE
     assert flags(car.hold(hands(MANUAL))) == {NOTHING}
     assert car.drive().flags == Press.MANUAL
 
@@ -79,10 +79,10 @@ def test_an_e_stop_needs_no_gate_and_is_sent_until_the_car_latched(both):
     press = hands(MANUAL, AUTONOMY, speed=1.0) if both else hands(ESTOP)
     assert car.cycle(press).flags == Press.ESTOP
     assert flags(car.hold(hands(), 1.0)) == {Press.ESTOP}
-    car.says(Condition.ESTOP_LATCHED)
+    car.says(CarCondition.ESTOP_LATCHED)
     car.hold(hands(), 0.04)
     assert flags(car.hold(hands())) == {NOTHING}
-    assert car.situation.block is Block.LATCHED
+    assert car.situation.block is DeadmanFault.LATCHED
 
 
 def test_an_e_stop_pressed_while_the_link_is_lost_is_still_sent_when_it_is_back():
@@ -98,7 +98,7 @@ def test_an_e_stop_pressed_while_the_link_is_lost_is_still_sent_when_it_is_back(
 
 def test_an_e_stop_is_not_confirmed_by_a_heartbeat_from_before_it():
     car = Drive()
-    car.says(Condition.ESTOP_LATCHED)
+    car.says(CarCondition.ESTOP_LATCHED)
     car.hold(hands())
     car.beating = False
     car.cycle(hands(ESTOP))
@@ -110,13 +110,13 @@ def test_an_e_stop_that_is_not_confirmed_yet_keeps_the_gate_closed():
     car.drive()
     car.cycle(hands(ESTOP))
     car.hold(hands())
-    assert car.situation.block is Block.LATCHED
+    assert car.situation.block is DeadmanFault.LATCHED
     assert not car.situation.armed
 
 
 def test_an_e_stop_is_insisted_on_also_when_the_car_is_latched_already():
     car = Drive()
-    car.says(Condition.ESTOP_LATCHED, Condition.FAULT)
+    car.says(CarCondition.ESTOP_LATCHED, CarCondition.FAULT)
     car.hold(hands())
     car.cycle(hands(ESTOP))
     assert flags(car.hold(hands(), 0.2)) == {Press.ESTOP}
@@ -130,19 +130,19 @@ def test_both_bumpers_while_driving_are_an_e_stop():
 
 def test_reset_is_one_second_alone_and_ends_when_the_car_did_it():
     car = Drive()
-    car.says(Condition.ESTOP_LATCHED)
+    car.says(CarCondition.ESTOP_LATCHED)
     car.hold(hands())
     assert flags(car.hold(hands(RESET), 0.98)) == {NOTHING}
     assert flags(car.hold(hands(RESET), 0.1)) == {NOTHING, Press.RESET}
     car.says()
     assert flags(car.hold(hands(RESET), 2.0)) == {NOTHING}
-    car.says(Condition.ESTOP_LATCHED)
+    car.says(CarCondition.ESTOP_LATCHED)
     assert flags(car.hold(hands(RESET), 3.0)) == {NOTHING}, "the same press must not undo the next e-stop"
 
 
 def test_reset_is_not_insisted_on_for_ever():
     car = Drive()
-    car.says(Condition.ESTOP_LATCHED)
+    car.says(CarCondition.ESTOP_LATCHED)
     car.hold(hands())
     sent = [command.flags for command in car.hold(hands(RESET), 5.0)]
     assert sent.count(Press.RESET) <= 52
@@ -151,14 +151,14 @@ def test_reset_is_not_insisted_on_for_ever():
 @pytest.mark.parametrize("also", [hands(RESET, MANUAL), hands(RESET, TAKE_OVER), hands(RESET, speed=0.5)])
 def test_reset_with_anything_else_is_none(also):
     car = Drive()
-    car.says(Condition.ESTOP_LATCHED)
+    car.says(CarCondition.ESTOP_LATCHED)
     car.hold(hands())
     assert Press.RESET not in flags(car.hold(also, 3.0))
 
 
 def test_a_button_that_is_stuck_when_the_pad_returns_resets_nothing():
     car = Drive()
-    car.says(Condition.ESTOP_LATCHED)
+    car.says(CarCondition.ESTOP_LATCHED)
     car.hold(hands())
     car.hold(DEAD)
     assert flags(car.hold(hands(RESET), 3.0)) == {NOTHING}
@@ -166,7 +166,7 @@ def test_a_button_that_is_stuck_when_the_pad_returns_resets_nothing():
 
 def test_after_a_deliberate_press_everything_is_released_first():
     car = Drive()
-    car.says(Condition.FAULT)
+    car.says(CarCondition.FAULT)
     car.hold(hands())
     car.hold(hands(RESET), 1.1)
     assert flags(car.hold(hands(RESET, MANUAL))) == {NOTHING}
@@ -177,10 +177,10 @@ def test_take_over_is_shown_deliberate_and_ends_when_the_car_obeys_us():
     car.says(operator=5, name="bob")
     car.hold(hands())
     assert flags(car.hold(hands(MANUAL), 1.0)) == {NOTHING}
-    assert (car.situation.block, car.situation.operator_name) == (Block.OTHER, "bob")
+    assert (car.situation.block, car.situation.operator_name) == (DeadmanFault.OTHER, "bob")
     car.hold(hands())
     assert Press.TAKE_OVER in flags(car.hold(hands(TAKE_OVER), 1.1))
-    car.says(Condition.REARM, operator=SESSION)
+    car.says(CarCondition.REARM, operator=SESSION)
     assert flags(car.hold(hands(TAKE_OVER), 0.1)) == {NOTHING}
     car.says()
     assert car.drive().flags == Press.MANUAL
@@ -196,9 +196,9 @@ def test_a_deadman_held_while_another_operates_does_not_set_off_when_that_one_le
 
 
 INCIDENTS = {
-    "the car lost us": ((Condition.OPERATOR_LOST,), Block.LOST),
-    "the car wants a release": ((Condition.REARM,), Block.REARM),
-    "e-stop by somebody": ((Condition.ESTOP_LATCHED,), Block.LATCHED),
+    "the car lost us": ((CarCondition.OPERATOR_LOST,), DeadmanFault.LOST),
+    "the car wants a release": ((CarCondition.REARM,), DeadmanFault.REARM),
+    "e-stop by somebody": ((CarCondition.ESTOP_LATCHED,), DeadmanFault.LATCHED),
 }
 
 
@@ -216,17 +216,17 @@ def test_after_an_incident_the_held_deadman_does_not_count(conditions, block):
 
 def test_somebody_elses_stuck_button_does_not_keep_us_from_driving():
     car = Drive()
-    car.says(Condition.REARM, operator=0)
+    car.says(CarCondition.REARM, operator=0)
     car.hold(hands())
     assert car.hold(hands(MANUAL))[-1].flags == Press.MANUAL
 
 
 def test_a_car_that_ignores_our_deadman_and_wants_a_release_gets_one():
     car = Drive()
-    car.says(Condition.REARM, operator=0)
+    car.says(CarCondition.REARM, operator=0)
     car.hold(hands())
     assert car.hold(hands(MANUAL), 0.7)[-1].flags == DISTRUST
-    assert car.situation.closed_by is Block.REARM
+    assert car.situation.closed_by is DeadmanFault.REARM
 
 
 def test_link_loss_drops_everything_within_a_quarter_second_and_only_a_release_opens_again():
@@ -235,7 +235,7 @@ def test_link_loss_drops_everything_within_a_quarter_second_and_only_a_release_o
     car.beating = False
     commands = car.hold(hands(MANUAL, speed=0.5), 0.24)
     assert commands[-1].flags == DISTRUST
-    assert car.situation.block is Block.LINK
+    assert car.situation.block is DeadmanFault.LINK
     car.beating = True
     assert flags(car.hold(hands(MANUAL, speed=0.5), 1.0)) == {DISTRUST}
     assert car.drive().flags == Press.MANUAL
@@ -244,7 +244,7 @@ def test_link_loss_drops_everything_within_a_quarter_second_and_only_a_release_o
 def test_a_restarted_car_is_a_new_car():
     car = Drive()
     car.drive()
-    car.beat = Beat(car_session=10, beat=0, flags=Condition(0))
+    car.beat = Beat(car_session=10, beat=0, flags=CarCondition(0))
     assert car.cycle(hands(MANUAL, speed=0.5)).flags == DISTRUST
     assert flags(car.hold(hands(MANUAL, speed=0.5), 1.0)) == {DISTRUST}
     assert car.pilot.step(hands(), car.now_s).car_session == 10
@@ -267,7 +267,7 @@ def test_a_pad_that_is_gone_stops_and_comes_back_released_first():
 
 
 def test_the_ramp_begins_anew_at_every_press():
-    car = Drive(Feel(max_speed_mps=2.0, deadzone=0.0, expo=0.0, ramp_mps2=1.0))
+    car = Drive(InputShape(max_speed_mps=2.0, deadzone=0.0, expo=0.0, ramp_mps2=1.0))
     car.drive(speed=1.0)
     car.hold(hands(MANUAL, speed=1.0), 1.0)
     car.hold(hands())

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from clients.teleop.inputs import BUTTONS, Control, Inputs
 from clients.teleop.pilot import DISTRUST, LINK_LOST_S, PAD_SILENT_S, PAUSE_S, Pilot
-from runtime.wire.teleop import Beat, Condition, Input, Press
+from runtime.wire.teleop import Beat, CarCondition, Input, Press
 from tests.clients.teleop.scenes import LINEAR, SESSION
 
 NOTHING = Press(0)
@@ -36,7 +36,7 @@ class Stretch:
     late_s: float
     beating: bool
     silent: bool
-    conditions: Condition
+    conditions: CarCondition
     operator: int
     car_session: int
 
@@ -49,7 +49,7 @@ STRETCHES = st.lists(
         late_s=st.sampled_from([0.0, 0.0, 0.0, 0.5]),
         beating=st.sampled_from([True, True, True, False]),
         silent=st.sampled_from([False, False, True]),
-        conditions=st.sampled_from([Condition(0)] * 4 + list(Condition)),
+        conditions=st.sampled_from([CarCondition(0)] * 4 + list(CarCondition)),
         operator=st.sampled_from([0, SESSION, SESSION, 5]),
         car_session=st.sampled_from([1, 1, 1, 2]),
     ),
@@ -105,9 +105,9 @@ def is_well(moment: Moment) -> bool:
     inputs, beat = moment.inputs, moment.beat
     if beat is None or not inputs.live or moment.beat_age_s > LINK_LOST_S or moment.elapsed_s > PAUSE_S:
         return False
-    if inputs.wants_stop or Condition.ESTOP_LATCHED in beat.flags or beat.operator_session not in {0, SESSION}:
+    if inputs.wants_stop or CarCondition.ESTOP_LATCHED in beat.flags or beat.operator_session not in {0, SESSION}:
         return False
-    if beat.operator_session == SESSION and beat.flags & (Condition.OPERATOR_LOST | Condition.REARM):
+    if beat.operator_session == SESSION and beat.flags & (CarCondition.OPERATOR_LOST | CarCondition.REARM):
         return False
     moving = Control.MANUAL in inputs.pressed and inputs.speed != 0
     return inputs.sound and not (moving and moment.now_s - inputs.event_s > PAD_SILENT_S + 1e-9)

@@ -9,8 +9,8 @@ import pytest
 from clients.teleop.advice import advise
 from clients.teleop.inputs import Control
 from clients.teleop.keyboard import HELD_NAMES
-from clients.teleop.screen import CarNews, Screen, lines
-from runtime.wire.teleop import Condition
+from clients.teleop.screen import CarState, Screen, lines
+from runtime.wire.teleop import CarCondition
 from tests.clients.teleop.scenes import DEAD, SESSION, Drive, hands
 
 
@@ -46,12 +46,12 @@ def other(car):
 
 
 def latched(car):
-    car.says(Condition.ESTOP_LATCHED)
+    car.says(CarCondition.ESTOP_LATCHED)
     car.hold(hands())
 
 
 def fault(car):
-    car.says(Condition.FAULT)
+    car.says(CarCondition.FAULT)
     car.hold(hands())
 
 
@@ -111,7 +111,7 @@ def test_a_lost_link_is_said_within_0_3_s():
 
 
 def test_the_screen_says_why_the_car_does_not_move():
-    car, news = Drive(), CarNews()
+    car, news = Drive(), CarState()
     driving(car)
     status = {"output": {"winner": "safety", "reason": "wall ahead", "measure": 0.61}, "voltage_v": 7.9, "fault": "hot"}
     news.take(json.dumps(status).encode())
@@ -136,9 +136,9 @@ def test_the_screen_says_why_the_car_does_not_move():
 
 @pytest.mark.parametrize("payload", [b"", b"[]", b"{", b'{"output": 3, "voltage_v": "x", "battery": 1}', b"\xff"])
 def test_news_that_cannot_be_read_change_nothing(payload):
-    news = CarNews()
+    news = CarState()
     news.take(payload)
-    assert news == CarNews()
+    assert news == CarState()
 
 
 def test_without_a_terminal_one_line_for_every_change():

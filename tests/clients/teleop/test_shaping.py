@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from clients.teleop.shaping import Feel, Shaper, curve, ramp
+from clients.teleop.shaping import InputShape, Shaper, curve, ramp
 
 STICK = st.floats(-1, 1)
 
@@ -35,7 +35,7 @@ def test_the_ramp_limits_growth_and_never_a_slowdown(last, wanted, expected):
 
 @given(st.lists(STICK, max_size=40))
 def test_no_wish_is_beyond_the_limits_or_grows_faster_than_the_ramp(sticks):
-    shaper = Shaper(Feel(max_speed_mps=1.5, ramp_mps2=2.0, steering_rate_radps=1.5))
+    shaper = Shaper(InputShape(max_speed_mps=1.5, ramp_mps2=2.0, steering_rate_radps=1.5))
     last_mps = last_rad = 0.0
     for stick in sticks:
         speed_mps, steering_rad = shaper.step(stick, -stick, 0.02)
@@ -47,7 +47,7 @@ def test_no_wish_is_beyond_the_limits_or_grows_faster_than_the_ramp(sticks):
 
 
 def test_after_a_release_it_starts_from_standstill():
-    shaper = Shaper(Feel(ramp_mps2=1.0, expo=0, deadzone=0))
+    shaper = Shaper(InputShape(ramp_mps2=1.0, expo=0, deadzone=0))
     shaper.step(1.0, 1.0, 1.0)
     shaper.reset()
     assert list(shaper.step(1.0, 0.0, 0.02)) == pytest.approx([0.02, 0.0])

@@ -5,9 +5,9 @@ import math
 import pytest
 
 from clients.teleop import sources
-from clients.teleop.gamepad import Connected, Gone, Moved, Typed
+from clients.teleop.gamepad import Gone, KeyTyped, PadConnected, PadMoved
 from clients.teleop.inputs import Control
-from clients.teleop.keyboard import Act, Focus, Key, Quit
+from clients.teleop.keyboard import Act, Key, Quit, TerminalFocus
 from clients.teleop.pads import Axis, Button, parse_mapping
 from clients.teleop.script import Script, Step
 from runtime.wire.teleop import Input
@@ -29,9 +29,9 @@ class Queue:
         self.shown.append((lines, mood))
 
 
-X_PAD = Connected(0, X_GUID, "Logitech Gamepad F710", X_REST, parse_mapping(X_SDL))
-D_PAD = Connected(1, D_GUID, "Logitech Cordless RumblePad 2", D_REST, None)
-UNKNOWN = Connected(2, "03000000341200007856000000000000", "Mystery", (0.0,), None)
+X_PAD = PadConnected(0, X_GUID, "Logitech Gamepad F710", X_REST, parse_mapping(X_SDL))
+D_PAD = PadConnected(1, D_GUID, "Logitech Cordless RumblePad 2", D_REST, None)
+UNKNOWN = PadConnected(2, "03000000341200007856000000000000", "Mystery", (0.0,), None)
 
 
 def feed(source, queue, *happenings, now_s=1.0):
@@ -47,7 +47,7 @@ def test_a_pad_is_adopted_drives_and_is_unplugged():
     idle = feed(source, sdl)
     assert (idle.live, idle.event_s, idle.device) == (True, -math.inf, "Logitech F710 (X)")
     assert "no event since" in idle.trouble
-    driving = feed(source, sdl, *(Moved(0, event) for event in X_DRIVE), now_s=2.0)
+    driving = feed(source, sdl, *(PadMoved(0, event) for event in X_DRIVE), now_s=2.0)
     assert (driving.manual, driving.speed, driving.steering, driving.event_s) == (True, 0.5, 1.0, 2.0)
     assert driving.trouble == ""
     assert not feed(source, sdl, Gone(0)).live
@@ -57,7 +57,7 @@ def test_unplugged_and_back_within_one_poll_is_noticed_and_starts_from_nothing()
     sdl = Queue()
     source = sources.PadSource(sdl, {})
     feed(source, sdl, X_PAD)
-    feed(source, sdl, *(Moved(0, event) for event in X_DRIVE))
+    feed(source, sdl, *(PadMoved(0, event) for event in X_DRIVE))
     assert not feed(source, sdl, Gone(0), X_PAD).live
     assert feed(source, sdl).released
 
@@ -66,9 +66,9 @@ def test_the_other_pad_takes_its_turn_only_after_a_moment_without_any():
     sdl = Queue()
     source = sources.PadSource(sdl, {})
     feed(source, sdl, X_PAD, D_PAD)
-    assert feed(source, sdl, Moved(1, Button(4, pressed=True))).released, "only one pad counts"
+    assert feed(source, sdl, PadMoved(1, Button(4, pressed=True))).released, "only one pad counts"
     assert not feed(source, sdl, Gone(0)).live
-    assert feed(source, sdl, *(Moved(1, event) for event in D_DRIVE)).device == "Logitech F710 (D)"
+    assert feed(source, sdl, *(PadMoved(1, event) for event in D_DRIVE)).device == "Logitech F710 (D)"
 
 
 def test_an_unknown_pad_is_named_with_the_way_out_and_a_wanted_one_is_waited_for():
@@ -84,7 +84,7 @@ def test_mode_is_said():
     sdl = Queue()
     source = sources.PadSource(sdl, {})
     feed(source, sdl, X_PAD)
-    assert "press MODE" in feed(source, sdl, *(Moved(0, event) for event in MODE_ON)).trouble
+    assert "press MODE" in feed(source, sdl, *(PadMoved(0, event) for event in MODE_ON)).trouble
 
 
 def pad_or_keys(*, releases=False):
@@ -169,7 +169,7 @@ def test_a_pad_that_is_lost_is_no_release_until_a_key_is_pressed():
     source, sdl, keys = pad_or_keys()
     feed(source, sdl, X_PAD)
     feed(source, sdl)
-    assert feed(source, sdl, *(Moved(0, event) for event in X_DRIVE), now_s=2.0).manual
+    assert feed(source, sdl, *(PadMoved(0, event) for event in X_DRIVE), now_s=2.0).manual
     lost = feed(source, sdl, Gone(0), now_s=2.1)
     assert (lost.live, lost.trouble) == (False, sources.LOST_PAD)
     assert not feed(source, sdl, now_s=60.0).live, "however long that takes"
@@ -181,12 +181,12 @@ def test_a_pad_that_is_lost_is_no_release_until_a_key_is_pressed():
 def test_a_window_sees_releases_and_shows_the_screen():
     sdl = Queue()
     source = sources.WindowSource(sdl)
-    assert feed(source, sdl, Typed(Key("shift")), Typed(Key("w")), Moved(0, Axis(0, 1.0))).manual
-    assert not feed(source, sdl, Typed(Key("shift", Act.RELEASE))).manual
-    assert not feed(source, sdl, Typed(Focus(gained=False))).live
+    assert feed(source, sdl, KeyTyped(Key("shift")), KeyTyped(Key("w")), PadMoved(0, Axis(0, 1.0))).manual
+    assert not feed(source, sdl, KeyTyped(Key("shift", Act.RELEASE))).manual
+    assert not feed(source, sdl, KeyTyped(TerminalFocus(gained=False))).live
     source.show(["ready"], "green")
     assert sdl.shown == [(["ready"], "green")]
-    feed(source, sdl, Typed(Quit()))
+    feed(source, sdl, KeyTyped(Quit()))
     assert source.leaving
 
 

@@ -9,8 +9,8 @@ import time
 import pytest
 
 from clients.teleop import key_bytes
-from clients.teleop.advice import Advice, Mood
-from clients.teleop.keyboard import Act, Answer, Key, Quit
+from clients.teleop.advice import Advice, AdviceLevel
+from clients.teleop.keyboard import Act, Key, Quit, TerminalAnswer
 from clients.teleop.screen import Screen
 from clients.teleop.terminal import Terminal, is_there
 
@@ -81,7 +81,7 @@ def test_kittys_protocol_is_used_and_left_where_the_terminal_answers(plugged):
         assert terminal.releases
         os.write(emulator.master, b"\x1b[119;1:3u")
         eventually(terminal.poll, Key("w", Act.RELEASE))
-        eventually(terminal.poll, Answer(11))
+        eventually(terminal.poll, TerminalAnswer(11))
     give_up_s = time.monotonic() + 5
     while not emulator.got.endswith(key_bytes.LEAVE) and time.monotonic() < give_up_s:
         time.sleep(0.002)
@@ -93,7 +93,7 @@ def test_a_screen_whose_terminal_is_gone_says_so():
     master, slave = os.openpty()
     out = os.fdopen(slave, "w")
     screen = Screen(out, plain=False)
-    advice = Advice(Mood.MOVING, "DRIVING", "")
+    advice = Advice(AdviceLevel.MOVING, "DRIVING", "")
     screen.draw(["DRIVING", "speed"], advice)
     os.close(master)
     with pytest.raises(OSError, match="gone"):

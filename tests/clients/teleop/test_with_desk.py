@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from clients.teleop.inputs import Control
-from clients.teleop.pilot import Block, Pilot
+from clients.teleop.pilot import DeadmanFault, Pilot
 from runtime.arbitration.command import Source
 from runtime.wire.teleop import Press
 from tests.clients.teleop.scenes import DEAD, LINEAR, SESSION, hands
@@ -114,7 +114,7 @@ def test_a_dead_link_stops_the_car_and_its_return_moves_nothing(road, up, down):
     assert road.hold(DRIVING, 1.0) == 0
     road.up = road.down = True
     assert road.hold(DRIVING, 2.0) == 0
-    assert road.pilot.situation.block is Block.REARM
+    assert road.pilot.situation.block is DeadmanFault.REARM
     road.drive()
 
 
@@ -152,7 +152,7 @@ def test_two_operators_the_second_is_told_and_takes_over_deliberately(road):
     for _ in range(3):
         road.hold(hands(), BEAT_S)
         bob.send(Press.MANUAL)
-    assert (road.pilot.situation.block, road.pilot.situation.operator_name) == (Block.OTHER, "bob")
+    assert (road.pilot.situation.block, road.pilot.situation.operator_name) == (DeadmanFault.OTHER, "bob")
     for _ in range(60):
         road.hold(hands(TAKE_OVER), BEAT_S)
         bob.send(Press.MANUAL)

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from drivers.api import ProtocolError
 from drivers.hokuyo.codec import (
     BLOCK_LIMIT_BYTES,
-    Block,
-    Deframer,
+    ReplyBlock,
+    ScipDeframer,
     baud_command,
     checksum,
     command,
@@ -23,7 +23,7 @@ from drivers.hokuyo.codec import (
     stream_command,
 )
 from drivers.hokuyo.ranges import RangeDecoder, decode_scan
-from drivers.hokuyo.replies import SensorParameters, Status, decode_number, fields, is_healthy, judge
+from drivers.hokuyo.replies import SensorParameters, StreamStatus, decode_number, fields, is_healthy, judge
 
 Frame = dict[str, Any]
 
@@ -45,10 +45,10 @@ needs_vectors = pytest.mark.skipif(not FRAMES, reason="the golden frames (shared
 SCAN = b"MD0540054200000\n99b\n01>8G\n0?X0W47D`M\n\n"
 
 
-def read(stream: bytes, *edges: int, limit_bytes: int = BLOCK_LIMIT_BYTES) -> tuple[list[Block], Counter[str]]:
+def read(stream: bytes, *edges: int, limit_bytes: int = BLOCK_LIMIT_BYTES) -> tuple[list[ReplyBlock], Counter[str]]:
     """Feed a stream cut at `edges`; return the blocks and what was counted."""
     counts: Counter[str] = Counter()
-    deframer = Deframer(lambda what: counts.update([what]), limit_bytes=limit_bytes)
+    deframer = ScipDeframer(lambda what: counts.update([what]), limit_bytes=limit_bytes)
     cuts = sorted({0, len(stream), *(edge for edge in edges if 0 < edge < len(stream))})
     return [block for a, b in pairwise(cuts) for block in deframer.feed(stream[a:b])], counts
 
@@ -103,7 +103,7 @@ def test_every_golden_reply_is_decoded_exactly(frame: Frame) -> None:
     assert said == expected
 
 
-def describe(block: Block) -> Frame:
+def describe(block: ReplyBlock) -> Frame:
     """Return a block in the words of the vector file."""
     said: Frame = {"echo": block.echo.decode(), "status": block.status}
     if block.echo == b"TM1" and block.lines:
@@ -221,7 +221,7 @@ def test_a_block_may_be_as_long_as_the_limit_and_no_longer() -> None:
 
 def test_bytes_without_a_blank_line_take_no_more_memory_than_the_limit() -> None:
     counts: Counter[str] = Counter()
-    deframer = Deframer(lambda what: counts.update([what]))
+    deframer = ScipDeframer(lambda what: counts.update([what]))
     for _ in range(1000):
         assert deframer.feed(b"z" * 1000) == []
         assert len(deframer._rest) <= BLOCK_LIMIT_BYTES + 1
@@ -232,7 +232,7 @@ def test_bytes_without_a_blank_line_take_no_more_memory_than_the_limit() -> None
 def test_a_million_random_bytes_raise_nothing_and_leave_it_in_working_order() -> None:
     generator = random.Random(2)
     counts: Counter[str] = Counter()
-    deframer = Deframer(lambda what: counts.update([what]))
+    deframer = ScipDeframer(lambda what: counts.update([what]))
     for _ in range(250):
         for block in deframer.feed(generator.randbytes(4000)):
             decode_scan(block)
@@ -247,7 +247,7 @@ def test_a_million_mutated_bytes_never_give_a_distance_that_the_sums_do_not_cove
     clean = b"".join(bytes.fromhex(frame["hex"]) for frame in RECEIVED)
     decoder = RangeDecoder(1081, 20, 30000)
     counts: Counter[str] = Counter()
-    deframer = Deframer(lambda what: counts.update([what]))
+    deframer = ScipDeframer(lambda what: counts.update([what]))
     fed, good = 0, 0
     while fed < 1_000_000:
         stream = bytearray(clean)
@@ -270,7 +270,7 @@ def test_a_million_mutated_bytes_never_give_a_distance_that_the_sums_do_not_cove
     assert good > 1000
 
 
-def try_parameters(block: Block) -> None:
+def try_parameters(block: ReplyBlock) -> None:
     with contextlib.suppress(ProtocolError):  # the only way in which it may refuse
         SensorParameters.from_fields(fields(block))
 
@@ -317,23 +317,23 @@ def test_parameters_that_make_no_sense_are_named(change: dict[str, str | None], 
 @pytest.mark.parametrize(
     ("status", "meaning"),
     [
-        ("00", Status.ACCEPTED),
-        ("99", Status.SCAN),
-        ("98", Status.RESUMED),
-        ("0M", Status.UNSTABLE),
-        ("21", Status.UNSTABLE),
-        ("49", Status.UNSTABLE),
-        ("50", Status.ABNORMAL),
-        ("97", Status.ABNORMAL),
-        ("0L", Status.ABNORMAL),
-        ("20", Status.REFUSED),
-        ("04", Status.REFUSED),
-        ("0E", Status.REFUSED),
-        ("10", Status.REFUSED),
-        ("E", Status.REFUSED),
+        ("00", StreamStatus.ACCEPTED),
+        ("99", StreamStatus.SCAN),
+        ("98", StreamStatus.RESUMED),
+        ("0M", StreamStatus.UNSTABLE),
+        ("21", StreamStatus.UNSTABLE),
+        ("49", StreamStatus.UNSTABLE),
+        ("50", StreamStatus.ABNORMAL),
+        ("97", StreamStatus.ABNORMAL),
+        ("0L", StreamStatus.ABNORMAL),
+        ("20", StreamStatus.REFUSED),
+        ("04", StreamStatus.REFUSED),
+        ("0E", StreamStatus.REFUSED),
+        ("10", StreamStatus.REFUSED),
+        ("E", StreamStatus.REFUSED),
     ],
 )
-def test_status_codes(status: str, meaning: Status) -> None:
+def test_status_codes(status: str, meaning: StreamStatus) -> None:
     assert judge(status) is meaning
 
 
@@ -351,4 +351,4 @@ def test_the_three_ways_to_say_fine(text: str, healthy: bool) -> None:
 
 
 def test_a_block_is_a_value() -> None:
-    assert read(SCAN)[0] == [Block(b"MD0540054200000", "99", (b"01>8", b"0?X0W47D`"))]
+    assert read(SCAN)[0] == [ReplyBlock(b"MD0540054200000", "99", (b"01>8", b"0?X0W47D`"))]

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.hokuyo.codec import Block, Deframer, checksum
+from drivers.hokuyo.codec import ReplyBlock, ScipDeframer, checksum
 from drivers.hokuyo.ranges import RangeDecoder, decode_numbers, decode_scan
 from sim.devices.scip_encode import encode_samples, encode_scan
 
@@ -37,7 +37,7 @@ def test_anything_but_three_samples_of_three_digits_is_refused(samples: bytes) -
 @given(st.integers(1, 300))
 def test_every_length_of_scan_comes_through_frame_and_all(beam_count: int) -> None:
     values = np.arange(beam_count) * 97 % 30000
-    [block] = Deframer().feed(encode_scan(b"MD0000108000000", "99", 77, encode_samples(values, 3)))
+    [block] = ScipDeframer().feed(encode_scan(b"MD0000108000000", "99", 77, encode_samples(values, 3)))
     scan = decode_scan(block)
     assert scan is not None
     assert scan.ranges_mm.tolist() == values.tolist()
@@ -52,7 +52,7 @@ def test_lines_of_odd_length_are_joined_too(lengths: list[int]) -> None:
         lines.append(text[at : at + length])
         at += length
     body = b"\n".join(line + bytes([checksum(line)]) for line in lines)
-    [block] = Deframer().feed(b"MD0000000200000\n99b\n01>8G\n" + body + b"\n\n")
+    [block] = ScipDeframer().feed(b"MD0000000200000\n99b\n01>8G\n" + body + b"\n\n")
     assert block.lines[1] == text[:at]
 
 
@@ -72,11 +72,11 @@ def test_lines_of_odd_length_are_joined_too(lengths: list[int]) -> None:
     ],
 )
 def test_blocks_that_hold_no_scan(echo: bytes, lines: tuple[bytes, ...]) -> None:
-    assert decode_scan(Block(echo, "99", lines)) is None
+    assert decode_scan(ReplyBlock(echo, "99", lines)) is None
 
 
 def test_echoes_with_intensity() -> None:
-    scan = decode_scan(Block(b"NE0000000100000", "99", (b"01>8", b"0?X001&0GL0020O@003")))
+    scan = decode_scan(ReplyBlock(b"NE0000000100000", "99", (b"01>8", b"0?X001&0GL0020O@003")))
     assert scan is not None
     assert scan.echoes_mm == ((1000, 1500), (2000,))
     assert scan.intensities is not None

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.vesc import codec
-from drivers.vesc.codec import Deframer, Packet, frame
+from drivers.vesc.codec import Packet, VescDeframer, frame
 
 VECTORS = Path(__file__).resolve().parents[3] / ".." / "shared" / "reference" / "vectors" / "vesc.json"
 
@@ -66,7 +66,7 @@ def test_every_golden_request_is_encoded_exactly(vector):
 
 @pytest.mark.parametrize("vector", vectors("frames"), ids=lambda v: v["name"])
 def test_every_golden_frame_is_found_and_made(vector):
-    deframer = Deframer()
+    deframer = VescDeframer()
     assert [payload.hex() for payload in deframer.feed(bytes.fromhex(vector["hex"]))] == [vector["payload_hex"]]
     assert deframer.skipped_bytes == 0
     assert frame(bytes.fromhex(vector["payload_hex"])).hex() == vector["hex"]
@@ -74,7 +74,7 @@ def test_every_golden_frame_is_found_and_made(vector):
 
 @pytest.mark.parametrize("vector", vectors("streams"), ids=lambda v: v["name"])
 def test_every_golden_stream_yields_what_it_should(vector):
-    deframer = Deframer()
+    deframer = VescDeframer()
     chunks = vector.get("chunks") or [vector["hex"]]
     found = [payload for chunk in chunks for payload in deframer.feed(bytes.fromhex(chunk))]
     found += deframer.give_up()
@@ -111,14 +111,14 @@ PAYLOADS = st.lists(
 def test_any_chunking_gives_the_same_payloads(payloads, cuts):
     stream = b"".join(map(frame, payloads))
     edges = sorted({0, len(stream), *(cut for cut in cuts if cut < len(stream))})
-    deframer = Deframer()
+    deframer = VescDeframer()
     assert [p for a, b in pairwise(edges) for p in deframer.feed(stream[a:b])] == payloads
     assert (deframer.skipped_bytes, deframer.bad_checksums) == (0, 0)
 
 
 @given(noise=st.binary(max_size=60), payloads=st.lists(st.binary(min_size=1, max_size=20), min_size=1, max_size=4))
 def test_noise_before_frames_never_hides_them_for_good(noise, payloads):
-    deframer = Deframer()
+    deframer = VescDeframer()
     found = deframer.feed(noise + b"".join(map(frame, payloads)))
     found += deframer.give_up()
     assert found[-len(payloads) :] == payloads
@@ -126,7 +126,7 @@ def test_noise_before_frames_never_hides_them_for_good(noise, payloads):
 
 @pytest.mark.parametrize("false_start", ["03 02 01", "03 00 fe", "02 00", "04 00 00 05"])
 def test_a_size_that_no_frame_has_is_not_waited_for(false_start):
-    assert Deframer().feed(bytes.fromhex(false_start) + frame(b"\x04")) == [b"\x04"]
+    assert VescDeframer().feed(bytes.fromhex(false_start) + frame(b"\x04")) == [b"\x04"]
 
 
 @given(payload=st.binary(min_size=1, max_size=80), data=st.data())
@@ -135,7 +135,7 @@ def test_a_flipped_bit_loses_that_frame_only(payload, data):
     bad = bytearray(frame(payload))
     bit = data.draw(st.integers(8 * 2, 8 * len(bad) - 1))
     bad[bit // 8] ^= 1 << bit % 8
-    deframer = Deframer()
+    deframer = VescDeframer()
     found = deframer.feed(bytes(bad) + good) + deframer.give_up()
     assert payload not in found
     assert found[-1:] == [b"\x04good"]
@@ -143,7 +143,7 @@ def test_a_flipped_bit_loses_that_frame_only(payload, data):
 
 def test_a_million_random_and_mutated_bytes_never_raise_and_are_all_accounted_for():
     rng = random.Random(1)
-    deframer = Deframer()
+    deframer = VescDeframer()
     fed = found = 0
     frames = [frame(codec.set_erpm(4614)), frame(bytes(74)), frame(bytes(300))]
     while fed < 1_000_000:
@@ -158,7 +158,7 @@ def test_a_million_random_and_mutated_bytes_never_raise_and_are_all_accounted_fo
 
 
 def test_a_checksum_error_is_counted():
-    deframer = Deframer()
+    deframer = VescDeframer()
     assert deframer.feed(bytes.fromhex("0205080000120606fa03")) == []
     assert deframer.give_up() == []
     assert deframer.bad_checksums == 1

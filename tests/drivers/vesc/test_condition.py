@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from drivers.api import Health, MotorState
 from drivers.vesc.calibration import Calibration
-from drivers.vesc.condition import Condition
+from drivers.vesc.condition import VescMonitor
 from drivers.vesc.replies import Values
 from drivers.vesc.settings import VescSettings
 from drivers.vesc.tachometer import MAX_STEPS_PER_POLL, Tachometer
@@ -86,14 +86,14 @@ def health() -> Health:
     return Health()
 
 
-def state_of(condition: Condition) -> MotorState:
+def state_of(condition: VescMonitor) -> MotorState:
     assert condition.state is not None
     return condition.state
 
 
 @pytest.fixture
-def condition(health: Health) -> Condition:
-    return Condition(Calibration(VescSettings()), 8.0, health)
+def condition(health: Health) -> VescMonitor:
+    return VescMonitor(Calibration(VescSettings()), 8.0, health)
 
 
 def test_a_report_in_si_units(condition):

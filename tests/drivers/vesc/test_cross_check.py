@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from drivers.api import Drive, Health, LinkState
 from drivers.vesc import codec
 from drivers.vesc.calibration import Calibration
-from drivers.vesc.condition import Condition
+from drivers.vesc.condition import VescMonitor
 from drivers.vesc.cross_check import COUNTS_WRONG, RUNS_BACKWARDS, CrossCheck
 from drivers.vesc.driver import Vesc
 from drivers.vesc.settings import VescSettings
@@ -29,7 +29,7 @@ class Car:
 
     def __init__(self):
         self.health = Health()
-        self.condition = Condition(Calibration(VescSettings()), 8.0, self.health)
+        self.condition = VescMonitor(Calibration(VescSettings()), 8.0, self.health)
         self.now_s = self.way_m = self.counted_m = 0.0
 
     def poll(self, speed_mps, *, wish=None, counted=1.0, seconds=PERIOD_S):
@@ -72,7 +72,7 @@ def test_an_impossible_speed_is_no_report(car, erpm):
 
 
 def test_where_polls_are_rare_the_first_refusal_brakes():
-    condition = Condition(Calibration(VescSettings(poll_hz=10, lost_after_s=0.4)), 8.0, Health())
+    condition = VescMonitor(Calibration(VescSettings(poll_hz=10, lost_after_s=0.4)), 8.0, Health())
     assert condition.update(WELL, 1.0, 0.0)
     assert not condition.update(replace(WELL, erpm=10**6), 1.1, 0.0)
     assert condition.blind

@@ -28,7 +28,7 @@ class Controller:
     """The far end of a VESC's wire: answers after a moment, and keeps every motor command with its time."""
 
     def __init__(self, end: socket.socket) -> None:
-        self._end, self._deframer, self._loop = end, codec.Deframer(), asyncio.get_running_loop()
+        self._end, self._deframer, self._loop = end, codec.VescDeframer(), asyncio.get_running_loop()
         self.erpm = round(GAIN)
         self.commands: list[tuple[float, int]] = []
         self._loop.add_reader(end, self._on_readable)

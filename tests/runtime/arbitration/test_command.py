@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.arbitration import command
-from runtime.arbitration.command import LAB_ORDER, CapWord, Source, Verdict, arbitrate
+from runtime.arbitration.command import LAB_ORDER, Source, SpeedLimit, Verdict, arbitrate
 from tests.runtime.decisions import BOUND_ORDER, CASES, REQUIRED, Case, estop, failing, nav, permit, safety, stick
 
 
@@ -74,7 +74,7 @@ LIMIT = st.one_of(st.floats(), st.sampled_from([0.0, -0.0, math.nan, math.inf, -
     limits=st.lists(st.tuples(LIMIT, LIMIT, LIMIT), min_size=1, max_size=3),
 )
 def test_whatever_the_verdicts_are_no_speed_is_larger_than_the_wish_or_against_it(wish, limits):
-    caps = [CapWord(Source.SAFETY, Verdict(ahead, back, "?", math.nan, brake), 1.0) for ahead, back, brake in limits]
+    caps = [SpeedLimit(Source.SAFETY, Verdict(ahead, back, "?", math.nan, brake), 1.0) for ahead, back, brake in limits]
     decision = arbitrate([*caps, permit(), nav(wish)], REQUIRED, LAB_ORDER)
     assert abs(decision.speed_mps) <= abs(wish)
     assert decision.speed_mps * wish >= 0
@@ -95,7 +95,7 @@ LIMITS = st.sampled_from([0.0, 0.3, 1.0, math.inf])
 )
 def test_a_verdict_makes_nobody_faster_and_steers_only_a_stop(wish, limits, steering, permitted):
     verdict = Verdict(limits[0], limits[1], "because", math.nan, 2.0, steering)
-    words = [CapWord(Source.SAFETY, verdict, 1.0), permit(permitted), nav(*wish)]
+    words = [SpeedLimit(Source.SAFETY, verdict, 1.0), permit(permitted), nav(*wish)]
     decision = arbitrate(words, REQUIRED, LAB_ORDER)
     assert abs(decision.speed_mps) <= abs(wish[0])
     assert decision.speed_mps * wish[0] >= 0.0

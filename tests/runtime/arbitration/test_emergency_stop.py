@@ -5,13 +5,13 @@ import itertools
 import pytest
 
 from runtime.arbitration.command import LAB_ORDER, Source, arbitrate
-from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.command_queue import CommandQueue
 from runtime.arbitration.emergency_stop import Cause, EmergencyStop
 
 
 @pytest.fixture
 def voices():
-    return Voices(LAB_ORDER, lambda: 0.0)
+    return CommandQueue(LAB_ORDER, lambda: 0.0)
 
 
 def words(voices):

@@ -3,7 +3,7 @@
 import math
 
 from runtime.arbitration.command import LAB_ORDER, NO_LIMIT_MPS
-from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.command_queue import CommandQueue
 from runtime.arbitration.permit import NOT_GRANTED, NOT_REQUIRED, Permit
 
 
@@ -15,7 +15,7 @@ def word(voices):
 
 def make(mode):
     now = [0.0]
-    voices = Voices(LAB_ORDER, lambda: now[0])
+    voices = CommandQueue(LAB_ORDER, lambda: now[0])
     return now, voices, Permit(voices, mode)
 
 

@@ -8,7 +8,7 @@ import pytest
 from drivers.api import MotorState, Scan
 from runtime.control.limiter import Limiter, Limits
 from runtime.control.live_laws import LiveLaws
-from runtime.control.recovery.recovering_follower import Freeing
+from runtime.control.recovery.recovering_follower import RecoveringFollower
 from runtime.control.recovery.way_out import Recovery
 from runtime.control.report.laws import ReportGuard, ReportTurn
 from runtime.control.safety.swept import SweptGuard
@@ -164,7 +164,7 @@ def test_the_window_is_judged_anew_at_the_next_scan_although_the_car_has_hardly_
 
 def test_backing_out_can_be_switched_off_and_on():
     drive = Drive()
-    assert isinstance(drive.laws.follower, Freeing)
+    assert isinstance(drive.laws.follower, RecoveringFollower)
     assert drive.recovery._settings.tries == 6
     drive.tune(safety={"backs_out": False})
     assert drive.recovery._settings.tries == 0

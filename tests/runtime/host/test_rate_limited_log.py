@@ -2,12 +2,12 @@
 
 import logging
 
-from runtime.host.rate_limited_log import QuietLog
+from runtime.host.rate_limited_log import RateLimitedLog
 
 
 def test_a_flood_is_a_line_now_and_then_with_a_count(caplog):
     now = [0.0]
-    quiet = QuietLog(logging.getLogger("test.quiet"), lambda: now[0])
+    quiet = RateLimitedLog(logging.getLogger("test.quiet"), lambda: now[0])
     times = []
     for _ in range(300_000):  # 5 minutes at 1 kHz
         before = len(caplog.records)
@@ -22,7 +22,7 @@ def test_a_flood_is_a_line_now_and_then_with_a_count(caplog):
 
 def test_after_a_rest_it_speaks_at_once_and_kinds_do_not_hush_each_other(caplog):
     now = [0.0]
-    quiet = QuietLog(logging.getLogger("test.quiet"), lambda: now[0])
+    quiet = RateLimitedLog(logging.getLogger("test.quiet"), lambda: now[0])
     for at_s in (0.0, 0.5, 2.0, 10.0, 12.0):
         now[0] = at_s
         quiet.say("a", f"a at {at_s}")

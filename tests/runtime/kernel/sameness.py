@@ -7,7 +7,7 @@ import pytest
 from hypothesis import strategies as st
 
 from drivers.api import MotorState, Scan
-from runtime.control.perception.view import Eyes
+from runtime.control.perception.view import PerceptionCache
 from runtime.control.safety.swept import SweptGuard
 from runtime.control.safety.swept_settings import SweptSettings
 from runtime.control.vehicle import CarSettings
@@ -43,7 +43,7 @@ class Drive:
 
     def __init__(self, side="left"):
         car = CarSettings()
-        eyes = Eyes(car)
+        eyes = PerceptionCache(car)
         self.guard = SweptGuard(SweptSettings(), car, eyes)
         self.follower = BallFollower(BallSettings(speed_mps=2.0, side=side), car, eyes)
         self.way_m = 0.0

@@ -25,17 +25,17 @@ def test_a_drive_gets_the_same_answers(compared, world, side):
         pose = Pose(0.07 * step, rng.uniform(-0.1, 0.1), rng.uniform(-0.2, 0.2))
         drive.see(as_scan(scan(geometry, pose, Twist(2.0), at_s, rng, lidar), lidar, at_s, step))
     hot = {
-        "look",
-        "small_things",
-        "thin_places",
+        "view_scan",
+        "find_small_clusters",
+        "find_thin_places",
         "solid_places",
         "any_nearer",
-        "swept_touch",
-        "wall_beside",
-        "foreseen",
+        "sweep_arc",
+        "find_followed_wall",
+        "predict_motion",
     }
     assert {name for name in hot if compared[name] < 60} == set()
-    assert compared["rolled_along"] == compared["driven_along"] > 15  # where there is a wall
+    assert compared["roll_ball"] == compared["drive_along_ball"] > 15  # where there is a wall
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

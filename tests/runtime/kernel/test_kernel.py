@@ -13,12 +13,12 @@ from runtime.control.wall_following import followed_wall, wall_fit
 
 
 def test_compiled_functions_are_called_without_a_step_in_between(compiled, as_it_was):
-    before = followed_wall.wall_beside
+    before = followed_wall.find_followed_wall
     twin.use(compiled)
-    assert followed_wall.wall_beside is compiled["wall_beside"]
-    twin.use({"look": compiled["look"]})
-    assert followed_wall.wall_beside is before
-    assert view.look is compiled["look"]
+    assert followed_wall.find_followed_wall is compiled["find_followed_wall"]
+    twin.use({"view_scan": compiled["view_scan"]})
+    assert followed_wall.find_followed_wall is before
+    assert view.view_scan is compiled["view_scan"]
 
 
 def test_wrong_arguments_are_refused_and_crash_nothing(compiled):
@@ -42,26 +42,30 @@ def test_arrays_of_different_lengths_are_refused(compiled):
     with pytest.raises(ValueError, match="different lengths"):
         compiled["solid_places"](short, long_m, flags)
     with pytest.raises(ValueError, match="different lengths"):
-        compiled["dark_around"](flags, flags, short, 0.0, 0.1, 0.0, 1.0)
+        compiled["find_dark_regions"](flags, flags, short, 0.0, 0.1, 0.0, 1.0)
     for beam in (9, -1):
         with pytest.raises(IndexError, match=f"no beam {beam}"):
             compiled["noise_learnt_m"](0.01, long_m, long_m, np.array([0, beam]))
         with pytest.raises(IndexError, match=f"no beam {beam}"):
-            compiled["rolled_along"](long_m, long_m, flags, np.array([0, beam]), None, *[0.0] * 8, (1.0,) * 5)
+            compiled["roll_ball"](long_m, long_m, flags, np.array([0, beam]), None, *[0.0] * 8, (1.0,) * 5)
     with pytest.raises(ValueError, match="at least 5 circles"):
-        compiled["rolled_along"](long_m, long_m, flags, np.array([0]), None, *[0.0] * 8, (1.0,) * 4)
+        compiled["roll_ball"](long_m, long_m, flags, np.array([0]), None, *[0.0] * 8, (1.0,) * 4)
     with pytest.raises(ValueError, match="at least three circles"):
-        compiled["driven_along"]((1.0,), (1.0,), (True,), (True,), *[0.0] * 12)
+        compiled["drive_along_ball"]((1.0,), (1.0,), (True,), (True,), *[0.0] * 12)
     beams = np.zeros(2, np.intp)
     for lengths in ((3, 9, 9), (9, 3, 9), (9, 9, 3)):
         x_m, range_m, echo = (np.ones(length) for length in lengths)
         with pytest.raises(ValueError, match="wall_beside: arrays of different lengths"):
-            compiled["wall_beside"](x_m, long_m, range_m, flags, echo > 2, 0, 9, 0, 1.0, *[beams] * 3, 0.0, 0.0, 1.0)
+            compiled["find_followed_wall"](
+                x_m, long_m, range_m, flags, echo > 2, 0, 9, 0, 1.0, *[beams] * 3, 0.0, 0.0, 1.0
+            )
     with pytest.raises(ValueError, match="counted from 0"):
-        compiled["wall_beside"](*[long_m] * 3, *[flags] * 2, 0, 9, -1, 1.0, *[beams] * 3, 0.0, 0.0, 1.0)
+        compiled["find_followed_wall"](*[long_m] * 3, *[flags] * 2, 0, 9, -1, 1.0, *[beams] * 3, 0.0, 0.0, 1.0)
     for outside in (np.array([0, 9]), np.array([-1, 0])):
         with pytest.raises(IndexError, match="outside the scan"):
-            compiled["wall_beside"](*[long_m] * 3, ~flags, flags, 0, 9, 0, 1.0, outside, beams, beams, 0.0, 0.0, 1.0)
+            compiled["find_followed_wall"](
+                *[long_m] * 3, ~flags, flags, 0, 9, 0, 1.0, outside, beams, beams, 0.0, 0.0, 1.0
+            )
 
 
 def test_the_twins_were_written_for_the_python_that_is_here():
@@ -79,7 +83,7 @@ def test_who_changes_a_law_drives_his_own(compiled, monkeypatch, as_it_was):
     fingerprint = kernel.fingerprint
     monkeypatch.setattr(kernel, "fingerprint", lambda module: "" if module is moving_obstacles else fingerprint(module))
     found = kernel.use()
-    assert found.functions == set(compiled) - {"small_things"}
+    assert found.functions == set(compiled) - {"find_small_clusters"}
     assert "runtime.control.safety.moving_obstacles changed" in found.words
 
 
@@ -88,8 +92,8 @@ def test_who_changes_what_a_law_calls_drives_it_as_well(compiled, monkeypatch, a
     monkeypatch.setattr(kernel, "fingerprint", lambda module: "" if module is wall_fit else fingerprint(module))
     for _ in range(2):  # the second time, what it calls is compiled
         left = set(compiled) - kernel.use().functions
-        assert {"wall_line", "wall_beside", "rolled_along"} <= left
-        assert left.isdisjoint({"driven_along", "look", "swept_touch", "decode_samples"})
+        assert {"fit_wall_line", "find_followed_wall", "roll_ball"} <= left
+        assert left.isdisjoint({"drive_along_ball", "view_scan", "sweep_arc", "decode_samples"})
 
 
 def test_constants_come_from_the_python():
@@ -130,11 +134,11 @@ def test_it_can_be_switched_off(monkeypatch, as_it_was):
 
 
 def test_a_twin_needs_a_name_of_its_own():
-    def look():
+    def view_scan():
         return None
 
-    with pytest.raises(ValueError, match="look"):
-        twin.twin(look)
+    with pytest.raises(ValueError, match="view_scan"):
+        twin.twin(view_scan)
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler here")

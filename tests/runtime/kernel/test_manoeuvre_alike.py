@@ -22,12 +22,12 @@ def arguments(points_m, start=START, steering_rad=(0.3, 0.0, -0.34), brake_mps2=
 def assert_rolled_alike(compiled, *given_):
     try:
         with np.errstate(all="ignore"):
-            expected = twin.PLAIN["roll_outs"](*given_)
+            expected = twin.PLAIN["roll_out_all"](*given_)
     except (ValueError, OverflowError, ZeroDivisionError) as error:
         with pytest.raises(type(error)):
-            compiled["roll_outs"](*given_)
+            compiled["roll_out_all"](*given_)
     else:
-        assert_same("roll_outs", expected, compiled["roll_outs"](*given_))
+        assert_same("roll_out_all", expected, compiled["roll_out_all"](*given_))
 
 
 @settings(max_examples=150, deadline=None)
@@ -80,6 +80,6 @@ def test_arrays_that_do_not_fit_are_refused_by_both(compiled):
         floors[3] = np.full(count, 5.0)
         for of in (twin.PLAIN, compiled):
             with pytest.raises(ValueError, match="1 to 4 floors"):
-                of["roll_outs"](*floors)
+                of["roll_out_all"](*floors)
             with pytest.raises(ValueError, match="a steering for every brake"):
-                of["roll_outs"](*few)
+                of["roll_out_all"](*few)

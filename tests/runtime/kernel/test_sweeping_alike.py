@@ -26,12 +26,12 @@ def test_any_dark_is_enclosed_alike(compiled, seed, lidar, toward_rad, near_m):
     no_echo, solid = rng.random((2, beams)) < rng.choice([0.03, 0.3, 0.9], (2, 1))
     given_ = (no_echo, solid, rng.choice([0.5, 1.0, 2.5, math.nan], beams), *lidar, toward_rad, near_m)
     try:
-        expected = twin.PLAIN["dark_around"](*given_)
+        expected = twin.PLAIN["find_dark_regions"](*given_)
     except (ValueError, OverflowError, ZeroDivisionError) as error:
         with pytest.raises(type(error)):
-            compiled["dark_around"](*given_)
+            compiled["find_dark_regions"](*given_)
     else:
-        assert compiled["dark_around"](*given_) is expected
+        assert compiled["find_dark_regions"](*given_) is expected
 
 
 OUTLINE = (0.45, 0.05, 0.2)
@@ -42,12 +42,12 @@ MOTION = [2.0, 1.0, 0.1, 0.05, 3.2, 0.33, 4.0, 0.01, 1.0, 3.0]
 def assert_swept_alike(compiled, *given_):
     try:
         with np.errstate(all="ignore"):
-            expected = twin.PLAIN["swept_touch"](*given_)
+            expected = twin.PLAIN["sweep_arc"](*given_)
     except (ValueError, OverflowError, ZeroDivisionError) as error:
         with pytest.raises(type(error)):
-            compiled["swept_touch"](*given_)
+            compiled["sweep_arc"](*given_)
     else:
-        assert_same("swept_touch", expected, compiled["swept_touch"](*given_))
+        assert_same("sweep_arc", expected, compiled["sweep_arc"](*given_))
 
 
 @settings(max_examples=300)
@@ -86,10 +86,10 @@ def test_a_standing_car_on_no_floor_is_swept_by_nobody(compiled):
     numbers = [0.2, 3.0, WALL, *OUTLINE, 0.0, *MOTION[1:6], -1.0, *MOTION[7:8], 0.0, 0.0]
     for of in (twin.PLAIN, compiled):
         with pytest.raises(ZeroDivisionError):
-            of["swept_touch"](*numbers)
+            of["sweep_arc"](*numbers)
 
 
 def test_a_way_without_end_is_swept_by_nobody(compiled):
     for length_m in (1e18, 1e300):
         with pytest.raises(MemoryError):
-            compiled["swept_touch"](0.2, length_m, WALL, *OUTLINE, *MOTION)
+            compiled["sweep_arc"](0.2, length_m, WALL, *OUTLINE, *MOTION)

@@ -43,14 +43,14 @@ def arguments(seed):
 @given(st.integers(0, 2**32 - 1))
 def test_any_scan_is_watched_alike(compiled, seed):
     given_ = arguments(seed)
-    assert_same("watched", compiled["watched"](*given_), twin.PLAIN["watched"](*given_))
+    assert_same("watch_sectors", compiled["watch_sectors"](*given_), twin.PLAIN["watch_sectors"](*given_))
 
 
 @pytest.mark.parametrize("place", [12, 13, 14, 15, 16, 17, 18])
 def test_what_is_no_number_is_watched_alike(compiled, place):
     given_ = list(arguments(7))
     given_[place] = math.nan
-    assert_same("watched", compiled["watched"](*given_), twin.PLAIN["watched"](*given_))
+    assert_same("watch_sectors", compiled["watch_sectors"](*given_), twin.PLAIN["watch_sectors"](*given_))
 
 
 def test_arrays_of_other_lengths_are_refused(compiled):
@@ -58,4 +58,4 @@ def test_arrays_of_other_lengths_are_refused(compiled):
         given_ = list(arguments(1))
         given_[place] = wrong
         with pytest.raises(ValueError, match="lengths"):
-            compiled["watched"](*given_)
+            compiled["watch_sectors"](*given_)

@@ -34,10 +34,14 @@ def test_any_wall_beside_the_car_is_found_alike(compiled, seed, beams, gap_m, ex
     spans = (way.beside.start, way.beside.stop, way.opposite_from)
     lines = (way.lines.beams, way.lines.rear, way.lines.front)
     given_ = (*some_room(seed, beams), *spans, gap_m, *lines, *expected, desired_m)
-    assert_same("wall_beside", twin.PLAIN["wall_beside"](*given_), compiled["wall_beside"](*given_))
+    assert_same(
+        "find_followed_wall", twin.PLAIN["find_followed_wall"](*given_), compiled["find_followed_wall"](*given_)
+    )
     turned = [part[::-1] for part in given_[:5]]  # as a lidar that turns the other way gives them
     turned += [*spans, gap_m, *lines, *expected, desired_m]
-    assert_same("wall_beside", twin.PLAIN["wall_beside"](*turned), compiled["wall_beside"](*turned))
+    assert_same(
+        "find_followed_wall", twin.PLAIN["find_followed_wall"](*turned), compiled["find_followed_wall"](*turned)
+    )
 
 
 def test_a_wall_and_a_line_and_a_narrow_way_were_among_them(compiled):
@@ -45,7 +49,8 @@ def test_a_wall_and_a_line_and_a_narrow_way_were_among_them(compiled):
     spans = (way.beside.start, way.beside.stop, way.opposite_from)
     lines = (way.lines.beams, way.lines.rear, way.lines.front)
     found = [
-        compiled["wall_beside"](*some_room(seed, 1081), *spans, 1.0, *lines, math.nan, 0.0, 1.0) for seed in range(300)
+        compiled["find_followed_wall"](*some_room(seed, 1081), *spans, 1.0, *lines, math.nan, 0.0, 1.0)
+        for seed in range(300)
     ]
     assert 20 < sum(one is None for one in found) < 250
     walls = [one for one in found if one is not None]
@@ -77,8 +82,8 @@ def behind_glass(silent, echoes, wall_m, seed):
 )
 def test_any_pane_of_glass_is_found_alike(compiled, first, beams, echoes, wall_m, seed):
     given_ = behind_glass((first, first + beams), echoes, wall_m, seed)
-    found = twin.PLAIN["wall_beside"](*given_)
-    assert_same("wall_beside", found, compiled["wall_beside"](*given_))
+    found = twin.PLAIN["find_followed_wall"](*given_)
+    assert_same("find_followed_wall", found, compiled["find_followed_wall"](*given_))
     event("glass" if found is not None and found[3] >= 0 else "none")
 
 
@@ -87,8 +92,8 @@ def test_glass_with_some_echoes_is_glass_alike(compiled, echoes):
     panes = []
     for seed in range(40):
         given_ = behind_glass((330, 480), echoes, (1.0, 0.0), seed)
-        found = twin.PLAIN["wall_beside"](*given_)
-        assert_same("wall_beside", found, compiled["wall_beside"](*given_))
+        found = twin.PLAIN["find_followed_wall"](*given_)
+        assert_same("find_followed_wall", found, compiled["find_followed_wall"](*given_))
         panes.append(found[3] >= 0)
     assert {0.0: all(panes), 0.15: any(panes), 0.2: any(panes), 0.25: not all(panes)}[echoes]
 
@@ -119,7 +124,7 @@ def test_a_ball_is_rolled_along_any_wall_alike(compiled, seed, points, there, li
     at_once = (x_m[wall[0]], y_m[wall[0]], there[2])  # the rear axle in the wall
     for place in (there, at_once):
         given_ = (x_m, y_m, solid, wall, pane, *place, *line, *noise, desired_m, radii_m)
-        assert_same("rolled_along", twin.PLAIN["rolled_along"](*given_), compiled["rolled_along"](*given_))
+        assert_same("roll_ball", twin.PLAIN["roll_ball"](*given_), compiled["roll_ball"](*given_))
 
 
 @given(seed=st.integers(0, 2**32), beams=st.integers(1, 200), noise_m=st.floats(1e-4, 0.2))
@@ -146,7 +151,7 @@ def test_a_ball_is_rolled_alike_where_something_is_no_number(compiled, place, ra
     numbers = [0.1, 0.2, 0.3, 1.0, 0.05, 0.01, 0.01, 1.0]
     numbers[place] = math.nan
     given_ = (np.arange(9.0), np.ones(9), np.arange(9) < 8, np.arange(4), None, *numbers, radii_m)
-    assert_same("rolled_along", twin.PLAIN["rolled_along"](*given_), compiled["rolled_along"](*given_))
+    assert_same("roll_ball", twin.PLAIN["roll_ball"](*given_), compiled["roll_ball"](*given_))
 
 
 @given(
@@ -162,16 +167,16 @@ def test_any_thin_places_are_found_alike(compiled, seed, beams, lidar, pose):
     x_m, y_m = ranges_m * np.cos(np.arange(beams)), ranges_m * np.sin(np.arange(beams))
     for known in (None, dirty):
         given_ = (x_m, y_m, solid, ranges_m, known, *lidar, *pose)
-        thin_m, lonely_m = twin.PLAIN["thin_places"](*given_)
-        assert_same("thin_places", (thin_m, lonely_m), compiled["thin_places"](*given_))
+        thin_m, lonely_m = twin.PLAIN["find_thin_places"](*given_)
+        assert_same("find_thin_places", (thin_m, lonely_m), compiled["find_thin_places"](*given_))
     if lonely_m.size:
         before = tuple(thin_m + rng.normal(0.0, 0.02, thin_m.size) for _ in range(4))
         given_ = (lonely_m, before, *pose)
-        assert_same("returned", twin.PLAIN["returned"](*given_), compiled["returned"](*given_))
+        assert_same("find_returning", twin.PLAIN["find_returning"](*given_), compiled["find_returning"](*given_))
 
 
 def test_a_lidar_whose_beams_are_one_has_no_thin_places(compiled):
     flags, ranges_m = np.zeros(9, np.bool_), np.ones(9)
     for of, step_rad in ((twin.PLAIN, 0.0), (compiled, 0.0), (twin.PLAIN, math.nan), (compiled, math.nan)):
         with pytest.raises((ValueError, ZeroDivisionError)):
-            of["thin_places"](ranges_m, ranges_m, flags, ranges_m, None, -1.0, step_rad, 0.0, 0.0, 0.0)
+            of["find_thin_places"](ranges_m, ranges_m, flags, ranges_m, None, -1.0, step_rad, 0.0, 0.0, 0.0)

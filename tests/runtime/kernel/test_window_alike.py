@@ -35,9 +35,9 @@ def test_any_window_is_learnt_alike(compiled, seed, beams, shares):
     for scan_number in range(3):  # each learns on from what was learnt by Python
         given_ = (*window(seed + scan_number // 2, beams)[:4], *known[4:], *shares)
         before = [array.copy() for array in given_[:8]]
-        learnt = twin.PLAIN["evidence"](*given_)
-        assert_same("evidence", learnt, compiled["evidence"](*given_))
-        assert_same("evidence", tuple(before), given_[:8])
+        learnt = twin.PLAIN["weigh_dirt"](*given_)
+        assert_same("weigh_dirt", learnt, compiled["weigh_dirt"](*given_))
+        assert_same("weigh_dirt", tuple(before), given_[:8])
         known = (*known[:4], *learnt)
 
 
@@ -52,7 +52,7 @@ def test_what_is_no_number_is_learnt_alike(compiled, place):
         else:
             given_[place] = np.repeat(given_[place], 2)[::-2]  # backwards, and not side by side
         with np.errstate(invalid="ignore"):
-            assert_same("evidence", twin.PLAIN["evidence"](*given_), compiled["evidence"](*given_))
+            assert_same("weigh_dirt", twin.PLAIN["weigh_dirt"](*given_), compiled["weigh_dirt"](*given_))
 
 
 def test_a_window_of_different_lengths_is_refused(compiled):
@@ -60,7 +60,7 @@ def test_a_window_of_different_lengths_is_refused(compiled):
         given_ = list(window(5, 30))
         given_[place] = given_[place][1:]
         with pytest.raises(ValueError, match="different lengths"):
-            compiled["evidence"](*given_, 0.1, 0.3, 0.2)
+            compiled["weigh_dirt"](*given_, 0.1, 0.3, 0.2)
 
 
 LEVELS = np.array([0.0, 0.25, 0.3, 0.31, 0.6, 0.61, 0.95, 0.96, 1.0, math.nan])
@@ -79,8 +79,8 @@ def test_any_window_is_judged_alike(compiled, seed, beams, highest, bounds):
         before = tuple(rng.random((3, beams)) < rng.choice([0.0, 0.05]))
         for _ in range(3):  # the second time nothing has changed, but rows that grow
             given_ = (dirt, body, blind, doubted, before, *bounds)
-            found, lost = twin.PLAIN["findings"](*given_)
-            assert_same("findings", (found, lost), compiled["findings"](*given_))
+            found, lost = twin.PLAIN["find_dirt"](*given_)
+            assert_same("find_dirt", (found, lost), compiled["find_dirt"](*given_))
             before = found or before
 
 
@@ -90,10 +90,10 @@ def test_findings_of_different_lengths_are_refused(compiled):
         arrays = [np.zeros(9), np.zeros(9), np.zeros(9), flags, flags, flags, flags]
         arrays[place] = arrays[place][1:]
         with pytest.raises(ValueError, match="different lengths"):
-            compiled["findings"](*arrays[:4], tuple(arrays[4:]), 0.6, 0.3)
+            compiled["find_dirt"](*arrays[:4], tuple(arrays[4:]), 0.6, 0.3)
     for before in (None, (), (flags, flags), (flags, flags, None), [flags, flags, flags]):
         with pytest.raises(TypeError):
-            compiled["findings"](*arrays[:3], None, before, 0.6, 0.3)
+            compiled["find_dirt"](*arrays[:3], None, before, 0.6, 0.3)
 
 
 @given(
@@ -105,7 +105,7 @@ def test_any_near_places_are_kept_alike(compiled, seed, beams, pose):
     ranges_m, _, solid, *_ = window(seed, beams)
     given_ = (ranges_m * np.cos(np.arange(beams)), ranges_m * np.sin(np.arange(beams)), solid, ranges_m, *pose)
     with np.errstate(invalid="ignore"):
-        assert_same("near_places", twin.PLAIN["near_places"](*given_), compiled["near_places"](*given_))
+        assert_same("find_near_places", twin.PLAIN["find_near_places"](*given_), compiled["find_near_places"](*given_))
 
 
 @settings(max_examples=120, deadline=None)
@@ -129,11 +129,11 @@ def test_near_places_of_no_direction_or_of_different_lengths_are_refused(compile
     long_m, flags = np.ones(9), np.ones(9, np.bool_)
     for of in (twin.PLAIN, compiled):
         with pytest.raises(ValueError, match="math domain error"):
-            of["near_places"](long_m, long_m, flags, long_m, 0.0, 0.0, math.inf)
+            of["find_near_places"](long_m, long_m, flags, long_m, 0.0, 0.0, math.inf)
         with pytest.raises(ValueError, match="math domain error"):
             of["places_behind"](long_m + 0j, 0.0, 0.0, math.inf, 0.0, 2.0)
     for place in range(4):
         arrays = [long_m, long_m, flags, long_m]
         arrays[place] = arrays[place][1:]
         with pytest.raises(ValueError, match="different lengths"):
-            compiled["near_places"](*arrays, 0.0, 0.0, 0.0)
+            compiled["find_near_places"](*arrays, 0.0, 0.0, 0.0)

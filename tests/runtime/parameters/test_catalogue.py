@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from runtime.control.method_settings import METHODS
-from runtime.parameters.catalogue import Kind, catalogue, values
+from runtime.parameters.catalogue import ValueKind, catalogue, values
 from runtime.parameters.policy import LOOSENS, Effect, Loosens, effect_of, is_looser, loosens_by
 from runtime.parameters.update import UnacceptableError, looser, plan
 from runtime.settings.tree import Settings, load_settings
@@ -46,26 +46,26 @@ def test_everything_about_every_setting_is_json(settings):
 @pytest.mark.parametrize(
     ("name", "kind", "default", "range_words", "unit", "effect"),
     [
-        ("wall_follow.kp", Kind.NUMBER, 13.5, "a number from 0 to 20 rad/m", "rad/m", Effect.NOW),
-        ("wall_follow.kd", Kind.NUMBER, 4.5, "a number from 0 to 20", "1", Effect.NOW),
-        ("wall_follow.side", Kind.CHOICE, "left", "'left' or 'right'", "", Effect.NOW),
-        ("wall_follow.method", Kind.CHOICE, "ball", "'ball' or 'report'", "", Effect.STANDING),
-        ("wall_follow.expires_after_s", Kind.NUMBER, 0.15, "a number above 0 and at most 0.2 s", "s", Effect.NOW),
-        ("safety.recovery.tries", Kind.INTEGER, 6, "a whole number from 0 to 10", "", Effect.NOW),
-        ("safety.backs_out", Kind.BOOLEAN, True, "true or false", "", Effect.NOW),
-        ("car.max_speed_mps", Kind.NUMBER, 4.0, "a number above 0 and at most 20 m/s", "m/s", Effect.NOW),
-        ("car.wheelbase_m", Kind.NUMBER, 0.33, "a number above 0.05 and at most 2 m", "m", Effect.RESTART),
+        ("wall_follow.kp", ValueKind.NUMBER, 13.5, "a number from 0 to 20 rad/m", "rad/m", Effect.NOW),
+        ("wall_follow.kd", ValueKind.NUMBER, 4.5, "a number from 0 to 20", "1", Effect.NOW),
+        ("wall_follow.side", ValueKind.CHOICE, "left", "'left' or 'right'", "", Effect.NOW),
+        ("wall_follow.method", ValueKind.CHOICE, "ball", "'ball' or 'report'", "", Effect.STANDING),
+        ("wall_follow.expires_after_s", ValueKind.NUMBER, 0.15, "a number above 0 and at most 0.2 s", "s", Effect.NOW),
+        ("safety.recovery.tries", ValueKind.INTEGER, 6, "a whole number from 0 to 10", "", Effect.NOW),
+        ("safety.backs_out", ValueKind.BOOLEAN, True, "true or false", "", Effect.NOW),
+        ("car.max_speed_mps", ValueKind.NUMBER, 4.0, "a number above 0 and at most 20 m/s", "m/s", Effect.NOW),
+        ("car.wheelbase_m", ValueKind.NUMBER, 0.33, "a number above 0.05 and at most 2 m", "m", Effect.RESTART),
         (
             "motor.brake_mps2_per_a",
-            Kind.NUMBER,
+            ValueKind.NUMBER,
             0.17,
             "a number above 0 and at most 5 m/s2/A",
             "m/s2/A",
             Effect.RESTART,
         ),
-        ("lidar.address", Kind.TEXT, "tcp://192.168.0.10:10940", "a text", "", Effect.RESTART),
-        ("operator.permit", Kind.CHOICE, "required", "'required' or 'always'", "", Effect.RESTART),
-        ("log.level", Kind.CHOICE, "INFO", "'DEBUG' or 'INFO' or 'WARNING' or 'ERROR'", "", Effect.NOW),
+        ("lidar.address", ValueKind.TEXT, "tcp://192.168.0.10:10940", "a text", "", Effect.RESTART),
+        ("operator.permit", ValueKind.CHOICE, "required", "'required' or 'always'", "", Effect.RESTART),
+        ("log.level", ValueKind.CHOICE, "INFO", "'DEBUG' or 'INFO' or 'WARNING' or 'ERROR'", "", Effect.NOW),
     ],
 )
 def test_what_is_said_about_a_setting(name, kind, default, range_words, unit, effect):
@@ -162,9 +162,9 @@ def test_no_rule_is_about_a_setting_that_does_not_exist():
 def test_every_rule_fits_the_type_of_its_setting(settings):
     for name, parameter in catalogue(settings).items():
         if parameter.loosens in {Loosens.UP, Loosens.DOWN}:
-            assert parameter.kind in {Kind.NUMBER, Kind.INTEGER}, name
+            assert parameter.kind in {ValueKind.NUMBER, ValueKind.INTEGER}, name
         if parameter.loosens in {Loosens.TO_TRUE, Loosens.TO_FALSE}:
-            assert parameter.kind is Kind.BOOLEAN, name
+            assert parameter.kind is ValueKind.BOOLEAN, name
 
 
 def test_an_unknown_safety_setting_is_loosened_by_any_change():

@@ -9,9 +9,9 @@ import time
 
 import pytest
 
-from runtime.parameters.history import History
-from runtime.parameters.requests import LONGEST_QUESTION
-from runtime.parameters.server import LONGEST_REFUSAL, ParameterDesk, Surroundings
+from runtime.parameters.history import ChangeHistory
+from runtime.parameters.requests import MAX_QUESTION
+from runtime.parameters.server import MAX_REFUSAL, ParameterServer, ServerContext
 from runtime.parameters.update import UnacceptableError
 from runtime.settings.tree import Settings, load_settings
 
@@ -27,8 +27,8 @@ class Room:
         self.applied = []
         self.now_s = 0.0
         self.step_s = 1.0
-        car = Surroundings(self._apply, lambda: self.standing, self._clock, lambda: "a day", file, may_loosen)
-        self.desk = ParameterDesk(self.settings, car, History(100))
+        car = ServerContext(self._apply, lambda: self.standing, self._clock, lambda: "a day", file, may_loosen)
+        self.desk = ParameterServer(self.settings, car, ChangeHistory(100))
 
     def _clock(self):
         self.now_s += self.step_s
@@ -244,8 +244,8 @@ def malformed(chance):
     """Return one thing that is no question to anybody, of many kinds."""
     kinds = [
         lambda: chance.randbytes(chance.randrange(1, 200)),
-        lambda: b"{" * chance.randrange(1, LONGEST_QUESTION),
-        lambda: b"[" * LONGEST_QUESTION,
+        lambda: b"{" * chance.randrange(1, MAX_QUESTION),
+        lambda: b"[" * MAX_QUESTION,
         lambda: json.dumps({"values": {KP: [[1]]}}).encode(),
         lambda: json.dumps({"values": {KP: {"a": 1}}, "by": "x" * chance.randrange(25, 99)}).encode(),
         lambda: json.dumps({"values": [KP, chance.random()]}).encode(),
@@ -259,8 +259,8 @@ def malformed(chance):
         lambda: b"\x00" * chance.randrange(1, 64),
         lambda: json.dumps({"names": ["x" * 65], "values": {"y" * 65: 1}, "under": "z" * 65, "most": 0}).encode(),
         lambda: chance.choice([b"null", b"true", b"3", b'"a"', b"[]", b"NaN", b"-", b'{"a":', b"{}{}"]),
-        lambda: b"9" * chance.randrange(1, LONGEST_QUESTION),
-        lambda: bytes(chance.randrange(LONGEST_QUESTION + 1, LONGEST_QUESTION * 4)),
+        lambda: b"9" * chance.randrange(1, MAX_QUESTION),
+        lambda: bytes(chance.randrange(MAX_QUESTION + 1, MAX_QUESTION * 4)),
     ]
     return chance.choice(kinds)()
 
@@ -292,7 +292,7 @@ def test_a_hundred_thousand_malformed_questions_are_counted_and_refused(what):
             if what == "save":
                 answer.send(None)
         except UnacceptableError as error:
-            assert 0 < len(str(error)) <= LONGEST_REFUSAL  # noqa: PT017 - every one of them is refused
+            assert 0 < len(str(error)) <= MAX_REFUSAL  # noqa: PT017 - every one of them is refused
         else:
             raise AssertionError(payload)
         longest_s = max(longest_s, time.thread_time() - began_s)
@@ -308,11 +308,11 @@ def test_ten_thousand_wishes_that_cannot_be_granted_change_nothing():
         with pytest.raises(UnacceptableError) as caught:
             room.desk.set_some(refused_wish(chance))
         str(caught.value).encode()
-        assert len(str(caught.value)) <= LONGEST_REFUSAL
+        assert len(str(caught.value)) <= MAX_REFUSAL
     assert (room.applied, room.history()) == ([], [])
 
 
-@pytest.mark.parametrize("length", [LONGEST_QUESTION + 1, 50_000_000])
+@pytest.mark.parametrize("length", [MAX_QUESTION + 1, 50_000_000])
 def test_a_huge_question_is_not_even_read(length):
     room = Room()
     payload = bytes(length)

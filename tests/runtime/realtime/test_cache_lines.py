@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from runtime.realtime.cache_lines import HEADER_BYTES, LINE_BYTES, LONGEST_BYTES, Call, addresses, called, held
+from runtime.realtime.cache_lines import HEADER_BYTES, LINE_BYTES, MAX_BYTES, Call, addresses, called, held
 
 
 class Base:
@@ -65,7 +65,7 @@ def test_constants_and_names_are_needed_and_docstrings_are_not():
     code = Derived.own.__code__
     texts = [thing for thing in needs(code, Derived()) if isinstance(thing, str)]
     assert "a short text" in texts
-    assert all(len(text) < LONGEST_BYTES for text in texts)
+    assert all(len(text) < MAX_BYTES for text in texts)
     assert {id(name) for name in alone.__code__.co_names} <= {id(thing) for thing in needs(alone.__code__)}
 
 
@@ -97,9 +97,9 @@ def test_every_line_is_there_once(thing):
     assert (np.diff(lines) == LINE_BYTES).all()
     first, size = id(thing), sys.getsizeof(thing)
     assert lines[0] <= first - HEADER_BYTES < lines[0] + LINE_BYTES
-    last = first + (size if hasattr(thing, "co_code") or isinstance(thing, type) else min(size, LONGEST_BYTES)) - 1
+    last = first + (size if hasattr(thing, "co_code") or isinstance(thing, type) else min(size, MAX_BYTES)) - 1
     assert lines[-1] <= last < lines[-1] + LINE_BYTES
 
 
 def test_of_a_large_thing_only_the_beginning_is_fetched():
-    assert addresses([np.zeros(9000)]).size <= 1 + (HEADER_BYTES + LONGEST_BYTES) // LINE_BYTES
+    assert addresses([np.zeros(9000)]).size <= 1 + (HEADER_BYTES + MAX_BYTES) // LINE_BYTES

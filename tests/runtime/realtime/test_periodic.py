@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from drivers.api import as_wanted
-from runtime.realtime.periodic import Metronome
+from runtime.realtime.periodic import PeriodicTimer
 from sim.virtual.virtual_time import run_virtual
 
 
@@ -29,9 +29,9 @@ def collect(count, stalls_s=lambda _: 0.0, clear_s=as_wanted):
         def clock():
             return loop.time() + stalled_s[0]
 
-        metronome = Metronome(clock, clear_s)
-        metronome.every(0.1, tick)
-        task = asyncio.ensure_future(metronome.run())
+        timer = PeriodicTimer(clock, clear_s)
+        timer.every(0.1, tick)
+        task = asyncio.ensure_future(timer.run())
         await enough
         task.cancel()
         return times, late, missed
@@ -75,11 +75,11 @@ def test_what_may_be_moved_is_less_than_half_a_period():
 def test_whoever_is_due_at_the_same_moment_is_called_in_one_waking_in_order():
     async def story():
         loop = asyncio.get_running_loop()
-        metronome = Metronome(loop.time)
+        timer = PeriodicTimer(loop.time)
         called = []
         for name, period_s in (("quick", 0.02), ("slow", 0.05), ("slowest", 0.1)):
-            metronome.every(period_s, lambda _late_s, _missed, name=name: called.append((loop.time(), name)))
-        task = asyncio.ensure_future(metronome.run())
+            timer.every(period_s, lambda _late_s, _missed, name=name: called.append((loop.time(), name)))
+        task = asyncio.ensure_future(timer.run())
         await asyncio.sleep(0.105)
         task.cancel()
         return called
@@ -91,13 +91,13 @@ def test_whoever_is_due_at_the_same_moment_is_called_in_one_waking_in_order():
 
 def test_an_error_of_one_ends_it():
     async def story():
-        metronome = Metronome(asyncio.get_running_loop().time)
+        timer = PeriodicTimer(asyncio.get_running_loop().time)
 
         def fail(_late_s, _missed):
             raise ZeroDivisionError
 
-        metronome.every(0.02, fail)
-        await metronome.run()
+        timer.every(0.02, fail)
+        await timer.run()
 
     with pytest.raises(ZeroDivisionError):
         run_virtual(story())
@@ -106,9 +106,9 @@ def test_an_error_of_one_ends_it():
 def test_who_is_cancelled_ticks_no_more():
     async def story():
         loop = asyncio.get_running_loop()
-        metronome, times = Metronome(loop.time), []
-        metronome.every(0.02, lambda _late_s, _missed: times.append(loop.time()))
-        task = asyncio.ensure_future(metronome.run())
+        timer, times = PeriodicTimer(loop.time), []
+        timer.every(0.02, lambda _late_s, _missed: times.append(loop.time()))
+        task = asyncio.ensure_future(timer.run())
         await asyncio.sleep(0.05)
         task.cancel()
         await asyncio.sleep(0.1)

@@ -8,105 +8,105 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.realtime.scan_phase import AFTER_S, MOST_BEFORE_S, SPARE_S, Cadence
+from runtime.realtime.scan_phase import AFTER_S, MAX_BEFORE_S, SPARE_S, ScanPhase
 
 PERIOD_S = 0.025
 LAST_S = 1.0
 
 
 def steady(period_s=PERIOD_S, count=5):
-    cadence = Cadence()
+    scan_phase = ScanPhase()
     for i in range(count):
-        cadence.arrived(LAST_S - (count - 1 - i) * period_s)
-    return cadence
+        scan_phase.arrived(LAST_S - (count - 1 - i) * period_s)
+    return scan_phase
 
 
-def due_next_s(cadence):
+def due_next_s(scan_phase):
     """When it expects the scan after the newest; NaN when it does not know."""
-    return cadence._beat_s + cadence.period_s
+    return scan_phase._beat_s + scan_phase.period_s
 
 
 def test_the_beat_is_known_when_two_gaps_agree():
-    cadence = Cadence()
+    scan_phase = ScanPhase()
     for arrival_s in (0.0, 0.025):
-        cadence.arrived(arrival_s)
-        assert math.isnan(due_next_s(cadence))
-    cadence.arrived(0.050)
-    assert due_next_s(cadence) == pytest.approx(0.075)
+        scan_phase.arrived(arrival_s)
+        assert math.isnan(due_next_s(scan_phase))
+    scan_phase.arrived(0.050)
+    assert due_next_s(scan_phase) == pytest.approx(0.075)
 
 
 def test_without_a_beat_everybody_goes_when_he_likes():
-    assert Cadence().clear_s(3.21, 0.008) == 3.21
+    assert ScanPhase().clear_s(3.21, 0.008) == 3.21
 
 
 def test_one_scan_that_is_missing_changes_no_beat():
-    cadence = steady()
-    cadence.arrived(LAST_S + 2 * PERIOD_S)
-    assert cadence.period_s == pytest.approx(PERIOD_S)
+    scan_phase = steady()
+    scan_phase.arrived(LAST_S + 2 * PERIOD_S)
+    assert scan_phase.period_s == pytest.approx(PERIOD_S)
 
 
 def test_scans_that_are_a_little_late_keep_the_beat():
-    rng, cadence, off_s = np.random.default_rng(1), Cadence(), []
+    rng, scan_phase, off_s = np.random.default_rng(1), ScanPhase(), []
     for i in range(400):
         due_s = i * PERIOD_S
         if i > 100:
-            off_s.append(due_next_s(cadence) - due_s)
-        cadence.arrived(due_s + rng.exponential(0.0002))
+            off_s.append(due_next_s(scan_phase) - due_s)
+        scan_phase.arrived(due_s + rng.exponential(0.0002))
     assert np.mean(off_s) == pytest.approx(0.0002, abs=5e-5)
     assert np.std(off_s) < 0.0001, "the last arrival plus the last gap would be off by 0.0005"
 
 
 def test_one_late_scan_does_not_make_the_next_one_late():
-    cadence = steady()
-    cadence.arrived(LAST_S + PERIOD_S + 0.006)
-    assert due_next_s(cadence) == pytest.approx(LAST_S + 2 * PERIOD_S)
+    scan_phase = steady()
+    scan_phase.arrived(LAST_S + PERIOD_S + 0.006)
+    assert due_next_s(scan_phase) == pytest.approx(LAST_S + 2 * PERIOD_S)
     for i in (2, 3, 4):
-        cadence.arrived(LAST_S + i * PERIOD_S + 0.006)  # from here on it is another beat
-    assert due_next_s(cadence) == pytest.approx(LAST_S + 5 * PERIOD_S + 0.006)
+        scan_phase.arrived(LAST_S + i * PERIOD_S + 0.006)  # from here on it is another beat
+    assert due_next_s(scan_phase) == pytest.approx(LAST_S + 5 * PERIOD_S + 0.006)
 
 
 def test_a_lidar_that_is_a_little_slower_is_followed():
-    cadence = steady()
+    scan_phase = steady()
     slower_s = 1.002 * PERIOD_S
     for i in range(1, 200):
-        cadence.arrived(LAST_S + i * slower_s)
-    assert due_next_s(cadence) == pytest.approx(LAST_S + 200 * slower_s, abs=1e-5)
+        scan_phase.arrived(LAST_S + i * slower_s)
+    assert due_next_s(scan_phase) == pytest.approx(LAST_S + 200 * slower_s, abs=1e-5)
 
 
 def test_another_lidar_has_another_beat():
-    cadence = steady()
+    scan_phase = steady()
     for i in (1, 2, 3):
-        cadence.arrived(LAST_S + i * 0.1)
-    assert cadence.period_s == pytest.approx(0.1)
+        scan_phase.arrived(LAST_S + i * 0.1)
+    assert scan_phase.period_s == pytest.approx(0.1)
 
 
 def test_between_fast_scans_nothing_could_be_kept_free():
-    cadence = steady(period_s=0.005)
-    assert math.isnan(due_next_s(cadence))
-    assert cadence.clear_s(LAST_S + 0.005, 0.002) == LAST_S + 0.005
+    scan_phase = steady(period_s=0.005)
+    assert math.isnan(due_next_s(scan_phase))
+    assert scan_phase.clear_s(LAST_S + 0.005, 0.002) == LAST_S + 0.005
 
 
 def test_whoever_wants_to_go_when_a_scan_is_due_goes_a_little_sooner_or_later():
-    cadence = steady()
-    due_s = due_next_s(cadence)
-    assert cadence.clear_s(due_s - 0.003, 0.0) == pytest.approx(due_s - MOST_BEFORE_S)
-    assert cadence.clear_s(due_s + 0.001, 0.0) == pytest.approx(due_s + AFTER_S)
-    assert cadence.clear_s(due_s + PERIOD_S, 0.0) == pytest.approx(due_s + PERIOD_S + AFTER_S)
-    assert cadence.clear_s(due_s - 0.010, 0.0) == due_s - 0.010
+    scan_phase = steady()
+    due_s = due_next_s(scan_phase)
+    assert scan_phase.clear_s(due_s - 0.003, 0.0) == pytest.approx(due_s - MAX_BEFORE_S)
+    assert scan_phase.clear_s(due_s + 0.001, 0.0) == pytest.approx(due_s + AFTER_S)
+    assert scan_phase.clear_s(due_s + PERIOD_S, 0.0) == pytest.approx(due_s + PERIOD_S + AFTER_S)
+    assert scan_phase.clear_s(due_s - 0.010, 0.0) == due_s - 0.010
 
 
 def test_whoever_has_slack_comes_with_every_scan():
-    cadence = steady()
-    first_s = cadence.clear_s(due_next_s(cadence) - 0.010, 0.008)
-    assert first_s == pytest.approx(due_next_s(cadence) - MOST_BEFORE_S)
-    assert cadence.clear_s(first_s + 0.020, 0.008) == pytest.approx(first_s + PERIOD_S)
-    assert cadence.clear_s(first_s + 0.050, 0.020) == pytest.approx(first_s + 2 * PERIOD_S)
+    scan_phase = steady()
+    first_s = scan_phase.clear_s(due_next_s(scan_phase) - 0.010, 0.008)
+    assert first_s == pytest.approx(due_next_s(scan_phase) - MAX_BEFORE_S)
+    assert scan_phase.clear_s(first_s + 0.020, 0.008) == pytest.approx(first_s + PERIOD_S)
+    assert scan_phase.clear_s(first_s + 0.050, 0.020) == pytest.approx(first_s + 2 * PERIOD_S)
 
 
 def test_with_a_slow_lidar_the_rate_is_kept():
-    cadence, moment_s, moments_s = steady(period_s=0.1), LAST_S, []
+    scan_phase, moment_s, moments_s = steady(period_s=0.1), LAST_S, []
     while moment_s < LAST_S + 0.5:
-        moment_s = cadence.clear_s(moment_s + 0.020, 0.008)
+        moment_s = scan_phase.clear_s(moment_s + 0.020, 0.008)
         moments_s.append(moment_s)
     assert len(moments_s) == pytest.approx(25, abs=1)
     assert all(0.0119 < after_s - before_s < 0.0281 for before_s, after_s in pairwise(moments_s))
@@ -116,9 +116,9 @@ def test_with_a_slow_lidar_the_rate_is_kept():
 def test_every_moment_is_clear_of_scans_and_near(after_s):
     wanted_s = LAST_S + after_s
     moment_s = steady().clear_s(wanted_s, 0.0)
-    assert abs(moment_s - wanted_s) <= (MOST_BEFORE_S + AFTER_S) / 2 + 1e-9
+    assert abs(moment_s - wanted_s) <= (MAX_BEFORE_S + AFTER_S) / 2 + 1e-9
     since_s = (moment_s - LAST_S + PERIOD_S / 2) % PERIOD_S - PERIOD_S / 2
-    assert not -MOST_BEFORE_S + 1e-9 < since_s < AFTER_S - 1e-9
+    assert not -MAX_BEFORE_S + 1e-9 < since_s < AFTER_S - 1e-9
 
 
 def test_when_the_scans_have_stopped_deadlines_are_kept():
@@ -127,35 +127,35 @@ def test_when_the_scans_have_stopped_deadlines_are_kept():
 
 
 def test_everybody_meets_as_late_as_the_replies_permit():
-    cadence = steady()
+    scan_phase = steady()
     for _ in range(400):
-        cadence.replied(0.0004)
-    assert cadence.clear_s(due_next_s(cadence), 0.008) == pytest.approx(
-        due_next_s(cadence) - 0.0004 - SPARE_S, abs=1e-5
+        scan_phase.replied(0.0004)
+    assert scan_phase.clear_s(due_next_s(scan_phase), 0.008) == pytest.approx(
+        due_next_s(scan_phase) - 0.0004 - SPARE_S, abs=1e-5
     )
 
 
 def test_one_slow_reply_counts_at_once_and_for_long():
-    cadence = steady()
+    scan_phase = steady()
     for _ in range(400):
-        cadence.replied(0.0004)
-    cadence.replied(0.0025)
-    assert cadence.before_s == pytest.approx(0.0025 + SPARE_S)
+        scan_phase.replied(0.0004)
+    scan_phase.replied(0.0025)
+    assert scan_phase.before_s == pytest.approx(0.0025 + SPARE_S)
     for _ in range(10):
-        cadence.replied(0.0004)
-    assert cadence.before_s > 0.0025 + SPARE_S / 2
+        scan_phase.replied(0.0004)
+    assert scan_phase.before_s > 0.0025 + SPARE_S / 2
 
 
 def test_a_motor_that_hardly_replies_is_not_waited_for():
-    cadence = steady()
-    cadence.replied(0.019)
-    assert cadence.before_s == MOST_BEFORE_S
+    scan_phase = steady()
+    scan_phase.replied(0.019)
+    assert scan_phase.before_s == MAX_BEFORE_S
 
 
 def test_a_scan_is_expected_just_before_it_is_due():
-    cadence = steady()
-    due_s = due_next_s(cadence)
-    assert cadence.expects(due_s - 0.001)
-    assert not cadence.expects(due_s + 0.001)
-    assert not cadence.expects(due_s - 0.010)
-    assert not Cadence().expects(1.0), "nothing is expected without a beat"
+    scan_phase = steady()
+    due_s = due_next_s(scan_phase)
+    assert scan_phase.expects(due_s - 0.001)
+    assert not scan_phase.expects(due_s + 0.001)
+    assert not scan_phase.expects(due_s - 0.010)
+    assert not ScanPhase().expects(1.0), "nothing is expected without a beat"

@@ -10,7 +10,7 @@ import socket
 import pytest
 
 from runtime.launch import punctual_loop
-from runtime.realtime.selector import FewPorts
+from runtime.realtime.selector import ReadySelector
 
 READ, WRITE = selectors.EVENT_READ, selectors.EVENT_WRITE
 
@@ -31,7 +31,7 @@ def answer(selector):
 @pytest.mark.parametrize("events", [READ, WRITE, READ | WRITE])
 def test_it_answers_as_the_standard_one(ports, events):
     near, far = ports
-    with FewPorts() as few, selectors.SelectSelector() as standard:
+    with ReadySelector() as few, selectors.SelectSelector() as standard:
         for selector in (few, standard):
             selector.register(near, events, "near")
             selector.register(far, events, "far")
@@ -49,7 +49,7 @@ def test_it_answers_as_the_standard_one(ports, events):
 def test_nobody_ready_is_nobody_after_the_time_given(ports):
     near, _ = ports
     near.recv(1)
-    with FewPorts() as few:
+    with ReadySelector() as few:
         few.register(near, READ)
         assert few.select(0.001) == []
         assert few.select(-1.0) == []
@@ -57,7 +57,7 @@ def test_nobody_ready_is_nobody_after_the_time_given(ports):
 
 def test_who_is_watched_already_or_not_at_all_is_refused(ports):
     near, far = ports
-    with FewPorts() as few:
+    with ReadySelector() as few:
         few.register(near, READ)
         with pytest.raises(KeyError):
             few.register(near, READ)
@@ -70,7 +70,7 @@ def test_a_descriptor_that_select_cannot_watch_is_refused_at_once(ports):
     near, _ = ports
     high = fcntl.fcntl(near, fcntl.F_DUPFD, 1024)
     try:
-        with FewPorts() as few:
+        with ReadySelector() as few:
             with pytest.raises(OSError, match="1024") as refused:
                 few.register(high, READ)
             assert refused.value.errno == errno.EMFILE

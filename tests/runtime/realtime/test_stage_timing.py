@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.realtime.stage_timing import MOST_UNCOUNTED, SUMMED_EVERY_S, Histogram, StageClock
+from runtime.realtime.stage_timing import MAX_UNCOUNTED, SUMMED_EVERY_S, Histogram, StageTimer
 
 
 class HandClock:
@@ -40,7 +40,7 @@ def test_nothing_counted_is_nothing():
 
 def test_a_stage_lasts_from_begin_to_end():
     clock = HandClock()
-    stages = StageClock(clock)
+    stages = StageTimer(clock)
     stages.follow.begin()
     clock.now_s += 0.001
     stages.follow.end()
@@ -49,7 +49,7 @@ def test_a_stage_lasts_from_begin_to_end():
 
 def test_decoding_is_what_is_left_after_reading():
     clock = HandClock()
-    stages = StageClock(clock)
+    stages = StageTimer(clock)
     clock.now_s += 0.0005
     stages.on_scan(received_s=100.0, reading_s=0.0001)
     assert stages.fields()["read"]["max"] == pytest.approx(100)
@@ -58,7 +58,7 @@ def test_decoding_is_what_is_left_after_reading():
 
 def test_the_summary_is_made_once_a_second():
     clock = HandClock()
-    stages = StageClock(clock)
+    stages = StageTimer(clock)
     assert stages.fields() == {"missed_ticks": 0}
     stages.on_tick(0.01, 3)
     assert stages.fields() == {"missed_ticks": 0}
@@ -68,7 +68,7 @@ def test_the_summary_is_made_once_a_second():
 
 
 def test_collections_are_timed_while_they_are_watched():
-    stages = StageClock(HandClock())
+    stages = StageTimer(HandClock())
     stages.watch_collections()
     try:
         gc.collect(0)
@@ -81,7 +81,7 @@ def test_collections_are_timed_while_they_are_watched():
 
 
 def test_the_table_has_a_line_for_what_happened_only():
-    stages = StageClock(HandClock())
+    stages = StageTimer(HandClock())
     stages.mux.begin()
     stages.mux.end()
     title, *lines = stages.table()
@@ -91,7 +91,7 @@ def test_the_table_has_a_line_for_what_happened_only():
 
 def test_what_was_timed_is_counted_when_there_is_time():
     clock = HandClock()
-    stages = StageClock(clock)
+    stages = StageTimer(clock)
     for _ in range(3):
         stages.mux.begin()
         stages.mux.end()
@@ -102,8 +102,8 @@ def test_what_was_timed_is_counted_when_there_is_time():
 
 
 def test_a_clock_that_nobody_reads_does_not_grow():
-    stages = StageClock(HandClock())
-    for _ in range(3 * MOST_UNCOUNTED):
+    stages = StageTimer(HandClock())
+    for _ in range(3 * MAX_UNCOUNTED):
         stages.mux.end()
     stages.count()
-    assert stages.mux.histogram.total == MOST_UNCOUNTED
+    assert stages.mux.histogram.total == MAX_UNCOUNTED

@@ -17,7 +17,7 @@ from runtime.settings.recording import RecordingSettings
 from runtime.settings.tree import Settings
 from runtime.tasks.mux import Mux
 from runtime.tasks.telemetry import Telemetry
-from runtime.telemetry.status import Observed
+from runtime.telemetry.status import ObservedState
 from sim.virtual.devices import BEAMS, STEP_RAD, MemoryLidar, MemoryMotor, ranges_between_walls
 from tests.runtime.observed import HandClock
 from tests.runtime.recording.disks import QuickDisk
@@ -49,7 +49,7 @@ class Drive:
         self.voices = self.stack.voices
         self.voices.reorder(LAB_ORDER)
         self.mux = Mux(self.voices, self.motor, Limiter(LIMITS), REQUIRED, tape.clock)
-        observed = Observed(
+        observed = ObservedState(
             car="car1", version="9.9", lidar=MemoryLidar(lambda _: None, self.clock), motor=self.motor,
             voices=self.voices, clock=self.clock, seconds_by_winner=self.mux.seconds_by_winner,
         )  # fmt: skip

@@ -11,10 +11,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.api import Drive, MotorState, Scan
-from runtime.arbitration.command import CapWord, Decision, DriveWord, Output, Source, Verdict, consent, refusal
+from runtime.arbitration.command import Decision, DriveCommand, Output, Source, SpeedLimit, Verdict, consent, refusal
 from runtime.control.guidance import Guidance
 from runtime.recording.decision_codec import TapeError, decode, encode
-from runtime.recording.decision_log import Followed, Looked, Said, Scanned, Silenced, Stepped, Tape, Tuned
+from runtime.recording.decision_log import (
+    CommandEvent,
+    DecisionEvent,
+    DecisionLog,
+    FollowerEvent,
+    SafetyEvent,
+    ScanEvent,
+    SettingsEvent,
+    WithdrawalEvent,
+)
 from runtime.settings.tree import Settings
 from tests.runtime.observed import HandClock
 
@@ -44,11 +53,11 @@ def make_scan(numbers, sequence):
 
 @given(numbers=st.tuples(*[ANY_FLOAT] * 8))
 def test_every_float_survives_bit_for_bit(numbers):
-    tape = Tape(HandClock())
+    tape = DecisionLog(HandClock())
     tape.begin()
     tape.looked(make_scan(numbers[:6], 7), motor_state(*numbers))
     (event,) = play(*tape.drain())
-    assert isinstance(event, Looked)
+    assert isinstance(event, SafetyEvent)
     assert event.motor is not None
     read = [getattr(event.motor, field.name) for field in fields(MotorState)][:8]
     assert all(map(same, read, numbers))
@@ -58,10 +67,10 @@ def test_every_float_survives_bit_for_bit(numbers):
 
 @given(numbers=st.tuples(*[ANY_FLOAT] * 6), sequence=st.integers(0, 2**40))
 def test_a_scan_comes_back_as_it_was_given_its_ranges(numbers, sequence):
-    tape = Tape(HandClock())
+    tape = DecisionLog(HandClock())
     tape.scanned(make_scan(numbers, sequence))
     (event,) = play(*tape.drain())
-    assert isinstance(event, Scanned)
+    assert isinstance(event, ScanEvent)
     assert event.beams == 3
     again = event.scan(RANGES_M)
     assert again.sequence == sequence
@@ -69,14 +78,14 @@ def test_a_scan_comes_back_as_it_was_given_its_ranges(numbers, sequence):
 
 
 def test_numbers_of_numpy_are_numbers():
-    tape = Tape(HandClock())
+    tape = DecisionLog(HandClock())
     tape.begin()
     narrow: Any = np.float32  # what a law computes in float32 arrives like this, whatever its annotation says
     guidance = Guidance(Drive(narrow(0.5), np.float64(0.1)), np.float64(math.inf), narrow(math.nan), 0.0, "wall")
     sequence: Any = np.int64(3)
     tape.followed(make_scan([1.0] * 6, sequence), None, guidance)
     (event,) = play(*tape.drain())
-    assert isinstance(event, Followed)
+    assert isinstance(event, FollowerEvent)
     assert event.guidance.drive == Drive(0.5, 0.1)
     assert event.guidance.distance_m == math.inf
     assert math.isnan(event.guidance.error_m)
@@ -90,9 +99,9 @@ def output(**more):
 
 def test_a_step_holds_times_words_and_decision():
     clock = HandClock(5.0)
-    tape = Tape(clock)
+    tape = DecisionLog(clock)
     permit, stop = consent(Source.PERMIT, "yes"), refusal(Source.ESTOP, "e-stop by ann")
-    nav = DriveWord(Source.NAVIGATION, Drive(1.0, 0.2), 4.9, "wall")
+    nav = DriveCommand(Source.NAVIGATION, Drive(1.0, 0.2), 4.9, "wall")
     clock.now_s = 4.0
     tape.clock()  # belongs to no event
     tape.begin()
@@ -103,12 +112,12 @@ def test_a_step_holds_times_words_and_decision():
     tape.stepped(0.02, [stop, permit, nav], output())
     (event,) = play(*tape.drain())
     live = (Source.ESTOP, Source.PERMIT, Source.NAVIGATION)
-    expected = Stepped(0, (5.0, 5.5), 0.02, live, {Source.ESTOP: stop, Source.PERMIT: permit}, output())
+    expected = DecisionEvent(0, (5.0, 5.5), 0.02, live, {Source.ESTOP: stop, Source.PERMIT: permit}, output())
     assert repr(event) == repr(expected)  # as text, because a measure that is not a number is unlike itself
 
 
 def test_an_unchanged_word_is_written_once_per_message_and_again_in_the_next():
-    tape = Tape(HandClock())
+    tape = DecisionLog(HandClock())
     permit, other = consent(Source.PERMIT, "yes"), consent(Source.PERMIT, "yes")
     for word in (permit, permit, other):
         tape.begin()
@@ -119,30 +128,30 @@ def test_an_unchanged_word_is_written_once_per_message_and_again_in_the_next():
 
 
 def test_words_of_the_laws_follow_from_their_events_and_are_left_out():
-    tape = Tape(HandClock())
-    tape.said(CapWord(Source.SAFETY, Verdict(1.0, 1.0, "clear"), 1.0), 2.0)
-    tape.said(DriveWord(Source.NAVIGATION, Drive(1.0, 0.0), 1.0, "wall"), 2.0)
-    teleop = DriveWord(Source.TELEOP, Drive(1.0, 0.0), None, "ann")
+    tape = DecisionLog(HandClock())
+    tape.said(SpeedLimit(Source.SAFETY, Verdict(1.0, 1.0, "clear"), 1.0), 2.0)
+    tape.said(DriveCommand(Source.NAVIGATION, Drive(1.0, 0.0), 1.0, "wall"), 2.0)
+    teleop = DriveCommand(Source.TELEOP, Drive(1.0, 0.0), None, "ann")
     tape.said(teleop, 2.0)
     tape.said(consent(Source.PERMIT, "yes"), math.inf)
     tape.silenced(Source.ESTOP)
     said, permitted, silenced = play(*tape.drain())
-    assert said == Said(0, teleop, 2.0)
+    assert said == CommandEvent(0, teleop, 2.0)
     assert permitted.expires_at_s == math.inf
-    assert silenced == Silenced(2, Source.ESTOP)
+    assert silenced == WithdrawalEvent(2, Source.ESTOP)
 
 
 def test_settings_come_back_equal():
-    tape = Tape(HandClock())
+    tape = DecisionLog(HandClock())
     settings = Settings.model_validate({"wall_follow": {"speed_mps": 1.2345678901234567}})
     tape.tuned(settings)
     (event,) = play(*tape.drain())
-    assert isinstance(event, Tuned)
+    assert isinstance(event, SettingsEvent)
     assert Settings.model_validate(event.settings) == settings
 
 
 def test_what_nobody_drained_is_lost_from_its_oldest_end_and_the_numbers_show_it():
-    tape = Tape(HandClock(), most=3)
+    tape = DecisionLog(HandClock(), most=3)
     for _ in range(5):
         tape.silenced(Source.PERMIT)
     assert [event.number for event in play(*tape.drain())] == [2, 3, 4]
@@ -151,7 +160,7 @@ def test_what_nobody_drained_is_lost_from_its_oldest_end_and_the_numbers_show_it
 
 
 def test_a_tape_of_nothing_keeps_nothing():
-    tape = Tape(HandClock(3.0), most=0)
+    tape = DecisionLog(HandClock(3.0), most=0)
     tape.begin()
     assert tape.clock() == 3.0
     tape.stepped(0.0, [], output())
@@ -159,9 +168,9 @@ def test_a_tape_of_nothing_keeps_nothing():
 
 
 def test_a_step_does_not_keep_what_a_law_made_of_its_scan():
-    tape = Tape(HandClock())
+    tape = DecisionLog(HandClock())
     tape.begin()
-    word = CapWord(Source.SAFETY, Verdict(1.0, 1.0, "clear"), 1.0)
+    word = SpeedLimit(Source.SAFETY, Verdict(1.0, 1.0, "clear"), 1.0)
     tape.stepped(0.0, [word], output())
     (entry,) = tape.drain()
     assert word not in entry[2][2]
@@ -176,7 +185,7 @@ def test_what_is_no_tape_is_refused(payload):
 
 
 def test_an_event_of_another_kind_is_refused():
-    tape = Tape(HandClock())
+    tape = DecisionLog(HandClock())
     tape.silenced(Source.PERMIT)
     payload = encode(tape.drain()).replace(b'"silence"', b'"shout"')
     with pytest.raises(TapeError, match="shout"):

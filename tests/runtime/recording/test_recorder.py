@@ -357,7 +357,7 @@ def until(true, timeout_s=10.0):
 
 
 async def test_a_stuck_disk_holds_nobody_up_and_is_said(tmp_path, monkeypatch):
-    monkeypatch.setattr("runtime.recording.recorder.MOST_WAITING_BYTES", 300_000)
+    monkeypatch.setattr("runtime.recording.recorder.MAX_WAITING_BYTES", 300_000)
     disk = StuckDisk()
     drive = Drive(tmp_path, disk=disk, start="always")
     drive.permit()

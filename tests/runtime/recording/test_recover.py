@@ -137,7 +137,7 @@ def test_a_damaged_chunk_in_the_middle_costs_only_itself(recording, tmp_path):
 
 
 def test_damage_far_from_the_end_is_not_cut_off(recording, tmp_path, monkeypatch):
-    monkeypatch.setattr("runtime.recording.recover.MOST_TORN_B", 100_000)
+    monkeypatch.setattr("runtime.recording.recover.MAX_TORN_B", 100_000)
     content = bytearray(recording[0])
     first_chunk = content.index(b"\x06", content.index(b"epoch_ns") + 28)
     content[first_chunk : first_chunk + 9] = bytes(9)

@@ -4,11 +4,11 @@ import math
 from itertools import pairwise
 from typing import Any
 
-from runtime.arbitration.command import CapWord, DriveWord, Source, Word, arbitrate
+from runtime.arbitration.command import DriveCommand, Source, SpeedLimit, Word, arbitrate
 from runtime.control.limiter import Limiter
 from runtime.control.live_laws import LiveLaws
 from runtime.live_stack import REQUIRED
-from runtime.recording.decision_log import Followed, Looked, Scanned, Stepped, Tuned
+from runtime.recording.decision_log import DecisionEvent, FollowerEvent, SafetyEvent, ScanEvent, SettingsEvent
 from runtime.settings.tree import Settings
 from sim.virtual.devices import ranges_between_walls
 from tests.runtime.recording.drives import LIMITS, Drive
@@ -33,20 +33,22 @@ def replayed(content):
     words: dict[Source, Word] = {}
     for event in tape:
         match event:
-            case Tuned():
+            case SettingsEvent():
                 settings = Settings.model_validate(event.settings)
                 laws = LiveLaws(settings.wall_follow, settings.safety, settings.car, clock)
-            case Scanned():
+            case ScanEvent():
                 scans[event.sequence] = event.scan(ranges_m[event.sequence])
-            case Looked():
+            case SafetyEvent():
                 clock.times_s, scan = list(event.times_s), scans[event.sequence]
-                words[Source.SAFETY] = CapWord(Source.SAFETY, laws.look(scan, event.motor), scan.stamp_s)
-            case Followed():
+                words[Source.SAFETY] = SpeedLimit(Source.SAFETY, laws.look(scan, event.motor), scan.stamp_s)
+            case FollowerEvent():
                 clock.times_s, scan = list(event.times_s), scans[event.sequence]
                 guidance = laws.follow(scan, event.motor)
-                words[Source.NAVIGATION] = DriveWord(Source.NAVIGATION, guidance.drive, scan.stamp_s, guidance.reason)
+                words[Source.NAVIGATION] = DriveCommand(
+                    Source.NAVIGATION, guidance.drive, scan.stamp_s, guidance.reason
+                )
                 yield repr(guidance), repr(event.guidance)
-            case Stepped():
+            case DecisionEvent():
                 words |= event.words
                 clock.times_s = list(event.times_s[2:])  # the mux's own, and that of the voices' expiry
                 decision = arbitrate([words[source] for source in event.live], REQUIRED, settings.effective_order())

@@ -27,13 +27,13 @@ SAMPLES = {
     topics.OUTPUT: messages.ackermann(STAMP_NS, 1.75, 0.0625),
     topics.DISTANCE_ERROR: messages.float32(-0.125),
     topics.WALL: markers.marker_array(
-        STAMP_NS, [markers.Marker("wall", markers.Kind.LINE_STRIP, LINES, markers.GREEN)]
+        STAMP_NS, [markers.Marker("wall", markers.MarkerType.LINE_STRIP, LINES, markers.GREEN)]
     ),
     topics.FOOTPRINT: markers.marker_array(
         STAMP_NS,
         [
-            markers.Marker("way", markers.Kind.LINE_LIST, LINES, markers.BLUE, 0.5),
-            markers.Marker("empty", markers.Kind.POINTS, np.empty((2, 0)), markers.RED),
+            markers.Marker("way", markers.MarkerType.LINE_LIST, LINES, markers.BLUE, 0.5),
+            markers.Marker("empty", markers.MarkerType.POINTS, np.empty((2, 0)), markers.RED),
         ],
     ),
     topics.IMU: messages.imu(STAMP_NS, (0.1, 0.2, 0.3), (1.0, 2.0, 9.81)),
@@ -42,8 +42,8 @@ SAMPLES = {
     topics.DIAGNOSTICS: messages.diagnostics(
         STAMP_NS,
         [
-            messages.Report(0, "lidar", "UST-10LX, 1081 beams", "H123", {"checksum": "1", "stale": "22"}),
-            messages.Report(2, "motor", "Übertemperatur", "", {}),
+            messages.DiagnosticStatus(0, "lidar", "UST-10LX, 1081 beams", "H123", {"checksum": "1", "stale": "22"}),
+            messages.DiagnosticStatus(2, "motor", "Übertemperatur", "", {}),
         ],
     ),
     topics.TF: messages.transforms(

@@ -175,7 +175,7 @@ def test_a_sample_names_its_encoding_and_its_schema():
 
 @given(st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=20), st.integers(0, 5))
 def test_text_of_any_length_leaves_the_numbers_after_it_aligned(text, values):
-    report = messages.Report(1, text, "", text, {f"{i}{text}": text for i in range(values)})
+    report = messages.DiagnosticStatus(1, text, "", text, {f"{i}{text}": text for i in range(values)})
     payload = messages.diagnostics(STAMP_NS, [report, report])
     status = STORE.deserialize_cdr(payload, TYPES[topics.DIAGNOSTICS]).status[1]
     assert (status.level, status.name, len(status.values)) == (1, text, values)

@@ -1,4 +1,4 @@
-"""The caretaker's rounds: faults hold the e-stop, and whatever comes back wants a release."""
+"""The health_monitor's rounds: faults hold the e-stop, and whatever comes back wants a release."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -7,10 +7,10 @@ import pytest
 
 from drivers.api import Health, LinkState, MotorState
 from runtime.arbitration.command import LAB_ORDER
-from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.command_queue import CommandQueue
 from runtime.arbitration.emergency_stop import Cause, EmergencyStop
 from runtime.host.systemd import ServiceManager
-from runtime.tasks.health import FAULT_FORGOTTEN_S, FAULT_RETRY_AT_MOST_S, FAULT_RETRY_S, Caretaker
+from runtime.tasks.health import FAULT_FORGOTTEN_S, FAULT_RETRY_S, MAX_FAULT_RETRY_S, HealthMonitor
 
 FINE = MotorState(0.0, 0.0, 0.0, 0.0, 12.0, 0.0, 0.0, 30.0, "", timed_out=False, killed=False)
 
@@ -37,14 +37,14 @@ class Device:
 
 
 class Ward:
-    """A caretaker and everything it looks at."""
+    """A health_monitor and everything it looks at."""
 
     def __init__(self, *, retry_faults=False, **more):
         self.now_s = 0.0
         self.lidar, self.motor = Device(), Device()
-        self.e_stop = EmergencyStop(Voices(LAB_ORDER, lambda: self.now_s))
+        self.e_stop = EmergencyStop(CommandQueue(LAB_ORDER, lambda: self.now_s))
         self.rearmed = []
-        self.caretaker = Caretaker(
+        self.health_monitor = HealthMonitor(
             lidar=self.lidar,
             motor=self.motor,
             output=lambda: None,
@@ -55,11 +55,11 @@ class Ward:
             retry_faults=retry_faults,
             **more,
         )
-        self.caretaker.check()
+        self.health_monitor.check()
 
     def look(self, seconds=0.05):
         self.now_s += seconds
-        self.caretaker.check()
+        self.health_monitor.check()
 
 
 @pytest.fixture
@@ -138,7 +138,7 @@ def test_without_an_operator_a_fault_that_stays_is_tried_less_and_less_often_and
             tried_s.append(ward.now_s)
     pauses_s = [later - sooner for sooner, later in pairwise([0.0, *tried_s])]
     assert pauses_s[:5] == pytest.approx([2, 4, 8, 16, 32], abs=0.2)
-    assert pauses_s[5:] == pytest.approx([FAULT_RETRY_AT_MOST_S] * len(pauses_s[5:]), abs=0.2)
+    assert pauses_s[5:] == pytest.approx([MAX_FAULT_RETRY_S] * len(pauses_s[5:]), abs=0.2)
     ward.motor.state = FINE
     ward.look()
     ward.look(FAULT_FORGOTTEN_S + 1)

@@ -5,10 +5,10 @@ import asyncio
 import pytest
 
 from drivers.api import Drive
-from runtime.arbitration.command import LAB_ORDER, DriveWord, Source
-from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.command import LAB_ORDER, DriveCommand, Source
+from runtime.arbitration.command_queue import CommandQueue
 from runtime.control.limiter import Limiter, Limits
-from runtime.realtime.periodic import Metronome
+from runtime.realtime.periodic import PeriodicTimer
 from runtime.tasks.mux import Mux, SilenceTick
 from sim.virtual.devices import MemoryMotor
 from sim.virtual.virtual_time import run_virtual
@@ -22,21 +22,21 @@ class Rig:
     def __init__(self):
         clock = asyncio.get_running_loop().time
         self.clock = clock
-        self.voices = Voices(LAB_ORDER, clock)
+        self.voices = CommandQueue(LAB_ORDER, clock)
         self.motor = MemoryMotor(clock)
         self.mux = Mux(self.voices, self.motor, Limiter(Limits(4, 1, 0.34, 3.2, 4)), frozenset(), clock)
         self.decided_s = []
         self.notes = []
-        metronome = Metronome(clock)
+        timer = PeriodicTimer(clock)
         silence = SilenceTick(self.voices, TICK_HZ, clock, lambda *note: self.notes.append(note))
-        metronome.every(1 / TICK_HZ, silence.tick)
+        timer.every(1 / TICK_HZ, silence.tick)
         self._tasks = [
             asyncio.ensure_future(self.mux.run(lambda _: self.decided_s.append(clock()))),
-            asyncio.ensure_future(metronome.run()),
+            asyncio.ensure_future(timer.run()),
         ]
 
     def say(self, *, for_s=10.0):
-        word = DriveWord(Source.TELEOP, Drive(1.0, 0.0), None, "stick")
+        word = DriveCommand(Source.TELEOP, Drive(1.0, 0.0), None, "stick")
         self.voices.say(word, expires_at_s=self.clock() + for_s)
 
     async def end(self):

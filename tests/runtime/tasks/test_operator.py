@@ -8,14 +8,14 @@ import pytest
 
 from drivers.api import Drive
 from runtime.arbitration.command import LAB_ORDER, Source
-from runtime.arbitration.command_queue import Voices
+from runtime.arbitration.command_queue import CommandQueue
 from runtime.arbitration.emergency_stop import EmergencyStop
 from runtime.arbitration.permit import Permit
-from runtime.realtime.periodic import Metronome
+from runtime.realtime.periodic import PeriodicTimer
 from runtime.settings.operator import OperatorSettings
-from runtime.tasks.operator import Attendance
+from runtime.tasks.operator import DeskTicker
 from runtime.teleop.desk import OperatorDesk
-from runtime.wire.teleop import Command, Condition, Input, Press, read_beat
+from runtime.wire.teleop import CarCondition, Command, Input, Press, read_beat
 from sim.virtual.devices import MemoryMotor
 from sim.virtual.virtual_time import run_virtual
 
@@ -30,7 +30,7 @@ class Bench:
 
     async def _run(self, seconds, client_sends_until_s, *, present):
         clock = asyncio.get_running_loop().time
-        voices = Voices(LAB_ORDER, clock)
+        voices = CommandQueue(LAB_ORDER, clock)
         self.motor = MemoryMotor(clock)
         self.motor.send(Drive(1.25, 0.0))
         self.motor.present = present
@@ -48,9 +48,9 @@ class Bench:
                 desk.receive("", command.pack(), clock())
             self.teleop.append((clock(), any(word.source is Source.TELEOP for word in voices.live())))
 
-        metronome = Metronome(clock)
-        metronome.every(1 / 50, Attendance(desk, self.motor, publish).tick)
-        task = asyncio.create_task(metronome.run())
+        timer = PeriodicTimer(clock)
+        timer.every(1 / 50, DeskTicker(desk, self.motor, publish).tick)
+        task = asyncio.create_task(timer.run())
         await asyncio.sleep(seconds)
         task.cancel()
         with pytest.raises(asyncio.CancelledError):
@@ -81,5 +81,5 @@ def test_a_client_that_falls_silent_is_lost_within_the_expiry_and_one_beat():
     assert driven_s[-1] - driven_s[0] > 0.8
     last_sent_s = max(at_s for at_s, _ in bench.beats if at_s < 1.0)
     assert driven_s[-1] - last_sent_s < 0.2
-    lost_s = next(at_s for at_s, beat in bench.beats if beat.flags & Condition.OPERATOR_LOST)
+    lost_s = next(at_s for at_s, beat in bench.beats if beat.flags & CarCondition.OPERATOR_LOST)
     assert lost_s - last_sent_s <= 0.2 + 0.02 + 1e-9

@@ -11,7 +11,7 @@ from runtime.control.live_laws import LiveLaws
 from runtime.control.perception.own_parts import KnownParts
 from runtime.control.safety.swept import SweptGuard
 from runtime.control.vehicle import CarSettings
-from runtime.recording.own_parts_memory import FILE, Remembered, file_in, read, write
+from runtime.recording.own_parts_memory import FILE, RememberedParts, file_in, read, write
 from runtime.settings.tree import Settings
 from runtime.tasks.own_parts import UNCHANGED_S, OwnPartsKeeper
 from runtime.wire.bus import RefusedError
@@ -56,7 +56,7 @@ class Run:
 
 @pytest.fixture
 def file(tmp_path):
-    write(tmp_path / FILE, Remembered(CAR, MINE, "2026-01-01", KNOWN))
+    write(tmp_path / FILE, RememberedParts(CAR, MINE, "2026-01-01", KNOWN))
     return tmp_path / FILE
 
 
@@ -71,7 +71,7 @@ def test_what_was_written_is_known_with_the_first_scan(file):
 
 def test_another_lidar_or_another_car_has_other_parts(file, tmp_path):
     assert Run(file, OTHER).scan() == ()
-    write(tmp_path / "other.json", Remembered("another", MINE, "2026-01-01", KNOWN))
+    write(tmp_path / "other.json", RememberedParts("another", MINE, "2026-01-01", KNOWN))
     assert Run(tmp_path / "other.json").scan() == ()
 
 
@@ -96,7 +96,7 @@ def test_what_has_changed_is_written_when_it_has_settled(tmp_path):
     assert not run.keeper.is_due(), "once"
     write(tmp_path / FILE, run.keeper._stored)
     again = read(tmp_path / FILE)
-    assert again == Remembered(CAR, MINE, "2026-01-02", run.known)
+    assert again == RememberedParts(CAR, MINE, "2026-01-02", run.known)
     assert again is not None
     assert len(again.parts.ranges_m) == 20
 

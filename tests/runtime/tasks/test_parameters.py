@@ -6,8 +6,8 @@ import logging
 
 import pytest
 
-from runtime.parameters.history import Change, History
-from runtime.parameters.server import ParameterDesk, Surroundings
+from runtime.parameters.history import ChangeHistory, SettingChange
+from runtime.parameters.server import ParameterServer, ServerContext
 from runtime.settings.tree import Settings
 from runtime.tasks import parameters
 from runtime.wire.bus import RefusedError
@@ -24,13 +24,13 @@ class Switchboard:
 
 
 def change(number):
-    return Change(float(number), "a day", "ann", KP, number, number + 1)
+    return SettingChange(float(number), "a day", "ann", KP, number, number + 1)
 
 
 def served(file=None):
-    car = Surroundings(lambda *_: None, lambda: True, lambda: 1e9, lambda: "a day", file)
+    car = ServerContext(lambda *_: None, lambda: True, lambda: 1e9, lambda: "a day", file)
     board = Switchboard()
-    parameters.serve(board, "car1", ParameterDesk(Settings(), car, History(5)))
+    parameters.serve(board, "car1", ParameterServer(Settings(), car, ChangeHistory(5)))
     return board.replies
 
 
@@ -53,8 +53,8 @@ async def test_so_is_a_refused_save():
 @pytest.fixture
 async def keeping(tmp_path, monkeypatch):
     """A history that is being kept in a file, without the second's pause between two writes."""
-    monkeypatch.setattr(parameters, "WRITTEN_AT_MOST_EVERY_S", 0.0)
-    history, file = History(5), tmp_path / "history.jsonl"
+    monkeypatch.setattr(parameters, "MIN_WRITE_PERIOD_S", 0.0)
+    history, file = ChangeHistory(5), tmp_path / "history.jsonl"
     task = asyncio.create_task(parameters.keep_history(history, file))
     await asyncio.sleep(0)
     yield history, file
@@ -77,13 +77,13 @@ async def test_changes_are_written_down_and_read_again(keeping, caplog):
     assert [json.loads(line)["old"] for line in file.read_text().splitlines()] == [3, 4, 5, 6, 7], "the newest five"
     assert len(caplog.records) == 1, "one line for eight changes"
     assert "ann changed wall_follow.kp 5 -> 6, wall_follow.kp 6 -> 7, wall_follow.kp 7 -> 8" in caplog.text
-    again = History(3)
+    again = ChangeHistory(3)
     parameters.read_history(again, file)
     assert again.newest(9) == [change(5), change(6), change(7)]
 
 
 async def test_a_flood_of_changes_is_a_trickle_of_lines_and_writes(tmp_path, caplog):
-    history, file = History(5), tmp_path / "history.jsonl"
+    history, file = ChangeHistory(5), tmp_path / "history.jsonl"
     task = asyncio.create_task(parameters.keep_history(history, file))
     await asyncio.sleep(0)
     with caplog.at_level(logging.INFO):
@@ -97,7 +97,7 @@ async def test_a_flood_of_changes_is_a_trickle_of_lines_and_writes(tmp_path, cap
 
 
 async def test_a_full_disk_is_said_and_the_car_drives_on(tmp_path, caplog):
-    history = History(5)
+    history = ChangeHistory(5)
     task = asyncio.create_task(parameters.keep_history(history, tmp_path / "nowhere" / "history.jsonl"))
     await asyncio.sleep(0)
     history.add([change(1)])
@@ -109,11 +109,11 @@ async def test_a_full_disk_is_said_and_the_car_drives_on(tmp_path, caplog):
 
 def test_a_damaged_history_is_read_as_far_as_it_goes(tmp_path, caplog):
     file = tmp_path / "history.jsonl"
-    history = History(5)
+    history = ChangeHistory(5)
     parameters.read_history(history, file)
     history.add([change(1)])
     file.write_bytes(b"\xff\xfe\n[]\n{}\n" + b"[" * 5000 + b"\n" + history.lines().encode() + b'{"half": ')
-    again = History(5)
+    again = ChangeHistory(5)
     parameters.read_history(again, file)
     assert again.newest(5) == [change(1)]
     assert "5 lines are no changes" in caplog.text

@@ -3,7 +3,7 @@
 import numpy as np
 
 from drivers.api import Scan
-from runtime.realtime.stage_timing import Stage
+from runtime.realtime.stage_timing import TimedStage
 from runtime.tasks.scan_cycle import ScanCycle
 from tests.runtime.observed import GUIDANCE
 
@@ -11,7 +11,7 @@ from tests.runtime.observed import GUIDANCE
 def test_the_motor_has_its_command_before_telemetry_and_learning():
     done: list[object] = []
     clock_s = iter((1.0, 1.25))
-    stage = Stage(lambda: next(clock_s))
+    stage = TimedStage(lambda: next(clock_s))
     cycle = ScanCycle(
         stage,
         lambda: done.append("decide"),

@@ -7,9 +7,9 @@ import math
 import pytest
 
 from drivers.api import Drive, MotorState
-from runtime.arbitration.command import LAB_ORDER, CapWord, Decision, DriveWord, Output, Source, Verdict, refusal
+from runtime.arbitration.command import LAB_ORDER, Decision, DriveCommand, Output, Source, SpeedLimit, Verdict, refusal
 from runtime.control.live_laws import LiveLaws
-from runtime.control.safety.swept import Outlook as SweptOutlook
+from runtime.control.safety.swept import SweptAssessment as SweptOutlook
 from runtime.control.vehicle import CarSettings
 from runtime.settings.tree import Settings
 from runtime.telemetry.status import Journey, Latency, decision, said, status
@@ -97,7 +97,7 @@ def test_a_cap_that_decided_is_quoted_and_another_is_only_asked_about_standing()
             asked.append((speed_mps, steering_rad))
             return Verdict(2.0, 0.5, "window dirty")
 
-    word = CapWord(Source.SAFETY, Judge(), 1.0)
+    word = SpeedLimit(Source.SAFETY, Judge(), 1.0)
     bound = Decision(-0.3, 0.1, Source.NAVIGATION, Source.SAFETY, "wall behind", 0.2)
     assert said(word, bound).speed_mps == 0.3, "a ceiling is no direction"
     assert (said(word, bound).reason, said(word, bound).measure, asked) == ("wall behind", 0.2, [])
@@ -107,7 +107,7 @@ def test_a_cap_that_decided_is_quoted_and_another_is_only_asked_about_standing()
 
 
 def test_a_driver_is_quoted_with_its_wish():
-    heard = said(DriveWord(Source.TELEOP, Drive(2.0, -0.1), None, "stick"), None)
+    heard = said(DriveCommand(Source.TELEOP, Drive(2.0, -0.1), None, "stick"), None)
     assert (heard.speed_mps, heard.steering_rad, heard.reason) == (2.0, -0.1, "stick")
 
 
@@ -137,8 +137,8 @@ def test_latency_is_told_in_milliseconds_and_forgets_the_oldest():
 def drive_by_hand(observed, *, order=LAB_ORDER, outlook=WALL_AHEAD, speed_mps=1.0):
     observed.voices.reorder(order)
     speak(observed)
-    observed.voices.say(CapWord(Source.SAFETY, outlook, observed.clock()))
-    observed.voices.say(DriveWord(Source.TELEOP, Drive(speed_mps, 0.0), None, "anna drives"))
+    observed.voices.say(SpeedLimit(Source.SAFETY, outlook, observed.clock()))
+    observed.voices.say(DriveCommand(Source.TELEOP, Drive(speed_mps, 0.0), None, "anna drives"))
     decided = Decision(speed_mps, 0.0, Source.TELEOP, Source.TELEOP, "anna drives")
     return Output(observed.clock(), Drive(speed_mps, 0.0), decided, delivered=True)
 

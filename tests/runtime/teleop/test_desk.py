@@ -9,7 +9,7 @@ from runtime.arbitration.command import Source
 from runtime.arbitration.emergency_stop import Cause
 from runtime.arbitration.permit import NOT_GRANTED
 from runtime.teleop.sessions import MAX_SESSIONS
-from runtime.wire.teleop import UNKNOWN_AGE_MS, Condition, Input, Press
+from runtime.wire.teleop import UNKNOWN_AGE_MS, CarCondition, Input, Press
 from tests.runtime.operator_rig import AUTO_MPS, BEAT_S, HAND_MPS, Rig
 
 BOTH = ["required", "always"]
@@ -102,12 +102,12 @@ def test_a_new_session_that_holds_already_is_not_obeyed(rig):
     ann = rig.client()
     ann.hold(MANUAL, 1.0)
     assert rig.decision.driver is not Source.TELEOP
-    assert rig.heard.flags & Condition.REARM
+    assert rig.heard.flags & CarCondition.REARM
     assert rig.refused["not released yet"] == 50
     ann.click()
     assert rig.speed_mps == HAND_MPS
     rig.wait(BEAT_S)
-    assert not rig.heard.flags & Condition.REARM
+    assert not rig.heard.flags & CarCondition.REARM
 
 
 def test_a_client_that_was_away_wants_a_release_although_it_never_operated(rig):
@@ -167,9 +167,9 @@ def test_an_operator_who_falls_silent_stops_the_car_in_either_mode(rig, held):
     assert rig.now_s - last_s < 0.2 + BEAT_S + 1e-9
     rig.wait(0.2 + BEAT_S)
     assert rig.standing == "operator lost"
-    assert rig.heard.flags & Condition.OPERATOR_LOST
-    assert rig.heard.flags & Condition.REARM
-    assert not rig.heard.flags & Condition.OPERATOR_PRESENT
+    assert rig.heard.flags & CarCondition.OPERATOR_LOST
+    assert rig.heard.flags & CarCondition.REARM
+    assert not rig.heard.flags & CarCondition.OPERATOR_PRESENT
     assert rig.speed_mps == 0
     rig.wait(60)
     assert rig.speed_mps == 0, "not even after the place is free"
@@ -530,7 +530,7 @@ def test_a_reset_moves_nothing_although_everybody_left_in_peace():
     ann.click()
     ann.send(ESTOP)
     ann.send(GOODBYE)
-    assert not rig.beat().flags & Condition.PERMITTED
+    assert not rig.beat().flags & CarCondition.PERMITTED
     bob.hold(NOTHING)
     bob.send(RESET)
     assert rig.speed_mps == 0
@@ -571,7 +571,7 @@ def test_a_reset_during_a_motor_fault_asks_the_motor_and_waits_for_it(rig):
     ann.click(RESET)
     assert rig.faults_cleared == 1
     assert rig.decision.reason == "motor fault: DRV"
-    assert rig.beat().flags & Condition.FAULT
+    assert rig.beat().flags & CarCondition.FAULT
     rig.e_stop.clear(Cause.MOTOR)
     ann.click()
     assert rig.speed_mps == HAND_MPS

@@ -13,8 +13,8 @@ from runtime.wire.teleop import (
     MAX_STEERING_RAD,
     UNKNOWN_AGE_MS,
     Beat,
+    CarCondition,
     Command,
-    Condition,
     Input,
     Malformed,
     Press,
@@ -28,7 +28,7 @@ COMMAND = Command(
     0x1122334455667788, 7, 0xCAFE, 0x0102, Press.MANUAL, Input.KEYBOARD, 250, 1.5, -0.25, "Zoë"
 )  # fmt: skip
 COMMAND_HEX = "57524331 8877665544332211 07000000 feca0000 02010000 01 01 fa00 0000c03f 000080be 5a6fc3ab" + " 00" * 20
-BEAT = Beat(0xCAFE, 0x0102, Condition.PERMITTED | Condition.REARM, 0x1122334455667788, 7, 30, 2.0, "Zoë")
+BEAT = Beat(0xCAFE, 0x0102, CarCondition.PERMITTED | CarCondition.REARM, 0x1122334455667788, 7, 30, 2.0, "Zoë")
 BEAT_HEX = "57524231 feca0000 02010000 12 8877665544332211 07000000 1e00 00000040 5a6fc3ab" + " 00" * 20
 
 SPEEDS_MPS = st.floats(-50, 50, width=32)
@@ -68,7 +68,7 @@ def test_every_command_arrives_as_it_was_sent(command):
         Beat,
         car_session=U32,
         beat=U32,
-        flags=st.integers(0, 63).map(Condition),
+        flags=st.integers(0, 63).map(CarCondition),
         operator_session=st.integers(0, 2**64 - 1),
         acknowledged=U32,
         acknowledged_age_ms=st.integers(0, UNKNOWN_AGE_MS),
@@ -81,8 +81,8 @@ def test_every_beat_arrives_as_it_was_sent(beat):
 
 
 def test_an_unknown_speed_is_nan():
-    assert math.isnan(read_beat(Beat(1, 1, Condition(0)).pack()).speed_mps)
-    assert math.isnan(read_beat(Beat(1, 1, Condition(0), speed_mps=math.inf).pack()).speed_mps)
+    assert math.isnan(read_beat(Beat(1, 1, CarCondition(0)).pack()).speed_mps)
+    assert math.isnan(read_beat(Beat(1, 1, CarCondition(0), speed_mps=math.inf).pack()).speed_mps)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])

@@ -3,18 +3,18 @@
 import pytest
 
 from sim.bench.answers import onsets, pair, percentiles_ms
-from sim.bench.devices import Command
-from sim.bench.rig import Sent
+from sim.bench.devices import MotorCommand
+from sim.bench.rig import SentScan
 
 FREE, BLOCKED = False, True
 
 
 def scans(*kinds):
-    return [Sent(0.1 * i, 0.1 * i + 0.001, kind) for i, kind in enumerate(kinds, 1)]
+    return [SentScan(0.1 * i, 0.1 * i + 0.001, kind) for i, kind in enumerate(kinds, 1)]
 
 
 def told(*commands):
-    return [Command(at_s, moving, servo) for at_s, moving, servo in commands]
+    return [MotorCommand(at_s, moving, servo) for at_s, moving, servo in commands]
 
 
 def test_the_answer_is_the_first_command_that_steers_otherwise():
@@ -66,7 +66,7 @@ def test_percentiles_of_nothing_are_nothing():
 
 
 def test_a_write_in_which_the_car_ran_already_counts_as_long_as_usual():
-    usual = [Sent(0.1 * i, 0.1 * i + 0.001, FREE) for i in range(1, 4)]
-    interrupted = Sent(0.4, 0.409, FREE)  # the car had the core, and answered before the call returned
+    usual = [SentScan(0.1 * i, 0.1 * i + 0.001, FREE) for i in range(1, 4)]
+    interrupted = SentScan(0.4, 0.409, FREE)  # the car had the core, and answered before the call returned
     commands = told(*((0.1 * i + 0.005, True, 500 + i) for i in range(5)))
     assert pair([*usual, interrupted], commands).latency_s == [pytest.approx(0.004)] * 4

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drivers.hokuyo.codec import Deframer
+from drivers.hokuyo.codec import ScipDeframer
 from drivers.hokuyo.ranges import RangeDecoder
 from drivers.hokuyo.replies import decode_number
 from sim.bench.course import BOARD_AHEAD_M, make_course, sensor
@@ -18,7 +18,7 @@ def course():
 
 def test_the_driver_reads_every_range_to_the_millimetre(course):
     for i, picture in enumerate((*course.free, *course.blocked)):
-        (block,) = Deframer().feed(picture.block(ECHO, 25 * i + (1 << 24)))
+        (block,) = ScipDeframer().feed(picture.block(ECHO, 25 * i + (1 << 24)))
         assert decode_number(block.lines[0]) == 25 * i
         decoded_m = RangeDecoder(1081, 20, 30000).decode(block.lines[1])
         assert decoded_m is not None

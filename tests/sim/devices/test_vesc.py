@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from drivers.vesc import codec, replies
-from drivers.vesc.codec import Deframer, Packet, frame
+from drivers.vesc.codec import Packet, VescDeframer, frame
 from sim.devices.vesc import MotorDemand, VescEmulator
 from sim.devices.vesc_logic import COAST, VescLogic
 from sim.devices.vesc_replies import firmware_reply, imu_reply, selective_reply, values_reply
@@ -164,7 +164,7 @@ class Host:
         self.fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         self.chunks: list[bytes] = []
         self.payloads: list[bytes] = []
-        self.deframer = Deframer()
+        self.deframer = VescDeframer()
         asyncio.get_running_loop().add_reader(self.fd, self._on_readable)
 
     def _on_readable(self) -> None:

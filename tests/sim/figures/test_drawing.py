@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from sim.figures.comparison import SteeringPair
+from sim.figures.comparison import ComparedSteering
 from sim.figures.drawing import save_comparison, save_plot
 from sim.world.worlds import load_world
 
@@ -25,6 +25,6 @@ def test_a_run_of_any_length_is_drawn(tmp_path, count):
 
 @pytest.mark.parametrize("count", [0, 50])
 def test_a_comparison_is_drawn(tmp_path, count):
-    pairs = [SteeringPair(i * 0.025, 0.1, -0.1) for i in range(count)]
+    pairs = [ComparedSteering(i * 0.025, 0.1, -0.1) for i in range(count)]
     save_comparison(tmp_path / "pairs.png", pairs, "steering")
     assert shades(tmp_path / "pairs.png") > 5

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from sim.lab import hazards, laps, safety, walls
-from sim.lab.cell import Cell, Choice
-from sim.lab.command import UsageError, chosen, only, run
+from sim.lab.cell import Cell, CellChoice
+from sim.lab.command import LabUsageError, chosen, only, run
 from sim.lab.courses.sudden import BOXES, PLACES
 from sim.lab.courses.walls import ALL_COURSES
 from sim.lab.laws import GUARD_OF, build, check
@@ -94,7 +94,7 @@ def test_pictures_are_drawn(tmp_path):
     ],
 )
 def test_wrong_options_say_what_to_write(arguments, words):
-    with pytest.raises(UsageError, match=words):
+    with pytest.raises(LabUsageError, match=words):
         chosen(options("walls", *arguments))
 
 
@@ -237,7 +237,7 @@ def test_levine_is_lapped_at_the_distance_that_leads_round_it(side):
 
 
 def test_cells_go_slowest_first():
-    choice = Choice(("report+report",), (4.0, 1.0), (0.8,), ("left",), (0,))
+    choice = CellChoice(("report+report",), (4.0, 1.0), (0.8,), ("left",), (0,))
     speeds = [cell.speed_mps for cell in choice.cells("walls", ["t1", "t2"])]
     assert speeds == [1.0, 1.0, 4.0, 4.0]
 
@@ -288,5 +288,5 @@ def test_a_map_is_chosen_by_its_name_alone():
     cells = [Cell("laps", path, "ball+swept", 1.0, 0.8, "left", 0) for path in ("/far/maps/levine.yaml", "loop")]
     assert only(cells, "levine") == cells[:1]
     assert only(cells, "/far/maps/levine.yaml") == cells[:1]
-    with pytest.raises(UsageError, match="write some of levine, loop"):
+    with pytest.raises(LabUsageError, match="write some of levine, loop"):
         only(cells, "levin")

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime.control.perception.view import Eyes
+from runtime.control.perception.view import PerceptionCache
 from runtime.control.vehicle import CarSettings
 from sim.lab import corners, laws, walls
-from sim.lab.cell import Cell, Choice
+from sim.lab.cell import Cell, CellChoice
 from sim.lab.courses.building_places import CORNER_RAD, OFF_M, STARTS, building, is_held_out, places_on
 from sim.lab.courses.prototype import KD, KP_RAD_PER_M, Prototype, target_rad
 from sim.world.pose import Pose, Side
@@ -30,7 +30,7 @@ def mean_error_m(run):
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_the_prototype_steers_by_its_two_gains(side):
     """0.1 m too far from a straight wall the ball is at asin(0.1 / 0.4) on a circle of 0.4 m."""
-    law = Prototype(side, 1.0, 1.0, CarSettings(), Eyes(CarSettings()))
+    law = Prototype(side, 1.0, 1.0, CarSettings(), PerceptionCache(CarSettings()))
     answer = law.follow(scan_in("straight", y_m=-0.1, side=side), None)
     assert answer.drive is not None
     sign = 1.0 if side == "left" else -1.0
@@ -115,7 +115,7 @@ def test_places_are_beside_their_wall_and_half_of_them_are_held_out(side):
 
 @needs_maps
 def test_two_laws_are_compared_on_the_same_courses_and_a_contact_is_never_better():
-    choice = Choice(("ball+swept", "prototype+swept"), (2.0,), (0.8,), ("left",), (7,), maps=(str(SKIRK),))
+    choice = CellChoice(("ball+swept", "prototype+swept"), (2.0,), (0.8,), ("left",), (7,), maps=(str(SKIRK),))
     two = [one for one in corners.cells(choice) if one.scenario.endswith((" 3", " 4"))]
     assert len(two) == 4
     rows = [one.named(corners.measure(one)) for one in two]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sim.lab import covers
-from sim.lab.cell import Cell, Choice
+from sim.lab.cell import Cell, CellChoice
 from sim.lab.covers import Cover
 from sim.world.beams import NO_RETURN_MM
 
@@ -55,7 +55,7 @@ def test_a_cover_reads_what_it_should_from_its_moment_on():
 
 
 def test_the_plan_has_every_cover_and_the_table_counts():
-    choice = Choice(("ball+swept",), (1.0,), (0.8,), ("left",), (0,))
+    choice = CellChoice(("ball+swept",), (1.0,), (0.8,), ("left",), (0,))
     assert len(covers.cells(choice)) == 10 * 7 * 2 * 5
     made = cell("30 mm: 10 deg: driving: dead end", 1.0)
     (table,) = covers.tables([made.named(covers.measure(made))])

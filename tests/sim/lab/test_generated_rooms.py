@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from sim.lab import generated_rooms, laps
-from sim.lab.cell import Cell, Choice
+from sim.lab.cell import Cell, CellChoice
 from sim.lab.command import run
 from sim.lab.courses.walls import world_of
-from sim.virtual.closed_loop import Case, Run
+from sim.virtual.closed_loop import Case, SimulatedRun
 from wallride import lab_options
 
 PERIOD_S = 0.025
@@ -31,7 +31,7 @@ def driven(*pieces):
     both = np.stack([speed_mps, speed_mps], axis=1)
     case = Case(world_of("straight", "left"))
     time_s = np.linspace(0.0, (rows - 1) * PERIOD_S, rows)
-    return Run(case, time_s, pose, both, both, both, none, none, none, none, 0.0, [], None, [])
+    return SimulatedRun(case, time_s, pose, both, both, both, none, none, none, none, 0.0, [], None, [])
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ def test_where_no_way_exists_the_car_stays_and_asks_for_help():
 
 
 def test_generated_laps_are_run_on_both_walls_of_a_seeds_track():
-    choice = Choice(("ball+swept",), (1.0,), (0.8,), ("left", "right"), (3, 4), generated=True)
+    choice = CellChoice(("ball+swept",), (1.0,), (0.8,), ("left", "right"), (3, 4), generated=True)
     cells = laps.cells(choice)
     assert {(cell.scenario, cell.side, cell.seed) for cell in cells} == {
         (name, side, seed) for name in laps.GENERATED for side in ("left", "right") for seed in (3, 4)

@@ -9,7 +9,7 @@ import pytest
 
 from sim.lab import recordings
 from sim.lab.cell import Cell
-from sim.lab.command import UsageError, chosen, run
+from sim.lab.command import LabUsageError, chosen, run
 from sim.lab.recorded.recording_pictures import WINDOW_TITLE_LETTERS, wrapped
 from sim.lab.recorded.replay import replay
 from tests.sim.lab.recorded_drives import RACECAR, real
@@ -130,7 +130,7 @@ def test_a_file_that_is_no_recording_is_skipped_with_its_reason(tmp_path):
 
 @pytest.mark.parametrize(("place", "words"), [("nowhere", "does not exist"), ("", "there is no .npz")])
 def test_a_wrong_folder_is_said_before_anything_is_read(tmp_path, place, words):
-    with pytest.raises(UsageError, match=words):
+    with pytest.raises(LabUsageError, match=words):
         chosen(options(str(tmp_path / place)))
 
 

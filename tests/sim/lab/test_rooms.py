@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from sim.lab import rooms
-from sim.lab.cell import Cell, Choice
+from sim.lab.cell import Cell, CellChoice
 from sim.lab.courses.walls import world_of
-from sim.virtual.closed_loop import Case, Run
-from sim.world.obstacles import Motion, Round, person
+from sim.virtual.closed_loop import Case, SimulatedRun
+from sim.world.obstacles import ConstantMotion, Round, person
 from sim.world.pose import CAR
 
 PERIOD_S = 0.025
@@ -27,7 +27,9 @@ def driven(speed_mps, walker):
     pose, none = np.stack([x_m, np.zeros(rows), np.zeros(rows)], axis=1), np.zeros(rows)
     both = np.stack([speed_mps, speed_mps], axis=1)
     case = Case(world_of("straight", "left"), obstacles=(walker,))
-    return Run(case, np.arange(rows) * PERIOD_S, pose, both, both, both, none, none, none, none, 0.0, [], None, [])
+    return SimulatedRun(
+        case, np.arange(rows) * PERIOD_S, pose, both, both, both, none, none, none, none, 0.0, [], None, []
+    )
 
 
 def speeds(*pieces):
@@ -35,7 +37,7 @@ def speeds(*pieces):
     return np.concatenate([np.full(round(seconds / PERIOD_S), mps) for mps, seconds in pieces])
 
 
-LEAVES = person(2.5, 0.0, Motion(0.0, -1.0, 4.0))
+LEAVES = person(2.5, 0.0, ConstantMotion(0.0, -1.0, 4.0))
 """In the way from 4 s on (before that not there), and 0.4 m aside, out of the strip, 0.4 s later."""
 
 
@@ -100,7 +102,7 @@ def test_a_runner_before_a_fast_car_on_a_slippery_floor_cannot_be_avoided():
 
 
 def test_there_are_enough_rooms():
-    choice = Choice(("ball+swept",), (1.0, 2.0, 3.0, 4.0), (0.5, 0.8, 1.0), ("left", "right"), (1000,))
+    choice = CellChoice(("ball+swept",), (1.0, 2.0, 3.0, 4.0), (0.5, 0.8, 1.0), ("left", "right"), (1000,))
     cells = rooms.cells(choice)
     clutter = [made for made in cells if made.scenario.startswith(rooms.CLUTTER)]
     assert len([made for made in clutter if not made.scenario.endswith(rooms.WAITS)]) >= 24

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sim.lab import window
-from sim.lab.cell import Cell, Choice
+from sim.lab.cell import Cell, CellChoice
 from sim.world.beams import LidarSettings
 
 
@@ -13,7 +13,7 @@ def cell(scenario, speed_mps=2.0, side="left"):
 
 
 def test_the_plan_has_48_clean_runs():
-    choice = Choice(("ball+swept",), (1.0, 2.0, 3.0, 4.0), (0.8,), ("left", "right"), (77,))
+    choice = CellChoice(("ball+swept",), (1.0, 2.0, 3.0, 4.0), (0.8,), ("left", "right"), (77,))
     assert sum(made.scenario.startswith("clean") for made in window.cells(choice)) == 48
 
 

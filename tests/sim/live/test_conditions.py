@@ -8,14 +8,14 @@ import pytest
 
 from runtime.wire.bus import RefusedError
 from sim.car.vehicle import SpeedDemand, Vehicle
-from sim.live.conditions import Conditions, ConditionsError, Wishes, conditions_of, own_parts_kinds
+from sim.live.conditions import Conditions, ConditionsError, RequestedConditions, conditions_of, own_parts_kinds
 from sim.live.live_conditions import ACTIONS, KEYS, LiveConditions
 from sim.live.live_keys import LEGEND, legend, obey
 from sim.live.obstacle_text import read_obstacle
 from sim.live.scenes import WorldScene
 from sim.live.stop_request import StopRequest
 from sim.world.beams import NO_RETURN_MM, LidarSettings
-from sim.world.obstacles import Box, Motion, Obstacle, Round, Standing, Sudden
+from sim.world.obstacles import Box, ConstantMotion, Obstacle, Round, StandingObstacle, SuddenObstacle
 from sim.world.pose import Pose
 from sim.world.worlds import load_world
 
@@ -39,14 +39,14 @@ def looked(scene, vehicle, time_s=0.0):
 @pytest.mark.parametrize(
     ("text", "obstacle"),
     [
-        ("box at=3,1", Obstacle(Box(0.3, 0.5), Standing(Pose(3, 1, 0)))),
-        ("box at=3,1,0.7 size=0.2x0.8", Obstacle(Box(0.2, 0.8), Standing(Pose(3, 1, 0.7)))),
-        ("box ahead=1.5 after=4", Obstacle(Box(0.3, 0.5), Sudden(1.5, 0.0, 0.0, 4.0))),
-        ("box ahead=1 left=0.2 speed=2", Obstacle(Box(0.3, 0.5), Sudden(1.0, 0.2, 2.0))),
-        ("pole at=3,1 radius=0.03", Obstacle(Round(0.03), Standing(Pose(3, 1, 0)))),
+        ("box at=3,1", Obstacle(Box(0.3, 0.5), StandingObstacle(Pose(3, 1, 0)))),
+        ("box at=3,1,0.7 size=0.2x0.8", Obstacle(Box(0.2, 0.8), StandingObstacle(Pose(3, 1, 0.7)))),
+        ("box ahead=1.5 after=4", Obstacle(Box(0.3, 0.5), SuddenObstacle(1.5, 0.0, 0.0, 4.0))),
+        ("box ahead=1 left=0.2 speed=2", Obstacle(Box(0.3, 0.5), SuddenObstacle(1.0, 0.2, 2.0))),
+        ("pole at=3,1 radius=0.03", Obstacle(Round(0.03), StandingObstacle(Pose(3, 1, 0)))),
         (
             "person at=3,-1 walks=0,0.8 after=2 until=5",
-            Obstacle(Round(0.2), Standing(Pose(3, -1, 0), 2.0), Motion(0.0, 0.8, 2.0, 5.0)),
+            Obstacle(Round(0.2), StandingObstacle(Pose(3, -1, 0), 2.0), ConstantMotion(0.0, 0.8, 2.0, 5.0)),
         ),
     ],
 )
@@ -78,7 +78,7 @@ def test_options_file_and_assignments_meet_and_the_later_one_wins(tmp_path):
     file = tmp_path / "rain.toml"
     file.write_text('obstacles = ["pole at=1,2"]\n[vehicle]\ngrip_mu = 0.4\nmass_kg = 4\n[lidar]\nnoise_std_m = 0.02\n')
     found = conditions_of(
-        Wishes(
+        RequestedConditions(
             file, ["lidar.outlier_share=0.01"], friction=0.5, trim_rad=0.02, delay_s=0.05, dirt=["-10,5", "20,25,0.1"],
             obstacles=["box ahead=1"],
         )
@@ -90,19 +90,19 @@ def test_options_file_and_assignments_meet_and_the_later_one_wins(tmp_path):
         },
         "obstacles": ["pole at=1,2", "box ahead=1"],
     }  # fmt: skip
-    assert conditions_of(Wishes()).changed() == {}
+    assert conditions_of(RequestedConditions()).changed() == {}
 
 
 @pytest.mark.parametrize(
     ("wishes", "words"),
     [
-        (Wishes(friction=-1.0), "vehicle.grip_mu = -1.0: input should be greater than 0"),
-        (Wishes(dropouts=2.0), "lidar.dropout_share = 2.0"),
-        (Wishes(assignments=["vehicle.wings=2"]), "vehicle.wings = 2"),
-        (Wishes(assignments=["grip=2"]), "write vehicle.KEY=VALUE"),
-        (Wishes(dirt=["5,-5"]), "write FROM,TO or FROM,TO,RANGE"),
-        (Wishes(own_parts="wings"), "--own-parts wings: write one of none"),
-        (Wishes(obstacles=["cat"]), "begins with box, pole, person"),
+        (RequestedConditions(friction=-1.0), "vehicle.grip_mu = -1.0: input should be greater than 0"),
+        (RequestedConditions(dropouts=2.0), "lidar.dropout_share = 2.0"),
+        (RequestedConditions(assignments=["vehicle.wings=2"]), "vehicle.wings = 2"),
+        (RequestedConditions(assignments=["grip=2"]), "write vehicle.KEY=VALUE"),
+        (RequestedConditions(dirt=["5,-5"]), "write FROM,TO or FROM,TO,RANGE"),
+        (RequestedConditions(own_parts="wings"), "--own-parts wings: write one of none"),
+        (RequestedConditions(obstacles=["cat"]), "begins with box, pole, person"),
     ],
 )
 def test_what_cannot_be_is_refused_in_words(wishes, words):
@@ -215,7 +215,7 @@ def test_a_page_asks_what_there_is_and_has_it_done():
 
 
 def test_the_same_conditions_and_seed_give_the_same_scans():
-    at_start = conditions_of(Wishes(dropouts=0.1, noise_m=0.02, own_parts="right-rear"))
+    at_start = conditions_of(RequestedConditions(dropouts=0.1, noise_m=0.02, own_parts="right-rear"))
     one, other = (looked(*corridor(at_start)[:2]) for _ in range(2))
     assert (one == other).all()
     assert LidarSettings().dropout_share == 0.0

@@ -18,7 +18,7 @@ from sim.live.terminal_view import (
     FOLLOW_SPAN_M,
     SCAN,
     WALL,
-    Status,
+    ViewStatus,
     page,
     render_world,
     status_rows,
@@ -198,7 +198,7 @@ def test_the_same_input_gives_the_same_text() -> None:
     assert follow(ROOM, ROOM[:, :2]) == follow(ROOM, ROOM[:, :2])
 
 
-STATUS = Status(12.3456, 1.02, -0.1, None, "SAFETY", "obstacle 0.6 m [ahead]", "ready, 40.0 Hz", "absent: no port")
+STATUS = ViewStatus(12.3456, 1.02, -0.1, None, "SAFETY", "obstacle 0.6 m [ahead]", "ready, 40.0 Hz", "absent: no port")
 
 
 def printed(what: Any, width: int) -> list[str]:
@@ -223,7 +223,7 @@ def test_the_status_says_everything_once() -> None:
 
 
 def test_nobody_decides_and_nothing_is_known() -> None:
-    rows = dict(status_rows(Status(0.0, NAN, None, NAN, "", "", "", "")))
+    rows = dict(status_rows(ViewStatus(0.0, NAN, None, NAN, "", "", "", "")))
     assert {label: text.strip() for label, text in rows.items()} == {
         "time": "0.00 s",
         "speed": "-",

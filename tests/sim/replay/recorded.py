@@ -6,8 +6,8 @@ from importlib.metadata import version
 
 from runtime.app import Car
 from runtime.recording import channels
-from runtime.recording.channels import Message
-from runtime.recording.decision_log import Tape
+from runtime.recording.channels import RecordMessage
+from runtime.recording.decision_log import DecisionLog
 from runtime.recording.disk import RealDisk
 from runtime.recording.laws_fingerprint import laws_fingerprint
 from runtime.recording.mcap_file import McapFile
@@ -36,7 +36,7 @@ class Sink:
     def take(self, topic, schema, stamp_s, payload):
         if not channels.is_ros(topic):
             schema, payload = channels.STRING, channels.text(payload)
-        self.file.add(Message(topic, schema, self.wall_clock.started_unix_ns(stamp_s), payload))
+        self.file.add(RecordMessage(topic, schema, self.wall_clock.started_unix_ns(stamp_s), payload))
 
 
 class Restless:
@@ -61,7 +61,7 @@ def record(path, *, world="loop", seconds=6.0, events=(), obstacles=(), sections
 
     async def main():
         loop = asyncio.get_running_loop()
-        tape = Tape(Restless(loop.time), most=1_000_000)
+        tape = DecisionLog(Restless(loop.time), most=1_000_000)
         twin = TwinWorld(load_world(world, side="left", seed=0), loop.time, obstacles=obstacles, start=start)
         tape.tuned(settings)
         motor = WorldMotor(twin, loop.time)

@@ -3,7 +3,7 @@
 import pytest
 
 from runtime.wire import topics
-from sim.replay.drive_log import DriveLog, Message
+from sim.replay.drive_log import DriveLog, LoggedMessage
 from sim.replay.keys import names, press
 from sim.replay.player import FASTEST, Player
 
@@ -16,7 +16,7 @@ class Hand:
 
 
 def message(at_s, topic=topics.STATUS):
-    return Message(topic, "", 1_000_000_000_000 + round(at_s * 1e9), f"{topic} {at_s}".encode())
+    return LoggedMessage(topic, "", 1_000_000_000_000 + round(at_s * 1e9), f"{topic} {at_s}".encode())
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from drivers.api import Drive
-from runtime.arbitration.command import DriveWord, Source, refusal
+from runtime.arbitration.command import DriveCommand, Source, refusal
 from runtime.recording import channels
 from runtime.recording.disk import RealDisk
 from runtime.recording.mcap_file import McapFile
@@ -31,7 +31,7 @@ def test_a_simulated_drive_is_decided_identically(dead_end):
 
 
 def take_the_wheel(car):
-    word = DriveWord(Source.TELEOP, Drive(0.7, 0.1), None, "by hand")
+    word = DriveCommand(Source.TELEOP, Drive(0.7, 0.1), None, "by hand")
     car.voices.say(word, expires_at_s=car.clock() + 0.5)
 
 
@@ -154,6 +154,6 @@ def rewritten(path, folder, *, leave_out=lambda message: False, change=lambda pa
             payload = change(message.payload) if message.topic == channels.TAPE else message.payload
             schema = message.schema or channels.STRING
             payload = payload if message.schema else channels.text(payload)
-            file.add(channels.Message(message.topic, schema, message.stamp_ns, payload, message.sequence))
+            file.add(channels.RecordMessage(message.topic, schema, message.stamp_ns, payload, message.sequence))
     file.close()
     return copy

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim.run_report.above import Above, from_above
-from sim.run_report.charts import WIDTH, Line, Mark, histogram, over_time
+from sim.run_report.charts import WIDTH, ChartLine, Mark, histogram, over_time
 
 NOTHING = np.empty(0)
 
@@ -23,7 +23,7 @@ def test_a_line_keeps_its_extremes_however_long_it_is():
     time_s = np.linspace(0, 1800, 72_000)
     value = np.sin(time_s)
     value[40_000] = 5.0
-    chart = over_time([Line("", time_s, value)], "m")
+    chart = over_time([ChartLine("", time_s, value)], "m")
     assert len(chart) < 60_000
     (path,) = marks_of(chart, "line")
     heights = [float(number) for number in path.get("d")[1:].replace("L", " ").split()[1::2]]
@@ -33,27 +33,27 @@ def test_a_line_keeps_its_extremes_however_long_it_is():
 
 def test_where_nothing_is_known_no_line_is_drawn():
     value = np.array([0.0, 1.0, np.nan, np.nan, 1.0, 0.0])
-    (path,) = marks_of(over_time([Line("", np.arange(6.0), value)], "m"), "line")
+    (path,) = marks_of(over_time([ChartLine("", np.arange(6.0), value)], "m"), "line")
     assert path.get("d").count("M") == 2
 
 
 def test_marks_and_band_are_drawn():
-    chart = over_time([Line("", np.arange(3.0), np.zeros(3))], "m", marks=[Mark(1.0, "1")], band=(-0.05, 0.05))
+    chart = over_time([ChartLine("", np.arange(3.0), np.zeros(3))], "m", marks=[Mark(1.0, "1")], band=(-0.05, 0.05))
     assert len(marks_of(chart, "mark")) == 2
     (band,) = marks_of(chart, "band")
     assert float(band.get("height")) > 10
 
 
 def test_two_lines_have_a_legend_and_one_has_none():
-    one = Line("sent", np.arange(3.0), np.arange(3.0))
+    one = ChartLine("sent", np.arange(3.0), np.arange(3.0))
     assert "legend" not in over_time([one], "m/s")
-    assert "driven" in over_time([one, Line("driven", np.arange(3.0), np.arange(3.0), "s2")], "m/s")
+    assert "driven" in over_time([one, ChartLine("driven", np.arange(3.0), np.arange(3.0), "s2")], "m/s")
 
 
 @pytest.mark.parametrize("value", [NOTHING, np.array([np.nan, np.inf])])
 def test_nothing_to_draw_is_said(value):
     assert "not recorded" in histogram(value, "m", 0.01)
-    assert "not recorded" in over_time([Line("", np.arange(float(len(value))), value)], "m")
+    assert "not recorded" in over_time([ChartLine("", np.arange(float(len(value))), value)], "m")
 
 
 def test_bars_hold_every_value_once():

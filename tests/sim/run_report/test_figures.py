@@ -10,7 +10,7 @@ from runtime.settings.tree import Settings
 from sim.figures import summary
 from sim.replay.command import _tell
 from sim.replay.figures import numbers, samples, slowed, stops, truth_of
-from sim.replay.run import Change, Path, Run, Series
+from sim.replay.run import MuxChange, OdometryPath, RecordedRun, Series
 
 NOTHING = np.empty(0)
 
@@ -21,15 +21,15 @@ def made(times_s, sent_mps, changes=(), **values):
     fields = {
         "name": "made", "car": "car1", "version": "", "began": "", "source": "", "settings": Settings(), "notes": (),
         "scans": [], "error": Series(NOTHING, NOTHING), "wish": Series(NOTHING, NOTHING),
-        "path": Path(times_s, still, still, still, np.asarray(sent_mps, dtype=np.float64)),
+        "path": OdometryPath(times_s, still, still, still, np.asarray(sent_mps, dtype=np.float64)),
         "sent": Series(times_s, np.asarray(sent_mps, dtype=np.float64)), "steering": Series(times_s, still),
         "changes": list(changes), "duration_s": float(times_s[-1]) if len(times_s) else 0.0,
     }  # fmt: skip
-    return Run(**{**fields, **values})
+    return RecordedRun(**{**fields, **values})
 
 
 def change(time_s, winner, reason, allowed_mps=0.0):
-    return Change(time_s, winner, "navigation", reason, math.nan, 1.0, allowed_mps, allowed_mps, delivered=True)
+    return MuxChange(time_s, winner, "navigation", reason, math.nan, 1.0, allowed_mps, allowed_mps, delivered=True)
 
 
 def test_the_score_is_the_cars_own(run, last_status):
@@ -101,8 +101,8 @@ def test_the_truth_is_taken_as_it_is_written():
 
 
 def test_what_happened_once_is_told_as_once(capsys):
-    change = Change(0.5, "safety", "navigation", "slower: wall ahead", 0.0, 1.0, 0.5, 0.5, delivered=True)
-    stop = Change(1.0, "safety", "navigation", "boxed in", 0.0, 1.0, 0.0, 0.0, delivered=True)
+    change = MuxChange(0.5, "safety", "navigation", "slower: wall ahead", 0.0, 1.0, 0.5, 0.5, delivered=True)
+    stop = MuxChange(1.0, "safety", "navigation", "boxed in", 0.0, 1.0, 0.0, 0.0, delivered=True)
     console = Console(width=120, no_color=True)
     slowed = made([0.0, 0.5, 1.0], [1.0, 0.5, 0.5], [change])
     _tell(console, slowed, numbers(slowed))

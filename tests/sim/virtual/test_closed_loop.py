@@ -15,7 +15,7 @@ from runtime.control.vehicle import CarSettings
 from sim.car.vehicle import VehicleSettings
 from sim.virtual.closed_loop import FULL_BRAKE_MPS2, Case, as_scan, drive, wall_distances_m
 from sim.world.beams import LidarSettings
-from sim.world.obstacles import Motion, person, sudden_box
+from sim.world.obstacles import ConstantMotion, person, sudden_box
 from sim.world.pose import CAR, Pose
 from sim.world.worlds import load_world
 
@@ -122,7 +122,7 @@ def test_a_sudden_obstacle_is_counted_from_the_scan_that_shows_it():
 
 
 def test_a_person_can_walk_into_a_standing_car():
-    walker = person(0.2, -2.0, Motion(0.0, 1.0, 0.0))
+    walker = person(0.2, -2.0, ConstantMotion(0.0, 1.0, 0.0))
     done = drive(Case(load_world("straight"), duration_s=5.0, obstacles=(walker,)), Scripted(0.0), None)
     assert done.contact is not None
     assert done.contact.speed_mps == 0.0

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from sim.world.obstacles import Box, Motion, Obstacle, Scene, Standing, person, pole, sudden_box
+from sim.world.obstacles import Box, ConstantMotion, Obstacle, ObstacleWorld, StandingObstacle, person, pole, sudden_box
 from sim.world.pose import CAR, Pose
 from sim.world.worlds import load_world
 
@@ -20,7 +20,7 @@ def seen_ahead(scene, pose):
 
 @pytest.mark.parametrize("ahead_m", [0.3, 0.6, 0.9])
 def test_a_sudden_box_appears_at_its_distance_from_the_lidar_once_the_car_is_fast(ahead_m):
-    scene = Scene(WORLD, [sudden_box(ahead_m, min_speed_mps=2.0)])
+    scene = ObstacleWorld(WORLD, [sudden_box(ahead_m, min_speed_mps=2.0)])
     car = Pose(5.0, 0.0, 0.0)
     scene.update(0.0, car, 1.99)
     assert math.isinf(seen_ahead(scene, car))
@@ -34,7 +34,7 @@ def test_a_sudden_box_appears_at_its_distance_from_the_lidar_once_the_car_is_fas
 
 
 def test_a_sudden_box_stands_square_to_a_turned_car():
-    scene = Scene(WORLD, [sudden_box(0.5, from_s=1.0)])
+    scene = ObstacleWorld(WORLD, [sudden_box(0.5, from_s=1.0)])
     car = Pose(5.0, -1.0, 0.4)
     scene.update(0.99, car, 1.0)
     assert seen_ahead(scene, car) > 2
@@ -45,8 +45,8 @@ def test_a_sudden_box_stands_square_to_a_turned_car():
 
 
 def test_a_person_walks_between_two_times_only():
-    walker = person(10.0, -2.0, Motion(0.0, 1.0, from_s=1.0, until_s=3.0))
-    scene = Scene(WORLD, [walker])
+    walker = person(10.0, -2.0, ConstantMotion(0.0, 1.0, from_s=1.0, until_s=3.0))
+    scene = ObstacleWorld(WORLD, [walker])
     down = np.array([-math.pi / 2])
     seen = []
     for now_s in (0.5, 1.0, 1.5, 3.0, 4.0):
@@ -56,14 +56,16 @@ def test_a_person_walks_between_two_times_only():
 
 
 def test_a_sudden_thing_moves_from_where_it_appeared():
-    scene = Scene(WORLD, [Obstacle(Box(0.2, 0.2), Standing(Pose(3.0, 0.0, 0.0), from_s=2.0), Motion(1.0, 0.0))])
+    scene = ObstacleWorld(
+        WORLD, [Obstacle(Box(0.2, 0.2), StandingObstacle(Pose(3.0, 0.0, 0.0), from_s=2.0), ConstantMotion(1.0, 0.0))]
+    )
     scene.update(2.0, Pose(0, 0, 0), 0.0)
     scene.update(4.5, Pose(0, 0, 0), 0.0)
     assert seen_ahead(scene, Pose(0, 0, 0)) == pytest.approx(5.5 - 0.1 - 0.27)
 
 
 def test_poles_hide_walls_but_do_not_count_as_walls():
-    scene = Scene(WORLD, [pole(0.0, 0.5, 0.05)])
+    scene = ObstacleWorld(WORLD, [pole(0.0, 0.5, 0.05)])
     scene.update(0.0, Pose(0, 0, 0), 0.0)
     assert float(scene.cast(0.0, 0.0, np.array([math.pi / 2]))[0]) == pytest.approx(0.45)
     assert scene.clearance(Pose(0, 0, 0)) == pytest.approx(0.3)
@@ -72,7 +74,7 @@ def test_poles_hide_walls_but_do_not_count_as_walls():
 
 
 def test_an_empty_scene_is_its_world():
-    scene = Scene(WORLD)
+    scene = ObstacleWorld(WORLD)
     fan = np.radians(np.linspace(-135, 135, 271))
     np.testing.assert_array_equal(scene.cast(0.0, 0.0, fan), WORLD.cast(0.0, 0.0, fan))
     assert scene.clearance(WORLD.start) == WORLD.clearance(WORLD.start)

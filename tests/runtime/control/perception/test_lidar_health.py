@@ -8,7 +8,7 @@ import pytest
 from drivers.api import MotorState, Scan
 from runtime.control.perception.lidar_health import LidarHealth
 from runtime.control.perception.lidar_health_settings import LidarHealthSettings
-from runtime.control.perception.view import Eyes
+from runtime.control.perception.view import PerceptionCache
 from runtime.control.perception.window_dirt import beside_echoes, patches, runs, runs_longer_than, runs_with, stands_out
 from runtime.control.vehicle import CarSettings
 
@@ -34,7 +34,7 @@ class Drive:
 
     def __init__(self):
         self.health = LidarHealth(LidarHealthSettings(), 0.33)
-        self.eyes = Eyes(CarSettings())
+        self.eyes = PerceptionCache(CarSettings())
         self.distance_m = 0.0
 
     def go(self, ranges_m, way_m, steering_rad=0.0, noise_m=0.02, range_max_m=30.0):

@@ -7,13 +7,13 @@ import pytest
 
 from drivers.api import MotorState
 from runtime.control.perception.own_parts import KnownParts, OwnParts
-from runtime.control.perception.view import Eyes
-from runtime.control.safety.swept import Outlook, SweptGuard
+from runtime.control.perception.view import PerceptionCache
+from runtime.control.safety.swept import SweptAssessment, SweptGuard
 from runtime.control.safety.swept_settings import SweptSettings
 from runtime.control.vehicle import CarSettings
 from sim.virtual.closed_loop import as_scan
 from sim.world.beams import LidarSettings, scan
-from sim.world.obstacles import Box, Obstacle, Round, Scene, Standing
+from sim.world.obstacles import Box, Obstacle, ObstacleWorld, Round, StandingObstacle
 from sim.world.own_parts import KINDS
 from sim.world.pose import STANDING, Pose
 from sim.world.worlds import load_world
@@ -27,13 +27,13 @@ class Car:
 
     def __init__(self, own_parts="none", obstacles=(), world="straight", y_m=0.0, seed=1):
         self.lidar = LidarSettings(noise_std_m=0.02, outlier_share=0.02, own_parts=own_parts)
-        self.guard = SweptGuard(SweptSettings(), CAR, Eyes(CAR))
-        self.scene = Scene(load_world(world), obstacles)
+        self.guard = SweptGuard(SweptSettings(), CAR, PerceptionCache(CAR))
+        self.scene = ObstacleWorld(load_world(world), obstacles)
         self.rng = np.random.default_rng(seed)
         self.pose = Pose(0.0, y_m, 0.0)
         self.way_m = 0.0
         self.scans = 0
-        self.outlook: Outlook
+        self.outlook: SweptAssessment
 
     def look(self, step_m=0.0, wheels_m=None):
         """One scan, after a step; wheels_m: what the wheels say of it."""
@@ -64,7 +64,7 @@ def behind(view, nearer_than_m=0.7):
 
 
 def leg(x_m, y_m=0.36):
-    return Obstacle(Round(0.06), Standing(Pose(x_m, y_m, 0.0)))
+    return Obstacle(Round(0.06), StandingObstacle(Pose(x_m, y_m, 0.0)))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -163,7 +163,7 @@ def test_what_was_seen_before_the_shoulder_counts_behind_it():
     assert min(counted) > 0.7
 
 
-BESIDE = Obstacle(Box(0.05, 0.05), Standing(Pose(0.16, -0.23, 0.0)))
+BESIDE = Obstacle(Box(0.05, 0.05), StandingObstacle(Pose(0.16, -0.23, 0.0)))
 """A car that backs with its wheels turned left swings its nose into this, at the right of its middle."""
 
 
@@ -241,7 +241,7 @@ def test_parts_of_another_kind_of_lidar_are_not_used():
 def test_wheels_that_turn_while_the_scene_stands_teach_nothing():
     """Wheels up on a bench, whose edge is near on both sides: no dirt and no part of the car."""
     shelves = tuple(
-        Obstacle(Box(0.12, 0.12), Standing(Pose(0.27 + x, y, 0.0)))
+        Obstacle(Box(0.12, 0.12), StandingObstacle(Pose(0.27 + x, y, 0.0)))
         for x, y in ((0.5, 0.0), (0.35, 0.35), (0.35, -0.35), (-0.25, 0.5), (-0.25, -0.5), (0.0, 0.5))
     )
     car = Car(world="cluttered", obstacles=shelves)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from runtime.control.recovery.floor_map import CELL_M, CELLS, HALF_CELLS
-from runtime.control.recovery.pose_search import NEAREST_M, NO_WAY, Goal, PoseSearch
+from runtime.control.recovery.pose_search import MIN_GOAL_M, NO_WAY, Goal, PoseSearch
 from runtime.control.safety.body import Body
 from runtime.control.safety.swept_settings import SweptSettings
 from runtime.control.vehicle import CarSettings
@@ -69,7 +69,7 @@ def test_round_what_stands_before_the_car_without_a_touch():
     assert way.legs[0].travel_m < 0
     assert not touches(way, BEFORE)
     place_m, yaw_rad = driven(way)[-1]
-    assert abs(place_m) >= NEAREST_M
+    assert abs(place_m) >= MIN_GOAL_M
     assert place_m == pytest.approx(way.end_m, abs=0.02)
     assert abs(yaw_rad) < math.radians(100), "round it, not back"
 

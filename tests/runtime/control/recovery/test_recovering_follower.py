@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from drivers.api import Drive, MotorState, Scan
-from runtime.arbitration.command import CapWord, DriveWord, Output, Source, arbitrate
+from runtime.arbitration.command import DriveCommand, Output, Source, SpeedLimit, arbitrate
 from runtime.control.guidance import Guidance
 from runtime.control.live_laws import LiveLaws
-from runtime.control.perception.view import Eyes
-from runtime.control.recovery.recovering_follower import Freeing
+from runtime.control.perception.view import PerceptionCache
+from runtime.control.recovery.recovering_follower import RecoveringFollower
 from runtime.control.recovery.way_out import ASKS_AFTER_S, DISBELIEF, HELP, Recovery
 from runtime.control.safety.swept import SweptGuard
 from runtime.control.safety.swept_settings import RecoverySettings, SweptSettings
@@ -41,14 +41,14 @@ class Car:
         self.rooms = SegmentGeometry(
             np.array([side for x, y, long, wide in places for side in box(x, y, long, wide, 0)])
         )
-        self.guard = SweptGuard(SweptSettings(), CAR, Eyes(CAR))
-        self.follower = Freeing(Straight(), self.guard, Recovery(RecoverySettings(**settings)))
+        self.guard = SweptGuard(SweptSettings(), CAR, PerceptionCache(CAR))
+        self.follower = RecoveringFollower(Straight(), self.guard, Recovery(RecoverySettings(**settings)))
         self.scans = 0
-        self.word = DriveWord(NAVIGATION, Drive(1.0, 0.0), None, "wall")
+        self.word = DriveCommand(NAVIGATION, Drive(1.0, 0.0), None, "wall")
         self.said = set()
 
     def decide(self, outlook):
-        live = (CapWord(SAFETY, outlook, outlook.view.scan.stamp_s), self.word)
+        live = (SpeedLimit(SAFETY, outlook, outlook.view.scan.stamp_s), self.word)
         return arbitrate(live, frozenset({SAFETY}), (SAFETY, NAVIGATION))
 
     def look(self):
@@ -62,7 +62,7 @@ class Car:
     def step(self):
         outlook = self.look()
         guidance = self.follower.follow(self.scan, self.motor)
-        self.word = DriveWord(NAVIGATION, guidance.drive or Drive(0.0, 0.0), self.scan.stamp_s, guidance.reason)
+        self.word = DriveCommand(NAVIGATION, guidance.drive or Drive(0.0, 0.0), self.scan.stamp_s, guidance.reason)
         self.said.add(guidance.reason)
         return self.decide(outlook)
 
@@ -88,7 +88,7 @@ def test_between_a_scan_and_its_answer_the_words_are_the_same():
     car = Car(*CAGE)
     car.go(4.0)
     outlook = car.look()
-    car.word = DriveWord(NAVIGATION, car.word.drive, None, car.word.reason)
+    car.word = DriveCommand(NAVIGATION, car.word.drive, None, car.word.reason)
     assert car.decide(outlook).reason == HELP
 
 
@@ -123,7 +123,7 @@ def test_who_may_not_back_out_asks_for_help_when_nobody_has_walked_on():
 @pytest.mark.parametrize("believed", [True, False])
 def test_a_car_looks_for_a_way_out_only_by_an_odometry_that_is_believed(believed):
     car = Car((0.62, 0.0, 0.3, 0.5))
-    car.follower = Freeing(Straight(), car.guard, Recovery(RecoverySettings()), lambda: believed)
+    car.follower = RecoveringFollower(Straight(), car.guard, Recovery(RecoverySettings()), lambda: believed)
     car.go(4.0)
     assert (HELP in car.said) is believed
     assert (DISBELIEF in car.said) is not believed
@@ -132,7 +132,7 @@ def test_a_car_looks_for_a_way_out_only_by_an_odometry_that_is_believed(believed
 def test_the_cars_laws_ask_whether_the_wheels_way_is_the_scans():
     settings = Settings()
     laws = LiveLaws(settings.wall_follow, settings.safety, CAR)
-    assert isinstance(laws.follower, Freeing)
+    assert isinstance(laws.follower, RecoveringFollower)
     assert laws.follower._believed()
     laws.plausibility.believed = False
     assert not laws.follower._believed()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drivers.api import Drive, MotorState, Scan
-from runtime.control.perception.view import Eyes
+from runtime.control.perception.view import PerceptionCache
 from runtime.control.recovery.way_out import DISBELIEF, HELP, NO_ADVICE, Recovery
 from runtime.control.safety.swept import SweptGuard
 from runtime.control.safety.swept_settings import RecoverySettings, SweptSettings
@@ -40,7 +40,7 @@ class Stage:
 
     def __init__(self, surroundings, **settings):
         self.surroundings = surroundings
-        self.guard = SweptGuard(SweptSettings(), CAR, Eyes(CAR))
+        self.guard = SweptGuard(SweptSettings(), CAR, PerceptionCache(CAR))
         self.recovery = Recovery(RecoverySettings(**settings))
         self.pose = Pose(-1.5, 0.0, 0.0)
         self.now_s = self.way_m = self.speed_mps = self.wheel_rad = 0.0

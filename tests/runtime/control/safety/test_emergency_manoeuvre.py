@@ -11,15 +11,15 @@ from hypothesis import strategies as st
 from runtime.control.safety import emergency
 from runtime.control.safety.emergency_manoeuvre import (
     FULL_BRAKE,
+    EmergencyState,
     Manoeuvre,
     Outcome,
-    Situation,
     best_of,
     candidates,
     choose,
 )
 from runtime.control.safety.footprint import Outline
-from runtime.control.safety.manoeuvre_rollout import STEP_S, Start, distance_m, latency_path, roll_out, slide
+from runtime.control.safety.manoeuvre_rollout import STEP_S, RolloutStart, distance_m, latency_path, roll_out, slide
 from runtime.control.safety.stopping import GRAVITY_MPS2
 from tests.runtime.control.safety.test_swept import CAR, FRONT_M, SETTINGS, Car, wall_at, world
 
@@ -29,7 +29,7 @@ LOCK_RAD = CAR.max_steering_rad
 
 
 def start(speed_mps=3.0, braked_mps2=0.0, latency_s=0.05):
-    return Start(
+    return RolloutStart(
         speed_mps, braked_mps2, latency_s, CAR.steering_rate_radps, CAR.wheelbase_m, SETTINGS.cornering_per_rad,
         CAR.front_m, CAR.rear_m, CAR.half_width_m,
     )  # fmt: skip
@@ -46,7 +46,7 @@ def box(ahead_m, width_m, left_m=0.0):
 
 
 def situation(points_m, past_rad=NO_PAST, **how):
-    return Situation(start(**how), points_m, GRIPS_MPS2, past_rad, np.full(5, past_rad[-1]))
+    return EmergencyState(start(**how), points_m, GRIPS_MPS2, past_rad, np.full(5, past_rad[-1]))
 
 
 def outcomes_for(points_m, wish_rad=0.0, **how):
@@ -254,7 +254,7 @@ def test_of_two_that_hit_nothing_the_one_with_clearly_more_room_is_chosen():
 def test_what_cannot_be_chosen_is_not_rolled_out(gap_m, left_m, speed_mps, wish_rad, keeps):
     rolled_out = []
 
-    class Counted(Situation):
+    class Counted(EmergencyState):
         def predict(self, manoeuvres):
             rolled_out.extend(manoeuvres)
             return super().predict(manoeuvres)

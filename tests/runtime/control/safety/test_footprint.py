@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from runtime.control.safety.footprint import Motion, Outline, arc, first_contact
+from runtime.control.safety.footprint import Outline, PathMotion, arc, first_contact
 
 
 def complexes(places):
@@ -20,7 +20,7 @@ def test_three_points_are_a_thing_and_two_are_noise():
 
 
 def path(speed_mps, steering_rad, wheel_rad=0.0, latency_s=0.1, direction=1.0, **more):
-    motion = Motion(speed_mps, direction, wheel_rad, latency_s, 3.2, 0.33, **more)
+    motion = PathMotion(speed_mps, direction, wheel_rad, latency_s, 3.2, 0.33, **more)
     return arc(motion, steering_rad, 3.0)
 
 

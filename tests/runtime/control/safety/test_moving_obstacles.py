@@ -7,9 +7,9 @@ import pytest
 
 from drivers.api import Scan
 from runtime.control.perception.geometry import NOWHERE
-from runtime.control.perception.odometry import Pose
-from runtime.control.perception.view import Eyes
-from runtime.control.safety.moving_obstacles import SEEN_SCANS, WITHIN_M, Movers, small_things
+from runtime.control.perception.odometry import OdometryState
+from runtime.control.perception.view import PerceptionCache
+from runtime.control.safety.moving_obstacles import SEEN_SCANS, WITHIN_M, MovingObstacles, find_small_clusters
 from runtime.control.vehicle import CarSettings
 
 CAR = CarSettings()
@@ -29,12 +29,14 @@ def circle(x_m, y_m, radius_m=0.2):
 
 
 def see(ranges_m):
-    return Eyes(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m.astype(np.float32), 0))
+    return PerceptionCache(CAR).see(
+        Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m.astype(np.float32), 0)
+    )
 
 
-def watch(place, *, pose=lambda _: Pose(), scans=24, radius_m=0.2, noise_m=0.02):
+def watch(place, *, pose=lambda _: OdometryState(), scans=24, radius_m=0.2, noise_m=0.02):
     """Return the walkers' points at the end; place and pose are functions of time."""
-    movers, rng, points = Movers(), np.random.default_rng(3), NOWHERE
+    movers, rng, points = MovingObstacles(), np.random.default_rng(3), NOWHERE
     for step in range(scans):
         at, now_s = pose(step * SCAN_S), step * SCAN_S
         x_m, y_m = place(now_s)
@@ -77,7 +79,7 @@ def test_who_runs_is_expected_and_what_flies_is_not():
 
 @pytest.mark.parametrize("speed_mps", [0.0, 2.0, 4.0])
 def test_a_person_who_comes_toward_the_car_is_expected_nearer(speed_mps):
-    driving = {"pose": lambda now_s: Pose(speed_mps * now_s, 0.0, 0.0, speed_mps, 0.0)}
+    driving = {"pose": lambda now_s: OdometryState(speed_mps * now_s, 0.0, 0.0, speed_mps, 0.0)}
     points = watch(lambda now_s: (5.5 - 1.5 * now_s, 0.1), scans=20, **driving)
     now_x = 5.5 - (1.5 + speed_mps) * 19 * SCAN_S - 0.2
     assert points.size > 0
@@ -90,19 +92,19 @@ def test_who_walks_away_takes_no_room():
 
 
 def test_an_odometry_that_is_a_tenth_wrong_makes_nobody_walk():
-    crawls = {"pose": lambda now_s: Pose(0.9 * 4.0 * now_s, 0.0, 0.0, 0.9 * 4.0, 0.0)}
+    crawls = {"pose": lambda now_s: OdometryState(0.9 * 4.0 * now_s, 0.0, 0.0, 0.9 * 4.0, 0.0)}
     points = watch(lambda now_s: (5.8 - 0.4 * now_s, 0.0), scans=30, **crawls)
     assert points.size == 0
 
 
 def slide(walking_mps, scans=16):
     """Return the points at the end of a slide: the wheels stand, so does the odometry, and all comes nearer."""
-    movers, points = Movers(), NOWHERE
+    movers, points = MovingObstacles(), NOWHERE
     for step in range(20 + scans):
         now_s = step * SCAN_S
         true_m = 2.0 * min(now_s, 20 * SCAN_S) + 1.5 * max(0.0, now_s - 20 * SCAN_S)
         locked = step > 20
-        told = Pose(2.0 * min(now_s, 20 * SCAN_S), 0.0, 0.0, 0.0 if locked else 2.0, 0.0)
+        told = OdometryState(2.0 * min(now_s, 20 * SCAN_S), 0.0, 0.0, 0.0 if locked else 2.0, 0.0)
         ranges_m = circle(4.5 - true_m, 1.6 - walking_mps * now_s)
         points = movers.update(see(ranges_m), told, now_s, sliding=locked)
     return points
@@ -119,49 +121,49 @@ def test_who_crosses_is_not_forgotten_while_the_wheels_are_locked():
 
 
 def test_what_the_car_passes_does_not_walk():
-    driving = {"pose": lambda now_s: Pose(2.0 * now_s, 0.0, 0.0, 2.0, 0.0)}
+    driving = {"pose": lambda now_s: OdometryState(2.0 * now_s, 0.0, 0.0, 2.0, 0.0)}
     assert watch(lambda _: (2.5, 0.8), scans=30, radius_m=0.05, **driving).size == 0
 
 
 def test_a_walker_is_seen_from_a_driving_car_too():
-    driving = {"pose": lambda now_s: Pose(1.0 * now_s, 0.0, 0.0, 1.0, 0.0)}
+    driving = {"pose": lambda now_s: OdometryState(1.0 * now_s, 0.0, 0.0, 1.0, 0.0)}
     points = watch(lambda now_s: (3.0, 1.5 - 1.4 * now_s), **driving)
     assert points.size > 0
     assert points.imag.min() < -0.3
 
 
 def test_while_the_car_turns_what_seems_to_cross_has_to_be_faster():
-    straight = watch(lambda now_s: (2.5, 1.0 - 0.8 * now_s), pose=lambda _: Pose(0.0, 0.0, 0.0, 0.0, 0.0))
-    turning = watch(lambda now_s: (2.5, 1.0 - 0.8 * now_s), pose=lambda _: Pose(0.0, 0.0, 0.0, 0.0, 1.0))
+    straight = watch(lambda now_s: (2.5, 1.0 - 0.8 * now_s), pose=lambda _: OdometryState(0.0, 0.0, 0.0, 0.0, 0.0))
+    turning = watch(lambda now_s: (2.5, 1.0 - 0.8 * now_s), pose=lambda _: OdometryState(0.0, 0.0, 0.0, 0.0, 1.0))
     assert straight.size > 0
     assert turning.size == 0
 
 
 def test_a_hole_in_the_scans_ends_all_tracks():
-    movers = Movers()
+    movers = MovingObstacles()
     for step in range(24):
-        movers.update(see(circle(2.0, 1.5 - 0.035 * step)), Pose(), step * SCAN_S)
-    assert movers.update(see(circle(2.0, 0.66)), Pose(), 24 * SCAN_S).size > 0
-    assert movers.update(see(circle(2.0, 0.62)), Pose(), 24 * SCAN_S + 0.2).size == 0
+        movers.update(see(circle(2.0, 1.5 - 0.035 * step)), OdometryState(), step * SCAN_S)
+    assert movers.update(see(circle(2.0, 0.66)), OdometryState(), 24 * SCAN_S).size > 0
+    assert movers.update(see(circle(2.0, 0.62)), OdometryState(), 24 * SCAN_S + 0.2).size == 0
 
 
 def test_of_a_wall_that_comes_into_view_only_one_edge_moves():
-    movers = Movers()
+    movers = MovingObstacles()
     for step in range(16):
         ranges_m = np.full(1081, 6.0)
         ranges_m[560 : 566 + 6 * step] = 1.5
-        points = movers.update(see(ranges_m), Pose(), step * SCAN_S)
+        points = movers.update(see(ranges_m), OdometryState(), step * SCAN_S)
     assert points.size == 0
 
 
 def by_turns(first, later):
     """Return the most walkers' points in any scan; six scans show some (beams, range), ten later ones others."""
-    movers, most = Movers(), 0
+    movers, most = MovingObstacles(), 0
     for step in range(16):
         ranges_m = np.full(1081, 6.0)
         for beams, range_m in first if step < 6 else later:
             ranges_m[beams] = range_m
-        most = max(most, movers.update(see(ranges_m), Pose(), step * SCAN_S).size)
+        most = max(most, movers.update(see(ranges_m), OdometryState(), step * SCAN_S).size)
     return most
 
 
@@ -182,7 +184,7 @@ def test_who_walks_comes_to_where_nothing_was():
 
 
 def things(view):
-    return small_things(view.solid, view.ranges_m, view.scan.angle_step_rad)
+    return find_small_clusters(view.solid, view.ranges_m, view.scan.angle_step_rad)
 
 
 def test_small_things_stand_out_and_are_small():
@@ -202,10 +204,10 @@ def test_what_is_seen_farther_away_than_anybody_runs_is_something_else():
 
 def test_what_has_crept_elsewhere_in_a_minute_does_not_walk():
     """Whatever moved an edge ten seconds ago says nothing about now."""
-    movers, most = Movers(), 0
+    movers, most = MovingObstacles(), 0
     for step in range(480):
         crept_m = 0.25 * min(1.0, step / 240)
         sways_m = 0.08 * math.sin(0.5 * step) if step > 440 else 0.0
-        points = movers.update(see(circle(2.0, crept_m + sways_m)), Pose(), step * SCAN_S)
+        points = movers.update(see(circle(2.0, crept_m + sways_m)), OdometryState(), step * SCAN_S)
         most = max(most, points.size)
     assert most == 0

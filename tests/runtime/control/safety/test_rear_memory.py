@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from drivers.api import Scan
-from runtime.control.perception.odometry import Pose
-from runtime.control.perception.view import Eyes
-from runtime.control.safety.rear_memory import TRACK_FOR_S, TRACK_M, Behind
+from runtime.control.perception.odometry import OdometryState
+from runtime.control.perception.view import PerceptionCache
+from runtime.control.safety.rear_memory import TRACK_FOR_S, TRACK_M, RearMemory
 from runtime.control.vehicle import CarSettings
 
 CAR = CarSettings()
@@ -19,8 +19,8 @@ class Rolling:
     """A car that rolls along x and keeps what it sees."""
 
     def __init__(self):
-        self.behind = Behind(CAR.lidar_x_m)
-        self.eyes = Eyes(CAR)
+        self.behind = RearMemory(CAR.lidar_x_m)
+        self.eyes = PerceptionCache(CAR)
         self.x_m = self.now_s = 0.0
 
     def roll(self, way_m, *, y_m=0.0, yaw_rad=0.0):
@@ -28,7 +28,7 @@ class Rolling:
         for _ in range(steps):
             self.x_m += way_m / steps
             self.now_s += 0.05
-            self.behind.move(Pose(self.x_m, y_m, yaw_rad), way_m / steps)
+            self.behind.move(OdometryState(self.x_m, y_m, yaw_rad), way_m / steps)
             ranges_m = np.full(1081, 2.0, np.float32)
             scan = Scan(self.now_s, self.now_s, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0)
             self.behind.keep(self.eyes.see(scan))

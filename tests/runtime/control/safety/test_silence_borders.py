@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from runtime.control.perception.odometry import Pose
+from runtime.control.perception.odometry import OdometryState
 from runtime.control.safety.silence_borders import Border, Borders
 
 LIDAR_X_M = 0.27
@@ -18,7 +18,7 @@ def followed(bearing_of, scans=30, step_m=0.02, turn_rad=0.0, loses=()):
     """Return the borders after so many scans, and how far the car had gone when they were first known to stay."""
     borders, known_m = Borders(LIDAR_X_M), None
     for scan in range(scans):
-        pose = Pose(step_m * scan, 0.0, turn_rad * scan)
+        pose = OdometryState(step_m * scan, 0.0, turn_rad * scan)
         bearing_rad, range_m = bearing_of(pose)
         seen = Border(1, BEAM_RAD * round(bearing_rad / BEAM_RAD), range_m)
         borders.update([] if scan in loses else [seen], pose, BEAM_RAD)

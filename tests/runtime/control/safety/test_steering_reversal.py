@@ -2,7 +2,7 @@
 
 import pytest
 
-from runtime.control.safety.steering_reversal import Wavering
+from runtime.control.safety.steering_reversal import SteeringReversal
 
 JUMP_RAD = 0.2
 
@@ -11,13 +11,13 @@ class Driver:
     """Wishes, one every 25 ms."""
 
     def __init__(self):
-        self.wavering = Wavering()
+        self.reversal = SteeringReversal()
         self.now_s = 100.0
 
     def wishes(self, *steering_rad):
         for one_rad in steering_rad:
             self.now_s += 0.025
-            given_up_rad = self.wavering.given_up_rad(one_rad, self.now_s, JUMP_RAD)
+            given_up_rad = self.reversal.given_up_rad(one_rad, self.now_s, JUMP_RAD)
         return given_up_rad
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drivers.api import MotorState, Scan
-from runtime.control.perception.view import Eyes
+from runtime.control.perception.view import PerceptionCache
 from runtime.control.safety.no_return_regions import enclosed_dark
 from runtime.control.safety.stopping import GRAVITY_MPS2, speed_to_stop_within_mps, stopping_distance_m
 from runtime.control.safety.swept import SweptGuard
@@ -48,7 +48,7 @@ class Car:
 
     def __init__(self, clock=None, **settings):
         self.now_s = 100.0
-        self.guard = SweptGuard(SweptSettings(**settings), CAR, Eyes(CAR), clock=clock)
+        self.guard = SweptGuard(SweptSettings(**settings), CAR, PerceptionCache(CAR), clock=clock)
         self.distance_m = 0.0
 
     def look(self, ranges_m, speed_mps=0.0, wheel_rad=0.0, age_s=0.0, moved_m=0.0, motor=True):
@@ -451,7 +451,7 @@ def test_the_dark_end_of_a_corridor_or_a_corner_does_not(left_m, right_m):
 
 
 def test_a_third_of_the_window_must_be_dark():
-    eyes = Eyes(CAR)
+    eyes = PerceptionCache(CAR)
     for dark_beams, dark in ((20, False), (30, True)):
         ranges_m = np.full(BEAMS, 2.0, np.float32)
         ranges_m[540 : 540 + dark_beams] = np.nan
@@ -462,7 +462,7 @@ def test_a_third_of_the_window_must_be_dark():
 def test_where_the_lidar_does_not_look_nothing_is_dark():
     ranges_m = np.full(BEAMS, 2.0, np.float32)
     ranges_m[300:700] = np.nan
-    view = Eyes(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
+    view = PerceptionCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
     assert enclosed_dark(view, 0.0, 3.0)
     assert not enclosed_dark(view, -3.0, 3.0)
     assert not enclosed_dark(view, 3.0, 3.0)

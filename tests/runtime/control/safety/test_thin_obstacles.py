@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from drivers.api import Scan
-from runtime.control.perception.odometry import Pose
-from runtime.control.perception.view import Eyes
+from runtime.control.perception.odometry import OdometryState
+from runtime.control.perception.view import PerceptionCache
 from runtime.control.safety.footprint import ENOUGH_POINTS
-from runtime.control.safety.thin_obstacles import SCANS, Faint
+from runtime.control.safety.thin_obstacles import SCANS, ThinObstacles
 from runtime.control.vehicle import CarSettings
 
 CAR = CarSettings()
@@ -26,12 +26,12 @@ def see(x_m=math.nan, y_m=0.0, wild=()):
         ranges_m[540 + round(math.atan2(y_m, dx) / STEP_RAD)] = math.hypot(dx, y_m)
     for beam, range_m in wild:
         ranges_m[beam] = range_m
-    return Eyes(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
+    return PerceptionCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
 
 
-def watch(places, pose=lambda _: Pose()):
+def watch(places, pose=lambda _: OdometryState()):
     """Return the points after these places, one each scan, base_link; None: not seen."""
-    faint = Faint()
+    faint = ThinObstacles()
     for step, place in enumerate(places):
         points = faint.update(see(*place) if place else see(), pose(step), step * SCAN_S)
     return points
@@ -56,17 +56,17 @@ def test_it_may_be_missed_once_but_not_twice():
 
 
 def test_two_poles_do_not_count_for_each_other():
-    faint = Faint()
+    faint = ThinObstacles()
     for step, wild in enumerate([[(545, 3.0)], [(590, 3.0)], [(545, 3.0)], [(590, 3.0)], [(545, 3.0), (590, 3.0)]]):
-        points = faint.update(see(wild=wild), Pose(), step * SCAN_S)
+        points = faint.update(see(wild=wild), OdometryState(), step * SCAN_S)
     assert points.size == 0
 
 
 def test_two_returns_of_one_scan_are_not_two_scans():
-    faint = Faint()
+    faint = ThinObstacles()
     for step in range(SCANS):
         both = [(545, 3.0), (547, 3.0)] if step in {2, 4} else []
-        points = faint.update(see(wild=both), Pose(), step * SCAN_S)
+        points = faint.update(see(wild=both), OdometryState(), step * SCAN_S)
     assert points.size == 0
 
 
@@ -81,7 +81,7 @@ def test_noise_of_the_distance_is_allowed_and_none_aside():
 
 def test_from_a_car_that_drives_a_bend_it_is_one_place():
     def pose(step):
-        return Pose(0.1 * step, 0.02 * step, 0.03 * step)
+        return OdometryState(0.1 * step, 0.02 * step, 0.03 * step)
 
     def from_there(step):
         at = pose(step)
@@ -95,10 +95,10 @@ def test_from_a_car_that_drives_a_bend_it_is_one_place():
 
 def test_wild_beams_make_no_thing():
     """Two hours of scans with 2 % wild beams would take too long: the same number of wild beams in fewer scans."""
-    faint, rng, found = Faint(), np.random.default_rng(2), 0
+    faint, rng, found = ThinObstacles(), np.random.default_rng(2), 0
     for step in range(400):
         wild = [(int(beam), float(rng.uniform(0.02, 10.0))) for beam in rng.integers(0, 1081, 22)]
-        found += faint.update(see(wild=wild), Pose(), step * SCAN_S).size
+        found += faint.update(see(wild=wild), OdometryState(), step * SCAN_S).size
     assert found == 0
 
 
@@ -109,18 +109,18 @@ def test_near_far_and_beside_it_is_left_to_three_beams():
 
 
 def test_after_a_hole_in_the_scans_it_begins_anew():
-    faint = Faint()
+    faint = ThinObstacles()
     for step in range(SCANS):
-        assert faint.update(see(3.0, 0.0), Pose(), step * SCAN_S).size == (SCANS if step == SCANS - 1 else 0)
-    assert faint.update(see(3.0, 0.0), Pose(), SCANS * SCAN_S + 0.2).size == 0
+        assert faint.update(see(3.0, 0.0), OdometryState(), step * SCAN_S).size == (SCANS if step == SCANS - 1 else 0)
+    assert faint.update(see(3.0, 0.0), OdometryState(), SCANS * SCAN_S + 0.2).size == 0
 
 
 def test_a_wild_beam_in_a_pole_does_not_hide_it():
     """Three beams make it a thing; when one of them is wild, the other two know it from the scans before."""
-    faint = Faint()
+    faint = ThinObstacles()
     whole = [(545, 1.4), (546, 1.4), (547, 1.4)]
     for step, wild in enumerate([whole] * (SCANS - 1) + [[(545, 1.4), (546, 6.0), (547, 1.4)]]):
-        points = faint.update(see(wild=wild), Pose(), step * SCAN_S)
+        points = faint.update(see(wild=wild), OdometryState(), step * SCAN_S)
     assert points.size == 2 + 3 * (SCANS - 1)
     assert abs(points - (CAR.lidar_x_m + 1.4)).max() < 0.06
 
@@ -130,27 +130,27 @@ def test_a_wild_beam_in_a_pole_does_not_hide_it():
 def test_whichever_beam_of_a_thin_thing_is_wild_enough_of_it_is_left(beams, range_m):
     whole = [(540 + beam, range_m) for beam in range(beams)]
     for wild in range(beams):
-        faint = Faint()
+        faint = ThinObstacles()
         for step in range(SCANS + 1):  # wild in the last two scans
             hit = [(beam, 6.0 if step >= SCANS - 1 and beam == 540 + wild else at_m) for beam, at_m in whole]
             view = see(wild=hit)
-            points = faint.update(view, Pose(), step * SCAN_S)
+            points = faint.update(view, OdometryState(), step * SCAN_S)
         there = np.count_nonzero(view.solid & (view.ranges_m < 3.0)) + points.size
         assert there >= ENOUGH_POINTS, f"beam {wild} of {beams}"
 
 
 def test_the_edge_of_a_wall_is_no_thin_thing():
-    faint = Faint()
+    faint = ThinObstacles()
     for step in range(SCANS):
         wall = [(beam, 1.5) for beam in range(500, 545)] + [(545, 1.75), (546, 2.0)]
-        points = faint.update(see(wild=wall), Pose(), step * SCAN_S)
+        points = faint.update(see(wild=wall), OdometryState(), step * SCAN_S)
     assert points.size == 0
 
 
 def test_what_three_beams_meet_is_no_business_of_this():
-    faint = Faint()
+    faint = ThinObstacles()
     for step in range(SCANS):
-        points = faint.update(see(wild=[(545, 3.0), (546, 3.0), (547, 3.0)]), Pose(), step * SCAN_S)
+        points = faint.update(see(wild=[(545, 3.0), (546, 3.0), (547, 3.0)]), OdometryState(), step * SCAN_S)
     assert points.size == 0
 
 
@@ -160,9 +160,9 @@ def test_a_beam_that_is_known_to_be_dirty_makes_no_thing():
     dirty[545] = True
     found = {}
     for known in (None, dirty):
-        faint = Faint()
+        faint = ThinObstacles()
         for step in range(SCANS):
             view = replace(see(wild=[(545, 1.2)]), dirty=known)
-            points = faint.update(view, Pose(), step * SCAN_S)
+            points = faint.update(view, OdometryState(), step * SCAN_S)
         found[known is None] = points.size
     assert found == {True: SCANS, False: 0}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from drivers.api import MotorState, Scan
-from runtime.control.perception.odometry import Pose
-from runtime.control.perception.view import Eyes
+from runtime.control.perception.odometry import OdometryState
+from runtime.control.perception.view import PerceptionCache
 from runtime.control.safety.lidar_sectors import BLIND, DEPTH, MISSING, SEEN, UNPROVEN
 from runtime.control.safety.swept import SweptGuard
 from runtime.control.safety.swept_settings import SweptSettings
@@ -45,7 +45,7 @@ class Lidar:
     """A Visibility with eyes and a clock."""
 
     def __init__(self):
-        self.eyes, self.visibility, self.now_s = Eyes(CAR), Visibility(CAR), 10.0
+        self.eyes, self.visibility, self.now_s = PerceptionCache(CAR), Visibility(CAR), 10.0
 
     def look(self, ranges_m, x_m=0.0, yaw_rad=0.0, *, dirty=None):
         self.now_s += 0.025
@@ -53,7 +53,7 @@ class Lidar:
         step_rad = math.radians(0.25)
         sent_m = np.asarray(ranges_m, np.float32)
         scan = Scan(self.now_s, self.now_s, -540 * step_rad, step_rad, 0.02, 30.0, sent_m, 0)
-        self.visibility.look(self.eyes.see(scan), Pose(x_m, 0.0, yaw_rad))
+        self.visibility.look(self.eyes.see(scan), OdometryState(x_m, 0.0, yaw_rad))
         self.visibility.learn()
         return self.visibility
 
@@ -219,7 +219,7 @@ def test_after_a_hole_in_the_scans_nothing_is_expected():
 def test_a_lidar_that_does_not_look_ahead_is_left_to_others():
     scan = Scan(1.0, 1.0, 1.0, 0.01, 0.02, 30.0, np.full(100, 2.0, np.float32), 0)
     seen = Visibility(CAR)
-    seen.look(Eyes(CAR).see(scan), Pose())
+    seen.look(PerceptionCache(CAR).see(scan), OdometryState())
     assert not seen.suspicious
 
 
@@ -227,7 +227,7 @@ class Safety:
     """The whole safety, asked for one drive."""
 
     def __init__(self):
-        self.guard, self.now_s, self.way_m = SweptGuard(SweptSettings(), CAR, Eyes(CAR)), 10.0, 0.0
+        self.guard, self.now_s, self.way_m = SweptGuard(SweptSettings(), CAR, PerceptionCache(CAR)), 10.0, 0.0
 
     def limit(self, ranges_m, speed_mps, wanted_mps=2.0):
         self.now_s += 0.025

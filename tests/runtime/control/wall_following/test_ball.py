@@ -15,7 +15,7 @@ from runtime.control.perception.noise_bias import (
     noise_learnt_m,
     roughness_m,
 )
-from runtime.control.perception.view import Eyes
+from runtime.control.perception.view import PerceptionCache
 from runtime.control.vehicle import CarSettings
 from runtime.control.wall_following.ball import LANE_SHARE, BallFollower, half_ahead_m
 from runtime.control.wall_following.ball_drive import SLIPPING_SHARE
@@ -23,33 +23,33 @@ from runtime.control.wall_following.ball_law import (
     ARC_M,
     ARC_S,
     BENT_PER_M,
+    MAX_SLOPE_RAD,
     ROUGH_KD_SHARE,
-    STEEPEST_RAD,
     STRAIGHT_PER_M,
     TURN_AHEAD_S,
     TURN_M,
     TURN_S,
     approach_rad,
     look_aheads_m,
-    pursued,
+    pursuit_steering,
     turn_share,
 )
-from runtime.control.wall_following.ball_path import RADII_M, BallPath, bend_of, circles_met, rolled, rolled_along
+from runtime.control.wall_following.ball_path import RADII_M, BallPath, bend_of, circles_met, roll_ball, roll_path
 from runtime.control.wall_following.ball_settings import BallSettings
-from runtime.control.wall_following.followed_wall import MyWall, around, my_wall, side_view
+from runtime.control.wall_following.followed_wall import FollowedWall, around, choose_wall, side_view
 from runtime.control.wall_following.no_wall_policy import FADE_PER_SCAN, Lost
 from runtime.control.wall_following.prediction import (
-    LONGEST_WIRE_S,
+    MAX_WIRE_S,
     WIRE_S,
-    Answers,
     Predictor,
     Shift,
+    SteeringHistory,
     in_flight,
-    measured,
+    learn_wire_delay,
     to_wire_s,
 )
 from runtime.control.wall_following.speed_profile import speed_limit_mps
-from runtime.control.wall_following.wall_fit import CLEAN_INLIERS, Line
+from runtime.control.wall_following.wall_fit import CLEAN_INLIERS, WallLine
 from sim.car.vehicle import VehicleSettings
 from sim.lab.courses.walls import case_of
 from sim.lab.limits import limit_m
@@ -80,7 +80,7 @@ def scan_in(name, x_m=0.0, y_m=0.0, yaw_rad=0.0, side="left", number=0, late_s=0
 
 
 def follower(**changes):
-    return BallFollower(BallSettings(**changes), CAR, Eyes(CAR))
+    return BallFollower(BallSettings(**changes), CAR, PerceptionCache(CAR))
 
 
 def wall_m(distance_m, heading_rad=0.0, from_m=-2.0, to_m=5.0):
@@ -157,7 +157,7 @@ def test_a_path_that_is_not_all_seen_has_no_bend(ends_m, bends):
     x_m = np.arange(-2.0, ends_m, 0.02)
     y_m = 0.8 + 0.15 * x_m * x_m
     beams = np.arange(x_m.size)
-    answer = rolled_along(x_m, y_m, beams >= 0, beams, None, 0.0, 0.0, 0.0, math.nan, 0.0, 0.0, 0.01, 0.3, RADII_M)
+    answer = roll_ball(x_m, y_m, beams >= 0, beams, None, 0.0, 0.0, 0.0, math.nan, 0.0, 0.0, 0.01, 0.3, RADII_M)
     assert (answer[2] != 0.0) == bends
 
 
@@ -168,7 +168,7 @@ def test_the_path_knows_how_near_it_comes_to_the_other_wall(across_m, seen):
     x_m, y_m = np.concatenate((along, along[::-1])), np.repeat([1.0, -across_m], along.size)
     solid = np.arange(x_m.size) < along.size if not seen else np.ones(x_m.size, np.bool_)
     mine = np.arange(along.size)
-    answer = rolled_along(x_m, y_m, solid, mine, None, 0.0, 0.0, 0.0, math.nan, 0.0, 0.0, 0.01, 1.0, RADII_M)
+    answer = roll_ball(x_m, y_m, solid, mine, None, 0.0, 0.0, 0.0, math.nan, 0.0, 0.0, 0.01, 1.0, RADII_M)
     assert answer[3] == (pytest.approx(across_m, abs=0.02) if seen else math.inf)
 
 
@@ -188,7 +188,7 @@ def along(way, speed_mps=1.0, *, error_m=0.0, line=(math.nan, math.nan), bend=0.
     bearing_rad = [way(r_m) for r_m in radii_m]
     crosses = tuple(rad is not None for rad in bearing_rad)
     line_rad, line_error_m = line
-    return pursued(
+    return pursuit_steering(
         radii_m, tuple(rad or 0.0 for rad in bearing_rad), crosses, error_m, line_rad, line_error_m, bend,
         speed_mps, kp, kd, 0.33,
     )  # fmt: skip
@@ -297,8 +297,8 @@ def test_near_the_path_the_approach_is_straight_in_the_error_and_farther_off_an_
 
 
 def test_the_approach_is_never_backwards_and_a_fast_car_approaches_more_gently():
-    assert approach_rad(9.0, 1.0, 3.0) == STEEPEST_RAD
-    assert approach_rad(-9.0, 4.0, 3.0) == -STEEPEST_RAD
+    assert approach_rad(9.0, 1.0, 3.0) == MAX_SLOPE_RAD
+    assert approach_rad(-9.0, 4.0, 3.0) == -MAX_SLOPE_RAD
     headings = [approach_rad(0.5, speed_mps, 3.0) for speed_mps in (1.0, 2.0, 3.0, 4.0)]
     assert headings == sorted(headings, reverse=True)
     assert approach_rad(0.1, 1.0, 0.2) == pytest.approx(0.02)
@@ -447,8 +447,8 @@ def test_the_follower_looks_ahead_by_its_latency_and_by_the_age_of_a_late_scan()
 
 
 def heard(wire_s, told, polls=200, poll_s=0.02, scan_s=0.025):
-    """What `Answers` makes of a motor that is told each answer wire_s after its scan, and asked every poll_s."""
-    answers = Answers(100.0)
+    """Return the wire delay that `SteeringHistory` learns of a motor told each answer wire_s after its scan."""
+    answers = SteeringHistory(100.0)
     scans = 0
     for poll in range(polls):
         now_s = poll * poll_s
@@ -457,7 +457,7 @@ def heard(wire_s, told, polls=200, poll_s=0.02, scan_s=0.025):
             scans += 1
         arrived = math.floor((now_s - wire_s) / scan_s + 1e-9)
         if arrived >= 0:
-            answers.wire = measured(answers.told, answers.wire, now_s, told(arrived))
+            answers.wire = learn_wire_delay(answers.told, answers.wire, now_s, told(arrived))
     return answers
 
 
@@ -468,19 +468,19 @@ def test_the_way_to_the_wire_is_measured_by_when_the_motor_shows_an_answer(wire_
 
 def test_steady_wheels_strangers_and_very_old_answers_tell_nothing_about_the_wire():
     assert to_wire_s(heard(0.06, lambda _: 0.1).wire) == WIRE_S
-    assert to_wire_s(heard(LONGEST_WIRE_S + 0.05, lambda scan: 1e-3 * scan).wire) == WIRE_S
-    stranger = Answers(100.0)
+    assert to_wire_s(heard(MAX_WIRE_S + 0.05, lambda scan: 1e-3 * scan).wire) == WIRE_S
+    stranger = SteeringHistory(100.0)
     stranger.said(0.0, 0.1)
-    stranger.wire = measured(stranger.told, stranger.wire, 0.1, 0.2)
+    stranger.wire = learn_wire_delay(stranger.told, stranger.wire, 0.1, 0.2)
     assert to_wire_s(stranger.wire) == WIRE_S
     assert in_flight(stranger.told, stranger.wire, 0.0) == []
 
 
 def test_the_limiter_before_the_wire_is_reckoned_with():
-    answers = Answers(3.2)
+    answers = SteeringHistory(3.2)
     answers.said(0.0, 0.34)
     answers.said(0.025, 0.34)
-    answers.wire = measured(answers.told, answers.wire, 0.05, 0.08)
+    answers.wire = learn_wire_delay(answers.told, answers.wire, 0.05, 0.08)
     assert to_wire_s(answers.wire) == pytest.approx(0.0375)
     assert [angle_rad for _, angle_rad in in_flight(answers.told, answers.wire, 0.05)] == pytest.approx([0.16])
 
@@ -505,13 +505,13 @@ def test_the_bias_of_the_nearest_of_many_noisy_points_is_learnt_while_it_is_cred
 @pytest.mark.parametrize(("inliers", "learns"), [(100, True), (CLEAN_INLIERS, False)])
 def test_it_is_learnt_from_clean_lines_only_and_makes_the_ball_smaller(inliers, learns):
     """So the ball rolls at the wanted distance from the wall, and not from its nearest points."""
-    seen = side_view(Eyes(CAR).see(scan_in("straight")), "left")
-    found = my_wall(seen, 1.0, None, 1.0)
+    seen = side_view(PerceptionCache(CAR).see(scan_in("straight")), "left")
+    found = choose_wall(seen, 1.0, None, 1.0)
     assert found is not None
-    wall = MyWall(found.beams, Line(1.05, 0.0, inliers), 1.0, -1)
-    ball = rolled(seen, wall, Shift(), 0.01, 0.1, 1.0, ())
+    wall = FollowedWall(found.beams, WallLine(1.05, 0.0, inliers), 1.0, -1)
+    ball = roll_path(seen, wall, Shift(), 0.01, 0.1, 1.0, ())
     assert ball.bias_m == pytest.approx(0.01 + 0.1 * 0.04 if learns else 0.01, abs=1e-4)
-    alone = rolled(seen, MyWall(wall.beams, None, 1.0, -1), Shift(), 0.0, 0.1, 1.0 - ball.bias_m, ())
+    alone = roll_path(seen, FollowedWall(wall.beams, None, 1.0, -1), Shift(), 0.0, 0.1, 1.0 - ball.bias_m, ())
     assert ball.path.bearing_rad == pytest.approx(alone.path.bearing_rad)
 
 
@@ -542,10 +542,10 @@ def test_what_sticks_out_of_a_wall_is_wall_and_no_noise():
     assert roughness_m(0.03, 0.0186) == pytest.approx(0.03 - 3.6 * 0.0186**1.5)
     assert roughness_m(0.008, 0.0186) == 0.0
     assert roughness_m(0.1, 0.0186) == MOST_ROUGHNESS_M
-    seen = side_view(Eyes(CAR).see(scan_in("straight")), "left")
-    wall = my_wall(seen, 1.0, None, 1.0)
+    seen = side_view(PerceptionCache(CAR).see(scan_in("straight")), "left")
+    wall = choose_wall(seen, 1.0, None, 1.0)
     assert wall is not None
-    smooth, rough = (rolled(seen, wall, Shift(), 0.02, noise_m, 1.0, ()) for noise_m in (0.1, 1e-4))
+    smooth, rough = (roll_path(seen, wall, Shift(), 0.02, noise_m, 1.0, ()) for noise_m in (0.1, 1e-4))
     assert smooth.rough_m == 0.0
     assert rough.rough_m == pytest.approx(rough.bias_m, abs=1e-4)
     assert all(far < near for far, near in zip(rough.path.bearing_rad, smooth.path.bearing_rad, strict=True))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from runtime.control.wall_following.corridor_width import ALONG_RAD, WIDENS_PER_M, Room
-from runtime.control.wall_following.wall_fit import Line
+from runtime.control.wall_following.wall_fit import WallLine
 from sim.car.vehicle import VehicleSettings
 from sim.lab import laws
 from sim.virtual.closed_loop import Case, drive
@@ -13,7 +13,7 @@ from sim.world.pose import Pose
 from sim.world.segments import SegmentGeometry, chain
 
 HERE = Pose(0.0, 0.0, 0.0)
-WALL = Line(0.8, 0.0, 100)
+WALL = WallLine(0.8, 0.0, 100)
 NARROW_M, OPEN_M = 0.8, 1.0
 """What a scan has room for, of 1 m."""
 
@@ -67,7 +67,7 @@ def test_a_pole_beside_the_car_narrows_while_it_is_there_and_is_not_remembered()
 
 def test_the_width_beside_a_line_across_the_way_counts_for_one_scan_only():
     room = Room()
-    across = Line(0.7, -ALONG_RAD - 0.3, 10)
+    across = WallLine(0.7, -ALONG_RAD - 0.3, 10)
     for _ in range(30):
         assert room.beside_m(across, NARROW_M, 1.0, 0.05) < 0.95
     assert room.within_m(1.0) == 1.0

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from drivers.api import Scan
-from runtime.control.perception.view import Eyes
+from runtime.control.perception.view import PerceptionCache
 from runtime.control.vehicle import CarSettings
-from runtime.control.wall_following.followed_wall import bridge_glass, my_wall, outline, side_view
-from runtime.control.wall_following.wall_fit import Line
+from runtime.control.wall_following.followed_wall import bridge_glass, choose_wall, outline, side_view
+from runtime.control.wall_following.wall_fit import WallLine
 from sim.world.beams import LidarSettings, true_ranges_m
 from sim.world.place import World
 from sim.world.pose import Pose, Twist
@@ -36,11 +36,11 @@ def seen_in(walls, pose=None, side="left", silent=None):
     if silent is not None:
         bearing = np.linspace(-135, 135, 1081)
         ranges_m[(bearing >= silent[0]) & (bearing <= silent[1])] = np.nan
-    return side_view(Eyes(CarSettings()).see(scan_of(ranges_m)), side)
+    return side_view(PerceptionCache(CarSettings()).see(scan_of(ranges_m)), side)
 
 
 def wall_of(seen, ball_m=1.0, expected=None, desired_m=1.0):
-    wall = my_wall(seen, ball_m, expected, desired_m)
+    wall = choose_wall(seen, ball_m, expected, desired_m)
     assert wall is not None
     return wall
 
@@ -92,8 +92,8 @@ def test_a_wall_behind_is_not_mine_however_early_it_is_seen():
 
 
 def test_nothing_beside_the_car_is_no_wall():
-    assert my_wall(seen_in([(2, -1, 2, 0.1)]), 1.0, None, 1.0) is None
-    assert my_wall(seen_in([(-5, 9, 9, 9)]), 1.0, None, 1.0) is None
+    assert choose_wall(seen_in([(2, -1, 2, 0.1)]), 1.0, None, 1.0) is None
+    assert choose_wall(seen_in([(-5, 9, 9, 9)]), 1.0, None, 1.0) is None
 
 
 @pytest.mark.parametrize("name", ["inside_corner", "outside_corner", "doorway"])
@@ -162,7 +162,7 @@ def test_without_a_line_the_wish_stands():
 
 def test_a_line_that_is_expected_is_found_as_well_as_by_a_vote():
     seen = seen_in([(-5, 1, 9, 1), (-5, -3, 9, -3)])
-    lines = wall_of(seen).line, wall_of(seen, expected=Line(1.02, 0.01, 100)).line
+    lines = wall_of(seen).line, wall_of(seen, expected=WallLine(1.02, 0.01, 100)).line
     for line in lines:
         assert line is not None
         assert (line.distance_m, line.heading_rad) == pytest.approx((1.0, 0.0), abs=1e-3)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from runtime.control.perception.geometry import bearings_rad
-from runtime.control.wall_following.wall_fit import FEWEST_INLIERS, Line, LineFinder
+from runtime.control.wall_following.wall_fit import MIN_INLIERS, LineFinder, WallLine
 
 BEARING_RAD = bearings_rad(-math.radians(135), math.radians(0.25), 1081)[::-1]
 FINDER = LineFinder(BEARING_RAD)
@@ -107,11 +107,11 @@ def test_no_wall_is_said_instead_of_guessed():
     nothing = np.full(BEARING_RAD.size, np.nan)
     assert find(nothing) is None
     few = nothing.copy()
-    few[FINDER.beams[20 : 20 + FEWEST_INLIERS - 1]] = 1.0
+    few[FINDER.beams[20 : 20 + MIN_INLIERS - 1]] = 1.0
     assert find(few) is None
     few[:] = np.nan
     ends = sorted((int(FINDER.front[0]), int(FINDER.rear[0])))  # seven beams on a line that is sure to be tried
-    on_line = FINDER.beams[np.linspace(ends[0], ends[1], FEWEST_INLIERS - 1).astype(int)]
+    on_line = FINDER.beams[np.linspace(ends[0], ends[1], MIN_INLIERS - 1).astype(int)]
     few[FINDER.beams[[0, 70, 140]]] = 4.5, 3.9, 3.3
     few[on_line] = 1.0 / np.sin(BEARING_RAD[on_line])
     assert find(few) is None
@@ -154,7 +154,7 @@ def test_a_line_that_is_where_it_was_expected_needs_no_vote_and_is_the_same(nois
     blind = NoVote(BEARING_RAD)
     for _ in range(50):
         ranges_m = ranges_to(1.0, 0.1) + rng.normal(0.0, noise_m, BEARING_RAD.size)
-        found = find(ranges_m, expected=Line(1.01, 0.095, 140), finder=blind)
+        found = find(ranges_m, expected=WallLine(1.01, 0.095, 140), finder=blind)
         voted = find(ranges_m)
         assert found.distance_m == pytest.approx(voted.distance_m, abs=off)
         assert found.heading_rad == pytest.approx(voted.heading_rad, abs=off)
@@ -163,7 +163,7 @@ def test_a_line_that_is_where_it_was_expected_needs_no_vote_and_is_the_same(nois
 def test_an_expected_line_that_is_not_nearly_everything_has_to_stand_for_the_vote():
     near_m, far_m = ranges_to(1.0, 0.0), ranges_to(2.0, 0.0)
     ranges_m = np.where(between(55, 70), far_m, near_m)
-    expected = Line(2.0, 0.0, 140)
+    expected = WallLine(2.0, 0.0, 140)
     assert find(ranges_m, expected=expected) == find(ranges_m)
     assert find(ranges_m, expected=expected, finder=NoVote(BEARING_RAD)) is None
-    assert find(ranges_m, expected=Line(1.0, 0.0, 140), finder=NoVote(BEARING_RAD)) is None
+    assert find(ranges_m, expected=WallLine(1.0, 0.0, 140), finder=NoVote(BEARING_RAD)) is None

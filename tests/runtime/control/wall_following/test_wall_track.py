@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from runtime.control.wall_following.wall_fit import CLEAN_INLIERS, Line
-from runtime.control.wall_following.wall_track import MOST_TRIM_RAD, WallTrack
+from runtime.control.wall_following.wall_fit import CLEAN_INLIERS, WallLine
+from runtime.control.wall_following.wall_track import MAX_TRIM_RAD, WallTrack
 
 L_M = 0.33
 
@@ -27,7 +27,7 @@ class Car:
         self.yaw_rad += turn_rad
         noise_m, noise_rad = self.rng.normal(0.0, self.noise, 2) if self.noise else (0.0, 0.0)
         self.track.expect(way_m, wheel_rad, self.speed_mps)
-        return self.track.correct(Line(1.0 - self.y_m + noise_m, -self.yaw_rad + noise_rad, inliers))
+        return self.track.correct(WallLine(1.0 - self.y_m + noise_m, -self.yaw_rad + noise_rad, inliers))
 
     def weave(self, scans, most_rad=0.02):
         """Drive on, holding the wall; yield the tracked line and what is true, line by line."""
@@ -61,7 +61,7 @@ def test_the_trim_is_never_thought_to_be_more_than_can_be():
     for _ in range(60):
         car.scan()
         car.y_m = car.yaw_rad = 0.0
-        assert abs(car.track.trim_rad) <= MOST_TRIM_RAD
+        assert abs(car.track.trim_rad) <= MAX_TRIM_RAD
 
 
 def test_in_a_bend_and_soon_after_it_the_trim_learns_nothing():
@@ -87,7 +87,7 @@ def test_wheels_that_are_behind_the_wire_are_no_trim():
         turn_rad = way_m * math.tan(turned_rad) / L_M
         car.yaw_rad += turn_rad
         car.track.expect(way_m, told_rad, 3.0)
-        car.track.correct(Line(1.0, -car.yaw_rad, 120))
+        car.track.correct(WallLine(1.0, -car.yaw_rad, 120))
         assert abs(car.track.trim_rad) < 0.012
 
 
@@ -96,11 +96,11 @@ def test_the_first_step_from_a_new_line_teaches_no_trim():
     track = WallTrack(L_M)
     for heading_rad in (0.0, 0.02):
         track.expect(0.075, 0.0, 3.0)
-        track.correct(Line(1.0, heading_rad, 120))
+        track.correct(WallLine(1.0, heading_rad, 120))
     assert track.trim_rad == 0.0
     for _ in range(40):
         track.expect(0.075, 0.03, 3.0)  # held straight with turned wheels
-        track.correct(Line(1.0, 0.02, 120))
+        track.correct(WallLine(1.0, 0.02, 120))
     assert track.trim_rad == pytest.approx(-0.03, abs=0.006)
 
 
@@ -109,7 +109,7 @@ def test_a_wall_that_bends_with_the_car_is_no_trim():
         track = WallTrack(L_M)
         for _ in range(80):  # the wheels are turned, and the wall stays where it is
             track.expect(0.05, -0.03, 2.0, straight=straight)
-            track.correct(Line(1.0, 0.0, 120))
+            track.correct(WallLine(1.0, 0.0, 120))
         assert track.trim_rad == pytest.approx(learnt_rad, abs=0.004)
 
 
@@ -118,27 +118,29 @@ def test_a_car_that_slips_in_a_bend_is_believed_where_it_is_seen():
     for _ in range(12):
         car.track.expect(0.075, 0.3, 3.0)  # the wheels promise 0.07 rad per scan, the wall turns by 0.04
         car.yaw_rad += 0.04
-        line = car.track.correct(Line(1.0, -car.yaw_rad, 120))
+        line = car.track.correct(WallLine(1.0, -car.yaw_rad, 120))
         assert line is not None
         assert line.heading_rad == pytest.approx(-car.yaw_rad, abs=0.012)
 
 
-@pytest.mark.parametrize("other", [Line(1.2, 0.0, 120), Line(0.8, 0.0, 120), Line(1.0, 0.2, 120), Line(1.0, -0.2, 120)])
+@pytest.mark.parametrize(
+    "other", [WallLine(1.2, 0.0, 120), WallLine(0.8, 0.0, 120), WallLine(1.0, 0.2, 120), WallLine(1.0, -0.2, 120)]
+)
 def test_another_wall_is_taken_at_once_and_leaves_the_trim(other):
     car = Car(trim_rad=0.02, noise=0.001)
     list(car.weave(80))
     trim_rad = car.track.trim_rad
     car.track.expect(0.05, 0.0, 2.0)
-    moved = Line(other.distance_m - car.y_m, other.heading_rad - car.yaw_rad, 120)
+    moved = WallLine(other.distance_m - car.y_m, other.heading_rad - car.yaw_rad, 120)
     assert car.track.correct(moved) == moved
     assert car.track.trim_rad == trim_rad
 
 
-@pytest.mark.parametrize("gone", [None, Line(1.0, 0.0, CLEAN_INLIERS)])
+@pytest.mark.parametrize("gone", [None, WallLine(1.0, 0.0, CLEAN_INLIERS)])
 def test_no_clean_line_is_nothing_to_track(gone):
     track = WallTrack(L_M)
     assert track.expect(0.05, 0.0, 2.0) is None
-    assert track.correct(Line(1.0, 0.0, CLEAN_INLIERS + 1)) is not None
+    assert track.correct(WallLine(1.0, 0.0, CLEAN_INLIERS + 1)) is not None
     assert track.expect(0.05, 0.0, 2.0) is not None
     assert track.correct(gone) is None
     assert track.expect(0.05, 0.0, 2.0) is None

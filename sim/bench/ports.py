@@ -7,7 +7,7 @@ from typing import Final
 READ_BYTES: Final = 4096
 
 
-class TcpDoor:
+class BenchTcpPort:
     """A TCP port of this machine. address: as the car's settings want it."""
 
     def __init__(self) -> None:

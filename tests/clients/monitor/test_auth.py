@@ -2,12 +2,12 @@
 
 import pytest
 
-from clients.monitor.door import Door, is_loopback, open_door
-from clients.monitor.kept_secret import NAME, kept_secret
+from clients.monitor.auth import PageAuth, is_loopback, open_door
+from clients.monitor.token_file import NAME, kept_secret
 
 SECRET = kept_secret({})
 LOCAL = open_door("127.0.0.1", SECRET)
-WIDE = Door(frozenset({"localhost", "box", "box.local"}), numbers=True, token=SECRET)
+WIDE = PageAuth(frozenset({"localhost", "box", "box.local"}), numbers=True, token=SECRET)
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1:8447", "localhost", "localhost:9000", "[::1]:8447", "LOCALHOST:1"])

@@ -8,8 +8,8 @@ from typing import Never
 from drivers.api import Clock, Drive, Health, LinkState, MotorState
 from runtime.arbitration.command import Output
 from runtime.live_stack import REQUIRED, LiveStack
-from runtime.realtime.stage_timing import StageClock
-from runtime.recording.decision_log import Tape
+from runtime.realtime.stage_timing import StageTimer
+from runtime.recording.decision_log import DecisionLog
 from runtime.settings.tree import Settings
 from runtime.tasks.mux import Mux
 
@@ -17,7 +17,7 @@ AT_ONCE_S = 1e9
 """So long after the last drive every other one may be sent."""
 
 
-class Wire:
+class MotorWire:
     """A motor without wheels: takes a command or does not, as it is told, and reports what it is told.
 
     takes: whether a controller is there. state: its newest report.
@@ -47,7 +47,7 @@ class Wire:
         """Have no fault."""
 
 
-class Stage:
+class ReplayStack:
     """One car's control code, with fresh memories.
 
     settings: those in force. clock: None for one that stands at `now_s` until it is set.
@@ -55,12 +55,12 @@ class Stage:
 
     def __init__(self, settings: Settings, now_s: float, clock: Clock | None = None) -> None:
         self.now_s = now_s
-        self.wire = Wire()
-        self.stack = LiveStack(settings, Tape(clock or (lambda: self.now_s), most=0))
+        self.wire = MotorWire()
+        self.stack = LiveStack(settings, DecisionLog(clock or (lambda: self.now_s), most=0))
         self.clock, self.limiter = self.stack.clock, self.stack.limiter
         self.voices, self.laws = self.stack.voices, self.stack.laws
         self.look, self.follow, self.apply = self.stack.look, self.stack.follow, self.stack.apply
-        untimed = StageClock(lambda: 0.0)  # a replay's times mean nothing
+        untimed = StageTimer(lambda: 0.0)  # a replay's times mean nothing
         self.mux = Mux(self.voices, self.wire, self.limiter, REQUIRED, self.clock, untimed)
 
     @property

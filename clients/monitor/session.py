@@ -12,11 +12,11 @@ from aiohttp import WSMsgType, web
 
 from clients.monitor import messages
 from clients.monitor.driving import PageDriver
-from clients.monitor.feed import Feed
-from clients.monitor.messages import Ack, Ask, Drop, Hands, Leave, NoWordError, Ping, Stop, Watch
+from clients.monitor.feed import PageFeed
+from clients.monitor.messages import Ack, Ask, BadMessageError, Drop, InputState, Leave, Ping, StopMessage, Watch
 from clients.monitor.outbox import MONITOR, PILOT, TOPICS, Outbox, pack
 from clients.monitor.relay import Relay
-from clients.teleop.shaping import Feel
+from clients.teleop.shaping import InputShape
 from runtime.wire import topics
 from runtime.wire.bus import RefusedError
 from runtime.wire.teleop import Beat, Command
@@ -29,7 +29,7 @@ TICKS_PER_NEWS = 25
 LAST_WORDS_APART_S = 0.005
 BEATS_AHEAD = 25
 """So many beats may be on their way to a page that drives; half a second of them is more than any use."""
-MOST_QUESTIONS = 4
+MAX_QUESTIONS = 4
 """Questions of one page under way at the same time."""
 
 
@@ -42,13 +42,13 @@ class Host:
 
     relay: Relay
     name: str
-    feel: Feel
+    feel: InputShape
     version: str
     car: str = ""
     drivers: set[PageDriver] = field(default_factory=set)
 
 
-class Visit:
+class PageSession:
     """A page and its WebSocket. malformed: messages that were none."""
 
     def __init__(self, socket: web.WebSocketResponse, host: Host) -> None:
@@ -56,7 +56,7 @@ class Visit:
         self._host = host
         self._outbox = Outbox()
         self._news = asyncio.Event()
-        self._feed: Feed | None = None
+        self._feed: PageFeed | None = None
         self._driver = PageDriver(host.name, host.feel)
         self._asking: set[asyncio.Task[None]] = set()
         self._beats_ahead = 0
@@ -120,14 +120,14 @@ class Visit:
         now_s = time.monotonic()
         try:
             word = messages.read(text)
-        except NoWordError as error:
+        except BadMessageError as error:
             self.malformed += 1
             log.warning("a page said something that is no word: %s", error)
             return
         match word:
-            case Hands():
+            case InputState():
                 self._send([self._driver.take_hands(word, now_s)])
-            case Stop():
+            case StopMessage():
                 self._send([self._driver.stop(now_s)])
                 self._show_pilot(now_s)
             case Ack(n=number):
@@ -176,7 +176,7 @@ class Visit:
             await asyncio.sleep(LAST_WORDS_APART_S)
 
     def _ask(self, word: Ask) -> None:
-        if len(self._asking) >= MOST_QUESTIONS:
+        if len(self._asking) >= MAX_QUESTIONS:
             task = asyncio.create_task(self._answer(word.id, {"refused": "too many questions at once; try again"}))
         else:
             task = asyncio.create_task(self._put_question(word))

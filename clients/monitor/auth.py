@@ -15,7 +15,7 @@ LOCAL_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
 
 
 @dataclass(frozen=True, slots=True)
-class Door:
+class PageAuth:
     """What is asked of every request.
 
     names: hosts that are us; numbers: whether any address written in digits is us too (we listen on all of them).
@@ -42,13 +42,13 @@ class Door:
         return self.objection(host, token)
 
 
-def open_door(host: str, token: str) -> Door:
+def open_door(host: str, token: str) -> PageAuth:
     """Return the door for a server that listens on a host; token: asked for where others can reach it."""
     if is_loopback(host):
-        return Door(LOCAL_NAMES)
+        return PageAuth(LOCAL_NAMES)
     name = socket.gethostname().lower()
     ours = {host.lower(), name, f"{name}.local", name.split(".")[0]}
-    return Door(LOCAL_NAMES | ours, numbers=True, token=token)
+    return PageAuth(LOCAL_NAMES | ours, numbers=True, token=token)
 
 
 def is_loopback(host: str) -> bool:
