@@ -19,7 +19,7 @@ if sys.platform == "win32":
 
     WINDOWS_ARROWS = {"H": b"\x1b[A", "P": b"\x1b[B", "M": b"\x1b[C", "K": b"\x1b[D"}
 
-    class Console:
+    class WindowsConsole:
         """Raw keys of a Windows console."""
 
         def open(self) -> None:
@@ -38,12 +38,14 @@ if sys.platform == "win32":
                 else:
                     chunk += character.encode(errors="ignore")
             return chunk
+
+    Console = WindowsConsole
 else:
     import select
     import termios
     import tty
 
-    class Console:
+    class PosixConsole:
         """Raw keys of a POSIX terminal."""
 
         def __init__(self) -> None:
@@ -70,6 +72,8 @@ else:
                 return os.read(self._fd, 4096) or None
             except OSError:
                 return None
+
+    Console = PosixConsole
 
 
 class Terminal:

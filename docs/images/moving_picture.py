@@ -32,7 +32,7 @@ STYLE = (
 )
 
 
-class Terminal:
+class FilmedTerminal:
     """A terminal with the simulator in it. text: everything that it wrote, the newest frame last."""
 
     def __init__(self) -> None:
@@ -79,7 +79,7 @@ async def shot(tab: Page, file: Path, width_px: int) -> Image.Image:
 
 async def pictures() -> list[Image.Image]:
     """Drive, and look at both."""
-    terminal = Terminal()
+    terminal = FilmedTerminal()
     frames = []
     with tempfile.TemporaryDirectory() as folder:
         async with chromium(Path(folder) / "profile", find_chromium()) as browser:

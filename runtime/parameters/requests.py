@@ -2,7 +2,9 @@
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import Field, StringConstraints
+
+from runtime.wire.requests import Request
 
 MAX_QUESTION = 4096
 MAX_VALUES = 64
@@ -15,41 +17,39 @@ Wish = bool | int | float | Text | Annotated[list[Text], Field(max_length=16)]
 Wishes = Annotated[dict[Name, Wish], Field(max_length=MAX_VALUES)]
 
 
-class Question(BaseModel):
-    """What may be asked: closed, strict, and bounded in every direction. by: who asks, in the client's own words."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
+class ParameterRequest(Request):
+    """by: the client, in its own words."""
 
     by: Annotated[str, StringConstraints(max_length=24)] = ""
 
 
-class ListParameters(Question):
+class ListParameters(ParameterRequest):
     """Which settings there are."""
 
     under: Name = ""
     """Only the settings whose names begin with this."""
 
 
-class GetParameters(Question):
+class GetParameters(ParameterRequest):
     """What some settings are."""
 
     names: Annotated[list[Name], Field(min_length=1, max_length=MAX_VALUES)]
 
 
-class SetQuestion(Question):
+class SetQuestion(ParameterRequest):
     """Other values, please."""
 
     values: Annotated[Wishes, Field(min_length=1)]
 
 
-class SaveQuestion(Question):
+class SaveQuestion(ParameterRequest):
     """Write down what was set."""
 
-    values: Wishes = {}
+    values: Wishes = Field(default_factory=dict)
     """Settings that take effect after a restart, to be written as well."""
 
 
-class HistoryQuestion(Question):
+class HistoryQuestion(ParameterRequest):
     """What was changed."""
 
     most: Annotated[int, Field(ge=1, le=1000)] = 50

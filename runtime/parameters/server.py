@@ -25,7 +25,7 @@ from runtime.parameters.requests import (
     GetParameters,
     HistoryQuestion,
     ListParameters,
-    Question,
+    ParameterRequest,
     RateLimit,
     SaveQuestion,
     SetQuestion,
@@ -35,7 +35,7 @@ from runtime.settings.tree import Settings
 
 MAX_REFUSAL = 600
 
-Q = TypeVar("Q", bound=Question)
+Q = TypeVar("Q", bound=ParameterRequest)
 
 
 @dataclass(slots=True)
@@ -78,7 +78,7 @@ class ParameterServer:
         self.history = history
         self.counts = Counts()
         self._car = car
-        self._turnstiles: dict[type[Question], RateLimit] = {}
+        self._turnstiles: dict[type[ParameterRequest], RateLimit] = {}
         self._unsaved: set[str] = set()
         self._saving = asyncio.Lock()
         read_texts(settings)  # before the car drives

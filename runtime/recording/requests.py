@@ -8,9 +8,10 @@ logs/trim    {"keep_mb": ...}                               the oldest go until 
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import Field, StringConstraints
 
 from runtime.wire import topics
+from runtime.wire.requests import Request
 
 RECORD = topics.RECORD
 LIST = f"{topics.LOGS}/list"
@@ -20,21 +21,17 @@ MAX_PIECE_B = 1 << 16
 MAX_QUESTION_B = 1024
 
 
-class _Question(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
-
-
-class RecordQuestion(_Question):
+class RecordQuestion(Request):
     """Begin, end, or only say."""
 
     on: bool | None = None
 
 
-class ListRecordings(_Question):
+class ListRecordings(Request):
     """Which recordings there are."""
 
 
-class GetRecording(_Question):
+class GetRecording(Request):
     """A piece of a file, please."""
 
     name: Annotated[str, StringConstraints(max_length=128)]
@@ -42,7 +39,7 @@ class GetRecording(_Question):
     length: Annotated[int, Field(ge=1, le=MAX_PIECE_B)] = MAX_PIECE_B
 
 
-class TrimQuestion(_Question):
+class TrimQuestion(Request):
     """Make room."""
 
     keep_mb: Annotated[int, Field(ge=0, le=1 << 30)]

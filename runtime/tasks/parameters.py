@@ -2,9 +2,8 @@
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import Never, Protocol
+from typing import Never
 
 from runtime.parameters.catalogue import shown
 from runtime.parameters.file import StoreError, replace
@@ -12,32 +11,22 @@ from runtime.parameters.history import ChangeHistory, SettingChange
 from runtime.parameters.server import ParameterServer
 from runtime.parameters.update import UnacceptableError
 from runtime.wire import topics
-from runtime.wire.bus import RefusedError
+from runtime.wire.requests import Reply, RequestServer, refuse_later_on, refuse_on
 
 log = logging.getLogger("wallride.parameters")
 
 MIN_WRITE_PERIOD_S = 1.0
 MAX_NAMED = 3
 
-Reply = Callable[[bytes], bytes | Awaitable[bytes]]
 
-
-class Answering(Protocol):
-    """Where questions come from; the bus on the car."""
-
-    def answer(self, key: str, reply: Reply) -> None:
-        """Answer queries on exactly this key."""
-        ...
-
-
-def serve(bus: Answering, car: str, desk: ParameterServer) -> None:
+def serve(bus: RequestServer, car: str, desk: ParameterServer) -> None:
     """Answer `param/list|get|set|save|history` of a car."""
     replies: dict[str, Reply] = {
-        "list": _refusing(desk.list_all),
-        "get": _refusing(desk.get_some),
-        "set": _refusing(desk.set_some),
-        "save": _refusing_later(desk.save),
-        "history": _refusing(desk.past),
+        "list": refuse_on(UnacceptableError, desk.list_all),
+        "get": refuse_on(UnacceptableError, desk.get_some),
+        "set": refuse_on(UnacceptableError, desk.set_some),
+        "save": refuse_later_on(UnacceptableError, desk.save),
+        "history": refuse_on(UnacceptableError, desk.past),
     }
     for name, reply in replies.items():
         bus.answer(topics.key(car, f"{topics.PARAM}/{name}"), reply)
@@ -82,23 +71,3 @@ def _words(changes: list[SettingChange]) -> str:
     said = [f"{change.name} {shown(change.old)} -> {shown(change.new)}" for change in changes[-MAX_NAMED:]]
     more = f" and {len(changes) - MAX_NAMED} more before" if len(changes) > MAX_NAMED else ""
     return f"{changes[-1].by} changed {', '.join(said)}{more}"
-
-
-def _refusing(reply: Callable[[bytes], bytes]) -> Reply:
-    def answer(payload: bytes) -> bytes:
-        try:
-            return reply(payload)
-        except UnacceptableError as error:
-            raise RefusedError(str(error)) from None
-
-    return answer
-
-
-def _refusing_later(reply: Callable[[bytes], Awaitable[bytes]]) -> Reply:
-    async def answer(payload: bytes) -> bytes:
-        try:
-            return await reply(payload)
-        except UnacceptableError as error:
-            raise RefusedError(str(error)) from None
-
-    return answer

@@ -6,9 +6,9 @@ of a driving car has time for them.
 
 import asyncio
 import os
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -20,6 +20,7 @@ from runtime.recording.requests import GetRecording, ListRecordings, RecordQuest
 from runtime.recording.ring import MB, entries, parse, trim
 from runtime.wire import topics
 from runtime.wire.bus import RefusedError
+from runtime.wire.requests import Reply, RequestServer
 
 BEGINS_WITHIN_S = 1.0
 LOOK_EVERY_S = 0.05
@@ -27,20 +28,11 @@ PIECE_EVERY_S = 0.01
 PIECE_EVERY_ARMED_S = 0.1
 MAX_ASKING = 8
 
-Reply = Callable[[bytes], bytes | Awaitable[bytes]]
 Q = TypeVar("Q", bound=BaseModel)
 T = TypeVar("T")
 
 
-class Answering(Protocol):
-    """Where questions come from; the bus on the car."""
-
-    def answer(self, key: str, reply: Reply) -> None:
-        """Answer queries on exactly this key."""
-        ...
-
-
-def serve(bus: Answering, car: str, recorder: Recorder) -> None:
+def serve(bus: RequestServer, car: str, recorder: Recorder) -> None:
     """Answer `record` and `logs/list|get|trim` of a car."""
     library = Library(recorder)
     replies: dict[str, Reply] = {

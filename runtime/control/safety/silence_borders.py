@@ -70,7 +70,7 @@ def _linked(range_m: Floats, echo: Booleans) -> Booleans:
     return linked
 
 
-class _Track:
+class _BorderTrack:
     """One border, scan after scan: what its bearing should be if it stayed where it was first seen, and what it is."""
 
     def __init__(self, border: Border, pose: OdometryState, lidar_x_m: float) -> None:
@@ -108,7 +108,7 @@ class Borders:
 
     def __init__(self, lidar_x_m: float) -> None:
         self._lidar_x_m = lidar_x_m
-        self._tracks: list[_Track] = []
+        self._tracks: list[_BorderTrack] = []
 
     def update(self, borders: Iterable[Border], pose: OdometryState, beam_rad: float) -> None:
         """Go on with the borders of one more scan; a border that is not seen any more is forgotten."""
@@ -122,7 +122,7 @@ class Borders:
             ]
             if near:
                 near[0].add(border, pose, beam_rad)
-            self._tracks.append(near[0] if near else _Track(border, pose, self._lidar_x_m))
+            self._tracks.append(near[0] if near else _BorderTrack(border, pose, self._lidar_x_m))
 
     def stays(self, step: int, bearing_rad: float) -> bool:
         """Whether the border beside a silent sector whose middle has this bearing is known to stay in the world."""

@@ -1,0 +1,48 @@
+"""What every service on the bus shares: the shape of a request, and how it is answered or refused."""
+
+from collections.abc import Awaitable, Callable
+from typing import Protocol
+
+from pydantic import BaseModel, ConfigDict
+
+from runtime.wire.bus import RefusedError
+
+Reply = Callable[[bytes], bytes | Awaitable[bytes]]
+
+
+class Request(BaseModel):
+    """A closed form: unknown keys, other types and numbers that are not finite are refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
+
+
+class RequestServer(Protocol):
+    """Where requests come from; the bus on the car."""
+
+    def answer(self, key: str, reply: Reply) -> None:
+        """Answer queries on exactly this key."""
+        ...
+
+
+def refuse_on(problem: type[Exception], reply: Callable[[bytes], bytes]) -> Reply:
+    """Return a reply that answers such an error with its sentence, as a refusal."""
+
+    def answer(payload: bytes) -> bytes:
+        try:
+            return reply(payload)
+        except problem as error:
+            raise RefusedError(str(error)) from None
+
+    return answer
+
+
+def refuse_later_on(problem: type[Exception], reply: Callable[[bytes], Awaitable[bytes]]) -> Reply:
+    """Return what `refuse_on` does, for a reply that takes time."""
+
+    async def answer(payload: bytes) -> bytes:
+        try:
+            return await reply(payload)
+        except problem as error:
+            raise RefusedError(str(error)) from None
+
+    return answer

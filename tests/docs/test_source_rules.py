@@ -1,0 +1,42 @@
+"""Rules of the source that no linter knows: one name for one class, rooms that can be overlooked, plain subjects."""
+
+import ast
+import re
+from collections import Counter, defaultdict
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("benchmarks", "clients", "docs", "drivers", "runtime", "sim", "wallride")
+MAX_MODULES = 20
+MAX_RIDDLES = 10
+RIDDLES = re.compile(r"\b(whoever|nobody|somebody|everybody)\b", re.IGNORECASE)
+
+
+def sources(*endings):
+    return [path for package in PACKAGES for path in (ROOT / package).rglob("*") if path.suffix in endings]
+
+
+def test_no_class_name_stands_for_two_things():
+    places = defaultdict(list)
+    for path in sources(".py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ClassDef):
+                places[node.name].append(f"{path.relative_to(ROOT)}:{node.lineno}")
+    assert len(places) > 300
+    assert not {name: where for name, where in places.items() if len(where) > 1}
+
+
+def test_no_folder_has_more_modules_than_can_be_overlooked():
+    modules = Counter(path.parent for path in sources(".py") if path.name != "__init__.py")
+    assert max(modules.values()) > 10
+    assert not {str(folder.relative_to(ROOT)): count for folder, count in modules.items() if count > MAX_MODULES}
+
+
+def test_sentences_have_a_component_as_their_subject():
+    found = [
+        f"{path.relative_to(ROOT)}: {line.strip()}"
+        for path in sources(".py", ".c", ".h", ".js", ".html")
+        for line in path.read_text().splitlines()
+        if RIDDLES.search(line)
+    ]
+    assert len(found) <= MAX_RIDDLES, "\n".join(found)
