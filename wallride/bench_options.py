@@ -3,6 +3,8 @@
 import argparse
 from pathlib import Path
 
+from wallride.failure import needs
+
 MEASUREMENTS = {
     "latency": "from a scan's last byte to the motor's first: emulated devices outside, the unmodified process inside",
     "cpu": "CPU, memory and threads of the whole process at 40 Hz, telemetry on and heard",
@@ -41,15 +43,9 @@ def add_outputs(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Measure; exit code 2 when a package of the simulator is missing, 1 when a run was broken."""
-    from wallride.cli import fail
-
-    try:
+    with needs("sim", "benchmarks need"):
         if options.measurement == "sim":
             from sim.bench.simulator import run as measure
         else:
             from sim.bench.command import run as measure
-    except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] in {"clients", "drivers", "runtime", "sim", "wallride"}:
-            raise
-        return fail(f"benchmarks need {error.name}: install it with  pip install 'wallride[sim]'")
     return int(measure(options))

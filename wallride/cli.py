@@ -3,8 +3,7 @@
 import argparse
 import os
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,12 +23,12 @@ from wallride import (
     teleop_options,
     topic_options,
 )
+from wallride.failure import USAGE_ERROR, fail, needs
 from wallride.parser import Parser
 
 if TYPE_CHECKING:
     from runtime.settings.tree import Settings
 
-USAGE_ERROR = 2
 DEFAULT_CONFIG = Path("/etc/wallride/car.toml")
 
 
@@ -139,22 +138,9 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _lab(options: argparse.Namespace) -> int:
-    with explained_extra():
+    with needs("sim", "the simulator needs"):
         from sim.lab.command import run
     return run(options)
-
-
-@contextmanager
-def explained_extra() -> Iterator[None]:
-    """Turn a missing package of the simulator into a sentence; a missing module of our own stays a bug."""
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] in {"drivers", "runtime", "sim"}:
-            raise
-        raise SystemExit(
-            fail(f"the simulator needs {error.name}: install it with  pip install 'wallride[sim]'")
-        ) from None
 
 
 def _default_config() -> Path | None:
@@ -194,12 +180,6 @@ def _device_problems(settings: "Settings") -> list[tuple[str, bool]]:
         elif not path.exists():
             problems.append((f"{key} = {text}: not there now; plug it in, or install the udev rules (systemd/)", False))
     return problems
-
-
-def fail(message: str) -> int:
-    """Say what is wrong, in one line, and return the exit code for it."""
-    print(f"wallride: {message}", file=sys.stderr)
-    return USAGE_ERROR
 
 
 def _version() -> str:

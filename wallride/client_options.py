@@ -6,6 +6,8 @@ from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any
 
+from wallride.failure import fail
+
 DEFAULT_CONNECT = "tcp/127.0.0.1:7447"
 CONNECT_VARIABLE = "WALLRIDE_CONNECT"
 DEFAULT_KEYS = "~/.config/wallride/keys"
@@ -38,7 +40,6 @@ def run_client(program: Callable[[argparse.Namespace], Coroutine[Any, Any, int]]
     import asyncio
 
     from clients.connection import ConnectionProblemError
-    from wallride.cli import fail
 
     try:
         return asyncio.run(program(options))

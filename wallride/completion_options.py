@@ -4,6 +4,8 @@ import argparse
 import sys
 from collections.abc import Callable
 
+from wallride.failure import needs
+
 SHELLS = ("bash", "zsh", "fish")
 INSTALL = {
     "bash": "wallride completion bash > ~/.local/share/bash-completion/completions/wallride",
@@ -27,11 +29,7 @@ def add(
 
 def run(options: argparse.Namespace) -> int:
     """Print the script; exit code 2 with one line where the package is missing."""
-    from wallride.cli import fail
-
-    try:
+    with needs("clients", "completion needs"):
         import shtab
-    except ModuleNotFoundError:
-        return fail("completion needs shtab: install it with  pip install 'wallride[clients]'")
     sys.stdout.write(shtab.complete(options.whole(), options.shell) + "\n")
     return 0

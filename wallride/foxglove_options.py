@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wallride import client_options
+from wallride.failure import fail, needs
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
@@ -33,23 +34,15 @@ def add(commands: "Commands") -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Serve until interrupted; exit code 2 with one line when the user can mend it."""
-    from wallride.cli import fail
-
     if options.layout:
         return _print_layout()
-    try:
+    with needs("foxglove", "foxglove needs"):
         from clients import foxglove_server
-    except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] != "foxglove":
-            raise
-        return fail("this needs one more package: pip install 'wallride[foxglove]'")
     return client_options.run_client(foxglove_server.run, options)
 
 
 def _print_layout() -> int:
     """Print the layout of this checkout, or of the installed package."""
-    from wallride.cli import fail
-
     places = [Path(__file__).parents[1] / "docs" / LAYOUT, Path(sys.prefix) / "share" / "wallride" / LAYOUT]
     for place in places:
         if place.is_file():

@@ -3,6 +3,8 @@
 import argparse
 from pathlib import Path
 
+from wallride.failure import fail, needs
+
 DEFAULT_DIR = Path("/etc/wallride/keys")
 ROLES = ("viewer", "operator", "admin")
 
@@ -41,14 +43,9 @@ def run(options: argparse.Namespace) -> int:
     """Do it and print what to do next; exit code 2 with one line when the user can mend it."""
     from runtime.security.access_list import KeysError
     from runtime.settings.tree import SettingsError
-    from wallride.cli import fail
 
-    try:
+    with needs("keys", "keys need"):
         from clients.keys import command
-    except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] != "cryptography":
-            raise
-        return fail("keys need one more package: pip install 'wallride[keys]'")
     try:
         lines = command.run(options, options.car or _car_name())
     except (KeysError, SettingsError) as error:

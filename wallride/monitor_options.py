@@ -4,6 +4,7 @@ import argparse
 from functools import partial
 
 from wallride.client_options import add_common, port, run_client
+from wallride.failure import needs
 from wallride.teleop_options import default_name
 
 DEFAULT_PORT = 8447
@@ -48,15 +49,9 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 def run(options: argparse.Namespace) -> int:
     """Run the server; 2 when something is missing that the user can mend."""
-    from wallride.cli import fail
-
     options.name = options.name or default_name()
-    try:
+    with needs("monitor", "the monitor needs"):
         from clients.monitor import server
-    except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] in {"clients", "drivers", "runtime", "wallride"}:
-            raise
-        return fail(f"the monitor needs {error.name}: install it with  pip install 'wallride[monitor]'")
     return run_client(server.run, options)
 
 

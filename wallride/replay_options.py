@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wallride import client_options
+from wallride.failure import fail, needs
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
@@ -59,16 +60,10 @@ def run_offline(module: str, options: argparse.Namespace) -> int:
     """Run a command's module that reads recordings; what the user can mend becomes one line and exit code 2."""
     from importlib import import_module
 
-    from wallride.cli import fail
-
-    try:
+    with needs("sim", "recordings need"):
         command = import_module(module)
         from runtime.settings.tree import SettingsError
         from sim.recordings import RecordingError
-    except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] in {"drivers", "runtime", "sim"}:
-            raise
-        return fail(f"recordings need {error.name}: install it with  pip install 'wallride[sim]'")
     for name in ("file", "beside"):
         if getattr(options, name, None) is not None:
             setattr(options, name, found(getattr(options, name)))

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wallride import client_options, replay_options
+from wallride.failure import needs
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
@@ -38,14 +39,8 @@ def _report(options: argparse.Namespace) -> int:
 
 
 def _plot(options: argparse.Namespace) -> int:
-    from wallride.cli import fail
-
-    try:
+    with needs("clients", "plot needs"):
         from clients import plot
-    except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] in {"clients", "runtime"}:
-            raise
-        return fail(f"plot needs {error.name}: install it with  pip install 'wallride[clients]'")
     return client_options.run_client(plot.run, options)
 
 

@@ -55,10 +55,10 @@ def _add_conditions(group: "argparse._ArgumentGroup") -> None:
 def run(options: argparse.Namespace) -> int:
     """Simulate; from here on Ctrl-C is "time is up"."""
     from sim.live.stop_request import StopRequest
-    from wallride.cli import explained_extra
+    from wallride.failure import needs
 
     stop = StopRequest()
     with stop.listening():
-        with explained_extra():
+        with needs("sim", "the simulator needs"):
             from sim.live.command import simulate
         return simulate(options, stop)

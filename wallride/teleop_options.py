@@ -6,6 +6,7 @@ import socket
 from pathlib import Path
 
 from wallride.client_options import add_common, run_client
+from wallride.failure import fail, needs
 
 MAX_SPEED_MPS = 20.0
 FIRST_SPEED_MPS = 0.75
@@ -32,15 +33,9 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 def run(options: argparse.Namespace) -> int:
     """Run the client; 2 when something is missing that the user can mend."""
-    from wallride.cli import fail
-
     options.name = options.name or default_name()
-    try:
+    with needs("teleop", "teleop needs"):
         from clients.teleop.app import TeleopProblemError, operate
-    except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] in {"clients", "drivers", "runtime", "wallride"}:
-            raise
-        return fail(f"teleop needs {error.name}: install it with  pip install 'wallride[teleop]'")
     try:
         return run_client(operate, options)
     except TeleopProblemError as problem:
