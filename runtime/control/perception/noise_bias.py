@@ -46,7 +46,7 @@ def noise_learnt_m(noise_m: float, x_m: Floats, y_m: Floats, wall: Indices) -> f
     apart_m = np.abs(np.diff(np.sqrt(square[max(nearest - NOISE_BEAMS, 0) : nearest + NOISE_BEAMS + 1])))
     if apart_m.size < FEWEST_NOISE_BEAMS:
         return noise_m
-    above = np.count_nonzero(apart_m > noise_m) / apart_m.size
+    above = int(np.count_nonzero(apart_m > noise_m)) / apart_m.size  # a float of Python, as C returns
     return min(max(noise_m * (1.0 + NOISE_STEP * (above - 0.5)), LEAST_NOISE_M), MOST_NOISE_M)
 
 
