@@ -31,6 +31,10 @@ MAX_SPEED_MPS = 30.0
 SUDDEN_SCANS = 5
 SUDDEN_RAD = 0.1
 """A driver that turns by so much within so many scans has just begun to swerve."""
+BOUND_SHARE = 0.6
+"""A bend that takes more than this of a slippery floor's grip binds the car: it can hardly be given up for another."""
+NARROW_M = 0.03
+"""Less room than this is lost by the noise of a scan, or by a driver that changes its mind."""
 LATER_S = 0.03
 """A scan, and a little."""
 TURNS_ON_M = 0.2
@@ -99,18 +103,24 @@ class Emergency:
         self._asked = stamp_s, wish_rad
         return self.chosen
 
-    def swerves_in_vain(self, strip: Strip, wish_rad: float, stamp_s: float) -> bool:
-        """Whether the driver has just begun a turn that may hit something, clearly harder than a full brake now.
+    def turns_in_vain(self, strip: Strip, wish_rad: float, stamp_s: float) -> bool:
+        """Whether the driver's turn may hit something, clearly harder than a full brake now, which is too late soon.
 
-        The swept way of a turn that has just begun is too short: it takes tyres and body a moment to follow the wheels.
-        A driver that steers from one side to the other is none of it: it may turn back (`reversal`).
+        Asked of a turn that has just begun, whose swept way is too short: it takes tyres and body a moment to follow
+        the wheels; and of a bend that binds the car, whose swept way is too tight on a slippery floor, because tyres
+        lose steering before they lose all grip. A driver that steers from one side to the other is none of it: it may
+        turn back (`reversal`).
         """
         before_rad = self._angles[max(0, len(self._angles) - SUDDEN_SCANS)][1]
-        sudden = abs(wish_rad - before_rad) >= SUDDEN_RAD and min(wish_rad * before_rad, 0.0) > -(SUDDEN_RAD**2)
-        if not sudden or strip.speed_mps < strip.body.settings.doubtful_mps or _stops_later(strip):
+        sudden = abs(wish_rad - before_rad) >= SUDDEN_RAD
+        bound = strip.needs_grip(wish_rad, strip.speed_mps, BOUND_SHARE * strip.body.slippery_mps2)
+        if not (sudden or bound) or min(wish_rad * before_rad, 0.0) <= -(SUDDEN_RAD**2) or self.chosen is not None:
+            return False
+        if strip.speed_mps < strip.body.settings.doubtful_mps or _stops_later(strip):
             return False
         if self._doubted[0] != (stamp_s, wish_rad):
-            self._doubted = (stamp_s, wish_rad), _is_last_moment(self._situation(strip, stamp_s), wish_rad)
+            last_moment = _is_last_moment(self._situation(strip, stamp_s), wish_rad, NARROW_M if bound else 0.0)
+            self._doubted = (stamp_s, wish_rad), last_moment
         return self._doubted[1]
 
     def slow_in_bend(self, strip: Strip, wish_rad: float, stamp_s: float) -> bool:
@@ -177,14 +187,21 @@ def _stops_later(strip: Strip) -> bool:
     )
 
 
-def _is_last_moment(situation: EmergencyState, wish_rad: float) -> bool:
-    """Whether a turn may hit something, a full brake is clearly better, and would come too late a scan later."""
+def _is_last_moment(situation: EmergencyState, wish_rad: float, narrow_m: float = 0.0) -> bool:
+    """Whether a turn may hit something, a full brake is clearly better, and would come too late a scan later.
+
+    Less room than narrow_m, or than half of what the brake leaves now, is too little for the turn where a full brake
+    hits nothing, and for the brake a scan later.
+    """
     (turn,) = situation.predict([Manoeuvre(wish_rad, 0.0)])
-    if turn.is_free:
+    if turn.is_free and turn.room_m >= narrow_m:
         return False
     (brake,) = situation.predict([FULL_BRAKE])
+    enough_m = min(narrow_m, brake.room_m / 2)
+    if turn.is_free and turn.room_m >= enough_m:
+        return False
     if not (brake.is_free or is_clearly_better(brake, turn)):
         return False
     later = situation.start._replace(latency_s=situation.start.latency_s + LATER_S)
     (late_brake,) = replace(situation, start=later).predict([FULL_BRAKE])
-    return not late_brake.is_free
+    return not late_brake.is_free or late_brake.room_m < enough_m

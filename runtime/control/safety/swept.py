@@ -219,7 +219,7 @@ class SweptAssessment:
         speed_mps, look_m = max(self.speed_mps, 0.0), self._look_m(wanted_mps)
         found = self.strip.contact(steering_rad, look_m, wary=self.wary)
         now_s = self.view.scan.stamp_s
-        if not memory.braking and self.guard.emergency.swerves_in_vain(self.strip, steering_rad, now_s):
+        if not memory.braking and self.guard.emergency.turns_in_vain(self.strip, steering_rad, now_s):
             memory.braking, memory.held_until_s = True, now_s + settings.hold_s
         if found is NOTHING and not memory.braking:
             return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s)

@@ -357,7 +357,7 @@ def test_what_stops_a_scan_later_is_not_rolled_out_and_would_not_be_braked(monke
             outlook = car.look(scan, speed_mps=speed_mps, wheel_rad=wheel_rad)
         asked.clear()
         now_s = outlook.view.scan.stamp_s
-        in_vain = car.guard.emergency.swerves_in_vain(outlook.strip, begun_rad + 0.2, now_s)
+        in_vain = car.guard.emergency.turns_in_vain(outlook.strip, begun_rad + 0.2, now_s)
         if not asked:
             skipped += 1
             assert not in_vain
