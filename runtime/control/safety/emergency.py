@@ -35,6 +35,8 @@ BOUND_SHARE = 0.6
 """A bend that takes more than this of a slippery floor's grip binds the car: it can hardly be given up for another."""
 NARROW_M = 0.03
 """Less room than this is lost by the noise of a scan, or by a driver that changes its mind."""
+WIDE_M = 0.12
+"""No bend runs so much wider than its swept way within a stopping distance."""
 LATER_S = 0.03
 """A scan, and a little."""
 TURNS_ON_M = 0.2
@@ -118,6 +120,8 @@ class Emergency:
             return False
         if strip.speed_mps < strip.body.settings.doubtful_mps or _stops_later(strip):
             return False
+        if not sudden and _passes_wide(strip, wish_rad):
+            return False
         if self._doubted[0] != (stamp_s, wish_rad):
             last_moment = _is_last_moment(self._situation(strip, stamp_s), wish_rad, NARROW_M if bound else 0.0)
             self._doubted = (stamp_s, wish_rad), last_moment
@@ -185,6 +189,13 @@ def _stops_later(strip: Strip) -> bool:
     return not (
         strip.more_m.size or any_nearer(view.solid, view.ranges_m, body.reach_m + way_m + MARGIN_M + TURNS_ON_M)
     )
+
+
+def _passes_wide(strip: Strip, wish_rad: float) -> bool:
+    """Whether nothing is within WIDE_M of the swept way as far as a stop takes: for a tenth of the rollouts' time."""
+    body = strip.body
+    way_m = stopping_distance_m(strip.speed_mps, strip.latency_s + LATER_S, body.slippery_mps2) + TURNS_ON_M
+    return strip.passes(wish_rad, way_m, replace(body.ahead, half_width_m=body.ahead.half_width_m + WIDE_M))
 
 
 def _is_last_moment(situation: EmergencyState, wish_rad: float, narrow_m: float = 0.0) -> bool:

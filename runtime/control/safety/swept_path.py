@@ -83,6 +83,13 @@ class Strip:
         found = contact_on_arc(motion, steering_rad, length_m, self.body.ahead, points_m)
         return found if found.travel_m <= length_m else NOTHING
 
+    def passes(self, steering_rad: float, length_m: float, outline: Outline) -> bool:
+        """Whether such an outline touches nothing on the way that this steering leads to."""
+        points_m = np.concatenate(self._points_m())
+        return (
+            contact_on_arc(self._motion(1.0, self.body.grip_mps2), steering_rad, length_m, outline, points_m) is NOTHING
+        )
+
     def needs_grip(self, steering_rad: float, speed_mps: float, grip_mps2: float) -> bool:
         """Whether the bend asks for more than this at this speed."""
         return speed_mps * speed_mps * abs(math.tan(steering_rad)) > self.body.car.wheelbase_m * grip_mps2
