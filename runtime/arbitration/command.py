@@ -156,7 +156,7 @@ def arbitrate(live: Sequence[Word], required: frozenset[Source], order: Sequence
         verdict = cap.outlook.limit(0.0, 0.0)
         if verdict.forward_mps <= 0 and verdict.reverse_mps <= 0:
             return Decision(0.0, None, None, cap.source, verdict.reason, verdict.measure)
-    return Decision(0.0, None, None, None, "nobody drives")
+    return Decision(0.0, None, None, None, "no word from teleop or navigation")
 
 
 def _drive_under_caps(word: DriveCommand, caps: Sequence[SpeedLimit], required: frozenset[Source]) -> Decision:

@@ -82,11 +82,12 @@ class Case:
 
 N, T, S, P, E = Source.NAVIGATION, Source.TELEOP, Source.SAFETY, Source.PERMIT, Source.ESTOP
 OK = "wall"
+SILENT = "no word from teleop or navigation"
 LATE = "safety has not judged this scan yet"
 
 CASES = [
-    Case("nobody says anything", [], 0, None, None, None, "nobody drives"),
-    Case("consent alone does not drive", [safety(), permit()], 0, None, None, None, "nobody drives"),
+    Case("nobody says anything", [], 0, None, None, None, SILENT),
+    Case("consent alone does not drive", [safety(), permit()], 0, None, None, None, SILENT),
     Case("everyone agrees", [safety(), permit(), nav()], 1, 0.1, N, N, OK),
     Case("reverse under consent", [safety(), permit(), nav(-0.5)], -0.5, 0.1, N, N, OK),
     Case("standstill is a wish too", [safety(), permit(), nav(0.0)], 0, 0.1, N, N, OK),
@@ -136,8 +137,8 @@ CASES = [
     Case("e-stop holds also in reverse", [estop(), safety(), permit(), nav(-1.0)], 0, 0.1, N, E, "red button"),
     Case("a stop that nobody drives into is still the reason", [safety(0.0, 0.0, reason="boxed in", measure=0.1),
          permit()], 0, None, None, S, "boxed in", 0.1),
-    Case("half a stop is not", [safety(0.0, INF, reason="ahead"), permit()], 0, None, None, None, "nobody drives"),
-    Case("nor the other half", [safety(INF, 0.0, reason="behind"), permit()], 0, None, None, None, "nobody drives"),
+    Case("half a stop is not", [safety(0.0, INF, reason="ahead"), permit()], 0, None, None, None, SILENT),
+    Case("nor the other half", [safety(INF, 0.0, reason="behind"), permit()], 0, None, None, None, SILENT),
     # the lab's order: teleop over safety over permit over navigation
     Case("the stick beats navigation", [stick(), safety(), permit(), nav()], 2, -0.2, T, T, "stick"),
     Case("the stick beats safety", [stick(), safety(0.0), permit(), nav()], 2, -0.2, T, T, "stick"),

@@ -109,7 +109,7 @@ def test_a_silent_lidar_stops_the_car_within_a_quarter_second_of_the_last_scan(a
     story = Story().run(4.0, (at_s, silence))
     last_scan_s = int(at_s / 0.025) * 0.025
     assert story.first_brake_after(2.0) - last_scan_s < 0.18
-    assert story.car.mux.output.decision.reason in {"nobody drives", "no word from safety"}
+    assert story.car.mux.output.decision.reason in {"no word from teleop or navigation", "no word from safety"}
 
 
 def test_it_ticks_on_in_silence():

@@ -127,10 +127,10 @@ def test_the_screen_says_why_the_car_does_not_move():
         "Shift or M drive",
     ):
         assert words in text
-    news.take(b'{"winner": null, "reason": "nobody drives", "measure": null}')
+    news.take(b'{"winner": null, "reason": "no word from teleop or navigation", "measure": null}')
     news.on_operator("wallride/car1/operator/alive/b", alive=False)
     text = "\n".join(lines("car1", car.situation, advise(car.situation), news, HELD_NAMES))
-    assert "nobody: nobody drives" in text
+    assert "nobody: no word from teleop or navigation" in text
     assert "more" not in text
 
 

@@ -69,7 +69,7 @@ def test_the_dead_end_is_a_stop_by_safety(run):
 def test_stops_begin_and_end_with_what_was_sent():
     told = made(
         [0.0, 0.5, 1.0, 2.0, 2.5, 3.0, 4.0], [0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0],
-        [change(0.0, "nobody", "nobody drives"), change(0.5, "navigation", "wall", 1.0),
+        [change(0.0, "nobody", "no word from teleop or navigation"), change(0.5, "navigation", "wall", 1.0),
          change(2.0, "safety", "wall ahead"), change(2.5, "safety", "boxed in"),
          change(3.0, "navigation", "wall", 1.0), change(4.0, "e-stop", "e-stop by ann")],
     )  # fmt: skip
