@@ -84,14 +84,14 @@ def _armed(now: PilotState, names: Mapping[Control, str]) -> Advice:
         text = "the car does not take our commands: has this certificate the operator role?"
         return Advice(AdviceLevel.STOPPED, "not obeyed", text)
     if now.flags == Press.MANUAL:
-        return Advice(AdviceLevel.MOVING, "DRIVING", f"release {names[Control.MANUAL]} to stop")
+        return Advice(AdviceLevel.MOVING, "DRIVING", _let_go(now, names, Control.MANUAL))
     if now.flags == Press.AUTONOMY:
         if now.inputs.kind is Input.PAD and now.input_age_s > WARN_SILENT_S:
             left_s = max(0.0, PERMIT_SILENT_S - now.input_age_s)
             return Advice(
                 AdviceLevel.WAITING, "AUTONOMY", f"move a stick: the permit ends in {left_s:.0f} s, the pad is silent"
             )
-        return Advice(AdviceLevel.MOVING, "AUTONOMY", f"release {names[Control.AUTONOMY]} to stop")
+        return Advice(AdviceLevel.MOVING, "AUTONOMY", _let_go(now, names, Control.AUTONOMY))
     if now.beat is not None and CarCondition.FAULT in now.beat.flags:
         return Advice(
             AdviceLevel.STOPPED, "motor fault", f"hold {names[Control.RESET]} for 1 s to clear it{_progress(now)}"
@@ -100,13 +100,19 @@ def _armed(now: PilotState, names: Mapping[Control, str]) -> Advice:
     return Advice(AdviceLevel.WAITING, "ready", text)
 
 
+def _let_go(now: PilotState, names: Mapping[Control, str], held: Control) -> str:
+    if now.drives_alone:
+        return f"release {names[held]}: the car drives on by itself; {names[Control.ESTOP]} stops it"
+    return f"release {names[held]} to stop"
+
+
 def _release(now: PilotState, names: Mapping[Control, str]) -> str:
     """Name what is still held, because a stuck button looks like a broken car."""
     held = [names[control] for control in BUTTONS if control in now.inputs.pressed]
     if not now.inputs.centred:
         held.append(f"the sticks (speed {now.inputs.speed:+.2f}, steering {now.inputs.steering:+.2f})")
     if not held:
-        return "then press again"
+        return "release everything, then press again"
     why = " (centre the sticks before pressing)" if now.closed_by is DeadmanFault.OFF_CENTRE else ""
     return f"release everything first: {', '.join(held)}{why}"
 

@@ -65,6 +65,7 @@ class PilotState:
     beat_age_s: since the last heartbeat, inf before the first. round_trip_s: NaN when not known.
     mine: the car obeys this session. unminded_s: how long the car has ignored our deadman.
     holding, progress: the deliberate press under way, and how far it is (0 to 1).
+    drives_alone: the car was seen to permit autonomy without an operator, so it drives on when we let go.
     """
 
     block: DeadmanFault
@@ -83,6 +84,7 @@ class PilotState:
     input_age_s: float
     holding: Control | None
     progress: float
+    drives_alone: bool
 
     @property
     def linked(self) -> bool:
@@ -114,6 +116,7 @@ class Pilot:
         self._beat: Beat | None = None
         self._beat_s = -math.inf
         self._restarted = False
+        self._drives_alone = False
         self._round_trip_s = math.nan
         self._stop_since_s: float | None = None
         self._owes_release = False
@@ -130,8 +133,9 @@ class Pilot:
             if (beat.beat - last.beat) & 0xFFFF_FFFF not in range(1, 0x8000_0000):
                 return
         elif last is not None:
-            self._restarted = True
+            self._restarted, self._drives_alone = True, False
         self._beat, self._beat_s = beat, arrival_s
+        self._drives_alone |= beat.operator_session == 0 and CarCondition.PERMITTED in beat.flags
         if beat.operator_session == self.session and beat.acknowledged_age_ms != UNKNOWN_AGE_MS:
             sent_s = self._sent_s.get(beat.acknowledged)
             if sent_s is not None:
@@ -319,6 +323,7 @@ class Pilot:
             input_age_s=now_s - inputs.event_s,
             holding=holding,
             progress=self._holds[holding].progress(now_s) if holding is not None else 0.0,
+            drives_alone=self._drives_alone,
         )
 
 

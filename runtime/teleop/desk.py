@@ -150,7 +150,7 @@ class OperatorDesk:
         elif is_stop(flags):
             pass  # done already, before its age was looked at
         elif flags & Press.UNSURE:
-            self._distrust(session, Refusal.UNSURE, "the pad is gone or frozen; release everything, then press")
+            self._distrust(session, Refusal.UNSURE, "release everything, then press again")
         elif flags & Press.TAKE_OVER:
             self._take_over(session)
         elif not flags:
@@ -229,7 +229,7 @@ class OperatorDesk:
         self._refusals.count(kind, advice)
         session.armed = False
         if session is self._operator:
-            self._halt(str(kind))
+            self._halt(f"{kind}: {advice}")
 
     def _notice_silence(self, now_s: float) -> None:
         operator = self._operator

@@ -20,7 +20,7 @@ class Refusal(StrEnum):
     REARM = "not released yet"
     HELD = "e-stop is latched"
     FROZEN = "the pad is frozen"
-    UNSURE = "the hands are not known"
+    UNSURE = "no input from the operator"
     CONTRADICTION = "contradicting buttons"
 
 

@@ -151,3 +151,32 @@ def test_without_a_terminal_one_line_for_every_change():
     screen.close()
     assert out.getvalue().split() == ["ready", "DRIVING"]
     assert math.isnan(car.situation.round_trip_s)
+
+
+@pytest.mark.parametrize("control", [Control.MANUAL, Control.AUTONOMY])
+def test_letting_go_of_a_car_that_needs_no_permit_is_not_called_a_stop(control):
+    car = Drive()
+    car.says(CarCondition.PERMITTED, operator=0)
+    car.hold(hands())
+    car.says(operator=SESSION)
+    car.hold(hands())
+    car.hold(hands(control))
+    said = advise(car.situation).next_step
+    assert "the car drives on by itself; B stops it" in said
+    assert "to stop" not in said
+
+
+def test_another_operators_permit_is_not_taken_for_a_car_that_needs_none():
+    car = Drive()
+    car.says(CarCondition.PERMITTED, operator=5)
+    car.hold(hands())
+    car.says(operator=SESSION)
+    car.drive()
+    assert advise(car.situation).next_step == "release LB to stop"
+
+
+def test_after_a_loss_it_says_what_to_release_and_when_to_press():
+    car = Drive()
+    car.says(CarCondition.OPERATOR_LOST, operator=SESSION)
+    car.hold(hands())
+    assert advise(car.situation).next_step == "our commands came too late: release everything, then press again"
