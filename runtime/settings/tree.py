@@ -118,15 +118,34 @@ def load_settings(path: Path | None, assignments: Sequence[str] = (), saved: Pat
     saved: a second file on top of the first, where changes are saved; it need not be there yet.
     """
     tree: dict[str, Any] = read_tree(path) if path is not None else {}
-    if saved is not None and saved.exists():
-        tree = layered(tree, read_tree(saved))
+    above = read_tree(saved) if saved is not None and saved.exists() else {}
+    tree = layered(tree, above)
+    said: dict[str, Any] = {}
     for assignment in assignments:
         _assign(tree, assignment)
+        _assign(said, assignment)
     try:
         return Settings.model_validate(tree)
     except ValidationError as error:
-        where = f"{path}" if path is not None else "the settings"
-        raise SettingsError(f"{where}: " + "; ".join(_sentence(item) for item in error.errors())) from None
+        below = f"{path}" if path is not None else "the settings"
+        sources = (("--set", said), (f"{saved}", above))
+        found: dict[str, list[str]] = {}
+        for item in error.errors():
+            where = next((name for name, layer in sources if _holds(layer, item["loc"])), below)
+            found.setdefault(where, []).append(_sentence(item))
+        raise SettingsError("; ".join(f"{where}: {'; '.join(lines)}" for where, lines in found.items())) from None
+
+
+def _holds(layer: Mapping[str, Any], place: Sequence[str | int]) -> bool:
+    """Whether a layer says the value at a place of the tree, which may hold the tag of a method."""
+    value: Any = layer
+    for part in (part for part in place if part not in TAGS):
+        if not isinstance(value, dict):
+            return True  # the layer gives the whole of what the place is in: a list, or a wrong value
+        if part not in value:
+            return False
+        value = value[part]
+    return True
 
 
 def layered(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:

@@ -132,7 +132,7 @@ def test_what_cannot_be_read_is_2_and_one_line(arguments, words, capsys):
 
 def test_a_wrong_setting_is_2_and_one_line(drive, capsys):
     assert wallride("replay", drive, "--set", "safety.nothing=1") == 2
-    assert capsys.readouterr().err.startswith("wallride: safety.nothing is not a setting; known here: ")
+    assert capsys.readouterr().err.startswith("wallride: --set: safety.nothing is not a setting; known here: ")
 
 
 def test_the_report_is_written(drive, tmp_path, capsys):

@@ -95,3 +95,16 @@ def test_binding_teleop_moves_safety_above_it():
     assert bound == (Source.ESTOP, Source.SAFETY, Source.TELEOP, Source.PERMIT, Source.NAVIGATION)
     mine = ["e-stop", "safety", "teleop", "permit", "navigation"]
     assert Settings.model_validate({"mux": {"order": mine}}).effective_order() == tuple(mine)
+
+
+def test_each_wrong_value_is_blamed_on_where_it_was_written(tmp_path):
+    file, saved = tmp_path / "car.toml", tmp_path / "saved.toml"
+    file.write_text("[wall_follow]\nkp = 999\n")
+    saved.write_text("[wall_follow]\nkd = 999\n")
+    with pytest.raises(SettingsError) as caught:
+        load_settings(file, ["wall_follow.speed_mps=999"], saved)
+    said = str(caught.value)
+    for where, key in ((file, "wall_follow.kp"), (saved, "wall_follow.kd"), ("--set", "wall_follow.speed_mps")):
+        assert f"{where}: {key} = 999" in said
+    with pytest.raises(SettingsError, match=r"^--set: lidar = 3: is a section"):
+        load_settings(None, ["lidar=3"])
