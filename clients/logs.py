@@ -11,7 +11,7 @@ from typing import Any
 from clients.connection import ConnectionProblemError, connected
 from runtime.recording import requests
 from runtime.recording.recover import RecoveryError, file_state, is_whole, recover
-from runtime.recording.ring import KEPT, MB, Entry, entries, folders, keep, parse, trim
+from runtime.recording.ring import KEPT, MB, Entry, entries, file_named, folders, keep, parse, trim
 from runtime.settings.recording import recordings_folder
 from runtime.wire import topics
 from runtime.wire.bus import Bus, RefusedError
@@ -213,14 +213,8 @@ def _recover(files: Sequence[Path], options: argparse.Namespace) -> int:
 
 def _found(path: Path) -> Path:
     """Return the path of a recording that may be named as in the list."""
-    if path.is_file():
-        return path
-    above = recordings_folder("")
-    if not path.is_absolute() and (above / path).is_file():
-        return above / path
-    for folder in folders(above):
-        if path.name == str(path) and (folder / path).is_file():
-            return folder / path
+    if (found := file_named(path, recordings_folder(""))) is not None:
+        return found
     raise ConnectionProblemError(f"{path}: no such file here (wallride logs get brings it from the car)")
 
 

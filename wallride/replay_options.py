@@ -77,10 +77,10 @@ def run_offline(module: str, options: argparse.Namespace) -> int:
 
 def found(path: Path) -> Path:
     """Return a recording's path: as it is written, or, where nothing is there, as `wallride logs` lists it."""
+    from runtime.recording.ring import file_named
     from runtime.settings.recording import recordings_folder
 
-    listed = recordings_folder("") / path
-    return listed if not path.exists() and listed.is_file() else path
+    return path if path.exists() else file_named(path, recordings_folder("")) or path
 
 
 def _speed(text: str) -> float:

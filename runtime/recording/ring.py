@@ -78,6 +78,16 @@ def keep(path: Path) -> Path:
     return target
 
 
+def file_named(path: Path, above: Path) -> Path | None:
+    """Return the file at a path, or the one that `wallride logs` lists by that path or bare name; None without one."""
+    if path.is_file():
+        return path
+    if path.is_absolute():
+        return None
+    places = [above, *(folders(above) if path.name == str(path) else ())]
+    return next((place / path for place in places if (place / path).is_file()), None)
+
+
 def _entries(folder: Path) -> Iterator[Entry]:
     for path in folder.iterdir():
         known = parse(path.name)

@@ -31,7 +31,9 @@ def load_recording(path: Path, topic: str | None = None) -> Recording:
 
 def _tracks(path: Path) -> Tracks:
     if not path.exists():
-        raise RecordingError(f"{path} does not exist: give the path of {FORMATS}.")
+        raise RecordingError(
+            f"{path} does not exist: give a name that `wallride logs` lists, or the path of {FORMATS}."
+        )
     if path.is_dir():
         if not (path / "metadata.yaml").is_file():
             raise RecordingError(f"{path} is a folder without metadata.yaml: give the .db3 or .mcap file itself.")

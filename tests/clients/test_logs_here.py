@@ -1,6 +1,7 @@
 """`wallride logs` on this machine: a folder and a ring for each car, simulations apart, and what is kept for good."""
 
 import argparse
+from pathlib import Path
 
 import pytest
 
@@ -9,6 +10,7 @@ from clients.connection import ConnectionProblemError
 from runtime.recording.ring import MB, entries, folders, keep, trim
 from runtime.settings.recording import RecordingSettings, car_folder
 from wallride import logs_options
+from wallride.replay_options import found
 
 DRIVE = "20261121T084600Z-b0007-{:05d}.mcap"
 
@@ -83,3 +85,12 @@ async def test_what_is_not_here_cannot_be_kept(home):
 def test_one_cars_ring_does_not_reach_into_anothers(home):
     trim(home / "simulated" / "sim", 0)
     assert [entry.number for entry in entries(home / "car1")] == [2, 3]
+
+
+def test_replay_and_report_take_a_recording_by_its_listed_and_by_its_bare_name(home, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    name, here = Path(DRIVE.format(4)), home / "simulated" / "sim" / DRIVE.format(4)
+    assert found(name) == found(Path("simulated/sim") / name) == found(here) == here
+    assert found(Path("nothing.mcap")) == Path("nothing.mcap"), "left for the reader to refuse"
+    (tmp_path / name).touch()
+    assert found(name) == name, "a file here goes before a listed one"
