@@ -30,6 +30,8 @@ from sim.world.pose import Pose
 from sim.world.worlds import load_world
 
 CONFIG = "config/sim.toml"
+MAX_START_TO_WALL_M = 10.0
+"""The UST-10LX's range: a car that starts farther from every wall sees nothing and stands for good."""
 DEFAULT_DURATION_S = 60.0
 MAX_LAP_S = 180.0
 """A car that stands still must not keep a script waiting for ever."""
@@ -122,6 +124,12 @@ def _scene(options: argparse.Namespace, settings: Settings) -> tuple[Conditions,
         raise SimUsageError(str(error)) from None
     conditions = conditions_of(_wishes(options))
     vehicle = Vehicle(conditions.vehicle, parse_pose(options.pose) if options.pose else world.start)
+    if not world.clearance(vehicle.pose) <= MAX_START_TO_WALL_M:  # NaN is nowhere
+        left_m, bottom_m, right_m, top_m = world.bounds_m
+        raise SimUsageError(
+            f"--pose {options.pose}: no wall is within {MAX_START_TO_WALL_M:.0f} m;"
+            f" the walls of {world.name} lie at x {left_m:.1f} to {right_m:.1f} m, y {bottom_m:.1f} to {top_m:.1f} m"
+        )
     if world.collides(vehicle.pose):
         raise SimUsageError(
             f"--pose {options.pose}: the car would stand in a wall of {world.name}; start somewhere free"

@@ -77,6 +77,7 @@ def test_check_prints_what_is_in_effect():
         (["sim", "--pose", "100,0.0,0", "--json", "."], ["--json .", "is a directory"]),
         (["sim", "--duration", "-1"], ["--duration"]),
         (["sim", "--laps", "0"], ["--laps"]),
+        (["sim", "--pose", "1e9,2,0", "--headless"], ["--pose 1e9,2,0", "no wall is within 10 m", "loop"]),
         (["sim", "dead_end", "--laps", "1", "--headless"], ["--laps 1", "no lap"]),
         (["sim", "--plot", "nowhere/plot.png"], ["--plot", "nowhere"]),
         (["sim", "--set", "wall_follow.side=up"], ["wall_follow.side = 'up'"]),
