@@ -64,9 +64,12 @@ async def _open(options: argparse.Namespace) -> tuple[Bus, KeyFiles | None]:
     except OSError as error:
         if tls is not None:
             raise ConnectionProblemError(await asyncio.to_thread(why_refused, endpoint, tls)) from None
+        local = "/127.0.0.1:" in endpoint
+        question = (
+            "does a car run here (wallride sim, wallride run)" if local else "is the car on and its network reachable"
+        )
         raise ConnectionProblemError(
-            f"cannot connect to {endpoint}: is the car on and its network reachable?"
-            f" (another place: --connect; zenoh says: {error})"
+            f"cannot connect to {endpoint}: {question}? (another place: --connect; zenoh says: {error})"
         ) from None
     return bus, keys
 

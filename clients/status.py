@@ -203,4 +203,4 @@ def _operator(operator: Mapping[str, Any] | None) -> str:
 
 
 def _mps(speed_mps: float | None) -> str:
-    return f"{speed_mps:.2f} m/s" if speed_mps is not None else "-"
+    return f"{speed_mps + 0.0:.2f} m/s" if speed_mps is not None else "-"

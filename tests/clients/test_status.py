@@ -58,6 +58,11 @@ def test_a_standing_car_says_why(observed, trouble, answer):
     assert headline(arrived(observed, output)) == answer
 
 
+def test_a_stop_is_never_minus_zero(observed):
+    output = output_of(observed, speed_mps=-0.0, winner=Source.SAFETY, reason="wall ahead")
+    assert "sent 0.00 m/s" in "\n".join(screen(arrived(observed, output)))
+
+
 def test_before_the_first_decision_it_says_so(observed):
     assert headline(arrived(observed, None)) == "stands: nothing has been decided yet"
 
