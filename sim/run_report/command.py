@@ -21,7 +21,10 @@ def run(options: argparse.Namespace) -> int:
     _check(target)
     runs = [_shown(file, tag, options) for file, tag in zip(files, "AB" if len(files) > 1 else ("",), strict=True)]
     text = page(*runs)
-    target.write_text(text, encoding="utf-8")
+    try:
+        target.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise RecordingError(f"{target} cannot be written: {error.strerror}; name another place with -o.") from None
     if options.json is not None:
         figures = [one.numbers for one in runs]
         words = json.dumps(figures[0] if len(figures) == 1 else figures, indent=2) + "\n"
