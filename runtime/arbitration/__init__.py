@@ -1,1 +1,1 @@
-"""Which command the motor gets: commands, the command queue, the permit, the emergency stop."""
+"""Arbitration of the motor command: commands, the command queue, the permit, the emergency stop."""

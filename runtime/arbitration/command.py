@@ -1,8 +1,8 @@
-"""Who may move the car, and how fast: voices, their words, and the one function that decides between them.
+"""Command sources, their commands and speed limits, and the pure function that arbitrates between them.
 
-A voice either *drives* (teleop, navigation) or *caps* the speed of everyone less urgent (e-stop, safety, permit).
-"I looked and it is fine" is a cap of infinity, which is not the same as silence. No queue, no clock and no I/O here:
-a table of cases tests it completely.
+A source either *drives* (teleop, navigation) or *limits* the speed of every less urgent source (e-stop, safety,
+permit). "Checked, no objection" is a limit of infinity, which is not the same as silence. No queue, no clock and no I/O
+here: a table of cases tests it completely.
 """
 
 import math
@@ -15,11 +15,11 @@ from drivers.value import value
 
 NO_LIMIT_MPS = math.inf
 NO_WINNER = "nobody"
-"""In place of a source's name in status, diagnostics and logs, where no source decided."""
+"""Name in status, diagnostics and logs where no source decided."""
 
 
 class Source(StrEnum):
-    """Everyone who has a say; the values are the names in `mux.order` and on the wire."""
+    """The command sources; the values are the names in `mux.order` and on the wire."""
 
     ESTOP = "e-stop"
     TELEOP = "teleop"
@@ -29,7 +29,7 @@ class Source(StrEnum):
 
 
 LAB_ORDER = (Source.ESTOP, Source.TELEOP, Source.SAFETY, Source.PERMIT, Source.NAVIGATION)
-"""The lab's mux: joystick over safety over navigation, with e-stop above all and the permit below safety."""
+"""The lab's priority order: joystick over safety over navigation, with e-stop above all and the permit below safety."""
 
 CAPPING = frozenset({Source.ESTOP, Source.SAFETY, Source.PERMIT})
 DRIVING = frozenset({Source.TELEOP, Source.NAVIGATION})
@@ -37,9 +37,10 @@ DRIVING = frozenset({Source.TELEOP, Source.NAVIGATION})
 
 @value()
 class DriveCommand:
-    """A wish to move.
+    """A requested motion.
 
-    scan_stamp_s: the scan it was made from, None for a human's wish. It is not obeyed under a verdict on an older one.
+    scan_stamp_s: the scan it was computed from, None for a human's request. It is not obeyed under a verdict on an
+        older scan.
     """
 
     source: Source
@@ -50,14 +51,16 @@ class DriveCommand:
 
 @value()
 class Verdict:
-    """How fast one particular drive may go. What is negative or NaN is no limit: `arbitrate` makes a stop of it.
+    """Speed limits for one particular drive command.
+
+    A negative or NaN limit is invalid: `arbitrate` turns it into a stop.
 
     forward_mps, reverse_mps: ceilings, both >= 0; infinity is consent, 0 is stop.
-    reason: constant words ("wall ahead"), so that a change of reason is an event; the number goes into `measure`.
+    reason: constant text ("wall ahead"), so that a change of reason is an event; the number goes into `measure`.
     measure: the number behind the reason (metres of free way), NaN where there is none.
-    brake_mps2: how hard a stop may brake; infinity is all there is. Less than that leaves grip for turning.
-    steering_rad: where an emergency stop takes the wheels, None where it leaves them to the driver. Nothing but a stop
-        of a car that was to move is obeyed in this.
+    brake_mps2: maximum deceleration of a stop; infinity is full braking. Less than that leaves grip for turning.
+    steering_rad: steering angle of an emergency stop, None where the driver keeps the steering. It is obeyed only in a
+        stop of a car that was commanded to move.
     """
 
     forward_mps: float
@@ -68,23 +71,23 @@ class Verdict:
     steering_rad: float | None = None
 
     def limit(self, speed_mps: float, steering_rad: float) -> "Verdict":  # noqa: ARG002 - the same whatever is asked
-        """Be an Outlook that judges every drive alike."""
+        """Return this verdict for every command: a constant SafetyAssessment."""
         return self
 
 
 class SafetyAssessment(Protocol):
-    """What a capping voice makes of the present; asked about the very drive that is about to be sent."""
+    """Judgement of the present by a limiting source; evaluated for the very command that is about to be sent."""
 
     def limit(self, speed_mps: float, steering_rad: float) -> Verdict:
-        """Judge a wish of any source. Cheap: asked again at every tick."""
+        """Judge a command of any source. Cheap: evaluated again at every tick."""
         ...
 
 
 @value()
 class SpeedLimit:
-    """A ceiling on the speed of everyone less urgent.
+    """A limit on the speed of every less urgent source.
 
-    outlook: judges the drive; a plain Verdict judges all alike.
+    outlook: judges the command; a plain Verdict judges all alike.
     scan_stamp_s: the scan behind it, None where no scan is involved.
     """
 
@@ -94,12 +97,12 @@ class SpeedLimit:
 
 
 def consent(source: Source, reason: str) -> SpeedLimit:
-    """Return the word of a voice that does not object."""
+    """Return the speed limit of a source that does not object."""
     return SpeedLimit(source, Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, reason))
 
 
 def refusal(source: Source, reason: str) -> SpeedLimit:
-    """Return the word of a voice that wants the car to stand."""
+    """Return the speed limit of a source that requests a stop."""
     return SpeedLimit(source, Verdict(0.0, 0.0, reason))
 
 
@@ -108,14 +111,15 @@ Word = DriveCommand | SpeedLimit
 
 @value()
 class Decision:
-    """What goes to the output, and why.
+    """The command for the output, and its reason.
 
     speed_mps: 0.0 is a stop that brakes.
-    steering_rad: None means "hold the wheels where they are", because no source steers.
-    driver: the source of the wish; None without one.
-    winner: who decided the speed: the voice that capped it if one did, else the driver; None for a stop by default.
+    steering_rad: None means "hold the present steering angle", because no source steers.
+    driver: the source of the drive command; None without one.
+    winner: the source that decided the speed: the one that limited it if any did, else the driver; None for a stop by
+        default.
     measure: the number behind the reason (metres to the obstacle), NaN where there is none.
-    brake_mps2: how hard a stop may brake; infinity is all there is.
+    brake_mps2: maximum deceleration of a stop; infinity is full braking.
     """
 
     speed_mps: float
@@ -129,9 +133,9 @@ class Decision:
 
 @value()
 class Output:
-    """What went to the motor, and why.
+    """The command that was sent to the motor, and its reason.
 
-    delivered: False when there was no motor to take it.
+    delivered: False when no motor was there to receive it.
     """
 
     stamp_s: float
@@ -141,11 +145,11 @@ class Output:
 
 
 def arbitrate(live: Sequence[Word], required: frozenset[Source], order: Sequence[Source]) -> Decision:
-    """Let the most urgent drive win under the caps of everyone more urgent.
+    """Select the most urgent drive command, limited by every more urgent source.
 
-    live: words in force, most urgent first, in the order of `order`.
+    live: commands and limits in force, most urgent first, in the order of `order`.
     required: sources without which no less urgent source moves the car; a silent safety task is no consent.
-    order: all voices, most urgent first; tells whether a silent voice would have bound the driver.
+    order: all sources, most urgent first; determines whether a silent source would have bound the driver.
     """
     caps: list[SpeedLimit] = []
     for word in live:
@@ -178,7 +182,7 @@ def _tightest(word: DriveCommand, caps: Sequence[SpeedLimit]) -> Decision:
     decision = Decision(word.drive.speed_mps, steering_rad, word.source, word.source, word.reason)
     for cap in caps:
         verdict = cap.outlook.limit(word.drive.speed_mps, steering_rad)
-        if not (verdict.forward_mps >= 0 and verdict.reverse_mps >= 0 and verdict.brake_mps2 >= 0):  # NaN is not
+        if not (verdict.forward_mps >= 0 and verdict.reverse_mps >= 0 and verdict.brake_mps2 >= 0):  # false for NaN
             return Decision(0.0, steering_rad, word.source, cap.source, f"{cap.source} answers with what is no limit")
         allowed_mps = max(-verdict.reverse_mps, min(verdict.forward_mps, decision.speed_mps))
         if allowed_mps != decision.speed_mps:
@@ -190,7 +194,7 @@ def _tightest(word: DriveCommand, caps: Sequence[SpeedLimit]) -> Decision:
 
 
 def _wheels_rad(verdict: Verdict, allowed_mps: float, wish_rad: float) -> float:
-    """Return where the wheels go: an emergency stop may take them from the driver, and nothing else may."""
+    """Return the steering angle: an emergency stop may override the driver's, and nothing else may."""
     if verdict.steering_rad is None or allowed_mps != 0.0 or not math.isfinite(verdict.steering_rad):
         return wish_rad
     return verdict.steering_rad

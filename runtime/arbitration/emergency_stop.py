@@ -1,4 +1,4 @@
-"""The emergency stop: one latch with several causes behind it; it opens when the last cause is gone."""
+"""The emergency stop: one latch with several causes; it opens when the last cause is cleared."""
 
 from collections.abc import Mapping
 from enum import StrEnum
@@ -9,18 +9,18 @@ from runtime.arbitration.command_queue import CommandQueue
 
 
 class Cause(StrEnum):
-    """Who may hold the emergency stop; each is cleared only by its own side."""
+    """Causes of the emergency stop; each is cleared only by its own side."""
 
     OPERATOR = "operator"
     """The button was pressed; cleared by a deliberate reset."""
     MOTOR = "motor"
-    """The motor controller has a fault or its kill switch is on; cleared when it says that this is over."""
+    """The motor controller has a fault or its kill switch is on; cleared when the controller reports the end of it."""
 
 
 class EmergencyStop:
-    """Speaks as Source.ESTOP while anything holds it. The only one that does, so that no cause hides another.
+    """Limits the speed to zero as Source.ESTOP while any cause holds. Its only user, so that no cause hides another.
 
-    The word never expires: an e-stop ends by an act, not by a silence.
+    The limit never expires: an e-stop ends by an act, not by a silence.
     """
 
     def __init__(self, voices: CommandQueue) -> None:
@@ -29,22 +29,22 @@ class EmergencyStop:
 
     @property
     def causes(self) -> Mapping[Cause, str]:
-        """What holds it, in the order in which it was latched, each in words; empty when it is open."""
+        """Causes that hold the latch, in the order of latching, each with its reason; empty when it is open."""
         return MappingProxyType(self._reasons)
 
     @property
     def latched(self) -> bool:
-        """Whether the car is held."""
+        """Whether the emergency stop is latched."""
         return bool(self._reasons)
 
     def latch(self, cause: Cause, reason: str) -> None:
-        """Hold the car. A cause that holds it already keeps its first words: those say how it began."""
+        """Latch the stop. A cause that is latched already keeps its first reason: that one describes the beginning."""
         if cause not in self._reasons:
             self._reasons[cause] = reason
             self._speak()
 
     def clear(self, cause: Cause) -> None:
-        """Let go on behalf of one cause; harmless when it does not hold."""
+        """Clear one cause; harmless when it is not latched."""
         if self._reasons.pop(cause, None) is not None:
             self._speak()
 

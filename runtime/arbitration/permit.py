@@ -12,12 +12,12 @@ NOT_REQUIRED = "permit not required"
 
 
 class Permit:
-    """Speaks as Source.PERMIT: consent while granted, a stop otherwise.
+    """Limits the speed as Source.PERMIT: consent while granted, a stop otherwise.
 
-    mode "required": consent only while an operator renews it.
-    mode "always" is for simulation and benches: consent while there is no operator. A present operator may
-    refuse it in this mode too, because a human who was lost or who drives by hand is a reason not to move.
-    reason: the words said last. until_s: when the consent ends; minus infinity while refused.
+    mode "required": consent only while an operator renews it. mode "always" is for simulation and benches: consent
+    while there is no operator. A present operator may refuse it in this mode too, because a lost operator or one who
+    drives by hand is a reason not to move.
+    reason: the reason reported last. until_s: end of the consent; minus infinity while refused.
     """
 
     def __init__(self, voices: CommandQueue, mode: Literal["required", "always"]) -> None:
@@ -28,27 +28,30 @@ class Permit:
         self.rest()
 
     def rest(self) -> None:
-        """Go back to what holds without an operator: the mode decides."""
+        """Return to the default without an operator, as the mode defines it."""
         if self.always:
             self.grant(until_s=NEVER_S, reason=NOT_REQUIRED)
         else:
             self.refuse(NOT_GRANTED)
 
     def grant(self, *, until_s: float, reason: str = "operator permits") -> None:
-        """Consent until then; the operator's client renews it. Afterwards the permit is silent, which is a stop."""
+        """Consent until `until_s`; the operator's client renews it.
+
+        Afterwards the permit is silent, which is a stop.
+        """
         self.until_s, self.reason = until_s, reason
         self._voices.say(consent(Source.PERMIT, reason), expires_at_s=until_s)
 
     def refuse(self, reason: str) -> None:
-        """Want the car to stand, in either mode; said once per reason."""
+        """Request a stop, in either mode; put once per reason."""
         if self.until_s > -math.inf or self.reason != reason:
             self.until_s, self.reason = -math.inf, reason
             self._voices.say(refusal(Source.PERMIT, reason))
 
     def revoke(self, reason: str) -> None:
-        """Take a grant back, for example because a device was lost: coming back is not leave to drive on.
+        """Revoke a grant, for example because a device was lost: its return is no consent to drive on.
 
-        Nothing changes where no grant is needed, or none was given.
+        No effect where no grant is needed, or none was given.
         """
         if not self.always and self.until_s > -math.inf:
             self.refuse(reason)

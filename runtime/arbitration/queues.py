@@ -1,12 +1,12 @@
-"""The expiring priority queue that wires the tasks together, and its face with a single slot.
+"""The expiring priority queue that connects the tasks, and its variant with a single slot.
 
-`asyncio.PriorityQueue` is wrong for a car in three ways: its head is the most urgent entry *ever*, so a joystick word
-from before a radio drop-out wins; two words of one source pile up, so the car replays the past; and `get()` consumes
-what the mux needs again at its next tick. Here every source has one slot, every entry expires, and there are two ways
-to read: `live()` looks at what is in force, `get()` takes the most urgent news.
+`asyncio.PriorityQueue` is wrong for a car in three ways: its head is the most urgent entry *ever*, so a joystick
+command from before a radio drop-out wins; two entries of one source pile up, so the car replays the past; and `get()`
+consumes what the mux needs again at its next tick. Here every source has one slot, every entry expires, and there are
+two ways to read: `live()` returns the entries in force, `get()` takes the most urgent new one.
 
-What may be lost, by design: a word that a newer one of the same source replaced, and a word that expired unread.
-For one loop only; other threads come in through `loop.call_soon_threadsafe`.
+Entries lost by design: one that a newer one of the same source replaced, and one that expired unread. For one loop
+only; other threads enter through `loop.call_soon_threadsafe`.
 """
 
 import asyncio
@@ -21,7 +21,7 @@ K = TypeVar("K", bound=Hashable)
 V = TypeVar("V")
 
 NEVER_S = float("inf")
-"""An expiry for words that hold until they are replaced or withdrawn, such as a latched e-stop."""
+"""Expiry of entries that hold until they are replaced or withdrawn, such as a latched e-stop."""
 
 
 @dataclass(slots=True)  # never changed; frozen would double the time to make one
@@ -35,8 +35,8 @@ class PriorityQueue(Generic[K, V]):
     """One slot per key, ordered by priority (smaller is more urgent), then by age (older first).
 
     The order is a sorted list of the occupied slots rather than a heap: a replaced entry leaves at once, so nothing
-    superseded can pile up and nothing needs compacting, and `live()` is a walk. With a handful of keys it is also
-    faster; docs/decisions/0003-priority-queue.md has the argument.
+    superseded can pile up and nothing needs compacting, and `live()` is one pass over the list. With a handful of keys
+    it is also faster; docs/decisions/0003-priority-queue.md has the argument.
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -50,7 +50,7 @@ class PriorityQueue(Generic[K, V]):
         return len(self._slots)
 
     def put(self, key: K, value: V, *, priority: int, expires_at_s: float) -> None:
-        """Say something; it replaces what the same key said before and counts as news."""
+        """Put an entry; it replaces the earlier one of the same key and counts as a change."""
         self.discard(key)
         self._sequence += 1
         rank = priority, self._sequence, key
@@ -59,29 +59,29 @@ class PriorityQueue(Generic[K, V]):
         self._news.set()
 
     def discard(self, key: K) -> None:
-        """Withdraw what a key said; harmless when it said nothing."""
+        """Withdraw the entry of a key; harmless when there is none."""
         entry = self._slots.pop(key, None)
         if entry is not None:
             self._order.remove(entry.rank)
 
     def rank_anew(self, priority: Callable[[K], int]) -> None:
-        """Change the priorities of what was said; its content, age and expiry stay."""
+        """Change the priorities of the entries; their content, age and expiry stay."""
         for key, entry in self._slots.items():
             self._slots[key] = replace(entry, rank=(priority(key), entry.rank[1], key))
         self._order = sorted(entry.rank for entry in self._slots.values())
 
     def live(self) -> list[V]:
-        """Return everything in force now, most urgent first, and leave it there."""
+        """Return all entries in force now, most urgent first, without removing them."""
         self._forget_expired()
         return [self._slots[key].value for _, _, key in self._order]
 
     def peek(self, key: K) -> V | None:
-        """Return what a key said, None when that is not in force now, and leave it there."""
+        """Return the entry of a key without removing it, None when it is not in force now."""
         entry = self._slots.get(key)
         return entry.value if entry is not None and entry.expires_at_s > self._clock() else None
 
     def get_nowait(self) -> V | None:
-        """Take out the most urgent live entry; None when there is none."""
+        """Remove and return the most urgent live entry; None when there is none."""
         self._forget_expired()
         if not self._order:
             return None
@@ -91,31 +91,31 @@ class PriorityQueue(Generic[K, V]):
         return value
 
     async def get(self) -> V:
-        """Take out the most urgent live entry, waiting for one if need be."""
+        """Remove and return the most urgent live entry, waiting for one if need be."""
         while (value := self.get_nowait()) is None:
             self._news.clear()
             await self._news.wait()
         return value
 
     async def changed(self) -> None:
-        """Wait until something was put, or `poke` was called, since this last returned or the news was taken."""
+        """Wait until an entry was put, or `poke` was called, since this last returned or the event was cleared."""
         while not self._news.is_set():  # woken, but another reader was quicker
             await self._news.wait()
         self._news.clear()
 
     def has_expired(self) -> bool:
-        """Tell whether something expired that `live` or `get` have not dropped yet."""
+        """Tell whether an entry has expired that `live` or `get` have not dropped yet."""
         now_s = self._clock()
         return any(entry.expires_at_s <= now_s for entry in self._slots.values())
 
     def take_news(self) -> bool:
-        """Tell whether there is news, and take it."""
+        """Tell whether the change event is set, and clear it."""
         news = self._news.is_set()
         self._news.clear()
         return news
 
     def poke(self) -> None:
-        """Wake the waiter in `changed`, so that silence is looked at as well as news."""
+        """Wake the waiter in `changed`, so that silence is examined as well as changes."""
         self._news.set()
 
     def _forget_expired(self) -> None:
@@ -126,9 +126,9 @@ class PriorityQueue(Generic[K, V]):
 
 
 class Inbox(Generic[V]):
-    """The newest value only, each taken once: for consumers that must never work through a backlog.
+    """Holds the newest value only, each taken once: for consumers that must never work through a backlog.
 
-    One reader at a time. What a queue with one key would do, in a quarter of its time: every scan passes here twice.
+    One reader at a time. Equivalent to a queue with one key, in a quarter of its time: every scan passes here twice.
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -137,7 +137,7 @@ class Inbox(Generic[V]):
         self._reader: asyncio.Future[None] | None = None
 
     def put(self, value: V, *, expires_at_s: float = NEVER_S) -> None:
-        """Replace what was there."""
+        """Replace the present value."""
         self._newest = (value, expires_at_s)
         if self._reader is not None and not self._reader.done():
             self._reader.set_result(None)

@@ -1,4 +1,4 @@
-"""Looks after the devices and the process itself: latches faults, has operators rearm, talks to systemd."""
+"""Monitoring of the devices and of the process itself: latches faults, requires rearming, notifies systemd."""
 
 import logging
 import math
@@ -14,35 +14,35 @@ log = logging.getLogger("wallride.health")
 
 RATE_HZ = 20.0
 READY_AT_LATEST_S = 10.0
-"""systemd is told READY by then even without devices: boot must not hang on a cable."""
+"""Maximum time until systemd receives READY, even without devices: boot must not hang on a cable."""
 CYCLE_LIMIT_S = 0.2
-"""A mux that has not decided for so long is not healthy, and the watchdog is not petted."""
+"""Maximum age of the mux's last decision for a healthy process; beyond it the watchdog is not notified."""
 FAULT_RETRY_S = 2.0
-"""Without an operator (permit "always") a latched motor fault is tried again after this time, then after twice as long
-each time: a car that runs backwards comes a little nearer to what is behind it with every try."""
+"""Delay before the retry of a latched motor fault without an operator (permit "always"); doubled with each attempt,
+because a car that runs backwards comes a little nearer to the obstacle behind it with every attempt."""
 MAX_FAULT_RETRY_S = 60.0
 FAULT_FORGOTTEN_S = 30.0
-"""So long without a fault, and the next one is tried again soon."""
+"""Time without a fault after which the next fault is retried after the shortest delay again."""
 AFTER_FAULT = "the motor had a fault; permit again"
 
 
 @dataclass(slots=True)
 class _LastReport:
-    """What was last said about a device, so that the log speaks once per change."""
+    """Last report on a device, so that the log has one line per change."""
 
     link: LinkState = LinkState.ABSENT
     message: str = ""
     identity: str = ""
-    lost: str = ""  # what was said when it was lost, until it is back
+    lost: str = ""  # reason of its loss, until it is back
 
 
 @dataclass(slots=True)
 class HealthMonitor:
-    """Checks everything at RATE_HZ; `check` is one round, so that tests can walk through time.
+    """Checks everything at RATE_HZ; `check` is one round, so that tests can step through time.
 
-    output: returns what the mux decided last; its age is the evidence on which the watchdog is petted.
-    rearm: called with the reason when nothing that an operator holds down may count any longer.
-    lidar_doubt, motor_doubt: in what the devices contradict themselves (`control.plausibility`), "" where they do not.
+    output: returns the mux's last decision; its age is the evidence on which the watchdog is notified.
+    rearm: called with the reason when no button that an operator holds down may count any longer.
+    lidar_doubt, motor_doubt: the contradictions in a device's own data (`control.plausibility`), "" without any.
     """
 
     lidar: Lidar
@@ -65,11 +65,11 @@ class HealthMonitor:
     _ready: bool = False
 
     def tick(self, _late_s: float, _missed: int) -> None:
-        """Check once; a `periodic.Tick`. How late the loop is, the mux's tick notes (`StageTimer`)."""
+        """Check once; a `periodic.Tick`. The lateness of the loop is noted by the mux's tick (`StageTimer`)."""
         self.check()
 
     def check(self) -> None:
-        """Look at everything once."""
+        """Check everything once."""
         now_s = self.clock()
         self._look_at("lidar", self.lidar.health, self._lidar_seen)
         self._look_at("motor", self.motor.health, self._motor_seen)
@@ -82,7 +82,7 @@ class HealthMonitor:
             seen.lost = f"{health.trouble or f'the {name} was lost'}; permit again"
             self.rearm(seen.lost)
         elif seen.lost and health.link is LinkState.READY:
-            self.rearm(seen.lost)  # again: what was pressed while it was away must not move the car by itself
+            self.rearm(seen.lost)  # again: what was pressed during the outage must not move the car by itself
             seen.lost = ""
         if seen.identity not in {"", health.identity}:
             log.warning("%s: %s, before it was %s", name, health.identity, seen.identity)
@@ -95,7 +95,7 @@ class HealthMonitor:
         seen.link, seen.message = health.link, health.message
 
     def _look_for_doubts(self) -> None:
-        """Hold the car for a motor that contradicts the lidar; a lidar that contradicts itself counts as lost."""
+        """Latch a stop for a motor that contradicts the lidar; a lidar that contradicts itself counts as lost."""
         doubt = self.lidar_doubt()
         if doubt != self._doubted:
             if doubt:

@@ -1,4 +1,4 @@
-"""Delivers scans from the lidar to its subscribers."""
+"""Delivery of scans from the lidar to its subscribers."""
 
 from collections.abc import Callable, Sequence
 from typing import Never
@@ -9,9 +9,9 @@ from drivers.api import Lidar, Scan
 async def pump(
     lidar: Lidar, readers: Sequence[Callable[[Scan], None]], timed: Callable[[Scan], None] = lambda _: None
 ) -> Never:
-    """Hand every scan to each reader in the order given: safety first, so that it is served before its passengers.
+    """Pass every scan to each reader in the order given: safety first, so that it is served before the others.
 
-    timed: told of every scan before anybody else, as soon as it is decoded.
+    timed: called with every scan before any reader, as soon as the scan is decoded.
     """
 
     def deliver(scan: Scan) -> None:

@@ -1,4 +1,4 @@
-"""The command mux: decides whose word goes to the motor, on every word and on every tick."""
+"""The command mux: decides which source's command goes to the motor, on every new command and on every tick."""
 
 import logging
 from collections.abc import Callable
@@ -16,14 +16,15 @@ from runtime.telemetry.screen_words import because
 log = logging.getLogger("wallride.mux")
 
 SILENT_AFTER_PERIODS = 1.5
-"""At 50 Hz that is 30 ms: scans at 40 Hz leave no silence."""
+"""Silence after which the mux ticks, in periods of its rate. At 50 Hz that is 30 ms: scans at 40 Hz leave no
+silence."""
 
 
 class Mux:
-    """Looks at the words in force, lets `arbitrate` decide, limits the result and writes it to the motor.
+    """Reads the commands and limits in force, calls `arbitrate`, limits the result and writes it to the motor.
 
-    seconds_by_winner: how long each voice decided, by name; NO_WINNER for stops by default.
-    output: the last decision; the watchdog is petted on the evidence of its age.
+    seconds_by_winner: total time that each source decided, by name; NO_WINNER for stops by default.
+    output: the last decision; its age is the evidence on which the watchdog is notified.
     """
 
     def __init__(
@@ -49,14 +50,14 @@ class Mux:
         self.seconds_by_winner: dict[str, float] = {}
 
     async def run(self, publish: Callable[[Output], None]) -> Never:
-        """Decide for ever."""
+        """Run the decision loop."""
         self._publish = publish
         while True:
             await self._voices.changed()
             self._decide()
 
     def decide_now(self) -> None:
-        """Decide at once instead of at the loop's next turn, if there is news: for the last word on a scan."""
+        """Decide at once instead of at the loop's next turn, if there is a change: for the last command on a scan."""
         if self._voices.take_news():
             self._decide()
 
@@ -97,8 +98,8 @@ class Mux:
 class SilenceTick:
     """Wakes the mux at a steady rate in silence: one that only forwards would go silent instead of stopping.
 
-    While words come often enough, and none has expired, a tick would only repeat them. noted: told how late each tick
-    is, and how many were missed.
+    While commands arrive often enough, and none has expired, a tick would only repeat them. noted: called with the
+    lateness of each tick, and the number of missed ticks.
     """
 
     def __init__(
@@ -110,7 +111,7 @@ class SilenceTick:
         self._noted = noted
 
     def tick(self, late_s: float, missed: int) -> None:
-        """Look once; a `periodic.Tick`."""
+        """Check once; a `periodic.Tick`."""
         self._noted(late_s, missed)
         voices = self._voices
         if voices.somebody_expired() or self._clock() - voices.spoken_s >= self._silent_after_s:

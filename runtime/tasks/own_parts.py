@@ -1,4 +1,4 @@
-"""Knows the car's own parts from one run to the next: used before the first scan, written when they have changed."""
+"""Persistence of the car's own parts between runs: loaded before the first scan, written when they have changed."""
 
 import asyncio
 from collections.abc import Callable, Mapping
@@ -19,14 +19,14 @@ from runtime.wire.bus import RefusedError
 
 LOOKS_EVERY_S = 2.0
 UNCHANGED_S = 10.0
-"""A set of parts that has not changed for so long is written down."""
+"""Time without a change after which a set of parts is written."""
 
 
 class OwnPartsKeeper:
-    """Hands parts from the file to the laws when the lidar has said who it is, and back when they have changed.
+    """Passes known parts to the laws once the lidar has identified itself, and writes them when they have changed.
 
-    lidar: which one it is, as it named itself. date: civil time in words. adopted: told what the laws were handed, for
-    the tape.
+    lidar: returns the identity that the lidar reports. date: civil time as text. adopted: called with the parts that
+        the laws received, for the decision log.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class OwnPartsKeeper:
         self._dirty = False
 
     def meet(self, _scan: Scan) -> None:
-        """Before a scan is judged: another lidar than before has other parts of the car before it."""
+        """Load the known parts before a scan is judged; another lidar sees other parts of the car."""
         identity = self._lidar()
         if identity is self._met or identity == self._met:
             return
@@ -53,21 +53,21 @@ class OwnPartsKeeper:
         self._met = identity
 
     def forget(self) -> None:
-        """Know no part of the car, and no dirt, any more; RefusedError while the car moves."""
+        """Forget all parts of the car, and all dirt; RefusedError while the car moves."""
         if not self._is_standing():
             raise RefusedError("the car moves: stop it, then let it forget its own parts")
         self._hand_over(None)
         self._stored, self._dirty = None, True
 
     async def keep(self) -> Never:
-        """Write down what has changed, in a thread."""
+        """Write changes, in a thread."""
         while True:
             await asyncio.sleep(LOOKS_EVERY_S)
             if self.is_due() and self._file is not None:
                 await asyncio.to_thread(memory.write, self._file, self._stored)
 
     def is_due(self) -> bool:
-        """Whether the file has to be written now; takes the parts that are to be written."""
+        """Return whether the file has to be written now; takes the parts that are to be written."""
         now_s, changes = self._clock(), self._laws.own_parts_changes
         if changes != self._changes:
             self._changes, self._changed_s = changes, now_s
@@ -81,7 +81,7 @@ class OwnPartsKeeper:
         return True
 
     def status(self) -> Mapping[str, Any]:
-        """Return what is known: patches as (beams, bearing in degrees, range in m), since when it is remembered."""
+        """Return the known parts as patches (beams, bearing in degrees, range in m), and the date of storage."""
         known, stored = self._laws.own_parts, self._stored
         return {
             "patches": [] if known is None else _patches(known),
@@ -95,7 +95,7 @@ class OwnPartsKeeper:
         return topics.encode(self.status())
 
     def answer_forget(self, _payload: bytes) -> bytes:
-        """Forget, and return the status; for `wallride own-parts forget`."""
+        """Forget the parts and return the status; for `wallride own-parts forget`."""
         self.forget()
         return topics.encode(self.status())
 

@@ -1,4 +1,4 @@
-"""Puts the parameter desk on the bus, and writes down what was changed there."""
+"""The parameter server on the bus, and the history file of its changes."""
 
 import asyncio
 import logging
@@ -33,7 +33,7 @@ def serve(bus: RequestServer, car: str, desk: ParameterServer) -> None:
 
 
 async def keep_history(history: ChangeHistory, file: Path | None) -> Never:
-    """Log changes and write them into a file, in a thread and at most once a second, however fast they come."""
+    """Log changes and append them to a file, in a thread and at most once a second, whatever their rate."""
     news = asyncio.Event()
     history.notify = news.set
     told = history.added
@@ -48,7 +48,7 @@ async def keep_history(history: ChangeHistory, file: Path | None) -> Never:
 
 
 def read_history(history: ChangeHistory, file: Path) -> None:
-    """Take in what an earlier run wrote; blocks, for before the car drives."""
+    """Load the history of earlier runs; blocks, to be called before the car drives."""
     try:
         bad = history.read(file.read_text(errors="replace").splitlines())
     except FileNotFoundError:

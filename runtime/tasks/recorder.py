@@ -1,7 +1,7 @@
-"""Puts the recorder on the bus: begins and ends recordings, lists, hands out and deletes files.
+"""The recorder on the bus: begins and ends recordings; lists, sends and deletes files.
 
-Files are read in threads, one piece at a time and slowly while the car is armed: neither the loop nor the radio link
-of a driving car has time for them.
+Files are read in threads, one piece at a time and slowly while the car is armed: neither the loop nor the radio link of
+a driving car has time for them.
 """
 
 import asyncio
@@ -46,7 +46,7 @@ def serve(bus: RequestServer, car: str, recorder: Recorder) -> None:
 
 
 class Library:
-    """Answers the questions; RefusedError says why not."""
+    """Answers the requests; RefusedError carries the reason of a refusal."""
 
     def __init__(self, recorder: Recorder) -> None:
         self._recorder = recorder
@@ -54,7 +54,7 @@ class Library:
         self._asking = 0
 
     async def record(self, payload: bytes) -> bytes:
-        """Begin or end a recording, wait until that happened, and say how it stands."""
+        """Begin or end a recording, wait until that happened, and return the state."""
         wish = _read(RecordQuestion, payload).on
         if wish and not self._recorder.is_enabled:
             raise RefusedError("recording is turned off on this car: recording.enabled = false")
@@ -72,21 +72,21 @@ class Library:
         return topics.encode(await self._in_turn(lambda: _listing(self._recorder.folder)))
 
     async def get(self, payload: bytes) -> bytes:
-        """Return a piece of a file: fewer bytes than asked for at its end, none behind it."""
+        """Return a piece of a file: fewer bytes than requested at its end, none beyond it."""
         question = _read(GetRecording, payload)
-        if parse(question.name) is None:  # also keeps every path but those in the folder out
+        if parse(question.name) is None:  # also refuses every path outside the folder
             raise RefusedError(f"{question.name!r} is not the name of a recording; see wallride logs list")
         path = self._recorder.folder / question.name
         return await self._in_turn(lambda: _piece(path, question.offset, question.length))
 
     async def trim(self, payload: bytes) -> bytes:
-        """Delete the oldest files; returns the names of those that went."""
+        """Delete the oldest files; return their names."""
         question = _read(TrimQuestion, payload)
         gone = await self._in_turn(lambda: trim(self._recorder.folder, question.keep_mb * MB))
         return topics.encode({"deleted": [entry.name for entry in gone]})
 
     async def _in_turn(self, read: Callable[[], T]) -> T:
-        """Read in a thread, one question after the other, with a pause after each."""
+        """Read in a thread, one request after the other, with a pause after each."""
         if self._asking >= MAX_ASKING:
             raise RefusedError("too many are asking for recordings; try again")
         self._asking += 1

@@ -1,4 +1,4 @@
-"""Says after every scan how fast the car may go."""
+"""The safety task: limits the speed after every scan."""
 
 from collections.abc import Callable
 from typing import Never
@@ -8,7 +8,7 @@ from runtime.arbitration.queues import Inbox
 from runtime.realtime.stage_timing import TimedStage
 
 Look = Callable[[Scan, MotorState | None], object]
-"""Takes in one scan and puts safety's word into the command queue: `LiveStack.look`."""
+"""Takes in one scan and puts safety's speed limit into the command queue: `LiveStack.look`."""
 
 
 async def watch(scans: Inbox[Scan], motor: Motor, look: Look, stage: TimedStage) -> Never:

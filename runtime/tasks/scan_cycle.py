@@ -1,4 +1,4 @@
-"""What ends a scan, in this order: the motor's command, telemetry, then what can wait until the command is out."""
+"""The end of a scan's cycle, in this order: the motor's command, telemetry, then work that can wait for both."""
 
 from collections.abc import Callable, Sequence
 
@@ -8,10 +8,10 @@ from runtime.realtime.stage_timing import TimedStage
 
 
 class ScanCycle:
-    """One for a car. A navigator calls `begin` before it answers a scan and `end` with its answer, and nothing else.
+    """One per car. A navigator calls `begin` before it answers a scan and `end` with its answer, and nothing else.
 
-    decide: the mux's decision on the words that there are now; the motor need not wait for the mux's turn of the loop.
-    publish: hands scan and answer to telemetry. afterwards: told of the scan, in order, when the command is on its way.
+    decide: the mux's decision on the commands present now; the motor need not wait for the mux's turn of the loop.
+    publish: passes scan and answer to telemetry. afterwards: called with the scan, in order, once the command is sent.
     """
 
     def __init__(
@@ -27,11 +27,11 @@ class ScanCycle:
         self._afterwards = tuple(afterwards)
 
     def begin(self) -> None:
-        """Note when the answer begins."""
+        """Note the start of the answer."""
         self._stage.begin()
 
     def end(self, scan: Scan, guidance: Guidance) -> None:
-        """End a scan: its words are in the command queue."""
+        """End a scan; its commands are in the command queue."""
         self._stage.end()
         self._decide()
         self._publish(scan, guidance)

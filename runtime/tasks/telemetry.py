@@ -1,10 +1,10 @@
-"""Off the hot path: notes what the tasks show, and has it written when the motor has its command.
+"""Telemetry off the hot path: collects values from the tasks, and writes them once the motor has its command.
 
-The hot path only leaves references. Of most topics the newest is told; of what belongs to one scan, every one. They
-leave in bursts, one in BURST_PERIOD_S, because each burst wakes everything that sends, and the second message of a
-kind costs a quarter of the first; a change of mind does not wait for the next burst. A burst begins when the motor has
-its command, and writes for at most TURN_S per turn of the loop, so that whatever arrives meanwhile waits hardly longer.
-A message without a claim is not written at all.
+The hot path only leaves references. Of most topics the newest value is sent; of topics tied to one scan, every one.
+They leave in bursts, one in BURST_PERIOD_S, because each burst wakes every sending thread, and the second message of a
+kind costs a quarter of the first; a changed decision does not wait for the next burst. A burst begins when the motor
+has its command, and writes for at most TURN_S per turn of the loop, so that other arrivals meanwhile wait hardly
+longer. A message that no sink claims is not written at all.
 """
 
 import asyncio
@@ -36,21 +36,24 @@ BY_OUTPUT = (
     topics.DIAGNOSTICS,
 )  # fmt: skip
 BURST_PERIOD_S = 0.04
-"""Decisions come every 20 or 25 ms, so that every second one begins a burst: 20 or 25 a second."""
+"""Period of the bursts. Decisions come every 20 or 25 ms, so that every second one begins a burst: 20 or 25 a
+second."""
 TURN_S = 0.0002
-"""A turn of the loop costs as much as a message, so one message per turn would double the work."""
+"""Maximum writing time per turn of the loop. A turn costs as much as a message, so one message per turn would double
+the work."""
 MAX_WAITING = 32
-"""Changes of mind, and others of which every one is told, that may wait; of more in one burst the oldest are lost."""
+"""Maximum number of waiting messages of the topics of which every one is sent, such as changed decisions; beyond it in
+one burst the oldest are dropped."""
 
 _Waiting = tuple[str, float, Callable[[], Message | None]]
-"""Topic, when it was news on the monotonic clock, what writes it."""
+"""Topic, time of the value on the monotonic clock, function that writes the message."""
 _Written = tuple[list[Sink], tuple[str, str, float, bytes]]
 
 
 class Telemetry:
-    """Takes values from the hot path (`on_...`), gives messages to sinks (`run`).
+    """Takes values from the hot path (`on_...`), passes messages to sinks (`run`).
 
-    sinks: who gets the messages; may be added to and taken from while the car drives.
+    sinks: receive the messages; may be added and removed while the car drives.
     journey: scans, score, latency and pose since the start.
     wall_clock, side, ball_m: as in `TopicWriters`.
     """
@@ -73,7 +76,7 @@ class Telemetry:
             observed, car, self._newest, self.journey, wall_clock=wall_clock, side=side, ball_m=ball_m
         )
         self._odometry = Odometry(car.wheelbase_m)
-        self._news: dict[str, None] = {}  # a set that keeps its order
+        self._news: dict[str, None] = {}  # an ordered set
         self._changes: deque[_Waiting] = deque(maxlen=MAX_WAITING)
         self._each: deque[_Waiting] = deque(maxlen=MAX_WAITING)
         self._mind: tuple[object, ...] = ()
@@ -103,7 +106,7 @@ class Telemetry:
         self._each.append((topics.IMU, stamp_s, partial(self._writers.imu, stamp_s, turn_radps, acceleration_mps2)))
 
     def on_output(self, output: Output) -> None:
-        """Note a decision, which the motor has already, and let the writing begin."""
+        """Note a decision, which the motor has already, and start the writing."""
         decision = output.decision
         if self._unanswered_s is not None:
             latency_s = self._observed.clock() - self._unanswered_s
@@ -128,11 +131,11 @@ class Telemetry:
             self._woken.set()
 
     def jobs(self) -> dict[str, Coroutine[Any, Any, Never]]:
-        """Return what has to run, by name."""
+        """Return the tasks to run, by name."""
         return {"telemetry": self.run()}
 
     async def run(self) -> Never:
-        """Write for ever, a few messages per turn of the loop; what was written in a burst leaves together."""
+        """Write in a loop, a few messages per turn; the messages of one burst leave together."""
         clock = self._observed.clock
         while True:
             await self._woken.wait()
@@ -156,7 +159,7 @@ class Telemetry:
             self._news[topic] = None
 
     def _due(self, now_s: float) -> Iterator[tuple[_Waiting, bool]]:
-        """Yield everything that was new when it was asked, what hurries first, and whether it is urgent."""
+        """Yield every value that was new at the time of the call, urgent ones first, with its urgency."""
         news, self._news = self._news, {}
         for queue, urgent in ((self._changes, True), (self._each, False)):
             while queue:

@@ -1,4 +1,4 @@
-"""Follows the wall: one navigation word per scan, and then what ends the scan."""
+"""The wall following task: one navigation command per scan, and then the end of the scan's cycle."""
 
 from collections.abc import Callable
 from typing import Never
@@ -9,7 +9,7 @@ from runtime.control.guidance import Guidance
 from runtime.tasks.scan_cycle import ScanCycle
 
 Follow = Callable[[Scan, MotorState | None], Guidance]
-"""Answers one scan and puts the navigation word into the command queue: `LiveStack.follow`."""
+"""Answers one scan and puts the navigation command into the command queue: `LiveStack.follow`."""
 
 
 async def follow(scans: Inbox[Scan], motor: Motor, answer: Follow, cycle: ScanCycle) -> Never:
