@@ -1,7 +1,7 @@
-"""What an operator's acts mean to the mux: the two words, teleop and permit, that change only together.
+"""The effect of an operator's acts on the mux: the teleop command and the permit, which change only together.
 
-While a human drives, the permit refuses in either mode, so that teleop falling silent never lets autonomy go. While
-an operator is there at all, the permit's consent is a lease, so that it ends even if no task were left to notice.
+While a human drives, the permit refuses in either mode, so that the silence of teleop never releases autonomy. While an
+operator is present at all, the permit's consent is a lease, so that it ends even if no task were left to notice.
 """
 
 from drivers.api import Drive
@@ -12,7 +12,7 @@ from runtime.teleop.status import OperatorState
 
 
 class TeleopStatements:
-    """Speaks for the operator.
+    """Puts the operator's command and permit into the command queue.
 
     holding: what the last obeyed command held: MANUAL, AUTONOMY, or RELEASED.
     incident: why autonomy waits for an act of an operator, in the mode that needs no permit; "" when it does not.
@@ -25,19 +25,19 @@ class TeleopStatements:
         self.incident = ""
 
     def drive(self, name: str, drive: Drive, *, until_s: float) -> None:
-        """Let a human drive."""
+        """Put a manual drive command."""
         self.holding, self.incident = OperatorState.MANUAL, ""
         self._permit.refuse(f"{name} drives by hand")
         self._voices.say(DriveCommand(Source.TELEOP, drive, None, f"{name} drives"), expires_at_s=until_s)
 
     def permit(self, *, until_s: float) -> None:
-        """Let autonomy move."""
+        """Permit autonomy to move."""
         self._withdraw()
         self.holding, self.incident = OperatorState.AUTONOMY, ""
         self._permit.grant(until_s=until_s)
 
     def release(self, *, until_s: float) -> None:
-        """Take in an explicit release: a stop, unless autonomy needs no permit and no act is awaited."""
+        """Handle an explicit release: a stop, unless autonomy needs no permit and no act is awaited."""
         self._withdraw()
         if not self._permit.always:
             self.incident = ""  # here autonomy needs a press in any case
@@ -52,14 +52,14 @@ class TeleopStatements:
         self._permit.refuse(reason)
 
     def interrupt(self, reason: str) -> None:
-        """Stop what is held down; where nothing is, only a permit that was granted ends."""
+        """End what the last command held: a stop; where it held nothing, only a granted permit is revoked."""
         if self.holding is OperatorState.RELEASED:
             self._permit.revoke(reason)
         else:
             self.halt(reason)
 
     def leave(self) -> None:
-        """Go back to what holds without any operator."""
+        """Return to the defaults without any operator."""
         self._withdraw()
         self.incident = ""
         self._permit.rest()

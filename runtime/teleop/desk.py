@@ -1,15 +1,16 @@
-"""The operator's desk on the car: turns commands into words for the mux, and silence into a stop.
+"""The operator's desk on the car: turns commands into entries of the command queue, and silence into a stop.
 
 The rules, each with a test that fails when it is broken (docs/decisions/0008-teleop-protocol.md has the reasons):
 
 * Only a fresh and new command is obeyed; stopping is obeyed from any command, however old or broken.
 * A press counts only after a release was seen: at the start of a session, and again after every incident.
-* One operator at a time. Taking over is visible, and stops the car.
-* By hand: the word lasts as long as the command that said it. Autonomy: the permit is a lease of the same length.
+* One operator at a time. A takeover is visible, and stops the car.
+* Manual driving: the drive command lasts as long as the operator's command behind it. Autonomy: the permit is a lease
+of the same length.
 * An operator who falls silent without a goodbye is lost: autonomy does not take over, whatever the permit's mode.
-* After an incident autonomy waits for an act of the operator: a press, or a goodbye. Hands off is no act.
+* After an incident autonomy waits for an act of the operator: a press, or a goodbye. A release is no such act.
 
-A plain state machine: the clock is injected, nothing here waits, and no bus is known.
+A plain state machine: the clock is injected, nothing here waits, and it knows no bus.
 """
 
 import logging
@@ -35,9 +36,9 @@ RELEASE_FIRST = "release everything first, then press"
 
 
 class OperatorDesk:
-    """Hears commands (`receive`), notices silence (`tick`), and answers with beats (`beat`).
+    """Takes commands (`receive`), detects silence (`tick`), and answers with heartbeats (`beat`).
 
-    clear_fault: asks the motor to forget its fault; called on a deliberate reset of the e-stop.
+    clear_fault: requests the motor to clear its fault; called on a deliberate reset of the e-stop.
     car_session: random per start of this process, never 0: commands meant for an earlier start do not count.
     """
 
@@ -66,15 +67,15 @@ class OperatorDesk:
         self._words = TeleopStatements(voices, permit)
         self._operator: TeleopSession | None = None
         self._lost: TeleopSession | None = None  # fell silent; until a client acts or it says goodbye
-        self._reason = ""  # why everything has to be released
-        self._futile_until_s = -math.inf  # a client presses without having released
+        self._reason = ""  # reason why everything has to be released
+        self._futile_until_s = -math.inf  # until then a client presses without a release before
         self._accepted = 0
         self._round_trip_s: float | None = None
 
     def receive(self, _key: str, payload: bytes, arrival_s: float) -> None:
         """Take in one command; never raises, whatever the payload is.
 
-        arrival_s: when it came, on the monotonic clock; only for the round trip that the operator is shown.
+        arrival_s: its arrival on the monotonic clock; only for the round trip that the operator's client shows.
         """
         now_s = self._clock()
         try:
@@ -98,22 +99,22 @@ class OperatorDesk:
         self._obey(session, command, now_s)
 
     def tick(self) -> None:
-        """Notice what did not come; call at the rate of the beats."""
+        """Detect missing commands; call at the rate of the heartbeats."""
         self._notice_silence(self._clock())
 
     @property
     def is_attended(self) -> bool:
-        """Whether an operator has spoken lately, to drive or only to be there."""
+        """Whether an operator has sent commands lately, to drive or only to be present."""
         return bool(self._gate.heard_lately(self._clock()))
 
     def rearm(self, reason: str) -> None:
-        """Distrust what is held down, because a device was lost or came back; the reason is shown."""
+        """Disarm all sessions, because a device was lost or came back; the reason is shown."""
         self._gate.disarm()
         self._reason = reason
         self._words.interrupt(reason)
 
     def beat(self, speed_mps: float) -> Beat:
-        """Strike the next beat, to be sent at once. speed_mps: measured, NaN when unknown."""
+        """Return the next heartbeat, to be sent at once. speed_mps: measured, NaN when unknown."""
         number, condition, operator = self._beats.strike(), self._facts().condition(), self._operator
         if operator is None:
             return Beat(self._car_session, number, condition, speed_mps=speed_mps)
@@ -123,7 +124,7 @@ class OperatorDesk:
         )
 
     def view(self) -> OperatorView:
-        """Return the present as plain values."""
+        """Return the present state as plain values."""
         now_s, facts, operator = self._clock(), self._facts(), self._operator
         return OperatorView(
             standing=facts.standing(),
@@ -156,7 +157,7 @@ class OperatorDesk:
         elif not flags:
             self._release(session)
         elif self._operator not in {None, session}:
-            session.armed = False  # or it would set off by itself when the other one leaves
+            session.armed = False  # or it would move the car by itself when the other operator leaves
             self._refusals.count(Refusal.NOT_OPERATOR, "another operator drives; take over, or wait")
         elif not session.armed:
             self._futile_until_s = now_s + self._settings.expiry_s
@@ -218,7 +219,7 @@ class OperatorDesk:
             self._log.say("operator", f"{session.title} operates", logging.INFO)
 
     def _press_e_stop(self, name: str) -> None:
-        self._gate.disarm()  # each time: a reset must come after the last press of anybody
+        self._gate.disarm()  # each time: a reset must come after the last press of any client
         if Cause.OPERATOR not in self._emergency_stop.causes:
             reason = f"e-stop by {name}"
             self._log.say("e-stop", reason)
@@ -266,7 +267,7 @@ class OperatorDesk:
 
 
 def _advice(kind: Refusal) -> str:
-    """Say what a command that did not pass the gate means, for the log."""
+    """Return the meaning of a command that did not pass the gate, for the log."""
     return {
         Refusal.FOREIGN: "sent before this car was heard, or for an earlier start of it",
         Refusal.UNKNOWN_BEAT: "echoes a beat that was not sent lately",

@@ -1,8 +1,8 @@
-"""How old a command is, on the car's clock alone, and whether it is news.
+"""The age of a command on the car's clock alone, and its order in the series.
 
-The car numbers its beats and remembers when it sent each. An operator echoes the newest number it heard, so a command
-is at most as old as that beat: the time covers the way there, the way back, and every queue in between, and no
-two clocks need to agree.
+The car numbers its heartbeats and remembers when it sent each. An operator echoes the newest number received, so a
+command is at most as old as that heartbeat: the time covers the way to the operator, the way back, and every queue in
+between, and no two clocks need to agree.
 """
 
 from collections import deque
@@ -10,7 +10,8 @@ from collections import deque
 from drivers.api import Clock
 
 REMEMBERED_BEATS = 512
-"""Ten seconds at 50 Hz. Older ones are as good as unknown: a command that old is not obeyed anyway."""
+"""Number of heartbeats whose sending times are kept: ten seconds at 50 Hz. Older ones count as unknown: a command that
+old is not obeyed anyway."""
 _U32 = 0xFFFF_FFFF
 _HALF = 0x8000_0000
 
@@ -21,7 +22,7 @@ def newer(number: int, than: int) -> bool:
 
 
 class Beats:
-    """The car's numbered heartbeats and when each was sent.
+    """The car's numbered heartbeats and the sending time of each.
 
     number: the newest; 0 before the first.
     """
@@ -32,12 +33,12 @@ class Beats:
         self.number = number
 
     def strike(self) -> int:
-        """Count one more beat, which is sent now; return its number."""
+        """Count one more heartbeat, which is sent now; return its number."""
         self.number = (self.number + 1) & _U32
         self._sent_s.append(self._clock())
         return self.number
 
     def sent_at_s(self, number: int) -> float | None:
-        """Return when a beat was sent; None for one of the future, of another car or forgotten."""
+        """Return the sending time of a heartbeat; None for one of the future, of another car or forgotten."""
         back = (self.number - number) & _U32
         return self._sent_s[-1 - back] if back < len(self._sent_s) else None

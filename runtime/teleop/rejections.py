@@ -1,4 +1,4 @@
-"""Commands that were not obeyed: counted by kind, and said in the log now and then."""
+"""Rejected commands: counted by kind, and logged at a limited rate."""
 
 from collections.abc import Mapping
 from enum import StrEnum
@@ -7,7 +7,7 @@ from runtime.host.rate_limited_log import RateLimitedLog
 
 
 class Refusal(StrEnum):
-    """Why a command was not obeyed; the values are the names in the status."""
+    """Reasons for which a command is not obeyed; the values are the names in the status."""
 
     MALFORMED = "malformed"
     FOREIGN = "for another start of the car"
@@ -25,7 +25,7 @@ class Refusal(StrEnum):
 
 
 class Refusals:
-    """Counts; the log hears of each kind at most once a second, whatever arrives."""
+    """Counts rejections; the log gets one line per kind and second at most, at any rate of arrival."""
 
     def __init__(self, log: RateLimitedLog) -> None:
         self._log = log
@@ -33,10 +33,10 @@ class Refusals:
 
     @property
     def counts(self) -> Mapping[str, int]:
-        """How often each kind happened since the start; kinds that never did are missing."""
+        """Count of each kind since the start; kinds that never occurred are missing."""
         return {str(kind): count for kind, count in self._counts.items()}
 
     def count(self, kind: Refusal, detail: str) -> None:
-        """Remember one; `detail` is in our own words, never quoted from what came."""
+        """Count one; `detail` is this program's own text, never quoted from the payload."""
         self._counts[kind] = self._counts.get(kind, 0) + 1
         self._log.say(kind, f"command not obeyed, {kind}: {detail}")

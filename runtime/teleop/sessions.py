@@ -1,7 +1,7 @@
-"""Who talks to the car: one record per client, few of them, and the gate that every command must pass.
+"""The clients' sessions: one record per client, at most MAX_SESSIONS, and the gate that every command must pass.
 
-The gate asks two things only: is the command fresh (see `freshness`), and is it newer than the last of its session.
-What the command wants is not its business.
+The gate checks two things only: whether the command is fresh (see `freshness`), and whether it is newer than the last
+of its session. Its content is evaluated elsewhere.
 """
 
 from dataclasses import dataclass
@@ -11,17 +11,19 @@ from runtime.teleop.rejections import Refusal
 from runtime.wire.teleop import Command
 
 MAX_SESSIONS = 64
-"""More clients at once than any class has. Further sessions of a valid key are refused, not obeyed."""
+"""Maximum number of sessions: more clients at once than any class has. Further sessions of a valid key are refused, not
+obeyed."""
 
 
 @dataclass(slots=True, eq=False)
 class TeleopSession:
     """One start of one client.
 
-    sequence: the newest command that passed. beat_s: when the car sent the beat which that command echoed.
-    fresh_until_s: when the newest of its commands ends. heard_s, arrived_s: when that was handled, and came.
-    armed: everything was seen released since the last reason to distrust; only then a press counts.
-    over: it said goodbye. It stays known for a while, or its last commands could be played to us again.
+    sequence: the newest command that passed. beat_s: when the car sent the heartbeat which that command echoed.
+    fresh_until_s: when the newest of its commands expires. heard_s, arrived_s: when that was handled, and when it
+        arrived.
+    armed: a full release was seen since the last incident; only then a press counts.
+    over: the session ended with a goodbye. It stays known for a while, or its last commands could be replayed.
     """
 
     number: int
@@ -36,15 +38,15 @@ class TeleopSession:
 
     @property
     def title(self) -> str:
-        """What to call it."""
+        """Its name for logs and status."""
         return self.name or "an operator without a name"
 
 
 class SessionGate:
-    """Lets fresh and new commands through, and knows the sessions that sent them.
+    """Admits fresh and new commands, and keeps the sessions that sent them.
 
-    A session that is forgotten was silent for `forget_after_s`, which is longer than `expiry_s`: whatever is
-    replayed of it is stale, so forgetting opens no door.
+    A session that is forgotten was silent for `forget_after_s`, which is longer than `expiry_s`: a replay of its
+    commands is stale, so forgetting it is safe.
     """
 
     def __init__(self, beats: Beats, car_session: int, *, expiry_s: float, forget_after_s: float) -> None:
@@ -77,12 +79,12 @@ class SessionGate:
         return known
 
     def disarm(self) -> None:
-        """Count no presses before a release."""
+        """Disarm every session: no press counts before a release."""
         for session in self._sessions.values():
             session.armed = False
 
     def heard_lately(self, now_s: float) -> int:
-        """Return how many clients are there."""
+        """Return the number of clients with commands lately."""
         sessions = self._sessions.values()
         return len([one for one in sessions if not one.over and now_s - one.heard_s < self._forget_after_s])
 

@@ -1,4 +1,4 @@
-"""What the operator's side looks like from outside: for the status, the log of a race, a page."""
+"""The operator's side as shown outside: in the status, the log of a race, a page."""
 
 from collections.abc import Mapping
 from enum import StrEnum
@@ -10,7 +10,7 @@ from runtime.wire.teleop import CarCondition
 
 
 class OperatorState(StrEnum):
-    """Where the operator's side stands; the first that applies, most urgent first."""
+    """States of the operator's side; the first that applies, most urgent first."""
 
     ESTOP = "e-stop"
     LOST = "operator lost"
@@ -25,7 +25,7 @@ class OperatorState(StrEnum):
 
 @value()
 class DeskFacts:
-    """What the desk knows at one moment, before it is put into words.
+    """State of the desk at one moment, from which the shown state is derived.
 
     present, lost: the operator's commands are fresh; an operator fell silent and no client has acted since.
     must_release: a press is not obeyed, and a client that could operate presses or may do so.
@@ -41,7 +41,7 @@ class DeskFacts:
     permitted: bool
 
     def standing(self) -> OperatorState:
-        """Put it into one word."""
+        """Return the state of the operator's side."""
         if self.e_stop:
             return OperatorState.ESTOP
         if self.lost:
@@ -55,7 +55,7 @@ class DeskFacts:
         return OperatorState.RELEASED if self.present else OperatorState.ABSENT
 
     def condition(self) -> CarCondition:
-        """Put it into the flags of a beat."""
+        """Return the flags of a heartbeat."""
         return CarCondition(
             bool(self.e_stop) * CarCondition.ESTOP_LATCHED
             + self.permitted * CarCondition.PERMITTED
@@ -70,12 +70,12 @@ class DeskFacts:
 class OperatorView:
     """The operator's side at one moment.
 
-    operator, session: who operates, by name and as 16 hexadecimal digits; "" without an operator.
+    operator, session: name of the operator, and session as 16 hexadecimal digits; "" without an operator.
     sessions: clients heard lately. accepted: commands that were fresh and new.
-    age_s: since the operator's last such command. round_trip_s: how old the beat in it was when it came.
+    age_s: since the operator's last such command. round_trip_s: age of the heartbeat in it on arrival.
     reason: why a press is not obeyed or autonomy waits; "" when neither.
-    permit: the permit's last words. permitted: whether they allow autonomy to move now.
-    e_stop: what holds the emergency stop, by cause. refused: commands not obeyed, by kind.
+    permit: the permit's last reason. permitted: whether it allows autonomy to move now.
+    e_stop: causes of the emergency stop with their reasons. refused: commands not obeyed, by kind.
     """
 
     standing: OperatorState

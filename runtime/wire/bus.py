@@ -1,8 +1,8 @@
-"""One zenoh session, for the car and for clients alike: bytes out without waiting, bytes in through the loop.
+"""One zenoh session, for the car and for clients alike: publishes without waiting, delivers through the event loop.
 
-The only module that imports zenoh, and it does so late, because a car must be able to stop before it can talk.
+The only module that imports zenoh, and it does so late, because a car must be able to stop before it can communicate.
 zenoh calls back in threads of its own; everything it brings crosses into the loop here, in order, with the time at
-which it arrived, one hop per burst.
+which it arrived, one wake-up per burst.
 """
 
 import asyncio
@@ -38,28 +38,29 @@ Changed = Callable[[str, bool], None]
 SOURCE_PLACE = re.compile(r" at /?[\w./@-]*\.rs:\d+\.?")
 SINGLE = re.compile(r"\[Single\(([^)]*)\)\]")
 BACKLOG = 256
-"""How much one burst may bring per subscription; the oldest beyond it is dropped, because newer words replace older."""
+"""Maximum number of samples of one burst per subscription; the oldest beyond it are dropped, because newer messages
+replace older ones."""
 MAX_DELIVERIES = 16
-"""Deliveries per subscription and turn of the loop. zenoh refills a mailbox as fast as it is emptied: without a
+"""Maximum deliveries per subscription and turn of the loop. zenoh refills a mailbox as fast as it is emptied: without a
 limit a flood of 35,000 commands/s kept the loop from the motor for up to 4 s."""
 MAX_SAMPLE_BYTES = 65536
-"""The largest sample that is taken in; telemetry's largest, a scan of 4321 beams, has 17 kB."""
+"""Maximum size of an accepted sample; telemetry's largest, a scan of 4321 beams, has 17 kB."""
 MAX_QUESTION_BYTES = 4096
-"""The largest question that is answered; larger ones are refused before their bytes are copied."""
+"""Maximum size of an answered query; larger ones are refused before their bytes are copied."""
 
 
 IN_USE = "Address already in use"
-"""What zenoh's error says of a taken port."""
+"""Text of zenoh's error for a taken port."""
 OPEN_ATTEMPTS = 5
-"""A port that was free a moment ago may be taken when it is opened."""
+"""Number of attempts to open: a port that was free a moment ago may be taken when it is opened."""
 
 
 class RefusedError(Exception):
-    """The other side answered, and the answer is no; the text is its reason."""
+    """Refusal by the other side; the text is its reason."""
 
 
 class PortTakenError(OSError):
-    """Another program listens on one of our addresses. endpoint: that address."""
+    """Another program listens on one of the session's addresses. endpoint: that address."""
 
     def __init__(self, endpoint: str) -> None:
         super().__init__(f"{endpoint} is taken by another program")
@@ -67,21 +68,21 @@ class PortTakenError(OSError):
 
 
 class Network(Protocol):
-    """What the car needs of a bus; in stories a twin in memory."""
+    """The car's interface to a bus; in whole-car tests an implementation in memory."""
 
     @property
     def endpoint(self) -> str:
-        """Where it can be reached."""
+        """Endpoint at which the car can be reached."""
         ...
 
     @property
     def is_open(self) -> bool:
-        """Whether `put` reaches anybody."""
+        """Whether the session is open, so that `put` sends."""
         ...
 
     @property
     def dropped(self) -> int:
-        """How many samples were put while it was closed."""
+        """Number of samples put while it was closed."""
         ...
 
     def put(self, key: str, payload: bytes, *, encoding: str = JSON, urgent: bool = False) -> None:
@@ -89,11 +90,11 @@ class Network(Protocol):
         ...
 
     def wanted(self, key: str, *, encoding: str = JSON, urgent: bool = False) -> bool:
-        """Tell whether anybody is subscribed."""
+        """Tell whether the key has a subscriber."""
         ...
 
     def subscribe(self, key: str, receive: Receive, *, max_bytes: int = MAX_SAMPLE_BYTES) -> None:
-        """Hear a key."""
+        """Subscribe to a key."""
         ...
 
     def answer(self, key: str, reply: Reply) -> None:
@@ -106,12 +107,12 @@ class Network(Protocol):
 
 
 class Bus:
-    """Publishes, subscribes, asks and answers. What is declared before `open` takes effect when it opens.
+    """Publishes, subscribes, queries and answers. What is declared before `open` takes effect when it opens.
 
     any_port: take a free port in place of a taken one on loopback; otherwise a taken port is a PortTakenError.
     endpoint: where it listens or connects; known for certain once it is open.
     dropped: samples put while closed; strays: samples that came for another key than the one subscribed to; oversized:
-    samples and questions that were too large.
+        samples and queries that were too large.
     """
 
     def __init__(self, config: Mapping[str, Any], *, any_port: bool = False) -> None:
@@ -119,7 +120,7 @@ class Bus:
         self._any_port = any_port
         self._session: zenoh.Session | None = None
         self._declare: list[Callable[[], object]] = []
-        self._held: list[object] = []  # publishers and tokens die with their Python object
+        self._held: list[object] = []  # publishers and tokens end with their Python object
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._answering: set[asyncio.Future[None]] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -135,11 +136,11 @@ class Bus:
 
     @property
     def is_open(self) -> bool:
-        """Whether `put` reaches anybody."""
+        """Whether the session is open, so that `put` sends."""
         return self._session is not None
 
     async def open(self) -> None:
-        """Open the session in a thread; OSError with a plain reason when it cannot, PortTakenError for a taken port."""
+        """Open the session in a thread; OSError with a plain reason on failure, PortTakenError for a taken port."""
         self._loop = asyncio.get_running_loop()
         self._session = await asyncio.to_thread(self._opened)
         import zenoh
@@ -168,7 +169,7 @@ class Bus:
             self.dropped += 1
 
     def wanted(self, key: str, *, encoding: str = JSON, urgent: bool = False) -> bool:
-        """Tell whether anybody is subscribed to a key just now."""
+        """Tell whether a key has a subscriber at this moment."""
         try:
             publisher = self._publishers.get(key) or self._publisher(key, encoding, urgent=urgent)
         except ConnectionError:
@@ -193,7 +194,7 @@ class Bus:
         self._whenever_open(lambda: self._held.append(self._open_session.liveliness().declare_token(key)))
 
     def watch(self, key: str, changed: Changed) -> None:
-        """Call `changed(key, alive)` in the loop for every liveliness token, those that are there already included."""
+        """Call `changed(key, alive)` in the loop for every liveliness token, including those already present."""
         self._whenever_open(lambda: self._watch(key, changed))
 
     async def ask(self, key: str, payload: bytes = b"", *, timeout_s: float = 1.0) -> list[bytes]:
@@ -295,7 +296,7 @@ class Bus:
         return list(self._config.get(side, {}).get("endpoints", []))
 
     def _opened(self) -> "zenoh.Session":
-        """Return an open session; whether a port is free is known only by opening it."""
+        """Return an open session; opening it is the only test of a free port."""
         for _ in range(OPEN_ATTEMPTS - 1):
             try:
                 return _open_session(self._config)
@@ -304,7 +305,7 @@ class Bus:
         return _open_session(self._config)
 
     def _consider_ports(self, error: OSError) -> None:
-        """Replace taken ports where that is allowed; raise when the next attempt would end as the last one."""
+        """Replace taken ports where that is allowed; raise when the next attempt would fail for the same reason."""
         endpoints = self._endpoints("listen")
         taken = [i for i, endpoint in enumerate(endpoints) if is_taken(endpoint)]
         for i in taken:
@@ -313,7 +314,7 @@ class Bus:
             free = free_endpoint()
             log.info("%s is taken; listening on %s instead", endpoints[i], free)
             endpoints[i] = free
-        if not taken and IN_USE not in str(error):  # neither now nor a moment ago: it is something else
+        if not taken and IN_USE not in str(error):  # neither now nor a moment ago: another problem
             raise error
         self._config["listen"] = {**self._config.get("listen", {}), "endpoints": endpoints}
 
@@ -340,7 +341,7 @@ class _Mailbox:
     def _drain(self) -> None:
         for _ in range(min(MAX_DELIVERIES, len(self._waiting))):
             self._deliver(*self._waiting.popleft())
-        self._woken = False  # before looking: whatever is posted from here on wakes the loop again
+        self._woken = False  # before the check: whatever is posted from here on wakes the loop again
         if self._waiting:
             self._woken = True
             self._loop.call_soon(self._drain)
@@ -352,7 +353,7 @@ def _into(loop: asyncio.AbstractEventLoop, call: Callable[[], object]) -> None:
 
 
 async def _reply(key: str, reply: Reply, query: "zenoh.Query") -> None:
-    with query:  # leaving it ends the query; otherwise the asker would wait for its timeout
+    with query:  # leaving it ends the query; otherwise the client would wait for its timeout
         if str(query.key_expr) != key:
             query.reply_err(f"ask {key} itself, not {query.key_expr}".encode())
             return
@@ -400,6 +401,6 @@ def _open_session(config: Mapping[str, Any]) -> "zenoh.Session":
 
 
 def _plain(words: str) -> str:
-    """Return zenoh's reason without the places in its source."""
+    """Return zenoh's reason without its source locations."""
     reason = SOURCE_PLACE.sub("", words.splitlines()[0] if words else "no reason given")
     return SINGLE.sub(r"\1", reason).rstrip(" .")

@@ -1,6 +1,7 @@
-"""Where a session listens or connects: `tcp/127.0.0.1:7447`, `tls/[::]:7448`. Pure text; settings and clients share it.
+"""Endpoints of a session: `tcp/127.0.0.1:7447`, `tls/[::]:7448`. Pure text; settings and clients share it.
 
-Only two kinds exist. `tcp` has no guard, so the car offers it on its own loopback only; everything else is `tls`.
+Only two kinds exist. `tcp` has no access control, so the car offers it on its own loopback only; everything else is
+`tls`.
 """
 
 import re
@@ -8,7 +9,7 @@ from collections.abc import Sequence
 
 LOOPBACK = ("127.0.0.1", "[::1]")
 _EVERYWHERE = ("0.0.0.0", "[::]")  # noqa: S104 - only with TLS, and only compared here
-# No "#" and no "?": zenoh would read options behind them, and one of them switches the certificates off.
+# No "#" and no "?": zenoh would read options behind them, and one of them disables the certificates.
 _FORM = re.compile(r"(?P<protocol>tcp|tls)/(?P<host>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+):(?P<port>\d{1,5})")
 _EXAMPLES = "write tcp/127.0.0.1:7447, or tls/car1.local:7448"
 
@@ -24,12 +25,12 @@ def split_endpoint(endpoint: str) -> tuple[str, str, int]:
 
 
 def is_tls(endpoint: str) -> bool:
-    """Tell whether an endpoint shows and demands certificates."""
+    """Tell whether an endpoint presents and requires certificates."""
     return split_endpoint(endpoint)[0] == "tls"
 
 
 def check_listening(endpoints: Sequence[str]) -> None:
-    """Refuse what a car must not listen on: ValueError with the remedy."""
+    """Refuse endpoints on which a car must not listen: ValueError with the remedy."""
     taken: dict[int, tuple[str, str]] = {}
     for endpoint in endpoints:
         protocol, host, port = split_endpoint(endpoint)

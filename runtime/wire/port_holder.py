@@ -1,4 +1,4 @@
-"""Who has a port that this car wanted: asked over the port itself, so that the error can name the car."""
+"""The car that holds a wanted port: identified over the port itself, so that the error can name it."""
 
 import asyncio
 import contextlib
@@ -13,7 +13,7 @@ STRANGER = "another program"
 
 
 def taken_sentence(endpoint: str, holder: str) -> str:
-    """Return what to tell the owner of a car whose port is taken."""
+    """Return the message to the owner of a car whose port is taken."""
     return (
         f"{endpoint} is taken by {holder}; end it first, or let this car listen elsewhere:"
         " --set telemetry.listen=tcp/127.0.0.1:PORT"
@@ -21,7 +21,7 @@ def taken_sentence(endpoint: str, holder: str) -> str:
 
 
 async def holder_of(endpoint: str) -> str:
-    """Return the name of the car that listens there, with its session; STRANGER when it is none, or needs keys."""
+    """Return the name of the car that listens there, with its session; STRANGER when it is no car, or needs keys."""
     if is_tls(endpoint):
         return STRANGER
     sessions: dict[str, str] = {}

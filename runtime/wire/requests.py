@@ -1,4 +1,4 @@
-"""What every service on the bus shares: the shape of a request, and how it is answered or refused."""
+"""The common part of every service on the bus: the form of a request, and its reply or refusal."""
 
 from collections.abc import Awaitable, Callable
 from typing import Protocol
@@ -17,7 +17,7 @@ class Request(BaseModel):
 
 
 class RequestServer(Protocol):
-    """Where requests come from; the bus on the car."""
+    """A source of requests; the bus on the car."""
 
     def answer(self, key: str, reply: Reply) -> None:
         """Answer queries on exactly this key."""
@@ -25,7 +25,7 @@ class RequestServer(Protocol):
 
 
 def refuse_on(problem: type[Exception], reply: Callable[[bytes], bytes]) -> Reply:
-    """Return a reply that answers such an error with its sentence, as a refusal."""
+    """Return a reply that turns such an error into a refusal with its text."""
 
     def answer(payload: bytes) -> bytes:
         try:
@@ -37,7 +37,7 @@ def refuse_on(problem: type[Exception], reply: Callable[[bytes], bytes]) -> Repl
 
 
 def refuse_later_on(problem: type[Exception], reply: Callable[[bytes], Awaitable[bytes]]) -> Reply:
-    """Return what `refuse_on` does, for a reply that takes time."""
+    """Return the same as `refuse_on`, for an asynchronous reply."""
 
     async def answer(payload: bytes) -> bytes:
         try:

@@ -5,10 +5,11 @@
     Beat, car -> all clients, key `beat`, 50 Hz, 55 bytes, "<4sIIBQIHf24s"
         "WRB1"  car_session  beat  flags  operator_session  acknowledged  acknowledged_age_ms  speed_mps  operator_name
 
-An operator copies `car_session` and `beat` of the newest beat it heard into every command, so the car judges the age
-of a command by its own clock and no clocks need to agree. A command says what is held down *now*, all of it, every
-time: a lost message loses nothing, and a release is a message like any other. docs/decisions/0008-teleop-protocol.md
-has the rules and the reasons. Shared by the car and by every client; knows no clock and no session.
+An operator's client copies `car_session` and `beat` of the newest heartbeat received into every command, so the car
+judges the age of a command by its own clock and no clocks need to agree. A command states what is held down *now*, all
+of it, every time: a lost message loses nothing, and a release is a message like any other.
+docs/decisions/0008-teleop-protocol.md has the rules and the reasons. Shared by the car and by every client; knows no
+clock and no session.
 """
 
 import math
@@ -22,10 +23,11 @@ COMMAND_MAGIC: Final = b"WRC1"
 BEAT_MAGIC: Final = b"WRB1"
 NAME_BYTES: Final = 24
 UNKNOWN_AGE_MS: Final = 0xFFFF
-"""An age that is not known, or too long for the field."""
+"""Age that is not known, or too long for the field."""
 MAX_SPEED_MPS: Final = 50.0
 MAX_STEERING_RAD: Final = math.pi / 2
-"""Beyond these a wish is a mistake, not a wish; the car's own, tighter limits come later."""
+"""Maximum steering (and, above, speed) of a plausible request; larger values are errors. The car's own, tighter limits
+apply later."""
 
 _COMMAND = struct.Struct("<4sQIIIBBHff24s")
 _BEAT = struct.Struct("<4sIIBQIHf24s")
@@ -37,7 +39,7 @@ _U64 = 0xFFFF_FFFF_FFFF_FFFF
 
 
 class Malformed(ValueError):  # noqa: N818 - what the payload is, as in drivers.api
-    """A payload that is not one of these messages; the text says why and never quotes the payload.
+    """A payload that is not one of these messages; the text gives the reason and never quotes the payload.
 
     stop: the payload is a command in its outer form (length, version) and has e-stop set: stopping is never refused.
     """
@@ -48,7 +50,7 @@ class Malformed(ValueError):  # noqa: N818 - what the payload is, as in drivers.
 
 
 class Press(IntFlag):
-    """What the operator holds down at this moment; 0 is "nothing pressed", the explicit release."""
+    """The buttons that the operator holds down at this moment; 0 is "nothing pressed", the explicit release."""
 
     MANUAL = 1
     """The deadman for driving by hand."""
@@ -58,15 +60,15 @@ class Press(IntFlag):
     RESET = 8
     """Resets a latched e-stop; counts only alone, and after a release."""
     TAKE_OVER = 16
-    """Becomes the operator in place of another; the car stops."""
+    """Becomes the operator in place of another one; the car stops."""
     GOODBYE = 32
     """The last command of a session: everything is released and the operator leaves."""
     UNSURE = 64
-    """What is held is unknown: the pad is gone or frozen. A stop, and no release; alone."""
+    """The state of the input is unknown: the pad is gone or frozen. A stop, and no release; alone."""
 
 
 class Input(IntEnum):
-    """Where the operator's wishes come from."""
+    """Sources of the operator's input."""
 
     PAD = 0
     KEYBOARD = 1
@@ -75,19 +77,19 @@ class Input(IntEnum):
 
 
 class CarCondition(IntFlag):
-    """What the car says about itself in every beat."""
+    """The car's own state in every heartbeat."""
 
     ESTOP_LATCHED = 1
     PERMITTED = 2
     """Autonomy may move now, with or without an operator."""
     OPERATOR_PRESENT = 4
-    """`operator_session` is heard, and its commands are fresh."""
+    """`operator_session` is received, and its commands are fresh."""
     OPERATOR_LOST = 8
     """The operator fell silent without a goodbye; nothing moves until an operator acts."""
     REARM = 16
     """A press now is not obeyed: release everything first, then press."""
     FAULT = 32
-    """The motor controller is in a fault."""
+    """The motor controller reports a fault."""
 
 
 _KNOWN_PRESSES = int(Press(0b111_1111))
@@ -96,10 +98,10 @@ _KNOWN_CONDITIONS = int(CarCondition(0b11_1111))
 
 @value()
 class Command:
-    """What an operator wants at this moment.
+    """The operator's request at this moment.
 
     session: random per start of the client, never 0. sequence: first 1, then one more each, wrapping after 2**32.
-    car_session, beat: copied from the newest beat heard; 0, 0 before the first.
+    car_session, beat: copied from the newest heartbeat received; 0, 0 before the first.
     input_age_ms: since the last raw event of the input device; UNKNOWN_AGE_MS is unknown or longer.
     speed_mps, steering_rad: positive forward, positive to the left. name: up to 24 bytes of UTF-8, printable.
     """
@@ -116,7 +118,7 @@ class Command:
     name: str = ""
 
     def pack(self) -> bytes:
-        """Return the payload. Never fails: a wish that is no number becomes 0, because an e-stop must get out."""
+        """Return the payload. Never fails: a NaN becomes 0, because an e-stop must be sent in any case."""
         return _COMMAND.pack(
             COMMAND_MAGIC,
             self.session & _U64,
@@ -139,8 +141,8 @@ class Beat:
     car_session: random per start of the car's process. beat: one more each, wrapping after 2**32.
     operator_session: the session whose commands count, 0 for none. operator_name: its name.
     acknowledged: the newest sequence number accepted from that operator.
-    acknowledged_age_ms: how long ago it arrived; the client's round trip is the time since it sent that command
-        minus this. UNKNOWN_AGE_MS is never, or longer.
+    acknowledged_age_ms: time since its arrival; the client's round trip is the time since it sent that command minus
+        this. UNKNOWN_AGE_MS is never, or longer.
     speed_mps: measured, NaN when unknown.
     """
 
@@ -196,12 +198,12 @@ def read_beat(payload: bytes) -> Beat:
 
 
 def session_text(car_session: int) -> str:
-    """Return how a person writes a car's session."""
+    """Return a car's session in the form for people."""
     return f"{car_session & _U32:08x}"
 
 
 def is_stop(flags: int) -> bool:
-    """Tell whether flags ask for an e-stop: the button itself, or both deadmen at once."""
+    """Tell whether flags request an e-stop: the button itself, or both deadmen at once."""
     both = Press.MANUAL | Press.AUTONOMY
     return bool(flags & Press.ESTOP) or flags & both == both
 

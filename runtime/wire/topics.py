@@ -1,14 +1,14 @@
-"""What goes over zenoh: keys and payloads. Shared with every client; knows no session and no task.
+"""Keys and payloads of the messages over zenoh. Shared with every client; knows no session and no task.
 
 Telemetry, `wallride/<car>/<topic>`: standard ROS 2 messages in CDR, except
 
-    status      one JSON object, the answer to "why is it (not) moving"
-    decision    one JSON object per change of mind of the mux
-    beat        the car's heartbeat for operators, binary (runtime.teleop_wire)
+    status      one JSON object, the reason why the car is or is not moving
+    decision    one JSON object per changed decision of the mux
+    beat        the car's heartbeat for operators, binary (runtime.wire.teleop)
 
-Towards the car: `operator/command`, binary; `param/list|get|set|save|history`,
+To the car: `operator/command`, binary; `param/list|get|set|save|history`,
 `own_parts/show|forget`, queries in JSON.
-Stamps in JSON are seconds on the car's monotonic clock. Numbers that do not exist are null, never NaN (not JSON).
+Stamps in JSON are seconds on the car's monotonic clock. Missing numbers are null, never NaN (not JSON).
 """
 
 import json
@@ -42,11 +42,11 @@ ALIVE = "alive"
 OPERATOR_ALIVE = "operator/alive"
 PARAM = "param"
 RECORD = "record"
-"""Starts and stops recording on the car: a question, not telemetry, although it is one chunk deep."""
+"""Query that starts and stops recording on the car: no telemetry, although its key is one chunk deep."""
 LOGS = "logs"
 OWN_PARTS = "own_parts"
 SIMULATOR = "simulator"
-"""Changes what a simulated car meets: a question that only a simulator answers, never a car."""
+"""Query that changes the surroundings of a simulated car: answered only by a simulator, never by a car."""
 
 
 def key(car: str, topic: str) -> str:
@@ -55,12 +55,12 @@ def key(car: str, topic: str) -> str:
 
 
 def encode(message: Mapping[str, Any]) -> bytes:
-    """Write a message; numbers that are not finite become null."""
+    """Encode a message; numbers that are not finite become null."""
     return to_json(message, inf_nan_mode="null")
 
 
 def decode(payload: bytes) -> dict[str, Any]:
-    """Read a message; ValueError when it is not JSON, TypeError when it is not an object."""
+    """Decode a message; ValueError when it is not JSON, TypeError when it is not an object."""
     message = json.loads(payload)
     if not isinstance(message, dict):
         raise TypeError("not a JSON object")

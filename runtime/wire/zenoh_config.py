@@ -1,7 +1,7 @@
 """Configurations of zenoh sessions as plain dictionaries: the car's and its clients'. Pure: no zenoh, no files.
 
-The car is a router of its own, so that users install nothing; every peer is a client of exactly that car.
-What each person may do stands in `_grants`, and nowhere else. zenoh drops the rest without telling the sender.
+The car is a router of its own, so that users install nothing; every peer is a client of exactly that car. The rights of
+each role are defined in `_grants`, and nowhere else. zenoh drops the rest without notice to the sender.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,7 +17,8 @@ LEASE_MS = 1000
 KEEP_ALIVES_PER_LEASE = 4
 CONNECT_TIMEOUT_MS = 1000
 MAX_INCOMING_B = 1 << 20
-"""zenoh would gather up to 1 GiB from anyone who sends it in pieces; nothing that the car is told is this long."""
+"""Maximum size of an incoming message. zenoh would gather up to 1 GiB from any sender of fragments; no message to the
+car is this long."""
 
 
 EVERY_MESSAGE = [
@@ -34,21 +35,21 @@ EVERY_MESSAGE = [
 
 
 class Role(StrEnum):
-    """What a person may do; each role includes the ones before it."""
+    """Roles of people; each role includes the rights of the ones before it."""
 
     VIEWER = "viewer"
     OPERATOR = "operator"
     ADMIN = "admin"
 
     def includes(self, other: "Role") -> bool:
-        """Tell whether this role may do all that the other may."""
+        """Tell whether this role has all rights of the other."""
         ranks = list(Role)
         return ranks.index(self) >= ranks.index(other)
 
 
 @dataclass(frozen=True, slots=True)
 class Person:
-    """The holder of a certificate: its common name, and what it may do."""
+    """The holder of a certificate: its common name, and its role."""
 
     name: str
     role: Role
@@ -56,7 +57,7 @@ class Person:
 
 @dataclass(frozen=True, slots=True)
 class Tls:
-    """The three PEM files that a session trusts and shows."""
+    """The three PEM files that a session trusts and presents."""
 
     authority: Path
     certificate: Path
@@ -65,7 +66,7 @@ class Tls:
 
 @dataclass(frozen=True, slots=True)
 class Grant:
-    """One thing that a role may do. Flows are seen from the car: ingress arrives there, egress leaves it."""
+    """One right of a role. Flows are seen from the car: ingress arrives there, egress leaves it."""
 
     role: Role
     name: str
@@ -77,8 +78,8 @@ class Grant:
 def car_config(listen: Sequence[str], tls: Tls | None, people: Sequence[Person], car: str) -> dict[str, Any]:
     """Return the configuration of the car's session, which listens and never connects anywhere.
 
-    Without `tls` only this machine can reach the car, and everyone on it may do everything. ValueError when an
-    endpoint would be open to the network without certificates.
+    Without `tls` only this machine can reach the car, and every local user has all rights. ValueError when an endpoint
+    would be open to the network without certificates.
     """
     check_listening(listen)
     if tls is None and any(map(is_tls, listen)):
@@ -106,7 +107,7 @@ def car_config(listen: Sequence[str], tls: Tls | None, people: Sequence[Person],
 
 
 def client_config(connect: str, tls: Tls | None) -> dict[str, Any]:
-    """Return the configuration of a client's session: one car, found again within half a second when it vanished.
+    """Return the configuration of a client's session: one car, reconnected within half a second after a loss.
 
     ValueError when such a connection cannot be made.
     """
@@ -135,7 +136,7 @@ def client_config(connect: str, tls: Tls | None) -> dict[str, Any]:
 
 
 def access_control(people: Sequence[Person], car: str) -> dict[str, Any]:
-    """Return the access control of one car: what is not granted here is dropped, wildcards and all.
+    """Return the access control of one car: what is not granted here is dropped, wildcards included.
 
     zenoh skips a `deny` rule when the message's key is wider than the rule's, so nothing is ever allowed first and
     forbidden afterwards. A role without members gets no subject: an empty one would match every client.
@@ -143,7 +144,8 @@ def access_control(people: Sequence[Person], car: str) -> dict[str, Any]:
     grants = list(_grants(car))
     members = {role: [person.name for person in people if person.role.includes(role)] for role in Role}
     subjects: list[dict[str, Any]] = [
-        # A client without a certificate is on the car itself: tcp is never offered elsewhere, and this asks once more.
+        # A client without a certificate is on the car itself: tcp is never offered elsewhere, and this checks it once
+        # more.
         {"id": "this-machine", "link_protocols": ["tcp"], "interfaces": ["lo", "lo0"]},
         *(
             {"id": role.value, "link_protocols": ["tls"], "cert_common_names": names}
@@ -167,14 +169,13 @@ def access_control(people: Sequence[Person], car: str) -> dict[str, Any]:
 
 
 def _grants(car: str) -> Iterator[Grant]:
-    """Yield who may do what with one car.
+    """Yield the rights of each role with one car.
 
-    One chunk below wallride/<car> is telemetry, which every listed person may hear; what is deeper is granted by its
-    exact key. A question and its answer are separate grants: one for both ways would let a viewer answer in the
-    car's name.
+    One chunk below wallride/<car> is telemetry, which every listed person may receive; deeper keys are granted one by
+    one. A query and its reply are separate grants: one for both ways would let a viewer reply in the car's name.
     """
     viewer, operator, admin = Role.VIEWER, Role.OPERATOR, Role.ADMIN
-    # A subscription may be wide, because what leaves is judged again, by the key it leaves with.
+    # A subscription may be wide, because outgoing samples are judged again, by the key they leave with.
     yield Grant(viewer, "wants", "ingress", ("declare_subscriber",), (f"{topics.ROOT}/**",))
     yield Grant(viewer, "telemetry", "egress", ("put",), (topics.key(car, "*"),))
     asks, cars = ("liveliness_query", "declare_liveliness_subscriber"), (topics.key("*", topics.ALIVE),)
@@ -204,7 +205,7 @@ def _parameter_keys(car: str, *verbs: str) -> tuple[str, ...]:
 
 
 def _questions(role: Role, name: str, keys: tuple[str, ...]) -> Iterator[Grant]:
-    """Yield the two grants with which a role asks and only the car answers."""
+    """Yield the two grants by which a role queries and only the car replies."""
     yield Grant(role, f"{name}-ask", "ingress", ("query",), keys)
     yield Grant(role, f"{name}-answer", "egress", ("declare_queryable", "reply"), keys)
 
@@ -220,7 +221,7 @@ def _rule(name: str, flows: Sequence[str], messages: Sequence[str], keys: Sequen
 
 
 def _session(mode: str, protocols: list[str]) -> dict[str, Any]:
-    """Return what both ends share: nothing is searched for on the network, and silence is noticed within a second."""
+    """Return the common part of both ends: no discovery on the network, and silence is detected within a second."""
     return {
         "mode": mode,
         "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
