@@ -1,1 +1,1 @@
-"""The computer around the process: systemd, logging."""
+"""The computer around the process: systemd, logging, scheduling."""

@@ -25,7 +25,7 @@ class _JsonFormatter(logging.Formatter):
 
 @contextmanager
 def journal(level: str, form: str) -> Iterator[None]:
-    """Log to standard error inside the block; what is queued at its end is still written."""
+    """Log to standard error inside the block; queued records are still written at its end."""
     handler = logging.StreamHandler()
     handler.setFormatter(
         _JsonFormatter()

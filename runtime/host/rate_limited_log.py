@@ -1,4 +1,4 @@
-"""A log for events that outside clients can cause at any rate: a few lines, and how many were left out."""
+"""A log for events that outside clients can cause at any rate: a few lines, and the number of suppressed ones."""
 
 import logging
 from dataclasses import dataclass
@@ -17,9 +17,9 @@ class _Kind:
 
 
 class RateLimitedLog:
-    """Says each kind of thing at most once a second; one that goes on is said ever more rarely, up to once a minute.
+    """Logs each kind of event at most once a second; a persistent one ever more rarely, up to once a minute.
 
-    The kinds must be few and chosen by us, since each is remembered.
+    The kinds must be few and defined by this program, since each is remembered.
     """
 
     def __init__(self, log: logging.Logger, clock: Clock) -> None:
@@ -28,7 +28,7 @@ class RateLimitedLog:
         self._kinds: dict[str, _Kind] = {}
 
     def say(self, kind: str, text: str, level: int = logging.WARNING) -> None:
-        """Say it, or only count it."""
+        """Log the event, or only count it."""
         now_s = self._clock()
         known = self._kinds.setdefault(kind, _Kind(now_s, FIRST_PAUSE_S, 0))
         if now_s < known.due_s:

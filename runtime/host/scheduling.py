@@ -1,8 +1,8 @@
 """Real-time scheduling for the thread that drives, and for no other.
 
-A service started with CPUSchedulingPolicy=fifo hands that policy to every thread: zenoh's handshakes with strangers and
-the recorder would then compete with the motor as equals. With Linux's reset-on-fork flag (sched(7)) threads that are
-created later get the ordinary policy.
+A service started with CPUSchedulingPolicy=fifo passes that policy on to every thread: zenoh's handshakes with unknown
+clients and the recorder would then compete with the motor as equals. With Linux's reset-on-fork flag (sched(7)) threads
+that are created later get the ordinary policy.
 """
 
 import os
@@ -13,7 +13,7 @@ RESET_ON_FORK: int = getattr(os, "SCHED_RESET_ON_FORK", 0)
 def keep_for_this_thread() -> str:
     """Keep a real-time policy for the calling thread only; to be called before any other thread is created.
 
-    Returns a sentence that says which policy there is. Never fails: without a real-time policy the car drives too.
+    Returns a sentence that names the policy in force. Never fails: the car drives without a real-time policy too.
     """
     if not hasattr(os, "sched_getscheduler"):
         return "this system has no real-time scheduling"

@@ -1,4 +1,4 @@
-"""Words to systemd: READY, WATCHDOG, STATUS (sd_notify protocol, datagrams to the socket in $NOTIFY_SOCKET)."""
+"""Notifications to systemd: READY, WATCHDOG, STATUS (sd_notify protocol, datagrams to the socket in $NOTIFY_SOCKET)."""
 
 import os
 import socket
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 
 class ServiceManager:
-    """Silent without a service manager, and never raises: driving must not depend on it."""
+    """Inactive without a service manager, and never raises: driving must not depend on it."""
 
     def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
         address = environment.get("NOTIFY_SOCKET", "")
@@ -18,15 +18,15 @@ class ServiceManager:
         self._status = ""
 
     def ready(self) -> None:
-        """Say that start-up is over."""
+        """Report the end of the start-up."""
         self._send("READY=1")
 
     def alive(self) -> None:
-        """Pet the watchdog: call this only after a healthy cycle of the control loop."""
+        """Notify the watchdog: call this only after a healthy cycle of the control loop."""
         self._send("WATCHDOG=1")
 
     def stopping(self) -> None:
-        """Say that the end was asked for."""
+        """Report a requested end."""
         self._send("STOPPING=1")
 
     def status(self, text: str) -> None:
@@ -47,4 +47,4 @@ class ServiceManager:
         try:
             self._socket.sendto(message.encode(), self._address)
         except OSError:
-            return  # a full or vanished socket is the service manager's trouble; the watchdog then acts for us
+            return  # a full or vanished socket is the service manager's problem; its watchdog then ends this process

@@ -1,4 +1,4 @@
-"""What can be set: every setting of the frozen tree by its dotted name, with type, range, unit and words. Pure."""
+"""The catalogue of settings: each by its dotted name, with type, range, unit and description. Pure."""
 
 import ast
 import functools
@@ -21,7 +21,7 @@ from runtime.parameters.policy import Effect, Loosens, effect_of, loosens_by
 from runtime.settings.tree import Settings
 
 Value = bool | int | float | str | Sequence[str]
-"""What a setting can hold, as JSON and TOML know it."""
+"""Types of a setting's value, as in JSON and TOML."""
 
 SHOWN_CHARACTERS = 40
 UNITS: Mapping[str, str] = {
@@ -40,11 +40,11 @@ UNITS: Mapping[str, str] = {
     "_share": "1",
     "_mu": "1",
 }
-"""By the end of a name, longer ends first."""
+"""Units by the end of a name, longer ends first."""
 
 
 class ValueKind(StrEnum):
-    """How a value is written."""
+    """Kinds of values."""
 
     NUMBER = "number"
     INTEGER = "integer"
@@ -59,7 +59,7 @@ class Parameter:
     """One setting.
 
     lowest, highest: bounds, None where there is none; `open_below`, `open_above`: the bound itself is not allowed.
-    allowed: the words of a choice. words: one line, from the text under the field.
+    allowed: the options of a choice. words: one line, from the text under the field.
     """
 
     name: str
@@ -76,7 +76,7 @@ class Parameter:
     loosens: Loosens
 
     def range_words(self) -> str:
-        """Say what is allowed: "from 0 to 20 rad/m", "'left' or 'right'"."""
+        """Return the allowed values as text: "from 0 to 20 rad/m", "'left' or 'right'"."""
         match self.kind:
             case ValueKind.BOOLEAN:
                 return "true or false"
@@ -115,7 +115,7 @@ class Parameter:
                 return isinstance(value, int | float) and not isinstance(value, bool)
 
     def describe(self, value: Value) -> dict[str, Any]:
-        """Return everything about it as plain values."""
+        """Return all properties as plain values."""
         return {
             "name": self.name,
             "type": self.kind,
@@ -135,7 +135,7 @@ class Parameter:
 
 
 def catalogue(settings: Settings) -> Mapping[str, Parameter]:
-    """Return every setting of the laws now chosen, by dotted name, in the order of the tree."""
+    """Return every setting of the selected laws, by dotted name, in the order of the tree."""
     return {name: parameter for section, name in _sections(settings) for name, parameter in _of(section, name).items()}
 
 
@@ -146,14 +146,14 @@ def values(settings: Settings) -> dict[str, Value]:
 
 
 def shown(value: object) -> str:
-    """Write a value for people: short, and printable whatever it is."""
+    """Format a value for people: short, and printable in any case."""
     text = repr(value)
     text = text if len(text) <= SHOWN_CHARACTERS else f"{text[: SHOWN_CHARACTERS - 3]}..."
     return text.encode("ascii", "backslashreplace").decode("ascii")
 
 
 def _sections(section: BaseModel, above: str = "") -> Iterator[tuple[type[BaseModel], str]]:
-    """Yield every part of the tree that is a section, with the beginning of its keys."""
+    """Yield every section of the tree, with the prefix of its keys."""
     yield type(section), above
     for name in type(section).model_fields:
         part = getattr(section, name)
@@ -219,7 +219,7 @@ def _one_line(text: str) -> str:
 
 
 def _texts(section: type[BaseModel]) -> dict[str, str]:
-    """Return the text under each field, those of base classes included; none where the source is not at hand."""
+    """Return the text under each field, including base classes; none where the source is not available."""
     texts: dict[str, str] = {}
     for base in reversed(section.__mro__):
         if not issubclass(base, BaseModel) or base is BaseModel:

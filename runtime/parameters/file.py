@@ -1,4 +1,4 @@
-"""Writes settings into the car's file: the user's comments and order survive, and so does the file, whatever happens.
+"""The car's settings file: an update preserves the user's comments and their order, and never leaves a torn file.
 
 A new file is written beside the old one, forced to the disk, checked by loading it, and renamed over it; rename is
 atomic, so a power cut leaves the old file or the new one. Everything here blocks: call it in a thread.
@@ -20,17 +20,17 @@ _NEW_FILE_MODE = 0o644
 
 
 class StoreError(Exception):
-    """Nothing was saved, and the file is what it was, unless the text says otherwise."""
+    """Nothing was saved, and the file is unchanged, unless the text states otherwise."""
 
 
 def save(
     path: Path, edits: Mapping[str, Value | None], expected: Mapping[str, Value], base: Path | None = None
 ) -> None:
-    """Write edits (None removes a key) into a settings file, then see that it loads to the expected values.
+    """Write edits (None removes a key) into a settings file, then check that it loads to the expected values.
 
-    What has its value without this file is not added to it. What others wrote into it since the start stays.
-    base: the file below this one, where there is one; then this one holds differences only, and need not exist.
-    Raises StoreError.
+    A key whose value holds without this file is not added to it. Edits by other programs since the start stay.
+    base: the file below this one, where there is one; then this one holds differences only, and need not exist. Raises
+        StoreError.
     """
     path = Path(os.path.realpath(path))  # a link to the file stays a link
     text, before = _present(path, base)
@@ -53,9 +53,9 @@ def merged(
     *,
     keep: bool = True,
 ) -> str:
-    """Return a TOML text with some values changed and everything else as it was.
+    """Return a TOML text with some values changed and everything else unchanged.
 
-    known: values that need not be written. keep: whether a line with such a value stays when it is there already.
+    known: values that need not be written. keep: whether an existing line with such a value stays.
     """
     import tomlkit  # slow to import, and only needed here
     from tomlkit.exceptions import TOMLKitError
@@ -75,7 +75,7 @@ def merged(
 
 
 def _present(path: Path, base: Path | None) -> tuple[str, tuple[int, int, int] | None]:
-    """Return what a file holds and when it was written; a file of differences may not be there yet."""
+    """Return a file's content and its modification stamp; a file of differences may not exist yet."""
     try:
         if base is not None and not path.exists():
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -86,7 +86,7 @@ def _present(path: Path, base: Path | None) -> tuple[str, tuple[int, int, int] |
 
 
 def _unsaid(base: Path | None, expected: Mapping[str, Value]) -> Mapping[str, Value]:
-    """Return the values that hold without the file: those of the laws that are wanted, and the method itself."""
+    """Return the values that hold without the file: those of the selected laws, and the method itself."""
     try:
         below = load_settings(base)
         methods = {
@@ -99,15 +99,15 @@ def _unsaid(base: Path | None, expected: Mapping[str, Value]) -> Mapping[str, Va
             **{f"{section}.method": getattr(below, section).method for section in METHODS},
         }
     except (SettingsError, ValidationError):
-        return {}  # then everything is written, and the check of the written file says what is wrong
+        return {}  # then everything is written, and the check of the written file reports the error
 
 
 def replace(
     path: Path, content: bytes, *, like: os.stat_result | None = None, check: Callable[[Path], None] | None = None
 ) -> None:
-    """Put content in the place of a file, wholly or not at all.
+    """Replace the content of a file, wholly or not at all.
 
-    like: whose mode and owner the new file gets. check: may refuse the written file by raising. Raises StoreError.
+    like: source of the new file's mode and owner. check: may refuse the written file by raising. Raises StoreError.
     """
     written = path.with_name(f".{path.name}.new")
     try:
@@ -128,7 +128,7 @@ def replace(
 
 
 def _write(path: Path, content: bytes, like: os.stat_result | None) -> None:
-    path.unlink(missing_ok=True)  # what an earlier power cut left behind
+    path.unlink(missing_ok=True)  # left behind by an earlier power cut
     mode = stat.S_IMODE(like.st_mode) if like is not None else _NEW_FILE_MODE
     file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
     try:
@@ -166,7 +166,7 @@ def _check(written: Path, expected: Mapping[str, Value], path: Path, base: Path 
 
 
 def _section(document: Any, sections: list[str], new_table: Callable[[], Any]) -> MutableMapping[str, Any]:  # noqa: ANN401 - tomlkit's containers share no type
-    """Return the table of a section, made where it is missing."""
+    """Return the table of a section, created where it is missing."""
     for section in sections:
         if section not in document:
             document[section] = new_table()
@@ -193,7 +193,7 @@ def _remove(document: Any, sections: list[str], key: str) -> None:  # noqa: ANN4
 
 
 def _moment(path: Path) -> tuple[int, int, int] | None:
-    """Return what changes whenever a file is written; None while there is none."""
+    """Return a stamp that changes whenever a file is written; None while there is no file."""
     try:
         status = path.stat()
     except FileNotFoundError:

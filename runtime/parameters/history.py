@@ -1,4 +1,4 @@
-"""Who changed which setting when, from what to what: the last few, in memory and as lines of JSON."""
+"""History of setting changes: client, time, old and new value; the last few, in memory and as lines of JSON."""
 
 import json
 from collections import deque
@@ -10,10 +10,10 @@ from runtime.parameters.catalogue import Value
 
 @dataclass(frozen=True, slots=True)
 class SettingChange:
-    """One setting that changed; old or new is None where a change of method brought or took the key.
+    """One setting that changed; old or new is None where a change of method added or removed the key.
 
     stamp_s: on the car's monotonic clock. at: date and time in UTC, for people; nothing is computed from it.
-    by: what the client called itself.
+    by: the name that the client gave itself.
     """
 
     stamp_s: float
@@ -27,7 +27,7 @@ class SettingChange:
 class ChangeHistory:
     """The newest `most` changes, oldest first.
 
-    notify: called after every addition, for writing it down.
+    notify: called after every addition, so that it is written to the file.
     """
 
     def __init__(self, most: int) -> None:
@@ -36,14 +36,14 @@ class ChangeHistory:
         self.notify: Callable[[], None] = _nobody
 
     def add(self, changes: Sequence[SettingChange]) -> None:
-        """Remember some; the oldest beyond the bound are forgotten."""
+        """Add changes; the oldest beyond the bound are forgotten."""
         if changes:
             self._changes.extend(changes)
             self.added += len(changes)
             self.notify()
 
     def newest(self, count: int) -> list[SettingChange]:
-        """Return at most so many of the newest, oldest first."""
+        """Return at most `count` of the newest, oldest first."""
         return list(self._changes)[-count:] if count > 0 else []
 
     def lines(self) -> str:
@@ -51,7 +51,7 @@ class ChangeHistory:
         return "".join(f"{json.dumps(asdict(change))}\n" for change in self._changes)
 
     def read(self, lines: Iterable[str]) -> int:
-        """Take in lines written earlier; returns how many were not readable and are left out."""
+        """Load lines written earlier; return the number of unreadable ones, which are left out."""
         bad = 0
         for line in lines:
             try:
@@ -65,4 +65,4 @@ class ChangeHistory:
 
 
 def _nobody() -> None:
-    """Be told and do nothing."""
+    """Ignore the notification."""

@@ -1,7 +1,7 @@
-"""Two tables about settings: when a change takes effect, and which way of changing a limit loosens it.
+"""Two tables about settings: when a change takes effect, and which direction of a change loosens a limit.
 
 Pure data, looked up by dotted name. A safety setting that is missing in the second table counts as loosened by any
-change; a test holds the table complete, so that this cannot be forgotten.
+change; a test holds the table complete, so that none can be forgotten.
 """
 
 from collections.abc import Mapping
@@ -12,23 +12,23 @@ SAFETY = "safety."
 
 
 class Effect(StrEnum):
-    """When a new value is obeyed."""
+    """Time at which a new value takes effect."""
 
     NOW = "now"
     STANDING = "standing"
-    """At once, but only while the car stands: the law itself is exchanged, and what it had learnt is lost."""
+    """At once, but only while the car stands: the law itself is exchanged, and its learnt state is lost."""
     RESTART = "restart"
 
 
 class Loosens(StrEnum):
-    """Which change lets the car come nearer to harm."""
+    """Direction of a change that lets the car come nearer to harm."""
 
     UP = "up"
     DOWN = "down"
     TO_TRUE = "to true"
     TO_FALSE = "to false"
     ANY = "any change"
-    """No direction is always the safe one, so none is taken for it."""
+    """No direction is always the safe one, so none is treated as safe."""
     NEVER = "never"
 
 
@@ -40,18 +40,18 @@ LOOSENS: Mapping[str, Loosens] = {
     "car.max_speed_mps": Loosens.UP,
     "car.max_reverse_mps": Loosens.UP,
     "car.max_acceleration_mps2": Loosens.UP,
-    # A word that is in force longer drives longer on an old scan.
+    # A longer validity of a command means longer driving on an old scan.
     "wall_follow.expires_after_s": Loosens.UP,
     "safety.expires_after_s": Loosens.UP,
     "safety.method": Loosens.ANY,
     "safety.binds_teleop": Loosens.TO_FALSE,
     "safety.odometry_check": Loosens.TO_FALSE,
-    # The turn is not always the safe way: decision 6 has the figures.
+    # Turning is not always safer: decision 6 has the figures.
     "safety.turn_below_m": Loosens.ANY,
-    # More assumed grip is a shorter assumed way to stop.
+    # More assumed grip is a shorter assumed stopping distance.
     "safety.grip_mu": Loosens.UP,
     "safety.slippery_mu": Loosens.UP,
-    # Braking harder in a bend stops sooner and turns less.
+    # Harder braking in a bend stops sooner and turns less.
     "safety.gentle_share": Loosens.ANY,
     "safety.hard_share": Loosens.UP,
     "safety.graded_share": Loosens.UP,
@@ -64,14 +64,15 @@ LOOSENS: Mapping[str, Loosens] = {
     "safety.hold_s": Loosens.DOWN,
     "safety.release_m": Loosens.DOWN,
     "safety.creep_mps": Loosens.UP,
-    # Lower goes on where it would have stopped, higher creeps where it would have gone more slowly.
+    # A lower value drives on where the car would have stopped, a higher one creeps where it would have gone more
+    # slowly.
     "safety.slowest_mps": Loosens.ANY,
     "safety.reverse_mps": Loosens.UP,
     "safety.reverse_unseen_m": Loosens.UP,
     "safety.doubtful_mps": Loosens.UP,
     "safety.late_s": Loosens.UP,
     "safety.stale_s": Loosens.UP,
-    # A car that backs out by itself moves where another one would wait for help.
+    # A car that backs out by itself moves where otherwise it would wait for help.
     "safety.backs_out": Loosens.TO_TRUE,
     "safety.recovery.boxed_for_s": Loosens.DOWN,
     "safety.recovery.tries": Loosens.UP,
@@ -79,7 +80,7 @@ LOOSENS: Mapping[str, Loosens] = {
     "safety.recovery.back_m": Loosens.UP,
     "safety.recovery.forward_m": Loosens.UP,
     "safety.recovery.forgotten_after_m": Loosens.DOWN,
-    # Whatever takes a beam for dirt both ignores it (looser) and lowers the ceiling (stricter).
+    # A rule that classifies a beam as dirt both ignores it (looser) and lowers the ceiling (stricter).
     "safety.window.memory_m": Loosens.ANY,
     "safety.window.first_mask_m": Loosens.ANY,
     "safety.window.mask_above": Loosens.ANY,
@@ -93,7 +94,7 @@ LOOSENS: Mapping[str, Loosens] = {
 
 
 def effect_of(name: str) -> Effect:
-    """Return when a change of this setting takes effect; what is not live waits for a restart."""
+    """Return when a change of this setting takes effect; settings that are not live need a restart."""
     if name in _BUILT_ANEW:
         return Effect.STANDING
     if name in _NOW or name.startswith(_NOW_SECTIONS):
@@ -102,12 +103,12 @@ def effect_of(name: str) -> Effect:
 
 
 def loosens_by(name: str) -> Loosens:
-    """Return which change of this setting is a loosening."""
+    """Return which direction of change loosens this setting."""
     return LOOSENS.get(name, Loosens.ANY if name.startswith(SAFETY) else Loosens.NEVER)
 
 
 def is_looser(name: str, old: object, new: object) -> bool:
-    """Tell whether going from old to new loosens a limit; values of no order, and keys that come or go, do."""
+    """Tell whether going from old to new loosens a limit; values without an order, and added or removed keys, do."""
     rule = loosens_by(name)
     if rule is Loosens.NEVER or old == new:
         return False

@@ -1,7 +1,7 @@
-"""Answers questions about the settings and takes wishes for others: bytes in, bytes out, or a refusal in words.
+"""The parameter server: answers requests about settings and for changes; bytes in, bytes out, or a refusal as text.
 
-Knows no bus. Every answer takes bounded time: length is judged before content, and each question has its turnstile.
-The settings in force are one frozen value that is replaced as a whole, so that half a change is never seen.
+Knows no bus. Every answer takes bounded time: length is checked before content, and each request kind has its rate
+limit. The settings in force are one frozen value that is replaced as a whole, so that half a change is never visible.
 """
 
 import asyncio
@@ -40,7 +40,7 @@ Q = TypeVar("Q", bound=ParameterRequest)
 
 @dataclass(slots=True)
 class Counts:
-    """What came of the questions: malformed ones were no questions at all, hasty ones came too fast."""
+    """Counts of requests by outcome: malformed ones were not readable, hasty ones exceeded the rate limit."""
 
     answered: int = 0
     refused: int = 0
@@ -50,7 +50,7 @@ class Counts:
 
 @dataclass(frozen=True, slots=True)
 class ServerContext:
-    """What the desk needs from the car.
+    """The server's interface to the car.
 
     apply: takes the new settings and the names that changed, in one step of the loop; must not fail.
     is_standing: whether the wheels stand and no source drives. file: where to save, None where there is none.
@@ -68,9 +68,9 @@ class ServerContext:
 
 
 class ParameterServer:
-    """Five questions, each a method from payload to reply; UnacceptableError is the refusal, with its reason.
+    """Five requests, each a method from payload to reply; UnacceptableError is the refusal, with its reason.
 
-    settings: those in force. counts: how many questions met which end.
+    settings: those in force. counts: number of requests by outcome.
     """
 
     def __init__(self, settings: Settings, car: ServerContext, history: ChangeHistory) -> None:
@@ -84,7 +84,7 @@ class ParameterServer:
         read_texts(settings)  # before the car drives
 
     def list_all(self, payload: bytes) -> bytes:
-        """Return all of every setting, and the names of those that were changed and not saved."""
+        """Return all properties of every setting, and the names of those that were changed and not saved."""
         question = self._read(ListParameters, payload or b"{}")
         now = values(self.settings)
         known = catalogue(self.settings)
@@ -102,7 +102,7 @@ class ParameterServer:
         return self._answer(values={name: now[name] for name in question.names})
 
     def set_some(self, payload: bytes) -> bytes:
-        """Take some values, all or none, at once."""
+        """Change some values, all or none, at once."""
         question = self._read(SetQuestion, payload)
         wanted = self._plan(self.settings, question.values)
         self._object(wanted)
@@ -115,7 +115,7 @@ class ParameterServer:
         return self._answer(changed=_as_json(wanted), unsaved=sorted(self._unsaved))
 
     async def save(self, payload: bytes) -> bytes:
-        """Write what was set since the start, and what was passed for after a restart, into the car's file."""
+        """Write the values changed since the start, and those submitted for after a restart, into the car's file."""
         question = self._read(SaveQuestion, payload or b"{}")
         if self._car.file is None:
             raise self._refusal("this car runs without a settings file; start it with one: wallride run FILE")
@@ -139,7 +139,7 @@ class ParameterServer:
         return self._answer(changes=[asdict(change) for change in self.history.newest(question.most)])
 
     def _read(self, kind: type[Q], payload: bytes) -> Q:
-        """Return a question; what is too long is not looked at."""
+        """Parse a request; one that is too long is not parsed."""
         if len(payload) > MAX_QUESTION:
             self.counts.malformed += 1
             raise UnacceptableError(f"{len(payload)} bytes are too long a question: at most {MAX_QUESTION}")
@@ -161,7 +161,7 @@ class ParameterServer:
             raise self._refusal(str(error)) from None
 
     def _object(self, wanted: UpdatePlan) -> None:
-        """Refuse what may not change now."""
+        """Refuse changes that are not allowed now."""
         effects = dict(_effects(wanted))
         later = [name for name, effect in effects.items() if effect is Effect.RESTART]
         if later:
@@ -182,7 +182,7 @@ class ParameterServer:
             )
 
     def _edits(self, later: Settings, names: Iterable[str]) -> dict[str, Value | None]:
-        """Return what is to be written, in the order of the tree; None for keys that went with their law."""
+        """Return the edits to write, in the order of the tree; None for keys that were removed with their law."""
         now = values(self.settings)
         edits: dict[str, Value | None] = {name: None for name in self._unsaved if name not in now}
         edits |= {name: value for name, value in now.items() if name in self._unsaved}
@@ -213,7 +213,7 @@ class ParameterServer:
 
 
 def _effects(wanted: UpdatePlan) -> list[tuple[str, Effect]]:
-    """Return when each change takes effect; keys that come or go with a method do so with it."""
+    """Return when each change takes effect; keys added or removed by a method take effect with it."""
     known = catalogue(wanted.settings)
     return [(name, known[name].effect) for name, _, _ in wanted.changed if name in known]
 

@@ -1,4 +1,4 @@
-"""The settings after a change of values: the next tree, or a sentence why it is refused. Pure."""
+"""The settings after a change of values: the next tree, or the reason of a refusal. Pure."""
 
 import difflib
 import functools
@@ -18,22 +18,22 @@ _BOUNDS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
 
 
 class UnacceptableError(Exception):
-    """The values cannot be taken; the text names each key and what it may be. Nothing was changed."""
+    """The values cannot be accepted; the text names each key and its allowed values. Nothing was changed."""
 
 
 @dataclass(frozen=True, slots=True)
 class UpdatePlan:
-    """settings: the whole tree as it would be. changed: (name, old, new) of everything that would differ."""
+    """settings: the whole tree after the change. changed: (name, old, new) of every difference."""
 
     settings: Settings
     changed: tuple[tuple[str, Value | None, Value | None], ...]
 
 
 def plan(settings: Settings, wishes: Mapping[str, object]) -> UpdatePlan:
-    """Return what the settings would become, all wishes or none; UnacceptableError names each reason.
+    """Return the settings after a change, all values or none; UnacceptableError names each reason.
 
     The whole tree is validated again, so that rules between keys hold too. A new `method` begins with the defaults of
-    its law; what means the same in every law is kept.
+    its law; settings that mean the same in every law are kept.
     """
     base = _with_methods(settings, wishes)
     known = catalogue(base)
@@ -65,7 +65,7 @@ def read_texts(settings: Settings) -> None:
 
 
 def _with_methods(settings: Settings, wishes: Mapping[str, object]) -> Settings:
-    """Return the settings with the wished laws and their defaults; the settings themselves where no law changes."""
+    """Return the settings with the selected laws and their defaults; the settings themselves where no law changes."""
     tree = settings.model_dump(mode="json")
     for section, laws in METHODS.items():
         models = {law.model_fields["method"].default: law for law in laws}
@@ -77,7 +77,7 @@ def _with_methods(settings: Settings, wishes: Mapping[str, object]) -> Settings:
 
 
 def _objection(name: str, value: object, known: Mapping[str, Parameter]) -> str:
-    """Return what is wrong with a wish at first sight: there is no such setting, or its type; "" for nothing."""
+    """Return the first error of a requested value: an unknown setting, or its type; "" for none."""
     if name not in known:
         return _unknown(name, known)
     return "" if known[name].takes(value) else f"{name} = {shown(value)}: must be {known[name].range_words()}"
@@ -92,9 +92,9 @@ def _differences(
 
 
 def _sentence(error: Mapping[str, Any], known: Mapping[str, Parameter], wishes: Mapping[str, object]) -> str:
-    """Put one of pydantic's errors into words: key, value, what it may be."""
+    """Format one of pydantic's errors: key, value, allowed values."""
     name = ".".join(str(part) for part in error["loc"] if part not in TAGS)
-    # A rule of a whole section, or of one item of a list, is broken by the wish for a key.
+    # A rule of a whole section, or of one item of a list, is violated by the request for a key.
     name = name if name in wishes else next((wish for wish in wishes if f"{wish}.".startswith(f"{name}.")), name)
     name = next((wish for wish in wishes if name.startswith(f"{wish}.")), name)
     wish = f"{name} = {shown(wishes.get(name, error['input']))}"

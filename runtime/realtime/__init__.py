@@ -1,1 +1,1 @@
-"""When things run: the phase of the scans, periodic calls, garbage, CPU latency, stage timing."""
+"""Timing: the phase of the scans, periodic calls, garbage collection, CPU latency, prefetch, stage timing."""

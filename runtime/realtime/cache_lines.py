@@ -1,4 +1,4 @@
-"""Where in memory lies what a call needs. By CPython's `id`, which is an address; read as a hint and nothing else."""
+"""Addresses of the objects that a call needs: by CPython's `id`, used as a prefetch hint and for nothing else."""
 
 import gc
 import sys
@@ -13,13 +13,13 @@ Addresses = npt.NDArray[np.intp]
 
 LINE_BYTES: Final = 64
 HEADER_BYTES: Final = 16
-"""Of the garbage collector, before what an `id` shows."""
+"""Size of the garbage collector's header, in front of the address that `id` returns."""
 MAX_BYTES: Final = 256
-"""Of a thing that is no code and no class; what is longer is a docstring, a table or an array."""
+"""Maximum size of an object that is no code and no class; longer ones are docstrings, tables or arrays."""
 
 
 class Call(NamedTuple):
-    """One call of a Python function: its code, the names of its module, and whose method it is, if anybody's."""
+    """One call of a Python function: its code, the names of its module, and the owner of a method, if any."""
 
     code: CodeType
     names: Mapping[str, Any]
@@ -27,7 +27,7 @@ class Call(NamedTuple):
 
 
 def called(call: Call) -> Iterator[object]:
-    """Yield what any such call needs: code, names, constants, the function, and the class that it belongs to."""
+    """Yield the objects that any such call needs: code, names, constants, the function, and its class."""
     code = call.code
     yield code
     yield code.co_names
@@ -54,7 +54,7 @@ def held(owner: object) -> Iterator[object]:
 
 
 def addresses(things: Iterable[object]) -> Addresses:
-    """Return where the cache lines of these things are, in order."""
+    """Return the addresses of these objects' cache lines, in order."""
     lines = {line for thing in things for line in _lines(thing)}
     return np.array(sorted(lines), np.intp) * LINE_BYTES
 

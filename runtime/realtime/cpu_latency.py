@@ -1,8 +1,8 @@
-"""Keeps the processor's cores from dozing off: waking one takes 0.1 ms on a virtual machine, milliseconds on a Jetson.
+"""CPU latency limit against deep idle states: their exit takes 0.1 ms on a virtual machine, milliseconds on a Jetson.
 
-Between two scans lie 25 ms, long enough for a core to be put into its deepest sleep, from which every scan would have
-to wake it. Linux lets a process forbid that for as long as it holds a file open (Documentation/power/pm_qos_interface,
-"CPU latency"); cyclictest does the same. It ends with the process, however that ends.
+Two scans are 25 ms apart, long enough for a core to enter its deepest idle state, from which every scan would have to
+wake it. Linux lets a process forbid that for as long as it holds a file open (Documentation/power/pm_qos_interface,
+"CPU latency"); cyclictest does the same. The limit ends with the process, however that ends.
 """
 
 import os
@@ -19,7 +19,10 @@ REMEDY: Final = "let the user write to it (systemd/wallride.service does), or se
 
 @contextmanager
 def awake(*, wanted: bool, device: Path = LATENCY) -> Iterator[str]:
-    """Keep the cores awake inside; yields a sentence that says whether they are. Never fails: it is no condition."""
+    """Keep the cores out of idle states inside the block; yields a sentence with the result.
+
+    Never fails: the car drives without it too.
+    """
     if not wanted:
         yield "the processor may doze between two scans (process.stay_awake = false)"
         return

@@ -1,7 +1,7 @@
-"""Calls on absolute deadlines, because `sleep(period)` drifts and replays a stall as a burst.
+"""Periodic calls on absolute deadlines, because `sleep(period)` drifts and replays a stall as a burst.
 
 The first deadlines are multiples of their periods on the clock itself, and every job whose deadline has come is called
-in one waking of the loop: waking up, and a task of one's own, cost more than most of what is done then.
+in one wake-up of the loop: a wake-up, and a task of its own, cost more than most of the jobs.
 """
 
 import asyncio
@@ -12,12 +12,12 @@ from typing import Final, Never
 from drivers.api import Clock, Reschedule, as_wanted
 
 Tick = Callable[[float, int], None]
-"""late_s: how much later than wanted the loop woke us; missed: deadlines skipped since the tick before."""
+"""late_s: delay of the wake-up after the deadline; missed: deadlines skipped since the last tick."""
 
 TOGETHER_S: Final = 0.001
-"""Deadlines so close to each other are one waking."""
+"""Maximum distance of deadlines that share one wake-up."""
 SLACK_SHARE: Final = 0.4
-"""By so much of a period a tick may come sooner or later."""
+"""Share of its period by which a tick may come sooner or later."""
 
 
 @dataclass(slots=True)
@@ -39,13 +39,13 @@ class PeriodicTimer:
         self._ticked: list[_Ticked] = []
 
     def every(self, period_s: float, tick: Tick) -> None:
-        """Call `tick` once per period from `run` on; after a stall once, and never for the deadlines missed."""
+        """Call `tick` once per period from `run` on; after a stall once, and never for the missed deadlines."""
         self._ticked.append(_Ticked(period_s, (self._clock() // period_s + 1) * period_s, tick))
 
     async def run(self) -> Never:
-        """Tick for ever; within one waking in the order of `every`.
+        """Tick in a loop; within one wake-up in the order of `every`.
 
-        By the loop's timer itself: a task that sleeps has the loop turn once more for each of its wakings.
+        Uses the loop's timer itself: a task that sleeps costs one more turn of the loop per wake-up.
         """
         loop = asyncio.get_running_loop()
         over: asyncio.Future[Never] = loop.create_future()

@@ -1,11 +1,11 @@
-"""Has the processor fetch what the answer to a scan needs shortly before the scan comes.
+"""Prefetch of the code and data that the answer to a scan needs, shortly before the scan is due.
 
-Between two scans the car sleeps for 20 ms, and others empty the processor's caches. What runs next comes from memory
-piece by piece, each waited for: of 0.45 ms from scan to motor, 0.3 ms are that. All pieces asked for at once come in
-a hundredth of a millisecond. It is a hint to the processor: nothing is run, read or changed by it.
+Between two scans the car's process sleeps for 20 ms, and other processes evict its data from the caches. Afterwards
+each access waits for memory: of 0.45 ms from scan to motor, 0.3 ms are such cache misses. All lines requested at once
+arrive in a hundredth of a millisecond. The prefetch is a hint to the processor: nothing is run, read or changed by it.
 
-What that is, is seen by watching one answer now and then, from the moment before the scan to its last step: the code
-that runs, its functions and classes, and the objects that are there at every answer.
+The set is learnt by tracing one answer now and then, from the moment before the scan to its last step: the code that
+runs, its functions and classes, and the objects that are present at every answer.
 """
 
 import sys
@@ -19,15 +19,15 @@ Prefetch = Callable[[Addresses], object]
 """Fetches the cache lines at these addresses, (n,), without waiting for them."""
 
 WATCHED_EVERY: Final = 1000
-"""So many answers apart one is watched, because the car may do what it did not do before; at first much oftener: the
-first, the second, the fourth, the eighth. A watched answer takes a third longer."""
+"""Maximum number of answers between two traced ones, because the car may do something new; at first much oftener: the
+first, the second, the fourth, the eighth. A traced answer takes a third longer."""
 
 
 class Warmth:
-    """Call `warm` when a scan is due in a moment, and `answered` when the motor has its command.
+    """Learns and prefetches: call `warm` shortly before a scan, and `answered` when the motor has its command.
 
-    prefetch: None where nothing can be fetched; then nothing is done at all. known: the code that answers need.
-    lasting: the objects whose methods they call, of those that were there at two watched answers in a row.
+    prefetch: None where no prefetch is possible; then nothing is done at all. known: the code that answers need.
+    lasting: the objects whose methods they call, as far as present at two traced answers in a row.
     """
 
     def __init__(self, prefetch: Prefetch | None = None) -> None:
@@ -35,25 +35,25 @@ class Warmth:
         self.lasting: dict[int, object] = {}
         self._prefetch = prefetch
         self._lines = addresses(())
-        self._needed: dict[int, object] = {}  # by every call of what is known
-        self._owners: dict[int, object] = {}  # of the last answer that was watched
+        self._needed: dict[int, object] = {}  # by every call of `known`
+        self._owners: dict[int, object] = {}  # of the last traced answer
         self._warmed = 0
-        self._calls: list[Call] | None = None  # while an answer is watched
+        self._calls: list[Call] | None = None  # while an answer is traced
 
     def warm(self) -> None:
-        """Fetch what is known, and now and then watch what is needed."""
+        """Prefetch the known set, and start a trace now and then."""
         if self._prefetch is None:
             return
         self._prefetch(self._lines)
         self._warmed += 1
-        if self._calls is not None:  # no scan came: what was seen is something else
+        if self._calls is not None:  # no scan came: the trace holds something else
             self.stop()
         elif self._is_due() and sys.getprofile() is None:
             self._calls = []
             sys.setprofile(self._see)
 
     def answered(self) -> None:
-        """Learn from the answer that was watched, if it was."""
+        """Learn from the traced answer, if there is one."""
         if self._calls is None:
             return
         calls = self._calls
@@ -69,7 +69,7 @@ class Warmth:
             self._lines = addresses([*self._needed.values(), *(x for one in self.lasting.values() for x in held(one))])
 
     def stop(self) -> None:
-        """Watch nothing; harmless when repeated."""
+        """Stop a trace; harmless when repeated."""
         if self._calls is not None:
             self._calls = None
             sys.setprofile(None)

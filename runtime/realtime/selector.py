@@ -1,8 +1,8 @@
-"""A selector for a handful of ports: `select()`, and nothing besides.
+"""A `select()` selector for a handful of descriptors, without the overhead of the standard library's.
 
-With epoll, Python's timers come in whole milliseconds and up to one late; select() is right to 0.1 ms, and as quick for
-so few. The standard library's makes three sets at every turn of the loop; a scan takes nine turns, and all of them find
-their code cold.
+With epoll, Python's timers come in whole milliseconds and up to one late; select() is accurate to 0.1 ms, and as quick
+for so few descriptors. The standard library's selector builds three sets at every turn of the loop; a scan takes nine
+turns, and all of them run with cold caches.
 """
 
 import select
@@ -19,33 +19,36 @@ Ready = list[tuple[selectors.SelectorKey, int]]
 
 
 class ReadySelector(selectors.SelectSelector):
-    """Does what its base does, and less of it for each `select`."""
+    """Equivalent to its base class, with less work for each `select`."""
 
     def __init__(self) -> None:
         super().__init__()
         self._look()
 
     def register(self, fileobj: "FileDescriptorLike", events: int, data: Any = None) -> selectors.SelectorKey:  # noqa: ANN401 - as its base has it
-        """Watch a port; OSError EMFILE where `select()` cannot: its ValueError would end the loop at the next turn."""
+        """Register a descriptor; OSError EMFILE where `select()` cannot watch it.
+
+        The ValueError of `select()` would end the loop at the next turn.
+        """
         check(fileobj if isinstance(fileobj, int) else fileobj.fileno())
         key = super().register(fileobj, events, data)
         self._look()
         return key
 
     def modify(self, fileobj: "FileDescriptorLike", events: int, data: Any = None) -> selectors.SelectorKey:  # noqa: ANN401 - as its base has it
-        """Watch it otherwise."""
+        """Change the events watched on a registered descriptor."""
         key = super().modify(fileobj, events, data)
         self._look()
         return key
 
     def unregister(self, fileobj: "FileDescriptorLike") -> selectors.SelectorKey:
-        """Watch it no more."""
+        """Unregister a descriptor."""
         key = super().unregister(fileobj)
         self._look()
         return key
 
     def select(self, timeout: float | None = None) -> Ready:
-        """Return who is ready, and for what."""
+        """Return the ready descriptors with their events."""
         try:
             reading, writing, _ = select.select(
                 self._reading, self._writing, (), timeout if timeout is None else max(0.0, timeout)

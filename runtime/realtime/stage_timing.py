@@ -1,7 +1,7 @@
-"""How long each stage between a scan's bytes and the motor's took, since the start. Under a microsecond a stage.
+"""Duration of each stage between a scan's bytes and the motor's, since the start. Under a microsecond per stage.
 
-A histogram with buckets a sixteenth of an octave wide: no sample is kept, nothing grows, and a percentile is right to
-3 %. Its place is the hot path's: `begin` and `end` do nothing but look at the clock; `count` counts when there is time.
+A histogram with buckets a sixteenth of an octave wide: no sample is kept, nothing grows, and a percentile is accurate
+to 3 %. On the hot path, `begin` and `end` only read the clock; `count` fills the histograms off it.
 """
 
 import gc
@@ -17,17 +17,17 @@ from drivers.api import Clock
 SUB_BITS = 4
 _SUB = 1 << SUB_BITS
 _TICKS_PER_S = 1e7
-"""Times are counted in 0.1 us; below 1.6 us every tick has its own bucket."""
+"""Resolution of the histogram: times are counted in 0.1 us; below 1.6 us every tick has its own bucket."""
 _OCTAVES = 32
 SUMMED_EVERY_S = 1.0
 MAX_UNCOUNTED = 256
-"""A second of ticks without a scan; of more the oldest are lost."""
+"""Maximum number of waiting durations: a second of ticks without a scan; beyond it the oldest are lost."""
 STAGES = ("read", "decode", "safety", "follow", "mux", "write")
-"""In the order in which a scan passes them; what is left of `scan_to_motor` is the loop's own time."""
+"""Stages in the order of a scan's path; the rest of `scan_to_motor` is the loop's own time."""
 
 
 class Histogram:
-    """Counts durations; `fields` tells what they were like."""
+    """Counts durations; `fields` summarizes them."""
 
     __slots__ = ("_counts", "longest_s", "total")
 
@@ -37,7 +37,7 @@ class Histogram:
         self.total = 0
 
     def add(self, seconds: float) -> None:
-        """Count one; what is negative counts as nothing, what is longer than 100 minutes as that."""
+        """Count one; negative ones count as 0, those above 100 minutes as 100 minutes."""
         ticks = int(seconds * _TICKS_PER_S)
         shift = ticks.bit_length() - SUB_BITS - 1
         bucket = (shift << SUB_BITS) + (ticks >> shift) if shift > 0 else max(ticks, 0)
@@ -47,7 +47,7 @@ class Histogram:
             self.longest_s = seconds
 
     def quantiles_s(self, shares: Sequence[float]) -> list[float]:
-        """Return what so large a share of the durations did not exceed, to 3 %; zeros without any."""
+        """Return the duration that each share of the samples did not exceed, to 3 %; zeros without samples."""
         if not self.total:
             return [0.0] * len(shares)
         seen = list(accumulate(self._counts))
@@ -65,7 +65,7 @@ Uncounted = deque[tuple[Histogram, float]]
 
 
 class TimedStage:
-    """A stretch of the hot path, from `begin` to `end`."""
+    """One stage of the hot path, from `begin` to `end`."""
 
     __slots__ = ("_began_s", "_clock", "_uncounted", "histogram")
 
@@ -76,16 +76,16 @@ class TimedStage:
         self.histogram = Histogram()
 
     def begin(self) -> None:
-        """It begins."""
+        """Note the start."""
         self._began_s = self._clock()
 
     def end(self) -> None:
-        """It ends."""
+        """Note the end."""
         self._uncounted.append((self.histogram, self._clock() - self._began_s))
 
 
 class StageTimer:
-    """Everything about time that the car shows: stages, the whole way, the loop's lag, collections of garbage.
+    """All timing statistics of the car: stages, the whole path, the loop's lag, garbage collections.
 
     missed_ticks: deadlines of the mux's tick that passed while the loop was busy.
     """
@@ -108,18 +108,18 @@ class StageTimer:
         self._summed_s = -math.inf
 
     def on_scan(self, received_s: float, reading_s: float) -> None:
-        """Note a scan that was decoded just now. reading_s: how long taking its bytes from the kernel took."""
+        """Note a scan that was decoded just now. reading_s: duration of the read from the kernel."""
         self._uncounted.append((self.read, reading_s))
         self._uncounted.append((self.decode, self._clock() - received_s - reading_s))
 
     def count(self) -> None:
-        """Count what was timed since the last time; call it when nothing is waiting, at least after every scan."""
+        """Count the durations since the last call; call it when nothing is waiting, at least after every scan."""
         while self._uncounted:
             histogram, took_s = self._uncounted.popleft()
             histogram.add(took_s)
 
     def on_tick(self, late_s: float, missed: int) -> None:
-        """Note how late the loop was with something that had a deadline."""
+        """Note the delay of the loop after a deadline."""
         self.loop_lag.add(late_s)
         self.missed_ticks += missed
 
@@ -133,9 +133,9 @@ class StageTimer:
             gc.callbacks.remove(self._on_collection)
 
     def fields(self) -> dict[str, Any]:
-        """Return everything as plain values, times in microseconds; what never happened is left out.
+        """Return all statistics as plain values, times in microseconds; what never occurred is left out.
 
-        Reckoned at most once a second: it is read ten times as often.
+        Computed at most once a second: it is read ten times as often.
         """
         if self._clock() - self._summed_s >= SUMMED_EVERY_S:
             self.count()
@@ -145,7 +145,7 @@ class StageTimer:
         return self._summary
 
     def table(self) -> list[str]:
-        """Return the same as lines for people."""
+        """Return the same as lines of text."""
         self.count()
         lines = [f"{'us':<16}{'count':>9}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>9}"]
         for name, histogram in self._named():

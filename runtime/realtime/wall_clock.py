@@ -1,7 +1,7 @@
-"""Time since 1970, from the monotonic clock and what lies between the two, which changes when the clock is set.
+"""Time since 1970, from the monotonic clock and its difference to civil time, which changes when the clock is set.
 
 A computer without a battery-backed clock starts in the past, and NTP sets its clock once the network is up. NTP's slow
-corrections move the monotonic clock as well; what changes the difference is a step.
+corrections move the monotonic clock as well; a change of the difference is a step.
 """
 
 import time
@@ -11,12 +11,12 @@ from drivers.api import Clock
 
 NS = 1_000_000_000
 MIN_STEP_NS = 20_000_000
-"""A smaller difference may be a moment in which this process did not run between two readings."""
+"""Minimum step; a smaller difference may be a pause of this process between two readings."""
 READINGS = 3
 
 
 class WallClock:
-    """Turns monotonic times into times since 1970.
+    """Converts monotonic times into times since 1970.
 
     epoch_ns: added to a monotonic time [ns] gives the time since 1970, by the clock as it stands now.
     started_epoch_ns: the same as it stood when this object was made. Both may be read in any thread.
@@ -28,7 +28,7 @@ class WallClock:
         self.epoch_ns = self.started_epoch_ns = self._difference_ns()
 
     def follow(self) -> int:
-        """Take up a step of the computer's clock, and return it [ns]; 0 without one. To be called once a second."""
+        """Apply a step of the computer's clock, and return it [ns]; 0 without one. To be called once a second."""
         step_ns = self._difference_ns() - self.epoch_ns
         if abs(step_ns) < MIN_STEP_NS:
             return 0
@@ -37,7 +37,7 @@ class WallClock:
 
     @property
     def stepped_ns(self) -> int:
-        """By how much the clock was set forward since the start."""
+        """Total step of the clock since the start, positive forward."""
         return self.epoch_ns - self.started_epoch_ns
 
     def unix_ns(self, stamp_s: float) -> int:
@@ -49,7 +49,7 @@ class WallClock:
         return self.started_epoch_ns + round(stamp_s * NS)
 
     def _difference_ns(self) -> int:
-        """Return wall minus monotonic time, of a few readings the one with the least time between its two halves."""
+        """Return wall minus monotonic time: of a few readings the one with the shortest time between its halves."""
         return min(self._reading() for _ in range(READINGS))[1]
 
     def _reading(self) -> tuple[float, int]:

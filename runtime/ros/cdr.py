@@ -53,7 +53,7 @@ class CdrWriter:
             self.array(letter, values)
 
     def align(self, size_bytes: int) -> None:
-        """Fill up to a multiple of this."""
+        """Pad to a multiple of this."""
         self._buffer += bytes(-(len(self._buffer) - len(ENCAPSULATION)) % size_bytes)
 
     def done(self) -> bytes:
@@ -62,7 +62,7 @@ class CdrWriter:
 
 
 class Template(CdrWriter):
-    """A message of which only some numbers change: everything is written once, and copied with the numbers filled in.
+    """A message of which only some numbers change: written once, then copied with the numbers filled in.
 
     Half the time of writing it anew, forty times a second.
     """

@@ -1,4 +1,4 @@
-"""Which topic carries which message type, and the text of every type, for recording and decoding."""
+"""The message type of each topic, and the text of every type, for recording and decoding."""
 
 from collections.abc import Mapping
 from functools import lru_cache
@@ -8,9 +8,9 @@ from types import MappingProxyType
 from runtime.wire import topics
 
 SCHEMA_ENCODING = "ros2msg"
-"""What recorders and viewers (MCAP, Foxglove) call a type that is described by `definition`."""
+"""Name, in recorders and viewers (MCAP, Foxglove), of the form in which `definition` describes a type."""
 JSON_SCHEMA = ""
-"""JSON topics describe themselves."""
+"""Schema of JSON topics: none, because they describe themselves."""
 
 TYPES: Mapping[str, str] = MappingProxyType(
     {
@@ -30,7 +30,7 @@ TYPES: Mapping[str, str] = MappingProxyType(
         topics.TF: "tf2_msgs/msg/TFMessage",
     }
 )
-"""Topics that carry CDR; the others are JSON (status, decision) or our own (beat)."""
+"""Topics that carry CDR; the others are JSON (status, decision) or wallride's own format (beat)."""
 
 _SEPARATOR = "=" * 80
 
@@ -43,13 +43,13 @@ def encoding(topic: str) -> str:
 
 @lru_cache(maxsize=len(TYPES))
 def definition(schema: str) -> str:
-    """Return the text of a type and of all it is made of, in the form that MCAP calls ros2msg.
+    """Return the text of a type and of all its parts, in the form that MCAP calls ros2msg.
 
     schema: such as sensor_msgs/msg/LaserScan; KeyError for a type that wallride does not use.
     """
     fields = _all_fields()
     names = [schema.replace("/msg/", "/")]
-    for name in names:  # grows while it is walked
+    for name in names:  # grows during the loop
         names += [part for part in dict.fromkeys(_parts(fields[name])) if part not in names]
     blocks = [fields[name] if not i else f"MSG: {name}\n{fields[name]}" for i, name in enumerate(names)]
     return f"{_SEPARATOR}\n".join(blocks)

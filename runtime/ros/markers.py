@@ -1,4 +1,4 @@
-"""Drawings for Foxglove, Lichtblick and RViz: lines and points in base_link as visualization_msgs/MarkerArray."""
+"""Markers for Foxglove, Lichtblick and RViz: lines and points in base_link as visualization_msgs/MarkerArray."""
 
 from collections.abc import Sequence
 from enum import IntEnum
@@ -12,7 +12,7 @@ from runtime.ros.cdr import ENCAPSULATION, CdrWriter, Template
 from runtime.ros.messages import BASE, NOTHING, NS, Floats, header
 
 LIFETIME_S = 0.6
-"""A marker that is not renewed disappears by itself."""
+"""Lifetime of a marker that is not renewed."""
 POINT_BYTES = 3 * 8
 Color = tuple[float, float, float, float]
 GREEN: Color = (0.2, 0.8, 0.3, 1.0)
@@ -22,7 +22,7 @@ RED: Color = (0.95, 0.2, 0.2, 1.0)
 
 
 class MarkerType(IntEnum):
-    """How the points are joined; the values are the message's."""
+    """Connection of a marker's points; the values are the message's."""
 
     LINE_STRIP = 4
     LINE_LIST = 5
@@ -31,7 +31,7 @@ class MarkerType(IntEnum):
 
 @value(eq=False)
 class Marker:
-    """One drawing. name: unlike that of every other drawing on its topic. points_m: (2, n), base_link."""
+    """One marker. name: unique on its topic. points_m: (2, n), base_link."""
 
     name: str
     kind: MarkerType
@@ -56,7 +56,7 @@ def marker_array(stamp_ns: int, markers: Sequence[Marker]) -> bytes:
 
 
 def _points(markers: Sequence[Marker]) -> bytes:
-    """Return the points of all the drawings, one after the other, as x, y, 0."""
+    """Return the points of all markers, one after the other, as x, y, 0."""
     if not markers:
         return b""
     points: npt.NDArray[np.float64] = np.zeros((sum(marker.points_m.shape[1] for marker in markers), 3))
@@ -66,9 +66,9 @@ def _points(markers: Sequence[Marker]) -> bytes:
 
 @lru_cache(maxsize=256)
 def _head(before: int, name: str, kind: MarkerType, color: Color, width_m: float, *, filled: bool) -> Template:
-    """Return what is written before the points, from the time to their number.
+    """Return the part in front of the points, from the time to their number.
 
-    before: how many bytes after a multiple of 8 it begins, which it has at its front. filled: there are points.
+    before: its offset in bytes after a multiple of 8, with which it begins. filled: there are points.
     """
     out = Template()
     out.put("B" * before, *bytes(before))

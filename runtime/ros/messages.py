@@ -1,7 +1,7 @@
 """Every message that the car publishes, one function each: SI values in, CDR bytes out.
 
 stamp_ns: nanoseconds since 1970, of the measurement. Frames (REP-105): `laser` for the scan, `base_link` (middle of the
-rear axle), `odom`. The order of the writes is that of the fields in types.msg.
+    rear axle), `odom`. The order of the writes is that of the fields in types.msg.
 """
 
 import math
@@ -22,13 +22,13 @@ Floats = npt.NDArray[np.float64]
 
 NOTHING: Floats = np.empty(0)
 NO_NUMBERS = b"\0\0\0\0"
-"""A sequence of none, where the numbers before it end at a multiple of four."""
+"""An empty sequence, where the numbers before it end at a multiple of four."""
 NAN = math.nan
 UNKNOWN_3X3: Floats = np.zeros(9)
 NO_ORIENTATION_3X3: Floats = np.array([-1.0, *np.zeros(8)])
-"""What sensor_msgs/Imu says where there is no estimate."""
+"""Covariance of sensor_msgs/Imu where there is no estimate of the orientation."""
 WHEEL_COVARIANCE_6X6: Floats = np.diag([0.05, 0.05, 1e6, 1e6, 1e6, 0.1]).ravel()
-"""Dead reckoning in a plane: a rough guess for x, y and yaw, nothing known of the rest."""
+"""Covariance of dead reckoning in a plane: a rough guess for x, y and yaw, unknown for the rest."""
 
 
 @value()
@@ -44,7 +44,7 @@ class DiagnosticStatus:
 
 @value()
 class Frame:
-    """Where a frame stands in its parent, in the plane."""
+    """Pose of a frame in its parent, in the plane."""
 
     parent: str
     child: str
@@ -56,7 +56,8 @@ class Frame:
 def laser_scan(stamp_ns: int, scan: Scan, scan_time_s: float) -> bytes:
     """Return sensor_msgs/LaserScan; NaN where a beam has no distance, no intensities.
 
-    All beams carry the time of the sweep's last byte (time_increment 0): what came when is the sensor's secret.
+    All beams carry the time of the sweep's last byte (time_increment 0): the sensor does not report the time of each
+    beam.
     """
     beams = scan.ranges_m.shape[0]
     last_rad = scan.angle_min_rad + scan.angle_step_rad * (beams - 1)
@@ -91,7 +92,7 @@ def imu(stamp_ns: int, turn_radps: tuple[float, float, float], acceleration_mps2
 def motor(stamp_ns: int, state: MotorState) -> bytes:
     """Return sensor_msgs/JointState of two joints: `drive` in metres, m/s and motor amperes, `steering` in radians.
 
-    The steering is the angle commanded: hobby servos have no read-back. What else the controller says is in `battery`
+    The steering is the angle commanded: hobby servos have no read-back. The controller's other values are in `battery`
     and `diagnostics`.
     """
     return _MOTOR.fill(
@@ -100,7 +101,7 @@ def motor(stamp_ns: int, state: MotorState) -> bytes:
 
 
 def battery(stamp_ns: int, voltage_v: float, current_a: float) -> bytes:
-    """Return sensor_msgs/BatteryState; current_a is what the battery gives, which the message wants negative."""
+    """Return sensor_msgs/BatteryState; current_a: discharge current, positive; negative in the message."""
     out = _stamped(stamp_ns, BASE)
     out.put("fffffff", voltage_v, NAN, -current_a, NAN, NAN, NAN, NAN)
     discharging, lithium_polymer = 2, 3

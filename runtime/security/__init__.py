@@ -1,1 +1,1 @@
-"""Who may do what: certificates, the access list, the folder of keys."""
+"""Access control: certificates, the access list, the folder of keys."""

@@ -1,7 +1,7 @@
-"""people.toml: who may do what on this car. Written by `wallride keys`, read when the car starts.
+"""people.toml: the access list of this car. Written by `wallride keys`, read when the car starts.
 
-A certificate only proves a name. A name that is not listed, or is revoked, may do nothing, however long its
-certificate is still valid.
+A certificate only proves a name. A name that is not listed, or is revoked, has no rights, however long its certificate
+is still valid.
 """
 
 import re
@@ -14,11 +14,11 @@ from pathlib import Path
 from runtime.wire.zenoh_config import Person, Role
 
 NAME_FORM = re.compile(r"[a-z0-9][a-z0-9_-]{0,23}")
-"""What people may be called: it is a key in TOML, a file's name everywhere, and fits a teleop message."""
+"""Form of a person's name: it is a key in TOML, a file's name everywhere, and fits a teleop message."""
 
 
 class KeysError(Exception):
-    """Keys that cannot be used; the text says what, where, and what to do next."""
+    """Keys that cannot be used; the text names the problem, the place, and the remedy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class AccessEntry:
 
 
 def read_people(path: Path) -> tuple[AccessEntry, ...]:
-    """Read people.toml; KeysError when anything in it is not understood, because guessing would open doors."""
+    """Read people.toml; KeysError when anything in it is not understood, because a guess could grant rights."""
     try:
         entries = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -59,5 +59,5 @@ def _listed(path: Path, name: str, entry: object) -> AccessEntry:
 
 
 def explain_name() -> str:
-    """Say what a name may look like."""
+    """Return the rule for names, as text."""
     return "names are 1 to 24 of a-z, 0-9, _ and -, beginning with a letter or digit"

@@ -1,4 +1,4 @@
-"""What three PEM files are worth, found out before zenoh sees them: zenoh itself only ever says "timeout".
+"""Validation of three PEM files before zenoh loads them: zenoh itself reports nothing but "timeout".
 
 Needs the package `cryptography` (extra `keys`); imported only where a tls endpoint is used.
 """
@@ -26,7 +26,7 @@ _Read = TypeVar("_Read")
 
 @dataclass(frozen=True, slots=True)
 class CertificateIdentity:
-    """What a certificate says about its owner. `role` is what it was made for; the car's list decides what it may."""
+    """Identity in a certificate. `role` is the one it was issued for; the car's list decides about its rights."""
 
     name: str
     role: str
@@ -35,7 +35,7 @@ class CertificateIdentity:
     expires: datetime
 
     def trouble(self, now: datetime) -> str | None:
-        """Say why it is not valid at this time, or None."""
+        """Return why it is not valid at this time, or None."""
         if now < self.begins:
             return f"is not valid before {self.begins:%Y-%m-%d}, and this computer believes that it is {now:%Y-%m-%d}"
         if now >= self.expires:
@@ -43,7 +43,7 @@ class CertificateIdentity:
         return None
 
     def warning(self, now: datetime) -> str | None:
-        """Say that it expires soon, or None."""
+        """Return a warning that it expires soon, or None."""
         if now < self.expires <= now + EXPIRES_SOON:
             return f"expires on {self.expires:%Y-%m-%d}, in {(self.expires - now).days} days"
         return None
@@ -52,7 +52,7 @@ class CertificateIdentity:
 def read_identity(tls: Tls, *, for_car: bool) -> CertificateIdentity:
     """Check that the three files belong together and to this side; KeysError with the remedy.
 
-    Time is not judged here: a car whose clock is not set yet must still start.
+    Validity in time is not checked here: a car whose clock is not set yet must still start.
     """
     authority = _read(tls.authority, x509.load_pem_x509_certificate, "certificate")
     certificate = _read(tls.certificate, x509.load_pem_x509_certificate, "certificate")
@@ -72,7 +72,7 @@ def read_identity(tls: Tls, *, for_car: bool) -> CertificateIdentity:
 
 
 def identity_of(certificate: x509.Certificate) -> CertificateIdentity:
-    """Return what a certificate says."""
+    """Return the identity in a certificate."""
     try:
         alternatives = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
         names = (
@@ -92,13 +92,13 @@ def identity_of(certificate: x509.Certificate) -> CertificateIdentity:
 
 
 def common_name(certificate: x509.Certificate) -> str:
-    """Return the name that the car's access control goes by."""
+    """Return the name by which the car's access control identifies the holder."""
     names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
     return str(names[0].value) if names else ""
 
 
 def _check_purpose(certificate: x509.Certificate, path: Path, *, for_car: bool) -> None:
-    """Refuse a person's certificate on a car and the reverse; zenoh would do so with a timeout."""
+    """Refuse a person's certificate on a car and the reverse; zenoh would report a timeout."""
     try:
         usage = certificate.extensions.get_extension_for_class(x509.ExtendedKeyUsage).value
     except x509.ExtensionNotFound:

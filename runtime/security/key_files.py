@@ -20,7 +20,7 @@ CAR = "car"
 
 @dataclass(frozen=True, slots=True)
 class KeyFiles:
-    """Files that were checked: whose they are, and what its owner should hear about them."""
+    """Checked key files: their owner, and the warnings for that owner."""
 
     tls: Tls
     identity: "CertificateIdentity"
@@ -31,9 +31,9 @@ class KeyFiles:
 def car_session(
     listen: Sequence[str], directory: Path, car: str, now: datetime
 ) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """Return the configuration of the car's session and what its owner should hear about the keys.
+    """Return the configuration of the car's session and the warnings about the keys for its owner.
 
-    Keys are looked at only when a tls endpoint needs them; KeysError when they cannot be used.
+    Keys are read only when a tls endpoint needs them; KeysError when they cannot be used.
     """
     if not any(map(is_tls, listen)):
         return car_config(listen, None, (), car), ()
@@ -42,10 +42,10 @@ def car_session(
 
 
 def car_keys(directory: Path, now: datetime) -> KeyFiles:
-    """Check the car's folder and read who may do what; KeysError when the car must not listen with it.
+    """Check the car's folder and read the access list; KeysError when the car must not listen with it.
 
     now: the civil time, with a zone. A certificate that is not valid *now* is only a warning, because a car without
-    network often starts with a wrong clock, and must start.
+        network often starts with a wrong clock, and must start.
     """
     tls = Tls(directory / AUTHORITY, directory / f"{CAR}.pem", directory / f"{CAR}.key")
     identity = _identity(tls, for_car=True)
@@ -84,7 +84,7 @@ def _persons_files(directory: Path) -> Tls:
 
 
 def _identity(tls: Tls, *, for_car: bool) -> "CertificateIdentity":
-    """Check the files with a package that only those need who use keys; say how to get it."""
+    """Check the files with the package that only keys need; name the way to install it when it is missing."""
     try:
         from runtime.security.certificates import read_identity
     except ModuleNotFoundError as error:
