@@ -1,4 +1,4 @@
-"""The composition root: the one place where devices, queues and tasks meet. Read `drive` and you know the dataflow."""
+"""The composition root: the one place where devices, queues and tasks meet. `drive` shows the dataflow."""
 
 import asyncio
 import logging
@@ -49,11 +49,11 @@ REST_BELOW_MPS = 0.05
 
 
 class Car:
-    """Everything that one drive shares. Built once, from settings and two devices; `drive` runs it.
+    """The shared objects of one drive. Built once, from settings and two devices; `drive` runs it.
 
-    file: where live parameters are saved, None where there is none; base: the file below it.
-    reading_s: how long the bytes of the newest scan took from the kernel, where the lidar knows it.
-    scan_phase: the one that the devices keep clear of. warmth: told when a scan is answered.
+    file: destination of saved live parameters, None where there is none; base: the file below it.
+    reading_s: duration of the newest scan's read from the kernel, where the lidar measures it.
+    scan_phase: the one around which the devices schedule. warmth: notified when a scan is answered.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class Car:
             clock=clock,
         )
         self.tape = self.recorder.tape
-        # What decides asks the tape for the time, so that a replay can give it the very same answers.
+        # Deciding code reads the time from the decision log, so that a replay can return the very same readings.
         self.stack = LiveStack(settings, self.tape)
         self.voices, self.laws, self.limiter = self.stack.voices, self.stack.laws, self.stack.limiter
         self.stages = StageTimer(clock)
@@ -104,7 +104,7 @@ class Car:
         )  # fmt: skip
 
     def connect(self) -> None:
-        """Declare on the bus what comes in: an operator's commands and questions about parameters."""
+        """Declare the incoming keys on the bus: an operator's commands and requests about parameters."""
         name = self.settings.car.name
         self.bus.announce(topics.key(name, topics.ALIVE))
         self.bus.subscribe(topics.key(name, topics.COMMAND), self.operator.receive, max_bytes=COMMAND_BYTES)
@@ -114,7 +114,7 @@ class Car:
         self.bus.answer(topics.key(name, f"{topics.OWN_PARTS}/forget"), self.own_parts.answer_forget)
 
     def apply(self, settings: Settings, changed: Sequence[str]) -> None:
-        """Take other settings in one step of the loop: between two scans, never within one."""
+        """Apply other settings in one step of the loop: between two scans, never within one."""
         self.settings = settings
         self.stack.apply(settings)
         self.sink.limit(settings.telemetry.rates_hz)
@@ -122,7 +122,7 @@ class Car:
             logging.getLogger().setLevel(settings.log.level)
 
     def is_standing(self) -> bool:
-        """Tell whether the wheels stand and no source drives; a motor that says nothing may be turning."""
+        """Tell whether the wheels stand and no source drives; without a motor report they may be turning."""
         state, output = self.motor.state, self.mux.output
         wanted_mps = output.drive.speed_mps if output is not None else 0.0
         return state is not None and abs(state.speed_mps) < REST_BELOW_MPS and wanted_mps == 0.0
@@ -165,7 +165,7 @@ class Car:
         return [tasks.create_task(job, name=name) for name, job in jobs.items()]
 
     def _afterwards(self, scan: Scan) -> None:
-        """Do what can wait until a scan is answered."""
+        """Do the work that can wait until a scan is answered."""
         self.warmth.answered()
         self.laws.learn()
         collect_young()
@@ -254,5 +254,5 @@ async def _until(stop: asyncio.Event, tasks: list[asyncio.Task[Any]]) -> None:
 
 
 def history_file(settings: Settings) -> Path | None:
-    """Return where changes of parameters are written down, None when nowhere."""
+    """Return the file of the parameter changes, None without one."""
     return Path(settings.parameters.history_file) if settings.parameters.history_file else None

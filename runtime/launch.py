@@ -1,4 +1,4 @@
-"""One drive from start to end: the real devices, the session, the signals. Everything that a process has only once."""
+"""One drive from start to end: the real devices, the session, the signals; all that a process has only once."""
 
 import asyncio
 import gc
@@ -35,11 +35,11 @@ from runtime.wire.teleop import session_text
 log = logging.getLogger("wallride.launch")
 
 MAX_ENDING_S: Final = 2.0
-"""Below the service's TimeoutStopSec."""
+"""Maximum time of the shutdown, below the service's TimeoutStopSec."""
 
 
 class BrakingMotor(Protocol):
-    """What can brake without the event loop."""
+    """A motor that can brake without the event loop."""
 
     def brake_now(self) -> None:
         """Write one brake; never raises."""
@@ -47,18 +47,19 @@ class BrakingMotor(Protocol):
 
 
 HOLD_WITHIN_S = 3.0
-"""The wheels wait so long for the session, so that a car whose port is taken ends before it moved."""
+"""Maximum time that the car stands still for the session to open, so that one whose port is taken ends before it
+moved."""
 
 
 class LaunchError(Exception):
-    """The car cannot be started as its settings say; the text names the remedy."""
+    """The car cannot be started with its settings; the text names the remedy."""
 
 
 @dataclass(frozen=True, slots=True)
 class Files:
-    """Where a process reads and writes. saved: live parameters; base: the settings file below that one, if any.
+    """The files of a process. saved: live parameters; base: the settings file below that one, if any.
 
-    address: where to write which address telemetry has.
+    address: destination of telemetry's address.
     """
 
     saved: Path | None = None
@@ -67,9 +68,9 @@ class Files:
 
 
 def main(settings: Settings, files: Files, session: Mapping[str, Any], warnings: Sequence[str]) -> None:
-    """Drive until SIGINT or SIGTERM; returns when the car stands. LaunchError when its port is taken.
+    """Drive until SIGINT or SIGTERM; return once the car stands. LaunchError when its port is taken.
 
-    session: the configuration of the zenoh session. warnings: what the owner should hear first.
+    session: the configuration of the zenoh session. warnings: reported to the owner first.
     """
     scheduling = keep_for_this_thread()
     with journal(settings.log.level, settings.log.format):
@@ -90,7 +91,7 @@ def main(settings: Settings, files: Files, session: Mapping[str, Any], warnings:
 def braking_last(motors: Sequence[BrakingMotor]) -> Iterator[None]:
     """Brake when an error leaves this block: the loop may have ended without one `finally` of its tasks.
 
-    The process then ends within MAX_ENDING_S, so that the service manager starts it anew, even when closing hangs.
+    The process then ends within MAX_ENDING_S, so that the service manager restarts it, even when closing hangs.
     """
     try:
         yield
@@ -106,7 +107,7 @@ def braking_last(motors: Sequence[BrakingMotor]) -> Iterator[None]:
 
 
 def punctual_loop() -> asyncio.AbstractEventLoop:
-    """Return an event loop whose timers are right to 0.1 ms."""
+    """Return an event loop whose timers are accurate to 0.1 ms."""
     return asyncio.SelectorEventLoop(ReadySelector())
 
 
@@ -124,7 +125,7 @@ async def _drive(
     def replied(took_s: float) -> None:
         scan_phase.replied(took_s)
         if scan_phase.expects(clock()):
-            warmth.warm()  # the last that is done before the scan
+            warmth.warm()  # the last step before the scan
 
     motor = Vesc(settings.motor, clock=clock, clear_s=scan_phase.clear_s, replied=replied)
     fitted(motor)
@@ -139,7 +140,7 @@ async def _drive(
     opening = asyncio.create_task(_open(car, bus, stop, files.address), name="bus")
     methods.warm_up(settings.wall_follow, settings.safety, settings.car)
     gc.collect()
-    gc.freeze()  # a full collection would block the loop for milliseconds; what exists now stays anyway
+    gc.freeze()  # a full collection would block the loop for milliseconds; the objects present now stay anyway
     await asyncio.wait({opening}, timeout=HOLD_WITHIN_S)
     if opening.done():
         opening.result()  # LaunchError before anything moves or records
@@ -161,7 +162,7 @@ async def _drive(
 
 
 async def _open(car: Car, bus: Bus, stop: asyncio.Event, address_file: Path | None) -> None:
-    """Open the session and say where it is; LaunchError, after `stop`, when another program has its port."""
+    """Open the session and report its address; LaunchError, after `stop`, when another program has its port."""
     telemetry = Address(car.settings.car.name, session_text(car.session))
     if not car.settings.telemetry.enabled:
         telemetry = replace(telemetry, problem="telemetry.enabled is false")

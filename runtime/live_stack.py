@@ -1,7 +1,7 @@
-"""The control code of one car: command queue, laws and limiter. The car's tasks and a replay both drive by it.
+"""The control code of one car: command queue, laws and limiter. Shared by the car's tasks and a replay.
 
-`look` and `follow` answer one scan each: the law decides, the decision log keeps it with the times that it was given,
-and the answer becomes a word in the command queue. `apply` changes all settings that decide in one step.
+`look` and `follow` answer one scan each: the law decides, the decision log keeps the result with the times that the law
+read, and the answer goes into the command queue. `apply` changes all settings that decide in one step.
 """
 
 from drivers.api import Clock, Drive, MotorState, Scan
@@ -19,9 +19,9 @@ REQUIRED = frozenset({Source.SAFETY, Source.PERMIT})
 
 
 class LiveStack:
-    """Built once from settings; memories are fresh.
+    """Built once from settings; without any memory of earlier runs.
 
-    settings: those in force. tape: the log of decisions; its clock is the one that all decide by.
+    settings: those in force. tape: the decision log; its clock is the one for all decisions.
     """
 
     def __init__(self, settings: Settings, tape: DecisionLog) -> None:
@@ -35,10 +35,10 @@ class LiveStack:
         tape.tuned(settings)
 
     def look(self, scan: Scan, motor: MotorState | None) -> SafetyAssessment:
-        """Let safety take in a scan and say how fast the car may go.
+        """Pass a scan to safety and put its speed limit.
 
-        The word is not a number but a judge: the mux asks it about the very drive that is about to be sent. It is in
-        force only so long after the scan: a blind safety is a silent one.
+        The limit is not a number but an assessment: the mux evaluates it for the very command that is about to be sent.
+        It is in force only for a limited time after the scan: a blind safety is a silent one.
         """
         self.tape.begin()
         outlook = self.laws.look(scan, motor)
@@ -48,7 +48,7 @@ class LiveStack:
         return outlook
 
     def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
-        """Let the follower answer a scan; without an answer it asks for standstill, with its reason."""
+        """Pass a scan to the follower and put its command; without an answer it is a standstill, with its reason."""
         self.tape.begin()
         guidance = self.laws.follow(scan, motor)
         self.tape.followed(scan, motor, guidance)
@@ -58,7 +58,7 @@ class LiveStack:
         return guidance
 
     def apply(self, settings: Settings) -> None:
-        """Take other settings in one step: between two scans, never within one."""
+        """Apply other settings in one step: between two scans, never within one."""
         self.settings = settings
         self.tape.tuned(settings)
         self.laws.tune(settings.wall_follow, settings.safety)
@@ -67,7 +67,7 @@ class LiveStack:
 
 
 def limits(car: CarSettings) -> Limits:
-    """Return what the mechanics allow."""
+    """Return the limits of the mechanics."""
     return Limits(
         max_speed_mps=car.max_speed_mps,
         max_reverse_mps=car.max_reverse_mps,

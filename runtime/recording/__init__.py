@@ -1,1 +1,1 @@
-"""Every drive on disk, without the drive noticing: what decides (`tape`), what is shown, and the last half minute."""
+"""Recording of every drive on disk, off the hot path: the decision log, telemetry, and the last half minute."""

@@ -1,4 +1,4 @@
-"""What is remembered in case of a stop, and what counts as one."""
+"""The memory of the newest messages for black boxes, and the detection of the stops that deserve one."""
 
 from collections import deque
 from collections.abc import Iterator
@@ -11,11 +11,11 @@ from runtime.recording.decision_log import Heard
 NS = 1_000_000_000
 MAX_BYTES = 24_000_000
 MOVING_MPS = 0.2
-"""A stop from less than this is a car that came to rest by itself."""
+"""Minimum speed before a stop; from less the car came to rest by itself."""
 LASTING_S = 0.1
-"""A stop that is over sooner is a hesitation."""
+"""Minimum duration of a stop; a shorter one is a hesitation."""
 LOST = "lost"
-"""An operator who lets go is no event; one who was lost is."""
+"""The state of a lost operator: its stop is an event, the stop after a release is none."""
 
 
 class BufferedMessage(NamedTuple):
@@ -38,11 +38,11 @@ class Memory:
 
     @property
     def next_number(self) -> int:
-        """The number of the message that comes next."""
+        """The number of the next message."""
         return self._next
 
     def add(self, message: RecordMessage) -> None:
-        """Remember a message, and forget what is too old for it."""
+        """Add a message, and drop those that are too old."""
         self._kept.append(BufferedMessage(self._next, message))
         self._next += 1
         self._bytes += len(message.payload)
@@ -54,7 +54,7 @@ class Memory:
                 self._basis[forgotten.topic] = forgotten
 
     def since(self, number: int) -> Iterator[RecordMessage]:
-        """Yield what a file needs that begins with a message: what lasts from before it, then all from it on."""
+        """Yield the content of a file that begins with a message: lasting ones from before it, then all from it on."""
         earlier = [kept.message for kept in self._kept if kept.number < number]
         wanted = [kept.message for kept in self._kept if kept.number >= number]
         lasting = self._basis | {message.topic: message for message in earlier if message.lasting}
@@ -65,10 +65,10 @@ class Memory:
 
 
 class StopWatcher:
-    """Tells which stops are worth a black box: an e-stop at once, another one when it was from a drive and lasts.
+    """Selects the stops worth a black box: an e-stop at once, another one if it ends a drive and lasts.
 
-    Those are: safety that brakes, a driver without a word from those who must agree, an operator who was lost, and a
-    motor that takes no commands.
+    Such stops are: braking by safety, the silence of a required source, a lost operator, and a motor that takes no
+    commands.
     """
 
     def __init__(self) -> None:
@@ -78,7 +78,7 @@ class StopWatcher:
         self._stopped: tuple[float, str] | None = None
 
     def look(self, output: Output, live: Heard) -> str | None:
-        """Take in one decision; returns the reason of a stop that has just become one."""
+        """Take in one decision; return the reason of a stop that has just qualified."""
         held = next((word for word in live if isinstance(word, SpeedLimit) and word.source is Source.ESTOP), None)
         begins, self._held = held is not None and not self._held, held is not None
         if begins and held is not None:
@@ -98,7 +98,7 @@ class StopWatcher:
         return None
 
     def _reason(self, output: Output) -> str | None:
-        """Return why a moving car is to stand now; None when it is not, or when the operator let go."""
+        """Return why a moving car is to stop now; None when it is not, or when the operator released."""
         decision = output.decision
         if not output.delivered:
             return "the motor takes no commands"

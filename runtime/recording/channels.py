@@ -1,7 +1,7 @@
-"""What a recording's channels carry: ROS 2 messages, all of them, as the MCAP profile "ros2" demands.
+"""The channels of a recording: ROS 2 messages, all of them, as the MCAP profile "ros2" demands.
 
-Topics that are text for us (JSON, TOML) are std_msgs/msg/String: with a single JSON channel in the file
-`mcap-ros2-support` and `ros2 bag play` give up on the whole of it.
+wallride's text topics (JSON, TOML) are std_msgs/msg/String: with a single JSON channel in the file `mcap-ros2-support`
+and `ros2 bag play` refuse the whole file.
 """
 
 import struct
@@ -80,7 +80,7 @@ def text_of(message: bytes) -> bytes:
 
 
 def octets(payload: bytes) -> bytes:
-    """Return std_msgs/UInt8MultiArray for raw bytes; no dimensions, so that there is nothing but the bytes."""
+    """Return std_msgs/UInt8MultiArray for raw bytes, without dimensions."""
     return b"".join((ENCAPSULATION, _LAYOUT_AND_LENGTH.pack(0, 0, len(payload)), payload))
 
 

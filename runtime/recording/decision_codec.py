@@ -1,4 +1,4 @@
-"""A stretch of tape as one message, and back: JSON; numbers that JSON has not are "nan", "inf" and "-inf"."""
+"""Codec between the decision log and messages: JSON, with "nan", "inf" and "-inf" for numbers that JSON lacks."""
 
 import json
 import math
@@ -30,7 +30,7 @@ FORMAT = 1
 
 
 class TapeError(Exception):
-    """A message that is not a piece of tape; the text says what is wrong."""
+    """A message that is not a piece of the decision log; the text gives the reason."""
 
 
 def encode(entries: Sequence[Entry]) -> bytes:
@@ -56,14 +56,14 @@ def decode(payload: bytes) -> list[Event]:
 
 @dataclass(slots=True)
 class _Batch:
-    """What the events of one message share: motor states by reference, and whose words were written already."""
+    """Shared state of one message: motor states by reference, and the entries that are written already."""
 
     motors: list[list[Any]] = field(default_factory=list)
     known_motors: dict[int, int] = field(default_factory=dict)
     words: dict[Source, Word] = field(default_factory=dict)
 
     def motor(self, state: MotorState | None) -> int | None:
-        """Return a motor state's place in the message."""
+        """Return the index of a motor state in the message."""
         if state is None:
             return None
         place = self.known_motors.get(id(state))  # it lives as long as the entries that hold it
@@ -206,7 +206,7 @@ def _state(motors: Sequence[MotorState], place: int | None) -> MotorState | None
 
 @dataclass(frozen=True, slots=True)
 class _RowReader:
-    """Reads rows by the names of their columns, which the message brings along."""
+    """Reads rows by the names of their columns, which the message contains."""
 
     columns: Mapping[type[Any], tuple[str, ...]]
 

@@ -1,12 +1,12 @@
-"""Everything that decides, in the order in which it decided, exactly; what a replay is made from.
+"""The decision log: all inputs and results of decisions, in order and exactly; the source of a replay.
 
 The hot path adds references, which takes less than a microsecond; another thread drains and encodes them
 (`decision_codec`). Floats survive bit for bit (JSON's shortest form reads back as the same float64). Ranges are not in
 the log: the recording holds a LaserScan for every delivered scan, its MCAP sequence number is the scan's, and its
 ranges are the very float32 values.
 
-Time is in the log too. A law or the mux that asks the clock while it decides gets its answers again in a replay:
-`times_s` are those that one event was given, in order. For that, they all must read `DecisionLog.clock`.
+Time is in the log too. A law or the mux that reads the clock while it decides gets the same readings in a replay:
+`times_s` are those of one event, in order. For that, they all must read `DecisionLog.clock`.
 """
 
 import itertools
@@ -24,12 +24,13 @@ from runtime.control.guidance import Guidance
 from runtime.control.perception.own_parts import KnownParts
 
 MAX_EVENTS = 8192
-"""About half a minute; of more that were not drained the oldest are lost, which the gap in their numbers shows."""
+"""Maximum number of waiting events, about half a minute; of more the oldest are lost, which shows as a gap in their
+numbers."""
 
 
 @dataclass(frozen=True, slots=True)
 class ScanEvent:
-    """A scan was delivered: everything of it but its ranges."""
+    """A delivered scan: all of it but its ranges."""
 
     number: int
     sequence: int
@@ -42,7 +43,7 @@ class ScanEvent:
     beams: int
 
     def scan(self, ranges_m: npt.NDArray[np.float32]) -> Scan:
-        """Return the scan that was delivered, given the ranges of the LaserScan with the same sequence number."""
+        """Return the delivered scan, given the ranges of the LaserScan with the same sequence number."""
         return Scan(
             self.stamp_s, self.received_s, self.angle_min_rad, self.angle_step_rad, self.range_min_m,
             self.range_max_m, ranges_m, self.sequence,
@@ -51,7 +52,7 @@ class ScanEvent:
 
 @dataclass(frozen=True, slots=True)
 class SafetyEvent:
-    """Safety took in a scan, with this motor state; its word was said right after."""
+    """Safety took in a scan, with this motor state; its speed limit was put right after."""
 
     number: int
     sequence: int
@@ -61,7 +62,7 @@ class SafetyEvent:
 
 @dataclass(frozen=True, slots=True)
 class FollowerEvent:
-    """The follower answered a scan, with this motor state; its word was said right after."""
+    """The follower answered a scan, with this motor state; its command was put right after."""
 
     number: int
     sequence: int
@@ -72,7 +73,7 @@ class FollowerEvent:
 
 @dataclass(frozen=True, slots=True)
 class CommandEvent:
-    """A source other than safety and navigation spoke. A cap's outlook is the plain verdict that it was."""
+    """Entry of a source other than safety and navigation. The assessment in a speed limit is its plain verdict."""
 
     number: int
     word: Word
@@ -81,7 +82,7 @@ class CommandEvent:
 
 @dataclass(frozen=True, slots=True)
 class WithdrawalEvent:
-    """A word was withdrawn."""
+    """Withdrawal of a source's entry."""
 
     number: int
     source: Source
@@ -89,12 +90,12 @@ class WithdrawalEvent:
 
 @dataclass(frozen=True, slots=True)
 class DecisionEvent:
-    """The mux decided.
+    """A decision of the mux.
 
-    times_s: the first is the decision's own time. elapsed_s: since the decision before.
-    live: whose words were in force, most urgent first.
-    words: the words of those that are not laws, as far as they are others than at the step before; at the first step
-        of a message all of them, so that a tape may begin anywhere.
+    times_s: the first is the decision's own time. elapsed_s: since the last decision.
+    live: sources of the entries in force, most urgent first.
+    words: the entries of sources that are no laws, as far as they differ from those of the last step; at the first step
+        of a message all of them, so that a log may begin anywhere.
     """
 
     number: int
@@ -115,7 +116,7 @@ class SettingsEvent:
 
 @dataclass(frozen=True, slots=True)
 class OwnPartsEvent:
-    """The laws were handed what is known of the car's own parts from before, or that nothing is."""
+    """The laws received the known parts of the car from an earlier run, or None."""
 
     number: int
     parts: KnownParts | None
@@ -133,11 +134,11 @@ Event = (
 )
 LAWS = (Source.SAFETY, Source.NAVIGATION)  # a tuple is searched by identity first: five times as fast as a set
 Heard = Sequence[Source | Word]
-"""The words in force: a law by its name, other sources by the word."""
+"""The entries in force: a law's by its source, other sources' in full."""
 
 
 class Dumpable(Protocol):
-    """What of the settings is needed here."""
+    """The part of the settings that is needed here."""
 
     def model_dump(self, *, mode: str) -> dict[str, Any]:
         """Return plain values."""
@@ -149,9 +150,9 @@ Entry = tuple[int, str, tuple[Any, ...]]
 
 
 class DecisionLog:
-    """Collects what happens. One thread adds (the car's loop), one drains.
+    """Collects events. One thread adds (the car's loop), one drains.
 
-    most: 0 is a tape that keeps nothing, for a car without a recorder.
+    most: 0 is a log that keeps nothing, for a car without a recorder.
     """
 
     def __init__(self, clock: Clock, most: int = MAX_EVENTS) -> None:
@@ -161,13 +162,13 @@ class DecisionLog:
         self._times_s: list[float] = []
 
     def clock(self) -> float:
-        """Return the time, and remember what was answered for the event that is under way."""
+        """Return the time, and record it for the current event."""
         now_s = self._clock()
         self._times_s.append(now_s)
         return now_s
 
     def begin(self) -> None:
-        """Begin an event: what the clock answers from here on belongs to it."""
+        """Begin an event: the clock's readings from here on belong to it."""
         self._times_s = []
 
     def scanned(self, scan: Scan) -> None:
@@ -183,18 +184,18 @@ class DecisionLog:
         self._entries.append((next(self._numbers), "follow", (scan, motor, self._end(), guidance)))
 
     def said(self, word: Word, expires_at_s: float) -> None:
-        """Note a word; those of the laws follow from their events and are left out."""
+        """Note an entry; those of the laws follow from their events and are left out."""
         if word.source not in LAWS:
             self._entries.append((next(self._numbers), "say", (word, expires_at_s)))
 
     def silenced(self, source: Source) -> None:
-        """Note that a word was withdrawn."""
+        """Note the withdrawal of an entry."""
         self._entries.append((next(self._numbers), "silence", (source,)))
 
     def stepped(self, elapsed_s: float, live: Sequence[Word], output: Output) -> None:
-        """Note, after `begin`, a decision. live: the words in force.
+        """Note, after `begin`, a decision. live: the entries in force.
 
-        Of a law's word only the name is kept: its outlook holds a scan and all that was made of it.
+        Of a law's entry only the source is kept: its assessment refers to a scan and all that was computed from it.
         """
         heard = [word.source if word.source in LAWS else word for word in live]
         self._entries.append((next(self._numbers), "step", (self._end(), elapsed_s, heard, output)))
@@ -204,14 +205,14 @@ class DecisionLog:
         self._entries.append((next(self._numbers), "settings", (settings,)))
 
     def remembered(self, parts: KnownParts | None) -> None:
-        """Note what the laws were told of the car's own parts."""
+        """Note the car's own parts as the laws received them."""
         self._entries.append((next(self._numbers), "parts", (parts,)))
 
     def drain(self) -> list[Entry]:
-        """Take out what there is, oldest first; may be called in another thread than the rest."""
+        """Remove and return all events, oldest first; may be called in another thread than the rest."""
         return [self._entries.popleft() for _ in range(len(self._entries))]
 
     def _end(self) -> list[float]:
-        """Return the times of the event that is over; the clock's next answers belong to no event."""
+        """Return the times of the completed event; the clock's next readings belong to no event."""
         times_s, self._times_s = self._times_s, []
         return times_s

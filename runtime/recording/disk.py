@@ -1,4 +1,4 @@
-"""The few things that a recording asks of a disk, in one place, so that tests can have a bad one."""
+"""The disk operations of a recording, in one place, so that tests can inject a faulty disk."""
 
 import errno
 import fcntl
@@ -23,22 +23,22 @@ _WORDS: Mapping[int, str] = MappingProxyType(
 
 
 class Disk(Protocol):
-    """Where files go. Everything may block for seconds, and may raise OSError."""
+    """Storage of files. Every call may block for seconds, and may raise OSError."""
 
     def create(self, path: Path) -> int:
         """Create a new file and return its descriptor; the name survives a power cut."""
         ...
 
     def write(self, descriptor: int, data: memoryview) -> int:
-        """Write some of the data; returns how much."""
+        """Write some of the data; return the number of bytes."""
         ...
 
     def sync(self, descriptor: int) -> None:
-        """Return when the file's data can survive a power cut."""
+        """Return once the file's data can survive a power cut."""
         ...
 
     def close(self, descriptor: int) -> None:
-        """Let go of the file."""
+        """Close the file."""
         ...
 
     def remove(self, path: Path) -> None:
@@ -46,12 +46,12 @@ class Disk(Protocol):
         ...
 
     def free_bytes(self, folder: Path) -> int:
-        """Return how much an ordinary user may still write there."""
+        """Return the bytes that an ordinary user may still write there."""
         ...
 
 
 class RealDisk:
-    """The machine's own."""
+    """The machine's own disk."""
 
     def create(self, path: Path) -> int:
         """Create a new file, readable by the owner and the group."""
@@ -74,15 +74,15 @@ class RealDisk:
         os.fdatasync(descriptor)
 
     def close(self, descriptor: int) -> None:
-        """Let go of the file."""
+        """Close the file."""
         os.close(descriptor)
 
     def remove(self, path: Path) -> None:
-        """Delete a file; one that is gone already is fine."""
+        """Delete a file; a missing one is fine."""
         path.unlink(missing_ok=True)
 
     def free_bytes(self, folder: Path) -> int:
-        """Return how much is free where the folder is, or will be."""
+        """Return the free bytes where the folder is, or will be."""
         while not folder.exists() and folder != folder.parent:
             folder = folder.parent
         facts = os.statvfs(folder)
@@ -100,5 +100,5 @@ def is_being_written(path: Path) -> bool:
 
 
 def explain(error: OSError) -> str:
-    """Return what an error of the disk means for the owner of the car."""
+    """Return the meaning of a disk error for the owner of the car."""
     return _WORDS.get(error.errno or 0) or f"the disk refuses: {error.strerror or error}"

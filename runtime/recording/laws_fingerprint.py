@@ -1,6 +1,6 @@
-"""Which laws decided: a fingerprint of everything that turns scans into motor commands, kept in each recording.
+"""Fingerprint of the laws: of everything that turns scans into motor commands, kept in each recording.
 
-A version says what was released; between two releases, and in a student's checkout, the laws change without it.
+A version identifies a release; between two releases, and in a student's checkout, the laws change without it.
 """
 
 import functools
@@ -16,7 +16,10 @@ DIGITS = 12
 
 @functools.cache
 def laws_fingerprint() -> str:
-    """Return what changes with every change of a law, of its compiled twin, or of the mux's rule; reads files once."""
+    """Return a hash that changes with every change of a law, of its compiled twin, or of the mux's rule.
+
+    Reads the files once.
+    """
     digest = hashlib.sha256()
     for path in law_files(PACKAGE):
         digest.update(path.relative_to(PACKAGE).as_posix().encode())
@@ -25,6 +28,6 @@ def laws_fingerprint() -> str:
 
 
 def law_files(package: Path) -> Iterator[Path]:
-    """Yield the source files that decide, in an order that does not depend on the machine."""
+    """Yield the source files of the laws, in an order that does not depend on the machine."""
     for place in PLACES:
         yield from sorted(path for path in (package / place).rglob("*") if path.suffix in ENDINGS)

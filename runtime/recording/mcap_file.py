@@ -1,6 +1,6 @@
-"""One MCAP file that is readable wherever its end turns out to be.
+"""One MCAP file that is readable wherever it is cut off.
 
-The package `mcap` makes the bytes; they go to the disk here, in small chunks, forced to it at every `flush`.
+The package `mcap` makes the bytes; this module writes them to the disk in small chunks, forced to it at every `flush`.
 """
 
 from collections.abc import Mapping
@@ -13,15 +13,15 @@ from runtime.recording.disk import Disk
 PROFILE = "ros2"
 METADATA = "wallride"
 CHUNK_B = 48 << 10
-"""A chunk is closed when it is longer; with the last message it stays below 64 KiB."""
+"""Length at which a chunk is closed; with the last message it stays below 64 KiB."""
 SEQUENCE_MASK = 0xFFFFFFFF
 
 
 class McapFile:
     """A file being written. Every method may raise OSError; the file is then given up with `abandon`.
 
-    bytes_written: what the disk has taken. shift_ns: added to every stamp. begin_ns: before the shift; what was earlier
-    is logged at this time and keeps its own as time of publication.
+    bytes_written: bytes accepted by the disk. shift_ns: added to every stamp. begin_ns: before the shift; earlier
+        messages are logged at this time and keep their own as time of publication.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class McapFile:
 
     @property
     def bytes_written(self) -> int:
-        """How much the disk has taken."""
+        """Bytes accepted by the disk."""
         return self._spool.taken
 
     def add(self, message: RecordMessage) -> None:
@@ -59,27 +59,27 @@ class McapFile:
         self.messages += 1
 
     def write(self) -> None:
-        """Give the disk what is complete, without forcing it there."""
+        """Write all complete chunks, without forcing them to the disk."""
         while self._spool.waiting:
             with memoryview(self._spool.waiting) as waiting:
                 taken = self._disk.write(self._descriptor, waiting)
             self._spool.take(taken)
 
     def flush(self) -> None:
-        """Close the chunk and force everything to the disk: what was added before survives a power cut now."""
+        """Close the chunk and force everything to the disk: all messages added before survive a power cut now."""
         self._writer.flush()
         self.write()
         self._disk.sync(self._descriptor)
 
     def close(self) -> None:
-        """Write index and footer and let go of the file."""
+        """Write index and footer and close the file."""
         self._writer.finish()
         self.write()
         self._disk.sync(self._descriptor)
         self._disk.close(self._descriptor)
 
     def abandon(self) -> None:
-        """Let go of the file as it is; `recover` can finish it later."""
+        """Close the file as it is; `recover` can finish it later."""
         self._disk.close(self._descriptor)
 
     def _register(self, message: RecordMessage) -> int:
@@ -91,7 +91,7 @@ class McapFile:
 
 
 class _Spool:
-    """What the mcap writer writes into: bytes that wait for the disk."""
+    """Buffer between the mcap writer and the disk."""
 
     def __init__(self) -> None:
         self.waiting = bytearray()
@@ -105,7 +105,7 @@ class _Spool:
         return self.taken + len(self.waiting)
 
     def flush(self) -> None:
-        """Nothing is held back here."""
+        """Do nothing: the buffer is drained by `take`."""
 
     def take(self, taken: int) -> None:
         del self.waiting[:taken]

@@ -1,4 +1,4 @@
-"""Own parts of this car, kept over restarts: one small file, for one car and one lidar."""
+"""The file of the car's own parts, kept over restarts: one small file, for one car and one lidar."""
 
 import json
 import logging
@@ -18,7 +18,7 @@ log = logging.getLogger("wallride.own_parts")
 
 @dataclass(frozen=True, slots=True)
 class RememberedParts:
-    """Own parts, whose they are, and when they were seen so (UTC, for people)."""
+    """Own parts with their car and lidar, and the time of the observation (UTC, for people)."""
 
     car: str
     lidar: str
@@ -27,13 +27,16 @@ class RememberedParts:
 
 
 def file_in(configured: str, environment: Mapping[str, str] = os.environ) -> Path | None:
-    """Return where they are kept: the folder in the settings, else the service's state directory, else nowhere."""
+    """Return the file's path: in the folder from the settings, else in the service's state directory, else None."""
     folder = configured or environment.get("STATE_DIRECTORY", "").split(":")[0]
     return Path(folder).expanduser() / FILE if folder else None
 
 
 def read(file: Path) -> RememberedParts | None:
-    """Return what an earlier run wrote, None where there is nothing to be used; blocks, for before the car drives."""
+    """Return the parts that an earlier run wrote, None where there are none for use.
+
+    Blocks; to be called before the car drives.
+    """
     try:
         with file.open("rb") as opened:
             return decoded(json.loads(opened.read(MAX_FILE_B)))
@@ -47,7 +50,7 @@ def read(file: Path) -> RememberedParts | None:
 
 
 def write(file: Path, remembered: RememberedParts | None) -> None:
-    """Put them in the place of the file, or take it away; blocks, for a thread. Logs what went wrong."""
+    """Replace the file, or delete it for None; blocks, for a thread. Logs errors."""
     try:
         if remembered is None:
             file.unlink(missing_ok=True)
@@ -59,7 +62,7 @@ def write(file: Path, remembered: RememberedParts | None) -> None:
 
 
 def decoded(tree: Mapping[str, Any]) -> RememberedParts:
-    """Return what was written; ValueError, TypeError or KeyError when it is nothing of the kind."""
+    """Return the stored parts; ValueError, TypeError or KeyError when the tree does not hold any."""
     return RememberedParts(str(tree["car"]), str(tree["lidar"]), str(tree["at"]), known_parts(tree["parts"]))
 
 

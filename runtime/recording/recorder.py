@@ -1,8 +1,8 @@
-"""The recorder as the car sees it: takes what happens without waiting, and has it written by a thread of its own.
+"""The recorder's interface to the car: takes messages without waiting, and has a thread of its own write them.
 
-Between the car's loop and the thread stand two bounded queues; what does not fit is dropped, counted and said. The
-thread works in short stretches and sleeps between them, because while it computes the loop cannot: Python's lock is
-handed over when the thread sleeps, not when the loop wakes.
+Between the car's loop and the thread are two bounded queues; messages beyond the bound are dropped, counted and
+reported. The thread works in short stretches and sleeps between them, because while it computes the loop cannot:
+Python's lock is released when the thread sleeps, not when the loop wakes.
 """
 
 import contextlib
@@ -34,14 +34,14 @@ from runtime.wire import topics
 log = logging.getLogger("wallride.recording")
 
 PERIOD_S = 0.1
-"""How often the thread looks at what there is: just after a command to the motor, when the loop has least to do."""
+"""Period of the thread: just after a command to the motor, when the loop has least to do."""
 SILENT_PERIOD_S = 0.25
-"""How often when there are no commands."""
+"""Period of the thread when there are no commands."""
 WORK_S = 0.0003
 REST_S = 0.0005
-"""The thread works for so long at a stretch, then lets go of Python's lock for so long."""
+"""Duration of a stretch of work, and of the pause after it in which the thread releases Python's lock."""
 MAX_WAITING_BYTES = 8_000_000
-"""About twenty seconds of everything."""
+"""Maximum size of the waiting messages: about twenty seconds of everything."""
 MAX_LINES = 1000
 SILENT_DISK_S = 1.0
 LOST_LATELY_S = 10.0
@@ -68,13 +68,14 @@ PERIODS_S: Mapping[str, float] = MappingProxyType(
         topics.DIAGNOSTICS: 1.0,
     }
 )
-"""How often telemetry's topics are recorded; motor states and decisions are all on the tape, and every scan is here."""
+"""Recording periods of telemetry's topics; motor states and decisions are all in the decision log, and every scan is
+recorded."""
 
 
 class Recorder:
-    """Is a telemetry sink, and holds the tape, which runs from the beginning. The rest waits for `start`.
+    """A telemetry sink, and owner of the decision log, which runs from the beginning. The rest waits for `start`.
 
-    folder: where recordings go. is_enabled: whether it does anything at all.
+    folder: destination of the recordings. is_enabled: whether it records anything at all.
     """
 
     def __init__(
@@ -117,7 +118,7 @@ class Recorder:
         self._handler = _Lines(self._lines, clock)
 
     def claim(self, topic: str, at_s: float, *, urgent: bool = False) -> bool:
-        """Tell whether the next message of a topic would be recorded; scans come by way of the tape."""
+        """Tell whether the next message of a topic would be recorded; scans are recorded from the decision log."""
         period_s = PERIODS_S.get(topic)
         if period_s is None or not self._listens:
             return False
@@ -137,7 +138,10 @@ class Recorder:
         self._put(RecordMessage(topic, schema, self._unix_ns(stamp_s), payload))
 
     def tap(self, device: str) -> Callable[[str, bytes, float], None] | None:
-        """Return what a device's link tells its bytes ("in" or "out", bytes, time); None when they are not recorded."""
+        """Return the function that takes the bytes of a device's link; None when they are not recorded.
+
+        Its arguments: "in" or "out", bytes, time.
+        """
         if not (self._settings.raw and self.is_enabled):
             return None
 
@@ -165,7 +169,7 @@ class Recorder:
             self._thread.start()
 
     def close(self, timeout_s: float = 1.0) -> None:
-        """Finish what is open. A disk that does not answer in time is left alone, and its file unfinished."""
+        """Finish open files. A disk that does not answer in time is abandoned, and its file stays unfinished."""
         self._listens = False
         logging.getLogger().removeHandler(self._handler)
         self._ending = True
@@ -174,7 +178,7 @@ class Recorder:
             self._thread.join(timeout_s)
 
     def status(self) -> Mapping[str, Any]:
-        """Return how it stands, as plain values and in words."""
+        """Return the recorder's state, as plain values and as text."""
         report = self._scribe.report
         return {
             "on": bool(report.file),
@@ -193,13 +197,13 @@ class Recorder:
 
     @property
     def processor_s(self) -> float:
-        """How much processor time the thread has used; 0 before it started and after its end."""
+        """Return the processor time that the thread has used; 0 before it started and after its end."""
         if self._thread.ident is None or not self._thread.is_alive():
             return 0.0
         return time.clock_gettime(time.pthread_getcpuclockid(self._thread.ident))
 
     def turn(self) -> None:
-        """Write down what there is; the thread does this ten times a second."""
+        """Write the waiting messages; the thread does this ten times a second."""
         now_s = self._clock()
         waiting = [self._waiting.popleft() for _ in range(len(self._waiting))]
         lines = [self._lines.popleft() for _ in range(len(self._lines))]
@@ -246,7 +250,7 @@ class Recorder:
             log.exception("the recorder failed; the car drives on without it")
 
     def _words(self) -> str:
-        """Return in a sentence what there is to know."""
+        """Return the state in a sentence."""
         report, now_s = self._scribe.report, self._clock()
         if not self.is_enabled:
             return "recording is turned off (recording.enabled)"
@@ -263,7 +267,7 @@ class Recorder:
 
 
 class _Pace:
-    """Has its caller sleep after each short stretch of work."""
+    """Pauses its caller after each short stretch of work."""
 
     def __init__(self) -> None:
         self._until_s = 0.0
@@ -279,7 +283,7 @@ class _Pace:
 
 
 class _Lines(logging.Handler):
-    """Keeps log records for the thread, with the monotonic time at which they came."""
+    """Keeps log records for the thread, with the monotonic time of their arrival."""
 
     def __init__(self, lines: deque[tuple[float, logging.LogRecord]], clock: Clock) -> None:
         super().__init__()
@@ -287,7 +291,7 @@ class _Lines(logging.Handler):
         self._clock = clock
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Keep one."""
+        """Keep one record."""
         self._lines.append((self._clock(), record))
 
 
@@ -295,7 +299,7 @@ _CDR_TYPES = frozenset(TYPES.values())
 
 
 def _boot_id() -> str:
-    """Return what distinguishes this start of the computer from others, "" where nothing does."""
+    """Return the identifier of this start of the computer, "" where there is none."""
     with contextlib.suppress(OSError):
         return Path("/proc/sys/kernel/random/boot_id").read_text().strip()
     return ""

@@ -1,8 +1,7 @@
-"""Finishes a recording that was cut off: the process was killed, or the battery pulled.
+"""Recovery of a recording that was cut off, because the process was killed or the power failed.
 
-Everything up to the last whole chunk is there and stays as it is, byte for byte; only the torn end is cut off, and the
-index and the footer, without which most tools refuse the file, are written behind it. Trying twice, or being
-interrupted while trying, does no harm.
+Everything up to the last whole chunk stays unchanged, byte for byte; only the torn end is cut off, and the index and
+the footer, without which most tools refuse the file, are written behind it. Idempotent, and safe to interrupt.
 """
 
 import fcntl
@@ -22,20 +21,21 @@ if TYPE_CHECKING:
 
 MAGIC = b"\x89MCAP0\r\n"
 HEAD_B = 9
-"""Opcode and length of a record."""
+"""Length of a record's opcode and length field."""
 MAX_TORN_B = 4 << 20
-"""A torn end is one unfinished chunk. What is longer is other damage, behind which whole chunks may lie."""
+"""Maximum length of a torn end: one unfinished chunk. A longer one is other damage, behind which whole chunks may
+lie."""
 KNOWN = range(0x01, 0x10)
 FOOTER, SCHEMA, CHANNEL, CHUNK, MESSAGE_INDEX, METADATA, DATA_END = 0x02, 0x03, 0x04, 0x06, 0x07, 0x0C, 0x0F
 
 
 class RecoveryError(Exception):
-    """The file was left as it is; the text says why and what to do."""
+    """The file was left unchanged; the text gives the reason and the remedy."""
 
 
 @dataclass(frozen=True, slots=True)
 class Recovered:
-    """What became of a file. was_whole: nothing was done. cut_bytes: length of the torn end."""
+    """Result of a recovery. was_whole: nothing was done. cut_bytes: length of the torn end."""
 
     messages: int
     chunks: int
@@ -44,7 +44,7 @@ class Recovered:
 
 
 def is_whole(path: Path) -> bool:
-    """Tell whether a file has its end, from its last bytes alone; OSError when it cannot be read."""
+    """Tell whether a file is complete, from its last bytes alone; OSError when it cannot be read."""
     with path.open("rb") as file:
         length = file.seek(0, os.SEEK_END)
         file.seek(max(len(MAGIC), length - len(MAGIC)))
@@ -61,7 +61,7 @@ def file_state(path: Path) -> str:
 def recover(path: Path, breathe: Callable[[], None] = lambda: None) -> Recovered:
     """Finish a file in its place; RecoveryError when that cannot be done. Blocks: reads the whole file.
 
-    breathe: called between two pieces of work, so that other tasks may work in between.
+    breathe: called between two pieces of work, so that other tasks may run in between.
     """
     try:
         with path.open("r+b") as file:
@@ -89,21 +89,21 @@ def recover(path: Path, breathe: Callable[[], None] = lambda: None) -> Recovered
 
 @dataclass(slots=True)
 class _Chunk:
-    """A whole chunk: its index, and where each channel's messages lie in it."""
+    """A whole chunk: its index, and the positions of each channel's messages in it."""
 
     index: "ChunkIndex"
     messages: dict[int, list[tuple[int, int]]] = field(default_factory=lambda: defaultdict(list))
 
     @property
     def is_indexed(self) -> bool:
-        """Whether the message indexes behind it are all there."""
+        """Whether all message indexes behind it are present."""
         return set(self.index.message_index_offsets) == set(self.messages)
 
 
 class _Walk:
     """One pass over a file from its start to its first torn record.
 
-    end: where the torn part begins. whole: there is none, and the file has its footer.
+    end: start of the torn part. whole: there is none, and the file has its footer.
     """
 
     def __init__(self, file: IO[bytes], path: Path, breathe: Callable[[], None]) -> None:
@@ -123,10 +123,10 @@ class _Walk:
         self.statistics: Statistics = Statistics(0, 0, defaultdict(int), 0, 0, 0, 0, 0, 0)
         for opcode, start, content in self._records(file):
             breathe()
-            if opcode == DATA_END:  # an end that was begun; unless all of it is there, it is written anew
+            if opcode == DATA_END:  # a footer that was begun; unless all of it is there, it is written anew
                 self.whole = _ends_well(file, self.length)
                 break
-            # A damaged chunk is left out of the index; where nothing whole comes behind it, it is cut off.
+            # A damaged chunk is left out of the index; without a whole one behind it, it is cut off.
             if self._take(opcode, start, content):
                 self.end = start + HEAD_B + len(content)
         last = self.chunks[-1].index if self.chunks else None
@@ -134,7 +134,7 @@ class _Walk:
             self.end = last.chunk_start_offset + last.chunk_length
 
     def ending(self) -> bytes:
-        """Return what has to stand behind `end`: the last chunk's message indexes, summary, footer and magic."""
+        """Return the content to write at `end`: the last chunk's message indexes, summary, footer and magic."""
         from mcap.data_stream import RecordBuilder
         from mcap.records import DataEnd, Footer
 
@@ -151,7 +151,7 @@ class _Walk:
         return b"".join((data, summary, footer, checksum.to_bytes(4, "little"), MAGIC))
 
     def _records(self, file: IO[bytes]) -> Iterator[tuple[int, int, bytes]]:
-        """Yield opcode, place and content of every record that is there to its last byte."""
+        """Yield opcode, position and content of every complete record."""
         at = len(MAGIC)
         while True:
             head = file.read(HEAD_B)

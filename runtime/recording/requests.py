@@ -1,9 +1,9 @@
-"""What may be asked about recordings, and where: closed forms, shared by the car and those who ask it.
+"""Requests about recordings, and their keys: closed forms, shared by the car and its clients.
 
-record       {"on": true|false}, or {} to hear how it stands
-logs/list    {}                                             what there is
+record       {"on": true|false}, or {} for the state alone
+logs/list    {}                                             lists the recordings
 logs/get     {"name": ..., "offset": ..., "length": ...}    a piece of one file, as it is
-logs/trim    {"keep_mb": ...}                               the oldest go until no more is left
+logs/trim    {"keep_mb": ...}                               deletes the oldest down to this size
 """
 
 from typing import Annotated
@@ -22,17 +22,17 @@ MAX_QUESTION_B = 1024
 
 
 class RecordQuestion(Request):
-    """Begin, end, or only say."""
+    """Request to begin or end a recording, or for its state."""
 
     on: bool | None = None
 
 
 class ListRecordings(Request):
-    """Which recordings there are."""
+    """Request for the list of recordings."""
 
 
 class GetRecording(Request):
-    """A piece of a file, please."""
+    """Request for a piece of a file."""
 
     name: Annotated[str, StringConstraints(max_length=128)]
     offset: Annotated[int, Field(ge=0, lt=1 << 50)]
@@ -40,6 +40,6 @@ class GetRecording(Request):
 
 
 class TrimQuestion(Request):
-    """Make room."""
+    """Request to delete the oldest recordings."""
 
     keep_mb: Annotated[int, Field(ge=0, le=1 << 30)]

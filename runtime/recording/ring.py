@@ -1,10 +1,10 @@
-"""The folder of recordings: names, order, and what has to go so that the new has room.
+"""The folder of recordings as a ring: file names, their order, and the deletion of old files for new ones.
 
     20261121T084600Z-b0007-00042.mcap                      a recording
     20261121T084655Z-b0007-00043-stop-braking-wall-ahead.mcap   a black box: the half minute before that stop
 
-The last number counts the files of this folder and tells what is older, because a car without a battery-backed clock
-may think that it is 1970; b counts the starts of the computer. A file without its end (`recover`) has the same name.
+The last number counts the files of this folder and defines their age, because a car without a battery-backed clock may
+report the year 1970; b counts the starts of the computer. A file without its end (`recover`) has the same name.
 """
 
 import contextlib
@@ -22,18 +22,18 @@ from runtime.settings.recording import RecordingSettings
 MB = 1_000_000
 NAME = re.compile(r"(\d{8}T\d{6}Z)-b(\d{4,})-(\d{5,})(-stop(?:-([a-z0-9-]{1,48}))?)?\.mcap")
 COUNTS = "counts.json"
-"""How many files and starts there were, so that a number is not given twice after its file was deleted."""
+"""File of the counts of files and starts, so that a number is not reused after its file was deleted."""
 KEPT = "kept"
-"""The folder beside a ring whose files the ring never takes."""
+"""Folder beside a ring whose files the ring never deletes."""
 DEEPEST = 3
-"""Folders below the one of all recordings: simulated/CAR/kept."""
+"""Maximum depth of folders below the one of all recordings: simulated/CAR/kept."""
 BLACK_BOX_SHARE = 0.25
-"""Black boxes go last, as long as they do not take more of the ring than this."""
+"""Share of the ring up to which black boxes are deleted last."""
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One file of the folder. number: tells what is older. reason: of a black box, "" for a recording."""
+    """One file of the folder. number: defines its age. reason: of a black box, "" for a recording."""
 
     name: str
     number: int
@@ -43,13 +43,13 @@ class Entry:
 
 
 def parse(name: str) -> tuple[int, bool, str] | None:
-    """Return number, whether it is a black box, and its reason; None for a name that is not one of ours."""
+    """Return number, whether it is a black box, and its reason; None for the name of another file."""
     found = NAME.fullmatch(name)
     return (int(found[3]), found[4] is not None, found[5] or "") if found is not None else None
 
 
 def entries(folder: Path) -> list[Entry]:
-    """Return the recordings in a folder, oldest first; other files are none of our business."""
+    """Return the recordings in a folder, oldest first; other files are ignored."""
     try:
         return sorted(_entries(folder), key=lambda entry: entry.number)
     except (FileNotFoundError, NotADirectoryError):
@@ -57,7 +57,7 @@ def entries(folder: Path) -> list[Entry]:
 
 
 def folders(above: Path, deepest: int = DEEPEST) -> list[Path]:
-    """Return the folder and those below it, as far as they hold recordings, in the order of their names."""
+    """Return the folder and those below it that hold recordings, in the order of their names."""
     found = [above] if entries(above) else []
     if deepest:
         with contextlib.suppress(OSError):
@@ -67,7 +67,10 @@ def folders(above: Path, deepest: int = DEEPEST) -> list[Path]:
 
 
 def keep(path: Path) -> Path:
-    """Move a recording out of its ring's reach; returns where it is. OSError when it may not, or is being written."""
+    """Move a recording out of its ring; return its new path.
+
+    OSError without permission, or while it is being written.
+    """
     if path.parent.name == KEPT:
         return path
     if is_being_written(path):
@@ -101,7 +104,7 @@ def _entries(folder: Path) -> Iterator[Entry]:
 
 
 def in_order_of_leaving(present: Sequence[Entry], limit_bytes: int) -> list[Entry]:
-    """Return the entries with the one that leaves first in front. limit_bytes: of the whole ring."""
+    """Return the entries in the order of their deletion. limit_bytes: of the whole ring."""
     boxes = [entry for entry in present if entry.is_black_box]
     runs = [entry for entry in present if not entry.is_black_box]
     boxes_bytes, too_many = sum(entry.size_bytes for entry in boxes), 0
@@ -112,9 +115,9 @@ def in_order_of_leaving(present: Sequence[Entry], limit_bytes: int) -> list[Entr
 
 
 def trim(folder: Path, limit_bytes: int) -> list[Entry]:
-    """Delete the oldest until no more is left than the limit; returns what went. OSError when it may not.
+    """Delete the oldest files down to the limit; return the deleted ones. OSError without permission.
 
-    Whatever is being written, by this process or another, stays.
+    Files being written, by this process or another, stay.
     """
     present = entries(folder)
     total_bytes = sum(entry.size_bytes for entry in present)
@@ -130,7 +133,7 @@ def trim(folder: Path, limit_bytes: int) -> list[Entry]:
 
 
 class Ring:
-    """Makes room and names files. Everything may raise OSError."""
+    """Makes room and names files. Every call may raise OSError."""
 
     def __init__(self, folder: Path, settings: RecordingSettings, disk: Disk, boot_id: str) -> None:
         self.folder = folder
@@ -151,9 +154,9 @@ class Ring:
         return self.folder / f"{when}-b{self._boot:04d}-{self._number:05d}{stop}.mcap"
 
     def make_room(self) -> bool:
-        """Delete the oldest until ring and disk have room; False when the disk has none even so.
+        """Delete the oldest files until ring and disk have room; False when the disk has none even so.
 
-        Whatever is being written, by this process or another, stays.
+        Files being written, by this process or another, stay.
         """
         keep_free_bytes = self._settings.keep_free_mb * MB
         limit_bytes = self._settings.ring_mb * MB
@@ -176,7 +179,7 @@ class Ring:
             counts = json.loads((self.folder / COUNTS).read_text())
             self._number, self._boot = int(counts["files"]), int(counts["boots"])
         except (FileNotFoundError, ValueError, TypeError, KeyError):
-            pass  # none yet, or torn by a power cut: what is there says enough
+            pass  # none yet, or torn by a power cut: the files present are sufficient
         present = entries(self.folder)
         self._number = max(self._number, *(entry.number for entry in present), 0) if present else self._number
         if not counts or counts.get("boot_id") != self._boot_id:

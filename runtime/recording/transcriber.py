@@ -1,4 +1,4 @@
-"""From what the hot path left to messages for a file; and, on the way, whether the car is armed and why it stopped."""
+"""Conversion of the hot path's entries to messages for a file; on the way, the armed state and the reasons of stops."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -17,7 +17,7 @@ from runtime.settings.tree import Settings, to_toml
 from runtime.wire import topics
 
 MAX_EVENTS = 64
-"""One message of tape holds so many at most: encoding it is one stretch of work without a pause."""
+"""Maximum number of events in one message: its encoding is one stretch of work without a pause."""
 MAX_PERIOD_S = 1.0
 
 
@@ -25,7 +25,7 @@ class Transcriber:
     """Reads entries in their order.
 
     active_s: when the car was last armed or moving, minus infinity before it was. stops: reasons of stops that are
-    worth a black box; the reader clears them. begin_s: when the process began, for what comes before any time.
+        worth a black box; the reader clears them. begin_s: when the process began, for entries without an earlier time.
     """
 
     def __init__(self, wall_clock: WallClock, begin_s: float) -> None:
@@ -37,7 +37,7 @@ class Transcriber:
         self._last_scan_s = -math.inf
 
     def messages(self, entries: Sequence[Entry]) -> Iterator[RecordMessage]:
-        """Yield the scans at once, and the tape in pieces, both in order."""
+        """Yield the scans at once, and the decision log in pieces, both in order."""
         piece: list[Entry] = []
         for entry in entries:
             _, kind, parts = entry
@@ -92,7 +92,7 @@ class Transcriber:
 
 
 def _arms(word: object) -> bool:
-    """Tell whether a word means that the car may begin to move."""
+    """Tell whether an entry means that the car may begin to move."""
     if isinstance(word, SpeedLimit) and word.source is Source.PERMIT:
         return word.outlook.limit(0.0, 0.0).forward_mps > 0
     return not isinstance(word, SpeedLimit | Source) and getattr(word, "source", None) is Source.TELEOP

@@ -1,7 +1,7 @@
-"""What the recorder's thread does: keeps the last half minute, and writes files while there is something to record.
+"""The recorder's thread: keeps the last half minute, and writes files while there is something to record.
 
-Here nothing is in a hurry and everything may fail. A file that the disk refuses is given up as it is; what it lacks is
-still in memory and goes into the next one, which is tried every few seconds.
+Nothing here is urgent and everything may fail. A file that the disk refuses is given up as it is; the messages that it
+lacks are still in memory and go into the next one, which is tried every few seconds.
 """
 
 import logging
@@ -26,20 +26,20 @@ from runtime.wire import topics
 log = logging.getLogger("wallride.recording")
 
 FLUSH_S = 0.4
-"""What is older than this, and the turn of the thread, is on the disk."""
+"""Maximum age, besides one turn of the thread, of messages that are not on the disk."""
 RETRY_S = 5.0
 HOUSEKEEPING_S = 5.0
 TAIL_S = 5.0
-"""A black box goes on for so long after its stop; another stop within it goes into the same file."""
+"""Duration of a black box after its stop; another stop within it goes into the same file."""
 MAX_TAIL_S = 30.0
 MIN_MEMORY_S = 1.0
 START_UP_S = 5.0
-"""A recording begins with the process's first scan; without one, so long after the process began."""
+"""Time since the process began after which a recording begins without a scan; else it begins with the first scan."""
 
 
 @dataclass(frozen=True, slots=True)
 class FileMetadata:
-    """What every file says about itself. began_s: when the process began, on the monotonic clock."""
+    """Metadata of every file. began_s: when the process began, on the monotonic clock."""
 
     car: str
     version: str
@@ -49,9 +49,9 @@ class FileMetadata:
 
 @dataclass(frozen=True, slots=True)
 class WriterReport:
-    """How it stands; a new one replaces the old, so that another thread may read it at any time.
+    """The writer's state; a new object replaces the old one, so that another thread may read it at any time.
 
-    file: the one being written, "" without one. why: why it is (not) recorded. trouble: what the disk says.
+    file: the one being written, "" without one. why: why it is (not) recorded. trouble: the disk's error.
     """
 
     file: str = ""
@@ -63,7 +63,7 @@ class WriterReport:
 
 @dataclass(slots=True)
 class _Box:
-    """A black box that is still open."""
+    """An open black box."""
 
     file: McapFile
     opened_s: float
@@ -73,7 +73,7 @@ class _Box:
 class RecordingWriter:
     """Takes messages, `turn` by turn.
 
-    breathe: called between two pieces of work, so that the car's thread may work in between.
+    breathe: called between two pieces of work, so that the car's thread may run in between.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class RecordingWriter:
         breathe: Callable[[], None],
     ) -> None:
         self.report = WriterReport()
-        self.wished: bool | None = None  # what a client asked for; None is "by itself"
+        self.wished: bool | None = None  # a client's request; None is "by itself"
         self._settings = settings
         self._ring = ring
         self._disk = disk
@@ -108,7 +108,7 @@ class RecordingWriter:
         self._unfinished: list[Path] | None = None
 
     def turn(self, fresh: Iterable[RecordMessage], stops: list[str], active_s: float, now_s: float) -> None:
-        """Take in what happened since the turn before. active_s: when the car was last armed or moving."""
+        """Take in the messages and stops since the last turn. active_s: when the car was last armed or moving."""
         self._now_s = now_s
         for message in fresh:
             self._take(message)
@@ -127,7 +127,7 @@ class RecordingWriter:
         self._tell(wanted=wanted)
 
     def close(self) -> None:
-        """Finish what is open, and write down what still waited for a first scan."""
+        """Finish open files, and write the messages that still waited for a first scan."""
         if self._run is None and self._wanted(-math.inf) and not self._has_begun():
             self._begin_run()
         self._end_run()
@@ -166,7 +166,7 @@ class RecordingWriter:
     def _wanted(self, active_s: float) -> bool:
         active = self._now_s - active_s < self._settings.after_s
         if self.wished is False and self._settings.start == "armed" and not active:
-            self.wished = None  # who stopped one recording did not forbid the next drive's
+            self.wished = None  # a request to stop one recording does not forbid the next drive's
         if self.wished is not None:
             return self.wished
         return self._settings.start == "always" or (self._settings.start == "armed" and active)
@@ -180,7 +180,7 @@ class RecordingWriter:
         if self._fill(file, self._unwritten if goes_on else 0):
             self._trouble = ""
             log.info("recording %s", file.path.name)
-        else:  # all that it has comes again with the next try
+        else:  # all its messages come again with the next attempt
             self._goes_on = goes_on
             with suppress(OSError):
                 self._disk.remove(file.path)
@@ -201,7 +201,7 @@ class RecordingWriter:
             log.info("black box %s", file.path.name)
 
     def _open(self, reason: str | None) -> McapFile | None:
-        """Open a file; None when the disk has no place for it."""
+        """Open a file; None when the disk has no room for it."""
         try:
             if not self._ring.make_room():
                 self._on_trouble(f"less than {self._settings.keep_free_mb} MB of the disk are free")
@@ -234,15 +234,15 @@ class RecordingWriter:
         )
 
     def _has_begun(self) -> bool:
-        """Tell whether there is a first scan to begin with, or none comes."""
+        """Tell whether there is a first scan to begin with, or the wait for it is over."""
         return self._first_scan_ns > 0 or self._is_started_up()
 
     def _is_started_up(self) -> bool:
-        """Tell whether the time is over in which what comes before the first scan counts as the start."""
+        """Tell whether the start-up is over, during which a recording waits for the first scan."""
         return self._now_s - self._facts.began_s > START_UP_S
 
     def _follow_wall_clock(self) -> None:
-        """When the computer's clock was set, say so in what is open and go on in another file, with right stamps."""
+        """Record a step of the computer's clock in open files and continue in another file, with correct stamps."""
         stepped_ns = self._facts.wall_clock.stepped_ns
         if stepped_ns == self._stepped_ns:
             return
@@ -254,7 +254,7 @@ class RecordingWriter:
             self._begin_run()
 
     def _fill(self, file: McapFile, first: int) -> bool:
-        """Put what is remembered into a new file; False when the disk refused."""
+        """Write the remembered messages into a new file; False when the disk refused."""
         for message in self._memory.since(first):
             file.add(message)
             self._breathe()
@@ -279,7 +279,7 @@ class RecordingWriter:
             self._box = None
 
     def _try(self, file: McapFile, act: Callable[[], None]) -> bool:
-        """Do something with a file; give it up when the disk refuses."""
+        """Perform an operation on a file; give it up when the disk refuses."""
         try:
             act()
         except OSError as error:
@@ -296,7 +296,7 @@ class RecordingWriter:
         try:
             file.abandon()
         except OSError as error:
-            log.debug("%s: %s", file.path, error)  # the trouble itself is told already
+            log.debug("%s: %s", file.path, error)  # the error itself is reported already
         self._unfinished = None  # look for it again, when there is time
 
     def _on_trouble(self, words: str) -> None:
@@ -306,7 +306,7 @@ class RecordingWriter:
         self._retry_s = self._now_s + RETRY_S
 
     def _keep_house(self) -> None:
-        """Keep the ring within its limits, and finish what an earlier run could not."""
+        """Keep the ring within its limits, and finish the torn files of earlier runs."""
         try:
             if not self._ring.make_room() and self._run is not None:
                 self._on_trouble(f"less than {self._settings.keep_free_mb} MB of the disk are free")

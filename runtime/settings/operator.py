@@ -1,4 +1,4 @@
-"""Settings of the operator's side: what the car needs from its human, and how fresh it must be."""
+"""Settings of the operator's side: required inputs, and their maximum age."""
 
 from typing import Annotated, Literal
 

@@ -1,4 +1,4 @@
-"""What can be set about setting."""
+"""Settings of the parameter server."""
 
 from typing import Annotated
 

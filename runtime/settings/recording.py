@@ -1,4 +1,4 @@
-"""What is recorded, where, and how much of the disk it may take."""
+"""Settings of the recorder: content, folder, and share of the disk."""
 
 import os
 from collections.abc import Mapping
@@ -53,7 +53,7 @@ class RecordingSettings(Section):
 
 
 def recordings_folder(configured: str, environment: Mapping[str, str] = os.environ) -> Path:
-    """Return where recordings are kept on this machine, for the car and for the commands that read them."""
+    """Return the folder of recordings on this machine, for the car and for the commands that read them."""
     if configured:
         return Path(configured).expanduser()
     if state := environment.get("STATE_DIRECTORY", "").split(":")[0]:  # given by systemd
@@ -63,7 +63,7 @@ def recordings_folder(configured: str, environment: Mapping[str, str] = os.envir
 
 
 def car_folder(settings: RecordingSettings, car: str, environment: Mapping[str, str] = os.environ) -> Path:
-    """Return where one car records: a folder of its own, so that no car's recordings make room for another's."""
+    """Return the recordings folder of one car: its own, so that cars do not delete each other's recordings for room."""
     folder = recordings_folder(settings.folder, environment)
     if settings.folder:
         return folder

@@ -1,4 +1,4 @@
-"""Where the car's session listens, and with which keys."""
+"""Settings of the car's session: endpoints and keys."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What leaves the car over zenoh, and how often."""
+"""Settings of telemetry: the topics sent over zenoh, and their rates."""
 
 from typing import Annotated
 
@@ -7,7 +7,7 @@ from pydantic import Field
 from runtime.settings_base import Section
 
 Rate = Annotated[float, Field(ge=0, le=200)]
-"""At most so many a second; 0 never. A topic is never sent more often than there is news."""
+"""Maximum rate [1/s]; 0 is never. A topic is never sent more often than it changes."""
 
 
 class RatesHz(Section):

@@ -115,7 +115,7 @@ class Settings(Section):
 def load_settings(path: Path | None, assignments: Sequence[str] = (), saved: Path | None = None) -> Settings:
     """Build the tree from a file and `KEY=VALUE` texts; SettingsError when any part of it is unusable.
 
-    saved: a second file on top of the first, where changes are saved; it need not be there yet.
+    saved: a second file on top of the first, where changes are saved; it need not exist yet.
     """
     tree: dict[str, Any] = read_tree(path) if path is not None else {}
     above = read_tree(saved) if saved is not None and saved.exists() else {}
@@ -149,7 +149,7 @@ def _holds(layer: Mapping[str, Any], place: Sequence[str | int]) -> bool:
 
 
 def layered(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """Return one tree of two. A law chosen above leaves below only what means the same in every law."""
+    """Return the merge of two trees. A law selected above keeps from below only what means the same in every law."""
     tree = dict(below)
     for name, value in above.items():
         under = tree.get(name)
@@ -167,7 +167,7 @@ def _method(section: str, values: Mapping[str, Any]) -> object:
 
 
 def read_tree(path: Path) -> dict[str, Any]:
-    """Return what a file says, not yet checked; SettingsError when it cannot be read."""
+    """Return a file's content, not yet checked; SettingsError when it cannot be read."""
     try:
         with path.open("rb") as file:
             return tomllib.load(file)
@@ -205,7 +205,7 @@ def _value(text: str) -> object:
 
 
 def _sentence(error: Mapping[str, Any]) -> str:
-    """Put one pydantic error into words: key, what is wrong, what to do."""
+    """Format one pydantic error: key, problem, remedy."""
     path = [part for part in error["loc"] if part not in TAGS]
     key = ".".join(str(part) for part in path)
     if error["type"] == "extra_forbidden":

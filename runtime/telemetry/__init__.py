@@ -1,1 +1,1 @@
-"""What leaves the car: status, topics, markers, sinks."""
+"""Outgoing data of the car: status, topics, markers, sinks."""

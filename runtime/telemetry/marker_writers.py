@@ -1,6 +1,6 @@
-"""What the laws see, as drawings in base_link: the followed wall, the way the car is about to sweep, what stops it.
+"""Markers of the perception, in base_link: the followed wall, the swept path ahead, the obstacle that stops the car.
 
-For eyes, not for decisions: the way is drawn as a plain arc of the steering that was sent.
+For display, not for decisions: the path is drawn as a plain arc of the steering that was sent.
 """
 
 import cmath
@@ -19,14 +19,14 @@ from runtime.ros.markers import BLUE, GREEN, ORANGE, RED, Marker, MarkerType
 from runtime.ros.messages import Floats
 
 WALL_ENDS_M = -1.0, 3.0
-"""Where it is drawn, along it from the point beside the rear axle."""
+"""Ends of the drawn wall, along it from the point beside the rear axle."""
 LOOK_S = 1.0
 MIN_LOOK_M = 0.5
 STEPS = 16
 SMALL_RAD = 1e-6
-"""A turn so small is drawn straight."""
+"""Maximum turn that is drawn as a straight line."""
 NEAR_M = 0.15
-"""What is so near the outline at the place of contact is taken for what stops the car."""
+"""Maximum distance from the outline at the place of contact of a point that counts as the obstacle."""
 
 
 def wall(guidance: Guidance, side: Literal["left", "right"], ball_m: Floats | None) -> list[Marker]:
@@ -35,7 +35,7 @@ def wall(guidance: Guidance, side: Literal["left", "right"], ball_m: Floats | No
     ball_m: places of the ball, (2, k), base_link; None where the law has none.
     """
     drawings = []
-    # Before a corner the distance is that of the nearest wall, which need not be the one that the line is fitted to.
+    # Before a corner the distance is that of the nearest wall, which need not be the one of the line.
     away_m = guidance.line_m if math.isfinite(guidance.line_m) else guidance.distance_m
     if math.isfinite(guidance.angle_rad + away_m):
         sign = 1.0 if side == "left" else -1.0
@@ -49,7 +49,7 @@ def wall(guidance: Guidance, side: Literal["left", "right"], ball_m: Floats | No
 
 
 def footprint(output: Output, car: CarSettings, view: View | None) -> list[Marker]:
-    """Return the car's outline, the strip it is about to sweep, what stops it, and the beams that are ignored.
+    """Return the car's outline, its swept path, the obstacle that stops it, and the ignored beams.
 
     view: of the newest scan, None where the safety law keeps none.
     """
@@ -74,14 +74,14 @@ def footprint(output: Output, car: CarSettings, view: View | None) -> list[Marke
 
 
 def way_m(drive: Drive, free_m: float) -> float:
-    """Return how far ahead to draw, negative backwards: to the contact where one is known, else a second of driving."""
+    """Return the length to draw, negative backwards: up to the contact where one is known, else a second of driving."""
     if math.isfinite(free_m):
         return math.copysign(free_m, drive.speed_mps or 1.0)
     return math.copysign(max(MIN_LOOK_M, LOOK_S * abs(drive.speed_mps)), drive.speed_mps)
 
 
 def pose(steering_rad: float, travel_m: float, wheelbase_m: float) -> tuple[float, float, float]:
-    """Return x, y, yaw of the rear axle after a way on the circle of a steering angle."""
+    """Return x, y, yaw of the rear axle after a travel on the circle of a steering angle."""
     half_turn_rad = travel_m * math.tan(steering_rad) / wheelbase_m / 2
     straight = abs(half_turn_rad) < SMALL_RAD
     chord_m = travel_m if straight else travel_m * math.sin(half_turn_rad) / half_turn_rad
@@ -89,7 +89,7 @@ def pose(steering_rad: float, travel_m: float, wheelbase_m: float) -> tuple[floa
 
 
 def edges_m(car: CarSettings, steering_rad: float, travel_m: float) -> Floats:
-    """Return the ways of the front left and the front right corner, (2 corners, 2 coordinates, STEPS).
+    """Return the paths of the front left and the front right corner, (2 corners, 2 coordinates, STEPS).
 
     Both turn about the same centre by the same angle from step to step, which in complex numbers is one product.
     """
@@ -114,7 +114,7 @@ def outline_m(car: CarSettings) -> Floats:
 
 
 def _cause(view: View, car: CarSettings, x_m: float, y_m: float, yaw_rad: float) -> Sequence[Marker]:
-    """Return the beam to what stops the car: the solid point nearest to the bumper at the place of contact."""
+    """Return the beam to the obstacle: the solid point nearest to the bumper at the place of contact."""
     solid_x_m, solid_y_m = view.x_m[view.solid], view.y_m[view.solid]
     dx, dy = solid_x_m - x_m, solid_y_m - y_m
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)

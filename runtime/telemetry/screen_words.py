@@ -1,4 +1,4 @@
-"""How reasons and angles read on every screen: with units, steering in degrees. Files and topics keep SI units."""
+"""Format of reasons and angles on every screen: with units, steering in degrees. Files and topics keep SI units."""
 
 import math
 from collections.abc import Sequence
@@ -6,11 +6,11 @@ from collections.abc import Sequence
 MIN_SHOWN_M = 0.005
 STRAIGHT_RAD = math.radians(0.5)
 AGE_REASONS: Sequence[str] = ("the scan is",)
-"""Behind these reasons stands an age [s]; behind all others a free way [m]."""
+"""Reasons that are followed by an age [s]; all others are followed by a free distance [m]."""
 
 
 def because(reason: str, measure: float | None) -> str:
-    """Return a reason with the number behind it and the number's unit; without one that would read as 0."""
+    """Return a reason with its measure and unit; without the measure where that would read as 0."""
     if measure is None or not math.isfinite(measure):
         return reason
     if reason.startswith(tuple(AGE_REASONS)):
@@ -24,7 +24,7 @@ def times(count: int) -> str:
 
 
 def steering_words(steering_rad: float | None) -> str:
-    """Return a steering angle as "12° left"; "" for None or what is no number."""
+    """Return a steering angle as "12° left"; "" for None or NaN."""
     if steering_rad is None or not math.isfinite(steering_rad):
         return ""
     if abs(steering_rad) < STRAIGHT_RAD:

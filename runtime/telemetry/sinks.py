@@ -1,4 +1,4 @@
-"""Where telemetry goes: zenoh here, a recorder or a live view elsewhere. All of them get the same bytes."""
+"""Sinks of telemetry: zenoh here, a recorder or a live view elsewhere. All receive the same bytes."""
 
 import math
 from typing import Protocol
@@ -8,18 +8,18 @@ from runtime.settings.telemetry import RatesHz
 from runtime.wire import topics
 
 EARLY_SHARE = 0.2
-"""News that come this much of a period early still count: a lidar's 25 ms are not always 25 ms."""
+"""Share of its period by which a message may come early: a lidar's 25 ms are not always 25 ms."""
 ASK_EVERY_S = 0.2
-"""A new subscriber waits at most so long for its first message."""
+"""Period of the check for subscribers, and so the longest wait of a new one for its first message."""
 
 
 class Sink(Protocol):
     """A consumer of messages. Neither call may wait: both are made in the car's event loop."""
 
     def claim(self, topic: str, at_s: float, *, urgent: bool = False) -> bool:
-        """Claim the next message of a topic; one without a claim is not even written.
+        """Claim the next message of a topic; an unclaimed one is not even written.
 
-        at_s: when it was news, on the monotonic clock. urgent: a change, not a repetition; rates do not hold it back.
+        at_s: time of the value, on the monotonic clock. urgent: a change, not a repetition; rates do not delay it.
         """
         ...
 
@@ -32,14 +32,14 @@ class Sink(Protocol):
 
 
 class Publisher(Protocol):
-    """What of a bus is needed here."""
+    """The part of a bus that is needed here."""
 
     def put(self, key: str, payload: bytes, *, encoding: str) -> None:
         """Publish without waiting."""
         ...
 
     def wanted(self, key: str, *, encoding: str) -> bool:
-        """Tell whether anybody is subscribed."""
+        """Tell whether the key has a subscriber."""
         ...
 
 
@@ -57,7 +57,7 @@ class ZenohSink:
         self.limit(rates)
 
     def limit(self, rates: RatesHz) -> None:
-        """Keep to other rates from now on."""
+        """Apply other rates from now on."""
         rates_hz: dict[str, float] = rates.model_dump()
         self._periods_s = {topic: 1 / rate_hz for topic, rate_hz in rates_hz.items() if rate_hz > 0}
         self._not_before_s.clear()
@@ -70,7 +70,7 @@ class ZenohSink:
         if period_s is None or not self._is_heard(topic, at_s):
             return False
         due_s = self._due_s.get(topic, -math.inf)
-        # On a grid, so that the mean rate is right; after a silence the grid begins anew.
+        # On a grid, so that the mean rate is right; after a silence the grid restarts.
         self._due_s[topic] = due_s = (due_s if due_s > at_s - period_s else at_s) + period_s
         self._not_before_s[topic] = due_s - EARLY_SHARE * period_s
         return True
@@ -81,7 +81,7 @@ class ZenohSink:
         self._bus.put(key, payload, encoding=kind)
 
     def _is_heard(self, topic: str, at_s: float) -> bool:
-        """Tell whether there is a subscriber: asked now and then, because asking costs more than most messages."""
+        """Tell whether there is a subscriber: checked now and then, because a check costs more than most messages."""
         if at_s - self._asked_s > ASK_EVERY_S:
             self._asked_s = at_s
             self._heard.clear()

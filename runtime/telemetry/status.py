@@ -38,10 +38,11 @@ NO_WORD = "no word"
 
 @value()
 class SourceStatus:
-    """What one voice says about the drive in question.
+    """Opinion of one source on the drive in question.
 
-    speed_mps: a driver's wish; a cap's ceiling in the direction of the drive, >= 0, infinity where it does not object.
-    steering_rad: a driver's wish; None for a cap.
+    speed_mps: a driver's request; a limiting source's ceiling in the direction of the drive, >= 0, infinity where it
+        does not object.
+    steering_rad: a driver's request; None for a limiting source.
     """
 
     speed_mps: float
@@ -51,10 +52,10 @@ class SourceStatus:
 
 
 def said(word: Word, decision: Decision | None) -> SourceStatus:
-    """Return what a word says now.
+    """Return what an entry requests or allows now.
 
-    A cap that decided is quoted from the decision. Another one is only asked about standing still, which is cheap and
-    leaves no trace in a safety law that remembers its own words.
+    A limit that decided is quoted from the decision. Another one is only evaluated for standstill, which is cheap and
+    leaves no trace in a safety law that remembers its own reasons.
     """
     if isinstance(word, DriveCommand):
         return SourceStatus(word.drive.speed_mps, word.drive.steering_rad, word.reason)
@@ -67,20 +68,20 @@ def said(word: Word, decision: Decision | None) -> SourceStatus:
 
 @dataclass(slots=True)
 class Latency:
-    """How long the newest scans took from their last byte to the motor command [s], by age and in order."""
+    """Latency of the newest scans from their last byte to the motor command [s], by age and in order."""
 
     _samples_s: deque[float] = field(default_factory=deque)
     _ordered_s: list[float] = field(default_factory=list)
 
     def add(self, latency_s: float) -> None:
-        """Remember one; kept in order, because to sort them all for every status costs more than the other fields."""
+        """Add one; kept in order, because to sort them all for every status costs more than the other fields."""
         if len(self._samples_s) == LATENCIES:
             del self._ordered_s[bisect_left(self._ordered_s, self._samples_s.popleft())]
         self._samples_s.append(latency_s)
         insort(self._ordered_s, latency_s)
 
     def fields(self) -> dict[str, float | None]:
-        """Return p50, p99 and the longest in milliseconds; None without samples."""
+        """Return p50, p99 and the maximum in milliseconds; None without samples."""
         ordered = self._ordered_s
         if not ordered:
             return dict.fromkeys(("p50", "p99", "max"))
@@ -93,12 +94,12 @@ class Latency:
 
 @dataclass(frozen=True, slots=True)
 class ObservedState:
-    """What can be looked at; nothing here is owned.
+    """References to the observable objects; nothing here is owned.
 
-    operator: the operator's side, None where there is none. window: what is wrong with the lidar's window, in words.
+    operator: the operator's side, None where there is none. window: faults of the lidar window, as text.
     link: the session as plain values. seconds_by_winner: the mux's own account. timings: of the hot path's stages.
-    recording: how the recorder stands. session: this start of the process, as in every beat; 0 where there is none.
-    own_parts: what is known of the parts of the car that its lidar sees.
+    recording: state of the recorder. session: this start of the process, as in every heartbeat; 0 where there is none.
+    own_parts: the known parts of the car that its lidar sees.
     """
 
     car: str
@@ -119,7 +120,7 @@ class ObservedState:
 
 @dataclass(slots=True)
 class Journey:
-    """What telemetry itself keeps count of. scans: those that the follower answered."""
+    """Statistics that telemetry itself keeps. scans: those that the follower answered."""
 
     started_s: float
     scans: int = 0
@@ -181,7 +182,7 @@ def state(output: Output | None, closed: Mapping[str, str]) -> str:
 
 
 def gates(observed: ObservedState, heard: Mapping[Source, SourceStatus]) -> dict[str, str]:
-    """Return what must be open for autonomy to move, each with the reason why it is closed, "" where it is open."""
+    """Return the conditions for autonomy to move, each with the reason why it is not met, "" where it is."""
     closed = {
         name: "" if device.health.link is LinkState.READY else f"{device.health.link}: {device.health.message}"
         for name, device in (("lidar", observed.lidar), ("motor", observed.motor))
@@ -198,9 +199,9 @@ def gates(observed: ObservedState, heard: Mapping[Source, SourceStatus]) -> dict
 def overruled(
     observed: ObservedState, live: Mapping[Source, Word], decision: Decision | None
 ) -> dict[str, float | str] | None:
-    """Return what safety says to the wish of a human whom it does not bind; None where it binds or does not object.
+    """Return safety's verdict on a human's command that it does not bind; None where it binds or does not object.
 
-    speed_mps: as fast as safety would let the car go. reason, measure: as of a verdict.
+    speed_mps: maximum speed that safety would allow. reason, measure: as of a verdict.
     """
     order, safety, wish = observed.voices.order, live.get(Source.SAFETY), live.get(Source.TELEOP)
     driving = decision is not None and decision.driver is Source.TELEOP
@@ -216,7 +217,7 @@ def overruled(
 
 
 def _without_trace(outlook: SafetyAssessment) -> SafetyAssessment:
-    """Return an outlook that can be asked without the law remembering what it said."""
+    """Return an assessment that can be evaluated without a trace in the law's memory."""
     if not isinstance(outlook, SweptOutlook):
         return outlook
     guard = copy.copy(outlook.guard)
@@ -227,15 +228,16 @@ def _without_trace(outlook: SafetyAssessment) -> SafetyAssessment:
 def voices(
     observed: ObservedState, live: Mapping[Source, Word], heard: Mapping[Source, SourceStatus]
 ) -> dict[str, Any]:
-    """Return every voice in the mux's order: its age, whether it is in force, and what it says."""
+    """Return every source in the mux's order: its age, whether it is in force, and what it requests or allows."""
     ages_s = observed.voices.ages_s()
     return {str(source): _voice(live.get(source), ages_s.get(source), heard) for source in observed.voices.order}
 
 
 def decision_fields(output: Output, live: Mapping[Source, Word]) -> dict[str, Any]:
-    """Return one decision: who wished what, who decided, why, and what went to the motor.
+    """Return one decision: the request, the deciding source, the reason, and the command sent to the motor.
 
-    asked_mps: the driver's wish. allowed_mps: after the caps. speed_mps, steering_rad: after the limiter, as sent.
+    asked_mps: the driver's request. allowed_mps: after the speed limits. speed_mps, steering_rad: after the limiter, as
+        sent.
     """
     decision = output.decision
     word = live.get(decision.driver) if decision.driver is not None else None
@@ -254,7 +256,7 @@ def decision_fields(output: Output, live: Mapping[Source, Word]) -> dict[str, An
 
 
 def decision(observed: ObservedState, output: Output) -> dict[str, Any]:
-    """Return the message `decision`: the fields, and how old each voice is."""
+    """Return the message `decision`: the fields, and the age of each source."""
     live = {word.source: word for word in observed.voices.live()}
     ages_s = {str(source): age_s for source, age_s in observed.voices.ages_s().items()}
     return {**decision_fields(output, live), "voices_age_s": ages_s}

@@ -1,4 +1,4 @@
-"""From the newest of everything to the message of one topic. Called off the hot path, and only for what is wanted."""
+"""Writers of the topics' messages from the newest values. Called off the hot path, and only for subscribed topics."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -27,7 +27,7 @@ LEVELS: Mapping[LinkState, int] = {LinkState.READY: 0, LinkState.STARTING: 1, Li
 
 @dataclass(slots=True)
 class Newest:
-    """One slot for everything that the hot path shows; the new replaces the old."""
+    """One slot for each value of the hot path; a new value replaces the old one."""
 
     scan: Scan | None = None
     scan_period_s: float = 0.0
@@ -79,11 +79,11 @@ class TopicWriters:
         }
 
     def write(self, topic: str) -> Message | None:
-        """Return the newest message of a topic; None when there is nothing to say, for example for a silent voice."""
+        """Return the newest message of a topic; None without a value, for example of a silent source."""
         return self._writers[topic]()
 
     def output(self, output: Output) -> Message:
-        """Return `output`: what went to the motor."""
+        """Return `output`: the command sent to the motor."""
         return self._drive(output.stamp_s, output.drive.speed_mps, output.drive.steering_rad)
 
     def distance_error(self, scan: Scan, guidance: Guidance) -> Message:
@@ -123,7 +123,7 @@ class TopicWriters:
         return output.stamp_s, markers.marker_array(self.unix_ns(output.stamp_s), drawn)
 
     def _safety(self) -> Message | None:
-        """What safety allows of the wish in question; nothing while no source drives or safety is silent."""
+        """Return the limit of safety on the present command; None while no source drives or safety is silent."""
         output, voices = self._newest.output, self._observed.voices
         if output is None or output.decision.driver is None:
             return None
@@ -135,7 +135,7 @@ class TopicWriters:
         return self._drive(safety.scan_stamp_s or output.stamp_s, allowed_mps, wish.drive.steering_rad)
 
     def _voice(self, source: Source) -> Message | None:
-        """What a driver wishes; nothing while it is silent."""
+        """Return a driver's command; None while it is silent."""
         word = self._observed.voices.word(source)
         if not isinstance(word, DriveCommand):
             return None
@@ -152,7 +152,7 @@ class TopicWriters:
         )
 
     def _tf(self) -> Message | None:
-        """Where base_link is in odom, and with it the fixed laser in base_link: a late listener has both at once."""
+        """Return base_link in odom together with the fixed laser in base_link: a late subscriber gets both at once."""
         state, pose = self._newest.motor, self._journey.pose
         if state is None:
             return None
@@ -196,7 +196,7 @@ class TopicWriters:
         return stamp_s, messages.ackermann(self.unix_ns(stamp_s), speed_mps, steering_rad)
 
     def _view(self) -> View | None:
-        """Return the newest scan as safety sees it, where the law keeps a view."""
+        """Return the newest scan's view in the safety law, where it keeps one."""
         word = self._observed.voices.word(Source.SAFETY)
         outlook = word.outlook if isinstance(word, SpeedLimit) else None
         return outlook.view if isinstance(outlook, SweptAssessment) else None
