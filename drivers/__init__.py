@@ -1,5 +1,5 @@
-"""Bytes on one side, SI values on the other; knows nothing about driving.
+"""Device drivers: bytes on one side, SI values on the other; independent of driving.
 
-Read in this order: `api` (what a lidar and a motor are), `link` (bytes to and from a port), then a device,
+Read in this order: `api` (the interfaces of a lidar and a motor), `link` (bytes to and from a port), then a device,
 each with the same three files: `settings`, `codec` (pure), `driver` (thin).
 """

@@ -1,7 +1,7 @@
-"""What every lidar and every motor controller is to the rest of the car: values, contracts, errors.
+"""The interfaces of every lidar and every motor controller to the rest of the car: values, contracts, errors.
 
-Units are SI and signs follow REP-103 throughout: x forward, y left, angles counter-clockwise, steering positive
-to the left. Conversions to device units live in the codecs and nowhere else.
+Units are SI and signs follow REP-103 throughout: x forward, y left, angles counter-clockwise, steering positive to the
+left. Conversions to device units are in the codecs and nowhere else.
 """
 
 import math
@@ -18,12 +18,12 @@ from drivers.value import value
 Clock = Callable[[], float]
 """Monotonic seconds. Injected everywhere, so that tests and simulation run on a clock of their own."""
 Reschedule = Callable[[float, float], float]
-"""Takes the time at which a task wants to wake and how much sooner or later may be; returns a better moment near it,
-at which others wake as well or at least nothing that hurries more is due."""
+"""Takes the time at which a task wants to wake and its tolerance; returns a better moment near it, at which other tasks
+wake too or at least no more urgent work is due."""
 
 
 def as_wanted(wanted_s: float, _slack_s: float) -> float:
-    """Be a Reschedule that changes nothing."""
+    """Return the deadline unchanged."""
     return wanted_s
 
 
@@ -31,11 +31,11 @@ def as_wanted(wanted_s: float, _slack_s: float) -> float:
 class Scan:
     """One lidar revolution in the lidar frame (x forward, y left, angles counter-clockwise, REP-103).
 
-    stamp_s: monotonic time at which the sweep's last byte arrived, or would have arrived had the link not been
-        late: a scan that waited in a buffer is as old as its measurement, not as fresh as its delivery.
+    stamp_s: monotonic time at which the sweep's last byte arrived, or would have arrived had the link not been late: a
+        scan that waited in a buffer is as old as its measurement, not as fresh as its delivery.
     received_s: monotonic time at which the last byte was really read.
-    ranges_m: shape (n,), float32, read-only; NaN where the beam gave no usable distance (no echo, error code, too
-        near, too far). NaN is "no information": it is neither an obstacle nor free space.
+    ranges_m: shape (n,), float32, read-only; NaN where the beam gave no usable distance (no echo, error code, too near,
+        too far). NaN is "no information": it is neither an obstacle nor free space.
     sequence: counts the scans of this driver from 0, gaps included.
     """
 
@@ -51,10 +51,10 @@ class Scan:
 
 @value()
 class Drive:
-    """What the car should do: speed positive forward, steering positive to the left.
+    """A motion command: speed positive forward, steering positive to the left.
 
     A speed of exactly 0.0 means "stop and stay": the driver brakes, it does not coast.
-    brake_mps2: how hard a stop may brake, infinity being all there is; less leaves grip for turning.
+    brake_mps2: maximum deceleration of a stop, infinity being full braking; less leaves grip for turning.
     """
 
     speed_mps: float
@@ -64,7 +64,7 @@ class Drive:
 
 @value()
 class MotorState:
-    """What the motor controller last said about itself.
+    """The motor controller's last report.
 
     speed_mps: from the motor's electrical speed, positive forward. Locked wheels read 0 on a sliding car.
     distance_m: signed distance from the tachometer since the driver started; survives missed polls and reboots.
@@ -86,26 +86,26 @@ class MotorState:
 
 
 class LinkState(StrEnum):
-    """Where a device stands, in the order in which it normally comes up."""
+    """States of a device, in the order in which it normally comes up."""
 
     ABSENT = "absent"
-    """Nothing there, or it does not answer; the driver keeps trying."""
+    """The device is missing or does not answer; the driver keeps trying."""
     STARTING = "starting"
-    """Talking to it: identification, settings."""
+    """The device answers: identification, configuration."""
     READY = "ready"
     """Delivers data and takes commands."""
     FAULTY = "faulty"
-    """It answers, and says that it is not well."""
+    """It answers, and reports a fault."""
 
 
 @dataclass(slots=True)
 class Health:
-    """A device's condition in words and counts, for status pages and logs. Owned by its driver.
+    """A device's condition as text and counts, for status pages and logs. Owned by its driver.
 
-    message: what is wrong and what to do about it, or what it is when all is well ("UST-10LX, 1081 beams, 40 Hz").
-    trouble: what is wrong with a device that is there and answers, in a few words ("battery empty: 9.1 V"); "" else.
-    identity: model and firmware as the device named itself, "" before it did.
-    counts: how often each kind of trouble happened since the start ("checksum", "reconnect", "stale").
+    message: the problem and its remedy, or a summary when all is well ("UST-10LX, 1081 beams, 40 Hz").
+    trouble: the problem of a device that answers, in a few words ("battery empty: 9.1 V"); "" else.
+    identity: model and firmware as the device reported them, "" before that.
+    counts: number of events of each kind since the start ("checksum", "reconnect", "stale").
     """
 
     link: LinkState = LinkState.ABSENT
@@ -115,37 +115,37 @@ class Health:
     counts: dict[str, int] = field(default_factory=dict)
 
     def count(self, what: str, times: int = 1) -> None:
-        """Remember that something happened."""
+        """Count an event."""
         self.counts[what] = self.counts.get(what, 0) + times
 
 
 class Lidar(Protocol):
-    """A source of scans that looks after its own connection."""
+    """A source of scans that maintains its own connection."""
 
     @property
     def health(self) -> Health:
-        """Its condition now."""
+        """Its present condition."""
         ...
 
     async def run(self, on_scan: Callable[[Scan], None]) -> Never:
-        """Deliver scans for ever, oldest first, each once; reconnect with back-off for ever.
+        """Deliver scans without end, oldest first, each once; reconnect with back-off.
 
-        `on_scan` is called in the event loop, straight from the read, and must not block. The device is left
-        quiet (laser off where it can be) when the task is cancelled.
+        `on_scan` is called in the event loop, straight from the read, and must not block. The device is left quiet
+        (laser off where it can be) when the task is cancelled.
         """
         ...
 
 
 class Motor(Protocol):
-    """A motor and a steering servo that look after their own connection.
+    """A motor and a steering servo that maintain their own connection.
 
-    The driver never repeats a command by itself: the mux must keep sending, so that the controller's own
-    timeout remains a watchdog over the whole process.
+    The driver never repeats a command by itself: the mux must keep sending, so that the controller's own timeout
+    remains a watchdog over the whole process.
     """
 
     @property
     def health(self) -> Health:
-        """Its condition now."""
+        """Its present condition."""
         ...
 
     @property
@@ -154,24 +154,24 @@ class Motor(Protocol):
         ...
 
     async def run(self) -> Never:
-        """Keep the connection, poll the state, reconnect with back-off for ever; brake when cancelled."""
+        """Maintain the connection, poll the state, reconnect with back-off; brake when cancelled."""
         ...
 
     def send(self, drive: Drive) -> bool:
-        """Write one command to the wire at once; False (and nothing is queued) when the device is not there."""
+        """Write one command to the wire at once; False (and nothing is queued) when the device is not connected."""
         ...
 
     def latch_fault(self, words: str) -> None:
-        """Hold the car for a contradiction that only others see, as for a fault of the device; once for each."""
+        """Latch a contradiction detected outside the driver, like a fault of the device; once for each."""
         ...
 
     def clear_fault(self) -> None:
-        """Forget the latched fault: a deliberate act of an operator, or of settings that say so."""
+        """Clear the latched fault: a deliberate act of an operator, or of settings that allow it."""
         ...
 
 
 class DriverError(Exception):
-    """Trouble with a device that is expected in the field; says what, where, and what to do next."""
+    """An expected error of a device in the field; the text names the problem, the place, and the remedy."""
 
 
 class LinkLost(DriverError):  # noqa: N818 - it is an event in the life of a cable, and reads as one
@@ -179,4 +179,4 @@ class LinkLost(DriverError):  # noqa: N818 - it is an event in the life of a cab
 
 
 class ProtocolError(DriverError):
-    """The device answered something that the driver cannot accept."""
+    """The device sent a reply that the driver cannot accept."""

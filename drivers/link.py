@@ -27,19 +27,19 @@ E = TypeVar("E", bound=Exception)
 BytesHandler = Callable[[bytes, float], None]
 """Takes a chunk and the monotonic time at which it was read."""
 Tap = Callable[[str, bytes, float], None]
-"""Hears what goes over a link, for a recording: "in" or "out", the bytes, the monotonic time."""
+"""Takes the traffic of a link, for a recording: "in" or "out", the bytes, the monotonic time."""
 
 CONNECT_TIMEOUT_S = 2.0
 _READ_BYTES = 16384
 
 
 class ByteLink:
-    """One open port. Bytes go to the handler given to `listen`; trouble comes out of `lost()`.
+    """One open port. Bytes go to the handler given to `listen`; errors are raised by `lost()`.
 
-    Guarantees: bytes arrive in order and none is dropped here; a write is complete or raises LinkLost; after the
-    first LinkLost nothing more is delivered. The handler runs inside the event loop and must not block.
+    Guarantees: bytes arrive in order and none is dropped here; a write is complete or raises LinkLost; after the first
+    LinkLost nothing more is delivered. The handler runs inside the event loop and must not block.
 
-    reading_s: how long it took to get the newest chunk from the kernel. tap: is told everything that comes and goes.
+    reading_s: duration of the newest chunk's read from the kernel. tap: called with all traffic, both ways.
     """
 
     def __init__(self, address: Address, fd: int, release: Callable[[bool], None], clock: Clock) -> None:
@@ -56,13 +56,13 @@ class ByteLink:
         self.tap: Tap | None = None
 
     def listen(self, handler: BytesHandler) -> None:
-        """Hand every chunk from now on to `handler(chunk, read_at_s)`, replacing an earlier handler."""
+        """Pass every chunk from now on to `handler(chunk, read_at_s)`, replacing an earlier handler."""
         if self._handler is None and self._open:
             self._loop.add_reader(self._fd, self._on_readable)
         self._handler = handler
 
     def write(self, data: bytes) -> None:
-        """Write all of it now or raise LinkLost; a device that does not take a command is not there."""
+        """Write all of it now or raise LinkLost; a device that does not take a command counts as lost."""
         if not self._open:
             raise LinkLost(f"{self.address}: the link is closed")
         try:
@@ -77,14 +77,14 @@ class ByteLink:
             self.tap("out", data, self._clock())
 
     async def lost(self) -> Never:
-        """Wait until the link is lost and raise why; a bug in the handler comes out here too, as itself."""
+        """Wait until the link is lost and raise the reason; a bug in the handler is raised here too, unchanged."""
         await asyncio.shield(self._lost)
         raise AssertionError("unreachable: the future only ever fails")
 
     async def repeat(self, job: Callable[[], float]) -> Never:
-        """Call `job`, and again after each pause [s] that it returns; raise its error, or why the link was lost.
+        """Call `job`, and again after each pause [s] that it returns; raise its error, or the reason of a lost link.
 
-        By the loop's timer itself, because a task that sleeps has the loop turn once more. One caller at a time.
+        Uses the loop's timer itself, because a task that sleeps costs one more turn of the loop. One caller at a time.
         """
         over = self._over = self._loop.create_future()
         timer: asyncio.TimerHandle | None = None
@@ -94,7 +94,7 @@ class ByteLink:
             try:
                 timer = self._loop.call_later(job(), call)
             except Exception as error:  # noqa: BLE001 - not swallowed: it is raised below
-                if not over.done():  # else the link was lost in the middle, and says so itself
+                if not over.done():  # else the link was lost in the middle, and raises that itself
                     over.set_exception(error)
 
         try:
@@ -114,9 +114,9 @@ class ByteLink:
             return
         self._open = False
         self._loop.remove_reader(self._fd)
-        # Asking for the exception also tells asyncio that it was seen.
+        # Reading the exception also marks it as retrieved for asyncio.
         failure = self._lost.exception() if self._lost.done() and not self._lost.cancelled() else None
-        # After a bug of ours the device is still there, and the brake that was just written must reach it.
+        # After a bug in this program the device is still there, and the brake that was just written must reach it.
         self._release(isinstance(failure, LinkLost))
         spare_descriptors.refill()
         self._lost.cancel()
@@ -154,7 +154,7 @@ class ByteLink:
 
 
 async def open_link(address: Address, clock: Clock) -> ByteLink:
-    """Open the port; LinkLost says what is in the way and what usually helps."""
+    """Open the port; LinkLost names the obstacle and the usual remedy."""
     if isinstance(address, TcpAddress):
         return await _open_tcp(address, clock)
     return _open_serial(address, clock)
@@ -186,7 +186,7 @@ async def _open_tcp(address: TcpAddress, clock: Clock) -> ByteLink:
 
 
 def _keep_alive(sock: socket.socket) -> None:
-    """Notice a pulled cable within seconds even while we have nothing to send."""
+    """Detect a pulled cable within seconds even while there is nothing to send."""
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     for option, value in (("TCP_KEEPIDLE", 1), ("TCP_KEEPINTVL", 1), ("TCP_KEEPCNT", 3)):
         if hasattr(socket, option):  # macOS names the first one differently
@@ -242,7 +242,7 @@ _REMEDIES = {
 
 
 def _explain(error: BaseException) -> str:
-    """Say what the error means for the one who plugs cables; pyserial hides some error numbers one level down."""
+    """Return the meaning of an error for the person at the cables; pyserial hides some error numbers one level down."""
     for cause in (error, error.__context__):
         code = getattr(cause, "errno", None) or next(iter(cause.args if cause is not None else ()), None)
         if isinstance(code, int) and code in _REMEDIES:

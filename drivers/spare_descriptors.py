@@ -1,7 +1,7 @@
-"""Low descriptor numbers kept for the devices, so that a flood of connections cannot take them.
+"""Low descriptor numbers reserved for the devices, so that a flood of connections cannot take them.
 
-`select()` watches descriptors below 1024 only, and a process has a limited number of them. Each connection that a
-stranger opens takes the lowest free number; 1100 of them left none for a lidar that reconnects. So some low numbers
+`select()` watches descriptors below 1024 only, and a process has a limited number of them. Each connection of an
+unknown client takes the lowest free number; 1100 of them left none for a lidar that reconnects. So some low numbers
 point to /dev/null from the start; opening a device frees them for as long as it takes, and closing one fills them up.
 """
 

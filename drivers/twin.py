@@ -1,7 +1,7 @@
-"""Functions that may have a twin in C: the same arguments, the same answer, sooner.
+"""Functions that may have a twin in C: the same arguments, the same result, in less time.
 
-The Python is the law: it is what is read, changed and tested, and it runs wherever the twin cannot be had. `use` puts
-the compiled functions in the place of those of the same names (`runtime.kernel` builds and loads them).
+The Python function is the definition: it is the one to read, change and test, and it runs wherever the twin is not
+available. `use` replaces functions by the compiled ones of the same names (`runtime.kernel` builds and loads them).
 """
 
 import sys
@@ -19,7 +19,7 @@ _either: Final[dict[str, Callable[..., Any]]] = {}
 
 
 def twin(plain: Callable[P, R]) -> Callable[P, R]:
-    """Let a function of this name, written in C, answer instead, once there is one. Arguments by position only."""
+    """Register a function that a C function of the same name may replace. Arguments by position only."""
     name = plain.__name__
     if name in PLAIN:
         raise ValueError(f"two functions named {name} may have a twin: rename one")
@@ -36,7 +36,7 @@ def twin(plain: Callable[P, R]) -> Callable[P, R]:
 
 
 def use(compiled: Mapping[str, Callable[..., Any]]) -> None:
-    """Let these functions answer from now on, and the Python ones where none is given."""
+    """Use these compiled functions from now on, and the Python ones where none is given."""
     before = dict(_answering)
     for name, plain in PLAIN.items():
         _answering[name] = compiled.get(name, plain)
@@ -45,7 +45,7 @@ def use(compiled: Mapping[str, Callable[..., Any]]) -> None:
 
 
 def _put_in_place(names: dict[str, Any], before: Mapping[str, Callable[..., Any]]) -> None:
-    """Bind, in a module that has the name, the compiled function itself: it is called without a step in between."""
+    """Bind the compiled function itself in a module that has the name, so that a call takes no extra step."""
     for name in PLAIN.keys() & names.keys():
         if names[name] is _either[name] or (before[name] is not PLAIN[name] and names[name] is before[name]):
             answering = _answering[name]
@@ -53,5 +53,5 @@ def _put_in_place(names: dict[str, Any], before: Mapping[str, Callable[..., Any]
 
 
 def in_use() -> frozenset[str]:
-    """Return the names of the functions that are answered in C."""
+    """Return the names of the functions that run in C."""
     return frozenset(name for name, plain in PLAIN.items() if _answering[name] is not plain)

@@ -1,4 +1,4 @@
-"""Small values that the hot path makes by the dozen for every scan."""
+"""Small values of which the hot path makes dozens for every scan."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -9,9 +9,9 @@ T = TypeVar("T")
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
 def value(*, eq: bool = True) -> Callable[[type[T]], type[T]]:
-    """Make a class a dataclass with slots that are read-only: the type checker says so, not the interpreter.
+    """Make a class a dataclass with slots that are read-only for the type checker, not for the interpreter.
 
-    A frozen dataclass takes four times as long to make, and a scan's way to the motor makes thirty of them. Compared
+    A frozen dataclass takes four times as long to make, and a scan's path to the motor makes thirty of them. Compared
     and hashed like a frozen one; with eq=False (arrays inside) by identity.
     """
 

@@ -17,7 +17,8 @@ from drivers.twin import twin
 from drivers.value import value
 
 BLOCK_LIMIT_BYTES: Final = 8192
-"""A full scan with intensities is 6.7 kB. Without a blank line for longer than this, the bytes do not line up."""
+"""Maximum length of a block: a full scan with intensities is 6.7 kB. Without a blank line for longer than this, the
+bytes are out of step."""
 
 SCAN_FAMILIES: Final = frozenset({b"MD", b"MS", b"ME", b"GD", b"GS", b"GE", b"ND", b"NE", b"HD", b"HE"})
 
@@ -47,7 +48,7 @@ def single_command(family: str, first_step: int, last_step: int, *, cluster: int
 def stream_command(
     family: str, first_step: int, last_step: int, *, cluster: int = 0, skip: int = 0, scans: int = 0, note: str = ""
 ) -> bytes:
-    """Return MD, MS or ME (or ND, NE): scans until `scans` were sent (0: for ever); turns the laser on by itself.
+    """Return MD, MS or ME (or ND, NE): scans until `scans` were sent (0: without end); turns the laser on by itself.
 
     cluster: steps grouped into one sample, the least of them (0 and 1: no grouping). skip: scans left out between two.
     """
@@ -78,12 +79,12 @@ def _ignore(_what: str) -> None:
 
 
 class ScipDeframer:
-    """Finds blocks in a byte stream, whatever the chunking; forgets at most `limit_bytes` of nonsense at a time.
+    """Finds blocks in a byte stream, whatever the chunking; discards at most `limit_bytes` of garbage at a time.
 
     limit_bytes: may be raised for a sensor whose scans are longer.
 
-    Never raises: a block that is not what it should be is dropped and named to `count`: "checksum" (a sum is wrong),
-    "malformed" (no echo, no status), "oversized" (no blank line where one was due). The next blank line is firm ground.
+    Never raises: an invalid block is dropped and its kind passed to `count`: "checksum" (a sum is wrong), "malformed"
+    (no echo, no status), "oversized" (no blank line where one was due). The next blank line resynchronizes.
     """
 
     def __init__(self, count: Callable[[str], None] = _ignore, *, limit_bytes: int = BLOCK_LIMIT_BYTES) -> None:
@@ -93,7 +94,7 @@ class ScipDeframer:
         self._lost = False
 
     def reset(self) -> None:
-        """Forget a block that has only begun."""
+        """Drop an incomplete block."""
         self._rest = b""
         self._lost = False
 
@@ -108,7 +109,7 @@ class ScipDeframer:
                 blocks.append(block)
             begin = search_from = end + 2
         self._rest = data[begin:]
-        if len(self._rest) > self.limit_bytes + 1:  # it cannot end in time any more, whatever comes
+        if len(self._rest) > self.limit_bytes + 1:  # it cannot end in time any more, whatever follows
             self._give_up()
         return blocks
 
@@ -135,7 +136,7 @@ class ScipDeframer:
 
 
 def parse_block(raw: bytes) -> ReplyBlock | str:
-    """Check one block without its two closing line feeds; what is wrong with it comes back as a word."""
+    """Check one block without its two closing line feeds; return the kind of its fault for an invalid one."""
     parts = split_scan(raw)
     if parts is not None and parts[0][:2] in SCAN_FAMILIES:
         echo, status, stamp, samples = parts
@@ -147,7 +148,7 @@ def parse_block(raw: bytes) -> ReplyBlock | str:
 def split_scan(raw: bytes) -> tuple[bytes, bytes, bytes, bytes] | None:
     """Return echo, status, stamp and samples of a scan as sensors send it, all sums verified; None for anything else.
 
-    The way of every scan of a healthy stream; what is wrong with another block is found out by `_parse_carefully`.
+    The path of every scan of a healthy stream; the faults of other blocks are determined by `_parse_carefully`.
     """
     echo, _, rest = raw.partition(b"\n")
     status, _, body = rest.partition(b"\n")

@@ -1,4 +1,4 @@
-"""Question and answer with a sensor over an open link: quieten it, ask who it is. Every wait is bounded."""
+"""Requests to a sensor over an open link: quieten it, read its identity. Every wait is bounded."""
 
 import asyncio
 import contextlib
@@ -14,14 +14,14 @@ from drivers.link import ByteLink
 T = TypeVar("T")
 
 REPLY_TIMEOUT_S: Final = 0.3
-"""Vendor code waits 140 ms; twice that allows for a busy computer."""
+"""Maximum wait for a reply. Vendor code waits 140 ms; twice that allows for a busy computer."""
 SETTLE_S: Final = 0.15
 _QUIETEN_TRIES: Final = 4
 _IDENTIFY_TRIES: Final = 3
 
 
 class Conversation:
-    """One question at a time; replies are told from a stream that still runs by their echo."""
+    """One request at a time; replies are distinguished from a running stream by their echo."""
 
     def __init__(self, link: ByteLink, count: Callable[[str], None]) -> None:
         self.link = link
@@ -51,7 +51,7 @@ class Conversation:
             self._answer = None
 
     async def ask_patiently(self, line: bytes, *, tries: int) -> ReplyBlock:
-        """Ask again when no answer comes; the last failure is raised. A link that is gone ends it by `until_lost`."""
+        """Repeat a request without a reply; the last failure is raised. `until_lost` ends it when the link is lost."""
         for _ in range(tries - 1):
             with contextlib.suppress(LinkLost):
                 return await self.ask(line)
@@ -64,7 +64,7 @@ class Conversation:
 
 
 async def until_lost(link: ByteLink, work: Coroutine[Any, Any, T]) -> T:
-    """Do the work, or raise LinkLost as soon as the link is lost; nothing of it is left running."""
+    """Do the work, or raise LinkLost as soon as the link is lost; none of it is left running."""
     lost = asyncio.ensure_future(link.lost())
     working = asyncio.ensure_future(work)
     try:
@@ -101,7 +101,7 @@ async def quieten(talk: Conversation) -> None:
 
 @dataclass(frozen=True, slots=True)
 class SensorIdentity:
-    """Who answered. state_text: STAT of II, "" when the sensor does not say."""
+    """Identity of the sensor. state_text: STAT of II, "" when the sensor does not report it."""
 
     parameters: SensorParameters
     firmware: str
@@ -116,7 +116,7 @@ class SensorIdentity:
 
     @property
     def summary(self) -> str:
-        """What a healthy sensor is, in one line; with its own words when it does not call itself well."""
+        """Identity of a healthy sensor in one line; with its own state text when it does not report itself healthy."""
         parameters = self.parameters
         text = f"{parameters.model}, {parameters.beam_count} beams, {parameters.rate_hz:g} Hz"
         if self.state_text and not is_healthy(self.state_text):
@@ -125,7 +125,7 @@ class SensorIdentity:
 
 
 async def identify(talk: Conversation) -> SensorIdentity:
-    """Ask a quiet sensor for VV, PP and II. PP must be complete; the other two are for people."""
+    """Query a quiet sensor for VV, PP and II. PP must be complete; the other two are for people."""
     version = fields(await talk.ask_patiently(command("VV"), tries=_IDENTIFY_TRIES))
     reply = await talk.ask_patiently(command("PP"), tries=_IDENTIFY_TRIES)
     if reply.status != "00":

@@ -1,4 +1,4 @@
-"""A Hokuyo lidar that looks after itself: connect, identify, stream, watch, restart, reconnect, for ever."""
+"""A Hokuyo lidar with a self-maintained connection: connect, identify, stream, monitor, restart, reconnect."""
 
 import asyncio
 import contextlib
@@ -30,12 +30,13 @@ from drivers.link import Tap, open_link
 _log = logging.getLogger(__name__)
 
 RETRY_DELAYS_S: Final = (0.1, 0.5, 1.0, 2.0)
-"""The first retry is quick because most losses are a restart; the last delay repeats for ever."""
+"""Delays of the reconnection attempts. The first is short because most losses are a restart; the last one repeats."""
 USUAL_BAUDS: Final = (115200, 19200, 38400, 57600)
 FIRST_SCAN_TIMEOUT_S: Final = 1.5
 REBOOT_PAUSE_S: Final = 20.0
 SETTLING_SCANS: Final = 2
-"""Of a restarted stream the first scan sets the clock, and may have waited; the third that fits it is driven by."""
+"""Number of scans skipped after a restart of the stream: the first sets the clock, and may have waited; the third that
+fits it is delivered."""
 _WATCH_PERIOD_S: Final = 0.1
 _WATCH_SLACK_S: Final = 0.02
 _FAREWELL_TIMEOUT_S: Final = 0.2
@@ -44,7 +45,7 @@ _FAREWELL_TIMEOUT_S: Final = 0.2
 class Hokuyo:
     """A `Lidar` (see drivers.api) with SCIP 2.x at a TCP or serial address.
 
-    clear_s: moves looks at the stream to a better moment.
+    clear_s: moves the checks of the stream to a better moment.
     """
 
     def __init__(
@@ -67,16 +68,16 @@ class Hokuyo:
 
     @property
     def health(self) -> Health:
-        """Its condition now."""
+        """Its present condition."""
         return self._health
 
     @property
     def reading_s(self) -> float:
-        """How long it took to get the newest bytes from the kernel."""
+        """Duration of the newest bytes' read from the kernel."""
         return self._talk.link.reading_s if self._talk is not None else 0.0
 
     async def run(self, on_scan: Callable[[Scan], None]) -> Never:
-        """Deliver scans for ever; see drivers.api.Lidar. Only a bug, or an error of `on_scan`, comes out."""
+        """Deliver scans without end; see drivers.api.Lidar. Raises only for a bug, or an error of `on_scan`."""
         while True:
             try:
                 await self._serve(on_scan)
@@ -100,7 +101,7 @@ class Hokuyo:
         raise AssertionError("unreachable: measuring never ends by itself")
 
     async def _reach(self) -> Conversation:
-        """Open the link and quieten the sensor; on a serial port try the usual speeds, the one that worked first."""
+        """Open the link and quieten the sensor; on a serial port try the usual baud rates, the last good one first."""
         silence: LinkLost | None = None
         for address in self._candidates():
             link = await open_link(address, self._clock)
@@ -126,7 +127,7 @@ class Hokuyo:
             yield from (replace(address, baud=baud) for baud in USUAL_BAUDS if baud != address.baud)
 
     async def _measure(self, talk: Conversation, on_scan: Callable[[Scan], None]) -> Never:
-        """Stream, and restart the stream as long as that brings scans."""
+        """Stream, and restart the stream as long as a restart brings scans."""
         while True:
             self._say(LinkState.STARTING, f"{talk.link.address}: asking the sensor who it is")
             identity = await identify(talk)
@@ -158,9 +159,9 @@ class Hokuyo:
             await quieten(talk)
 
     async def _watch(self, stream: ScanStream, identity: SensorIdentity, started_s: float) -> str:
-        """Look at the stream ten times a second; return why it has to be restarted."""
+        """Check the stream ten times a second; return the reason for a restart."""
         model = identity.parameters.model
-        next_s = self._clock() // _WATCH_PERIOD_S * _WATCH_PERIOD_S  # together with whatever else ticks
+        next_s = self._clock() // _WATCH_PERIOD_S * _WATCH_PERIOD_S  # together with other timers
         while not stream.trouble:
             next_s = self._clear_s(max(next_s + _WATCH_PERIOD_S, self._clock()), _WATCH_SLACK_S)
             await asyncio.sleep(next_s - self._clock())
@@ -190,7 +191,7 @@ class Hokuyo:
         return ""
 
     async def _recover(self, talk: Conversation, why: str) -> None:
-        """Climb the ladder: laser off and reset; then a reboot, never twice within 20 s; then wait for a human."""
+        """Recover in steps: laser off and reset; then a reboot, never twice within 20 s; then wait for a human."""
         now_s = self._clock()
         await quieten(talk)
         if self._last_reset_s is None or now_s - self._last_reset_s > REBOOT_PAUSE_S:
@@ -200,16 +201,16 @@ class Hokuyo:
         if self._last_reboot_s is None or now_s - self._last_reboot_s > REBOOT_PAUSE_S:
             self._last_reboot_s = now_s
             self._health.count("reboot")
-            with contextlib.suppress(LinkLost):  # it may go down before its second answer is out
+            with contextlib.suppress(LinkLost):  # it may go down before its second reply is sent
                 await talk.ask(command("RB"))
                 await talk.ask(command("RB"))
             raise ProtocolError(f"{talk.link.address}: {why}; rebooting it")
         raise ProtocolError(f"{talk.link.address}: {why}; reset and reboot did not help: power-cycle it")
 
     async def _say_goodbye(self, talk: Conversation) -> None:
-        """Turn the laser off on the way out, and wait a moment for the echo: a close can overtake what was written."""
+        """Turn the laser off before closing, and wait a moment for the echo: a close can overtake the written bytes."""
         talk.listen()
-        # A link that is already lost cannot be told anything; everything else is told at once, by the write in ask().
+        # A link that is already lost takes no command; on any other the write in ask() sends it at once.
         with contextlib.suppress(LinkLost):
             await until_lost(talk.link, self._farewell(talk))
 

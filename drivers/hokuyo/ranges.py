@@ -1,7 +1,7 @@
-"""Scan data to numbers: a fast path for the stream that the car drives by (MD), and one for every other family.
+"""Decoding of scan data: a fast path for the stream in use while driving (MD), and one for every other family.
 
-A value is a distance only between DMIN and DMAX of the sensor. All else is a code: 65533 "no return" on a UST-10LX,
-0 to 19 the error codes of an URG-04LX. Passed on as metres they are walls at 65 m and obstacles at 4 mm.
+A value is a distance only between DMIN and DMAX of the sensor. All else is a code: 65533 "no return" on a UST-10LX, 0
+to 19 the error codes of an URG-04LX. Taken as metres they are walls at 65 m and obstacles at 4 mm.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ _THREE_ZEROS: Final = np.float32(0x30 * (4096 + 64 + 1))
 class RangeDecoder:
     """Decodes full MD scans of one sensor: shape (beam_count,), float32 metres, NaN outside the sensor's limits.
 
-    block_bytes: about how long the block of one scan is.
+    block_bytes: approximate length of the block of one scan.
     """
 
     def __init__(self, beam_count: int, range_min_mm: int, range_max_mm: int, *, reverse: bool = False) -> None:
@@ -41,7 +41,7 @@ class RangeDecoder:
 def decode_samples(
     samples: bytes, beam_count: int, range_min_mm: int, range_max_mm: int, reverse: int
 ) -> npt.NDArray[np.float32] | None:
-    """Return what RangeDecoder.decode does; reverse: 1 for a sensor that hangs upside down, else 0.
+    """Return the result of RangeDecoder.decode; reverse: 1 for a sensor mounted upside down, else 0.
 
     The sum of three characters stays below 2**24, so millimetres are exact in float32 and only the division rounds.
     """
@@ -60,7 +60,7 @@ def decode_samples(
 class RawScan:
     """A scan of any family as the sensor sent it: codes are still codes.
 
-    stamp_ms: the sensor's 24-bit clock. remaining: scans still to come, as the echo of a stream says; None otherwise.
+    stamp_ms: the sensor's 24-bit clock. remaining: scans still to come, from the echo of a stream; None otherwise.
     ranges_mm: shape (n,), int32; of several echoes the first that was sent.
     intensities: shape (n,), int32, or None where the family has none.
     echoes_mm: for ND, NE, HD, HE all echoes of each step.
@@ -74,7 +74,7 @@ class RawScan:
 
 
 def decode_scan(block: ReplyBlock) -> RawScan | None:
-    """Decode a scan block of any family; None when it holds no scan or its characters make no sense."""
+    """Decode a scan block of any family; None when it holds no scan or its characters are invalid."""
     family = block.echo[:2]
     if family not in SCAN_FAMILIES or len(block.lines) != 2:
         return None
@@ -94,7 +94,7 @@ def decode_scan(block: ReplyBlock) -> RawScan | None:
 
 
 def decode_numbers(samples: bytes, *, chars: int) -> npt.NDArray[np.int32] | None:
-    """Cut samples into numbers of `chars` characters; None when they do not come out even or one is no digit."""
+    """Split samples into numbers of `chars` characters; None for an incomplete number or an invalid digit."""
     digits = np.frombuffer(samples, np.uint8) - _ZERO
     if not len(digits) or len(digits) % chars or digits.max() > _DIGIT_MAX:
         return None

@@ -1,4 +1,4 @@
-"""What the replies of a Hokuyo mean: its parameters (PP), its name (VV), its state (II) and its status codes."""
+"""Meaning of a Hokuyo's replies: its parameters (PP), version (VV), state (II) and status codes."""
 
 import math
 from collections.abc import Mapping
@@ -10,10 +10,11 @@ from drivers.api import ProtocolError
 from drivers.hokuyo.codec import ReplyBlock
 
 MAX_RANGE_MM: Final = 262143
-"""The largest value that three characters carry."""
+"""Maximum value of three characters."""
 _MAX_STEP: Final = 9999  # four digits in a command
 _SIDE_RAD: Final = math.radians(89.5)
-"""A car needs to see what is beside it; half a degree, because a field of 180 degrees may end one step short of it."""
+"""Minimum field of view to each side: a car needs to see beside itself. Half a degree less than a right angle, because
+a field of 180 degrees may end one step short of it."""
 _COARSEST_RAD: Final = math.radians(1.0) * (1 + 1e-9)
 _MIN_RPM: Final = 300
 
@@ -36,7 +37,10 @@ def fields(block: ReplyBlock) -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True)
 class SensorParameters:
-    """What PP says. Step k points to (k - front_step) * 2 pi / steps_per_turn, counter-clockwise positive."""
+    """The sensor's parameters from PP.
+
+    Step k points to (k - front_step) * 2 pi / steps_per_turn, counter-clockwise positive.
+    """
 
     model: str
     range_min_mm: int
@@ -49,7 +53,7 @@ class SensorParameters:
 
     @classmethod
     def from_fields(cls, values: Mapping[str, str]) -> Self:
-        """Read a PP reply; ProtocolError names the key that is missing or makes no sense."""
+        """Read a PP reply; ProtocolError names the key that is missing or invalid."""
         parameters = cls(
             model=values.get("MODL", "").partition("(")[0].strip() or "unnamed Hokuyo",
             range_min_mm=_number(values, "DMIN", 0, MAX_RANGE_MM),
@@ -68,7 +72,7 @@ class SensorParameters:
 
     @property
     def beam_count(self) -> int:
-        """Samples of a full scan."""
+        """Number of samples in a full scan."""
         return self.last_step - self.first_step + 1
 
     @property
@@ -78,12 +82,12 @@ class SensorParameters:
 
     @property
     def angle_step_rad(self) -> float:
-        """Angle between neighbours."""
+        """Angle between neighbouring beams."""
         return 2 * math.pi / self.steps_per_turn
 
     @property
     def unfit(self) -> str:
-        """Why no car can be driven by this sensor, "" where one can."""
+        """Reason why the sensor is unfit for driving, "" where it is fit."""
         right_rad, left_rad = self.angle_rad(self.first_step), self.angle_rad(self.last_step)
         if right_rad > -_SIDE_RAD or left_rad < _SIDE_RAD:
             return (
@@ -98,7 +102,7 @@ class SensorParameters:
         return ""
 
     def angle_rad(self, step: int) -> float:
-        """Return where a step points, 0 = front, left positive, for a sensor that stands upright."""
+        """Return the direction of a step, 0 = front, left positive, for a sensor mounted upright."""
         return (step - self.front_step) * self.angle_step_rad
 
 
@@ -115,12 +119,12 @@ _HEALTHY_STATES: Final = ("sensor works well", "no error", "sensor is working no
 
 
 def is_healthy(state_text: str) -> bool:
-    """Judge the STAT line of II; three product families say "fine" in three ways."""
+    """Judge the STAT line of II; three product families report a good state in three ways."""
     return any(healthy in state_text.lower() for healthy in _HEALTHY_STATES)
 
 
 class StreamStatus(Enum):
-    """What a status code in a scan stream asks of us."""
+    """The driver's reaction to a status code in a scan stream."""
 
     ACCEPTED = "accepted"
     SCAN = "scan data follows"
@@ -140,7 +144,7 @@ _STREAM_STATUS: Final = {
 
 
 def judge(status: str) -> StreamStatus:
-    """Sort a status of MD, MS or ME (C-42-03320B; the SCIP 2.2 letters by hokuyolx)."""
+    """Classify a status of MD, MS or ME (C-42-03320B; the SCIP 2.2 letters by hokuyolx)."""
     if status in _STREAM_STATUS:
         return _STREAM_STATUS[status]
     if status.isdecimal() and 21 <= int(status) <= 49:

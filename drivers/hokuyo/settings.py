@@ -1,4 +1,4 @@
-"""What a user may say about a Hokuyo lidar. Everything else is asked from the sensor itself."""
+"""Settings of a Hokuyo lidar. All other parameters are read from the sensor itself."""
 
 from typing import Annotated, Literal
 

@@ -13,7 +13,7 @@ from drivers.hokuyo.timing import StampGate
 
 START_TIMEOUT_S: Final = 1.0
 UNSTABLE_WARN: Final = 5
-"""Scan slots without data in a row before we say so."""
+"""Number of consecutive scan slots without data after which it is reported."""
 
 
 class Sequence:
@@ -32,9 +32,10 @@ class Sequence:
 class ScanStream:
     """One MD stream of all steps, from its command to its end.
 
-    heard_s: when the sensor last spoke sense: a scan, late ones included, or "unstable". delivered_s: when a scan was
-    last handed on. Both None before the first. held_back: so many fresh scans are not handed on at first ("settling" in
-    the counts). trouble: the status in which the sensor gave up, "" while it has not.
+    heard_s: time of the last valid block: a scan, late ones included, or "unstable". delivered_s: time of the last
+        delivered scan. Both None before the first.
+    held_back: number of fresh scans that are not delivered at first ("settling" in the counts).
+    trouble: the status in which the sensor gave up, "" while it has not.
     """
 
     def __init__(

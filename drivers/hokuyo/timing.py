@@ -1,9 +1,9 @@
-"""Is this scan fresh, and is it ours? Judged from the sensor's clock and the moment of arrival, without I/O.
+"""Freshness and origin of a scan, judged from the sensor's clock and the moment of arrival, without I/O.
 
 A sensor stamps each scan with a millisecond counter of 24 bits (it wraps every 4 h 39 min). Arrival minus stamp is an
-unknown constant plus the delay on the way. Its lower envelope is the constant plus the shortest delay, so what a scan
-lies above that envelope is how late it came: 2 ms on a good cable, 350 ms after a stall. The envelope may creep upwards
-with the drift of the two crystals; a single prompt scan pulls it down again.
+unknown constant plus the delay on the way. Its lower envelope is the constant plus the shortest delay, so the excess of
+a scan over that envelope is its delay: 2 ms on a good cable, 350 ms after a stall. The envelope may creep upwards with
+the drift of the two crystals; a single prompt scan pulls it down again.
 """
 
 from collections.abc import Callable
@@ -11,19 +11,21 @@ from typing import Final
 
 WRAP_MS: Final = 1 << 24
 DRIFT: Final = 200e-6
-"""Crystals differ by tens of ppm. Also bounds how fast an envelope that is too low recovers: 0.2 ms a second."""
+"""Maximum drift between the clocks: crystals differ by tens of ppm. Also bounds how fast an envelope that is too low
+recovers: 0.2 ms a second."""
 EARLY_LIMIT_S: Final = 0.5
-"""A scan this much earlier than the promptest so far comes from another clock. Late first scans reach about 0.35 s."""
+"""Minimum advance over the most prompt scan that identifies another clock. Late first scans reach about 0.35 s."""
 NEW_CLOCK_AFTER_S: Final = 1.0
-"""Stamps that agree with each other, and with nothing before, for this long are the same sensor with a new clock."""
+"""Duration for which stamps must agree with each other, and with none before, to be accepted as a new clock of the same
+sensor."""
 _HALF_RESOLUTION_S: Final = 0.0005
 
 
 class StampGate:
-    """Admits the scans of one sensor, in order, not too late; keeps no history and forgets nothing over long holes.
+    """Admits the scans of one sensor, in order, not too late; keeps no history and tolerates long gaps.
 
-    What is not admitted is named to `count`: "stale" (came too late), "foreign" (repeats or goes back in time, or runs
-    on another clock), and "clock_reset" when a new clock has been accepted after all.
+    The kind of a rejected scan is passed to `count`: "stale" (came too late), "foreign" (repeats or goes back in time,
+    or runs on another clock), and "clock_reset" when a new clock has been accepted after all.
     """
 
     def __init__(self, stale_after_s: float, count: Callable[[str], None]) -> None:
@@ -37,7 +39,7 @@ class StampGate:
         self._ours = self._rival = None
 
     def accept(self, sensor_ms: int, arrival_s: float) -> float | None:
-        """Return how late the scan came (s, 0 for the promptest so far), or None when it is not to be used."""
+        """Return the delay of the scan (s, 0 for the most prompt), or None when it is rejected."""
         if self._ours is None:
             self._ours = _SensorClock(sensor_ms, arrival_s)
             return 0.0
@@ -54,7 +56,7 @@ class StampGate:
         return lateness_s
 
     def _follow_rival(self, sensor_ms: int, arrival_s: float) -> float | None:
-        """Watch the clock that does not fit; when it has been the only one for long enough, it is ours."""
+        """Track the clock that does not fit; accept it when it has been the only one for long enough."""
         lateness_s = self._rival.follow(sensor_ms, arrival_s) if self._rival else None
         if self._rival is None or lateness_s is None:
             self._rival = _SensorClock(sensor_ms, arrival_s)
@@ -67,7 +69,7 @@ class StampGate:
 
 
 class _SensorClock:
-    """The sensor's clock against ours, from scan to scan: only differences, so neither wrap nor hole matters."""
+    """The sensor's clock relative to the computer's: differences between scans, so wraps and gaps do not matter."""
 
     __slots__ = ("_arrival_s", "_lateness_s", "_sensor_ms", "first_seen_s")
 
@@ -78,7 +80,7 @@ class _SensorClock:
         self._lateness_s = 0.0
 
     def follow(self, sensor_ms: int, arrival_s: float) -> float | None:
-        """Take the next scan and return how late it is; None, and no change, when it cannot be of this clock."""
+        """Take the next scan and return its delay; None, and no change, when it cannot be of this clock."""
         elapsed_s = arrival_s - self._arrival_s
         slip_s = _wrap_ms(elapsed_s * 1000 - (sensor_ms - self._sensor_ms)) / 1000
         advanced_s = elapsed_s - slip_s  # by the sensor's own clock, whole wraps included

@@ -1,4 +1,4 @@
-"""Between SI and the VESC's units, and the frames made of them: the one place that knows signs, gains and clamps."""
+"""Conversion between SI and the VESC's units, and the frames: the one place that defines signs, gains and clamps."""
 
 import math
 
@@ -13,7 +13,7 @@ _MIN_BRAKE_A = 1.0
 class Calibration:
     """Converts one car's speeds and steering angles; built once, used fifty times a second.
 
-    brake: the frame of a stop, ready-made so that nothing can go wrong while making it.
+    brake: the frame of a stop, built in advance so that its construction cannot fail when it is needed.
     metres_per_step: distance per tachometer step, 60 / 6 / gain.
     """
 
@@ -23,7 +23,7 @@ class Calibration:
         self.metres_per_step = _SECONDS_PER_MINUTE / _STEPS_PER_ERPM_MINUTE / settings.speed_to_erpm_gain
 
     def speed_mps(self, erpm: int) -> float:
-        """Return the speed at this electrical speed; a motor that stands is a car that stands, whatever the offset."""
+        """Return the speed at this electrical speed; 0 is 0, whatever the offset."""
         if erpm == 0:
             return 0.0
         return (erpm - self._settings.speed_to_erpm_offset) / self._settings.speed_to_erpm_gain
@@ -34,9 +34,9 @@ class Calibration:
         return codec.frame(codec.set_erpm(settings.speed_to_erpm_gain * speed_mps + settings.speed_to_erpm_offset))
 
     def brake_frame(self, brake_mps2: float) -> bytes:
-        """Return the frame of a stop that brakes no harder than this; all there is for infinity and for NaN.
+        """Return the frame of a stop that brakes no harder than this; full braking for infinity and for NaN.
 
-        Never less than _LEAST_BRAKE_A: a stop is asked for, and under 0.05 A the firmware would coast.
+        Never less than _LEAST_BRAKE_A: a stop is requested, and under 0.05 A the firmware would coast.
         """
         settings = self._settings
         wanted_a = brake_mps2 / settings.brake_mps2_per_a
@@ -45,11 +45,11 @@ class Calibration:
         return codec.frame(codec.set_brake_current(max(_MIN_BRAKE_A, wanted_a)))
 
     def is_stop(self, speed_mps: float) -> bool:
-        """Tell whether this speed cannot be held by the VESC's speed loop and therefore means a stop."""
+        """Tell whether the VESC's speed loop cannot hold this speed, which therefore means a stop."""
         return abs(speed_mps) < self._settings.min_speed_mps
 
     def allowed_steering_rad(self, steering_rad: float) -> float:
-        """Return the steering that the servo's limits leave of a wish; ValueError for NaN and infinity."""
+        """Return the steering clamped to the servo's limits; ValueError for NaN and infinity."""
         if not math.isfinite(steering_rad):
             raise ValueError(f"steering {steering_rad!r} rad is not an angle")
         settings = self._settings

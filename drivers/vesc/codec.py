@@ -34,7 +34,7 @@ _UINT32 = struct.Struct(">BI")
 
 
 class Packet(IntEnum):
-    """The first byte of a payload (`datatypes.h`, COMM_PACKET_ID), as far as it concerns a car."""
+    """The first byte of a payload (`datatypes.h`, COMM_PACKET_ID), as far as relevant to a car."""
 
     FW_VERSION = 0
     GET_VALUES = 4
@@ -68,7 +68,7 @@ MOTOR_PACKETS = frozenset(
         Packet.SET_CURRENT_REL,
     }
 )
-"""Requests that move, release or hold the motor. They and ALIVE feed the VESC's command timeout, nothing else does."""
+"""Requests that move, release or hold the motor. They and ALIVE feed the VESC's command timeout, no others do."""
 
 
 class VescDeframer:
@@ -92,7 +92,7 @@ class VescDeframer:
         return self._take_frames(wait=True)
 
     def give_up(self) -> list[bytes]:
-        """Stop waiting for the rest of a frame that does not come; return the payloads hidden behind its start."""
+        """Stop waiting for the rest of an incomplete frame; return the payloads hidden behind its start."""
         return self._take_frames(wait=False)
 
     def _take_frames(self, *, wait: bool) -> list[bytes]:
@@ -123,7 +123,7 @@ class VescDeframer:
 
 
 def _frame_end(buffer: bytearray, at: int) -> int:
-    """Return where the frame that starts here ends (perhaps beyond the buffer), or `at` if none can start here."""
+    """Return the end of the frame that starts here (perhaps beyond the buffer), or `at` if none can start here."""
     header_bytes = _HEADER_BYTES.get(buffer[at])
     if header_bytes is None:
         return at
@@ -194,12 +194,12 @@ def set_servo(position: float) -> bytes:
 
 
 def get_values_selective(bits: Iterable[int]) -> bytes:
-    """Ask for some of the values only; bits are numbers of `replies.VALUE_FIELDS`."""
+    """Request some of the values only; bits are numbers of `replies.VALUE_FIELDS`."""
     return _UINT32.pack(Packet.GET_VALUES_SELECTIVE, sum(1 << bit for bit in set(bits)))
 
 
 def get_imu(mask: int = 0xFFFF) -> bytes:
-    """Ask for inertial data: 9 bits for roll..gyro z, 3 magnetometer, 4 quaternion."""
+    """Request inertial data: 9 bits for roll..gyro z, 3 magnetometer, 4 quaternion."""
     return _UINT16.pack(Packet.GET_IMU_DATA, mask)
 
 
@@ -209,7 +209,7 @@ def forward_can(controller_id: int, payload: bytes) -> bytes:
 
 
 def terminal_command(text: str) -> bytes:
-    """Type into the VESC's terminal ("faults", "ping"); it answers with PRINT lines."""
+    """Send a line to the VESC's terminal ("faults", "ping"); it answers with PRINT lines."""
     return plain(Packet.TERMINAL_CMD) + text.encode("ascii")
 
 

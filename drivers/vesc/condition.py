@@ -1,4 +1,4 @@
-"""What the VESC's replies say over time: the motor's state, faults that must not be forgotten, an empty battery."""
+"""The VESC's condition over time, from its replies: the motor's state, latched faults, an empty battery."""
 
 import math
 from dataclasses import replace
@@ -11,23 +11,24 @@ from drivers.vesc.replies import STATUS_KILLED, STATUS_TIMED_OUT, Values
 from drivers.vesc.tachometer import Tachometer
 
 LOW_VOLTAGE_S = 1.0
-"""A dip shorter than this is the motor accelerating; the VESC itself faults where it becomes dangerous."""
+"""Minimum duration of a low voltage: a shorter dip is the motor accelerating; the VESC itself faults where it becomes
+dangerous."""
 _RECOVERED_BY_V = 0.3
 _USB_ONLY_V = 6.0
-"""Less comes from no pack: the USB cable feeds the controller alone."""
+"""Minimum voltage of a battery pack; below it the USB cable feeds the controller alone."""
 _BLIND_AFTER_S = 0.05
-"""So old may the last believed reply be while one refused reply is passed over."""
+"""Maximum age of the last accepted reply while one refused reply is skipped."""
 
 
 class VescMonitor:
-    """Follows one VESC over all its connections.
+    """Monitors one VESC over all its connections.
 
     The VESC shows a fault for half a second only, then obeys again: latched here until an operator clears it.
 
     state: the newest report, None while disconnected.
-    fault: latched words of the last fault, "" without one: the VESC's own, or that its reports contradict each other.
-    refused_mps: the speed that no car has, as last reported; None while replies are believed. blind: refused for so
-    long that the speed is not known: brake.
+    fault: latched text of the last fault, "" without one: the VESC's own, or that its reports contradict each other.
+    refused_mps: the last implausible speed; None while replies are accepted. blind: replies were refused for so long
+        that the speed is unknown: brake.
     """
 
     def __init__(self, calibration: Calibration, min_voltage_v: float, health: Health) -> None:
@@ -46,15 +47,15 @@ class VescMonitor:
 
     @property
     def trouble(self) -> str:
-        """What is wrong and what to do about it, "" when all is well; constant words while it lasts."""
+        """The present problem and its remedy, "" without one; constant text while it lasts."""
         return self.fault or self._battery_trouble
 
     def asked(self, speed_mps: float) -> None:
-        """Take in the speed that was sent, 0 for a brake."""
+        """Note the speed that was sent, 0 for a brake."""
         self._check.asked(0.0 if self._calibration.is_stop(speed_mps) else speed_mps)
 
     def update(self, values: Values, stamp_s: float, steering_rad: float) -> bool:
-        """Take a reply that arrived at this time, while this steering was commanded; False when no car is like that."""
+        """Take a reply that arrived at this time, while this steering was commanded; False when it is implausible."""
         speed_mps = self._calibration.speed_mps(values.erpm)
         if not self._check.is_possible(speed_mps, stamp_s):
             believed_s = self.state.stamp_s if self.state is not None else -math.inf
@@ -82,13 +83,13 @@ class VescMonitor:
         return True
 
     def disconnect(self) -> None:
-        """Forget what is only true while connected; distance and fault stay."""
+        """Forget all state that is valid only while connected; distance and fault stay."""
         self.state = self.refused_mps = None
         self.blind = False
         self._low_since_s = None
 
     def latch(self, words: str) -> None:
-        """Latch a fault that is not the VESC's own; nothing changes where one is latched."""
+        """Latch a fault that is not the VESC's own; no effect where one is latched."""
         if not self.fault:
             self._health.count("fault")
             self.fault = words
@@ -96,7 +97,7 @@ class VescMonitor:
                 self.state = replace(self.state, fault=words)
 
     def clear_fault(self) -> None:
-        """Forget the latched fault; one that is still there comes back with the next reply."""
+        """Clear the latched fault; one that is still present comes back with the next reply."""
         self.fault = ""
         self._fault_code = 0
         self._check.forget()
@@ -110,7 +111,7 @@ class VescMonitor:
         self._fault_code = code
 
     def _count_steps(self, values: Values, stamp_s: float) -> float:
-        """Return the way counted since the last reply; tell of a reboot and of a counter that makes no sense."""
+        """Return the distance counted since the last reply; report a reboot and an implausible counter."""
         tachometer = self._tachometer
         steps, restarts, contradictions = tachometer.steps, tachometer.restarts, tachometer.contradictions
         tachometer.update(values.tachometer, values.tachometer_abs, stamp_s)

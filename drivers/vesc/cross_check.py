@@ -1,20 +1,23 @@
-"""Do the command, the speed and the distance counter of one VESC agree? Pure; time is an argument.
+"""Cross-check of the command, the speed and the distance counter of one VESC. Pure; time is an argument.
 
-Two answers to disagreement: a reply whose speed no car has is refused, and a contradiction that lasts is a fault with
-its remedy. Whether the wheels' way is the car's own only the lidar can tell (`control/perception/plausibility.py`).
+Two reactions to a disagreement: a reply with an implausible speed is refused, and a contradiction that lasts is a fault
+with its remedy. Only the lidar can tell whether the wheels' travel is the car's own
+(`control/perception/plausibility.py`).
 """
 
 import math
 
 MAX_SPEED_MPS = 60.0
 JUMP_MPS, JUMP_MPS2, JUMP_WITHIN_S = 3.0, 150.0, 0.1
-"""Free wheels gain about 70 m/s2. After a longer silence no more is believed than after JUMP_WITHIN_S. Slower is always
-possible: wheels lock."""
+"""Maximum plausible gain of speed: an allowance, a rate, and the longest time that it is applied to. Free wheels gain
+about 70 m/s2. After a longer silence no more is accepted than after JUMP_WITHIN_S. A slower speed is always possible:
+wheels lock."""
 AGAINST_S = 0.3
 AGAINST_MPS = 0.1
-"""A sensorless motor that stands or starts reads less than this either way."""
+"""Minimum speed that counts as a direction: a sensorless motor that stands or starts reads less than this either
+way."""
 MIN_SLOWING_MPS2 = 2.0
-"""A car that rolls when it is asked the other way needs time: so hard it brakes on any floor."""
+"""Minimum deceleration on any floor of a car that rolls and is commanded in the other direction; it needs time."""
 WINDOW_S, GAP_S = 0.3, 0.15
 MIN_WAY_M = 0.15
 WAY_SHARE = 0.5
@@ -24,7 +27,7 @@ COUNTS_WRONG = "speed and distance counter disagree: repeat the motor detection,
 
 
 class CrossCheck:
-    """Watches one VESC over all its connections."""
+    """Checks one VESC over all its connections."""
 
     def __init__(self, metres_per_step: float) -> None:
         self._metres_per_step = metres_per_step
@@ -34,26 +37,29 @@ class CrossCheck:
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew with what takes time to tell: a fault was cleared, or the counter restarted."""
+        """Restart the checks that need time: a fault was cleared, or the counter restarted."""
         self._against_s = 0.0
         self._patience_s = self._patience_for_s(self._wish_mps)
         self._wrong_windows = 0
         self._begin_window()
 
     def asked(self, speed_mps: float) -> None:
-        """Take in the wish as it was sent; 0 for a brake."""
+        """Note the command as it was sent; 0 for a brake."""
         if self._wish_mps * speed_mps <= 0:  # another direction, or none
             self._against_s = 0.0
             self._patience_s = self._patience_for_s(speed_mps)
         self._wish_mps = speed_mps
 
     def is_possible(self, speed_mps: float, stamp_s: float) -> bool:
-        """Tell whether a car can have this speed after the last one that was believed."""
+        """Tell whether a car can have this speed after the last accepted one."""
         jump_mps = JUMP_MPS + JUMP_MPS2 * min(max(stamp_s - self._stamp_s, 0.0), JUMP_WITHIN_S)
         return abs(speed_mps) <= min(MAX_SPEED_MPS, abs(self._speed_mps) + jump_mps)
 
     def judge(self, speed_mps: float, step_m: float, stamp_s: float) -> str:
-        """Take in a possible speed and the way counted since the last one; return what is wrong, "" if nothing is."""
+        """Take in a possible speed and the distance counted since the last one.
+
+        Return the contradiction, "" for none.
+        """
         elapsed_s, before_mps = stamp_s - self._stamp_s, self._speed_mps
         self._stamp_s, self._speed_mps = stamp_s, speed_mps
         if not 0.0 <= elapsed_s <= GAP_S:
@@ -79,7 +85,7 @@ class CrossCheck:
         return self._against_s >= self._patience_s
 
     def _counts_wrong(self) -> bool:
-        """Compare the two ways of a full window; one alone may be a report that came late."""
+        """Compare the two distances of a full window; a single difference may be a report that came late."""
         way_m = max(abs(self._expected_m), abs(self._counted_m))
         apart_m = abs(self._expected_m - self._counted_m)
         wrong = way_m >= MIN_WAY_M and apart_m > WAY_SHARE * way_m + COUNTED_STEPS * self._metres_per_step

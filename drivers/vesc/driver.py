@@ -1,4 +1,4 @@
-"""The connection to a VESC: find it, identify it, ask it, command it, and come back whenever it was lost.
+"""The connection to a VESC: find, identify, poll and command it, and reconnect after every loss.
 
 Contains no format and no conversion: those are in `codec`, `replies` and `calibration`.
 """
@@ -31,38 +31,39 @@ from drivers.vesc.settings import VescSettings
 
 IDENTIFY_PERIOD_S = 0.15
 IDENTIFY_TIMEOUT_S = 5.0
-"""A VESC that was just plugged in may say nothing for seconds."""
+"""Maximum time for the identification: a VESC that was just plugged in may be silent for seconds."""
 REPLY_BUDGET_S = 0.02
-"""After this long without a reply the next request may go out: at most one is ever under way."""
+"""Time without a reply after which the next request may be sent: at most one is ever pending."""
 REOPEN_AFTER_S = (0.2, 0.5, 1.0)
-"""Pauses before the attempts to reopen; the last one is repeated for ever."""
+"""Pauses before the attempts to reopen; the last one repeats."""
 REVERSING_ABOVE_MPS = 0.3
-"""A faster car is braked before it drives the other way: the drivetrain, and a sensorless motor's start, want that."""
+"""Maximum speed for a reversal; a faster car is braked before it drives the other way: required by the drivetrain, and
+by a sensorless motor's start."""
 
 _ASK_FIRMWARE = codec.frame(codec.plain(codec.Packet.FW_VERSION))
 _ASK_VALUES = codec.frame(codec.plain(codec.Packet.GET_VALUES))
 _TODAYS_LAYOUT_SINCE_MAJOR = 3
 _SLACK_SHARE = 0.4
-"""By so much of its period a poll may come sooner or later: at 50 Hz it comes with every scan of a lidar of 40."""
+"""Share of its period by which a poll may come sooner or later: at 50 Hz it comes with every scan of a lidar of 40."""
 
 
 class Vesc:
     """A VESC on a serial port; implements `drivers.api.Motor`.
 
-    The VESC stops obeying by itself when no motor command came for its command timeout (1 s as shipped, after which
-    it lets the car *coast*). Only motor commands feed that timeout: the polling here does not, this driver sends no
+    The VESC stops obeying by itself when no motor command came for its command timeout (1 s as shipped, after which it
+    lets the car *coast*). Only motor commands feed that timeout: the polling here does not, this driver sends no
     keep-alive, and it never repeats a command, so the timeout remains a watchdog over this whole process. Set it to
-    0.1-0.2 s with a real timeout brake current (5-15 A) in VESC Tool; no driver can check that it was done.
-    A timeout, a fault and a lost link all leave the *servo* at its last position.
+    0.1-0.2 s with a real timeout brake current (5-15 A) in VESC Tool; no driver can check this setting. A timeout, a
+    fault and a lost link all leave the *servo* at its last position.
 
-    The only motor command of the driver's own is a brake, as the last thing it does with a connection. While a fault
-    is latched every command is carried out as a brake: the VESC alone would obey again after half a second.
+    The only motor command of the driver's own is a brake, as the last command of a connection. While a fault is latched
+    every command is carried out as a brake: the VESC alone would obey again after half a second.
 
-    clear_s: moves the polling to a better moment. replied: told of every reply, when all is done with it, how long it
-    took.
+    clear_s: moves the polling to a better moment. replied: called with the duration of every reply, after it is
+        processed.
 
-    A reply with a speed that no car has is a bad one: while they come, it brakes, and lost_after_s later the link
-    counts as lost. Command, speed and counters that contradict each other are a latched fault (`cross_check`).
+    A reply with an implausible speed is refused: meanwhile the driver brakes, and lost_after_s later the link counts as
+    lost. Command, speed and counters that contradict each other are a latched fault (`cross_check`).
 
     Counted in `health`: bad_command, fault, reboot, lost, reconnect, missed_reply, bad_reply, bad_counter,
     unasked_packet, skipped_bytes, checksum, brake_not_written.
@@ -102,7 +103,10 @@ class Vesc:
 
     @property
     def health(self) -> Health:
-        """Its condition now; FAULTY while a fault is latched or there is no battery, and then it brakes or coasts."""
+        """Its present condition.
+
+        FAULTY while a fault is latched or there is no battery, and then it brakes or coasts.
+        """
         return self._health
 
     @property
@@ -111,17 +115,17 @@ class Vesc:
         return self._condition.state
 
     def send(self, drive: Drive) -> bool:
-        """Write motor command and servo position at once, in one write; False when the VESC is not there.
+        """Write motor command and servo position at once, in one write; False when the VESC is not connected.
 
-        A speed of 0, one too small for the VESC to hold, and one against the present motion are brakes. So is a
-        command that is not a number ("bad_command"); its steering is replaced by the last good one.
+        A speed of 0, one too small for the VESC to hold, and one against the present motion are brakes. So is a NaN or
+        infinite command ("bad_command"); its steering is replaced by the last good one.
         """
         link = self._ready
         if link is None:
             return False
         try:
             link.write(self._frames(drive))
-        except LinkLost:  # run() is told by the link itself, and reopens it
+        except LinkLost:  # the link itself ends the poll in run(), which reopens it
             self._ready = None
             return False
         self._condition.asked(drive.speed_mps)
@@ -134,19 +138,19 @@ class Vesc:
                 self._link.write(self._calibration.brake)
 
     def latch_fault(self, words: str) -> None:
-        """Latch a fault that others have found; nothing changes where one is latched."""
+        """Latch a fault detected elsewhere; no effect where one is latched."""
         self._condition.latch(words)
         if self._ready is not None:
             self._tell_condition()
 
     def clear_fault(self) -> None:
-        """Forget the latched fault; commands are obeyed again unless it is still there."""
+        """Clear the latched fault; commands are obeyed again unless it is still present."""
         self._condition.clear_fault()
         if self._ready is not None:
             self._tell_condition()
 
     async def run(self) -> Never:
-        """Keep the connection for ever; brakes and closes the port when cancelled."""
+        """Maintain the connection; brakes and closes the port when cancelled."""
         while True:
             try:
                 await self._connect_and_poll()
@@ -189,7 +193,7 @@ class Vesc:
             self._hang_up(link)
 
     async def _identify(self, link: ByteLink) -> replies.Firmware:
-        """Ask until it says what it is. Nothing else is sent before: other devices share the VESC's USB id."""
+        """Query the firmware until it answers. Nothing else is sent before: other devices share the VESC's USB id."""
         self._identified = asyncio.get_running_loop().create_future()
         lost = asyncio.ensure_future(link.lost())
         give_up_s = self._clock() + IDENTIFY_TIMEOUT_S
@@ -229,12 +233,12 @@ class Vesc:
         """Ask for values on absolute deadlines; LinkLost when it stays silent."""
         period_s = 1.0 / self._settings.poll_hz
         self._asked_s = self._replied_s = self._clock()
-        # on multiples of its period: together with whatever else ticks at this rate, because waking up is costly
+        # on multiples of its period: together with other timers of this rate, because a wake-up is costly
         self._next_poll_s = self._asked_s // period_s * period_s
         await link.repeat(partial(self._ask, link, period_s))
 
     def _ask(self, link: ByteLink, period_s: float) -> float:
-        """Ask once, unless an answer is still on its way; return how long to pause."""
+        """Send one request, unless a reply is still pending; return the pause."""
         now_s = self._clock()
         if self._awaiting and now_s - self._asked_s >= REPLY_BUDGET_S:
             self._miss_reply(now_s)
@@ -291,7 +295,7 @@ class Vesc:
             self._health.count("unasked_packet")
 
     def _on_values(self, payload: bytes, stamp_s: float) -> None:
-        if self._decode is None:  # an answer to the port's owner before us
+        if self._decode is None:  # a reply to the previous owner of the port
             self._health.count("unasked_packet")
             return
         values = self._decode(payload)
@@ -314,7 +318,7 @@ class Vesc:
         health.message = f"{health.identity}: {trouble}" if trouble else health.identity
 
     def _hang_up(self, link: ByteLink) -> None:
-        """Leave the connection with a brake as the last motor command on the wire, whatever ended it."""
+        """Close the connection with a brake as the last motor command on the wire, in every case."""
         if self._ready is not None:
             self._health.count("lost")
         self._ready = self._link = None
@@ -322,7 +326,7 @@ class Vesc:
         self._health.link, self._health.message = LinkState.ABSENT, f"{self._address}: closed"
         self._health.trouble = ""
         try:
-            if self._decode is not None:  # only a VESC understands it
+            if self._decode is not None:  # other devices do not understand it
                 link.write(self._calibration.brake)
         except LinkLost:
             self._health.count("brake_not_written")  # no link; the VESC's own timeout remains

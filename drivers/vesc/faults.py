@@ -1,4 +1,4 @@
-"""The VESC's fault codes in words, each with what to do about it (`datatypes.h`, mc_fault_code)."""
+"""The VESC's fault codes as text, each with its remedy (`datatypes.h`, mc_fault_code)."""
 
 _REPAIR = "repair or replace the VESC"
 _PHASES = "check the motor cables and repeat the motor detection"
@@ -43,7 +43,7 @@ _FAULTS = {
 
 
 def fault_text(code: int) -> str:
-    """Say what a fault code means and what to do; "" for 0, and a sentence for codes from the future too."""
+    """Return the meaning and remedy of a fault code; "" for 0, and a sentence for unknown future codes too."""
     if code == 0:
         return ""
     return _FAULTS.get(code, f"fault {code}: look it up in VESC Tool (terminal command 'faults')")

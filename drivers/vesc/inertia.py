@@ -1,4 +1,4 @@
-"""Inertial measurements of the VESC: asked for along with its values, until there turns out to be no such sensor."""
+"""Inertial measurements of the VESC: requested along with its values, until the sensor turns out to be absent."""
 
 import math
 from collections.abc import Callable
@@ -8,14 +8,15 @@ from drivers.vesc import codec, replies
 Vector = tuple[float, float, float]
 
 ABSENT_BELOW_MPS2 = 2.0
-"""A sensor at rest feels 9.8; hardware without one answers zeros (vesc.md, section 6)."""
+"""Maximum acceleration that indicates an absent sensor: one at rest reads 9.8; hardware without one answers zeros
+(vesc.md, section 6)."""
 ABSENT_AFTER_S = 1.0
 _ACCELERATION_AND_RATE = 0b1_1111_1000
 _ASK = codec.frame(codec.get_imu(_ACCELERATION_AND_RATE))
 
 
 class Inertia:
-    """Knows whether to ask, and hands on what is answered.
+    """Decides whether to request measurements, and passes them on.
 
     on_measurement: takes stamp [s], rate of turn [rad/s] and acceleration [m/s2], in the axes that were set up with
         VESC Tool (x forward, y left, z up when its mounting was entered there). Called in the event loop.
@@ -27,11 +28,11 @@ class Inertia:
         self._weak_since_s: float | None = None
 
     def question(self) -> bytes:
-        """Return what to write after the question for values; nothing where no answer is wanted."""
+        """Return the bytes to send after the request for values; empty where no measurement is wanted."""
         return _ASK if self._wanted and self.on_measurement is not None else b""
 
     def take(self, payload: bytes, stamp_s: float) -> bool:
-        """Take in a reply; False when it makes no sense."""
+        """Take in a reply; False when it is invalid."""
         imu = replies.decode_imu(payload)
         if imu is None:
             return False

@@ -1,8 +1,8 @@
-"""What a VESC answers, from payload bytes to values; the other half of `codec`, equally pure.
+"""Decoding of the VESC's replies, from payload bytes to values; the counterpart of `codec`, equally pure.
 
 Replies grow with the firmware: every decoder takes what it knows, ignores what follows and returns None for a payload
-too short to be of use. Match replies by their first byte, never by order: text (PRINT) arrives in between.
-Layouts: vedderb/bldc `comm/commands.c`, tags 2.18 to 6.05.
+too short to be of use. Match replies by their first byte, never by order: text (PRINT) arrives in between. Layouts:
+vedderb/bldc `comm/commands.c`, tags 2.18 to 6.05.
 """
 
 import math
@@ -25,7 +25,7 @@ _STANDARD_GRAVITY_MPS2 = 9.80665
 class Firmware:
     """Reply to FW_VERSION. Everything after the version may be missing, which is None (or "", or no bytes).
 
-    name: of a custom firmware. qml_hardware, qml_application, nrf_flags, custom_configs: only VESC Tool cares.
+    name: of a custom firmware. qml_hardware, qml_application, nrf_flags, custom_configs: relevant to VESC Tool only.
     """
 
     major: int
@@ -45,7 +45,7 @@ class Firmware:
 
     @property
     def version(self) -> str:
-        """As VESC Tool writes it: 6.05, 3.40."""
+        """The version in VESC Tool's form: 6.05, 3.40."""
         return f"{self.major}.{self.minor:02d}"
 
 
@@ -80,10 +80,10 @@ def decode_firmware(payload: bytes) -> Firmware | None:
 
 @dataclass(slots=True)  # never changed; frozen would double the time to make one, fifty times a second
 class Values:
-    """Reply to GET_VALUES; what a firmware does not tell is NaN or None.
+    """Reply to GET_VALUES; values that a firmware does not report are NaN or None.
 
-    erpm and currents: positive drives forward. tachometer: int32, 6 steps per electrical turn, wraps.
-    "Mean" currents are means since the last request of anyone: VESC Tool beside us changes them.
+    erpm and currents: positive drives forward. tachometer: int32, 6 steps per electrical turn, wraps. "Mean" currents
+    are means since the last request of any client: VESC Tool in parallel changes them.
     status: bit 0 command timeout active, bit 1 kill switch active; firmware 5.03 and later.
     """
 
@@ -157,14 +157,17 @@ _NEEDED = VALUE_FIELDS[:16]
 
 
 class _FieldReader:
-    """Reads fields until they or the bytes run out; the plan for a length is made once, for it is always the same."""
+    """Reads fields until they or the bytes run out.
+
+    The plan for a length is cached, because the length rarely changes.
+    """
 
     def __init__(self, wanted: tuple[ValueField, ...]) -> None:
         self._wanted = wanted
         self._plans: dict[int, tuple[struct.Struct, tuple[tuple[str, int, int, int], ...]]] = {}
 
     def read(self, payload: bytes, offset: int) -> dict[str, Any]:
-        """Return values by name; what the bytes end before is missing."""
+        """Return values by name; those beyond the end of the bytes are missing."""
         size_bytes = max(0, len(payload) - offset)
         plan = self._plans.get(size_bytes)
         if plan is None:
@@ -209,7 +212,7 @@ def decode_values_2x(payload: bytes) -> Values | None:
 
 
 def decode_values_selective(payload: bytes) -> dict[str, Any] | None:
-    """Read the asked-for values by name; None when it is shorter than its own mask says."""
+    """Read the requested values by name; None when it is shorter than its own mask states."""
     if len(payload) < 5:
         return None
     mask = int.from_bytes(payload[1:5], "big")
@@ -220,10 +223,10 @@ def decode_values_selective(payload: bytes) -> dict[str, Any] | None:
 
 @value()
 class Imu:
-    """Reply to GET_IMU_DATA in SI units and the VESC's own axes; NaN where it was not asked for.
+    """Reply to GET_IMU_DATA in SI units and the VESC's own axes; NaN where it was not requested.
 
-    attitude_rad: roll, pitch, yaw of the VESC's own filter. quaternion: w, x, y, z.
-    A VESC without an IMU answers too, all zeros: acceleration under 2 m/s2 for a second means there is none.
+    attitude_rad: roll, pitch, yaw of the VESC's own filter. quaternion: w, x, y, z. A VESC without an IMU answers too,
+        all zeros: acceleration under 2 m/s2 for a second means there is none.
     """
 
     attitude_rad: tuple[float, ...]
@@ -235,7 +238,7 @@ class Imu:
 
 
 def decode_imu(payload: bytes) -> Imu | None:
-    """Read a GET_IMU_DATA reply; None when it is shorter than its own mask says."""
+    """Read a GET_IMU_DATA reply; None when it is shorter than its own mask states."""
     if len(payload) < 3:
         return None
     mask = int.from_bytes(payload[1:3], "big")
@@ -263,7 +266,7 @@ def decode_ppm(payload: bytes) -> tuple[float, float] | None:
 
 
 def decode_print(payload: bytes) -> str:
-    """Read a line of text that the VESC sends whenever it likes."""
+    """Read a line of text, which the VESC sends at any time."""
     return _text(payload[1:])
 
 

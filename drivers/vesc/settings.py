@@ -1,4 +1,4 @@
-"""What may be configured about a VESC; the defaults are those of the stock F1TENTH and MIT cars."""
+"""Settings of a VESC; the defaults are those of the stock F1TENTH and MIT cars."""
 
 from typing import Annotated, Literal, Self
 
@@ -8,7 +8,7 @@ from drivers.address import TcpAddress, parse_address
 
 LOOPBACK = frozenset({"127.0.0.1", "::1"})
 MISSED_POLLS_MIN = 3
-"""A link is not lost before so many polls went unanswered."""
+"""Minimum number of missed polls before a link counts as lost."""
 
 
 class VescSettings(BaseModel):
@@ -64,7 +64,10 @@ class VescSettings(BaseModel):
     @field_validator("address")
     @classmethod
     def _is_at_hand(cls, text: str) -> str:
-        """Take a serial port, or a TCP port of this very computer: a bridge, an emulator. Brakes go over no network."""
+        """Accept a serial port, or a TCP port of this same computer: a bridge, an emulator.
+
+        Brakes go over no network.
+        """
         match parse_address(text):
             case TcpAddress(host=host) if host not in LOOPBACK:
                 raise ValueError(

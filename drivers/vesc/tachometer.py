@@ -1,11 +1,11 @@
-"""From the VESC's tachometer to a distance that survives wrap-around, missed polls and reboots."""
+"""Distance from the VESC's tachometer, across wrap-around, missed polls and reboots."""
 
 import math
 
 MAX_STEPS_PER_POLL = 1000
-"""More between two polls is no driving: 2.2 m at the stock gearing."""
+"""Maximum steps between two polls while driving: 2.2 m at the stock gearing."""
 RESTARTS_APART_S = 1.0
-"""No VESC boots twice within this."""
+"""Minimum time between two restarts: no VESC boots twice within this."""
 
 
 class Tachometer:
@@ -13,11 +13,12 @@ class Tachometer:
 
     The counter is an int32 that wraps, and restarts at 0 when the VESC does. A reboot shows in the absolute counter
     beside it, which otherwise never runs backwards and begins at 0, or in a jump that is too large to have been driven;
-    then the sum continues from where it was and what was driven in between is not known. An absolute counter that runs
-    backwards all the same is left out of account. Source: `motor/mcpwm_foc.c`.
+    then the sum continues from its last value and the distance in between is unknown. An absolute counter that runs
+    backwards without a reboot is ignored. Source: `motor/mcpwm_foc.c`.
 
     steps: signed sum since the first update.
-    restarts: how often the sum had to be anchored anew. contradictions: how often the absolute counter ran backwards.
+    restarts: number of times that the sum was re-anchored. contradictions: number of times that the absolute counter
+        ran backwards.
     """
 
     def __init__(self) -> None:
