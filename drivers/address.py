@@ -36,7 +36,7 @@ Address = TcpAddress | SerialAddress
 
 
 def parse_address(text: str) -> Address:
-    """Read an address; ValueError names what is wrong with it and how it should look."""
+    """Parse an address; ValueError names the error and the expected form."""
     parts = urlsplit(text)
     if parts.scheme == "tcp":
         return _parse_tcp(text)

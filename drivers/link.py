@@ -1,11 +1,11 @@
-"""An asynchronous byte link opened by its address; everything above it is unaware of what carries the bytes.
+"""An asynchronous byte link opened by its address; the transport is hidden from everything above it.
 
     tcp://192.168.0.10:10940
     serial:///dev/wallride-lidar?baud=115200
 
 Both kinds are one non-blocking file descriptor under `loop.add_reader`: for a scan of 3 kB that is one read and two
-thirds of the CPU of a stream protocol, and the time stamp is taken in the very callback that the bytes woke.
-This is the only module that imports serial, and it does so only to open and configure a port.
+thirds of the CPU of a stream protocol, and the time stamp is taken in the very callback that the bytes woke. This is
+the only module that imports serial, and it does so only to open and configure a port.
 """
 
 import asyncio

@@ -145,7 +145,7 @@ def frame(payload: bytes) -> bytes:
 
 
 # Payloads of requests. Numbers are rounded, not truncated (0.57 x 1000 is 569.999... in binary); NaN, infinity and
-# what does not fit the wire is a ValueError.
+# values outside the range of the wire are a ValueError.
 
 
 def plain(packet: Packet) -> bytes:

@@ -230,7 +230,7 @@ class Vesc:
         self._health.identity = f"{name}, firmware {firmware.version}"
 
     async def _poll(self, link: ByteLink) -> Never:
-        """Ask for values on absolute deadlines; LinkLost when it stays silent."""
+        """Request values on absolute deadlines; LinkLost when the VESC stays silent."""
         period_s = 1.0 / self._settings.poll_hz
         self._asked_s = self._replied_s = self._clock()
         # on multiples of its period: together with other timers of this rate, because a wake-up is costly

@@ -123,7 +123,7 @@ class _Walk:
         self.statistics: Statistics = Statistics(0, 0, defaultdict(int), 0, 0, 0, 0, 0, 0)
         for opcode, start, content in self._records(file):
             breathe()
-            if opcode == DATA_END:  # a footer that was begun; unless all of it is there, it is written anew
+            if opcode == DATA_END:  # the start of an ending; unless all of it is there, it is written anew
                 self.whole = _ends_well(file, self.length)
                 break
             # A damaged chunk is left out of the index; without a whole one behind it, it is cut off.

@@ -8,7 +8,7 @@ from runtime.settings_base import Section
 
 
 class OperatorSettings(Section):
-    """What the car needs from its human."""
+    """Inputs that the car requires from its operator, and their freshness."""
 
     permit: Literal["required", "always"] = "required"
     """required: autonomy moves only while an operator permits it. always: simulation and benches."""

@@ -8,7 +8,7 @@ from runtime.settings_base import Section
 
 
 class ParameterSettings(Section):
-    """How much is remembered about live changes."""
+    """Bounds of the history of live changes."""
 
     history: Annotated[int, Field(ge=1, le=1000)] = 100
     """So many changes are remembered."""

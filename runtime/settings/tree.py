@@ -39,7 +39,7 @@ class SettingsError(Exception):
 
 
 class MuxSettings(Section):
-    """Who outranks whom, and how often the output is renewed without news."""
+    """Priority order of the sources, and rate of the output's renewal without new commands."""
 
     order: tuple[Source, ...] = LAB_ORDER
     """Who outranks whom in the mux, most urgent first."""
@@ -61,14 +61,14 @@ class MuxSettings(Section):
 
 
 class TelemetrySettings(TelemetryRates, SessionSettings):
-    """What leaves the car over zenoh, and where it may be heard."""
+    """Topics sent over zenoh, and the endpoints."""
 
     enabled: bool = True
     """false: nothing leaves the car, and nothing comes in: no status, no teleop, no page."""
 
 
 class LogSettings(Section):
-    """What is said on standard error."""
+    """Log messages on standard error."""
 
     level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = "INFO"
     """The least severe message that the log shows."""
@@ -77,7 +77,7 @@ class LogSettings(Section):
 
 
 class ProcessSettings(Section):
-    """How the process treats the computer."""
+    """Use of the computer by the process."""
 
     state_folder: str = ""
     """Where the car's own parts are remembered; empty is the service's state directory, without one nowhere."""
@@ -87,7 +87,7 @@ class ProcessSettings(Section):
 
 
 class Settings(Section):
-    """Everything, as one frozen value."""
+    """All settings, as one frozen value."""
 
     car: CarSettings = CarSettings()
     lidar: HokuyoSettings = HokuyoSettings()

@@ -1,1 +1,1 @@
-"""What crosses the network: topics, the teleop protocol, the zenoh session and its configuration."""
+"""Network interface: topics, the teleop protocol, the zenoh session and its configuration."""
