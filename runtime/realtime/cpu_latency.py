@@ -19,7 +19,7 @@ REMEDY: Final = "let the user write to it (systemd/wallride.service does), or se
 
 @contextmanager
 def awake(*, wanted: bool, device: Path = LATENCY) -> Iterator[str]:
-    """Keep the cores out of idle states inside the block; yields a sentence with the result.
+    """Keep the cores out of deep idle states inside the block; yields a sentence with the result.
 
     Never fails: the car drives without it too.
     """

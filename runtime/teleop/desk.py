@@ -6,7 +6,7 @@ The rules, each with a test that fails when it is broken (docs/decisions/0008-te
 * A press counts only after a release was seen: at the start of a session, and again after every incident.
 * One operator at a time. A takeover is visible, and stops the car.
 * Manual driving: the drive command lasts as long as the operator's command behind it. Autonomy: the permit is a lease
-of the same length.
+  of the same length.
 * An operator who falls silent without a goodbye is lost: autonomy does not take over, whatever the permit's mode.
 * After an incident autonomy waits for an act of the operator: a press, or a goodbye. A release is no such act.
 
@@ -108,7 +108,7 @@ class OperatorDesk:
         return bool(self._gate.heard_lately(self._clock()))
 
     def rearm(self, reason: str) -> None:
-        """Disarm all sessions, because a device was lost or came back; the reason is shown."""
+        """Disarm all sessions and end what is held: a device was lost or came back; the reason is shown."""
         self._gate.disarm()
         self._reason = reason
         self._words.interrupt(reason)
