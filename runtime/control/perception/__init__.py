@@ -1,1 +1,1 @@
-"""One scan understood: points, odometry, the lidar's window, the car's own parts."""
+"""Perception of one scan: points, odometry, the lidar's window, the car's own parts."""

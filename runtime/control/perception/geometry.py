@@ -1,4 +1,4 @@
-"""Which beam points where. Lidar frame: x forward, y left, angles counter-clockwise (REP-103)."""
+"""Geometry of the beams. Lidar frame: x forward, y left, angles counter-clockwise (REP-103)."""
 
 from functools import lru_cache
 
@@ -35,7 +35,7 @@ def directions(angle_min_rad: float, angle_step_rad: float, beams: int) -> Float
 
 
 def beyond(scan: Scan, bearing_rad: float) -> Booleans:
-    """Return which beams look farther aside than this, (beams,), read-only; computed once per kind of lidar."""
+    """Return which beams have a larger absolute bearing, (beams,), read-only; computed once per kind of lidar."""
     return _beyond(scan.angle_min_rad, scan.angle_step_rad, scan.ranges_m.shape[0], bearing_rad)
 
 
@@ -76,5 +76,5 @@ def solid_places(x_m: Floats, y_m: Floats, solid: Booleans) -> Places:
 
 @twin
 def any_nearer(solid: Booleans, ranges_m: Floats, reach_m: float) -> bool:
-    """Whether a solid beam reads less."""
+    """Return whether a solid beam has a range below reach_m."""
     return bool(np.count_nonzero(solid & (ranges_m < reach_m)))

@@ -1,8 +1,8 @@
-"""What is wrong with the lidar's window: dirt, blind beams, too much emptiness, learnt per metre moved.
+"""Faults of the lidar window: dirt, blind beams, too few echoes, learnt per metre moved.
 
 Evidence per beam: p <- p + (1 - exp(-dm / memory)) (seen - p), with dm = metres moved + 0.3 * radians turned, so that a
 parked car learns nothing (a leg beside it stays an obstacle). Dirt stays on its beam, at its range, while the world
-moves past; the operator who walks along behind the car does not keep his distance to the centimetre.
+moves past; an operator walking behind the car does not keep a distance constant to the centimetre.
 
 What dirt looks like on real cars (recordings of a RACECAR, docs/laws.md): patches of 9 to 15 degrees that read 0.45 to
 0.8 m while a wall is within 1.7 m behind them, and let the beam through to anything farther. So a patch is compared
@@ -27,19 +27,21 @@ from runtime.control.perception.window_dirt import (
 
 METRES_PER_RADIAN = 0.3
 BODY_MEMORY_M = 0.3
-"""What is near behind the car's shoulders is learnt on so short a way."""
+"""Distance constant of the evidence for near returns behind the car's shoulders."""
 LEARNS_EVERY_M = 0.1
 FORWARD_RAD = math.pi / 4
 BLIND_MEMORY_RAD = 1.0
 WIPED_EVERY_S, WIPED_MEMORY_S = 0.25, 1.5
-"""A car that is refused for dirt cannot drive on to see that it was wiped: two seconds of a clear view tell it."""
+"""Interval and time constant of the check for a wiped window: a car stopped for dirt cannot learn by driving, so two
+seconds of a clear view suffice."""
 TOO_MUCH_DIRT = "too much dirt: clean the lidar"
 FAR_SEEING_M = 10.0
-"""A sensor of less range sees less of the same room: so much less may have an echo before it counts as covered."""
+"""Reference range of the required share of echoes: a sensor of shorter range has fewer echoes in the same room, and
+needs proportionally fewer to count as uncovered."""
 
 
 class _Beams:
-    """What is known of each beam: evidence in 0..1 for dirt, blindness and the car's own body; and the findings."""
+    """State of each beam: evidence in 0..1 for dirt, blindness and the car's own body; and the findings."""
 
     def __init__(self, beams: int) -> None:
         self.dirt = np.zeros(beams)
@@ -52,11 +54,11 @@ class _Beams:
 
 
 class LidarHealth:
-    """Judges the window.
+    """Assesses the window.
 
     mask: beams (n,) to ignore, None while there are none or while ignoring them would not be safe.
-    ceiling_mps: infinity, the doubtful speed, or 0; reason: constant words for it.
-    words: one sentence for each patch, for people.
+    ceiling_mps: infinity, the doubtful speed, or 0; reason: its constant text.
+    words: one sentence for each patch, for the user.
     """
 
     def __init__(self, settings: LidarHealthSettings, wheelbase_m: float, doubtful_mps: float = 1.0) -> None:
@@ -79,22 +81,22 @@ class LidarHealth:
 
     @property
     def own(self) -> Booleans:
-        """Return the beams (n,) that see the car's own body, or dirt so near that it looks like it."""
+        """Return the beams (n,) that see the car's own body, or dirt near enough to look like it."""
         return self._beams.own > self._settings.mask_above
 
     @property
     def blinded(self) -> Booleans:
-        """Return the beams (n,) that see nothing, wherever the car turns."""
+        """Return the beams (n,) that have no echo at any heading of the car."""
         return self._beams.blinded
 
     def tune(self, settings: LidarHealthSettings, doubtful_mps: float) -> None:
-        """Go on with other settings; the evidence of each beam is kept and judged by them at the next scan."""
+        """Change the settings; the evidence of each beam is kept and judged by them at the next scan."""
         self._settings = settings
         self._doubtful_mps = doubtful_mps
         self._tuned = True
 
     def forget(self) -> None:
-        """Know nothing of the window any more: what was learnt is learnt anew."""
+        """Reset the state of the window."""
         self._begin(0)
         self.mask, self.ceiling_mps, self.reason, self.words = None, math.inf, "window clean", ()
 
@@ -105,7 +107,7 @@ class LidarHealth:
         self._empty = False
 
     def glance(self, view: View) -> None:
-        """Notice at once when almost nothing is seen, or something again."""
+        """Detect at once when almost all echoes are missing, or when they return."""
         beams = view.ranges_m.shape[0]
         if self._beams.dirt.shape[0] != beams:
             self._begin(beams)
@@ -136,7 +138,7 @@ class LidarHealth:
         self._judge(view)
 
     def _look_whether_wiped(self, view: View) -> None:
-        """While too much dirt keeps the car from moving: a beam that sees farther than dirt can has been wiped."""
+        """Clear beams that see beyond the range of dirt (wiped), while too much dirt keeps the car from moving."""
         elapsed_s = view.scan.stamp_s - self._wiped_s
         if self.reason != TOO_MUCH_DIRT or 0.0 <= elapsed_s < WIPED_EVERY_S:
             return
@@ -194,7 +196,7 @@ class LidarHealth:
         most = max(1.0, settings.masked_share * beams)
         widest = int((settings.masked_gap_rad + 1e-9) / abs(view.scan.angle_step_rad))
         too_wide = runs_longer_than(lost & ~beyond(view.scan, FORWARD_RAD), widest)
-        masked = dirty & ~too_wide  # what is too wide to be ignored ahead is no reason to heed the rest
+        masked = dirty & ~too_wide  # a patch too wide to be ignored ahead does not unmask the others
         few = int(np.count_nonzero(dirty & before)) < most
         lost_beams = int(np.count_nonzero(lost & before))
         safe = lost_beams < most and not np.count_nonzero(too_wide)

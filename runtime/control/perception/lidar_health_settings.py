@@ -1,4 +1,4 @@
-"""What can be set about the judgement of the lidar's window, with units and reasons."""
+"""Settings of the assessment of the lidar's window, with units and reasons."""
 
 from typing import Annotated
 
@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class LidarHealthSettings(BaseModel):
-    """When a beam counts as dirty and how much dirt is still safe (section 6 of the project's control reference)."""
+    """Thresholds for dirty beams and for the amount of dirt that is still safe (section 6 of the control reference)."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 

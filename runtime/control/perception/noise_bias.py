@@ -1,4 +1,4 @@
-"""How much too near the nearest of many noisy points is: b = d_line - d_nearest, slowly averaged [m].
+"""Bias of the nearest of many noisy points: b = d_line - d_nearest, slowly averaged [m].
 
 The nearest point of a rough wall is nearer than its line as well, and truly so: what sticks out is part of the wall. So
 b counts only as far as the sensor's noise explains it, which is measured by itself (`noise_learnt_m`).
@@ -18,7 +18,7 @@ MIN_BIAS_M, MAX_BIAS_M = -0.02, 0.12
 LOW_PASS = 0.1
 FIRST_NOISE_M = 0.01
 NOISE_BEAMS = 40
-"""So many beams on each side of the nearest one tell the noise: there the range hardly changes from beam to beam."""
+"""Number of beams on each side of the nearest one that measure the noise: there the range hardly changes per beam."""
 FEWEST_NOISE_BEAMS = 20
 NOISE_STEP = 0.4
 LEAST_NOISE_M, MOST_NOISE_M = 1e-4, 0.1

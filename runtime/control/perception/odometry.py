@@ -1,4 +1,4 @@
-"""Where the car is, from wheel distance and steering: dead reckoning of the rear axle (base_link in odom, REP-105)."""
+"""Odometry from wheel distance and steering: dead reckoning of the rear axle (base_link in odom, REP-105)."""
 
 import math
 
@@ -49,7 +49,7 @@ class Odometry:
 def dead_reckon(
     x_m: float, y_m: float, yaw_rad: float, step_m: float, steering_rad: float, wheelbase_m: float
 ) -> tuple[float, float, float, float]:
-    """Return x_m, y_m, yaw_rad and the curvature [1/m] after a step with that steering from that place."""
+    """Return x_m, y_m, yaw_rad and the curvature [1/m] after a step with that steering from that pose."""
     curvature_per_m = math.tan(steering_rad) / wheelbase_m
     turn_rad = step_m * curvature_per_m
     middle_rad = yaw_rad + turn_rad / 2

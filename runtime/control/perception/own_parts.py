@@ -1,4 +1,4 @@
-"""What the lidar sees behind the car's shoulders: parts of the car itself, or the world.
+"""Classification of returns behind the car's shoulders: parts of the car itself, or the world.
 
 Posts, mounts, cables and wheels return at 0.2 to 0.7 m behind the shoulders of most cars, outside the outline. What is
 so near there is doubted until something tells it from them, and not followed or stopped for meanwhile:
@@ -8,7 +8,7 @@ so near there is doubted until something tells it from them, and not followed or
 * it moves against the car: its place, and not its bearing and range, is that of a scan some centimetres back.
 
 The other way round, what keeps its bearing and range, but not its place, is a part of the car; 0.3 m of way tell it.
-Only a car that backs out heeds what is doubted: it has nothing else to know by what stands behind it.
+Only a car that backs out uses doubted returns: it has no other information about the area behind it.
 
 All this is computed when a scan has been answered. What the next scan needs of it is one number per beam: what reads
 less than that is ignored.
@@ -28,7 +28,7 @@ from runtime.control.perception.rear_places import Beams, around, expected_m, on
 from runtime.control.perception.view import DOUBTED_BEYOND_RAD, DOUBTED_NEARER_THAN_M, View, supported
 
 PLACES_NEARER_THAN_M = 1.1
-"""Places farther away are seen nearer before they come behind the shoulder."""
+"""Maximum range of stored places: farther ones are seen nearer before they pass behind the shoulder."""
 KEY_EVERY_M, KEY_EVERY_RAD = 0.04, 0.1
 KEYS = 12
 WEIGHS_EVERY_M = 0.02
@@ -39,7 +39,7 @@ part of a car is so long and even that its own beginning hides its end."""
 AROUND_BEAMS = 8
 MIN_FIXED, MIN_MOVED = 3, 4
 CLEARLY = 3
-"""Of the beams around, so many times more must speak for the one than for the other."""
+"""Minimum ratio of the surrounding beams for the one hypothesis to those for the other."""
 PART_MEMORY_M = 0.05
 SEEN_THROUGH_MEMORY_M = 0.8
 PART_ABOVE, PART_BELOW = 0.6, 0.3
@@ -47,7 +47,7 @@ EXPECTED_WITHIN_M = 0.1
 WORLD_VIEWS = 24
 LINE_FROM_RAD = math.radians(50)
 BESIDE_FROM_RAD = math.radians(20)
-"""From here on things are remembered that will be behind the shoulder within LONGEST_M."""
+"""Bearing from which places are stored that will be behind the shoulder within MAX_LENGTH_M."""
 PART_RIM_BEAMS = 4
 PART_RIM_M = 0.15
 
@@ -88,7 +88,7 @@ class _Rear:
 
 
 class OwnParts:
-    """Small state: evidence per beam, some earlier scans, the places of the world near by. `update` once per scan.
+    """Holds evidence per beam, some earlier scans, the near places of the world. Call `update` once per scan.
 
     below_m: (n,), what reads less is ignored; None before the first scan. doubtful: places of this scan, (k,), odom,
     which nothing tells from the car's parts. changes: how often the set of parts has changed by what was seen.
@@ -101,7 +101,7 @@ class OwnParts:
         self._begin((0.0, 0.0, 0), None)
 
     def _begin(self, kind: tuple[float, float, int], rear: _Rear | None) -> None:
-        """Know nothing of this kind of lidar but what is remembered."""
+        """Reset the state for this kind of lidar, except for the remembered parts."""
         count = rear.beams.size if rear is not None else 0
         self._kind, self._rear = kind, rear
         self._evidence, self._part_m = np.zeros(count), np.full(count, math.nan)
@@ -140,11 +140,11 @@ class OwnParts:
         return KnownParts(*self._kind, tuple(found))
 
     def have_met(self, scan: Scan) -> bool:
-        """Whether below_m is for the lidar that took this scan."""
+        """Return whether below_m is for the lidar that took this scan."""
         return self.below_m is not None and self.below_m.shape == scan.ranges_m.shape
 
     def remember(self, known: KnownParts | None) -> None:
-        """Begin anew with parts known from an earlier drive, or with none."""
+        """Reset the state to parts known from an earlier drive, or to none."""
         self._known = known
         self._begin((0.0, 0.0, 0), None)
 
@@ -213,12 +213,12 @@ class OwnParts:
         self._evidence[off_m > PART_RIM_M] *= math.exp(-way_m / SEEN_THROUGH_MEMORY_M)
 
     def _forget_the_way(self) -> None:
-        """The wheels have turned, and the car has not moved: nothing of what was learnt since then holds."""
+        """Discard what was learnt while the wheels turned and the car did not move."""
         self._keys.clear()
         self._evidence, self._part_m = self._settled[0].copy(), self._settled[1].copy()
 
     def _settle(self) -> None:
-        """Let what was learnt hold: the car has really moved."""
+        """Confirm what was learnt: the car has really moved."""
         self._settled = self._evidence.copy(), self._part_m.copy()
         parts = (self._evidence > PART_ABOVE) | (self._parts & (self._evidence > PART_BELOW))
         if np.count_nonzero(parts != self._parts):
@@ -235,14 +235,14 @@ class OwnParts:
         return wall
 
     def _in_doubt(self, seen: "_RearScan", world: Booleans) -> Booleans:
-        """Return which beams (k,) may as well see the car itself; a part's rim is part of it."""
+        """Return which beams (k,) may see the car itself; a part's rim is part of it."""
         rear, view = seen.rear, seen.view
         rim = around(self._parts, rear.first_side, PART_RIM_BEAMS) > 0
         doubtful = seen.near & ~world & ~rim & ~(view.own | view.solid)[rear.beams]
         return doubtful & supported(view.ranges_m)[rear.beams]
 
     def _expecting(self, seen: "_RearScan", pose: OdometryState, elapsed_s: float) -> Floats:
-        """Return below_m for where the car will be at the next scan."""
+        """Return below_m for the expected pose of the car at the next scan."""
         rear, scan = seen.rear, seen.view.scan
         ahead_s = elapsed_s if 0.0 < elapsed_s < MAX_STEP_S else 0.0
         turned = cmath.rect(1.0, pose.yaw_rad + pose.yaw_rate_radps * ahead_s)
@@ -255,13 +255,13 @@ class OwnParts:
         return below_m
 
     def _places(self, at_m: complex, turned: complex) -> Places:
-        """Return the places of the world near by as seen from there, lidar frame."""
+        """Return the near places of the world as seen from that pose, lidar frame."""
         places = np.concatenate([*self._world, self._world_now])
         seen: Places = (places - at_m) * turned.conjugate()
         return seen[np.abs(seen) < PLACES_NEARER_THAN_M]
 
     def _key(self, seen: "_RearScan", back_m: float) -> _NearScan | None:
-        """Return the newest scan that was taken at least so far away, None where there is none near by."""
+        """Return the newest scan taken at least back_m away, None without one near by."""
         for key in reversed(self._keys):
             if back_m <= abs(seen.at_m - key.at_m) <= MAX_LENGTH_M:
                 return key
@@ -275,7 +275,7 @@ class OwnParts:
         return abs(seen.at_m - last.at_m) >= KEY_EVERY_M or turn_rad >= KEY_EVERY_RAD
 
     def _keep(self, seen: "_RearScan") -> None:
-        """Keep this scan to compare later ones with, and what of it is the world."""
+        """Store this scan for comparison with later ones, and its places of the world."""
         view, rear = seen.view, seen.rear
         near = view.ranges_m < PLACES_NEARER_THAN_M
         near &= rear.beside
@@ -304,7 +304,7 @@ class _RearScan:
         self.near = self.rear_m < DOUBTED_NEARER_THAN_M  # NaN compares as not nearer
 
     def places(self, beams: Beams) -> Places:
-        """Return where some beams end, odom."""
+        """Return the end points of some beams, odom."""
         seen = places_m(self.view.x_m, self.view.y_m, beams) - self.view.lidar_x_m
         places: Places = seen * self.turned + self.at_m
         return places

@@ -1,14 +1,15 @@
-"""Do the wheels and the lidar tell of the same drive? What contradicts itself is no ground to drive on.
+"""Plausibility check of the wheels against the lidar: contradicting sensors stop the car.
 
-Three questions to each pair of scan and motor report, none of which knows a law or a device:
+Three checks of each pair of scan and motor report, independent of laws and devices:
 
-* Does the lidar measure? A scan that repeats bit for bit while the wheels turned 0.3 m is a memory, not a measurement.
+* Does the lidar measure? A scan repeated bit for bit while the wheels turned 0.3 m is a stored one, not a measurement.
 * Does the car move as its wheels say? Over the first 0.3 m, and again after every lost link, the scan's own motion is
   compared with the odometry (`scan_shift`). Opposite directions: two phases of the motor are swapped, and the
   controller cannot know. Another scale: the gain is wrong.
-* Does it move at all? Wheels in the air turn without a way. That is no fault, but no odometry to back out by.
+* Does it move at all? Wheels in the air turn without moving the car. That is no fault, but such odometry cannot be used
+  to back out.
 
-Pure and deterministic; what takes time is done in `learn`, when the answer is on its way.
+Pure and deterministic; slow computations run in `learn`, after the answer is sent.
 """
 
 import math
@@ -22,9 +23,9 @@ from runtime.control.vehicle import CarSettings
 FROZEN_AFTER_M = 0.3
 CHECKED_OVER_M = 0.3
 CHECK_WITHIN_S = 5.0
-"""A slower start is measured anew: the surroundings do not stand still for longer."""
+"""Maximum duration of one check; a slower start is measured anew, because the surroundings change."""
 WITNESSES = 2
-"""So many scans in a row must contradict the odometry."""
+"""Minimum number of consecutive scans that must contradict the odometry."""
 STANDS_FOR_S = 1.0
 STANDING_MPS = 0.05
 FROZEN = "the lidar repeats one scan: power-cycle it, check its cable"
@@ -35,7 +36,7 @@ WRONG_SCALE = "the wheels' way is not the scan's: check motor.speed_to_erpm_gain
 
 @dataclass(frozen=True, slots=True)
 class _Start:
-    """Where the way that is checked began."""
+    """Start of the distance being checked."""
 
     scan: Scan
     distance_m: float
@@ -43,10 +44,10 @@ class _Start:
 
 
 class Plausibility:
-    """Looks at every scan once, in order.
+    """Checks every scan once, in order.
 
-    lidar_doubt: why the lidar is not believed, "" while it is. motor_doubt: why the odometry is not, as a fault with
-    its remedy; both are a stop. believed: whether a manoeuvre may be measured by the odometry.
+    lidar_doubt: reason why the lidar is not trusted, "" while it is. motor_doubt: the same of the odometry, as a fault
+    with its remedy; both stop the car. believed: whether a manoeuvre may be measured by the odometry.
     """
 
     def __init__(self, car: CarSettings) -> None:
@@ -65,16 +66,16 @@ class Plausibility:
 
     @property
     def doubt(self) -> str:
-        """Why the car must stand, "" while nothing contradicts itself."""
+        """Reason why the car must stand, "" while the sensors are consistent."""
         return self.lidar_doubt or self.motor_doubt
 
     @property
     def words(self) -> tuple[str, ...]:
-        """What people should know although the car may drive on."""
+        """Warnings for the user that do not stop the car."""
         return () if self.believed or self.doubt else (WHEELS_IN_THE_AIR,)
 
     def look(self, scan: Scan, motor: MotorState | None, *, odometry_check: bool = True) -> None:
-        """Take in one scan and the newest motor report; odometry_check: whether the two belong together."""
+        """Process one scan and the newest motor report; odometry_check: whether the two belong to one drive."""
         self.learn()
         self._unlearnt = (scan, motor) if odometry_check else None
         samples = scan.ranges_m.tobytes()
@@ -87,11 +88,11 @@ class Plausibility:
             self.lidar_doubt = FROZEN
 
     def learn(self) -> None:
-        """Compare the last scan's motion with the odometry's. Harmless when repeated."""
+        """Compare the last scan's motion with the odometry's. Idempotent."""
         if self._unlearnt is None:
             return
         (scan, motor), self._unlearnt = self._unlearnt, None
-        if motor is None:  # what comes back may be wired otherwise
+        if motor is None:  # after the link returns, the motor may be wired differently
             self.motor_doubt, self.believed = "", True
             self._begin_anew()
         elif self.motor_doubt:
@@ -104,7 +105,7 @@ class Plausibility:
         self._odometry.update(None)
 
     def _await_standstill(self, scan: Scan, motor: MotorState) -> None:
-        """End the doubt where the car has stood for a while: who latches it has done so, and the next metres tell."""
+        """End the doubt where the car has stood for a while: a latch has taken effect, and the next metres decide."""
         if abs(motor.speed_mps) > STANDING_MPS or self._stood_since_s is None:
             self._stood_since_s = scan.stamp_s
         elif scan.stamp_s - self._stood_since_s >= STANDS_FOR_S:

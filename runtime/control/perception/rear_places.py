@@ -1,4 +1,4 @@
-"""What the judgement of the rear beams works with: places carried along by odometry, and the wall before the shoulder.
+"""Tools for the assessment of the rear beams: places transformed by odometry, and the wall in front of the shoulder.
 
 Places are complex numbers x + iy [m]; in the lidar frame an angle of one is a bearing.
 """
@@ -12,7 +12,7 @@ Beams = npt.NDArray[np.intp]
 
 SAME_PLACE_M = 0.07
 SAME_PLACE_BEAMS = 4
-"""A place is seen again by a beam so near to it in range and bearing: noise, odometry, and the scan's own motion."""
+"""Association gate in beams of a place with its return: covers noise, odometry, and the motion during the scan."""
 EXPECTED_BEAMS = 3
 LINE_JUMP_M = 0.12
 LINE_FEWEST = 12
@@ -34,7 +34,7 @@ def seen_again(ranges_m: Floats, beams: Beams, places: Places, angle_min_rad: fl
 
 
 def expected_m(beams: int, places: Places, angle_min_rad: float, angle_step_rad: float) -> Floats:
-    """Return what every beam would read of the nearest place (m,) in the lidar frame beside it, inf of none; (n,)."""
+    """Return the expected range of every beam, (n,), by the nearest place (m,), lidar frame, beside it; inf if none."""
     found_m = np.full(beams, np.inf)
     if not places.size:
         return found_m
@@ -76,7 +76,7 @@ def on_the_line(x_m: Floats, y_m: Floats, solid: Booleans, before: Beams, beams:
 
 
 def around(which: Booleans, first_side: int, reach: int) -> npt.NDArray[np.intp]:
-    """Return how many are True within so many places of each, (k,), the two sides of the car apart."""
+    """Return the number of True within `reach` beams of each, (k,), the two sides of the car separately."""
     counts = np.zeros(which.shape, np.intp)
     for part in (slice(0, first_side), slice(first_side, None)):
         some = which[part]

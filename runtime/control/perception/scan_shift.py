@@ -1,4 +1,4 @@
-"""Which multiple of a supposed shift lays one scan over another: forward as supposed, backward, nowhere, or farther.
+"""Scan matching over multiples of an assumed shift: forward as assumed, backward, none, or farther.
 
 A search over a few dozen shifts instead of an iteration, because the question is which of several far answers is right,
 and an iteration that begins at one of them stays there. A point of the later scan, shifted, is compared with the range
@@ -15,7 +15,7 @@ from drivers.api import Scan
 from runtime.control.perception.geometry import Floats, points_m, sector
 
 Shift = tuple[float, float, float]
-"""x_m, y_m, yaw_rad of base_link, in the frame of where it was."""
+"""Shift x_m, y_m, yaw_rad of base_link, in its earlier frame."""
 
 SHARES = np.array([-1.5, -1.25, -1.0, -0.75, -0.5, 0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 3.5])
 TURNS_RAD = np.radians([-12.0, -9.0, -6.0, -3.0, 0.0, 3.0, 6.0, 9.0, 12.0])
@@ -25,11 +25,12 @@ MIN_RANGE_M, MAX_RANGE_M = 0.15, 10.0
 POINTS = 150
 ENOUGH_POINTS = 40
 CAP_M = 0.1
-"""A point farther off than this says no more than that it does not fit: people walk, edges hide."""
+"""Maximum misfit of one point: beyond it a point only counts as not fitting, because people walk and edges hide."""
 TELLS_M, ENOUGH_TELL = 0.05, 12
-"""A point along whose wall the car drives fits wherever it is; so many others are needed."""
+"""Minimum difference, and minimum number, of informative points: a point on a wall parallel to the motion fits at any
+shift."""
 CLEARER_M, CLEARER_SHARE = 0.01, 1.2
-"""By so much another answer must fit worse."""
+"""Minimum difference and ratio by which every other answer must fit worse."""
 
 
 class Agreement(Enum):

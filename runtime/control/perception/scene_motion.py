@@ -1,8 +1,8 @@
-"""Does the scene move as the wheels say? Wheels that turn in the air, or spin against something, move nothing.
+"""Motion of the scene compared with the wheels: wheels that turn in the air, or spin against an obstacle, move nothing.
 
 A scan is compared with one that was taken, by odometry, some centimetres back. Of the beams for which it makes a
 difference, most see the older scan carried along when the car moves, and the older scan itself when it stands. Only far
-returns are asked: dirt and the car's own parts stand whatever the car does.
+returns are used: dirt and the car's own parts are stationary whatever the car does.
 """
 
 import cmath
@@ -19,15 +19,15 @@ FROM_M, WITHIN_M = 1.0, 8.0
 EVERY_BEAM = 4
 DIFFERS_M = 0.12
 SAME_M = 0.06
-"""Three standard deviations of a noisy lidar (0.02 m)."""
+"""Maximum difference of equal ranges: three standard deviations of a noisy lidar (0.02 m)."""
 FEWEST = 16
 STANDING_SHARE = 0.7
-"""Beams that tell, and the share of them that must see the older scan unmoved."""
+"""Minimum number of distinguishing beams, and the minimum share of them that must see the older scan unmoved."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Keyframe:
-    """An earlier scan: its ranges (n,), its far places (m,) in odom, and where it was taken."""
+    """An earlier scan: its ranges (n,), its far places (m,) in odom, and its pose."""
 
     ranges_m: Floats
     places: Places
@@ -37,8 +37,8 @@ class _Keyframe:
 class SceneMotion:
     """Compares scans that are EVERY_M or EVERY_RAD apart by odometry; `update` once per scan.
 
-    stands: whether the scene stood still while the wheels turned, when last they had turned so far.
-    moved: what this scan told: True, it moves, or nothing says that it does not; False, it stands; None, nothing yet.
+    stands: whether the scene stood still while the wheels turned, at the last comparison.
+    moved: result of this scan: True, it moves, or there is no contrary evidence; False, it stands; None, not yet known.
     """
 
     def __init__(self, lidar_x_m: float) -> None:
@@ -48,7 +48,7 @@ class SceneMotion:
         self.moved: bool | None = None
 
     def update(self, view: View, pose: OdometryState) -> None:
-        """Take in one scan and where the wheels say that it was taken."""
+        """Process one scan and its pose by odometry."""
         key, self.moved = self._key, None
         if key is not None and key.ranges_m.shape == view.ranges_m.shape:
             moved_m = abs(complex(pose.x_m - key.pose.x_m, pose.y_m - key.pose.y_m))

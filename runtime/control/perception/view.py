@@ -1,4 +1,4 @@
-"""What one scan says about the world: points in the car's frame, and which of them are things to drive round.
+"""View of one scan: points in the car's frame, and which of them are obstacles.
 
 A beam is *solid* when it has a distance, its neighbours agree (despike), it does not lie on the car itself, and it is
 not dirt on the window: thin dirt by its shape in this scan, wide dirt by what `lidar_health` has learnt. Everything
@@ -19,37 +19,37 @@ from runtime.control.perception.geometry import Booleans, Floats, bearings_rad, 
 from runtime.control.vehicle import CarSettings
 
 SUPPORT_WITHIN_M = 0.15
-"""Neighbours this near in range belong to the same thing; 2 of 4 make a beam credible."""
+"""Maximum difference in range of neighbours on the same object; 2 of 4 make a beam credible."""
 NEIGHBOURS = 2
 DIRT_NEARER_THAN_M = 0.6
-"""Dirt on a window reads as centimetres to decimetres; beyond this nothing is taken for dirt."""
+"""Maximum range of dirt: on a window it reads as centimetres to decimetres."""
 LEARNT_DIRT_NEARER_THAN_M = 0.9
-"""Beams that are known to be dirty are ignored up to here: the rim of a smudge mixes it with the wall behind."""
+"""Maximum range at which beams known to be dirty are ignored: the rim of a smudge mixes it with the wall behind."""
 DIRT_STANDS_OUT_M = 0.12
-"""Dirt is so much nearer than the beams on both of its sides."""
+"""Minimum distance by which dirt is nearer than the beams on both of its sides."""
 DIRT_THINNER_THAN_M = 0.012
-"""A real thing so thin and so near is not seen: the price for setting off with a smudge on the window."""
+"""Maximum width of dirt; a real object as thin and near is not seen: the cost of starting with a smudged window."""
 BODY_BEYOND_RAD = math.radians(105)
-"""Behind this bearing a near return that goes along with the car is a part of it, before it dirt."""
+"""Bearing behind which a near return that moves with the car is a part of it; in front of it, dirt."""
 DOUBTED_BEYOND_RAD = math.radians(93)
 DOUBTED_NEARER_THAN_M = 0.9
-"""Behind this bearing and nearer than this is doubted until `own_parts` knows it for the world."""
+"""Bearing behind which, and range below which, returns are doubted until `own_parts` attributes them to the world."""
 TRAIL_STEP_M = 0.02
-"""A trail gets so much farther from beam to beam; a wall as near as the car's flank, a twentieth of it."""
+"""Minimum increase of the range per beam in a trail; a wall as near as the car's flank has a twentieth of it."""
 RIM_BEAMS = 2
-"""So many beams beside a part meet its edge, whatever they read; a single beam is wild, or noise, and has no edge."""
+"""Number of beams beside a part that hit its edge, whatever they read; a single beam is an outlier and has no edge."""
 BRIDGED_BEAMS = 2
-"""Wild beams inside a thin thing do not divide it into two thinner ones."""
+"""Number of outliers inside a thin object that do not divide it into two thinner ones."""
 
 
 @value(eq=False)
 class View:
-    """One scan, understood. All arrays have shape (beams,) and are read-only by agreement.
+    """One interpreted scan. All arrays have shape (beams,) and are read-only by convention.
 
     ranges_m: float64; NaN where a beam has no distance. bearing_rad: of each beam in the lidar frame.
     x_m, y_m: end points in base_link; NaN without a distance. lidar_x_m: where the beams begin.
-    solid: things that can be hit or followed. no_echo: no information. own: on or in the car's own outline.
-    dirty: known to be dirty, whatever they read now; None while no beam is. silent: how many have no echo.
+    solid: objects that can be hit or followed. no_echo: no information. own: on or in the car's own outline.
+    dirty: known to be dirty, whatever they read now; None while no beam is. silent: number without an echo.
     """
 
     scan: Scan
@@ -66,7 +66,7 @@ class View:
 
 
 Kind = tuple[float, float, int]
-"""What one lidar has in common with another of its kind: first bearing, step, beams."""
+"""Key of one kind of lidar: first bearing, step, beams."""
 
 
 @value(eq=False)
@@ -91,7 +91,7 @@ def fan_of(scan: Scan) -> Fan:
 
 
 class PerceptionCache:
-    """Sees each scan once, however many ask: follower and safety share one pair."""
+    """Computes the view of each scan once; shared by follower and safety."""
 
     def __init__(self, car: CarSettings) -> None:
         self._car = car
@@ -103,7 +103,7 @@ class PerceptionCache:
         self._fan: tuple[Kind, Fan] | None = None
 
     def ignore(self, dirty: Booleans | None, below_m: Floats | None = None) -> None:
-        """From the next look on, leave these beams (n,) out where they read less than dirt can; None: ignore none.
+        """Ignore these beams (n,) within the range of dirt, from the next scan on; None: ignore none.
 
         below_m: (n,), what any beam reads less is left out as well.
         """
@@ -177,7 +177,7 @@ def view_scan(  # flat arguments, as its twin in C wants them
     if parts.size:
         solid[trails(ranges_m, parts)] = False
     near = ranges_m < DIRT_NEARER_THAN_M
-    # Only what would count is worth a look whether it is dirt: a wild beam has no neighbours anyway.
+    # Only beams that would count are checked for dirt: an outlier has no neighbours anyway.
     if np.count_nonzero(near & solid):
         solid[thin_dirt(ranges_m, near, angle_step_rad)] = False
     return ranges_m, x_m, y_m, solid, no_echo, own, int(np.count_nonzero(no_echo))

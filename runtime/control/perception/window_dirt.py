@@ -1,4 +1,4 @@
-"""What the judgement of the window works with: which beams look like dirt, the evidence per beam, rows of beams."""
+"""Tools for the assessment of the lidar window: dirt candidates, the evidence per beam, runs of beams."""
 
 import math
 from functools import lru_cache
@@ -11,23 +11,24 @@ from runtime.control.perception.geometry import Booleans, Floats
 from runtime.control.perception.view import DIRT_STANDS_OUT_M
 
 NEIGHBOUR_BEAMS = (40, 60)
-"""Dirt stands out against the beams 10, or 15, degrees to its left and right."""
+"""Distances in beams to the left and right, 10 and 15 degrees, at which dirt is compared with its surroundings."""
 _NOTHING_M = np.full(max(NEIGHBOUR_BEAMS), math.inf)
-"""What is beyond the ends of the fan."""
+"""Ranges assumed beyond the ends of the fan."""
 _NEIGHBOURS = _NOTHING_M.size + np.array([[sign * apart] for apart in NEIGHBOUR_BEAMS for sign in (-1, 1)])
 SMUDGE_NEARER_THAN_M = 0.9
-"""The rim of a real smudge reads up to 0.8 m, a mixture of the dirt and the wall behind it."""
+"""Maximum range of dirt: the rim of a real smudge reads up to 0.8 m, a mixture of the dirt and the wall behind it."""
 ON_THE_WINDOW_M = 0.06
 STEADY_WITHIN_M = 0.06
-"""Three standard deviations of a noisy lidar (0.02 m)."""
+"""Maximum change of a steady range: three standard deviations of a noisy lidar (0.02 m)."""
 BODY_NEARER_THAN_M = 0.45
-"""Beside the car's tail nothing that stands still keeps its distance to the centimetre for so long a way."""
+"""Maximum range of the car's own body: no stationary object beside the car's tail keeps its distance to the centimetre
+over that way."""
 BLIND_ABOVE = 0.95
 BESIDE_ECHOES_BEAMS = 80
 BESIDE_ECHOES_SHARE = 0.25
-"""Darkness says something only where a quarter of the beams within 20 degrees see: in the open nothing is there."""
+"""Minimum share of beams with an echo within 20 degrees for a missing echo to be evidence: open space returns none."""
 GROUP_BEAMS = 8
-"""Beams this near each other are spoken of as one patch."""
+"""Maximum gap in beams within one reported patch."""
 
 
 @twin
@@ -60,7 +61,7 @@ def weigh_dirt(  # flat arguments, as its twin in C wants them
     # p + learns (seen - p), seen being 1 or 0
     body = body * (1 - learns)
     body[of_body] += learns
-    # What is so near behind the shoulders is learnt quickly, and silence is no evidence: black parts answer seldom.
+    # Near returns behind the shoulders are learnt quickly, and silence is no evidence: black parts seldom echo.
     part = rear & (near_m < BODY_NEARER_THAN_M)
     learnt = dirt * (1 - learns)
     np.copyto(learnt, dirt, where=part & no_echo)
@@ -97,7 +98,7 @@ def find_dirt(
 
 
 def stands_out(ranges_m: Floats) -> npt.NDArray[np.intp]:
-    """Return the indices of beams nearer than a smudge can be and 0.12 m nearer than both beams so far away.
+    """Return the indices of beams within the range of a smudge and 0.12 m nearer than both beams NEIGHBOUR_BEAMS away.
 
     At the ends of the fan only one of the two exists. No echo counts as far. On the glass itself all beams do.
     """
@@ -125,7 +126,7 @@ def beside_echoes(no_echo: Booleans) -> Booleans:
 
 @lru_cache(maxsize=8)
 def _enough_echoes(beams: int) -> Floats:
-    """Return for every beam how many echoes around it are enough; at the ends of the fan there are fewer beams."""
+    """Return the sufficient number of echoes around each beam; at the ends of the fan there are fewer beams."""
     index = np.arange(beams)
     first = np.maximum(index - BESIDE_ECHOES_BEAMS, 0)
     end = np.minimum(index + BESIDE_ECHOES_BEAMS + 1, beams)
@@ -134,7 +135,7 @@ def _enough_echoes(beams: int) -> Floats:
 
 
 def runs(which: Booleans) -> list[tuple[int, int]]:
-    """Return (first, one past the last) of every row of True."""
+    """Return (first, one past the last) of every run of True."""
     if not np.count_nonzero(which):
         return []  # as in most scans
     edges: list[int] = ((which[1:] != which[:-1]).nonzero()[0] + 1).tolist()
@@ -146,7 +147,7 @@ def runs(which: Booleans) -> list[tuple[int, int]]:
 
 
 def runs_longer_than(which: Booleans, most: int) -> Booleans:
-    """Return only the rows of True that are longer than this."""
+    """Return only the runs of True that are longer than this."""
     longer = np.zeros(which.shape, np.bool_)
     for first, end in runs(which):
         longer[first:end] = end - first > most
@@ -154,7 +155,7 @@ def runs_longer_than(which: Booleans, most: int) -> Booleans:
 
 
 def runs_with(which: Booleans, some: Booleans) -> Booleans:
-    """Return only the rows of True that hold one of `some`, itself a part of `which`: the rim of a sure thing."""
+    """Return only the runs of True that contain one of `some`, a subset of `which`: certain dirt with its rim."""
     kept = np.zeros(which.shape, np.bool_)
     if not np.count_nonzero(some):
         return kept

@@ -1,4 +1,4 @@
-"""The car as safety sees it: its outlines with and without margins, what floors hold, and how it brakes on them."""
+"""Car model of the safety layer: outlines with and without margins, grip of the floors, and braking on them."""
 
 import math
 from dataclasses import replace
@@ -11,7 +11,7 @@ from runtime.control.vehicle import CarSettings
 
 LOOK_SPARE_M = 0.25
 SPEED_STEP_MPS = 0.25
-"""Speeds are rounded up to this for the length of the look, so that a slowly rising wish is not swept anew."""
+"""Step to which speeds are rounded up for the look-ahead, so that a slowly rising command reuses the cached sweep."""
 GRADED_SPARE_M = 0.10
 
 
@@ -28,7 +28,7 @@ class Body:
         self.aback = Outline(car.front_m, car.rear_m + spare_m, wide_m)
         beyond_m = max(self.ahead.front_m - car.lidar_x_m, self.aback.rear_m + car.lidar_x_m)
         self.reach_m = math.hypot(beyond_m, wide_m)
-        """No point farther from the lidar is within the margins."""
+        """Maximum distance from the lidar of a point within the margins."""
         self.grip_mps2 = settings.grip_mu * GRAVITY_MPS2
         self.slippery_mps2 = min(settings.slippery_mu, settings.grip_mu) * GRAVITY_MPS2
         self.around = replace(self.ahead, rear_m=self.aback.rear_m)
@@ -38,20 +38,20 @@ class Body:
         return self.around.holds(points_m)
 
     def grip_for_mps2(self, found: Contact) -> float:
-        """Return the grip of the floor on which this was found."""
+        """Return the grip of the floor for which this contact was found."""
         return self.slippery_mps2 if found.slippery else self.grip_mps2
 
     def graded_mps(self, found: Contact, reaction_s: float) -> float:
-        """Return the graded limit: the speed from which a gentle brake stops ten centimetres before this."""
+        """Return the graded limit: the speed from which gentle braking stops ten centimetres before the contact."""
         if found is NOTHING:
             return math.inf
         graded_mps2 = self.settings.graded_share * self.grip_for_mps2(found)
         return speed_to_stop_within_mps(found.travel_m - GRADED_SPARE_M, reaction_s, graded_mps2)
 
     def look_m(self, fastest_mps: float) -> float:
-        """Return how far a car of this speed has to look for that.
+        """Return the look-ahead that a car at this speed needs for the graded limit.
 
-        The scan's age is left out: a look that grows with every tick would be swept at every tick.
+        The scan's age is left out: a look-ahead that grows with every tick would be swept at every tick.
         """
         look_mps = math.ceil(fastest_mps / SPEED_STEP_MPS) * SPEED_STEP_MPS
         graded_mps2 = self.settings.graded_share * self.grip_mps2

@@ -1,4 +1,4 @@
-"""What an emergency remembers from scan to scan: how the wheels were turned, and which manoeuvre is on."""
+"""State of an emergency from scan to scan: the past wheel angles and the active manoeuvre."""
 
 import math
 from collections import deque
@@ -22,15 +22,15 @@ from runtime.control.safety.stopping import GRAVITY_MPS2, brake_beside_turning_m
 from runtime.control.safety.swept_path import Strip
 
 PAST_S = 0.3
-"""The tyres have forgotten what was before."""
+"""Length of the history of wheel angles: earlier angles have no effect on the tyres now."""
 KEPT_ANGLES = 64
 FORGOTTEN_AFTER_S = 0.1
-"""A manoeuvre that was not asked for so long is not on any more: the driver stood, or backed."""
+"""Maximum time without a request after which a manoeuvre is over: the driver stood, or backed."""
 MAX_SPEED_MPS = 30.0
-"""What is reported faster is no speed of a car; the rollouts are to stay numbers."""
+"""Maximum plausible speed; faster reports are clamped, so that the rollouts stay finite."""
 SUDDEN_SCANS = 5
 SUDDEN_RAD = 0.1
-"""A driver that turns by so much within so many scans has just begun to swerve."""
+"""Change of the steering within SUDDEN_SCANS scans that marks the beginning of a swerve."""
 BOUND_SHARE = 0.6
 """A bend that takes more than this of a slippery floor's grip binds the car: it can hardly be given up for another."""
 NARROW_M = 0.03
@@ -38,16 +38,16 @@ NARROW_M = 0.03
 WIDE_M = 0.12
 """No bend runs so much wider than its swept way within a stopping distance."""
 LATER_S = 0.03
-"""A scan, and a little."""
+"""Delay of a decision by one scan, with a small reserve."""
 TURNS_ON_M = 0.2
-"""So far at most do a braking car's corners come beside its way, because it still rotates."""
+"""Maximum lateral offset of a braking car's corners from its path, because it still rotates."""
 MAX_BRAKE_MPS2 = 2.0 * GRAVITY_MPS2
 
 
 class Emergency:
     """Chooses a manoeuvre at every scan of an emergency, and keeps it for the next.
 
-    chosen: what is on, with its outcome; None while no emergency is on.
+    chosen: the active manoeuvre with its outcome; None while there is no emergency.
     """
 
     def __init__(self) -> None:
@@ -58,34 +58,34 @@ class Emergency:
         self._angles: deque[tuple[float, float]] = deque(maxlen=KEPT_ANGLES)
 
     def note(self, stamp_s: float, wheel_rad: float) -> None:
-        """Take in the angle that the wheels are told at a scan."""
+        """Record the commanded wheel angle at a scan."""
         self._angles.append((stamp_s, wheel_rad if math.isfinite(wheel_rad) else 0.0))
 
     def end(self) -> None:
-        """Leave the car to its driver."""
+        """End the emergency and return the car to its driver."""
         self.chosen = None
 
     @property
     def turns(self) -> bool:
-        """Whether the manoeuvre that is on is another than a full brake."""
+        """Whether the active manoeuvre is other than a full brake."""
         return self.chosen is not None and self.chosen.manoeuvre != FULL_BRAKE
 
     @property
     def reason(self) -> str:
-        """What the manoeuvre is, in constant words."""
+        """Description of the manoeuvre, one of a fixed set of texts."""
         if not self.turns:
             return "braking: wall ahead"
         return "braking in the bend: wall ahead" if self._follows_driver else "swerving: wall ahead"
 
     @property
     def steering_rad(self) -> float | None:
-        """The angle at which the manoeuvre takes the wheels; None where it leaves them to the driver."""
+        """Steering angle imposed by the manoeuvre; None where the driver keeps the steering."""
         return None if self.chosen is None or self._follows_driver else self.chosen.manoeuvre.steering_rad
 
     def decide(self, strip: Strip, wish_rad: float, stamp_s: float) -> Outcome:
-        """Return the manoeuvre for this scan; the same again when it is asked again.
+        """Return the manoeuvre for this scan; idempotent for the same scan and steering.
 
-        wish_rad: the driver's own steering; a manoeuvre that has it goes on with it when it changes.
+        wish_rad: the driver's own steering; a manoeuvre that uses it follows its changes.
         """
         if self.chosen is not None and self._asked == (stamp_s, wish_rad):
             return self.chosen
@@ -106,12 +106,12 @@ class Emergency:
         return self.chosen
 
     def turns_in_vain(self, strip: Strip, wish_rad: float, stamp_s: float) -> bool:
-        """Whether the driver's turn may hit something, clearly harder than a full brake now, which is too late soon.
+        """Return whether the driver's turn may collide clearly harder than a full brake now, which is too late soon.
 
-        Asked of a turn that has just begun, whose swept way is too short: it takes tyres and body a moment to follow
-        the wheels; and of a bend that binds the car, whose swept way is too tight on a slippery floor, because tyres
-        lose steering before they lose all grip. A driver that steers from one side to the other is none of it: it may
-        turn back (`reversal`).
+        Two turns are judged. The swept path of a turn that has just begun is too short: tyres and body follow the
+        wheels with a delay. The swept path of a bend that binds the car is too tight on a slippery floor: tyres lose
+        steering before they lose all grip. A driver that steers from one side to the other is excluded: it may turn
+        back (`reversal`).
         """
         before_rad = self._angles[max(0, len(self._angles) - SUDDEN_SCANS)][1]
         sudden = abs(wish_rad - before_rad) >= SUDDEN_RAD
@@ -128,9 +128,10 @@ class Emergency:
         return self._doubted[1]
 
     def slow_in_bend(self, strip: Strip, wish_rad: float, stamp_s: float) -> bool:
-        """Brake in the driver's bend with what it leaves of a slippery floor; return whether that hits nothing.
+        """Brake in the driver's bend with the grip left of a slippery floor; return whether that is collision-free.
 
-        For a driver too fast for what comes, in a bend that needs so much grip that a motor must not slow down in it.
+        For a driver too fast for the obstacle ahead, in a bend that needs so much grip that the motor must not
+        decelerate in it.
         """
         situation = self._situation(strip, stamp_s)
         slippery_mps2 = min(situation.grips_mps2)
@@ -161,11 +162,11 @@ class Emergency:
         grips_mps2 = body.grip_mps2, body.slippery_mps2
         way_m = stopping_distance_m(start.speed_mps, start.latency_s, body.slippery_mps2)
         points_m = strip.points_around_m(way_m + car.front_m + LOOK_SPARE_M)
-        points_m = points_m[~body.bare.holds(points_m)]  # what is there is the car itself, or dirt
+        points_m = points_m[~body.bare.holds(points_m)]  # points inside the outline are the car itself, or dirt
         return EmergencyState(start, points_m, grips_mps2, *self._wheels_rad(strip, stamp_s))
 
     def _wheels_rad(self, strip: Strip, stamp_s: float) -> tuple[Floats, Floats]:
-        """Return the angles at each step of the past and of the latency; a command shows after the actuation."""
+        """Return the wheel angles at each past step and during the latency; commands act after the actuation delay."""
         steps = round(PAST_S / STEP_S)
         first_s = stamp_s - strip.body.settings.actuation_s - STEP_S * (steps - 1)
         recent: deque[tuple[float, float]] = deque()
@@ -180,9 +181,9 @@ class Emergency:
 
 
 def _stops_later(strip: Strip) -> bool:
-    """Whether all that is seen is so far away that a full brake a scan later stops before it, whatever the driver does.
+    """Return whether a full brake one scan later stops before everything that is seen, for any steering of the driver.
 
-    Says no more than the rollouts would, for a hundredth of their time: in most bends of a drive.
+    Gives the same answer as the rollouts in a hundredth of their time: in most bends of a drive.
     """
     body, view = strip.body, strip.view
     way_m = stopping_distance_m(strip.speed_mps, strip.latency_s + LATER_S, body.slippery_mps2)

@@ -1,18 +1,18 @@
-"""The emergency manoeuvre: what to do when the car cannot go on as its driver wishes, chosen by predicted outcome.
+"""Emergency manoeuvre: selection by predicted outcome when the car cannot continue as its driver commands.
 
-A few dozen pairs of a steering angle and a deceleration are driven forward in thought (`manoeuvre_rollout`), on the
-assumed floor and on a slippery one, and the outline is swept along each way. Every few steps the car may lock its
-wheels and slide to rest; the best such end is what a manoeuvre counts with, so "turn away, then stop before the other
-wall" is one of them. A contact counts with its speed; without one, the least distance to anything counts, the room.
+A few dozen pairs of a steering angle and a deceleration are simulated (`manoeuvre_rollout`) on the assumed floor and
+a slippery one, and the outline is swept along each path. Every few steps the car may lock its wheels and slide to rest;
+a manoeuvre is rated by the best such end, so "turn away, then stop before the other wall" is one of them. A contact is
+rated by its speed; without one, the least distance to any obstacle counts, the room.
 
-A full brake straight on is the rule. Another manoeuvre is chosen only where it hits nothing harder on either floor and
-is clearly better on the worse one; one that was begun is kept until another is clearly better, or the brake is. The
-wheels are taken from the driver, human or not, only where the full brake hits something on the assumed floor as well.
+A full brake straight on is the default. Another manoeuvre is chosen only where its impact is not harder on either floor
+and it is clearly better on the worse one; a begun manoeuvre is kept until another is clearly better, or the brake is.
+The steering is taken from the driver, human or not, only where the full brake collides on the assumed floor as well.
 
-Why so: stopping takes v^2 / 2a, moving aside by w about v sqrt(2 w / a) of way. Below v = 2 sqrt(2 w a), 5.9 m/s for
-a box of 0.8 m met in its middle, no swerve is shorter than the stop, whatever the driver has just begun. Past an edge w
-is small, and the swerve wins: a car 0.5 m from a wall and turned 20 degrees toward it at 3 m/s hits it on a floor of
-0.65 and less with all the brake there is, and passes on any from 0.5 on when it turns and brakes gently.
+Reason: stopping takes a distance of v^2 / 2a, moving aside by w about v sqrt(2 w / a). Below v = 2 sqrt(2 w a), 5.9 m/s
+for a box of 0.8 m hit in its middle, no swerve is shorter than the stop, whatever the driver has just begun. Past an
+edge w is small, and the swerve is shorter: a car 0.5 m from a wall and turned 20 degrees toward it at 3 m/s hits it on
+a floor of 0.65 and less with full braking, and passes on any from 0.5 on when it turns and brakes gently.
 """
 
 import math
@@ -25,21 +25,21 @@ from runtime.control.perception.geometry import Floats, Places
 from runtime.control.safety.manoeuvre_rollout import MAX_ROOM_M, TINY, RolloutStart, roll_out_all
 
 HARDLY_MPS = 0.1
-"""The rollouts know an impact no better than this."""
+"""Accuracy of the impact speed of the rollouts."""
 CLEARLY_MPS = 0.3
 CLEARLY_M = 0.04
-"""So much slower an impact, or so much more room, is clearly better."""
+"""Minimum differences in impact speed, or in room, that count as clearly better."""
 STEERING_SHARES = (0.0, 1.0, -1.0, 0.5, -0.5)
-"""Of full lock."""
+"""Shares of full lock."""
 BRAKE_SHARES = (0.7, 0.45)
-"""Of a slippery floor's grip, the preferred one first; they leave 71 and 89 % of it for the bend."""
+"""Shares of a slippery floor's grip, the preferred one first; they leave 71 and 89 % of it for the bend."""
 HARD_SHARE = 0.8
-"""Of the assumed floor's grip; a slippery one locks the wheels at it."""
+"""Share of the assumed floor's grip; on a slippery floor it locks the wheels."""
 
 
 @value()
 class Manoeuvre:
-    """A steering angle and a deceleration; infinity is all there is."""
+    """A steering angle and a deceleration; infinity is the full brake."""
 
     steering_rad: float
     brake_mps2: float
@@ -50,7 +50,7 @@ FULL_BRAKE = Manoeuvre(0.0, math.inf)
 
 @value()
 class Outcome:
-    """What a manoeuvre leads to.
+    """Predicted outcome of a manoeuvre.
 
     impact_mps: speed of the contact on each floor, 0 without one. room_m: the least distance beyond the margin, of
     any floor; 0 with a contact.
@@ -73,10 +73,10 @@ class Outcome:
 
 @value(eq=False)
 class EmergencyState:
-    """What the rollouts start from.
+    """Initial state of the rollouts.
 
-    points_m: everything solid around, (k,), base_link. grips_mps2: of the assumed floor and of the slippery one.
-    past_rad, coming_rad: the wheels' angle at each step until now, and as the commands under way will turn them.
+    points_m: solid points around the car, (k,), base_link. grips_mps2: of the assumed floor and of the slippery one.
+    past_rad, coming_rad: the wheels' angle at each step until now, and as commanded by the commands in flight.
     """
 
     start: RolloutStart
@@ -86,7 +86,7 @@ class EmergencyState:
     coming_rad: Floats
 
     def predict(self, manoeuvres: Sequence[Manoeuvre]) -> list[Outcome]:
-        """Return what each manoeuvre leads to."""
+        """Return the predicted outcome of each manoeuvre."""
         steering_rad = np.array([manoeuvre.steering_rad for manoeuvre in manoeuvres])
         brake_mps2 = np.array([manoeuvre.brake_mps2 for manoeuvre in manoeuvres])
         grips_mps2 = np.array(self.grips_mps2)
@@ -98,10 +98,10 @@ class EmergencyState:
 
 
 def best_of(situation: EmergencyState, tried: Sequence[Manoeuvre], kept: Manoeuvre, wish_rad: float) -> Outcome:
-    """Return what `choose` chooses of all of tried, the first of which is the full brake; rolls out no others.
+    """Return the choice of `choose` among `tried`, the first of which is the full brake, with the fewest rollouts.
 
-    A brake with room enough is beaten by nothing, and one that hits nothing on the assumed floor only by the driver's
-    own steering.
+    No manoeuvre beats a brake with enough room, and only the driver's own steering beats a brake that is collision-free
+    on the assumed floor.
     """
     (brake,) = situation.predict(tried[:1])
     if kept == FULL_BRAKE and brake.is_free and brake.room_m + CLEARLY_M >= MAX_ROOM_M:
@@ -117,7 +117,7 @@ def candidates(
 ) -> list[Manoeuvre]:
     """Return the manoeuvres to try: the full brake first, then the driver's own steering, straight on, and turns.
 
-    Of equal ones the first is chosen. gentle_share: of a slippery floor's grip, the gentlest brake but none.
+    Of equal ones the first is chosen. gentle_share: share of a slippery floor's grip used by the gentlest brake.
     """
     grip_mps2, slippery_mps2 = grips_mps2
     brakes_mps2 = (*(share * slippery_mps2 for share in (*BRAKE_SHARES, gentle_share, 0.0)), HARD_SHARE * grip_mps2)
@@ -126,9 +126,9 @@ def candidates(
 
 
 def choose(outcomes: Sequence[Outcome], kept: Manoeuvre, wish_rad: float) -> Outcome:
-    """Return the best of outcomes, the first of which is the full brake's, by the rule at the top.
+    """Return the best of outcomes, the first of which is the full brake's, by the rule of the module's docstring.
 
-    kept: what was chosen a scan ago, FULL_BRAKE where nothing was. wish_rad: the driver's own steering.
+    kept: the choice of the previous scan, FULL_BRAKE without one. wish_rad: the driver's own steering.
     """
     brake = outcomes[0]
     chosen = next((outcome for outcome in outcomes if outcome.manoeuvre == kept), brake)
@@ -145,14 +145,15 @@ def choose(outcomes: Sequence[Outcome], kept: Manoeuvre, wish_rad: float) -> Out
 
 
 def never_harder(one: Outcome, other: Outcome, by_mps: float) -> bool:
-    """Whether it hits nothing harder by more than this than the other does, on any floor."""
+    """Return whether one's impact exceeds the other's by at most by_mps on every floor."""
     return all(a <= b + by_mps for a, b in zip(one.impact_mps, other.impact_mps, strict=True))
 
 
 def is_clearly_better(one: Outcome, other: Outcome) -> bool:
-    """Whether it hits clearly less hard, or nothing at all, or nothing either and has clearly more room.
+    """Return whether one's impact is clearly lower, or it is free, or both are free and it has clearly more room.
 
-    What is hit hardly counts as free without room: for a way that passes by a centimetre no full brake is given up.
+    A contact below HARDLY_MPS counts as free without room: a path that passes by a centimetre does not replace a full
+    brake.
     """
     if one.is_free and other.worst_mps <= HARDLY_MPS:
         return one.room_m > other.room_m + CLEARLY_M

@@ -1,4 +1,4 @@
-"""The strip of floor that the car's outline sweeps along the arc it will really drive, and what stands in it.
+"""Swept footprint: the strip of floor that the car's outline sweeps along its predicted arc, and the contacts in it.
 
 The path is that of the rear axle (base_link at the scan is the origin): for the latency the wheels keep their present
 angle, then they slew to the commanded one at the servo's rate, and the tyres allow no more curvature than the grip that
@@ -6,7 +6,7 @@ is left for turning (k = a / v^2). In a bend the car drifts: its rear axle moves
 C), with C the cornering stiffness per load (single-track model, small angles). Footprint collision along a predicted
 arc is the idea of nav2's collision monitor ("approach") and of Autoware's emergency braking.
 
-Points and poses are complex numbers x + iy: to turn by an angle is to multiply with exp(i angle), once for all points.
+Points and poses are complex numbers x + iy: a rotation is one multiplication with exp(i angle) for all points.
 """
 
 import math
@@ -20,11 +20,11 @@ from runtime.control.perception.geometry import Booleans, Floats, Places
 
 STEP_M = 0.06
 POSES_AT_ONCE = 24
-"""A long way is swept piece by piece: the boxes are tighter, and the rest is spared when there is a contact."""
+"""Number of poses swept at once on a long path: the boxes are tighter, and a contact ends the computation early."""
 ENOUGH_POINTS = 3
-"""So many points in the strip are a thing; fewer are noise (2 % wild beams)."""
+"""Minimum number of points in the strip that count as an object; fewer are noise (2 % outliers)."""
 MIN_SLEW_SPEED_MPS = 0.3
-"""A standing car is reckoned to start with this speed, or its wheels would be turned before it has moved at all."""
+"""Minimum speed assumed for the slew: the wheels of a standing car would otherwise be turned before it has moved."""
 
 
 @value()
@@ -36,7 +36,7 @@ class Outline:
     half_width_m: float
 
     def holds(self, points_m: Places) -> Booleans:
-        """Return which points (k,) in base_link are within it."""
+        """Return which points (k,) in base_link are within the outline."""
         inside: Booleans = np.abs(points_m.imag) <= self.half_width_m
         inside &= points_m.real <= self.front_m
         inside &= points_m.real >= -self.rear_m
@@ -44,12 +44,12 @@ class Outline:
 
 
 class PathMotion(NamedTuple):
-    """How the car moves while the path begins.
+    """Motion of the car at the beginning of the path.
 
-    speed_mps: how fast, >= 0. direction: +1 forward, -1 backward. wheel_rad: angle of the wheels now.
-    latency_s: until a new steering command shows. rate_radps: of the servo. wheelbase_m: makes curvature of an angle.
-    turning_mps2: what the tyres can give to the side. slip_rad_per_mps2: angle by which the rear axle drifts outward,
-    per acceleration to the side. along_mps2: how the speed changes until it is end_mps.
+    speed_mps: magnitude, >= 0. direction: +1 forward, -1 backward. wheel_rad: angle of the wheels now.
+    latency_s: until a new steering command takes effect. rate_radps: of the servo. wheelbase_m: converts an angle to a
+    curvature. turning_mps2: maximum lateral acceleration by the tyres. slip_rad_per_mps2: angle by which the rear axle
+    drifts outward, per lateral acceleration. along_mps2: longitudinal acceleration until the speed is end_mps.
     """
 
     speed_mps: float
@@ -84,10 +84,10 @@ class AxlePath:
 
 @value()
 class Contact:
-    """The first thing in the strip.
+    """First contact in the strip.
 
-    travel_m: how far the car can go before it touches it, infinity when there is nothing.
-    aside_m: where on the bumper, left positive, the point nearest to the middle; 0 with points on both sides of it.
+    travel_m: distance the car can drive before the contact, infinity without one.
+    aside_m: lateral place on the bumper, left positive, of the point nearest to the middle; 0 with points on each side.
     curvature_per_m: of the path there. slippery: found on the wider arc of a slippery floor.
     """
 
@@ -101,7 +101,7 @@ NOTHING = Contact(math.inf, 0.0, 0.0)
 
 
 def arc(motion: PathMotion, steering_rad: float, length_m: float) -> AxlePath:
-    """Return the path that a steering command leads to; the first pose is one step on."""
+    """Return the path of a steering command; the first pose is one step ahead."""
     steps = max(1, math.ceil(length_m / STEP_M))
     travel_m = STEP_M * np.arange(1, steps + 1, dtype=np.float64)
     curvature = _curvatures(motion, steering_rad, travel_m)
@@ -118,7 +118,7 @@ def arc(motion: PathMotion, steering_rad: float, length_m: float) -> AxlePath:
 
 
 def _curvatures(motion: PathMotion, steering_rad: float, travel_m: Floats) -> Floats:
-    """Return the curvature at each pose: the wheels' angle, as far as the tyres can follow it."""
+    """Return the curvature at each pose: that of the wheels' angle, limited by the grip of the tyres."""
     change_rad = steering_rad - motion.wheel_rad
     if change_rad:
         turned_rad = travel_m * (motion.rate_radps / max(motion.speed_mps, MIN_SLEW_SPEED_MPS))
@@ -149,7 +149,7 @@ def _curvatures(motion: PathMotion, steering_rad: float, travel_m: Floats) -> Fl
 def contact_on_arc(
     motion: tuple[float, ...], steering_rad: float, length_m: float, outline: Outline, points_m: Places
 ) -> Contact:
-    """Return what `first_contact` finds on the `arc` of a Motion, in one go: no path is made for anybody to look at."""
+    """Return the `first_contact` on the `arc` of the fields of a `PathMotion`, without building the path."""
     touch = sweep_arc(steering_rad, length_m, points_m, outline.front_m, outline.rear_m, outline.half_width_m, *motion)
     return NOTHING if touch is None else Contact(*touch)
 
@@ -164,7 +164,10 @@ def sweep_arc(
     half_width_m: float,
     *motion_fields: float,
 ) -> tuple[float, float, float] | None:
-    """Return travel_m, aside_m and curvature_per_m of the first contact on an arc, or None; the rest is a Motion."""
+    """Return travel_m, aside_m and curvature_per_m of the first contact on an arc, or None.
+
+    motion_fields: of a `PathMotion`.
+    """
     motion, outline = PathMotion(*motion_fields), Outline(front_m, rear_m, half_width_m)
     found = first_contact(arc(motion, steering_rad, length_m), outline, points_m, motion.direction)
     return None if found is NOTHING else (found.travel_m, found.aside_m, found.curvature_per_m)
@@ -208,10 +211,10 @@ def _first_in(path: AxlePath, outline: Outline, points_m: Places, direction: flo
 
 
 def _in_reach(path: AxlePath, outline: Outline, points_m: Places) -> Places:
-    """Return the points in a box that holds this piece of the strip: most of a scan is outside.
+    """Return the points in a box that contains this piece of the strip: most of a scan is outside.
 
-    The outline's middle is reached by turning about the rear axle, so the box has room for it at every heading. First
-    what is too far aside: that leaves little of a corridor.
+    The outline turns about the rear axle, so the box contains it at every heading. The lateral limit is applied first:
+    it leaves few points of a corridor.
     """
     middle_m, half_m = (outline.front_m - outline.rear_m) / 2, (outline.front_m + outline.rear_m) / 2
     centre = path.place_m + middle_m * path.heading
@@ -232,7 +235,7 @@ def _in_reach(path: AxlePath, outline: Outline, points_m: Places) -> Places:
 
 
 def _innermost_m(aside_m: Floats) -> float:
-    """Return the place nearest to the car's middle line; 0 with points on both sides of it."""
+    """Return the lateral place nearest to the car's middle line; 0 with points on both sides of it."""
     low_m, high_m = float(aside_m.min()), float(aside_m.max())
     if low_m > 0:
         return low_m

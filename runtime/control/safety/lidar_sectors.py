@@ -1,7 +1,7 @@
-"""The beams before the shoulders taken together in sectors of 2.5 degrees: what each of them sees, scan after scan.
+"""Sectors of 2.5 degrees that group the beams in front of the shoulders: the state of each, scan after scan.
 
-Seeing takes three beams in ten that agree with their neighbours; what filled sectors in the last scan, carried along by
-odometry, says which of them are expected to see.
+A sector sees when three beams in ten agree with their neighbours; the places of the full sectors of the last scan,
+transformed by odometry, determine which sectors are expected to see.
 """
 
 import cmath
@@ -17,26 +17,27 @@ from runtime.control.perception.view import LEARNT_DIRT_NEARER_THAN_M
 
 AHEAD_RAD = math.radians(60)
 ASIDE_RAD = math.radians(105)
-"""Sectors reach so far aside, because silence ahead is judged by what borders it."""
+"""Maximum bearing of the sectors: silence ahead is judged by its borders."""
 SECTOR_RAD = math.radians(2.5)
 ON_LIDAR_SPARE_M = 0.03
-"""A cover at the outline's edge returns from both sides of it."""
+"""Tolerance around the outline: a cover at its edge returns from both sides of it."""
 ON_LIDAR_GAP_BEAMS = 3
 SEES_SHARE, FULL_SHARE, SILENT_SHARE = 0.3, 0.8, 0.15
 SAME_THING_M, SAME_THING_SHARE = 0.15, 0.12
-"""Neighbouring beams agree within this plus this share of the range: a wall met at a grazing angle, no wild beam."""
+"""Tolerance, plus its share of the range, within which neighbouring beams agree: a wall at a grazing angle does, an
+outlier does not."""
 BESIDE_SECTORS = 0.3
-"""A sector is expected to see whose middle lies between two neighbours that have seen, or so far beside."""
+"""Tolerance beside two neighbours that have seen: a sector whose middle lies between them is expected to see."""
 MAX_BETWEEN_SECTORS = 2.1
-"""Neighbours that come to lie farther apart than 1.5 sectors were the edges of a gap."""
+"""Maximum distance of transformed neighbours, tolerances included: 1.5 sectors without; farther apart is a gap."""
 
 SEEN, DEPTH, GONE, UNPROVEN, MISSING, BLIND = range(6)
-"""What is known of a sector. GONE: depth since this scan; MISSING: unproven since this scan, for something expected."""
+"""States of a sector. GONE: depth since this scan; MISSING: unproven since this scan, where an echo was expected."""
 
 
 @value(eq=False)
 class Sectors:
-    """How the beams of one kind of lidar are put together: first beam, beams each, how many, bearing of the first."""
+    """Grouping of the beams of one kind of lidar: first beam, beams per sector, count, bearing of the first sector."""
 
     first: int
     beams: int
@@ -69,7 +70,7 @@ def sectors_of(scan: Scan) -> Sectors:
 
 
 def runs(which: Booleans) -> list[tuple[int, int]]:
-    """Return (first, last) of every row of true ones of (n,)."""
+    """Return (first, last) of every run of True in (n,)."""
     edges = np.flatnonzero(np.diff(which, prepend=False, append=False)).tolist()
     return [(first, end - 1) for first, end in zip(edges[::2], edges[1::2], strict=True)]
 
@@ -106,11 +107,11 @@ def watch_sectors(  # flat arguments, as its twin in C wants them
     moved_y_m: float,
     turned_rad: float,
 ) -> tuple[Bytes, Places, Places, int, int, int]:
-    """Return what is known of each sector after one more scan.
+    """Return the state of each sector after one more scan.
 
     state, (n,); a place that each sector sees, and only of the full ones, (n,), base_link, NaN for none; the longest
     row of beams that return from on the lidar; how many sectors ahead are unproven or blind; how many
-    have fallen silent since the scan before.
+    have become silent since the previous scan.
 
     ranges_m to dirty: of a View, (beams,). state, held: what this has returned for the scan before, which was taken
     at the pose from which the car has moved by moved_x_m, moved_y_m and turned by turned_rad since. first, beams,
@@ -160,7 +161,7 @@ def watch_sectors(  # flat arguments, as its twin in C wants them
 
 
 def row_on_lidar(near: Booleans, own: Booleans) -> int:
-    """Return the length of the longest row of near beams of which a third are within the outline; both (beams,)."""
+    """Return the length of the longest run of near beams of which a third are within the outline; both (beams,)."""
     index = np.flatnonzero(near)
     if not index.size:
         return 0

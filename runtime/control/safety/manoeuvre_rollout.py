@@ -1,4 +1,4 @@
-"""Where a manoeuvre takes the car, and what it hits: the vehicle model behind the emergency manoeuvre.
+"""Rollouts of a manoeuvre, its path and its contacts: the vehicle model of the emergency manoeuvre.
 
 Single-track model, both axles equally loaded and of the same stiffness C, on a floor with grip G = mu g. Per step:
 
@@ -25,33 +25,33 @@ from runtime.control.perception.geometry import Floats, Places
 
 STEP_S = 0.01
 LOOK_STEPS = 2
-"""The outline is laid over the points at every second step: 8 cm at 4 m/s."""
+"""Interval in steps at which the outline is checked against the points: 8 cm at 4 m/s."""
 HORIZON_STEPS = 100
-"""1 s: after it a car of 4 m/s stands on a floor of 0.5. What still rolls then brakes."""
+"""Horizon of 1 s: after it a car of 4 m/s stands on a floor of 0.5. A car still rolling then brakes."""
 LOCK_STEPS = 6
-"""Every so many steps the wheels may be locked."""
+"""Interval in steps at which the wheels may be locked."""
 MIN_TURN_S = 0.06
-"""A manoeuvre that ends sooner in a full brake is none: the next scans choose again."""
+"""Minimum duration of a turn before a full brake: the next scans choose again."""
 YAW_RESPONSE = 2.0
 """Square of half the wheelbase through that of the radius of gyration (f1tenth_gym: 2.16)."""
 SLIDE_DAMPING = 1.0
-"""How fast locked wheels end a rotation, per way slid; 2 without the load that a brake moves forward."""
+"""Damping of the rotation with locked wheels, per distance slid; 2 without the load transfer of braking."""
 SLOW_MPS = 1.0
 STANDING_MPS = 0.05
 MARGIN_M = 0.04
-"""What comes nearer counts as a contact: the noise of the lidar, and what the model leaves out."""
+"""Distance below which a point counts as a contact: the noise of the lidar, and the error of the model."""
 MAX_ROOM_M = 0.10
-"""More room than this is as good as any."""
+"""Maximum room that is rated; more is not better."""
 ENOUGH_POINTS = 3
-"""As in the swept strip: fewer are noise."""
+"""Minimum number of points of an object, as in the swept strip: fewer are noise."""
 MAX_FLOORS = 4
 TINY = 1e-9
 
 
 class RolloutStart(NamedTuple):
-    """The car as it is when the rollouts begin.
+    """State of the car when the rollouts begin.
 
-    speed_mps: forward, > 0. brake_mps2: how hard it brakes until a new command shows, which takes latency_s.
+    speed_mps: forward, > 0. brake_mps2: deceleration until a new command takes effect, after latency_s.
     cornering_per_rad: C. The outline is the car's own: front_m, rear_m (backwards), half_width_m from the rear axle.
     """
 
@@ -67,7 +67,7 @@ class RolloutStart(NamedTuple):
 
 
 class State(NamedTuple):
-    """The car on its way. middle_m: between the axles. course_rad: where that moves. yaw_radps: its rotation.
+    """State of the car on its path. middle_m: between the axles. course_rad: direction of motion. yaw_radps: yaw rate.
 
     ahead_mps, aside_mps: of the middle. wheel_rad: angle of the front wheels.
     """
@@ -95,7 +95,7 @@ def roll_out_all(
     """Return, for each manoeuvre (n,), the impact [m/s] on each floor (f,) and the least room [m]: (n * (f + 1),).
 
     points_m: solid points around, (k,), base_link. past_rad, coming_rad: angle of the wheels at each step of the past,
-    oldest first, and at those that the commands under way will still bring.
+    oldest first, and at the coming steps by the commands in flight.
     """
     start, points_m = RolloutStart(*start_fields), points_m[np.isfinite(points_m)]
     _check(start, steering_rad, brake_mps2, grip_mps2, past_rad, coming_rad)
@@ -114,7 +114,7 @@ def roll_out_all(
 def _check(
     start: RolloutStart, steering_rad: Floats, brake_mps2: Floats, grip_mps2: Floats, *wheel_rad: Floats
 ) -> None:
-    """Raise ValueError for what is no car."""
+    """Raise ValueError for values that no car can have."""
     finite = all(bool(np.isfinite(values).all()) for values in (np.array(start), steering_rad, grip_mps2, *wheel_rad))
     outlined = start.front_m + start.rear_m >= 0.0 and start.half_width_m >= 0.0 and start.brake_mps2 >= 0.0
     positive = bool((grip_mps2 > 0.0).all() and (brake_mps2 >= 0.0).all()) and outlined
@@ -123,7 +123,7 @@ def _check(
 
 
 def latency_path(start: RolloutStart, past_rad: list[float], coming_rad: list[float], grip_mps2: float) -> list[State]:
-    """Return where the car is at every step until a new command shows, the present first, as the past has left it."""
+    """Return the state at every step until a new command takes effect, the present first, with the past's dynamics."""
     moves, wheel_rad = (start.speed_mps, 0.0, 0.0), 0.0
     for wheel_rad in past_rad:
         moves = _turned(start, (start.speed_mps, *moves[1:]), wheel_rad, 0.0, grip_mps2)
@@ -140,7 +140,7 @@ def latency_path(start: RolloutStart, past_rad: list[float], coming_rad: list[fl
 def roll_out(
     start: RolloutStart, path: list[State], steering_rad: float, brake_mps2: float, grip_mps2: float
 ) -> Iterator[State]:
-    """Yield where the car is at every step up to the horizon, the latency's path first."""
+    """Yield the state at every step up to the horizon, the latency's path first."""
     yield from path
     state, most_rad = path[-1], start.rate_radps * STEP_S
     for _ in range(len(path), HORIZON_STEPS + 1):
@@ -203,7 +203,7 @@ def _ends(
 ) -> list[tuple[float, float]]:
     """Return impact and room for every moment at which the wheels may be locked.
 
-    Ends at standstill and with a contact: whatever comes later ends like that.
+    Ends at standstill and with a contact: all later moments have the same end.
     """
     ends: list[tuple[float, float]] = []
     room_m = MAX_ROOM_M
@@ -222,7 +222,7 @@ def _ends(
 
 
 def _may_lock(start: RolloutStart, brake_mps2: float, step: int) -> bool:
-    """Whether this is a moment to lock the wheels: a full brake does it at once, others every few steps, or at last."""
+    """Return whether the wheels may be locked at this step: by a full brake at once, else at intervals and the end."""
     if not math.isfinite(brake_mps2):
         return step * STEP_S >= start.latency_s or step == HORIZON_STEPS
     return step == HORIZON_STEPS or (step % LOCK_STEPS == 0 and step * STEP_S >= start.latency_s + MIN_TURN_S)
@@ -256,7 +256,7 @@ def slide(
 
 
 def distance_m(start: RolloutStart, state: State, points_m: Places) -> float:
-    """Return how far the third-nearest point is from the outline, infinity where there are fewer."""
+    """Return the distance of the third-nearest point from the outline, infinity where there are fewer."""
     ahead_m, aside_m = _from_outline(start, state.middle_m, state.heading_rad, points_m)
     ahead_m = np.maximum(np.abs(ahead_m) - (start.front_m + start.rear_m) / 2, 0.0)
     aside_m = np.maximum(np.abs(aside_m) - start.half_width_m, 0.0)
@@ -264,7 +264,7 @@ def distance_m(start: RolloutStart, state: State, points_m: Places) -> float:
 
 
 def _margin_m(start: RolloutStart, points_m: Places) -> float:
-    """Return the margin, less where something is nearer already: that is no contact whatever the car does."""
+    """Return the margin, reduced where a point is nearer already, so that it does not count as a contact."""
     here = State(complex(start.wheelbase_m / 2, 0.0), 0.0, 0.0, 0.0, 0.0)
     return min(MARGIN_M, 0.5 * distance_m(start, here, points_m) - TINY)
 
@@ -272,7 +272,7 @@ def _margin_m(start: RolloutStart, points_m: Places) -> float:
 def _from_outline(
     start: RolloutStart, middle_m: complex, heading_rad: float, points_m: Places
 ) -> tuple[Floats, Floats]:
-    """Return the points as seen from the outline's centre: how far ahead and how far to the left."""
+    """Return the points relative to the outline's centre: distances ahead and to the left."""
     ahead_m = (start.front_m - start.rear_m - start.wheelbase_m) / 2
     turned = complex(math.cos(heading_rad), math.sin(heading_rad))
     seen = (points_m - (middle_m + ahead_m * turned)) * turned.conjugate()

@@ -1,12 +1,12 @@
-"""Who walks: small things that stand out are tracked in the odometry frame, and where they are going is taken as full.
+"""Moving obstacles: small clusters are tracked in the odometry frame, and their predicted places count as occupied.
 
-A person who crosses at 1.5 m/s is not in the way until it is too late, and one who comes toward the car takes the way
-that it needs to stop. The track is an alpha-beta filter (Kalata 1984) on the middle of the thing's visible side; a
-thing counts as walking when it has moved faster than odometry can err, for long enough, with both of its edges: of a
-wall's end that comes into view only one edge moves. And the beams must agree: where it came from, nothing stands now,
-and where it has come to, nothing was seen before (as in detecting dynamic objects by free space: Wang, Thorpe &
-Thrun 2003). Two legs of a table that are seen by turns do not walk. Its points, moved on along its way for the next
-moments, are added to what the safety sweeps.
+A person crossing at 1.5 m/s is not in the path until it is too late, and one approaching the car occupies the distance
+that it needs to stop. The track is an alpha-beta filter (Kalata 1984) on the middle of the object's visible side; an
+object counts as moving when it has moved faster than the error of the odometry, for long enough, with both of its
+edges: of a wall's end that comes into view only one edge moves. And the beams must agree: its earlier place is free
+now, and at its present place nothing was seen before (as in detecting dynamic objects by free space: Wang, Thorpe &
+Thrun 2003). Two table legs seen alternately are not a moving object. The object's points, extrapolated along its motion
+for the next moments, are added to the points that the safety sweeps.
 """
 
 import cmath
@@ -27,23 +27,25 @@ BACKGROUND_BEAMS = 40
 MIN_BEAMS = 4
 MAX_WIDTH_M = 0.7
 MATCH_M, MAX_MOVE_M = 0.15, 0.35
-"""How far beside its way a thing may be seen again, beside what who runs does in between; and at most."""
+"""Association gate: maximum distance from the predicted place, in addition to the motion of a runner between the scans;
+and its absolute maximum."""
 POSITION_GAIN = 0.4
 SPEED_GAIN = 0.08
 SEEN_SCANS = 8
 MOVED_M = 0.2
 LATELY_S = 0.6
-"""Moved since then, or up to twice as long ago: what has crept elsewhere in a minute does not walk."""
+"""Minimum age of the place from which motion is measured; the maximum is twice that: slow drift is not walking."""
 MIN_SPEED_MPS = 0.4
 MIN_SPEED_SHARE = 0.15
-"""Of the car's own speed: a trimmed or drifting car turns by more than its steering says."""
+"""Share of the car's own speed that is added: a trimmed or drifting car turns by more than its steering indicates."""
 TURNING_SHARE = 0.3
-"""Of the car's own turning, now and half a second ago, times the distance: the servo lags behind the odometry."""
+"""Share of the car's own yaw rate, now and half a second ago, times the distance, that is added: the servo lags behind
+the odometry."""
 TURNING_FADES = 0.95
 MAX_SPEED_MPS = 4.0
-"""Who runs does 3 m/s; what seems faster is a mistake of the matching."""
+"""Maximum speed of a track: runners reach 3 m/s; faster tracks are false associations."""
 SAME_PLACE_M = 0.1
-"""What returns so near to a place stands there."""
+"""Maximum distance of a return from a place that counts as occupying it."""
 MAX_OF_THREE = 2
 AHEAD_S = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9)
 FORGOTTEN_S = 0.15
@@ -51,14 +53,14 @@ FORGOTTEN_S = 0.15
 
 @value(eq=False)
 class _Look:
-    """One scan, and where it was taken: position and heading of base_link in the odometry frame."""
+    """One scan and its pose: position and heading of base_link in the odometry frame."""
 
     view: View
     at_m: complex
     turned: complex
 
     def ranges_m(self, place_m: complex) -> tuple[float, Floats]:
-        """Return how far a place (odom) is from the lidar, and what the three beams toward it read; none outside."""
+        """Return the distance of a place (odom) from the lidar, and the ranges of three beams toward it, if any."""
         view = self.view
         off = (place_m - self.at_m) * self.turned.conjugate() - view.lidar_x_m
         beam = round((cmath.phase(off) - view.scan.angle_min_rad) / view.scan.angle_step_rad)
@@ -67,23 +69,23 @@ class _Look:
 
 @dataclass(frozen=True, slots=True)
 class _Before:
-    """Where the right and the left edge of a thing were (odom), when, and the look that saw it there."""
+    """Earlier places of the right and the left edge of an object (odom), their time, and the scan that showed them."""
 
     edges_m: tuple[complex, complex]
     stamp_s: float
     look: _Look
 
     def carried(self, by_m: complex) -> "_Before":
-        """Return the same in an odometry frame that has missed a way."""
+        """Return the same, shifted by a motion that the odometry has missed."""
         edges_m = self.edges_m[0] + by_m, self.edges_m[1] + by_m
         return _Before(edges_m, self.stamp_s, replace(self.look, at_m=self.look.at_m + by_m))
 
 
 @dataclass(slots=True)
 class _Track:
-    """A thing in the odometry frame: middle, velocity, right and left edge, how often it was seen, when last.
+    """Track of an object in the odometry frame: middle, velocity, right and left edge, number of scans, last time.
 
-    edges_m are smoothed, newest_m those of the last scan. before, lately: where it was, long enough ago, and since.
+    edges_m are smoothed, newest_m those of the last scan. before, lately: earlier places, before is the older one.
     """
 
     place_m: complex
@@ -96,35 +98,35 @@ class _Track:
     seen_s: float
 
     def carry(self, by_m: complex, stamp_s: float) -> None:
-        """Move it to where it is seen, without a way of its own."""
+        """Move the track to the place where it is seen, without a motion of its own."""
         self.place_m += by_m
         self.edges_m = self.edges_m[0] + by_m, self.edges_m[1] + by_m
         self.before, self.lately = self.before.carried(by_m), self.lately.carried(by_m)
         self.seen_s = stamp_s
 
     def remember(self, stamp_s: float, look: _Look) -> None:
-        """Take note of where it is, every now and then."""
+        """Store the present place every LATELY_S."""
         if stamp_s - self.lately.stamp_s > LATELY_S:
             self.before, self.lately = self.lately, _Before(self.edges_m, stamp_s, look)
 
 
 class MovingObstacles:
-    """Small state: the tracks. `update` once per scan."""
+    """Holds the tracks of moving obstacles. Call `update` once per scan."""
 
     def __init__(self) -> None:
         self._tracks: list[_Track] = []
         self._turning_radps = 0.0
 
     def update(self, view: View, pose: OdometryState, stamp_s: float, *, sliding: bool = False) -> Places:
-        """Return points, (k,) in base_link, where walkers will be in the next 0.9 s; k = 0 without walkers.
+        """Return the predicted places, (k,) in base_link, of pedestrians in the next 0.9 s; k = 0 without pedestrians.
 
-        sliding: the wheels are locked, so that the odometry stands while everything comes nearer: nothing is learnt
-        about who goes where, and nothing is forgotten.
+        sliding: the wheels are locked, so that the odometry stands still while everything comes nearer: velocities are
+        neither updated nor forgotten.
         """
         self._turning_radps = max(abs(pose.yaw_rate_radps), TURNING_FADES * self._turning_radps)
         things = find_small_clusters(view.solid, view.ranges_m, abs(view.scan.angle_step_rad))
         if not things and not self._tracks:
-            return NOWHERE  # as a rule
+            return NOWHERE  # the usual case
         turned, at_m = cmath.rect(1.0, pose.yaw_rad), complex(pose.x_m, pose.y_m)
         look = _Look(view, at_m, turned)
         fresh: list[_Track] = []
@@ -147,13 +149,13 @@ class MovingObstacles:
         return np.concatenate(strips) if strips else NOWHERE
 
     def _follow(self, points_m: Places, stamp_s: float, look: _Look, *, sliding: bool) -> _Track:
-        """Return the track that these points (k,), odom, continue, taken from the list, or a new one."""
+        """Return the track associated with these points (k,), odom, removed from the list, or a new one."""
         place_m = complex(points_m.sum()) / points_m.size
         edges_m = complex(points_m[0]), complex(points_m[-1])
         nearest, nearest_m = None, MAX_MOVE_M
         for track in self._tracks:
             elapsed_s = stamp_s - track.seen_s
-            if elapsed_s > FORGOTTEN_S:  # a hole in the scans: tracks cannot be associated
+            if elapsed_s > FORGOTTEN_S:  # a gap in the scans: tracks cannot be associated
                 continue
             off_m = abs(track.place_m + track.way_mps * elapsed_s - place_m)
             if off_m < min(nearest_m, MATCH_M + MAX_SPEED_MPS * elapsed_s):
@@ -184,7 +186,7 @@ class MovingObstacles:
 
 @twin
 def find_small_clusters(solid: Booleans, ranges_m: Floats, step_rad: float) -> list[tuple[int, int]]:
-    """Return (first, last) beam of every near thing at most 0.7 m wide that stands out before its surroundings.
+    """Return (first, last) beam of every near object at most 0.7 m wide that stands out from its surroundings.
 
     solid, ranges_m: (beams,) of a View. step_rad: between two beams, positive.
     """
@@ -207,7 +209,7 @@ def find_small_clusters(solid: Booleans, ranges_m: Floats, step_rad: float) -> l
 
 
 def _stands_out(solid: Booleans, ranges_m: Floats, right: int, left: int) -> bool:
-    """Whether the things at both sides are farther away, and there are both sides."""
+    """Return whether the things at both sides are farther away, and there are both sides."""
     to_the_right = range(right - 1, right - 1 - BACKGROUND_BEAMS, -1)
     to_the_left = range(left + 1, left + 1 + BACKGROUND_BEAMS)
     return _behind(solid, ranges_m, to_the_right, ranges_m[right]) and _behind(
@@ -216,10 +218,10 @@ def _stands_out(solid: Booleans, ranges_m: Floats, right: int, left: int) -> boo
 
 
 def _behind(solid: Booleans, ranges_m: Floats, beams: range, range_m: float) -> bool:
-    """Whether the first solid one of the next beams is clearly farther away.
+    """Return whether the first solid one of the next beams is clearly farther away.
 
-    Dirt and wild beams are skipped: they cut walls into pieces whose edges go along with the car. Where nothing is
-    solid, silence counts as far.
+    Dirt and outliers are skipped: they cut walls into pieces whose edges move with the car. Where no beam is solid,
+    silence counts as far.
     """
     for beam in beams:
         if not 0 <= beam < solid.size:
@@ -230,9 +232,9 @@ def _behind(solid: Booleans, ranges_m: Floats, beams: range, range_m: float) -> 
 
 
 def _goes(track: _Track, toward: complex, look: _Look, slowest_mps: float, *, either: bool = False) -> bool:
-    """Whether the thing moves that way (odom; either: or the opposite one) faster than that, with both of its edges.
+    """Return whether both edges of the object move in that direction (odom; either: or its opposite) faster than that.
 
-    look: of this scan; it and the one before must show that the thing has left one place for another.
+    look: of this scan; it and the earlier one must show that the object has left one place for another.
     """
     size = abs(toward)
     if not size or abs(track.way_mps) > MAX_SPEED_MPS:
@@ -250,12 +252,12 @@ def _goes(track: _Track, toward: complex, look: _Look, slowest_mps: float, *, ei
 
 
 def _stands(look: _Look, place_m: complex) -> bool:
-    """Whether most of three beams return from there."""
+    """Return whether most of three beams return from that place."""
     away_m, ranges_m = look.ranges_m(place_m)
     return int(np.count_nonzero(np.abs(ranges_m - away_m) < SAME_PLACE_M)) >= MAX_OF_THREE
 
 
 def _is_free(look: _Look, place_m: complex) -> bool:
-    """Whether most of three beams go on beyond it; no echo goes on."""
+    """Return whether most of three beams pass beyond that place; a beam without an echo does."""
     away_m, ranges_m = look.ranges_m(place_m)
     return int(np.count_nonzero(ranges_m < away_m + SAME_PLACE_M)) < MAX_OF_THREE

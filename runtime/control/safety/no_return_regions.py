@@ -1,4 +1,4 @@
-"""When silence in the way is suspicious: no echo is no information, but most of it is only distance."""
+"""Regions without returns that are suspicious: no echo is no information, but most of it is only distance."""
 
 import math
 
@@ -13,11 +13,11 @@ DARK_WINDOW_RAD = math.radians(10)
 
 
 def enclosed_dark(view: View, toward_rad: float, near_m: float) -> bool:
-    """Whether more than 30 % of the beams around a bearing have no echo, with things nearer than near_m on both sides.
+    """Return whether over 30 % of the beams around a bearing lack an echo, with objects nearer than near_m beside them.
 
-    No echo is no information. But in real corridors and halls the far end rarely answers (6 to 64 % of all beams): dark
-    between walls that are seen far beyond the stopping distance is depth; dark that begins and ends near is a window, a
-    black box or a blinded lidar.
+    No echo is no information. But in real corridors and halls the far end rarely returns an echo (6 to 64 % of all
+    beams): a dark region between walls that are seen far beyond the stopping distance is depth; one that begins and
+    ends near is a window, a black box or a blinded lidar.
     """
     scan = view.scan
     return find_dark_regions(
@@ -35,7 +35,7 @@ def find_dark_regions(
     toward_rad: float,
     near_m: float,
 ) -> bool:
-    """Whether the beams around a bearing are dark, and enclosed by things nearer than near_m; of beams (n,)."""
+    """Return whether the beams around a bearing are dark and enclosed by objects nearer than near_m; of beams (n,)."""
     middle = round((toward_rad - angle_min_rad) / angle_step_rad)
     width = round(DARK_WINDOW_RAD / abs(angle_step_rad))
     first, last = max(0, middle - width), max(0, middle + width + 1)  # a negative one would count from the far end

@@ -1,4 +1,4 @@
-"""What is behind the car: the lidar is blind there, but it has seen most of it while coming."""
+"""Memory of the area behind the car: the lidar is blind there, but has seen most of it on the way."""
 
 import cmath
 import math
@@ -18,16 +18,16 @@ KEPT_EVERY_RAD = 0.15
 KEPT_VIEWS = 16
 KEPT_FOR_A_WAY_OUT = 32
 TRACK_FOR_S = 30.0
-"""Where the car stood longer ago, something may stand by now."""
+"""Maximum age of the car's own track: places it left longer ago may be occupied by now."""
 TRACK_M = 1.5
-"""So far, and no farther, may the car back on its own track before it comes forward again: nothing is looking there."""
+"""Maximum distance of backing on the car's own track before it drives forward again: no sensor covers that area."""
 TRACK_FROM_M, TRACK_TO_M, TRACK_ASIDE_M, TRACK_COS = 0.08, 0.35, 0.08, 0.95
-"""The car backs on its own track where it stood so far behind, in line and at the same heading."""
+"""Limits for backing on the car's own track: distance behind, lateral offset and heading of an earlier pose."""
 
 
 @value(eq=False)
 class RememberedView:
-    """A view, and the pose of base_link in the odometry frame at which it was taken."""
+    """A view and the pose of base_link in the odometry frame at which it was taken."""
 
     view: View
     place_m: complex
@@ -35,9 +35,9 @@ class RememberedView:
 
 
 class RearMemory:
-    """Remembers near points in the odometry frame over the last one and a half metres, and how far the car backed.
+    """Stores near points in the odometry frame over the last one and a half metres, and how far the car backed.
 
-    kept: whole views of the last metres, for one who has to find a way out; nothing of them is computed before.
+    kept: whole views of the last metres, for the search of a way out; nothing is computed from them before.
     """
 
     def __init__(self, lidar_x_m: float) -> None:
@@ -52,7 +52,7 @@ class RearMemory:
         self.backed_m = self._retraced_m = 0.0
 
     def move(self, pose: OdometryState, step_m: float) -> None:
-        """Be at another pose, step_m (signed) after the one before; to back on the own track is not to back blindly."""
+        """Move to another pose, step_m (signed) after the last; backing on the own track does not count as blind."""
         self._at = pose
         if step_m < 0.0 and self.kept:
             place_m, heading = np.array([complex(pose.x_m, pose.y_m)]), np.array([cmath.rect(1.0, pose.yaw_rad)])
@@ -63,12 +63,12 @@ class RearMemory:
         self.backed_m = max(0.0, self.backed_m - step_m)
 
     def track(self) -> tuple[Places, Places]:
-        """Return where the car stood not long ago, odom, and its headings there, (k,) each."""
+        """Return the recent places of the car, odom, and its headings there, (k,) each."""
         recent = [one for one in self.kept if one.view.scan.stamp_s >= self._now_s - TRACK_FOR_S]
         return np.array([one.place_m for one in recent]), np.array([cmath.rect(1.0, one.yaw_rad) for one in recent])
 
     def lay_anew(self, kept: list[RememberedView]) -> None:
-        """Take better poses for the kept views, the newest last, and with them for the points near by."""
+        """Replace the poses of the kept views, the newest last, and recompute the near points from them."""
         self.kept = deque(kept, maxlen=KEPT_FOR_A_WAY_OUT)
         self._views.clear()
         for one in kept[-KEPT_VIEWS:]:
@@ -77,9 +77,9 @@ class RearMemory:
         self._seen = np.concatenate(self._views) if self._views else NOWHERE
 
     def keep(self, view: View, doubtful: Places = NOWHERE) -> None:
-        """Take in the scan of this pose; keeps a view every 10 cm or 9 degrees.
+        """Update from the scan of this pose; keeps a view every 10 cm or 9 degrees.
 
-        doubtful: places (k,), odom, where the lidar does look, but which may be the car itself.
+        doubtful: places (k,), odom, in the lidar's field of view, but which may be the car itself.
         """
         self._now_s = view.scan.stamp_s
         self._doubtful = doubtful
@@ -95,14 +95,14 @@ class RearMemory:
         self._seen = np.concatenate(self._views)
 
     def seen_now(self, view: View) -> RememberedView:
-        """Return a view as one that was taken at this pose."""
+        """Return the view with the present pose."""
         return RememberedView(view, complex(self._at.x_m, self._at.y_m), self._at.yaw_rad)
 
     def points_m(self, half_view_rad: float) -> Places:
-        """Return what is remembered where the lidar does not look now (beyond +-half_view_rad), base_link, (k,).
+        """Return the remembered places outside the lidar's field of view (beyond +-half_view_rad), base_link, (k,).
 
-        What it does look at is judged by what it sees: a person who has left leaves no ghost there. Of that only what
-        is in doubt is added.
+        Inside the field of view the present scan counts: a person that has left leaves no ghost there. Of that area
+        only the doubtful places are added.
         """
         at = self._at.x_m, self._at.y_m, self._at.yaw_rad, self._lidar_x_m
         found = places_behind(self._seen, *at, half_view_rad)
@@ -110,9 +110,9 @@ class RearMemory:
 
 
 def on_track(place_m: Places, heading: Places, track_m: Places, track_heading: Places) -> Booleans:
-    """Return at which places (n,) and headings the car stood a little farther back before: there nothing fixed is.
+    """Return the places (n,) and headings with an earlier pose of the car a little farther back: no fixed object there.
 
-    track_m, track_heading: where it stood, (k,) each, in the same frame.
+    track_m, track_heading: of the earlier poses, (k,) each, in the same frame.
     """
     behind_m = (track_m - place_m[:, None]) * heading.conj()[:, None]
     same: Booleans = (behind_m.real <= -TRACK_FROM_M) & (behind_m.real >= -TRACK_TO_M)

@@ -1,7 +1,7 @@
-"""Where silence ends, beam by beam: a border that stays where it is in the world while the car moves is no cover's.
+"""Borders of silence, beam by beam: a border that is stationary in the world while the car moves is not a cover's.
 
-A cover is fixed to the lidar: whatever comes out of it, its border keeps its bearing. The end of a wall keeps its
-place: its bearing changes as odometry says. Sectors show that when it has changed by 2.5 degrees, beams much earlier.
+A cover is fixed to the lidar: whatever emerges from it, its border keeps its bearing. The end of a wall keeps its
+place: its bearing changes as odometry predicts. Sectors resolve a change of 2.5 degrees, beams a much smaller one.
 """
 
 import cmath
@@ -19,22 +19,24 @@ from runtime.control.safety.lidar_sectors import SAME_THING_M, SAME_THING_SHARE,
 
 STAYS_FOR_M = 0.25
 STAYS_FOR_BEAMS = 3.0
-"""So far must the car have moved, and so much must the bearing of a border that stays have changed, to be judged."""
+"""Minimum distance moved, and minimum expected change of the bearing of a stationary border, to be judged."""
 MIN_SCANS = 5
 STAYS_SHARE = (0.6, 2.0)
-"""Of the change that is expected of a border that stays; one that goes along does not change. Bearings are whole beams,
-so the share is a coarse one."""
+"""Accepted shares of the change expected of a stationary border; the bearing of one moving with the car is constant.
+Bearings are whole beams, so the share is coarse."""
 STRAYS_BEAMS = 1.0
-"""A border whose bearing scatters by more (RMS; whole beams alone are 0.3) is none that could be followed."""
+"""Maximum scatter (RMS) of the bearing of a border that can be tracked; quantization to whole beams alone is 0.3."""
 SAME_BORDER_RAD = math.radians(2.5)
 FADES_WITHIN_S = 1.0
 FADES_NEARER_THAN_M = 8.0
 FADES_BETWEEN_SECTORS = 4.2
-"""Neighbours on a wall come apart on the way of a second; those on two things lie farther apart."""
+"""Maximum distance of neighbours on one wall, which separate within a second; on two objects they are farther apart."""
 FADES_STRAIGHT_RAD = 0.1
-"""Walls farther away fade of themselves, met at a grazing angle, and so do dark ones from which the car turns."""
+"""Maximum change of heading: walls farther away fade by themselves at a grazing angle, as do dark ones from which the
+car turns."""
 BESIDE_RAD = math.radians(5)
-"""The first beam that sees is so near to the middle of the last silent sector: one that hardly sees lies between."""
+"""Maximum angle between the first beam that sees and the middle of the last silent sector: a barely seeing sector may
+lie between them."""
 
 
 @value(eq=False)
@@ -71,7 +73,7 @@ def _linked(range_m: Floats, echo: Booleans) -> Booleans:
 
 
 class _BorderTrack:
-    """One border, scan after scan: what its bearing should be if it stayed where it was first seen, and what it is."""
+    """Tracks one border over the scans: its expected bearing if stationary where first seen, and its measured one."""
 
     def __init__(self, border: Border, pose: OdometryState, lidar_x_m: float) -> None:
         self.border, self.stays = border, False
@@ -83,7 +85,7 @@ class _BorderTrack:
         self._is_rad: list[float] = [0.0]
 
     def add(self, border: Border, pose: OdometryState, beam_rad: float) -> None:
-        """Add the border as it is seen now."""
+        """Add the border of the present scan."""
         self.border = border
         off = (self._odom_m - complex(pose.x_m, pose.y_m)) * cmath.rect(1.0, -pose.yaw_rad) - self._lidar_x_m
         self._should_rad.append(math.remainder(cmath.phase(off) - self._bearing_rad, math.tau))
@@ -94,7 +96,7 @@ class _BorderTrack:
 
 
 def _stays(should_rad: Floats, is_rad: Floats, beam_rad: float) -> bool:
-    """Whether the bearings (n,) have changed as they should for a border that stays."""
+    """Return whether the bearings (n,) have changed as expected of a stationary border."""
     should, seen = should_rad - should_rad.mean(), is_rad - is_rad.mean()
     if np.ptp(should_rad) < STAYS_FOR_BEAMS * beam_rad:
         return False
@@ -104,14 +106,14 @@ def _stays(should_rad: Floats, is_rad: Floats, beam_rad: float) -> bool:
 
 
 class Borders:
-    """The borders of all silences that may be proven, followed from scan to scan."""
+    """Tracks the borders of all silences that can be proven, from scan to scan."""
 
     def __init__(self, lidar_x_m: float) -> None:
         self._lidar_x_m = lidar_x_m
         self._tracks: list[_BorderTrack] = []
 
     def update(self, borders: Iterable[Border], pose: OdometryState, beam_rad: float) -> None:
-        """Go on with the borders of one more scan; a border that is not seen any more is forgotten."""
+        """Update from the borders of one more scan; a border that is no longer seen is dropped."""
         old, self._tracks = self._tracks, []
         for border in borders:
             near = [
@@ -125,7 +127,7 @@ class Borders:
             self._tracks.append(near[0] if near else _BorderTrack(border, pose, self._lidar_x_m))
 
     def stays(self, step: int, bearing_rad: float) -> bool:
-        """Whether the border beside a silent sector whose middle has this bearing is known to stay in the world."""
+        """Return whether the border beside a silent sector, with its middle at this bearing, is stationary."""
         return any(
             track.stays and track.border.step == step and abs(track.border.bearing_rad - bearing_rad) <= BESIDE_RAD
             for track in self._tracks
@@ -133,9 +135,9 @@ class Borders:
 
 
 class Fading:
-    """Walls that were seen a second ago and have become silent little by little: a cover that grows has no sudden edge.
+    """Detects walls that have gradually become silent within a second: a growing cover has no sudden edge.
 
-    From scan to scan nothing is missing: a sector that fades does not fill its neighbours' place any more.
+    From scan to scan nothing is missing: a fading sector no longer fills the gap between its neighbours.
     """
 
     def __init__(self, lidar_x_m: float) -> None:
@@ -143,7 +145,7 @@ class Fading:
         self._views: deque[tuple[float, complex, Places]] = deque()
 
     def missing(self, held: Places, pose: OdometryState, stamp_s: float, sectors: Sectors) -> Booleans:
-        """Return which sectors (n,) should see what was seen a second ago.
+        """Return the sectors (n,) in which the places seen a second ago are expected.
 
         held: (n,), base_link, a place that each full sector sees now, NaN for none.
         """

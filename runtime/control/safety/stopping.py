@@ -1,7 +1,7 @@
-"""How far a car needs to stop, and how fast it may go to stop in time: section "physics" of any safety argument.
+"""Stopping distance, and the maximum speed that allows a stop in time: the physics of the safety argument.
 
-Distances are the bumper's. Sources: constant deceleration with a reaction time (as in Autoware's autonomous emergency
-braking, d = v t + v^2 / 2a + offset); the friction circle for braking while turning (Kamm).
+Distances are measured from the bumper. Sources: constant deceleration with a reaction time (as in Autoware's autonomous
+emergency braking, d = v t + v^2 / 2a + offset); the friction circle for braking while turning (Kamm).
 """
 
 import math
@@ -15,7 +15,7 @@ def stopping_distance_m(speed_mps: float, reaction_s: float, brake_mps2: float) 
 
 
 def speed_to_stop_within_mps(distance_m: float, reaction_s: float, brake_mps2: float) -> float:
-    """Return the highest speed whose stopping distance is distance_m (0 where there is none); the inverse of above.
+    """Return the maximum speed whose stopping distance is distance_m (0 where there is none); the inverse of above.
 
     v = -a t + sqrt((a t)^2 + 2 a s)
     """
@@ -26,19 +26,19 @@ def speed_to_stop_within_mps(distance_m: float, reaction_s: float, brake_mps2: f
 
 
 def brake_beside_turning_mps2(speed_mps: float, curvature_per_m: float, grip_mps2: float) -> float:
-    """Return what the friction circle leaves for braking in a bend: sqrt(grip^2 - (v^2 k)^2), 0 when it is used up."""
+    """Return the braking that the friction circle leaves in a bend: sqrt(grip^2 - (v^2 k)^2), 0 when it is used up."""
     aside_mps2 = speed_mps * speed_mps * curvature_per_m
     return math.sqrt(max(0.0, grip_mps2 * grip_mps2 - aside_mps2 * aside_mps2))
 
 
 class SlidingSpeed:
-    """The speed to reckon with: locked wheels read 0 on a car that still slides.
+    """Estimates the speed of the car while locked wheels report 0 and the car still slides.
 
-    Nothing slows a rolling car faster than rolls_mps2; a report that falls faster comes from locking wheels. From then
-    on the car is taken to slow down as a slippery floor slows it, slides_mps2, until the wheels are as fast again.
-    (With the fall of a good floor the brake was released on a bad one while the car still did 2.5 m/s.)
+    A rolling car decelerates by at most rolls_mps2; a report that falls faster comes from locking wheels. From then on
+    the car is assumed to decelerate as on a slippery floor, by slides_mps2, until the wheels reach that speed again.
+    (With the deceleration of a good floor the brake was released on a bad one while the car still moved at 2.5 m/s.)
 
-    slides: whether the wheels are locked now, as far as one can tell.
+    slides: whether the wheels are estimated to be locked now.
     """
 
     def __init__(self, rolls_mps2: float, slides_mps2: float) -> None:
@@ -49,7 +49,7 @@ class SlidingSpeed:
         self.slides = False
 
     def tune(self, rolls_mps2: float, slides_mps2: float) -> None:
-        """Go on with another floor; a car that slides goes on sliding."""
+        """Change the decelerations of the floor; the sliding state is kept."""
         self._rolls_mps2 = rolls_mps2
         self._slides_mps2 = slides_mps2
 
@@ -61,7 +61,7 @@ class SlidingSpeed:
         self._stamp_s = stamp_s
         if self.slides or size_mps < last_mps - self._rolls_mps2 * elapsed_s:
             slowest_mps = max(0.0, last_mps - self._slides_mps2 * elapsed_s)
-            self.slides = not size_mps >= slowest_mps  # nor where the report is no number
+            self.slides = not size_mps >= slowest_mps  # NaN counts as sliding
             if self.slides:
                 signed_mps = math.copysign(slowest_mps, self._signed_mps)
         self._signed_mps = signed_mps

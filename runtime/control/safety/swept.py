@@ -1,7 +1,7 @@
-"""Safety `swept`: may the car do what it is about to be told? Judged for that very drive, from any source.
+"""Safety `swept`: judgement of every drive command, from any source, before it is executed.
 
-The outline is swept along the arc that will be driven (`footprint`); the way to the first contact is compared with
-what stopping takes (`stopping`). Two limits: a graded one, which brakes gently and early, and a hard stop, which is
+The outline is swept along the arc that will be driven (`footprint`); the distance to the first contact is compared with
+the stopping distance (`stopping`). Two limits: a graded one, which brakes gently and early, and a hard stop, which is
 held for a moment. Section 5 of the project's control reference compares this with the alternatives.
 """
 
@@ -37,9 +37,9 @@ STANDING_MPS = 0.05
 STOP_SPARE_M = 0.05
 WARY_S = 0.25
 NEEDY_SHARE = 0.7
-"""A bend that takes more than this of a slippery floor's grip leaves too little for slowing down as the motor does."""
+"""Share of a slippery floor's grip above which a bend leaves too little for the deceleration by the motor."""
 EDGE_M = 0.05
-"""What reaches so little into the strip is beside the car, not before it."""
+"""Maximum depth by which an object beside the car, not ahead of it, reaches into the strip."""
 CLEAR = Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "clear")
 UNSEEN = "the lidar sees nothing ahead"
 ON_LIDAR = Verdict(0.0, 0.0, "something on the lidar: uncover it")
@@ -47,7 +47,7 @@ ON_LIDAR = Verdict(0.0, 0.0, "something on the lidar: uncover it")
 
 @dataclass(slots=True)
 class _Memory:
-    """What safety remembers about its own words: until when a hard stop is held, and until when it is wary."""
+    """State of the verdicts between scans: end of the hold of a hard stop, and end of the wary period."""
 
     held_until_s: float = -math.inf
     braking: bool = False
@@ -56,12 +56,12 @@ class _Memory:
 
 
 class SweptGuard:
-    """Looks at every scan once; the Outlook that it returns judges drives until the next scan.
+    """Processes every scan once; the SweptAssessment that it returns judges drives until the next scan.
 
-    clock: where given, the scan's age is measured at every judgement, else taken as it was when the scan came.
-    health: what is known about the lidar's window.
-    outlook: the last one, None before the first scan. stuck_reason: what to say of a car that cannot go on and knows no
-    way out; "" while it knows one.
+    clock: where given, the scan's age is measured at every judgement, else taken as it was when the scan arrived.
+    health: state of the lidar's window.
+    outlook: the last assessment, None before the first scan. stuck_reason: reason reported for a car that cannot
+    continue and has no way out; "" while it has one.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class SweptGuard:
         self._unlearnt: tuple[View, MotorState | None, OdometryState] | None = None
 
     def tune(self, settings: SweptSettings, health: LidarHealthSettings) -> None:
-        """Go on with other settings; a hard stop that is on, the window's dirt and who walks where are kept."""
+        """Change the settings; an active hard stop, the window's dirt and the tracks of moving obstacles are kept."""
         self.learn()
         self.settings = settings
         self.body = Body(settings, self.car)
@@ -103,7 +103,7 @@ class SweptGuard:
         self._speed.tune(GRAVITY_MPS2, self.body.slippery_mps2)
 
     def look(self, scan: Scan, motor: MotorState | None) -> "SweptAssessment":
-        """Take in one scan; called once for each, in order."""
+        """Process one scan; called once for each, in order."""
         self.learn()
         view = self._eyes.see(scan)
         if not self.own_parts.have_met(scan):
@@ -133,26 +133,26 @@ class SweptGuard:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """What is wrong with the lidar's window, in sentences for people."""
+        """Faults of the lidar's window, in sentences for the user."""
         return self.health.words
 
     def remember(self, known: KnownParts | None) -> None:
-        """Go on with these own parts, and with a window of which nothing is known."""
+        """Restore these own parts, and reset the state of the window."""
         self.own_parts.remember(known)
         self.health.forget()
         self._eyes.ignore(None)
 
     def _look_anew(self, view: View) -> View:
-        """Return the view of a first scan: with all in doubt behind the shoulder but the wall that goes on there."""
+        """Return the view of a first scan, doubting every return behind the shoulder except a wall continuing there."""
         self.own_parts.update(view, self._odometry.pose)
         self._eyes.ignore(self.health.mask, self.own_parts.below_m)
         return self._eyes.see(view.scan)
 
     def learn(self) -> None:
-        """Learn from the last scan what only later ones need: the window's dirt, and what lies behind the car.
+        """Learn from the last scan what only later ones need: the window's dirt, and the memory of the rear.
 
-        So that the motor need not wait for it, it is done when the answer is on its way, at the latest with the next
-        scan. Harmless when repeated.
+        Runs after the answer is sent, so that the motor does not wait for it; at the latest with the next scan.
+        Idempotent.
         """
         if self._unlearnt is None:
             return
@@ -172,7 +172,7 @@ class SweptGuard:
 
 @dataclass(slots=True, eq=False)
 class SweptAssessment:
-    """One scan's answer to every drive. Cheap to ask again: the strip keeps its sweeps."""
+    """Judges every drive by one scan. Repeated calls are cheap: the strip caches its sweeps."""
 
     guard: SweptGuard
     view: View
@@ -183,11 +183,11 @@ class SweptAssessment:
 
     @property
     def age_s(self) -> float:
-        """How old the scan is now, as well as can be known."""
+        """Age of the scan now, as accurately as the clock allows."""
         return max(0.0, self.guard.now_s(self.view.scan) - self.view.scan.stamp_s)
 
     def limit(self, speed_mps: float, steering_rad: float) -> Verdict:
-        """Judge a drive; nonsense and standstill are never a reason to move."""
+        """Judge a drive; NaN, infinity and a speed of 0 receive the ceiling alone."""
         age_s = self.age_s
         ceiling = self._ceiling(age_s)
         if ceiling.forward_mps <= 0 or not speed_mps or not math.isfinite(speed_mps + steering_rad):
@@ -206,7 +206,7 @@ class SweptAssessment:
         return verdict if verdict.reverse_mps <= ceiling.reverse_mps else ceiling
 
     def _ceiling(self, age_s: float) -> Verdict:
-        """What holds whatever is asked: the scan's age and the window."""
+        """Return the limit that holds for every drive: by the scan's age and the window."""
         settings = self.guard.settings
         if age_s > settings.stale_s:
             return Verdict(0.0, 0.0, "the scan is too old", age_s)
@@ -242,21 +242,21 @@ class SweptAssessment:
         return _slowest(self._slower(found, graded_mps, reaction_s), gaining)
 
     def _look_m(self, wanted_mps: float) -> float:
-        """Return how far to look: never beyond the lidar's range, whatever speed is reported."""
+        """Return the look-ahead: never beyond the lidar's range, whatever speed is reported."""
         return min(self.guard.body.look_m(max(self.speed_mps, wanted_mps)), self.view.scan.range_max_m)
 
     def _emergency(self, found: Contact, steering_rad: float) -> Verdict:
-        """Drive the emergency manoeuvre; its end is judged by `_brakes`."""
+        """Return the verdict of the emergency manoeuvre; `_brakes` decides on its end."""
         emergency = self.guard.emergency
         brake_mps2 = emergency.decide(self.strip, steering_rad, self.view.scan.stamp_s).manoeuvre.brake_mps2
         return Verdict(0.0, NO_LIMIT_MPS, emergency.reason, found.travel_m, brake_mps2, emergency.steering_rad)
 
     def _is_needy(self, steering_rad: float) -> bool:
-        """Whether a bend leaves too little of a slippery floor's grip for a motor that slows down as fast as it can."""
+        """Return whether a bend leaves too little of a slippery floor's grip for the motor's full deceleration."""
         return self.strip.needs_grip(steering_rad, self.speed_mps, NEEDY_SHARE * self.guard.body.slippery_mps2)
 
     def _reversal(self, wanted_mps: float, steering_rad: float, reaction_s: float) -> Verdict:
-        """Slow enough to stop on the way that the driver has just given up, should it turn back."""
+        """Limit the speed so that a stop is possible on the path the driver has just given up, should it turn back."""
         guard, now_s = self.guard, self.view.scan.stamp_s
         other_rad = guard.memory.reversal.given_up_rad(steering_rad, now_s, guard.car.steering_rate_radps * reaction_s)
         if other_rad is None:
@@ -266,7 +266,7 @@ class SweptAssessment:
         return Verdict(slow_mps, NO_LIMIT_MPS, "slower: the driver wavers", found.travel_m)
 
     def _unseen(self, wanted_mps: float, steering_rad: float, reaction_s: float) -> Verdict:
-        """Slow enough to stop within what is known on the way, whatever may be where the lidar does not see."""
+        """Limit the speed so that a stop is possible within the known part of the path, whatever the rest hides."""
         visibility, body = self.guard.visibility, self.guard.body
         if not visibility.suspicious:
             return CLEAR
@@ -286,7 +286,7 @@ class SweptAssessment:
         return Verdict(min(hard_mps, soft_mps), NO_LIMIT_MPS, reason, found.travel_m)
 
     def _slower(self, found: Contact, graded_mps: float, reaction_s: float) -> Verdict:
-        """No stop, but something in the way: the graded limit, or the slowest speed that the motor can hold."""
+        """Return the verdict for an obstacle without a hard stop: the graded limit, or the motor's slowest speed."""
         body, settings = self.guard.body, self.guard.settings
         where = "beside" if abs(found.aside_m) > body.ahead.half_width_m - EDGE_M else "ahead"
         if graded_mps >= settings.slowest_mps:
@@ -298,9 +298,10 @@ class SweptAssessment:
         return self._standing(found)
 
     def _brakes(self, way_m: float, hard_m: float, steering_rad: float) -> bool:
-        """Whether an emergency is on: begins at once, lasts a moment, ends with room to spare or at standstill.
+        """Return whether an emergency is active: it begins at once, is held, and ends with clearance or at standstill.
 
-        A car that turns past something is let go as soon as its driver's bend is free and leaves grip for the motor.
+        A car that turns past an obstacle is released as soon as its driver's bend is free and leaves grip for the
+        motor.
         """
         memory, settings, now_s = self.guard.memory, self.guard.settings, self.view.scan.stamp_s
         if way_m < hard_m:
@@ -317,13 +318,13 @@ class SweptAssessment:
         return Verdict(0.0, NO_LIMIT_MPS, reason, found.travel_m)
 
     def _no_contact(self, steering_rad: float, look_m: float, wanted_mps: float, reaction_s: float) -> Verdict:
-        """Consent, unless the way leads into an enclosed patch without echoes, or gaining speed would carry it out."""
+        """Allow the drive, unless the path enters an enclosed region without echoes, or accelerating would widen it."""
         if self.strip.leads_into_the_dark(steering_rad, look_m):
             return Verdict(self.guard.settings.doubtful_mps, NO_LIMIT_MPS, "no information ahead", look_m)
         return self._gaining(steering_rad, look_m, wanted_mps, reaction_s)
 
     def _gaining(self, steering_rad: float, look_m: float, wanted_mps: float, reaction_s: float) -> Verdict:
-        """Consent, unless the grip that gains speed is missing in the bend, and the wider bend leads to something."""
+        """Allow the drive, unless accelerating takes grip from the bend and the wider bend leads to a contact."""
         body, speed_mps = self.guard.body, max(self.speed_mps, 0.0)
         needy_mps2 = NEEDY_SHARE * body.slippery_mps2
         if wanted_mps <= speed_mps + GAINS_MPS or not self.strip.needs_grip(steering_rad, wanted_mps, needy_mps2):

@@ -1,4 +1,4 @@
-"""What one scan puts into the strip that the car would sweep, for any steering: points, margins, floors, memory."""
+"""Contacts of one scan in the strip that the car would sweep, for any steering: points, margins, floors, memory."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -15,16 +15,16 @@ from runtime.control.safety.rear_memory import RearMemory
 OTHER_STEERINGS = (0.0, 0.5, -0.5, 1.0, -1.0)
 FREE_WAY_M = 0.5
 GAINS_MPS = 0.1
-"""A wish that is faster than the car by less is no acceleration."""
+"""Minimum excess of the requested speed over the car's that counts as an acceleration."""
 
 
 @dataclass(slots=True, eq=False)
 class Strip:
-    """One scan, ready to be swept. Sweeps are kept by steering, length and direction.
+    """Sweeps the outline through one scan. Sweeps are cached by steering, length and direction.
 
-    speed_mps: signed. wheel_rad: of the wheels now. latency_s: until a new steering shows. more_m: what the scan alone
-    does not show, (k,): where walkers will be, and things too thin for it. behind: the memory of what the lidar no
-    longer sees.
+    speed_mps: signed. wheel_rad: current angle of the wheels. latency_s: until a new steering takes effect. more_m:
+    points that the scan alone does not show, (k,): predicted places of pedestrians, and thin obstacles. behind: the
+    memory of what the lidar no longer sees.
     """
 
     body: Body
@@ -48,10 +48,10 @@ class Strip:
         wary: bool = False,
         faster_mps: float = 0.0,
     ) -> Contact:
-        """Return what the outline meets first on the way that this steering leads to; NOTHING beyond length_m.
+        """Return the first contact of the outline on the path of this steering; NOTHING beyond length_m.
 
-        wary: with more margin aside. faster_mps: judge the way on which the car gains speed up to this, on a slippery
-        floor: the grip that speeds it up does not turn it.
+        wary: with more lateral margin. faster_mps: judge the path on which the car accelerates to this speed on a
+        slippery floor: the grip used to accelerate is not available for turning.
         """
         key = (round(steering_rad, 3), length_m, direction, wary, faster_mps)
         found = self._kept.get(key)
@@ -62,7 +62,7 @@ class Strip:
         return found
 
     def leads_into_the_dark(self, steering_rad: float, look_m: float) -> bool:
-        """Whether there is an enclosed patch without echoes in that direction, nearer than the look."""
+        """Return whether there is an enclosed region without echoes in that direction, within the look-ahead."""
         key = (round(steering_rad, 3), look_m)
         dark = self._dark.get(key)
         if dark is None:
@@ -71,12 +71,12 @@ class Strip:
         return dark
 
     def free_somewhere(self, length_m: float = FREE_WAY_M) -> bool:
-        """Whether any steering leads the standing car so far ahead without a contact."""
+        """Return whether any steering leads the standing car length_m ahead without a contact."""
         most_rad = self.body.car.max_steering_rad
         return any(self.contact(share * most_rad, length_m).travel_m >= length_m for share in OTHER_STEERINGS)
 
     def reaches(self, points_m: Places, steering_rad: float, length_m: float) -> Contact:
-        """Return what the outline meets first of some other places (k,), base_link; NOTHING beyond length_m."""
+        """Return the first contact of the outline with other places (k,), base_link; NOTHING beyond length_m."""
         if not points_m.size:
             return NOTHING
         motion = self._motion(1.0, self.body.grip_mps2)
@@ -91,7 +91,7 @@ class Strip:
         )
 
     def needs_grip(self, steering_rad: float, speed_mps: float, grip_mps2: float) -> bool:
-        """Whether the bend asks for more than this at this speed."""
+        """Return whether the bend needs more grip than this at this speed."""
         return speed_mps * speed_mps * abs(math.tan(steering_rad)) > self.body.car.wheelbase_m * grip_mps2
 
     def _sweep(
@@ -123,14 +123,15 @@ class Strip:
             return contact_on_arc(motion, steering_rad, length_m, outline, free_m)
         outline = replace(outline, half_width_m=self._room_aside_m(touching_m, outline))
         found = contact_on_arc(motion, steering_rad, length_m, outline, free_m)
-        # What is within the margins already would stop the car for ever: it is judged by the bare outline.
+        # Points already within the margins would stop the car for ever: they are judged by the bare outline.
         pressed = contact_on_arc(motion, steering_rad, length_m, self.body.bare, touching_m)
         return min(found, pressed, key=lambda contact: contact.travel_m)
 
     def _room_aside_m(self, touching_m: Places, outline: Outline) -> float:
-        """Return the half width of the strip beside something within the margin: a wall there goes on ahead.
+        """Return the half width of the strip beside an object within the margin: a wall there continues ahead.
 
-        It keeps half of what room there is; without this a car two centimetres from a wall never moves along it.
+        The strip keeps half of the available clearance; without this a car two centimetres from a wall never moves
+        along it.
         """
         aside_m = np.abs(touching_m.imag)
         aside_m = aside_m[aside_m > self.body.bare.half_width_m]
@@ -142,9 +143,9 @@ class Strip:
     def _motion(
         self, direction: float, grip_mps2: float, along_mps2: float = 0.0, end_mps: float = 0.0
     ) -> tuple[float, ...]:
-        """Return how the car moves on such a floor, the fields of a Motion; along_mps2 is taken from the grip.
+        """Return the motion on such a floor, the fields of a `PathMotion`; along_mps2 is subtracted from the grip.
 
-        Two calls fewer than a Motion itself, and no field is read by name.
+        A plain tuple saves two calls and the access to fields by name.
         """
         car = self.body.car
         return (
@@ -175,15 +176,15 @@ class Strip:
         return self._near_m
 
     def points_around_m(self, within_m: float) -> Places:
-        """Return everything seen and remembered within a distance of the rear axle, (k,), base_link."""
+        """Return all points seen and remembered within a distance of the rear axle, (k,), base_link."""
         points = np.concatenate([*self._points_m(), *self._points_behind_m()])
         around: Places = points[np.abs(points) < within_m]
         return around
 
     def _points_behind_m(self) -> tuple[Places, Places]:
-        """Return what is remembered where nothing is seen, outside and inside the margins, (k,) each.
+        """Return the remembered points where the lidar sees nothing, outside and inside the margins, (k,) each.
 
-        Where the car is, nothing else is: what is remembered there, a sliding car's odometry has put there.
+        Points inside the car's own outline are dropped: they are errors of the odometry of a sliding car.
         """
         if self._hidden_m is None:
             half_view_rad = float(np.abs(self.view.bearing_rad[[0, -1]]).min())

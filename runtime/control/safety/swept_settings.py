@@ -1,4 +1,4 @@
-"""What can be set about the swept-footprint safety and the way out of a corner, with units and reasons."""
+"""Settings of the swept-footprint safety and of the recovery from a dead end, with units and reasons."""
 
 from typing import Annotated
 
@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class SweptSettings(BaseModel):
-    """When the car slows and stops, for every driving source.
+    """Conditions under which the car slows and stops, for every driving source.
 
     Defaults: section 5 of the project's control reference (96 hazard runs x 6 friction pairs, 76 normal runs).
     """
@@ -54,7 +54,7 @@ class SweptSettings(BaseModel):
 
 
 class RecoverySettings(BaseModel):
-    """How a car that is boxed in tries to free itself."""
+    """Recovery of a car that is boxed in."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 

@@ -1,13 +1,13 @@
-"""Things too thin for three beams of one scan: what returns from the same place scan after scan is there.
+"""Detection of obstacles too thin for three beams of one scan, by returns from the same place in several scans.
 
-A single beam may be wild, so a thing normally counts from three neighbouring beams on; a pole of 2 cm has them only
-within 2.2 m, too late for a car at 4 m/s on a slippery floor. But a pole stands still: the one or two beams that meet
-it farther out meet it again, while a wild beam of the next scan is somewhere else. Nearer, when three or four beams
-meet it and one of them is wild, it is known from the scans before. (The idea is that of "M of N"
-confirmation in radar tracking, Blackman & Popoli 1999, section 6.2, with a track that is a place.)
+A single beam may be an outlier, so an object normally counts from three neighbouring beams on; a pole of 2 cm has them
+only within 2.2 m, too late for a car at 4 m/s on a slippery floor. But a pole stands still: the one or two beams that
+hit it farther out hit it again, while an outlier of the next scan is elsewhere. Nearer, when three or four beams hit it
+and one of them is an outlier, it is known from the previous scans. (This is "M of N" confirmation as in radar tracking,
+Blackman & Popoli 1999, section 6.2, with a track that is a place.)
 
-Dirt on the window returns again and again as well, and while the car stands or creeps even from the same place: beams
-that are known to be dirty do not count here, however far they read.
+Dirt on the window returns repeatedly as well, and while the car stands or creeps even from the same place: beams that
+are known to be dirty do not count here, whatever their range.
 """
 
 import cmath
@@ -21,33 +21,34 @@ from runtime.control.perception.odometry import OdometryState
 from runtime.control.perception.view import View
 
 SCANS = 5
-"""A place counts when it returned in this scan and in all but one of the SCANS - 1 before."""
+"""Number of scans of the confirmation: a place counts with a return in this one and in all but one of those before."""
 SAME_RANGE_M = 0.1
-"""Three times the noise of two distances, and how far the odometry may err within 0.1 s."""
+"""Maximum difference in range of one place: three times the noise of two distances, and 0.1 s of odometry error."""
 SAME_ASIDE_M = 0.03
-"""Aside a beam is as good as its bearing: 0.25 degrees are 1 cm at 2.5 m."""
+"""Maximum lateral difference of one place, as accurate as a beam's bearing: 0.25 degrees are 1 cm at 2.5 m."""
 STANDS_OUT_M = 0.15
 STANDS_OUT_BEAMS = 5
-"""A thin thing is so much nearer than the beams so many places to its left and right: each of five beams stands out."""
+"""Distance in beams to the left and right at which a thin object is nearer by STANDS_OUT_M: each of five beams stands
+out."""
 AHEAD_RAD = math.radians(40)
 FROM_M, WITHIN_M = 0.75, 5.0
-"""Nearer, six beams meet a thing of 2 cm, of which three are left when any one is wild; of five, the middle one wild,
-two. Farther, the beams are wider apart than a pole."""
+"""Limits of the range. Nearer, six beams hit an object of 2 cm, of which three remain when any one is an outlier; of
+five, with the middle one an outlier, two. Farther, the beams are wider apart than a pole."""
 FORGOTTEN_S = 0.1
-"""After a silence it is unknown whether a return is the second of the same thing."""
+"""Maximum gap between scans; after a longer one, returns cannot be associated with the same object."""
 
 
 class ThinObstacles:
-    """Small state: what stood out thinly in the last scans, in the odometry frame."""
+    """Tracks the thin candidates of the last scans, in the odometry frame."""
 
     def __init__(self) -> None:
         self._before: tuple[Places, ...] = ()
         self._stamp_s = -math.inf
 
     def update(self, view: View, pose: OdometryState, stamp_s: float) -> Places:
-        """Return the points, (k,) in base_link, of what keeps returning: this scan's, and where it was seen before.
+        """Return the points, (k,) in base_link, of confirmed thin obstacles: of this scan and of the previous ones.
 
-        So a pole that one beam meets has the three points of a thing.
+        So a pole hit by a single beam has the three points that an object needs.
         """
         before = () if stamp_s - self._stamp_s > FORGOTTEN_S else self._before
         self._stamp_s = stamp_s
@@ -67,9 +68,9 @@ class ThinObstacles:
 def find_returning(
     seen: Places, before: tuple[Places, ...], at_x_m: float, at_y_m: float, yaw_rad: float
 ) -> Places | None:
-    """Return which of the places seen, (k,) in base_link, were seen before, and those seen before; None for none.
+    """Return those places of `seen`, (k,) in base_link, that were seen before, and the earlier places; None for none.
 
-    before: of each of the scans before, in the odometry frame. at_x_m, at_y_m, yaw_rad: where base_link is in it.
+    before: of each of the previous scans, in the odometry frame. at_x_m, at_y_m, yaw_rad: pose of base_link in it.
     """
     turned, at_m = cmath.rect(1.0, yaw_rad), complex(at_x_m, at_y_m)
     old = np.concatenate(before)
@@ -99,10 +100,10 @@ def find_thin_places(  # flat arguments, as its twin in C wants them
     at_y_m: float,
     yaw_rad: float,
 ) -> tuple[Places, Places]:
-    """Return the places of beams ahead, within AHEAD_RAD, that are nearer than what is left and right of them.
+    """Return the places of beams ahead, within AHEAD_RAD, that are nearer than the beams to their left and right.
 
     First all of them, (k,) in the odometry frame, then in base_link those that do not count already, (j,), because
-    fewer than three beams meet them. x_m to dirty: of a View, (beams,). at_x_m, at_y_m, yaw_rad: where base_link is in
+    fewer than three beams hit them. x_m to dirty: of a View, (beams,). at_x_m, at_y_m, yaw_rad: pose of base_link in
     the odometry frame.
     """
     middle = round(-angle_min_rad / angle_step_rad)

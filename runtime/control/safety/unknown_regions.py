@@ -1,8 +1,8 @@
-"""Where unknown begins: the sets of points, in base_link, that the swept outline must not reach, or only at a crawl.
+"""Borders of the unknown regions: points, in base_link, that the swept outline must not reach, or only at a crawl.
 
-A wall across the way would show beside an unproven sector, as far as that sector's neighbours see; nothing shows in a
-blind one. A person may stand in an unproven gap; into a doubted one, which has just fallen silent, a person may step.
-Widths and the crawl: `docs/decisions/0015-visibility.md`.
+A wall across the path would be visible beside an unproven sector, as far as that sector's neighbours see; nothing is
+visible in a blind one. A person may stand in an unproven gap, and may step into a doubted one, which has just become
+silent. Widths and the crawl: `docs/decisions/0015-visibility.md`.
 """
 
 import math
@@ -15,9 +15,10 @@ from runtime.control.safety.footprint import ENOUGH_POINTS
 from runtime.control.safety.lidar_sectors import AHEAD_RAD, MISSING, SEEN, UNPROVEN, Sectors, next_seen, runs
 
 HIDES_M, HIDES_SIDE_M, HIDES_PERSON_M = 0.1, 0.2, 0.3
-"""What may hide in a gap: a leg in a blind one; half a person in a doubted one; a person in another unproven one."""
+"""Widths of what a gap may hide: a leg in a blind one; half a person in a doubted one; a person in another unproven
+one."""
 NARROW_SECTORS = 2
-"""A narrower unproven gap hides no person within reach."""
+"""Minimum width of an unproven gap that can hide a person within reach."""
 CRAWL_MPS = 0.5
 EDGE_STEP_M = 0.05
 EDGE_WITHIN_M = 2.0
@@ -25,9 +26,9 @@ EDGE_WITHIN_M = 2.0
 
 @value(eq=False)
 class SectorView:
-    """What is known of the sectors (n,) in one scan; seen: a place that each sees, base_link, NaN for none.
+    """States of the sectors (n,) in one scan; seen: a place that each sees, base_link, NaN for none.
 
-    blind: for longer than what was seen before is remembered. doubted: not proven since much fell silent at once.
+    blind: for longer than earlier echoes are remembered. doubted: unproven since many sectors became silent at once.
     """
 
     sectors: Sectors
@@ -41,10 +42,10 @@ class SectorView:
 
 @value(eq=False)
 class Unknown:
-    """Where unknown begins, (k,) in base_link. hard: never to be reached.
+    """Borders of the unknown regions, (k,) in base_link. hard: never to be reached.
 
-    soft: where something may stand; slow enough to stop before it, or a crawl. doubted: where something may step in;
-    a crawl as soon as it is within reach. blind: whether the lidar is known to be blind there.
+    soft: where an obstacle may stand; the speed allows a stop before it, or is a crawl. doubted: where a person may
+    step in; a crawl as soon as it is within reach. blind: whether the lidar is known to be blind there.
     """
 
     hard: Places
@@ -54,7 +55,7 @@ class Unknown:
 
 
 def find_unknown(sight: SectorView, still_there_m: Places) -> Unknown:
-    """Return where unknown begins; still_there_m, (k,), base_link: what was seen before where nothing is seen now."""
+    """Return the unknown regions; still_there_m, (k,), base_link: places seen before, in sectors now without echoes."""
     state, ahead = sight.state, sight.sectors.ahead()
     hard: list[Places] = [np.repeat(still_there_m, ENOUGH_POINTS)]
     soft: list[Places] = []
@@ -68,13 +69,13 @@ def find_unknown(sight: SectorView, still_there_m: Places) -> Unknown:
                 doubts = sight.doubted[first + begin : first + end + 1].any()
                 width_m = HIDES_SIDE_M if doubts else HIDES_PERSON_M
                 soft.append(_hidden(sight, first + begin, first + end, width_m))
-                if doubts:  # the silence beside it may hide a person who comes through
+                if doubts:  # the silence beside it may hide a person about to step in
                     doubted.append(_hidden(sight, first, last, HIDES_PERSON_M))
     return Unknown(_joined(hard), _joined(soft), _joined(doubted), bool(sight.blind[ahead].any()))
 
 
 def _hidden(sight: SectorView, first: int, last: int, width_m: float) -> Places:
-    """Return the arc at which something of this width fits into a gap, (k,)."""
+    """Return the arc at which an object of this width fits into a gap, (k,)."""
     sectors = sight.sectors
     half_rad = min((last - first + 1) * sectors.width_rad / 2, math.pi / 2 - 0.01)
     away_m = width_m / 2 / math.tan(half_rad)
@@ -90,10 +91,10 @@ def _hidden(sight: SectorView, first: int, last: int, width_m: float) -> Places:
 
 
 def _edge(sight: SectorView, first: int, last: int) -> Places:
-    """Return the line between what is seen on both sides of a silent run, (k,).
+    """Return the line between the places seen on both sides of a silent run, (k,).
 
-    With nothing on one side it is the line across the way as far ahead as the other side is seen; with nothing on
-    either it is the bumper.
+    With a place on one side only it is the line across the path as far ahead as that place; without any it is the
+    bumper.
     """
     sides = [next_seen(sight.seen, first, -1), next_seen(sight.seen, last, 1)]
     seen = [complex(sight.seen[side]) for side in sides if side is not None]

@@ -1,12 +1,13 @@
-"""What the lidar is known to see ahead, and where it is blind: silence and returns from the car itself are not "free".
+"""Visibility ahead of the lidar and its blind areas: missing echoes and returns from the car itself are not free space.
 
-The beams before the shoulders are taken together in sectors of 2.5 degrees. A sector that returns nothing is *depth*
-where that is explained: it has seen a moment ago and what it saw has gone elsewhere (every wall point of the last scan
-is carried along by odometry), or the wall beside it leads out of range. It is *blind* where walls in range, seen in the
-last scan, are missing over 15 degrees at once, or where the edge of the silence goes along with the car although walls
-come out of it. Everything else is *unproven*, as all silence is at the start: the next echo proves it.
+The beams in front of the car's shoulders are grouped in sectors of 2.5 degrees. A sector without returns is *depth*
+where that is explained: it had returns a moment ago and the surface has moved elsewhere (every wall point of the last
+scan is transformed by odometry), or the wall beside it leads out of range. It is *blind* where walls in range, seen in
+the last scan, are missing over 15 degrees at once, or where the edge of the silence moves with the car although walls
+emerge from it. Everything else is *unproven*, as all silence is at the start, until the next echo.
 
-`unknown_regions` makes of that what the car's outline must not reach. Thresholds: `docs/decisions/0015-visibility.md`.
+`unknown_regions` turns this into regions that the car's outline must not reach. Thresholds:
+`docs/decisions/0015-visibility.md`.
 """
 
 import cmath
@@ -37,34 +38,35 @@ from runtime.control.safety.unknown_regions import SectorView, Unknown, find_unk
 from runtime.control.vehicle import CarSettings
 
 ON_LIDAR_RAD = math.radians(3)
-"""No part of a car is before its shoulders: a row of returns from within the outline is something on the lidar."""
+"""Minimum width of a row of returns from within the outline that counts as an object on the lidar: no part of a car is
+in front of its shoulders."""
 EXPECTED_WITHIN_M = 12.0
 EXPECTED_SHARE = 0.9
-"""Of the sensor's own range: nothing is expected beyond."""
+"""Share of the sensor's own range beyond which no echo is expected."""
 LATEST_S = 0.15
-"""After a longer silence nothing is expected: people have moved, and the odometry has drifted."""
+"""Maximum time between two scans for which echoes are expected: after more, people have moved and odometry drifted."""
 DOUBTED_SECTORS, SILENCED_SECTORS, BLIND_SECTORS, COVERED_SECTORS = 2, 5, 6, 12
-"""So much missing at once leaves doubted, or blind, everything between; the most is a cover. Real halls lose up to 25
-degrees at once, for a scan or two: dark walls seen at a grazing angle, panes."""
+"""Numbers of sectors missing at once that make the sectors between them doubted, or blind; the largest is a cover. Real
+halls lose up to 25 degrees at once, for a scan or two: dark walls seen at a grazing angle, panes."""
 REMEMBERS_S = 0.04
-"""So long what was seen is still known where the lidar fell blind, unless it is covered."""
+"""Time for which the last echoes remain valid where the lidar becomes blind, unless it is covered."""
 GRAZING_SECTORS = 1.5
-"""The wall beside the silence is continued so far into it."""
+"""Distance by which the wall beside the silence is extrapolated into it."""
 FIXED_FOR_M = 0.25
 FIXED_SECTORS = 2
 FADED_SECTORS, FADED_BLIND_SECTORS = 4, 8
-"""So many sectors of one silence that have seen walls a second ago leave it doubted, or blind: a cover that grows.
-Only where the silence holds the heading: aside, a real dirty window hides up to 13 of them."""
+"""Numbers of sectors of one silence with walls a second ago that make it doubted, or blind: a growing cover.
+Only where the silence includes the heading: to the side, a real dirty window hides up to 13 of them."""
 FADES_EVERY_S = 0.09
 BLIND_MISSING_SECTORS = 3
-"""So many of them unexpectedly: silent beams are often beside depth."""
+"""Minimum number of unexpectedly silent sectors among them: silent beams are often beside depth."""
 MAX_LOST = 256
 
 
 class Visibility:
-    """Small state: what is known of each sector, and what the last scan saw.
+    """Tracks the visibility state of each sector and the places seen in the last scan.
 
-    on_lidar: whether something is on the lidar. suspicious: whether anything ahead is not known to be seen.
+    on_lidar: whether an object is on the lidar. suspicious: whether a sector ahead is unproven, missing or blind.
     """
 
     def __init__(self, car: CarSettings) -> None:
@@ -88,7 +90,7 @@ class Visibility:
         self.suspicious = False
 
     def look(self, view: View, pose: OdometryState) -> None:
-        """Take in one scan; pose: base_link in the odometry frame."""
+        """Update from one scan; pose: base_link in the odometry frame."""
         scan, car = view.scan, self._car
         kind = scan.angle_min_rad, scan.angle_step_rad, view.ranges_m.size
         if kind != self._kind:
@@ -127,14 +129,14 @@ class Visibility:
         self.on_lidar = self.suspicious = False
 
     def _remember(self, before_m: Places) -> None:
-        """Remember what was seen in the scan before, (n,), base_link, and is missing now: it is still there."""
+        """Store the places of the previous scan, (n,), base_link, that are missing now: they are assumed present."""
         missing = before_m[self._known(before_m) >= MISSING]
         if missing.size:
             odom_m = missing * cmath.rect(1.0, self._pose.yaw_rad) + complex(self._pose.x_m, self._pose.y_m)
             self._lost_m = np.concatenate([self._lost_m, odom_m])[-MAX_LOST:]
 
     def _known(self, places_m: Places) -> Bytes:
-        """Return what is known of the sectors in which places (k,), base_link, lie; SEEN beyond them."""
+        """Return the states of the sectors that contain the places (k,), base_link; SEEN beyond them."""
         off = places_m - self._car.lidar_x_m
         sector = np.rint((np.angle(off) - self._sectors.first_rad) / self._sectors.width_rad)
         inside = (sector >= 0) & (sector < self._state.size)  # NaN is not
@@ -143,7 +145,7 @@ class Visibility:
         return known
 
     def _judge(self) -> None:
-        """Call silence blind where much is missing at once, and depth where its borders say so."""
+        """Classify silence as blind where many sectors are missing at once, as depth where its borders prove it."""
         state = self._state
         self._doubted &= state > SEEN
         for first, last in runs(state > SEEN):
@@ -157,7 +159,7 @@ class Visibility:
                 part[((part == UNPROVEN) | (part == MISSING)) & ~self._doubted[first : last + 1]] = DEPTH
 
     def _doubt(self, first: int, last: int, *, blind: bool) -> None:
-        """Much has fallen silent at once: only echoes prove these sectors again."""
+        """Mark sectors that have become silent at once: only echoes prove them again."""
         fresh = self._state[first : last + 1] != BLIND
         self._state[first : last + 1][fresh] = BLIND if blind else MISSING
         covered = last - first + 1 >= COVERED_SECTORS
@@ -165,15 +167,15 @@ class Visibility:
         self._doubted[first : last + 1] = True
 
     def _is_depth(self, first: int, last: int) -> bool:
-        """Whether nothing at the borders of a silent run, right and left, speaks for a cover, and one for depth."""
+        """Return whether no border of a silent run, right or left, indicates a cover and at least one depth."""
         right, left = self._leads_out(first, -1), self._leads_out(last, 1)
         return (right or left) is True and right is not False and left is not False
 
     def _leads_out(self, end: int, step: int) -> bool | None:
-        """Whether the silence that ends at this sector is depth; None where nothing borders it.
+        """Return whether the silence that ends at this sector is depth; None where nothing borders it.
 
-        It is where the sector was explained, where the border stays in the world while the car moves, or where the line
-        of the wall outside leads out of range.
+        It is depth where the sector was explained, where the border is stationary in the world while the car moves, or
+        where the line of the wall outside leads out of range.
         """
         if self._state[end] in (DEPTH, GONE) or self._borders.stays(step, self._sectors.bearing_rad(end)):
             return True
@@ -188,7 +190,7 @@ class Visibility:
         return not crosses_within(complex(at), complex(way), inward_rad, EXPECTED_WITHIN_M)
 
     def learn(self) -> None:
-        """Compare with what was silent when the car was elsewhere: walls that come out of a silence that goes along."""
+        """Compare with the silence at an earlier pose: walls that emerge from a silence that moves with the car."""
         view, self._view = self._view, None
         self._borders.update(
             self._unproven_borders(view) if view is not None and self.suspicious else (), self._pose, self._beam_rad()
@@ -213,7 +215,7 @@ class Visibility:
             self._before = self._pose, self._state.copy()
 
     def _doubt_what_fades(self) -> None:
-        """Doubt the silence straight ahead where it covers, little by little, walls that were seen a second ago."""
+        """Doubt the silence straight ahead where it gradually covers walls that were seen a second ago."""
         missing = self._fading.missing(self._held, self._pose, self._stamp_s, self._sectors)
         ahead = self._sectors.ahead()
         missing[: ahead.start] = missing[ahead.stop :] = False
@@ -224,7 +226,7 @@ class Visibility:
                 self._doubt(first + int(faded[0]), first + int(faded[-1]), blind=blind)
 
     def _unproven_borders(self, view: View) -> list[Border]:
-        """Return the borders, beam by beam, of every silence that nothing but its start has made doubtful."""
+        """Return the borders, beam by beam, of every silence that is unproven only because it was so at the start."""
         sectors, state, found = self._sectors, self._state, []
         for first, last in runs(state > SEEN):
             part = state[first : last + 1]
@@ -241,7 +243,7 @@ class Visibility:
         return self._sectors.width_rad / self._sectors.beams
 
     def _goes_along(self, pose: OdometryState, state: Bytes, first: int, last: int) -> bool:
-        """Whether what is seen now beside this silence was, from there, within the same silence."""
+        """Return whether the places seen now beside this silence were within the same silence from the earlier pose."""
         if not np.all(state[first : last + 1] >= UNPROVEN):
             return False
         beside = [end for end in (next_seen(self._seen, first, -1), next_seen(self._seen, last, 1)) if end is not None]
@@ -256,7 +258,7 @@ class Visibility:
         return False
 
     def unknown(self) -> Unknown:
-        """Return where unknown begins; asked only while something is suspicious."""
+        """Return the borders of the unknown regions; called only while `suspicious`."""
         state, pose, car = self._state, self._pose, self._car
         lost_m = (self._lost_m - complex(pose.x_m, pose.y_m)) * cmath.rect(1.0, -pose.yaw_rad)
         lost = self._known(lost_m) >= UNPROVEN
@@ -267,7 +269,7 @@ class Visibility:
 
 
 def crosses_within(at: complex, way: complex, bearing_rad: float, within_m: float) -> bool:
-    """Whether the line through a place, in this direction, meets the beam of that bearing nearer than within_m."""
+    """Return whether the line through `at` along `way` meets the beam of that bearing nearer than within_m."""
     beam = cmath.rect(1.0, bearing_rad)
     parallel = (way.conjugate() * beam).imag
     if not parallel:
