@@ -7,12 +7,12 @@ from drivers.api import Drive
 from runtime.control.safety.stopping import GRAVITY_MPS2
 
 ASIDE_MPS2 = 2.0
-"""Side force of the front axle per mass of the car, half of its grip on a good floor."""
+"""Lateral force of the front axle per mass of the car, half of its grip on a good floor."""
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What the mechanics allow."""
+    """Mechanical limits of the car."""
 
     max_speed_mps: float
     max_reverse_mps: float
@@ -22,7 +22,7 @@ class Limits:
 
 
 class Limiter:
-    """Clamps steering and speed, and lets them change only so fast.
+    """Clamps steering and speed, and limits their rates.
 
     Slowing down is never delayed: a smoother that stands between "stop" and the brake is a fault, not a comfort.
     A stop that may only brake with b leaves a car v - (b + c) t of its speed, where c is what turned front wheels take
@@ -37,11 +37,11 @@ class Limiter:
         self._rolls_mps = 0.0
 
     def tune(self, limits: Limits) -> None:
-        """Go on with other limits, from the next drive on; a lower speed is a stop down to it, never delayed."""
+        """Change the limits, from the next drive on; a lower speed takes effect like a stop, never delayed."""
         self._limits = limits
 
     def limit(self, speed_mps: float, steering_rad: float | None, dt_s: float, brake_mps2: float = math.inf) -> Drive:
-        """Return what may be sent now, dt_s after the previous call; steering None holds the wheels.
+        """Return the drive that may be sent now, dt_s after the previous call; steering None holds the wheels.
 
         brake_mps2 is passed on: how hard to brake is safety's business, not the mechanics'.
         """
@@ -56,7 +56,7 @@ class Limiter:
         self._rolls_mps = 0.0
 
     def _left_mps(self, dt_s: float) -> float:
-        """Return what the stop told last has left of the speed at least."""
+        """Return the minimum speed remaining after the last stop command."""
         brake_mps2 = min(self._last.brake_mps2, GRAVITY_MPS2)
         lost_mps = (brake_mps2 + ASIDE_MPS2 * math.sin(abs(self._last.steering_rad))) * dt_s
         left_mps = max(0.0, abs(self._rolls_mps) - lost_mps)

@@ -1,4 +1,4 @@
-"""The follower and the safety law of a car, with settings that may change while it drives.
+"""Follower and safety law of a car, with settings that may change while it drives.
 
 What the laws have learnt (the steering's offset, the dirt on the window, a hard stop that is on, who walks where) is
 kept; only a change of method begins anew. Each law computes a scan wholly with the old or wholly with the new values.
@@ -26,7 +26,7 @@ from runtime.control.wall_following.ball import BallFollower
 
 
 class LiveLaws:
-    """Is a Follower and a Guard, and hands on to those that the settings name.
+    """Implements Follower and Guard by delegation to the laws that the settings name.
 
     wall_follow, safety: the settings in force. guard: the safety law in force. plausibility: whether what the laws are
     given makes sense; where it does not, the answer is a stop with that reason.
@@ -48,27 +48,27 @@ class LiveLaws:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """What is wrong with the lidar's window, or odd about what it sees, in sentences for people."""
+        """Faults of the lidar's window and implausible sensor data, in sentences for the user."""
         return (*self.guard.words, *self.plausibility.words)
 
     @property
     def own_parts(self) -> KnownParts | None:
-        """What is known of the car's own parts, None where the safety law knows of none."""
+        """The car's known own parts, None where the safety law does not track them."""
         return self.guard.own_parts.known if isinstance(self.guard, SweptGuard) else None
 
     @property
     def own_parts_changes(self) -> int:
-        """How often the set of own parts has changed by what was seen."""
+        """Number of changes of the set of own parts by observation."""
         return self.guard.own_parts.changes if isinstance(self.guard, SweptGuard) else 0
 
     def remember_own_parts(self, known: KnownParts | None) -> None:
-        """Go on with these own parts, known from before, and with a window of which nothing is known."""
+        """Restore these own parts, known from before, and reset the state of the window."""
         if isinstance(self.guard, SweptGuard):
             self.guard.remember(known)
 
     @property
     def path_m(self) -> Floats | None:
-        """Where the follower's ball runs, (2, k) in base_link; None where there is none."""
+        """Path of the follower's ball, (2, k) in base_link; None where there is none."""
         return self._driver.path_m
 
     def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
@@ -83,14 +83,14 @@ class LiveLaws:
         return Verdict(0.0, 0.0, doubt) if doubt else outlook
 
     def learn(self) -> None:
-        """Do what can wait until the answer is on its way."""
+        """Run the deferrable work after the answer is sent."""
         self.guard.learn()
         if self._recovery is not None:
             self._recovery.think()
         self.plausibility.learn()
 
     def tune(self, wall_follow: WallFollowSettings, safety: SafetySettings) -> None:
-        """Go on with other settings, from the next scan on."""
+        """Change the settings, from the next scan on."""
         if wall_follow != self.wall_follow:
             self._tune_driver(wall_follow)
         if safety != self.safety:

@@ -1,4 +1,4 @@
-"""The settings of every law, as `wall_follow.method` and `safety.method` tell them apart."""
+"""Settings of every law, discriminated by `wall_follow.method` and `safety.method`."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
@@ -64,4 +64,4 @@ METHODS: Mapping[str, tuple[type[BaseModel], ...]] = {
 TAGS = frozenset({"ball", "swept", "report"})
 
 KEPT_BY_NEW_METHOD = frozenset({"side", "desired_distance_m", "speed_mps", "expires_after_s", "binds_teleop"})
-"""These mean the same in every law; gains and margins of one law say nothing about another's."""
+"""Settings with the same meaning in every law; gains and margins of one law do not transfer to another."""

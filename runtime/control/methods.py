@@ -1,4 +1,4 @@
-"""The laws by name, as `wall_follow.method` and `safety.method` choose them."""
+"""Selection of the laws by name, by `wall_follow.method` and `safety.method`."""
 
 import math
 from collections.abc import Callable
@@ -23,7 +23,7 @@ Driver = BallFollower | ReportFollower
 def laws(
     wall_follow: WallFollowSettings, safety: SafetySettings, car: CarSettings, clock: Clock | None = None
 ) -> tuple[Follower, Guard]:
-    """Return the follower and the safety law that the settings name; they share one pair of eyes.
+    """Return the follower and the safety law that the settings name; they share one `PerceptionCache`.
 
     clock: lets safety measure the age of its scan at every judgement; None takes it as it was on arrival.
     """
@@ -35,7 +35,7 @@ def laws(
 
 
 def driver_for(wall_follow: WallFollowSettings, car: CarSettings, eyes: PerceptionCache) -> Driver:
-    """Return the follower itself, which knows no way out of a corner."""
+    """Return the follower itself, without the recovery."""
     match wall_follow.method:
         case "ball":
             return BallFollower(wall_follow, car, eyes)
@@ -53,12 +53,12 @@ def guard_for(
 
 
 def recovery_for(safety: SafetySettings) -> Recovery | None:
-    """Return the way out of a corner, where the settings forbid one what asks for help; None without `swept`."""
+    """Return the recovery, which only asks for help where the settings forbid a way out; None without `swept`."""
     return Recovery(recovery_settings(safety)) if isinstance(safety, SweptSafetySettings) else None
 
 
 def recovery_settings(safety: SweptSafetySettings) -> RecoverySettings:
-    """Return how a car may free itself: without a try where it must not back out."""
+    """Return the settings of the recovery: without tries where the car must not back out."""
     return safety.recovery if safety.backs_out else safety.recovery.model_copy(update={"tries": 0})
 
 

@@ -1,4 +1,4 @@
-"""The report's figure of merit: how far from the desired distance the car drove, as running sums."""
+"""The report's figure of merit: deviation from the desired distance, as running sums."""
 
 import math
 from dataclasses import dataclass

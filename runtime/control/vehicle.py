@@ -1,4 +1,4 @@
-"""The vehicle as control sees it."""
+"""Vehicle parameters used by the control laws."""
 
 from typing import Annotated
 

@@ -1,1 +1,1 @@
-"""Out of a dead end."""
+"""Recovery from a dead end."""

@@ -1,4 +1,4 @@
-"""What the car knows of the floor around it: where something stands, and what was never seen.
+"""Occupancy grid of the floor around the car: blocked, free and unknown cells.
 
 Made for a standing car that looks for a way out, from this scan and the views kept on the way here (`behind`). A cell
 is free when a beam went through it or the car itself was there; it is blocked when something returned from it, unless
@@ -27,11 +27,11 @@ MATCHED_YAWS_RAD = (0.0, 0.025, -0.025, 0.05, -0.05, 0.1, -0.1)
 MATCHED_STEPS_M: Places = np.array(
     sorted((complex(-CELL_M * back, CELL_M * aside) for back in range(-2, 10) for aside in range(-2, 3)), key=abs)
 )
-"""How far off a view may be: the nearest first; farther backwards, where a hard stop slides from."""
+"""Candidate offsets of a view, the nearest first; farther backwards, where a hard stop slides from."""
 BETTER_BY, BETTER_POINTS = 1.05, 3
 MATCHED_EVERY = 4
 EDGE_CELLS = 2
-"""Known floor ends short of what returns, by noise and by the beams' spacing; so much is taken for known as well."""
+"""Margin in cells by which known floor is extended: noise and the beams' spacing end it short of the obstacles."""
 _ALONG_M = CELL_M * np.arange(-HALF_CELLS, HALF_CELLS + 1, dtype=np.float64)
 CENTRES_M: Places = (_ALONG_M[None, :] + 1j * _ALONG_M[:, None]).ravel()
 """The cells' middles, row by row, in base_link."""
@@ -81,7 +81,7 @@ def blocked_floor(
 
 
 def _points_m(one: RememberedView) -> Places:
-    """Return what returned in a view, (k,) in its base_link."""
+    """Return the returns of a view, (k,) in its base_link."""
     solid = one.view.solid
     points_m: Places = one.view.x_m[solid] + 1j * one.view.y_m[solid]
     return points_m
@@ -90,7 +90,7 @@ def _points_m(one: RememberedView) -> Places:
 def _laid_over(points_m: Places, turn: complex, from_m: complex, hit: Booleans) -> tuple[complex, complex]:
     """Return heading and place of a view on the map, corrected so that its points lie over those of later views.
 
-    Locked wheels slide on and count nothing, and tyres slip in bends: odometry is good for a metre, not for the way to
+    Locked wheels slide without being counted, and tyres slip in bends: odometry is good for a metre, not for the way to
     a box. Of the places near by, the one where most points meet (correlative scan matching, Olson 2009); the odometry's
     own where none is clearly better, as between bare walls.
     """
@@ -117,7 +117,7 @@ def _laid_over(points_m: Places, turn: complex, from_m: complex, hit: Booleans) 
 
 
 def _seen(from_lidar_m: Places, one: RememberedView) -> Booleans:
-    """Return which places, (k,) in the lidar's frame of a view, its beams went through."""
+    """Return which places, (k,) in the lidar's frame of a view, its beams passed through."""
     scan = one.view.scan
     reach_m = _reach_m(one.view.ranges_m)
     beam = np.rint((np.angle(from_lidar_m) - scan.angle_min_rad) / scan.angle_step_rad).astype(np.intp)
@@ -127,7 +127,7 @@ def _seen(from_lidar_m: Places, one: RememberedView) -> Booleans:
 
 
 def _reach_m(ranges_m: Floats) -> Floats:
-    """Return how far each beam and its two neighbours look, (n,); silence proves nothing."""
+    """Return the range proved free by each beam and its two neighbours, (n,); a missing echo proves nothing."""
     reach_m = np.nan_to_num(ranges_m, nan=0.0)
     padded = np.concatenate((reach_m[:1], reach_m, reach_m[-1:]))
     least: Floats = np.minimum(np.minimum(padded[:-2], padded[2:]), reach_m)
@@ -135,7 +135,7 @@ def _reach_m(ranges_m: Floats) -> Floats:
 
 
 def grown(cells: Booleans, by: int) -> Booleans:
-    """Return these cells and so many more on each side."""
+    """Return these cells dilated by `by` cells on each side."""
     wide = cells.copy()
     for _ in range(by):
         before = wide.copy()
@@ -148,7 +148,7 @@ def grown(cells: Booleans, by: int) -> Booleans:
 
 
 def border_of(blocked: Booleans) -> Whole:
-    """Return rows and columns, (k, 2), of the blocked cells beside free ones: what is behind them cannot be reached."""
+    """Return rows and columns, (k, 2), of the blocked cells beside free ones: cells behind them are unreachable."""
     free = np.zeros((CELLS + 2, CELLS + 2), np.bool_)
     free[1:-1, 1:-1] = ~blocked
     beside = free[:-2, 1:-1] | free[2:, 1:-1] | free[1:-1, :-2] | free[1:-1, 2:]
@@ -157,7 +157,7 @@ def border_of(blocked: Booleans) -> Whole:
 
 
 def outline_cells(outline: Outline, yaw_rad: float, spare_m: float) -> Whole:
-    """Return rows and columns from the middle, (k, 2), that the car at that heading covers, with so much to spare."""
+    """Return rows and columns from the middle, (k, 2), covered by the car at that heading, with a margin of spare_m."""
     reach = math.ceil((math.hypot(max(outline.front_m, outline.rear_m), outline.half_width_m) + spare_m) / CELL_M)
     row, column = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     there_m = (column + 1j * row) * (CELL_M * np.exp(-1j * yaw_rad))

@@ -1,4 +1,4 @@
-"""The way out as a search over poses: how a car that can only roll forward and back on its arcs gets off.
+"""Search of a way out over the poses of a car that drives forward and backward on its arcs.
 
 Headings are whole steps of a full turn, and one step on the tightest arc turns the car by exactly one of them, so an
 arc of the search is an arc of the car; the place is kept as it is, one pose for each cell (Dolgov et al. 2008, "hybrid
@@ -21,25 +21,25 @@ from runtime.control.safety.rear_memory import on_track
 
 MAX_STEP_M = 0.125
 FORWARD_COSTS, BACKWARD_COSTS, CUSP_COSTS, STEERING_COSTS = 2, 3, 6, 1
-"""Per step, per change of direction, per change of steering; half a step forward is 1."""
+"""Costs per step, per change of direction, per change of steering; half a step forward is 1."""
 ROUND_COSTS = 10
-"""A way on is better than one that turns the car round by more than ROUND_RAD."""
+"""Costs of a way that turns the car round by more than ROUND_RAD."""
 ROUND_RAD = math.radians(100)
 FACES_AWAY_COS = 0.3
 ROOM_AHEAD_STEPS = 5
 MIN_GOAL_M = 1.2
 SHORT_COSTS_PER_M, REPEATED_COSTS = 20.0, 25
-"""Of an end that is nearer than wanted, and of one to which the car has been led before in vain."""
+"""Costs of an end that is nearer than wanted, and of one that an earlier try has led to in vain."""
 REPEATED_WITHIN_M = 0.8
 MAX_POSES = 60_000
 POSES_AT_ONCE = 500
 HEADINGS_AT_ONCE = 4
 POSE_CELLS = 2
-"""One pose is kept in so many cells of the map by as many, for each heading and way."""
+"""Side in cells of the square in which one pose is kept, for each heading and way."""
 SPARE_M, TIGHT_SPARE_M = 0.02, -0.01
-"""Beside the margins of safety, half a cell; a car that stands within the margins may leave them."""
+"""Clearance beside the margins of safety, half a cell; reduced for a car that has to leave the margins it stands in."""
 NOSE_SPARE_M, TAIL_SPARE_M = 0.07, 0.03
-"""Safety does not let the car creep up to its margins, but to where it can still stop before them."""
+"""Clearance at nose and tail: safety stops the car where it can still stop before its margins, not at them."""
 STEERINGS = (1, 0, -1)
 Move = tuple[int, int]
 """Way, +1 forward or -1 backward, and steering, +1 left to -1 right."""
@@ -47,7 +47,7 @@ Move = tuple[int, int]
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """A piece of a manoeuvre: a steering, and how far, negative backwards."""
+    """A piece of a manoeuvre: a steering and a distance, negative backwards."""
 
     steering_rad: float
     travel_m: float
@@ -55,7 +55,7 @@ class Leg:
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """Where a way out should end: so far from here, and not near one of these places, base_link, (k,)."""
+    """Goal of a way out: a distance from the present place, and places to avoid, base_link, (k,)."""
 
     away_m: float
     earlier_m: Places
@@ -63,7 +63,7 @@ class Goal:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WayOut:
-    """legs: what to drive, none where there is no way. end_m: where that leads, base_link."""
+    """Result of the search. legs: to drive in order, none without a way. end_m: the end of the way, base_link."""
 
     legs: tuple[Leg, ...]
     end_m: complex
@@ -74,7 +74,7 @@ NO_WAY = WayOut((), 0j)
 
 @dataclass(slots=True, eq=False)
 class _Poses:
-    """Poses in the order in which they were found; one array each, (n,)."""
+    """Poses in the order of discovery; one array each, (n,)."""
 
     place_m: Places
     heading: Whole
@@ -160,7 +160,7 @@ class PoseSearch:
         return (yield from self._spread(free.reshape(2, 2, -1)))
 
     def _free_at(self, border: Whole, heading: int, outline: Outline, spare_m: float) -> Booleans:
-        """Return where the car may be at a heading, (CELLS * CELLS,)."""
+        """Return the cells in which the car may be at a heading, (CELLS * CELLS,)."""
         covered = outline_cells(outline, heading * math.tau / self._headings, spare_m)
         reach = int(np.abs(covered).max())
         wide = CELLS + 2 * reach
@@ -172,7 +172,7 @@ class PoseSearch:
         return free
 
     def _spread(self, free: Booleans) -> Generator[None, None, WayOut]:
-        """Flood the poses in the order of what they cost."""
+        """Expand the poses in the order of their costs."""
         waiting: dict[int, list[_Poses]] = defaultdict(list)
         zero = np.zeros(1, np.intp)
         waiting[0].append(_Poses(np.zeros(1, np.complex128), zero, zero, zero, np.array([self._backed_m]), zero - 1))
@@ -267,7 +267,7 @@ class PoseSearch:
                 heading = (heading + steering) % self._headings
                 inside = np.maximum(np.abs(place_m.real), np.abs(place_m.imag)) < (HALF_CELLS - 1) * CELL_M
                 there = _Poses(np.where(inside, place_m, 0j), heading, heading, heading, some.backed_m, heading)
-                clear &= ~inside | free[self._cell(there)]  # beyond the map is the follower's business
+                clear &= ~inside | free[self._cell(there)]  # beyond the map the follower decides
             room |= clear
         return room
 

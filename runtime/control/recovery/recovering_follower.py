@@ -1,4 +1,4 @@
-"""A follower that can also free the car: it asks the driver first, and backs out when safety boxed the car in."""
+"""Follower with recovery: it calls the driver first, and backs out when the safety has boxed the car in."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,7 +10,7 @@ from runtime.control.safety.swept import SweptGuard
 
 
 class RecoveringFollower:
-    """Wraps a follower; its manoeuvres are wishes like any other, judged by safety and outranked by the human.
+    """Wraps a follower; its manoeuvres are commands like any other, judged by safety and outranked by the human.
 
     believed: whether the odometry is good enough to back out by; where it is not, the way out is not tried.
     """
@@ -24,13 +24,13 @@ class RecoveringFollower:
         self._believed = believed
 
     def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
-        """Answer one scan: the follower's answer, or the way out with its words as the reason."""
+        """Return the follower's guidance for one scan, or the way out with its text as the reason."""
         guidance = self._follower.follow(scan, motor)
-        outlook = self._guard.outlook  # safety is served first: it is this scan's
+        outlook = self._guard.outlook  # safety runs first: it is this scan's
         if outlook is None or outlook.view.scan is not scan:
             return guidance
         advice = self._recovery.step(outlook, guidance.drive, motor, believed=self._believed())
-        # A standing car's reason is the safety's, not the driver's: it has to know that no way on is known.
+        # A standing car's reason is reported by the safety, not the driver: it needs to know that there is no way out.
         self._guard.stuck_reason = advice.words if advice.words == HELP else ""
         if advice.drive is None and not advice.words:
             return guidance

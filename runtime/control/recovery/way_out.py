@@ -1,4 +1,4 @@
-"""The way out for a car whose nose stands against something: back and forth on its arcs until it is driven off.
+"""Way out for a car whose nose stands against an obstacle: back and forth on its arcs until it is clear.
 
 Creeping forward at any angle frees no car that touches with its margins; backing out blindly hits what is behind. So:
 be patient first (people walk on), and meanwhile search all that is seen and remembered (`floor_map`) for the way that
@@ -21,32 +21,33 @@ from runtime.control.safety.swept import STANDING_MPS, SweptAssessment
 from runtime.control.safety.swept_settings import RecoverySettings
 
 SETTLING_S = 0.3
-"""The servo needs 0.2 s from one end to the other; the plan reckons with wheels that are there already."""
+"""Time for the servo to reach the angle of a leg: it needs 0.2 s from end to end; the plan assumes it to be there."""
 GIVE_UP_LEG_S = 0.5
 STOPPING_M = 0.1
-"""Safety lets the car back as far as it may less its braking distance; a leg that is short by so much is driven."""
+"""Tolerance of a leg's length: safety stops a backing car short of its limit by the braking distance."""
 BEGUN_M = 0.03
 SLICES_AT_ONCE = 2
-"""So much of a search, a few milliseconds, between two scans."""
+"""Number of slices of a search, a few milliseconds, between two scans."""
 WORTH_IT_M = 0.5
-"""So much free way ahead ends a stand by itself."""
+"""Minimum free distance ahead that ends a stand by itself."""
 LOOKS_AFTER_S = 0.3
-"""A stand that is shorter is not worth a thought."""
+"""Minimum duration of a stand before a search begins."""
 LOOKS_AGAIN_AFTER_S = 2.0
-"""Where no way was found, something may have moved by then."""
+"""Delay before a new search where no way was found: an obstacle may have moved by then."""
 AWAY_M = (1.3, 1.7, 2.1)
-"""How far a way out leads: farther each time that the car stands at the same place again."""
+"""Lengths of a way out: longer each time that the car stands at the same place again."""
 FREE_FOR_S = 0.25
-"""Shorter than this, "free" is the lidar's noise at the edge of the margins, and patience goes on."""
+"""Minimum duration of a free path; a shorter one is the lidar's noise at the edge of the margins, and waiting
+continues."""
 ASKS_AFTER_S = 10.0
-"""A car that may not try anything waits so long for the way to clear before it asks for help."""
+"""Time that a car without permitted tries waits for a free path before it asks for help."""
 HELP = "boxed in: needs help"
 DISBELIEF = "boxed in: will not back out without a believed odometry"
 
 
 @dataclass(frozen=True, slots=True)
 class RecoveryAdvice:
-    """What to do instead of the driver's wish: drive is None when there is nothing to add. words: for people."""
+    """Replacement of the driver's command: drive is None when there is nothing to replace. words: text for the user."""
 
     drive: Drive | None
     words: str
@@ -67,12 +68,12 @@ class WayOutSearch:
         self.way: WayOut | None = None
 
     def step(self) -> None:
-        """Think some slices further."""
+        """Run some more slices of the search."""
         for _ in range(SLICES_AT_ONCE):
             next(self._slices, None)
 
     def end_in_odom_m(self, way: WayOut) -> complex:
-        """Return where the way leads, in the odometry frame."""
+        """Return the end of the way in the odometry frame."""
         return self._here.place_m + way.end_m * cmath.rect(1.0, self._here.yaw_rad)
 
     def _think(self) -> Iterator[None]:
@@ -93,7 +94,7 @@ class WayOutSearch:
 
 
 class Recovery:
-    """Small state: since when the car is boxed in, what it thinks, which leg it drives, what it has tried."""
+    """Tracks since when the car is boxed in, the running search, the leg being driven, and the earlier tries."""
 
     def __init__(self, settings: RecoverySettings) -> None:
         self._settings = settings
@@ -113,20 +114,20 @@ class Recovery:
         self._moving_s = 0.0
 
     def think(self) -> None:
-        """Do what can wait until the answer is on its way; at the latest it is done with the next scan."""
+        """Run the deferrable work after the answer is sent; at the latest it runs with the next scan."""
         if self._due:
             self._due = False
             if self._thought is not None:
                 self._thought.step()
 
     def tune(self, settings: RecoverySettings) -> None:
-        """Go on with other settings; a manoeuvre that is on is driven to its end."""
+        """Change the settings; an active manoeuvre is driven to its end."""
         self._settings = settings
 
     def step(
         self, outlook: SweptAssessment, wish: Drive | None, motor: MotorState | None, *, believed: bool = True
     ) -> RecoveryAdvice:
-        """Answer one scan: wish is the driver's, before the safety. believed: whether the odometry can be trusted."""
+        """Return the advice for one scan; wish: the driver's, before the safety. believed: the odometry is trusted."""
         self.think()
         if motor is None or wish is None or wish.speed_mps <= 0:
             self._forget()
@@ -152,7 +153,7 @@ class Recovery:
         self._since_s, self._thought, self._legs, self._found_none = None, None, [], False
 
     def _stand(self, outlook: SweptAssessment, wish: Drive, motor: MotorState) -> RecoveryAdvice:
-        """Be patient, and think meanwhile."""
+        """Wait, and search meanwhile."""
         stood_s = self._boxed_s - (self._since_s if self._since_s is not None else self._boxed_s)
         if self._tries >= self._settings.tries:
             patient = stood_s < (self._settings.boxed_for_s if self._settings.tries else ASKS_AFTER_S)
@@ -174,20 +175,20 @@ class Recovery:
         return self._begin(thought.way, outlook, motor)
 
     def _goal(self, outlook: SweptAssessment) -> Goal:
-        """Return where to: farther with each try, and not where an earlier one led."""
+        """Return the goal: farther with each try, and not at the end of an earlier one."""
         here = outlook.strip.behind.seen_now(outlook.view)
         ends_m = (np.array(self._ends_m, np.complex128) - here.place_m) * cmath.rect(1.0, -here.yaw_rad)
         return Goal(AWAY_M[min(self._tries, len(AWAY_M) - 1)], ends_m)
 
     def _is_boxed_in(self, outlook: SweptAssessment, wish: Drive) -> bool:
-        """Whether the car stands and may not go ahead; what forbids both ways, a blind lidar, is no box."""
+        """Return whether the car stands and may not go ahead; what forbids both ways, a blind lidar, is no box."""
         if abs(outlook.speed_mps) > STANDING_MPS:
-            return False  # and nothing is asked for a follower that perhaps is not the one who drives
+            return False  # and the safety judges nothing for a follower that may not be the active driver
         verdict = outlook.limit(wish.speed_mps, wish.steering_rad)
         return verdict.forward_mps <= 0 < verdict.reverse_mps
 
     def _is_free(self, outlook: SweptAssessment, wish: Drive) -> bool:
-        """Whether the way is free by now, and only a stop is still held."""
+        """Return whether the path is free by now, and only a stop is still held."""
         return outlook.strip.contact(wish.steering_rad, WORTH_IT_M).travel_m >= WORTH_IT_M
 
     def _begin(self, way: WayOut, outlook: SweptAssessment, motor: MotorState) -> RecoveryAdvice:

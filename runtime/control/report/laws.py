@@ -1,9 +1,9 @@
-"""The lab report's own two laws, kept faithful: the baseline that everything else has to beat.
+"""The lab report's own two laws, unchanged: the baseline of all comparisons.
 
 Wall follower: ranges of the side sector, nonsense under 0.2 m dropped, a line by least squares, the distance as the
 mean of the three nearest, Lab 2's corner rule by the beam ahead, and a PD law on distance and angle. Safety: stop when
 what is straight ahead is nearer than the tightest turning radius; nearer than 1.5 m, steer fully away from the wall.
-What these laws get wrong is part of them and stays; docs/decisions/0006-report-law.md says which rule is whose.
+The errors of these laws are part of them and stay; docs/decisions/0006-report-law.md lists the origin of each rule.
 """
 
 import math
@@ -20,7 +20,7 @@ from runtime.control.report.settings import ReportFollowSettings, ReportSafetySe
 from runtime.control.vehicle import CarSettings
 
 NONSENSE_BELOW_M = 0.2
-"""Dust on the window reads as centimetres; the report's car once spun in circles for it."""
+"""Minimum range that is used: dust on the window reads as centimetres; the report's car once spun in circles for it."""
 SIDE_FROM_RAD = 0.1 * math.pi
 SIDE_TO_RAD = 0.6 * math.pi
 NEAREST_COUNT = 3
@@ -39,12 +39,12 @@ class ReportFollower:
         self.tune(settings)
 
     def tune(self, settings: ReportFollowSettings) -> None:
-        """Go on with other settings; the report's law remembers nothing."""
+        """Change the settings; the report's law has no state."""
         self._settings = settings
         self._sign = 1.0 if settings.side == "left" else -1.0
 
     def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:  # noqa: ARG002 - the report steers without odometry
-        """Answer one scan; no drive where fewer than three beams of the side sector have a distance."""
+        """Return the guidance for one scan; no drive with fewer than three valid beams in the side sector."""
         settings = self._settings
         x_m, y_m = self._side_points_m(scan)
         if x_m.size < NEAREST_COUNT:
@@ -76,7 +76,7 @@ class ReportGuard:
     """Stops when the mean of the three nearest ranges straight ahead is under L / tan(max steering) (0.933 m)."""
 
     words: tuple[str, ...] = ()
-    """It knows nothing of the lidar's window."""
+    """Faults of the lidar's window: never any, it is not monitored."""
 
     def __init__(self, car: CarSettings, settings: ReportSafetySettings | None = None) -> None:
         self.stop_below_m = car.wheelbase_m / math.tan(car.max_steering_rad)
@@ -84,25 +84,25 @@ class ReportGuard:
         self.tune(settings or ReportSafetySettings())
 
     def tune(self, settings: ReportSafetySettings) -> None:
-        """Go on with other settings."""
+        """Change the settings."""
         self.turn_below_m = settings.turn_below_m
 
     def look(self, scan: Scan, motor: MotorState | None) -> Verdict:  # noqa: ARG002 - the report's rule knows no speed
-        """Answer one scan. Backing out is always allowed: the rule only looks ahead."""
+        """Return the verdict for one scan. Backing out is always allowed: the rule only looks ahead."""
         ahead_m = range_ahead_m(scan)
         if ahead_m < self.stop_below_m:
             return Verdict(0.0, NO_LIMIT_MPS, "obstacle ahead", ahead_m)
         return Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "clear", ahead_m)
 
     def learn(self) -> None:
-        """Nothing: the rule remembers nothing."""
+        """Do nothing: the rule has no state."""
 
 
 class ReportTurn:
     """The report's second safety rule around a follower: full steering away from the wall before what is near ahead.
 
-    A wish like any other, at the follower's own speed: it is judged by the guard and outranked by the human. The report
-    has its safety controller publish this steering; here only who drives steers.
+    A command like any other, at the follower's own speed: judged by the guard and outranked by the human. In the report
+    the safety controller publishes this steering; here only the driving source steers.
     """
 
     def __init__(self, follower: Follower, guard: ReportGuard, side: Literal["left", "right"]) -> None:
@@ -111,7 +111,7 @@ class ReportTurn:
         self._away = -1.0 if side == "left" else 1.0
 
     def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
-        """Answer one scan: the follower's answer, turned away where something is nearer than `turn_below_m` ahead."""
+        """Return the follower's guidance, turned away where an obstacle is nearer than `turn_below_m` ahead."""
         guidance = self._follower.follow(scan, motor)
         if guidance.drive is None or not range_ahead_m(scan) < self._guard.turn_below_m:
             return guidance

@@ -1,4 +1,4 @@
-"""What can be set about the lab report's own two laws."""
+"""Settings of the lab report's own two laws."""
 
 from typing import Annotated, Literal
 

@@ -1,9 +1,9 @@
-"""Follows a wall by steering after a ball that is rolled along it.
+"""Rolling-ball follower: the car steers after a ball that is rolled along the wall.
 
-One scan at a time: find my wall, see it from where the car will be when the answer takes effect (`prediction`), roll a
-ball of the wanted distance along it (`ball_path`), steer after the ball (`ball_law`), and go no faster than its path
-allows (`speed_profile`). Beside a straight wall the tracked line (`wall_track`) says more exactly than one scan's
-points where the wall is. Without a piece of wall the follower says so and does what the settings say (`lost`).
+For each scan: find the followed wall, transform it to the pose at which the answer takes effect (`prediction`), roll a
+ball with the desired distance as radius along it (`ball_path`), steer after the ball (`ball_law`), and limit the speed
+by its path (`speed_profile`). Beside a straight wall the tracked line (`wall_track`) is more accurate than one scan's
+points. Without a wall the follower reports it and acts by the settings (`no_wall_policy`).
 Everything between the mirror at the entrance and the one at the exit is for a wall on the left.
 """
 
@@ -30,19 +30,19 @@ from runtime.control.wall_following.wall_fit import WallLine
 from runtime.control.wall_following.wall_track import WallTrack
 
 MAX_STEP_S = 0.25
-"""Between two scans; after a longer silence the way since is not known."""
+"""Maximum time between two scans; after a longer gap the distance driven since is unknown."""
 BEND_LOW_PASS = 0.2
-"""By which the path's bend is averaged before it tells a bent wall from a straight one."""
+"""Gain of the low-pass filter of the path's curvature, which distinguishes a bent wall from a straight one."""
 
 
 LANE_SHARE = 0.9
-"""A way on whose half is a smaller share of the wanted distance is a lane."""
+"""Maximum share of the desired distance that half of the width ahead has in a lane."""
 LEAST_OPPOSITE_M = 0.1
-"""Where the path comes nearer to something than this, it goes through it: that is a wall with gaps, and no lane."""
+"""Minimum clearance of the path in a lane: a nearer path passes through the obstacle, which is a wall with gaps."""
 
 
 class BallFollower:
-    """The rolling-ball follower; `BallSettings` has its numbers."""
+    """Follows a wall by the rolling ball; `BallSettings` has its parameters."""
 
     def __init__(self, settings: BallSettings, car: CarSettings, eyes: PerceptionCache) -> None:
         self._settings = settings
@@ -55,7 +55,7 @@ class BallFollower:
         self._track = WallTrack(car.wheelbase_m)
         self._room = Room()
         self._half_ahead_m = math.inf
-        """Half of the width of the narrowest place on the path ahead: it is no gap in a wall, but the way on."""
+        """Half of the width of the narrowest place on the path ahead: the continuation, not a gap in a wall."""
         self._bend_per_m = 0.0
         self._straight = 0.0
         self._lost = Lost(
@@ -69,7 +69,7 @@ class BallFollower:
 
     @property
     def path_m(self) -> Floats | None:
-        """Where the ball of the newest scan runs, (2, k) in base_link; None without a wall. For drawings."""
+        """Path of the ball of the newest scan, (2, k) in base_link; None without a wall. For drawings."""
         if self._path is None:
             return None
         path = self._path.first(len(RADII_M))
@@ -78,7 +78,7 @@ class BallFollower:
         return np.array(crossed, np.float64).reshape(-1, 2).T
 
     def tune(self, settings: BallSettings) -> None:
-        """Go on with other settings; what was learnt stays. On the other side, what was learnt is mirrored."""
+        """Change the settings and keep the learnt state, which is mirrored on a change of side."""
         self._lost.tune(
             settings.no_wall, min(settings.no_wall_speed_mps, settings.speed_mps), settings.search_at_most_m
         )
@@ -143,7 +143,7 @@ class BallFollower:
         return error_m, steering_rad, wanted_mps
 
     def _moved_m(self, stamp_s: float, speed_mps: float) -> float:
-        """Return the way since the last scan."""
+        """Return the distance driven since the last scan."""
         since_s = stamp_s - self._stamp_s
         self._stamp_s = stamp_s
         return speed_mps * since_s if 0.0 < since_s < MAX_STEP_S else 0.0
@@ -164,5 +164,5 @@ class BallFollower:
 
 
 def half_ahead_m(desired_m: float, opposite_m: float) -> float:
-    """Return half of the width of the way on, whose path keeps desired_m from my wall; infinite where it is no lane."""
+    """Return half of the width ahead, where the path keeps desired_m from the wall; infinity where it is no lane."""
     return (desired_m + opposite_m) / 2 if opposite_m > LEAST_OPPOSITE_M else math.inf

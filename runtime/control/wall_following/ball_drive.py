@@ -1,4 +1,4 @@
-"""What the follower answers to a ball's path: how to steer, and how fast. Wall on the left."""
+"""Steering and speed by a ball's path. Wall on the left."""
 
 import math
 
@@ -8,8 +8,8 @@ from runtime.control.wall_following.speed_profile import fastest_mps, speed_limi
 
 TOO_NEAR_M = 0.05
 SLIPPING_SHARE = 0.3
-"""A car that is so much nearer to the wall than it should be, and comes nearer still with the wheels turned away as far
-as they can, may be on a floor that gives less than counted on: it goes on by this share of it."""
+"""Share of the assumed grip that is used when the car is too near to the wall and still approaches it at full lock: the
+floor may have less grip than assumed."""
 
 
 @twin

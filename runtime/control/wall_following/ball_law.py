@@ -1,4 +1,4 @@
-"""From the ball's path to a steering angle, wall on the left.
+"""Steering law of the rolling ball: from the ball's path to a steering angle, wall on the left.
 
     steering = kd (approach(e) + a + slip) - trim, or the tightest turn where a corner leaves no other
 
@@ -31,43 +31,44 @@ import math
 from runtime.control.wall_following.ball_path import MAX_ANGLE_RAD
 
 SLOW_MPS = 1.0
-"""At this speed and below, the gains are what the settings say."""
+"""Speed up to which the gains equal the settings."""
 ARC_M = 0.933
 ARC_S = 0.45
-"""The approach's arc has the radius ARC_M + ARC_S v: the tightest one, and the way on which the servo slews from one
-stop to the other (0.21 s) and the tyres follow."""
+"""Part of the radius of the approach's arc, ARC_M + ARC_S v, that grows with the speed: the tightest arc, plus the
+distance on which the servo slews from one stop to the other (0.21 s) and the tyres follow."""
 LEAST_ARC_SHARE = 0.4
-"""Of the arc's curvature; so much at least is counted on beside a path that bends."""
+"""Minimum share of the arc's curvature that remains beside a path that bends."""
 MAX_SLOPE_RAD = 1.4
 HERE_M, HERE_S = 0.25, 0.08
-"""The path is looked at so far ahead for its heading here: nearer there is noise, farther there is the next bend."""
+"""Look-ahead for the path's present heading: nearer there is noise, farther there is the next bend."""
 BEND_HERE = 2.0
-"""So many times as far its bend is taken from."""
+"""Factor of that look-ahead at which the path's curvature is taken."""
 HERE_WHOLE, HERE_NONE = 0.35, 0.7
 """Shares of that distance: a car that is farther off its path looks at the farther circle of the settings."""
 ROUGH_KD_SHARE = 0.4
-"""Beside a wall that is not straight kd is this share of itself, where a fast car's is not less anyway."""
+"""Share of kd used beside a wall that is not straight, unless the speed reduces kd further."""
 NOT_TOWARDS_RAD = 0.1
-"""The car heads no farther towards the wall than the path does at the long look-ahead: it drives into no niche."""
+"""Maximum heading towards the wall beyond that of the path at the long look-ahead: the car drives into no niche."""
 TURN_M, TURN_S = 0.8, 0.14
 """Radius of the turn round a kink: TURN_M + TURN_S v, as sharp as the car can, or as a fast one may."""
 TURN_AHEAD_S, TURN_RAMP_M = 0.06, 0.2
 """A turn begins the servo's slewing before its place, and grows over so much way before that."""
 TURN_FROM_RAD, TURN_WHOLE_RAD, TURN_TO_RAD = 0.15, 0.35, 2.3
-"""By what a kink turns away from the car's heading: less is a bend or noise, more is no corner but its way back."""
+"""Angles by which a kink turns away from the car's heading: less is a bend or noise, more is not a corner."""
 TURN_CIRCLES = 7
-"""Corners are looked for on the first ones of the path, 2.1 m: the ball's way round the end of what is seen, which is
-no corner, is farther away."""
+"""Number of circles of the path, 2.1 m, that are searched for corners: the ball's way round the end of the visible
+wall, which is no corner, is farther away."""
 STRAIGHT_RAD, NOT_STRAIGHT_RAD = 0.06, 0.12
 STRAIGHT_PER_M, BENT_PER_M = 0.05, 0.1
-"""The wall's line is steered by where the ball is seen so near to it and its path so straight; beyond, by the ball."""
+"""Limits, of the ball's bearing from the one expected by the wall's line and of the path's curvature, between which the
+steering changes from the line to the ball."""
 MIN_BEND_PER_M, MAX_BEND_PER_M = -0.3, 1.07
 """A path that turns away from the wall more sharply is a kink; towards it no car turns more sharply."""
 SLIP_S2_PER_M, SLIP_S3_PER_M2 = 0.011, 0.0065
 
 
 def look_aheads_m(look_ahead_m: float, look_ahead_s: float, speed_mps: float) -> tuple[float, float, float]:
-    """Return the distances at which the law wants to know the ball: for heading, bend, and all that is farther off."""
+    """Return the distances at which the law needs the ball: for heading, curvature, and a larger distance error."""
     here_m = HERE_M + HERE_S * abs(speed_mps)
     return here_m, BEND_HERE * here_m, look_ahead_m + look_ahead_s * abs(speed_mps)
 
@@ -122,7 +123,7 @@ def pursuit_steering(
 def turn_share(
     radius_m: tuple[float, ...], bearing_rad: tuple[float, ...], crosses: tuple[bool, ...], speed_mps: float
 ) -> float:
-    """Return how far the car has to turn away from the wall as sharply as it can, 0 to 1, for the corners ahead.
+    """Return the share of full lock, 0 to 1, with which the car has to turn away from the wall for the corners ahead.
 
     A circle of radius R that touches the car's straight way so that it also touches a line at the heading h (< 0) and
     the offset d from the car begins (d - R (1 - cos h)) / sin |h| ahead. The lines are the chords of the path.

@@ -1,4 +1,4 @@
-"""The path of a ball that is rolled along the wall, seen from the rear axle.
+"""Path of a ball that is rolled along the wall, seen from the rear axle.
 
 Around the rear axle lie circles. On each one, looked through from the free side (-85 deg) to the wall side (+85 deg),
 the first place that is nearer to the wall than D is on the ball's path: no corner rule. A wall's point at range p and
@@ -24,11 +24,11 @@ from runtime.control.wall_following.wall_fit import CLEAN_INLIERS
 
 MAX_ANGLE_RAD = math.radians(85)
 RADII_M = tuple(np.linspace(0.3, 3.0, 10).tolist())
-"""The circles of the path: how far it is looked at by the speed profile."""
+"""Radii of the circles of the path, up to the horizon of the speed profile."""
 _BEND_CIRCLES = 1, 5
 """From which circle to before which the bend of the path is measured: 0.6 to 1.5 m."""
 OPPOSITE_EVERY = 4
-"""Of the beams that may see what is on the other side of the path, every fourth is looked at."""
+"""Interval of the examined beams among those that may see the other side of the path."""
 
 
 @value(eq=False)
@@ -52,12 +52,12 @@ class BallPath:
 
 @value(eq=False)
 class Rollout:
-    """A ball rolled along the wall as seen from where the answer takes effect.
+    """A ball rolled along the wall as seen from the pose at which the answer takes effect.
 
     nearest_m: the nearest of the wall's points. bias_m: how much nearer than the line that is; rough_m: the part of it
     that is the wall's own roughness, see `noise_bias`.
     bend_per_m: curvature of the path between 0.6 and 1.5 m ahead, left positive; 0 where it is not all seen.
-    opposite_m: how near the path comes to anything beyond my wall's front end, infinite where nothing is.
+    opposite_m: least distance of the path to points beyond the followed wall's front end, infinite without any.
     """
 
     path: BallPath

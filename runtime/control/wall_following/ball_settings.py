@@ -1,4 +1,4 @@
-"""What can be set about the rolling-ball follower, each number with its unit and its source."""
+"""Settings of the rolling-ball follower, each number with its unit and its source."""
 
 from typing import Annotated, Literal
 

@@ -1,4 +1,4 @@
-"""How much of the wanted distance there is room for: half of the free width, and for a while after.
+"""Distance to the wall in narrow corridors: half of the free width, also for a while after it.
 
 Where corridors meet, there is no opposite wall beside the car, but the way on is as narrow as the way there was. A ball
 that grew at once to the whole wanted distance would not fit into it: the car would lose its wall in the junction.
@@ -9,16 +9,16 @@ import math
 from runtime.control.wall_following.wall_fit import WallLine
 
 WIDENS_PER_M = 0.1
-"""What was narrow is believed to become so much wider per metre of way, until another width is seen."""
+"""Assumed growth of a narrow width per metre driven, until another width is seen."""
 CORRIDOR_M = 1.2
-"""What is narrow for so long is a corridor; a pole is beside the car for 1 m, and the way on is as wide as before."""
+"""Minimum length of a corridor; a pole is beside the car for 1 m, and the width beyond it is as before."""
 ALONG_RAD = 0.35
 """A line at a greater angle to the car is a corner or the end of a wall; the width beside it says nothing of the way
 on, and counts for this scan alone."""
 
 
 class Room:
-    """The distance that is kept in place of the wanted one."""
+    """Tracks the distance that is kept in place of the desired one."""
 
     def __init__(self) -> None:
         self._known_m = math.inf

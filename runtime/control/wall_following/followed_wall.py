@@ -1,4 +1,4 @@
-"""Which points are the followed wall, and how much room there is beside it.
+"""Selection of the points of the followed wall, and of the room beside it.
 
 Everything is for a wall on the left: `WallSide` brings a scan into that form. Points come in the order in which the eye
 goes from the rear of the wall side across the front to the other side.
@@ -25,23 +25,24 @@ Beams = npt.NDArray[np.intp]
 """Indices of beams, in the order of WallSide."""
 
 CAP_M = 3.5
-"""Points farther away are not my wall: without this the front wall joins left and right wall in a dead end."""
+"""Maximum range of the followed wall: without it the front wall joins left and right wall in a dead end."""
 GAP_DIAMETERS = 1.8
 MAX_GAP_M = 1.6
-"""The ball does not fit through gaps narrower than its diameter; what lies beyond wider ones is another wall."""
+"""Maximum gap within one wall: the ball does not fit through gaps narrower than its diameter; beyond wider ones is
+another wall."""
 CROSSING_M = 0.6
-"""A jump so wide from my side of the car to a wall that runs ahead on the other is a corridor, not a gap."""
+"""Minimum jump from the followed side to a wall that runs ahead on the other side that is a corridor, not a gap."""
 CROSSING_POINTS = 6
 SIDE_FROM_RAD = math.radians(11)
 SIDE_TO_RAD = math.radians(132)
-"""My wall is the piece that holds the nearest return between these bearings."""
+"""Bearing up to which the nearest return selects the piece of the followed wall."""
 LANE_FROM_RAD = math.radians(60)
 """Where the way on is narrow, from here on: ahead of a car that turns into a lane the other wall is the nearer one."""
 MIN_POINTS = 5
 SMOOTHED_POINTS = 5
 THINNED_TO_M = 0.08
 MIN_RANGE_M = 1e-3
-"""No point counts as nearer to the rear axle: the ball's path divides by ranges."""
+"""Minimum range of a point from the rear axle: the ball's path divides by ranges."""
 GLASS_RANGE_M = 6.0
 GLASS_GAP_M = 4.5
 GLASS_ON_LINE_M = 0.08
@@ -54,7 +55,7 @@ ROOM_REACH_M = 0.8
 """A point beside the rear axle is farther from the lidar, which is ahead of it, by no more than this."""
 ROOM_NEAREST_SHARE = 0.1
 ROOM_MIN_GAIN_M = 0.03
-"""Only this much less room than 2 D narrows D; otherwise noise would narrow a corridor of exactly 2 D."""
+"""Minimum lack of room below 2 D that narrows D; otherwise noise would narrow a corridor of exactly 2 D."""
 
 
 @value()
@@ -191,7 +192,7 @@ def find_followed_wall(  # flat arguments, as its twin in C wants them
 def wall_piece(
     x_m: Floats, y_m: Floats, range_m: Floats, solid: Booleans, beside_from: int, beside_to: int, gap_m: float
 ) -> Beams | None:
-    """Return the beams of my wall among those of a SideView, cut where gaps are wider than gap_m."""
+    """Return the beams of the followed wall among those of a SideView, cut where gaps are wider than gap_m."""
     index = np.flatnonzero(solid & (range_m < CAP_M))
     first = int(np.searchsorted(index, beside_from))
     last = int(np.searchsorted(index, beside_to))
@@ -217,7 +218,7 @@ def wall_piece(
 
 
 def _is_opposite(x_m: Floats, y_m: Floats) -> bool:
-    """Whether this piece, from its far end on, is a corridor's other wall: a front wall lies across the car's heading.
+    """Return whether this piece is a corridor's other wall, from its far end on: a front wall crosses the heading.
 
     It begins on the other side of the heading. Where the car is not turned along its corridor, the far end may be on
     my side of the heading; then the piece comes back from there to the other side of the car.

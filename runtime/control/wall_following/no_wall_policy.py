@@ -1,4 +1,4 @@
-"""What to do without a wall: fade the steering and go slowly, search for a wall, or stop."""
+"""Policy without a wall: fade the steering and drive slowly, search for a wall, or stop."""
 
 from typing import Literal
 
@@ -6,11 +6,11 @@ from drivers.api import Drive
 
 FADE_PER_SCAN = 0.05
 SEARCH_PER_M = 0.55
-"""Curvature of the search circle [1/m]: a full turn is 11.4 m of way, well under what the steering can do."""
+"""Curvature of the search circle [1/m]: a full turn is 11.4 m long, well within the steering's limit."""
 
 
 class Lost:
-    """The wall is gone; everything for a wall on the left."""
+    """Drives the car while no wall is found; everything for a wall on the left."""
 
     def __init__(
         self, manner: Literal["slow", "search", "stop"], speed_mps: float, at_most_m: float, search_rad: float
@@ -23,18 +23,18 @@ class Lost:
         self._way_m = 0.0
 
     def tune(self, manner: Literal["slow", "search", "stop"], speed_mps: float, at_most_m: float) -> None:
-        """Go on in another manner; the last steering and the way since are kept."""
+        """Change the settings; the last steering and the distance since are kept."""
         self._manner = manner
         self._speed_mps = speed_mps
         self._at_most_m = at_most_m
 
     def found(self, steering_rad: float) -> None:
-        """There is a wall, and this is how the car steers along it."""
+        """Record the steering along a wall that was found."""
         self._steering_rad = steering_rad
         self._way_m = 0.0
 
     def drive(self, moved_m: float) -> tuple[Drive | None, str]:
-        """Answer one scan without a wall, after `moved_m` since the last; None asks for a stop."""
+        """Return the drive for one scan without a wall, `moved_m` after the last; None requests a stop."""
         if self._manner == "stop":
             return None, "no wall"
         if self._manner == "slow":

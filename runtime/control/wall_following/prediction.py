@@ -1,4 +1,4 @@
-"""Where the car will be when the answer to this scan takes effect."""
+"""Prediction of the car's pose at the time when the answer to this scan takes effect."""
 
 import math
 from collections import deque
@@ -12,17 +12,17 @@ _STEP_S = 0.015
 _GRAVITY_MPS2 = 9.81
 _MIN_SPEED_MPS = 0.1
 _GRIP_MU = 0.8
-"""Only bounds the yaw rate that the steering angle promises; the car turns no faster than it can grip."""
+"""Friction that bounds the yaw rate of the steering angle; the car turns no faster than its grip allows."""
 WIRE_S = 0.02
-"""From a scan's arrival to its answer on the wire, until it has been measured."""
+"""Time from a scan's arrival to its answer on the wire, until it has been measured."""
 _SCAN_S = 0.025
 MAX_WIRE_S = 0.2
 MAX_TOLD = 12
-"""So many answers are remembered."""
+"""Maximum number of stored answers."""
 SAME_RAD = 1e-6
-"""Two angles so near to each other are the same answer."""
+"""Maximum difference of two angles of the same answer."""
 OBEYED_WITHIN_S = 0.5
-"""Answers that the motor has not shown for so long were overridden by another source: nothing of them is in flight."""
+"""Maximum time until the motor reports an answer; older ones were overridden by another source, not in flight."""
 
 
 @value()
@@ -41,12 +41,12 @@ class Shift:
 Told = tuple[tuple[float, float], ...]
 """Time [s] and angle [rad] of the last answers, the oldest first."""
 Wire = tuple[float, float, float]
-"""obeyed_s: when the motor last showed an answer; least_s, most_s: between these is the time of one to the wire."""
+"""obeyed_s: when the motor last reported an answer; least_s, most_s: bounds of an answer's time to the wire."""
 
 
 @dataclass(slots=True)
 class SteeringHistory:
-    """The last steering answers, and how long they take to the wire, by what the motor says it was told.
+    """Stores the last steering answers and estimates their time to the wire from the motor's reported commands.
 
     rate_radps: the limiter before the wire lets the steering change no faster.
     """
@@ -56,22 +56,22 @@ class SteeringHistory:
     wire: Wire = (-math.inf, WIRE_S, WIRE_S)
 
     def said(self, now_s: float, steering_rad: float) -> None:
-        """Remember the answer to a scan that came at that time."""
+        """Store the answer to a scan that arrived at that time."""
         last_s, last_rad = self.told[-1] if self.told else (now_s - _SCAN_S, 0.0)
         angle_rad = slew_towards(last_rad, steering_rad, self.rate_radps * max(now_s - last_s, 0.0))
         self.told = (*self.told[1 - MAX_TOLD :], (now_s, angle_rad))
 
 
 def to_wire_s(wire: Wire) -> float:
-    """Return the middle of what the time to the wire may be."""
+    """Return the middle of the bounds of the time to the wire."""
     return (wire[1] + wire[2]) / 2
 
 
 def learn_wire_delay(told: Told, wire: Wire, stamp_s: float, angle_rad: float) -> Wire:
-    """Return the wire after the motor said what it was told last: that had arrived, and the next answer had not."""
+    """Return the bounds after the motor reported its last command: that had arrived, and the next answer had not."""
     same = [place for place, (_, told_rad) in enumerate(told) if abs(told_rad - angle_rad) < SAME_RAD]
     if len(same) != 1:
-        return wire  # none of mine, or a steady wheel, which tells nothing
+        return wire  # not an answer of this follower, or a steady wheel, which carries no information
     _, least_s, most_s = wire
     next_s = [told_s for told_s, _ in told[same[0] + 1 :]]
     now_most_s = stamp_s - told[same[0]][0]
@@ -84,7 +84,7 @@ def learn_wire_delay(told: Told, wire: Wire, stamp_s: float, angle_rad: float) -
 
 
 def in_flight(told: Told, wire: Wire, now_s: float) -> list[tuple[float, float]]:
-    """Return (time on the wire, angle) of the answers that the motor cannot have shown yet, in order."""
+    """Return (time on the wire, angle) of the answers that the motor cannot have reported yet, in order."""
     coming: list[tuple[float, float]] = []
     if now_s - wire[0] > OBEYED_WITHIN_S:
         return coming
@@ -97,7 +97,7 @@ def in_flight(told: Told, wire: Wire, now_s: float) -> list[tuple[float, float]]
 
 
 class Predictor:
-    """Follows the servo, which has no read-back, by its slew rate, and rolls the car ahead by the latency."""
+    """Estimates the angle of the servo, without feedback, by its slew rate; predicts the motion over the latency."""
 
     def __init__(self, wheelbase_m: float, steering_rate_radps: float) -> None:
         self._wheelbase_m = wheelbase_m
@@ -164,7 +164,7 @@ def roll_ahead(
     coming: list[tuple[float, float]],
     steps: int,
 ) -> tuple[float, float, float]:
-    """Return x_m, y_m, yaw_rad after so many steps (kinematic single-track model).
+    """Return x_m, y_m, yaw_rad after these steps (kinematic single-track model).
 
     motion: speed_mps, wheelbase_m, trim_rad, slew rate_radps, seconds of a step. steering: the servo's angle and where
     it goes. coming: (seconds from the beginning, angle) of the targets that follow, in order.
@@ -187,5 +187,5 @@ def roll_ahead(
 
 
 def slew_towards(from_rad: float, to_rad: float, most_rad: float) -> float:
-    """Return the angle at most so far from the first one on the way to the second."""
+    """Return the angle at most most_rad from the first one towards the second."""
     return from_rad + min(max(to_rad - from_rad, -most_rad), most_rad)

@@ -1,4 +1,4 @@
-"""How fast the path ahead may be driven: lateral grip at each point, and braking in time for it.
+"""Speed profile of the path ahead: lateral grip at each point, and braking in time for it.
 
 v <= sqrt(a_lat / |k|)        now (k of the steering about to be sent) and at each point of the ball's path
 v(s)^2 <= v_point^2 + 2 a_brake (s - 0.3 - 0.06 v)
@@ -20,25 +20,25 @@ NARROW_SHARE = 0.77
 corner and away from it in an outside one. A path that comes nearer to a wall than ROOM_M has less room for that and
 counts on less, nearer than NARROW_M on this share."""
 SHARPEST_PER_M = 0.9
-"""The path has kinks; the car rounds them no tighter than this."""
+"""Maximum curvature of the car at the path's kinks."""
 BACK_FROM_RAD, BACK_WHOLE_RAD, BACK_PER_M = 1.75, 2.1, 1.15
 """A path that turns back, by more than a right angle, keeps the car at the limit of grip until it is wide of it: it
 counts as sharper than the car can turn."""
 SPAN = 2
-"""Chords between the two headings whose difference is a point's curvature: over less way, noise bends the path."""
+"""Number of chords between the two headings whose difference is a point's curvature: fewer amplify the noise."""
 CIRCLES = len(RADII_M)
 MARGIN_M = 0.3
 REACTION_S = 0.06
 
 
 def mu_with_room(assumed_mu: float, distance_m: float) -> float:
-    """Return the friction to count on at this distance from the nearer wall, the followed one or what is opposite."""
+    """Return the assumed friction at this distance from the nearer wall, the followed or the opposite one."""
     less = min(max((ROOM_M - distance_m) / (ROOM_M - NARROW_M), 0.0), 1.0)
     return assumed_mu * (1.0 - less * (1.0 - NARROW_SHARE))
 
 
 def speed_limit_mps(steering_rad: float, wheelbase_m: float, assumed_mu: float) -> float:
-    """Return the speed at which this steering needs all the lateral grip that is counted on."""
+    """Return the speed at which this steering needs all of the assumed lateral grip."""
     curvature = abs(math.tan(steering_rad)) / wheelbase_m
     return math.sqrt(LATERAL_SHARE * assumed_mu * GRAVITY_MPS2 / max(curvature, 1e-6))
 

@@ -21,19 +21,19 @@ Indices = npt.NDArray[np.intp]
 FROM_RAD = math.radians(20)
 TO_RAD = math.radians(126)
 APART_RAD = math.radians(0.75)
-"""The beams that are asked are so far apart, where the sensor's own are nearer to each other."""
+"""Minimum angle between the examined beams, where the sensor's own are nearer to each other."""
 MIN_RANGE_M = 0.2
 MAX_RANGE_M = 5.0
 PAIRS = 64
 PAIR_FROM_RAD, PAIR_TO_RAD = math.radians(4.5), math.radians(33)
-"""The two beams of a pair are so far apart."""
+"""Minimum and maximum angle between the two beams of a pair."""
 GATES_M = (0.08, 0.08, 0.06)
-"""How near a point must be to the line to belong to it: in the vote, and in each of the refits."""
+"""Gates of the distance between a point and its line: in the vote, and in each of the refits."""
 MAX_SLOPE_RAD = math.radians(60)
 _MAX_SLOPE_COS = math.cos(MAX_SLOPE_RAD)
 MIN_LINE_M = 0.1
 VOTE_RANGE_M = 2.0
-"""A vote counts as much as its range, up to here: it undoes the crowding of the near beams."""
+"""Maximum weight of a vote, which is its range: it compensates the density of the near beams."""
 NEARER_WINS_PER_M = 0.25
 WINS_WITH = 0.9
 """Share of all votes with which an expected line is taken without a vote: no other can have as many."""
@@ -95,7 +95,7 @@ class LineFinder:
     def find(
         self, x_m: Floats, y_m: Floats, range_m: Floats, usable: Booleans, expected: WallLine | None = None
     ) -> WallLine | None:
-        """Return the wall's line, or None where there is none to speak of: never a guess.
+        """Return the wall's line, or None without a reliable one.
 
         All (n,), wall on the left; x_m, y_m in base_link, range_m from the lidar, `usable` a mask of beams to believe.
         expected: where the line should be by the last scan; if it has most of all votes there, no other line is tried.

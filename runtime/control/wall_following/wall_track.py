@@ -22,15 +22,15 @@ from runtime.control.wall_following.wall_fit import CLEAN_INLIERS, WallLine
 MAX_TRIM_RAD = 0.06
 JUMP_M = 0.15
 JUMP_RAD = 0.15
-"""A line that is found so far from where it was expected is another wall."""
+"""Minimum difference from the expected heading at which a line is another wall."""
 LINE_STD_M = 0.004
 LINE_STD_RAD = 0.004
-"""Of the line of one scan (noise 0.02 m: 2 mm and 0.1 deg; curved and cluttered walls are worse)."""
+"""Standard deviation of the line of one scan (noise 0.02 m: 2 mm and 0.1 deg; curved and cluttered walls are worse)."""
 STEP_STD_M = 0.001
 STEP_STD_RAD = 0.001
 DRIFT_PER_TURN_M = 0.03
 SLIP_PER_TURN = 0.3
-"""What the model may be wrong by in a step: always, and per radian turned."""
+"""Standard deviation of the model in a step: constant, and per radian turned."""
 TRIM_START_STD_RAD = 0.02
 TRIM_STEP_STD_RAD = 1e-4
 STRAIGHT_WITHIN_MPS2 = 1.8
@@ -39,7 +39,7 @@ BENT_UNREST_RAD = 0.05
 """The trim learns only while the car turns with less than this lateral acceleration, and has done so for a while: per
 scan the memory of the last turn falls to CALM_SHARE of itself. A bent wall counts as such a turn."""
 LATE_SCANS = 1.0
-"""By so many scans the wheels are behind the wire: 20 ms of a servo's dead time, and the tyres' own."""
+"""Delay of the wheels behind the wire in scans: 20 ms of a servo's dead time, and the tyres' own."""
 
 State = tuple[float, ...]
 """d, a and t [m, rad, rad]; their covariances dd, aa, da, dt, at, tt; then how restless the car's heading was lately
@@ -60,7 +60,7 @@ class WallTrack:
         return self._state[2]
 
     def mirror(self) -> None:
-        """The wall is on the other side now: another wall, but the same steering."""
+        """Change the side: another wall, but the same steering."""
         d, a, trim, *others, unrest, wheel, new = self._state
         self._state = (d, a, -trim, *others, unrest, -wheel, new)
         self._line = None
