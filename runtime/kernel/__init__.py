@@ -1,8 +1,8 @@
-"""The compiled twins of the hot functions (`drivers.twin`): built on the car itself, used where they can be had.
+"""Compiled twins of the hot functions (`drivers.twin`), built on the car itself and used where available.
 
-A twin is used only while the Python beside it, and what that calls, is the text that it was written for (`seal.json`):
-who changes a law drives his own law, more slowly. `python -m runtime.kernel` seals anew, for those who have brought
-both up to date.
+A twin is used only while its Python function, and everything that it calls, has the text for which it was written
+(`seal.json`): a changed law runs in Python, more slowly. `python -m runtime.kernel` renews the seal after both have
+been updated.
 """
 
 import hashlib

@@ -1,5 +1,5 @@
-/* Numpy arrays as C sees them. Every function of the kernel answers what the Python function of the same name answers
- * (drivers/twin.py): look there for what it means. Units: metres, radians. NaN is a beam without a distance, and every
+/* Numpy arrays in C. Every function of the kernel returns the result of the Python function of the same name
+ * (drivers/twin.py), which documents its meaning. Units: metres, radians. NaN is a beam without a distance, and every
  * comparison is written so that NaN falls on the side on which it falls in the Python.
  */
 
@@ -24,7 +24,7 @@
 typedef double complex place;
 typedef Py_ssize_t beam;
 
-/* One dimension of an array: its first element, the way to the next one in bytes, how many there are. */
+/* One dimension of an array: its first element, the stride in bytes, the number of elements. */
 struct row {
     char *data;
     npy_intp stride;

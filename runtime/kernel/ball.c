@@ -60,7 +60,7 @@ static int see(struct wall *wall, const place *places, beam points, const double
     return 1;
 }
 
-/* As numpy's max: what is no number is larger than any. */
+/* As numpy's max: NaN is larger than any number. */
 static double larger(double so_far, double next) { return next > so_far || isnan(next) ? next : so_far; }
 
 /* Roll the ball; see circles_met. */
@@ -125,7 +125,7 @@ KERNEL(noise_learnt_m) {
     return PyFloat_FromDouble(bounded(noise, NOISE_BIAS_LEAST_NOISE_M, NOISE_BIAS_MOST_NOISE_M));
 }
 
-/* How far the wall's parts stick out of its line; see roughness_m. */
+/* The roughness of the wall beyond its line; see roughness_m. */
 static double roughness(double bias, double noise) {
     return bounded(bias - NOISE_BIAS_BIAS_OF_NOISE * noise * sqrt(noise), 0.0, NOISE_BIAS_MOST_ROUGHNESS_M);
 }
@@ -136,7 +136,7 @@ static double learnt(double bias, double found) {
     return possible ? bias + NOISE_BIAS_LOW_PASS * (found - bias) : bias;
 }
 
-/* How near the path comes to what the beams after `from` see; see apart_m. v: from_x, from_y and yaw of the path. */
+/* Distance of the path to the points of the beams after `from`; see apart_m. v: from_x, from_y, yaw of the path. */
 static double opposite(const struct path *path, const struct row *x, const struct row *y, const struct row *solid,
                        beam from, const double *v) {
     place there[MOST_NUMBERS], turned = CMPLX(cos(v[2]), sin(v[2]));

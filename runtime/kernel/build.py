@@ -1,4 +1,4 @@
-"""Builds C with the machine's own compiler, once: what was built is kept, named after everything that it depends on.
+"""Build of the C sources with the machine's own compiler: libraries are cached under a hash of all their inputs.
 
 Nothing is installed for it and nothing needs it: without a compiler there is no library, and Python answers instead.
 """
@@ -19,7 +19,7 @@ PLAIN_FLAGS: Final = ("-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapp
 FLAGS: Final = ("-march=native", *PLAIN_FLAGS)
 _MAX_BUILD_S: Final = 60.0
 _KEPT_IN: Final = ("CACHE_DIRECTORY", "XDG_CACHE_HOME")
-"""Of systemd's service, and of a user."""
+"""Environment variables of the cache folder: of systemd's service, and of a user."""
 
 
 def built(name: str, sources: Mapping[str, str], *, folders: Sequence[str] = (), extra: object = ()) -> Path | None:

@@ -42,7 +42,7 @@ KERNEL(join_rows) {
     return joined(data, bytes);
 }
 
-/* Whether a line of so many characters, the last one a sum, has the right sum. */
+/* Whether a line of this many characters, the last one its checksum, has the right checksum. */
 static int sums_up(const char *line, Py_ssize_t chars) {
     unsigned char sum = 0;
     for (Py_ssize_t i = 0; i < chars - 1; i++)

@@ -4,7 +4,7 @@
 #include "constants.h"
 #include "steps.h"
 
-/* An answer that was told, or will be on the wire, and when. */
+/* A steering answer, sent or in flight, and its time. */
 struct answer {
     double at, angle;
 };
@@ -96,7 +96,7 @@ double bend_of(const double *radius, const double *bearing) {
     return remainder(turn, 2 * Py_MATH_PI) / most(way, 1e-3);
 }
 
-/* The highest speed now along the circles that the path crosses; see fastest_mps. */
+/* The maximum speed now along the circles that the path crosses; see fastest_mps. */
 double fastest(const double *radii, const double *bearings, const npy_bool *meets, const npy_bool *crosses, int all,
                double speed, double mu) {
     double heading[MOST_NUMBERS], way[MOST_NUMBERS + 1];

@@ -21,7 +21,7 @@ static double approach(double error, double speed, double slope, double path) {
     return copysign(lesser(wanted, BALL_LAW_MAX_SLOPE_RAD), error);
 }
 
-/* How far to turn as sharply as can be; see turn_share. */
+/* Share of full lock for the corners ahead; see turn_share. */
 static double share_of_turn(const double *radius, const double *bearing, const npy_bool *crosses, int circles,
                             double speed) {
     double size = fabs(speed), turn = BALL_LAW_TURN_M + BALL_LAW_TURN_S * size, share = 0.0, x0 = 0.0, y0 = 0.0;
@@ -41,7 +41,7 @@ static double share_of_turn(const double *radius, const double *bearing, const n
     return share;
 }
 
-/* What is steered by beside a ball's path; see pursued. */
+/* Inputs of the steering besides the ball's path; see pursuit_steering. */
 struct aim {
     double error, heading, straight, steering;
 };

@@ -1,11 +1,11 @@
-/* Twin of runtime/control/safety/lidar_sectors.py: what is known of each sector after one more scan. */
+/* Twin of runtime/control/safety/lidar_sectors.py: the state of each sector after one more scan. */
 
 #include "arrays.h"
 #include "constants.h"
 
 enum { SEEN, DEPTH, GONE, UNPROVEN, MISSING, BLIND };
 
-/* Where a place (base_link, one scan ago) is now, in sectors; NaN for none. v: first_rad, width_rad, lidar_x_m,
+/* Present bearing of a place (base_link, one scan ago), in sectors; NaN for none. v: first_rad, width_rad, lidar_x_m,
  * within_m, moved since. */
 static double carried(place held, place turn, const double *v) {
     if (isnan(creal(held)))
@@ -29,7 +29,7 @@ static void expect(double right, double left, npy_bool *expected, beam sectors) 
     }
 }
 
-/* Which sectors are expected to see, by what each has held; only asked where one is silent. */
+/* Which sectors are expected to see, by the place held by each; computed only where a sector is silent. */
 static void expect_all(const struct row *held, const double *v, double turned, npy_bool *expected) {
     const place turn = CMPLX(cos(-turned), sin(-turned));
     double before = NAN;
@@ -116,7 +116,7 @@ KERNEL(watch_sectors) {
     }
     npy_int8 *now = DATA(npy_int8, next);
     beam suspects = 0, gone = 0, ahead_from = end, ahead_end = first;
-    int expects = 0; /* whether it is known what is expected */
+    int expects = 0; /* whether the expectation has been computed */
     for (beam k = 0; k < sectors; k++) {
         const npy_bool *beam_linked = linked + k * beams;
         beam seeing = 0, pick = first + k * beams;

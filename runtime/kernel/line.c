@@ -4,7 +4,7 @@
 #include "constants.h"
 #include "steps.h"
 
-/* Some points of a wall, and which of them are to be believed. */
+/* Some points of a wall, and which of them are usable. */
 struct points {
     double *x, *y, *weight;
     npy_bool *valid, *member;
@@ -52,7 +52,7 @@ static enum found refined(struct points *p, const double *gates_m, int gates, st
     return distance_m >= 0 ? FOUND : NONE;
 }
 
-/* The plane through one pair of points; false where no wall could be so. */
+/* The plane through one pair of points; false where it cannot be a wall. */
 static int plane_of(const struct points *p, npy_intp rear, npy_intp front, struct plane *plane) {
     if (!p->valid[rear] || !p->valid[front])
         return 0;

@@ -1,4 +1,4 @@
-/* Twin of runtime/control/safety/manoeuvre_rollout.py: where a manoeuvre takes the car, and what it hits. */
+/* Twin of runtime/control/safety/manoeuvre_rollout.py: rollouts of a manoeuvre, its path and its contacts. */
 
 #include "arrays.h"
 #include "constants.h"
@@ -6,7 +6,7 @@
 enum { STEPS = MANOEUVRE_ROLLOUT_HORIZON_STEPS, MOST_ENDS = STEPS / MANOEUVRE_ROLLOUT_LOCK_STEPS + 3 };
 static const double STEP = MANOEUVRE_ROLLOUT_STEP_S, TINY = MANOEUVRE_ROLLOUT_TINY;
 
-/* The car, in the order of Start. */
+/* The car, in the order of RolloutStart. */
 struct car {
     double speed, brake, latency, rate, wheelbase, cornering, front, rear, half;
 };
@@ -31,7 +31,7 @@ struct end {
     double impact, room;
 };
 
-/* One floor, and what stands around. reach: of the outline's corners from the car's middle. */
+/* One floor, and the obstacles around. reach: of the outline's corners from the car's middle. */
 struct ground {
     const struct car *car;
     struct cloud *points;
@@ -108,7 +108,7 @@ static double third(const double *values, beam count) {
     return low[2];
 }
 
-/* Where the outline's centre is, and how it is turned. */
+/* Pose of the outline's centre. */
 static place centre_of(const struct car *car, place middle, double heading, place *turn) {
     *turn = CMPLX(cos(heading), sin(heading));
     return middle + (car->front - car->rear - car->wheelbase) / 2 * *turn;

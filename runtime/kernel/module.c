@@ -82,7 +82,7 @@ PyObject *copied(int type, beam count, const void *from) {
     return array;
 }
 
-/* Most functions' code is no longer, and what they call lies between them. */
+/* Length of most functions' code; the functions that they call lie between them. */
 enum { CODE_LINES = 24 };
 
 #define ENTRY(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, NULL}

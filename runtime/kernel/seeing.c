@@ -1,4 +1,4 @@
-/* Twin of runtime/control/perception/view.py: what one scan shows. */
+/* Twin of runtime/control/perception/view.py: the view of one scan. */
 
 #include "arrays.h"
 #include "constants.h"

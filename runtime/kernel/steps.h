@@ -1,4 +1,4 @@
-/* Steps that more than one function of the kernel takes; each is described where it is. */
+/* Steps shared by several functions of the kernel; each is described where it is defined. */
 
 #ifndef WALLRIDE_STEPS_H
 #define WALLRIDE_STEPS_H
@@ -17,7 +17,7 @@ enum found find_line(const struct row *x, const struct row *y, const struct row 
                      const struct row *beams, const struct row *rear, const struct row *front, const double *expected,
                      struct wall_line *line);
 
-/* walls.c. Puts the places where the caller frees them, with room for so many more; how many, or -1. */
+/* walls.c. Puts the places where the caller frees them, with room for this many more; how many, or -1. */
 beam outline_of(const struct row *x, const struct row *y, const struct row *wall, beam more, place **to);
 
 /* driving.c */

@@ -1,4 +1,4 @@
-/* Twins of runtime/control/safety/footprint.py and strip.py: the strip that the car sweeps, and what stands in it. */
+/* Twins of runtime/control/safety/footprint.py and perception/geometry.py: the swept strip, and the contacts in it. */
 
 #include "arrays.h"
 #include "constants.h"
@@ -39,11 +39,11 @@ KERNEL(any_nearer) {
     Py_RETURN_FALSE;
 }
 
-/* As numpy's minimum and maximum: what is not a number stays so, whichever it is. */
+/* As numpy's minimum and maximum: NaN in either argument propagates. */
 static inline double lower(double a, double b) { return a < b || isnan(a) ? a : b; }
 static inline double higher(double a, double b) { return a > b || isnan(a) ? a : b; }
 
-/* How the car moves, in the order of Motion. */
+/* Motion of the car, in the order of PathMotion. */
 struct motion {
     double speed, direction, wheel, latency, rate, wheelbase, turning, slip, along, end;
 };
@@ -60,7 +60,7 @@ static double turned(const struct motion *m, double change, double travel) {
     return higher(lower(by, fabs(change)), 0.0) * copysign(1.0, change) + m->wheel;
 }
 
-/* The sharpest curvature that the tyres follow at this place. */
+/* The maximum curvature that the tyres follow at this place. */
 static double sharpest(const struct motion *m, double travel) {
     double square = m->speed * m->speed, end = m->end * m->end;
     if (m->along) {
@@ -87,7 +87,7 @@ static int arc(const struct motion *m, double steering, struct pose *to, beam st
     place at = 0.0;
     for (beam i = 0; i < steps; i++) {
         double travel = FOOTPRINT_STEP_M * (double)(i + 1), now = change ? turned(m, change, travel) : steering;
-        if (now != angle) { /* most of the way the wheels stay as they are */
+        if (now != angle) { /* the wheels' angle is constant on most of the path */
             angle = now;
             bend = tan(angle) / m->wheelbase;
         }
@@ -141,7 +141,7 @@ static beam in_reach(const struct box *box, const struct row *from, place *to) {
     return kept;
 }
 
-/* How deep the third-deepest point is, and where aside the innermost; the number of points inside. */
+/* Depth of the third-deepest point, and lateral place of the innermost; the number of points inside. */
 static beam touched(const struct outline *o, const struct pose *pose, const place *points, beam many, double direction,
                     double *third, double *innermost) {
     double deepest[3] = {-INFINITY, -INFINITY, -INFINITY}, low = INFINITY, high = -INFINITY;

@@ -1,5 +1,5 @@
-/* Twins of runtime/control/safety/moving_obstacles.py, faint.py, darkness.py, behind.py: small, thin and near things, and patches
- * without echo.
+/* Twins of runtime/control/safety/moving_obstacles.py, thin_obstacles.py, no_return_regions.py and rear_memory.py:
+ * small, thin and near obstacles, and regions without echo.
  */
 
 #include "arrays.h"
@@ -179,7 +179,7 @@ KERNEL(find_dark_regions) {
         PyErr_SetString(PyExc_ZeroDivisionError, "float division by zero");
         return NULL;
     }
-    /* of two beams as near, the even one, as Python's round */
+    /* of two equally near beams the even one, as Python's round */
     double middle = rint((v[2] - v[0]) / v[1]), width = rint(NO_RETURN_REGIONS_DARK_WINDOW_RAD / fabs(v[1])), near_m = v[3];
     if (!isfinite(middle) || !isfinite(width))
         return PyLong_FromDouble(isfinite(middle) ? width : middle); /* fails as round does */

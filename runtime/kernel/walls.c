@@ -1,4 +1,4 @@
-/* Twins of runtime/control/wall_following/followed_wall.py: which points are the followed wall, and how much room there is beside it. */
+/* Twins of runtime/control/wall_following/followed_wall.py: selection of the points of the followed wall, and of the room beside it. */
 
 #include "arrays.h"
 #include "constants.h"
@@ -17,7 +17,7 @@ static double apart2(const struct row *x, const struct row *y, npy_intp one, npy
     return dx * dx + dy * dy;
 }
 
-/* Put the beams of my wall where the caller frees them, from `*from` on; return how many, or -1. See wall_piece. */
+/* Put the beams of the wall, from `*from` on, where the caller frees them; return how many, or -1. See wall_piece. */
 static beam piece_of(const struct row *x, const struct row *y, const struct row *range, const struct row *solid,
                      const beam *beside, double gap_m, npy_intp **to, beam *from) {
     npy_intp *index = malloc(sizeof(npy_intp) * (size_t)(solid->count + 1));
@@ -100,7 +100,7 @@ beam outline_of(const struct row *x, const struct row *y, const struct row *wall
     return kept;
 }
 
-/* The mean of so many of the smallest numbers; sorts these to the beginning. */
+/* The mean of this many of the smallest numbers; sorts these to the beginning. */
 static double mean_of_least(double *numbers, beam count, beam wanted) {
     double sum = 0.0;
     for (beam i = 0; i < count; i++) {

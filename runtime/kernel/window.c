@@ -1,9 +1,9 @@
-/* Twins of runtime/control/perception/window_dirt.py: what is learnt of the lidar's window, beam by beam, and what is found. */
+/* Twins of runtime/control/perception/window_dirt.py: evidence of dirt on the lidar's window, beam by beam, and the findings. */
 
 #include "arrays.h"
 #include "constants.h"
 
-/* Whether the beam so far away is about as near as this one; beyond the ends of the fan nothing is. */
+/* Whether the beam at this offset has about the same range; beyond the ends of the fan none has. */
 static int hides(const struct row *range, beam i, double range_m) {
     return i >= 0 && i < range->count && NUMBER(*range, i) - range_m < WINDOW_DIRT_DIRT_STANDS_OUT_M;
 }
