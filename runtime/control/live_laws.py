@@ -1,6 +1,6 @@
 """Follower and safety law of a car, with settings that may change while it drives.
 
-What the laws have learnt (the steering's offset, the dirt on the window, a hard stop that is on, who walks where) is
+The state of the laws (the steering's offset, the dirt on the window, an active hard stop, the moving obstacles) is
 kept; only a change of method begins anew. Each law computes a scan wholly with the old or wholly with the new values.
 """
 
@@ -76,7 +76,7 @@ class LiveLaws:
         return self.follower.follow(scan, motor)
 
     def look(self, scan: Scan, motor: MotorState | None) -> SafetyAssessment:
-        """Take in one scan."""
+        """Process one scan."""
         self.plausibility.look(scan, motor, odometry_check=self.safety.odometry_check)
         outlook = self.guard.look(scan, motor)
         doubt = self.plausibility.doubt

@@ -57,7 +57,7 @@ SEAL: Final = HERE / "seal.json"
 
 @dataclass(frozen=True, slots=True)
 class Kernel:
-    """What there is. functions: names of those that C answers. words: how it is, in a sentence.
+    """State of the compiled functions. functions: names of those in use. words: their state in a sentence.
 
     prefetch: has the processor fetch the cache lines at some addresses, an array of intp, (n,); None without a library.
     """
@@ -68,7 +68,7 @@ class Kernel:
 
 
 def use() -> Kernel:
-    """Let the compiled functions answer where they can be had; build them first where they have never been."""
+    """Use the compiled functions where available; build them first where there is no library yet."""
     if os.environ.get(SWITCH) == "0":
         return _without(f"{SWITCH}=0")
     sealed = _sealed()

@@ -149,7 +149,7 @@ class OwnParts:
         self._begin((0.0, 0.0, 0), None)
 
     def update(self, view: View, pose: OdometryState, *, moved: bool | None = True) -> None:
-        """Take in one scan.
+        """Process one scan.
 
         moved: whether the car really made the way that odometry says; None: not known yet, what was learnt on it waits.
         """

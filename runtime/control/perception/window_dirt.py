@@ -116,7 +116,7 @@ def stands_out(ranges_m: Floats) -> npt.NDArray[np.intp]:
 def beside_echoes(no_echo: Booleans) -> Booleans:
     """Return the beams (n,) within 20 degrees of which at least a quarter of all beams have an echo."""
     most = BESIDE_ECHOES_BEAMS
-    # Echoes up to each beam, and as if there were so many beams without one before the first and after the last.
+    # Cumulative number of echoes up to each beam, padded with beams without one before the first and after the last.
     echoes = np.zeros(no_echo.size + 2 * most + 1, np.intp)
     np.cumsum(~no_echo, out=echoes[most + 1 : -most])
     echoes[-most:] = echoes[-most - 1]

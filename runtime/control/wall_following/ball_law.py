@@ -52,7 +52,7 @@ NOT_TOWARDS_RAD = 0.1
 TURN_M, TURN_S = 0.8, 0.14
 """Radius of the turn round a kink: TURN_M + TURN_S v, as sharp as the car can, or as a fast one may."""
 TURN_AHEAD_S, TURN_RAMP_M = 0.06, 0.2
-"""A turn begins the servo's slewing before its place, and grows over so much way before that."""
+"""Lead time of a turn before its place, for the servo's slewing, and the distance before that over which it grows."""
 TURN_FROM_RAD, TURN_WHOLE_RAD, TURN_TO_RAD = 0.15, 0.35, 2.3
 """Angles by which a kink turns away from the car's heading: less is a bend or noise, more is not a corner."""
 TURN_CIRCLES = 7

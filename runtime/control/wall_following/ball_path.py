@@ -72,7 +72,7 @@ def roll_path(
     seen: SideView, wall: FollowedWall, shift: Shift, bias_m: float, noise_m: float, desired_m: float,
     more_radii_m: tuple[float, ...],
 ) -> Rollout:  # fmt: skip
-    """Roll a ball of the desired distance, less the bias, along my wall, panes of glass filled in.
+    """Roll a ball of the desired distance, less the bias, along the followed wall, panes of glass filled in.
 
     bias_m: known before this scan; noise_m: see `noise_bias`. The circles are RADII_M, then `more_radii_m`.
     """
@@ -109,7 +109,7 @@ def roll_ball(  # flat arguments, as its twin in C wants them
     desired_m: float,
     radii_m: tuple[float, ...],
 ) -> tuple[float, float, float, float, tuple[float, ...], tuple[bool, ...], tuple[bool, ...]]:
-    """Return nearest_m, bias_m, bend_per_m and opposite_m of Rolled, then bearing_rad, meets and crosses of its path.
+    """Return nearest_m, bias_m, bend_per_m and opposite_m of Rollout, then bearing_rad, meets and crosses of its path.
 
     The wall is seen from (from_x_m, from_y_m) at the heading yaw_rad; all else is given as seen from the origin.
     line_m: NaN without a clean line.

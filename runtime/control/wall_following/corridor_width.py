@@ -29,7 +29,7 @@ class Room:
         return min(desired_m, self._known_m)
 
     def beside_m(self, line: WallLine | None, room_m: float, desired_m: float, moved_m: float) -> float:
-        """Return the distance to keep beside a line of my wall, after so much way since the last scan.
+        """Return the distance to keep beside a line of the wall, moved_m after the last scan.
 
         room_m: what this scan has room for, at most the wanted distance.
         """

@@ -172,7 +172,7 @@ def find_followed_wall(  # flat arguments, as its twin in C wants them
     expected_rad: float,
     desired_m: float,
 ) -> tuple[Beams, tuple[float, float, int] | None, float, int] | None:
-    """Return beams, line, room_m and glass_to of MyWall, None without a piece of wall.
+    """Return beams, line, room_m and glass_to of FollowedWall, None without a piece of wall.
 
     Arrays of a SideView, and of its LineFinder. opposite_from: the first of the beams that may see the other side.
     expected_m: NaN where no line is expected.
@@ -255,7 +255,7 @@ def around(places_m: Places, x_m: float, y_m: float, yaw_rad: float) -> tuple[Fl
 
 
 def pane_to(x_m: Floats, y_m: Floats, near: Booleans, no_echo: Booleans, end: int, line: WallLine) -> int:
-    """Return the beam at the far end of a pane of glass beyond the beam `end`, the last of my wall; -1: there is none.
+    """Return the beam at the far end of a pane of glass beyond the beam `end`, the last of the wall; -1: there is none.
 
     A pane returns only the beams near its normal. If points lie on the wall's line beyond the gap, and most beams
     between have no echo, the wall goes on; beams that do return show a real opening, which stays open.
@@ -275,7 +275,7 @@ def pane_to(x_m: Floats, y_m: Floats, near: Booleans, no_echo: Booleans, end: in
 
 
 def bridge_glass(seen: SideView, wall: FollowedWall) -> Places | None:
-    """Return places x + iy, shape (k,), that fill the pane of glass beyond the front end of my wall, or None."""
+    """Return places x + iy, shape (k,), that fill the pane of glass beyond the front end of the wall, or None."""
     line, far = wall.line, wall.glass_to
     if line is None or far < 0:
         return None

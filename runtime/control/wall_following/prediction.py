@@ -145,7 +145,7 @@ def predict_motion(  # flat arguments, as its twin in C wants them
 ) -> tuple[Wire, float, float, float, float]:
     """Return the wire, the servo's angle at the scan, and x_m, y_m and yaw_rad of the motion from then on.
 
-    told: at most MOST_TOLD. motor_s, speed_mps, steering_rad: the motor's report and its time. servo_rad: its angle at
+    told: at most MAX_TOLD. motor_s, speed_mps, steering_rad: the motor's report and its time. servo_rad: its angle at
     the last scan, since_s before this one, which was taken at scan_s. ahead_s: how long the motion goes on after its
     answer is on the wire.
     """

@@ -117,7 +117,7 @@ def fit_wall_line(
     expected_m: float,
     expected_rad: float,
 ) -> tuple[float, float, int] | None:
-    """Return distance_m, heading_rad and inliers of the Line through some of the beams, or None.
+    """Return distance_m, heading_rad and inliers of the WallLine through some of the beams, or None.
 
     rear, front: the pairs, as places in `beams`. expected_m: NaN where no line is expected.
     """
