@@ -1,4 +1,4 @@
-"""A delay line: what was said takes effect a fixed time later."""
+"""Delay line: each value takes effect a fixed time after it was put in."""
 
 from collections import deque
 from typing import Generic, TypeVar
@@ -9,7 +9,7 @@ _ROUNDING_S = 1e-9
 
 
 class DelayLine(Generic[T]):
-    """Gives back each value `delay_s` after it was put in; before the first one is due, the value at rest."""
+    """Returns each value `delay_s` after it was put in; before the first one is due, the value at rest."""
 
     def __init__(self, delay_s: float, at_rest: T) -> None:
         self.delay_s = delay_s
@@ -18,7 +18,7 @@ class DelayLine(Generic[T]):
         self._coming: deque[tuple[float, T]] = deque()
 
     def put(self, now_s: float, value: T) -> None:
-        """Say a value; times must not run backwards."""
+        """Put in a value; times must not run backwards."""
         if value != self._last:
             self._coming.append((now_s + self.delay_s, value))
             self._last = value

@@ -1,4 +1,4 @@
-"""What a motor controller makes of its orders: force at the wheels. Facts: VESC firmware 6, see `VehicleSettings`."""
+"""Motor controller from demand to force at the wheels. Facts: VESC firmware 6, see `VehicleSettings`."""
 
 import math
 from dataclasses import dataclass
@@ -8,21 +8,21 @@ from sim.car.vehicle_settings import VehicleSettings
 
 @dataclass(frozen=True, slots=True)
 class SpeedDemand:
-    """Hold a speed, forward positive (SET_RPM). Zero is no brake: see MotorControl."""
+    """Holds a speed, forward positive (SET_RPM). Zero is no brake: see MotorControl."""
 
     mps: float
 
 
 @dataclass(frozen=True, slots=True)
 class BrakeDemand:
-    """Brake with a current until the wheels stand; does not hold (SET_CURRENT_BRAKE)."""
+    """Brakes with a current until the wheels stand; does not hold (SET_CURRENT_BRAKE)."""
 
     current_a: float
 
 
 @dataclass(frozen=True, slots=True)
 class CoastDemand:
-    """No current (SET_CURRENT 0)."""
+    """Applies no current (SET_CURRENT 0)."""
 
 
 Demand = SpeedDemand | BrakeDemand | CoastDemand
@@ -30,7 +30,7 @@ COAST = CoastDemand()
 
 
 class MotorControl:
-    """Turns demands into a driving acceleration and a braking one, at the wheels.
+    """Converts demands into a driving and a braking acceleration at the wheels.
 
     A speed demand is ramped from the speed at which it began; once the ramp is below the lowest speed the
     controller can hold, there is no output and the car coasts, so a demand of zero rolls out.
@@ -47,7 +47,7 @@ class MotorControl:
         self.motor_mps2 = 0.0
 
     def reset(self) -> None:
-        """Forget the ramp."""
+        """Reset the ramp."""
         self._ramped_mps = None
         self.motor_mps2 = 0.0
 
@@ -74,7 +74,7 @@ class MotorControl:
         self._ramped_mps = ramped
         if abs(ramped) < self._min_speed_mps:
             return 0.0
-        # Proportional on the error; the ramp and the drag are what the integral of the real one has learnt.
+        # Proportional to the error; the ramp and the drag stand for the integral term of the real controller.
         learnt = (ramped - before) / dt_s + math.copysign(self._drag_mps2, ramped)
         wanted = (ramped - wheel_mps) / self._lag_s + learnt
         return min(max(wanted, -self._limit_mps2), self._limit_mps2)

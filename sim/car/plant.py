@@ -1,4 +1,4 @@
-"""The mechanics behind the motor controller: the emulated VESC's demand moves the vehicle, and is told what it did."""
+"""Mechanics behind the emulated VESC: its demand moves the vehicle, and it receives the resulting state."""
 
 import math
 
@@ -24,7 +24,7 @@ class Plant:
         self.crashed = False
 
     def advance(self, to_s: float) -> None:
-        """Move time on; a crashed car stays where it hit."""
+        """Advance the time; a crashed car stays at the point of impact."""
         while self._now_s + STEP_S <= to_s:
             self._now_s += STEP_S
             if not self.crashed:
@@ -36,12 +36,12 @@ class Plant:
         self._report()
 
     def crash(self) -> None:
-        """Stop dead: the car hit something."""
+        """Stop at once: the car hit something."""
         self.crashed = True
 
     @property
     def steering_rad(self) -> float:
-        """What the servo is told, before its delay and slew."""
+        """Return the commanded servo angle, before its delay and slew."""
         wiring = self._wiring
         return (self._vesc.servo - wiring.steering_to_servo_offset) / wiring.steering_to_servo_gain
 

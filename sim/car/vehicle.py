@@ -1,4 +1,4 @@
-"""The car as a body: single-track model with saturating tyres that share their grip between braking and turning.
+"""Dynamics of the car: single-track model with saturating tyres that share their grip between braking and turning.
 
 State: the pose of the rear axle, the velocity (u, w) of the centre of gravity in the car's frame, the yaw rate, the
 servo's angle and the one speed of all wheels (four-wheel drive, joined). Per axle, with load N and grip mu:
@@ -26,20 +26,20 @@ _MAX_STEP_S = 0.0025
 _ROLLS_BELOW_MPS = 0.4
 _SLIPS_ABOVE_MPS = 0.8
 _DRIVE_SHARE = 0.85
-"""Share of the grip that the speed control can use along: all four wheels pull, none has lost its hold."""
+"""Share of the grip that the speed control can use longitudinally: all four wheels pull and none slips."""
 _SLIP_SCALE_MPS = 0.02
-"""Slip speed below which sliding friction fades, so that it does not flip its sign from step to step."""
+"""Slip speed below which sliding friction fades, so that it does not change its sign from step to step."""
 
 
 class Vehicle:
-    """A car that moves. Same settings and same calls give the same motion, bit by bit."""
+    """A moving car. Deterministic: same settings and same calls give the same motion, bit by bit."""
 
     def __init__(self, settings: VehicleSettings | None = None, pose: Pose | None = None) -> None:
         self._take(settings or VehicleSettings())
         self.place(pose or Pose(0.0, 0.0, 0.0))
 
     def change(self, settings: VehicleSettings) -> None:
-        """Go on as another car, or on another floor, from here on; what is on its way arrives with its old delay."""
+        """Replace the car's or the floor's settings from here on; commands in transit keep their old delay."""
         self._take(settings)
         self._demands.delay_s, self._steering.delay_s = settings.drive_delay_s, settings.steering_delay_s
 
@@ -52,13 +52,13 @@ class Vehicle:
         self._shift_per_mps2 = s.cg_height_m / (GRAVITY_MPS2 * s.wheelbase_m)
         self._yaw_per_moment = s.mass_kg / s.yaw_inertia_kgm2  # forces are kept per mass, in m/s2
         self._wheel_inertia = s.wheel_mass_kg / s.mass_kg
-        # Looked up 400 times a second and more: a model's fields are slower than a body's own.
+        # Read 400 times a second and more: access to a model's fields is slower than to plain attributes.
         self._wheelbase_m, self._trim_rad = s.wheelbase_m, s.trim_rad
         self._steering_rate_radps, self._max_steering_rad = s.steering_rate_radps, s.max_steering_rad
         self._stiff_front, self._stiff_rear = s.cornering_front_per_rad, s.cornering_rear_per_rad
 
     def place(self, pose: Pose, *, speed_mps: float = 0.0) -> None:
-        """Put the car somewhere, rolling straight ahead at a speed; nothing said before is still on its way."""
+        """Place the car at a pose, rolling straight ahead at a speed; drops all commands in transit."""
         self.now_s = 0.0
         self.x_m, self.y_m, self.yaw_rad = pose.x_m, pose.y_m, pose.yaw_rad
         self._forward_mps, self._left_mps, self.yaw_rate_radps = speed_mps, 0.0, 0.0
@@ -72,44 +72,44 @@ class Vehicle:
         self._steering: DelayLine[float] = DelayLine(self.settings.steering_delay_s, 0.0)
 
     def halt(self) -> None:
-        """Stop dead, as against a wall; commands on their way stay on their way."""
+        """Stop at once, as against a wall; commands in transit stay in transit."""
         self._forward_mps = self._left_mps = self.yaw_rate_radps = self.wheel_speed_mps = 0.0
         self._sliding = False
         self._motor.reset()
 
     @property
     def pose(self) -> Pose:
-        """The rear axle in the world."""
+        """Return the pose of the rear axle in the world."""
         return Pose(self.x_m, self.y_m, self.yaw_rad)
 
     @property
     def twist(self) -> Twist:
-        """Velocity of the rear axle in the car's frame, as it really is."""
+        """Return the true velocity of the rear axle in the car's frame."""
         lateral_mps = self._left_mps - self._rear_m * self.yaw_rate_radps
         return Twist(self._forward_mps, self.yaw_rate_radps, lateral_mps)
 
     @property
     def speed_mps(self) -> float:
-        """True forward speed, negative in reverse. What the motor reports is `wheel_speed_mps`."""
+        """Return the true forward speed, negative in reverse. The motor reports `wheel_speed_mps`."""
         return self._forward_mps
 
     @property
     def wheels_slide(self) -> bool:
-        """Whether the wheels are locked, or on their way there or back."""
+        """Return whether the wheels are locked, or in transition to or from locking."""
         return self._sliding
 
     @property
     def wheel_angle_rad(self) -> float:
-        """Angle of the front wheels: servo and trim."""
+        """Return the angle of the front wheels: servo and trim."""
         return self.servo_rad + self.settings.trim_rad
 
     @property
     def motor_current_a(self) -> float:
-        """Motor current that gives the present driving (same sign as forward) or braking force."""
+        """Return the motor current of the present driving (same sign as forward) or braking force."""
         return self._motor.motor_mps2 / self.settings.brake_mps2_per_a
 
     def step(self, dt_s: float, demand: Demand, steering_command_rad: float) -> None:
-        """Move on by dt_s with these commands on the wire from the step's beginning.
+        """Advance by dt_s with these commands on the wire from the step's beginning.
 
         They take effect after the delays in the settings. Steps over 2.5 ms are divided.
         """
@@ -149,17 +149,17 @@ class Vehicle:
         self.wheel_travel_m += self.wheel_speed_mps * dt_s
 
     def _roll(self, dt_s: float, drive_mps2: float, brake_mps2: float, angle_rad: float) -> None:
-        """Wheels roll: the motor gives the force along them, and the grip that is left holds the car sideways."""
+        """Advance with rolling wheels: longitudinal force from the motor, lateral force from the remaining grip."""
         u, grip_mps2 = self._forward_mps, self._grip_mps2
-        # A standing car is held by its drag, which is never stronger than what it holds against.
+        # A standing car is held by its drag, which never exceeds the force it opposes.
         drag_mps2 = brake_mps2 if u else min(brake_mps2, abs(drive_mps2))
         along_mps2 = drive_mps2 - copysign(drag_mps2, u or drive_mps2)
         if brake_mps2 > grip_mps2 and abs(along_mps2) > grip_mps2:
             self._sliding = True
-            self.wheel_speed_mps = u - copysign(min(_SLIP_SCALE_MPS, abs(u)), u)  # enough slip to rub in full
+            self.wheel_speed_mps = u - copysign(min(_SLIP_SCALE_MPS, abs(u)), u)  # slip at which friction acts in full
             self._slide(dt_s, drive_mps2, brake_mps2, angle_rad)
             return
-        if drive_mps2:  # the speed control does not spin the wheels, and leaves some grip to steer with
+        if drive_mps2:  # the speed control does not spin the wheels, and leaves grip for steering
             most_mps2 = _DRIVE_SHARE * grip_mps2
             along_mps2 = _within(along_mps2, most_mps2)
         slips = (hypot(u, self._left_mps) - _ROLLS_BELOW_MPS) / (_SLIPS_ABOVE_MPS - _ROLLS_BELOW_MPS)
@@ -170,7 +170,7 @@ class Vehicle:
         by_tyres = self._tyre_accelerations(along_mps2, angle_rad) if slips else (along_mps2, 0.0, 0.0)
         new_u = u + (slips * by_tyres[0] + (1.0 - slips) * along_mps2) * dt_s
         if new_u * u < 0.0 and abs(drive_mps2) <= brake_mps2:
-            new_u = 0.0  # friction stops, it does not push back
+            new_u = 0.0  # friction stops the car and does not reverse it
         rolling_rate = new_u * tan(angle_rad) / self._wheelbase_m
         rolling_left = self._rear_m * rolling_rate
         slipping_left = self._left_mps + by_tyres[1] * dt_s
@@ -205,7 +205,7 @@ class Vehicle:
         return forward, front_aside + rear - u * rate, turning
 
     def _slide(self, dt_s: float, drive_mps2: float, brake_mps2: float, angle_rad: float) -> None:
-        """Wheels slip along as well: all grip acts against the direction in which the tread slides."""
+        """Advance with longitudinally slipping wheels: all grip acts against the sliding direction of the tread."""
         u, w, rate, wheel = self._forward_mps, self._left_mps, self.yaw_rate_radps, self.wheel_speed_mps
         grip_mps2 = self._grip_mps2
         if wheel == 0.0 and hypot(u, w) + abs(rate) * self._rear_m <= grip_mps2 * dt_s:
@@ -229,7 +229,7 @@ class Vehicle:
         self._turn_wheels(dt_s, torque * drive_mps2 - floor_mps2, torque * brake_mps2, u)
 
     def _turn_wheels(self, dt_s: float, turning_mps2: float, brake_mps2: float, before_mps: float) -> None:
-        """Speed the wheels up by what turns them, down by the brake; rolling begins again where slip changes sign."""
+        """Accelerate the wheels by torque, slow them by the brake; rolling begins again where slip changes sign."""
         wheel = self.wheel_speed_mps
         if wheel == 0.0 and abs(turning_mps2) <= brake_mps2:
             return
@@ -251,6 +251,6 @@ def _within(value: float, most: float) -> float:
 
 
 def _friction(slip_x_mps: float, slip_y_mps: float) -> tuple[float, float]:
-    """Direction of sliding friction, as shares of the grip; fades with the last of the slip."""
+    """Return the direction of sliding friction, as shares of the grip; fades at low slip."""
     size = max(hypot(slip_x_mps, slip_y_mps), _SLIP_SCALE_MPS)
     return -slip_x_mps / size, -slip_y_mps / size

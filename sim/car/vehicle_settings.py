@@ -1,4 +1,4 @@
-"""What the simulated car is made of. Defaults: an F1TENTH car on the sources named, on a clean hard floor."""
+"""Parameters of the simulated car. Defaults: an F1TENTH car on the sources named, on a clean hard floor."""
 
 from typing import Annotated
 
@@ -12,10 +12,11 @@ class VehicleSettings(BaseModel):
     """A 1/10-scale four-wheel-drive car (f1tenth_gym `f110_env.py` for mass, axles, inertia, tyres).
 
     cornering_*: lateral force per slip angle as a multiple of grip times load; the tyre saturates at the grip.
-    trim_rad: wheel angle while the servo stands in the middle, left positive: what a calibration left over.
-    drag_mps2: deceleration while coasting, of drivetrain and tyres. Felt, not measured.
+    trim_rad: wheel angle while the servo stands in the middle, left positive: the residual error of the calibration.
+    drag_mps2: deceleration while coasting, of drivetrain and tyres. Estimated, not measured.
     drive_limit_mps2: the motor's strength; floor grip may allow less.
-    ramp_mps2: how fast the motor controller's own set speed moves (VESC firmware 6: 25000 erpm/s at 4614 erpm per m/s).
+    ramp_mps2: rate of change of the motor controller's own set speed (VESC firmware 6: 25000 erpm/s at 4614 erpm per
+    m/s).
     min_speed_mps: below this set speed a VESC's speed control gives no output (900 erpm).
     speed_lag_s: time constant of the speed control behind its set speed.
     brake_mps2_per_a: deceleration per ampere of brake current, before the wheels lock. A motor of 3500 rpm/V gives

@@ -1,1 +1,1 @@
-"""The world and what a lidar sees of it: walls, maps, obstacles, beams."""
+"""World model and lidar simulation: walls, maps, obstacles, beams."""

@@ -1,11 +1,11 @@
-"""The way of a ball that rolls along the walls of a map, and how far a car can follow it.
+"""Path of a ball that rolls along the walls of a map, and the length of it that a car can follow.
 
-The middle of a ball of radius w that touches a wall is on the border of the cells that are at least w from the nearest
-solid one. That border consists of closed curves: along a followed wall one either comes back to where one was, or has
-to turn on the spot somewhere, at the end of a corridor that is too narrow for the car to turn in.
+The centre of a ball of radius w that touches a wall lies on the border of the cells that are at least w from the
+nearest solid one. That border consists of closed curves: along a followed wall the path either returns to its
+beginning, or needs a turn on the spot, at the end of a corridor that is too narrow for the car to turn in.
 
 Frame: the grid's own, x along the columns, y along the rows. Sums and roots only, no sines and no compiled beams:
-the same ways on every machine.
+the same paths on every machine.
 """
 
 from collections.abc import Iterator
@@ -19,26 +19,27 @@ from sim.world.pose import Booleans, Floats, Side
 Cells = npt.NDArray[np.int64]
 
 ENDLESS_M = 200.0
-"""Ways that are at least so long are all alike: nearly a minute at 4 m/s."""
+"""Maximum way length [m]; longer ones count as equal: nearly a minute at 4 m/s."""
 _STEP_M = 0.1
 _SMOOTH_M = 0.5
-"""The border is a staircase; so much of it makes the mean of a place."""
+"""Length [m] of the moving mean that smooths the border, which is a staircase."""
 _TURN_M, _TURN_COS = 1.5, -0.75
-"""Who turns by 139 degrees or more on less than this way needs a radius below 0.62 m; a car has 0.93 m. The angle is
-none of those, multiples of 45 degrees, that drawn maps are full of."""
+"""A turn of 139 degrees or more within this length needs a radius below 0.62 m; a car has 0.93 m. The angle is none of
+the multiples of 45 degrees that drawn maps are full of."""
 _BEFORE_AND_AFTER_M = 2.0
-"""Who goes the same way again so far after a turn as so far before it passed a niche, and can cut it off."""
+"""Distance [m] before and after a turn: the same path in both directions is a niche, which can be cut off."""
 _BACK_COS = -0.6
 _MIN_RING_M = 5.86
-"""The car's tightest circle: what is shorter cannot be driven round."""
+"""Minimum length [m] of a closed path, the car's tightest circle: shorter ones cannot be driven round."""
 _NEARBY_M, _SAME_WAY_COS = 0.5, 0.7
-"""Two balls' ways are beside each other within so much, in directions whose cosine is at least so much."""
+"""Maximum distance [m] and minimum cosine between the directions of two balls' paths that count as parallel
+neighbours."""
 _RIGHT_TURN, _STRAIGHT_ON, _LEFT_TURN = -1, 0, 1
 
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """Places along the ball's way, one per edge between a cell on its border and one beyond.
+    """Places along the ball's path, one per edge between a cell on its border and one beyond.
 
     cell: shape (n, 2), row and column of the cell. heading: shape (n, 2), the direction (x, y) in which a car drives
     there, a unit vector. way_m: shape (n,), how far it comes before the way turns too tightly, in 0.1 m; ENDLESS_M
@@ -52,10 +53,10 @@ class Places:
 
 
 def places(away_m: Floats, cell_m: float, ball_m: float, side: Side) -> Places:
-    """Return the way of a ball of radius `ball_m` with the walls on one side.
+    """Return the path of a ball of radius `ball_m` with the walls on one side.
 
     away_m: shape (rows, columns), each cell's distance from the nearest solid one; the grid's outermost cells are
-    solid. Some cell must have at least `ball_m`.
+    solid. At least one cell must have `ball_m` or more.
     """
     found, count = [], 0
     for middle, cell in _borders(away_m >= ball_m):
@@ -67,7 +68,7 @@ def places(away_m: Floats, cell_m: float, ball_m: float, side: Side) -> Places:
 
 
 def led_on(here: Places, nearer: Places, cell_m: float) -> Places:
-    """Return the places with the ways of a car that comes nearer to the wall rather than end: a law does.
+    """Return the places with the ways of a car that moves nearer to the wall where its path ends, as laws do.
 
     nearer: the same walls' places for a smaller ball, on whose way the car is from the end of its own one on.
     """
@@ -78,7 +79,7 @@ def led_on(here: Places, nearer: Places, cell_m: float) -> Places:
 
 
 def _onward_m(cell: Cells, heading: Floats, nearer: Places, cell_m: float) -> float:
-    """The way from the nearest place in the same direction, 0 where there is none nearby."""
+    """Return the way from the nearest place in the same direction, 0 without one nearby."""
     far_m = _length(nearer.cell - cell) * cell_m
     far_m[nearer.heading @ heading < _SAME_WAY_COS] = np.inf
     nearest = int(np.argmin(far_m))
@@ -86,7 +87,7 @@ def _onward_m(cell: Cells, heading: Floats, nearer: Places, cell_m: float) -> fl
 
 
 def _borders(inside: Booleans) -> Iterator[tuple[Floats, Cells]]:
-    """Each closed border of the cells inside, with them on its left: middles of its edges (n, 2), and their cells.
+    """Return each closed border of the cells inside, counter-clockwise: middles of its edges (n, 2), and their cells.
 
     Cells that share a corner only hang together: a ball's way may be one cell wide and oblique.
     """
@@ -106,7 +107,7 @@ def _borders(inside: Booleans) -> Iterator[tuple[Floats, Cells]]:
 
 
 def _edges(inside: Booleans) -> tuple[Cells, Cells, Cells]:
-    """Edges between inside and outside: first corner (x, y), heading 0 to 3 from x on in quarter turns, cell inside."""
+    """Return the edges of the inside: first corner (x, y), heading 0 to 3 from x on in quarter turns, cell inside."""
     begins, headings, cells = [], [], []
     beside = ((-1, 0, 0, 0), (0, 1, 1, 0), (1, 0, 1, 1), (0, -1, 0, 1))
     for heading, (rows_on, columns_on, corner_x, corner_y) in enumerate(beside):
@@ -118,7 +119,7 @@ def _edges(inside: Booleans) -> tuple[Cells, Cells, Cells]:
 
 
 def _rings(follower: list[int]) -> Iterator[list[int]]:
-    """The cycles of a permutation."""
+    """Return the cycles of a permutation."""
     seen = bytearray(len(follower))
     for first in range(len(follower)):
         ring, at = [], first
@@ -131,7 +132,7 @@ def _rings(follower: list[int]) -> Iterator[list[int]]:
 
 
 def _driven(middle: Floats, cell_m: float) -> tuple[Floats, Floats, Cells]:
-    """Heading, drivable way and its end at each edge of a closed border, in its order; see Places."""
+    """Return heading, drivable way and its end at each edge of a closed border, in its order; see Places."""
     at_m = _smoothed(middle, max(1, round(_SMOOTH_M / cell_m / 2))) * cell_m
     steps_m = _length(np.roll(at_m, -1, axis=0) - at_m)
     along_m = np.concatenate([[0.0], np.cumsum(steps_m)])
@@ -152,7 +153,7 @@ def _driven(middle: Floats, cell_m: float) -> tuple[Floats, Floats, Cells]:
 
 
 def _smoothed(points: Floats, reach: int) -> Floats:
-    """Each point's mean with `reach` neighbours on either side, round the ring; shape (n, 2)."""
+    """Return each point's mean with `reach` neighbours on either side, round the ring; shape (n, 2)."""
     around = np.take(points, np.arange(-reach - 1, len(points) + reach), axis=0, mode="wrap")
     sums = np.cumsum(around, axis=0)
     smooth: Floats = (sums[2 * reach + 1 :] - sums[: -2 * reach - 1]) / (2 * reach + 1)
@@ -160,7 +161,7 @@ def _smoothed(points: Floats, reach: int) -> Floats:
 
 
 def _too_tight(heading: Floats) -> Booleans:
-    """Where a ring of unit vectors, _STEP_M apart, turns back in too little way; shape (n,)."""
+    """Return where a ring of unit vectors, _STEP_M apart, reverses in too short a way; shape (n,)."""
     tight = np.zeros(len(heading), dtype=np.bool_)
     for steps in range(1, round(_TURN_M / _STEP_M) + 1):
         turned = np.sum(heading * np.roll(heading, -steps, axis=0), axis=1) < _TURN_COS
@@ -171,7 +172,7 @@ def _too_tight(heading: Floats) -> Booleans:
 
 
 def _samples_ahead(tight: Booleans) -> Cells:
-    """How many samples of a ring are between each and the next tight one, 0 there, -1 where none is; shape (n,)."""
+    """Return the number of samples of a ring from each to the next tight one, 0 there, -1 without one; shape (n,)."""
     marks, here = np.flatnonzero(tight), np.arange(len(tight))
     if not len(marks):
         return np.full(len(tight), -1)
@@ -180,6 +181,6 @@ def _samples_ahead(tight: Booleans) -> Cells:
 
 
 def _length(vectors: Floats | Cells) -> Floats:
-    """The length of each, shape (n,)."""
+    """Return the length of each, shape (n,)."""
     long: Floats = np.sqrt(vectors[:, 0] ** 2 + vectors[:, 1] ** 2)
     return long

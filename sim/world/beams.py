@@ -1,4 +1,4 @@
-"""What a UST-10LX would report of the surroundings: 1081 integers, in mm, with the sensor's faults and habits.
+"""Simulated scans of a UST-10LX: 1081 integers, in mm, with the sensor's faults and noise.
 
 Facts: Hokuyo UST-10LX (270 degrees, 0.25 degrees apart, 40 Hz, step 0 at the right rear, counter-clockwise), and the
 recordings of RACECARs: 65533 for "no return", returns far beyond the 10 m of the data sheet, and 7 to 31 beams at the
@@ -29,13 +29,13 @@ _TURN_DEG = 360.0
 
 
 class LidarSettings(BaseModel):
-    """Where the lidar sits, how it scans, and what is wrong with it.
+    """Mount, scan pattern and faults of the lidar.
 
     mount_x_m: its position ahead of the rear axle, on the middle line, looking forward.
     first_deg, last_deg: first and last beam, both measured; counter-clockwise, 0 ahead.
     range_max_m: returns from farther away are lost. The data sheet promises 10 m; real ones report up to 30.
     noise_std_m: standard deviation of every distance.
-    outlier_share: beams that report a distance between 0.02 and 10 m that has nothing to do with the world.
+    outlier_share: beams that report a distance between 0.02 and 10 m that is unrelated to the world.
     dropout_share: beams that report no return.
     dirty_sectors: (from_deg, to_deg, range_m), dirt on the window: these beams see nothing beyond range_m.
     self_returns: a part of the car at the right rear, within its outline. own_parts: further ones, by the names of
@@ -74,7 +74,7 @@ class LidarSettings(BaseModel):
 
     @property
     def sweep_s(self) -> float:
-        """Time from the first beam to the last: 18.75 ms of the UST-10LX's 25 ms."""
+        """Return the time from the first beam to the last: 18.75 ms of the UST-10LX's 25 ms."""
         return (self.last_deg - self.first_deg) / _TURN_DEG / self.rate_hz
 
 
@@ -86,10 +86,10 @@ def scan(
     rng: np.random.Generator,
     settings: LidarSettings | None = None,
 ) -> Millimetres:
-    """Return one sweep as the sensor reports it, shape (beams,), in mm; 65533 where nothing came back.
+    """Return one sweep as the sensor reports it, shape (beams,), in mm; 65533 for no return.
 
-    pose, twist: the rear axle's at the end of the sweep, now_s; earlier beams are traced back along the motion. Things
-    that move by themselves are taken where they are now.
+    pose, twist: the rear axle's at the end of the sweep, now_s; earlier beams are traced back along the motion. Moving
+    obstacles are taken at their present places.
     """
     if not math.isfinite(now_s):
         raise ValueError(f"a scan needs a finite time, not {now_s}")
@@ -99,7 +99,7 @@ def scan(
 
 
 def true_ranges_m(surroundings: Surroundings, pose: Pose, twist: Twist, lidar: LidarSettings) -> Floats:
-    """Return what a perfect lidar in the same place would measure, shape (beams,); inf where there is nothing."""
+    """Return the ranges of a perfect lidar in the same place, shape (beams,); inf where there is nothing."""
     fan = _fan(lidar)
     if not lidar.motion_skew or twist == STANDING:
         at = pose.ahead(lidar.mount_x_m)
@@ -120,7 +120,7 @@ def true_ranges_m(surroundings: Surroundings, pose: Pose, twist: Twist, lidar: L
 def _evenly_turned(from_rad: float, count: int) -> Complexes:
     """Return exp(i angle), shape (count,), for angles that go evenly from `from_rad` to 0; `count` is 2 at least.
 
-    A number in two digits, so to speak: few exponentials and one product each, instead of an exponential each.
+    Each index is split into two digits: few exponentials and one product per beam, instead of an exponential per beam.
     """
     step_rad = -from_rad / (count - 1)
     base = math.isqrt(count - 1) + 1
@@ -131,7 +131,7 @@ def _evenly_turned(from_rad: float, count: int) -> Complexes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fan:
-    """Per beam: bearing from straight ahead, time before the sweep's end, and how far dirt lets it see."""
+    """Per beam: bearing from straight ahead, time before the sweep's end, and maximum range through dirt."""
 
     bearing_rad: Floats
     ago_s: Floats
@@ -154,7 +154,7 @@ def _fan(lidar: LidarSettings) -> _Fan:
 
 
 def _as_reported(ranges_m: Floats, lidar: LidarSettings, rng: np.random.Generator) -> Millimetres:
-    """Add what a real sensor adds. The dice are thrown in the same order whatever is hit: one seed, one noise."""
+    """Add the sensor's noise and faults. Draws the same random numbers whatever is hit: one seed, one noise."""
     fan = _fan(lidar)
     noise_m = rng.normal(0.0, lidar.noise_std_m, lidar.beams) if lidar.noise_std_m else 0.0
     seen_m = np.minimum(ranges_m, fan.dirt_m) if lidar.dirty_sectors else ranges_m
@@ -163,7 +163,7 @@ def _as_reported(ranges_m: Floats, lidar: LidarSettings, rng: np.random.Generato
         parts = profile(lidar.own_parts, lidar.first_deg, lidar.last_deg, lidar.beams)
         seen_m, silent = seen_with_parts(seen_m, parts, rng, lidar.range_max_m)
     lost = seen_m > lidar.range_max_m
-    seen_m = np.minimum(seen_m, lidar.range_max_m)  # of the lost ones nothing is reported; this keeps them finite
+    seen_m = np.minimum(seen_m, lidar.range_max_m)  # lost beams report nothing; this keeps them finite
     seen_m += noise_m
     if lidar.outlier_share:
         wild = rng.random(lidar.beams) < lidar.outlier_share

@@ -1,7 +1,7 @@
-"""The compiled twin of the numpy casts (`casting.c`): built once with the machine's own C compiler, or done without.
+"""Compiled equivalent of the numpy casts (`casting.c`), built once with the machine's own C compiler; optional.
 
-Nothing is installed for it and nothing needs it: without a compiler, or with WALLRIDE_COMPILED=0, `library` is None and
-numpy answers, more slowly. The built file is kept in the user's cache, named after everything that it depends on.
+It needs no installation: without a compiler, or with WALLRIDE_COMPILED=0, `library` is None and
+numpy is used, more slowly. The built file is kept in the user's cache, named by a hash of all its dependencies.
 """
 
 import ctypes
@@ -60,21 +60,21 @@ class Walls(ctypes.Structure):
 
 
 def cells(rectangles: FreeRectangles, origin: Pose, cell_m: float) -> Cells:
-    """Return a grid for `cast_cells`; rectangles must be kept as long as it is used."""
+    """Return a grid for `cast_cells`; the caller keeps the rectangles alive as long as it is used."""
     cos, sin = math.cos(origin.yaw_rad), math.sin(origin.yaw_rad)
     rows, columns = rectangles.rows, rectangles.columns
     return Cells(origin.x_m, origin.y_m, cos, sin, origin.yaw_rad, cell_m, rows, columns, rectangles.leaps.ctypes.data)
 
 
 def walls(straight: Floats, circles: Floats, *, end_slack_m: float, edge_on: float) -> Walls:
-    """Return walls for `cast_walls`; contiguous (n, 5) and (m, 3), which must be kept as long as it is used."""
+    """Return walls for `cast_walls`; contiguous (n, 5) and (m, 3), kept alive by the caller as long as it is used."""
     return Walls(straight.ctypes.data, circles.ctypes.data, len(straight), len(circles), end_slack_m, edge_on)
 
 
 def cast(
     function: Callable[..., None], scene: Cells | Walls, x_m: float | Floats, y_m: float | Floats, bearing_rad: Floats
 ) -> Floats:
-    """Return what the library's `cast_cells` or `cast_walls` measures, shape (n,); see World.cast.
+    """Return the distances of the library's `cast_cells` or `cast_walls`, shape (n,); see World.cast.
 
     The arrays that `scene` points to belong to the caller.
     """
@@ -92,14 +92,14 @@ def cast(
 
 
 def _address(array: Floats) -> int:
-    """Where an array's numbers are; `array.ctypes.data` takes four times as long, which is felt."""
+    """Return the address of an array's data; `array.ctypes.data` takes four times as long, which is measurable."""
     if array.flags.writeable and array.size:
         return ctypes.addressof(_BYTES.from_buffer(array.data))
     return array.ctypes.data
 
 
 def library() -> ctypes.CDLL | None:
-    """Return the compiled casts, built on the first call on this machine; None when they cannot be had.
+    """Return the compiled casts, built on the first call on this machine; None if they are not available.
 
     WALLRIDE_COMPILED=0 in the environment means numpy only.
     """
@@ -108,7 +108,7 @@ def library() -> ctypes.CDLL | None:
 
 @contextmanager
 def numpy_only() -> Iterator[None]:
-    """Let everything that is made in this context cast with numpy, to compare the two."""
+    """Use the numpy casts for all objects created in this context, to compare the two."""
     before = os.environ.get(SWITCH)
     os.environ[SWITCH] = "0"
     try:

@@ -1,8 +1,8 @@
-"""Beams that leave one place, evenly spread in the order of their bearings: each wall covers a run of neighbours.
+"""Ray casts of an even fan from one origin in the order of bearings: each wall covers a run of neighbouring beams.
 
-Instead of every beam meeting every wall, every wall is asked where it begins and ends in the fan, which is two angles;
-after that only beams and walls that really meet are computed, about two walls per beam. Two walls that share a corner
-get the very same number for it, so no beam can slip between them.
+Instead of intersecting every beam with every wall, the two angles at which each wall begins and ends in the fan are
+computed; after that only beams and walls that intersect are computed, about two walls per beam. Two walls that share a
+corner get exactly the same number for it, so no beam can pass between them.
 """
 
 import math
@@ -15,15 +15,15 @@ from sim.world.pose import Floats
 Indices = npt.NDArray[np.int64]
 
 EDGE_ON = 1e-9
-"""Sine of the angle under which a wall, which has no thickness, is not seen: there rounding decides where it is."""
+"""Sine of the angle below which a wall, which has no thickness, is invisible: rounding would decide its position."""
 _MAX_FAN_RAD = 3.2
-"""No straight wall fills more than half the view; what seems wider is the rounding of a wall seen edge-on."""
+"""Maximum angle that a straight wall fills; it is less than half the view, more is rounding of a wall seen edge-on."""
 
 _SLACK_BEAMS = 1e-9
-"""By how much walls are wider, so that a beam straight at the end of one meets it."""
+"""Margin by which walls are widened, so that a beam through a wall's end meets it."""
 _MIN_BEAMS = 16
 _EVEN_WITHIN_RAD = 1e-9
-"""A beam this far out of step still ends on a wall's line, at most so far beyond its end."""
+"""Maximum deviation from an even fan; such a beam still ends on a wall's line, at most this far beyond its end."""
 
 
 class FanCast:
@@ -43,7 +43,7 @@ class FanCast:
     def cast(self, x_m: float, y_m: float, bearing_rad: Floats) -> Floats:
         """Return the distance to the first wall along each bearing, shape (n,); inf where there is none.
 
-        From a place on a wall to a hair it stops the beams on one side, those into what it bounds.
+        From an origin on a wall, within rounding, the wall stops only the beams on one side, into its solid.
         bearing_rad: what `is_fan` accepts.
         """
         ranges_m = np.full(bearing_rad.shape, np.inf)
@@ -63,7 +63,7 @@ class FanCast:
         return ranges_m
 
     def _runs(self, x_m: float, y_m: float, bearing_rad: Floats) -> tuple[Indices, Indices, Indices]:
-        """Which walls meet beams, the first beam of each and how many; a wall across the fan's seam comes twice."""
+        """Return the walls that meet beams, first beam and count of each; a wall across the fan's seam comes twice."""
         x0, y0, x1, y1 = self._ends_m
         x0, y0, x1, y1 = x0 - x_m, y0 - y_m, x1 - x_m, y1 - y_m
         turns_left = x0 * y1 >= x1 * y0
@@ -88,7 +88,7 @@ class FanCast:
 
 
 def is_fan(bearing_rad: Floats) -> bool:
-    """Whether bearings grow evenly from beam to beam, over less than a full turn."""
+    """Return whether bearings grow evenly from beam to beam, over less than a full turn."""
     if bearing_rad.size < _MIN_BEAMS:
         return False
     steps = bearing_rad[1:] - bearing_rad[:-1]

@@ -1,8 +1,8 @@
-"""A floor made of convex pieces, and the walls round it.
+"""Floor made of convex pieces, and the walls round it.
 
-What is free is the union of the pieces, so rooms, lanes, doors and niches are joined by letting them overlap, and a
-lane that comes back to where it began is a loop. The walls are the border of that union: each piece's sides, less what
-lies inside another piece.
+The free space is the union of the pieces, so rooms, lanes, doors and niches are joined by letting them overlap, and a
+lane that returns to its beginning is a loop. The walls are the border of that union: each piece's sides, less what lies
+inside another piece.
 """
 
 import math
@@ -13,7 +13,7 @@ import numpy as np
 from sim.world.pose import Floats, Pose
 
 ON_THE_BORDER_M = 1e-6
-"""Nearer to a piece's side than this is on it, not inside: sides that lie on each other stay."""
+"""Distance below which a point counts as on a piece's side, not inside: sides that lie on each other stay."""
 MIN_WALL_M = 1e-3
 
 Corners = list[tuple[float, float]]
@@ -21,7 +21,7 @@ Corners = list[tuple[float, float]]
 
 @dataclass(slots=True)
 class FloorPlan:
-    """pieces: convex polygons, (k, 2) each, counter-clockwise. things: what stands on the floor, segments (n, 4)."""
+    """Floor. pieces: convex polygons, (k, 2) each, counter-clockwise. things: objects on the floor, segments (n, 4)."""
 
     pieces: list[Floats] = field(default_factory=list)
     things: list[Floats] = field(default_factory=list)
@@ -40,7 +40,7 @@ class FloorPlan:
         return end
 
     def walls_m(self) -> Floats:
-        """Return the walls and what stands before them, segments (x0, y0, x1, y1), shape (n, 4)."""
+        """Return the walls and the objects before them, segments (x0, y0, x1, y1), shape (n, 4)."""
         walls: list[Floats] = []
         for piece in self.pieces:
             others = [other for other in self.pieces if other is not piece]
@@ -50,14 +50,14 @@ class FloorPlan:
 
 
 def _sides(piece: Floats) -> tuple[Floats, Floats]:
-    """Return the inward normals, (k, 2), and where the sides begin, (k, 2)."""
+    """Return the inward normals, (k, 2), and the first points of the sides, (k, 2)."""
     along = np.roll(piece, -1, axis=0) - piece
     along /= np.hypot(along[:, 0], along[:, 1])[:, None]
     return np.column_stack([-along[:, 1], along[:, 0]]), piece
 
 
 def _outside(start: Floats, end: Floats, others: list[Floats]) -> list[Floats]:
-    """Return the parts of a side, (1, 4) each, that lie inside none of the other pieces."""
+    """Return the parts of a side, (1, 4) each, that lie inside no other piece."""
     hidden = sorted(part for other in others if (part := _inside(start, end, other)) is not None)
     length_m = math.hypot(*(end - start))
     parts, at = [], 0.0
@@ -69,7 +69,7 @@ def _outside(start: Floats, end: Floats, others: list[Floats]) -> list[Floats]:
 
 
 def _inside(start: Floats, end: Floats, piece: Floats) -> tuple[float, float] | None:
-    """Return from which share to which a side lies inside a piece, None where it does not."""
+    """Return the first and last share of a side that lie inside a piece, None if it does not."""
     normals, corners = _sides(piece)
     first, last = 0.0, 1.0
     for depth_m, deeper_m in zip(

@@ -1,4 +1,4 @@
-"""Beams through a grid of solid and free cells, from free rectangle to free rectangle; everything in cells.
+"""Ray casts through a grid of solid and free cells, from free rectangle to free rectangle; everything in cells.
 
 Each free cell knows, for each of the four quadrants of direction, a large free rectangle of which it is the nearest
 corner. A beam goes to the exact point where it leaves that rectangle, and ends exactly on the edge of the first solid
@@ -16,7 +16,7 @@ Cells = npt.NDArray[np.int64]
 Leaps = npt.NDArray[np.uint16]
 
 _FEW_BEAMS = 24
-"""Below this many, one beam at a time costs less than the fixed price of a dozen numpy calls."""
+"""Number of beams below which one beam at a time costs less than the fixed price of a dozen numpy calls."""
 _SIGNS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 """Quadrants of direction (sign of x, sign of y), in the order in which the leaps are stored."""
 _LONGEST = 255
@@ -24,7 +24,7 @@ _BYTE = 8
 
 
 class FreeRectangles:
-    """The leaps of a grid whose rim is solid.
+    """Leap table of a grid whose rim is solid.
 
     leaps: width + 256 height of each cell's rectangle, 0 in solid cells; a plane for each quadrant of direction, rows
     from the lowest y, planes one after the other.
@@ -37,7 +37,7 @@ class FreeRectangles:
         self._leap_of = self.leaps.data
 
     def march(self, px: Floats, py: Floats, dx: Floats, dy: Floats) -> Floats:
-        """Return how far beams from px, py along unit vectors dx, dy go until the first solid cell; 0 from inside one.
+        """Return the distances from px, py along unit vectors dx, dy to the first solid cell; 0 from inside one.
 
         Directions may not be -0.0. All shape (n,). The last few beams go one at a time.
         """
@@ -54,7 +54,7 @@ class FreeRectangles:
         while beam.size > _FEW_BEAMS:
             leap = self.leaps[steps[0] + row * columns + column].astype(np.int64)
             going = leap > 0
-            travelled[beam] = now  # final for those that have arrived, overwritten for the others
+            travelled[beam] = now  # final for beams that have arrived, overwritten for the others
             if not going.all():
                 beam, leap, column, row, now = beam[going], leap[going], column[going], row[going], now[going]
                 lines, steps = lines[:, going], steps[:, going]
@@ -65,7 +65,7 @@ class FreeRectangles:
         return travelled
 
     def _march_one(self, line: list[float], step: list[int], column: int, row: int, now: float) -> float:
-        """Take one beam to its wall: `_leap` in plain numbers, which for a few beams is far quicker."""
+        """Cast one beam to its wall: `_leap` in plain numbers, which for a few beams is far quicker."""
         px, py, dx, dy, per_x, per_y = line
         plane, far_x, far_y, sign_x, sign_y = step
         columns = self.columns
@@ -82,7 +82,7 @@ class FreeRectangles:
 
 
 def _leap(lines: Floats, steps: Cells, leap: Cells, column: Cells, row: Cells) -> tuple[Floats, Cells, Cells]:
-    """Move beams to where they leave their rectangles; return how far they are then, column and row.
+    """Move beams to where they leave their rectangles; return their distance then, column and row.
 
     The axis that was crossed steps exactly; the other may not be rounded out of the rectangle it is in.
     """
@@ -99,7 +99,7 @@ def _leap(lines: Floats, steps: Cells, leap: Cells, column: Cells, row: Cells) -
 
 
 def _free_run(solid: Booleans, sign_x: int) -> Cells:
-    """How many free cells follow each other along the sign in a row, this one included; 255 at most."""
+    """Return the number of consecutive free cells along the sign in a row, this one included; 255 at most."""
     columns = solid.shape[1]
     number = np.arange(columns)
     along = solid[:, ::-sign_x]  # so that the run of a cell comes before it
@@ -109,7 +109,7 @@ def _free_run(solid: Booleans, sign_x: int) -> Cells:
 
 
 def _longest(run: Cells, sign_y: int) -> Leaps:
-    """Width and height, as in `leaps`, of each cell's rectangle that grows from its run of free cells along the sign.
+    """Return width and height, as in `leaps`, of each cell's rectangle, grown from its run along the sign.
 
     Of those that are 1, 2, 3, 4, 6, 8, 12 ... cells high, each made of two lower ones, the one with the greatest
     harmonic mean of width and height: tried on eight maps against largest area and longest mean way through, it needs
@@ -130,7 +130,7 @@ def _longest(run: Cells, sign_y: int) -> Leaps:
 
 
 def _further(width: Cells, by: int, sign_y: int) -> Cells:
-    """The same of the cell so many rows on; 0 beyond the grid."""
+    """Return the same of the cell this many rows on; 0 beyond the grid."""
     moved = np.zeros_like(width)
     if by < len(width):
         here, there = (slice(None, -by), slice(by, None)) if sign_y > 0 else (slice(by, None), slice(None, -by))

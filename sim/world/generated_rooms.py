@@ -1,7 +1,7 @@
-"""Rooms and tracks made from a seed: what a building has that no drawn course has, and no two alike.
+"""Rooms generated from a seed: features of real buildings that no drawn course has, and no two alike.
 
-A room is a way of lanes (1.2 to 3 m wide, corners of 60 to 150 degrees) that begins in a hall and leads to what its
-kind is about: furniture in the way, a wedge, a blind end, doors, corners, a loop of lanes. All are closed, so that a
+A room is a way of lanes (1.2 to 3 m wide, corners of 60 to 150 degrees) that begins in a hall and leads to the feature
+of its kind: furniture in the way, a wedge, a blind end, doors, corners, a loop of lanes. All are closed, so that a
 drive of a minute stays inside: at the far end is another hall, or the car has to come back. `closed` is the control: a
 cell in which no car of this size can turn or get anywhere.
 
@@ -26,9 +26,9 @@ DOOR_M = 0.15
 """Thickness of a wall that a door is in."""
 OVERLAP_M = 0.05
 START_M = 1.5
-"""From the beginning of the first lane to the start of the car."""
+"""Distance from the beginning of the first lane to the start of the car."""
 FREE_START_M = 2.5
-"""Nothing stands so near to the start."""
+"""Minimum distance of furniture from the start."""
 TRIES = 200
 
 Random = np.random.Generator
@@ -36,7 +36,7 @@ Random = np.random.Generator
 
 @dataclass(slots=True)
 class _Builder:
-    """A room in the making: at is the pose at the end of the lanes so far, width_m that of the last one."""
+    """A room under construction: at is the pose at the end of the present lanes, width_m that of the last one."""
 
     random: Random
     plan: FloorPlan
@@ -63,7 +63,7 @@ class _Builder:
         self.at, self.width_m = turned, width_m
 
     def door(self) -> None:
-        """Go on through a door, anywhere in the end of the lane."""
+        """Continue through a door, anywhere in the end of the lane."""
         door_m = float(self.random.uniform(0.55, 1.2))
         aside_m = float(self.random.uniform(-1, 1)) * (self.width_m - door_m) / 2
         self.plan.lane(self.at.ahead(-OVERLAP_M, aside_m), DOOR_M + 2 * OVERLAP_M, door_m)
@@ -76,7 +76,7 @@ class _Builder:
         self.lane(HALL_M, HALL_M)
 
     def furnish(self, began: Pose, length_m: float, count: int, widest_m: float = 0.7) -> None:
-        """Put boxes and poles into the last lane: along its walls, or anywhere."""
+        """Place boxes and poles in the last lane: along its walls, or anywhere."""
         for _ in range(count):
             along_m, aside_m = self.random.uniform(0.3, length_m - 0.3), self.random.uniform(-0.5, 0.5) * self.width_m
             long_m, width_m = self.random.uniform(0.2, widest_m, 2)
@@ -90,7 +90,7 @@ class _Builder:
 
 
 def _furniture(room: _Builder) -> None:
-    """Lanes with a box or pole every metre and a half, some of them in the way."""
+    """Build lanes with a box or pole every metre and a half, some of them in the way."""
     for _ in range(2):
         length_m = float(room.random.uniform(4.0, 7.0))
         began = room.lane(length_m, room.width())
@@ -101,12 +101,12 @@ def _furniture(room: _Builder) -> None:
 
 
 def _wedge(room: _Builder) -> None:
-    """A lane that narrows until the car is stuck."""
+    """Build a lane that narrows until the car cannot pass."""
     room.lane(float(room.random.uniform(2.0, 5.0)), room.width_m, float(room.random.uniform(0.05, 0.4)))
 
 
 def _blind_end(room: _Builder) -> None:
-    """A lane that ends, behind a corner or straight on, with something in its end or not."""
+    """Build a lane that ends, behind a corner or straight on, with or without an object in its end."""
     if room.random.random() < 0.5:
         room.corner(room.turn_deg(), room.width())
     length_m = float(room.random.uniform(2.0, 5.0))
@@ -116,7 +116,7 @@ def _blind_end(room: _Builder) -> None:
 
 
 def _doors(room: _Builder) -> None:
-    """Three rooms, one behind the other, with doors between them; some hold furniture."""
+    """Build three rooms in a row, with doors between them; some hold furniture."""
     for _ in range(2):
         room.door()
         length_m = float(room.random.uniform(2.0, 4.0))
@@ -128,7 +128,7 @@ def _doors(room: _Builder) -> None:
 
 
 def _corners(room: _Builder) -> None:
-    """Four corners of 60 to 150 degrees, lanes of all widths between them."""
+    """Build four corners of 60 to 150 degrees, with lanes of all widths between them."""
     for _ in range(4):
         room.corner(room.turn_deg(), room.width())
         room.lane(float(room.random.uniform(3.0, 6.0)))
@@ -136,7 +136,7 @@ def _corners(room: _Builder) -> None:
 
 
 def _loop(room: _Builder) -> None:
-    """Lanes round a block, back into the first one; now and then something stands in them, or one is blind."""
+    """Build lanes round a block, back into the first one; sometimes with an object in them, or with a blind lane."""
     turn = float(room.random.choice([-1, 1]))
     for _ in range(3):
         room.corner(90.0 * turn, room.width())
@@ -149,7 +149,7 @@ def _loop(room: _Builder) -> None:
 
 
 def _closed(room: _Builder) -> None:
-    """Nothing more: see `_start`."""
+    """Add nothing: see `_start`."""
 
 
 KINDS: dict[str, Callable[[_Builder], None]] = {
@@ -162,7 +162,7 @@ KINDS: dict[str, Callable[[_Builder], None]] = {
     "closed": _closed,
 }
 SHARES = ("furniture", "wedge", "blind end", "doors", "corners", "loop") * 3 + ("closed",)
-"""Which kind a seed gives; one in 19 is the control."""
+"""Kinds of room by seed; one in 19 is the control."""
 
 
 def kind_of(seed: int) -> str:

@@ -1,4 +1,4 @@
-"""Closed tracks made from a seed: four to eight lanes, each of its own width, and whatever corners they make.
+"""Closed tracks generated from a seed: four to eight lanes, each of its own width, and the corners between them.
 
 The centre line is a polygon round a middle, driven clockwise, so that the followed wall on the left is the outer one;
 `inner` is the same track driven the other way round. For the right-hand side mirror the world.
@@ -17,11 +17,11 @@ from sim.world.pose import Floats, Pose
 from sim.world.segments import SegmentGeometry
 
 MIN_REACH_M, MAX_REACH_M = 4.0, 8.0
-"""Of a corner from the middle."""
+"""Distance of a corner from the middle."""
 SHARPEST_RAD = math.radians(125)
 MIN_LENGTH_M = 3.0
 BETWEEN_M = 0.3
-"""So far apart are lanes that do not meet."""
+"""Minimum distance between lanes that do not meet."""
 
 
 def generated_track(seed: int, *, inner: bool = False) -> World:
@@ -52,7 +52,7 @@ def _edges(corners: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _is_track(corners: Floats, widths_m: Floats) -> bool:
-    """Whether lanes are long enough, corners not too sharp, and no two lanes meet but at a corner."""
+    """Return whether lanes are long enough, corners not too sharp, and no two lanes meet but at a corner."""
     length_m, _, turn = _edges(corners)
     if length_m.min() < MIN_LENGTH_M or np.abs(turn).max() > SHARPEST_RAD:
         return False

@@ -2,8 +2,8 @@
 
 Marching along a distance transform, the usual way, stops somewhere within a cell of the wall and reads about half a
 cell (25 mm) too near or too far. Here every beam ends exactly on the edge of the first solid cell, in one of three
-ways that agree to rounding: the compiled `casting.c` where it can be had; else `FanCast` for an even fan from one
-place, which is a lidar that stands still; else `FreeRectangles`, any beams from anywhere.
+ways that agree to rounding: the compiled `casting.c` where available; else `FanCast` for an even fan from one
+place, which is a stationary lidar; else `FreeRectangles`, any beams from anywhere.
 """
 
 import math
@@ -21,9 +21,9 @@ from sim.world.pose import Booleans, Floats, Footprint, Pose, into_frame
 Cells = npt.NDArray[np.int64]
 
 _ALONG_GRID = 1e-12
-"""Directions this close to a grid line lie along it; the inverse of less, or of -0.0, is the wrong infinity."""
+"""Directions this close to a grid line count as along it; the inverse of less, or of -0.0, is the wrong infinity."""
 _MAX_COMPILED = 2**31
-"""The compiled cast counts cells in 32 bits."""
+"""Maximum number of cells of the compiled cast, which counts in 32 bits."""
 
 
 class GridGeometry:
@@ -66,7 +66,7 @@ class GridGeometry:
         return np.column_stack([x0, y0, x1, y1])
 
     def is_free(self, x_m: float, y_m: float) -> bool:
-        """Whether a world point lies in a free cell."""
+        """Return whether a world point lies in a free cell."""
         cos, sin = math.cos(self.origin.yaw_rad), math.sin(self.origin.yaw_rad)
         dx, dy = x_m - self.origin.x_m, y_m - self.origin.y_m
         column, row = math.floor((cos * dx + sin * dy) / self.cell_m), math.floor((cos * dy - sin * dx) / self.cell_m)
@@ -115,9 +115,9 @@ class GridGeometry:
 
     @cached_property
     def _fan(self) -> FanCast:
-        """The edges between free and solid cells, each from right to left as seen from the free side."""
+        """Return the edges between free and solid cells, each from right to left as seen from the free side."""
         solid = self.solid
-        above, below = _runs(~solid[:-1] & solid[1:]), _runs(solid[:-1] & ~solid[1:])  # where the solid side is
+        above, below = _runs(~solid[:-1] & solid[1:]), _runs(solid[:-1] & ~solid[1:])  # the solid side
         right, left = _runs((~solid[:, :-1] & solid[:, 1:]).T), _runs((solid[:, :-1] & ~solid[:, 1:]).T)
         ends = [
             np.column_stack([above[:, 2], above[:, 0] + 1, above[:, 1], above[:, 0] + 1]),
@@ -130,7 +130,7 @@ class GridGeometry:
         return FanCast(np.column_stack([*begin, *end]), one_sided=True)
 
     def _edge_cells_m(self) -> Floats:
-        """World centres of the solid cells that touch a free one, shape (2, k): the only ones a car can meet."""
+        """Return the world centres of the solid cells beside a free one, shape (2, k): all that a car can touch."""
         solid = self.solid
         beside_free = np.zeros_like(solid)
         for rows, columns in product((-1, 0, 1), repeat=2):
@@ -157,7 +157,7 @@ def _runs(marks: Booleans) -> Cells:
 def _cells_to_rectangle(
     x_m: Floats, y_m: Floats, half_m: float, cell_yaw_rad: float, pose: Pose, footprint: Footprint
 ) -> float:
-    """Smallest distance between square cells and the car's outline: at a corner of one or the other, or 0."""
+    """Return the minimum distance of square cells to the car's outline: at a corner of one or the other, or 0."""
     cell_corners = [Pose(0.0, 0.0, cell_yaw_rad).ahead(i * half_m, j * half_m) for i, j in product((-1, 1), repeat=2)]
     x = np.stack([x_m + corner.x_m for corner in cell_corners])
     y = np.stack([y_m + corner.y_m for corner in cell_corners])

@@ -37,7 +37,7 @@ class Lap:
 
 
 class LapCounter:
-    """Adds up progress over many laps, from where it was first told to look. Backwards counts backwards."""
+    """Accumulates progress over many laps, from the first update on. Backwards counts backwards."""
 
     def __init__(self, lap: Lap) -> None:
         self._lap = lap
@@ -46,11 +46,11 @@ class LapCounter:
 
     @property
     def laps(self) -> float:
-        """Laps so far, with the fraction of the present one."""
+        """Return the completed laps, with the fraction of the present one."""
         return self.driven_m / self._lap.length_m
 
     def update(self, x_m: float, y_m: float) -> float:
-        """Take the car's position, at least twice a lap, and return the laps so far."""
+        """Update with the car's position, at least twice a lap, and return the completed laps."""
         here_m = self._lap.progress_m(x_m, y_m)
         if self._last_m is not None:
             half = self._lap.length_m / 2

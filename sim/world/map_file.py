@@ -1,8 +1,8 @@
-"""Maps in the format of ROS (map_server): a .yaml file beside a .pgm or .png image, row 0 at the top.
+"""Maps in the ROS format (map_server): a .yaml file beside a .pgm or .png image, row 0 at the top.
 
 Only one region of a map is drivable: the largest connected one of cells that are surely free. All else is solid:
 walls, unknown cells, what lies outside, rooms that cannot be reached. Published maps disagree about the colour of
-"outside" (black, 205 grey, and in levine.png a 216 that passes for free under its own free_thresh), so a cell is
+"outside" (black, 205 grey, and in levine.png a 216 that counts as free under its own free_thresh), so a cell is
 surely free only below an occupancy of 0.1, whatever looser free_thresh the file gives.
 """
 
@@ -26,7 +26,7 @@ PAPER_EDGES = 3
 
 @dataclass(frozen=True, slots=True)
 class MapSettings:
-    """What a map's .yaml file says. origin: world pose of the image's lower left corner."""
+    """Content of a map's .yaml file. origin: world pose of the image's lower left corner."""
 
     image: Path
     cell_m: float
@@ -40,7 +40,7 @@ def load_map(path: Path, *, side: Side = "left") -> World:
 
     Raises:
         FileNotFoundError: the .yaml file or its image is not there.
-        ValueError: something in them makes no sense; the message says what and where.
+        ValueError: their content is invalid; the message names the fault and its place.
     """
     geometry, inner_m2 = read_geometry(path)
     text = f"Map {path.name}: {inner_m2:.0f} m2 drivable, cells of {geometry.cell_m:.4g} m."
@@ -102,7 +102,7 @@ def read_occupancy(settings: MapSettings) -> Floats:
 
 
 def drivable(occupancy: Floats, free_below: float) -> Booleans:
-    """Return the largest region of cells under `free_below` that hang together by their edges; same shape.
+    """Return the largest region of edge-connected cells under `free_below`; same shape.
 
     A region that reaches three or four edges of the image is the paper around the drawing, not a part of the building;
     it counts only where there is no other region.
@@ -121,5 +121,5 @@ def drivable(occupancy: Floats, free_below: float) -> Booleans:
 
 
 def check_map(path: Path) -> None:
-    """Read a map's files without making a world of them; raises as `load_map` does."""
+    """Validate a map's files without making a world of them; raises as `load_map` does."""
     read_occupancy(read_settings(path))

@@ -1,7 +1,7 @@
-"""Where a car starts on a map: beside a wall that leads on, parallel to it, with a free way ahead.
+"""Start pose of a car on a map: beside a wall that leads on, parallel to it, with a free way ahead.
 
-The same map gives the same start on every machine. Many places look alike to the last bit, so numpy's beams choose,
-never compiled ones; what is compared is rounded, and of equal places the first one is taken.
+The same map gives the same start on every machine. Many places are equal to the last bit, so the choice uses numpy's
+beams, never compiled ones; compared values are rounded, and the first of equal places is taken.
 """
 
 import math
@@ -15,19 +15,19 @@ from sim.world.place import START_DISTANCE_M
 from sim.world.pose import Pose, Side, side_sign
 
 _BALLS_M = tuple(round(START_DISTANCE_M - 0.1 * step, 1) for step in range(6))
-"""Distances from the wall that a start may have: 1 m to 0.5 m."""
+"""Candidate distances of the start from the wall: 1 m to 0.5 m."""
 _FAR_ENOUGH_M = 60.0
-"""No smaller distance is chosen to come farther than this: a minute at 1 m/s, a lap in a building."""
+"""Way [m] beyond which no smaller distance is chosen: a minute at 1 m/s, a lap in a building."""
 _MUCH_FARTHER = 1.5
-"""How many times as far a smaller distance must lead to be chosen; laws pass a short narrow place by themselves."""
+"""Minimum ratio of ways for a smaller distance to be chosen; laws pass a short narrow place by themselves."""
 _NEARLY_AS_FAR = 0.8
-"""Where no way is endless: the share of the longest one that is as good."""
+"""Share of the longest way that counts as good, where no way is endless."""
 _START_CANDIDATES = 300
 _LOOK_AHEAD_M = 8.0
 
 
 def choose_start(geometry: GridGeometry, side: Side) -> tuple[Pose, float]:
-    """Choose a place beside a wall that leads on, parallel to it, with a free way ahead; and its distance from it [m].
+    """Return a place beside a wall that leads on, parallel to it, with a free way ahead; and its distance from it [m].
 
     The distance is START_DISTANCE_M, or less where the way of a smaller ball leads much farther. Of 300 cells spread
     over those with the longest drivable way, the one with the longest straight way ahead and behind wins (8 m are
@@ -43,7 +43,7 @@ def choose_start(geometry: GridGeometry, side: Side) -> tuple[Pose, float]:
 
 
 def _places(geometry: GridGeometry, side: Side) -> tuple[float, Places]:
-    """The distance at which to follow a wall, and the places at it: the largest of `_BALLS_M` that leads far enough.
+    """Return the distance at which to follow a wall, and its places: the largest of `_BALLS_M` that leads far enough.
 
     Where none does, the one that leads farthest. A map narrower than all of them has only its widest place. Where no
     way is endless at that distance, the ways of a law that comes nearer to the wall in narrow places count, from those
@@ -70,26 +70,26 @@ def _places(geometry: GridGeometry, side: Side) -> tuple[float, Places]:
 
 
 def _far_m(rolled: Places) -> float:
-    """The longest way of all places, as far as it matters for the distance."""
+    """Return the longest way of all places, as far as it matters for the distance."""
     return min(float(rolled.way_m.max()), _FAR_ENOUGH_M)
 
 
 def _heading(geometry: GridGeometry, rolled: Places, index: int) -> Pose:
-    """The middle of a place's cell, and the direction of the ball's way there."""
+    """Return the middle of a place's cell, and the direction of the ball's path there."""
     x_m, y_m = geometry.cell_centre(*(int(part) for part in rolled.cell[index]))
     x, y = rolled.heading[index]
     return Pose(x_m, y_m, geometry.origin.yaw_rad + math.atan2(y, x))
 
 
 def _along_the_wall(geometry: GridGeometry, at: Pose, side: Side) -> Pose:
-    """The pose at a point that has the nearest wall on one side square to it, near to a heading."""
+    """Return the pose at a point with the nearest wall on one side square to it, near to a heading."""
     bearings = at.yaw_rad + side_sign(side) * np.radians(np.arange(2.0, 180.0, 2.0))
     ranges_m = geometry.march(at.x_m, at.y_m, bearings)
     points = np.column_stack([ranges_m * np.cos(bearings), ranges_m * np.sin(bearings)])
     beside = slice(14, -14)  # 30 to 150 degrees
     nearest = 14 + int(np.argmin(ranges_m[beside]))
     aside = np.cos(bearings - bearings[nearest]) > 0.5
-    near = points[aside & (ranges_m <= 1.3 * ranges_m[nearest])]  # a patch about 1.6 times as long as it is far
+    near = points[aside & (ranges_m <= 1.3 * ranges_m[nearest])]  # a patch about 1.6 times as long as its distance
     _, _, axes = np.linalg.svd(near - near.mean(axis=0))
     yaw_rad = math.atan2(axes[0, 1], axes[0, 0])
     centre = near.mean(axis=0)
@@ -99,7 +99,7 @@ def _along_the_wall(geometry: GridGeometry, at: Pose, side: Side) -> Pose:
 
 
 def _worth(geometry: GridGeometry, pose: Pose, side: Side, distance_m: float) -> float:
-    """Metres of free way, less a penalty for a wall that is not where it should be."""
+    """Return the metres of free way, less a penalty for the deviation of the wall's distance."""
     sides = pose.yaw_rad + side_sign(side) * np.radians(np.linspace(60.0, 120.0, 25))
     ways = pose.yaw_rad + np.radians([-4.0, 0.0, 4.0, 176.0, 180.0, 184.0])
     ranges_m = geometry.march(pose.x_m, pose.y_m, ways)

@@ -1,6 +1,7 @@
-"""Things that are not part of the building: they stand there, appear suddenly in front of the car, or walk.
+"""Obstacles that are not part of the building: standing, appearing suddenly in front of the car, or walking.
 
-An `ObstacleWorld` is a world with obstacles in it, at one moment: `update` moves it on, then it answers like a world.
+An `ObstacleWorld` is a world with obstacles in it, at one moment: `update` advances it, then its queries are those of a
+world.
 """
 
 import math
@@ -14,19 +15,19 @@ from sim.world.pose import CAR, Floats, Footprint, Pose
 from sim.world.segments import SegmentGeometry, box
 
 LIDAR_AHEAD_M = 0.27
-"""Where distances "ahead of the lidar" begin, from the rear axle."""
+"""Distance from the rear axle to the origin of distances "ahead of the lidar"."""
 
 
 @dataclass(frozen=True, slots=True)
 class Round:
-    """A pole or a leg: a circle."""
+    """Circle: a pole or a leg."""
 
     radius_m: float
 
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """A rectangle; its length lies along its own heading."""
+    """Rectangle; its length lies along its own heading."""
 
     length_m: float
     width_m: float
@@ -34,7 +35,7 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class StandingObstacle:
-    """There at a fixed place, from a time on."""
+    """Obstacle at a fixed place, from a time on."""
 
     pose: Pose
     from_s: float = -math.inf
@@ -64,13 +65,13 @@ class ConstantMotion:
     until_s: float = math.inf
 
     def moved_s(self, since_s: float, now_s: float) -> float:
-        """Return how long it has moved between two times."""
+        """Return the duration of its motion between two times."""
         return max(0.0, min(now_s, self.until_s) - max(since_s, self.from_s))
 
 
 @dataclass(frozen=True, slots=True)
 class Obstacle:
-    """What it is, how it comes to be there, and whether it walks."""
+    """Shape of an obstacle, rule of its appearance, and its motion."""
 
     shape: Round | Box
     appearance: StandingObstacle | SuddenObstacle
@@ -78,12 +79,12 @@ class Obstacle:
 
     @property
     def half_length_m(self) -> float:
-        """Return how far its near face is from its centre."""
+        """Return the distance from its centre to its near face."""
         return self.shape.radius_m if isinstance(self.shape, Round) else self.shape.length_m / 2
 
 
 def pole(x_m: float, y_m: float, radius_m: float = 0.02) -> Obstacle:
-    """Return a pole that stands from the beginning."""
+    """Return a pole that stands from the start."""
     return Obstacle(Round(radius_m), StandingObstacle(Pose(x_m, y_m, 0.0)))
 
 
@@ -102,14 +103,14 @@ def sudden_box(
 
 @dataclass(slots=True)
 class _Present:
-    """An obstacle that has appeared: where its centre was, and when."""
+    """An obstacle that has appeared: the place of its centre then, and the time."""
 
     obstacle: Obstacle
     pose: Pose
     since_s: float
 
     def at(self, now_s: float) -> Pose:
-        """Return where it is now."""
+        """Return its present place."""
         motion = self.obstacle.motion
         if motion is None:
             return self.pose
@@ -119,7 +120,7 @@ class _Present:
 
 @dataclass(slots=True)
 class ObstacleWorld(Surroundings):
-    """A world with obstacles. Nothing has appeared before the first `update`."""
+    """World with obstacles. None has appeared before the first `update`."""
 
     world: World
     obstacles: Sequence[Obstacle] = ()
@@ -132,12 +133,12 @@ class ObstacleWorld(Surroundings):
 
     @property
     def appeared(self) -> int:
-        """How many obstacles are there now."""
+        """Return the number of obstacles that have appeared."""
         return len(self._present)
 
     @property
     def obstacle_outline_m(self) -> Floats:
-        """Segments (x0, y0, x1, y1), shape (k, 4), of the obstacles that are there, to draw."""
+        """Return the segments (x0, y0, x1, y1), shape (k, 4), of the obstacles that have appeared, to draw."""
         return self._things.outline_m
 
     def put(self, obstacle: Obstacle) -> None:
@@ -145,13 +146,13 @@ class ObstacleWorld(Surroundings):
         self._waiting.append(obstacle)
 
     def clear(self) -> None:
-        """Take all obstacles away, those that were still to come as well."""
+        """Remove all obstacles, pending ones included."""
         self._waiting.clear()
         self._present.clear()
         self._things = SegmentGeometry()
 
     def update(self, now_s: float, car: Pose, speed_mps: float) -> None:
-        """Let obstacles appear and move up to now. Time must not run backwards."""
+        """Advance to now: obstacles appear and move. Time must not run backwards."""
         news = [(obstacle, where) for obstacle in self._waiting if (where := _appears(obstacle, now_s, car, speed_mps))]
         for obstacle, where in news:
             self._waiting.remove(obstacle)
@@ -169,12 +170,12 @@ class ObstacleWorld(Surroundings):
         return min(self.world.clearance(pose, footprint), self._things.clearance(pose, footprint))
 
     def collides(self, pose: Pose, footprint: Footprint = CAR) -> bool:
-        """Whether the car's outline touches a wall or an obstacle."""
+        """Return whether the car's outline touches a wall or an obstacle."""
         return self.clearance(pose, footprint) <= 0.0
 
 
 def _appears(obstacle: Obstacle, now_s: float, car: Pose, speed_mps: float) -> Pose | None:
-    """Where an obstacle appears now, or None while it does not."""
+    """Return the place where an obstacle appears now, or None while it does not."""
     appearance = obstacle.appearance
     if now_s < appearance.from_s:
         return None

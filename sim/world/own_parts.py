@@ -1,8 +1,8 @@
-"""The car's own parts as real lidars see them: posts, mounts, cables and wheels beside and behind the lidar.
+"""Parts of the car in the lidar's view, as in recordings: posts, mounts, cables and wheels beside and behind the lidar.
 
 The numbers are medians over recordings of six cars (`racecar/` of the shared data; `wide` and `beside` of two more, of
-which only a description is at hand). Parts hide what is behind them; black ones answer now and then; at their rims a
-beam reads a mixture of the part and the background (mixed pixels).
+which only a description is available). Parts hide what is behind them; black ones reflect only some of the beams; at
+their rims a beam reads a mixture of the part and the background (mixed pixels).
 """
 
 from dataclasses import dataclass
@@ -13,9 +13,9 @@ import numpy as np
 from sim.world.pose import Booleans, Floats
 
 RIM_BEAMS = 2
-"""So many beams at each end of a part meet its edge."""
+"""Number of beams at each end of a part that meet its edge."""
 RIM_MIXES = 3
-"""Most of a mixed pixel is the part: the share of the background is a random number to this power."""
+"""Exponent of the random share of the background in a mixed pixel, which is mostly the part."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,18 +75,18 @@ OWN_PARTS: dict[str, tuple[Part, ...]] = {
     "wide": (_WIDE, _WIDE.mirrored()),
     "beside": (_BESIDE, _BESIDE.mirrored(), Part(((-135.0, 0.10), (-129.0, 0.09)))),
 }
-"""By name. On the side on which the recorded car had them."""
+"""Parts by name, on the side on which the recorded car had them."""
 KINDS = tuple(name for name in OWN_PARTS if name != "none")
 
 
 def kind_of(seed: int) -> str:
-    """Return the parts of the car of a run: none for every other seed, the kinds by turns for those between."""
+    """Return the kind of own parts of a run's seed: none for every other seed, the kinds in turn for those between."""
     return KINDS[seed // 2 % len(KINDS)] if seed % 2 else "none"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Profile:
-    """Per beam, (beams,): range of the part, inf without one; how often it answers; how far it is seen; its rim."""
+    """Own parts per beam, (beams,): range, inf without one; share of returns; range limit of visibility; rim."""
 
     range_m: Floats
     answers: Floats
@@ -96,7 +96,7 @@ class Profile:
 
 @lru_cache(maxsize=16)
 def profile(kind: str, first_deg: float, last_deg: float, beams: int) -> Profile:
-    """Return what a lidar of these beams sees of the parts."""
+    """Return the profile of the parts in the beams of a lidar."""
     bearing_deg = np.linspace(first_deg, last_deg, beams)
     range_m, answers = np.full(beams, np.inf), np.ones(beams)
     before_m, rim = np.full(beams, np.inf), np.zeros(beams, np.bool_)
@@ -112,11 +112,11 @@ def profile(kind: str, first_deg: float, last_deg: float, beams: int) -> Profile
 def seen_with_parts(
     ranges_m: Floats, parts: Profile, rng: np.random.Generator, range_max_m: float
 ) -> tuple[Floats, Booleans]:
-    """Return what the lidar sees of a world at these ranges (beams,) past the parts, and which beams do not answer."""
+    """Return the ranges (beams,) seen past the parts from these ranges of a world, and the beams without a return."""
     dice, mixed = rng.random((2, ranges_m.size))
     hides = (parts.range_m < ranges_m) & (ranges_m < parts.before_m)
     share = np.where(parts.rim, mixed**RIM_MIXES, 0.0)
-    # inf - inf is no number, and so is 0 * inf: beams without a part, and the open sky behind one.
+    # inf - inf and 0 * inf are NaN: beams without a part, and open sky behind one.
     part_m = np.where(hides, parts.range_m, 0.0)
     beyond_m = np.minimum(ranges_m, range_max_m)
     seen_m = np.where(hides, part_m + share * (beyond_m - part_m), ranges_m)

@@ -1,6 +1,6 @@
-"""The fixed world that a car drives in: walls, a start, a side to follow, perhaps a lap. Ground truth for all tests.
+"""Static world that a car drives in: walls, a start, a side to follow, perhaps a lap. Ground truth for all tests.
 
-Not here: things that appear or move (`sim.obstacles`), what a lidar makes of it all (`sim.beams`).
+Not here: obstacles that appear or move (`sim.obstacles`), the lidar's measurement of the world (`sim.beams`).
 """
 
 import math
@@ -19,19 +19,19 @@ _SIDE_BEARINGS_RAD = np.radians(np.linspace(30.0, 150.0, 481))
 
 
 class Surroundings(Protocol):
-    """What a lidar can see and a car can hit: a world, or a world with obstacles in it."""
+    """Surfaces that a lidar can see and a car can hit: a world, or a world with obstacles in it."""
 
     def cast(self, x_m: float | Floats, y_m: float | Floats, bearing_rad: Floats) -> Floats:
-        """Return the distance along each world bearing (n,) from one origin, or from one each; inf where nothing is."""
+        """Return the distance along each world bearing (n,) from one origin, or one each; inf without a surface."""
         ...
 
     def clearance(self, pose: Pose, footprint: Footprint = CAR) -> float:
-        """Return the distance between the car's outline and the nearest thing, 0 in contact, inf when there is none."""
+        """Return the distance between the car's outline and the nearest surface, 0 in contact, inf without one."""
         ...
 
 
 class Geometry(Protocol):
-    """Walls, however they are stored (`sim.segments`, `sim.grid`)."""
+    """Walls, independent of their storage (`sim.segments`, `sim.grid`)."""
 
     @property
     def bounds_m(self) -> tuple[float, float, float, float]:
@@ -58,7 +58,7 @@ class Geometry(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class World:
-    """Walls and how to use them.
+    """Walls and the task in them.
 
     start: a pose from which to follow the wall, parallel to it, room_m from it.
     side: the side on which the followed wall is at the start.
@@ -93,7 +93,7 @@ class World:
         return self.geometry.clearance(pose, footprint)
 
     def collides(self, pose: Pose, footprint: Footprint = CAR) -> bool:
-        """Whether the car's outline touches a wall."""
+        """Return whether the car's outline touches a wall."""
         return self.clearance(pose, footprint) <= 0.0
 
     def wall_distance_m(self, pose: Pose, side: Side | None = None) -> float:
@@ -106,13 +106,13 @@ class World:
         return float(self.cast(pose.x_m, pose.y_m, bearings).min())
 
     def start_at(self, *, distance_m: float | None = None, toward_wall_rad: float = 0.0) -> Pose:
-        """Return the start turned toward the followed wall (negative: away), at another distance from it if wanted."""
+        """Return the start turned toward the followed wall (negative: away), optionally at another distance from it."""
         sign = side_sign(self.side)
         at = self.start if distance_m is None else self.start.ahead(0.0, sign * (self.room_m - distance_m))
         return Pose(at.x_m, at.y_m, at.yaw_rad + sign * toward_wall_rad)
 
     def mirrored(self) -> "World":
-        """Return the world in a mirror: y negated, and the followed wall on the other side."""
+        """Return the mirrored world: y negated, and the followed wall on the other side."""
         return replace(
             self,
             geometry=self.geometry.mirrored(),

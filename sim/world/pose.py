@@ -1,4 +1,4 @@
-"""Where the car is, how it moves, and how much room it takes up.
+"""Pose, velocity and footprint of the car.
 
 Frames: the world is x, y, counter-clockwise; a pose is that of the middle of the rear axle, x forward, y left.
 """
@@ -39,7 +39,7 @@ class Pose:
         return Pose(self.x_m + cos * forward_m - sin * left_m, self.y_m + sin * forward_m + cos * left_m, self.yaw_rad)
 
     def mirrored(self) -> "Pose":
-        """Return the pose as seen in a mirror along the world's x axis."""
+        """Return the pose mirrored along the world's x axis."""
         return Pose(self.x_m, -self.y_m, -self.yaw_rad)
 
 
@@ -65,7 +65,7 @@ class Footprint:
 
     @property
     def reach_m(self) -> float:
-        """Distance from the rear axle to the outline's farthest corner."""
+        """Return the distance from the rear axle to the outline's farthest corner."""
         return math.hypot(max(-self.rear_m, self.front_m), self.half_width_m)
 
     def corners(self) -> Floats:

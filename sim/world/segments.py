@@ -1,7 +1,7 @@
 """Walls as straight segments and poles as circles: exact ray casts and exact distances to the car's outline.
 
-Beams are cast in one of three ways that agree to rounding: the compiled `casting.c` where it can be had; else `FanCast`
-for an even fan from one place among more than a few walls; else all beams meet all walls at once.
+Beams are cast in one of three ways that agree to rounding: the compiled `casting.c` where available; else `FanCast`
+for an even fan from one place among more than a few walls; else all beams are intersected with all walls at once.
 """
 
 from functools import cached_property, lru_cache
@@ -15,11 +15,11 @@ from sim.world.pose import Booleans, Floats, Footprint, Pose, into_frame
 _NO_SEGMENTS = np.empty((0, 4))
 _NO_CIRCLES = np.empty((0, 3))
 _END_SLACK_M = 1e-9
-"""By how much segments are longer for rays, so that none slips through a corner."""
+"""Margin by which segments are lengthened for rays, so that none passes through a corner."""
 _FEW_WALLS = 5
-"""Up to so many, meeting all of them costs less than finding out which."""
+"""Maximum number of walls for which intersecting all of them costs less than finding the relevant ones."""
 _BLOCK = 6
-"""Segments taken at once: more of them times 1081 beams would no longer fit the processor's inner cache."""
+"""Number of segments processed at once: more of them times 1081 beams exceed the processor's inner cache."""
 
 
 class SegmentGeometry:
@@ -147,7 +147,7 @@ def _cast_circles(circles_m: Floats, ox: Floats, oy: Floats, dx: Floats, dy: Flo
 
 
 def _segments_to_rectangle(x0: Floats, y0: Floats, x1: Floats, y1: Floats, footprint: Footprint) -> Floats:
-    """Distance of segments in the car's frame to its outline, 0 where they touch; shape (n,).
+    """Return the distance of segments in the car's frame to its outline, 0 where they touch; shape (n,).
 
     Two convex shapes that do not meet are nearest at a corner of one of them.
     """
@@ -163,9 +163,9 @@ def _segments_to_rectangle(x0: Floats, y0: Floats, x1: Floats, y1: Floats, footp
 
 
 def _crosses(start: Floats, step: Floats, footprint: Footprint) -> Booleans:
-    """Whether each segment, start and start + step, shape (2, n), passes through the rectangle: the slab test."""
+    """Return whether each segment, start and start + step, shape (2, n), crosses the rectangle: the slab test."""
     low, high = _slabs(footprint)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # a side that is parallel is crossed nowhere
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # a parallel side has no crossing
         a, b = (low - start) / step, (high - start) / step
     within = (step == 0.0) & (start >= low) & (start <= high)
     first = np.where(within, -np.inf, np.fmin(a, b))
@@ -176,13 +176,13 @@ def _crosses(start: Floats, step: Floats, footprint: Footprint) -> Booleans:
 
 @lru_cache(maxsize=16)
 def _corners(footprint: Footprint) -> Floats:
-    """X and y of the corners, shape (2, 4, 1)."""
+    """Return x and y of the corners, shape (2, 4, 1)."""
     corners: Floats = np.ascontiguousarray(footprint.corners().T)[:, :, None]
     return corners
 
 
 @lru_cache(maxsize=16)
 def _slabs(footprint: Footprint) -> Floats:
-    """Lower and upper bound of x and of y, shape (2, 2, 1)."""
+    """Return lower and upper bound of x and of y, shape (2, 2, 1)."""
     half_m = footprint.half_width_m
     return np.array([[[footprint.rear_m], [-half_m]], [[footprint.front_m], [half_m]]])

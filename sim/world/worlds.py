@@ -1,4 +1,4 @@
-"""The built-in worlds, by name, and the way to load any world.
+"""Built-in worlds, by name, and the loader of any world.
 
 Each builder puts the followed wall on the left of a car that starts at (0, 0), heading along x, with the wall at
 y = 1 m (the loops: on their upper long side). For the right-hand side the world is mirrored.
@@ -24,11 +24,11 @@ def load_world(name: str | Path, *, side: Side | None = None, seed: int = 0) -> 
 
     side: on which side the followed wall shall be; default: left. Built-in worlds are mirrored for the right, in a
         map the start faces the other way.
-    seed: where the clutter stands; only "cluttered" uses it.
+    seed: seed of the places of the clutter; only "cluttered" uses it.
 
     Raises:
-        ValueError: no such built-in world (the message lists them), or a map file with nonsense in it.
-        FileNotFoundError: no such map.
+        ValueError: no such built-in world (the message lists them), or a map file with invalid content.
+        FileNotFoundError: the map does not exist.
     """
     if isinstance(name, Path) or name.endswith(_MAP_SUFFIXES):
         from sim.world.map_file import load_map
@@ -158,7 +158,7 @@ def _of(walls_m: Floats | list[Floats]) -> World:
 
 
 def _ring(outer: Floats, inner: Floats) -> World:
-    """The loop, clockwise: start on the upper long side, centre line with bends of 1 m radius."""
+    """Return the loop, clockwise: start on the upper long side, centre line with bends of 1 m radius."""
     start = Pose(-3.0, 3.0, 0.0)
     middle = _path([(8.0, 0.0), (1.0, -90.0), (4.0, 0.0), (1.0, -90.0)] * 2, Pose(-4.0, 3.0, 0.0))
     centre = Lap(np.array([(at.x_m, at.y_m) for at in middle[:-1]]))
@@ -166,7 +166,7 @@ def _ring(outer: Floats, inner: Floats) -> World:
 
 
 def _along(lap: Lap, start: Pose) -> Lap:
-    """The same ring with its first point, the start line, at the start pose, which lies on it."""
+    """Return the same ring with its first point, the start line, at the start pose, which lies on it."""
     ring = lap.points_m
     steps = np.roll(ring, -1, axis=0) - ring
     to_start = np.array([start.x_m, start.y_m]) - ring
@@ -177,7 +177,7 @@ def _along(lap: Lap, start: Pose) -> Lap:
 
 
 def _path(pieces: list[tuple[float, float]], at: Pose) -> list[Pose]:
-    """Poses along a path of pieces: (length, 0) goes straight, (radius, degrees) turns, left positive."""
+    """Return the poses along a path of pieces: (length, 0) goes straight, (radius, degrees) turns, left positive."""
     poses = [at]
     for size_m, turn_deg in pieces:
         if turn_deg == 0.0:
@@ -199,7 +199,7 @@ def _beside(path: list[Pose], left_m: float) -> list[tuple[float, float]]:
 def _free_spot(
     random: np.random.Generator, taken: list[tuple[float, float, float]], room_m: float
 ) -> tuple[float, float]:
-    """A place in the cluttered room whose circle of `room_m` overlaps no circle that is taken; takes it."""
+    """Take and return a place in the cluttered room whose circle of `room_m` overlaps no circle that is taken."""
     for _ in range(1000):
         x, y = float(random.uniform(-2.0 + room_m, 13.0 - room_m)), float(random.uniform(-8.5 + room_m, 0.5 - room_m))
         if all(np.hypot(x - ox, y - oy) > room_m + radius for ox, oy, radius in taken):
