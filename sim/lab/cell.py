@@ -1,4 +1,4 @@
-"""What every experiment is made of: one cell of its table, small enough to be sent to another process."""
+"""Parts of every experiment: a cell is one run of its table, small enough to be sent to another process."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -9,7 +9,7 @@ from sim.world.own_parts import kind_of
 from sim.world.pose import Side
 
 DESIRED_M = 1.0
-"""Distance to the wall that is asked for where nothing else is said."""
+"""Distance to the wall that is requested by default."""
 WITH_OWN_PARTS = ("walls", "safety", "hazards", "laps")
 """Experiments in whose runs a car may see parts of itself."""
 Figures = dict[str, Any]
@@ -18,9 +18,9 @@ Figures = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One run. law: what `sim.lab.laws` understands. speed_mps: what is asked for; the law may choose less.
+    """One run. law: a name of `sim.lab.laws`. speed_mps: the requested speed; the law may choose less.
 
-    desired_m: distance to the wall that is asked for. own_parts: of the car, see `sim.own_parts`.
+    desired_m: requested distance to the wall. own_parts: of the car, see `sim.own_parts`.
     """
 
     experiment: str
@@ -40,7 +40,7 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class CellChoice:
-    """What the user chose to run. own_parts: of every car; "": none on every other seed, the kinds by turns between."""
+    """Selection of runs. own_parts: of every car; "": none on every other seed, the kinds in turn between."""
 
     laws: tuple[str, ...]
     speeds_mps: tuple[float, ...]
@@ -52,7 +52,7 @@ class CellChoice:
     recordings: tuple[str, ...] = ()
     desired_m: float = DESIRED_M
     generated: bool = False
-    """Courses made from the seeds instead of those that have names."""
+    """Courses generated from the seeds instead of the named ones."""
     own_parts: str = ""
 
     def cells(self, experiment: str, scenarios: Sequence[str]) -> list[Cell]:
@@ -74,7 +74,7 @@ class CellChoice:
 
 @dataclass(frozen=True, slots=True)
 class TabledCell:
-    """A table for the terminal."""
+    """Table for the terminal."""
 
     title: str
     columns: tuple[str, ...]
@@ -84,7 +84,7 @@ class TabledCell:
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """cells: what to run. measure: runs one. tables: what to show of all figures.
+    """An experiment. cells: its runs. measure: runs one. tables: the tables of all figures.
 
     plot: draws a cell into a directory; None draws its path, from `run` of the experiment's module.
     """

@@ -35,7 +35,7 @@ _NEARBY_RECORDINGS = ("data/racecar", "data/originals", "shared/data/racecar", "
 
 
 class LabUsageError(Exception):
-    """An option cannot be used; the text says what and how it should look."""
+    """Invalid option; the text names the fault and the valid form."""
 
 
 def run(options: argparse.Namespace) -> int:
@@ -61,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
     tables = chosen_experiment.tables(figures)
     _write(options, choice, figures, tables, took_s)
     if options.json != "-":
-        # A file or a pipe has no width of its own: take one that no table breaks.
+        # A file or a pipe has no width of its own: use one that no table breaks.
         _show(
             tables, Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH), f"{len(cells)} runs in {took_s:.0f} s"
         )
@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def chosen(options: argparse.Namespace) -> CellChoice:
-    """Return what the options ask for; UsageError for what makes no sense."""
+    """Return the selection of the options; UsageError for invalid ones."""
     quick = options.quick
     seeds = _seeds(options)
     if options.jobs is not None and options.jobs < 1:
@@ -90,7 +90,7 @@ def chosen(options: argparse.Namespace) -> CellChoice:
 
 
 def only(cells: Sequence[Cell], text: str | None) -> list[Cell]:
-    """Return the cells whose course has one of the names, or fits one of the patterns; UsageError for a wrong one."""
+    """Return the cells whose course has one of the names, or matches a pattern; UsageError for a wrong one."""
     if text is None:
         return list(cells)
     courses = dict.fromkeys(cell.scenario for cell in cells)
@@ -107,7 +107,7 @@ def only(cells: Sequence[Cell], text: str | None) -> list[Cell]:
 
 
 def _short(course: str) -> str:
-    """Return what a person calls a course: of a map or a recording the file's name alone."""
+    """Return the short name of a course: of a map or a recording the file's name alone."""
     return Path(course).stem if "/" in course else course
 
 
@@ -118,7 +118,7 @@ def _experiment(options: argparse.Namespace) -> str:
 
 
 def _seeds(options: argparse.Namespace) -> tuple[int, ...]:
-    """Return the seeds: so many from the first on, or from A to before B."""
+    """Return the seeds: a number of them from the first on, or from A to before B."""
     from_text, colon, to_text = str(options.seeds).partition(":")
     try:
         first, last = (int(from_text), int(to_text)) if colon else (options.seed, options.seed + int(from_text))
@@ -218,7 +218,7 @@ def _recordings(options: argparse.Namespace) -> tuple[str, ...]:
 
 
 def _check_outputs(options: argparse.Namespace) -> None:
-    """Notice unusable files before minutes of driving, not after them."""
+    """Check the output files before minutes of driving, not after them."""
     if options.json not in {None, "-"}:
         path = Path(options.json)
         if path.is_dir():

@@ -1,7 +1,7 @@
 """`lab corners`: corners and corridors of real buildings, and straight lanes that turn into a narrower one.
 
-Buildings: the places of `sim.lab.building_places` on the maps, 9 m each. With `--method ball,prototype` each run is put
-beside the prototype's on the same course, floor, side and seed, for places tuned on and places held out.
+Buildings: the places of `sim.lab.building_places` on the maps, 9 m each. With `--method ball,prototype` each run is
+compared with the prototype's on the same course, floor, side and seed, for places tuned on and places held out.
 
 Lanes: 8 m of a lane FIRST_LANE_M wide, of which the car drives 6 m, then a corner by an angle into a lane of another
 width. "out": away from the followed wall (an inside corner), "in": round it (an outside corner).
@@ -37,15 +37,15 @@ LANES = {
     for turn_deg in TURNS_DEG
     for lane_m in LANES_M
 }
-"""Every lane by name: which way, the angle [deg], the width behind the corner."""
+"""Lanes by name: direction, the angle [deg], the width behind the corner."""
 QUICK_LANES = ("out 110 deg, 1.5 m", "in 110 deg, 1.5 m")
 ALIKE = ("scenario", "speed_mps", "mu", "side", "seed", "desired_m")
-"""What two laws' runs have in common that are compared."""
+"""Fields in which compared runs of two laws agree."""
 COMPARED, BASELINE = "ball", "prototype"
 
 
 def cells(choice: CellChoice) -> list[Cell]:
-    """Return what is to be run: lanes at all speeds, buildings up to FASTEST_MPS."""
+    """Return the cells: lanes at all speeds, buildings up to FASTEST_MPS."""
     maps = choice.maps[:1] if choice.quick else choice.maps
     planned = choice.cells("corners", [*(QUICK_LANES if choice.quick else LANES), *_names(maps, choice.desired_m)])
     return [
@@ -175,7 +175,7 @@ def compared(rows: Sequence[Row]) -> list[tuple[Row, Row]]:
 
 
 def not_worse(mine: Row, other: Row) -> bool:
-    """Whether a run is as good as another: no worse error, and no contact that the other does not have."""
+    """Return whether a run is as good as another: no worse error, and no contact that the other does not have."""
     if mine["collided"] or other["collided"]:
         return bool(other["collided"] and not mine["collided"])
     return bool((mine["mean_error_m"] or math.inf) <= (other["mean_error_m"] or math.inf))

@@ -1,8 +1,8 @@
 """`lab covers`: a lidar whose front is covered or silent, from the start or from a moment while driving.
 
-Every cover lies over the beams within so many degrees of straight ahead. What a brake could have avoided is driven: the
-same run once more, with a full brake from the first covered scan on. A contact that this run does not have is one too
-many; so is every contact of a car that is covered from the start, where it could have stayed.
+Every cover lies over the beams within so many degrees of straight ahead. The limit of avoidance is driven: the same run
+once more, with a full brake from the first covered scan on. A contact that this run does not have is a failure; so is
+every contact of a car that is covered from the start, where it could have stayed.
 """
 
 import math
@@ -26,7 +26,7 @@ from sim.world.obstacles import ConstantMotion, Obstacle, Round, StandingObstacl
 from sim.world.pose import CAR, Pose
 
 COVERS_MM = (3, 30, 60, 85, 100, 120, 140, 160, 170, None)
-"""What the covered beams read; None: nothing."""
+"""Ranges of the covered beams; None: no return."""
 HALF_WIDTHS_DEG = (10, 30, 45, 60, 90, 119, 135)
 MOMENTS = ("from the start", "driving")
 WORLDS = ("dead end", "wall", "loop", "person stands", "person steps in")
@@ -43,7 +43,7 @@ _MORE_ROOM_M = 2.5
 
 @dataclass(frozen=True, slots=True)
 class Cover:
-    """What is on the lidar: beams within half_width_deg of ahead read this from a time on, None: nothing."""
+    """Cover of the lidar: beams within half_width_deg of ahead read this from a time on, None: no return."""
 
     reads_mm: int | None
     half_width_deg: float
@@ -52,7 +52,7 @@ class Cover:
     lidar: LidarSettings = ROUGH_BEAMS
 
     def __call__(self, reported_mm: Millimetres, now_s: float) -> Millimetres:
-        """Return what the lidar reports; two beams in a hundred stay as wild as they were."""
+        """Return the covered ranges; two beams in a hundred remain outliers."""
         if now_s < self.from_s:
             return reported_mm
         lidar = self.lidar
@@ -67,18 +67,18 @@ class Cover:
 
 @dataclass(slots=True)
 class Braker:
-    """A guard that brakes with all there is from a time on, whatever another one says: what physics allows."""
+    """A guard that brakes in full from a time on, whatever the other guard decides: the physical limit."""
 
     guard: Guard
     from_s: float
 
     def look(self, scan: Scan, motor: MotorState | None) -> SafetyAssessment:
-        """Look as the guard does; then stop."""
+        """Let the guard look; then stop."""
         outlook = self.guard.look(scan, motor)
         return outlook if scan.stamp_s < self.from_s else Verdict(0.0, 0.0, "covered")
 
     def learn(self) -> None:
-        """Learn as the guard does."""
+        """Let the guard learn."""
         self.guard.learn()
 
 
@@ -135,7 +135,7 @@ def _cover(cell: Cell) -> Cover:
     width_deg = float(width.split()[0])
     if moment == "from the start":
         return Cover(reads_mm, width_deg, 0.0, cell.seed)
-    # While driving: so far before the wall or the person that there is room to stop, for each seed another.
+    # While driving: far enough before the wall or the person to stop, another distance for each seed.
     random = np.random.default_rng((cell.seed, round(10 * cell.speed_mps), round(width_deg)))
     room_m = stopping_m(cell.speed_mps, _LATENCY_S, cell.mu * GRAVITY_MPS2) + random.uniform(0.05, _MORE_ROOM_M)
     ahead_m = _WALL_AHEAD_M.get(world, _PERSON_AHEAD_M - _PERSON_RADIUS_M) - CAR.front_m
@@ -158,7 +158,7 @@ def _people(cell: Cell, from_s: float) -> tuple[Obstacle, ...]:
 
 
 def measure(cell: Cell) -> Figures:
-    """Drive one cell, and once more where something was touched: could a brake have avoided it?"""
+    """Drive one cell, and after a contact once more with a full brake, to find out whether it was avoidable."""
     done = run(cell)
     figures = common(done)
     avoidable = bool(figures["collided"])

@@ -1,4 +1,4 @@
-"""What is read off a run: errors, settling, contact, stops. All from the simulator's truth."""
+"""Figures of a run: errors, settling, contact, stops. All from the simulator's truth."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -13,13 +13,13 @@ from sim.world.pose import Floats
 
 SETTLE_BAND_M = 0.05
 STEADY_WAY = 0.25
-"""The last share of a run in which it should have settled."""
+"""Last share of a run, in which it should have settled."""
 TOUCH_ABOVE_MPS = 0.05
-"""A slower contact is a person walking into a standing car."""
+"""Minimum speed of a counted contact; a slower one is a person walking into a standing car."""
 
 
 def common(run: SimulatedRun) -> Figures:
-    """Return what every experiment tells of a run."""
+    """Return the figures that every experiment reports of a run."""
     contact = run.contact
     return {
         "duration_s": number(run.time_s[-1]),
@@ -37,7 +37,7 @@ def common(run: SimulatedRun) -> Figures:
 
 
 def errors(run: SimulatedRun) -> Figures:
-    """Return how well the wall was followed; each scan counts, as in the report."""
+    """Return the errors of following the wall; each scan counts, as in the report."""
     seen = np.isfinite(run.wall_m)
     error_m, time_s = run.error_m[seen], run.time_s[seen]
     if not error_m.size:
@@ -62,19 +62,19 @@ def settle_s(time_s: Floats, error_m: Floats) -> float | None:
 
 
 def overshoot_m(error_m: Floats) -> float | None:
-    """Return how far the car went past the wanted distance, seen from the side on which it started."""
+    """Return the distance by which the car overshot the wanted distance, seen from the side on which it started."""
     return number(max(0.0, float((-error_m if error_m[0] > 0 else error_m).max())))
 
 
 def speed_lost(run: SimulatedRun) -> float | None:
-    """Return the share of the wished speed that safety took away."""
+    """Return the share of the requested speed that safety removed."""
     wished = np.abs(run.wish[:, 0])
     lost = np.where(run.capped > 0, np.maximum(wished - np.abs(run.command[:, 0]), 0.0), 0.0)
     return number(lost.sum() / wished.sum()) if wished.sum() > 0 else None
 
 
 def number(value: float) -> float | None:
-    """Return a number fit for a file; None for what is none."""
+    """Return a number fit for a file; None for NaN and infinity."""
     return round(float(value), 4) if math.isfinite(value) else None
 
 

@@ -1,7 +1,7 @@
-"""`lab rooms --generated`: rooms made from a seed, with the whole of the car's law, and whether it had a way on.
+"""`lab rooms --generated`: rooms generated from a seed, driven by the complete laws, and whether a way on existed.
 
-A run lasts a minute. A car that stands for good is asked of the search over poses (`sim.way_on`) whether a way on
-existed from where it stands; every other car has shown that one did.
+A run lasts a minute. For a car that stands for good the search over poses (`sim.way_on`) determines whether a way on
+existed from its place; every other car has shown that one did.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ DURATION_S = 60.0
 MAX_SPEED_MPS = 3.0
 SCENARIO = "generated"
 STOOD_S = 0.5
-"""Shorter than this is a turn of direction, no stand."""
+"""Minimum duration of a stand; shorter ones are changes of direction."""
 WENT_ON_M = 1.0
 
 
@@ -69,7 +69,7 @@ def _way_exists(done: SimulatedRun) -> bool:
 
 
 def stood_until_on_s(done: SimulatedRun) -> list[float]:
-    """Return, for each stand that the car came out of, how long it took until it was WENT_ON_M away for good.
+    """Return, for each stand that the car came out of, the time until it was WENT_ON_M away for good.
 
     A stand begins when the car stands for STOOD_S; manoeuvres in between belong to it. One that lasts is left out.
     """

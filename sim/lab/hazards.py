@@ -1,7 +1,7 @@
-"""`lab hazards`: things in the way that the navigator ignores, and normal drives in which a stop is needless.
+"""`lab hazards`: obstacles that the navigator ignores, and normal drives in which a stop is needless.
 
 A hazard run is good when nothing is touched while the car moves. A normal run is one of the clean courses of
-`lab walls`, driven by the law itself: every stop by safety is needless there, and so is every bit of speed it takes.
+`lab walls`, driven by the law itself: every stop by safety is needless there, and so is every reduction of speed.
 """
 
 import math
@@ -21,14 +21,14 @@ from sim.world.pose import CAR, Pose
 
 NORMAL = "normal "
 AT_M = 4.0
-"""Where the things stand, ahead of the rear axle's start."""
+"""Distance of the obstacles ahead of the rear axle's start."""
 _WALKING_MPS = 1.5
 _CUT_RAD = 0.3
 
 
 @dataclass(frozen=True, slots=True)
 class Hazard:
-    """A world, what is in the way in it, and where the blind navigator turns. For a car that starts at the origin.
+    """A world, the obstacles in it, and the turn of the blind navigator. For a car that starts at the origin.
 
     things: of the speed, because a person has to arrive at the same time as the car.
     turns_after_m: when the navigator begins to steer by steering_rad, left positive.
@@ -46,7 +46,7 @@ def _box(x_m: float, y_m: float, length_m: float = 0.3, width_m: float = 0.4) ->
 
 
 def _walker(speed_mps: float, from_y_m: float, until_m: float = 10.0) -> tuple[Obstacle, ...]:
-    """A person who crosses, and is in the middle of the way when the bumper comes to AT_M, or stays there."""
+    """Return a person who crosses, and is in the middle of the way when the bumper comes to AT_M, or stays there."""
     arrives_s = (AT_M - CAR.front_m) / speed_mps
     walking_mps = min(_WALKING_MPS, abs(from_y_m) / arrives_s)
     starts_s = arrives_s - abs(from_y_m) / walking_mps
@@ -56,7 +56,7 @@ def _walker(speed_mps: float, from_y_m: float, until_m: float = 10.0) -> tuple[O
 
 
 def _comer(from_x_m: float, y_m: float, walking_mps: float = _WALKING_MPS) -> tuple[Obstacle, ...]:
-    """A person who walks straight at the car all the time and does not stop for it."""
+    """Return a person who walks straight at the car all the time and does not stop for it."""
     return (person(from_x_m, y_m, ConstantMotion(-walking_mps, 0.0)),)
 
 
@@ -79,7 +79,7 @@ HAZARDS = {
     "corner cut": Hazard(world="l_turn_inner", steering_rad=_CUT_RAD, turns_after_m=4.6),
     "bend into a pole": Hazard(lambda _: (pole(3.9, -0.9, 0.02),), steering_rad=-0.12, turns_after_m=1.0),
 }
-"""Everything that the navigator ignores, on the left as on the right side (mirrored)."""
+"""Obstacles that the navigator ignores, on the left as on the right side (mirrored)."""
 
 QUICK_HAZARDS = ("box", "pole 2 cm", "person crosses", "dead end")
 QUICK_NORMAL = ("t2", "t5")
@@ -94,7 +94,7 @@ def cells(choice: CellChoice) -> list[Cell]:
 
 
 def _hopeless(cell: Cell) -> bool:
-    """Whether a start so near to a wall at such a speed ends in it whatever one does: no stop is needless there."""
+    """Return whether contact is unavoidable from a start this near to a wall at this speed: a stop is not needless."""
     name = cell.scenario.removeprefix(NORMAL)
     return name in STRAIGHT_COURSES and math.isnan(limit_m(name, cell.speed_mps, cell.mu))
 

@@ -1,4 +1,4 @@
-"""`lab laps`: the rectangular loop, its inner wall, and real maps; from a standstill, as fast as the law likes."""
+"""`lab laps`: the rectangular loop, its inner wall, and real maps; from a standstill, at the law's own speed."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -18,9 +18,9 @@ from sim.world.worlds import load_world
 
 LOOPS = ("loop", "loop_inner")
 GENERATED = ("generated outer", "generated inner")
-"""Tracks made from the seed (`sim.generated_tracks`), the followed wall being the outer or the inner one."""
+"""Tracks generated from the seed (`sim.generated_tracks`), the followed wall being the outer or the inner one."""
 LAPS = 3
-"""The first one from a standstill; the best of the others counts."""
+"""Number of laps, the first from a standstill; the best of the others counts."""
 FOLLOWED_S = 60.0
 
 
@@ -114,7 +114,7 @@ def tables(rows: Sequence[Row]) -> list[TabledCell]:
 
 
 def _course(name: str, rows: Sequence[Row], side: Side) -> str:
-    """The course's name, and what was asked for on it where that is not the usual distance."""
+    """Return the course's name, and the requested distance if it is not the default."""
     course, (asked_m, *_) = Path(name).stem, distinct(chosen(rows, scenario=name, side=side), "desired_m")
     return course if asked_m == DESIRED_M else f"{course}, {asked_m:g} m"
 

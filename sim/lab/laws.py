@@ -1,4 +1,4 @@
-"""The laws under test by name. The one place of the lab that knows how they are made.
+"""Laws under test by name: the only place of the lab that constructs them.
 
 "ball" is a follower with the safety that belongs to it; "ball+report" names both; "report+none" drives without safety.
 "prototype" is a baseline that only the lab has (`sim.lab.prototype`).
@@ -12,12 +12,12 @@ from sim.lab.courses.prototype import Prototype
 from sim.world.pose import Side
 
 GUARD_OF = {"report": "report", "ball": "swept", "prototype": "swept"}
-"""Every follower, and the guard that it has on the car."""
+"""Guard of every follower on the car."""
 GUARDS = ("report", "swept", "none")
 
 
 def check(law: str) -> str:
-    """Return the law's full name "follower+guard"; ValueError when there is none of that name."""
+    """Return the law's full name "follower+guard"; ValueError for an unknown name."""
     follower, _, guard = law.partition("+")
     if follower not in GUARD_OF or (guard or GUARD_OF[follower]) not in GUARDS:
         raise ValueError(
@@ -28,7 +28,7 @@ def check(law: str) -> str:
 
 
 def build(law: str, side: Side, desired_m: float, speed_mps: float) -> tuple[Follower, Guard | None]:
-    """Return fresh laws as they come out of the car's default settings but for side, distance and speed."""
+    """Return fresh laws of the car's default settings but for side, distance and speed."""
     follower_name, _, guard_name = check(law).partition("+")
     on_car = follower_name if follower_name != "prototype" else "ball"
     wanted = [
@@ -39,7 +39,7 @@ def build(law: str, side: Side, desired_m: float, speed_mps: float) -> tuple[Fol
         f"safety.method={'report' if guard_name == 'none' else guard_name}",
     ]
     if guard_name == "none":
-        wanted.append("safety.turn_below_m=0")  # without safety neither of its rules
+        wanted.append("safety.turn_below_m=0")  # without safety, neither of its rules applies
     settings = load_settings(None, wanted)
     eyes = PerceptionCache(settings.car)
     guard = methods.guard_for(settings.safety, settings.car, eyes, None)

@@ -1,18 +1,18 @@
-"""The least mean error that any steering could reach: what a figure has to be compared with.
+"""Minimum mean error that any steering could reach: the reference for a run's figures.
 
 Most of a run's mean error is the way from its start to the wanted distance, which no law can save. The limit is found
-by optimal control of a car that knows everything beforehand: the single-track model of `sim.vehicle` at constant speed
-(same tyres, same grip, same yaw inertia), with the steering's stop and its rate. The wheels do nothing at all before
-the first scan's answer can reach them: `delay_s`, the 20 ms to the wire and the servo's 20 ms of every clean run. What
-a law does not have and the limit has: no noise, the whole way known, a vehicle model without a fault.
+by optimal control of a car with full knowledge of the course: the single-track model of `sim.vehicle` at constant speed
+(same tyres, same grip, same yaw inertia), with the steering's stop and its rate. The wheels do not move before the
+answer to the first scan can reach them: `delay_s`, the 20 ms to the wire and the servo's 20 ms of every clean run.
+Advantages of the limit over a law: no noise, the whole way known, an exact vehicle model.
 
 Minimised is the mean of |distance - wanted| at the moments of the scans, the first one at the start included: exactly
 what `sim.lab.figures` calls the mean error. (The start counts: half a metre at one scan of 114 is 4 mm of 38.) It is
 done by sequential linear programming (Nocedal & Wright, Numerical Optimization, 2nd ed., chapter 18; Fletcher & Sainz
 de la Maza 1989): near the present path the errors are linear in small changes of the steering, their absolute sum is a
-linear programme, so are all bounds, and a trust region keeps the changes small. What is found is a path that exists, so
-the true limit can be lower but not higher. Contact is no part of the problem, only noticed afterwards. A law that
-drives slower than asked can be better than the limit at that speed.
+linear programme, so are all bounds, and a trust region keeps the changes small. The result is a feasible path, so the
+true limit can be lower but not higher. Contact is no part of the problem, only noticed afterwards. A law that drives
+slower than asked can be better than the limit at that speed.
 
 `driven_mean_error_m` goes on from there with `sim.vehicle` itself, whose speed sags and whose load shifts in bends.
 That takes half a minute and raises the answer by 0 to 5 %: for figures that a law is measured against to the percent.
@@ -33,9 +33,9 @@ from sim.world.pose import CAR, Floats, Pose
 from sim.world.segments import SegmentGeometry
 
 KNOT_M = 0.1
-"""Way between two points of the steering, which is linear between them."""
+"""Distance between two knots of the steering, which is linear between them."""
 SCAN_S = 0.025
-"""The errors that count are those at the scans, as in the figures of a run."""
+"""Period of the scans, at which the errors count, as in the figures of a run."""
 _MAX_STEP_S = 0.005
 _DRIVEN_STEP_S = 0.0025
 _DRIVEN_TRUST_RAD = (0.1, 0.03)
@@ -55,7 +55,7 @@ Wall = tuple[tuple[float, float, float, float], ...]
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A start, a wall and a car. delay_s: from seeing to the wheels beginning to turn."""
+    """A start, a wall and a car. delay_s: from the scan to the first motion of the wheels."""
 
     wall: Wall
     start: Pose
@@ -70,7 +70,7 @@ class Task:
 def least_mean_error_m(task: Task) -> float:
     """Return the least mean |error| found [m]; the distance counts from the rear axle to the nearest point.
 
-    NaN when even that path touches the wall: then no steering that was found is free of contact.
+    NaN when that path touches the wall: then the search found no steering free of contact.
     """
     cost, steering_rad = _best(task)
     return math.nan if _Problem(task).touches(np.array(steering_rad)) else cost
@@ -90,7 +90,7 @@ def driven_mean_error_m(task: Task) -> float:
 def _best(task: Task) -> tuple[float, tuple[float, ...]]:
     """Return the least mean |error| [m] and its steering [rad] at every KNOT_M of the way.
 
-    Corners have many local optima: there the answer for a slower car is one of the first guesses.
+    Corners have many local optima: there the solution for a slower car is one of the initial guesses.
     """
     problem = _Problem(task)
     guesses = [problem.straight(), *(problem.followed(ahead_m) for ahead_m in _GUESSES_AHEAD_M)]
@@ -103,7 +103,7 @@ def _best(task: Task) -> tuple[float, tuple[float, ...]]:
 
 
 class _Problem:
-    """Steering at n knots."""
+    """Optimal control problem of the steering at n knots."""
 
     def __init__(self, task: Task) -> None:
         self._task = task
@@ -118,11 +118,11 @@ class _Problem:
         self._start_cost_m = self._weights[0] * abs(float(self._errors(start)[0][0]))
 
     def straight(self) -> Floats:
-        """Return the guess "do nothing"."""
+        """Return the initial guess of zero steering."""
         return np.zeros(self._n)
 
     def followed(self, ahead_m: float) -> Floats:
-        """Return the guess of pure pursuit (Coulter 1992) after a ball of the wanted radius on a left wall."""
+        """Return the initial guess of pure pursuit (Coulter 1992) after a ball of the wanted radius on a left wall."""
         at, angle_rad, guess = self._task.start, 0.0, np.zeros(self._n)
         vehicle = self._task.vehicle
         for k in range(self._n):
@@ -154,7 +154,7 @@ class _Problem:
         return float(cost_m)
 
     def touches(self, steering_rad: Floats) -> bool:
-        """Whether the car's outline touches the wall on its way; it looks where it goes, slip angles left out."""
+        """Return whether the car's outline touches the wall on its way; slip angles are neglected."""
         places = self._paths(steering_rad[None])[0]
         ways = np.diff(places, axis=0)
         geometry = SegmentGeometry(self._wall)
@@ -162,7 +162,7 @@ class _Problem:
         return any(geometry.clearance(Pose(float(x), float(y), float(yaw)), CAR) <= 0.0 for (x, y), yaw in poses)
 
     def improved(self, steering_rad: Floats, trust_rad: float = _TRUST_RAD) -> tuple[float, Floats]:
-        """Change a guess for the better as long as that goes; return its mean error and the steering."""
+        """Improve a guess until the search converges; return its mean error and the steering."""
         cost = self.cost(steering_rad)
         slope: Floats | None = None
         error_m = np.empty(0)
@@ -256,7 +256,7 @@ class _Problem:
         low = np.minimum(np.maximum(-trust_rad, -stop_rad - steering_rad), 0.0)
         high = np.maximum(np.minimum(trust_rad, stop_rad - steering_rad), 0.0)
         bounds = np.vstack([np.column_stack([low, high]), np.tile([0.0, np.inf], (n, 1))])
-        solve: Any = linprog  # its stubs know no sparse matrices
+        solve: Any = linprog  # its stubs lack sparse matrices
         cost, options = np.concatenate([np.zeros(n), self._weights[1:]]), {"time_limit": _LP_SECONDS}
         answer = solve(cost, A_ub=above, b_ub=below, bounds=bounds, method="highs-ds", options=options)
         if answer.x is None:
@@ -266,7 +266,7 @@ class _Problem:
 
 
 class _Driven(_Problem):
-    """The same with the simulator's own vehicle, which its motor's speed control keeps going."""
+    """The same problem with the simulator's own vehicle, at the speed that its motor's speed control keeps."""
 
     def _paths(self, steering_rad: Floats) -> Floats:
         task, parts = self._task, math.ceil(self._knot_s / _DRIVEN_STEP_S)
@@ -287,7 +287,7 @@ class _Driven(_Problem):
 
 
 def _scan_weights(knots: int, knot_s: float) -> Floats:
-    """Return how much the error at the start and after each knot counts in the mean over the scans, shape (n + 1,)."""
+    """Return the weights of the error at the start and after each knot in the mean over the scans, shape (n + 1,)."""
     at = np.arange(0.0, knots * knot_s - 1e-9, SCAN_S) / knot_s  # between two knots the error is taken as linear
     before = np.minimum(at.astype(np.intp), knots - 1)
     share = at - before

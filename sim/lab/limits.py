@@ -1,7 +1,7 @@
 """The physical limits of the standard cells, computed once and kept: `python -m sim.lab.limits` completes the file.
 
-The report's own courses at DRIVEN_MU, where laws are held to the percent, come from `driven_mean_error_m`, all others
-from `least_mean_error_m`.
+The report's own courses at DRIVEN_MU, where laws are measured to the percent, come from `driven_mean_error_m`, all
+others from `least_mean_error_m`.
 """
 
 import json
@@ -23,7 +23,7 @@ KEPT = (*((mu, DESIRED_M) for mu in MUS), (DRIVEN_MU, 0.7))
 """Friction and wanted distance of the limits in the file."""
 
 MIRRORED = {"t1": "t4", "t2": "t3"}
-"""Starts on the other side of the wanted distance: a path in the mirror costs the same."""
+"""Starts on the other side of the wanted distance: a mirrored path has the same cost."""
 REFERENCE_M = {
     "t1": {1.0: 0.091, 2.0: 0.118, 3.0: 0.174},
     "t2": {1.0: 0.038, 2.0: 0.038, 3.0: 0.050, 4.0: 0.049},
@@ -31,7 +31,7 @@ REFERENCE_M = {
     "t4": {1.0: 0.091, 2.0: 0.119, 3.0: 0.174, 4.0: 0.257},
     "t5": {1.0: 0.021, 2.0: 0.022, 3.0: 0.034, 4.0: 0.074},
 }
-"""The limits that another simulator's search found, mu 0.8 (design notes, section 3)."""
+"""Limits that another simulator's search found, mu 0.8 (design notes, section 3)."""
 
 
 def limit_m(scenario: str, speed_mps: float, mu: float, desired_m: float = DESIRED_M) -> float:
@@ -65,7 +65,7 @@ def _found_m(name: str, speed_mps: float, mu: float, desired_m: float) -> float:
     found_m = least_mean_error_m(task)
     if name not in REPORT_COURSES or (mu, desired_m) != (DRIVEN_MU, DESIRED_M) or math.isnan(found_m):
         return found_m
-    same = limit_task(MIRRORED.get(name, name), speed_mps, mu)  # the same but for the wall that could be touched
+    same = limit_task(MIRRORED.get(name, name), speed_mps, mu)  # the same except for the wall that could be touched
     return _driven_m(same or task)
 
 

@@ -1,4 +1,4 @@
-"""A picture of a cell's run."""
+"""Picture of a cell's run."""
 
 from importlib import import_module
 from pathlib import Path

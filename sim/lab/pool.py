@@ -1,4 +1,4 @@
-"""Runs cells on all cores, with a progress bar, and stops at once when asked to."""
+"""Process pool: runs cells on all cores, with a progress bar, and stops at once on Ctrl-C."""
 
 import multiprocessing
 import os
@@ -33,7 +33,7 @@ def measure_all(cells: Sequence[Cell], jobs: int | None, plots: Path | None, con
     KeyboardInterrupt ends all processes; nothing is left running.
     """
     jobs = min(jobs or os.cpu_count() or 1, len(cells))
-    kernel.use()  # here, because a car's own process does; built once, before the workers want it
+    kernel.use()  # here, because a car's own process does; built once, before the workers need it
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
     with Progress(*columns, console=console, transient=True) as progress:
         bar = progress.add_task(cells[0].experiment, total=len(cells))
@@ -59,7 +59,7 @@ def measure_all(cells: Sequence[Cell], jobs: int | None, plots: Path | None, con
 
 @contextmanager
 def _ctrl_c_waits() -> Iterator[None]:
-    """Workers that are started meanwhile inherit that they do not hear Ctrl-C, from their first instruction on."""
+    """Ignore Ctrl-C in workers that are started in this context, from their first instruction on."""
     if sys.platform == "win32":
         yield
         return
@@ -81,7 +81,7 @@ def _measured(cell: Cell, plots: Path | None) -> Figures:
 
 
 def _start_worker() -> None:
-    """Leave Ctrl-C to the parent, and the cores to the other workers."""
+    """Ignore Ctrl-C, which the parent handles, and leave the cores to the other workers."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     kernel.use()
 

@@ -1,6 +1,6 @@
-"""`lab recordings`: the car's own eyes and safety on real recordings: noise, window, braking, and needless stops.
+"""`lab recordings`: perception and safety on real recordings: noise, window, braking, and needless stops.
 
-What the recorded cars knew of their motion is mostly not recorded; it is read off the scans (`sim.lab.scan_motion`).
+Most recordings lack the car's odometry; its motion is estimated from the scans (`sim.lab.scan_motion`).
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from sim.lab.recorded.replay import Replay, better_side, jumps, noise, replay
 from sim.recordings import Recording, RecordingError, load_recording
 
 FOREIGN_SHARE = 0.05
-"""So many stamps that jump back are no hiccup: several lidars speak on one topic."""
+"""Minimum share of stamps that jump back at which several lidars publish on one topic; less is a hiccup."""
 MOVES_ABOVE_MPS = 0.3
 _SHORTER = (
     (" beams around ", " at "),
@@ -31,7 +31,7 @@ ENDINGS = (".npz", ".bag", ".db3", ".mcap")
 
 
 def recordings_in(folder: Path) -> tuple[str, ...]:
-    """Return the paths of everything in a folder, or below it, that could be a recording; a file is itself."""
+    """Return the paths of all possible recordings in a folder or below it; a file is itself."""
     if folder.is_file():
         return (str(folder),)
     return tuple(str(path) for path in sorted(folder.rglob("*")) if path.suffix in ENDINGS)
@@ -50,7 +50,7 @@ def run(cell: Cell) -> Replay:
 
 
 def measure(cell: Cell) -> Figures:
-    """Judge one recording; "skipped" holds the reason where that cannot be done."""
+    """Judge one recording; "skipped" holds the reason if that is impossible."""
     try:
         recording = load_recording(Path(cell.scenario))
     except RecordingError as error:
@@ -61,7 +61,7 @@ def measure(cell: Cell) -> Figures:
 
 
 def is_foreign(recording: Recording) -> bool:
-    """Whether the scans of several lidars are mixed."""
+    """Return whether the scans of several lidars are mixed."""
     return bool(len(recording) > 1 and np.mean(np.diff(recording.stamp_s) < 0) > FOREIGN_SHARE)
 
 
@@ -132,7 +132,7 @@ def _plain_all(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def tables(rows: Sequence[Row]) -> list[TabledCell]:
-    """Return what was seen, where safety would have interfered, and the runs at a wall."""
+    """Return the tables of the noise and window, of safety's interferences, and of the runs at a wall."""
     judged = _told_apart([row for row in rows if not row["skipped"]])
     skipped = tuple(f"skipped {Path(row['scenario']).name}: {row['skipped']}" for row in rows if row["skipped"])
     return [_seen(judged, skipped), _interfered(judged), _at_walls(judged)]
@@ -234,7 +234,7 @@ def _at_walls(rows: Sequence[Row]) -> TabledCell:
 
 
 def _at(gap_m: float | None, speed_mps: float | None) -> str:
-    """Return where and how fast; a run that met no wall has no gap."""
+    """Return place and speed; a run that met no wall has no gap."""
     if gap_m is None and speed_mps is None:
         return "-"
     gap = "at no wall" if gap_m is None else f"{gap_m:.2f} m"
@@ -242,7 +242,7 @@ def _at(gap_m: float | None, speed_mps: float | None) -> str:
 
 
 def plot(folder: Path, cell: Cell, figures: Figures) -> None:
-    """Draw every interference, and the window where anything is said about it."""
+    """Draw every interference, and the window if it has a finding."""
     if figures["skipped"]:
         return
     from sim.lab.recorded.recording_pictures import save_episode, save_window

@@ -1,8 +1,8 @@
-"""`lab rooms`: a cluttered room, and people in the way, with the whole of the car's law: follower, safety, way out.
+"""`lab rooms`: a cluttered room, and people in the way, with the complete law of the car: follower, safety, recovery.
 
-A person run asks three things: was anything touched while the car moved, does the car go on when the way is free, and
-how soon. "Free" is the simulator's truth: no walker in the strip that a car going straight on needs, 1.2 m long and
-5 cm wider on each side than the car. A car that backed out and went round before that has resumed after 0 s.
+A person run measures three things: contact while the car moved, whether the car resumes when the way is free, and how
+soon. "Free" is the simulator's truth: no walker in the strip that a car going straight on needs, 1.2 m long and 5 cm
+wider on each side than the car. A car that backed out and went round before that has resumed after 0 s.
 """
 
 import math
@@ -29,11 +29,11 @@ from sim.world.worlds import load_world
 ROOMS = 12
 CLUTTER_S = 60.0
 GIVEN_UP_S = 15.0
-"""A run ends when the car has stood so long: longer than its patience and all thoughts about backing out."""
+"""Standstill that ends a run: longer than the car's patience and the whole decision about backing out."""
 STUCK_S = 10.0
-"""A car that has stood so long at the end is stuck; less is patience."""
+"""Standstill at the end from which on a car counts as stuck; less is patience."""
 WAITS = ", waits"
-"""The variant of a scenario in which the settings do not allow the car to back out."""
+"""Suffix of the scenario's variant in which the settings do not allow the car to back out."""
 FREE_AHEAD_M, FREE_ASIDE_M = 1.2, 0.05
 SOON_S = 5.0
 GOES_ABOVE_MPS, GOES_FOR_S = 0.25, 1.0
@@ -62,7 +62,7 @@ class Walker:
         return WAYS[self.name](self.walking_mps, arrives_s, speed_mps)
 
     def avoidable(self, speed_mps: float, mu: float) -> bool:
-        """Whether a brake REACTION_S after the person moved, or was there to be seen, ends before the person."""
+        """Return whether a brake REACTION_S after the person moved, or became visible, ends before the person."""
         motion = self.obstacle(speed_mps).motion
         arrives_s = (AT_M - CAR.front_m) / speed_mps
         if motion is None or not math.isfinite(motion.from_s) or motion.from_s > arrives_s:
@@ -72,33 +72,33 @@ class Walker:
 
 
 def _crosses(walking_mps: float, arrives_s: float, _: float) -> Obstacle:
-    """From the free side through the way and the wall; in the middle of the way when the bumper comes there."""
+    """Return a walker from the free side through the way and the wall; in the middle when the bumper comes there."""
     from_m = min(ASIDE_M, walking_mps * arrives_s)
     return person(AT_M, -from_m, ConstantMotion(0.0, walking_mps, arrives_s - from_m / walking_mps))
 
 
 def _stops(walking_mps: float, arrives_s: float, _: float) -> Obstacle:
-    """As before, but only to the middle of the way, for good."""
+    """Return the same walker, but only to the middle of the way, for good."""
     from_m = min(ASIDE_M, walking_mps * arrives_s)
     return person(AT_M, -from_m, ConstantMotion(0.0, walking_mps, arrives_s - from_m / walking_mps, arrives_s))
 
 
 def _leaves(walking_mps: float, arrives_s: float, _: float) -> Obstacle:
-    """In the way from the beginning, and leaves it to the free side when the car has stood for some seconds."""
+    """Return a person in the way from the beginning, who leaves it to the free side after the car stood for some s."""
     return Obstacle(
         Round(WALKER_RADIUS_M), _at(AT_M, 0.0), ConstantMotion(0.0, -walking_mps, arrives_s + LEAVES_AFTER_S)
     )
 
 
 def _passes(walking_mps: float, arrives_s: float, _: float) -> Obstacle:
-    """Comes in the car's way and drifts aside, 0.55 m from its middle line half a second before they meet."""
+    """Return a person who comes in the car's way and drifts aside, 0.55 m from its middle line 0.5 s before meeting."""
     drifts_s = max(0.5, arrives_s - 0.5)
     from_m = AT_M + walking_mps * arrives_s
     return Obstacle(Round(WALKER_RADIUS_M), _at(from_m, 0.2), ConstantMotion(-walking_mps, -0.75 / drifts_s))
 
 
 def _comes(walking_mps: float, arrives_s: float, speed_mps: float) -> Obstacle:
-    """Comes straight at the car and stops, for good, where a car that did not slow down could still stop."""
+    """Return a person who comes straight at the car and stops for good where a car at full speed could still stop."""
     room_m = COMES_SPARE_M + stopping_m(speed_mps, REACTION_S, SLIPPERY_MU * GRAVITY_MPS2)
     from_m = AT_M + room_m + walking_mps * arrives_s
     return Obstacle(Round(WALKER_RADIUS_M), _at(from_m, 0.0), ConstantMotion(-walking_mps, 0.0, -math.inf, arrives_s))
@@ -134,7 +134,7 @@ def cells(choice: CellChoice) -> list[Cell]:
 
 
 def build(cell: Cell) -> tuple[Follower, Guard]:
-    """Return the car's laws, with or without a way out."""
+    """Return the car's laws, with or without recovery."""
     follower, _, guard = laws.check(cell.law).partition("+")
     wanted = [
         f"wall_follow.method={follower}",
@@ -200,19 +200,19 @@ def measure(cell: Cell) -> Figures:
 
 
 def tries(reasons: Sequence[str]) -> int:
-    """Return how often the car began to back out."""
+    """Return the number of times the car began to back out."""
     backs = [reason.startswith("backing out") for reason in reasons]
     return sum(now and not before for before, now in pairwise(backs))
 
 
 def resuming(done: SimulatedRun, walker: Obstacle) -> Figures:
-    """Return whether the car stood, whether its way became free, and how long after that it drove (None: never).
+    """Return whether the car stood, whether its way became free, and the time from then until it drove (None: never).
 
     The first standstill counts. It drives again when it goes forward for a second; a car that backed out and went round
     before the way was free has resumed at once.
     """
     stands = np.abs(done.speed_mps[:, 0]) < STANDS_BELOW_MPS
-    stands[: int(np.argmax(~stands))] = False  # before it set off
+    stands[: int(np.argmax(~stands))] = False  # before the car set off
     rate_hz = done.case.lidar.rate_hz
     rows = np.flatnonzero(stands)
     if len(rows) < STOOD_S * rate_hz:
@@ -228,14 +228,14 @@ def resuming(done: SimulatedRun, walker: Obstacle) -> Figures:
 
 
 def _lasting(which: Booleans, rows: int) -> Booleans:
-    """Return where a row of at least so many True begins or goes on for so many more."""
+    """Return where a run of at least this many True begins or lasts for this many more."""
     ahead = np.convolve(which[::-1], np.ones(rows))[: which.size][::-1]
     lasting: Booleans = ahead > rows - 0.5
     return lasting
 
 
 def _for_good(free: Booleans) -> Booleans:
-    """Return from which row on the way stays free."""
+    """Return the rows from which on the way stays free."""
     kept: Booleans = np.logical_and.accumulate(free[::-1])[::-1]
     return kept
 
@@ -253,7 +253,7 @@ def way_free(done: SimulatedRun, walker: Obstacle) -> Booleans:
 
 
 def walker_at(walker: Obstacle, time_s: Floats) -> Floats:
-    """Return where a person is, (2, n)."""
+    """Return the positions of a person, (2, n)."""
     if not isinstance(walker.appearance, StandingObstacle) or walker.motion is None:
         raise TypeError("a person stands somewhere and walks")
     motion, pose = walker.motion, walker.appearance.pose

@@ -1,7 +1,7 @@
 """`lab safety`: the report's 28 obstacles, which appear 0.3 to 0.9 m before the lidar of a car at 1 to 4 m/s.
 
 Three drivers meet them (`sim.lab.sudden`): a blind one, the car's own follower, and a human who swerves. Physics is
-that of a straight full brake; the human's car rotates already and comes with a corner first, so it is compared with
+that of a straight full brake; the human's car already rotates and hits with a corner first, so it is compared with
 itself, braked in full on the first scan, where that is worse.
 
 Most of them no car could stop for. What a brake can do (control-and-safety notes, section 1), with the gap counted from
@@ -27,9 +27,9 @@ from sim.world.pose import CAR
 
 DISTANCES_M = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 EXCESS_MPS = 0.15
-"""So much harder than after a straight full brake nothing may be hit."""
+"""Maximum excess of the impact speed over that after a straight full brake."""
 SURELY_M = 0.05
-"""Cases nearer to the edge than this are left to chance."""
+"""Margin of certainty; cases nearer to the limit are undecided."""
 
 
 def cells(choice: CellChoice) -> list[Cell]:
@@ -44,7 +44,7 @@ def run(cell: Cell) -> SimulatedRun:
 
 
 def measure(cell: Cell) -> Figures:
-    """Drive one cell and put it beside what physics allows."""
+    """Drive one cell and compare it with the physical limit."""
     done = run(cell)
     case = done.case
     sudden = SuddenRun.named(cell.scenario)
@@ -80,19 +80,19 @@ def measure(cell: Cell) -> Figures:
 def braked_impact_mps(cell: Cell) -> float:
     """Return the impact of the same car that brakes in full on the first scan.
 
-    The formula's car goes straight on. One whose driver has begun to swerve rotates, and comes with a corner first.
+    The formula's car goes straight on. One whose driver has begun to swerve rotates, and hits with a corner first.
     """
     contact = drive(case_of(cell), laws_of(cell)[0], FullBrake()).contact
     return contact.speed_mps if contact is not None else 0.0
 
 
 def stopping_m(speed_mps: float, latency_s: float, brake_mps2: float) -> float:
-    """Return the way to a standstill."""
+    """Return the braking distance to a standstill."""
     return speed_mps * latency_s + speed_mps**2 / (2 * brake_mps2)
 
 
 def impact_mps(speed_mps: float, gap_m: float, latency_s: float, brake_mps2: float) -> float:
-    """Return the speed that is left after the gap, 0 when it is long enough."""
+    """Return the speed left after the gap, 0 if it is long enough."""
     braking_m = max(0.0, gap_m - speed_mps * latency_s)
     return math.sqrt(max(0.0, speed_mps**2 - 2 * brake_mps2 * braking_m))
 
@@ -134,7 +134,7 @@ def tables(rows: Sequence[Row]) -> list[TabledCell]:
 
 
 def _driven(law: str, mu: float, rows: Sequence[Row]) -> list[TabledCell]:
-    """Return a table per driver that looks, a row per place and box, a column per speed."""
+    """Return a table per driver that reacts, a row per place and box, a column per speed."""
     made = []
     for driver in distinct(rows, "driver"):
         some = chosen(rows, driver=driver)

@@ -1,8 +1,8 @@
-"""`lab stories`: the whole process in virtual time: its own tasks and default laws, devices in memory, a world to see.
+"""`lab stories`: the whole process in virtual time: its own tasks and default laws, in-memory devices, a world.
 
 The closed loop of the other experiments calls the laws one after the other; here the unmodified `runtime.app.Car` runs,
-with its queues, expiries, permit and health monitor, and an event loop whose clock jumps. Each story says what should
-happen and what did.
+with its queues, expiries, permit and health monitor, and an event loop whose clock jumps. Each story reports the
+expected and the actual result.
 """
 
 import asyncio
@@ -36,9 +36,9 @@ SAMPLED_EVERY_S = 0.025
 
 @dataclass(slots=True, eq=False)
 class ReportedFigures:
-    """What happened. Lists have one entry every 25 ms: time, pose, true speed, the decision's words.
+    """Record of a story. Lists have one entry every 25 ms: time, pose, true speed, the decision's reason.
 
-    navigation: every different thing that the follower said, in order. window: the last sentences about the lidar's
+    navigation: every distinct report of the follower, in order. window: the last sentences about the lidar's
     window. laps_s: when the start line was crossed again.
     """
 
@@ -57,16 +57,16 @@ class ReportedFigures:
         return self.speed_mps[min(len(self.speed_mps) - 1, max(0, int(np.searchsorted(self.time_s, time_s))))]
 
     def first(self, after_s: float, holds: Callable[[float], bool]) -> float:
-        """Return the first time after another at which the speed is so, infinity when never."""
+        """Return the first time after another at which the speed satisfies the condition, infinity if never."""
         pairs = zip(self.time_s, self.speed_mps, strict=True)
         return next((at_s for at_s, speed_mps in pairs if at_s > after_s and holds(speed_mps)), math.inf)
 
     def stood_s(self, from_s: float) -> float:
-        """Return when the car first stood after a time."""
+        """Return the first time of standstill after a time."""
         return self.first(from_s, lambda speed_mps: abs(speed_mps) < STANDS_BELOW_MPS)
 
     def went_s(self, from_s: float) -> float:
-        """Return when the car first went forward after a time."""
+        """Return the first time of forward motion after a time."""
         return self.first(from_s, lambda speed_mps: speed_mps > GOES_ABOVE_MPS)
 
 
@@ -75,9 +75,9 @@ Event = tuple[float, Callable[["Play"], None]]
 
 @dataclass(frozen=True, slots=True)
 class Story:
-    """A world, what happens in it, and what should come of it.
+    """A world, the events in it, and the expected result.
 
-    says: what was measured, and whether it is as it should be.
+    says: the measured result, and whether it is as expected.
     """
 
     world: str
@@ -93,7 +93,7 @@ class Story:
 
 
 class Play:
-    """One performance: the car, its devices and its world, for events to play with."""
+    """One run of a story: the car, its devices and its world, for events to act on."""
 
     def __init__(self, story: Story, seed: int) -> None:
         loop = asyncio.get_running_loop()
@@ -113,7 +113,7 @@ class Play:
         self.car = Car(settings, self.lidar, self.motor, MemoryBus(loop.time, listened_to=False), loop.time)
 
     async def write_down(self) -> None:
-        """Sample the truth for ever."""
+        """Sample the truth until cancelled."""
         told, twin = self.told, self.told.twin
         counter = LapCounter(twin.world.lap) if twin.world.lap is not None else None
         while True:
@@ -133,7 +133,7 @@ class Play:
 
 
 def tell(story: Story, seed: int = 1000) -> ReportedFigures:
-    """Perform a story in virtual time."""
+    """Run a story in virtual time."""
 
     async def main() -> ReportedFigures:
         loop = asyncio.get_running_loop()
@@ -162,17 +162,17 @@ def plug_lidar(play: Play) -> None:
 
 
 def cover_front(play: Play) -> None:
-    """Cover the lidar's front, 120 degrees wide, so that nothing comes back."""
+    """Cover the lidar's front, 120 degrees wide, without returns."""
     play.told.twin.cover = Cover(None, 60.0, _PULLED_S, seed=0)
 
 
 def uncover_front(play: Play) -> None:
-    """Take the cover away."""
+    """Remove the cover."""
     play.told.twin.cover = None
 
 
 def pull_motor(play: Play) -> None:
-    """Pull the motor controller's cable; it hears nothing and brakes by itself."""
+    """Pull the motor controller's cable; it receives no commands and brakes by itself."""
     play.motor.pull()
     asyncio.get_running_loop().call_later(UNPLUGGED_AFTER_S, play.motor.brake_by_itself)
 
@@ -189,7 +189,7 @@ def swerve(play: Play) -> None:
 
 
 def untouched(told: ReportedFigures) -> tuple[str, bool]:
-    """Say whether anything was touched."""
+    """Report whether there was a contact."""
     touched = told.twin.contact_mps
     if touched is None:
         return "touches nothing", True
@@ -197,7 +197,7 @@ def untouched(told: ReportedFigures) -> tuple[str, bool]:
 
 
 def within(what: str, measured_s: float, most_s: float) -> tuple[str, bool]:
-    """Say how long something took."""
+    """Report a duration."""
     return f"{what} after {measured_s:.2f} s (at most {most_s:g})", measured_s <= most_s
 
 
@@ -251,17 +251,17 @@ def _lost(told: ReportedFigures, brakes_mps2: float, notices_s: float) -> list[t
 
 
 def _lidar_lost(told: ReportedFigures) -> list[tuple[str, bool]]:
-    """The last scan's words are in force for 0.15 s; then the car brakes with all there is."""
+    """Report the loss of the lidar: the last scan stays valid for 0.15 s; then the car brakes in full."""
     return _lost(told, 5.0, 0.25)
 
 
 def _motor_lost(told: ReportedFigures) -> list[tuple[str, bool]]:
-    """Only the controller itself can brake, gently, after its own timeout."""
+    """Report the loss of the motor: only the controller itself can brake, gently, after its own timeout."""
     return _lost(told, 1.9, 0.25)
 
 
 def _front_covered(told: ReportedFigures) -> list[tuple[str, bool]]:
-    """The first covered scan is a full brake, and the first free one ends it."""
+    """Report a covered front: the first covered scan is a full brake, and the first free one ends it."""
     said = next((reason for reason in told.reasons if reason.startswith("the lidar is blind")), "nothing of it")
     return [*_lost(told, 5.0, 0.1), (f"says: {said}", said != "nothing of it")]
 
@@ -290,7 +290,7 @@ _SWERVES: tuple[Event, ...] = tuple((_BOXED_S - 0.1 + 0.05 * push, swerve) for p
 
 
 def _boxed(told: ReportedFigures) -> list[tuple[str, bool]]:
-    """0.75 m before the bumper at 3 m/s: the floor's whole grip stops the car with 6 cm to spare."""
+    """Report a box 0.75 m before the bumper at 3 m/s: the floor's whole grip stops the car with 6 cm to spare."""
     said = sorted({reason for reason in told.reasons if reason.startswith(("braking", "swerving"))})
     return [
         untouched(told),
@@ -321,11 +321,11 @@ STORIES = {
         "corridor", 7.0, _boxed, speed_mps=_BOXED_MPS, obstacles=(_BOX,), events=_SWERVES, binds_teleop=True
     ),
 }
-"""Every story by its name."""
+"""Stories by name."""
 
 
 def cells(choice: CellChoice) -> list[Cell]:
-    """Return what is to be told."""
+    """Return the cells of the stories."""
     names = list(STORIES)[:2] if choice.quick else list(STORIES)
     return [
         Cell("stories", name, "ball+swept", STORIES[name].speed_mps, 0.8, "left", choice.seeds[0]) for name in names
@@ -333,9 +333,9 @@ def cells(choice: CellChoice) -> list[Cell]:
 
 
 def measure(cell: Cell) -> Figures:
-    """Tell one story."""
+    """Run one story."""
     story = STORIES[cell.scenario]
-    logging.getLogger("wallride").addHandler(logging.NullHandler())  # the table tells it
+    logging.getLogger("wallride").addHandler(logging.NullHandler())  # the table reports it
     told = tell(story, cell.seed)
     said = story.says(told)
     return {
@@ -363,7 +363,7 @@ def tables(rows: Sequence[Row]) -> list[TabledCell]:
 
 
 def _no_picture(*_: object) -> None:
-    """A story is read, not looked at."""
+    """Return no picture: stories have none."""
 
 
 EXPERIMENT = Experiment(cells, measure, tables, _no_picture)

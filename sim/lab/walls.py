@@ -1,4 +1,4 @@
-"""`lab walls`: how near to the wanted distance, beside how near any steering could be."""
+"""`lab walls`: error of the wanted distance, beside the minimum error of any steering."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from sim.lab.limits import DRIVEN_MU, REFERENCE_M, limit_m
 from sim.virtual.closed_loop import SimulatedRun, drive
 
 LOST_ABOVE_M = 0.5
-"""A run that ends so far off has lost its wall."""
+"""Minimum error at the end of a run that lost its wall."""
 QUICK_COURSES = ("t1", "t3", "t4", "t5", "outside_corner")
 REPORT_TABLE_M = {
     "t1": (0.148, 0.175, 0.266, None),
@@ -21,7 +21,7 @@ REPORT_TABLE_M = {
     "t4": (0.177, 0.199, None, None),
     "t5": (None, None, None, None),
 }
-"""The report law in the simulator of the design notes, mu 0.8, 1 to 4 m/s; None is a contact."""
+"""Errors of the report law in the simulator of the design notes, mu 0.8, 1 to 4 m/s; None is a contact."""
 
 
 def cells(choice: CellChoice) -> list[Cell]:
@@ -37,7 +37,7 @@ def run(cell: Cell) -> SimulatedRun:
 
 
 def measure(cell: Cell) -> Figures:
-    """Drive one cell and put it beside its limit."""
+    """Drive one cell and compare it with its limit."""
     done = run(cell)
     figures = {**common(done), **errors(done)}
     case = done.case
@@ -84,7 +84,7 @@ def _line(rows: Sequence[Row], name: str, speeds: Sequence[float]) -> tuple[str,
 
 
 def _figure(rows: Sequence[Row]) -> str:
-    """Mean error over sides and seeds beside the limit; how many of them failed, and how."""
+    """Return the mean error over sides and seeds beside the limit; the number and kinds of failures."""
     collided = sum(row["collided"] for row in rows)
     stuck = sum(row["stopped_for_good"] and not row["collided"] for row in rows)
     lost = sum(row["lost"] and not row["stopped_for_good"] and not row["collided"] for row in rows)

@@ -1,7 +1,7 @@
-"""`lab window`: what the car learns about its own lidar's window while it drives: dirt found, and dirt only imagined.
+"""`lab window`: learning of the lidar's window while driving: dirt found, and false dirt.
 
-Clean runs are those without dirt; every beam called dirty there is a false one. In dirty runs the question is which
-share of the truly dirty beams is called so after 7 m of way.
+Clean runs are those without dirt; every beam classified as dirty there is a false one. Dirty runs measure the share of
+the truly dirty beams that are classified so after 7 m of way.
 """
 
 from collections.abc import Sequence
@@ -37,7 +37,7 @@ FOUND_SHARE = 0.95
 
 @dataclass(slots=True)
 class WatchedWindow:
-    """A guard that also writes down, by way driven, which beams it calls dirty, and which are the car's own to it."""
+    """A guard that also records, by way driven, the beams classified as dirty, and those as the car's own parts."""
 
     guard: SweptGuard
     way_m: list[float] = field(default_factory=list)
@@ -45,7 +45,7 @@ class WatchedWindow:
     own: list[Booleans] = field(default_factory=list)
 
     def look(self, scan: Scan, motor: MotorState | None) -> SafetyAssessment:
-        """Look as the guard does."""
+        """Let the guard look, and record its beams."""
         outlook = self.guard.look(scan, motor)
         self.guard.learn()
         health = self.guard.health
@@ -56,7 +56,7 @@ class WatchedWindow:
         return outlook
 
     def learn(self) -> None:
-        """Nothing: it is done with each look."""
+        """Do nothing: each look learns."""
 
 
 def cells(choice: CellChoice) -> list[Cell]:
@@ -100,7 +100,7 @@ def sectors(scenario: str, side: Side) -> Sectors:
 
 
 def truly_dirty(dirt: Sectors, lidar: LidarSettings) -> Booleans:
-    """Return which beams (beams,) the dirt is on."""
+    """Return the beams (beams,) with dirt."""
     bearing_deg = np.linspace(lidar.first_deg, lidar.last_deg, lidar.beams)
     dirty = np.zeros(lidar.beams, np.bool_)
     for begin_deg, to_deg, _ in dirt:

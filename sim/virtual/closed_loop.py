@@ -1,7 +1,7 @@
-"""One drive, faster than real time: world, car, lidar and the very control code of the car, without devices.
+"""One drive, faster than real time: world, car, lidar and the control code of the car, without devices.
 
-Time goes in steps of 2.5 ms. At every revolution of the lidar one scan is made; follower, guard, `arbitrate` and the
-`Limiter` answer it as the tasks of the runtime would, and their answer is on the motor's wire `latency_s` later.
+Time goes in steps of 2.5 ms. Every revolution of the lidar yields one scan; follower, guard, `arbitrate` and the
+`Limiter` process it as the tasks of the runtime would, and their command is on the motor's wire `latency_s` later.
 Nothing reads a clock: the same case gives the same run, bit by bit.
 """
 
@@ -35,16 +35,16 @@ from sim.world.pose import CAR, Floats, Pose, Side, side_sign
 
 STEP_S = 0.0025
 RANGE_MIN_M, RANGE_MAX_M = 0.02, 30.0
-"""What a UST-10LX says of itself; values outside are no distances. A sensor of less range says so."""
+"""Limits that a UST-10LX reports; values outside are no distances. A sensor of less range reports its own."""
 ROUGH_BEAMS = LidarSettings(noise_std_m=0.02, outlier_share=0.02)
-"""The noise under which every law has to prove itself."""
+"""Noise under which every law has to prove itself."""
 _WIRING = VescSettings()
 _VEHICLE = VehicleSettings()
 _CAR = CarSettings()
 _ORDER = (Source.ESTOP, Source.SAFETY, Source.TELEOP, Source.PERMIT, Source.NAVIGATION)
-"""The lab's order with `safety.binds_teleop`: a human is judged as a navigator is."""
+"""Priorities of the lab, with `safety.binds_teleop`: a human is judged as a navigator is."""
 FULL_BRAKE_MPS2 = _WIRING.brake_current_a * _VEHICLE.brake_mps2_per_a + _VEHICLE.drag_mps2
-"""What the driver's full brake current and the drag give on a floor that holds it: 8.9 m/s2."""
+"""Deceleration of the driver's full brake current and the drag on a floor with enough grip: 8.9 m/s2."""
 _POLL_S = 1.0 / _WIRING.poll_hz
 _STANDING_BELOW_MPS = 0.05
 _TRUTH_BEARINGS_RAD = np.radians(np.linspace(30.0, 150.0, 121))  # every degree: 4e-5 too far at most
@@ -53,7 +53,7 @@ _TRUTH_POSES_AT_ONCE = 9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Case:
-    """What is driven; every default is that of the tests' car.
+    """Conditions of a run; every default is that of the tests' car.
 
     start: pose of the rear axle, None for the world's own. start_speed_mps: the car rolls already.
     distance_m, duration_s, standing_s: the run ends after so much way, so much time, or so long a standstill after
@@ -61,9 +61,9 @@ class Case:
     latency_s: from a scan's last byte to the motor's wire; the vehicle's own delays come on top.
     brake_limit_mps2: the deceleration of a full brake; above the grip the wheels lock.
     truth: the world whose walls count as "the wall" (a wall without its doors), None for the world itself.
-    surroundings: what is really seen and hit instead of world and obstacles (glass), None for those.
-    cover: what becomes of the lidar's integers at a time [s], e.g. a hand before it; None: nothing.
-    driver: whose wish the follower's is: the navigator's, or a human's whom safety binds.
+    surroundings: surfaces that are seen and hit instead of world and obstacles (glass), None for those.
+    cover: change of the lidar's integers at a time [s], e.g. a hand before it; None: no change.
+    driver: source of the follower's commands: the navigator, or a human bound by safety.
     """
 
     world: World
@@ -89,7 +89,7 @@ class Case:
 
 @dataclass(slots=True)
 class SimulatedStop:
-    """A time in which the car was told to stand. until_s: NaN when it lasted to the end of the run."""
+    """A commanded stop of the car. until_s: NaN when it lasted to the end of the run."""
 
     from_s: float
     reason: str
@@ -101,7 +101,7 @@ class SimulatedStop:
 
 @dataclass(frozen=True, slots=True)
 class FirstContact:
-    """The first touch, and the true speed at that moment."""
+    """The first contact, and the true speed at that moment."""
 
     time_s: float
     speed_mps: float
@@ -110,13 +110,13 @@ class FirstContact:
 
 @dataclass(slots=True, eq=False)
 class SimulatedRun:
-    """What happened. Arrays have one row per scan, taken at its last beam.
+    """Record of a run. Arrays have one row per scan, taken at its last beam.
 
     time_s: shape (n,). pose: (n, 3) x [m], y [m], yaw [rad] of the rear axle. speed_mps: (n, 2), the car's and what
     its wheels report. wish: (n, 2) and command: (n, 2), speed [m/s] and steering [rad] of the follower and of what went
     to the wire `latency_s` later; a stop is 0 m/s. capped: (n,) whether safety lowered the wish. wall_m: (n,) distance
     to the followed wall, inf without one. clearance_m: (n,), 0 in contact. appeared: (n,) how many obstacles
-    there were for the scan to see. distance_m: way driven. reasons: the decisions' words, one per scan.
+    there were for the scan to see. distance_m: way driven. reasons: the decisions' reasons, one per scan.
     """
 
     case: Case
@@ -136,7 +136,7 @@ class SimulatedRun:
 
     @property
     def error_m(self) -> Floats:
-        """Distance to the wall less the wanted one, shape (n,); inf where there is no wall."""
+        """Return the distance to the wall less the wanted one, shape (n,); inf where there is no wall."""
         return self.wall_m - self.case.desired_m
 
 
@@ -149,7 +149,7 @@ def drive(case: Case, follower: Follower, guard: Guard | None) -> SimulatedRun:
 
 
 def as_scan(reported_mm: Millimetres, lidar: LidarSettings, time_s: float, sequence: int) -> Scan:
-    """Return what the driver would make of the sensor's integers."""
+    """Return the scan that the driver would make of the sensor's integers."""
     range_max_m = min(lidar.range_max_m, RANGE_MAX_M)
     usable = (reported_mm >= RANGE_MIN_M * 1000) & (reported_mm <= range_max_m * 1000)
     ranges_m = np.where(usable, reported_mm.astype(np.float32) / np.float32(1000), np.float32(np.nan))
@@ -160,7 +160,7 @@ def as_scan(reported_mm: Millimetres, lidar: LidarSettings, time_s: float, seque
 
 @dataclass(slots=True)
 class _Log:
-    """Rows in the making."""
+    """Rows under construction."""
 
     rows: list[tuple[float, ...]] = field(default_factory=list)
     reasons: list[str] = field(default_factory=list)
@@ -179,7 +179,7 @@ class _Log:
 
 
 class _Rig:
-    """The car on its test stand."""
+    """Assembly of car, world and laws during a run."""
 
     def __init__(self, case: Case, follower: Follower, guard: Guard | None) -> None:
         self._case = case
@@ -202,12 +202,12 @@ class _Rig:
                 car.max_acceleration_mps2,
             )
         )
-        self._limiter.limit(case.start_speed_mps, 0.0, dt_s=1e3)  # a rolling car was told to
+        self._limiter.limit(case.start_speed_mps, 0.0, dt_s=1e3)  # a rolling car was commanded to
         rolling: Demand = SpeedDemand(case.start_speed_mps) if case.start_speed_mps else CoastDemand()
         self._wire: DelayLine[tuple[Demand, float]] = DelayLine(case.latency_s, (rolling, 0.0))
         self._motor: MotorState | None = None
         self._polled_s = -math.inf
-        self._free_m = 0.0  # the car may move so far before a contact is possible
+        self._free_m = 0.0  # free way of the car before a contact is possible
         self._log = _Log()
         self._distance_m = 0.0
         self._moved_s = 0.0
@@ -233,7 +233,7 @@ class _Rig:
         return self._finish()
 
     def _poll(self, now_s: float) -> None:
-        """Ask the motor as often as its driver does; speed and way in the VESC's own whole numbers."""
+        """Poll the motor as often as its driver does; speed and way in the VESC's own whole numbers."""
         if now_s - self._polled_s < _POLL_S - STEP_S / 2:
             return
         self._polled_s = now_s
@@ -254,7 +254,7 @@ class _Rig:
         )
 
     def _answer(self, now_s: float, sequence: int) -> None:
-        """One scan through everything that stands between it and the wire."""
+        """Process one scan through all stages up to the wire."""
         case, vehicle, pose = self._case, self._vehicle, self._vehicle.pose
         reported_mm = scan(self._seen, pose, vehicle.twist, now_s, self._rng, case.lidar)
         if case.cover is not None:
@@ -283,7 +283,7 @@ class _Rig:
         )  # fmt: skip
 
     def _demand(self, told: Drive) -> Demand:
-        """What the driver makes of a command: too slow, or against the motion, is a brake."""
+        """Return the driver's demand for a command: too slow, or against the motion, is a brake."""
         speed_mps, wheels_mps = told.speed_mps, self._vehicle.wheel_speed_mps
         turns_back = speed_mps * wheels_mps < 0 and abs(wheels_mps) > _STANDING_BELOW_MPS
         if abs(speed_mps) >= _WIRING.min_speed_mps and not turns_back:
@@ -293,7 +293,7 @@ class _Rig:
         return BrakeDemand(by_motor_mps2 / settings.brake_mps2_per_a)
 
     def _advance(self, now_s: float) -> None:
-        """Move the car on by one step, and look for a contact when one is possible."""
+        """Advance the car by one step, and check for contact when one is possible."""
         vehicle = self._vehicle
         demand, steering_rad = self._wire.at(now_s)
         vehicle.step(STEP_S, demand, steering_rad)

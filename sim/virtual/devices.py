@@ -1,4 +1,4 @@
-"""In-memory twins of the devices, for stories in virtual time: no sockets, no threads, no real seconds."""
+"""In-memory devices for stories in virtual time: no sockets, no threads, no real seconds."""
 
 import asyncio
 import math
@@ -16,10 +16,10 @@ FLICKER_M = np.float32(0.0005)
 
 
 class MemoryLidar:
-    """Delivers `ranges_at(now_s)` at a steady rate; None from it is a scan that never came.
+    """Delivers `ranges_at(now_s)` at a steady rate; None from it is a missing scan.
 
     late_s: how long a scan waits in a buffer before it is delivered; its stamp stays that of the measurement.
-    frozen: repeats a scan bit for bit. A sensor that measures never does: the same ranges flicker by half a millimetre.
+    frozen: repeats a scan bit for bit. A measuring sensor never does: the same ranges vary by half a millimetre.
     """
 
     def __init__(
@@ -34,7 +34,7 @@ class MemoryLidar:
 
     @property
     def health(self) -> Health:
-        """Its condition now; tests change it."""
+        """Return the present condition; tests change it."""
         return self._health
 
     async def run(self, on_scan: Callable[[Scan], None]) -> Never:
@@ -56,7 +56,7 @@ class MemoryLidar:
 
 
 class MemoryMotor:
-    """Takes every command and writes it down; its wheels follow at once.
+    """Accepts and records every command; its wheels follow at once.
 
     wire: (time, drive) of every command taken.
     present: False is an unplugged controller: it takes nothing and reports nothing.
@@ -74,13 +74,13 @@ class MemoryMotor:
 
     @property
     def health(self) -> Health:
-        """Its condition now."""
+        """Return the present condition."""
         self._health.link = LinkState.READY if self.present else LinkState.ABSENT
         return self._health
 
     @property
     def state(self) -> MotorState | None:
-        """What a controller would report."""
+        """Return the state that a controller would report."""
         if not self.present:
             return None
         now_s = self._clock()
@@ -104,13 +104,13 @@ class MemoryMotor:
     async def run(self) -> Never:
         """Stay connected; brake when cancelled, as a driver does."""
         try:
-            await asyncio.Event().wait()  # a motor that is there has nothing to do but to stay
+            await asyncio.Event().wait()  # a connected motor has no other work
             raise AssertionError("unreachable: that event is never set")
         finally:
             self.send(Drive(0.0, 0.0))
 
     def send(self, drive: Drive) -> bool:
-        """Write the command down."""
+        """Record the command."""
         if not self.present:
             return False
         self._last = (self._clock(), drive)
@@ -123,11 +123,11 @@ class MemoryMotor:
         self._fault_gone = not lasting
 
     def latch_fault(self, words: str) -> None:
-        """Report a fault that others have found."""
+        """Latch a fault found elsewhere."""
         self.fault = self.fault or words
 
     def clear_fault(self) -> None:
-        """Forget the fault if its cause is gone."""
+        """Clear the fault if its cause is gone."""
         if self._fault_gone:
             self.fault = ""
 
@@ -139,14 +139,14 @@ def ranges_between_walls(left_m: float, right_m: float, ahead_m: float = math.na
         sides_m = np.where(bearing_rad > 0, left_m / np.sin(bearing_rad), -right_m / np.sin(bearing_rad))
         front_m = np.where(np.cos(bearing_rad) > 0, ahead_m / np.cos(bearing_rad), np.nan)
     ranges_m = np.fmin(np.where(np.isfinite(sides_m), sides_m, np.nan), front_m)
-    ranges_m[~(ranges_m < 30.0)] = np.nan  # NaN compares as not smaller
+    ranges_m[~(ranges_m < 30.0)] = np.nan  # comparisons with NaN are false
     return ranges_m.astype(np.float32)
 
 
 class MemoryBus:
-    """Remembers what is said, brings what a story says, and lets it ask.
+    """Records published messages, delivers the messages of a story, and issues its queries.
 
-    heard: (key, payload) of everything put. listened_to: whether anybody is subscribed to it.
+    heard: (key, payload) of everything put. listened_to: whether it has subscribers.
     """
 
     endpoint = "memory"
@@ -162,19 +162,19 @@ class MemoryBus:
         self.tokens: set[str] = set()
 
     def put(self, key: str, payload: bytes, *, encoding: str = "", urgent: bool = False) -> None:  # noqa: ARG002 - a Bus
-        """Remember it."""
+        """Record the message."""
         self.heard.append((key, payload))
 
     def wanted(self, key: str, *, encoding: str = "", urgent: bool = False) -> bool:  # noqa: ARG002 - a Bus
-        """Tell whether there is a listener."""
+        """Return whether there is a subscriber."""
         return self._listened_to
 
     def subscribe(self, key: str, receive: Callable[[str, bytes, float], None], *, max_bytes: int = 0) -> None:  # noqa: ARG002 - a Bus
-        """Let the car hear what `say` says."""
+        """Register the car's subscriber for messages of `say`."""
         self._readers[key] = receive
 
     def answer(self, key: str, reply: Callable[[bytes], bytes | Awaitable[bytes]]) -> None:
-        """Let the car answer what `ask` asks."""
+        """Register the car's handler for queries of `ask`."""
         self._replies[key] = reply
 
     def announce(self, key: str) -> None:
@@ -182,10 +182,10 @@ class MemoryBus:
         self.tokens.add(key)
 
     def say(self, key: str, payload: bytes) -> None:
-        """Bring a message to the car now."""
+        """Deliver a message to the car now."""
         self._readers[key](key, payload, self._clock())
 
     async def ask(self, key: str, payload: bytes = b"") -> bytes:
-        """Ask the car."""
+        """Query the car."""
         answer = self._replies[key](payload)
         return answer if isinstance(answer, bytes) else await answer

@@ -1,7 +1,7 @@
-"""A simulated car in a simulated world behind the in-memory devices: the whole process drives it in virtual time.
+"""Simulated car in a simulated world behind the in-memory devices: the whole process drives it in virtual time.
 
-Nothing runs by itself here. A request for a scan or the motor's state, or a command, moves the world on to the
-clock's now first, in steps of 2.5 ms; so the same story gives the same run, bit by bit.
+The world has no thread of its own. A request for a scan or the motor's state, or a command, first advances the world to
+the clock's now, in steps of 2.5 ms; so the same story gives the same run, bit by bit.
 """
 
 import asyncio
@@ -25,15 +25,15 @@ from sim.world.pose import Pose
 
 STEP_S = 0.0025
 UNPLUGGED_AFTER_S = 0.15
-"""A VESC without commands brakes by itself after its own timeout..."""
+"""Timeout after which a VESC without commands brakes by itself..."""
 UNPLUGGED_BRAKE_A = 10.0
-"""...with the current that docs/bring-up.md tells to set."""
+"""...with the current that docs/bring-up.md specifies."""
 _STANDING_BELOW_MPS = 0.05
 _WIRING = VescSettings()
 
 
 class TwinWorld:
-    """The truth. pose, speed: of the car, moved on by `advance`. contact_mps: speed at the first touch, None before.
+    """Ground truth. pose, speed: of the car, moved on by `advance`. contact_mps: speed at the first touch, None before.
 
     A car that touches something stops dead and stays there. way_m: driven so far. cover: as that of a Case.
     """
@@ -65,13 +65,13 @@ class TwinWorld:
         self._rng = np.random.default_rng(seed)
 
     def advance(self) -> None:
-        """Move on to now."""
+        """Advance to now."""
         while (self._steps + 1) * STEP_S + self._now_s <= self._clock() + 1e-9:
             self._steps += 1
             self._step(self._now_s + self._steps * STEP_S)
 
     def ranges_at(self, now_s: float) -> npt.NDArray[np.float32]:
-        """Return what the driver would make of the sensor's scan, (beams,), metres, NaN without a distance."""
+        """Return the scan that the driver would make of the sensor's, (beams,), metres, NaN without a distance."""
         self.advance()
         self._look(now_s)
         reported_mm = scan(self.scene, self.vehicle.pose, self.vehicle.twist, now_s, self._rng, self.lidar_settings)
@@ -91,7 +91,7 @@ class TwinWorld:
             self._look(now_s)
 
     def _look(self, now_s: float) -> None:
-        """Let things move, and see whether the car touches one."""
+        """Move the obstacles, and check whether the car touches one."""
         vehicle = self.vehicle
         self.scene.update(now_s, vehicle.pose, vehicle.speed_mps)
         self._free_m = self.scene.clearance(vehicle.pose)
@@ -109,7 +109,7 @@ class WorldLidar(MemoryLidar):
         self._plugged = True
 
     def pull(self) -> None:
-        """Pull the cable: no more scans, and the driver knows."""
+        """Pull the cable: no more scans, and the driver notices."""
         self._plugged = False
         self.health.link = LinkState.ABSENT
         self.health.message = "cable pulled"
@@ -125,10 +125,10 @@ class WorldLidar(MemoryLidar):
 
 
 class WorldMotor:
-    """The motor controller of a twin world; takes commands as the VESC's driver does and tells the wheels' truth.
+    """Motor controller of a twin world; accepts commands as the VESC's driver does and reports the wheels' true state.
 
     wire: (time, drive) of every command taken. present: False is a pulled cable; the controller then brakes by itself.
-    phases_swapped: the wheels turn the other way, and the controller reports that they turn as asked.
+    phases_swapped: the wheels turn the other way, and the controller reports the requested direction.
     """
 
     def __init__(self, twin: TwinWorld, clock: Clock) -> None:
@@ -142,13 +142,13 @@ class WorldMotor:
 
     @property
     def health(self) -> Health:
-        """Its condition now."""
+        """Return the present condition."""
         self._health.link = LinkState.READY if self._present else LinkState.ABSENT
         return self._health
 
     @property
     def state(self) -> MotorState | None:
-        """What the controller reports: speed and way in its own whole numbers."""
+        """Return the controller's report: speed and way in its own whole numbers."""
         if not self._present:
             return None
         self._twin.advance()
@@ -186,7 +186,7 @@ class WorldMotor:
         self._present = False
 
     def brake_by_itself(self) -> None:
-        """Do what the controller does when it hears nothing."""
+        """Brake as the controller does after its timeout without commands."""
         self._twin.advance()
         if not self._present:
             self._twin.demand = BrakeDemand(UNPLUGGED_BRAKE_A)
@@ -201,12 +201,12 @@ class WorldMotor:
         self._fault = self._fault or words
 
     def clear_fault(self) -> None:
-        """Forget the latched fault."""
+        """Clear the latched fault."""
         self._fault = ""
 
 
 def demand_of(drive: Drive, vehicle: Vehicle) -> Demand:
-    """Return what the driver makes of a command: too slow, or against the motion, is a brake."""
+    """Return the driver's demand for a command: too slow, or against the motion, is a brake."""
     wheels_mps = vehicle.wheel_speed_mps
     turns_back = drive.speed_mps * wheels_mps < 0 and abs(wheels_mps) > _STANDING_BELOW_MPS
     if abs(drive.speed_mps) >= _WIRING.min_speed_mps and not turns_back:

@@ -1,4 +1,4 @@
-"""An event loop whose clock jumps: minutes of the unmodified tasks in milliseconds, exactly repeatable.
+"""Event loop on virtual time: minutes of the unmodified tasks in milliseconds, exactly repeatable.
 
 Instead of waiting for a timer the selector adds the waiting time to a counter. `asyncio.sleep`, `timeout` and every
 task that reads the injected clock (`loop.time`) live in that time. Threads, subprocesses and real sockets do not:

@@ -1,6 +1,6 @@
-"""Whether a car of this outline and turning circle has a way on from where it stands: a search over poses.
+"""Reachability search over poses: whether a car of this outline and turning circle has a way on from its place.
 
-Ground truth for the lab, with the whole world known; nothing of it drives on a car. Poses (x, y, heading) lie on a
+Ground truth for the lab, with the whole world known; it does not run on a car. Poses (x, y, heading) lie on a
 lattice; from each one the car goes a step forward or backward, straight on or as sharply as it can, and every pose on
 the way must be free, margin included. The place within a lattice cell is kept (Dolgov et al. 2008, "hybrid A*"), so an
 arc stays an arc. All poses that can be reached by the same number of steps are taken at once: a breadth-first flood.
@@ -23,13 +23,13 @@ Whole = npt.NDArray[np.int64]
 CELL_M = 0.04
 HEADINGS = 64
 STEP_M = 0.12
-"""Longer than a cell is wide, and turns by more than a heading is wide: each step leaves its cell."""
+"""Step length: longer than a cell is wide, and turns by more than a heading is wide: each step leaves its cell."""
 TIGHTEST_PER_M = math.tan(0.34) / 0.33
 MARGIN_M = 0.02
-"""Room that the car keeps on all sides; less where it stands nearer already."""
+"""Margin that the car keeps on all sides; less where it stands nearer already."""
 AWAY_M = 3.0
 FORWARD_STEPS = 8
-"""So many steps in a row, about a metre, end the way: driven off, not backed into a corner."""
+"""Number of consecutive forward steps, about a metre, that end the way: driven off, not backed into a corner."""
 MAX_STEPS = 400
 
 _CURVATURES_PER_M = (-TIGHTEST_PER_M, 0.0, TIGHTEST_PER_M)
@@ -37,7 +37,7 @@ _CURVATURES_PER_M = (-TIGHTEST_PER_M, 0.0, TIGHTEST_PER_M)
 
 @dataclass(frozen=True, slots=True)
 class WayOn:
-    """exists: whether there is one. length_m: of the one with the fewest steps, NaN without."""
+    """Result of the search. exists: whether there is a way. length_m: of the one with the fewest steps, NaN without."""
 
     exists: bool
     length_m: float
@@ -45,7 +45,7 @@ class WayOn:
 
 @dataclass(slots=True, eq=False)
 class _Lattice:
-    """free: (HEADINGS, n, n), whether the car may be there. at: the pose in the middle of the lattice."""
+    """Lattice. free: (HEADINGS, n, n), whether the car may be there. at: the pose in the middle of the lattice."""
 
     free: Booleans
     at: Pose
@@ -67,7 +67,7 @@ def way_on(geometry: SegmentGeometry, at: Pose, away_m: float = AWAY_M) -> WayOn
     free = lattice.free.reshape(-1)
     layers = FORWARD_STEPS + 1
     seen = np.zeros(free.size, np.uint8)
-    """The longest forward run, plus one, with which a cell was reached: a longer one is news."""
+    """Longest forward run, plus one, with which a cell was reached: a longer one is expanded again."""
     x_m, y_m, yaw_rad = (np.array([value]) for value in (at.x_m, at.y_m, at.yaw_rad))
     run = np.zeros(1, np.int64)
     for step in range(1, MAX_STEPS + 1):
@@ -105,7 +105,7 @@ def _moved(x_m: Floats, y_m: Floats, yaw_rad: Floats, run: Whole) -> tuple[Float
 
 
 def _lattice(geometry: SegmentGeometry, at: Pose, reach_m: float, margin_m: float) -> _Lattice:
-    """Return where the car may be, for every heading: the walls' cells, grown by the car's outline."""
+    """Return the car's free poses for every heading: outside the walls' cells grown by the car's outline."""
     half = math.ceil(reach_m / CELL_M)
     size = 2 * half + 1
     walls = _wall_cells(geometry, at, half)

@@ -1,1 +1,1 @@
-"""What the experiments drive: courses, places in buildings, sudden obstacles, the prototype."""
+"""Courses of the experiments: lanes, places in buildings, sudden obstacles, the prototype."""

@@ -1,4 +1,4 @@
-"""Places in real buildings at which a run begins, chosen on a map by a rule.
+"""Start places in real buildings, chosen on a map by a rule.
 
 A ball of the wanted distance is rolled along all walls (`sim.ball_contour`). A place is good where its way can be
 driven for WAY_M, begins straight, and bends by at least CORNER_RAD within sight: corners, offsets, ends of walls. Of
@@ -27,9 +27,9 @@ WAY_M = 14.0
 STRAIGHT_M, STRAIGHT_RAD = 1.5, math.radians(20)
 CORNER_WITHIN_M, CORNER_RAD = 6.0, math.radians(45)
 ROOM_M, AHEAD_M = 0.12, 0.6
-"""What a start leaves free around the car, also so far ahead."""
+"""Minimum free room around the car at a start, and ahead of it."""
 OFF_M = 0.15
-"""A start is no start where the wall beside it is so much nearer or farther than it should be."""
+"""Maximum deviation of the distance to the wall beside a start."""
 STARTS = {
     "on": (1.0, 0.0),
     "close": (0.5, 0.0),
@@ -43,7 +43,7 @@ _SAMPLE_M = 0.25
 
 @dataclass(frozen=True, slots=True)
 class BuildingStart:
-    """Where a run begins. number: along the walls of its map."""
+    """Start of a run. number: along the walls of its map."""
 
     number: int
     start: str
@@ -52,13 +52,13 @@ class BuildingStart:
 
 
 def is_held_out(map_name: str, number: int) -> bool:
-    """Whether nothing was tuned on a place."""
+    """Return whether a place is held out of all tuning."""
     return map_name in HELD_OUT or number % 2 == 1
 
 
 @lru_cache(maxsize=32)
 def building(path: str, side: Side) -> World:
-    """Return a map as a world whose start says nothing."""
+    """Return a map as a world with a start of no meaning."""
     return World(Path(path).stem, _geometry(path), Pose(0.0, 0.0, 0.0), side)
 
 
@@ -91,7 +91,7 @@ def places_on(path: str, side: Side, desired_m: float) -> tuple[BuildingStart, .
 
 
 def _good(rolled: Places, cell_m: float) -> tuple[Booleans, Booleans]:
-    """Which places begin straight and can be driven for long enough; and which have a corner within sight."""
+    """Return the places that begin straight and can be driven for long enough; and those with a corner within sight."""
     count = len(rolled.cell)
     steps_m = np.hypot(*(np.diff(rolled.cell, axis=0).T)) * cell_m
     ring = np.concatenate([[0], np.cumsum(steps_m > 3 * cell_m)])

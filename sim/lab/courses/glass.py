@@ -1,4 +1,4 @@
-"""A pane of glass in a wall: a lidar sees it only where its beam falls on it nearly square, a car hits it anywhere."""
+"""Pane of glass in a wall: a lidar sees it only at nearly normal incidence, a car hits it anywhere."""
 
 import math
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from sim.world.pose import CAR, Floats, Footprint, Pose
 from sim.world.segments import SegmentGeometry
 
 SEEN_WITHIN_RAD = math.radians(4.0)
-"""Beams farther from the pane's normal are mirrored away (control-and-safety notes: "within about 4 deg")."""
+"""Maximum angle to the normal; other beams are reflected away (control-and-safety notes: "within about 4 deg")."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GlassWall:
-    """A world, part of whose wall is glass, with nothing behind it.
+    """World, part of whose wall is glass, with nothing behind it.
 
     pane_m: (x0, y0, x1, y1), lying in a wall of the world.
     """

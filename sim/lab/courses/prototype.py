@@ -6,7 +6,7 @@ It rolls a ball of the wanted distance D along one piece of wall, as `ball` does
 
 phi is the first of 69 bearings, from the free side to the wall side, at which a point on a circle of radius
 0.4 m + 0.3 s v is nearer to the wall than D; b is how much too near the nearest of noisy points is. It goes as fast as
-the notes' speed profile allows on the friction that they count on where no floor was measured. Of what the notes call
+the notes' speed profile allows on the friction that they assume where no floor was measured. Of what the notes call
 optional (learning the trim, bridging glass) it has nothing. All within is for a wall on the left.
 """
 
@@ -28,7 +28,7 @@ KP_RAD_PER_M, KD = 0.35, 1.5
 LOOK_AHEAD_M, LOOK_AHEAD_S = 0.4, 0.3
 PREDICTED_S = 0.045
 MU = 0.5
-"""Friction that the speed profile counts on: "0.5 until a floor is measured"."""
+"""Friction assumed by the speed profile: "0.5 until a floor is measured"."""
 CAP_M, GAP_DIAMETERS, MAX_GAP_M = 3.5, 1.8, 1.6
 BESIDE_FROM_RAD, BESIDE_TO_RAD = math.radians(11), math.radians(132)
 MIN_POINTS, SMOOTHED_POINTS, THINNED_TO_M = 5, 5, 0.06
@@ -43,7 +43,7 @@ _GRAVITY_MPS2 = 9.81
 
 
 class Prototype:
-    """Is a Follower; its settings are constants."""
+    """Implements Follower; its settings are constants."""
 
     def __init__(self, side: Side, desired_m: float, speed_mps: float, car: CarSettings, eyes: PerceptionCache) -> None:
         self._side: Side = side
@@ -53,7 +53,7 @@ class Prototype:
         self._bias_m = self._steering_rad = 0.0
 
     def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
-        """Answer one scan."""
+        """Return the command for one scan."""
         seen = side_view(self._eyes.see(scan), self._side)
         sign = 1.0 if self._side == "left" else -1.0
         speed_mps = motor.speed_mps if motor is not None else 0.0
@@ -83,7 +83,7 @@ class Prototype:
     def _predicted(
         self, wall_m: Floats, line: WallLine | None, speed_mps: float, wheel_rad: float
     ) -> tuple[Floats, WallLine | None]:
-        """Return the wall as it will be seen PREDICTED_S from now."""
+        """Return the wall predicted PREDICTED_S ahead."""
         way_m = speed_mps * PREDICTED_S
         turn_rad = way_m * math.tan(wheel_rad) / self._car.wheelbase_m
         x_m, y_m = way_m * math.cos(turn_rad / 2), way_m * math.sin(turn_rad / 2)
@@ -93,7 +93,7 @@ class Prototype:
         return there, None if line is None else line.seen_from(x_m, y_m, turn_rad)
 
     def _fastest_mps(self, wall_m: Floats, ball_m: float, speed_mps: float) -> float:
-        """Return what the curvature of the steering and of the ball's path ahead allows."""
+        """Return the speed allowed by the curvature of the steering and of the ball's path ahead."""
         lateral, brake = LATERAL_SHARE * MU * _GRAVITY_MPS2, BRAKE_SHARE * MU * _GRAVITY_MPS2
         now = lateral / max(abs(math.tan(self._steering_rad)) / self._car.wheelbase_m, 1e-6)
         square, margin_m = now, MARGIN_M + REACTION_S * abs(speed_mps)
@@ -139,7 +139,7 @@ def wall_points_m(seen: SideView, desired_m: float) -> Floats | None:
 
 
 def room_m(seen: SideView, line: WallLine, desired_m: float) -> float:
-    """Return D, or half of the free width between the wall's line and the opposite side where that is less."""
+    """Return D, or half of the free width between the wall's line and the opposite side if that is less."""
     cos, sin = math.cos(line.heading_rad), math.sin(line.heading_rad)
     along, across = cos * seen.x_m + sin * seen.y_m, sin * seen.x_m - cos * seen.y_m
     opposite = np.sort(across[seen.solid & (np.abs(along) < ROOM_ALONG_M) & (across > 0.0)])
@@ -153,7 +153,7 @@ def room_m(seen: SideView, line: WallLine, desired_m: float) -> float:
 def target_rad(wall_m: Floats, radius_m: float, ball_m: float) -> tuple[float, bool]:
     """Return the bearing on a circle at which the ball is, and whether the wall is within D anywhere on it.
 
-    Where it is not, the bearing nearest to the wall; where already the first one is too near, that one.
+    Otherwise the bearing nearest to the wall; the first one if that is too near already.
     """
     x, y = radius_m * np.cos(_BEARINGS_RAD), radius_m * np.sin(_BEARINGS_RAD)
     far_m = np.hypot(wall_m[0][:, None] - x, wall_m[1][:, None] - y).min(axis=0)

@@ -1,6 +1,6 @@
-"""The 28 sudden obstacles with a driver at the wheel: what appears, where, and how the driver takes it.
+"""The 28 sudden obstacles with a driver at the wheel: their shapes, places, and the drivers' reactions.
 
-`lab safety` names such a run in four words, "human corridor 0.3-left 0.9m"; the last is the distance from the lidar.
+`lab safety` names such a run by four terms, "human corridor 0.3-left 0.9m"; the last is the distance from the lidar.
 
     driver   follower: the car's own wall follower, which swerves when it sees the box
              human: under `safety.binds_teleop`; full lock away from the followed wall, begun 0.1 s before the box shows
@@ -42,21 +42,21 @@ BOXES = {
 
 @dataclass(slots=True)
 class BlindDriver:
-    """A driver that looks at nothing: one speed, straight on until `turns_at_s`, then one steering angle."""
+    """Open-loop driver: one speed, straight on until `turns_at_s`, then one steering angle."""
 
     speed_mps: float
     steering_rad: float = 0.0
     turns_at_s: float = 0.0
 
     def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:  # noqa: ARG002 - blind
-        """Answer every scan alike."""
+        """Return the same command for every scan."""
         steering_rad = self.steering_rad if scan.stamp_s >= self.turns_at_s else 0.0
         return Guidance(Drive(self.speed_mps, steering_rad), math.nan, math.nan, math.nan, "blind")
 
 
 @dataclass(frozen=True, slots=True)
 class SuddenRun:
-    """One of the runs by its words; driver "blind" drives straight on beside a wall and meets a box of 0.5 m."""
+    """One of the runs by its terms; driver "blind" drives straight on beside a wall and meets a box of 0.5 m."""
 
     driver: str
     place: str
@@ -65,7 +65,7 @@ class SuddenRun:
 
     @classmethod
     def named(cls, scenario: str) -> "SuddenRun":
-        """Return what a cell's scenario says."""
+        """Return the run that a cell's scenario names."""
         if scenario.endswith(" m"):
             return cls("blind", "wall", "0.5 m", float(scenario.removesuffix(" m")))
         driver, place, box, ahead = scenario.split()
@@ -73,7 +73,7 @@ class SuddenRun:
 
 
 def scenarios(distances_m: tuple[float, ...], *, quick: bool) -> list[str]:
-    """Return the names of all runs with a driver that looks; quick: the boxes of 0.8 m in the corridor."""
+    """Return the names of all runs with a driver that reacts; quick: the boxes of 0.8 m in the corridor."""
     places = ["corridor"] if quick else list(PLACES)
     boxes = [box for box in BOXES if not quick or box.startswith("0.8")]
     return [
@@ -103,19 +103,19 @@ def case_of(cell: Cell) -> Case:
 
 
 class FullBrake:
-    """A guard that brakes with all there is from the scan on that shows the obstacle, and leaves the wheels alone."""
+    """A guard that brakes in full from the scan on that shows the obstacle, and leaves the steering alone."""
 
     def look(self, scan: Scan, motor: MotorState | None) -> Verdict:  # noqa: ARG002 - it looks at the clock
-        """Judge every drive alike."""
+        """Return the same judgement for every drive."""
         brakes = scan.stamp_s >= APPEARS_S - STEP_S / 2
         return Verdict(0.0 if brakes else NO_LIMIT_MPS, NO_LIMIT_MPS, "full brake")
 
     def learn(self) -> None:
-        """Learn nothing."""
+        """Do nothing."""
 
 
 def laws_of(cell: Cell) -> tuple[Follower, Guard | None]:
-    """Return who drives, and who looks out."""
+    """Return the follower and the guard of a run."""
     follower, guard = laws.build(cell.law, cell.side, cell.desired_m, cell.speed_mps)
     match SuddenRun.named(cell.scenario).driver:
         case "blind":

@@ -1,4 +1,4 @@
-"""The courses of `lab walls`: where the car starts, along which wall, and for how long.
+"""Courses of `lab walls`: start, followed wall and length of each run.
 
 t1 to t5 are the lab report's own: 0.5 or 1.5 m from a straight wall, 20 degrees toward it or away; an inside corner.
 "Clean" means 0.02 m of noise and 2 % of wild beams; "dirty" adds smudges on the window from the first scan on, "rough"
@@ -23,15 +23,15 @@ from sim.world.worlds import load_world
 SLANT_RAD = math.radians(20.0)
 ROUGH_LATENCY_S, ROUGH_TRIM_RAD, ROUGH_NOISE_M = 0.06, 0.03, 0.03
 SMUDGES = ((-97.0, -94.5, 0.05), (40.0, 41.0, 0.12), (88.0, 89.5, 0.20))
-"""(from, to) [deg] and range [m]: 2 to 5 mm wide, one of them where the wall is looked for."""
+"""(from, to) [deg] and range [m]: 2 to 5 mm wide, one of them in the sector of the wall search."""
 _PANE_FROM_M, _PANE_TO_M = 3.0, 7.0
 
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """A wall and a start, for a wall on the left.
+    """Wall and start, for a wall on the left.
 
-    distance, toward_rad, ahead_m: the start; distance is a share of the wanted one. way_m: how far it goes.
+    distance, toward_rad, ahead_m: the start; distance is a share of the wanted one. way_m: length of the run.
     wall_segments: how many of the world's first segments are the followed wall; 0: a straight one at y = 1, whose doors
     and panes do not count.
     """
@@ -45,7 +45,7 @@ class Course:
     glass: bool = False
 
     def start(self, world: World, desired_m: float) -> Pose:
-        """Return where the run starts."""
+        """Return the start pose of the run."""
         return world.start_at(distance_m=self.distance * desired_m, toward_wall_rad=self.toward_rad).ahead(self.ahead_m)
 
 
@@ -62,7 +62,7 @@ COURSES = {
     "u_turn_inner": Course("u_turn_inner", ahead_m=2.0, way_m=12.0, wall_segments=3),
     "curved": Course("curved", ahead_m=-3.0, way_m=24.0, wall_segments=-1),
 }
-"""Every clean course by name."""
+"""Clean courses by name."""
 
 STRAIGHT_COURSES = ("t1", "t2", "t3", "t4")
 REPORT_COURSES = (*STRAIGHT_COURSES, "t5")
@@ -99,7 +99,7 @@ def case_of(scenario: str, speed_mps: float, mu: float, side: Side, seed: int, d
 
 
 def with_own_parts(case: Case, kind: str) -> Case:
-    """Return the same run of a car that sees such parts of itself."""
+    """Return the same run of a car that sees these own parts."""
     return replace(case, lidar=case.lidar.model_copy(update={"own_parts": kind}))
 
 

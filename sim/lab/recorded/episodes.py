@@ -1,7 +1,7 @@
-"""When safety would have interfered with a recorded drive, and what the recording says about it afterwards.
+"""Interferences of safety with a recorded drive, and their justification by the rest of the recording.
 
-An episode is a row of scans at which the car would have had to go slower than it did. The recording shows what became
-of the car that went on: whether it came close, whether it was stopped there, or whether it passed with room to
+An episode is a sequence of scans at which the car would have had to go slower than it did. The recording shows what
+became of the car that went on: whether it came close, whether it was stopped there, or whether it passed with room to
 spare, so that the interference was needless.
 """
 
@@ -21,7 +21,7 @@ from sim.world.pose import Floats
 SAME_EPISODE_S = 0.3
 LOOKS_ON_S = 1.0
 CLOSE_M = 0.05
-"""What came nearer than this to the car's bare outline was rightly braked for: it is the law's own margin."""
+"""Clearance to the car's bare outline below which braking was justified: it is the law's own margin."""
 STANDS_BELOW_MPS = 0.1
 
 Outcome = Literal["came close", "was stopped", "passed"]
@@ -29,7 +29,7 @@ Outcome = Literal["came close", "was stopped", "passed"]
 
 @dataclass(frozen=True, slots=True)
 class Episode:
-    """first, last: scans. stop: a stop, not only a cap. room_m: nearest that anything seen came to the outline after.
+    """first, last: scans. stop: a stop, not only a cap. room_m: minimum clearance of the outline afterwards.
 
     way_m: the way that safety saw before it. worst: the scan of the lowest allowed speed.
     """
@@ -87,7 +87,7 @@ def _outcome(done: Replay, number: int, room_m: float) -> Outcome:
 
 
 def _next(judged: list[JudgedScan], number: int) -> list[int]:
-    """Return the scans of the next second, without those behind a hole."""
+    """Return the scans of the next second, without those behind a gap."""
     begun_s, scans = judged[number].scan.stamp_s, []
     for scan in range(number, len(judged)):
         if not 0.0 <= judged[scan].scan.stamp_s - begun_s <= LOOKS_ON_S:
@@ -97,9 +97,9 @@ def _next(judged: list[JudgedScan], number: int) -> list[int]:
 
 
 def room_along_m(motion: ScanMotion, judged: list[JudgedScan], number: int) -> float:
-    """Return how near what a scan shows came to the car's bare outline on the way that it really took."""
+    """Return the minimum clearance of the car's bare outline to a scan's points on the way that it really took."""
     view, car = judged[number].outlook.view, CarSettings()
-    # What is so near behind the lidar comes along with the car: its own parts, or dirt.
+    # Points this near behind the lidar move with the car: its own parts, or dirt.
     real = view.solid & ((np.abs(view.bearing_rad) < BODY_BEYOND_RAD) | (view.ranges_m > SMUDGE_NEARER_THAN_M))
     points_m = np.stack([view.x_m[real], view.y_m[real]])
     if not points_m.size:

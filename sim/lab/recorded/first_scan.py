@@ -1,9 +1,9 @@
-"""How far the follower's first distance is from the world's, whatever the car's own parts return.
+"""Error of the follower's first distance with respect to the world, in spite of returns of the car's own parts.
 
 The wall's line alone is no truth: a box before the wall is nearer, a wall that begins ahead of the axle is farther away
 than its line, and in clutter a line is chance. So a distance is right that is the line's, or that of the nearest thing
-of the world beside the car or anywhere. Own parts and dirt are told from the world by hindsight: what the whole
-recording has taught. A car that never moved has taught nothing; its pictures have to be looked at.
+of the world beside the car or anywhere. Own parts and dirt are distinguished from the world by hindsight, from the
+whole recording. A car that never moved gives no such evidence; its pictures have to be inspected.
 """
 
 import math
@@ -17,7 +17,7 @@ from sim.lab.recorded.replay import JudgedScan, Replay, wall_line
 
 
 def first_offsets_m(done: Replay) -> tuple[float, float]:
-    """Return the first distance less the wall's line's, and less that of whatever it is nearest to; NaN of no wall."""
+    """Return the first distance less the wall's line's, and less that of the nearest candidate; NaN without a wall."""
     first = next((judged for judged in done.judged if math.isfinite(judged.distance_m)), None)
     if first is None:
         return math.nan, math.nan

@@ -1,6 +1,6 @@
-"""Pictures of recorded drives, so that a person can confirm what safety said: the scan, the car, its way.
+"""Pictures of recorded drives, to check safety's decisions by eye: the scan, the car, its way.
 
-Also the window: every beam's range over the scans. What belongs to the window stays on its beams while the car moves.
+Also the window: every beam's range over the scans. Faults of the window stay on their beams while the car moves.
 """
 
 import math
@@ -24,7 +24,7 @@ _SHOWN_WAY_M = 1.5
 _STEP_M, _LATENCY_S = 0.06, 0.07
 _WINDOW_SHOWN_M = 3.0
 WINDOW_TITLE_LETTERS, EPISODE_TITLE_LETTERS = 120, 95
-"""So many fit above the pictures, at their sizes."""
+"""Maximum number of letters above the pictures, at their sizes."""
 
 
 def wrapped(title: str, letters: int) -> str:
@@ -59,7 +59,7 @@ def save_episode(folder: Path, done: Replay, number: int, episode: Episode) -> P
 
 
 def save_window(folder: Path, done: Replay) -> Path:
-    """Write a picture of all ranges by bearing and scan, with the beams that are called dirty."""
+    """Write a picture of all ranges by bearing and scan, with the beams that count as dirty."""
     figure = Figure(figsize=(11, 8), layout="constrained")
     FigureCanvasAgg(figure)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[5, 1])
@@ -97,7 +97,7 @@ def _draw_scan(axes: Axes, judged: JudgedScan) -> None:
 
 
 def _draw_way(axes: Axes, judged: JudgedScan) -> None:
-    """Draw the outlines along the way asked for, as far as safety saw it free: wheels that slew, no drift."""
+    """Draw the outlines along the requested way, as far as safety saw it free: with steering rate, without drift."""
     car, motor = CarSettings(), judged.motor
     way_m = judged.verdict.measure if math.isfinite(judged.verdict.measure) else _SHOWN_WAY_M
     speed_mps, wheels_rad, at = max(0.3, motor.speed_mps), motor.steering_rad, Pose(0.0, 0.0, 0.0)
@@ -113,7 +113,7 @@ def _draw_way(axes: Axes, judged: JudgedScan) -> None:
 
 
 def _draw_really(axes: Axes, done: Replay, number: int) -> None:
-    """Draw where the car really went in the next second."""
+    """Draw the true way of the car in the next second."""
     motion, begun_s = done.motion, done.judged[number].scan.stamp_s
     later = [n for n in range(number, len(done.judged)) if 0 <= done.judged[n].scan.stamp_s - begun_s <= 1.0]
     cos, sin = math.cos(motion.yaw_rad[number]), math.sin(motion.yaw_rad[number])

@@ -1,8 +1,8 @@
-"""A recorded run at a wall, driven once more against the walls of its own scans: what would `swept` have done?
+"""Simulation of a recorded run at a wall, against the walls of its own scans, under `swept` alone.
 
-The team's own controller stopped the recorded car before `swept` found it necessary, so the recording alone cannot
-tell. The last scan before the car set off becomes a world (neighbouring beams on one surface are joined), a blind
-navigator asks for the recorded speed straight on, and safety, vehicle and brake are those of the lab.
+The team's own controller stopped the recorded car before `swept` found it necessary, so the recording alone does not
+show its braking. The last scan before the car set off becomes a world (neighbouring beams on one surface are joined), a
+blind navigator requests the recorded speed straight on, and safety, vehicle and brake are those of the lab.
 """
 
 import math
@@ -26,16 +26,16 @@ from sim.world.segments import SegmentGeometry
 JOINED_M = 0.3
 STRAIGHT_WITHIN_RAD = math.radians(15)
 AT_REST_WITHIN_M = 1.2
-"""A run that ends with something so near ahead was driven at it."""
+"""Maximum distance ahead at the end of a run that was driven at a wall."""
 MUS = (0.8, 0.5)
 LOOK_M = 4.0
 
 
 @dataclass(frozen=True, slots=True)
 class Braking:
-    """One run: the gap is the bumper's to what is straight ahead. NaN where something did not happen.
+    """Braking of one run: the gap is from the bumper to the nearest point straight ahead. NaN for what did not happen.
 
-    slower_*: when safety first asked for less than the wished speed. rest_m: the gap at the end; 0 in contact.
+    slower_*: when safety first requested less than the wished speed. rest_m: the gap at the end; 0 in contact.
     needs_m: what physics needs to stop from slower_mps with the whole grip; impact_mps: where that is too much.
     """
 
@@ -53,7 +53,7 @@ class Braking:
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """What really happened: when the recorded mux first fell to 0 while the car drove, and where it came to rest."""
+    """The recorded braking: when the recorded mux first fell to 0 while the car drove, and its place of rest."""
 
     asked_mps: float
     sets_off: int
@@ -65,7 +65,7 @@ class Recorded:
 
 
 def run_at_wall(done: Replay) -> Recorded | None:
-    """Return the run at a wall that a recording shows, None when it shows none."""
+    """Return the run at a wall that a recording shows, None without one."""
     motion, judged = done.motion, done.judged
     moving = np.flatnonzero(motion.speed_mps > 0.3)
     if not moving.size or abs(motion.yaw_rad[moving[-1]] - motion.yaw_rad[moving[0]]) > STRAIGHT_WITHIN_RAD:
@@ -93,7 +93,7 @@ def reenact(done: Replay, run: Recorded) -> list[Braking]:
 
 
 def gap_m(judged: JudgedScan) -> float:
-    """Return the bumper's distance to what is straight ahead, inf when there is nothing."""
+    """Return the bumper's distance to the nearest point straight ahead, inf without one."""
     view, car = judged.outlook.view, CarSettings()
     before = view.solid & (np.abs(view.y_m) < car.half_width_m) & (view.x_m > car.front_m)
     ahead_m = np.sort(view.x_m[before])

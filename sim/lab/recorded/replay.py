@@ -1,6 +1,6 @@
-"""A recorded drive through the car's own eyes and safety: what they would have said to every scan.
+"""Replay of a recorded drive through the car's own perception and safety: their decisions for every scan.
 
-Nothing is steered here. The recorded car drove as it drove; safety is asked, at every scan, about the drive that the
+The replay does not steer. The recorded motion is fixed; safety judges, at every scan, the drive that the
 recorded mux let through at that moment, or, where that was not recorded, about the motion that the scans show.
 """
 
@@ -29,17 +29,17 @@ from sim.world.pose import Floats, Side
 
 DRIVES_ABOVE_MPS = 0.15
 STEERS_ABOVE_MPS = 0.3
-"""Slower than this the heading of the wheels cannot be read off the motion."""
+"""Minimum speed at which the motion shows the heading of the wheels."""
 COMMAND_LASTS_S = 0.3
 JUMP_M = 0.1
-"""No car comes so much nearer to a wall from scan to scan."""
+"""Minimum jump of a distance from scan to scan; no car approaches a wall that fast."""
 MAX_AGE_S = 0.2
-"""Scans that the recorder got later than this came late to it, not to the car's own program."""
+"""Maximum age of a scan; older ones reached the recorder late, not the car's own program."""
 
 
 @dataclass(frozen=True, slots=True)
 class AskedDrive:
-    """What the recorded car was told at a scan; origin: which voice said so, or that the motion did."""
+    """Command of the recorded car at a scan; origin: the topic of the command, or the motion."""
 
     speed_mps: float
     steering_rad: float
@@ -48,7 +48,7 @@ class AskedDrive:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JudgedScan:
-    """One scan, and what is said to it. walker: whether a walker is thought to cross."""
+    """One scan and its decisions. walker: whether a walker is predicted to cross."""
 
     scan: Scan
     motor: MotorState
@@ -61,23 +61,23 @@ class JudgedScan:
 
     @property
     def drives(self) -> bool:
-        """Whether the recorded car was told to go forward, and safety's word would have counted."""
+        """Return whether the recorded car was commanded forward, and safety's decision would have counted."""
         return self.asked.speed_mps > 0
 
     @property
     def capped(self) -> bool:
-        """Whether safety would have lowered the speed at which the car drove; standing, any way at all will do."""
+        """Return whether safety would have lowered the speed at which the car drove; below 0.3 m/s for a slower car."""
         return self.drives and self.verdict.forward_mps < min(self.asked.speed_mps, max(self.motor.speed_mps, 0.3))
 
     @property
     def stopped(self) -> bool:
-        """Whether safety would have stopped the car."""
+        """Return whether safety would have stopped the car."""
         return self.drives and self.verdict.forward_mps <= 0
 
 
 @dataclass(slots=True, eq=False)
 class Replay:
-    """A recording judged from end to end. side: of the followed wall. masked: (beams,) in how many scans.
+    """A completely judged recording. side: of the followed wall. masked: (beams,), number of masked scans.
 
     parts: (beams,), what is known at the end for the car's own parts and dirt.
     """
@@ -92,7 +92,7 @@ class Replay:
 
 
 def replay(recording: Recording, side: Side, guard_settings: SweptSettings | None = None) -> Replay:
-    """Judge every scan of a recording, in order, with fresh eyes."""
+    """Judge every scan of a recording, in order, with fresh perception."""
     car = CarSettings()
     motion = motion_of(recording)
     eyes = PerceptionCache(car)
@@ -118,7 +118,7 @@ def replay(recording: Recording, side: Side, guard_settings: SweptSettings | Non
 
 
 def scans_of(recording: Recording) -> list[Scan]:
-    """Return the scans as the car's driver would deliver them: what is no distance is NaN."""
+    """Return the scans as the car's driver would deliver them: NaN for invalid distances."""
     ranges_m = np.asarray(recording.ranges_m)
     usable = (ranges_m >= recording.range_min_m) & (ranges_m <= recording.range_max_m)
     clean_m = np.where(usable, ranges_m, np.float32(np.nan)).astype(np.float32)
@@ -137,16 +137,16 @@ def scans_of(recording: Recording) -> list[Scan]:
 
 
 def motor_at(motion: ScanMotion, number: int, wheels_rad: float, time_s: float) -> MotorState:
-    """Return what a motor controller would have reported: the speed that the scans show, and the way."""
+    """Return the motor state that a controller would have reported: the speed that the scans show, and the way."""
     speed_mps = float(motion.speed_mps[number])
     if abs(speed_mps) < 0.05:
-        speed_mps = 0.0  # the scans' noise; a wheel that stands says so
+        speed_mps = 0.0  # noise of the scans; a standing wheel reports 0
     way_m = float(motion.way_m[number])
     return MotorState(time_s, speed_mps, way_m, wheels_rad, 11.0, 0.0, 0.0, 25.0, "", timed_out=False, killed=False)
 
 
 def asked_at(recording: Recording, motion: ScanMotion, number: int, car: CarSettings) -> AskedDrive:
-    """Return what the car was told when a scan came; where that was not recorded, the way that it took."""
+    """Return the command at a scan's arrival; if it was not recorded, the way that the car took."""
     time_s = float(recording.received_s[number])
     for track, origin in ((recording.output, "mux"), (_without_mux(recording), "program")):
         if track is not None and len(track):
@@ -170,14 +170,14 @@ def _newest(track: CommandTrack, time_s: float) -> tuple[float, float]:
 
 
 def _wheels_rad(motion: ScanMotion, number: int, asked: AskedDrive, car: CarSettings) -> float:
-    """Return the angle of the wheels: of the motion where it shows, else what was asked for."""
+    """Return the angle of the wheels: from the motion if it is sufficient, else the requested one."""
     if abs(float(motion.speed_mps[number])) < STEERS_ABOVE_MPS:
         return asked.steering_rad
     return _curving_rad(motion, number, car)
 
 
 def _curving_rad(motion: ScanMotion, number: int, car: CarSettings) -> float:
-    """Return the angle of wheels that drive the way's own curvature; 0 where the car is too slow to tell."""
+    """Return the wheel angle of the way's own curvature; 0 where the car is too slow to determine it."""
     speed_mps = float(motion.speed_mps[number])
     if abs(speed_mps) < STEERS_ABOVE_MPS:
         return 0.0
@@ -218,6 +218,6 @@ def noise(values: Floats) -> float:
 
 
 def jumps(values_m: Floats) -> int:
-    """Return how often a distance is suddenly another wall's."""
+    """Return the number of jumps of a distance to another wall."""
     steps_m = np.abs(np.diff(values_m))
     return int(np.count_nonzero(steps_m[np.isfinite(steps_m)] > JUMP_M))

@@ -1,4 +1,4 @@
-"""How a recorded car moved, read off its own scans: for recordings without odometry, and to check those that have it.
+"""Scan-matching odometry of a recorded car, for recordings without odometry, and to check those that have it.
 
 Each scan is laid over a key scan, one at most 0.2 m or 9 degrees back, by point-to-line matching with projective
 association: a point is compared with the key's surface at its own bearing (Blais and Levine 1995; Censi 2008, PLICP).
@@ -17,23 +17,23 @@ from sim.world.pose import Booleans, Floats
 
 KEY_EVERY_M, KEY_EVERY_RAD = 0.2, 0.15
 HOLE_S = 0.5
-"""After a longer silence the car's place is unknown: a new chain begins, with nothing in between."""
+"""Maximum gap between scans; after a longer one the car's place is unknown and a new chain begins."""
 MIN_RANGE_M = 0.2
-"""Nearer returns are the car itself."""
+"""Minimum range; nearer returns are the car itself."""
 NORMAL_BEAMS = 3
-"""A surface is as straight over +-3 beams as this allows, or it has no direction: width per range, bend."""
+"""Limits over +-3 beams within which a surface is straight and has a normal: width per range, bend."""
 MAX_SHARE, MAX_WIDTH_M, STRAIGHT_M = 0.3, 0.08, 0.04
 GATES_M = (0.3, 0.3, 0.3, 0.1)
-"""How far off a surface a point may be, from round to round; the last holds for all further ones."""
+"""Association gates per iteration, distance of a point to a surface; the last holds for all further ones."""
 SAME_PLACE_M = 0.4
 HUBER_M = 0.02
 ROUNDS = 10
 ENOUGH_M = 1e-4
 GUESS_WEIGHT = 5.0
-"""The guess counts as much as so many points: it decides only along a corridor without a single door."""
+"""Weight of the initial guess in points: it decides only along a corridor without a single door."""
 SPEED_MEMORY = 0.6
 HALF_WINDOW = 4
-"""Speeds are taken over +-4 scans: 0.2 s."""
+"""Half window of the speed estimate: +-4 scans, 0.2 s."""
 STANDS_WITHIN_M = 0.1
 
 
@@ -41,7 +41,7 @@ STANDS_WITHIN_M = 0.1
 class ScanMotion:
     """All (n,), one row per scan: position and heading of the lidar since the first scan, and its speeds.
 
-    speed_mps: along the car, signed; 0 where a hole or jumping stamps leave nothing to tell it from.
+    speed_mps: along the car, signed; 0 where a gap or jumping stamps leave no data.
     """
 
     x_m: Floats
@@ -54,18 +54,18 @@ class ScanMotion:
     def way_m(self) -> Floats:
         """Return the way driven since the first scan, (n,); signed speeds do not cancel out."""
         steps_m = np.hypot(np.diff(self.x_m), np.diff(self.y_m))
-        moving = np.abs(self.speed_mps[1:]) > 0.05  # else noise is taken for way
+        moving = np.abs(self.speed_mps[1:]) > 0.05  # else noise counts as way
         return np.concatenate(([0.0], np.cumsum(np.where(moving, steps_m, 0.0))))
 
     @property
     def stands(self) -> bool:
-        """Whether the car never left its place."""
+        """Return whether the car never left its place."""
         return bool(np.hypot(self.x_m - self.x_m[0], self.y_m - self.y_m[0]).max() < STANDS_WITHIN_M)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _ReferenceScan:
-    """A scan to lay others over: its points and the normals of its surfaces, (2, beams), where it has any."""
+    """Reference scan of the matching: its points and the normals of its surfaces, (2, beams), where it has any."""
 
     points_m: Floats
     normals: Floats
@@ -77,7 +77,7 @@ STILL: Shift = (0.0, 0.0, 0.0)
 
 
 def motion_of(recording: Recording) -> ScanMotion:
-    """Return how the lidar of a recording moved."""
+    """Return the motion of a recording's lidar."""
     kind = (recording.angle_min_rad, recording.angle_step_rad, recording.beams)
     rays = directions(*kind)
     ranges_m = recording.ranges_m.astype(np.float64)
@@ -119,12 +119,12 @@ def _key(points_m: Floats, ranges_m: Floats) -> _ReferenceScan:
     normals = np.stack([-along[1], along[0]]) / np.where(width_m > 0, width_m, np.nan)
     bend_m = np.full(ranges_m.size, np.nan)
     bend_m[reach:-reach] = np.abs(np.sum(normals[:, reach:-reach] * (middle - (first + last) / 2), axis=0))
-    usable = (width_m < np.maximum(MAX_SHARE * ranges_m, MAX_WIDTH_M)) & (bend_m < STRAIGHT_M)  # NaN is not smaller
+    usable = (width_m < np.maximum(MAX_SHARE * ranges_m, MAX_WIDTH_M)) & (bend_m < STRAIGHT_M)  # False for NaN
     return _ReferenceScan(points_m, normals, usable)
 
 
 def _lay_over(key: _ReferenceScan, points_m: Floats, guess: Floats, kind: tuple[float, float, int]) -> Floats:
-    """Return the shift (x, y, yaw) that lays points (2, n) over the key's surfaces.
+    """Return the shift (x, y, yaw) that aligns points (2, n) with the key's surfaces.
 
     Least squares over n . (R q + t - p), Huber weights, Gauss-Newton.
     """
