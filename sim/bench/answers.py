@@ -1,8 +1,8 @@
-"""Which motor command answers which scan, and how long it took. Pure.
+"""Association of motor commands with the scans that they answer, and their latency. Pure.
 
 A command answers a scan when it is the first one after it whose servo position is another than before: the pictures
 alternate so that the right steering always changes (`course`). Commands of the mux's own tick repeat the old position
-and answer nothing.
+and answer no scan.
 """
 
 from bisect import bisect_right
@@ -66,7 +66,7 @@ def pair(sent: Sequence[SentScan], commands: Sequence[MotorCommand]) -> AnswerTi
 
 @dataclass(slots=True)
 class Onsets:
-    """What happened when a board stood before the car suddenly.
+    """Reactions to boards that suddenly stand before the car.
 
     onsets: those that met a moving car. slipped: moving commands that were computed from a blocked scan. stops_s: from
     the first blocked scan to the first command that does not move.

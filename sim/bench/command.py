@@ -27,7 +27,7 @@ FAILED: Final = 1
 
 
 def run(options: argparse.Namespace) -> int:
-    """Measure; exit code 1 when something is broken, never because of a time."""
+    """Measure; exit code 1 for a defect, never because of a time."""
     plan = replace(measure.SHORT if options.short else measure.MeasurementPlan(), settings=tuple(options.assignments))
     count = options.runs or (1 if options.short else 3)
     runs: list[dict[str, Any]] = []
@@ -40,7 +40,7 @@ def run(options: argparse.Namespace) -> int:
         return FAILED
     samples_ms = [sample for one in runs for sample in one.pop("samples_ms", ())]
     medians = median_of(runs)
-    if options.measurement == "latency":  # a median would hide the one that slipped
+    if options.measurement == "latency":  # a median would hide a single slipped one
         medians["onsets"] |= {name: sum(one["onsets"][name] for one in runs) for name in ("onsets", "slipped")}
     for line in TABLES[options.measurement](medians):
         print(line)  # noqa: T201
@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def machine() -> dict[str, Any]:
-    """Return where this was measured, and how busy it was."""
+    """Return the machine of the measurement, and its load."""
     return {"python": platform.python_version(), "cores": os.cpu_count(), "load": list(os.getloadavg())}
 
 

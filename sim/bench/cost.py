@@ -1,4 +1,4 @@
-"""What processes cost, from /proc: CPU time to the nanosecond, memory, threads; and what all others used meanwhile."""
+"""Cost of processes, from /proc: CPU time to the nanosecond, memory, threads; and the use by all others meanwhile."""
 
 import os
 import time
@@ -22,7 +22,7 @@ class Cost:
 
     @property
     def cores(self) -> float:
-        """All threads together."""
+        """Return the cores of all threads together."""
         return sum(self.cpu.values())
 
 
@@ -41,7 +41,7 @@ class ProcessMeter:
         return cls([pid])
 
     def stop(self) -> Cost:
-        """Return what they cost since."""
+        """Return the cost since the start."""
         elapsed_s = time.monotonic() - self.began_s
         cpu: dict[str, float] = {}
         for thread, spent_s in _threads_s(self._pids).items():
@@ -54,7 +54,7 @@ class ProcessMeter:
 
 
 def _threads_s(pids: Sequence[int]) -> dict[tuple[str, str], float]:
-    """Return the CPU time of every thread; one that has ended is missing."""
+    """Return the CPU time of every thread; ended threads are missing."""
     spent: dict[tuple[str, str], float] = {}
     for pid in pids:
         for task in (_PROC / str(pid) / "task").iterdir():
@@ -64,7 +64,7 @@ def _threads_s(pids: Sequence[int]) -> dict[tuple[str, str], float]:
 
 
 def _machine_s() -> float:
-    """Return the CPU time that all cores together have worked."""
+    """Return the CPU time of all cores together."""
     fields = [int(text) for text in (_PROC / "stat").read_text().splitlines()[0].split()[1:]]
     return (sum(fields[:8]) - fields[3] - fields[4]) / _TICK_HZ
 

@@ -1,7 +1,7 @@
-"""The scans that a benchmark sends: a real simulated drive, encoded in advance, so that sending costs one copy.
+"""Scans of a benchmark: a real simulated drive, encoded in advance, so that sending costs one copy.
 
 Every second scan is taken SHIFT_M nearer to the wall, so that the right steering of two scans in a row is never the
-same: the servo position tells which scan a command answers.
+same: the servo position identifies the scan that a command answers.
 """
 
 import math
@@ -20,7 +20,7 @@ from sim.world.worlds import load_world
 
 SHIFT_M: Final = 0.05
 BOARD_AHEAD_M: Final = 0.30
-"""A board so far ahead of the lidar, and as wide as the car, is what an onset shows suddenly."""
+"""Distance ahead of the lidar of the board, as wide as the car, that an onset shows suddenly."""
 BOARD_HALF_WIDTH_M: Final = 0.2
 SPEED_MPS: Final = 1.0
 LAP_S: Final = 20.0
@@ -30,7 +30,7 @@ _SETTLED_S: Final = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """One scan, encoded but for its stamp, and how fast the wheels turned then."""
+    """One scan, encoded but for its stamp, and the speed of the wheels then."""
 
     samples: bytes
     speed_mps: float
@@ -50,7 +50,7 @@ class BenchScans:
     free: tuple[Picture, ...]
     blocked: tuple[Picture, ...]
     ranges_mm: npt.NDArray[np.int32]
-    """The free scans and after them the blocked ones, for those who speak no SCIP: shape (2 n, beams)."""
+    """Ranges of the free scans and after them the blocked ones, for clients without SCIP: shape (2 n, beams)."""
 
 
 def sensor(beams: int, rate_hz: float) -> SensorModel:
@@ -64,7 +64,7 @@ def sensor(beams: int, rate_hz: float) -> SensorModel:
 
 
 def make_course(beams: int = 1081, rate_hz: float = 40.0, scans: int = 800, *, blocked: bool = True) -> BenchScans:
-    """Drive a simulated car with the default laws, and look from where it was; `scans` pictures of either kind."""
+    """Drive a simulated car with the default laws, and take the scans on its way; `scans` pictures of either kind."""
     lidar = LidarSettings(beams=beams, rate_hz=rate_hz)
     world = load_world("curved")
     follower, guard = build("ball", "left", 1.0, SPEED_MPS)
@@ -95,7 +95,7 @@ def make_course(beams: int = 1081, rate_hz: float = 40.0, scans: int = 800, *, b
 
 
 def _board_mm(lidar: LidarSettings) -> npt.NDArray[np.int32]:
-    """Return the ranges to a board across the way, and more than any lidar sees beside it."""
+    """Return the ranges to a board across the way, and values beyond any lidar's range beside it."""
     bearing_rad = np.radians(np.linspace(lidar.first_deg, lidar.last_deg, lidar.beams))
     hit = np.abs(bearing_rad) < math.atan2(BOARD_HALF_WIDTH_M, BOARD_AHEAD_M)
     return np.where(hit, 1000 * BOARD_AHEAD_M / np.cos(np.where(hit, bearing_rad, 0.0)), 1 << 17).astype(np.int32)

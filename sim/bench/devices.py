@@ -1,6 +1,6 @@
-"""The lidar and the motor controller of a benchmark: one thread, blocking, no event loop between a byte and its time.
+"""Lidar and motor controller of a benchmark: one thread, blocking, no event loop between a byte and its time.
 
-Their minds are those of the emulators in `sim.devices`; only the way in and out is shorter.
+Their state machines are those of the emulators in `sim.devices`; only the input and output path is shorter.
 """
 
 import select
@@ -25,7 +25,7 @@ _GAIN: Final = VescSettings().speed_to_erpm_gain
 class MotorCommand:
     """A motor command and the servo position that came with it.
 
-    at_s: when its first byte could be read. moving: whether it asks for a speed. servo: thousandths, -1 when none came.
+    at_s: when its first byte could be read. moving: whether it requests a speed. servo: thousandths, -1 when none came.
     """
 
     at_s: float
@@ -34,7 +34,7 @@ class MotorCommand:
 
 
 class LidarPort:
-    """A lidar; one client."""
+    """Lidar port; one client."""
 
     def __init__(self, model: SensorModel, door: BenchTcpPort) -> None:
         self._sensor = ScipSensor(model, time.monotonic, lambda: None)
@@ -44,16 +44,16 @@ class LidarPort:
 
     @property
     def fd(self) -> int:
-        """What to wait on."""
+        """Return the descriptor to wait on."""
         return self._door.fd
 
     @property
     def streaming(self) -> bool:
-        """Whether scans were asked for."""
+        """Return whether scans were requested."""
         return self._served and self._sensor.measurement is not None
 
     def on_readable(self) -> None:
-        """Take a client, or what it says."""
+        """Accept a client, or process its bytes."""
         chunk = self._door.read()
         self._served = chunk != b""
         if chunk:
@@ -63,7 +63,7 @@ class LidarPort:
             self._sensor.forget_client()
 
     def block(self, picture: Picture, stamp_ms: int) -> bytes:
-        """Return what `send` shall send."""
+        """Return the block for `send`."""
         return picture.block(self._sensor.measurement.echo if self._sensor.measurement else b"", stamp_ms)
 
     def send(self, block: bytes) -> None:
@@ -71,27 +71,27 @@ class LidarPort:
         self._door.write(block)
 
     def close(self) -> None:
-        """Leave nothing open."""
+        """Close all descriptors."""
         self._door.close()
 
 
 @dataclass(slots=True)
 class _Wheels:
-    """What the controller reports."""
+    """State that the controller reports."""
 
     speed_mps: float = 0.0
     distance_m: float = 0.0
     since_s: float = field(default_factory=time.monotonic)
 
     def turn(self, speed_mps: float) -> None:
-        """Go on at another speed."""
+        """Continue at another speed."""
         now_s = time.monotonic()
         self.distance_m += self.speed_mps * (now_s - self.since_s)
         self.speed_mps, self.since_s = speed_mps, now_s
 
 
 class MotorPort:
-    """A VESC. commands: everything it was told, oldest first."""
+    """VESC port. commands: all received ones, oldest first."""
 
     def __init__(self, door: BenchTcpPort) -> None:
         self._door = door
@@ -103,11 +103,11 @@ class MotorPort:
 
     @property
     def fd(self) -> int:
-        """What to wait on."""
+        """Return the descriptor to wait on."""
         return self._door.fd
 
     def on_readable(self, at_s: float) -> None:
-        """Take commands, answer questions. at_s: when there was something to read."""
+        """Process commands, answer requests. at_s: when there was something to read."""
         for payload in self._deframer.feed(self._door.read() or b""):
             self._on_payload(payload, at_s)
 
@@ -136,24 +136,24 @@ class MotorPort:
             self._pending = None
 
     def close(self) -> None:
-        """Leave nothing open."""
+        """Close all descriptors."""
         self._door.close()
 
 
 @dataclass(slots=True)
 class Ports:
-    """Both, served by one thread."""
+    """Both ports, served by one thread."""
 
     lidar: LidarPort
     motor: MotorPort
 
     def serve_until(self, deadline_s: float) -> None:
-        """Answer requests until then (monotonic)."""
+        """Answer requests until a time (monotonic)."""
         while (left_s := deadline_s - time.monotonic()) > 0:
             self.serve_once(left_s)
 
     def serve_once(self, timeout_s: float) -> None:
-        """Wait for a request, at most so long."""
+        """Wait for a request, up to a timeout."""
         ready, _, _ = select.select((self.motor.fd, self.lidar.fd), (), (), timeout_s)
         at_s = time.monotonic()
         if self.motor.fd in ready:

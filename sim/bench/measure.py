@@ -1,4 +1,4 @@
-"""The measurements: one run of each, as plain values. Times in milliseconds, CPU in cores, memory in MiB."""
+"""Measurements: one run of each, as plain values. Times in milliseconds, CPU in cores, memory in MiB."""
 
 import gc
 import itertools
@@ -22,12 +22,12 @@ ONSET_LENGTH = 6
 RATES_HZ = (100, 200, 300, 400, 500, 600, 700, 800, 900, 1000)
 BEAMS = (361, 721, 1081, 2161, 4321)
 FAST_STEERING = ("car.steering_rate_radps=50",)
-"""At hundreds of scans a second the limiter would smooth away the difference by which an answer is known."""
+"""Settings for hundreds of scans a second, where the limiter would remove the difference that identifies an answer."""
 
 
 @dataclass(frozen=True, slots=True)
 class MeasurementPlan:
-    """How long each measurement takes. settings: of the car, as `--set` takes them."""
+    """Duration of each measurement. settings: of the car, as `--set` takes them."""
 
     warm_up_s: float = 3.0
     seconds: float = 30.0
@@ -68,9 +68,9 @@ def latency(plan: MeasurementPlan) -> dict[str, Any]:
 def _driven(
     rig: Rig, warm_up_s: float, seconds: float, *, begin: Callable[[], None] = lambda: None
 ) -> tuple[list[SentScan], Cost]:
-    """Return the scans that were sent after the warm-up, and what the car cost meanwhile.
+    """Return the scans that were sent after the warm-up, and the cost of the car meanwhile.
 
-    Without a gap between the two, like the peers' client: a car that waits for a scan which does not come is cold.
+    Without a gap between the two, like the peers' client: a car that waits for a missing scan is cold.
     """
     warming = round(warm_up_s * RATE_HZ)
     meters: list[ProcessMeter] = []
@@ -86,7 +86,7 @@ def _driven(
 
 
 def cpu(plan: MeasurementPlan) -> dict[str, Any]:
-    """Drive at 40 Hz with one subscriber, and look at what it cost."""
+    """Drive at 40 Hz with one subscriber, and measure the cost."""
     with Rig(_course(1081, RATE_HZ), plan.settings) as rig:
         rig.start()
         _, cost = _driven(rig, plan.warm_up_s, plan.seconds)
@@ -100,7 +100,7 @@ def cpu(plan: MeasurementPlan) -> dict[str, Any]:
 
 
 def startup(plan: MeasurementPlan) -> dict[str, Any]:
-    """Start it where the devices are there already: until the first motor command, and until the first that moves."""
+    """Start the car with the devices present: until the first motor command, and until the first that moves."""
     with Rig(_course(1081, RATE_HZ), plan.settings, subscribers=0) as rig:
         rig.start()
         for _ in range(20):
@@ -142,7 +142,7 @@ def _read_by(plan: MeasurementPlan, count: int, *, stops: bool) -> dict[str, Any
 
 
 def loaded(plan: MeasurementPlan) -> dict[str, Any]:
-    """Drive while others want every core, scheduled before them as systemd does it."""
+    """Drive while other processes load every core, scheduled before them as systemd does it."""
     course = _course(1081, RATE_HZ)
     with ExitStack() as stack:
         for _ in range(os.cpu_count() or 1):
@@ -208,7 +208,7 @@ def _with_beams(plan: MeasurementPlan, beams: int) -> dict[str, Any]:
 
 
 def _scan_counts(rig: Rig) -> dict[str, int]:
-    """Return how many scans the lidar sent since it streams, and how many the follower answered, by its own log."""
+    """Return the number of scans that the lidar sent since it streams, and that the follower answered, by its log."""
     rig.heard()
     rig.stop()
     counts = [line.split("follow")[1].split()[0] for line in rig.log.splitlines() if ": follow " in line]

@@ -1,4 +1,4 @@
-"""Several runs into one: the median of every number, wherever it stands. Pure."""
+"""Merge of several runs into one: the median of every number, wherever it stands. Pure."""
 
 import statistics
 from collections.abc import Mapping, Sequence
@@ -6,9 +6,9 @@ from typing import Any
 
 
 def median_of(runs: Sequence[Any]) -> Any:  # noqa: ANN401 - whatever the runs are made of
-    """Return one run with the medians of all; what is no number, and what only some runs have, is the first run's.
+    """Return one run with the medians of all; other values, and those that only some runs have, are the first run's.
 
-    A truth is what most runs say, half being no majority. Lists are taken place by place.
+    A boolean is that of most runs, half being no majority. Lists are taken place by place.
     """
     first = runs[0]
     if isinstance(first, bool):

@@ -1,4 +1,4 @@
-"""A way in and out for one client: a TCP port, blocking, without an event loop."""
+"""Port for one client: TCP, blocking, without an event loop."""
 
 import contextlib
 import socket
@@ -8,7 +8,7 @@ READ_BYTES: Final = 4096
 
 
 class BenchTcpPort:
-    """A TCP port of this machine. address: as the car's settings want it."""
+    """TCP port of this machine. address: in the form of the car's settings."""
 
     def __init__(self) -> None:
         self._listener = socket.create_server(("127.0.0.1", 0))
@@ -17,11 +17,11 @@ class BenchTcpPort:
 
     @property
     def fd(self) -> int:
-        """What to wait on."""
+        """Return the descriptor to wait on."""
         return (self._client or self._listener).fileno()
 
     def read(self) -> bytes | None:
-        """Return what the client says, b"" when it has left, None when it has only just come."""
+        """Return the client's bytes, b"" when it has left, None when it has only just connected."""
         if self._client is None:
             self._client, _ = self._listener.accept()
             self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -36,13 +36,13 @@ class BenchTcpPort:
         return chunk
 
     def write(self, data: bytes) -> None:
-        """Tell the client; returns when the kernel has all of it."""
+        """Write to the client; returns when the kernel has all of it."""
         if self._client is not None:
             with contextlib.suppress(ConnectionError):  # the car has gone; the measurement will notice
                 self._client.sendall(data)
 
     def close(self) -> None:
-        """Leave nothing open."""
+        """Close all descriptors."""
         self._listener.close()
         if self._client is not None:
             self._client.close()

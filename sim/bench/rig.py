@@ -1,4 +1,4 @@
-"""One `wallride run` process between the two ports, told and listened to as on a car, and nothing else changed."""
+"""One `wallride run` process between the two ports, commanded and monitored as on a car, and otherwise unchanged."""
 
 import ctypes
 import gc
@@ -24,7 +24,7 @@ from sim.bench.ports import BenchTcpPort
 START_TIMEOUT_S: Final = 20.0
 STOP_TIMEOUT_S: Final = 5.0
 FIFO_PRIORITY: Final = 20
-"""That of systemd/wallride.service."""
+"""Scheduling priority of systemd/wallride.service."""
 CAR: Final = "bench"
 _PR_SET_PDEATHSIG: Final = 1
 _SPEEDING_UP_MPS2: Final = 4.0
@@ -33,17 +33,17 @@ _SETTINGS: Final = (
     f"car.name={CAR}", "operator.permit=always", "motor.servo_min=0.1", "motor.servo_max=0.95",
     "recording.enabled=false",
 )  # fmt: skip
-"""What a bench needs: no people are beside it, the linkage reaches both ends, the disk stays as it is. The rest is as
+"""Settings of a bench: no people are beside it, the linkage reaches both ends, the disk stays as it is. The rest is as
 shipped; measure a recording car with `--set recording.enabled=true`."""
 
 
 class BenchError(Exception):
-    """The process did not do what a measurement needs; the text holds what it said."""
+    """Failure of the process during a measurement; the text holds its output."""
 
 
 @dataclass(frozen=True, slots=True)
 class SentScan:
-    """A scan: when its writing began, when the kernel had its last byte, and whether a board stood before the car."""
+    """A scan: start of its writing, time of its last byte in the kernel, and whether a board stood before the car."""
 
     begun_s: float
     at_s: float
@@ -51,7 +51,7 @@ class SentScan:
 
 
 def another_computer() -> set[int]:
-    """Return the core for whatever is no part of the car: the last one, where there are several."""
+    """Return the core for processes beside the car: the last one, if there are several."""
     return {max(os.sched_getaffinity(0))}
 
 
@@ -65,7 +65,7 @@ def own_computer() -> set[int]:
 
 
 def be_the_car(cores: set[int]) -> None:
-    """Keep to these cores, and have the kernel end this process with its parent; for the moment before exec."""
+    """Keep to these cores, and make the kernel end this process with its parent; to be called before exec."""
     os.sched_setaffinity(0, cores)
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
@@ -73,9 +73,9 @@ def be_the_car(cores: set[int]) -> None:
 class Rig:
     """Starts and stops everything; `feed` sends scans on time and answers the car meanwhile.
 
-    subscribers: how many processes of their own hear all the telemetry. telemetry: whether there is any. fifo: car
+    subscribers: number of processes that subscribe to all the telemetry. telemetry: whether it is enabled. fifo: car
     and emulators are scheduled before all others, as systemd does it; PermissionError where that is not allowed.
-    every_core: the car may use the emulators' core as well; else it keeps off it.
+    every_core: the car may use the emulators' core as well; else it does not use it.
     started_s: when the process was started (monotonic). scans_sent: since then.
     """
 
@@ -93,13 +93,13 @@ class Rig:
         self._subscribers: list[subprocess.Popen[str]] = []
 
     def __enter__(self) -> Self:
-        if self._fifo:  # first, because it may be refused; the car inherits it
+        if self._fifo:  # first, because it may be rejected; the car inherits it
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
         self._folder = tempfile.TemporaryDirectory(prefix="wallride-bench-")
         folder = Path(self._folder.name)
         self.ports = Ports(LidarPort(self._course.model, BenchTcpPort()), MotorPort(BenchTcpPort()))
         self._log = folder / "log"
-        (folder / "car.toml").write_text("")  # the settings of this machine's own car are none of our business
+        (folder / "car.toml").write_text("")  # the settings of this machine's own car do not apply
         endpoint = free_endpoint()
         settings = [
             f"recording.folder={folder / 'recordings'}",
@@ -145,12 +145,12 @@ class Rig:
 
     @property
     def log(self) -> str:
-        """What the process said so far."""
+        """Return the output of the process until now."""
         return self._log.read_text(errors="replace")
 
     @property
     def commands(self) -> list[MotorCommand]:
-        """What the motor was told so far."""
+        """Return the motor commands until now."""
         return self.ports.motor.commands
 
     def start(self) -> None:
@@ -165,12 +165,12 @@ class Rig:
             self._subscribers.append(subscriber)
 
     def stop_reading(self) -> None:
-        """Freeze the subscribers: they stay connected and take nothing any more."""
+        """Freeze the subscribers: they stay connected and stop reading."""
         for subscriber in self._subscribers:
             subscriber.send_signal(signal.SIGSTOP)
 
     def feed(self, scans: Iterable[bool], rate_hz: float) -> list[SentScan]:
-        """Send scans at this rate, True for a blocked one; what comes late is not made up for."""
+        """Send scans at this rate, True for a blocked one; late scans are not caught up."""
         course, ports = self._course, self.ports
         sent: list[SentScan] = []
         gc.disable()
@@ -194,7 +194,7 @@ class Rig:
         return sent
 
     def stop(self) -> int:
-        """End it as systemd would; returns the exit code. Harmless when repeated."""
+        """End the process as systemd would; returns the exit code. Idempotent."""
         if self.process.poll() is None:
             self.process.terminate()
         give_up_s = time.monotonic() + STOP_TIMEOUT_S
@@ -203,14 +203,14 @@ class Rig:
         return self.process.poll() or 0
 
     def heard(self) -> dict[str, Any]:
-        """Return what the first subscriber heard: messages by topic, seconds, and the newest status; ends it."""
+        """Return the first subscriber's report: messages by topic, seconds, and the newest status; ends it."""
         if not self._subscribers:
             return {}
         out, _ = self._subscribers.pop(0).communicate("", timeout=STOP_TIMEOUT_S)
         return dict(json.loads(out))
 
     def _turn_wheels(self, wanted_mps: float, dt_s: float) -> None:
-        """Turn as the newest command asks."""
+        """Turn the wheels as the newest command requests."""
         wheels, commands = self.ports.motor.wheels, self.commands
         if commands and commands[-1].moving:
             wheels.turn(min(wanted_mps, wheels.speed_mps + _SPEEDING_UP_MPS2 * dt_s))

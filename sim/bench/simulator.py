@@ -1,7 +1,7 @@
-"""`wallride bench sim`: how fast the simulator is on one core, and how exact.
+"""`wallride bench sim`: speed of the simulator on one core, and its accuracy.
 
-A step is what a step of f1tenth_gym is: 10 ms of motion, a look for a contact, and 1081 beams from where the car then
-is. Time is the process's own CPU time, so that others on the machine count less.
+A step equals a step of f1tenth_gym: 10 ms of motion, a contact check, and 1081 beams from the car's new place. Time is
+the process's own CPU time, so that others on the machine count less.
 """
 
 import argparse
@@ -26,7 +26,7 @@ from sim.world.worlds import load_world
 STEP_S: Final = 0.01
 SPEED_MPS, STEERING_RAD = 1.0, 0.05
 STEPS_PER_START = 50
-"""So many steps from the world's start, then again from there: half a metre, free of contact on every map."""
+"""Number of steps from the world's start before a restart: half a metre, free of contact on every map."""
 LIDAR = LidarSettings(motion_skew=False)
 SWEEPING = LidarSettings()
 WALL_WORLDS = ("loop", "curved", "cluttered")
@@ -34,7 +34,7 @@ MADE_MAP = "a drawn loop"
 NEARBY_MAPS = ("data/maps", "shared/data/maps")
 CELL_M = 0.05
 DRAWINGS: Final = {"walls along the grid": 0.0, "walls aslant": 0.3}
-"""By how much the loop is turned, in rad, before it is drawn."""
+"""Angle by which the loop is turned, in rad, before it is drawn."""
 _POSES = 40
 _SAME_WALL_M = 0.2
 
@@ -89,7 +89,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def steps(world: World, lidar: LidarSettings, *, noisy: bool) -> Iterator[Floats]:
-    """Drive on for ever; yield what the lidar measures after each step."""
+    """Drive on for ever; yield the lidar's ranges after each step."""
     vehicle, demand, rng = Vehicle(), SpeedDemand(SPEED_MPS), np.random.default_rng(0)
     room_m = world.clearance(world.start)
     while True:
@@ -110,8 +110,8 @@ def steps(world: World, lidar: LidarSettings, *, noisy: bool) -> Iterator[Floats
 def exactness() -> dict[str, dict[str, float]]:
     """Compare a drawn map with the walls that it was drawn from: bias and rms of all beams from many places.
 
-    Walls along the grid are drawn without loss, so what is left is the cast's own error. Walls aslant become stairs;
-    their error is the drawing's, and its mean shows whether the cast leans to one side.
+    Walls along the grid are drawn without loss, so the rest is the cast's own error. Walls aslant become stairs;
+    their error is the drawing's, and its mean shows a bias of the cast.
     """
     return {name: _errors(turned_rad) for name, turned_rad in DRAWINGS.items()}
 
@@ -188,7 +188,7 @@ def _world_figures(source: str, seconds: float) -> dict[str, Any]:
 
 
 def _batch_figures(seconds: float) -> dict[str, float]:
-    """Beams per second in a drawn map, from one place per call and from many."""
+    """Return the beams per second in a drawn map, from one place per call and from many."""
     drawn = drawn_loop(0.3)
     poses = [turned(pose, 0.3) for pose in loop_poses(_POSES)]
     fan_rad = np.radians(np.linspace(LIDAR.first_deg, LIDAR.last_deg, LIDAR.beams))
@@ -214,7 +214,7 @@ def _batch_figures(seconds: float) -> dict[str, float]:
 
 
 def _per_second(work: Iterator[object], seconds: float) -> float:
-    """How many pieces of work are done per second of this process's CPU time; the first few do not count."""
+    """Return the pieces of work per second of this process's CPU time; the first few do not count."""
     next(work)
     block = 1
     while True:

@@ -1,4 +1,4 @@
-"""A subscriber in a process of its own: hears everything of one car until its standard input ends, then reports."""
+"""Subscriber process: receives all topics of one car until its standard input ends, then reports."""
 
 import asyncio
 import json

@@ -1,6 +1,6 @@
-"""A Hokuyo lidar that is not there: real SCIP bytes over TCP or a pseudo-terminal, and every fault we know of.
+"""Emulated Hokuyo lidar: real SCIP bytes over TCP or a pseudo-terminal, with every known fault to inject.
 
-The sensor's mind is in `scip_sensor`, its bytes in `scip_encode`, its ports in `scip_port`; this is the device.
+The protocol state is in `scip_sensor`, the encoding in `scip_encode`, the ports in `scip_port`; this is the device.
 """
 
 import random
@@ -22,7 +22,7 @@ _GARBAGE_BYTES: Final = 200
 
 
 class ScipEmulator:
-    """One sensor, one client at a time. Its owner calls `publish` once per revolution, and `close` at the end.
+    """Emulates one sensor with one client. Its owner calls `publish` once per revolution, and `close` at the end.
 
     Faults to set at any time (None or False: off):
         silence: connections are accepted, commands and scans go nowhere (a pulled cable).
@@ -54,12 +54,12 @@ class ScipEmulator:
 
     @property
     def streaming(self) -> bool:
-        """Whether a client asked for scans and is still there."""
+        """Return whether a client requested scans and is still connected."""
         return self._port is not None and self.sensor.measurement is not None
 
     @property
     def connected(self) -> bool:
-        """Whether there is a client; always so on a serial port that is plugged in."""
+        """Return whether there is a client; always true on a serial port that is plugged in."""
         return self._port is not None
 
     async def start_tcp(self, host: str = "127.0.0.1", port: int = 0) -> int:
@@ -75,7 +75,7 @@ class ScipEmulator:
     def publish(self, ranges_mm: npt.NDArray[np.integer], stamp_ms: int) -> float | None:
         """Send one revolution: millimetres of all steps of the model, and the sensor's clock (taken modulo 2**24).
 
-        Return the monotonic time right after its last byte was handed to the kernel; None without a stream, or a
+        Return the monotonic time right after its last byte was handed to the kernel; None without a stream, or if a
         fault or a client that does not read kept it back. Never blocks.
         """
         if len(ranges_mm) != self.sensor.model.beam_count:
@@ -93,44 +93,44 @@ class ScipEmulator:
         return None if block is None else self._emit(block)
 
     def disconnect(self) -> None:
-        """Drop the client."""
+        """Disconnect the client."""
         if self._tcp is not None:
             self._farewell()
             self._tcp.drop()
 
     def refuse(self) -> None:
-        """Stop listening; a client that is there stays."""
+        """Stop listening; a connected client stays."""
         if self._tcp is not None:
             self._tcp.shut()
 
     def listen_again(self) -> None:
-        """Undo `refuse`, at the same port."""
+        """Undo `refuse`, on the same port."""
         if self._tcp is not None:
             self._tcp.reopen()
 
     def stall(self) -> None:
-        """Hold scans back until `release`, as a choked network or a busy computer does."""
+        """Hold scans back until `release`, as a congested network or a busy computer does."""
         self._held = self._held or deque(maxlen=_HELD_SCANS)
 
     def release(self) -> float | None:
-        """Deliver what was held back in one burst."""
+        """Deliver the withheld scans in one burst."""
         held, self._held = self._held or (), None
         return self._send(b"".join(held)) if held else None
 
     def unplug(self) -> None:
-        """Vanish from the serial port."""
+        """Remove the serial port."""
         if self._serial is not None:
             self._farewell()
             self._serial.unplug()
 
     def replug(self) -> None:
-        """Appear (again) as a serial port, freshly powered."""
+        """Restore the serial port, freshly powered."""
         if self._serial is not None:
             self.unplug()
             self._welcome(self._serial.plug())
 
     def close(self) -> None:
-        """Leave nothing open."""
+        """Close all descriptors."""
         self.refuse()
         self.disconnect()
         self.unplug()

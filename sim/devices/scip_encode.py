@@ -1,4 +1,4 @@
-"""SCIP 2.x from the sensor's end: reply blocks out of values. Pure, and on purpose not built on the driver's codec.
+"""SCIP 2.x encoder of the sensor's side: values to reply blocks. Pure; deliberately not built on the driver's codec.
 
 What both share is only the golden bytes that their tests check them against.
 """
@@ -16,7 +16,7 @@ _LINE_CHARS: Final = 64
 
 @dataclass(frozen=True, slots=True)
 class SensorModel:
-    """What a sensor says about itself: PP (steps, mm, rpm) and VV. `intensities`: it knows ME and GE."""
+    """Identity of a sensor: PP (steps, mm, rpm) and VV. `intensities`: it supports ME and GE."""
 
     model: str
     range_min_mm: int
@@ -36,12 +36,12 @@ class SensorModel:
 
     @property
     def beam_count(self) -> int:
-        """Samples of a full scan."""
+        """Return the number of samples of a full scan."""
         return self.last_step - self.first_step + 1
 
     @property
     def period_s(self) -> float:
-        """Time of one revolution."""
+        """Return the time of one revolution."""
         return 60 / self.speed_rpm
 
     def parameters(self) -> dict[str, str]:
@@ -127,7 +127,7 @@ def encode_fields(echo: bytes, values: Mapping[str, str]) -> bytes:
 
 
 def encode_samples(values: npt.NDArray[np.integer], chars: int) -> bytes:
-    """Encode an integer array (any shape, C order), `chars` characters each; what does not fit is an error."""
+    """Encode an integer array (any shape, C order), `chars` characters each; ValueError for values that do not fit."""
     flat = np.asarray(values, np.int64).ravel()
     if flat.size and (flat.min() < 0 or flat.max() >= 64**chars):
         raise ValueError(f"{chars} characters carry 0 to {64**chars - 1}, not {flat.min()} to {flat.max()}")
@@ -142,7 +142,7 @@ def encode_scan(echo: bytes, status: str, stamp_ms: int, samples: bytes) -> byte
 
 
 def cluster_minimum(ranges_mm: npt.NDArray[np.integer], cluster: int) -> npt.NDArray[np.integer]:
-    """Return the least of each `cluster` neighbours, as a sensor groups steps; 0 and 1 leave them alone."""
+    """Return the minimum of each `cluster` neighbours, as a sensor groups steps; 0 and 1 leave the ranges unchanged."""
     if cluster <= 1:
         return ranges_mm
     least: npt.NDArray[np.integer] = np.minimum.reduceat(ranges_mm, np.arange(0, len(ranges_mm), cluster))

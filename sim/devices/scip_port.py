@@ -1,6 +1,6 @@
-"""The two places where a client finds an emulated sensor: a TCP port, or a serial port under a name that stays.
+"""Ports of an emulated sensor: a TCP port, or a serial port under a name that stays.
 
-Both hand over a `BytePort`, one non-blocking descriptor whose unsent bytes are bounded.
+Both provide a `BytePort`, one non-blocking descriptor whose unsent bytes are bounded.
 """
 
 import asyncio
@@ -19,7 +19,7 @@ _DRIBBLE_TICK_S: Final = 0.001
 
 
 class BytePort:
-    """One client's descriptor. What the kernel does not take at once waits, up to `limit_bytes`, then is refused."""
+    """One client's descriptor. Bytes that the kernel does not take at once are queued, up to `limit_bytes`."""
 
     def __init__(
         self, fd: int, on_bytes: Callable[[bytes], None], on_gone: Callable[[], None], *, limit_bytes: int = 1 << 21
@@ -36,11 +36,11 @@ class BytePort:
 
     @property
     def busy(self) -> bool:
-        """Whether earlier bytes still wait."""
+        """Return whether earlier bytes are still queued."""
         return bool(self._waiting)
 
     def send(self, data: bytes, *, spread_s: float | None = None) -> bool:
-        """Send; True once the kernel has it all, False if some of it waits (or there is no room for it at all).
+        """Send; True once the kernel has all bytes, False if some are queued (or there is no room for them at all).
 
         spread_s: byte by byte, one write each, over about this time.
         """
@@ -55,7 +55,7 @@ class BytePort:
         return not self._waiting
 
     def close(self) -> None:
-        """Stop listening and forget what waits; the descriptor is its owner's to close."""
+        """Stop listening and drop the queue; the owner closes the descriptor."""
         self._loop.remove_reader(self._fd)
         self._loop.remove_writer(self._fd)
         if self._timer:
@@ -90,7 +90,7 @@ class BytePort:
             return os.write(self._fd, data)
         except BlockingIOError:
             return 0
-        except OSError:  # the client is gone; the reader hears of it too and says so
+        except OSError:  # the client is gone; the reader receives the error too and reports it
             return len(data)
 
     def _on_readable(self) -> None:
@@ -107,7 +107,7 @@ class BytePort:
 
 
 class TcpPort:
-    """Listens for one client at a time; further ones are let in only when the first is gone, like on the sensor."""
+    """Listens for one client at a time; further ones are accepted only when the first is gone, like on the sensor."""
 
     def __init__(self, on_client: Callable[[int], None], is_taken: Callable[[], bool]) -> None:
         self._on_client = on_client
@@ -117,12 +117,12 @@ class TcpPort:
         self._where = ("127.0.0.1", 0)
 
     def open(self, host: str, port: int) -> int:
-        """Listen and return the port; 0 takes a free one, which stays ours across close and reopen."""
+        """Listen and return the port; 0 takes a free one, which stays reserved across close and reopen."""
         self._where = (host, port)
         return self.reopen()
 
     def reopen(self) -> int:
-        """Listen (again) where we did; harmless when we do."""
+        """Listen (again) on the same port; idempotent."""
         if self._listener is None:
             self._listener = socket.create_server(self._where, backlog=4)
             self._listener.setblocking(False)  # noqa: FBT003
@@ -160,7 +160,7 @@ class TcpPort:
         self._on_client(client.fileno())
 
     def _has_left(self) -> bool:
-        """Whether the client hung up and we have not been told yet: its successor may be accepted first."""
+        """Return whether the client hung up without a report yet: its successor may be accepted first."""
         if self._client is None:
             return True
         try:
@@ -174,7 +174,8 @@ class TcpPort:
 class SerialDoor:
     """A pseudo-terminal in raw mode behind a symbolic link, so that the device has the same name after a replug.
 
-    We keep the client's end open as well: without it our end would report hang-up while no client has the port open.
+    It keeps the client's end open as well: without it its own end would report hang-up while no client has the port
+    open.
     """
 
     def __init__(self, link: Path) -> None:
@@ -183,7 +184,7 @@ class SerialDoor:
         self._theirs: int | None = None
 
     def plug(self) -> int:
-        """Appear; return our end."""
+        """Create the port; return the emulator's end."""
         self.unplug()
         self._ours, self._theirs = pty.openpty()
         tty.setraw(self._theirs)
@@ -193,7 +194,7 @@ class SerialDoor:
         return self._ours
 
     def unplug(self) -> None:
-        """Vanish: a client with the port open gets an I/O error."""
+        """Remove the port: a client with the port open gets an I/O error."""
         if self._ours is not None and self._theirs is not None:
             os.close(self._theirs)
             os.close(self._ours)
@@ -201,14 +202,14 @@ class SerialDoor:
         self._ours = self._theirs = None
 
     def baud(self) -> int | None:
-        """Return the speed to which the client has set the port."""
+        """Return the speed set by the client."""
         if self._theirs is None:
             return None
         speed = termios.tcgetattr(self._theirs)[5]
         return next((baud for baud in _BAUDS if getattr(termios, f"B{baud}") == speed), None)
 
     def allow_reopening(self) -> None:
-        """Forget a client's claim to be the only one, which on a real port ends when the client closes it."""
+        """Clear a client's exclusive lock, which on a real port ends when the client closes it."""
         if self._theirs is not None:
             fcntl.ioctl(self._theirs, termios.TIOCNXCL)
 

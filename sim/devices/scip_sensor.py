@@ -1,4 +1,4 @@
-"""What a Hokuyo does with a command: its states and replies, without port or clock of its own.
+"""State machine of a Hokuyo: its states and replies, without port or clock of its own.
 
 States: standby, measuring (a stream is on), time-sync; and a SCIP 1.1 sensor before SCIP2.0.
 """
@@ -42,9 +42,9 @@ class Measurement:
 
 
 class ScipSensor:
-    """The sensor's mind: command bytes in, reply bytes out; scans when it is asked for them.
+    """State machine of the sensor: command bytes in, reply bytes out; scans on request.
 
-    fault: a status ("0L", "50") that it answers to every measurement until one of `cured_by` (RS, RB) is sent.
+    fault: a status ("0L", "50") with which it answers every measurement until one of `cured_by` (RS, RB) is sent.
     scip1: it boots in SCIP 1.1 and answers "E" until SCIP2.0.
     """
 
@@ -65,7 +65,7 @@ class ScipSensor:
         self._reboot_asked_s: float | None = None
 
     def feed(self, chunk: bytes) -> list[bytes]:
-        """Take bytes of commands, ended by CR, LF or both, and return the replies."""
+        """Process bytes of commands, ended by CR, LF or both, and return the replies."""
         replies = []
         for byte in chunk:
             if byte not in b"\r\n":
@@ -77,7 +77,7 @@ class ScipSensor:
         return replies
 
     def forget_client(self) -> None:
-        """The connection is gone: no stream, no half command."""
+        """Reset after the end of the connection: no stream, no partial command."""
         self.measurement = None
         self.laser_on = self.in_time_sync = False
         self._line.clear()
@@ -193,7 +193,7 @@ class ScipSensor:
         return Measurement(echo, text[:2], first_step, last_step, cluster, skip, scans or None)
 
     def scan(self, ranges_mm: npt.NDArray[np.integer], stamp_ms: int) -> bytes | None:
-        """Return the block for one revolution (ranges of all steps), or None when this one was not asked for."""
+        """Return the block for one revolution (ranges of all steps), or None when this one was not requested."""
         self.latest_mm, self.latest_ms = ranges_mm, stamp_ms
         request = self.measurement
         if request is None:
@@ -209,7 +209,7 @@ class ScipSensor:
         return self._encode(request, "99", ranges_mm, stamp_ms)
 
     def status_block(self, status: str) -> bytes | None:
-        """Return the block that takes a scan's place when there is no scan ("0M", "0L"); None while not streaming."""
+        """Return the block that replaces a scan when there is none ("0M", "0L"); None while not streaming."""
         return encode_block(self._scan_echo(self.measurement), status) if self.measurement else None
 
     def _encode(self, request: Measurement, status: str, ranges_mm: npt.NDArray[np.integer], stamp_ms: int) -> bytes:

@@ -1,4 +1,4 @@
-"""An emulated VESC on a pseudo-terminal: real bytes, real unplugging; everything but the motor.
+"""Emulated VESC on a pseudo-terminal: real bytes, real unplugging; everything but the motor.
 
 The simulator of the motor reads `demand(now_s)` and calls `report(...)`.
 """
@@ -30,19 +30,19 @@ _NOISE_SEED = 7
 
 
 class VescEmulator:
-    """The motor controller from the other end of its USB cable.
+    """Emulates the motor controller at the other end of the USB cable.
 
     link: where the port appears, a symbolic link that keeps its name when a replug gives another terminal.
     on_command: called with the time and the new demand after every motor command that is obeyed.
     wire: received payloads with their arrival times, oldest first, bounded.
     servo: position 0..1; 0.5 at power-up and then kept for ever, through timeouts, faults and lost links.
 
-    Troubles, each a switch: `silent` (reads, never answers), `garbage` (answers with random bytes, like a lidar of the
+    Faults, each a switch: `silent` (reads, never answers), `garbage` (answers with random bytes, like a lidar of the
     same USB id), `noise` (random bytes around every answer), `bad_crc`, `dribble` (one byte per write), `deaf` (stops
-    reading). `kill_switch`, `inject_fault(code)` and `reboot()` are troubles of the controller rather than the line.
-    So are reports that make no sense: `shown_erpm` (this, whatever the motor does), `backwards` (speed and counter have
+    reading). `kill_switch`, `inject_fault(code)` and `reboot()` are faults of the controller rather than the line.
+    So are implausible reports: `shown_erpm` (this, whatever the motor does), `backwards` (speed and counter have
     the wrong sign), `counter_stopped`, `abs_backwards` (the absolute counter runs down). `phases_swapped`: the wheels
-    turn the other way, and the controller, which cannot know, reports that they turn as asked.
+    turn the other way, and the controller, which cannot detect it, reports the requested direction.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class VescEmulator:
         self._power_up()
 
     def start(self) -> None:
-        """Plug it in; needs a running event loop."""
+        """Plug the controller in; needs a running event loop."""
         self._loop = asyncio.get_running_loop()
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
@@ -104,7 +104,7 @@ class VescEmulator:
         self.start()
 
     def close(self) -> None:
-        """Unplug for good; harmless when repeated."""
+        """Unplug for good; idempotent."""
         self.unplug()
 
     def reboot(self) -> None:
@@ -113,7 +113,7 @@ class VescEmulator:
 
     @property
     def deaf(self) -> bool:
-        """Whether it has stopped reading, so that the host's writes pile up."""
+        """Return whether it has stopped reading, so that the host's writes pile up."""
         return self._deaf
 
     @deaf.setter
@@ -126,7 +126,7 @@ class VescEmulator:
 
     @property
     def kill_switch(self) -> bool:
-        """Whether the kill switch input is on."""
+        """Return whether the kill switch input is on."""
         return self._logic.killed
 
     @kill_switch.setter
@@ -134,12 +134,12 @@ class VescEmulator:
         self._logic.killed = on
 
     def inject_fault(self, code: int, fault_stop_s: float = 0.5) -> None:
-        """Have a fault now: output off, code shown and commands ignored for `fault_stop_s`."""
+        """Inject a fault now: output off, code shown and commands ignored for `fault_stop_s`."""
         self._logic.fault_stop_s = fault_stop_s
         self._logic.fault(code, self._clock())
 
     def demand(self, now_s: float) -> MotorDemand:
-        """Return what the motor is asked to do now, after timeout, fault and kill switch."""
+        """Return the present demand on the motor, after timeout, fault and kill switch."""
         demand = self._logic.demand(now_s)
         if self.phases_swapped and demand.kind in {"speed", "current", "duty"}:
             return MotorDemand(demand.kind, -demand.value)
@@ -150,7 +150,7 @@ class VescEmulator:
         return [payload for _, payload in self.wire if payload[0] in MOTOR_PACKETS]
 
     def report(self, erpm: float = 0.0, tachometer: int = 0, voltage_v: float = 11.8, **others: Value) -> None:
-        """Set what GET_VALUES will say; others: names of `drivers.vesc.replies.VALUE_FIELDS`.
+        """Set the values of GET_VALUES; others: names of `drivers.vesc.replies.VALUE_FIELDS`.
 
         tachometer: steps since the simulation began; what the wire carries starts at 0 with every reboot.
         """
@@ -185,8 +185,8 @@ class VescEmulator:
 
     def _on_readable(self) -> None:
         assert self._master is not None, "the reader is removed before the terminal is closed"  # noqa: S101
-        # Our own slave descriptor keeps the terminal alive across the host's restarts, and with it the host's
-        # exclusive lock, which a real port drops at the last close.
+        # The emulator's own slave descriptor keeps the terminal alive across the host's restarts, and with it the
+        # host's exclusive lock, which a real port drops at the last close.
         fcntl.ioctl(self._slave, termios.TIOCNXCL)
         for payload in self._deframer.feed(os.read(self._master, _READ_BYTES)):
             self._on_payload(payload)
@@ -238,7 +238,7 @@ class VescEmulator:
             self._loop.call_soon(self._dribble_on)
 
     def _dribble_on(self) -> None:
-        """Write one byte in each turn of the loop, so that a host in the same loop reads in between."""
+        """Write one byte per iteration of the loop, so that a host in the same loop reads in between."""
         self._write(bytes(self._to_dribble[:1]))
         del self._to_dribble[:1]
         if self._to_dribble:

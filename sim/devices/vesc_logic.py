@@ -1,4 +1,4 @@
-"""What a VESC does with commands: its timeout, its faults, its dead band. Pure; time is an argument.
+"""Command logic of a VESC: its timeout, its faults, its dead band. Pure; time is an argument.
 
 Sources: vedderb/bldc `timeout.c`, `motor/mc_interface.c` (fault stop), `motor/foc_math.c` (speed loop).
 """
@@ -16,7 +16,7 @@ MOTOR_CURRENT_MAX_A = 60.0
 
 @dataclass(frozen=True, slots=True)
 class MotorDemand:
-    """What the power stage is asked to do: ERPM for "speed", A for "brake" and "current", -1..1 for "duty".
+    """Demand on the power stage: ERPM for "speed", A for "brake" and "current", -1..1 for "duty".
 
     The ramp of the speed loop (25000 ERPM/s) is left to the simulator of the motor.
     """
@@ -29,7 +29,7 @@ COAST = MotorDemand("coast", 0.0)
 
 
 class VescLogic:
-    """Motor commands in, demand out.
+    """Converts motor commands into a demand.
 
     timeout_s: 0 disables the command timeout, as in the firmware.
     killed: the kill switch input, which releases the motor while it is on.
@@ -47,7 +47,7 @@ class VescLogic:
         self._fault_until_s = now_s
 
     def command(self, payload: bytes, now_s: float) -> bool:
-        """Take a request; True when it was a motor command and is obeyed."""
+        """Process a request; True when it was a motor command and is obeyed."""
         if payload[0] == Packet.ALIVE:
             self._fed_s = now_s
         if payload[0] not in MOTOR_PACKETS or len(payload) < 5:
@@ -69,11 +69,11 @@ class VescLogic:
         return self._fault_code if now_s < self._fault_until_s else 0
 
     def timed_out(self, now_s: float) -> bool:
-        """Tell whether the last motor command or ALIVE is too long ago."""
+        """Return whether the last motor command or ALIVE is too old."""
         return self.timeout_s > 0 and now_s - self._fed_s > self.timeout_s
 
     def demand(self, now_s: float) -> MotorDemand:
-        """Return what the motor is asked to do now."""
+        """Return the present demand on the motor."""
         if self.killed or self.fault_code(now_s):
             return COAST
         if self.timed_out(now_s):
@@ -93,7 +93,7 @@ class VescLogic:
                 return MotorDemand("current", raw / 100_000 * MOTOR_CURRENT_MAX_A) if raw else COAST
             case Packet.SET_DUTY:
                 return MotorDemand("duty", raw / 100_000)
-            case _:  # SET_POS: a car has nothing that follows it
+            case _:  # SET_POS: a car has no position control
                 return COAST
 
 

@@ -1,6 +1,6 @@
-"""What an emulated VESC answers, as payload bytes: the mirror image of `drivers.vesc.replies`.
+"""Replies of an emulated VESC as payload bytes: the inverse of `drivers.vesc.replies`.
 
-The two share the tables of fields; that both are right is what the golden bytes in the tests are for.
+The two share the tables of fields; the golden bytes in the tests verify both.
 """
 
 import struct
@@ -18,7 +18,7 @@ _UNKNOWN_BYTE = b"\0"
 
 
 def firmware_reply(version: Version, hardware: str = "60", kind: int = 0) -> bytes:
-    """Return the FW_VERSION reply of this firmware; each generation knows more about itself.
+    """Return the FW_VERSION reply of this firmware; each generation reports more fields.
 
     Bare before 3.0; then name and UUID; pairing 4.02; test version 5.00; kind and four more 5.03; NRF flags and
     firmware name 6.0; hardware CRC 6.05.
@@ -69,7 +69,7 @@ def _field(field: ValueField, value: Value) -> bytes:
 
 
 def _on_wire(number: float, field: ValueField) -> int:
-    """Scale, and wrap what is too large: counters do, and nothing else gets there."""
+    """Scale, and wrap values that are too large: only counters reach that."""
     raw = round(number * (field.scale or 1))
     bits = 8 * struct.calcsize(">" + field.layout[0])
     if field.layout[0].isupper():

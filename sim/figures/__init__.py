@@ -1,1 +1,1 @@
-"""What is read off a run: its summary, its picture, the comparison with a recording."""
+"""Evaluation of a run: its summary, its picture, the comparison with a recording."""

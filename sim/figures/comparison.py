@@ -1,4 +1,4 @@
-"""A recorded drive against ours: the runtime's steering beside the recorded navigation command, scan by scan."""
+"""Comparison of a recorded drive with ours: the runtime's steering beside the recorded navigation command, per scan."""
 
 import math
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from sim.recordings.recording import CommandTrack
 from sim.world.pose import Floats
 
 CLEAR_TURN_RAD = 0.05
-"""Where the recorded car steered less than this, its sign says nothing."""
+"""Minimum steering of the recorded car at which its sign is significant."""
 MAX_WAIT_S = 0.15
 DROVE_ABOVE_MPS = 0.1
 
@@ -28,9 +28,9 @@ class ComparedSteering:
 def recorded_answers(
     scans_s: Sequence[float], track: CommandTrack, max_steering_rad: float = math.inf
 ) -> list[float | None]:
-    """Return, for each scan, the first command received after it, None where it came too late to be an answer.
+    """Return, for each scan, the first command received after it, None if it came too late to be an answer.
 
-    max_steering_rad: what the wheels can do; programs ask for more, and the linkage does not give it.
+    max_steering_rad: limit of the wheels; programs request more, and the linkage does not reach it.
     """
     positions = np.searchsorted(track.received_s, np.asarray(scans_s), side="left")
     answers: list[float | None] = []
@@ -42,7 +42,7 @@ def recorded_answers(
 
 
 def drove(scans_s: Sequence[float], output: CommandTrack | None) -> list[bool]:
-    """Return, for each scan, whether the recorded mux let the car move: a held car's program steers at nothing.
+    """Return, for each scan, whether the recorded mux let the car move: the steering of a held car has no meaning.
 
     Without a recorded output nothing is known, and every scan counts.
     """
@@ -53,7 +53,7 @@ def drove(scans_s: Sequence[float], output: CommandTrack | None) -> list[bool]:
 
 
 def compare(pairs: Sequence[ComparedSteering]) -> dict[str, Any]:
-    """Return how well the two agree: sign where the recorded car clearly turned, size, correlation, slope.
+    """Return the agreement of the two: sign where the recorded car clearly turned, size, correlation, slope.
 
     slope: radians of ours per radian recorded (total least squares, so that neither counts as the truth).
     """

@@ -35,7 +35,7 @@ def save_plot(path: Path, world: World, track: Floats, times_s: Floats, errors_m
 
 
 def save_comparison(path: Path, pairs: Sequence[ComparedSteering], title: str) -> None:
-    """Write a picture of two steering angles over time: ours, and the one that the recorded car's program gave."""
+    """Write a picture of two steering angles over time: ours, and the recorded car's program's."""
     figure = Figure(figsize=(10, 4), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots()
@@ -58,7 +58,7 @@ def _draw_world(axes: Axes, world: World, track: Floats) -> None:
         for x_m, y_m, yaw_rad in track[np.unique(np.linspace(0, len(track) - 1, _OUTLINES).astype(int)), :3]:
             _draw_car(axes, Pose(x_m, y_m, yaw_rad), CAR)
     _draw_car(axes, start, CAR, color="tab:green")
-    # A map of a building is mostly elsewhere: show the walls near the path, or all where the world is small.
+    # Most of a building's map is far away: show the walls near the path, or all where the world is small.
     x_min, y_min, x_max, y_max = world.bounds_m
     low, high = seen.min(axis=0) - _MAX_WALL_M, seen.max(axis=0) + _MAX_WALL_M
     axes.set_xlim(max(x_min, float(low[0])) - _MARGIN_M, min(x_max, float(high[0])) + _MARGIN_M)

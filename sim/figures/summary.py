@@ -1,4 +1,4 @@
-"""The figures of a run, from the simulator's own truth: what the car really did, not what it believed."""
+"""Figures of a run, from the simulator's own truth: the car's real motion, not its estimate."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -17,7 +17,7 @@ STANDING_FOR_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """The car at one moment. wall_m: true distance from the rear axle to the followed wall, inf without one."""
+    """State of the car at a moment. wall_m: true distance from the rear axle to the followed wall, inf without one."""
 
     time_s: float
     x_m: float
@@ -70,7 +70,7 @@ def _settle_s(time_s: Floats, error_m: Floats) -> float | None:
 
 
 def _overshoot_m(error_m: Floats) -> float | None:
-    """Return how far the car went past the desired distance, seen from the side on which it started.
+    """Return the overshoot past the desired distance, seen from the side on which the car started.
 
     A car that starts on the line has no side: for it every departure counts.
     """
@@ -90,7 +90,7 @@ def _stands_at_the_end(time_s: Floats, speed_mps: Floats) -> bool:
 
 
 def device_faults(status: Mapping[str, Any]) -> dict[str, int]:
-    """Return every kind of trouble that the devices counted, by name: `lidar.checksum`, `motor.reconnect`."""
+    """Return every kind of fault that the devices counted, by name: `lidar.checksum`, `motor.reconnect`."""
     faults = {}
     for device in ("lidar", "motor"):
         for what, times in status.get(device, {}).get("counts", {}).items():

@@ -1,4 +1,4 @@
-"""`wallride sim`: from the command line's options to a drive, its live view and its summary."""
+"""`wallride sim`: builds a drive from the command line's options, with its live view and its summary."""
 
 import argparse
 import asyncio
@@ -34,23 +34,23 @@ MAX_START_TO_WALL_M = 10.0
 """The UST-10LX's range: a car that starts farther from every wall sees nothing and stands for good."""
 DEFAULT_DURATION_S = 60.0
 MAX_LAP_S = 180.0
-"""A car that stands still must not keep a script waiting for ever."""
+"""Maximum duration of a lap, so that a standing car does not block a script."""
 FAILED = 1
 KILLED = 130
 POSE_NUMBERS = 3
 HEARD = "heard"
-"""Of telemetry: what the summary says of the runtime is what that runtime said."""
+"""Value of telemetry in the summary: its statements about the runtime are that runtime's own."""
 
 
 class SimUsageError(Exception):
-    """Something on the command line cannot be used; the text says what and how it should look."""
+    """Invalid command line; the text names the fault and the valid form."""
 
 
 def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
     """Run one simulated drive.
 
     Returns 0 when it was completed, by time, by laps or by Ctrl-C; 1 when the runtime failed, or drove without
-    telemetry, so that what it says of itself is missing; 2 for a wrong option or a taken port; 130 when it was killed.
+    telemetry, so that its own report is missing; 2 for a wrong option or a taken port; 130 when it was killed.
     """
     console = Console(stderr=True)
     try:
@@ -167,7 +167,7 @@ def _replay(
         raise SimUsageError(
             "--recording: its scans are what they are; friction, dirt, obstacles and the like need a world"
         )
-    # The emulated wheels turn as our laws say, the recorded scans show where another car went.
+    # The emulated wheels turn as our laws command, the recorded scans show the way of another car.
     options.assignments = ["safety.odometry_check=false", *options.assignments]
     scene = RecordingScene(recording)
     vehicle = Vehicle(VehicleSettings(), Pose(0.0, 0.0, 0.0))
@@ -192,7 +192,7 @@ def _replay(
 
 
 def _start(options: argparse.Namespace, config: Path, settings: Settings, world: str) -> RuntimeStart:
-    """Return how the runtime is started; without a named port a free one is taken."""
+    """Return the start of the runtime; without a named port a free one is taken."""
     is_named = "listen" in settings.telemetry.model_fields_set or "any_port" in settings.telemetry.model_fields_set
     is_placed = "simulated" in settings.recording.model_fields_set
     chosen = [*([] if is_named else ["telemetry.any_port=true"]), *([] if is_placed else ["recording.simulated=true"])]
@@ -234,7 +234,7 @@ def _innermost(group: BaseExceptionGroup[SessionError]) -> SessionError:
 
 
 def _teller(console: Console) -> Callable[[Record], None]:
-    """Without a live view, say once how the car is reached, and where the page is."""
+    """Return a function that prints once, without a live view, the car's address and the page's."""
     told = [""]
 
     def tell(record: Record) -> None:
@@ -300,7 +300,7 @@ def parse_pose(text: str) -> Pose:
 
 
 def _check_outputs(options: argparse.Namespace) -> None:
-    """Notice unusable options before a minute of driving, not after it."""
+    """Check the output options before a minute of driving, not after it."""
     if options.duration is not None and not 0 < options.duration < math.inf:
         raise SimUsageError(f"--duration {options.duration:g}: give a number of seconds above 0")
     if options.laps is not None and options.laps < 1:

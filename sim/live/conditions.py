@@ -1,4 +1,4 @@
-"""What a simulated drive meets: floor, tyres, lidar and obstacles, as settings that can be named one by one.
+"""Conditions of a simulated drive: floor, tyres, lidar and obstacles, as settings that can be named one by one.
 
 A settings file has the sections [vehicle] and [lidar] with the fields of `VehicleSettings` and `LidarSettings`, and a
 list `obstacles` of texts (`sim.obstacle_text`). Options of the command line come on top.
@@ -19,18 +19,18 @@ from sim.world.beams import LidarSettings
 from sim.world.obstacles import Obstacle
 
 RIGHT_REAR = "right-rear"
-"""The one kind of own parts that needs no profile: a rough part at 0.03 to 0.15 m in the last beams on the right."""
+"""Name of the only own parts without a profile: a rough part at 0.03 to 0.15 m in the last beams on the right."""
 NO_PARTS = "none"
 DIRT_RANGE_M = 0.05
 _DIRT_NUMBERS = (2, 3)
 
 
 class ConditionsError(Exception):
-    """Conditions that cannot be used; the text names the key and the remedy."""
+    """Invalid conditions; the text names the key and the remedy."""
 
 
 class Conditions(BaseModel):
-    """Everything at the start of a drive. obstacles: texts as of `sim.obstacle_text`."""
+    """Conditions at the start of a drive. obstacles: texts as of `sim.obstacle_text`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -46,7 +46,7 @@ class Conditions(BaseModel):
         return texts
 
     def changed(self) -> dict[str, Any]:
-        """Return what differs from the defaults, as plain values; {} for an ordinary drive."""
+        """Return the differences from the defaults, as plain values; {} for an ordinary drive."""
         return self.model_dump(mode="json", exclude_defaults=True)
 
     def things(self) -> list[Obstacle]:
@@ -56,7 +56,7 @@ class Conditions(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class RequestedConditions:
-    """What the command line says of them. assignments: SECTION.KEY=VALUE. dirt: FROM,TO[,RANGE] in degrees."""
+    """Conditions from the command line. assignments: SECTION.KEY=VALUE. dirt: FROM,TO[,RANGE] in degrees."""
 
     file: Path | None = None
     assignments: Sequence[str] = ()
@@ -91,7 +91,7 @@ def conditions_of(wishes: RequestedConditions) -> Conditions:
 
 
 def own_parts_kinds() -> tuple[str, ...]:
-    """Return the names of the kinds of own parts that this simulator knows."""
+    """Return the names of the kinds of own parts of this simulator."""
     if "own_parts" not in LidarSettings.model_fields:
         return (NO_PARTS, RIGHT_REAR)
     profiles = import_module("sim.world.own_parts").OWN_PARTS
@@ -109,12 +109,12 @@ def own_parts_fields(kind: str) -> dict[str, Any]:
 
 
 def own_parts_of(lidar: LidarSettings) -> str:
-    """Return which kind of own parts a lidar sees."""
+    """Return the kind of own parts that a lidar sees."""
     return RIGHT_REAR if lidar.self_returns else str(getattr(lidar, "own_parts", NO_PARTS))
 
 
 def read_dirt(text: str) -> tuple[float, float, float]:
-    """Return a dirty sector (from_deg, to_deg, range_m) from FROM,TO[,RANGE]; ConditionsError when it is none."""
+    """Return a dirty sector (from_deg, to_deg, range_m) from FROM,TO[,RANGE]; ConditionsError for other texts."""
     try:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:

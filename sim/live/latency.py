@@ -1,4 +1,4 @@
-"""Scan-to-motor latency, taken outside the runtime: last byte of a scan written -> next motor command read."""
+"""Scan-to-motor latency, measured outside the runtime: last byte of a scan written -> next motor command read."""
 
 from collections.abc import Mapping
 
@@ -17,11 +17,11 @@ class LatencyProbe:
         self.samples_s: list[float] = []
 
     def scan_sent(self, at_s: float) -> None:
-        """A scan's last byte left; an earlier one without an answer is given up."""
+        """Record the end of a scan's last byte; an earlier scan without an answer is dropped."""
         self._waiting_since_s = at_s
 
     def command_received(self, at_s: float) -> None:
-        """A motor command arrived."""
+        """Record the arrival of a motor command."""
         if self._waiting_since_s is not None:
             self.samples_s.append(at_s - self._waiting_since_s)
             self._waiting_since_s = None

@@ -1,4 +1,4 @@
-"""A telemetry subscriber: what the runtime says about itself over zenoh, newest value per topic."""
+"""Telemetry subscriber: the runtime's messages over zenoh, newest value per topic."""
 
 import asyncio
 import contextlib
@@ -13,15 +13,15 @@ from runtime.wire.bus import Bus, RefusedError, Reply
 CONNECT_TIMEOUT_S = 15.0
 RETRY_S = 0.1
 TOPICS = (topics.STATUS, topics.DISTANCE_ERROR)
-"""Only what is shown: whatever is subscribed to, the runtime has to write."""
+"""Displayed topics only: the runtime has to write every subscribed one."""
 _FLOAT32 = struct.Struct("<4xf")
 
 
 class Listener:
-    """Subscribes to one start of one car at a known endpoint; what another one says there is not taken.
+    """Subscribes to one start of one car at a known endpoint; messages of another start are rejected.
 
     latest: the newest message of each topic; `distance_error` as {"error_m": metres}.
-    problem: why nothing is heard, "" while it is.
+    problem: why nothing is received, "" while messages arrive.
     """
 
     def __init__(self, endpoint: str, car: str, session: str) -> None:
@@ -34,11 +34,11 @@ class Listener:
         self._heard = asyncio.Event()
 
     def answer(self, topic: str, reply: Reply) -> None:
-        """Answer questions beside the car, in this process, as long as it is the car that is meant; before `run`."""
+        """Answer queries for the car in this process, as long as they address this car; to be called before `run`."""
         self._replies[topic] = reply
 
     async def wait_until_heard(self, timeout_s: float) -> None:
-        """Wait for the first status, but not for ever."""
+        """Wait for the first status, up to a timeout."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(timeout_s):
                 await self._heard.wait()

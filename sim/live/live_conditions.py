@@ -1,6 +1,7 @@
-"""The conditions of a drive while it goes on: what a key in the terminal or a button on the page changes.
+"""Conditions of a running drive: changed by a key in the terminal or a button on the page.
 
-Lives in the simulator's process alone. The car is told nothing: it meets what its lidar and its wheels meet.
+Lives in the simulator's process alone. The car receives no message: it only measures the change with its lidar and its
+wheels.
 """
 
 import json
@@ -27,22 +28,22 @@ DELAYS_S = (0.0, 0.02, 0.04, 0.06, 0.1)
 
 
 class Surface(Protocol):
-    """What of a scene can be changed while it is looked at."""
+    """Part of a scene that can be changed during the drive."""
 
     lidar: LidarSettings
 
     def put(self, obstacle: Obstacle) -> None:
-        """Let an obstacle appear when its moment comes."""
+        """Add an obstacle, which appears at its time."""
         ...
 
     def clear(self) -> None:
-        """Take all obstacles away."""
+        """Remove all obstacles."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """One thing that can be done. key: in the terminal. words: for a button."""
+    """An action. key: in the terminal. words: label of a button."""
 
     name: str
     key: str
@@ -70,7 +71,7 @@ KEYS: Mapping[str, str] = {action.key: action.name for action in ACTIONS}
 
 
 class LiveConditions:
-    """Changes a drive. at_start: what it began with. done: how many actions there were."""
+    """Changes the conditions of a drive. at_start: the initial ones. done: number of actions."""
 
     def __init__(self, vehicle: Vehicle, surface: Surface, at_start: Conditions) -> None:
         self._vehicle = vehicle
@@ -94,12 +95,12 @@ class LiveConditions:
         }  # fmt: skip
 
     def do(self, name: str) -> None:
-        """Do one of ACTIONS; KeyError when it is none."""
+        """Perform one of ACTIONS; KeyError for an unknown one."""
         self._actions[name]()
         self.done += 1
 
     def fields(self) -> dict[str, Any]:
-        """Return what holds now, for people: names with units, and values."""
+        """Return the present conditions for display: names with units, and values."""
         vehicle, lidar = self._vehicle.settings, self._surface.lidar
         return {
             "grip": f"{vehicle.grip_mu:g}",
@@ -112,7 +113,7 @@ class LiveConditions:
         }
 
     def answer(self, payload: bytes) -> bytes:
-        """Answer a page: {} asks what there is, {"do": NAME} does it; RefusedError with the remedy."""
+        """Answer a page: {} requests the list of actions, {"do": NAME} performs one; RefusedError with the remedy."""
         try:
             question = json.loads(payload or b"{}")
             name = question.get("do")
@@ -128,7 +129,7 @@ class LiveConditions:
     def _steps(
         self, name: str, ladder: tuple[float, ...], now: Callable[[], float], take: Callable[[float], None]
     ) -> dict[str, Callable[[], None]]:
-        """Return the two actions that go to the next lower and the next higher value."""
+        """Return the two actions that select the next lower and the next higher value."""
 
         def down() -> None:
             take(max((value for value in ladder if value < now() - 1e-9), default=now()))
@@ -159,7 +160,7 @@ class LiveConditions:
         self._take_lidar(**own_parts_fields(following))
 
     def _person(self) -> None:
-        """From the right to the left, square to the car's heading of this moment."""
+        """Return a person who walks from the right to the left, square to the car's present heading."""
         car = self._vehicle.pose
         begin = car.ahead(LIDAR_AHEAD_M + PERSON_AHEAD_M, -PERSON_ASIDE_M)
         left_rad = car.yaw_rad + math.pi / 2

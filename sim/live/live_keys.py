@@ -1,4 +1,4 @@
-"""Keys of the terminal in which a simulation is watched: read when there is time, never waited for."""
+"""Keys of the terminal of a watched simulation: polled, never waited for."""
 
 import os
 import select
@@ -23,12 +23,12 @@ LEGEND = (
     ("w", "own parts"),
     ("q", "end"),
 )
-"""Keys, and which of `LiveConditions.fields` they change."""
+"""Keys, and the field of `LiveConditions.fields` that they change."""
 
 
 @contextmanager
 def pressing(live: LiveConditions | None, stop: StopRequest, *, wanted: bool) -> Iterator[Callable[[], None]]:
-    """Yield what obeys the keys pressed since the last call; without a terminal it does nothing."""
+    """Yield a function that performs the keys pressed since the last call; without a terminal it does nothing."""
     restore = single_keys() if wanted else None
     if restore is None:
         yield lambda: None
@@ -40,7 +40,7 @@ def pressing(live: LiveConditions | None, stop: StopRequest, *, wanted: bool) ->
 
 
 def obey(typed: str, live: LiveConditions | None, stop: StopRequest) -> None:
-    """Do what was typed; letters that mean nothing are left out."""
+    """Perform the typed keys; unknown letters are ignored."""
     for letter in typed:
         if letter == QUIT:
             stop.ask()
@@ -49,7 +49,7 @@ def obey(typed: str, live: LiveConditions | None, stop: StopRequest) -> None:
 
 
 def legend(fields: dict[str, str]) -> list[tuple[str, str]]:
-    """Return keys and what they change, with the value that holds now."""
+    """Return the keys and the quantity that they change, with its present value."""
     return [(keys, f"{what} {fields.get(what, '')}".strip()) for keys, what in LEGEND]
 
 

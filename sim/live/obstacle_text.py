@@ -24,7 +24,7 @@ _NUMBER = r"-?\d+(?:\.\d+)?"
 
 
 def read_obstacle(text: str) -> Obstacle:
-    """Return the obstacle that a line describes; ValueError with the remedy when it describes none."""
+    """Return the obstacle that a line describes; ValueError with the remedy for an invalid line."""
     kind, *parts = text.split() or [""]
     words = dict(part.partition("=")[::2] for part in parts)
     if kind not in KINDS:

@@ -1,4 +1,4 @@
-"""The unmodified runtime as a process of its own: started, listened to, and asked to stop as systemd would."""
+"""The unmodified runtime as a child process: started, monitored, and stopped as by systemd."""
 
 import asyncio
 import ctypes
@@ -9,14 +9,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 STOP_TIMEOUT_S = 20.0
-"""Closing a recording on a busy computer with a slow disk takes seconds."""
+"""Timeout of a stop: closing a recording on a busy computer with a slow disk takes seconds."""
 REMEMBERED_LINES = 200
 _LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None
 _PR_SET_PDEATHSIG = 1
 
 
 class WallrideProcess:
-    """One `wallride` command with its log captured.
+    """A `wallride` command with its log captured.
 
     log: the last lines that it printed.
     exit_code: None while it runs.
@@ -30,23 +30,23 @@ class WallrideProcess:
 
     @property
     def pid(self) -> int:
-        """The process id, once started."""
+        """Return the process id, once started."""
         assert self._process is not None, "start() first"  # noqa: S101 - a bug in the caller
         return self._process.pid
 
     @property
     def exit_code(self) -> int | None:
-        """How it ended."""
+        """Return the exit code, None while it runs."""
         return self._process.returncode if self._process is not None else None
 
     async def start(self) -> None:
-        """Start it."""
+        """Start the process."""
         self._process = await asyncio.create_subprocess_exec(
             *self._command,
             stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.STDOUT,
-            process_group=0,  # a terminal's Ctrl-C is for the one who started it, who then ends it in order
+            process_group=0,  # Ctrl-C of the terminal is for the parent, which then stops the child in order
             preexec_fn=_end_with_parent if _LIBC is not None else None,
         )
         self._reader = asyncio.create_task(self._read_log(), name="runtime log")
@@ -57,7 +57,7 @@ class WallrideProcess:
             self._process.send_signal(number)
 
     async def wait(self) -> int:
-        """Wait for its end and return the exit code."""
+        """Wait for the end and return the exit code."""
         assert self._process is not None, "start() first"  # noqa: S101 - a bug in the caller
         code = await self._process.wait()
         if self._reader is not None:
@@ -65,7 +65,7 @@ class WallrideProcess:
         return code
 
     async def stop(self) -> int:
-        """Ask it to stop (SIGTERM); kill it when it does not. Returns the exit code."""
+        """Request a stop (SIGTERM); kill it after a timeout. Returns the exit code."""
         self.kill(signal.SIGTERM)
         try:
             async with asyncio.timeout(STOP_TIMEOUT_S):
@@ -75,7 +75,7 @@ class WallrideProcess:
             return await self.wait()
 
     async def end(self) -> None:
-        """Kill it and wait until it is gone; harmless when it never started."""
+        """Kill the process and wait for its end; does nothing if it never started."""
         if self._process is not None:
             self.kill()
             await self.wait()
@@ -96,6 +96,6 @@ class RuntimeProcess(WallrideProcess):
 
 
 def _end_with_parent() -> None:
-    """Have the kernel ask this process to end when its parent is gone, however that ended."""
+    """Make the kernel end this process when its parent is gone, however that ended."""
     if _LIBC is not None:
         _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)

@@ -1,6 +1,6 @@
-"""Where settings that were changed in a simulation are saved: a file of the user's, never the one it started from.
+"""File of settings that were changed in a simulation: one of the user's, never the one it started from.
 
-The simulator starts from a file that is tracked by git or installed with the package. What differs from it goes into
+The simulator starts from a file that is tracked by git or installed with the package. The differences are saved in
 `~/.config/wallride/sim/NAME.toml`, which the next simulation reads on top.
 """
 
@@ -12,6 +12,6 @@ FOLDER = "wallride/sim"
 
 
 def saved_settings(config: Path, environment: Mapping[str, str] = os.environ) -> Path:
-    """Return the file of differences that belongs to a settings file; it need not be there."""
+    """Return the file of differences that belongs to a settings file; it may not exist."""
     folder = Path(environment.get("XDG_CONFIG_HOME") or "~/.config").expanduser()
     return folder / FOLDER / f"{config.stem}.toml"

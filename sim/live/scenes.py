@@ -1,4 +1,4 @@
-"""The two things a simulated lidar can look at: a world in which the car drives, and a recording of a real one."""
+"""Scenes of a simulated lidar: a world in which the car drives, and a recording of a real one."""
 
 import math
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ AFTER_CRASH_S = 0.5
 
 
 class WorldScene:
-    """A world with the car in it; over after so many laps, or shortly after a crash."""
+    """World with the car in it; ends after the requested laps, or shortly after a crash."""
 
     model = UST_10LX
 
@@ -46,18 +46,18 @@ class WorldScene:
 
     @property
     def collided(self) -> bool:
-        """Whether the car touched anything."""
+        """Return whether the car touched anything."""
         return self._crashed_s is not None
 
     @property
     def finished(self) -> bool:
-        """Whether all laps are done, or the car crashed a moment ago."""
+        """Return whether all laps are done, or the car crashed a moment ago."""
         if self._crashed_s is not None:
             return self._time_s - self._crashed_s > AFTER_CRASH_S
         return self._wanted_laps is not None and len(self.lap_times_s) >= self._wanted_laps
 
     def step(self, time_s: float, vehicle: Vehicle) -> bool:
-        """Look at the car; count laps and notice contact."""
+        """Observe the car; count laps and detect contact."""
         self._time_s = time_s
         pose = vehicle.pose
         self.surroundings.update(time_s, pose, vehicle.speed_mps)
@@ -70,13 +70,13 @@ class WorldScene:
         return contact
 
     def sample(self, time_s: float, vehicle: Vehicle) -> Sample:
-        """Measure how the car stands in the world."""
+        """Return the true state of the car in the world."""
         pose = vehicle.pose
         wall_m, clearance_m = self.world.wall_distance_m(pose, self._side), self.surroundings.clearance(pose)
         return Sample(time_s, pose.x_m, pose.y_m, pose.yaw_rad, vehicle.speed_mps, wall_m, clearance_m)
 
     def scan(self, time_s: float, vehicle: Vehicle) -> tuple[Ranges, int] | None:
-        """Look around, once a revolution; revolutions that the computer was too late for are left out."""
+        """Return the scan of a due revolution; revolutions missed by a late computer are skipped."""
         if time_s < self._next_s:
             return None
         period_s = self.model.period_s
@@ -90,16 +90,16 @@ class WorldScene:
         return np.vstack([self.world.outline_m, things]) if len(things) else self.world.outline_m
 
     def put(self, obstacle: Obstacle) -> None:
-        """Let an obstacle appear when its moment comes."""
+        """Add an obstacle, which appears at its time."""
         self.surroundings.put(obstacle)
 
     def clear(self) -> None:
-        """Take all obstacles away."""
+        """Remove all obstacles."""
         self.surroundings.clear()
 
 
 class RecordingScene:
-    """A recording, played at the pace at which it was received; the car moves, but the scans do not care."""
+    """Recording, played at the pace at which it was received; the car moves, but the scans do not depend on it."""
 
     def __init__(self, recording: Recording) -> None:
         self.recording = recording
@@ -111,15 +111,15 @@ class RecordingScene:
 
     @property
     def finished(self) -> bool:
-        """Whether every scan was sent."""
+        """Return whether every scan was sent."""
         return self._position >= len(self.recording)
 
     def step(self, time_s: float, vehicle: Vehicle) -> bool:  # noqa: ARG002 - there is nothing to touch
-        """Nothing is known about walls."""
+        """Return no contact: the walls are unknown."""
         return False
 
     def sample(self, time_s: float, vehicle: Vehicle) -> Sample:
-        """Where the emulated car would be."""
+        """Return the pose of the emulated car."""
         pose = vehicle.pose
         return Sample(time_s, pose.x_m, pose.y_m, pose.yaw_rad, vehicle.speed_mps, math.inf, math.inf)
 
@@ -132,9 +132,9 @@ class RecordingScene:
         return self._ranges_mm[position], int(self._stamps_ms[position])
 
     def pairs(self, steering_rad: list[float]) -> list[ComparedSteering]:
-        """Pair our answers with the recorded ones, where the recorded car was let drive.
+        """Pair our answers with the recorded ones, where the recorded car was allowed to drive.
 
-        Our answer to scan k is what the servo was told when scan k+1 was sent.
+        Our answer to scan k is the servo command when scan k+1 was sent.
         """
         track = self.recording.navigation
         if track is None:

@@ -25,10 +25,10 @@ NOWHERE = np.empty((0, 4))
 
 
 class LiveView:
-    """Shows what the runtime sees and says; never touches the drive itself.
+    """Displays the runtime's perception and status; never affects the drive itself.
 
     outline_m: gives walls and obstacles as segments (n, 4); None for a recording, whose world is unknown: the view
-    then follows the car. live: what the keys change, None where they change nothing.
+    then follows the car. live: conditions changed by the keys, None without such.
     """
 
     def __init__(
@@ -93,14 +93,14 @@ class LiveView:
 
 
 def starting(record: Record) -> str:
-    """Return what a start that takes long is busy with, "" for an ordinary one."""
+    """Return the current step of a start that takes long, "" for an ordinary one."""
     if record.address is not None or record.starting_s < SLOW_START_S:
         return ""
     return "the car is starting; the first time it compiles its hot path, which takes up to a minute"
 
 
 def operate_hint(address: Address | None) -> str:
-    """Return what to type in another terminal to operate this very car, "" while that is not known."""
+    """Return the command for another terminal that operates this very car, "" while it is not known."""
     if address is None or not address.endpoint:
         return ""
     there = "" if address.endpoint == DEFAULT_LISTEN else f" --connect {address.endpoint}"

@@ -1,4 +1,4 @@
-"""One simulated drive in real time: emulated devices, the unmodified runtime as a process, the truth written down."""
+"""One simulated drive in real time: emulated devices, the unmodified runtime as a process, a record of the truth."""
 
 import asyncio
 import tempfile
@@ -32,10 +32,10 @@ from sim.world.pose import Pose
 STEP_S = 0.005
 SHOW_S = 0.1
 START_TIMEOUT_S = 120.0
-"""The first start compiles the hot path, which takes a busy computer a minute."""
+"""Timeout of the start: the first one compiles the hot path, which takes a busy computer a minute."""
 USAGE_ERROR = 2
 HEARD_WITHIN_S = 3.0
-"""A drive of a moment is over before the first message; so long is waited for one."""
+"""Timeout for the first message; a short drive is over before it arrives."""
 AGAIN_S = 3.0
 STAMP_MS = 1 << 24
 """SCIP stamps are 24 bits of milliseconds and wrap."""
@@ -44,7 +44,7 @@ Ranges = npt.NDArray[np.integer]
 
 
 class SessionError(Exception):
-    """The runtime did not come up, or ended by itself; the text holds what it said. exit_code: its own."""
+    """Failure of the runtime to start, or its unexpected end; the text holds its output. exit_code: its own."""
 
     def __init__(self, said: str, exit_code: int | None = None) -> None:
         super().__init__(said)
@@ -53,7 +53,7 @@ class SessionError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class RuntimeStart:
-    """How the runtime is started. options: further words of its command line."""
+    """Start of the runtime. options: further words of its command line."""
 
     config: Path
     assignments: Sequence[str] = ()
@@ -61,15 +61,15 @@ class RuntimeStart:
 
 
 class LidarScene(Protocol):
-    """What the lidar sees: a world with the car in it, or a recording. Times are seconds since the drive began."""
+    """View of the lidar: a world with the car in it, or a recording. Times are seconds since the drive began."""
 
     @property
     def model(self) -> SensorModel:
-        """The sensor that sees it."""
+        """Return the model of the sensor."""
         ...
 
     def step(self, time_s: float, vehicle: Vehicle) -> bool:
-        """Look at the car now; True when it touches something."""
+        """Observe the car now; True when it touches something."""
         ...
 
     def sample(self, time_s: float, vehicle: Vehicle) -> Sample:
@@ -82,17 +82,17 @@ class LidarScene(Protocol):
 
     @property
     def finished(self) -> bool:
-        """Whether the drive is over by itself: laps done, recording played, car crashed."""
+        """Return whether the drive has ended: laps done, recording played, car crashed."""
         ...
 
 
 @dataclass(slots=True)
 class Record:
-    """One drive, while it goes on and afterwards.
+    """Record of one drive, while it goes on and afterwards.
 
     samples: the truth, one per scan. steering_rad: our answer to each scan, read from the wire before the next one.
-    telemetry: the runtime's newest message of each topic. unheard: why it has none, "" while it has.
-    address: where the runtime can be reached. starting_s: how long it has been waited for.
+    telemetry: the runtime's newest message of each topic. unheard: why there are none, "" if there are some.
+    address: address of the runtime. starting_s: how long the start has taken.
     began_unix_s: when time_s was 0, since 1970.
     stop_command: the last motor command it ever wrote.
     log, page: what the runtime, and the monitor beside it, printed.
@@ -116,9 +116,9 @@ class Record:
 
 
 class SimulatorSession:
-    """Builds the emulated car around a scene, lets the runtime drive it, and hands out the record.
+    """Builds the emulated car around a scene, runs the runtime with it, and provides the record.
 
-    watched: whether a monitor serves its page meanwhile. changes: what that page may change, None for nothing.
+    watched: whether a monitor serves its page meanwhile. changes: conditions that the page may change, None for none.
     """
 
     def __init__(
@@ -135,7 +135,7 @@ class SimulatorSession:
     async def run(
         self, start: RuntimeStart, duration_s: float, stop: StopRequest, on_frame: Callable[[Record], None]
     ) -> Record:
-        """Drive until the time, the scene or `stop` says so; `on_frame` is called about ten times a second."""
+        """Drive until the time, the scene or `stop` ends it; `on_frame` is called about ten times a second."""
         record = self.record
         async with AsyncExitStack() as stack:
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="wallride-")))
@@ -162,14 +162,14 @@ class SimulatorSession:
                 if listener is not None and not stop.killed:
                     await listener.wait_until_heard(HEARD_WITHIN_S)
                     record.unheard = listener.problem
-                # The world goes on while the runtime brings the car to rest.
+                # The world continues while the runtime brings the car to rest.
                 record.exit_code = await runtime.stop()
                 for task in filter(None, (going_on, listening)):
                     task.cancel()
         return record
 
     async def keep(self, duration_s: float, stop: StopRequest, tell: Callable[[Sequence[str]], None]) -> Record:
-        """Keep car and world running for whatever runtime connects, until the time or `stop` says so.
+        """Keep car and world running for any runtime that connects, until the time or `stop` ends it.
 
         tell: gets the two settings with which a runtime connects. A car that hit something is put back to its start.
         """
@@ -191,7 +191,7 @@ class SimulatorSession:
         return self.record
 
     def _once_more(self, plant: Plant, start: Pose) -> None:
-        """Put a car that hit something back to its start, and forget what is not asked for again."""
+        """Return a car that hit something to its start, and drop data that is not read again."""
         if plant.crashed:
             self._vehicle.place(start)
             plant.crashed = False
@@ -211,7 +211,7 @@ class SimulatorSession:
     async def _until_up(
         self, scip: ScipEmulator, runtime: RuntimeProcess, told: Path, on_frame: Callable[[Record], None]
     ) -> None:
-        """Wait until the runtime asks for scans and has said where it can be reached."""
+        """Wait until the runtime requests scans and has reported its address."""
         record, begin_s, shown_s = self.record, time.monotonic(), 0.0
         while not scip.streaming or record.address is None:
             record.starting_s = time.monotonic() - begin_s
@@ -256,7 +256,7 @@ class SimulatorSession:
         return Plant(self._vehicle, vesc, self._wiring, time.monotonic())
 
     def _stepper(self, scip: ScipEmulator, plant: Plant) -> Tick:
-        """Return what keeps the world up with the clock, and lets the lidar look when it is time."""
+        """Return a function that advances the world to the clock, and takes the lidar's scans when they are due."""
         begin_s = time.monotonic()
         record = self.record
         record.began_unix_s = time.time()
@@ -287,7 +287,7 @@ class SimulatorSession:
 
 
 def _last_words(runtime: RuntimeProcess) -> str:
-    """Return why it did not start: its own sentence where it ended with one, else all that it said."""
+    """Return the reason of a failed start: the runtime's own sentence if it ended with one, else all of its output."""
     if runtime.exit_code == USAGE_ERROR and runtime.log:
         return runtime.log[-1].removeprefix("wallride: ")
     said = "\n".join(runtime.log) or "nothing"

@@ -1,4 +1,4 @@
-"""Ctrl-C in a simulation: the first one is "time is up", the second one kills. Imports nothing, to be there early."""
+"""Ctrl-C in a simulation: the first one ends the time, the second one kills. Imports nothing, to be available early."""
 
 import signal
 from collections.abc import Callable, Iterator
@@ -6,11 +6,11 @@ from contextlib import contextmanager
 from types import FrameType
 
 NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
-"""A closed terminal too: what drives must not outlive the one who watches it."""
+"""Names of the signals, a closed terminal's too: the car must not outlive the observer."""
 
 
 class StopRequest:
-    """Counts the wishes to end. asked: there was one. killed: there was a second one."""
+    """Counts the stop requests. asked: there was one. killed: there was a second one."""
 
     def __init__(self) -> None:
         self._count = 0
@@ -19,16 +19,16 @@ class StopRequest:
 
     @property
     def asked(self) -> bool:
-        """Whether time is up."""
+        """Return whether a stop was requested."""
         return self._count > 0
 
     @property
     def killed(self) -> bool:
-        """Whether the orderly end is not waited for."""
+        """Return whether the orderly end is skipped."""
         return self._count > 1
 
     def ask(self) -> None:
-        """Ask once; harmless when it was asked already."""
+        """Request a stop; idempotent."""
         self._count = max(1, self._count)
 
     @contextmanager
@@ -45,7 +45,7 @@ class StopRequest:
 
     @contextmanager
     def killing(self, *kill: Callable[[], object]) -> Iterator[None]:
-        """Call these at the second wish, in place of a KeyboardInterrupt, while the block runs."""
+        """Call these at the second request, in place of a KeyboardInterrupt, while the block runs."""
         self._kill, self._is_guarded = list(kill), True
         try:
             yield

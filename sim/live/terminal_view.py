@@ -1,7 +1,7 @@
 """Draws the car in its world, seen from above, as text for a terminal. Only rendering: no input, no clock, no output.
 
 Each character is a braille cell of 2 x 4 dots, which are about square on a usual terminal. Walls are dim, scan
-points bright, the car is an arrow, a bar tells the scale. North of the map (+y) is up.
+points bright, the car is an arrow, a bar gives the scale. North of the map (+y) is up.
 """
 
 import math
@@ -28,16 +28,16 @@ SCALE = Style(color="cyan")
 LABEL = Style(dim=True)
 
 ARROWS = "→↗↑↖←↙↓↘"
-"""By eighths of a turn, counter-clockwise from +x."""
+"""Arrows by eighths of a turn, counter-clockwise from +x."""
 BRAILLE_BLANK = 0x2800
 DOT_BITS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
 """Unicode's bit of each dot in a cell, by row and column."""
 CELL_ROWS, CELL_COLUMNS = 4, 2
 
 FOLLOW_SPAN_M = 12.0
-"""How much of the world is shown across the shorter side when the view follows the car."""
+"""Width of the world shown across the shorter side when the view follows the car."""
 MARGIN = 1.05
-"""The whole world is shown this much smaller than would just fit."""
+"""Factor by which the whole world is shown smaller than would just fit."""
 MIN_SPAN_M = 1.0
 NICE_STEPS = (1.0, 2.0, 5.0)
 STATUS_WIDTH = 46
@@ -46,7 +46,7 @@ SEGMENT_COLUMNS = 4
 
 @dataclass(frozen=True, slots=True)
 class Viewport:
-    """Where world points land on the dots of a terminal: row 0 is the top, column 0 the left."""
+    """Maps world points to the dots of a terminal: row 0 is the top, column 0 the left."""
 
     width: int
     height: int
@@ -56,16 +56,16 @@ class Viewport:
 
     @property
     def columns(self) -> int:
-        """Number of dots across."""
+        """Return the number of dots across."""
         return self.width * CELL_COLUMNS
 
     @property
     def rows(self) -> int:
-        """Number of dots from top to bottom."""
+        """Return the number of dots from top to bottom."""
         return self.height * CELL_ROWS
 
     def draw(self, points_m: Floats) -> Dots:
-        """Return which dots, shape (rows, columns), are hit by world points of shape (n, 2); NaN hits none."""
+        """Return the dots, shape (rows, columns), that are hit by world points of shape (n, 2); NaN hits none."""
         dots = np.zeros((self.rows, self.columns), dtype=np.bool_)
         column = (points_m[:, 0] - self.left_m) / self.dot_m
         row = (self.top_m - points_m[:, 1]) / self.dot_m
@@ -110,7 +110,7 @@ def render_world(
 
 @dataclass(frozen=True, slots=True)
 class ViewStatus:
-    """What the page says in words beside the picture. None or NaN means "not known"."""
+    """Status of the page, as text beside the picture. None or NaN means "not known"."""
 
     time_s: float
     speed_mps: float | None
@@ -125,7 +125,7 @@ class ViewStatus:
 
 
 def status_rows(status: ViewStatus) -> list[tuple[str, str]]:
-    """Return label and text of each line, in the order in which a driver asks."""
+    """Return label and text of each line, in the order of importance for a driver."""
     return [
         ("time", f"{status.time_s:8.2f} s"),
         ("speed", _number(status.speed_mps, "+8.2f", "m/s")),

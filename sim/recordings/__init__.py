@@ -1,9 +1,9 @@
-"""Recordings of real lidars, read for playback. What was recorded is handed on exactly; nothing is cleaned here.
+"""Readers of recordings of real lidars, for playback. Recorded values are returned exactly; nothing is cleaned here.
 
-Read in this order: `recording` (what a recording is), `loading` (`load_recording`, the front door), then the two
-readers `archive` (.npz) and `ros` with `messages` (.bag, .db3, .mcap through the package `rosbags`), `tracks` (what
-both deliver and how a recording is put together from it), `salvage` and `salvage_ros2` (damaged files), and
-`sensor_units` (back to the integers that the sensor sent).
+Read in this order: `recording` (the data model), `loading` (`load_recording`, the entry point), then the two readers
+`archive` (.npz) and `ros` with `messages` (.bag, .db3, .mcap through the package `rosbags`), `tracks` (the output of
+both and the assembly of a recording from it), `salvage` and `salvage_ros2` (damaged files), and `sensor_units` (back to
+the integers that the sensor sent).
 """
 
 from sim.recordings.loading import load_recording

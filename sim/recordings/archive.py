@@ -1,4 +1,4 @@
-"""Reads the .npz archives: each message type of a bag copied into plain arrays, field by field.
+"""Reader of the .npz archives: each message type of a bag copied into plain arrays, field by field.
 
 The main lidar's arrays have plain names (`ranges`, `stamps`, `recv`, ...), those of further topics begin with
 `<topic>__`; commands are `<topic>__speed_steering`, odometry is `<topic>__x_y_yaw_vx_vy_wz`.

@@ -1,4 +1,4 @@
-"""The front door: opens a recording by its path, whatever its format."""
+"""Entry point: opens a recording by its path, whatever its format."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ def load_recording(path: Path, topic: str | None = None) -> Recording:
     path: .npz, .bag, .db3, .mcap, or a folder with a metadata.yaml.
     topic: which lidar, when the file holds several; with or without slashes. See `Recording.other_topics`.
 
-    Of a damaged ROS recording the undamaged scans are returned, and `Recording.notes` says how many.
+    Of a damaged ROS recording the undamaged scans are returned, and `Recording.notes` states their number.
 
     Raises:
         RecordingError: the file is missing, is no recording, is damaged beyond use, or holds no such lidar.

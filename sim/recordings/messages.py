@@ -1,4 +1,4 @@
-"""Collects ROS messages of the three types that playback needs, topic by topic, into tracks."""
+"""Collector of ROS messages of the three types that playback needs, topic by topic, into tracks."""
 
 import math
 from collections import Counter, defaultdict
@@ -23,14 +23,14 @@ ACKERMANN_DEFINITIONS = {
     ),
     ACKERMANN: "std_msgs/Header header\nackermann_msgs/AckermannDrive drive\n",
 }
-"""No distribution's type store knows ackermann_msgs, and ROS 2 bags before Iron hold no definitions."""
+"""Definitions of ackermann_msgs, which no distribution's type store has, and ROS 2 bags before Iron hold none."""
 
 NANOSECOND_S = 1e-9
 
 
 @dataclass(slots=True)
 class Collector:
-    """Messages so far, as rows per topic; `received_ns` is the recorder's time since 1970.
+    """Collects messages as rows per topic; `received_ns` is the recorder's time since 1970.
 
     unreadable: messages per topic that did not decode.
     """
@@ -41,7 +41,7 @@ class Collector:
     _odometries: dict[str, list[tuple[float, ...]]] = field(default_factory=lambda: defaultdict(list))
 
     def add(self, topic: str, message_type: str, received_ns: int, message: Any) -> None:  # noqa: ANN401 - built at run time by the type store
-        """Keep what playback needs of one message of one of the wanted types."""
+        """Keep the fields that playback needs of one message of one of the wanted types."""
         received_s = received_ns * NANOSECOND_S
         if message_type == LASER_SCAN:
             self._scans[topic].append((received_ns, message))
@@ -55,7 +55,7 @@ class Collector:
             self._odometries[plain_name(topic)].append((*row, twist.linear.x, twist.linear.y, twist.angular.z))
 
     def tracks(self) -> Tracks:
-        """Return everything so far as tracks, with notes about what had to be left out."""
+        """Return all collected messages as tracks, with notes about omissions."""
         tracks = Tracks()
         for topic, count in sorted(self.unreadable.items()):
             tracks.notes.append(f"{count} messages on {topic} could not be decoded and are left out.")

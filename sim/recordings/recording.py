@@ -1,4 +1,4 @@
-"""What a recording is: one lidar's scans exactly as recorded, and the commands and odometry of the same drive."""
+"""Data model of a recording: one lidar's scans exactly as recorded, and the commands and odometry of the same drive."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,20 +9,20 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 
 NAVIGATION_TOPICS = ("vesc_high_level_input_nav_0", "vesc_low_level_input_navigation", "drive")
-"""Where the autonomous program speaks: the RACECAR's two muxes, and the convention of F1TENTH."""
+"""Topics of the autonomous program: those of the RACECAR's two muxes, and the convention of F1TENTH."""
 OUTPUT_TOPICS = ("vesc_low_level_ackermann_cmd", "vesc_ackermann_cmd", "ackermann_cmd")
-"""What the last mux let through to the motor."""
+"""Topics of the last mux's output to the motor."""
 SAFETY_TOPICS = ("vesc_low_level_input_safety", "vesc_input_safety")
-"""The safety controller's override."""
+"""Topics of the safety controller's override."""
 
 OF_OTHERS = ("safety", "teleop", "joy", "manual", "estop", "low_level_ackermann", "output")
-"""Words in the names of topics on which a human, a safety rule or the last mux speaks."""
+"""Words in the names of topics of a human, a safety rule or the last mux."""
 LIKELY = ("nav", "high_level", "auto", "drive", "input")
-"""Words in the names of topics on which autonomous programs speak, the most telling first."""
+"""Words in the names of topics of autonomous programs, the most significant first."""
 
 
 class RecordingError(ValueError):
-    """A file cannot be played back; the text is one sentence that says which file, why, and what to do."""
+    """A file that cannot be played back; the text is one sentence with the file, the reason, and the remedy."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,7 +30,7 @@ class CommandTrack:
     """Drive commands of one topic over time.
 
     received_s: shape (n,), on the recording's zero; negative for commands before the first scan.
-    speed_mps, steering_rad: shape (n,), as asked for; forward and left are positive.
+    speed_mps, steering_rad: shape (n,), as requested; forward and left are positive.
     """
 
     received_s: Floats
@@ -64,13 +64,13 @@ class OdometryTrack:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """One lidar's scans, and what else was said during the drive. All arrays are read-only.
+    """One lidar's scans, and the other messages of the drive. All arrays are read-only.
 
     received_s: shape (n,), when the recorder received each scan; starts at 0 and never falls.
     stamp_s: shape (n,), the header stamps on the same zero. They may jump: clocks differ between publishers.
     ranges_m: shape (n, beams), float32, untouched: 65.533, 0, inf and NaN all occur for "no return".
     angle_min_rad, angle_step_rad: beam k points to angle_min + k * step, counter-clockwise, 0 = ahead.
-    range_min_m, range_max_m, scan_time_s: as the driver declared them; recorded ranges do not keep to them.
+    range_min_m, range_max_m, scan_time_s: as the driver declared them; recorded ranges may exceed them.
     topic: the lidar's topic as recorded; other_topics: further lidars of the file, selectable by name.
     commands: by topic, written without slashes (`plain_name`).
     notes: sentences for the user about what was chosen, left out or lost.
@@ -97,17 +97,17 @@ class Recording:
 
     @property
     def beams(self) -> int:
-        """Number of beams of every scan."""
+        """Return the number of beams of every scan."""
         return int(self.ranges_m.shape[1])
 
     @property
     def duration_s(self) -> float:
-        """Time from the first to the last scan received."""
+        """Return the time from the first to the last scan received."""
         return float(self.received_s[-1])
 
     @property
     def navigation(self) -> CommandTrack | None:
-        """What the autonomous program asked for; None when it was not recorded.
+        """Return the requests of the autonomous program; None when they were not recorded.
 
         Teams name their topics freely: of those with another name the most likely one, by its name, else the fullest.
         """
@@ -115,12 +115,12 @@ class Recording:
 
     @property
     def output(self) -> CommandTrack | None:
-        """What the low-level mux let through; None when it was not recorded."""
+        """Return the low-level mux's output; None when it was not recorded."""
         return self._first_of(OUTPUT_TOPICS)
 
     @property
     def safety(self) -> CommandTrack | None:
-        """What the safety controller demanded; None when it was not recorded or never spoke."""
+        """Return the safety controller's demands; None when they were not recorded or there were none."""
         return self._first_of(SAFETY_TOPICS)
 
     def _likely_navigation(self) -> CommandTrack | None:

@@ -1,4 +1,4 @@
-"""Reads ROS recordings without ROS: .bag of ROS 1, .db3 and .mcap of ROS 2, or a ROS 2 recording's folder.
+"""Reader of ROS recordings without ROS: .bag of ROS 1, .db3 and .mcap of ROS 2, or a ROS 2 recording's folder.
 
 The package `rosbags` is imported only when such a file is opened, so that .npz archives play without it.
 """
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def read_ros(path: Path) -> Tracks:
-    """Return all tracks of a ROS recording; of a damaged one what can be saved, with a note that says how much.
+    """Return all tracks of a ROS recording; of a damaged one the recoverable part, with a note of its size.
 
     Raises:
         RecordingError: nothing can be read, or `rosbags` is not installed.
@@ -62,12 +62,12 @@ def _read_orderly(path: Path) -> Tracks:
 
 
 def _sentence(error: BaseException) -> str:
-    """Return an error's words, without the quotes and commas of a tuple that a library put among them."""
+    """Return an error's text, without the quotes and commas of a tuple that a library put into it."""
     return re.sub(r"\('([^']*)',\)", r"\1", str(error))
 
 
 def _salvaged(path: Path) -> Tracks:
-    """Read past the damage: ROS 1 records can be found again, an MCAP can be closed, a .db3 read without index."""
+    """Read past the damage: ROS 1 records are searched, an MCAP is closed, a .db3 read without index."""
     from rosbags.typesys import Stores
 
     if path.is_dir():

@@ -1,7 +1,7 @@
-"""Saves what is whole in ROS 1 bags without index, cut off, or with lost bytes.
+"""Recovery of complete messages from ROS 1 bags without index, cut off, or with lost bytes.
 
 A ROS 1 bag (format V2.0) is a chain of records: u32 header length, header, u32 data length, data. A header is a
-chain of fields: u32 length, `name=value`. `op` says what the record is. Chunks hold records, here read in place.
+chain of fields: u32 length, `name=value`. `op` is the kind of the record. Chunks hold records, here read in place.
 """
 
 import re
@@ -13,7 +13,7 @@ TIME = struct.Struct("<II")
 MAX_HEADER_BYTES = 4096
 OP_FIELD = re.compile(rb"\x04\x00\x00\x00op=")
 MAX_STEP_BACK_BYTES = 256
-"""How far before its `op` field a record's header is looked for."""
+"""Maximum distance before its `op` field at which a record's header is searched."""
 OP_MESSAGE, OP_CHUNK, OP_CONNECTION = b"\x02", b"\x05", b"\x07"
 
 
@@ -27,7 +27,7 @@ def whole_messages(bag: bytes) -> Iterator[RawMessage]:
 
     A message counts as undamaged when a well-formed record, or the end of the file, follows exactly where its
     length says: lost bytes would have moved it (unless just as many are missing as one record has). After damage
-    the next record is looked for. Compressed chunks are passed over.
+    the next record is looked for. Compressed chunks are skipped.
     """
     records = list(_whole_records(bag))
     topics = _topics(records)
@@ -67,7 +67,7 @@ def _whole_records(bag: bytes) -> Iterator[tuple[Header, bytes]]:
 
 
 def _record(bag: bytes, position: int) -> tuple[Header, int, int] | None:
-    """Return a record's header and where its data start and end, or None where no whole record lies."""
+    """Return a record's header and the bounds of its data, or None where no complete record lies."""
     found = _header(bag, position)
     if found is None or found[1] + U32.size > len(bag):
         return None
@@ -79,7 +79,7 @@ def _record(bag: bytes, position: int) -> tuple[Header, int, int] | None:
 
 
 def _header(bag: bytes, position: int) -> tuple[Header, int] | None:
-    """Return the record header at a position and where it ends, or None where there is none."""
+    """Return the record header at a position and its end, or None without one."""
     if position + U32.size > len(bag):
         return None
     end = position + U32.size + U32.unpack_from(bag, position)[0]
@@ -106,7 +106,7 @@ def _fields(block: bytes) -> Header | None:
 
 
 def _next_record(bag: bytes, after: int) -> int | None:
-    """Return where the next well-formed record header starts behind a position, or None."""
+    """Return the position of the next well-formed record header behind a position, or None."""
     for match in OP_FIELD.finditer(bag, after + 1):
         for start in range(match.start() - U32.size, max(after, match.start() - MAX_STEP_BACK_BYTES), -1):
             found = _header(bag, start)

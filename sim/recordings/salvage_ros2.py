@@ -1,4 +1,4 @@
-"""Saves what is whole in ROS 2 recordings that a killed recorder, a full disk or a bad card left behind."""
+"""Recovery of complete messages from ROS 2 recordings left by a killed recorder, a full disk or a bad card."""
 
 import sqlite3
 import struct
@@ -16,7 +16,7 @@ MCAP_OP_FOOTER, MCAP_OP_DATA_END = 0x02, 0x0F
 
 @contextmanager
 def repaired_mcap(path: Path) -> Iterator[Path]:
-    """Lend a copy of an MCAP file with everything up to its last whole record and a proper end.
+    """Provide a temporary copy of an MCAP file with everything up to its last whole record and a proper end.
 
     A recorder that was killed leaves a file without a footer, often cut in the middle of a chunk.
     """
@@ -39,7 +39,7 @@ def rows_before_damage(path: Path) -> Iterator[RawMessage]:
     """Yield the messages of a .db3 in the order in which they were written, up to the first damaged page.
 
     SQLite refuses a file that is shorter than its header says; with a writable schema (of a file opened for
-    reading only) it reads what is there. The index is not used: it lies scattered among the pages.
+    reading only) it reads the existing pages. The index is not used: it lies scattered among the pages.
     """
     location = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
     with closing(sqlite3.connect(location, uri=True)) as database, suppress(sqlite3.DatabaseError):

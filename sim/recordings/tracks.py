@@ -1,4 +1,4 @@
-"""What a reader delivers, in the recorder's absolute time, and how a recording is put together from it."""
+"""Output of the readers, in the recorder's absolute time, and assembly of a recording from it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -27,7 +27,7 @@ class LidarTrack:
 
 @dataclass(slots=True)
 class Tracks:
-    """Everything a reader found in one file, by plain topic name; times are seconds since 1970.
+    """All tracks that a reader found in one file, by plain topic name; times are seconds since 1970.
 
     cut_short: why the reader could not read to the end, "" when it could.
     """
@@ -40,7 +40,7 @@ class Tracks:
 
     @property
     def scans(self) -> int:
-        """Number of scans of all lidars."""
+        """Return the number of scans of all lidars."""
         return sum(len(lidar.received_s) for lidar in self.lidars.values())
 
 

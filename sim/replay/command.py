@@ -1,4 +1,4 @@
-"""`wallride replay`: decide a recording once more and compare, or play it onto the air."""
+"""`wallride replay`: repeats the decisions of a recording and compares them, or plays it over zenoh."""
 
 import argparse
 import json
@@ -24,12 +24,12 @@ SHOWN_STOPS = 30
 
 
 def run(options: argparse.Namespace) -> int:
-    """Replay; 0 when every decision is the same (or the laws have spoken), 1 at a difference, 3 by changed laws.
+    """Replay; 0 when every decision is the same (or foreign scans were judged), 1 at a difference, 3 by changed laws.
 
-    RecordingError or SettingsError when there is nothing to replay.
+    RecordingError or SettingsError when nothing can be replayed.
     """
     kernel.use()
-    logging.getLogger("wallride").setLevel(logging.ERROR)  # the mux's words would be those of the past
+    logging.getLogger("wallride").setLevel(logging.ERROR)  # the mux's reports would carry past times
     if options.publish:
         from sim.replay import publish
 
@@ -68,14 +68,14 @@ def _again(log: DriveLog, options: argparse.Namespace, console: Console) -> int:
 
 
 def _code(verdict: ReplayVerdict) -> int:
-    """Return the exit code: other laws may decide otherwise, the same ones may not."""
+    """Return the exit code: other laws may decide otherwise, the same laws must not."""
     if verdict.first is None:
         return SAME
     return CHANGED if verdict.changed else DIFFERS
 
 
 def as_plain(name: str, verdict: ReplayVerdict) -> dict[str, Any]:
-    """Return a verdict for programs."""
+    """Return a verdict as plain data for programs."""
     return {
         "name": name,
         "identical": verdict.first is None,
@@ -149,7 +149,7 @@ def _tell(console: Console, told: RecordedRun, figures: Mapping[str, Any]) -> No
 
 
 def _write(answer: Mapping[str, Any], target: str | None) -> bool:
-    """Write JSON where it is wanted; True when it is all that is wanted."""
+    """Write JSON to the requested file; True when no other output is requested."""
     if target is None:
         return False
     text = json.dumps(answer, indent=2) + "\n"

@@ -1,4 +1,4 @@
-"""From a recorded message's bytes to its fields, by the very definitions with which it was written."""
+"""Decoder of recorded messages, by the very definitions with which they were written."""
 
 from functools import cache
 from typing import TYPE_CHECKING, Any

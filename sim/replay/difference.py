@@ -1,4 +1,4 @@
-"""Two decisions, recorded and replayed: where they differ by more than rounding, and in words."""
+"""Comparison of two decisions, recorded and replayed: differences beyond rounding, as values and sentences."""
 
 import math
 from collections.abc import Iterator
@@ -8,14 +8,14 @@ from runtime.arbitration.command import NO_WINNER, Output, Source
 from runtime.control.guidance import Guidance
 
 ROUNDING = 1e-9
-"""Another computer, or one without the compiled laws, rounds sines and sums otherwise in the last bits."""
+"""Tolerance of rounding: another computer, or one without the compiled laws, rounds sines and sums differently."""
 CLOSE = 0.02
-"""What a recording that begins in the middle may be off: metres, m/s, rad. The laws' memory before it is unknown."""
+"""Tolerance for a recording that begins in the middle: metres, m/s, rad. The laws' memory before it is unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """One value that came out otherwise.
+    """One value that differs between recording and replay.
 
     time_s: since the tape began. scan: sequence number of the newest scan. what: such as "steering".
     """
@@ -27,13 +27,13 @@ class Difference:
     replayed: object
 
     def sentence(self) -> str:
-        """Return it for people."""
+        """Return the difference as a sentence."""
         values = f"recorded {_text(self.recorded)}, replayed {_text(self.replayed)}"
         return f"scan {self.scan}, {self.time_s:.3f} s: {self.what}: {values}"
 
 
 def outputs(recorded: Output, replayed: Output, allowed: float = 0.0) -> Iterator[tuple[str, object, object]]:
-    """Yield what differs between two decisions: name, recorded, replayed; the most telling first."""
+    """Yield the differences between two decisions: name, recorded, replayed; the most significant first."""
     was, now = recorded.decision, replayed.decision
     pairs: list[tuple[str, object, object]] = [
         ("winner", was.winner, now.winner),
@@ -51,7 +51,7 @@ def outputs(recorded: Output, replayed: Output, allowed: float = 0.0) -> Iterato
 
 
 def guidances(recorded: Guidance, replayed: Guidance, allowed: float = 0.0) -> Iterator[tuple[str, object, object]]:
-    """Yield what differs between two answers of the follower."""
+    """Yield the differences between two answers of the follower."""
     if (recorded.drive is None) != (replayed.drive is None):
         yield "the follower's drive", recorded.drive, replayed.drive
     elif recorded.drive is not None and replayed.drive is not None:
@@ -67,7 +67,7 @@ def guidances(recorded: Guidance, replayed: Guidance, allowed: float = 0.0) -> I
 
 
 def same(recorded: object, replayed: object, allowed: float = 0.0) -> bool:
-    """Tell whether two values are one: numbers but for rounding, or within `allowed`; NaN is itself."""
+    """Return whether two values are equal: numbers but for rounding, or within `allowed`; NaN equals NaN."""
     if isinstance(recorded, int | float) and isinstance(replayed, int | float):
         if math.isnan(recorded) or math.isnan(replayed):
             return math.isnan(recorded) and math.isnan(replayed)

@@ -1,7 +1,7 @@
-"""Reads wallride's own recordings: MCAP with the car's topics, whole or cut off at any byte.
+"""Reader of wallride's own recordings: MCAP with the car's topics, whole or cut off at any byte.
 
-What lies in a chunk that is not whole is lost with it; everything before and, where chunks follow, behind it is kept,
-and the notes say how much is missing.
+The messages of an incomplete chunk are lost; everything before and, where chunks follow, behind it is kept, and the
+notes state how much is missing.
 """
 
 import json
@@ -19,7 +19,7 @@ from sim.recordings import RecordingError
 NS = 1_000_000_000
 MAGIC = b"\x89MCAP0\r\n"
 MAX_RECORD_B = 1 << 28
-"""No record that we write is near as long: a longer one is damage."""
+"""Maximum length of a record; the writer's are far shorter, and a longer one is damage."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class LoggedMessage:
 class DriveLog:
     """Everything of one file, in the file's order.
 
-    metadata: by record name, as written when the recording began. notes: sentences about what is missing.
+    metadata: by record name, as written when the recording began. notes: sentences about missing data.
     """
 
     name: str
@@ -51,7 +51,7 @@ class DriveLog:
 
     @cached_property
     def by_topic(self) -> Mapping[str, list[LoggedMessage]]:
-        """Messages by topic, names without outer slashes."""
+        """Return the messages by topic, names without outer slashes."""
         topics: dict[str, list[LoggedMessage]] = {}
         for message in self.messages:
             topics.setdefault(message.topic, []).append(message)
@@ -73,7 +73,7 @@ class DriveLog:
 
     @property
     def settings_text(self) -> str:
-        """The settings in force at the beginning, as TOML; "" where they were not recorded."""
+        """Return the settings in force at the beginning, as TOML; "" if they were not recorded."""
         first = next(iter(self.of(SETTINGS)), None)
         return first.payload.decode(errors="replace") if first is not None else self.fact(SETTINGS)
 
@@ -83,12 +83,12 @@ class DriveLog:
 
     @property
     def is_ours(self) -> bool:
-        """Whether this is a recording of wallride, not of another program."""
+        """Return whether this is a recording of wallride, not of another program."""
         return METADATA in self.metadata or TAPE in self.by_topic or {"status", "decision"} <= set(self.by_topic)
 
 
 def is_mcap(path: Path) -> bool:
-    """Tell whether a file begins as an MCAP file; RecordingError when it cannot be read."""
+    """Return whether a file begins as an MCAP file; RecordingError when it cannot be read."""
     try:
         with path.open("rb") as file:
             return file.read(len(MAGIC)) == MAGIC
@@ -99,7 +99,7 @@ def is_mcap(path: Path) -> bool:
 
 
 def read_log(path: Path) -> DriveLog:
-    """Return everything that is whole in an MCAP file; RecordingError when that is nothing."""
+    """Return all complete data of an MCAP file; RecordingError when there is none."""
     log = DriveLog(path.stem)
     reading = _Reading(log)
     try:

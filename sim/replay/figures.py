@@ -1,4 +1,4 @@
-"""The numbers of a run, by the simulator's and the car's own yardsticks: `sim.summary` and `runtime.control.score`."""
+"""Figures of a run, by the simulator's and the car's own measures: `sim.summary` and `runtime.control.score`."""
 
 import math
 from collections.abc import Mapping
@@ -18,19 +18,19 @@ from sim.replay.run import MuxChange, RecordedRun
 from sim.world.pose import Floats
 
 TOGETHER_S = 1e-3
-"""Two messages of one decision differ by less."""
+"""Maximum time between two messages of one decision."""
 MIN_STOP_S = 0.05
 SAME_SCAN_S = 0.02
 NEAREST_COUNT = 3
-"""The nearest two beams may be dust; the third is something."""
+"""Rank of the beam that counts as the nearest: two nearer ones may be dust."""
 CAPS = frozenset({"safety", "e-stop", "permit"})
 
 
 @dataclass(frozen=True, slots=True)
 class RecordedStop:
-    """A time in which the car was told to stand, after it had been told to move. until_s: NaN to the end of the run.
+    """A commanded stop of the car, after a command to move. until_s: NaN to the end of the run.
 
-    speed_mps: how fast it was when it was told. also: what was said later during the same stop.
+    speed_mps: speed at the command. also: later reasons during the same stop.
     """
 
     from_s: float
@@ -43,9 +43,9 @@ class RecordedStop:
 
 
 def numbers(run: RecordedRun) -> dict[str, Any]:
-    """Return all figures as plain values: what `wallride report --json` prints and the page shows.
+    """Return all figures as plain values: the output of `wallride report --json` and of the page.
 
-    Those of `sim.summary` are over what the car believed (odometry, its own distance to the wall), not over a truth.
+    Those of `sim.summary` use the car's estimates (odometry, its own distance to the wall), not the truth.
     """
     score = Score()
     for error_m in run.error.value:
@@ -71,7 +71,7 @@ def numbers(run: RecordedRun) -> dict[str, Any]:
 
 
 def samples(run: RecordedRun) -> list[Sample]:
-    """Return the car at every scan that was answered, as it believed to be."""
+    """Return the car's estimated state at every scan that was answered."""
     desired_m = run.settings.wall_follow.desired_distance_m
     path, rows = run.path, []
     nearest = _clearances(run)
@@ -90,7 +90,7 @@ def samples(run: RecordedRun) -> list[Sample]:
 
 
 def stops(run: RecordedRun) -> list[RecordedStop]:
-    """Return every stop, in order: who wanted it, and why."""
+    """Return every stop, in order: its source, and the reason."""
     found: list[RecordedStop] = []
     moved, began = False, math.nan
     for time_s, sent_mps in zip(run.sent.time_s, run.sent.value, strict=True):
@@ -106,7 +106,7 @@ def stops(run: RecordedRun) -> list[RecordedStop]:
 
 
 def _add_stop(found: list[RecordedStop], run: RecordedRun, from_s: float, until_s: float) -> None:
-    if until_s - from_s < MIN_STOP_S:  # NaN is not smaller
+    if until_s - from_s < MIN_STOP_S:  # False for NaN
         return
     why = newest_change(run, from_s)
     end_s = until_s if math.isfinite(until_s) else math.inf
@@ -120,7 +120,7 @@ def _add_stop(found: list[RecordedStop], run: RecordedRun, from_s: float, until_
 
 
 def slowed(run: RecordedRun) -> list[MuxChange]:
-    """Return the changes of mind by which a cap made the car slower without stopping it."""
+    """Return the decisions from which on a cap made the car slower without stopping it."""
     return [change for change in run.changes if change.winner in CAPS and change.allowed_mps != 0]
 
 
@@ -141,12 +141,12 @@ def points(message: LoggedMessage, car: CarSettings) -> tuple[Floats, Floats]:
     scan = decode(message)
     ranges_m = np.asarray(scan.ranges, np.float64)
     rays = directions(float(scan.angle_min), float(scan.angle_increment), ranges_m.size)
-    known = (ranges_m >= scan.range_min) & (ranges_m <= scan.range_max)  # NaN is neither
+    known = (ranges_m >= scan.range_min) & (ranges_m <= scan.range_max)  # False for NaN
     return rays[0][known] * ranges_m[known] + car.lidar_x_m, rays[1][known] * ranges_m[known]
 
 
 def _clearances(run: RecordedRun) -> tuple[Floats, Floats]:
-    """Return times and how near the outline anything was then; the car itself does not count."""
+    """Return times and the clearance of the outline then; the car's own parts do not count."""
     car = run.settings.car
     rows: Floats = np.full((len(run.scans), 2), np.inf)
     for row, (time_s, message) in zip(rows, run.scans, strict=True):
@@ -162,7 +162,7 @@ def _clearances(run: RecordedRun) -> tuple[Floats, Floats]:
 
 
 def _nearest_value(times_s: Floats, values: Floats, time_s: float) -> float:
-    """Return the value at the time that is nearest, infinity where none is near."""
+    """Return the value at the time that is nearest, infinity if none is near."""
     after = int(np.searchsorted(times_s, time_s))
     near = [at for at in (after - 1, after) if 0 <= at < len(times_s) and abs(times_s[at] - time_s) < SAME_SCAN_S]
     return float(values[min(near, key=lambda at: abs(times_s[at] - time_s))]) if near else math.inf
@@ -177,7 +177,7 @@ def _rounded(value: float, digits: int = 4) -> float | None:
 
 
 def truth_of(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what of a summary of `wallride sim --json` stands beside the car's own figures."""
+    """Return the part of a summary of `wallride sim --json` that stands beside the car's own figures."""
     names = (
         "distance_m", "mean_abs_error_m", "rms_error_m", "settle_s", "max_overshoot_m", "min_clearance_m",
         "mean_speed_mps", "laps", "lap_times_s", "collided", "world", "began_unix_s",

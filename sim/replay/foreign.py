@@ -1,7 +1,7 @@
-"""Another program's recording, driven by our laws: what they would have said to every scan, as if the car had said it.
+"""Another program's recording, judged by our laws: their decisions for every scan, as if the car had made them.
 
-The recorded car goes where it went; only the words are ours. The result is a log with the car's own topics, so that
-whatever reads our recordings (report, player, monitor) reads these too.
+The recorded motion is fixed; only the decisions are ours. The result is a log with the car's own topics, so that all
+readers of our recordings (report, player, monitor) read these too.
 """
 
 import math
@@ -48,7 +48,7 @@ ONLY_THE_WAY = "driven by another program; the words are ours"
 
 @dataclass(frozen=True, slots=True)
 class RecordedLidar:
-    """A lidar that is a file."""
+    """Lidar of a file."""
 
     health: Health
 
@@ -58,7 +58,7 @@ class RecordedLidar:
 
 
 def settings_for(recording: Recording, assignments: Sequence[str]) -> tuple[Settings, list[str]]:
-    """Return settings that suit a recording, and what was chosen, in words.
+    """Return settings that suit a recording, and a description of the choice.
 
     Side and speed are the recorded car's unless they are assigned. SettingsError when an assignment is unusable.
     """
@@ -79,7 +79,7 @@ def settings_for(recording: Recording, assignments: Sequence[str]) -> tuple[Sett
 
 
 def drive_recording(recording: Recording, settings: Settings, notes: Sequence[str] = ()) -> DriveLog:
-    """Return what the car would have said during a recorded drive; RecordingError when its scans are of many lidars."""
+    """Return the messages of the car for a recorded drive; RecordingError when its scans are of many lidars."""
     if is_foreign(recording):
         raise RecordingError(
             f"{recording.name} holds scans of several lidars on one topic (their stamps run backwards):"
@@ -117,14 +117,14 @@ class _Foreign:
         return self._log
 
     def _tick_until(self, now_s: float) -> None:
-        """Decide in the silence between two scans as the mux does, so that a hole in a recording is a stop."""
+        """Decide in the gap between two scans as the mux does, so that a gap in a recording is a stop."""
         stage = self._stage
         if now_s - stage.now_s > MAX_HOLE_S:
             stage.now_s = now_s - MAX_HOLE_S
         while stage.now_s + TICK_S < now_s:
             stage.now_s += TICK_S
             self._decided(stage.step())
-        stage.now_s = max(stage.now_s, now_s)  # stamps of others may run backwards
+        stage.now_s = max(stage.now_s, now_s)  # foreign stamps may run backwards
 
     def _answer(self, scan: Scan, state: MotorState) -> None:
         stage, newest = self._stage, self._newest
@@ -180,7 +180,7 @@ class _Foreign:
 
 
 def motor_states(recording: Recording, settings: Settings) -> list[MotorState]:
-    """Return what a motor controller would have reported at each scan: from odometry, else as the scans show it."""
+    """Return the motor state that a controller would have reported at each scan: from odometry, else from the scans."""
     if recording.odometry is not None and len(recording.odometry) > 1:
         return _by_odometry(recording, recording.odometry, settings)
     motion = motion_of(recording)
@@ -212,7 +212,7 @@ def _by_odometry(recording: Recording, track: OdometryTrack, settings: Settings)
 
 
 def _wheels_rad(speed_mps: float, turning_radps: float, settings: Settings) -> float:
-    """Return the angle of the wheels that turns a car so; 0 where it is too slow to tell."""
+    """Return the angle of the wheels for a car's turn; 0 where it is too slow to determine it."""
     car = settings.car
     if abs(speed_mps) < 0.3:
         return 0.0

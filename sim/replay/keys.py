@@ -1,4 +1,4 @@
-"""The player's keys: plain bytes of a terminal, and what each does."""
+"""Keys of the player: plain bytes of a terminal, and their actions."""
 
 import sys
 from collections.abc import Callable, Mapping
@@ -14,7 +14,7 @@ SEQUENCES: Mapping[bytes, str] = {
 
 
 def names(typed: bytes) -> list[str]:
-    """Return the keys in what was typed; what is not known is left out."""
+    """Return the keys in the typed bytes; unknown ones are left out."""
     found = []
     while typed:
         match = next((sequence for sequence in SEQUENCES if typed.startswith(sequence)), None)
@@ -25,7 +25,7 @@ def names(typed: bytes) -> list[str]:
 
 
 def press(player: Player, name: str) -> bool:
-    """Do what a key asks; False when it asks to leave."""
+    """Perform the action of a key; False for the key that quits."""
     match name:
         case "space":
             player.paused = not player.paused
@@ -45,7 +45,7 @@ def press(player: Player, name: str) -> bool:
 
 
 def single_keys() -> Callable[[], None] | None:
-    """Have the terminal hand over single keys without echo; returns how to undo it, None where there is no terminal."""
+    """Switch the terminal to single keys without echo; returns a function that restores it, None without a terminal."""
     if sys.platform == "win32" or not sys.stdin.isatty():
         return None
     import termios

@@ -1,4 +1,4 @@
-"""Any recording as a log of the car's own topics: ours as it is, another's with what our laws say to it."""
+"""Any recording as a log of the car's own topics: ours as it is, another's with the decisions of our laws."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ from sim.replay.foreign import drive_recording, settings_for
 
 @dataclass(frozen=True, slots=True)
 class OpenedRecording:
-    """ours: whether the car that is told of was driven by us."""
+    """An opened recording. ours: whether wallride drove the recorded car."""
 
     log: DriveLog
     ours: bool
 
 
 def open_any(path: Path, assignments: Sequence[str] = (), topic: str | None = None) -> OpenedRecording:
-    """Return what a file holds; assignments and topic are for recordings of others.
+    """Return the content of a file; assignments and topic are for recordings of others.
 
     RecordingError when nothing can be read, SettingsError when an assignment is unusable.
     """

@@ -1,4 +1,4 @@
-"""A recording on a timeline: what is due now, whatever one does to time: pause, hurry, jump. No clock, no bus."""
+"""Recording on a timeline: messages due now, under pause, speed and seek. No clock, no bus."""
 
 import math
 from bisect import bisect_right
@@ -11,12 +11,12 @@ from runtime.wire import topics
 from sim.replay.drive_log import NS, DriveLog, LoggedMessage
 
 PLAYED = frozenset({*TYPES, topics.STATUS, topics.DECISION})
-"""Telemetry; the tape, settings and log lines of a recording are no topic."""
+"""Topics of the telemetry; the tape, settings and log lines of a recording are no topics."""
 SLOWEST, FASTEST = 0.05, 50.0
 MAX_STEP_S = 0.5
-"""A player that was held up for longer does not fire all it missed at once."""
+"""Maximum step; after a longer delay the player does not publish all missed messages at once."""
 PAST_S = 10.0
-"""What a topic said longer ago is no picture of a moment."""
+"""Maximum age of a topic's message in the picture of a moment."""
 
 
 class Player:
@@ -39,11 +39,11 @@ class Player:
 
     @property
     def ended(self) -> bool:
-        """Whether everything was played."""
+        """Return whether everything was played."""
         return not self.loops and self.position_s >= self.duration_s
 
     def due(self) -> list[LoggedMessage]:
-        """Return what is to be published now, in order; after a jump the picture of that moment."""
+        """Return the messages to publish now, in order; after a jump the picture of that moment."""
         now_s = self._clock()
         elapsed_s, self._last_s = min(now_s - self._last_s, MAX_STEP_S), now_s
         if self._jumped:
@@ -68,17 +68,17 @@ class Player:
         return list(reversed(newest.values()))
 
     def seek(self, position_s: float) -> None:
-        """Jump; beyond the ends is at the end."""
+        """Jump to a position, limited to the recording."""
         self.position_s = min(max(0.0, position_s), self.duration_s)
         self._next = bisect_right(self._times_s, self.position_s)
         self._jumped = True
 
     def hurry(self, factor: float) -> None:
-        """Play so many times faster than now, within reason."""
+        """Multiply the speed of playing, within limits."""
         self.speed = min(max(self.speed * factor, SLOWEST), FASTEST)
 
     def obey(self, wish: object) -> None:
-        """Do what a question asks: {"pause": true}, {"speed": 2}, {"seek_s": 12}; ValueError with the remedy."""
+        """Process a request: {"pause": true}, {"speed": 2}, {"seek_s": 12}; ValueError with the remedy."""
         if not isinstance(wish, Mapping):
             raise ValueError('write an object, for example {"pause": true}')  # noqa: TRY004 - one kind of refusal
         unknown = wish.keys() - {"pause", "speed", "seek_s"}
@@ -97,7 +97,7 @@ class Player:
         self.paused = pause if pause is not None else self.paused
 
     def status(self) -> dict[str, Any]:
-        """Return where it is."""
+        """Return the state of the player."""
         return {
             "position_s": round(self.position_s, 3),
             "duration_s": round(self.duration_s, 3),

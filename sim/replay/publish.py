@@ -1,7 +1,7 @@
 """`wallride replay --publish`: a recording on zenoh under the car's own keys, as if the car were there.
 
 It is a router of its own on this machine, so that a monitor finds it where a simulated car would be. Besides the
-terminal's keys, the question `wallride/<car>/replay` steers it: {"pause": true}, {"speed": 2}, {"seek_s": 12}.
+terminal's keys, the query `wallride/<car>/replay` controls it: {"pause": true}, {"speed": 2}, {"seek_s": 12}.
 """
 
 import argparse
@@ -26,12 +26,12 @@ from sim.replay.player import PLAYED, Player
 REPLAY = "replay"
 STEP_S = 0.005
 HELD_S = 0.4
-"""While time stands still its picture is sent again so often: late subscribers see it, and it is not called old."""
+"""Period of repetition of the picture during a pause: late subscribers receive it, and it does not count as stale."""
 LINE_S = 0.2
 
 
 def play(options: argparse.Namespace) -> int:
-    """Play until the end, or until the user quits; RecordingError when there is nothing to play or no place for it."""
+    """Play until the end, or until the user quits; RecordingError for an empty recording or an unavailable address."""
     opened = open_any(options.file, options.assignments, options.topic)
     car = options.car or opened.log.fact("car") or "replay"
     player = Player(opened.log, time.monotonic, speed=options.speed, loops=options.loop)
@@ -47,7 +47,7 @@ def play(options: argparse.Namespace) -> int:
 
 
 class Broadcast:
-    """A player on the air: bus, keys, and the line that says where it is. bus: its own router."""
+    """Publishes a player over zenoh: bus, keys, and the line of its position. bus: its own router."""
 
     def __init__(self, player: Player, car: str, listen: str) -> None:
         if split_endpoint(listen)[0] != "tcp":
@@ -78,7 +78,7 @@ class Broadcast:
         return 0
 
     def answer(self, payload: bytes) -> bytes:
-        """Do what a question asks and say where it is; RefusedError with the remedy."""
+        """Process a query and return the position; RefusedError with the remedy."""
         try:
             self._player.obey(json.loads(payload or b"{}"))
         except ValueError as error:
@@ -124,6 +124,6 @@ class Broadcast:
 
 
 def line(player: Player) -> str:
-    """Return where it is, for people."""
+    """Return the position as a line of text."""
     state = "paused " if player.paused else "playing"
     return f"{state} {player.position_s:7.1f} of {player.duration_s:.1f} s, {player.speed:g} times as fast"

@@ -1,8 +1,8 @@
-"""Our own recording, decided once more by the same code, and compared decision by decision.
+"""Repetition of wallride's own recording by the same code, compared decision by decision.
 
-What came from outside is taken from the tape: scans, motor states, the words of people, whether the motor was there,
-and every answer that the clock gave. What the laws, the mux and the limiter make of it is computed anew. The recorded
-car does not follow what is replayed: after a first difference the two are two answers to the same question.
+Inputs are taken from the tape: scans, motor states, operators' commands, presence of the motor, and every reading of
+the clock. The outputs of the laws, the mux and the limiter are computed anew. The recorded car does not follow the
+replay: after a first difference the two remain decisions on the same input.
 """
 
 import copy
@@ -46,17 +46,17 @@ from sim.replay.settings_text import settings_of, with_assignments
 from sim.replay.stack import ReplayStack
 
 SETTLES_S = 5.0
-"""So long after a beginning in the middle nothing is compared: what lay before is on no tape."""
+"""Time after a beginning in the middle without comparison: the state before it is not on the tape."""
 SCANS_KEPT = 8
 FIRST_SHOWN = 20
 
 
 @dataclass(slots=True)
 class ReplayVerdict:
-    """What a replay found. differing: decisions that came out otherwise; differences: the first of them.
+    """Result of a replay. differing: number of different decisions; differences: the first of them.
 
-    exact: whether values had to agree but for rounding. notes: what the tape lacks, in sentences.
-    changed: that the laws are others than those that were recorded, in a sentence; "" where they are the same.
+    exact: whether values had to agree but for rounding. notes: sentences about data missing on the tape.
+    changed: sentence about laws other than the recorded ones; "" if they are the same.
     """
 
     decisions: int = 0
@@ -72,7 +72,7 @@ class ReplayVerdict:
 
     @property
     def first(self) -> Difference | None:
-        """The first difference, None when all is the same."""
+        """Return the first difference, None when all is the same."""
         return self.differences[0] if self.differences else None
 
 
@@ -99,16 +99,16 @@ def events_of(log: DriveLog) -> list[Event]:
 
 
 def reenact(log: DriveLog, assignments: Sequence[str] = ()) -> ReplayVerdict:
-    """Decide a recording once more, with other settings where they are assigned.
+    """Repeat the decisions of a recording, with other settings where they are assigned.
 
-    SettingsError when an assignment is unusable, RecordingError when there is nothing to decide.
+    SettingsError when an assignment is unusable, RecordingError when it holds no decisions.
     """
     events = events_of(log)
     return _Reenactment(log, events, assignments).run()
 
 
 class _Script:
-    """The clock's answers during one event; what is asked beyond them gets the last one again."""
+    """Clock readings during one event; further readings repeat the last one."""
 
     def __init__(self) -> None:
         self._answers: deque[float] = deque()
@@ -188,7 +188,7 @@ class _Reenactment:
             del self._scans[next(iter(self._scans))]
 
     def _step(self, event: DecisionEvent) -> None:
-        """Decide under the words that others had in force; they are input, whatever their expiry was."""
+        """Decide under the recorded commands of other sources; they are input, whatever their expiry was."""
         stage = self._stage
         for source in Source:
             if source in LAWS:
@@ -197,11 +197,11 @@ class _Reenactment:
                 stage.voices.silence(source)
             elif (word := event.words.get(source)) is not None:
                 stage.voices.say(word, expires_at_s=NEVER_S)
-        # A measured decision has asked the clock before it.
+        # A measured decision has read the clock before it.
         own = event.times_s.index(event.output.stamp_s) if event.output.stamp_s in event.times_s else 0
         self._clock.begin(event.times_s[own:])
         output = stage.step(delivered=event.output.delivered)
-        if self._adopts:  # what was sent before is not on the tape, and the limiter goes on from it
+        if self._adopts:  # the previous drive is not on the tape, and the limiter continues from it
             self._adopts = False
             stage.adopt(event.output.drive)
             if not event.output.delivered:
@@ -284,7 +284,7 @@ def _without_unknown(tree: Any) -> tuple[Any, list[str]]:  # noqa: ANN401 - plai
 
 
 class _Ranges:
-    """The recorded scans by their numbers, decoded when they are wanted. missing: how many were wanted in vain."""
+    """Recorded scans by their numbers, decoded on demand. missing: number of requested scans that are not recorded."""
 
     def __init__(self, log: DriveLog) -> None:
         self._messages = {message.sequence: message for message in log.of(topics.SCAN)}
@@ -304,7 +304,7 @@ class _Ranges:
 
 
 def changed_laws(log: DriveLog) -> str:
-    """Return a sentence where other laws decided than those that replay, or may have; "" for the same."""
+    """Return a sentence if the recorded laws differ, or may differ, from those that replay; "" for the same."""
     recorded, ours = log.fact("version"), version("wallride")
     laws = log.fact("laws")
     if laws == laws_fingerprint():

@@ -1,4 +1,4 @@
-"""What a recording tells about a run, as plain series on one clock; times are seconds since its first message."""
+"""Data of a recorded run, as plain series on one clock; times are seconds since its first message."""
 
 import math
 from bisect import bisect_left
@@ -39,7 +39,7 @@ class Series:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OdometryPath:
-    """Where the car believed to be, all (n,): the odometry's frame, speed along the car."""
+    """Poses estimated by the odometry, all (n,): the odometry's frame, speed along the car."""
 
     time_s: Floats
     x_m: Floats
@@ -50,7 +50,7 @@ class OdometryPath:
 
 @dataclass(frozen=True, slots=True)
 class MuxChange:
-    """A change of the mux's mind. Speeds: the driver's wish (NaN without), after the caps, and as sent."""
+    """A change of the mux's decision. Speeds: requested by the driver (NaN without), after the caps, and as sent."""
 
     time_s: float
     winner: str
@@ -65,7 +65,7 @@ class MuxChange:
 
 @dataclass(eq=False)
 class RecordedRun:
-    """Everything that the page shows. statuses: (time, fields). duration_s: to the last message.
+    """All data of the page. statuses: (time, fields). duration_s: to the last message.
 
     zero_unix_s: the first message's time since 1970, 0 where it has no date.
     """
@@ -90,7 +90,7 @@ class RecordedRun:
 
     @property
     def status(self) -> Mapping[str, Any]:
-        """The newest status, empty where none was recorded."""
+        """Return the newest status, empty if none was recorded."""
         return self.statuses[-1][1] if self.statuses else {}
 
     def scan_at(self, time_s: float) -> LoggedMessage | None:
@@ -102,9 +102,9 @@ class RecordedRun:
 
 
 def run_of(log: DriveLog) -> RecordedRun:
-    """Return the run that a log tells of."""
+    """Return the run recorded in a log."""
     zero_ns = min((message.stamp_ns for message in log.messages if message.stamp_ns > 0), default=0)
-    if log.messages and log.messages[0].stamp_ns < SECONDS_OF_A_DAY * NS:  # another's recording has no date
+    if log.messages and log.messages[0].stamp_ns < SECONDS_OF_A_DAY * NS:  # foreign recordings have no date
         zero_ns = 0
 
     def seconds(time_ns: int) -> float:
@@ -137,7 +137,7 @@ def run_of(log: DriveLog) -> RecordedRun:
 
 
 def _wishes(log: DriveLog) -> list[LoggedMessage]:
-    """Return the wishes of the driving source: the operator's where there are any at that time, else navigation's."""
+    """Return the requests of the driving source: the operator's where there are any at that time, else navigation's."""
     both = [*log.of(topics.NAVIGATION), *log.of(topics.TELEOP)]
     return sorted(both, key=lambda message: message.stamp_ns)
 
@@ -156,7 +156,7 @@ def _path(log: DriveLog, zero_ns: int) -> OdometryPath:
 
 
 def _changes(log: DriveLog, zero_ns: int) -> list[MuxChange]:
-    """Return what was decided, only where winner, driver, reason or delivery changed."""
+    """Return the decisions at which winner, driver, reason or delivery changed."""
     changes: list[MuxChange] = []
     mind: tuple[object, ...] = ()
     for time_ns, fields in log.json(topics.DECISION):

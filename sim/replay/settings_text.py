@@ -1,4 +1,4 @@
-"""The settings under which a recording was made, with one's own on top."""
+"""Settings of a recording, with assigned changes."""
 
 import tempfile
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from sim.replay.drive_log import DriveLog
 
 
 def settings_of(log: DriveLog, assignments: Sequence[str] = ()) -> Settings:
-    """Return them; the defaults where none were recorded.
+    """Return the settings; the defaults if none were recorded.
 
     assignments: KEY=VALUE, as on the command line. SettingsError when they, or those of another version, do not fit.
     """

@@ -1,4 +1,4 @@
-"""The car's control code on a clock that the caller turns: the live stack and the mux, and nothing around them.
+"""Control code of the car on a clock set by the caller: the live stack and the mux, without their surroundings.
 
 These are the objects that drive the car, not copies.
 """
@@ -14,11 +14,11 @@ from runtime.settings.tree import Settings
 from runtime.tasks.mux import Mux
 
 AT_ONCE_S = 1e9
-"""So long after the last drive every other one may be sent."""
+"""Time since the last drive after which the limiter allows every other one."""
 
 
 class MotorWire:
-    """A motor without wheels: takes a command or does not, as it is told, and reports what it is told.
+    """Motor without wheels: accepts or rejects commands, and reports states, as set by the caller.
 
     takes: whether a controller is there. state: its newest report.
     """
@@ -29,7 +29,7 @@ class MotorWire:
 
     @property
     def health(self) -> Health:
-        """Its condition."""
+        """Return the condition."""
         return Health(LinkState.READY if self.takes else LinkState.ABSENT, "as recorded", "recording")
 
     async def run(self) -> Never:
@@ -37,18 +37,18 @@ class MotorWire:
         raise NotImplementedError("as recorded")
 
     def send(self, drive: Drive) -> bool:  # noqa: ARG002 - it goes nowhere
-        """Tell whether it was taken."""
+        """Return whether the command was accepted."""
         return self.takes
 
     def latch_fault(self, words: str) -> None:
-        """Have no fault."""
+        """Do nothing."""
 
     def clear_fault(self) -> None:
-        """Have no fault."""
+        """Do nothing."""
 
 
 class ReplayStack:
-    """One car's control code, with fresh memories.
+    """Control code of one car, with fresh memories.
 
     settings: those in force. clock: None for one that stands at `now_s` until it is set.
     """
@@ -60,19 +60,19 @@ class ReplayStack:
         self.clock, self.limiter = self.stack.clock, self.stack.limiter
         self.voices, self.laws = self.stack.voices, self.stack.laws
         self.look, self.follow, self.apply = self.stack.look, self.stack.follow, self.stack.apply
-        untimed = StageTimer(lambda: 0.0)  # a replay's times mean nothing
+        untimed = StageTimer(lambda: 0.0)  # a replay's durations have no meaning
         self.mux = Mux(self.voices, self.wire, self.limiter, REQUIRED, self.clock, untimed)
 
     @property
     def settings(self) -> Settings:
-        """The settings in force."""
+        """Return the settings in force."""
         return self.stack.settings
 
     def step(self, *, delivered: bool = True) -> Output:
-        """Decide now. delivered: whether the motor takes it."""
+        """Decide now. delivered: whether the motor accepts the command."""
         self.wire.takes = delivered
         return self.mux.step()
 
     def adopt(self, drive: Drive) -> None:
-        """Go on from a drive that another source sent: what may follow depends on it."""
+        """Continue from a drive that another source sent: the limits of the next one depend on it."""
         self.limiter.limit(drive.speed_mps, drive.steering_rad, AT_ONCE_S)

@@ -1,1 +1,1 @@
-"""A run as one page to hand in. Read: `run` (what is known of a run), `figures` (its numbers), `charts`, `page`."""
+"""Report of a run as one page. Read: `run` (the data of a run), `figures` (its numbers), `charts`, `page`."""

@@ -1,4 +1,4 @@
-"""Views from above as SVG text: a track among what the lidar saw, or one scan around the car."""
+"""Views from above as SVG text: a track among the lidar's points, or one scan around the car."""
 
 import math
 from collections.abc import Sequence
@@ -13,9 +13,9 @@ from sim.world.pose import Floats
 RULERS_M = (0.5, 1, 2, 5, 10, 20, 50, 100, 1000)
 MIN_RULER_PX = 40
 MAX_DOTS = 30_000
-"""Of more, every so many-th is drawn: the page is to be mailed."""
+"""Maximum number of dots; more are thinned out evenly, because the page is to be mailed."""
 SHOWN_PERCENT = (1.5, 98.5)
-"""A view holds the whole track and so much of the dots: a far glimpse through a door must not shrink it."""
+"""Percentiles of the dots within a view, besides the whole track: a far glimpse through a door must not shrink it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,7 +31,7 @@ class Above:
 
 
 def from_above(view: Above, width: int, *, tallest: int, around_m: float | None = None) -> str:
-    """Return the view; around_m: exactly so far around the origin instead of everything there is."""
+    """Return the view; around_m: exactly this far around the origin instead of all data."""
     if around_m is not None:
         left, right, low, high = -around_m, around_m, -around_m, around_m
     elif not view.dots_x_m.size + view.track_x_m.size:
@@ -74,7 +74,7 @@ def _ruler(x: Scale, height: int) -> str:
 
 
 def _thinned(points: Floats, apart: float = 1.0) -> Floats:
-    """Return the points that are at least a pixel from the one kept before."""
+    """Return the points that are at least a pixel from the previous kept one."""
     kept = [points[0]]
     for point in points[1:]:
         if abs(point - kept[-1]).max() >= apart:

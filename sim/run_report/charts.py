@@ -1,6 +1,6 @@
 """Charts over time and bars as SVG text. No scripts and no colours: the page's style has them.
 
-Marks carry classes: s1, s2, s3 are series, `dot`, `grid`, `axis`, `band`, `mark` what they say.
+Marks carry classes: s1, s2, s3 are series, `dot`, `grid`, `axis`, `band`, `mark` are the parts of that name.
 """
 
 import math
@@ -39,7 +39,7 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """Where values land: pixels = offset + value * gain."""
+    """Maps values to pixels: pixels = offset + value * gain."""
 
     offset: float
     gain: float

@@ -1,4 +1,4 @@
-"""`wallride report`: from a recording to its page and its numbers."""
+"""`wallride report`: writes the page and the numbers of a recording."""
 
 import argparse
 import json
@@ -15,7 +15,7 @@ from sim.run_report.shown import Shown, shown
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write the page of one run, or of two; RecordingError or SettingsError when there is nothing to write it from."""
+    """Write the page of one run, or of two; RecordingError or SettingsError for an unusable recording."""
     files = [options.file, *([options.beside] if options.beside is not None else [])]
     target: Path = options.output or Path(f"{'-'.join(Path(file).stem for file in files)}.html")
     _check(target)

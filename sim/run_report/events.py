@@ -1,4 +1,4 @@
-"""What happened: the table of the stops, and the scan at each event."""
+"""Events of a run: the table of the stops, and the scan at each event."""
 
 import math
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ NOT_KNOWN = "–"
 
 
 def stops_table(found: Sequence[RecordedStop], run: RecordedRun, tag: str = "") -> str:
-    """Return when, for how long, by whom and why the car was told to stand. tag: of the run, beside another."""
+    """Return the time, duration, source and reason of every commanded stop. tag: of the run, beside another."""
     if not found:
         return "<p>The car was never told to stop.</p>"
     rows = []
@@ -54,7 +54,7 @@ def cards(run: RecordedRun, found: Sequence[RecordedStop], tag: str = "") -> str
 
 
 def _apart(run: RecordedRun, found: Sequence[RecordedStop]) -> list[MuxChange]:
-    """Return the other decisions that are worth a picture: not of navigation, and not one more of the same moment."""
+    """Return the other decisions that deserve a picture: not of navigation, and not another of the same moment."""
     kept: list[MuxChange] = []
     for change in run.changes:
         at_stop = any(abs(change.time_s - stop.from_s) < SAME_EVENT_S for stop in found)

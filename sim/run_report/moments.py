@@ -1,4 +1,4 @@
-"""What the page's script knows of a run: its lines, its scans and its decisions, small enough to be mailed.
+"""Data of the page's script: lines, scans and decisions of a run, small enough to be mailed.
 
 Numbers are little-endian base64. A scan is at most 181 groups of beams; of each group the nearest beam is kept, as
 13 bits of centimetres (0: no return) and 3 bits that say which beam of the group it was.
@@ -22,9 +22,9 @@ from sim.run_report.charts import ChartLine
 from sim.world.pose import Floats
 
 MAX_POINTS = 6000
-"""Of one line; of a longer one the lowest and the highest of every piece."""
+"""Maximum number of points of a line; a longer one keeps the lowest and the highest of every piece."""
 MAX_SCANS, MIN_SCAN_GAP_S = 1200, 0.1
-"""Scans at a steady rate; those of the decisions come in addition."""
+"""Maximum number of scans at a steady rate, and their minimum gap; those of the decisions come in addition."""
 MAX_DECISION_SCANS = 200
 MAX_GROUPS, MAX_IN_GROUP = 181, 8
 GROUP_SHIFT, MAX_CM = 13, (1 << 13) - 1
@@ -32,7 +32,7 @@ MAX_PATH = 3000
 
 
 def moments(run: RecordedRun, laps_s: Sequence[float] = ()) -> dict[str, Any]:
-    """Return what the script shows of a run at one moment. laps_s: when each lap was complete."""
+    """Return the script's data of a run at each moment. laps_s: when each lap was complete."""
     car = run.settings.car
     return {
         "name": run.name,
@@ -48,7 +48,7 @@ def moments(run: RecordedRun, laps_s: Sequence[float] = ()) -> dict[str, Any]:
 def chart(
     lines: Sequence[ChartLine], unit: str, marks: Sequence[Any], band: tuple[float, float] | None
 ) -> dict[str, Any]:
-    """Return what the script draws in one chart."""
+    """Return the script's data of one chart."""
     return {
         "unit": unit,
         "lines": [_line(line) for line in lines if np.isfinite(line.value).any()],
@@ -123,7 +123,7 @@ def _scans(run: RecordedRun) -> dict[str, Any]:
 
 
 def chosen_scans(times_s: Sequence[float], run: RecordedRun) -> list[int]:
-    """Return which scans are shown: at a steady rate, and the one behind each decision."""
+    """Return the scans to show: at a steady rate, and the one behind each decision."""
     gap_s = max(MIN_SCAN_GAP_S, run.duration_s / MAX_SCANS)
     kept, next_s = set(), -math.inf
     for at, time_s in enumerate(times_s):
@@ -137,7 +137,7 @@ def chosen_scans(times_s: Sequence[float], run: RecordedRun) -> list[int]:
 
 
 def packed_scan(message: LoggedMessage, beams: int, group: int) -> npt.NDArray[np.uint16]:
-    """Return a scan's groups (ceil(beams / group),): centimetres of the nearest beam, and which one it was."""
+    """Return a scan's groups (ceil(beams / group),): centimetres of the nearest beam, and its number in the group."""
     scan = decode(message)
     ranges_m = np.asarray(scan.ranges, np.float64)[:beams]
     known = (ranges_m >= scan.range_min) & (ranges_m <= scan.range_max)

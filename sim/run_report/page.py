@@ -1,4 +1,4 @@
-"""The page: one HTML file that asks nothing of any network; dark, light and on paper; one run, or two side by side.
+"""The page: one HTML file without network requests; dark, light and on paper; one run, or two side by side.
 
 Without its script it is complete on paper; with it one moment is shown in all plots, beside the scan and the decision.
 """
@@ -81,7 +81,7 @@ def _each(runs: Sequence[Shown], title: str, draw: Callable[[Shown], str], words
 
 
 def _over_time(runs: Sequence[Shown], charts: dict[str, dict[str, Any]]) -> list[str]:
-    """Return the sections with time as their axis; what the script draws in them goes into `charts`."""
+    """Return the sections with time as their axis; the script's data of them goes into `charts`."""
     marks = [Mark(stop.from_s, f"{one.tag}{number}") for one in runs for number, stop in enumerate(one.found, 1)]
     parts = (
         ("error", "Distance error over time", _error_words(runs), "m", _errors(runs)),

@@ -1,4 +1,4 @@
-"""One run as the page shows it, beside another or alone."""
+"""One run as displayed on the page, beside another or alone."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,17 +21,17 @@ class Shown:
 
     @property
     def label(self) -> str:
-        """How tables and legends call it."""
+        """Return its label in tables and legends."""
         return f"{self.tag} {self.run.name}" if self.tag else ""
 
     @property
     def world(self) -> str:
-        """In which simulated world it was, "" on a real car."""
+        """Return the name of its simulated world, "" on a real car."""
         return self.run.settings.recording.world or str((self.truth or {}).get("world") or "")
 
     @property
     def laps_s(self) -> Sequence[float]:
-        """When each lap was complete, on the run's clock; only the simulator knows."""
+        """Return the times of complete laps, on the run's clock; only the simulator has them."""
         truth = self.truth or {}
         began_s = float(truth.get("began_unix_s") or self.run.zero_unix_s) - self.run.zero_unix_s
         return [began_s + end_s for end_s in accumulate(truth.get("lap_times_s") or ())]

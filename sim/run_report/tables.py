@@ -1,4 +1,4 @@
-"""The page's head and its tables: figures, settings, who decided."""
+"""Head of the page and its tables: figures, settings, shares of the sources."""
 
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -24,7 +24,7 @@ ROWS = (
     ("collided", "touched something", ""),
 )
 NOT_OF_THE_DRIVE = ("recording.", "telemetry.", "log.", "process.")
-"""Settings that say where words go; they are among all settings, not in the table."""
+"""Prefixes of settings of the output; they are among all settings, not in the table."""
 
 
 def head(shown: Shown) -> str:
@@ -64,7 +64,7 @@ def _laps(times_s: Sequence[float]) -> str:
 
 
 def figures(runs: Sequence[Shown]) -> str:
-    """Return the table; its cells carry the names of the summary's values for those who read them by program."""
+    """Return the table; its cells carry the names of the summary's values for programs."""
     columns: list[tuple[str, Mapping[str, Any]]] = []
     for shown in runs:
         columns.append((shown.tagged("by the car"), shown.numbers))
@@ -106,7 +106,7 @@ def _cell(name: str, value: object, unit: str, *, known: bool) -> str:
 
 
 def settings(runs: Sequence[Shown]) -> str:
-    """Return what differs from the defaults, and between two runs; and everything, folded."""
+    """Return the settings that differ from the defaults, and between two runs; and all of them, folded."""
     default = flat(Settings().model_dump(mode="json"))
     values = [flat(shown.run.settings.model_dump(mode="json")) for shown in runs]
     names = [name for name in dict.fromkeys(key for one in values for key in one) if _is_told(name, values, default)]
@@ -156,7 +156,7 @@ def _value(value: object) -> str:
 
 
 def winners(numbers: Mapping[str, Any]) -> str:
-    """Return how long each source decided, as bars."""
+    """Return the share of time of each deciding source, as bars."""
     seconds = numbers["winners"]
     total_s = sum(seconds.values())
     if not total_s:

@@ -1,4 +1,4 @@
-"""The path from above, among the walls as the lidar saw them."""
+"""Path from above, among the walls seen by the lidar."""
 
 import math
 
@@ -31,7 +31,7 @@ def track(shown: Shown, width: int) -> str:
 
 
 def _map(run: RecordedRun) -> tuple[Floats, Floats]:
-    """Return the points of a scan every half metre or so, where odometry says that they are."""
+    """Return the points of a scan every half metre or so, placed by the odometry."""
     path, last, xs, ys = run.path, None, [], []
     every_m = max(MAP_EVERY_M, float(np.hypot(np.diff(path.x_m), np.diff(path.y_m)).sum()) / MOST_MAP_SCANS)
     for time_s, message in run.scans:
@@ -48,7 +48,7 @@ def _map(run: RecordedRun) -> tuple[Floats, Floats]:
 
 
 def _on_itself(x_m: Floats, y_m: Floats, run: RecordedRun) -> npt.NDArray[np.bool_]:
-    """Return which points are the car's own body, or as near as dirt."""
+    """Return the points that are the car's own body, or as near as dirt."""
     car = run.settings.car
     ahead, aside = x_m < car.front_m + BODY_M, np.abs(y_m) < car.half_width_m + BODY_M
     return ahead & aside & (x_m > -car.rear_m - BODY_M)
