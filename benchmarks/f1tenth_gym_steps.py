@@ -1,4 +1,4 @@
-"""f1tenth_gym's side of benchmarks/simulator.py: runs in an interpreter of its own that can import f110_gym.
+"""Counterpart of benchmarks/simulator.py for f1tenth_gym: runs in an interpreter of its own that can import f110_gym.
 
 Reads a JSON request from standard input and writes the answer to standard output. Uses the gym's `Simulator` itself,
 below the environment's own bookkeeping, which only helps it. Times are the process's CPU time.
@@ -33,7 +33,7 @@ def made(path: dict[str, Any], integrator: Any) -> Any:  # noqa: ANN401 - the gy
 
 
 def steps_per_second(path: dict[str, Any], integrator: Any, seconds: float, *, noisy: bool) -> float:  # noqa: ANN401
-    """Steps per second of CPU time, driving on from the start and starting again every 50 steps."""
+    """Return the steps per second of CPU time, driving on from the start and starting again every 50 steps."""
     simulator, start, order = made(path, integrator), np.array([path["start"]]), np.array([[0.05, 1.0]])
     count, took, compiled = 0, 0.0, False
     while took < seconds:

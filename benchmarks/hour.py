@@ -33,12 +33,12 @@ PAGE_BYTES = 4096
 
 
 class CountingBus(MemoryBus):
-    """Wants everything, and keeps nothing but the count."""
+    """Subscribes to everything, and keeps only the count."""
 
     messages = 0
 
     def put(self, key: str, payload: bytes, *, encoding: str = "", urgent: bool = False) -> None:  # noqa: ARG002 - a Bus
-        """Count it."""
+        """Count the message."""
         self.messages += 1
 
 
@@ -81,7 +81,7 @@ async def drive(seconds: float) -> tuple[list[float], Counter[int], bool]:
         until_s = loop.time() + seconds / SAMPLES
         while sample < SAMPLES and loop.time() < until_s:
             await asyncio.sleep(min(MINUTE_S, until_s - loop.time()))
-            motor.wire.clear()  # the emulated motor remembers every command
+            motor.wire.clear()  # the emulated motor records every command
     gc.callbacks.pop()
     stop.set()
     await driving

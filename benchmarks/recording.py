@@ -53,7 +53,7 @@ WALLS_M = ranges_between_walls(0.9, 1.1, 8.0)
 
 
 class SteadyLidar:
-    """Delivers a scan at every due time and never makes up for one. late_s: how late each was."""
+    """Delivers a scan at every due time and never catches up on a late one. late_s: delay of each."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         noise = np.random.default_rng(1)
@@ -64,7 +64,7 @@ class SteadyLidar:
         self.delivered_s: dict[int, float] = {}
 
     async def run(self, on_scan: Callable[[Scan], None]) -> Never:
-        """Deliver for ever."""
+        """Deliver until cancelled."""
         sequence, due_s = 0, self._clock() + 0.1
         while True:
             await asyncio.sleep(max(0.0, due_s - self._clock()))
@@ -77,13 +77,13 @@ class SteadyLidar:
 
 
 class SlowDisk(RealDisk):
-    """Takes so many bytes a second."""
+    """Limits writes to a number of bytes per second."""
 
     def __init__(self, bytes_per_s: float) -> None:
         self._bytes_per_s = bytes_per_s
 
     def write(self, descriptor: int, data: memoryview) -> int:
-        """Write, in the time that such a disk takes for it."""
+        """Write, in the time that such a disk needs."""
         time.sleep(len(data) / self._bytes_per_s)
         return super().write(descriptor, data)
 
@@ -118,7 +118,7 @@ class Bench:
         self._unanswered: int | None = None
 
     async def drive(self, seconds: float) -> None:
-        """Drive for so long."""
+        """Drive for a duration."""
         for_safety: Inbox[Scan] = Inbox(self._clock)
         for_follower: Inbox[Scan] = Inbox(self._clock)
         self.voices.say(consent(Source.PERMIT, "bench"))
@@ -168,7 +168,7 @@ class Bench:
 
 
 def run_round(folder: Path | None, seconds: float, disk: Disk) -> tuple[dict[str, list[float]], float, float]:
-    """Return figures, processor time per second of driving, and the recorder's thread's part of it."""
+    """Return figures, processor time per second of driving, and the part of the recorder's thread in it."""
     bench = Bench(folder, disk)
     gc.collect()
     gc.freeze()

@@ -1,9 +1,9 @@
-"""How long perception and safety take for one scan of 1081 beams. Run: python benchmarks/safety.py.
+"""Duration of perception and safety for one scan of 1081 beams. Run: python benchmarks/safety.py.
 
 Microseconds: for every scan the least of several runs over the same scans (so that a busy machine does not count), of
 these the median; scans of a corridor that ends in a corner (noise 0.02 m, 2 % wild beams). "eyes" is shared with the
-follower; "window" is what is learnt about the lidar's window; "look" is the rest of what is done once per scan; "limit"
-is the first question about a drive; "sum" is all of these; "again" is the same question at the next tick of the mux.
+follower; "window" is the learning of the lidar's window; "look" is the rest of the work per scan; "limit" is the first
+query about a drive; "sum" is all of these; "again" is the same query at the next tick of the mux.
 """
 
 import time
@@ -28,7 +28,7 @@ COLUMNS = ("eyes", "window", "look", "limit", "sum", "again")
 
 
 class TimedStop:
-    """What is known about the window, with a stopwatch."""
+    """Model of the window, with a stopwatch."""
 
     def __init__(self, health: LidarHealth) -> None:
         self._health = health
@@ -38,7 +38,7 @@ class TimedStop:
         return getattr(self._health, name)
 
     def update(self, view: View, motor: MotorState | None) -> None:
-        """Learn from one scan, and say how long it took."""
+        """Learn from one scan, and record the duration."""
         began_s = time.perf_counter()
         self._health.update(view, motor)
         self.took_s = time.perf_counter() - began_s

@@ -59,7 +59,7 @@ def main() -> None:
 
 
 def peer(interpreter: Path, maps: Path | None, seconds: float) -> dict[str, Any]:
-    """Let the gym do the same; its answers as plain values."""
+    """Run the same in the gym; its answers as plain values."""
     with tempfile.TemporaryDirectory() as scratch:
         drawings = [_drawn(Path(scratch), name, turn_rad) for name, turn_rad in simulator.DRAWINGS.items()]
         request = {"seconds": seconds, "maps": [_on_map(path) for path in simulator.maps_in(maps)], "drawn": drawings}
@@ -103,7 +103,7 @@ def _on_map(path: Path) -> dict[str, Any]:
 
 
 def _drawn(folder: Path, name: str, turn_rad: float) -> dict[str, Any]:
-    """Write the drawn loop as a ROS map; say where it is, and from where to look."""
+    """Write the drawn loop as a ROS map; return its place, and the poses of the measurement."""
     grid = drawn_loop(turn_rad)
     inner, stem = grid.solid[1:-1, 1:-1], name.replace(" ", "_")
     Image.fromarray(np.where(inner, 0, 254).astype(np.uint8)[::-1]).save(folder / f"{stem}.png")

@@ -2,7 +2,7 @@
 
 The unmodified `wallride run` over emulated bytes (SCIP over TCP, VESC over a pseudo-terminal); 6 s a run. Beside each
 impact stands what a straight full brake would leave: its reaction is the simulated motor's delay and 20 ms. A busy
-computer is late, in the scans that it makes as well: look at the late scans before the impact.
+computer is late, also with its own scans: check the late scans before the impact.
 """
 
 import argparse
@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def run(place: str, box: str, speed_mps: float, ahead_m: float, mu: float) -> bool:
-    """Drive once and print what came of it; return whether it hit too hard."""
+    """Drive once and print the result; return whether the impact was too hard."""
     width_m, left_m = BOXES[box]
     world = load_world(PLACES[place], side="left")
     vehicle = Vehicle(VehicleSettings(grip_mu=mu), world.start)

@@ -1,10 +1,10 @@
-"""How long wall estimation and the ball follower take for one scan of 1081 beams.
+"""Duration of wall estimation and of the ball follower for one scan of 1081 beams.
 
 Run from the repository: `python benchmarks/wall_and_follow.py`.
 
 Median of each of several runs in microseconds, after a warm-up, over the scans of a drive at 2 m/s along a corridor
 that ends in a corner, weaving by 0.1 m (noise 0.02 m, 2 % wild beams). "eyes" is the perception that safety shares, so
-it is timed apart and left out of "follow"; "wall line" is the vote of a scan of which nothing is known beforehand.
+it is timed apart and left out of "follow"; "wall line" is the vote of a scan without prior knowledge.
 """
 
 import math
@@ -33,7 +33,7 @@ SPEED_MPS = 2.0
 
 
 def drive() -> list[tuple[Scan, MotorState]]:
-    """Return the scans of a drive, and what the motor says at each."""
+    """Return the scans of a drive, and the motor state at each."""
     car, lidar = CarSettings(), LidarSettings(noise_std_m=0.02, outlier_share=0.02)
     world, rng = load_world("l_turn"), np.random.default_rng(5)
     seen = []

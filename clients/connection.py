@@ -1,4 +1,4 @@
-"""The way from a command's options to a session in which the car is known to be there."""
+"""Connection of a command: from its options to a session with a car that is known to be present."""
 
 import argparse
 import asyncio
@@ -20,17 +20,17 @@ from runtime.wire.teleop import Malformed, read_beat, session_text
 log = logging.getLogger("wallride.client")
 
 PORTS = {"tcp": 7447, "tls": 7448}
-"""tls has one of its own: `[::]` includes loopback, where tcp listens already."""
+"""Ports by protocol; tls has one of its own: `[::]` includes loopback, where tcp listens already."""
 KEYS = Path("~/.config/wallride/keys")
 HIGHEST_PORT = 65535
 ENDPOINT = re.compile(r"(tcp|tls)/(\[[0-9a-fA-F:.]+\]|[\w.-]+):(\d{1,5})")
 FIND_TIMEOUT_S = 3.0
 SETTLING_S = 0.2
-"""After the first car answered, others have so long to make themselves known."""
+"""Time after the first car's answer in which other cars can announce themselves."""
 
 
 class ConnectionProblemError(Exception):
-    """There is no way to the car; the text is one line and says what to do."""
+    """No connection to the car; the text is one line with the remedy."""
 
 
 @asynccontextmanager
@@ -50,7 +50,7 @@ async def connected(options: argparse.Namespace) -> AsyncIterator[tuple[Bus, str
 
 
 async def open_bus(options: argparse.Namespace) -> Bus:
-    """Return an open session; ConnectionProblemError when nothing answers there or the keys are refused."""
+    """Return an open session; ConnectionProblemError without an answer from the endpoint or with rejected keys."""
     return (await _open(options))[0]
 
 
@@ -75,9 +75,9 @@ async def _open(options: argparse.Namespace) -> tuple[Bus, KeyFiles | None]:
 
 
 async def find_car(bus: Bus, name: str | None, *, whose: str = "", timeout_s: float = FIND_TIMEOUT_S) -> str:
-    """Return the name of the car that is meant; ConnectionProblemError when it is not there, or not unique.
+    """Return the name of the selected car; ConnectionProblemError when it is absent, or not unique.
 
-    whose: the name on the certificate, "" without one; a car is silent towards names that it does not list.
+    whose: the name on the certificate, "" without one; a car does not answer names that it does not list.
     """
     if name is not None and not re.fullmatch(r"[a-z0-9][a-z0-9_-]*", name):
         raise ConnectionProblemError(f"--car {name}: is not a car's name; write it like car1")
@@ -99,7 +99,7 @@ async def find_car(bus: Bus, name: str | None, *, whose: str = "", timeout_s: fl
 
 
 async def check_session(bus: Bus, car: str, session: int, *, timeout_s: float = FIND_TIMEOUT_S) -> None:
-    """Return when this very start of a car is heard; ConnectionProblemError when another one answers, or none."""
+    """Return when this very start of a car answers; ConnectionProblemError when another one answers, or none."""
     heard: asyncio.Future[int] = asyncio.get_running_loop().create_future()
 
     def on_beat(_key: str, payload: bytes, _arrival_s: float) -> None:
@@ -119,7 +119,7 @@ async def check_session(bus: Bus, car: str, session: int, *, timeout_s: float = 
 
 
 def another_car(car: str, endpoint: str, wanted: int, found: int) -> str:
-    """Return what to tell a user whose car has gone, and in whose place another one answers."""
+    """Return the message for a user whose car has gone, and in whose place another one answers."""
     return (
         f"the car at {endpoint} is not the one that was meant: {car} has session {session_text(found)},"
         f" wanted was {session_text(wanted)}; it has ended, or was started again (leave --session out for any)"
@@ -127,7 +127,7 @@ def another_car(car: str, endpoint: str, wanted: int, found: int) -> str:
 
 
 class Cars:
-    """The cars that are there, by their liveliness tokens."""
+    """Present cars, by their liveliness tokens."""
 
     def __init__(self, bus: Bus) -> None:
         self.names: set[str] = set()
@@ -135,7 +135,7 @@ class Cars:
         bus.watch(topics.key("*", topics.ALIVE), self._on_token)
 
     async def changed(self) -> None:
-        """Wait until a car came or went since this last returned."""
+        """Wait for a car's arrival or departure since the last return."""
         await self._news.wait()
         self._news.clear()
 
@@ -149,7 +149,7 @@ class Cars:
 
 
 def endpoint_of(text: str, *, with_keys: bool = False) -> str:
-    """Return a zenoh endpoint for what a person writes: `car1.local`, `10.0.0.5:7447`, `tls/car1.local:7448`."""
+    """Return a zenoh endpoint for a user's text: `car1.local`, `10.0.0.5:7447`, `tls/car1.local:7448`."""
     scheme, slash, place = text.rpartition("/")
     if not slash:
         scheme = "tls" if with_keys else "tcp"

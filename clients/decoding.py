@@ -1,4 +1,4 @@
-"""From a sample's bytes to plain values and text for people."""
+"""Decoder of samples: from bytes to plain values and readable text."""
 
 import dataclasses
 import json
@@ -17,15 +17,15 @@ if TYPE_CHECKING:
 
 SHOWN_OF_ARRAY = 6
 DIGITS = 6
-"""A micrometre, a microsecond: a float32 that was written as 0.1 is read as 0.1."""
+"""Number of decimals, a micrometre or a microsecond: a float32 that was written as 0.1 is read as 0.1."""
 
 
 class UnreadableError(Exception):
-    """A payload that is not what its topic carries; the text says what is wrong."""
+    """A payload that does not fit its topic; the text names the fault."""
 
 
 def decode(topic: str, payload: bytes) -> dict[str, Any]:
-    """Return a message as plain values; UnreadableError when it is not what the topic carries."""
+    """Return a message as plain values; UnreadableError for a payload that does not fit the topic."""
     schema = TYPES.get(topic)
     if schema is not None:
         return _decode_cdr(topic, schema, payload)
@@ -42,7 +42,7 @@ def as_json(message: Mapping[str, Any]) -> str:
 
 
 def as_text(message: Mapping[str, Any], *, whole: bool = False) -> str:
-    """Return indented lines as YAML would write them, long arrays shortened unless whole is asked for."""
+    """Return indented lines in the style of YAML, long arrays shortened unless whole is requested."""
     return "\n".join(_lines(message, "", whole=whole))
 
 

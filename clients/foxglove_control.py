@@ -1,6 +1,6 @@
-"""What a viewer of `wallride foxglove` may do: read and change settings, and press the e-stop. It cannot drive.
+"""Rights of a viewer of `wallride foxglove`: read and change settings, and press the e-stop. It cannot drive.
 
-The server's callbacks come in a thread of its own; everything here is handed to the loop. Only a viewer on this machine
+The server's callbacks run in a thread of its own; all work here is passed to the loop. Only a viewer on this machine
 may change settings, because the server knows no passwords; the e-stop is for every viewer, because it only stops.
 """
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from foxglove.websocket import ChannelView, Client, ClientChannel
 
 E_STOP = "e_stop"
-"""A message of any kind on this topic is a press."""
+"""Topic of the e-stop: a message of any kind is a press."""
 NAME = "foxglove"
 PERIOD_S, PRESSED_STEPS = 0.02, 25
 ANSWER_WITHIN_S = 4.0
@@ -48,7 +48,7 @@ class EStop:
             return  # the next one comes 50 ms later
 
     async def press(self) -> None:
-        """Hold it until the car has certainly heard it, and leave."""
+        """Hold the e-stop until the car has certainly received it, and leave."""
         for _ in range(PRESSED_STEPS):
             now_s = time.monotonic()
             held = Inputs(Input.SCRIPT, live=True, event_s=now_s, pressed=frozenset({Control.ESTOP}), device=NAME)
@@ -61,7 +61,7 @@ class EStop:
 
 
 class SubscriptionListener(ServerListener):
-    """Hands what viewers want to the loop. wanted: told the topic. may_change: whether settings may be changed."""
+    """Passes the viewers' requests to the loop. wanted: gets the topic. may_change: whether settings may be changed."""
 
     def __init__(self, bus: Bus, car: str, wanted: Callable[[str], None], *, may_change: bool) -> None:
         self._loop = asyncio.get_running_loop()
@@ -74,16 +74,16 @@ class SubscriptionListener(ServerListener):
         self._pressing: set[asyncio.Task[None]] = set()
 
     def on_subscribe(self, client: "Client", channel: "ChannelView") -> None:  # noqa: ARG002 - any viewer
-        """Ask the car for a topic."""
+        """Subscribe to a topic of the car."""
         self._loop.call_soon_threadsafe(self._wanted, channel.topic.removeprefix("/"))
 
     def on_client_advertise(self, client: "Client", channel: "ClientChannel") -> None:  # noqa: ARG002 - any viewer
-        """Remember which of a viewer's channels is the e-stop."""
+        """Record which of a viewer's channels is the e-stop."""
         if channel.topic.strip("/") == E_STOP:
             self._stops.add(channel.id)
 
     def on_message_data(self, client: "Client", client_channel_id: int, data: bytes) -> None:  # noqa: ARG002 - a press
-        """Press the e-stop; other channels are not heard."""
+        """Press the e-stop; other channels are ignored."""
         if client_channel_id in self._stops:
             self._loop.call_soon_threadsafe(self._press)
 
@@ -102,7 +102,7 @@ class SubscriptionListener(ServerListener):
     def on_set_parameters(
         self, client: "Client", parameters: list[Parameter], request_id: str | None = None
     ) -> list[Parameter]:
-        """Change settings, by the car's own rules; returns what the car has then."""
+        """Change settings, by the car's own rules; returns the car's values afterwards."""
         if self._may_change:
             self._ask("set", values={one.name: one.get_value() for one in parameters}, by=NAME)
         return self.on_get_parameters(client, [one.name for one in parameters], request_id)
@@ -119,11 +119,11 @@ class SubscriptionListener(ServerListener):
         try:
             return waiting.result(ANSWER_WITHIN_S)
         except (ConnectionProblemError, RefusedError, TimeoutError):
-            return None  # a refusal shows by the old value in the answer
+            return None  # a rejection shows by the old value in the answer
 
 
 def plain(value: object) -> AnyNativeParameterValue:
-    """Return a setting's value as viewers know them; a list of others than numbers as text."""
+    """Return a setting's value in the types of viewers; a list of others than numbers as text."""
     if isinstance(value, bool | str | float):
         return value
     if isinstance(value, int):

@@ -1,7 +1,8 @@
 """`wallride foxglove`: a car's topics live for Foxglove, Lichtblick and PlotJuggler, the very bytes from zenoh.
 
-A program of its own, a client like any other; it shows, and takes settings and the e-stop, but no drive command.
-A topic is asked of the car when the first viewer wants it, because a car writes only topics that have a subscriber.
+A program of its own, a client like any other; it displays topics, and accepts settings and the e-stop, but no drive
+command. A topic is subscribed to on the car when the first viewer selects it, because a car writes only topics that
+have a subscriber.
 """
 
 import argparse
@@ -20,12 +21,12 @@ from runtime.wire import topics
 from runtime.wire.bus import Bus
 
 TEXTS = (topics.STATUS, topics.DECISION)
-"""JSON on zenoh; std_msgs/String here, as in a recording, so that one layout fits both."""
+"""Topics with JSON on zenoh; std_msgs/String here, as in a recording, so that one layout fits both."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 class FoxgloveView:
-    """Channels of one car. Every topic is offered at once; bytes flow for those that a viewer shows."""
+    """Channels of one car. Every topic is advertised at once; data flow for those that a viewer shows."""
 
     def __init__(self, bus: Bus, car: str) -> None:
         self.context = foxglove.Context()
@@ -36,7 +37,7 @@ class FoxgloveView:
         self._channels: Mapping[str, Any] = {topic: self._channel(topic, schema) for topic, schema in types.items()}
 
     def show(self, topic: str) -> None:
-        """Begin to show a topic; harmless when it is shown already or is none of the car's."""
+        """Subscribe to a topic; idempotent, and without effect for topics that the car does not have."""
         channel = self._channels.get(topic)
         if channel is None or topic in self.shown:
             return

@@ -1,4 +1,4 @@
-"""`wallride logs info`: what is in a recording, also in one without its end."""
+"""`wallride logs info`: content of a recording, also of one without its end."""
 
 import json
 import struct
@@ -21,7 +21,7 @@ MAX_RECORD_B = 1 << 28
 
 @dataclass(slots=True)
 class Info:
-    """What a pass over a file found. times_ns: first and last, since 1970. events: when, what kind, why."""
+    """Result of a pass over a file. times_ns: first and last, since 1970. events: time, kind, reason."""
 
     facts: dict[str, str] = field(default_factory=dict)
     counts: Counter[str] = field(default_factory=Counter)
@@ -33,7 +33,7 @@ class Info:
 
 
 def describe(path: Path, *, as_json: bool) -> str:
-    """Return what a file holds, as lines for people or as JSON; ConnectionProblemError when it is no recording."""
+    """Return a file's content, as readable lines or as JSON; ConnectionProblemError for other files."""
     try:
         info = read(path)
         whole = is_whole(path)
@@ -60,7 +60,7 @@ def describe(path: Path, *, as_json: bool) -> str:
 
 
 def read(path: Path) -> Info:
-    """Go through a file from its start as far as it is whole."""
+    """Read a file from its start as far as it is complete."""
     from mcap import records
     from mcap.stream_reader import StreamReader
 

@@ -1,4 +1,4 @@
-"""`wallride logs` and `wallride record`: looks at recordings, brings them here, and has a car begin or end one."""
+"""`wallride logs` and `wallride record`: lists and fetches recordings, and starts or stops one on a car."""
 
 import argparse
 import asyncio
@@ -24,7 +24,7 @@ Answer = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class ListedRecording:
-    """One recording, here or on a car. state: whole, unfinished or recording."""
+    """One recording, on this machine or on a car. state: whole, unfinished or recording."""
 
     name: str
     size_bytes: int
@@ -34,7 +34,7 @@ class ListedRecording:
 
 
 async def run(options: argparse.Namespace) -> int:
-    """Do what `wallride logs ACTION` asks; options as of `wallride.logs_options`."""
+    """Run `wallride logs ACTION`; options as of `wallride.logs_options`."""
     match options.action:
         case "info":
             from clients.log_info import describe
@@ -53,7 +53,7 @@ async def run(options: argparse.Namespace) -> int:
 
 
 async def record(options: argparse.Namespace) -> int:
-    """Do what `wallride record start|stop|status` asks."""
+    """Run `wallride record start|stop|status`."""
     wishes = {"start": {"on": True}, "stop": {"on": False}, "status": {}}
     async with connected(options) as (bus, car):
         status = await _ask_json(bus, car, requests.RECORD, **wishes[options.action])
@@ -94,7 +94,7 @@ def _listed(folder: Path, entry: Entry, above: Path) -> ListedRecording:
 
 
 def _keep(options: argparse.Namespace) -> int:
-    """Take recordings out of their ring, which would let go of them one day."""
+    """Move recordings out of their ring, which would delete them one day."""
     for path in options.files:
         found = _found(path)
         try:
@@ -105,7 +105,7 @@ def _keep(options: argparse.Namespace) -> int:
 
 
 async def _there(options: argparse.Namespace) -> int:
-    """List, get or trim what a car has."""
+    """List, get or trim the recordings of a car."""
     async with connected(options) as (bus, car):
         if options.action == "trim":
             answer = await _ask_json(bus, car, requests.TRIM, keep_mb=options.keep_mb)
@@ -135,8 +135,8 @@ def _chosen(files: Sequence[ListedRecording], options: argparse.Namespace) -> li
 
 
 async def _fetch(bus: Bus, car: str, file: ListedRecording, options: argparse.Namespace) -> Path:
-    """Bring one file here, going on where an earlier try ended; an unfinished one is finished here."""
-    if parse(file.name) is None:  # a car must not choose where files are written on this machine
+    """Fetch one file, resuming an earlier attempt; an unfinished one is completed on this machine."""
+    if parse(file.name) is None:  # a car must not choose the place of files on this machine
         raise ConnectionProblemError(f"{car} offers {file.name!r}, which is not the name of a recording")
     target = Path(options.output) / file.name
     part = target.with_name(target.name + PART)
@@ -165,7 +165,7 @@ async def _fetch(bus: Bus, car: str, file: ListedRecording, options: argparse.Na
 
 
 async def _ask_some_times(bus: Bus, car: str, **question: object) -> bytes:
-    """Ask for a piece until it comes: a radio link that is gone for a moment takes one answer with it."""
+    """Request a piece repeatedly: a short loss of the radio link loses one answer."""
     for _ in range(TRIES - 1):
         try:
             return await _ask(bus, car, requests.GET, question)

@@ -1,4 +1,4 @@
-"""`wallride own-parts`: what the car's lidar sees of the car itself, and how to have it learnt anew."""
+"""`wallride own-parts`: parts of the car in its lidar's view, and the command to learn them anew."""
 
 import argparse
 import json
@@ -12,7 +12,7 @@ ANSWER_WITHIN_S = 2.0
 
 
 async def run(options: argparse.Namespace) -> int:
-    """Run one `wallride own-parts` command; what went wrong is one line."""
+    """Run one `wallride own-parts` command; an error is one line."""
     async with connected(options) as (bus, car):
         try:
             answers = await bus.ask(topics.key(car, f"{topics.OWN_PARTS}/{options.action}"), timeout_s=ANSWER_WITHIN_S)

@@ -1,4 +1,4 @@
-"""`wallride param`: lists, shows, changes and saves a driving car's settings from elsewhere."""
+"""`wallride param`: lists, shows, changes and saves a driving car's settings remotely."""
 
 import argparse
 import getpass
@@ -13,12 +13,12 @@ from runtime.wire.bus import Bus, RefusedError
 
 ANSWER_WITHIN_S = 2.0
 SAVED_WITHIN_S = 10.0
-"""A worn SD card may take seconds to confirm a write."""
+"""Timeout of saving: a worn SD card may take seconds to confirm a write."""
 MAX_NAME_LENGTH = 24
 
 
 async def run(options: argparse.Namespace) -> int:
-    """Run one `wallride param` command and print what came of it; what went wrong is one line."""
+    """Run one `wallride param` command and print its result; an error is one line."""
     actions = {"list": _list, "get": _get, "set": _set, "save": _save, "history": _history}
     async with connected(options) as (bus, car):
         try:
@@ -30,7 +30,7 @@ async def run(options: argparse.Namespace) -> int:
 
 
 async def ask(bus: Bus, car: str, what: str, timeout_s: float = ANSWER_WITHIN_S, **question: object) -> dict[str, Any]:
-    """Put one question to a car's parameter desk; RefusedError with its reason, ConnectionProblemError in silence."""
+    """Send one request to a car's parameter server; RefusedError with its reason, ConnectionProblemError on timeout."""
     payload = json.dumps(question).encode()
     try:
         answers = await bus.ask(topics.key(car, f"{topics.PARAM}/{what}"), payload, timeout_s=timeout_s)
@@ -55,7 +55,7 @@ def parsed(assignments: Sequence[str]) -> dict[str, object]:
 
 
 def table(parameters: Sequence[dict[str, Any]]) -> str:
-    """Return settings as lines of columns: name, value, what is allowed, when it takes effect, and the words."""
+    """Return settings as lines of columns: name, value, range, time of effect, and description."""
     rows = []
     for parameter in parameters:
         changed = "" if parameter["value"] == parameter["default"] else f" (default {_text(parameter['default'])})"

@@ -1,4 +1,4 @@
-"""`wallride plot`: numbers of a car's topics as curves in this terminal, live, for those on ssh."""
+"""`wallride plot`: numbers of a car's topics as curves in this terminal, live, for use over ssh."""
 
 import argparse
 import asyncio
@@ -32,7 +32,7 @@ FIELDS: Mapping[str, str] = MappingProxyType(
         topics.BEAT: "speed_mps",
     }
 )
-"""What is plotted of a topic by default."""
+"""Field plotted of a topic by default."""
 REFRESH_S = 0.25
 MAX_POINTS = 4000
 MIN_ROWS = 7
@@ -50,7 +50,7 @@ class Curve:
     trouble: str = "nothing heard yet"
 
     def hear(self, payload: bytes, arrival_s: float) -> None:
-        """Take in one message."""
+        """Add one message."""
         try:
             value = number_at(decode(self.topic, payload), self.path)
         except (UnreadableError, LookupError) as error:
@@ -61,14 +61,14 @@ class Curve:
 
     @property
     def title(self) -> str:
-        """Name and newest value."""
+        """Return the name and the newest value."""
         if self.trouble:
             return f"{self.topic}: {self.trouble}"
         return f"{self.topic}:{self.path}  {self.points[-1][1]:.4g}"
 
 
 def curve_of(text: str, car: str | None) -> tuple[str | None, Curve]:
-    """Return car and curve for what a person writes: `scan`-like topic names, `:` and a field."""
+    """Return car and curve of a user's text: `scan`-like topic names, `:` and a field."""
     name, _, path = text.partition(":")
     car, topic = split_topic(name, car)
     path = path or FIELDS.get(topic, "")
@@ -98,7 +98,7 @@ def number_at(message: Mapping[str, Any], path: str) -> float:
 
 
 def drawing(curves: Sequence[Curve], now_s: float, past_s: float, size: tuple[int, int]) -> str:
-    """Return the curves one below the other as text of so many columns and rows."""
+    """Return the curves one below the other as text of this many columns and rows."""
     from plotext import figure  # type: ignore[import-untyped]
 
     columns, rows = size

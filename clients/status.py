@@ -1,4 +1,4 @@
-"""`wallride status` and `wallride cars`: one screen that answers "why is it (not) moving?", and who is there."""
+"""`wallride status` and `wallride cars`: one screen that answers "why is it (not) moving?", and the cars present."""
 
 import argparse
 import asyncio
@@ -41,7 +41,7 @@ async def run(options: argparse.Namespace) -> int:
 
 
 async def cars(options: argparse.Namespace) -> int:
-    """Say which cars are there; exit code 1 when none is."""
+    """Print the cars present; exit code 1 when there is none."""
     bus = await open_bus(options)
     try:
         present = Cars(bus)
@@ -65,7 +65,7 @@ async def cars(options: argparse.Namespace) -> int:
 class StatusListener:
     """Keeps the newest status of each car that a key matches.
 
-    newest: of whichever spoke last; heard_s: when, on this machine's monotonic clock.
+    newest: the last one received of any car; heard_s: its time on this machine's monotonic clock.
     """
 
     def __init__(self, bus: Bus, key: str) -> None:
@@ -97,7 +97,7 @@ class StatusListener:
 
 
 def headline(status: Status) -> str:
-    """Return the answer in one line: who decided, and why."""
+    """Return the answer in one line: the deciding source, and the reason."""
     output = status.get("output") or {}
     for device in ("motor", "lidar"):
         if closed := (status.get("gates") or {}).get(device):
@@ -109,7 +109,7 @@ def headline(status: Status) -> str:
 
 
 def screen(status: Status, silent_s: float = 0.0) -> list[str]:
-    """Return the screen. silent_s: how long nothing was heard."""
+    """Return the screen. silent_s: time since the last message."""
     lines = [f"{status['car']}  {headline(status)}", "-" * RULE_WIDTH]
     if silent_s > SILENT_S:
         lines.insert(1, f"!! nothing heard for {silent_s:.1f} s: what follows is old (car off? radio gone?)")
@@ -158,7 +158,7 @@ def _rows(status: Status) -> Iterator[tuple[str, str]]:
 
 
 def own_parts_words(own_parts: Mapping[str, Any]) -> str:
-    """Return in a line what of the car itself its lidar sees."""
+    """Return a line on the parts of the car that its lidar sees."""
     patches = own_parts.get("patches", ())
     said = ", ".join(f"{part['bearing_deg']:.0f} deg at {part['range_m']:.2f} m" for part in patches) or "none known"
     since = own_parts.get("remembered")
@@ -179,7 +179,7 @@ def _voice(voice: Mapping[str, Any]) -> str:
 
 
 def overruled_words(overruled: Mapping[str, Any] | None) -> str:
-    """Return what safety says to a human whom it does not bind, and the switch; "" where it has nothing to say."""
+    """Return the warning of safety to a human whom it does not bind, and the switch; "" without a warning."""
     if not overruled:
         return ""
     said = because(str(overruled.get("reason", "")), overruled.get("measure"))

@@ -1,4 +1,4 @@
-"""`wallride topic`: what is on the air, how often, how much, and what it says.
+"""`wallride topic`: lists topics, their rate and volume, and prints their messages.
 
 A subscriber changes what a car does: it writes only topics that have a subscriber. `hz` and `bw` of one topic
 subscribe to that one alone.
@@ -25,7 +25,7 @@ LISTEN_S = 1.5
 WINDOW = 1000
 REPORT_EVERY_S = 1.0
 FIRST_WITHIN_S = 5.0
-"""A topic with nothing to say for so long gets a sentence instead of an empty screen."""
+"""Timeout after which a topic without messages gets a sentence instead of an empty screen."""
 Say = Callable[[str], object]
 Sample = tuple[str, bytes, float]
 """Topic, payload, arrival on this machine's monotonic clock [s]."""
@@ -45,13 +45,13 @@ class RateMeter:
 
     @property
     def rate_hz(self) -> float:
-        """Mean rate; NaN before the second sample."""
+        """Return the mean rate; NaN before the second sample."""
         span_s = self._span_s
         return (len(self.arrivals_s) - 1) / span_s if span_s > 0 else math.nan
 
     @property
     def bytes_per_s(self) -> float:
-        """Mean volume of payload; NaN before the second sample."""
+        """Return the mean volume of payload; NaN before the second sample."""
         span_s = self._span_s
         return (sum(self.sizes) - self.sizes[0]) / span_s if span_s > 0 else math.nan
 
@@ -89,7 +89,7 @@ class RateMeter:
 
 
 async def run(options: argparse.Namespace) -> int:
-    """Do what `wallride topic ACTION` asks; options as of `wallride.topic_options`."""
+    """Run `wallride topic ACTION`; options as of `wallride.topic_options`."""
     topic = ""
     if options.action != "list":
         options.car, topic = split_topic(options.topic, options.car)
@@ -105,7 +105,7 @@ async def run(options: argparse.Namespace) -> int:
 
 
 def split_topic(text: str, car: str | None) -> tuple[str | None, str]:
-    """Return car and topic for what a person writes: `scan`, `/scan` or `wallride/car1/scan`."""
+    """Return car and topic of a user's text: `scan`, `/scan` or `wallride/car1/scan`."""
     name = text.strip("/")
     parts = name.split("/")
     if parts[0] == topics.ROOT and len(parts) == len(("root", "car", "topic")):
@@ -120,7 +120,7 @@ def split_topic(text: str, car: str | None) -> tuple[str | None, str]:
 
 
 async def samples(bus: Bus, car: str, topic: str) -> AsyncIterator[Sample]:
-    """Yield what comes, `*` for every topic; ConnectionProblemError when nothing comes at first."""
+    """Yield the samples received, `*` for every topic; ConnectionProblemError if none comes at first."""
     waiting: asyncio.Queue[Sample] = asyncio.Queue()
     prefix = topics.key(car, "")
     bus.subscribe(
@@ -140,7 +140,7 @@ async def samples(bus: Bus, car: str, topic: str) -> AsyncIterator[Sample]:
 
 
 async def list_topics(bus: Bus, car: str, say: Say, *, seconds: float = LISTEN_S, as_json: bool = False) -> None:
-    """Listen to everything for a moment, then say what was heard."""
+    """Subscribe to everything for a moment, then print the topics received."""
     meters = {topic: RateMeter() for topic in KINDS}
     prefix = topics.key(car, "")
 
@@ -170,7 +170,7 @@ async def list_topics(bus: Bus, car: str, say: Say, *, seconds: float = LISTEN_S
 
 
 async def measure(bus: Bus, car: str, topic: str, options: argparse.Namespace) -> None:
-    """Say once a second how often, or how much, comes; `options.count` lines, then end."""
+    """Print rate or volume once a second; `options.count` lines, then end."""
     meter = RateMeter()
     line = meter.rate_line if options.action == "hz" else meter.volume_line
     said, next_s = 0, time.monotonic() + REPORT_EVERY_S
@@ -185,7 +185,7 @@ async def measure(bus: Bus, car: str, topic: str, options: argparse.Namespace) -
 
 
 async def echo(bus: Bus, car: str, topic: str, options: argparse.Namespace) -> None:
-    """Say every message, as text or as one line of JSON each; `options.count` messages, then end."""
+    """Print every message, as text or as one line of JSON each; `options.count` messages, then end."""
     said = 0
     async for name, payload, _ in samples(bus, car, topic):
         try:

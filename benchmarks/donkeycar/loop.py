@@ -1,7 +1,7 @@
 """The report's laws as parts in donkeycar's vehicle loop: `PYTHON loop.py SCANS_FILE RATE_HZ LOOP_HZ SCANS`.
 
 For a venv of its own: `python -m venv dk && dk/bin/pip install donkeycar`. The scans come from a threaded part, as a
-lidar's do; the time is taken from a scan's being there to the run of the part that would write to the motor. Prints
+lidar's do; the time is taken from a scan's arrival to the run of the part that would write to the motor. Prints
 one line of JSON: the time of each answered scan in ms.
 """
 
@@ -29,7 +29,7 @@ class LidarPart:
         self.came_s: list[float] = []
 
     def update(self) -> None:
-        """Turn, in a thread of donkeycar's."""
+        """Publish scans in a thread of donkeycar's."""
         next_s = time.monotonic()
         while self._on:
             next_s += 1 / self._rate_hz
@@ -48,10 +48,10 @@ class LidarPart:
 
 
 class WallFollower:
-    """The report's law."""
+    """Steers by the report's law."""
 
     def run(self, number: int, ranges_m: np.ndarray) -> tuple[int, float, float]:
-        """Return the scan's number, steering [rad] and what is ahead [m]."""
+        """Return the scan's number, steering [rad] and the distance ahead [m]."""
         beams = len(ranges_m)
         step_rad = 1.5 * math.pi / (beams - 1)
         first, last = (round((share * math.pi + 0.75 * math.pi) / step_rad) for share in (0.1, 0.6))
@@ -72,7 +72,7 @@ class WallFollower:
 
 
 class Safety:
-    """Stops before what is near."""
+    """Stops before near obstacles."""
 
     def run(self, ahead_m: float) -> float:
         """Return the speed."""
@@ -80,14 +80,14 @@ class Safety:
 
 
 class MotorPart:
-    """Where a command would be written."""
+    """Takes the place of the motor's writer."""
 
     def __init__(self, vehicle: Vehicle, scans: int) -> None:
         self._vehicle, self._scans = vehicle, scans
         self.answered_s: dict[int, float] = {}
 
     def run(self, number: int, steering_rad: float, speed_mps: float) -> None:  # noqa: ARG002 - it would write them
-        """Note when the first command for a scan came; end the drive after enough."""
+        """Record the time of the first command for a scan; end the drive after enough."""
         if number and number not in self.answered_s:
             self.answered_s[number] = time.monotonic()
         if number > WARM_UP + self._scans:

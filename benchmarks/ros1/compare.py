@@ -32,7 +32,7 @@ from sim.bench.rig import another_computer
 HERE = Path(__file__).resolve().parent
 NODES = str(HERE / "build" / "nodes")
 RUNTIME_PYTHON = "/usr/bin/python3"
-"""Debian's packages live in Debian's Python."""
+"""Interpreter of Debian's packages: Debian's Python."""
 ROLES = ("wall_follower", "safety", "mux")
 PORT = 11399
 PEERS: Mapping[str, tuple[bool, list[list[str]]]] = {
@@ -147,7 +147,7 @@ def donkey(scans: Path, python: str, seconds: float) -> dict[str, Any]:
 def client_run(
     stack: ExitStack, command: Sequence[str], environment: Mapping[str, str], nodes: Sequence[subprocess.Popen[str]]
 ) -> dict[str, Any]:
-    """Run the client to its end; with nodes, what they cost from after its warm-up."""
+    """Run the client to its end; with nodes, return their cost from after its warm-up."""
     client = start(stack, command, environment)
     os.sched_setaffinity(client.pid, another_computer())  # before it starts threads: it sleeps a second first
     time.sleep(4.0)
@@ -184,7 +184,7 @@ def start(stack: ExitStack, command: Sequence[str], environment: Mapping[str, st
 
 
 def write_scans(file: Path, course: BenchScans) -> None:
-    """Write what client.cpp reads."""
+    """Write the input of client.cpp."""
     header = np.array([course.model.beam_count, len(course.free), len(course.blocked)], np.int32)
     file.write_bytes(header.tobytes() + (course.ranges_mm / np.float32(1000)).astype(np.float32).tobytes())
 

@@ -25,7 +25,7 @@ def mean_of_three_nearest_m(ranges_m: np.ndarray) -> float:
 
 
 def ahead_m(scan: LaserScan, ranges_m: np.ndarray) -> float:
-    """Return what is straight ahead."""
+    """Return the distance straight ahead."""
     middle = round(-scan.angle_min / scan.angle_increment)
     ahead = ranges_m[middle - 2 : middle + 3]
     ahead = ahead[ahead > NONSENSE_BELOW_M]
@@ -33,7 +33,7 @@ def ahead_m(scan: LaserScan, ranges_m: np.ndarray) -> float:
 
 
 def steering_rad(scan: LaserScan) -> float:
-    """Return what the report's law steers."""
+    """Return the steering of the report's law."""
     ranges_m = np.array(scan.ranges)
     first = round((0.1 * math.pi - scan.angle_min) / scan.angle_increment)
     last = round((0.6 * math.pi - scan.angle_min) / scan.angle_increment)
@@ -62,7 +62,7 @@ def drive(scan: LaserScan, speed_mps: float, steering_rad: float) -> TwistStampe
 
 
 class Node:
-    """One of the three."""
+    """One of the three nodes."""
 
     def __init__(self, role: str) -> None:
         rospy.init_node(role, anonymous=True)

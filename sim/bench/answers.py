@@ -82,7 +82,7 @@ class Onsets:
 
 
 def onsets(sent: Sequence[SentScan], commands: Sequence[MotorCommand]) -> Onsets:
-    """Count; a moving command under a board counts as slipped unless it only repeats what an older scan steered."""
+    """Count; a moving command under a board is a slip unless it only repeats the steering of an older scan."""
     found = Onsets()
     times_s = [command.at_s for command in commands]
     for i, scan in enumerate(sent):

@@ -56,7 +56,7 @@ def cells(choice: CellChoice) -> list[Cell]:
 
 
 def _names(maps: Sequence[str], desired_m: float) -> list[str]:
-    """The places that a map has on either side."""
+    """Return the names of the places of a map on either side."""
     sides: tuple[Side, Side] = ("left", "right")
     most = {path: max(len(places_on(path, side, desired_m)) for side in sides) for path in maps}
     return [f"{path} {place}" for path, count in most.items() for place in range(count)]

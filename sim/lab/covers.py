@@ -1,6 +1,6 @@
 """`lab covers`: a lidar whose front is covered or silent, from the start or from a moment while driving.
 
-Every cover lies over the beams within so many degrees of straight ahead. The limit of avoidance is driven: the same run
+Every cover lies over the beams within an angle of straight ahead. The limit of avoidance is driven: the same run
 once more, with a full brake from the first covered scan on. A contact that this run does not have is a failure; so is
 every contact of a car that is covered from the start, where it could have stayed.
 """

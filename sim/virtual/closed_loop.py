@@ -56,7 +56,7 @@ class Case:
     """Conditions of a run; every default is that of the tests' car.
 
     start: pose of the rear axle, None for the world's own. start_speed_mps: the car rolls already.
-    distance_m, duration_s, standing_s: the run ends after so much way, so much time, or so long a standstill after
+    distance_m, duration_s, standing_s: the run ends after this way, this time, or this standstill after
         having moved or having tried to for 1 s. It always ends at a contact.
     latency_s: from a scan's last byte to the motor's wire; the vehicle's own delays come on top.
     brake_limit_mps2: the deceleration of a full brake; above the grip the wheels lock.
