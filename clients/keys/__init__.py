@@ -1,1 +1,1 @@
-"""`wallride keys`: a small certificate authority for one car, and the list of who may do what with it."""
+"""`wallride keys`: a small certificate authority for one car, and the access list of its operators."""

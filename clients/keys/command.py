@@ -1,4 +1,4 @@
-"""What `wallride keys` does and says."""
+"""Actions and output of `wallride keys`."""
 
 import argparse
 import json
@@ -20,7 +20,7 @@ RESTART = "the car reads the list when it starts: sudo systemctl restart wallrid
 
 
 def run(options: argparse.Namespace, car: str) -> list[str]:
-    """Do what was asked and return the lines to print; KeysError with a remedy."""
+    """Run the requested action and return the lines to print; KeysError with a remedy."""
     actions = {"init": _init, "add": _add, "revoke": _revoke, "list": _list}
     try:
         return actions[options.action](options, car, datetime.now(UTC))
@@ -93,7 +93,7 @@ def _listing(identity: CertificateIdentity, people: Sequence[AccessEntry]) -> di
 
 
 def _car_identity(directory: Path) -> CertificateIdentity:
-    """Return what the car's certificate says; its key, which only its owner may read, is not needed."""
+    """Return the identity in the car's certificate; its key, readable only by its owner, is not needed."""
     try:
         return identity_of(x509.load_pem_x509_certificate((directory / f"{CAR}.pem").read_bytes()))
     except ValueError:

@@ -1,4 +1,4 @@
-"""Why a tls endpoint did not let us in. zenoh says "timeout" to everything; here the handshake is made once by hand.
+"""Diagnosis of a rejected tls connection. zenoh reports "timeout" for every cause; here one handshake is made directly.
 
 Only after zenoh failed, only with the standard library, and nothing is sent beyond the handshake.
 """
@@ -48,7 +48,7 @@ def why_refused(endpoint: str, tls: Tls, *, timeout_s: float = 2.0) -> str:
 
 
 def nothing_heard(name: str, endpoint: str) -> str:
-    """Say why a session may be open and yet no car be there: the car is silent towards names that it does not list."""
+    """Explain an open session without a car: the car does not answer names that it does not list."""
     return (
         f"{endpoint} let {name} in and says nothing: {name} is revoked or not listed there (on the car: wallride keys "
         "list), or the car was not restarted since"
@@ -56,7 +56,7 @@ def nothing_heard(name: str, endpoint: str) -> str:
 
 
 def _after_handshake(endpoint: str, guarded: ssl.SSLSocket) -> str:
-    """In TLS 1.3 the other side judges our certificate after our handshake ended; its verdict is the next to come."""
+    """Read the verdict of the other side, which in TLS 1.3 judges our certificate after our handshake ended."""
     guarded.settimeout(0.5)
     try:
         guarded.recv(1)

@@ -27,7 +27,7 @@ _HOST_FORM = re.compile(r"[A-Za-z0-9_](?:[A-Za-z0-9._-]{0,251}[A-Za-z0-9])?|[0-9
 
 
 class KeyFolder:
-    """One car's keys. Every method raises KeysError with a remedy; `now` is the civil time with a zone."""
+    """Folder of one car's keys. Every method raises KeysError with a remedy; `now` is the civil time with a zone."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -74,11 +74,11 @@ class KeyFolder:
         _write(folder / AUTHORITY, (self.path / AUTHORITY).read_bytes(), 0o644)
         _give_to_caller(folder)
         entry = AccessEntry(person, expires=_day_after(now, days))
-        self._write_people((*others, entry))  # last: keys that are not listed open nothing
+        self._write_people((*others, entry))  # last: unlisted keys give no access
         return entry
 
     def revoke(self, name: str, today: date) -> AccessEntry:
-        """Take every right from a person, whatever certificate is shown."""
+        """Revoke all rights of a person, whatever certificate is shown."""
         people = self.people()
         entry = next((entry for entry in people if entry.person.name == name), None)
         if entry is None:
@@ -90,7 +90,7 @@ class KeyFolder:
         return entry
 
     def _others(self, name: str, today: date, *, renew: bool) -> list[AccessEntry]:
-        """Return the other people; refuse a name whose old certificate would come to life again."""
+        """Return the other people; reject a name whose old certificate would become valid again."""
         people = self.people()
         for entry in people:
             if entry.person.name != name:
@@ -163,7 +163,7 @@ def _give_to_service(key: Path) -> None:
 
 
 def _give_to_caller(folder: Path) -> None:
-    """Under sudo, hand the new folder to the one who called it, who has to carry it away."""
+    """Under sudo, give the new folder to the calling user, who has to carry it away."""
     if os.name == "posix" and os.geteuid() == 0 and (user := os.environ.get("SUDO_UID", "")).isdigit():
         group = os.environ.get("SUDO_GID", user)
         for path in (folder, *folder.iterdir()):

@@ -1,4 +1,4 @@
-"""The files of the page, read once from the package: no path that a browser sends ever reaches the disk."""
+"""Files of the page, read once from the package: no path that a browser sends ever reaches the disk."""
 
 from dataclasses import dataclass
 from importlib import resources

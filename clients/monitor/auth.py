@@ -1,9 +1,8 @@
-"""Who may come in. A page can drive a car, so other sites in the same browser must not be able to. Pure.
+"""Access control of the monitor. A page can drive a car, so other sites in the same browser must not be able to. Pure.
 
-* Host: the name under which we were asked for must be ours. A site that lets its own name point to this machine
-  (DNS rebinding) is asked for by its name, and stays outside.
-* Origin: a browser says which page opens a WebSocket. Only the page that came from here may.
-* Token: where other machines can reach the port, the address itself has to be known.
+* Host: the requested name must be the server's. A site whose own name points to this machine (DNS rebinding) is
+requested by that name, and is rejected. * Origin: the browser's statement of the page that opens a WebSocket. Only this
+server's page may. * Token: where other machines can reach the port, the address itself has to be known.
 """
 
 import hmac
@@ -16,7 +15,7 @@ LOCAL_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
 
 @dataclass(frozen=True, slots=True)
 class PageAuth:
-    """What is asked of every request.
+    """Requirements of every request.
 
     names: hosts that are us; numbers: whether any address written in digits is us too (we listen on all of them).
     token: what the address must carry, "" where only this machine can come.
@@ -27,7 +26,7 @@ class PageAuth:
     token: str = ""
 
     def objection(self, host: str, token: str) -> str:
-        """Return why a request is turned away, "" when it is welcome. host: the Host header."""
+        """Return the reason for rejecting a request, "" when it is accepted. host: the Host header."""
         name = host_name(host)
         if not (name in self.names or (self.numbers and _is_number(name))):
             return "this is not the address of a wallride monitor; use the one that `wallride monitor` printed"
@@ -36,7 +35,7 @@ class PageAuth:
         return ""
 
     def socket_objection(self, host: str, origin: str, token: str) -> str:
-        """Return why a WebSocket is turned away. origin: the Origin header, "" without one."""
+        """Return the reason for rejecting a WebSocket. origin: the Origin header, "" without one."""
         if origin.lower() != f"http://{host.lower()}":
             return "only the page that came from here may talk to the car"
         return self.objection(host, token)
@@ -52,7 +51,7 @@ def open_door(host: str, token: str) -> PageAuth:
 
 
 def is_loopback(host: str) -> bool:
-    """Tell whether only this machine can reach a host."""
+    """Return whether only this machine can reach a host."""
     if host.lower() == "localhost":
         return True
     try:

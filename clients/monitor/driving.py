@@ -1,13 +1,13 @@
-"""From a page's hands to the operator's commands: the deadman's second half. Pure: time is an argument.
+"""Operator's commands from a page's inputs: the deadman's second half. Pure: time is an argument.
 
-The same pilot as `wallride teleop`'s decides which presses count. What is special about a page is that it can stand
-still without anybody noticing: a frozen, hidden or closed tab. Therefore
+The same pilot as `wallride teleop`'s decides which presses count. In contrast to a terminal a page can stop unnoticed:
+a frozen, hidden or closed tab. Therefore
 
-* every command follows from a message of the page; nothing renews a command while the page is silent,
-* the pilot hears only the beats that the page echoes, so that a late page is late on the car's own clock too,
-* a page that is silent for SILENT_S has no hands: the car is told to stop and to want a release (a page that is busy
-  for a moment less than that loses nothing: the car itself waits 0.2 s for the next command),
-* what ends without a person's wish (closed socket, hidden tab) is never a goodbye, after which autonomy may go on.
+* every command follows from a message of the page; nothing renews a command while the page is silent, * the pilot
+receives only the beats that the page echoes, so that a late page is late on the car's own clock too, * a page that is
+silent for SILENT_S has no inputs: the car is commanded to stop and to require a release (a page that is busy for a
+moment less than that loses nothing: the car itself waits 0.2 s for the next command), * what ends without a person's
+wish (closed socket, hidden tab) is never a goodbye, after which autonomy may go on.
 
 An e-stop needs none of that: it goes out at once, also from a page that does not drive.
 """
@@ -30,9 +30,9 @@ SILENT_S = 0.15
 """Six messages of the page missing. The car learns it at the next tick, 0.02 s later at most, and by itself, from the
 age of the last command, 0.05 s later."""
 GIVE_UP_S = 1.0
-"""By then the car has stopped twice over, and has declared the operator lost."""
+"""Timeout of a silent page: by then the car has stopped twice over, and has declared the operator lost."""
 INSIST_S = 5.0
-"""So long an e-stop is repeated to a car that does not confirm it, from a page that says nothing more."""
+"""Duration of repeating an e-stop to a car that does not confirm it, from a page that sends nothing more."""
 REMEMBERED_BEATS = 256
 LAST_WORDS = 3
 NAMES: Mapping[Control, str] = {
@@ -49,7 +49,7 @@ NO_INPUT = Inputs(Input.PAGE, live=False, trouble="the page is silent: is it hid
 
 
 class PageDriver:
-    """The hands of one page.
+    """Inputs of one page.
 
     engaged: the page took control; otherwise only an e-stop leaves here.
     """
@@ -67,7 +67,7 @@ class PageDriver:
         self.engaged = False
 
     def hear(self, beat: Beat, arrival_s: float) -> None:
-        """Take a heartbeat of the car. While the page drives, it counts once the page has echoed it."""
+        """Process a heartbeat of the car. While the page drives, it counts once the page has echoed it."""
         self._newest = beat
         self._beats[beat.car_session, beat.beat] = beat
         if len(self._beats) > REMEMBERED_BEATS:
@@ -77,11 +77,11 @@ class PageDriver:
 
     @property
     def session(self) -> int:
-        """The number under which the car knows the operator of this page."""
+        """Return the number of this page's operator session on the car."""
         return self._pilot.session
 
     def whose(self, pages: Iterable["PageDriver"]) -> str:
-        """Return who operates the car: "this page", "another page" of this monitor, "elsewhere", or "" for none."""
+        """Return the operator of the car: "this page", "another page" of this monitor, "elsewhere", or "" for none."""
         beat = self._newest
         if beat is None or not beat.operator_session:
             return ""
@@ -90,7 +90,7 @@ class PageDriver:
         return "another page" if any(page.session == beat.operator_session for page in pages) else "elsewhere"
 
     def forget_car(self) -> None:
-        """Begin anew with another car; the old session must have been ended by `leave`."""
+        """Reset for another car; the old session must have been ended by `leave`."""
         self._beats.clear()
         self._newest = None
         self._pilot = self._new_pilot()
@@ -113,20 +113,20 @@ class PageDriver:
         return self._step(self._hands, now_s)
 
     def drop(self, now_s: float) -> Command | None:
-        """Return the command for hands that the page lost sight of; None when it does not drive."""
+        """Return the command for inputs that the page lost; None when it does not drive."""
         if not self.engaged:
             return None
         self._hands = NO_INPUT
         return self._step(NO_INPUT, now_s)
 
     def stop(self, now_s: float) -> Command:
-        """Return the e-stop; `tick` repeats it until the car says that it latched."""
+        """Return the e-stop; `tick` repeats it until the car reports that it latched."""
         self._stopped_s = now_s
         pressed = self._hands.pressed | {Control.ESTOP}
         return self._step(Inputs(Input.PAGE, live=True, event_s=now_s, pressed=pressed), now_s)
 
     def tick(self, now_s: float) -> Command | None:
-        """Return what has to be said without a word of the page, None when nothing has; call it 50 times a second."""
+        """Return the command due without a message of the page, or None; call it 50 times a second."""
         situation = self._pilot.situation
         if situation is not None and situation.stop_pending and now_s - self._stopped_s < INSIST_S:
             return self._step(self._hands if self._is_heard(now_s) else NO_INPUT, now_s)
@@ -138,7 +138,7 @@ class PageDriver:
         return self._step(NO_INPUT, now_s)
 
     def leave(self, now_s: float, *, deliberate: bool) -> list[Command]:
-        """Return the last words, to be sent a few milliseconds apart; [] when the page did not drive."""
+        """Return the last messages, to be sent a few milliseconds apart; [] when the page did not drive."""
         if not self.engaged:
             return []
         self.engaged, hands = False, self._hands

@@ -1,4 +1,4 @@
-"""One car as the network tells it, for all pages that watch it: one subscription each, however many pages there are."""
+"""Subscriptions of one car, for all pages that watch it: one each, however many pages there are."""
 
 import asyncio
 import json
@@ -21,14 +21,14 @@ RETRY_S = 0.5
 ASK_EVERY_S = 1.0
 ANSWER_WITHIN_S = 2.0
 SAVED_WITHIN_S = 10.0
-"""A worn SD card may take seconds to confirm a write."""
+"""Timeout of saving: a worn SD card may take seconds to confirm a write."""
 KNOWN_FOR_S = 0.5
-"""25 heartbeats; no program ends, and another one takes its port, in less."""
+"""Validity of an identity, 25 heartbeats; a program's end and another's start on its port take longer."""
 SMALL_QUESTION = json.dumps({"names": ["car.name"]}).encode()
 
 
 class Watcher(Protocol):
-    """A listener to one car. Neither call may wait."""
+    """Listener to one car. Neither call may wait."""
 
     def take(self, topic: str, payload: bytes, arrival_s: float) -> None:
         """Take a sample."""
@@ -42,9 +42,9 @@ class Watcher(Protocol):
 class PageFeed:
     """One session with one car, open while a page watches.
 
-    session: of the car's process that is meant, None for whichever answers; what another one says is not passed on,
-    and it is told nothing.
-    round_trip_s: of a small question to the car, None when it does not answer. problem: why there is no session.
+    session: of the selected process of the car, None for the first to answer; messages of another one are not passed
+    on, and it is sent nothing.
+    round_trip_s: of a small query to the car, None when it does not answer. problem: why there is no session.
     malformed: beats that could not be read. history: what pages plot, since the feed began.
     """
 
@@ -73,13 +73,13 @@ class PageFeed:
             await self._bus.close()
 
     def send(self, command: Command) -> None:
-        """Send a command at once; what cannot be sent is lost, and the car stops by itself."""
+        """Send a command at once; a failed one is dropped, and the car stops by itself."""
         if not self._is_meant():
             return
         self._bus.put(topics.key(self.car, topics.COMMAND), command.pack(), encoding=BYTES, urgent=True)
 
     async def ask(self, what: str, question: Mapping[str, Any]) -> dict[str, Any]:
-        """Put a question to the car; RefusedError with its reason, or ours when the car does not answer."""
+        """Send a query to the car; RefusedError with its reason, or ours when the car does not answer."""
         if not self._is_meant():
             raise RefusedError(self.problem or f"{self.car} is not heard")
         timeout_s = SAVED_WITHIN_S if what == "param/save" else ANSWER_WITHIN_S
@@ -114,7 +114,7 @@ class PageFeed:
         try:
             answered = await self._bus.ask(topics.key(self.car, f"{topics.PARAM}/get"), SMALL_QUESTION, timeout_s=1.0)
         except RefusedError:
-            answered = [b""]  # that was an answer too
+            answered = [b""]  # an error is an answer too
         except (ConnectionError, TimeoutError):
             answered = []
         self.round_trip_s = time.monotonic() - before_s if answered else None
@@ -143,5 +143,5 @@ class PageFeed:
             watcher.hear(beat, payload, arrival_s)
 
     def _is_meant(self) -> bool:
-        """Tell whether the car that answers is the one that is meant, by a heartbeat of just now."""
+        """Return whether the answering car is the selected one, by a heartbeat of just now."""
         return self._session is None or time.monotonic() - self._known_s < KNOWN_FOR_S

@@ -1,4 +1,4 @@
-"""The last minutes of one car as a page plots them, for a page that is opened or comes back later. Pure."""
+"""History of one car's last minutes as a page plots them, for a page that is opened or comes back later. Pure."""
 
 import math
 import struct
@@ -10,7 +10,7 @@ from runtime.wire import topics
 
 MAX_HISTORY_S = 300.0
 APART_S = 0.2
-"""Closer samples are left out: a plot of minutes has fewer pixels than that."""
+"""Minimum distance of samples; a plot of minutes has fewer pixels than that."""
 NAMES = ("error", "asked", "sent", "driven", "steering", "latency", "round_trip")
 _FLOAT32 = struct.Struct("<4xf")
 
@@ -22,11 +22,11 @@ class Track:
         self._samples: deque[tuple[float, float]] = deque(maxlen=round(MAX_HISTORY_S / APART_S))
 
     def is_due(self, at_s: float) -> bool:
-        """Tell whether a sample now is not too close to the last one."""
+        """Return whether a sample now is far enough from the last one."""
         return not self._samples or at_s - self._samples[-1][0] >= APART_S
 
     def add(self, at_s: float, value: object) -> None:
-        """Keep a value; what is no number is kept as none, which a plot shows as a gap."""
+        """Keep a value; NaN and infinity are kept as None, which a plot shows as a gap."""
         number = float(value) if isinstance(value, int | float) and math.isfinite(value) else math.nan
         self._samples.append((at_s, number))
 
@@ -40,13 +40,13 @@ class Track:
 
 
 class PlotHistory:
-    """Takes what a car says and keeps what is plotted."""
+    """Collects the plotted values of a car."""
 
     def __init__(self) -> None:
         self._tracks = {name: Track() for name in NAMES}
 
     def take(self, topic: str, payload: bytes, arrival_s: float) -> None:
-        """Take a sample of a topic; what cannot be read is left out, as the page leaves it out."""
+        """Add a sample of a topic; an invalid one is left out, as the page leaves it out."""
         try:
             if topic == topics.DISTANCE_ERROR and self._tracks["error"].is_due(arrival_s):
                 self._tracks["error"].add(arrival_s, _FLOAT32.unpack(payload)[0])
@@ -56,7 +56,7 @@ class PlotHistory:
             return
 
     def take_round_trip(self, seconds: float | None, at_s: float) -> None:
-        """Take a measured round trip [s], None for one without an answer."""
+        """Add a measured round trip [s], None for one without an answer."""
         self._tracks["round_trip"].add(at_s, None if seconds is None else seconds * 1000)
 
     def fields(self, now_s: float) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What a page may say over its WebSocket: closed, strict and bounded, because any program could be at the other end."""
+"""Messages of a page over its WebSocket: closed, strict and bounded, because any program could be at the other end."""
 
 from typing import Annotated, Any, Literal
 
@@ -8,7 +8,7 @@ from clients.teleop.inputs import Control
 
 LONGEST = 8192
 QUESTIONS = ("param/list", "param/get", "param/set", "param/save", "param/history", "record", "simulator")
-"""The only queries that a page may put to a car."""
+"""Queries that a page may send to a car; no others."""
 
 U32 = Annotated[int, Field(ge=0, le=0xFFFF_FFFF)]
 Stick = Annotated[float, Field(ge=-1, le=1)]
@@ -21,21 +21,21 @@ class _PageMessage(BaseModel):
 
 
 class Ack(_PageMessage):
-    """The page has bundle n."""
+    """Acknowledges bundle n."""
 
     t: Literal["ack"]
     n: U32
 
 
 class Watch(_PageMessage):
-    """The page wants to see this car."""
+    """Selects the car to watch."""
 
     t: Literal["watch"]
     car: Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_-]{0,31}$")]
 
 
 class InputState(_PageMessage):
-    """What is held down in the page, with the newest beat it heard. Says nothing about a moment ago.
+    """Held inputs of the page, with the newest beat received. Describes the present only.
 
     pad: it is a gamepad that is held. age_ms: since that gamepad's last event. share: of the top speed, wanted at most.
     """
@@ -52,31 +52,31 @@ class InputState(_PageMessage):
 
     @property
     def controls(self) -> frozenset[Control]:
-        """What is held, as the pilot calls it."""
+        """Return the held inputs in the pilot's form."""
         return frozenset(Control(name) for name in self.held)
 
 
 class Drop(_PageMessage):
-    """The page lost sight of the hands (blur, a cancelled touch): what was held is neither held nor released."""
+    """Reports that the page lost its inputs (blur, a cancelled touch): they are neither held nor released."""
 
     t: Literal["drop"]
 
 
 class Leave(_PageMessage):
-    """The page stops driving. deliberate: a person switched it off; False: it is being hidden or closed."""
+    """Ends driving by the page. deliberate: a person switched it off; False: it is being hidden or closed."""
 
     t: Literal["leave"]
     deliberate: bool
 
 
 class StopMessage(_PageMessage):
-    """E-stop, from anybody, at once."""
+    """E-stop, from any page, at once."""
 
     t: Literal["stop"]
 
 
 class Ask(_PageMessage):
-    """A question to the car; the answer carries the same number."""
+    """Query to the car; the answer carries the same number."""
 
     t: Literal["ask"]
     id: U32
@@ -85,7 +85,7 @@ class Ask(_PageMessage):
 
 
 class Ping(_PageMessage):
-    """For the page's round trip: comes back as it is. at: the page's own clock."""
+    """Measures the page's round trip: comes back as it is. at: the page's own clock."""
 
     t: Literal["ping"]
     at: float
@@ -96,11 +96,11 @@ _ANY: TypeAdapter[Word] = TypeAdapter(Annotated[Word, Field(discriminator="t")])
 
 
 class BadMessageError(ValueError):
-    """A message that is none of these; the text says what is wrong with it."""
+    """An invalid message; the text names the fault."""
 
 
 def read(text: str) -> Word:
-    """Read one message; NoWordError when it is none."""
+    """Read one message; BadMessageError for an invalid one."""
     if len(text) > LONGEST:
         raise BadMessageError(f"{len(text)} characters are too long")
     try:

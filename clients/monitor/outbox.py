@@ -1,4 +1,4 @@
-"""What waits for one page: the newest of every topic, in bundles, of which one is on its way at a time. Pure.
+"""Queue of one page: the newest of every topic, in bundles, of which one is in transit at a time. Pure.
 
 A page that is slow, asleep or far away delays only itself: what it could not take in time is replaced by what is newer,
 and nothing piles up. A bundle is a WebSocket message: a number (uint32, little endian) and records of topic (uint8),
@@ -13,17 +13,17 @@ from collections.abc import Mapping
 from runtime.wire import topics
 
 PILOT, MONITOR = "pilot", "monitor"
-"""Two topics of our own, in JSON: what the page's driver makes of things, and what the relay knows."""
+"""Topics of the monitor itself, in JSON: the state of the page's driver, and that of the relay."""
 TOPICS = (
     topics.SCAN, topics.WALL, topics.FOOTPRINT, topics.ODOM, topics.OUTPUT, topics.DISTANCE_ERROR, topics.STATUS,
     topics.DECISION, topics.BEAT, PILOT, MONITOR,
 )  # fmt: skip
 FROM_CAR = TOPICS[: TOPICS.index(PILOT)]
 EAGER = frozenset({topics.SCAN, topics.DECISION, PILOT})
-"""These are worth a bundle of their own; the others wait for company, at most LAZY_S."""
+"""Topics that cause a bundle of their own; the others are collected for at most LAZY_S."""
 LAZY_S = 0.05
 GIVE_UP_S = 2.0
-"""A page that has not acknowledged for so long gets the next bundle anyway; TCP would have told if it were gone."""
+"""Timeout of an acknowledgement, after which the page gets the next bundle anyway; TCP reports a lost page."""
 _INDEX: Mapping[str, int] = {topic: index for index, topic in enumerate(TOPICS)}
 _HEAD = struct.Struct("<I")
 _RECORD = struct.Struct("<BBHI")
@@ -42,18 +42,18 @@ class Outbox:
         self.replaced = 0
 
     def put(self, topic: str, payload: bytes, arrival_s: float) -> None:
-        """Let a payload wait in place of the last one of its topic."""
+        """Queue a payload in place of the last one of its topic."""
         self.replaced += topic in self._waiting
         self._waiting[topic] = (payload, arrival_s)
         self._eager = self._eager or topic in EAGER
 
     def acknowledge(self, number: int) -> None:
-        """Take the page's word that it has a bundle; an old number means nothing."""
+        """Process the page's acknowledgement of a bundle; an old number has no effect."""
         if number == self._number:
             self._on_its_way = False
 
     def clear(self) -> None:
-        """Forget what waits, because the page looks at another car now."""
+        """Drop the queue, because the page watches another car now."""
         self._waiting.clear()
         self._eager = False
 
@@ -66,7 +66,7 @@ class Outbox:
         return 0.0 if self._eager else max(0.0, self._sent_s + LAZY_S - now_s)
 
     def take(self, now_s: float) -> bytes:
-        """Return everything that waits as one bundle, which is then on its way."""
+        """Return the whole queue as one bundle, which is then in transit."""
         self._number = self._number % 0xFFFF_FFFF + 1
         bundle = pack(self._number, self._waiting, now_s)
         self._waiting.clear()

@@ -1,4 +1,4 @@
-"""Which cars are there, on one or several endpoints, and a feed for each car that a page watches."""
+"""Registry of the cars on one or several endpoints, with a feed for each car that a page watches."""
 
 import asyncio
 import logging
@@ -14,16 +14,16 @@ log = logging.getLogger("wallride.monitor")
 
 RETRY_S = 1.0
 LINGER_S = 60.0
-"""A feed outlives its last page by this: a page that is reloaded, or a phone that slept, finds its plots again."""
+"""Time by which a feed outlives its last page: a reloaded page, or a phone that slept, finds its plots again."""
 MAX_FEEDS = 32
 START_ONE = "Start one: make sim here, or wallride run on the car."
 
 
 @dataclass(slots=True)
 class CarEndpoint:
-    """One endpoint: the configuration of sessions with it, who is there, and why we do not know.
+    """One endpoint: the configuration of its sessions, its cars, and the reason if they are unknown.
 
-    session: of the one start of a car that is meant there, None for all.
+    session: of the selected start of a car there, None for all.
     """
 
     endpoint: str
@@ -34,7 +34,7 @@ class CarEndpoint:
 
     @property
     def is_refused(self) -> bool:
-        """Whether the reason may be a key, and is worth telling."""
+        """Return whether the reason may be a key, and deserves a report."""
         return self.endpoint.startswith("tls/") and self.problem not in {"", "connecting"}
 
 
@@ -49,12 +49,12 @@ class Relay:
 
     @property
     def names(self) -> list[str]:
-        """The cars that are there now."""
+        """Return the cars present now."""
         return sorted({name for place in self._places if place.cars is not None for name in place.cars.names})
 
     @property
     def problem(self) -> str:
-        """Why there is no car to choose, in words that say what to start; "" when there is one."""
+        """Return the reason why there is no car to choose, with the remedy; "" when there is one."""
         if self.names:
             return ""
         secured = [f"{place.endpoint}: {place.problem}" for place in self._places if place.is_refused]
@@ -104,7 +104,7 @@ class Relay:
 
 
 async def _look(place: CarEndpoint) -> None:
-    """Keep one session with an endpoint, only for knowing who is there."""
+    """Keep one session with an endpoint, only to track its cars."""
     bus = Bus(place.config)
     place.cars = Cars(bus)
     try:

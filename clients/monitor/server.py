@@ -28,7 +28,7 @@ from runtime.wire import zenoh_config
 log = logging.getLogger("wallride.monitor")
 
 PING_EVERY_S = 5.0
-"""A phone that went out of reach says nothing; its socket is closed after this and a half."""
+"""Period of pings; the socket of a phone out of reach is closed after this and a half."""
 ONLY_FROM_HERE = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self';"
     " manifest-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -41,7 +41,7 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-cache",
 }
-"""No other host is asked for anything, no other site may frame the page (and have STOP clicked, or Drive)."""
+"""Headers against requests to other hosts and frames of other sites (which could have STOP clicked, or Drive)."""
 
 EVERYWHERE = ("0.0.0.0", "::")  # noqa: S104 - compared with, not listened on
 SOMEWHERE = "192.0.2.1"
@@ -137,7 +137,7 @@ async def _listen(runner: web.AppRunner, address: str, port: int, *, any_port: b
 
 
 def _address_here() -> str:
-    """Return the address under which others probably reach this machine; asks only its routing table."""
+    """Return the address under which others probably reach this machine; reads only its routing table."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect((SOMEWHERE, 9))
@@ -164,7 +164,7 @@ async def run(options: argparse.Namespace) -> int:
 
 
 def places(options: argparse.Namespace) -> Sequence[CarEndpoint]:
-    """Return where to look for cars: the endpoints of --connect, separated by commas."""
+    """Return the endpoints to search for cars: those of --connect, separated by commas."""
     found = []
     for text in filter(None, (part.strip() for part in options.connect.split(","))):
         endpoint = endpoint_of(text, with_keys=options.keys is not None)

@@ -1,4 +1,4 @@
-"""One page, from its first byte to its last: reads what it says, sends it what is new, keeps its deadman."""
+"""One page, from its first byte to its last: reads its messages, sends it new data, keeps its deadman."""
 
 import asyncio
 import json
@@ -28,14 +28,14 @@ TICKS_PER_VIEW = 5
 TICKS_PER_NEWS = 25
 LAST_WORDS_APART_S = 0.005
 BEATS_AHEAD = 25
-"""So many beats may be on their way to a page that drives; half a second of them is more than any use."""
+"""Maximum number of beats in transit to a page that drives: half a second of them, more than is useful."""
 MAX_QUESTIONS = 4
-"""Questions of one page under way at the same time."""
+"""Maximum number of simultaneous queries of one page."""
 
 
 @dataclass(frozen=True, slots=True)
 class Host:
-    """What all visits share.
+    """Data shared by all sessions.
 
     car: the one to show first, "" for any. name: whom cars and other operators see. drivers: of all pages.
     """
@@ -49,7 +49,7 @@ class Host:
 
 
 class PageSession:
-    """A page and its WebSocket. malformed: messages that were none."""
+    """A page and its WebSocket. malformed: number of invalid messages."""
 
     def __init__(self, socket: web.WebSocketResponse, host: Host) -> None:
         self._socket = socket
@@ -64,7 +64,7 @@ class PageSession:
         self.malformed = 0
 
     async def run(self) -> None:
-        """Serve the page until it goes, by whatever way."""
+        """Serve the page until it disconnects, in any way."""
         self._host.drivers.add(self._driver)
         await self._socket.send_str(json.dumps(self._hello()))
         helpers = [asyncio.create_task(job) for job in (self._send_for_ever(), self._tick_for_ever())]
@@ -103,7 +103,7 @@ class PageSession:
         }
 
     def _present(self) -> dict[str, Any]:
-        """Return what the monitor itself knows; resent twice a second."""
+        """Return the state of the monitor itself; resent twice a second."""
         relay, feed = self._host.relay, self._feed
         return {
             "cars": relay.names,
@@ -237,7 +237,7 @@ class PageSession:
         self.take(MONITOR, topics.encode(self._present()), time.monotonic())
 
     async def _end(self, tasks: Sequence["asyncio.Task[None]"]) -> None:
-        """Stop the car first if this page drove it; then tidy up."""
+        """Stop the car first if this page drove it; then clean up."""
         try:
             await self._leave(deliberate=False)
         finally:

@@ -1,4 +1,4 @@
-"""The secret in an address for other machines, kept until its user logs out or the machine restarts.
+"""Token in an address for other machines, kept until its user logs out or the machine restarts.
 
 A page that is open on a phone thereby finds the server again after the server's restart. It lies where only its user
 can read it ($XDG_RUNTIME_DIR, cleared by the system); without such a place every start has a secret of its own.
@@ -17,7 +17,7 @@ _WORD = re.compile(r"[A-Za-z0-9_-]{16}")
 
 
 def kept_secret(environment: Mapping[str, str] = os.environ) -> str:
-    """Return the secret of this login, made at its first use."""
+    """Return the token of this login, made at its first use."""
     fresh = secrets.token_urlsafe(BYTES)
     folder = environment.get("XDG_RUNTIME_DIR")
     if not folder:
@@ -35,7 +35,7 @@ def kept_secret(environment: Mapping[str, str] = os.environ) -> str:
 
 
 def _read(path: Path) -> str:
-    """Return what is kept, "" unless it is a secret and only ours."""
+    """Return the kept token, "" unless it is valid and readable only by its user."""
     try:
         with os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)) as file:
             about = os.fstat(file.fileno())

@@ -1,4 +1,4 @@
-"""What is going on and what to do next, in the operator's words. Pure: a situation in, two short texts out."""
+"""Present state and next step for the operator, as text. Pure: a situation in, two short texts out."""
 
 import math
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ WARN_SILENT_S = 3.0
 
 
 class AdviceLevel(StrEnum):
-    """How the screen colours it."""
+    """Level of the advice, which sets its colour on the screen."""
 
     STOPPED = "red"
     WAITING = "yellow"
@@ -39,7 +39,7 @@ class Advice:
 
 
 def advise(now: PilotState, names: Mapping[Control, str] = PAD_NAMES) -> Advice:
-    """Say where we are; names: what the buttons of this device are called."""
+    """Return the advice; names: labels of this device's buttons."""
     if now.stop_pending:
         return Advice(AdviceLevel.STOPPED, "E-STOP", "sending the e-stop until the car confirms it" + _link_note(now))
     if now.block is not DeadmanFault.NONE:
@@ -107,7 +107,7 @@ def _let_go(now: PilotState, names: Mapping[Control, str], held: Control) -> str
 
 
 def _release(now: PilotState, names: Mapping[Control, str]) -> str:
-    """Name what is still held, because a stuck button looks like a broken car."""
+    """Name the buttons still held, because a stuck button looks like a defect of the car."""
     held = [names[control] for control in BUTTONS if control in now.inputs.pressed]
     if not now.inputs.centred:
         held.append(f"the sticks (speed {now.inputs.speed:+.2f}, steering {now.inputs.steering:+.2f})")

@@ -1,4 +1,4 @@
-"""The operator's client, wired: inputs to the pilot, the pilot's commands to the car, fifty times a second."""
+"""Operator's client: inputs to the pilot, the pilot's commands to the car, fifty times a second."""
 
 import argparse
 import asyncio
@@ -36,13 +36,13 @@ PERIOD_S = 0.02
 CYCLES_PER_DRAWING = 3
 GOODBYES = 3
 KEY_STEERING_RATE_RADPS = 1.5
-"""A key is all or nothing; this makes it a stick that moves."""
+"""Steering rate of keys, which have no intermediate positions."""
 
 Clock = Callable[[], float]
 
 
 class TeleopProblemError(Exception):
-    """The user can mend it; one line that says how."""
+    """An error that the user can correct; one line with the remedy."""
 
 
 class Link(Protocol):
@@ -68,7 +68,7 @@ class Link(Protocol):
 class Client:
     """One operator at one car.
 
-    session: of the car's process that is meant, None for whichever answers. foreign: another one's, once it answered.
+    session: of the selected process of the car, None for the first to answer. foreign: another one's, once it answered.
     malformed: beats that could not be read.
     """
 
@@ -89,7 +89,7 @@ class Client:
         self.malformed = 0
 
     async def run(self, stop: asyncio.Event) -> None:
-        """Operate until asked to stop or the source is done; the last words are always a release and a goodbye."""
+        """Operate until a stop request or the end of the source; the last messages are a release and a goodbye."""
         self._listen()
         try:
             cycle = 0
@@ -104,7 +104,7 @@ class Client:
             await self._leave()
 
     def step(self, now_s: float) -> None:
-        """Read the hands, send what they mean."""
+        """Read the inputs, send their command."""
         situation = self._pilot.situation
         # A script may also begin at a car that has another operator or is latched: to take over, to reset.
         ready = situation is not None and (
@@ -115,7 +115,7 @@ class Client:
         self._send(self._pilot.step(inputs, now_s).pack())
 
     def draw(self) -> bool:
-        """Show the present; False when the terminal is gone, because driving unseen is not allowed."""
+        """Show the present state; False when the terminal is gone, because driving without a display is not allowed."""
         situation = self._pilot.situation
         if situation is None:
             return True
@@ -156,7 +156,7 @@ class Client:
 
 
 async def deadlines(period_s: float, clock: Clock) -> AsyncIterator[float]:
-    """Yield the time at absolute deadlines; those that were missed are left out, never made up for in a burst."""
+    """Yield the time at absolute deadlines; missed ones are skipped, never caught up in a burst."""
     next_s = clock()
     while True:
         now_s = clock()
@@ -188,7 +188,7 @@ async def operate(options: argparse.Namespace) -> int:
 
 
 async def map_pad(say: Callable[[str], object]) -> int:
-    """Ask the wizard's questions about the first pad that appears, and write its file."""
+    """Run the wizard on the first pad that appears, and write its file."""
     with ExitStack() as things:
         return await _ask(_open_sdl(things, window=False), say)
 
@@ -249,7 +249,7 @@ def _open_keys(things: ExitStack) -> KeySource:
 
 
 def _with_stop_keys(source: InputSource, things: ExitStack) -> InputSource:
-    """Let the terminal, where there is one, stop the car besides."""
+    """Add the stop keys of the terminal, if there is one."""
     if not terminal.is_there():
         return source
     return StopKeySource(source, things.enter_context(terminal.Terminal(time.monotonic, want_releases=False)))
@@ -272,7 +272,7 @@ def _feel(options: argparse.Namespace, *, keys: bool, script: bool) -> InputShap
 
 @contextmanager
 def _stopping(stop: asyncio.Event) -> Iterator[None]:
-    """Turn the signals that end a program, a closed terminal among them, into a wish to leave in good order."""
+    """Turn the signals that end a program, a closed terminal among them, into an orderly exit."""
     loop = asyncio.get_running_loop()
     names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
     before: dict[int, object] = {}

@@ -1,6 +1,6 @@
 """SDL, through pygame-ce: pads that come and go, and a window for the keyboard. The only importer of pygame.
 
-Everything that SDL says is turned into our own events here; what they mean is decided elsewhere.
+All of SDL's events are converted into our own events here; their meaning is decided elsewhere.
 """
 
 import os
@@ -12,19 +12,19 @@ from clients.teleop.keyboard import Act, Key, KeyEvent, Quit, TerminalFocus
 from clients.teleop.pads import Axis, Button, Event, Hat
 
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-os.environ.setdefault("SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS", "1")  # the deadman is in a hand, not in a window
+os.environ.setdefault("SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS", "1")  # the deadman is in a hand, not in a window's focus
 
 WINDOW_SIZE = (760, 300)
 LINE_PX = 22
 UNSEEN_DRIVERS = frozenset({"dummy", "offscreen", "evdev"})
-"""What SDL falls back to where there is no display: a window that cannot be seen or typed into."""
+"""Fallback drivers of SDL without a display: their window cannot be seen or typed into."""
 KEY_NAMES = {"left shift": "shift", "right shift": "shift"}
 COLOURS = {"red": (235, 80, 80), "yellow": (235, 200, 80), "green": (90, 210, 110)}
 
 
 @dataclass(frozen=True, slots=True)
 class PadConnected:
-    """A pad is there. rest: its axes at this moment. mapping: SDL's, None when its database does not know the pad."""
+    """A pad was connected. rest: its axes at this moment. mapping: SDL's, None when its database lacks the pad."""
 
     pad: int
     guid: str
@@ -42,7 +42,7 @@ class Gone:
 
 @dataclass(frozen=True, slots=True)
 class PadMoved:
-    """Something on a pad moved."""
+    """A control of a pad moved."""
 
     pad: int
     event: Event
@@ -50,7 +50,7 @@ class PadMoved:
 
 @dataclass(frozen=True, slots=True)
 class KeyTyped:
-    """Something happened at the window's keyboard."""
+    """A key event of the window."""
 
     event: KeyEvent
 
@@ -81,7 +81,7 @@ class Sdl:
         self._open: dict[int, Any] = {}
 
     def poll(self) -> list[Happening]:
-        """Return what happened since the last call, in order; never waits."""
+        """Return the events since the last call, in order; never waits."""
         return [happening for event in self._pygame.event.get() if (happening := self._translate(event)) is not None]
 
     def show(self, lines: Sequence[str], mood: str) -> None:
@@ -95,7 +95,7 @@ class Sdl:
         self._pygame.display.flip()
 
     def close(self) -> None:
-        """Let go of every device."""
+        """Close every device."""
         self._pygame.quit()
 
     def _open_window(self, *, unseen: bool) -> Any:  # noqa: ANN401 - pygame is imported late

@@ -1,19 +1,19 @@
-"""A press that is deliberate: one button alone, held for a while, and heard once."""
+"""Deliberate press: one button alone, held for a while, and counted once."""
 
 HOLD_S = 1.0
 INSIST_S = 1.0
-"""So long an accepted press is repeated to the car; then it must be let go, lest it undo what comes later."""
+"""Duration of repeating an accepted press to the car; then it must be released, lest it undo what comes later."""
 
 
 class Hold:
-    """Watches one button. Begins only after it was seen released, because a stuck button is not a wish."""
+    """Watches one button. Begins only after the button was seen released, because a stuck button is not a request."""
 
     def __init__(self) -> None:
         self._since_s: float | None = None
         self._spent = True
 
     def update(self, now_s: float, *, held: bool, alone: bool) -> bool:
-        """Tell whether the wish is to be sent now.
+        """Return whether to send the request now.
 
         held: the button is down. alone: nothing else is, and the device and the link are well.
         """
@@ -28,9 +28,9 @@ class Hold:
         return self._since_s is not None and now_s - self._since_s >= HOLD_S
 
     def done(self) -> None:
-        """The car did it: nothing more is sent until the button was released."""
+        """Record that the car did it: nothing more is sent until the button was released."""
         self._since_s, self._spent = None, True
 
     def progress(self, now_s: float) -> float:
-        """How far the hold is, 0 to 1; 0 when it does not count."""
+        """Return the progress of the hold, 0 to 1; 0 when it does not count."""
         return 0.0 if self._since_s is None else min(1.0, (now_s - self._since_s) / HOLD_S)

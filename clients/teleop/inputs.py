@@ -1,4 +1,4 @@
-"""What an operator means at this moment, whatever it is pressed on. A level, not an edge: all of it, every time."""
+"""Operator's inputs at this moment, independent of the device. Level, not edge: the complete state, every time."""
 
 import math
 from dataclasses import dataclass
@@ -7,11 +7,11 @@ from enum import StrEnum
 from runtime.wire.teleop import Input
 
 CENTRED = 0.2
-"""A stick within this of its middle counts as let go (half range = 1)."""
+"""Maximum deflection of a stick that counts as released (half range = 1)."""
 
 
 class Control(StrEnum):
-    """Everything a device must offer; the values are the names in files and scripts."""
+    """Controls that every device must offer; the values are the names in files and scripts."""
 
     SPEED = "speed"
     STEERING = "steering"
@@ -28,9 +28,9 @@ BUTTONS = (Control.MANUAL, Control.AUTONOMY, Control.ESTOP, Control.RESET, Contr
 
 @dataclass(frozen=True, slots=True)
 class Inputs:
-    """What is held down now.
+    """Inputs held now.
 
-    live: the device is there and speaks; what a dead device says does not count.
+    live: the device is connected and sends; inputs of a dead device do not count.
     pressed: every button that is down.
     event_s: monotonic time of the last raw event, -inf before the first.
     speed, steering: -1 to 1, positive forward and to the left, unshaped.
@@ -48,34 +48,34 @@ class Inputs:
 
     @property
     def centred(self) -> bool:
-        """Whether both sticks are let go; false for anything that is not a number."""
+        """Return whether both sticks are released; false for NaN."""
         return abs(self.speed) <= CENTRED and abs(self.steering) <= CENTRED
 
     @property
     def manual(self) -> bool:
-        """Whether the deadman for driving by hand is held."""
+        """Return whether the deadman for driving by hand is held."""
         return Control.MANUAL in self.pressed
 
     @property
     def autonomy(self) -> bool:
-        """Whether the permit for autonomy is held."""
+        """Return whether the permit for autonomy is held."""
         return Control.AUTONOMY in self.pressed
 
     @property
     def sound(self) -> bool:
-        """Whether both sticks are numbers; an axis that is not to be trusted is none."""
+        """Return whether both sticks are numbers; an untrusted axis is NaN."""
         return math.isfinite(self.speed) and math.isfinite(self.steering)
 
     @property
     def released(self) -> bool:
-        """Whether nothing at all is held."""
+        """Return whether nothing at all is held."""
         return self.centred and not self.pressed
 
     @property
     def wants_stop(self) -> bool:
-        """Whether this is an e-stop: the button itself, or both deadmen at once."""
+        """Return whether this is an e-stop: the button itself, or both deadmen at once."""
         return Control.ESTOP in self.pressed or (self.manual and self.autonomy)
 
     def only(self, control: Control) -> bool:
-        """Whether this one button is held and nothing else."""
+        """Return whether this one button is held and nothing else."""
         return self.centred and self.pressed == {control}

@@ -1,4 +1,4 @@
-"""What a terminal sends, as key events: plain bytes, the arrows' sequences, kitty's keyboard protocol. Pure.
+"""Decoder of a terminal's key bytes: plain bytes, the arrows' sequences, kitty's keyboard protocol. Pure.
 
 kitty's protocol (sw.kovidgoyal.net/kitty/keyboard-protocol): CSI code ; modifiers : act u, with act 1 press, 2 repeat,
 3 release. We ask for flags 1 + 2 + 8: unambiguous, with releases, for every key, Shift included.
@@ -13,7 +13,7 @@ ASK = b"\x1b[?u"
 ENTER = b"\x1b[>11u\x1b[?1004h"
 LEAVE = b"\x1b[?1004l\x1b[<u"
 LONE_ESCAPE_S = 0.1
-"""An escape byte that nothing follows for so long was the key."""
+"""Time without a further byte after which an escape byte counts as the key."""
 
 SEQUENCE = re.compile(rb"\x1b\[(?P<mark>[<=>?]?)(?P<numbers>[0-9:;]*)(?P<final>[A-Za-z~])|\x1bO(?P<arrow>[A-D])")
 UNFINISHED = re.compile(rb"\x1b(\[[<=>?]?[0-9:;]{0,32}|O)?")
@@ -22,11 +22,11 @@ CODES = {27: "escape", 32: "space", 57441: "shift", 57447: "shift"}
 ACTS = {1: Act.PRESS, 2: Act.REPEAT, 3: Act.RELEASE}
 CONTROL_BIT = 4
 LEAVING = {"c", "d"}
-"""With Ctrl held."""
+"""Keys that quit with Ctrl held."""
 
 
 class KeyBytes:
-    """Finds keys in a terminal's bytes, whatever the chunking; what it does not know is left out."""
+    """Finds keys in a terminal's bytes, whatever the chunking; unknown bytes are left out."""
 
     def __init__(self) -> None:
         self._waiting = b""

@@ -1,7 +1,7 @@
-"""From keys to inputs, in the two ways that keyboards come. Pure: key events and a clock's readings in, inputs out.
+"""Keyboard inputs, in the two ways of keyboards. Pure: key events and a clock's readings in, inputs out.
 
-`HeldKeys` is for keyboards that say when a key goes up (a window, or a terminal with kitty's protocol): hold Shift or
-M as the deadman and drive with the arrows or WASD. `RepeatedKeys` is for all other terminals, which only repeat the
+`HeldKeys` is for keyboards that report when a key goes up (a window, or a terminal with kitty's protocol): hold Shift
+or M as the deadman and drive with the arrows or WASD. `RepeatedKeys` is for all other terminals, which only repeat the
 key that was pressed last: there the driving key is the deadman itself. It counts only once the repeats have begun and
 for 0.15 s after the last, so that a tap never moves the car, and the pause before the first repeat is never bridged:
 standing still for half a second is better than driving on for half a second.
@@ -15,17 +15,17 @@ from clients.teleop.inputs import Control, Inputs
 from runtime.wire.teleop import Input
 
 REPEAT_GAP_S = 0.15
-"""The slowest usual repeat is 11 a second."""
+"""Maximum gap between repeats; the slowest usual rate is 11 a second."""
 FAST_GAPS = 2
-"""So many quick repeats in a row are a held key; a person does not tap so fast."""
+"""Number of consecutive quick repeats of a held key; a person does not tap so fast."""
 CENTRED_START_S = 0.06
 """The driving key of a terminal first counts as the deadman alone, then also as the stick."""
 SILENT_TERMINAL_S = 0.6
-"""A terminal that does not answer for so long does not tell of released keys either."""
+"""Timeout of a terminal's answer, after which it counts as one without key releases."""
 
 
 class Act(StrEnum):
-    """What happened to a key."""
+    """Kind of a key event."""
 
     PRESS = "press"
     REPEAT = "repeat"
@@ -91,7 +91,7 @@ DIRECTIONS: dict[str, tuple[float, float]] = {
 
 
 class HeldKeys:
-    """Keys with true releases. answers: whether the terminal must keep answering to be believed."""
+    """Keys with true releases. answers: whether the terminal must keep answering to be trusted."""
 
     def __init__(self, device: str, *, answers: bool = False) -> None:
         self._device = device
@@ -102,7 +102,7 @@ class HeldKeys:
         self._event_s = self._stop_s = -math.inf
 
     def feed(self, event: KeyEvent, now_s: float) -> None:
-        """Take one event."""
+        """Process one event."""
         match event:
             case Key(name, act):
                 (self._down.discard if act is Act.RELEASE else self._down.add)(name)
@@ -152,7 +152,7 @@ class RepeatedKeys:
         self._stop_s = -math.inf
 
     def feed(self, event: KeyEvent, now_s: float) -> None:
-        """Take one event; every arrival of a key is a press or a repeat, the terminal does not say which."""
+        """Process one event; every arrival of a key is a press or a repeat, the terminal does not distinguish them."""
         if not isinstance(event, Key):
             return
         if event.name in BUTTON_KEYS[Control.ESTOP]:

@@ -1,7 +1,7 @@
 """The MODE button of Logitech's pads, which swaps the left stick with the D-pad: the throttle dies, or is on/off.
 
-Nothing says so on the wire, so it is told from the traces: a D-pad that moves while the stick never does, or a stick
-that knows only its ends.
+The wire carries no state of it, so it is inferred from the events: a D-pad that moves while the stick never does, or a
+stick that reports only its ends.
 """
 
 from clients.teleop.pads import Axis, Event, Hat
@@ -14,7 +14,7 @@ EXCURSIONS = 3
 
 
 class ModeWatch:
-    """Listens to one pad's events. axis: the raw axis of the left stick's up and down."""
+    """Watches one pad's events. axis: the raw axis of the left stick's up and down."""
 
     def __init__(self, axis: int) -> None:
         self._axis = axis
@@ -24,7 +24,7 @@ class ModeWatch:
         self._hat_moves = 0
 
     def watch(self, event: Event) -> None:
-        """Take one event."""
+        """Process one event."""
         match event:
             case Axis(index, value) if index == self._axis:
                 if REST < abs(value) < END:
@@ -41,7 +41,7 @@ class ModeWatch:
 
     @property
     def notice(self) -> str:
-        """What the operator should know, "" when all is well."""
+        """Return a notice for the operator, "" when all is well."""
         if self._ends >= EXCURSIONS:
             return "the left stick is on/off only: press MODE on the pad (its light must be off)"
         if self._hat_moves >= EXCURSIONS and abs(self._last) <= REST:

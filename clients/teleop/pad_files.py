@@ -25,7 +25,7 @@ def to_toml(guid: str, name: str, bindings: Mapping[Control, Binding]) -> str:
 
 
 def read(text: str, origin: str) -> tuple[str, Layout]:
-    """Return a pad's GUID (or USB id) and layout; LayoutError says what is wrong."""
+    """Return a pad's GUID (or USB id) and layout; LayoutError names the fault."""
     try:
         values = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

@@ -1,7 +1,7 @@
-"""A pad's raw axes, buttons and hats, and what they mean. Pure: events in, inputs out.
+"""Meaning of a pad's raw axes, buttons and hats. Pure: events in, inputs out.
 
-Raw values are SDL's: axes -1 to 1 with up and left negative, hats with up +1. A layout says in SDL's own notation
-where each control is ("b4" a button, "a1~" an axis turned round, "+a2" half an axis, "h0.1" a direction of the hat).
+Raw values are SDL's: axes -1 to 1 with up and left negative, hats with up +1. A layout gives in SDL's own notation the
+place of each control ("b4" a button, "a1~" an axis turned round, "+a2" half an axis, "h0.1" a direction of the hat).
 Pads are known by their USB id, never by their index.
 """
 
@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from clients.teleop.inputs import CENTRED, STICKS, Control
 
 PRESSED = 0.5
-"""An axis that stands for a button (a trigger) is pressed beyond this."""
+"""Threshold of an axis that stands for a button (a trigger)."""
 JUMP = 0.9
-"""A stick begins to move in small steps; an axis that starts with such a jump is a trigger that rests at its end."""
+"""Minimum first step of a trigger that rests at its end; a stick begins to move in small steps."""
 BINDING = re.compile(r"(?P<half>[+-]?)a(?P<axis>\d+)(?P<turned>~?)|b(?P<button>\d+)|h(?P<hat>\d+)\.(?P<mask>[1248])")
 
 
@@ -49,7 +49,7 @@ Event = Axis | Button | Hat
 
 @dataclass(frozen=True, slots=True)
 class Binding:
-    """Where one control is. half: 0 the whole axis, else only its positive or negative part."""
+    """Place of one control. half: 0 the whole axis, else only its positive or negative part."""
 
     kind: str
     index: int
@@ -66,7 +66,7 @@ class Binding:
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Where everything is on one kind of pad. origin: who says so, for the screen."""
+    """Places of all controls of one kind of pad. origin: source of the layout, for the screen."""
 
     name: str
     bindings: Mapping[Control, Binding]
@@ -74,11 +74,11 @@ class Layout:
 
 
 class LayoutError(ValueError):
-    """A layout that cannot be used; one line that says what is wrong and what to do."""
+    """An invalid layout; one line with the fault and the remedy."""
 
 
 class PadState:
-    """What a pad said since it was connected.
+    """State of a pad since it was connected.
 
     events, last_event_s: how many, and when the last came (-inf before the first).
     """
@@ -93,11 +93,11 @@ class PadState:
         self._moved: set[int] = set()
 
     def rest(self, axis: int, value: float) -> None:
-        """Take the value an axis had when the pad was opened; it is no sign of life."""
+        """Set the value of an axis when the pad was opened; it is no sign of life."""
         self.axes[axis] = value
 
     def apply(self, event: Event, now_s: float) -> None:
-        """Take one event. SDL repeats where an axis is when a pad is opened; that is no sign of life."""
+        """Process one event. SDL repeats the place of an axis when a pad is opened; that is no sign of life."""
         if isinstance(event, Axis) and self.axes.get(event.index) == event.value:
             return
         self.events += 1
@@ -112,7 +112,7 @@ class PadState:
                 self.hats[index] = (x, y)
 
     def read(self, binding: Binding) -> float:
-        """Return one control: -1 to 1 for a whole axis, 0 to 1 for the rest; NaN for an axis not to be trusted."""
+        """Return one control: -1 to 1 for a whole axis, 0 to 1 for the rest; NaN for an untrusted axis."""
         if binding.kind == "b":
             return float(binding.index in self.buttons)
         if binding.kind == "h":
@@ -124,7 +124,7 @@ class PadState:
         return math.nan if binding.index in self._jumped else value * binding.sign
 
     def is_down(self, binding: Binding) -> bool:
-        """Whether a control that is meant as a button is pressed."""
+        """Return whether a control used as a button is pressed."""
         value = self.read(binding)
         return value > PRESSED
 
@@ -137,7 +137,7 @@ class PadState:
 
 
 def parse_binding(text: str) -> Binding:
-    """Read SDL's notation; LayoutError when it is none."""
+    """Parse SDL's notation; LayoutError for an invalid text."""
     match = BINDING.fullmatch(text)
     if match is None:
         raise LayoutError(f"{text!r} is no control: write b4 for a button, a1 or a1~ for an axis, h0.1 for the D-pad")
@@ -179,7 +179,7 @@ SDL_NAMES: Mapping[Control, str] = {
 
 
 def from_sdl(name: str, mapping: Mapping[str, str]) -> Layout:
-    """Return the layout that SDL's database describes; LayoutError when the pad lacks something that we need."""
+    """Return the layout that SDL's database describes; LayoutError when the pad lacks a required control."""
     texts = {}
     for control, sdl_name in SDL_NAMES.items():
         text = mapping.get(sdl_name)

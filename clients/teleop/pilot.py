@@ -1,14 +1,14 @@
-"""Which presses count, and what to send now: the client's half of "release means stop". Pure: time is an argument.
+"""Deadman and commands of the client: its half of "release means stop". Pure: time is an argument.
 
 Every cycle sends the whole state, so that a release is a message like any other and a lost message loses nothing.
 The gate: a deadman counts only after everything was seen released with the sticks centred, on a live device, over a
 live link, and only if the sticks were still centred when it was pressed. Any trouble closes the gate, and only a
-human hand opens it again. An e-stop needs no gate, and is repeated until the car says that it latched.
+human hand opens it again. An e-stop needs no gate, and is repeated until the car reports that it latched.
 
-A command tells the truth: "nothing pressed" goes out only when the hands were seen to let go. A pad that is gone, or a
+A command states the truth: "nothing pressed" is sent only after an observed release. A pad that is gone, or a
 deadman that is still held after an incident, is not a release (see DISTRUST).
 
-The car has the same rules and the last word (runtime/teleop/desk.py); these here spare the operator surprises.
+The car has the same rules and the last word (runtime/teleop/desk.py); those here spare the operator surprises.
 """
 
 import math
@@ -22,17 +22,17 @@ from clients.teleop.shaping import InputShape, Shaper
 from runtime.wire.teleop import UNKNOWN_AGE_MS, Beat, CarCondition, Command, Input, Press
 
 LINK_LOST_S = 0.2
-"""Ten beats missing. The screen is drawn every 0.05 s, so that a lost link is seen within 0.3 s."""
+"""Timeout of the link, ten beats. The screen is drawn every 0.05 s, so that a lost link is seen within 0.3 s."""
 PAUSE_S = 0.2
-"""A cycle this late means that this program itself stood still."""
+"""Minimum delay of a cycle that shows that this program itself was stopped."""
 PAD_SILENT_S = 1.0
-"""A held stick jitters: a pad that is silent for so long while it commands a speed has gone without saying so."""
+"""Timeout of a silent pad that commands a speed: a held stick jitters, so such a pad is gone without notice."""
 PERMIT_SILENT_S = 5.0
-"""A held button does not jitter, so autonomy goes on for longer; moving a stick shows that the pad is still there."""
+"""Timeout of a silent pad under autonomy: a held button does not jitter; a moved stick shows that the pad is there."""
 MINDED_S = 0.5
-"""A car that minds us acknowledges within this."""
+"""Timeout of the acknowledgement of a car that obeys this client."""
 STOP_INSIST_S = 0.3
-"""An e-stop is sent for at least so long, also to a car that is already latched for another reason."""
+"""Minimum duration of sending an e-stop, also to a car that is already latched for another reason."""
 REMEMBERED_COMMANDS = 500
 DISTRUST = Press.UNSURE
 """Sent while we do not know the hands, or know that they still hold what no longer counts; 0 would be an explicit
@@ -40,7 +40,7 @@ release, after which autonomy may go on."""
 
 
 class DeadmanFault(StrEnum):
-    """Why the deadman does not count, most telling first."""
+    """Reasons why the deadman does not count, most significant first."""
 
     NONE = ""
     WAITING = "no heartbeat from the car yet"
@@ -59,9 +59,9 @@ class DeadmanFault(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class PilotState:
-    """What the pilot makes of it all, for screens and tests.
+    """State of the pilot, for screens and tests.
 
-    block: what stands in the way now; closed_by: what closed the gate. flags, wanted_*: what was sent last.
+    block: present obstacle; closed_by: cause of closing the gate. flags, wanted_*: what was sent last.
     beat_age_s: since the last heartbeat, inf before the first. round_trip_s: NaN when not known.
     mine: the car obeys this session. unminded_s: how long the car has ignored our deadman.
     holding, progress: the deliberate press under way, and how far it is (0 to 1).
@@ -88,12 +88,12 @@ class PilotState:
 
     @property
     def linked(self) -> bool:
-        """Whether heartbeats arrive."""
+        """Return whether heartbeats arrive."""
         return self.beat_age_s <= LINK_LOST_S
 
     @property
     def operator_name(self) -> str:
-        """Name of the car's operator, "" without one."""
+        """Return the name of the car's operator, "" without one."""
         if self.beat is None or self.beat.operator_session == 0:
             return ""
         return self.beat.operator_name or f"session {self.beat.operator_session:x}"
@@ -102,7 +102,7 @@ class PilotState:
 class Pilot:
     """Turns inputs and heartbeats into commands.
 
-    session: random and not 0, one per start. name: whom the car and the others shall see.
+    session: random and not 0, one per start. name: shown by the car and to the others.
     """
 
     def __init__(self, session: int, name: str, feel: InputShape) -> None:
@@ -127,7 +127,7 @@ class Pilot:
         self.situation: PilotState | None = None
 
     def hear(self, beat: Beat, arrival_s: float) -> None:
-        """Take a heartbeat; one that is not newer than the last is ignored."""
+        """Process a heartbeat; one that is not newer than the last is ignored."""
         last = self._beat
         if last is not None and last.car_session == beat.car_session:
             if (beat.beat - last.beat) & 0xFFFF_FFFF not in range(1, 0x8000_0000):
@@ -142,7 +142,7 @@ class Pilot:
                 self._round_trip_s = max(0.0, arrival_s - sent_s - beat.acknowledged_age_ms / 1000)
 
     def step(self, inputs: Inputs, now_s: float) -> Command:
-        """Return what to send now; call it at a steady rate, whatever happened."""
+        """Return the command to send now; call it at a steady rate, whatever happened."""
         elapsed_s = 0.0 if self._last_s is None else now_s - self._last_s
         block = self._block(inputs, now_s, elapsed_s)
         self._gate(block, inputs)
@@ -177,7 +177,7 @@ class Pilot:
         return self._beat is not None and self._beat.operator_session == self.session
 
     def _block(self, inputs: Inputs, now_s: float, elapsed_s: float) -> DeadmanFault:
-        """Return what forbids any deadman now."""
+        """Return the present reason against any deadman."""
         beat, restarted = self._beat, self._restarted
         self._restarted = False
         if beat is None:
@@ -199,7 +199,7 @@ class Pilot:
         return next((block for block, holds in blocks.items() if holds), DeadmanFault.NONE)
 
     def _is_meant(self, beat: Beat, now_s: float) -> bool:
-        """Whether "release first" is for us: without an operator it may be for another client's stuck button."""
+        """Return whether "release first" is for us: without an operator it may be for another client's stuck button."""
         if beat.operator_session == self.session:
             return True
         return self._unminded_since_s is not None and now_s - self._unminded_since_s > MINDED_S
@@ -212,7 +212,7 @@ class Pilot:
         return (moving and silent_s > PAD_SILENT_S) or (inputs.autonomy and silent_s > PERMIT_SILENT_S)
 
     def _gate(self, block: DeadmanFault, inputs: Inputs) -> None:
-        """Open the gate on a release with nothing in the way; close it on any trouble."""
+        """Open the gate on a release without an obstacle; close it on any trouble."""
         if block is not DeadmanFault.NONE:
             self._armed, self._closed_by = False, block
         elif not self._armed:
@@ -233,7 +233,7 @@ class Pilot:
         return Press.AUTONOMY if inputs.autonomy else Press(0)
 
     def _honest(self, flags: Press, inputs: Inputs) -> Press:
-        """Say "nothing pressed" only when it is so, to a car that obeyed us."""
+        """Report "nothing pressed" only when it is true, to a car that obeyed us."""
         if flags in {Press.MANUAL, Press.AUTONOMY}:
             self._owes_release = True
         elif self._armed or (inputs.live and inputs.released):
@@ -243,7 +243,7 @@ class Pilot:
         return flags
 
     def _is_stopping(self, inputs: Inputs, now_s: float) -> bool:
-        """Remember an e-stop until a heartbeat from after the press says that it latched."""
+        """Remember an e-stop until a heartbeat from after the press reports that it latched."""
         if inputs.wants_stop:
             self._stop_since_s = now_s
         since_s = self._stop_since_s

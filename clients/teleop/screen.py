@@ -1,4 +1,4 @@
-"""What the operator sees, twenty times a second: what the car does and why, the link, and what to do next."""
+"""Display for the operator, twenty times a second: the car's state and reason, the link, and the next step."""
 
 import contextlib
 import math
@@ -22,7 +22,7 @@ from runtime.wire.teleop import CarCondition
 
 @dataclass(slots=True)
 class CarState:
-    """What the car says in `status` and `decision`. Reads what it knows and leaves the rest: versions may differ."""
+    """Car state from `status` and `decision`. Reads the known fields and ignores the rest: versions may differ."""
 
     winner: str = ""
     reason: str = ""
@@ -33,7 +33,7 @@ class CarState:
     operators: set[str] = field(default_factory=set)
 
     def take(self, payload: bytes) -> None:
-        """Read either of the two messages; one that cannot be read changes nothing on the screen."""
+        """Process either of the two messages; an invalid one changes nothing on the screen."""
         try:
             message = topics.decode(payload)
         except (ValueError, TypeError):
@@ -100,7 +100,7 @@ class Screen:
             self._live.start()
 
     def draw(self, rows: Sequence[str], advice: Advice) -> None:
-        """Show the present. OSError when the terminal is gone."""
+        """Show the present state. OSError when the terminal is gone."""
         if self._live is not None:
             if not self._console.is_terminal:  # rich would draw nothing, without a word
                 raise OSError("the terminal is gone")

@@ -1,4 +1,4 @@
-"""What an operator does, from a file: for tests and demonstrations. Pure apart from reading the file.
+"""Operator's inputs from a file: for tests and demonstrations. Pure apart from reading the file.
 
 CSV with a head line:          or TOML:
 
@@ -36,12 +36,12 @@ ALIASES = {
 
 
 class ScriptError(ValueError):
-    """A script that cannot be followed; one line that says where and what."""
+    """An invalid script; one line with the place and the fault."""
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """What is held from a time on [s since the start]."""
+    """Inputs held from a time on [s since the start]."""
 
     time_s: float
     buttons: frozenset[Control]
@@ -63,7 +63,7 @@ class Script:
 
     @property
     def duration_s(self) -> float:
-        """When it ends."""
+        """Return the time of its end."""
         return self._times_s[-1]
 
     def inputs(self, elapsed_s: float, now_s: float) -> Inputs:
@@ -82,7 +82,7 @@ class Script:
 
 
 def load(path: Path) -> Script:
-    """Read a script; ScriptError says what is wrong with it."""
+    """Load a script; ScriptError names the fault."""
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

@@ -1,4 +1,4 @@
-"""From a stick to a speed and a steering angle: dead zone, expo, ramp, limits. Pure; time comes in as `elapsed_s`."""
+"""Stick shaping to a speed and a steering angle: dead zone, expo, ramp, limits. Pure; time comes in as `elapsed_s`."""
 
 import math
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class InputShape:
-    """How the sticks feel.
+    """Response of the sticks.
 
     deadzone: part of the half range around the middle that means nothing. expo: 0 linear, 1 cubic.
     ramp_mps2: how fast a wished speed may grow; it never delays slowing down.
@@ -30,11 +30,11 @@ class Shaper:
         self.steering_rad = 0.0
 
     def reset(self) -> None:
-        """Start again from standstill and straight wheels, because the deadman was released."""
+        """Reset to standstill and straight wheels, because the deadman was released."""
         self.speed_mps = self.steering_rad = 0.0
 
     def wants_speed(self, speed: float) -> bool:
-        """Tell whether this stick is out of its dead zone."""
+        """Return whether this stick is out of its dead zone."""
         return curve(speed, self._feel.deadzone, self._feel.expo) != 0
 
     def step(self, speed: float, steering: float, elapsed_s: float) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Where inputs come from, each as one thing to poll fifty times a second: a pad, a keyboard, a window, a script."""
+"""Input sources, each polled fifty times a second: a pad, a keyboard, a window, a script."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -23,26 +23,26 @@ from clients.teleop.script import Script
 from runtime.wire.teleop import Input
 
 KEY_STOP_S = 0.2
-"""So long a typed Space counts as the e-stop button held; the pilot repeats it until the car confirms."""
+"""Duration for which a typed Space counts as the e-stop button held; the pilot repeats it until the car confirms."""
 PLUG_IN = "no pad: plug one in, or start again with --window"
 NO_PAD = "no gamepad: the keyboard drives"
 LOST_PAD = "the gamepad is gone: plug it in, or press a key to drive with the keyboard"
 
 
 class InputSource(Protocol):
-    """Something that an operator's hands are on.
+    """Device of an operator.
 
-    names: what its controls are called. leaving: the operator wants to go.
+    names: labels of its controls. leaving: the operator quits.
     """
 
     @property
     def names(self) -> Mapping[Control, str]:
-        """What its controls are called."""
+        """Return the labels of its controls."""
         ...
 
     @property
     def leaving(self) -> bool:
-        """Whether the operator wants to go."""
+        """Return whether the operator quits."""
         ...
 
     def poll(self, now_s: float, *, ready: bool) -> Inputs:
@@ -99,11 +99,11 @@ class PadSource:
 
     @property
     def has_pad(self) -> bool:
-        """Whether a usable pad is there."""
+        """Return whether a usable pad is connected."""
         return self._pad is not None
 
     def poll(self, now_s: float, *, ready: bool) -> Inputs:  # noqa: ARG002 - a pad does not wait for the car
-        """Take what SDL has and return what is held."""
+        """Poll SDL and return the held inputs."""
         for happening in self._pads.poll():
             self._take(happening, now_s)
         if self._pad is None:
@@ -189,12 +189,12 @@ class PadOrKeySource:
 
     @property
     def names(self) -> Mapping[Control, str]:
-        """What the controls of the present device are called."""
+        """Return the labels of the present device's controls."""
         return (self._keys if self._on_keys else self._pads).names
 
     @property
     def leaving(self) -> bool:
-        """Whether the operator wants to go."""
+        """Return whether the operator quits."""
         return self._keys.leaving
 
     def poll(self, now_s: float, *, ready: bool) -> Inputs:
@@ -231,12 +231,12 @@ class StopKeySource:
 
     @property
     def names(self) -> Mapping[Control, str]:
-        """What the other source's controls are called."""
+        """Return the labels of the other source's controls."""
         return self._source.names
 
     @property
     def leaving(self) -> bool:
-        """Whether the operator wants to go, or the other source is at its end."""
+        """Return whether the operator quits, or the other source is at its end."""
         return self._left or self._source.leaving
 
     def poll(self, now_s: float, *, ready: bool) -> Inputs:
@@ -255,7 +255,7 @@ class StopKeySource:
 
 
 class KeySource:
-    """The keyboard of this terminal. releases: the terminal tells when a key goes up."""
+    """The keyboard of this terminal. releases: the terminal reports when a key goes up."""
 
     def __init__(self, keys: KeyReader, *, releases: bool) -> None:
         self.names: Mapping[Control, str] = HELD_NAMES if releases else REPEATED_NAMES
@@ -301,7 +301,7 @@ class WindowSource:
 
 
 class ScriptSource:
-    """A script; its time begins when `poll` first hears that the car is ready, and it leaves at its end."""
+    """A script; its time begins at the first `poll` with a ready car, and it leaves at its end."""
 
     def __init__(self, script: Script) -> None:
         self.names: Mapping[Control, str] = PAD_NAMES
@@ -318,4 +318,4 @@ class ScriptSource:
         return self._script.inputs(elapsed_s, now_s)
 
     def show(self, lines: Sequence[str], mood: str) -> None:
-        """A script has no eyes."""
+        """Show nothing: a script needs no display."""

@@ -1,4 +1,4 @@
-"""The terminal itself: keys without Enter and without echo, on POSIX and on Windows, and as it was afterwards."""
+"""Terminal access: keys without Enter and without echo, on POSIX and on Windows, restored afterwards."""
 
 import contextlib
 import os
@@ -23,13 +23,13 @@ if sys.platform == "win32":
         """Raw keys of a Windows console."""
 
         def open(self) -> None:
-            """Nothing to do: getwch neither waits for Enter nor echoes."""
+            """Do nothing: getwch neither waits for Enter nor echoes."""
 
         def close(self) -> None:
-            """Nothing to undo."""
+            """Do nothing."""
 
         def read(self, timeout_s: float = 0.0) -> bytes | None:  # noqa: ARG002 - the other console waits
-            """Return what was typed; the console tells no releases, so there is no answer worth waiting for."""
+            """Return the typed bytes; the console reports no releases, so no answer has to be awaited."""
             chunk = b""
             while msvcrt.kbhit():
                 character = msvcrt.getwch()
@@ -64,7 +64,7 @@ else:
                     termios.tcsetattr(self._fd, termios.TCSADRAIN, self._before)
 
         def read(self, timeout_s: float = 0.0) -> bytes | None:
-            """Return what was typed, b"" when nothing was, None when the terminal is gone."""
+            """Return the typed bytes, b"" without any, None when the terminal is gone."""
             ready, _, _ = select.select([self._fd], [], [], timeout_s)
             if not ready:
                 return b""
@@ -77,7 +77,7 @@ else:
 
 
 class Terminal:
-    """Key events of the terminal that this runs in. releases: it tells when a key goes up.
+    """Key events of the terminal of this process. releases: it reports when a key goes up.
 
     want_releases: ask the terminal for kitty's protocol, which those that do not know it ignore.
     """
@@ -106,7 +106,7 @@ class Terminal:
         self._console.close()
 
     def poll(self) -> list[KeyEvent]:
-        """Return what happened since the last call; a terminal that is gone is a wish to leave."""
+        """Return the events since the last call; the loss of the terminal is a request to quit."""
         now_s = self._clock()
         if self.releases and now_s - self._asked_s >= ASK_PERIOD_S:
             self._asked_s = now_s
@@ -129,12 +129,12 @@ class Terminal:
 
 
 def is_there() -> bool:
-    """Whether keys can be read at all."""
+    """Return whether keys can be read at all."""
     return sys.stdin is not None and sys.stdin.isatty()
 
 
 def _write(sequence: bytes) -> None:
-    """Send a control sequence; a terminal that is gone will say so when it is read."""
+    """Send a control sequence; the loss of the terminal shows at the next read."""
     with contextlib.suppress(OSError, ValueError):
         sys.stdout.flush()
         os.write(sys.stdout.fileno(), sequence)

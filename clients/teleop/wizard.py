@@ -1,4 +1,4 @@
-"""The questions that turn an unknown pad into a layout: push this, press that. Pure: events in, questions out."""
+"""Wizard that turns an unknown pad into a layout: push this, press that. Pure: events in, questions out."""
 
 from collections.abc import Sequence
 
@@ -19,7 +19,7 @@ QUESTIONS: Sequence[tuple[Control, str]] = (
 
 
 class Wizard:
-    """Asks one question after the other. remark: what was wrong with the last answer, "" when nothing."""
+    """Asks one question after the other. remark: fault of the last answer, "" without one."""
 
     def __init__(self, guid: str, name: str, rest: Sequence[float]) -> None:
         """Begin; rest: the value of every axis at rest."""
@@ -35,16 +35,16 @@ class Wizard:
 
     @property
     def question(self) -> str:
-        """What to do now; "" when all is known."""
+        """Return the present instruction; "" when all is known."""
         return "" if self.finished else QUESTIONS[len(self._bindings)][1]
 
     @property
     def finished(self) -> bool:
-        """Whether every control has its place."""
+        """Return whether every control has its place."""
         return len(self._bindings) == len(QUESTIONS)
 
     def feed(self, event: Event, now_s: float) -> None:
-        """Take one event of the pad."""
+        """Process one event of the pad."""
         self._state.apply(event, now_s)
         if self.finished:
             return
