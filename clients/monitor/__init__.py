@@ -2,15 +2,15 @@
 
 page/      what the browser gets: plain ES modules and a stylesheet, no build step, nothing from elsewhere
 assets     those files, read once
-door       access control: Host, Origin and token; pure
-kept_secret  that token, kept for as long as its user is logged in
+auth       access control: Host, Origin and token; pure
+token_file that token, kept for as long as its user is logged in
 messages   messages of a page; closed and strict
 outbox     queue of one page: the newest of everything, one bundle in transit; pure
 driving    operator's commands from a page's inputs: the deadman's second half; pure
 history    the last minutes of a car, for a page that comes later; pure
 feed       subscriptions of one car, for all pages that watch it
 relay      which cars are there, and their feeds
-visit      one page, from its first byte to its last: reads, sends, keeps the deadman
+session    one page, from its first byte to its last: reads, sends, keeps the deadman
 qr         the address as a code for a phone's camera
 server     the web server and the command
 """

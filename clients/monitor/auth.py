@@ -1,8 +1,9 @@
 """Access control of the monitor. A page can drive a car, so other sites in the same browser must not be able to. Pure.
 
 * Host: the requested name must be the server's. A site whose own name points to this machine (DNS rebinding) is
-requested by that name, and is rejected. * Origin: the browser's statement of the page that opens a WebSocket. Only this
-server's page may. * Token: where other machines can reach the port, the address itself has to be known.
+  requested by that name, and is rejected.
+* Origin: the browser's statement of the page that opens a WebSocket. Only this server's page may.
+* Token: where other machines can reach the port, the address itself has to be known.
 """
 
 import hmac
@@ -42,7 +43,7 @@ class PageAuth:
 
 
 def open_door(host: str, token: str) -> PageAuth:
-    """Return the door for a server that listens on a host; token: asked for where others can reach it."""
+    """Return the access control of a server on a host; token: required where other machines can reach it."""
     if is_loopback(host):
         return PageAuth(LOCAL_NAMES)
     name = socket.gethostname().lower()

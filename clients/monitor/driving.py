@@ -3,11 +3,11 @@
 The same pilot as `wallride teleop`'s decides which presses count. In contrast to a terminal a page can stop unnoticed:
 a frozen, hidden or closed tab. Therefore
 
-* every command follows from a message of the page; nothing renews a command while the page is silent, * the pilot
-receives only the beats that the page echoes, so that a late page is late on the car's own clock too, * a page that is
-silent for SILENT_S has no inputs: the car is commanded to stop and to require a release (a page that is busy for a
-moment less than that loses nothing: the car itself waits 0.2 s for the next command), * what ends without a person's
-wish (closed socket, hidden tab) is never a goodbye, after which autonomy may go on.
+* every command follows from a message of the page; nothing renews a command while the page is silent,
+* the pilot receives only the beats that the page echoes, so that a late page is late on the car's own clock too,
+* a page that is silent for SILENT_S has no inputs: the car is commanded to stop and to require a release (a page that
+  is busy for a moment less than that loses nothing: the car itself waits 0.2 s for the next command),
+* an end without a person's wish (closed socket, hidden tab) is never a goodbye, after which autonomy may go on.
 
 An e-stop needs none of that: it goes out at once, also from a page that does not drive.
 """

@@ -8,7 +8,7 @@ human hand opens it again. An e-stop needs no gate, and is repeated until the ca
 A command states the truth: "nothing pressed" is sent only after an observed release. A pad that is gone, or a
 deadman that is still held after an incident, is not a release (see DISTRUST).
 
-The car has the same rules and the last word (runtime/teleop/desk.py); those here spare the operator surprises.
+The car has the same rules and the last word (runtime/teleop/desk.py); the rules here spare the operator surprises.
 """
 
 import math
