@@ -1,5 +1,5 @@
 """Simulated hardware: worlds, vehicle, lidar beams, device emulators, and their drivers.
 
-Read in this order: `world` and `vehicle` (the physics), `beams`, `devices` (the real bytes), `session` (one drive of
-the unmodified runtime), `command` (`wallride sim`). `twins` and `virtual_time` are for stories without real seconds.
+Read in this order: `world` (walls, beams, obstacles), `car` (the physics), `devices` (the real bytes), `live`
+(`wallride sim`: one drive of the unmodified runtime), `virtual` (drives without real seconds), `lab` (experiments).
 """

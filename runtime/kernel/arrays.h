@@ -41,10 +41,10 @@ struct row {
 int as_row(PyObject *object, int type, struct row *row);
 int as_numbers(PyObject *const *from, int count, double *to);
 int as_indices(PyObject *const *from, int count, beam *to);
-int numbers_of(PyObject *tuple, double *to); /* at most MOST_NUMBERS; how many, or -1 */
+int numbers_of(PyObject *tuple, double *to); /* at most MAX_NUMBERS; how many, or -1 */
 int same_count(PyObject *tuple, int count, double *to);
 int flags_of(PyObject *tuple, int count, npy_bool *to);
-#define MOST_NUMBERS 32
+#define MAX_NUMBERS 32
 int enough(Py_ssize_t given, Py_ssize_t wanted, const char *name);
 
 /* Fresh arrays; the data of an array that is known to be contiguous. */
@@ -84,7 +84,7 @@ KERNEL(roll_out_all);
 KERNEL(fit_wall_line);
 KERNEL(find_followed_wall);
 KERNEL(roll_ball);
-KERNEL(noise_learnt_m);
+KERNEL(learn_noise_m);
 KERNEL(drive_along_ball);
 KERNEL(predict_motion);
 KERNEL(dead_reckon);

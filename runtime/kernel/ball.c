@@ -26,8 +26,8 @@ static double nearest_rad(const double *range, const double *bearing, beam point
 /* A path over some circles. */
 struct path {
     int circles;
-    double radius[MOST_NUMBERS], bearing[MOST_NUMBERS];
-    npy_bool meets[MOST_NUMBERS], crosses[MOST_NUMBERS];
+    double radius[MAX_NUMBERS], bearing[MAX_NUMBERS];
+    npy_bool meets[MAX_NUMBERS], crosses[MAX_NUMBERS];
 };
 
 /* A wall's points around the rear axle. */
@@ -92,11 +92,11 @@ static void roll(struct wall *wall, double ball, struct path *path) {
     }
 }
 
-/* noise_learnt_m(noise, x, y, indices) -> noise; see noise_bias.py */
-KERNEL(noise_learnt_m) {
+/* learn_noise_m(noise, x, y, indices) -> noise; see noise_bias.py */
+KERNEL(learn_noise_m) {
     struct row x, y, wall;
     double noise;
-    if (!enough(count, 4, "noise_learnt_m") || !as_numbers(given, 1, &noise) || !as_row(given[1], NPY_DOUBLE, &x) ||
+    if (!enough(count, 4, "learn_noise_m") || !as_numbers(given, 1, &noise) || !as_row(given[1], NPY_DOUBLE, &x) ||
         !as_row(given[2], NPY_DOUBLE, &y) || !as_row(given[3], NPY_INTP, &wall))
         return NULL;
     const beam part = NOISE_BIAS_NOISE_BEAMS;
@@ -105,7 +105,7 @@ KERNEL(noise_learnt_m) {
     for (beam i = 0; i < wall.count; i++) {
         npy_intp at = INDEX(wall, i);
         if (at < 0 || at >= x.count || at >= y.count)
-            return PyErr_Format(PyExc_IndexError, "noise_learnt_m: no beam %zd", (Py_ssize_t)at);
+            return PyErr_Format(PyExc_IndexError, "learn_noise_m: no beam %zd", (Py_ssize_t)at);
         double square = NUMBER(x, at) * NUMBER(x, at) + NUMBER(y, at) * NUMBER(y, at);
         if (square < least_square || (isnan(square) && !isnan(least_square))) { /* as numpy's argmin */
             least_square = square;
@@ -113,7 +113,7 @@ KERNEL(noise_learnt_m) {
         }
     }
     beam from = nearest > part ? nearest - part : 0, to = nearest + part < wall.count ? nearest + part : wall.count - 1;
-    if (to - from < NOISE_BIAS_FEWEST_NOISE_BEAMS)
+    if (to - from < NOISE_BIAS_MIN_NOISE_BEAMS)
         return PyFloat_FromDouble(noise);
     for (beam i = from; i <= to; i++) {
         npy_intp at = INDEX(wall, i);
@@ -122,12 +122,12 @@ KERNEL(noise_learnt_m) {
         before = range;
     }
     noise *= 1.0 + NOISE_BIAS_NOISE_STEP * ((double)above / (double)(to - from) - 0.5);
-    return PyFloat_FromDouble(bounded(noise, NOISE_BIAS_LEAST_NOISE_M, NOISE_BIAS_MOST_NOISE_M));
+    return PyFloat_FromDouble(bounded(noise, NOISE_BIAS_MIN_NOISE_M, NOISE_BIAS_MAX_NOISE_M));
 }
 
 /* The roughness of the wall beyond its line; see roughness_m. */
 static double roughness(double bias, double noise) {
-    return bounded(bias - NOISE_BIAS_BIAS_OF_NOISE * noise * sqrt(noise), 0.0, NOISE_BIAS_MOST_ROUGHNESS_M);
+    return bounded(bias - NOISE_BIAS_BIAS_OF_NOISE * noise * sqrt(noise), 0.0, NOISE_BIAS_MAX_ROUGHNESS_M);
 }
 
 /* The bias after one more scan; see noise_bias.py. */
@@ -139,7 +139,7 @@ static double learnt(double bias, double found) {
 /* Distance of the path to the points of the beams after `from`; see apart_m. v: from_x, from_y, yaw of the path. */
 static double opposite(const struct path *path, const struct row *x, const struct row *y, const struct row *solid,
                        beam from, const double *v) {
-    place there[MOST_NUMBERS], turned = CMPLX(cos(v[2]), sin(v[2]));
+    place there[MAX_NUMBERS], turned = CMPLX(cos(v[2]), sin(v[2]));
     int crossed = 0, all = path->circles < (int)SPEED_PROFILE_CIRCLES ? path->circles : (int)SPEED_PROFILE_CIRCLES;
     for (int k = 0; k < all; k++)
         if (path->crosses[k])

@@ -17,7 +17,7 @@ static int answers_of(PyObject *told, struct answer *to) {
     }
     int count = (int)PyTuple_GET_SIZE(told);
     for (int i = 0; i < count; i++) {
-        double pair[MOST_NUMBERS];
+        double pair[MAX_NUMBERS];
         if (!same_count(PyTuple_GET_ITEM(told, i), 2, pair))
             return -1;
         to[i] = (struct answer){pair[0], pair[1]};
@@ -51,7 +51,7 @@ static double towards(double from, double to, double most_rad) { return from + b
  * trim, rate) -> (obeyed, least, most), servo, x, y, yaw */
 KERNEL(predict_motion) {
     struct answer told[PREDICTION_MAX_TOLD];
-    double wire[MOST_NUMBERS], v[10];
+    double wire[MAX_NUMBERS], v[10];
     if (!enough(count, 12, "predict_motion") || !same_count(given[1], 3, wire) || !as_numbers(given + 2, 10, v))
         return NULL;
     int all = answers_of(given[0], told);
@@ -99,7 +99,7 @@ double bend_of(const double *radius, const double *bearing) {
 /* The maximum speed now along the circles that the path crosses; see fastest_mps. */
 double fastest(const double *radii, const double *bearings, const npy_bool *meets, const npy_bool *crosses, int all,
                double speed, double mu) {
-    double heading[MOST_NUMBERS], way[MOST_NUMBERS + 1];
+    double heading[MAX_NUMBERS], way[MAX_NUMBERS + 1];
     int begin = 0, end;
     all = all < SPEED_PROFILE_CIRCLES ? all : SPEED_PROFILE_CIRCLES;
     while (begin < all && !crosses[begin])

@@ -14,7 +14,7 @@ static double fading(double value, double whole_below, double none_above) {
 static double approach(double error, double speed, double slope, double path) {
     double sharpest = 1.0 / (BALL_LAW_ARC_M + BALL_LAW_ARC_S * fabs(speed));
     double against = lesser(copysign(path, error * path), 0.0);
-    double bend = greater(sharpest + against, BALL_LAW_LEAST_ARC_SHARE * sharpest), size = fabs(error), wanted = slope * size;
+    double bend = greater(sharpest + against, BALL_LAW_MIN_ARC_SHARE * sharpest), size = fabs(error), wanted = slope * size;
     double joint = slope > 0 ? asin(lesser(bend / slope, 1.0)) : HUGE_VAL;
     if (wanted > joint)
         wanted = acos(greater(cos(joint) - bend * (size - joint / slope), -1.0));
@@ -84,8 +84,8 @@ static struct aim pursue(const double *radius, const double *bearing, const npy_
 /* drive_along_ball((radius, ...), (bearing, ...), (meets, ...), (crosses, ...), error, line_rad, line_error, mean_bend, speed,
  * kp, kd, wheelbase, trim, most_rad, wanted, mu) -> error, straight, steering, speed */
 KERNEL(drive_along_ball) {
-    double radius[MOST_NUMBERS], bearing[MOST_NUMBERS], v[12];
-    npy_bool meets[MOST_NUMBERS], crosses[MOST_NUMBERS];
+    double radius[MAX_NUMBERS], bearing[MAX_NUMBERS], v[12];
+    npy_bool meets[MAX_NUMBERS], crosses[MAX_NUMBERS];
     if (!enough(count, 16, "drive_along_ball") || !as_numbers(given + 4, 12, v))
         return NULL;
     int circles = numbers_of(given[0], radius);
@@ -120,7 +120,7 @@ static double square(double value) { return value * value; }
 
 /* predict_wall(state, way, wheel, speed, wheelbase, least unrest) -> state */
 KERNEL(predict_wall) {
-    double s[MOST_NUMBERS], v[5];
+    double s[MAX_NUMBERS], v[5];
     if (!enough(count, 6, "predict_wall") || !same_count(given[0], STATES, s) || !as_numbers(given + 1, 5, v))
         return NULL;
     double way = v[0], wheel = v[1], speed = v[2], wheelbase = v[3];
@@ -155,7 +155,7 @@ static void move(double *s, double gd, double ga, double gt, double surprise) {
 
 /* correct_wall(state, distance, heading) -> state */
 KERNEL(correct_wall) {
-    double s[MOST_NUMBERS], v[2];
+    double s[MAX_NUMBERS], v[2];
     if (!enough(count, 3, "correct_wall") || !same_count(given[0], STATES, s) || !as_numbers(given + 1, 2, v))
         return NULL;
     double share = 1.0 / (s[DD] + square(WALL_TRACK_LINE_STD_M));

@@ -3,7 +3,7 @@
 #include "arrays.h"
 #include "constants.h"
 
-enum { STEPS = MANOEUVRE_ROLLOUT_HORIZON_STEPS, MOST_ENDS = STEPS / MANOEUVRE_ROLLOUT_LOCK_STEPS + 3 };
+enum { STEPS = MANOEUVRE_ROLLOUT_HORIZON_STEPS, MAX_ENDS = STEPS / MANOEUVRE_ROLLOUT_LOCK_STEPS + 3 };
 static const double STEP = MANOEUVRE_ROLLOUT_STEP_S, TINY = MANOEUVRE_ROLLOUT_TINY;
 
 /* The car, in the order of RolloutStart. */
@@ -221,7 +221,7 @@ static int ends_of(const struct ground *on, struct rollout from, double steering
 }
 
 /* floors: the last end of one holds for all later moments. */
-static void best_end(struct end ends[][MOST_ENDS], const int *counts, beam floors, double *to) {
+static void best_end(struct end ends[][MAX_ENDS], const int *counts, beam floors, double *to) {
     double best_energy = INFINITY;
     int moments = 0;
     for (beam f = 0; f < floors; f++) {
@@ -296,7 +296,7 @@ KERNEL(roll_out_all) {
         starts[f] = begun(grounds + f, &past, &coming);
     }
     for (beam i = 0; answer && i < steering.count; i++) {
-        struct end ends[MANOEUVRE_ROLLOUT_MAX_FLOORS][MOST_ENDS];
+        struct end ends[MANOEUVRE_ROLLOUT_MAX_FLOORS][MAX_ENDS];
         int counts[MANOEUVRE_ROLLOUT_MAX_FLOORS];
         for (beam f = 0; f < grip.count; f++)
             counts[f] = ends_of(grounds + f, starts[f], NUMBER(steering, i), NUMBER(brake, i), ends[f]);

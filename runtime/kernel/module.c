@@ -34,8 +34,8 @@ int as_indices(PyObject *const *from, int count, beam *to) {
 }
 
 int numbers_of(PyObject *tuple, double *to) {
-    if (!PyTuple_Check(tuple) || PyTuple_GET_SIZE(tuple) > MOST_NUMBERS) {
-        PyErr_Format(PyExc_TypeError, "the kernel wants a tuple of at most %d numbers", MOST_NUMBERS);
+    if (!PyTuple_Check(tuple) || PyTuple_GET_SIZE(tuple) > MAX_NUMBERS) {
+        PyErr_Format(PyExc_TypeError, "the kernel wants a tuple of at most %d numbers", MAX_NUMBERS);
         return -1;
     }
     int count = (int)PyTuple_GET_SIZE(tuple);
@@ -55,7 +55,7 @@ int same_count(PyObject *tuple, int count, double *to) {
 }
 
 int flags_of(PyObject *tuple, int count, npy_bool *to) {
-    double numbers[MOST_NUMBERS];
+    double numbers[MAX_NUMBERS];
     if (!same_count(tuple, count, numbers))
         return 0;
     for (int i = 0; i < count; i++)
@@ -92,7 +92,7 @@ static PyMethodDef functions[] = {
     ENTRY(fit_wall_line), ENTRY(find_followed_wall), ENTRY(roll_ball), ENTRY(drive_along_ball), ENTRY(split_scan),
     ENTRY(predict_motion), ENTRY(predict_wall), ENTRY(correct_wall), ENTRY(dead_reckon), ENTRY(weigh_dirt),
     ENTRY(find_dirt), ENTRY(find_near_places), ENTRY(watch_sectors), ENTRY(roll_out_all), ENTRY(places_behind),
-    ENTRY(noise_learnt_m), ENTRY(prefetch),
+    ENTRY(learn_noise_m), ENTRY(prefetch),
     {NULL, NULL, 0, NULL},
 };
 

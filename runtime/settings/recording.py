@@ -31,7 +31,7 @@ class RecordingSettings(Section):
     """A simulated car: its folder, and so its ring, is apart from those of real drives. Set by `wallride sim`."""
 
     world: str = ""
-    """The simulated world, for those who read the recording; empty on a real car. Set by `wallride sim`."""
+    """The simulated world, shown with the recording; empty on a real car. Set by `wallride sim`."""
 
     ring_mb: Annotated[int, Field(ge=16)] = 4096
     """All recordings of a car together; the oldest make room for the new. An hour of driving is about 1 GB."""

@@ -42,7 +42,7 @@ class MuxSettings(Section):
     """Priority order of the sources, and rate of the output's renewal without new commands."""
 
     order: tuple[Source, ...] = LAB_ORDER
-    """Who outranks whom in the mux, most urgent first."""
+    """Sources in the order of the mux, most urgent first."""
     tick_hz: Annotated[float, Field(ge=20, le=200)] = 50.0
     """How often the mux decides while no scan comes."""
 

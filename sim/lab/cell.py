@@ -20,7 +20,7 @@ Figures = dict[str, Any]
 class Cell:
     """One run. law: a name of `sim.lab.laws`. speed_mps: the requested speed; the law may choose less.
 
-    desired_m: requested distance to the wall. own_parts: of the car, see `sim.own_parts`.
+    desired_m: requested distance to the wall. own_parts: of the car, see `sim.world.own_parts`.
     """
 
     experiment: str

@@ -18,7 +18,7 @@ from sim.world.worlds import load_world
 
 LOOPS = ("loop", "loop_inner")
 GENERATED = ("generated outer", "generated inner")
-"""Tracks generated from the seed (`sim.generated_tracks`), the followed wall being the outer or the inner one."""
+"""Tracks generated from the seed (`sim.world.generated_tracks`), the followed wall being the outer or the inner one."""
 LAPS = 3
 """Number of laps, the first from a standstill; the best of the others counts."""
 FOLLOWED_S = 60.0

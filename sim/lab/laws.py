@@ -1,7 +1,7 @@
 """Laws under test by name: the only place of the lab that constructs them.
 
 "ball" is a follower with the safety that belongs to it; "ball+report" names both; "report+none" drives without safety.
-"prototype" is a baseline that only the lab has (`sim.lab.prototype`).
+"prototype" is a baseline that only the lab has (`sim.lab.courses.prototype`).
 """
 
 from runtime.control import methods

@@ -1,9 +1,9 @@
 """Minimum mean error that any steering could reach: the reference for a run's figures.
 
 Most of a run's mean error is the way from its start to the wanted distance, which no law can save. The limit is found
-by optimal control of a car with full knowledge of the course: the single-track model of `sim.vehicle` at constant speed
-(same tyres, same grip, same yaw inertia), with the steering's stop and its rate. The wheels do not move before the
-answer to the first scan can reach them: `delay_s`, the 20 ms to the wire and the servo's 20 ms of every clean run.
+by optimal control of a car with full knowledge of the course: the single-track model of `sim.car.vehicle` at constant
+speed (same tyres, same grip, same yaw inertia), with the steering's stop and its rate. The wheels do not move before
+the answer to the first scan can reach them: `delay_s`, the 20 ms to the wire and the servo's 20 ms of every clean run.
 Advantages of the limit over a law: no noise, the whole way known, an exact vehicle model.
 
 Minimised is the mean of |distance - wanted| at the moments of the scans, the first one at the start included: exactly
@@ -14,7 +14,7 @@ linear programme, so are all bounds, and a trust region keeps the changes small.
 true limit can be lower but not higher. Contact is no part of the problem, only noticed afterwards. A law that drives
 slower than asked can be better than the limit at that speed.
 
-`driven_mean_error_m` goes on from there with `sim.vehicle` itself, whose speed sags and whose load shifts in bends.
+`driven_mean_error_m` goes on from there with `sim.car.vehicle` itself, whose speed sags and whose load shifts in bends.
 That takes half a minute and raises the answer by 0 to 5 %: for figures that a law is measured against to the percent.
 """
 

@@ -1,8 +1,8 @@
 """`lab safety`: the report's 28 obstacles, which appear 0.3 to 0.9 m before the lidar of a car at 1 to 4 m/s.
 
-Three drivers meet them (`sim.lab.sudden`): a blind one, the car's own follower, and a human who swerves. Physics is
-that of a straight full brake; the human's car already rotates and hits with a corner first, so it is compared with
-itself, braked in full on the first scan, where that is worse.
+Three drivers meet them (`sim.lab.courses.sudden`): a blind one, the car's own follower, and a human who swerves.
+Physics is that of a straight full brake; the human's car already rotates and hits with a corner first, so it is
+compared with itself, braked in full on the first scan, where that is worse.
 
 Most of them no car could stop for. What a brake can do (control-and-safety notes, section 1), with the gap counted from
 the bumper and t the time from the scan's last byte to the brake's bite:

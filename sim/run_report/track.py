@@ -13,7 +13,7 @@ from sim.world.pose import Floats
 
 TALLEST_PATH_PX = 620
 MAP_EVERY_M = 0.5
-MOST_MAP_SCANS = 120
+MAX_MAP_SCANS = 120
 FARTHEST_DOT_M = 12.0
 BODY_M = 0.1
 
@@ -33,7 +33,7 @@ def track(shown: Shown, width: int) -> str:
 def _map(run: RecordedRun) -> tuple[Floats, Floats]:
     """Return the points of a scan every half metre or so, placed by the odometry."""
     path, last, xs, ys = run.path, None, [], []
-    every_m = max(MAP_EVERY_M, float(np.hypot(np.diff(path.x_m), np.diff(path.y_m)).sum()) / MOST_MAP_SCANS)
+    every_m = max(MAP_EVERY_M, float(np.hypot(np.diff(path.x_m), np.diff(path.y_m)).sum()) / MAX_MAP_SCANS)
     for time_s, message in run.scans:
         x_m, y_m, yaw_rad = (at_time(path.time_s, column, time_s) for column in (path.x_m, path.y_m, path.yaw_rad))
         if not math.isfinite(x_m) or (last is not None and math.dist(last, (x_m, y_m)) < every_m):

@@ -39,7 +39,7 @@ class LidarSettings(BaseModel):
     dropout_share: beams that report no return.
     dirty_sectors: (from_deg, to_deg, range_m), dirt on the window: these beams see nothing beyond range_m.
     self_returns: a part of the car at the right rear, within its outline. own_parts: further ones, by the names of
-        `sim.own_parts`, which hide what is behind them.
+        `sim.world.own_parts`, which hide what is behind them.
     motion_skew: each beam is measured at its own moment of the sweep; off: all at its end.
     """
 

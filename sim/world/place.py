@@ -1,6 +1,7 @@
 """Static world that a car drives in: walls, a start, a side to follow, perhaps a lap. Ground truth for all tests.
 
-Not here: obstacles that appear or move (`sim.obstacles`), the lidar's measurement of the world (`sim.beams`).
+Not here: obstacles that appear or move (`sim.world.obstacles`), the lidar's measurement of the world
+(`sim.world.beams`).
 """
 
 import math
@@ -31,7 +32,7 @@ class Surroundings(Protocol):
 
 
 class Geometry(Protocol):
-    """Walls, independent of their storage (`sim.segments`, `sim.grid`)."""
+    """Walls, independent of their storage (`sim.world.segments`, `sim.world.grid`)."""
 
     @property
     def bounds_m(self) -> tuple[float, float, float, float]:

@@ -13,7 +13,7 @@ from tests.system.bench import Bench, bench
 
 BRAKE_WITHIN_S = 0.25
 """0.1 s on a quiet machine; a loaded one answers later, and speed is no matter of this test."""
-MOST_MORE_KB = 20_000
+MAX_MORE_KB = 20_000
 
 
 def swap_phases(play):
@@ -53,7 +53,7 @@ async def test_an_impossible_speed_is_a_brake_no_hang_and_no_memory(tmp_path, er
         car.vesc.shown_erpm = None
         assert car.first_brake_s(begun_s) - begun_s < BRAKE_WITHIN_S
         await car.until_driving()
-        assert memory_kb(car) - before_kb < MOST_MORE_KB
+        assert memory_kb(car) - before_kb < MAX_MORE_KB
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ Evidence per beam: p <- p + (1 - exp(-dm / memory)) (seen - p), with dm = metres
 parked car learns nothing (a leg beside it stays an obstacle). Dirt stays on its beam, at its range, while the world
 moves past; an operator walking behind the car does not keep a distance constant to the centimetre.
 
-What dirt looks like on real cars (recordings of a RACECAR, docs/laws.md): patches of 9 to 15 degrees that read 0.45 to
+What dirt looks like on real cars (a RACECAR, benchmarks/laws.md): patches of 9 to 15 degrees that read 0.45 to
 0.8 m while a wall is within 1.7 m behind them, and let the beam through to anything farther. So a patch is compared
 with beams 15 degrees away as well, evidence reaches to 0.9 m, and the blurred rim of a patch belongs to it.
 """

@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class LidarHealthSettings(BaseModel):
-    """Thresholds for dirty beams and for the amount of dirt that is still safe (section 6 of the control reference)."""
+    """Thresholds for dirty beams and for the amount of dirt that is still safe."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 

@@ -2,7 +2,7 @@
 
 The outline is swept along the arc that will be driven (`footprint`); the distance to the first contact is compared with
 the stopping distance (`stopping`). Two limits: a graded one, which brakes gently and early, and a hard stop, which is
-held for a moment. Section 5 of the project's control reference compares this with the alternatives.
+held for a moment. Formulas: docs/laws.md; figures: benchmarks/laws.md.
 """
 
 import math

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 class SweptSettings(BaseModel):
     """Conditions under which the car slows and stops, for every driving source.
 
-    Defaults: section 5 of the project's control reference (96 hazard runs x 6 friction pairs, 76 normal runs).
+    Defaults: from 96 hazard runs x 6 friction pairs and 76 normal runs in the lab; see docs/laws.md.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)

@@ -14,7 +14,7 @@ import numpy as np
 from drivers.api import Drive, MotorState, Scan
 from runtime.control.guidance import Guidance
 from runtime.control.perception.geometry import Floats
-from runtime.control.perception.noise_bias import FIRST_NOISE_M, noise_learnt_m
+from runtime.control.perception.noise_bias import FIRST_NOISE_M, learn_noise_m
 from runtime.control.perception.view import PerceptionCache
 from runtime.control.vehicle import CarSettings
 from runtime.control.wall_following.ball_drive import drive_along_ball
@@ -37,7 +37,7 @@ BEND_LOW_PASS = 0.2
 
 LANE_SHARE = 0.9
 """Maximum share of the desired distance that half of the width ahead has in a lane."""
-LEAST_OPPOSITE_M = 0.1
+MIN_OPPOSITE_M = 0.1
 """Minimum clearance of the path in a lane: a nearer path passes through the obstacle, which is a wall with gaps."""
 
 
@@ -109,7 +109,7 @@ class BallFollower:
         tracked = self._track.correct(line)
         desired_m = self._room.beside_m(line, wall.room_m, wanted_m, moved_m)
         look_m = look_aheads_m(settings.look_ahead_m, settings.look_ahead_s, speed_mps)
-        self._noise_m = noise_learnt_m(self._noise_m, seen.x_m, seen.y_m, wall.beams)
+        self._noise_m = learn_noise_m(self._noise_m, seen.x_m, seen.y_m, wall.beams)
         ball = roll_path(seen, wall, shift, self._bias_m, self._noise_m, desired_m, look_m)
         self._path, self._bias_m = ball.path, ball.bias_m
         self._half_ahead_m = half_ahead_m(desired_m, ball.opposite_m)
@@ -165,4 +165,4 @@ class BallFollower:
 
 def half_ahead_m(desired_m: float, opposite_m: float) -> float:
     """Return half of the width ahead, where the path keeps desired_m from the wall; infinity where it is no lane."""
-    return (desired_m + opposite_m) / 2 if opposite_m > LEAST_OPPOSITE_M else math.inf
+    return (desired_m + opposite_m) / 2 if opposite_m > MIN_OPPOSITE_M else math.inf

@@ -36,7 +36,7 @@ ARC_M = 0.933
 ARC_S = 0.45
 """Part of the radius of the approach's arc, ARC_M + ARC_S v, that grows with the speed: the tightest arc, plus the
 distance on which the servo slews from one stop to the other (0.21 s) and the tyres follow."""
-LEAST_ARC_SHARE = 0.4
+MIN_ARC_SHARE = 0.4
 """Minimum share of the arc's curvature that remains beside a path that bends."""
 MAX_SLOPE_RAD = 1.4
 HERE_M, HERE_S = 0.25, 0.08
@@ -153,7 +153,7 @@ def approach_rad(error_m: float, speed_mps: float, slope_per_m: float, path_per_
     """
     sharpest_per_m = 1.0 / (ARC_M + ARC_S * abs(speed_mps))
     against_per_m = min(math.copysign(path_per_m, error_m * path_per_m), 0.0)
-    bend_per_m = max(sharpest_per_m + against_per_m, LEAST_ARC_SHARE * sharpest_per_m)
+    bend_per_m = max(sharpest_per_m + against_per_m, MIN_ARC_SHARE * sharpest_per_m)
     size_m = abs(error_m)
     # The arc's heading h grows by c / sin(h) per metre: the straight ends where it is no steeper than that.
     joint_rad = math.asin(min(bend_per_m / slope_per_m, 1.0)) if slope_per_m > 0 else math.inf

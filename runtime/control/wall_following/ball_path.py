@@ -17,7 +17,7 @@ import numpy as np
 from drivers.twin import twin
 from drivers.value import value
 from runtime.control.perception.geometry import Booleans, Floats, Places
-from runtime.control.perception.noise_bias import bias_learnt_m, roughness_m
+from runtime.control.perception.noise_bias import learn_bias_m, roughness_m
 from runtime.control.wall_following.followed_wall import Beams, FollowedWall, SideView, around, bridge_glass, outline
 from runtime.control.wall_following.prediction import Shift
 from runtime.control.wall_following.wall_fit import CLEAN_INLIERS
@@ -119,7 +119,7 @@ def roll_ball(  # flat arguments, as its twin in C wants them
         places_m = np.concatenate((places_m, glass_m))
     range_m, bearing_rad, nearest_m = around(places_m, from_x_m, from_y_m, yaw_rad)
     line_m -= math.cos(line_rad) * from_y_m - math.sin(line_rad) * from_x_m
-    bias_m = bias_learnt_m(bias_m, line_m, nearest_m)
+    bias_m = learn_bias_m(bias_m, line_m, nearest_m)
     path_rad, meets, crosses = circles_met(
         range_m, bearing_rad, desired_m - bias_m + roughness_m(bias_m, noise_m), radii_m
     )

@@ -45,7 +45,7 @@ def test_arrays_of_different_lengths_are_refused(compiled):
         compiled["find_dark_regions"](flags, flags, short, 0.0, 0.1, 0.0, 1.0)
     for beam in (9, -1):
         with pytest.raises(IndexError, match=f"no beam {beam}"):
-            compiled["noise_learnt_m"](0.01, long_m, long_m, np.array([0, beam]))
+            compiled["learn_noise_m"](0.01, long_m, long_m, np.array([0, beam]))
         with pytest.raises(IndexError, match=f"no beam {beam}"):
             compiled["roll_ball"](long_m, long_m, flags, np.array([0, beam]), None, *[0.0] * 8, (1.0,) * 5)
     with pytest.raises(ValueError, match="at least 5 circles"):

@@ -132,7 +132,7 @@ def test_the_noise_is_learnt_alike(compiled, seed, beams, noise_m):
     rng = np.random.default_rng(seed)
     x_m, y_m = rng.normal(0.0, rng.choice([0.01, 1.0]), (2, 200))
     given_ = (noise_m, x_m, y_m, np.sort(rng.choice(200, beams, replace=False)))
-    assert_same("noise_learnt_m", twin.PLAIN["noise_learnt_m"](*given_), compiled["noise_learnt_m"](*given_))
+    assert_same("learn_noise_m", twin.PLAIN["learn_noise_m"](*given_), compiled["learn_noise_m"](*given_))
 
 
 @pytest.mark.parametrize("of", range(3))
@@ -141,7 +141,7 @@ def test_a_noise_that_is_no_number_is_learnt_alike(compiled, of, at):
     numbers = [np.array([0.01]), np.linspace(-1.0, 1.0, 100), np.ones(100)]
     numbers[of][min(at, numbers[of].size - 1)] = math.nan
     given_ = (float(numbers[0][0]), *numbers[1:], np.arange(100))
-    assert_same("noise_learnt_m", twin.PLAIN["noise_learnt_m"](*given_), compiled["noise_learnt_m"](*given_))
+    assert_same("learn_noise_m", twin.PLAIN["learn_noise_m"](*given_), compiled["learn_noise_m"](*given_))
 
 
 @pytest.mark.parametrize("radii_m", [RADII_M, RADII_M[:5]])

@@ -10,9 +10,9 @@ from drivers.api import MotorState, Scan
 from runtime.control.perception.geometry import Places
 from runtime.control.perception.noise_bias import (
     FIRST_NOISE_M,
-    MOST_ROUGHNESS_M,
-    bias_learnt_m,
-    noise_learnt_m,
+    MAX_ROUGHNESS_M,
+    learn_bias_m,
+    learn_noise_m,
     roughness_m,
 )
 from runtime.control.perception.view import PerceptionCache
@@ -497,9 +497,9 @@ def test_answers_on_their_way_to_the_wire_are_part_of_the_motion():
 
 
 def test_the_bias_of_the_nearest_of_many_noisy_points_is_learnt_while_it_is_credible():
-    assert bias_learnt_m(0.0, 1.0, 0.96) == pytest.approx(0.004)
+    assert learn_bias_m(0.0, 1.0, 0.96) == pytest.approx(0.004)
     for line_m, nearest_m in ((1.0, 0.8), (1.0, 1.1), (math.nan, 0.96)):
-        assert bias_learnt_m(0.004, line_m, nearest_m) == 0.004
+        assert learn_bias_m(0.004, line_m, nearest_m) == 0.004
 
 
 @pytest.mark.parametrize(("inliers", "learns"), [(100, True), (CLEAN_INLIERS, False)])
@@ -528,20 +528,20 @@ def test_the_noise_is_learnt_from_beam_to_beam_whatever_the_wall_is_made_of(nois
     bearing_rad = math.pi / 2 + 0.0044 * (beams - 100)
     for _ in range(60):
         range_m = 1.0 + rng.normal(0.0, noise_m, 200) + step_m * (beams // 10 % 2)
-        learnt_m = noise_learnt_m(learnt_m, range_m * np.cos(bearing_rad), range_m * np.sin(bearing_rad), beams)
+        learnt_m = learn_noise_m(learnt_m, range_m * np.cos(bearing_rad), range_m * np.sin(bearing_rad), beams)
     assert learnt_m == pytest.approx(NORMAL_M * noise_m, rel=0.3)
 
 
 def test_too_few_beams_tell_no_noise():
     few = np.arange(19)
-    assert noise_learnt_m(0.02, np.linspace(-1, 1, 19), np.ones(19), few) == 0.02
+    assert learn_noise_m(0.02, np.linspace(-1, 1, 19), np.ones(19), few) == 0.02
 
 
 def test_what_sticks_out_of_a_wall_is_wall_and_no_noise():
     """The car keeps its distance from the nearest part: the ball is made smaller by what is noise only."""
     assert roughness_m(0.03, 0.0186) == pytest.approx(0.03 - 3.6 * 0.0186**1.5)
     assert roughness_m(0.008, 0.0186) == 0.0
-    assert roughness_m(0.1, 0.0186) == MOST_ROUGHNESS_M
+    assert roughness_m(0.1, 0.0186) == MAX_ROUGHNESS_M
     seen = side_view(PerceptionCache(CAR).see(scan_in("straight")), "left")
     wall = choose_wall(seen, 1.0, None, 1.0)
     assert wall is not None
