@@ -45,10 +45,12 @@ class PageFeed:
     session: of the selected process of the car, None for the first to answer; messages of another one are not passed
     on, and it is sent nothing.
     round_trip_s: of a small query to the car, None when it does not answer. problem: why there is no session.
-    malformed: beats that could not be read. history: what pages plot, since the feed began.
+    malformed: beats that could not be read. history: what pages plot, also from before the feed.
     """
 
-    def __init__(self, car: str, config: Mapping[str, Any], session: int | None = None) -> None:
+    def __init__(
+        self, car: str, config: Mapping[str, Any], session: int | None = None, history: PlotHistory | None = None
+    ) -> None:
         self.car = car
         self.round_trip_s: float | None = None
         self.problem = "connecting"
@@ -56,7 +58,7 @@ class PageFeed:
         self._session = session
         self._known_s = -math.inf
         self.watchers: set[Watcher] = set()
-        self.history = PlotHistory()
+        self.history = history or PlotHistory()
         self._bus = Bus(config)
         self._topics = {topics.key(car, topic): topic for topic in FROM_CAR}
         self._declared = False

@@ -7,8 +7,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from runtime.wire import topics
+from runtime.wire.teleop import session_text
 
 MAX_HISTORY_S = 300.0
+MAX_CARS = 32
 APART_S = 0.2
 """Minimum distance of samples; a plot of minutes has fewer pixels than that."""
 NAMES = ("error", "asked", "sent", "driven", "steering", "latency", "round_trip")
@@ -16,7 +18,7 @@ _FLOAT32 = struct.Struct("<4xf")
 
 
 class Track:
-    """Values of one line over time; the oldest go after LONGEST_S."""
+    """Values of one line over time; the oldest go after MAX_HISTORY_S."""
 
     def __init__(self) -> None:
         self._samples: deque[tuple[float, float]] = deque(maxlen=round(MAX_HISTORY_S / APART_S))
@@ -70,3 +72,41 @@ class PlotHistory:
         self._tracks["driven"].add(at_s, status.get("speed_mps"))
         self._tracks["steering"].add(at_s, output.get("steering_rad"))
         self._tracks["latency"].add(at_s, latency.get("p99"))
+
+
+class CarHistories:
+    """Plot histories of the cars at one endpoint, kept while no page watches them.
+
+    session: the selected start of a car there, None for any; without a status of it nothing of that car is kept.
+    """
+
+    TOPICS = (topics.STATUS, topics.DISTANCE_ERROR)
+
+    def __init__(self, session: int | None = None) -> None:
+        self._session = None if session is None else session_text(session)
+        self._cars: dict[str, PlotHistory] = {}
+        self._selected: set[str] = set()
+
+    def of(self, car: str) -> PlotHistory:
+        """Return the history of a car, an empty one where nothing was received; at most MAX_CARS are kept."""
+        found = self._cars.get(car) or PlotHistory()
+        if len(self._cars) < MAX_CARS:
+            self._cars[car] = found
+        return found
+
+    def take(self, key: str, payload: bytes, arrival_s: float) -> None:
+        """Add a sample of any car."""
+        _, car, topic = key.split("/", 2)
+        if self._is_selected(car, topic, payload):
+            self.of(car).take(topic, payload, arrival_s)
+
+    def _is_selected(self, car: str, topic: str, payload: bytes) -> bool:
+        if self._session is None:
+            return True
+        if topic == topics.STATUS:
+            try:
+                is_it = topics.decode(payload).get("session") == self._session
+            except (ValueError, TypeError):
+                return False
+            (self._selected.add if is_it else self._selected.discard)(car)
+        return car in self._selected

@@ -3,11 +3,13 @@
 import asyncio
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from clients.connection import Cars
 from clients.monitor.feed import PageFeed, Watcher
+from clients.monitor.history import CarHistories
+from runtime.wire import topics
 from runtime.wire.bus import Bus, RefusedError
 
 log = logging.getLogger("wallride.monitor")
@@ -23,7 +25,7 @@ START_ONE = "Start one: make sim here, or wallride run on the car."
 class CarEndpoint:
     """One endpoint: the configuration of its sessions, its cars, and the reason if they are unknown.
 
-    session: of the selected start of a car there, None for all.
+    session: of the selected start of a car there, None for all. histories: of its cars, for a page that comes later.
     """
 
     endpoint: str
@@ -31,6 +33,10 @@ class CarEndpoint:
     session: int | None = None
     cars: Cars | None = None
     problem: str = "connecting"
+    histories: CarHistories = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.histories = CarHistories(self.session)
 
     @property
     def is_refused(self) -> bool:
@@ -81,7 +87,7 @@ class Relay:
             if len(self._feeds) >= MAX_FEEDS:
                 raise RefusedError("too many cars are being watched already")
             place = self._place_of(name)
-            feed = self._feeds[name] = PageFeed(name, place.config, place.session)
+            feed = self._feeds[name] = PageFeed(name, place.config, place.session, place.histories.of(name))
             self._running[name] = asyncio.create_task(feed.run(), name=f"feed {name}")
             self._running[name].add_done_callback(_say_why)
         feed.watchers.add(watcher)
@@ -104,9 +110,11 @@ class Relay:
 
 
 async def _look(place: CarEndpoint) -> None:
-    """Keep one session with an endpoint, only to track its cars."""
+    """Keep one session with an endpoint: its cars, and what is plotted of them before a page comes."""
     bus = Bus(place.config)
     place.cars = Cars(bus)
+    for topic in CarHistories.TOPICS:
+        bus.subscribe(topics.key("*", topic), place.histories.take)
     try:
         while place.problem:
             try:

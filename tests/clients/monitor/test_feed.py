@@ -2,10 +2,12 @@
 
 import asyncio
 import contextlib
+import time
 
 import pytest
 
 from clients.monitor.feed import PageFeed
+from clients.monitor.relay import CarEndpoint, Relay
 from runtime.wire import zenoh_config
 from runtime.wire.bus import RefusedError
 from runtime.wire.teleop import Command, Input, Press
@@ -62,3 +64,17 @@ async def test_another_one_at_its_address_is_named_not_shown_and_told_nothing(sc
         await asyncio.sleep(0.2)
         assert car.applied == []
         assert not car.e_stop.causes
+
+
+async def test_a_page_that_comes_later_has_the_plots_of_before(scene):
+    relay = Relay([CarEndpoint(scene.endpoint, zenoh_config.client_config(scene.endpoint, None))])
+    running = asyncio.create_task(relay.run())
+    try:
+        async with FakeCar(scene.endpoint):
+            await asyncio.sleep(2.0)
+            feed = relay.watch("car1", Page())
+            ages_ms = feed.history.fields(time.monotonic())["error"]["age_ms"]
+            assert max(ages_ms, default=0) > 500
+    finally:
+        running.cancel()
+        await asyncio.wait([running])

@@ -2,7 +2,7 @@
 
 import math
 
-from clients.monitor.history import APART_S, MAX_HISTORY_S, NAMES, PlotHistory
+from clients.monitor.history import APART_S, MAX_CARS, MAX_HISTORY_S, NAMES, CarHistories, PlotHistory
 from runtime.ros import messages
 from runtime.wire import topics
 
@@ -46,3 +46,28 @@ def test_what_is_no_number_is_a_gap_and_what_is_damaged_is_left_out():
     history.take_round_trip(None, 1.0)
     found = history.fields(2.0)
     assert {tuple(line["value"]) for line in found.values()} == {(None,)}
+
+
+def test_a_car_is_remembered_before_a_page_watches_it():
+    histories = CarHistories()
+    histories.take(topics.key("car1", topics.DISTANCE_ERROR), messages.float32(0.25), 100.0)
+    histories.take(topics.key("car2", topics.DISTANCE_ERROR), messages.float32(0.5), 100.0)
+    assert histories.of("car1").fields(101.0)["error"]["value"] == [0.25]
+    assert histories.of("car2").fields(101.0)["error"]["value"] == [0.5]
+
+
+def test_only_the_selected_start_of_a_car_is_remembered():
+    histories = CarHistories(0xCAFE)
+    for session, error_m in (("0000beef", 0.1), ("0000cafe", 0.2), ("0000beef", 0.3)):
+        histories.take(topics.key("car1", topics.STATUS), topics.encode({**STATUS, "session": session}), 100.0)
+        histories.take(topics.key("car1", topics.DISTANCE_ERROR), messages.float32(error_m), 100.0)
+    histories.take(topics.key("car1", topics.STATUS), b"{", 101.0)
+    assert histories.of("car1").fields(102.0)["error"]["value"] == [0.2]
+
+
+def test_names_that_never_end_fill_no_memory():
+    histories = CarHistories()
+    for number in range(3 * MAX_CARS):
+        histories.take(topics.key(f"car{number}", topics.DISTANCE_ERROR), messages.float32(0.25), 100.0)
+    assert histories.of("car0").fields(101.0)["error"]["value"] == [0.25]
+    assert histories.of(f"car{2 * MAX_CARS}").fields(101.0)["error"]["value"] == []
