@@ -39,6 +39,11 @@ def run(options: argparse.Namespace) -> int:
 
 def _shown(file: Path, tag: str, options: argparse.Namespace) -> Shown:
     opened: OpenedRecording = open_any(file, options.assignments, options.topic)
+    if opened.ours and options.assignments:
+        raise RecordingError(
+            f"{file} holds the settings of its drive, and a report shows them: leave --set out."
+            " `wallride replay --set` decides the drive again with other settings."
+        )
     return shown(run_of(opened.log), _truth(file, options.summary if file == options.file else None), tag)
 
 

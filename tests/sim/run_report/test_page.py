@@ -216,3 +216,10 @@ def test_a_place_that_cannot_be_written_is_refused_first(path, tmp_path):
 def test_a_full_disk_is_blamed_on_the_page_and_not_on_the_recording(path):
     with pytest.raises(RecordingError, match=r"^/dev/full cannot be written: No space left"):
         command.run(offline(path, output=Path("/dev/full"), beside=None, summary=None, json=None))
+
+
+def test_settings_for_a_recording_that_has_its_own_are_refused(path, tmp_path):
+    options = offline(path, output=tmp_path / "run.html", beside=None, summary=None, json=None)
+    options.assignments = ["wall_follow.kp=9"]
+    with pytest.raises(RecordingError, match="leave --set out"):
+        command.run(options)
