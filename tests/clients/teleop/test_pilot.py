@@ -198,7 +198,7 @@ def test_a_deadman_held_while_another_operates_does_not_set_off_when_that_one_le
 INCIDENTS = {
     "the car lost us": ((CarCondition.OPERATOR_LOST,), DeadmanFault.LOST),
     "the car wants a release": ((CarCondition.REARM,), DeadmanFault.REARM),
-    "e-stop by somebody": ((CarCondition.ESTOP_LATCHED,), DeadmanFault.LATCHED),
+    "e-stop by another": ((CarCondition.ESTOP_LATCHED,), DeadmanFault.LATCHED),
 }
 
 

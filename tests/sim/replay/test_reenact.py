@@ -137,7 +137,7 @@ def test_a_tape_of_another_format_is_refused_with_the_remedy(dead_end, tmp_path)
 
 
 def test_a_setting_that_does_not_exist_is_refused_by_name(dead_end):
-    with pytest.raises(SettingsError, match=r"^wall_follow.sped is not a setting"):
+    with pytest.raises(SettingsError, match=r"^--set: wall_follow.sped is not a setting"):
         reenact(read_log(dead_end), ["wall_follow.sped=1"])
 
 
