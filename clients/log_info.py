@@ -122,6 +122,6 @@ def _lines(fields: dict[str, Any], info: Info) -> Iterator[str]:
         volume = info.sizes_bytes[topic] / seconds / 1000
         yield f"  {topic:<17} {info.kinds[topic]:<42} {count:7d}  {count / seconds:6.1f} Hz  {volume:7.1f} kB/s"
     for stop in fields["stops"]:
-        yield f"  stop at {stop['at_s']:.1f} s: {stop['reason']}"
+        yield f"  black box at {stop['at_s']:.1f} s: {stop['reason']}"
     for step in fields["clock_steps"]:
         yield f"  at {step['at_s']:.1f} s {step['reason']}"

@@ -196,10 +196,15 @@ def _operator(operator: Mapping[str, Any] | None) -> str:
         "" if lost and "lost" in operator["reason"] else operator["reason"],
         f"round trip {round_trip_s * 1000:.0f} ms" if round_trip_s is not None else "",
         f"{operator['sessions']} clients heard" if operator["sessions"] > 1 else "",
-        f"permit: {operator['permit']}" if operator["permit"] else "",
+        _permit(operator["permit"]),
         *(f"{what} refused {times}" for what, times in operator["refused"].items() if times),
     ]
     return ", ".join(part for part in dict.fromkeys(parts) if part)
+
+
+def _permit(reason: str) -> str:
+    """Return the reason of the permit's state with its subject, which some reasons begin with."""
+    return f"permit: {reason}" if reason and not reason.startswith("permit ") else reason
 
 
 def _mps(speed_mps: float | None) -> str:

@@ -6,6 +6,8 @@ from pydantic import Field
 
 from runtime.settings_base import Section
 
+NAME_RULE = "1 to 32 of a-z, 0-9, - and _, beginning with a letter or digit"
+
 
 class CarSettings(Section):
     """The vehicle, measured with a ruler. base_link is the middle of the rear axle (REP-105)."""

@@ -25,7 +25,7 @@ from runtime.control.method_settings import (
     ChosenWallFollow,
     SweptSafetySettings,
 )
-from runtime.control.vehicle import CarSettings
+from runtime.control.vehicle import NAME_RULE, CarSettings
 from runtime.settings.operator import OperatorSettings
 from runtime.settings.parameters import ParameterSettings
 from runtime.settings.recording import RecordingSettings
@@ -217,6 +217,8 @@ def _sentence(error: Mapping[str, Any]) -> str:
         return f"{key}.method = '{error['ctx']['tag']}': input should be {error['ctx']['expected_tags']}"
     if error["type"] in {"model_type", "model_attributes_type"}:
         return f"{key} = {error['input']!r}: is a section; write [{key}] and its keys below, or {key}.KEY=VALUE"
+    if key == "car.name" and error["type"] == "string_pattern_mismatch":
+        return f"{key} = {error['input']!r}: must be {NAME_RULE}, for example car1"
     message = str(error["msg"]).removeprefix("Value error, ")
     return f"{key} = {error['input']!r}: {message[:1].lower()}{message[1:]}"
 

@@ -302,7 +302,7 @@ def parse_pose(text: str) -> Pose:
 def _check_outputs(options: argparse.Namespace) -> None:
     """Check the output options before a minute of driving, not after it."""
     if options.duration is not None and not 0 < options.duration < math.inf:
-        raise SimUsageError(f"--duration {options.duration:g}: give a number of seconds above 0")
+        raise SimUsageError(f"--duration {options.duration:g}: give a finite number of seconds above 0")
     if options.laps is not None and options.laps < 1:
         raise SimUsageError(f"--laps {options.laps}: give a whole number of laps, 1 or more")
     files = [("--json", Path(options.json))] if options.json not in {None, "-"} else []

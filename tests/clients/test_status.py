@@ -90,6 +90,18 @@ def test_one_screen_holds_everything_that_may_hold_the_car(observed):
         assert words in text
 
 
+@pytest.mark.parametrize(
+    ("reason", "shown"),
+    [("permit not required", "permit not required"), ("no operator", "permit: no operator"), ("", "not operated")],
+)
+def test_the_permit_is_named_once(observed, reason, shown):
+    fields = arrived(observed, output_of(observed))
+    fields["operator"]["permit"] = reason
+    (line,) = (line for line in screen(fields) if line.lstrip().startswith("operator"))
+    assert shown in line
+    assert line.count("permit") == (1 if reason else 0)
+
+
 def test_an_old_screen_says_that_it_is_old(observed):
     fresh = arrived(observed, output_of(observed))
     assert "nothing heard for 2.5 s" in screen(fresh, 2.5)[1]

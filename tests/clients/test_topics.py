@@ -66,6 +66,16 @@ async def test_hz_and_bw_measure_what_comes():
             assert float(rate) == pytest.approx(20 if action == "hz" else 20 * 4.384, rel=0.25)
 
 
+async def test_hz_and_bw_print_json_lines_with_both_figures():
+    async with speaking_car() as car:
+        for action in ("hz", "bw"):
+            parsed, said = options(car, "topic", action, "scan", "--count", "1", "--json")
+            await topics.run(parsed)
+            (fields,) = map(json.loads, said)
+            assert fields["topic"] == "scan"
+            assert fields["rate_hz"] == pytest.approx(20, rel=0.25)
+
+
 async def test_a_topic_that_says_nothing_is_explained(monkeypatch):
     monkeypatch.setattr(topics, "FIRST_WITHIN_S", 0.3)
     async with speaking_car() as car:

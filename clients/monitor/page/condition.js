@@ -87,7 +87,7 @@ export class Condition {
       lost && /lost/.test(operator.reason) ? "" : operator.reason, ...stops,
       name && !lost && !bindsHuman(voices) ? "not bound by safety" : "",
       Number.isFinite(operator.round_trip_s) ? `round trip ${(operator.round_trip_s * 1000).toFixed(0)} ms` : "",
-      operator.permit ? `permit: ${operator.permit}` : "",
+      operator.permit?.startsWith("permit ") ? operator.permit : operator.permit ? `permit: ${operator.permit}` : "",
     ];
     const mood = stops.length || lost || overruled ? "bad" : operator.reason ? "warn" : "good";
     this.#line("operator", mood, parts.filter(Boolean).join(", "));

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from runtime.arbitration.command import LAB_ORDER, Source
+from runtime.control.vehicle import NAME_RULE
 from runtime.settings.tree import Settings, SettingsError, load_settings, to_toml
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -108,3 +109,12 @@ def test_each_wrong_value_is_blamed_on_where_it_was_written(tmp_path):
         assert f"{where}: {key} = 999" in said
     with pytest.raises(SettingsError, match=r"^--set: lidar = 3: is a section"):
         load_settings(None, ["lidar=3"])
+
+
+@pytest.mark.parametrize("name", ["my car", "Car1", "", "a" * 33, "-car"])
+def test_a_wrong_name_of_a_car_is_answered_with_the_rule_in_words(tmp_path, name):
+    file = tmp_path / "car.toml"
+    file.write_text(f'[car]\nname = "{name}"\n')
+    with pytest.raises(SettingsError) as caught:
+        load_settings(file)
+    assert str(caught.value).endswith(f"car.name = {name!r}: must be {NAME_RULE}, for example car1")
