@@ -32,8 +32,8 @@ FADES_NEARER_THAN_M = 8.0
 FADES_BETWEEN_SECTORS = 4.2
 """Maximum distance of neighbours on one wall, which separate within a second; on two objects they are farther apart."""
 FADES_STRAIGHT_RAD = 0.1
-"""Maximum change of heading: walls farther away fade by themselves at a grazing angle, as do dark ones from which the
-car turns."""
+"""Maximum change of heading within that time: walls farther away fade by themselves at a grazing angle, as do dark ones
+from which the car turns, and the heading of a car that slides through a bend and back is wrong."""
 BESIDE_RAD = math.radians(5)
 """Maximum angle between the first beam that sees and the middle of the last silent sector: a barely seeing sector may
 lie between them."""
@@ -154,9 +154,9 @@ class Fading:
         self._views.append((stamp_s, turned, held * turned + at_m))
         while stamp_s - self._views[0][0] > FADES_WITHIN_S or stamp_s < self._views[0][0]:
             self._views.popleft()
-        _, turned_then, places = self._views[0]
-        if abs(cmath.phase(turned * turned_then.conjugate())) > FADES_STRAIGHT_RAD:
+        if any(abs(cmath.phase(turned * then.conjugate())) > FADES_STRAIGHT_RAD for _, then, _ in self._views):
             return np.zeros(sectors.count, np.bool_)
+        _, _, places = self._views[0]
         off = (places - at_m) * turned.conjugate() - self._lidar_x_m
         place = (np.angle(off) - sectors.first_rad) / sectors.width_rad
         place[~(np.abs(off) < FADES_NEARER_THAN_M)] = math.nan

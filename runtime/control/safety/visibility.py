@@ -177,7 +177,7 @@ class Visibility:
         It is depth where the sector was explained, where the border is stationary in the world while the car moves, or
         where the line of the wall outside leads out of range.
         """
-        if self._state[end] in (DEPTH, GONE) or self._borders.stays(step, self._sectors.bearing_rad(end)):
+        if self._is_explained(end, step) or self._borders.stays(step, self._sectors.bearing_rad(end)):
             return True
         beside = next_seen(self._seen, end, step)
         if beside is None:
@@ -188,6 +188,15 @@ class Visibility:
         at, way = self._seen[beside] - self._car.lidar_x_m, self._seen[beside] - self._seen[outer]
         inward_rad = self._sectors.bearing_rad(beside) - step * GRAZING_SECTORS * self._sectors.width_rad
         return not crosses_within(complex(at), complex(way), inward_rad, EXPECTED_WITHIN_M)
+
+    def _is_explained(self, end: int, step: int) -> bool:
+        """Return whether the outermost two sectors of a silence are explained.
+
+        One alone is not: a sector that a cover hides in part flickers, and its echoes have then moved next door.
+        """
+        part = self._state[max(0, end - 1) : end + 1] if step > 0 else self._state[end : end + 2]
+        silent = part[part > SEEN]
+        return bool(np.all((silent == DEPTH) | (silent == GONE)))
 
     def learn(self) -> None:
         """Compare with the silence at an earlier pose: walls that emerge from a silence that moves with the car."""

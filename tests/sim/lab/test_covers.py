@@ -1,11 +1,16 @@
 """A few cells of `wallride lab covers`: no contact that a brake avoids; and the experiment notices one."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
-from sim.lab import covers
+from sim.car.vehicle import VehicleSettings
+from sim.lab import covers, hazards, laws
 from sim.lab.cell import Cell, CellChoice
+from sim.lab.courses.walls import world_of
 from sim.lab.covers import Cover
+from sim.virtual.closed_loop import Case, drive
 from sim.world.beams import NO_RETURN_MM
 
 
@@ -61,3 +66,32 @@ def test_the_plan_has_every_cover_and_the_table_counts():
     (table,) = covers.tables([made.named(covers.measure(made))])
     assert table.rows[0][0] == "30 mm, driving"
     assert "0 of 1 runs" in table.notes[0]
+
+
+@dataclass(frozen=True)
+class RightHalfSilent:
+    """Cover of every beam to the right of ahead; two beams in a hundred remain outliers."""
+
+    seed: int = 41
+
+    def __call__(self, reported_mm, now_s):
+        """Return the covered ranges."""
+        random = np.random.default_rng((self.seed, round(1000 * now_s)))
+        silent = np.linspace(-135, 135, reported_mm.size) <= 0
+        return np.where(silent & (random.random(reported_mm.size) >= 0.02), NO_RETURN_MM, reported_mm)
+
+
+@pytest.mark.parametrize("speed_mps", [1.0, 3.0])
+def test_half_a_lidar_that_is_silent_from_the_start_proves_no_depth(speed_mps):
+    case = Case(
+        world_of("dead_end", "left"), start_speed_mps=0.0, duration_s=12.0, standing_s=3.0, seed=41,
+        vehicle=VehicleSettings(grip_mu=0.8), cover=RightHalfSilent(),
+    )  # fmt: skip
+    run = drive(case, *laws.build("ball", "left", 1.0, speed_mps))
+    assert run.contact is None
+    assert run.reasons[-1] == "the lidar is blind ahead: uncover it"
+
+
+def test_a_car_that_slides_through_a_bend_and_back_is_not_blind():
+    made = Cell("hazards", "normal t5", "ball+swept", 4.0, 0.5, "left", 9100)
+    assert not hazards.measure(made)["needless_stop"]
