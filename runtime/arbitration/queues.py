@@ -12,7 +12,6 @@ only; other threads enter through `loop.call_soon_threadsafe`.
 import asyncio
 from bisect import insort
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
 from drivers.api import Clock
@@ -22,13 +21,6 @@ V = TypeVar("V")
 
 NEVER_S = float("inf")
 """Expiry of entries that hold until they are replaced or withdrawn, such as a latched e-stop."""
-
-
-@dataclass(slots=True)  # never changed; frozen would double the time to make one
-class _Entry(Generic[K, V]):
-    rank: tuple[int, int, K]  # priority, then age: unique, so that keys are never compared
-    value: V
-    expires_at_s: float
 
 
 class PriorityQueue(Generic[K, V]):
@@ -41,8 +33,9 @@ class PriorityQueue(Generic[K, V]):
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
-        self._slots: dict[K, _Entry[K, V]] = {}
-        self._order: list[tuple[int, int, K]] = []  # the ranks
+        # Entries: priority, then age, which together are unique, so that no more is compared; key, value, expiry.
+        self._slots: dict[K, tuple[int, int, K, V, float]] = {}
+        self._order: list[tuple[int, int, K, V, float]] = []
         self._sequence = 0
         self._news = asyncio.Event()
 
@@ -51,42 +44,42 @@ class PriorityQueue(Generic[K, V]):
 
     def put(self, key: K, value: V, *, priority: int, expires_at_s: float) -> None:
         """Put an entry; it replaces the earlier one of the same key and counts as a change."""
-        self.discard(key)
+        slots, order = self._slots, self._order
+        if key in slots:
+            order.remove(slots[key])
         self._sequence += 1
-        rank = priority, self._sequence, key
-        self._slots[key] = _Entry(rank, value, expires_at_s)
-        insort(self._order, rank)
+        slots[key] = entry = (priority, self._sequence, key, value, expires_at_s)
+        insort(order, entry)
         self._news.set()
 
     def discard(self, key: K) -> None:
         """Withdraw the entry of a key; harmless when there is none."""
         entry = self._slots.pop(key, None)
         if entry is not None:
-            self._order.remove(entry.rank)
+            self._order.remove(entry)
 
     def rank_anew(self, priority: Callable[[K], int]) -> None:
         """Change the priorities of the entries; their content, age and expiry stay."""
-        for key, entry in self._slots.items():
-            self._slots[key] = replace(entry, rank=(priority(key), entry.rank[1], key))
-        self._order = sorted(entry.rank for entry in self._slots.values())
+        for key, (_, age, _, value, expires_at_s) in self._slots.items():
+            self._slots[key] = (priority(key), age, key, value, expires_at_s)
+        self._order = sorted(self._slots.values())
 
     def live(self) -> list[V]:
         """Return all entries in force now, most urgent first, without removing them."""
         self._forget_expired()
-        return [self._slots[key].value for _, _, key in self._order]
+        return [value for _, _, _, value, _ in self._order]
 
     def peek(self, key: K) -> V | None:
         """Return the entry of a key without removing it, None when it is not in force now."""
         entry = self._slots.get(key)
-        return entry.value if entry is not None and entry.expires_at_s > self._clock() else None
+        return entry[3] if entry is not None and entry[4] > self._clock() else None
 
     def get_nowait(self) -> V | None:
         """Remove and return the most urgent live entry; None when there is none."""
         self._forget_expired()
         if not self._order:
             return None
-        _, _, key = self._order[0]
-        value = self._slots[key].value
+        _, _, key, value, _ = self._order[0]
         self.discard(key)
         return value
 
@@ -106,7 +99,7 @@ class PriorityQueue(Generic[K, V]):
     def has_expired(self) -> bool:
         """Tell whether an entry has expired that `live` or `get` have not dropped yet."""
         now_s = self._clock()
-        return any(entry.expires_at_s <= now_s for entry in self._slots.values())
+        return any(expires_at_s <= now_s for *_, expires_at_s in self._order)
 
     def take_news(self) -> bool:
         """Tell whether the change event is set, and clear it."""
@@ -120,9 +113,9 @@ class PriorityQueue(Generic[K, V]):
 
     def _forget_expired(self) -> None:
         now_s = self._clock()
-        expired = [key for key, entry in self._slots.items() if entry.expires_at_s <= now_s]
-        for key in expired:
-            self.discard(key)
+        for _, _, key, _, expires_at_s in self._order[:]:
+            if expires_at_s <= now_s:
+                self.discard(key)
 
 
 class Inbox(Generic[V]):

@@ -79,7 +79,7 @@ class LiveLaws:
         """Process one scan."""
         self.plausibility.look(scan, motor, odometry_check=self.safety.odometry_check)
         outlook = self.guard.look(scan, motor)
-        doubt = self.plausibility.doubt
+        doubt = self.plausibility.lidar_doubt or self.plausibility.motor_doubt
         return Verdict(0.0, 0.0, doubt) if doubt else outlook
 
     def learn(self) -> None:

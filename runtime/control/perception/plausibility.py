@@ -55,7 +55,8 @@ class Plausibility:
         self._odometry = Odometry(car.wheelbase_m)
         self._samples = b""
         self._changed_at_m: float | None = None
-        self._unlearnt: tuple[Scan, MotorState | None] | None = None
+        self._unlearnt: tuple[Scan, MotorState | None, bool] | None = None
+        self._is_compared = False  # of the unlearnt scan's samples
         self._stood_since_s: float | None = None
         self._witnesses = 0
         self._confirmed = False
@@ -76,8 +77,17 @@ class Plausibility:
 
     def look(self, scan: Scan, motor: MotorState | None, *, odometry_check: bool = True) -> None:
         """Process one scan and the newest motor report; odometry_check: whether the two belong to one drive."""
-        self.learn()
-        self._unlearnt = (scan, motor) if odometry_check else None
+        if self._unlearnt is not None:
+            self.learn()
+        self._unlearnt, at_m = (scan, motor, odometry_check), self._changed_at_m
+        # Before the wheels have turned so far, the comparison decides nothing, and waits for `learn`.
+        far = motor is not None and at_m is not None and abs(motor.distance_m - at_m) >= FROZEN_AFTER_M
+        self._is_compared = far or self.lidar_doubt != ""
+        if self._is_compared:
+            self._compare(scan, motor)
+
+    def _compare(self, scan: Scan, motor: MotorState | None) -> None:
+        """Compare the samples with those of the last scan."""
         samples = scan.ranges_m.tobytes()
         if motor is None or samples != self._samples:
             self._samples, self.lidar_doubt = samples, ""
@@ -88,10 +98,14 @@ class Plausibility:
             self.lidar_doubt = FROZEN
 
     def learn(self) -> None:
-        """Compare the last scan's motion with the odometry's. Idempotent."""
+        """Compare the last scan's samples with the one before, and its motion with the odometry's. Idempotent."""
         if self._unlearnt is None:
             return
-        (scan, motor), self._unlearnt = self._unlearnt, None
+        (scan, motor, odometry_check), self._unlearnt = self._unlearnt, None
+        if not self._is_compared:
+            self._compare(scan, motor)
+        if not odometry_check:
+            return
         if motor is None:  # after the link returns, the motor may be wired differently
             self.motor_doubt, self.believed = "", True
             self._begin_anew()

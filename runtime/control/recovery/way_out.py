@@ -128,7 +128,8 @@ class Recovery:
         self, outlook: SweptAssessment, wish: Drive | None, motor: MotorState | None, *, believed: bool = True
     ) -> RecoveryAdvice:
         """Return the advice for one scan; wish: the driver's, before the safety. believed: the odometry is trusted."""
-        self.think()
+        if self._due:
+            self.think()
         if motor is None or wish is None or wish.speed_mps <= 0:
             self._forget()
             return NO_ADVICE

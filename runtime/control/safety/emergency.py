@@ -113,12 +113,12 @@ class Emergency:
         steering before they lose all grip. A driver that steers from one side to the other is excluded: it may turn
         back (`reversal`).
         """
+        if self.chosen is not None or strip.speed_mps < strip.body.settings.doubtful_mps:
+            return False
         before_rad = self._angles[max(0, len(self._angles) - SUDDEN_SCANS)][1]
         sudden = abs(wish_rad - before_rad) >= SUDDEN_RAD
         bound = strip.needs_grip(wish_rad, strip.speed_mps, BOUND_SHARE * strip.body.slippery_mps2)
-        if not (sudden or bound) or min(wish_rad * before_rad, 0.0) <= -(SUDDEN_RAD**2) or self.chosen is not None:
-            return False
-        if strip.speed_mps < strip.body.settings.doubtful_mps or _stops_later(strip):
+        if not (sudden or bound) or min(wish_rad * before_rad, 0.0) <= -(SUDDEN_RAD**2) or _stops_later(strip):
             return False
         if not sudden and _passes_wide(strip, wish_rad):
             return False

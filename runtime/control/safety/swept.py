@@ -92,6 +92,7 @@ class SweptGuard:
         self._odometry = Odometry(car.wheelbase_m)
         self._speed = SlidingSpeed(GRAVITY_MPS2, self.body.slippery_mps2)
         self._last_m: float | None = None
+        self._window = Verdict(math.inf, math.inf, self.health.reason)
         self._unlearnt: tuple[View, MotorState | None, OdometryState] | None = None
 
     def tune(self, settings: SweptSettings, health: LidarHealthSettings) -> None:
@@ -104,7 +105,8 @@ class SweptGuard:
 
     def look(self, scan: Scan, motor: MotorState | None) -> "SweptAssessment":
         """Process one scan; called once for each, in order."""
-        self.learn()
+        if self._unlearnt is not None:
+            self.learn()
         view = self._eyes.see(scan)
         if not self.own_parts.have_met(scan):
             view = self._look_anew(view)
@@ -125,7 +127,9 @@ class SweptGuard:
         latency_s = max(0.0, self.now_s(scan) - scan.stamp_s) + self.settings.actuation_s
         strip = Strip(self.body, view, speed_mps, wheel_rad, latency_s, more_m, self.behind)
         wary = speed_mps > self.settings.doubtful_mps and scan.stamp_s < self.memory.wary_until_s
-        window = Verdict(self.health.ceiling_mps, self.health.ceiling_mps, self.health.reason)
+        ceiling_mps, window = self.health.ceiling_mps, self._window
+        if window.forward_mps != ceiling_mps or window.reason != self.health.reason:
+            window = self._window = Verdict(ceiling_mps, ceiling_mps, self.health.reason)
         if self.visibility.on_lidar:
             window = ON_LIDAR
         self.outlook = SweptAssessment(self, view, speed_mps, strip, window, wary)
@@ -196,12 +200,11 @@ class SweptAssessment:
         steering_rad = min(max(steering_rad, -most_rad), most_rad)
         reaction_s = age_s + self.guard.settings.actuation_s
         if speed_mps > 0:
-            return _slowest(
-                self._forward(speed_mps, steering_rad, reaction_s),
-                self._reversal(speed_mps, steering_rad, reaction_s),
-                self._unseen(speed_mps, steering_rad, reaction_s),
-                ceiling,
-            )
+            verdict = self._forward(speed_mps, steering_rad, reaction_s)
+            verdict = _slower_of(verdict, self._reversal(speed_mps, steering_rad, reaction_s))
+            if self.guard.visibility.suspicious:
+                verdict = _slower_of(verdict, self._unseen(speed_mps, steering_rad, reaction_s))
+            return _slower_of(verdict, ceiling)
         verdict = self._backward(steering_rad, reaction_s)
         return verdict if verdict.reverse_mps <= ceiling.reverse_mps else ceiling
 
@@ -239,7 +242,7 @@ class SweptAssessment:
             if memory.braking:
                 return self._emergency(found, steering_rad)
         gaining = self._gaining(steering_rad, look_m, wanted_mps, reaction_s)
-        return _slowest(self._slower(found, graded_mps, reaction_s), gaining)
+        return _slower_of(self._slower(found, graded_mps, reaction_s), gaining)
 
     def _look_m(self, wanted_mps: float) -> float:
         """Return the look-ahead: never beyond the lidar's range, whatever speed is reported."""
@@ -267,10 +270,7 @@ class SweptAssessment:
 
     def _unseen(self, wanted_mps: float, steering_rad: float, reaction_s: float) -> Verdict:
         """Limit the speed so that a stop is possible within the known part of the path, whatever the rest hides."""
-        visibility, body = self.guard.visibility, self.guard.body
-        if not visibility.suspicious:
-            return CLEAR
-        unknown, look_m = visibility.unknown(), self._look_m(wanted_mps)
+        body, unknown, look_m = self.guard.body, self.guard.visibility.unknown(), self._look_m(wanted_mps)
         found = self.strip.reaches(unknown.hard, steering_rad, look_m)
         hard_mps = body.graded_mps(found, reaction_s)
         brake_mps2 = self.guard.settings.hard_share * body.grip_mps2
@@ -350,9 +350,6 @@ class SweptAssessment:
         return Verdict(NO_LIMIT_MPS, min(allowed_mps, settings.reverse_mps), "backing slowly", found.travel_m)
 
 
-def _slowest(first: Verdict, *others: Verdict) -> Verdict:
-    """Return the verdict that lets the car drive forward least fast; of equal ones the first."""
-    for other in others:
-        if other.forward_mps < first.forward_mps:
-            first = other
-    return first
+def _slower_of(first: Verdict, other: Verdict) -> Verdict:
+    """Return the verdict that lets the car drive forward less fast; of equal ones the first."""
+    return other if other.forward_mps < first.forward_mps else first

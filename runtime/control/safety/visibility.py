@@ -72,6 +72,8 @@ class Visibility:
     def __init__(self, car: CarSettings) -> None:
         self._car = car
         self._kind: tuple[float, float, int] | None = None
+        self._bearing_rad: Floats | None = None
+        """The array of the last view: one for all scans of a lidar."""
         self._sectors = Sectors(0, 1, 0, 0.0, SECTOR_RAD)
         self._state: Bytes = np.empty(0, np.int8)
         self._blind_s: Floats = np.empty(0)
@@ -92,9 +94,8 @@ class Visibility:
     def look(self, view: View, pose: OdometryState) -> None:
         """Update from one scan; pose: base_link in the odometry frame."""
         scan, car = view.scan, self._car
-        kind = scan.angle_min_rad, scan.angle_step_rad, view.ranges_m.size
-        if kind != self._kind:
-            self._begin(scan, kind)
+        if view.bearing_rad is not self._bearing_rad:
+            self._meet(view)
         sectors, last, self._view = self._sectors, self._pose, view
         if not sectors.count:
             return
@@ -116,6 +117,13 @@ class Visibility:
         self.suspicious = suspects > 0
         if not suspects:
             self._lost_m = NOWHERE
+
+    def _meet(self, view: View) -> None:
+        """Begin anew where another kind of lidar took this scan."""
+        scan, self._bearing_rad = view.scan, view.bearing_rad
+        kind = scan.angle_min_rad, scan.angle_step_rad, view.ranges_m.size
+        if kind != self._kind:
+            self._begin(scan, kind)
 
     def _begin(self, scan: Scan, kind: tuple[float, float, int]) -> None:
         self._kind, self._sectors = kind, sectors_of(scan)
