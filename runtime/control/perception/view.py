@@ -120,13 +120,13 @@ class PerceptionCache:
 
     def _look(self, scan: Scan) -> View:
         car, sent_m = self._car, scan.ranges_m
-        kind = scan.angle_min_rad, scan.angle_step_rad, sent_m.shape[0]
+        kind = scan.angle_min_rad, scan.angle_step_rad, sent_m.size
         if self._fan is None or self._fan[0] != kind:
             self._fan = kind, fan_of(scan)
         fan = self._fan[1]
-        dirty = self._dirty if self._dirty is not None and self._dirty.shape == sent_m.shape else None
+        dirty = self._dirty if self._dirty is not None and self._dirty.size == sent_m.size else None
         ignored_below_m = self._ignored_below_m
-        if ignored_below_m is None or ignored_below_m.shape != sent_m.shape:
+        if ignored_below_m is None or ignored_below_m.size != sent_m.size:
             ignored_below_m = fan.nothing_m
             if dirty is not None:
                 ignored_below_m = np.maximum(ignored_below_m, dirty * LEARNT_DIRT_NEARER_THAN_M)

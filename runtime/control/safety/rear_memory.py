@@ -54,6 +54,8 @@ class RearMemory:
     def move(self, pose: OdometryState, step_m: float) -> None:
         """Move to another pose, step_m (signed) after the last; backing on the own track does not count as blind."""
         self._at = pose
+        if step_m >= 0.0 and not (self.backed_m or self._retraced_m):
+            return  # as a rule
         if step_m < 0.0 and self.kept:
             place_m, heading = np.array([complex(pose.x_m, pose.y_m)]), np.array([cmath.rect(1.0, pose.yaw_rad)])
             if self._retraced_m < TRACK_M and on_track(place_m, heading, *self.track())[0]:

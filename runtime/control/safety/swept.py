@@ -110,16 +110,12 @@ class SweptGuard:
         view = self._eyes.see(scan)
         if not self.own_parts.have_met(scan):
             view = self._look_anew(view)
-        speed_mps = self._speed.update(motor.speed_mps if motor is not None else None, scan.stamp_s)
+        speed_mps, wheel_rad, step_m = self._read(motor, scan.stamp_s)
         pose = self._odometry.update(motor)
-        last_m, self._last_m = self._last_m, motor.distance_m if motor is not None else None
-        step_m = motor.distance_m - last_m if motor is not None and last_m is not None else 0.0
         self.behind.move(pose, step_m)
         self.health.glance(view)
         self.visibility.look(view, pose)
         self._unlearnt = view, motor, pose
-        most_rad = self.car.max_steering_rad
-        wheel_rad = min(max(motor.steering_rad, -most_rad), most_rad) if motor is not None else 0.0
         self.emergency.note(scan.stamp_s, wheel_rad)
         walkers_m = self.movers.update(view, pose, scan.stamp_s, sliding=self._speed.slides)
         faint_m = self.faint.update(view, pose, scan.stamp_s)
@@ -134,6 +130,16 @@ class SweptGuard:
             window = ON_LIDAR
         self.outlook = SweptAssessment(self, view, speed_mps, strip, window, wary)
         return self.outlook
+
+    def _read(self, motor: MotorState | None, stamp_s: float) -> tuple[float, float, float]:
+        """Return the signed speed, the wheels' angle, and the distance since the last scan."""
+        last_m = self._last_m
+        if motor is None:
+            self._last_m = None
+            return self._speed.update(None, stamp_s), 0.0, 0.0
+        self._last_m, most_rad = motor.distance_m, self.car.max_steering_rad
+        step_m = motor.distance_m - last_m if last_m is not None else 0.0
+        return self._speed.update(motor.speed_mps, stamp_s), min(max(motor.steering_rad, -most_rad), most_rad), step_m
 
     @property
     def words(self) -> tuple[str, ...]:
