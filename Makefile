@@ -3,12 +3,14 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: sim test check format clean
+KERNEL := .venv/.kernel
 
-sim: $(READY)
+.PHONY: sim test check kernel format clean
+
+sim: $(KERNEL)
 	$(BIN)/wallride sim $(ARGS)
 
-test: $(READY)
+test: $(KERNEL)
 	$(BIN)/pytest -q -n auto $(ARGS)
 
 check: $(READY)
@@ -17,6 +19,13 @@ check: $(READY)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(MAKE) test
+
+kernel: $(KERNEL)
+
+# The compiled functions; without a compiler the same functions run in Python, which is said and no failure.
+$(KERNEL): $(READY) $(wildcard runtime/kernel/*.[ch]) sim/world/casting.c runtime/kernel/seal.json
+	@$(BIN)/wallride build-kernel || echo "wallride: going on in Python"
+	@touch $@
 
 format: $(READY)
 	$(BIN)/ruff format .
@@ -38,4 +47,4 @@ $(READY): pyproject.toml constraints.txt
 	@touch $@
 
 clean:
-	rm -rf .venv .virtualenv .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf drivers/_accelerated.*.so .venv .virtualenv .mypy_cache .ruff_cache .pytest_cache .hypothesis

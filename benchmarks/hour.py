@@ -47,7 +47,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--hours", type=float, default=1.0)
     hours = parser.parse_args().hours
-    print(kernel.use().words)
+    print(kernel.state().words)
     print(f"{'s':>6}{'RSS MiB':>9}{'way m':>9}{'messages':>10}   collections of generation 0, 1, 2")
     began_s = time.process_time()
     memory_mib, collections, touched = run_virtual(drive(3600.0 * hours))

@@ -46,7 +46,7 @@ class TimedStop:
 
 def main() -> None:
     """Print a line per speed."""
-    print(kernel.use().words)  # WALLRIDE_COMPILED=0: in Python
+    print(kernel.state().words)  # WALLRIDE_COMPILED=0: in Python
     print(f"{'m/s':>4}" + "".join(f"{name:>8}" for name in COLUMNS) + f"   us, median of {SCANS} scans")
     for speed_mps in (1.0, 2.0, 3.0, 4.0):
         least_s = np.min([drive(speed_mps) for _ in range(RUNS)], axis=0)

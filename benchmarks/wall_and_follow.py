@@ -51,7 +51,7 @@ def drive() -> list[tuple[Scan, MotorState]]:
 
 def main() -> None:
     """Print a line per part."""
-    print(kernel.use().words)  # WALLRIDE_COMPILED=0: in Python
+    print(kernel.state().words)  # WALLRIDE_COMPILED=0: in Python
     car, sweeps = CarSettings(), drive()
     results: dict[str, list[float]] = {"eyes": [], "wall line": [], "follow (line and all)": []}
     for _ in range(RUNS + 1):

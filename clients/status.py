@@ -151,6 +151,8 @@ def _rows(status: Status) -> Iterator[tuple[str, str]]:
     latency = status["scan_to_motor_ms"]
     if latency["p50"] is not None:
         yield "latency", f"scan to motor p50 {latency['p50']} ms, p99 {latency['p99']} ms, longest {latency['max']} ms"
+    if "Python" in (hot_path := status.get("hot_path", "")):
+        yield "kernel", hot_path
     if recording := status.get("recording"):
         yield "record", ", ".join(filter(None, (recording["words"], recording["file"])))
     yield "link", ", ".join(f"{name} {value}" for name, value in status["link"].items())

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.api import Clock, Drive, Lidar, Motor, Scan
+from runtime import kernel
 from runtime.arbitration.emergency_stop import EmergencyStop
 from runtime.arbitration.permit import Permit
 from runtime.arbitration.queues import Inbox
@@ -210,6 +211,7 @@ class Car:
             car=self.settings.car.name,
             version=version("wallride"),
             session=self.session,
+            hot_path=kernel.state().words,
             lidar=self.lidar,
             motor=self.motor,
             voices=self.voices,

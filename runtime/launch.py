@@ -77,7 +77,7 @@ def main(settings: Settings, files: Files, session: Mapping[str, Any], warnings:
         log.info("%s", scheduling)
         for warning in warnings:
             log.warning("%s", warning)
-        compiled = kernel.use()
+        compiled = kernel.state()
         log.info("%s", compiled.words)
         with awake(wanted=settings.process.stay_awake) as words:
             log.info("%s", words)

@@ -4,7 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from drivers import twin
+with pytest.MonkeyPatch.context() as at_import:  # in this process only: those that a test starts drive in C
+    at_import.setenv("WALLRIDE_COMPILED", "0")
+    from drivers import accelerated
 
 REAL_TIME = (
     "clients", "docs", "drivers", "runtime/host", "runtime/recording", "runtime/tasks", "runtime/wire", "sim/bench",
@@ -33,8 +35,7 @@ def recordings_go_elsewhere(tmp_path_factory):
         yield
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture(scope="session", autouse=True)
 def the_laws_answer_in_python():
-    """Let no test inherit the compiled functions from the one before it: the Python is what is tested."""
-    yield
-    twin.use({})
+    """The Python is what is tested; tests/runtime/kernel lets the C answer beside it."""
+    assert not accelerated.in_c()

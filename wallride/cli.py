@@ -82,8 +82,24 @@ def build_parser() -> argparse.ArgumentParser:
         foxglove_options,
     ):
         options.add(commands)
+    _add_build_kernel(commands)
     completion_options.add(commands, build_parser)
     return parser
+
+
+def _add_build_kernel(commands: Any) -> None:  # noqa: ANN401 - argparse has no public name for it
+    build = commands.add_parser(
+        "build-kernel",
+        help="compile the hot functions on this machine",
+        description="Compiles the hot functions with this machine's C compiler, into the installed package. Without "
+        "them the same functions run in Python, more slowly.",
+    )
+    build.add_argument("--native", action="store_true", help="for this machine's processor only (-march=native)")
+    build.add_argument(
+        "--seal", action="store_true",
+        help="after an edit: declare that the C does what the Python does now; then run tests/runtime/kernel",
+    )  # fmt: skip
+    build.set_defaults(run=_build_kernel)
 
 
 def add_set(command: argparse.ArgumentParser) -> None:
@@ -141,6 +157,18 @@ def _lab(options: argparse.Namespace) -> int:
     with needs("sim", "the simulator needs"):
         from sim.lab.command import run
     return run(options)
+
+
+def _build_kernel(options: argparse.Namespace) -> int:
+    from runtime.kernel.build import BuildError
+    from runtime.kernel.command import run
+
+    try:
+        for line in run(native=options.native, seal=options.seal):
+            print(line, flush=True)
+    except BuildError as error:
+        return fail(str(error))
+    return 0
 
 
 def _default_config() -> Path | None:

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from drivers.twin import twin
+from drivers.accelerated import accelerated
 from drivers.value import value
 
 BLOCK_LIMIT_BYTES: Final = 8192
@@ -144,7 +144,7 @@ def parse_block(raw: bytes) -> ReplyBlock | str:
     return _parse_carefully(raw)
 
 
-@twin
+@accelerated
 def split_scan(raw: bytes) -> tuple[bytes, bytes, bytes, bytes] | None:
     """Return echo, status, stamp and samples of a scan as sensors send it, all sums verified; None for anything else.
 
@@ -193,7 +193,7 @@ def join_sample_lines(data: bytes) -> bytes | None:
     return _join_irregular(data) if samples is None else samples
 
 
-@twin
+@accelerated
 def join_rows(data: bytes) -> bytes | None:
     """Verify and join lines of exactly 64 characters and a shorter last one, as sensors send them; None for others.
 

@@ -10,9 +10,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from drivers.accelerated import accelerated
 from drivers.hokuyo.codec import SCAN_FAMILIES, ReplyBlock
 from drivers.hokuyo.replies import decode_number
-from drivers.twin import twin
 
 _ZERO: Final = np.uint8(0x30)
 _DIGITS: Final = bytes(range(0x30, 0x70))
@@ -37,7 +37,7 @@ class RangeDecoder:
         return decode_samples(samples, *self._sensor)
 
 
-@twin
+@accelerated
 def decode_samples(
     samples: bytes, beam_count: int, range_min_mm: int, range_max_mm: int, reverse: int
 ) -> npt.NDArray[np.float32] | None:

@@ -1,6 +1,5 @@
-"""`python -m runtime.kernel`: seal the twins, after the tests have compared them with the Python."""
+"""`python -m runtime.kernel`: print which functions of the hot path run in C."""
 
 from runtime import kernel
 
-kernel.seal()
-print(kernel.use().words)  # noqa: T201 - this is the command line
+print(kernel.state().words)  # noqa: T201 - this is the command line

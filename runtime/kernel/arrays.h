@@ -1,5 +1,5 @@
 /* Numpy arrays in C. Every function of the kernel returns the result of the Python function of the same name
- * (drivers/twin.py), which documents its meaning. Units: metres, radians. NaN is a beam without a distance, and every
+ * (drivers/accelerated.py), which documents its meaning. Units: metres, radians. NaN is a beam without a distance, and every
  * comparison is written so that NaN falls on the side on which it falls in the Python.
  */
 
@@ -20,6 +20,13 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+
+/* Python's constants (constants.h), set once, before the first call. To the functions they are const, so that a loop
+ * reads each one once. */
+#ifndef KERNEL_MODULE
+extern const double kernel_reals[];
+extern const long kernel_wholes[];
+#endif
 
 typedef double complex place;
 typedef Py_ssize_t beam;
@@ -96,5 +103,8 @@ KERNEL(find_near_places);
 KERNEL(places_behind);
 KERNEL(watch_sectors);
 KERNEL(prefetch);
+KERNEL(set_constant);
+KERNEL(cast_cells);
+KERNEL(cast_walls);
 
 #endif

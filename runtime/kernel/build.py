@@ -1,82 +1,94 @@
-"""Build of the C sources with the machine's own compiler: libraries are cached under a hash of all their inputs.
+"""Build of the extension module with the machine's own compiler: for a wheel, and by `wallride build-kernel`.
 
-Nothing is installed for it and nothing needs it: without a compiler there is no library, and Python answers instead.
+Nothing needs it: without a compiler there is no module, and Python answers instead.
 """
 
-import hashlib
+import json
 import os
-import platform
+import shlex
 import shutil
-import stat
 import subprocess
+import sysconfig
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from runtime.kernel.survey import C_FOLDERS, Survey
+
 # No fused multiply-add: a product is rounded as numpy rounds it. errno and floating-point traps are not used.
-PLAIN_FLAGS: Final = ("-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC")
-FLAGS: Final = ("-march=native", *PLAIN_FLAGS)
-_MAX_BUILD_S: Final = 60.0
-_KEPT_IN: Final = ("CACHE_DIRECTORY", "XDG_CACHE_HOME")
-"""Environment variables of the cache folder: of systemd's service, and of a user."""
+FLAGS: Final = ("-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC")
+NATIVE: Final = "-march=native"
+FILE: Final = f"_accelerated{sysconfig.get_config_var('EXT_SUFFIX')}"
+"""Name of the module's file for this Python on this machine; it lies in `drivers`."""
+_MAX_BUILD_S: Final = 120.0
+_KEPT_CHARS: Final = 2000
 
 
-def built(name: str, sources: Mapping[str, str], *, folders: Sequence[str] = (), extra: object = ()) -> Path | None:
-    """Return the shared library of these sources, made when there is none yet; None where it cannot be made.
+class BuildError(Exception):
+    """The extension module cannot be built here; the text says why and what to do."""
 
-    sources: text by file name; what ends in .c is compiled, the rest may be included. folders: where other headers are.
-    extra: what else the result depends on.
+
+def build(root: Path, target: Path, *, native: bool = False) -> None:
+    """Build the module from the sources below root as the file `target`; BuildError when that is not possible.
+
+    native: for this machine's processor only.
     """
-    compiler = shutil.which(os.environ.get("CC", "cc"))
-    folder = private_folder()
-    if compiler is None or folder is None:
-        return None
-    made_by = Path(compiler).stat()
-    for flags in (FLAGS, PLAIN_FLAGS):  # a compiler may not know -march=native
-        options = (*flags, *(f"-I{place}" for place in folders))
-        depends_on = (dict(sources), compiler, made_by.st_size, made_by.st_mtime_ns, options, _processor(), extra)
-        target = folder / f"{name}-{hashlib.sha256(repr(depends_on).encode()).hexdigest()[:16]}.so"
-        if target.is_file() or _compiled(compiler, sources, options, target):
-            return target
-    return None
-
-
-def _compiled(compiler: str, sources: Mapping[str, str], options: Sequence[str], target: Path) -> bool:
-    with tempfile.TemporaryDirectory(dir=target.parent) as scratch:
-        for name, text in sources.items():
+    headers = _headers(root)
+    files = [str(path) for folder in C_FOLDERS for path in sorted((root / folder).glob("*.c"))]
+    with tempfile.TemporaryDirectory() as scratch:
+        for name, text in headers.items():
             (Path(scratch) / name).write_text(text)
-        files = [str(Path(scratch) / name) for name in sources if name.endswith(".c")]
-        fresh = Path(scratch) / target.name
-        try:
-            subprocess.run(
-                [compiler, *options, *files, "-o", str(fresh), "-lm"],
-                check=True, capture_output=True, timeout=_MAX_BUILD_S,
-            )  # fmt: skip
-        except (OSError, subprocess.SubprocessError):
-            return False
-        fresh.replace(target)  # several processes may do this at once
-    return True
+        # numpy's own first: a distribution's Python has another, older numpy's headers among its own
+        folders = scratch, str(root / "runtime/kernel"), _numpy_headers(), sysconfig.get_paths()["include"]
+        made = Path(scratch) / FILE
+        options = [*FLAGS, *([NATIVE] if native else []), *(f"-I{folder}" for folder in folders)]
+        _compile([*_compiler(), *options, *files, "-o", str(made), "-lm"])
+        _place(made, target)
 
 
-def private_folder() -> Path | None:
-    """Return where libraries are kept: a folder that only this user can write to, because its files are executed."""
-    place = next((os.environ[name] for name in _KEPT_IN if os.environ.get(name)), "~/.cache")
-    kept = Path(place).expanduser() / "wallride"
+def _headers(root: Path) -> dict[str, str]:
+    survey = Survey(root)
     try:
-        kept.mkdir(mode=0o700, parents=True, exist_ok=True)
-        state = kept.stat()
-    except (OSError, RuntimeError):  # no home, or one that is read-only
-        return None
-    ours = state.st_uid == os.getuid() and not state.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-    return kept if ours and os.access(kept, os.W_OK) else None
+        seal = survey.seal()
+    except ValueError as error:
+        raise BuildError(str(error)) from None
+    return {"constants.h": survey.header(), "seal.h": f"#define SEAL {json.dumps(json.dumps(seal))}\n"}
 
 
-def _processor() -> str:
-    """Return what -march=native depends on: a home on a network is shared by different machines."""
+def _compiler() -> Sequence[str]:
+    asked = shlex.split(os.environ.get("CC", "cc"))
+    if not asked or shutil.which(asked[0]) is None:
+        raise BuildError("there is no C compiler: apt install gcc python3-dev, then wallride build-kernel")
+    return asked
+
+
+def _numpy_headers() -> str:
     try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return f"{platform.machine()} {platform.processor()}"
-    told = {line for line in lines if line.startswith(("flags", "Features", "model name", "CPU part"))}
-    return " ".join([platform.machine(), *sorted(told)])
+        import numpy as np
+    except ImportError:
+        raise BuildError("numpy and its headers are not there: pip install numpy") from None
+    return np.get_include()
+
+
+def _compile(command: Sequence[str]) -> None:
+    try:
+        subprocess.run(command, check=True, capture_output=True, timeout=_MAX_BUILD_S, text=True)
+    except subprocess.CalledProcessError as error:
+        said = str(error.stderr).strip()[:_KEPT_CHARS]
+        hint = ": apt install python3-dev, then wallride build-kernel" if "Python.h" in said else ""
+        raise BuildError(f"the C compiler failed{hint}\n{said}") from None
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise BuildError(f"the C compiler did not run: {error}") from None
+
+
+def _place(made: Path, target: Path) -> None:
+    """Put the file in place in one step: a running car has the old one open."""
+    fresh = target.with_name(f".{target.name}.{os.getpid()}")
+    try:
+        shutil.copy(made, fresh)
+        fresh.replace(target)
+    except OSError as error:
+        raise BuildError(f"{target} cannot be written ({error.strerror}): run it as the owner of that folder") from None
+    finally:
+        fresh.unlink(missing_ok=True)

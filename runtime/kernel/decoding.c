@@ -3,11 +3,13 @@
 #include "arrays.h"
 #include "constants.h"
 
+#define ROW_BYTES ((Py_ssize_t)CODEC_ROW_BYTES)
+
 /* join_rows(data) -> samples | None: lines of 64 characters, a checksum, a line feed; the last one may be shorter and
  * has no line feed. None where that is not so, for whatever reason. */
 static PyObject *joined(const char *data, Py_ssize_t bytes) {
     char *to;
-    Py_ssize_t rows = bytes / CODEC_ROW_BYTES, tail = bytes % CODEC_ROW_BYTES;
+    Py_ssize_t rows = bytes / ROW_BYTES, tail = bytes % ROW_BYTES;
     if (tail < 2)
         Py_RETURN_NONE;
     PyObject *samples = PyBytes_FromStringAndSize(NULL, rows * CODEC_LINE_CHARS + tail - 1);
@@ -15,7 +17,7 @@ static PyObject *joined(const char *data, Py_ssize_t bytes) {
         return NULL;
     to = PyBytes_AS_STRING(samples);
     int wrong = 0;
-    for (Py_ssize_t row = 0; row <= rows; row++, data += CODEC_ROW_BYTES) {
+    for (Py_ssize_t row = 0; row <= rows; row++, data += ROW_BYTES) {
         Py_ssize_t wide = row < rows ? CODEC_LINE_CHARS : tail - 1;
         unsigned char sum = 0, feeds = 0;
         for (Py_ssize_t i = 0; i < wide; i++) {

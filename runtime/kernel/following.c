@@ -62,7 +62,7 @@ static struct aim pursue(const double *radius, const double *bearing, const npy_
     double from_near = near_rad - asin_of(aim.error / near);
     aim.heading = from_near + beside * (from_here - from_near);
     if (!isnan(line_rad)) {
-        double expected = bounded(line_rad + asin_of(line_error / near), -BALL_LAW_MAX_ANGLE_RAD, BALL_LAW_MAX_ANGLE_RAD);
+        double expected = bounded(line_rad + asin_of(line_error / near), -BALL_PATH_MAX_ANGLE_RAD, BALL_PATH_MAX_ANGLE_RAD);
         aim.straight = fading(fabs(near_rad - expected), BALL_LAW_STRAIGHT_RAD, BALL_LAW_NOT_STRAIGHT_RAD);
         aim.straight *= fading(fabs(v[3]), BALL_LAW_STRAIGHT_PER_M, BALL_LAW_BENT_PER_M);
         aim.error += aim.straight * (line_error - aim.error);

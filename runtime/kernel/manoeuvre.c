@@ -4,7 +4,8 @@
 #include "constants.h"
 
 enum { STEPS = MANOEUVRE_ROLLOUT_HORIZON_STEPS, MAX_ENDS = STEPS / MANOEUVRE_ROLLOUT_LOCK_STEPS + 3 };
-static const double STEP = MANOEUVRE_ROLLOUT_STEP_S, TINY = MANOEUVRE_ROLLOUT_TINY;
+#define STEP MANOEUVRE_ROLLOUT_STEP_S
+#define TINY MANOEUVRE_ROLLOUT_TINY
 
 /* The car, in the order of RolloutStart. */
 struct car {

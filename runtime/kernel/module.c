@@ -1,7 +1,13 @@
-/* The module `_kernel`: its functions, and how they read their arguments. Nothing is kept between calls. */
+/* The module `drivers._accelerated`: its functions, and how they read their arguments. Only constants are kept between
+ * calls. */
 
 #define KERNEL_MODULE
 #include "arrays.h"
+#include "constants.h"
+#include "seal.h"
+
+double kernel_reals[CONSTANTS];
+long kernel_wholes[CONSTANTS];
 
 int as_row(PyObject *object, int type, struct row *row) {
     if (!PyArray_Check(object) || PyArray_NDIM((PyArrayObject *)object) != 1 ||
@@ -92,9 +98,27 @@ static PyMethodDef functions[] = {
     ENTRY(fit_wall_line), ENTRY(find_followed_wall), ENTRY(roll_ball), ENTRY(drive_along_ball), ENTRY(split_scan),
     ENTRY(predict_motion), ENTRY(predict_wall), ENTRY(correct_wall), ENTRY(dead_reckon), ENTRY(weigh_dirt),
     ENTRY(find_dirt), ENTRY(find_near_places), ENTRY(watch_sectors), ENTRY(roll_out_all), ENTRY(places_behind),
-    ENTRY(learn_noise_m), ENTRY(prefetch),
+    ENTRY(learn_noise_m), ENTRY(prefetch), ENTRY(set_constant), ENTRY(cast_cells),
+    ENTRY(cast_walls),
     {NULL, NULL, 0, NULL},
 };
+
+/* set_constant(slot, value): the number of Python that is at this slot of constants.h, before the first call. */
+KERNEL(set_constant) {
+    beam slot;
+    double value;
+    if (!enough(count, 2, "set_constant") || !as_indices(given, 1, &slot) || !as_numbers(given + 1, 1, &value))
+        return NULL;
+    if (slot < 0 || slot >= CONSTANTS)
+        return PyErr_Format(PyExc_IndexError, "set_constant: no slot %zd", slot);
+    kernel_reals[slot] = value;
+    if (PyLong_Check(given[1])) {
+        kernel_wholes[slot] = PyLong_AsLong(given[1]);
+        if (kernel_wholes[slot] == -1 && PyErr_Occurred())
+            return NULL;
+    }
+    Py_RETURN_NONE;
+}
 
 /* prefetch(addresses): a hint, of which no address can be wrong; the functions' own code comes with it. Not a twin:
  * Python has nothing like it.
@@ -111,9 +135,16 @@ KERNEL(prefetch) {
     Py_RETURN_NONE;
 }
 
-static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_kernel", NULL, -1, functions, NULL, NULL, NULL, NULL};
+static struct PyModuleDef definition = {
+    PyModuleDef_HEAD_INIT, "_accelerated", NULL, -1, functions, NULL, NULL, NULL, NULL,
+};
 
-PyMODINIT_FUNC PyInit__kernel(void) {
+PyMODINIT_FUNC PyInit__accelerated(void) {
     import_array();
-    return PyModule_Create(&definition);
+    for (int slot = 0; slot < CONSTANTS; slot++)
+        kernel_reals[slot] = NAN; /* until Python has handed it over */
+    PyObject *module = PyModule_Create(&definition);
+    if (module && PyModule_AddStringConstant(module, "SEAL", SEAL) < 0)
+        Py_CLEAR(module);
+    return module;
 }

@@ -5,7 +5,7 @@
 
 /* Whether the beam at this offset has about the same range; beyond the ends of the fan none has. */
 static int hides(const struct row *range, beam i, double range_m) {
-    return i >= 0 && i < range->count && NUMBER(*range, i) - range_m < WINDOW_DIRT_DIRT_STANDS_OUT_M;
+    return i >= 0 && i < range->count && NUMBER(*range, i) - range_m < VIEW_DIRT_STANDS_OUT_M;
 }
 
 static int stands_out(const struct row *range, beam i) {

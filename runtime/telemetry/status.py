@@ -99,7 +99,7 @@ class ObservedState:
     operator: the operator's side, None where there is none. window: faults of the lidar window, as text.
     link: the session as plain values. seconds_by_winner: the mux's own account. timings: of the hot path's stages.
     recording: state of the recorder. session: this start of the process, as in every heartbeat; 0 where there is none.
-    own_parts: the known parts of the car that its lidar sees.
+    own_parts: the known parts of the car that its lidar sees. hot_path: which functions run compiled, as text.
     """
 
     car: str
@@ -116,6 +116,7 @@ class ObservedState:
     recording: Callable[[], Mapping[str, Any]] = dict
     own_parts: Callable[[], Mapping[str, Any]] = dict
     session: int = 0
+    hot_path: str = ""
 
 
 @dataclass(slots=True)
@@ -141,6 +142,7 @@ def status(observed: ObservedState, output: Output | None, journey: Journey) -> 
         "car": observed.car,
         "version": observed.version,
         "session": session_text(observed.session),
+        "hot_path": observed.hot_path,
         "stamp_s": now_s,
         "up_s": now_s - journey.started_s,
         "state": state(output, closed),

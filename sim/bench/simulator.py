@@ -67,7 +67,7 @@ def lines(figures: Mapping[str, Any]) -> list[str]:
         f"{name}: bias {1000 * exact[name]['bias_m']:+.3f} mm, rms {1000 * exact[name]['rms_m']:.3f} mm"
         for name in DRAWINGS
     ]
-    made.append("compiled beams" if figures["compiled"] else "no C compiler was found: all of this is numpy")
+    made.append("compiled beams" if figures["compiled"] else "the kernel is not built: all of this is numpy")
     return made
 
 

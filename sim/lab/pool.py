@@ -13,7 +13,6 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from runtime import kernel
 from sim.lab.cell import Cell, Experiment, Figures
 
 EXPERIMENTS = (
@@ -33,7 +32,6 @@ def measure_all(cells: Sequence[Cell], jobs: int | None, plots: Path | None, con
     KeyboardInterrupt ends all processes; nothing is left running.
     """
     jobs = min(jobs or os.cpu_count() or 1, len(cells))
-    kernel.use()  # here, because a car's own process does; built once, before the workers need it
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
     with Progress(*columns, console=console, transient=True) as progress:
         bar = progress.add_task(cells[0].experiment, total=len(cells))
@@ -83,7 +81,6 @@ def _measured(cell: Cell, plots: Path | None) -> Figures:
 def _start_worker() -> None:
     """Ignore Ctrl-C, which the parent handles, and leave the cores to the other workers."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    kernel.use()
 
 
 def _abandon(futures: Sequence[Future[Figures]], pool: ProcessPoolExecutor) -> None:

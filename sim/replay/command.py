@@ -11,7 +11,6 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from runtime import kernel
 from runtime.telemetry.screen_words import because, times
 from sim.replay.drive_log import DriveLog, is_mcap, read_log
 from sim.replay.figures import numbers, stops
@@ -28,7 +27,6 @@ def run(options: argparse.Namespace) -> int:
 
     RecordingError or SettingsError when nothing can be replayed.
     """
-    kernel.use()
     logging.getLogger("wallride").setLevel(logging.ERROR)  # the mux's reports would carry past times
     if options.publish:
         from sim.replay import publish

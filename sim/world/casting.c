@@ -1,16 +1,18 @@
 /* Where beams end: the geometry of sim/world/free_rectangles.py and sim/world/segments.py, LANES beams at a time.
  *
- * Optional: sim/world/compiled.py builds and loads this file where there is a C compiler, and numpy does the same without it
- * (docs/decisions/0012-fast-simulator.md). Loops over the lanes have no branches and keep whole numbers (cells) as
+ * Optional, a part of the extension module (runtime/kernel); numpy does the same without it, see sim/world/compiled.py and
+ * docs/decisions/0012-fast-simulator.md. Loops over the lanes have no branches and keep whole numbers (cells) as
  * doubles, which are exact beyond the size of any map, so that a compiler turns them into vector instructions.
  * Units: metres, radians, cells. No beam is looked at twice, nothing is kept between calls.
  */
 
-#include <math.h>
+#include "arrays.h"
+
 #include <stdint.h>
 
 #define LANES 64
 #define FEW 8
+#define MAX_BEARING 1e9 /* quarters of a turn are counted in 32 bits */
 #define EACH_LANE for (int k = 0; k < LANES; k++)
 #define MIN(a, b) ((a) < (b) ? (a) : (b))
 #define MAX(a, b) ((a) > (b) ? (a) : (b))
@@ -57,6 +59,8 @@ static inline void directions(const double *restrict angle, double *restrict dx,
     }
 }
 
+static inline int is_angle(const struct beams *beams, int64_t at) { return fabs(beams->bearing[at]) < MAX_BEARING; }
+
 /* Copy the bearings of the next beams, and their origins if each has its own; return how many there are. What the lanes
  * without a beam hold is of no interest, but it is a number. */
 static inline int take(const struct beams *beams, int64_t first, double *restrict ox, double *restrict oy,
@@ -64,7 +68,7 @@ static inline int take(const struct beams *beams, int64_t first, double *restric
 {
     int some = (int)MIN(beams->count - first, LANES);
     EACH_LANE { ox[k] = beams->x0; oy[k] = beams->y0; angle[k] = 0.0; }
-    for (int k = 0; k < some; k++) angle[k] = beams->bearing[first + k];
+    for (int k = 0; k < some; k++) angle[k] = is_angle(beams, first + k) ? beams->bearing[first + k] : 0.0;
     if (beams->x)
         for (int k = 0; k < some; k++) { ox[k] = beams->x[first + k]; oy[k] = beams->y[first + k]; }
     return some;
@@ -112,7 +116,7 @@ static inline void go(struct lanes *at, int k, int leap)
 }
 
 /* Leap from free rectangle to free rectangle until the first solid cell; 0 from inside one. */
-void cast_cells(const struct cells *grid, const struct beams *beams)
+static void through_cells(const struct cells *grid, const struct beams *beams)
 {
     const uint16_t *leaps = grid->leaps;
     const double rows = grid->rows, columns = grid->columns;
@@ -149,13 +153,13 @@ void cast_cells(const struct cells *grid, const struct beams *beams)
         for (int k = 0; going && k < LANES; k++) /* the last few one at a time */
             while (leap[k] && (leap[k] = leaps[cell_of(&at, k, columns)]))
                 go(&at, k, leap[k]);
-        for (int k = 0; k < some; k++) beams->ranges[first + k] = at.now[k] * grid->cell_m;
+        for (int k = 0; k < some; k++) beams->ranges[first + k] = is_angle(beams, first + k) ? at.now[k] * grid->cell_m : NAN;
     }
 }
 
 /* Meet all walls and circles; INFINITY where there is none. Ray o + t d and wall p + s e, with r = p - o, meet at
  * t = r x e / d x e and s = r x d / d x e. */
-void cast_walls(const struct walls *walls, const struct beams *beams)
+static void to_walls(const struct walls *walls, const struct beams *beams)
 {
     for (int64_t first = 0; first < beams->count; first += LANES) {
         double ox[LANES], oy[LANES], angle[LANES], dx[LANES], dy[LANES], nearest[LANES];
@@ -195,6 +199,85 @@ void cast_walls(const struct walls *walls, const struct beams *beams)
                 nearest[k] = MIN(nearest[k], distance);
             }
         }
-        for (int k = 0; k < some; k++) beams->ranges[first + k] = nearest[k];
+        for (int k = 0; k < some; k++) beams->ranges[first + k] = is_angle(beams, first + k) ? nearest[k] : NAN;
     }
+}
+
+/* A contiguous array of this type; NULL with an error for anything else. */
+static const void *whole(PyObject *object, int type, beam *count)
+{
+    struct row row;
+    if (!as_row(object, type, &row))
+        return NULL;
+    if (row.count && !PyArray_IS_C_CONTIGUOUS((PyArrayObject *)object)) {
+        PyErr_SetString(PyExc_ValueError, "casting wants contiguous arrays");
+        return NULL;
+    }
+    *count = row.count;
+    return row.data;
+}
+
+/* The origin of all beams, or of each. */
+static int origins(PyObject *object, beam count, double *one, const double **each)
+{
+    beam found;
+    if (!PyArray_Check(object))
+        return as_numbers(&object, 1, one);
+    *each = whole(object, NPY_DOUBLE, &found);
+    if (*each && found != count)
+        PyErr_SetString(PyExc_ValueError, "casting: arrays of different lengths");
+    return *each && found == count;
+}
+
+/* given: x, y, bearing, ranges. */
+static int beams_of(PyObject *const *given, struct beams *beams)
+{
+    beam count, room;
+    *beams = (struct beams){.x0 = 0.0};
+    beams->bearing = whole(given[2], NPY_DOUBLE, &count);
+    beams->ranges = beams->bearing ? (double *)whole(given[3], NPY_DOUBLE, &room) : NULL;
+    if (!beams->ranges || !origins(given[0], count, &beams->x0, &beams->x) || !origins(given[1], count, &beams->y0, &beams->y))
+        return 0;
+    beams->count = count;
+    if (room != count || !beams->x != !beams->y || !PyArray_ISWRITEABLE((PyArrayObject *)given[3])) {
+        PyErr_SetString(PyExc_ValueError, "casting: arrays of different lengths");
+        return 0;
+    }
+    return !PyErr_Occurred();
+}
+
+/* cast_cells(leaps, (x, y, cos, sin, yaw, cell_m, rows, columns), x, y, bearing, ranges): fills ranges */
+KERNEL(cast_cells)
+{
+    struct beams beams;
+    struct cells grid;
+    double v[MAX_NUMBERS];
+    beam leaps;
+    if (!enough(count, 6, "cast_cells") || !same_count(given[1], 8, v) || !beams_of(given + 2, &beams))
+        return NULL;
+    grid = (struct cells){v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], whole(given[0], NPY_UINT16, &leaps)};
+    if (!grid.leaps)
+        return NULL;
+    if (!(v[6] >= 1 && v[7] >= 1 && v[6] * v[7] * 4 == (double)leaps && leaps < INT32_MAX))
+        return PyErr_Format(PyExc_ValueError, "cast_cells: four planes of rows by columns are needed");
+    through_cells(&grid, &beams);
+    Py_RETURN_NONE;
+}
+
+/* cast_walls(straight, circles, (end_slack_m, edge_on), x, y, bearing, ranges): fills ranges */
+KERNEL(cast_walls)
+{
+    struct beams beams;
+    double v[MAX_NUMBERS];
+    beam straight, circles;
+    if (!enough(count, 7, "cast_walls") || !same_count(given[2], 2, v) || !beams_of(given + 3, &beams))
+        return NULL;
+    const double *lines = whole(given[0], NPY_DOUBLE, &straight), *round = lines ? whole(given[1], NPY_DOUBLE, &circles) : NULL;
+    if (!round)
+        return NULL;
+    if (straight % 5 || circles % 3)
+        return PyErr_Format(PyExc_ValueError, "cast_walls: five numbers for a wall, three for a circle are needed");
+    struct walls walls = {lines, round, straight / 5, circles / 3, v[0], v[1]};
+    to_walls(&walls, &beams);
+    Py_RETURN_NONE;
 }

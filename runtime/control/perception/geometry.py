@@ -5,8 +5,8 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from drivers.accelerated import accelerated
 from drivers.api import Scan
-from drivers.twin import twin
 
 Floats = npt.NDArray[np.float64]
 Booleans = npt.NDArray[np.bool_]
@@ -68,13 +68,13 @@ def places_m(x_m: Floats, y_m: Floats, which: npt.NDArray[np.intp]) -> Places:
     return places
 
 
-@twin
+@accelerated
 def solid_places(x_m: Floats, y_m: Floats, solid: Booleans) -> Places:
     """Return the solid ones of points (n,) as complex numbers, shape (k,)."""
     return places_m(x_m, y_m, solid.nonzero()[0])
 
 
-@twin
+@accelerated
 def any_nearer(solid: Booleans, ranges_m: Floats, reach_m: float) -> bool:
     """Return whether a solid beam has a range below reach_m."""
     return bool(np.count_nonzero(solid & (ranges_m < reach_m)))

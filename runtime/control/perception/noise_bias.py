@@ -9,7 +9,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from drivers.twin import twin
+from drivers.accelerated import accelerated
 from runtime.control.perception.geometry import Floats
 
 Indices = npt.NDArray[np.intp]
@@ -34,7 +34,7 @@ def learn_bias_m(bias_m: float, line_m: float, nearest_m: float) -> float:
     return bias_m + LOW_PASS * (found_m - bias_m) if MIN_BIAS_M < found_m < MAX_BIAS_M else bias_m
 
 
-@twin
+@accelerated
 def learn_noise_m(noise_m: float, x_m: Floats, y_m: Floats, wall: Indices) -> float:
     """Return the median difference between the ranges of two neighbouring beams, after one more scan [m].
 

@@ -2,8 +2,8 @@
 
 import math
 
+from drivers.accelerated import accelerated
 from drivers.api import MotorState
-from drivers.twin import twin
 from drivers.value import value
 
 
@@ -45,7 +45,7 @@ class Odometry:
         return self.pose
 
 
-@twin
+@accelerated
 def dead_reckon(
     x_m: float, y_m: float, yaw_rad: float, step_m: float, steering_rad: float, wheelbase_m: float
 ) -> tuple[float, float, float, float]:

@@ -12,8 +12,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from drivers.accelerated import accelerated
 from drivers.api import Scan
-from drivers.twin import twin
 from drivers.value import value
 from runtime.control.perception.geometry import Booleans, Floats, bearings_rad, beyond, directions
 from runtime.control.vehicle import CarSettings
@@ -137,8 +137,8 @@ class PerceptionCache:
         return View(scan, ranges_m, fan.bearing_rad, x_m, y_m, solid, no_echo, own, car.lidar_x_m, dirty, silent)
 
 
-@twin
-def view_scan(  # flat arguments, as its twin in C wants them
+@accelerated
+def view_scan(  # flat arguments, as the C wants them
     sent_m: npt.NDArray[np.float32],
     cos: Floats,
     sin: Floats,

@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from drivers.twin import twin
+from drivers.accelerated import accelerated
 from runtime.control.perception.geometry import Booleans, Floats
 from runtime.control.perception.view import DIRT_STANDS_OUT_M
 
@@ -31,8 +31,8 @@ GROUP_BEAMS = 8
 """Maximum gap in beams within one reported patch."""
 
 
-@twin
-def weigh_dirt(  # flat arguments, as its twin in C wants them
+@accelerated
+def weigh_dirt(  # flat arguments, as the C wants them
     ranges_m: Floats,
     no_echo: Booleans,
     own: Booleans,
@@ -73,7 +73,7 @@ def weigh_dirt(  # flat arguments, as its twin in C wants them
     return near_m, learnt, body, blind
 
 
-@twin
+@accelerated
 def find_dirt(
     dirt: Floats,
     body: Floats,

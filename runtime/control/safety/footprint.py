@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drivers.twin import twin
+from drivers.accelerated import accelerated
 from drivers.value import value
 from runtime.control.perception.geometry import Booleans, Floats, Places
 
@@ -154,7 +154,7 @@ def contact_on_arc(
     return NOTHING if touch is None else Contact(*touch)
 
 
-@twin
+@accelerated
 def sweep_arc(
     steering_rad: float,
     length_m: float,

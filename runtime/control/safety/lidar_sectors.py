@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 
+from drivers.accelerated import accelerated
 from drivers.api import Scan
-from drivers.twin import twin
 from drivers.value import value
 from runtime.control.perception.geometry import Booleans, Bytes, Floats, Places
 from runtime.control.perception.view import LEARNT_DIRT_NEARER_THAN_M
@@ -85,8 +85,8 @@ def next_seen(seen: Places, sector: int, step: int) -> int | None:
     return None
 
 
-@twin
-def watch_sectors(  # flat arguments, as its twin in C wants them
+@accelerated
+def watch_sectors(  # flat arguments, as the C wants them
     ranges_m: Floats,
     x_m: Floats,
     y_m: Floats,

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drivers.twin import twin
+from drivers.accelerated import accelerated
 from runtime.control.perception.geometry import Floats, Places
 
 STEP_S = 0.01
@@ -82,7 +82,7 @@ class State(NamedTuple):
     wheel_rad: float = 0.0
 
 
-@twin
+@accelerated
 def roll_out_all(
     points_m: Places,
     steering_rad: Floats,

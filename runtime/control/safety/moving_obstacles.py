@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drivers.twin import twin
+from drivers.accelerated import accelerated
 from drivers.value import value
 from runtime.control.perception.geometry import NOWHERE, Booleans, Floats, Places, places_m
 from runtime.control.perception.odometry import OdometryState
@@ -184,7 +184,7 @@ class MovingObstacles:
         return nearest
 
 
-@twin
+@accelerated
 def find_small_clusters(solid: Booleans, ranges_m: Floats, step_rad: float) -> list[tuple[int, int]]:
     """Return (first, last) beam of every near object at most 0.7 m wide that stands out from its surroundings.
 

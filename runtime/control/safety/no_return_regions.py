@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from drivers.twin import twin
+from drivers.accelerated import accelerated
 from runtime.control.perception.geometry import Booleans, Floats
 from runtime.control.perception.view import View
 
@@ -25,7 +25,7 @@ def enclosed_dark(view: View, toward_rad: float, near_m: float) -> bool:
     )
 
 
-@twin
+@accelerated
 def find_dark_regions(
     no_echo: Booleans,
     solid: Booleans,

@@ -6,7 +6,7 @@ from collections import deque
 
 import numpy as np
 
-from drivers.twin import twin
+from drivers.accelerated import accelerated
 from drivers.value import value
 from runtime.control.perception.geometry import NOWHERE, Booleans, Floats, Places, places_m
 from runtime.control.perception.odometry import OdometryState
@@ -124,7 +124,7 @@ def on_track(place_m: Places, heading: Places, track_m: Places, track_heading: P
     return there
 
 
-@twin
+@accelerated
 def find_near_places(
     x_m: Floats, y_m: Floats, solid: Booleans, ranges_m: Floats, at_x_m: float, at_y_m: float, yaw_rad: float
 ) -> Places:
@@ -133,7 +133,7 @@ def find_near_places(
     return places_m(x_m, y_m, near) * cmath.rect(1.0, yaw_rad) + complex(at_x_m, at_y_m)
 
 
-@twin
+@accelerated
 def places_behind(
     places_m: Places, at_x_m: float, at_y_m: float, yaw_rad: float, lidar_x_m: float, half_view_rad: float
 ) -> Places:

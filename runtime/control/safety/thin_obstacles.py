@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from drivers.twin import twin
+from drivers.accelerated import accelerated
 from runtime.control.perception.geometry import NOWHERE, Booleans, Floats, Places, places_m
 from runtime.control.perception.odometry import OdometryState
 from runtime.control.perception.view import View
@@ -64,7 +64,7 @@ class ThinObstacles:
         return NOWHERE if there_m is None else there_m
 
 
-@twin
+@accelerated
 def find_returning(
     seen: Places, before: tuple[Places, ...], at_x_m: float, at_y_m: float, yaw_rad: float
 ) -> Places | None:
@@ -87,8 +87,8 @@ def find_returning(
     return np.concatenate([seen[there], (old[same[there].any(axis=0)] - at_m) / turned])
 
 
-@twin
-def find_thin_places(  # flat arguments, as its twin in C wants them
+@accelerated
+def find_thin_places(  # flat arguments, as the C wants them
     x_m: Floats,
     y_m: Floats,
     solid: Booleans,

@@ -2,7 +2,7 @@
 
 import math
 
-from drivers.twin import twin
+from drivers.accelerated import accelerated
 from runtime.control.wall_following.ball_law import pursuit_steering
 from runtime.control.wall_following.speed_profile import fastest_mps, speed_limit_mps
 
@@ -12,8 +12,8 @@ SLIPPING_SHARE = 0.3
 floor may have less grip than assumed."""
 
 
-@twin
-def drive_along_ball(  # flat arguments, as its twin in C wants them
+@accelerated
+def drive_along_ball(  # flat arguments, as the C wants them
     radius_m: tuple[float, ...],
     bearing_rad: tuple[float, ...],
     meets: tuple[bool, ...],

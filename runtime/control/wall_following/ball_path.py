@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from drivers.twin import twin
+from drivers.accelerated import accelerated
 from drivers.value import value
 from runtime.control.perception.geometry import Booleans, Floats, Places
 from runtime.control.perception.noise_bias import learn_bias_m, roughness_m
@@ -92,8 +92,8 @@ Circles = tuple[tuple[float, ...], tuple[bool, ...], tuple[bool, ...]]
 """bearing_rad, meets and crosses of a BallPath."""
 
 
-@twin
-def roll_ball(  # flat arguments, as its twin in C wants them
+@accelerated
+def roll_ball(  # flat arguments, as the C wants them
     x_m: Floats,
     y_m: Floats,
     solid: Booleans,

@@ -13,8 +13,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from drivers.accelerated import accelerated
 from drivers.api import Scan
-from drivers.twin import twin
 from drivers.value import value
 from runtime.control.perception.geometry import Floats, Places, bearings_rad
 from runtime.control.perception.view import View
@@ -154,8 +154,8 @@ def choose_wall(
     return FollowedWall(beams, WallLine(*line) if line is not None else None, room_m, glass_to)
 
 
-@twin
-def find_followed_wall(  # flat arguments, as its twin in C wants them
+@accelerated
+def find_followed_wall(  # flat arguments, as the C wants them
     x_m: Floats,
     y_m: Floats,
     range_m: Floats,

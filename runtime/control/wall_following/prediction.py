@@ -4,8 +4,8 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
+from drivers.accelerated import accelerated
 from drivers.api import MotorState
-from drivers.twin import twin
 from drivers.value import value
 
 _STEP_S = 0.015
@@ -128,8 +128,8 @@ class Predictor:
         return Shift(x_m, y_m, yaw_rad)
 
 
-@twin
-def predict_motion(  # flat arguments, as its twin in C wants them
+@accelerated
+def predict_motion(  # flat arguments, as the C wants them
     told: Told,
     wire: Wire,
     motor_s: float,
@@ -149,6 +149,8 @@ def predict_motion(  # flat arguments, as its twin in C wants them
     the last scan, since_s before this one, which was taken at scan_s. ahead_s: how long the motion goes on after its
     answer is on the wire.
     """
+    if len(told) > MAX_TOLD:
+        raise TypeError(f"predict_motion takes at most {MAX_TOLD} answers, not {len(told)}")
     wire = learn_wire_delay(told, wire, motor_s, steering_rad)
     servo_rad = slew_towards(servo_rad, steering_rad, rate_radps * since_s)
     coming = [(there_s - scan_s, angle_rad) for there_s, angle_rad in in_flight(told, wire, motor_s)]

@@ -11,7 +11,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from drivers.twin import twin
+from drivers.accelerated import accelerated
 from drivers.value import value
 from runtime.control.perception.geometry import Floats
 
@@ -105,7 +105,7 @@ class LineFinder:
         return None if found is None else WallLine(*found)
 
 
-@twin
+@accelerated
 def fit_wall_line(
     x_m: Floats,
     y_m: Floats,

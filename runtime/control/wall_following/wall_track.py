@@ -16,7 +16,7 @@ have, and came back to the wall too wide.)
 
 import math
 
-from drivers.twin import twin
+from drivers.accelerated import accelerated
 from runtime.control.wall_following.wall_fit import CLEAN_INLIERS, WallLine
 
 MAX_TRIM_RAD = 0.06
@@ -93,7 +93,7 @@ class WallTrack:
         return self._line
 
 
-@twin
+@accelerated
 def predict_wall(
     state: State, way_m: float, wheel_rad: float, speed_mps: float, wheelbase_m: float, unrest_at_least_rad: float
 ) -> State:
@@ -121,7 +121,7 @@ def predict_wall(
     return d, a - turn_rad, trim, dd, aa_now, da_now, dt, at_now, tt, unrest, wheel_rad, 0.0
 
 
-@twin
+@accelerated
 def correct_wall(state: State, distance_m: float, heading_rad: float) -> State:
     """Return the state after a line was found: two scalar Kalman updates, one after the other."""
     d, a, trim, dd, aa, da, dt, at, tt, *rest = state

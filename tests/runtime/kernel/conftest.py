@@ -1,51 +1,47 @@
-"""The twins, and a place where they answer beside the Python."""
+"""The C functions, and a place where they answer beside the Python."""
 
+import importlib
+import os
 import shutil
-import sysconfig
+import sys
 from collections import Counter
-from pathlib import Path
 
 import pytest
 
-from drivers import twin
-from runtime import kernel
+from drivers import accelerated
+from drivers.accelerated import FUNCTIONS, UnfitError
 from tests.runtime.kernel.sameness import assert_same
 
-HEADER = Path(sysconfig.get_paths()["include"]) / "Python.h"
 
-
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def compiled():
-    """Return the twins; the Python goes on answering."""
-    found = kernel.use()
-    answering = dict(twin._answering)
-    twin.use({})
-    if not found.functions:
-        assert shutil.which("cc") is None or not HEADER.is_file(), found.words  # it could be had, and is broken
-        pytest.skip(found.words)
-    return {name: answering[name] for name in found.functions}
+    """Return the C functions by name; the Python goes on answering."""
+    try:
+        for name in accelerated.sealed()["functions"]:
+            importlib.import_module(name.rpartition(".")[0])
+    except UnfitError as reason:
+        if shutil.which(os.environ.get("CC", "cc")) is not None:
+            pytest.fail(f"{reason}: make .venv/.kernel, or wallride build-kernel")
+        pytest.skip(str(reason))
+    return {name: one.compiled() for name, one in FUNCTIONS.items()}
 
 
 @pytest.fixture
-def compared(compiled):
+def compared(compiled, monkeypatch):
     """Let both answer everything, and compare; counts how often each was asked."""
     asked = Counter()
 
     def both(name):
         def answer(*given):
-            by_python = twin.PLAIN[name](*given)
+            by_python = FUNCTIONS[name].python(*given)
             asked[name] += 1
             assert_same(name, by_python, compiled[name](*given))
             return by_python
 
         return answer
 
-    twin.use({name: both(name) for name in compiled})
-    yield asked
-    twin.use({})
-
-
-@pytest.fixture
-def as_it_was():
-    yield
-    twin.use({})
+    for module in list(sys.modules.values()):
+        for name in FUNCTIONS.keys() & getattr(module, "__dict__", {}).keys():
+            if getattr(module, name) is FUNCTIONS[name].python:
+                monkeypatch.setattr(module, name, both(name))
+    return asked

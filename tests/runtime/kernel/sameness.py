@@ -1,11 +1,13 @@
 """When two answers are the same; and drives and rooms in which they are asked for."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import strategies as st
 
+from drivers.accelerated import FUNCTIONS
 from drivers.api import MotorState, Scan
 from runtime.control.perception.view import PerceptionCache
 from runtime.control.safety.swept import SweptGuard
@@ -19,6 +21,16 @@ ROUNDING = 1e-9
 """Sines and sums are rounded differently; whatever is a choice (a beam, a yes or no) has to be the same."""
 SOME_RAD = st.one_of(st.floats(-0.4, 0.4), st.sampled_from([0.0, 0.1, 0.1 + 1e-7, 0.2]))
 ANGLE = st.floats(-1.5, 1.5)
+
+
+class _Python(dict[str, Any]):
+    """The functions as written in Python, by name."""
+
+    def __missing__(self, name):
+        return FUNCTIONS[name].python
+
+
+PYTHON = _Python()
 
 
 def assert_same(name, one, other):

@@ -3,9 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers import twin
 from drivers.hokuyo.codec import checksum
-from tests.runtime.kernel.sameness import assert_same
+from tests.runtime.kernel.sameness import PYTHON, assert_same
 
 
 @given(data=st.binary(max_size=300), flipped=st.integers(0, 10**6))
@@ -16,7 +15,7 @@ def test_any_bytes_are_joined_alike(compiled, data, flipped):
     if broken:
         broken[flipped % len(broken)] ^= 1 + flipped % 255
     for sent in (data, regular, bytes(broken)):
-        assert compiled["join_rows"](sent) == twin.PLAIN["join_rows"](sent)
+        assert compiled["join_rows"](sent) == PYTHON["join_rows"](sent)
 
 
 @given(data=st.binary(max_size=300), flipped=st.integers(0, 10**6), head=st.sampled_from([0, 1, 2, 40, 41]))
@@ -28,7 +27,7 @@ def test_any_block_is_taken_apart_alike(compiled, data, flipped, head):
     if broken:
         broken[flipped % len(broken)] ^= 1 + flipped % 255
     for sent in (data, regular, bytes(broken), b"\n" + regular, regular[: flipped % 60]):
-        assert compiled["split_scan"](sent) == twin.PLAIN["split_scan"](sent)
+        assert compiled["split_scan"](sent) == PYTHON["split_scan"](sent)
     if lines and head in {1, 2, 40}:
         assert compiled["split_scan"](regular)[1:] == (b"99", b"0abc", b"".join(lines))
 
@@ -37,6 +36,6 @@ def test_any_block_is_taken_apart_alike(compiled, data, flipped, head):
 def test_any_samples_are_decoded_alike(compiled, samples, beams, reverse):
     digits = bytes(0x30 + byte % 64 for byte in samples)
     for sent in (samples, digits, digits[: 3 * beams]):
-        answers = [of["decode_samples"](sent, beams, 20, 30000, int(reverse)) for of in (twin.PLAIN, compiled)]
+        answers = [of["decode_samples"](sent, beams, 20, 30000, int(reverse)) for of in (PYTHON, compiled)]
         assert_same("decode_samples", *answers)
         assert answers[1] is None or not answers[1].flags.writeable

@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers import twin
 from runtime.control.wall_following.wall_track import WallTrack
-from tests.runtime.kernel.sameness import ANGLE, assert_same
+from tests.runtime.kernel.sameness import ANGLE, PYTHON, assert_same
 
 RADII = tuple(np.linspace(0.3, 3.0, 10).tolist())
 YES_OR_NO = st.lists(st.booleans(), min_size=13, max_size=13)
@@ -36,7 +35,7 @@ def test_any_path_is_driven_along_alike(
     radii_m = (*RADII, look_m[0], 2 * look_m[0], look_m[1])
     path = tuple(tuple(part[left_out:]) for part in (radii_m, bearing_rad, meets, crosses))
     given_ = (*path, error_m, *line, bend_per_m, speed_mps, *gains, 0.33, trim_rad, 0.34, 3.0, mu)
-    assert_same("drive_along_ball", twin.PLAIN["drive_along_ball"](*given_), compiled["drive_along_ball"](*given_))
+    assert_same("drive_along_ball", PYTHON["drive_along_ball"](*given_), compiled["drive_along_ball"](*given_))
 
 
 CLEAR = (True,) * 13
@@ -47,10 +46,10 @@ TURNED_AWAY = [-0.5, math.nan, math.nan, 0.02, 1.5, 4.0, 2.0, 0.33, 0.01, 0.34, 
 def test_a_slipping_car_is_slowed_alike(compiled):
     path = ((*RADII, 0.4, 0.8, 0.7), (0.1,) * 10 + (-1.2, -1.2, -1.2), CLEAR, CLEAR)
     given_ = (*path, *TURNED_AWAY)
-    answer = twin.PLAIN["drive_along_ball"](*given_)
+    answer = PYTHON["drive_along_ball"](*given_)
     assert_same("drive_along_ball", answer, compiled["drive_along_ball"](*given_))
     nearer_by_the_line = (*path, -0.04, *TURNED_AWAY[1:])
-    assert answer[2] == twin.PLAIN["drive_along_ball"](*nearer_by_the_line)[2] == -0.34
+    assert answer[2] == PYTHON["drive_along_ball"](*nearer_by_the_line)[2] == -0.34
     assert answer[3] < 0.6 * compiled["drive_along_ball"](*nearer_by_the_line)[3]
 
 
@@ -61,7 +60,7 @@ def test_what_is_no_number_is_driven_along_alike(compiled, place, line, error_m)
     numbers = [error_m, *line, *TURNED_AWAY[3:]]
     numbers[place] = math.nan
     given_ = ((*RADII, 0.4, 0.8, 0.7), (0.1,) * 10 + (-0.2, -0.1, -0.1), CLEAR, CLEAR, *numbers)
-    assert_same("drive_along_ball", twin.PLAIN["drive_along_ball"](*given_), compiled["drive_along_ball"](*given_))
+    assert_same("drive_along_ball", PYTHON["drive_along_ball"](*given_), compiled["drive_along_ball"](*given_))
 
 
 @pytest.mark.parametrize("of", range(2))
@@ -70,17 +69,17 @@ def test_a_place_that_is_no_number_is_driven_along_alike(compiled, of, at):
     path = [[*RADII, 0.4, 0.8, 0.7], [0.1] * 10 + [-0.2, -0.1, -0.1]]
     path[of][at] = math.nan
     given_ = (*map(tuple, path), CLEAR, CLEAR, 0.3, 0.1, 0.2, *TURNED_AWAY[3:])
-    assert_same("drive_along_ball", twin.PLAIN["drive_along_ball"](*given_), compiled["drive_along_ball"](*given_))
+    assert_same("drive_along_ball", PYTHON["drive_along_ball"](*given_), compiled["drive_along_ball"](*given_))
 
 
 def test_what_is_no_number_is_tracked_alike(compiled):
-    state = twin.PLAIN["predict_wall"](WallTrack(0.33)._state, 0.02, 0.1, 1.0, 0.33, 0.0)
+    state = PYTHON["predict_wall"](WallTrack(0.33)._state, 0.02, 0.1, 1.0, 0.33, 0.0)
     for place in range(5):
         step = [0.02, 0.1, 1.0, 0.33, 0.05]
         step[place] = math.nan
-        assert_same("predict_wall", twin.PLAIN["predict_wall"](state, *step), compiled["predict_wall"](state, *step))
+        assert_same("predict_wall", PYTHON["predict_wall"](state, *step), compiled["predict_wall"](state, *step))
     for seen in ((math.nan, 0.1), (1.0, math.nan)):
-        assert_same("correct_wall", twin.PLAIN["correct_wall"](state, *seen), compiled["correct_wall"](state, *seen))
+        assert_same("correct_wall", PYTHON["correct_wall"](state, *seen), compiled["correct_wall"](state, *seen))
 
 
 STEP = st.tuples(st.floats(-0.05, 0.25), st.floats(-0.4, 0.4), st.floats(0.0, 6.0), st.sampled_from([0.0, 0.05]))
@@ -91,8 +90,8 @@ def test_any_line_is_tracked_alike(compiled, steps):
     state = WallTrack(0.33)._state
     for (way_m, wheel_rad, speed_mps, unrest_rad), distance_m, heading_rad in steps:
         step = (state, way_m, wheel_rad, speed_mps, 0.33, unrest_rad)
-        state = twin.PLAIN["predict_wall"](*step)
+        state = PYTHON["predict_wall"](*step)
         assert_same("predict_wall", state, compiled["predict_wall"](*step))
         seen = (state, distance_m, heading_rad)
-        state = twin.PLAIN["correct_wall"](*seen)
+        state = PYTHON["correct_wall"](*seen)
         assert_same("correct_wall", state, compiled["correct_wall"](*seen))

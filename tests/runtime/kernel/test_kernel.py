@@ -1,24 +1,21 @@
-"""The compiled functions are found, built, used and left: when the Python is no longer what they were made for."""
+"""The C functions refuse wrong arguments, are of the C and the Python that is here, and give way to an edited law."""
 
+import os
 import shutil
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
-from drivers import twin
+from drivers import accelerated
+from drivers.accelerated import FUNCTIONS, ROOT
 from runtime import kernel
-from runtime.control.perception import view
-from runtime.control.safety import moving_obstacles
-from runtime.control.wall_following import followed_wall, wall_fit
+from runtime.kernel.build import FILE, BuildError, build
+from runtime.kernel.survey import Survey, c_digest, read_seal
 
-
-def test_compiled_functions_are_called_without_a_step_in_between(compiled, as_it_was):
-    before = followed_wall.find_followed_wall
-    twin.use(compiled)
-    assert followed_wall.find_followed_wall is compiled["find_followed_wall"]
-    twin.use({"view_scan": compiled["view_scan"]})
-    assert followed_wall.find_followed_wall is before
-    assert view.view_scan is compiled["view_scan"]
+SEAL_AGAIN = "after the C does the same and these tests pass: wallride build-kernel --seal"
+NEAR = "runtime/control/safety/rear_memory.py"
 
 
 def test_wrong_arguments_are_refused_and_crash_nothing(compiled):
@@ -68,85 +65,153 @@ def test_arrays_of_different_lengths_are_refused(compiled):
             )
 
 
-def test_the_twins_were_written_for_the_python_that_is_here():
-    stale = [
-        module.__name__ for module in kernel.MODULES if kernel.fingerprint(module) != kernel._sealed()[module.__name__]
-    ]
-    assert not stale, "after the twins do the same and these tests pass: python -m runtime.kernel"
+def test_the_c_was_written_for_the_python_that_is_here():
+    found, sealed = {name: one.digest for name, one in Survey(ROOT).functions.items()}, read_seal(ROOT)
+    assert {name for name in found.keys() | sealed.keys() if found.get(name) != sealed.get(name)} == set(), SEAL_AGAIN
 
 
-def test_every_function_that_may_have_a_twin_has_one(compiled):
-    assert set(compiled) == set(twin.PLAIN)
+def test_what_is_built_is_the_c_that_is_here(compiled):
+    assert accelerated.sealed()["c"] == c_digest(ROOT), "make, or wallride build-kernel"
 
 
-def test_who_changes_a_law_drives_his_own(compiled, monkeypatch, as_it_was):
-    fingerprint = kernel.fingerprint
-    monkeypatch.setattr(kernel, "fingerprint", lambda module: "" if module is moving_obstacles else fingerprint(module))
-    found = kernel.use()
-    assert found.functions == set(compiled) - {"find_small_clusters"}
-    assert "runtime.control.safety.moving_obstacles changed" in found.words
+def test_every_accelerated_function_has_its_c(compiled):
+    assert {f"{one.python.__module__}.{name}" for name, one in FUNCTIONS.items()} >= set(Survey(ROOT).functions)
+    assert set(compiled) == set(FUNCTIONS)
 
 
-def test_who_changes_what_a_law_calls_drives_it_as_well(compiled, monkeypatch, as_it_was):
-    fingerprint = kernel.fingerprint
-    monkeypatch.setattr(kernel, "fingerprint", lambda module: "" if module is wall_fit else fingerprint(module))
-    for _ in range(2):  # the second time, what it calls is compiled
-        left = set(compiled) - kernel.use().functions
-        assert {"fit_wall_line", "find_followed_wall", "roll_ball"} <= left
-        assert left.isdisjoint({"drive_along_ball", "view_scan", "sweep_arc", "decode_samples"})
+@pytest.fixture(scope="module")
+def checkout(compiled, tmp_path_factory):
+    """A copy of the source with the extension in it; edits are undone."""
+    copy = tmp_path_factory.mktemp("checkout")
+    for package in ("drivers", "runtime"):
+        shutil.copytree(ROOT / package, copy / package, ignore=shutil.ignore_patterns("__pycache__"))
+    return copy
+
+
+@pytest.fixture
+def edited(checkout):
+    """Replace text in a file of the copy, and return what a program there prints."""
+    before = {}
+
+    def edit(name, old, new, program="import runtime.kernel.__main__"):
+        path = checkout / name
+        before[path] = path.read_text()
+        assert old in before[path]
+        path.write_text(before[path].replace(old, new))
+        surroundings = {**os.environ, "PYTHONPATH": str(checkout), "PYTHONDONTWRITEBYTECODE": "1"}
+        surroundings.pop(accelerated.SWITCH, None)
+        command = [sys.executable, "-c", program]
+        return subprocess.run(
+            command, env=surroundings, cwd=checkout, capture_output=True, text=True, check=True
+        ).stdout
+
+    yield edit
+    for path, text in before.items():
+        path.write_text(text)
+
+
+def test_an_edited_comment_or_docstring_costs_nothing(edited, compiled):
+    said = edited(
+        NEAR, '    """Return in odom, (k,), the solid', '    # closer\n    """Return, in odom, (k,), the solid'
+    )
+    assert said == f"{len(compiled)} of {len(compiled)} functions of the hot path are compiled\n"
+
+
+PLACES = """
+import numpy as np
+from drivers.accelerated import in_c
+from runtime.control.safety.rear_memory import find_near_places
+far = np.array([1.0, 2.0, 3.0])
+print("find_near_places" in in_c(), find_near_places(far, 0 * far, far > 0, far, 0.0, 0.0, 0.0).size)
+"""
+
+
+def test_a_changed_number_costs_nothing_and_reaches_the_c(edited):
+    assert edited(NEAR, "NEAR_M = 1.6", "NEAR_M = 2.5", PLACES) == "True 2\n"
+
+
+def test_an_edited_law_drives_in_python_with_its_callers_alone_and_says_so(edited, compiled):
+    said = edited(NEAR, "(solid & (ranges_m < NEAR_M))", "(solid & (ranges_m <= NEAR_M))")
+    assert said == (
+        f"{len(compiled) - 1} of {len(compiled)} functions of the hot path are compiled; "
+        "in Python: find_near_places (edited since its C was sealed)\n"
+    )
+
+
+def test_what_calls_an_edited_function_drives_in_python_too(edited):
+    said = edited("runtime/control/perception/geometry.py", "x_m.take(which)", "x_m[which]")
+    assert "in Python: find_near_places, find_thin_places, solid_places (edited since its C was sealed)" in said
+
+
+def test_a_number_that_the_c_is_laid_out_for_needs_another_build(edited):
+    said = edited("runtime/control/wall_following/prediction.py", "MAX_TOLD = 12", "MAX_TOLD = 13")
+    assert "in Python: predict_motion (" in said
+    assert "MAX_TOLD was 12 when it was built: wallride build-kernel" in said
+
+
+def test_a_number_that_is_none_for_c_leaves_the_python(edited):
+    said = edited("runtime/control/perception/view.py", "RIM_BEAMS = 2", "RIM_BEAMS = 2.5")
+    assert "RIM_BEAMS was a whole number when it was built" in said
 
 
 def test_constants_come_from_the_python():
-    known = dict(kernel.constants())
-    assert known["VIEW_DIRT_NEARER_THAN_M"] == view.DIRT_NEARER_THAN_M
-    assert known["WALL_FIT_GATES_M_2"] == 0.06
-    assert known["PREDICTION_STEP_S"] == 0.015
+    known = {name: kind for one in Survey(ROOT).constants for name, kind in zip(one.names, one.kinds, strict=True)}
+    assert known["VIEW_DIRT_NEARER_THAN_M"] == known["WALL_FIT_GATES_M_2"] == "real"
+    assert known["VIEW_RIM_BEAMS"] == "whole"
+    assert known["PREDICTION_MAX_TOLD"] == "fixed"
 
 
-def test_without_a_compiler_python_answers_and_says_so(monkeypatch, tmp_path, as_it_was):
+def test_wrong_slots_of_constants_are_refused(compiled):
+    set_constant = accelerated.extension().set_constant
+    for given_ in ((-1, 0.0), (10**6, 0.0), (0, "text"), (0,), ("text", 0.0)):
+        with pytest.raises((TypeError, IndexError)):
+            set_constant(*given_)
+
+
+def test_it_can_be_switched_off(edited):
+    program = "import os; os.environ['WALLRIDE_COMPILED'] = '0'; import runtime.kernel.__main__"
+    assert edited(NEAR, "NEAR_M", "NEAR_M", program) == "the hot path runs in Python (WALLRIDE_COMPILED=0)\n"
+
+
+def test_without_the_extension_python_answers_and_says_what_to_do(edited, checkout):
+    kept = checkout / "drivers" / FILE
+    hidden = kept.rename(checkout / "hidden")
+    try:
+        said = edited(NEAR, "NEAR_M", "NEAR_M")
+        (checkout / "drivers" / FILE).write_bytes(b"not a library")
+        broken = edited(NEAR, "NEAR_M", "NEAR_M")
+    finally:
+        hidden.rename(kept)
+    assert said == "the hot path runs in Python (not built: wallride build-kernel)\n"
+    assert "it cannot be loaded" in broken
+
+
+def test_without_a_compiler_the_build_says_what_to_install(monkeypatch, tmp_path):
     monkeypatch.setenv("CC", str(tmp_path / "no-such-compiler"))
-    found = kernel.use()
-    assert not found.functions
-    assert "apt install" in found.words
+    with pytest.raises(BuildError, match="apt install gcc python3-dev"):
+        build(ROOT, tmp_path / FILE)
+    assert not list(tmp_path.iterdir())
 
 
-def test_the_numpy_that_runs_is_the_one_it_is_built_for(monkeypatch, as_it_was):
-    """Debian's Python has an older numpy's headers among its own: what is built with those cannot be loaded."""
-    asked = []
-    monkeypatch.setattr(kernel, "built", lambda *sources, folders, extra: asked.append(folders))
-    assert not kernel.use().functions
-    assert asked[0][0] == np.get_include()
+def test_a_compiler_that_fails_leaves_nothing_behind(monkeypatch, tmp_path):
+    broken = tmp_path / "cc"
+    broken.write_text("#!/bin/sh\necho Python.h: No such file >&2; exit 1\n")
+    broken.chmod(0o755)
+    monkeypatch.setenv("CC", str(broken))
+    with pytest.raises(BuildError, match="apt install python3-dev"):
+        build(ROOT, tmp_path / FILE)
+    assert list(tmp_path.iterdir()) == [broken]
 
 
-def test_what_cannot_be_loaded_is_named(monkeypatch, tmp_path, as_it_was):
-    wrong = tmp_path / "kernel.so"
-    wrong.write_bytes(b"not a library")
-    monkeypatch.setattr(kernel, "built", lambda *sources, folders, extra: wrong)
-    found = kernel.use()
-    assert not found.functions
-    assert str(wrong) in found.words
+def test_the_state_names_every_function_that_runs_in_python(compiled):
+    state = kernel.state()
+    assert state.in_python == dict.fromkeys(FUNCTIONS, "WALLRIDE_COMPILED=0")
+    assert state.prefetch is None
 
 
-def test_it_can_be_switched_off(monkeypatch, as_it_was):
-    monkeypatch.setenv(kernel.SWITCH, "0")
-    assert not kernel.use().functions
-    assert not twin.in_use()
-
-
-def test_a_twin_needs_a_name_of_its_own():
+def test_a_function_needs_a_name_of_its_own():
     def view_scan():
         return None
 
     with pytest.raises(ValueError, match="view_scan"):
-        twin.twin(view_scan)
-
-
-@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler here")
-def test_it_is_built_once(monkeypatch, tmp_path, compiled, as_it_was):
-    monkeypatch.setenv("CACHE_DIRECTORY", str(tmp_path))
-    assert kernel.use().functions
-    built = list((tmp_path / "wallride").iterdir())
-    assert len(built) == 1
-    at = built[0].stat().st_mtime_ns
-    assert kernel.use().functions
-    assert built[0].stat().st_mtime_ns == at
+        accelerated.accelerated(view_scan)

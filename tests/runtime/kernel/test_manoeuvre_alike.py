@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers import twin
-from tests.runtime.kernel.sameness import SOME_RAD, assert_same
+from tests.runtime.kernel.sameness import PYTHON, SOME_RAD, assert_same
 
 START = [3.0, 0.0, 0.06, 3.2, 0.33, 5.5, 0.42, 0.13, 0.15]
 
@@ -22,7 +21,7 @@ def arguments(points_m, start=START, steering_rad=(0.3, 0.0, -0.34), brake_mps2=
 def assert_rolled_alike(compiled, *given_):
     try:
         with np.errstate(all="ignore"):
-            expected = twin.PLAIN["roll_out_all"](*given_)
+            expected = PYTHON["roll_out_all"](*given_)
     except (ValueError, OverflowError, ZeroDivisionError) as error:
         with pytest.raises(type(error)):
             compiled["roll_out_all"](*given_)
@@ -78,7 +77,7 @@ def test_arrays_that_do_not_fit_are_refused_by_both(compiled):
     floors = list(arguments(WALL))
     for count in (0, 5):
         floors[3] = np.full(count, 5.0)
-        for of in (twin.PLAIN, compiled):
+        for of in (PYTHON, compiled):
             with pytest.raises(ValueError, match="1 to 4 floors"):
                 of["roll_out_all"](*floors)
             with pytest.raises(ValueError, match="a steering for every brake"):

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers import twin
-from tests.runtime.kernel.sameness import SOME_RAD, assert_same
+from tests.runtime.kernel.sameness import PYTHON, SOME_RAD, assert_same
 
 
 @settings(max_examples=300)
@@ -26,7 +25,7 @@ def test_any_dark_is_enclosed_alike(compiled, seed, lidar, toward_rad, near_m):
     no_echo, solid = rng.random((2, beams)) < rng.choice([0.03, 0.3, 0.9], (2, 1))
     given_ = (no_echo, solid, rng.choice([0.5, 1.0, 2.5, math.nan], beams), *lidar, toward_rad, near_m)
     try:
-        expected = twin.PLAIN["find_dark_regions"](*given_)
+        expected = PYTHON["find_dark_regions"](*given_)
     except (ValueError, OverflowError, ZeroDivisionError) as error:
         with pytest.raises(type(error)):
             compiled["find_dark_regions"](*given_)
@@ -42,7 +41,7 @@ MOTION = [2.0, 1.0, 0.1, 0.05, 3.2, 0.33, 4.0, 0.01, 1.0, 3.0]
 def assert_swept_alike(compiled, *given_):
     try:
         with np.errstate(all="ignore"):
-            expected = twin.PLAIN["sweep_arc"](*given_)
+            expected = PYTHON["sweep_arc"](*given_)
     except (ValueError, OverflowError, ZeroDivisionError) as error:
         with pytest.raises(type(error)):
             compiled["sweep_arc"](*given_)
@@ -84,7 +83,7 @@ def test_what_is_no_number_is_swept_alike(compiled, place, value):
 
 def test_a_standing_car_on_no_floor_is_swept_by_nobody(compiled):
     numbers = [0.2, 3.0, WALL, *OUTLINE, 0.0, *MOTION[1:6], -1.0, *MOTION[7:8], 0.0, 0.0]
-    for of in (twin.PLAIN, compiled):
+    for of in (PYTHON, compiled):
         with pytest.raises(ZeroDivisionError):
             of["sweep_arc"](*numbers)
 

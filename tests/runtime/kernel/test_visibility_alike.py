@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers import twin
-from tests.runtime.kernel.sameness import assert_same
+from tests.runtime.kernel.sameness import PYTHON, assert_same
 
 SECTORS = 83
 WIDTH_RAD = math.radians(2.5)
@@ -43,14 +42,14 @@ def arguments(seed):
 @given(st.integers(0, 2**32 - 1))
 def test_any_scan_is_watched_alike(compiled, seed):
     given_ = arguments(seed)
-    assert_same("watch_sectors", compiled["watch_sectors"](*given_), twin.PLAIN["watch_sectors"](*given_))
+    assert_same("watch_sectors", compiled["watch_sectors"](*given_), PYTHON["watch_sectors"](*given_))
 
 
 @pytest.mark.parametrize("place", [12, 13, 14, 15, 16, 17, 18])
 def test_what_is_no_number_is_watched_alike(compiled, place):
     given_ = list(arguments(7))
     given_[place] = math.nan
-    assert_same("watch_sectors", compiled["watch_sectors"](*given_), twin.PLAIN["watch_sectors"](*given_))
+    assert_same("watch_sectors", compiled["watch_sectors"](*given_), PYTHON["watch_sectors"](*given_))
 
 
 def test_arrays_of_other_lengths_are_refused(compiled):

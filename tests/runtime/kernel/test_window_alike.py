@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers import twin
-from tests.runtime.kernel.sameness import BEAMS, assert_same, ranges
+from tests.runtime.kernel.sameness import BEAMS, PYTHON, assert_same, ranges
 
 
 def window(seed, beams):
@@ -35,7 +34,7 @@ def test_any_window_is_learnt_alike(compiled, seed, beams, shares):
     for scan_number in range(3):  # each learns on from what was learnt by Python
         given_ = (*window(seed + scan_number // 2, beams)[:4], *known[4:], *shares)
         before = [array.copy() for array in given_[:8]]
-        learnt = twin.PLAIN["weigh_dirt"](*given_)
+        learnt = PYTHON["weigh_dirt"](*given_)
         assert_same("weigh_dirt", learnt, compiled["weigh_dirt"](*given_))
         assert_same("weigh_dirt", tuple(before), given_[:8])
         known = (*known[:4], *learnt)
@@ -52,7 +51,7 @@ def test_what_is_no_number_is_learnt_alike(compiled, place):
         else:
             given_[place] = np.repeat(given_[place], 2)[::-2]  # backwards, and not side by side
         with np.errstate(invalid="ignore"):
-            assert_same("weigh_dirt", twin.PLAIN["weigh_dirt"](*given_), compiled["weigh_dirt"](*given_))
+            assert_same("weigh_dirt", PYTHON["weigh_dirt"](*given_), compiled["weigh_dirt"](*given_))
 
 
 def test_a_window_of_different_lengths_is_refused(compiled):
@@ -79,7 +78,7 @@ def test_any_window_is_judged_alike(compiled, seed, beams, highest, bounds):
         before = tuple(rng.random((3, beams)) < rng.choice([0.0, 0.05]))
         for _ in range(3):  # the second time nothing has changed, but rows that grow
             given_ = (dirt, body, blind, doubted, before, *bounds)
-            found, lost = twin.PLAIN["find_dirt"](*given_)
+            found, lost = PYTHON["find_dirt"](*given_)
             assert_same("find_dirt", (found, lost), compiled["find_dirt"](*given_))
             before = found or before
 
@@ -105,7 +104,7 @@ def test_any_near_places_are_kept_alike(compiled, seed, beams, pose):
     ranges_m, _, solid, *_ = window(seed, beams)
     given_ = (ranges_m * np.cos(np.arange(beams)), ranges_m * np.sin(np.arange(beams)), solid, ranges_m, *pose)
     with np.errstate(invalid="ignore"):
-        assert_same("find_near_places", twin.PLAIN["find_near_places"](*given_), compiled["find_near_places"](*given_))
+        assert_same("find_near_places", PYTHON["find_near_places"](*given_), compiled["find_near_places"](*given_))
 
 
 @settings(max_examples=120, deadline=None)
@@ -122,12 +121,12 @@ def test_any_places_are_behind_alike(compiled, seed, places, pose, half_view_rad
         places_m[rng.integers(0, places, 3)] = complex(*rng.choice([math.nan, math.inf, 0.0], 2))
     given_ = (places_m, *pose, half_view_rad)
     with np.errstate(invalid="ignore"):
-        assert_same("places_behind", twin.PLAIN["places_behind"](*given_), compiled["places_behind"](*given_))
+        assert_same("places_behind", PYTHON["places_behind"](*given_), compiled["places_behind"](*given_))
 
 
 def test_near_places_of_no_direction_or_of_different_lengths_are_refused(compiled):
     long_m, flags = np.ones(9), np.ones(9, np.bool_)
-    for of in (twin.PLAIN, compiled):
+    for of in (PYTHON, compiled):
         with pytest.raises(ValueError, match="math domain error"):
             of["find_near_places"](long_m, long_m, flags, long_m, 0.0, 0.0, math.inf)
         with pytest.raises(ValueError, match="math domain error"):
