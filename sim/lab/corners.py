@@ -15,11 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from sim.car.vehicle import VehicleSettings
-from sim.lab import laws
 from sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
 from sim.lab.courses.building_places import BuildingStart, building, is_held_out, places_on
 from sim.lab.figures import Row, chosen, common, distinct, errors, number, text
-from sim.virtual.closed_loop import Case, SimulatedRun, drive
+from sim.lab.laws import drive_case
+from sim.lab.tables import by_law
+from sim.virtual.closed_loop import Case, SimulatedRun
 from sim.world.place import World
 from sim.world.pose import Pose, Side
 from sim.world.segments import SegmentGeometry, chain
@@ -69,8 +70,7 @@ def _place(cell: Cell) -> BuildingStart | None:
 
 def run(cell: Cell) -> SimulatedRun:
     """Drive one cell."""
-    follower, guard = laws.build(cell.law, cell.side, cell.desired_m, cell.speed_mps)
-    return drive(case_of(cell), follower, guard)
+    return drive_case(cell, case_of(cell))
 
 
 def case_of(cell: Cell) -> Case:
@@ -126,7 +126,7 @@ def tables(rows: Sequence[Row]) -> list[TabledCell]:
     """Return the lanes, the buildings, and the comparison of two laws."""
     lanes = [row for row in rows if row["held_out"] is None]
     buildings = [row for row in rows if row["held_out"] is not None]
-    made = [_lane_table(chosen(lanes, law=law), law) for law in distinct(lanes, "law")]
+    made = [_lane_table(some, law) for law, some in by_law(lanes)]
     if buildings:
         made.append(_building_table(buildings))
         pairs = compared(buildings)

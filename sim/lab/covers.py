@@ -19,7 +19,9 @@ from sim.lab import laws
 from sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
 from sim.lab.courses.walls import world_of
 from sim.lab.figures import TOUCH_ABOVE_MPS, Row, chosen, common, distinct, number, text, worst
+from sim.lab.laws import drive_case
 from sim.lab.safety import stopping_m
+from sim.lab.tables import by_law
 from sim.virtual.closed_loop import ROUGH_BEAMS, Case, SimulatedRun, drive
 from sim.world.beams import NO_RETURN_MM, LidarSettings, Millimetres
 from sim.world.obstacles import ConstantMotion, Obstacle, Round, StandingObstacle, person
@@ -99,8 +101,7 @@ def cells(choice: CellChoice) -> list[Cell]:
 
 def run(cell: Cell) -> SimulatedRun:
     """Drive one cell."""
-    follower, guard = laws.build(cell.law, cell.side, cell.desired_m, cell.speed_mps)
-    return drive(case_of(cell), follower, guard)
+    return drive_case(cell, case_of(cell))
 
 
 def best(cell: Cell) -> SimulatedRun:
@@ -188,8 +189,7 @@ def _way_after_m(done: SimulatedRun, from_s: float) -> float:
 def tables(rows: Sequence[Row]) -> list[TabledCell]:
     """Return one table per law: a row per cover, a column per width."""
     made = []
-    for law in distinct(rows, "law"):
-        some = chosen(rows, law=law)
+    for law, some in by_law(rows):
         widths_deg = sorted(distinct(some, "half_width_deg"))
         lines = []
         for moment in distinct(some, "moment"):

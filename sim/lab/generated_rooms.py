@@ -12,6 +12,7 @@ from sim.car.vehicle import VehicleSettings
 from sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
 from sim.lab.figures import Row, chosen, common, distinct, mean, number, text, worst
 from sim.lab.rooms import GIVEN_UP_S, STANDS_BELOW_MPS, STUCK_S, build, tries
+from sim.lab.tables import by_law
 from sim.virtual.closed_loop import Case, SimulatedRun, drive
 from sim.virtual.way_on import way_on
 from sim.world.generated_rooms import generated_room, kind_of
@@ -93,8 +94,7 @@ def stood_until_on_s(done: SimulatedRun) -> list[float]:
 def tables(rows: Sequence[Row]) -> list[TabledCell]:
     """Return one table per law: a row per kind of room, and one for all of them."""
     made = []
-    for law in distinct(rows, "law"):
-        some = chosen(rows, law=law)
+    for law, some in by_law(rows):
         lines = [_line(chosen(some, kind=kind), kind) for kind in sorted(distinct(some, "kind"))]
         columns = (
             "room", "runs", "touched", "worst m/s", "stands though a way exists", "stands, no way", "way m", "tries",

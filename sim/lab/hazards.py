@@ -9,13 +9,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from sim.car.vehicle import VehicleSettings
-from sim.lab import laws
 from sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
 from sim.lab.courses.sudden import BlindDriver
-from sim.lab.courses.walls import COURSES, SLANT_RAD, STRAIGHT_COURSES, case_of, with_own_parts, world_of
+from sim.lab.courses.walls import COURSES, SLANT_RAD, STRAIGHT_COURSES, case_of, world_of
 from sim.lab.figures import Row, chosen, common, distinct, text
+from sim.lab.laws import drive_case
 from sim.lab.limits import limit_m
-from sim.virtual.closed_loop import Case, SimulatedRun, drive
+from sim.lab.tables import by_law
+from sim.virtual.closed_loop import Case, SimulatedRun
 from sim.world.obstacles import Box, ConstantMotion, Obstacle, Round, StandingObstacle, person, pole
 from sim.world.pose import CAR, Pose
 
@@ -101,10 +102,9 @@ def _hopeless(cell: Cell) -> bool:
 
 def run(cell: Cell) -> SimulatedRun:
     """Drive one cell."""
-    follower, guard = laws.build(cell.law, cell.side, cell.desired_m, cell.speed_mps)
     if cell.scenario.startswith(NORMAL):
         case = case_of(cell.scenario.removeprefix(NORMAL), cell.speed_mps, cell.mu, cell.side, cell.seed)
-        return drive(with_own_parts(case, cell.own_parts), follower, guard)
+        return drive_case(cell, case)
     hazard = HAZARDS[cell.scenario]
     sign = 1.0 if cell.side == "left" else -1.0
     world = world_of(hazard.world, cell.side)
@@ -121,7 +121,7 @@ def run(cell: Cell) -> SimulatedRun:
     )
     turns_at_s = hazard.turns_after_m / cell.speed_mps
     blind = BlindDriver(cell.speed_mps, sign * hazard.steering_rad, turns_at_s)
-    return drive(with_own_parts(case, cell.own_parts), blind, guard)
+    return drive_case(cell, case, blind)
 
 
 def measure(cell: Cell) -> Figures:
@@ -135,8 +135,7 @@ def measure(cell: Cell) -> Figures:
 def tables(rows: Sequence[Row]) -> list[TabledCell]:
     """Return one table per law: a row per hazard and per normal drive."""
     made = []
-    for law in distinct(rows, "law"):
-        some = chosen(rows, law=law)
+    for law, some in by_law(rows):
         mus = sorted(distinct(some, "mu"))
         hazards, normal = chosen(some, normal=False), chosen(some, normal=True)
         order = [name for name in HAZARDS if name in distinct(hazards, "scenario")]

@@ -5,11 +5,11 @@ from functools import lru_cache
 from pathlib import Path
 
 from sim.car.vehicle import VehicleSettings
-from sim.lab import laws
 from sim.lab.cell import DESIRED_M, Cell, CellChoice, Experiment, Figures, TabledCell
-from sim.lab.courses.walls import with_own_parts
 from sim.lab.figures import Row, chosen, common, distinct, errors, mean, number, text
-from sim.virtual.closed_loop import Case, SimulatedRun, drive
+from sim.lab.laws import drive_case
+from sim.lab.tables import by_law_and_friction, speed_table
+from sim.virtual.closed_loop import Case, SimulatedRun
 from sim.world.generated_tracks import generated_track
 from sim.world.lap import LapCounter
 from sim.world.place import World
@@ -35,18 +35,16 @@ def run(cell: Cell) -> SimulatedRun:
     """Drive one cell: some laps of a closed course, or 60 s where a lap is not defined."""
     world = _world(cell.scenario, cell.side, cell.seed)
     counts = world.lap is not None and cell.scenario not in GENERATED
-    desired_m = min(cell.desired_m, world.room_m)
-    follower, guard = laws.build(cell.law, cell.side, desired_m, cell.speed_mps)
     case = Case(
         world,
-        desired_m=desired_m,
+        desired_m=min(cell.desired_m, world.room_m),
         distance_m=(LAPS + 0.1) * world.lap.length_m if world.lap is not None and counts else float("inf"),
         duration_s=120.0 if counts else FOLLOWED_S,
         standing_s=5.0,
         vehicle=VehicleSettings(grip_mu=cell.mu),
         seed=cell.seed,
     )
-    return drive(with_own_parts(case, cell.own_parts), follower, guard)
+    return drive_case(cell, case)
 
 
 def measure(cell: Cell) -> Figures:
@@ -93,23 +91,15 @@ def _world(name: str, side: Side, seed: int) -> World:
 def tables(rows: Sequence[Row]) -> list[TabledCell]:
     """Return one table per law and friction: a row per course and side, a column per speed."""
     made = []
-    for law in distinct(rows, "law"):
-        for mu in sorted(distinct(rows, "mu")):
-            some = chosen(rows, law=law, mu=mu)
-            speeds = sorted(distinct(some, "speed_mps"))
-            lines = [
-                (
-                    _course(name, some, side),
-                    side,
-                    *(_figure(chosen(some, scenario=name, side=side, speed_mps=v)) for v in speeds),
-                )
-                for name in distinct(some, "scenario")
-                for side in distinct(some, "side")
-            ]
-            columns = ("course", "side", *(f"{speed:g} m/s" for speed in speeds))
-            title = f"{law}, mu {mu:g}: best lap, or way in 60 s; mean |error| [m]"
-            note = f"{sum(row['collided'] for row in some)} of {len(some)} runs with a contact"
-            made.append(TabledCell(title, columns, tuple(lines), (note,)))
+    for title, some in by_law_and_friction(rows):
+        lines = [
+            ((_course(name, some, side), side), chosen(some, scenario=name, side=side))
+            for name in distinct(some, "scenario")
+            for side in distinct(some, "side")
+        ]
+        note = f"{sum(row['collided'] for row in some)} of {len(some)} runs with a contact"
+        what = f"{title}: best lap, or way in 60 s; mean |error| [m]"
+        made.append(speed_table(what, ("course", "side"), lines, _figure, (note,)))
     return made
 
 

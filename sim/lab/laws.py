@@ -4,11 +4,15 @@
 "prototype" is a baseline that only the lab has (`sim.lab.courses.prototype`).
 """
 
+from dataclasses import replace
+
 from runtime.control import methods
 from runtime.control.guidance import Follower, Guard
 from runtime.control.perception.view import PerceptionCache
 from runtime.settings.tree import load_settings
+from sim.lab.cell import Cell
 from sim.lab.courses.prototype import Prototype
+from sim.virtual.closed_loop import Case, SimulatedRun, drive
 from sim.world.pose import Side
 
 GUARD_OF = {"report": "report", "ball": "swept", "prototype": "swept"}
@@ -50,3 +54,13 @@ def build(law: str, side: Side, desired_m: float, speed_mps: float) -> tuple[Fol
     )
     follower = methods.wrapped(driver, guard, methods.recovery_for(settings.safety), settings.wall_follow)
     return follower, None if guard_name == "none" else guard
+
+
+def drive_case(cell: Cell, case: Case, navigator: Follower | None = None, guard: Guard | None = None) -> SimulatedRun:
+    """Drive a case with the laws and the own parts of a cell, at the case's distance to the wall.
+
+    navigator, guard: in place of the law's own.
+    """
+    follower, built = build(cell.law, cell.side, case.desired_m, cell.speed_mps)
+    lidar = case.lidar.model_copy(update={"own_parts": cell.own_parts})
+    return drive(replace(case, lidar=lidar), navigator or follower, guard or built)

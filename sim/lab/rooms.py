@@ -21,6 +21,7 @@ from sim.lab.cell import DESIRED_M, Cell, CellChoice, Experiment, Figures, Table
 from sim.lab.courses.walls import world_of
 from sim.lab.figures import Row, chosen, common, distinct, mean, number, text, worst
 from sim.lab.safety import stopping_m
+from sim.lab.tables import by_law
 from sim.virtual.closed_loop import Case, SimulatedRun, drive
 from sim.world.obstacles import ConstantMotion, Obstacle, Round, StandingObstacle, person
 from sim.world.pose import CAR, Booleans, Floats, Pose
@@ -265,8 +266,7 @@ def walker_at(walker: Obstacle, time_s: Floats) -> Floats:
 def tables(rows: Sequence[Row]) -> list[TabledCell]:
     """Return one table per law: a row per kind, with and without backing out."""
     made = []
-    for law in distinct(rows, "law"):
-        some = chosen(rows, law=law)
+    for law, some in by_law(rows):
         lines = [
             _line(chosen(some, kind=kind, backs_out=backs), kind, backs=backs)
             for kind in distinct(some, "kind")

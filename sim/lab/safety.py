@@ -18,10 +18,11 @@ import numpy as np
 
 from sim.car.vehicle import GRAVITY_MPS2
 from sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
-from sim.lab.courses.sudden import FullBrake, SuddenRun, case_of, laws_of, scenarios
-from sim.lab.courses.walls import with_own_parts
+from sim.lab.courses.sudden import FullBrake, SuddenRun, case_of, navigator_of, scenarios
 from sim.lab.figures import Row, chosen, common, distinct, number, worst
-from sim.virtual.closed_loop import SimulatedRun, drive
+from sim.lab.laws import drive_case
+from sim.lab.tables import by_law_and_friction, speed_table
+from sim.virtual.closed_loop import SimulatedRun
 from sim.world.obstacles import LIDAR_AHEAD_M
 from sim.world.pose import CAR
 
@@ -40,7 +41,7 @@ def cells(choice: CellChoice) -> list[Cell]:
 
 def run(cell: Cell) -> SimulatedRun:
     """Drive one cell."""
-    return drive(with_own_parts(case_of(cell), cell.own_parts), *laws_of(cell))
+    return drive_case(cell, case_of(cell), navigator_of(cell))
 
 
 def measure(cell: Cell) -> Figures:
@@ -82,7 +83,7 @@ def braked_impact_mps(cell: Cell) -> float:
 
     The formula's car goes straight on. One whose driver has begun to swerve rotates, and hits with a corner first.
     """
-    contact = drive(case_of(cell), laws_of(cell)[0], FullBrake()).contact
+    contact = drive_case(cell, case_of(cell), navigator_of(cell), FullBrake()).contact
     return contact.speed_mps if contact is not None else 0.0
 
 
@@ -115,40 +116,24 @@ def moving_commands(done: SimulatedRun, first: int, gap_m: float, latency_s: flo
 def tables(rows: Sequence[Row]) -> list[TabledCell]:
     """Return, per law and friction, a row per distance for the blind driver, and one per place and box for others."""
     made = []
-    for law in distinct(rows, "law"):
-        for mu in sorted(distinct(rows, "mu")):
-            made.extend(_driven(law, mu, chosen(rows, law=law, mu=mu)))
-            some = chosen(rows, law=law, mu=mu, driver="blind")
-            if not some:
-                continue
-            speeds = sorted(distinct(some, "speed_mps"))
-            lines = [
-                (name, *(_figure(chosen(some, scenario=name, speed_mps=speed)) for speed in speeds))
-                for name in sorted(distinct(some, "scenario"))
-            ]
-            columns = ("appears at", *(f"{speed:g} m/s" for speed in speeds))
-            made.append(
-                TabledCell(f"{law}, mu {mu:g}: stopped, or impact (physics) [m/s]", columns, tuple(lines), _notes(some))
-            )
+    for title, some in by_law_and_friction(rows):
+        reacting = [driver for driver in distinct(some, "driver") if driver != "blind"]
+        made += [_driven(f"{title}, {driver}", chosen(some, driver=driver)) for driver in reacting]
+        blind = chosen(some, driver="blind")
+        if blind:
+            lines = [((name,), chosen(blind, scenario=name)) for name in sorted(distinct(blind, "scenario"))]
+            what = f"{title}: stopped, or impact (physics) [m/s]"
+            made.append(speed_table(what, ("appears at",), lines, _figure, _notes(blind)))
     return made
 
 
-def _driven(law: str, mu: float, rows: Sequence[Row]) -> list[TabledCell]:
-    """Return a table per driver that reacts, a row per place and box, a column per speed."""
-    made = []
-    for driver in distinct(rows, "driver"):
-        some = chosen(rows, driver=driver)
-        if driver == "blind":
-            continue
-        lines: dict[str, list[Row]] = {}
-        for row in some:
-            lines.setdefault(" ".join(row["scenario"].split()[1:3]), []).append(row)
-        speeds = sorted(distinct(some, "speed_mps"))
-        table = tuple((name, *(_outcome(chosen(of, speed_mps=v)) for v in speeds)) for name, of in lines.items())
-        title = f"{law}, mu {mu:g}, {driver}: clear of stoppable; impact above physics in the others [m/s]"
-        columns = ("place, box", *(f"{v:g} m/s" for v in speeds))
-        made.append(TabledCell(title, columns, table, _driven_notes(some)))
-    return made
+def _driven(title: str, rows: Sequence[Row]) -> TabledCell:
+    """Return the table of a driver that reacts, a row per place and box, a column per speed."""
+    lines: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        lines.setdefault((" ".join(row["scenario"].split()[1:3]),), []).append(row)
+    title = f"{title}: clear of stoppable; impact above physics in the others [m/s]"
+    return speed_table(title, ("place, box",), list(lines.items()), _outcome, _driven_notes(rows))
 
 
 def _outcome(rows: Sequence[Row]) -> str:

@@ -4,12 +4,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from sim.lab import laws
 from sim.lab.cell import DESIRED_M, Cell, CellChoice, Experiment, Figures, TabledCell
-from sim.lab.courses.walls import ALL_COURSES, STRAIGHT_COURSES, case_of, with_own_parts
+from sim.lab.courses.walls import ALL_COURSES, STRAIGHT_COURSES, case_of
 from sim.lab.figures import Row, chosen, common, distinct, errors, mean, number, text, worst
+from sim.lab.laws import drive_case
 from sim.lab.limits import DRIVEN_MU, REFERENCE_M, limit_m
-from sim.virtual.closed_loop import SimulatedRun, drive
+from sim.lab.tables import by_law_and_friction, speed_table
+from sim.virtual.closed_loop import SimulatedRun
 
 LOST_ABOVE_M = 0.5
 """Minimum error at the end of a run that lost its wall."""
@@ -31,9 +32,8 @@ def cells(choice: CellChoice) -> list[Cell]:
 
 def run(cell: Cell) -> SimulatedRun:
     """Drive one cell."""
-    follower, guard = laws.build(cell.law, cell.side, cell.desired_m, cell.speed_mps)
     case = case_of(cell.scenario, cell.speed_mps, cell.mu, cell.side, cell.seed, cell.desired_m)
-    return drive(with_own_parts(replace(case, standing_s=3.0), cell.own_parts), follower, guard)
+    return drive_case(cell, replace(case, standing_s=3.0))
 
 
 def measure(cell: Cell) -> Figures:
@@ -53,15 +53,13 @@ def measure(cell: Cell) -> Figures:
 def tables(rows: Sequence[Row]) -> list[TabledCell]:
     """Return one table per law and friction: a row per course, a column per speed."""
     made = []
-    for law in distinct(rows, "law"):
-        for mu in sorted(distinct(rows, "mu")):
-            some = chosen(rows, law=law, mu=mu)
-            speeds = sorted(distinct(some, "speed_mps"))
-            columns = ("course", *(f"{speed:g} m/s" for speed in speeds), "settle s", "steady mm", "stops")
-            order = [name for name in ALL_COURSES if name in distinct(some, "scenario")]
-            lines = [_line(chosen(some, scenario=name), name, speeds) for name in order]
-            title = f"{law}, mu {mu:g}{_asked(some)}: mean |error| / limit [m]"
-            made.append(TabledCell(title, columns, tuple(lines), _notes(some)))
+    for title, some in by_law_and_friction(rows):
+        lines = [((name,), chosen(some, scenario=name)) for name in ALL_COURSES if name in distinct(some, "scenario")]
+        what = f"{title}{_asked(some)}: mean |error| / limit [m]"
+        table = speed_table(what, ("course",), lines, _figure, _notes(some))
+        further = [_settled(name, of) for (name,), of in lines]
+        body = tuple((*line, *more) for line, more in zip(table.rows, further, strict=True))
+        made.append(replace(table, columns=(*table.columns, "settle s", "steady mm", "stops"), rows=body))
     if any(row["law"].startswith("report") for row in rows):
         made.append(_published(rows))
     return made
@@ -71,12 +69,11 @@ def _asked(rows: Sequence[Row]) -> str:
     return "".join(f", {desired_m:g} m" for desired_m in distinct(rows, "desired_m") if desired_m != DESIRED_M)
 
 
-def _line(rows: Sequence[Row], name: str, speeds: Sequence[float]) -> tuple[str, ...]:
+def _settled(name: str, rows: Sequence[Row]) -> tuple[str, ...]:
+    """Return the settling time, the steady error and the number of safety's stops of a course, for all speeds."""
     whole = [row for row in rows if row["completed"]]
     settling = worst(whole, "settle_s") if all(row["settle_s"] is not None for row in whole) else math.nan
     return (
-        name,
-        *(_figure(chosen(rows, speed_mps=speed)) for speed in speeds),
         text(settling, 1) if name in STRAIGHT_COURSES else "",
         text(1000 * mean(whole, "steady_error_m"), 0),
         str(sum(row["safety_stops"] for row in rows)),

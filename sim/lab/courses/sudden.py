@@ -13,10 +13,9 @@ from dataclasses import dataclass
 
 from drivers.api import Drive, MotorState, Scan
 from runtime.arbitration.command import NO_LIMIT_MPS, Source, Verdict
-from runtime.control.guidance import Follower, Guard, Guidance
+from runtime.control.guidance import Follower, Guidance
 from runtime.control.vehicle import CarSettings
 from sim.car.vehicle import VehicleSettings
-from sim.lab import laws
 from sim.lab.cell import Cell
 from sim.lab.courses.walls import world_of
 from sim.virtual.closed_loop import STEP_S, Case
@@ -114,14 +113,13 @@ class FullBrake:
         """Do nothing."""
 
 
-def laws_of(cell: Cell) -> tuple[Follower, Guard | None]:
-    """Return the follower and the guard of a run."""
-    follower, guard = laws.build(cell.law, cell.side, cell.desired_m, cell.speed_mps)
+def navigator_of(cell: Cell) -> Follower | None:
+    """Return the driver of a run; None for the follower of the cell's law."""
     match SuddenRun.named(cell.scenario).driver:
         case "blind":
-            return BlindDriver(cell.speed_mps), guard
+            return BlindDriver(cell.speed_mps)
         case "human":
             away_rad = -side_sign(cell.side) * CarSettings().max_steering_rad
-            return BlindDriver(cell.speed_mps, away_rad, HUMAN_BEGINS_S), guard
+            return BlindDriver(cell.speed_mps, away_rad, HUMAN_BEGINS_S)
         case _:
-            return follower, guard
+            return None

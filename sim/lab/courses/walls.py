@@ -98,11 +98,6 @@ def case_of(scenario: str, speed_mps: float, mu: float, side: Side, seed: int, d
     return _spoil(case, spoilt, side)
 
 
-def with_own_parts(case: Case, kind: str) -> Case:
-    """Return the same run of a car that sees these own parts."""
-    return replace(case, lidar=case.lidar.model_copy(update={"own_parts": kind}))
-
-
 def limit_task(scenario: str, speed_mps: float, mu: float, desired_m: float = DESIRED_M) -> Task | None:
     """Return the optimal control problem of a course, the clean one's for its variants; None where it is 0."""
     course = COURSES[scenario.partition(" ")[0]]
