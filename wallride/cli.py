@@ -1,4 +1,4 @@
-"""The `wallride` command line. Imports nothing heavy until a command asks for it, so that --help is instant."""
+"""The `wallride` command line. Heavy imports are made by the command that needs them, so that --help is fast."""
 
 import argparse
 import os
@@ -33,7 +33,7 @@ DEFAULT_CONFIG = Path("/etc/wallride/car.toml")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; returns the exit code: 0 done, 2 the user can mend it and the message says how."""
+    """Run one command and return its exit code: 0 done, 2 an error that the user can correct (the message says how)."""
     # Arrays here are tiny: more BLAS threads would only add contention. Must be set before numpy is imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -50,20 +50,20 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"wallride {_version()}")
     commands: Any = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     run = commands.add_parser("run", help="drive the car until SIGINT or SIGTERM")
-    check = commands.add_parser("check", help="validate the settings and print what is in effect")
+    check = commands.add_parser("check", help="validate the settings and print the effective ones")
     run.set_defaults(run=_run)
     check.set_defaults(run=_check)
     for command in (run, check):
         command.add_argument("config", nargs="?", type=Path, help=f"TOML file (default: {DEFAULT_CONFIG} if there)")
         add_set(command)
     run.add_argument(
-        "--address-file", type=Path, metavar="FILE", help="write where telemetry listens, and the session, as JSON"
+        "--address-file", type=Path, metavar="FILE", help="write the endpoints of telemetry and the session as JSON"
     )
     run.add_argument(
         "--saved", type=Path, metavar="FILE",
-        help="settings on top of the TOML file, and where `param save` writes (default: the TOML file itself)",
+        help="file with further settings, to which `param save` writes (default: the TOML file)",
     )  # fmt: skip
-    check.add_argument("--devices", action="store_true", help="fail also when a device is not plugged in")
+    check.add_argument("--devices", action="store_true", help="fail when a device is not connected")
     sim_options.add(commands)
     lab = commands.add_parser("lab", help="experiments with the car's own laws, faster than real time")
     lab.set_defaults(run=_lab)
@@ -182,7 +182,7 @@ def _load(config: Path | None, assignments: Sequence[str], saved: Path | None = 
 
 
 def _session(settings: "Settings") -> tuple[dict[str, Any], tuple[str, ...]]:
-    """Return the configuration of the car's session and what its owner should hear; KeysError when keys are bad."""
+    """Return the configuration of the car's session and warnings about its keys; KeysError for unusable keys."""
     from datetime import UTC, datetime
 
     from runtime.security.key_files import car_session

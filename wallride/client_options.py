@@ -1,4 +1,4 @@
-"""What every command that talks to a car over zenoh understands, and how it ends."""
+"""Options and exit codes of the commands that talk to a car over zenoh."""
 
 import argparse
 import os
@@ -16,27 +16,27 @@ HIGHEST_PORT = 65535
 
 def add_common(parser: argparse.ArgumentParser) -> None:
     """Add --car, --session, --connect and --keys; `clients.connection` reads them."""
-    parser.add_argument("--car", metavar="NAME", help="the car's name (default: the only car there)")
+    parser.add_argument("--car", metavar="NAME", help="name of the car (default: the only one found)")
     parser.add_argument(
         "--session", type=_session, metavar="ID",
-        help="only this start of the car, as its log and `wallride sim` name it (default: whichever answers)",
+        help="session of the car, as its log and `wallride sim` print it (default: any)",
     )  # fmt: skip
     parser.add_argument(
         "--connect",
         metavar="ENDPOINT",
         default=os.environ.get(CONNECT_VARIABLE) or DEFAULT_CONNECT,
-        help=f"where the car listens, e.g. tls/car1.local:7448 (default: ${CONNECT_VARIABLE}, else {DEFAULT_CONNECT})",
+        help=f"endpoint of the car, e.g. tls/car1.local:7448 (default: ${CONNECT_VARIABLE}, else {DEFAULT_CONNECT})",
     )
     parser.add_argument(
         "--keys",
         type=Path,
         metavar="DIR",
-        help=f"folder with your certificate, for tls/ endpoints (default: {DEFAULT_KEYS} when it is there)",
+        help=f"folder of your keys, for tls/ endpoints (default: {DEFAULT_KEYS} if it exists)",
     )
 
 
 def run_client(program: Callable[[argparse.Namespace], Coroutine[Any, Any, int]], options: argparse.Namespace) -> int:
-    """Run a client's coroutine; what the user can mend becomes one line and exit code 2."""
+    """Run a client's coroutine; an error that the user can correct becomes one line and exit code 2."""
     import asyncio
 
     from clients.connection import ConnectionProblemError

@@ -1,4 +1,4 @@
-"""What `wallride completion` understands: a script for a shell, made from the very parser that reads the commands."""
+"""Options of `wallride completion`: a script for a shell, generated from the parser of all commands."""
 
 import argparse
 import sys

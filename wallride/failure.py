@@ -1,4 +1,4 @@
-"""How a command ends that the user can mend: one sentence on stderr and exit code 2."""
+"""Errors that the user can correct: one sentence on stderr and exit code 2."""
 
 import sys
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ OWN_PACKAGES = frozenset({"clients", "drivers", "runtime", "sim", "wallride"})
 
 
 def fail(message: str) -> int:
-    """Say what is wrong, in one line, and return the exit code for it."""
+    """Print the error in one line and return its exit code."""
     print(f"wallride: {message}", file=sys.stderr)
     return USAGE_ERROR
 

@@ -1,4 +1,4 @@
-"""What `wallride foxglove` understands. Only definitions: the server is imported when it is asked for."""
+"""Options of `wallride foxglove`. The server is imported when the command runs."""
 
 import argparse
 import sys
@@ -20,20 +20,20 @@ def add(commands: "Commands") -> None:
     """Add the command."""
     server = commands.add_parser("foxglove", help="a car's topics live in Foxglove, Lichtblick or PlotJuggler")
     server.add_argument(
-        "--port", type=client_options.port, default=8765, metavar="N", help="where viewers connect (default: 8765)"
+        "--port", type=client_options.port, default=8765, metavar="N", help="port of the server (default: 8765)"
     )
     server.add_argument(
-        "--host", default="127.0.0.1", metavar="ADDRESS", help="on which address (default: this machine only)"
+        "--host", default="127.0.0.1", metavar="ADDRESS", help="address of the server (default: this machine only)"
     )
     server.add_argument(
-        "--layout", action="store_true", help="print a layout for Foxglove and end: --layout > wallride.json"
+        "--layout", action="store_true", help="print a layout for Foxglove and exit: --layout > wallride.json"
     )
     client_options.add_common(server)
     server.set_defaults(run=run, say=partial(print, flush=True))
 
 
 def run(options: argparse.Namespace) -> int:
-    """Serve until interrupted; exit code 2 with one line when the user can mend it."""
+    """Serve until interrupted; exit code 2 with one line for an error that the user can correct."""
     if options.layout:
         return _print_layout()
     with needs("foxglove", "foxglove needs"):

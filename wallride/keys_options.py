@@ -1,4 +1,4 @@
-"""What `wallride keys` understands: who may watch, drive and change this car."""
+"""Options of `wallride keys`: access to a car over the network."""
 
 import argparse
 from pathlib import Path
@@ -11,36 +11,38 @@ ROLES = ("viewer", "operator", "admin")
 
 def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command and its four actions."""
-    keys = commands.add_parser("keys", help="who may watch, drive and change this car over the network")
+    keys = commands.add_parser("keys", help="access to this car over the network: keys and roles")
     actions = keys.add_subparsers(dest="action", required=True, metavar="ACTION")
-    init = actions.add_parser("init", help="make this car's keys")
+    init = actions.add_parser("init", help="create the keys of this car")
     init.add_argument(
         "--san", action="append", default=[], metavar="NAME|IP", help="another name or address of the car (repeatable)"
     )
-    add_person = actions.add_parser("add", help="make keys for a person or a computer")
-    add_person.add_argument("name", metavar="NAME", help="a-z, 0-9, _ and -, up to 24; shown when they operate")
+    add_person = actions.add_parser("add", help="create keys for a person or a computer")
+    add_person.add_argument(
+        "name", metavar="NAME", help="a-z, 0-9, _ and -, up to 24 characters; shown as the operator"
+    )
     add_person.add_argument(
         "--role",
         choices=ROLES,
         required=True,
-        help="viewer hears telemetry and reads parameters; operator also drives and sets them; admin also records",
+        help="viewer: receives topics, reads settings; operator: also drives, changes settings; admin: also records",
     )
     add_person.add_argument("--out", type=Path, metavar="DIR", help="new folder for the keys (default: ./NAME-keys)")
-    revoke = actions.add_parser("revoke", help="let a person do nothing any more")
+    revoke = actions.add_parser("revoke", help="remove every right of a person")
     revoke.add_argument("name", metavar="NAME")
-    show = actions.add_parser("list", help="show who may do what, and until when")
-    show.add_argument("--json", action="store_true", help="as JSON, for programs")
+    show = actions.add_parser("list", help="show persons, roles and expiry")
+    show.add_argument("--json", action="store_true", help="print JSON")
     for action in (init, add_person):
-        action.add_argument("--days", type=_days, default=365, metavar="N", help="valid for so long (default: 365)")
-        action.add_argument("--renew", action="store_true", help="make them anew where they exist already")
+        action.add_argument("--days", type=_days, default=365, metavar="N", help="validity in days (default: 365)")
+        action.add_argument("--renew", action="store_true", help="replace existing keys")
     for action in (init, add_person, revoke, show):
         action.add_argument("--dir", type=Path, default=DEFAULT_DIR, help=f"folder of keys (default: {DEFAULT_DIR})")
-        action.add_argument("--car", metavar="NAME", help="the car's name (default: car.name of its settings)")
+        action.add_argument("--car", metavar="NAME", help="name of the car (default: car.name of its settings)")
         action.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Do it and print what to do next; exit code 2 with one line when the user can mend it."""
+    """Run the action and print the next step; exit code 2 with one line for an error that the user can correct."""
     from runtime.security.access_list import KeysError
     from runtime.settings.tree import SettingsError
 

@@ -1,4 +1,4 @@
-"""What `wallride lab` understands. Only definitions: the lab itself is imported when it is asked for."""
+"""Options of `wallride lab`. The lab is imported when the command runs."""
 
 import argparse
 from pathlib import Path
@@ -7,23 +7,23 @@ EXPERIMENTS = {
     "walls": "the report's starts and more courses: error, settling, contacts, beside the physical limit",
     "corners": "corners of real buildings and lanes that turn: --method ball,prototype compares with a baseline",
     "safety": "the report's 28 sudden obstacles: stopped, or the impact beside what physics allows",
-    "hazards": "things in the way of a navigator that ignores them, and drives in which a stop is needless",
+    "hazards": "obstacles before a driver that ignores them, and drives that need no stop",
     "laps": "lap time and error on the loop and on maps",
-    "window": "dirt on the lidar's window: what is found of it, and what is only imagined",
-    "covers": "a lidar that is covered or falls silent, from the start or while driving: contacts that a brake avoids",
-    "rooms": "clutter and people in the way: contacts, stuck, and how soon driving resumes",
-    "recordings": "real recordings: noise, dirt, braking at walls, and stops that were needless",
-    "stories": "the whole process in virtual time: laps, cables pulled, dirt, people, dead ends",
+    "window": "dirt on the lidar's window: beams found, missed and falsely masked",
+    "covers": "a covered or silent lidar, from the start or while driving: contacts that a brake avoids",
+    "rooms": "clutter and people in the way: contacts, stuck cars, time until driving resumes",
+    "recordings": "real recordings: noise, dirt, braking at walls, needless stops",
+    "stories": "the whole process in virtual time: laps, pulled cables, dirt, people, dead ends",
 }
 FIXED = ("recordings", "stories")
-"""Experiments whose courses are what they are: no laws, speeds, floors, sides or seeds to choose."""
+"""Experiments with fixed laws, speeds, floors, sides and seeds."""
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the experiments and their options."""
     experiments = parser.add_subparsers(dest="experiment", required=True, metavar="EXPERIMENT")
     for name, what in EXPERIMENTS.items():
-        parser = experiments.add_parser(name, help=what, description=what.capitalize() + ".")
+        parser = experiments.add_parser(name, help=what, description=what[:1].upper() + what[1:] + ".")
         if name in FIXED:
             parser.set_defaults(method="ball", speeds=None, mu=None, side=None, seed=1000, seeds=1)
         else:
@@ -31,19 +31,25 @@ def add(parser: argparse.ArgumentParser) -> None:
         _add_outputs(parser)
         if name in {"walls", "safety", "hazards", "laps"}:
             parser.add_argument(
-                "--own-parts", metavar="KIND", help="what the car sees of itself (default: a kind on every odd seed)"
+                "--own-parts",
+                metavar="KIND",
+                help="parts of the car that its lidar sees (default: a kind on every odd seed)",
             )
         if name in {"walls", "laps", "corners"}:
             parser.add_argument("--distance", metavar="M", help="wanted distance to the wall in m (default: 1)")
         if name in {"laps", "rooms"}:
-            parser.add_argument("--generated", action="store_true", help="on courses made from the seeds instead")
+            parser.add_argument("--generated", action="store_true", help="generated courses instead, from the seeds")
         if name in {"laps", "corners"}:
             parser.add_argument(
                 "--maps", type=Path, metavar="DIR", help="folder of ROS maps (default: data/maps nearby)"
             )
         if name == "recordings":
             parser.add_argument(
-                "folder", type=Path, nargs="?", metavar="DIR", help="recordings, or one (default: data nearby)"
+                "folder",
+                type=Path,
+                nargs="?",
+                metavar="DIR",
+                help="folder of recordings, or one recording (default: data/racecar nearby)",
             )
 
 
@@ -56,15 +62,15 @@ def _add_variations(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--side", metavar="SIDE,SIDE", help="side of the followed wall (default: left,right)")
     parser.add_argument("--seed", type=int, default=1000, metavar="N", help="first seed of all noise (default: 1000)")
     parser.add_argument(
-        "--seeds", default="1", metavar="K|A:B", help="how many seeds, from the first, or A to before B (default: 1)"
+        "--seeds", default="1", metavar="K|A:B", help="number of seeds from the first on, or A to before B (default: 1)"
     )
 
 
 def _add_outputs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
-    parser.add_argument("--json", metavar="FILE|-", help="write every cell's figures as JSON")
+    parser.add_argument("--json", metavar="FILE|-", help="write the figures of every run as JSON")
     parser.add_argument("--plot", type=Path, metavar="DIR", help="draw a picture of every run into a directory")
     parser.add_argument(
-        "--only", metavar="A,B", help="courses by name or pattern, e.g. t1,rough*; a wrong one lists all"
+        "--only", metavar="A,B", help="courses by name or pattern, e.g. t1,rough*; an unknown name lists all"
     )
-    parser.add_argument("--quick", action="store_true", help="a few cells only, as a first impression")
+    parser.add_argument("--quick", action="store_true", help="a few runs only, as a first impression")

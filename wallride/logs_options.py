@@ -1,4 +1,4 @@
-"""What `wallride logs` and `wallride record` understand; only definitions."""
+"""Options of `wallride logs` and `wallride record`."""
 
 import argparse
 import sys
@@ -18,23 +18,27 @@ MB = 1_000_000
 def add(commands: "Commands") -> None:
     """Add both commands."""
     logs = commands.add_parser(
-        "logs", help="recordings: list, get, keep, trim, info, recover", description="Alone: what is on this machine."
+        "logs",
+        help="recordings: list, get, keep, trim, info, recover",
+        description="Without an action: list the recordings of this machine.",
     )
     logs.set_defaults(run=_logs, say=say, local="", json=False)
     actions = logs.add_subparsers(dest="action", metavar="ACTION")
-    listing = actions.add_parser("list", help="the recordings that a car, or a folder here, has")
-    getting = actions.add_parser("get", help="bring recordings here (default: the newest)")
+    listing = actions.add_parser("list", help="list the recordings of a car or a local folder")
+    getting = actions.add_parser("get", help="copy recordings from a car (default: the newest)")
     getting.add_argument("names", nargs="*", metavar="NAME", help="as in `wallride logs list`")
     getting.add_argument("--last", type=_count, default=1, metavar="N", help="the newest N (default: 1)")
     getting.add_argument("--black-boxes", action="store_true", help="only black boxes")
-    getting.add_argument("-o", "--output", default=".", metavar="DIR", help="where to put them (default: here)")
-    trimming = actions.add_parser("trim", help="delete the oldest until no more is left than that")
+    getting.add_argument(
+        "-o", "--output", default=".", metavar="DIR", help="folder to write to (default: the current one)"
+    )
+    trimming = actions.add_parser("trim", help="delete the oldest recordings down to a size")
     trimming.add_argument("--keep-mb", type=_size, required=True, metavar="MB")
     for action in (listing, getting, trimming):
         client_options.add_common(action)
         action.add_argument(
             "--local", nargs="?", const="", metavar="DIR",
-            help="a folder of this machine instead of a car (default: where this machine records)",
+            help="local folder instead of a car (default: this machine's recordings)",
         )  # fmt: skip
     _add_for_files(actions, listing)
     for action in actions.choices.values():
@@ -43,21 +47,19 @@ def add(commands: "Commands") -> None:
 
 
 def _add_for_files(actions: "Commands", listing: argparse.ArgumentParser) -> None:
-    info = actions.add_parser("info", help="what is in a recording")
-    mending = actions.add_parser("recover", help="finish a recording that was cut off, in its place")
-    keeping = actions.add_parser(
-        "keep", help="take recordings out of the ring, so that they never make room for new ones"
-    )
+    info = actions.add_parser("info", help="show the contents of a recording")
+    mending = actions.add_parser("recover", help="repair a truncated recording in place")
+    keeping = actions.add_parser("keep", help="protect recordings from deletion for new ones")
     for action in (info, mending, keeping):
         action.add_argument("files", nargs="+", type=Path, metavar="FILE")
     for action in (listing, info):
-        action.add_argument("--json", action="store_true", help="as JSON, for programs")
+        action.add_argument("--json", action="store_true", help="print JSON")
 
 
 def _add_record(commands: "Commands") -> None:
-    record = commands.add_parser("record", help="begin or end a recording, whatever the car does")
+    record = commands.add_parser("record", help="start or stop a recording, independent of the drive")
     record.add_argument("action", choices=("start", "stop", "status"))
-    record.add_argument("--json", action="store_true", help="as JSON, for programs")
+    record.add_argument("--json", action="store_true", help="print JSON")
     client_options.add_common(record)
     record.set_defaults(run=_record, say=say)
 

@@ -1,4 +1,4 @@
-"""What `wallride monitor` understands. Only definitions: the server itself is imported when it is asked for."""
+"""Options of `wallride monitor`. The server is imported when the command runs."""
 
 import argparse
 from functools import partial
@@ -14,7 +14,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     """Add the command and its options."""
     parser = commands.add_parser(
         "monitor",
-        help="the car in a browser: what it sees, why it (does not) move, its settings, and driving it",
+        help="the car in a browser: scan, decisions, settings, driving",
         description="Serves one page and opens it; works offline."
         " Several cars: --connect tls/car1.local,tls/car2.local",
     )
@@ -23,32 +23,32 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         "--port",
         type=port,
         metavar="N",
-        help=f"where to serve, 0 for any free port (default: {DEFAULT_PORT}, or a free one when that is taken)",
+        help=f"port, 0 for any free one (default: {DEFAULT_PORT}, or a free one if that is in use)",
     )
     parser.add_argument(
         "--host",
         default="127.0.0.1",
         metavar="ADDRESS",
-        help="whom to serve (default: 127.0.0.1, this machine only); with any other address, for example 0.0.0.0 for a"
+        help="address to serve (default: 127.0.0.1, this machine only); with any other, for example 0.0.0.0 for a"
         " phone, the page's address carries a secret token",
     )
     parser.add_argument("--no-browser", dest="browser", action="store_false", help="only print the page's address")
     parser.add_argument(
         "--max-speed", type=_between(0.1, 20.0), default=1.5, metavar="MPS",
-        help="the fastest that anybody can drive from the page (default: 1.5)",
+        help="maximum speed of driving from the page (default: 1.5)",
     )  # fmt: skip
     parser.add_argument(
         "--max-steering", type=_between(0.05, 1.5), default=0.34, metavar="RAD",
-        help="the largest angle from the page (default: 0.34)",
+        help="maximum steering angle from the page (default: 0.34)",
     )  # fmt: skip
     parser.add_argument(
-        "--name", default=None, help="whom the car and other operators see (default: you@this-computer)"
+        "--name", default=None, help="name shown on the car and to other operators (default: you@this-computer)"
     )
     parser.set_defaults(run=run, say=partial(print, flush=True), default_port=DEFAULT_PORT)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the server; 2 when something is missing that the user can mend."""
+    """Run the server; exit code 2 when a package is missing."""
     options.name = options.name or default_name()
     with needs("monitor", "the monitor needs"):
         from clients.monitor import server

@@ -1,4 +1,4 @@
-"""What `wallride own-parts` understands; only definitions."""
+"""Options of `wallride own-parts`."""
 
 import argparse
 from typing import TYPE_CHECKING
@@ -13,18 +13,16 @@ def add(commands: "Commands") -> None:
     """Add `own-parts` and its two actions."""
     parts = commands.add_parser("own-parts", help="parts of the car that its lidar sees: show or forget them")
     actions = parts.add_subparsers(dest="action", required=True, metavar="ACTION")
-    showing = actions.add_parser("show", help="where they are, and since when they are remembered")
-    forgetting = actions.add_parser(
-        "forget", help="learn them anew, and the dirt on the window too; the car must stand"
-    )
+    showing = actions.add_parser("show", help="show position and time of learning")
+    forgetting = actions.add_parser("forget", help="learn them, and the dirt on the window, again; the car must stand")
     for action in (showing, forgetting):
-        action.add_argument("--json", action="store_true", help="as JSON, for programs")
+        action.add_argument("--json", action="store_true", help="print JSON")
         client_options.add_common(action)
         action.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Ask the car."""
+    """Send the request to the car."""
     from clients import own_parts
 
     return client_options.run_client(own_parts.run, options)

@@ -1,4 +1,4 @@
-"""What `wallride param` understands. Only definitions: the client is imported when it is asked for."""
+"""Options of `wallride param`. The client is imported when the command runs."""
 
 import argparse
 from typing import TYPE_CHECKING
@@ -11,29 +11,29 @@ if TYPE_CHECKING:
 
 def add(commands: "Commands") -> None:
     """Add `param` and its five actions."""
-    param = commands.add_parser("param", help="list, read, change and save a driving car's settings")
+    param = commands.add_parser("param", help="list, read, change and save the settings of a running car")
     actions = param.add_subparsers(dest="action", required=True, metavar="ACTION")
     listing = actions.add_parser("list", help="every setting with its value, range, unit and meaning")
-    listing.add_argument("under", nargs="?", default="", metavar="PREFIX", help="only names that begin so")
-    reading = actions.add_parser("get", help="the value of one setting, or of several")
+    listing.add_argument("under", nargs="?", default="", metavar="PREFIX", help="prefix of the names")
+    reading = actions.add_parser("get", help="print the values of settings")
     reading.add_argument("names", nargs="+", metavar="NAME")
-    setting = actions.add_parser("set", help="change settings while the car drives, all of them or none")
+    setting = actions.add_parser("set", help="change settings while the car drives; all or none")
     setting.add_argument("assignments", nargs="+", metavar="NAME=VALUE", help="for example wall_follow.kp=0.5")
-    saving = actions.add_parser("save", help="write what was set into the car's own file")
+    saving = actions.add_parser("save", help="write the changes to the settings file of the car")
     saving.add_argument(
-        "assignments", nargs="*", metavar="NAME=VALUE", help="settings for after a restart, to be written as well"
+        "assignments", nargs="*", metavar="NAME=VALUE", help="further settings to write, in effect after a restart"
     )
-    past = actions.add_parser("history", help="who changed what, and when")
+    past = actions.add_parser("history", help="list changes with time and author")
     past.add_argument("-n", dest="most", type=int, default=50, metavar="N", help="the newest N (default: 50)")
     for action in (listing, reading, past):
-        action.add_argument("--json", action="store_true", help="as JSON, for programs")
+        action.add_argument("--json", action="store_true", help="print JSON")
     for action in (listing, reading, setting, saving, past):
         client_options.add_common(action)
         action.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Ask the car."""
+    """Send the request to the car."""
     from clients import parameters
 
     return client_options.run_client(parameters.run, options)

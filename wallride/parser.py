@@ -1,4 +1,4 @@
-"""argparse with one more sentence: which command, choice or option was probably meant."""
+"""Argument parser whose errors suggest the nearest command, choice or option."""
 
 import argparse
 import difflib
@@ -11,10 +11,10 @@ OPTION = re.compile(r"--[a-z][a-z-]+")
 
 
 class Parser(argparse.ArgumentParser):
-    """Its subparsers are of the same kind."""
+    """Return subparsers of this class."""
 
     def error(self, message: str) -> Never:
-        """End with exit code 2, and with what was probably meant."""
+        """End with exit code 2 and the nearest known name."""
         found = CHOICES.search(message)
         if found is not None:
             message += did_you_mean(found["wrong"], re.findall(r"[\w-]+", found["choices"]))

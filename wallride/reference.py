@@ -52,8 +52,8 @@ OWN_RATES: Final[Mapping[str, str]] = {
     topics.BEAT: "`operator.beat_hz`; a third of it while no operator is heard",
 }
 TO_THE_CAR: Final[Sequence[tuple[str, str, str, str]]] = (
-    (topics.COMMAND, "put, binary, 60 bytes", "operator", "what an operator holds down now, 20 to 100 times a second"),
-    (f"{topics.PARAM}/list", "query, JSON", "viewer", "every setting with value, range, unit and sentence"),
+    (topics.COMMAND, "put, binary, 60 bytes", "operator", "the operator's inputs, 20 to 100 times a second"),
+    (f"{topics.PARAM}/list", "query, JSON", "viewer", "every setting with value, range, unit and description"),
     (f"{topics.PARAM}/get", "query, JSON", "viewer", "values of settings"),
     (f"{topics.PARAM}/history", "query, JSON", "viewer", "the latest changes"),
     (f"{topics.PARAM}/set", "query, JSON", "operator", "changes settings, all of a request or none"),
@@ -63,8 +63,18 @@ TO_THE_CAR: Final[Sequence[tuple[str, str, str, str]]] = (
     (f"{topics.LOGS}/trim", "query, JSON", "admin", "deletes the oldest recordings"),
     (topics.RECORD, "query, JSON", "admin", "starts and stops a recording"),
     (f"{topics.OWN_PARTS}/show", "query, JSON", "operator", "parts of the car that its lidar sees"),
-    (f"{topics.OWN_PARTS}/forget", "query, JSON", "operator", "has them learnt again; refused while the car moves"),
-    (topics.SIMULATOR, "query, JSON", "any program on the computer", "changes a simulated car's world; no car has it"),
+    (
+        f"{topics.OWN_PARTS}/forget",
+        "query, JSON",
+        "operator",
+        "deletes them, so that they are learnt again; refused while the car moves",
+    ),
+    (
+        topics.SIMULATOR,
+        "query, JSON",
+        "any program on the computer",
+        "changes the world of a simulated car; simulator only",
+    ),
 )
 """Key, kind, least role that may use it (with keys, docs/security.md), meaning."""
 EFFECTS: Final[Mapping[Effect, str]] = {
@@ -80,15 +90,15 @@ def pages() -> dict[str, str]:
 
 
 def settings_page() -> str:
-    """Return every setting of every law: default, range with its unit, when a change is obeyed, and its sentence."""
+    """Return every setting of every law: default, range with its unit, effect of a change, and description."""
     lines = [
         HEAD,
         "# Settings\n",
         "One table per section of `car.toml`. Set one for a drive with `--set SECTION.KEY=VALUE`, or on a driving",
         "car with `wallride param set SECTION.KEY=VALUE`. *Obeyed*: when a live change takes effect: from the next",
         "scan on, only while the car stands, or after a restart. *Looser*: the direction of change for which the car",
-        "has to stand, because it lets the car come nearer to harm (`operator.loosen_safety_while_driving`). A unit",
-        "of 1 is a ratio.\n",
+        "has to stand, because it reduces a margin of safety (`operator.loosen_safety_while_driving`). Ranges without",
+        "a unit are ratios or counts.\n",
     ]
     default = catalogue(Settings())
     report = Settings(wall_follow=ReportFollowSettings(), safety=ReportSafetySettings())
@@ -113,11 +123,10 @@ def _sections(
 
 
 def _setting_row(parameter: Parameter) -> str:
-    unit = " 1" if parameter.unit == "1" and parameter.kind == "number" else ""
     cells = (
         f"`{parameter.name.rpartition('.')[2]}`",
         f"`{json.dumps(parameter.default)}`",
-        parameter.range_words() + unit,
+        parameter.range_words(),
         EFFECTS[parameter.effect],
         str(parameter.loosens),
         parameter.words,

@@ -1,4 +1,4 @@
-"""What `wallride replay` understands. Only definitions: the code is imported when it is asked for."""
+"""Options of `wallride replay`. The code is imported when the command runs."""
 
 import argparse
 from pathlib import Path
@@ -17,47 +17,52 @@ def add(commands: "Commands") -> None:
     """Add the command."""
     replay = commands.add_parser(
         "replay",
-        help="decide a recording once more by the same code and show the first difference, or play it on the air",
+        help="decide a recording again and show the first difference, or publish it",
         description=(
-            "A recording of wallride is decided once more and compared decision by decision: exit code 0 when all are"
-            " the same, 1 when one is not, 3 when one is not but the laws have changed since. A rosbag or archive of"
-            " another program's drive is shown to our laws, which say what they would have done. With --publish a"
-            " recording is played onto zenoh instead: " + KEYS + "."
+            "Decides a recording of wallride again and compares every decision. Exit code 0: all the same. 1: a"
+            " difference. 3: a difference, and the laws have changed since. Of another program's drive (a rosbag or an"
+            " archive) it reports what our laws would have done. --publish plays a recording onto zenoh instead: "
+            + KEYS
+            + "."
         ),
     )
     add_file(replay)
     replay.add_argument("--json", metavar="FILE|-", help="write the result as JSON")
-    replay.add_argument("--publish", action="store_true", help="play it onto zenoh, for monitor, topic and plot")
-    replay.add_argument("--speed", type=_speed, default=1.0, metavar="X", help="how fast to play (default: 1)")
-    replay.add_argument("--from", dest="begin_s", type=float, default=0.0, metavar="S", help="begin S seconds in")
-    replay.add_argument("--loop", action="store_true", help="begin anew at the end")
-    replay.add_argument("--car", metavar="NAME", help="play it as this car (default: the recorded name)")
+    replay.add_argument("--publish", action="store_true", help="publish on zenoh, for monitor, topic and plot")
+    replay.add_argument("--speed", type=_speed, default=1.0, metavar="X", help="speed of playing (default: 1)")
+    replay.add_argument(
+        "--from", dest="begin_s", type=float, default=0.0, metavar="S", help="start S seconds after the beginning"
+    )
+    replay.add_argument("--loop", action="store_true", help="repeat")
+    replay.add_argument("--car", metavar="NAME", help="name of the published car (default: the recorded one)")
     replay.add_argument(
         "--listen", metavar="ENDPOINT", default=client_options.DEFAULT_CONNECT,
-        help=f"where monitors find it (default: {client_options.DEFAULT_CONNECT})",
+        help=f"endpoint for monitors (default: {client_options.DEFAULT_CONNECT})",
     )  # fmt: skip
     replay.set_defaults(run=run)
 
 
 def add_file(parser: argparse.ArgumentParser) -> None:
-    """Add what both replay and report take: the recording, settings and topic."""
+    """Add the options of replay and report: recording, settings and topic."""
     parser.add_argument(
         "file", type=Path, metavar="FILE", help="our .mcap, or a .bag, .db3, .mcap, .npz with LaserScans"
     )
     parser.add_argument(
         "--set", dest="assignments", action="append", default=[], metavar="KEY=VALUE",
-        help="another setting than the recorded one, for example wall_follow.kp=0.5 (repeatable)",
+        help="override a recorded setting, for example wall_follow.kp=0.5 (repeatable)",
     )  # fmt: skip
-    parser.add_argument("--topic", metavar="NAME", help="which lidar, where another program's recording has several")
+    parser.add_argument(
+        "--topic", metavar="NAME", help="topic of the lidar, where another program's recording has several"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
-    """Replay; exit code 2 with one line when the user can mend it."""
+    """Replay; exit code 2 with one line for an error that the user can correct."""
     return run_offline("sim.replay.command", options)
 
 
 def run_offline(module: str, options: argparse.Namespace) -> int:
-    """Run a command's module that reads recordings; what the user can mend becomes one line and exit code 2."""
+    """Run a module that reads recordings; an error that the user can correct becomes one line and exit code 2."""
     from importlib import import_module
 
     with needs("sim", "recordings need"):

@@ -1,4 +1,4 @@
-"""What `wallride report` and `wallride plot` understand. Only definitions; the code is imported when asked for."""
+"""Options of `wallride report` and `wallride plot`. The code is imported when the command runs."""
 
 import argparse
 from functools import partial
@@ -14,22 +14,29 @@ if TYPE_CHECKING:
 
 def add(commands: "Commands") -> None:
     """Add both commands."""
-    report = commands.add_parser("report", help="a recorded run, or two side by side, as one page")
+    report = commands.add_parser("report", help="write a page about a recorded run, or two side by side")
     replay_options.add_file(report)
-    report.add_argument("beside", nargs="?", type=Path, metavar="FILE2", help="another recording, beside the first")
-    report.add_argument("-o", dest="output", type=Path, metavar="RUN.html", help="the page (default: beside you)")
+    report.add_argument("beside", nargs="?", type=Path, metavar="FILE2", help="second recording")
+    report.add_argument(
+        "-o", dest="output", type=Path, metavar="RUN.html", help="page to write (default: in the current folder)"
+    )
     report.add_argument("--json", metavar="FILE|-", help="write the figures as JSON as well")
     report.add_argument(
-        "--summary", type=Path, metavar="FILE", help="what wallride sim --json wrote: the truth beside the car's belief"
+        "--summary",
+        type=Path,
+        metavar="FILE",
+        help="summary of `wallride sim --json`: true position beside the estimated one",
     )
     report.set_defaults(run=_report)
-    plot = commands.add_parser("plot", help="draw topics live in this terminal", description="For those on ssh.")
+    plot = commands.add_parser(
+        "plot", help="draw topics live in this terminal", description="Needs a terminal only, for example over ssh."
+    )
     plot.add_argument(
         "topics", nargs="*", default=["distance_error"], metavar="TOPIC[:FIELD]",
         help="for example distance_error, motor:velocity.0, status:scan_to_motor_ms.p99 (default: distance_error)",
     )  # fmt: skip
-    plot.add_argument("--seconds", type=_seconds, default=20.0, metavar="S", help="how much of the past (default: 20)")
-    plot.add_argument("--once", action="store_true", help="listen for that long, draw once and end")
+    plot.add_argument("--seconds", type=_seconds, default=20.0, metavar="S", help="time span (default: 20)")
+    plot.add_argument("--once", action="store_true", help="listen for that time, draw once and exit")
     client_options.add_common(plot)
     plot.set_defaults(run=_plot, say=partial(print, flush=True))
 

@@ -1,4 +1,4 @@
-"""What `wallride sim` understands. Only definitions: the simulator is imported when it is asked for."""
+"""Options of `wallride sim`. The simulator is imported when the command runs."""
 
 import argparse
 from pathlib import Path
@@ -15,31 +15,35 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     sim.add_argument("--config", type=Path, help="settings file of the simulated car (default: config/sim.toml's)")
     sim.add_argument("--headless", action="store_true", help="no live view, only the summary")
     sim.add_argument("--duration", type=float, metavar="S", help="seconds to drive (default: 60; a recording's length)")
-    sim.add_argument("--laps", type=int, metavar="N", help="stop after so many laps")
+    sim.add_argument("--laps", type=int, metavar="N", help="stop after N laps")
     sim.add_argument("--pose", metavar="X,Y,THETA", help="start pose of the rear axle [m, m, rad]")
     sim.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default: 0)")
     sim.add_argument("--recording", type=Path, metavar="FILE", help="play a real recording through the emulated lidar")
     sim.add_argument(
         "--devices", action="store_true",
-        help="start no car: keep the emulated devices running, and print the --set lines for a `wallride run` by hand",
+        help="run only the emulated devices, and print the --set options for a `wallride run` by hand",
     )  # fmt: skip
     sim.add_argument("--json", metavar="FILE|-", help="write the summary as JSON")
     sim.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the path and the error over time")
-    _add_conditions(sim.add_argument_group("conditions", "what the car meets; keys change them while it drives"))
+    _add_conditions(
+        sim.add_argument_group("conditions", "floor, lidar faults and obstacles; keys change them while it drives")
+    )
 
 
 def _add_conditions(group: "argparse._ArgumentGroup") -> None:
     group.add_argument("--friction", type=float, metavar="MU", help="grip of the floor (default: 0.8)")
     group.add_argument("--noise", type=float, metavar="M", help="standard deviation of each distance (default: 0.01)")
-    group.add_argument("--dropouts", type=float, metavar="SHARE", help="beams without a return, 0 to 1 (default: 0)")
+    group.add_argument(
+        "--dropouts", type=float, metavar="SHARE", help="share of beams without a return, 0 to 1 (default: 0)"
+    )
     group.add_argument(
         "--dirt", action="append", default=[], metavar="FROM,TO[,RANGE]",
         help="a dirty sector of the window [deg, deg, m]; --dirt=-10,5 (repeatable)",
     )  # fmt: skip
-    group.add_argument("--trim", type=float, metavar="RAD", help="wheel angle of a servo that stands in the middle")
-    group.add_argument("--delay", type=float, metavar="S", help="of servo and motor (default: 0.02)")
+    group.add_argument("--trim", type=float, metavar="RAD", help="wheel angle at the servo's middle position")
+    group.add_argument("--delay", type=float, metavar="S", help="delay of servo and motor (default: 0.02)")
     group.add_argument(
-        "--own-parts", metavar="KIND", help="the car's own parts that the lidar sees; a wrong KIND names all"
+        "--own-parts", metavar="KIND", help="parts of the car that its lidar sees; an unknown KIND lists all"
     )
     group.add_argument(
         "--obstacle", action="append", default=[], metavar="TEXT",
@@ -47,13 +51,15 @@ def _add_conditions(group: "argparse._ArgumentGroup") -> None:
     )  # fmt: skip
     group.add_argument(
         "--condition", action="append", default=[], metavar="KEY=VALUE",
-        help="any other field: vehicle.mass_kg=4, lidar.outlier_share=0.01 (repeatable)",
+        help="another condition: vehicle.mass_kg=4, lidar.outlier_share=0.01 (repeatable)",
     )  # fmt: skip
-    group.add_argument("--conditions", type=Path, metavar="FILE.toml", help="all of them in a file: [vehicle], [lidar]")
+    group.add_argument(
+        "--conditions", type=Path, metavar="FILE.toml", help="conditions from a file: [vehicle], [lidar]"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
-    """Simulate; from here on Ctrl-C is "time is up"."""
+    """Simulate; Ctrl-C ends the drive as the end of the duration does."""
     from sim.live.stop_request import StopRequest
     from wallride.failure import needs
 

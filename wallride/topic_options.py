@@ -1,4 +1,4 @@
-"""What `wallride topic`, `wallride cars` and `wallride status` understand; only definitions."""
+"""Options of `wallride topic`, `wallride cars` and `wallride status`."""
 
 import argparse
 from functools import partial
@@ -14,22 +14,24 @@ say = partial(print, flush=True)
 
 def add(commands: "Commands") -> None:
     """Add the three commands."""
-    topic = commands.add_parser("topic", help="what a car says: list, hz, bw, echo")
+    topic = commands.add_parser("topic", help="topics of a car: list, hz, bw, echo")
     actions = topic.add_subparsers(dest="action", required=True, metavar="ACTION")
     listing = actions.add_parser("list", help="all topics with type, rate and volume")
-    listing.add_argument("--seconds", type=float, default=1.5, metavar="S", help="how long to listen (default: 1.5)")
-    listing.add_argument("--json", action="store_true", help="as JSON, for programs")
-    rate = actions.add_parser("hz", help="how often, and how regularly, a topic comes")
-    volume = actions.add_parser("bw", help="how much of the network a topic takes")
-    echo = actions.add_parser("echo", help="what a topic says")
+    listing.add_argument("--seconds", type=float, default=1.5, metavar="S", help="time to listen (default: 1.5)")
+    listing.add_argument("--json", action="store_true", help="print JSON")
+    rate = actions.add_parser("hz", help="rate and jitter of a topic")
+    volume = actions.add_parser("bw", help="bandwidth of a topic")
+    echo = actions.add_parser("echo", help="print the messages of a topic")
     for action in (rate, volume, echo):
         action.add_argument("topic", metavar="TOPIC", help="scan, /scan or wallride/car1/scan")
-        action.add_argument("-n", "--count", type=int, default=0, metavar="N", help="stop after N (default: never)")
+        action.add_argument(
+            "-n", "--count", type=int, default=0, metavar="N", help="stop after N messages (default: never)"
+        )
     for action in (rate, volume):
-        action.add_argument("--json", action="store_true", help="one line of JSON a second, for programs")
+        action.add_argument("--json", action="store_true", help="print JSON, a line per second")
     echo.add_argument("--once", dest="count", action="store_const", const=1, help="the same as -n 1")
-    echo.add_argument("--json", action="store_true", help="one line of JSON each, for programs")
-    echo.add_argument("--whole", action="store_true", help="do not shorten arrays")
+    echo.add_argument("--json", action="store_true", help="print JSON, a line per message")
+    echo.add_argument("--whole", action="store_true", help="print arrays in full")
     for action in (listing, rate, volume, echo):
         client_options.add_common(action)
         action.set_defaults(run=_topic, say=say)
@@ -37,12 +39,12 @@ def add(commands: "Commands") -> None:
 
 
 def _add_status(commands: "Commands") -> None:
-    cars = commands.add_parser("cars", help="which cars are there, with version and state")
-    status = commands.add_parser("status", help="one screen: why is it (not) moving?")
-    status.add_argument("--watch", action="store_true", help="keep it up to date until Ctrl-C")
+    cars = commands.add_parser("cars", help="list cars with version and state")
+    status = commands.add_parser("status", help="state of a car and the reason why it moves or stands")
+    status.add_argument("--watch", action="store_true", help="update until Ctrl-C")
     for command in (cars, status):
         client_options.add_common(command)
-        command.add_argument("--json", action="store_true", help="as JSON, for programs")
+        command.add_argument("--json", action="store_true", help="print JSON")
     cars.set_defaults(run=_cars, say=say)
     status.set_defaults(run=_status, say=say)
 

@@ -13,21 +13,22 @@ class HokuyoSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     driver: Literal["hokuyo"] = "hokuyo"
-    """The kind of lidar."""
-    address: Annotated[str, Field(description="tcp://HOST:PORT or serial:///dev/NAME?baud=115200")] = (
+    """Type of the lidar."""
+    address: Annotated[str, Field(description="Address: tcp://HOST:PORT or serial:///dev/NAME?baud=115200")] = (
         "tcp://192.168.0.10:10940"
     )
     mounted_upside_down: Annotated[
-        bool, Field(description="the sensor hangs head down: left and right are exchanged back")
+        bool, Field(description="The sensor is mounted upside down: the order of the beams is reversed.")
     ] = False
     stale_after_s: Annotated[
-        float, Field(gt=0, le=1, description="a scan that was delivered this much too late is dropped, not driven by")
+        float, Field(gt=0, le=1, description="Maximum delay of a delivered scan; a later one is dropped.")
     ] = 0.1
     degraded_after_s: Annotated[
-        float, Field(gt=0, le=1, description="without a scan for this long the lidar no longer counts as ready")
+        float, Field(gt=0, le=1, description="Time without a scan after which the lidar is not ready.")
     ] = 0.25
     silent_after_s: Annotated[
-        float, Field(ge=0.2, le=60, description="without a scan for this long the stream, then the link, is restarted")
+        float,
+        Field(ge=0.2, le=60, description="Time without a scan after which the stream, then the link, is restarted."),
     ] = 1.0
 
     @field_validator("address")

@@ -20,46 +20,54 @@ class VescSettings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    driver: Annotated[Literal["vesc"], Field(description="which driver these settings belong to")] = "vesc"
-    address: Annotated[str, Field(description="the port, by its udev name: numbers of ttyACM change")] = (
-        "serial:///dev/wallride-vesc"
-    )
+    driver: Annotated[Literal["vesc"], Field(description="Type of the motor controller.")] = "vesc"
+    address: Annotated[
+        str, Field(description="Serial port by its udev name, which is stable; ttyACM numbers are not.")
+    ] = "serial:///dev/wallride-vesc"
     speed_to_erpm_gain: Annotated[
-        float, Field(ge=200, le=100_000, description="ERPM per m/s: 60 x pole pairs x gear ratio / wheel circumference")
+        float,
+        Field(ge=200, le=100_000, description="ERPM per m/s: 60 x pole pairs x gear ratio / wheel circumference."),
     ] = 4614.0
-    speed_to_erpm_offset: Annotated[float, Field(ge=-5000, le=5000, description="ERPM at 0 m/s, normally 0")] = 0.0
+    speed_to_erpm_offset: Annotated[float, Field(ge=-5000, le=5000, description="ERPM at 0 m/s; normally 0.")] = 0.0
     steering_to_servo_gain: Annotated[
-        float, Field(ge=-10, le=10, description="servo position per rad; negative where a longer pulse steers right")
+        float, Field(ge=-10, le=10, description="Servo position per rad; negative where a longer pulse steers right.")
     ] = -1.2135
-    steering_to_servo_offset: Annotated[float, Field(ge=0, le=1, description="servo position straight ahead")] = 0.5304
-    servo_min: Annotated[float, Field(ge=0, le=1, description="lowest servo position the linkage allows")] = 0.15
-    servo_max: Annotated[float, Field(ge=0, le=1, description="highest servo position the linkage allows")] = 0.85
+    steering_to_servo_offset: Annotated[float, Field(ge=0, le=1, description="Servo position straight ahead.")] = 0.5304
+    servo_min: Annotated[float, Field(ge=0, le=1, description="Minimum servo position of the linkage.")] = 0.15
+    servo_max: Annotated[float, Field(ge=0, le=1, description="Maximum servo position of the linkage.")] = 0.85
     brake_current_a: Annotated[
         float,
         Field(
-            ge=1, le=100, description="motor current of a stop; about 46 A lock the stock car's wheels on clean floor"
+            ge=1,
+            le=100,
+            description="Brake current of a stop; about 46 A lock the stock car's wheels on a clean floor.",
         ),
     ] = 50.0
     brake_mps2_per_a: Annotated[
         float,
-        Field(gt=0, le=5, description="deceleration per ampere of brake current: for stops that leave grip to turn"),
+        Field(gt=0, le=5, description="Deceleration per ampere of brake current, for gentle stops in a bend."),
     ] = 0.17
     min_speed_mps: Annotated[
         float,
         Field(
             ge=0.05,
             le=1,
-            description="a slower command is a stop: the VESC lets go under s_pid_min_erpm, 900 = 0.195 m/s",
+            description="Minimum speed; slower is a stop. A VESC coasts below s_pid_min_erpm: 900 = 0.195 m/s.",
         ),
     ] = 0.2
-    poll_hz: Annotated[float, Field(ge=10, le=200, description="how often the VESC is asked for its values")] = 50.0
-    lost_after_s: Annotated[float, Field(ge=0.05, le=5, description="silence after which the link counts as lost")] = (
-        0.2
-    )
+    poll_hz: Annotated[float, Field(ge=10, le=200, description="Rate of reading the VESC's values.")] = 50.0
+    lost_after_s: Annotated[
+        float, Field(ge=0.05, le=5, description="Time without a reply after which the link is lost.")
+    ] = 0.2
     min_voltage_v: Annotated[
-        float, Field(ge=0, le=60, description="below it the battery counts as absent or empty (VESC default: 8.0 V)")
+        float,
+        Field(
+            ge=0,
+            le=60,
+            description="Minimum battery voltage; below it the battery is absent or empty (VESC default: 8.0 V).",
+        ),
     ] = 8.0
-    imu: Annotated[bool, Field(description="ask for inertial measurements too, for telemetry; not for driving")] = True
+    imu: Annotated[bool, Field(description="Read the inertial sensor as well, for telemetry only.")] = True
 
     @field_validator("address")
     @classmethod

@@ -18,24 +18,24 @@ class BallFollowSettings(BallSettings):
     """The rolling ball: the default follower."""
 
     method: Literal["ball"] = "ball"
-    """The law that follows the wall: the rolling ball, or the lab report's."""
+    """Wall-following law: the rolling ball, or the lab report's."""
     expires_after_s: Annotated[float, Field(gt=0, le=0.2)] = 0.15
-    """A navigation word is in force this long after its scan."""
+    """Lifetime of a navigation command, counted from its scan."""
 
 
 class SweptSafetySettings(SweptSettings):
     """The swept footprint: the default safety."""
 
     method: Literal["swept"] = "swept"
-    """The law that slows and stops: the swept footprint, or the lab report's."""
+    """Safety law: the swept footprint, or the lab report's."""
     binds_teleop: bool = False
-    """True puts safety above the human: the joystick is limited too, and needs a working lidar."""
+    """Safety limits manual driving as well; it then needs a working lidar."""
     odometry_check: bool = True
-    """Compare the wheels' way with the scans' over the first 0.3 m; false where they are not of one drive."""
+    """Compare wheel odometry with the scans over the first 0.3 m; false where they are not from one drive."""
     expires_after_s: Annotated[float, Field(gt=0, le=0.2)] = 0.15
-    """A verdict is in force this long after its scan."""
+    """Lifetime of a speed limit, counted from its scan."""
     backs_out: bool = True
-    """A car that is boxed in backs out and tries another way; false waits for a human."""
+    """Back out of a dead end and try another way; false: wait for a human."""
     recovery: RecoverySettings = RecoverySettings()
     window: LidarHealthSettings = LidarHealthSettings()
 

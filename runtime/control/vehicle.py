@@ -13,24 +13,24 @@ class CarSettings(Section):
     """The vehicle, measured with a ruler. base_link is the middle of the rear axle (REP-105)."""
 
     name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,31}$")] = "car1"
-    """The car's name, part of each of its topics: wallride/NAME/..."""
+    """Name of the car, part of each of its topics: wallride/NAME/..."""
     wheelbase_m: Annotated[float, Field(gt=0.05, le=2.0)] = 0.33
-    """From the front axle to the rear axle."""
+    """Distance from the front axle to the rear axle."""
     max_steering_rad: Annotated[float, Field(gt=0.05, lt=1.2)] = 0.34
-    """The largest angle of the front wheels; no command is larger."""
+    """Maximum steering angle of the front wheels, also of commands."""
     steering_rate_radps: Annotated[float, Field(gt=0, le=50)] = 3.2
-    """How fast the servo turns the front wheels."""
+    """Steering rate of the servo."""
     max_speed_mps: Annotated[float, Field(gt=0, le=20)] = 4.0
-    """The fastest forward command that reaches the motor, from any driver."""
+    """Maximum forward speed sent to the motor, for every source."""
     max_reverse_mps: Annotated[float, Field(ge=0, le=5)] = 1.0
-    """The fastest backward command that reaches the motor, from any driver."""
+    """Maximum backward speed sent to the motor, for every source."""
     max_acceleration_mps2: Annotated[float, Field(gt=0, le=20)] = 4.0
-    """How fast the commanded speed may rise. Slowing down is never delayed."""
+    """Maximum rise of the commanded speed; slowing down is not limited."""
     lidar_x_m: Annotated[float, Field(ge=-1, le=2)] = 0.27
-    """The lidar's place ahead of the rear axle."""
+    """Distance of the lidar ahead of the rear axle."""
     front_m: Annotated[float, Field(gt=0, le=3)] = 0.42
-    """From the rear axle to the front end of the car."""
+    """Distance from the rear axle to the front end of the car."""
     rear_m: Annotated[float, Field(gt=0, le=3)] = 0.13
-    """From the rear axle to the rear end of the car."""
+    """Distance from the rear axle to the rear end of the car."""
     half_width_m: Annotated[float, Field(gt=0, le=1)] = 0.15
-    """Half of the car's greatest width, wheels and mirrors included."""
+    """Half of the maximum width of the car, wheels and mirrors included."""

@@ -11,6 +11,6 @@ class ParameterSettings(Section):
     """Bounds of the history of live changes."""
 
     history: Annotated[int, Field(ge=1, le=1000)] = 100
-    """So many changes are remembered."""
+    """Number of remembered changes."""
     history_file: str = ""
-    """Also written to this file, at most once a second; empty: only kept until the restart."""
+    """File of the changes, written at most once a second; empty: in memory only."""

@@ -17,39 +17,39 @@ class RecordingSettings(Section):
     """The [recording] section."""
 
     enabled: bool = True
-    """false: no recording, no black box."""
+    """Record drives; false: no recordings and no black box."""
 
     start: Literal["armed", "always", "request"] = "armed"
-    """armed: whenever the car is armed or moves. always: from the start of the process on, as replays like it best.
-    request: only when `wallride record start` asks."""
+    """armed: while the car is armed or moves. always: from the start of the process, best for replays. request: on
+    `wallride record start` only."""
 
     folder: str = ""
-    """Where; empty is a folder of the car's name in the service's state directory, else in
+    """Folder of recordings; empty: a folder named after the car in the service's state directory, else in
     ~/.local/share/wallride/recordings."""
 
     simulated: bool = False
-    """A simulated car: its folder, and so its ring, is apart from those of real drives. Set by `wallride sim`."""
+    """Simulated car: recordings in a folder of their own. Set by `wallride sim`."""
 
     world: str = ""
-    """The simulated world, shown with the recording; empty on a real car. Set by `wallride sim`."""
+    """Simulated world, shown with the recording; empty on a real car. Set by `wallride sim`."""
 
     ring_mb: Annotated[int, Field(ge=16)] = 4096
-    """All recordings of a car together; the oldest make room for the new. An hour of driving is about 1 GB."""
+    """Maximum size of all recordings of a car; the oldest are deleted. An hour of driving is about 1 GB."""
 
     keep_free_mb: Annotated[int, Field(ge=0)] = 512
-    """So much of the disk is left to others, whatever the ring may hold."""
+    """Minimum free space of the disk; recordings are deleted to keep it."""
 
     file_mb: Annotated[int, Field(ge=8, le=4096)] = 256
-    """A longer recording goes on in another file, so that the ring can let go of its beginning."""
+    """Maximum size of a file; a longer recording continues in another one."""
 
     black_box_s: Annotated[float, Field(ge=0, le=120)] = 30.0
-    """How much is kept in memory, for the moments before a stop; 0 is no black box."""
+    """Length of the black box, the time before a stop that is kept in memory; 0: no black box."""
 
     after_s: Annotated[float, Field(ge=1, le=600)] = 10.0
-    """A recording ends when the car has stood disarmed for so long."""
+    """Time of standing disarmed after which a recording ends."""
 
     raw: bool = False
-    """Also the very bytes from the lidar and the motor controller, and those sent to them."""
+    """Record the bytes from and to the lidar and the motor controller as well."""
 
 
 def recordings_folder(configured: str, environment: Mapping[str, str] = os.environ) -> Path:

@@ -11,14 +11,14 @@ DEFAULT_KEYS_DIR = Path("/etc/wallride/keys")
 
 
 class SessionSettings(Section):
-    """The session's own part of the [telemetry] section."""
+    """Settings of the zenoh session, a part of the [telemetry] section."""
 
     listen: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
-    """tcp: this machine only, and every program on it may do everything. tls: from anywhere, with keys."""
+    """Endpoints. tcp: this computer only, all of its programs have every right. tls: any computer, with keys."""
     any_port: bool = False
-    """Listen on a free port where one of `listen` is taken, as simulators do; false: end with exit code 2."""
+    """Listen on a free port where one of `listen` is in use, for simulators; false: end with exit code 2."""
     keys_dir: Path = DEFAULT_KEYS_DIR
-    """Made by `wallride keys init`; read only when `listen` names a tls address."""
+    """Folder of keys from `wallride keys init`; used with a tls endpoint only."""
 
     @field_validator("listen", mode="before")
     @classmethod

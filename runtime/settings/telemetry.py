@@ -19,40 +19,40 @@ class RatesHz(Section):
     """
 
     output: Rate = 200.0
-    """The command that went to the motor, at most so often; 0 never."""
+    """Maximum rate of the command sent to the motor; 0: off."""
     distance_error: Rate = 200.0
-    """The follower's distance error of each scan, at most so often; 0 never."""
+    """Maximum rate of the follower's distance error; 0: off."""
     decision: Rate = 10.0
-    """Besides, every change of mind is sent at once."""
+    """Maximum rate of the mux's decision; 0: off. A change is sent at once."""
     status: Rate = 10.0
-    """The whole state of the car, at most so often; 0 never."""
+    """Maximum rate of the state of the car; 0: off."""
     safety: Rate = 20.0
-    """What safety allows, at most so often; 0 never."""
+    """Maximum rate of safety's speed limit; 0: off."""
     navigation: Rate = 20.0
-    """What the follower wants, at most so often; 0 never."""
+    """Maximum rate of the follower's command; 0: off."""
     teleop: Rate = 20.0
-    """What the operator wants, at most so often; 0 never."""
+    """Maximum rate of the operator's command; 0: off."""
     scan: Rate = 20.0
-    """The lidar's scans, at most so often; 0 never."""
+    """Maximum rate of the scans; 0: off."""
     odom: Rate = 20.0
-    """Position and speed by the wheels, at most so often; 0 never."""
+    """Maximum rate of wheel odometry; 0: off."""
     tf: Rate = 20.0
-    """The frames odom, base_link and laser, at most so often; 0 never."""
+    """Maximum rate of the frames odom, base_link and laser; 0: off."""
     motor: Rate = 20.0
-    """The motor's speed and steering as joint states, at most so often; 0 never."""
+    """Maximum rate of speed and steering as joint states; 0: off."""
     imu: Rate = 50.0
-    """The motor controller's inertial measurements, at most so often; 0 never."""
+    """Maximum rate of the motor controller's inertial measurements; 0: off."""
     wall: Rate = 10.0
-    """The followed wall as a drawing, at most so often; 0 never."""
+    """Maximum rate of the markers of the followed wall; 0: off."""
     footprint: Rate = 10.0
-    """The swept way as a drawing, at most so often; 0 never."""
+    """Maximum rate of the markers of the swept path; 0: off."""
     battery: Rate = 1.0
-    """Voltage and current of the battery, at most so often; 0 never."""
+    """Maximum rate of voltage and current of the battery; 0: off."""
     diagnostics: Rate = 1.0
-    """The state of the devices for ROS tools, at most so often; 0 never."""
+    """Maximum rate of the diagnostics for ROS tools; 0: off."""
 
 
 class TelemetryRates(Section):
-    """The telemetry's own part of the [telemetry] section; the session's part is the bus's."""
+    """Rates of the topics, a part of the [telemetry] section."""
 
     rates_hz: RatesHz = RatesHz()

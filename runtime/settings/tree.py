@@ -42,9 +42,9 @@ class MuxSettings(Section):
     """Priority order of the sources, and rate of the output's renewal without new commands."""
 
     order: tuple[Source, ...] = LAB_ORDER
-    """Sources in the order of the mux, most urgent first."""
+    """Priority order of the sources, most urgent first."""
     tick_hz: Annotated[float, Field(ge=20, le=200)] = 50.0
-    """How often the mux decides while no scan comes."""
+    """Rate of the mux's decisions without new scans or commands."""
 
     @field_validator("order")
     @classmethod
@@ -64,26 +64,26 @@ class TelemetrySettings(TelemetryRates, SessionSettings):
     """Topics sent over zenoh, and the endpoints."""
 
     enabled: bool = True
-    """false: nothing leaves the car, and nothing comes in: no status, no teleop, no page."""
+    """Use the network; false: no status, no teleop, no page."""
 
 
 class LogSettings(Section):
     """Log messages on standard error."""
 
     level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = "INFO"
-    """The least severe message that the log shows."""
+    """Minimum severity of a log message."""
     format: Literal["text", "json"] = "text"
-    """How the log is written: lines for people, or JSON."""
+    """Format of the log: lines of text, or JSON."""
 
 
 class ProcessSettings(Section):
     """Use of the computer by the process."""
 
     state_folder: str = ""
-    """Where the car's own parts are remembered; empty is the service's state directory, without one nowhere."""
+    """Folder of the learnt own parts; empty: the service's state directory, or none."""
 
     stay_awake: bool = True
-    """Keep the processor from dozing between two scans, where it may: sooner answers for a little more power."""
+    """Keep the processor out of deep idle states between scans: shorter latency, a little more power."""
 
 
 class Settings(Section):

@@ -83,7 +83,7 @@ async def test_a_session_with_a_car(tmp_path, capsys):
         kp, kd = capsys.readouterr().out.splitlines()
         assert kp.split("  ")[:2] == ["wall_follow.kp", "0.5 (default 13.5)"]
         assert "a number from 0 to 20 rad/m" in kp
-        assert "Steering per radian" in kd
+        assert "Gain of the heading error" in kd
         assert await car.param("list", "wall_follow.kp", "--json") == 0
         assert json.loads(capsys.readouterr().out)[0]["value"] == 0.5
         assert await car.param("save", "car.wheelbase_m=0.3") == 0

@@ -11,18 +11,18 @@ class LidarHealthSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     memory_m: Annotated[float, Field(gt=0, le=10)] = 0.8
-    """Evidence decays over metres moved, not over seconds: a parked car learns nothing."""
+    """Way over which evidence of dirt decays; a parked car learns nothing."""
     first_mask_m: Annotated[float, Field(ge=0, le=20)] = 1.5
-    """So far the car must have driven before the first beam is masked as dirty."""
+    """Minimum way before the first beam is masked as dirty."""
     mask_above: Annotated[float, Field(gt=0, lt=1)] = 0.6
-    """A beam is masked when its evidence of dirt rises above this."""
+    """Evidence of dirt above which a beam is masked."""
     unmask_below: Annotated[float, Field(gt=0, lt=1)] = 0.3
-    """A masked beam counts again when its evidence of dirt falls below this."""
+    """Evidence of dirt below which a masked beam is used again."""
     masked_share: Annotated[float, Field(ge=0, le=1)] = 0.10
-    """Masks are believed while fewer of the beams within +-105 degrees than this are dirty..."""
+    """Maximum share of dirty beams within +-105 degrees without a speed limit."""
     masked_gap_rad: Annotated[float, Field(ge=0, le=1)] = 0.0524
-    """...and no gap in the forward +-45 degrees is wider than this (3 degrees)."""
+    """Maximum dirty gap within +-45 degrees without a speed limit (0.0524 rad = 3 degrees)."""
     refused_share: Annotated[float, Field(ge=0, le=1)] = 0.25
-    """With more dirt than this the car does not drive."""
+    """Maximum share of dirty beams; with more the car stops."""
     empty_share: Annotated[float, Field(gt=0, le=1)] = 0.9
-    """Halls leave 6 to 64 % of the beams without an echo; more than this is no hall but a covered lidar."""
+    """Maximum share of beams without an echo; with more the lidar counts as covered. Halls reach 6 to 64 %."""

@@ -14,43 +14,43 @@ class SweptSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     grip_mu: Annotated[float, Field(ge=0.2, le=1.5)] = 0.8
-    """Friction assumed. The graded limit makes the outcome nearly independent of it (1 of 48 when wrong by 0.3)."""
+    """Friction assumed for stopping; the outcome hardly depends on it (1 of 48 hazard runs for an error of 0.3)."""
     slippery_mu: Annotated[float, Field(ge=0.1, le=1.5)] = 0.5
-    """A wish for a bend that only a better floor than this can give is judged on this floor's wider arc as well."""
+    """Friction of a slippery floor; a bend that needs more is also checked on the wider arc of this floor."""
     cornering_per_rad: Annotated[float, Field(gt=0.5, le=50)] = 5.5
-    """Lateral force per slip angle of the rear tyres, in multiples of grip times load (f1tenth_gym: 5.456)."""
+    """Cornering stiffness of the rear tyres, in multiples of grip times load (f1tenth_gym: 5.456)."""
     actuation_s: Annotated[float, Field(ge=0, le=0.3)] = 0.05
-    """From the decision to the first deceleration; the measured age of the scan is added to it."""
+    """Delay from the decision to the first deceleration; the measured age of the scan is added."""
     gentle_share: Annotated[float, Field(gt=0, lt=1)] = 0.25
-    """The gentlest brake of an emergency manoeuvre, as a share of a slippery floor's grip; 0.25 leaves 97 % to turn."""
+    """Gentlest brake of an emergency manoeuvre, as a share of `slippery_mu`; 0.25 leaves 97 % of the grip to turn."""
     hard_share: Annotated[float, Field(gt=0, le=1)] = 0.8
-    """Share of the grip that a hard stop is reckoned with."""
+    """Share of the grip assumed for a hard stop."""
     graded_share: Annotated[float, Field(gt=0, le=1)] = 0.45
-    """Share of the grip that the graded limit lets the car brake with."""
+    """Share of the grip used to slow down before an obstacle."""
     side_margin_m: Annotated[float, Field(ge=0, le=0.3)] = 0.04
-    """Room that is kept free on each side of the swept outline."""
+    """Margin on each side of the swept outline."""
     wary_margin_m: Annotated[float, Field(ge=0, le=0.3)] = 0.04
-    """Added aside while something limits a car above `doubtful_mps`, so that noise at an edge does not let it go."""
+    """Additional side margin while an obstacle limits a car above `doubtful_mps`: hysteresis against noise at edges."""
     front_margin_m: Annotated[float, Field(ge=0, le=0.3)] = 0.03
-    """Room that is left between the front of the car and an obstacle when it stands."""
+    """Distance between the front of the stopped car and an obstacle."""
     hold_s: Annotated[float, Field(ge=0, le=2)] = 0.2
-    """A hard stop lasts at least so long: no stop-and-go."""
+    """Minimum duration of a hard stop; prevents stop-and-go."""
     release_m: Annotated[float, Field(ge=0, le=2)] = 0.2
-    """A hard stop of a moving car ends when the way is so much longer than the stopping distance."""
+    """Free way beyond the stopping distance that ends a hard stop of a moving car."""
     creep_mps: Annotated[float, Field(ge=0, le=1)] = 0.3
-    """The speed that is still allowed where there is room for nothing faster."""
+    """Minimum speed limit where there is room to move at all."""
     slowest_mps: Annotated[float, Field(ge=0, le=1)] = 0.25
-    """Below this the motor coasts (VESC: 900 erpm = 0.195 m/s): a lower limit would be a stop for ever."""
+    """Lowest speed limit; the motor coasts below it (VESC: 900 erpm = 0.195 m/s), so the car would never move on."""
     reverse_mps: Annotated[float, Field(ge=0, le=2)] = 0.5
-    """The fastest that the car may drive backward."""
+    """Maximum speed backward."""
     reverse_unseen_m: Annotated[float, Field(ge=0, le=2)] = 0.5
-    """How far the car may back into what the lidar does not see, before it has to come forward again."""
+    """Maximum way backward into space that the lidar does not see; forward driving restores it."""
     doubtful_mps: Annotated[float, Field(ge=0, le=5)] = 1.0
-    """Ceiling with a late scan, a doubtful window, or an enclosed dark patch in the way."""
+    """Speed limit with a late scan, a dirty window, or a region without returns in the way."""
     late_s: Annotated[float, Field(gt=0, le=1)] = 0.10
-    """A scan older than this is late: the car goes on at doubtful_mps at most."""
+    """Age of a late scan: the speed is limited to `doubtful_mps`."""
     stale_s: Annotated[float, Field(gt=0, le=2)] = 0.25
-    """A scan older than this counts as no scan: the car stops."""
+    """Maximum age of a scan; with an older one the car stops."""
 
 
 class RecoverySettings(BaseModel):
@@ -59,14 +59,14 @@ class RecoverySettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     boxed_for_s: Annotated[float, Field(ge=0, le=60)] = 2.0
-    """Patience: a person in the way walks on by himself."""
+    """Time to wait before backing out: a person in the way usually walks on."""
     tries: Annotated[int, Field(ge=0, le=10)] = 6
-    """Ways out begun at one place before the car asks for help."""
+    """Maximum number of attempts at one place; then the car asks for help."""
     speed_mps: Annotated[float, Field(gt=0.25, le=0.5)] = 0.4
-    """The speed while the car frees itself."""
+    """Speed during recovery."""
     back_m: Annotated[float, Field(gt=0.05, le=0.5)] = 0.45
-    """Farthest back from where the car last came forward; safety's `reverse_unseen_m` holds as well."""
+    """Maximum way backward per attempt; `safety.reverse_unseen_m` limits it as well."""
     forward_m: Annotated[float, Field(ge=0, le=5)] = 3.0
-    """Longest last piece forward before the driver gets the wheel back."""
+    """Maximum way forward at the end of an attempt, before the follower drives on."""
     forgotten_after_m: Annotated[float, Field(gt=0, le=20)] = 2.0
-    """So far on, the tries are counted anew."""
+    """Way after which the attempts are counted from 0 again."""

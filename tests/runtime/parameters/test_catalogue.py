@@ -82,9 +82,9 @@ def test_rates_of_telemetry_take_effect_at_once():
 
 def test_the_text_under_a_field_is_its_description_also_when_a_base_class_has_it():
     known = catalogue(SETTINGS)
-    assert known["wall_follow.kp"].words.startswith("Steering per metre of distance error")
-    assert known["wall_follow.expires_after_s"].words.startswith("A navigation word")
-    assert known["motor.poll_hz"].words == "how often the VESC is asked for its values"
+    assert known["wall_follow.kp"].words.startswith("Gain of the distance error")
+    assert known["wall_follow.expires_after_s"].words.startswith("Lifetime of a navigation command")
+    assert known["motor.poll_hz"].words == "Rate of reading the VESC's values."
 
 
 def test_a_wish_is_planned_and_what_it_was_is_told():
