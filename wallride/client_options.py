@@ -1,7 +1,9 @@
 """Options and exit codes of the commands that talk to a car over zenoh."""
 
 import argparse
+import getpass
 import os
+import socket
 from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any
@@ -35,6 +37,19 @@ def add_common(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_name(parser: argparse.ArgumentParser) -> None:
+    """Add --name, of the operator; by default the user and the computer."""
+    try:
+        user = getpass.getuser()
+    except (KeyError, OSError):
+        user = "operator"
+    parser.add_argument(
+        "--name",
+        default=f"{user}@{socket.gethostname().split('.')[0]}",
+        help="name shown on the car and to other operators (default: you@this-computer)",
+    )
+
+
 def run_client(program: Callable[[argparse.Namespace], Coroutine[Any, Any, int]], options: argparse.Namespace) -> int:
     """Run a client's coroutine; an error that the user can correct becomes one line and exit code 2."""
     import asyncio
@@ -48,6 +63,18 @@ def run_client(program: Callable[[argparse.Namespace], Coroutine[Any, Any, int]]
     except BrokenPipeError:  # `wallride topic echo scan | head` has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return 0
+
+
+def between(low: float, high: float) -> Callable[[str], float]:
+    """Return a converter of an option's text to a number within these bounds."""
+
+    def number(text: str) -> float:
+        value = float(text)
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text} is not between {low:g} and {high:g}")
+        return value
+
+    return number
 
 
 def port(text: str) -> int:

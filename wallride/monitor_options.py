@@ -3,9 +3,8 @@
 import argparse
 from functools import partial
 
-from wallride.client_options import add_common, port, run_client
+from wallride.client_options import add_common, add_name, between, port, run_client
 from wallride.failure import needs
-from wallride.teleop_options import default_name
 
 DEFAULT_PORT = 8447
 
@@ -34,32 +33,19 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     )
     parser.add_argument("--no-browser", dest="browser", action="store_false", help="only print the page's address")
     parser.add_argument(
-        "--max-speed", type=_between(0.1, 20.0), default=1.5, metavar="MPS",
+        "--max-speed", type=between(0.1, 20.0), default=1.5, metavar="MPS",
         help="maximum speed of driving from the page (default: 1.5)",
     )  # fmt: skip
     parser.add_argument(
-        "--max-steering", type=_between(0.05, 1.5), default=0.34, metavar="RAD",
+        "--max-steering", type=between(0.05, 1.5), default=0.34, metavar="RAD",
         help="maximum steering angle from the page (default: 0.34)",
     )  # fmt: skip
-    parser.add_argument(
-        "--name", default=None, help="name shown on the car and to other operators (default: you@this-computer)"
-    )
+    add_name(parser)
     parser.set_defaults(run=run, say=partial(print, flush=True), default_port=DEFAULT_PORT)
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the server; exit code 2 when a package is missing."""
-    options.name = options.name or default_name()
     with needs("monitor", "the monitor needs"):
         from clients.monitor import server
     return run_client(server.run, options)
-
-
-def _between(low: float, high: float):  # type: ignore[no-untyped-def]  # noqa: ANN202 - a converter for argparse
-    def number(text: str) -> float:
-        value = float(text)
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{text} is not between {low:g} and {high:g}")
-        return value
-
-    return number

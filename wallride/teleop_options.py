@@ -1,11 +1,9 @@
 """Options of `wallride teleop`. The client is imported when the command runs."""
 
 import argparse
-import getpass
-import socket
 from pathlib import Path
 
-from wallride.client_options import add_common, run_client
+from wallride.client_options import add_common, add_name, between, run_client
 from wallride.failure import fail, needs
 
 MAX_SPEED_MPS = 20.0
@@ -24,31 +22,19 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     add_common(parser)
     _add_devices(parser)
     _add_feel(parser)
-    parser.add_argument(
-        "--name", default=None, help="name shown on the car and to other operators (default: you@this-computer)"
-    )
+    add_name(parser)
     parser.add_argument("--plain", action="store_true", help="print a line per change of state instead of a screen")
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the client; exit code 2 when a package is missing."""
-    options.name = options.name or default_name()
     with needs("teleop", "teleop needs"):
         from clients.teleop.app import TeleopProblemError, operate
     try:
         return run_client(operate, options)
     except TeleopProblemError as problem:
         return fail(str(problem))
-
-
-def default_name() -> str:
-    """Return the name of the user and the computer."""
-    try:
-        user = getpass.getuser()
-    except (KeyError, OSError):
-        user = "operator"
-    return f"{user}@{socket.gethostname().split('.')[0]}"
 
 
 def _add_devices(parser: argparse.ArgumentParser) -> None:
@@ -69,43 +55,33 @@ def _add_devices(parser: argparse.ArgumentParser) -> None:
 def _add_feel(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--max-speed",
-        type=_between(0.1, MAX_SPEED_MPS),
+        type=between(0.1, MAX_SPEED_MPS),
         default=FIRST_SPEED_MPS,
         metavar="MPS",
         help=f"speed at full stick (default: {FIRST_SPEED_MPS:g})",
     )
     parser.add_argument(
         "--max-steering",
-        type=_between(0.05, 1.5),
+        type=between(0.05, 1.5),
         default=0.34,
         metavar="RAD",
         help="steering at full stick (default: 0.34)",
     )
     parser.add_argument(
-        "--ramp", type=_between(0.1, 100), default=2.0, metavar="MPS2",
+        "--ramp", type=between(0.1, 100), default=2.0, metavar="MPS2",
         help="maximum acceleration; slowing down is immediate (default: 2)",
     )  # fmt: skip
     parser.add_argument(
         "--expo",
-        type=_between(0, 1),
+        type=between(0, 1),
         default=0.3,
         metavar="X",
         help="curve of the sticks, 0 linear to 1 cubic (default: 0.3)",
     )
     parser.add_argument(
         "--deadzone",
-        type=_between(0, 0.5),
+        type=between(0, 0.5),
         default=0.08,
         metavar="X",
         help="dead zone in the middle of a stick (default: 0.08)",
     )
-
-
-def _between(low: float, high: float):  # type: ignore[no-untyped-def]  # noqa: ANN202 - a converter for argparse
-    def number(text: str) -> float:
-        value = float(text)
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{text} is not between {low:g} and {high:g}")
-        return value
-
-    return number

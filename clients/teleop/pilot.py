@@ -13,7 +13,7 @@ The car has the same rules and the last word (runtime/teleop/desk.py); the rules
 
 import math
 from collections import OrderedDict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from clients.teleop.hold import Hold
@@ -154,23 +154,19 @@ class Pilot:
             wanted_mps = wanted_rad = 0.0
         self._held = inputs.pressed if inputs.live else frozenset()
         self._last_s = now_s
-        command = self._command(flags, inputs, now_s, wanted_mps, wanted_rad)
+        command = replace(
+            self._command(flags, inputs.kind),
+            input_age_ms=_age_ms(now_s - inputs.event_s),
+            speed_mps=wanted_mps,
+            steering_rad=wanted_rad,
+        )
+        self._remember_sent(command, now_s)
         self.situation = self._describe(block, inputs, command, now_s)
         return command
 
     def goodbye(self, inputs_kind: Input) -> Command:
         """Return the last word of this session: everything released. Send it thrice; each call is a new number."""
-        self._sequence += 1
-        beat = self._beat
-        return Command(
-            session=self.session,
-            sequence=self._sequence,
-            car_session=beat.car_session if beat else 0,
-            beat=beat.beat if beat else 0,
-            flags=Press.GOODBYE,
-            input=inputs_kind,
-            name=self._name,
-        )
+        return self._command(Press.GOODBYE, inputs_kind)
 
     @property
     def _is_mine(self) -> bool:
@@ -280,11 +276,14 @@ class Pilot:
             self._armed, self._closed_by = False, DeadmanFault.HELD
         return sent
 
-    def _command(self, flags: Press, inputs: Inputs, now_s: float, wanted_mps: float, wanted_rad: float) -> Command:
-        self._sequence += 1
-        self._sent_s[self._sequence] = now_s
+    def _remember_sent(self, command: Command, now_s: float) -> None:
+        self._sent_s[command.sequence] = now_s
         if len(self._sent_s) > REMEMBERED_COMMANDS:
             self._sent_s.popitem(last=False)
+
+    def _command(self, flags: Press, kind: Input) -> Command:
+        """Return the next command of this session, as an answer to the latest heartbeat."""
+        self._sequence += 1
         beat = self._beat
         return Command(
             session=self.session,
@@ -292,10 +291,7 @@ class Pilot:
             car_session=beat.car_session if beat else 0,
             beat=beat.beat if beat else 0,
             flags=flags,
-            input=inputs.kind,
-            input_age_ms=_age_ms(now_s - inputs.event_s),
-            speed_mps=wanted_mps,
-            steering_rad=wanted_rad,
+            input=kind,
             name=self._name,
         )
 

@@ -45,13 +45,6 @@ class GridGeometry:
         self._compiled = compiled.cells(self._rectangles, self.origin, self.cell_m)
 
     @property
-    def bounds_m(self) -> tuple[float, float, float, float]:
-        """Return (x_min, y_min, x_max, y_max) of everything."""
-        outline = self.outline_m
-        x, y = outline[:, [0, 2]], outline[:, [1, 3]]
-        return float(x.min()), float(y.min()), float(x.max()), float(y.max())
-
-    @property
     def outline_m(self) -> Floats:
         """Return the edges between free and solid cells, joined into segments (x0, y0, x1, y1), shape (k, 4)."""
         level = _runs(self.solid[:-1] != self.solid[1:])

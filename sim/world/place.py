@@ -35,11 +35,6 @@ class Geometry(Protocol):
     """Walls, independent of their storage (`sim.world.segments`, `sim.world.grid`)."""
 
     @property
-    def bounds_m(self) -> tuple[float, float, float, float]:
-        """(x_min, y_min, x_max, y_max)."""
-        ...
-
-    @property
     def outline_m(self) -> Floats:
         """Segments (x0, y0, x1, y1), shape (k, 4), to draw."""
         ...
@@ -78,7 +73,9 @@ class World:
     @property
     def bounds_m(self) -> tuple[float, float, float, float]:
         """(x_min, y_min, x_max, y_max) of the walls."""
-        return self.geometry.bounds_m
+        outline = self.outline_m
+        x, y = outline[:, [0, 2]], outline[:, [1, 3]]
+        return float(x.min()), float(y.min()), float(x.max()), float(y.max())
 
     @property
     def outline_m(self) -> Floats:

@@ -43,13 +43,6 @@ class SegmentGeometry:
         self._compiled = compiled.walls(self._straight, self.circles_m, end_slack_m=_END_SLACK_M, edge_on=EDGE_ON)
 
     @property
-    def bounds_m(self) -> tuple[float, float, float, float]:
-        """Return (x_min, y_min, x_max, y_max) of everything."""
-        outline = self.outline_m
-        x, y = outline[:, [0, 2]], outline[:, [1, 3]]
-        return float(x.min()), float(y.min()), float(x.max()), float(y.max())
-
-    @property
     def outline_m(self) -> Floats:
         """Return segments (x0, y0, x1, y1), shape (k, 4), to draw; circles become polygons."""
         return np.vstack([self.segments_m, *(circle_outline(*circle) for circle in self.circles_m)])

@@ -2,13 +2,13 @@
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from runtime.settings_base import Section
 
 
-class LidarHealthSettings(BaseModel):
+class LidarHealthSettings(Section):
     """Thresholds for dirty beams and for the amount of dirt that is still safe."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     memory_m: Annotated[float, Field(gt=0, le=10)] = 0.8
     """Way over which evidence of dirt decays; a parked car learns nothing."""

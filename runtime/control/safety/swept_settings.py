@@ -2,16 +2,16 @@
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from runtime.settings_base import Section
 
 
-class SweptSettings(BaseModel):
+class SweptSettings(Section):
     """Conditions under which the car slows and stops, for every driving source.
 
     Defaults: from 96 hazard runs x 6 friction pairs and 76 normal runs in the lab; see docs/laws.md.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     grip_mu: Annotated[float, Field(ge=0.2, le=1.5)] = 0.8
     """Friction assumed for stopping; the outcome hardly depends on it (1 of 48 hazard runs for an error of 0.3)."""
@@ -53,10 +53,8 @@ class SweptSettings(BaseModel):
     """Maximum age of a scan; with an older one the car stops."""
 
 
-class RecoverySettings(BaseModel):
+class RecoverySettings(Section):
     """Recovery of a car that is boxed in."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     boxed_for_s: Annotated[float, Field(ge=0, le=60)] = 2.0
     """Time to wait before backing out: a person in the way usually walks on."""

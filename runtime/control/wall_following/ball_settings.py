@@ -2,17 +2,17 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from runtime.settings_base import Section
 
 
-class BallSettings(BaseModel):
+class BallSettings(Section):
     """Side, distance and speed of wall following, and gains of the pursuit of the ball.
 
     Gains: found on the five starts at 1 to 3 m/s, clean and rough (30 mrad of trim, 40 ms more delay, 30 mm noise):
     more kp comes to the wall no sooner and overshoots with delay, less kd is late at the wall.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     side: Literal["left", "right"] = "left"
     """Side of the followed wall."""

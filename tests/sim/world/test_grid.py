@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim.world.grid import GridGeometry
+from sim.world.place import World
 from sim.world.pose import CAR, Pose
 from sim.world.segments import SegmentGeometry, box, chain
 
@@ -82,7 +83,7 @@ def test_mirrored_and_drawn():
     drawn = {tuple(np.round(line, 9)) for line in GRID.outline_m}
     assert len(drawn) == 8
     assert (3.0, 2.0, 4.0, 2.0) in drawn
-    assert GRID.bounds_m == pytest.approx((0.0, 0.0, 8.0, 5.0))
+    assert World("", GRID, Pose(0.0, 0.0, 0.0)).bounds_m == pytest.approx((0.0, 0.0, 8.0, 5.0))
 
 
 @given(seed=st.integers(0, 1000))

@@ -80,17 +80,16 @@ def test_the_image_lies_with_row_0_at_the_top_and_the_origin_at_its_lower_left(t
     picture = np.zeros((6, 8))
     picture[1, 2:5] = 254  # second row from the top
     path = write_map(tmp_path, picture, "resolution: 0.5\norigin: [10.0, 20.0, 0.0]\n")
-    geometry = load_map(path).geometry
-    assert isinstance(geometry, GridGeometry)
-    assert geometry.is_free(11.25, 22.25)
-    assert not geometry.is_free(11.25, 20.75)
-    assert geometry.bounds_m == pytest.approx((11.0, 22.0, 12.5, 22.5))
+    world = load_map(path)
+    assert isinstance(world.geometry, GridGeometry)
+    assert world.geometry.is_free(11.25, 22.25)
+    assert not world.geometry.is_free(11.25, 20.75)
+    assert world.bounds_m == pytest.approx((11.0, 22.0, 12.5, 22.5))
 
 
 def test_a_turned_origin_and_block_style(tmp_path):
     path = write_map(tmp_path, np.full((4, 4), 254), "origin:\n- 1.0\n- 2.0\n- 1.5707963267948966\nresolution: 1.0")
-    geometry = load_map(path).geometry
-    assert geometry.bounds_m == pytest.approx((-3.0, 2.0, 1.0, 6.0))
+    assert load_map(path).bounds_m == pytest.approx((-3.0, 2.0, 1.0, 6.0))
 
 
 @pytest.mark.parametrize(("picture", "dtype", "negate", "expected"), [
