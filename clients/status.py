@@ -117,7 +117,16 @@ def screen(status: Status, silent_s: float = 0.0) -> list[str]:
     return lines
 
 
+def condition_lines(condition: Mapping[str, Any]) -> tuple[str, str]:
+    """Return the state with its reason, and what clears it; empty for a car that does not report it."""
+    if not condition:
+        return "", ""
+    reason = because(condition["reason"], condition.get("measure"))
+    return f"{condition['state']}, for {condition['for_s']:.0f} s: {reason}", str(condition["clears"])
+
+
 def _rows(status: Status) -> Iterator[tuple[str, str]]:
+    yield from zip(("state", "to clear"), condition_lines(status.get("condition") or {}), strict=True)
     output = status["output"]
     if output is not None:
         yield (

@@ -11,6 +11,8 @@ from typing import Any
 
 from drivers.api import Clock, Drive, Lidar, Motor, Scan
 from runtime import kernel
+from runtime.arbitration.command import Output
+from runtime.arbitration.driving_state import DrivingStateMonitor
 from runtime.arbitration.emergency_stop import EmergencyStop
 from runtime.arbitration.permit import Permit
 from runtime.arbitration.queues import Inbox
@@ -87,6 +89,7 @@ class Car:
         self.mux = mux_task.Mux(self.voices, motor, self.limiter, REQUIRED, self.tape.clock, self.stages, self.tape)
         self.permit = Permit(self.voices, settings.operator.permit)
         self.emergency_stop = EmergencyStop(self.voices)
+        self.driving_state = DrivingStateMonitor(lidar, motor, self.emergency_stop, self.permit, clock)
         self.session = secrets.randbits(31) + 1
         self.operator = OperatorDesk(
             settings.operator, self.voices, self.permit, self.emergency_stop, motor.clear_fault, clock,
@@ -157,13 +160,17 @@ class Car:
             ),
             "safety": safety.watch(for_safety, motor, self.stack.look, self.stages.safety),
             "wall_follow": wall_follow.follow(for_follower, motor, self.stack.follow, cycle),
-            "mux": self.mux.run(self.telemetry.on_output),
+            "mux": self.mux.run(self._publish),
             "timer": self._periodic_timer().run(),
             "own_parts": self.own_parts.keep(),
             "parameters": parameters.keep_history(self.history, history_file(settings)),
             **self.telemetry.jobs(),
         }  # fmt: skip
         return [tasks.create_task(job, name=name) for name, job in jobs.items()]
+
+    def _publish(self, output: Output) -> None:
+        self.driving_state.update(output)
+        self.telemetry.on_output(output)
 
     def _afterwards(self, scan: Scan) -> None:
         """Do the work that can wait until a scan is answered."""
@@ -221,6 +228,7 @@ class Car:
             timings=self.stages,
             recording=self.recorder.status,
             own_parts=self.own_parts.status,
+            condition=self.driving_state.fields,
             operator=self.operator.view,
             link=lambda: {"endpoint": self.bus.endpoint, "open": self.bus.is_open, "dropped": self.bus.dropped},
         )

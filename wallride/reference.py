@@ -1,4 +1,4 @@
-"""The reference pages of settings, topics and commands, written from the code: `python -m wallride.reference`.
+"""The reference pages of settings, topics, commands and states, written from the code: `python -m wallride.reference`.
 
 `pages` returns them; `tests/docs/test_reference.py` fails when the files in docs/reference are not the same.
 """
@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
+from runtime.arbitration.driving_state import CLEARED_BY, TRANSITIONS, DrivingState, Observation
 from runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
 from runtime.parameters.catalogue import Parameter, catalogue
 from runtime.parameters.policy import Effect
@@ -86,7 +87,12 @@ EFFECTS: Final[Mapping[Effect, str]] = {
 
 def pages() -> dict[str, str]:
     """Return the text of every page by file name."""
-    return {"settings.md": settings_page(), "topics.md": topics_page(), "commands.md": commands_page()}
+    return {
+        "settings.md": settings_page(),
+        "topics.md": topics_page(),
+        "commands.md": commands_page(),
+        "states.md": states_page(),
+    }
 
 
 def settings_page() -> str:
@@ -165,6 +171,42 @@ def topics_page() -> str:
 
 def _rate(rate_hz: float) -> str:
     return "every one" if rate_hz >= EVERY_HZ else f"{rate_hz:g} Hz"
+
+
+STATE_MEANINGS: Final[Mapping[DrivingState, str]] = {
+    DrivingState.STARTING: "the process is up, and nothing has been decided yet",
+    DrivingState.WAITING: "lidar or motor is not ready; the reason names it and what is wrong",
+    DrivingState.DISARMED: "no operator drives or permits autonomy; the reason says what ended the last permit",
+    DrivingState.ARMED: "a human or autonomy may move the car, and no motion is asked for",
+    DrivingState.DRIVING: "the car moves as its driver asks",
+    DrivingState.LIMITED: "the car moves, slower than its driver asks; the reason names the limit",
+    DrivingState.STOPPED: "the car may move and is held: by safety, or because its driver is silent or stuck",
+    DrivingState.ESTOPPED: "an operator pressed the e-stop; it is latched",
+    DrivingState.FAULT: "the motor controller reported a fault, or contradicts the lidar; it is latched",
+}
+
+
+def states_page() -> str:
+    """Return the car's states: meaning, what clears each, and the transition table."""
+    lines = [
+        HEAD,
+        "# States\n",
+        "The state of the car in one word, in `condition` of the topic `status`, in `wallride status` and on the page,",
+        "always with its reason and what clears it. It describes what arbitration decided and changes nothing.\n",
+        "| state | meaning | cleared by |",
+        "| --- " * 3 + "|",
+        *(_row((f"`{state}`", STATE_MEANINGS[state], CLEARED_BY[state] or "-")) for state in DrivingState),
+        "",
+        "## Transitions\n",
+        "At every decision the first of these observations that applies leads from the present state (rows) to the",
+        "next, until the state stays the same: a car that comes from `e-stopped`, `fault (latched)`,",
+        "`waiting for device` or `starting` passes `disarmed` and `armed` before it drives.\n",
+        _row(("", *Observation)),
+        "| --- " * (len(Observation) + 1) + "|",
+        *(_row((f"`{state}`", *(TRANSITIONS[state][seen] for seen in Observation))) for state in DrivingState),
+        "",
+    ]
+    return "\n".join(lines)
 
 
 def commands_page() -> str:

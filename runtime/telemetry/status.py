@@ -100,6 +100,7 @@ class ObservedState:
     link: the session as plain values. seconds_by_winner: the mux's own account. timings: of the hot path's stages.
     recording: state of the recorder. session: this start of the process, as in every heartbeat; 0 where there is none.
     own_parts: the known parts of the car that its lidar sees. hot_path: which functions run compiled, as text.
+    condition: the car's state and what clears it.
     """
 
     car: str
@@ -117,6 +118,7 @@ class ObservedState:
     own_parts: Callable[[], Mapping[str, Any]] = dict
     session: int = 0
     hot_path: str = ""
+    condition: Callable[[], Mapping[str, Any]] = dict
 
 
 @dataclass(slots=True)
@@ -146,6 +148,7 @@ def status(observed: ObservedState, output: Output | None, journey: Journey) -> 
         "stamp_s": now_s,
         "up_s": now_s - journey.started_s,
         "state": state(output, closed),
+        "condition": dict(observed.condition()),
         "output": decision_fields(output, live) if output is not None else None,
         "gates": closed,
         "voices": voices(observed, live, heard),

@@ -7,7 +7,7 @@ from runtime.wire import topics, zenoh_config
 from wallride import reference
 
 
-@pytest.mark.parametrize("name", ["settings.md", "topics.md", "commands.md"])
+@pytest.mark.parametrize("name", ["settings.md", "topics.md", "commands.md", "states.md"])
 def test_the_page_is_what_the_code_says(name):
     written = (reference.FOLDER / name).read_text(encoding="utf-8")
     assert written == reference.pages()[name], f"docs/reference/{name} is stale: run  {reference.COMMAND}"

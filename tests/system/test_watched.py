@@ -118,7 +118,7 @@ async def it_is_drawn(page):
     assert (found["way"], found["car"]) == (16, 5)
     assert found["samples"] > 50
     assert found["winner"] in {"Navigation", "Safety"}
-    assert found["state"] == "driving"
+    assert found["state"] in {"driving", "limited"}
 
 
 async def test_a_held_touch_moves_the_car_and_whatever_ends_it_stops_it(tmp_path):

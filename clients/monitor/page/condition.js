@@ -6,6 +6,7 @@ import { because } from "./mux.js";
 
 const START = "Start one: make sim here, or wallride run on the car.";
 
+const STATE_MOODS = { driving: "good", "waiting for device": "bad", "e-stopped": "bad", "fault (latched)": "bad" };
 const LOW_CELL_V = 3.4;
 const EMPTY_CELL_V = 3.2;
 const CELL_V = [[18, 6], [13.5, 4], [9.2, 3], [0, 2]];
@@ -26,8 +27,10 @@ export class Condition {
     this.#line("gates", gates.length ? "warn" : "good", gates.length ? gates.map(([name, reason]) => `${name}: ${reason}`).join("; ") : "all open");
     this.#line("software", "plain", `wallride ${status.version ?? "?"}, up ${age((status.up_s ?? 0) * 1000)}`);
     this.#line("recording", recordingMood(status.recording), recordingWords(status.recording));
-    setData($("state"), "state", String(status.state ?? ""));
-    setText($("state"), status.state ?? "–");
+    const { state = status.state, reason, measure, clears } = status.condition ?? {};
+    setData($("state"), "state", String(state ?? ""));
+    setText($("state"), state ?? "–");
+    this.#line("clears", STATE_MOODS[state] ?? "warn", clears ? `${because(reason, measure)}; cleared by: ${clears}` : state ?? "unknown");
     const output = status.output;
     setText($("why"), output ? `${output.winner}: ${because(output.reason, output.measure)}` : "nothing has been decided yet");
   }

@@ -1,0 +1,174 @@
+"""The car's state in one of nine words, the transition table between them, and what clears each.
+
+Describes arbitration and decides nothing: `observe` reads one decision and its circumstances, `TRANSITIONS` follows
+them. No state in which the car stands for a cause is left towards motion without passing `disarmed` and `armed`.
+"""
+
+import math
+from collections.abc import Mapping
+from enum import StrEnum
+from types import MappingProxyType
+from typing import Final
+
+from drivers.api import Clock, Lidar, LinkState, Motor
+from drivers.value import value
+from runtime.arbitration.command import Output, Source
+from runtime.arbitration.emergency_stop import Cause, EmergencyStop
+from runtime.arbitration.permit import Permit
+
+
+class DrivingState(StrEnum):
+    """States of the car, least active first."""
+
+    STARTING = "starting"
+    WAITING = "waiting for device"
+    DISARMED = "disarmed"
+    ARMED = "armed"
+    DRIVING = "driving"
+    LIMITED = "limited"
+    STOPPED = "stopped"
+    ESTOPPED = "e-stopped"
+    FAULT = "fault (latched)"
+
+
+class Observation(StrEnum):
+    """Events of the table: what is true at a decision. The first that applies counts."""
+
+    FAULT = "fault latched"
+    ESTOP = "e-stop pressed"
+    DEVICE_MISSING = "device missing"
+    NOT_PERMITTED = "no driver permitted"
+    IDLE = "no motion asked"
+    BLOCKED = "stop decided"
+    SLOWED = "slower than asked"
+    FREE = "drives as asked"
+
+
+_S, _O = DrivingState, Observation
+_UNREADY: Final = (_S.STARTING, _S.WAITING, _S.ESTOPPED, _S.FAULT)
+_MOVABLE: Final = {_O.IDLE: _S.ARMED, _O.BLOCKED: _S.STOPPED, _O.SLOWED: _S.LIMITED, _O.FREE: _S.DRIVING}
+_ALWAYS: Final = {
+    _O.FAULT: _S.FAULT, _O.ESTOP: _S.ESTOPPED, _O.DEVICE_MISSING: _S.WAITING, _O.NOT_PERMITTED: _S.DISARMED,
+}  # fmt: skip
+
+
+def _row(state: DrivingState) -> dict[Observation, DrivingState]:
+    if state in _UNREADY:
+        return _ALWAYS | dict.fromkeys(_MOVABLE, _S.DISARMED)
+    return _ALWAYS | (dict.fromkeys(_MOVABLE, _S.ARMED) if state is _S.DISARMED else _MOVABLE)
+
+
+TRANSITIONS: Final[Mapping[DrivingState, Mapping[Observation, DrivingState]]] = MappingProxyType(
+    {state: MappingProxyType(_row(state)) for state in DrivingState}
+)
+"""The next state, for each state and each observation."""
+
+CLEARED_BY: Final[Mapping[DrivingState, str]] = MappingProxyType(
+    {
+        _S.STARTING: "the first decision, within a second of the start",
+        _S.WAITING: "connect or power the device as its line says; then permit again",
+        _S.DISARMED: "an operator: hold to drive, or permit autonomy (wallride teleop; Drive on the page)",
+        _S.ARMED: "a speed: push the stick",
+        _S.DRIVING: "",
+        _S.LIMITED: "the end of the reason; nothing to do",
+        _S.STOPPED: "the end of the reason; the car then drives on while it is permitted",
+        _S.ESTOPPED: "release everything, then hold R or Start for 1 s (page: Drive, then Reset); then permit again",
+        _S.FAULT: "remedy the fault, then reset as after an e-stop (operator.permit = always retries by itself)",
+    }
+)
+"""What ends each state; "" for the one that is wanted."""
+
+
+@value()
+class Circumstances:
+    """What a decision does not say of itself.
+
+    missing: the device that is not ready, with its message; "" when both are. fault, e_stop: reasons of the latched
+        causes, "" when open. permitted: autonomy may move. refusal: the permit's last reason.
+    """
+
+    missing: str
+    fault: str
+    e_stop: str
+    permitted: bool
+    refusal: str
+
+
+def observe(output: Output, around: Circumstances) -> tuple[Observation, str]:
+    """Return what is true of a decision, and its reason."""
+    decision = output.decision
+    if around.fault:
+        return Observation.FAULT, around.fault
+    if around.e_stop:
+        return Observation.ESTOP, around.e_stop
+    if around.missing:
+        return Observation.DEVICE_MISSING, around.missing
+    by_hand = decision.driver is Source.TELEOP
+    if not (by_hand or around.permitted):
+        return Observation.NOT_PERMITTED, around.refusal
+    limited = decision.winner is not decision.driver
+    if output.drive.speed_mps:
+        return (Observation.SLOWED if limited else Observation.FREE), decision.reason
+    # A human who asks for 0 stops the car himself; so does the limiter while it passes from one gear to the other.
+    idle = decision.speed_mps != 0 or (by_hand and not limited)
+    return (Observation.IDLE if idle else Observation.BLOCKED), decision.reason
+
+
+def settle(state: DrivingState, seen: Observation) -> DrivingState:
+    """Follow the table with one observation until the state stays the same."""
+    while (following := TRANSITIONS[state][seen]) is not state:
+        state = following
+    return state
+
+
+class DrivingStateMonitor:
+    """Follows the table from decision to decision.
+
+    state, reason: the present ones. measure: the number behind the reason, NaN where there is none. since_s: beginning
+        of the state.
+    """
+
+    def __init__(self, lidar: Lidar, motor: Motor, emergency_stop: EmergencyStop, permit: Permit, clock: Clock) -> None:
+        self._devices = (("motor", motor), ("lidar", lidar))
+        self._causes = emergency_stop.causes
+        self._permit = permit
+        self._clock = clock
+        self.state = DrivingState.STARTING
+        self.reason = "no decision yet"
+        self.measure = math.nan
+        self.since_s = clock()
+
+    def update(self, output: Output) -> None:
+        """Take in one decision."""
+        seen, self.reason = observe(output, self._circumstances())
+        self.measure = output.decision.measure if self.reason is output.decision.reason else math.nan
+        state = settle(self.state, seen)
+        if state is not self.state:
+            self.state, self.since_s = state, self._clock()
+
+    def fields(self) -> dict[str, str | float]:
+        """Return plain values for the status."""
+        return {
+            "state": str(self.state),
+            "reason": self.reason,
+            "measure": self.measure,
+            "clears": CLEARED_BY[self.state],
+            "for_s": self._clock() - self.since_s,
+        }
+
+    def _circumstances(self) -> Circumstances:
+        causes, permit = self._causes, self._permit
+        return Circumstances(
+            self._missing(),
+            causes.get(Cause.MOTOR, ""),
+            causes.get(Cause.OPERATOR, ""),
+            permitted=self._clock() < permit.until_s,
+            refusal=permit.reason,
+        )
+
+    def _missing(self) -> str:
+        for name, device in self._devices:
+            health = device.health
+            if health.link is not LinkState.READY:
+                return f"{name} {health.link}: {health.message}"
+        return ""

@@ -1,0 +1,151 @@
+"""The state of the car: every state times every observation, and what a person reads of it."""
+
+import itertools
+import math
+
+import pytest
+
+from drivers.api import Drive, LinkState
+from runtime.arbitration.command import LAB_ORDER, Decision, Output, Source
+from runtime.arbitration.command_queue import CommandQueue
+from runtime.arbitration.driving_state import (
+    CLEARED_BY,
+    TRANSITIONS,
+    Circumstances,
+    DrivingState,
+    DrivingStateMonitor,
+    Observation,
+    observe,
+    settle,
+)
+from runtime.arbitration.emergency_stop import Cause, EmergencyStop
+from runtime.arbitration.permit import Permit
+from sim.virtual.devices import MemoryLidar, MemoryMotor
+from tests.runtime.observed import HandClock
+
+S, E = DrivingState, Observation
+SETTLED = {
+    E.FAULT: S.FAULT,
+    E.ESTOP: S.ESTOPPED,
+    E.DEVICE_MISSING: S.WAITING,
+    E.NOT_PERMITTED: S.DISARMED,
+    E.IDLE: S.ARMED,
+    E.BLOCKED: S.STOPPED,
+    E.SLOWED: S.LIMITED,
+    E.FREE: S.DRIVING,
+}
+HELD = {S.STARTING, S.WAITING, S.ESTOPPED, S.FAULT}
+DEFAULT = Output(0.0, Drive(0.0, 0.0), Decision(0.0, None, None, None, "no word"), delivered=True)
+CALM = Circumstances("", "", "", permitted=True, refusal="")
+
+
+def output_of(sent_mps, *, driver=Source.NAVIGATION, winner=None, speed_mps=None, reason="wall"):
+    speed_mps = sent_mps if speed_mps is None else speed_mps
+    decision = Decision(speed_mps, 0.0, driver, winner or driver, reason, 0.4)
+    return Output(0.0, Drive(sent_mps, 0.0), decision, delivered=True)
+
+
+@pytest.mark.parametrize(("state", "seen"), list(itertools.product(S, E)))
+def test_every_observation_leads_from_every_state_to_its_own(state, seen):
+    assert TRANSITIONS[state][seen] in S
+    assert settle(state, seen) is SETTLED[seen]
+
+
+@pytest.mark.parametrize(("state", "seen"), list(itertools.product(S, E)))
+def test_the_way_to_motion_leads_through_disarmed_and_armed(state, seen):
+    following = TRANSITIONS[state][seen]
+    if following in {S.FAULT, S.ESTOPPED, S.WAITING}:
+        assert following is SETTLED[seen], "a cause is entered from anywhere, and only by its own observation"
+    elif state in HELD:
+        assert following is S.DISARMED
+    elif state is S.DISARMED:
+        assert following in {S.DISARMED, S.ARMED}
+    else:
+        assert following is SETTLED[seen]
+
+
+def test_no_observation_leads_back_to_starting():
+    assert S.STARTING not in {following for row in TRANSITIONS.values() for following in row.values()}
+
+
+def test_each_state_but_driving_says_what_clears_it():
+    assert set(CLEARED_BY) == set(S)
+    assert [state for state, words in CLEARED_BY.items() if not words] == [S.DRIVING]
+
+
+@pytest.mark.parametrize(
+    ("output", "around", "seen", "reason"),
+    [
+        (output_of(1.0), CALM, E.FREE, "wall"),
+        (output_of(-0.5), CALM, E.FREE, "wall"),
+        (output_of(0.4, winner=Source.SAFETY, reason="ahead"), CALM, E.SLOWED, "ahead"),
+        (output_of(0.0, winner=Source.SAFETY, reason="ahead"), CALM, E.BLOCKED, "ahead"),
+        (output_of(0.0, reason="boxed in"), CALM, E.BLOCKED, "boxed in"),
+        (output_of(0.0, driver=Source.TELEOP, reason="ann drives"), CALM, E.IDLE, "ann drives"),
+        (output_of(0.0, driver=Source.TELEOP, winner=Source.SAFETY, reason="ahead"), CALM, E.BLOCKED, "ahead"),
+        (output_of(0.0, speed_mps=-0.5), CALM, E.IDLE, "wall"),
+        (DEFAULT, CALM, E.BLOCKED, "no word"),
+        (output_of(0.0), Circumstances("", "", "", permitted=False, refusal="ask"), E.NOT_PERMITTED, "ask"),
+        (output_of(1.0, driver=Source.TELEOP), Circumstances("", "", "", permitted=False, refusal="x"), E.FREE, "wall"),
+        (output_of(1.0), Circumstances("gone", "", "", permitted=True, refusal=""), E.DEVICE_MISSING, "gone"),
+        (output_of(1.0), Circumstances("gone", "", "red", permitted=True, refusal=""), E.ESTOP, "red"),
+        (output_of(1.0), Circumstances("gone", "DRV", "red", permitted=True, refusal=""), E.FAULT, "DRV"),
+    ],
+)  # fmt: skip
+def test_a_decision_and_its_circumstances_are_one_observation(output, around, seen, reason):
+    assert observe(output, around) == (seen, reason)
+
+
+class Watched:
+    """A monitor and all that it reads."""
+
+    def __init__(self):
+        self.clock = HandClock()
+        self.lidar, self.motor = MemoryLidar(lambda _: None, self.clock), MemoryMotor(self.clock)
+        queue = CommandQueue(LAB_ORDER, self.clock)
+        self.e_stop, self.permit = EmergencyStop(queue), Permit(queue, "required")
+        self.monitor = DrivingStateMonitor(self.lidar, self.motor, self.e_stop, self.permit, self.clock)
+
+    def after(self, output):
+        self.clock.now_s += 0.02
+        self.monitor.update(output)
+        return self.monitor.state
+
+
+def test_the_monitor_follows_a_drive_from_the_start_to_a_fault_and_back():
+    car, stands, drives = Watched(), output_of(0.0, reason="boxed in"), output_of(1.0)
+    assert car.monitor.state is S.STARTING
+    car.motor.present = False
+    assert car.after(stands) is S.WAITING
+    assert "motor absent" in car.monitor.reason
+    car.motor.present = True
+    assert car.after(stands) is S.DISARMED
+    car.permit.grant(until_s=math.inf)
+    assert car.after(drives) is S.DRIVING
+    assert car.after(stands) is S.STOPPED
+    assert car.monitor.fields()["measure"] == 0.4
+    car.lidar.health.link = LinkState.STARTING
+    assert car.after(stands) is S.WAITING
+    car.lidar.health.link = LinkState.READY
+    car.e_stop.latch(Cause.OPERATOR, "e-stop by ann")
+    assert car.after(stands) is S.ESTOPPED
+    car.e_stop.latch(Cause.MOTOR, "motor fault: DRV")
+    assert car.after(stands) is S.FAULT
+    assert car.monitor.fields() | {"for_s": 0.0, "measure": None} == {
+        "state": "fault (latched)", "reason": "motor fault: DRV", "measure": None, "for_s": 0.0,
+        "clears": CLEARED_BY[S.FAULT],
+    }  # fmt: skip
+    car.e_stop.clear(Cause.MOTOR)
+    assert car.after(stands) is S.ESTOPPED
+    car.e_stop.clear(Cause.OPERATOR)
+    car.permit.refuse("the e-stop was reset")
+    assert car.after(stands) is S.DISARMED
+    assert car.monitor.reason == "the e-stop was reset"
+
+
+def test_the_state_is_as_old_as_its_beginning():
+    car = Watched()
+    car.permit.grant(until_s=math.inf)
+    for _ in range(5):
+        car.after(output_of(1.0))
+    assert car.monitor.fields()["for_s"] == pytest.approx(0.08)
