@@ -62,7 +62,9 @@ async def drive(seconds: float) -> tuple[list[float], Counter[int], bool]:
     """Return memory at even times, collections by generation, and whether anything was touched."""
     loop = asyncio.get_running_loop()
     twin = TwinWorld(load_world("loop"), loop.time, lidar=LidarSettings(noise_std_m=0.02, outlier_share=0.02), seed=7)
-    settings = Settings.model_validate({"operator": {"permit": "always"}, "wall_follow": {"speed_mps": 3.0}})
+    settings = Settings.model_validate(
+        {"battery": {"settle_s": 0.0}, "operator": {"permit": "always"}, "wall_follow": {"speed_mps": 3.0}}
+    )
     ear = CountingBus(loop.time)
     motor = WorldMotor(twin, loop.time)
     car = Car(settings, WorldLidar(twin, loop.time), motor, ear, loop.time)

@@ -147,8 +147,7 @@ def _rows(status: Status) -> Iterator[tuple[str, str]]:
         label = ""
     yield "operator", _operator(status.get("operator"))
     yield "not bound", overruled_words(status.get("overruled"))
-    battery = status["battery"]
-    yield "battery", f"{battery['voltage_v']:.1f} V, {battery['current_a']:.1f} A" if battery else "unknown"
+    yield "battery", battery_words(status["battery"])
     yield "fault", status["fault"]
     for device in ("lidar", "motor"):
         health = status[device]
@@ -166,6 +165,20 @@ def _rows(status: Status) -> Iterator[tuple[str, str]]:
         yield "record", ", ".join(filter(None, (recording["words"], recording["file"])))
     yield "link", ", ".join(f"{name} {value}" for name, value in status["link"].items())
     yield "software", f"wallride {status['version']}, up {status['up_s']:.0f} s, {status['scans']} scans"
+
+
+def battery_words(battery: Mapping[str, Any] | None) -> str:
+    """Return a line on the battery."""
+    if not battery:
+        return "unknown"
+    cells, sag_v = battery.get("cells"), battery.get("sag_v")
+    parts = (
+        f"{battery['voltage_v']:.1f} V, {battery['current_a']:.1f} A",
+        f"{cells} cells, {battery['voltage_v'] / cells:.2f} V each" if cells else "",
+        f"at least {sag_v:.1f} V under load" if sag_v is not None else "",
+        str(battery.get("trouble") or ""),
+    )
+    return ", ".join(filter(None, parts))
 
 
 def own_parts_words(own_parts: Mapping[str, Any]) -> str:

@@ -32,6 +32,7 @@ from runtime.settings.tree import Settings
 from runtime.tasks import health, operator, parameters, recorder, safety, wall_follow
 from runtime.tasks import lidar as lidar_task
 from runtime.tasks import mux as mux_task
+from runtime.tasks.battery import BatteryLimit
 from runtime.tasks.health import HealthMonitor
 from runtime.tasks.own_parts import OwnPartsKeeper
 from runtime.tasks.scan_cycle import ScanCycle
@@ -95,6 +96,7 @@ class Car:
             settings.operator, self.voices, self.permit, self.emergency_stop, motor.clear_fault, clock,
             car_session=self.session,
         )  # fmt: skip
+        self.battery = BatteryLimit(settings.battery, motor, self.voices, self.operator.rearm)
         self.own_parts = OwnPartsKeeper(
             settings.car.name, lambda: lidar.health.identity, self.laws, file_in(settings.process.state_folder), clock,
             lambda: datetime.now(UTC).isoformat(timespec="seconds"), self.is_standing, self.tape.remembered,
@@ -192,6 +194,7 @@ class Car:
         desk_ticker = operator.DeskTicker(self.operator, self.motor, self._beat)
         timer.every(1 / settings.operator.beat_hz, desk_ticker.tick)
         timer.every(1 / health.RATE_HZ, self._health_monitor().tick)
+        timer.every(1 / health.RATE_HZ, self.battery.tick)
         timer.every(FOLLOW_WALL_CLOCK_S, lambda _late_s, _missed: self._follow_wall_clock())
         return timer
 
@@ -229,6 +232,7 @@ class Car:
             recording=self.recorder.status,
             own_parts=self.own_parts.status,
             condition=self.driving_state.fields,
+            battery=self.battery.status,
             operator=self.operator.view,
             link=lambda: {"endpoint": self.bus.endpoint, "open": self.bus.is_open, "dropped": self.bus.dropped},
         )

@@ -180,7 +180,7 @@ STATE_MEANINGS: Final[Mapping[DrivingState, str]] = {
     DrivingState.ARMED: "a human or autonomy may move the car, and no motion is asked for",
     DrivingState.DRIVING: "the car moves as its driver asks",
     DrivingState.LIMITED: "the car moves, slower than its driver asks; the reason names the limit",
-    DrivingState.STOPPED: "the car may move and is held: by safety, or because its driver is silent or stuck",
+    DrivingState.STOPPED: "the car may move and is held: by safety, the battery, or a driver that is silent or stuck",
     DrivingState.ESTOPPED: "an operator pressed the e-stop; it is latched",
     DrivingState.FAULT: "the motor controller reported a fault, or contradicts the lidar; it is latched",
 }

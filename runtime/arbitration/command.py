@@ -1,8 +1,8 @@
 """Command sources, their commands and speed limits, and the pure function that arbitrates between them.
 
-A source either *drives* (teleop, navigation) or *limits* the speed of every less urgent source (e-stop, safety,
-permit). "Checked, no objection" is a limit of infinity, which is not the same as silence. No queue, no clock and no I/O
-here: a table of cases tests it completely.
+A source either *drives* (teleop, navigation) or *limits* the speed of every less urgent source (e-stop, battery,
+safety, permit). "Checked, no objection" is a limit of infinity, which is not the same as silence. No queue, no clock
+and no I/O here: a table of cases tests it completely.
 """
 
 import math
@@ -22,6 +22,7 @@ class Source(StrEnum):
     """The command sources; the values are the names in `mux.order` and on the wire."""
 
     ESTOP = "e-stop"
+    BATTERY = "battery"
     TELEOP = "teleop"
     SAFETY = "safety"
     PERMIT = "permit"
@@ -29,9 +30,11 @@ class Source(StrEnum):
 
 
 LAB_ORDER = (Source.ESTOP, Source.TELEOP, Source.SAFETY, Source.PERMIT, Source.NAVIGATION)
-"""The lab's priority order: joystick over safety over navigation, with e-stop above all and the permit below safety."""
+"""The lab's priority order: joystick over safety over navigation, with e-stop above all and the permit below safety.
 
-CAPPING = frozenset({Source.ESTOP, Source.SAFETY, Source.PERMIT})
+The battery is no part of it: its place is behind the e-stop (`Settings.effective_order`)."""
+
+CAPPING = frozenset({Source.ESTOP, Source.BATTERY, Source.SAFETY, Source.PERMIT})
 DRIVING = frozenset({Source.TELEOP, Source.NAVIGATION})
 
 

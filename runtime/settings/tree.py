@@ -16,6 +16,7 @@ from pydantic import Field, ValidationError, field_validator
 from drivers.hokuyo.settings import HokuyoSettings
 from drivers.vesc.settings import VescSettings
 from runtime.arbitration.command import LAB_ORDER, Source
+from runtime.control.battery import BatterySettings
 from runtime.control.method_settings import (
     KEPT_BY_NEW_METHOD,
     METHODS,
@@ -42,14 +43,14 @@ class MuxSettings(Section):
     """Priority order of the sources, and rate of the output's renewal without new commands."""
 
     order: tuple[Source, ...] = LAB_ORDER
-    """Priority order of the sources, most urgent first."""
+    """Priority order of the sources, most urgent first; the battery follows the e-stop."""
     tick_hz: Annotated[float, Field(ge=20, le=200)] = 50.0
     """Rate of the mux's decisions without new scans or commands."""
 
     @field_validator("order")
     @classmethod
     def _complete(cls, order: tuple[Source, ...]) -> tuple[Source, ...]:
-        if sorted(order) != sorted(Source):
+        if sorted(order) != sorted(LAB_ORDER):
             raise ValueError(f"must name each of {', '.join(LAB_ORDER)} exactly once")
         if order[0] is not Source.ESTOP:
             raise ValueError("must begin with e-stop: nothing outranks an emergency stop")
@@ -94,6 +95,7 @@ class Settings(Section):
     motor: VescSettings = VescSettings()
     wall_follow: ChosenWallFollow = BallFollowSettings()
     safety: ChosenSafety = SweptSafetySettings()
+    battery: BatterySettings = BatterySettings()
     mux: MuxSettings = MuxSettings()
     operator: OperatorSettings = OperatorSettings()
     telemetry: TelemetrySettings = TelemetrySettings()
@@ -103,12 +105,13 @@ class Settings(Section):
     recording: RecordingSettings = RecordingSettings()
 
     def effective_order(self) -> tuple[Source, ...]:
-        """Return the mux's order after `safety.binds_teleop` moved safety above the human."""
+        """Return the mux's order: with the battery, and with safety above the human where `safety.binds_teleop`."""
         order: list[Source] = [source for source in self.mux.order if source is not Source.SAFETY]
         position = self.mux.order.index(Source.SAFETY)
         if self.safety.binds_teleop:
             position = min(position, order.index(Source.TELEOP))
         order.insert(position, Source.SAFETY)
+        order.insert(1, Source.BATTERY)
         return tuple(order)
 
 

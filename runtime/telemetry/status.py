@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from drivers.api import Clock, Lidar, LinkState, Motor
+from drivers.api import Clock, Lidar, LinkState, Motor, MotorState
 from drivers.value import value
 from runtime.arbitration.command import (
     NO_WINNER,
@@ -100,7 +100,7 @@ class ObservedState:
     link: the session as plain values. seconds_by_winner: the mux's own account. timings: of the hot path's stages.
     recording: state of the recorder. session: this start of the process, as in every heartbeat; 0 where there is none.
     own_parts: the known parts of the car that its lidar sees. hot_path: which functions run compiled, as text.
-    condition: the car's state and what clears it.
+    condition: the car's state and what clears it. battery: its judgement.
     """
 
     car: str
@@ -119,6 +119,7 @@ class ObservedState:
     session: int = 0
     hot_path: str = ""
     condition: Callable[[], Mapping[str, Any]] = dict
+    battery: Callable[[], Mapping[str, Any]] = dict
 
 
 @dataclass(slots=True)
@@ -156,9 +157,7 @@ def status(observed: ObservedState, output: Output | None, journey: Journey) -> 
         "overruled": overruled(observed, live, decision),
         "seconds_by_winner": dict(observed.seconds_by_winner),
         "speed_mps": motor_state.speed_mps if motor_state is not None else None,
-        "battery": {"voltage_v": motor_state.voltage_v, "current_a": motor_state.input_current_a}
-        if motor_state is not None
-        else None,
+        "battery": battery_fields(observed, motor_state),
         "fault": motor_state.fault if motor_state is not None else "",
         "lidar": health_fields(observed.lidar),
         "window": list(observed.window()),
@@ -172,6 +171,13 @@ def status(observed: ObservedState, output: Output | None, journey: Journey) -> 
         "distance_error": {"mean_abs_m": journey.score.mean_abs_m, "rms_m": journey.score.rms_m},
         "odom": {"x_m": pose.x_m, "y_m": pose.y_m, "yaw_rad": pose.yaw_rad},
     }
+
+
+def battery_fields(observed: ObservedState, state: MotorState | None) -> dict[str, Any] | None:
+    """Return the battery; None without a report of the motor controller."""
+    if state is None:
+        return None
+    return {"voltage_v": state.voltage_v, "current_a": state.input_current_a, **observed.battery()}
 
 
 def state(output: Output | None, closed: Mapping[str, str]) -> str:
@@ -192,11 +198,11 @@ def gates(observed: ObservedState, heard: Mapping[Source, SourceStatus]) -> dict
         name: "" if device.health.link is LinkState.READY else f"{device.health.link}: {device.health.message}"
         for name, device in (("lidar", observed.lidar), ("motor", observed.motor))
     }
-    for source in (Source.ESTOP, Source.SAFETY, Source.PERMIT):
+    for source in (Source.ESTOP, Source.BATTERY, Source.SAFETY, Source.PERMIT):
         if (says := heard.get(source)) is not None:
             closed[str(source)] = says.reason if says.speed_mps <= 0 else ""
         else:
-            closed[str(source)] = "" if source is Source.ESTOP else NO_WORD
+            closed[str(source)] = "" if source in {Source.ESTOP, Source.BATTERY} else NO_WORD
     closed[str(Source.NAVIGATION)] = "" if Source.NAVIGATION in heard else NO_WORD
     return closed
 

@@ -105,6 +105,7 @@ class Play:
         self.told = ReportedFigures(twin, self.motor)
         settings = Settings.model_validate(
             {
+                "battery": {"settle_s": 0.0},
                 "operator": {"permit": story.permit},
                 "wall_follow": {"speed_mps": story.speed_mps},
                 "safety": {"backs_out": story.backs_out, "binds_teleop": story.binds_teleop},

@@ -31,7 +31,13 @@ class Story:
     def __init__(self, **sections):
         # The scans here do not move with the car, which only the report's laws do not mind.
         report = {"method": "report"}
-        sections = {"operator": {"permit": "always"}, "wall_follow": {}, "safety": {}, **sections}
+        sections = {
+            "battery": {"settle_s": 0},
+            "operator": {"permit": "always"},
+            "wall_follow": {},
+            "safety": {},
+            **sections,
+        }
         sections |= {name: report | sections[name] for name in ("wall_follow", "safety")}
         self.settings = Settings.model_validate(sections)
         self.scans: np.ndarray | None = CORRIDOR

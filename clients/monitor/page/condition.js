@@ -70,12 +70,12 @@ export class Condition {
 
   #battery(battery) {
     const volts = battery?.voltage_v;
-    const cells = Number.isFinite(volts) ? CELL_V.find(([least]) => volts > least)?.[1] ?? 2 : 0;
+    const cells = battery?.cells ?? (Number.isFinite(volts) ? CELL_V.find(([least]) => volts > least)?.[1] ?? 2 : 0);
     const each = volts / cells;
-    const mood = !cells ? "plain" : each < EMPTY_CELL_V ? "bad" : each < LOW_CELL_V ? "warn" : "good";
+    const mood = battery?.trouble ? "bad" : !cells ? "plain" : each < EMPTY_CELL_V ? "bad" : each < LOW_CELL_V ? "warn" : "good";
     setData($("battery"), "mood", mood);
     setText($("battery-volts"), number(volts, 1, " V"));
-    this.#line("battery-line", mood, battery ? `${number(volts, 2)} V (${number(each, 2)} V a cell), ${number(battery.current_a, 1)} A` : "unknown");
+    this.#line("battery-line", mood, battery ? `${number(volts, 2)} V (${number(each, 2)} V a cell), ${number(battery.current_a, 1)} A${batteryWords(battery)}` : "unknown");
   }
 
   #operator(operator, overruled, voices) {
@@ -101,6 +101,10 @@ export class Condition {
     setData(line, "mood", mood);
     setText(line.lastElementChild, words);
   }
+}
+
+function batteryWords({ sag_v: sag, trouble }) {
+  return (Number.isFinite(sag) ? `, at least ${number(sag, 1)} V under load` : "") + (trouble ? `; ${trouble}` : "");
 }
 
 /** Whether safety limits a human, too: the voices come in the mux's order. */

@@ -4,7 +4,7 @@ import { $, age, make, number, setData, setHidden, setText } from "./look.js";
 
 const SAYS_NO = 0;
 const WORDS = {
-  "e-stop": "Emergency stop", teleop: "Teleop", safety: "Safety", permit: "Permit", navigation: "Navigation",
+  "e-stop": "Emergency stop", battery: "Battery", teleop: "Teleop", safety: "Safety", permit: "Permit", navigation: "Navigation",
 };
 
 class Voice {

@@ -91,11 +91,11 @@ def test_an_unusable_file_is_one_clear_message(tmp_path, make, words):
 
 
 def test_binding_teleop_moves_safety_above_it():
-    assert Settings().effective_order() == LAB_ORDER
+    assert Settings().effective_order() == (Source.ESTOP, Source.BATTERY, *LAB_ORDER[1:])
     bound = Settings.model_validate({"safety": {"binds_teleop": True}}).effective_order()
-    assert bound == (Source.ESTOP, Source.SAFETY, Source.TELEOP, Source.PERMIT, Source.NAVIGATION)
+    assert bound == (Source.ESTOP, Source.BATTERY, Source.SAFETY, Source.TELEOP, Source.PERMIT, Source.NAVIGATION)
     mine = ["e-stop", "safety", "teleop", "permit", "navigation"]
-    assert Settings.model_validate({"mux": {"order": mine}}).effective_order() == tuple(mine)
+    assert Settings.model_validate({"mux": {"order": mine}}).effective_order() == ("e-stop", "battery", *mine[1:])
 
 
 def test_each_wrong_value_is_blamed_on_where_it_was_written(tmp_path):

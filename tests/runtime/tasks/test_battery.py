@@ -1,0 +1,66 @@
+"""The battery's voice: silent while all is well, above the human, and one word per change."""
+
+from dataclasses import replace
+
+from drivers.api import Clock, Drive, MotorState
+from runtime.arbitration.command import DriveCommand, Source, arbitrate
+from runtime.arbitration.command_queue import CommandQueue
+from runtime.control.battery import BatterySettings
+from runtime.settings.tree import Settings
+from runtime.tasks.battery import BatteryLimit
+from sim.virtual.devices import MemoryMotor
+from tests.runtime.observed import HandClock
+
+FINE = MotorState(0.0, 0.0, 0.0, 0.0, 12.0, 0.0, 0.0, 30.0, "", timed_out=False, killed=False)
+ORDER = Settings().effective_order()
+
+
+class Motor(MemoryMotor):
+    """A controller that reports what the test sets."""
+
+    def __init__(self, clock: Clock) -> None:
+        super().__init__(clock)
+        self.report: MotorState | None = None
+
+    @property
+    def state(self) -> MotorState | None:
+        return self.report
+
+
+class Car:
+    """A stick pushed for 3 m/s, and a battery."""
+
+    def __init__(self):
+        self.clock = HandClock(0.0)
+        self.voices = CommandQueue(ORDER, self.clock)
+        self.said = []
+        self.voices.on_said = lambda word, _: self.said.append(word)
+        self.motor, self.rearmed = Motor(self.clock), []
+        self.limit = BatteryLimit(BatterySettings(), self.motor, self.voices, self.rearmed.append)
+        self.voices.say(DriveCommand(Source.TELEOP, Drive(3.0, 0.1), None, "ann drives"))
+
+    def shows(self, voltage_v, seconds):
+        for _ in range(round(seconds / 0.05)):
+            self.clock.now_s += 0.05
+            self.motor.report = replace(FINE, stamp_s=self.clock.now_s, voltage_v=voltage_v)
+            self.limit.check()
+        return arbitrate(self.voices.live(), frozenset(), ORDER)
+
+
+def test_the_battery_comes_right_after_the_e_stop():
+    assert ORDER[:3] == (Source.ESTOP, Source.BATTERY, Source.TELEOP)
+
+
+def test_it_holds_slows_and_stops_a_human_too_and_says_why():
+    car = Car()
+    assert car.shows(11.8, 1.0).speed_mps == 0.0
+    assert car.shows(11.8, 2.0).speed_mps == 3.0
+    assert car.voices.word(Source.BATTERY) is None, "a good battery is silent"
+    low = car.shows(10.1, 1.2)
+    assert (low.speed_mps, low.winner, low.reason) == (1.0, Source.BATTERY, "battery low: 10.1 V; charge or change it")
+    assert car.rearmed == []
+    empty = car.shows(9.4, 1.2)
+    assert (empty.speed_mps, empty.reason) == (0.0, "battery empty: 9.4 V; charge or change it")
+    assert car.rearmed == ["battery empty: 9.4 V; charge or change it; permit again"]
+    assert len([word for word in car.said if word.source is Source.BATTERY]) == 3, "one word per change"
+    assert car.shows(11.9, 2.2).speed_mps == 3.0
