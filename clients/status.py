@@ -148,6 +148,7 @@ def _rows(status: Status) -> Iterator[tuple[str, str]]:
     yield "operator", _operator(status.get("operator"))
     yield "not bound", overruled_words(status.get("overruled"))
     yield "battery", battery_words(status["battery"])
+    yield "computer", computer_words(status.get("computer") or {})
     yield "fault", status["fault"]
     for device in ("lidar", "motor"):
         health = status[device]
@@ -179,6 +180,13 @@ def battery_words(battery: Mapping[str, Any] | None) -> str:
         str(battery.get("trouble") or ""),
     )
     return ", ".join(filter(None, parts))
+
+
+def computer_words(computer: Mapping[str, Any]) -> str:
+    """Return a line on the computer; "" for one that reports nothing."""
+    temperature_c = computer.get("temperature_c")
+    warmth = f"{temperature_c:.0f} C ({computer.get('zone')})" if temperature_c is not None else ""
+    return ", ".join(filter(None, (warmth, str(computer.get("trouble") or ""))))
 
 
 def own_parts_words(own_parts: Mapping[str, Any]) -> str:

@@ -33,6 +33,7 @@ from runtime.tasks import health, operator, parameters, recorder, safety, wall_f
 from runtime.tasks import lidar as lidar_task
 from runtime.tasks import mux as mux_task
 from runtime.tasks.battery import BatteryLimit
+from runtime.tasks.computer import ComputerWatch
 from runtime.tasks.health import HealthMonitor
 from runtime.tasks.own_parts import OwnPartsKeeper
 from runtime.tasks.scan_cycle import ScanCycle
@@ -58,12 +59,14 @@ class Car:
     file: destination of saved live parameters, None where there is none; base: the file below it.
     reading_s: duration of the newest scan's read from the kernel, where the lidar measures it.
     scan_phase: the one around which the devices schedule. warmth: notified when a scan is answered.
+    computer: watches the computer, where there is a real one.
     """
 
     def __init__(
         self, settings: Settings, lidar: Lidar, motor: Motor, bus: Network, clock: Clock, file: Path | None = None,
         *, reading_s: Callable[[], float] = lambda: 0.0, scan_phase: ScanPhase | None = None,
         warmth: Warmth | None = None, wall_clock: WallClock | None = None, base: Path | None = None,
+        computer: ComputerWatch | None = None,
     ) -> None:  # fmt: skip
         self.settings = settings
         self.lidar = lidar
@@ -97,6 +100,7 @@ class Car:
             car_session=self.session,
         )  # fmt: skip
         self.battery = BatteryLimit(settings.battery, motor, self.voices, self.operator.rearm)
+        self.computer = computer
         self.own_parts = OwnPartsKeeper(
             settings.car.name, lambda: lidar.health.identity, self.laws, file_in(settings.process.state_folder), clock,
             lambda: datetime.now(UTC).isoformat(timespec="seconds"), self.is_standing, self.tape.remembered,
@@ -168,6 +172,8 @@ class Car:
             "parameters": parameters.keep_history(self.history, history_file(settings)),
             **self.telemetry.jobs(),
         }  # fmt: skip
+        if self.computer is not None:
+            jobs["computer"] = self.computer.watch()
         return [tasks.create_task(job, name=name) for name, job in jobs.items()]
 
     def _publish(self, output: Output) -> None:
@@ -233,6 +239,7 @@ class Car:
             own_parts=self.own_parts.status,
             condition=self.driving_state.fields,
             battery=self.battery.status,
+            computer=self.computer.status if self.computer is not None else dict,
             operator=self.operator.view,
             link=lambda: {"endpoint": self.bus.endpoint, "open": self.bus.is_open, "dropped": self.bus.dropped},
         )

@@ -19,6 +19,7 @@ from runtime import kernel
 from runtime.app import Car, history_file
 from runtime.control import methods
 from runtime.host.address_file import Address, write_address
+from runtime.host.computer import read_computer
 from runtime.host.logging_setup import journal
 from runtime.host.scheduling import keep_for_this_thread
 from runtime.realtime.cpu_latency import awake
@@ -28,6 +29,7 @@ from runtime.realtime.selector import ReadySelector
 from runtime.realtime.wall_clock import WallClock
 from runtime.settings.tree import Settings
 from runtime.tasks import parameters
+from runtime.tasks.computer import ComputerWatch
 from runtime.wire.bus import Bus, PortTakenError
 from runtime.wire.port_holder import holder_of, taken_sentence
 from runtime.wire.teleop import session_text
@@ -132,7 +134,7 @@ async def _drive(
     lidar = Hokuyo(settings.lidar, clock=clock, clear_s=scan_phase.clear_s)
     car = Car(
         settings, lidar, motor, bus, clock, files.saved, reading_s=lambda: lidar.reading_s, scan_phase=scan_phase,
-        warmth=warmth, wall_clock=WallClock(clock), base=files.base,
+        warmth=warmth, wall_clock=WallClock(clock), base=files.base, computer=ComputerWatch(read_computer),
     )  # fmt: skip
     motor.inertia.on_measurement = car.telemetry.on_imu
     if (history := history_file(settings)) is not None:

@@ -100,7 +100,8 @@ class ObservedState:
     link: the session as plain values. seconds_by_winner: the mux's own account. timings: of the hot path's stages.
     recording: state of the recorder. session: this start of the process, as in every heartbeat; 0 where there is none.
     own_parts: the known parts of the car that its lidar sees. hot_path: which functions run compiled, as text.
-    condition: the car's state and what clears it. battery: its judgement.
+    condition: the car's state and what clears it. battery: its judgement. computer: temperature
+        and throttling.
     """
 
     car: str
@@ -120,6 +121,7 @@ class ObservedState:
     hot_path: str = ""
     condition: Callable[[], Mapping[str, Any]] = dict
     battery: Callable[[], Mapping[str, Any]] = dict
+    computer: Callable[[], Mapping[str, Any]] = dict
 
 
 @dataclass(slots=True)
@@ -158,6 +160,7 @@ def status(observed: ObservedState, output: Output | None, journey: Journey) -> 
         "seconds_by_winner": dict(observed.seconds_by_winner),
         "speed_mps": motor_state.speed_mps if motor_state is not None else None,
         "battery": battery_fields(observed, motor_state),
+        "computer": dict(observed.computer()),
         "fault": motor_state.fault if motor_state is not None else "",
         "lidar": health_fields(observed.lidar),
         "window": list(observed.window()),

@@ -22,6 +22,8 @@ export class Condition {
     this.#line("own-parts", "plain", ownPartsWords(status.own_parts?.patches ?? []));
     this.#line("fault", status.fault ? "bad" : "good", status.fault || "none");
     this.#battery(status.battery);
+    const { temperature_c: warm, zone, trouble } = status.computer ?? {};
+    this.#line("computer", trouble ? "bad" : "plain", [Number.isFinite(warm) ? `${number(warm, 0)} °C (${zone})` : "", trouble].filter(Boolean).join("; ") || "reports nothing");
     this.#operator(status.operator, status.overruled, status.voices);
     const gates = Object.entries(status.gates ?? {}).filter(([, reason]) => reason);
     this.#line("gates", gates.length ? "warn" : "good", gates.length ? gates.map(([name, reason]) => `${name}: ${reason}`).join("; ") : "all open");
