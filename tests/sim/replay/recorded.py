@@ -20,7 +20,7 @@ from sim.virtual.twin_world import TwinWorld, WorldLidar, WorldMotor
 from sim.virtual.virtual_time import run_virtual
 from sim.world.worlds import load_world
 
-SETTINGS = {"operator": {"permit": "always"}, "wall_follow": {"speed_mps": 1.5}}
+SETTINGS = {"battery": {"settle_s": 0}, "operator": {"permit": "always"}, "wall_follow": {"speed_mps": 1.5}}
 
 
 class Sink:
