@@ -1,14 +1,23 @@
 """Logging set-up: one line an event on standard error, as text or JSON, written by a thread.
 
-A blocked terminal or a full journal must not block control, so records go through a queue (QueueHandler).
+A blocked terminal or a full journal must not block control, so records go through a queue (QueueHandler) of bounded
+length, and the end of the process does not wait for a reader that is gone.
 """
 
 import json
 import logging
 import logging.handlers
+import os
 import queue
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Final
+
+MAX_WAITING: Final = 2000
+"""Maximum number of records that wait for a blocked terminal; newer ones are dropped."""
+MAX_LAST_WRITE_S: Final = 0.5
+"""Maximum time for the queued records at the end of the process."""
 
 
 class _JsonFormatter(logging.Formatter):
@@ -23,19 +32,61 @@ class _JsonFormatter(logging.Formatter):
         )
 
 
+class _DescriptorHandler(logging.Handler):
+    """Writes to a file descriptor without any lock: one thread writes, and a blocked write must not hold up the exit.
+
+    Python's own buffers and the locks of logging are both waited for when the interpreter ends.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        super().__init__()
+        self._descriptor = descriptor
+
+    def createLock(self) -> None:  # noqa: N802 - the name is the base class's
+        """Use no lock."""
+        self.lock = None
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write one line; a line that cannot be written is lost."""
+        try:
+            os.write(self._descriptor, f"{self.format(record)}\n".encode(errors="replace"))
+        except OSError:
+            return  # the reader is gone
+
+
+class _BoundedQueueHandler(logging.handlers.QueueHandler):
+    def __init__(self, records: queue.SimpleQueue[logging.LogRecord]) -> None:
+        super().__init__(records)
+        self._records = records
+
+    def enqueue(self, record: logging.LogRecord) -> None:
+        """Queue a record, or drop it where the terminal is blocked."""
+        if self._records.qsize() < MAX_WAITING:
+            self._records.put(record)
+
+
+class _PatientListener(logging.handlers.QueueListener):
+    def stop(self) -> None:
+        """Write what is queued, for a limited time."""
+        self.enqueue_sentinel()
+        if self._thread is not None:
+            self._thread.join(MAX_LAST_WRITE_S)
+            self._thread = None
+
+
 @contextmanager
 def journal(level: str, form: str) -> Iterator[None]:
     """Log to standard error inside the block; queued records are still written at its end."""
-    handler = logging.StreamHandler()
+    handler = _DescriptorHandler(sys.stderr.fileno())
     handler.setFormatter(
         _JsonFormatter()
         if form == "json"
         else logging.Formatter("%(asctime)s.%(msecs)03d %(levelname)-7s %(name)s: %(message)s", "%H:%M:%S")
     )
     records: queue.SimpleQueue[logging.LogRecord] = queue.SimpleQueue()
-    listener = logging.handlers.QueueListener(records, handler)
+    listener = _PatientListener(records, handler)
     root = logging.getLogger()
-    queue_handler = logging.handlers.QueueHandler(records)
+    queue_handler = _BoundedQueueHandler(records)
     root.addHandler(queue_handler)
     root.setLevel(level)
     listener.start()
