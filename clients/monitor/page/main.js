@@ -14,6 +14,7 @@ import { Timings } from "./timings.js";
 
 const OLD_MS = 500;
 const AGES_MS = 100;
+const OWED_MS = 15000; // a STOP is sent late rather than never
 const SMALL = matchMedia("(max-width: 760px)");
 const CAR_TOPICS = ["scan", "wall", "footprint", "odom", "output", "distance_error", "status", "decision", "beat"];
 const REMEMBERED = "wallride.monitor";
@@ -33,6 +34,7 @@ let car = "";
 let carSession = 0;
 let topSpeed = 1.5;
 let stopAskedMs = -Infinity;
+let owedStopMs = -Infinity; // a STOP that found no link
 let frameAsked = false;
 
 // --- drawing: once per frame, and only when there is something new ---------------------------------------------
@@ -170,8 +172,20 @@ function showAge(panel, ms) {
 function stop() {
   stopAskedMs = performance.now();
   timings.stopped(stopAskedMs);
-  if (!link.say({ t: "stop" })) announce("STOP COULD NOT BE SENT: there is no link to the car", "bad");
+  if (!link.say({ t: "stop" })) {
+    owedStopMs = stopAskedMs;
+    announce("STOP NOT SENT: there is no link to the car; it will be sent as soon as the link is back", "bad");
+  }
   showStop(stopAskedMs);
+}
+
+/** Sends the STOP that found no link. Called when the link is back. */
+function sendOwedStop() {
+  const owed = performance.now() - owedStopMs < OWED_MS;
+  owedStopMs = -Infinity;
+  if (!owed) return;
+  stop();
+  announce("the link is back: STOP is sent", "good");
 }
 
 function showStop(nowMs) {
@@ -181,7 +195,11 @@ function showStop(nowMs) {
   const state = beat.latched ? "latched" : pending ? "pending" : "ready";
   setData($("stop"), "state", state);
   const words = { latched: "e-stop: the car is held", pending: "sending…", ready: device.stopKeys };
-  const silent = !link.open ? "no link!" : link.ageMs("beat", nowMs) > OLD_MS ? "the car is not heard" : "";
+  if (nowMs - owedStopMs > OWED_MS && owedStopMs > -Infinity) {
+    owedStopMs = -Infinity;
+    announce("STOP WAS NOT SENT: the link did not come back in time; stop the car another way", "bad");
+  }
+  const silent = !link.open ? (owedStopMs > -Infinity ? "no link! sent when it is back" : "no link!") : link.ageMs("beat", nowMs) > OLD_MS ? "the car is not heard" : "";
   setText($("stop-note"), silent || words[state]);
 }
 
@@ -383,7 +401,8 @@ link.on("hello", (hello) => {
   if (car) link.say({ t: "watch", car });
   else if (hello.car) { showCars($("car"), hello.cars, hello.car); watch(hello.car); }
   else takeMonitor(hello);
-  setText($("you"), hello.name);
+  sendOwedStop();
+  setText($("you"), `You are ${hello.name}.`);
 });
 link.on("history", (message) => {
   if (message.car !== car) return;

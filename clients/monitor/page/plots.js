@@ -155,7 +155,7 @@ function timeLabel(windowMs, third) {
   let label = timeLabels.get(key);
   if (label === undefined) {
     const seconds = Math.round((windowMs / 1000) * (1 - third / 3));
-    label = third === 3 ? "now" : seconds >= 100 ? `−${Math.floor(seconds / 60)}:${String(seconds % 60).padStart(2, "0")} min` : `−${seconds} s`;
+    label = third === 3 ? "now" : seconds >= 100 ? `−${Math.floor(seconds / 60)}:${String(seconds % 60).padStart(2, "0")}${third ? "" : " min"}` : `−${seconds} s`;
     timeLabels.set(key, label);
   }
   return label;

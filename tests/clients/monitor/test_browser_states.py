@@ -62,6 +62,19 @@ async def test_it_tells_this_page_from_another(scene, tab):
         await other.until(f"{NEXT} === 'ann@laptop operates, on another page.'")
 
 
+async def test_a_stop_without_a_link_goes_out_when_the_link_is_back(scene, tab):
+    async with scene.car() as car:
+        async with scene.monitor():
+            await watching(tab, scene)
+        await tab.until("document.body.dataset.linked === 'false'")
+        await tab.click("#stop")
+        await tab.until("document.querySelector('#stop-note').textContent === 'no link! sent when it is back'")
+        assert "STOP NOT SENT" in await tab.run("document.querySelector('#notice').textContent")
+        assert not car.e_stop.latched
+        async with scene.monitor():
+            await car.until(lambda: car.e_stop.latched, "the STOP of before", within_s=15)
+
+
 async def test_a_page_that_is_opened_later_has_the_minutes_before_it(scene, tab):
     async with scene.car(), scene.monitor():
         await watching(tab, scene)
