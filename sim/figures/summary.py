@@ -10,6 +10,7 @@ import numpy as np
 from sim.world.pose import Floats
 
 SETTLE_BAND_M = 0.05
+SETTLED_FOR_S = 2.0
 STANDING_BELOW_MPS = 0.05
 ON_THE_LINE_M = 0.02
 STANDING_FOR_S = 1.0
@@ -32,7 +33,7 @@ def figures(samples: Sequence[Sample], desired_m: float) -> dict[str, Any]:
     """Return duration, distance, errors, settling, clearance and speed of a run.
 
     Errors count from the first movement, over samples that have a wall. `settle_s` is the time after which the error
-    stays within 5 cm for the rest of the run, null when it does not.
+    first stays within 5 cm for 2 s; a later corner does not count. It is null when it never does.
     """
     table = np.array([[s.time_s, s.x_m, s.y_m, s.speed_mps, s.wall_m, s.clearance_m] for s in samples]).reshape(-1, 6)
     time_s, x_m, y_m, speed_mps, wall_m, clearance_m = table.T
@@ -60,13 +61,15 @@ def _number(value: float) -> float | None:
 
 
 def _settle_s(time_s: Floats, error_m: Floats) -> float | None:
-    if not error_m.size:
-        return None
-    outside = np.flatnonzero(np.abs(error_m) > SETTLE_BAND_M)
-    if not outside.size:
-        return 0.0
-    after = int(outside[-1]) + 1
-    return _number(time_s[after] - time_s[0]) if after < error_m.size else None
+    since_s: float | None = None
+    for now_s, now_m in zip(time_s, error_m, strict=True):
+        if abs(now_m) > SETTLE_BAND_M:
+            since_s = None
+            continue
+        since_s = now_s if since_s is None else since_s
+        if now_s - since_s >= SETTLED_FOR_S:
+            return _number(since_s - time_s[0])
+    return None
 
 
 def _overshoot_m(error_m: Floats) -> float | None:

@@ -40,6 +40,9 @@ KILLED = 130
 POSE_NUMBERS = 3
 HEARD = "heard"
 """Value of telemetry in the summary: its statements about the runtime are that runtime's own."""
+FOR_PROGRAMS = frozenset({"began_unix_s", "session"})
+"""Fields of the summary that only its JSON file has."""
+ROUND_FROM = 1000.0
 
 
 class SimUsageError(Exception):
@@ -339,5 +342,22 @@ def _plot(path: Path, world: World, record: Record, desired_m: float, settings: 
 def _table(summary: dict[str, Any]) -> Table:
     table = Table(title=f"wallride sim: {summary['world']}", show_header=False)
     for name, value in summary.items():
-        table.add_row(name, json.dumps(value) if isinstance(value, dict | list) else str(value))
+        if name not in FOR_PROGRAMS:
+            table.add_row(name, _shown(value))
     return table
+
+
+def _shown(value: object) -> str:
+    """Return a value of the summary for people; the JSON file has all digits."""
+    match value:
+        case None | [] | {}:
+            return "-"
+        case bool():
+            return "yes" if value else "no"
+        case float():
+            return f"{value:.0f}" if abs(value) >= ROUND_FROM else f"{value:.3g}"
+        case dict():
+            return ", ".join(f"{key} {_shown(one)}" for key, one in value.items())
+        case list():
+            return ", ".join(_shown(one) for one in value)
+    return str(value)

@@ -23,6 +23,7 @@ ROWS = (
     ("lap_times_s", "lap times", "s"),
     ("collided", "touched something", ""),
 )
+ROUND_FROM = 1000.0
 NOT_OF_THE_DRIVE = ("recording.", "telemetry.", "log.", "process.")
 """Prefixes of settings of the output; they are among all settings, not in the table."""
 
@@ -94,15 +95,20 @@ def _cell(name: str, value: object, unit: str, *, known: bool) -> str:
     if not known:
         return "<td></td>"
     if isinstance(value, list):
-        shown = ", ".join(f"{item:g}" for item in value) or "none"
+        shown = ", ".join(_digits(item) for item in value) or "none"
     elif isinstance(value, bool):
         shown = "yes" if value else "no"
     else:
-        shown = NOT_KNOWN if value is None else f"{value:g}"
+        shown = _digits(value) if isinstance(value, int | float) else NOT_KNOWN
     if shown == NOT_KNOWN and name == "settle_s":
         shown, unit = "never", ""
     known_unit = unit if shown not in {NOT_KNOWN, "none"} else ""
     return f'<td data-name="{name}">{escape(shown)}{f" {known_unit}" if known_unit else ""}</td>'
+
+
+def _digits(value: float) -> str:
+    """Return a figure with as many digits as a drive repeats; the JSON file has all of them."""
+    return f"{value:.0f}" if abs(value) >= ROUND_FROM else f"{value:.3g}"
 
 
 def settings(runs: Sequence[Shown]) -> str:
@@ -162,7 +168,7 @@ def winners(numbers: Mapping[str, Any]) -> str:
     if not total_s:
         return '<p class="nothing">not recorded</p>'
     rows = "".join(
-        f"<tr><th>{escape(name)}</th><td>{spent_s:g} s</td>"
+        f"<tr><th>{escape(name)}</th><td>{_digits(spent_s)} s</td>"
         f'<td class="wide"><i style="width:{100 * spent_s / total_s:.1f}%"></i></td></tr>'
         for name, spent_s in sorted(seconds.items(), key=lambda item: -item[1])
     )

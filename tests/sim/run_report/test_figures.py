@@ -113,3 +113,18 @@ def test_what_happened_once_is_told_as_once(capsys):
     assert "they would have stopped it once" in said
     assert "and slowed it once" in said
     assert "0.00)" not in said
+
+
+@pytest.mark.parametrize(
+    ("left_at_s", "back_at_s", "settled_s"),
+    [(9.0, 9.5, 1.5), (3.0, 3.5, 3.5), (3.0, 99.0, None), (0.0, 0.0, 1.5)],
+)
+def test_a_later_corner_does_not_unsettle_a_drive(left_at_s, back_at_s, settled_s):
+    times_s = np.arange(0, 10, 0.1).round(3)
+    outside = (times_s < 1.5) | ((times_s >= left_at_s) & (times_s < back_at_s))
+    rows = [
+        summary.Sample(now_s, now_s, 0.0, 0.0, 1.0, 1.2 if out else 1.01, 0.5)
+        for now_s, out in zip(times_s, outside, strict=True)
+    ]
+    found = summary.figures(rows, 1.0)["settle_s"]
+    assert found == (None if settled_s is None else pytest.approx(settled_s, abs=0.11))
