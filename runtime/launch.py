@@ -25,7 +25,7 @@ from runtime.host.scheduling import keep_for_this_thread
 from runtime.realtime.cpu_latency import awake
 from runtime.realtime.prefetch import Warmth
 from runtime.realtime.scan_phase import ScanPhase
-from runtime.realtime.selector import ReadySelector
+from runtime.realtime.selector import CheckedSelector
 from runtime.realtime.wall_clock import WallClock
 from runtime.settings.tree import Settings
 from runtime.tasks import parameters
@@ -110,7 +110,7 @@ def braking_last(motors: Sequence[BrakingMotor]) -> Iterator[None]:
 
 def punctual_loop() -> asyncio.AbstractEventLoop:
     """Return an event loop whose timers are accurate to 0.1 ms."""
-    return asyncio.SelectorEventLoop(ReadySelector())
+    return asyncio.SelectorEventLoop(CheckedSelector())
 
 
 async def _drive(
