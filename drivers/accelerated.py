@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Final, ParamSpec, TypeVar
+from typing import Any, Final, ParamSpec, TypeVar, overload
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -35,9 +35,13 @@ class UnfitError(Exception):
 
 @dataclass(slots=True)
 class Accelerated:
-    """A function with an equivalent in C. why: the reason for which the Python runs; empty where it is the C."""
+    """A function with an equivalent in C, and what makes the arguments of that; None where they are the same.
+
+    why: the reason for which the Python runs; empty where it is the C.
+    """
 
     python: Callable[..., Any]
+    flat: Callable[..., tuple[Any, ...]] | None = None
     why: str = ""
 
     def compiled(self) -> Callable[..., Any]:
@@ -52,19 +56,39 @@ class Accelerated:
         for constant in entry["constants"]:
             _set(found, constant, seal["constants"][constant])
         function: Callable[..., Any] = getattr(found, name)
-        return function
+        return function if self.flat is None else _over(function, self.flat)
 
 
 FUNCTIONS: Final[dict[str, Accelerated]] = {}
 """Every function with an equivalent in C whose module has been imported, by name."""
 
 
-def accelerated(python: Callable[P, R]) -> Callable[P, R]:
-    """Return the C function of the same name where it fits this one, else this one. Arguments by position only."""
+@overload
+def accelerated(python: Callable[P, R], /) -> Callable[P, R]: ...
+
+
+@overload
+def accelerated(*, flat: Callable[P, tuple[Any, ...]]) -> Callable[[Callable[P, R]], Callable[P, R]]: ...
+
+
+def accelerated(
+    python: Callable[..., Any] | None = None, /, *, flat: Callable[..., tuple[Any, ...]] | None = None
+) -> Callable[..., Any]:
+    """Return the C function of the same name where it fits this one, else this one. Arguments by position only.
+
+    flat: makes the arguments of the C from those of the Python: arrays and numbers from structures.
+    """
+    if python is None:
+        return lambda law: _resolved(Accelerated(law, flat))
+    return _resolved(Accelerated(python))
+
+
+def _resolved(one: Accelerated) -> Callable[..., Any]:
+    python = one.python
     name = python.__name__
     if name in FUNCTIONS:
         raise ValueError(f"two functions named {name} are accelerated: rename one")
-    one = FUNCTIONS[name] = Accelerated(python)
+    FUNCTIONS[name] = one
     if _switched_off:
         one.why = f"{SWITCH}=0"
         return python
@@ -73,6 +97,13 @@ def accelerated(python: Callable[P, R]) -> Callable[P, R]:
     except UnfitError as reason:
         one.why = str(reason)
         return python
+
+
+def _over(function: Callable[..., Any], flat: Callable[..., tuple[Any, ...]]) -> Callable[..., Any]:
+    def answer(*given: Any) -> Any:  # noqa: ANN401 - those of the Python function
+        return function(*flat(*given))
+
+    return answer
 
 
 def in_c() -> frozenset[str]:

@@ -14,6 +14,7 @@ from typing import Final
 
 DIGITS: Final = 16
 DECORATOR: Final = "accelerated"
+_METHODS: Final = "()"
 _LEFT_OUT: Final = frozenset({"ctx", "kind", "returns", "annotation", "type_comment", "type_params"})
 
 
@@ -100,12 +101,25 @@ class Sources:
             found = self.module(where)
             if found is None:
                 raise KeyError(called)
-            statement = found.statements[what]
-            texts[called] = "".join(_text_of(statement))
-            waiting.extend(self._used_by(found, statement))
+            part = _part_of(found, what)
+            texts[called] = "".join(_text_of(part))
+            for statement in part:
+                waiting.extend(self._used_by(found, statement))
+                waiting.extend(self._annotated_by(found, statement))
         parts = [f"{called} {texts[called]}" for called in sorted(texts)] + sorted(constants)
         digest = hashlib.sha256("\n".join(parts).encode()).hexdigest()[:DIGITS]
         return Fingerprint(digest, tuple(sorted(modules)), tuple(sorted(constants)))
+
+    def _annotated_by(self, module: Module, statement: ast.stmt) -> Iterator[tuple[str, str]]:
+        """Yield the methods of the classes of a function's parameters: it may call them."""
+        if isinstance(statement, ast.FunctionDef):
+            arguments = (one.annotation for one in ast.walk(statement.args) if isinstance(one, ast.arg))
+            names = {one.id for part in arguments if part for one in ast.walk(part) if isinstance(one, ast.Name)}
+            for name in sorted(names):
+                origin = self.origin(module.name, name)
+                found = self.module(origin[0]) if origin else None
+                if origin and found and isinstance(found.statements.get(origin[1]), ast.ClassDef):
+                    yield origin[0], origin[1] + _METHODS
 
     def _used_by(self, module: Module, statement: ast.stmt) -> Iterator[tuple[str, str]]:
         own = _parameters_of(statement)
@@ -132,6 +146,14 @@ def bound_by(statement: ast.stmt) -> Iterator[str]:
         targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
         for target in targets:
             yield from (one.id for one in ast.walk(target) if isinstance(one, ast.Name))
+
+
+def _part_of(module: Module, what: str) -> list[ast.stmt]:
+    """Return what is bound to a name; of a class that is only annotated, its methods."""
+    if not what.endswith(_METHODS):
+        return [module.statements[what]]
+    body = getattr(module.statements[what.removesuffix(_METHODS)], "body", [])
+    return [one for one in body if isinstance(one, ast.FunctionDef)]
 
 
 def _parameters_of(statement: ast.stmt) -> frozenset[str]:

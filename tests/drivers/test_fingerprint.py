@@ -21,6 +21,10 @@ def law(error_m: float) -> float:
     return GAIN * halve(error_m) + other.turn(LIMIT_M) + sin(TABLE[1])
 
 
+def asked(shape: Shape, gain=1):
+    return shape.area() * gain
+
+
 def neighbour():
     return 1
 '''
@@ -30,6 +34,9 @@ LIMIT_M = 1.0
 
 class Shape:
     size = 1
+
+    def area(self):
+        return self.size**2
 
 
 def halve(value):
@@ -101,6 +108,15 @@ def test_what_does_not_decide_costs_nothing(sources, edit):
 )
 def test_what_decides_changes_it_through_all_that_is_called(sources, edit):
     assert sources(**edit).digest != sources().digest
+
+
+def test_the_methods_of_its_parameters_count_and_their_fields_do_not(sources, tmp_path):
+    def asked(**edits):
+        sources(**edits)
+        return Sources(tmp_path).fingerprint("room.law", "asked").digest
+
+    assert asked(helper=("size = 1", "size = 2")) == asked()
+    assert asked(helper=("self.size**2", "self.size**3")) != asked()
 
 
 def test_it_names_the_modules_and_the_constants_that_it_depends_on(sources):

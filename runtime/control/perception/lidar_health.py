@@ -19,6 +19,8 @@ from runtime.control.perception.lidar_health_settings import LidarHealthSettings
 from runtime.control.perception.view import BODY_BEYOND_RAD, View
 from runtime.control.perception.window_dirt import (
     SMUDGE_NEARER_THAN_M,
+    Evidence,
+    LearningShares,
     find_dirt,
     patches,
     runs_longer_than,
@@ -158,12 +160,15 @@ class LidarHealth:
     def _learn(self, view: View) -> None:
         beams = self._beams
         beams.near_m, beams.dirt, beams.own, beams.blind = weigh_dirt(
-            view.ranges_m, view.no_echo, view.own, beyond(view.scan, BODY_BEYOND_RAD),
-            beams.near_m, beams.dirt, beams.own, beams.blind,
-            1 - math.exp(-self._waiting_m / self._settings.memory_m),
-            1 - math.exp(-self._waiting_m / BODY_MEMORY_M),
-            1 - math.exp(-self._waiting_rad / BLIND_MEMORY_RAD),
-        )  # fmt: skip
+            view,
+            beyond(view.scan, BODY_BEYOND_RAD),
+            Evidence(beams.near_m, beams.dirt, beams.own, beams.blind),
+            LearningShares(
+                1 - math.exp(-self._waiting_m / self._settings.memory_m),
+                1 - math.exp(-self._waiting_m / BODY_MEMORY_M),
+                1 - math.exp(-self._waiting_rad / BLIND_MEMORY_RAD),
+            ),
+        )
         self._moved_m += self._waiting_m
         self._waiting_m = self._waiting_rad = 0.0
 

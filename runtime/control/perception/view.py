@@ -8,6 +8,7 @@ Frames: base_link = middle of the rear axle, x forward, y left (REP-105). The li
 """
 
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -131,29 +132,37 @@ class PerceptionCache:
             if dirty is not None:
                 ignored_below_m = np.maximum(ignored_below_m, dirty * LEARNT_DIRT_NEARER_THAN_M)
         ranges_m, x_m, y_m, solid, no_echo, own, silent = view_scan(
-            sent_m, fan.cos, fan.sin, fan.aback, ignored_below_m, scan.angle_step_rad,
-            car.lidar_x_m, car.front_m, car.rear_m, car.half_width_m, self._own_within_m,
-        )  # fmt: skip
+            sent_m, fan, ignored_below_m, scan.angle_step_rad, car, self._own_within_m
+        )
         return View(scan, ranges_m, fan.bearing_rad, x_m, y_m, solid, no_echo, own, car.lidar_x_m, dirty, silent)
 
 
-@accelerated
-def view_scan(  # flat arguments, as the C wants them
+def _flat_view(
     sent_m: npt.NDArray[np.float32],
-    cos: Floats,
-    sin: Floats,
-    aback: Booleans,
+    fan: Fan,
     ignored_below_m: Floats,
     angle_step_rad: float,
-    lidar_x_m: float,
-    front_m: float,
-    rear_m: float,
-    half_width_m: float,
+    car: CarSettings,
+    own_within_m: float,
+) -> tuple[Any, ...]:
+    return (
+        sent_m, fan.cos, fan.sin, fan.aback, ignored_below_m, angle_step_rad, car.lidar_x_m, car.front_m, car.rear_m,
+        car.half_width_m, own_within_m,
+    )  # fmt: skip
+
+
+@accelerated(flat=_flat_view)
+def view_scan(
+    sent_m: npt.NDArray[np.float32],
+    fan: Fan,
+    ignored_below_m: Floats,
+    angle_step_rad: float,
+    car: CarSettings,
     own_within_m: float,
 ) -> tuple[Floats, Floats, Floats, Booleans, Booleans, Booleans, int]:
     """Return ranges_m, x_m, y_m, solid, no_echo, own and silent of a View, from the ranges as sent, (beams,).
 
-    cos, sin: of the beams' bearings. aback: beams behind DOUBTED_BEYOND_RAD. ignored_below_m: what reads less is not
+    ignored_below_m: what reads less is not
     solid: dirt, the car's parts, and what may be one. own_within_m: no part of the car is farther from the lidar.
     """
     ranges_m = sent_m.astype(np.float64)
@@ -161,8 +170,8 @@ def view_scan(  # flat arguments, as the C wants them
     echo &= ranges_m < math.inf
     no_echo = ~echo
     ranges_m[no_echo] = math.nan
-    x_m, y_m = cos * ranges_m, sin * ranges_m
-    x_m += lidar_x_m
+    x_m, y_m = fan.cos * ranges_m, fan.sin * ranges_m
+    x_m += car.lidar_x_m
     solid = supported(ranges_m)
     ignored = ranges_m < ignored_below_m  # NaN compares as not nearer
     solid &= ~ignored
@@ -170,10 +179,10 @@ def view_scan(  # flat arguments, as the C wants them
     index = (ranges_m < own_within_m).nonzero()[0]
     if index.size:
         near_x, aside_m = x_m[index], np.abs(y_m[index])
-        mine = index[(near_x <= front_m) & (near_x >= -rear_m) & (aside_m <= half_width_m)]
+        mine = index[(near_x <= car.front_m) & (near_x >= -car.rear_m) & (aside_m <= car.half_width_m)]
         own[mine] = True
         solid[mine] = False
-    parts = ((own | ignored) & aback).nonzero()[0]
+    parts = ((own | ignored) & fan.aback).nonzero()[0]
     if parts.size:
         solid[trails(ranges_m, parts)] = False
     near = ranges_m < DIRT_NEARER_THAN_M

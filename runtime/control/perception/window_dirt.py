@@ -2,13 +2,14 @@
 
 import math
 from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from drivers.accelerated import accelerated
 from runtime.control.perception.geometry import Booleans, Floats
-from runtime.control.perception.view import DIRT_STANDS_OUT_M
+from runtime.control.perception.view import DIRT_STANDS_OUT_M, View
 
 NEIGHBOUR_BEAMS = (40, 60)
 """Distances in beams to the left and right, 10 and 15 degrees, at which dirt is compared with its surroundings."""
@@ -31,26 +32,45 @@ GROUP_BEAMS = 8
 """Maximum gap in beams within one reported patch."""
 
 
-@accelerated
-def weigh_dirt(  # flat arguments, as the C wants them
-    ranges_m: Floats,
-    no_echo: Booleans,
-    own: Booleans,
-    rear: Booleans,
-    near_m: Floats,
-    dirt: Floats,
-    body: Floats,
-    blind: Floats,
-    learns: float,
-    quickly: float,
-    turned: float,
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return near_m, dirt, body and blind of every beam after one more scan; all arrays (n,), none is changed.
+class Evidence(NamedTuple):
+    """Evidence of every beam, (n,) each.
 
-    ranges_m, no_echo, own: of the View. rear: beams behind BODY_BEYOND_RAD. near_m: where the beam's dirt is, NaN
-    where none was seen. dirt, body, blind: evidence in 0..1 for dirt, for the car's body, for a beam that sees nothing.
-    learns, quickly, turned: shares of what is new; quickly is for parts of the car, turned for blindness.
+    near_m: where the beam's dirt is, NaN where none was seen. dirt, body, blind: in 0..1 for dirt, for the car's body,
+    for a beam that sees nothing.
     """
+
+    near_m: Floats
+    dirt: Floats
+    body: Floats
+    blind: Floats
+
+
+class LearningShares(NamedTuple):
+    """Shares of what is new; quickly is for parts of the car, turned for blindness."""
+
+    learns: float
+    quickly: float
+    turned: float
+
+
+def _flat_dirt(view: View, rear: Booleans, before: Evidence, shares: LearningShares) -> tuple[Any, ...]:
+    return (
+        view.ranges_m, view.no_echo, view.own, rear, before.near_m, before.dirt, before.body, before.blind,
+        shares.learns, shares.quickly, shares.turned,
+    )  # fmt: skip
+
+
+@accelerated(flat=_flat_dirt)
+def weigh_dirt(
+    view: View, rear: Booleans, before: Evidence, shares: LearningShares
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return the fields of Evidence after one more scan; no array is changed.
+
+    rear: beams behind BODY_BEYOND_RAD, (n,).
+    """
+    ranges_m, no_echo, own = view.ranges_m, view.no_echo, view.own
+    near_m, dirt, body, blind = before
+    learns, quickly, turned = shares
     near = stands_out(ranges_m)
     seen_m, kept_m = ranges_m.take(near), near_m.take(near)
     off_m = seen_m - kept_m

@@ -6,14 +6,16 @@ transformed by odometry, determine which sectors are expected to see.
 
 import cmath
 import math
+from typing import Any
 
 import numpy as np
 
 from drivers.accelerated import accelerated
 from drivers.api import Scan
 from drivers.value import value
-from runtime.control.perception.geometry import Booleans, Bytes, Floats, Places
-from runtime.control.perception.view import LEARNT_DIRT_NEARER_THAN_M
+from runtime.control.perception.geometry import Booleans, Bytes, Places
+from runtime.control.perception.view import LEARNT_DIRT_NEARER_THAN_M, View
+from runtime.control.vehicle import CarSettings
 
 AHEAD_RAD = math.radians(60)
 ASIDE_RAD = math.radians(105)
@@ -85,27 +87,26 @@ def next_seen(seen: Places, sector: int, step: int) -> int | None:
     return None
 
 
-@accelerated
-def watch_sectors(  # flat arguments, as the C wants them
-    ranges_m: Floats,
-    x_m: Floats,
-    y_m: Floats,
-    no_echo: Booleans,
-    own: Booleans,
-    dirty: Booleans | None,
-    state: Bytes,
-    held: Places,
-    first: int,
-    beams: int,
-    first_rad: float,
-    width_rad: float,
-    lidar_x_m: float,
-    front_m: float,
-    half_width_m: float,
-    within_m: float,
-    moved_x_m: float,
-    moved_y_m: float,
-    turned_rad: float,
+Watched = tuple[Bytes, Places]
+"""State of each sector and the places held by the full ones, (n,) each, as `watch_sectors` returns them."""
+Motion = tuple[complex, float]
+"""How the car has moved [m, x + iy] and turned [rad] since the scan before, in base_link of that."""
+
+
+def _flat_sectors(
+    view: View, sectors: Sectors, before: Watched, motion: Motion, car: CarSettings, within_m: float
+) -> tuple[Any, ...]:
+    moved_m, turned_rad = motion
+    return (
+        view.ranges_m, view.x_m, view.y_m, view.no_echo, view.own, view.dirty, *before, sectors.first, sectors.beams,
+        sectors.first_rad, sectors.width_rad, view.lidar_x_m, car.front_m, car.half_width_m, within_m, moved_m.real,
+        moved_m.imag, turned_rad,
+    )  # fmt: skip
+
+
+@accelerated(flat=_flat_sectors)
+def watch_sectors(
+    view: View, sectors: Sectors, before: Watched, motion: Motion, car: CarSettings, within_m: float
 ) -> tuple[Bytes, Places, Places, int, int, int]:
     """Return the state of each sector after one more scan.
 
@@ -113,15 +114,17 @@ def watch_sectors(  # flat arguments, as the C wants them
     row of beams that return from on the lidar; how many sectors ahead are unproven or blind; how many
     have become silent since the previous scan.
 
-    ranges_m to dirty: of a View, (beams,). state, held: what this has returned for the scan before, which was taken
-    at the pose from which the car has moved by moved_x_m, moved_y_m and turned by turned_rad since. first, beams,
-    first_rad, width_rad: of Sectors. within_m: how far anything is expected to be seen; 0: nothing is.
+    before: what this has returned for the scan before. within_m: how far anything is expected to be seen; 0: nothing
+    is.
     """
+    (state, held), (moved_m, turned_rad) = before, motion
+    first, beams, first_rad, width_rad = sectors.first, sectors.beams, sectors.first_rad, sectors.width_rad
+    ranges_m, x_m, y_m = view.ranges_m, view.x_m, view.y_m
     count = state.size
     part = slice(first, first + count * beams)
-    range_m, echo = ranges_m[part], ~(no_echo[part] | own[part])
-    if dirty is not None:
-        echo &= ~(dirty[part] & (range_m < LEARNT_DIRT_NEARER_THAN_M))
+    range_m, echo = ranges_m[part], ~(view.no_echo[part] | view.own[part])
+    if view.dirty is not None:
+        echo &= ~(view.dirty[part] & (range_m < LEARNT_DIRT_NEARER_THAN_M))
     agree = echo[1:] & echo[:-1]
     agree &= np.abs(range_m[1:] - range_m[:-1]) <= SAME_THING_M + SAME_THING_SHARE * range_m[:-1]
     linked = np.zeros(range_m.size, np.bool_)
@@ -135,7 +138,7 @@ def watch_sectors(  # flat arguments, as the C wants them
     nothing = complex(math.nan, math.nan)
     seen = np.where(sees, x_m[pick] + 1j * y_m[pick], nothing)
     new_held = np.where(sees & (seeing >= FULL_SHARE * beams), seen, nothing)
-    off = (held - complex(moved_x_m, moved_y_m)) * cmath.rect(1.0, -turned_rad) - lidar_x_m
+    off = (held - moved_m) * cmath.rect(1.0, -turned_rad) - view.lidar_x_m
     place = (np.angle(off) - first_rad) / width_rad
     place[~(np.abs(off) < within_m)] = math.nan
     right, left = place[:-1] - BESIDE_SECTORS, place[1:] + BESIDE_SECTORS
@@ -154,10 +157,10 @@ def watch_sectors(  # flat arguments, as the C wants them
     suspects = np.count_nonzero((new_state >= UNPROVEN) & (np.abs(bearing_rad) <= AHEAD_RAD))
     gone = np.count_nonzero((new_state == GONE) | (new_state == MISSING))
     near = np.zeros(ranges_m.size, np.bool_)
-    near[part] = x_m[part] <= front_m + ON_LIDAR_SPARE_M
-    near[part] &= np.abs(y_m[part]) <= half_width_m + ON_LIDAR_SPARE_M
+    near[part] = x_m[part] <= car.front_m + ON_LIDAR_SPARE_M
+    near[part] &= np.abs(y_m[part]) <= car.half_width_m + ON_LIDAR_SPARE_M
     near[part] &= np.repeat(np.abs(bearing_rad) <= AHEAD_RAD, beams)
-    return new_state, seen, new_held, row_on_lidar(near, own), int(suspects), int(gone)
+    return new_state, seen, new_held, row_on_lidar(near, view.own), int(suspects), int(gone)
 
 
 def row_on_lidar(near: Booleans, own: Booleans) -> int:

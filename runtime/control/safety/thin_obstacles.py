@@ -12,11 +12,12 @@ are known to be dirty do not count here, whatever their range.
 
 import cmath
 import math
+from typing import Any
 
 import numpy as np
 
 from drivers.accelerated import accelerated
-from runtime.control.perception.geometry import NOWHERE, Booleans, Floats, Places, places_m
+from runtime.control.perception.geometry import NOWHERE, Places, places_m
 from runtime.control.perception.odometry import OdometryState
 from runtime.control.perception.view import View
 
@@ -52,15 +53,11 @@ class ThinObstacles:
         """
         before = () if stamp_s - self._stamp_s > FORGOTTEN_S else self._before
         self._stamp_s = stamp_s
-        scan, x_m, y_m, yaw_rad = view.scan, pose.x_m, pose.y_m, pose.yaw_rad
-        thin_m, seen = find_thin_places(
-            view.x_m, view.y_m, view.solid, view.ranges_m, view.dirty, scan.angle_min_rad, scan.angle_step_rad,
-            x_m, y_m, yaw_rad,
-        )  # fmt: skip
+        thin_m, seen = find_thin_places(view, pose)
         self._before = (*before[2 - SCANS :], thin_m)
         if len(before) < SCANS - 1 or not seen.size:
             return NOWHERE
-        there_m = find_returning(seen, before, x_m, y_m, yaw_rad)
+        there_m = find_returning(seen, before, pose.x_m, pose.y_m, pose.yaw_rad)
         return NOWHERE if there_m is None else there_m
 
 
@@ -87,26 +84,23 @@ def find_returning(
     return np.concatenate([seen[there], (old[same[there].any(axis=0)] - at_m) / turned])
 
 
-@accelerated
-def find_thin_places(  # flat arguments, as the C wants them
-    x_m: Floats,
-    y_m: Floats,
-    solid: Booleans,
-    ranges_m: Floats,
-    dirty: Booleans | None,
-    angle_min_rad: float,
-    angle_step_rad: float,
-    at_x_m: float,
-    at_y_m: float,
-    yaw_rad: float,
-) -> tuple[Places, Places]:
+def _flat_thin(view: View, pose: OdometryState) -> tuple[Any, ...]:
+    scan = view.scan
+    return (
+        view.x_m, view.y_m, view.solid, view.ranges_m, view.dirty, scan.angle_min_rad, scan.angle_step_rad, pose.x_m,
+        pose.y_m, pose.yaw_rad,
+    )  # fmt: skip
+
+
+@accelerated(flat=_flat_thin)
+def find_thin_places(view: View, pose: OdometryState) -> tuple[Places, Places]:
     """Return the places of beams ahead, within AHEAD_RAD, that are nearer than the beams to their left and right.
 
     First all of them, (k,) in the odometry frame, then in base_link those that do not count already, (j,), because
-    fewer than three beams hit them. x_m to dirty: of a View, (beams,). at_x_m, at_y_m, yaw_rad: pose of base_link in
-    the odometry frame.
+    fewer than three beams hit them. pose: of base_link in the odometry frame.
     """
-    middle = round(-angle_min_rad / angle_step_rad)
+    x_m, y_m, ranges_m, angle_step_rad = view.x_m, view.y_m, view.ranges_m, view.scan.angle_step_rad
+    middle = round(-view.scan.angle_min_rad / angle_step_rad)
     half = round(AHEAD_RAD / abs(angle_step_rad))
     first = max(STANDS_OUT_BEAMS, middle - half)
     last = max(first, min(ranges_m.size - STANDS_OUT_BEAMS, middle + half + 1))
@@ -117,8 +111,8 @@ def find_thin_places(  # flat arguments, as the C wants them
     thin = here_m < WITHIN_M
     thin &= here_m > FROM_M
     thin &= ~hidden
-    if dirty is not None:
-        thin &= ~dirty[first:last]
+    if view.dirty is not None:
+        thin &= ~view.dirty[first:last]
     index = thin.nonzero()[0] + first
-    turned, at_m = cmath.rect(1.0, yaw_rad), complex(at_x_m, at_y_m)
-    return places_m(x_m, y_m, index) * turned + at_m, places_m(x_m, y_m, index[~solid.take(index)])
+    turned, at_m = cmath.rect(1.0, pose.yaw_rad), complex(pose.x_m, pose.y_m)
+    return places_m(x_m, y_m, index) * turned + at_m, places_m(x_m, y_m, index[~view.solid.take(index)])

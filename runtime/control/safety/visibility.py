@@ -104,10 +104,8 @@ class Visibility:
         turned_rad = math.remainder(pose.yaw_rad - last.yaw_rad, math.tau)
         self._pose, self._stamp_s, held = pose, scan.stamp_s, self._held
         self._state, self._seen, self._held, row, suspects, gone = watch_sectors(
-            view.ranges_m, view.x_m, view.y_m, view.no_echo, view.own, view.dirty, self._state, self._held,
-            sectors.first, sectors.beams, sectors.first_rad, sectors.width_rad, view.lidar_x_m, car.front_m,
-            car.half_width_m, min(EXPECTED_WITHIN_M, EXPECTED_SHARE * scan.range_max_m) if fresh else 0.0,
-            moved.real, moved.imag, turned_rad,
+            view, sectors, (self._state, held), (moved, turned_rad), car,
+            min(EXPECTED_WITHIN_M, EXPECTED_SHARE * scan.range_max_m) if fresh else 0.0,
         )  # fmt: skip
         self.on_lidar = row * abs(scan.angle_step_rad) >= ON_LIDAR_RAD
         if suspects or gone >= SILENCED_SECTORS:

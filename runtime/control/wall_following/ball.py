@@ -18,8 +18,8 @@ from runtime.control.perception.noise_bias import FIRST_NOISE_M, learn_noise_m
 from runtime.control.perception.view import PerceptionCache
 from runtime.control.vehicle import CarSettings
 from runtime.control.wall_following.ball_drive import drive_along_ball
-from runtime.control.wall_following.ball_law import look_aheads_m
-from runtime.control.wall_following.ball_path import RADII_M, BallPath, Rollout, roll_path
+from runtime.control.wall_following.ball_law import Aim, Steered, look_aheads_m
+from runtime.control.wall_following.ball_path import RADII_M, Ball, BallPath, Rollout, roll_path
 from runtime.control.wall_following.ball_settings import BallSettings
 from runtime.control.wall_following.corridor_width import Room
 from runtime.control.wall_following.followed_wall import choose_wall, side_view
@@ -110,7 +110,7 @@ class BallFollower:
         desired_m = self._room.beside_m(line, wall.room_m, wanted_m, moved_m)
         look_m = look_aheads_m(settings.look_ahead_m, settings.look_ahead_s, speed_mps)
         self._noise_m = learn_noise_m(self._noise_m, seen.x_m, seen.y_m, wall.beams)
-        ball = roll_path(seen, wall, shift, self._bias_m, self._noise_m, desired_m, look_m)
+        ball = roll_path(seen, wall, shift, Ball(self._bias_m, self._noise_m, desired_m), look_m)
         self._path, self._bias_m = ball.path, ball.bias_m
         self._half_ahead_m = half_ahead_m(desired_m, ball.opposite_m)
         self._bend_per_m += BEND_LOW_PASS * (ball.bend_per_m - self._bend_per_m)
@@ -127,19 +127,20 @@ class BallFollower:
         self, ball: Rollout, tracked: WallLine | None, shift: Shift, desired_m: float, speed_mps: float
     ) -> tuple[float, float, float]:
         """Return the distance error, the steering and the speed."""
-        settings, car, path = self._settings, self._car, ball.path
+        settings, car = self._settings, self._car
         line_rad, line_error_m = math.nan, math.nan
         if tracked is not None:
             there = tracked.seen_from(shift.x_m, shift.y_m, shift.yaw_rad)
             line_rad, line_error_m = there.heading_rad, there.distance_m - ball.rough_m - desired_m
         nearest_error_m = ball.nearest_m + ball.bias_m - ball.rough_m - desired_m
         room_m = min(desired_m, ball.opposite_m)
+        aim = Aim(nearest_error_m, line_rad, line_error_m, self._bend_per_m, speed_mps)
+        trim_rad = self._track.trim_rad if settings.trim_integral else 0.0
+        steered = Steered(settings.kp, settings.kd, car.wheelbase_m, trim_rad, car.max_steering_rad)
+        mu = mu_with_room(settings.assumed_mu, room_m) if settings.speed_profile else math.inf
         error_m, self._straight, steering_rad, wanted_mps = drive_along_ball(
-            path.radius_m, path.bearing_rad, path.meets, path.crosses, nearest_error_m,
-            line_rad, line_error_m, self._bend_per_m, speed_mps, settings.kp, settings.kd,
-            car.wheelbase_m, self._track.trim_rad if settings.trim_integral else 0.0, car.max_steering_rad,
-            settings.speed_mps, mu_with_room(settings.assumed_mu, room_m) if settings.speed_profile else math.inf,
-        )  # fmt: skip
+            ball.path, aim, steered, settings.speed_mps, mu
+        )
         return error_m, steering_rad, wanted_mps
 
     def _moved_m(self, stamp_s: float, speed_mps: float) -> float:

@@ -27,8 +27,9 @@ car's heading now or later, and the path behind the corner (`turn_share`).
 """
 
 import math
+from typing import NamedTuple
 
-from runtime.control.wall_following.ball_path import MAX_ANGLE_RAD
+from runtime.control.wall_following.ball_path import MAX_ANGLE_RAD, BallPath
 
 SLOW_MPS = 1.0
 """Speed up to which the gains equal the settings."""
@@ -73,25 +74,41 @@ def look_aheads_m(look_ahead_m: float, look_ahead_s: float, speed_mps: float) ->
     return here_m, BEND_HERE * here_m, look_ahead_m + look_ahead_s * abs(speed_mps)
 
 
-def pursuit_steering(
-    radius_m: tuple[float, ...],
-    bearing_rad: tuple[float, ...],
-    crosses: tuple[bool, ...],
-    error_m: float,
-    line_rad: float,
-    line_error_m: float,
-    mean_bend_per_m: float,
-    speed_mps: float,
-    kp: float,
-    kd: float,
-    wheelbase_m: float,
-) -> tuple[float, float, float, float]:
+class Aim(NamedTuple):
+    """Where the car is beside its path, and how fast.
+
+    error_m: of the nearest point. line_rad, line_error_m: the tracked line's heading, NaN where none is tracked, and
+    the error by it. mean_bend_per_m: of the path, over time.
+    """
+
+    error_m: float
+    line_rad: float
+    line_error_m: float
+    mean_bend_per_m: float
+    speed_mps: float
+
+
+class Steered(NamedTuple):
+    """The steered car: gains at 1 m/s, wheelbase.
+
+    trim_rad: at which the wheels stand while the servo stands in the middle. most_rad: the steering's end.
+    """
+
+    kp: float
+    kd: float
+    wheelbase_m: float
+    trim_rad: float
+    most_rad: float
+
+
+def pursuit_steering(path: BallPath, aim: Aim, car: Steered) -> tuple[float, float, float, float]:
     """Return the error, the path's heading, how far the wall is one straight line (0 to 1), and the steering angle.
 
-    The first three are those of a BallPath, whose last three circles are those of `look_aheads_m`. error_m: of the
-    nearest point. line_rad, line_error_m: the tracked line's heading, NaN where none is tracked, and the error by it.
-    mean_bend_per_m: of the path, over time.
+    The last three circles of the path are those of `look_aheads_m`.
     """
+    radius_m, bearing_rad, crosses = path.radius_m, path.bearing_rad, path.crosses
+    error_m, line_rad, line_error_m, mean_bend_per_m, speed_mps = aim
+    kp, kd, wheelbase_m = car.kp, car.kd, car.wheelbase_m
     here_m, twice_m, near_m = radius_m[-3:]
     near_rad = bearing_rad[-1]
     from_here_rad = bearing_rad[-3] - _asin(error_m / here_m)

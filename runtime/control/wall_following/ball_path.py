@@ -11,14 +11,15 @@ so the first place is the least b - h of all points, unless the free end itself 
 
 import cmath
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from drivers.accelerated import accelerated
 from drivers.value import value
-from runtime.control.perception.geometry import Booleans, Floats, Places
+from runtime.control.perception.geometry import Floats, Places
 from runtime.control.perception.noise_bias import learn_bias_m, roughness_m
-from runtime.control.wall_following.followed_wall import Beams, FollowedWall, SideView, around, bridge_glass, outline
+from runtime.control.wall_following.followed_wall import FollowedWall, SideView, around, bridge_glass, outline
 from runtime.control.wall_following.prediction import Shift
 from runtime.control.wall_following.wall_fit import CLEAN_INLIERS
 
@@ -68,23 +69,24 @@ class Rollout:
     opposite_m: float
 
 
-def roll_path(
-    seen: SideView, wall: FollowedWall, shift: Shift, bias_m: float, noise_m: float, desired_m: float,
-    more_radii_m: tuple[float, ...],
-) -> Rollout:  # fmt: skip
+class Ball(NamedTuple):
+    """The ball and what was learnt before this scan: bias_m and noise_m, see `noise_bias`; desired_m: its radius."""
+
+    bias_m: float
+    noise_m: float
+    desired_m: float
+
+
+def roll_path(seen: SideView, wall: FollowedWall, shift: Shift, ball: Ball, more_radii_m: tuple[float, ...]) -> Rollout:
     """Roll a ball of the desired distance, less the bias, along the followed wall, panes of glass filled in.
 
-    bias_m: known before this scan; noise_m: see `noise_bias`. The circles are RADII_M, then `more_radii_m`.
+    The circles are RADII_M, then `more_radii_m`.
     """
-    line_m, line_rad = math.nan, 0.0
-    if wall.line is not None and wall.line.inliers > CLEAN_INLIERS:
-        line_m, line_rad = wall.line.distance_m, wall.line.heading_rad
     radii_m = RADII_M + more_radii_m
     nearest_m, bias_m, bend_per_m, opposite_m, path_rad, meets, crosses = roll_ball(
-        seen.x_m, seen.y_m, seen.solid, wall.beams, bridge_glass(seen, wall), shift.x_m, shift.y_m, shift.yaw_rad,
-        line_m, line_rad, bias_m, noise_m, desired_m, radii_m,
-    )  # fmt: skip
-    rough_m = roughness_m(bias_m, noise_m)
+        seen, wall, bridge_glass(seen, wall), shift, ball, radii_m
+    )
+    rough_m = roughness_m(bias_m, ball.noise_m)
     return Rollout(BallPath(radii_m, path_rad, meets, crosses), nearest_m, bias_m, rough_m, bend_per_m, opposite_m)
 
 
@@ -92,37 +94,40 @@ Circles = tuple[tuple[float, ...], tuple[bool, ...], tuple[bool, ...]]
 """bearing_rad, meets and crosses of a BallPath."""
 
 
-@accelerated
-def roll_ball(  # flat arguments, as the C wants them
-    x_m: Floats,
-    y_m: Floats,
-    solid: Booleans,
-    wall: Beams,
-    glass_m: Places | None,
-    from_x_m: float,
-    from_y_m: float,
-    yaw_rad: float,
-    line_m: float,
-    line_rad: float,
-    bias_m: float,
-    noise_m: float,
-    desired_m: float,
-    radii_m: tuple[float, ...],
+def _clean_line(wall: FollowedWall) -> tuple[float, float]:
+    """Return distance and heading of the wall's line, NaN and 0 without a clean one."""
+    if wall.line is not None and wall.line.inliers > CLEAN_INLIERS:
+        return wall.line.distance_m, wall.line.heading_rad
+    return math.nan, 0.0
+
+
+def _flat_ball(
+    seen: SideView, wall: FollowedWall, glass_m: Places | None, shift: Shift, ball: Ball, radii_m: tuple[float, ...]
+) -> tuple[Any, ...]:
+    return (
+        seen.x_m, seen.y_m, seen.solid, wall.beams, glass_m, shift.x_m, shift.y_m, shift.yaw_rad, *_clean_line(wall),
+        ball.bias_m, ball.noise_m, ball.desired_m, radii_m,
+    )  # fmt: skip
+
+
+@accelerated(flat=_flat_ball)
+def roll_ball(
+    seen: SideView, wall: FollowedWall, glass_m: Places | None, shift: Shift, ball: Ball, radii_m: tuple[float, ...]
 ) -> tuple[float, float, float, float, tuple[float, ...], tuple[bool, ...], tuple[bool, ...]]:
     """Return nearest_m, bias_m, bend_per_m and opposite_m of Rollout, then bearing_rad, meets and crosses of its path.
 
-    The wall is seen from (from_x_m, from_y_m) at the heading yaw_rad; all else is given as seen from the origin.
-    line_m: NaN without a clean line.
+    The wall is seen from the pose of `shift`; all else is given as seen from the origin.
     """
-    places_m = outline(x_m, y_m, wall)
+    x_m, y_m, solid, (line_m, line_rad) = seen.x_m, seen.y_m, seen.solid, _clean_line(wall)
+    from_x_m, from_y_m, yaw_rad = shift.x_m, shift.y_m, shift.yaw_rad
+    places_m = outline(x_m, y_m, wall.beams)
     if glass_m is not None:
         places_m = np.concatenate((places_m, glass_m))
     range_m, bearing_rad, nearest_m = around(places_m, from_x_m, from_y_m, yaw_rad)
     line_m -= math.cos(line_rad) * from_y_m - math.sin(line_rad) * from_x_m
-    bias_m = learn_bias_m(bias_m, line_m, nearest_m)
-    path_rad, meets, crosses = circles_met(
-        range_m, bearing_rad, desired_m - bias_m + roughness_m(bias_m, noise_m), radii_m
-    )
+    bias_m = learn_bias_m(ball.bias_m, line_m, nearest_m)
+    ball_m = ball.desired_m - bias_m + roughness_m(bias_m, ball.noise_m)
+    path_rad, meets, crosses = circles_met(range_m, bearing_rad, ball_m, radii_m)
     part = slice(*_BEND_CIRCLES)
     bend_per_m = bend_of(radii_m[part], path_rad[part]) if all(meets[part]) else 0.0
     crossed = [
@@ -130,7 +135,7 @@ def roll_ball(  # flat arguments, as the C wants them
         for r_m, b_rad, crossing in zip(radii_m[: len(RADII_M)], path_rad, crosses, strict=False)
         if crossing
     ]
-    beyond = slice(int(wall[-1]) + 1, None, OPPOSITE_EVERY)
+    beyond = slice(int(wall.beams[-1]) + 1, None, OPPOSITE_EVERY)
     there_m = np.array(crossed, np.complex128) * cmath.rect(1.0, yaw_rad) + complex(from_x_m, from_y_m)
     opposite_m = apart_m(there_m, x_m[beyond][solid[beyond]], y_m[beyond][solid[beyond]])
     return nearest_m, bias_m, bend_per_m, opposite_m, path_rad, meets, crosses

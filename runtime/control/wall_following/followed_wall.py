@@ -8,7 +8,7 @@ import cmath
 import math
 from functools import lru_cache
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -140,65 +140,54 @@ def choose_wall(
     ball_m: radius of the ball. expected: where its line should be by the last scan. desired_m: D. into_lane: whether
     the way on is narrower than D would need.
     """
-    side, lines = seen.side, seen.side.lines
-    beside = side.in_lane if into_lane else side.beside
-    expected_m, expected_rad = (math.nan, 0.0) if expected is None else (expected.distance_m, expected.heading_rad)
-    found = find_followed_wall(
-        seen.x_m, seen.y_m, seen.range_m, seen.solid, seen.no_echo, beside.start, beside.stop,
-        side.opposite_from, min(GAP_DIAMETERS * ball_m, MAX_GAP_M), lines.beams, lines.rear, lines.front,
-        expected_m, expected_rad, desired_m,
-    )  # fmt: skip
+    beside = seen.side.in_lane if into_lane else seen.side.beside
+    found = find_followed_wall(seen, beside, min(GAP_DIAMETERS * ball_m, MAX_GAP_M), expected, desired_m)
     if found is None:
         return None
     beams, line, room_m, glass_to = found
     return FollowedWall(beams, WallLine(*line) if line is not None else None, room_m, glass_to)
 
 
-@accelerated
-def find_followed_wall(  # flat arguments, as the C wants them
-    x_m: Floats,
-    y_m: Floats,
-    range_m: Floats,
-    solid: Booleans,
-    no_echo: Booleans,
-    beside_from: int,
-    beside_to: int,
-    opposite_from: int,
-    gap_m: float,
-    beams: Beams,
-    rear: Beams,
-    front: Beams,
-    expected_m: float,
-    expected_rad: float,
-    desired_m: float,
+def _flat_wall(
+    seen: SideView, beside: slice, gap_m: float, expected: WallLine | None, desired_m: float
+) -> tuple[Any, ...]:
+    side, lines = seen.side, seen.side.lines
+    expected_m, expected_rad = (math.nan, 0.0) if expected is None else (expected.distance_m, expected.heading_rad)
+    return (
+        seen.x_m, seen.y_m, seen.range_m, seen.solid, seen.no_echo, beside.start, beside.stop, side.opposite_from,
+        gap_m, lines.beams, lines.rear, lines.front, expected_m, expected_rad, desired_m,
+    )  # fmt: skip
+
+
+@accelerated(flat=_flat_wall)
+def find_followed_wall(
+    seen: SideView, beside: slice, gap_m: float, expected: WallLine | None, desired_m: float
 ) -> tuple[Beams, tuple[float, float, int] | None, float, int] | None:
     """Return beams, line, room_m and glass_to of FollowedWall, None without a piece of wall.
 
-    Arrays of a SideView, and of its LineFinder. opposite_from: the first of the beams that may see the other side.
-    expected_m: NaN where no line is expected.
+    beside: beams of the wall side. gap_m: where its neighbours are farther apart, a wall ends. expected, desired_m: see
+    `choose_wall`.
     """
-    wall = wall_piece(x_m, y_m, range_m, solid, beside_from, beside_to, gap_m)
+    wall = wall_piece(seen, beside, gap_m)
     if wall is None:
         return None
-    line = fit_wall_line(x_m, y_m, range_m, solid, beams, rear, front, expected_m, expected_rad)
-    if line is None:
+    found = fit_wall_line(seen.x_m, seen.y_m, seen.range_m, seen.solid, seen.side.lines, expected)
+    if found is None:
         return wall, None, desired_m, -1
-    part = slice(opposite_from, None, ROOM_EVERY_BEAM)
-    room_m = room_for(x_m[part], y_m[part], range_m[part], solid[part], line[0], line[1], desired_m)
-    near = solid & (range_m < GLASS_RANGE_M)
-    return wall, line, room_m, pane_to(x_m, y_m, near, no_echo, int(wall[-1]), WallLine(*line))
+    line, near = WallLine(*found), seen.solid & (seen.range_m < GLASS_RANGE_M)
+    glass_to = pane_to(seen.x_m, seen.y_m, near, seen.no_echo, int(wall[-1]), line)
+    return wall, found, room_for(seen, line, desired_m), glass_to
 
 
-def wall_piece(
-    x_m: Floats, y_m: Floats, range_m: Floats, solid: Booleans, beside_from: int, beside_to: int, gap_m: float
-) -> Beams | None:
-    """Return the beams of the followed wall among those of a SideView, cut where gaps are wider than gap_m."""
-    index = np.flatnonzero(solid & (range_m < CAP_M))
-    first = int(np.searchsorted(index, beside_from))
-    last = int(np.searchsorted(index, beside_to))
+def wall_piece(seen: SideView, beside: slice, gap_m: float) -> Beams | None:
+    """Return the beams of the followed wall among those of a view, cut where gaps are wider than gap_m."""
+    range_m = seen.range_m
+    index = np.flatnonzero(seen.solid & (range_m < CAP_M))
+    first = int(np.searchsorted(index, beside.start))
+    last = int(np.searchsorted(index, beside.stop))
     if index.size < MIN_POINTS or last <= first:
         return None
-    x_m, y_m = x_m[index], y_m[index]
+    x_m, y_m = seen.x_m[index], seen.y_m[index]
     dx, dy = x_m[1:] - x_m[:-1], y_m[1:] - y_m[:-1]
     dx *= dx
     dy *= dy
@@ -289,13 +278,13 @@ def bridge_glass(seen: SideView, wall: FollowedWall) -> Places | None:
     return filled
 
 
-def room_for(
-    x_m: Floats, y_m: Floats, range_m: Floats, solid: Booleans, line_m: float, heading_rad: float, desired_m: float
-) -> float:
-    """Return D' for a line on the left at a distance and a heading, and points that may be on the other side."""
-    if np.count_nonzero(range_m < 2 * desired_m - line_m + ROOM_REACH_M) < MIN_POINTS:
+def room_for(seen: SideView, line: WallLine, desired_m: float) -> float:
+    """Return D' for the line of the wall on the left."""
+    part, line_m = slice(seen.side.opposite_from, None, ROOM_EVERY_BEAM), line.distance_m
+    if np.count_nonzero(seen.range_m[part] < 2 * desired_m - line_m + ROOM_REACH_M) < MIN_POINTS:
         return desired_m  # the usual case in the open, at once
-    cos, sin = math.cos(heading_rad), math.sin(heading_rad)
+    x_m, y_m, solid = seen.x_m[part], seen.y_m[part], seen.solid[part]
+    cos, sin = math.cos(line.heading_rad), math.sin(line.heading_rad)
     across = sin * x_m
     across -= cos * y_m
     x_m = cos * x_m

@@ -3,6 +3,7 @@
 import math
 from collections import deque
 from dataclasses import dataclass
+from typing import Any
 
 from drivers.accelerated import accelerated
 from drivers.api import MotorState
@@ -42,6 +43,10 @@ Told = tuple[tuple[float, float], ...]
 """Time [s] and angle [rad] of the last answers, the oldest first."""
 Wire = tuple[float, float, float]
 """obeyed_s: when the motor last reported an answer; least_s, most_s: bounds of an answer's time to the wire."""
+
+Times = tuple[float, float, float]
+"""scan_s: when the scan was taken; since_s: time since the one before; ahead_s: how long the motion goes on after its
+answer is on the wire."""
 
 
 @dataclass(slots=True)
@@ -101,7 +106,6 @@ class Predictor:
 
     def __init__(self, wheelbase_m: float, steering_rate_radps: float) -> None:
         self._wheelbase_m = wheelbase_m
-        self._rate_radps = steering_rate_radps
         self._servo_rad = 0.0
         self._stamp_s: float | None = None
         self.answers = SteeringHistory(steering_rate_radps)
@@ -121,37 +125,35 @@ class Predictor:
         self._stamp_s = stamp_s
         before_rad = self._servo_rad
         self.answers.wire, self._servo_rad, x_m, y_m, yaw_rad = predict_motion(
-            self.answers.told, self.answers.wire, motor.stamp_s, motor.speed_mps, motor.steering_rad, before_rad,
-            stamp_s, since_s, ahead_s, self._wheelbase_m, trim_rad, self._rate_radps,
-        )  # fmt: skip
+            self.answers, motor, before_rad, (stamp_s, since_s, ahead_s), self._wheelbase_m, trim_rad
+        )
         self.wheel_rad = (before_rad + self._servo_rad) / 2
         return Shift(x_m, y_m, yaw_rad)
 
 
-@accelerated
-def predict_motion(  # flat arguments, as the C wants them
-    told: Told,
-    wire: Wire,
-    motor_s: float,
-    speed_mps: float,
-    steering_rad: float,
-    servo_rad: float,
-    scan_s: float,
-    since_s: float,
-    ahead_s: float,
-    wheelbase_m: float,
-    trim_rad: float,
-    rate_radps: float,
+def _flat_motion(
+    answers: SteeringHistory, motor: MotorState, servo_rad: float, times_s: Times, wheelbase_m: float, trim_rad: float
+) -> tuple[Any, ...]:
+    return (
+        answers.told, answers.wire, motor.stamp_s, motor.speed_mps, motor.steering_rad, servo_rad, *times_s,
+        wheelbase_m, trim_rad, answers.rate_radps,
+    )  # fmt: skip
+
+
+@accelerated(flat=_flat_motion)
+def predict_motion(
+    answers: SteeringHistory, motor: MotorState, servo_rad: float, times_s: Times, wheelbase_m: float, trim_rad: float
 ) -> tuple[Wire, float, float, float, float]:
     """Return the wire, the servo's angle at the scan, and x_m, y_m and yaw_rad of the motion from then on.
 
-    told: at most MAX_TOLD. motor_s, speed_mps, steering_rad: the motor's report and its time. servo_rad: its angle at
-    the last scan, since_s before this one, which was taken at scan_s. ahead_s: how long the motion goes on after its
-    answer is on the wire.
+    servo_rad: its angle at the last scan. trim_rad: wheel angle while the servo stands in the middle.
     """
+    told, rate_radps = answers.told, answers.rate_radps
+    motor_s, speed_mps, steering_rad = motor.stamp_s, motor.speed_mps, motor.steering_rad
+    scan_s, since_s, ahead_s = times_s
     if len(told) > MAX_TOLD:
         raise TypeError(f"predict_motion takes at most {MAX_TOLD} answers, not {len(told)}")
-    wire = learn_wire_delay(told, wire, motor_s, steering_rad)
+    wire = learn_wire_delay(told, answers.wire, motor_s, steering_rad)
     servo_rad = slew_towards(servo_rad, steering_rad, rate_radps * since_s)
     coming = [(there_s - scan_s, angle_rad) for there_s, angle_rad in in_flight(told, wire, motor_s)]
     ahead_s += to_wire_s(wire)

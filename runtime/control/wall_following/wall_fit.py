@@ -7,6 +7,7 @@ origin of the points (here base_link, the rear axle).
 """
 
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -100,27 +101,28 @@ class LineFinder:
         All (n,), wall on the left; x_m, y_m in base_link, range_m from the lidar, `usable` a mask of beams to believe.
         expected: where the line should be by the last scan; if it has most of all votes there, no other line is tried.
         """
-        wanted_m, wanted_rad = (math.nan, 0.0) if expected is None else (expected.distance_m, expected.heading_rad)
-        found = fit_wall_line(x_m, y_m, range_m, usable, self.beams, self.rear, self.front, wanted_m, wanted_rad)
+        found = fit_wall_line(x_m, y_m, range_m, usable, self, expected)
         return None if found is None else WallLine(*found)
 
 
-@accelerated
+def _flat_fit(
+    x_m: Floats, y_m: Floats, range_m: Floats, usable: Booleans, lines: LineFinder, expected: WallLine | None
+) -> tuple[Any, ...]:
+    wanted_m, wanted_rad = (math.nan, 0.0) if expected is None else (expected.distance_m, expected.heading_rad)
+    return x_m, y_m, range_m, usable, lines.beams, lines.rear, lines.front, wanted_m, wanted_rad
+
+
+@accelerated(flat=_flat_fit)
 def fit_wall_line(
     x_m: Floats,
     y_m: Floats,
     range_m: Floats,
     usable: Booleans,
-    beams: Indices,
-    rear: Indices,
-    front: Indices,
-    expected_m: float,
-    expected_rad: float,
+    lines: LineFinder,
+    expected: WallLine | None,
 ) -> tuple[float, float, int] | None:
-    """Return distance_m, heading_rad and inliers of the WallLine through some of the beams, or None.
-
-    rear, front: the pairs, as places in `beams`. expected_m: NaN where no line is expected.
-    """
+    """Return distance_m, heading_rad and inliers of the WallLine through some of the beams, or None; see `find`."""
+    beams, rear, front = lines.beams, lines.rear, lines.front
     range_m = range_m[beams]
     valid = usable[beams] & (range_m > MIN_RANGE_M) & (range_m < MAX_RANGE_M)
     if np.count_nonzero(valid) < MIN_INLIERS or not front.size:
@@ -130,8 +132,7 @@ def fit_wall_line(
     points[1] = np.where(valid, x_m[beams], 0.0)
     points[2] = np.where(valid, y_m[beams], 0.0)
     weight = np.where(valid, np.minimum(range_m, VOTE_RANGE_M), 0.0)
-    if not math.isnan(expected_m):
-        expected = WallLine(expected_m, expected_rad, 0)
+    if expected is not None and not math.isnan(expected.distance_m):
         members = valid & (np.abs(expected.offsets_m(points[1], points[2])) < GATES_M[0])
         if float(weight @ members) > WINS_WITH * float(weight.sum()):
             return _refined(points, valid, members, GATES_M[2:])

@@ -15,6 +15,7 @@ from runtime.control.safety.swept_settings import SweptSettings
 from runtime.control.vehicle import CarSettings
 from runtime.control.wall_following.ball import BallFollower
 from runtime.control.wall_following.ball_settings import BallSettings
+from tests.runtime.kernel.structures import STRUCTURES
 
 BEAMS, STEP_RAD = 1081, math.radians(0.25)
 ROUNDING = 1e-9
@@ -24,10 +25,11 @@ ANGLE = st.floats(-1.5, 1.5)
 
 
 class _Python(dict[str, Any]):
-    """The functions as written in Python, by name."""
+    """The functions as written in Python, by name, with the arguments of the C."""
 
     def __missing__(self, name):
-        return FUNCTIONS[name].python
+        structures = STRUCTURES.get(name, lambda *given: given)
+        return lambda *flat: FUNCTIONS[name].python(*structures(*flat))
 
 
 PYTHON = _Python()

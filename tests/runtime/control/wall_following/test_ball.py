@@ -29,14 +29,23 @@ from runtime.control.wall_following.ball_law import (
     TURN_AHEAD_S,
     TURN_M,
     TURN_S,
+    Aim,
+    Steered,
     approach_rad,
     look_aheads_m,
     pursuit_steering,
     turn_share,
 )
-from runtime.control.wall_following.ball_path import RADII_M, BallPath, bend_of, circles_met, roll_ball, roll_path
+from runtime.control.wall_following.ball_path import RADII_M, Ball, BallPath, bend_of, circles_met, roll_ball, roll_path
 from runtime.control.wall_following.ball_settings import BallSettings
-from runtime.control.wall_following.followed_wall import FollowedWall, around, choose_wall, side_view
+from runtime.control.wall_following.followed_wall import (
+    FollowedWall,
+    SideView,
+    around,
+    choose_wall,
+    side_view,
+    wall_side,
+)
 from runtime.control.wall_following.no_wall_policy import FADE_PER_SCAN, Lost
 from runtime.control.wall_following.prediction import (
     MAX_WIRE_S,
@@ -151,13 +160,20 @@ def test_the_bend_of_an_arc_is_its_curvature(curvature):
     assert bend_of(RADII_M[1:5], bearing[1:5]) == pytest.approx(curvature, rel=0.02)
 
 
+def rolled(x_m, y_m, solid, beams, ball):
+    """Roll the ball along these points of a wall without a line."""
+    side = wall_side(-2.0, 0.01, x_m.size, "left")
+    seen = SideView(side, x_m, y_m, np.hypot(x_m, y_m), solid, ~solid)
+    return roll_ball(seen, FollowedWall(beams, None, 1.0, -1), None, Shift(), ball, RADII_M)
+
+
 @pytest.mark.parametrize(("ends_m", "bends"), [(2.5, True), (0.4, False)])
 def test_a_path_that_is_not_all_seen_has_no_bend(ends_m, bends):
     """Along a bent wall it bends; where the wall ends beside the car, the far circles do not meet it."""
     x_m = np.arange(-2.0, ends_m, 0.02)
     y_m = 0.8 + 0.15 * x_m * x_m
     beams = np.arange(x_m.size)
-    answer = roll_ball(x_m, y_m, beams >= 0, beams, None, 0.0, 0.0, 0.0, math.nan, 0.0, 0.0, 0.01, 0.3, RADII_M)
+    answer = rolled(x_m, y_m, beams >= 0, beams, Ball(0.0, 0.01, 0.3))
     assert (answer[2] != 0.0) == bends
 
 
@@ -168,7 +184,7 @@ def test_the_path_knows_how_near_it_comes_to_the_other_wall(across_m, seen):
     x_m, y_m = np.concatenate((along, along[::-1])), np.repeat([1.0, -across_m], along.size)
     solid = np.arange(x_m.size) < along.size if not seen else np.ones(x_m.size, np.bool_)
     mine = np.arange(along.size)
-    answer = roll_ball(x_m, y_m, solid, mine, None, 0.0, 0.0, 0.0, math.nan, 0.0, 0.0, 0.01, 1.0, RADII_M)
+    answer = rolled(x_m, y_m, solid, mine, Ball(0.0, 0.01, 1.0))
     assert answer[3] == (pytest.approx(across_m, abs=0.02) if seen else math.inf)
 
 
@@ -187,11 +203,8 @@ def along(way, speed_mps=1.0, *, error_m=0.0, line=(math.nan, math.nan), bend=0.
     radii_m = RADII_M + look_aheads_m(0.4, 0.3, speed_mps)
     bearing_rad = [way(r_m) for r_m in radii_m]
     crosses = tuple(rad is not None for rad in bearing_rad)
-    line_rad, line_error_m = line
-    return pursuit_steering(
-        radii_m, tuple(rad or 0.0 for rad in bearing_rad), crosses, error_m, line_rad, line_error_m, bend,
-        speed_mps, kp, kd, 0.33,
-    )  # fmt: skip
+    path = BallPath(radii_m, tuple(rad or 0.0 for rad in bearing_rad), crosses, crosses)
+    return pursuit_steering(path, Aim(error_m, line[0], line[1], bend, speed_mps), Steered(kp, kd, 0.33, 0.0, 0.4))
 
 
 def off(path, heading_rad):
@@ -509,9 +522,9 @@ def test_it_is_learnt_from_clean_lines_only_and_makes_the_ball_smaller(inliers, 
     found = choose_wall(seen, 1.0, None, 1.0)
     assert found is not None
     wall = FollowedWall(found.beams, WallLine(1.05, 0.0, inliers), 1.0, -1)
-    ball = roll_path(seen, wall, Shift(), 0.01, 0.1, 1.0, ())
+    ball = roll_path(seen, wall, Shift(), Ball(0.01, 0.1, 1.0), ())
     assert ball.bias_m == pytest.approx(0.01 + 0.1 * 0.04 if learns else 0.01, abs=1e-4)
-    alone = roll_path(seen, FollowedWall(wall.beams, None, 1.0, -1), Shift(), 0.0, 0.1, 1.0 - ball.bias_m, ())
+    alone = roll_path(seen, FollowedWall(wall.beams, None, 1.0, -1), Shift(), Ball(0.0, 0.1, 1.0 - ball.bias_m), ())
     assert ball.path.bearing_rad == pytest.approx(alone.path.bearing_rad)
 
 
@@ -545,7 +558,7 @@ def test_what_sticks_out_of_a_wall_is_wall_and_no_noise():
     seen = side_view(PerceptionCache(CAR).see(scan_in("straight")), "left")
     wall = choose_wall(seen, 1.0, None, 1.0)
     assert wall is not None
-    smooth, rough = (roll_path(seen, wall, Shift(), 0.02, noise_m, 1.0, ()) for noise_m in (0.1, 1e-4))
+    smooth, rough = (roll_path(seen, wall, Shift(), Ball(0.02, noise_m, 1.0), ()) for noise_m in (0.1, 1e-4))
     assert smooth.rough_m == 0.0
     assert rough.rough_m == pytest.approx(rough.bias_m, abs=1e-4)
     assert all(far < near for far, near in zip(rough.path.bearing_rad, smooth.path.bearing_rad, strict=True))

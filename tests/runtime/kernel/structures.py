@@ -1,0 +1,83 @@
+"""From the flat arguments of a C function to the structures that its Python takes: tests make arrays and numbers."""
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+from runtime.control.perception.odometry import OdometryState
+from runtime.control.perception.window_dirt import Evidence, LearningShares
+from runtime.control.wall_following.ball_law import Aim, Steered
+from runtime.control.wall_following.ball_path import Ball, BallPath
+from runtime.control.wall_following.followed_wall import FollowedWall
+from runtime.control.wall_following.prediction import Shift
+from runtime.control.wall_following.wall_fit import CLEAN_INLIERS, WallLine
+
+
+def _lines(beams, rear, front):
+    return SimpleNamespace(beams=beams, rear=rear, front=front)
+
+
+def _fit(x_m, y_m, range_m, usable, beams, rear, front, expected_m, expected_rad):
+    return x_m, y_m, range_m, usable, _lines(beams, rear, front), WallLine(expected_m, expected_rad, 0)
+
+
+def _wall(
+    x_m, y_m, range_m, solid, no_echo, start, stop, opposite_from, gap_m, beams, rear, front, line_m, line_rad,
+    desired_m,
+):  # fmt: skip
+    side = SimpleNamespace(opposite_from=opposite_from, lines=_lines(beams, rear, front))
+    seen = SimpleNamespace(side=side, x_m=x_m, y_m=y_m, range_m=range_m, solid=solid, no_echo=no_echo)
+    return seen, slice(start, stop), gap_m, WallLine(line_m, line_rad, 0), desired_m
+
+
+def _ball(x_m, y_m, solid, wall, glass_m, at_x, at_y, yaw, line_m, line_rad, bias_m, noise_m, desired_m, radii_m):
+    line = WallLine(line_m, line_rad, CLEAN_INLIERS + 1)
+    seen = SimpleNamespace(x_m=x_m, y_m=y_m, solid=solid)
+    ball = Ball(bias_m, noise_m, desired_m)
+    return seen, FollowedWall(wall, line, desired_m, -1), glass_m, Shift(at_x, at_y, yaw), ball, radii_m
+
+
+def _drive(radius_m, bearing_rad, meets, crosses, *numbers):
+    path = BallPath(radius_m, bearing_rad, meets, crosses)
+    return path, Aim(*numbers[:5]), Steered(*numbers[5:10]), *numbers[10:]
+
+
+def _motion(told, wire, motor_s, speed_mps, steering_rad, servo_rad, scan_s, since_s, ahead_s, wheelbase_m, trim, rate):
+    motor = SimpleNamespace(stamp_s=motor_s, speed_mps=speed_mps, steering_rad=steering_rad)
+    answers = SimpleNamespace(told=told, wire=wire, rate_radps=rate)
+    return answers, motor, servo_rad, (scan_s, since_s, ahead_s), wheelbase_m, trim
+
+
+def _dirt(ranges_m, no_echo, own, rear, near_m, dirt, body, blind, learns, quickly, turned):
+    view = SimpleNamespace(ranges_m=ranges_m, no_echo=no_echo, own=own)
+    return view, rear, Evidence(near_m, dirt, body, blind), LearningShares(learns, quickly, turned)
+
+
+def _thin(x_m, y_m, solid, ranges_m, dirty, angle_min_rad, angle_step_rad, at_x_m, at_y_m, yaw_rad):
+    scan = SimpleNamespace(angle_min_rad=angle_min_rad, angle_step_rad=angle_step_rad)
+    view = SimpleNamespace(scan=scan, x_m=x_m, y_m=y_m, solid=solid, ranges_m=ranges_m, dirty=dirty)
+    return view, OdometryState(at_x_m, at_y_m, yaw_rad)
+
+
+def _sectors(
+    ranges_m, x_m, y_m, no_echo, own, dirty, state, held, first, beams, first_rad, width_rad, lidar_x_m, front_m,
+    half_width_m, within_m, moved_x_m, moved_y_m, turned_rad,
+):  # fmt: skip
+    view = SimpleNamespace(
+        ranges_m=ranges_m, x_m=x_m, y_m=y_m, no_echo=no_echo, own=own, dirty=dirty, lidar_x_m=lidar_x_m
+    )
+    sectors = SimpleNamespace(first=first, beams=beams, first_rad=first_rad, width_rad=width_rad)
+    car = SimpleNamespace(front_m=front_m, half_width_m=half_width_m)
+    return view, sectors, (state, held), (complex(moved_x_m, moved_y_m), turned_rad), car, within_m
+
+
+STRUCTURES: dict[str, Callable[..., Any]] = {
+    "fit_wall_line": _fit,
+    "find_followed_wall": _wall,
+    "roll_ball": _ball,
+    "drive_along_ball": _drive,
+    "predict_motion": _motion,
+    "weigh_dirt": _dirt,
+    "find_thin_places": _thin,
+    "watch_sectors": _sectors,
+}
