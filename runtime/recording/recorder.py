@@ -110,7 +110,7 @@ class Recorder:
         self._pace = _Pace()
         ring = Ring(self.folder, settings, self._disk, _boot_id())
         self._unix_ns = wall_clock.started_unix_ns
-        self._scribe = RecordingWriter(
+        self._writer = RecordingWriter(
             settings, ring, self._disk, FileMetadata(car, version, clock(), wall_clock), breathe=self._pace
         )
         self._transcriber = Transcriber(wall_clock, clock())
@@ -153,7 +153,7 @@ class Recorder:
 
     def request(self, *, on: bool) -> None:
         """Begin a recording or end it, whatever the car does."""
-        self._scribe.wished = on
+        self._writer.wished = on
         self._wake.set()
 
     def listen(self) -> None:
@@ -179,7 +179,7 @@ class Recorder:
 
     def status(self) -> Mapping[str, Any]:
         """Return the recorder's state, as plain values and as text."""
-        report = self._scribe.report
+        report = self._writer.report
         return {
             "on": bool(report.file),
             "file": report.file,
@@ -213,7 +213,11 @@ class Recorder:
         )
         messages = list(self._paced(fresh))
         stops, self._transcriber.stops = self._transcriber.stops, []
-        self._scribe.turn(messages, stops, self._transcriber.active_s, now_s)
+        self._writer.turn(messages, stops, self._transcriber.active_s, now_s)
+
+    def finish(self) -> None:
+        """Finish open files, after the last turn."""
+        self._writer.close()
 
     def _put(self, message: RecordMessage) -> None:
         if self._put_bytes - self._taken_bytes > MAX_WAITING_BYTES:
@@ -244,14 +248,14 @@ class Recorder:
                 self.turn()
                 self._busy_since_s = None
             self.turn()
-            self._scribe.close()
+            self.finish()
         except Exception as error:  # a bug here must not be silent, and must not stop the car
             self._failure = f"the recorder failed: {type(error).__name__}: {error}"
             log.exception("the recorder failed; the car drives on without it")
 
     def _words(self) -> str:
         """Return the state in a sentence."""
-        report, now_s = self._scribe.report, self._clock()
+        report, now_s = self._writer.report, self._clock()
         if not self.is_enabled:
             return "recording is turned off (recording.enabled)"
         if self._failure:

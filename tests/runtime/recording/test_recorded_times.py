@@ -158,7 +158,7 @@ async def test_every_reader_agrees_on_date_length_and_rates(tmp_path, name):
         (folder / path.name).write_bytes(path.read_bytes()[:-3000])
         recover(folder / path.name)
     else:
-        drive.recorder._scribe.close()
+        drive.recorder.finish()
     paths = sorted(folder.glob("*.mcap"))
     assert paths
     for path in paths:
@@ -181,7 +181,7 @@ async def test_every_reader_agrees_on_date_length_and_rates(tmp_path, name):
 async def test_it_begins_with_the_first_scan_and_keeps_what_was_before(tmp_path):
     drive = Drive(tmp_path, start="always")
     await late_lidar(drive)
-    drive.recorder._scribe.close()
+    drive.recorder.finish()
     (path,) = tmp_path.glob("*.mcap")
     messages = [message for _, message in streamed(path.read_bytes())]
     first_scan_ns = EPOCH_NS + round(drive.scans[0].stamp_s * NS)
@@ -196,7 +196,7 @@ async def test_it_begins_with_the_first_scan_and_keeps_what_was_before(tmp_path)
 async def test_a_step_of_the_clock_begins_another_file_and_is_marked_in_both(tmp_path):
     drive = Drive(tmp_path, start="always")
     await clock_set(drive)
-    drive.recorder._scribe.close()
+    drive.recorder.finish()
     first, second = sorted(tmp_path.glob("*.mcap"), key=lambda path: path.name.split("-")[-1])
     found = [json.loads(describe(path, as_json=True)) for path in (first, second)]
     assert found[1]["continues"] == first.name

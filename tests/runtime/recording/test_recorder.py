@@ -86,7 +86,7 @@ async def test_the_next_drive_has_a_file_of_its_own_with_settings_in_force(tmp_p
     await drive.go(15)
     drive.permit()
     await drive.go(1)
-    drive.recorder._scribe.close()
+    drive.recorder.finish()
     first, second = recordings(tmp_path)
     assert len(texts(first, "settings")) == 2
     (toml,) = texts(second, "settings")
@@ -100,7 +100,7 @@ async def test_everything_that_telemetry_says_is_in_it_for_every_reader(tmp_path
     drive = Drive(tmp_path, start="always")
     drive.permit()
     await drive.go(2)
-    drive.recorder._scribe.close()
+    drive.recorder.finish()
     (path,) = recordings(tmp_path)
     decoded = decoded_by_ros2_support(path)
     silent = {topics.TELEOP, topics.IMU}
@@ -213,7 +213,7 @@ async def test_a_long_recording_goes_on_in_another_file_and_the_ring_lets_its_be
     drive = Drive(tmp_path, ring_mb=32, file_mb=8, start="always")
     drive.permit()
     await drive.go(24)
-    drive.recorder._scribe.close()
+    drive.recorder.finish()
     total_mb = sum(path.stat().st_size for path in files(tmp_path)) / 1e6
     assert 2 < total_mb < 3.2 + 5 * 0.4  # the ring is looked after every few seconds
     left = recordings(tmp_path)
@@ -247,7 +247,7 @@ async def test_a_disk_that_refuses_is_said_and_recording_goes_on_where_it_ended(
     disk.failing = disk.failing_creates = None
     await drive.go(8)
     assert drive.recorder.status()["words"] == "recording: always"
-    drive.recorder._scribe.close()
+    drive.recorder.finish()
     first, second = recordings(tmp_path)
     assert metadata(second.read_bytes())["continues"] == first.name
     numbers = [event.number for path in (first, second) for event in events(path.read_bytes())]
@@ -293,7 +293,8 @@ async def test_what_was_torn_is_finished_at_the_next_start(tmp_path):
     await drive.go(3)
     (path,) = recordings(tmp_path)
     torn = path.read_bytes()
-    drive.recorder._scribe._run.abandon()  # type: ignore[union-attr]  # as a killed process leaves it
+    drive.recorder.finish()
+    path.write_bytes(torn)  # as a killed process leaves it
     (tmp_path / "20260101T000000Z-b0001-00007.mcap").touch()
     again = Drive(tmp_path, start="request")
     again.permit(False)
@@ -310,7 +311,7 @@ async def test_a_number_is_never_given_twice(tmp_path):
         drive.scan()
         drive.recorder.turn()
         drive.recorder.turn()
-        drive.recorder._scribe.close()
+        drive.recorder.finish()
         (path,) = recordings(tmp_path)
         assert number_of(path) == number
         path.unlink()
@@ -373,7 +374,7 @@ async def test_a_stuck_disk_holds_nobody_up_and_is_said(tmp_path, monkeypatch):
     status = drive.recorder.status()
     assert re.match(r"NOT recording: the disk has not answered for \d+ s; [1-9]\d* messages lost", status["words"])
     disk.lets_go.set()
-    until(lambda: not drive.recorder._waiting)
+    until(lambda: drive.recorder.status()["words"].startswith("the disk is too slow"))
     drive.clock.now_s += 11
     await drive.go(0.25, write=False)
     until(lambda: drive.recorder.status()["words"] == "recording: always")
@@ -408,14 +409,13 @@ async def test_a_disk_that_never_answers_does_not_keep_the_process(tmp_path):
     drive.recorder.close(0.2)
     assert time.perf_counter() - started_s < 1.0
     disk.lets_go.set()
-    drive.recorder._thread.join(5)
+    drive.recorder.close(5)
 
 
 async def test_a_bug_in_the_thread_is_said(tmp_path, monkeypatch, caplog):
     drive = Drive(tmp_path, start="always")
-    monkeypatch.setattr(drive.recorder._scribe, "turn", lambda *_: 1 / 0)
+    monkeypatch.setattr("runtime.recording.writer.RecordingWriter.turn", lambda *_: 1 / 0)
     drive.recorder.start()
-    drive.recorder._thread.join(5)
+    drive.recorder.close(5)
     assert drive.recorder.status()["words"] == "NOT recording: the recorder failed: ZeroDivisionError: division by zero"
     assert "the car drives on without it" in caplog.text
-    drive.recorder.close()

@@ -36,7 +36,7 @@ async def _record(folder):
         path = next(folder.glob("*.mcap"))
         lengths.append((drive.clock.now_s, path.stat().st_size))
     content = path.read_bytes()
-    drive.recorder._scribe.close()
+    drive.recorder.finish()
     return content, lengths, path.read_bytes()
 
 
@@ -170,7 +170,7 @@ async def test_a_file_that_is_being_written_is_left_alone(tmp_path):
     assert file_state(path) == "recording"
     with pytest.raises(RecoveryError, match="being written"):
         recover(path)
-    drive.recorder._scribe.close()
+    drive.recorder.finish()
     assert file_state(path) == "whole"
 
 

@@ -64,7 +64,7 @@ async def test_a_recording_from_the_start_decides_the_same_to_the_last_bit(tmp_p
     await drive.go(3)
     await drive.go(1.5, ranges_m=ranges_between_walls(0.9, 1.1, 1.2))
     drive.recorder.close()
-    drive.recorder._scribe.close()
+    drive.recorder.finish()
     (path,) = tmp_path.glob("*.mcap")
     content = path.read_bytes()
     pairs = list(replayed(content))
@@ -82,7 +82,7 @@ async def test_every_scan_is_recorded_float_by_float_whatever_telemetry_does(tmp
     for _ in range(40):
         drive.scan()  # in one burst: telemetry would show the newest only
     drive.recorder.turn()
-    drive.recorder._scribe.close()
+    drive.recorder.finish()
     (path,) = tmp_path.glob("*.mcap")
     recorded = ranges_by_sequence(path.read_bytes())
     assert sorted(recorded) == list(range(40))

@@ -47,7 +47,7 @@ async def test_a_disk_that_others_fill_is_said_and_recording_goes_on_when_they_c
         others.unlink()
         await drive.go(6)
         assert drive.recorder.status()["words"] == "recording: always"
-        drive.recorder._scribe.close()
+        drive.recorder.finish()
         recorded = {
             message.sequence
             for path in files(disk / "recordings")
@@ -64,7 +64,7 @@ async def test_on_a_small_disk_the_oldest_makes_room(tmp_path, monkeypatch):
         drive.permit()
         await drive.go(25)
         assert drive.recorder.status()["on"] is True
-        drive.recorder._scribe.close()
+        drive.recorder.finish()
         kept = files(disk)
         assert "-00001." not in kept[0].name
         assert all(map(is_whole, kept))
@@ -82,4 +82,4 @@ async def test_a_read_only_disk_is_said(tmp_path):
         subprocess.run(["mount", "-o", "remount,rw", str(disk)], check=True)
         await drive.go(6)
         assert drive.recorder.status()["words"] == "recording: always"
-        drive.recorder._scribe.close()
+        drive.recorder.finish()
