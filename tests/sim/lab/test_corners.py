@@ -13,7 +13,7 @@ from sim.lab.cell import Cell, CellChoice
 from sim.lab.courses.building_places import CORNER_RAD, OFF_M, STARTS, building, is_held_out, places_on
 from sim.lab.courses.prototype import KD, KP_RAD_PER_M, Prototype, target_rad
 from sim.world.pose import Pose, Side
-from tests.runtime.control.wall_following.test_ball import scan_in
+from tests.runtime.control.wall_following.ball_scenes import scan_in
 
 SKIRK = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "maps" / "skirk.yaml"
 needs_maps = pytest.mark.skipif(not SKIRK.is_file(), reason="the maps lie in shared/data beside the checkout")

@@ -21,7 +21,7 @@ from runtime.control.safety.emergency_manoeuvre import (
 from runtime.control.safety.footprint import Outline
 from runtime.control.safety.manoeuvre_rollout import STEP_S, RolloutStart, distance_m, latency_path, roll_out, slide
 from runtime.control.safety.stopping import GRAVITY_MPS2
-from tests.runtime.control.safety.test_swept import CAR, FRONT_M, SETTINGS, Car, wall_at, world
+from tests.runtime.control.safety.swept_scenes import CAR, FRONT_M, SETTINGS, Car, wall_at, world
 
 GRIPS_MPS2 = 0.8 * GRAVITY_MPS2, 0.5 * GRAVITY_MPS2
 NO_PAST = np.zeros(30)

@@ -1,72 +1,22 @@
-"""Safety `swept`, rule by rule: what is in the strip, how fast is safe, when it brakes, releases, creeps, backs."""
+"""The swept safety: the path, the allowed speed, bends, and the form of its answers."""
 
 import math
 
 import numpy as np
 import pytest
 
-from drivers.api import MotorState, Scan
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.safety.no_return_regions import enclosed_dark
 from runtime.control.safety.stopping import GRAVITY_MPS2, speed_to_stop_within_mps, stopping_distance_m
-from runtime.control.safety.swept import SweptGuard
 from runtime.control.safety.swept_path import Strip
-from runtime.control.safety.swept_settings import SweptSettings
-from runtime.control.vehicle import CarSettings
+from tests.runtime.control.safety.swept_scenes import (
+    FRONT_M,
+    REACTION_S,
+    Car,
+    judge,
+    wall_at,
+    world,
+)
 
-BEAMS = 1081
-STEP_RAD = math.radians(0.25)
-BEARING_RAD = STEP_RAD * (np.arange(BEAMS) - BEAMS // 2)
-CAR = CarSettings()
-SETTINGS = SweptSettings()
 GRADED_MPS2 = 0.45 * 0.8 * GRAVITY_MPS2
-REACTION_S = 0.05
-FRONT_M = CAR.front_m + SETTINGS.front_margin_m
-
-
-def world(*walls_m, empty_m=8.0):
-    """Ranges to segments (x0, y0, x1, y1) in base_link; elsewhere something far."""
-    ranges_m = np.full(BEAMS, empty_m)
-    cos, sin = np.cos(BEARING_RAD), np.sin(BEARING_RAD)
-    for x0, y0, x1, y1 in walls_m:
-        ax, ay, dx, dy = x0 - CAR.lidar_x_m, y0, x1 - x0, y1 - y0
-        cross = cos * dy - sin * dx
-        with np.errstate(divide="ignore", invalid="ignore"):
-            along = (ax * dy - ay * dx) / cross
-            share = (ax * sin - ay * cos) / cross
-        hit = (along > 0) & (share >= 0) & (share <= 1)
-        ranges_m = np.where(hit, np.minimum(ranges_m, along), ranges_m)
-    return ranges_m
-
-
-def wall_at(x_m, half_m=2.0):
-    return (x_m, -half_m, x_m, half_m)
-
-
-class Car:
-    """A guard with scans and motor reports on a clock of their own."""
-
-    def __init__(self, clock=None, **settings):
-        self.now_s = 100.0
-        self.guard = SweptGuard(SweptSettings(**settings), CAR, PerceptionCache(CAR), clock=clock)
-        self.distance_m = 0.0
-
-    def look(self, ranges_m, speed_mps=0.0, wheel_rad=0.0, age_s=0.0, moved_m=0.0, motor=True):
-        self.now_s += 0.025
-        self.distance_m += moved_m
-        state = MotorState(
-            self.now_s, speed_mps, self.distance_m, wheel_rad, 12.0, 0.0, 0.0, 20.0, "", timed_out=False, killed=False
-        )
-        ranges_m = np.asarray(ranges_m, np.float32)
-        scan = Scan(self.now_s - age_s, self.now_s, -STEP_RAD * (BEAMS // 2), STEP_RAD, 0.02, 30.0, ranges_m, 0)
-        return self.guard.look(scan, state if motor else None)
-
-
-def judge(ranges_m, wanted_mps, steering_rad=0.0, **state):
-    return Car().look(ranges_m, **state).limit(wanted_mps, steering_rad)
-
-
-# --- the strip
 
 
 def test_a_straight_path_meets_a_wall_at_its_bumper_to_the_centimetre():
@@ -122,9 +72,6 @@ def test_a_bend_that_needs_good_grip_is_judged_on_a_slippery_floor_too():
     assert hasty.travel_m < trusting.travel_m
     gentle = Car().look(corner, speed_mps=2.0, wheel_rad=0.3).strip.contact(0.3, 6.0)
     assert not gentle.slippery
-
-
-# --- how fast
 
 
 def test_the_graded_limit_stops_ten_centimetres_before_the_wall():
@@ -201,9 +148,6 @@ def test_locked_wheels_are_not_a_standing_car():
     assert car.look(ranges_m, speed_mps=0.0).limit(3.0, 0.0).reason == "braking: wall ahead"
 
 
-# --- the bend and the wish
-
-
 OUTER_WALL = ((-2.0, -0.6, 2.4, -0.6), (2.4, -0.6, 2.4, 8.0))
 
 
@@ -269,251 +213,6 @@ def test_all_questions_about_one_scan_get_the_same_answer():
     swept = len(outlook.strip._kept)
     assert outlook.limit(4.0, 0.0) == first
     assert len(outlook.strip._kept) == swept
-
-
-# --- a driver who turns round
-
-
-BESIDE_A_POST = world((1.3, -0.3, 1.3, -0.1))
-"""A post that the car can pass on the left, but not on the right."""
-
-
-def drives(car, steering_rad, scans, speed_mps=2.5, scan=BESIDE_A_POST):
-    for _ in range(scans):
-        verdict = car.look(scan, speed_mps=speed_mps).limit(speed_mps, steering_rad)
-    return verdict
-
-
-def test_who_has_just_turned_round_may_turn_back():
-    assert drives(Car(), 0.34, 1).forward_mps == math.inf
-    car = Car()
-    before = drives(car, -0.05, 5)
-    assert before.reason == "slower: wall ahead"
-    wavers = drives(car, 0.34, 10)
-    assert wavers.reason == "slower: the driver wavers"
-    assert 1.0 < wavers.forward_mps < 2.5
-    assert drives(car, 0.34, 4).forward_mps == math.inf  # 0.3 s later it drives where it steers
-
-
-def test_a_driver_who_wavers_is_slowed_and_keeps_its_steering_and_its_brake():
-    """It may mean it: a stop would take away the grip that it turns with."""
-    near = world((0.9, -0.3, 0.9, -0.12))
-    car = Car()
-    drives(car, -0.05, 5, speed_mps=2.0, scan=world())
-    assert Car().look(near, speed_mps=2.0).limit(2.0, -0.05).forward_mps == 0.0
-    wavers = drives(car, 0.34, 1, speed_mps=2.0, scan=near)
-    assert wavers.reason == "slower: the driver wavers"
-    assert SETTINGS.creep_mps <= wavers.forward_mps < 2.0
-
-
-def test_one_wrong_wish_is_no_wavering():
-    car = Car()
-    drives(car, 0.34, 5, speed_mps=2.0)
-    assert drives(car, -0.05, 1, speed_mps=2.0).reason == "slower: wall ahead"
-    assert drives(car, 0.34, 1, speed_mps=2.0).forward_mps == math.inf
-
-
-# --- who comes, and what is thin
-
-
-def test_a_pole_that_only_one_beam_meets_is_seen_after_a_few_scans():
-    car = Car()
-    verdicts = []
-    for step in range(6):
-        ranges_m = world()
-        ranges_m[545] = 3.0 - 0.1 * step
-        verdicts.append(car.look(ranges_m, speed_mps=4.0, moved_m=0.1).limit(4.0, 0.0).forward_mps)
-    assert verdicts[:4] == [math.inf] * 4
-    assert max(verdicts[4:]) < 4.0
-
-
-def test_what_stands_does_not_come_while_the_wheels_are_locked():
-    car = Car()
-    for step in range(20):
-        x_m = 4.0 - 0.05 * step
-        car.look(world((x_m, 0.8, x_m, 1.1), empty_m=9.0), speed_mps=2.0, moved_m=0.05)
-    for step in range(14):
-        x_m = 3.0 - 0.04 * step
-        outlook = car.look(world((x_m, 0.8, x_m, 1.1), empty_m=9.0), speed_mps=0.0)
-    assert outlook.speed_mps > 0
-    assert outlook.strip.more_m.size == 0
-
-
-def test_a_person_who_comes_is_braked_for_before_he_is_near():
-    def person(at_m):
-        return world((at_m, -0.2, at_m, 0.2), empty_m=9.0)
-
-    car = Car()
-    for step in range(22):
-        at_m = 4.3 - (1.5 + 2.0) * 0.025 * step
-        comes = car.look(person(at_m), speed_mps=2.0, moved_m=0.05).limit(2.0, 0.0)
-    stands = judge(person(at_m), 2.0, speed_mps=2.0)
-    assert stands.forward_mps == math.inf
-    assert comes.forward_mps < 2.0
-
-
-# --- release
-
-
-def braking_car():
-    car = Car()
-    assert car.look(world(wall_at(FRONT_M + 0.3)), speed_mps=2.0).limit(2.0, 0.0).forward_mps == 0.0
-    return car
-
-
-def test_a_hard_stop_is_held_for_a_fifth_of_a_second():
-    car = braking_car()
-    for _ in range(7):
-        assert car.look(world(), speed_mps=2.0).limit(2.0, 0.0).forward_mps == 0.0
-    car.look(world(), speed_mps=2.0)
-    assert car.look(world(), speed_mps=2.0).limit(2.0, 0.0).forward_mps == math.inf
-
-
-def test_a_moving_car_is_released_only_with_room_to_spare():
-    car = braking_car()
-    car.now_s += 0.3
-    hard_m = 0.05 + stopping_distance_m(1.0, REACTION_S, 0.8 * 0.8 * GRAVITY_MPS2)
-    assert car.look(world(wall_at(FRONT_M + hard_m + 0.15)), speed_mps=1.0).limit(1.0, 0.0).forward_mps == 0.0
-    assert car.look(world(wall_at(FRONT_M + hard_m + 0.25)), speed_mps=1.0).limit(1.0, 0.0).forward_mps > 0.0
-
-
-def test_a_standing_car_is_released_by_the_graded_limit():
-    car = braking_car()
-    car.now_s += 0.5
-    assert car.look(world(wall_at(FRONT_M + 0.2)), speed_mps=0.0).limit(1.0, 0.0).forward_mps > 0.25
-
-
-# --- the last centimetres
-
-
-def test_never_slower_than_the_motor_can_hold():
-    for way_mm in range(60, 200):
-        verdict = judge(world(wall_at(FRONT_M + way_mm / 1000, 0.3)), 1.0)
-        assert verdict.forward_mps == 0.0 or verdict.forward_mps >= SETTINGS.slowest_mps
-
-
-def test_creeps_where_another_steering_is_free():
-    pole = (FRONT_M + 0.115, 0.13, FRONT_M + 0.115, 0.2)
-    verdict = judge(world(pole), 1.0)
-    assert (verdict.forward_mps, verdict.reason) == (0.3, "creeping: wall ahead")
-
-
-def test_boxed_in_when_no_steering_is_free():
-    verdict = judge(world(wall_at(FRONT_M + 0.115)), 1.0)
-    assert (verdict.forward_mps, verdict.reason) == (0.0, "boxed in")
-    assert verdict.measure == pytest.approx(0.115, abs=0.015)
-
-
-def test_nose_on_something_small_is_no_way_even_with_another_free():
-    pole = (FRONT_M + 0.065, 0.165, FRONT_M + 0.065, 0.2)
-    verdict = judge(world(pole), 1.0)
-    assert (verdict.forward_mps, verdict.reason) == (0.0, "wall ahead")
-
-
-def test_what_is_inside_the_margin_already_is_judged_by_the_bare_outline():
-    beside = world((-2.0, 0.17, 4.0, 0.17))
-    assert judge(beside, 1.0).forward_mps == math.inf
-    assert judge(beside, 1.0, 0.3).forward_mps == 0.0
-
-
-def test_dirt_on_the_window_does_not_hold_the_car():
-    ranges_m = world()
-    ranges_m[536:546] = 0.14  # inside the outline
-    ranges_m[600:606] = 0.3  # thin
-    assert judge(ranges_m, 1.0).forward_mps == math.inf
-
-
-# --- no information
-
-
-def darkened(from_m, to_m, left_m, right_m, middle=540, half=60):
-    ranges_m = world()
-    ranges_m[middle - half : middle + half] = math.nan
-    ranges_m[middle + half :] = left_m
-    ranges_m[: middle - half] = right_m
-    return ranges_m[from_m:to_m]
-
-
-def test_an_enclosed_dark_patch_limits_the_speed():
-    verdict = judge(darkened(0, None, 2.0, 2.0), 3.0, speed_mps=3.0)
-    assert (verdict.forward_mps, verdict.reason) == (1.0, "no information ahead")
-
-
-@pytest.mark.parametrize(("left_m", "right_m"), [(9.0, 9.0), (2.0, 9.0), (9.0, 2.0)])
-def test_the_dark_end_of_a_corridor_or_a_corner_does_not(left_m, right_m):
-    car = Car()
-    for half in range(1, 60, 5):  # it comes into view
-        ranges_m = darkened(0, None, left_m, right_m, half=half)
-        ranges_m[480:600] = np.where(np.isfinite(ranges_m[480:600]), 28.0, np.nan)
-        car.look(ranges_m, speed_mps=3.0)
-    outlook = car.look(darkened(0, None, left_m, right_m), speed_mps=3.0)
-    assert outlook.limit(3.0, 0.0).forward_mps == math.inf
-
-
-def test_a_third_of_the_window_must_be_dark():
-    eyes = PerceptionCache(CAR)
-    for dark_beams, dark in ((20, False), (30, True)):
-        ranges_m = np.full(BEAMS, 2.0, np.float32)
-        ranges_m[540 : 540 + dark_beams] = np.nan
-        view = eyes.see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
-        assert enclosed_dark(view, 0.0, 3.0) == dark
-
-
-def test_where_the_lidar_does_not_look_nothing_is_dark():
-    ranges_m = np.full(BEAMS, 2.0, np.float32)
-    ranges_m[300:700] = np.nan
-    view = PerceptionCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
-    assert enclosed_dark(view, 0.0, 3.0)
-    assert not enclosed_dark(view, -3.0, 3.0)
-    assert not enclosed_dark(view, 3.0, 3.0)
-
-
-def test_a_covered_lidar_stops_the_car():
-    verdict = judge(np.full(BEAMS, math.nan), 1.0)
-    assert (verdict.forward_mps, verdict.reason) == (0.0, "the lidar sees almost nothing: uncover or clean it")
-
-
-# --- backwards
-
-
-def test_backs_slowly_out_of_anything():
-    verdict = judge(world(wall_at(FRONT_M + 0.02)), -1.0)
-    assert (verdict.reverse_mps, verdict.forward_mps) == (0.5, math.inf)
-
-
-def test_what_is_seen_behind_stops_it():
-    behind = world((-0.2, -0.6, -0.2, -0.36), (-0.2, 0.36, -0.2, 0.6))
-    assert judge(behind, -0.5).reverse_mps == 0.5
-    close = Car().look(world((-0.15, 0.19, 0.3, 0.19)))
-    assert close.limit(-0.5, -0.34).reverse_mps == 0.0  # the nose swings into the wall on the left
-
-
-def test_half_a_metre_without_seeing_and_no_more():
-    car = Car()
-    for _ in range(9):
-        outlook = car.look(world(), speed_mps=-0.4, moved_m=-0.05)
-        assert outlook.limit(-0.5, 0.0).reverse_mps > 0
-    car.look(world(), speed_mps=-0.4, moved_m=-0.05)
-    outlook = car.look(world(), speed_mps=0.0, moved_m=-0.05)
-    assert outlook.limit(-0.5, 0.0).reverse_mps == 0.0
-    assert outlook.limit(-0.5, 0.0).reason == "backed far enough without seeing"
-    outlook = car.look(world(), speed_mps=0.4, moved_m=0.3)
-    assert outlook.limit(-0.5, 0.0).reverse_mps > 0
-
-
-def test_what_was_passed_is_remembered_behind():
-    """A box that was beside the car while it drove by is where its tail goes when it backs to the left."""
-    car = Car()
-    for step in range(12):
-        x_m = 0.6 - 0.1 * step
-        car.look(world((x_m, 0.25, x_m + 0.25, 0.25)), speed_mps=1.0, moved_m=0.1)
-    outlook = car.look(world(), speed_mps=0.0)
-    assert outlook.limit(-0.5, 0.34).measure < 0.25
-    assert outlook.limit(-0.5, -0.34).measure == math.inf
-    assert Car().look(world()).limit(-0.5, 0.34).measure == math.inf
-
-
-# --- manners
 
 
 @pytest.mark.parametrize("nonsense", [(math.nan, 0.0), (1.0, math.nan), (math.inf, 0.0)])

@@ -1,0 +1,104 @@
+"""The swept safety: darkness, a covered lidar, and driving backward."""
+
+import math
+
+import numpy as np
+import pytest
+
+from drivers.api import Scan
+from runtime.control.perception.view import PerceptionCache
+from runtime.control.safety.no_return_regions import enclosed_dark
+from tests.runtime.control.safety.swept_scenes import (
+    BEAMS,
+    CAR,
+    FRONT_M,
+    STEP_RAD,
+    Car,
+    judge,
+    wall_at,
+    world,
+)
+
+
+def darkened(from_m, to_m, left_m, right_m, middle=540, half=60):
+    ranges_m = world()
+    ranges_m[middle - half : middle + half] = math.nan
+    ranges_m[middle + half :] = left_m
+    ranges_m[: middle - half] = right_m
+    return ranges_m[from_m:to_m]
+
+
+def test_an_enclosed_dark_patch_limits_the_speed():
+    verdict = judge(darkened(0, None, 2.0, 2.0), 3.0, speed_mps=3.0)
+    assert (verdict.forward_mps, verdict.reason) == (1.0, "no information ahead")
+
+
+@pytest.mark.parametrize(("left_m", "right_m"), [(9.0, 9.0), (2.0, 9.0), (9.0, 2.0)])
+def test_the_dark_end_of_a_corridor_or_a_corner_does_not(left_m, right_m):
+    car = Car()
+    for half in range(1, 60, 5):  # it comes into view
+        ranges_m = darkened(0, None, left_m, right_m, half=half)
+        ranges_m[480:600] = np.where(np.isfinite(ranges_m[480:600]), 28.0, np.nan)
+        car.look(ranges_m, speed_mps=3.0)
+    outlook = car.look(darkened(0, None, left_m, right_m), speed_mps=3.0)
+    assert outlook.limit(3.0, 0.0).forward_mps == math.inf
+
+
+def test_a_third_of_the_window_must_be_dark():
+    eyes = PerceptionCache(CAR)
+    for dark_beams, dark in ((20, False), (30, True)):
+        ranges_m = np.full(BEAMS, 2.0, np.float32)
+        ranges_m[540 : 540 + dark_beams] = np.nan
+        view = eyes.see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
+        assert enclosed_dark(view, 0.0, 3.0) == dark
+
+
+def test_where_the_lidar_does_not_look_nothing_is_dark():
+    ranges_m = np.full(BEAMS, 2.0, np.float32)
+    ranges_m[300:700] = np.nan
+    view = PerceptionCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
+    assert enclosed_dark(view, 0.0, 3.0)
+    assert not enclosed_dark(view, -3.0, 3.0)
+    assert not enclosed_dark(view, 3.0, 3.0)
+
+
+def test_a_covered_lidar_stops_the_car():
+    verdict = judge(np.full(BEAMS, math.nan), 1.0)
+    assert (verdict.forward_mps, verdict.reason) == (0.0, "the lidar sees almost nothing: uncover or clean it")
+
+
+def test_backs_slowly_out_of_anything():
+    verdict = judge(world(wall_at(FRONT_M + 0.02)), -1.0)
+    assert (verdict.reverse_mps, verdict.forward_mps) == (0.5, math.inf)
+
+
+def test_what_is_seen_behind_stops_it():
+    behind = world((-0.2, -0.6, -0.2, -0.36), (-0.2, 0.36, -0.2, 0.6))
+    assert judge(behind, -0.5).reverse_mps == 0.5
+    close = Car().look(world((-0.15, 0.19, 0.3, 0.19)))
+    assert close.limit(-0.5, -0.34).reverse_mps == 0.0  # the nose swings into the wall on the left
+
+
+def test_half_a_metre_without_seeing_and_no_more():
+    car = Car()
+    for _ in range(9):
+        outlook = car.look(world(), speed_mps=-0.4, moved_m=-0.05)
+        assert outlook.limit(-0.5, 0.0).reverse_mps > 0
+    car.look(world(), speed_mps=-0.4, moved_m=-0.05)
+    outlook = car.look(world(), speed_mps=0.0, moved_m=-0.05)
+    assert outlook.limit(-0.5, 0.0).reverse_mps == 0.0
+    assert outlook.limit(-0.5, 0.0).reason == "backed far enough without seeing"
+    outlook = car.look(world(), speed_mps=0.4, moved_m=0.3)
+    assert outlook.limit(-0.5, 0.0).reverse_mps > 0
+
+
+def test_what_was_passed_is_remembered_behind():
+    """A box that was beside the car while it drove by is where its tail goes when it backs to the left."""
+    car = Car()
+    for step in range(12):
+        x_m = 0.6 - 0.1 * step
+        car.look(world((x_m, 0.25, x_m + 0.25, 0.25)), speed_mps=1.0, moved_m=0.1)
+    outlook = car.look(world(), speed_mps=0.0)
+    assert outlook.limit(-0.5, 0.34).measure < 0.25
+    assert outlook.limit(-0.5, -0.34).measure == math.inf
+    assert Car().look(world()).limit(-0.5, 0.34).measure == math.inf
