@@ -8,14 +8,15 @@ import pytest
 from drivers.api import MotorState, Scan
 from runtime.control.limiter import Limiter, Limits
 from runtime.control.live_laws import LiveLaws
-from runtime.control.recovery.recovering_follower import RecoveringFollower
-from runtime.control.recovery.way_out import Recovery
 from runtime.control.report.laws import ReportGuard, ReportTurn
 from runtime.control.safety.swept import SweptGuard
 from runtime.control.vehicle import CarSettings
-from runtime.control.wall_following.ball import BallFollower
 from runtime.settings.tree import Settings
+from sim.car.vehicle import VehicleSettings
+from sim.virtual.closed_loop import Case, drive
 from sim.virtual.devices import BEAMS, STEP_RAD, ranges_between_walls
+from sim.world.pose import Pose
+from sim.world.worlds import load_world
 
 CAR = CarSettings()
 
@@ -29,6 +30,7 @@ class Drive:
         self.laws = LiveLaws(self.settings.wall_follow, self.settings.safety, CAR)
         self.scans = 0
         self.speed_mps = 1.0
+        self.way_m = 0.0
 
     def tune(self, **sections):
         tree = self.settings.model_dump()
@@ -40,25 +42,23 @@ class Drive:
     def scan(self):
         self.scans += 1
         at_s = self.scans * 0.025
-        motor = MotorState(at_s, self.speed_mps, at_s * self.speed_mps, 0.0, 11.8, 0.0, 0.0, 25.0, "", False, False)
+        self.way_m += self.speed_mps * 0.025
+        motor = MotorState(at_s, self.speed_mps, self.way_m, 0.0, 11.8, 0.0, 0.0, 25.0, "", False, False)
         scan = Scan(at_s, at_s, -STEP_RAD * (BEAMS // 2), STEP_RAD, 0.02, 30.0, self.ranges_m, self.scans)
         outlook = self.laws.look(scan, motor)
         return self.laws.follow(scan, motor), outlook
-
-    @property
-    def ball(self) -> BallFollower:
-        assert isinstance(self.laws._driver, BallFollower)
-        return self.laws._driver
 
     @property
     def swept(self) -> SweptGuard:
         assert isinstance(self.laws.guard, SweptGuard)
         return self.laws.guard
 
-    @property
-    def recovery(self) -> Recovery:
-        assert self.laws._recovery is not None
-        return self.laws._recovery
+    def soil(self, first, last):
+        """Dirty the window before these beams, and drive until that is learnt."""
+        self.ranges_m[first:last] = 0.06
+        for _ in range(120):
+            self.scan()
+            self.laws.learn()
 
     def steering_rad(self):
         return self.scan()[0].drive.steering_rad
@@ -72,34 +72,46 @@ def test_a_new_gain_steers_at_the_very_next_scan(method):
     assert drive.steering_rad() - before == pytest.approx(0.8 * 0.05, abs=0.005), "0.8 more, for an error of 0.05 m"
 
 
-def learn_trim(track, trim_rad):
-    """Let it know what a crooked car would have taught it."""
-    track._state = (*track._state[:2], trim_rad, *track._state[3:])
+class Tuned:
+    """Laws of a simulated car whose settings change at given times."""
+
+    def __init__(self, *changes):
+        """changes: time [s], section, values."""
+        self.settings = Settings()
+        self.laws = LiveLaws(self.settings.wall_follow, self.settings.safety, CAR)
+        self.changes = list(changes)
+
+    def follow(self, scan, motor):
+        while self.changes and scan.stamp_s >= self.changes[0][0]:
+            _, section, values = self.changes.pop(0)
+            tree = self.settings.model_dump()
+            tree[section] |= values
+            self.settings = Settings.model_validate(tree)
+            self.laws.tune(self.settings.wall_follow, self.settings.safety)
+        return self.laws.follow(scan, motor)
+
+    def look(self, scan, motor):
+        return self.laws.look(scan, motor)
+
+    def learn(self):
+        self.laws.learn()
 
 
-def test_what_the_follower_learnt_survives_a_new_gain():
-    drive = Drive(left_m=1.05)
-    for _ in range(40):
-        drive.scan()
-    driver, track, bias_m = drive.ball, drive.ball._track, drive.ball._bias_m
-    learn_trim(track, 0.02)
-    drive.tune(wall_follow={"kp": 0.4})
-    assert drive.ball is driver
-    assert drive.ball._track is track
-    assert (track.trim_rad, drive.ball._bias_m) == (0.02, bias_m)
+@pytest.mark.parametrize("change", [{}, {"kp": 10.0}, {"side": "right"}], ids=["none", "gain", "side"])
+def test_the_learnt_steering_offset_survives_a_change_and_is_mirrored_with_the_side(change):
+    """In the middle of a corridor 2 m wide both sides are 1 m away; without its offset the car leaves it by 15 mm."""
+    vehicle = VehicleSettings(trim_rad=0.05)
+    case = Case(load_world("corridor"), start_speed_mps=1.0, duration_s=9.0, vehicle=vehicle)
+    done = drive(case, Tuned((7.0, "wall_follow", change)), None)
+    assert np.abs(done.error_m[done.time_s > 5.0]).max() < 0.005
 
 
-def test_on_the_other_side_the_other_wall_is_followed_with_the_learnt_offset_mirrored():
+def test_on_the_other_side_the_other_wall_is_followed():
     drive = Drive(left_m=1.05, right_m=1.05)
-    for _ in range(40):
-        drive.scan()
-    track = drive.ball._track
-    learn_trim(track, 0.02)
     drive.tune(wall_follow={"side": "right"})
     guidance, _ = drive.scan()
     assert guidance.drive.steering_rad < 0, "to the right, where the wall is too far away now"
     assert guidance.error_m == pytest.approx(0.05, abs=0.01)
-    assert track.trim_rad == pytest.approx(-0.02, abs=0.003)
 
 
 def test_a_lost_wall_is_searched_for_as_the_new_settings_say():
@@ -114,12 +126,13 @@ def test_another_method_is_a_new_law():
     drive = Drive()
     drive.tune(wall_follow={"method": "report"}, safety={"method": "report"})
     drive.scan()
+    assert drive.laws.path_m is None, "the report's law has no ball"
     assert isinstance(drive.laws.follower, ReportTurn)
     assert type(drive.laws.guard) is ReportGuard
     assert drive.laws.words == ()
     drive.tune(wall_follow={"method": "ball"}, safety={"method": "swept"})
     drive.scan()
-    assert drive.ball is drive.laws._driver
+    assert drive.laws.path_m is not None
     assert drive.swept.body.settings is drive.laws.safety
 
 
@@ -134,27 +147,28 @@ def test_a_wider_margin_slows_the_car_at_once():
 
 def test_the_guard_keeps_what_it_knows():
     drive = Drive()
-    drive.scan()
+    drive.soil(250, 265)
     guard = drive.swept
-    memory, beams, movers = guard.memory, guard.health._beams, guard.movers
-    drive.tune(safety={"grip_mu": 0.6, "window": {"masked_share": 0.05}})
+    memory, movers, mask = guard.memory, guard.movers, guard.health.mask
+    assert mask is not None
+    drive.speed_mps = 0.0
+    drive.tune(safety={"grip_mu": 0.6, "window": {"memory_m": 0.7}})
+    drive.scan()
+    drive.laws.learn()
     assert drive.swept is guard
-    assert guard.memory is memory
-    assert (guard.health._beams, guard.movers) == (beams, movers)
+    assert (guard.memory, guard.movers) == (memory, movers)
+    assert np.array_equal(guard.health.mask, mask), "a standing car keeps the dirt that it has learnt"
     assert guard.body.grip_mps2 == pytest.approx(0.6 * 9.81)
 
 
 def test_the_window_is_judged_anew_at_the_next_scan_although_the_car_has_hardly_moved():
     drive = Drive()
+    drive.soil(150, 500)
     drive.speed_mps = 0.0
-    drive.scan()
-    health = drive.swept.health
-    health._moved_m = 10.0
-    health._beams.dirt[150:400] = 1.0
-    health._beams.dirty[150:400] = True
     drive.tune(safety={"doubtful_mps": 0.7})
     drive.scan()
     drive.laws.learn()
+    health = drive.swept.health
     assert health.ceiling_mps == 0.0, "more than a quarter of the window is dirty"
     drive.tune(safety={"window": {"refused_share": 0.9}})
     drive.scan()
@@ -162,23 +176,23 @@ def test_the_window_is_judged_anew_at_the_next_scan_although_the_car_has_hardly_
     assert health.ceiling_mps == 0.7
 
 
+def backs_out_at_s(duration_s, *changes):
+    """Return when a car before a dead end, which is boxed in after 1.1 s, begins to back out; None if it does not."""
+    car = Tuned(*changes)
+    done = drive(Case(load_world("dead_end"), start=Pose(10.8, 0.0, 0.0), duration_s=duration_s), car, car)
+    backing = [float(at_s) for at_s, why in zip(done.time_s, done.reasons, strict=True) if why.startswith("backing")]
+    return backing[0] if backing else None
+
+
 def test_backing_out_can_be_switched_off_and_on():
-    drive = Drive()
-    assert isinstance(drive.laws.follower, RecoveringFollower)
-    assert drive.recovery._settings.tries == 6
-    drive.tune(safety={"backs_out": False})
-    assert drive.recovery._settings.tries == 0
-    drive.tune(safety={"backs_out": True})
-    assert drive.recovery._settings.tries == 6
+    assert backs_out_at_s(4.0) == pytest.approx(3.1, abs=0.1), "after boxed_for_s"
+    off_and_on = (0.0, "safety", {"backs_out": False}), (5.0, "safety", {"backs_out": True})
+    assert 5.0 < backs_out_at_s(8.0, *off_and_on) < 7.5
 
 
 def test_patience_can_be_changed_while_it_lasts():
-    drive = Drive()
-    recovery = drive.recovery
-    recovery._since_s = 1.0
-    drive.tune(safety={"recovery": {"boxed_for_s": 5.0}})
-    assert drive.recovery is recovery
-    assert (recovery._since_s, recovery._settings.boxed_for_s) == (1.0, 5.0)
+    longer = (2.0, "safety", {"recovery": {"boxed_for_s": 4.0}})
+    assert backs_out_at_s(6.0, longer) == pytest.approx(1.1 + 4.0, abs=0.1), "counted from where the wait began"
 
 
 def test_the_same_settings_again_change_nothing():

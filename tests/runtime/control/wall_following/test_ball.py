@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runtime.control.wall_following.ball_settings import BallSettings
 from runtime.control.wall_following.no_wall_policy import FADE_PER_SCAN, Lost
 from sim.car.vehicle import VehicleSettings
 from sim.lab.courses.walls import case_of
@@ -143,17 +142,6 @@ def test_a_rough_car_follows_nearly_as_well_as_a_clean_one(name):
     )
     assert rough.mean() < 1.4 * clean.mean()
     assert rough[-30:].mean() < 0.015
-
-
-def test_another_side_mirrors_what_was_learnt_about_the_steering():
-    law = follower(speed_mps=2.0)
-    drive(case_of("t2 rough", 2.0, 0.8, "left", 1), law, None)
-    learnt_rad = law._track.trim_rad
-    assert learnt_rad == pytest.approx(0.03, abs=0.004)
-    law.tune(BallSettings(side="right", speed_mps=2.0))
-    assert law._track.trim_rad == -learnt_rad
-    law.tune(BallSettings(side="right", speed_mps=1.0))
-    assert law._track.trim_rad == -learnt_rad
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
