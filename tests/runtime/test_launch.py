@@ -8,6 +8,7 @@ import time
 import pytest
 
 from runtime import launch
+from tests.promises import promise
 
 
 class BrakedMotor:
@@ -64,4 +65,4 @@ with launch.braking_last([]):
 """
     begun_s = time.monotonic()
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, check=False, timeout=50).returncode == 1
-    assert time.monotonic() - begun_s < 30  # seconds of a loaded machine, not the minute of the thread
+    promise("ending a process that hangs, its start included", time.monotonic() - begun_s, 5.0)

@@ -18,6 +18,7 @@ from runtime.host.address_file import read_address
 from runtime.wire.bus import free_endpoint
 from sim.live.runtime_process import RuntimeProcess, WallrideProcess
 from sim.live.saved_settings import saved_settings
+from tests.promises import promise
 from tests.runtime.recording.reading import streamed
 
 STRAY = ("Traceback", "asyncio", "Exception ignored", "never retrieved", "Event loop is closed", "KeyboardInterrupt")
@@ -194,7 +195,7 @@ async def test_a_second_ctrl_c_kills(tmp_path):
         os.killpg(car.pid, signal.SIGINT)
         asked_s = time.monotonic()
         assert await car.wait() == 130, list(car.log)
-        assert time.monotonic() - asked_s < 5.0
+        promise("a second Ctrl-C", time.monotonic() - asked_s, 5.0)
     finally:
         await car.end()
     assert not [word for word in STRAY if word in "\n".join(car.log)], list(car.log)

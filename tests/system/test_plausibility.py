@@ -9,6 +9,7 @@ from drivers.vesc.codec import Packet
 from runtime.control.perception.plausibility import BACKWARDS
 from sim.lab.stories import Story, tell
 from sim.world.worlds import load_world
+from tests.promises import promise
 from tests.system.bench import Bench, bench
 
 BRAKE_WITHIN_S = 0.25
@@ -51,9 +52,10 @@ async def test_an_impossible_speed_is_a_brake_no_hang_and_no_memory(tmp_path, er
         car.vesc.shown_erpm = erpm
         await car.until(lambda: time.monotonic() >= begun_s + 0.3, "0.3 s of it")
         car.vesc.shown_erpm = None
-        assert car.first_brake_s(begun_s) - begun_s < BRAKE_WITHIN_S
+        took_s = car.first_brake_s(begun_s) - begun_s
         await car.until_driving()
         assert memory_kb(car) - before_kb < MAX_MORE_KB
+        promise("braking for an impossible speed", took_s, BRAKE_WITHIN_S)
 
 
 @pytest.mark.parametrize(

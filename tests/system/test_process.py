@@ -8,6 +8,7 @@ import time
 import pytest
 
 from drivers.vesc.codec import Packet
+from tests.promises import promise
 from tests.system.bench import BLOCKED_MM, CORRIDOR_MM, bench
 
 BRAKE_WITHIN_S = 0.25
@@ -20,10 +21,11 @@ async def test_sigterm_at_full_speed_brakes_at_once_and_exits_with_0(tmp_path):
         asked_s = time.monotonic()
         car.runtime.kill(signal.SIGTERM)
         assert await car.runtime.wait() == 0
-        assert car.first_brake_s(asked_s) - asked_s < 0.1
+        took_s = car.first_brake_s(asked_s) - asked_s
         moves = [p for at_s, p in car.motor_commands(car.first_brake_s(asked_s)) if p[0] != Packet.SET_CURRENT_BRAKE]
         assert moves == []
         assert car.wheel_mps < 0.1, "it left a rolling car"
+        promise("braking after SIGTERM", took_s, 0.1)
 
 
 async def test_sigint_is_the_same(tmp_path):
@@ -40,7 +42,7 @@ async def test_after_kill_9_the_vescs_own_timeout_stops_the_car(tmp_path):
         car.runtime.kill(signal.SIGKILL)
         killed_s = time.monotonic()
         await car.until(lambda: car.vesc.demand(time.monotonic()).kind != "speed", "exit: the VESC lets go", 1.0)
-        assert time.monotonic() - killed_s < 0.3
+        promise("the VESC's timeout", time.monotonic() - killed_s, 0.3)
 
 
 async def test_an_obstacle_brakes_and_a_free_way_drives_on(tmp_path):
@@ -49,9 +51,10 @@ async def test_an_obstacle_brakes_and_a_free_way_drives_on(tmp_path):
         car.scan_mm = BLOCKED_MM
         blocked_s = time.monotonic()
         await car.until(lambda: car.wheel_mps == 0, "standing")
-        assert car.first_brake_s(blocked_s) - blocked_s < BRAKE_WITHIN_S
+        took_s = car.first_brake_s(blocked_s) - blocked_s
         car.scan_mm = CORRIDOR_MM
         await car.until_driving()
+        promise("braking for an obstacle", took_s, BRAKE_WITHIN_S)
 
 
 async def test_a_silent_lidar_brakes_and_a_talking_one_drives_on(tmp_path):
@@ -59,9 +62,10 @@ async def test_a_silent_lidar_brakes_and_a_talking_one_drives_on(tmp_path):
         await car.until_driving()
         car.scan_mm = None
         await car.until(lambda: car.wheel_mps == 0, "standing")
-        assert car.first_brake_s(car.last_good_scan_s) - car.last_good_scan_s < BRAKE_WITHIN_S
+        took_s = car.first_brake_s(car.last_good_scan_s) - car.last_good_scan_s
         car.scan_mm = CORRIDOR_MM
         await car.until_driving()
+        promise("braking for a silent lidar", took_s, BRAKE_WITHIN_S)
 
 
 async def test_a_disconnected_lidar_brakes_and_resumes_after_the_reconnect(tmp_path):
@@ -71,9 +75,10 @@ async def test_a_disconnected_lidar_brakes_and_resumes_after_the_reconnect(tmp_p
         car.scip.disconnect()
         lost_s = time.monotonic()
         await car.until(lambda: car.wheel_mps == 0, "standing")
-        assert car.first_brake_s(lost_s) - car.last_good_scan_s < BRAKE_WITHIN_S
+        took_s = car.first_brake_s(lost_s) - car.last_good_scan_s
         car.scip.listen_again()
         await car.until_driving()
+        promise("braking for a disconnected lidar", took_s, BRAKE_WITHIN_S)
 
 
 async def test_a_burst_after_a_stall_drives_by_nothing_stale(tmp_path):
@@ -82,7 +87,7 @@ async def test_a_burst_after_a_stall_drives_by_nothing_stale(tmp_path):
         car.scip.stall()
         stalled_s = time.monotonic()
         await asyncio.sleep(0.7)
-        assert car.first_brake_s(stalled_s) - stalled_s < BRAKE_WITHIN_S
+        took_s = car.first_brake_s(stalled_s) - stalled_s
         assert car.wheel_mps == 0
         car.scan_mm = None  # after the burst of old scans nothing new comes
         released_s = time.monotonic()
@@ -95,6 +100,7 @@ async def test_a_burst_after_a_stall_drives_by_nothing_stale(tmp_path):
             if p[0] == Packet.SET_RPM and at_s > released_s + fresh_for_s
         ]
         assert moves == []
+        promise("braking for a stalled lidar", took_s, BRAKE_WITHIN_S)
 
 
 async def test_a_lidar_that_dribbles_byte_by_byte_drives_the_car_all_the_same(tmp_path):
@@ -162,4 +168,4 @@ async def test_a_vesc_fault_brakes(tmp_path):
         car.vesc.inject_fault(2)
         faulted_s = time.monotonic()
         await car.until(lambda: car.first_brake_s(faulted_s) < math.inf, "braking", 1.0)
-        assert car.first_brake_s(faulted_s) - faulted_s < BRAKE_WITHIN_S
+        promise("braking for a motor fault", car.first_brake_s(faulted_s) - faulted_s, BRAKE_WITHIN_S)

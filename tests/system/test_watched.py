@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from tests.clients.monitor.browser import find_chromium
-from tests.clients.monitor.promises import promise
+from tests.promises import promise
 from tests.system.watched import OPERATOR, brake_s, moves, watched
 
 pytestmark = [

@@ -19,7 +19,7 @@ from runtime.teleop.status import OperatorState
 from runtime.wire.bus import free_endpoint
 from runtime.wire.teleop import CarCondition, Command, Input, Press
 from tests.clients.monitor.fake_car import FakeCar
-from tests.clients.monitor.promises import promise
+from tests.promises import promise
 
 pytestmark = pytest.mark.timeout(120)
 log = logging.getLogger("wallride.measured")

@@ -11,6 +11,7 @@ import pytest
 from clients.monitor import assets
 from clients.monitor.outbox import TOPICS
 from runtime.wire import topics
+from tests.promises import promise
 
 
 def number_of(bundle):
@@ -97,7 +98,7 @@ async def test_one_bundle_is_on_its_way_and_a_late_page_does_not_slow_another(sc
         await bundles(late, 1, answer=False)
         started_s = time.monotonic()
         found = await bundles(quick, 40)
-        assert time.monotonic() - started_s < 4
+        promise("40 bundles beside a late page", time.monotonic() - started_s, 4.0)
         numbers = [number_of(bundle) for bundle in found]
         assert numbers == list(range(numbers[0], numbers[0] + 40))
         with pytest.raises(TimeoutError):

@@ -22,6 +22,7 @@ from runtime.wire import topics, zenoh_config
 from runtime.wire.bus import BYTES, Bus, free_endpoint
 from runtime.wire.teleop import Beat, CarCondition, Input, Press, read_command
 from tests.clients.teleop.scenes import LINEAR, SESSION
+from tests.promises import promise
 
 MANUAL = frozenset({Control.MANUAL})
 LAP = Script([
@@ -103,8 +104,9 @@ async def test_a_script_drives_a_car_on_loopback_and_says_goodbye():
     assert car.flags[-3:] == [Press.GOODBYE] * 3
     sequences = [command.sequence for _, command in car.commands]
     assert sequences == sorted(set(sequences))
-    assert 0 <= pilot.situation.round_trip_s < 0.2
+    assert pilot.situation.round_trip_s >= 0
     assert "DRIVING" in out.getvalue()
+    promise("a round trip", pilot.situation.round_trip_s, 0.2)
 
 
 async def test_another_start_of_the_car_is_not_driven():
@@ -143,8 +145,9 @@ async def test_a_car_that_falls_silent_is_noticed_and_its_return_moves_nothing()
             await running
         finally:
             await bus.close()
-    assert 0.1 < noticed_s < 0.4, "0.3 s, and some for a busy machine"
+    assert noticed_s > 0.1
     assert Press.MANUAL not in car.flags
+    promise("seeing a lost link", noticed_s, 0.3)
 
 
 async def test_a_closed_terminal_is_a_goodbye():

@@ -20,6 +20,7 @@ from drivers.hokuyo.settings import HokuyoSettings
 from drivers.link import open_link
 from sim.devices.scip import ScipEmulator
 from sim.devices.scip_encode import URG_04LX, UST_10LX, UTM_30LX
+from tests.promises import promise
 
 LIMIT_S = 8.0
 Ranges = npt.NDArray[np.int_]
@@ -227,7 +228,7 @@ async def test_cancelling_while_the_sensor_does_not_answer_takes_no_time(rig: Ri
     rig.emulator.silence = True
     begun_s = time.monotonic()
     await stop(rig)
-    assert time.monotonic() - begun_s < 0.5
+    promise("cancelling", time.monotonic() - begun_s, 0.5)
 
 
 async def test_an_error_in_the_callback_comes_out_of_run(tcp: MakeRig) -> None:

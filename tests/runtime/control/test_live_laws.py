@@ -53,6 +53,10 @@ class Drive:
         assert isinstance(self.laws.guard, SweptGuard)
         return self.laws.guard
 
+    @property
+    def has_ball(self):
+        return self.laws.path_m is not None
+
     def soil(self, first, last):
         """Dirty the window before these beams, and drive until that is learnt."""
         self.ranges_m[first:last] = 0.06
@@ -126,13 +130,13 @@ def test_another_method_is_a_new_law():
     drive = Drive()
     drive.tune(wall_follow={"method": "report"}, safety={"method": "report"})
     drive.scan()
-    assert drive.laws.path_m is None, "the report's law has no ball"
+    assert not drive.has_ball
     assert isinstance(drive.laws.follower, ReportTurn)
     assert type(drive.laws.guard) is ReportGuard
     assert drive.laws.words == ()
     drive.tune(wall_follow={"method": "ball"}, safety={"method": "swept"})
     drive.scan()
-    assert drive.laws.path_m is not None
+    assert drive.has_ball
     assert drive.swept.body.settings is drive.laws.safety
 
 
@@ -157,6 +161,7 @@ def test_the_guard_keeps_what_it_knows():
     drive.laws.learn()
     assert drive.swept is guard
     assert (guard.memory, guard.movers) == (memory, movers)
+    assert guard.health.mask is not None
     assert np.array_equal(guard.health.mask, mask), "a standing car keeps the dirt that it has learnt"
     assert guard.body.grip_mps2 == pytest.approx(0.6 * 9.81)
 

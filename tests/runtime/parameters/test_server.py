@@ -14,6 +14,7 @@ from runtime.parameters.requests import MAX_QUESTION
 from runtime.parameters.server import MAX_REFUSAL, ParameterServer, ServerContext
 from runtime.parameters.update import UnacceptableError
 from runtime.settings.tree import Settings, load_settings
+from tests.promises import promise
 
 KP = "wall_follow.kp"
 
@@ -298,7 +299,7 @@ def test_a_hundred_thousand_malformed_questions_are_counted_and_refused(what):
         longest_s = max(longest_s, time.thread_time() - began_s)
     assert room.desk.counts.malformed == 100_000
     assert (room.applied, room.desk.counts.answered) == ([], 0)
-    assert longest_s < 0.05, "processor time of the slowest one"
+    promise("the slowest request, processor time", longest_s, 0.05)
 
 
 def test_ten_thousand_wishes_that_cannot_be_granted_change_nothing():
@@ -319,4 +320,4 @@ def test_a_huge_question_is_not_even_read(length):
     began_s = time.thread_time()
     with pytest.raises(UnacceptableError, match=f"{length} bytes are too long"):
         room.desk.set_some(payload)
-    assert time.thread_time() - began_s < 0.01
+    promise("refusing a request by its length, processor time", time.thread_time() - began_s, 0.01)

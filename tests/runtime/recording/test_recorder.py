@@ -18,6 +18,7 @@ from runtime.ros.definitions import TYPES
 from runtime.settings.tree import Settings, load_settings
 from runtime.wire import topics
 from sim.virtual.devices import ranges_between_walls
+from tests.promises import promise
 from tests.runtime.recording.disks import BadDisk, SlowDisk, StuckDisk
 from tests.runtime.recording.drives import EPOCH_NS, Drive
 from tests.runtime.recording.reading import decoded_by_ros2_support, events, metadata, streamed
@@ -370,7 +371,6 @@ async def test_a_stuck_disk_holds_nobody_up_and_is_said(tmp_path, monkeypatch):
     for _ in range(40):
         await drive.go(0.25, write=False)
     took_s = time.perf_counter() - started_s
-    assert took_s < 8, "400 scans with a stuck disk take no longer than without"
     status = drive.recorder.status()
     assert re.match(r"NOT recording: the disk has not answered for \d+ s; [1-9]\d* messages lost", status["words"])
     disk.lets_go.set()
@@ -381,6 +381,7 @@ async def test_a_stuck_disk_holds_nobody_up_and_is_said(tmp_path, monkeypatch):
     drive.recorder.close(10)
     (path,) = recordings(tmp_path)
     assert is_whole(path)
+    promise("400 scans with a stuck disk", took_s, 8.0)
 
 
 async def test_a_disk_of_one_megabyte_a_second_is_fast_enough(tmp_path):
@@ -389,13 +390,14 @@ async def test_a_disk_of_one_megabyte_a_second_is_fast_enough(tmp_path):
     drive.recorder.start()
     started_s = time.perf_counter()
     await drive.go(4, write=False)
-    assert time.perf_counter() - started_s < 3, "the car's side did not wait for the disk"
+    took_s = time.perf_counter() - started_s
     until(lambda: drive.recorder.status()["written_mb"] > 0.9)
     drive.recorder.close(10)
     (path,) = recordings(tmp_path)
     assert path.stat().st_size < 4e6 / 2, "what is recorded in a second is half of what the disk takes"
     assert drive.recorder.status()["lost"] == 0
     assert [m.sequence for topic, m in streamed(path.read_bytes()) if topic == "/scan"] == list(range(160))
+    promise("160 scans with a slow disk", took_s, 3.0)
 
 
 async def test_a_disk_that_never_answers_does_not_keep_the_process(tmp_path):
@@ -407,9 +409,10 @@ async def test_a_disk_that_never_answers_does_not_keep_the_process(tmp_path):
     until(disk.asked.is_set)
     started_s = time.perf_counter()
     drive.recorder.close(0.2)
-    assert time.perf_counter() - started_s < 1.0
+    took_s = time.perf_counter() - started_s
     disk.lets_go.set()
     drive.recorder.close(5)
+    promise("closing with a stuck disk", took_s, 1.0)
 
 
 async def test_a_bug_in_the_thread_is_said(tmp_path, monkeypatch, caplog):

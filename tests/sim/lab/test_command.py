@@ -18,6 +18,7 @@ from sim.lab.command import LabUsageError, chosen, only, run
 from sim.lab.courses.sudden import BOXES, PLACES
 from sim.lab.courses.walls import ALL_COURSES
 from sim.lab.laws import GUARD_OF, build, check
+from tests.promises import promise
 from wallride import lab_options
 
 MAPS = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "maps"
@@ -63,8 +64,9 @@ def test_a_course_that_does_not_exist_is_answered_with_those_that_do(capsys):
 def test_quick_is_quick_on_all_cores(tmp_path):
     began_s = time.monotonic()
     assert run(options("walls", "--quick", "--method", "report", "--json", str(tmp_path / "quick.json"))) == 0
-    assert time.monotonic() - began_s < 20.0
+    took_s = time.monotonic() - began_s
     assert len(json.loads((tmp_path / "quick.json").read_text())["cells"]) == 10
+    promise("lab walls --quick", took_s, 20.0)
 
 
 def test_json_to_standard_output_is_all_there_is(capsys):
