@@ -1,6 +1,7 @@
 """The same code decides the same; another setting is found at the first scan that it changes."""
 
 import math
+import textwrap
 from pathlib import Path
 
 import pytest
@@ -28,6 +29,15 @@ def test_a_simulated_drive_is_decided_identically(dead_end):
     assert verdict.answers == 359
     assert verdict.decisions >= 359
     assert verdict.notes == []
+
+
+def test_the_laws_page_tells_how_to_ask_for_one_scan(dead_end, capsys):
+    page = (Path(__file__).parents[3] / "docs" / "laws.md").read_text()
+    recipe = textwrap.dedent(page.partition("  ```python\n")[2].partition("  ```\n")[0])
+    exec(recipe.replace("RUN.mcap", str(dead_end)), {})  # noqa: S102 - our own page
+    answered, decided = capsys.readouterr().out.splitlines()
+    assert answered.endswith(" wall")
+    assert decided.startswith("Drive(speed_mps=")
 
 
 def take_the_wheel(car):
