@@ -98,14 +98,16 @@ class Bench:
             RecordingSettings(folder=str(folder or "."), start="always", enabled=folder is not None, keep_free_mb=0),
             car="bench", version="0", wall_clock=WallClock(clock), clock=clock, disk=disk,
         )  # fmt: skip
-        tape = self.recorder.tape if folder is not None else DecisionLog(clock, 0)
+        decision_log = self.recorder.decision_log if folder is not None else DecisionLog(clock, 0)
         self.lidar, self.motor = SteadyLidar(clock), MemoryMotor(clock)
-        self.stack = LiveStack(settings, tape)
-        self.voices = self.stack.voices
+        self.stack = LiveStack(settings, decision_log)
+        self.queue = self.stack.queue
         self.stages = StageTimer(clock)
-        self.mux = mux_task.Mux(self.voices, self.motor, self.stack.limiter, REQUIRED, tape.clock, self.stages, tape)
+        self.mux = mux_task.Mux(
+            self.queue, self.motor, self.stack.limiter, REQUIRED, decision_log.clock, self.stages, decision_log
+        )
         observed = ObservedState(
-            car="bench", version="0", lidar=self.lidar, motor=self.motor, voices=self.voices, clock=clock,
+            car="bench", version="0", lidar=self.lidar, motor=self.motor, queue=self.queue, clock=clock,
             seconds_by_winner=self.mux.seconds_by_winner, window=lambda: self.stack.laws.words,
         )  # fmt: skip
         sinks = [self.recorder] if folder is not None else []
@@ -114,14 +116,14 @@ class Bench:
         )
         self.answered_s: dict[int, float] = {}
         self._clock = clock
-        self._tape = tape
+        self._decision_log = decision_log
         self._unanswered: int | None = None
 
     async def drive(self, seconds: float) -> None:
         """Drive for a duration."""
         for_safety: Inbox[Scan] = Inbox(self._clock)
         for_follower: Inbox[Scan] = Inbox(self._clock)
-        self.voices.say(consent(Source.PERMIT, "bench"))
+        self.queue.say(consent(Source.PERMIT, "bench"))
 
         def answer(scan: Scan, state: MotorState | None) -> Guidance:
             self._unanswered = scan.sequence
@@ -133,10 +135,10 @@ class Bench:
 
         cycle = ScanCycle(self.stages.follow, self.mux.decide_now, self.telemetry.on_guidance, [learn])
         timer = PeriodicTimer(self._clock)
-        timer.every(0.02, mux_task.SilenceTick(self.voices, 50.0, self._clock).tick)
+        timer.every(0.02, mux_task.SilenceTick(self.queue, 50.0, self._clock).tick)
         jobs = (
             lidar_task.pump(
-                self.lidar, [for_safety.put, for_follower.put, self._tape.scanned, self.telemetry.on_scan]
+                self.lidar, [for_safety.put, for_follower.put, self._decision_log.scanned, self.telemetry.on_scan]
             ),
             safety.watch(for_safety, self.motor, self.stack.look, self.stages.safety),
             wall_follow.follow(for_follower, self.motor, answer, cycle),

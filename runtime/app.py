@@ -82,28 +82,30 @@ class Car:
             wall_clock=self.wall_clock,
             clock=clock,
         )
-        self.tape = self.recorder.tape
+        self.decision_log = self.recorder.decision_log
         # Deciding code reads the time from the decision log, so that a replay can return the very same readings.
-        self.stack = LiveStack(settings, self.tape)
-        self.voices, self.laws, self.limiter = self.stack.voices, self.stack.laws, self.stack.limiter
+        self.stack = LiveStack(settings, self.decision_log)
+        self.queue, self.laws, self.limiter = self.stack.queue, self.stack.laws, self.stack.limiter
         self.stages = StageTimer(clock)
         self._reading_s = reading_s
         self.scan_phase = scan_phase or ScanPhase()
         self.warmth = warmth or Warmth()
-        self.mux = mux_task.Mux(self.voices, motor, self.limiter, REQUIRED, self.tape.clock, self.stages, self.tape)
-        self.permit = Permit(self.voices, settings.operator.permit)
-        self.emergency_stop = EmergencyStop(self.voices)
+        self.mux = mux_task.Mux(
+            self.queue, motor, self.limiter, REQUIRED, self.decision_log.clock, self.stages, self.decision_log
+        )
+        self.permit = Permit(self.queue, settings.operator.permit)
+        self.emergency_stop = EmergencyStop(self.queue)
         self.driving_state = DrivingStateMonitor(lidar, motor, self.emergency_stop, self.permit, clock)
         self.session = secrets.randbits(31) + 1
         self.operator = OperatorDesk(
-            settings.operator, self.voices, self.permit, self.emergency_stop, motor.clear_fault, clock,
+            settings.operator, self.queue, self.permit, self.emergency_stop, motor.clear_fault, clock,
             car_session=self.session,
         )  # fmt: skip
-        self.battery = BatteryLimit(settings.battery, motor, self.voices, self.operator.rearm)
+        self.battery = BatteryLimit(settings.battery, motor, self.queue, self.operator.rearm)
         self.computer = computer
         self.own_parts = OwnPartsKeeper(
             settings.car.name, lambda: lidar.health.identity, self.laws, file_in(settings.process.state_folder), clock,
-            lambda: datetime.now(UTC).isoformat(timespec="seconds"), self.is_standing, self.tape.remembered,
+            lambda: datetime.now(UTC).isoformat(timespec="seconds"), self.is_standing, self.decision_log.remembered,
         )  # fmt: skip
         self.history = ChangeHistory(settings.parameters.history)
         self.parameters = ParameterServer(settings, self._surroundings(file, base), self.history)
@@ -161,7 +163,10 @@ class Car:
         jobs = {
             "lidar": lidar_task.pump(
                 self.lidar,
-                [self.own_parts.meet, self.tape.scanned, for_safety.put, for_follower.put, self.telemetry.on_scan],
+                [
+                    self.own_parts.meet, self.decision_log.scanned, for_safety.put, for_follower.put,
+                    self.telemetry.on_scan,
+                ],
                 timed=lambda scan: self.stages.on_scan(scan.received_s, self._reading_s()),
             ),
             "safety": safety.watch(for_safety, motor, self.stack.look, self.stages.safety),
@@ -195,7 +200,7 @@ class Car:
         """Return the timer of the periodic jobs."""
         settings, clock = self.settings, self.clock
         timer = PeriodicTimer(clock, self.scan_phase.clear_s)
-        silence = mux_task.SilenceTick(self.voices, settings.mux.tick_hz, clock, self.stages.on_tick)
+        silence = mux_task.SilenceTick(self.queue, settings.mux.tick_hz, clock, self.stages.on_tick)
         timer.every(1 / settings.mux.tick_hz, silence.tick)
         desk_ticker = operator.DeskTicker(self.operator, self.motor, self._beat)
         timer.every(1 / settings.operator.beat_hz, desk_ticker.tick)
@@ -230,7 +235,7 @@ class Car:
             hot_path=kernel.state().words,
             lidar=self.lidar,
             motor=self.motor,
-            voices=self.voices,
+            queue=self.queue,
             clock=self.clock,
             seconds_by_winner=self.mux.seconds_by_winner,
             window=lambda: self.laws.words,

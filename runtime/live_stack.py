@@ -21,18 +21,18 @@ REQUIRED = frozenset({Source.SAFETY, Source.PERMIT})
 class LiveStack:
     """Built once from settings; without any memory of earlier runs.
 
-    settings: those in force. tape: the decision log; its clock is the one for all decisions.
+    settings: those in force. decision_log: its clock is the one for all decisions.
     """
 
-    def __init__(self, settings: Settings, tape: DecisionLog) -> None:
+    def __init__(self, settings: Settings, decision_log: DecisionLog) -> None:
         self.settings = settings
-        self.tape = tape
-        self.clock: Clock = tape.clock
-        self.voices = CommandQueue(settings.effective_order(), self.clock)
-        self.voices.on_said, self.voices.on_silenced = tape.said, tape.silenced
+        self.decision_log = decision_log
+        self.clock: Clock = decision_log.clock
+        self.queue = CommandQueue(settings.effective_order(), self.clock)
+        self.queue.on_said, self.queue.on_silenced = decision_log.said, decision_log.silenced
         self.laws = LiveLaws(settings.wall_follow, settings.safety, settings.car, self.clock)
         self.limiter = Limiter(limits(settings.car))
-        tape.tuned(settings)
+        decision_log.tuned(settings)
 
     def look(self, scan: Scan, motor: MotorState | None) -> SafetyAssessment:
         """Pass a scan to safety and put its speed limit.
@@ -40,30 +40,30 @@ class LiveStack:
         The limit is not a number but an assessment: the mux evaluates it for the very command that is about to be sent.
         It is in force only for a limited time after the scan: a blind safety is a silent one.
         """
-        self.tape.begin()
+        self.decision_log.begin()
         outlook = self.laws.look(scan, motor)
-        self.tape.looked(scan, motor)
+        self.decision_log.looked(scan, motor)
         word = SpeedLimit(Source.SAFETY, outlook, scan.stamp_s)
-        self.voices.say(word, expires_at_s=scan.stamp_s + self.settings.safety.expires_after_s)
+        self.queue.say(word, expires_at_s=scan.stamp_s + self.settings.safety.expires_after_s)
         return outlook
 
     def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
         """Pass a scan to the follower and put its command; without an answer it is a standstill, with its reason."""
-        self.tape.begin()
+        self.decision_log.begin()
         guidance = self.laws.follow(scan, motor)
-        self.tape.followed(scan, motor, guidance)
+        self.decision_log.followed(scan, motor, guidance)
         drive = guidance.drive if guidance.drive is not None else Drive(0.0, 0.0)
         word = DriveCommand(Source.NAVIGATION, drive, scan.stamp_s, guidance.reason)
-        self.voices.say(word, expires_at_s=scan.stamp_s + self.settings.wall_follow.expires_after_s)
+        self.queue.say(word, expires_at_s=scan.stamp_s + self.settings.wall_follow.expires_after_s)
         return guidance
 
     def apply(self, settings: Settings) -> None:
         """Apply other settings in one step: between two scans, never within one."""
         self.settings = settings
-        self.tape.tuned(settings)
+        self.decision_log.tuned(settings)
         self.laws.tune(settings.wall_follow, settings.safety)
         self.limiter.tune(limits(settings.car))
-        self.voices.reorder(settings.effective_order())
+        self.queue.reorder(settings.effective_order())
 
 
 def limits(car: CarSettings) -> Limits:

@@ -23,8 +23,8 @@ class EmergencyStop:
     The limit never expires: an e-stop ends by an act, not by a silence.
     """
 
-    def __init__(self, voices: CommandQueue) -> None:
-        self._voices = voices
+    def __init__(self, queue: CommandQueue) -> None:
+        self._queue = queue
         self._reasons: dict[Cause, str] = {}
 
     @property
@@ -50,6 +50,6 @@ class EmergencyStop:
 
     def _speak(self) -> None:
         if self._reasons:
-            self._voices.say(refusal(Source.ESTOP, "; ".join(self._reasons.values())))
+            self._queue.say(refusal(Source.ESTOP, "; ".join(self._reasons.values())))
         else:
-            self._voices.silence(Source.ESTOP)
+            self._queue.silence(Source.ESTOP)

@@ -47,11 +47,11 @@ def decode(payload: bytes) -> list[Event]:
         message = json.loads(payload)
         if message["tape"] != FORMAT:
             raise TapeError(
-                f"tape format {message['tape']} is not {FORMAT}: replay it with the version that recorded it"
+                f"decision log of format {message['tape']} is not {FORMAT}: replay it with the version that recorded it"
             )
         return list(_events(message))
     except (ValueError, TypeError, KeyError, IndexError) as error:
-        raise TapeError(f"not a piece of tape: {type(error).__name__} {error}") from None
+        raise TapeError(f"not a piece of a decision log: {type(error).__name__} {error}") from None
 
 
 @dataclass(slots=True)

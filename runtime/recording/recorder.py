@@ -89,7 +89,7 @@ class Recorder:
         disk: Disk | None = None,
     ) -> None:
         self.folder = car_folder(settings, car)
-        self.tape = DecisionLog(clock, MAX_EVENTS if settings.enabled else 0)
+        self.decision_log = DecisionLog(clock, MAX_EVENTS if settings.enabled else 0)
         self.is_enabled = settings.enabled
         self._settings = settings
         self._clock = clock
@@ -209,7 +209,7 @@ class Recorder:
         lines = [self._lines.popleft() for _ in range(len(self._lines))]
         self._taken_bytes += sum(len(message.payload) for message in waiting)
         fresh = itertools.chain(
-            self._transcriber.messages(self.tape.drain()), waiting, (self._line(*line) for line in lines)
+            self._transcriber.messages(self.decision_log.drain()), waiting, (self._line(*line) for line in lines)
         )
         messages = list(self._paced(fresh))
         stops, self._transcriber.stops = self._transcriber.stops, []

@@ -48,7 +48,7 @@ class Transcriber:
                     self._look_at(*parts)
                 case "settings":
                     if piece:
-                        yield self._tape(piece)
+                        yield self._decision_log(piece)
                     yield from self._settings(entry)
                     piece = []
                     continue
@@ -56,10 +56,10 @@ class Transcriber:
                     pass
             piece.append(entry)
             if len(piece) == MAX_EVENTS:
-                yield self._tape(piece)
+                yield self._decision_log(piece)
                 piece = []
         if piece:
-            yield self._tape(piece)
+            yield self._decision_log(piece)
 
     def _scan(self, scan: Scan) -> RecordMessage:
         self._now_s = max(self._now_s, scan.received_s)
@@ -69,7 +69,7 @@ class Transcriber:
         stamp_ns = self._wall_clock.started_unix_ns(scan.stamp_s)
         return RecordMessage(topics.SCAN, TYPES[topics.SCAN], stamp_ns, payload, scan.sequence)
 
-    def _tape(self, piece: Sequence[Entry], *, lasting: bool = False) -> RecordMessage:
+    def _decision_log(self, piece: Sequence[Entry], *, lasting: bool = False) -> RecordMessage:
         payload = channels.text(encode(piece))
         return RecordMessage(
             channels.TAPE, channels.STRING, self._wall_clock.started_unix_ns(self._now_s), payload, lasting=lasting
@@ -81,7 +81,7 @@ class Transcriber:
         yield RecordMessage(
             channels.SETTINGS, channels.STRING, self._wall_clock.started_unix_ns(self._now_s), payload, lasting=True
         )
-        yield self._tape([entry], lasting=True)
+        yield self._decision_log([entry], lasting=True)
 
     def _look_at(self, times_s: Sequence[float], elapsed_s: float, live: Heard, output: Output) -> None:  # noqa: ARG002 - an entry's parts
         self._now_s = max(self._now_s, output.stamp_s)

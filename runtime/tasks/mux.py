@@ -29,21 +29,21 @@ class Mux:
 
     def __init__(
         self,
-        voices: CommandQueue,
+        queue: CommandQueue,
         motor: Motor,
         limiter: Limiter,
         required: frozenset[Source],
         clock: Clock,
         stages: StageTimer | None = None,
-        tape: DecisionLog | None = None,
+        decision_log: DecisionLog | None = None,
     ) -> None:
-        self._voices = voices
+        self._queue = queue
         self._motor = motor
         self._limiter = limiter
         self._required = required
         self._clock = clock
         self._stages = stages or StageTimer(clock)
-        self._tape = tape or DecisionLog(clock, 0)
+        self._decision_log = decision_log or DecisionLog(clock, 0)
         self._last_s = clock()
         self._publish: Callable[[Output], None] = lambda _: None
         self.output: Output | None = None
@@ -53,12 +53,12 @@ class Mux:
         """Run the decision loop."""
         self._publish = publish
         while True:
-            await self._voices.changed()
+            await self._queue.changed()
             self._decide()
 
     def decide_now(self) -> None:
         """Decide at once instead of at the loop's next turn, if there is a change: for the last command on a scan."""
-        if self._voices.take_news():
+        if self._queue.take_news():
             self._decide()
 
     def _decide(self) -> None:
@@ -68,11 +68,11 @@ class Mux:
         """Decide once, now."""
         stages = self._stages
         stages.mux.begin()
-        self._tape.begin()
+        self._decision_log.begin()
         now_s = self._clock()
         elapsed_s = now_s - self._last_s
-        live = self._voices.live()
-        decision = arbitrate(live, self._required, self._voices.order)
+        live = self._queue.live()
+        decision = arbitrate(live, self._required, self._queue.order)
         drive = self._limiter.limit(decision.speed_mps, decision.steering_rad, elapsed_s, decision.brake_mps2)
         stages.mux.end()
         stages.write.begin()
@@ -83,7 +83,7 @@ class Mux:
         self._account(decision, elapsed_s)
         self._last_s = now_s
         self.output = Output(now_s, drive, decision, delivered)
-        self._tape.stepped(elapsed_s, live, self.output)
+        self._decision_log.stepped(elapsed_s, live, self.output)
         return self.output
 
     def _account(self, decision: Decision, elapsed_s: float) -> None:
@@ -103,9 +103,9 @@ class SilenceTick:
     """
 
     def __init__(
-        self, voices: CommandQueue, rate_hz: float, clock: Clock, noted: Tick = lambda _late_s, _missed: None
+        self, queue: CommandQueue, rate_hz: float, clock: Clock, noted: Tick = lambda _late_s, _missed: None
     ) -> None:
-        self._voices = voices
+        self._queue = queue
         self._silent_after_s = SILENT_AFTER_PERIODS / rate_hz
         self._clock = clock
         self._noted = noted
@@ -113,6 +113,6 @@ class SilenceTick:
     def tick(self, late_s: float, missed: int) -> None:
         """Check once; a `periodic.Tick`."""
         self._noted(late_s, missed)
-        voices = self._voices
-        if voices.somebody_expired() or self._clock() - voices.spoken_s >= self._silent_after_s:
-            voices.tick()
+        queue = self._queue
+        if queue.somebody_expired() or self._clock() - queue.spoken_s >= self._silent_after_s:
+            queue.tick()

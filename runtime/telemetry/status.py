@@ -108,7 +108,7 @@ class ObservedState:
     version: str
     lidar: Lidar
     motor: Motor
-    voices: CommandQueue
+    queue: CommandQueue
     clock: Clock
     seconds_by_winner: Mapping[str, float]
     window: Callable[[], Sequence[str]] = tuple
@@ -139,7 +139,7 @@ def status(observed: ObservedState, output: Output | None, journey: Journey) -> 
     """Return the answer to "why is it (not) moving"."""
     now_s, motor_state = observed.clock(), observed.motor.state
     decision = output.decision if output is not None else None
-    live = {word.source: word for word in observed.voices.live()}
+    live = {word.source: word for word in observed.queue.live()}
     heard = {source: said(word, decision) for source, word in live.items()}
     closed = gates(observed, heard)
     pose = journey.pose
@@ -154,7 +154,7 @@ def status(observed: ObservedState, output: Output | None, journey: Journey) -> 
         "condition": dict(observed.condition()),
         "output": decision_fields(output, live) if output is not None else None,
         "gates": closed,
-        "voices": voices(observed, live, heard),
+        "voices": entries(observed, live, heard),
         "operator": observed.operator().fields() if observed.operator is not None else None,
         "overruled": overruled(observed, live, decision),
         "seconds_by_winner": dict(observed.seconds_by_winner),
@@ -217,7 +217,7 @@ def overruled(
 
     speed_mps: maximum speed that safety would allow. reason, measure: as of a verdict.
     """
-    order, safety, wish = observed.voices.order, live.get(Source.SAFETY), live.get(Source.TELEOP)
+    order, safety, wish = observed.queue.order, live.get(Source.SAFETY), live.get(Source.TELEOP)
     driving = decision is not None and decision.driver is Source.TELEOP
     if not driving or not isinstance(wish, DriveCommand) or not isinstance(safety, SpeedLimit):
         return None
@@ -239,12 +239,12 @@ def _without_trace(outlook: SafetyAssessment) -> SafetyAssessment:
     return replace(outlook, guard=guard)
 
 
-def voices(
+def entries(
     observed: ObservedState, live: Mapping[Source, Word], heard: Mapping[Source, SourceStatus]
 ) -> dict[str, Any]:
     """Return every source in the mux's order: its age, whether it is in force, and what it requests or allows."""
-    ages_s = observed.voices.ages_s()
-    return {str(source): _voice(live.get(source), ages_s.get(source), heard) for source in observed.voices.order}
+    ages_s = observed.queue.ages_s()
+    return {str(source): _voice(live.get(source), ages_s.get(source), heard) for source in observed.queue.order}
 
 
 def decision_fields(output: Output, live: Mapping[Source, Word]) -> dict[str, Any]:
@@ -271,8 +271,8 @@ def decision_fields(output: Output, live: Mapping[Source, Word]) -> dict[str, An
 
 def decision(observed: ObservedState, output: Output) -> dict[str, Any]:
     """Return the message `decision`: the fields, and the age of each source."""
-    live = {word.source: word for word in observed.voices.live()}
-    ages_s = {str(source): age_s for source, age_s in observed.voices.ages_s().items()}
+    live = {word.source: word for word in observed.queue.live()}
+    ages_s = {str(source): age_s for source, age_s in observed.queue.ages_s().items()}
     return {**decision_fields(output, live), "voices_age_s": ages_s}
 
 

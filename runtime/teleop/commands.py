@@ -18,8 +18,8 @@ class TeleopStatements:
     incident: why autonomy waits for an act of an operator, in the mode that needs no permit; "" when it does not.
     """
 
-    def __init__(self, voices: CommandQueue, permit: Permit) -> None:
-        self._voices = voices
+    def __init__(self, queue: CommandQueue, permit: Permit) -> None:
+        self._queue = queue
         self._permit = permit
         self.holding = OperatorState.RELEASED
         self.incident = ""
@@ -28,7 +28,7 @@ class TeleopStatements:
         """Put a manual drive command."""
         self.holding, self.incident = OperatorState.MANUAL, ""
         self._permit.refuse(f"{name} drives by hand")
-        self._voices.say(DriveCommand(Source.TELEOP, drive, None, f"{name} drives"), expires_at_s=until_s)
+        self._queue.say(DriveCommand(Source.TELEOP, drive, None, f"{name} drives"), expires_at_s=until_s)
 
     def permit(self, *, until_s: float) -> None:
         """Permit autonomy to move."""
@@ -66,5 +66,5 @@ class TeleopStatements:
 
     def _withdraw(self) -> None:
         if self.holding is OperatorState.MANUAL:
-            self._voices.silence(Source.TELEOP)
+            self._queue.silence(Source.TELEOP)
         self.holding = OperatorState.RELEASED

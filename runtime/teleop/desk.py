@@ -45,7 +45,7 @@ class OperatorDesk:
     def __init__(
         self,
         settings: OperatorSettings,
-        voices: CommandQueue,
+        queue: CommandQueue,
         permit: Permit,
         emergency_stop: EmergencyStop,
         clear_fault: Callable[[], None],
@@ -64,7 +64,7 @@ class OperatorDesk:
         )
         self._log = RateLimitedLog(log, clock)
         self._refusals = Refusals(self._log)
-        self._words = TeleopStatements(voices, permit)
+        self._words = TeleopStatements(queue, permit)
         self._operator: TeleopSession | None = None
         self._lost: TeleopSession | None = None  # fell silent; until a client acts or it says goodbye
         self._reason = ""  # reason why everything has to be released

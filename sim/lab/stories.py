@@ -125,7 +125,7 @@ class Play:
             told.pose.append(pose)
             told.speed_mps.append(twin.vehicle.speed_mps)
             told.reasons.append(output.decision.reason if output is not None else "")
-            for word in self.car.voices.live():
+            for word in self.car.queue.live():
                 if isinstance(word, DriveCommand) and word.reason not in told.navigation[-1:]:
                     told.navigation.append(word.reason)
             told.window = tuple(self.car.laws.words)
@@ -186,7 +186,7 @@ def plug_motor(play: Play) -> None:
 def swerve(play: Play) -> None:
     """Push the stick to full lock on the right at full speed, as a human does who sees the box come."""
     word = DriveCommand(Source.TELEOP, Drive(_BOXED_MPS, -play.car.settings.car.max_steering_rad), None, "stick")
-    play.car.voices.say(word, expires_at_s=play.clock() + 0.2)
+    play.car.queue.say(word, expires_at_s=play.clock() + 0.2)
 
 
 def untouched(told: ReportedFigures) -> tuple[str, bool]:

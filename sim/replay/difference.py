@@ -17,7 +17,7 @@ CLOSE = 0.02
 class Difference:
     """One value that differs between recording and replay.
 
-    time_s: since the tape began. scan: sequence number of the newest scan. what: such as "steering".
+    time_s: since the decision log began. scan: sequence number of the newest scan. what: such as "steering".
     """
 
     time_s: float

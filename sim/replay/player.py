@@ -11,7 +11,7 @@ from runtime.wire import topics
 from sim.replay.drive_log import NS, DriveLog, LoggedMessage
 
 PLAYED = frozenset({*TYPES, topics.STATUS, topics.DECISION})
-"""Topics of the telemetry; the tape, settings and log lines of a recording are no topics."""
+"""Topics of the telemetry; the decision log, settings and log lines of a recording are no topics."""
 SLOWEST, FASTEST = 0.05, 50.0
 MAX_STEP_S = 0.5
 """Maximum step; after a longer delay the player does not publish all missed messages at once."""

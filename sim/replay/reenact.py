@@ -1,8 +1,8 @@
 """Repetition of wallride's own recording by the same code, compared decision by decision.
 
-Inputs are taken from the tape: scans, motor states, operators' commands, presence of the motor, and every reading of
-the clock. The outputs of the laws, the mux and the limiter are computed anew. The recorded car does not follow the
-replay: after a first difference the two remain decisions on the same input.
+Inputs are taken from the decision log: scans, motor states, operators' commands, presence of the motor, and every
+reading of the clock. The outputs of the laws, the mux and the limiter are computed anew. The recorded car does not
+follow the replay: after a first difference the two remain decisions on the same input.
 """
 
 import copy
@@ -46,7 +46,7 @@ from sim.replay.settings_text import settings_of, with_assignments
 from sim.replay.stack import ReplayStack
 
 SETTLES_S = 5.0
-"""Time after a beginning in the middle without comparison: the state before it is not on the tape."""
+"""Time after a beginning in the middle without comparison: the state before it is not in the decision log."""
 SCANS_KEPT = 8
 FIRST_SHOWN = 20
 
@@ -55,7 +55,7 @@ FIRST_SHOWN = 20
 class ReplayVerdict:
     """Result of a replay. differing: number of different decisions; differences: the first of them.
 
-    exact: whether values had to agree but for rounding. notes: sentences about data missing on the tape.
+    exact: whether values had to agree but for rounding. notes: sentences about data missing in the decision log.
     changed: sentence about laws other than the recorded ones; "" if they are the same.
     """
 
@@ -77,7 +77,7 @@ class ReplayVerdict:
 
 
 def events_of(log: DriveLog) -> list[Event]:
-    """Return the tape of a recording in order; RecordingError when it has none that can be read."""
+    """Return the decision log of a recording in order; RecordingError when it has none that can be read."""
     events: list[Event] = []
     unreadable = 0
     reason = ""
@@ -90,11 +90,11 @@ def events_of(log: DriveLog) -> list[Event]:
         raise RecordingError(f"{log.name}: {reason}.")
     if not events:
         raise RecordingError(
-            f"{log.name} has no tape (topic {TAPE}), only what was shown:"
+            f"{log.name} has no decision log (topic {TAPE}), only what was shown:"
             " it can be published and reported, not replayed."
         )
     if unreadable:
-        log.notes.append(f"{unreadable} pieces of tape cannot be read ({reason}).")
+        log.notes.append(f"{unreadable} pieces of the decision log cannot be read ({reason}).")
     return sorted(events, key=lambda event: event.number)
 
 
@@ -194,14 +194,14 @@ class _Reenactment:
             if source in LAWS:
                 continue
             if source not in event.live:
-                stage.voices.silence(source)
+                stage.queue.silence(source)
             elif (word := event.words.get(source)) is not None:
-                stage.voices.say(word, expires_at_s=NEVER_S)
+                stage.queue.say(word, expires_at_s=NEVER_S)
         # A measured decision has read the clock before it.
         own = event.times_s.index(event.output.stamp_s) if event.output.stamp_s in event.times_s else 0
         self._clock.begin(event.times_s[own:])
         output = stage.step(delivered=event.output.delivered)
-        if self._adopts:  # the previous drive is not on the tape, and the limiter continues from it
+        if self._adopts:  # the previous drive is not in the decision log, and the limiter continues from it
             self._adopts = False
             stage.adopt(event.output.drive)
             if not event.output.delivered:

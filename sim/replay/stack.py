@@ -58,10 +58,10 @@ class ReplayStack:
         self.wire = MotorWire()
         self.stack = LiveStack(settings, DecisionLog(clock or (lambda: self.now_s), most=0))
         self.clock, self.limiter = self.stack.clock, self.stack.limiter
-        self.voices, self.laws = self.stack.voices, self.stack.laws
+        self.queue, self.laws = self.stack.queue, self.stack.laws
         self.look, self.follow, self.apply = self.stack.look, self.stack.follow, self.stack.apply
         untimed = StageTimer(lambda: 0.0)  # a replay's durations have no meaning
-        self.mux = Mux(self.voices, self.wire, self.limiter, REQUIRED, self.clock, untimed)
+        self.mux = Mux(self.queue, self.wire, self.limiter, REQUIRED, self.clock, untimed)
 
     @property
     def settings(self) -> Settings:

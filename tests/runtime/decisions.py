@@ -107,7 +107,7 @@ CASES = [
     Case("a stop by the permit stays when safety answers nonsense",
          [SpeedLimit(Source.SAFETY, Verdict(NAN, NAN, "?"), 1.0), permit(0.0, "no permit"), nav()], 0, 0.1, N, S,
          "safety answers with what is no limit"),
-    # required voices
+    # required sources
     Case("safety is silent", [permit(), nav()], 0, 0.1, N, None, "no word from safety"),
     Case("permit is silent", [safety(), nav()], 0, 0.1, N, None, "no word from permit"),
     Case("both silent: one is named, always the same", [nav()], 0, 0.1, N, None, "no word from permit"),

@@ -1,4 +1,4 @@
-"""A car that only exists as what telemetry looks at: two twins, a mouthful of voices, a clock set by hand."""
+"""A car that only exists as what telemetry looks at: two twins, some commands, a clock set by hand."""
 
 import math
 
@@ -34,9 +34,9 @@ class HandClock:
 def make_observed(clock, **more):
     motor = MemoryMotor(clock)
     lidar = MemoryLidar(lambda _: None, clock)
-    voices = CommandQueue(LAB_ORDER, clock)
+    queue = CommandQueue(LAB_ORDER, clock)
     return ObservedState(
-        car="car1", version="9.9", lidar=lidar, motor=motor, voices=voices, clock=clock,
+        car="car1", version="9.9", lidar=lidar, motor=motor, queue=queue, clock=clock,
         seconds_by_winner={"navigation": 3.5}, **more,
     )  # fmt: skip
 
@@ -49,9 +49,9 @@ def speak(observed, *, speed_mps=1.0, safety=None, permit=True):
     """Let navigation, safety and the permit speak now."""
     now_s = observed.clock()
     verdict = safety or Verdict(math.inf, math.inf, "clear")
-    observed.voices.say(SpeedLimit(Source.SAFETY, verdict, now_s))
-    observed.voices.say(consent(Source.PERMIT, "yes") if permit else refusal(Source.PERMIT, "nobody permits"))
-    observed.voices.say(DriveCommand(Source.NAVIGATION, Drive(speed_mps, 0.1), now_s, "wall"))
+    observed.queue.say(SpeedLimit(Source.SAFETY, verdict, now_s))
+    observed.queue.say(consent(Source.PERMIT, "yes") if permit else refusal(Source.PERMIT, "nobody permits"))
+    observed.queue.say(DriveCommand(Source.NAVIGATION, Drive(speed_mps, 0.1), now_s, "wall"))
 
 
 def output_of(observed, *, speed_mps=1.0, winner=Source.NAVIGATION, reason="wall", measure=math.nan, sent_mps=None):

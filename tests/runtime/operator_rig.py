@@ -20,22 +20,22 @@ AUTO_MPS = 1.0
 
 
 class Rig:
-    """The desk between real voices and the real arbitration, with an autonomy that always wants to drive."""
+    """The desk between a real queue and the real arbitration, with an autonomy that always wants to drive."""
 
     def __init__(self, permit="required", **settings):
         self.now_s = 100.0
         clock = lambda: self.now_s  # noqa: E731 - the clock is this rig's hand
-        self.voices = CommandQueue(LAB_ORDER, clock)
-        self.e_stop = EmergencyStop(self.voices)
-        self.permit = Permit(self.voices, permit)
+        self.queue = CommandQueue(LAB_ORDER, clock)
+        self.e_stop = EmergencyStop(self.queue)
+        self.permit = Permit(self.queue, permit)
         self.faults_cleared = 0
         self.desk = OperatorDesk(
             OperatorSettings(permit=permit, **settings),
-            self.voices, self.permit, self.e_stop, self._clear_fault, clock, CAR_SESSION,
+            self.queue, self.permit, self.e_stop, self._clear_fault, clock, CAR_SESSION,
         )  # fmt: skip
         self.clients = []
-        self.voices.say(consent(Source.SAFETY, "clear"))
-        self.voices.say(DriveCommand(Source.NAVIGATION, Drive(AUTO_MPS, 0.0), None, "follows the wall"))
+        self.queue.say(consent(Source.SAFETY, "clear"))
+        self.queue.say(DriveCommand(Source.NAVIGATION, Drive(AUTO_MPS, 0.0), None, "follows the wall"))
         self.beat()
 
     def _clear_fault(self):
@@ -73,7 +73,7 @@ class Rig:
 
     @property
     def decision(self):
-        return arbitrate(self.voices.live(), REQUIRED, LAB_ORDER)
+        return arbitrate(self.queue.live(), REQUIRED, LAB_ORDER)
 
     @property
     def standing(self):

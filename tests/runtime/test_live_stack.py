@@ -17,8 +17,8 @@ class Desk:
 
     def __init__(self, *wanted, most=64):
         self.clock = HandClock(100.0)
-        self.tape = DecisionLog(self.clock, most)
-        self.stack = LiveStack(load_settings(None, wanted), self.tape)
+        self.decision_log = DecisionLog(self.clock, most)
+        self.stack = LiveStack(load_settings(None, wanted), self.decision_log)
 
     def scan(self, ranges_m=None):
         now_s = self.clock.now_s
@@ -31,7 +31,7 @@ class Desk:
         self.stack.follow(scan, REST)
 
     def live(self):
-        return {word.source: word for word in self.stack.voices.live()}
+        return {word.source: word for word in self.stack.queue.live()}
 
 
 REST = MotorState(100.0, 0.0, 0.0, 0.0, 12.0, 0.0, 0.0, 20.0, "", timed_out=False, killed=False)
@@ -67,9 +67,9 @@ def test_a_follower_without_an_answer_asks_for_standstill():
 def test_without_the_words_of_all_required_sources_nothing_moves():
     desk = Desk()
     desk.answer()
-    assert arbitrate(desk.stack.voices.live(), REQUIRED, desk.stack.voices.order).speed_mps == 0.0
-    desk.stack.voices.say(consent(Source.PERMIT, "test"))
-    assert arbitrate(desk.stack.voices.live(), REQUIRED, desk.stack.voices.order).speed_mps > 0.0
+    assert arbitrate(desk.stack.queue.live(), REQUIRED, desk.stack.queue.order).speed_mps == 0.0
+    desk.stack.queue.say(consent(Source.PERMIT, "test"))
+    assert arbitrate(desk.stack.queue.live(), REQUIRED, desk.stack.queue.order).speed_mps > 0.0
 
 
 def test_other_settings_reach_laws_limiter_order_and_the_log():
@@ -79,11 +79,11 @@ def test_other_settings_reach_laws_limiter_order_and_the_log():
     assert desk.stack.settings is changed
     assert desk.stack.laws.wall_follow.speed_mps == 0.5
     assert desk.stack.limiter.limit(9.0, 0.0, 1e3).speed_mps == 0.4
-    assert desk.stack.voices.order == changed.effective_order()
-    assert [kind for _, kind, _ in desk.tape.drain()] == ["settings", "settings"]
+    assert desk.stack.queue.order == changed.effective_order()
+    assert [kind for _, kind, _ in desk.decision_log.drain()] == ["settings", "settings"]
 
 
 def test_the_log_has_both_answers_in_their_order():
     desk = Desk()
     desk.answer()
-    assert [kind for _, kind, _ in desk.tape.drain()] == ["settings", "look", "follow"]
+    assert [kind for _, kind, _ in desk.decision_log.drain()] == ["settings", "look", "follow"]

@@ -117,7 +117,7 @@ def test_a_law_is_exchanged_only_while_the_car_stands():
 def test_binding_the_human_binds_him_at_the_next_decision():
     def push(lab):
         word = DriveCommand(Source.TELEOP, Drive(0.7, 0.0), None, "stick")
-        lab.car.voices.say(word, expires_at_s=lab.car.clock() + 0.2)
+        lab.car.queue.say(word, expires_at_s=lab.car.clock() + 0.2)
 
     def bind(lab):
         lab.set(safety__binds_teleop=True)
@@ -126,7 +126,7 @@ def test_binding_the_human_binds_him_at_the_next_decision():
     pushes = [(2.0 + 0.05 * n, push) for n in range(60)]
     lab = virtual(5.0, *pushes, (3.0, bind))
     assert lab.speed_at_mps(2.9) == 0.7
-    assert lab.car.voices.order == lab.car.settings.effective_order()
+    assert lab.car.queue.order == lab.car.settings.effective_order()
     assert lab.speed_at_mps(3.5) == 0.0, "bound to a safety that is silent"
 
 

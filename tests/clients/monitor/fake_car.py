@@ -1,6 +1,6 @@
 """A car on a real zenoh session, without devices: the real operator's desk, the real parameter desk, invented scans.
 
-Counts as "the wire" what the mux would send: `speed_mps` is arbitrated from the real voices at every look.
+Counts as "the wire" what the mux would send: `speed_mps` is arbitrated from the real queue at every look.
 """
 
 import asyncio
@@ -46,11 +46,11 @@ class FakeCar:
     ):
         self.name = name
         self.bus = Bus(zenoh_config.car_config([endpoint], None, (), name))
-        self.voices = CommandQueue(LAB_ORDER, time.monotonic)
-        self.e_stop = EmergencyStop(self.voices)
-        self.permit = Permit(self.voices, permit)
+        self.queue = CommandQueue(LAB_ORDER, time.monotonic)
+        self.e_stop = EmergencyStop(self.queue)
+        self.permit = Permit(self.queue, permit)
         self.desk = OperatorDesk(
-            OperatorSettings(permit=permit), self.voices, self.permit, self.e_stop, lambda: None, time.monotonic,
+            OperatorSettings(permit=permit), self.queue, self.permit, self.e_stop, lambda: None, time.monotonic,
             car_session,
         )  # fmt: skip
         self.settings = ParameterServer(
@@ -92,7 +92,7 @@ class FakeCar:
 
     @property
     def decision(self):
-        return arbitrate(self.voices.live(), frozenset({Source.SAFETY, Source.PERMIT}), LAB_ORDER)
+        return arbitrate(self.queue.live(), frozenset({Source.SAFETY, Source.PERMIT}), LAB_ORDER)
 
     @property
     def speed_mps(self):
@@ -133,10 +133,10 @@ class FakeCar:
     async def _beat(self):
         while True:
             now_s = time.monotonic()
-            self.voices.say(consent(Source.SAFETY, "clear"), expires_at_s=now_s + 0.3)
+            self.queue.say(consent(Source.SAFETY, "clear"), expires_at_s=now_s + 0.3)
             if self._autonomy:
                 drive = DriveCommand(Source.NAVIGATION, Drive(AUTO_MPS, 0.0), None, "follows the wall")
-                self.voices.say(drive, expires_at_s=now_s + 0.3)
+                self.queue.say(drive, expires_at_s=now_s + 0.3)
             self.desk.tick()
             self.beat = self.desk.beat(self.speed_mps)
             self.bus.put(topics.key(self.name, topics.BEAT), self.beat.pack(), encoding=BYTES, urgent=True)
@@ -178,8 +178,8 @@ class FakeCar:
         }  # fmt: skip
 
     def _status(self, now_s):
-        ages_s = self.voices.ages_s()
-        live = {word.source: word for word in self.voices.live()}
+        ages_s = self.queue.ages_s()
+        live = {word.source: word for word in self.queue.live()}
         return {
             "car": self.name, "version": "9.9", "stamp_s": now_s, "up_s": 1.0, "state": "driving",
             "output": self._decided(), "gates": {"lidar": "", "motor": ""},

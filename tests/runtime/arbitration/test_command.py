@@ -1,4 +1,4 @@
-"""The decision table holds, it covers every combination of voices, and breaking any line of the code is noticed."""
+"""The decision table holds, it covers every combination of sources, and breaking any line of the code is noticed."""
 
 import ast
 import copy

@@ -43,15 +43,15 @@ class Drive:
             RecordingSettings(**{"folder": str(folder), "keep_free_mb": 0, **settings}),
             car="car1", version="9.9", wall_clock=self.wall_clock, clock=self.clock, disk=disk or QuickDisk(),
         )  # fmt: skip
-        self.tape = tape = self.recorder.tape
+        self.decision_log = decision_log = self.recorder.decision_log
         self.motor = MemoryMotor(self.clock)
-        self.stack = LiveStack(self.settings, tape)
-        self.voices = self.stack.voices
-        self.voices.reorder(LAB_ORDER)
-        self.mux = Mux(self.voices, self.motor, Limiter(LIMITS), REQUIRED, tape.clock)
+        self.stack = LiveStack(self.settings, decision_log)
+        self.queue = self.stack.queue
+        self.queue.reorder(LAB_ORDER)
+        self.mux = Mux(self.queue, self.motor, Limiter(LIMITS), REQUIRED, decision_log.clock)
         observed = ObservedState(
             car="car1", version="9.9", lidar=MemoryLidar(lambda _: None, self.clock), motor=self.motor,
-            voices=self.voices, clock=self.clock, seconds_by_winner=self.mux.seconds_by_winner,
+            queue=self.queue, clock=self.clock, seconds_by_winner=self.mux.seconds_by_winner,
         )  # fmt: skip
         self.telemetry = Telemetry(
             observed, CarSettings(), [self.recorder], wall_clock=self.wall_clock, side=lambda: "left"
@@ -76,7 +76,7 @@ class Drive:
             len(self.scans),
         )  # fmt: skip
         self.scans.append(scan)
-        self.tape.scanned(scan)
+        self.decision_log.scanned(scan)
         self.telemetry.on_scan(scan)
         state = self.motor.state
         self.stack.look(scan, state)
@@ -87,16 +87,16 @@ class Drive:
 
     def step(self):
         """Let the mux decide."""
-        self.tape.begin()
+        self.decision_log.begin()
         output = self.mux.step()
-        self.tape.stepped(output.stamp_s - self._stepped_s, self.voices.live(), output)
+        self.decision_log.stepped(output.stamp_s - self._stepped_s, self.queue.live(), output)
         self._stepped_s = output.stamp_s
         self.outputs.append(output)
         self.telemetry.on_output(output)
 
     def say(self, word, expires_at_s=math.inf):
-        """Speak; the tape hears it."""
-        self.voices.say(word, expires_at_s=expires_at_s)
+        """Put a command; the decision log records it."""
+        self.queue.say(word, expires_at_s=expires_at_s)
 
     def permit(self, yes=True):
         """Arm or disarm."""

@@ -1,4 +1,4 @@
-"""Reads recordings as others would: with the package `mcap`, and with ours for the tape."""
+"""Reads recordings as others would: with the package `mcap`, and with ours for the decision log."""
 
 import warnings
 from collections import Counter
@@ -39,7 +39,7 @@ def metadata(content):
 
 
 def events(content):
-    """Return the whole tape."""
+    """Return the whole decision log."""
     return [
         event for topic, message in streamed(content) if topic == f"/{TAPE}" for event in decode(text_of(message.data))
     ]

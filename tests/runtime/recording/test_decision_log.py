@@ -53,10 +53,10 @@ def make_scan(numbers, sequence):
 
 @given(numbers=st.tuples(*[ANY_FLOAT] * 8))
 def test_every_float_survives_bit_for_bit(numbers):
-    tape = DecisionLog(HandClock())
-    tape.begin()
-    tape.looked(make_scan(numbers[:6], 7), motor_state(*numbers))
-    (event,) = play(*tape.drain())
+    decision_log = DecisionLog(HandClock())
+    decision_log.begin()
+    decision_log.looked(make_scan(numbers[:6], 7), motor_state(*numbers))
+    (event,) = play(*decision_log.drain())
     assert isinstance(event, SafetyEvent)
     assert event.motor is not None
     read = [getattr(event.motor, field.name) for field in fields(MotorState)][:8]
@@ -67,9 +67,9 @@ def test_every_float_survives_bit_for_bit(numbers):
 
 @given(numbers=st.tuples(*[ANY_FLOAT] * 6), sequence=st.integers(0, 2**40))
 def test_a_scan_comes_back_as_it_was_given_its_ranges(numbers, sequence):
-    tape = DecisionLog(HandClock())
-    tape.scanned(make_scan(numbers, sequence))
-    (event,) = play(*tape.drain())
+    decision_log = DecisionLog(HandClock())
+    decision_log.scanned(make_scan(numbers, sequence))
+    (event,) = play(*decision_log.drain())
     assert isinstance(event, ScanEvent)
     assert event.beams == 3
     again = event.scan(RANGES_M)
@@ -78,13 +78,13 @@ def test_a_scan_comes_back_as_it_was_given_its_ranges(numbers, sequence):
 
 
 def test_numbers_of_numpy_are_numbers():
-    tape = DecisionLog(HandClock())
-    tape.begin()
+    decision_log = DecisionLog(HandClock())
+    decision_log.begin()
     narrow: Any = np.float32  # what a law computes in float32 arrives like this, whatever its annotation says
     guidance = Guidance(Drive(narrow(0.5), np.float64(0.1)), np.float64(math.inf), narrow(math.nan), 0.0, "wall")
     sequence: Any = np.int64(3)
-    tape.followed(make_scan([1.0] * 6, sequence), None, guidance)
-    (event,) = play(*tape.drain())
+    decision_log.followed(make_scan([1.0] * 6, sequence), None, guidance)
+    (event,) = play(*decision_log.drain())
     assert isinstance(event, FollowerEvent)
     assert event.guidance.drive == Drive(0.5, 0.1)
     assert event.guidance.distance_m == math.inf
@@ -99,80 +99,80 @@ def output(**more):
 
 def test_a_step_holds_times_words_and_decision():
     clock = HandClock(5.0)
-    tape = DecisionLog(clock)
+    decision_log = DecisionLog(clock)
     permit, stop = consent(Source.PERMIT, "yes"), refusal(Source.ESTOP, "e-stop by ann")
     nav = DriveCommand(Source.NAVIGATION, Drive(1.0, 0.2), 4.9, "wall")
     clock.now_s = 4.0
-    tape.clock()  # belongs to no event
-    tape.begin()
+    decision_log.clock()  # belongs to no event
+    decision_log.begin()
     clock.now_s = 5.0
-    assert tape.clock() == 5.0
+    assert decision_log.clock() == 5.0
     clock.now_s = 5.5
-    assert tape.clock() == 5.5
-    tape.stepped(0.02, [stop, permit, nav], output())
-    (event,) = play(*tape.drain())
+    assert decision_log.clock() == 5.5
+    decision_log.stepped(0.02, [stop, permit, nav], output())
+    (event,) = play(*decision_log.drain())
     live = (Source.ESTOP, Source.PERMIT, Source.NAVIGATION)
     expected = DecisionEvent(0, (5.0, 5.5), 0.02, live, {Source.ESTOP: stop, Source.PERMIT: permit}, output())
     assert repr(event) == repr(expected)  # as text, because a measure that is not a number is unlike itself
 
 
 def test_an_unchanged_word_is_written_once_per_message_and_again_in_the_next():
-    tape = DecisionLog(HandClock())
+    decision_log = DecisionLog(HandClock())
     permit, other = consent(Source.PERMIT, "yes"), consent(Source.PERMIT, "yes")
     for word in (permit, permit, other):
-        tape.begin()
-        tape.stepped(0.02, [word], output())
-    entries = tape.drain()
+        decision_log.begin()
+        decision_log.stepped(0.02, [word], output())
+    entries = decision_log.drain()
     assert [set(event.words) for event in play(*entries)] == [{Source.PERMIT}, set(), {Source.PERMIT}]
     assert set(play(entries[1])[0].words) == {Source.PERMIT}
 
 
 def test_words_of_the_laws_follow_from_their_events_and_are_left_out():
-    tape = DecisionLog(HandClock())
-    tape.said(SpeedLimit(Source.SAFETY, Verdict(1.0, 1.0, "clear"), 1.0), 2.0)
-    tape.said(DriveCommand(Source.NAVIGATION, Drive(1.0, 0.0), 1.0, "wall"), 2.0)
+    decision_log = DecisionLog(HandClock())
+    decision_log.said(SpeedLimit(Source.SAFETY, Verdict(1.0, 1.0, "clear"), 1.0), 2.0)
+    decision_log.said(DriveCommand(Source.NAVIGATION, Drive(1.0, 0.0), 1.0, "wall"), 2.0)
     teleop = DriveCommand(Source.TELEOP, Drive(1.0, 0.0), None, "ann")
-    tape.said(teleop, 2.0)
-    tape.said(consent(Source.PERMIT, "yes"), math.inf)
-    tape.silenced(Source.ESTOP)
-    said, permitted, silenced = play(*tape.drain())
+    decision_log.said(teleop, 2.0)
+    decision_log.said(consent(Source.PERMIT, "yes"), math.inf)
+    decision_log.silenced(Source.ESTOP)
+    said, permitted, silenced = play(*decision_log.drain())
     assert said == CommandEvent(0, teleop, 2.0)
     assert permitted.expires_at_s == math.inf
     assert silenced == WithdrawalEvent(2, Source.ESTOP)
 
 
 def test_settings_come_back_equal():
-    tape = DecisionLog(HandClock())
+    decision_log = DecisionLog(HandClock())
     settings = Settings.model_validate({"wall_follow": {"speed_mps": 1.2345678901234567}})
-    tape.tuned(settings)
-    (event,) = play(*tape.drain())
+    decision_log.tuned(settings)
+    (event,) = play(*decision_log.drain())
     assert isinstance(event, SettingsEvent)
     assert Settings.model_validate(event.settings) == settings
 
 
 def test_what_nobody_drained_is_lost_from_its_oldest_end_and_the_numbers_show_it():
-    tape = DecisionLog(HandClock(), most=3)
+    decision_log = DecisionLog(HandClock(), most=3)
     for _ in range(5):
-        tape.silenced(Source.PERMIT)
-    assert [event.number for event in play(*tape.drain())] == [2, 3, 4]
-    tape.silenced(Source.PERMIT)
-    assert [event.number for event in play(*tape.drain())] == [5]
+        decision_log.silenced(Source.PERMIT)
+    assert [event.number for event in play(*decision_log.drain())] == [2, 3, 4]
+    decision_log.silenced(Source.PERMIT)
+    assert [event.number for event in play(*decision_log.drain())] == [5]
 
 
 def test_a_tape_of_nothing_keeps_nothing():
-    tape = DecisionLog(HandClock(3.0), most=0)
-    tape.begin()
-    assert tape.clock() == 3.0
-    tape.stepped(0.0, [], output())
-    assert tape.drain() == []
+    decision_log = DecisionLog(HandClock(3.0), most=0)
+    decision_log.begin()
+    assert decision_log.clock() == 3.0
+    decision_log.stepped(0.0, [], output())
+    assert decision_log.drain() == []
 
 
 def test_a_step_does_not_keep_what_a_law_made_of_its_scan():
-    tape = DecisionLog(HandClock())
-    tape.begin()
+    decision_log = DecisionLog(HandClock())
+    decision_log.begin()
     word = SpeedLimit(Source.SAFETY, Verdict(1.0, 1.0, "clear"), 1.0)
-    tape.stepped(0.0, [word], output())
-    (entry,) = tape.drain()
+    decision_log.stepped(0.0, [word], output())
+    (entry,) = decision_log.drain()
     assert word not in entry[2][2]
 
 
@@ -185,8 +185,8 @@ def test_what_is_no_tape_is_refused(payload):
 
 
 def test_an_event_of_another_kind_is_refused():
-    tape = DecisionLog(HandClock())
-    tape.silenced(Source.PERMIT)
-    payload = encode(tape.drain()).replace(b'"silence"', b'"shout"')
+    decision_log = DecisionLog(HandClock())
+    decision_log.silenced(Source.PERMIT)
+    payload = encode(decision_log.drain()).replace(b'"silence"', b'"shout"')
     with pytest.raises(TapeError, match="shout"):
         decode(payload)

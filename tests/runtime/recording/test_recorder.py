@@ -82,7 +82,7 @@ async def test_the_next_drive_has_a_file_of_its_own_with_settings_in_force(tmp_p
     changed = Settings.model_validate({"wall_follow": {"speed_mps": 0.7}})
     drive.permit()
     await drive.go(1)
-    drive.tape.tuned(changed)
+    drive.decision_log.tuned(changed)
     drive.permit(False)
     await drive.go(15)
     drive.permit()
@@ -171,7 +171,7 @@ async def test_an_emergency_stop_leaves_a_black_box_and_a_second_one_soon_after_
     await drive.go(2)
     drive.say(refusal(Source.ESTOP, "e-stop by ann"))
     await drive.go(1)
-    drive.voices.silence(Source.ESTOP)
+    drive.queue.silence(Source.ESTOP)
     await drive.go(1)
     drive.say(refusal(Source.ESTOP, "motor fault: over voltage"))
     await drive.go(10)
@@ -325,7 +325,7 @@ async def test_a_recorder_that_is_off_does_nothing(tmp_path):
     await drive.go(2, write=False)
     drive.recorder.close()
     assert list(tmp_path.iterdir()) == []
-    assert drive.tape.drain() == []
+    assert drive.decision_log.drain() == []
     assert "turned off" in drive.recorder.status()["words"]
     assert not any(drive.recorder.claim(topic, 100.0) for topic in (topics.OUTPUT, topics.STATUS))
 

@@ -27,11 +27,11 @@ class RecordedClock:
 
 def replayed(content):
     """Yield what is decided now beside what was decided then, event by event."""
-    tape, ranges_m, clock = events(content), ranges_by_sequence(content), RecordedClock()
+    decision_log, ranges_m, clock = events(content), ranges_by_sequence(content), RecordedClock()
     limiter, settings, scans = Limiter(LIMITS), Settings(), {}
     laws: Any = None
     words: dict[Source, Word] = {}
-    for event in tape:
+    for event in decision_log:
         match event:
             case SettingsEvent():
                 settings = Settings.model_validate(event.settings)
@@ -50,7 +50,7 @@ def replayed(content):
                 yield repr(guidance), repr(event.guidance)
             case DecisionEvent():
                 words |= event.words
-                clock.times_s = list(event.times_s[2:])  # the mux's own, and that of the voices' expiry
+                clock.times_s = list(event.times_s[2:])  # the mux's own, and that of the commands' expiry
                 decision = arbitrate([words[source] for source in event.live], REQUIRED, settings.effective_order())
                 drive = limiter.limit(decision.speed_mps, decision.steering_rad, event.elapsed_s, decision.brake_mps2)
                 yield repr((decision, drive)), repr((event.output.decision, event.output.drive))

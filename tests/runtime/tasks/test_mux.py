@@ -22,13 +22,13 @@ class Rig:
     def __init__(self):
         clock = asyncio.get_running_loop().time
         self.clock = clock
-        self.voices = CommandQueue(LAB_ORDER, clock)
+        self.queue = CommandQueue(LAB_ORDER, clock)
         self.motor = MemoryMotor(clock)
-        self.mux = Mux(self.voices, self.motor, Limiter(Limits(4, 1, 0.34, 3.2, 4)), frozenset(), clock)
+        self.mux = Mux(self.queue, self.motor, Limiter(Limits(4, 1, 0.34, 3.2, 4)), frozenset(), clock)
         self.decided_s = []
         self.notes = []
         timer = PeriodicTimer(clock)
-        silence = SilenceTick(self.voices, TICK_HZ, clock, lambda *note: self.notes.append(note))
+        silence = SilenceTick(self.queue, TICK_HZ, clock, lambda *note: self.notes.append(note))
         timer.every(1 / TICK_HZ, silence.tick)
         self._tasks = [
             asyncio.ensure_future(self.mux.run(lambda _: self.decided_s.append(clock()))),
@@ -37,7 +37,7 @@ class Rig:
 
     def say(self, *, for_s=10.0):
         word = DriveCommand(Source.TELEOP, Drive(1.0, 0.0), None, "stick")
-        self.voices.say(word, expires_at_s=self.clock() + for_s)
+        self.queue.say(word, expires_at_s=self.clock() + for_s)
 
     async def end(self):
         for task in self._tasks:
@@ -90,7 +90,7 @@ def test_a_word_that_expires_is_noticed_within_a_tick():
         rig.say(for_s=0.031)
         for _ in range(10):
             await asyncio.sleep(0.025)
-            rig.voices.spoken_s = rig.clock()  # somebody else keeps talking
+            rig.queue.spoken_s = rig.clock()  # somebody else keeps talking
 
     rig = play(story)
     assert rig.motor.wire[0][1].speed_mps >= 0

@@ -30,13 +30,13 @@ class Bench:
 
     async def _run(self, seconds, client_sends_until_s, *, present):
         clock = asyncio.get_running_loop().time
-        voices = CommandQueue(LAB_ORDER, clock)
+        queue = CommandQueue(LAB_ORDER, clock)
         self.motor = MemoryMotor(clock)
         self.motor.send(Drive(1.25, 0.0))
         self.motor.present = present
-        e_stop = EmergencyStop(voices)
+        e_stop = EmergencyStop(queue)
         desk = OperatorDesk(
-            OperatorSettings(), voices, Permit(voices, "required"), e_stop, self.motor.clear_fault, clock, 9
+            OperatorSettings(), queue, Permit(queue, "required"), e_stop, self.motor.clear_fault, clock, 9
         )
 
         def publish(payload):
@@ -46,7 +46,7 @@ class Bench:
                 held = Press.MANUAL if beat.beat > 5 else Press(0)
                 command = Command(1, beat.beat, beat.car_session, beat.beat, held, Input.SCRIPT, speed_mps=1.0)
                 desk.receive("", command.pack(), clock())
-            self.teleop.append((clock(), any(word.source is Source.TELEOP for word in voices.live())))
+            self.teleop.append((clock(), any(word.source is Source.TELEOP for word in queue.live())))
 
         timer = PeriodicTimer(clock)
         timer.every(1 / 50, DeskTicker(desk, self.motor, publish).tick)

@@ -45,12 +45,12 @@ def test_a_driving_car_has_open_gates_and_a_winner(observed):
 def test_every_voice_is_told_with_its_age_in_the_muxs_order(observed):
     speak(observed)
     observed.clock.now_s += 0.25
-    voices = told(observed, output_of(observed))["voices"]
-    assert list(voices) == ["e-stop", "teleop", "safety", "permit", "navigation"]
-    assert voices["teleop"] == {"age_s": None, "live": False}
-    assert (voices["navigation"]["age_s"], voices["navigation"]["speed_mps"]) == (0.25, 1.0)
-    assert voices["safety"]["reason"] == "clear"
-    assert voices["safety"]["speed_mps"] is None, "no limit"
+    queue = told(observed, output_of(observed))["voices"]
+    assert list(queue) == ["e-stop", "teleop", "safety", "permit", "navigation"]
+    assert queue["teleop"] == {"age_s": None, "live": False}
+    assert (queue["navigation"]["age_s"], queue["navigation"]["speed_mps"]) == (0.25, 1.0)
+    assert queue["safety"]["reason"] == "clear"
+    assert queue["safety"]["speed_mps"] is None, "no limit"
 
 
 @pytest.mark.parametrize(
@@ -58,9 +58,9 @@ def test_every_voice_is_told_with_its_age_in_the_muxs_order(observed):
     [
         (lambda o: speak(o, permit=False), "permit", "nobody permits"),
         (lambda o: speak(o, safety=Verdict(0.0, INF, "wall ahead", 0.3)), "safety", "wall ahead"),
-        (lambda o: (speak(o), o.voices.silence(Source.SAFETY)), "safety", "no word"),
-        (lambda o: (speak(o), o.voices.silence(Source.NAVIGATION)), "navigation", "no word"),
-        (lambda o: (speak(o), o.voices.say(refusal(Source.ESTOP, "red button"))), "e-stop", "red button"),
+        (lambda o: (speak(o), o.queue.silence(Source.SAFETY)), "safety", "no word"),
+        (lambda o: (speak(o), o.queue.silence(Source.NAVIGATION)), "navigation", "no word"),
+        (lambda o: (speak(o), o.queue.say(refusal(Source.ESTOP, "red button"))), "e-stop", "red button"),
         (lambda o: (speak(o), lose(o.lidar)), "lidar", "absent: cable"),
     ],
 )
@@ -75,7 +75,7 @@ def test_the_state_is_a_word_for_a_list(observed):
     speak(observed)
     assert told(observed)["state"] == "starting"
     assert told(observed, output_of(observed, sent_mps=0.0))["state"] == "standing"
-    observed.voices.say(refusal(Source.ESTOP, "red button"))
+    observed.queue.say(refusal(Source.ESTOP, "red button"))
     assert told(observed, output_of(observed))["state"] == "e-stop"
     lose(observed.lidar)
     assert told(observed)["state"] == "no lidar"
@@ -135,10 +135,10 @@ def test_latency_is_told_in_milliseconds_and_forgets_the_oldest():
 
 
 def drive_by_hand(observed, *, order=LAB_ORDER, outlook=WALL_AHEAD, speed_mps=1.0):
-    observed.voices.reorder(order)
+    observed.queue.reorder(order)
     speak(observed)
-    observed.voices.say(SpeedLimit(Source.SAFETY, outlook, observed.clock()))
-    observed.voices.say(DriveCommand(Source.TELEOP, Drive(speed_mps, 0.0), None, "anna drives"))
+    observed.queue.say(SpeedLimit(Source.SAFETY, outlook, observed.clock()))
+    observed.queue.say(DriveCommand(Source.TELEOP, Drive(speed_mps, 0.0), None, "anna drives"))
     decided = Decision(speed_mps, 0.0, Source.TELEOP, Source.TELEOP, "anna drives")
     return Output(observed.clock(), Drive(speed_mps, 0.0), decided, delivered=True)
 

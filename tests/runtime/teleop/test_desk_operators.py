@@ -91,11 +91,11 @@ def test_e_stop_latches_from_anybody_and_holds(rig, flags):
     assert rig.decision.winner is Source.ESTOP
     assert rig.decision.reason == "e-stop by Bob"
     assert rig.refused == {}
-    assert [word for word in rig.voices.live() if word.source is Source.TELEOP] == []
+    assert [word for word in rig.queue.live() if word.source is Source.TELEOP] == []
     for held in (NOTHING, MANUAL, AUTONOMY, MANUAL | RESET, TAKE_OVER, TAKE_OVER | RESET, GOODBYE):
         ann.send(NOTHING)
         ann.hold(held)
-        assert [word.source for word in rig.voices.live() if word.source is Source.TELEOP] == []
+        assert [word.source for word in rig.queue.live() if word.source is Source.TELEOP] == []
         assert rig.standing == "e-stop"
         assert rig.speed_mps == 0
     rig.wait(60)

@@ -24,7 +24,7 @@ SETTINGS = {"battery": {"settle_s": 0}, "operator": {"permit": "always"}, "wall_
 
 
 class Sink:
-    """Takes everything that telemetry says, as the recorder does; scans come by way of the tape."""
+    """Takes everything that telemetry says, as the recorder does; scans come from the decision log."""
 
     def __init__(self, file, wall_clock):
         self.file = file
@@ -54,29 +54,29 @@ class Restless:
 def record(path, *, world="loop", seconds=6.0, events=(), obstacles=(), sections=None, start=None, forgets=0):
     """Drive and write it down; returns the car and its world.
 
-    events are (time, function of the car). forgets: so many events behind the settings are not on the tape.
+    events are (time, function of the car). forgets: so many events behind the settings are not in the decision log.
     """
     settings = Settings.model_validate({**SETTINGS, **(sections or {})})
     kept = {}
 
     async def main():
         loop = asyncio.get_running_loop()
-        tape = DecisionLog(Restless(loop.time), most=1_000_000)
+        decision_log = DecisionLog(Restless(loop.time), most=1_000_000)
         twin = TwinWorld(load_world(world, side="left", seed=0), loop.time, obstacles=obstacles, start=start)
-        tape.tuned(settings)
+        decision_log.tuned(settings)
         motor = WorldMotor(twin, loop.time)
-        car = Car(settings, WorldLidar(twin, loop.time), motor, MemoryBus(loop.time), tape.clock)
+        car = Car(settings, WorldLidar(twin, loop.time), motor, MemoryBus(loop.time), decision_log.clock)
         car.connect()
         facts = {"car": settings.car.name, "version": version("wallride"), "laws": laws_fingerprint()}
         file = McapFile(path, RealDisk(), facts, "wallride")
         car.telemetry.sinks.append(Sink(file, car.wall_clock))
-        tape_over(car, tape)
+        tape_over(car, decision_log)
         stop = asyncio.Event()
         for at_s, event in events:
             loop.call_at(at_s, event, car)
         loop.call_at(seconds, stop.set)
         await car.drive(stop)
-        settings_first, *others = tape.drain()
+        settings_first, *others = decision_log.drain()
         for message in Transcriber(car.wall_clock, 0.0).messages([settings_first, *others[forgets:]]):
             file.add(message)
         file.close()
@@ -86,54 +86,54 @@ def record(path, *, world="loop", seconds=6.0, events=(), obstacles=(), sections
     return kept["car"], kept["twin"]
 
 
-def tape_over(car, tape):
-    """Put everything that decides on the tape."""
+def tape_over(car, decision_log):
+    """Put everything that decides into the decision log."""
     look, follow, step, say, silence = (
-        car.laws.look, car.laws.follow, car.mux.step, car.voices.say, car.voices.silence
+        car.laws.look, car.laws.follow, car.mux.step, car.queue.say, car.queue.silence
     )  # fmt: skip
     apply = car.apply
     last: list[float | None] = [None]
 
     def taped_look(scan, motor):
-        tape.begin()
+        decision_log.begin()
         outlook = look(scan, motor)
-        tape.looked(scan, motor)
+        decision_log.looked(scan, motor)
         return outlook
 
     def taped_follow(scan, motor):
-        tape.begin()
+        decision_log.begin()
         guidance = follow(scan, motor)
-        tape.followed(scan, motor, guidance)
+        decision_log.followed(scan, motor, guidance)
         return guidance
 
     def taped_step():
-        tape.begin()
+        decision_log.begin()
         output = step()
         elapsed_s = output.stamp_s - last[0] if last[0] is not None else 0.0
         last[0] = output.stamp_s
-        tape.stepped(elapsed_s, car.voices.live(), output)
+        decision_log.stepped(elapsed_s, car.queue.live(), output)
         return output
 
     def taped_say(word, *, expires_at_s=float("inf")):
         say(word, expires_at_s=expires_at_s)
-        tape.said(word, expires_at_s)
+        decision_log.said(word, expires_at_s)
 
     def taped_silence(source):
         silence(source)
-        tape.silenced(source)
+        decision_log.silenced(source)
 
     def taped_apply(settings, changed):
         apply(settings, changed)
-        tape.tuned(settings)
+        decision_log.tuned(settings)
 
     car.laws.look, car.laws.follow, car.mux.step = taped_look, taped_follow, taped_step
-    car.voices.say, car.voices.silence = taped_say, taped_silence
+    car.queue.say, car.queue.silence = taped_say, taped_silence
     car.apply = taped_apply
     put = car.lidar.run
 
     async def run(on_scan):
         def deliver(scan):
-            tape.scanned(scan)
+            decision_log.scanned(scan)
             on_scan(scan)
 
         await put(deliver)

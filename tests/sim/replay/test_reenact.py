@@ -42,15 +42,15 @@ def test_the_laws_page_tells_how_to_ask_for_one_scan(dead_end, capsys):
 
 def take_the_wheel(car):
     word = DriveCommand(Source.TELEOP, Drive(0.7, 0.1), None, "by hand")
-    car.voices.say(word, expires_at_s=car.clock() + 0.5)
+    car.queue.say(word, expires_at_s=car.clock() + 0.5)
 
 
 def stop(car):
-    car.voices.say(refusal(Source.ESTOP, "a test"))
+    car.queue.say(refusal(Source.ESTOP, "a test"))
 
 
 def go_on(car):
-    car.voices.silence(Source.ESTOP)
+    car.queue.silence(Source.ESTOP)
 
 
 def set_speed(car):
@@ -136,7 +136,7 @@ def test_a_hole_in_the_tape_is_said_and_not_taken_for_a_difference(dead_end, tmp
 
 def test_a_recording_without_a_tape_is_refused_with_what_it_is_good_for(dead_end, tmp_path):
     path = rewritten(dead_end, tmp_path, leave_out=lambda message: message.topic == channels.TAPE)
-    with pytest.raises(RecordingError, match=r"has no tape.*can be published and reported"):
+    with pytest.raises(RecordingError, match=r"has no decision log.*can be published and reported"):
         reenact(read_log(path))
 
 
@@ -156,7 +156,7 @@ def test_nothing_on_the_tape_is_infinite_time(dead_end):
 
 
 def rewritten(path, folder, *, leave_out=lambda message: False, change=lambda payload: payload):
-    """Return a copy without some messages, or with another tape."""
+    """Return a copy without some messages, or with another decision log."""
     copy = folder / "copy.mcap"
     file = McapFile(copy, RealDisk(), {"car": "car1"}, "wallride")
     for message in read_log(path).messages:
