@@ -43,6 +43,7 @@ from runtime.telemetry.status import ObservedState
 from runtime.teleop.desk import OperatorDesk
 from runtime.wire import topics
 from runtime.wire.bus import BYTES, Network
+from runtime.wire.car_bus import POLL_HZ
 from runtime.wire.teleop import COMMAND_BYTES
 
 log = logging.getLogger("wallride.app")
@@ -204,6 +205,7 @@ class Car:
         timer.every(1 / settings.mux.tick_hz, silence.tick)
         desk_ticker = operator.DeskTicker(self.operator, self.motor, self._beat)
         timer.every(1 / settings.operator.beat_hz, desk_ticker.tick)
+        timer.every(1 / POLL_HZ, lambda _late_s, _missed: self.bus.poll())
         timer.every(1 / health.RATE_HZ, self._health_monitor().tick)
         timer.every(1 / health.RATE_HZ, self.battery.tick)
         timer.every(FOLLOW_WALL_CLOCK_S, lambda _late_s, _missed: self._follow_wall_clock())

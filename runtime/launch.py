@@ -30,7 +30,8 @@ from runtime.realtime.wall_clock import WallClock
 from runtime.settings.tree import Settings
 from runtime.tasks import parameters
 from runtime.tasks.computer import ComputerWatch
-from runtime.wire.bus import Bus, PortTakenError
+from runtime.wire.bus import PortTakenError
+from runtime.wire.car_bus import CarBus
 from runtime.wire.port_holder import holder_of, taken_sentence
 from runtime.wire.teleop import session_text
 
@@ -121,7 +122,7 @@ async def _drive(
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)
     clock = time.monotonic
-    bus = Bus(session, any_port=settings.telemetry.any_port)
+    bus = CarBus(session, any_port=settings.telemetry.any_port)
     scan_phase = ScanPhase()
 
     def replied(took_s: float) -> None:
@@ -163,7 +164,7 @@ async def _drive(
     opening.result()
 
 
-async def _open(car: Car, bus: Bus, stop: asyncio.Event, address_file: Path | None) -> None:
+async def _open(car: Car, bus: CarBus, stop: asyncio.Event, address_file: Path | None) -> None:
     """Open the session and report its address; LaunchError, after `stop`, when another program has its port."""
     telemetry = Address(car.settings.car.name, session_text(car.session))
     if not car.settings.telemetry.enabled:

@@ -1,4 +1,4 @@
-"""Requests about settings, and their rate limit: closed forms, bounded in every direction."""
+"""Requests about settings: closed forms, bounded in every direction."""
 
 from typing import Annotated
 
@@ -8,8 +8,6 @@ from runtime.wire.requests import Request
 
 MAX_QUESTION = 4096
 MAX_VALUES = 64
-QUESTIONS_HZ = 25.0
-"""Maximum rate of answered requests of one kind; a flood of them must not take the time that driving needs."""
 
 Name = Annotated[str, StringConstraints(max_length=64)]
 Text = Annotated[str, StringConstraints(max_length=256)]
@@ -53,20 +51,3 @@ class HistoryQuestion(ParameterRequest):
     """Request for the newest changes."""
 
     most: Annotated[int, Field(ge=1, le=1000)] = 50
-
-
-class RateLimit:
-    """Lets QUESTIONS_HZ through per second, and a burst of as many after a pause."""
-
-    def __init__(self) -> None:
-        self._left = QUESTIONS_HZ
-        self._last_s = 0.0
-
-    def lets_through(self, now_s: float) -> bool:
-        """Count one request; tell whether it may pass."""
-        self._left = min(QUESTIONS_HZ, self._left + QUESTIONS_HZ * (now_s - self._last_s))
-        self._last_s = now_s
-        if self._left < 1:
-            return False
-        self._left -= 1
-        return True

@@ -20,6 +20,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
 from runtime.wire.endpoints import split_endpoint
+from runtime.wire.ingress import MAX_QUESTION_BYTES
 
 if TYPE_CHECKING:
     import zenoh
@@ -45,8 +46,9 @@ MAX_DELIVERIES = 16
 limit a flood of 35,000 commands/s kept the loop from the motor for up to 4 s."""
 MAX_SAMPLE_BYTES = 65536
 """Maximum size of an accepted sample; telemetry's largest, a scan of 4321 beams, has 17 kB."""
-MAX_QUESTION_BYTES = 4096
-"""Maximum size of an answered query; larger ones are refused before their bytes are copied."""
+ASK_AGAIN_AFTER_S = 0.12
+ASK_AGAIN_FOR_S = 0.6
+"""A car that holds back a question, because another one came a moment ago, answers at once with nothing."""
 
 
 IN_USE = "Address already in use"
@@ -105,6 +107,10 @@ class Network(Protocol):
         """Hold a liveliness token."""
         ...
 
+    def poll(self) -> None:
+        """Deliver what has come in."""
+        ...
+
 
 class Bus:
     """Publishes, subscribes, queries and answers. What is declared before `open` takes effect when it opens.
@@ -112,7 +118,7 @@ class Bus:
     any_port: take a free port in place of a taken one on loopback; otherwise a taken port is a PortTakenError.
     endpoint: where it listens or connects; known for certain once it is open.
     dropped: samples put while closed; strays: samples that came for another key than the one subscribed to; oversized:
-        samples and queries that were too large.
+        samples that were too large.
     """
 
     def __init__(self, config: Mapping[str, Any], *, any_port: bool = False) -> None:
@@ -199,6 +205,16 @@ class Bus:
 
     async def ask(self, key: str, payload: bytes = b"", *, timeout_s: float = 1.0) -> list[bytes]:
         """Return all answers; [] when no answer comes in time. RefusedError when the answer is an error."""
+        if len(payload) > MAX_QUESTION_BYTES:  # the car would not even hear it
+            raise RefusedError(f"the question is longer than {MAX_QUESTION_BYTES} bytes")
+        until_s = time.monotonic() + min(timeout_s, ASK_AGAIN_FOR_S)
+        while not (answers := await self._ask_once(key, payload, timeout_s)):
+            if time.monotonic() + ASK_AGAIN_AFTER_S > until_s:
+                break
+            await asyncio.sleep(ASK_AGAIN_AFTER_S)
+        return answers
+
+    async def _ask_once(self, key: str, payload: bytes, timeout_s: float) -> list[bytes]:
         import zenoh
 
         loop = asyncio.get_running_loop()
@@ -261,12 +277,7 @@ class Bus:
         mailbox = _Mailbox(self._running_loop, functools.partial(self._reply_to, key, reply))
 
         def on_query(query: "zenoh.Query") -> None:  # zenoh's thread
-            if query.payload is not None and len(query.payload) > MAX_QUESTION_BYTES:
-                self.oversized += 1
-                with query:
-                    query.reply_err(f"the question is longer than {MAX_QUESTION_BYTES} bytes".encode())
-            else:
-                mailbox.post((query,))
+            mailbox.post((query,))
 
         self._held.append(self._open_session.declare_queryable(key, on_query))
 

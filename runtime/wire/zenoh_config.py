@@ -12,14 +12,15 @@ from typing import Any, Literal
 
 from runtime.wire import topics
 from runtime.wire.endpoints import check_listening, is_tls, split_endpoint
+from runtime.wire.ingress import MAX_INCOMING_B, downsampling, low_pass_filter
 
 LEASE_MS = 1000
 KEEP_ALIVES_PER_LEASE = 4
 CONNECT_TIMEOUT_MS = 1000
-MAX_INCOMING_B = 1 << 20
-"""Maximum size of an incoming message. zenoh would gather up to 1 GiB from any sender of fragments; no message to the
-car is this long."""
-
+ACCEPT_TIMEOUT_MS = 3000
+"""Maximum time from a connection to a session with rights; a silent one holds a place for so long."""
+MAX_SESSIONS = 64
+"""Maximum number of clients at once; each of them has its own limits (runtime.wire.ingress)."""
 
 EVERY_MESSAGE = [
     "put",
@@ -92,8 +93,14 @@ def car_config(listen: Sequence[str], tls: Tls | None, people: Sequence[Person],
         "adminspace": {"enabled": False, "permissions": {"read": False, "write": False}},
     }
     # One link per session: the rights of a session are judged over all its links together.
-    config["transport"]["unicast"] = {"max_links": 1}
+    config["transport"]["unicast"] = {
+        "max_links": 1,
+        "max_sessions": MAX_SESSIONS,
+        "accept_timeout": ACCEPT_TIMEOUT_MS,
+    }
     config["transport"]["link"]["rx"] = {"max_message_size": MAX_INCOMING_B}
+    config["downsampling"] = downsampling(car)
+    config["low_pass_filter"] = low_pass_filter()
     if tls is not None:
         config["transport"]["link"]["tls"] = {
             "root_ca_certificate": str(tls.authority),

@@ -22,8 +22,8 @@ class WallrideProcess:
     exit_code: None while it runs.
     """
 
-    def __init__(self, arguments: Sequence[str]) -> None:
-        self._command = [sys.executable, "-m", "wallride", *arguments]
+    def __init__(self, arguments: Sequence[str], program: str = "wallride") -> None:
+        self._command = [sys.executable, "-m", program, *arguments]
         self._process: asyncio.subprocess.Process | None = None
         self._reader: asyncio.Task[None] | None = None
         self.log: deque[str] = deque(maxlen=REMEMBERED_LINES)
@@ -90,9 +90,11 @@ class WallrideProcess:
 class RuntimeProcess(WallrideProcess):
     """`wallride run`."""
 
-    def __init__(self, config: Path, assignments: Sequence[str], options: Sequence[str] = ()) -> None:
+    def __init__(
+        self, config: Path, assignments: Sequence[str], options: Sequence[str] = (), program: str = "wallride"
+    ) -> None:
         settings = [argument for assignment in assignments for argument in ("--set", assignment)]
-        super().__init__(["run", str(config), *settings, *options])
+        super().__init__(["run", str(config), *settings, *options], program)
 
 
 def _end_with_parent() -> None:

@@ -89,9 +89,12 @@ class Bench:
 
 
 @asynccontextmanager
-async def bench(tmp_path: Path, *assignments: str, timeout_s: float = 1.0) -> AsyncIterator[Bench]:
+async def bench(
+    tmp_path: Path, *assignments: str, timeout_s: float = 1.0, motor: type[VescEmulator] = VescEmulator,
+    program: str = "wallride",
+) -> AsyncIterator[Bench]:  # fmt: skip
     """Start everything; the runtime is killed and the devices are closed on every way out."""
-    vesc = VescEmulator(tmp_path / "vesc", timeout_s=timeout_s, remember=100_000)
+    vesc = motor(tmp_path / "vesc", timeout_s=timeout_s, remember=100_000)
     vesc.start()
     scip = ScipEmulator()
     port = await scip.start_tcp()
@@ -99,9 +102,7 @@ async def bench(tmp_path: Path, *assignments: str, timeout_s: float = 1.0) -> As
     # The scans here do not move with the car, which only the report's laws do not mind.
     laws = ["wall_follow.method=report", "safety.method=report", "telemetry.enabled=false"]
     addresses = [f"lidar.address=tcp://127.0.0.1:{port}", f"motor.address=serial://{tmp_path / 'vesc'}"]
-    car.runtime = RuntimeProcess(
-        ROOT / "config" / "sim.toml", [*laws, *addresses, *assignments]
-    )  # fmt: skip
+    car.runtime = RuntimeProcess(ROOT / "config" / "sim.toml", [*laws, *addresses, *assignments], program=program)
     turning = asyncio.create_task(car.turn())
     try:
         await car.runtime.start()

@@ -17,6 +17,7 @@ import pytest
 
 from clients.keys.authority import Authority, KeyPair
 from runtime.wire.bus import JSON, Bus, RefusedError, free_endpoint
+from runtime.wire.teleop import COMMAND_BYTES
 from runtime.wire.zenoh_config import Person, Role, Tls, car_config, client_config
 from tests.system.attacker import (
     ASKED,
@@ -150,6 +151,7 @@ async def staged(folder: Path, *, guarded: bool = True):
     config = car_config([free_endpoint(), endpoint], tls(folder, "car"), PEOPLE, "car1")
     if not guarded:
         config["access_control"] = {"enabled": False}
+        del config["downsampling"], config["low_pass_filter"]
     operator, viewer = (Bus(client_config(endpoint, tls(folder, name))) for name in ("alice", "dave"))
     stage = Stage(folder, endpoint, Bus(config), operator, viewer)
     try:
@@ -180,7 +182,7 @@ async def assault(stage: Stage, attacker: Attacker) -> list[list[bytes]]:
         await asyncio.sleep(0.1)
         striking = asyncio.create_task(attacker.strike())
         until_s = time.monotonic() + 0.5
-        while time.monotonic() < until_s or not striking.done():
+        while time.monotonic() < until_s or not striking.done() or len(answers) < 3:
             stage.operator.put(COMMAND, SECRET, urgent=True)
             stage.car.put(STATUS, b"true")
             answers.append(await stage.operator.ask(f"{HERE}/param/get", b"kp"))
@@ -211,7 +213,7 @@ async def test_a_viewer_cannot_drive_answer_pretend_or_overhear(keys, mode):
     async with staged(keys) as stage:
         attacker = Attacker(attacking(stage, "bob", mode), may_ask=("param/list", "param/get", "param/history"))
         answers = await assault(stage, attacker)
-        assert len(answers) > 5
+        assert len(answers) > 2
         assert_nothing_got_through(stage, attacker.loot, answers, hears=True)
         await stage.works()
 
@@ -221,7 +223,7 @@ async def test_a_certificate_of_our_own_authority_that_is_not_listed_is_worth_no
     async with staged(keys) as stage:
         attacker = Attacker(attacking(stage, "mallory", mode))
         answers = await assault(stage, attacker)
-        assert len(answers) > 5, "it gets a connection, and nothing with it"
+        assert len(answers) > 2, "it gets a connection, and nothing with it"
         assert_nothing_got_through(stage, attacker.loot, answers, hears=False)
         await stage.works()
 
@@ -303,13 +305,13 @@ async def test_neither_a_viewer_nor_another_car_can_pose_as_the_car(keys):
 
 
 async def test_the_car_does_not_gather_a_flood_in_pieces(keys):
-    largest = 60_000
+    largest = COMMAND_BYTES
     async with staged(keys) as stage:
         async with asyncio.timeout(5):
             while not any(len(payload) == largest for _, payload in stage.at_car.samples):
                 stage.operator.put(COMMAND, b"x" * largest, encoding=JSON)
                 await asyncio.sleep(0.05)
-        for too_large in (500_000, 3_000_000) * 3:
+        for too_large in (COMMAND_BYTES + 1, 500_000, 3_000_000) * 3:
             stage.operator.put(COMMAND, b"x" * too_large, encoding=JSON)
             await asyncio.sleep(0.05)
         assert max(len(payload) for _, payload in stage.at_car.samples) == largest

@@ -9,6 +9,7 @@ import time
 
 import pytest
 
+from runtime.parameters.catalogue import Parameter
 from runtime.parameters.history import ChangeHistory
 from runtime.parameters.requests import MAX_QUESTION
 from runtime.parameters.server import MAX_REFUSAL, ParameterServer, ServerContext
@@ -229,16 +230,24 @@ def test_who_it_was_is_printable_and_short():
     assert [change["by"] for change in room.history()] == ["a[2Jb", "unnamed"]
 
 
-def test_a_flood_is_turned_away_at_the_turnstile_and_others_still_get_in():
+def test_the_list_is_made_anew_only_when_a_value_changed(monkeypatch):
     room = Room()
-    room.step_s = 0.001
-    for _ in range(200):
-        try:
-            room.get(KP)
-        except UnacceptableError as error:
-            assert "too many questions" in str(error)  # noqa: PT017 - most of them are refused
-    assert 25 <= room.desk.counts.answered < 32
-    assert room.set(wall_follow__kp=0.5)["changed"], "another kind of question has a turnstile of its own"
+    described = []
+    describe = Parameter.describe
+
+    def counted(one, now):
+        described.append(one.name)
+        return describe(one, now)
+
+    monkeypatch.setattr(Parameter, "describe", counted)
+    first = room.desk.list_all(b"")
+    made = len(described)
+    assert made > 100
+    assert room.desk.list_all(b"") == first
+    assert len(described) == made
+    room.set(wall_follow__kp=0.5)
+    kp = next(one for one in json.loads(room.desk.list_all(b""))["parameters"] if one["name"] == KP)
+    assert kp["value"] == 0.5
 
 
 def malformed(chance):

@@ -1,0 +1,76 @@
+"""The car's session: what comes in waits in small rings of zenoh's own, and the loop empties them when it has time.
+
+No Python runs in zenoh's threads. With a callback for each message, a thread of ordinary priority could be preempted
+while it held the interpreter's lock, and the thread that drives then waited for a processor that a flood kept busy: up
+to 0.9 s without a motor command. A ring that is full drops its oldest message; `runtime.wire.ingress` bounds what one
+client can put into it.
+"""
+
+import functools
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final
+
+from runtime.wire.bus import MAX_SAMPLE_BYTES, Bus, Receive, Reply
+
+if TYPE_CHECKING:
+    import zenoh
+
+POLL_HZ: Final = 100.0
+MAX_WAITING_SAMPLES: Final = 64
+MAX_WAITING_QUESTIONS: Final = 16
+MAX_ANSWERS_PER_POLL: Final = 2
+"""Maximum number of questions of one kind that a poll answers: 200/s of all clients together."""
+
+
+class CarBus(Bus):
+    """A bus that delivers only in `poll`, which the loop calls POLL_HZ times a second."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:  # noqa: ANN401 - those of a Bus
+        super().__init__(*arguments, **options)
+        self._polls: list[Callable[[], None]] = []
+
+    def poll(self) -> None:
+        """Deliver what has come since the last time, in bounded time."""
+        if self.is_open:
+            for poll in self._polls:
+                poll()
+
+    async def close(self) -> None:
+        """Close the session; what still waits is dropped."""
+        self._polls.clear()
+        await super().close()
+
+    def _subscribe(self, key: str, receive: Receive, max_bytes: int = MAX_SAMPLE_BYTES) -> None:
+        import zenoh
+
+        subscriber = self._open_session.declare_subscriber(key, zenoh.handlers.RingChannel(MAX_WAITING_SAMPLES))
+        self._held.append(subscriber)
+        self._polls.append(functools.partial(self._take_samples, subscriber, key, receive, max_bytes))
+
+    def _take_samples(self, subscriber: "zenoh.Subscriber[Any]", key: str, receive: Receive, max_bytes: int) -> None:
+        for _ in range(MAX_WAITING_SAMPLES):
+            sample = subscriber.try_recv()
+            if sample is None:
+                return
+            name = str(sample.key_expr)
+            if "*" not in key and name != key:
+                self.strays += 1
+            elif len(sample.payload) > max_bytes:
+                self.oversized += 1
+            else:
+                receive(name, sample.payload.to_bytes(), time.monotonic())
+
+    def _answer(self, key: str, reply: Reply) -> None:
+        import zenoh
+
+        queryable = self._open_session.declare_queryable(key, zenoh.handlers.RingChannel(MAX_WAITING_QUESTIONS))
+        self._held.append(queryable)
+        self._polls.append(functools.partial(self._take_questions, queryable, key, reply))
+
+    def _take_questions(self, queryable: "zenoh.Queryable[Any]", key: str, reply: Reply) -> None:
+        for _ in range(MAX_ANSWERS_PER_POLL):
+            query = queryable.try_recv()
+            if query is None:
+                return
+            self._reply_to(key, reply, query)

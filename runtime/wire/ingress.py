@@ -1,0 +1,61 @@
+"""Limits on what each client may send to the car, kept by zenoh's own threads before Python sees a message. Pure.
+
+They count for each session apart, so that one client's flood takes nothing from another one. zenoh lets a message
+through when the time since the last one that it let through is long enough: an even stream passes whole, a burst only
+with its first message. A question that is held back has an empty answer at once, and clients ask again (`Bus.ask`).
+"""
+
+from typing import Any, Final
+
+from runtime.wire import topics
+from runtime.wire.teleop import COMMAND_BYTES
+
+COMMANDS_HZ: Final = 500.0
+"""Clients send at most 100 commands a second, and their last words 5 ms apart, three times."""
+OTHERS_HZ: Final = 50.0
+"""Keys that no client needs, wildcards among them, where no access control drops them: on loopback."""
+QUESTIONS_HZ: Final = 10.0
+CHANGES_HZ: Final = 20.0
+"""A slider on the page sends its changes while it moves."""
+PIECES_HZ: Final = 200.0
+"""Pieces of recordings: the car itself answers them one after the other."""
+MAX_QUESTION_BYTES: Final = 4096
+MAX_INCOMING_B: Final = 65536
+"""Maximum size of a message that zenoh puts together from fragments, 1 GiB without a limit. More than any request."""
+
+
+def downsampling(car: str) -> list[dict[str, Any]]:
+    """Return the highest rates at which one client reaches the car, by key [1/s]."""
+    kinds = {
+        topics.PARAM: ("list", "get", "history", "save"),
+        topics.OWN_PARTS: ("show", "forget"),
+        topics.LOGS: ("list", "trim"),
+    }
+    questions = [topics.RECORD, *(f"{kind}/{verb}" for kind, verbs in kinds.items() for verb in verbs)]
+    query = {
+        **dict.fromkeys(questions, QUESTIONS_HZ),
+        f"{topics.PARAM}/set": CHANGES_HZ,
+        topics.SIMULATOR: CHANGES_HZ,
+        f"{topics.LOGS}/get": PIECES_HZ,
+    }
+    return [
+        _rates("commands", ["put", "delete"], {topics.key(car, topics.COMMAND): COMMANDS_HZ}, OTHERS_HZ),
+        _rates("questions", ["query"], {topics.key(car, name): rate for name, rate in query.items()}, QUESTIONS_HZ),
+    ]
+
+
+def low_pass_filter() -> list[dict[str, Any]]:
+    """Return the largest sizes of what a client sends [byte]."""
+    return [
+        _size("short-commands", ["put", "delete"], COMMAND_BYTES),
+        _size("short-questions", ["query"], MAX_QUESTION_BYTES),
+    ]
+
+
+def _rates(name: str, messages: list[str], rates: dict[str, float], others: float) -> dict[str, Any]:
+    rules = [{"key_expr": key, "freq": rate} for key, rate in {**rates, "**": others}.items()]
+    return {"id": name, "flows": ["ingress"], "messages": messages, "rules": rules}
+
+
+def _size(name: str, messages: list[str], limit: int) -> dict[str, Any]:
+    return {"id": name, "flows": ["ingress"], "messages": messages, "key_exprs": ["**"], "size_limit": limit}

@@ -1,0 +1,200 @@
+"""The car's session and rude clients: each has its own limits, and Python runs only when the loop polls."""
+
+import asyncio
+import json
+import threading
+import time
+
+import pytest
+
+from runtime.wire import ingress, zenoh_config
+from runtime.wire.bus import Bus, RefusedError, free_endpoint
+from runtime.wire.car_bus import MAX_ANSWERS_PER_POLL, MAX_WAITING_SAMPLES, CarBus
+from runtime.wire.teleop import COMMAND_BYTES
+
+KEY = "wallride/car1/operator/command"
+LIST = "wallride/car1/param/list"
+FLOOD_S = 1.0
+
+
+@pytest.fixture
+async def car():
+    """A car's session that polls, and its endpoint."""
+    endpoint = free_endpoint()
+    bus = CarBus(zenoh_config.car_config([endpoint], None, (), "car1"))
+    polling = asyncio.create_task(poll_for_ever(bus))
+    yield bus, endpoint
+    polling.cancel()
+    await bus.close()
+
+
+async def poll_for_ever(bus):
+    while True:
+        bus.poll()
+        await asyncio.sleep(0.005)
+
+
+async def connected(bus, key):
+    async with asyncio.timeout(10):
+        while not bus.wanted(key):
+            await asyncio.sleep(0.005)
+
+
+def flood(session, key, payload):
+    """Put for a second without a pause; return how many."""
+    sent, until_s = 0, time.monotonic() + FLOOD_S
+    while time.monotonic() < until_s:
+        session.put(key, payload)
+        sent += 1
+    return sent
+
+
+async def test_a_flood_of_one_client_leaves_another_clients_commands_alone(car):
+    bus, endpoint = car
+    heard = []
+    bus.subscribe(KEY, lambda _key, payload, _arrival_s: heard.append(payload))
+    await bus.open()
+    rude, polite = (Bus(zenoh_config.client_config(endpoint, None)) for _ in range(2))
+    await rude.open()
+    await polite.open()
+    await connected(polite, KEY)
+    flooding = asyncio.create_task(asyncio.to_thread(flood, rude._open_session, KEY, b"x" * COMMAND_BYTES))
+    said, began_s = 0, time.monotonic()
+    while not flooding.done():
+        polite.put(KEY, b"stop", urgent=True)
+        said += 1
+        await asyncio.sleep(0.02)
+    sent = await flooding
+    await asyncio.sleep(0.1)
+    took_s = time.monotonic() - began_s
+    from_rude = sum(payload != b"stop" for payload in heard)
+    assert sent > 5 * ingress.COMMANDS_HZ * took_s, "it was a flood"
+    assert from_rude <= 1.1 * ingress.COMMANDS_HZ * took_s + 5
+    assert heard.count(b"stop") >= said // 2, "nothing else shares its limit"
+    await rude.close()
+    await polite.close()
+
+
+async def test_wildcards_are_no_way_round_the_limits(car):
+    bus, endpoint = car
+    bus.subscribe(KEY, lambda *_: None)
+    await bus.open()
+    rude = Bus(zenoh_config.client_config(endpoint, None))
+    await rude.open()
+    await connected(rude, KEY)
+    began_s = time.monotonic()
+    sent = await asyncio.to_thread(flood, rude._open_session, "wallride/**", b"x" * COMMAND_BYTES)
+    await asyncio.sleep(0.1)
+    took_s = time.monotonic() - began_s
+    assert sent > 5 * ingress.OTHERS_HZ * took_s
+    assert 0 < bus.strays <= 1.1 * ingress.OTHERS_HZ * took_s + 5
+    await rude.close()
+
+
+@pytest.mark.parametrize("length", [COMMAND_BYTES + 1, 1_000_000])
+async def test_what_is_longer_than_a_command_does_not_reach_python(car, length):
+    bus, endpoint = car
+    heard = []
+    bus.subscribe(KEY, lambda _key, payload, _arrival_s: heard.append(payload))
+    await bus.open()
+    rude = Bus(zenoh_config.client_config(endpoint, None))
+    await rude.open()
+    await connected(rude, KEY)
+    for _ in range(5):
+        rude.put(KEY, b"x" * length)
+        await asyncio.sleep(0.02)
+    async with asyncio.timeout(10):
+        while b"short" not in heard:  # a message of 1 MB may end the session, which comes back
+            rude.put(KEY, b"short")
+            await asyncio.sleep(0.05)
+    assert set(heard) == {b"short"}
+    assert bus.oversized == 0
+    await rude.close()
+
+
+async def test_a_flood_of_questions_takes_no_answers_from_another_client(car):
+    bus, endpoint = car
+    asked = []
+
+    def reply(payload):
+        asked.append(payload)
+        return b"all of them"
+
+    bus.answer(LIST, reply)
+    await bus.open()
+    rude, polite = (Bus(zenoh_config.client_config(endpoint, None)) for _ in range(2))
+    await rude.open()
+    await polite.open()
+    async with asyncio.timeout(10):
+        while await polite.ask(LIST) != [b"all of them"]:
+            await asyncio.sleep(0.05)
+    over = threading.Event()
+
+    def question():
+        while not over.is_set():
+            rude._open_session.get(LIST, timeout=0.2)
+            time.sleep(0.0005)
+
+    flooding = asyncio.create_task(asyncio.to_thread(question))
+    asked.clear()
+    began_s = time.monotonic()
+    for _ in range(5):
+        assert await polite.ask(LIST) == [b"all of them"]
+    took_s = time.monotonic() - began_s
+    over.set()
+    await flooding
+    assert len(asked) <= 5 + 2 * ingress.QUESTIONS_HZ * max(took_s, 1.0)
+    with pytest.raises(RefusedError, match="longer than 4096 bytes"):
+        await polite.ask(LIST, b"x" * 4097)
+    await rude.close()
+    await polite.close()
+
+
+async def test_questions_that_come_together_are_all_answered(car):
+    bus, endpoint = car
+    bus.answer(LIST, lambda payload: b"yes " + payload)
+    await bus.open()
+    client = Bus(zenoh_config.client_config(endpoint, None))
+    await client.open()
+    async with asyncio.timeout(10):
+        while not await client.ask(LIST, b""):
+            await asyncio.sleep(0.05)
+    answers = await asyncio.gather(*(client.ask(LIST, str(i).encode()) for i in range(3)))
+    assert answers == [[f"yes {i}".encode()] for i in range(3)]
+    await client.close()
+
+
+async def test_nothing_is_delivered_but_by_a_poll_and_a_poll_is_bounded():
+    endpoint = free_endpoint()
+    bus = CarBus(unlimited(zenoh_config.car_config([endpoint], None, (), "car1")))
+    heard, answered = [], []
+    bus.subscribe(KEY, lambda _key, payload, _arrival_s: heard.append(payload))
+
+    def answer(payload):
+        answered.append(payload)
+        return b""
+
+    bus.answer(LIST, answer)
+    bus.poll()  # closed: nothing to do
+    await bus.open()
+    client = Bus(zenoh_config.client_config(endpoint, None))
+    await client.open()
+    await connected(client, KEY)
+    for i in range(3 * MAX_WAITING_SAMPLES):
+        client.put(KEY, json.dumps(i).encode())
+    asking = [asyncio.create_task(client._ask_once(LIST, b"", 0.5)) for _ in range(10)]
+    await asyncio.sleep(0.3)
+    assert (heard, answered) == ([], [])
+    bus.poll()
+    await asyncio.sleep(0)
+    assert [int(payload) for payload in heard] == list(range(2 * MAX_WAITING_SAMPLES, 3 * MAX_WAITING_SAMPLES))
+    assert len(answered) == MAX_ANSWERS_PER_POLL
+    await asyncio.gather(*asking)
+    await client.close()
+    await bus.close()
+    bus.poll()
+
+
+def unlimited(config):
+    """Return a configuration without the limits of single clients."""
+    return {key: value for key, value in config.items() if key not in {"downsampling", "low_pass_filter"}}
