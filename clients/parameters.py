@@ -98,7 +98,11 @@ async def _set(bus: Bus, car: str, options: argparse.Namespace) -> str:
 
 
 async def _save(bus: Bus, car: str, options: argparse.Namespace) -> str:
-    found = await ask(bus, car, "save", SAVED_WITHIN_S, values=parsed(options.assignments), by=_who())
+    wanted = parsed(options.assignments)
+    if wanted:
+        found = await ask(bus, car, "configure", SAVED_WITHIN_S, values=wanted, by=_who())
+    else:
+        found = await ask(bus, car, "save", SAVED_WITHIN_S, by=_who())
     if not found["saved"]:
         return "nothing to save: nothing was changed since the start"
     said = f"saved to {found['file']}: {', '.join(found['saved'])}"

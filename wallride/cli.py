@@ -123,6 +123,7 @@ def _run(options: argparse.Namespace) -> int:
         settings = _load(file, options.assignments, options.saved)
         problems = [text for text, fatal in _device_problems(settings) if fatal]
         session, warnings = _session(settings)
+        warnings += _saved_limits(options.saved or file)
     except (SettingsError, KeysError) as error:
         return fail(str(error))
     if problems:
@@ -145,6 +146,7 @@ def _check(options: argparse.Namespace) -> int:
         settings = _load(options.config or _default_config(), options.assignments)
         print(to_toml(settings), end="")
         _, warnings = _session(settings)
+        warnings += _saved_limits(options.config or _default_config())
     except (SettingsError, KeysError) as error:
         return fail(str(error))
     problems = [(text, False) for text in warnings] + _device_problems(settings)
@@ -189,6 +191,18 @@ def _session(settings: "Settings") -> tuple[dict[str, Any], tuple[str, ...]]:
 
     telemetry = settings.telemetry
     return car_session(telemetry.listen, telemetry.keys_dir, settings.car.name, datetime.now(UTC))
+
+
+def _saved_limits(file: Path | None) -> tuple[str, ...]:
+    """Return a warning for each limit that was saved while the car ran, from afar or on its page."""
+    from runtime.parameters.catalogue import shown
+    from runtime.parameters.file import MARK, marked
+
+    limits = marked(file) if file is not None else {}
+    return tuple(
+        f"{file}: {name} = {shown(value)} was saved while the car ran: look at it, and delete the comment '{MARK}'"
+        for name, value in limits.items()
+    )
 
 
 def _device_problems(settings: "Settings") -> list[tuple[str, bool]]:

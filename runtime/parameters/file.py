@@ -6,7 +6,7 @@ atomic, so a power cut leaves the old file or the new one. Everything here block
 
 import os
 import stat
-from collections.abc import Callable, Mapping, MutableMapping
+from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,12 @@ from pydantic import ValidationError
 
 from runtime.control.method_settings import METHODS
 from runtime.parameters.catalogue import Value, shown, values
+from runtime.parameters.policy import is_safety_relevant
 from runtime.settings.tree import Settings, SettingsError, layered, load_settings, read_tree
 
 _NEW_FILE_MODE = 0o644
+MARK = "saved while the car ran"
+"""Comment behind a saved value that bounds the car; `marked` finds it, and the next start warns of it."""
 
 
 class StoreError(Exception):
@@ -68,7 +71,8 @@ def merged(
             if value is None or (is_known and not keep):
                 _remove(document, sections, key)
             elif not is_known or _holds(document, sections, key):
-                _section(document, sections, tomlkit.table)[key] = value
+                table = _section(document, sections, tomlkit.table)
+                table[key] = _with_mark(table, key, value) if is_safety_relevant(name) else value
         return tomlkit.dumps(document)
     except (TOMLKitError, TypeError, ValueError) as error:
         raise StoreError(f"{path}: is not TOML that can be edited: {error}; nothing was saved") from None
@@ -178,6 +182,54 @@ def _holds(document: Any, sections: list[str], key: str) -> bool:  # noqa: ANN40
     for section in sections:
         document = document.get(section, {})
     return key in document
+
+
+def _with_mark(table: Any, key: str, value: Value) -> Any:  # noqa: ANN401 - as above
+    """Return a value with a comment that no person wrote it into the file, behind the comment that is there."""
+    import tomlkit
+    from tomlkit.items import InlineTable
+
+    item = tomlkit.item(value)
+    if not isinstance(table, InlineTable):  # which has no room for a comment
+        old = _item(table, key).trivia if key in table else item.trivia
+        said = old.comment.removeprefix("#").strip()
+        item.trivia.comment_ws = old.comment_ws
+        item.comment(said if MARK in said else f"{said}; {MARK}" if said else MARK)
+    return item
+
+
+def _item(table: Any, key: str) -> Any:  # noqa: ANN401 - as above
+    """Return an item with its comment; a section that is written in several places is not one table in tomlkit."""
+    parts = [table] if hasattr(table, "item") else table._tables  # noqa: SLF001
+    return next(part.item(key) for part in parts if key in part)
+
+
+def marked(path: Path) -> dict[str, Any]:
+    """Return the values of a file that were saved while the car ran and bound it, by dotted name.
+
+    A file that cannot be read has none; loading it says why.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return {}
+    if MARK not in text:
+        return {}
+    import tomlkit
+    from tomlkit.exceptions import TOMLKitError
+
+    try:
+        return dict(_marked(tomlkit.parse(text), ""))
+    except TOMLKitError:
+        return {}
+
+
+def _marked(table: Any, above: str) -> Iterator[tuple[str, Any]]:  # noqa: ANN401 - as above
+    for key, value in table.items():
+        if isinstance(value, MutableMapping):
+            yield from _marked(value, f"{above}{key}.")
+        elif MARK in _item(table, key).trivia.comment:
+            yield f"{above}{key}", value
 
 
 def _remove(document: Any, sections: list[str], key: str) -> None:  # noqa: ANN401 - as above

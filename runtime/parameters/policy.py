@@ -1,4 +1,4 @@
-"""Two tables about settings: when a change takes effect, and which direction of a change loosens a limit.
+"""Three tables about settings: when a change takes effect, what is never saved from afar, and what loosens a limit.
 
 Pure data, looked up by dotted name. A safety setting that is missing in the second table counts as loosened by any
 change; a test holds the table complete, so that none can be forgotten.
@@ -35,6 +35,22 @@ class Loosens(StrEnum):
 _BUILT_ANEW = frozenset({"wall_follow.method", "safety.method"})
 _NOW = frozenset({"car.max_speed_mps", "car.max_reverse_mps", "car.max_acceleration_mps2", "log.level"})
 _NOW_SECTIONS = (WALL_FOLLOW, SAFETY, "telemetry.rates_hz.")
+
+NEVER_FROM_AFAR: Mapping[str, str] = {
+    "car.": "describes the car",
+    "lidar.": "describes the lidar",
+    "motor.": "describes the motor controller",
+    "mux.": "says which source goes first",
+    "operator.": "says what the car requires of its operators",
+    "telemetry.": "says who can reach the car",
+    "recording.folder": "names a folder of its computer",
+    "recording.simulated": "says that the car is simulated",
+    "recording.world": "says that the car is simulated",
+    "process.state_folder": "names a folder of its computer",
+    "parameters.history_file": "names a file of its computer",
+}
+"""Settings that only the file on the car sets, by the beginning of their names; those of them that are live may be set
+and saved."""
 
 LOOSENS: Mapping[str, Loosens] = {
     "car.max_speed_mps": Loosens.UP,
@@ -100,6 +116,18 @@ def effect_of(name: str) -> Effect:
     if name in _NOW or name.startswith(_NOW_SECTIONS):
         return Effect.NOW
     return Effect.RESTART
+
+
+def only_on_the_car(name: str) -> str:
+    """Return why only the file on the car sets this setting, "" where an administrator may save it from afar."""
+    if effect_of(name) is not Effect.RESTART:
+        return ""
+    return next((words for start, words in NEVER_FROM_AFAR.items() if name.startswith(start)), "")
+
+
+def is_safety_relevant(name: str) -> bool:
+    """Tell whether a setting bounds the car."""
+    return loosens_by(name) is not Loosens.NEVER
 
 
 def loosens_by(name: str) -> Loosens:

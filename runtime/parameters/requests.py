@@ -43,8 +43,9 @@ class SetQuestion(ParameterRequest):
 class SaveQuestion(ParameterRequest):
     """Request to save the changed values."""
 
-    values: Wishes = Field(default_factory=dict)
-    """Settings that take effect after a restart, to be written as well."""
+
+class ConfigureQuestion(SetQuestion):
+    """Request to save the changed values, and others that take effect after a restart: an administrator's."""
 
 
 class HistoryQuestion(ParameterRequest):

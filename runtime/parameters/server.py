@@ -18,9 +18,10 @@ from runtime.control.method_settings import METHODS
 from runtime.parameters import file as settings_file
 from runtime.parameters.catalogue import Value, catalogue, shown, values
 from runtime.parameters.history import ChangeHistory, SettingChange
-from runtime.parameters.policy import Effect
+from runtime.parameters.policy import Effect, only_on_the_car
 from runtime.parameters.requests import (
     MAX_QUESTION,
+    ConfigureQuestion,
     GetParameters,
     HistoryQuestion,
     ListParameters,
@@ -65,7 +66,7 @@ class ServerContext:
 
 
 class ParameterServer:
-    """Five requests, each a method from payload to reply; UnacceptableError is the refusal, with its reason.
+    """Six requests, each a method from payload to reply; UnacceptableError is the refusal, with its reason.
 
     settings: those in force. counts: number of requests by outcome.
     """
@@ -110,22 +111,35 @@ class ParameterServer:
         return self._answer(changed=_as_json(wanted), unsaved=sorted(self._unsaved))
 
     async def save(self, payload: bytes) -> bytes:
-        """Write the values changed since the start, and those submitted for after a restart, into the car's file."""
+        """Write the values changed since the start into the car's file."""
         question = self._read(SaveQuestion, payload or b"{}")
+        return await self._save(question.by, {})
+
+    async def configure(self, payload: bytes) -> bytes:
+        """Write the values changed since the start, and others for after a restart; an administrator's right."""
+        question = self._read(ConfigureQuestion, payload)
+        known = catalogue(self._plan(self.settings, question.values).settings)
+        if now := [name for name in question.values if known[name].effect is not Effect.RESTART]:
+            raise self._refusal(f"{now[0]} can be changed without a restart: set it, then save")
+        if here := [(name, why) for name in question.values if (why := only_on_the_car(name))]:
+            name, why = here[0]
+            raise self._refusal(
+                f"{name} {why}, and is not saved from afar: edit {self._car.file} on the car, then restart"
+            )
+        return await self._save(question.by, question.values)
+
+    async def _save(self, by: str, wishes: Mapping[str, Value]) -> bytes:
         if self._car.file is None:
             raise self._refusal("this car runs without a settings file; start it with one: wallride run FILE")
         if self._saving.locked():
             raise self._refusal("a save is under way; try again in a moment")
-        later = self._plan(self.settings, question.values)
-        known = catalogue(later.settings)
-        if now := [name for name in question.values if known[name].effect is not Effect.RESTART]:
-            raise self._refusal(f"{now[0]} can be changed without a restart: set it, then save")
-        edits = self._edits(later.settings, question.values)
+        later = self._plan(self.settings, wishes)
+        edits = self._edits(later.settings, wishes)
         if edits:
             async with self._saving:
                 await self._write(self._car.file, edits)
             self._unsaved -= {name for name in edits if values(self.settings).get(name) == edits[name]}
-            self._remember(question.by, later)
+            self._remember(by, later)
         return self._answer(saved=sorted(edits), file=str(self._car.file), after_restart=_as_json(later))
 
     def past(self, payload: bytes) -> bytes:
@@ -157,10 +171,8 @@ class ParameterServer:
         effects = dict(_effects(wanted))
         later = [name for name, effect in effects.items() if effect is Effect.RESTART]
         if later:
-            raise self._refusal(
-                f"{', '.join(later)}: takes effect after a restart; save it and restart"
-                f" (wallride param save {later[0]}=...)"
-            )
+            way = "edit the file on the car" if only_on_the_car(later[0]) else f"wallride param save {later[0]}=..."
+            raise self._refusal(f"{', '.join(later)}: takes effect after a restart; save it and restart ({way})")
         if self._car.is_standing():
             return
         anew = [name for name, effect in effects.items() if effect is Effect.STANDING]

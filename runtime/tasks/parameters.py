@@ -20,12 +20,13 @@ MAX_NAMED = 3
 
 
 def serve(bus: RequestServer, car: str, desk: ParameterServer) -> None:
-    """Answer `param/list|get|set|save|history` of a car."""
+    """Answer `param/list|get|set|save|configure|history` of a car."""
     replies: dict[str, Reply] = {
         "list": refuse_on(UnacceptableError, desk.list_all),
         "get": refuse_on(UnacceptableError, desk.get_some),
         "set": refuse_on(UnacceptableError, desk.set_some),
         "save": refuse_later_on(UnacceptableError, desk.save),
+        "configure": refuse_later_on(UnacceptableError, desk.configure),
         "history": refuse_on(UnacceptableError, desk.past),
     }
     for name, reply in replies.items():

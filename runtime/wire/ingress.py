@@ -27,7 +27,7 @@ MAX_INCOMING_B: Final = 65536
 def downsampling(car: str) -> list[dict[str, Any]]:
     """Return the highest rates at which one client reaches the car, by key [1/s]."""
     kinds = {
-        topics.PARAM: ("list", "get", "history", "save"),
+        topics.PARAM: ("list", "get", "history", "save", "configure"),
         topics.OWN_PARTS: ("show", "forget"),
         topics.LOGS: ("list", "trim"),
     }

@@ -204,6 +204,7 @@ def _grants(car: str) -> Iterator[Grant]:
     yield from _questions(
         operator, "logs", (topics.key(car, f"{topics.LOGS}/list"), topics.key(car, f"{topics.LOGS}/get"))
     )
+    yield from _questions(admin, "configure", _parameter_keys(car, "configure"))
     yield from _questions(admin, "record", (topics.key(car, topics.RECORD), topics.key(car, f"{topics.LOGS}/trim")))
 
 

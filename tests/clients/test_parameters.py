@@ -86,8 +86,8 @@ async def test_a_session_with_a_car(tmp_path, capsys):
         assert "Gain of the heading error" in kd
         assert await car.param("list", "wall_follow.kp", "--json") == 0
         assert json.loads(capsys.readouterr().out)[0]["value"] == 0.5
-        assert await car.param("save", "car.wheelbase_m=0.3") == 0
-        assert "after a restart: car.wheelbase_m: 0.33 -> 0.3" in capsys.readouterr().out
+        assert await car.param("save", "parameters.history=30") == 0
+        assert "after a restart: parameters.history: 100 -> 30" in capsys.readouterr().out
         assert load_settings(car.file).wall_follow.kp == 0.5
         assert await car.param("save") == 0
         assert "nothing to save" in capsys.readouterr().out

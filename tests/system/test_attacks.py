@@ -242,7 +242,9 @@ async def test_a_stranger_who_calls_himself_alice_or_nobody_at_all_does_not_get_
 async def test_an_operator_may_command_this_car_and_no_more(keys, mode):
     async with staged(keys) as stage:
         config = attacking(stage, "alice", mode)
-        attacker = Attacker(config, may_command=True, may_ask=tuple(name for name in ASKED if name != "record"))
+        attacker = Attacker(
+            config, may_command=True, may_ask=tuple(name for name in ASKED if name not in {"record", "param/configure"})
+        )
         answers = await assault(stage, attacker)
         stage.at_car.tokens -= FALSE_OPERATORS  # an operator may have any number of sessions,
         attacker.loot.operators.clear()  # and see who else operates

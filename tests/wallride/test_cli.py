@@ -151,3 +151,11 @@ def test_an_impossible_port_is_one_sentence(arguments, capsys):
     assert code == 2
     assert "Traceback" not in said
     assert "port" in said
+
+
+def test_a_limit_that_was_saved_while_the_car_ran_is_said(tmp_path):
+    file = tmp_path / "car.toml"
+    file.write_text("[safety]\nside_margin_m = 0.01 # saved while the car ran\n")
+    answer = wallride("check", str(file))
+    assert answer.returncode == 0
+    assert f"{file}: safety.side_margin_m = 0.01 was saved while the car ran: look at it" in answer.stderr

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from runtime.parameters import file as settings_file
-from runtime.parameters.file import StoreError, merged, replace, save
+from runtime.parameters.file import MARK, StoreError, marked, merged, replace, save
 from runtime.parameters.update import plan
 from runtime.settings.tree import Settings, load_settings, to_toml
 
@@ -42,7 +42,7 @@ def test_only_the_value_changes_and_comments_and_order_stay(file):
         ("kp = 13.5                         # steering per metre of distance error, at 1 m/s; falls as 1 / speed^2",
          "kp = 0.5                         # steering per metre of distance error, at 1 m/s; falls as 1 / speed^2"),
         ("binds_teleop = false              # true: the joystick is limited too",
-         "binds_teleop = true              # true: the joystick is limited too"),
+         "binds_teleop = true              # true: the joystick is limited too; saved while the car ran"),
     ]  # fmt: skip
     assert is_alone(file)
 
@@ -76,6 +76,28 @@ def test_every_shape_of_file_loads_to_the_new_values(tmp_path, text, edits):
         for key in rest:
             found = found[key]
         assert value is None or found == value
+
+
+@pytest.mark.parametrize("text", ["", "[safety]\nhold_s = 0.3\n[car]\nname='a'\n[safety.recovery]\ntries = 1\n"])
+def test_a_saved_value_that_bounds_the_car_is_found_at_the_next_start(tmp_path, text):
+    file = tmp_path / "car.toml"
+    file.write_text(text)
+    save(file, {KP: 0.5, "safety.side_margin_m": 0.01, "safety.recovery.tries": 3, "car.max_speed_mps": 9.0}, {})
+    found = {"safety.side_margin_m": 0.01, "safety.recovery.tries": 3, "car.max_speed_mps": 9.0}
+    assert marked(file) == found, "not kp, which bounds nothing"
+    save(file, {"car.max_speed_mps": 8.0}, {})
+    assert file.read_text().count(MARK) == 3
+    assert marked(file) == {**found, "car.max_speed_mps": 8.0}
+    file.write_text(file.read_text().replace(MARK, "looked at"))
+    assert marked(file) == {}
+
+
+@pytest.mark.parametrize("content", [b"", b"\xff", f"[safety # {MARK}".encode()])
+def test_a_file_that_cannot_be_read_has_no_such_value(tmp_path, content):
+    file = tmp_path / "car.toml"
+    assert marked(file) == {}
+    file.write_bytes(content)
+    assert marked(file) == {}
 
 
 def test_a_removed_section_leaves_no_empty_header():
@@ -346,10 +368,12 @@ def test_differences_go_into_a_file_of_their_own_and_the_one_below_is_untouched(
     save(own, edits, expected, base)
     assert base.read_text() == before
     lines = [line for line in own.read_text().splitlines() if "=" in line]
-    assert sorted(lines) == ["kp = 10.0", 'method = "report"', "speed_mps = 1.5"]
+    assert sorted(lines) == ["kp = 10.0", 'method = "report" # saved while the car ran', "speed_mps = 1.5"]
     assert load_settings(base, saved=own) == settings
     save(own, {KP: 13.5, "wall_follow.speed_mps": 1.0}, {KP: 13.5, "wall_follow.speed_mps": 1.0}, base)
-    assert [line for line in own.read_text().splitlines() if "=" in line] == ['method = "report"']
+    assert [line for line in own.read_text().splitlines() if "=" in line] == [
+        'method = "report" # saved while the car ran'
+    ]
 
 
 def test_a_value_of_the_file_below_is_saved_when_it_is_the_default_again(tmp_path):

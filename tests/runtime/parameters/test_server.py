@@ -9,8 +9,9 @@ import time
 
 import pytest
 
-from runtime.parameters.catalogue import Parameter
+from runtime.parameters.catalogue import Parameter, catalogue
 from runtime.parameters.history import ChangeHistory
+from runtime.parameters.policy import Effect, only_on_the_car
 from runtime.parameters.requests import MAX_QUESTION
 from runtime.parameters.server import MAX_REFUSAL, ParameterServer, ServerContext
 from runtime.parameters.update import UnacceptableError
@@ -48,7 +49,8 @@ class Room:
 
     def save(self, **wishes):
         payload = {"values": {name.replace("__", "."): value for name, value in wishes.items()}}
-        return json.loads(asyncio.run(self.desk.save(json.dumps(payload).encode())))
+        asked = self.desk.configure(json.dumps(payload).encode()) if wishes else self.desk.save(b"{}")
+        return json.loads(asyncio.run(asked))
 
     def history(self):
         return json.loads(self.desk.past(b""))["changes"]
@@ -95,13 +97,16 @@ def test_one_wrong_value_refuses_all_of_them():
     assert room.get(KP) == {KP: 13.5}
 
 
-@pytest.mark.parametrize(
-    "name", ["motor__brake_current_a", "lidar__silent_after_s", "car__wheelbase_m", "mux__tick_hz"]
-)
+@pytest.mark.parametrize("name", ["recording__after_s", "parameters__history"])
 def test_what_takes_effect_at_the_start_is_refused_with_the_way_to_do_it(name):
-    words = Room().refusal(**{name: 21.0 if name == "mux__tick_hz" else 1.5})
+    words = Room().refusal(**{name: 21})
     assert "takes effect after a restart; save it and restart" in words
     assert f"wallride param save {name.replace('__', '.')}=" in words
+
+
+@pytest.mark.parametrize("name", ["motor__brake_current_a", "lidar__silent_after_s", "mux__tick_hz"])
+def test_what_only_the_file_on_the_car_sets_is_refused_with_the_way_to_do_it(name):
+    assert "edit the file on the car" in Room().refusal(**{name: 21.0 if name == "mux__tick_hz" else 1.5})
 
 
 def test_the_mode_of_the_permit_cannot_be_changed_from_afar():
@@ -165,16 +170,58 @@ def test_what_takes_effect_after_a_restart_can_be_saved(tmp_path):
     file = tmp_path / "car.toml"
     file.write_text("[car]\nname = 'bob'\n")
     room = Room(file, car={"name": "bob"})
-    said = room.save(car__wheelbase_m=0.32)
-    assert said["after_restart"] == [{"name": "car.wheelbase_m", "old": 0.33, "new": 0.32}]
-    assert load_settings(file).car.wheelbase_m == 0.32
-    assert room.desk.settings.car.wheelbase_m == 0.33
-    room.save(car__wheelbase_m=0.33)
-    assert load_settings(file).car.wheelbase_m == 0.33, "also when it is what the running car has"
+    said = room.save(parameters__history=32)
+    assert said["after_restart"] == [{"name": "parameters.history", "old": 100, "new": 32}]
+    assert load_settings(file).parameters.history == 32
+    assert room.desk.settings.parameters.history == 100
+    room.save(parameters__history=100)
+    assert load_settings(file).parameters.history == 100, "also when it is what the running car has"
     with pytest.raises(UnacceptableError, match="without a restart"):
         room.save(wall_follow__kp=0.5)
-    with pytest.raises(UnacceptableError, match="at most 2 m"):
-        room.save(car__wheelbase_m=9)
+    with pytest.raises(UnacceptableError, match="from 1 to 1000"):
+        room.save(parameters__history=0)
+
+
+AFAR = {
+    "operator.permit": "always",
+    "operator.loosen_safety_while_driving": True,
+    "operator.expiry_s": 0.5,
+    "car.front_m": 0.01,
+    "car.name": "eve",
+    "motor.speed_to_erpm_gain": 200.0,
+    "motor.address": "serial:///dev/other",
+    "lidar.address": "tcp://10.0.0.1:10940",
+    "mux.tick_hz": 20.0,
+    "telemetry.keys_dir": "/tmp",
+    "telemetry.listen": ["tls/[::]:7448"],
+    "telemetry.enabled": False,
+    "recording.folder": "/etc",
+    "process.state_folder": "/etc",
+    "parameters.history_file": "/etc/passwd",
+}
+
+
+@pytest.mark.parametrize("name", AFAR)
+async def test_what_describes_the_car_and_who_may_drive_it_is_never_saved_from_afar(tmp_path, name):
+    file = tmp_path / "car.toml"
+    file.write_text("")
+    room = Room(file)
+    payload = json.dumps({"values": {"parameters.history": 32, name: AFAR[name]}}).encode()
+    with pytest.raises(UnacceptableError, match=f"^{name} .* is not saved from afar: edit .*car.toml on the car"):
+        await room.desk.configure(payload)
+    with pytest.raises(UnacceptableError, match="not a question"):
+        await room.desk.save(payload)
+    assert file.read_text() == ""
+
+
+def test_every_setting_that_a_person_saves_from_afar_is_listed_here():
+    known = catalogue(Settings())
+    free = {name for name, one in known.items() if one.effect is Effect.RESTART and not only_on_the_car(name)}
+    assert free == {
+        "log.format", "process.stay_awake", "parameters.history", "recording.enabled", "recording.start",
+        "recording.ring_mb", "recording.keep_free_mb", "recording.file_mb", "recording.black_box_s",
+        "recording.after_s", "recording.raw",
+    }  # fmt: skip
 
 
 def test_a_new_method_is_saved_with_all_that_belongs_to_it(tmp_path):
@@ -290,7 +337,7 @@ def refused_wish(chance):
     return json.dumps({"values": {name: value}}).encode()
 
 
-@pytest.mark.parametrize("what", ["list_all", "get_some", "set_some", "save", "past"])
+@pytest.mark.parametrize("what", ["list_all", "get_some", "set_some", "save", "configure", "past"])
 def test_a_hundred_thousand_malformed_questions_are_counted_and_refused(what):
     room = Room()
     ask = getattr(room.desk, what)
@@ -299,7 +346,7 @@ def test_a_hundred_thousand_malformed_questions_are_counted_and_refused(what):
         began_s = time.thread_time()
         try:
             answer = ask(payload)
-            if what == "save":
+            if what in {"save", "configure"}:
                 answer.send(None)
         except UnacceptableError as error:
             assert 0 < len(str(error)) <= MAX_REFUSAL  # noqa: PT017 - every one of them is refused
