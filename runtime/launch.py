@@ -1,6 +1,7 @@
 """One drive from start to end: the real devices, the session, the signals; all that a process has only once."""
 
 import asyncio
+import atexit
 import gc
 import logging
 import os
@@ -90,23 +91,43 @@ def main(settings: Settings, files: Files, session: Mapping[str, Any], warnings:
                 runner.run(_drive(settings, files, session, warmth, motors.append))
 
 
+STOP_SIGNALS: Final = tuple(
+    getattr(signal, name)
+    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGUSR1", "SIGUSR2", "SIGALRM", "SIGVTALRM", "SIGXCPU")
+    if hasattr(signal, name)
+)
+"""Signals that end a process and that it can catch: a closed terminal (SIGHUP) and a used up real-time budget (SIGXCPU)
+among them. Each is a request to stop."""
+
+
 @contextmanager
 def braking_last(motors: Sequence[BrakingMotor]) -> Iterator[None]:
-    """Brake when an error leaves this block: the loop may have ended without one `finally` of its tasks.
+    """Brake when this block is left, in any way: the loop may have ended without one `finally` of its tasks.
 
-    The process then ends within MAX_ENDING_S, so that the service manager restarts it, even when closing hangs.
+    After an error the process ends within MAX_ENDING_S, so that the service manager restarts it, even when closing
+    hangs.
     """
+
+    def brake() -> None:
+        for motor in motors:
+            motor.brake_now()
+
+    atexit.register(brake)  # sys.exit in a thread that never came back here, or a second error in a `finally`
     try:
         yield
     except LaunchError:
+        brake()
         raise
     except BaseException:
-        for motor in motors:
-            motor.brake_now()
+        brake()
         end = threading.Timer(MAX_ENDING_S, os._exit, (1,))
         end.daemon = True
         end.start()
         raise
+    else:
+        brake()
+    finally:
+        atexit.unregister(brake)
 
 
 def punctual_loop() -> asyncio.AbstractEventLoop:
@@ -119,7 +140,7 @@ async def _drive(
 ) -> None:
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in STOP_SIGNALS:
         loop.add_signal_handler(number, stop.set)
     clock = time.monotonic
     bus = CarBus(session, any_port=settings.telemetry.any_port)
@@ -158,9 +179,11 @@ async def _drive(
         for line in car.stages.table():
             log.info("%s", line)
         car.manager.stopping()
-        await asyncio.wait({opening})
-        await bus.close()
-        await asyncio.to_thread(car.recorder.close)
+        try:
+            await asyncio.wait({opening})
+            await bus.close()
+        finally:
+            await asyncio.to_thread(car.recorder.close)
     opening.result()
 
 
@@ -176,7 +199,7 @@ async def _open(car: Car, bus: CarBus, stop: asyncio.Event, address_file: Path |
         except PortTakenError as error:
             stop.set()
             raise LaunchError(taken_sentence(error.endpoint, await holder_of(error.endpoint))) from None
-        except OSError as error:
+        except Exception as error:  # noqa: BLE001 - said at once; zenoh raises more than its documentation names
             log.error("driving without telemetry: %s", error)
             telemetry = replace(telemetry, problem=str(error))
         else:

@@ -193,8 +193,9 @@ def _with_mark(table: Any, key: str, value: Value) -> Any:  # noqa: ANN401 - as 
     if not isinstance(table, InlineTable):  # which has no room for a comment
         old = _item(table, key).trivia if key in table else item.trivia
         said = old.comment.removeprefix("#").strip()
-        item.trivia.comment_ws = old.comment_ws
+        space = old.comment_ws
         item.comment(said if MARK in said else f"{said}; {MARK}" if said else MARK)
+        item.trivia.comment_ws = space or " "
     return item
 
 

@@ -4,10 +4,13 @@ import asyncio
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from runtime import launch
+from runtime.settings.tree import Settings
 from tests.promises import promise
 
 
@@ -47,11 +50,30 @@ def test_a_loop_that_breaks_is_followed_by_a_brake():
     assert motor.brakes >= 1
 
 
-def test_a_drive_that_ends_well_needs_no_last_brake():
+@pytest.mark.parametrize("error", [launch.LaunchError, SystemExit, KeyboardInterrupt, MemoryError])
+def test_every_error_is_followed_by_a_brake(error):
+    motor = BrakedMotor()
+    with pytest.raises(error), launch.braking_last([motor]):
+        raise error
+    assert motor.brakes == 1
+
+
+def test_a_good_end_is_followed_by_a_brake_as_well():
     motor = BrakedMotor()
     with launch.braking_last([motor]):
         pass
-    assert motor.brakes == 0
+    assert motor.brakes == 1
+
+
+@pytest.mark.parametrize("words", ["no zenoh here", "a panic in another language"])
+async def test_a_session_that_fails_in_any_way_is_said_at_once(words, caplog):
+    async def fail():
+        raise RuntimeError(words)
+
+    bus: Any = SimpleNamespace(open=fail)
+    car: Any = SimpleNamespace(settings=Settings(), session=1, connect=lambda: None)
+    await launch._open(car, bus, asyncio.Event(), None)
+    assert f"driving without telemetry: {words}" in caplog.text
 
 
 def test_a_process_whose_end_hangs_is_ended():
