@@ -101,14 +101,15 @@ def observe(output: Output, around: Circumstances) -> tuple[Observation, str]:
         return Observation.FAULT, around.fault
     if around.e_stop:
         return Observation.ESTOP, around.e_stop
+    limited = decision.winner is not decision.driver
+    if output.drive.speed_mps and output.delivered:
+        # Also for the 0.15 s in which the last scan of a lost lidar still counts.
+        return (Observation.SLOWED if limited else Observation.FREE), decision.reason
     if around.missing:
         return Observation.DEVICE_MISSING, around.missing
     by_hand = decision.driver is Source.TELEOP
     if not (by_hand or around.permitted):
         return Observation.NOT_PERMITTED, around.refusal
-    limited = decision.winner is not decision.driver
-    if output.drive.speed_mps:
-        return (Observation.SLOWED if limited else Observation.FREE), decision.reason
     # A human who asks for 0 stops the car himself; so does the limiter while it passes from one gear to the other.
     idle = decision.speed_mps != 0 or (by_hand and not limited)
     return (Observation.IDLE if idle else Observation.BLOCKED), decision.reason
