@@ -26,7 +26,8 @@ GAIN = 4614.0
 class Bench:
     """scan_mm: what the lidar shows from now on; None is a lidar that turns without sending.
 
-    last_good_scan_s: when the newest scan left the sensor.
+    last_good_scan_s: when the newest scan left the sensor. stamp_jump_ms: what the sensor's clock is off from now on.
+    voltage_v: of the battery.
     """
 
     def __init__(self, scip: ScipEmulator, vesc: VescEmulator) -> None:
@@ -35,6 +36,8 @@ class Bench:
         self.runtime: RuntimeProcess
         self.scan_mm: np.ndarray | None = CORRIDOR_MM
         self.last_good_scan_s = 0.0
+        self.stamp_jump_ms = 0
+        self.voltage_v = 11.8
         self.wheel_mps = 0.0
         self._distance_m = 0.0
 
@@ -49,7 +52,9 @@ class Bench:
             if self.scan_mm is not None:
                 # No sensor repeats a scan bit for bit, also not where every other scan is lost.
                 flicker_mm = self.scip.counts["published"] % 5
-                sent_s = self.scip.publish(self.scan_mm + flicker_mm, round((next_s - start_s) * 1000))
+                sent_s = self.scip.publish(
+                    self.scan_mm + flicker_mm, round((next_s - start_s) * 1000) + self.stamp_jump_ms
+                )
                 self.last_good_scan_s = sent_s or self.last_good_scan_s
 
     def _move_wheels(self, dt_s: float) -> None:
@@ -58,7 +63,9 @@ class Bench:
         most_mps = {"speed": 5.4, "brake": 6.0 if demand.value > 1 else 0.0}.get(demand.kind, 0.2) * dt_s
         self.wheel_mps += max(-most_mps, min(most_mps, wanted_mps - self.wheel_mps))
         self._distance_m += self.wheel_mps * dt_s
-        self.vesc.report(erpm=round(self.wheel_mps * GAIN), tachometer=round(self._distance_m * GAIN / 10))
+        self.vesc.report(
+            erpm=round(self.wheel_mps * GAIN), tachometer=round(self._distance_m * GAIN / 10), voltage_v=self.voltage_v
+        )
 
     def motor_commands(self, since_s: float = 0.0) -> list[tuple[float, bytes]]:
         """Return (time, payload) of the motor commands on the wire."""

@@ -1,0 +1,72 @@
+"""Writes docs/faults.md from the matrix and the measured figures: `python -m tests.system.faults.document`."""
+
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from tests.system.faults.matrix import BY_PERSON, INJECTED, MATRIX, OTHER_LIDARS, Fault
+
+ROOT = Path(__file__).resolve().parents[3]
+PAGE = ROOT / "docs" / "faults.md"
+FIGURES = Path(__file__).with_name("measured.json")
+COMMAND = "python -m tests.system.faults.document"
+UNMEASURED = "-"
+
+
+def page(figures: Mapping[str, float]) -> str:
+    """Return the page; figures: by the key of a fault, the longest reaction measured [s]."""
+    lines = [
+        f"<!-- Written by `{COMMAND}` from tests/system/faults: edit the matrix, not this page. -->\n",
+        "# Faults\n",
+        "What the car promises when something breaks, and the test that holds it. *Bound*: the longest time from the",
+        "last good data, or from the fault, to the brake on the motor's wire (or to the motor controller's own, where",
+        "the process cannot reach it). *Measured*: the longest of the last measurement, with both processors busy.",
+        "*After*: when the car moves again. *Seen*: numbers of reports by users of such cars.\n",
+        "The injected faults meet the unmodified process between emulated devices (`pytest tests/system/faults`).",
+        "With `FAULTS_MEASURED=tests/system/faults/measured.json` in the environment they note their figures.\n",
+    ]
+    for group in dict.fromkeys(fault.group for fault in MATRIX):
+        lines += [f"## {group}\n", "| fault | promise | after | bound | measured | seen | test |", "| --- " * 7 + "|"]
+        lines += [_row(fault, figures) for fault in MATRIX if fault.group == group]
+        lines.append("")
+    lines += [
+        "## For a person\n",
+        "What no program on the car can tell.\n",
+        "| fault | what to do | seen |",
+        "| --- " * 3 + "|",
+    ]
+    lines += [f"| {fault} | {remedy} | {number} |" for number, fault, remedy in BY_PERSON]
+    first, *_, last = OTHER_LIDARS
+    lines += ["", f"Reports {first} to {last} are about lidars for which wallride has no driver.", ""]
+    return "\n".join(lines)
+
+
+def without_figures(text: str) -> str:
+    """Return a page without what was measured, to compare what was promised."""
+    return re.sub(r"\d+ ms \|", f"{UNMEASURED} |", text)
+
+
+def _row(fault: Fault, figures: Mapping[str, float]) -> str:
+    bound = f"{fault.bound_s:g} s" if fault.bound_s is not None else ""
+    figure_s = figures.get(fault.key)
+    measured = "" if fault.bound_s is None else UNMEASURED if figure_s is None else f"{figure_s * 1000:.0f} ms"
+    test = "injected" if fault.test == INJECTED else f"`{fault.test.rpartition('/')[2]}`"
+    cells = (fault.name, fault.promise, fault.afterwards, bound, measured, ", ".join(fault.seen), test)
+    return f"| {' | '.join(cells)} |"
+
+
+def read_figures(path: Path = FIGURES) -> dict[str, float]:
+    """Return the measured figures, none where there is no file."""
+    return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}
+
+
+def note(path: Path, key: str, figure_s: float) -> None:
+    """Keep the longest figure of a measurement."""
+    figures = read_figures(path)
+    figures[key] = round(max(figure_s, figures.get(key, 0.0)), 3)
+    path.write_text(json.dumps(dict(sorted(figures.items())), indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(read_figures()), encoding="utf-8")

@@ -1,0 +1,192 @@
+"""The fault matrix: every fault, the promised reaction, its bound, and the test that holds it.
+
+`seen`: rows of reported faults, by their numbers. A row without a bound promises words or a recovery, not a brake in a
+time. `test` is a test's file and name, or the name of an injected fault (`injected.py`).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+SOFT_S: Final = 0.25
+"""Bound of everything that ends good data, from the last good scan or from the fault to the brake on the wire."""
+HARD_S: Final = 0.5
+"""Bound where only the motor controller's own timeout or the watchdog is left."""
+BATTERY_S: Final = 1.5
+INJECTED: Final = "injected"
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One row. afterwards: when the car moves again."""
+
+    group: str
+    name: str
+    promise: str
+    afterwards: str
+    test: str
+    seen: Sequence[str] = ()
+    bound_s: float | None = None
+
+    @property
+    def key(self) -> str:
+        """Return the name under which it is injected and measured."""
+        return f"{self.group.split()[0].lower()} {self.name}"
+
+
+SELF: Final = "by itself with good data; with a permit required: permit again"
+PERMIT: Final = "permit again"
+RESET: Final = 'remedy, reset, permit again (permit "always" retries by itself)'
+LIDAR: Final = "Lidar"
+MOTOR: Final = "Motor controller"
+POWER: Final = "Power and computer"
+PROCESS: Final = "Process"
+OPERATOR: Final = "Operator"
+PERSON: Final = "Seen by a person only"
+HOKUYO: Final = "tests/drivers/hokuyo/test_driver.py::"
+VESC: Final = "tests/drivers/vesc/test_driver.py::"
+DESK: Final = "tests/runtime/teleop/test_desk.py::"
+PILOT: Final = "tests/clients/teleop/test_pilot.py::"
+SYSTEM: Final = "tests/system/test_process.py::"
+STORIES: Final = "tests/system/test_stories.py::"
+
+MATRIX: Final[Sequence[Fault]] = (
+    Fault(LIDAR, "unplugged", "brake; reconnect for ever", SELF, INJECTED, ("22", "34"), SOFT_S),
+    Fault(LIDAR, "silent", "brake; restart the stream, then the connection", SELF,
+          SYSTEM + "test_a_silent_lidar_brakes_and_a_talking_one_drives_on", ("23", "25"), SOFT_S),
+    Fault(LIDAR, "garbage", "no wrong distance; brake; resync", SELF, INJECTED, (), SOFT_S),
+    Fault(LIDAR, "bad checksums", "the scan is lost, counted; brake when all are", SELF, INJECTED, ("23",), SOFT_S),
+    Fault(LIDAR, "single bad scans", "drives on, counted", "never stops",
+          SYSTEM + "test_noise_and_bad_checksums_cost_scans_not_the_drive", ("23",)),
+    Fault(LIDAR, "dribbling", "drives on", "never stops",
+          SYSTEM + "test_a_lidar_that_dribbles_byte_by_byte_drives_the_car_all_the_same"),
+    Fault(LIDAR, "late burst", "nothing stale drives", SELF,
+          SYSTEM + "test_a_burst_after_a_stall_drives_by_nothing_stale", ("31",), SOFT_S),
+    Fault(LIDAR, "frozen", "named, brake", SELF, INJECTED, (), HARD_S),
+    Fault(LIDAR, "clock jumps ahead", "brake until the new clock is believed", SELF, INJECTED, (), SOFT_S),
+    Fault(LIDAR, "clock jumps back", "brake until the new clock is believed", SELF, INJECTED, (), SOFT_S),
+    Fault(LIDAR, "covered", "no echo anywhere is not free: brake", SELF, INJECTED, ("26", "29"), SOFT_S),
+    Fault(LIDAR, "hand before it", "brake", SELF, INJECTED, (), SOFT_S),
+    Fault(LIDAR, "dirty window", "slower, beams named", "a clean window",
+          STORIES + "test_a_dirty_window_is_said_and_a_clean_one_is_not", ("29",)),
+    Fault(LIDAR, "error codes as ranges", "only DMIN..DMAX are distances", "-",
+          "tests/drivers/hokuyo/test_codec.py::test_a_million_mutated_bytes_never_give_a_distance_that_the_sums_do_not_cover",
+          ("30",)),
+    Fault(LIDAR, "in trouble", "RS, then RB once in 20 s, then a human is called", SELF,
+          HOKUYO + "test_a_sensor_that_nothing_cures_is_rebooted_once_in_20_s_and_a_human_is_called", ("27",)),
+    Fault(LIDAR, "unstable, blinded by the sun", "keeps the stream, named", SELF,
+          HOKUYO + "test_an_unstable_sensor_keeps_its_stream_and_says_so", ("26",)),
+    Fault(LIDAR, "abnormal words", "every healthy wording of every model is accepted", "-",
+          "tests/drivers/hokuyo/test_codec.py::test_the_three_ways_to_say_fine", ("28",)),
+    Fault(LIDAR, "left streaming, SCIP 1.1, time sync", "taken over", "-",
+          HOKUYO + "test_a_sensor_in_the_wrong_mode_is_brought_back", ("24",)),
+    Fault(LIDAR, "other baud rate", "searched", "-", HOKUYO + "test_the_speed_of_a_serial_sensor_is_found", ("24",)),
+    Fault(LIDAR, "refuses the connection", "tried for ever, another client suggested", SELF,
+          HOKUYO + "test_a_refused_connection_is_tried_until_it_succeeds", ("20", "21", "35")),
+    Fault(LIDAR, "another one, another angle order", "its own parameters are asked for; permit is taken back", PERMIT,
+          "tests/runtime/tasks/test_health.py::"
+          "test_another_lidar_than_before_takes_the_permit_back_even_if_it_was_exchanged_in_a_blink", ("37",)),
+    Fault(LIDAR, "too few beams, too slow", "refused with the reason", "another sensor",
+          HOKUYO + "test_a_sensor_that_no_car_can_be_driven_by_is_refused_with_the_reason"),
+    Fault(MOTOR, "unplugged, back at speed", "no command is kept; met by less than 0.5 m/s", SELF,
+          SYSTEM + "test_an_unplugged_vesc_is_waited_for_and_met_gently", ("2", "3", "4", "14", "15")),
+    Fault(MOTOR, "reboots", "its own loss of power lets go; no speed is kept", SELF, INJECTED, ("3", "80"), HARD_S),
+    Fault(MOTOR, "mute", "a brake as the last word, reopen", SELF, INJECTED, ("1", "6"), SOFT_S),
+    Fault(MOTOR, "deaf", "its own timeout brakes", SELF, INJECTED, ("9",), HARD_S),
+    Fault(MOTOR, "bad checksums", "never believed; a brake, reopen", SELF, INJECTED, (), SOFT_S),
+    Fault(MOTOR, "garbage", "never believed; a brake, reopen", SELF, INJECTED, (), SOFT_S),
+    Fault(MOTOR, "noise, slow replies", "counted, drives on", "never stops",
+          VESC + "test_it_lives_with_noise_and_dribble"),
+    Fault(MOTOR, "fault", "latched, brake, words with the remedy", RESET, INJECTED, ("83",), SOFT_S),
+    Fault(MOTOR, "kill switch", "latched, brake", SELF, INJECTED, (), SOFT_S),
+    Fault(MOTOR, "impossible speed", "brake, never believed", SELF, INJECTED, ("8",), SOFT_S),
+    Fault(MOTOR, "turns the wrong way", "latched after half a metre, names the phases", RESET,
+          "tests/system/test_plausibility.py::"
+          "test_a_car_with_two_phases_swapped_stands_after_half_a_metre_and_says_what_to_do", ("8",)),
+    Fault(MOTOR, "counter contradicts speed", "latched", RESET,
+          "tests/system/test_plausibility.py::test_a_controller_that_contradicts_itself_is_held_with_the_remedy_in_the_log",
+          ("8",)),
+    Fault(MOTOR, "other firmware", "read first, decoded by its layout, named", "-",
+          VESC + "test_every_firmware_is_identified_and_understood", ("1",)),
+    Fault(MOTOR, "battery manager on the port", "refused, named", "the right port",
+          VESC + "test_a_battery_manager_on_the_port_is_refused", ("13",)),
+    Fault(MOTOR, "lidar on its port", "asked only who it is; refused, named", "the right port",
+          VESC + "test_a_talker_that_is_no_vesc_is_refused_and_named_so", ("1",)),
+    Fault(MOTOR, "silent port", "named within 5 s, tried for ever", SELF,
+          VESC + "test_a_silent_port_is_named_so_and_tried_again", ("5", "6")),
+    Fault(MOTOR, "second program on the port", "refused: the port is held exclusively", "end the other program",
+          "tests/drivers/test_link.py::test_a_second_user_of_a_port_is_told_that_it_is_held", ("11", "15")),
+    Fault(MOTOR, "commands only on change", "sent again at every tick", "-", STORIES + "test_it_ticks_on_in_silence",
+          ("10",)),
+    Fault(POWER, "low battery", "at most 1 m/s, said", "charge it, permit again", INJECTED, ("80", "83"), BATTERY_S),
+    Fault(POWER, "empty battery", "brake with its own words", "another battery for 2 s, permit again", INJECTED,
+          ("83",), BATTERY_S),
+    Fault(POWER, "absent battery", "brake, \"no battery\"", "plug it in, permit again", INJECTED, ("5",), BATTERY_S),
+    Fault(POWER, "voltage unstable at the start", "2 s of good voltage before any motion", "2 s of good voltage",
+          "tests/runtime/control/test_battery.py::test_nothing_moves_before_two_seconds_of_good_voltage", ("80",)),
+    Fault(POWER, "throttled computer, over-current", "said with the remedy", "-",
+          "tests/runtime/host/test_computer.py::"
+          "test_a_jetsons_over_current_events_are_said_when_they_come_not_when_they_came", ("81",)),
+    Fault(POWER, "hot computer", "said with the remedy", "-",
+          "tests/runtime/host/test_computer.py::test_the_hottest_zone_counts_and_dead_sensors_do_not", ("81",)),
+    Fault(POWER, "busy processors", "brake for a wall as on a quiet one", SELF, INJECTED, ("23",), SOFT_S),
+    Fault(PROCESS, "both devices silent", "brake", SELF, INJECTED, (), SOFT_S),
+    Fault(PROCESS, "both devices unplugged", "the controller's timeout brakes; reconnect", SELF, INJECTED, (), HARD_S),
+    Fault(PROCESS, "stopped 200 ms", "the controller's timeout brakes", SELF, INJECTED, (), HARD_S),
+    Fault(PROCESS, "stopped 1 s", "the controller's timeout brakes; nothing stale drives", SELF, INJECTED, (), HARD_S),
+    Fault(PROCESS, "task raises", "brake, the process ends", "restart by systemd, permit again",
+          STORIES + "test_a_task_that_dies_takes_the_car_to_a_stop", (), SOFT_S),
+    Fault(PROCESS, "loop broken", "one last brake without the loop", "restart by systemd, permit again",
+          "tests/runtime/test_launch.py::test_a_loop_that_breaks_is_followed_by_a_brake"),
+    Fault(PROCESS, "SIGTERM", "brake, rest, exit code 0", "start it again",
+          SYSTEM + "test_sigterm_at_full_speed_brakes_at_once_and_exits_with_0", (), SOFT_S),
+    Fault(PROCESS, "SIGKILL", "the controller's timeout brakes", "restart by systemd, permit again",
+          SYSTEM + "test_after_kill_9_the_vescs_own_timeout_stops_the_car", ("9",), HARD_S),
+    Fault(PROCESS, "no descriptors left", "brake; the devices' own are kept back", SELF, INJECTED, (), SOFT_S),
+    Fault(PROCESS, "disk full", "drives and brakes on; the recording says so", SELF, INJECTED, (), SOFT_S),
+    Fault(PROCESS, "stuck disk", "holds nothing up, said", "-",
+          "tests/runtime/recording/test_recorder.py::test_a_stuck_disk_holds_nobody_up_and_is_said"),
+    Fault(PROCESS, "log not read", "drives on, ends in time; lines are dropped", "-",
+          "tests/runtime/host/test_logging_setup.py::"
+          "test_a_terminal_that_reads_nothing_holds_up_neither_the_process_nor_its_end"),
+    Fault(PROCESS, "network port taken", "the start ends with the owner's name", "end the other car",
+          "tests/system/test_own_car.py::test_a_port_of_another_program_is_refused_too"),
+    Fault(PROCESS, "flood of messages", "the loop keeps its turns", "-",
+          "tests/runtime/wire/test_bus.py::test_a_flood_leaves_the_loop_its_turns"),
+    Fault(PROCESS, "stale settings", "`wallride check` prints those in effect; a wrong one is refused", "-",
+          "tests/drivers/vesc/test_settings.py::test_bad_settings_are_refused_with_a_reason", ("11",)),
+    Fault(OPERATOR, "radio lost, laptop gone", "brake; the place is kept free of others", "release, press again",
+          "tests/system/test_operator.py::test_a_lost_operator_stops_the_car_and_nobody_else_goes_on",
+          ("60", "61", "63", "69"), SOFT_S),
+    Fault(OPERATOR, "release lost on the way", "the level counts, sent every cycle", "-",
+          PILOT + "test_deadman_then_stick_drives_and_release_is_sent_every_cycle", ("62",)),
+    Fault(OPERATOR, "late burst of commands", "none is obeyed", "release, press again",
+          DESK + "test_a_burst_of_late_commands_moves_nothing", ("63", "64")),
+    Fault(OPERATOR, "copies of commands", "not obeyed", "-",
+          DESK + "test_a_copy_of_a_fresh_command_is_not_obeyed", ("62",)),
+    Fault(OPERATOR, "frozen pad", "stop after 1 s without an event", "release, press again",
+          DESK + "test_a_pad_that_drives_without_an_event_is_frozen", ("60", "67", "69")),
+    Fault(OPERATOR, "pad lost", "is no release: stop", "release, press again",
+          DESK + "test_a_pad_that_is_gone_is_no_release", ("60", "61")),
+    Fault(OPERATOR, "unknown pad, switched axes", "refused; identified by USB id", "map it",
+          "tests/clients/teleop/test_pads.py::test_a_pad_that_nobody_knows_is_refused_with_the_way_out", ("66",)),
+    Fault(OPERATOR, "stick not centred", "does not count until released", "release",
+          PILOT + "test_a_deadman_pressed_with_a_stick_out_of_its_middle_does_not_count_until_released", ("66",)),
+    Fault(OPERATOR, "idle stick", "an idle client blocks nothing", "-",
+          DESK + "test_with_permit_always_an_explicit_release_lets_autonomy_go_on", ("65",)),
+    Fault(OPERATOR, "autonomy without effect", "status names the source that decides and why", "-",
+          "tests/clients/test_status.py::test_one_screen_holds_everything_that_may_hold_the_car", ("68",)),
+)  # fmt: skip
+
+BY_PERSON: Final[Sequence[tuple[str, str, str]]] = (
+    ("7", "servo output disabled in the VESC", "no read-back exists: the wiggle test of docs/bring-up.md"),
+    ("12", "steering the wrong way round", "the wiggle test of docs/bring-up.md"),
+    ("32", "the sensor's address was changed, to no effect", "it counts after a power cycle; wallride changes none"),
+    ("33", "two sensors with one address", "wallride drives with one; give the other another address first"),
+    ("36", "lidar and Wi-Fi exclude each other", "an address in its subnet without a gateway: docs/bring-up.md"),
+    ("82", "a power bank switches off at low load", "use one without a cut-off, or a converter on the car's battery"),
+)  # fmt: skip
+"""Faults that software on the car cannot tell: number of the report, fault, what to do."""
+
+OTHER_LIDARS: Final = tuple(str(number) for number in range(40, 55))
+"""Reports on RPLIDAR and YDLIDAR, for which there is no driver."""
