@@ -25,6 +25,7 @@ from wallride import (
 )
 from wallride.failure import USAGE_ERROR, fail, needs
 from wallride.parser import Parser
+from wallride.service import options as service_options
 
 if TYPE_CHECKING:
     from runtime.settings.tree import Settings
@@ -80,6 +81,7 @@ def build_parser() -> argparse.ArgumentParser:
         replay_options,
         report_options,
         foxglove_options,
+        service_options,
     ):
         options.add(commands)
     _add_build_kernel(commands)
