@@ -1,28 +1,45 @@
 """Real-time scheduling for the thread that drives, and for no other.
 
-A service started with CPUSchedulingPolicy=fifo passes that policy on to every thread: zenoh's handshakes with unknown
-clients and the recorder would then compete with the motor as equals. With Linux's reset-on-fork flag (sched(7)) threads
-that are created later get the ordinary policy.
+The unit gives the right to ask (LimitRTPRIO) and the wanted priority in the environment, and the process asks: where
+the kernel refuses, as with RT_GROUP_SCHED and in containers, systemd's own CPUSchedulingPolicy=fifo would keep the
+service from starting, and the car would not drive at all. A policy that the process was started with stays.
+
+A policy is passed on to every thread: zenoh's handshakes with unknown clients and the recorder would then compete with
+the motor as equals. With Linux's reset-on-fork flag (sched(7)) threads that are created later get the ordinary policy.
 """
 
 import os
+from collections.abc import Mapping
+from typing import Final
 
 RESET_ON_FORK: int = getattr(os, "SCHED_RESET_ON_FORK", 0)
+PRIORITY_VARIABLE: Final = "WALLRIDE_REALTIME_PRIORITY"
 
 
-def keep_for_this_thread() -> str:
-    """Keep a real-time policy for the calling thread only; to be called before any other thread is created.
+def keep_for_this_thread(environment: Mapping[str, str] = os.environ) -> str:
+    """Ask for a real-time policy where the environment does, and keep it for the calling thread only.
 
-    Returns a sentence that names the policy in force. Never fails: the car drives without a real-time policy too.
+    To be called before any other thread is created. Returns a sentence that names the policy in force. Never fails: the
+    car drives without a real-time policy too.
     """
     if not hasattr(os, "sched_getscheduler"):
         return "this system has no real-time scheduling"
     policy = os.sched_getscheduler(0) & ~RESET_ON_FORK
     if policy not in {os.SCHED_FIFO, os.SCHED_RR}:
-        return "ordinary scheduling (systemd/wallride.service asks for SCHED_FIFO)"
+        return _ask(environment.get(PRIORITY_VARIABLE, ""))
     priority = os.sched_getparam(0)
     try:
         os.sched_setscheduler(0, policy | RESET_ON_FORK, priority)
     except OSError as error:
         return f"real-time scheduling in every thread: {error.strerror}"
     return f"real-time scheduling, priority {priority.sched_priority}, in the thread that drives"
+
+
+def _ask(wanted: str) -> str:
+    if not wanted.isdecimal():
+        return "ordinary scheduling (systemd/wallride.service asks for SCHED_FIFO)"
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO | RESET_ON_FORK, os.sched_param(int(wanted)))
+    except OSError as error:
+        return f"ordinary scheduling: SCHED_FIFO was refused ({error.strerror}; a container, or a kernel's RT groups)"
+    return f"real-time scheduling, priority {wanted}, in the thread that drives"
