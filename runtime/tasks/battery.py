@@ -20,11 +20,11 @@ class BatteryLimit:
     """
 
     def __init__(
-        self, settings: BatterySettings, motor: Motor, voices: CommandQueue, rearm: Callable[[str], None]
+        self, settings: BatterySettings, motor: Motor, queue: CommandQueue, rearm: Callable[[str], None]
     ) -> None:
         self._monitor = BatteryMonitor(settings)
         self._motor = motor
-        self._voices = voices
+        self._queue = queue
         self._rearm = rearm
         self._said: tuple[float, str] = (math.inf, "")
         self.check()
@@ -43,9 +43,9 @@ class BatteryLimit:
         self._said = limit
         if not monitor.trouble:
             log.info("battery %.1f V, %d cells", monitor.voltage_v, monitor.cells)
-            self._voices.silence(Source.BATTERY)
+            self._queue.silence(Source.BATTERY)
             return
-        self._voices.say(SpeedLimit(Source.BATTERY, Verdict(limit[0], limit[0], monitor.trouble)))
+        self._queue.say(SpeedLimit(Source.BATTERY, Verdict(limit[0], limit[0], monitor.trouble)))
         if monitor.charge in {Charge.LOW, Charge.EMPTY}:
             log.warning("%s", monitor.trouble)
         if monitor.charge is Charge.EMPTY:

@@ -32,19 +32,19 @@ class Car:
 
     def __init__(self):
         self.clock = HandClock(0.0)
-        self.voices = CommandQueue(ORDER, self.clock)
+        self.queue = CommandQueue(ORDER, self.clock)
         self.said = []
-        self.voices.on_said = lambda word, _: self.said.append(word)
+        self.queue.on_said = lambda word, _: self.said.append(word)
         self.motor, self.rearmed = Motor(self.clock), []
-        self.limit = BatteryLimit(BatterySettings(), self.motor, self.voices, self.rearmed.append)
-        self.voices.say(DriveCommand(Source.TELEOP, Drive(3.0, 0.1), None, "ann drives"))
+        self.limit = BatteryLimit(BatterySettings(), self.motor, self.queue, self.rearmed.append)
+        self.queue.say(DriveCommand(Source.TELEOP, Drive(3.0, 0.1), None, "ann drives"))
 
     def shows(self, voltage_v, seconds):
         for _ in range(round(seconds / 0.05)):
             self.clock.now_s += 0.05
             self.motor.report = replace(FINE, stamp_s=self.clock.now_s, voltage_v=voltage_v)
             self.limit.check()
-        return arbitrate(self.voices.live(), frozenset(), ORDER)
+        return arbitrate(self.queue.live(), frozenset(), ORDER)
 
 
 def test_the_battery_comes_right_after_the_e_stop():
@@ -55,7 +55,7 @@ def test_it_holds_slows_and_stops_a_human_too_and_says_why():
     car = Car()
     assert car.shows(11.8, 1.0).speed_mps == 0.0
     assert car.shows(11.8, 2.0).speed_mps == 3.0
-    assert car.voices.word(Source.BATTERY) is None, "a good battery is silent"
+    assert car.queue.word(Source.BATTERY) is None, "a good battery is silent"
     low = car.shows(10.1, 1.2)
     assert (low.speed_mps, low.winner, low.reason) == (1.0, Source.BATTERY, "battery low: 10.1 V; charge or change it")
     assert car.rearmed == []
