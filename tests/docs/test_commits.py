@@ -22,7 +22,7 @@ def faults(subject, body, *, needs_body):
         wrong.append(f"{len(subject)} characters in the subject, at most {MAX_SUBJECT}")
     if subject.endswith("."):
         wrong.append("a period after the subject")
-    verb = re.match(r"[A-Z][a-z]+(?:-[a-z]+)?(?= )", subject)
+    verb = re.match(r"[A-Z][a-z]+(?:-[a-z]+)?(?=,? )", subject)
     if verb is None or verb[0] in NOT_VERBS:
         wrong.append("the subject does not begin with a capital verb")
     elif verb[0].endswith(("ed", "ing")) and verb[0] not in LIKE_PARTICIPLES:

@@ -34,9 +34,9 @@ def served(file=None):
     return board.replies
 
 
-def test_five_questions_are_answered_and_nothing_else():
+def test_six_questions_are_answered_and_nothing_else():
     names = [key.removeprefix("wallride/car1/param/") for key in served()]
-    assert names == ["list", "get", "set", "save", "history"]
+    assert names == ["list", "get", "set", "save", "configure", "history"]
 
 
 @pytest.mark.parametrize("name", ["list", "get", "set", "history"])
