@@ -5,7 +5,7 @@ READY := .venv/.ready
 
 KERNEL := .venv/.kernel
 
-.PHONY: sim test check kernel format clean
+.PHONY: sim test check kernel fuzz format clean
 
 sim: $(KERNEL)
 	$(BIN)/wallride sim $(ARGS)
@@ -26,6 +26,10 @@ kernel: $(KERNEL)
 $(KERNEL): $(READY) $(wildcard runtime/kernel/*.[ch]) sim/world/casting.c runtime/kernel/seal.json
 	@$(BIN)/wallride build-kernel --native || $(BIN)/wallride build-kernel || echo "wallride: going on in Python"
 	@touch $@
+
+# Damaged inputs for every parser that faces the outside, half a minute of them: make fuzz ARGS='--seconds 600 --seed 2'
+fuzz: $(KERNEL)
+	$(BIN)/python -m tests.fuzz $(ARGS)
 
 format: $(READY)
 	$(BIN)/ruff format .

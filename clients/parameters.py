@@ -132,7 +132,7 @@ def _text(value: object) -> str:
 def _value(text: str) -> object:
     try:
         value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (RecursionError, ValueError):
         return text
     return value if isinstance(value, bool | int | float | str | list) else text
 

@@ -180,3 +180,8 @@ class LinkLost(DriverError):  # noqa: N818 - it is an event in the life of a cab
 
 class ProtocolError(DriverError):
     """The device sent a reply that the driver cannot accept."""
+
+
+def printable(raw: bytes) -> str:
+    """Return a device's text for logs and screens: escape sequences and line ends in it are shown as "?"."""
+    return "".join(letter if letter.isprintable() else "?" for letter in raw.decode("ascii", errors="replace"))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final, Self
 
-from drivers.api import ProtocolError
+from drivers.api import ProtocolError, printable
 from drivers.hokuyo.codec import ReplyBlock
 
 MAX_RANGE_MM: Final = 262143
@@ -30,8 +30,8 @@ def decode_number(text: bytes) -> int | None:
 
 
 def fields(block: ReplyBlock) -> dict[str, str]:
-    """Return the KEY:VALUE lines of PP, VV or II; lines without a colon are left out."""
-    pairs = (line.decode("ascii", "replace").partition(":") for line in block.lines)
+    """Return the KEY:VALUE lines of PP, VV or II, printable; lines without a colon are left out."""
+    pairs = (printable(line).partition(":") for line in block.lines)
     return {key.strip(): value.strip() for key, colon, value in pairs if colon}
 
 

@@ -10,6 +10,7 @@ import struct
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from drivers.api import printable
 from drivers.value import value
 
 STATUS_TIMED_OUT = 1
@@ -271,4 +272,4 @@ def decode_print(payload: bytes) -> str:
 
 
 def _text(raw: bytes) -> str:
-    return raw.decode("ascii", errors="replace").rstrip("\0")
+    return printable(raw.rstrip(b"\0"))

@@ -38,7 +38,7 @@ def read_people(path: Path) -> tuple[AccessEntry, ...]:
         raise KeysError(f"{path}: no such file; `wallride keys init` makes it") from None
     except OSError as error:
         raise KeysError(f"{path}: cannot be read ({error.strerror}); check its owner and mode") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (RecursionError, ValueError) as error:  # ValueError: of TOML, of text, of a number of 5000 digits
         raise KeysError(f"{path}: is not valid TOML: {error}") from None
     return tuple(_listed(path, name, entry) for name, entry in entries.items())
 

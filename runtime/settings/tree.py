@@ -184,6 +184,12 @@ def read_tree(path: Path) -> dict[str, Any]:
         raise SettingsError(f"{path}: is not a text file; a settings file is TOML in UTF-8") from None
     except tomllib.TOMLDecodeError as error:
         raise SettingsError(f"{path}: is not valid TOML: {error}") from None
+    except (RecursionError, ValueError) as error:  # thousands of brackets, or of digits
+        raise SettingsError(f"{path}: is not a settings file: {_too_much(error)}") from None
+
+
+def _too_much(error: Exception) -> str:
+    return "its brackets are nested too deeply" if isinstance(error, RecursionError) else "a number is too long"
 
 
 def _assign(tree: dict[str, Any], assignment: str) -> None:
@@ -203,7 +209,7 @@ def _value(text: str) -> object:
     """Read a value as TOML would, or as bare text: `right` and `"right"` are the same."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (RecursionError, ValueError):
         return text
 
 

@@ -4,7 +4,7 @@ The main lidar's arrays have plain names (`ranges`, `stamps`, `recv`, ...), thos
 `<topic>__`; commands are `<topic>__speed_steering`, odometry is `<topic>__x_y_yaw_vx_vy_wz`.
 """
 
-import pickle
+import math
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -19,6 +19,8 @@ from sim.recordings.tracks import LidarTrack, Tracks, columns
 
 NEEDED = ("stamps", "recv", "angle_min", "angle_increment", "range_min", "range_max", "scan_time")
 DEFAULT_TOPIC = "scan"
+MAX_BYTES = 4 << 30
+"""Maximum size of all arrays: seven hours of scans at 40 Hz and 1081 beams."""
 
 Arrays = Mapping[str, npt.NDArray[Any]]
 
@@ -32,21 +34,35 @@ def read_archive(path: Path) -> Tracks:
     try:
         # opened here, because numpy leaves the file open when it finds damage
         with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            _check_sizes(archive.zip)
             arrays = {name: archive[name] for name in archive.files}
-    except (OSError, ValueError, AttributeError, EOFError, pickle.UnpicklingError) as error:
+    except (zipfile.BadZipFile, zlib.error) as error:
+        raise RecordingError(f"{path} is damaged ({error}) and nothing can be saved: fetch it again.") from error
+    except Exception as error:  # numpy and zipfile raise more than a dozen kinds for a damaged header
         raise RecordingError(
             f"{path} is no readable archive of arrays ({error}): fetch or convert it again."
         ) from error
-    except (zipfile.BadZipFile, zlib.error) as error:
-        raise RecordingError(f"{path} is damaged ({error}) and nothing can be saved: fetch it again.") from error
     try:
         return _tracks(arrays)
     except KeyError as error:
         raise RecordingError(
             f"{path} lacks the array {error}; beside ranges a recording needs {', '.join(NEEDED)}: convert it again."
         ) from error
-    except (ValueError, IndexError) as error:
+    except (ValueError, TypeError, IndexError) as error:
         raise RecordingError(f"{path} holds arrays that are not those of a recording: {error}.") from error
+
+
+def _check_sizes(archive: zipfile.ZipFile) -> None:
+    """Refuse arrays that claim more than their file holds, and more than a computer should be asked to hold."""
+    if sum(member.file_size for member in archive.infolist()) > MAX_BYTES:
+        raise ValueError(f"it unpacks to more than {MAX_BYTES >> 30} GiB")
+    for member in archive.infolist():
+        with archive.open(member) as file:
+            version = np.lib.format.read_magic(file)
+            read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+            shape, _, kind = read(file)
+        if math.prod(shape) * kind.itemsize > member.file_size:
+            raise ValueError(f"{member.filename} claims {math.prod(shape) * kind.itemsize} bytes and has fewer")
 
 
 def _tracks(arrays: Arrays) -> Tracks:

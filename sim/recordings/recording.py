@@ -21,8 +21,16 @@ LIKELY = ("nav", "high_level", "auto", "drive", "input")
 """Words in the names of topics of autonomous programs, the most significant first."""
 
 
+MAX_TEXT = 800
+
+
 class RecordingError(ValueError):
     """A file that cannot be played back; the text is one sentence with the file, the reason, and the remedy."""
+
+    def __init__(self, text: str) -> None:
+        """Keep the beginning and the end of a long text: readers quote whole damaged pieces of a file."""
+        plain = "".join(letter if letter.isprintable() else " " for letter in text)
+        super().__init__(plain if len(plain) <= MAX_TEXT else f"{plain[: MAX_TEXT // 2]} ... {plain[-MAX_TEXT // 4 :]}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

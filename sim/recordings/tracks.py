@@ -1,5 +1,6 @@
 """Output of the readers, in the recorder's absolute time, and assembly of a recording from it."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -59,6 +60,7 @@ def assemble(name: str, tracks: Tracks, topic: str | None) -> Recording:
     if others and topic is None:
         notes.append(f"{name} holds {len(others) + 1} lidars: {lidar.topic} is played, not {', '.join(others)}.")
     order = np.argsort(lidar.received_s, kind="stable")
+    _check_beams(name, lidar)
     zero_s = float(lidar.received_s[order[0]])
     return Recording(
         name=name,
@@ -90,6 +92,16 @@ def _chosen(name: str, tracks: Tracks, topic: str | None) -> LidarTrack:
             raise RecordingError(f"{name} holds no lidar topic {topic}: choose one of {lidars}.")
         return wanted
     return min(tracks.lidars.items(), key=lambda item: (item[0] != "scan", -len(item[1].received_s), item[0]))[1]
+
+
+def _check_beams(name: str, lidar: LidarTrack) -> None:
+    """Refuse a lidar whose beams point nowhere in particular."""
+    numbers = (lidar.angle_min_rad, lidar.angle_step_rad, lidar.range_min_m, lidar.range_max_m)
+    if not all(map(math.isfinite, numbers)) or lidar.angle_step_rad == 0:
+        raise RecordingError(
+            f"{name}: the beams of {lidar.topic} begin at {numbers[0]} rad in steps of {numbers[1]} rad, within"
+            f" {numbers[2]} to {numbers[3]} m: these are not the numbers of a lidar."
+        )
 
 
 def _chosen_odometry(odometries: dict[str, OdometryTrack], zero_s: float) -> OdometryTrack | None:
