@@ -25,9 +25,8 @@ import numpy as np
 from drivers.api import Health, LinkState, MotorState, Scan
 from runtime.arbitration.command import Output, Source, consent
 from runtime.arbitration.queues import Inbox
-from runtime.control import methods
 from runtime.control.guidance import Guidance
-from runtime.live_stack import REQUIRED, LiveStack
+from runtime.live_stack import REQUIRED, LiveStack, warm_up
 from runtime.realtime.periodic import PeriodicTimer
 from runtime.realtime.stage_timing import StageTimer
 from runtime.realtime.wall_clock import WallClock
@@ -203,7 +202,7 @@ def main() -> None:
     disk = SlowDisk(1e6 * options.disk_mbps) if options.disk_mbps else RealDisk()
     folder = Path(tempfile.mkdtemp(prefix="wallride-bench-", dir=options.folder))
     settings = Settings()
-    methods.warm_up(settings.wall_follow, settings.safety, settings.car)
+    warm_up(settings, time.monotonic)
     run_round(folder, 2.0, disk)
     run_round(None, 2.0, disk)
     figures: dict[bool, dict[str, list[float]]] = {True: {}, False: {}}

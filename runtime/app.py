@@ -22,7 +22,6 @@ from runtime.parameters.history import ChangeHistory
 from runtime.parameters.server import ParameterServer, ServerContext
 from runtime.realtime.garbage import collect_young
 from runtime.realtime.periodic import PeriodicTimer
-from runtime.realtime.prefetch import Warmth
 from runtime.realtime.scan_phase import ScanPhase
 from runtime.realtime.stage_timing import StageTimer
 from runtime.realtime.wall_clock import WallClock, never_set
@@ -59,14 +58,13 @@ class Car:
 
     file: destination of saved live parameters, None where there is none; base: the file below it.
     reading_s: duration of the newest scan's read from the kernel, where the lidar measures it.
-    scan_phase: the one around which the devices schedule. warmth: notified when a scan is answered.
-    computer: watches the computer, where there is a real one.
+    scan_phase: the one around which the devices schedule. computer: watches the computer, where there is a real one.
     """
 
     def __init__(
         self, settings: Settings, lidar: Lidar, motor: Motor, bus: Network, clock: Clock, file: Path | None = None,
         *, reading_s: Callable[[], float] = lambda: 0.0, scan_phase: ScanPhase | None = None,
-        warmth: Warmth | None = None, wall_clock: WallClock | None = None, base: Path | None = None,
+        wall_clock: WallClock | None = None, base: Path | None = None,
         computer: ComputerWatch | None = None,
     ) -> None:  # fmt: skip
         self.settings = settings
@@ -90,7 +88,6 @@ class Car:
         self.stages = StageTimer(clock)
         self._reading_s = reading_s
         self.scan_phase = scan_phase or ScanPhase()
-        self.warmth = warmth or Warmth()
         self.mux = mux_task.Mux(
             self.queue, motor, self.limiter, REQUIRED, self.decision_log.clock, self.stages, self.decision_log
         )
@@ -188,7 +185,6 @@ class Car:
 
     def _afterwards(self, scan: Scan) -> None:
         """Do the work that can wait until a scan is answered."""
-        self.warmth.answered()
         self.laws.learn()
         collect_young()
         self.stages.count()

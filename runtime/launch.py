@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -18,13 +19,13 @@ from drivers.hokuyo.driver import Hokuyo
 from drivers.vesc.driver import Vesc
 from runtime import kernel
 from runtime.app import Car, history_file
-from runtime.control import methods
 from runtime.host.address_file import Address, write_address
 from runtime.host.computer import read_computer
 from runtime.host.logging_setup import journal
 from runtime.host.scheduling import keep_for_this_thread
+from runtime.live_stack import warm_up
+from runtime.realtime import prefetch
 from runtime.realtime.cpu_latency import awake
-from runtime.realtime.prefetch import Warmth
 from runtime.realtime.scan_phase import ScanPhase
 from runtime.realtime.selector import CheckedSelector
 from runtime.realtime.wall_clock import WallClock
@@ -87,8 +88,8 @@ def main(settings: Settings, files: Files, session: Mapping[str, Any], warnings:
             log.info("%s", words)
             motors: list[BrakingMotor] = []
             with braking_last(motors), asyncio.Runner(loop_factory=punctual_loop) as runner, braking_last(motors):
-                warmth = Warmth(compiled.prefetch)
-                runner.run(_drive(settings, files, session, warmth, motors.append))
+                fetch = compiled.prefetch if settings.process.prefetch else None
+                runner.run(_drive(settings, files, session, fetch, motors.append))
 
 
 STOP_SIGNALS: Final = tuple(
@@ -136,33 +137,36 @@ def punctual_loop() -> asyncio.AbstractEventLoop:
 
 
 async def _drive(
-    settings: Settings, files: Files, session: Mapping[str, Any], warmth: Warmth, fitted: Callable[[BrakingMotor], None]
-) -> None:
+    settings: Settings, files: Files, session: Mapping[str, Any], fetch: prefetch.Prefetch | None,
+    fitted: Callable[[BrakingMotor], None],
+) -> None:  # fmt: skip
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in STOP_SIGNALS:
         loop.add_signal_handler(number, stop.set)
     clock = time.monotonic
     bus = CarBus(session, any_port=settings.telemetry.any_port)
-    scan_phase = ScanPhase()
+    scan_phase, lines = ScanPhase(), prefetch.NOTHING
 
     def replied(took_s: float) -> None:
         scan_phase.replied(took_s)
-        if scan_phase.expects(clock()):
-            warmth.warm()  # the last step before the scan
+        if fetch is not None and scan_phase.expects(clock()):
+            fetch(lines)  # the last step before the scan
 
     motor = Vesc(settings.motor, clock=clock, clear_s=scan_phase.clear_s, replied=replied)
     fitted(motor)
     lidar = Hokuyo(settings.lidar, clock=clock, clear_s=scan_phase.clear_s)
     car = Car(
         settings, lidar, motor, bus, clock, files.saved, reading_s=lambda: lidar.reading_s, scan_phase=scan_phase,
-        warmth=warmth, wall_clock=WallClock(clock), base=files.base, computer=ComputerWatch(read_computer),
+        wall_clock=WallClock(clock), base=files.base, computer=ComputerWatch(read_computer),
     )  # fmt: skip
     motor.inertia.on_measurement = car.telemetry.on_imu
     if (history := history_file(settings)) is not None:
         parameters.read_history(car.history, history)
     opening = asyncio.create_task(_open(car, bus, stop, files.address), name="bus")
-    methods.warm_up(settings.wall_follow, settings.safety, settings.car)
+    warm_up(settings, clock)
+    if fetch is not None:  # once more: the first answer runs code that no later one needs
+        lines = prefetch.learn(partial(warm_up, settings, clock), car)
     gc.collect()
     gc.freeze()  # a full collection would block the loop for milliseconds; the objects present now stay anyway
     await asyncio.wait({opening}, timeout=HOLD_WITHIN_S)
@@ -174,7 +178,6 @@ async def _drive(
     try:
         await car.drive(stop)
     finally:
-        warmth.stop()
         car.stages.ignore_collections()
         for line in car.stages.table():
             log.info("%s", line)

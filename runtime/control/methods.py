@@ -1,11 +1,8 @@
 """Selection of the laws by name, by `wall_follow.method` and `safety.method`."""
 
-import math
 from collections.abc import Callable
 
-import numpy as np
-
-from drivers.api import Clock, MotorState, Scan
+from drivers.api import Clock
 from runtime.control.guidance import Follower, Guard
 from runtime.control.method_settings import SafetySettings, SweptSafetySettings, WallFollowSettings
 from runtime.control.perception.view import PerceptionCache
@@ -76,17 +73,3 @@ def wrapped(
     if isinstance(guard, ReportGuard):
         return ReportTurn(driver, guard, wall_follow.side)
     return RecoveringFollower(driver, guard, recovery, believed) if recovery is not None else driver
-
-
-def warm_up(wall_follow: WallFollowSettings, safety: SafetySettings, car: CarSettings) -> None:
-    """Run one synthetic scan through laws of their own: numpy's first calls are slower than all later ones."""
-    beams = 1081
-    step_rad = math.radians(0.25)
-    scan = Scan(0.0, 0.0, -step_rad * (beams // 2), step_rad, 0.02, 30.0, np.full(beams, 2.0, np.float32), 0)
-    follower, guard = laws(wall_follow, safety, car)
-    outlook = guard.look(scan, None)
-    follower.follow(scan, None)
-    outlook.limit(1.0, 0.0)
-    outlook.limit(-0.4, 0.1)
-    fast = MotorState(0.0, 8.0, 0.0, 0.0, 12.0, 0.0, 0.0, 20.0, "", timed_out=False, killed=False)
-    guard.look(scan, fast).limit(8.0, 0.0)  # an emergency

@@ -1,83 +1,80 @@
-"""Prefetch of the code and data that the answer to a scan needs, shortly before the scan is due.
+"""Prefetch of the code and objects that the answer to a scan needs, shortly before the scan is due.
 
 Between two scans the car's process sleeps for 20 ms, and other processes evict its data from the caches. Afterwards
 each access waits for memory: of 0.45 ms from scan to motor, 0.3 ms are such cache misses. All lines requested at once
-arrive in a hundredth of a millisecond. The prefetch is a hint to the processor: nothing is run, read or changed by it.
-
-The set is learnt by tracing one answer now and then, from the moment before the scan to its last step: the code that
-runs, its functions and classes, and the objects that are present at every answer.
+arrive in a hundredth of a millisecond. The list of addresses is learnt once, at the start, by answering a synthetic
+scan; while the car drives, it is only passed to the processor, as a hint that runs, reads and changes nothing.
 """
 
+import gc
 import sys
-from collections.abc import Callable
-from types import CodeType, FrameType
-from typing import Final
+from collections.abc import Callable, Iterable, Iterator
+from types import CodeType, FrameType, FunctionType, ModuleType
+from typing import Any, Final
 
-from runtime.realtime.cache_lines import Addresses, Call, addresses, called, held
+import numpy as np
+import numpy.typing as npt
 
+Addresses = npt.NDArray[np.intp]
 Prefetch = Callable[[Addresses], object]
 """Fetches the cache lines at these addresses, (n,), without waiting for them."""
 
-WATCHED_EVERY: Final = 1000
-"""Maximum number of answers between two traced ones, because the car may do something new; at first much oftener: the
-first, the second, the fourth, the eighth. A traced answer takes a third longer."""
+NOTHING: Final[Addresses] = np.empty(0, np.intp)
+LINE_BYTES: Final = 64
+HEADER_BYTES: Final = 16
+"""Size of the garbage collector's header, in front of the address that CPython's `id` returns."""
+MAX_BYTES: Final = 256
+"""Maximum size of an object that is no code and no class; longer ones are docstrings, tables or arrays."""
 
 
-class Warmth:
-    """Learns and prefetches: call `warm` shortly before a scan, and `answered` when the motor has its command.
+def learn(answer: Callable[[], object], car: object) -> Addresses:
+    """Return the addresses of the cache lines that an answer needs, (n,), in order.
 
-    prefetch: None where no prefetch is possible; then nothing is done at all. known: the code that answers need.
-    lasting: the objects whose methods they call, as far as present at two traced answers in a row.
+    answer: runs one, through objects of its own. car: those of its objects whose classes answer are needed as well,
+    with the values of their attributes.
     """
+    calls: dict[CodeType, tuple[dict[str, Any], type]] = {}
 
-    def __init__(self, prefetch: Prefetch | None = None) -> None:
-        self.known: set[CodeType] = set()
-        self.lasting: dict[int, object] = {}
-        self._prefetch = prefetch
-        self._lines = addresses(())
-        self._needed: dict[int, object] = {}  # by every call of `known`
-        self._owners: dict[int, object] = {}  # of the last traced answer
-        self._warmed = 0
-        self._calls: list[Call] | None = None  # while an answer is traced
+    def see(frame: FrameType, event: str, _: object) -> None:
+        if event == "call" and frame.f_code not in calls:
+            calls[frame.f_code] = frame.f_globals, type(frame.f_locals.get("self"))
 
-    def warm(self) -> None:
-        """Prefetch the known set, and start a trace now and then."""
-        if self._prefetch is None:
+    before = sys.getprofile()
+    sys.setprofile(see)
+    try:
+        answer()
+    finally:
+        sys.setprofile(before)
+    needed = [thing for code, (names, owner) in calls.items() for thing in _called(code, names, owner)]
+    owners = {owner for _, owner in calls.values()} - {type(None)}
+    return _addresses([*needed, *(thing for one in _instances(car, owners) for thing in (one, *gc.get_referents(one)))])
+
+
+def _called(code: CodeType, names: dict[str, Any], owner: type) -> Iterator[object]:
+    """Yield what any call of this code needs: itself, its names and constants, the function, and its class."""
+    yield from (code, code.co_names, code.co_consts, *code.co_names, *code.co_consts, names.get(code.co_name))
+    for kind in owner.__mro__:
+        if code.co_name in vars(kind):
+            found = vars(kind)[code.co_name]
+            yield from (kind, found, getattr(found, "fget", None))
             return
-        self._prefetch(self._lines)
-        self._warmed += 1
-        if self._calls is not None:  # no scan came: the trace holds something else
-            self.stop()
-        elif self._is_due() and sys.getprofile() is None:
-            self._calls = []
-            sys.setprofile(self._see)
 
-    def answered(self) -> None:
-        """Learn from the traced answer, if there is one."""
-        if self._calls is None:
-            return
-        calls = self._calls
-        self.stop()
-        new = [call for call in calls if call.code not in self.known]
-        self.known.update(call.code for call in new)
-        self._needed.update((id(thing), thing) for call in new for thing in called(call))
-        owners = {id(call.owner): call.owner for call in calls if call.owner is not None}
-        lasting = {at: owner for at, owner in owners.items() if at in self._owners}
-        self._owners = owners
-        if new or lasting.keys() != self.lasting.keys():
-            self.lasting = lasting
-            self._lines = addresses([*self._needed.values(), *(x for one in self.lasting.values() for x in held(one))])
 
-    def stop(self) -> None:
-        """Stop a trace; harmless when repeated."""
-        if self._calls is not None:
-            self._calls = None
-            sys.setprofile(None)
+def _instances(root: object, kinds: set[type]) -> Iterator[object]:
+    """Yield the objects of these classes that an object holds, directly or not."""
+    seen, waiting = {id(root)}, [root]
+    while waiting:
+        one = waiting.pop()
+        if type(one) in kinds:
+            yield one
+        new = [thing for thing in gc.get_referents(one) if id(thing) not in seen and gc.is_tracked(thing)]
+        waiting += [thing for thing in new if not isinstance(thing, type | ModuleType | FunctionType)]
+        seen.update(map(id, new))
 
-    def _is_due(self) -> bool:
-        is_power_of_two = self._warmed & (self._warmed - 1) == 0
-        return is_power_of_two or self._warmed % WATCHED_EVERY == 0
 
-    def _see(self, frame: FrameType, event: str, _: object) -> None:
-        if event == "call" and self._calls is not None:
-            self._calls.append(Call(frame.f_code, frame.f_globals, frame.f_locals.get("self")))
+def _addresses(things: Iterable[object]) -> Addresses:
+    lines: set[int] = set()
+    for thing in things:
+        size = min(sys.getsizeof(thing), sys.maxsize if isinstance(thing, CodeType | type) else MAX_BYTES)
+        lines.update(range((id(thing) - HEADER_BYTES) // LINE_BYTES, (id(thing) + size - 1) // LINE_BYTES + 1))
+    return np.array(sorted(lines), np.intp) * LINE_BYTES

@@ -83,6 +83,8 @@ class ProcessSettings(Section):
     state_folder: str = ""
     """Folder of the learnt own parts; empty: the service's state directory, or none."""
 
+    prefetch: bool = True
+    """Have the processor fetch what an answer needs shortly before each scan, by a list that is made at the start."""
     stay_awake: bool = True
     """Keep the processor out of deep idle states between scans: shorter latency, a little more power."""
 
