@@ -15,7 +15,10 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Final, ParamSpec, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Final, ParamSpec, TypeVar, overload
+
+if TYPE_CHECKING:
+    from drivers.fingerprint import Sources
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -138,14 +141,18 @@ def digest(module: str) -> str:
         return ""  # without its source it has changed
 
 
+@cache
+def _sources() -> "Sources":
+    from drivers.fingerprint import Sources  # a car whose source is that of the build never parses it
+
+    return Sources(ROOT, passed=frozenset(sealed()["constants"]))
+
+
 def _is_as_sealed(module: str, name: str, entry: Mapping[str, Any], seal: Mapping[str, Any]) -> bool:
     """Return whether the function is the one for which the C was written; its text is parsed only after an edit."""
     if all(digest(used) == seal["files"][used] for used in entry["modules"]):
         return bool(entry["fits"])
-    from drivers.fingerprint import Sources
-
-    found = Sources(ROOT, passed=frozenset(seal["constants"])).fingerprint(module, name)
-    return bool(found.digest == entry["seal"])
+    return bool(_sources().fingerprint(module, name).digest == entry["seal"])
 
 
 def _set(library: ModuleType, constant: str, slots: Mapping[str, Any]) -> None:

@@ -176,7 +176,8 @@ class LidarHealth:
         settings, beams = self._settings, self._beams
         setting_off = self._moved_m < settings.first_mask_m  # the car drives away from what is before its shoulders
         found, lost = find_dirt(
-            beams.dirt, beams.own, beams.blind, beyond(view.scan, BODY_BEYOND_RAD) if setting_off else None,
+            Evidence(beams.near_m, beams.dirt, beams.own, beams.blind),
+            beyond(view.scan, BODY_BEYOND_RAD) if setting_off else None,
             (beams.dirty, beams.parts, beams.blinded), settings.mask_above, settings.unmask_below,
         )  # fmt: skip
         if found is not None:

@@ -93,11 +93,19 @@ def weigh_dirt(
     return near_m, learnt, body, blind
 
 
-@accelerated
+def _flat_find(
+    evidence: Evidence,
+    doubted: Booleans | None,
+    before: tuple[Booleans, Booleans, Booleans],
+    mask_above: float,
+    unmask_below: float,
+) -> tuple[Any, ...]:
+    return evidence.dirt, evidence.body, evidence.blind, doubted, before, mask_above, unmask_below
+
+
+@accelerated(flat=_flat_find)
 def find_dirt(
-    dirt: Floats,
-    body: Floats,
-    blind: Floats,
+    evidence: Evidence,
     doubted: Booleans | None,
     before: tuple[Booleans, Booleans, Booleans],
     mask_above: float,
@@ -105,9 +113,10 @@ def find_dirt(
 ) -> tuple[tuple[Booleans, Booleans, Booleans] | None, bool]:
     """Return which beams are dirty, which the car's own and which blinded, and whether one is dirty or blinded.
 
-    dirt, body, blind: the evidence, (n,). doubted: where alone dirt is believed in; None: everywhere. before: what was
+    doubted: where alone dirt is believed in; None: everywhere. before: what was
     returned last; where nothing has changed, None is returned in its place.
     """
+    _, dirt, body, blind = evidence
     doubtful = dirt >= unmask_below
     if doubted is not None:
         doubtful &= doubted

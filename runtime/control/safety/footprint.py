@@ -10,7 +10,7 @@ Points and poses are complex numbers x + iy: a rotation is one multiplication wi
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -150,26 +150,26 @@ def contact_on_arc(
     motion: tuple[float, ...], steering_rad: float, length_m: float, outline: Outline, points_m: Places
 ) -> Contact:
     """Return the `first_contact` on the `arc` of the fields of a `PathMotion`, without building the path."""
-    touch = sweep_arc(steering_rad, length_m, points_m, outline.front_m, outline.rear_m, outline.half_width_m, *motion)
+    touch = sweep_arc(steering_rad, length_m, points_m, outline, motion)
     return NOTHING if touch is None else Contact(*touch)
 
 
-@accelerated
+def _flat_sweep(
+    steering_rad: float, length_m: float, points_m: Places, outline: Outline, motion: tuple[float, ...]
+) -> tuple[Any, ...]:
+    return steering_rad, length_m, points_m, outline.front_m, outline.rear_m, outline.half_width_m, *motion
+
+
+@accelerated(flat=_flat_sweep)
 def sweep_arc(
-    steering_rad: float,
-    length_m: float,
-    points_m: Places,
-    front_m: float,
-    rear_m: float,
-    half_width_m: float,
-    *motion_fields: float,
+    steering_rad: float, length_m: float, points_m: Places, outline: Outline, motion: tuple[float, ...]
 ) -> tuple[float, float, float] | None:
     """Return travel_m, aside_m and curvature_per_m of the first contact on an arc, or None.
 
-    motion_fields: of a `PathMotion`.
+    motion: fields of a `PathMotion`.
     """
-    motion, outline = PathMotion(*motion_fields), Outline(front_m, rear_m, half_width_m)
-    found = first_contact(arc(motion, steering_rad, length_m), outline, points_m, motion.direction)
+    begun = PathMotion(*motion)
+    found = first_contact(arc(begun, steering_rad, length_m), outline, points_m, begun.direction)
     return None if found is NOTHING else (found.travel_m, found.aside_m, found.curvature_per_m)
 
 

@@ -16,7 +16,7 @@ Below SLOW_MPS the car rolls without slip. Source: single-track model, e.g. Raja
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -82,22 +82,25 @@ class State(NamedTuple):
     wheel_rad: float = 0.0
 
 
-@accelerated
+Wheels = tuple[Floats, Floats]
+"""Angle of the wheels at each step of the past, oldest first, and at the coming steps by the commands in flight."""
+
+
+def _flat_rollouts(
+    points_m: Places, steering_rad: Floats, brake_mps2: Floats, grip_mps2: Floats, wheels: Wheels, start: RolloutStart
+) -> tuple[Any, ...]:
+    return points_m, steering_rad, brake_mps2, grip_mps2, *wheels, *start
+
+
+@accelerated(flat=_flat_rollouts)
 def roll_out_all(
-    points_m: Places,
-    steering_rad: Floats,
-    brake_mps2: Floats,
-    grip_mps2: Floats,
-    past_rad: Floats,
-    coming_rad: Floats,
-    *start_fields: float,
+    points_m: Places, steering_rad: Floats, brake_mps2: Floats, grip_mps2: Floats, wheels: Wheels, start: RolloutStart
 ) -> Floats:
     """Return, for each manoeuvre (n,), the impact [m/s] on each floor (f,) and the least room [m]: (n * (f + 1),).
 
-    points_m: solid points around, (k,), base_link. past_rad, coming_rad: angle of the wheels at each step of the past,
-    oldest first, and at the coming steps by the commands in flight.
+    points_m: solid points around, (k,), base_link.
     """
-    start, points_m = RolloutStart(*start_fields), points_m[np.isfinite(points_m)]
+    points_m, (past_rad, coming_rad) = points_m[np.isfinite(points_m)], wheels
     _check(start, steering_rad, brake_mps2, grip_mps2, past_rad, coming_rad)
     margin_m = _margin_m(start, points_m)
     begun = [latency_path(start, past_rad.tolist(), coming_rad.tolist(), grip) for grip in grip_mps2.tolist()]

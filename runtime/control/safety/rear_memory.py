@@ -3,12 +3,13 @@
 import cmath
 import math
 from collections import deque
+from typing import Any
 
 import numpy as np
 
 from drivers.accelerated import accelerated
 from drivers.value import value
-from runtime.control.perception.geometry import NOWHERE, Booleans, Floats, Places, places_m
+from runtime.control.perception.geometry import NOWHERE, Booleans, Places, places_m
 from runtime.control.perception.odometry import OdometryState
 from runtime.control.perception.view import View
 
@@ -74,8 +75,7 @@ class RearMemory:
         self.kept = deque(kept, maxlen=KEPT_FOR_A_WAY_OUT)
         self._views.clear()
         for one in kept[-KEPT_VIEWS:]:
-            view, at = one.view, (one.place_m.real, one.place_m.imag, one.yaw_rad)
-            self._views.append(find_near_places(view.x_m, view.y_m, view.solid, view.ranges_m, *at))
+            self._views.append(find_near_places(one.view, one.place_m, one.yaw_rad))
         self._seen = np.concatenate(self._views) if self._views else NOWHERE
 
     def keep(self, view: View, doubtful: Places = NOWHERE) -> None:
@@ -91,9 +91,8 @@ class RearMemory:
             if moved_m < KEPT_EVERY_M and abs(math.remainder(pose.yaw_rad - last.yaw_rad, math.tau)) < KEPT_EVERY_RAD:
                 return
         self._last = pose
-        at = pose.x_m, pose.y_m, pose.yaw_rad
         self.kept.append(self.seen_now(view))
-        self._views.append(find_near_places(view.x_m, view.y_m, view.solid, view.ranges_m, *at))
+        self._views.append(find_near_places(view, complex(pose.x_m, pose.y_m), pose.yaw_rad))
         self._seen = np.concatenate(self._views)
 
     def seen_now(self, view: View) -> RememberedView:
@@ -124,13 +123,15 @@ def on_track(place_m: Places, heading: Places, track_m: Places, track_heading: P
     return there
 
 
-@accelerated
-def find_near_places(
-    x_m: Floats, y_m: Floats, solid: Booleans, ranges_m: Floats, at_x_m: float, at_y_m: float, yaw_rad: float
-) -> Places:
-    """Return in odom, (k,), the solid ones nearer than NEAR_M of points (n,) seen from a pose in base_link."""
-    near = (solid & (ranges_m < NEAR_M)).nonzero()[0]
-    return places_m(x_m, y_m, near) * cmath.rect(1.0, yaw_rad) + complex(at_x_m, at_y_m)
+def _flat_near(view: View, place_m: complex, yaw_rad: float) -> tuple[Any, ...]:
+    return view.x_m, view.y_m, view.solid, view.ranges_m, place_m.real, place_m.imag, yaw_rad
+
+
+@accelerated(flat=_flat_near)
+def find_near_places(view: View, place_m: complex, yaw_rad: float) -> Places:
+    """Return in odom, (k,), the solid ones nearer than NEAR_M of the points of a view from a pose of base_link."""
+    near = (view.solid & (view.ranges_m < NEAR_M)).nonzero()[0]
+    return places_m(view.x_m, view.y_m, near) * cmath.rect(1.0, yaw_rad) + place_m
 
 
 @accelerated

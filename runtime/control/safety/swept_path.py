@@ -9,7 +9,7 @@ from runtime.control.perception.geometry import NOWHERE, Places, any_nearer, sol
 from runtime.control.perception.view import View
 from runtime.control.safety.body import LOOK_SPARE_M, Body
 from runtime.control.safety.footprint import ENOUGH_POINTS, NOTHING, Contact, Outline, contact_on_arc
-from runtime.control.safety.no_return_regions import enclosed_dark
+from runtime.control.safety.no_return_regions import find_dark_regions
 from runtime.control.safety.rear_memory import RearMemory
 
 OTHER_STEERINGS = (0.0, 0.5, -0.5, 1.0, -1.0)
@@ -67,7 +67,7 @@ class Strip:
         dark = self._dark.get(key)
         if dark is None:
             toward_rad = math.tan(steering_rad) / self.body.car.wheelbase_m * look_m / 2
-            dark = self._dark[key] = enclosed_dark(self.view, toward_rad, look_m + LOOK_SPARE_M)
+            dark = self._dark[key] = find_dark_regions(self.view, toward_rad, look_m + LOOK_SPARE_M)
         return dark
 
     def free_somewhere(self, length_m: float = FREE_WAY_M) -> bool:

@@ -6,6 +6,8 @@ from typing import Any
 
 from runtime.control.perception.odometry import OdometryState
 from runtime.control.perception.window_dirt import Evidence, LearningShares
+from runtime.control.safety.footprint import Outline
+from runtime.control.safety.manoeuvre_rollout import RolloutStart
 from runtime.control.wall_following.ball_law import Aim, Steered
 from runtime.control.wall_following.ball_path import Ball, BallPath
 from runtime.control.wall_following.followed_wall import FollowedWall
@@ -71,6 +73,28 @@ def _sectors(
     return view, sectors, (state, held), (complex(moved_x_m, moved_y_m), turned_rad), car, within_m
 
 
+def _near(x_m, y_m, solid, ranges_m, at_x_m, at_y_m, yaw_rad):
+    view = SimpleNamespace(x_m=x_m, y_m=y_m, solid=solid, ranges_m=ranges_m)
+    return view, complex(at_x_m, at_y_m), yaw_rad
+
+
+def _dark(no_echo, solid, ranges_m, angle_min_rad, angle_step_rad, toward_rad, near_m):
+    scan = SimpleNamespace(angle_min_rad=angle_min_rad, angle_step_rad=angle_step_rad)
+    return SimpleNamespace(scan=scan, no_echo=no_echo, solid=solid, ranges_m=ranges_m), toward_rad, near_m
+
+
+def _found(dirt, body, blind, doubted, before, mask_above, unmask_below):
+    return Evidence(dirt, dirt, body, blind), doubted, before, mask_above, unmask_below
+
+
+def _sweep(steering_rad, length_m, points_m, front_m, rear_m, half_width_m, *motion):
+    return steering_rad, length_m, points_m, Outline(front_m, rear_m, half_width_m), motion
+
+
+def _rollouts(points_m, steering_rad, brake_mps2, grip_mps2, past_rad, coming_rad, *start):
+    return points_m, steering_rad, brake_mps2, grip_mps2, (past_rad, coming_rad), RolloutStart(*start)
+
+
 STRUCTURES: dict[str, Callable[..., Any]] = {
     "fit_wall_line": _fit,
     "find_followed_wall": _wall,
@@ -80,4 +104,9 @@ STRUCTURES: dict[str, Callable[..., Any]] = {
     "weigh_dirt": _dirt,
     "find_thin_places": _thin,
     "watch_sectors": _sectors,
+    "find_near_places": _near,
+    "find_dark_regions": _dark,
+    "find_dirt": _found,
+    "sweep_arc": _sweep,
+    "roll_out_all": _rollouts,
 }

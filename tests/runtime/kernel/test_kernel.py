@@ -118,11 +118,13 @@ def test_an_edited_comment_or_docstring_costs_nothing(edited, compiled):
 
 
 PLACES = """
+from types import SimpleNamespace
 import numpy as np
 from drivers.accelerated import in_c
 from runtime.control.safety.rear_memory import find_near_places
 far = np.array([1.0, 2.0, 3.0])
-print("find_near_places" in in_c(), find_near_places(far, 0 * far, far > 0, far, 0.0, 0.0, 0.0).size)
+view = SimpleNamespace(x_m=far, y_m=0 * far, solid=far > 0, ranges_m=far)
+print("find_near_places" in in_c(), find_near_places(view, 0j, 0.0).size)
 """
 
 
@@ -131,7 +133,7 @@ def test_a_changed_number_costs_nothing_and_reaches_the_c(edited):
 
 
 def test_an_edited_law_drives_in_python_with_its_callers_alone_and_says_so(edited, compiled):
-    said = edited(NEAR, "(solid & (ranges_m < NEAR_M))", "(solid & (ranges_m <= NEAR_M))")
+    said = edited(NEAR, "(view.ranges_m < NEAR_M)", "(view.ranges_m <= NEAR_M)")
     assert said == (
         f"{len(compiled) - 1} of {len(compiled)} functions of the hot path are compiled; "
         "in Python: find_near_places (edited since its C was sealed)\n"

@@ -7,7 +7,7 @@ import pytest
 
 from drivers.api import Scan
 from runtime.control.perception.view import PerceptionCache
-from runtime.control.safety.no_return_regions import enclosed_dark
+from runtime.control.safety.no_return_regions import find_dark_regions
 from tests.runtime.control.safety.swept_scenes import (
     BEAMS,
     CAR,
@@ -50,16 +50,16 @@ def test_a_third_of_the_window_must_be_dark():
         ranges_m = np.full(BEAMS, 2.0, np.float32)
         ranges_m[540 : 540 + dark_beams] = np.nan
         view = eyes.see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
-        assert enclosed_dark(view, 0.0, 3.0) == dark
+        assert find_dark_regions(view, 0.0, 3.0) == dark
 
 
 def test_where_the_lidar_does_not_look_nothing_is_dark():
     ranges_m = np.full(BEAMS, 2.0, np.float32)
     ranges_m[300:700] = np.nan
     view = PerceptionCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
-    assert enclosed_dark(view, 0.0, 3.0)
-    assert not enclosed_dark(view, -3.0, 3.0)
-    assert not enclosed_dark(view, 3.0, 3.0)
+    assert find_dark_regions(view, 0.0, 3.0)
+    assert not find_dark_regions(view, -3.0, 3.0)
+    assert not find_dark_regions(view, 3.0, 3.0)
 
 
 def test_a_covered_lidar_stops_the_car():
