@@ -4,6 +4,7 @@ import asyncio
 import logging
 import secrets
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -53,27 +54,44 @@ REST_PERIOD_S = 0.02
 REST_BELOW_MPS = 0.05
 
 
-class Car:
-    """The shared objects of one drive. Built once, from settings and two devices; `drive` runs it.
+@dataclass(frozen=True, slots=True)
+class CarSurroundings:
+    """What a car has beside its devices.
 
     file: destination of saved live parameters, None where there is none; base: the file below it.
     reading_s: duration of the newest scan's read from the kernel, where the lidar measures it.
-    scan_phase: the one around which the devices schedule. computer: watches the computer, where there is a real one.
+    scan_phase: the one around which the devices schedule. wall_clock: the computer's, where it may be set.
+    computer: watches the computer, where there is a real one.
     """
 
+    file: Path | None = None
+    base: Path | None = None
+    reading_s: Callable[[], float] = lambda: 0.0
+    scan_phase: ScanPhase = field(default_factory=ScanPhase)
+    wall_clock: WallClock | None = None
+    computer: ComputerWatch | None = None
+
+
+class Car:
+    """The shared objects of one drive. Built once, from settings and two devices; `drive` runs it."""
+
     def __init__(
-        self, settings: Settings, lidar: Lidar, motor: Motor, bus: Network, clock: Clock, file: Path | None = None,
-        *, reading_s: Callable[[], float] = lambda: 0.0, scan_phase: ScanPhase | None = None,
-        wall_clock: WallClock | None = None, base: Path | None = None,
-        computer: ComputerWatch | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        settings: Settings,
+        lidar: Lidar,
+        motor: Motor,
+        bus: Network,
+        clock: Clock,
+        around: CarSurroundings | None = None,
+    ) -> None:
+        around = around or CarSurroundings()
         self.settings = settings
         self.lidar = lidar
         self.motor = motor
         self.bus = bus
         self.clock = clock
         self.manager = ServiceManager()
-        self.wall_clock = wall_clock or never_set(clock)
+        self.wall_clock = around.wall_clock or never_set(clock)
         self.recorder = Recorder(
             settings.recording,
             car=settings.car.name,
@@ -86,8 +104,7 @@ class Car:
         self.stack = LiveStack(settings, self.decision_log)
         self.queue, self.laws, self.limiter = self.stack.queue, self.stack.laws, self.stack.limiter
         self.stages = StageTimer(clock)
-        self._reading_s = reading_s
-        self.scan_phase = scan_phase or ScanPhase()
+        self._reading_s, self.scan_phase = around.reading_s, around.scan_phase
         self.mux = mux_task.Mux(
             self.queue, motor, self.limiter, REQUIRED, self.decision_log.clock, self.stages, self.decision_log
         )
@@ -100,13 +117,13 @@ class Car:
             car_session=self.session,
         )  # fmt: skip
         self.battery = BatteryLimit(settings.battery, motor, self.queue, self.operator.rearm)
-        self.computer = computer
+        self.computer = around.computer
         self.own_parts = OwnPartsKeeper(
             settings.car.name, lambda: lidar.health.identity, self.laws, file_in(settings.process.state_folder), clock,
             lambda: datetime.now(UTC).isoformat(timespec="seconds"), self.is_standing, self.decision_log.remembered,
         )  # fmt: skip
         self.history = ChangeHistory(settings.parameters.history)
-        self.parameters = ParameterServer(settings, self._surroundings(file, base), self.history)
+        self.parameters = ParameterServer(settings, self._surroundings(around.file, around.base), self.history)
         self.sink = ZenohSink(bus, settings.car.name, settings.telemetry.rates_hz)
         self.telemetry = Telemetry(
             self._observed(), settings.car, [self.sink, self.recorder],

@@ -18,7 +18,7 @@ from typing import Any, Final, Protocol
 from drivers.hokuyo.driver import Hokuyo
 from drivers.vesc.driver import Vesc
 from runtime import kernel
-from runtime.app import Car, history_file
+from runtime.app import Car, CarSurroundings, history_file
 from runtime.host.address_file import Address, write_address
 from runtime.host.computer import read_computer
 from runtime.host.logging_setup import journal
@@ -156,10 +156,10 @@ async def _drive(
     motor = Vesc(settings.motor, clock=clock, clear_s=scan_phase.clear_s, replied=replied)
     fitted(motor)
     lidar = Hokuyo(settings.lidar, clock=clock, clear_s=scan_phase.clear_s)
-    car = Car(
-        settings, lidar, motor, bus, clock, files.saved, reading_s=lambda: lidar.reading_s, scan_phase=scan_phase,
-        wall_clock=WallClock(clock), base=files.base, computer=ComputerWatch(read_computer),
-    )  # fmt: skip
+    around = CarSurroundings(
+        files.saved, files.base, lambda: lidar.reading_s, scan_phase, WallClock(clock), ComputerWatch(read_computer)
+    )
+    car = Car(settings, lidar, motor, bus, clock, around)
     motor.inertia.on_measurement = car.telemetry.on_imu
     if (history := history_file(settings)) is not None:
         parameters.read_history(car.history, history)

@@ -8,6 +8,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("benchmarks", "clients", "docs", "drivers", "runtime", "sim", "wallride")
 MAX_MODULES = 20
+MAX_PARAMETERS, MANY_PARAMETERS, MAX_WITH_MANY = 8, 6, 10
 MAX_RIDDLES = 10
 RIDDLES = re.compile(r"\b(whoever|nobody|somebody|everybody)\b", re.IGNORECASE)
 
@@ -30,6 +31,25 @@ def test_no_folder_has_more_modules_than_can_be_overlooked():
     modules = Counter(path.parent for path in sources(".py") if path.name != "__init__.py")
     assert max(modules.values()) > 10
     assert not {str(folder.relative_to(ROOT)): count for folder, count in modules.items() if count > MAX_MODULES}
+
+
+def parameters_of(function):
+    arguments = function.args
+    named = [one.arg for one in (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs)]
+    return [*named, *(one.arg for one in (arguments.vararg, arguments.kwarg) if one is not None)]
+
+
+def test_what_a_function_takes_can_be_remembered():
+    counts = {
+        f"{path.relative_to(ROOT)}:{node.name}": len([name for name in parameters_of(node) if name != "self"])
+        for path in sources(".py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    }
+    assert len(counts) > 2000
+    assert {name: count for name, count in counts.items() if count > MAX_PARAMETERS} == {}
+    many = sorted(name for name, count in counts.items() if count > MANY_PARAMETERS)
+    assert len(many) <= MAX_WITH_MANY, many
 
 
 def test_sentences_have_a_component_as_their_subject():

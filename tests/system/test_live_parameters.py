@@ -9,7 +9,7 @@ import pytest
 
 from clients.parameters import ask
 from drivers.api import Drive
-from runtime.app import Car
+from runtime.app import Car, CarSurroundings
 from runtime.arbitration.command import DriveCommand, Source
 from runtime.settings.tree import Settings, load_settings
 from runtime.wire import zenoh_config
@@ -35,9 +35,8 @@ class Lab:
         self.motor = MemoryMotor(clock)
         self.scan_times_s = []
         self.lidar = MemoryLidar(self._scan, clock)
-        self.car = Car(
-            self.settings, self.lidar, self.motor, bus or MemoryBus(clock, listened_to=False), clock, file=file
-        )
+        bus = bus or MemoryBus(clock, listened_to=False)
+        self.car = Car(self.settings, self.lidar, self.motor, bus, clock, CarSurroundings(file))
 
     def _scan(self, now_s):
         self.scan_times_s.append(now_s)
