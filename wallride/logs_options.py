@@ -33,7 +33,7 @@ def add(commands: "Commands") -> None:
         "-o", "--output", default=".", metavar="DIR", help="folder to write to (default: the current one)"
     )
     trimming = actions.add_parser("trim", help="delete the oldest recordings down to a size")
-    trimming.add_argument("--keep-mb", type=_size, required=True, metavar="MB")
+    trimming.add_argument("--keep-mb", type=_size, required=True, metavar="MB", help="total size to keep")
     for action in (listing, getting, trimming):
         client_options.add_common(action)
         action.add_argument(
