@@ -168,3 +168,10 @@ def test_a_battery_is_judged_anew_after_a_lost_link(condition):
     condition.disconnect()
     condition.update(low, 50.0, 0.0)
     assert condition.trouble == ""
+
+
+def test_a_fault_that_is_latched_from_outside_does_not_replace_an_earlier_one(condition, health):
+    condition.latch("the first")
+    condition.latch("the second")
+    assert condition.fault == "the first"
+    assert health.counts["fault"] == 1

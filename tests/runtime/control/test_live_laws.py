@@ -215,3 +215,15 @@ def test_a_lower_top_speed_is_obeyed_at_once_and_a_higher_one_by_and_by():
     assert limiter.limit(3.0, 0.0, 0.02).speed_mps == 1.0
     limiter.tune(Limits(4.0, 1.0, 0.34, 3.2, 4.0))
     assert limiter.limit(3.0, 0.0, 0.02).speed_mps == pytest.approx(1.08)
+
+
+def test_the_reports_laws_take_new_settings_and_have_nothing_to_learn():
+    report = {"method": "report"}
+    drive = Drive(ahead_m=1.4, wall_follow=report, safety=report)
+    assert drive.scan()[0].reason == "obstacle ahead: turning away"
+    drive.laws.learn()
+    drive.laws.remember_own_parts(None)
+    assert drive.laws.own_parts is None
+    drive.tune(wall_follow={**report, "speed_mps": 0.5}, safety={**report, "turn_below_m": 1.0})
+    guidance, _ = drive.scan()
+    assert (guidance.drive.speed_mps, guidance.reason) == (0.5, "corner ahead")

@@ -1,6 +1,7 @@
 """Wheels and lidar that tell of the same drive, and of different ones: simulated rooms, and real drives."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -241,3 +242,20 @@ def test_scans_of_two_sensors_are_not_compared():
     before = room.last
     other = Scan(0, 0, before.angle_min_rad, 2 * before.angle_step_rad, 0.02, 30, before.ranges_m[::2], 1)
     assert compare_shift(before, other, (0.3, 0.0, 0.0), CAR.lidar_x_m) is Agreement.UNKNOWN
+
+
+def test_a_lidar_that_sees_too_little_is_not_compared():
+    room = Room()
+    room.step(0.0, told=0.0)
+    nothing = replace(room.last, ranges_m=np.full_like(room.last.ranges_m, np.nan))
+    assert compare_shift(room.last, nothing, (0.3, 0.0, 0.0), CAR.lidar_x_m) is Agreement.UNKNOWN
+
+
+def test_the_way_of_a_repeated_scan_counts_from_the_first_report_of_the_wheels():
+    room = Room()
+    room.step(1.0, motor=False)
+    room.frozen_m = room.last.ranges_m
+    room.step(1.0, motor=False)
+    room.step(0.0, told=0.0)
+    assert room.drive(0.25).doubt == ""
+    assert room.drive(0.1).doubt == FROZEN

@@ -12,7 +12,7 @@ from runtime.control.safety.lidar_sectors import BLIND, DEPTH, MISSING, SEEN, UN
 from runtime.control.safety.swept import SweptGuard
 from runtime.control.safety.swept_settings import SweptSettings
 from runtime.control.safety.unknown_regions import CRAWL_MPS
-from runtime.control.safety.visibility import Visibility
+from runtime.control.safety.visibility import Visibility, crosses_within
 from runtime.control.vehicle import CarSettings
 
 CAR = CarSettings()
@@ -304,3 +304,9 @@ def test_three_beams_in_ten_that_agree_are_seeing(beams, known):
     ranges_m[539 : 539 + beams] = 3.0
     lidar.look(ranges_m)
     assert lidar.known(0) == known
+
+
+@pytest.mark.parametrize(("way", "crosses"), [(1 + 0j, False), (0 - 1j, True), (0 + 1j, True)])
+def test_a_wall_meets_the_beam_ahead_unless_it_is_parallel(way, crosses):
+    assert crosses_within(2 + 1j, way, 0.0, 3.0) == crosses
+    assert not crosses_within(2 + 1j, way, 0.0, 1.9)
