@@ -15,6 +15,7 @@ from runtime.ros.definitions import TYPES
 from runtime.settings.telemetry import RatesHz
 from runtime.tasks.telemetry import BURST_PERIOD_S, Telemetry
 from runtime.telemetry.sinks import ZenohSink
+from runtime.telemetry.topic_writers import TopicWriters
 from runtime.wire import topics
 from tests.runtime.observed import GUIDANCE, HandClock, make_observed, output_of, scan_at, speak
 from tests.runtime.ros.samples import ros_store
@@ -119,14 +120,14 @@ async def test_nothing_is_written_before_the_motor_has_its_command():
 async def test_a_turn_of_the_loop_writes_for_a_fifth_of_a_millisecond_at_most(monkeypatch):
     rig = Rig()
     rig.drive_once()
-    write, writes = rig.telemetry._writers.write, []
+    write, writes = TopicWriters.write, []
 
-    def write_slowly(topic):
+    def write_slowly(writers, topic):
         rig.clock.now_s += 0.00015
         writes.append(topic)
-        return write(topic)
+        return write(writers, topic)
 
-    monkeypatch.setattr(rig.telemetry._writers, "write", write_slowly)
+    monkeypatch.setattr(TopicWriters, "write", write_slowly)
     task = asyncio.create_task(rig.telemetry.run())
     sizes = []
     for _ in range(30):
@@ -173,13 +174,13 @@ async def test_they_leave_in_bursts_but_a_change_of_mind_at_once():
 async def test_an_unwanted_message_is_not_even_written(monkeypatch):
     rig = Rig(Keeper(topics.ODOM))
     wrote = []
-    write = rig.telemetry._writers.write
+    write = TopicWriters.write
 
-    def watched(topic):
+    def watched(writers, topic):
         wrote.append(topic)
-        return write(topic)
+        return write(writers, topic)
 
-    monkeypatch.setattr(rig.telemetry._writers, "write", watched)
+    monkeypatch.setattr(TopicWriters, "write", watched)
     rig.drive_once()
     await rig.written()
     assert wrote == [topics.ODOM]
