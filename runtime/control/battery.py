@@ -47,7 +47,7 @@ class BatterySettings(Section):
     @classmethod
     def _as_text(cls, cells: object) -> object:
         """Accept `cells = 3` like `cells = "3"`."""
-        return str(cells) if isinstance(cells, int) and not isinstance(cells, bool) else cells
+        return str(cells) if isinstance(cells, int) else cells
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.arbitration import command
-from runtime.arbitration.command import LAB_ORDER, Source, SpeedLimit, Verdict, arbitrate
+from runtime.arbitration.command import LAB_ORDER, Source, SpeedLimit, Verdict, arbitrate, consent, refusal
 from tests.runtime.decisions import BOUND_ORDER, CASES, REQUIRED, Case, estop, failing, nav, permit, safety, stick
 
 
@@ -206,3 +206,18 @@ def test_breaking_any_line_of_arbitrate_is_noticed():
             unnoticed.append(what)
     assert unnoticed == []
     assert total >= 20, "the mutator found too little to break"
+
+
+def test_a_refusal_stops_both_ways_and_a_consent_limits_neither():
+    assert refusal(Source.SAFETY, "wall").outlook.limit(1.0, 0.0) == Verdict(0.0, 0.0, "wall")
+    assert consent(Source.SAFETY, "clear").outlook.limit(1.0, 0.0) == Verdict(math.inf, math.inf, "clear")
+
+
+@pytest.mark.parametrize(
+    ("forward_mps", "reverse_mps", "stops"), [(0.0, 0.0, True), (0.5, 0.0, False), (0.0, 0.5, False), (0.5, 0.5, False)]
+)
+def test_without_a_driver_only_a_stop_in_both_directions_is_the_reason(forward_mps, reverse_mps, stops):
+    cap = SpeedLimit(Source.SAFETY, Verdict(forward_mps, reverse_mps, "wall"))
+    decision = arbitrate([cap], frozenset(), LAB_ORDER)
+    assert decision.winner is (Source.SAFETY if stops else None)
+    assert (decision.reason == "wall") is stops

@@ -144,6 +144,12 @@ def test_the_monitor_follows_a_drive_from_the_start_to_a_fault_and_back():
     assert car.monitor.reason == "the e-stop was reset"
 
 
+def test_a_permit_ends_at_its_end():
+    car = Watched()
+    car.permit.grant(until_s=car.clock.now_s + 0.02)
+    assert car.after(output_of(0.0)) is S.DISARMED
+
+
 def test_the_state_is_as_old_as_its_beginning():
     car = Watched()
     car.permit.grant(until_s=math.inf)

@@ -6,7 +6,7 @@ import pytest
 from pydantic import ValidationError
 
 from drivers.api import MotorState
-from runtime.control.battery import LASTS_S, BatteryMonitor, BatterySettings, Charge
+from runtime.control.battery import LASTS_S, LOADED_ABOVE_A, BatteryMonitor, BatterySettings, Charge
 
 REPORT = MotorState(0.0, 0.0, 0.0, 0.0, 12.0, 0.0, 0.0, 30.0, "", timed_out=False, killed=False)
 FREE = float("inf")
@@ -101,6 +101,65 @@ def test_the_lowest_voltage_under_load_is_kept():
     pack.shows(10.2, 0.1, current_a=-30.0)
     pack.shows(9.0, 0.1)
     assert pack.shows(10.8, 0.1, current_a=20.0).sag_v == 10.2
+
+
+EXACT = {"cells": 2, "low_v_per_cell": 3.5, "cutoff_v_per_cell": 3.0}
+"""Limits, and a period below, that floating point represents exactly."""
+
+
+def at_most(pack, voltage_v, charge):
+    """Return the time from the first report of this voltage to this charge."""
+    for report in range(100):
+        pack.now_s += 0.25
+        pack.monitor.update(replace(REPORT, stamp_s=pack.now_s, voltage_v=voltage_v))
+        if pack.monitor.charge is charge:
+            return report * 0.25
+    return float("inf")
+
+
+def test_each_limit_itself_is_still_good_and_each_time_itself_is_enough():
+    pack = Pack(**EXACT)
+    assert at_most(pack, 7.0, Charge.LOW) == float("inf")
+    pack = Pack(**EXACT)
+    assert at_most(pack, 7.0, Charge.GOOD) == 2.0
+    assert at_most(pack, 6.0, Charge.LOW) == 1.0
+    assert at_most(pack, 6.0, Charge.EMPTY) == float("inf")
+    assert at_most(pack, 5.75, Charge.EMPTY) == 1.0
+    assert at_most(pack, 7.25, Charge.GOOD) == 2.0
+
+
+def test_a_pack_is_one_from_six_volts_on():
+    pack = Pack(low_v_per_cell=3.2)
+    assert pack.monitor.fields()["cells"] is None
+    assert at_most(pack, 6.0, Charge.EMPTY) == 1.0
+    assert pack.monitor.fields()["cells"] == 2
+    assert pack.monitor.trouble == "battery empty: 6.0 V; charge or change it"
+
+
+def test_without_a_check_a_low_battery_still_counts_after_a_second():
+    pack = Pack(**EXACT, settle_s=0)
+    assert pack.monitor.charge is Charge.GOOD
+    assert at_most(pack, 6.5, Charge.LOW) == 1.0
+    assert pack.monitor.limit_mps == 1.0
+    pack.monitor.update(None)
+    assert (pack.monitor.charge, pack.monitor.limit_mps, pack.monitor.trouble) == (Charge.GOOD, FREE, "")
+
+
+def test_a_lost_controller_begins_everything_anew():
+    pack = Pack()
+    pack.shows(11.8, 1.9, current_a=LOADED_ABOVE_A)
+    assert pack.monitor.sag_v == 11.8
+    pack.monitor.update(None)
+    assert pack.monitor.sag_v != pack.monitor.sag_v
+    assert pack.monitor.voltage_v != pack.monitor.voltage_v
+    assert pack.shows(11.8, 0.5).limit_mps == 0.0
+    assert pack.shows(11.8, 1.6).limit_mps == FREE
+
+
+def test_the_same_limit_twice_is_a_stop_without_slowing_down():
+    assert BatterySettings(low_v_per_cell=3.2).cutoff_v_per_cell == 3.2
+    with pytest.raises(ValidationError):
+        BatterySettings.model_validate({"cells": True})
 
 
 def test_limits_in_the_wrong_order_are_refused():
