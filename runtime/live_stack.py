@@ -77,14 +77,14 @@ def warm_up(settings: Settings, clock: Clock) -> None:
     that `prefetch` learns.
     """
     stack, step_rad, beams = LiveStack(settings, DecisionLog(clock, 0)), math.radians(0.25), 1081
-    stack.voices.say(consent(Source.PERMIT, "a synthetic scan"))
+    stack.queue.say(consent(Source.PERMIT, "a synthetic scan"))
     for sequence, speed_mps in enumerate((1.0, 1.0, 8.0)):
         now_s, ranges_m = clock(), np.linspace(1.0, 3.0, beams, dtype=np.float32)
         scan = Scan(now_s, now_s, -step_rad * (beams // 2), step_rad, 0.02, 30.0, ranges_m, sequence)
         motor = MotorState(now_s, speed_mps, 0.0, 0.0, 12.0, 0.0, 0.0, 20.0, "", timed_out=False, killed=False)
         outlook = stack.look(scan, motor)
         stack.follow(scan, motor)
-        decision = arbitrate(stack.voices.live(), REQUIRED, stack.voices.order)
+        decision = arbitrate(stack.queue.live(), REQUIRED, stack.queue.order)
         stack.limiter.limit(decision.speed_mps, decision.steering_rad, 0.025, decision.brake_mps2)
         for wish_mps in (-0.4, speed_mps):
             outlook.limit(wish_mps, 0.1)

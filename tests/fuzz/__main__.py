@@ -67,7 +67,7 @@ def main() -> int:
     parser.add_argument("--findings", type=Path, default=Path("fuzz-findings"))
     options = parser.parse_args()
     logging.disable()  # it has a rate limit, and is not looked at here
-    print(kernel.use().words)
+    print(kernel.state().words)
     with contextlib.closing(Files()) as files:
         return run(options, {**seeds_of_wires(), **files.seeds()})
 

@@ -83,7 +83,7 @@ def test_a_synthetic_scan_runs_the_laws_of_a_car_and_drives_nothing():
     car = LiveStack(settings, DecisionLog(time.monotonic, 0))
     lines = set(learn(lambda: warm_up(settings, time.monotonic), car).tolist())
     assert {line_of(LiveStack.look.__code__), line_of(SweptGuard.look.__code__), line_of(car.laws.guard)} <= lines
-    assert not car.voices.live()
+    assert not car.queue.live()
 
 
 def test_the_processor_takes_any_address_as_a_hint():
