@@ -163,8 +163,22 @@ def _give_to_service(key: Path) -> None:
 
 
 def _give_to_caller(folder: Path) -> None:
-    """Under sudo, give the new folder to the calling user, who has to carry it away."""
+    """Under sudo, give the new folder to the calling user, who has to carry it away.
+
+    The files first and the folder last, each by its descriptor: from the moment that the folder is the user's, its
+    names may be links to anything.
+    """
     if os.name == "posix" and os.geteuid() == 0 and (user := os.environ.get("SUDO_UID", "")).isdigit():
         group = os.environ.get("SUDO_GID", user)
-        for path in (folder, *folder.iterdir()):
-            os.chown(path, int(user), int(group) if group.isdigit() else -1)
+        owner = int(user), int(group) if group.isdigit() else -1
+        opened = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
+        try:
+            for name in os.listdir(opened):  # noqa: PTH208 - by descriptor
+                file = os.open(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=opened)
+                try:
+                    os.fchown(file, *owner)
+                finally:
+                    os.close(file)
+            os.fchown(opened, *owner)
+        finally:
+            os.close(opened)

@@ -3,11 +3,13 @@
 import os
 import stat
 from datetime import UTC, date, datetime, timedelta
+from pathlib import Path
 
 import pytest
 from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
+from clients.keys import folder as folder_module
 from clients.keys.folder import KeyFolder
 from runtime.security.access_list import KeysError
 from runtime.security.certificates import read_identity
@@ -169,3 +171,29 @@ def test_an_authority_with_the_wrong_key_is_noticed(folder, tmp_path):
     with pytest.raises(KeysError, match=r"ca\.key is not the key of ca\.pem"):
         folder.add(ALICE, tmp_path / "alice", NOW, 30, renew=False)
     assert read_identity(car_keys(folder.path, NOW).tls, for_car=True).name == "car1"
+
+
+def test_under_sudo_the_folder_is_given_away_last_and_no_link_is_followed(tmp_path, monkeypatch):
+    given = []
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    monkeypatch.setattr(
+        os, "fchown", lambda file, *owner: given.append((str(Path(f"/proc/self/fd/{file}").readlink()), owner))
+    )
+    monkeypatch.setattr(os, "chown", lambda *_, **__: pytest.fail("by name: another file may have it by now"))
+    monkeypatch.setenv("SUDO_UID", "1234")
+    monkeypatch.setenv("SUDO_GID", "1235")
+    mine = tmp_path / "alice-keys"
+    mine.mkdir()
+    for name in ("alice.key", "alice.pem", "ca.pem"):
+        (mine / name).write_text("x")
+    folder_module._give_to_caller(mine)
+    names = [path for path, _ in given]
+    assert sorted(names[:-1]) == [str(mine / name) for name in ("alice.key", "alice.pem", "ca.pem")]
+    assert names[-1] == str(mine)
+    assert {owner for _, owner in given} == {(1234, 1235)}
+    given.clear()
+    (mine / "ca.pem").unlink()
+    (mine / "ca.pem").symlink_to("/etc/passwd")
+    with pytest.raises(OSError, match="symbolic links"):
+        folder_module._give_to_caller(mine)
+    assert not [path for path, _ in given if path in {"/etc/passwd", str(mine)}]
