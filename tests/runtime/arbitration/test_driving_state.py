@@ -144,6 +144,16 @@ def test_the_monitor_follows_a_drive_from_the_start_to_a_fault_and_back():
     assert car.monitor.reason == "the e-stop was reset"
 
 
+def test_before_the_first_decision_it_is_starting_and_says_for_how_long():
+    car = Watched()
+    car.clock.now_s += 0.5
+    fields = car.monitor.fields()
+    assert math.isnan(float(fields.pop("measure")))
+    assert fields == {
+        "state": "starting", "reason": "no decision yet", "clears": CLEARED_BY[S.STARTING], "for_s": 0.5
+    }  # fmt: skip
+
+
 def test_a_permit_ends_at_its_end():
     car = Watched()
     car.permit.grant(until_s=car.clock.now_s + 0.02)
