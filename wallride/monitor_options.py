@@ -28,8 +28,8 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         "--host",
         default="127.0.0.1",
         metavar="ADDRESS",
-        help="address to serve (default: 127.0.0.1, this machine only); with any other, for example 0.0.0.0 for a"
-        " phone, the page's address carries a secret token",
+        help="address to serve (default: 127.0.0.1, this machine only), for example 0.0.0.0 for a phone; the page's"
+        " address carries a secret token",
     )
     parser.add_argument("--no-browser", dest="browser", action="store_false", help="only print the page's address")
     parser.add_argument(

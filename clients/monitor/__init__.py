@@ -4,6 +4,8 @@ page/      what the browser gets: plain ES modules and a stylesheet, no build st
 assets     those files, read once
 auth       access control: Host, Origin and token; pure
 token_file that token, kept for as long as its user is logged in
+handover   that address, handed to the browser out of other users' sight
+connections bounds on connections before they have shown the token
 messages   messages of a page; closed and strict
 outbox     queue of one page: the newest of everything, one bundle in transit; pure
 driving    operator's commands from a page's inputs: the deadman's second half; pure

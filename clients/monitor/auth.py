@@ -3,14 +3,16 @@
 * Host: the requested name must be the server's. A site whose own name points to this machine (DNS rebinding) is
   requested by that name, and is rejected.
 * Origin: the browser's statement of the page that opens a WebSocket. Only this server's page may.
-* Token: where other machines can reach the port, the address itself has to be known.
+* Token: the address itself has to be known, on this machine too: its other users reach the port as well.
 """
 
 import hmac
 import ipaddress
+import re
 import socket
 from dataclasses import dataclass
 
+_HOST = re.compile(r"(?:\[(?P<number>[0-9A-Fa-f:.]+)\]|(?P<name>[A-Za-z0-9._-]+))(?::\d{1,5})?")
 LOCAL_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
 
 
@@ -19,19 +21,19 @@ class PageAuth:
     """Requirements of every request.
 
     names: hosts that are us; numbers: whether any address written in digits is us too (we listen on all of them).
-    token: what the address must carry, "" where only this machine can come.
+    token: what the address must carry.
     """
 
     names: frozenset[str]
+    token: str
     numbers: bool = False
-    token: str = ""
 
     def objection(self, host: str, token: str) -> str:
         """Return the reason for rejecting a request, "" when it is accepted. host: the Host header."""
         name = host_name(host)
         if not (name in self.names or (self.numbers and _is_number(name))):
             return "this is not the address of a wallride monitor; use the one that `wallride monitor` printed"
-        if self.token and not hmac.compare_digest(token.encode(), self.token.encode()):
+        if not hmac.compare_digest(token.encode(), self.token.encode()):
             return "the address lacks its token; use the whole address that `wallride monitor` printed"
         return ""
 
@@ -43,12 +45,12 @@ class PageAuth:
 
 
 def open_door(host: str, token: str) -> PageAuth:
-    """Return the access control of a server on a host; token: required where other machines can reach it."""
+    """Return the access control of a server on a host; token: what its address carries."""
     if is_loopback(host):
-        return PageAuth(LOCAL_NAMES)
+        return PageAuth(LOCAL_NAMES, token)
     name = socket.gethostname().lower()
     ours = {host.lower(), name, f"{name}.local", name.split(".")[0]}
-    return PageAuth(LOCAL_NAMES | ours, numbers=True, token=token)
+    return PageAuth(LOCAL_NAMES | ours, token, numbers=True)
 
 
 def is_loopback(host: str) -> bool:
@@ -62,10 +64,12 @@ def is_loopback(host: str) -> bool:
 
 
 def host_name(header: str) -> str:
-    """Return the name in a Host header, without its port and brackets: the port may be a tunnel's."""
-    if header.startswith("["):
-        return header[1:].partition("]")[0].lower()
-    return header.partition(":")[0].lower()
+    """Return the name in a Host header, without its port and brackets, "" for what is none; its port may be a tunnel's.
+
+    Anything between the closing bracket and the port would be part of another name.
+    """
+    match = _HOST.fullmatch(header)
+    return (match["number"] or match["name"]).lower() if match is not None else ""
 
 
 def _is_number(name: str) -> bool:

@@ -7,6 +7,7 @@ import errno
 import logging
 import signal
 import socket
+import time
 import webbrowser
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
@@ -17,12 +18,15 @@ from aiohttp import web
 from clients.connection import ConnectionProblemError, endpoint_of, keys_of
 from clients.monitor import assets
 from clients.monitor.auth import PageAuth, is_loopback, open_door
+from clients.monitor.connections import MAX_PAGES, QUIET, end_idle, lasting, shortened
+from clients.monitor.handover import handed_over
 from clients.monitor.messages import LONGEST
 from clients.monitor.qr import qr_lines
 from clients.monitor.relay import CarEndpoint, Relay
 from clients.monitor.session import Host, PageSession
 from clients.monitor.token_file import kept_secret
 from clients.teleop.shaping import InputShape
+from runtime.host.rate_limited_log import RateLimitedLog
 from runtime.wire import zenoh_config
 
 log = logging.getLogger("wallride.monitor")
@@ -50,6 +54,7 @@ SOMEWHERE = "192.0.2.1"
 HOST: web.AppKey[Host] = web.AppKey("host", Host)
 DOOR: web.AppKey[PageAuth] = web.AppKey("door", PageAuth)
 VISITS: "web.AppKey[set[web.WebSocketResponse]]" = web.AppKey("visits")
+REFUSALS: web.AppKey[RateLimitedLog] = web.AppKey("refusals", RateLimitedLog)
 
 
 def application(host: Host, door: PageAuth) -> web.Application:
@@ -68,6 +73,7 @@ def application(host: Host, door: PageAuth) -> web.Application:
 
     app = web.Application()
     app[HOST], app[DOOR], app[VISITS] = host, door, set()
+    app[REFUSALS] = RateLimitedLog(log, time.monotonic)
     app.router.add_get("/", file)
     app.router.add_get("/ws", _socket)
     app.router.add_get("/{name}", file)
@@ -78,13 +84,17 @@ def application(host: Host, door: PageAuth) -> web.Application:
 async def _socket(request: web.Request) -> web.StreamResponse:
     origin, token = request.headers.get("Origin", ""), request.query.get("token", "")
     if objection := request.app[DOOR].socket_objection(request.host, origin, token):
-        log.warning("turned away a WebSocket from %s, origin %s: %s", request.remote, origin or "none", objection)
+        words = f"turned away a WebSocket from {request.remote}, origin {shortened(origin) or 'none'}: {objection}"
+        request.app[REFUSALS].say("refused", words)
         return web.Response(status=403, text=f"wallride monitor: {objection}\n", headers=HEADERS)
+    if len(request.app[VISITS]) >= MAX_PAGES:
+        return web.Response(status=503, text="wallride monitor: too many pages are open\n", headers=HEADERS)
     socket = web.WebSocketResponse(heartbeat=PING_EVERY_S, compress=False, max_msg_size=2 * LONGEST)
-    await socket.prepare(request)
     request.app[VISITS].add(socket)
     try:
-        await PageSession(socket, request.app[HOST]).run()
+        await socket.prepare(request)
+        with lasting(request):
+            await PageSession(socket, request.app[HOST]).run()
     except ConnectionError:
         log.debug("a page went away")
     finally:
@@ -108,18 +118,20 @@ async def serving(host: Host, address: str, port: int, *, any_port: bool = False
 
     any_port: whether another port will do when this one is taken.
     """
-    door = open_door(address, "" if is_loopback(address) else kept_secret())
-    runner = web.AppRunner(application(host, door), access_log=None, handler_cancellation=True, shutdown_timeout=2.0)
+    door = open_door(address, kept_secret())
+    runner = web.AppRunner(
+        application(host, door), access_log=None, handler_cancellation=True, shutdown_timeout=2.0, logger=QUIET
+    )
     await runner.setup()
-    looking = asyncio.create_task(host.relay.run())
+    helpers = [asyncio.create_task(host.relay.run()), asyncio.create_task(end_idle(runner))]
     try:
         place = await _listen(runner, address, port, any_port=any_port)
-        yield f"http://{place}/{f'?token={door.token}' if door.token else ''}"
+        yield f"http://{place}/?token={door.token}"
     finally:
         await runner.cleanup()  # the pages first: a driving page is stopped while there is still a link
-        looking.cancel()
-        with contextlib.suppress(asyncio.CancelledError):
-            await looking
+        for helper in helpers:
+            helper.cancel()
+        await asyncio.gather(*helpers, return_exceptions=True)
 
 
 async def _listen(runner: web.AppRunner, address: str, port: int, *, any_port: bool) -> str:
@@ -153,13 +165,15 @@ async def run(options: argparse.Namespace) -> int:
     port = options.default_port if options.port is None else options.port
     async with serving(host, options.host, port, any_port=options.port is None) as url:
         options.say(f"the monitor is at {url}")
-        if "token=" in url:
+        if not is_loopback(options.host):
             options.say("with this address anyone can drive the car; it goes over the network unencrypted")
             if code := qr_lines(url):
                 options.say(code)
-        if options.browser:
-            await asyncio.to_thread(_open_browser, url, options.say)
-        await _interrupted()
+        with contextlib.ExitStack() as stack:
+            if options.browser:
+                address = stack.enter_context(handed_over(url))
+                await asyncio.to_thread(_open_browser, address, options.say)
+            await _interrupted()
     return 0
 
 

@@ -11,12 +11,14 @@ from typing import Any
 from aiohttp import WSMsgType, web
 
 from clients.monitor import messages
+from clients.monitor.connections import shortened
 from clients.monitor.driving import PageDriver
 from clients.monitor.feed import PageFeed
 from clients.monitor.messages import Ack, Ask, BadMessageError, Drop, InputState, Leave, Ping, StopMessage, Watch
 from clients.monitor.outbox import MONITOR, PILOT, TOPICS, Outbox, pack
 from clients.monitor.relay import Relay
 from clients.teleop.shaping import InputShape
+from runtime.host.rate_limited_log import RateLimitedLog
 from runtime.wire import topics
 from runtime.wire.bus import RefusedError
 from runtime.wire.teleop import Beat, Command
@@ -61,6 +63,7 @@ class PageSession:
         self._asking: set[asyncio.Task[None]] = set()
         self._beats_ahead = 0
         self._urgent: list[bytes] = []
+        self._refusals = RateLimitedLog(log, time.monotonic)
         self.malformed = 0
 
     async def run(self) -> None:
@@ -122,7 +125,7 @@ class PageSession:
             word = messages.read(text)
         except BadMessageError as error:
             self.malformed += 1
-            log.warning("a page said something that is no word: %s", error)
+            self._refusals.say("malformed", f"a page said something that is no word: {shortened(str(error))}")
             return
         match word:
             case InputState():

@@ -1,4 +1,4 @@
-"""Token in an address for other machines, kept until its user logs out or the machine restarts.
+"""Token in the page's address, kept until its user logs out or the machine restarts.
 
 A page that is open on a phone thereby finds the server again after the server's restart. It lies where only its user
 can read it ($XDG_RUNTIME_DIR, cleared by the system); without such a place every start has a secret of its own.

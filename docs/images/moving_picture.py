@@ -53,7 +53,7 @@ class FilmedTerminal:
     @property
     def page(self) -> str:
         """Address of the page, "" until the simulator has said it."""
-        found = re.search(r"http://127\.0\.0\.1:\d+/", self.text)
+        found = re.search(r"http://127\.0\.0\.1:\d+/\?token=[\w-]+", self.text)
         return found[0] if found else ""
 
     def html(self) -> str:

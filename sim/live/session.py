@@ -241,9 +241,9 @@ class SimulatorSession:
         monitor = WallrideProcess(
             ["monitor", "--connect", address.endpoint, "--car", address.car, "--session", address.session]
         )
-        stack.push_async_callback(monitor.end)
         self.record.page = monitor.log
         await monitor.start()
+        stack.push_async_callback(monitor.stop)  # in order: it deletes the file with the page's address
 
     async def _until_over(self, runtime: RuntimeProcess, duration_s: float, stop: StopRequest) -> None:
         while self.record.time_s < duration_s and not self._scene.finished and not stop.asked:

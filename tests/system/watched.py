@@ -20,6 +20,7 @@ from clients.decoding import decode
 from drivers.vesc.codec import Packet, VescDeframer
 from runtime.wire import topics, zenoh_config
 from runtime.wire.bus import Bus, free_endpoint
+from sim.live.screen import address_in
 from tests.clients.monitor.browser import Browser, Page, chromium
 from tests.runtime.recording.reading import STORE, streamed
 
@@ -70,11 +71,10 @@ class Program:
 class Watched:
     """Everything. output: the speeds that the car sent to its motor, with their arrival. status: its newest."""
 
-    def __init__(self, folder: Path, port: int, endpoint: str, car: Program, monitor: Program) -> None:
+    def __init__(self, folder: Path, endpoint: str, car: Program, monitor: Program) -> None:
         self.folder = folder
         self.car = car
         self.monitor = monitor
-        self.url = f"http://127.0.0.1:{port}/"
         self.output: deque[tuple[float, float]] = deque(maxlen=100_000)
         self.status: dict[str, Any] = {}
         self.page: Page
@@ -87,6 +87,11 @@ class Watched:
     def speed_mps(self) -> float:
         """What the motor was asked for last."""
         return self.output[-1][1] if self.output else 0.0
+
+    @property
+    def url(self) -> str:
+        """The page's address, with its token."""
+        return address_in(self.monitor.log)
 
     async def listen(self) -> None:
         """Hear the car, which has to be there soon."""
@@ -183,7 +188,7 @@ async def watched(tmp_path: Path, world: str, *settings: str, longest_s: float =
         *(word for assignment in assignments for word in ("--set", assignment)),
     )  # fmt: skip
     monitor = Program("monitor", "--no-browser", "--port", str(port), "--connect", endpoint, "--name", OPERATOR)
-    scene = Watched(kept, port, endpoint, car, monitor)
+    scene = Watched(kept, endpoint, car, monitor)
     try:
         await car.start()
         await monitor.start()

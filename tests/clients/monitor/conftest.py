@@ -23,6 +23,15 @@ class Scene:
     def car(self, **more):
         return FakeCar(self.endpoint, **more)
 
+    @property
+    def base(self):
+        """The page's address without its token."""
+        return self.url.partition("?")[0]
+
+    @property
+    def token(self):
+        return self.url.partition("?token=")[2]
+
     @asynccontextmanager
     async def monitor(self, *, address="127.0.0.1", name="ann@laptop", also=()):
         from clients.monitor.relay import CarEndpoint, Relay

@@ -7,17 +7,23 @@ from clients.monitor.token_file import NAME, kept_secret
 
 SECRET = kept_secret({})
 LOCAL = open_door("127.0.0.1", SECRET)
-WIDE = PageAuth(frozenset({"localhost", "box", "box.local"}), numbers=True, token=SECRET)
+WIDE = PageAuth(frozenset({"localhost", "box", "box.local"}), SECRET, numbers=True)
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1:8447", "localhost", "localhost:9000", "[::1]:8447", "LOCALHOST:1"])
 def test_our_own_names_are_welcome_through_any_tunnels_port(host):
-    assert LOCAL.objection(host, "") == ""
+    assert LOCAL.objection(host, SECRET) == ""
 
 
-@pytest.mark.parametrize("host", ["evil.example:8447", "", "127.0.0.1.evil.example", "192.168.1.5:8447", "localhost."])
+EVIL = [
+    "evil.example:8447", "", "127.0.0.1.evil.example", "192.168.1.5:8447", "localhost.", "[127.0.0.1].evil.example",
+    "[::1].evil.example:8447", "[127.0.0.1", "127.0.0.1]", "127.0.0.1:80:evil.example", "127.0.0.1:x", "localhost\n",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("host", EVIL)
 def test_a_name_that_merely_points_here_is_not(host):
-    assert "address" in LOCAL.objection(host, "")
+    assert "this is not the address" in LOCAL.objection(host, SECRET)
 
 
 @pytest.mark.parametrize(
@@ -25,8 +31,9 @@ def test_a_name_that_merely_points_here_is_not(host):
     ["", "null", "http://evil.example", "http://127.0.0.1:3000", "https://127.0.0.1:8447", "http://localhost:8447"],
 )
 def test_only_the_page_from_here_may_open_a_socket(origin):
-    assert LOCAL.socket_objection("127.0.0.1:8447", origin, "") != ""
-    assert LOCAL.socket_objection("127.0.0.1:8447", "http://127.0.0.1:8447", "") == ""
+    assert LOCAL.socket_objection("127.0.0.1:8447", origin, SECRET) != ""
+    assert LOCAL.socket_objection("127.0.0.1:8447", "http://127.0.0.1:8447", SECRET) == ""
+    assert "token" in LOCAL.socket_objection("127.0.0.1:8447", "http://127.0.0.1:8447", "")
 
 
 def test_from_other_machines_the_address_must_carry_its_token():
@@ -37,8 +44,8 @@ def test_from_other_machines_the_address_must_carry_its_token():
     assert WIDE.objection("evil.example", SECRET) != ""
 
 
-def test_a_door_to_the_network_has_a_token_and_one_to_this_machine_has_none():
-    assert not LOCAL.token
+def test_a_door_has_a_token_to_this_machine_too():
+    assert LOCAL.token == SECRET
     assert open_door("0.0.0.0", SECRET).token == SECRET
     assert is_loopback("::1")
     assert is_loopback("127.3.2.1")

@@ -1,6 +1,7 @@
 """The web server: what it serves, whom it turns away, and that pages do not wait for each other."""
 
 import asyncio
+import contextlib
 import json
 import struct
 import time
@@ -8,7 +9,7 @@ import time
 import aiohttp
 import pytest
 
-from clients.monitor import assets
+from clients.monitor import assets, connections
 from clients.monitor.outbox import TOPICS
 from runtime.wire import topics
 from tests.promises import promise
@@ -41,7 +42,8 @@ async def http():
 
 
 def connect(http, scene, **headers):
-    return http.ws_connect(f"{scene.url}ws", headers={"Origin": scene.url.rstrip("/"), **headers})
+    address = f"{scene.base}ws?token={scene.token}"
+    return http.ws_connect(address, headers={"Origin": scene.base.rstrip("/"), **headers})
 
 
 def test_every_file_that_the_page_names_is_in_the_package():
@@ -62,7 +64,7 @@ async def test_the_page_comes_with_headers_that_keep_it_to_itself(scene, http):
             assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
             assert answer.headers["Referrer-Policy"] == "no-referrer"
         for path in ("..%2f..%2fetc%2fpasswd", "server.py", "page/index.html", "%00"):
-            async with http.get(scene.url + path) as answer:
+            async with http.get(scene.base + path) as answer:
                 assert answer.status == 404
 
 
@@ -75,8 +77,9 @@ async def test_other_sites_stay_outside(scene, http):
                 await connect(http, scene, **headers)
 
 
-async def test_where_others_can_reach_it_the_address_has_a_token(scene, http):
-    async with scene.monitor(address="0.0.0.0"):
+@pytest.mark.parametrize("address", ["127.0.0.1", "0.0.0.0"])
+async def test_the_address_has_a_token_for_other_users_of_this_machine_too(scene, http, address):
+    async with scene.monitor(address=address):
         base, _, token = scene.url.partition("?token=")
         assert len(token) >= 16
         assert "0.0.0.0" not in base
@@ -147,3 +150,70 @@ async def test_the_monitor_waits_for_a_car_that_is_not_there_yet(scene, http):
                     (bundle,) = await bundles(socket, 1)
                     if bundle[4] == TOPICS.index(topics.SCAN) or len(bundle) > 4000:
                         return
+
+
+async def test_refused_sockets_fill_no_log(scene, http, caplog):
+    async with scene.monitor():
+        for _ in range(100):
+            with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
+                await connect(http, scene, Origin="http://" + "x" * 2000)
+    said = [record for record in caplog.records if "turned away" in record.getMessage()]
+    assert 1 <= len(said) <= 5
+    assert all(len(record.getMessage()) < 400 and record.getMessage().isprintable() for record in said)
+
+
+async def test_nonsense_of_a_page_fills_no_log(scene, http, caplog):
+    async with scene.monitor(), connect(http, scene) as socket:
+        await hello(socket)
+        for _ in range(200):
+            await socket.send_str("{" + "x" * 500)
+        await socket.send_str('{"t":"ping","at":1}')
+        while json.loads((await socket.receive(timeout=5)).data).get("t") != "pong":
+            pass
+    said = [record for record in caplog.records if "is no word" in record.getMessage()]
+    assert 1 <= len(said) <= 5
+
+
+async def half_request(scene):
+    reader, writer = await asyncio.open_connection("127.0.0.1", scene.port)
+    writer.write(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: ")
+    return reader, writer
+
+
+async def test_half_a_request_is_not_waited_for(scene, http, monkeypatch):
+    monkeypatch.setattr(connections, "IDLE_S", 1.0)
+    async with scene.car(), scene.monitor(), connect(http, scene) as socket:
+        await hello(socket)
+        halves = [await half_request(scene) for _ in range(20)]
+        async with asyncio.timeout(10):
+            for reader, writer in halves:
+                with contextlib.suppress(ConnectionError):
+                    assert await reader.read() == b""
+                writer.close()
+        await socket.send_str('{"t":"watch","car":"car1"}')
+        assert await bundles(socket, 2), "a page with the token stays"
+
+
+async def test_too_many_connections_end_the_oldest(scene, http, monkeypatch):
+    monkeypatch.setattr(connections, "MAX_CONNECTIONS", 5)
+    async with scene.monitor():
+        halves = [await half_request(scene) for _ in range(20)]
+        async with asyncio.timeout(5):
+            for reader, _ in halves[:10]:
+                with contextlib.suppress(ConnectionError):
+                    assert await reader.read() == b""
+        for _, writer in halves:
+            writer.close()
+        async with http.get(scene.url) as answer:
+            assert answer.status == 200
+
+
+async def test_garbage_on_the_port_is_not_logged(scene, caplog):
+    async with scene.monitor():
+        for garbage in (b"\x16\x03\x01" + bytes(200), b"GET / HTTP/9.9\r\n\r\n", b"\xff" * 70_000):
+            reader, writer = await asyncio.open_connection("127.0.0.1", scene.port)
+            writer.write(garbage)
+            with contextlib.suppress(ConnectionError, TimeoutError):
+                await asyncio.wait_for(reader.read(), 2)
+            writer.close()
+    assert not [record for record in caplog.records if record.name.startswith(("aiohttp", "wallride.monitor"))]
