@@ -1,4 +1,4 @@
-"""Makes docs/images/drive.webp: the simulator in a terminal beside its page in a browser, while the car drives.
+"""Makes README's pictures of the page: drive.webp, beside the simulator's terminal while the car drives; two stills.
 
 From the repository's root: .venv/bin/python -m docs.images.moving_picture. Needs Chromium, as the browser tests do.
 """
@@ -19,10 +19,12 @@ from rich.text import Text
 from tests.clients.monitor.browser import Page, chromium, find_chromium
 
 TARGET = Path("docs/images/drive.webp")
+DESK, PHONE = Path("docs/images/monitor.png"), Path("docs/images/monitor-phone.png")
 COLUMNS, ROWS = 64, 40
 HEIGHT_PX, TERMINAL_PX, PAGE_PX = 640, 500, 880
 WIDTH_PX = 1100
 FRAMES, EVERY_S = 60, 0.25
+STILL_AFTER_S = 8.0
 MAX_BYTES = 1_900_000
 SCENE = ("sim", "loop", "--set", "wall_follow.speed_mps=2", "--duration", "600", "--obstacle", "box ahead=6 after=9")
 HOME = "\x1b[H"
@@ -103,8 +105,21 @@ async def pictures() -> list[Image.Image]:
                 both.paste(await shot(right, Path(folder) / "right.png", PAGE_PX), (TERMINAL_PX, 0))
                 frames.append(both.resize((WIDTH_PX, HEIGHT_PX * WIDTH_PX // both.width), Image.Resampling.LANCZOS))
                 await asyncio.sleep(max(0.0, began_s + EVERY_S - asyncio.get_running_loop().time()))
+            await stills(right, terminal.page)
     await terminal.end()
     return frames
+
+
+async def stills(tab: Page, url: str) -> None:
+    """Take the page on a desk and on a phone, each with some seconds of plots."""
+    for file, look in (
+        (DESK, {"width": 1400, "height": 940}),
+        (PHONE, {"width": 390, "height": 844, "scale": 2.0, "mobile": True}),
+    ):
+        await tab.look(**look)
+        await tab.go(url)
+        await asyncio.sleep(STILL_AFTER_S)
+        await tab.picture(file)
 
 
 def write(frames: list[Image.Image]) -> None:
