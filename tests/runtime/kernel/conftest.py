@@ -1,15 +1,14 @@
 """The C functions, and a place where they answer beside the Python."""
 
-import importlib
 import os
 import shutil
-import sys
 from collections import Counter
 
 import pytest
 
 from drivers import accelerated
 from drivers.accelerated import FUNCTIONS, UnfitError
+from tests.compiled_laws import import_laws, put_in_place
 from tests.runtime.kernel.sameness import assert_same
 
 
@@ -17,8 +16,7 @@ from tests.runtime.kernel.sameness import assert_same
 def compiled():
     """Return the C functions by name, as C takes its arguments; the Python goes on answering."""
     try:
-        for name in accelerated.sealed()["functions"]:
-            importlib.import_module(name.rpartition(".")[0])
+        import_laws()
     except UnfitError as reason:
         if shutil.which(os.environ.get("CC", "cc")) is not None:
             pytest.fail(f"{reason}: make .venv/.kernel, or wallride build-kernel")
@@ -44,8 +42,5 @@ def compared(compiled, monkeypatch):
 
         return answer
 
-    for module in list(sys.modules.values()):
-        for name in FUNCTIONS.keys() & getattr(module, "__dict__", {}).keys():
-            if getattr(module, name) is FUNCTIONS[name].python:
-                monkeypatch.setattr(module, name, both(name))
+    put_in_place(monkeypatch, {name: both(name) for name in FUNCTIONS})
     return asked
