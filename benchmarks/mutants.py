@@ -60,6 +60,9 @@ TARGETS: Final[Mapping[str, Target]] = {
 EQUAL: Final[Mapping[str, str]] = {
     "runtime/control/limiter.py without `return wanted_mps`": "what follows gives the same",
     "runtime/control/limiter.py `abs(wanted_mps) <= abs(last_mps)` -> `abs(wanted_mps) < abs(last_mps)`": "as above",
+    "drivers/vesc/calibration.py `wanted_a < settings.brake_current_a` -> `wanted_a <= settings.brake_current_a`": (
+        "the frame of the same current is the same frame"
+    ),
     "runtime/arbitration/driving_state.py without `return ''`": "nothing is no missing device, too",
     "runtime/control/battery.py `0.0` -> `1.0`": "1 V is as far below every limit as 0 V",
     "runtime/control/battery.py `False` -> `True`": "what is reset already is reset again",

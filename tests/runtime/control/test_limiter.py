@@ -1,6 +1,7 @@
 """What the mechanics allow: clamps, slopes, and a stop that nothing delays."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -29,6 +30,12 @@ def test_speed_is_clamped(wanted, allowed):
 @pytest.mark.parametrize(("wanted", "allowed"), [(1, 0.34), (-1, -0.34), (0.1, 0.1)])
 def test_steering_is_clamped(wanted, allowed):
     assert Limiter(LIMITS).limit(0.0, wanted, LONG_S).steering_rad == allowed
+
+
+def test_other_limits_hold_from_the_next_drive_on():
+    limiter = moving(4.0)
+    limiter.tune(replace(LIMITS, max_speed_mps=1.5))
+    assert limiter.limit(4.0, 0.0, 0.0).speed_mps == 1.5
 
 
 def test_speed_rises_slowly_and_falls_at_once():
