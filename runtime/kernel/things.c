@@ -23,6 +23,10 @@ KERNEL(find_small_clusters) {
     if (!enough(count, 3, "find_small_clusters") || !as_row(given[0], NPY_BOOL, &solid) ||
         !as_row(given[1], NPY_DOUBLE, &range) || !as_numbers(given + 2, 1, &step_rad))
         return NULL;
+    if (solid.count != range.count) {
+        PyErr_SetString(PyExc_ValueError, "find_small_clusters: arrays of different lengths");
+        return NULL;
+    }
     PyObject *things = PyList_New(0);
     beam right = -1, last = -1, points = 0;
     for (beam i = 0; things && i <= solid.count; i++) {

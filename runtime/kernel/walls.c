@@ -90,7 +90,8 @@ beam outline_of(const struct row *x, const struct row *y, const struct row *wall
         total[kept++] = places[0];
     for (beam i = 1; i < points; i++) {
         way_m += cabs(places[i] - places[i - 1]);
-        beam here = (beam)(way_m * (1 / FOLLOWED_WALL_THINNED_TO_M));
+        double cells = way_m * (1 / FOLLOWED_WALL_THINNED_TO_M);
+        beam here = cells < (double)(PY_SSIZE_T_MAX / 2) ? (beam)cells : PY_SSIZE_T_MIN; /* NaN: as numpy casts it */
         if (i > 1 && here != cell)
             total[kept++] = places[i - 1];
         cell = here;

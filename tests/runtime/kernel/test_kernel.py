@@ -38,6 +38,8 @@ def test_arrays_of_different_lengths_are_refused(compiled):
     short, long_m, flags = np.zeros(3), np.zeros(9), np.zeros(9, np.bool_)
     with pytest.raises(ValueError, match="different lengths"):
         compiled["solid_places"](short, long_m, flags)
+    with pytest.raises(ValueError, match="find_small_clusters: arrays of different lengths"):
+        compiled["find_small_clusters"](flags, short, 0.004)
     with pytest.raises(ValueError, match="different lengths"):
         compiled["find_dark_regions"](flags, flags, short, 0.0, 0.1, 0.0, 1.0)
     for beam in (9, -1):
