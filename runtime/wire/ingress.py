@@ -13,7 +13,8 @@ from runtime.wire.teleop import COMMAND_BYTES
 COMMANDS_HZ: Final = 500.0
 """Clients send at most 100 commands a second, and their last words 5 ms apart, three times."""
 OTHERS_HZ: Final = 50.0
-"""Keys that no client needs, wildcards among them, where no access control drops them: on loopback."""
+"""Keys that no client needs, where no access control drops them: on loopback. A wildcard counts for this rule or for
+that of a key which it covers, as zenoh finds them."""
 QUESTIONS_HZ: Final = 10.0
 CHANGES_HZ: Final = 20.0
 """A slider on the page sends its changes while it moves."""

@@ -49,7 +49,10 @@ class SocketVesc(VescEmulator):
 
     def _on_readable(self) -> None:
         assert self._master is not None
-        data = os.read(self._master, 4096)
+        try:
+            data = os.read(self._master, 4096)
+        except ConnectionResetError:  # the car was killed
+            data = b""
         if not data:
             self._loop.remove_reader(self._master)
         for payload in self._deframer.feed(data):
