@@ -14,6 +14,7 @@ from runtime.arbitration.command import DriveCommand, Source
 from runtime.settings.tree import Settings, load_settings
 from runtime.wire import zenoh_config
 from runtime.wire.bus import Bus, RefusedError, free_endpoint
+from runtime.wire.car_bus import CarBus
 from sim.virtual.devices import MemoryBus, MemoryLidar, MemoryMotor, ranges_between_walls
 from sim.virtual.virtual_time import run_virtual
 
@@ -147,7 +148,7 @@ async def until(condition):
 async def test_over_the_bus_a_new_gain_steers_within_two_scans(tmp_path):
     endpoint, file = free_endpoint(), tmp_path / "car.toml"
     file.write_text("# my car\n[wall_follow]\nmethod = 'report'\nkp = 0.2  # gentle\n[safety]\nmethod = 'report'\n")
-    bus = Bus(zenoh_config.car_config([endpoint], None, (), "car1"))
+    bus = CarBus(zenoh_config.car_config([endpoint], None, (), "car1"))
     client = Bus(zenoh_config.client_config(endpoint, None))
     lab = Lab(time.monotonic, file=file, bus=bus)
     lab.car.connect()
