@@ -37,6 +37,7 @@ _NOW = frozenset({"car.max_speed_mps", "car.max_reverse_mps", "car.max_accelerat
 _NOW_SECTIONS = (WALL_FOLLOW, SAFETY, "telemetry.rates_hz.")
 
 NEVER_FROM_AFAR: Mapping[str, str] = {
+    "battery.": "describes the battery",
     "car.": "describes the car",
     "lidar.": "describes the lidar",
     "motor.": "describes the motor controller",

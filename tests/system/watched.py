@@ -32,10 +32,13 @@ BYTES = "std_msgs/msg/UInt8MultiArray"
 
 
 class Program:
-    """A `wallride` command in a session of its own, so that its children end with it. log: its last lines."""
+    """A `wallride` command in a session of its own, so that its children end with it. log: its last lines.
 
-    def __init__(self, *arguments: str) -> None:
-        self._arguments = arguments
+    runtime: folder of the user's login, where the page's token is kept.
+    """
+
+    def __init__(self, *arguments: str, runtime: Path) -> None:
+        self._arguments, self._runtime = arguments, runtime
         self._reading: asyncio.Task[None] | None = None
         self.process: asyncio.subprocess.Process
         self.log: deque[str] = deque(maxlen=200)
@@ -45,6 +48,7 @@ class Program:
         self.process = await asyncio.create_subprocess_exec(
             sys.executable, "-m", "wallride", *self._arguments, start_new_session=True,
             stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.STDOUT,
+            env={**os.environ, "XDG_RUNTIME_DIR": str(self._runtime)},
         )  # fmt: skip
         self._reading = asyncio.create_task(self._read())
 
@@ -185,9 +189,11 @@ async def watched(tmp_path: Path, world: str, *settings: str, longest_s: float =
     assignments = [f"telemetry.listen={endpoint}", f"recording.folder={kept}", *settings]
     car = Program(
         "sim", world, "--headless", "--duration", str(longest_s),
-        *(word for assignment in assignments for word in ("--set", assignment)),
+        *(word for assignment in assignments for word in ("--set", assignment)), runtime=tmp_path,
     )  # fmt: skip
-    monitor = Program("monitor", "--no-browser", "--port", str(port), "--connect", endpoint, "--name", OPERATOR)
+    monitor = Program(
+        "monitor", "--no-browser", "--port", str(port), "--connect", endpoint, "--name", OPERATOR, runtime=tmp_path
+    )
     scene = Watched(kept, endpoint, car, monitor)
     try:
         await car.start()

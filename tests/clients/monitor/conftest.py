@@ -46,9 +46,9 @@ class Scene:
 
 
 @pytest.fixture(autouse=True)
-def no_kept_secret(monkeypatch):
-    """Leave the secret of whoever runs the tests alone."""
-    monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
+def runtime_folder(monkeypatch, tmp_path_factory):
+    """Keep the page's token in a folder of the test, as a login does."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("runtime")))
 
 
 @pytest.fixture

@@ -218,7 +218,8 @@ def test_every_setting_that_a_person_saves_from_afar_is_listed_here():
     known = catalogue(Settings())
     free = {name for name, one in known.items() if one.effect is Effect.RESTART and not only_on_the_car(name)}
     assert free == {
-        "log.format", "process.stay_awake", "parameters.history", "recording.enabled", "recording.start",
+        "log.format", "process.prefetch", "process.stay_awake", "parameters.history", "recording.enabled",
+        "recording.start",
         "recording.ring_mb", "recording.keep_free_mb", "recording.file_mb", "recording.black_box_s",
         "recording.after_s", "recording.raw",
     }  # fmt: skip

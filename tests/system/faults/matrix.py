@@ -46,6 +46,8 @@ PERSON: Final = "Seen by a person only"
 HOKUYO: Final = "tests/drivers/hokuyo/test_driver.py::"
 VESC: Final = "tests/drivers/vesc/test_driver.py::"
 DESK: Final = "tests/runtime/teleop/test_desk.py::"
+DESK_AGE: Final = "tests/runtime/teleop/test_desk_age.py::"
+DESK_LOSSES: Final = "tests/runtime/teleop/test_desk_losses.py::"
 PILOT: Final = "tests/clients/teleop/test_pilot.py::"
 SYSTEM: Final = "tests/system/test_process.py::"
 STORIES: Final = "tests/system/test_stories.py::"
@@ -161,13 +163,13 @@ MATRIX: Final[Sequence[Fault]] = (
     Fault(OPERATOR, "release lost on the way", "the level counts, sent every cycle", "-",
           PILOT + "test_deadman_then_stick_drives_and_release_is_sent_every_cycle", ("62",)),
     Fault(OPERATOR, "late burst of commands", "none is obeyed", "release, press again",
-          DESK + "test_a_burst_of_late_commands_moves_nothing", ("63", "64")),
+          DESK_AGE + "test_a_burst_of_late_commands_moves_nothing", ("63", "64")),
     Fault(OPERATOR, "copies of commands", "not obeyed", "-",
-          DESK + "test_a_copy_of_a_fresh_command_is_not_obeyed", ("62",)),
+          DESK_AGE + "test_a_copy_of_a_fresh_command_is_not_obeyed", ("62",)),
     Fault(OPERATOR, "frozen pad", "stop after 1 s without an event", "release, press again",
-          DESK + "test_a_pad_that_drives_without_an_event_is_frozen", ("60", "67", "69")),
+          DESK_LOSSES + "test_a_pad_that_drives_without_an_event_is_frozen", ("60", "67", "69")),
     Fault(OPERATOR, "pad lost", "is no release: stop", "release, press again",
-          DESK + "test_a_pad_that_is_gone_is_no_release", ("60", "61")),
+          DESK_LOSSES + "test_a_pad_that_is_gone_is_no_release", ("60", "61")),
     Fault(OPERATOR, "unknown pad, switched axes", "refused; identified by USB id", "map it",
           "tests/clients/teleop/test_pads.py::test_a_pad_that_nobody_knows_is_refused_with_the_way_out", ("66",)),
     Fault(OPERATOR, "stick not centred", "does not count until released", "release",
