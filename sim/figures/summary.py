@@ -42,7 +42,7 @@ def figures(samples: Sequence[Sample], desired_m: float) -> dict[str, Any]:
     has_wall = np.isfinite(wall_m[start:])
     error_m = (wall_m[start:] - desired_m)[has_wall]
     distance_m = float(np.hypot(np.diff(x_m), np.diff(y_m)).sum())
-    moving_s = float(time_s[-1] - time_s[start]) if moving.size else 0.0
+    moving_s = float(np.diff(time_s, append=time_s[-1:])[moving].sum()) if moving.size else 0.0
     return {
         "duration_s": _number(time_s[-1] - time_s[0] if len(table) else 0.0),
         "distance_m": _number(distance_m),

@@ -76,6 +76,9 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
     _write(summary, options.json)
     if options.json != "-":
         console.print(_table(summary))
+        if summary.get("collided"):
+            console.print("The car touched something: that ends a simulated drive.")
+        console.print("What was recorded: wallride logs. A page of it: wallride report FILE")
     if summary["telemetry"] != HEARD:
         print(f"wallride: {summary['telemetry']}; winners and faults are not known", file=sys.stderr)  # noqa: T201
         return FAILED
@@ -342,7 +345,7 @@ def _plot(path: Path, world: World, record: Record, desired_m: float, settings: 
 def _table(summary: dict[str, Any]) -> Table:
     table = Table(title=f"wallride sim: {summary['world']}", show_header=False)
     for name, value in summary.items():
-        if name not in FOR_PROGRAMS:
+        if name not in FOR_PROGRAMS and value not in ([], {}):
             table.add_row(name, _shown(value))
     return table
 
@@ -350,7 +353,7 @@ def _table(summary: dict[str, Any]) -> Table:
 def _shown(value: object) -> str:
     """Return a value of the summary for people; the JSON file has all digits."""
     match value:
-        case None | [] | {}:
+        case None:
             return "-"
         case bool():
             return "yes" if value else "no"

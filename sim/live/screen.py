@@ -60,7 +60,7 @@ class LiveView:
             self._outline_m() if self._outline_m is not None else NOWHERE,
             (pose.x_m, pose.y_m, pose.yaw_rad),
             self._scan_points(record),
-            *world_size(width, height, len(rows)),
+            *world_size(width, height, rows),
             follow=self._outline_m is None,
         )
         self._live.update(page(world, rows, width), refresh=True)
@@ -96,7 +96,7 @@ def starting(record: Record) -> str:
     """Return the current step of a start that takes long, "" for an ordinary one."""
     if record.address is not None or record.starting_s < SLOW_START_S:
         return ""
-    return "the car is starting; the first time it compiles its hot path, which takes up to a minute"
+    return "the car is starting"
 
 
 def operate_hint(address: Address | None) -> str:

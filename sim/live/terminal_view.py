@@ -5,6 +5,7 @@ points bright, the car is an arrow, a bar gives the scale. North of the map (+y)
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,6 +41,8 @@ MARGIN = 1.05
 """Factor by which the whole world is shown smaller than would just fit."""
 MIN_SPAN_M = 1.0
 NICE_STEPS = (1.0, 2.0, 5.0)
+TO_COPY = frozenset({"browser", "terminal"})
+"""Labels of rows that have the whole width: a line that is broken is copied wrongly."""
 STATUS_WIDTH = 46
 SEGMENT_COLUMNS = 4
 
@@ -150,14 +153,15 @@ def status_table(rows: list[tuple[str, str]]) -> Table:
     return table
 
 
-def world_size(width: int, height: int, rows: int) -> tuple[int, int]:
-    """Return the characters and lines left for the world beside or above a status of that many rows.
+def world_size(width: int, height: int, rows: Sequence[tuple[str, str]]) -> tuple[int, int]:
+    """Return the characters and lines left for the world beside or above these rows of the status.
 
-    A wide terminal has the status on the right, a narrow one below; never negative.
+    A wide terminal has the status on the right and what is to be copied below, a narrow one all of it below; never
+    negative.
     """
     if _is_wide(width):
-        return max(0, width - STATUS_WIDTH), max(0, height)
-    return max(0, width), max(0, height - rows)
+        return max(0, width - STATUS_WIDTH), max(0, height - sum(label in TO_COPY for label, _ in rows))
+    return max(0, width), max(0, height - len(rows))
 
 
 def page(world: Text, rows: list[tuple[str, str]], width: int) -> RenderableType:
@@ -167,8 +171,9 @@ def page(world: Text, rows: list[tuple[str, str]], width: int) -> RenderableType
     side_by_side = Table.grid(padding=0)
     side_by_side.add_column(width=width - STATUS_WIDTH, no_wrap=True)
     side_by_side.add_column(width=STATUS_WIDTH)
-    side_by_side.add_row(world, status_table(rows))
-    return side_by_side
+    side_by_side.add_row(world, status_table([row for row in rows if row[0] not in TO_COPY]))
+    below = [row for row in rows if row[0] in TO_COPY]
+    return Group(side_by_side, status_table(below)) if below else side_by_side
 
 
 def _is_wide(width: int) -> bool:

@@ -82,7 +82,7 @@ export class Condition {
 
   #operator(operator, overruled, voices) {
     if (!operator) { this.#line("operator", "plain", "no operator's side"); return; }
-    const stops = Object.values(operator.e_stop ?? {});
+    const stops = [...new Set(Object.values(operator.e_stop ?? {}))];
     const lost = operator.standing === "operator lost";
     const page = this.link.newest.pilot.value?.whose;
     const name = operator.operator && (page === "this page" || page === "another page") ? `${operator.operator} on ${page}` : operator.operator;
@@ -95,7 +95,8 @@ export class Condition {
       operator.permit?.startsWith("permit ") ? operator.permit : operator.permit ? `permit: ${operator.permit}` : "",
     ];
     const mood = stops.length || lost || overruled ? "bad" : operator.reason ? "warn" : "good";
-    this.#line("operator", mood, parts.filter(Boolean).join(", "));
+    const told = parts.filter(Boolean);
+    this.#line("operator", mood, told.filter((part) => !told.some((other) => other !== part && other.endsWith(part))).join(", "));
   }
 
   #line(name, mood, words) {

@@ -132,7 +132,7 @@ export class Settings {
     $("settings-undo").disabled = !last;
     setText($("settings-undo"), last ? `Undo ${last.name.split(".").at(-1)}` : "Undo");
     $("settings-save").disabled = this.#unsaved.length === 0;
-    setText($("settings-save"), this.#unsaved.length ? `Save ${this.#unsaved.length}` : "Save");
+    setText($("settings-save"), this.#unsaved.length ? `Save ${this.#unsaved.length} change${this.#unsaved.length > 1 ? "s" : ""}` : "Save");
   }
 
   #filter() {

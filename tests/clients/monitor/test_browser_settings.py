@@ -73,10 +73,10 @@ async def test_save_counts_what_the_car_has_not_saved(scene, tab):
         car.settings.set_some(json.dumps({"values": {DISTANCE: 0.8}}).encode())
         await panel(tab, scene)
         save = "document.querySelector('#settings-save')"
-        await tab.until(f"{save}.textContent === 'Save 1' && !{save}.disabled")
+        await tab.until(f"{save}.textContent === 'Save 1 change' && !{save}.disabled")
         await tab.click("#settings-save")  # this car has no file
         await tab.until(f"{NOTICE}.textContent.includes('without a settings file')")
-        assert await tab.run(f"{save}.textContent") == "Save 1"
+        assert await tab.run(f"{save}.textContent") == "Save 1 change"
 
 
 async def test_every_setting_has_its_name_range_default_and_words_as_in_param_list(scene, tab):

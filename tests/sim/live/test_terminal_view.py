@@ -239,7 +239,7 @@ def test_nobody_decides_and_nothing_is_known() -> None:
 @pytest.mark.parametrize(("width", "height"), [(120, 30), (92, 20), (91, 24), (60, 24)])
 def test_a_page_fills_the_terminal_and_loses_nothing(width: int, height: int) -> None:
     rows = status_rows(STATUS)
-    world_width, world_height = world_size(width, height, len(rows))
+    world_width, world_height = world_size(width, height, rows)
     world = render_world(ROOM, (0.0, 0.0, 0.0), None, world_width, world_height, follow=False)
     shown = printed(page(world, rows, width), width)
     assert len(shown) == height
@@ -251,7 +251,7 @@ def test_a_page_fills_the_terminal_and_loses_nothing(width: int, height: int) ->
 
 
 def test_a_tiny_terminal_leaves_no_room_and_no_error() -> None:
-    assert world_size(10, 4, 8) == (10, 0)
+    assert world_size(10, 4, status_rows(STATUS)) == (10, 0)
     assert printed(page(render_world(ROOM, None, None, 10, 0, follow=False), status_rows(STATUS), 10), 10)
 
 
@@ -266,3 +266,13 @@ def test_a_frame_costs_less_than_five_milliseconds() -> None:
         render_world(walls, (1.0, 2.0, 0.5), scan, 120, 40, follow=True)
         costs_s.append(time.perf_counter() - start_s)
     assert min(costs_s) < 0.005
+
+
+@pytest.mark.parametrize("width", [80, 100, 120, 200])
+def test_what_is_copied_is_never_broken(width):
+    address = "http://127.0.0.1:8447/?token=oZl3Lhy-6msw863E"
+    rows = [*status_rows(STATUS), ("browser", address)]
+    world = render_world(ROOM, None, None, *world_size(width, 40, rows), follow=False)
+    shown = printed(page(world, rows, width), width)
+    assert any(address in line for line in shown)
+    assert len(shown) <= 40

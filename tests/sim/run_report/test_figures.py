@@ -128,3 +128,8 @@ def test_a_later_corner_does_not_unsettle_a_drive(left_at_s, back_at_s, settled_
     ]
     found = summary.figures(rows, 1.0)["settle_s"]
     assert found == (None if settled_s is None else pytest.approx(settled_s, abs=0.11))
+
+
+def test_the_mean_speed_is_that_of_the_time_under_way():
+    rows = [summary.Sample(0.1 * n, 0.1 * min(n, 50), 0.0, 0.0, float(n < 50), 1.0, 1.0) for n in range(200)]
+    assert summary.figures(rows, 1.0)["mean_speed_mps"] == pytest.approx(1.0, rel=0.03)
