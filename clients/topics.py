@@ -20,7 +20,7 @@ from runtime.ros.definitions import TYPES
 from runtime.wire import topics
 from runtime.wire.bus import Bus
 
-KINDS = {**TYPES, topics.STATUS: "JSON", topics.DECISION: "JSON", topics.BEAT: "wallride beat"}
+KINDS = {**TYPES, **dict.fromkeys(topics.JSON_TOPICS, "JSON"), topics.BEAT: "wallride beat"}
 LISTEN_S = 1.5
 WINDOW = 1000
 REPORT_EVERY_S = 1.0

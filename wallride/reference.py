@@ -45,8 +45,7 @@ MEANINGS: Final[Mapping[str, str]] = {
     topics.BEAT: "the car's heartbeat, which every operator command echoes",
 }
 OWN_TYPES: Final[Mapping[str, str]] = {
-    topics.STATUS: "JSON object",
-    topics.DECISION: "JSON object",
+    **dict.fromkeys(topics.JSON_TOPICS, "JSON object"),
     topics.BEAT: "binary, 55 bytes (`runtime/wire/teleop.py`)",
 }
 OWN_RATES: Final[Mapping[str, str]] = {

@@ -37,6 +37,9 @@ STATUS = "status"
 DECISION = "decision"
 BEAT = "beat"
 
+JSON_TOPICS = (STATUS, DECISION)
+"""Topics of telemetry in JSON; the others are ROS 2 messages (runtime.ros.definitions.TYPES)."""
+
 COMMAND = "operator/command"
 ALIVE = "alive"
 OPERATOR_ALIVE = "operator/alive"

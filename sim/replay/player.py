@@ -10,7 +10,7 @@ from runtime.ros.definitions import TYPES
 from runtime.wire import topics
 from sim.replay.drive_log import NS, DriveLog, LoggedMessage
 
-PLAYED = frozenset({*TYPES, topics.STATUS, topics.DECISION})
+PLAYED = frozenset({*TYPES, *topics.JSON_TOPICS})
 """Topics of the telemetry; the decision log, settings and log lines of a recording are no topics."""
 SLOWEST, FASTEST = 0.05, 50.0
 MAX_STEP_S = 0.5

@@ -1,0 +1,35 @@
+"""Each list of topics that is kept by hand holds every topic; the failure names the list and the topic."""
+
+import pytest
+
+from clients.plot import FIELDS
+from runtime.recording.recorder import PERIODS_S
+from runtime.ros.definitions import TYPES
+from runtime.settings.telemetry import RatesHz
+from runtime.tasks import telemetry
+from runtime.wire import topics
+from tests.runtime.ros.samples import SAMPLES
+from wallride import reference
+
+PUBLISHED = {*TYPES, *topics.JSON_TOPICS}
+APPENDED = {topics.OUTPUT, topics.DISTANCE_ERROR, topics.IMU}
+"""Every message of these is sent: `Telemetry` appends them to `_each`."""
+SENT = {*telemetry.BY_SCAN, *telemetry.BY_GUIDANCE, *telemetry.BY_MOTOR, *telemetry.BY_OUTPUT, *APPENDED}
+WITHOUT_NUMBER = {topics.SCAN, topics.TF, topics.WALL, topics.FOOTPRINT, topics.DIAGNOSTICS}
+"""Topics that have no one number to plot."""
+LISTS = {
+    "RatesHz in runtime/settings/telemetry.py": (set(RatesHz.model_fields), PUBLISHED),
+    "BY_SCAN, BY_GUIDANCE, BY_MOTOR or BY_OUTPUT in runtime/tasks/telemetry.py": (SENT, PUBLISHED),
+    "PERIODS_S in runtime/recording/recorder.py": (set(PERIODS_S) | {topics.SCAN}, PUBLISHED),
+    "MEANINGS in wallride/reference.py": (set(reference.MEANINGS), PUBLISHED | {topics.BEAT}),
+    "FIELDS in clients/plot.py (or WITHOUT_NUMBER of this test)": (
+        set(FIELDS) | WITHOUT_NUMBER, PUBLISHED | {topics.BEAT},
+    ),
+    "SAMPLES in tests/runtime/ros/samples.py": (set(SAMPLES), set(TYPES)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LISTS)
+def test_every_topic_is_in_every_list(name):
+    listed, wanted = LISTS[name]
+    assert listed == wanted, f"{name}: add {sorted(wanted - listed)}, remove {sorted(listed - wanted)}"
