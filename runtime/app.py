@@ -110,13 +110,15 @@ class Car:
         )
         self.permit = Permit(self.queue, settings.operator.permit)
         self.emergency_stop = EmergencyStop(self.queue)
-        self.driving_state = DrivingStateMonitor(lidar, motor, self.emergency_stop, self.permit, clock)
         self.session = secrets.randbits(31) + 1
         self.operator = OperatorDesk(
             settings.operator, self.queue, self.permit, self.emergency_stop, motor.clear_fault, clock,
             car_session=self.session,
         )  # fmt: skip
         self.battery = BatteryLimit(settings.battery, motor, self.queue, self.operator.rearm)
+        self.driving_state = DrivingStateMonitor(
+            lidar, motor, self.emergency_stop, self.permit, clock, lambda: self.battery.stop
+        )
         self.computer = around.computer
         self.own_parts = OwnPartsKeeper(
             settings.car.name, lambda: lidar.health.identity, self.laws, file_in(settings.process.state_folder), clock,

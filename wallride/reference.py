@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from runtime.arbitration.driving_state import CLEARED_BY, TRANSITIONS, DrivingState, Observation
+from runtime.arbitration.driving_state import BATTERY_CLEARED_BY, CLEARED_BY, TRANSITIONS, DrivingState, Observation
 from runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
 from runtime.parameters.catalogue import Parameter, catalogue
 from runtime.parameters.policy import Effect
@@ -180,7 +180,7 @@ STATE_MEANINGS: Final[Mapping[DrivingState, str]] = {
     DrivingState.ARMED: "a human or autonomy may move the car, and no motion is asked for",
     DrivingState.DRIVING: "the car moves as its driver asks",
     DrivingState.LIMITED: "the car moves, slower than its driver asks; the reason names the limit",
-    DrivingState.STOPPED: "the car may move and is held: by safety, the battery, or a driver that is silent or stuck",
+    DrivingState.STOPPED: "the car is held: by safety, by the battery, or by a driver that is silent or stuck",
     DrivingState.ESTOPPED: "an operator pressed the e-stop; it is latched",
     DrivingState.FAULT: "the motor controller reported a fault, or contradicts the lidar; it is latched",
 }
@@ -195,7 +195,7 @@ def states_page() -> str:
         "always with its reason and what clears it. It describes what arbitration decided and changes nothing.\n",
         "| state | meaning | cleared by |",
         "| --- " * 3 + "|",
-        *(_row((f"`{state}`", STATE_MEANINGS[state], CLEARED_BY[state] or "-")) for state in DrivingState),
+        *(_row((f"`{state}`", STATE_MEANINGS[state], cleared_by(state))) for state in DrivingState),
         "",
         "## Transitions\n",
         "At every decision the first of these observations that applies leads from the present state (rows) to the",
@@ -207,6 +207,12 @@ def states_page() -> str:
         "",
     ]
     return "\n".join(lines)
+
+
+def cleared_by(state: DrivingState) -> str:
+    """Return what clears a state, whatever holds the car in it."""
+    words = CLEARED_BY[state] or "-"
+    return f"{words}. By the battery: {BATTERY_CLEARED_BY}" if state is DrivingState.STOPPED else words
 
 
 def commands_page() -> str:

@@ -5,7 +5,7 @@ them. No state in which the car stands for a cause is left towards motion withou
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import StrEnum
 from types import MappingProxyType
 from typing import Final
@@ -78,13 +78,20 @@ CLEARED_BY: Final[Mapping[DrivingState, str]] = MappingProxyType(
 )
 """What ends each state; "" for the one that is wanted."""
 
+BATTERY_CLEARED_BY: Final = (
+    "a good voltage for 2 s (battery.settle_s): charge or change the battery; then permit again, where a permit is"
+    " required"
+)
+"""What ends `stopped` while the battery forbids any motion."""
+
 
 @value()
 class Circumstances:
     """What a decision does not say of itself.
 
     missing: the device that is not ready, with its message; "" when both are. fault, e_stop: reasons of the latched
-        causes, "" when open. permitted: autonomy may move. refusal: the permit's last reason.
+        causes, "" when open. permitted: autonomy may move. refusal: the permit's last reason. battery: why the battery
+        forbids any motion, "" while it does not.
     """
 
     missing: str
@@ -92,6 +99,7 @@ class Circumstances:
     e_stop: str
     permitted: bool
     refusal: str
+    battery: str = ""
 
 
 def observe(output: Output, around: Circumstances) -> tuple[Observation, str]:
@@ -107,6 +115,9 @@ def observe(output: Output, around: Circumstances) -> tuple[Observation, str]:
         return (Observation.SLOWED if limited else Observation.FREE), decision.reason
     if around.missing:
         return Observation.DEVICE_MISSING, around.missing
+    if around.battery:
+        # Before the permit, which an empty battery has taken: a permit alone would not end this stop.
+        return Observation.BLOCKED, around.battery
     by_hand = decision.driver is Source.TELEOP
     if not (by_hand or around.permitted):
         return Observation.NOT_PERMITTED, around.refusal
@@ -125,15 +136,25 @@ def settle(state: DrivingState, seen: Observation) -> DrivingState:
 class DrivingStateMonitor:
     """Follows the table from decision to decision.
 
+    battery: returns why the battery forbids any motion, "" while it does not.
     state, reason: the present ones. measure: the number behind the reason, NaN where there is none. since_s: beginning
         of the state.
     """
 
-    def __init__(self, lidar: Lidar, motor: Motor, emergency_stop: EmergencyStop, permit: Permit, clock: Clock) -> None:
+    def __init__(
+        self,
+        lidar: Lidar,
+        motor: Motor,
+        emergency_stop: EmergencyStop,
+        permit: Permit,
+        clock: Clock,
+        battery: Callable[[], str] = lambda: "",
+    ) -> None:
         self._devices = (("motor", motor), ("lidar", lidar))
         self._causes = emergency_stop.causes
         self._permit = permit
         self._clock = clock
+        self._battery = battery
         self.state = DrivingState.STARTING
         self.reason = "no decision yet"
         self.measure = math.nan
@@ -149,11 +170,12 @@ class DrivingStateMonitor:
 
     def fields(self) -> dict[str, str | float]:
         """Return plain values for the status."""
+        held = self.state is DrivingState.STOPPED and self.reason == self._battery() != ""
         return {
             "state": str(self.state),
             "reason": self.reason,
             "measure": self.measure,
-            "clears": CLEARED_BY[self.state],
+            "clears": BATTERY_CLEARED_BY if held else CLEARED_BY[self.state],
             "for_s": self._clock() - self.since_s,
         }
 
@@ -165,6 +187,7 @@ class DrivingStateMonitor:
             causes.get(Cause.OPERATOR, ""),
             permitted=self._clock() < permit.until_s,
             refusal=permit.reason,
+            battery=self._battery(),
         )
 
     def _missing(self) -> str:

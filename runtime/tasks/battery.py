@@ -51,6 +51,11 @@ class BatteryLimit:
         if monitor.charge is Charge.EMPTY:
             self._rearm(f"{monitor.trouble}; permit again")
 
+    @property
+    def stop(self) -> str:
+        """Why the battery forbids any motion, "" while it does not."""
+        return self._monitor.trouble if self._monitor.limit_mps <= 0.0 else ""
+
     def status(self) -> Mapping[str, Any]:
         """Return plain values."""
         return self._monitor.fields()

@@ -9,6 +9,7 @@ from drivers.api import Drive, LinkState
 from runtime.arbitration.command import LAB_ORDER, Decision, Output, Source
 from runtime.arbitration.command_queue import CommandQueue
 from runtime.arbitration.driving_state import (
+    BATTERY_CLEARED_BY,
     CLEARED_BY,
     TRANSITIONS,
     Circumstances,
@@ -90,6 +91,10 @@ def test_each_state_but_driving_says_what_clears_it():
         (output_of(0.0), Circumstances("gone", "", "", permitted=True, refusal=""), E.DEVICE_MISSING, "gone"),
         (output_of(1.0), Circumstances("gone", "", "", permitted=False, refusal="ask"), E.FREE, "wall"),
         (output_of(1.0), Circumstances("gone", "", "red", permitted=True, refusal=""), E.ESTOP, "red"),
+        (output_of(0.0), Circumstances("", "", "", permitted=False, refusal="ask", battery="low"), E.BLOCKED, "low"),
+        (output_of(0.0, driver=Source.TELEOP), Circumstances("", "", "", True, "", "low"), E.BLOCKED, "low"),
+        (output_of(0.3), Circumstances("", "", "", True, "", "low"), E.FREE, "wall"),
+        (output_of(0.0), Circumstances("gone", "", "", True, "", "low"), E.DEVICE_MISSING, "gone"),
         (output_of(1.0), Circumstances("gone", "DRV", "red", permitted=True, refusal=""), E.FAULT, "DRV"),
     ],
 )  # fmt: skip
@@ -105,7 +110,10 @@ class Watched:
         self.lidar, self.motor = MemoryLidar(lambda _: None, self.clock), MemoryMotor(self.clock)
         queue = CommandQueue(LAB_ORDER, self.clock)
         self.e_stop, self.permit = EmergencyStop(queue), Permit(queue, "required")
-        self.monitor = DrivingStateMonitor(self.lidar, self.motor, self.e_stop, self.permit, self.clock)
+        self.battery = ""
+        self.monitor = DrivingStateMonitor(
+            self.lidar, self.motor, self.e_stop, self.permit, self.clock, lambda: self.battery
+        )
 
     def after(self, output):
         self.clock.now_s += 0.02
@@ -142,6 +150,22 @@ def test_the_monitor_follows_a_drive_from_the_start_to_a_fault_and_back():
     car.permit.refuse("the e-stop was reset")
     assert car.after(stands) is S.DISARMED
     assert car.monitor.reason == "the e-stop was reset"
+
+
+def test_an_empty_battery_that_took_the_permit_is_a_stop_with_its_own_remedy_and_ends_disarmed():
+    car = Watched()
+    car.permit.grant(until_s=math.inf)
+    assert car.after(output_of(1.0)) is S.DRIVING
+    car.battery = "battery empty: 9.4 V"
+    car.permit.revoke("battery empty: 9.4 V; permit again")
+    assert car.after(output_of(0.0, winner=Source.BATTERY)) is S.STOPPED
+    assert (car.monitor.reason, car.monitor.fields()["clears"]) == ("battery empty: 9.4 V", BATTERY_CLEARED_BY)
+    car.battery = ""
+    assert car.after(output_of(0.0)) is S.DISARMED
+    assert car.monitor.fields()["clears"] == CLEARED_BY[S.DISARMED]
+    car.permit.grant(until_s=math.inf)
+    assert car.after(output_of(0.0, reason="boxed in")) is S.STOPPED
+    assert car.monitor.fields()["clears"] == CLEARED_BY[S.STOPPED]
 
 
 def test_before_the_first_decision_it_is_starting_and_says_for_how_long():

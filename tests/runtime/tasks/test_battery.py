@@ -57,10 +57,13 @@ def test_it_holds_slows_and_stops_a_human_too_and_says_why():
     assert car.shows(11.8, 2.0).speed_mps == 3.0
     assert car.queue.word(Source.BATTERY) is None, "a good battery is silent"
     low = car.shows(10.1, 1.2)
+    assert car.limit.stop == "", "slower is no stop"
     assert (low.speed_mps, low.winner, low.reason) == (1.0, Source.BATTERY, "battery low: 10.1 V; charge or change it")
     assert car.rearmed == []
     empty = car.shows(9.4, 1.2)
     assert (empty.speed_mps, empty.reason) == (0.0, "battery empty: 9.4 V; charge or change it")
     assert car.rearmed == ["battery empty: 9.4 V; charge or change it; permit again"]
+    assert car.limit.stop == empty.reason
     assert len([word for word in car.said if word.source is Source.BATTERY]) == 3, "one word per change"
     assert car.shows(11.9, 2.2).speed_mps == 3.0
+    assert car.limit.stop == ""
