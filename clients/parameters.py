@@ -49,7 +49,7 @@ def parsed(assignments: Sequence[str]) -> dict[str, object]:
     for assignment in assignments:
         name, equals, text = assignment.partition("=")
         if not equals or not name.strip():
-            raise ConnectionProblemError(f"{assignment}: write NAME=VALUE, for example wall_follow.kp=0.5")
+            raise ConnectionProblemError(f"{assignment}: write NAME=VALUE, for example wall_follow.kp=10")
         values[name.strip()] = _value(text.strip())
     return values
 

@@ -18,7 +18,7 @@ def add(commands: "Commands") -> None:
     reading = actions.add_parser("get", help="print the values of settings")
     reading.add_argument("names", nargs="+", metavar="NAME")
     setting = actions.add_parser("set", help="change settings while the car drives; all or none")
-    setting.add_argument("assignments", nargs="+", metavar="NAME=VALUE", help="for example wall_follow.kp=0.5")
+    setting.add_argument("assignments", nargs="+", metavar="NAME=VALUE", help="for example wall_follow.kp=10")
     saving = actions.add_parser("save", help="write the changes to the settings file of the car")
     saving.add_argument(
         "assignments", nargs="*", metavar="NAME=VALUE", help="further settings to write, in effect after a restart"

@@ -49,7 +49,7 @@ def add_file(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--set", dest="assignments", action="append", default=[], metavar="KEY=VALUE",
-        help="override a recorded setting, for example wall_follow.kp=0.5 (repeatable)",
+        help="override a recorded setting, for example wall_follow.kp=10 (repeatable)",
     )  # fmt: skip
     parser.add_argument(
         "--topic", metavar="NAME", help="topic of the lidar, where another program's recording has several"

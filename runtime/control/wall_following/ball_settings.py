@@ -25,7 +25,7 @@ class BallSettings(Section):
     kd: Annotated[float, Field(ge=0, le=20)] = 4.5
     """Gain of the heading error at 1 m/s [-]; falls as 1 / speed."""
     look_ahead_m: Annotated[float, Field(ge=0.1, le=3)] = 0.4
-    """Distance from the rear axle to the ball at standstill."""
+    """Distance from the rear axle to the ball at standstill, far from the path."""
     look_ahead_s: Annotated[float, Field(ge=0, le=2)] = 0.3
     """Growth with speed of the distance to the ball: look_ahead_m + look_ahead_s * speed."""
     latency_s: Annotated[float, Field(ge=0, le=0.3)] = 0.03

@@ -100,7 +100,7 @@ MATRIX: Final[Sequence[Fault]] = (
     Fault(MOTOR, "noise, slow replies", "counted, drives on", "never stops",
           VESC + "test_it_lives_with_noise_and_dribble"),
     Fault(MOTOR, "fault", "latched, brake, words with the remedy", RESET, INJECTED, ("83",), SOFT_S),
-    Fault(MOTOR, "kill switch", "latched, brake", SELF, INJECTED, (), SOFT_S),
+    Fault(MOTOR, "kill switch", "brake while it is on", SELF, INJECTED, (), SOFT_S),
     Fault(MOTOR, "impossible speed", "brake, never believed", SELF, INJECTED, ("8",), SOFT_S),
     Fault(MOTOR, "turns the wrong way", "latched after half a metre, names the phases", RESET,
           "tests/system/test_plausibility.py::"
@@ -120,7 +120,8 @@ MATRIX: Final[Sequence[Fault]] = (
           "tests/drivers/test_link.py::test_a_second_user_of_a_port_is_told_that_it_is_held", ("11", "15")),
     Fault(MOTOR, "commands only on change", "sent again at every tick", "-", STORIES + "test_it_ticks_on_in_silence",
           ("10",)),
-    Fault(POWER, "low battery", "at most 1 m/s, said", "charge it, permit again", INJECTED, ("80", "83"), BATTERY_S),
+    Fault(POWER, "low battery", "at most 1 m/s, said", "by itself at 3.5 V per cell for 2 s", INJECTED,
+          ("80", "83"), BATTERY_S),
     Fault(POWER, "empty battery", "brake with its own words", "another battery for 2 s, permit again", INJECTED,
           ("83",), BATTERY_S),
     Fault(POWER, "absent battery", "brake, \"no battery\"", "plug it in, permit again", INJECTED, ("5",), BATTERY_S),
@@ -181,8 +182,8 @@ MATRIX: Final[Sequence[Fault]] = (
 )  # fmt: skip
 
 BY_PERSON: Final[Sequence[tuple[str, str, str]]] = (
-    ("7", "servo output disabled in the VESC", "no read-back exists: the wiggle test of docs/bring-up.md"),
-    ("12", "steering the wrong way round", "the wiggle test of docs/bring-up.md"),
+    ("7", "servo output disabled in the VESC", "no read-back exists: steer it, wheels up: step 3 of docs/bring-up.md"),
+    ("12", "steering the wrong way round", "steer it, wheels up: step 3 of docs/bring-up.md"),
     ("32", "the sensor's address was changed, to no effect", "it counts after a power cycle; wallride changes none"),
     ("33", "two sensors with one address", "wallride drives with one; give the other another address first"),
     ("36", "lidar and Wi-Fi exclude each other", "an address in its subnet without a gateway: docs/bring-up.md"),
