@@ -32,23 +32,22 @@ class Sample:
 def figures(samples: Sequence[Sample], desired_m: float) -> dict[str, Any]:
     """Return duration, distance, errors, settling, clearance and speed of a run.
 
-    Errors count from the first movement, over samples that have a wall. `settle_s` is the time after which the error
+    Errors count while the car moves, over samples that have a wall. `settle_s` is the time after which the error
     first stays within 5 cm for 2 s; a later corner does not count. It is null when it never does.
     """
     table = np.array([[s.time_s, s.x_m, s.y_m, s.speed_mps, s.wall_m, s.clearance_m] for s in samples]).reshape(-1, 6)
     time_s, x_m, y_m, speed_mps, wall_m, clearance_m = table.T
-    moving = np.flatnonzero(np.abs(speed_mps) > STANDING_BELOW_MPS)
-    start = int(moving[0]) if moving.size else len(table)
-    has_wall = np.isfinite(wall_m[start:])
-    error_m = (wall_m[start:] - desired_m)[has_wall]
+    moving = np.abs(speed_mps) > STANDING_BELOW_MPS
+    counted = np.isfinite(wall_m) & moving
+    error_m = wall_m[counted] - desired_m
     distance_m = float(np.hypot(np.diff(x_m), np.diff(y_m)).sum())
-    moving_s = float(np.diff(time_s, append=time_s[-1:])[moving].sum()) if moving.size else 0.0
+    moving_s = float(np.diff(time_s, append=time_s[-1:])[moving].sum()) if moving.any() else 0.0
     return {
         "duration_s": _number(time_s[-1] - time_s[0] if len(table) else 0.0),
         "distance_m": _number(distance_m),
         "mean_abs_error_m": _number(np.abs(error_m).mean()) if error_m.size else None,
         "rms_error_m": _number(np.sqrt((error_m**2).mean())) if error_m.size else None,
-        "settle_s": _settle_s(time_s[start:][has_wall], error_m),
+        "settle_s": _settle_s(time_s[counted], error_m),
         "max_overshoot_m": _overshoot_m(error_m),
         "min_clearance_m": _number(clearance_m.min()) if len(table) else None,
         "stopped": _stands_at_the_end(time_s, speed_mps),

@@ -14,7 +14,7 @@ from runtime.settings.tree import Settings
 from runtime.wire import topics
 from sim.replay.decode import decode
 from sim.replay.drive_log import NS, DriveLog, LoggedMessage
-from sim.replay.settings_text import settings_of
+from sim.replay.settings_text import TunedSetting, settings_of, tuned_in
 from sim.world.pose import Floats
 
 SECONDS_OF_A_DAY = 86_400
@@ -67,7 +67,8 @@ class MuxChange:
 class RecordedRun:
     """All data of the page. statuses: (time, fields). duration_s: to the last message.
 
-    zero_unix_s: the first message's time since 1970, 0 where it has no date.
+    zero_unix_s: the first message's time since 1970, 0 where it has no date. settings: at the beginning. tuned: changes
+    of them, with their times.
     """
 
     name: str
@@ -87,6 +88,7 @@ class RecordedRun:
     statuses: Sequence[tuple[float, Mapping[str, Any]]] = ()
     duration_s: float = 0.0
     zero_unix_s: float = 0.0
+    tuned: Sequence[tuple[float, TunedSetting]] = ()
 
     @property
     def status(self) -> Mapping[str, Any]:
@@ -132,6 +134,7 @@ def run_of(log: DriveLog) -> RecordedRun:
         changes=_changes(log, zero_ns),
         statuses=statuses,
         zero_unix_s=zero_ns / NS,
+        tuned=[(seconds(one.stamp_ns), one) for one in tuned_in(log)],
         duration_s=max((seconds(message.stamp_ns) for message in log.messages), default=0.0),
     )
 

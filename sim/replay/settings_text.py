@@ -1,11 +1,51 @@
-"""Settings of a recording, with assigned changes."""
+"""Settings of a recording: those at its beginning, with assigned changes, and the changes while it drove."""
 
 import tempfile
-from collections.abc import Sequence
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from runtime.recording.channels import SETTINGS
 from runtime.settings.tree import Settings, SettingsError, load_settings, to_toml
 from sim.replay.drive_log import DriveLog
+
+
+@dataclass(frozen=True, slots=True)
+class TunedSetting:
+    """One setting that was changed while the car ran; None: it was, or is, not in the file."""
+
+    stamp_ns: int
+    name: str
+    old: object
+    new: object
+
+
+def flat(section: Mapping[str, Any], before: str = "") -> dict[str, object]:
+    """Return nested settings by their dotted names."""
+    found: dict[str, object] = {}
+    for name, value in section.items():
+        found.update(flat(value, f"{before}{name}.") if isinstance(value, Mapping) else {f"{before}{name}": value})
+    return found
+
+
+def tuned_in(log: DriveLog) -> list[TunedSetting]:
+    """Return the settings that were changed while the car ran, in order; unreadable ones are left out."""
+    found: list[TunedSetting] = []
+    last: Mapping[str, object] = {}
+    for message in log.of(SETTINGS):
+        try:
+            now = flat(tomllib.loads(message.payload.decode(errors="replace")))
+        except tomllib.TOMLDecodeError:
+            continue
+        found += [
+            TunedSetting(message.stamp_ns, name, last.get(name), now.get(name))
+            for name in dict.fromkeys([*last, *now] if last else ())
+            if last.get(name) != now.get(name)
+        ]
+        last = now
+    return found
 
 
 def settings_of(log: DriveLog, assignments: Sequence[str] = ()) -> Settings:

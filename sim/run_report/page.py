@@ -109,7 +109,7 @@ def _errors(runs: Sequence[Shown]) -> list[ChartLine]:
 
 
 def _error_words(runs: Sequence[Shown]) -> str:
-    wanted = " and ".join(dict.fromkeys(f"{one.run.settings.wall_follow.desired_distance_m:g} m" for one in runs))
+    wanted = " and ".join(dict.fromkeys(tables.distances(one.run) for one in runs))
     return f"Distance to the wall less the wanted {wanted}; the band is ±{100 * SETTLE_BAND_M:g} cm."
 
 

@@ -6,6 +6,8 @@ from typing import Any
 
 from runtime.settings.tree import Settings, to_toml
 from sim.figures.summary import SETTLE_BAND_M
+from sim.replay.run import RecordedRun
+from sim.replay.settings_text import flat
 from sim.run_report.events import NOT_KNOWN, text
 from sim.run_report.shown import Shown
 
@@ -14,8 +16,8 @@ ROWS = (
     ("distance_m", "distance driven", "m"),
     ("mean_speed_mps", "mean speed while under way", "m/s"),
     ("top_speed_mps", "top speed", "m/s"),
-    ("mean_abs_error_m", "mean absolute error, from the first movement", "m"),
-    ("rms_error_m", "RMS error, from the first movement", "m"),
+    ("mean_abs_error_m", "mean absolute error while under way", "m"),
+    ("rms_error_m", "RMS error while under way", "m"),
     ("settle_s", f"settled within {100 * SETTLE_BAND_M:g} cm after", "s"),
     ("max_overshoot_m", "largest overshoot", "m"),
     ("min_clearance_m", "nearest thing to the outline", "m"),
@@ -33,7 +35,7 @@ def head(shown: Shown) -> str:
     run, numbers = shown.run, shown.numbers
     follow = run.settings.wall_follow
     facts = [
-        f"{follow.side} wall at {follow.desired_distance_m:g} m, {numbers['method']}, {follow.speed_mps:g} m/s asked",
+        f"{follow.side} wall at {distances(run)}, {numbers['method']}, {follow.speed_mps:g} m/s asked",
         f"safety: {run.settings.safety.method}",
         f"world: {shown.world}" if shown.world else "",
         _laps((shown.truth or {}).get("lap_times_s") or ()),
@@ -56,6 +58,25 @@ def head(shown: Shown) -> str:
         f"<p>{escape(' · '.join(fact for fact in facts if fact))}</p>"
         f"{f'<ul>{notes}</ul>' if notes else ''}<div class=tiles>{boxes}</div></header>"
     )
+
+
+def distances(run: RecordedRun) -> str:
+    """Return the wanted distance to the wall, and every later one with its time."""
+    later = [f"from {time_s:.1f} s {one.new:g} m" for time_s, one in run.tuned
+             if one.name == "wall_follow.desired_distance_m" and isinstance(one.new, int | float)]  # fmt: skip
+    return ", ".join([f"{run.settings.wall_follow.desired_distance_m:g} m", *later])
+
+
+def tuned(runs: Sequence[Shown]) -> str:
+    """Return the settings that were changed during a run, "" where none was."""
+    rows = "".join(
+        f'<tr><td data-at="{time_s:.3f}">{shown.tagged(f"{time_s:.2f} s")}</td><td>{escape(one.name)}</td>'
+        f"<td>{escape(_value(one.old))}</td><td>{escape(_value(one.new))}</td></tr>"
+        for shown in runs
+        for time_s, one in shown.run.tuned
+    )
+    heads = "".join(f"<th>{name}</th>" for name in ("at", "changed while it drove", "from", "to"))
+    return f"<table class=settings><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>" if rows else ""
 
 
 def _laps(times_s: Sequence[float]) -> str:
@@ -132,7 +153,7 @@ def settings(runs: Sequence[Shown]) -> str:
         f"<pre tabindex=0>{escape(to_toml(shown.run.settings))}</pre></details>"
         for shown in runs
     )
-    return table + folded
+    return table + tuned(runs) + folded
 
 
 def _mark(values: Sequence[object]) -> str:
@@ -143,14 +164,6 @@ def _is_told(name: str, values: Sequence[Mapping[str, object]], default: Mapping
     if name.startswith(NOT_OF_THE_DRIVE):
         return False
     return any(one.get(name) != default.get(name) for one in values)
-
-
-def flat(section: Mapping[str, Any], before: str = "") -> dict[str, object]:
-    """Return nested settings by their dotted names."""
-    found: dict[str, object] = {}
-    for name, value in section.items():
-        found.update(flat(value, f"{before}{name}.") if isinstance(value, Mapping) else {f"{before}{name}": value})
-    return found
 
 
 def _value(value: object) -> str:

@@ -223,3 +223,25 @@ def test_settings_for_a_recording_that_has_its_own_are_refused(path, tmp_path):
     options.assignments = ["wall_follow.kp=9"]
     with pytest.raises(RecordingError, match="leave --set out"):
         command.run(options)
+
+
+def test_a_setting_that_was_changed_while_it_drove_is_told(tmp_path):
+    def nearer(car):
+        follow = car.settings.wall_follow.model_copy(update={"desired_distance_m": 0.8})
+        car.apply(car.settings.model_copy(update={"wall_follow": follow}), ["wall_follow.desired_distance_m"])
+
+    path = tmp_path / "tuned.mcap"
+    record(path, seconds=3.0, events=[(2.0, nearer)])
+    one = run_of(read_log(path))
+    ((time_s, change),) = one.tuned
+    assert (change.name, change.old, change.new) == ("wall_follow.desired_distance_m", 1.0, 0.8)
+    assert time_s == pytest.approx(2.0, abs=0.3)
+    written = page(shown(one))
+    assert f"left wall at 1 m, from {time_s:.1f} s 0.8 m" in written
+    assert f"less the wanted 1 m, from {time_s:.1f} s 0.8 m" in written
+    assert "<td>wall_follow.desired_distance_m</td><td>1</td><td>0.8</td>" in written
+
+
+def test_a_run_without_such_a_change_has_no_such_table(run):
+    assert run.tuned == []
+    assert "changed while it drove" not in page(shown(run))
