@@ -12,14 +12,15 @@ from runtime.wire.teleop import COMMAND_BYTES
 
 COMMANDS_HZ: Final = 500.0
 """Clients send at most 100 commands a second, and their last words 5 ms apart, three times."""
-OTHERS_HZ: Final = 50.0
-"""Keys that no client needs, where no access control drops them: on loopback. A wildcard counts for this rule or for
-that of a key which it covers, as zenoh finds them."""
 QUESTIONS_HZ: Final = 10.0
 CHANGES_HZ: Final = 20.0
 """A slider on the page sends its changes while it moves."""
 PIECES_HZ: Final = 200.0
-"""Pieces of recordings: the car itself answers them one after the other."""
+"""Pieces of recordings: the car itself answers them one after the other.
+
+Each kind's highest rate is also that of the rule for all other keys: where two rules fit a key, zenoh takes one of
+them, another one in another session. A lower rate there held back commands and changes of settings in one session of
+five."""
 MAX_QUESTION_BYTES: Final = 4096
 MAX_INCOMING_B: Final = 65536
 """Maximum size of a message that zenoh puts together from fragments, 1 GiB without a limit. More than any request."""
@@ -40,8 +41,8 @@ def downsampling(car: str) -> list[dict[str, Any]]:
         f"{topics.LOGS}/get": PIECES_HZ,
     }
     return [
-        _rates("commands", ["put", "delete"], {topics.key(car, topics.COMMAND): COMMANDS_HZ}, OTHERS_HZ),
-        _rates("questions", ["query"], {topics.key(car, name): rate for name, rate in query.items()}, QUESTIONS_HZ),
+        _rates("commands", ["put", "delete"], {topics.key(car, topics.COMMAND): COMMANDS_HZ}, COMMANDS_HZ),
+        _rates("questions", ["query"], {topics.key(car, name): rate for name, rate in query.items()}, PIECES_HZ),
     ]
 
 
