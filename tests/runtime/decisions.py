@@ -86,7 +86,7 @@ SILENT = "no word from teleop or navigation"
 LATE = "safety has not judged this scan yet"
 
 CASES = [
-    Case("nobody says anything", [], 0, None, None, None, SILENT),
+    Case("no source has a command", [], 0, None, None, None, SILENT),
     Case("consent alone does not drive", [safety(), permit()], 0, None, None, None, SILENT),
     Case("everyone agrees", [safety(), permit(), nav()], 1, 0.1, N, N, OK),
     Case("reverse under consent", [safety(), permit(), nav(-0.5)], -0.5, 0.1, N, N, OK),

@@ -50,7 +50,7 @@ def speak(observed, *, speed_mps=1.0, safety=None, permit=True):
     now_s = observed.clock()
     verdict = safety or Verdict(math.inf, math.inf, "clear")
     observed.queue.say(SpeedLimit(Source.SAFETY, verdict, now_s))
-    observed.queue.say(consent(Source.PERMIT, "yes") if permit else refusal(Source.PERMIT, "nobody permits"))
+    observed.queue.say(consent(Source.PERMIT, "yes") if permit else refusal(Source.PERMIT, "no permit"))
     observed.queue.say(DriveCommand(Source.NAVIGATION, Drive(speed_mps, 0.1), now_s, "wall"))
 
 

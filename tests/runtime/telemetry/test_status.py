@@ -56,7 +56,7 @@ def test_every_voice_is_told_with_its_age_in_the_muxs_order(observed):
 @pytest.mark.parametrize(
     ("trouble", "gate", "reason"),
     [
-        (lambda o: speak(o, permit=False), "permit", "nobody permits"),
+        (lambda o: speak(o, permit=False), "permit", "no permit"),
         (lambda o: speak(o, safety=Verdict(0.0, INF, "wall ahead", 0.3)), "safety", "wall ahead"),
         (lambda o: (speak(o), o.queue.silence(Source.SAFETY)), "safety", "no word"),
         (lambda o: (speak(o), o.queue.silence(Source.NAVIGATION)), "navigation", "no word"),

@@ -121,7 +121,7 @@ def test_answers_on_their_way_to_the_wire_are_part_of_the_motion():
     expected = knowing.shift(0.08, motor, 0.03).yaw_rad
     assert to_wire_s(knowing.answers.wire) == pytest.approx(0.0425)
     assert expected > 2 * plain.shift(0.08, motor, 0.03).yaw_rad > 0
-    assert in_flight(knowing.answers.told, knowing.answers.wire, 9.0) == []  # nobody shows them: somebody else drives
+    assert in_flight(knowing.answers.told, knowing.answers.wire, 9.0) == []  # never displayed: another driver steers
 
 
 def test_the_bias_of_the_nearest_of_many_noisy_points_is_learnt_while_it_is_credible():
