@@ -27,20 +27,19 @@ MAX_STRANGERS = 8
 
 def nonsense(session, car, until_s):
     """Send commands of the right length and no meaning."""
-    sent = 0
-    publisher = session.declare_publisher(f"wallride/{car}/operator/command")
-    while time.monotonic() < until_s:
-        publisher.put(NONSENSE)
-        sent += 1
-    return sent
+    return _command(session, car, until_s, NONSENSE)
 
 
 def large(session, car, until_s):
     """Send commands of 1 MB."""
+    return _command(session, car, until_s, LARGE)
+
+
+def _command(session, car, until_s, payload):
     sent = 0
     publisher = session.declare_publisher(f"wallride/{car}/operator/command")
     while time.monotonic() < until_s:
-        publisher.put(LARGE)
+        publisher.put(payload)
         sent += 1
     return sent
 
