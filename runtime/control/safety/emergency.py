@@ -10,6 +10,7 @@ from runtime.control.perception.geometry import Floats, any_nearer
 from runtime.control.safety.body import LOOK_SPARE_M
 from runtime.control.safety.emergency_manoeuvre import (
     FULL_BRAKE,
+    NARROW_M,
     EmergencyState,
     Manoeuvre,
     Outcome,
@@ -33,8 +34,6 @@ SUDDEN_RAD = 0.1
 """Change of the steering within SUDDEN_SCANS scans that marks the beginning of a swerve."""
 BOUND_SHARE = 0.6
 """A bend that takes more than this of a slippery floor's grip binds the car: it can hardly be given up for another."""
-NARROW_M = 0.03
-"""Less room than this is lost by the noise of a scan, or by a driver that changes its mind."""
 WIDE_M = 0.12
 """No bend runs so much wider than its swept way within a stopping distance."""
 LATER_S = 0.03

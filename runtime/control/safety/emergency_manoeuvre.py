@@ -8,6 +8,7 @@ rated by its speed; without one, the least distance to any obstacle counts, the 
 A full brake straight on is the default. Another manoeuvre is chosen only where its impact is not harder on either floor
 and it is clearly better on the worse one; a begun manoeuvre is kept until another is clearly better, or the brake is.
 The steering is taken from the driver, human or not, only where the full brake collides on the assumed floor as well.
+Where it does not, even the driver's own steering needs NARROW_M of room: begun in vain, it costs the brake its distance.
 
 Reason: stopping takes a distance of v^2 / 2a, moving aside by w about v sqrt(2 w / a). Below v = 2 sqrt(2 w a), 5.9 m/s
 for a box of 0.8 m hit in its middle, no swerve is shorter than the stop, whatever the driver has just begun. Past an
@@ -29,6 +30,8 @@ HARDLY_MPS = 0.1
 CLEARLY_MPS = 0.3
 CLEARLY_M = 0.04
 """Minimum differences in impact speed, or in room, that count as clearly better."""
+NARROW_M = 0.03
+"""Less room than this is lost by the noise of a scan, or by a driver that changes its mind."""
 STEERING_SHARES = (0.0, 1.0, -1.0, 0.5, -0.5)
 """Shares of full lock."""
 BRAKE_SHARES = (0.7, 0.45)
@@ -138,7 +141,8 @@ def choose(outcomes: Sequence[Outcome], kept: Manoeuvre, wish_rad: float) -> Out
     better = [
         outcome
         for outcome in outcomes[1:]
-        if (takes_wheels or outcome.manoeuvre.steering_rad == wish_rad) and never_harder(outcome, brake, HARDLY_MPS)
+        if never_harder(outcome, brake, HARDLY_MPS)
+        and (takes_wheels or (outcome.manoeuvre.steering_rad == wish_rad and outcome.room_m >= NARROW_M))
     ]
     best = min(better, key=lambda outcome: (round(outcome.worst_mps, 1), -round(outcome.room_m, 2)), default=chosen)
     return best if is_clearly_better(best, chosen) else chosen
