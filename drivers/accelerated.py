@@ -52,14 +52,14 @@ class Accelerated:
         module, name = self.python.__module__, self.python.__name__
         found, seal = extension(), sealed()
         entry = seal["functions"].get(f"{module}.{name}")
-        if entry is None or not hasattr(found, name):
+        if entry is None or not hasattr(found, name) or not hasattr(found, "over"):
             raise UnfitError("it is not in the C that was built: wallride build-kernel")
         if not _is_as_sealed(module, name, entry, seal):
             raise UnfitError("edited since its C was sealed")
         for constant in entry["constants"]:
             _set(found, constant, seal["constants"][constant])
         function: Callable[..., Any] = getattr(found, name)
-        return function if self.flat is None else _over(function, self.flat)
+        return function if self.flat is None else found.over(function, self.flat)
 
 
 FUNCTIONS: Final[dict[str, Accelerated]] = {}
@@ -100,13 +100,6 @@ def _resolved(one: Accelerated) -> Callable[..., Any]:
     except UnfitError as reason:
         one.why = str(reason)
         return python
-
-
-def _over(function: Callable[..., Any], flat: Callable[..., tuple[Any, ...]]) -> Callable[..., Any]:
-    def answer(*given: Any) -> Any:  # noqa: ANN401 - those of the Python function
-        return function(*flat(*given))
-
-    return answer
 
 
 def in_c() -> frozenset[str]:

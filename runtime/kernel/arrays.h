@@ -103,6 +103,7 @@ KERNEL(find_near_places);
 KERNEL(places_behind);
 KERNEL(watch_sectors);
 KERNEL(prefetch);
+KERNEL(over);
 KERNEL(set_constant);
 KERNEL(cast_cells);
 KERNEL(cast_walls);

@@ -73,8 +73,13 @@ def sectors_of(scan: Scan) -> Sectors:
 
 def runs(which: Booleans) -> list[tuple[int, int]]:
     """Return (first, last) of every run of True in (n,)."""
-    edges = np.flatnonzero(np.diff(which, prepend=False, append=False)).tolist()
-    return [(first, end - 1) for first, end in zip(edges[::2], edges[1::2], strict=True)]
+    told, found = which.tobytes() + b"\0", []  # on a hundred flags several times as fast as numpy's own way
+    first = told.find(1)
+    while first >= 0:
+        end = told.find(0, first)
+        found.append((first, end - 1))
+        first = told.find(1, end)
+    return found
 
 
 def next_seen(seen: Places, sector: int, step: int) -> int | None:

@@ -136,6 +136,8 @@ class Visibility:
 
     def _remember(self, before_m: Places) -> None:
         """Store the places of the previous scan, (n,), base_link, that are missing now: they are assumed present."""
+        if not np.any(self._state >= MISSING):
+            return
         missing = before_m[self._known(before_m) >= MISSING]
         if missing.size:
             odom_m = missing * cmath.rect(1.0, self._pose.yaw_rad) + complex(self._pose.x_m, self._pose.y_m)
@@ -152,17 +154,20 @@ class Visibility:
 
     def _judge(self) -> None:
         """Classify silence as blind where many sectors are missing at once, as depth where its borders prove it."""
-        state = self._state
-        self._doubted &= state > SEEN
-        for first, last in runs(state > SEEN):
-            part = state[first : last + 1]
-            at_once = np.flatnonzero((part == MISSING) | (part == GONE))
-            missing = int(np.count_nonzero(part == MISSING))
-            if missing >= DOUBTED_SECTORS or at_once.size >= SILENCED_SECTORS:
-                blind = at_once.size >= (BLIND_SECTORS if missing >= BLIND_MISSING_SECTORS else BLIND_SECTORS + 1)
-                self._doubt(first + int(at_once[0]), first + int(at_once[-1]), blind=blind)
-            elif self._is_depth(first, last):
-                part[((part == UNPROVEN) | (part == MISSING)) & ~self._doubted[first : last + 1]] = DEPTH
+        state, silent = self._state, self._state > SEEN
+        self._doubted &= silent
+        told = state.tobytes()  # its counts are several times as fast as numpy's on a hundred sectors
+        for first, last in runs(silent):
+            part = told[first : last + 1]
+            missing = part.count(MISSING)
+            at_once = missing + part.count(GONE)
+            if missing >= DOUBTED_SECTORS or at_once >= SILENCED_SECTORS:
+                places = [place for place, one in enumerate(part, first) if one in (MISSING, GONE)]
+                blind = at_once >= (BLIND_SECTORS if missing >= BLIND_MISSING_SECTORS else BLIND_SECTORS + 1)
+                self._doubt(places[0], places[-1], blind=blind)
+            elif (missing or UNPROVEN in part) and self._is_depth(first, last):
+                run = state[first : last + 1]
+                run[((run == UNPROVEN) | (run == MISSING)) & ~self._doubted[first : last + 1]] = DEPTH
 
     def _doubt(self, first: int, last: int, *, blind: bool) -> None:
         """Mark sectors that have become silent at once: only echoes prove them again."""
@@ -201,8 +206,7 @@ class Visibility:
         One alone is not: a sector that a cover hides in part flickers, and its echoes have then moved next door.
         """
         part = self._state[max(0, end - 1) : end + 1] if step > 0 else self._state[end : end + 2]
-        silent = part[part > SEEN]
-        return bool(np.all((silent == DEPTH) | (silent == GONE)))
+        return all(one in (SEEN, DEPTH, GONE) for one in part.tolist())
 
     def learn(self) -> None:
         """Compare with the silence at an earlier pose: walls that emerge from a silence that moves with the car."""
