@@ -97,7 +97,8 @@ class Telemetry:
         """Note the follower's answer."""
         self._newest.guided = (scan, guidance)
         self.journey.scans += 1
-        self.journey.score.add(guidance.error_m)
+        state = self._observed.motor.state
+        self.journey.score.add(guidance.error_m, state.speed_mps if state is not None else math.nan)
         self._each.append((topics.DISTANCE_ERROR, scan.stamp_s, partial(self._writers.distance_error, scan, guidance)))
         self._note(BY_GUIDANCE)
 

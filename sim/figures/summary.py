@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from runtime.control.score import STANDING_BELOW_MPS
 from sim.world.pose import Floats
 
 SETTLE_BAND_M = 0.05
 SETTLED_FOR_S = 2.0
-STANDING_BELOW_MPS = 0.05
 ON_THE_LINE_M = 0.02
 STANDING_FOR_S = 1.0
 

@@ -48,8 +48,8 @@ def numbers(run: RecordedRun) -> dict[str, Any]:
     Those of `sim.summary` use the car's estimates (odometry, its own distance to the wall), not the truth.
     """
     score = Score()
-    for error_m in run.error.value:
-        score.add(float(error_m))
+    for time_s, error_m in zip(run.error.time_s, run.error.value, strict=True):
+        score.add(float(error_m), at_time(run.path.time_s, run.path.speed_mps, float(time_s)))
     found = stops(run)
     status = run.status
     return {

@@ -134,7 +134,7 @@ class _Foreign:
         guidance: Guidance = stage.follow(scan, state)
         newest.guided = (scan, guidance)
         self._journey.scans += 1
-        self._journey.score.add(guidance.error_m)
+        self._journey.score.add(guidance.error_m, state.speed_mps)
         self._journey.pose = self._odometry.update(state)
         output = stage.step()
         self._decided(output)

@@ -98,12 +98,12 @@ def figures(runs: Sequence[Shown]) -> str:
         if any(name in column for _, column in columns):
             cells = "".join(_cell(name, column.get(name), unit, known=name in column) for _, column in columns)
             rows.append(f"<tr><th>{escape(title)}</th>{cells}</tr>")
-    for name, title in (("mean_abs_m", "mean absolute error, all scans"), ("rms_m", "RMS error, all scans")):
+    for name, title in (("mean_abs_m", "mean absolute error"), ("rms_m", "RMS error")):
         cells = "".join(
             _cell(f"distance_error.{name}", column.get("distance_error", {}).get(name), "m", known=column is own)
             for own, column in _with_own(runs)
         )
-        rows.append(f"<tr><th>the car's own score: {title}</th>{cells}</tr>")
+        rows.append(f"<tr><th>the car's own score while under way: {title}</th>{cells}</tr>")
     return f"<table><thead><tr><td></td>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
 
 

@@ -3,11 +3,13 @@
 import asyncio
 import json
 import math
+from dataclasses import replace
 from itertools import count
 
 import numpy as np
 import pytest
 
+from drivers.api import Drive
 from runtime.arbitration.command import Source, Verdict
 from runtime.control.vehicle import CarSettings
 from runtime.realtime.wall_clock import WallClock
@@ -55,13 +57,13 @@ class Rig:
             ball_m=lambda: None,
         )
 
-    def drive_once(self, **output):
+    def drive_once(self, guidance=GUIDANCE, **output):
         """Let one scan go all the way to the motor."""
         self.clock.now_s += 0.025
         scan = scan_at(self.clock.now_s)
         self.telemetry.on_scan(scan)
         speak(self.observed)
-        self.telemetry.on_guidance(scan, GUIDANCE)
+        self.telemetry.on_guidance(scan, guidance)
         self.clock.now_s += 0.004
         self.telemetry.on_output(output_of(self.observed, **output))
 
@@ -241,12 +243,27 @@ async def test_a_silent_voice_publishes_nothing():
 
 async def test_latency_and_score_are_kept_for_the_status():
     rig = Rig()
+    rig.observed.motor.send(Drive(1.0, 0.0))
     for _ in range(10):
         rig.drive_once()
     status = rig.telemetry.status()
     assert status["scan_to_motor_ms"]["p50"] == pytest.approx(3.0, abs=0.01), "received 1 ms after its stamp"
     assert status["distance_error"]["mean_abs_m"] == 0.125
     assert status["scans"] == 10
+
+
+async def test_a_car_that_stands_neither_improves_nor_worsens_its_score():
+    rig = Rig()
+    rig.drive_once()
+    assert math.isnan(rig.telemetry.status()["distance_error"]["mean_abs_m"]), "it has not moved yet"
+    rig.observed.motor.send(Drive(1.0, 0.0))
+    rig.drive_once()
+    rig.observed.motor.send(Drive(0.0, 0.0))
+    for _ in range(5):
+        rig.drive_once(guidance=replace(GUIDANCE, error_m=0.9))
+    rig.observed.motor.present = False  # an unknown speed
+    rig.drive_once(guidance=replace(GUIDANCE, error_m=0.9))
+    assert rig.telemetry.status()["distance_error"] == {"mean_abs_m": 0.125, "rms_m": 0.125}
 
 
 async def test_an_inertial_measurement_goes_out_as_it_came():
