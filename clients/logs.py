@@ -10,6 +10,7 @@ from typing import Any
 
 from clients.connection import ConnectionProblemError, connected
 from runtime.recording import requests
+from runtime.recording.file_summary import duration_s
 from runtime.recording.recover import RecoveryError, file_state, is_whole, recover
 from runtime.recording.ring import KEPT, MB, Entry, entries, file_named, folders, keep, parse, trim
 from runtime.settings.recording import recordings_folder
@@ -24,13 +25,17 @@ Answer = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class ListedRecording:
-    """One recording, on this machine or on a car. state: whole, unfinished or recording."""
+    """One recording, on this machine or on a car. state: whole, unfinished or recording.
+
+    duration_s: None for one without its end, or of a car that does not say it.
+    """
 
     name: str
     size_bytes: int
     black_box: bool
     reason: str
     state: str
+    duration_s: float | None = None
 
 
 async def run(options: argparse.Namespace) -> int:
@@ -90,7 +95,7 @@ def _here(options: argparse.Namespace) -> int:
 def _listed(folder: Path, entry: Entry, above: Path) -> ListedRecording:
     path = folder / entry.name
     name = path.relative_to(above).as_posix()
-    return ListedRecording(name, entry.size_bytes, entry.is_black_box, entry.reason, file_state(path))
+    return ListedRecording(name, entry.size_bytes, entry.is_black_box, entry.reason, file_state(path), duration_s(path))
 
 
 def _keep(options: argparse.Namespace) -> int:
@@ -235,6 +240,7 @@ def _say_list(files: Sequence[ListedRecording], where: str, options: argparse.Na
         return
     for file in files:
         state = "" if file.state == "whole" else f"   {file.state}"
-        options.say(f"{file.size_bytes / MB:9.1f} MB  {file.name}{state}")
+        lasted = "-" if file.duration_s is None else f"{file.duration_s:.1f} s"
+        options.say(f"{file.size_bytes / MB:9.1f} MB  {lasted:>9}  {file.name}{state}")
     total_mb = sum(file.size_bytes for file in files) / MB
     options.say(f"{len(files)} recordings, {total_mb:.1f} MB in {where}")

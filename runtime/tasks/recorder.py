@@ -14,6 +14,7 @@ from pydantic import BaseModel, ValidationError
 
 from runtime.recording import requests
 from runtime.recording.disk import explain
+from runtime.recording.file_summary import duration_s
 from runtime.recording.recorder import Recorder
 from runtime.recording.recover import file_state
 from runtime.recording.requests import GetRecording, ListRecordings, RecordQuestion, TrimQuestion
@@ -111,6 +112,7 @@ def _listing(folder: Path) -> dict[str, Any]:
                 "black_box": entry.is_black_box,
                 "reason": entry.reason,
                 "state": file_state(folder / entry.name),
+                "duration_s": duration_s(folder / entry.name),
             }
             for entry in entries(folder)
         ],

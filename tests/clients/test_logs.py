@@ -86,7 +86,7 @@ async def test_a_recording_is_begun_ended_listed_fetched_read_and_deleted(tmp_pa
         name = await car.recorded()
         (tmp_path / "car" / "notes.txt").write_text("not ours")
         code, lines = await car.run("logs", "list")
-        assert [line.split()[2] for line in lines[:-1]] == sorted(
+        assert [word for line in lines for word in line.split() if word.endswith(".mcap")] == sorted(
             path.name for path in (tmp_path / "car").glob("*.mcap")
         )
         assert lines[-1].startswith("2 recordings, ")
@@ -212,9 +212,14 @@ async def test_files_of_this_machine(tmp_path):
         listed = json.loads("\n".join((await car.run("logs", "list", "--local", str(tmp_path), "--json"))[1]))
         assert listed[0]["state"] == "whole"
         path = tmp_path / name
+        info = json.loads("\n".join((await car.run("logs", "info", "--json", str(path)))[1]))
+        assert listed[0]["duration_s"] == pytest.approx(info["seconds"], abs=0.001)
+        assert f" {info['seconds']:.1f} s  {name}" in lines[0]
+        assert lines[0] == (await car.run("logs", "list"))[1][0], "the car says the same of its own files"
         path.write_bytes(path.read_bytes()[:-20_000])
         assert "without its end" in (await car.run("logs", "info", str(path)))[1][1]
-        assert "unfinished" in (await car.run("logs", "list", "--local", str(tmp_path)))[1][0]
+        torn = (await car.run("logs", "list", "--local", str(tmp_path)))[1][0]
+        assert f"MB          -  {name}   unfinished" in torn
         code, (line,) = await car.run("logs", "recover", str(path))
         assert code == 0
         assert "finished; " in line

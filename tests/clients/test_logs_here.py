@@ -53,7 +53,7 @@ async def test_alone_it_lists_everything_here(home):
     code, text = await said()
     assert code == 0
     for name in (DRIVE.format(1), f"car1/{DRIVE.format(3)}", f"simulated/sim/{DRIVE.format(5)}"):
-        assert f"  {name}" in text
+        assert f"-  {name}" in text, "no recording at all has no duration"
     assert text.endswith(f"5 recordings, 5.0 MB in {home}")
 
 
