@@ -5,13 +5,14 @@ import asyncio
 import json
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
+from runtime.arbitration.command import NO_WINNER
 from runtime.settings.tree import Settings, SettingsError, load_settings
 from sim.car.vehicle import Vehicle, VehicleSettings
 from sim.figures.comparison import compare
@@ -346,8 +347,13 @@ def _table(summary: dict[str, Any]) -> Table:
     table = Table(title=f"wallride sim: {summary['world']}", show_header=False)
     for name, value in summary.items():
         if name not in FOR_PROGRAMS and value not in ([], {}):
-            table.add_row(name, _shown(value))
+            table.add_row(name, _shown(_winners_in_words(value) if name == "winners" else value))
     return table
+
+
+def _winners_in_words(winners: Mapping[str, float] | None) -> Mapping[str, float] | None:
+    """Return the seconds by winner under the names of a screen; JSON keeps those of the wire."""
+    return winners and {"none" if name == NO_WINNER else name: seconds for name, seconds in winners.items()}
 
 
 def _shown(value: object) -> str:

@@ -81,7 +81,7 @@ export class MuxView {
     setData($("output"), "state", !output.delivered || (stands && output.winner !== output.driver) ? "stop" : stands ? "stand" : said.winner === said.driver ? "go" : "slow");
     setText($("output-speed"), number(output.speed_mps, 2));
     setText($("output-steering"), angle(output.steering_rad));
-    setText($("output-winner"), WORDS[said.winner] ?? "nobody decides");
+    setText($("output-winner"), WORDS[said.winner] ?? "no decision");
     setText($("output-reason"), because(said.reason, said.measure));
     setText($("output-note"), output.delivered ? "" : "not delivered: no motor takes it");
   }
