@@ -7,6 +7,7 @@ const SET_EVERY_MS = 200;
 const REFRESH_MS = 10000;
 const OPEN_FIRST = ["wall_follow"];
 const STEPS = 200;
+const QUANTITIES = { m: "distance", s: "time", "m/s": "speed", rad: "angle" };
 const UNIT_ENDING = /_(m|s|ms|mps|mps2|rad|radps|hz|a|v)$/;
 
 export class Settings {
@@ -60,15 +61,16 @@ export class Settings {
   #build(parameters) {
     this.#rows.clear();
     const groups = new Map();
+    const titles = titlesOf(parameters);
     for (const parameter of parameters) {
-      const group = parameter.name.slice(0, parameter.name.lastIndexOf("."));
+      const group = groupOf(parameter);
       if (!groups.has(group)) {
         const details = make("details", "group");
         details.open = OPEN_FIRST.includes(group);
         details.append(make("summary", "", group));
         groups.set(group, details);
       }
-      const row = new Row(parameter, (value) => this.#set(parameter.name, value));
+      const row = new Row(parameter, titles.get(parameter.name), (value) => this.#set(parameter.name, value));
       this.#rows.set(parameter.name, row);
       groups.get(group).append(row.element);
     }
@@ -163,16 +165,16 @@ class Row {
   #waiting;
   #busyUntilMs = -Infinity;
 
-  constructor(parameter, set) {
+  constructor(parameter, title, set) {
     this.#parameter = parameter;
     this.#set = set;
     const { name, description, range, default: usual, takes_effect: when } = parameter;
     const words = [when === "standing" ? "[while standing]" : "", description].filter(Boolean).join(" ");
     const limits = `${range}, default ${usual}`;
-    this.text = `${titleOf(parameter)} ${words} ${limits}`;
+    this.text = `${title} ${words} ${limits}`;
     this.element = make("div", "setting");
     const id = `setting-${name}`;
-    const label = make("label", "", titleOf(parameter));
+    const label = make("label", "", title);
     label.htmlFor = id;
     const hint = make("p", "hint", words);
     hint.id = `${id}-hint`;
@@ -288,6 +290,19 @@ class Row {
 }
 
 /** What a person calls it: the unit stands beside the value already. */
+/** The title of each setting; those of one group that differ in their unit alone say what they measure. */
+function titlesOf(parameters) {
+  const place = (parameter) => `${groupOf(parameter)}: ${titleOf(parameter)}`;
+  const times = new Map();
+  for (const parameter of parameters) times.set(place(parameter), (times.get(place(parameter)) ?? 0) + 1);
+  return new Map(parameters.map((parameter) => {
+    const title = titleOf(parameter), { name, unit } = parameter;
+    return [name, times.get(place(parameter)) > 1 ? `${title} ${QUANTITIES[unit] ?? unit}` : title];
+  }));
+}
+
+function groupOf({ name }) { return name.slice(0, name.lastIndexOf(".")); }
+
 function titleOf({ name, unit }) {
   const key = name.split(".").at(-1);
   return (unit && unit !== "1" ? key.replace(UNIT_ENDING, "") : key).replaceAll("_", " ");

@@ -99,6 +99,20 @@ async def test_every_setting_has_its_name_range_default_and_words_as_in_param_li
             assert line.endswith(row["words"])
 
 
+async def test_no_two_settings_of_a_group_have_one_label(scene, tab):
+    async with scene.car(), scene.monitor():
+        await panel(tab, scene)
+        rows = await tab.run(
+            "[...document.querySelectorAll('.setting')].map((row) => [row.querySelector('code').textContent,"
+            " row.querySelector('label').textContent])"
+        )
+        labels = [(name.rpartition(".")[0], label) for name, label in rows]
+        assert len(set(labels)) == len(labels)
+        assert dict(rows)["wall_follow.look_ahead_m"] == "look ahead distance"
+        assert dict(rows)["wall_follow.look_ahead_s"] == "look ahead time"
+        assert dict(rows)[DISTANCE] == "desired distance"
+
+
 async def test_the_filter_finds_by_name_and_words_and_says_when_it_finds_nothing(scene, tab):
     async with scene.car(), scene.monitor():
         await panel(tab, scene)
