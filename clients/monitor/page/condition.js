@@ -22,8 +22,7 @@ export class Condition {
     this.#line("own-parts", "plain", ownPartsWords(status.own_parts?.patches ?? []));
     this.#line("fault", status.fault ? "bad" : "good", status.fault || "none");
     this.#battery(status.battery);
-    const { temperature_c: warm, zone, trouble } = status.computer ?? {};
-    this.#line("computer", trouble ? "bad" : "plain", [Number.isFinite(warm) ? `${number(warm, 0)} °C (${zone})` : "", trouble].filter(Boolean).join("; ") || "reports nothing");
+    this.#line("computer", status.computer?.trouble ? "bad" : "plain", computerWords(status.computer ?? {}));
     this.#operator(status.operator, status.overruled, status.voices);
     const gates = Object.entries(status.gates ?? {}).filter(([, reason]) => reason);
     this.#line("gates", gates.length ? "warn" : "good", gates.length ? gates.map(([name, reason]) => `${name}: ${reason}`).join("; ") : "all open");
@@ -104,6 +103,12 @@ export class Condition {
     setData(line, "mood", mood);
     setText(line.lastElementChild, words);
   }
+}
+
+function computerWords({ temperature_c: warm, zone, trouble }) {
+  if (zone === undefined) return "not watched by this car";
+  const warmth = Number.isFinite(warm) ? `${number(warm, 0)} °C (${zone})` : "no temperature sensor here";
+  return `${warmth}; ${trouble || "no throttling reported"}`;
 }
 
 function batteryWords({ sag_v: sag, trouble }) {

@@ -163,6 +163,23 @@ async def test_a_human_whom_safety_does_not_bind_is_told_and_offered_the_switch(
         await tab.until("document.querySelector('#overruled').hidden")
 
 
+async def test_a_computer_without_sensors_and_a_mux_without_a_decision_are_said_plainly(scene, tab):
+    async with scene.car() as car, scene.monitor():
+        await watching(tab, scene)
+        computer = "document.querySelector('#line-computer dd').textContent"
+        await tab.until(f"{computer} === 'no temperature sensor here; no throttling reported'")
+        car.computer = {"temperature_c": 51.4, "zone": "CPU-therm", "trouble": ""}
+        await tab.until(f"{computer} === '51 °C (CPU-therm); no throttling reported'")
+        car.computer = {**car.computer, "trouble": "the computer is slowed down (cpu): too hot, or a weak supply"}
+        await tab.until(
+            f"{computer} === '51 °C (CPU-therm); the computer is slowed down (cpu): too hot, or a weak supply'"
+        )
+        car.computer = {}
+        await tab.until(f"{computer} === 'not watched by this car'")
+        await tab.until("document.querySelector('#output-winner').textContent !== '–'")
+        assert "nobody" not in await tab.run("document.querySelector('#mux').innerText")
+
+
 async def test_steering_is_in_degrees_and_no_number_is_bare(scene, tab):
     async with scene.car(), scene.monitor():
         await watching(tab, scene)
