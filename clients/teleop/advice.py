@@ -19,6 +19,7 @@ PAD_NAMES: Mapping[Control, str] = {
     Control.STEERING: "right stick left/right",
 }
 WARN_SILENT_S = 3.0
+STANDING_BELOW_MPS = 0.05
 
 
 class AdviceLevel(StrEnum):
@@ -61,10 +62,7 @@ def _blocked(now: PilotState, names: Mapping[Control, str]) -> Advice:
         DeadmanFault.PAUSED: ("paused", f"this program stood still: {release}"),
         DeadmanFault.RESTARTED: ("car restarted", release),
         DeadmanFault.LATCHED: ("E-STOP", _reset(now, names)),
-        DeadmanFault.OTHER: (
-            f"{now.operator_name} drives",
-            f"release everything, then hold {names[Control.TAKE_OVER]} for 1 s to take over{_progress(now)}",
-        ),
+        DeadmanFault.OTHER: _other(now, names),
         DeadmanFault.LOST: ("car lost us", f"our commands came too late: {release}"),
         DeadmanFault.REARM: ("release first", release),
     }  # fmt: skip
@@ -77,6 +75,13 @@ def _blocked(now: PilotState, names: Mapping[Control, str]) -> Advice:
         DeadmanFault.RESTARTED,
     }
     return Advice(AdviceLevel.WAITING if now.block in waiting else AdviceLevel.STOPPED, state, text)
+
+
+def _other(now: PilotState, names: Mapping[Control, str]) -> tuple[str, str]:
+    take_over = f"release everything, then hold {names[Control.TAKE_OVER]} for 1 s to take over{_progress(now)}"
+    if now.beat is not None and CarCondition.OPERATOR_LOST in now.beat.flags:
+        return f"{now.operator_name} was lost", _stands(now) + take_over
+    return f"{now.operator_name} drives", take_over
 
 
 def _armed(now: PilotState, names: Mapping[Control, str]) -> Advice:
@@ -96,8 +101,20 @@ def _armed(now: PilotState, names: Mapping[Control, str]) -> Advice:
         return Advice(
             AdviceLevel.STOPPED, "motor fault", f"hold {names[Control.RESET]} for 1 s to clear it{_progress(now)}"
         )
-    text = f"hold {names[Control.MANUAL]} to drive, {names[Control.AUTONOMY]} to permit autonomy"
-    return Advice(AdviceLevel.WAITING, "ready", text)
+    return Advice(AdviceLevel.WAITING, "ready", _stands(now) + _ways_on(names))
+
+
+def _ways_on(names: Mapping[Control, str]) -> str:
+    return f"hold {names[Control.MANUAL]} to drive, {names[Control.AUTONOMY]} to permit autonomy"
+
+
+def _stands(now: PilotState) -> str:
+    """Say whether the car moves: "ready" alone leaves open whether it waits for the operator or drives on by itself."""
+    if now.beat is None:
+        return ""
+    if CarCondition.PERMITTED in now.beat.flags:
+        return "the car may drive by itself; "
+    return "the car stands; " if abs(now.beat.speed_mps) < STANDING_BELOW_MPS else ""
 
 
 def _let_go(now: PilotState, names: Mapping[Control, str], held: Control) -> str:
@@ -110,11 +127,15 @@ def _release(now: PilotState, names: Mapping[Control, str]) -> str:
     """Name the buttons still held, because a stuck button looks like a defect of the car."""
     held = [names[control] for control in BUTTONS if control in now.inputs.pressed]
     if not now.inputs.centred:
-        held.append(f"the sticks (speed {now.inputs.speed:+.2f}, steering {now.inputs.steering:+.2f})")
+        held.append(f"{_sticks(now)} (speed {now.inputs.speed:+.2f}, steering {now.inputs.steering:+.2f})")
     if not held:
         return "release everything, then press again"
-    why = " (centre the sticks before pressing)" if now.closed_by is DeadmanFault.OFF_CENTRE else ""
+    why = f" (centre {_sticks(now)} before pressing)" if now.closed_by is DeadmanFault.OFF_CENTRE else ""
     return f"release everything first: {', '.join(held)}{why}"
+
+
+def _sticks(now: PilotState) -> str:
+    return "the drive pad" if now.inputs.kind is Input.PAGE else "the sticks"
 
 
 def _reset(now: PilotState, names: Mapping[Control, str]) -> str:

@@ -3,6 +3,7 @@
 import io
 import json
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -10,7 +11,7 @@ from clients.teleop.advice import advise
 from clients.teleop.inputs import Control
 from clients.teleop.keyboard import HELD_NAMES
 from clients.teleop.screen import CarState, Screen, lines
-from runtime.wire.teleop import CarCondition
+from runtime.wire.teleop import CarCondition, Input
 from tests.clients.teleop.scenes import DEAD, SESSION, Drive, hands
 
 
@@ -71,9 +72,25 @@ def driving(car):
     car.drive()
 
 
+def stands(car, *conditions, operator=0, name=""):
+    car.beat = replace(car.beat, speed_mps=0.0)
+    car.says(*conditions, operator=operator, name=name)
+    car.hold(hands())
+
+
+def off_centre_on_a_page(car):
+    car.hold(hands(kind=Input.PAGE))
+    car.hold(hands(Control.MANUAL, speed=0.5, kind=Input.PAGE))
+
+
+LOST = CarCondition.OPERATOR_LOST
 STORIES = [
     (waiting, "waiting", "no heartbeat"),
     (lambda car: car.hold(hands()), "ready", "hold LB to drive, RB to permit autonomy"),
+    (stands, "ready", "the car stands; hold LB to drive"),
+    (lambda car: stands(car, CarCondition.PERMITTED), "ready", "the car may drive by itself; hold LB to drive"),
+    (lambda car: stands(car, LOST, operator=5, name="bob"), "bob was lost", "the car stands; release everything, then"),
+    (off_centre_on_a_page, "release first", "centre the drive pad before pressing"),
     (lambda car: car.hold(hands(Control.MANUAL)), "release first", "release everything first: LB"),
     (off_centre, "release first", "centre the sticks before pressing"),
     (driving, "DRIVING", "release LB to stop"),
