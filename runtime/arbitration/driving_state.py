@@ -68,7 +68,7 @@ CLEARED_BY: Final[Mapping[DrivingState, str]] = MappingProxyType(
         _S.STARTING: "the first decision, within a second of the start",
         _S.WAITING: "connect or power the device as its line says; then permit again",
         _S.DISARMED: "an operator: hold to drive, or permit autonomy (wallride teleop; Drive on the page)",
-        _S.ARMED: "a speed: push the stick",
+        _S.ARMED: "a speed: drive by hand (stick, keys, drive pad of the page) or permit autonomy",
         _S.DRIVING: "",
         _S.LIMITED: "the end of the reason; nothing to do",
         _S.STOPPED: "the end of the reason; the car then drives on while it is permitted",

@@ -12,7 +12,10 @@ const EMPTY_CELL_V = 3.2;
 const CELL_V = [[18, 6], [13.5, 4], [9.2, 3], [0, 2]];
 
 export class Condition {
-  constructor(link) { this.link = link; }
+  constructor(link, device) {
+    this.link = link;
+    this.device = device;
+  }
 
   showStatus(status) {
     this.#device("lidar", status.lidar);
@@ -31,7 +34,7 @@ export class Condition {
     const { state = status.state, reason, measure, clears } = status.condition ?? {};
     setData($("state"), "state", String(state ?? ""));
     setText($("state"), state ?? "–");
-    this.#line("clears", STATE_MOODS[state] ?? "warn", clears ? `${because(reason, measure)}; cleared by: ${clears}` : state ?? "unknown");
+    this.#line("clears", STATE_MOODS[state] ?? "warn", clears ? `${because(reason, measure)}; cleared by: ${this.device.clears(state, clears)}` : state ?? "unknown");
     const output = status.output;
     setText($("why"), output ? `${output.winner}: ${because(output.reason, output.measure)}` : "nothing has been decided yet");
   }

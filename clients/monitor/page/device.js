@@ -29,6 +29,19 @@ export class Device {
   /** Puts this device's names into a sentence of the server (clients/monitor/driving.py). */
   named(sentence) { return sentence.replaceAll(/\{(\w+)\}/g, (_, what) => this.#name(what)); }
 
+  /** What ends a state of the car (runtime/arbitration/driving_state.py), by what this device has; `words` elsewhere. */
+  clears(state, words) {
+    const [drive, autonomy] = [this.#name("manual"), this.#name("autonomy")];
+    switch (state) {
+      case "disarmed": return `an operator: switch Drive on, then hold ${drive} to drive, or ${autonomy} to permit autonomy`;
+      case "armed": return `a speed: ${this.#ways.join(" or ")}, or hold ${autonomy} to permit autonomy`;
+      case "e-stopped": return `switch Drive on, release everything, then hold ${this.#name("reset")} for 1 s; then permit again`;
+      default: return words;
+    }
+  }
+
+  get #ways() { return ["pull the drive pad", this.keys ? "hold an arrow key" : "", this.#pad ? "push the stick" : ""].filter(Boolean); }
+
   #name(what) {
     if (what === "manual") return ["the drive pad", this.keys ? "an arrow key" : "", this.#pad ? "LB" : ""].filter(Boolean).join(" or ");
     const [word, key, button] = BUTTONS[what] ?? [what, "", ""];

@@ -23,9 +23,9 @@ const link = new Link();
 const scene = new Scene($("scene"), link);
 const plots = new Plots($("strips"));
 const mux = new MuxView();
-const condition = new Condition(link);
-const timings = new Timings();
 const device = new Device();
+const condition = new Condition(link, device);
+const timings = new Timings();
 const hands = new Hands(link, { onStop: stop, onChange: showDriving });
 const settings = new Settings(link, (car) => { if (Number.isFinite(car["car.lidar_x_m"])) scene.lidarM = car["car.lidar_x_m"]; });
 const simulator = new Simulator(link);
@@ -259,7 +259,7 @@ function showDriving() {
 function showPilot(pilot) {
   setData($("driving"), "mood", hands.engaged ? pilot.mood : "off");
   const { beat } = link.newest;
-  const idle = beat.latched ? "E-stop: the car is held. Switch Drive on, then hold Reset." : operatedBy(beat, pilot.whose);
+  const idle = beat.latched ? `E-stop: the car is held. Switch Drive on, then ${device.named("hold {reset}")} for 1 s.` : operatedBy(beat, pilot.whose);
   setText($("pilot-state"), hands.engaged ? pilot.state : pilot.stop_pending ? pilot.state : "watching");
   setText($("pilot-next"), hands.engaged || pilot.stop_pending ? device.named(pilot.next) : idle);
   setData(document.body, "other", String(Boolean(beat.present && pilot.whose && pilot.whose !== "this page")));

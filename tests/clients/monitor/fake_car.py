@@ -60,6 +60,7 @@ class FakeCar:
         )
         self.standing = True
         self.overruled = None
+        self.condition = {}
         self.computer = {"temperature_c": None, "zone": "", "trouble": ""}
         self.applied = []
         self.recording = []
@@ -193,7 +194,7 @@ class FakeCar:
             "battery": {"voltage_v": 11.75, "current_a": 3.2}, "fault": "",
             "lidar": {"link": "ready", "message": "UST-10LX", "identity": "", "counts": {}},
             "motor": {"link": "ready", "message": "VESC 60", "identity": "", "counts": {"missed_reply": 2}},
-            "window": WINDOW, "computer": self.computer, "link": {}, "scans": self.scans,
+            "condition": self.condition, "window": WINDOW, "computer": self.computer, "link": {}, "scans": self.scans,
             "scan_to_motor_ms": {"p50": 1.1, "p99": 2.2, "max": 3.3},
             "distance_error": {"mean_abs_m": 0.021, "rms_m": 0.03}, "odom": {"x_m": 0, "y_m": 0, "yaw_rad": 0},
         }  # fmt: skip

@@ -4,6 +4,8 @@ import asyncio
 
 import pytest
 
+from runtime.arbitration.driving_state import CLEARED_BY
+from runtime.arbitration.emergency_stop import Cause
 from tests.clients.monitor.test_browser import operate, take_control, watching
 
 STATE, WHY = "document.querySelector('#state').textContent", "document.querySelector('#why').textContent"
@@ -43,6 +45,20 @@ async def test_an_operator_who_was_lost_is_named_and_does_not_operate(scene, tab
         await tab.until(f"{NEXT} === 'Not operated: rival was lost. Switch Drive on to take control.'")
         await tab.until(f"{OPERATOR}.startsWith('not operated, rival was lost')")
         assert "nobody" not in await tab.run(OPERATOR)
+
+
+async def test_a_page_that_was_lost_and_is_ready_again_says_that_the_car_stands(scene, tab):
+    async with scene.car() as car, scene.monitor():
+        await watching(tab, scene)
+        await take_control(tab)
+        x, y = await tab.middle("#touch")
+        await tab.touch("touchStart", (x, y))
+        await car.until(lambda: car.desk.view().operator == "ann@laptop", "this page operates")
+        await tab.run("wallride.hands.abandon()")
+        await car.until(lambda: "lost" in str(car.desk.view().standing), "lost")
+        await tab.touch("touchEnd")
+        await take_control(tab)
+        await tab.until(f"{NEXT}.startsWith('the car stands; hold the drive pad')")
 
 
 async def test_it_tells_this_page_from_another(scene, tab):
@@ -147,6 +163,46 @@ async def test_the_words_name_what_this_device_has(scene, tab):
         assert "hold the drive pad to drive, Autonomy to permit autonomy" in phone
         for word in ("arrow", "W A S D", "Space", " · ", "LB", "RB", "Start", "No gamepad"):
             assert word not in phone
+
+
+CLEARS = "document.querySelector('#line-clears dd').textContent"
+DESK = {
+    "disarmed": "hold the drive pad or an arrow key to drive, or Autonomy (P) to permit autonomy",
+    "armed": "a speed: pull the drive pad or hold an arrow key, or hold Autonomy (P)",
+    "e-stopped": "switch Drive on, release everything, then hold Reset (R) for 1 s",
+}
+PHONE = {
+    "disarmed": "hold the drive pad to drive, or Autonomy to permit autonomy",
+    "armed": "a speed: pull the drive pad, or hold Autonomy",
+    "e-stopped": "switch Drive on, release everything, then hold Reset for 1 s",
+}
+
+
+@pytest.mark.parametrize("words", [DESK, PHONE], ids=["desk", "phone"])
+async def test_what_clears_a_state_names_what_this_device_has(scene, tab, words):
+    async with scene.car() as car, scene.monitor():
+        if words is PHONE:
+            await tab.call("Emulation.setTouchEmulationEnabled", enabled=True)
+            await tab.look(width=390, height=844, mobile=True)
+            await tab.go(scene.url)
+            await tab.until("window.wallride && wallride.timings.count > 3")
+        else:
+            await watching(tab, scene)
+        for state, clears in CLEARED_BY.items():
+            car.condition = {"state": str(state), "reason": f"why {state}", "measure": None, "clears": clears}
+            await tab.until(f"{CLEARS}.includes('why {state}') || {CLEARS} === {str(state)!r}")
+            said = await tab.run(CLEARS)
+            assert words.get(str(state), "") in said
+            for wrong in (
+                "Start",
+                "push the stick",
+                "wallride teleop",
+                *(("(R)", "(P)", "arrow") if words is PHONE else ()),
+            ):
+                assert wrong not in said
+        car.e_stop.latch(Cause.OPERATOR, "e-stop by bob")
+        await tab.until(f"{NEXT}.startsWith('E-stop: the car is held. Switch Drive on, then hold Reset')")
+        assert ("(R)" in await tab.run(NEXT)) == (words is DESK)
 
 
 async def test_a_human_whom_safety_does_not_bind_is_told_and_offered_the_switch(scene, tab):
