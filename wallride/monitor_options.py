@@ -2,6 +2,7 @@
 
 import argparse
 from functools import partial
+from pathlib import Path
 
 from wallride.client_options import add_common, add_name, between, port, run_client
 from wallride.failure import needs
@@ -39,6 +40,10 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     parser.add_argument(
         "--max-steering", type=between(0.05, 1.5), default=0.34, metavar="RAD",
         help="maximum steering angle from the page (default: 0.34)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--farewell", type=Path, metavar="FILE",
+        help="file with the sentence that open pages show once the server has ended, read at its end",
     )  # fmt: skip
     add_name(parser)
     parser.set_defaults(run=run, say=partial(print, flush=True), default_port=DEFAULT_PORT)

@@ -12,6 +12,7 @@ import webbrowser
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from importlib.metadata import version
+from pathlib import Path
 
 from aiohttp import web
 
@@ -50,6 +51,10 @@ HEADERS = {
 EVERYWHERE = ("0.0.0.0", "::")  # noqa: S104 - compared with, not listened on
 SOMEWHERE = "192.0.2.1"
 """A documentation address (RFC 5737). Nothing is sent to it."""
+
+GOODBYE = "The monitor was ended. Start it again: wallride monitor."
+MAX_REASON_B = 123
+"""Maximum length of the reason with which a WebSocket is closed (RFC 6455)."""
 
 HOST: web.AppKey[Host] = web.AppKey("host", Host)
 DOOR: web.AppKey[PageAuth] = web.AppKey("door", PageAuth)
@@ -107,9 +112,19 @@ def _objection(request: web.Request) -> str:
 
 
 async def _say_goodbye(app: web.Application) -> None:
+    words = farewell_words(app[HOST].farewell).encode()[:MAX_REASON_B].decode(errors="ignore").encode()
     visits = app[VISITS]
     for visit in tuple(visits):
-        await visit.close(code=1001, message=b"the monitor ends")
+        await visit.close(code=1001, message=words)
+
+
+def farewell_words(file: Path | None) -> str:
+    """Return the sentence that pages show after the end: the file's, or the usual one."""
+    try:
+        words = file.read_text(encoding="utf-8", errors="replace").strip() if file is not None else ""
+    except OSError:  # not written: there is nothing more to tell than the usual
+        words = ""
+    return words or GOODBYE
 
 
 @asynccontextmanager
@@ -161,7 +176,8 @@ def _address_here() -> str:
 async def run(options: argparse.Namespace) -> int:
     """Serve until interrupted; options as of `wallride.monitor_options`."""
     feel = InputShape(max_speed_mps=options.max_speed, max_steering_rad=options.max_steering)
-    host = Host(Relay(places(options)), options.name, feel, version("wallride"), options.car or "")
+    relay = Relay(places(options))
+    host = Host(relay, options.name, feel, version("wallride"), options.car or "", farewell=options.farewell)
     port = options.default_port if options.port is None else options.port
     async with serving(host, options.host, port, any_port=options.port is None) as url:
         options.say(f"the monitor is at {url}")

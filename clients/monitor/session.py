@@ -6,6 +6,7 @@ import logging
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from aiohttp import WSMsgType, web
@@ -40,6 +41,7 @@ class Host:
     """Data shared by all sessions.
 
     car: the one to show first, "" for any. name: whom cars and other operators see. drivers: of all pages.
+    farewell: file with the sentence that pages show once the server has ended, None for the usual one.
     """
 
     relay: Relay
@@ -48,6 +50,7 @@ class Host:
     version: str
     car: str = ""
     drivers: set[PageDriver] = field(default_factory=set)
+    farewell: Path | None = None
 
 
 class PageSession:

@@ -56,6 +56,11 @@ class WorldScene:
             return self._time_s - self._crashed_s > AFTER_CRASH_S
         return self._wanted_laps is not None and len(self.lap_times_s) >= self._wanted_laps
 
+    @property
+    def ending(self) -> str:
+        """Return why the drive has ended."""
+        return "the car touched something" if self.collided else "its laps are done"
+
     def step(self, time_s: float, vehicle: Vehicle) -> bool:
         """Observe the car; count laps and detect contact."""
         self._time_s = time_s
@@ -113,6 +118,11 @@ class RecordingScene:
     def finished(self) -> bool:
         """Return whether every scan was sent."""
         return self._position >= len(self.recording)
+
+    @property
+    def ending(self) -> str:
+        """Return why the drive has ended."""
+        return "the recording is played"
 
     def step(self, time_s: float, vehicle: Vehicle) -> bool:  # noqa: ARG002 - there is nothing to touch
         """Return no contact: the walls are unknown."""

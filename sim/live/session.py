@@ -29,6 +29,7 @@ from sim.live.runtime_process import RuntimeProcess, WallrideProcess
 from sim.live.stop_request import StopRequest
 from sim.world.pose import Pose
 
+FAREWELL = "farewell"
 STEP_S = 0.005
 SHOW_S = 0.1
 START_TIMEOUT_S = 120.0
@@ -83,6 +84,11 @@ class LidarScene(Protocol):
     @property
     def finished(self) -> bool:
         """Return whether the drive has ended: laps done, recording played, car crashed."""
+        ...
+
+    @property
+    def ending(self) -> str:
+        """Return why the drive has ended, as words after "the drive ended: "."""
         ...
 
 
@@ -153,12 +159,13 @@ class SimulatorSession:
                 listener = self._listener()
                 listening = tasks.create_task(listener.run(), name="listener") if listener is not None else None
                 if self._watched and listener is not None:
-                    await self._open_page(stack)
+                    await self._open_page(stack, folder / FAREWELL)
                 timer = PeriodicTimer(time.monotonic)
                 timer.every(STEP_S, self._stepper(scip, self._plant(vesc)))
                 timer.every(SHOW_S, lambda _late_s, _missed: on_frame(record))
                 going_on = tasks.create_task(timer.run(), name="world")
                 await self._until_over(runtime, duration_s, stop)
+                (folder / FAREWELL).write_text(last_words(self._scene, duration_s, asked=stop.asked), encoding="utf-8")
                 if listener is not None and not stop.killed:
                     await listener.wait_until_heard(HEARD_WITHIN_S)
                     record.unheard = listener.problem
@@ -217,7 +224,7 @@ class SimulatorSession:
             record.starting_s = time.monotonic() - begin_s
             if runtime.exit_code is not None or record.starting_s > START_TIMEOUT_S:
                 await runtime.stop()
-                raise SessionError(_last_words(runtime), runtime.exit_code)
+                raise SessionError(_output_of(runtime), runtime.exit_code)
             if record.starting_s - shown_s > SHOW_S:
                 shown_s = record.starting_s
                 on_frame(record)
@@ -235,12 +242,13 @@ class SimulatorSession:
             listener.answer(topics.SIMULATOR, self._changes.answer)
         return listener
 
-    async def _open_page(self, stack: AsyncExitStack) -> None:
+    async def _open_page(self, stack: AsyncExitStack, farewell: Path) -> None:
         address = self.record.address
         assert address is not None  # noqa: S101 - the caller has a listener at it
         monitor = WallrideProcess(
-            ["monitor", "--connect", address.endpoint, "--car", address.car, "--session", address.session]
-        )
+            ["monitor", "--connect", address.endpoint, "--car", address.car, "--session", address.session,
+             "--farewell", str(farewell)]
+        )  # fmt: skip
         self.record.page = monitor.log
         await monitor.start()
         stack.push_async_callback(monitor.stop)  # in order: it deletes the file with the page's address
@@ -286,7 +294,13 @@ class SimulatorSession:
         self.record.stop_command = demand
 
 
-def _last_words(runtime: RuntimeProcess) -> str:
+def last_words(scene: LidarScene, duration_s: float, *, asked: bool) -> str:
+    """Return what the page beside a drive shows after its end. asked: whether the end was requested."""
+    by_time = "it was stopped in its terminal" if asked else f"its {duration_s:g} s are over"
+    return f"The drive ended: {scene.ending if scene.finished else by_time}. Start another: make sim."
+
+
+def _output_of(runtime: RuntimeProcess) -> str:
     """Return the reason of a failed start: the runtime's own sentence if it ended with one, else all of its output."""
     if runtime.exit_code == USAGE_ERROR and runtime.log:
         return runtime.log[-1].removeprefix("wallride: ")

@@ -4,7 +4,7 @@ import { windowWords } from "./beams.js";
 import { $, age, make, number, setData, setHidden, setText } from "./look.js";
 import { because } from "./mux.js";
 
-const START = "Start one: make sim here, or wallride run on the car.";
+export const START = "Start one: make sim here, or wallride run on the car.";
 
 const STATE_MOODS = { driving: "good", "waiting for device": "bad", "e-stopped": "bad", "fault (latched)": "bad" };
 const LOW_CELL_V = 3.4;
@@ -56,11 +56,11 @@ export class Condition {
 
   /** Instead of a state that is old: what is not there, and what to start. */
   #sayWhatIsMissing(pages, monitor, away) {
-    const why = pages ? `${pages}: is wallride monitor still running?`
+    const why = pages ? this.link.goodbye || `${pages}: is wallride monitor still running?`
       : monitor?.problem || (away ? `${monitor.watching || "The car"} is not there. ${START}` : monitor?.link_problem || "");
     if (!why) return;
     setData($("state"), "state", "no car");
-    setText($("state"), pages ? "no link" : "no car");
+    setText($("state"), !pages ? "no car" : this.link.goodbye ? "ended" : "no link");
     setText($("why"), why);
   }
 

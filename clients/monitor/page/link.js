@@ -20,6 +20,8 @@ export class Link {
   seenMs = {};
   open = false;
   everOpen = false;
+  /** The server's last words, "" while there is a link and after one that broke without a word. */
+  goodbye = "";
   roundTripMs = NaN;
   bundles = 0;
   broken = 0;
@@ -51,7 +53,7 @@ export class Link {
       if (typeof event.data === "string") this.#takeText(JSON.parse(event.data));
       else this.#takeBundle(event.data);
     };
-    socket.onclose = () => this.#gone(socket);
+    socket.onclose = (event) => this.#gone(socket, event.reason);
     this.#socket = socket;
   }
 
@@ -88,6 +90,7 @@ export class Link {
     else if (message.t === "hello") {
       this.#topics = message.topics;
       this.open = this.everOpen = true;
+      this.goodbye = "";
       this.#waitMs = SOONEST_MS;
       this.#emit("hello", message);
     }
@@ -137,9 +140,10 @@ export class Link {
     else waiting.resolve(message.answer);
   }
 
-  #gone(socket) {
+  #gone(socket, reason) {
     if (socket !== this.#socket) return;
     const wasOpen = this.open;
+    if (wasOpen) this.goodbye = reason;
     this.open = false;
     this.roundTripMs = NaN;
     this.#unacknowledged = 0;

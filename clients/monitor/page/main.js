@@ -1,6 +1,6 @@
 // The page: everything below meets here.
 
-import { Condition, showCars } from "./condition.js";
+import { Condition, showCars, START } from "./condition.js";
 import { Device } from "./device.js";
 import { Hands } from "./hands.js";
 import { Link } from "./link.js";
@@ -14,6 +14,7 @@ import { Timings } from "./timings.js";
 
 const OLD_MS = 500;
 const AGES_MS = 100;
+const GONE_MS = 5000; // a car that was not heard for so long, and is not announced any more, has ended
 const OWED_MS = 15000; // a STOP is sent late rather than never
 const SMALL = matchMedia("(max-width: 760px)");
 const CAR_TOPICS = ["scan", "wall", "footprint", "odom", "output", "distance_error", "status", "decision", "beat"];
@@ -260,8 +261,9 @@ function showPilot(pilot) {
   setData($("driving"), "mood", hands.engaged ? pilot.mood : "off");
   const { beat } = link.newest;
   const idle = beat.latched ? `E-stop: the car is held. Switch Drive on, then ${device.named("hold {reset}")} for 1 s.` : operatedBy(beat, pilot.whose);
-  setText($("pilot-state"), hands.engaged ? pilot.state : pilot.stop_pending ? pilot.state : "watching");
-  setText($("pilot-next"), hands.engaged || pilot.stop_pending ? device.named(pilot.next) : idle);
+  const missing = pilot.stop_pending ? "" : whatIsMissing();
+  setText($("pilot-state"), missing ? "no car" : hands.engaged || pilot.stop_pending ? pilot.state : "watching");
+  setText($("pilot-next"), missing || (hands.engaged || pilot.stop_pending ? device.named(pilot.next) : idle));
   setData(document.body, "other", String(Boolean(beat.present && pilot.whose && pilot.whose !== "this page")));
   if (announcedState !== (announcedState = $("pilot-state").textContent)) setText($("pilot-said"), announcedState);
   $("driving").style.setProperty("--progress", String(pilot.progress ?? 0));
@@ -271,11 +273,25 @@ function showPilot(pilot) {
   if (device.look(hands.pads)) showDevice();
 }
 
+/** Nothing more comes from the server: what it said last of driving, and of ages, does not hold any more. */
+function showNoPilot() {
+  setData($("driving"), "mood", "off");
+  setText($("pilot-state"), link.goodbye ? "ended" : "no link");
+  setText($("pilot-next"), link.goodbye || "No link to the monitor: this page does not drive.");
+}
+
+/** What to do where a car ended or its link is gone, "" while there is one. */
+function whatIsMissing() {
+  const monitor = link.newest.monitor.value;
+  if (link.ageMs("beat") < GONE_MS || !monitor || (monitor.here && !monitor.problem)) return "";
+  return `No car to drive: it ended, or its link is gone. ${START}`;
+}
+
 let announcedState = "";
 
 function operatedBy(beat, whose) {
   const who = beat.operatorName || "an operator";
-  if (link.ageMs("beat") > 5000) return "No car to drive.";
+  if (link.ageMs("beat") > GONE_MS) return "No car to drive.";
   if (beat.lost) return `Not operated: ${who} was lost. Switch Drive on to take control.`;
   if (!beat.present) return "Not operated. Switch Drive on to take control.";
   return whose === "another page" ? `${who} operates, on another page.` : `${who} operates.`;
@@ -409,7 +425,10 @@ link.on("history", (message) => {
   plots.fill(message.lines, performance.now());
   wantFrame();
 });
-link.on("gone", () => announce("the link to the monitor broke; trying again", "bad"));
+link.on("gone", () => {
+  announce(link.goodbye || "the link to the monitor broke; trying again", "bad");
+  showNoPilot();
+});
 link.on("trouble", (reason) => announce(reason, "bad"));
 link.on("news", takeNews);
 document.addEventListener("visibilitychange", () => { scene.dirty = true; wantFrame(); });

@@ -33,14 +33,15 @@ class Scene:
         return self.url.partition("?token=")[2]
 
     @asynccontextmanager
-    async def monitor(self, *, address="127.0.0.1", name="ann@laptop", also=()):
+    async def monitor(self, *, address="127.0.0.1", name="ann@laptop", also=(), farewell=None):
         from clients.monitor.relay import CarEndpoint, Relay
         from clients.monitor.server import serving
         from clients.monitor.session import Host
         from clients.teleop.shaping import InputShape
 
         places = [CarEndpoint(one, zenoh_config.client_config(one, None)) for one in (self.endpoint, *also)]
-        async with serving(Host(Relay(places), name, InputShape(), "9.9"), address, self.port) as self.url:
+        host = Host(Relay(places), name, InputShape(), "9.9", farewell=farewell)
+        async with serving(host, address, self.port) as self.url:
             self.port = int(self.url.split(":")[2].split("/")[0])
             yield self
 

@@ -10,6 +10,8 @@ from tests.clients.monitor.test_browser import operate, take_control, watching
 
 STATE, WHY = "document.querySelector('#state').textContent", "document.querySelector('#why').textContent"
 NEXT = "document.querySelector('#pilot-next').textContent"
+PILOT = "document.querySelector('#pilot-state').textContent"
+GONE = "No car to drive: it ended, or its link is gone. Start one: make sim here, or wallride run on the car."
 OPERATOR = "document.querySelector('#line-operator dd').textContent"
 
 
@@ -23,7 +25,7 @@ async def test_without_a_car_the_page_says_what_to_start(scene, tab):
         assert f"No car at {scene.endpoint}. Start one: make sim here, or wallride run on the car." in said
         for wrong in (".rs", "cargo", "Single(", "inf ", "never ago", "Timeout"):
             assert wrong not in said
-        assert await tab.run(NEXT) == "No car to drive."
+        assert await tab.run(NEXT) == GONE
 
 
 async def test_a_car_that_went_away_is_named(scene, tab):
@@ -33,6 +35,34 @@ async def test_a_car_that_went_away_is_named(scene, tab):
         await tab.until(f"{STATE} === 'no car' && {WHY}.includes('No car at')", within_s=15)
         async with scene.car():
             await tab.until(f"{STATE} !== 'no car'", within_s=15)
+
+
+async def test_the_last_words_of_the_server_stay_and_no_age_stands_still(scene, tab, tmp_path):
+    farewell = tmp_path / "farewell"
+    async with scene.car():
+        async with scene.monitor(farewell=farewell):
+            await watching(tab, scene)
+            await take_control(tab)
+            farewell.write_text("The drive ended: the car touched something. Start another: make sim.")
+        await tab.until(f"{WHY} === 'The drive ended: the car touched something. Start another: make sim.'")
+        await asyncio.sleep(1.0)  # it tries to come back meanwhile, which has no last words
+        assert await tab.run(WHY) == await tab.run(NEXT) == farewell.read_text()
+        assert await tab.run(STATE) == await tab.run(PILOT) == "ended"
+        assert "link lost" not in await tab.run("document.body.innerText")
+        async with scene.monitor():
+            await tab.until(f"{STATE} === 'driving' || {STATE} !== 'ended'", within_s=15)
+            await tab.until(f"{PILOT} === 'watching'")
+        await tab.until(f"{WHY} === 'The monitor was ended. Start it again: wallride monitor.'")
+
+
+async def test_a_page_that_drives_a_car_that_ends_counts_on_and_says_what_to_start(scene, tab):
+    async with scene.monitor():
+        async with scene.car():
+            await watching(tab, scene)
+            await take_control(tab)
+        await tab.until(f"{NEXT}.includes('link lost 0.')")
+        await tab.until(f"{NEXT}.includes('link lost 2.')")
+        await tab.until(f"{PILOT} === 'no car' && {NEXT} === '{GONE}'", within_s=15)
 
 
 async def test_an_operator_who_was_lost_is_named_and_does_not_operate(scene, tab):
