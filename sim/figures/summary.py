@@ -29,8 +29,10 @@ class Sample:
     clearance_m: float
 
 
-def figures(samples: Sequence[Sample], desired_m: float) -> dict[str, Any]:
+def figures(samples: Sequence[Sample], desired_m: float | Floats) -> dict[str, Any]:
     """Return duration, distance, errors, settling, clearance and speed of a run.
+
+    desired_m: the wanted distance, one for all samples or one for each.
 
     Errors count while the car moves, over samples that have a wall. `settle_s` is the time after which the error
     first stays within 5 cm for 2 s; a later corner does not count. It is null when it never does.
@@ -39,7 +41,7 @@ def figures(samples: Sequence[Sample], desired_m: float) -> dict[str, Any]:
     time_s, x_m, y_m, speed_mps, wall_m, clearance_m = table.T
     moving = np.abs(speed_mps) > STANDING_BELOW_MPS
     counted = np.isfinite(wall_m) & moving
-    error_m = wall_m[counted] - desired_m
+    error_m = wall_m[counted] - np.broadcast_to(desired_m, wall_m.shape)[counted]
     distance_m = float(np.hypot(np.diff(x_m), np.diff(y_m)).sum())
     moving_s = float(np.diff(time_s, append=time_s[-1:])[moving].sum()) if moving.any() else 0.0
     return {

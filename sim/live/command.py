@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
@@ -27,10 +28,11 @@ from sim.live.session import USAGE_ERROR, Record, RuntimeStart, SessionError, Si
 from sim.live.stop_request import StopRequest
 from sim.recordings import RecordingError, load_recording
 from sim.world.place import World
-from sim.world.pose import Pose
+from sim.world.pose import Floats, Pose
 from sim.world.worlds import load_world
 
 CONFIG = "config/sim.toml"
+DISTANCE = "wall_follow.desired_distance_m"
 MAX_START_TO_WALL_M = 10.0
 """The UST-10LX's range: a car that starts farther from every wall sees nothing and stands for good."""
 DEFAULT_DURATION_S = 60.0
@@ -107,18 +109,17 @@ def _drive(
     session = SimulatorSession(scene, vehicle, settings.motor, watched=not options.headless, changes=live)
     start = _start(options, config, settings, world.name)
     record = _run(session, start, duration_s, stop, console, _view(options, scene, vehicle, console, live), live)
-    desired_m = settings.wall_follow.desired_distance_m
     summary = {
         "world": world.name,
-        **_common(record, settings, desired_m),
+        **_common(record, settings),
         "collided": scene.collided,
         "laps": len(scene.lap_times_s),
         "lap_times_s": scene.lap_times_s,
         "conditions": conditions.changed(),
-        "changed_while_driving": live.done,
+        "changed_while_driving": live.done + len(record.changes),
     }
     if options.plot is not None:
-        _plot(options.plot, world, record, desired_m, settings)
+        _plot(options.plot, world, record, settings)
     return summary
 
 
@@ -189,7 +190,7 @@ def _replay(
         save_comparison(options.plot, pairs, f"{recording.name}: steering, {settings.wall_follow.side} wall")
     return {
         "world": f"recording {recording.name}",
-        **_common(record, settings, settings.wall_follow.desired_distance_m),
+        **_common(record, settings),
         "collided": False,
         "laps": 0,
         "lap_times_s": [],
@@ -277,14 +278,24 @@ def _wishes(options: argparse.Namespace) -> RequestedConditions:
     )
 
 
-def _common(record: Record, settings: Settings, desired_m: float) -> dict[str, Any]:
+def wanted_m(record: Record, settings: Settings) -> Floats:
+    """Return the distance that was wanted at each sample, shape (n,). settings: those at the start."""
+    times_s = np.array([sample.time_s for sample in record.samples])
+    wanted: Floats = np.full(len(times_s), settings.wall_follow.desired_distance_m)
+    for change in record.changes:
+        if change.name == DISTANCE and isinstance(change.new, int | float):
+            wanted[times_s >= change.stamp_s - record.began_s] = change.new
+    return wanted
+
+
+def _common(record: Record, settings: Settings) -> dict[str, Any]:
     status = record.telemetry.get("status")
     winners = (status or {}).get("seconds_by_winner", {})
     return {
         "method": settings.wall_follow.method,
         "side": settings.wall_follow.side,
         "began_unix_s": round(record.began_unix_s, 3),
-        **figures(record.samples, desired_m),
+        **figures(record.samples, wanted_m(record, settings)),
         "scan_to_motor_ms": record.latency.summary_ms(),
         "telemetry": HEARD if status else f"drove without telemetry: {record.unheard}",
         "session": record.address.session if record.address is not None else None,
@@ -331,15 +342,14 @@ def _write(summary: dict[str, Any], target: str | None) -> None:
         Path(target).write_text(text)
 
 
-def _plot(path: Path, world: World, record: Record, desired_m: float, settings: Settings) -> None:
-    import numpy as np
-
+def _plot(path: Path, world: World, record: Record, settings: Settings) -> None:
     from sim.figures.drawing import save_plot
 
     track = np.array([[s.x_m, s.y_m, s.yaw_rad] for s in record.samples]).reshape(-1, 3)
     times_s = np.array([s.time_s for s in record.samples])
-    errors_m = np.array([s.wall_m - desired_m for s in record.samples])
-    title = f"{world.name}: {settings.wall_follow.method}, {settings.wall_follow.side}, {desired_m:g} m"
+    errors_m = np.array([s.wall_m for s in record.samples]) - wanted_m(record, settings)
+    follow = settings.wall_follow
+    title = f"{world.name}: {follow.method}, {follow.side}, {follow.desired_distance_m:g} m"
     save_plot(path, world, track, times_s, errors_m, title)
 
 

@@ -7,11 +7,14 @@ from collections.abc import Awaitable, Mapping
 from functools import partial
 from typing import Any
 
+from runtime.parameters.history import SettingChange
 from runtime.wire import topics, zenoh_config
 from runtime.wire.bus import Bus, RefusedError, Reply
 
 CONNECT_TIMEOUT_S = 15.0
 RETRY_S = 0.1
+ANSWER_WITHIN_S = 2.0
+MAX_CHANGES = 1000
 TOPICS = (topics.STATUS, topics.DISTANCE_ERROR)
 """Displayed topics only: the runtime has to write every subscribed one."""
 _FLOAT32 = struct.Struct("<4xf")
@@ -32,6 +35,7 @@ class Listener:
         self.latest: dict[str, Mapping[str, Any]] = {}
         self.problem = "nothing was heard from it"
         self._heard = asyncio.Event()
+        self._bus: Bus | None = None
 
     def answer(self, topic: str, reply: Reply) -> None:
         """Answer queries for the car in this process, as long as they address this car; to be called before `run`."""
@@ -43,9 +47,22 @@ class Listener:
             async with asyncio.timeout(timeout_s):
                 await self._heard.wait()
 
+    async def changes_since(self, begin_s: float) -> list[SettingChange]:
+        """Return the settings that the car changed since a time on the monotonic clock; [] when it does not answer."""
+        if self._bus is None or self.problem:
+            return []
+        try:
+            answers = await self._bus.ask(
+                f"{self._prefix}{topics.PARAM}/history", topics.encode({"most": MAX_CHANGES}), timeout_s=ANSWER_WITHIN_S
+            )
+            found = [SettingChange(**fields) for fields in topics.decode(answers[0])["changes"]] if answers else []
+        except (OSError, RefusedError, ValueError, TypeError, KeyError):
+            return []
+        return [change for change in found if change.stamp_s >= begin_s]
+
     async def run(self) -> None:
         """Connect as soon as the runtime listens, then listen until cancelled."""
-        bus = Bus(zenoh_config.client_config(self._endpoint, None))
+        bus = self._bus = Bus(zenoh_config.client_config(self._endpoint, None))
         for topic in TOPICS:
             bus.subscribe(self._prefix + topic, self._on_sample)
         for topic, reply in self._replies.items():

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from drivers.vesc.settings import VescSettings
 from runtime.host.address_file import Address, read_address
+from runtime.parameters.history import SettingChange
 from runtime.realtime.periodic import PeriodicTimer, Tick
 from runtime.wire import topics
 from sim.car.plant import Plant
@@ -99,7 +100,8 @@ class Record:
     samples: the truth, one per scan. steering_rad: our answer to each scan, read from the wire before the next one.
     telemetry: the runtime's newest message of each topic. unheard: why there are none, "" if there are some.
     address: address of the runtime. starting_s: how long the start has taken.
-    began_unix_s: when time_s was 0, since 1970.
+    began_unix_s: when time_s was 0, since 1970. began_s: the same moment on the monotonic clock.
+    changes: the settings that were changed while it drove.
     stop_command: the last motor command it ever wrote.
     log, page: what the runtime, and the monitor beside it, printed.
     """
@@ -111,6 +113,8 @@ class Record:
     ranges_mm: Ranges | None = None
     time_s: float = 0.0
     began_unix_s: float = 0.0
+    began_s: float = 0.0
+    changes: Sequence[SettingChange] = ()
     telemetry: dict[str, Any] = field(default_factory=dict)
     unheard: str = "the runtime did not say where its telemetry is"
     address: Address | None = None
@@ -169,6 +173,7 @@ class SimulatorSession:
                 if listener is not None and not stop.killed:
                     await listener.wait_until_heard(HEARD_WITHIN_S)
                     record.unheard = listener.problem
+                    record.changes = await listener.changes_since(record.began_s)
                 # The world continues while the runtime brings the car to rest.
                 record.exit_code = await runtime.stop()
                 for task in filter(None, (going_on, listening)):
@@ -265,8 +270,8 @@ class SimulatorSession:
 
     def _stepper(self, scip: ScipEmulator, plant: Plant) -> Tick:
         """Return a function that advances the world to the clock, and takes the lidar's scans when they are due."""
-        begin_s = time.monotonic()
         record = self.record
+        begin_s = record.began_s = time.monotonic()
         record.began_unix_s = time.time()
 
         def step(_late_s: float, _missed: int) -> None:

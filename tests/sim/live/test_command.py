@@ -5,7 +5,11 @@ import io
 import pytest
 from rich.console import Console
 
+from runtime.parameters.history import SettingChange
+from runtime.settings.tree import Settings
+from sim.figures.summary import Sample, figures
 from sim.live import command
+from sim.live.session import Record
 
 
 @pytest.mark.parametrize(
@@ -30,3 +34,14 @@ def test_time_without_a_winner_is_none_on_the_screen():
     assert "nobody" not in text
     assert set(winners) == {"nobody", "navigation"}, "the keys of the JSON file stay"
     assert "winners │ -" in printed({"world": "loop", "winners": None})
+
+
+def test_errors_are_from_the_distance_that_was_wanted_at_that_moment():
+    samples = [Sample(0.1 * i, 0.1 * i, 0.0, 0.0, 1.0, 1.0 if i < 30 else 0.7, 0.5) for i in range(60)]
+    change = SettingChange(1003.0, "", "ann", "wall_follow.desired_distance_m", 1.0, 0.7)
+    other = SettingChange(1001.0, "", "ann", "wall_follow.kp", 13.5, 10.0)
+    record = Record(samples=samples, began_s=1000.0, changes=[other, change])
+    wanted = command.wanted_m(record, Settings())
+    assert (wanted[29], wanted[30]) == (1.0, 0.7)
+    assert figures(samples, wanted)["mean_abs_error_m"] == 0.0
+    assert figures(samples, 1.0)["mean_abs_error_m"] == 0.15

@@ -1,9 +1,11 @@
 """The simulator hears what the runtime says about itself, in whichever order the two come up."""
 
 import asyncio
+from dataclasses import asdict
 
 import pytest
 
+from runtime.parameters.history import ChangeHistory, SettingChange
 from runtime.ros import messages
 from runtime.ros.definitions import encoding
 from runtime.wire import topics, zenoh_config
@@ -64,3 +66,27 @@ async def test_it_can_be_called_off_while_nobody_listens():
     listening.cancel()
     with pytest.raises(asyncio.CancelledError):
         await listening
+
+
+async def test_it_asks_which_settings_were_changed_since_the_drive_began():
+    endpoint = free_endpoint()
+    listener = Listener(endpoint, "car1", "0000cafe")
+    assert await listener.changes_since(0.0) == [], "it was never connected"
+    history = ChangeHistory(10)
+    history.add([SettingChange(at_s, "", "ann", "wall_follow.kp", 13.5, at_s) for at_s in (90.0, 110.0)])
+    car = Bus(zenoh_config.car_config([endpoint], None, (), "car1"))
+    changes = [asdict(change) for change in history.newest(10)]
+    car.answer(topics.key("car1", "param/history"), lambda _: topics.encode({"changes": changes}))
+    await car.open()
+    listening = asyncio.create_task(listener.run())
+    try:
+        async with asyncio.timeout(10):
+            while listener.problem:
+                car.put(topics.key("car1", topics.STATUS), topics.encode({"session": "0000cafe"}))
+                await asyncio.sleep(0.02)
+        (change,) = await listener.changes_since(100.0)
+    finally:
+        listening.cancel()
+        await asyncio.wait([listening])
+        await car.close()
+    assert (change.stamp_s, change.new) == (110.0, 110.0)
