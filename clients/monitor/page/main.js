@@ -1,11 +1,13 @@
 // The page: everything below meets here.
 
-import { Condition, showCars, START } from "./condition.js";
+import { Condition, showCars } from "./condition.js";
 import { Device } from "./device.js";
+import { DrivePad } from "./drive_pad.js";
 import { Hands } from "./hands.js";
 import { Link } from "./link.js";
-import { $, age, announce, fit, ink, number, onLook, ratioOf, setData, setHidden, setText } from "./look.js";
+import { $, age, announce, number, setData, setHidden, setText } from "./look.js";
 import { MuxView } from "./mux.js";
+import { PilotView } from "./pilot_view.js";
 import { Plots } from "./plots.js";
 import { Scene } from "./scene.js";
 import { Settings } from "./settings.js";
@@ -14,7 +16,6 @@ import { Timings } from "./timings.js";
 
 const OLD_MS = 500;
 const AGES_MS = 100;
-const GONE_MS = 5000; // a car that was not heard for so long, and is not announced any more, has ended
 const OWED_MS = 15000; // a STOP is sent late rather than never
 const SMALL = matchMedia("(max-width: 760px)");
 const CAR_TOPICS = ["scan", "wall", "footprint", "odom", "output", "distance_error", "status", "decision", "beat"];
@@ -28,6 +29,8 @@ const device = new Device();
 const condition = new Condition(link, device);
 const timings = new Timings();
 const hands = new Hands(link, { onStop: stop, onChange: showDriving });
+const drivePad = new DrivePad(hands);
+const pilotView = new PilotView(link, hands, device);
 const settings = new Settings(link, (car) => { if (Number.isFinite(car["car.lidar_x_m"])) scene.lidarM = car["car.lidar_x_m"]; });
 const simulator = new Simulator(link);
 const remembered = remember();
@@ -92,7 +95,7 @@ function takeNews(topic) {
       takeBeat(message);
       break;
     case "pilot":
-      showPilot(message.value);
+      pilotView.show(message.value);
       break;
     case "monitor":
       takeMonitor(message.value);
@@ -158,7 +161,7 @@ function showAges() {
   setData(document.body, "old", String(!link.open || statusMs > OLD_MS));
   condition.showAges(link.newest.monitor.value, nowMs);
   showStop(nowMs);
-  drawTouch();
+  drivePad.draw();
   wantFrame();
 }
 
@@ -253,95 +256,9 @@ function showDriving() {
   setData(document.body, "driving", String(on));
   for (const id of ["autonomy", "reset", "take-over"]) $(id).disabled = !on;
   keepAwake(on);
-  drawTouch();
+  drivePad.draw();
   if (on && SMALL.matches) scrollTo(0, 0); // everything that a driver needs is up there now
 }
-
-function showPilot(pilot) {
-  setData($("driving"), "mood", hands.engaged ? pilot.mood : "off");
-  const { beat } = link.newest;
-  const idle = beat.latched ? `E-stop: the car is held. Switch Drive on, then ${device.named("hold {reset}")} for 1 s.` : operatedBy(beat, pilot.whose);
-  const missing = pilot.stop_pending ? "" : whatIsMissing();
-  setText($("pilot-state"), missing ? "no car" : hands.engaged || pilot.stop_pending ? pilot.state : "watching");
-  setText($("pilot-next"), missing || (hands.engaged || pilot.stop_pending ? device.named(pilot.next) : idle));
-  setData(document.body, "other", String(Boolean(beat.present && pilot.whose && pilot.whose !== "this page")));
-  if (announcedState !== (announcedState = $("pilot-state").textContent)) setText($("pilot-said"), announcedState);
-  $("driving").style.setProperty("--progress", String(pilot.progress ?? 0));
-  for (const [id, what] of [["autonomy", "autonomy"], ["reset", "reset"], ["take-over", "take_over"]]) {
-    setData($(id), "held", String(hands.isHeld(what)));
-  }
-  if (device.look(hands.pads)) showDevice();
-}
-
-/** Nothing more comes from the server: what it said last of driving, and of ages, does not hold any more. */
-function showNoPilot() {
-  setData($("driving"), "mood", "off");
-  setText($("pilot-state"), link.goodbye ? "ended" : "no link");
-  setText($("pilot-next"), link.goodbye || "No link to the monitor: this page does not drive.");
-}
-
-/** What to do where a car ended or its link is gone, "" while there is one. */
-function whatIsMissing() {
-  const monitor = link.newest.monitor.value;
-  if (link.ageMs("beat") < GONE_MS || !monitor || (monitor.here && !monitor.problem)) return "";
-  return `No car to drive: it ended, or its link is gone. ${START}`;
-}
-
-let announcedState = "";
-
-function operatedBy(beat, whose) {
-  const who = beat.operatorName || "an operator";
-  if (link.ageMs("beat") > GONE_MS) return "No car to drive.";
-  if (beat.lost) return `Not operated: ${who} was lost. Switch Drive on to take control.`;
-  if (!beat.present) return "Not operated. Switch Drive on to take control.";
-  return whose === "another page" ? `${who} operates, on another page.` : `${who} operates.`;
-}
-
-/** Names what this device has: keys, a gamepad, or fingers. */
-function showDevice() {
-  for (const [id, what] of [["autonomy", "autonomy"], ["reset", "reset"], ["take-over", "take_over"]]) setText($(id).querySelector("small"), device.hold(what));
-  setText($("pad-name"), device.padWords);
-  setHidden($("pad-name"), !device.padWords);
-  setText($("drive-keys"), device.keys ? " Arrow keys or W A S D drive while held." : " Hold the pad and pull to drive.");
-  $("touch").setAttribute("aria-label", device.keys
-    ? "Drive pad: hold and pull to drive, let go to stop. With the keyboard: hold the arrow keys or W A S D."
-    : "Drive pad: hold and pull to drive, let go to stop.");
-}
-
-const touchContext = $("touch").getContext("2d");
-let touchDrawn = "";
-
-/** The drive pad: a cross at rest, a knob under the finger. */
-function drawTouch() {
-  const canvas = $("touch");
-  const { touch } = hands;
-  const state = `${hands.engaged} ${touch.id !== null} ${touch.speed} ${touch.steering} ${canvas.clientWidth} ${canvas.clientHeight} ${ink.text}`;
-  if (state === touchDrawn && !fit(canvas)) return;
-  touchDrawn = state;
-  fit(canvas);
-  const ratio = ratioOf(canvas), context = touchContext, { width, height } = canvas;
-  const reach = (Math.min(width, height) / 2) * 0.8;
-  const active = hands.engaged && touch.id !== null;
-  const x = active ? touch.x0 * ratio : width / 2, y = active ? touch.y0 * ratio : height / 2;
-  context.clearRect(0, 0, width, height);
-  context.strokeStyle = hands.engaged ? ink.muted : ink.faint;
-  context.lineWidth = 1.5 * ratio;
-  context.beginPath();
-  context.arc(x, y, reach, 0, 2 * Math.PI);
-  context.moveTo(x - reach, y);
-  context.lineTo(x + reach, y);
-  context.moveTo(x, y - reach);
-  context.lineTo(x, y + reach);
-  context.stroke();
-  const knobX = x - touch.steering * reach, knobY = y - touch.speed * reach;
-  context.fillStyle = active ? ink.go : hands.engaged ? ink.car : ink.faint;
-  context.beginPath();
-  context.arc(knobX, knobY, 17 * ratio, 0, 2 * Math.PI);
-  context.fill();
-}
-
-$("touch").addEventListener("pointermove", () => { if (hands.touch.id !== null) drawTouch(); });
-onLook(() => { touchDrawn = ""; });
 
 // --- the rest ---------------------------------------------------------------------------------------------------
 
@@ -427,7 +344,7 @@ link.on("history", (message) => {
 });
 link.on("gone", () => {
   announce(link.goodbye || "the link to the monitor broke; trying again", "bad");
-  showNoPilot();
+  pilotView.showNone();
 });
 link.on("trouble", (reason) => announce(reason, "bad"));
 link.on("news", takeNews);
@@ -439,7 +356,7 @@ plots.windowMs = Number(windowChoice) * 1000;
 showWindow(windowChoice);
 showDriving();
 device.look(hands.pads);
-showDevice();
+pilotView.showDevice();
 setHidden($("noscript"), true);
 setInterval(showAges, AGES_MS);
 link.connect();
