@@ -3,6 +3,12 @@
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck
+from hypothesis import settings as hypothesis_settings
+
+# How long an example takes is the machine's load, not the code's speed: benchmarks measure that.
+hypothesis_settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+hypothesis_settings.load_profile("untimed")
 
 with pytest.MonkeyPatch.context() as at_import:  # in this process only: those that a test starts drive in C
     at_import.setenv("WALLRIDE_COMPILED", "0")

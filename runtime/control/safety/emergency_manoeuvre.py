@@ -8,7 +8,7 @@ rated by its speed; without one, the least distance to any obstacle counts, the 
 A full brake straight on is the default. Another manoeuvre is chosen only where its impact is not harder on either floor
 and it is clearly better on the worse one; a begun manoeuvre is kept until another is clearly better, or the brake is.
 The steering is taken from the driver, human or not, only where the full brake collides on the assumed floor as well.
-Where it does not, even the driver's own steering needs NARROW_M of room: begun in vain, it costs the brake its distance.
+Where it does not, even the driver's own steering needs NARROW_M of room: begun in vain, it costs the brake its way.
 
 Reason: stopping takes a distance of v^2 / 2a, moving aside by w about v sqrt(2 w / a). Below v = 2 sqrt(2 w a), 5.9 m/s
 for a box of 0.8 m hit in its middle, no swerve is shorter than the stop, whatever the driver has just begun. Past an

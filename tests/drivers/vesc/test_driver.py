@@ -435,7 +435,9 @@ async def test_an_empty_battery_is_told_but_does_not_stop_the_car(emulator, monk
 SPEEDS = st.sampled_from([0.0, 0.1, -0.1, 0.5, -0.5, 2.0, -2.0, math.nan])
 
 
-@hypothesis_settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@hypothesis_settings(
+    max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+)
 @given(speeds=st.lists(SPEEDS, max_size=12), erpm=st.sampled_from([0, 9000, -9000]))
 def test_the_driver_never_writes_a_motor_command_that_was_not_sent(tmp_path, speeds, erpm):
     async def story() -> list[bytes]:

@@ -48,7 +48,9 @@ def test_a_lost_byte_costs_one_scan_at_most(carried_bag: Path, tmp_path: Path, l
 
 
 @given(start=st.integers(14, 95_000), lost=st.integers(1, 2000))
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+)
 def test_no_broken_message_passes_for_a_whole_one(carried_bag: Path, start: int, lost: int) -> None:
     content = carried_bag.read_bytes()
     originals = set(whole_messages(content))
