@@ -122,7 +122,7 @@ class Bench:
         """Drive for a duration."""
         for_safety: Inbox[Scan] = Inbox(self._clock)
         for_follower: Inbox[Scan] = Inbox(self._clock)
-        self.queue.say(consent(Source.PERMIT, "bench"))
+        self.queue.put(consent(Source.PERMIT, "bench"))
 
         def answer(scan: Scan, state: MotorState | None) -> Guidance:
             self._unanswered = scan.sequence
@@ -137,7 +137,7 @@ class Bench:
         timer.every(0.02, mux_task.SilenceTick(self.queue, 50.0, self._clock).tick)
         jobs = (
             lidar_task.pump(
-                self.lidar, [for_safety.put, for_follower.put, self._decision_log.scanned, self.telemetry.on_scan]
+                self.lidar, [for_safety.put, for_follower.put, self._decision_log.add_scan, self.telemetry.on_scan]
             ),
             safety.watch(for_safety, self.motor, self.stack.look, self.stages.safety),
             wall_follow.follow(for_follower, self.motor, answer, cycle),

@@ -55,9 +55,9 @@ async def run(options: argparse.Namespace) -> int:
     async with connected(options) as (bus, car):
         show = FoxgloveView(bus, car)
         server = _serve(show, bus, car, options)
-        options.say(f"{car}: open ws://{options.host}:{server.port} in Foxglove, Lichtblick or PlotJuggler")
+        options.print_line(f"{car}: open ws://{options.host}:{server.port} in Foxglove, Lichtblick or PlotJuggler")
         if options.host not in LOOPBACK:
-            options.say("anyone who reaches this address can watch and press the e-stop: it knows no passwords")
+            options.print_line("anyone who reaches this address can watch and press the e-stop: it knows no passwords")
         try:
             await asyncio.get_running_loop().create_future()
         finally:

@@ -45,7 +45,7 @@ async def run(options: argparse.Namespace) -> int:
             from clients.log_info import describe
 
             for path in options.files:
-                options.say(describe(_found(path), as_json=options.json))
+                options.print_line(describe(_found(path), as_json=options.json))
             return 0
         case "recover":
             return _recover(options.files, options)
@@ -62,7 +62,7 @@ async def record(options: argparse.Namespace) -> int:
     wishes = {"start": {"on": True}, "stop": {"on": False}, "status": {}}
     async with connected(options) as (bus, car):
         status = await _ask_json(bus, car, requests.RECORD, **wishes[options.action])
-    options.say(json.dumps(status) if options.json else _standing(status))
+    options.print_line(json.dumps(status) if options.json else _standing(status))
     done = options.action == "status" or status["on"] is (options.action == "start")
     return 0 if done else 1
 
@@ -103,7 +103,7 @@ def _keep(options: argparse.Namespace) -> int:
     for path in options.files:
         found = _found(path)
         try:
-            options.say(f"kept: {keep(found)}")
+            options.print_line(f"kept: {keep(found)}")
         except OSError as error:
             raise ConnectionProblemError(f"{found}: {error.strerror or error}") from None
     return 0
@@ -123,7 +123,7 @@ async def _there(options: argparse.Namespace) -> int:
             return 0
         for chosen in _chosen(files, options):
             path = await _fetch(bus, car, chosen, options)
-            options.say(str(path))
+            options.print_line(str(path))
     return 0
 
 
@@ -204,13 +204,13 @@ def _recover(files: Sequence[Path], options: argparse.Namespace) -> int:
         try:
             found = recover(_found(path))
         except RecoveryError as error:
-            options.say(str(error))
+            options.print_line(str(error))
             failed = 1
             continue
         if found.was_whole:
-            options.say(f"{path}: is whole; {found.messages} messages")
+            options.print_line(f"{path}: is whole; {found.messages} messages")
         else:
-            options.say(
+            options.print_line(
                 f"{path}: finished; {found.messages} messages kept, a torn end of {found.cut_bytes} bytes cut off"
             )
     return failed
@@ -225,14 +225,14 @@ def _found(path: Path) -> Path:
 
 def _say_gone(names: Sequence[str], options: argparse.Namespace) -> None:
     for name in names:
-        options.say(f"deleted {name}")
+        options.print_line(f"deleted {name}")
     if not names:
-        options.say("nothing to delete")
+        options.print_line("nothing to delete")
 
 
 def _say_list(files: Sequence[ListedRecording], where: str, options: argparse.Namespace) -> None:
     if options.json:
-        options.say(
+        options.print_line(
             json.dumps(
                 [{field: getattr(file, field) for field in ListedRecording.__slots__} for file in files], indent=2
             )
@@ -241,6 +241,6 @@ def _say_list(files: Sequence[ListedRecording], where: str, options: argparse.Na
     for file in files:
         state = "" if file.state == "whole" else f"   {file.state}"
         lasted = "-" if file.duration_s is None else f"{file.duration_s:.1f} s"
-        options.say(f"{file.size_bytes / MB:9.1f} MB  {lasted:>9}  {file.name}{state}")
+        options.print_line(f"{file.size_bytes / MB:9.1f} MB  {lasted:>9}  {file.name}{state}")
     total_mb = sum(file.size_bytes for file in files) / MB
-    options.say(f"{len(files)} recordings, {total_mb:.1f} MB in {where}")
+    options.print_line(f"{len(files)} recordings, {total_mb:.1f} MB in {where}")

@@ -130,11 +130,11 @@ async def run(options: argparse.Namespace) -> int:
             bus.subscribe(topics.key(car, topic), _all([curve for curve in curves if curve.topic == topic]))
         if options.once:
             await asyncio.sleep(options.seconds)
-            options.say(_screen(curves, options.seconds))
+            options.print_line(_screen(curves, options.seconds))
             return 0
-        options.say(CLEAR_SCREEN, end="")
+        options.print_line(CLEAR_SCREEN, end="")
         while True:
-            options.say(HOME + _screen(curves, options.seconds), end="")
+            options.print_line(HOME + _screen(curves, options.seconds), end="")
             await asyncio.sleep(REFRESH_S)
 
 

@@ -29,14 +29,14 @@ async def run(options: argparse.Namespace) -> int:
         ear = StatusListener(bus, topics.key(car, topics.STATUS))
         status = await ear.first(car)
         if not options.watch:
-            options.say(json.dumps(status, indent=2) if options.json else "\n".join(screen(status)))
+            options.print_line(json.dumps(status, indent=2) if options.json else "\n".join(screen(status)))
             return 0
         while True:
             silent_s = time.monotonic() - ear.heard_s
             if options.json:
-                options.say(json.dumps(ear.newest))
+                options.print_line(json.dumps(ear.newest))
             else:
-                options.say(CLEAR_SCREEN + "\n".join(screen(ear.newest, silent_s)))
+                options.print_line(CLEAR_SCREEN + "\n".join(screen(ear.newest, silent_s)))
             await asyncio.sleep(REFRESH_S)
 
 
@@ -52,13 +52,13 @@ async def cars(options: argparse.Namespace) -> int:
     finally:
         await bus.close()
     if options.json:
-        options.say(json.dumps(statuses, indent=2))
+        options.print_line(json.dumps(statuses, indent=2))
     elif not names:
-        options.say(f"no car at {bus.endpoint}")
+        options.print_line(f"no car at {bus.endpoint}")
     else:
         for name, status in statuses.items():
             version, state = status.get("version") or "?", status.get("state") or "says nothing"
-            options.say(f"{name:<16} {version:<10} {state:<10} {headline(status) if status else ''}".rstrip())
+            options.print_line(f"{name:<16} {version:<10} {state:<10} {headline(status) if status else ''}".rstrip())
     return 0 if names else 1
 
 

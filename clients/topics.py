@@ -26,7 +26,7 @@ WINDOW = 1000
 REPORT_EVERY_S = 1.0
 FIRST_WITHIN_S = 5.0
 """Timeout after which a topic without messages gets a sentence instead of an empty screen."""
-Say = Callable[[str], object]
+PrintLine = Callable[[str], object]
 Sample = tuple[str, bytes, float]
 """Topic, payload, arrival on this machine's monotonic clock [s]."""
 
@@ -96,7 +96,7 @@ async def run(options: argparse.Namespace) -> int:
     async with connected(options) as (bus, car):
         match options.action:
             case "list":
-                await list_topics(bus, car, options.say, seconds=options.seconds, as_json=options.json)
+                await list_topics(bus, car, options.print_line, seconds=options.seconds, as_json=options.json)
             case "echo":
                 await echo(bus, car, topic, options)
             case _:
@@ -139,7 +139,9 @@ async def samples(bus: Bus, car: str, topic: str) -> AsyncIterator[Sample]:
         yield await waiting.get()
 
 
-async def list_topics(bus: Bus, car: str, say: Say, *, seconds: float = LISTEN_S, as_json: bool = False) -> None:
+async def list_topics(
+    bus: Bus, car: str, print_line: PrintLine, *, seconds: float = LISTEN_S, as_json: bool = False
+) -> None:
     """Subscribe to everything for a moment, then print the topics received."""
     meters = {topic: RateMeter() for topic in KINDS}
     prefix = topics.key(car, "")
@@ -152,7 +154,7 @@ async def list_topics(bus: Bus, car: str, say: Say, *, seconds: float = LISTEN_S
     bus.subscribe(topics.key(car, "*"), hear)
     await asyncio.sleep(seconds)
     if as_json:
-        say(
+        print_line(
             json.dumps(
                 [{"topic": topic, "type": kind, **meters[topic].fields()} for topic, kind in KINDS.items()], indent=2
             )
@@ -166,7 +168,7 @@ async def list_topics(bus: Bus, car: str, say: Say, *, seconds: float = LISTEN_S
             heard = "once"
         else:
             heard = f"{meter.rate_hz:.1f} Hz, {meter.bytes_per_s / 1000:.1f} kB/s"
-        say(f"{topic:<15} {kind:<42} {heard}")
+        print_line(f"{topic:<15} {kind:<42} {heard}")
 
 
 async def measure(bus: Bus, car: str, topic: str, options: argparse.Namespace) -> None:
@@ -178,7 +180,7 @@ async def measure(bus: Bus, car: str, topic: str, options: argparse.Namespace) -
         meter.add(arrival_s, len(payload))
         if time.monotonic() >= next_s:
             next_s += REPORT_EVERY_S
-            options.say(json.dumps({"topic": topic, **meter.fields()}) if options.json else line())
+            options.print_line(json.dumps({"topic": topic, **meter.fields()}) if options.json else line())
             said += 1
             if said == options.count:
                 return
@@ -192,7 +194,7 @@ async def echo(bus: Bus, car: str, topic: str, options: argparse.Namespace) -> N
             message = decode(name, payload)
         except UnreadableError as error:
             raise ConnectionProblemError(str(error)) from None
-        options.say(as_json(message) if options.json else f"{as_text(message, whole=options.whole)}\n---")
+        options.print_line(as_json(message) if options.json else f"{as_text(message, whole=options.whole)}\n---")
         said += 1
         if said == options.count:
             return

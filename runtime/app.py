@@ -122,7 +122,7 @@ class Car:
         self.computer = around.computer
         self.own_parts = OwnPartsKeeper(
             settings.car.name, lambda: lidar.health.identity, self.laws, file_in(settings.process.state_folder), clock,
-            lambda: datetime.now(UTC).isoformat(timespec="seconds"), self.is_standing, self.decision_log.remembered,
+            lambda: datetime.now(UTC).isoformat(timespec="seconds"), self.is_standing, self.decision_log.add_own_parts,
         )  # fmt: skip
         self.history = ChangeHistory(settings.parameters.history)
         self.parameters = ParameterServer(settings, self._surroundings(around.file, around.base), self.history)
@@ -181,7 +181,7 @@ class Car:
             "lidar": lidar_task.pump(
                 self.lidar,
                 [
-                    self.own_parts.meet, self.decision_log.scanned, for_safety.put, for_follower.put,
+                    self.own_parts.meet, self.decision_log.add_scan, for_safety.put, for_follower.put,
                     self.telemetry.on_scan,
                 ],
                 timed=lambda scan: self.stages.on_scan(scan.received_s, self._reading_s()),

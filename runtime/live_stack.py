@@ -33,10 +33,10 @@ class LiveStack:
         self.decision_log = decision_log
         self.clock: Clock = decision_log.clock
         self.queue = CommandQueue(settings.effective_order(), self.clock)
-        self.queue.on_said, self.queue.on_silenced = decision_log.said, decision_log.silenced
+        self.queue.on_put, self.queue.on_withdrawn = decision_log.add_command, decision_log.add_withdrawal
         self.laws = LiveLaws(settings.wall_follow, settings.safety, settings.car, self.clock)
         self.limiter = Limiter(limits(settings.car))
-        decision_log.tuned(settings)
+        decision_log.add_settings(settings)
 
     def look(self, scan: Scan, motor: MotorState | None) -> SafetyAssessment:
         """Pass a scan to safety and put its speed limit.
@@ -46,25 +46,25 @@ class LiveStack:
         """
         self.decision_log.begin()
         outlook = self.laws.look(scan, motor)
-        self.decision_log.looked(scan, motor)
+        self.decision_log.add_safety(scan, motor)
         word = SpeedLimit(Source.SAFETY, outlook, scan.stamp_s)
-        self.queue.say(word, expires_at_s=scan.stamp_s + self.settings.safety.expires_after_s)
+        self.queue.put(word, expires_at_s=scan.stamp_s + self.settings.safety.expires_after_s)
         return outlook
 
     def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
         """Pass a scan to the follower and put its command; without an answer it is a standstill, with its reason."""
         self.decision_log.begin()
         guidance = self.laws.follow(scan, motor)
-        self.decision_log.followed(scan, motor, guidance)
+        self.decision_log.add_follower(scan, motor, guidance)
         drive = guidance.drive if guidance.drive is not None else Drive(0.0, 0.0)
         word = DriveCommand(Source.NAVIGATION, drive, scan.stamp_s, guidance.reason)
-        self.queue.say(word, expires_at_s=scan.stamp_s + self.settings.wall_follow.expires_after_s)
+        self.queue.put(word, expires_at_s=scan.stamp_s + self.settings.wall_follow.expires_after_s)
         return guidance
 
     def apply(self, settings: Settings) -> None:
         """Apply other settings in one step: between two scans, never within one."""
         self.settings = settings
-        self.decision_log.tuned(settings)
+        self.decision_log.add_settings(settings)
         self.laws.tune(settings.wall_follow, settings.safety)
         self.limiter.tune(limits(settings.car))
         self.queue.reorder(settings.effective_order())
@@ -77,7 +77,7 @@ def warm_up(settings: Settings, clock: Clock) -> None:
     that `prefetch` learns.
     """
     stack, step_rad, beams = LiveStack(settings, DecisionLog(clock, 0)), math.radians(0.25), 1081
-    stack.queue.say(consent(Source.PERMIT, "a synthetic scan"))
+    stack.queue.put(consent(Source.PERMIT, "a synthetic scan"))
     for sequence, speed_mps in enumerate((1.0, 1.0, 8.0)):
         now_s, ranges_m = clock(), np.linspace(1.0, 3.0, beams, dtype=np.float32)
         scan = Scan(now_s, now_s, -step_rad * (beams // 2), step_rad, 0.02, 30.0, ranges_m, sequence)

@@ -29,7 +29,7 @@ def add(commands: "Commands") -> None:
         "--layout", action="store_true", help="print a layout for Foxglove and exit: --layout > wallride.json"
     )
     client_options.add_common(server)
-    server.set_defaults(run=run, say=partial(print, flush=True))
+    server.set_defaults(run=run, print_line=partial(print, flush=True))
 
 
 def run(options: argparse.Namespace) -> int:

@@ -46,7 +46,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         help="file with the sentence that open pages show once the server has ended, read at its end",
     )  # fmt: skip
     add_name(parser)
-    parser.set_defaults(run=run, say=partial(print, flush=True), default_port=DEFAULT_PORT)
+    parser.set_defaults(run=run, print_line=partial(print, flush=True), default_port=DEFAULT_PORT)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -38,7 +38,7 @@ def add(commands: "Commands") -> None:
     plot.add_argument("--seconds", type=_seconds, default=20.0, metavar="S", help="time span (default: 20)")
     plot.add_argument("--once", action="store_true", help="listen for that time, draw once and exit")
     client_options.add_common(plot)
-    plot.set_defaults(run=_plot, say=partial(print, flush=True))
+    plot.set_defaults(run=_plot, print_line=partial(print, flush=True))
 
 
 def _report(options: argparse.Namespace) -> int:

@@ -9,7 +9,7 @@ from wallride import client_options
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
 
-say = partial(print, flush=True)
+print_line = partial(print, flush=True)
 
 
 def add(commands: "Commands") -> None:
@@ -34,7 +34,7 @@ def add(commands: "Commands") -> None:
     echo.add_argument("--whole", action="store_true", help="print arrays in full")
     for action in (listing, rate, volume, echo):
         client_options.add_common(action)
-        action.set_defaults(run=_topic, say=say)
+        action.set_defaults(run=_topic, print_line=print_line)
     _add_status(commands)
 
 
@@ -45,8 +45,8 @@ def _add_status(commands: "Commands") -> None:
     for command in (cars, status):
         client_options.add_common(command)
         command.add_argument("--json", action="store_true", help="print JSON")
-    cars.set_defaults(run=_cars, say=say)
-    status.set_defaults(run=_status, say=say)
+    cars.set_defaults(run=_cars, print_line=print_line)
+    status.set_defaults(run=_status, print_line=print_line)
 
 
 def _topic(options: argparse.Namespace) -> int:

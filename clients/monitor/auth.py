@@ -44,7 +44,7 @@ class PageAuth:
         return self.objection(host, token)
 
 
-def open_door(host: str, token: str) -> PageAuth:
+def page_auth(host: str, token: str) -> PageAuth:
     """Return the access control of a server on a host; token: what its address carries."""
     if is_loopback(host):
         return PageAuth(LOCAL_NAMES, token)

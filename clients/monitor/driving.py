@@ -95,7 +95,7 @@ class PageDriver:
         self._newest = None
         self._pilot = self._new_pilot()
 
-    def take_hands(self, hands: InputState, now_s: float) -> Command:
+    def take_input(self, hands: InputState, now_s: float) -> Command:
         """Return the command that follows from a message of the page."""
         self.engaged = True
         echoed = self._beats.get((hands.car_session, hands.beat))

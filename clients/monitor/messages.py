@@ -91,15 +91,15 @@ class Ping(_PageMessage):
     at: float
 
 
-Word = Ack | Watch | InputState | Drop | Leave | StopMessage | Ask | Ping
-_ANY: TypeAdapter[Word] = TypeAdapter(Annotated[Word, Field(discriminator="t")])
+PageMessage = Ack | Watch | InputState | Drop | Leave | StopMessage | Ask | Ping
+_ANY: TypeAdapter[PageMessage] = TypeAdapter(Annotated[PageMessage, Field(discriminator="t")])
 
 
 class BadMessageError(ValueError):
     """An invalid message; the text names the fault."""
 
 
-def read(text: str) -> Word:
+def read(text: str) -> PageMessage:
     """Read one message; BadMessageError for an invalid one."""
     if len(text) > LONGEST:
         raise BadMessageError(f"{len(text)} characters are too long")

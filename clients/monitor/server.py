@@ -18,14 +18,14 @@ from aiohttp import web
 
 from clients.connection import ConnectionProblemError, endpoint_of, keys_of
 from clients.monitor import assets
-from clients.monitor.auth import PageAuth, is_loopback, open_door
+from clients.monitor.auth import PageAuth, is_loopback, page_auth
 from clients.monitor.connections import MAX_PAGES, QUIET, end_idle, lasting, shortened
 from clients.monitor.handover import handed_over
 from clients.monitor.messages import LONGEST
 from clients.monitor.qr import qr_lines
 from clients.monitor.relay import CarEndpoint, Relay
 from clients.monitor.session import Host, PageSession
-from clients.monitor.token_file import kept_secret
+from clients.monitor.token_file import login_token
 from clients.teleop.shaping import InputShape
 from runtime.host.rate_limited_log import RateLimitedLog
 from runtime.wire import zenoh_config
@@ -57,18 +57,18 @@ MAX_REASON_B = 123
 """Maximum length of the reason with which a WebSocket is closed (RFC 6455)."""
 
 HOST: web.AppKey[Host] = web.AppKey("host", Host)
-DOOR: web.AppKey[PageAuth] = web.AppKey("door", PageAuth)
-VISITS: "web.AppKey[set[web.WebSocketResponse]]" = web.AppKey("visits")
+AUTH: web.AppKey[PageAuth] = web.AppKey("auth", PageAuth)
+SESSIONS: "web.AppKey[set[web.WebSocketResponse]]" = web.AppKey("visits")
 REFUSALS: web.AppKey[RateLimitedLog] = web.AppKey("refusals", RateLimitedLog)
 
 
-def application(host: Host, door: PageAuth) -> web.Application:
+def application(host: Host, auth: PageAuth) -> web.Application:
     """Return the web application."""
     files = assets.read_all()
 
     async def file(request: web.Request) -> web.Response:
         name = request.match_info.get("name") or assets.INDEX
-        objection = _objection(request) if name == assets.INDEX else door.objection(request.host, door.token)
+        objection = _objection(request) if name == assets.INDEX else auth.objection(request.host, auth.token)
         if objection:
             return web.Response(status=403, text=f"wallride monitor: {objection}\n", headers=HEADERS)
         asset = files.get(name)
@@ -77,7 +77,7 @@ def application(host: Host, door: PageAuth) -> web.Application:
         return web.Response(body=asset.body, content_type=asset.content_type, charset="utf-8", headers=HEADERS)
 
     app = web.Application()
-    app[HOST], app[DOOR], app[VISITS] = host, door, set()
+    app[HOST], app[AUTH], app[SESSIONS] = host, auth, set()
     app[REFUSALS] = RateLimitedLog(log, time.monotonic)
     app.router.add_get("/", file)
     app.router.add_get("/ws", _socket)
@@ -88,14 +88,14 @@ def application(host: Host, door: PageAuth) -> web.Application:
 
 async def _socket(request: web.Request) -> web.StreamResponse:
     origin, token = request.headers.get("Origin", ""), request.query.get("token", "")
-    if objection := request.app[DOOR].socket_objection(request.host, origin, token):
+    if objection := request.app[AUTH].socket_objection(request.host, origin, token):
         words = f"turned away a WebSocket from {request.remote}, origin {shortened(origin) or 'none'}: {objection}"
-        request.app[REFUSALS].say("refused", words)
+        request.app[REFUSALS].log("refused", words)
         return web.Response(status=403, text=f"wallride monitor: {objection}\n", headers=HEADERS)
-    if len(request.app[VISITS]) >= MAX_PAGES:
+    if len(request.app[SESSIONS]) >= MAX_PAGES:
         return web.Response(status=503, text="wallride monitor: too many pages are open\n", headers=HEADERS)
     socket = web.WebSocketResponse(heartbeat=PING_EVERY_S, compress=False, max_msg_size=2 * LONGEST)
-    request.app[VISITS].add(socket)
+    request.app[SESSIONS].add(socket)
     try:
         await socket.prepare(request)
         with lasting(request):
@@ -103,17 +103,17 @@ async def _socket(request: web.Request) -> web.StreamResponse:
     except ConnectionError:
         log.debug("a page went away")
     finally:
-        request.app[VISITS].discard(socket)
+        request.app[SESSIONS].discard(socket)
     return socket
 
 
 def _objection(request: web.Request) -> str:
-    return request.app[DOOR].objection(request.host, request.query.get("token", ""))
+    return request.app[AUTH].objection(request.host, request.query.get("token", ""))
 
 
 async def _say_goodbye(app: web.Application) -> None:
     words = farewell_words(app[HOST].farewell).encode()[:MAX_REASON_B].decode(errors="ignore").encode()
-    visits = app[VISITS]
+    visits = app[SESSIONS]
     for visit in tuple(visits):
         await visit.close(code=1001, message=words)
 
@@ -133,15 +133,15 @@ async def serving(host: Host, address: str, port: int, *, any_port: bool = False
 
     any_port: whether another port will do when this one is taken.
     """
-    door = open_door(address, kept_secret())
+    auth = page_auth(address, login_token())
     runner = web.AppRunner(
-        application(host, door), access_log=None, handler_cancellation=True, shutdown_timeout=2.0, logger=QUIET
+        application(host, auth), access_log=None, handler_cancellation=True, shutdown_timeout=2.0, logger=QUIET
     )
     await runner.setup()
     helpers = [asyncio.create_task(host.relay.run()), asyncio.create_task(end_idle(runner))]
     try:
         place = await _listen(runner, address, port, any_port=any_port)
-        yield f"http://{place}/?token={door.token}"
+        yield f"http://{place}/?token={auth.token}"
     finally:
         await runner.cleanup()  # the pages first: a driving page is stopped while there is still a link
         for helper in helpers:
@@ -180,15 +180,15 @@ async def run(options: argparse.Namespace) -> int:
     host = Host(relay, options.name, feel, version("wallride"), options.car or "", farewell=options.farewell)
     port = options.default_port if options.port is None else options.port
     async with serving(host, options.host, port, any_port=options.port is None) as url:
-        options.say(f"the monitor is at {url}")
+        options.print_line(f"the monitor is at {url}")
         if not is_loopback(options.host):
-            options.say("with this address anyone can drive the car; it goes over the network unencrypted")
+            options.print_line("with this address anyone can drive the car; it goes over the network unencrypted")
             if code := qr_lines(url):
-                options.say(code)
+                options.print_line(code)
         with contextlib.ExitStack() as stack:
             if options.browser:
                 address = stack.enter_context(handed_over(url))
-                await asyncio.to_thread(_open_browser, address, options.say)
+                await asyncio.to_thread(_open_browser, address, options.print_line)
             await _interrupted()
     return 0
 
@@ -206,9 +206,9 @@ def places(options: argparse.Namespace) -> Sequence[CarEndpoint]:
     return found
 
 
-def _open_browser(url: str, say: Callable[[str], object]) -> None:
+def _open_browser(url: str, print_line: Callable[[str], object]) -> None:
     if not webbrowser.open(url):
-        say("no browser could be opened from here; open the address by hand")
+        print_line("no browser could be opened from here; open the address by hand")
 
 
 async def _interrupted() -> None:

@@ -128,11 +128,11 @@ class PageSession:
             word = messages.read(text)
         except BadMessageError as error:
             self.malformed += 1
-            self._refusals.say("malformed", f"a page said something that is no word: {shortened(str(error))}")
+            self._refusals.log("malformed", f"a page said something that is no word: {shortened(str(error))}")
             return
         match word:
             case InputState():
-                self._send([self._driver.take_hands(word, now_s)])
+                self._send([self._driver.take_input(word, now_s)])
             case StopMessage():
                 self._send([self._driver.stop(now_s)])
                 self._show_pilot(now_s)

@@ -16,7 +16,7 @@ BYTES = 12
 _WORD = re.compile(r"[A-Za-z0-9_-]{16}")
 
 
-def kept_secret(environment: Mapping[str, str] = os.environ) -> str:
+def login_token(environment: Mapping[str, str] = os.environ) -> str:
     """Return the token of this login, made at its first use."""
     fresh = secrets.token_urlsafe(BYTES)
     folder = environment.get("XDG_RUNTIME_DIR")

@@ -187,14 +187,14 @@ async def operate(options: argparse.Namespace) -> int:
     return 0
 
 
-async def map_pad(say: Callable[[str], object]) -> int:
+async def map_pad(print_line: Callable[[str], object]) -> int:
     """Run the wizard on the first pad that appears, and write its file."""
     with ExitStack() as things:
-        return await _ask(_open_sdl(things, window=False), say)
+        return await _ask(_open_sdl(things, window=False), print_line)
 
 
-async def _ask(sdl: gamepad.Sdl, say: Callable[[str], object]) -> int:
-    say("Plug in the pad and press one of its buttons. Ctrl-C leaves.\n")
+async def _ask(sdl: gamepad.Sdl, print_line: Callable[[str], object]) -> int:
+    print_line("Plug in the pad and press one of its buttons. Ctrl-C leaves.\n")
     wizard: Wizard | None = None
     found: gamepad.PadConnected | None = None
     asked = ""
@@ -202,7 +202,7 @@ async def _ask(sdl: gamepad.Sdl, say: Callable[[str], object]) -> int:
         for happening in sdl.poll():
             if isinstance(happening, gamepad.PadConnected) and found is None:
                 found = happening
-                say(f"{found.name} ({usb_id(found.guid)})\n")
+                print_line(f"{found.name} ({usb_id(found.guid)})\n")
                 wizard = Wizard(found.guid, found.name, found.rest)
             elif isinstance(happening, gamepad.Gone) and found is not None and happening.pad == found.pad:
                 raise TeleopProblemError("the pad was unplugged; start again")
@@ -215,10 +215,10 @@ async def _ask(sdl: gamepad.Sdl, say: Callable[[str], object]) -> int:
         if wizard.finished:
             break
         if asked != (asked := f"{wizard.remark}{': ' if wizard.remark else ''}{wizard.question}\n"):
-            say(asked)
+            print_line(asked)
     assert wizard is not None  # noqa: S101 - the loop ended with both
     assert found is not None  # noqa: S101 - as above
-    say(f"written: {pad_files.save(pad_files.folder(), found.guid, wizard.toml())}\n")
+    print_line(f"written: {pad_files.save(pad_files.folder(), found.guid, wizard.toml())}\n")
     return 0
 
 

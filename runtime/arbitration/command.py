@@ -109,7 +109,7 @@ def refusal(source: Source, reason: str) -> SpeedLimit:
     return SpeedLimit(source, Verdict(0.0, 0.0, reason))
 
 
-Word = DriveCommand | SpeedLimit
+QueueEntry = DriveCommand | SpeedLimit
 
 
 @value()
@@ -147,7 +147,7 @@ class Output:
     delivered: bool
 
 
-def arbitrate(live: Sequence[Word], required: frozenset[Source], order: Sequence[Source]) -> Decision:
+def arbitrate(live: Sequence[QueueEntry], required: frozenset[Source], order: Sequence[Source]) -> Decision:
     """Select the most urgent drive command, limited by every more urgent source.
 
     live: commands and limits in force, most urgent first, in the order of `order`.

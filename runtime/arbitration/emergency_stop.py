@@ -50,6 +50,6 @@ class EmergencyStop:
 
     def _speak(self) -> None:
         if self._reasons:
-            self._queue.say(refusal(Source.ESTOP, "; ".join(self._reasons.values())))
+            self._queue.put(refusal(Source.ESTOP, "; ".join(self._reasons.values())))
         else:
-            self._queue.silence(Source.ESTOP)
+            self._queue.withdraw(Source.ESTOP)

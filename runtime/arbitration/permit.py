@@ -40,13 +40,13 @@ class Permit:
         Afterwards the permit is silent, which is a stop.
         """
         self.until_s, self.reason = until_s, reason
-        self._queue.say(consent(Source.PERMIT, reason), expires_at_s=until_s)
+        self._queue.put(consent(Source.PERMIT, reason), expires_at_s=until_s)
 
     def refuse(self, reason: str) -> None:
         """Request a stop, in either mode; put once per reason."""
         if self.until_s > -math.inf or self.reason != reason:
             self.until_s, self.reason = -math.inf, reason
-            self._queue.say(refusal(Source.PERMIT, reason))
+            self._queue.put(refusal(Source.PERMIT, reason))
 
     def revoke(self, reason: str) -> None:
         """Revoke a grant, for example because a device was lost: its return is no consent to drive on.

@@ -37,7 +37,7 @@ class PriorityQueue(Generic[K, V]):
         self._slots: dict[K, tuple[int, int, K, V, float]] = {}
         self._order: list[tuple[int, int, K, V, float]] = []
         self._sequence = 0
-        self._news = asyncio.Event()
+        self._change = asyncio.Event()
 
     def __len__(self) -> int:
         return len(self._slots)
@@ -50,7 +50,7 @@ class PriorityQueue(Generic[K, V]):
         self._sequence += 1
         slots[key] = entry = (priority, self._sequence, key, value, expires_at_s)
         insort(order, entry)
-        self._news.set()
+        self._change.set()
 
     def discard(self, key: K) -> None:
         """Withdraw the entry of a key; harmless when there is none."""
@@ -58,7 +58,7 @@ class PriorityQueue(Generic[K, V]):
         if entry is not None:
             self._order.remove(entry)
 
-    def rank_anew(self, priority: Callable[[K], int]) -> None:
+    def change_priorities(self, priority: Callable[[K], int]) -> None:
         """Change the priorities of the entries; their content, age and expiry stay."""
         for key, (_, age, _, value, expires_at_s) in self._slots.items():
             self._slots[key] = (priority(key), age, key, value, expires_at_s)
@@ -86,30 +86,30 @@ class PriorityQueue(Generic[K, V]):
     async def get(self) -> V:
         """Remove and return the most urgent live entry, waiting for one if need be."""
         while (value := self.get_nowait()) is None:
-            self._news.clear()
-            await self._news.wait()
+            self._change.clear()
+            await self._change.wait()
         return value
 
     async def changed(self) -> None:
-        """Wait until an entry was put, or `poke` was called, since this last returned or the event was cleared."""
-        while not self._news.is_set():  # woken, but another reader was quicker
-            await self._news.wait()
-        self._news.clear()
+        """Wait until an entry was put, or `wake` was called, since this last returned or the event was cleared."""
+        while not self._change.is_set():  # woken, but another reader was quicker
+            await self._change.wait()
+        self._change.clear()
 
     def has_expired(self) -> bool:
         """Tell whether an entry has expired that `live` or `get` have not dropped yet."""
         now_s = self._clock()
         return any(expires_at_s <= now_s for *_, expires_at_s in self._order)
 
-    def take_news(self) -> bool:
+    def take_change(self) -> bool:
         """Tell whether the change event is set, and clear it."""
-        news = self._news.is_set()
-        self._news.clear()
-        return news
+        change = self._change.is_set()
+        self._change.clear()
+        return change
 
-    def poke(self) -> None:
+    def wake(self) -> None:
         """Wake the waiter in `changed`, so that silence is examined as well as changes."""
-        self._news.set()
+        self._change.set()
 
     def _forget_expired(self) -> None:
         now_s = self._clock()

@@ -27,7 +27,7 @@ class RateLimitedLog:
         self._clock = clock
         self._kinds: dict[str, _Kind] = {}
 
-    def say(self, kind: str, text: str, level: int = logging.WARNING) -> None:
+    def log(self, kind: str, text: str, level: int = logging.WARNING) -> None:
         """Log the event, or only count it."""
         now_s = self._clock()
         known = self._kinds.setdefault(kind, _Kind(now_s, FIRST_PAUSE_S, 0))

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 from drivers.api import Drive, MotorState, Scan
-from runtime.arbitration.command import Decision, DriveCommand, Output, Source, SpeedLimit, Verdict, Word
+from runtime.arbitration.command import Decision, DriveCommand, Output, QueueEntry, Source, SpeedLimit, Verdict
 from runtime.control.guidance import Guidance
 from runtime.control.perception.own_parts import KnownParts
 from runtime.recording.decision_log import (
@@ -60,7 +60,7 @@ class _Batch:
 
     motors: list[list[Any]] = field(default_factory=list)
     known_motors: dict[int, int] = field(default_factory=dict)
-    words: dict[Source, Word] = field(default_factory=dict)
+    words: dict[Source, QueueEntry] = field(default_factory=dict)
 
     def motor(self, state: MotorState | None) -> int | None:
         """Return the index of a motor state in the message."""
@@ -119,7 +119,7 @@ def _encode_follow(
     return [scan.sequence, batch.motor(motor), _times(times_s), _row(Guidance, guidance)]
 
 
-def _encode_say(_: _Batch, word: Word, expires_at_s: float) -> list[Any]:
+def _encode_say(_: _Batch, word: QueueEntry, expires_at_s: float) -> list[Any]:
     return [_word(word), _plain(float(expires_at_s))]
 
 
@@ -160,7 +160,7 @@ _ENCODERS: Mapping[str, Any] = {
 }
 
 
-def _word(word: Word) -> list[Any]:
+def _word(word: QueueEntry) -> list[Any]:
     if isinstance(word, DriveCommand):
         return ["drive", word.source, _row(Drive, word.drive), _plain(word.scan_stamp_s), word.reason]
     verdict = word.outlook if isinstance(word.outlook, Verdict) else word.outlook.limit(0.0, 0.0)
@@ -223,7 +223,7 @@ class _RowReader:
                 values[name] = Source(values[name]) if values[name] is not None else None
         return kind(**values)
 
-    def word(self, parts: Sequence[Any]) -> Word:
+    def word(self, parts: Sequence[Any]) -> QueueEntry:
         form, source, row, stamp_s, *rest = parts
         if form == "drive":
             return DriveCommand(Source(source), self.row(Drive, row), _maybe(stamp_s), rest[0])

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.api import Clock, MotorState, Scan
-from runtime.arbitration.command import Output, Source, Word
+from runtime.arbitration.command import Output, QueueEntry, Source
 from runtime.control.guidance import Guidance
 from runtime.control.perception.own_parts import KnownParts
 
@@ -76,7 +76,7 @@ class CommandEvent:
     """Entry of a source other than safety and navigation. The assessment in a speed limit is its plain verdict."""
 
     number: int
-    word: Word
+    word: QueueEntry
     expires_at_s: float
 
 
@@ -102,7 +102,7 @@ class DecisionEvent:
     times_s: tuple[float, ...]
     elapsed_s: float
     live: tuple[Source, ...]
-    words: Mapping[Source, Word]
+    words: Mapping[Source, QueueEntry]
     output: Output
 
 
@@ -133,7 +133,7 @@ Event = (
     | OwnPartsEvent
 )
 LAWS = (Source.SAFETY, Source.NAVIGATION)  # a tuple is searched by identity first: five times as fast as a set
-Heard = Sequence[Source | Word]
+Heard = Sequence[Source | QueueEntry]
 """The entries in force: a law's by its source, other sources' in full."""
 
 
@@ -171,28 +171,28 @@ class DecisionLog:
         """Begin an event: the clock's readings from here on belong to it."""
         self._times_s = []
 
-    def scanned(self, scan: Scan) -> None:
+    def add_scan(self, scan: Scan) -> None:
         """Note that a scan was delivered."""
         self._entries.append((next(self._numbers), "scan", (scan,)))
 
-    def looked(self, scan: Scan, motor: MotorState | None) -> None:
+    def add_safety(self, scan: Scan, motor: MotorState | None) -> None:
         """Note, after `begin`, that safety took in a scan."""
         self._entries.append((next(self._numbers), "look", (scan, motor, self._end())))
 
-    def followed(self, scan: Scan, motor: MotorState | None, guidance: Guidance) -> None:
+    def add_follower(self, scan: Scan, motor: MotorState | None, guidance: Guidance) -> None:
         """Note, after `begin`, what the follower answered."""
         self._entries.append((next(self._numbers), "follow", (scan, motor, self._end(), guidance)))
 
-    def said(self, word: Word, expires_at_s: float) -> None:
+    def add_command(self, word: QueueEntry, expires_at_s: float) -> None:
         """Note an entry; those of the laws follow from their events and are left out."""
         if word.source not in LAWS:
             self._entries.append((next(self._numbers), "say", (word, expires_at_s)))
 
-    def silenced(self, source: Source) -> None:
+    def add_withdrawal(self, source: Source) -> None:
         """Note the withdrawal of an entry."""
         self._entries.append((next(self._numbers), "silence", (source,)))
 
-    def stepped(self, elapsed_s: float, live: Sequence[Word], output: Output) -> None:
+    def add_decision(self, elapsed_s: float, live: Sequence[QueueEntry], output: Output) -> None:
         """Note, after `begin`, a decision. live: the entries in force.
 
         Of a law's entry only the source is kept: its assessment refers to a scan and all that was computed from it.
@@ -200,11 +200,11 @@ class DecisionLog:
         heard = [word.source if word.source in LAWS else word for word in live]
         self._entries.append((next(self._numbers), "step", (self._end(), elapsed_s, heard, output)))
 
-    def tuned(self, settings: Dumpable) -> None:
+    def add_settings(self, settings: Dumpable) -> None:
         """Note the settings in force from here on."""
         self._entries.append((next(self._numbers), "settings", (settings,)))
 
-    def remembered(self, parts: KnownParts | None) -> None:
+    def add_own_parts(self, parts: KnownParts | None) -> None:
         """Note the car's own parts as the laws received them."""
         self._entries.append((next(self._numbers), "parts", (parts,)))
 

@@ -43,9 +43,9 @@ class BatteryLimit:
         self._said = limit
         if not monitor.trouble:
             log.info("battery %.1f V, %d cells", monitor.voltage_v, monitor.cells)
-            self._queue.silence(Source.BATTERY)
+            self._queue.withdraw(Source.BATTERY)
             return
-        self._queue.say(SpeedLimit(Source.BATTERY, Verdict(limit[0], limit[0], monitor.trouble)))
+        self._queue.put(SpeedLimit(Source.BATTERY, Verdict(limit[0], limit[0], monitor.trouble)))
         if monitor.charge in {Charge.LOW, Charge.EMPTY}:
             log.warning("%s", monitor.trouble)
         if monitor.charge is Charge.EMPTY:

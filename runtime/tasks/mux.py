@@ -58,7 +58,7 @@ class Mux:
 
     def decide_now(self) -> None:
         """Decide at once instead of at the loop's next turn, if there is a change: for the last command on a scan."""
-        if self._queue.take_news():
+        if self._queue.take_change():
             self._decide()
 
     def _decide(self) -> None:
@@ -83,7 +83,7 @@ class Mux:
         self._account(decision, elapsed_s)
         self._last_s = now_s
         self.output = Output(now_s, drive, decision, delivered)
-        self._decision_log.stepped(elapsed_s, live, self.output)
+        self._decision_log.add_decision(elapsed_s, live, self.output)
         return self.output
 
     def _account(self, decision: Decision, elapsed_s: float) -> None:
@@ -114,5 +114,5 @@ class SilenceTick:
         """Check once; a `periodic.Tick`."""
         self._noted(late_s, missed)
         queue = self._queue
-        if queue.somebody_expired() or self._clock() - queue.spoken_s >= self._silent_after_s:
+        if queue.has_expired() or self._clock() - queue.last_put_s >= self._silent_after_s:
             queue.tick()

@@ -19,10 +19,10 @@ from runtime.arbitration.command import (
     Decision,
     DriveCommand,
     Output,
+    QueueEntry,
     SafetyAssessment,
     Source,
     SpeedLimit,
-    Word,
 )
 from runtime.arbitration.command_queue import CommandQueue
 from runtime.control.perception.odometry import OdometryState
@@ -51,7 +51,7 @@ class SourceStatus:
     measure: float = math.nan
 
 
-def said(word: Word, decision: Decision | None) -> SourceStatus:
+def said(word: QueueEntry, decision: Decision | None) -> SourceStatus:
     """Return what an entry requests or allows now.
 
     A limit that decided is quoted from the decision. Another one is only evaluated for standstill, which is cheap and
@@ -211,7 +211,7 @@ def gates(observed: ObservedState, heard: Mapping[Source, SourceStatus]) -> dict
 
 
 def overruled(
-    observed: ObservedState, live: Mapping[Source, Word], decision: Decision | None
+    observed: ObservedState, live: Mapping[Source, QueueEntry], decision: Decision | None
 ) -> dict[str, float | str] | None:
     """Return safety's verdict on a human's command that it does not bind; None where it binds or does not object.
 
@@ -240,14 +240,14 @@ def _without_trace(outlook: SafetyAssessment) -> SafetyAssessment:
 
 
 def entries(
-    observed: ObservedState, live: Mapping[Source, Word], heard: Mapping[Source, SourceStatus]
+    observed: ObservedState, live: Mapping[Source, QueueEntry], heard: Mapping[Source, SourceStatus]
 ) -> dict[str, Any]:
     """Return every source in the mux's order: its age, whether it is in force, and what it requests or allows."""
     ages_s = observed.queue.ages_s()
     return {str(source): _voice(live.get(source), ages_s.get(source), heard) for source in observed.queue.order}
 
 
-def decision_fields(output: Output, live: Mapping[Source, Word]) -> dict[str, Any]:
+def decision_fields(output: Output, live: Mapping[Source, QueueEntry]) -> dict[str, Any]:
     """Return one decision: the request, the deciding source, the reason, and the command sent to the motor.
 
     asked_mps: the driver's request. allowed_mps: after the speed limits. speed_mps, steering_rad: after the limiter, as
@@ -287,7 +287,7 @@ def health_fields(device: Lidar | Motor) -> dict[str, Any]:
     }
 
 
-def _voice(word: Word | None, age_s: float | None, heard: Mapping[Source, SourceStatus]) -> dict[str, Any]:
+def _voice(word: QueueEntry | None, age_s: float | None, heard: Mapping[Source, SourceStatus]) -> dict[str, Any]:
     if word is None:
         return {"age_s": age_s, "live": False}
     says = heard[word.source]

@@ -127,7 +127,7 @@ class TopicWriters:
         output, queue = self._newest.output, self._observed.queue
         if output is None or output.decision.driver is None:
             return None
-        safety, wish = queue.word(Source.SAFETY), queue.word(output.decision.driver)
+        safety, wish = queue.entry(Source.SAFETY), queue.entry(output.decision.driver)
         if safety is None or not isinstance(wish, DriveCommand):
             return None
         heard: SourceStatus = car_status.said(safety, output.decision)
@@ -136,7 +136,7 @@ class TopicWriters:
 
     def _voice(self, source: Source) -> Message | None:
         """Return a driver's command; None while it is silent."""
-        word = self._observed.queue.word(source)
+        word = self._observed.queue.entry(source)
         if not isinstance(word, DriveCommand):
             return None
         stamp_s = word.scan_stamp_s if word.scan_stamp_s is not None else self._observed.clock()
@@ -197,6 +197,6 @@ class TopicWriters:
 
     def _view(self) -> View | None:
         """Return the newest scan's view in the safety law, where it keeps one."""
-        word = self._observed.queue.word(Source.SAFETY)
+        word = self._observed.queue.entry(Source.SAFETY)
         outlook = word.outlook if isinstance(word, SpeedLimit) else None
         return outlook.view if isinstance(outlook, SweptAssessment) else None

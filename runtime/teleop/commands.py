@@ -28,7 +28,7 @@ class TeleopStatements:
         """Put a manual drive command."""
         self.holding, self.incident = OperatorState.MANUAL, ""
         self._permit.refuse(f"{name} drives by hand")
-        self._queue.say(DriveCommand(Source.TELEOP, drive, None, f"{name} drives"), expires_at_s=until_s)
+        self._queue.put(DriveCommand(Source.TELEOP, drive, None, f"{name} drives"), expires_at_s=until_s)
 
     def permit(self, *, until_s: float) -> None:
         """Permit autonomy to move."""
@@ -66,5 +66,5 @@ class TeleopStatements:
 
     def _withdraw(self) -> None:
         if self.holding is OperatorState.MANUAL:
-            self._queue.silence(Source.TELEOP)
+            self._queue.withdraw(Source.TELEOP)
         self.holding = OperatorState.RELEASED

@@ -115,7 +115,7 @@ class OperatorDesk:
 
     def beat(self, speed_mps: float) -> Beat:
         """Return the next heartbeat, to be sent at once. speed_mps: measured, NaN when unknown."""
-        number, condition, operator = self._beats.strike(), self._facts().condition(), self._operator
+        number, condition, operator = self._beats.count_sent(), self._facts().condition(), self._operator
         if operator is None:
             return Beat(self._car_session, number, condition, speed_mps=speed_mps)
         age_ms = round(min(max(0.0, (self._clock() - operator.arrived_s) * 1000), UNKNOWN_AGE_MS))
@@ -190,7 +190,7 @@ class OperatorDesk:
     def _leave(self, session: TeleopSession) -> None:
         session.over = True
         if session in {self._operator, self._lost}:
-            self._log.say("left", f"{session.title} said goodbye", logging.INFO)
+            self._log.log("left", f"{session.title} said goodbye", logging.INFO)
             self._operator = self._lost = None
             self._words.leave()
 
@@ -207,7 +207,7 @@ class OperatorDesk:
         else:
             self._gate.disarm()
             self._appoint(session)
-            self._log.say("reset", f"{session.title} reset the e-stop")
+            self._log.log("reset", f"{session.title} reset the e-stop")
             self._emergency_stop.clear(Cause.OPERATOR)
             self._clear_fault()
             self._halt("the e-stop was reset")
@@ -216,13 +216,13 @@ class OperatorDesk:
         self._lost = None
         if self._operator is not session:
             self._operator = session
-            self._log.say("operator", f"{session.title} operates", logging.INFO)
+            self._log.log("operator", f"{session.title} operates", logging.INFO)
 
     def _press_e_stop(self, name: str) -> None:
         self._gate.disarm()  # each time: a reset must come after the last press of any client
         if Cause.OPERATOR not in self._emergency_stop.causes:
             reason = f"e-stop by {name}"
-            self._log.say("e-stop", reason)
+            self._log.log("e-stop", reason)
             self._emergency_stop.latch(Cause.OPERATOR, reason)
             self._halt(reason)
 
@@ -240,7 +240,7 @@ class OperatorDesk:
             self._lost = operator
             operator.armed = False
             self._halt(f"{operator.title} was lost")
-            self._log.say("lost", f"{operator.title} was lost: no fresh command and no goodbye")
+            self._log.log("lost", f"{operator.title} was lost: no fresh command and no goodbye")
         if now_s - operator.heard_s >= self._settings.slot_free_after_s:
             self._operator = None
 

@@ -32,7 +32,7 @@ class Beats:
         self._sent_s: deque[float] = deque(maxlen=REMEMBERED_BEATS)
         self.number = number
 
-    def strike(self) -> int:
+    def count_sent(self) -> int:
         """Count one more heartbeat, which is sent now; return its number."""
         self.number = (self.number + 1) & _U32
         self._sent_s.append(self._clock())

@@ -39,4 +39,4 @@ class Refusals:
     def count(self, kind: Refusal, detail: str) -> None:
         """Count one; `detail` is this program's own text, never quoted from the payload."""
         self._counts[kind] = self._counts.get(kind, 0) + 1
-        self._log.say(kind, f"command not obeyed, {kind}: {detail}")
+        self._log.log(kind, f"command not obeyed, {kind}: {detail}")

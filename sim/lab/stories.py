@@ -186,7 +186,7 @@ def plug_motor(play: Play) -> None:
 def swerve(play: Play) -> None:
     """Push the stick to full lock on the right at full speed, as a human does who sees the box come."""
     word = DriveCommand(Source.TELEOP, Drive(_BOXED_MPS, -play.car.settings.car.max_steering_rad), None, "stick")
-    play.car.queue.say(word, expires_at_s=play.clock() + 0.2)
+    play.car.queue.put(word, expires_at_s=play.clock() + 0.2)
 
 
 def untouched(told: ReportedFigures) -> tuple[str, bool]:

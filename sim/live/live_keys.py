@@ -34,12 +34,12 @@ def pressing(live: LiveConditions | None, stop: StopRequest, *, wanted: bool) ->
         yield lambda: None
         return
     try:
-        yield lambda: obey(_typed(), live, stop)
+        yield lambda: handle_keys(_typed(), live, stop)
     finally:
         restore()
 
 
-def obey(typed: str, live: LiveConditions | None, stop: StopRequest) -> None:
+def handle_keys(typed: str, live: LiveConditions | None, stop: StopRequest) -> None:
     """Perform the typed keys; unknown letters are ignored."""
     for letter in typed:
         if letter == QUIT:

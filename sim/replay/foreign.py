@@ -94,7 +94,7 @@ class _Foreign:
         self._scans = scans_of(recording)
         self._states = motor_states(recording, settings)
         self._stage = ReplayStack(settings, self._scans[0].received_s)
-        self._stage.queue.say(consent(Source.PERMIT, "a recording needs no permit"))
+        self._stage.queue.put(consent(Source.PERMIT, "a recording needs no permit"))
         self._journey = Journey(self._stage.now_s)
         self._newest = Newest(scan_period_s=recording.scan_time_s)
         self._odometry = Odometry(settings.car.wheelbase_m)

@@ -30,9 +30,9 @@ def press(player: Player, name: str) -> bool:
         case "space":
             player.paused = not player.paused
         case "+":
-            player.hurry(2.0)
+            player.multiply_speed(2.0)
         case "-":
-            player.hurry(0.5)
+            player.multiply_speed(0.5)
         case "right" | "left":
             player.seek(player.position_s + (STEP_S if name == "right" else -STEP_S))
         case "page down" | "page up":

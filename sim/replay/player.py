@@ -73,11 +73,11 @@ class Player:
         self._next = bisect_right(self._times_s, self.position_s)
         self._jumped = True
 
-    def hurry(self, factor: float) -> None:
+    def multiply_speed(self, factor: float) -> None:
         """Multiply the speed of playing, within limits."""
         self.speed = min(max(self.speed * factor, SLOWEST), FASTEST)
 
-    def obey(self, wish: object) -> None:
+    def handle_request(self, wish: object) -> None:
         """Process a request: {"pause": true}, {"speed": 2}, {"seek_s": 12}; ValueError with the remedy."""
         if not isinstance(wish, Mapping):
             raise ValueError('write an object, for example {"pause": true}')  # noqa: TRY004 - one kind of refusal

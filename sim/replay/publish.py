@@ -80,7 +80,7 @@ class Broadcast:
     def answer(self, payload: bytes) -> bytes:
         """Process a query and return the position; RefusedError with the remedy."""
         try:
-            self._player.obey(json.loads(payload or b"{}"))
+            self._player.handle_request(json.loads(payload or b"{}"))
         except ValueError as error:
             raise RefusedError(str(error)) from None
         return topics.encode(self._player.status())

@@ -194,9 +194,9 @@ class _Reenactment:
             if source in LAWS:
                 continue
             if source not in event.live:
-                stage.queue.silence(source)
+                stage.queue.withdraw(source)
             elif (word := event.words.get(source)) is not None:
-                stage.queue.say(word, expires_at_s=NEVER_S)
+                stage.queue.put(word, expires_at_s=NEVER_S)
         # A measured decision has read the clock before it.
         own = event.times_s.index(event.output.stamp_s) if event.output.stamp_s in event.times_s else 0
         self._clock.begin(event.times_s[own:])

@@ -17,10 +17,10 @@ from runtime.arbitration.command import (
     NO_LIMIT_MPS,
     Decision,
     DriveCommand,
+    QueueEntry,
     Source,
     SpeedLimit,
     Verdict,
-    Word,
     arbitrate,
 )
 from runtime.control.guidance import Follower, Guard
@@ -263,7 +263,7 @@ class _Rig:
         outlook = self._guard.look(sweep, self._motor) if self._guard is not None else _CONSENT
         guidance = self._follower.follow(sweep, self._motor)
         wish = guidance.drive or Drive(0.0, 0.0)
-        words: list[Word] = [
+        words: list[QueueEntry] = [
             SpeedLimit(Source.SAFETY, outlook, now_s),
             DriveCommand(case.driver, wish, None if case.driver is Source.TELEOP else now_s, guidance.reason),
         ]

@@ -170,7 +170,7 @@ class MemoryBus:
         return self._listened_to
 
     def subscribe(self, key: str, receive: Callable[[str, bytes, float], None], *, max_bytes: int = 0) -> None:  # noqa: ARG002 - a Bus
-        """Register the car's subscriber for messages of `say`."""
+        """Register the car's subscriber for messages of `deliver`."""
         self._readers[key] = receive
 
     def answer(self, key: str, reply: Callable[[bytes], bytes | Awaitable[bytes]]) -> None:
@@ -184,7 +184,7 @@ class MemoryBus:
     def poll(self) -> None:
         """Do nothing: messages of a story are delivered at once."""
 
-    def say(self, key: str, payload: bytes) -> None:
+    def deliver(self, key: str, payload: bytes) -> None:
         """Deliver a message to the car now."""
         self._readers[key](key, payload, self._clock())
 

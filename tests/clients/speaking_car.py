@@ -52,5 +52,5 @@ def options(car, *arguments):
     parser = argparse.ArgumentParser()
     topic_options.add(parser.add_subparsers())
     parsed = parser.parse_args([*arguments, "--connect", car.endpoint])
-    parsed.say = (said := []).append
+    parsed.print_line = (said := []).append
     return parsed, said

@@ -37,7 +37,7 @@ async def address(car):
 
     said = asyncio.Queue()
     options = argparse.Namespace(
-        host="127.0.0.1", port=0, car=None, connect=car[1], session=None, keys=None, say=said.put_nowait
+        host="127.0.0.1", port=0, car=None, connect=car[1], session=None, keys=None, print_line=said.put_nowait
     )
     task = asyncio.create_task(foxglove_server.run(options))
     line = await asyncio.wait_for(said.get(), 15)
@@ -88,7 +88,14 @@ async def watched(car, endpoint, **more):
 
     said = asyncio.Queue()
     options = argparse.Namespace(
-        host="127.0.0.1", port=0, car=None, connect=endpoint, session=None, keys=None, say=said.put_nowait, **more
+        host="127.0.0.1",
+        port=0,
+        car=None,
+        connect=endpoint,
+        session=None,
+        keys=None,
+        print_line=said.put_nowait,
+        **more,
     )
     async with car:
         task = asyncio.create_task(foxglove_server.run(options))

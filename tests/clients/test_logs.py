@@ -49,7 +49,7 @@ class Car:
         said = []
         here = "--local" in words or words[1] in {"info", "recover"}
         options = parsed(*words, *(() if here else ("--connect", self.endpoint)))
-        options.say, options.progress = said.append, lambda *_: None
+        options.print_line, options.progress = said.append, lambda *_: None
         program = logs.record if words[0] == "record" else logs.run
         return await program(options), "\n".join(said).splitlines()
 

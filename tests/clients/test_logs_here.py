@@ -33,7 +33,7 @@ async def said(*words):
     logs_options.add(parser.add_subparsers())
     options = parser.parse_args(["logs", *map(str, words)])
     lines = []
-    options.say = lines.append
+    options.print_line = lines.append
     code = await logs.run(options)
     return code, "\n".join(lines)
 

@@ -103,7 +103,7 @@ async def test_it_draws_a_car_on_the_air():
     said = []
     options = argparse.Namespace(
         topics=["distance_error"], seconds=1.0, once=True, car=None, connect=endpoint, session=None, keys=None,
-        say=lambda text, end="\n": said.append(text),
+        print_line=lambda text, end="\n": said.append(text),
     )  # fmt: skip
     key = topics.key("car1", topics.DISTANCE_ERROR)
 

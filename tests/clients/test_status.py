@@ -68,7 +68,7 @@ def test_before_the_first_decision_it_says_so(observed):
 
 
 def test_one_screen_holds_everything_that_may_hold_the_car(observed):
-    observed.queue.say(refusal(Source.ESTOP, "e-stop by anna"))
+    observed.queue.put(refusal(Source.ESTOP, "e-stop by anna"))
     observed.lidar.health.count("checksum", 4)
     lines = screen(arrived(observed, output_of(observed, speed_mps=0.0, winner=Source.ESTOP, reason="e-stop by anna")))
     text = "\n".join(lines)

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, replace
 
 from drivers.api import Drive
-from runtime.arbitration.command import LAB_ORDER, Decision, DriveCommand, Source, SpeedLimit, Verdict, Word
+from runtime.arbitration.command import LAB_ORDER, Decision, DriveCommand, QueueEntry, Source, SpeedLimit, Verdict
 
 INF = math.inf
 NAN = math.nan
@@ -68,7 +68,7 @@ def swerve(steering=-0.3, forward=0.0, scan=1.0):
 @dataclass(frozen=True)
 class Case:
     title: str
-    live: list[Word]
+    live: list[QueueEntry]
     speed: float
     steering: float | None
     driver: Source | None

@@ -49,9 +49,9 @@ def speak(observed, *, speed_mps=1.0, safety=None, permit=True):
     """Let navigation, safety and the permit speak now."""
     now_s = observed.clock()
     verdict = safety or Verdict(math.inf, math.inf, "clear")
-    observed.queue.say(SpeedLimit(Source.SAFETY, verdict, now_s))
-    observed.queue.say(consent(Source.PERMIT, "yes") if permit else refusal(Source.PERMIT, "no permit"))
-    observed.queue.say(DriveCommand(Source.NAVIGATION, Drive(speed_mps, 0.1), now_s, "wall"))
+    observed.queue.put(SpeedLimit(Source.SAFETY, verdict, now_s))
+    observed.queue.put(consent(Source.PERMIT, "yes") if permit else refusal(Source.PERMIT, "no permit"))
+    observed.queue.put(DriveCommand(Source.NAVIGATION, Drive(speed_mps, 0.1), now_s, "wall"))
 
 
 def output_of(observed, *, speed_mps=1.0, winner=Source.NAVIGATION, reason="wall", measure=math.nan, sent_mps=None):

@@ -34,8 +34,8 @@ class Rig:
             self.queue, self.permit, self.e_stop, self._clear_fault, clock, CAR_SESSION,
         )  # fmt: skip
         self.clients = []
-        self.queue.say(consent(Source.SAFETY, "clear"))
-        self.queue.say(DriveCommand(Source.NAVIGATION, Drive(AUTO_MPS, 0.0), None, "follows the wall"))
+        self.queue.put(consent(Source.SAFETY, "clear"))
+        self.queue.put(DriveCommand(Source.NAVIGATION, Drive(AUTO_MPS, 0.0), None, "follows the wall"))
         self.beat()
 
     def _clear_fault(self):

@@ -68,7 +68,7 @@ def test_without_the_words_of_all_required_sources_nothing_moves():
     desk = Desk()
     desk.answer()
     assert arbitrate(desk.stack.queue.live(), REQUIRED, desk.stack.queue.order).speed_mps == 0.0
-    desk.stack.queue.say(consent(Source.PERMIT, "test"))
+    desk.stack.queue.put(consent(Source.PERMIT, "test"))
     assert arbitrate(desk.stack.queue.live(), REQUIRED, desk.stack.queue.order).speed_mps > 0.0
 
 

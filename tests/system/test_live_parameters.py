@@ -117,7 +117,7 @@ def test_a_law_is_exchanged_only_while_the_car_stands():
 def test_binding_the_human_binds_him_at_the_next_decision():
     def push(lab):
         word = DriveCommand(Source.TELEOP, Drive(0.7, 0.0), None, "stick")
-        lab.car.queue.say(word, expires_at_s=lab.car.clock() + 0.2)
+        lab.car.queue.put(word, expires_at_s=lab.car.clock() + 0.2)
 
     def bind(lab):
         lab.set(safety__binds_teleop=True)

@@ -220,7 +220,7 @@ def test_a_lasting_fault_keeps_the_car_standing():
 
 
 def push_stick(story):
-    story.car.queue.say(DriveCommand(Source.TELEOP, Drive(0.5, 0.0), None, "stick"), expires_at_s=story.now() + 0.2)
+    story.car.queue.put(DriveCommand(Source.TELEOP, Drive(0.5, 0.0), None, "stick"), expires_at_s=story.now() + 0.2)
 
 
 @pytest.mark.parametrize(("bound", "speed"), [(False, 0.5), (True, 0.0)])

@@ -135,10 +135,10 @@ class FakeCar:
     async def _beat(self):
         while True:
             now_s = time.monotonic()
-            self.queue.say(consent(Source.SAFETY, "clear"), expires_at_s=now_s + 0.3)
+            self.queue.put(consent(Source.SAFETY, "clear"), expires_at_s=now_s + 0.3)
             if self._autonomy:
                 drive = DriveCommand(Source.NAVIGATION, Drive(AUTO_MPS, 0.0), None, "follows the wall")
-                self.queue.say(drive, expires_at_s=now_s + 0.3)
+                self.queue.put(drive, expires_at_s=now_s + 0.3)
             self.desk.tick()
             self.beat = self.desk.beat(self.speed_mps)
             self.bus.put(topics.key(self.name, topics.BEAT), self.beat.pack(), encoding=BYTES, urgent=True)

@@ -2,11 +2,11 @@
 
 import pytest
 
-from clients.monitor.auth import PageAuth, is_loopback, open_door
-from clients.monitor.token_file import NAME, kept_secret
+from clients.monitor.auth import PageAuth, is_loopback, page_auth
+from clients.monitor.token_file import NAME, login_token
 
-SECRET = kept_secret({})
-LOCAL = open_door("127.0.0.1", SECRET)
+SECRET = login_token({})
+LOCAL = page_auth("127.0.0.1", SECRET)
 WIDE = PageAuth(frozenset({"localhost", "box", "box.local"}), SECRET, numbers=True)
 
 
@@ -46,7 +46,7 @@ def test_from_other_machines_the_address_must_carry_its_token():
 
 def test_a_door_has_a_token_to_this_machine_too():
     assert LOCAL.token == SECRET
-    assert open_door("0.0.0.0", SECRET).token == SECRET
+    assert page_auth("0.0.0.0", SECRET).token == SECRET
     assert is_loopback("::1")
     assert is_loopback("127.3.2.1")
     assert not is_loopback("192.168.1.5")
@@ -55,22 +55,22 @@ def test_a_door_has_a_token_to_this_machine_too():
 
 def test_a_secret_is_kept_for_a_login_and_only_for_its_user(tmp_path):
     login = {"XDG_RUNTIME_DIR": str(tmp_path)}
-    first = kept_secret(login)
+    first = login_token(login)
     assert len(first) >= 16
-    assert kept_secret(login) == first, "a phone's page finds the server again after its restart"
+    assert login_token(login) == first, "a phone's page finds the server again after its restart"
     kept = tmp_path / NAME
     assert kept.stat().st_mode & 0o777 == 0o600
     kept.chmod(0o644)
-    assert kept_secret(login) != first, "others could have read it"
+    assert login_token(login) != first, "others could have read it"
     kept.chmod(0o600)
     kept.write_text("easy")
-    assert len(kept_secret(login)) >= 16
+    assert len(login_token(login)) >= 16
     kept.unlink()
     kept.symlink_to(tmp_path / "elsewhere")
-    assert kept_secret(login) != kept_secret(login)
+    assert login_token(login) != login_token(login)
     assert not (tmp_path / "elsewhere").exists()
 
 
 @pytest.mark.parametrize("environment", [{}, {"XDG_RUNTIME_DIR": ""}, {"XDG_RUNTIME_DIR": "/nowhere/at/all"}])
 def test_without_a_place_for_it_every_start_has_its_own(environment):
-    assert kept_secret(environment) != kept_secret(environment)
+    assert login_token(environment) != login_token(environment)

@@ -25,7 +25,7 @@ def options(*arguments):
 async def test_it_prints_its_address_and_ends_in_good_order(scene):
     said = []
     asked = options("--no-browser", "--port", "0", "--connect", scene.endpoint)
-    asked.say = said.append
+    asked.print_line = said.append
     running = asyncio.create_task(server.run(asked))
     async with asyncio.timeout(5):
         while not said:
@@ -39,7 +39,7 @@ async def test_it_prints_its_address_and_ends_in_good_order(scene):
 async def test_for_others_it_prints_the_address_as_a_code_too(scene):
     said = []
     asked = options("--no-browser", "--port", "0", "--host", "0.0.0.0", "--connect", scene.endpoint)
-    asked.say = said.append
+    asked.print_line = said.append
     running = asyncio.create_task(server.run(asked))
     async with asyncio.timeout(5):
         while len(said) < 3:

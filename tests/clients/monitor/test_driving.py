@@ -46,7 +46,7 @@ class Page:
                 steering=0,
                 **more,
             )
-            self.send(self.driver.take_hands(word, self.rig.now_s))
+            self.send(self.driver.take_input(word, self.rig.now_s))
             self.send(self.driver.tick(self.rig.now_s))
 
     def silence(self, seconds):

@@ -40,7 +40,7 @@ async def test_the_browser_is_given_the_file_and_the_terminal_the_address(scene,
     opened, said = [], []
     monkeypatch.setattr(webbrowser, "open", opened_by(opened))
     asked = options("--port", "0", "--connect", scene.endpoint)
-    asked.say = said.append
+    asked.print_line = said.append
     running = asyncio.create_task(server.run(asked))
     async with asyncio.timeout(5):
         while not opened:

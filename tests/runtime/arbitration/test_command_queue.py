@@ -28,68 +28,68 @@ def queue():
 
 
 def test_the_most_urgent_comes_first_whatever_was_said_last(queue):
-    queue.say(STICK)
-    queue.say(WALL)
-    queue.say(refusal(Source.ESTOP, "red"))
+    queue.put(STICK)
+    queue.put(WALL)
+    queue.put(refusal(Source.ESTOP, "red"))
     assert [word.source for word in queue.live()] == [Source.ESTOP, Source.TELEOP, Source.NAVIGATION]
-    assert queue.word(Source.TELEOP) is STICK
+    assert queue.entry(Source.TELEOP) is STICK
 
 
 def test_another_order_holds_for_what_is_in_force_and_wakes_the_mux(queue):
-    queue.say(STICK)
-    queue.say(WALL)
-    queue.take_news()
+    queue.put(STICK)
+    queue.put(WALL)
+    queue.take_change()
     queue.reorder(LAB_ORDER)
-    assert not queue.take_news(), "the same order is no change"
+    assert not queue.take_change(), "the same order is no change"
     queue.reorder(LAB_ORDER[::-1])
-    assert queue.take_news()
+    assert queue.take_change()
     assert queue.order == LAB_ORDER[::-1]
     assert queue.live() == [WALL, STICK]
-    queue.say(refusal(Source.ESTOP, "red"))
+    queue.put(refusal(Source.ESTOP, "red"))
     assert queue.live()[-1].source is Source.ESTOP
 
 
 def test_an_entry_lasts_until_its_expiry_and_not_longer(queue):
-    queue.say(STICK, expires_at_s=10.5)
-    assert not queue.somebody_expired()
+    queue.put(STICK, expires_at_s=10.5)
+    assert not queue.has_expired()
     queue.hand.now_s = 10.5
-    assert queue.somebody_expired()
-    assert queue.word(Source.TELEOP) is None
+    assert queue.has_expired()
+    assert queue.entry(Source.TELEOP) is None
     assert queue.live() == []
-    assert not queue.somebody_expired()
+    assert not queue.has_expired()
 
 
 def test_a_word_without_an_expiry_lasts(queue):
-    queue.say(STICK)
+    queue.put(STICK)
     queue.hand.now_s = 1e9
     assert queue.live() == [STICK]
 
 
 def test_what_is_withdrawn_is_gone_told_and_wakes_the_mux(queue):
     said, silenced = [], []
-    queue.on_said, queue.on_silenced = lambda *word: said.append(word), silenced.append
-    queue.say(STICK, expires_at_s=11.0)
-    queue.take_news()
-    queue.silence(Source.TELEOP)
-    assert queue.take_news()
+    queue.on_put, queue.on_withdrawn = lambda *word: said.append(word), silenced.append
+    queue.put(STICK, expires_at_s=11.0)
+    queue.take_change()
+    queue.withdraw(Source.TELEOP)
+    assert queue.take_change()
     assert (said, silenced) == ([(STICK, 11.0)], [Source.TELEOP])
     assert queue.live() == []
-    queue.silence(Source.PERMIT)
+    queue.withdraw(Source.PERMIT)
 
 
 def test_ages_count_from_the_last_word_of_each(queue):
-    assert queue.spoken_s == -math.inf
-    queue.say(STICK)
+    assert queue.last_put_s == -math.inf
+    queue.put(STICK)
     queue.hand.now_s = 12.0
-    queue.say(consent(Source.PERMIT, "yes"))
+    queue.put(consent(Source.PERMIT, "yes"))
     queue.hand.now_s = 13.0
     assert queue.ages_s() == {Source.TELEOP: 3.0, Source.PERMIT: 1.0}
-    assert queue.spoken_s == 12.0
+    assert queue.last_put_s == 12.0
 
 
 async def test_a_word_or_a_tick_wakes_the_mux_once(queue):
-    for wake in (lambda: queue.say(STICK), queue.tick):
+    for wake in (lambda: queue.put(STICK), queue.tick):
         wake()
         async with asyncio.timeout(1):
             await queue.changed()
-        assert not queue.take_news()
+        assert not queue.take_change()

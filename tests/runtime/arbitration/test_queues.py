@@ -110,7 +110,7 @@ def test_changed_wakes_once_per_burst_and_on_a_poke():
         for number in range(5):
             queue.put(number, number, priority=0, expires_at_s=NEVER_S)
         await queue.changed()
-        loop.call_later(1, queue.poke)
+        loop.call_later(1, queue.wake)
         await queue.changed()
         return loop.time()
 

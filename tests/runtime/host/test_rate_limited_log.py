@@ -11,7 +11,7 @@ def test_a_flood_is_a_line_now_and_then_with_a_count(caplog):
     times = []
     for _ in range(300_000):  # 5 minutes at 1 kHz
         before = len(caplog.records)
-        quiet.say("kind", "something")
+        quiet.log("kind", "something")
         if len(caplog.records) > before:
             times.append(now[0])
         now[0] += 0.001
@@ -25,8 +25,8 @@ def test_after_a_rest_it_speaks_at_once_and_kinds_do_not_hush_each_other(caplog)
     quiet = RateLimitedLog(logging.getLogger("test.quiet"), lambda: now[0])
     for at_s in (0.0, 0.5, 2.0, 10.0, 12.0):
         now[0] = at_s
-        quiet.say("a", f"a at {at_s}")
-        quiet.say("b", f"b at {at_s}")
+        quiet.log("a", f"a at {at_s}")
+        quiet.log("b", f"b at {at_s}")
     assert [text for text in caplog.messages if text.startswith("a")] == [
         "a at 0.0", "a at 2.0 (and 1 more)", "a at 10.0", "a at 12.0",
     ]  # fmt: skip

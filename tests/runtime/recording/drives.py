@@ -76,7 +76,7 @@ class Drive:
             len(self.scans),
         )  # fmt: skip
         self.scans.append(scan)
-        self.decision_log.scanned(scan)
+        self.decision_log.add_scan(scan)
         self.telemetry.on_scan(scan)
         state = self.motor.state
         self.stack.look(scan, state)
@@ -89,19 +89,19 @@ class Drive:
         """Let the mux decide."""
         self.decision_log.begin()
         output = self.mux.step()
-        self.decision_log.stepped(output.stamp_s - self._stepped_s, self.queue.live(), output)
+        self.decision_log.add_decision(output.stamp_s - self._stepped_s, self.queue.live(), output)
         self._stepped_s = output.stamp_s
         self.outputs.append(output)
         self.telemetry.on_output(output)
 
-    def say(self, word, expires_at_s=math.inf):
+    def put(self, word, expires_at_s=math.inf):
         """Put a command; the decision log records it."""
-        self.queue.say(word, expires_at_s=expires_at_s)
+        self.queue.put(word, expires_at_s=expires_at_s)
 
     def permit(self, yes=True):
         """Arm or disarm."""
         self.permitted = yes
-        self.say(consent(Source.PERMIT, "yes") if yes else refusal(Source.PERMIT, "no operator permits autonomy"))
+        self.put(consent(Source.PERMIT, "yes") if yes else refusal(Source.PERMIT, "no operator permits autonomy"))
 
     async def go(self, seconds, *, write=True, ranges_m=RANGES_M, speak=True):
         """Drive for a while; the recorder has its turn every tenth of a second."""

@@ -55,7 +55,7 @@ def make_scan(numbers, sequence):
 def test_every_float_survives_bit_for_bit(numbers):
     decision_log = DecisionLog(HandClock())
     decision_log.begin()
-    decision_log.looked(make_scan(numbers[:6], 7), motor_state(*numbers))
+    decision_log.add_safety(make_scan(numbers[:6], 7), motor_state(*numbers))
     (event,) = play(*decision_log.drain())
     assert isinstance(event, SafetyEvent)
     assert event.motor is not None
@@ -68,7 +68,7 @@ def test_every_float_survives_bit_for_bit(numbers):
 @given(numbers=st.tuples(*[ANY_FLOAT] * 6), sequence=st.integers(0, 2**40))
 def test_a_scan_comes_back_as_it_was_given_its_ranges(numbers, sequence):
     decision_log = DecisionLog(HandClock())
-    decision_log.scanned(make_scan(numbers, sequence))
+    decision_log.add_scan(make_scan(numbers, sequence))
     (event,) = play(*decision_log.drain())
     assert isinstance(event, ScanEvent)
     assert event.beams == 3
@@ -83,7 +83,7 @@ def test_numbers_of_numpy_are_numbers():
     narrow: Any = np.float32  # what a law computes in float32 arrives like this, whatever its annotation says
     guidance = Guidance(Drive(narrow(0.5), np.float64(0.1)), np.float64(math.inf), narrow(math.nan), 0.0, "wall")
     sequence: Any = np.int64(3)
-    decision_log.followed(make_scan([1.0] * 6, sequence), None, guidance)
+    decision_log.add_follower(make_scan([1.0] * 6, sequence), None, guidance)
     (event,) = play(*decision_log.drain())
     assert isinstance(event, FollowerEvent)
     assert event.guidance.drive == Drive(0.5, 0.1)
@@ -109,7 +109,7 @@ def test_a_step_holds_times_words_and_decision():
     assert decision_log.clock() == 5.0
     clock.now_s = 5.5
     assert decision_log.clock() == 5.5
-    decision_log.stepped(0.02, [stop, permit, nav], output())
+    decision_log.add_decision(0.02, [stop, permit, nav], output())
     (event,) = play(*decision_log.drain())
     live = (Source.ESTOP, Source.PERMIT, Source.NAVIGATION)
     expected = DecisionEvent(0, (5.0, 5.5), 0.02, live, {Source.ESTOP: stop, Source.PERMIT: permit}, output())
@@ -121,7 +121,7 @@ def test_an_unchanged_word_is_written_once_per_message_and_again_in_the_next():
     permit, other = consent(Source.PERMIT, "yes"), consent(Source.PERMIT, "yes")
     for word in (permit, permit, other):
         decision_log.begin()
-        decision_log.stepped(0.02, [word], output())
+        decision_log.add_decision(0.02, [word], output())
     entries = decision_log.drain()
     assert [set(event.words) for event in play(*entries)] == [{Source.PERMIT}, set(), {Source.PERMIT}]
     assert set(play(entries[1])[0].words) == {Source.PERMIT}
@@ -129,12 +129,12 @@ def test_an_unchanged_word_is_written_once_per_message_and_again_in_the_next():
 
 def test_words_of_the_laws_follow_from_their_events_and_are_left_out():
     decision_log = DecisionLog(HandClock())
-    decision_log.said(SpeedLimit(Source.SAFETY, Verdict(1.0, 1.0, "clear"), 1.0), 2.0)
-    decision_log.said(DriveCommand(Source.NAVIGATION, Drive(1.0, 0.0), 1.0, "wall"), 2.0)
+    decision_log.add_command(SpeedLimit(Source.SAFETY, Verdict(1.0, 1.0, "clear"), 1.0), 2.0)
+    decision_log.add_command(DriveCommand(Source.NAVIGATION, Drive(1.0, 0.0), 1.0, "wall"), 2.0)
     teleop = DriveCommand(Source.TELEOP, Drive(1.0, 0.0), None, "ann")
-    decision_log.said(teleop, 2.0)
-    decision_log.said(consent(Source.PERMIT, "yes"), math.inf)
-    decision_log.silenced(Source.ESTOP)
+    decision_log.add_command(teleop, 2.0)
+    decision_log.add_command(consent(Source.PERMIT, "yes"), math.inf)
+    decision_log.add_withdrawal(Source.ESTOP)
     said, permitted, silenced = play(*decision_log.drain())
     assert said == CommandEvent(0, teleop, 2.0)
     assert permitted.expires_at_s == math.inf
@@ -144,7 +144,7 @@ def test_words_of_the_laws_follow_from_their_events_and_are_left_out():
 def test_settings_come_back_equal():
     decision_log = DecisionLog(HandClock())
     settings = Settings.model_validate({"wall_follow": {"speed_mps": 1.2345678901234567}})
-    decision_log.tuned(settings)
+    decision_log.add_settings(settings)
     (event,) = play(*decision_log.drain())
     assert isinstance(event, SettingsEvent)
     assert Settings.model_validate(event.settings) == settings
@@ -153,9 +153,9 @@ def test_settings_come_back_equal():
 def test_what_nobody_drained_is_lost_from_its_oldest_end_and_the_numbers_show_it():
     decision_log = DecisionLog(HandClock(), most=3)
     for _ in range(5):
-        decision_log.silenced(Source.PERMIT)
+        decision_log.add_withdrawal(Source.PERMIT)
     assert [event.number for event in play(*decision_log.drain())] == [2, 3, 4]
-    decision_log.silenced(Source.PERMIT)
+    decision_log.add_withdrawal(Source.PERMIT)
     assert [event.number for event in play(*decision_log.drain())] == [5]
 
 
@@ -163,7 +163,7 @@ def test_a_tape_of_nothing_keeps_nothing():
     decision_log = DecisionLog(HandClock(3.0), most=0)
     decision_log.begin()
     assert decision_log.clock() == 3.0
-    decision_log.stepped(0.0, [], output())
+    decision_log.add_decision(0.0, [], output())
     assert decision_log.drain() == []
 
 
@@ -171,7 +171,7 @@ def test_a_step_does_not_keep_what_a_law_made_of_its_scan():
     decision_log = DecisionLog(HandClock())
     decision_log.begin()
     word = SpeedLimit(Source.SAFETY, Verdict(1.0, 1.0, "clear"), 1.0)
-    decision_log.stepped(0.0, [word], output())
+    decision_log.add_decision(0.0, [word], output())
     (entry,) = decision_log.drain()
     assert word not in entry[2][2]
 
@@ -186,7 +186,7 @@ def test_what_is_no_tape_is_refused(payload):
 
 def test_an_event_of_another_kind_is_refused():
     decision_log = DecisionLog(HandClock())
-    decision_log.silenced(Source.PERMIT)
+    decision_log.add_withdrawal(Source.PERMIT)
     payload = encode(decision_log.drain()).replace(b'"silence"', b'"shout"')
     with pytest.raises(TapeError, match="shout"):
         decode(payload)

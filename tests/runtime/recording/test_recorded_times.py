@@ -78,7 +78,7 @@ async def stopped(drive):
     """An e-stop: a black box beside the recording."""
     drive.permit()
     await drive.go(2)
-    drive.say(refusal(Source.ESTOP, "e-stop"))
+    drive.put(refusal(Source.ESTOP, "e-stop"))
     await drive.go(DRIVEN_S)
 
 

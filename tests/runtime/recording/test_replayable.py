@@ -4,7 +4,7 @@ import math
 from itertools import pairwise
 from typing import Any
 
-from runtime.arbitration.command import DriveCommand, Source, SpeedLimit, Word, arbitrate
+from runtime.arbitration.command import DriveCommand, QueueEntry, Source, SpeedLimit, arbitrate
 from runtime.control.limiter import Limiter
 from runtime.control.live_laws import LiveLaws
 from runtime.live_stack import REQUIRED
@@ -30,7 +30,7 @@ def replayed(content):
     decision_log, ranges_m, clock = events(content), ranges_by_sequence(content), RecordedClock()
     limiter, settings, scans = Limiter(LIMITS), Settings(), {}
     laws: Any = None
-    words: dict[Source, Word] = {}
+    words: dict[Source, QueueEntry] = {}
     for event in decision_log:
         match event:
             case SettingsEvent():

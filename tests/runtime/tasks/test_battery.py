@@ -34,10 +34,10 @@ class Car:
         self.clock = HandClock(0.0)
         self.queue = CommandQueue(ORDER, self.clock)
         self.said = []
-        self.queue.on_said = lambda word, _: self.said.append(word)
+        self.queue.on_put = lambda word, _: self.said.append(word)
         self.motor, self.rearmed = Motor(self.clock), []
         self.limit = BatteryLimit(BatterySettings(), self.motor, self.queue, self.rearmed.append)
-        self.queue.say(DriveCommand(Source.TELEOP, Drive(3.0, 0.1), None, "ann drives"))
+        self.queue.put(DriveCommand(Source.TELEOP, Drive(3.0, 0.1), None, "ann drives"))
 
     def shows(self, voltage_v, seconds):
         for _ in range(round(seconds / 0.05)):
@@ -55,7 +55,7 @@ def test_it_holds_slows_and_stops_a_human_too_and_says_why():
     car = Car()
     assert car.shows(11.8, 1.0).speed_mps == 0.0
     assert car.shows(11.8, 2.0).speed_mps == 3.0
-    assert car.queue.word(Source.BATTERY) is None, "a good battery is silent"
+    assert car.queue.entry(Source.BATTERY) is None, "a good battery is silent"
     low = car.shows(10.1, 1.2)
     assert car.limit.stop == "", "slower is no stop"
     assert (low.speed_mps, low.winner, low.reason) == (1.0, Source.BATTERY, "battery low: 10.1 V; charge or change it")

@@ -35,9 +35,9 @@ class Rig:
             asyncio.ensure_future(timer.run()),
         ]
 
-    def say(self, *, for_s=10.0):
+    def put(self, *, for_s=10.0):
         word = DriveCommand(Source.TELEOP, Drive(1.0, 0.0), None, "stick")
-        self.queue.say(word, expires_at_s=self.clock() + for_s)
+        self.queue.put(word, expires_at_s=self.clock() + for_s)
 
     async def end(self):
         for task in self._tasks:
@@ -69,7 +69,7 @@ def test_it_ticks_in_silence():
 def test_words_at_the_lidars_rate_leave_no_silence():
     async def story(rig):
         for _ in range(40):
-            rig.say()
+            rig.put()
             await asyncio.sleep(0.025)
 
     assert len(play(story).decided_s) == 40
@@ -77,7 +77,7 @@ def test_words_at_the_lidars_rate_leave_no_silence():
 
 def test_after_the_last_word_it_ticks_again_soon():
     async def story(rig):
-        rig.say()
+        rig.put()
         await asyncio.sleep(0.2)
 
     decided_s = play(story).decided_s
@@ -87,10 +87,10 @@ def test_after_the_last_word_it_ticks_again_soon():
 
 def test_a_word_that_expires_is_noticed_within_a_tick():
     async def story(rig):
-        rig.say(for_s=0.031)
+        rig.put(for_s=0.031)
         for _ in range(10):
             await asyncio.sleep(0.025)
-            rig.queue.spoken_s = rig.clock()  # somebody else keeps talking
+            rig.queue.last_put_s = rig.clock()  # somebody else keeps talking
 
     rig = play(story)
     assert rig.motor.wire[0][1].speed_mps >= 0
@@ -100,14 +100,14 @@ def test_a_word_that_expires_is_noticed_within_a_tick():
 def test_deciding_now_leaves_no_news_for_the_loops_next_turn():
     async def story(rig):
         await asyncio.sleep(0)
-        rig.say()
+        rig.put()
         rig.mux.decide_now()
         assert len(rig.motor.wire) == 1
         await asyncio.sleep(0.001)
         assert len(rig.motor.wire) == 1
         rig.mux.decide_now()
         assert len(rig.motor.wire) == 1, "nothing new was said"
-        rig.say()
+        rig.put()
         await asyncio.sleep(0.001)
         assert len(rig.motor.wire) == 2
 

@@ -228,7 +228,7 @@ async def test_safety_says_what_it_allows_of_the_wish_and_nothing_when_nobody_dr
     rig.telemetry.on_output(output_of(rig.observed, speed_mps=-1.0))
     payload = (await rig.written()).of(topics.SAFETY)[-1]
     assert decoded(payload, topics.SAFETY).drive.speed == -1.0
-    rig.observed.queue.silence(Source.NAVIGATION)
+    rig.observed.queue.withdraw(Source.NAVIGATION)
     rig.telemetry.on_output(output_of(rig.observed))
     assert len((await rig.written()).of(topics.SAFETY)) == 2
 

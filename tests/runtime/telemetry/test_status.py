@@ -58,9 +58,9 @@ def test_every_voice_is_told_with_its_age_in_the_muxs_order(observed):
     [
         (lambda o: speak(o, permit=False), "permit", "no permit"),
         (lambda o: speak(o, safety=Verdict(0.0, INF, "wall ahead", 0.3)), "safety", "wall ahead"),
-        (lambda o: (speak(o), o.queue.silence(Source.SAFETY)), "safety", "no word"),
-        (lambda o: (speak(o), o.queue.silence(Source.NAVIGATION)), "navigation", "no word"),
-        (lambda o: (speak(o), o.queue.say(refusal(Source.ESTOP, "red button"))), "e-stop", "red button"),
+        (lambda o: (speak(o), o.queue.withdraw(Source.SAFETY)), "safety", "no word"),
+        (lambda o: (speak(o), o.queue.withdraw(Source.NAVIGATION)), "navigation", "no word"),
+        (lambda o: (speak(o), o.queue.put(refusal(Source.ESTOP, "red button"))), "e-stop", "red button"),
         (lambda o: (speak(o), lose(o.lidar)), "lidar", "absent: cable"),
     ],
 )
@@ -75,7 +75,7 @@ def test_the_state_is_a_word_for_a_list(observed):
     speak(observed)
     assert told(observed)["state"] == "starting"
     assert told(observed, output_of(observed, sent_mps=0.0))["state"] == "standing"
-    observed.queue.say(refusal(Source.ESTOP, "red button"))
+    observed.queue.put(refusal(Source.ESTOP, "red button"))
     assert told(observed, output_of(observed))["state"] == "e-stop"
     lose(observed.lidar)
     assert told(observed)["state"] == "no lidar"
@@ -137,8 +137,8 @@ def test_latency_is_told_in_milliseconds_and_forgets_the_oldest():
 def drive_by_hand(observed, *, order=LAB_ORDER, outlook=WALL_AHEAD, speed_mps=1.0):
     observed.queue.reorder(order)
     speak(observed)
-    observed.queue.say(SpeedLimit(Source.SAFETY, outlook, observed.clock()))
-    observed.queue.say(DriveCommand(Source.TELEOP, Drive(speed_mps, 0.0), None, "anna drives"))
+    observed.queue.put(SpeedLimit(Source.SAFETY, outlook, observed.clock()))
+    observed.queue.put(DriveCommand(Source.TELEOP, Drive(speed_mps, 0.0), None, "anna drives"))
     decided = Decision(speed_mps, 0.0, Source.TELEOP, Source.TELEOP, "anna drives")
     return Output(observed.clock(), Drive(speed_mps, 0.0), decided, delivered=True)
 

@@ -29,7 +29,7 @@ def test_every_remembered_beat_has_its_time_and_no_other(first):
     assert beats.sent_at_s(first) is None
     for i in range(REMEMBERED_BEATS + 100):
         now[0] = float(i)
-        assert beats.strike() == (first + 1 + i) % 2**32
+        assert beats.count_sent() == (first + 1 + i) % 2**32
     last = REMEMBERED_BEATS + 99
     for i in range(last + 1):
         expected = float(i) if i > last - REMEMBERED_BEATS else None

@@ -10,7 +10,7 @@ from runtime.wire.bus import RefusedError
 from sim.car.vehicle import SpeedDemand, Vehicle
 from sim.live.conditions import Conditions, ConditionsError, RequestedConditions, conditions_of, own_parts_kinds
 from sim.live.live_conditions import ACTIONS, KEYS, LiveConditions
-from sim.live.live_keys import LEGEND, legend, obey
+from sim.live.live_keys import LEGEND, handle_keys, legend
 from sim.live.obstacle_text import read_obstacle
 from sim.live.scenes import WorldScene
 from sim.live.stop_request import StopRequest
@@ -193,7 +193,7 @@ def test_keys_change_the_drive_and_q_ends_it():
     stop = StopRequest()
     wishes = []
     for typed in ("f?x", "q", "bq"):
-        obey(typed, live if typed != "bq" else None, stop)
+        handle_keys(typed, live if typed != "bq" else None, stop)
         wishes.append(stop.asked)
     assert vehicle.settings.grip_mu == 0.65
     assert wishes == [False, True, True]

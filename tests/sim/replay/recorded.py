@@ -63,7 +63,7 @@ def record(path, *, world="loop", seconds=6.0, events=(), obstacles=(), sections
         loop = asyncio.get_running_loop()
         decision_log = DecisionLog(Restless(loop.time), most=1_000_000)
         twin = TwinWorld(load_world(world, side="left", seed=0), loop.time, obstacles=obstacles, start=start)
-        decision_log.tuned(settings)
+        decision_log.add_settings(settings)
         motor = WorldMotor(twin, loop.time)
         car = Car(settings, WorldLidar(twin, loop.time), motor, MemoryBus(loop.time), decision_log.clock)
         car.connect()
@@ -88,8 +88,8 @@ def record(path, *, world="loop", seconds=6.0, events=(), obstacles=(), sections
 
 def tape_over(car, decision_log):
     """Put everything that decides into the decision log."""
-    look, follow, step, say, silence = (
-        car.laws.look, car.laws.follow, car.mux.step, car.queue.say, car.queue.silence
+    look, follow, step, put, withdraw = (
+        car.laws.look, car.laws.follow, car.mux.step, car.queue.put, car.queue.withdraw
     )  # fmt: skip
     apply = car.apply
     last: list[float | None] = [None]
@@ -97,13 +97,13 @@ def tape_over(car, decision_log):
     def taped_look(scan, motor):
         decision_log.begin()
         outlook = look(scan, motor)
-        decision_log.looked(scan, motor)
+        decision_log.add_safety(scan, motor)
         return outlook
 
     def taped_follow(scan, motor):
         decision_log.begin()
         guidance = follow(scan, motor)
-        decision_log.followed(scan, motor, guidance)
+        decision_log.add_follower(scan, motor, guidance)
         return guidance
 
     def taped_step():
@@ -111,32 +111,32 @@ def tape_over(car, decision_log):
         output = step()
         elapsed_s = output.stamp_s - last[0] if last[0] is not None else 0.0
         last[0] = output.stamp_s
-        decision_log.stepped(elapsed_s, car.queue.live(), output)
+        decision_log.add_decision(elapsed_s, car.queue.live(), output)
         return output
 
-    def taped_say(word, *, expires_at_s=float("inf")):
-        say(word, expires_at_s=expires_at_s)
-        decision_log.said(word, expires_at_s)
+    def taped_put(word, *, expires_at_s=float("inf")):
+        put(word, expires_at_s=expires_at_s)
+        decision_log.add_command(word, expires_at_s)
 
-    def taped_silence(source):
-        silence(source)
-        decision_log.silenced(source)
+    def taped_withdraw(source):
+        withdraw(source)
+        decision_log.add_withdrawal(source)
 
     def taped_apply(settings, changed):
         apply(settings, changed)
-        decision_log.tuned(settings)
+        decision_log.add_settings(settings)
 
     car.laws.look, car.laws.follow, car.mux.step = taped_look, taped_follow, taped_step
-    car.queue.say, car.queue.silence = taped_say, taped_silence
+    car.queue.put, car.queue.withdraw = taped_put, taped_withdraw
     car.apply = taped_apply
-    put = car.lidar.run
+    run_lidar = car.lidar.run
 
     async def run(on_scan):
         def deliver(scan):
-            decision_log.scanned(scan)
+            decision_log.add_scan(scan)
             on_scan(scan)
 
-        await put(deliver)
+        await run_lidar(deliver)
 
     car.lidar.run = run
 

@@ -101,7 +101,7 @@ def test_it_begins_anew_where_it_is_asked_to(clock):
 )
 def test_questions_are_obeyed(clock, wish, status):
     player = player_of(clock)
-    player.obey(wish)
+    player.handle_request(wish)
     assert status.items() <= player.status().items()
 
 
@@ -116,7 +116,7 @@ def test_nonsense_is_refused_and_changes_nothing(clock, wish):
     player = player_of(clock)
     before = player.status()
     with pytest.raises(ValueError, match=r"ask for|is true or false|is a number|write an object"):
-        player.obey(wish)
+        player.handle_request(wish)
     assert player.status() == before
 
 

@@ -48,15 +48,15 @@ def test_the_laws_page_tells_how_to_ask_for_one_scan(dead_end, capsys):
 
 def take_the_wheel(car):
     word = DriveCommand(Source.TELEOP, Drive(0.7, 0.1), None, "by hand")
-    car.queue.say(word, expires_at_s=car.clock() + 0.5)
+    car.queue.put(word, expires_at_s=car.clock() + 0.5)
 
 
 def stop(car):
-    car.queue.say(refusal(Source.ESTOP, "a test"))
+    car.queue.put(refusal(Source.ESTOP, "a test"))
 
 
 def go_on(car):
-    car.queue.silence(Source.ESTOP)
+    car.queue.withdraw(Source.ESTOP)
 
 
 def set_speed(car):
