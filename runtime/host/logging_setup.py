@@ -46,6 +46,13 @@ class _DescriptorHandler(logging.Handler):
         """Use no lock."""
         self.lock = None
 
+    def handle(self, record: logging.LogRecord) -> bool:
+        """Write a record that passes the filters. The base class takes a lock, and from Python 3.13 on needs one."""
+        passed = bool(self.filter(record))
+        if passed:
+            self.emit(record)
+        return passed
+
     def emit(self, record: logging.LogRecord) -> None:
         """Write one line; a line that cannot be written is lost."""
         try:

@@ -32,6 +32,19 @@ def test_each_event_is_a_line(form, capfd):
         assert line.endswith("WARNING wallride.test: the motor is gone")
 
 
+def test_lines_are_written_without_a_lock_by_every_python(monkeypatch, capfd):
+    """From Python 3.13 on `Handler.handle` fails without a lock, and the thread that writes the log ended with it."""
+
+    def handle(handler, record):
+        with handler.lock:
+            handler.emit(record)
+
+    monkeypatch.setattr(logging.Handler, "handle", handle)
+    with journal("INFO", "text"):
+        logging.getLogger("wallride.test").warning("the motor is gone")
+    assert "the motor is gone" in capfd.readouterr().err
+
+
 def test_a_terminal_that_reads_nothing_holds_up_neither_the_process_nor_its_end():
     ours, theirs = os.pipe()
     began_s = time.monotonic()
