@@ -58,6 +58,11 @@ class ScanPhase:
         before_s = min(took_s + SPARE_S, MAX_BEFORE_S)
         self.before_s = max(before_s, self.before_s + _FASTER_GAIN * (before_s - self.before_s))
 
+    @property
+    def next_s(self) -> float:
+        """Return the time of the scan after the newest; NaN without an estimate."""
+        return self._beat_s + self.period_s
+
     def expects(self, now_s: float) -> bool:
         """Tell whether a scan is due shortly."""
         return now_s < self._due_s(now_s) < now_s + MAX_BEFORE_S  # NaN: no

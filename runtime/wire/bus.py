@@ -250,7 +250,7 @@ class Bus:
 
     def _subscribe(self, key: str, receive: Receive, max_bytes: int) -> None:
         exact = "*" not in key
-        mailbox = _Mailbox(self._running_loop, receive)
+        mailbox = Mailbox(self._running_loop, receive)
 
         def on_sample(sample: "zenoh.Sample") -> None:  # zenoh's thread
             name = str(sample.key_expr)
@@ -266,7 +266,7 @@ class Bus:
     def _watch(self, key: str, changed: Changed) -> None:
         import zenoh
 
-        mailbox = _Mailbox(self._running_loop, changed)
+        mailbox = Mailbox(self._running_loop, changed)
 
         def on_token(sample: "zenoh.Sample") -> None:  # zenoh's thread
             mailbox.post((str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT))
@@ -274,7 +274,7 @@ class Bus:
         self._held.append(self._open_session.liveliness().declare_subscriber(key, on_token, history=True))
 
     def _answer(self, key: str, reply: Reply) -> None:
-        mailbox = _Mailbox(self._running_loop, functools.partial(self._reply_to, key, reply))
+        mailbox = Mailbox(self._running_loop, functools.partial(self._reply_to, key, reply))
 
         def on_query(query: "zenoh.Query") -> None:  # zenoh's thread
             mailbox.post((query,))
@@ -330,7 +330,7 @@ class Bus:
         self._config["listen"] = {**self._config.get("listen", {}), "endpoints": endpoints}
 
 
-class _Mailbox:
+class Mailbox:
     """Carries calls from zenoh's threads into the loop, in order, with one wake-up per burst.
 
     A burst is delivered over as many turns of the loop as it needs, so that devices and timers have their turns.

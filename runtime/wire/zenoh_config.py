@@ -1,7 +1,7 @@
 """Configurations of zenoh sessions as plain dictionaries: the car's and its clients'. Pure: no zenoh, no files.
 
 The car is a router of its own, so that users install nothing; every peer is a client of exactly that car. The rights of
-each role are defined in `_grants`, and nowhere else. zenoh drops the rest without notice to the sender.
+each role are defined in `grants`, and nowhere else. zenoh drops the rest without notice to the sender.
 """
 
 from collections.abc import Iterator, Sequence
@@ -148,7 +148,7 @@ def access_control(people: Sequence[Person], car: str) -> dict[str, Any]:
     zenoh skips a `deny` rule when the message's key is wider than the rule's, so nothing is ever allowed first and
     forbidden afterwards. A role without members gets no subject: an empty one would match every client.
     """
-    grants = list(_grants(car))
+    granted = list(grants(car))
     members = {role: [person.name for person in people if person.role.includes(role)] for role in Role}
     subjects: list[dict[str, Any]] = [
         # A client without a certificate is on the car itself: tcp is never offered elsewhere, and this checks it once
@@ -161,7 +161,7 @@ def access_control(people: Sequence[Person], car: str) -> dict[str, Any]:
         ),
     ]
     policies = [{"rules": ["everything"], "subjects": ["this-machine"]}] + [
-        {"rules": [grant.name for grant in grants if grant.role is role], "subjects": [role.value]}
+        {"rules": [grant.name for grant in granted if grant.role is role], "subjects": [role.value]}
         for role, names in members.items()
         if names
     ]
@@ -169,13 +169,13 @@ def access_control(people: Sequence[Person], car: str) -> dict[str, Any]:
     return {
         "enabled": True,
         "default_permission": "deny",
-        "rules": [everything, *(_rule(grant.name, [grant.flow], grant.messages, grant.keys) for grant in grants)],
+        "rules": [everything, *(_rule(grant.name, [grant.flow], grant.messages, grant.keys) for grant in granted)],
         "subjects": subjects,
         "policies": policies,
     }
 
 
-def _grants(car: str) -> Iterator[Grant]:
+def grants(car: str) -> Iterator[Grant]:
     """Yield the rights of each role with one car.
 
     One chunk below wallride/<car> is telemetry, which every listed person may receive; deeper keys are granted one by

@@ -107,6 +107,12 @@ class VescEmulator:
         """Unplug for good; idempotent."""
         self.unplug()
 
+    def fileno(self) -> int:
+        """Return the descriptor of its end of the cable; ConnectionError while unplugged."""
+        if self._master is None:
+            raise ConnectionError(f"{self.link}: unplugged")
+        return self._master
+
     def reboot(self) -> None:
         """Lose power for a moment: counters restart at 0, the servo jumps to the middle; the cable stays."""
         self._power_up()
@@ -200,7 +206,7 @@ class VescEmulator:
             self.servo = min(max(struct.unpack_from(">h", payload, 1)[0] / 1000, 0.0), 1.0)
         reply = self._answer(payload, now_s)
         if reply is not None and not self.silent:
-            self._transmit(reply)
+            self.transmit(reply)
 
     def _answer(self, request: bytes, now_s: float) -> bytes | None:
         match request[0]:
@@ -221,7 +227,8 @@ class VescEmulator:
         shown = {} if self.shown_erpm is None else {"erpm": self.shown_erpm}
         return {**self._values, **shown, "fault_code": logic.fault_code(now_s), "status": status}
 
-    def _transmit(self, payload: bytes) -> None:
+    def transmit(self, payload: bytes) -> None:
+        """Send a packet to the host, with the injected troubles of the line."""
         data = codec.frame(payload)
         if self.bad_crc:
             data = data[:-3] + bytes((data[-3] ^ 1,)) + data[-2:]
@@ -230,7 +237,7 @@ class VescEmulator:
         if self.noise:
             data = self._random.randbytes(9) + data + self._random.randbytes(9)
         if not self.dribble:
-            self._write(data)
+            self.write(data)
             return
         was_dribbling = bool(self._to_dribble)
         self._to_dribble += data
@@ -239,12 +246,13 @@ class VescEmulator:
 
     def _dribble_on(self) -> None:
         """Write one byte per iteration of the loop, so that a host in the same loop reads in between."""
-        self._write(bytes(self._to_dribble[:1]))
+        self.write(bytes(self._to_dribble[:1]))
         del self._to_dribble[:1]
         if self._to_dribble:
             self._loop.call_soon(self._dribble_on)
 
-    def _write(self, data: bytes) -> None:
+    def write(self, data: bytes) -> None:
+        """Write raw bytes to the host; dropped while unplugged, or when the host does not read."""
         if self._master is None:
             return
         try:

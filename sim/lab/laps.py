@@ -33,7 +33,7 @@ def cells(choice: CellChoice) -> list[Cell]:
 
 def run(cell: Cell) -> SimulatedRun:
     """Drive one cell: some laps of a closed course, or 60 s where a lap is not defined."""
-    world = _world(cell.scenario, cell.side, cell.seed)
+    world = load_lap_world(cell.scenario, cell.side, cell.seed)
     counts = world.lap is not None and cell.scenario not in GENERATED
     case = Case(
         world,
@@ -81,7 +81,8 @@ def maps_in(folder: Path) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=4)
-def _world(name: str, side: Side, seed: int) -> World:
+def load_lap_world(name: str, side: Side, seed: int) -> World:
+    """Return the world of a course; the generated ones are of this seed."""
     if name not in GENERATED:
         return load_world(name, side=side)
     world = generated_track(seed, inner=name == GENERATED[1])

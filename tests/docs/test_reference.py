@@ -26,7 +26,7 @@ def test_every_question_and_its_role_is_what_a_car_grants():
     prefix = topics.key("car", "")
     granted = {
         key.removeprefix(prefix): str(grant.role.value)
-        for grant in zenoh_config._grants("car")
+        for grant in zenoh_config.grants("car")
         if grant.messages[0] in {"query", "put"} and grant.flow == "ingress"
         for key in grant.keys
     }

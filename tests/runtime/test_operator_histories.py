@@ -290,7 +290,7 @@ class OperatorMachine(RuleBasedStateMachine):
 
     @invariant()
     def memory_is_bounded(self):
-        assert len(self.rig.desk._gate._sessions) <= MAX_SESSIONS
+        assert self.rig.desk.view().sessions <= MAX_SESSIONS
 
 
 TestOperator = OperatorMachine.TestCase

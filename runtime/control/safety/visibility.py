@@ -91,6 +91,16 @@ class Visibility:
         self.on_lidar = False
         self.suspicious = False
 
+    @property
+    def sectors(self) -> Sectors:
+        """Return the sectors of the lidar in use."""
+        return self._sectors
+
+    @property
+    def states(self) -> Bytes:
+        """Return the state of each sector, from the right to the left."""
+        return self._state
+
     def look(self, view: View, pose: OdometryState) -> None:
         """Update from one scan; pose: base_link in the odometry frame."""
         scan, car = view.scan, self._car

@@ -44,6 +44,8 @@ LATE_SCANS = 1.0
 State = tuple[float, ...]
 """d, a and t [m, rad, rad]; their covariances dd, aa, da, dt, at, tt; then how restless the car's heading was lately
 [rad], the servo's angle [rad], and 1.0 for a line that was just begun."""
+START: State = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, TRIM_START_STD_RAD**2, 0.0, 0.0, 1.0)
+"""The state before the first line."""
 
 
 class WallTrack:
@@ -52,7 +54,7 @@ class WallTrack:
     def __init__(self, wheelbase_m: float) -> None:
         self._wheelbase_m = wheelbase_m
         self._line: WallLine | None = None
-        self._state: State = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, TRIM_START_STD_RAD**2, 0.0, 0.0, 1.0)
+        self._state: State = START
 
     @property
     def trim_rad(self) -> float:

@@ -9,7 +9,6 @@ import pytest
 from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
-from clients.keys import folder as folder_module
 from clients.keys.folder import KeyFolder
 from runtime.security.access_list import KeysError
 from runtime.security.certificates import read_identity
@@ -173,7 +172,7 @@ def test_an_authority_with_the_wrong_key_is_noticed(folder, tmp_path):
     assert read_identity(car_keys(folder.path, NOW).tls, for_car=True).name == "car1"
 
 
-def test_under_sudo_the_folder_is_given_away_last_and_no_link_is_followed(tmp_path, monkeypatch):
+def test_under_sudo_the_folder_is_given_away_last_and_no_link_is_followed(folder, tmp_path, monkeypatch):
     given = []
     monkeypatch.setattr(os, "geteuid", lambda: 0)
     monkeypatch.setattr(
@@ -183,17 +182,21 @@ def test_under_sudo_the_folder_is_given_away_last_and_no_link_is_followed(tmp_pa
     monkeypatch.setenv("SUDO_UID", "1234")
     monkeypatch.setenv("SUDO_GID", "1235")
     mine = tmp_path / "alice-keys"
-    mine.mkdir()
-    for name in ("alice.key", "alice.pem", "ca.pem"):
-        (mine / name).write_text("x")
-    folder_module._give_to_caller(mine)
+    folder.add(ALICE, mine, NOW, 30, renew=False)
     names = [path for path, _ in given]
     assert sorted(names[:-1]) == [str(mine / name) for name in ("alice.key", "alice.pem", "ca.pem")]
     assert names[-1] == str(mine)
     assert {owner for _, owner in given} == {(1234, 1235)}
     given.clear()
-    (mine / "ca.pem").unlink()
-    (mine / "ca.pem").symlink_to("/etc/passwd")
+    opened, bobs = os.open, tmp_path / "bobs-keys"
+
+    def open_a_moment_late(path, flags, *rest, **how):
+        if path == bobs:
+            (bobs / "ca.pem").unlink()
+            (bobs / "ca.pem").symlink_to("/etc/passwd")
+        return opened(path, flags, *rest, **how)
+
+    monkeypatch.setattr(os, "open", open_a_moment_late)
     with pytest.raises(OSError, match="symbolic links"):
-        folder_module._give_to_caller(mine)
-    assert not [path for path, _ in given if path in {"/etc/passwd", str(mine)}]
+        folder.add(Person("bob", Role.VIEWER), bobs, NOW, 30, renew=False)
+    assert not [path for path, _ in given if path in {"/etc/passwd", str(bobs)}]

@@ -13,11 +13,12 @@ import pytest
 from pydantic import ValidationError
 
 from drivers.address import SerialAddress, TcpAddress
-from drivers.api import Health, LinkState, Scan
+from drivers.api import Clock, Health, LinkState, Scan
+from drivers.hokuyo import driver
 from drivers.hokuyo.conversation import Conversation
 from drivers.hokuyo.driver import Hokuyo
 from drivers.hokuyo.settings import HokuyoSettings
-from drivers.link import open_link
+from drivers.link import ByteLink, open_link
 from sim.devices.scip import ScipEmulator
 from sim.devices.scip_encode import URG_04LX, UST_10LX, UTM_30LX
 from tests.promises import promise
@@ -109,7 +110,8 @@ async def tcp() -> AsyncIterator[MakeRig]:
     rigs: list[Rig] = []
 
     async def make(emulator: ScipEmulator, **settings: Any) -> Rig:
-        rigs.append(Rig(emulator, f"tcp://127.0.0.1:{await emulator.start_tcp()}", silent_after_s=0.3, **settings))
+        address = f"tcp://127.0.0.1:{await emulator.start_tcp()}"
+        rigs.append(Rig(emulator, address, **{"silent_after_s": 0.3, **settings}))
         return rigs[-1]
 
     yield make
@@ -244,15 +246,19 @@ async def test_an_error_in_the_callback_comes_out_of_run(tcp: MakeRig) -> None:
         await rig.until(lambda: False, turning=True)
 
 
-async def test_a_dropped_connection_is_opened_again(tcp: MakeRig) -> None:
+async def test_every_dropped_connection_is_opened_again_at_once(tcp: MakeRig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a second attempt without a scan between it would wait longer than the test's patience."""
+    monkeypatch.setattr(driver, "RETRY_DELAYS_S", (0.05, 10 * LIMIT_S))
     rig = await tcp(ScipEmulator())
     await rig.ready()
     await rig.scan()
-    rig.emulator.disconnect()
-    await rig.until(lambda: rig.counts.get("reconnect", 0) >= 1)
-    await rig.lost_and_found()
-    assert rig.counts["reconnect"] == 1
-    await rig.until(lambda: rig.driver._failures == 0)  # so that the next loss is answered quickly again
+    for losses in range(1, 4):
+        rig.emulator.disconnect()
+        await rig.until(lambda losses=losses: rig.counts.get("reconnect", 0) == losses)
+        await rig.lost_and_found()
+        watched = len(rig.scans) + 40  # two looks at the stream, which come ten times a second
+        await rig.until(lambda watched=watched: len(rig.scans) >= watched, turning=True)
+        assert rig.counts["reconnect"] == losses
 
 
 async def test_a_refused_connection_is_tried_until_it_succeeds(tcp: MakeRig) -> None:
@@ -284,14 +290,25 @@ async def test_an_unplugged_cable_comes_back_under_the_same_name(tmp_path: Path)
     emulator.close()
 
 
-async def test_the_speed_of_a_serial_sensor_is_found(tmp_path: Path) -> None:
+async def test_the_speed_of_a_serial_sensor_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     emulator = ScipEmulator(URG_04LX)
     emulator.baud = 19200
     emulator.start_serial(tmp_path / "lidar")
     rig = Rig(emulator, f"serial://{tmp_path / 'lidar'}")
     await rig.until(lambda: emulator.streaming)
     assert (await rig.scan()).ranges_m.shape == (682,)
-    assert rig.driver._address == SerialAddress(str(tmp_path / "lidar"), 19200)  # tried first next time
+    emulator.unplug()
+    await rig.until(lambda: rig.counts.get("reconnect", 0) >= 1)
+    tried: list[int] = []
+
+    def opened(address: SerialAddress, clock: Clock) -> Awaitable[ByteLink]:
+        tried.append(address.baud)
+        return open_link(address, clock)
+
+    monkeypatch.setattr(driver, "open_link", opened)
+    emulator.replug()
+    await rig.lost_and_found()
+    assert set(tried) == {19200}, "the speed that was found is tried first, and is enough"
     await stop(rig)
     emulator.close()
 
@@ -450,10 +467,9 @@ async def test_a_sensor_that_hangs_upside_down_has_left_on_the_left(tcp: MakeRig
 
 
 async def test_a_clock_that_jumps_in_a_running_stream_is_believed_in_the_end(tcp: MakeRig) -> None:
-    rig = await tcp(ScipEmulator())
+    rig = await tcp(ScipEmulator(), silent_after_s=5.0)
     await rig.ready()
     await rig.scan()
-    rig.driver._settings = rig.driver._settings.model_copy(update={"silent_after_s": 5.0})
 
     def jumped() -> bool:
         rig.emulator.publish(np.full(1081, 2000), round(time.monotonic() * 1000) + 5_000_000)

@@ -15,8 +15,10 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from drivers.api import Drive, LinkState, Motor, MotorState
+from drivers.link import ByteLink
 from drivers.vesc import codec, driver
 from drivers.vesc.codec import MOTOR_PACKETS, Packet, frame
+from drivers.vesc.condition import VescMonitor
 from drivers.vesc.driver import Vesc
 from drivers.vesc.inertia import Inertia
 from drivers.vesc.settings import VescSettings
@@ -180,8 +182,7 @@ async def test_a_command_is_exactly_two_frames(emulator, drive, motor, position)
 async def test_both_frames_go_out_in_one_write(emulator, monkeypatch):
     async with ready(emulator) as vesc:
         writes: list[bytes] = []
-        assert vesc._ready is not None
-        monkeypatch.setattr(vesc._ready, "write", writes.append)
+        monkeypatch.setattr(ByteLink, "write", lambda _, data: writes.append(data))
         assert vesc.send(Drive(1.0, 0.0))
         assert writes == [frame(codec.set_erpm(4614)) + frame(CENTRE)]
 
@@ -314,7 +315,7 @@ async def test_the_first_attempt_after_every_loss_comes_soon(emulator, monkeypat
 
 async def test_a_false_start_does_not_swallow_reply_after_reply(emulator):
     async with ready(emulator, poll_hz=10) as vesc:
-        emulator._write(b"\x03\x01\xf0")  # "496 bytes follow"
+        emulator.write(b"\x03\x01\xf0")  # "496 bytes follow"
         emulator.report(erpm=4614)
         await until(lambda: seen(vesc).speed_mps == 1.0)
         assert vesc.health.counts["missed_reply"] <= 3
@@ -349,8 +350,7 @@ async def test_a_device_that_takes_no_more_bytes_is_lost(emulator):
         async with asyncio.timeout(PATIENCE_S):
             while vesc.send(Drive(1.0, 0.0)):
                 pass
-        assert emulator._master is not None
-        os.read(emulator._master, 4096)  # there is room again, but half a frame was written: not one byte more
+        os.read(emulator.fileno(), 4096)  # there is room again, but half a frame was written: not one byte more
         assert vesc.send(Drive(1.0, 0.0)) is False
         await until(lambda: "stopped taking bytes" in vesc.health.message)
         emulator.deaf = False
@@ -393,7 +393,7 @@ async def test_a_bug_comes_out_of_run_after_a_brake(emulator, monkeypatch):
     def buggy(*_: object) -> None:
         raise KeyError("bug")
 
-    monkeypatch.setattr(vesc._condition, "update", buggy)
+    monkeypatch.setattr(VescMonitor, "update", buggy)
     with pytest.raises(KeyError):
         await asyncio.wait_for(task, PATIENCE_S)
     await until(lambda: emulator.motor_wire() == [BRAKE])
@@ -414,9 +414,9 @@ async def test_an_answer_meant_for_an_earlier_user_of_the_port_is_not_believed()
 
 async def test_unasked_text_and_useless_replies_are_counted_and_passed_over(emulator):
     async with ready(emulator) as vesc:
-        emulator._transmit(b"\x15Warning")
-        emulator._transmit(b"\x04\x00")
-        emulator._transmit(b"\x00\x06")
+        emulator.transmit(b"\x15Warning")
+        emulator.transmit(b"\x04\x00")
+        emulator.transmit(b"\x00\x06")
         await until(lambda: vesc.health.counts.get("bad_reply") == 2)
         assert vesc.health.counts["unasked_packet"] == 1
         assert vesc.health.link is LinkState.READY

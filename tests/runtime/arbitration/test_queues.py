@@ -56,7 +56,7 @@ class QueueMachine(RuleBasedStateMachine):
     @invariant()
     def memory_is_bounded(self):
         assert len(self.queue) <= 5
-        assert len(self.queue._order) == len(self.queue)
+        assert len(self.queue.live()) == len(self.queue), "what expired is gone, and nothing is there twice"
 
 
 TestQueue = QueueMachine.TestCase

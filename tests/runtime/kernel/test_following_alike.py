@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.control.wall_following.wall_track import WallTrack
+from runtime.control.wall_following.wall_track import START
 from tests.runtime.kernel.sameness import ANGLE, PYTHON, assert_same
 
 RADII = tuple(np.linspace(0.3, 3.0, 10).tolist())
@@ -73,7 +73,7 @@ def test_a_place_that_is_no_number_is_driven_along_alike(compiled, of, at):
 
 
 def test_what_is_no_number_is_tracked_alike(compiled):
-    state = PYTHON["predict_wall"](WallTrack(0.33)._state, 0.02, 0.1, 1.0, 0.33, 0.0)
+    state = PYTHON["predict_wall"](START, 0.02, 0.1, 1.0, 0.33, 0.0)
     for place in range(5):
         step = [0.02, 0.1, 1.0, 0.33, 0.05]
         step[place] = math.nan
@@ -87,7 +87,7 @@ STEP = st.tuples(st.floats(-0.05, 0.25), st.floats(-0.4, 0.4), st.floats(0.0, 6.
 
 @given(steps=st.lists(st.tuples(STEP, st.floats(0.3, 2.0), st.floats(-0.5, 0.5)), min_size=1, max_size=20))
 def test_any_line_is_tracked_alike(compiled, steps):
-    state = WallTrack(0.33)._state
+    state = START
     for (way_m, wheel_rad, speed_mps, unrest_rad), distance_m, heading_rad in steps:
         step = (state, way_m, wheel_rad, speed_mps, 0.33, unrest_rad)
         state = PYTHON["predict_wall"](*step)

@@ -227,13 +227,12 @@ def test_a_file_that_is_gone_or_no_text_is_one_clear_message(file):
 
 
 def test_somebody_who_edits_at_the_same_time_is_not_overwritten(file, monkeypatch):
-    check = settings_file._check
 
-    def edit_meanwhile(*args):
-        check(*args)
+    def load_while_another_edits(*args, **how):
         file.write_text("[wall_follow]\nkp = 3.0\n")
+        return load_settings(*args, **how)
 
-    monkeypatch.setattr(settings_file, "_check", edit_meanwhile)
+    monkeypatch.setattr(settings_file, "load_settings", load_while_another_edits)
     with pytest.raises(StoreError, match="was changed by another program just now"):
         save(file, {KP: 0.5}, {KP: 0.5})
     assert load_settings(file).wall_follow.kp == 3.0

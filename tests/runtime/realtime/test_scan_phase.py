@@ -21,18 +21,13 @@ def steady(period_s=PERIOD_S, count=5):
     return scan_phase
 
 
-def due_next_s(scan_phase):
-    """When it expects the scan after the newest; NaN when it does not know."""
-    return scan_phase._beat_s + scan_phase.period_s
-
-
 def test_the_beat_is_known_when_two_gaps_agree():
     scan_phase = ScanPhase()
     for arrival_s in (0.0, 0.025):
         scan_phase.arrived(arrival_s)
-        assert math.isnan(due_next_s(scan_phase))
+        assert math.isnan(scan_phase.next_s)
     scan_phase.arrived(0.050)
-    assert due_next_s(scan_phase) == pytest.approx(0.075)
+    assert scan_phase.next_s == pytest.approx(0.075)
 
 
 def test_without_a_beat_everybody_goes_when_he_likes():
@@ -50,7 +45,7 @@ def test_scans_that_are_a_little_late_keep_the_beat():
     for i in range(400):
         due_s = i * PERIOD_S
         if i > 100:
-            off_s.append(due_next_s(scan_phase) - due_s)
+            off_s.append(scan_phase.next_s - due_s)
         scan_phase.arrived(due_s + rng.exponential(0.0002))
     assert np.mean(off_s) == pytest.approx(0.0002, abs=5e-5)
     assert np.std(off_s) < 0.0001, "the last arrival plus the last gap would be off by 0.0005"
@@ -59,10 +54,10 @@ def test_scans_that_are_a_little_late_keep_the_beat():
 def test_one_late_scan_does_not_make_the_next_one_late():
     scan_phase = steady()
     scan_phase.arrived(LAST_S + PERIOD_S + 0.006)
-    assert due_next_s(scan_phase) == pytest.approx(LAST_S + 2 * PERIOD_S)
+    assert scan_phase.next_s == pytest.approx(LAST_S + 2 * PERIOD_S)
     for i in (2, 3, 4):
         scan_phase.arrived(LAST_S + i * PERIOD_S + 0.006)  # from here on it is another beat
-    assert due_next_s(scan_phase) == pytest.approx(LAST_S + 5 * PERIOD_S + 0.006)
+    assert scan_phase.next_s == pytest.approx(LAST_S + 5 * PERIOD_S + 0.006)
 
 
 def test_a_lidar_that_is_a_little_slower_is_followed():
@@ -70,7 +65,7 @@ def test_a_lidar_that_is_a_little_slower_is_followed():
     slower_s = 1.002 * PERIOD_S
     for i in range(1, 200):
         scan_phase.arrived(LAST_S + i * slower_s)
-    assert due_next_s(scan_phase) == pytest.approx(LAST_S + 200 * slower_s, abs=1e-5)
+    assert scan_phase.next_s == pytest.approx(LAST_S + 200 * slower_s, abs=1e-5)
 
 
 def test_another_lidar_has_another_beat():
@@ -82,13 +77,13 @@ def test_another_lidar_has_another_beat():
 
 def test_between_fast_scans_nothing_could_be_kept_free():
     scan_phase = steady(period_s=0.005)
-    assert math.isnan(due_next_s(scan_phase))
+    assert math.isnan(scan_phase.next_s)
     assert scan_phase.clear_s(LAST_S + 0.005, 0.002) == LAST_S + 0.005
 
 
 def test_whoever_wants_to_go_when_a_scan_is_due_goes_a_little_sooner_or_later():
     scan_phase = steady()
-    due_s = due_next_s(scan_phase)
+    due_s = scan_phase.next_s
     assert scan_phase.clear_s(due_s - 0.003, 0.0) == pytest.approx(due_s - MAX_BEFORE_S)
     assert scan_phase.clear_s(due_s + 0.001, 0.0) == pytest.approx(due_s + AFTER_S)
     assert scan_phase.clear_s(due_s + PERIOD_S, 0.0) == pytest.approx(due_s + PERIOD_S + AFTER_S)
@@ -97,8 +92,8 @@ def test_whoever_wants_to_go_when_a_scan_is_due_goes_a_little_sooner_or_later():
 
 def test_whoever_has_slack_comes_with_every_scan():
     scan_phase = steady()
-    first_s = scan_phase.clear_s(due_next_s(scan_phase) - 0.010, 0.008)
-    assert first_s == pytest.approx(due_next_s(scan_phase) - MAX_BEFORE_S)
+    first_s = scan_phase.clear_s(scan_phase.next_s - 0.010, 0.008)
+    assert first_s == pytest.approx(scan_phase.next_s - MAX_BEFORE_S)
     assert scan_phase.clear_s(first_s + 0.020, 0.008) == pytest.approx(first_s + PERIOD_S)
     assert scan_phase.clear_s(first_s + 0.050, 0.020) == pytest.approx(first_s + 2 * PERIOD_S)
 
@@ -130,9 +125,7 @@ def test_everybody_meets_as_late_as_the_replies_permit():
     scan_phase = steady()
     for _ in range(400):
         scan_phase.replied(0.0004)
-    assert scan_phase.clear_s(due_next_s(scan_phase), 0.008) == pytest.approx(
-        due_next_s(scan_phase) - 0.0004 - SPARE_S, abs=1e-5
-    )
+    assert scan_phase.clear_s(scan_phase.next_s, 0.008) == pytest.approx(scan_phase.next_s - 0.0004 - SPARE_S, abs=1e-5)
 
 
 def test_one_slow_reply_counts_at_once_and_for_long():
@@ -154,7 +147,7 @@ def test_a_motor_that_hardly_replies_is_not_waited_for():
 
 def test_a_scan_is_expected_just_before_it_is_due():
     scan_phase = steady()
-    due_s = due_next_s(scan_phase)
+    due_s = scan_phase.next_s
     assert scan_phase.expects(due_s - 0.001)
     assert not scan_phase.expects(due_s + 0.001)
     assert not scan_phase.expects(due_s - 0.010)

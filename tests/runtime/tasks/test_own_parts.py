@@ -1,7 +1,9 @@
 """Own parts from one run to the next: read before the first scan, written when they have changed, forgotten."""
 
+import asyncio
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,8 +13,10 @@ from runtime.control.live_laws import LiveLaws
 from runtime.control.perception.own_parts import KnownParts
 from runtime.control.safety.swept import SweptGuard
 from runtime.control.vehicle import CarSettings
+from runtime.recording import own_parts_memory
 from runtime.recording.own_parts_memory import FILE, RememberedParts, file_in, read, write
 from runtime.settings.tree import Settings
+from runtime.tasks import own_parts
 from runtime.tasks.own_parts import UNCHANGED_S, OwnPartsKeeper
 from runtime.wire.bus import RefusedError
 
@@ -83,25 +87,39 @@ def test_another_lidar_during_the_run_has_none_of_the_first_ones_parts(file):
     assert run.told == [KNOWN, None]
 
 
-def test_what_has_changed_is_written_when_it_has_settled(tmp_path):
+async def written(run, monkeypatch):
+    """Let the keeper look at what is to be written until it has written it."""
+    monkeypatch.setattr(own_parts, "LOOKS_EVERY_S", 0.0)
+    loop, done = asyncio.get_running_loop(), asyncio.Event()
+
+    def write_and_tell(file, stored):
+        write(file, stored)
+        loop.call_soon_threadsafe(done.set)
+
+    monkeypatch.setattr(own_parts_memory, "write", write_and_tell)
+    keeping = asyncio.create_task(run.keeper.keep())
+    await asyncio.wait_for(done.wait(), 10.0)
+    keeping.cancel()
+
+
+async def test_what_has_changed_is_written_when_it_has_settled(tmp_path, monkeypatch):
     run = Run(tmp_path / FILE)
     run.scan()
     parts = run.guard.own_parts
-    parts._parts[30:50] = True
-    parts._part_m[30:50] = 0.41
+    parts.remember(replace(KNOWN, ranges_m=tuple((beam, 0.41) for beam in range(30, 50))))
+    run.scan()
     parts.changes += 1
     assert not run.keeper.is_due()
     run.now_s = UNCHANGED_S + 0.1
-    assert run.keeper.is_due()
+    await written(run, monkeypatch)
     assert not run.keeper.is_due(), "once"
-    write(tmp_path / FILE, run.keeper._stored)
     again = read(tmp_path / FILE)
     assert again == RememberedParts(CAR, MINE, "2026-01-02", run.known)
     assert again is not None
     assert len(again.parts.ranges_m) == 20
 
 
-def test_forgetting_is_for_a_standing_car_and_takes_the_dirt_along(file):
+async def test_forgetting_is_for_a_standing_car_and_takes_the_dirt_along(file, monkeypatch):
     run = Run(file)
     run.scan()
     run.stands = False
@@ -113,8 +131,7 @@ def test_forgetting_is_for_a_standing_car_and_takes_the_dirt_along(file):
     assert json.loads(run.keeper.answer_forget(b""))["patches"] == []
     assert (health.ceiling_mps, run.scan()) == (math.inf, ())
     run.now_s = UNCHANGED_S + 0.1
-    assert run.keeper.is_due()
-    write(file, run.keeper._stored)
+    await written(run, monkeypatch)
     assert not file.exists()
 
 

@@ -146,7 +146,7 @@ def test_thousands_of_sessions_take_no_memory_and_cannot_push_the_operator_out(r
         crowd.click()
         if number % 100 == 0:
             ann.hold(MANUAL, BEAT_S)
-    assert len(rig.desk._gate._sessions) == MAX_SESSIONS
+    assert rig.desk.view().sessions == MAX_SESSIONS
     assert rig.decision.reason == "Ann drives"
     assert rig.refused["too many sessions"] > 4000
     rig.wait(3.1)

@@ -156,9 +156,10 @@ async def test_a_flood_leaves_the_loop_its_turns():
 
     def deliver(number):
         flooded.append(number)
-        mailbox.post((number + 1,))
+        if len(turns) < 10:
+            mailbox.post((number + 1,))
 
-    mailbox = bus_module._Mailbox(loop, deliver)
+    mailbox = bus_module.Mailbox(loop, deliver)
 
     def turn():
         turns.append(len(flooded))
@@ -168,7 +169,6 @@ async def test_a_flood_leaves_the_loop_its_turns():
     mailbox.post((0,))
     loop.call_soon(turn)
     await until(lambda: len(turns) == 10, "something else ran ten times")
-    mailbox._deliver = lambda _: None
     assert max(after - before for before, after in itertools.pairwise(turns)) <= bus_module.MAX_DELIVERIES
     assert flooded == list(range(len(flooded)))
 

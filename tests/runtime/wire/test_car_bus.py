@@ -6,6 +6,7 @@ import threading
 import time
 
 import pytest
+import zenoh
 
 from runtime.wire import ingress, zenoh_config
 from runtime.wire.bus import Bus, RefusedError, free_endpoint
@@ -40,13 +41,19 @@ async def connected(bus, key):
             await asyncio.sleep(0.005)
 
 
-def flood(session, key, payload):
-    """Put for a second without a pause; return how many."""
-    sent, until_s = 0, time.monotonic() + FLOOD_S
-    while time.monotonic() < until_s:
-        session.put(key, payload)
-        sent += 1
+def flood(endpoint, key, payload):
+    """Put for a second without a pause, in a session of its own; return how many."""
+    with rude_session(endpoint) as session:
+        sent, until_s = 0, time.monotonic() + FLOOD_S
+        while time.monotonic() < until_s:
+            session.put(key, payload)
+            sent += 1
     return sent
+
+
+def rude_session(endpoint):
+    """Open a client that knows no manners."""
+    return zenoh.open(zenoh.Config.from_json5(json.dumps(zenoh_config.client_config(endpoint, None))))
 
 
 async def test_a_flood_of_one_client_leaves_another_clients_commands_alone(car):
@@ -54,11 +61,10 @@ async def test_a_flood_of_one_client_leaves_another_clients_commands_alone(car):
     heard = []
     bus.subscribe(KEY, lambda _key, payload, _arrival_s: heard.append(payload))
     await bus.open()
-    rude, polite = (Bus(zenoh_config.client_config(endpoint, None)) for _ in range(2))
-    await rude.open()
+    polite = Bus(zenoh_config.client_config(endpoint, None))
     await polite.open()
     await connected(polite, KEY)
-    flooding = asyncio.create_task(asyncio.to_thread(flood, rude._open_session, KEY, b"x" * COMMAND_BYTES))
+    flooding = asyncio.create_task(asyncio.to_thread(flood, endpoint, KEY, b"x" * COMMAND_BYTES))
     said, began_s = 0, time.monotonic()
     while not flooding.done():
         polite.put(KEY, b"stop", urgent=True)
@@ -71,7 +77,6 @@ async def test_a_flood_of_one_client_leaves_another_clients_commands_alone(car):
     assert sent > 5 * ingress.COMMANDS_HZ * took_s, "it was a flood"
     assert from_rude <= 1.1 * ingress.COMMANDS_HZ * took_s + 5
     assert heard.count(b"stop") >= said // 2, "nothing else shares its limit"
-    await rude.close()
     await polite.close()
 
 
@@ -83,7 +88,7 @@ async def test_wildcards_are_no_way_round_the_limits(car):
     await rude.open()
     await connected(rude, KEY)
     began_s = time.monotonic()
-    sent = await asyncio.to_thread(flood, rude._open_session, "wallride/**", b"x" * COMMAND_BYTES)
+    sent = await asyncio.to_thread(flood, endpoint, "wallride/**", b"x" * COMMAND_BYTES)
     await asyncio.sleep(0.1)
     took_s = time.monotonic() - began_s
     assert sent > 5 * ingress.COMMANDS_HZ * took_s
@@ -122,8 +127,7 @@ async def test_a_flood_of_questions_takes_no_answers_from_another_client(car):
 
     bus.answer(LIST, reply)
     await bus.open()
-    rude, polite = (Bus(zenoh_config.client_config(endpoint, None)) for _ in range(2))
-    await rude.open()
+    polite = Bus(zenoh_config.client_config(endpoint, None))
     await polite.open()
     async with asyncio.timeout(10):
         while await polite.ask(LIST) != [b"all of them"]:
@@ -131,9 +135,10 @@ async def test_a_flood_of_questions_takes_no_answers_from_another_client(car):
     over = threading.Event()
 
     def question():
-        while not over.is_set():
-            rude._open_session.get(LIST, timeout=0.2)
-            time.sleep(0.0005)
+        with rude_session(endpoint) as session:
+            while not over.is_set():
+                session.get(LIST, timeout=0.2)
+                time.sleep(0.0005)
 
     flooding = asyncio.create_task(asyncio.to_thread(question))
     asked.clear()
@@ -146,7 +151,6 @@ async def test_a_flood_of_questions_takes_no_answers_from_another_client(car):
     assert len(asked) <= 5 + 2 * ingress.QUESTIONS_HZ * max(took_s, 1.0)
     with pytest.raises(RefusedError, match="longer than 4096 bytes"):
         await polite.ask(LIST, b"x" * 4097)
-    await rude.close()
     await polite.close()
 
 
@@ -182,7 +186,7 @@ async def test_nothing_is_delivered_but_by_a_poll_and_a_poll_is_bounded():
     await connected(client, KEY)
     for i in range(3 * MAX_WAITING_SAMPLES):
         client.put(KEY, json.dumps(i).encode())
-    asking = [asyncio.create_task(client._ask_once(LIST, b"", 0.5)) for _ in range(10)]
+    asking = [asyncio.create_task(client.ask(LIST, timeout_s=0.5)) for _ in range(10)]
     await asyncio.sleep(0.3)
     assert (heard, answered) == ([], [])
     bus.poll()

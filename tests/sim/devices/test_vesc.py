@@ -352,13 +352,13 @@ async def test_noise_and_dribbling_do_not_hide_the_answers(vesc, host, monkeypat
     assert await answers(host, 3 * (VALUES_FRAME_BYTES + 18)) == 3
     vesc.noise, vesc.dribble = False, True
     written: list[int] = []
-    write = vesc._write
+    write = vesc.write
 
     def watched(data: bytes) -> None:
         written.append(len(data))
         write(data)
 
-    monkeypatch.setattr(vesc, "_write", watched)
+    monkeypatch.setattr(vesc, "write", watched)
     assert await answers(host, 3 * VALUES_FRAME_BYTES) == 3
     assert written == [1] * 3 * VALUES_FRAME_BYTES  # the kernel may join them again
 

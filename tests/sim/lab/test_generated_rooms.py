@@ -76,7 +76,7 @@ def test_generated_laps_are_run_on_both_walls_of_a_seeds_track():
     assert {(cell.scenario, cell.side, cell.seed) for cell in cells} == {
         (name, side, seed) for name in laps.GENERATED for side in ("left", "right") for seed in (3, 4)
     }
-    outer, inner = (laps._world(name, "left", 3) for name in laps.GENERATED)
+    outer, inner = (laps.load_lap_world(name, "left", 3) for name in laps.GENERATED)
     assert abs(np.cos(outer.start.yaw_rad - inner.start.yaw_rad) + 1.0) < 1e-9, "the other way round"
 
 

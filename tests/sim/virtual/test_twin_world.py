@@ -1,11 +1,14 @@
 """A simulated car behind in-memory devices: moved by the clock alone, and by nothing else."""
 
+import asyncio
+
 import numpy as np
 import pytest
 
 from drivers.api import Drive, LinkState
 from sim.car.vehicle import BrakeDemand, SpeedDemand, Vehicle
 from sim.virtual.twin_world import TwinWorld, WorldLidar, WorldMotor, demand_of
+from sim.virtual.virtual_time import run_virtual
 from sim.world.obstacles import pole
 from sim.world.pose import Pose
 from sim.world.worlds import load_world
@@ -80,13 +83,22 @@ def test_a_pulled_motor_takes_nothing_tells_nothing_and_brakes_by_itself(clock):
     assert len(motor.wire) == 1
 
 
-def test_a_pulled_lidar_is_said_to_be_absent(clock):
-    lidar = WorldLidar(TwinWorld(load_world("straight"), clock), clock)
+def test_a_pulled_lidar_is_said_to_be_absent_and_sends_nothing():
     links, seen = [], []
-    for act in (lidar.pull, lidar.plug):
-        act()
-        links.append(lidar.health.link)
-        seen.append(lidar._seen(0.0) is not None)
+
+    async def main():
+        clock = asyncio.get_running_loop().time
+        lidar, scans = WorldLidar(TwinWorld(load_world("straight"), clock), clock), []
+        running = asyncio.create_task(lidar.run(scans.append))
+        for act in (lidar.pull, lidar.plug):
+            act()
+            scans.clear()
+            await asyncio.sleep(0.2)
+            links.append(lidar.health.link)
+            seen.append(len(scans) > 0)
+        running.cancel()
+
+    run_virtual(main())
     assert links == [LinkState.ABSENT, LinkState.READY]
     assert seen == [False, True]
 

@@ -129,10 +129,15 @@ def test_a_car_looks_for_a_way_out_only_by_an_odometry_that_is_believed(believed
     assert (DISBELIEF in car.said) is not believed
 
 
-def test_the_cars_laws_ask_whether_the_wheels_way_is_the_scans():
+@pytest.mark.parametrize("believed", [True, False])
+def test_the_cars_laws_ask_whether_the_wheels_way_is_the_scans(believed):
     settings = Settings()
     laws = LiveLaws(settings.wall_follow, settings.safety, CAR)
+    laws.plausibility.believed = believed
+    car = Car(*CAGE)
+    assert isinstance(laws.guard, SweptGuard)
     assert isinstance(laws.follower, RecoveringFollower)
-    assert laws.follower._believed()
-    laws.plausibility.believed = False
-    assert not laws.follower._believed()
+    car.guard, car.follower = laws.guard, laws.follower
+    car.go(4.0)
+    assert (HELP in car.said) is believed
+    assert (DISBELIEF in car.said) is not believed

@@ -46,6 +46,7 @@ class Stage:
         self.now_s = self.way_m = self.speed_mps = self.wheel_rad = 0.0
         self.said = []
         self.outlook: Any = None
+        self.advice: Any = None
 
     def look(self):
         self.now_s += SCAN_S
@@ -61,7 +62,7 @@ class Stage:
 
     def step(self, wish=WAY, *, believed=True):
         state = self.look()
-        advice = self.recovery.step(self.outlook, wish, state, believed=believed)
+        advice = self.advice = self.recovery.step(self.outlook, wish, state, believed=believed)
         if advice.words and (not self.said or self.said[-1] != advice.words):
             self.said.append(advice.words)
         drive = advice.drive or wish or Drive(0.0, 0.0)
@@ -95,6 +96,11 @@ class Stage:
             if until(self):
                 return least_m
         raise AssertionError(f"not within {most_s} s: {self.said[-3:]} at {self.pose}")
+
+    @property
+    def moves(self):
+        """Whether the manoeuvre asks for a speed, beyond turning the wheels."""
+        return self.advice.drive is not None and self.advice.drive.speed_mps != 0.0
 
     @property
     def last(self):
@@ -275,19 +281,21 @@ def test_a_new_obstacle_ends_a_leg():
 def test_a_move_that_safety_refuses_is_not_planned_again(monkeypatch):
     """Something in the map's noise makes the search go where safety does not: the next way begins otherwise."""
     stage = Stage(AHEAD).drive_up()
-    stage.manoeuvres(lambda stage: stage.last.startswith("backing"))
-    first = stage.recovery._legs[0]
+    stage.manoeuvres(lambda stage: stage.last.startswith("backing") and stage.moves)
+    first = stage.advice.drive
     limit = type(stage.outlook).limit
 
     def refuses(outlook, speed_mps, steering_rad):
         verdict = limit(outlook, speed_mps, steering_rad)
-        refused = speed_mps * first.travel_m > 0 and steering_rad == first.steering_rad
+        refused = speed_mps * first.speed_mps > 0 and steering_rad == first.steering_rad
         return replace(verdict, reverse_mps=0.0) if refused else verdict
 
     monkeypatch.setattr(type(stage.outlook), "limit", refuses)
-    stage.manoeuvres(lambda stage: stage.last.startswith(("backing", "turning")) and "try 2" in stage.last)
-    second = stage.recovery._legs[0]
-    assert (second.steering_rad, second.travel_m > 0) != (first.steering_rad, first.travel_m > 0)
+    stage.manoeuvres(
+        lambda stage: stage.last.startswith(("backing", "turning")) and "try 2" in stage.last and stage.moves
+    )
+    second = stage.advice.drive
+    assert (second.steering_rad, second.speed_mps > 0) != (first.steering_rad, first.speed_mps > 0)
 
 
 def test_a_car_that_sees_nothing_is_not_boxed_in():

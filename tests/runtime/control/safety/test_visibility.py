@@ -58,8 +58,8 @@ class Lidar:
         return self.visibility
 
     def known(self, bearing_deg):
-        sectors = self.visibility._sectors
-        return self.visibility._state[round((math.radians(bearing_deg) - sectors.first_rad) / sectors.width_rad)]
+        sectors = self.visibility.sectors
+        return self.visibility.states[round((math.radians(bearing_deg) - sectors.first_rad) / sectors.width_rad)]
 
 
 @pytest.mark.parametrize(("from_deg", "to_deg", "reads_m", "there"), [
@@ -109,7 +109,7 @@ def test_the_end_of_a_wall_stays_where_it_is_and_proves_the_silence_beside_it():
     lidar, from_m = Lidar(), 0.26  # its bearing has just come into another sector
     for step in range(17):
         seen = lidar.look(ranges(CORNER, from_m + 0.02 * step), 0.02 * step)
-        assert not np.any(seen._state == BLIND)
+        assert not np.any(seen.states == BLIND)
         assert seen.suspicious or 0.02 * step > 0.25
     assert not seen.suspicious
 
@@ -140,14 +140,14 @@ def test_a_car_that_turns_away_from_a_wall_misses_nothing():
     for step in range(15):
         yaw_rad = -0.1 * step
         seen = lidar.look(ranges(CORNER, 0.0, 0.0, yaw_rad), 0.0, yaw_rad)
-        assert not np.any((seen._state == MISSING) | (seen._state == BLIND))
+        assert not np.any((seen.states == MISSING) | (seen.states == BLIND))
 
 
 def test_ten_degrees_without_echo_are_no_blindness_but_what_was_there_is_remembered():
     lidar = Lidar()
     lidar.look(ranges(BLOCKED))
     seen = lidar.look(covered(ranges(BLOCKED), -5, 5))
-    assert not np.any(seen._state == BLIND)
+    assert not np.any(seen.states == BLIND)
     unknown = seen.unknown()
     assert np.count_nonzero(np.abs(unknown.hard - (8.0 + 0.2j)) < 0.4) >= 3
 
@@ -189,7 +189,7 @@ def test_a_gradual_horizon_stays_depth():
     lidar = Lidar()
     for half_deg in np.arange(0.0, 25.0, 2.5):
         seen = lidar.look(covered(ranges(CORRIDOR), -half_deg, 0.0))
-    assert not np.any(seen._state == BLIND)
+    assert not np.any(seen.states == BLIND)
 
 
 def grown(rate_degps, centre_deg=0.0, walls=CORRIDOR):
@@ -213,7 +213,7 @@ def test_after_a_hole_in_the_scans_nothing_is_expected():
     lidar.look(ranges(BLOCKED))
     lidar.now_s += 1.0
     lidar.look(covered(ranges(BLOCKED), -5, 5))
-    assert not np.any(lidar.visibility._state == MISSING)
+    assert not np.any(lidar.visibility.states == MISSING)
 
 
 def test_a_lidar_that_does_not_look_ahead_is_left_to_others():
