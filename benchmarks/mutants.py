@@ -53,7 +53,7 @@ TARGETS: Final[Mapping[str, Target]] = {
     "VESC's frames": Target("drivers.vesc.calibration", ("tests/drivers/vesc/test_calibration.py",)),
     "VESC's stop": Target(
         "drivers.vesc.driver",
-        ("tests/drivers/vesc/test_driver.py",),
+        ("tests/drivers/vesc/test_driver.py", "tests/drivers/vesc/test_driver_losses.py"),
         ("send", "brake_now", "_frames", "_must_brake", "_hang_up", "latch_fault", "clear_fault"),
     ),
 }

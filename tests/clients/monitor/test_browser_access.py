@@ -3,7 +3,7 @@
 import pytest
 
 from tests.clients.monitor.axe import violations
-from tests.clients.monitor.test_browser import take_control
+from tests.clients.monitor.operating import take_control
 
 SCREENS = {"desk": (1400, 900, False), "phone": (390, 844, True), "phone sideways": (844, 390, True)}
 

@@ -3,7 +3,7 @@
 import json
 
 from clients.parameters import table
-from tests.clients.monitor.test_browser import watching
+from tests.clients.monitor.operating import watching
 
 
 def field(name):

@@ -6,7 +6,7 @@ import pytest
 
 from runtime.arbitration.driving_state import CLEARED_BY
 from runtime.arbitration.emergency_stop import Cause
-from tests.clients.monitor.test_browser import operate, take_control, watching
+from tests.clients.monitor.operating import operate, take_control, watching
 
 STATE, WHY = "document.querySelector('#state').textContent", "document.querySelector('#why').textContent"
 NEXT = "document.querySelector('#pilot-next').textContent"

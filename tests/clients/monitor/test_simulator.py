@@ -10,7 +10,7 @@ from sim.car.vehicle import Vehicle
 from sim.live.conditions import Conditions
 from sim.live.live_conditions import LiveConditions
 from sim.world.beams import LidarSettings
-from tests.clients.monitor.test_browser import watching
+from tests.clients.monitor.operating import watching
 
 SHOWN = "!document.querySelector('#simulator').hidden"
 

@@ -16,8 +16,8 @@ from drivers.vesc.cross_check import COUNTS_WRONG, RUNS_BACKWARDS, CrossCheck
 from drivers.vesc.driver import Vesc
 from drivers.vesc.settings import VescSettings
 from sim.devices.vesc import VescEmulator
+from tests.drivers.vesc.rig import BRAKE, ready, seen, until
 from tests.drivers.vesc.test_condition import WELL
-from tests.drivers.vesc.test_driver import BRAKE, ready, seen, until
 
 PERIOD_S = 0.02
 GAIN = VescSettings().speed_to_erpm_gain

@@ -1,11 +1,8 @@
-"""When it records, what is in the files, and what happens when the disk does not want them."""
+"""When it records, and what is in the files."""
 
-import errno
-import itertools
 import json
 import logging
 import re
-import time
 from collections import Counter
 
 import pytest
@@ -13,31 +10,15 @@ import pytest
 from runtime.arbitration.command import Source, refusal
 from runtime.recording.channels import text_of
 from runtime.recording.recover import is_whole
-from runtime.recording.ring import entries, parse
 from runtime.ros.definitions import TYPES
 from runtime.settings.tree import Settings, load_settings
 from runtime.wire import topics
 from sim.virtual.devices import ranges_between_walls
-from tests.promises import promise
-from tests.runtime.recording.disks import BadDisk, SlowDisk, StuckDisk
 from tests.runtime.recording.drives import EPOCH_NS, Drive
 from tests.runtime.recording.reading import decoded_by_ros2_support, events, metadata, streamed
+from tests.runtime.recording.recorded import files, recordings
 
 WALL_AHEAD_M = ranges_between_walls(0.9, 1.1, 0.28)
-
-
-def files(folder, pattern="*.mcap"):
-    return sorted(folder.glob(pattern), key=number_of)
-
-
-def number_of(path):
-    found = parse(path.name)
-    assert found is not None
-    return found[0]
-
-
-def recordings(folder):
-    return [path for path in files(folder) if "-stop" not in path.name]
 
 
 def boxes(folder):
@@ -208,116 +189,6 @@ async def test_a_lost_lidar_is_an_event(tmp_path):
     assert "stop-no-word-from-navigation" in box.name
 
 
-async def test_a_long_recording_goes_on_in_another_file_and_the_ring_lets_its_beginning_go(tmp_path, monkeypatch):
-    monkeypatch.setattr("runtime.recording.ring.MB", 100_000)
-    monkeypatch.setattr("runtime.recording.writer.MB", 100_000)
-    drive = Drive(tmp_path, ring_mb=32, file_mb=8, start="always")
-    drive.permit()
-    await drive.go(24)
-    drive.recorder.finish()
-    total_mb = sum(path.stat().st_size for path in files(tmp_path)) / 1e6
-    assert 2 < total_mb < 3.2 + 5 * 0.4  # the ring is looked after every few seconds
-    left = recordings(tmp_path)
-    numbers = [entry.number for entry in entries(tmp_path)]
-    assert numbers[0] > 1
-    assert numbers == list(range(numbers[0], numbers[-1] + 1))
-    for earlier, later in itertools.pairwise(left):
-        assert metadata(later.read_bytes())["continues"] == earlier.name
-    taped = [event.number for path in left for event in events(path.read_bytes()) if not hasattr(event, "settings")]
-    assert all(later - earlier == 1 for earlier, later in itertools.pairwise(taped)), "a split loses nothing"
-    sequences = [message.sequence for path in left for name, message in streamed(path.read_bytes()) if name == "/scan"]
-    assert sequences == list(range(sequences[0], len(drive.scans)))
-
-
-@pytest.mark.parametrize(
-    ("number", "words"),
-    [(errno.ENOSPC, "the disk is full"), (errno.EROFS, "read-only"), (errno.EIO, "fails to write")],
-)
-async def test_a_disk_that_refuses_is_said_and_recording_goes_on_where_it_ended(tmp_path, number, words):
-    disk = BadDisk()
-    drive = Drive(tmp_path, disk=disk, start="always")
-    drive.permit()
-    await drive.go(3)
-    disk.failing = disk.failing_creates = number
-    sent = len(drive.motor.wire)
-    await drive.go(12)
-    assert len(drive.motor.wire) - sent == pytest.approx(12 * 40, abs=2), "the car drove on"
-    assert words in drive.recorder.status()["words"]
-    assert drive.recorder.status()["words"].startswith("NOT recording")
-    assert drive.recorder.status()["on"] is False
-    disk.failing = disk.failing_creates = None
-    await drive.go(8)
-    assert drive.recorder.status()["words"] == "recording: always"
-    drive.recorder.finish()
-    first, second = recordings(tmp_path)
-    assert metadata(second.read_bytes())["continues"] == first.name
-    numbers = [event.number for path in (first, second) for event in events(path.read_bytes())]
-    assert set(range(max(numbers) + 1)) == set(numbers), "what was not written was still in memory"
-
-
-async def test_a_disk_that_is_full_after_so_many_bytes_leaves_readable_files(tmp_path):
-    disk = BadDisk()
-    disk.takes_bytes = 700_001
-    disk.short = True
-    drive = Drive(tmp_path, disk=disk, start="always")
-    drive.permit()
-    await drive.go(8)
-    assert "the disk is full" in drive.recorder.status()["words"]
-    (path,) = recordings(tmp_path)
-    assert path.stat().st_size > 650_000
-    assert len(events(path.read_bytes())) > 100
-    disk.takes_bytes = None
-    await drive.go(6)
-    assert drive.recorder.status()["on"] is True
-
-
-async def test_others_keep_their_share_of_the_disk(tmp_path):
-    disk = BadDisk()
-    disk.free = 100_000_000
-    drive = Drive(tmp_path, disk=disk, start="always", keep_free_mb=512)
-    drive.permit()
-    await drive.go(1)
-    assert files(tmp_path) == []
-    assert drive.recorder.status()["words"] == "NOT recording: less than 512 MB of the disk are free; trying again"
-    disk.free = 10**12
-    await drive.go(6)
-    assert drive.recorder.status()["on"] is True
-    disk.free = 100_000_000
-    await drive.go(6)
-    assert drive.recorder.status()["on"] is False
-    assert all(is_whole(path) for path in files(tmp_path))
-
-
-async def test_what_was_torn_is_finished_at_the_next_start(tmp_path):
-    drive = Drive(tmp_path, start="always")
-    drive.permit()
-    await drive.go(3)
-    (path,) = recordings(tmp_path)
-    torn = path.read_bytes()
-    drive.recorder.finish()
-    path.write_bytes(torn)  # as a killed process leaves it
-    (tmp_path / "20260101T000000Z-b0001-00007.mcap").touch()
-    again = Drive(tmp_path, start="request")
-    again.permit(False)
-    await again.go(6)
-    await again.go(6)
-    assert is_whole(path)
-    assert path.read_bytes().startswith(torn[:-60_000])
-    assert files(tmp_path) == [path], "an empty file goes"
-
-
-async def test_a_number_is_never_given_twice(tmp_path):
-    for number in (1, 2, 3):
-        drive = Drive(tmp_path, start="always")
-        drive.scan()
-        drive.recorder.turn()
-        drive.recorder.turn()
-        drive.recorder.finish()
-        (path,) = recordings(tmp_path)
-        assert number_of(path) == number
-        path.unlink()
-
-
 async def test_a_recorder_that_is_off_does_nothing(tmp_path):
     drive = Drive(tmp_path, enabled=False)
     drive.permit()
@@ -349,76 +220,3 @@ async def test_raw_bytes_and_log_lines_are_recorded(tmp_path):
 def test_raw_bytes_are_only_recorded_on_request(tmp_path):
     assert Drive(tmp_path).recorder.tap("lidar") is None
     assert Drive(tmp_path, raw=True, enabled=False).recorder.tap("lidar") is None
-
-
-def until(true, timeout_s=10.0):
-    give_up_s = time.monotonic() + timeout_s
-    while not true():
-        assert time.monotonic() < give_up_s
-        time.sleep(0.01)
-
-
-async def test_a_stuck_disk_holds_nobody_up_and_is_said(tmp_path, monkeypatch):
-    monkeypatch.setattr("runtime.recording.recorder.MAX_WAITING_BYTES", 300_000)
-    disk = StuckDisk()
-    drive = Drive(tmp_path, disk=disk, start="always")
-    drive.permit()
-    drive.scan()
-    drive.recorder.start()
-    disk.lets_go.clear()
-    until(disk.asked.is_set)
-    started_s = time.perf_counter()
-    for _ in range(40):
-        await drive.go(0.25, write=False)
-    took_s = time.perf_counter() - started_s
-    status = drive.recorder.status()
-    assert re.match(r"NOT recording: the disk has not answered for \d+ s; [1-9]\d* messages lost", status["words"])
-    disk.lets_go.set()
-    until(lambda: drive.recorder.status()["words"].startswith("the disk is too slow"))
-    drive.clock.now_s += 11
-    await drive.go(0.25, write=False)
-    until(lambda: drive.recorder.status()["words"] == "recording: always")
-    drive.recorder.close(10)
-    (path,) = recordings(tmp_path)
-    assert is_whole(path)
-    promise("400 scans with a stuck disk", took_s, 8.0)
-
-
-async def test_a_disk_of_one_megabyte_a_second_is_fast_enough(tmp_path):
-    drive = Drive(tmp_path, disk=SlowDisk(1e6), start="always")
-    drive.permit()
-    drive.recorder.start()
-    started_s = time.perf_counter()
-    await drive.go(4, write=False)
-    took_s = time.perf_counter() - started_s
-    until(lambda: drive.recorder.status()["written_mb"] > 0.9)
-    drive.recorder.close(10)
-    (path,) = recordings(tmp_path)
-    assert path.stat().st_size < 4e6 / 2, "what is recorded in a second is half of what the disk takes"
-    assert drive.recorder.status()["lost"] == 0
-    assert [m.sequence for topic, m in streamed(path.read_bytes()) if topic == "/scan"] == list(range(160))
-    promise("160 scans with a slow disk", took_s, 3.0)
-
-
-async def test_a_disk_that_never_answers_does_not_keep_the_process(tmp_path):
-    disk = StuckDisk()
-    drive = Drive(tmp_path, disk=disk, start="always")
-    drive.scan()
-    drive.recorder.start()
-    disk.lets_go.clear()
-    until(disk.asked.is_set)
-    started_s = time.perf_counter()
-    drive.recorder.close(0.2)
-    took_s = time.perf_counter() - started_s
-    disk.lets_go.set()
-    drive.recorder.close(5)
-    promise("closing with a stuck disk", took_s, 1.0)
-
-
-async def test_a_bug_in_the_thread_is_said(tmp_path, monkeypatch, caplog):
-    drive = Drive(tmp_path, start="always")
-    monkeypatch.setattr("runtime.recording.writer.RecordingWriter.turn", lambda *_: 1 / 0)
-    drive.recorder.start()
-    drive.recorder.close(5)
-    assert drive.recorder.status()["words"] == "NOT recording: the recorder failed: ZeroDivisionError: division by zero"
-    assert "the car drives on without it" in caplog.text

@@ -43,8 +43,10 @@ POWER: Final = "Power and computer"
 PROCESS: Final = "Process"
 OPERATOR: Final = "Operator"
 PERSON: Final = "Seen by a person only"
-HOKUYO: Final = "tests/drivers/hokuyo/test_driver.py::"
+HOKUYO_LOSSES: Final = "tests/drivers/hokuyo/test_driver_losses.py::"
+HOKUYO_SENSORS: Final = "tests/drivers/hokuyo/test_driver_sensors.py::"
 VESC: Final = "tests/drivers/vesc/test_driver.py::"
+VESC_LOSSES: Final = "tests/drivers/vesc/test_driver_losses.py::"
 DESK: Final = "tests/runtime/teleop/test_desk.py::"
 DESK_AGE: Final = "tests/runtime/teleop/test_desk_age.py::"
 DESK_LOSSES: Final = "tests/runtime/teleop/test_desk_losses.py::"
@@ -75,21 +77,22 @@ MATRIX: Final[Sequence[Fault]] = (
           "tests/drivers/hokuyo/test_codec.py::test_a_million_mutated_bytes_never_give_a_distance_that_the_sums_do_not_cover",
           ("30",)),
     Fault(LIDAR, "in trouble", "RS, then RB once in 20 s, then a human is called", SELF,
-          HOKUYO + "test_a_sensor_that_nothing_cures_is_rebooted_once_in_20_s_and_a_human_is_called", ("27",)),
+          HOKUYO_SENSORS + "test_a_sensor_that_nothing_cures_is_rebooted_once_in_20_s_and_a_human_is_called", ("27",)),
     Fault(LIDAR, "unstable, blinded by the sun", "keeps the stream, named", SELF,
-          HOKUYO + "test_an_unstable_sensor_keeps_its_stream_and_says_so", ("26",)),
+          HOKUYO_SENSORS + "test_an_unstable_sensor_keeps_its_stream_and_says_so", ("26",)),
     Fault(LIDAR, "abnormal words", "every healthy wording of every model is accepted", "-",
           "tests/drivers/hokuyo/test_codec.py::test_the_three_ways_to_say_fine", ("28",)),
     Fault(LIDAR, "left streaming, SCIP 1.1, time sync", "taken over", "-",
-          HOKUYO + "test_a_sensor_in_the_wrong_mode_is_brought_back", ("24",)),
-    Fault(LIDAR, "other baud rate", "searched", "-", HOKUYO + "test_the_speed_of_a_serial_sensor_is_found", ("24",)),
+          HOKUYO_LOSSES + "test_a_sensor_in_the_wrong_mode_is_brought_back", ("24",)),
+    Fault(LIDAR, "other baud rate", "searched", "-",
+          HOKUYO_LOSSES + "test_the_speed_of_a_serial_sensor_is_found", ("24",)),
     Fault(LIDAR, "refuses the connection", "tried for ever, another client suggested", SELF,
-          HOKUYO + "test_a_refused_connection_is_tried_until_it_succeeds", ("20", "21", "35")),
+          HOKUYO_LOSSES + "test_a_refused_connection_is_tried_until_it_succeeds", ("20", "21", "35")),
     Fault(LIDAR, "another one, another angle order", "its own parameters are asked for; permit is taken back", PERMIT,
           "tests/runtime/tasks/test_health.py::"
           "test_another_lidar_than_before_takes_the_permit_back_even_if_it_was_exchanged_in_a_blink", ("37",)),
     Fault(LIDAR, "too few beams, too slow", "refused with the reason", "another sensor",
-          HOKUYO + "test_a_sensor_that_no_car_can_be_driven_by_is_refused_with_the_reason"),
+          HOKUYO_SENSORS + "test_a_sensor_that_no_car_can_be_driven_by_is_refused_with_the_reason"),
     Fault(MOTOR, "unplugged, back at speed", "no command is kept; met by less than 0.5 m/s", SELF,
           SYSTEM + "test_an_unplugged_vesc_is_waited_for_and_met_gently", ("2", "3", "4", "14", "15")),
     Fault(MOTOR, "reboots", "its own loss of power lets go; no speed is kept", SELF, INJECTED, ("3", "80"), HARD_S),
@@ -98,7 +101,7 @@ MATRIX: Final[Sequence[Fault]] = (
     Fault(MOTOR, "bad checksums", "never believed; a brake, reopen", SELF, INJECTED, (), SOFT_S),
     Fault(MOTOR, "garbage", "never believed; a brake, reopen", SELF, INJECTED, (), SOFT_S),
     Fault(MOTOR, "noise, slow replies", "counted, drives on", "never stops",
-          VESC + "test_it_lives_with_noise_and_dribble"),
+          VESC_LOSSES + "test_it_lives_with_noise_and_dribble"),
     Fault(MOTOR, "fault", "latched, brake, words with the remedy", RESET, INJECTED, ("83",), SOFT_S),
     Fault(MOTOR, "kill switch", "brake while it is on", SELF, INJECTED, (), SOFT_S),
     Fault(MOTOR, "impossible speed", "brake, never believed", SELF, INJECTED, ("8",), SOFT_S),
@@ -148,7 +151,7 @@ MATRIX: Final[Sequence[Fault]] = (
     Fault(PROCESS, "no descriptors left", "brake; the devices' own are kept back", SELF, INJECTED, (), SOFT_S),
     Fault(PROCESS, "disk full", "drives and brakes on; the recording says so", SELF, INJECTED, (), SOFT_S),
     Fault(PROCESS, "stuck disk", "holds nothing up, said", "-",
-          "tests/runtime/recording/test_recorder.py::test_a_stuck_disk_holds_nobody_up_and_is_said"),
+          "tests/runtime/recording/test_recorder_disk.py::test_a_stuck_disk_holds_nobody_up_and_is_said"),
     Fault(PROCESS, "log not read", "drives on, ends in time; lines are dropped", "-",
           "tests/runtime/host/test_logging_setup.py::"
           "test_a_terminal_that_reads_nothing_holds_up_neither_the_process_nor_its_end"),

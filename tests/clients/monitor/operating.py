@@ -1,0 +1,66 @@
+"""What a person does with the page: watch, take control, drive by touch."""
+
+import asyncio
+import contextlib
+import time
+
+from runtime.teleop.status import OperatorState
+from runtime.wire.teleop import Command, Input, Press
+
+
+async def watching(tab, scene):
+    """Open the page and wait until it shows the car."""
+    await tab.look(width=1280, height=900)
+    await tab.go(scene.url)
+    await tab.until("window.wallride && wallride.timings.count > 3 && wallride.link.newest.beat.number > 0")
+
+
+async def operate(car):
+    """Be another operator's client, who drives by hand."""
+    sequence = 0
+    while True:
+        sequence += 1
+        held = Press.MANUAL if sequence > 5 else Press(0)
+        command = Command(99, sequence, 0xCAFE, car.beat.beat, held, Input.SCRIPT, 0, 0.5, 0.0, "rival")
+        car.desk.receive("", command.pack(), time.monotonic())
+        await asyncio.sleep(0.02)
+
+
+async def drive_by_touch(tab, car):
+    """Hold the drive pad and pull it up until the car drives."""
+    x, y = await tab.middle("#touch")
+    for _ in range(4):
+        await tab.touch("touchStart", (x, y))
+        await asyncio.sleep(0.1)
+        for i in range(1, 6):
+            await tab.touch("touchMove", (x, y - 14 * i))
+        with contextlib.suppress(AssertionError):  # the page stood still for a moment, so the car wants a release
+            await car.until(lambda: drives_by_hand(car), "the touch drives the car", within_s=2)
+            return
+        await tab.touch("touchEnd")
+        await asyncio.sleep(0.5)
+    raise AssertionError(f"the touch does not drive the car; {car.desk.view()}")
+
+
+async def insist(car, press, release, condition, what):
+    """Hold something until it works. On a busy machine a page stands still now and then; then the car wants a release.
+
+    Returns how long the hold that worked took.
+    """
+    for _ in range(6):
+        await press()
+        with contextlib.suppress(AssertionError):
+            return await car.until(condition, what, within_s=3)
+        await release()
+        await asyncio.sleep(0.5)
+    raise AssertionError(f"never: {what}; {car.desk.view()}")
+
+
+def drives_by_hand(car):
+    """Autonomy may drive before; what counts is the hand."""
+    return car.speed_mps > 0.3 and car.desk.view().standing is OperatorState.MANUAL
+
+
+async def take_control(tab):
+    await tab.click("#drive")
+    await tab.until("document.querySelector('#pilot-state').textContent === 'ready'")
