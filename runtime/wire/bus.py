@@ -223,7 +223,8 @@ class Bus:
         collect: zenoh.handlers.Callback[zenoh.Reply] = zenoh.handlers.Callback(
             lambda reply: _into(loop, functools.partial(replies.append, reply)), lambda: _into(loop, done.set)
         )
-        self._open_session.get(key, collect, payload=payload, timeout=timeout_s)
+        drop = zenoh.CongestionControl.DROP  # zenoh's default would hold up the loop while a link is full
+        self._open_session.get(key, collect, payload=payload, timeout=timeout_s, congestion_control=drop)
         await asyncio.wait_for(done.wait(), timeout_s + 1)
         answers = []
         for reply in replies:
@@ -238,11 +239,12 @@ class Bus:
     def _publisher(self, key: str, encoding: str, *, urgent: bool) -> "zenoh.Publisher":
         import zenoh
 
+        # Not zenoh's default DATA: its answers to questions that it refuses by itself have that, and block.
         publisher = self._open_session.declare_publisher(
             key,
             encoding=zenoh.Encoding(encoding),
             congestion_control=zenoh.CongestionControl.DROP,
-            priority=zenoh.Priority.REAL_TIME if urgent else zenoh.Priority.DATA,
+            priority=zenoh.Priority.REAL_TIME if urgent else zenoh.Priority.DATA_HIGH,
             express=urgent,
         )
         self._publishers[key] = publisher

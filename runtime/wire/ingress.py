@@ -46,6 +46,23 @@ def downsampling(car: str) -> list[dict[str, Any]]:
     ]
 
 
+def droppable_answers() -> list[dict[str, Any]]:
+    """Return the rule by which an answer to a client that does not read is dropped, and the loop does not wait.
+
+    zenoh gives an answer the quality of service of its question: by default it waits, and whatever has its priority
+    waits behind it. Answers have a priority that neither telemetry nor an ordinary client's question has.
+    """
+    return [
+        {
+            "id": "droppable-answers",
+            "flows": ["ingress"],
+            "messages": ["query"],
+            "key_exprs": ["**"],
+            "overwrite": {"congestion_control": "drop", "priority": "interactive_low"},
+        }
+    ]
+
+
 def low_pass_filter() -> list[dict[str, Any]]:
     """Return the largest sizes of what a client sends [byte]."""
     return [

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from runtime.wire import topics
 from runtime.wire.endpoints import check_listening, is_tls, split_endpoint
-from runtime.wire.ingress import MAX_INCOMING_B, downsampling, low_pass_filter
+from runtime.wire.ingress import MAX_INCOMING_B, downsampling, droppable_answers, low_pass_filter
 
 LEASE_MS = 1000
 KEEP_ALIVES_PER_LEASE = 4
@@ -21,6 +21,11 @@ ACCEPT_TIMEOUT_MS = 3000
 """Maximum time from a connection to a session with rights; a silent one holds a place for so long."""
 MAX_SESSIONS = 64
 """Maximum number of clients at once; each of them has its own limits (runtime.wire.ingress)."""
+MAX_BLOCKED_US = 50_000
+"""Maximum time for which a client that does not read may hold up a thread of the car; then its session ends. With
+zenoh's own 5 s it could hold up the loop as well: messages of one priority to one client wait for each other."""
+MAX_FRAGMENTS_US = 2_000
+"""Maximum time for which a message of several batches waits for a client that reads slowly; then it is dropped."""
 
 EVERY_MESSAGE = [
     "put",
@@ -99,6 +104,13 @@ def car_config(listen: Sequence[str], tls: Tls | None, people: Sequence[Person],
         "accept_timeout": ACCEPT_TIMEOUT_MS,
     }
     config["transport"]["link"]["rx"] = {"max_message_size": MAX_INCOMING_B}
+    config["transport"]["link"]["tx"]["queue"] = {
+        "congestion_control": {
+            "drop": {"max_wait_before_drop_fragments": MAX_FRAGMENTS_US},
+            "block": {"wait_before_close": MAX_BLOCKED_US},
+        }
+    }
+    config["qos"] = {"network": droppable_answers()}
     config["downsampling"] = downsampling(car)
     config["low_pass_filter"] = low_pass_filter()
     if tls is not None:

@@ -1,7 +1,9 @@
 """The car's session and rude clients: each has its own limits, and Python runs only when the loop polls."""
 
 import asyncio
+import contextlib
 import json
+import socket
 import threading
 import time
 
@@ -15,7 +17,12 @@ from runtime.wire.teleop import COMMAND_BYTES
 
 KEY = "wallride/car1/operator/command"
 LIST = "wallride/car1/param/list"
+PIECES = "wallride/car1/logs/get"
+PIECE_BYTES = 60_000
+SOCKET_BYTES = 1_000_000
 FLOOD_S = 1.0
+MAX_HELD_UP_S = 0.25
+"""The lidar's silence after which the car stops."""
 
 
 @pytest.fixture
@@ -197,6 +204,89 @@ async def test_nothing_is_delivered_but_by_a_poll_and_a_poll_is_bounded():
     await client.close()
     await bus.close()
     bus.poll()
+
+
+async def test_a_client_that_asks_and_does_not_read_holds_up_nothing(car):
+    bus, endpoint = car
+    answered = []
+
+    def reply(payload):
+        answered.append(payload)
+        return bytes(PIECE_BYTES)
+
+    bus.answer(PIECES, reply)
+    await bus.open()
+    deaf = Deaf(int(endpoint.rpartition(":")[2]))
+    rude = await asyncio.to_thread(zenoh.open, plain_client(deaf.endpoint))
+    async with asyncio.timeout(10):
+        while not answered:  # with zenoh's own quality of service: what is asked must be answered
+            await asyncio.to_thread(lambda: list(rude.get(PIECES, timeout=0.2)))
+    deaf.reads.clear()
+    asking = asyncio.create_task(asyncio.to_thread(ask_for_ever, rude, time.monotonic() + FLOOD_S))
+    longest_s, last_s = 0.0, time.monotonic()
+    while not asking.done():
+        await asyncio.sleep(0.005)
+        longest_s, last_s = max(longest_s, time.monotonic() - last_s), time.monotonic()
+    deaf.close()
+    await asyncio.to_thread(rude.close)
+    assert len(answered) * PIECE_BYTES > SOCKET_BYTES, "more than the sockets hold"
+    assert longest_s < MAX_HELD_UP_S, "zenoh's own quality of service held it up for 0.3 to 5 s"
+
+
+def plain_client(endpoint):
+    """Return zenoh's own configuration of a client."""
+    config = zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+    return config
+
+
+def ask_for_ever(session, until_s):
+    while time.monotonic() < until_s:
+        session.get(PIECES, zenoh.handlers.Callback(lambda _reply: None), timeout=5.0)
+        time.sleep(1 / ingress.PIECES_HZ)
+
+
+class Deaf:
+    """A relay to the car that passes everything to it, and back only while it reads."""
+
+    def __init__(self, car_port):
+        self.reads = threading.Event()
+        self.reads.set()
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.endpoint = f"tcp/127.0.0.1:{self._listener.getsockname()[1]}"
+        self._car = socket.socket()
+        self._car.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 65536)
+        self._car.connect(("127.0.0.1", car_port))
+        self._relay = threading.Thread(target=self._run)
+        self._relay.start()
+
+    def _run(self):
+        always = threading.Event()
+        always.set()
+        client, _ = self._listener.accept()
+        with client, self._car:
+            to_car = threading.Thread(target=self._pass, args=(client, self._car, always))
+            to_car.start()
+            self._pass(self._car, client, self.reads)
+            to_car.join()
+
+    @staticmethod
+    def _pass(source, destination, gate):
+        with contextlib.suppress(OSError):
+            while data := source.recv(65536):
+                gate.wait()
+                destination.sendall(data)
+        for end in (source, destination):
+            with contextlib.suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+
+    def close(self):
+        self.reads.set()
+        self._listener.close()
+        with contextlib.suppress(OSError):
+            self._car.shutdown(socket.SHUT_RDWR)
+        self._relay.join()
 
 
 def unlimited(config):
