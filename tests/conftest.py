@@ -1,5 +1,6 @@
 """What every test has: folders of its own, laws in Python; where it runs in real time, two reruns."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,7 @@ REAL_TIME = (
     "clients", "docs", "drivers", "runtime/host", "runtime/recording", "runtime/tasks", "runtime/wire", "sim/bench",
     "sim/devices", "sim/live", "system", "wallride",
 )  # fmt: skip
-RERUNS = 2
+RERUNS = int(os.environ.get("WALLRIDE_RERUNS", "2"))
 
 
 def pytest_collection_modifyitems(items):

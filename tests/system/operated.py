@@ -21,11 +21,15 @@ HAND_MPS = 2.0
 
 
 class Operated:
-    """car: the bench. radio: what lies between it and its operators. status: what the car last said of itself."""
+    """car: the bench. radio: what lies between it and its operators. status: what the car last said of itself.
+
+    entrance: where operators connect.
+    """
 
     def __init__(self, car: Bench, radio: Radio, folder: Path) -> None:
         self.car = car
         self.radio = radio
+        self.entrance = radio.endpoint
         self.status: dict[str, Any] = {}
         self.operators: list[WallrideProcess] = []
         self._folder = folder
@@ -36,7 +40,7 @@ class Operated:
         script.write_text(
             "\n".join(["time_s,buttons,speed,steering", *steps, *([] if leaves else [f"{FOR_EVER_S},,0,0"])])
         )
-        options = {"--script": str(script), "--connect": self.radio.endpoint, "--name": name, "--max-speed": "2"}
+        options = {"--script": str(script), "--connect": self.entrance, "--name": name, "--max-speed": "2"}
         process = WallrideProcess(["teleop", "--plain", *chain.from_iterable(options.items())])
         self.operators.append(process)
         await process.start()

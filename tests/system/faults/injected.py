@@ -1,18 +1,29 @@
 """Faults that are injected into the unmodified process between its emulated devices, and what must follow."""
 
 import asyncio
+import itertools
 import math
-import resource
-import signal
-import subprocess
-import sys
 import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 from drivers.vesc.codec import Packet
-from tests.system.bench import BLOCKED_MM, CORRIDOR_MM, Bench
+from tests.system.bench import CORRIDOR_MM, Bench
+from tests.system.faults.computer_faults import (
+    drop_lidar,
+    empty_disk_and_clear,
+    fill_disk_and_block,
+    give_descriptors,
+    give_memory,
+    go_on,
+    hog_and_block,
+    paused_for,
+    shift_wall_clock,
+    stopped_for,
+    take_descriptors,
+    take_memory_and_drop_lidar,
+    unhog_and_clear,
+)
 
 SETTLED_S = 0.15
 """From the first brake on: commands that were on their way are in by now."""
@@ -27,6 +38,7 @@ class Injected:
     begin, end: begin and end it. settings: of the car. measure: returns the time of the reaction after a moment.
     from_scan: the bound counts from the last good scan on the wire, not from the fault. max_mps: what the wire may ask
     for between the reaction and the end of the fault; 0 is a standstill, infinity for a fault that is over at once.
+    stops: whether the car brakes; otherwise the figure is the longest time without a motor command. program: that runs.
     """
 
     begin: Callable[[Bench], Awaitable[None] | None]
@@ -35,6 +47,8 @@ class Injected:
     measure: Callable[[Bench, float], float] = Bench.first_brake_s
     from_scan: bool = False
     max_mps: float = 0.0
+    stops: bool = True
+    program: str = "wallride"
 
 
 def asked_mps(car: Bench, since_s: float) -> list[float]:
@@ -83,12 +97,6 @@ def both(*injectors: Callable[[Bench], None]) -> Callable[[Bench], None]:
     return inject
 
 
-def drop_lidar(car: Bench) -> None:
-    """Pull the lidar's cable."""
-    car.scip.refuse()
-    car.scip.disconnect()
-
-
 def reboot_vesc(car: Bench) -> None:
     """Take the motor controller's power for a moment: its port goes, the servo centres, it coasts."""
     car.vesc.unplug()
@@ -98,64 +106,6 @@ def reboot_vesc(car: Bench) -> None:
 def restart_vesc(car: Bench) -> None:
     """Bring it back."""
     car.vesc.replug()
-
-
-def stopped_for(seconds: float) -> Callable[[Bench], Awaitable[None]]:
-    """Return an injector that stops the whole process for a time, as a blocked event loop does."""
-
-    async def inject(car: Bench) -> None:
-        car.runtime.kill(signal.SIGSTOP)
-        await asyncio.sleep(seconds)
-
-    return inject
-
-
-def go_on(car: Bench) -> None:
-    """Let a stopped process go on."""
-    car.runtime.kill(signal.SIGCONT)
-
-
-def take_descriptors(car: Bench) -> None:
-    """Leave the process without a free descriptor, and drop its lidar."""
-    used = len(list(Path(f"/proc/{car.runtime.pid}/fd").iterdir()))
-    resource.prlimit(car.runtime.pid, resource.RLIMIT_NOFILE, (used, 4096))
-    drop_lidar(car)
-
-
-def give_descriptors(car: Bench) -> None:
-    """Give them back, and the lidar."""
-    resource.prlimit(car.runtime.pid, resource.RLIMIT_NOFILE, (4096, 4096))
-    car.scip.listen_again()
-
-
-def fill_disk_and_block(car: Bench) -> None:
-    """Refuse every write to a file from now on, and put a wall ahead."""
-    resource.prlimit(car.runtime.pid, resource.RLIMIT_FSIZE, (1, resource.RLIM_INFINITY))
-    car.scan_mm = BLOCKED_MM
-
-
-def empty_disk_and_clear(car: Bench) -> None:
-    """Undo it."""
-    resource.prlimit(car.runtime.pid, resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
-    car.scan_mm = CORRIDOR_MM
-
-
-HOGS: list[subprocess.Popen[bytes]] = []
-
-
-def hog_and_block(car: Bench) -> None:
-    """Keep both processors busy, and put a wall ahead."""
-    HOGS.extend(subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(4))
-    car.scan_mm = BLOCKED_MM
-
-
-def unhog_and_clear(car: Bench) -> None:
-    """Undo it."""
-    for hog in HOGS:
-        hog.kill()
-        hog.wait()
-    HOGS.clear()
-    car.scan_mm = CORRIDOR_MM
 
 
 INJECTED: dict[str, Injected] = {
@@ -201,6 +151,14 @@ INJECTED: dict[str, Injected] = {
     "process stopped 200 ms": Injected(stopped_for(0.2), go_on, measure=released_s),
     "process stopped 1 s": Injected(stopped_for(1.0), go_on, measure=released_s),
     "power busy processors": Injected(hog_and_block, unhog_and_clear),
+    "process stopped 50 ms": Injected(paused_for(0.05), stops=False),
+    "process clock jumps a day": Injected(
+        shift_wall_clock,
+        settings=("recording.start=always",),
+        stops=False,
+        program="tests.system.faults.shifted_clock",
+    ),
+    "process no memory left": Injected(take_memory_and_drop_lidar, give_memory, from_scan=True),
     "process no descriptors left": Injected(take_descriptors, give_descriptors, from_scan=True),
     "process disk full": Injected(fill_disk_and_block, empty_disk_and_clear, settings=("recording.start=always",)),
 }
@@ -213,6 +171,8 @@ async def suffer(car: Bench, fault: Injected) -> float:
     makes of it is the matter of the virtual stories.
     """
     await car.until_driving()
+    if not fault.stops:
+        return await drive_on(car, fault)
     began_s = time.monotonic()
     before_s = car.last_good_scan_s
     suffering = fault.begin(car)
@@ -236,3 +196,17 @@ async def suffer(car: Bench, fault: Injected) -> float:
         await ending
     await car.until_driving()
     return reacted_s - (before_s if fault.from_scan else began_s)
+
+
+async def drive_on(car: Bench, fault: Injected) -> float:
+    """Inject a fault that stops no car; return the longest time without a motor command meanwhile [s]."""
+    began_s = time.monotonic()
+    suffering = fault.begin(car)
+    if suffering is not None:
+        await suffering
+    await asyncio.sleep(STANDS_FOR_S + SETTLED_S)
+    assert min(asked_mps(car, began_s)) > 0.0, "it was slowed"
+    assert car.first_brake_s(began_s) == math.inf, "it braked"
+    assert car.vesc.demand(time.monotonic()).kind == "speed", "the controller let go"
+    times_s = [at_s for at_s, _ in car.motor_commands(began_s)]
+    return max(after - before for before, after in itertools.pairwise([began_s, *times_s]))

@@ -12,6 +12,8 @@ SOFT_S: Final = 0.25
 """Bound of everything that ends good data, from the last good scan or from the fault to the brake on the wire."""
 HARD_S: Final = 0.5
 """Bound where only the motor controller's own timeout or the watchdog is left."""
+GAP_S: Final = 0.15
+"""Bound of the time without a motor command where the car drives on: the motor controller's timeout."""
 BATTERY_S: Final = 1.5
 INJECTED: Final = "injected"
 
@@ -138,6 +140,7 @@ MATRIX: Final[Sequence[Fault]] = (
     Fault(POWER, "busy processors", "brake for a wall as on a quiet one", SELF, INJECTED, ("23",), SOFT_S),
     Fault(PROCESS, "both devices silent", "brake", SELF, INJECTED, (), SOFT_S),
     Fault(PROCESS, "both devices unplugged", "the controller's timeout brakes; reconnect", SELF, INJECTED, (), HARD_S),
+    Fault(PROCESS, "stopped 50 ms", "drives on", "never stops", INJECTED, (), GAP_S),
     Fault(PROCESS, "stopped 200 ms", "the controller's timeout brakes", SELF, INJECTED, (), HARD_S),
     Fault(PROCESS, "stopped 1 s", "the controller's timeout brakes; nothing stale drives", SELF, INJECTED, (), HARD_S),
     Fault(PROCESS, "task raises", "brake, the process ends", "restart by systemd, permit again",
@@ -149,6 +152,9 @@ MATRIX: Final[Sequence[Fault]] = (
     Fault(PROCESS, "SIGKILL", "the controller's timeout brakes", "restart by systemd, permit again",
           SYSTEM + "test_after_kill_9_the_vescs_own_timeout_stops_the_car", ("9",), HARD_S),
     Fault(PROCESS, "no descriptors left", "brake; the devices' own are kept back", SELF, INJECTED, (), SOFT_S),
+    Fault(PROCESS, "no memory left", "brake; connects again once there is memory", SELF, INJECTED, (), SOFT_S),
+    Fault(PROCESS, "clock jumps a day", "drives on by the monotonic clock; stamps follow", "never stops", INJECTED, (),
+          GAP_S),
     Fault(PROCESS, "disk full", "drives and brakes on; the recording says so", SELF, INJECTED, (), SOFT_S),
     Fault(PROCESS, "stuck disk", "holds nothing up, said", "-",
           "tests/runtime/recording/test_recorder_disk.py::test_a_stuck_disk_holds_nobody_up_and_is_said"),
@@ -157,6 +163,13 @@ MATRIX: Final[Sequence[Fault]] = (
           "test_a_terminal_that_reads_nothing_holds_up_neither_the_process_nor_its_end"),
     Fault(PROCESS, "network port taken", "the start ends with the owner's name", "end the other car",
           "tests/system/test_own_car.py::test_a_port_of_another_program_is_refused_too"),
+    Fault(PROCESS, "ports swapped", "stands; says of both devices that they are others", "the right ports",
+          "tests/system/faults/test_swapped_ports.py::test_devices_on_each_others_ports_are_named_and_nothing_moves"),
+    Fault(PROCESS, "zenoh router dies", "brake; the one that comes back moves nothing", "release, press again",
+          "tests/system/faults/test_router.py::"
+          "test_a_router_that_dies_stops_the_car_and_one_that_comes_back_moves_nothing", (), SOFT_S),
+    Fault(PROCESS, "client does not read", "its answers are dropped; nothing waits for it", "-",
+          "tests/runtime/wire/test_car_bus.py::test_a_client_that_asks_and_does_not_read_holds_up_nothing"),
     Fault(PROCESS, "flood of messages", "the loop keeps its turns", "-",
           "tests/runtime/wire/test_bus.py::test_a_flood_leaves_the_loop_its_turns"),
     Fault(PROCESS, "stale settings", "`wallride check` prints those in effect; a wrong one is refused", "-",

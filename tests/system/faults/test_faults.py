@@ -20,7 +20,7 @@ SEEN = {*map(str, range(1, 16)), *map(str, range(20, 38)), *map(str, range(40, 5
 async def test_an_injected_fault_is_braked_for_within_its_bound_and_afterwards_the_car_moves_as_promised(key, tmp_path):
     fault, injected = ROWS[key], INJECTED[key]
     settings = (f"recording.folder={tmp_path / 'recordings'}", *injected.settings)
-    async with bench(tmp_path, *settings, timeout_s=VESC_TIMEOUT_S) as car:
+    async with bench(tmp_path, *settings, timeout_s=VESC_TIMEOUT_S, program=injected.program) as car:
         figure_s = await suffer(car, injected)
     if path := os.environ.get("FAULTS_MEASURED"):
         document.note(Path(path), key, figure_s)
