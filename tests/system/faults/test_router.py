@@ -40,6 +40,7 @@ async def router(listens, car):
         stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE,
     )  # fmt: skip
     try:
+        assert process.stdout is not None
         assert await process.stdout.readline() == b"open\n"
         yield process
     finally:
