@@ -24,13 +24,11 @@ from wallride import (
     topic_options,
 )
 from wallride.failure import USAGE_ERROR, fail, needs
-from wallride.parser import Parser
+from wallride.parser import DEFAULT_CONFIG, Parser, add_set, default_config
 from wallride.service import options as service_options
 
 if TYPE_CHECKING:
     from runtime.settings.tree import Settings
-
-DEFAULT_CONFIG = Path("/etc/wallride/car.toml")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -104,24 +102,12 @@ def _add_build_kernel(commands: Any) -> None:  # noqa: ANN401 - argparse has no 
     build.set_defaults(run=_build_kernel)
 
 
-def add_set(command: argparse.ArgumentParser) -> None:
-    """Add --set KEY=VALUE."""
-    command.add_argument(
-        "--set",
-        dest="assignments",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="override one setting, for example wall_follow.side=right (repeatable)",
-    )
-
-
 def _run(options: argparse.Namespace) -> int:
     from runtime.security.access_list import KeysError
     from runtime.settings.tree import SettingsError
 
     try:
-        file = options.config or _default_config()
+        file = options.config or default_config()
         settings = _load(file, options.assignments, options.saved)
         problems = [text for text, fatal in _device_problems(settings) if fatal]
         session, warnings = _session(settings)
@@ -145,10 +131,10 @@ def _check(options: argparse.Namespace) -> int:
     from runtime.settings.tree import SettingsError, to_toml
 
     try:
-        settings = _load(options.config or _default_config(), options.assignments)
+        settings = _load(options.config or default_config(), options.assignments)
         print(to_toml(settings), end="")
         _, warnings = _session(settings)
-        warnings += _saved_limits(options.config or _default_config())
+        warnings += _saved_limits(options.config or default_config())
     except (SettingsError, KeysError) as error:
         return fail(str(error))
     problems = [(text, False) for text in warnings] + _device_problems(settings)
@@ -173,10 +159,6 @@ def _build_kernel(options: argparse.Namespace) -> int:
     except BuildError as error:
         return fail(str(error))
     return 0
-
-
-def _default_config() -> Path | None:
-    return DEFAULT_CONFIG if DEFAULT_CONFIG.is_file() else None
 
 
 def _load(config: Path | None, assignments: Sequence[str], saved: Path | None = None) -> "Settings":

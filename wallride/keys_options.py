@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from wallride.failure import fail, needs
+from wallride.parser import default_config
 
 DEFAULT_DIR = Path("/etc/wallride/keys")
 ROLES = ("viewer", "operator", "admin")
@@ -58,9 +59,8 @@ def run(options: argparse.Namespace) -> int:
 
 def _car_name() -> str:
     from runtime.settings.tree import load_settings
-    from wallride.cli import DEFAULT_CONFIG
 
-    return load_settings(DEFAULT_CONFIG if DEFAULT_CONFIG.is_file() else None).car.name
+    return load_settings(default_config()).car.name
 
 
 def _days(text: str) -> int:

@@ -1,13 +1,16 @@
-"""Argument parser whose errors suggest the nearest command, choice or option."""
+"""Argument parser whose errors suggest the nearest command, choice or option; and options of several commands."""
 
 import argparse
 import difflib
 import re
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, Never
 
 CHOICES = re.compile(r"invalid choice: '(?P<wrong>[^']*)' \(choose from (?P<choices>.*)\)", re.DOTALL)
 OPTION = re.compile(r"--[a-z][a-z-]+")
+
+DEFAULT_CONFIG = Path("/etc/wallride/car.toml")
 
 
 class Parser(argparse.ArgumentParser):
@@ -36,3 +39,20 @@ def did_you_mean(wrong: str, known: Sequence[str]) -> str:
     """Return "; did you mean X?" for the nearest known name, "" where none is near."""
     near = difflib.get_close_matches(wrong, known, 1)
     return f"; did you mean {near[0]}?" if near else ""
+
+
+def add_set(command: argparse.ArgumentParser) -> None:
+    """Add --set KEY=VALUE."""
+    command.add_argument(
+        "--set",
+        dest="assignments",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="override one setting, for example wall_follow.side=right (repeatable)",
+    )
+
+
+def default_config() -> Path | None:
+    """Return the car's settings file; None where there is none."""
+    return DEFAULT_CONFIG if DEFAULT_CONFIG.is_file() else None

@@ -3,11 +3,11 @@
 import argparse
 from pathlib import Path
 
+from wallride.parser import add_set
+
 
 def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command and its options."""
-    from wallride.cli import add_set
-
     sim = commands.add_parser("sim", help="drive an emulated car through its real drivers")
     sim.set_defaults(run=run)
     sim.add_argument("world", nargs="?", default="loop", help="a built-in world or a ROS map .yaml (default: loop)")

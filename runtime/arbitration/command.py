@@ -34,7 +34,6 @@ LAB_ORDER = (Source.ESTOP, Source.TELEOP, Source.SAFETY, Source.PERMIT, Source.N
 
 The battery is no part of it: its place is behind the e-stop (`Settings.effective_order`)."""
 
-CAPPING = frozenset({Source.ESTOP, Source.BATTERY, Source.SAFETY, Source.PERMIT})
 DRIVING = frozenset({Source.TELEOP, Source.NAVIGATION})
 
 

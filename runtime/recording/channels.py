@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from runtime.ros.cdr import ENCAPSULATION
-from runtime.ros.definitions import TYPES, definition
+from runtime.ros.definitions import definition
 
 STRING = "std_msgs/msg/String"
 BYTES = "std_msgs/msg/UInt8MultiArray"
@@ -82,8 +82,3 @@ def text_of(message: bytes) -> bytes:
 def octets(payload: bytes) -> bytes:
     """Return std_msgs/UInt8MultiArray for raw bytes, without dimensions."""
     return b"".join((ENCAPSULATION, _LAYOUT_AND_LENGTH.pack(0, 0, len(payload)), payload))
-
-
-def is_ros(topic: str) -> bool:
-    """Tell whether telemetry writes this topic in CDR already."""
-    return topic in TYPES

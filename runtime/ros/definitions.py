@@ -9,8 +9,6 @@ from runtime.wire import topics
 
 SCHEMA_ENCODING = "ros2msg"
 """Name, in recorders and viewers (MCAP, Foxglove), of the form in which `definition` describes a type."""
-JSON_SCHEMA = ""
-"""Schema of JSON topics: none, because they describe themselves."""
 
 TYPES: Mapping[str, str] = MappingProxyType(
     {

@@ -18,7 +18,6 @@ from sim.live.terminal_view import ViewStatus, page, render_world, status_rows, 
 
 LIDAR_X_M = 0.27
 MAX_RANGE_MM = 30_000
-REFRESH_HZ = 10
 SLOW_START_S = 3.0
 DEFAULT_LISTEN = SessionSettings().listen[0]
 NOWHERE = np.empty((0, 4))

@@ -4,7 +4,6 @@ Not here: obstacles that appear or move (`sim.world.obstacles`), the lidar's mea
 (`sim.world.beams`).
 """
 
-import math
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -118,8 +117,3 @@ class World:
             side=other_side(self.side),
             lap=self.lap.mirrored() if self.lap else None,
         )
-
-
-def wrap_rad(angle_rad: float) -> float:
-    """Return the same angle in -pi..pi."""
-    return math.remainder(angle_rad, math.tau)

@@ -2,7 +2,9 @@
 
 import ast
 import re
+import tomllib
 from collections import Counter, defaultdict
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -60,3 +62,35 @@ def test_sentences_have_a_component_as_their_subject():
         if RIDDLES.search(line)
     ]
     assert len(found) <= MAX_RIDDLES, "\n".join(found)
+
+
+def imports_of(path, modules):
+    """Return the modules of ours that a module imports, at its top or later."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module is not None:
+            found |= {f"{node.module}.{alias.name}" for alias in node.names} | {node.module}
+    return found & modules
+
+
+def test_no_module_imports_itself_by_way_of_others():
+    places = {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts): path
+        for path in sources(".py")
+        if path.relative_to(ROOT).parts[0] not in {"benchmarks", "docs"}
+    }
+    assert len(places) > 300
+    graph = {name: imports_of(path, places.keys()) for name, path in places.items()}
+    try:
+        tuple(TopologicalSorter(graph).static_order())
+    except CycleError as error:
+        raise AssertionError(" -> ".join(error.args[1])) from None
+
+
+def test_contracts_on_packages_are_exhaustive():
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+    inside = [contract for contract in contracts if "containers" in contract]
+    assert {room for contract in inside for room in contract["containers"]} == {"runtime", "runtime.control", "sim"}
+    assert all(contract["exhaustive"] for contract in inside)

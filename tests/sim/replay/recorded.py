@@ -12,6 +12,7 @@ from runtime.recording.disk import RealDisk
 from runtime.recording.laws_fingerprint import laws_fingerprint
 from runtime.recording.mcap_file import McapFile
 from runtime.recording.transcriber import Transcriber
+from runtime.ros.definitions import TYPES
 from runtime.settings.tree import Settings
 from runtime.wire import topics
 from runtime.wire.bus import free_endpoint
@@ -34,7 +35,7 @@ class Sink:
         return topic != topics.SCAN
 
     def take(self, topic, schema, stamp_s, payload):
-        if not channels.is_ros(topic):
+        if topic not in TYPES:
             schema, payload = channels.STRING, channels.text(payload)
         self.file.add(RecordMessage(topic, schema, self.wall_clock.started_unix_ns(stamp_s), payload))
 
