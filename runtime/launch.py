@@ -182,12 +182,17 @@ async def _drive(
         for line in car.stages.table():
             log.info("%s", line)
         car.manager.stopping()
-        try:
-            await asyncio.wait({opening})
-            await bus.close()
-        finally:
-            await asyncio.to_thread(car.recorder.close)
+        await _close(opening, bus, car.recorder.close)
     opening.result()
+
+
+async def _close(opening: asyncio.Task[None], bus: CarBus, close_recorder: Callable[[], None]) -> None:
+    """Close the session and the recorder, the recorder also when the session cannot be closed."""
+    try:
+        await asyncio.wait({opening})
+        await bus.close()
+    finally:
+        await asyncio.to_thread(close_recorder)
 
 
 async def _open(car: Car, bus: CarBus, stop: asyncio.Event, address_file: Path | None) -> None:

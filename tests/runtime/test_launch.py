@@ -76,6 +76,18 @@ async def test_a_session_that_fails_in_any_way_is_said_at_once(words, caplog):
     assert f"driving without telemetry: {words}" in caplog.text
 
 
+async def test_the_recorder_is_closed_also_when_the_session_cannot_be():
+    async def fail():
+        raise RuntimeError("a panic in another language")
+
+    closed = []
+    bus: Any = SimpleNamespace(close=fail)
+    opening = asyncio.create_task(asyncio.sleep(0))
+    with pytest.raises(RuntimeError, match="panic"):
+        await launch._close(opening, bus, lambda: closed.append("recorder"))
+    assert closed == ["recorder"]
+
+
 def test_a_process_whose_end_hangs_is_ended():
     program = """
 import threading, time
