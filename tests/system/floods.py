@@ -95,7 +95,8 @@ async def flooded(flood: str, *, seconds: float, load: bool = False, fifo: bool 
                 return await _measure(car, flood, here, away, folder / "keys", seconds, eve)
             finally:
                 for hog in hogs:
-                    hog.kill()
+                    if hog.returncode is None:  # they also end by themselves
+                        hog.kill()
                     await hog.wait()
                 await eve.close()
 

@@ -14,7 +14,7 @@ PAGE = ROOT / "docs" / "faults.md"
 FIGURES = Path(__file__).with_name("measured.json")
 COMMAND = "python -m tests.system.faults.document"
 UNMEASURED = "-"
-HEADER = "| fault | promise | after | bound | quiet | busy | seen | test |"
+HEADER = "| fault | promise | after | bound | measured | busy | seen | test |"
 BUSY = "busy: "
 """Prefix of the figures that were measured beside a busy loop on each core."""
 
@@ -27,8 +27,9 @@ def page(figures: Mapping[str, float]) -> str:
         "What the car promises when something breaks, and the test that holds it. *Bound*: the longest time from the",
         "last good data, or from the fault, to the brake on the motor's wire (or to the motor controller's own, where",
         "the process cannot reach it); where the car never stops, the longest time between two motor commands.",
-        "*Quiet* and *busy*: the longest measured without other work, and in three runs in a row beside a busy loop on",
-        "each of two cores. *After*: when the car moves again. *Seen*: numbers of reports by users of such cars.\n",
+        "*Measured*: the longest of the last measurement, on two cores shared with other work. *Busy*: the longest",
+        'beside a busy loop on each core; "-" where there is none yet. *After*: when the car moves again. *Seen*:',
+        "numbers of reports by users of such cars.\n",
         "The injected faults meet the unmodified process between emulated devices (`pytest tests/system/faults`);",
         "the clock that jumps is the one that the process reads in Python, not the computer's.",
         "`python -m tests.system.faults.measure [--busy]` runs them three times and notes the figures.\n",
@@ -56,9 +57,9 @@ def without_figures(text: str) -> str:
 
 def _row(fault: Fault, figures: Mapping[str, float]) -> str:
     bound = f"{fault.bound_s:g} s" if fault.bound_s is not None else ""
-    quiet, busy = (_words(fault, figures.get(prefix + fault.key)) for prefix in ("", BUSY))
+    measured, busy = (_words(fault, figures.get(prefix + fault.key)) for prefix in ("", BUSY))
     test = "injected" if fault.test == INJECTED else f"`{fault.test.rpartition('/')[2]}`"
-    cells = (fault.name, fault.promise, fault.afterwards, bound, quiet, busy, ", ".join(fault.seen), test)
+    cells = (fault.name, fault.promise, fault.afterwards, bound, measured, busy, ", ".join(fault.seen), test)
     return f"| {' | '.join(cells)} |"
 
 
