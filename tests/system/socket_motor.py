@@ -12,6 +12,7 @@ import socket
 import sys
 
 from drivers import link
+from drivers.api import LinkLost
 from drivers.vesc import codec
 from sim.devices.vesc import VescEmulator
 
@@ -61,7 +62,11 @@ class SocketVesc(VescEmulator):
 
 def _open_socket(address, clock):
     port = socket.socket(socket.AF_UNIX)
-    port.connect(address.path)
+    try:
+        port.connect(address.path)
+    except OSError as error:
+        port.close()
+        raise LinkLost(f"{address}: {error.strerror}") from error
     port.setblocking(False)
     return link.ByteLink(address, port.fileno(), lambda _lost: port.close(), clock)
 

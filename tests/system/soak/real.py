@@ -1,0 +1,230 @@
+"""A soak in real time: the unmodified `wallride run` process between emulated devices, faults injected on the wire.
+
+The oracle judges what arrives at the emulated motor. The times of this process count: what its own loop was late is
+added to each bound, and the longest is reported.
+"""
+
+import asyncio
+import contextlib
+import os
+import random
+import signal
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import AsyncExitStack
+from pathlib import Path
+from typing import Final
+
+from runtime.wire import topics, zenoh_config
+from runtime.wire.bus import BYTES, Bus, free_endpoint
+from runtime.wire.teleop import Press
+from sim.devices.scip import ScipEmulator
+from sim.live.runtime_process import RuntimeProcess
+from tests.system.bench import ROOT
+from tests.system.soak.faults import Injector
+from tests.system.soak.findings import Findings, Resources
+from tests.system.soak.operator import SEND_PERIOD_S, Operator
+from tests.system.soak.oracle import Oracle, Promises
+from tests.system.soak.scene import SCAN_PERIOD_S, WIRING, ListeningVesc, Scene
+from tests.system.soak.virtual import AUTO_MPS, FIRST_FAULT_S, VESC_TIMEOUT_A, VESC_TIMEOUT_S, at_a_rate
+
+PROMISES: Final = Promises(
+    obeyed_s=0.1, tick_s=0.05, scan_s=0.15, silence_s=0.25, slack_s=0.05, auto_mps=AUTO_MPS, stuck_s=120.0
+)
+"""Those of docs/faults.md on the wire: 0.25 s for anything that ends good data."""
+SETTLED_S: Final = 180.0
+"""Time after which memory counts: caches, the black box and the allocator have their size."""
+SAMPLE_S: Final = 10.0
+TELL_S: Final = 60.0
+LATE_FORGOTTEN_S: Final = 2.0
+CAR: Final = "sim"
+
+
+class RealSoak:
+    """One process with its surroundings, an operator, an injector of faults and the oracle."""
+
+    def __init__(self, folder: Path, seed: int, mean_pause_s: float) -> None:
+        self._folder = folder
+        self._clock = clock = time.monotonic
+        rng = random.Random(seed)
+        self.vesc = ListeningVesc(folder / "vesc", timeout_s=VESC_TIMEOUT_S, timeout_brake_a=VESC_TIMEOUT_A, remember=1)
+        self.lidar = ScipEmulator(seed=seed)
+        self.scene = Scene(self.lidar, self.vesc, clock, seed)
+        self.oracle = Oracle(PROMISES, lambda: self.scene.good_scan_s)
+        self.operator = Operator(self._deliver, rng, session=rng.getrandbits(32) | 1)
+        self.injector = Injector(self, rng, mean_pause_s)
+        self.oracle.context = lambda: f"[{', '.join(self.injector.active)}; {self.oracle.late_s * 1000:.0f} ms late]"
+        self.vesc.witness = self._witness
+        self.vesc.opened = self.oracle.opened
+        self.vesc.hung_up = lambda: self.oracle.hung_up(clock())
+        self.resources = Resources()
+        self.longest_late_s = 0.0
+        self._late_until_s = 0.0
+        self._stopped_s: float | None = None
+        self._stopped_until_s = 0.0
+        self._sample_s, self._tell_s = SETTLED_S, TELL_S
+        self._bus: Bus | None = None
+        self.runtime: RuntimeProcess
+
+    def _witness(self, at_s: float, payload: bytes) -> None:
+        self._note_lateness(at_s)
+        self.oracle.motor(at_s, payload)
+
+    def _note_lateness(self, now_s: float) -> None:
+        if now_s > self._late_until_s:
+            self.oracle.late_s = 0.0
+
+    def _deliver(self, payload: bytes, flags: Press, echo: int, speed_mps: float) -> None:
+        self.oracle.delivered(self._clock(), int(flags), echo, speed_mps)
+        if self._bus is not None:
+            self._bus.put(topics.key(CAR, topics.COMMAND), payload, encoding=BYTES, urgent=True)
+
+    def unplug_motor(self, *, power: bool) -> None:
+        """Close the controller's port."""
+        self.vesc.unplug()
+        if power:
+            self.vesc.reboot()
+
+    def replug_motor(self) -> None:
+        """Open it again."""
+        self.vesc.start()
+
+    def block(self, for_s: float) -> None:
+        """Stop the whole process for a time."""
+        self.runtime.kill(signal.SIGSTOP)
+        self._stopped_s = self._clock()
+        self._stopped_until_s = self._stopped_s + for_s
+
+    def _go_on(self, now_s: float) -> None:
+        self.runtime.kill(signal.SIGCONT)
+        if self._stopped_s is not None:
+            self.oracle.blocked(now_s, now_s - self._stopped_s)
+            self._stopped_s = None
+
+    def _step(self, now_s: float, elapsed_s: float, tell: Callable[[str], None]) -> None:
+        """Begin and end faults, and take samples."""
+        if self._stopped_s is not None and now_s >= self._stopped_until_s:
+            self._go_on(now_s)
+        if elapsed_s > FIRST_FAULT_S:
+            self.injector.step(now_s)
+        self.oracle.idle(now_s)
+        if elapsed_s >= self._sample_s and not self.injector.active:
+            self._sample_s = elapsed_s + SAMPLE_S
+            self.resources.sample(self.runtime.pid)
+        if elapsed_s >= self._tell_s:
+            self._tell_s += TELL_S
+            tell(self._line(elapsed_s))
+
+    async def run(self, seconds: float, tell: Callable[[str], None] = lambda _line: None) -> Findings:
+        """Drive for so long; tell: gets a line now and then."""
+        clock = self._clock
+        async with AsyncExitStack() as stack:
+            await self._start(stack)
+            async with asyncio.TaskGroup() as tasks:
+                jobs = [
+                    tasks.create_task(at_a_rate(SCAN_PERIOD_S, clock, self.scene.step)),
+                    tasks.create_task(at_a_rate(SEND_PERIOD_S, clock, lambda: self.operator.step(clock()))),
+                    tasks.create_task(self._watch_own_loop()),
+                ]
+                began_s = self.oracle.last_moved_s = clock()
+                while (now_s := clock()) < began_s + seconds and self.runtime.exit_code is None:
+                    await asyncio.sleep(0.01)
+                    self._step(now_s, now_s - began_s, tell)
+                self._go_on(clock())
+                self.oracle.ending = True
+                self.injector.end_all(clock())
+                if self.runtime.exit_code is not None:
+                    self.oracle.violations["the car ended by itself"] += 1
+                    self.oracle.kept += [f"exit code {self.runtime.exit_code}", *self.runtime.log]
+                elif await self.runtime.stop() != 0:
+                    self.oracle.violations["the car did not end in order"] += 1
+                for job in jobs:
+                    job.cancel()
+        oracle = self.oracle
+        return Findings(
+            seconds, dict(oracle.violations), oracle.kept, oracle.commands, oracle.moving, self.injector.counts,
+            self.scene.way_m, self.scene.contacts,
+        )  # fmt: skip
+
+    async def _start(self, stack: AsyncExitStack) -> None:
+        endpoint = free_endpoint()
+        self.vesc.start()
+        stack.callback(self.vesc.close)
+        port = await self.lidar.start_tcp()
+        stack.callback(self.lidar.close)
+        settings = [
+            f"lidar.address=tcp://127.0.0.1:{port}",
+            f"motor.address=serial://{self._folder / 'vesc'}",
+            f"motor.servo_min={WIRING.servo_min}",
+            f"motor.servo_max={WIRING.servo_max}",
+            f"wall_follow.speed_mps={AUTO_MPS}",
+            "operator.permit=required",
+            f"telemetry.listen={endpoint}",
+            f"recording.folder={self._folder / 'recordings'}",
+            "recording.ring_mb=64",
+        ]
+        self.runtime = RuntimeProcess(ROOT / "config" / "sim.toml", settings, program="tests.system.socket_motor")
+        await self.runtime.start()
+        stack.push_async_callback(self.runtime.end)
+        schedule(self.runtime.pid, 20)
+        bus = Bus(zenoh_config.client_config(endpoint, None))
+        bus.subscribe(topics.key(CAR, topics.BEAT), self._on_beat)
+        async with asyncio.timeout(20):
+            while not bus.is_open:
+                try:
+                    await bus.open()
+                except OSError:
+                    await asyncio.sleep(0.1)
+        stack.push_async_callback(bus.close)
+        self._bus = bus
+
+    def _on_beat(self, _key: str, payload: bytes, _at_s: float) -> None:
+        self.oracle.beat(self._clock(), self.operator.hear(payload))
+
+    async def _watch_own_loop(self) -> None:
+        """Note how late this process's own loop is: what it measures is late by as much."""
+        while True:
+            due_s = self._clock() + 0.005
+            await asyncio.sleep(0.005)
+            now_s = self._clock()
+            late_s = now_s - due_s
+            if late_s > 0.005:
+                self.oracle.late_s = max(self.oracle.late_s, late_s)
+                self._late_until_s = now_s + LATE_FORGOTTEN_S
+                self.longest_late_s = max(self.longest_late_s, late_s)
+            else:
+                self._note_lateness(now_s)
+
+    def _line(self, elapsed_s: float) -> str:
+        oracle, resources = self.oracle, self.resources
+        memory = "-"
+        if resources.memory_bytes:
+            memory = f"{resources.memory_bytes[-1] / 2**20:.1f} MiB (own {resources.own_bytes[-1] / 2**20:.1f})"
+        descriptors = resources.descriptors[-1] if resources.descriptors else "-"
+        return (
+            f"{elapsed_s:6.0f} s  {oracle.commands} commands, {oracle.moving} moving, "
+            f"{sum(self.injector.counts.values())} faults, {sum(oracle.violations.values())} violations, "
+            f"{self.scene.way_m:.0f} m, {memory}, {descriptors} descriptors, {self.longest_late_s * 1000:.0f} ms late"
+        )
+
+
+def schedule(pid: int, priority: int) -> None:
+    """Give a process FIFO scheduling where that is allowed: the car as its service does, the devices above it."""
+    with contextlib.suppress(PermissionError):
+        os.sched_setscheduler(pid, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
+
+
+def soak_in_real_time(
+    seconds: float, seed: int, mean_pause_s: float, tell: Callable[[str], None]
+) -> tuple[Findings, Resources, float]:
+    """Run one soak; return findings, resources and the longest lateness of this process [s]."""
+
+    async def main() -> tuple[Findings, Resources, float]:
+        schedule(0, 30)
+        with tempfile.TemporaryDirectory(prefix="soak-") as folder:
+            soak = RealSoak(Path(folder), seed, mean_pause_s)
+            findings = await soak.run(seconds, tell)
+            return findings, soak.resources, soak.longest_late_s
+
+    return asyncio.run(main())

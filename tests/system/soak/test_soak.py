@@ -1,0 +1,33 @@
+"""Random faults for some virtual minutes, often several at once, and not one motor command that breaks a rule.
+
+The long ones are `python -m benchmarks.soak`.
+"""
+
+import pytest
+
+from tests.system.soak.faults import FAULTS
+from tests.system.soak.virtual import soak, suffer
+
+SECONDS, MEAN_PAUSE_S = 90.0, 2.5
+MIN_WAY_M, MIN_FAULTS, MIN_MOVING = 20.0, 20, 40
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_no_motor_command_breaks_a_rule_whatever_happens(seed):
+    found = soak(SECONDS, seed, MEAN_PAUSE_S)
+    assert found.violations == {}, found.kept
+    assert found.way_m > MIN_WAY_M
+    assert sum(found.faults.values()) > MIN_FAULTS
+    assert set(found.faults) == set(FAULTS)
+
+
+def test_the_same_seed_is_the_same_soak():
+    assert soak(15.0, 3, 1.0) == soak(15.0, 3, 1.0)
+
+
+@pytest.mark.parametrize("lasts_s", [2.0, 2.01, 2.02, 2.03, 2.04])
+@pytest.mark.parametrize("fault", ["lidar mute", "motor mute"])
+def test_what_is_pressed_while_a_device_is_lost_moves_nothing_when_it_is_back(fault, lasts_s):
+    found = suffer(fault, lasts_s=lasts_s)
+    assert found.violations == {}, found.kept
+    assert found.moving > MIN_MOVING

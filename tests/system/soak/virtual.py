@@ -1,0 +1,235 @@
+"""A whole car in virtual time over in-memory byte transports: the real drivers, tasks, queue, mux, laws and limiter.
+
+Nothing of the car is replaced but the two functions that open a port, and the bus. What the oracle is told of the
+inside (safety's answers, the car's state) is read, never changed.
+"""
+
+import asyncio
+import math
+import random
+from collections.abc import Callable
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any, Final
+from unittest import mock
+
+from drivers.hokuyo.driver import Hokuyo
+from drivers.link import ByteLink
+from drivers.vesc.driver import Vesc
+from runtime.app import Car, CarSurroundings
+from runtime.realtime.scan_phase import ScanPhase
+from runtime.settings.tree import Settings
+from runtime.wire import topics
+from runtime.wire.teleop import Press
+from sim.virtual.devices import MemoryBus
+from sim.virtual.virtual_time import VirtualTimeLoop, run_virtual
+from tests.system.soak.faults import Injector
+from tests.system.soak.findings import Findings
+from tests.system.soak.operator import SEND_PERIOD_S, Operator
+from tests.system.soak.oracle import Judged, Oracle, Promises
+from tests.system.soak.scene import SCAN_PERIOD_S, WIRING, MemoryLidar, MemoryVesc, Scene
+
+AUTO_MPS: Final = 1.5
+FIRST_FAULT_S: Final = 5.0
+VESC_TIMEOUT_S: Final = 0.15
+VESC_TIMEOUT_A: Final = 10.0
+ENDING_S: Final = 3.0
+
+
+class OperatorsBus(MemoryBus):
+    """Delivers beats to the operator, and keeps nothing."""
+
+    on_beat: Callable[[bytes], None] = staticmethod(lambda _payload: None)
+
+    def put(self, key: str, payload: bytes, *, encoding: str = "", urgent: bool = False) -> None:
+        if key.endswith(topics.BEAT):
+            self.on_beat(payload)
+
+
+class VirtualSoak:
+    """One car with its surroundings, an operator, an injector of faults and the oracle. Needs a `VirtualTimeLoop`."""
+
+    def __init__(self, seed: int, mean_pause_s: float = 10.0) -> None:
+        loop = asyncio.get_running_loop()
+        assert isinstance(loop, VirtualTimeLoop)
+        self._loop = loop
+        self._clock = clock = loop.time
+        rng = random.Random(seed)
+        self.vesc = MemoryVesc(
+            Path("vesc"), clock=clock, timeout_s=VESC_TIMEOUT_S, timeout_brake_a=VESC_TIMEOUT_A, remember=1
+        )
+        self.vesc.start()
+        self.lidar = MemoryLidar(clock=clock, seed=seed)
+        self.scene = Scene(self.lidar, self.vesc, clock, seed)
+        self.bus = OperatorsBus(clock, listened_to=False)
+        self.car = self._build_car()
+        self.oracle = Oracle(
+            Promises(auto_mps=AUTO_MPS),
+            lambda: self.scene.good_scan_s,
+            knows_safety=True,
+            state=lambda: (self.car.driving_state.state, self.car.driving_state.since_s),
+        )
+        self.operator = Operator(self._deliver, rng, session=rng.getrandbits(32) | 1)
+        self.injector = Injector(self, rng, mean_pause_s)
+        self.oracle.context = lambda: f"[{', '.join(self.injector.active)}]"
+        self.bus.on_beat = lambda payload: self.oracle.beat(clock(), self.operator.hear(payload))
+        self.vesc.witness = self.oracle.motor
+        self.vesc.opened = self.oracle.opened
+        self.vesc.hung_up = lambda: self.oracle.hung_up(clock())
+        self._listen_to_safety()
+
+    def _build_car(self) -> Car:
+        clock = self._clock
+        settings = Settings.model_validate(
+            {
+                "car": {"name": "sim"},
+                "motor": WIRING.model_dump() | {"address": "serial:///dev/memory"},
+                "lidar": {"address": "tcp://127.0.0.1:1"},
+                "battery": {"settle_s": 2.0},
+                "wall_follow": {"speed_mps": AUTO_MPS},
+                "recording": {"enabled": False},
+            }
+        )
+        phase = ScanPhase()
+        motor = Vesc(settings.motor, clock=clock, clear_s=phase.clear_s, replied=phase.replied)
+        lidar = Hokuyo(settings.lidar, clock=clock, clear_s=phase.clear_s)
+        car = Car(settings, lidar, motor, self.bus, clock, CarSurroundings(scan_phase=phase))
+        car.connect()
+        return car
+
+    def _listen_to_safety(self) -> None:
+        look, oracle, clock = self.car.laws.look, self.oracle, self._clock
+
+        def looked(scan: Any, motor: Any) -> Any:
+            answer = _Overheard(look(scan, motor), scan.stamp_s, oracle, clock)
+            oracle.assessed(clock(), scan.stamp_s)
+            return answer
+
+        setattr(self.car.laws, "look", looked)  # noqa: B010 - the oracle listens, the law answers
+
+    def _deliver(self, payload: bytes, flags: Press, echo: int, speed_mps: float) -> None:
+        self.oracle.delivered(self._clock(), int(flags), echo, speed_mps)
+        self.bus.say(topics.key("sim", topics.COMMAND), payload)
+
+    def unplug_motor(self, *, power: bool) -> None:
+        self.vesc.unplug()
+        if power:
+            self.vesc.reboot()
+
+    def replug_motor(self) -> None:
+        self.vesc.start()
+
+    def block(self, for_s: float) -> None:
+        """Let time pass in which no callback of the loop runs."""
+        self._loop._jumping.now_s += for_s
+        self.oracle.blocked(self._clock(), for_s)
+
+    async def run(self, seconds: float, watch: Callable[[float], None] = lambda _now_s: None) -> Findings:
+        """Drive for so many virtual seconds; watch: called every virtual minute."""
+        clock, stop = self._clock, asyncio.Event()
+        with _memory_ports(self.lidar, self.vesc):
+            driving = self._loop.create_task(self.car.drive(stop))
+            turning = self._loop.create_task(self._turn())
+            operating = self._loop.create_task(self._operate())
+            next_s = 60.0
+            while clock() < seconds and not driving.done():
+                await asyncio.sleep(0.05)
+                if clock() > FIRST_FAULT_S:
+                    self.injector.step(clock())
+                self.oracle.idle(clock())
+                if clock() >= next_s:
+                    next_s += 60.0
+                    watch(clock())
+            self.injector.end_all(clock())
+            if driving.done():
+                self.oracle.violations["the car ended by itself"] += 1
+                self.oracle.kept.append(repr(driving.exception()))
+            await asyncio.sleep(ENDING_S)
+            for task in (turning, operating):
+                if task.done():
+                    task.result()
+                task.cancel()
+            self.oracle.ending = True
+            stop.set()
+            if not driving.done():
+                await driving
+        oracle = self.oracle
+        return Findings(
+            clock(), dict(oracle.violations), oracle.kept, oracle.commands, oracle.moving, self.injector.counts,
+            self.scene.way_m, self.scene.contacts,
+        )  # fmt: skip
+
+    async def _turn(self) -> None:
+        await at_a_rate(SCAN_PERIOD_S, self._clock, self.scene.step)
+
+    async def _operate(self) -> None:
+        await at_a_rate(SEND_PERIOD_S, self._clock, lambda: self.operator.step(self._clock()))
+
+
+class _Overheard:
+    """Safety's answer, with the oracle as a listener."""
+
+    def __init__(self, outlook: Any, scan_stamp_s: float, oracle: Oracle, clock: Callable[[], float]) -> None:
+        self._outlook, self._stamp_s, self._oracle, self._clock = outlook, scan_stamp_s, oracle, clock
+
+    def limit(self, speed_mps: float, steering_rad: float) -> Any:
+        verdict = self._outlook.limit(speed_mps, steering_rad)
+        self._oracle.judged(Judged(self._clock(), self._stamp_s, speed_mps, verdict.forward_mps, verdict.reverse_mps))
+        return verdict
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._outlook, name)
+
+
+async def at_a_rate(period_s: float, clock: Callable[[], float], job: Callable[[], None]) -> None:
+    """Call a job at a steady rate; what a blocked process missed is not made up for."""
+    next_s = clock()
+    while True:
+        next_s = max(next_s + period_s, clock())
+        await asyncio.sleep(max(0.0, next_s - clock()))
+        job()
+
+
+@contextmanager
+def _memory_ports(lidar: MemoryLidar, vesc: MemoryVesc):
+    def opener(connect: Callable[[], Any]) -> Any:
+        async def open_link(address: Any, clock: Any) -> ByteLink:
+            end = connect()
+            return ByteLink(address, end.fileno(), lambda _lost: end.close(), clock)
+
+        return open_link
+
+    with ExitStack() as stack:
+        for module, connect in (("drivers.hokuyo.driver", lidar.connect), ("drivers.vesc.driver", vesc.connect)):
+            stack.enter_context(mock.patch(f"{module}.open_link", opener(connect)))
+        yield
+
+
+def soak(
+    seconds: float, seed: int, mean_pause_s: float = 10.0, watch: Callable[[float], None] = lambda _now_s: None
+) -> Findings:
+    """Run one soak in virtual time."""
+
+    async def main() -> Findings:
+        return await VirtualSoak(seed, mean_pause_s).run(seconds, watch)
+
+    return run_virtual(main())
+
+
+def suffer(
+    fault: str = "", *, begins_s: float = 4.0, lasts_s: float = 2.0, runs_s: float = 8.0,
+    prepare: Callable[[VirtualSoak], None] = lambda _soak: None,
+) -> Findings:  # fmt: skip
+    """Drive with at most this one fault. prepare: changes the soak before it begins."""
+
+    async def main() -> Findings:
+        soak = VirtualSoak(1, math.inf)
+        prepare(soak)
+        loop, injector = asyncio.get_running_loop(), soak.injector
+        if fault:
+            loop.call_at(begins_s, injector.begin, fault, begins_s)
+            loop.call_at(begins_s + 1e-3, injector.active.__setitem__, fault, math.inf)
+            loop.call_at(begins_s + lasts_s, lambda: injector.end(fault, loop.time()))
+        return await soak.run(runs_s)
+
+    return run_virtual(main())
