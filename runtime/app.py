@@ -231,7 +231,7 @@ class Car:
             log.warning("the computer's clock was set by %+.3f s; stamps and recordings follow", step_ns / 1e9)
 
     def _health_monitor(self) -> HealthMonitor:
-        return HealthMonitor(
+        monitor = HealthMonitor(
             lidar=self.lidar,
             motor=self.motor,
             output=lambda: self.mux.output,
@@ -243,6 +243,8 @@ class Car:
             lidar_doubt=lambda: self.laws.plausibility.lidar_doubt,
             motor_doubt=lambda: self.laws.plausibility.motor_doubt,
         )
+        self.operator.waits = monitor.is_waiting
+        return monitor
 
     def _observed(self) -> ObservedState:
         return ObservedState(

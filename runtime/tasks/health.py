@@ -64,6 +64,10 @@ class HealthMonitor:
     _started_s: float | None = None
     _ready: bool = False
 
+    def is_waiting(self, by_hand: bool) -> bool:  # noqa: FBT001 - the question of `OperatorDesk.waits`
+        """Tell whether a device was lost whose return has not been noticed yet; the lidar is none to a human."""
+        return self._motor_seen.lost != "" or (not by_hand and self._lidar_seen.lost != "")
+
     def tick(self, _late_s: float, _missed: int) -> None:
         """Check once; a `periodic.Tick`. The lateness of the loop is noted by the mux's tick (`StageTimer`)."""
         self.check()

@@ -40,6 +40,8 @@ class OperatorDesk:
 
     clear_fault: requests the motor to clear its fault; called on a deliberate reset of the e-stop.
     car_session: random per start of this process, never 0: commands meant for an earlier start do not count.
+    waits: tells whether a press, by hand or not, must wait for a lost device. Else it would move the car from the
+        device's return until that is noticed.
     """
 
     def __init__(
@@ -58,6 +60,7 @@ class OperatorDesk:
         self._clear_fault = clear_fault
         self._clock = clock
         self._car_session = car_session
+        self.waits: Callable[[bool], bool] = lambda _by_hand: False
         self._beats = Beats(clock)
         self._gate = SessionGate(
             self._beats, car_session, expiry_s=settings.expiry_s, forget_after_s=settings.slot_free_after_s
@@ -159,11 +162,15 @@ class OperatorDesk:
         elif self._operator not in {None, session}:
             session.armed = False  # or it would move the car by itself when the other operator leaves
             self._refusals.count(Refusal.NOT_OPERATOR, "another operator drives; take over, or wait")
-        elif not session.armed:
+        elif not session.armed or self._must_wait(flags):
+            session.armed = False
             self._futile_until_s = now_s + self._settings.expiry_s
             self._refusals.count(Refusal.REARM, RELEASE_FIRST)
         else:
             self._press(session, command)
+
+    def _must_wait(self, flags: Press) -> bool:
+        return flags in {Press.MANUAL, Press.AUTONOMY} and self.waits(flags == Press.MANUAL)
 
     def _press(self, session: TeleopSession, command: Command) -> None:
         flags, until_s = command.flags, session.beat_s + self._settings.expiry_s

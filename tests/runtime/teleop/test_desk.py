@@ -188,3 +188,23 @@ def test_nothing_is_logged_per_message(rig, caplog):
     assert 2 <= len(caplog.records) < 20
     assert sum(rig.refused.values()) > 5000
     assert "more)" in caplog.text
+
+
+def test_while_a_device_is_lost_no_press_counts_and_after_its_return_only_one_after_a_release():
+    rig = Rig()
+    ann = rig.client()
+    rig.desk.waits = lambda by_hand: not by_hand
+    ann.click(AUTONOMY)
+    assert rig.speed_mps == 0
+    rig.desk.waits = lambda _by_hand: False
+    ann.hold(AUTONOMY)
+    assert rig.speed_mps == 0
+    ann.click(AUTONOMY)
+    assert rig.speed_mps == AUTO_MPS
+
+
+def test_a_device_that_a_human_does_not_need_holds_no_human_up():
+    rig = Rig()
+    rig.desk.waits = lambda by_hand: not by_hand
+    rig.client().click(MANUAL)
+    assert rig.speed_mps == HAND_MPS
