@@ -80,13 +80,14 @@ KERNEL(watch_sectors) {
     }
     const struct row range = rows[0], x = rows[1], y = rows[2], no_echo = rows[3], own = rows[4], dirty = rows[5],
                      state = rows[6], held = rows[7];
-    const beam first = sizes[0], beams = sizes[1], sectors = state.count, end = first + sectors * beams;
+    const beam first = sizes[0], beams = sizes[1], sectors = state.count;
     if (x.count != range.count || y.count != range.count || no_echo.count != range.count || own.count != range.count ||
         (dirty.data && dirty.count != range.count) || held.count != sectors || first < 0 || beams < 1 || sectors < 1 ||
-        sectors > range.count || beams > range.count || end > range.count) {
+        first > range.count || sectors > range.count || beams > range.count || sectors * beams > range.count - first) {
         PyErr_SetString(PyExc_ValueError, "watched: arrays of different lengths");
         return NULL;
     }
+    const beam end = first + sectors * beams;
     const double first_rad = v[0], width_rad = v[1], front_m = v[3], half_m = v[4];
     const double known[] = {first_rad, width_rad, v[2], v[5], v[6], v[7]};
     PyObject *next = fresh(NPY_INT8, sectors), *seen = fresh(NPY_CDOUBLE, sectors), *full = fresh(NPY_CDOUBLE, sectors);

@@ -53,7 +53,15 @@ def test_what_is_no_number_is_watched_alike(compiled, place):
 
 
 def test_arrays_of_other_lengths_are_refused(compiled):
-    for place, wrong in ((1, np.zeros(5)), (7, np.zeros(3, np.complex128)), (8, 900), (8, -1), (9, 0)):
+    for place, wrong in (
+        (1, np.zeros(5)),
+        (7, np.zeros(3, np.complex128)),
+        (8, 900),
+        (8, -1),
+        (9, 0),
+        (9, 2**62),
+        (8, 2**62),
+    ):
         given_ = list(arguments(1))
         given_[place] = wrong
         with pytest.raises(ValueError, match="lengths"):
