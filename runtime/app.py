@@ -35,6 +35,7 @@ from runtime.tasks import mux as mux_task
 from runtime.tasks.battery import BatteryLimit
 from runtime.tasks.computer import ComputerWatch
 from runtime.tasks.health import HealthMonitor
+from runtime.tasks.own_law import OwnLawWatch
 from runtime.tasks.own_parts import OwnPartsKeeper
 from runtime.tasks.scan_cycle import ScanCycle
 from runtime.tasks.telemetry import Telemetry
@@ -116,6 +117,9 @@ class Car:
             car_session=self.session,
         )  # fmt: skip
         self.battery = BatteryLimit(settings.battery, motor, self.queue, self.operator.rearm)
+        self.own_law = OwnLawWatch(
+            self.laws, self.permit, self.operator.rearm, lambda: self.stack.apply(self.stack.settings), clock
+        )
         self.driving_state = DrivingStateMonitor(
             lidar, motor, self.emergency_stop, self.permit, clock, lambda: self.battery.stop
         )
@@ -223,6 +227,7 @@ class Car:
         timer.every(1 / POLL_HZ, lambda _late_s, _missed: self.bus.poll())
         timer.every(1 / health.RATE_HZ, self._health_monitor().tick)
         timer.every(1 / health.RATE_HZ, self.battery.tick)
+        timer.every(1 / health.RATE_HZ, self.own_law.tick)
         timer.every(FOLLOW_WALL_CLOCK_S, lambda _late_s, _missed: self._follow_wall_clock())
         return timer
 

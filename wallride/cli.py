@@ -24,6 +24,7 @@ from wallride import (
     topic_options,
 )
 from wallride.failure import USAGE_ERROR, fail, needs
+from wallride.new import options as new_options
 from wallride.parser import DEFAULT_CONFIG, Parser, add_set, default_config
 from wallride.service import options as service_options
 
@@ -67,6 +68,7 @@ def build_parser() -> argparse.ArgumentParser:
     lab = commands.add_parser("lab", help="experiments with the car's own laws, faster than real time")
     lab.set_defaults(run=_lab)
     lab_options.add(lab)
+    new_options.add(commands)
     for options in (
         bench_options,
         teleop_options,
@@ -109,7 +111,7 @@ def _run(options: argparse.Namespace) -> int:
     try:
         file = options.config or default_config()
         settings = _load(file, options.assignments, options.saved)
-        problems = [text for text, fatal in _device_problems(settings) if fatal]
+        problems = [text for text, fatal in _device_problems(settings) if fatal] + _own_law_mistakes(settings)
         session, warnings = _session(settings)
         warnings += _saved_limits(options.saved or file)
     except (SettingsError, KeysError) as error:
@@ -138,6 +140,7 @@ def _check(options: argparse.Namespace) -> int:
     except (SettingsError, KeysError) as error:
         return fail(str(error))
     problems = [(text, False) for text in warnings] + _device_problems(settings)
+    problems += [(text, True) for text in _own_law_mistakes(settings)]
     for text, _ in problems:
         print(f"wallride: {text}", file=sys.stderr)
     return USAGE_ERROR if any(fatal or options.devices for _, fatal in problems) else 0
@@ -187,6 +190,13 @@ def _saved_limits(file: Path | None) -> tuple[str, ...]:
         f"{file}: {name} = {shown(value)} was saved while the car ran: look at it, and delete the comment '{MARK}'"
         for name, value in limits.items()
     )
+
+
+def _own_law_mistakes(settings: "Settings") -> list[str]:
+    """Return what is wrong with the user's own laws."""
+    from runtime.control.methods import own_law_mistakes
+
+    return own_law_mistakes(settings.wall_follow, settings.safety, settings.car)
 
 
 def _device_problems(settings: "Settings") -> list[tuple[str, bool]]:

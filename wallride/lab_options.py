@@ -55,7 +55,10 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def _add_variations(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--method", default="ball", metavar="A,B", help="laws, e.g. ball,report,ball+none (default: ball)"
+        "--method",
+        default="ball",
+        metavar="A,B",
+        help="laws, e.g. ball,report,ball+none, or MODULE:CLASS of your own (default: ball)",
     )
     parser.add_argument("--speeds", metavar="V,V", help="requested speeds in m/s (default: 1,2,3,4)")
     parser.add_argument("--mu", metavar="MU,MU", help="true friction (default: .5,.8,1)")

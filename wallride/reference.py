@@ -10,6 +10,9 @@ from pathlib import Path
 from typing import Final
 
 from runtime.arbitration.driving_state import BATTERY_CLEARED_BY, CLEARED_BY, TRANSITIONS, DrivingState, Observation
+from runtime.control.method_settings import OwnSafetySettings
+from runtime.control.own_laws.law_class import OWN_TAG
+from runtime.control.own_laws.settings import OwnFollowSettings
 from runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
 from runtime.parameters.catalogue import Parameter, catalogue
 from runtime.parameters.policy import Effect
@@ -108,7 +111,10 @@ def settings_page() -> str:
     ]
     default = catalogue(Settings())
     report = Settings(wall_follow=ReportFollowSettings(), safety=ReportSafetySettings())
-    for title, chosen in _sections(default, catalogue(report)):
+    own = Settings().model_copy(
+        update={"wall_follow": OwnFollowSettings.model_construct(), "safety": OwnSafetySettings.model_construct()}
+    )
+    for title, chosen in _sections(default, {"report": catalogue(report), OWN_TAG: catalogue(own)}):
         lines += [f"## {title}\n", "| setting | default | range | obeyed | looser | meaning |", "| --- " * 6 + "|"]
         lines += [_setting_row(parameter) for parameter in chosen]
         lines.append("")
@@ -116,16 +122,17 @@ def settings_page() -> str:
 
 
 def _sections(
-    default: Mapping[str, Parameter], report: Mapping[str, Parameter]
+    default: Mapping[str, Parameter], others: Mapping[str, Mapping[str, Parameter]]
 ) -> Iterator[tuple[str, list[Parameter]]]:
-    """Yield each section with its settings; those of the report's laws after those of the default laws."""
+    """Yield each section with its settings; those of other laws after those of the default laws."""
     for section in dict.fromkeys(name.rpartition(".")[0] for name in default):
         chosen = [parameter for name, parameter in default.items() if name.rpartition(".")[0] == section]
         method = next((p for p in chosen if p.name == f"{section}.method"), None)
         yield section if method is None else f"{section}, method = {json.dumps(method.default)}", chosen
-    for section in ("wall_follow", "safety"):
-        chosen = [parameter for name, parameter in report.items() if name.rpartition(".")[0] == section]
-        yield f'{section}, method = "report"', chosen
+    for law, known in others.items():
+        for section in ("wall_follow", "safety"):
+            chosen = [parameter for name, parameter in known.items() if name.rpartition(".")[0] == section]
+            yield f'{section}, method = "{law}"', chosen
 
 
 def _setting_row(parameter: Parameter) -> str:

@@ -10,10 +10,15 @@ from runtime.control import methods
 from runtime.control.guidance import Follower, Guidance
 from runtime.control.method_settings import (
     BallFollowSettings,
+    OwnSafetySettings,
     SafetySettings,
     SweptSafetySettings,
     WallFollowSettings,
 )
+from runtime.control.own_laws.follower import OwnFollower
+from runtime.control.own_laws.guard import CappedGuard
+from runtime.control.own_laws.runner import LawRunner
+from runtime.control.own_laws.settings import OwnFollowSettings
 from runtime.control.perception.geometry import Floats
 from runtime.control.perception.own_parts import KnownParts
 from runtime.control.perception.plausibility import Plausibility
@@ -41,15 +46,26 @@ class LiveLaws:
         self._clock = clock
         self._eyes = PerceptionCache(car)
         self.plausibility = Plausibility(car)
-        self._driver = methods.driver_for(wall_follow, car, self._eyes)
+        self._driver = methods.driver_for(wall_follow, car, self._eyes, clock)
         self._recovery = methods.recovery_for(safety)
         self.guard: SweptGuard | ReportGuard = methods.guard_for(safety, car, self._eyes, clock)
+        self._judge = methods.capped(self.guard, safety, wall_follow, clock)
         self.follower: Follower = self._wrapped(wall_follow)
 
     @property
     def words(self) -> tuple[str, ...]:
-        """Faults of the lidar's window and implausible sensor data, in sentences for the user."""
-        return (*self.guard.words, *self.plausibility.words)
+        """Faults of the lidar's window, implausible sensor data, faults of own laws, in sentences for the user."""
+        return (*self.guard.words, *self.plausibility.words, *filter(None, [self.own_law_fault]))
+
+    @property
+    def own_law_fault(self) -> str:
+        """Fault of an own law, which stops the car until `tune` tries it again; "" without one."""
+        return "; ".join(runner.fault for runner in self._runners() if runner.fault)
+
+    @property
+    def own_law_faults(self) -> int:
+        """Number of faults of the own laws in force."""
+        return sum(runner.faults for runner in self._runners())
 
     @property
     def own_parts(self) -> KnownParts | None:
@@ -78,7 +94,7 @@ class LiveLaws:
     def look(self, scan: Scan, motor: MotorState | None) -> SafetyAssessment:
         """Process one scan."""
         self.plausibility.look(scan, motor, odometry_check=self.safety.odometry_check)
-        outlook = self.guard.look(scan, motor)
+        outlook = self._judge.look(scan, motor)
         doubt = self.plausibility.lidar_doubt or self.plausibility.motor_doubt
         return Verdict(0.0, 0.0, doubt) if doubt else outlook
 
@@ -90,13 +106,20 @@ class LiveLaws:
         self.plausibility.learn()
 
     def tune(self, wall_follow: WallFollowSettings, safety: SafetySettings) -> None:
-        """Change the settings, from the next scan on."""
+        """Change the settings, from the next scan on. An own law with a fault is made anew and tried again."""
+        for runner in self._runners():
+            runner.retry()
         if wall_follow != self.wall_follow:
             self._tune_driver(wall_follow)
         if safety != self.safety:
             self._tune_guard(safety)
+        self._tune_own_guard(wall_follow, safety)
         self.wall_follow, self.safety = wall_follow, safety
         self.follower = self._wrapped(wall_follow)
+
+    def _runners(self) -> list[LawRunner]:
+        """Return the own laws in force."""
+        return [law.runner for law in (self._driver, self._judge) if isinstance(law, OwnFollower | CappedGuard)]
 
     def _wrapped(self, wall_follow: WallFollowSettings) -> Follower:
         return methods.wrapped(
@@ -109,8 +132,21 @@ class LiveLaws:
                 driver.tune(settings)
             case ReportFollower() as driver, ReportFollowSettings():
                 driver.tune(settings)
+            case OwnFollower() as driver, OwnFollowSettings() if settings.method == driver.runner.law.name:
+                driver.tune(settings)
             case _:
-                self._driver = methods.driver_for(settings, self._car, self._eyes)
+                self._driver = methods.driver_for(settings, self._car, self._eyes, self._clock)
+
+    def _tune_own_guard(self, wall_follow: WallFollowSettings, safety: SafetySettings) -> None:
+        """Tune the own safety law around the guard in force, or put another one, or none, around it."""
+        match self._judge, safety:
+            case CappedGuard() as judge, OwnSafetySettings() if (judge.guard, judge.runner.law.name) == (
+                self.guard,
+                safety.method,
+            ):
+                judge.tune(safety, wall_follow)
+            case _:
+                self._judge = methods.capped(self.guard, safety, wall_follow, self._clock)
 
     def _tune_guard(self, settings: SafetySettings) -> None:
         match self.guard, settings:

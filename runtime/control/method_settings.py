@@ -3,8 +3,11 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Discriminator, Field, Tag
+from pydantic import BaseModel, Discriminator, Field, SerializeAsAny, Tag, ValidationInfo, field_validator
 
+from runtime.control.own_laws.api import LawSettings
+from runtime.control.own_laws.law_class import OWN_TAG, is_own, load_law
+from runtime.control.own_laws.settings import MAX_BUDGET_S, MIN_BUDGET_S, OwnFollowSettings, own_values
 from runtime.control.perception.lidar_health_settings import LidarHealthSettings
 from runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
 from runtime.control.safety.swept_settings import RecoverySettings, SweptSettings
@@ -40,28 +43,55 @@ class SweptSafetySettings(SweptSettings):
     window: LidarHealthSettings = LidarHealthSettings()
 
 
+class OwnSafetySettings(SweptSafetySettings):
+    """A safety law of the user, beside the swept footprint: of both limits the lower one holds."""
+
+    method: str = OWN_TAG  # type: ignore[assignment] # another name in place of the one literal
+    """Safety law: `swept`, `report`, or MODULE:CLASS of your own beside `swept`."""
+    budget_s: Annotated[float, Field(ge=MIN_BUDGET_S, le=MAX_BUDGET_S)] = 0.005
+    """Time allowed for an answer; three slower ones in a row, or one of 20 times as much, stop the car."""
+    own: Annotated[SerializeAsAny[LawSettings], Field(validate_default=True)] = LawSettings()
+
+    @field_validator("method")
+    @classmethod
+    def _loads(cls, method: str) -> str:
+        return load_law("safety", method).name
+
+    @field_validator("own", mode="before")
+    @classmethod
+    def _own(cls, value: Any, info: ValidationInfo) -> Any:  # noqa: ANN401 - whatever stood in the file
+        return own_values("safety", value, info)
+
+
 def _method(default: str) -> Discriminator:
     def tell(value: Any) -> str:  # noqa: ANN401 - whatever stood in the file
         found = value.get("method", default) if isinstance(value, Mapping) else getattr(value, "method", default)
-        return str(found)
+        return OWN_TAG if is_own(str(found)) else str(found)
 
     return Discriminator(tell)
 
 
-WallFollowSettings = BallFollowSettings | ReportFollowSettings
-SafetySettings = SweptSafetySettings | ReportSafetySettings
+WallFollowSettings = BallFollowSettings | ReportFollowSettings | OwnFollowSettings
+SafetySettings = SweptSafetySettings | ReportSafetySettings | OwnSafetySettings
 ChosenWallFollow = Annotated[
-    Annotated[BallFollowSettings, Tag("ball")] | Annotated[ReportFollowSettings, Tag("report")], _method(DEFAULT_FOLLOW)
+    Annotated[BallFollowSettings, Tag("ball")]
+    | Annotated[ReportFollowSettings, Tag("report")]
+    | Annotated[OwnFollowSettings, Tag(OWN_TAG)],
+    _method(DEFAULT_FOLLOW),
 ]
 ChosenSafety = Annotated[
-    Annotated[SweptSafetySettings, Tag("swept")] | Annotated[ReportSafetySettings, Tag("report")],
+    Annotated[SweptSafetySettings, Tag("swept")]
+    | Annotated[ReportSafetySettings, Tag("report")]
+    | Annotated[OwnSafetySettings, Tag(OWN_TAG)],
     _method(DEFAULT_SAFETY),
 ]
 METHODS: Mapping[str, tuple[type[BaseModel], ...]] = {
     "wall_follow": (BallFollowSettings, ReportFollowSettings),
     "safety": (SweptSafetySettings, ReportSafetySettings),
 }
-TAGS = frozenset({"ball", "swept", "report"})
+OWN_METHODS: Mapping[str, type[BaseModel]] = {"wall_follow": OwnFollowSettings, "safety": OwnSafetySettings}
+"""Settings of the user's own laws, beside the built-in ones."""
+TAGS = frozenset({"ball", "swept", "report", OWN_TAG})
 
 KEPT_BY_NEW_METHOD = frozenset({"side", "desired_distance_m", "speed_mps", "expires_after_s", "binds_teleop"})
 """Settings with the same meaning in every law; gains and margins of one law do not transfer to another."""

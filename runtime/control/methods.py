@@ -4,17 +4,29 @@ from collections.abc import Callable
 
 from drivers.api import Clock
 from runtime.control.guidance import Follower, Guard
-from runtime.control.method_settings import SafetySettings, SweptSafetySettings, WallFollowSettings
+from runtime.control.method_settings import (
+    BallFollowSettings,
+    OwnSafetySettings,
+    SafetySettings,
+    SweptSafetySettings,
+    WallFollowSettings,
+)
+from runtime.control.own_laws.follower import OwnFollower
+from runtime.control.own_laws.guard import CappedGuard
+from runtime.control.own_laws.law_class import load_law
+from runtime.control.own_laws.runner import LawRunner
+from runtime.control.own_laws.settings import OwnFollowSettings
 from runtime.control.perception.view import PerceptionCache
 from runtime.control.recovery.recovering_follower import RecoveringFollower
 from runtime.control.recovery.way_out import Recovery
 from runtime.control.report.laws import ReportFollower, ReportGuard, ReportTurn
+from runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
 from runtime.control.safety.swept import SweptGuard
 from runtime.control.safety.swept_settings import RecoverySettings
 from runtime.control.vehicle import CarSettings
 from runtime.control.wall_following.ball import BallFollower
 
-Driver = BallFollower | ReportFollower
+Driver = BallFollower | ReportFollower | OwnFollower
 
 
 def laws(
@@ -25,28 +37,52 @@ def laws(
     clock: lets safety measure the age of its scan at every judgement; None takes it as it was on arrival.
     """
     eyes = PerceptionCache(car)
-    driver = driver_for(wall_follow, car, eyes)
+    driver = driver_for(wall_follow, car, eyes, clock)
     guard = guard_for(safety, car, eyes, clock)
     recovery = recovery_for(safety)
-    return wrapped(driver, guard, recovery, wall_follow), guard
+    return wrapped(driver, guard, recovery, wall_follow), capped(guard, safety, wall_follow, clock)
 
 
-def driver_for(wall_follow: WallFollowSettings, car: CarSettings, eyes: PerceptionCache) -> Driver:
-    """Return the follower itself, without the recovery."""
-    match wall_follow.method:
-        case "ball":
+def driver_for(
+    wall_follow: WallFollowSettings, car: CarSettings, eyes: PerceptionCache, clock: Clock | None = None
+) -> Driver:
+    """Return the follower itself, without the recovery. clock: measures the answers of an own law."""
+    match wall_follow:
+        case BallFollowSettings():
             return BallFollower(wall_follow, car, eyes)
-        case "report":
+        case ReportFollowSettings():
             return ReportFollower(wall_follow)
+        case _:
+            return OwnFollower(load_law("wall_follow", wall_follow.method), wall_follow, car, eyes, clock)
+
+
+def own_law_mistakes(wall_follow: WallFollowSettings, safety: SafetySettings, car: CarSettings) -> list[str]:
+    """Return what is wrong with making the own laws that the settings name, one sentence each."""
+    named = [("wall_follow", wall_follow), ("safety", safety)]
+    runners = [
+        LawRunner(load_law(section, settings.method), settings.own, car, None)
+        for section, settings in named
+        if isinstance(settings, OwnFollowSettings | OwnSafetySettings)
+    ]
+    return [runner.fault for runner in runners if runner.fault]
 
 
 def guard_for(
     safety: SafetySettings, car: CarSettings, eyes: PerceptionCache, clock: Clock | None
 ) -> SweptGuard | ReportGuard:
     """Return the safety law."""
-    if isinstance(safety, SweptSafetySettings):
-        return SweptGuard(safety, car, eyes, health=safety.window, clock=clock)
-    return ReportGuard(car, safety)
+    if isinstance(safety, ReportSafetySettings):
+        return ReportGuard(car, safety)
+    return SweptGuard(safety, car, eyes, health=safety.window, clock=clock)
+
+
+def capped(
+    guard: SweptGuard | ReportGuard, safety: SafetySettings, wall_follow: WallFollowSettings, clock: Clock | None
+) -> SweptGuard | ReportGuard | CappedGuard:
+    """Return the guard, and around it the user's safety law where there is one: it can only lower the limits."""
+    if isinstance(safety, OwnSafetySettings) and isinstance(guard, SweptGuard):
+        return CappedGuard(guard, load_law("safety", safety.method), safety, wall_follow, clock)
+    return guard
 
 
 def recovery_for(safety: SafetySettings) -> Recovery | None:

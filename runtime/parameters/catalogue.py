@@ -17,6 +17,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import to_jsonable_python
 
 from runtime.control.method_settings import METHODS
+from runtime.control.own_laws.law_class import loaded
 from runtime.parameters.policy import Effect, Loosens, effect_of, loosens_by
 from runtime.settings.tree import Settings
 
@@ -136,7 +137,11 @@ class Parameter:
 
 def catalogue(settings: Settings) -> Mapping[str, Parameter]:
     """Return every setting of the selected laws, by dotted name, in the order of the tree."""
-    return {name: parameter for section, name in _sections(settings) for name, parameter in _of(section, name).items()}
+    return {
+        name: parameter
+        for section, above in _sections(settings)
+        for name, parameter in _of(section, above, loaded(above.rstrip("."))).items()
+    }
 
 
 def values(settings: Settings) -> dict[str, Value]:
@@ -162,22 +167,25 @@ def _sections(section: BaseModel, above: str = "") -> Iterator[tuple[type[BaseMo
 
 
 @functools.cache
-def _of(section: type[BaseModel], above: str) -> Mapping[str, Parameter]:
-    """Return the settings directly in a section. Reads its source once, for the texts under the fields."""
+def _of(section: type[BaseModel], above: str, own_laws: tuple[str, ...]) -> Mapping[str, Parameter]:
+    """Return the settings directly in a section. Reads its source once, for the texts under the fields.
+
+    own_laws: names of the user's laws that may be selected in this section.
+    """
     texts = _texts(section)
     found = {}
     for name, field in section.model_fields.items():
         if not isinstance(field.get_default(call_default_factory=True), BaseModel):
-            found[above + name] = _parameter(above + name, field, field.description or texts.get(name, ""))
+            found[above + name] = _parameter(above + name, field, field.description or texts.get(name, ""), own_laws)
     return found
 
 
-def _parameter(name: str, field: FieldInfo, text: str) -> Parameter:
+def _parameter(name: str, field: FieldInfo, text: str, own_laws: tuple[str, ...]) -> Parameter:
     bounds: dict[str, float] = {}
     for item in field.metadata:
         bounds |= {end: getattr(item, end) for end in ("ge", "gt", "le", "lt") if hasattr(item, end)}
     default = to_jsonable_python(field.get_default(call_default_factory=True))
-    kind, allowed = _kind(name, field.annotation)
+    kind, allowed = _kind(name, field.annotation, own_laws)
     return Parameter(
         name=name,
         kind=kind,
@@ -194,10 +202,15 @@ def _parameter(name: str, field: FieldInfo, text: str) -> Parameter:
     )
 
 
-def _kind(name: str, annotation: Any) -> tuple[ValueKind, tuple[str, ...]]:  # noqa: ANN401 - an annotation is anything
+def _kind(
+    name: str,
+    annotation: Any,  # noqa: ANN401 - an annotation is anything
+    own_laws: tuple[str, ...],
+) -> tuple[ValueKind, tuple[str, ...]]:
     section, _, key = name.rpartition(".")
     if key == "method" and section in METHODS:
-        return ValueKind.CHOICE, tuple(str(law.model_fields["method"].default) for law in METHODS[section])
+        built_in = tuple(str(law.model_fields["method"].default) for law in METHODS[section])
+        return ValueKind.CHOICE, (*built_in, *own_laws)
     if get_origin(annotation) is Literal:
         return ValueKind.CHOICE, tuple(str(word) for word in get_args(annotation))
     if get_origin(annotation) in {tuple, list}:

@@ -48,6 +48,7 @@ NEVER_FROM_AFAR: Mapping[str, str] = {
     "recording.simulated": "says that the car is simulated",
     "recording.world": "says that the car is simulated",
     "process.state_folder": "names a folder of its computer",
+    "process.laws_folder": "names a folder of its computer",
     "parameters.history_file": "names a file of its computer",
 }
 """Settings that only the file on the car sets, by the beginning of their names; those of them that are live may be set
@@ -62,6 +63,8 @@ LOOSENS: Mapping[str, Loosens] = {
     "safety.expires_after_s": Loosens.UP,
     "safety.method": Loosens.ANY,
     "safety.binds_teleop": Loosens.TO_FALSE,
+    # An own law that may take longer answers later.
+    "safety.budget_s": Loosens.UP,
     "safety.odometry_check": Loosens.TO_FALSE,
     # Turning is not always safer: decision 6 has the figures.
     "safety.turn_below_m": Loosens.ANY,

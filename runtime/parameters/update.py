@@ -9,7 +9,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from runtime.control.method_settings import KEPT_BY_NEW_METHOD, METHODS, TAGS
+from runtime.control.method_settings import KEPT_BY_NEW_METHOD, METHODS, OWN_METHODS, TAGS
+from runtime.control.own_laws.law_class import is_own, loaded
 from runtime.parameters.catalogue import Parameter, Value, catalogue, shown, values
 from runtime.parameters.policy import is_looser
 from runtime.settings.tree import Settings
@@ -69,6 +70,7 @@ def _with_methods(settings: Settings, wishes: Mapping[str, object]) -> Settings:
     tree = settings.model_dump(mode="json")
     for section, laws in METHODS.items():
         models = {law.model_fields["method"].default: law for law in laws}
+        models |= dict.fromkeys(loaded(section), OWN_METHODS[section])
         method = wishes.get(f"{section}.method")
         if isinstance(method, str) and method in models and method != tree[section]["method"]:
             kept = KEPT_BY_NEW_METHOD.intersection(models[method].model_fields, tree[section])
@@ -80,7 +82,13 @@ def _objection(name: str, value: object, known: Mapping[str, Parameter]) -> str:
     """Return the first error of a requested value: an unknown setting, or its type; "" for none."""
     if name not in known:
         return _unknown(name, known)
-    return "" if known[name].takes(value) else f"{name} = {shown(value)}: must be {known[name].range_words()}"
+    if known[name].takes(value):
+        return ""
+    said = f"{name} = {shown(value)}: must be {known[name].range_words()}"
+    unknown_law = name.endswith(".method") and isinstance(value, str) and is_own(value)
+    return (
+        f"{said}; a law of your own is loaded at the start only: name it in the file, restart" if unknown_law else said
+    )
 
 
 def _differences(

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, field_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from drivers.hokuyo.settings import HokuyoSettings
 from drivers.vesc.settings import VescSettings
@@ -20,13 +20,16 @@ from runtime.control.battery import BatterySettings
 from runtime.control.method_settings import (
     KEPT_BY_NEW_METHOD,
     METHODS,
+    OWN_METHODS,
     TAGS,
     BallFollowSettings,
     ChosenSafety,
     ChosenWallFollow,
     SweptSafetySettings,
 )
+from runtime.control.own_laws.law_class import OWN_TAG, load_law
 from runtime.control.vehicle import NAME_RULE, CarSettings
+from runtime.host.user_module import UserCodeError, search_in
 from runtime.settings.operator import OperatorSettings
 from runtime.settings.parameters import ParameterSettings
 from runtime.settings.recording import RecordingSettings
@@ -83,6 +86,9 @@ class ProcessSettings(Section):
     state_folder: str = ""
     """Folder of the learnt own parts; empty: the service's state directory, or none."""
 
+    laws_folder: str = ""
+    """Folder of your own laws, looked into after the working directory and the folder of the settings file."""
+
     prefetch: bool = True
     """Have the processor fetch what an answer needs shortly before each scan, by a list that is made at the start."""
     stay_awake: bool = True
@@ -105,6 +111,16 @@ class Settings(Section):
     process: ProcessSettings = ProcessSettings()
     parameters: ParameterSettings = ParameterSettings()
     recording: RecordingSettings = RecordingSettings()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _look_for_laws(cls, tree: Any) -> Any:  # noqa: ANN401 - whatever stood in the file
+        """Look for own laws in the folder that the settings name, before one of them is named."""
+        process = tree.get("process") if isinstance(tree, Mapping) else None
+        folder = process.get("laws_folder") if isinstance(process, Mapping) else None
+        if isinstance(folder, str) and folder:
+            search_in(Path(folder))
+        return tree
 
     def effective_order(self) -> tuple[Source, ...]:
         """Return the mux's order: with the battery, and with safety above the human where `safety.binds_teleop`."""
@@ -129,6 +145,9 @@ def load_settings(path: Path | None, assignments: Sequence[str] = (), saved: Pat
     for assignment in assignments:
         _assign(tree, assignment)
         _assign(said, assignment)
+    if path is not None:
+        search_in(Path.cwd())
+        search_in(path.parent)
     try:
         return Settings.model_validate(tree)
     except ValidationError as error:
@@ -137,7 +156,7 @@ def load_settings(path: Path | None, assignments: Sequence[str] = (), saved: Pat
         found: dict[str, list[str]] = {}
         for item in error.errors():
             where = next((name for name, layer in sources if _holds(layer, item["loc"])), below)
-            found.setdefault(where, []).append(_sentence(item))
+            found.setdefault(where, []).append(_sentence(item, tree))
         raise SettingsError("; ".join(f"{where}: {'; '.join(lines)}" for where, lines in found.items())) from None
 
 
@@ -215,12 +234,12 @@ def _value(text: str) -> object:
         return text
 
 
-def _sentence(error: Mapping[str, Any]) -> str:
+def _sentence(error: Mapping[str, Any], tree: Mapping[str, Any]) -> str:
     """Format one pydantic error: key, problem, remedy."""
     path = [part for part in error["loc"] if part not in TAGS]
     key = ".".join(str(part) for part in path)
     if error["type"] == "extra_forbidden":
-        known = _known_keys(error["loc"][:-1])
+        known = _known_keys(error["loc"][:-1], tree)
         near = difflib.get_close_matches(str(path[-1]), known, 1)
         meant = f"did you mean {'.'.join([*map(str, path[:-1]), near[0]])}? " if near else ""
         return f"{key} is not a setting; {meant}known here: {', '.join(known)}"
@@ -234,11 +253,18 @@ def _sentence(error: Mapping[str, Any]) -> str:
     return f"{key} = {error['input']!r}: {message[:1].lower()}{message[1:]}"
 
 
-def _known_keys(path: Sequence[str | int]) -> list[str]:
+def _known_keys(path: Sequence[str | int], tree: Mapping[str, Any]) -> list[str]:
     """Return the keys of the section in which an unknown one was found; `path` may hold the tag of a method."""
     section: Any = Settings
+    if path[1:3] == (OWN_TAG, "own"):
+        try:
+            return list(load_law(str(path[0]), tree[str(path[0])]["method"]).model.model_fields)
+        except UserCodeError:
+            return []
     for part in path:
-        if part in TAGS:
+        if part == OWN_TAG:
+            section = OWN_METHODS[str(path[0])]
+        elif part in TAGS:
             section = next(model for model in section if model.model_fields["method"].default == part)
         else:
             section = METHODS.get(str(part)) or section.model_fields[part].annotation

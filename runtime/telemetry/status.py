@@ -25,6 +25,7 @@ from runtime.arbitration.command import (
     SpeedLimit,
 )
 from runtime.arbitration.command_queue import CommandQueue
+from runtime.control.own_laws.guard import CappedAssessment
 from runtime.control.perception.odometry import OdometryState
 from runtime.control.safety.swept import SweptAssessment as SweptOutlook
 from runtime.control.score import Score
@@ -232,6 +233,8 @@ def overruled(
 
 def _without_trace(outlook: SafetyAssessment) -> SafetyAssessment:
     """Return an assessment that can be evaluated without a trace in the law's memory."""
+    if isinstance(outlook, CappedAssessment):
+        return replace(outlook, outlook=_without_trace(outlook.outlook))
     if not isinstance(outlook, SweptOutlook):
         return outlook
     guard = copy.copy(outlook.guard)

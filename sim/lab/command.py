@@ -23,6 +23,7 @@ from sim.world.map_file import check_map
 from sim.world.own_parts import OWN_PARTS
 from sim.world.pose import Side
 
+FAILED = 1
 USAGE_ERROR = 2
 INTERRUPTED = 130
 SPEEDS_MPS, QUICK_SPEEDS_MPS = (1.0, 2.0, 3.0, 4.0), (1.0, 3.0)
@@ -39,7 +40,7 @@ class LabUsageError(Exception):
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run one experiment; 0 when it was completed, 2 for a wrong option, 130 after Ctrl-C."""
+    """Run one experiment; 0 when it was completed, 1 when an own law failed, 2 for a wrong option, 130 after Ctrl-C."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # for the workers: one thread each
     console = Console(stderr=True)
     try:
@@ -65,7 +66,10 @@ def run(options: argparse.Namespace) -> int:
         _show(
             tables, Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH), f"{len(cells)} runs in {took_s:.0f} s"
         )
-    return 0
+    faults = laws.own_law_faults(choice.laws, figures)
+    for fault in faults:
+        print(f"wallride: the car stood: {fault}", file=sys.stderr)  # noqa: T201 - this is the command's voice
+    return FAILED if faults else 0
 
 
 def chosen(options: argparse.Namespace) -> CellChoice:

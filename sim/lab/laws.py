@@ -1,13 +1,17 @@
 """Laws under test by name: the only place of the lab that constructs them.
 
 "ball" is a follower with the safety that belongs to it; "ball+report" names both; "report+none" drives without safety.
-"prototype" is a baseline that only the lab has (`sim.lab.courses.prototype`).
+"prototype" is a baseline that only the lab has (`sim.lab.courses.prototype`). "my_laws:Follower" is a class of the
+user, and "my_laws:Follower+my_laws:Guard" one of the user's safety laws beside the car's own.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from runtime.control import methods
 from runtime.control.guidance import Follower, Guard
+from runtime.control.own_laws.law_class import is_own, load_law
 from runtime.control.perception.view import PerceptionCache
 from runtime.settings.tree import load_settings
 from sim.lab.cell import Cell
@@ -23,12 +27,16 @@ GUARDS = ("report", "swept", "none")
 def check(law: str) -> str:
     """Return the law's full name "follower+guard"; ValueError for an unknown name."""
     follower, _, guard = law.partition("+")
-    if follower not in GUARD_OF or (guard or GUARD_OF[follower]) not in GUARDS:
+    for section, name in (("wall_follow", follower), ("safety", guard)):
+        if is_own(name):
+            load_law(section, name)
+    guard = guard or ("swept" if is_own(follower) else GUARD_OF.get(follower, ""))
+    if not (follower in GUARD_OF or is_own(follower)) or not (guard in GUARDS or is_own(guard)):
         raise ValueError(
-            f"no law is called {law!r}; write one of {', '.join(GUARD_OF)},"
+            f"no law is called {law!r}; write one of {', '.join(GUARD_OF)}, or MODULE:CLASS of your own,"
             f" or with another safety FOLLOWER+GUARD, guards being {', '.join(GUARDS)}"
         )
-    return f"{follower}+{guard or GUARD_OF[follower]}"
+    return f"{follower}+{guard}"
 
 
 def build(law: str, side: Side, desired_m: float, speed_mps: float) -> tuple[Follower, Guard | None]:
@@ -47,13 +55,21 @@ def build(law: str, side: Side, desired_m: float, speed_mps: float) -> tuple[Fol
     settings = load_settings(None, wanted)
     eyes = PerceptionCache(settings.car)
     guard = methods.guard_for(settings.safety, settings.car, eyes, None)
+    judge = methods.capped(guard, settings.safety, settings.wall_follow, None)
     driver: Follower = (
         methods.driver_for(settings.wall_follow, settings.car, eyes)
         if follower_name == on_car
         else Prototype(side, desired_m, speed_mps, settings.car, eyes)
     )
     follower = methods.wrapped(driver, guard, methods.recovery_for(settings.safety), settings.wall_follow)
-    return follower, None if guard_name == "none" else guard
+    return follower, None if guard_name == "none" else judge
+
+
+def own_law_faults(laws: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the faults of the user's laws that stopped a car, each once."""
+    names = tuple(f"{name} " for law in laws for name in law.split("+") if is_own(name))
+    reasons = (reason for row in rows for reason in row.get("stop_reasons", ()))
+    return sorted({reason for reason in reasons if names and reason.startswith(names)})
 
 
 def drive_case(cell: Cell, case: Case, navigator: Follower | None = None, guard: Guard | None = None) -> SimulatedRun:

@@ -1,0 +1,50 @@
+"""Settings of the laws of the user: those that the car needs, and below `own` those of the law itself."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, Field, SerializeAsAny, ValidationInfo, field_validator
+
+from runtime.control.own_laws.api import LawSettings
+from runtime.control.own_laws.law_class import OWN_TAG, load_law
+from runtime.settings_base import Section
+
+MIN_BUDGET_S, MAX_BUDGET_S = 0.0005, 0.02
+
+
+def own_values(section: str, value: Any, info: ValidationInfo) -> Any:  # noqa: ANN401 - whatever stood in the file
+    """Return the settings of a law, validated by its own model; the value itself where the law is not known."""
+    name = info.data.get("method")
+    if not isinstance(name, str):
+        return LawSettings()  # the law's name is refused already
+    model = load_law(section, name).model
+    if isinstance(value, model):
+        return value
+    return model.model_validate(value.model_dump() if isinstance(value, BaseModel) else value)
+
+
+class OwnFollowSettings(Section):
+    """A follower of the user."""
+
+    method: str = OWN_TAG
+    """Wall-following law: `ball`, `report`, or MODULE:CLASS of your own."""
+    side: Literal["left", "right"] = "left"
+    """Side of the followed wall."""
+    desired_distance_m: Annotated[float, Field(ge=0.2, le=5)] = 1.0
+    """Wanted distance from the rear axle to the wall."""
+    speed_mps: Annotated[float, Field(ge=0, le=10)] = 1.0
+    """Wanted speed."""
+    budget_s: Annotated[float, Field(ge=MIN_BUDGET_S, le=MAX_BUDGET_S)] = 0.005
+    """Time allowed for an answer; three slower ones in a row, or one of 20 times as much, stop the car."""
+    expires_after_s: Annotated[float, Field(gt=0, le=0.2)] = 0.15
+    """Lifetime of a navigation command, counted from its scan."""
+    own: Annotated[SerializeAsAny[LawSettings], Field(validate_default=True)] = LawSettings()
+
+    @field_validator("method")
+    @classmethod
+    def _loads(cls, method: str) -> str:
+        return load_law("wall_follow", method).name
+
+    @field_validator("own", mode="before")
+    @classmethod
+    def _own(cls, value: Any, info: ValidationInfo) -> Any:  # noqa: ANN401 - whatever stood in the file
+        return own_values("wall_follow", value, info)

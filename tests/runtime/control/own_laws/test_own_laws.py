@@ -1,0 +1,307 @@
+"""Laws of the user in the live stack: what they are given, and that no mistake of theirs moves the car."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+
+from drivers.api import MotorState, Scan
+from runtime.arbitration.command import Source, arbitrate, consent
+from runtime.live_stack import REQUIRED, LiveStack
+from runtime.parameters.catalogue import catalogue, values
+from runtime.parameters.update import UnacceptableError, plan
+from runtime.recording.decision_log import DecisionLog
+from runtime.settings.tree import Settings, SettingsError, load_settings, to_toml
+from runtime.telemetry.status import _without_trace
+from sim.virtual.devices import BEAMS, STEP_RAD, ranges_between_walls
+from tests.own_laws import EASY, INIT, STRAIGHT, follow, law_file, limit
+
+__all__ = ["law_file"]
+ROLLING = MotorState(100.0, 1.0, 0.0, 0.1, 12.0, 0.0, 0.0, 20.0, "", timed_out=False, killed=False)
+
+
+class Car:
+    """A stack whose clock advances by `costs_s` at every reading."""
+
+    def __init__(self, *wanted):
+        self.now_s, self.costs_s, self.scans = 100.0, 0.0, 0
+        self.stack = LiveStack(load_settings(None, wanted), DecisionLog(self.clock, 64))
+        self.stack.queue.say(consent(Source.PERMIT, "test"))
+
+    def clock(self):
+        self.now_s += self.costs_s
+        return self.now_s
+
+    def scan(self, ahead_m=math.nan):
+        """Answer one scan and return what would be sent."""
+        self.scans += 1
+        self.now_s += 0.025
+        costs_s = self.costs_s
+        self.costs_s = 0.0
+        seen_m = ranges_between_walls(1.0, 1.0, ahead_m).astype(np.float32)
+        scan = Scan(self.now_s, self.now_s, -STEP_RAD * (BEAMS // 2), STEP_RAD, 0.02, 30.0, seen_m, self.scans)
+        self.costs_s = costs_s
+        self.stack.look(scan, ROLLING)
+        self.stack.follow(scan, ROLLING)
+        self.costs_s = 0.0
+        decision = arbitrate(self.stack.queue.live(), REQUIRED, self.stack.queue.order)
+        self.costs_s = costs_s
+        return decision
+
+    @property
+    def fault(self):
+        return self.stack.laws.own_law_fault
+
+
+def follower(name, *more):
+    return Car(f"wall_follow.method={name}", *more)
+
+
+def test_an_own_law_drives(law_file):
+    car = follower(law_file(STRAIGHT))
+    decision = car.scan()
+    assert (decision.speed_mps, decision.steering_rad, decision.driver) == (1.0, 0.0, Source.NAVIGATION)
+    assert car.fault == ""
+
+
+def test_it_is_given_arrays_in_si_units_and_what_is_wanted(law_file):
+    body = INIT + (
+        "def follow(self, scan, state):\n"
+        "    import builtins; builtins.seen_by_law = (scan, state, scan.points_m())\n"
+        "    return Guidance(0.5, 0.0)\n"
+    )
+    car = follower(
+        law_file(body), "wall_follow.side=right", "wall_follow.speed_mps=2", "wall_follow.desired_distance_m=0.7"
+    )
+    car.scan(ahead_m=3.0)
+    import builtins
+
+    scan, state, points_m = builtins.seen_by_law  # type: ignore[attr-defined]
+    assert scan.ranges_m.shape == scan.angles_rad.shape == (BEAMS,)
+    left = int(np.argmin(np.abs(scan.angles_rad - math.pi / 2)))
+    assert scan.ranges_m[left] == pytest.approx(1.0, abs=0.01)
+    assert points_m[:, left] == pytest.approx([0.27, 1.0], abs=0.02)
+    assert (state.side, state.desired_speed_mps, state.desired_distance_m) == ("right", 2.0, 0.7)
+    assert (state.speed_mps, state.steering_rad) == (1.0, 0.1)
+
+
+RAISES = f"{INIT}def follow(self, scan, state):\n    return Guidance(1.0, 1 / 0)\n"
+
+
+@pytest.mark.parametrize(
+    ("body", "sentence"),
+    [
+        (RAISES, "raised ZeroDivisionError: division by zero (FILE:6)"),
+        (INIT + "def follow(self, scan, state): sys.exit(3)\n", "raised SystemExit: 3 (FILE:5)"),
+        (follow("Guidance(1.0, math.nan)"), "returned steering_rad = nan, which is no finite number (FILE:5)"),
+        (follow("Guidance(math.inf, 0.0)"), "returned speed_mps = inf, which is no finite number (FILE:5)"),
+        (follow("Guidance('fast', 0.0)"), "returned speed_mps = 'fast', which is no finite number (FILE:5)"),
+        (follow("Guidance(True, 0.0)"), "returned speed_mps = True, which is no finite number (FILE:5)"),
+        (follow("Guidance(1.0, 0.0, None)"), "returned distance_m = NoneType, which is no number (FILE:5)"),
+        (follow("Guidance(1.0, 0.0, reason=3)"), "returned reason = 3, which is no text (FILE:5)"),
+        (follow("(1.0, 0.0)"), "returned a tuple where a Guidance is needed (FILE:5)"),
+        (follow("None"), "returned nothing where a Guidance is needed (FILE:5)"),
+    ],
+)
+def test_each_mistake_stops_the_car_with_name_and_line(law_file, body, sentence):
+    name = law_file(body)
+    car = follower(name)
+    decision = car.scan()
+    assert decision.speed_mps == 0.0
+    assert car.fault == decision.reason == f"{name} {sentence.replace('FILE', name.replace(':Law', '.py'))}"
+    assert car.fault in car.stack.laws.words
+
+
+def test_a_fault_lasts_until_it_is_tried_again(law_file):
+    body = INIT + (
+        "def follow(self, scan, state):\n"
+        "    self.scans += 1\n"
+        "    if self.scans == 2: raise ValueError('once')\n"
+        "    return Guidance(1.0, 0.0)\n"
+    )
+    car = follower(law_file(body))
+    assert [car.scan().speed_mps for _ in range(4)] == [1.0, 0.0, 0.0, 0.0]
+    car.stack.apply(car.stack.settings)
+    assert car.scan().speed_mps == 1.0
+    assert car.fault == ""
+    assert car.stack.laws.own_law_faults == 1
+
+
+def test_three_slow_answers_in_a_row_are_a_fault_and_two_are_not(law_file):
+    name = law_file(STRAIGHT)
+    car = follower(name, "safety.method=report", "wall_follow.budget_s=0.005")
+    for costs_s in (0.006, 0.006, 0.004, 0.006, 0.006):
+        car.costs_s = costs_s
+        assert car.scan().speed_mps == 1.0
+    assert car.scan().speed_mps == 0.0
+    assert re.search(r"is too slow 3 times in a row: 6\.0 ms where 5 ms are allowed \(own_law_\d+\.py:5\)$", car.fault)
+
+
+def test_one_answer_far_over_the_budget_is_a_fault(law_file):
+    car = follower(law_file(STRAIGHT), "safety.method=report")
+    car.costs_s = 0.099
+    car.scan()
+    assert car.fault == ""
+    car.costs_s = 0.101
+    assert car.scan().speed_mps == 0.0
+    assert "is too slow: 101.0 ms where 5 ms are allowed" in car.fault
+
+
+def test_a_law_whose_constructor_raises_never_drives(law_file):
+    car = follower(law_file(STRAIGHT.replace("self.settings, self.scans = settings, 0", "open('nothing')")))
+    assert car.scan().speed_mps == 0.0
+    assert "raised FileNotFoundError" in car.fault
+    assert car.fault.endswith(".py:4)")
+
+
+SETTINGS = "class Settings(LawSettings):\n    gain: float = 1.5\n    '''Gain [rad/m].'''\n"
+
+
+def test_its_settings_are_settings_of_the_car(law_file):
+    name = law_file(SETTINGS + follow("Guidance(self.settings.gain, 0.0)"))
+    car = follower(name, "wall_follow.own.gain=0.5")
+    assert car.scan().speed_mps == 0.5
+    known = catalogue(car.stack.settings)["wall_follow.own.gain"]
+    assert (known.default, known.unit, known.words) == (1.5, "rad/m", "Gain [rad/m].")
+    car.stack.apply(plan(car.stack.settings, {"wall_follow.own.gain": 0.75}).settings)
+    assert car.scan().speed_mps == 0.75
+    assert values(car.stack.settings)["wall_follow.own.gain"] == 0.75
+    text = to_toml(car.stack.settings)
+    assert "[wall_follow.own]\ngain = 0.75\n" in text
+    with pytest.raises(UnacceptableError, match=r"wall_follow\.own\.gain = 'x': must be a number rad/m"):
+        plan(car.stack.settings, {"wall_follow.own.gain": "x"})
+    with pytest.raises(UnacceptableError, match=r"wall_follow\.own\.gian is not a setting; did you mean"):
+        plan(car.stack.settings, {"wall_follow.own.gian": 1.0})
+
+
+def test_the_settings_survive_a_file_and_a_recording(law_file, tmp_path):
+    settings = load_settings(
+        None, [f"wall_follow.method={law_file(SETTINGS + follow('None'))}", "wall_follow.own.gain=3"]
+    )
+    file = tmp_path / "car.toml"
+    file.write_text(to_toml(settings))
+    assert load_settings(file) == settings
+    assert Settings.model_validate(settings.model_dump(mode="json")) == settings
+
+
+def test_a_driving_car_may_switch_to_a_law_that_it_has_loaded_and_to_no_other(law_file):
+    name, other = law_file(STRAIGHT), law_file(STRAIGHT)
+    settings = load_settings(None, [f"wall_follow.method={name}"])
+    ball = plan(settings, {"wall_follow.method": "ball"}).settings
+    assert plan(ball, {"wall_follow.method": name}).settings == settings
+    with pytest.raises(UnacceptableError, match="is loaded at the start only: name it in the file, restart"):
+        plan(ball, {"wall_follow.method": other})
+    with pytest.raises(UnacceptableError, match="is loaded at the start only"):
+        plan(ball, {"wall_follow.method": "os:PathLike"})
+
+
+def refusal(*assignments):
+    with pytest.raises(SettingsError) as caught:
+        load_settings(None, assignments)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("body", "sentence"),
+    [
+        ("pass", "FILE:3: class Law has no method follow(self, scan, state)"),
+        (INIT + "def follow(self, scan): return None", "FILE:3: class Law: follow must take (self, scan, state)"),
+        (INIT + "async def follow(self, scan, state): ...", "FILE:3: class Law: follow must be a plain method"),
+        ("def follow(self, scan, state): ...", "FILE:3: class Law must be made from (settings, car)"),
+        ("Settings = int\n" + STRAIGHT, "FILE:3: class Law: Settings must be a class derived from wallride.laws"),
+        (
+            "class Settings(LawSettings):\n    gain: float\n" + STRAIGHT,
+            "FILE:3: class Law: its setting gain has no def",
+        ),
+        ("def follow(self, scan, state)", "FILE:4: SyntaxError: expected ':'"),
+        ("1 / 0", "FILE:4: ZeroDivisionError: division by zero"),
+        ("import nowhere_22", "FILE:4: ModuleNotFoundError: No module named 'nowhere_22'"),
+    ],
+)
+def test_what_cannot_be_loaded_is_said_with_file_and_line(law_file, body, sentence):
+    name = law_file(body)
+    said = refusal(f"wall_follow.method={name}")
+    assert sentence.replace("FILE", name.replace(":Law", ".py")) in said
+    assert said.startswith(f"--set: wall_follow.method = '{name}': ")
+
+
+def test_a_wrong_file_class_or_name_is_said_with_the_remedy(law_file, tmp_path):
+    name = law_file(STRAIGHT)
+    missing = refusal("wall_follow.method=nowhere_22:Law")
+    assert f"there is no nowhere_22.py in {tmp_path}" in missing
+    assert "process.laws_folder" in missing
+    assert "has no class Lav; did you mean Law?" in refusal(f"wall_follow.method={name[:-1]}v")
+    assert "write module:Class, for example my_laws:Follower" in refusal("wall_follow.method=my_laws.py:Law")
+    assert "input should be 'ball', 'report', 'module:Class'" in refusal("wall_follow.method=bal")
+    assert "wall_follow.own.x is not a setting" in refusal(f"wall_follow.method={name}", "wall_follow.own.x=1")
+
+
+def test_laws_are_found_beside_the_settings_file_and_in_the_folder_named(law_file, tmp_path, monkeypatch):
+    name, beside, named = law_file(STRAIGHT), tmp_path / "beside", tmp_path / "named"
+    elsewhere = tmp_path / "elsewhere"
+    for folder in (beside, named, elsewhere):
+        folder.mkdir()
+    monkeypatch.chdir(elsewhere)
+    other = law_file(STRAIGHT)
+    (tmp_path / f"{name[:-4]}.py").rename(beside / f"{name[:-4]}.py")
+    (tmp_path / f"{other[:-4]}.py").rename(named / f"{other[:-4]}.py")
+    (beside / "car.toml").write_text(f"[wall_follow]\nmethod = '{name}'\n")
+    assert load_settings(beside / "car.toml").wall_follow.method == name
+    wanted = [f"wall_follow.method={other}", f"process.laws_folder={named}"]
+    assert load_settings(None, wanted).wall_follow.method == other
+
+
+def guard(name, *more):
+    return Car(f"safety.method={name}", "wall_follow.method=report", *more)
+
+
+def test_an_own_safety_law_lowers_the_limit(law_file):
+    car = guard(law_file(limit("Limit(0.4, 0.0, 'slow zone')")))
+    decision = car.scan()
+    assert (decision.speed_mps, decision.winner, decision.reason) == (0.4, Source.SAFETY, "slow zone")
+    assert car.stack.queue.live()[0].outlook.limit(-1.0, 0.0).reverse_mps == 0.0
+
+
+def test_an_own_safety_law_cannot_switch_off_the_cars_own(law_file):
+    car = guard(law_file(EASY))
+    free = car.scan()
+    assert free.speed_mps == 1.0
+    blocked = [car.scan(ahead_m=0.3) for _ in range(3)][-1]
+    assert (blocked.speed_mps, blocked.winner) == (0.0, Source.SAFETY)
+
+
+@pytest.mark.parametrize(
+    ("answer", "sentence"),
+    [
+        ("Limit(math.nan)", "returned forward_mps = nan, which is no speed from 0 to infinity"),
+        ("Limit(1.0, -1.0)", "returned reverse_mps = -1.0, which is no speed from 0 to infinity"),
+        ("Limit(-math.inf)", "returned forward_mps = -inf, which is no speed from 0 to infinity"),
+        ("1.0", "returned a float where a Limit is needed"),
+        ("1 / 0", "raised ZeroDivisionError: division by zero"),
+    ],
+)
+def test_a_mistake_of_an_own_safety_law_stops_the_car(law_file, answer, sentence):
+    name = law_file(limit(answer))
+    car = guard(name)
+    decision = car.scan()
+    assert (decision.speed_mps, decision.winner) == (0.0, Source.SAFETY)
+    assert decision.reason == f"{name} {sentence} ({name[:-4]}.py:5)"
+
+
+def test_to_read_the_status_leaves_no_trace_in_a_capped_guard(law_file):
+    car = guard(law_file(EASY))
+    car.scan()
+    outlook = car.stack.laws.look(*last_scan(car))
+    assert _without_trace(outlook) is not outlook
+    assert _without_trace(outlook).outlook is not outlook.outlook  # type: ignore[attr-defined]
+
+
+def last_scan(car):
+    seen_m = ranges_between_walls(1.0, 1.0).astype(np.float32)
+    return Scan(101.0, 101.0, -STEP_RAD * (BEAMS // 2), STEP_RAD, 0.02, 30.0, seen_m, 9), ROLLING
+
+
+def test_a_stop_of_an_own_law_is_no_dead_end_to_back_out_of(law_file):
+    car = follower(law_file(follow("None")))
+    assert {car.scan().speed_mps for _ in range(200)} == {0.0}

@@ -1,0 +1,1 @@
+"""`wallride new`: examples to begin with, which the command writes under names of the user."""

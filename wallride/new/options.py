@@ -1,0 +1,50 @@
+"""`wallride new law`: a first law of one's own, with a test beside it."""
+
+import argparse
+from pathlib import Path
+
+from wallride.failure import fail
+
+HERE = Path(__file__).parent
+KINDS = {"pd": ("pd_follower", "Pd"), "gap": ("gap_follower", "Gap")}
+"""File and name of each example."""
+CLASS = "Follower"
+
+
+def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add `new` and what it makes."""
+    new = commands.add_parser("new", help="begin something of your own: a law")
+    things = new.add_subparsers(dest="thing", required=True, metavar="THING")
+    law = things.add_parser("law", help="write a first law of your own and its test, to change (docs/your-own-law.md)")
+    law.add_argument("file", type=Path, metavar="FILE.py", help="the law's file, for example my_laws.py")
+    law.add_argument(
+        "--kind", choices=sorted(KINDS), default="pd",
+        help="pd: the lab report's wall follower; gap: drives for the freest direction (default: pd)",
+    )  # fmt: skip
+    law.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write both files; 2 where one exists, or the name cannot be imported."""
+    law: Path = options.file
+    if law.suffix != ".py" or not law.stem.isidentifier():
+        return fail(f"{law}: name a Python file of letters, digits and _, for example my_laws.py")
+    test = law.with_name(f"test_{law.name}")
+    for path in (law, test):
+        if path.exists():
+            return fail(f"{path}: exists already; nothing was written")
+    if not law.absolute().parent.is_dir():
+        return fail(f"{law}: there is no directory {law.parent}; make it first")
+    source, prefix = KINDS[options.kind]
+    law.write_text(_text(source, prefix, law.stem), encoding="utf-8")
+    test.write_text(_text("law_test", "Pd", law.stem), encoding="utf-8")
+    print(f"{law}: class {CLASS}; {test}: its test (python -m pytest {test})")
+    print(f"drive it:  wallride sim --set wall_follow.method={law.stem}:{CLASS}")
+    return 0
+
+
+def _text(source: str, prefix: str, module: str) -> str:
+    """Return an example under the user's names."""
+    text = (HERE / f"{source}.py").read_text(encoding="utf-8")
+    text = text.replace("wallride.new.pd_follower", module)
+    return text.replace(f"{prefix}Follower", CLASS).replace(f"{prefix}Settings", f"{CLASS}Settings")
