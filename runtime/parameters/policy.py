@@ -63,8 +63,6 @@ LOOSENS: Mapping[str, Loosens] = {
     "safety.expires_after_s": Loosens.UP,
     "safety.method": Loosens.ANY,
     "safety.binds_teleop": Loosens.TO_FALSE,
-    # An own law that may take longer answers later.
-    "safety.budget_s": Loosens.UP,
     "safety.odometry_check": Loosens.TO_FALSE,
     # Turning is not always safer: decision 6 has the figures.
     "safety.turn_below_m": Loosens.ANY,

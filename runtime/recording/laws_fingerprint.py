@@ -15,15 +15,17 @@ DIGITS = 12
 
 
 @functools.cache
-def laws_fingerprint() -> str:
+def laws_fingerprint(*own: Path) -> str:
     """Return a hash that changes with every change of a law, of its compiled twin, or of the mux's rule.
 
-    Reads the files once.
+    own: files of the user's laws. Reads the files once.
     """
     digest = hashlib.sha256()
     for path in law_files(PACKAGE):
         digest.update(path.relative_to(PACKAGE).as_posix().encode())
         digest.update(hashlib.sha256(path.read_bytes()).digest())
+    for path in own:
+        digest.update(path.read_bytes() if path.is_file() else b"")
     return digest.hexdigest()[:DIGITS]
 
 

@@ -11,6 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from runtime.control.own_laws.law_class import loaded_files
 from runtime.realtime.wall_clock import WallClock
 from runtime.recording import channels
 from runtime.recording.black_box import Memory
@@ -92,7 +93,7 @@ class RecordingWriter:
         self._disk = disk
         self._facts = facts
         self._breathe = breathe
-        self._laws = laws_fingerprint()  # now, while the files are those that were loaded
+        self._laws = laws_fingerprint(*loaded_files())  # now, while the files are those that were loaded
         self._memory = Memory(max(settings.black_box_s, MIN_MEMORY_S))
         self._run: McapFile | None = None
         self._box: _Box | None = None

@@ -22,6 +22,7 @@ from runtime.arbitration.command import Output, Source
 from runtime.arbitration.queues import NEVER_S
 from runtime.control.guidance import Guidance
 from runtime.control.method_settings import TAGS
+from runtime.control.own_laws.law_class import OWN_TAG, loaded_files
 from runtime.recording.channels import TAPE
 from runtime.recording.decision_codec import TapeError, decode
 from runtime.recording.decision_log import (
@@ -132,11 +133,12 @@ class _Reenactment:
         self._ranges = _Ranges(log)
         self._clock = _Script()
         self._zero_s = _first_time_s(events)
-        self._verdict = ReplayVerdict(notes=[*log.notes], changed=changed_laws(log))
+        self._verdict = ReplayVerdict(notes=[*log.notes])
         first = next((event.settings for event in events if isinstance(event, SettingsEvent)), None)
         if first is None and not log.settings_text:
             self._verdict.notes.append("its settings were not recorded: the defaults are taken.")
         settings = self._settings(first) if first is not None else settings_of(log, assignments)
+        self._verdict.changed = changed_laws(log)  # by now the user's own laws are loaded
         self._stage = ReplayStack(settings, self._zero_s, self._clock)
         self._scans: dict[int, Scan] = {}
         self._latest = -1
@@ -258,6 +260,10 @@ class _Reenactment:
         try:
             settings = Settings.model_validate(tree)
         except ValidationError as error:
+            if missing := [item["msg"] for item in error.errors() if OWN_TAG in item["loc"]]:
+                raise RecordingError(
+                    f"its own law cannot be used: {missing[0].removeprefix('Value error, ')}"
+                ) from None
             raise RecordingError(
                 f"its settings are those of another version ({error.error_count()} do not fit):"
                 " replay it with the version that recorded it."
@@ -307,15 +313,13 @@ def changed_laws(log: DriveLog) -> str:
     """Return a sentence if the recorded laws differ, or may differ, from those that replay; "" for the same."""
     recorded, ours = log.fact("version"), version("wallride")
     laws = log.fact("laws")
-    if laws == laws_fingerprint():
+    present = laws_fingerprint(*loaded_files())
+    if laws == present:
         return ""
     if not laws:
         by = f"wallride {recorded}, which did" if recorded else "a wallride that did"
         return f"the laws may have changed since: it was recorded by {by} not name its laws"
-    return (
-        f"the laws have changed since: recorded with {recorded} (laws {laws}), this is {ours} (laws"
-        f" {laws_fingerprint()})"
-    )
+    return f"the laws have changed since: recorded with {recorded} (laws {laws}), this is {ours} (laws {present})"
 
 
 def _first_time_s(events: Sequence[Event]) -> float:

@@ -22,8 +22,8 @@ OTHER_TEXT = frozenset(
     {
         # the states and what clears them are on docs/reference/states.md, written from the code
         "driving_state.py",
-        # a range in words; an error of the programmer
-        "vehicle.py", "queues.py",
+        # a range in words; an error of the programmer; errors at the start
+        "vehicle.py", "queues.py", "law_class.py",
     }
 )  # fmt: skip
 NO_REASONS = frozenset(
@@ -34,6 +34,7 @@ NO_REASONS = frozenset(
         "are dirty: clean the window", "see nothing: uncover or clean the window",
         "see the car itself, or dirt, and are ignored", ".+ beams around .+ deg .+",
         "almost no beam has an echo: uncover or clean the lidar",
+        " .+ times in a row",  # a part of a reason
         "the wheels turn and the scan stands (wheels in the air?): it does not back out",
         # counted and logged: the command is not obeyed, and the car does what it did before
         "release everything first, then press", "an unreadable command", "an operator without a name",

@@ -50,6 +50,11 @@ def loaded(section: str) -> tuple[str, ...]:
     return tuple(name for kind, name in _loaded if kind == section)
 
 
+def loaded_files() -> tuple[Path, ...]:
+    """Return the files of all own laws that this process has imported."""
+    return tuple(sorted({law.file for law in _loaded.values()}))
+
+
 def load_law(section: str, name: str) -> LawClass:
     """Return an own law, imported at the first call; UserCodeError says in one sentence what is wrong with it."""
     if (section, name) not in _loaded:

@@ -1,0 +1,163 @@
+"""A law of the user in the whole process: it drives the emulated car, its mistakes stop it, and the process lives."""
+
+import asyncio
+import json
+import os
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from drivers.vesc.codec import Packet
+from tests.system.bench import bench
+from wallride.cli import main
+from wallride.lab import LawError, run
+from wallride.new.gap_follower import GapFollower
+from wallride.new.pd_follower import PdFollower
+
+LAW = """import time
+from wallride.laws import Guidance
+
+class Law:
+    def __init__(self, settings, car):
+        self.scans = 0
+
+    def follow(self, scan, state):
+        self.scans += 1
+        if self.scans > 60:
+            {then}
+        return Guidance(1.0, 0.0)
+"""
+
+
+def settings(tmp_path, then):
+    (tmp_path / "late_law.py").write_text(LAW.format(then=then))
+    return "wall_follow.method=late_law:Law", f"process.laws_folder={tmp_path}"
+
+
+def typed(folder, *arguments, timeout=50):
+    return subprocess.run(
+        [sys.executable, "-m", "wallride", *arguments],
+        capture_output=True, text=True, timeout=timeout, cwd=folder, check=False,
+        env={**os.environ, "TERM": "dumb"},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("then", "sentence"),
+    [
+        ("raise ValueError('lost the wall')", "late_law:Law raised ValueError: lost the wall"),
+        ("return Guidance(float('nan'), 0.0)", "late_law:Law returned speed_mps = nan, which is no finite number"),
+        ("time.sleep(0.12)", "late_law:Law is too slow"),
+    ],
+    ids=["raises", "nan", "slow"],
+)
+async def test_a_mistake_brakes_and_the_process_lives_and_tries_again(tmp_path, then, sentence):
+    async with bench(tmp_path, *settings(tmp_path, then)) as car:
+        await car.until_driving()
+        await car.until(lambda: any(sentence in line for line in car.runtime.log), "the sentence in the log")
+        failed_s = time.monotonic()
+        await car.until(lambda: car.wheel_mps == 0, "standing")
+        assert car.first_brake_s(failed_s - 1.0) < failed_s + 0.25
+        line = next(line for line in car.runtime.log if sentence in line)
+        assert "late_law.py:" in line
+        await car.until_driving()  # operator.permit is "always" here: time tries again
+        assert car.runtime.exit_code is None
+
+
+async def test_a_law_that_never_returns_is_ended_by_the_vescs_own_timeout(tmp_path):
+    async with bench(tmp_path, *settings(tmp_path, "while True: pass"), timeout_s=0.15) as car:
+        await car.until_driving()
+        await car.until(lambda: car.vesc.demand(time.monotonic()).kind != "speed", "the VESC lets go")
+        let_go_s = time.monotonic()
+        await asyncio.sleep(0.5)
+        assert [p for at_s, p in car.motor_commands(let_go_s) if p[0] != Packet.SET_CURRENT_BRAKE] == []
+
+
+def test_the_example_drives_the_emulated_car(tmp_path):
+    assert typed(tmp_path, "new", "law", "my_laws.py").returncode == 0
+    done = typed(
+        tmp_path, "sim", "--headless", "--duration", "8", "--json", "-", "--set", "wall_follow.method=my_laws:Follower"
+    )
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout)
+    assert summary["method"] == "my_laws:Follower"
+    assert summary["distance_m"] > 2.0
+    assert not summary["collided"]
+
+
+def test_the_example_is_graded_by_the_lab_in_processes_of_its_own(tmp_path):
+    assert typed(tmp_path, "new", "law", "my_laws.py").returncode == 0
+    asked = ("lab", "walls", "--method", "my_laws:Follower", "--only", "t1", "--speeds", "1", "--mu", ".8")
+    done = typed(tmp_path, *asked, "--side", "left", "--seeds", "2", "--jobs", "2", "--json", "-")
+    assert done.returncode == 0, done.stderr
+    rows = json.loads(done.stdout)["cells"]
+    assert [row["completed"] for row in rows] == [True, True]
+    assert all(row["mean_error_m"] < 0.3 for row in rows)
+
+
+def test_the_lab_says_which_line_of_a_law_has_failed(tmp_path):
+    settings(tmp_path, "raise ValueError('lost')")
+    asked = ("lab", "walls", "--method", "late_law:Law", "--only", "t1", "--speeds", "1", "--mu", ".8")
+    done = typed(tmp_path, *asked, "--side", "left", "--jobs", "1")
+    assert done.returncode == 1
+    assert "wallride: the car stood: late_law:Law raised ValueError: lost (late_law.py:11)" in done.stderr
+
+
+@pytest.mark.parametrize("command", [["run"], ["check"], ["sim", "--headless"], ["lab", "walls", "--method"]])
+def test_a_law_that_cannot_be_loaded_ends_each_command_with_one_sentence(tmp_path, command):
+    (tmp_path / "bad.py").write_text("class Law:\n    def __init__(self, settings, car): ...\n")
+    by_option = command[0] == "lab"
+    done = typed(tmp_path, *command, *(["bad:Law"] if by_option else ["--set", "wall_follow.method=bad:Law"]))
+    assert done.returncode == 2
+    assert "bad.py:1: class Law has no method follow(self, scan, state)" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_law_whose_constructor_raises_ends_the_start(tmp_path):
+    (tmp_path / "bad.py").write_text("class Law:\n  def __init__(self, s, car): 1 / 0\n  def follow(self, a, b): ...\n")
+    done = typed(tmp_path, "run", "--set", "wall_follow.method=bad:Law")
+    assert done.returncode == 2
+    assert "bad:Law raised ZeroDivisionError: division by zero (bad.py:2)" in done.stderr
+
+
+def test_new_law_overwrites_nothing(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "law", "my_laws.py", "--kind", "gap"]) == 0
+    before = (tmp_path / "my_laws.py").read_text()
+    assert main(["new", "law", "my_laws.py"]) == 2
+    assert "my_laws.py: exists already; nothing was written" in capsys.readouterr().err
+    assert (tmp_path / "my_laws.py").read_text() == before
+    for name in ("my-laws.py", "my_laws.txt", "no/where.py"):
+        assert main(["new", "law", name]) == 2
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["my_laws.py", "test_my_laws.py"]
+
+
+@pytest.mark.parametrize("law", [GapFollower, PdFollower])
+def test_both_examples_lap_the_loop(law):
+    driven = run("loop", law, duration_s=75.0, settings={"wall_follow.speed_mps": 1.5})
+    assert driven.contact is None
+    lap = driven.case.world.lap
+    assert lap is not None
+    progress_m = np.array([lap.progress_m(x_m, y_m) for x_m, y_m in driven.pose[::10, :2]])
+    ahead_m = (np.diff(progress_m) + lap.length_m / 2) % lap.length_m - lap.length_m / 2
+    assert ahead_m.sum() >= lap.length_m
+
+
+def test_a_drive_from_python_takes_settings_and_repeats_bit_by_bit():
+    asked = {"wall_follow.side": "right", "wall_follow.own.kp": 2.5}
+    first, again = (run("loop", PdFollower, duration_s=2.0, settings=asked) for _ in range(2))
+    other = run("loop", PdFollower, duration_s=2.0, settings={"wall_follow.side": "right"})
+    assert np.array_equal(first.pose, again.pose)
+    assert not np.array_equal(first.pose, other.pose)
+
+
+def test_a_law_that_fails_in_a_drive_from_python_raises_its_sentence():
+    class Fails(PdFollower):
+        def follow(self, scan, state):
+            raise ValueError("lost")
+
+    with pytest.raises(LawError, match=r"Fails raised ValueError: lost \(tests/system/test_own_law\.py:\d+\)"):
+        run("loop", Fails, duration_s=0.1)
