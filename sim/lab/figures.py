@@ -31,6 +31,7 @@ def common(run: SimulatedRun) -> Figures:
         "stops": len(run.stops),
         "safety_stops": sum(stop.winner is Source.SAFETY for stop in run.stops),
         "stop_reasons": sorted({stop.reason for stop in run.stops}),
+        "last_reason": run.reasons[-1] if run.reasons else "",
         "stopped_for_good": bool(run.stops and math.isnan(run.stops[-1].until_s)),
         "speed_lost": speed_lost(run),
     }

@@ -68,8 +68,8 @@ def build(law: str, side: Side, desired_m: float, speed_mps: float) -> tuple[Fol
 def own_law_faults(laws: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return the faults of the user's laws that stopped a car, each once."""
     names = tuple(f"{name} " for law in laws for name in law.split("+") if is_own(name))
-    reasons = (reason for row in rows for reason in row.get("stop_reasons", ()))
-    return sorted({reason for reason in reasons if names and reason.startswith(names)})
+    reasons = {str(row.get("last_reason", "")) for row in rows}  # a fault lasts to the end of a run
+    return sorted(reason for reason in reasons if names and reason.startswith(names))
 
 
 def drive_case(cell: Cell, case: Case, navigator: Follower | None = None, guard: Guard | None = None) -> SimulatedRun:
