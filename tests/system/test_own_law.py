@@ -76,7 +76,8 @@ async def test_a_law_that_never_returns_is_ended_by_the_vescs_own_timeout(tmp_pa
         assert [p for at_s, p in car.motor_commands(let_go_s) if p[0] != Packet.SET_CURRENT_BRAKE] == []
 
 
-def test_the_example_drives_the_emulated_car(tmp_path):
+def test_the_example_drives_the_emulated_car_and_its_recording_replays(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     assert typed(tmp_path, "new", "law", "my_laws.py").returncode == 0
     done = typed(
         tmp_path, "sim", "--headless", "--duration", "8", "--json", "-", "--set", "wall_follow.method=my_laws:Follower"
@@ -86,6 +87,13 @@ def test_the_example_drives_the_emulated_car(tmp_path):
     assert summary["method"] == "my_laws:Follower"
     assert summary["distance_m"] > 2.0
     assert not summary["collided"]
+    recording = next((tmp_path / "data").rglob("*.mcap"))
+    again = typed(tmp_path, "replay", str(recording))
+    assert again.returncode == 0, again.stdout
+    assert "identical" in again.stdout
+    missing = typed("/", "replay", str(recording))
+    assert missing.returncode == 2
+    assert "its own law cannot be used: there is no my_laws.py in /" in missing.stderr
 
 
 def test_the_example_is_graded_by_the_lab_in_processes_of_its_own(tmp_path):
