@@ -91,6 +91,7 @@ def drop_lidar(soak: Soak) -> None:
 
 def hear_again(soak: Soak) -> None:
     soak.scene.vesc.forget_unread()
+    soak.oracle.opened()  # what was written meanwhile is lost on the way: no silence of the car's
     soak.scene.vesc.deaf = False
 
 

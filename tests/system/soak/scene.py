@@ -75,15 +75,15 @@ class WitnessedVesc(VescEmulator):
                 while os.read(self._master, 65536):
                     pass
 
-    def _transmit(self, payload: bytes) -> None:
-        super()._transmit(payload)
+    def transmit(self, payload: bytes) -> None:
+        super().transmit(payload)
         is_whole = payload[0] == Packet.GET_VALUES and not (self.bad_crc or self.garbage)
         if is_whole and self._logic.fault_code(self._clock()):
             self.fault_shown()
 
-    def _write(self, data: bytes) -> None:
+    def write(self, data: bytes) -> None:
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):  # the car has closed the port
-            super()._write(data)
+            super().write(data)
 
     def _on_payload(self, payload: bytes) -> None:
         self.before()

@@ -24,8 +24,8 @@ from tests.system.soak.virtual import suffer
 
 
 def never_expires(patch):
-    said = CommandQueue.say
-    patch.setattr(CommandQueue, "say", lambda self, word, *, expires_at_s=0: said(self, word, expires_at_s=NEVER_S))
+    put = CommandQueue.put
+    patch.setattr(CommandQueue, "put", lambda self, entry, *, expires_at_s=0: put(self, entry, expires_at_s=NEVER_S))
 
 
 def lost_is_not_noticed(patch):
@@ -77,6 +77,7 @@ def kill_switch_is_ignored(patch):
 
 def what_is_lost_disarms_nothing(patch):
     patch.setattr(OperatorDesk, "rearm", lambda *_: None)
+    patch.setattr(OperatorDesk, "_must_wait", lambda *_: False)
 
 
 def limits_are_off(patch):
@@ -102,7 +103,7 @@ def silence_is_not_noticed(patch):
 
 def battery_is_not_watched(patch):
     patch.setattr(BatteryLimit, "tick", lambda *_: None)
-    patch.setattr(BatteryLimit, "check", lambda self: self._queue.silence(command.Source.BATTERY))
+    patch.setattr(BatteryLimit, "check", lambda self: self._queue.withdraw(command.Source.BATTERY))
     patch.setattr(VescMonitor, "_watch_battery", lambda *_: None)
 
 

@@ -109,7 +109,7 @@ class VirtualSoak:
 
     def _deliver(self, payload: bytes, flags: Press, echo: int, speed_mps: float) -> None:
         self.oracle.delivered(self._clock(), int(flags), echo, speed_mps)
-        self.bus.say(topics.key("sim", topics.COMMAND), payload)
+        self.bus.deliver(topics.key("sim", topics.COMMAND), payload)
 
     def unplug_motor(self, *, power: bool) -> None:
         self.vesc.unplug()

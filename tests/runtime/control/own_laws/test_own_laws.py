@@ -27,7 +27,7 @@ class Car:
     def __init__(self, *wanted):
         self.now_s, self.costs_s, self.scans = 100.0, 0.0, 0
         self.stack = LiveStack(load_settings(None, wanted), DecisionLog(self.clock, 64))
-        self.stack.queue.say(consent(Source.PERMIT, "test"))
+        self.stack.queue.put(consent(Source.PERMIT, "test"))
 
     def clock(self):
         self.now_s += self.costs_s
