@@ -1,8 +1,9 @@
 """Our process and the report's nodes on ROS 1, in turn, with the same scans. Run benchmarks/ros1/setup.sh first.
 
 From the repository:
-`python benchmarks/ros1/compare.py [--rounds 3] [--seconds 15] [--donkey PYTHON] [--json FILE] [--plot DIR]`,
-where PYTHON is that of a venv with donkeycar in it.
+`python benchmarks/ros1/compare.py [--rounds 3] [--seconds 15] [--loaded ordinary|fifo] [--donkey PYTHON] [--json FILE]
+[--plot DIR]`, where PYTHON is that of a venv with donkeycar in it. --loaded: one process per core computes meanwhile,
+and car and nodes have ordinary scheduling, or FIFO; what stands for other computers always has FIFO. Needs root.
 
 Ours is timed from the lidar's last byte to the motor's first, drivers, telemetry and a subscriber included. The peers
 are timed message to message, without any driver, by a C++ client.
@@ -27,7 +28,7 @@ from sim.bench.command import machine
 from sim.bench.cost import ProcessMeter
 from sim.bench.course import BenchScans, make_course
 from sim.bench.medians import median_of
-from sim.bench.rig import another_computer
+from sim.bench.rig import FIFO_PRIORITY, another_computer
 
 HERE = Path(__file__).resolve().parent
 NODES = str(HERE / "build" / "nodes")
@@ -49,6 +50,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--seconds", type=float, default=15.0)
+    parser.add_argument("--loaded", choices=("ordinary", "fifo"))
     parser.add_argument("--donkey", metavar="PYTHON")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--plot", type=Path)
@@ -57,8 +59,10 @@ def main() -> None:
         sys.exit("run benchmarks/ros1/setup.sh first")
     course = make_course()
     runs: dict[str, list[dict[str, Any]]] = {}
-    with tempfile.TemporaryDirectory() as folder:
-        scans = Path(folder) / "scans"
+    with ExitStack() as stack:
+        if options.loaded:
+            load(stack, fifo=options.loaded == "fifo")
+        scans = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "scans"
         write_scans(scans, course)
         for round_number in range(options.rounds):
             runs.setdefault(OURS, []).append(ours(options.seconds))
@@ -76,6 +80,14 @@ def main() -> None:
         from sim.bench.picture import histogram
 
         histogram(options.plot / "peers.png", "scan to drive command, side by side", samples_ms)
+
+
+def load(stack: ExitStack, *, fifo: bool) -> None:
+    """Let a process per core compute, and schedule this one before them; what it starts, too, where fifo."""
+    for _ in range(os.cpu_count() or 1):
+        start(stack, [sys.executable, "-c", "while True: pass"], os.environ)
+    inherited = 0 if fifo else os.SCHED_RESET_ON_FORK
+    os.sched_setscheduler(0, os.SCHED_FIFO | inherited, os.sched_param(FIFO_PRIORITY))
 
 
 def ours(seconds: float) -> dict[str, Any]:
@@ -150,6 +162,8 @@ def client_run(
     """Run the client to its end; with nodes, return their cost from after its warm-up."""
     client = start(stack, command, environment)
     os.sched_setaffinity(client.pid, another_computer())  # before it starts threads: it sleeps a second first
+    if os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO:
+        os.sched_setscheduler(client.pid, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
     time.sleep(4.0)
     meter = ProcessMeter([node.pid for node in nodes])
     # The client keeps its results until the end, so there is nothing to read while it measures.
