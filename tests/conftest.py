@@ -14,6 +14,7 @@ hypothesis_settings.load_profile("untimed")
 with pytest.MonkeyPatch.context() as at_import:  # in this process only: those that a test starts drive in C
     at_import.setenv("WALLRIDE_COMPILED", "0")
     from drivers import accelerated
+    from runtime.control.own_laws import law_class
 
 REAL_TIME = (
     "clients", "docs", "drivers", "runtime/host", "runtime/recording", "runtime/tasks", "runtime/wire", "sim/bench",
@@ -46,3 +47,9 @@ def recordings_go_elsewhere(tmp_path_factory):
 def the_laws_answer_in_python():
     """The Python is what is tested; tests/runtime/kernel lets the C answer beside it."""
     assert not accelerated.in_c()
+
+
+@pytest.fixture(autouse=True)
+def no_own_law_is_loaded(monkeypatch):
+    """A process keeps the laws of the user that it has imported; the fingerprint of the next test's drive has none."""
+    monkeypatch.setattr(law_class, "_loaded", {})

@@ -50,7 +50,7 @@ def test_a_difference_is_1_and_named(drive, capsys):
 
 
 def test_by_changed_laws_a_difference_is_3_and_no_fault(drive, capsys, monkeypatch):
-    monkeypatch.setattr(reenact, "laws_fingerprint", lambda: "0ther1aws000")
+    monkeypatch.setattr(reenact, "laws_fingerprint", lambda *_: "0ther1aws000")
     assert wallride("replay", drive, "--set", "wall_follow.desired_distance_m=0.9") == 3
     said = capsys.readouterr().out
     assert f"the laws have changed since: recorded with 0.1.0 (laws {laws_fingerprint()})" in said
@@ -59,7 +59,7 @@ def test_by_changed_laws_a_difference_is_3_and_no_fault(drive, capsys, monkeypat
 
 
 def test_changed_laws_that_decide_the_same_are_the_same(drive, capsys, monkeypatch):
-    monkeypatch.setattr(reenact, "laws_fingerprint", lambda: "0ther1aws000")
+    monkeypatch.setattr(reenact, "laws_fingerprint", lambda *_: "0ther1aws000")
     assert wallride("replay", drive) == 0
     assert capsys.readouterr().out.endswith(": identical\n")
 

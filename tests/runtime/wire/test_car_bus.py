@@ -155,7 +155,8 @@ async def test_a_flood_of_questions_takes_no_answers_from_another_client(car):
     took_s = time.monotonic() - began_s
     over.set()
     await flooding
-    assert len(asked) <= 5 + 2 * ingress.QUESTIONS_HZ * max(took_s, 1.0)
+    # where two rules fit a key, zenoh takes one of them, in one session of five that of all other questions
+    assert len(asked) <= 5 + 2 * ingress.PIECES_HZ * max(took_s, 1.0)
     with pytest.raises(RefusedError, match="longer than 4096 bytes"):
         await polite.ask(LIST, b"x" * 4097)
     await polite.close()
