@@ -127,7 +127,7 @@ async def test_one_operator_at_a_time_with_take_over(scene, tab):
         rival = asyncio.create_task(operate(car))
         try:
             await watching(tab, scene)
-            await car.until(lambda: car.desk.view().operator == "rival", "somebody else drives")
+            await car.until(lambda: car.desk.view().operator == "rival", "another operator drives")
             await tab.click("#drive")
             await tab.until("document.querySelector('#pilot-next').textContent.includes('take over')")
             assert "rival" in await tab.run("document.querySelector('#pilot-state').textContent")

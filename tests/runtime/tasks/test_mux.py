@@ -90,7 +90,7 @@ def test_a_word_that_expires_is_noticed_within_a_tick():
         rig.put(for_s=0.031)
         for _ in range(10):
             await asyncio.sleep(0.025)
-            rig.queue.last_put_s = rig.clock()  # somebody else keeps talking
+            rig.queue.last_put_s = rig.clock()  # another source goes on
 
     rig = play(story)
     assert rig.motor.wire[0][1].speed_mps >= 0
