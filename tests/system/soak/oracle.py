@@ -221,8 +221,8 @@ class Oracle:
         self._last_s, self._last_mps = at_s, speed_mps
 
     def opened(self) -> None:
-        """Note that the motor's port is new: silence before it is none."""
-        self._last_s = math.inf
+        """Note a new port, or one heard again: silence before is none, and the last word is unknown."""
+        self._last_s, self._last_mps = math.inf, 0.0
 
     def hung_up(self, now_s: float) -> None:
         """Note that the car closed the motor's port: its last word must be a brake."""
