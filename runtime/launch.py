@@ -15,6 +15,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, Protocol
 
+import numpy as np
+
 from drivers.hokuyo.driver import Hokuyo
 from drivers.vesc.driver import Vesc
 from runtime import kernel
@@ -88,8 +90,7 @@ def main(settings: Settings, files: Files, session: Mapping[str, Any], warnings:
             log.info("%s", words)
             motors: list[BrakingMotor] = []
             with braking_last(motors), asyncio.Runner(loop_factory=punctual_loop) as runner, braking_last(motors):
-                fetch = compiled.prefetch if settings.process.prefetch else None
-                runner.run(_drive(settings, files, session, fetch, motors.append))
+                runner.run(_drive(settings, files, session, compiled, motors.append))
 
 
 STOP_SIGNALS: Final = tuple(
@@ -137,7 +138,7 @@ def punctual_loop() -> asyncio.AbstractEventLoop:
 
 
 async def _drive(
-    settings: Settings, files: Files, session: Mapping[str, Any], fetch: prefetch.Prefetch | None,
+    settings: Settings, files: Files, session: Mapping[str, Any], compiled: kernel.Kernel,
     fitted: Callable[[BrakingMotor], None],
 ) -> None:  # fmt: skip
     stop = asyncio.Event()
@@ -147,6 +148,7 @@ async def _drive(
     clock = time.monotonic
     bus = CarBus(session, any_port=settings.telemetry.any_port)
     scan_phase, lines = ScanPhase(), prefetch.NOTHING
+    fetch = compiled.prefetch if settings.process.prefetch else None
 
     def replied(took_s: float) -> None:
         scan_phase.replied(took_s)
@@ -166,7 +168,7 @@ async def _drive(
     opening = asyncio.create_task(_open(car, bus, stop, files.address), name="bus")
     warm_up(settings, clock)
     if fetch is not None:  # once more: the first answer runs code that no later one needs
-        lines = prefetch.learn(partial(warm_up, settings, clock), car)
+        lines = np.concatenate([prefetch.learn(partial(warm_up, settings, clock), car), compiled.code()])
     gc.collect()
     gc.freeze()  # a full collection would block the loop for milliseconds; the objects present now stay anyway
     await asyncio.wait({opening}, timeout=HOLD_WITHIN_S)

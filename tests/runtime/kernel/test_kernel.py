@@ -1,15 +1,17 @@
 """The C functions refuse wrong arguments, are of the C and the Python that is here, and give way to an edited law."""
 
+import ctypes
 import os
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from drivers import accelerated
-from drivers.accelerated import FUNCTIONS, ROOT
+from drivers.accelerated import FUNCTIONS, ROOT, UnfitError, extension
 from runtime import kernel
 from runtime.kernel.build import FILE, BuildError, build
 from runtime.kernel.survey import Survey, c_digest, read_seal
@@ -211,6 +213,23 @@ def test_the_state_names_every_function_that_runs_in_python(compiled):
     state = kernel.state()
     assert state.in_python == dict.fromkeys(FUNCTIONS, "WALLRIDE_COMPILED=0")
     assert state.prefetch is None
+
+
+def test_the_lines_of_the_compiled_functions_are_those_of_their_file():
+    try:
+        path = str(extension().__file__)
+    except UnfitError as reason:
+        pytest.skip(str(reason))
+    function = ctypes.cast(ctypes.PyDLL(path).PyInit__accelerated, ctypes.c_void_p).value or 0
+    lines = set(kernel.Kernel("", path=path).code().tolist())
+    assert function // kernel.LINE_BYTES * kernel.LINE_BYTES in lines
+    assert len(lines) < 2 * Path(path).stat().st_size / kernel.LINE_BYTES
+    assert not kernel.Kernel("").code().size
+
+
+def test_without_a_list_of_mappings_no_lines_are_known(monkeypatch, tmp_path):
+    monkeypatch.setattr(kernel, "MAPPINGS", tmp_path / "none")
+    assert not kernel.Kernel("", path="/lib.so").code().size
 
 
 def test_a_function_needs_a_name_of_its_own():
