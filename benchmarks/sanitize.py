@@ -29,7 +29,7 @@ SANITIZED: Final = (
 )  # fmt: skip
 COPIED: Final = ("clients", "drivers", "runtime", "sim", "tests", "wallride", "benchmarks")
 LIBRARIES: Final = ("libasan.so", "libubsan.so")
-PLANTED_IN: Final = Path("runtime/kernel/seeing.c")
+PLANTED_IN: Final = Path("runtime/kernel/perception/view.c")
 PLANTED_AT: Final = "i >= 1 && fabs(range[i] - range[i - 1])"
 PLANTED: Final = "fabs(range[i] - range[i - 1])"
 MIN_RANDOM_S: Final = 10.0

@@ -21,7 +21,8 @@ FLAGS: Final = ("-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-ma
 NATIVE: Final = "-march=native"
 FILE: Final = f"_accelerated{sysconfig.get_config_var('EXT_SUFFIX')}"
 """Name of the module's file for this Python on this machine; it lies in `drivers`."""
-_MAX_BUILD_S: Final = 120.0
+_MAX_BUILD_S: Final = 600.0
+"""Maximum duration of a compiler run: an emulated or small computer takes minutes."""
 _KEPT_CHARS: Final = 2000
 
 
@@ -35,7 +36,7 @@ def build(root: Path, target: Path, *, native: bool = False) -> None:
     native: for this machine's processor only.
     """
     headers = _headers(root)
-    files = [str(path) for folder in C_FOLDERS for path in sorted((root / folder).glob("*.c"))]
+    files = [str(path) for folder in C_FOLDERS for path in sorted((root / folder).rglob("*.c"))]
     with tempfile.TemporaryDirectory() as scratch:
         for name, text in headers.items():
             (Path(scratch) / name).write_text(text)

@@ -88,9 +88,6 @@ PyObject *copied(int type, beam count, const void *from) {
     return array;
 }
 
-/* Length of most functions' code; the functions that they call lie between them. */
-enum { CODE_LINES = 24 };
-
 #define ENTRY(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, NULL}
 static PyMethodDef functions[] = {
     ENTRY(decode_samples), ENTRY(join_rows), ENTRY(view_scan), ENTRY(find_small_clusters), ENTRY(find_thin_places),
@@ -120,18 +117,13 @@ KERNEL(set_constant) {
     Py_RETURN_NONE;
 }
 
-/* prefetch(addresses): a hint, of which no address can be wrong; the functions' own code comes with it. Not a twin:
- * Python has nothing like it.
- */
+/* prefetch(addresses): a hint, of which no address can be wrong. Not a twin: Python has nothing like it. */
 KERNEL(prefetch) {
     struct row lines;
     if (!enough(count, 1, "prefetch") || !as_row(given[0], NPY_INTP, &lines))
         return NULL;
     for (beam i = 0; i < lines.count; i++)
         __builtin_prefetch((const void *)INDEX(lines, i));
-    for (const PyMethodDef *one = functions; one->ml_name; one++)
-        for (int line = 0; line < CODE_LINES; line++)
-            __builtin_prefetch((const char *)(void *)one->ml_meth + 64 * line);
     Py_RETURN_NONE;
 }
 

@@ -12,17 +12,24 @@ struct wall_line {
 
 enum found { FAILED = -1, NONE, FOUND };
 
-/* line.c. expected: distance and heading, NaN where no line is expected. */
+/* wall_fit.c. expected: distance and heading, NaN where no line is expected. */
 enum found find_line(const struct row *x, const struct row *y, const struct row *range, const struct row *usable,
                      const struct row *beams, const struct row *rear, const struct row *front, const double *expected,
                      struct wall_line *line);
 
-/* walls.c. Puts the places where the caller frees them, with room for this many more; how many, or -1. */
+/* followed_wall.c. Puts the places where the caller frees them, with room for this many more; how many, or -1. */
 beam outline_of(const struct row *x, const struct row *y, const struct row *wall, beam more, place **to);
 
-/* driving.c */
-double bend_of(const double *radius, const double *bearing);
+/* speed_profile.c */
 double fastest(const double *radius, const double *bearing, const npy_bool *meets, const npy_bool *crosses, int circles,
                double speed, double mu);
+
+/* Inputs of the steering besides the ball's path; see pursuit_steering. */
+struct aim {
+    double error, heading, straight, steering;
+};
+
+/* ball_law.c. v: error, line_rad, line_error, mean_bend, speed, kp, kd, wheelbase. */
+struct aim pursue(const double *radius, const double *bearing, const npy_bool *crosses, int circles, const double *v);
 
 #endif

@@ -136,12 +136,12 @@ def c_digest(root: Path) -> str:
     found = hashlib.sha256()
     for folder in C_FOLDERS:
         for path in _c_files(root / folder):
-            found.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+            found.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     return found.hexdigest()
 
 
 def _c_files(folder: Path) -> list[Path]:
-    return sorted(folder.glob("*.[ch]"))
+    return sorted(folder.rglob("*.[ch]"))
 
 
 def _path(module: str) -> str:

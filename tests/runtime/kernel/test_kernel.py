@@ -215,6 +215,13 @@ def test_the_state_names_every_function_that_runs_in_python(compiled):
     assert state.prefetch is None
 
 
+def test_each_function_is_in_the_file_of_its_modules_name():
+    for name in Survey(ROOT).functions:
+        *_, package, module, function = name.split(".")
+        text = (ROOT / f"runtime/kernel/{package}/{module}.c").read_text()
+        assert f"KERNEL({function}) {{" in text
+
+
 def test_the_lines_of_the_compiled_functions_are_those_of_their_file():
     try:
         path = str(extension().__file__)

@@ -23,7 +23,9 @@ def test_the_same_source_has_the_same_fingerprint_wherever_it_lies(copy):
     assert compute() == laws_fingerprint()
 
 
-@pytest.mark.parametrize("name", ["control/safety/swept.py", "kernel/ball.c", "arbitration/command.py"])
+@pytest.mark.parametrize(
+    "name", ["control/safety/swept.py", "kernel/wall_following/ball_path.c", "arbitration/command.py"]
+)
 def test_a_change_of_what_decides_changes_it(copy, name):
     package, compute = copy
     path = package / name

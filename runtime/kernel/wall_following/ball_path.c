@@ -92,39 +92,6 @@ static void roll(struct wall *wall, double ball, struct path *path) {
     }
 }
 
-/* learn_noise_m(noise, x, y, indices) -> noise; see noise_bias.py */
-KERNEL(learn_noise_m) {
-    struct row x, y, wall;
-    double noise;
-    if (!enough(count, 4, "learn_noise_m") || !as_numbers(given, 1, &noise) || !as_row(given[1], NPY_DOUBLE, &x) ||
-        !as_row(given[2], NPY_DOUBLE, &y) || !as_row(given[3], NPY_INTP, &wall))
-        return NULL;
-    const beam part = NOISE_BIAS_NOISE_BEAMS;
-    double least_square = INFINITY, before = 0.0;
-    beam nearest = 0, above = 0;
-    for (beam i = 0; i < wall.count; i++) {
-        npy_intp at = INDEX(wall, i);
-        if (at < 0 || at >= x.count || at >= y.count)
-            return PyErr_Format(PyExc_IndexError, "learn_noise_m: no beam %zd", (Py_ssize_t)at);
-        double square = NUMBER(x, at) * NUMBER(x, at) + NUMBER(y, at) * NUMBER(y, at);
-        if (square < least_square || (isnan(square) && !isnan(least_square))) { /* as numpy's argmin */
-            least_square = square;
-            nearest = i;
-        }
-    }
-    beam from = nearest > part ? nearest - part : 0, to = nearest + part < wall.count ? nearest + part : wall.count - 1;
-    if (to - from < NOISE_BIAS_MIN_NOISE_BEAMS)
-        return PyFloat_FromDouble(noise);
-    for (beam i = from; i <= to; i++) {
-        npy_intp at = INDEX(wall, i);
-        double range = sqrt(NUMBER(x, at) * NUMBER(x, at) + NUMBER(y, at) * NUMBER(y, at));
-        above += i > from && fabs(range - before) > noise;
-        before = range;
-    }
-    noise *= 1.0 + NOISE_BIAS_NOISE_STEP * ((double)above / (double)(to - from) - 0.5);
-    return PyFloat_FromDouble(bounded(noise, NOISE_BIAS_MIN_NOISE_M, NOISE_BIAS_MAX_NOISE_M));
-}
-
 /* The roughness of the wall beyond its line; see roughness_m. */
 static double roughness(double bias, double noise) {
     return bounded(bias - NOISE_BIAS_BIAS_OF_NOISE * noise * sqrt(noise), 0.0, NOISE_BIAS_MAX_ROUGHNESS_M);
@@ -155,6 +122,18 @@ static double opposite(const struct path *path, const struct row *x, const struc
         }
     }
     return sqrt(nearest);
+}
+
+/* The curvature of a path over four circles. */
+static double bend_of(const double *radius, const double *bearing) {
+    double x[4], y[4];
+    for (int i = 0; i < 4; i++) {
+        x[i] = radius[i] * cos(bearing[i]);
+        y[i] = radius[i] * sin(bearing[i]);
+    }
+    double turn = atan2(y[3] - y[2], x[3] - x[2]) - atan2(y[1] - y[0], x[1] - x[0]);
+    double way = (hypot(x[2] - x[0], y[2] - y[0]) + hypot(x[3] - x[1], y[3] - y[1])) / 2;
+    return remainder(turn, 2 * Py_MATH_PI) / most(way, 1e-3);
 }
 
 /* nearest, bias, bend, opposite, (bearing, ...), (meets, ...), (crosses, ...) */

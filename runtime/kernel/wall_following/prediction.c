@@ -1,8 +1,7 @@
-/* Twins of runtime/control/wall_following/prediction.py and odometry.py, and steps of speed_profile.py and ball_path.py. */
+/* Twin of runtime/control/wall_following/prediction.py: the motion until a command takes effect. */
 
 #include "arrays.h"
 #include "constants.h"
-#include "steps.h"
 
 /* A steering answer, sent or in flight, and its time. */
 struct answer {
@@ -82,73 +81,4 @@ KERNEL(predict_motion) {
         yaw += rate * dt;
     }
     return Py_BuildValue("((ddd)dddd)", wire[OBEYED], wire[LEAST], wire[MOST], servo, x, y, yaw);
-}
-
-/* The curvature of a path over four circles. */
-double bend_of(const double *radius, const double *bearing) {
-    double x[4], y[4];
-    for (int i = 0; i < 4; i++) {
-        x[i] = radius[i] * cos(bearing[i]);
-        y[i] = radius[i] * sin(bearing[i]);
-    }
-    double turn = atan2(y[3] - y[2], x[3] - x[2]) - atan2(y[1] - y[0], x[1] - x[0]);
-    double way = (hypot(x[2] - x[0], y[2] - y[0]) + hypot(x[3] - x[1], y[3] - y[1])) / 2;
-    return remainder(turn, 2 * Py_MATH_PI) / most(way, 1e-3);
-}
-
-/* The maximum speed now along the circles that the path crosses; see fastest_mps. */
-double fastest(const double *radii, const double *bearings, const npy_bool *meets, const npy_bool *crosses, int all,
-               double speed, double mu) {
-    double heading[MAX_NUMBERS], way[MAX_NUMBERS + 1];
-    int begin = 0, end;
-    all = all < SPEED_PROFILE_CIRCLES ? all : SPEED_PROFILE_CIRCLES;
-    while (begin < all && !crosses[begin])
-        begin++;
-    for (end = begin; end < all && meets[end];)
-        end++;
-    double margin = SPEED_PROFILE_MARGIN_M + SPEED_PROFILE_REACTION_S * fabs(speed);
-    double lateral = SPEED_PROFILE_LATERAL_SHARE * mu * SPEED_PROFILE_GRAVITY_MPS2;
-    double brake = SPEED_PROFILE_BRAKE_SHARE * mu * SPEED_PROFILE_GRAVITY_MPS2;
-    int circles = end - begin, chords = circles > 1 ? circles - 1 : 0;
-    const double *radius = radii + begin, *bearing = bearings + begin;
-    way[0] = chords ? radius[0] : 0.0;
-    double x0 = 0, y0 = 0;
-    for (int i = 0; i < circles; i++) {
-        double x1 = radius[i] * cos(bearing[i]), y1 = radius[i] * sin(bearing[i]);
-        if (i) {
-            heading[i - 1] = atan2(y1 - y0, x1 - x0);
-            way[i] = way[i - 1] + hypot(x1 - x0, y1 - y0);
-        }
-        x0 = x1;
-        y0 = y1;
-    }
-    double turned = 0.0;
-    for (int i = 0; i < chords; i++)
-        turned = greater(turned, fabs(remainder(heading[i] - heading[0], 2 * Py_MATH_PI)));
-    double back = (turned - SPEED_PROFILE_BACK_FROM_RAD) / (SPEED_PROFILE_BACK_WHOLE_RAD - SPEED_PROFILE_BACK_FROM_RAD);
-    double sharpest = SPEED_PROFILE_SHARPEST_PER_M +
-                      bounded(back, 0.0, 1.0) * (SPEED_PROFILE_BACK_PER_M - SPEED_PROFILE_SHARPEST_PER_M);
-    double square = lateral / sharpest + 2 * brake * greater(way[chords] - margin, 0.0);
-    const int span = SPEED_PROFILE_SPAN;
-    for (int i = 0; i < chords - span; i++) {
-        double turn = fabs(remainder(heading[i + span] - heading[i], 2 * Py_MATH_PI));
-        double bend = turn / greater(way[i + 1 + span] - way[i + 1], 1e-3);
-        bend = bounded(bend, 1e-3, sharpest);
-        square = lesser(square, lateral / bend + 2 * brake * greater(way[i + 1] - margin, 0.0));
-    }
-    return sqrt(square);
-}
-
-/* dead_reckon(x, y, yaw, step, steering, wheelbase) -> x, y, yaw, curvature */
-KERNEL(dead_reckon) {
-    double v[6];
-    if (!enough(count, 6, "dead_reckon") || !as_numbers(given, 6, v))
-        return NULL;
-    double curvature = tan(v[4]) / v[5], turn = v[3] * curvature, middle = v[2] + turn / 2;
-    if (isinf(v[4]) || isinf(middle)) {
-        PyErr_SetString(PyExc_ValueError, "math domain error"); /* as Python's tan and cos */
-        return NULL;
-    }
-    return Py_BuildValue("(dddd)", v[0] + v[3] * cos(middle), v[1] + v[3] * sin(middle),
-                         remainder(v[2] + turn, 2 * Py_MATH_PI), curvature);
 }
