@@ -148,7 +148,10 @@ def _check(options: argparse.Namespace) -> int:
 
 def _lab(options: argparse.Namespace) -> int:
     with needs("sim", "the simulator needs"):
-        from sim.lab.command import run
+        if options.experiment == "fit":
+            from sim.fit.command import run
+        else:
+            from sim.lab.command import run
     return run(options)
 
 

@@ -15,6 +15,7 @@ EXPERIMENTS = {
     "recordings": "real recordings: noise, dirt, braking at walls, needless stops",
     "stories": "the whole process in virtual time: laps, pulled cables, dirt, people, dead ends",
 }
+FIT = "estimates a real car's delay, servo, noise, trim and own parts from recordings, for `wallride sim`"
 FIXED = ("recordings", "stories")
 """Experiments with fixed laws, speeds, floors, sides and seeds."""
 
@@ -51,6 +52,16 @@ def add(parser: argparse.ArgumentParser) -> None:
                 metavar="DIR",
                 help="folder of recordings, or one recording (default: data/racecar nearby)",
             )
+    _add_fit(experiments.add_parser("fit", help=FIT, description=FIT[:1].upper() + FIT[1:] + "."))
+
+
+def _add_fit(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("files", type=Path, nargs="+", metavar="FILE", help="recordings of one car's drives")
+    parser.add_argument("--out", type=Path, metavar="FILE.toml", help="write a file for `wallride sim --conditions`")
+    parser.add_argument(
+        "--wheelbase", type=float, default=0.33, metavar="M", help="wheelbase as configured (default: 0.33)"
+    )
+    parser.add_argument("--topic", metavar="NAME", help="which lidar, when a file holds several")
 
 
 def _add_variations(parser: argparse.ArgumentParser) -> None:

@@ -20,14 +20,6 @@ Said = tuple[str, str, float, Any]
 """Topic, type, receive time in seconds, message."""
 
 
-@pytest.fixture(scope="session")
-def shared_data() -> Path:
-    folder = REPOSITORY / ".." / "shared" / "data"
-    if not folder.is_dir():
-        pytest.skip("the folder shared/data with the recordings of other people is not beside this repository")
-    return folder
-
-
 @pytest.fixture
 def carried_bag() -> Path:
     return REPOSITORY / "tests" / "data" / "urg04lx_people_40.bag"

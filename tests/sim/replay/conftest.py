@@ -10,14 +10,6 @@ REPOSITORY = Path(__file__).resolve().parents[3]
 
 
 @pytest.fixture(scope="session")
-def shared_data() -> Path:
-    folder = REPOSITORY / ".." / "shared" / "data"
-    if not folder.is_dir():
-        pytest.skip("the folder shared/data with the recordings of other people is not beside this repository")
-    return folder
-
-
-@pytest.fixture(scope="session")
 def carried_bag() -> Path:
     return REPOSITORY / "tests" / "data" / "urg04lx_people_40.bag"
 

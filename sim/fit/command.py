@@ -1,0 +1,43 @@
+"""`wallride lab fit FILE...`: estimates a car's parameters from recordings of its drives."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from sim.fit.estimate import CarEstimate, conditions_text, distance, estimate, rows
+from sim.recordings import RecordingError
+
+USAGE_ERROR = 2
+_PIPE_WIDTH = 160
+
+
+def run(options: argparse.Namespace) -> int:
+    """Estimate, show, and write the conditions where --out asks for them; 2 for an unusable recording or file."""
+    try:
+        with Console(stderr=True).status(f"matching the scans of {len(options.files)} recordings"):
+            found = estimate(options.files, options.wheelbase, options.topic)
+        if options.out is not None:
+            options.out.write_text(conditions_text(found))
+    except (RecordingError, OSError) as error:
+        print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
+        return USAGE_ERROR
+    _show(found, Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH), options.out)
+    return 0
+
+
+def _show(found: CarEstimate, console: Console, out: Path | None) -> None:
+    drive = found.drive
+    table = Table(
+        title=f"{', '.join(found.names)}: {drive.moved_m:.1f} m, speed by {drive.origin}", title_justify="left"
+    )
+    table.add_column("parameter")
+    table.add_column("estimate (90 % interval)", overflow="fold")
+    for row in rows(found):
+        table.add_row(row.name, row.text)
+    console.print(table)
+    console.print(distance(found), highlight=False)
+    if out is not None:
+        console.print(f"Try it: wallride sim --conditions {out}", highlight=False, soft_wrap=True)

@@ -1,0 +1,109 @@
+"""Steering of a real car: delay and rate of the servo, trim, and the gain from the command to the wheels' angle.
+
+    yaw rate = speed * tan(angle of the wheels) / wheelbase,    angle = gain * servo + trim
+
+The angle follows from the scans' yaw rate. Wheelbase and gain act alike, so only their ratio is found, as the wheelbase
+of a car whose gain is right.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sim.fit.drive import RecordedDrive
+from sim.fit.responses import CommandSteps, Estimate, ResponseFit, Samples, fit_response, unidentified
+from sim.fit.yaw_lag import simulated_angles
+
+MIN_SPEED_MPS = 0.3
+MAX_ANGLE_RAD = 0.6
+MIN_STEERING_STD_RAD = 0.02
+MAX_DELAY_WIDTH_S = 0.04
+MAX_RATE_SHARE = 0.95
+DELAYS_S = tuple(0.0025 * k for k in range(101))
+RATES_RADPS = (0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.25, 2.5, 2.75, 3.0, 3.2, 3.5, 4.0, 5.0, 6.0, 8.0, 12.0)
+STOOD_STILL = "the steering hardly moved while the car drove; record a drive with curves"
+
+
+@dataclass(frozen=True, slots=True)
+class SteeringFit:
+    """Result for the steering.
+
+    delay_s, rate_radps: of the servo. trim_rad: left positive. wheelbase_m: for a gain of 1.
+    rms_rad: of the angle that the fit leaves unexplained; assumed_rms_rad: the same of the assumed
+    delay and rate.
+    """
+
+    delay_s: Estimate
+    rate_radps: Estimate
+    trim_rad: Estimate
+    wheelbase_m: Estimate
+    rms_rad: float
+    assumed_rms_rad: float
+
+
+def fit_steering(drive: RecordedDrive, wheelbase_m: float, assumed: tuple[float, float]) -> SteeringFit:
+    """Return the steering's fit. wheelbase_m: as configured. assumed: delay and rate to compare with."""
+    if drive.command is None:
+        return _without("the recording has no commands")
+    samples = _angles(drive, wheelbase_m)
+    step = CommandSteps(drive.command.received_s, drive.command.steering_rad)
+    if samples is None or float(np.std(step.at(samples.from_s))) < MIN_STEERING_STD_RAD:
+        return _without(STOOD_STILL)
+    fit = fit_response(step, samples, DELAYS_S, RATES_RADPS)
+    like = fit_response(step, samples, assumed[:1], assumed[1:])
+    if fit is None or like is None:
+        return _without("fewer than 3 s of driving")
+    again = _of_simulated_car(drive, step, samples, fit, wheelbase_m)
+    lag_s = again.delay_s.value - fit.delay_s.value if again is not None else 0.0
+    slip = again.gain.value if again is not None else 1.0
+    found = fit.delay_s
+    delay = Estimate(max(found.value - lag_s, 0.0), max(found.low - lag_s, 0.0), max(found.high - lag_s, 0.0))
+    wheelbase = _wheelbase(fit.gain, wheelbase_m * slip)
+    return SteeringFit(_delay(delay), _rate(fit), fit.offset, wheelbase, fit.rms, like.rms)
+
+
+def _of_simulated_car(
+    drive: RecordedDrive, step: CommandSteps, samples: Samples, fit: ResponseFit, wheelbase_m: float
+) -> ResponseFit | None:
+    """Return the same fit of the simulated car with this steering: what is not the servo's; see `yaw_lag`."""
+    known = np.isfinite(drive.speed_mps)
+    speed = CommandSteps(drive.motion.from_s[known], drive.speed_mps[known])
+    delay_s, rate_radps = fit.delay_s.value, fit.rate.value
+    simulated = simulated_angles(step, speed, samples, delay_s=delay_s, rate_radps=rate_radps, wheelbase_m=wheelbase_m)
+    return fit_response(step, simulated, DELAYS_S, RATES_RADPS)
+
+
+def _angles(drive: RecordedDrive, wheelbase_m: float) -> Samples | None:
+    """Return the wheels' angles that the yaw rates mean; None where the car does not drive."""
+    motion, speed_mps = drive.motion, drive.speed_mps
+    with np.errstate(invalid="ignore", divide="ignore"):
+        angle_rad = np.arctan(motion.yaw_rate_radps * wheelbase_m / speed_mps)
+        good = (np.abs(speed_mps) >= MIN_SPEED_MPS) & (np.abs(angle_rad) < MAX_ANGLE_RAD)  # NaN is neither
+    if np.count_nonzero(good) < 2:
+        return None
+    weight = speed_mps[good] ** 2
+    return Samples(motion.from_s[good], motion.to_s[good], angle_rad[good], weight / weight.mean())
+
+
+def _without(why: str) -> SteeringFit:
+    none = unidentified(why)
+    return SteeringFit(none, none, none, none, np.nan, np.nan)
+
+
+def _delay(found: Estimate) -> Estimate:
+    if found.high - found.low > MAX_DELAY_WIDTH_S:
+        return replace(found, why=f"between {found.low:.3f} and {found.high:.3f} s; it needs quicker changes")
+    return found
+
+
+def _rate(fit: ResponseFit) -> Estimate:
+    found = fit.rate
+    if found.high >= MAX_RATE_SHARE * RATES_RADPS[-1]:
+        return replace(found, why=f"at least {found.low:g} rad/s; no change was large enough to show more")
+    return found
+
+
+def _wheelbase(gain: Estimate, wheelbase_m: float) -> Estimate:
+    if gain.low <= 0.1:
+        return unidentified(STOOD_STILL)
+    return Estimate(wheelbase_m / gain.value, wheelbase_m / gain.high, wheelbase_m / gain.low)
