@@ -153,6 +153,11 @@ class Motor(Protocol):
         """The newest report, or None while disconnected or before the first."""
         ...
 
+    @property
+    def braked_instead(self) -> bool:
+        """Whether the last `send` wrote a brake in place of a speed that the motor can hold."""
+        ...
+
     async def run(self) -> Never:
         """Maintain the connection, poll the state, reconnect with back-off; brake when cancelled."""
         ...

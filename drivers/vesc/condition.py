@@ -51,8 +51,13 @@ class VescMonitor:
         return self.fault or self._battery_trouble
 
     def asked(self, speed_mps: float) -> None:
-        """Note the speed that was sent, 0 for a brake."""
-        self._check.asked(0.0 if self._calibration.is_stop(speed_mps) else speed_mps)
+        """Note the speed that was sent, 0 for a brake.
+
+        A speed that is too small to hold and not 0 is no other wish: after a brake of the driver's own the speed rises
+        from there again, while the wheels still turn the other way.
+        """
+        if speed_mps == 0.0 or not self._calibration.is_stop(speed_mps):
+            self._check.asked(speed_mps)
 
     def update(self, values: Values, stamp_s: float, steering_rad: float) -> bool:
         """Take a reply that arrived at this time, while this steering was commanded; False when it is implausible."""

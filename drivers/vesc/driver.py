@@ -89,6 +89,7 @@ class Vesc:
         self._link: ByteLink | None = None
         self._ready: ByteLink | None = None  # the same link, from the first report on: it takes commands
         self._steering_rad = 0.0
+        self._braked_instead = False
         self._reopen_step = 0
         self.tap: Tap | None = None
         self._begin_session()
@@ -114,11 +115,17 @@ class Vesc:
         """The newest report, or None while disconnected or before the first."""
         return self._condition.state
 
+    @property
+    def braked_instead(self) -> bool:
+        """Whether the last command was a brake in place of a speed that the VESC can hold."""
+        return self._braked_instead
+
     def send(self, drive: Drive) -> bool:
         """Write motor command and servo position at once, in one write; False when the VESC is not connected.
 
         A speed of 0, one too small for the VESC to hold, and one against the present motion are brakes. So is a NaN or
-        infinite command ("bad_command"); its steering is replaced by the last good one.
+        infinite command ("bad_command"); its steering is replaced by the last good one. A stop brakes a standing car,
+        too: locked wheels read 0.
         """
         link = self._ready
         if link is None:
@@ -163,19 +170,22 @@ class Vesc:
         calibration = self._calibration
         try:
             steering_rad = calibration.allowed_steering_rad(drive.steering_rad)
-            if self._must_brake(drive.speed_mps):
+            is_stop = calibration.is_stop(drive.speed_mps)
+            self._braked_instead = not is_stop and self._must_brake(drive.speed_mps)
+            if is_stop or self._braked_instead:
                 motor = calibration.brake_frame(drive.brake_mps2)
             else:
                 motor = calibration.speed_frame(drive.speed_mps)
         except ValueError:
             self._health.count("bad_command")
+            self._braked_instead = True
             return calibration.brake + calibration.servo_frame(self._steering_rad)
         self._steering_rad = steering_rad
         return motor + calibration.servo_frame(steering_rad)
 
     def _must_brake(self, speed_mps: float) -> bool:
-        """Decide between holding a speed and braking. A stop brakes a standing car too: locked wheels read 0."""
-        if self._condition.fault or self._condition.blind or self._calibration.is_stop(speed_mps):
+        """Tell whether a speed may not be held now."""
+        if self._condition.fault or self._condition.blind:
             return True
         state = self._condition.state
         return state is not None and abs(state.speed_mps) > REVERSING_ABOVE_MPS and state.speed_mps * speed_mps < 0

@@ -138,12 +138,14 @@ class Output:
     """The command that was sent to the motor, and its reason.
 
     delivered: False when no motor was there to receive it.
+    braked: the motor's driver wrote a brake in its place.
     """
 
     stamp_s: float
     drive: Drive
     decision: Decision
     delivered: bool
+    braked: bool = False
 
 
 def arbitrate(live: Sequence[QueueEntry], required: frozenset[Source], order: Sequence[Source]) -> Decision:

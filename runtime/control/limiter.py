@@ -55,6 +55,10 @@ class Limiter:
         self._last = Drive(0.0, self._last.steering_rad)
         self._rolls_mps = 0.0
 
+    def braked(self) -> None:
+        """Note that the last drive went out as a brake: like after a stop, the speed rises from what that leaves."""
+        self._last = Drive(0.0, self._last.steering_rad, self._last.brake_mps2)
+
     def _left_mps(self, dt_s: float) -> float:
         """Return the minimum speed remaining after the last stop command."""
         brake_mps2 = min(self._last.brake_mps2, GRAVITY_MPS2)

@@ -136,7 +136,7 @@ def _encode_step(batch: _Batch, times_s: Sequence[float], elapsed_s: float, live
     sources = [word if isinstance(word, Source) else word.source for word in live]
     return [
         _times(times_s), _plain(elapsed_s), sources, words, _plain(output.stamp_s),
-        _row(Drive, output.drive), _row(Decision, output.decision), output.delivered,
+        _row(Drive, output.drive), _row(Decision, output.decision), output.delivered, output.braked,
     ]  # fmt: skip
 
 
@@ -230,8 +230,8 @@ class _RowReader:
         return SpeedLimit(Source(source), self.row(Verdict, row), _maybe(stamp_s))
 
     def step(self, number: int, parts: Sequence[Any]) -> DecisionEvent:
-        times_s, elapsed_s, live, words, stamp_s, drive, decision, delivered = parts
-        output = Output(float(stamp_s), self.row(Drive, drive), self.row(Decision, decision), delivered)
+        times_s, elapsed_s, live, words, stamp_s, drive, decision, *took = parts
+        output = Output(float(stamp_s), self.row(Drive, drive), self.row(Decision, decision), *took)
         said = {Source(source): self.word(word) for source, word in words.items()}
         return DecisionEvent(number, self.times(times_s), float(elapsed_s), tuple(map(Source, live)), said, output)
 

@@ -78,11 +78,14 @@ class Mux:
         stages.write.begin()
         delivered = self._motor.send(drive)
         stages.write.end()
+        braked = delivered and self._motor.braked_instead
         if not delivered:
             self._limiter.standstill()
+        elif braked:
+            self._limiter.braked()
         self._account(decision, elapsed_s)
         self._last_s = now_s
-        self.output = Output(now_s, drive, decision, delivered)
+        self.output = Output(now_s, drive, decision, delivered, braked)
         self._decision_log.add_decision(elapsed_s, live, self.output)
         return self.output
 

@@ -202,12 +202,14 @@ class _Reenactment:
         # A measured decision has read the clock before it.
         own = event.times_s.index(event.output.stamp_s) if event.output.stamp_s in event.times_s else 0
         self._clock.begin(event.times_s[own:])
-        output = stage.step(delivered=event.output.delivered)
+        output = stage.step(delivered=event.output.delivered, braked=event.output.braked)
         if self._adopts:  # the previous drive is not in the decision log, and the limiter continues from it
             self._adopts = False
             stage.adopt(event.output.drive)
             if not event.output.delivered:
                 stage.limiter.standstill()
+            elif event.output.braked:
+                stage.limiter.braked()
             return
         self._compare_output(event, output)
 

@@ -20,11 +20,12 @@ AT_ONCE_S = 1e9
 class MotorWire:
     """Motor without wheels: accepts or rejects commands, and reports states, as set by the caller.
 
-    takes: whether a controller is there. state: its newest report.
+    takes: whether a controller is there. braked_instead: whether it brakes by itself. state: its newest report.
     """
 
     def __init__(self) -> None:
         self.takes = True
+        self.braked_instead = False
         self.state: MotorState | None = None
 
     @property
@@ -68,9 +69,9 @@ class ReplayStack:
         """Return the settings in force."""
         return self.stack.settings
 
-    def step(self, *, delivered: bool = True) -> Output:
-        """Decide now. delivered: whether the motor accepts the command."""
-        self.wire.takes = delivered
+    def step(self, *, delivered: bool = True, braked: bool = False) -> Output:
+        """Decide now. delivered: whether the motor accepts the command. braked: whether it brakes instead."""
+        self.wire.takes, self.wire.braked_instead = delivered, braked
         return self.mux.step()
 
     def adopt(self, drive: Drive) -> None:

@@ -101,6 +101,11 @@ class MemoryMotor:
             killed=False,
         )
 
+    @property
+    def braked_instead(self) -> bool:
+        """It obeys every command."""
+        return False
+
     async def run(self) -> Never:
         """Stay connected; brake when cancelled, as a driver does."""
         try:

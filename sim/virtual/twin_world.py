@@ -161,6 +161,11 @@ class WorldMotor:
             vehicle.motor_current_a, 0.0, 30.0, self._fault, timed_out=False, killed=False,
         )  # fmt: skip
 
+    @property
+    def braked_instead(self) -> bool:
+        """Whether it braked in place of a speed: while a fault is latched."""
+        return bool(self._fault and self.wire and self.wire[-1][1].speed_mps)
+
     async def run(self) -> Never:
         """Stay connected; brake when cancelled, as the driver does."""
         try:

@@ -15,6 +15,7 @@ from drivers.vesc.condition import VescMonitor
 from drivers.vesc.cross_check import COUNTS_WRONG, RUNS_BACKWARDS, CrossCheck
 from drivers.vesc.driver import Vesc
 from drivers.vesc.settings import VescSettings
+from runtime.control.limiter import Limiter, Limits
 from sim.devices.vesc import VescEmulator
 from tests.drivers.vesc.rig import BRAKE, ready, seen, until
 from tests.drivers.vesc.test_condition import WELL
@@ -112,6 +113,16 @@ def test_a_motor_that_is_braked_whenever_it_runs_backwards_too_fast_is_found_too
         car.drive(0.04, -0.35, wish=1.0)
         car.drive(0.04, -0.05, wish=1.0)
     assert car.drive(0.2, -0.35, wish=1.0) == RUNS_BACKWARDS
+
+
+def test_the_ramp_after_each_of_those_brakes_hides_it_not(car):
+    limiter = Limiter(Limits(4.0, 1.0, 0.34, 3.2, 4.0))
+    for _ in range(40):
+        drive = limiter.limit(1.0, 0.0, PERIOD_S)
+        car.poll(-0.35, wish=drive.speed_mps)
+        if drive.speed_mps > VescSettings().min_speed_mps:
+            limiter.braked()
+    assert car.condition.fault == RUNS_BACKWARDS
 
 
 @pytest.mark.parametrize(("from_mps", "to_mps"), [(1.0, -0.5), (-1.0, 2.0), (4.0, -1.0)])

@@ -128,6 +128,7 @@ async def test_what_is_no_command_is_a_brake_and_counted(emulator, bad):
         assert await sent(vesc, emulator, Drive(bad, -0.1)) == [BRAKE, codec.set_servo(0.409)]
         if not math.isfinite(bad):  # steering as large as can be is still a direction
             assert await sent(vesc, emulator, Drive(1.0, bad)) == [BRAKE, codec.set_servo(0.409)]
+            assert vesc.braked_instead
         assert vesc.health.counts["bad_command"] == 1 + (not math.isfinite(bad))
 
 
@@ -147,6 +148,9 @@ async def test_it_brakes_before_it_drives_the_other_way(emulator, erpm, speed_mp
     async with ready(emulator) as vesc:
         motor, _ = await sent(vesc, emulator, Drive(speed_mps, 0.0))
         assert motor == (BRAKE if brakes else codec.set_erpm(round(4614 * speed_mps)))
+        assert vesc.braked_instead is brakes
+        vesc.send(Drive(math.copysign(0.1, speed_mps), 0.0))
+        assert not vesc.braked_instead, "a speed that no VESC can hold is a stop that was asked for"
 
 
 async def test_the_state_tells_the_steering_that_was_possible(emulator):
@@ -167,9 +171,11 @@ async def test_a_fault_is_latched_and_only_brakes_go_out_until_it_is_cleared(emu
         await until(lambda: seen(vesc).stamp_s > reports + 0.05)
         assert seen(vesc).fault == "under voltage: charge or change the battery"
         assert await sent(vesc, emulator, Drive(1.0, 0.0)) == [BRAKE, CENTRE]
+        assert vesc.braked_instead
         vesc.clear_fault()
         assert (vesc.health.link, vesc.health.message, seen(vesc).fault) == (LinkState.READY, vesc.health.identity, "")
         assert await sent(vesc, emulator, Drive(1.0, 0.0)) == [codec.set_erpm(4614), CENTRE]
+        assert not vesc.braked_instead
 
 
 async def test_clearing_a_fault_while_disconnected_promises_nothing(emulator):

@@ -119,6 +119,29 @@ def test_a_hard_stop_leaves_what_one_of_1_g_would():
     assert limiter.limit(3.0, 0.0, 0.02).speed_mps == pytest.approx(0.08)
 
 
+@pytest.mark.parametrize("wish_mps", [0.9, -0.9])
+def test_a_drive_that_went_out_as_a_brake_is_a_stop_to_rise_from(wish_mps):
+    limiter, left_mps = moving(wish_mps), 0.9
+    limiter.limit(wish_mps, 0.0, 0.02)
+    for _ in range(4):
+        limiter.braked()
+        left_mps -= 0.02 * GRAVITY_MPS2
+        assert abs(limiter.limit(wish_mps, 0.0, 0.02).speed_mps) == pytest.approx(left_mps + 0.08)
+    for _ in range(4):
+        limiter.braked()
+        assert limiter.limit(wish_mps, 0.0, 0.02).speed_mps * wish_mps > 0
+    assert abs(limiter.limit(0.9, 0.0, 0.0).speed_mps) <= 0.08
+
+
+def test_a_brake_in_place_of_a_drive_keeps_wheels_and_strength():
+    limiter = moving(3.0, 0.2)
+    limiter.limit(3.0, 0.2, 0.0, brake_mps2=1.25)
+    limiter.braked()
+    drive = limiter.limit(4.0, None, 0.1)
+    left_mps = 3.0 - 0.1 * (1.25 + ASIDE_MPS2 * math.sin(0.2))
+    assert (drive.speed_mps, drive.steering_rad) == (pytest.approx(left_mps + 0.4), 0.2)
+
+
 @given(st.lists(st.tuples(st.floats(-20, 20), st.one_of(st.none(), st.floats(-5, 5)), st.floats(0, 0.5)), max_size=30))
 def test_no_sequence_leaves_the_limits(wishes):
     limiter = Limiter(LIMITS)

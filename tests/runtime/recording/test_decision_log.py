@@ -1,8 +1,9 @@
 """The tape: exact, in order, self-contained, and cheap where it counts."""
 
+import json
 import math
 import struct
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -114,6 +115,18 @@ def test_a_step_holds_times_words_and_decision():
     live = (Source.ESTOP, Source.PERMIT, Source.NAVIGATION)
     expected = DecisionEvent(0, (5.0, 5.5), 0.02, live, {Source.ESTOP: stop, Source.PERMIT: permit}, output())
     assert repr(event) == repr(expected)  # as text, because a measure that is not a number is unlike itself
+
+
+@pytest.mark.parametrize("braked", [True, False])
+def test_a_step_holds_what_the_motor_made_of_it_and_older_ones_know_of_no_brake(braked):
+    decision_log = DecisionLog(HandClock())
+    decision_log.begin()
+    decision_log.add_decision(0.02, [], replace(output(), delivered=True, braked=braked))
+    message = json.loads(encode(decision_log.drain()))
+    assert decode(json.dumps(message).encode())[0].output.braked is braked
+    del message["events"][0][-1]
+    old = decode(json.dumps(message).encode())[0].output
+    assert (old.delivered, old.braked) == (True, False)
 
 
 def test_an_unchanged_word_is_written_once_per_message_and_again_in_the_next():

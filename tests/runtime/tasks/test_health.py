@@ -21,6 +21,7 @@ class Device:
     def __init__(self):
         self.health = Health(LinkState.READY, "fine", "twin")
         self.state = FINE
+        self.braked_instead = False
         self.cleared = 0
 
     def latch_fault(self, words):

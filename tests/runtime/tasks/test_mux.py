@@ -1,6 +1,8 @@
 """When the mux decides: on every word, at once for the last word on a scan, and on ticks only in silence."""
 
 import asyncio
+import itertools
+import math
 
 import pytest
 
@@ -16,6 +18,17 @@ from sim.virtual.virtual_time import run_virtual
 TICK_HZ = 50.0
 
 
+class BrakingMotor(MemoryMotor):
+    """Its driver brakes in place of every speed for a time; wheels that the brake does not slow."""
+
+    brakes_s = (math.inf, math.inf)
+
+    @property
+    def braked_instead(self):
+        begin_s, end_s = self.brakes_s
+        return begin_s <= self._clock() < end_s
+
+
 class Rig:
     """A mux with its tick, and nobody who speaks."""
 
@@ -23,7 +36,7 @@ class Rig:
         clock = asyncio.get_running_loop().time
         self.clock = clock
         self.queue = CommandQueue(LAB_ORDER, clock)
-        self.motor = MemoryMotor(clock)
+        self.motor = BrakingMotor(clock)
         self.mux = Mux(self.queue, self.motor, Limiter(Limits(4, 1, 0.34, 3.2, 4)), frozenset(), clock)
         self.decided_s = []
         self.notes = []
@@ -112,3 +125,24 @@ def test_deciding_now_leaves_no_news_for_the_loops_next_turn():
         assert len(rig.motor.wire) == 2
 
     assert len(play(story).decided_s) == 2
+
+
+def test_after_a_brake_of_the_drivers_own_the_speed_rises_from_what_that_left():
+    """The driver brakes by itself, for one where the reported speed is impossible, and the mux wants to drive on."""
+
+    async def story(rig):
+        rig.motor.brakes_s = (1.0, 1.1)
+        for _ in range(60):
+            rig.put()
+            await asyncio.sleep(0.025)
+
+    wire = [(at_s, drive.speed_mps) for at_s, drive in play(story).motor.wire]
+    before = [mps for at_s, mps in wire if at_s < 1.0]
+    during = [mps for at_s, mps in wire if 1.0 <= at_s < 1.1]
+    after = [mps for at_s, mps in wire if at_s >= 1.1]
+    assert before[-1] == 1.0
+    assert len(during) == 4
+    assert during == sorted(during, reverse=True)
+    assert after[0] < 0.3
+    assert all(now - last <= 4.0 * 0.0251 for last, now in itertools.pairwise(after))
+    assert after[-1] == 1.0

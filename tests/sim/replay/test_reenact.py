@@ -9,13 +9,14 @@ import pytest
 from drivers.api import Drive
 from runtime.arbitration.command import DriveCommand, Source, refusal
 from runtime.recording import channels
+from runtime.recording.decision_log import DecisionEvent
 from runtime.recording.disk import RealDisk
 from runtime.recording.mcap_file import McapFile
 from runtime.settings.tree import SettingsError
 from sim.recordings import RecordingError
 from sim.replay.difference import CLOSE
 from sim.replay.drive_log import read_log
-from sim.replay.reenact import reenact
+from sim.replay.reenact import events_of, reenact
 from tests.sim.replay.recorded import record
 
 
@@ -85,6 +86,19 @@ def test_people_settings_and_cables_are_replayed_too(eventful):
     assert verdict.first is None
     assert verdict.exact
     assert verdict.decisions > 240
+
+
+def test_the_ramp_after_a_brake_of_the_motors_own_is_replayed(tmp_path):
+    path = tmp_path / "braked.mcap"
+    events = ((2.0, lambda car: car.motor.latch_fault("a test")), (2.04, lambda car: car.motor.clear_fault()))
+    record(path, seconds=3.0, events=events)
+    log = read_log(path)
+    braked = [event.output for event in events_of(log) if isinstance(event, DecisionEvent) and event.output.braked]
+    assert braked
+    assert all(output.drive.speed_mps for output in braked)
+    verdict = reenact(log)
+    assert verdict.first is None
+    assert verdict.exact
 
 
 def test_another_gain_is_found_at_the_first_scan_that_it_changes(dead_end):
