@@ -7,7 +7,6 @@ added to each bound, and the longest is reported.
 import asyncio
 import contextlib
 import os
-import random
 import signal
 import tempfile
 import time
@@ -18,16 +17,19 @@ from typing import Final
 
 from runtime.wire import topics, zenoh_config
 from runtime.wire.bus import BYTES, Bus, free_endpoint
-from runtime.wire.teleop import Press
 from sim.devices.scip import ScipEmulator
 from sim.live.runtime_process import RuntimeProcess
 from tests.system.bench import ROOT
-from tests.system.soak.faults import Injector
 from tests.system.soak.findings import Findings, Resources
-from tests.system.soak.operator import SEND_PERIOD_S, Operator
 from tests.system.soak.oracle import Oracle, Promises
-from tests.system.soak.scene import SCAN_PERIOD_S, WIRING, ListeningVesc, Scene
-from tests.system.soak.virtual import AUTO_MPS, FIRST_FAULT_S, VESC_TIMEOUT_A, VESC_TIMEOUT_S, at_a_rate
+from tests.system.soak.scene import WIRING, ListeningVesc, Scene
+from tests.system.soak.surroundings import (
+    AUTO_MPS,
+    FIRST_FAULT_S,
+    VESC_TIMEOUT_A,
+    VESC_TIMEOUT_S,
+    SoakSurroundings,
+)
 
 PROMISES: Final = Promises(
     obeyed_s=0.1, tick_s=0.05, scan_s=0.15, silence_s=0.25, slack_s=0.05, auto_mps=AUTO_MPS, stuck_s=120.0
@@ -41,23 +43,16 @@ LATE_FORGOTTEN_S: Final = 2.0
 CAR: Final = "sim"
 
 
-class RealSoak:
-    """One process with its surroundings, an operator, an injector of faults and the oracle."""
+class RealSoak(SoakSurroundings):
+    """One process in its surroundings."""
 
     def __init__(self, folder: Path, seed: int, mean_pause_s: float) -> None:
         self._folder = folder
-        self._clock = clock = time.monotonic
-        rng = random.Random(seed)
-        self.vesc = ListeningVesc(folder / "vesc", timeout_s=VESC_TIMEOUT_S, timeout_brake_a=VESC_TIMEOUT_A, remember=1)
-        self.lidar = ScipEmulator(seed=seed)
-        self.scene = Scene(self.lidar, self.vesc, clock, seed)
-        self.oracle = Oracle(PROMISES, lambda: self.scene.good_scan_s)
-        self.operator = Operator(self._deliver, rng, session=rng.getrandbits(32) | 1)
-        self.injector = Injector(self, rng, mean_pause_s)
+        lidar = ScipEmulator(seed=seed)
+        vesc = ListeningVesc(folder / "vesc", timeout_s=VESC_TIMEOUT_S, timeout_brake_a=VESC_TIMEOUT_A, remember=1)
+        super().__init__(time.monotonic, lidar, vesc, _oracle, seed, mean_pause_s)
         self.oracle.context = lambda: f"[{', '.join(self.injector.active)}; {self.oracle.late_s * 1000:.0f} ms late]"
-        self.vesc.witness = self._witness
-        self.vesc.opened = self.oracle.opened
-        self.vesc.hung_up = lambda: self.oracle.hung_up(clock())
+        vesc.witness = self._witness
         self.resources = Resources()
         self.longest_late_s = 0.0
         self._late_until_s = 0.0
@@ -75,20 +70,10 @@ class RealSoak:
         if now_s > self._late_until_s:
             self.oracle.late_s = 0.0
 
-    def _deliver(self, payload: bytes, flags: Press, echo: int, speed_mps: float) -> None:
-        self.oracle.delivered(self._clock(), int(flags), echo, speed_mps)
+    def carry(self, payload: bytes) -> None:
+        """Publish it, as a client does."""
         if self._bus is not None:
             self._bus.put(topics.key(CAR, topics.COMMAND), payload, encoding=BYTES, urgent=True)
-
-    def unplug_motor(self, *, power: bool) -> None:
-        """Close the controller's port."""
-        self.vesc.unplug()
-        if power:
-            self.vesc.reboot()
-
-    def replug_motor(self) -> None:
-        """Open it again."""
-        self.vesc.start()
 
     def block(self, for_s: float) -> None:
         """Stop the whole process for a time."""
@@ -123,8 +108,8 @@ class RealSoak:
             await self._start(stack)
             async with asyncio.TaskGroup() as tasks:
                 jobs = [
-                    tasks.create_task(at_a_rate(SCAN_PERIOD_S, clock, self.scene.step)),
-                    tasks.create_task(at_a_rate(SEND_PERIOD_S, clock, lambda: self.operator.step(clock()))),
+                    tasks.create_task(self.turn_lidar()),
+                    tasks.create_task(self.operate()),
                     tasks.create_task(self._watch_own_loop()),
                 ]
                 began_s = self.oracle.last_moved_s = clock()
@@ -135,17 +120,12 @@ class RealSoak:
                 self.oracle.ending = True
                 self.injector.end_all(clock())
                 if self.runtime.exit_code is not None:
-                    self.oracle.violations["the car ended by itself"] += 1
-                    self.oracle.kept += [f"exit code {self.runtime.exit_code}", *self.runtime.log]
+                    self.fault("the car ended by itself", f"exit code {self.runtime.exit_code}", *self.runtime.log)
                 elif await self.runtime.stop() != 0:
-                    self.oracle.violations["the car did not end in order"] += 1
+                    self.fault("the car did not end in order")
                 for job in jobs:
                     job.cancel()
-        oracle = self.oracle
-        return Findings(
-            seconds, dict(oracle.violations), oracle.kept, oracle.commands, oracle.moving, self.injector.counts,
-            self.scene.way_m, self.scene.contacts,
-        )  # fmt: skip
+        return self.findings(seconds)
 
     async def _start(self, stack: AsyncExitStack) -> None:
         endpoint = free_endpoint()
@@ -169,7 +149,7 @@ class RealSoak:
         stack.push_async_callback(self.runtime.end)
         schedule(self.runtime.pid, 20)
         bus = Bus(zenoh_config.client_config(endpoint, None))
-        bus.subscribe(topics.key(CAR, topics.BEAT), self._on_beat)
+        bus.subscribe(topics.key(CAR, topics.BEAT), lambda _key, payload, _at_s: self.hear(payload))
         async with asyncio.timeout(20):
             while not bus.is_open:
                 try:
@@ -178,9 +158,6 @@ class RealSoak:
                     await asyncio.sleep(0.1)
         stack.push_async_callback(bus.close)
         self._bus = bus
-
-    def _on_beat(self, _key: str, payload: bytes, _at_s: float) -> None:
-        self.oracle.beat(self._clock(), self.operator.hear(payload))
 
     async def _watch_own_loop(self) -> None:
         """Note how late this process's own loop is: what it measures is late by as much."""
@@ -207,6 +184,10 @@ class RealSoak:
             f"{sum(self.injector.counts.values())} faults, {sum(oracle.violations.values())} violations, "
             f"{self.scene.way_m:.0f} m, {memory}, {descriptors} descriptors, {self.longest_late_s * 1000:.0f} ms late"
         )
+
+
+def _oracle(scene: Scene) -> Oracle:
+    return Oracle(PROMISES, lambda: scene.good_scan_s)
 
 
 def schedule(pid: int, priority: int) -> None:

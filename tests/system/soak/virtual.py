@@ -6,7 +6,6 @@ inside (safety's answers, the car's state) is read, never changed.
 
 import asyncio
 import math
-import random
 from collections.abc import Callable
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -20,19 +19,19 @@ from runtime.app import Car, CarSurroundings
 from runtime.realtime.scan_phase import ScanPhase
 from runtime.settings.tree import Settings
 from runtime.wire import topics
-from runtime.wire.teleop import Press
 from sim.virtual.devices import MemoryBus
 from sim.virtual.virtual_time import VirtualTimeLoop, run_virtual
-from tests.system.soak.faults import Injector
 from tests.system.soak.findings import Findings
-from tests.system.soak.operator import SEND_PERIOD_S, Operator
 from tests.system.soak.oracle import Judged, Oracle, Promises
-from tests.system.soak.scene import SCAN_PERIOD_S, WIRING, MemoryLidar, MemoryVesc, Scene
+from tests.system.soak.scene import WIRING, MemoryLidar, MemoryVesc, Scene
+from tests.system.soak.surroundings import (
+    AUTO_MPS,
+    FIRST_FAULT_S,
+    VESC_TIMEOUT_A,
+    VESC_TIMEOUT_S,
+    SoakSurroundings,
+)
 
-AUTO_MPS: Final = 1.5
-FIRST_FAULT_S: Final = 5.0
-VESC_TIMEOUT_S: Final = 0.15
-VESC_TIMEOUT_A: Final = 10.0
 ENDING_S: Final = 3.0
 
 
@@ -46,37 +45,33 @@ class OperatorsBus(MemoryBus):
             self.on_beat(payload)
 
 
-class VirtualSoak:
-    """One car with its surroundings, an operator, an injector of faults and the oracle. Needs a `VirtualTimeLoop`."""
+class VirtualSoak(SoakSurroundings):
+    """One car in its surroundings. Needs a `VirtualTimeLoop`."""
 
     def __init__(self, seed: int, mean_pause_s: float = 10.0) -> None:
         loop = asyncio.get_running_loop()
         assert isinstance(loop, VirtualTimeLoop)
         self._loop = loop
-        self._clock = clock = loop.time
-        rng = random.Random(seed)
-        self.vesc = MemoryVesc(
+        clock = loop.time
+        lidar = MemoryLidar(clock=clock, seed=seed)
+        vesc = MemoryVesc(
             Path("vesc"), clock=clock, timeout_s=VESC_TIMEOUT_S, timeout_brake_a=VESC_TIMEOUT_A, remember=1
         )
-        self.vesc.start()
-        self.lidar = MemoryLidar(clock=clock, seed=seed)
-        self.scene = Scene(self.lidar, self.vesc, clock, seed)
+        vesc.start()
+        self._ports = _memory_ports(lidar, vesc)
+        super().__init__(clock, lidar, vesc, self._oracle, seed, mean_pause_s)
         self.bus = OperatorsBus(clock, listened_to=False)
+        self.bus.on_beat = self.hear
         self.car = self._build_car()
-        self.oracle = Oracle(
+        self._listen_to_safety()
+
+    def _oracle(self, scene: Scene) -> Oracle:
+        return Oracle(
             Promises(auto_mps=AUTO_MPS),
-            lambda: self.scene.good_scan_s,
+            lambda: scene.good_scan_s,
             knows_safety=True,
             state=lambda: (self.car.driving_state.state, self.car.driving_state.since_s),
         )
-        self.operator = Operator(self._deliver, rng, session=rng.getrandbits(32) | 1)
-        self.injector = Injector(self, rng, mean_pause_s)
-        self.oracle.context = lambda: f"[{', '.join(self.injector.active)}]"
-        self.bus.on_beat = lambda payload: self.oracle.beat(clock(), self.operator.hear(payload))
-        self.vesc.witness = self.oracle.motor
-        self.vesc.opened = self.oracle.opened
-        self.vesc.hung_up = lambda: self.oracle.hung_up(clock())
-        self._listen_to_safety()
 
     def _build_car(self) -> Car:
         clock = self._clock
@@ -107,17 +102,9 @@ class VirtualSoak:
 
         setattr(self.car.laws, "look", looked)  # noqa: B010 - the oracle listens, the law answers
 
-    def _deliver(self, payload: bytes, flags: Press, echo: int, speed_mps: float) -> None:
-        self.oracle.delivered(self._clock(), int(flags), echo, speed_mps)
+    def carry(self, payload: bytes) -> None:
+        """Deliver it at once."""
         self.bus.deliver(topics.key("sim", topics.COMMAND), payload)
-
-    def unplug_motor(self, *, power: bool) -> None:
-        self.vesc.unplug()
-        if power:
-            self.vesc.reboot()
-
-    def replug_motor(self) -> None:
-        self.vesc.start()
 
     def block(self, for_s: float) -> None:
         """Let time pass in which no callback of the loop runs."""
@@ -127,10 +114,10 @@ class VirtualSoak:
     async def run(self, seconds: float, watch: Callable[[float], None] = lambda _now_s: None) -> Findings:
         """Drive for so many virtual seconds; watch: called every virtual minute."""
         clock, stop = self._clock, asyncio.Event()
-        with _memory_ports(self.lidar, self.vesc):
+        with self._ports:
             driving = self._loop.create_task(self.car.drive(stop))
-            turning = self._loop.create_task(self._turn())
-            operating = self._loop.create_task(self._operate())
+            turning = self._loop.create_task(self.turn_lidar())
+            operating = self._loop.create_task(self.operate())
             next_s = 60.0
             while clock() < seconds and not driving.done():
                 await asyncio.sleep(0.05)
@@ -142,8 +129,7 @@ class VirtualSoak:
                     watch(clock())
             self.injector.end_all(clock())
             if driving.done():
-                self.oracle.violations["the car ended by itself"] += 1
-                self.oracle.kept.append(repr(driving.exception()))
+                self.fault("the car ended by itself", repr(driving.exception()))
             await asyncio.sleep(ENDING_S)
             for task in (turning, operating):
                 if task.done():
@@ -153,17 +139,7 @@ class VirtualSoak:
             stop.set()
             if not driving.done():
                 await driving
-        oracle = self.oracle
-        return Findings(
-            clock(), dict(oracle.violations), oracle.kept, oracle.commands, oracle.moving, self.injector.counts,
-            self.scene.way_m, self.scene.contacts,
-        )  # fmt: skip
-
-    async def _turn(self) -> None:
-        await at_a_rate(SCAN_PERIOD_S, self._clock, self.scene.step)
-
-    async def _operate(self) -> None:
-        await at_a_rate(SEND_PERIOD_S, self._clock, lambda: self.operator.step(self._clock()))
+        return self.findings(clock())
 
 
 class _Overheard:
@@ -179,15 +155,6 @@ class _Overheard:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._outlook, name)
-
-
-async def at_a_rate(period_s: float, clock: Callable[[], float], job: Callable[[], None]) -> None:
-    """Call a job at a steady rate; what a blocked process missed is not made up for."""
-    next_s = clock()
-    while True:
-        next_s = max(next_s + period_s, clock())
-        await asyncio.sleep(max(0.0, next_s - clock()))
-        job()
 
 
 @contextmanager
