@@ -3,9 +3,9 @@
 The package `mcap` makes the bytes; this module writes them to the disk in small chunks, forced to it at every `flush`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from runtime.recording.channels import RecordMessage, schema_text
 from runtime.recording.disk import Disk
@@ -39,6 +39,7 @@ class McapFile:
         self._schemas: dict[str, int] = {}
         # Noise does not compress, and compressing would hold the interpreter's lock for longer.
         self._writer: Any = Writer(self._spool, chunk_size=CHUNK_B, compression=CompressionType.NONE)  # type: ignore[arg-type]
+        _pack_index(self._writer)
         self._writer.start(PROFILE, library)
         self._writer.add_metadata(METADATA, dict(facts))
         self._descriptor = disk.create(path)
@@ -88,6 +89,32 @@ class McapFile:
             text = schema_text(message.schema).encode()
             schema = self._schemas[message.schema] = self._writer.register_schema(message.schema, "ros2msg", text)
         return int(self._writer.register_channel(f"/{message.topic}", "cdr", schema, {"offered_qos_profiles": ""}))
+
+
+def _pack_index(writer: Any) -> None:  # noqa: ANN401 - the package's writer
+    """Have a writer keep its index as bytes; a version of the package that names it otherwise keeps objects."""
+    writer._Writer__chunk_indices = _PackedIndexes()  # noqa: SLF001
+
+
+class _PackedIndexes:
+    """The records of all chunks that end a file, as bytes, in place of the package's list of objects.
+
+    As objects those of 256 MB take 8 MB, which the process keeps from its first file on.
+    """
+
+    def __init__(self) -> None:
+        from mcap.data_stream import RecordBuilder
+
+        self._records: Any = RecordBuilder()
+
+    def append(self, index: Any) -> None:  # noqa: ANN401 - one of the package's records
+        index.write(self._records)
+
+    def __iter__(self) -> Iterator[Self]:
+        yield self
+
+    def write(self, builder: Any) -> None:  # noqa: ANN401 - the package's builder of the summary
+        builder.write(self._records.end())
 
 
 class _Spool:
