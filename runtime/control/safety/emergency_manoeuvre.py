@@ -96,7 +96,7 @@ class EmergencyState:
         figures = roll_out_all(
             self.points_m, steering_rad, brake_mps2, grips_mps2, (self.past_rad, self.coming_rad), self.start
         )
-        rows = figures.reshape(len(manoeuvres), -1).tolist()
+        rows = figures.reshape(len(manoeuvres), len(grips_mps2) + 1).tolist()
         return [Outcome(done, tuple(row[:-1]), row[-1]) for done, row in zip(manoeuvres, rows, strict=True)]
 
 

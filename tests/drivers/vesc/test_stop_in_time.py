@@ -124,7 +124,7 @@ def test_it_brakes_before_it_drives_the_other_way(monkeypatch, rolls, wish_mps):
 
     async def story(rig):
         other_way = frame(codec.set_erpm(round(wish_mps * GAIN))) + SERVO_AHEAD
-        for share, brakes in ((1.0, True), (0.5, False), (0.51, True), (0.4, False), (-1.0, False)):
+        for share, brakes in ((1.0, True), (0.5, False), (0.51, True), (0.4, False), (-0.6, False), (-1.0, False)):
             rig.controller.erpm = round(rolls * share * GAIN)
             await asyncio.sleep(0.1)
             assert rig.sent(Drive(wish_mps, 0.0)) == (BRAKE + SERVO_AHEAD if brakes else other_way)

@@ -2,15 +2,28 @@
 
 import pytest
 
+from drivers.vesc.codec import Packet, VescDeframer
 from sim.devices.scip import ScipEmulator
 from tests.system.bench import bench
 
 SAID_WITHIN_S = 20.0
 
 
+class ListeningLidar(ScipEmulator):
+    """Keeps what comes in, to be read as a motor controller would."""
+
+    def __init__(self):
+        super().__init__()
+        self.heard = bytearray()
+
+    def _on_bytes(self, chunk):
+        self.heard += chunk
+        super()._on_bytes(chunk)
+
+
 async def start_lidar(kind, folder):
     """Return a lidar on a port of its own, and its address."""
-    lidar = ScipEmulator()
+    lidar = ListeningLidar()
     if kind == "tcp":
         return lidar, f"tcp://127.0.0.1:{await lidar.start_tcp()}"
     lidar.start_serial(folder / "lidar")
@@ -31,7 +44,8 @@ async def test_devices_on_each_others_ports_are_named_and_nothing_moves(tmp_path
             said = "\n".join(car.runtime.log)
             assert "(a Hokuyo?" in said
             assert "is it a VESC?" in said
+            asked = {payload[0] for payload in VescDeframer().feed(bytes(lidar.heard))}
+            assert asked == {Packet.FW_VERSION}, "a stranger is asked who it is, and gets no command"
             assert car.motor_commands() == []
-            assert car.wheel_mps == 0.0
     finally:
         lidar.close()

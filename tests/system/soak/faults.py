@@ -182,7 +182,7 @@ class Injector:
         self._began_s: dict[str, float] = {}
         self._began_m: dict[str, float] = {}
         self._next_s: float | None = None
-        soak.scene.vesc.fault_shown = lambda: soak.oracle.forbid("fault latched", soak.scene.now_s, FAULT_STOP_S)
+        soak.scene.vesc.fault_shown = lambda: soak.oracle.fault_shown(soak.scene.now_s, FAULT_STOP_S)
 
     def step(self, now_s: float) -> None:
         """End what is over, and begin what is due."""

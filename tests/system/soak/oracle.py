@@ -96,6 +96,7 @@ class Oracle:
     _beats: dict[int, float] = field(default_factory=dict)
     _armed: bool = False
     _may_reset: bool = False
+    _reset_s: float = -math.inf
     _hold: int = 0
     _hold_mps: float = 0.0
     _held_s: float = -math.inf
@@ -125,6 +126,14 @@ class Oracle:
     def allow(self, name: str) -> None:
         """End a prohibition."""
         self._prohibited.pop(name, None)
+
+    def fault_shown(self, now_s: float, bound_s: float) -> None:
+        """Note that the motor controller has shown a fault: it is latched until a reset.
+
+        Not one that is shown while a reset is on its way: that may reach the car later than the report, and clear it.
+        """
+        if now_s > self._reset_s + self.promises.obeyed_s + self.late_s:
+            self.forbid("fault latched", now_s, bound_s)
 
     def disarm(self, name: str, since_s: float, bound_s: float = 0.0) -> None:
         """Forbid motion until an operator releases everything and presses again; a reset may come before."""
@@ -165,6 +174,7 @@ class Oracle:
             self._drop("released", now_s, self.promises.obeyed_s)
         elif flags == RESET and self._may_reset:
             self._armed = self._may_reset = False
+            self._reset_s = now_s
             for name in ("e-stop", "fault latched"):
                 self.allow(name)
             self._drop("reset", now_s, self.promises.obeyed_s)

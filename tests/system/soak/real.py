@@ -56,6 +56,7 @@ class RealSoak(SoakSurroundings):
         self.resources = Resources()
         self.longest_late_s = 0.0
         self._late_until_s = 0.0
+        self._rules_told = 0
         self._stopped_s: float | None = None
         self._stopped_until_s = 0.0
         self._sample_s, self._tell_s = SETTLED_S, TELL_S
@@ -97,6 +98,9 @@ class RealSoak(SoakSurroundings):
         if elapsed_s >= self._sample_s and not self.injector.active:
             self._sample_s = elapsed_s + SAMPLE_S
             self.resources.sample(self.runtime.pid)
+        if len(self.oracle.violations) > self._rules_told:
+            self._rules_told = len(self.oracle.violations)
+            tell(self.oracle.kept[-1] if self.oracle.kept else "")
         if elapsed_s >= self._tell_s:
             self._tell_s += TELL_S
             tell(self._line(elapsed_s))

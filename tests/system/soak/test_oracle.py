@@ -19,7 +19,7 @@ from runtime.tasks.health import HealthMonitor
 from runtime.tasks.mux import SilenceTick
 from runtime.teleop.desk import OperatorDesk
 from runtime.wire.teleop import Press
-from tests.system.soak.oracle import AUTONOMY, SET_RPM, SET_SERVO_POS, Oracle, Promises
+from tests.system.soak.oracle import AUTONOMY, RESET, SET_RPM, SET_SERVO_POS, Oracle, Promises
 from tests.system.soak.virtual import suffer
 
 
@@ -229,6 +229,24 @@ def test_a_press_without_a_release_after_an_outage_is_no_permit():
     oracle.delivered(0.07, AUTONOMY, 1)
     oracle.motor(0.08, rpm(0.25))
     assert oracle.violations == {"lost": 1}
+
+
+def test_a_fault_that_is_shown_while_a_reset_is_on_its_way_is_none():
+    """The car may get the report first, and then the reset that clears it; what is shown later is latched."""
+    oracle = Oracle(Promises(obeyed_s=0.1), lambda: math.inf)
+    oracle.beat(0.0, 1)
+    oracle.fault_shown(0.0, 0.25)
+    oracle.delivered(0.0, 0, 1)
+    oracle.delivered(0.01, RESET, 1)
+    oracle.fault_shown(0.1, 0.25)
+    oracle.beat(0.3, 2)
+    oracle.delivered(0.3, 0, 2)
+    oracle.delivered(0.31, AUTONOMY, 2)
+    oracle.motor(0.4, rpm(0.25))
+    assert not oracle.violations
+    oracle.fault_shown(0.41, 0.0)
+    oracle.motor(0.45, rpm(0.25))
+    assert oracle.violations == {"fault latched": 1}
 
 
 def test_a_press_that_echoes_an_old_beat_is_no_permit():

@@ -1,6 +1,7 @@
 """The choice among predicted outcomes, number by number: thresholds, order and what is rolled out at all."""
 
 import math
+from typing import Any
 
 import pytest
 
@@ -43,7 +44,8 @@ class Predicted:
         return [self._outcomes[manoeuvre] for manoeuvre in manoeuvres]
 
     def best(self, kept=FULL_BRAKE):
-        return best_of(self, self.tried, kept, WISH_RAD).manoeuvre
+        here: Any = self
+        return best_of(here, self.tried, kept, WISH_RAD).manoeuvre
 
 
 def test_what_is_tried_and_in_which_order():
