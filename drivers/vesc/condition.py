@@ -60,7 +60,11 @@ class VescMonitor:
             self._check.asked(speed_mps)
 
     def update(self, values: Values, stamp_s: float, steering_rad: float) -> bool:
-        """Take a reply that arrived at this time, while this steering was commanded; False when it is implausible."""
+        """Take a reply that arrived at this time, while this steering was commanded; False when it is implausible.
+
+        A fault code counts in an implausible one, too: it is shown for half a second only.
+        """
+        self._latch_fault(values.fault_code)
         speed_mps = self._calibration.speed_mps(values.erpm)
         if not self._check.is_possible(speed_mps, stamp_s):
             believed_s = self.state.stamp_s if self.state is not None else -math.inf
@@ -68,7 +72,6 @@ class VescMonitor:
             self.refused_mps = speed_mps
             return False
         self.refused_mps, self.blind = None, False
-        self._latch_fault(values.fault_code)
         self._watch_battery(values.voltage_v, stamp_s)
         self._compare(speed_mps, self._count_steps(values, stamp_s), stamp_s)
         status = values.status or 0
@@ -113,6 +116,8 @@ class VescMonitor:
         if code and code != self._fault_code:
             self._health.count("fault")
             self.fault = fault_text(code)
+            if self.state is not None:
+                self.state = replace(self.state, fault=self.fault)
         self._fault_code = code
 
     def _count_steps(self, values: Values, stamp_s: float) -> float:

@@ -315,6 +315,8 @@ class Vesc:
         self._awaiting = False
         if not self._condition.update(values, stamp_s, self._steering_rad):
             self._health.count("bad_reply")
+            if self._ready is not None:
+                self._tell_condition()
             return
         self._replied_s = stamp_s
         self._ready = self._link

@@ -9,6 +9,7 @@ from drivers.api import Drive, LinkState
 from drivers.vesc import codec, driver
 from drivers.vesc.codec import Packet, frame
 from drivers.vesc.cross_check import RUNS_BACKWARDS
+from drivers.vesc.faults import fault_text
 from drivers.vesc.settings import VescSettings
 from tests.drivers.vesc.virtual_rig import GAIN, play
 
@@ -153,6 +154,22 @@ def test_an_impossible_speed_is_braked_for_and_the_next_possible_one_obeyed():
         rig.controller.erpm = round(GAIN)
         await asyncio.sleep(0.1)
         assert rig.sent(Drive(1.0, 0.0)) == ONE_MPS + SERVO_AHEAD
+
+    when_ready(story)
+
+
+def test_a_fault_is_latched_from_a_report_whose_speed_is_impossible():
+    """It is shown for half a second only: what is refused for its speed may be all that ever shows it."""
+
+    async def story(rig):
+        rig.controller.erpm, rig.controller.fault_code = 10**6, 3
+        await asyncio.sleep(0.1)
+        assert rig.vesc.health.link is LinkState.FAULTY
+        assert rig.vesc.state.fault == rig.vesc.health.trouble == fault_text(3)
+        rig.controller.erpm, rig.controller.fault_code = round(GAIN), 0
+        await asyncio.sleep(0.1)
+        assert rig.sent(Drive(1.0, 0.0)) == BRAKE + SERVO_AHEAD
+        assert rig.vesc.health.counts["fault"] == 1
 
     when_ready(story)
 

@@ -32,6 +32,15 @@ def test_after_the_drivers_own_brake_on_an_impossible_speed_the_speed_rises_as_a
     assert found.moving > MIN_MOVING
 
 
+def test_a_fault_beside_an_impossible_speed_is_latched():
+    def prepare(soak):
+        soak._loop.call_at(4.2, soak.injector.begin, "motor fault", 4.2)
+
+    found = suffer("motor impossible speed", lasts_s=1.5, prepare=prepare)
+    assert found.violations == {}, found.kept
+    assert found.faults["motor fault"] == 1
+
+
 @pytest.mark.parametrize("lasts_s", [2.0, 2.01, 2.02, 2.03, 2.04])
 @pytest.mark.parametrize("fault", ["lidar mute", "motor mute"])
 def test_what_is_pressed_while_a_device_is_lost_moves_nothing_when_it_is_back(fault, lasts_s):
