@@ -3,6 +3,8 @@
 import argparse
 from pathlib import Path
 
+from wallride.parser import add_set
+
 EXPERIMENTS = {
     "walls": "the report's starts and more courses: error, settling, contacts, beside the physical limit",
     "corners": "corners of real buildings and lanes that turn: --method ball,prototype compares with a baseline",
@@ -18,6 +20,8 @@ EXPERIMENTS = {
 FIT = "estimates a real car's delay, servo, noise, trim and own parts from recordings, for `wallride sim`"
 FIXED = ("recordings", "stories")
 """Experiments with fixed laws, speeds, floors, sides and seeds."""
+WITH_SETTINGS = ("walls", "safety", "hazards", "laps")
+"""Experiments whose cars take settings."""
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -30,6 +34,8 @@ def add(parser: argparse.ArgumentParser) -> None:
         else:
             _add_variations(parser)
         _add_outputs(parser)
+        if name in WITH_SETTINGS:
+            add_set(parser)
         if name in {"walls", "safety", "hazards", "laps"}:
             parser.add_argument(
                 "--own-parts",

@@ -20,7 +20,8 @@ Figures = dict[str, Any]
 class Cell:
     """One run. law: a name of `sim.lab.laws`. speed_mps: the requested speed; the law may choose less.
 
-    desired_m: requested distance to the wall. own_parts: of the car, see `sim.world.own_parts`.
+    desired_m: requested distance to the wall. own_parts: of the car, see `sim.world.own_parts`. settings: KEY=VALUE
+    texts on top of the default settings.
     """
 
     experiment: str
@@ -32,6 +33,7 @@ class Cell:
     seed: int
     desired_m: float = DESIRED_M
     own_parts: str = "none"
+    settings: tuple[str, ...] = ()
 
     def named(self, figures: Figures) -> Figures:
         """Return the figures with the cell's own names in front."""
@@ -54,11 +56,23 @@ class CellChoice:
     generated: bool = False
     """Courses generated from the seeds instead of the named ones."""
     own_parts: str = ""
+    settings: tuple[str, ...] = ()
 
     def cells(self, experiment: str, scenarios: Sequence[str]) -> list[Cell]:
         """Return every combination; the longest runs first, so that no core waits for one at the end."""
         cells = [
-            Cell(experiment, scenario, law, speed_mps, mu, side, seed, self.desired_m, self._parts(experiment, seed))
+            Cell(
+                experiment,
+                scenario,
+                law,
+                speed_mps,
+                mu,
+                side,
+                seed,
+                self.desired_m,
+                self._parts(experiment, seed),
+                self.settings,
+            )
             for speed_mps in self.speeds_mps
             for scenario in scenarios
             for law in self.laws

@@ -14,6 +14,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from runtime.settings.tree import SettingsError
 from sim.lab import laws
 from sim.lab.cell import DESIRED_M, Cell, CellChoice, Figures, TabledCell
 from sim.lab.laps import maps_in
@@ -29,6 +30,14 @@ INTERRUPTED = 130
 SPEEDS_MPS, QUICK_SPEEDS_MPS = (1.0, 2.0, 3.0, 4.0), (1.0, 3.0)
 MUS, QUICK_MUS = (0.5, 0.8, 1.0), (0.8,)
 SIDES: tuple[Side, ...] = ("left", "right")
+FIXED_SETTINGS = {
+    "wall_follow.method": "--method",
+    "wall_follow.side": "--side",
+    "wall_follow.desired_distance_m": "--distance",
+    "wall_follow.speed_mps": "--speeds",
+    "safety.method": "--method FOLLOWER+GUARD",
+}
+"""Settings that every run has of its own, and the options that choose them."""
 MIN_DISTANCE_M, MAX_DISTANCE_M = 0.3, 3.0
 _PIPE_WIDTH = 160
 _NEARBY_MAPS = ("data/maps", "shared/data/maps")
@@ -78,8 +87,9 @@ def chosen(options: argparse.Namespace) -> CellChoice:
     seeds = _seeds(options)
     if options.jobs is not None and options.jobs < 1:
         raise LabUsageError(f"--jobs {options.jobs}: give 1 or more processes")
+    laws_chosen = _laws(options.method)
     return CellChoice(
-        _laws(options.method),
+        laws_chosen,
         _numbers("--speeds", options.speeds, 0.3, 8.0) or (QUICK_SPEEDS_MPS if quick else SPEEDS_MPS),
         _numbers("--mu", options.mu, 0.1, 2.0) or (QUICK_MUS if quick else MUS),
         _sides(options.side, quick=quick),
@@ -90,6 +100,7 @@ def chosen(options: argparse.Namespace) -> CellChoice:
         _distance_m(options),
         getattr(options, "generated", False),
         _own_parts(options),
+        _settings(options, laws_chosen),
     )
 
 
@@ -141,6 +152,20 @@ def _laws(text: str) -> tuple[str, ...]:
         return tuple(dict.fromkeys(laws.check(name.strip()) for name in text.split(",")))
     except ValueError as error:
         raise LabUsageError(f"--method {text}: {error}") from None
+
+
+def _settings(options: argparse.Namespace, chosen_laws: Sequence[str]) -> tuple[str, ...]:
+    """Return the settings of every car; UsageError for one that a law does not have or that the runs fix."""
+    assignments: list[str] = getattr(options, "assignments", [])
+    fixed = next((text for text in assignments if text.partition("=")[0].strip() in FIXED_SETTINGS), None)
+    if fixed is not None:
+        raise LabUsageError(f"--set {fixed}: the lab varies it; use {FIXED_SETTINGS[fixed.partition('=')[0].strip()]}")
+    for law in chosen_laws:
+        try:
+            laws.settings_of(law, "left", DESIRED_M, 1.0, assignments)
+        except SettingsError as error:
+            raise LabUsageError(f"{law}: {error}") from None
+    return tuple(assignments)
 
 
 def _numbers(option: str, text: str | None, low: float, high: float) -> tuple[float, ...]:
@@ -250,6 +275,7 @@ def _write(
         "sides": choice.sides,
         "seeds": choice.seeds,
         "quick": choice.quick,
+        "settings": choice.settings,
         "took_s": round(took_s, 1),
         "notes": {table.title: table.notes for table in tables if table.notes},
         "cells": figures,

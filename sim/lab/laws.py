@@ -13,7 +13,7 @@ from runtime.control import methods
 from runtime.control.guidance import Follower, Guard
 from runtime.control.own_laws.law_class import is_own, load_law
 from runtime.control.perception.view import PerceptionCache
-from runtime.settings.tree import load_settings
+from runtime.settings.tree import Settings, load_settings
 from sim.lab.cell import Cell
 from sim.lab.courses.prototype import Prototype
 from sim.virtual.closed_loop import Case, SimulatedRun, drive
@@ -39,8 +39,11 @@ def check(law: str) -> str:
     return f"{follower}+{guard}"
 
 
-def build(law: str, side: Side, desired_m: float, speed_mps: float) -> tuple[Follower, Guard | None]:
-    """Return fresh laws of the car's default settings but for side, distance and speed."""
+def settings_of(law: str, side: Side, desired_m: float, speed_mps: float, assignments: Sequence[str] = ()) -> Settings:
+    """Return the car's default settings but for law, side, distance and speed, with KEY=VALUE texts on top.
+
+    Raises SettingsError for an assignment that the law does not have.
+    """
     follower_name, _, guard_name = check(law).partition("+")
     on_car = follower_name if follower_name != "prototype" else "ball"
     wanted = [
@@ -52,13 +55,21 @@ def build(law: str, side: Side, desired_m: float, speed_mps: float) -> tuple[Fol
     ]
     if guard_name == "none":
         wanted.append("safety.turn_below_m=0")  # without safety, neither of its rules applies
-    settings = load_settings(None, wanted)
+    return load_settings(None, [*wanted, *assignments])
+
+
+def build(
+    law: str, side: Side, desired_m: float, speed_mps: float, assignments: Sequence[str] = ()
+) -> tuple[Follower, Guard | None]:
+    """Return fresh laws with the settings of `settings_of`."""
+    follower_name, _, guard_name = check(law).partition("+")
+    settings = settings_of(law, side, desired_m, speed_mps, assignments)
     eyes = PerceptionCache(settings.car)
     guard = methods.guard_for(settings.safety, settings.car, eyes, None)
     judge = methods.capped(guard, settings.safety, settings.wall_follow, None)
     driver: Follower = (
         methods.driver_for(settings.wall_follow, settings.car, eyes)
-        if follower_name == on_car
+        if follower_name != "prototype"
         else Prototype(side, desired_m, speed_mps, settings.car, eyes)
     )
     follower = methods.wrapped(driver, guard, methods.recovery_for(settings.safety), settings.wall_follow)
@@ -73,10 +84,13 @@ def own_law_faults(laws: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> li
 
 
 def drive_case(cell: Cell, case: Case, navigator: Follower | None = None, guard: Guard | None = None) -> SimulatedRun:
-    """Drive a case with the laws and the own parts of a cell, at the case's distance to the wall.
+    """Drive a case with the laws, settings and own parts of a cell, at the case's distance to the wall.
 
     navigator, guard: in place of the law's own.
     """
-    follower, built = build(cell.law, cell.side, case.desired_m, cell.speed_mps)
+    follower, built = build(cell.law, cell.side, case.desired_m, cell.speed_mps, cell.settings)
+    if cell.settings:
+        car = settings_of(cell.law, cell.side, case.desired_m, cell.speed_mps, cell.settings).car
+        case = replace(case, car=car)
     lidar = case.lidar.model_copy(update={"own_parts": cell.own_parts})
     return drive(replace(case, lidar=lidar), navigator or follower, guard or built)

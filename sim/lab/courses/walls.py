@@ -79,9 +79,13 @@ def world_of(name: str, side: Side) -> World:
 def case_of(scenario: str, speed_mps: float, mu: float, side: Side, seed: int, desired_m: float = DESIRED_M) -> Case:
     """Return the run of a course, "t1" or "t1 dirty"."""
     name, _, spoilt = scenario.partition(" ")
-    course = COURSES[name]
+    return _spoil(course_case(COURSES[name], speed_mps, mu, side, seed, desired_m), spoilt, side)
+
+
+def course_case(course: Course, speed_mps: float, mu: float, side: Side, seed: int, desired_m: float) -> Case:
+    """Return the clean run of any course."""
     world = world_of(course.world, side)
-    case = Case(
+    return Case(
         world,
         _start(course, side, desired_m),
         speed_mps,
@@ -95,14 +99,16 @@ def case_of(scenario: str, speed_mps: float, mu: float, side: Side, seed: int, d
         truth=None if course.wall_segments else world_of("straight", side),
         surroundings=_glazed(side) if course.glass else None,
     )
-    return _spoil(case, spoilt, side)
 
 
 def limit_task(scenario: str, speed_mps: float, mu: float, desired_m: float = DESIRED_M) -> Task | None:
     """Return the optimal control problem of a course, the clean one's for its variants; None where it is 0."""
     course = COURSES[scenario.partition(" ")[0]]
-    if not course.wall_segments:
-        return None
+    return course_task(course, speed_mps, mu, desired_m) if course.wall_segments else None
+
+
+def course_task(course: Course, speed_mps: float, mu: float, desired_m: float) -> Task:
+    """Return the optimal control problem of a course with a followed wall."""
     world = world_of(course.world, "left")
     vehicle = VehicleSettings(grip_mu=mu)
     start = course.start(world, desired_m)

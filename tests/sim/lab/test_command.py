@@ -292,3 +292,19 @@ def test_a_map_is_chosen_by_its_name_alone():
     assert only(cells, "/far/maps/levine.yaml") == cells[:1]
     with pytest.raises(LabUsageError, match="write some of levine, loop"):
         only(cells, "levin")
+
+
+def test_the_other_experiments_take_settings_too():
+    choice = chosen(options("walls", "--quick", "--method", "report", "--set", "wall_follow.kp=3"))
+    cell = next(one for one in walls.cells(choice) if one.scenario == "t3")
+    assert cell.settings == ("wall_follow.kp=3",)
+    plain = Cell(*(getattr(cell, name) for name in Cell.__dataclass_fields__ if name != "settings"))
+    assert walls.measure(cell)["mean_error_m"] != walls.measure(plain)["mean_error_m"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"), [("wall_follow.side=right", "--side"), ("wall_follow.kpp=1", "kpp is not a setting")]
+)
+def test_a_setting_that_the_lab_varies_or_does_not_know_is_refused(text, words):
+    with pytest.raises(LabUsageError, match=words):
+        chosen(options("walls", "--set", text))
