@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from wallride.experiments import report_options
 from wallride.parser import add_set
 
 EXPERIMENTS = {
@@ -27,6 +28,7 @@ WITH_SETTINGS = ("walls", "safety", "hazards", "laps")
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the experiments and their options."""
     experiments = parser.add_subparsers(dest="experiment", required=True, metavar="EXPERIMENT")
+    report_options.add(experiments)
     for name, what in EXPERIMENTS.items():
         parser = experiments.add_parser(name, help=what, description=what[:1].upper() + what[1:] + ".")
         if name in FIXED:

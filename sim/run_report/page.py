@@ -30,15 +30,15 @@ def page(*runs: Shown) -> str:
     """Return the page of a run, or of two on one clock."""
     charts: dict[str, dict[str, Any]] = {}
     plots = [
-        _section("Figures", tables.figures(runs)),
+        section("Figures", tables.figures(runs)),
         _each(runs, "Path", lambda one: track(one, WIDTH // len(runs)),
               "By odometry, with the walls as the lidar saw them. Numbers are stops."),
         *_over_time(runs, charts),
         _each(runs, "How often which error", lambda one: histogram(one.run.error.value, "m", BIN_M)),
         _each(runs, "Who decided", lambda one: tables.winners(one.numbers)),
-        *(_section(one.tagged(f"Stops ({len(one.found)})"), stops_table(one.found, one.run, one.tag)) for one in runs),
-        *(_section(one.tagged("The scan at each event"), cards(one.run, one.found, one.tag)) for one in runs),
-        _section("Settings", tables.settings(runs), "What is not the default. The folded lists have every setting."),
+        *(section(one.tagged(f"Stops ({len(one.found)})"), stops_table(one.found, one.run, one.tag)) for one in runs),
+        *(section(one.tagged("The scan at each event"), cards(one.run, one.found, one.tag)) for one in runs),
+        section("Settings", tables.settings(runs), "What is not the default. The folded lists have every setting."),
     ]  # fmt: skip
     heads = "".join(tables.head(one) for one in runs)
     data = {"runs": [{**moments.moments(one.run, one.laps_s), "tag": one.tag} for one in runs], "charts": charts}
@@ -48,18 +48,30 @@ def page(*runs: Shown) -> str:
     return _document(" beside ".join(f"{one.run.name}: run of {one.run.car}" for one in runs), body, data)
 
 
+def still_document(title: str, body: str) -> str:
+    """Return a page of the same look without a script: nothing in it moves, and nothing is fetched."""
+    return f"{_head(title, 'none')}<body><main>{body}</main></body></html>\n"
+
+
 def _document(title: str, body: str, data: object) -> str:
-    script, style = _part("page.js"), _part("page.css")
+    script = _part("page.js")
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
     told = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
+    return (
+        f"{_head(title, f'sha256-{digest}')}<body><main>{body}</main>"
+        f'<script type="application/json" id="data">{told}</script><script>{script}</script></body></html>\n'
+    )
+
+
+def _head(title: str, scripts: str) -> str:
+    """Return the page up to its body. scripts: the source of scripts that the browser may run."""
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         '<meta name="color-scheme" content="light dark">'
         "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; "
-        f"script-src 'sha256-{digest}'\">"
-        f"<title>{escape(title)}</title><style>{style}</style></head><body><main>{body}</main>"
-        f'<script type="application/json" id="data">{told}</script><script>{script}</script></body></html>\n'
+        f"script-src '{scripts}'\">"
+        f"<title>{escape(title)}</title><style>{_part('page.css')}</style></head>"
     )
 
 
@@ -67,7 +79,8 @@ def _part(name: str) -> str:
     return resources.files("sim.run_report").joinpath(name).read_text(encoding="utf-8")
 
 
-def _section(title: str, inside: str, words: str = "") -> str:
+def section(title: str, inside: str, words: str = "") -> str:
+    """Return a section. words: below its title."""
     about = f'<p class="about">{escape(words)}</p>' if words else ""
     return f"<section><h2>{escape(title)}</h2>{about}{inside}</section>"
 
@@ -75,9 +88,9 @@ def _section(title: str, inside: str, words: str = "") -> str:
 def _each(runs: Sequence[Shown], title: str, draw: Callable[[Shown], str], words: str = "") -> str:
     """Return a section with one drawing, or with two side by side."""
     if len(runs) == 1:
-        return _section(title, draw(runs[0]), words)
+        return section(title, draw(runs[0]), words)
     both = "".join(f"<div><h3>{escape(one.label)}</h3>{draw(one)}</div>" for one in runs)
-    return _section(title, f'<div class="pair">{both}</div>', words)
+    return section(title, f'<div class="pair">{both}</div>', words)
 
 
 def _over_time(runs: Sequence[Shown], charts: dict[str, dict[str, Any]]) -> list[str]:
@@ -97,7 +110,7 @@ def _over_time(runs: Sequence[Shown], charts: dict[str, dict[str, Any]]) -> list
         band = (-SETTLE_BAND_M, SETTLE_BAND_M) if name == "error" else None
         charts[name] = moments.chart(lines, unit, marks, band)
         drawing = over_time(lines, unit, marks=marks if name in {"error", "speed"} else (), band=band, name=name)
-        sections.append(_section(title, drawing, words))
+        sections.append(section(title, drawing, words))
     return sections
 
 

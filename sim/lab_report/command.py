@@ -1,0 +1,128 @@
+"""`wallride lab report`: from the options to the page, in two rounds of runs."""
+
+import argparse
+import json
+import os
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+from rich.console import Console
+
+from runtime.settings.tree import SettingsError
+from sim.lab import laws
+from sim.lab.cell import Cell, Figures
+from sim.lab.command import FAILED, INTERRUPTED, USAGE_ERROR
+from sim.lab.pool import measure_all
+from sim.lab.report.plan import ALONE_LAW, REPORT_LAW, ReportPlan, first_round, second_round
+from sim.lab.report.tables import averaged, optima
+from sim.lab_report.page import html_page, markdown_page
+from sim.world.own_parts import OWN_PARTS
+
+LAWS = ("report", "law")
+"""Prefixes of settings for the cars of one law."""
+FIXED = {"wall_follow.method": "--method", "safety.method": "--method FOLLOWER+GUARD"}
+
+
+class ReportUsageError(Exception):
+    """Invalid option; the text names the fault and the valid form."""
+
+
+def run(options: argparse.Namespace) -> int:
+    """Drive everything and write the pages; 0, 1 when an own law failed, 2 for a wrong option, 130 after Ctrl-C."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # for the workers: one thread each
+    console = Console(stderr=True)
+    began_s = time.monotonic()
+    try:
+        plan = plan_of(options)
+        folder = _folder(options.output)
+        rows = measure(plan, options.jobs, console)
+    except ReportUsageError as error:
+        print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
+        return USAGE_ERROR
+    except KeyboardInterrupt:
+        console.print("interrupted; nothing was written")
+        return INTERRUPTED
+    write(plan, rows, folder)
+    count = sum(map(len, rows.values()))
+    took_s = time.monotonic() - began_s
+    print(f"{folder / 'report.html'} and report.md: {count} runs in {took_s:.0f} s")  # noqa: T201
+    faults = laws.own_law_faults([plan.law], [row for some in rows.values() for row in some])
+    for fault in faults:
+        print(f"wallride: the car stood: {fault}", file=sys.stderr)  # noqa: T201
+    return FAILED if faults else 0
+
+
+def measure(plan: ReportPlan, jobs: int | None, console: Console) -> dict[str, list[Figures]]:
+    """Return the figures of all runs by table; the second round drives with the average of the first one's optima."""
+    rows = _round(first_round(plan), jobs, console)
+    best = averaged(optima(plan, REPORT_LAW, rows[f"gains {REPORT_LAW}"]))
+    best = best or averaged(optima(plan, ALONE_LAW, rows[f"gains {ALONE_LAW}"]))
+    return rows | _round(second_round(plan, best), jobs, console)
+
+
+def _round(tables: Mapping[str, Sequence[Cell]], jobs: int | None, console: Console) -> dict[str, list[Figures]]:
+    figures = iter(measure_all([cell for cells in tables.values() for cell in cells], jobs, None, console))
+    return {name: [next(figures) for _ in cells] for name, cells in tables.items()}
+
+
+def write(plan: ReportPlan, rows: Mapping[str, list[Figures]], folder: Path) -> None:
+    """Write report.html, report.md with its pictures, and figures.json; the same rows give the same bytes."""
+    folder.mkdir(parents=True, exist_ok=True)
+    of = version("wallride")
+    (folder / "report.html").write_text(html_page(plan, rows, of), encoding="utf-8")
+    (folder / "report.md").write_text(markdown_page(plan, rows, of, folder / "figures"), encoding="utf-8")
+    (folder / "figures.json").write_text(json.dumps(rows, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def plan_of(options: argparse.Namespace) -> ReportPlan:
+    """Return the choice of the options; ReportUsageError for an invalid one."""
+    try:
+        law = laws.check(options.method)
+    except ValueError as error:
+        raise ReportUsageError(f"--method {options.method}: {error}") from None
+    if law.endswith("+none") or law.startswith("report+"):
+        raise ReportUsageError(f"--method {options.method}: write a follower other than report, with its safety")
+    if options.own_parts not in OWN_PARTS:
+        raise ReportUsageError(f"--own-parts {options.own_parts}: write one of {', '.join(OWN_PARTS)}")
+    if not 0.1 <= options.friction <= 2.0:
+        raise ReportUsageError(f"--friction {options.friction:g}: write a number from 0.1 to 2")
+    if options.jobs is not None and options.jobs < 1:
+        raise ReportUsageError(f"--jobs {options.jobs}: give 1 or more processes")
+    texts = {name: tuple(_settings(options.assignments, name)) for name in LAWS}
+    plan = ReportPlan(law, texts["report"], texts["law"], options.friction, options.own_parts, options.seed)
+    for one in (REPORT_LAW, law):
+        try:
+            plan.settings(one)
+        except SettingsError as error:
+            raise ReportUsageError(
+                f"{one}: {error}; for one law write --set report.KEY=VALUE or --set law.KEY=VALUE"
+            ) from None
+    if plan.settings(REPORT_LAW).wall_follow.side != plan.settings(law).wall_follow.side:
+        raise ReportUsageError("--set wall_follow.side: both laws follow one side")
+    return plan
+
+
+def _settings(assignments: Sequence[str], whose: str) -> list[str]:
+    """Return the texts that are for a law: those of its prefix, without it, and those without a prefix."""
+    found = []
+    for text in assignments:
+        prefix, _, rest = text.partition(".")
+        key = (rest if prefix in LAWS else text).partition("=")[0].strip()
+        if key in FIXED:
+            raise ReportUsageError(f"--set {text}: use {FIXED[key]}")
+        if prefix == whose:
+            found.append(rest)
+        elif prefix not in LAWS:
+            found.append(text)
+    return found
+
+
+def _folder(path: Path) -> Path:
+    if path.exists() and not path.is_dir():
+        raise ReportUsageError(f"-o {path}: is a file; name a folder for the pages")
+    if not path.absolute().parent.is_dir():
+        raise ReportUsageError(f"-o {path}: there is no folder {path.parent}; make it first")
+    return path

@@ -1,0 +1,76 @@
+"""Figures of the report: distance error over time and the path from above, of its law and ours beside each other."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from sim.figures.drawing import save_plot
+from sim.figures.summary import SETTLE_BAND_M
+from sim.lab.courses.walls import world_of
+from sim.lab.figures import Row
+from sim.lab.report.trials import ABOUT, TESTS
+from sim.run_report.above import Above, from_above
+from sim.run_report.charts import WIDTH, ChartLine, over_time
+from sim.world.place import World
+from sim.world.pose import Floats
+
+DOT_EVERY_M = 0.04
+AROUND_M = 4.0
+"""Maximum distance of a drawn wall from the paths."""
+TALLEST_PX = 420
+
+
+def trace(row: Row, name: str) -> Floats:
+    """Return a column of a run's way; NaN where there is no value."""
+    return np.array([np.nan if value is None else value for value in row["trace"][name]], dtype=np.float64)
+
+
+def world_in(row: Row) -> World:
+    """Return the world of a run."""
+    return world_of(TESTS[test_of(row)].world, row["side"])
+
+
+def test_of(row: Row) -> str:
+    """Return the test of a run."""
+    return str(row["scenario"]).partition(" ")[0]
+
+
+def error_chart(runs: Sequence[Row]) -> str:
+    """Return the distance error over time of one test, as SVG text: the first law is the report's."""
+    lines = [
+        ChartLine(str(row["law"]).partition("+")[0], trace(row, "time_s"), trace(row, "error_m"), style)
+        for row, style in zip(runs, ("s2", "s1"), strict=True)
+    ]
+    return over_time(lines, "m", band=(-SETTLE_BAND_M, SETTLE_BAND_M))
+
+
+def path_view(row: Row, columns: int) -> str:
+    """Return the path from above among the walls, as SVG text."""
+    x_m, y_m = trace(row, "x_m"), trace(row, "y_m")
+    dots = wall_dots(world_in(row))
+    near = (np.abs(dots[:, 0] - np.clip(dots[:, 0], x_m.min(), x_m.max())) < AROUND_M) & (
+        np.abs(dots[:, 1] - np.clip(dots[:, 1], y_m.min(), y_m.max())) < AROUND_M
+    )
+    dots = dots[near]
+    return from_above(Above(dots[:, 0], dots[:, 1], x_m, y_m), WIDTH // columns, tallest=TALLEST_PX)
+
+
+def wall_dots(world: World) -> Floats:
+    """Return points (n, 2) on the walls of a world."""
+    pieces = []
+    for x0, y0, x1, y1 in world.outline_m.reshape(-1, 4):
+        count = max(2, int(np.hypot(x1 - x0, y1 - y0) / DOT_EVERY_M))
+        pieces.append(np.stack([np.linspace(x0, x1, count), np.linspace(y0, y1, count)], axis=1))
+    return np.concatenate(pieces)
+
+
+def save_figure(folder: Path, row: Row) -> str:
+    """Write path and error of a run as a picture and return the file's name."""
+    law = str(row["law"]).partition("+")[0].replace(":", "-")
+    name = f"{test_of(row)}-{law}.png"
+    time_s, error_m = trace(row, "time_s"), trace(row, "error_m")
+    track = np.stack([trace(row, "x_m"), trace(row, "y_m"), trace(row, "yaw_rad")], axis=1)
+    title = f"{test_of(row)}, {ABOUT[test_of(row)]}: {law}, {row['speed_mps']:g} m/s, friction {row['mu']:g}"
+    save_plot(folder / name, world_in(row), track, time_s, error_m, title)
+    return name

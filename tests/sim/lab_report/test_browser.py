@@ -1,0 +1,35 @@
+"""The report's page in a real browser, at a desk and on a phone."""
+
+import io
+
+import pytest
+from rich.console import Console
+
+from sim.lab.report.plan import ReportPlan
+from sim.lab_report.command import measure, write
+from tests.clients.monitor.axe import violations
+from tests.clients.monitor.browser import chromium, find_chromium, needs_chromium
+
+LOOKS = [{"width": 1400, "height": 900}, {"width": 390, "height": 844, "mobile": True, "dark": True}]
+
+
+@pytest.fixture
+async def tab(tmp_path):
+    needs_chromium()
+    async with chromium(tmp_path / "profile", find_chromium()) as browser:
+        yield await browser.open()
+
+
+@pytest.mark.parametrize("look", LOOKS, ids=["desk", "phone"])
+async def test_the_page_fits_fetches_nothing_and_is_accessible(tab, tmp_path, look):
+    plan = ReportPlan(tests=("t2",), speeds_mps=(2.0,), report_settings=("wall_follow.kp=1.5", "wall_follow.kd=1.6"))
+    write(plan, measure(plan, 1, Console(file=io.StringIO())), tmp_path / "out")
+    file = tmp_path / "out" / "report.html"
+    await tab.look(**look)
+    await tab.go(file.as_uri())
+    assert await tab.run("document.querySelectorAll('svg').length") == 3
+    assert await tab.run("document.documentElement.scrollWidth <= window.innerWidth")
+    assert await tab.run("document.querySelectorAll('svg .line').length") >= 3
+    assert set(tab.requests) == {file.as_uri()}
+    assert tab.errors == []
+    assert await violations(tab) == []

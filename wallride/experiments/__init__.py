@@ -1,0 +1,1 @@
+"""Options of the lab's larger commands; each imports its code when it runs."""

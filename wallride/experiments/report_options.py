@@ -1,0 +1,46 @@
+"""Options of `wallride lab report`."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from wallride.failure import needs
+from wallride.parser import add_set
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
+
+WHAT = "the lab report's section 3 as a page: gain tables, trials with safety, 28 obstacles, beside another law"
+
+
+def add(experiments: "Commands") -> None:
+    """Add the command."""
+    report = experiments.add_parser("report", help=WHAT, description=f"{WHAT[:1].upper()}{WHAT[1:]}.")
+    report.add_argument(
+        "-o", dest="output", type=Path, default=Path("lab-report"), metavar="DIR",
+        help="folder of report.html, report.md and figures.json (default: lab-report)",
+    )  # fmt: skip
+    report.add_argument(
+        "--method",
+        default="ball",
+        metavar="LAW",
+        help="law beside the report's; MODULE:CLASS of your own (default: ball)",
+    )
+    add_set(report)
+    report.epilog = (
+        "--set report.KEY=VALUE and --set law.KEY=VALUE are for the cars of one law alone."
+        " A gain that is set is not varied."
+    )
+    report.add_argument("--friction", type=float, default=0.8, metavar="MU", help="grip of the floor (default: 0.8)")
+    report.add_argument(
+        "--own-parts", default="none", metavar="KIND", help="parts of the car that its lidar sees (default: none)"
+    )
+    report.add_argument("--seed", type=int, default=1000, metavar="N", help="seed of all noise (default: 1000)")
+    report.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
+    report.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    with needs("sim", "the simulator needs"):
+        from sim.lab_report.command import run
+    return run(options)
