@@ -5,6 +5,7 @@ from pathlib import Path
 
 from wallride.experiments import report_options
 from wallride.parser import add_set
+from wallride.sweeps import options as sweep_options
 
 EXPERIMENTS = {
     "walls": "the report's starts and more courses: error, settling, contacts, beside the physical limit",
@@ -61,6 +62,7 @@ def add(parser: argparse.ArgumentParser) -> None:
                 help="folder of recordings, or one recording (default: data/racecar nearby)",
             )
     _add_fit(experiments.add_parser("fit", help=FIT, description=FIT[:1].upper() + FIT[1:] + "."))
+    sweep_options.add(experiments)
 
 
 def _add_fit(parser: argparse.ArgumentParser) -> None:

@@ -4,7 +4,6 @@ import argparse
 import fnmatch
 import json
 import math
-import os
 import sys
 import time
 from collections.abc import Sequence
@@ -50,7 +49,6 @@ class LabUsageError(Exception):
 
 def run(options: argparse.Namespace) -> int:
     """Run one experiment; 0 when it was completed, 1 when an own law failed, 2 for a wrong option, 130 after Ctrl-C."""
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # for the workers: one thread each
     console = Console(stderr=True)
     try:
         choice = chosen(options)

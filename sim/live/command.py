@@ -18,7 +18,6 @@ from runtime.settings.tree import Settings, SettingsError, load_settings
 from sim.car.vehicle import Vehicle, VehicleSettings
 from sim.figures.comparison import compare
 from sim.figures.summary import device_faults, figures
-from sim.live.conditions import Conditions, ConditionsError, RequestedConditions, conditions_of
 from sim.live.live_conditions import LiveConditions
 from sim.live.live_keys import pressing
 from sim.live.saved_settings import saved_settings
@@ -27,6 +26,7 @@ from sim.live.screen import LiveView, address_in, operate_hint, starting
 from sim.live.session import USAGE_ERROR, Record, RuntimeStart, SessionError, SimulatorSession
 from sim.live.stop_request import StopRequest
 from sim.recordings import RecordingError, load_recording
+from sim.scenario.conditions import Conditions, ConditionsError, RequestedConditions, conditions_of
 from sim.world.place import World
 from sim.world.pose import Floats, Pose
 from sim.world.worlds import load_world

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 from runtime.wire import topics
 from runtime.wire.bus import RefusedError
 from sim.car.vehicle import Vehicle
-from sim.live.conditions import Conditions, own_parts_fields, own_parts_kinds, own_parts_of
+from sim.scenario.conditions import Conditions, own_parts_fields, own_parts_kinds, own_parts_of
 from sim.world.beams import LidarSettings
 from sim.world.obstacles import LIDAR_AHEAD_M, ConstantMotion, Obstacle, Round, StandingObstacle, sudden_box
 

@@ -13,6 +13,7 @@ import numpy as np
 from sim.world.lap import Lap
 from sim.world.place import World
 from sim.world.pose import Floats, Pose, Side
+from sim.world.race_tracks import is_track, named_track
 from sim.world.segments import SegmentGeometry, box, chain
 
 _AT_ORIGIN = Pose(0.0, 0.0, 0.0)
@@ -20,27 +21,37 @@ _MAP_SUFFIXES = (".yaml", ".yml")
 
 
 def load_world(name: str | Path, *, side: Side | None = None, seed: int = 0) -> World:
-    """Return a built-in world by its name, or a ROS map by the path of its .yaml file.
+    """Return a built-in world by its name, a track by "track:seed=7", or a ROS map by the path of its .yaml file.
 
     side: on which side the followed wall shall be; default: left. Built-in worlds are mirrored for the right, in a
         map the start faces the other way.
-    seed: seed of the places of the clutter; only "cluttered" uses it.
+    seed: seed of the places of the clutter in "cluttered", and of a "track" without one in its name.
 
     Raises:
         ValueError: no such built-in world (the message lists them), or a map file with invalid content.
         FileNotFoundError: the map does not exist.
     """
-    if isinstance(name, Path) or name.endswith(_MAP_SUFFIXES):
+    if isinstance(name, Path) or is_map(name):
         from sim.world.map_file import load_map
 
         return load_map(Path(name), side=side or "left")
+    if is_track(name):
+        track = replace(named_track(name, seed), name=name)
+        return track.mirrored() if side == "right" else track
     if name not in BUILDERS:
         known = ", ".join(BUILDERS)
-        raise ValueError(f"no world is called {name!r}; choose one of {known}, or give the path of a map's .yaml file")
+        raise ValueError(
+            f"no world is called {name!r}; choose one of {known}, track:seed=N, or give the path of a map's .yaml file"
+        )
     builder = BUILDERS[name]
     world = cluttered(seed) if builder is cluttered else builder()
     world = replace(world, name=name, description=" ".join((builder.__doc__ or "").split()))
     return world.mirrored() if side == "right" else world
+
+
+def is_map(name: str) -> bool:
+    """Return whether a world's name is the path of a map."""
+    return name.endswith(_MAP_SUFFIXES)
 
 
 def straight() -> World:

@@ -7,8 +7,8 @@ import pytest
 from clients.monitor.messages import Ask, BadMessageError, read
 from runtime.wire import topics
 from sim.car.vehicle import Vehicle
-from sim.live.conditions import Conditions
 from sim.live.live_conditions import LiveConditions
+from sim.scenario.conditions import Conditions
 from sim.world.beams import LidarSettings
 from tests.clients.monitor.operating import watching
 

@@ -8,12 +8,12 @@ import pytest
 
 from runtime.wire.bus import RefusedError
 from sim.car.vehicle import SpeedDemand, Vehicle
-from sim.live.conditions import Conditions, ConditionsError, RequestedConditions, conditions_of, own_parts_kinds
 from sim.live.live_conditions import ACTIONS, KEYS, LiveConditions
 from sim.live.live_keys import LEGEND, handle_keys, legend
-from sim.live.obstacle_text import read_obstacle
 from sim.live.scenes import WorldScene
 from sim.live.stop_request import StopRequest
+from sim.scenario.conditions import Conditions, ConditionsError, RequestedConditions, conditions_of, own_parts_kinds
+from sim.scenario.obstacle_text import read_obstacle
 from sim.world.beams import NO_RETURN_MM, LidarSettings
 from sim.world.obstacles import Box, ConstantMotion, Obstacle, Round, StandingObstacle, SuddenObstacle
 from sim.world.pose import Pose

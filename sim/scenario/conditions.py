@@ -1,7 +1,7 @@
 """Conditions of a simulated drive: floor, tyres, lidar and obstacles, as settings that can be named one by one.
 
 A settings file has the sections [vehicle] and [lidar] with the fields of `VehicleSettings` and `LidarSettings`, and a
-list `obstacles` of texts (`sim.obstacle_text`). Options of the command line come on top.
+list `obstacles` of texts (`sim.scenario.obstacle_text`). Options of the command line come on top.
 """
 
 import tomllib
@@ -14,7 +14,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
 from sim.car.vehicle_settings import VehicleSettings
-from sim.live.obstacle_text import read_obstacle
+from sim.scenario.obstacle_text import read_obstacle
 from sim.world.beams import LidarSettings
 from sim.world.obstacles import Obstacle
 
@@ -30,7 +30,7 @@ class ConditionsError(Exception):
 
 
 class Conditions(BaseModel):
-    """Conditions at the start of a drive. obstacles: texts as of `sim.obstacle_text`."""
+    """Conditions at the start of a drive. obstacles: texts as of `sim.scenario.obstacle_text`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

@@ -1,0 +1,1 @@
+"""Declared sweeps: many drives from one file, into one table."""

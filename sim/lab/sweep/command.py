@@ -1,0 +1,147 @@
+"""`wallride lab sweep FILE`: runs what a file declares into a table, and goes on where it was interrupted."""
+
+import argparse
+import csv
+import json
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from sim.lab.figures import distinct, mean, text
+from sim.lab.pool import progress_bar
+from sim.lab.sweep.drive_cell import DriveCell, measure, settings_hash
+from sim.lab.sweep.plan import SweepPlan, read_plan
+from sim.lab.sweep.table import RunKey, RunTable, TableError, columns, open_table, run_key
+from sim.lab.workers.finished_cell import WorkerStartError
+from sim.lab.workers.submit import submit
+from sim.scenario.toml_lines import FileMistakeError
+
+FAILED, USAGE_ERROR, INTERRUPTED = 1, 2, 130
+MAX_LINES = 40
+SHOWN = ("mean_error_m", "rms_error_m", "mean_speed_mps", "min_clearance_m")
+_PIPE_WIDTH = 160
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class SweepCount:
+    """Runs of a command: all of the sweep, those that were there, those made now, those of all that failed."""
+
+    all: int
+    known: int
+    made: int
+    failed: int
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run a sweep; 0 when all runs are in the table, 1 when some of them failed, 2 for a mistake, 130 after Ctrl-C."""
+    console = Console(stderr=True)
+    table_path: Path = options.table or options.file.with_suffix(".sqlite")
+    began_s = time.monotonic()
+    try:
+        check_options(options)
+        plan = read_plan(options.file)
+        with open_table(table_path, writes=True) as table:
+            if options.again_failed:
+                table.forget_failed()
+            keys = list(keys_of(plan))
+            count = fill(table, plan, keys, options.jobs, console)
+            rows = table.rows(keys)
+    except (FileMistakeError, TableError, WorkerStartError) as error:
+        print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
+        return USAGE_ERROR
+    except KeyboardInterrupt:
+        console.print(f"interrupted; what has ended is in {table_path}, and the same command goes on")
+        return INTERRUPTED
+    export(options, rows)
+    if "-" not in {str(options.json), str(options.csv)}:
+        out = Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH)
+        _show(rows, plan, out)
+        took_s = time.monotonic() - began_s
+        out.print(
+            f"{count.all} runs in {table_path}: {count.made} made in {took_s:.1f} s, {count.known} were there,"
+            f" {count.failed} failed", highlight=False, soft_wrap=True,
+        )  # fmt: skip
+    return FAILED if count.failed else 0
+
+
+def keys_of(plan: SweepPlan) -> Iterator[RunKey]:
+    """Yield the key of every run; FileMistakeError for the first one with a wrong value, before any is driven."""
+    for cell in plan.cells:
+        yield run_key(cell, settings_hash(cell, plan.setup_of(cell)))
+
+
+def fill(table: RunTable, plan: SweepPlan, keys: Sequence[RunKey], jobs: int | None, console: Console) -> SweepCount:
+    """Run what the table does not have."""
+    known = table.known()
+    missing = [(cell, key) for cell, key in zip(plan.cells, keys, strict=True) if key not in known]
+    cells: list[DriveCell] = [cell for cell, _ in missing]
+    with (
+        progress_bar(plan.text.path.stem, len(keys), console) as (progress, bar),
+        closing(submit(cells, measure, jobs=jobs)) as ended,
+    ):
+        progress.advance(bar, len(keys) - len(missing))
+        for done in ended:
+            table.add(missing[done.index][1], done)
+            progress.advance(bar)
+    failed = sum(bool(row["error"]) for row in table.rows(keys))
+    return SweepCount(len(keys), len(keys) - len(missing), len(missing), failed)
+
+
+def check_options(options: argparse.Namespace) -> None:
+    """Check what can be wrong before minutes of driving; TableError for an output that cannot be written."""
+    if options.jobs is not None and options.jobs < 1:
+        raise TableError(f"--jobs {options.jobs}: give 1 or more processes")
+    for name in ("csv", "json"):
+        value = getattr(options, name)
+        if value not in {None, "-"} and (Path(value).is_dir() or not Path(value).absolute().parent.is_dir()):
+            raise TableError(f"--{name} {value}: name a file in a directory that is there")
+
+
+def export(options: argparse.Namespace, rows: Sequence[Row]) -> None:
+    """Write the rows as CSV and JSON where that was asked for; "-" is standard output."""
+    if options.json is not None:
+        whole = json.dumps(rows, indent=1, allow_nan=False) + "\n"
+        if options.json == "-":
+            sys.stdout.write(whole)
+        else:
+            Path(options.json).write_text(whole)
+    if options.csv is not None:
+        if options.csv == "-":
+            _write_csv(sys.stdout, rows)
+        else:
+            with Path(options.csv).open("w", newline="") as file:
+                _write_csv(file, rows)
+
+
+def _write_csv(file: Any, rows: Sequence[Row]) -> None:  # noqa: ANN401 - any text file
+    writer = csv.DictWriter(file, columns(rows))
+    writer.writeheader()
+    for row in rows:
+        writer.writerow({name: json.dumps(one) if isinstance(one, list) else one for name, one in row.items()})
+
+
+def _show(rows: Sequence[Row], plan: SweepPlan, console: Console) -> None:
+    """Print the means for every combination of the grid, and the first failures."""
+    names = [name for name in plan.varied if name != "seed"]
+    groups: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        groups.setdefault(tuple(str(row.get(name)) for name in names), []).append(row)
+    table = Table(*names, "runs", "failed", "contacts", *SHOWN, title=plan.text.path.stem, title_justify="left")
+    for values, some in list(groups.items())[:MAX_LINES]:
+        whole = [row for row in some if not row["error"]]
+        contacts = sum(row["collided"] for row in whole)
+        means = [text(mean(whole, name)) if whole else "-" for name in SHOWN]
+        table.add_row(*values, str(len(some)), str(len(some) - len(whole)), str(contacts), *means)
+    console.print(table)
+    if len(groups) > MAX_LINES:
+        console.print(f"  {len(groups) - MAX_LINES} further combinations are in the table alone", highlight=False)
+    for error in [one for one in distinct(rows, "error") if one][:5]:
+        console.print(f"  failed: {error}", highlight=False, soft_wrap=True)

@@ -1,0 +1,290 @@
+"""One drive as a value: world, law, settings, conditions, seed. It can be pickled, is JSON, and has a stable key.
+
+The names of its values are those of a sweep's file:
+
+    world, law, side, seed      as of the other commands; law "report+none" drives without safety
+    config                      settings file below everything else
+    duration_s, way_m           end of the drive, unless it ends at a contact; standing_s: after this standstill
+    start.distance_m            from the followed wall; start.toward_deg: turned towards it
+    latency_s                   from a scan's last byte to the motor's wire
+    vehicle.*, lidar.*          conditions of the simulated car and its lidar
+    obstacles                   texts as of `sim.scenario.obstacle_text`
+    wall_follow.kp, ...         any setting of the car
+"""
+
+import hashlib
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from runtime.control import methods
+from runtime.control.own_laws.follower import OwnFollower
+from runtime.control.own_laws.guard import CappedGuard
+from runtime.control.own_laws.law_class import is_own, load_law
+from runtime.control.perception.view import PerceptionCache
+from runtime.settings.tree import Settings, SettingsError, load_settings
+from sim.car.vehicle_settings import VehicleSettings
+from sim.lab.cell import Figures
+from sim.lab.figures import common, errors
+from sim.lab.laps import lap_times_s
+from sim.lab.laws import check
+from sim.scenario.obstacle_text import read_obstacle
+from sim.virtual.closed_loop import ROUGH_BEAMS, Case, SimulatedRun, drive
+from sim.world.map_file import read_settings
+from sim.world.place import World
+from sim.world.pose import Pose, Side
+from sim.world.worlds import is_map, load_world
+
+NAMES = (
+    "world", "law", "side", "seed", "config", "duration_s", "way_m", "start.distance_m", "start.toward_deg",
+    "latency_s", "obstacles", "standing_s",
+)  # fmt: skip
+"""Names of values that are neither conditions nor settings of the car."""
+CONDITIONS = ("vehicle", "lidar")
+DURATION_S, LATENCY_S = 30.0, 0.02
+_KEY_DIGITS = 16
+_M = TypeVar("_M", bound=BaseModel)
+
+
+class LawError(Exception):
+    """A law of one's own has failed; the text names file and line."""
+
+
+class CellMistakeError(ValueError):
+    """A value of a cell cannot be used. name: the value's."""
+
+    def __init__(self, name: str, words: str) -> None:
+        super().__init__(words)
+        self.name = name
+
+
+@dataclass(frozen=True, slots=True)
+class DriveCell:
+    """One drive; see the module. values: (name, value) in order of their names."""
+
+    values: tuple[tuple[str, Any], ...]
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> "DriveCell":
+        """Return the cell of these values; lists become tuples."""
+        return cls(tuple(sorted((name, _fixed(value)) for name, value in values.items())))
+
+    def get(self, name: str, otherwise: Any = None) -> Any:  # noqa: ANN401 - any TOML value
+        """Return a value, or another where the cell does not have it."""
+        return next((value for known, value in self.values if known == name), otherwise)
+
+    @property
+    def text(self) -> str:
+        """Return the cell as JSON, the same for the same cell on every machine."""
+        return json.dumps(dict(self.values), sort_keys=True, separators=(",", ":"))
+
+    @property
+    def key(self) -> str:
+        """Return the name of the cell in a table."""
+        return digest(self.text)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DriveSetup:
+    """What a cell stands for, checked: settings of the car, and the case without them."""
+
+    settings: Settings
+    case: Case
+    with_safety: bool = True
+
+    def digest(self) -> str:
+        """Return a hash of all that decides the drive besides the cell and the code: defaults, own laws, maps."""
+        parts = [
+            json.dumps(self.settings.model_dump(mode="json"), sort_keys=True),
+            self.case.vehicle.model_dump_json(),
+            self.case.lidar.model_dump_json(),
+            *(file_digest(load_law(section, name).file) for section, name in self._laws() if is_own(name)),
+        ]
+        return digest("\n".join(parts))
+
+    def _laws(self) -> tuple[tuple[str, str], ...]:
+        return ("wall_follow", self.settings.wall_follow.method), ("safety", self.settings.safety.method)
+
+
+def digest(text: str) -> str:
+    """Return a short hash of a text."""
+    return hashlib.sha256(text.encode()).hexdigest()[:_KEY_DIGITS]
+
+
+@lru_cache(maxsize=64)
+def file_digest(path: Path) -> str:
+    """Return the hash of a file's content at its first reading."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:_KEY_DIGITS]
+
+
+def settings_hash(cell: DriveCell, setup: DriveSetup) -> str:
+    """Return the hash of a cell's conditions; of a map its files count."""
+    world = str(cell.get("world", "loop"))
+    files = (Path(world), read_settings(Path(world)).image) if is_map(world) else ()
+    return digest("\n".join([setup.digest(), *map(file_digest, files)]))
+
+
+def setup_of(cell: DriveCell) -> DriveSetup:
+    """Return the checked content of a cell; CellMistakeError names the value that is wrong."""
+    settings = _settings(cell)
+    side: Side = settings.wall_follow.side
+    seed = cell.get("seed", 0)
+    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+        raise CellMistakeError("seed", f"seed = {seed!r}: give a whole number from 0 on")
+    with _about("world"):
+        world = _world(str(cell.get("world", "loop")), side, seed)
+    with _about("obstacles"):
+        obstacles = tuple(read_obstacle(str(text)) for text in cell.get("obstacles", ()))
+    steering = {} if cell.get("vehicle.max_steering_rad") else {"max_steering_rad": settings.car.max_steering_rad}
+    case = Case(
+        world,
+        start_of(cell, world),
+        desired_m=settings.wall_follow.desired_distance_m,
+        side=side,
+        distance_m=_positive(cell, "way_m", math.inf),
+        duration_s=_positive(cell, "duration_s", DURATION_S),
+        standing_s=_positive(cell, "standing_s", math.inf),
+        vehicle=_conditions(cell, "vehicle", VehicleSettings(**steering)),
+        lidar=_conditions(cell, "lidar", ROUGH_BEAMS),
+        car=settings.car,
+        obstacles=obstacles,
+        seed=seed,
+        latency_s=_positive(cell, "latency_s", LATENCY_S),
+    )
+    return DriveSetup(settings, case, with_safety=not str(cell.get("law")).endswith("+none"))
+
+
+def start_of(cell: DriveCell, world: World) -> Pose | None:
+    """Return the start pose, None for the world's own; CellMistakeError for one in a wall."""
+    distance_m, toward_deg = cell.get("start.distance_m"), cell.get("start.toward_deg", 0.0)
+    if distance_m is None and not toward_deg:
+        return None
+    name = "start.distance_m" if distance_m is not None else "start.toward_deg"
+    if not all(isinstance(value, int | float | None) for value in (distance_m, toward_deg)):
+        raise CellMistakeError(name, "start.distance_m and start.toward_deg are numbers")
+    pose = world.start_at(distance_m=distance_m, toward_wall_rad=math.radians(toward_deg))
+    if world.collides(pose):
+        at = "as usual" if distance_m is None else f"{distance_m:g} m from the followed wall"
+        raise CellMistakeError(
+            name, f"the car would start in a wall of {world.name}: {at}, turned {toward_deg:g} degrees towards it"
+        )
+    return pose
+
+
+def _settings(cell: DriveCell) -> Settings:
+    """Return the settings of the car."""
+    config = cell.get("config")
+    with _about("law"):
+        chosen = _law_assignments(cell.get("law"))
+    assignments = _assignments(cell)
+    try:
+        return load_settings(Path(config) if config else None, [*chosen, *assignments])
+    except SettingsError as error:
+        words = str(error).removeprefix("--set: ")
+        raise CellMistakeError(_named_in(words, [name for name, _ in cell.values]), words) from None
+
+
+def _named_in(words: str, names: Sequence[str]) -> str:
+    """Return the longest of the names that a sentence has, "law" without one."""
+    return max((name for name in names if name in words), key=len, default="law")
+
+
+@contextmanager
+def _about(name: str) -> Iterator[None]:
+    """Turn the errors of a step into mistakes of a value."""
+    try:
+        yield
+    except (ValueError, OSError) as error:
+        raise CellMistakeError(name, str(error)) from None
+
+
+def drive_setup(setup: DriveSetup) -> SimulatedRun:
+    """Drive it in virtual time; LawError where an own law fails."""
+    settings = setup.settings
+    wall_follow = settings.wall_follow
+    if mistakes := methods.own_law_mistakes(wall_follow, settings.safety, settings.car):
+        raise LawError("; ".join(mistakes))
+    eyes = PerceptionCache(settings.car)
+    driver = methods.driver_for(wall_follow, settings.car, eyes)
+    guard = methods.guard_for(settings.safety, settings.car, eyes, None)
+    follower = methods.wrapped(driver, guard, methods.recovery_for(settings.safety), wall_follow)
+    judge = methods.capped(guard, settings.safety, wall_follow, None)
+    driven = drive(setup.case, follower, judge if setup.with_safety else None)
+    failed = [own.runner.fault for own in (driver, judge) if isinstance(own, OwnFollower | CappedGuard)]
+    if any(failed):
+        raise LawError("; ".join(filter(None, failed)))
+    return driven
+
+
+def measure(cell: DriveCell) -> Figures:
+    """Drive a cell and return its figures: the work of `submit`."""
+    driven = drive_setup(setup_of(cell))
+    times_s = lap_times_s(driven)
+    return {
+        **common(driven),
+        **errors(driven),
+        "laps": len(times_s),
+        "best_lap_s": min(times_s[1:] or times_s, default=None),
+    }
+
+
+def _law_assignments(law: str | None) -> list[str]:
+    """Return the settings that choose a law."""
+    if law is None:
+        return []
+    follower, _, guard = check(law).partition("+")
+    if follower == "prototype":
+        raise ValueError("law prototype has no settings; write ball, report or MODULE:CLASS")
+    without = ["safety.turn_below_m=0"] if guard == "none" else []
+    return [f"wall_follow.method={follower}", f"safety.method={'report' if guard == 'none' else guard}", *without]
+
+
+def _assignments(cell: DriveCell) -> list[str]:
+    """Return the settings of the car among the values."""
+    side = [f"wall_follow.side={cell.get('side')}"] if cell.get("side") else []
+    return side + [
+        f"{name}={json.dumps(value)}"
+        for name, value in cell.values
+        if name not in NAMES and name.partition(".")[0] not in CONDITIONS
+    ]
+
+
+def _conditions(cell: DriveCell, section: str, below: _M) -> _M:
+    """Return the conditions of a section on top of others."""
+    fields = {name.partition(".")[2]: value for name, value in cell.values if name.partition(".")[0] == section}
+    try:
+        return type(below).model_validate({**below.model_dump(), **fields})
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        known = ", ".join(type(below).model_fields)
+        words = f"is unknown; there are {known}" if first["type"] == "extra_forbidden" else first["msg"]
+        name = f"{section}.{first['loc'][0] if first['loc'] else ''}"
+        raise CellMistakeError(name, f"{name} = {first['input']!r}: {words}") from None
+
+
+def _positive(cell: DriveCell, name: str, otherwise: float) -> float:
+    value = cell.get(name, otherwise)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
+        raise CellMistakeError(name, f"{name} = {value!r}: give a number above 0")
+    return float(value)
+
+
+@lru_cache(maxsize=16)
+def _loaded_world(name: str, side: Side, seed: int) -> World:
+    return load_world(name, side=side, seed=seed)
+
+
+def _world(name: str, side: Side, seed: int) -> World:
+    """Return a world; one whose seed does not matter is made once per process."""
+    return _loaded_world(name, side, seed if name == "cluttered" else 0)
+
+
+def _fixed(value: Any) -> Any:  # noqa: ANN401 - any TOML value
+    return tuple(map(_fixed, value)) if isinstance(value, list | tuple) else value

@@ -1,0 +1,1 @@
+"""Where cells are run: `submit` and what is behind it."""

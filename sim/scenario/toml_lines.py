@@ -1,0 +1,105 @@
+"""TOML files whose mistakes are told with file and line: `tomllib` reads them, a scan of the text finds the lines."""
+
+import re
+import tomllib
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+KeyPath = tuple[str | int, ...]
+_HEADER = re.compile(r"^\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
+_KEY = re.compile(r"""^\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[\w-]+|"[^"]*"|'[^']*'))*)\s*=(.*)$""")
+_PART = re.compile(r"""[\w-]+|"[^"]*"|'[^']*'""")
+_TEXTS = re.compile(r'"(?:\\.|[^"\\])*"|\'[^\']*\'|#.*$')
+_AT_LINE = re.compile(r"\s*\(at line (\d+), column \d+\)$")
+_LONG_TEXTS = ('"""', "'''")
+
+
+class FileMistakeError(ValueError):
+    """A file cannot be used; the text begins with "FILE:LINE: "."""
+
+
+@dataclass(frozen=True, slots=True)
+class TomlText:
+    """Content of a file. tree: its values. lines: the line of each key and table, from 1."""
+
+    path: Path
+    tree: dict[str, Any]
+    lines: dict[KeyPath, int] = field(default_factory=dict)
+
+    def line_of(self, place: Sequence[str | int]) -> int:
+        """Return the line of a place in the tree, or of the nearest one above it that has a line."""
+        for length in range(len(place), 0, -1):
+            if (line := self.lines.get(tuple(place[:length]))) is not None:
+                return line
+        return 1
+
+    def mistake(self, place: Sequence[str | int], words: str) -> FileMistakeError:
+        """Return the error about a place."""
+        return FileMistakeError(f"{self.path}:{self.line_of(place)}: {words}")
+
+
+def read_toml(path: Path) -> TomlText:
+    """Return a file's content; FileMistakeError when it cannot be read."""
+    try:
+        text = path.read_text(encoding="utf-8")
+        tree = tomllib.loads(text)
+    except OSError as error:
+        raise FileMistakeError(f"{path}: cannot be read ({error.strerror})") from None
+    except tomllib.TOMLDecodeError as error:
+        found = _AT_LINE.search(str(error))
+        line = found.group(1) if found else str(text.count("\n") + 1)
+        raise FileMistakeError(f"{path}:{line}: is not valid TOML: {_AT_LINE.sub('', str(error))}") from None
+    except (RecursionError, ValueError) as error:
+        raise FileMistakeError(f"{path}: is not a TOML file in UTF-8 ({type(error).__name__})") from None
+    return TomlText(path, tree, _lines_of(text))
+
+
+def _lines_of(text: str) -> dict[KeyPath, int]:
+    """Return the lines of keys and tables. Keys inside of inline tables have the line of the table."""
+    lines: dict[KeyPath, int] = {}
+    tables: Counter[KeyPath] = Counter()
+    table: KeyPath = ()
+    open_brackets, long_text = 0, ""
+    for number, line in enumerate(text.splitlines(), start=1):
+        if long_text:
+            long_text = "" if long_text in line else long_text
+            continue
+        if open_brackets <= 0 and (header := _HEADER.match(line)):
+            table = _below(_parts(header.group(2)), tables)
+            if header.group(1) == "[[":
+                tables[table] += 1
+                table = (*table, tables[table] - 1)
+            lines.setdefault(table, number)
+            continue
+        value = line
+        if open_brackets <= 0 and (key := _KEY.match(line)):
+            _enter(lines, (*table, *_parts(key.group(1))), number)
+            value = key.group(2)
+        long_text = next((mark for mark in _LONG_TEXTS if value.count(mark) % 2), "")
+        bare = _TEXTS.sub("", value)
+        open_brackets += bare.count("[") + bare.count("{") - bare.count("]") - bare.count("}")
+    return lines
+
+
+def _enter(lines: dict[KeyPath, int], key: KeyPath, number: int) -> None:
+    """Enter a key, and the tables that a dotted key makes."""
+    for length in range(1, len(key) + 1):
+        lines.setdefault(key[:length], number)
+    lines[key] = number
+
+
+def _below(name: KeyPath, tables: Counter[KeyPath]) -> KeyPath:
+    """Return the path of a header below lists of tables: [fault.by] after two [[fault]] is fault, 1, by."""
+    path: KeyPath = ()
+    for part in name[:-1]:
+        path = (*path, part)
+        if tables[path]:
+            path = (*path, tables[path] - 1)
+    return (*path, name[-1])
+
+
+def _parts(key: str) -> KeyPath:
+    return tuple(part.strip("\"'") for part in _PART.findall(key))

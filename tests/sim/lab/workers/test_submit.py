@@ -1,0 +1,49 @@
+"""`submit`: every cell once, whatever becomes of its worker."""
+
+import multiprocessing
+
+import pytest
+
+from sim.lab.workers.finished_cell import WorkerStartError
+from sim.lab.workers.submit import submit
+from tests.sim.lab.workers.works import DiesAtStart, dies, double, slowly
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_every_cell_ends_once_and_a_failing_one_is_a_result(jobs):
+    ended = list(submit([3, -1, 4, 5], double, jobs=jobs))
+    assert sorted(done.index for done in ended) == [0, 1, 2, 3]
+    by_cell = {done.cell: done for done in ended}
+    assert {cell: done.figures for cell, done in by_cell.items()} == {
+        3: {"twice": 6}, -1: None, 4: {"twice": 8}, 5: {"twice": 10},
+    }  # fmt: skip
+    assert by_cell[-1].error.startswith("ValueError: -1 is below zero (works.py:")
+    assert by_cell[3].error == ""
+
+
+def test_a_killed_worker_costs_its_cell_which_is_run_again(tmp_path):
+    cells = [(1, ""), (2, str(tmp_path / "once")), (3, ""), (4, "always"), *((number, "") for number in range(5, 25))]
+    ended = {done.cell[0]: done for done in submit(cells, dies, jobs=2)}
+    assert sorted(ended) == sorted(number for number, _ in cells)
+    assert ended[2].figures == {"twice": 4}
+    assert ended[4].figures is None
+    assert ended[4].error == "its worker process was ended by signal 9, 2 times"
+    assert all(done.figures == {"twice": 2 * number} for number, done in ended.items() if number != 4)
+
+
+def test_an_abandoned_run_leaves_no_process():
+    before = set(multiprocessing.active_children())
+    ends = submit(list(range(50)), slowly, jobs=2)
+    assert next(ends).figures is not None
+    assert set(multiprocessing.active_children()) > before
+    ends.close()
+    assert set(multiprocessing.active_children()) == before
+
+
+def test_workers_that_cannot_start_are_told_and_not_started_for_ever():
+    with pytest.raises(WorkerStartError, match="ended with exit code 7 before its first cell"):
+        list(submit(list(range(50)), DiesAtStart(), jobs=2))
+
+
+def test_nothing_to_do_is_done():
+    assert list(submit([], double, jobs=2)) == []

@@ -1,0 +1,1 @@
+"""Options of the lab's commands on files: `sweep`, `compare`, `scenario`."""

@@ -1,0 +1,40 @@
+"""Options of `wallride lab sweep`, `compare` and `scenario`. The lab is imported when a command runs."""
+
+import argparse
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+
+def add(experiments: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the commands."""
+    _add_sweep(experiments)
+
+
+def _add_sweep(experiments: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    sweep = experiments.add_parser(
+        "sweep", help="runs declared in a file, into a table; goes on where it was interrupted",
+        description="Runs what a TOML file declares (a grid, random values) into an SQLite table. Each run counts "
+        "once: the same command again runs only what is missing.",
+    )  # fmt: skip
+    sweep.set_defaults(run=_running("sim.lab.sweep.command"))
+    sweep.add_argument("file", type=Path, metavar="FILE.toml", help="the sweep (docs/sweeps.md)")
+    sweep.add_argument("--table", type=Path, metavar="FILE", help="table of the runs (default: FILE.sqlite)")
+    sweep.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
+    sweep.add_argument("--csv", metavar="FILE|-", help="write the runs as CSV")
+    sweep.add_argument("--json", metavar="FILE|-", help="write the runs as JSON")
+    sweep.add_argument("--again-failed", action="store_true", help="run those again that failed")
+
+
+def _running(module: str) -> Callable[[argparse.Namespace], int]:
+    """Return what runs a command of the lab."""
+
+    def run(options: argparse.Namespace) -> int:
+        from wallride.failure import needs
+
+        with needs("sim", "the simulator needs"):
+            command: Any = import_module(module)
+        return int(command.run(options))
+
+    return run
