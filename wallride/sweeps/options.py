@@ -10,6 +10,7 @@ from typing import Any
 def add(experiments: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the commands."""
     _add_sweep(experiments)
+    _add_compare(experiments)
 
 
 def _add_sweep(experiments: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -25,6 +26,24 @@ def _add_sweep(experiments: "argparse._SubParsersAction[argparse.ArgumentParser]
     sweep.add_argument("--csv", metavar="FILE|-", help="write the runs as CSV")
     sweep.add_argument("--json", metavar="FILE|-", help="write the runs as JSON")
     sweep.add_argument("--again-failed", action="store_true", help="run those again that failed")
+
+
+def _add_compare(experiments: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    compare = experiments.add_parser(
+        "compare", help="whether two sweeps differ: paired differences with bootstrap intervals",
+        description="Compares two tables, sweeps or settings files run by run, and says which figures differ. "
+        "FILE:law=report takes a part of one.",
+    )  # fmt: skip
+    compare.set_defaults(run=_running("sim.lab.compare.command"))
+    for side in ("A", "B"):
+        compare.add_argument(side.lower(), metavar=side, help="table, sweep or settings file; FILE:NAME=VALUE a part")
+    compare.add_argument("--sweep", type=Path, metavar="FILE", help="the drives, where A and B are settings files")
+    compare.add_argument("--figures", metavar="A,B", help="figures to compare (default: the usual ones)")
+    compare.add_argument(
+        "--confidence", type=float, default=0.99, metavar="P", help="of the intervals and the test (default: 0.99)"
+    )
+    compare.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
+    compare.add_argument("--json", metavar="FILE|-", help="write the comparison as JSON")
 
 
 def _running(module: str) -> Callable[[argparse.Namespace], int]:

@@ -53,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
                 table.forget_failed()
             keys = list(keys_of(plan))
             count = fill(table, plan, keys, options.jobs, console)
-            rows = table.rows(keys)
+            rows = [one.row() for one in table.runs(keys)]
     except (FileMistakeError, TableError, WorkerStartError) as error:
         print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
         return USAGE_ERROR
@@ -91,7 +91,7 @@ def fill(table: RunTable, plan: SweepPlan, keys: Sequence[RunKey], jobs: int | N
         for done in ended:
             table.add(missing[done.index][1], done)
             progress.advance(bar)
-    failed = sum(bool(row["error"]) for row in table.rows(keys))
+    failed = sum(bool(one.error) for one in table.runs(keys))
     return SweepCount(len(keys), len(keys) - len(missing), len(missing), failed)
 
 

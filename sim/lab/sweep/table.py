@@ -44,6 +44,19 @@ class RunKey:
     settings_hash: str
 
 
+@dataclass(frozen=True, slots=True)
+class TableRun:
+    """One run. values: of its cell. figures: {} where it failed. error: "" or why."""
+
+    values: Mapping[str, Any]
+    figures: Mapping[str, Any]
+    error: str
+
+    def row(self) -> dict[str, Any]:
+        """Return all of it flat, for a file."""
+        return {**self.values, **self.figures, "error": self.error}
+
+
 @lru_cache(maxsize=1)
 def code_version() -> str:
     """Return wallride's version with a hash of the sources that decide a run."""
@@ -89,21 +102,18 @@ class RunTable:
         with self._connection:
             return self._connection.execute("DELETE FROM runs WHERE error != ''").rowcount
 
-    def rows(self, keys: Sequence[RunKey] | None = None) -> list[dict[str, Any]]:
-        """Return runs as flat rows: the cell's values, its figures, "error"; in the order of the keys.
-
-        keys: None for the newest run of every cell, in order of their keys.
-        """
-        found: dict[RunKey, dict[str, Any]] = {}
+    def runs(self, keys: Sequence[RunKey] | None = None) -> list[TableRun]:
+        """Return runs in the order of the keys; None: the newest run of every cell, in order of the cells' keys."""
+        found: dict[RunKey, TableRun] = {}
         query = (
             "SELECT cell_key, version, settings_hash, cell, figures, error FROM runs ORDER BY ended_unix_s, cell_key"
         )
         for cell_key, of_version, settings_hash, cell, figures, error in self._connection.execute(query):
             read: Figures = json.loads(figures) if figures else {}
-            found[RunKey(cell_key, of_version, settings_hash)] = {**json.loads(cell), **read, "error": error}
+            found[RunKey(cell_key, of_version, settings_hash)] = TableRun(json.loads(cell), read, error)
         if keys is not None:
             return [found[key] for key in keys if key in found]
-        newest = {key.cell_key: row for key, row in found.items()}
+        newest = {key.cell_key: run for key, run in found.items()}
         return [newest[cell_key] for cell_key in sorted(newest)]
 
 

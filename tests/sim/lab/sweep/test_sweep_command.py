@@ -122,9 +122,10 @@ def test_a_failing_run_is_a_row_and_can_be_run_again(law_file, sweep_file, tmp_p
     assert "2 made" in said
     assert "1 failed" in said
     with open_table(file.with_suffix(".sqlite"), writes=False) as table:
-        good, bad = sorted(table.rows(), key=lambda row: row["wall_follow.speed_mps"])
-    assert good["error"] == ""
-    assert f"LawError: {law} raised ZeroDivisionError" in bad["error"]
+        good, bad = sorted(table.runs(), key=lambda one: one.values["wall_follow.speed_mps"])
+    assert good.error == ""
+    assert good.figures["distance_m"] > 0
+    assert f"LawError: {law} raised ZeroDivisionError" in bad.error
     assert run(options(file, "--jobs", 1)) == 1
     assert "0 made" in capsys.readouterr().out
     source = tmp_path / f"{law.partition(':')[0]}.py"
