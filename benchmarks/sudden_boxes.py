@@ -14,10 +14,10 @@ from runtime.settings.tree import load_settings
 from sim.car.vehicle import GRAVITY_MPS2, Vehicle, VehicleSettings
 from sim.lab.courses.sudden import BOXES, PLACES
 from sim.lab.safety import impact_mps, stopping_m
-from sim.live.command import find_config
 from sim.live.scenes import WorldScene
 from sim.live.session import RuntimeStart, SimulatorSession
 from sim.live.stop_request import StopRequest
+from sim.scenario.simulated_car import find_config
 from sim.virtual.closed_loop import FULL_BRAKE_MPS2, ROUGH_BEAMS
 from sim.world.obstacles import LIDAR_AHEAD_M, sudden_box
 from sim.world.pose import CAR

@@ -10,7 +10,12 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     """Add the command and its options."""
     sim = commands.add_parser("sim", help="drive an emulated car through its real drivers")
     sim.set_defaults(run=run)
-    sim.add_argument("world", nargs="?", default="loop", help="a built-in world or a ROS map .yaml (default: loop)")
+    sim.add_argument(
+        "world",
+        nargs="?",
+        default="loop",
+        help="a built-in world, track:seed=N, a ROS map .yaml or a scenario .toml (default: loop)",
+    )
     add_set(sim)
     sim.add_argument("--config", type=Path, help="settings file of the simulated car (default: config/sim.toml's)")
     sim.add_argument("--headless", action="store_true", help="no live view, only the summary")

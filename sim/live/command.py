@@ -6,6 +6,7 @@ import json
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,20 +22,23 @@ from sim.figures.summary import device_faults, figures
 from sim.live.live_conditions import LiveConditions
 from sim.live.live_keys import pressing
 from sim.live.saved_settings import saved_settings
+from sim.live.scenario_scene import ScenarioScene, read_scenario
 from sim.live.scenes import RecordingScene, WorldScene
 from sim.live.screen import LiveView, address_in, operate_hint, starting
 from sim.live.session import USAGE_ERROR, Record, RuntimeStart, SessionError, SimulatorSession
 from sim.live.stop_request import StopRequest
 from sim.recordings import RecordingError, load_recording
+from sim.scenario.command import tell
 from sim.scenario.conditions import Conditions, ConditionsError, RequestedConditions, conditions_of
+from sim.scenario.driven import judge, mistakes_after
+from sim.scenario.scenario_file import MAX_START_TO_WALL_M, Scenario
+from sim.scenario.simulated_car import find_config
+from sim.scenario.toml_lines import FileMistakeError
 from sim.world.place import World
 from sim.world.pose import Floats, Pose
 from sim.world.worlds import load_world
 
-CONFIG = "config/sim.toml"
 DISTANCE = "wall_follow.desired_distance_m"
-MAX_START_TO_WALL_M = 10.0
-"""The UST-10LX's range: a car that starts farther from every wall sees nothing and stands for good."""
 DEFAULT_DURATION_S = 60.0
 MAX_LAP_S = 180.0
 """Maximum duration of a lap, so that a standing car does not block a script."""
@@ -62,15 +66,17 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
     try:
         config = options.config or find_config()
         saved = saved_settings(config)
+        scenario = read_scenario(options, config)
         settings = load_settings(config, options.assignments, saved)
         if saved.exists():
             console.print(f"[dim]with what was saved in {saved} (delete it to forget)[/dim]", soft_wrap=True)
         _check_outputs(options)
         if options.devices:
             return _devices(options, settings, stop, console)
-        drive = _replay if options.recording is not None else _drive
+        scene = _scenario_scene(options, scenario) if scenario is not None else None
+        drive = _replay if options.recording is not None else partial(_drive, chosen=scene)
         summary = drive(options, config, settings, stop, console)
-    except (SettingsError, RecordingError, ConditionsError, SimUsageError) as error:
+    except (SettingsError, RecordingError, ConditionsError, FileMistakeError, SimUsageError) as error:
         print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
         return USAGE_ERROR
     except SessionError as error:
@@ -85,28 +91,37 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
     if summary["telemetry"] != HEARD:
         print(f"wallride: {summary['telemetry']}; winners and faults are not known", file=sys.stderr)  # noqa: T201
         return FAILED
-    return 0
+    return _judged(scenario, scene, console) if scenario is not None and scene is not None else 0
 
 
-def find_config() -> Path:
-    """Return the simulated car's settings file: of this checkout, or of the installed package."""
-    candidates = [Path(__file__).parents[2] / CONFIG, Path(sys.prefix) / "share" / "wallride" / CONFIG]
-    for candidate in candidates:
-        if candidate.is_file():
-            return candidate
-    raise SimUsageError(f"{CONFIG} is not installed (looked for {candidates[-1]}); give one with --config")
+def _scenario_scene(options: argparse.Namespace, scenario: Scenario) -> ScenarioScene:
+    """Return the scene of a scenario; the options must not say what its file says."""
+    if options.pose or options.recording is not None or conditions_of(_wishes(options)) != Conditions():
+        raise SimUsageError(f"{options.world} says where and in what conditions the car drives; change it there")
+    return ScenarioScene(scenario, options.laps)
+
+
+def _judged(scenario: Scenario, scene: ScenarioScene, console: Console) -> int:
+    """Tell what the expectations came to; 1 when one of them does not hold, 2 for a mistake that the drive showed."""
+    judged, mistakes = judge(scenario, scene.driven), mistakes_after(scenario, scene.driven)
+    tell(scenario.text.path, judged, console)
+    for words in mistakes:
+        print(f"wallride: {words}", file=sys.stderr)  # noqa: T201
+    return USAGE_ERROR if mistakes else 0 if all(one.holds is not False for one in judged) else FAILED
 
 
 def _drive(
-    options: argparse.Namespace, config: Path, settings: Settings, stop: StopRequest, console: Console
-) -> dict[str, Any]:
-    conditions, scene, vehicle = _scene(options, settings)
+    options: argparse.Namespace, config: Path, settings: Settings, stop: StopRequest, console: Console, *,
+    chosen: ScenarioScene | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    conditions, scene, vehicle = _scene(options, settings, chosen)
     world = scene.world
     if options.laps and world.lap is None:
         raise SimUsageError(f"--laps {options.laps}: {world.name} has no lap; give --duration instead")
     duration_s = options.duration or (options.laps * MAX_LAP_S if options.laps else DEFAULT_DURATION_S)
     live = LiveConditions(vehicle, scene, conditions)
-    session = SimulatorSession(scene, vehicle, settings.motor, watched=not options.headless, changes=live)
+    attach = {"on_devices": chosen.attach} if chosen is not None else {}
+    session = SimulatorSession(scene, vehicle, settings.motor, watched=not options.headless, changes=live, **attach)
     start = _start(options, config, settings, world.name)
     record = _run(session, start, duration_s, stop, console, _view(options, scene, vehicle, console, live), live)
     summary = {
@@ -123,8 +138,12 @@ def _drive(
     return summary
 
 
-def _scene(options: argparse.Namespace, settings: Settings) -> tuple[Conditions, WorldScene, Vehicle]:
-    """Return the world that the options name, with a car in it."""
+def _scene(
+    options: argparse.Namespace, settings: Settings, chosen: ScenarioScene | None = None
+) -> tuple[Conditions, WorldScene, Vehicle]:
+    """Return the world that the options name, or a scenario's, with a car in it."""
+    if chosen is not None:
+        return chosen.conditions, chosen, chosen.vehicle
     side = settings.wall_follow.side
     try:
         world = load_world(options.world, side=side, seed=options.seed)

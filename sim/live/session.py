@@ -129,14 +129,17 @@ class SimulatorSession:
     """Builds the emulated car around a scene, runs the runtime with it, and provides the record.
 
     watched: whether a monitor serves its page meanwhile. changes: conditions that the page may change, None for none.
+    on_devices: gets the emulators once they run.
     """
 
     def __init__(
         self, scene: LidarScene, vehicle: Vehicle, wiring: VescSettings, *, watched: bool = False,
         changes: LiveConditions | None = None,
+        on_devices: Callable[[ScipEmulator, VescEmulator], None] = lambda _scip, _vesc: None,
     ) -> None:  # fmt: skip
         self._watched = watched
         self._changes = changes
+        self._on_devices = on_devices
         self._scene = scene
         self._vehicle = vehicle
         self._wiring = wiring
@@ -218,6 +221,7 @@ class SimulatorSession:
         scip = ScipEmulator(self._scene.model)
         port = await scip.start_tcp()
         stack.callback(scip.close)
+        self._on_devices(scip, vesc)
         return scip, vesc, [f"lidar.address=tcp://127.0.0.1:{port}", f"motor.address=serial://{folder / 'vesc'}"]
 
     async def _until_up(

@@ -76,7 +76,7 @@ def _lines_of(text: str) -> dict[KeyPath, int]:
             continue
         value = line
         if open_brackets <= 0 and (key := _KEY.match(line)):
-            _enter(lines, (*table, *_parts(key.group(1))), number)
+            _enter(lines, table, _parts(key.group(1)), number)
             value = key.group(2)
         long_text = next((mark for mark in _LONG_TEXTS if value.count(mark) % 2), "")
         bare = _TEXTS.sub("", value)
@@ -84,11 +84,10 @@ def _lines_of(text: str) -> dict[KeyPath, int]:
     return lines
 
 
-def _enter(lines: dict[KeyPath, int], key: KeyPath, number: int) -> None:
-    """Enter a key, and the tables that a dotted key makes."""
+def _enter(lines: dict[KeyPath, int], table: KeyPath, key: KeyPath, number: int) -> None:
+    """Enter a key of a table, and the tables that a dotted key makes."""
     for length in range(1, len(key) + 1):
-        lines.setdefault(key[:length], number)
-    lines[key] = number
+        lines.setdefault((*table, *key[:length]), number)
 
 
 def _below(name: KeyPath, tables: Counter[KeyPath]) -> KeyPath:

@@ -141,6 +141,11 @@ class ObstacleWorld(Surroundings):
         """Return the segments (x0, y0, x1, y1), shape (k, 4), of the obstacles that have appeared, to draw."""
         return self._things.outline_m
 
+    def distances_m(self, now_s: float, car: Pose) -> dict[Obstacle, float]:
+        """Return the distance from the car's rear axle to the centre of each obstacle that has appeared."""
+        places = [(present.obstacle, present.at(now_s)) for present in self._present]
+        return {obstacle: math.hypot(at.x_m - car.x_m, at.y_m - car.y_m) for obstacle, at in places}
+
     def put(self, obstacle: Obstacle) -> None:
         """Add an obstacle, which appears at the first update from its moment on."""
         self._waiting.append(obstacle)

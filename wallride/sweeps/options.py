@@ -6,11 +6,14 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from wallride.parser import add_set
+
 
 def add(experiments: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the commands."""
     _add_sweep(experiments)
     _add_compare(experiments)
+    _add_scenario(experiments)
 
 
 def _add_sweep(experiments: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -44,6 +47,18 @@ def _add_compare(experiments: "argparse._SubParsersAction[argparse.ArgumentParse
     )
     compare.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
     compare.add_argument("--json", metavar="FILE|-", help="write the comparison as JSON")
+
+
+def _add_scenario(experiments: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    scenario = experiments.add_parser(
+        "scenario", help="drives scenario files in virtual time: pass or fail for each expectation",
+        description="Drives scenario files in virtual time, with the whole process, and says what each expectation "
+        "came to. Exit code 1 when one fails, 2 for a mistake in a file. wallride sim FILE plays one in real time.",
+    )  # fmt: skip
+    scenario.set_defaults(run=_running("sim.scenario.command"))
+    scenario.add_argument("files", type=Path, nargs="+", metavar="FILE.toml", help="scenarios (docs/scenarios.md)")
+    add_set(scenario)
+    scenario.add_argument("--json", metavar="FILE|-", help="write the results as JSON")
 
 
 def _running(module: str) -> Callable[[argparse.Namespace], int]:

@@ -1,0 +1,74 @@
+"""`wallride lab scenario FILE...`: drives scenarios in virtual time, and says what each expectation came to."""
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+
+from sim.scenario.driven import JudgedExpectation, judge, mistakes_after
+from sim.scenario.scenario_file import load_scenario
+from sim.scenario.toml_lines import FileMistakeError
+from sim.scenario.virtual_drive import drive_scenario
+
+FAILED, USAGE_ERROR, INTERRUPTED = 1, 2, 130
+MARKS: Mapping[bool | None, str] = {True: "[green]pass[/green]", False: "[red]FAIL[/red]", None: "[dim]  ? [/dim]"}
+
+
+def run(options: argparse.Namespace) -> int:
+    """Drive all files; 0 when every expectation holds, 1 when one fails, 2 for a mistake, 130 after Ctrl-C."""
+    console = Console(stderr=options.json == "-", highlight=False, soft_wrap=True)
+    try:
+        results = [_driven(file, options.assignments, console) for file in options.files]
+    except FileMistakeError as error:
+        return _mistaken([str(error)])
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    if options.json is not None:
+        text = json.dumps(results, indent=1) + "\n"
+        if options.json == "-":
+            sys.stdout.write(text)
+        else:
+            Path(options.json).write_text(text)
+    mistakes = [words for result in results for words in result["mistakes"]]
+    if mistakes:
+        return _mistaken(mistakes)
+    return 0 if all(result["passed"] for result in results) else FAILED
+
+
+def _mistaken(mistakes: Sequence[str]) -> int:
+    for words in mistakes:
+        print(f"wallride: {words}", file=sys.stderr)  # noqa: T201 - this is the command's voice
+    return USAGE_ERROR
+
+
+def _driven(file: Path, assignments: Sequence[str], console: Console) -> dict[str, Any]:
+    """Drive one file, print what came of it, and return it for the JSON file."""
+    scenario = load_scenario(file, None, assignments)
+    began_s = time.monotonic()
+    driven = drive_scenario(scenario)
+    judged = judge(scenario, driven)
+    took_s = time.monotonic() - began_s
+    console.print(
+        f"{escape(str(file))}: {driven.time_s[-1]:.1f} s in {scenario.content.world}, driven in {took_s:.1f} s"
+    )
+    tell(file, judged, console)
+    return {
+        "file": str(file),
+        "passed": all(one.holds is not False for one in judged),
+        "mistakes": mistakes_after(scenario, driven),
+        "expectations": [{"line": one.line, "holds": one.holds, "words": one.words} for one in judged],
+    }
+
+
+def tell(file: Path, judged: Sequence[JudgedExpectation], console: Console) -> None:
+    """Print each expectation with its line."""
+    for one in judged:
+        console.print(f"  {MARKS[one.holds]} {escape(f'{file.name}:{one.line}: {one.words}')}")
+    if not judged:
+        console.print("  no [[expect]] in it".replace("[[", "\\[["))

@@ -1,0 +1,219 @@
+"""What was driven in a scenario, by the simulator's truth; and whether its expectations hold."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sim.scenario.scenario_file import Scenario
+from sim.scenario.scenario_parts import ScenarioExpectation
+from sim.world.obstacles import LIDAR_AHEAD_M, Obstacle, ObstacleWorld
+from sim.world.pose import Booleans, Floats, Pose
+
+STANDS_BELOW_MPS, DRIVES_ABOVE_MPS = 0.05, 0.25
+REACHED_M = 3.0
+"""An obstacle that never came nearer to the car plays no part in the scenario."""
+
+
+@dataclass(slots=True)
+class DrivenScenario:
+    """Record of a drive, one entry per sample in each list.
+
+    contact_mps: speed at the first contact, None without. reasons: of the decisions; empty where they are not known.
+    laps_s: duration of each lap. nearest_m: least distance of each obstacle that appeared.
+    """
+
+    time_s: list[float] = field(default_factory=list)
+    pose: list[Pose] = field(default_factory=list)
+    speed_mps: list[float] = field(default_factory=list)
+    wall_m: list[float] = field(default_factory=list)
+    clearance_m: list[float] = field(default_factory=list)
+    reasons: list[str] = field(default_factory=list)
+    laps_s: list[float] = field(default_factory=list)
+    contact_mps: float | None = None
+    nearest_m: dict[Obstacle, float] = field(default_factory=dict)
+
+    def note_distances(self, now_s: float, car: Pose, scene: ObstacleWorld) -> None:
+        """Note how near the obstacles are."""
+        for obstacle, away_m in scene.distances_m(now_s, car.ahead(LIDAR_AHEAD_M)).items():
+            near_m = max(0.0, away_m - obstacle.half_length_m)
+            self.nearest_m[obstacle] = min(near_m, self.nearest_m.get(obstacle, math.inf))
+
+
+@dataclass(frozen=True, slots=True)
+class JudgedExpectation:
+    """An expectation of a line. holds: None where the drive does not tell. words: the measured result."""
+
+    line: int
+    holds: bool | None
+    words: str
+
+
+def judge(scenario: Scenario, driven: DrivenScenario) -> list[JudgedExpectation]:
+    """Return whether each expectation holds."""
+    window = _Windows(driven, scenario.settings.wall_follow.desired_distance_m)
+    return [
+        JudgedExpectation(scenario.text.line_of(("expect", index)), *_judged(expected, window))
+        for index, expected in enumerate(scenario.content.expect)
+    ]
+
+
+def mistakes_after(scenario: Scenario, driven: DrivenScenario) -> list[str]:
+    """Return the mistakes that only a drive shows, with file and line: obstacles that the car never reached."""
+    found = []
+    for index, obstacle in enumerate(scenario.obstacles):
+        near_m = driven.nearest_m.get(obstacle)
+        if near_m is None or near_m > REACHED_M:
+            how = "never appeared" if near_m is None else f"was never nearer than {near_m:.1f} m to the lidar"
+            kind = scenario.content.obstacle[index].kind
+            words = f"obstacle never reached: this {kind} {how}; change its place or moment, or the duration"
+            found.append(str(scenario.text.mistake(("obstacle", index), words)))
+    return found
+
+
+class _Windows:
+    """The arrays of a drive, and their parts between two times."""
+
+    def __init__(self, driven: DrivenScenario, desired_m: float) -> None:
+        self.driven = driven
+        self.time_s = np.array(driven.time_s)
+        self.speed_mps = np.abs(np.array(driven.speed_mps))
+        self.error_m = np.array(driven.wall_m) - desired_m
+        self.clearance_m = np.array(driven.clearance_m)
+
+    def within(self, expected: ScenarioExpectation) -> Booleans:
+        """Return which samples lie between the times of an expectation."""
+        until_s = math.inf if expected.until_s is None else expected.until_s
+        return np.asarray((self.time_s >= expected.after_s) & (self.time_s <= until_s))
+
+    def first_s(self, expected: ScenarioExpectation, holds: Booleans) -> float:
+        """Return the time from after_s to the first sample in the window that holds; infinity if none does."""
+        index = np.flatnonzero(self.within(expected) & holds)
+        return float(self.time_s[index[0]] - expected.after_s) if index.size else math.inf
+
+    def way_m(self, expected: ScenarioExpectation) -> float:
+        """Return the way driven in the window."""
+        inside = self.within(expected)
+        places = np.array([(at.x_m, at.y_m) for at in self.driven.pose]).reshape(-1, 2)[inside]
+        return float(np.hypot(*np.diff(places, axis=0).T).sum())
+
+
+_Judgement = tuple[bool | None, str]
+
+
+def _judged(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
+    if not window.within(expected).any():
+        return False, f"{_wanted(expected)}: the drive ended before"
+    holds, words = JUDGES[expected.condition](expected, window)
+    return holds, f"{_wanted(expected)}: {words}"
+
+
+def _wanted(expected: ScenarioExpectation) -> str:
+    """Return an expectation as a line of text."""
+    value = getattr(expected, expected.condition)
+    shown = str(value).lower() if isinstance(value, bool) else repr(value) if isinstance(value, str) else f"{value:g}"
+    times = f" after {expected.after_s:g} s" if expected.after_s else ""
+    times += "" if expected.until_s is None else f" until {expected.until_s:g} s"
+    return f"{expected.condition} = {shown}{times}"
+
+
+def _contact(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
+    touched = window.driven.contact_mps
+    words = "touched nothing" if touched is None else f"touched something at {touched:.2f} m/s"
+    return (touched is not None) == expected.contact, words
+
+
+def _stands(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
+    fastest_mps = float(window.speed_mps[window.within(expected)].max())
+    return (fastest_mps < STANDS_BELOW_MPS) == expected.stands, f"at most {fastest_mps:.2f} m/s"
+
+
+def _stands_within(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
+    assert expected.stands_within_s is not None  # noqa: S101 - its condition
+    return _soon(expected.stands_within_s, window.first_s(expected, window.speed_mps < STANDS_BELOW_MPS), "stood")
+
+
+def _drives_within(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
+    assert expected.drives_within_s is not None  # noqa: S101 - its condition
+    return _soon(expected.drives_within_s, window.first_s(expected, window.speed_mps > DRIVES_ABOVE_MPS), "drove")
+
+
+def _soon(most_s: float, measured_s: float, verb: str) -> _Judgement:
+    return measured_s <= most_s, f"{verb} after {measured_s:.2f} s" if math.isfinite(measured_s) else f"never {verb}"
+
+
+def _error(
+    limit_m: float | None, figure: Callable[[Floats], float], expected: ScenarioExpectation, window: _Windows
+) -> _Judgement:
+    """Judge the error over the samples that have a wall."""
+    error_m = np.abs(window.error_m[window.within(expected)])
+    error_m = error_m[np.isfinite(error_m)]
+    if not error_m.size:
+        return False, "no wall was there to follow"
+    return figure(error_m) < (limit_m or 0.0), f"{figure(error_m):.3f} m"
+
+
+def _mean_error(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
+    return _error(expected.mean_error_below_m, lambda error_m: float(error_m.mean()), expected, window)
+
+
+def _max_error(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
+    return _error(expected.max_error_below_m, lambda error_m: float(error_m.max()), expected, window)
+
+
+def _clearance(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
+    least_m = float(window.clearance_m[window.within(expected)].min())
+    return least_m > (expected.clearance_above_m or 0.0), f"at least {least_m:.3f} m"
+
+
+def _speed_below(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
+    fastest_mps = float(window.speed_mps[window.within(expected)].max())
+    return fastest_mps < (expected.speed_below_mps or 0.0), f"at most {fastest_mps:.2f} m/s"
+
+
+def _mean_speed(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
+    mean_mps = float(window.speed_mps[window.within(expected)].mean())
+    return mean_mps > (expected.mean_speed_above_mps or 0.0), f"{mean_mps:.2f} m/s"
+
+
+def _way(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
+    way_m = window.way_m(expected)
+    return way_m > (expected.way_above_m or 0.0), f"{way_m:.1f} m"
+
+
+def _laps(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
+    laps = len(window.driven.laps_s)
+    return laps >= (expected.laps_at_least or 0), f"{laps} laps"
+
+
+def _lap_time(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
+    laps_s = window.driven.laps_s
+    best_s = min(laps_s, default=math.inf)
+    return best_s < (expected.lap_below_s or 0.0), f"{best_s:.2f} s" if laps_s else "no lap"
+
+
+def _reason(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
+    if not window.driven.reasons:
+        return None, "not known in this drive"
+    inside = np.flatnonzero(window.within(expected))
+    said: Sequence[str] = list(dict.fromkeys(window.driven.reasons[index] for index in inside))
+    return any(one.startswith(expected.reason or "") for one in said), "; ".join(said)
+
+
+JUDGES: dict[str, Callable[[ScenarioExpectation, _Windows], _Judgement]] = {
+    "contact": _contact,
+    "stands": _stands,
+    "stands_within_s": _stands_within,
+    "drives_within_s": _drives_within,
+    "mean_error_below_m": _mean_error,
+    "max_error_below_m": _max_error,
+    "clearance_above_m": _clearance,
+    "speed_below_mps": _speed_below,
+    "mean_speed_above_mps": _mean_speed,
+    "way_above_m": _way,
+    "laps_at_least": _laps,
+    "lap_below_s": _lap_time,
+    "reason": _reason,
+}
+"""For each condition of an expectation, what judges it."""

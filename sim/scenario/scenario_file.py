@@ -1,0 +1,258 @@
+"""A scenario's file: read, checked, and made into a world with a car in it. Mistakes have file and line.
+
+description = "A box appears before the car"
+world = "corridor"            # a built-in world, "track:seed=7", a map's .yaml beside the file, or "empty"
+duration_s = 8.0
+seed = 1
+own_parts = "posts"           # parts of the car that its lidar sees
+
+[start]                       # the world's own without it
+distance_m = 1.0
+toward_deg = 10.0
+
+[settings]                    # of the car
+wall_follow.speed_mps = 2.0
+
+[vehicle]                     # the simulated car and its floor; [lidar] likewise
+grip_mu = 0.8
+
+[[obstacle]]
+kind = "box"
+ahead_m = 0.9
+after_s = 4.0
+
+[[fault]]
+kind = "lidar lost"
+after_s = 6.0
+
+[[expect]]
+stands_within_s = 0.6
+after_s = 4.0
+"""
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, Field, ValidationError
+
+from runtime.host.user_module import search_in
+from runtime.settings.tree import Settings, SettingsError, load_settings
+from sim.car.vehicle_settings import VehicleSettings
+from sim.scenario.conditions import Conditions, ConditionsError, own_parts_fields
+from sim.scenario.scenario_parts import (
+    ScenarioExpectation,
+    ScenarioFault,
+    ScenarioObstacle,
+    ScenarioStart,
+    ScenarioTable,
+    ScenarioWall,
+)
+from sim.scenario.simulated_car import find_config
+from sim.scenario.toml_lines import FileMistakeError, TomlText, read_toml
+from sim.world.beams import LidarSettings
+from sim.world.obstacles import Obstacle
+from sim.world.place import World
+from sim.world.pose import Pose
+from sim.world.segments import SegmentGeometry
+from sim.world.worlds import is_map, load_world
+
+EMPTY = "empty"
+"""World without walls of its own."""
+DURATION_S = 30.0
+MAX_START_TO_WALL_M = 10.0
+"""The UST-10LX's range: a car that starts farther from every wall sees nothing and stands for good."""
+
+
+class ScenarioContent(ScenarioTable):
+    """Content of a file; see the module."""
+
+    description: str = ""
+    world: str = "loop"
+    duration_s: Annotated[float, Field(gt=0, le=3600)] = DURATION_S
+    seed: Annotated[int, Field(ge=0)] = 0
+    own_parts: str = "none"
+    start: ScenarioStart = ScenarioStart()
+    settings: dict[str, Any] = Field(default_factory=dict)
+    vehicle: dict[str, Any] = Field(default_factory=dict)
+    lidar: dict[str, Any] = Field(default_factory=dict)
+    wall: tuple[ScenarioWall, ...] = ()
+    obstacle: tuple[ScenarioObstacle, ...] = ()
+    fault: tuple[ScenarioFault, ...] = ()
+    expect: tuple[ScenarioExpectation, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """A checked scenario. obstacles: one for each [[obstacle]]."""
+
+    text: TomlText
+    content: ScenarioContent
+    assignments: tuple[str, ...]
+    settings: Settings
+    conditions: Conditions
+    world: World
+    start: Pose
+    obstacles: tuple[Obstacle, ...]
+
+    @property
+    def name(self) -> str:
+        """Return the name of its file."""
+        return self.text.path.stem
+
+
+def load_scenario(path: Path, config: Path | None = None, assignments: Sequence[str] = ()) -> Scenario:
+    """Return a scenario; FileMistakeError names file and line of a mistake.
+
+    config: settings file below the scenario's settings, None for the simulated car's. assignments: KEY=VALUE above.
+    """
+    text = read_toml(path)
+    try:
+        content = ScenarioContent.model_validate(text.tree)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = tuple(part for part in first["loc"] if part in _names_in(text.tree) or isinstance(part, int))
+        raise text.mistake(place, _sentence(first)) from None
+    search_in(path.absolute().parent)
+    assignments = [*(f"{name}={json.dumps(value)}" for name, value in _flat(content.settings)), *assignments]
+    assignments = [f"process.laws_folder={json.dumps(str(path.absolute().parent))}", *assignments]
+    settings = _settings(text, config, assignments, [name for name, _ in _flat(content.settings)])
+    world = _world(text, content, settings)
+    _check_times(text, content)
+    return Scenario(
+        text,
+        content,
+        tuple(assignments),
+        settings,
+        _conditions(text, content),
+        world,
+        _start(text, content.start, world),
+        tuple(one.obstacle() for one in content.obstacle),
+    )
+
+
+def _names_in(tree: object) -> set[str]:
+    """Return all keys of a tree."""
+    if isinstance(tree, Mapping):
+        return {str(key) for key in tree} | {name for value in tree.values() for name in _names_in(value)}
+    return {name for value in tree for name in _names_in(value)} if isinstance(tree, list) else set()
+
+
+def _sentence(error: Mapping[str, Any]) -> str:
+    """Return one pydantic error in words."""
+    key = ".".join(str(part) for part in error["loc"] if not isinstance(part, int) and "[" not in str(part))
+    message = str(error["msg"]).removeprefix("Value error, ")
+    if error["type"] == "extra_forbidden":
+        return f"{key} is unknown here; there are {', '.join(_known_at(error['loc']))}"
+    if error["type"] == "missing":
+        return f"{key} is missing"
+    if error["type"] == "value_error":
+        return f"{key}: {message}"
+    return f"{key} = {error['input']!r}: {message[:1].lower()}{message[1:]}"
+
+
+def _known_at(loc: Sequence[str | int]) -> list[str]:
+    """Return the keys of the table in which an unknown one was found."""
+    tables: dict[str, type[BaseModel]] = {
+        "start": ScenarioStart, "wall": ScenarioWall, "obstacle": ScenarioObstacle, "fault": ScenarioFault,
+        "expect": ScenarioExpectation,
+    }  # fmt: skip
+    return _keys_of(tables.get(str(loc[0]), ScenarioContent) if len(loc) > 1 else ScenarioContent)
+
+
+def _keys_of(table: type[BaseModel]) -> list[str]:
+    return list(table.model_fields)
+
+
+def _flat(tree: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in tree.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{above}{name}.")
+        else:
+            yield f"{above}{name}", value
+
+
+def _settings(text: TomlText, config: Path | None, assignments: Sequence[str], names: Sequence[str]) -> Settings:
+    try:
+        return load_settings(config or find_config(), assignments)
+    except ConditionsError as error:
+        raise FileMistakeError(str(error)) from None
+    except SettingsError as error:
+        words = str(error).removeprefix("--set: ")
+        named = max((name for name in names if name in words), key=len, default="")
+        raise text.mistake(("settings", *named.split(".")), words) from None
+
+
+def _conditions(text: TomlText, content: ScenarioContent) -> Conditions:
+    try:
+        parts = own_parts_fields(content.own_parts)
+    except ConditionsError as error:
+        raise text.mistake(("own_parts",), str(error).removeprefix("--own-parts ")) from None
+    try:
+        return Conditions.model_validate({"vehicle": content.vehicle, "lidar": {**parts, **content.lidar}})
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        models: dict[str, type[BaseModel]] = {"vehicle": VehicleSettings, "lidar": LidarSettings}
+        unknown = first["type"] == "extra_forbidden"
+        known = ", ".join(_keys_of(models[str(first["loc"][0])]))
+        key = ".".join(map(str, first["loc"]))
+        words = f"{key} is unknown here; there are {known}" if unknown else _sentence(first)
+        raise text.mistake(tuple(first["loc"]), words) from None
+
+
+def _world(text: TomlText, content: ScenarioContent, settings: Settings) -> World:
+    """Return the world with the scenario's walls."""
+    side, walls = settings.wall_follow.side, [wall.segments_m() for wall in content.wall]
+    if content.world == EMPTY:
+        if not walls or content.start.at is None:
+            raise text.mistake(("world",), "an empty world needs [[wall]] and [start] at = [x, y, heading]")
+        return World(EMPTY, SegmentGeometry(np.vstack(walls)), Pose(*content.start.at), side)
+    name = content.world
+    if is_map(name) and not Path(name).is_absolute():
+        name = str(text.path.parent / name)
+    try:
+        world = load_world(name, side=side, seed=content.seed)
+    except (ValueError, OSError) as error:
+        raise text.mistake(("world",), str(error)) from None
+    if not walls:
+        return world
+    if not isinstance(world.geometry, SegmentGeometry):
+        raise text.mistake(("wall", 0), "a map takes no further walls; put a box there as an [[obstacle]]")
+    segments = np.vstack([world.geometry.segments_m, *walls])
+    return replace(world, geometry=SegmentGeometry(segments, world.geometry.circles_m))
+
+
+def _start(text: TomlText, start: ScenarioStart, world: World) -> Pose:
+    place = ("start", "at") if start.at is not None else ("start", "distance_m")
+    pose = (
+        Pose(*start.at)
+        if start.at is not None
+        else world.start_at(distance_m=start.distance_m, toward_wall_rad=math.radians(start.toward_deg))
+    )
+    if world.collides(pose):
+        raise text.mistake(place, f"the car would start in a wall of {world.name}; start somewhere free")
+    if not world.clearance(pose) <= MAX_START_TO_WALL_M:
+        left_m, bottom_m, right_m, top_m = world.bounds_m
+        raise text.mistake(
+            place,
+            f"no wall is within {MAX_START_TO_WALL_M:.0f} m of the start; the walls of {world.name} lie at"
+            f" x {left_m:.1f} to {right_m:.1f} m, y {bottom_m:.1f} to {top_m:.1f} m",
+        )
+    return pose
+
+
+def _check_times(text: TomlText, content: ScenarioContent) -> None:
+    """Check that everything happens before the end of the drive."""
+    moments = [
+        *((("obstacle", index), one.after_s) for index, one in enumerate(content.obstacle)),
+        *((("fault", index), one.after_s) for index, one in enumerate(content.fault)),
+        *((("expect", index), one.after_s) for index, one in enumerate(content.expect)),
+    ]
+    for place, after_s in moments:
+        if after_s is not None and after_s >= content.duration_s:
+            words = f"after_s = {after_s:g}: the drive ends at {content.duration_s:g} s"
+            raise text.mistake((*place, "after_s"), words)
