@@ -88,6 +88,11 @@ class VescEmulator:
         if not self._deaf:
             self._loop.add_reader(self._master, self._on_readable)
 
+    def set_timeout(self, timeout_s: float, brake_a: float) -> None:
+        """Write timeout and brake current into its settings, as VESC Tool does; it starts anew."""
+        self._limits.update(timeout_s=timeout_s, timeout_brake_a=brake_a)
+        self._power_up()
+
     def unplug(self) -> None:
         """Pull the cable: the host's reads and writes fail and the port's name is gone. The VESC stays powered."""
         if self._master is None:

@@ -11,6 +11,7 @@ from sim.live.scenes import WorldScene
 from sim.scenario.driven import DrivenScenario
 from sim.scenario.faults import moments_of
 from sim.scenario.scenario_file import Scenario, load_scenario
+from sim.virtual.twin_world import UNPLUGGED_AFTER_S, UNPLUGGED_BRAKE_A
 from sim.world.beams import LidarSettings
 from sim.world.pose import Pose
 
@@ -44,8 +45,9 @@ class ScenarioScene(WorldScene):
         self._vesc: VescEmulator | None = None
 
     def attach(self, scip: ScipEmulator, vesc: VescEmulator) -> None:
-        """Note the emulated devices, whose cables the faults pull."""
+        """Note the emulated devices, whose cables the faults pull; the controller is set up as a car's should be."""
         self._scip, self._vesc = scip, vesc
+        vesc.set_timeout(UNPLUGGED_AFTER_S, UNPLUGGED_BRAKE_A)
 
     def set_lidar(self, lidar: LidarSettings) -> None:
         """Change the lidar's conditions."""
