@@ -1,5 +1,7 @@
 """Files of sweeps: the runs that they stand for, and their mistakes by file and line."""
 
+from pathlib import Path
+
 import pytest
 
 from sim.lab.sweep.plan import read_plan
@@ -111,3 +113,10 @@ def test_a_map_without_its_image_is_told(plan_of, tmp_path):
     plan = plan_of(EASY.replace("straight", "hall.yaml"))
     with pytest.raises(FileMistakeError, match=r"some.toml:1: the map's image .*gone.png is missing"):
         plan.setup_of(plan.cells[0])
+
+
+@pytest.mark.parametrize("file", sorted((Path(__file__).parents[4] / "config" / "sweeps").glob("*.toml")), ids=str)
+def test_the_examples_are_sweeps(file):
+    plan = read_plan(file)
+    assert len(plan.cells) >= 20
+    assert all(plan.setup_of(cell).case.duration_s > 0 for cell in plan.cells)
