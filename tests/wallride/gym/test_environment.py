@@ -1,0 +1,87 @@
+"""`wallride.gym`: what gymnasium asks for, and the same car as everywhere else."""
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from wallride.gym import NAME, WallFollowEnv
+
+
+@pytest.mark.filterwarnings("ignore:.*symmetric and normalized")  # its advice; ours is metres per second and radians
+def test_it_is_registered_and_passes_gymnasiums_own_checker():
+    environment = gymnasium.make(f"wallride.gym:{NAME}", world="corridor")
+    check_env(environment.unwrapped, skip_render_check=False)
+    environment.close()
+
+
+def drive(environment, policy, steps, seed=3):
+    observation, info = environment.reset(seed=seed)
+    rewards = []
+    for _ in range(steps):
+        observation, reward, contact, over, info = environment.step(policy(observation, info))
+        rewards.append(reward)
+        if contact or over:
+            break
+    return observation, rewards, info, (contact, over)
+
+
+def straight(speed_mps):
+    return lambda _observation, _info: np.array([speed_mps, 0.0], np.float32)
+
+
+def test_the_same_seed_gives_the_same_episode_and_another_one_another():
+    environment = WallFollowEnv("corridor")
+    first = drive(environment, straight(1.0), 40)
+    again, other = drive(environment, straight(1.0), 40), drive(environment, straight(1.0), 40, seed=4)
+    assert first[1] == again[1]
+    assert np.array_equal(first[0]["scan"], again[0]["scan"])
+    assert not np.array_equal(first[0]["scan"], other[0]["scan"])
+
+
+def test_it_drives_what_it_is_told_after_the_cars_own_delays():
+    observation, rewards, info, _ = drive(WallFollowEnv("corridor", varies=False), straight(2.0), 80)
+    assert info["time_s"] == pytest.approx(2.0)
+    assert observation["odometry"][3] == pytest.approx(2.0, abs=0.1)
+    assert observation["odometry"][0] == pytest.approx(info["pose"][0], abs=0.1)
+    assert info["pose"][0] == pytest.approx(sum(rewards), rel=0.1)  # beside the wall a metre is a point
+    assert 3.0 < info["pose"][0] < 4.0
+    assert observation["scan"].shape == (1081,)
+    assert observation["scan"][180 + 720] == pytest.approx(1.0, abs=0.06)  # 90 degrees to the left
+
+
+def test_a_contact_ends_an_episode_and_time_truncates_one():
+    *_, rewards, info, ends = drive(WallFollowEnv("dead_end"), straight(3.0), 400)
+    assert ends == (True, False)
+    assert rewards[-1] < -9
+    assert info["contact_mps"] > 2.0
+    *_, ends = drive(WallFollowEnv("corridor", duration_s=0.5), straight(0.5), 400)
+    assert ends == (False, True)
+
+
+def test_a_simple_controller_follows_the_wall_round_a_track():
+    def follow(observation, _info):
+        beside = observation["scan"][780:1021]  # 60 to 120 degrees to the left
+        nearest = int(np.argmin(beside))
+        toward_rad = np.radians(nearest / 4 - 30)  # below zero: the nearest return is ahead of the shoulder
+        steering_rad = 0.8 * (float(beside[nearest]) - 1.0) + 1.5 * toward_rad
+        return np.array([1.0, np.clip(steering_rad, -0.34, 0.34)], np.float32)
+
+    environment = WallFollowEnv("track:seed=7,length=40", duration_s=45.0)
+    *_, rewards, info, ends = drive(environment, follow, 1800)
+    assert ends == (False, True)
+    assert info["laps"] > 1.0
+    assert sum(rewards) > 36.0
+
+
+def test_conditions_and_starts_are_as_asked():
+    environment = WallFollowEnv(
+        "corridor", lidar={"beams": 541, "own_parts": "posts"}, vehicle={"grip_mu": 0.5}, obstacles=["box at=5,0"]
+    )
+    observation, info = environment.reset(seed=1, options={"start": (1.0, 0.2, 0.1)})
+    assert info["pose"] == (1.0, 0.2, 0.1)
+    assert observation["scan"].shape == (541,)
+    with pytest.raises(ValueError, match="would start in a wall of corridor"):
+        environment.reset(options={"start": (1.0, 0.95, 0.0)})
+    with pytest.raises(ValueError, match="no world is called"):
+        WallFollowEnv("nowhere")

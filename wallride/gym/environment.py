@@ -1,0 +1,165 @@
+"""The emulated car in a world, one step a scan (25 ms), in virtual time.
+
+The agent takes the place of laws and safety: nothing brakes for it. Between its drive and the wheels are the car's own
+limiter, the time from scan to wire, and the delays of servo and motor; its scan has the noise of a UST-10LX.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+
+from drivers.api import MotorState
+from runtime.control.limiter import Limiter, Limits
+from runtime.control.vehicle import CarSettings
+from sim.car.vehicle_settings import VehicleSettings
+from sim.scenario.obstacle_text import read_obstacle
+from sim.virtual.closed_loop import RANGE_MAX_M
+from sim.virtual.twin_world import TwinWorld, WorldMotor
+from sim.world.beams import LidarSettings
+from sim.world.lap import LapCounter
+from sim.world.pose import Pose, Side
+from sim.world.worlds import load_world
+
+Observation = dict[str, npt.NDArray[np.float32]]
+LATENCY_S = 0.02
+CONTACT_REWARD = -10.0
+START_SHIFT_M, START_TURN_RAD = 0.2, math.radians(10)
+MAX_ODOMETRY = 1e4
+_SEEDS = 2**31
+
+
+class WallFollowEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
+    """Follow a wall at a distance, as far as possible.
+
+    Action (2,): speed [m/s] and steering [rad, left positive], within the car's limits.
+    Observation: "scan" (beams,), ranges from right to left [m], RANGE_MAX_M without a return; "odometry" (5,): x, y
+        [m], yaw [rad] since the start as the wheels tell, speed [m/s], steering [rad].
+    Reward: metres driven forward, less the share of them that the distance error is of the wanted distance; -10 for a
+        contact, which ends an episode. After `duration_s` it is truncated.
+    Info: time_s, pose (x, y, yaw of the rear axle), wall_m, error_m, laps, contact_mps: the simulator's truth.
+
+    world, obstacles: as of `wallride sim`. vehicle, lidar: conditions by their names. varies: each episode begins up to
+    20 cm and 10 degrees off the world's start.
+    """
+
+    metadata = {"render_modes": []}  # noqa: RUF012 - as gymnasium has it
+
+    def __init__(
+        self, world: str = "loop", *, side: Side = "left", desired_distance_m: float = 1.0, duration_s: float = 60.0,
+        vehicle: Mapping[str, Any] | None = None, lidar: Mapping[str, Any] | None = None,
+        obstacles: Sequence[str] = (), varies: bool = True,
+    ) -> None:  # fmt: skip
+        self._world = load_world(world, side=side)
+        self._side, self._desired_m, self._duration_s, self._varies = side, desired_distance_m, duration_s, varies
+        self._vehicle = VehicleSettings(**(vehicle or {}))
+        self._lidar = LidarSettings(**(lidar or {}))
+        self._obstacles = tuple(read_obstacle(text) for text in obstacles)
+        self._period_s = 1.0 / self._lidar.rate_hz
+        car = self._car = CarSettings()
+        low, high = [-car.max_reverse_mps, -car.max_steering_rad], [car.max_speed_mps, car.max_steering_rad]
+        self._low, self._high = np.array(low, np.float32), np.array(high, np.float32)
+        self.action_space = spaces.Box(self._low, self._high, dtype=np.float32)
+        seen: dict[str, spaces.Space[Any]] = {
+            "scan": spaces.Box(0.0, RANGE_MAX_M, (self._lidar.beams,), np.float32),
+            "odometry": spaces.Box(-MAX_ODOMETRY, MAX_ODOMETRY, (5,), np.float32),
+        }
+        self.observation_space = cast("spaces.Space[Observation]", spaces.Dict(seen))
+        self._now_s = 0.0
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin an episode. options: {"start": (x, y, yaw)} puts the rear axle there."""
+        super().reset(seed=seed)
+        self._now_s = 0.0
+        self._twin = TwinWorld(
+            self._world, lambda: self._now_s, start=self._start((options or {}).get("start")), vehicle=self._vehicle,
+            lidar=self._lidar, obstacles=self._obstacles, seed=int(self.np_random.integers(_SEEDS)),
+        )  # fmt: skip
+        self._motor = WorldMotor(self._twin, lambda: self._now_s)
+        car = self._car
+        self._limiter = Limiter(
+            Limits(
+                car.max_speed_mps, car.max_reverse_mps, car.max_steering_rad, car.steering_rate_radps,
+                car.max_acceleration_mps2,
+            )
+        )  # fmt: skip
+        self._counter = LapCounter(self._world.lap) if self._world.lap is not None else None
+        self._laps = 0.0
+        self._odometry = np.zeros(5)
+        self._last = self._state()
+        return self._observation(), self._info()
+
+    def step(self, action: npt.NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Send a drive, and return what the next scan shows."""
+        speed_mps, steering_rad = (float(value) for value in np.clip(action, self._low, self._high))
+        told = self._limiter.limit(speed_mps, steering_rad, self._period_s)
+        ends_s = self._now_s + self._period_s
+        self._now_s += LATENCY_S
+        self._motor.send(told)
+        self._now_s = ends_s
+        before_m = self._last.distance_m
+        observation = self._observation()
+        info = self._info()
+        forward_m = self._last.distance_m - before_m
+        reward = forward_m * (1.0 - min(1.0, abs(info["error_m"]) / self._desired_m))
+        contact = self._twin.contact_mps is not None
+        over = self._now_s > self._duration_s - self._period_s / 2
+        return observation, reward + CONTACT_REWARD * contact, contact, over, info
+
+    def _start(self, asked: Sequence[float] | None) -> Pose:
+        """Return the start of an episode; ValueError for one in a wall."""
+        if asked is not None:
+            pose = Pose(*(float(value) for value in asked))
+            if self._world.collides(pose):
+                raise ValueError(f"the car would start in a wall of {self._world.name}: {pose}")
+            return pose
+        start = self._world.start
+        if not self._varies:
+            return start
+        aside_m, turned_rad = self.np_random.uniform(-1, 1, 2) * (START_SHIFT_M, START_TURN_RAD)
+        shifted = start.ahead(0.0, float(aside_m))
+        pose = Pose(shifted.x_m, shifted.y_m, start.yaw_rad + float(turned_rad))
+        return start if self._world.collides(pose) else pose
+
+    def _state(self) -> MotorState:
+        """Return the motor controller's report."""
+        state = self._motor.state
+        assert state is not None  # noqa: S101 - its cable is never pulled here
+        return state
+
+    def _observation(self) -> Observation:
+        ranges_m = self._twin.ranges_at(self._now_s)
+        state = self._state()
+        moved_m = state.distance_m - self._last.distance_m
+        turned_rad = moved_m * math.tan(state.steering_rad) / self._car.wheelbase_m
+        x_m, y_m, yaw_rad = self._odometry[:3]
+        middle_rad = yaw_rad + turned_rad / 2
+        self._odometry[:] = (
+            x_m + moved_m * math.cos(middle_rad), y_m + moved_m * math.sin(middle_rad), yaw_rad + turned_rad,
+            state.speed_mps, state.steering_rad,
+        )  # fmt: skip
+        self._last = state
+        return {
+            "scan": np.nan_to_num(ranges_m, nan=RANGE_MAX_M),
+            "odometry": self._odometry.astype(np.float32),
+        }
+
+    def _info(self) -> dict[str, Any]:
+        pose = self._twin.vehicle.pose
+        wall_m = self._world.wall_distance_m(pose, self._side)
+        if self._counter is not None:
+            self._laps = self._counter.update(pose.x_m, pose.y_m)
+        return {
+            "time_s": self._now_s,
+            "pose": (pose.x_m, pose.y_m, pose.yaw_rad),
+            "wall_m": wall_m,
+            "error_m": wall_m - self._desired_m,
+            "laps": self._laps,
+            "contact_mps": self._twin.contact_mps,
+        }
