@@ -24,18 +24,15 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     sim.add_argument("--pose", metavar="X,Y,THETA", help="start pose of the rear axle [m, m, rad]")
     sim.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default: 0)")
     sim.add_argument("--recording", type=Path, metavar="FILE", help="play a real recording through the emulated lidar")
-    sim.add_argument(
-        "--devices", action="store_true",
-        help="run only the emulated devices, and print the --set options for a `wallride run` by hand",
-    )  # fmt: skip
     sim.add_argument("--json", metavar="FILE|-", help="write the summary as JSON")
     sim.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the path and the error over time")
-    _add_conditions(
+    add_conditions(
         sim.add_argument_group("conditions", "floor, lidar faults and obstacles; keys change them while it drives")
     )
 
 
-def _add_conditions(group: "argparse._ArgumentGroup") -> None:
+def add_conditions(group: "argparse._ArgumentGroup") -> None:
+    """Add the options for floor, lidar and obstacles."""
     group.add_argument("--friction", type=float, metavar="MU", help="grip of the floor (default: 0.8)")
     group.add_argument("--noise", type=float, metavar="M", help="standard deviation of each distance (default: 0.01)")
     group.add_argument(

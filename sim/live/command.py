@@ -71,8 +71,6 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
         if saved.exists():
             console.print(f"[dim]with what was saved in {saved} (delete it to forget)[/dim]", soft_wrap=True)
         _check_outputs(options)
-        if options.devices:
-            return _devices(options, settings, stop, console)
         scene = _scenario_scene(options, scenario) if scenario is not None else None
         drive = _replay if options.recording is not None else partial(_drive, chosen=scene)
         summary = drive(options, config, settings, stop, console)
@@ -92,6 +90,15 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
         print(f"wallride: {summary['telemetry']}; winners and faults are not known", file=sys.stderr)  # noqa: T201
         return FAILED
     return _judged(scenario, scene, console) if scenario is not None and scene is not None else 0
+
+
+def find_config(name: str = CONFIG) -> Path:
+    """Return a settings file that comes with the program: of this checkout, or of the installed package."""
+    candidates = [Path(__file__).parents[2] / name, Path(sys.prefix) / "share" / "wallride" / name]
+    for candidate in candidates:
+        if candidate.is_file():
+            return candidate
+    raise SimUsageError(f"{name} is not installed (looked for {candidates[-1]}); give one with --config")
 
 
 def _scenario_scene(options: argparse.Namespace, scenario: Scenario) -> ScenarioScene:
@@ -114,7 +121,7 @@ def _drive(
     options: argparse.Namespace, config: Path, settings: Settings, stop: StopRequest, console: Console, *,
     chosen: ScenarioScene | None = None,
 ) -> dict[str, Any]:  # fmt: skip
-    conditions, scene, vehicle = _scene(options, settings, chosen)
+    conditions, scene, vehicle = build_scene(options, settings, chosen)
     world = scene.world
     if options.laps and world.lap is None:
         raise SimUsageError(f"--laps {options.laps}: {world.name} has no lap; give --duration instead")
@@ -138,7 +145,7 @@ def _drive(
     return summary
 
 
-def _scene(
+def build_scene(
     options: argparse.Namespace, settings: Settings, chosen: ScenarioScene | None = None
 ) -> tuple[Conditions, WorldScene, Vehicle]:
     """Return the world that the options name, or a scenario's, with a car in it."""
@@ -163,25 +170,6 @@ def _scene(
         )
     scene = WorldScene(world, side, conditions.lidar, options.laps, options.seed, conditions.things())
     return conditions, scene, vehicle
-
-
-def _devices(options: argparse.Namespace, settings: Settings, stop: StopRequest, console: Console) -> int:
-    """Keep the emulated car and its world running for a runtime that is started by hand."""
-    if options.recording is not None:
-        raise SimUsageError("--devices needs a world: a recording ends, a bench does not")
-    _, scene, vehicle = _scene(options, settings)
-
-    def tell(addresses: Sequence[str]) -> None:
-        console.print(
-            f"an emulated lidar and motor controller in {scene.world.name}; start the car with", soft_wrap=True
-        )
-        sys.stdout.write("".join(f"--set {address}\n" for address in addresses))
-        sys.stdout.flush()
-        console.print("Ctrl-C ends them")
-
-    session = SimulatorSession(scene, vehicle, settings.motor)
-    asyncio.run(session.keep(options.duration or math.inf, stop, tell))
-    return 0
 
 
 def _replay(

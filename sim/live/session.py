@@ -28,7 +28,6 @@ from sim.live.listener import Listener
 from sim.live.live_conditions import LiveConditions
 from sim.live.runtime_process import RuntimeProcess, WallrideProcess
 from sim.live.stop_request import StopRequest
-from sim.world.pose import Pose
 
 FAREWELL = "farewell"
 STEP_S = 0.005
@@ -38,7 +37,6 @@ START_TIMEOUT_S = 120.0
 USAGE_ERROR = 2
 HEARD_WITHIN_S = 3.0
 """Timeout for the first message; a short drive is over before it arrives."""
-AGAIN_S = 3.0
 STAMP_MS = 1 << 24
 """SCIP stamps are 24 bits of milliseconds and wrap."""
 
@@ -182,36 +180,6 @@ class SimulatorSession:
                 for task in filter(None, (going_on, listening)):
                     task.cancel()
         return record
-
-    async def keep(self, duration_s: float, stop: StopRequest, tell: Callable[[Sequence[str]], None]) -> Record:
-        """Keep car and world running for any runtime that connects, until the time or `stop` ends it.
-
-        tell: gets the two settings with which a runtime connects. A car that hit something is put back to its start.
-        """
-        start = self._vehicle.pose
-        async with AsyncExitStack() as stack:
-            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="wallride-")))
-            scip, vesc, addresses = await self._devices(stack, folder)
-            plant = self._plant(vesc)
-            timer = PeriodicTimer(time.monotonic)
-            timer.every(STEP_S, self._stepper(scip, plant))
-            timer.every(AGAIN_S, lambda _late_s, _missed: self._once_more(plant, start))
-            going_on = asyncio.create_task(timer.run(), name="world")
-            tell(addresses)
-            while self.record.time_s < duration_s and not stop.asked:
-                if going_on.done():
-                    going_on.result()
-                await asyncio.sleep(STEP_S)
-            going_on.cancel()
-        return self.record
-
-    def _once_more(self, plant: Plant, start: Pose) -> None:
-        """Return a car that hit something to its start, and drop data that is not read again."""
-        if plant.crashed:
-            self._vehicle.place(start)
-            plant.crashed = False
-        for kept in (self.record.samples, self.record.scan_times_s, self.record.steering_rad):
-            kept.clear()
 
     async def _devices(self, stack: AsyncExitStack, folder: Path) -> tuple[ScipEmulator, VescEmulator, list[str]]:
         """Start both emulators; returns them and the settings that name their addresses."""

@@ -227,7 +227,20 @@ async def test_what_is_saved_in_a_simulation_goes_to_a_file_of_the_users(tmp_pat
 
 
 async def test_the_emulated_devices_alone_serve_a_car_that_is_started_by_hand(tmp_path):
-    devices = WallrideProcess(["sim", "corridor", "--devices", "--duration", "60"])
+    devices = WallrideProcess(
+        [
+            "emulate",
+            "corridor",
+            "--duration",
+            "60",
+            "--folder",
+            str(tmp_path / "ports"),
+            "--port",
+            "0",
+            "--lidar",
+            "both",
+        ]
+    )
     car = None
     try:
         await devices.start()
@@ -236,6 +249,7 @@ async def test_the_emulated_devices_alone_serve_a_car_that_is_started_by_hand(tm
                 await asyncio.sleep(0.05)
         lines = [line.removeprefix("--set ") for line in devices.log if line.startswith("--set ")]
         assert [line.partition("=")[0] for line in lines] == ["lidar.address", "motor.address"]
+        assert (tmp_path / "ports" / "car.toml").is_file()
         for _ in range(2):  # and for the next one after it
             told = tmp_path / "address"
             settings = [*lines, f"telemetry.listen={free_endpoint()}", f"recording.folder={tmp_path}"]

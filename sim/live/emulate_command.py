@@ -1,0 +1,103 @@
+"""`wallride emulate`: the emulated devices, and a settings file with which a car uses them."""
+
+import argparse
+import asyncio
+import math
+import os
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+import tomlkit
+from rich.console import Console
+
+from runtime.settings.tree import SettingsError, load_settings
+from sim.live.command import SimUsageError, build_scene, find_config
+from sim.live.conditions import ConditionsError
+from sim.live.emulated_car import DeviceAddresses, EmulatedCar, EmulatedPorts
+from sim.live.session import USAGE_ERROR, SessionError
+from sim.live.stop_request import StopRequest
+
+CAR_CONFIG: Final = "config/car.toml"
+FOLDER: Final = "wallride/emulated"
+SETTINGS: Final = "car.toml"
+
+
+def emulate(options: argparse.Namespace, stop: StopRequest) -> int:
+    """Keep the emulated car running; 0 at its end, 2 for a wrong option or a taken port."""
+    console = Console(stderr=True)
+    folder = options.folder or emulated_folder()
+    file = folder / SETTINGS
+    try:
+        _check(options)
+        settings = load_settings(
+            find_config(CAR_CONFIG), options.assignments
+        )  # the car as it is, whatever the user enters
+        _, scene, vehicle = build_scene(options, settings)
+        ports = EmulatedPorts(
+            folder, None if options.lidar == "serial" else options.port, options.lidar != "tcp",
+            options.vesc_timeout, options.vesc_brake,
+        )  # fmt: skip
+        car = EmulatedCar(scene, vehicle, settings.motor, ports)
+
+        def tell(addresses: DeviceAddresses) -> None:
+            write_settings(file, addresses)
+            _show(console, file, scene.world.name, addresses)
+
+        asyncio.run(car.keep(options.duration or math.inf, stop, tell))
+    except (SettingsError, ConditionsError, SimUsageError, SessionError, tomlkit.exceptions.TOMLKitError) as error:
+        print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
+        return USAGE_ERROR
+    except OSError as error:
+        print(f"wallride: {error.filename or folder}: {error.strerror}", file=sys.stderr)  # noqa: T201
+        return USAGE_ERROR
+    return 0
+
+
+def emulated_folder(environment: Mapping[str, str] = os.environ) -> Path:
+    """Return the folder of the emulated car: the same at every start."""
+    return Path(environment.get("XDG_STATE_HOME") or "~/.local/state").expanduser() / FOLDER
+
+
+def write_settings(file: Path, addresses: DeviceAddresses) -> None:
+    """Write the addresses into the emulated car's settings; a new file has the contents of config/car.toml."""
+    is_new = not file.is_file()
+    document = tomlkit.parse((find_config(CAR_CONFIG) if is_new else file).read_text(encoding="utf-8"))
+    changes: dict[str, dict[str, object]] = {
+        "lidar": {"address": addresses.lidar},
+        "motor": {"address": addresses.motor},
+    }
+    if is_new:
+        changes |= {"car": {"name": "emulated"}, "recording": {"simulated": True}}
+    for section, values in changes.items():
+        table = document.setdefault(section, tomlkit.table())
+        for key, value in values.items():
+            if table.get(key) != value:
+                table[key] = value
+    text = tomlkit.dumps(document)
+    if is_new or text != file.read_text(encoding="utf-8"):
+        fresh = file.with_name(f"{file.name}.new")
+        fresh.write_text(text, encoding="utf-8")
+        fresh.replace(file)
+
+
+def _show(console: Console, file: Path, world: str, addresses: DeviceAddresses) -> None:
+    shown = " and ".join(addresses.lidars)
+    console.print(
+        f"an emulated car in {world}: lidar at {shown}, motor controller at {addresses.motor}", soft_wrap=True
+    )
+    console.print(f"its settings, yours to edit: {file}; in another terminal:", soft_wrap=True)
+    for command in ("doctor", "run", "teleop"):
+        console.print(f"  wallride {command}{'' if command == 'teleop' else f' {file}'}", soft_wrap=True)
+    sys.stdout.write(f"--set lidar.address={addresses.lidar}\n--set motor.address={addresses.motor}\n")
+    sys.stdout.flush()
+    console.print("Ctrl-C ends it")
+
+
+def _check(options: argparse.Namespace) -> None:
+    for name, value in (("--duration", options.duration), ("--vesc-timeout", options.vesc_timeout)):
+        if value is not None and not 0 < value < math.inf:
+            raise SimUsageError(f"{name} {value:g}: give a finite number of seconds above 0")
+    if not 0 <= options.vesc_brake <= 100:
+        raise SimUsageError(f"--vesc-brake {options.vesc_brake:g}: give amperes from 0 to 100")

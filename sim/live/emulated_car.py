@@ -1,0 +1,125 @@
+"""The emulated car alone: a lidar, a motor controller and their world, kept running for a runtime started by hand."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from contextlib import AsyncExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from drivers.vesc.settings import VescSettings
+from runtime.realtime.periodic import PeriodicTimer
+from sim.car.plant import Plant
+from sim.car.vehicle import Vehicle
+from sim.devices.scip import ScipEmulator
+from sim.devices.vesc import VescEmulator
+from sim.live.scenes import WorldScene
+from sim.live.session import STAMP_MS, STEP_S, SessionError
+from sim.live.stop_request import StopRequest
+
+HOST: Final = "127.0.0.1"
+AGAIN_S: Final = 3.0
+"""Time after which a car that hit something stands at its start again."""
+LIDAR: Final = "lidar"
+VESC: Final = "vesc"
+
+
+@dataclass(frozen=True, slots=True)
+class EmulatedPorts:
+    """Where the devices appear, under names that stay.
+
+    folder: of the serial ports `lidar` and `vesc`, links to pseudo-terminals. tcp_port: of the lidar, 0 for a free one,
+    None for none. serial_lidar: the lidar appears as a serial port, too.
+    timeout_s, brake_a: the controller's command timeout, and its brake current afterwards.
+    """
+
+    folder: Path
+    tcp_port: int | None
+    serial_lidar: bool
+    timeout_s: float
+    brake_a: float
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceAddresses:
+    """Addresses as they stand in the settings; lidar: the one to use first."""
+
+    lidars: tuple[str, ...]
+    motor: str
+
+    @property
+    def lidar(self) -> str:
+        """Return the address to use: TCP where the lidar has one."""
+        return self.lidars[0]
+
+
+class EmulatedCar:
+    """Keeps car and world running for any runtime that connects.
+
+    wiring: the true gains of this car. A car that hit something is put back to its start.
+    """
+
+    def __init__(self, scene: WorldScene, vehicle: Vehicle, wiring: VescSettings, ports: EmulatedPorts) -> None:
+        self._scene = scene
+        self._vehicle = vehicle
+        self._wiring = wiring
+        self._ports = ports
+        self.lidars: list[ScipEmulator] = []
+        self.vesc = VescEmulator(ports.folder / VESC, timeout_s=ports.timeout_s, timeout_brake_a=ports.brake_a)
+
+    async def keep(self, duration_s: float, stop: StopRequest, tell: Callable[[DeviceAddresses], None]) -> None:
+        """Run until the time or `stop` ends it; `tell` gets the addresses. SessionError where a port is taken."""
+        start, begin_s = self._vehicle.pose, time.monotonic()
+        async with AsyncExitStack() as stack:
+            addresses = await self._open(stack)
+            plant = Plant(self._vehicle, self.vesc, self._wiring, begin_s)
+            timer = PeriodicTimer(time.monotonic)
+            timer.every(STEP_S, lambda _late_s, _missed: self._step(plant, time.monotonic() - begin_s))
+
+            def put_back(_late_s: float, _missed: int) -> None:
+                if plant.crashed:
+                    self._vehicle.place(start)
+                    plant.crashed = False
+
+            timer.every(AGAIN_S, put_back)
+            going_on = asyncio.create_task(timer.run(), name="world")
+            tell(addresses)
+            while time.monotonic() - begin_s < duration_s and not stop.asked:
+                if going_on.done():
+                    going_on.result()
+                await asyncio.sleep(STEP_S)
+            going_on.cancel()
+
+    async def _open(self, stack: AsyncExitStack) -> DeviceAddresses:
+        ports, found = self._ports, []
+        ports.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if ports.tcp_port is not None:
+            lidar = self._lidar(stack)
+            try:
+                found.append(f"tcp://{HOST}:{await lidar.start_tcp(HOST, ports.tcp_port)}")
+            except OSError as error:
+                raise SessionError(
+                    f"{HOST}:{ports.tcp_port}: {error.strerror or error}; another emulated car? end it, or --port 0"
+                ) from None
+        if ports.serial_lidar:
+            self._lidar(stack).start_serial(ports.folder / LIDAR)
+            found.append(f"serial://{ports.folder / LIDAR}")
+        self.vesc.start()
+        stack.callback(self.vesc.close)
+        return DeviceAddresses(tuple(found), f"serial://{ports.folder / VESC}")
+
+    def _lidar(self, stack: AsyncExitStack) -> ScipEmulator:
+        lidar = ScipEmulator(self._scene.model)
+        stack.callback(lidar.close)
+        self.lidars.append(lidar)
+        return lidar
+
+    def _step(self, plant: Plant, time_s: float) -> None:
+        plant.advance(time.monotonic())
+        if self._scene.step(time_s, self._vehicle):
+            plant.crash()
+        while (due := self._scene.scan(time_s, self._vehicle)) is not None:
+            ranges_mm, stamp_ms = due
+            for lidar in self.lidars:
+                lidar.publish(ranges_mm, stamp_ms % STAMP_MS)

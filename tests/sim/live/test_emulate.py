@@ -1,0 +1,89 @@
+"""`wallride emulate`: ports that keep their names, and a settings file that stays the user's."""
+
+import asyncio
+from types import SimpleNamespace
+
+import pytest
+
+from drivers.address import parse_address
+from runtime.settings.tree import load_settings
+from sim.car.vehicle import Vehicle, VehicleSettings
+from sim.live.emulate_command import emulated_folder, write_settings
+from sim.live.emulated_car import DeviceAddresses, EmulatedCar, EmulatedPorts
+from sim.live.scenes import WorldScene
+from sim.live.session import SessionError
+from sim.world.beams import LidarSettings
+from sim.world.worlds import load_world
+from wallride.cli import main
+
+
+def car(folder, **changes):
+    world = load_world("corridor", side="left", seed=0)
+    ports = {"tcp_port": 0, "serial_lidar": True, "timeout_s": 0.15, "brake_a": 10.0} | changes
+    scene = WorldScene(world, "left", LidarSettings(), None, 0)
+    settings = load_settings(None)
+    return EmulatedCar(scene, Vehicle(VehicleSettings(), world.start), settings.motor, EmulatedPorts(folder, **ports))
+
+
+async def opened(one, stop):
+    """Keep a car running in the background until `stop.asked`; return its addresses and its task."""
+    told = asyncio.get_running_loop().create_future()
+    task = asyncio.create_task(one.keep(60.0, stop, told.set_result))
+    await asyncio.wait((told, task), return_when=asyncio.FIRST_COMPLETED)
+    if task.done():
+        task.result()
+    return told.result(), task
+
+
+async def test_the_ports_have_names_that_stay_and_go_with_the_car(tmp_path):
+    for _ in range(2):
+        stop = SimpleNamespace(asked=False)
+        addresses, task = await opened(car(tmp_path), stop)
+        assert addresses.motor == f"serial://{tmp_path}/vesc"
+        assert addresses.lidars[1] == f"serial://{tmp_path}/lidar"
+        assert all(map(parse_address, (*addresses.lidars, addresses.motor)))
+        assert (tmp_path / "vesc").is_char_device()
+        stop.asked = True
+        await task
+        assert not (tmp_path / "vesc").exists()
+
+
+async def test_a_second_emulated_car_on_the_same_port_is_refused(tmp_path):
+    stop = SimpleNamespace(asked=False)
+    addresses, task = await opened(car(tmp_path), stop)
+    port = int(addresses.lidar.rpartition(":")[2])
+    with pytest.raises(SessionError, match="another emulated car"):
+        await opened(car(tmp_path / "other", tcp_port=port), stop)
+    stop.asked = True
+    await task
+
+
+def test_the_settings_are_the_users_and_only_the_addresses_are_renewed(tmp_path):
+    file = tmp_path / "car.toml"
+    write_settings(file, DeviceAddresses(("tcp://127.0.0.1:1",), "serial:///a"))
+    settings = load_settings(file)
+    assert (settings.lidar.address, settings.motor.address) == ("tcp://127.0.0.1:1", "serial:///a")
+    assert settings.recording.simulated
+    assert settings.operator.permit == "required", "as on a car, not as in a simulation"
+    file.write_text(file.read_text().replace("wheelbase_m = 0.33 ", "wheelbase_m = 0.25 # mine "))
+    write_settings(file, DeviceAddresses(("tcp://127.0.0.1:2",), "serial:///a"))
+    assert "0.25 # mine" in file.read_text()
+    assert load_settings(file).lidar.address == "tcp://127.0.0.1:2"
+
+
+def test_the_folder_is_the_same_at_every_start(tmp_path):
+    assert emulated_folder({"XDG_STATE_HOME": str(tmp_path)}) == tmp_path / "wallride" / "emulated"
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--vesc-timeout", "0"], "--vesc-timeout 0"),
+        (["--vesc-brake", "900"], "--vesc-brake 900"),
+        (["--duration", "nan"], "--duration nan"),
+        (["nowhere"], "nowhere"),
+    ],
+)
+def test_a_wrong_option_is_one_sentence(options, said, tmp_path, capsys):
+    assert main(["emulate", "--folder", str(tmp_path), *options]) == 2
+    assert said in capsys.readouterr().err
