@@ -23,7 +23,7 @@ from wallride import (
     teleop_options,
     topic_options,
 )
-from wallride.bringup import emulate_options
+from wallride.bringup import doctor_options, emulate_options
 from wallride.failure import USAGE_ERROR, fail, needs
 from wallride.new import options as new_options
 from wallride.parser import DEFAULT_CONFIG, Parser, add_set, default_config
@@ -64,9 +64,14 @@ def build_parser() -> argparse.ArgumentParser:
         "--saved", type=Path, metavar="FILE",
         help="file with further settings, to which `param save` writes (default: the TOML file)",
     )  # fmt: skip
-    check.add_argument("--devices", action="store_true", help="fail when a device is not connected")
+    check.add_argument(
+        "--devices",
+        action="store_true",
+        help="open the devices; fail when one does not answer: a part of `wallride doctor`",
+    )
     sim_options.add(commands)
     emulate_options.add(commands)
+    doctor_options.add(commands)
     lab = commands.add_parser("lab", help="experiments with the car's own laws, faster than real time")
     lab.set_defaults(run=_lab)
     lab_options.add(lab)
@@ -109,11 +114,12 @@ def _add_build_kernel(commands: Any) -> None:  # noqa: ANN401 - argparse has no 
 def _run(options: argparse.Namespace) -> int:
     from runtime.security.access_list import KeysError
     from runtime.settings.tree import SettingsError
+    from wallride.doctor.ports import unusable_paths
 
     try:
         file = options.config or default_config()
         settings = _load(file, options.assignments, options.saved)
-        problems = [text for text, fatal in _device_problems(settings) if fatal] + _own_law_mistakes(settings)
+        problems = unusable_paths(settings) + _own_law_mistakes(settings)
         session, warnings = _session(settings)
         warnings += _saved_limits(options.saved or file)
     except (SettingsError, KeysError) as error:
@@ -133,6 +139,7 @@ def _run(options: argparse.Namespace) -> int:
 def _check(options: argparse.Namespace) -> int:
     from runtime.security.access_list import KeysError
     from runtime.settings.tree import SettingsError, to_toml
+    from wallride.doctor.ports import unusable_paths
 
     try:
         settings = _load(options.config or default_config(), options.assignments)
@@ -141,11 +148,12 @@ def _check(options: argparse.Namespace) -> int:
         warnings += _saved_limits(options.config or default_config())
     except (SettingsError, KeysError) as error:
         return fail(str(error))
-    problems = [(text, False) for text in warnings] + _device_problems(settings)
-    problems += [(text, True) for text in _own_law_mistakes(settings)]
-    for text, _ in problems:
+    problems = unusable_paths(settings) + _own_law_mistakes(settings)
+    if options.devices and not problems:
+        problems = _device_problems(settings)
+    for text in (*warnings, *problems):
         print(f"wallride: {text}", file=sys.stderr)
-    return USAGE_ERROR if any(fatal or options.devices for _, fatal in problems) else 0
+    return USAGE_ERROR if problems else 0
 
 
 def _lab(options: argparse.Namespace) -> int:
@@ -204,23 +212,26 @@ def _own_law_mistakes(settings: "Settings") -> list[str]:
     return own_law_mistakes(settings.wall_follow, settings.safety, settings.car)
 
 
-def _device_problems(settings: "Settings") -> list[tuple[str, bool]]:
-    """Look at the serial paths; (sentence, fatal): a directory can never become a device, a missing one can."""
-    from drivers.address import SerialAddress, parse_address
+def _device_problems(settings: "Settings") -> list[str]:
+    """Open both devices; return what must be mended before the car drives: a part of `wallride doctor`."""
+    import asyncio
+    import logging
 
-    problems = []
-    for key, text in (("lidar.address", settings.lidar.address), ("motor.address", settings.motor.address)):
-        address = parse_address(text)
-        if not isinstance(address, SerialAddress):
-            continue
-        path = Path(address.path)
-        if path.is_dir():
-            problems.append((f"{key} = {text}: is a directory; name the device in it", True))
-        elif path.is_file():
-            problems.append((f"{key} = {text}: is an ordinary file; name a serial device", True))
-        elif not path.exists():
-            problems.append((f"{key} = {text}: not there now; plug it in, or install the udev rules (systemd/)", False))
-    return problems
+    from wallride.doctor.computer import this_computer
+    from wallride.doctor.examine import examine
+    from wallride.doctor.findings import Level
+
+    logging.getLogger().addHandler(logging.NullHandler())  # what the drivers log is in the findings
+
+    async def look() -> list[str]:
+        groups = ("ports", "lidar", "motor")
+        return [
+            f"{finding.subject}: {finding.words}; {finding.remedy}"
+            async for finding in examine(this_computer(), settings, groups)
+            if finding.level is Level.FAIL
+        ]
+
+    return asyncio.run(look())
 
 
 def _version() -> str:

@@ -45,6 +45,7 @@ class Packet(IntEnum):
     SET_POS = 9
     SET_HANDBRAKE = 10
     SET_SERVO_POS = 12
+    GET_APPCONF = 17
     TERMINAL_CMD = 20
     PRINT = 21
     REBOOT = 29

@@ -60,7 +60,7 @@ class Vesc:
     every command is carried out as a brake: the VESC alone would obey again after half a second.
 
     clear_s: moves the polling to a better moment. replied: called with the duration of every reply, after it is
-        processed.
+        processed. firmware: of the controller that answered last.
 
     A reply with an implausible speed is refused: meanwhile the driver brakes, and lost_after_s later the link counts as
     lost. Command, speed and counters that contradict each other are a latched fault (`cross_check`).
@@ -86,6 +86,7 @@ class Vesc:
         self._health = Health()
         self._condition = VescMonitor(self._calibration, settings.min_voltage_v, self._health)
         self.inertia = Inertia(wanted=settings.imu)
+        self.firmware: replies.Firmware | None = None
         self._link: ByteLink | None = None
         self._ready: ByteLink | None = None  # the same link, from the first report on: it takes commands
         self._steering_rad = 0.0
@@ -232,6 +233,7 @@ class Vesc:
                 f"{self._address}: is a {replies.HARDWARE_KINDS.get(kind, f'module of kind {kind}')}, no motor"
                 " controller (another port? connect the VESC itself by USB)"
             )
+        self.firmware = firmware
         is_old = firmware.major < _TODAYS_LAYOUT_SINCE_MAJOR
         self._decode = replies.decode_values_2x if is_old else replies.decode_values
         if self._health.identity:

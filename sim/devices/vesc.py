@@ -20,7 +20,16 @@ from drivers.vesc import codec
 from drivers.vesc.codec import MOTOR_PACKETS, Packet
 from drivers.vesc.replies import STATUS_KILLED, STATUS_TIMED_OUT
 from sim.devices.vesc_logic import MotorDemand, VescLogic
-from sim.devices.vesc_replies import Value, Version, firmware_reply, imu_reply, selective_reply, values_reply
+from sim.devices.vesc_replies import (
+    AppValues,
+    Value,
+    Version,
+    app_config_reply,
+    firmware_reply,
+    imu_reply,
+    selective_reply,
+    values_reply,
+)
 
 __all__ = ["MotorDemand", "VescEmulator"]
 
@@ -42,7 +51,8 @@ class VescEmulator:
     reading). `kill_switch`, `inject_fault(code)` and `reboot()` are faults of the controller rather than the line.
     So are implausible reports: `shown_erpm` (this, whatever the motor does), `backwards` (speed and counter have
     the wrong sign), `counter_stopped`, `abs_backwards` (the absolute counter runs down). `phases_swapped`: the wheels
-    turn the other way, and the controller, which cannot detect it, reports the requested direction.
+    turn the other way, and the controller, which cannot detect it, reports the requested direction. `servo_output` and
+    `application` are told in its application configuration, and change nothing else.
     """
 
     def __init__(
@@ -67,6 +77,7 @@ class VescEmulator:
         self._on_command = on_command
         self._limits = {"timeout_s": timeout_s, "timeout_brake_a": timeout_brake_a, "min_erpm": min_erpm}
         self._random = random.Random(_NOISE_SEED)
+        self.servo_output, self.application = True, 0
         self.shown_erpm: int | None = None
         self.backwards = self.counter_stopped = self.abs_backwards = self.phases_swapped = False
         self._values: dict[str, Value] = {}
@@ -223,6 +234,9 @@ class VescEmulator:
                 return selective_reply(request, self._values_now(now_s))
             case Packet.GET_IMU_DATA:
                 return imu_reply(self.firmware, request, self.imu, CONTROLLER_ID)
+            case Packet.GET_APPCONF:
+                timeout = self._limits["timeout_s"], self._limits["timeout_brake_a"]
+                return app_config_reply(self.firmware, AppValues(*timeout, self.application, self.servo_output))
             case _:  # setters are never acknowledged, unknown requests never answered
                 return None
 

@@ -1,61 +1,32 @@
 """`wallride emulate`: ports that keep their names, and a settings file that stays the user's."""
 
-import asyncio
-from types import SimpleNamespace
-
 import pytest
 
 from drivers.address import parse_address
 from runtime.settings.tree import load_settings
-from sim.car.vehicle import Vehicle, VehicleSettings
 from sim.live.emulate_command import emulated_folder, write_settings
-from sim.live.emulated_car import DeviceAddresses, EmulatedCar, EmulatedPorts
-from sim.live.scenes import WorldScene
+from sim.live.emulated_car import DeviceAddresses
 from sim.live.session import SessionError
-from sim.world.beams import LidarSettings
-from sim.world.worlds import load_world
+from tests.sim.live.emulated import car, running
 from wallride.cli import main
-
-
-def car(folder, **changes):
-    world = load_world("corridor", side="left", seed=0)
-    ports = {"tcp_port": 0, "serial_lidar": True, "timeout_s": 0.15, "brake_a": 10.0} | changes
-    scene = WorldScene(world, "left", LidarSettings(), None, 0)
-    settings = load_settings(None)
-    return EmulatedCar(scene, Vehicle(VehicleSettings(), world.start), settings.motor, EmulatedPorts(folder, **ports))
-
-
-async def opened(one, stop):
-    """Keep a car running in the background until `stop.asked`; return its addresses and its task."""
-    told = asyncio.get_running_loop().create_future()
-    task = asyncio.create_task(one.keep(60.0, stop, told.set_result))
-    await asyncio.wait((told, task), return_when=asyncio.FIRST_COMPLETED)
-    if task.done():
-        task.result()
-    return told.result(), task
 
 
 async def test_the_ports_have_names_that_stay_and_go_with_the_car(tmp_path):
     for _ in range(2):
-        stop = SimpleNamespace(asked=False)
-        addresses, task = await opened(car(tmp_path), stop)
-        assert addresses.motor == f"serial://{tmp_path}/vesc"
-        assert addresses.lidars[1] == f"serial://{tmp_path}/lidar"
-        assert all(map(parse_address, (*addresses.lidars, addresses.motor)))
-        assert (tmp_path / "vesc").is_char_device()
-        stop.asked = True
-        await task
+        async with running(car(tmp_path)) as addresses:
+            assert addresses.motor == f"serial://{tmp_path}/vesc"
+            assert addresses.lidars[1] == f"serial://{tmp_path}/lidar"
+            assert all(map(parse_address, (*addresses.lidars, addresses.motor)))
+            assert (tmp_path / "vesc").is_char_device()
         assert not (tmp_path / "vesc").exists()
 
 
 async def test_a_second_emulated_car_on_the_same_port_is_refused(tmp_path):
-    stop = SimpleNamespace(asked=False)
-    addresses, task = await opened(car(tmp_path), stop)
-    port = int(addresses.lidar.rpartition(":")[2])
-    with pytest.raises(SessionError, match="another emulated car"):
-        await opened(car(tmp_path / "other", tcp_port=port), stop)
-    stop.asked = True
-    await task
+    async with running(car(tmp_path)) as addresses:
+        port = int(addresses.lidar.rpartition(":")[2])
+        with pytest.raises(SessionError, match="another emulated car"):
+            async with running(car(tmp_path / "other", tcp_port=port)):
+                pass
 
 
 def test_the_settings_are_the_users_and_only_the_addresses_are_renewed(tmp_path):

@@ -1,0 +1,119 @@
+"""`wallride doctor` and `check --devices` as commands, on `wallride emulate` as a process."""
+
+import asyncio
+import json
+import signal
+from contextlib import asynccontextmanager
+
+import pytest
+
+from sim.live.runtime_process import WallrideProcess
+from wallride.bringup import doctor_options
+from wallride.cli import main
+from wallride.doctor import examine
+from wallride.doctor.findings import Level, fail, ok, warn, worst
+from wallride.doctor.report import EXIT_CODES, as_json, exit_code, line, summary
+
+DEVICES = ["--only", "ports", "--only", "lidar", "--only", "motor"]
+
+
+@asynccontextmanager
+async def emulated(folder, *options):
+    """Run `wallride emulate`; yields its settings file."""
+    devices = WallrideProcess(["emulate", "--folder", str(folder), "--port", "0", "--duration", "60", *options])
+    await devices.start()
+    try:
+        async with asyncio.timeout(30):
+            while sum(text.startswith("--set ") for text in devices.log) < 2:
+                await asyncio.sleep(0.05)
+        yield folder / "car.toml"
+    finally:
+        devices.kill(signal.SIGINT)
+        assert await devices.wait() == 0
+
+
+async def answer(*words):
+    asking = WallrideProcess(list(words))
+    await asking.start()
+    code = await asking.wait()
+    return code, "\n".join(asking.log)
+
+
+async def test_the_devices_of_an_emulated_car_are_ok_and_can_be_checked_again(tmp_path):
+    async with emulated(tmp_path / "ports", "--lidar", "both") as file:
+        code, text = await answer("doctor", str(file), *DEVICES)
+        assert (code, "are ok" in text) == (0, True), text
+        code, text = await answer("check", "--devices", str(file))
+        assert code == 0, text
+        code, text = await answer(
+            "doctor", str(file), *DEVICES, "--json", "--set", "motor.address=serial:///dev/none-23"
+        )
+        found = json.loads(text)
+        assert (code, found["level"]) == (2, "fail")
+        assert {one["subject"] for one in found["findings"] if one["level"] == "fail"} == {"motor port"}
+
+
+async def test_a_controller_as_it_is_sold_is_told_what_to_set(tmp_path):
+    async with emulated(tmp_path / "ports", "--vesc-timeout", "1", "--vesc-brake", "0") as file:
+        code, text = await answer("doctor", str(file), *DEVICES)
+        assert code == 2
+        assert text.count("VESC Tool: App Settings, General: Timeout 150 ms, Timeout Brake Current 10 A") == 2
+        code, text = await answer("check", "--devices", str(file))
+        assert (code, "5.0 m under power" in text) == (2, True), text
+
+
+def test_devices_that_are_not_there_are_a_line_each(capsys):
+    away = ["lidar.address=tcp://127.0.0.1:1", "motor.address=serial:///dev/nothing-here"]
+    assert main(["check", "--devices", *(word for one in away for word in ("--set", one))]) == 2
+    lines = [text for text in capsys.readouterr().err.splitlines() if text.startswith("wallride: ")]
+    assert len(lines) == 2
+    assert "motor.address = serial:///dev/nothing-here: not there now; plug it in" in lines[0]
+    assert "connection refused" in lines[1]
+
+
+def test_wheels_up_needs_a_confirmation(capsys, monkeypatch):
+    monkeypatch.setattr("sys.stdin.isatty", lambda: False, raising=False)
+    assert main(["doctor", "--wheels-up"]) == 2
+    assert "stand" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("typed", "begins"), [("wheels up", True), ("Wheels Up ", True), ("y", False), ("", False)])
+def test_only_the_words_are_a_confirmation(typed, begins, monkeypatch):
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("builtins.input", lambda _prompt: typed)
+    assert doctor_options._confirmed() is begins
+
+
+def test_wrong_settings_are_a_finding_and_the_rest_is_looked_at(tmp_path, capsys):
+    file = tmp_path / "car.toml"
+    file.write_text("[wall_follow]\nsped_mps = 1\n")
+    assert main(["doctor", str(file), "--only", "joystick"]) == 2
+    out = capsys.readouterr().out
+    assert "did you mean wall_follow.speed_mps" in out
+    assert "gamepad" in out
+
+
+def test_the_groups_of_the_command_are_those_of_the_checks():
+    assert doctor_options.GROUPS == examine.GROUPS
+
+
+@pytest.mark.parametrize(
+    ("findings", "code"),
+    [
+        ([], 0),
+        ([ok("a", "b")], 0),
+        ([ok("a", "b"), warn("c", "d", "e")], 1),
+        ([fail("a", "b", "c"), warn("c", "d", "e")], 2),
+    ],
+)
+def test_the_exit_code_is_that_of_the_worst(findings, code):
+    assert exit_code(findings) == code == EXIT_CODES[worst(findings)]
+
+
+def test_a_line_names_the_remedy_and_json_has_it_too():
+    finding = fail("motor port", "not there", "plug it in")
+    assert line(finding).splitlines()[1].strip() == "-> plug it in"
+    assert "\n" not in line(ok("motor port", "there"))
+    assert json.loads(as_json([finding]))["findings"][0]["remedy"] == "plug it in"
+    assert summary([finding]) == "1 to mend before it drives, 0 warnings, 0 ok"
+    assert worst([]) is Level.OK

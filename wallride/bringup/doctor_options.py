@@ -1,0 +1,73 @@
+"""Options of `wallride doctor`. The checks are imported when the command runs."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from wallride.failure import fail
+from wallride.parser import DEFAULT_CONFIG, add_set, default_config
+
+GROUPS = ("program", "computer", "ports", "lidar", "motor", "access", "joystick")
+CONFIRMED = "wheels up"
+
+
+def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command and its options."""
+    doctor = commands.add_parser(
+        "doctor",
+        help="look at everything from cable to certificate, with the remedy",
+        description="Looks at program, computer, ports, devices, keys and gamepad, and says what to do. It opens the"
+        " devices, so the car must not run meanwhile; it moves nothing without --wheels-up. Exit code: 0 all ok,"
+        " 1 warnings, 2 something to mend before it drives.",
+    )
+    doctor.set_defaults(run=run)
+    doctor.add_argument("config", nargs="?", type=Path, help=f"TOML file (default: {DEFAULT_CONFIG} if there)")
+    add_set(doctor)
+    doctor.add_argument(
+        "--only", action="append", choices=GROUPS, metavar="GROUP", help=f"{', '.join(GROUPS)} (repeatable)"
+    )
+    doctor.add_argument("--json", action="store_true", help="the answer as JSON")
+    doctor.add_argument(
+        "--wheels-up", action="store_true",
+        help="TURNS THE WHEELS, after a confirmation: direction, command timeout, brake, steering by measurement",
+    )  # fmt: skip
+
+
+def run(options: argparse.Namespace) -> int:
+    """Look at everything; the exit code says how it is."""
+    import asyncio
+    import logging
+
+    from wallride.doctor.computer import this_computer
+    from wallride.doctor.examine import examine, find_settings
+    from wallride.doctor.report import as_json, exit_code, line, summary
+
+    if options.wheels_up and not _confirmed():
+        return fail("--wheels-up turns the wheels: put the car on a stand, run it in a terminal and confirm")
+    logging.getLogger().addHandler(logging.NullHandler())  # what the drivers log is in the findings
+    settings, first = find_settings(options.config or default_config(), options.assignments)
+    found = [first]
+
+    async def look() -> None:
+        ask = _answer if options.wheels_up else None
+        async for finding in examine(this_computer(), settings, options.only or GROUPS, wheels_up=ask):
+            found.append(finding)
+            if not options.json:
+                print(line(finding), flush=True)
+
+    if not options.json:
+        print(line(first), flush=True)
+    asyncio.run(look())
+    print(as_json(found) if options.json else summary(found))
+    return exit_code(found)
+
+
+def _confirmed() -> bool:
+    if not sys.stdin.isatty():
+        return False
+    print("The wheels will turn at 0.7 m/s and steer. Put the car on a stand, wheels in the air, hands off.")
+    return input(f"type '{CONFIRMED}' to begin: ").strip().lower() == CONFIRMED
+
+
+def _answer(question: str) -> bool | None:
+    return input(f"{question} [y/n] ").strip().lower() in {"y", "yes"} if sys.stdin.isatty() else None

@@ -1,0 +1,86 @@
+"""Runs the checks in the order in which a car is set up: settings, computer, ports, devices, access."""
+
+from collections.abc import AsyncIterator, Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from runtime.settings.tree import Settings, SettingsError, load_settings
+from runtime.wire.port_holder import holder_of
+from wallride.doctor.access import Holder, check_access
+from wallride.doctor.computer import Computer
+from wallride.doctor.condition import check_condition
+from wallride.doctor.findings import Finding, Level, fail, ok
+from wallride.doctor.joystick import check_joystick
+from wallride.doctor.lidar import judge_lidar, look_at_lidar
+from wallride.doctor.motor import judge_motor, look_at_motor
+from wallride.doctor.motor_config import judge_app_config, read_app_config
+from wallride.doctor.network import check_network
+from wallride.doctor.ports import check_ports
+from wallride.doctor.program import check_program
+from wallride.doctor.wheels_up import Ask, measure_wheels_up
+
+GROUPS: Final = ("program", "computer", "ports", "lidar", "motor", "access", "joystick")
+
+
+def find_settings(config: Path | None, assignments: Sequence[str]) -> tuple[Settings, Finding]:
+    """Return the settings and what is to be said of them; the defaults where they are unusable."""
+    where = str(config) if config is not None else "no file: the defaults"
+    try:
+        return load_settings(config, assignments), ok("settings", where)
+    except SettingsError as error:
+        return Settings(), fail("settings", str(error), "correct the file; until then the defaults are looked at")
+
+
+async def examine(
+    computer: Computer, settings: Settings, groups: Sequence[str] = GROUPS, *, wheels_up: Ask | None = None,
+    holder: Holder = holder_of,
+) -> AsyncIterator[Finding]:  # fmt: skip
+    """Yield the findings of these groups as they come. wheels_up: turns the wheels, and asks; None: nothing moves."""
+    ports = check_ports(computer, settings) if {"ports", "lidar", "motor"} & set(groups) else []
+    unusable = {finding.subject for finding in ports if finding.level is Level.FAIL}
+
+    async def access() -> AsyncIterator[Finding]:
+        for finding in await check_access(computer, settings, holder):
+            yield finding
+
+    steps: dict[str, AsyncIterator[Finding]] = {
+        "program": _each(lambda: check_program(computer, settings)),
+        "computer": _each(lambda: check_condition(computer, settings)),
+        "ports": _each(lambda: ports),
+        "lidar": _each(list) if "lidar port" in unusable else _lidar(computer, settings),
+        "motor": _each(list) if "motor port" in unusable else _motor(settings, wheels_up),
+        "access": access(),
+        "joystick": _each(lambda: check_joystick(computer)),
+    }
+    for group in GROUPS:
+        if group in groups:
+            async for finding in steps[group]:
+                yield finding
+
+
+async def _each(check: Callable[[], list[Finding]]) -> AsyncIterator[Finding]:
+    for finding in check():
+        yield finding
+
+
+async def _lidar(computer: Computer, settings: Settings) -> AsyncIterator[Finding]:
+    report = await look_at_lidar(settings.lidar)
+    for finding in check_network(computer, settings):
+        answers = report.scans and finding.level is Level.FAIL
+        yield replace(finding, level=Level.WARN) if answers else finding
+    for finding in judge_lidar(report):
+        yield finding
+
+
+async def _motor(settings: Settings, wheels_up: Ask | None) -> AsyncIterator[Finding]:
+    report = await look_at_motor(settings.motor)
+    for finding in judge_motor(report, settings.battery):
+        yield finding
+    if report.state is None:
+        return
+    for finding in judge_app_config(await read_app_config(settings.motor)):
+        yield finding
+    if wheels_up is not None and not report.state.fault and not report.state.killed:
+        for finding in await measure_wheels_up(settings.motor, wheels_up):
+            yield finding

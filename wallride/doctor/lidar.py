@@ -1,0 +1,102 @@
+"""The lidar, opened by its own driver: does it answer, what does it say of itself, what does it see."""
+
+import asyncio
+import contextlib
+import time
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from drivers.api import Health, LinkState, Scan
+from drivers.hokuyo.driver import Hokuyo
+from drivers.hokuyo.settings import HokuyoSettings
+from wallride.doctor.findings import Finding, fail, ok, warn
+
+WANTED_SCANS: Final = 20
+PATIENCE_S: Final = 8.0
+AGAIN_S: Final = 1.5
+"""Time for a second attempt: a sensor that just lost its client refuses the first."""
+MIN_SEEN_SHARE: Final = 0.2
+COVERED_M: Final = 0.15
+COVERED_SHARE: Final = 0.5
+_POLL_S: Final = 0.02
+
+REMEDIES: Final = (
+    ("refused", "end the other program that is connected (a sensor serves only one), and check the port"),
+    ("closed it", "end the other program that is connected (a sensor serves only one)"),
+    ("reset", "end the other program that is connected, or switch the sensor off and on"),
+    ("no route", "give this computer an address in the sensor's network: see `lidar network`"),
+    ("network unreachable", "give this computer an address in the sensor's network: see `lidar network`"),
+    ("no answer", "check its power (10 to 30 V), its cable, and lidar.address"),
+    ("another program", "end the program that holds the port"),
+    ("permission", "sudo usermod -aG dialout USER, then log out and in again"),
+    ("no such device", "plug it in; install the udev rules: sudo wallride service install"),
+    ("trouble", "switch the sensor off and on; if it comes back, have it repaired"),
+    ("checks itself", "shade it from sunlight, wipe its window"),
+)
+_OTHERWISE: Final = "check its power and cable, and switch it off and on"
+
+
+@dataclass(slots=True)
+class LidarReport:
+    """Answer of one look. scans: the newest WANTED_SCANS at most."""
+
+    health: Health
+    scans: list[Scan] = field(default_factory=list)
+
+
+async def look_at_lidar(settings: HokuyoSettings, *, patience_s: float = PATIENCE_S) -> LidarReport:
+    """Run the driver until enough scans came, or it failed twice; the sensor is left quiet."""
+    driver = Hokuyo(settings)
+    report = LidarReport(driver.health)
+    running = asyncio.create_task(driver.run(report.scans.append))
+    give_up_s = time.monotonic() + patience_s
+    failed = False
+    try:
+        while len(report.scans) < WANTED_SCANS and time.monotonic() < give_up_s and not running.done():
+            if not failed and driver.health.counts.get("reconnect"):
+                failed = True
+                give_up_s = min(give_up_s, time.monotonic() + AGAIN_S)
+            await asyncio.sleep(_POLL_S)
+    finally:
+        report.health = Health(**{name: getattr(driver.health, name) for name in Health.__slots__})
+        running.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await running
+    return report
+
+
+def judge_lidar(report: LidarReport) -> list[Finding]:
+    """Judge one look."""
+    health = report.health
+    if not report.scans:
+        return [fail("lidar", health.message, remedy_of(health.message))]
+    if health.link is not LinkState.READY:
+        return [warn("lidar", health.message, remedy_of(health.message))]
+    found = [ok("lidar", f"{health.identity}; {health.message}")]
+    if "says of itself" in health.message:
+        found = [warn("lidar", f"{health.identity}; {health.message}", "switch it off and on; wipe its window")]
+    if bad := {what: count for what, count in health.counts.items() if what == "checksum"}:
+        found.append(
+            warn("lidar line", f"{bad['checksum']} damaged replies", "check the cable, keep it away from the motor's")
+        )
+    return [*found, _window(report.scans[-1].ranges_m)]
+
+
+def _window(ranges_m: np.ndarray) -> Finding:
+    seen = np.isfinite(ranges_m)
+    if seen.mean() < MIN_SEEN_SHARE:
+        return warn(
+            "lidar window", f"only {seen.mean():.0%} of its beams return",
+            "take the cap off, wipe the window, let it see walls within its range",
+        )  # fmt: skip
+    near = float((ranges_m[seen] < COVERED_M).mean())
+    if near > COVERED_SHARE:
+        return warn("lidar window", f"{near:.0%} of what it sees is nearer than {COVERED_M:g} m", "uncover its window")
+    return ok("lidar window", f"{seen.mean():.0%} of its beams return")
+
+
+def remedy_of(message: str) -> str:
+    """Return what to do about a message of the driver."""
+    return next((remedy for words, remedy in REMEDIES if words in message), _OTHERWISE)

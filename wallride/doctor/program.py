@@ -1,0 +1,50 @@
+"""The installed program: compiled functions, own laws, service."""
+
+from typing import Final
+
+from runtime.control.methods import own_law_mistakes
+from runtime.kernel import state
+from runtime.settings.tree import Settings
+from wallride.doctor.computer import Computer
+from wallride.doctor.condition import UNIT
+from wallride.doctor.findings import Finding, fail, ok, warn
+from wallride.doctor.ports import RULES
+
+WANTED: Final = "/etc/systemd/system/multi-user.target.wants/wallride.service"
+BUILD: Final = "wallride build-kernel"
+
+
+def check_program(computer: Computer, settings: Settings) -> list[Finding]:
+    """Look at the program."""
+    kernel = state()
+    mistakes = own_law_mistakes(settings.wall_follow, settings.safety, settings.car)
+    return [
+        judge_kernel(kernel.words, complete=not kernel.in_python),
+        *(fail("own laws", mistake, "correct the law; wallride check names the place") for mistake in mistakes),
+        _service(computer),
+    ]
+
+
+def judge_kernel(words: str, *, complete: bool) -> Finding:
+    """Judge the compiled functions by the kernel's own words."""
+    if complete:
+        return ok("compiled functions", words)
+    if "edited" in words:
+        remedy = f"an edited law runs in Python: declare the C equal by {BUILD} --seal, or undo the edit"
+    else:
+        remedy = f"sudo apt install gcc python3-dev, then {BUILD}"
+    return warn("compiled functions", f"{words}: the car answers a scan later", remedy)
+
+
+def _service(computer: Computer) -> Finding:
+    install = "sudo wallride service install"
+    missing = [
+        words
+        for name, words in ((UNIT, "the unit"), (RULES, "the udev rules"))
+        if not computer.path(name).is_file()
+    ]  # fmt: skip
+    if missing:
+        return warn("service", f"{' and '.join(missing)} not installed: the car starts by hand only", install)
+    if not computer.path(WANTED).is_symlink():
+        return warn("service", "does not start at boot", "sudo systemctl enable wallride")
+    return ok("service", "installed, starts at boot")
