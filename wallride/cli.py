@@ -23,7 +23,7 @@ from wallride import (
     teleop_options,
     topic_options,
 )
-from wallride.bringup import doctor_options, emulate_options
+from wallride.bringup import doctor_options, emulate_options, import_options
 from wallride.failure import USAGE_ERROR, fail, needs
 from wallride.new import options as new_options
 from wallride.parser import DEFAULT_CONFIG, Parser, add_set, default_config
@@ -72,6 +72,7 @@ def build_parser() -> argparse.ArgumentParser:
     sim_options.add(commands)
     emulate_options.add(commands)
     doctor_options.add(commands)
+    import_options.add(commands)
     lab = commands.add_parser("lab", help="experiments with the car's own laws, faster than real time")
     lab.set_defaults(run=_lab)
     lab_options.add(lab)

@@ -1,0 +1,119 @@
+"""`wallride import`: the ROS parameter files of a lab or a team, as our settings."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from wallride.failure import fail, needs
+
+if TYPE_CHECKING:
+    from wallride.bringup.ros_mapping import Imported
+
+KINDS = ("generic", "mit-racecar-v2", "f1tenth")
+
+
+def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command and its options."""
+    parser = commands.add_parser(
+        "import",
+        help="ROS parameter files (vesc.yaml, params.yaml, joy_teleop.yaml) as our settings",
+        description="Reads ROS 1 and ROS 2 parameter files, prints our settings, and says on standard error what was"
+        " not taken and why. Later files count before earlier ones.",
+    )
+    parser.set_defaults(run=run)
+    parser.add_argument(
+        "files", nargs="*", type=Path, metavar="FILE", help="YAML file; none with --car: the kind alone"
+    )
+    parser.add_argument("--car", choices=KINDS, help="begin with a kind of car: config/cars")
+    parser.add_argument(
+        "--output", type=Path, metavar="FILE.toml",
+        help="write the settings there; an existing file keeps its comments and other settings",
+    )  # fmt: skip
+
+
+def run(options: argparse.Namespace) -> int:
+    """Convert; exit code 2 with one line where a file or a value cannot be used."""
+    from runtime.settings.tree import SettingsError
+
+    if not options.files and options.car is None:
+        return fail("name a file, or a kind of car with --car")
+    try:
+        imported = _converted(options.files)
+        text = _written(imported, options)
+    except (SettingsError, ImportFailure) as error:
+        return fail(str(error))
+    except OSError as error:
+        return fail(f"{error.filename}: {error.strerror}")
+    for why in dict.fromkeys(why for _, why in imported.left):
+        names = ", ".join(name for name, its in imported.left if its == why)
+        print(f"not taken  {names}: {why}", file=sys.stderr)
+    for remark in imported.remarks:
+        print(f"look at    {remark}", file=sys.stderr)
+    if options.output is None:
+        print(text, end="")
+    else:
+        print(f"{options.output}: {len(imported.settings)} settings taken; next: wallride check {options.output}")
+    return 0
+
+
+class ImportFailure(Exception):  # noqa: N818 - what happened, not a kind of error
+    """A file that is no parameter file; the text names it."""
+
+
+def _converted(files: list[Path]) -> "Imported":
+    from wallride.bringup.ros_mapping import RosParameter, convert, parameters
+
+    found: list[RosParameter] = []
+    for file in files:
+        found += parameters(_read(file))
+    return convert(found)
+
+
+def _read(file: Path) -> dict[str, Any]:
+    with needs("sim", "parameter files need"):
+        from ruamel.yaml import YAML
+        from ruamel.yaml.error import YAMLError
+    try:
+        tree = YAML(typ="safe", pure=True).load(file.read_text(encoding="utf-8"))
+    except (YAMLError, UnicodeDecodeError) as error:
+        raise ImportFailure(f"{file}: is not YAML: {str(error).splitlines()[0]}") from None
+    if not isinstance(tree, dict):
+        raise ImportFailure(f"{file}: holds no parameters")
+    return tree
+
+
+def _written(imported: "Imported", options: argparse.Namespace) -> str:
+    """Return the text of the settings, checked as a whole; written to the output where one is named."""
+    import tempfile
+
+    import tomlkit
+
+    from runtime.settings.tree import load_settings
+    from wallride.service.parts import shipped
+
+    output: Path | None = options.output
+    if output is not None and output.is_file() and options.car is not None:
+        raise ImportFailure(f"{output}: is there already, and --car begins a new file; take another name")
+    if output is not None and output.is_file():
+        base = output.read_text(encoding="utf-8")
+    elif options.car is not None:
+        base = shipped(f"config/cars/{options.car}.toml").read_text(encoding="utf-8")
+    else:
+        base = ""
+    try:
+        document = tomlkit.parse(base)
+    except tomlkit.exceptions.TOMLKitError as error:
+        raise ImportFailure(f"{output}: is not TOML: {error}") from None
+    for key, value in imported.settings.items():
+        section, _, name = key.partition(".")
+        table: Any = document.setdefault(section, tomlkit.table())
+        table[name] = value
+    text = tomlkit.dumps(document)
+    with tempfile.TemporaryDirectory() as folder:
+        trial = Path(folder) / "imported.toml"
+        trial.write_text(text, encoding="utf-8")
+        load_settings(trial)
+    if output is not None:
+        output.write_text(text, encoding="utf-8")
+    return text
