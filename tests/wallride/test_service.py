@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from wallride import cli
-from wallride.service import parts
+from wallride.service import options, parts
 from wallride.service.parts import CAR, FOLDER, RULES, UNIT, WANTED
 
 PREFIX = Path("/opt/elsewhere")
@@ -114,3 +114,11 @@ def test_a_tool_that_fails_is_quoted(root, monkeypatch, capsys):
     monkeypatch.setattr(os, "geteuid", lambda: 0)
     assert service(root, "install", "--yes") == 2
     assert "groupadd: cannot lock /etc/group" in capsys.readouterr().err
+
+
+def test_the_unit_has_the_link_that_stays_and_not_the_version_behind_it(tmp_path):
+    version, used = tmp_path / "versions/1", tmp_path / "wallride"
+    version.mkdir(parents=True)
+    used.symlink_to(version)
+    assert options._prefix(used, version) == used
+    assert options._prefix(tmp_path / "none", version) == version

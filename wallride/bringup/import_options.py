@@ -71,7 +71,7 @@ def _converted(files: list[Path]) -> "Imported":
 
 
 def _read(file: Path) -> dict[str, Any]:
-    with needs("sim", "parameter files need"):
+    with needs("car", "parameter files need"):
         from ruamel.yaml import YAML
         from ruamel.yaml.error import YAMLError
     try:

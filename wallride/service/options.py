@@ -39,9 +39,14 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     for action in (install, uninstall, show):
         action.add_argument("--root", type=Path, default=Path("/"), metavar="DIR", help="another system, as an image")
         action.add_argument(
-            "--prefix", type=Path, default=Path(sys.prefix), metavar="DIR", help="where bin/wallride is (default: here)"
+            "--prefix", type=Path, default=_prefix(), metavar="DIR", help="where bin/wallride is (default: here)"
         )
         action.set_defaults(run=run)
+
+
+def _prefix(used: Path = Path("/opt/wallride"), here: Path = Path(sys.prefix)) -> Path:
+    """Return where the program is: by the link that stays (`install.sh`), where that leads here."""
+    return used if used.resolve() == here.resolve() else here
 
 
 def run(options: argparse.Namespace) -> int:

@@ -58,7 +58,7 @@ def unit_text(prefix: Path) -> str:
     if any(prefix.is_relative_to(place) for place in HIDDEN):
         raise ServiceError(
             f"{prefix}: the service sees no home and no temporary folder;"
-            f" install into {SHIPPED_PREFIX}: python3 -m venv {SHIPPED_PREFIX} && {SHIPPED_PREFIX}/bin/pip install ."
+            f" install into {SHIPPED_PREFIX}: sudo sh install.sh"
         )
     return shipped("systemd/wallride.service").read_text(encoding="utf-8").replace(SHIPPED_PREFIX, str(prefix))
 

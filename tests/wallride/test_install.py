@@ -1,0 +1,120 @@
+"""`install.sh` below another root, with a Python that only pretends: what it says, makes, switches and keeps."""
+
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PYTHON = """#!/bin/sh
+case "$*" in
+    "-c import sys; sys.exit(sys.version_info < (3, 11))") exit ${OLD:-0} ;;
+    "-c "*) exit 0 ;;
+    "-m venv "*) mkdir -p "$3/bin" && cp "$0" "$3/bin/python"
+        printf '#!/bin/sh\\necho "%s $*" >>"$CALLS"\\n[ "$1" != build-kernel ] || exit 1\\n' "$3" >"$3/bin/wallride"
+        chmod +x "$3/bin/wallride" ;;
+    "-m pip "*) echo "pip $*" >>"$CALLS"; exit ${BROKEN:-0} ;;
+esac
+"""
+
+
+@pytest.fixture
+def place(tmp_path):
+    """An empty root, a Python, and a clock of its own, which goes on by a second a call."""
+    bin_folder = tmp_path / "bin"
+    bin_folder.mkdir()
+    for name, text in {
+        "python3": PYTHON,
+        "date": '#!/bin/sh\nn=$(($(cat "$TICKS") + 1))\necho $n >"$TICKS"\necho "20261123-00000$n"\n',
+    }.items():
+        (bin_folder / name).write_text(text)
+        (bin_folder / name).chmod(0o755)
+    (tmp_path / "ticks").write_text("0")
+    return tmp_path
+
+
+def install(place, *options, **variables):
+    environment = {
+        "PATH": f"{place / 'bin'}:{os.environ['PATH']}", "DESTDIR": str(place / "root"),
+        "CALLS": str(place / "calls"), "TICKS": str(place / "ticks"), **variables,
+    }  # fmt: skip
+    return subprocess.run(
+        ["sh", str(ROOT / "install.sh"), *options], env=environment, stdin=subprocess.DEVNULL, capture_output=True,
+        text=True, check=False,
+    )  # fmt: skip
+
+
+def in_use(place):
+    return (place / "root/opt/wallride").readlink().name
+
+
+def versions(place):
+    return sorted(path.name for path in (place / "root/opt/wallride-versions").glob("2*"))
+
+
+def test_a_dry_run_says_it_and_does_nothing(place):
+    done = install(place, "--dry-run")
+    assert done.returncode == 0
+    assert [line.split()[0] for line in done.stdout.splitlines()] == ["make", "install", "point", "create"]
+    assert not (place / "root").exists()
+
+
+def test_without_consent_nothing_is_done(place):
+    done = install(place)
+    assert (done.returncode, "say --yes" in done.stderr) == (2, True)
+    assert not (place / "root").exists()
+
+
+def test_it_installs_pinned_versions_and_switches_last(place):
+    done = install(place, "--yes")
+    assert done.returncode == 0, done.stderr
+    calls = (place / "calls").read_text().splitlines()
+    assert f"--constraint {ROOT}/constraints.txt {ROOT}[car]" in calls[0]
+    assert [line.split()[1] for line in calls[1:]] == ["--version", "build-kernel", "completion", "service"]
+    assert "--prefix /opt/wallride" in calls[-1]
+    assert in_use(place) == "20261123-000001"
+    assert (place / "root/usr/local/bin/wallride").readlink() == Path("/opt/wallride/bin/wallride")
+
+
+def test_an_update_keeps_the_version_before_and_goes_back_to_it(place):
+    for _ in range(3):
+        assert install(place, "--yes", "--no-service").returncode == 0
+    assert (in_use(place), versions(place)) == ("20261123-000003", ["20261123-000002", "20261123-000003"])
+    for wanted in ("20261123-000002", "20261123-000003"):
+        assert install(place, "--rollback").returncode == 0
+        assert in_use(place) == wanted
+
+
+def test_a_failed_update_changes_nothing(place):
+    assert install(place, "--yes").returncode == 0
+    failed = install(place, "--yes", BROKEN="1")
+    assert (failed.returncode, "nothing was changed" in failed.stderr) == (1, True)
+    assert (in_use(place), versions(place)) == ("20261123-000001", ["20261123-000001"])
+
+
+def test_an_installation_by_hand_is_kept_as_the_version_before(place):
+    (place / "root/opt/wallride/bin").mkdir(parents=True)
+    assert install(place, "--yes").returncode == 0
+    assert in_use(place) == "20261123-000001"
+    assert install(place, "--rollback").returncode == 0
+    assert in_use(place) == "by-hand"
+
+
+def test_a_wheelhouse_is_the_only_source(place):
+    assert install(place, "--yes", "--wheelhouse", "/wheels").returncode == 0
+    assert "--no-index --find-links /wheels" in (place / "calls").read_text()
+
+
+@pytest.mark.parametrize(
+    ("options", "variables", "said"),
+    [
+        (["--fast"], {}, "--fast is not an option"),
+        (["--python"], {}, "--python needs a value"),
+        (["--yes", "--python", "python3"], {"OLD": "1"}, "is not a Python of 3.11"),
+        (["--rollback"], {}, "no version before"),
+    ],
+)
+def test_a_mistake_is_one_sentence(options, variables, said, place):
+    done = install(place, *options, **variables)
+    assert (done.returncode, said in done.stderr) == (2, True), done.stderr
