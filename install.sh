@@ -114,6 +114,10 @@ by_uv() {
 
 need_packages() {
     name=$(basename "$PYTHON")
+    if has_apt && [ "$PYTHON" = uv ]; then
+        has_venv python3 || PACKAGES='python3 python3-venv'
+        [ -z "$COMPILER" ] || command -v gcc >/dev/null 2>&1 || PACKAGES="$PACKAGES gcc libc6-dev"
+    fi
     if has_apt && [ "$PYTHON" != uv ]; then
         case " $PACKAGES " in
             *" $name-venv "*) ;;

@@ -118,3 +118,13 @@ def test_a_wheelhouse_is_the_only_source(place):
 def test_a_mistake_is_one_sentence(options, variables, said, place):
     done = install(place, *options, **variables)
     assert (done.returncode, said in done.stderr) == (2, True), done.stderr
+
+
+def test_where_no_python_is_new_enough_its_download_is_named(place):
+    for name in ("python3.13", "python3.12", "python3.11"):
+        (place / "bin" / name).symlink_to("python3")
+    done = install(place, "--dry-run", OLD="1")
+    assert "download uv" in done.stdout
+    assert "python-build-standalone" in done.stdout
+    refused = install(place, "--dry-run", "--wheelhouse", "/wheels", OLD="1")
+    assert (refused.returncode, "--wheelhouse downloads none" in refused.stderr) == (2, True)

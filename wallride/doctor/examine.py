@@ -10,7 +10,7 @@ from runtime.wire.port_holder import holder_of
 from wallride.doctor.access import Holder, check_access
 from wallride.doctor.computer import Computer
 from wallride.doctor.condition import check_condition
-from wallride.doctor.findings import Finding, Level, fail, ok
+from wallride.doctor.findings import Finding, Level, fail, ok, warn
 from wallride.doctor.joystick import check_joystick
 from wallride.doctor.lidar import judge_lidar, look_at_lidar
 from wallride.doctor.motor import judge_motor, look_at_motor
@@ -20,6 +20,10 @@ from wallride.doctor.ports import check_ports
 from wallride.doctor.program import check_program
 from wallride.doctor.wheels_up import Ask, measure_wheels_up
 
+ACTIVE: Final = "/run/systemd/units/invocation:wallride.service"
+"""A link that systemd keeps while the unit is active."""
+STOP_FIRST: Final = "sudo systemctl stop wallride, then look again; sudo systemctl start wallride afterwards"
+DEVICES: Final = frozenset({"ports", "lidar", "motor"})
 GROUPS: Final = ("program", "computer", "ports", "lidar", "motor", "access", "joystick")
 
 
@@ -37,7 +41,13 @@ async def examine(
     holder: Holder = holder_of,
 ) -> AsyncIterator[Finding]:  # fmt: skip
     """Yield the findings of these groups as they come. wheels_up: turns the wheels, and asks; None: nothing moves."""
-    ports = check_ports(computer, settings) if {"ports", "lidar", "motor"} & set(groups) else []
+    ports: list[Finding] = []
+    if DEVICES & set(groups):
+        if computer.path(ACTIVE).is_symlink():
+            groups = [group for group in groups if group not in DEVICES]
+            yield warn("devices", "the car's service runs and has them: they are not looked at", STOP_FIRST)
+        else:
+            ports = check_ports(computer, settings)
     unusable = {finding.subject for finding in ports if finding.level is Level.FAIL}
 
     async def access() -> AsyncIterator[Finding]:

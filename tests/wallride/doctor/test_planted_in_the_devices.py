@@ -1,5 +1,6 @@
 """Problems planted in emulated devices, which the doctor opens: each is found, and the remedy is named."""
 
+from collections import deque
 from functools import partial
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import pytest
 
 from sim.world.beams import LidarSettings
 from tests.sim.live.emulated import car, running
-from tests.wallride.doctor.fakes import changed, healthy, settings
+from tests.wallride.doctor.fakes import changed, healthy, link, settings
 from wallride.doctor.examine import examine
 from wallride.doctor.findings import Level
 from wallride.doctor.lidar import judge_lidar, look_at_lidar
@@ -219,3 +220,12 @@ async def test_wheels_up_leaves_the_car_standing(tmp_path, quick):
     async with running(one) as addresses:
         await measure_wheels_up(settings(f"motor.address={addresses.motor}").motor, lambda _question: None)
         assert one.vesc.motor_wire()[-1][0] == 7, "its last command is a brake"
+
+
+async def test_the_devices_of_a_running_car_are_left_alone(tmp_path):
+    one, root = car(tmp_path / "ports"), tmp_path / "root"
+    link(root, "run/systemd/units/invocation:wallride.service", "1234abcd")
+    found = await looked_at(tmp_path, one)
+    assert {name: "systemctl stop wallride" in each.remedy for name, each in bad(found).items()} == {"devices": True}
+    assert one.vesc.wire == deque(), "nothing was sent to the motor controller"
+    assert one.lidars[0].counts["client"] == 0
