@@ -5,7 +5,7 @@ import asyncio
 import json
 import math
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,10 +28,8 @@ from sim.live.screen import LiveView, address_in, operate_hint, starting
 from sim.live.session import USAGE_ERROR, Record, RuntimeStart, SessionError, SimulatorSession
 from sim.live.stop_request import StopRequest
 from sim.recordings import RecordingError, load_recording
-from sim.scenario.command import tell
 from sim.scenario.conditions import Conditions, ConditionsError, RequestedConditions, conditions_of
-from sim.scenario.driven import judge, mistakes_after
-from sim.scenario.scenario_file import MAX_START_TO_WALL_M, Scenario
+from sim.scenario.scenario_file import MAX_START_TO_WALL_M
 from sim.scenario.simulated_car import find_config
 from sim.scenario.toml_lines import FileMistakeError
 from sim.world.place import World
@@ -90,15 +88,6 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
         print(f"wallride: {summary['telemetry']}; winners and faults are not known", file=sys.stderr)  # noqa: T201
         return FAILED
     return _judged(scenario, scene, console) if scenario is not None and scene is not None else 0
-
-
-def find_config(name: str = CONFIG) -> Path:
-    """Return a settings file that comes with the program: of this checkout, or of the installed package."""
-    candidates = [Path(__file__).parents[2] / name, Path(sys.prefix) / "share" / "wallride" / name]
-    for candidate in candidates:
-        if candidate.is_file():
-            return candidate
-    raise SimUsageError(f"{name} is not installed (looked for {candidates[-1]}); give one with --config")
 
 
 def _scenario_scene(options: argparse.Namespace, scenario: Scenario) -> ScenarioScene:

@@ -13,11 +13,12 @@ import tomlkit
 from rich.console import Console
 
 from runtime.settings.tree import SettingsError, load_settings
-from sim.live.command import SimUsageError, build_scene, find_config
-from sim.live.conditions import ConditionsError
+from sim.live.command import SimUsageError, build_scene
 from sim.live.emulated_car import DeviceAddresses, EmulatedCar, EmulatedPorts
 from sim.live.session import USAGE_ERROR, SessionError
 from sim.live.stop_request import StopRequest
+from sim.scenario.conditions import ConditionsError
+from sim.scenario.simulated_car import find_config
 
 CAR_CONFIG: Final = "config/car.toml"
 FOLDER: Final = "wallride/emulated"

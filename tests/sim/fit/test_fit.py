@@ -14,7 +14,7 @@ from sim.fit.driving import fit_drive
 from sim.fit.estimate import CarEstimate, conditions_text, distance, rows
 from sim.fit.sensor import fit_sensor
 from sim.fit.steering import fit_steering
-from sim.live.conditions import RequestedConditions, conditions_of
+from sim.scenario.conditions import RequestedConditions, conditions_of
 from sim.world.beams import LidarSettings
 from tests.sim.fit.drives import recorded, straight
 
