@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from wallride.experiments import report_options
+from wallride.experiments import report_options, tune_options
 from wallride.parser import add_set
 from wallride.sweeps import options as sweep_options
 
@@ -30,6 +30,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     """Add the experiments and their options."""
     experiments = parser.add_subparsers(dest="experiment", required=True, metavar="EXPERIMENT")
     report_options.add(experiments)
+    tune_options.add(experiments)
     for name, what in EXPERIMENTS.items():
         parser = experiments.add_parser(name, help=what, description=what[:1].upper() + what[1:] + ".")
         if name in FIXED:

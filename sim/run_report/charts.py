@@ -62,7 +62,7 @@ def over_time(
         return '<p class="nothing">not recorded</p>'
     until_s = max(float(line.time_s[-1]) for line in shown)
     values = np.concatenate([line.value[np.isfinite(line.value)] for line in shown] + [np.array(band or ())])
-    low, high = _limits(float(values.min()), float(values.max()))
+    low, high = limits(float(values.min()), float(values.max()))
     x = Scale(LEFT, (WIDTH - LEFT - RIGHT) / max(until_s, 1e-9))
     y = Scale(HEIGHT - BOTTOM + low * (HEIGHT - TOP - BOTTOM) / (high - low), -(HEIGHT - TOP - BOTTOM) / (high - low))
     parts = [_grid(x, y, until_s, (low, high), unit)]
@@ -90,7 +90,7 @@ def histogram(values: Floats, unit: str, step: float) -> str:
     x = Scale(LEFT - low * (WIDTH - LEFT - RIGHT) / (high - low), (WIDTH - LEFT - RIGHT) / (high - low))
     top = float(percent.max()) * 1.08
     y = Scale(HEIGHT - BOTTOM, -(HEIGHT - TOP - BOTTOM) / top)
-    parts = [_rows(y, (0.0, top), "%"), *(_column(x, value) for value in _ticks(low, high)), _caption(unit)]
+    parts = [rows(y, (0.0, top), "%"), *(column(x, value) for value in ticks(low, high)), _caption(unit)]
     width = max(step * x.gain - 2, 1.0)
     for at, share in enumerate(percent):
         if share:
@@ -118,13 +118,14 @@ def _legend(lines: Sequence[ChartLine]) -> str:
 
 
 def _grid(x: Scale, y: Scale, until_s: float, span: tuple[float, float], unit: str) -> str:
-    columns = "".join(_column(x, value) for value in _ticks(0.0, until_s))
-    return _rows(y, span, unit) + columns + _caption("s")
+    columns = "".join(column(x, value) for value in ticks(0.0, until_s))
+    return rows(y, span, unit) + columns + _caption("s")
 
 
-def _rows(y: Scale, span: tuple[float, float], unit: str) -> str:
+def rows(y: Scale, span: tuple[float, float], unit: str) -> str:
+    """Return the horizontal grid with its numbers."""
     rows = []
-    for value in _ticks(*span):
+    for value in ticks(*span):
         at = y(value)
         rows.append(f'<path class="grid" d="M{LEFT} {at:.1f}H{WIDTH - RIGHT}"/>')
         rows.append(f'<text class="row" x="{LEFT - 6}" y="{at + 3.5:.1f}">{value:g}</text>')
@@ -132,7 +133,8 @@ def _rows(y: Scale, span: tuple[float, float], unit: str) -> str:
     return "".join(rows)
 
 
-def _column(x: Scale, value: float) -> str:
+def column(x: Scale, value: float) -> str:
+    """Return one tick below a chart."""
     at, bottom = x(value), HEIGHT - BOTTOM
     tick = f'<path class="axis" d="M{at:.1f} {bottom}v4"/>'
     return f'{tick}<text class="col" x="{at:.1f}" y="{bottom + 17}">{value:g}</text>'
@@ -151,12 +153,14 @@ def _marked(at: float, text: str) -> str:
     )
 
 
-def _limits(low: float, high: float) -> tuple[float, float]:
+def limits(low: float, high: float) -> tuple[float, float]:
+    """Return the ends of an axis: a little beyond the values."""
     margin = 0.06 * (high - low) or 0.5
     return low - margin, high + margin
 
 
-def _ticks(low: float, high: float) -> list[float]:
+def ticks(low: float, high: float) -> list[float]:
+    """Return round numbers within a span."""
     rough = max(high - low, 1e-9) / TICKS
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(nice * power for nice in NICE if nice * power >= rough * 0.999)

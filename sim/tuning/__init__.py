@@ -1,0 +1,1 @@
+"""`wallride lab tune`: a study of settings with Optuna. Read: `space`, `study`, `verdict`, `settings_file`, `page`."""

@@ -1,0 +1,101 @@
+"""`wallride lab tune`: from the options to the study, its page and a settings file."""
+
+import argparse
+import os
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from runtime.settings.tree import SettingsError
+from sim.lab import laws
+from sim.lab.command import FIXED_SETTINGS, INTERRUPTED, USAGE_ERROR
+from sim.lab.tuning.drive import SCENARIOS, Scenario
+from sim.tuning.page import tuning_page
+from sim.tuning.settings_file import settings_text, write_settings
+from sim.tuning.space import SpaceError, space_of
+from sim.tuning.study import StudyError, TuningPlan, finished, go_on, open_study
+from sim.tuning.verdict import TuningVerdict, judge
+from sim.tuning.workers import measuring
+
+
+class TuneUsageError(Exception):
+    """Invalid option; the text names the fault and the valid form."""
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run or continue a study; 0, 2 for a wrong option, 130 after Ctrl-C, which keeps what is finished."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # for the workers: one thread each
+    console = Console(stderr=True)
+    folder: Path = options.output
+    try:
+        plan = plan_of(options)
+        verdict = study_and_judge(plan, folder, options, console)
+    except (TuneUsageError, SpaceError, StudyError) as error:
+        print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
+        return USAGE_ERROR
+    except KeyboardInterrupt:
+        console.print(f"interrupted; the same command goes on with the study in {folder}")
+        return INTERRUPTED
+    for what, compared in (("its scenarios, new conditions", verdict.fresh), ("held-out scenarios", verdict.held_out)):
+        print(f"{what}: {compared.words()}")  # noqa: T201
+    for name, value in verdict.values.items():
+        print(f"{name} = {value}")  # noqa: T201
+    judged = "better than" if verdict.better else "not shown to be better than"
+    print(f"{folder / 'tuned.toml'}: {judged} the present settings; {folder / 'tuning.html'} has the plots")  # noqa: T201
+    return 0
+
+
+def study_and_judge(plan: TuningPlan, folder: Path, options: argparse.Namespace, console: Console) -> TuningVerdict:
+    """Run the trials that are missing and write the page and the settings file."""
+    if folder.exists() and not folder.is_dir():
+        raise TuneUsageError(f"-o {folder}: is a file; name a folder for the study")
+    if not folder.absolute().parent.is_dir():
+        raise TuneUsageError(f"-o {folder}: there is no folder {folder.parent}; make it first")
+    study = open_study(folder, plan)
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    with Progress(*columns, console=console, transient=True) as progress, measuring(options.jobs) as measure:
+        bar = progress.add_task("trials", total=options.trials, completed=len(finished(study)))
+        go_on(study, plan, options.trials, measure, lambda done: progress.update(bar, completed=done))
+        progress.update(bar, description="verdict")
+        verdict = judge(study, plan, measure)
+    of = version("wallride")
+    (folder / "tuning.html").write_text(tuning_page(study, plan, verdict, of), encoding="utf-8")
+    write_settings(folder / "tuned.toml", settings_text(plan, verdict, of))
+    return verdict
+
+
+def plan_of(options: argparse.Namespace) -> TuningPlan:
+    """Return the plan of the options; an exception of this package for an invalid one."""
+    if options.method.endswith("+none"):
+        raise TuneUsageError(f"--method {options.method}: a law is tuned with its safety; leave +none out")
+    try:
+        law = laws.check(options.method)
+        settings = laws.settings_of(law, "left", 1.0, 1.0, options.assignments)
+    except (ValueError, SettingsError) as error:
+        raise TuneUsageError(f"{options.method}: {error}") from None
+    fixed = next((text for text in options.assignments if text.partition("=")[0].strip() in FIXED_SETTINGS), None)
+    if fixed is not None:
+        raise TuneUsageError(f"--set {fixed}: every scenario has its own")
+    for name, value in (("--trials", options.trials), ("--jobs", options.jobs)):
+        if value is not None and value < 1:
+            raise TuneUsageError(f"{name} {value}: give 1 or more")
+    parameters = tuple(space_of(settings, options.parameters))
+    twice = {text.partition("=")[0].strip() for text in options.assignments} & {one.name for one in parameters}
+    if twice:
+        raise TuneUsageError(f"{', '.join(sorted(twice))}: is both set and tuned; leave one of them out")
+    return TuningPlan(law, tuple(options.assignments), parameters, _scenarios(options.only), options.seed)
+
+
+def _scenarios(text: str | None) -> tuple[Scenario, ...]:
+    """Return all scenarios, or those of the courses named."""
+    if text is None:
+        return SCENARIOS
+    wanted = [part.strip() for part in text.split(",")]
+    known = [course for course, _ in SCENARIOS]
+    wrong = next((course for course in wanted if course not in known), None)
+    if wrong is not None:
+        raise TuneUsageError(f"--only {wrong}: no scenario has this course; write some of {', '.join(known)}")
+    return tuple(scenario for scenario in SCENARIOS if scenario[0] in wanted)

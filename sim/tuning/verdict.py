@@ -1,0 +1,122 @@
+"""The verdict: the best trials and the present settings again, under conditions and in scenarios no trial has seen."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import optuna
+from optuna.trial import FrozenTrial
+
+from sim.lab.cell import Figures
+from sim.lab.tuning.drive import HELD_OUT, Scenario, cells
+from sim.tuning.study import FIRST_HELD_OUT_SEED, SEEDS, TuningPlan, finished, values_of
+from sim.tuning.workers import Measure
+
+FINALISTS = 3
+VERDICT_SEEDS = 4
+RESAMPLES = 4000
+CONFIDENCE = 0.95
+Values = dict[str, float | bool | str]
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Costs of the same drives with tuned and with present settings. lowest, highest: of the mean difference (95 %)."""
+
+    scenarios: tuple[Scenario, ...]
+    tuned: tuple[float, ...]
+    present: tuple[float, ...]
+    contacts: tuple[int, int]
+    lowest: float
+    highest: float
+
+    @property
+    def difference(self) -> float:
+        """Return the mean of tuned minus present."""
+        return float(np.mean(self.tuned) - np.mean(self.present))
+
+    def words(self) -> str:
+        """Return the outcome in one sentence."""
+        judged = "is better" if self.highest < 0 else "is worse" if self.lowest > 0 else "cannot be told from it"
+        return (
+            f"cost {np.mean(self.tuned):.3f} against {np.mean(self.present):.3f} of the present settings"
+            f" ({self.difference:+.3f}, 95 % from {self.lowest:+.3f} to {self.highest:+.3f}): {judged};"
+            f" contacts {self.contacts[0]} against {self.contacts[1]} in {len(self.tuned)} drives each"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class TuningVerdict:
+    """Outcome of a study. trial: number of the best trial. fresh: its scenarios again, held_out: others."""
+
+    trial: int
+    values: Values
+    fresh: Comparison
+    held_out: Comparison
+    trials: int
+
+    @property
+    def better(self) -> bool:
+        """Tell whether the tuned settings are surely better on their scenarios, and not surely worse on the others."""
+        return self.fresh.highest < 0 and not self.held_out.lowest > 0
+
+
+def judge(study: optuna.Study, plan: TuningPlan, measure: Measure) -> TuningVerdict:
+    """Return the verdict over the finished trials, of which there must be one."""
+    done = finished(study)
+    finalists = best_trials(done)
+    chosen, fresh_rows = finalists[0], list[Figures]()
+    for trial in finalists:
+        rows = _drive(plan, values_of(trial), plan.scenarios, 0, measure)
+        if not fresh_rows or _cost(rows) < _cost(fresh_rows):
+            chosen, fresh_rows = trial, rows
+    # The best of a few is judged once more where it was not chosen.
+    again = _drive(plan, values_of(chosen), plan.scenarios, VERDICT_SEEDS, measure)
+    present_again = _drive(plan, {}, plan.scenarios, VERDICT_SEEDS, measure)
+    fresh = _compared(plan.scenarios, again, present_again)
+    held_out = tuple(one for one in HELD_OUT if one not in plan.scenarios)
+    others = _compared(
+        held_out,
+        _drive(plan, values_of(chosen), held_out, VERDICT_SEEDS, measure),
+        _drive(plan, {}, held_out, VERDICT_SEEDS, measure),
+    )
+    return TuningVerdict(chosen.number, values_of(chosen), fresh, others, len(done))
+
+
+def best_trials(done: Sequence[FrozenTrial]) -> list[FrozenTrial]:
+    """Return the trials with the least cost beside the median of those under the same conditions, the best first.
+
+    Where the present settings fail under some conditions, any trial under those looks good beside them.
+    """
+    costs: dict[int, list[float]] = {}
+    for trial in done:
+        costs.setdefault(trial.number % SEEDS, []).append(trial.user_attrs["cost"])
+    medians = {seed: float(np.median(some)) for seed, some in costs.items()}
+    ranked = sorted(done, key=lambda trial: (trial.user_attrs["cost"] - medians[trial.number % SEEDS], trial.number))
+    return ranked[:FINALISTS]
+
+
+def _drive(
+    plan: TuningPlan, values: Values, scenarios: Sequence[Scenario], first: int, measure: Measure
+) -> list[Figures]:
+    settings = plan.assignments(values)
+    seeds = range(FIRST_HELD_OUT_SEED + first, FIRST_HELD_OUT_SEED + first + VERDICT_SEEDS)
+    return measure([cell for seed in seeds for cell in cells(plan.law, settings, 1000 * plan.seed + seed, scenarios)])
+
+
+def _cost(rows: Sequence[Figures]) -> float:
+    return float(np.mean([row["cost"] for row in rows]))
+
+
+def _compared(scenarios: Sequence[Scenario], tuned: Sequence[Figures], present: Sequence[Figures]) -> Comparison:
+    """Return both costs of the same drives, with a bootstrap interval of the mean difference, paired by drive."""
+    costs, before = (np.array([row["cost"] for row in rows]) for rows in (tuned, present))
+    rng = np.random.default_rng(22)
+    picks = rng.integers(len(costs), size=(RESAMPLES, len(costs)))
+    means = (costs - before)[picks].mean(axis=1)
+    tail = 50 * (1 - CONFIDENCE)
+    lowest, highest = np.percentile(means, [tail, 100 - tail])
+    contacts = (sum(row["collided"] for row in tuned), sum(row["collided"] for row in present))
+    return Comparison(
+        tuple(scenarios), tuple(costs.tolist()), tuple(before.tolist()), contacts, float(lowest), float(highest)
+    )

@@ -1,0 +1,41 @@
+"""Options of `wallride lab tune`."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from wallride.failure import needs
+from wallride.parser import add_set
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
+
+WHAT = "tune settings, or those of your own law, with Optuna: one cost over scenarios, resumable, judged on others"
+
+
+def add(experiments: "Commands") -> None:
+    """Add the command."""
+    tune = experiments.add_parser("tune", help=WHAT, description=f"{WHAT[:1].upper()}{WHAT[1:]}.")
+    tune.add_argument("--method", default="ball", metavar="LAW", help="law; MODULE:CLASS of your own (default: ball)")
+    tune.add_argument(
+        "--param", dest="parameters", action="append", default=[], metavar="NAME[=LOW:HIGH]",
+        help="setting to tune, from half to twice its value without a range (repeatable; default: the law's gains)",
+    )  # fmt: skip
+    add_set(tune)
+    tune.add_argument("--trials", type=int, default=200, metavar="N", help="trials in all (default: 200)")
+    tune.add_argument(
+        "-o", dest="output", type=Path, default=Path("lab-tune"), metavar="DIR",
+        help="folder of the study, tuned.toml and tuning.html; a study there goes on (default: lab-tune)",
+    )  # fmt: skip
+    tune.add_argument("--only", metavar="A,B", help="courses to tune on, e.g. t1,t5 (default: all)")
+    tune.add_argument("--seed", type=int, default=0, metavar="N", help="seed of sampler and conditions (default: 0)")
+    tune.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
+    tune.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    with needs("sim", "the simulator needs"):
+        import sim.lab.command  # noqa: F401 - which extra is missing
+    with needs("tune", "tuning needs"):
+        from sim.tuning.command import run
+    return run(options)
