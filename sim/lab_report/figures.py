@@ -1,6 +1,7 @@
 """Figures of the report: distance error over time and the path from above, of its law and ours beside each other."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from sim.lab.report.trials import ABOUT, TESTS
 from sim.run_report.above import Above, from_above
 from sim.run_report.charts import WIDTH, ChartLine, over_time
 from sim.world.place import World
-from sim.world.pose import Floats
+from sim.world.pose import Floats, Pose
 
 DOT_EVERY_M = 0.04
 AROUND_M = 4.0
@@ -27,8 +28,9 @@ def trace(row: Row, name: str) -> Floats:
 
 
 def world_in(row: Row) -> World:
-    """Return the world of a run."""
-    return world_of(TESTS[test_of(row)].world, row["side"])
+    """Return the world of a run, with the run's own start."""
+    x_m, y_m, yaw_rad = (float(trace(row, name)[0]) for name in ("x_m", "y_m", "yaw_rad"))
+    return replace(world_of(TESTS[test_of(row)].world, row["side"]), start=Pose(x_m, y_m, yaw_rad))
 
 
 def test_of(row: Row) -> str:

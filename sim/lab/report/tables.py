@@ -18,7 +18,7 @@ LATENCY_S = 0.04
 """From a scan's last byte to the brake's bite in every run: 20 ms to the wire and 20 ms of the motor."""
 OPTIMUM = "\u00a0*"
 """Mark of the optimum of a test."""
-SETTLED_FOR_S = 1.0
+SETTLED_FOR_S = 0.4
 """Minimum time within 5 cm at the end of a run that has settled."""
 OUTCOMES = {"contact": "X", "stands": "stands", "lost": "lost"}
 
