@@ -108,7 +108,8 @@ by_uv() {
     command -v python3 >/dev/null 2>&1 || fail 'no python3 is here, which brings uv: install the package python3-venv'
     python3 -m venv "$TOP$VERSIONS/uv" 2>/dev/null || fail 'python3 cannot make a venv: apt-get install python3-venv'
     "$TOP$VERSIONS/uv/bin/python" -m pip install --quiet uv
-    UV_PYTHON_INSTALL_DIR=$TOP$VERSIONS/python "$TOP$VERSIONS/uv/bin/uv" python install --quiet "$UV_PYTHON"
+    UV_PYTHON_INSTALL_DIR=$TOP$VERSIONS/python "$TOP$VERSIONS/uv/bin/uv" python install "$UV_PYTHON" ||
+        fail "uv could not download Python $UV_PYTHON: name one of 3.11 or newer with --python PROGRAM"
     PYTHON=$(UV_PYTHON_INSTALL_DIR=$TOP$VERSIONS/python "$TOP$VERSIONS/uv/bin/uv" python find "$UV_PYTHON")
 }
 

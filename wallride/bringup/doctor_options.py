@@ -42,6 +42,8 @@ def run(options: argparse.Namespace) -> int:
     from wallride.doctor.examine import examine, find_settings
     from wallride.doctor.report import as_json, exit_code, line, summary
 
+    if options.wheels_up and (options.json or "motor" not in (options.only or GROUPS)):
+        return fail("--wheels-up asks about the motor: leave --json out, and add --only motor where there is --only")
     if options.wheels_up and not _confirmed():
         return fail("--wheels-up turns the wheels: put the car on a stand, run it in a terminal and confirm")
     logging.getLogger().addHandler(logging.NullHandler())  # what the drivers log is in the findings

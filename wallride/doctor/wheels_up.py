@@ -62,7 +62,7 @@ async def measure_wheels_up(settings: VescSettings, ask: Ask) -> list[Finding]:
         if motor.state is None:
             return [fail("wheels up", motor.health.message, "see `motor`")]
         spin = await _spin(motor)
-        found = [_direction(spin, ask)]
+        found = [await _direction(spin, ask)]
         if found[0].level is not Level.FAIL:  # else nothing is to turn again
             found += [*_after_silence(spin), await _brake(motor), await _steering(motor, ask)]
     finally:
@@ -89,7 +89,7 @@ async def _spin(motor: Vesc) -> Spin:
     return spin
 
 
-def _direction(spin: Spin, ask: Ask) -> Finding:
+async def _direction(spin: Spin, ask: Ask) -> Finding:
     if spin.speed_mps < -TURNING_MPS or spin.distance_m < 0:
         return fail("direction", "asked forward, the VESC counts backward", "invert the motor direction in VESC Tool")
     if spin.fault:
@@ -100,7 +100,7 @@ def _direction(spin: Spin, ask: Ask) -> Finding:
             "direction", f"at {SPEED_MPS:g} m/s asked the wheels turn with {spin.speed_mps:.2f} m/s",
             "repeat the motor detection in VESC Tool; check the motor's cables",
         )  # fmt: skip
-    turned = ask("did the wheels turn forward?")
+    turned = await _asked(ask, "did the wheels turn forward?")
     if turned is None:
         return warn("direction", "the VESC counts forward; the wheels were not looked at", "look at them in a terminal")
     if not turned:
@@ -133,7 +133,7 @@ async def _brake(motor: Vesc) -> Finding:
 async def _steering(motor: Vesc, ask: Ask) -> Finding:
     for steering_rad in (STEER_RAD, 0.0):
         await _hold(motor, Drive(0.0, steering_rad), STEER_S)
-    steered = ask("did the front wheels steer to the left, and back?")
+    steered = await _asked(ask, "did the front wheels steer to the left, and back?")
     if steered is None:
         return warn("steering", "no one looked at the front wheels", "look at them in a terminal")
     if not steered:
@@ -143,6 +143,11 @@ async def _steering(motor: Vesc, ask: Ask) -> Finding:
             "motor.steering_to_servo_gain",
         )  # fmt: skip
     return ok("steering", "left is left")
+
+
+async def _asked(ask: Ask, question: str) -> bool | None:
+    """Ask in a thread: while a person thinks, the driver has to go on reading, or it loses the link."""
+    return await asyncio.to_thread(ask, question)
 
 
 async def _hold(motor: Vesc, drive: Drive, duration_s: float) -> float:

@@ -77,6 +77,13 @@ def test_wheels_up_needs_a_confirmation(capsys, monkeypatch):
     assert "stand" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("options", [["--json"], ["--only", "lidar"]])
+def test_wheels_up_needs_the_motor_and_a_person(options, capsys, monkeypatch):
+    monkeypatch.setattr(doctor_options, "_confirmed", lambda: pytest.fail("it is refused before the question"))
+    assert main(["doctor", "--wheels-up", *options]) == 2
+    assert "--only motor" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(("typed", "begins"), [("wheels up", True), ("Wheels Up ", True), ("y", False), ("", False)])
 def test_only_the_words_are_a_confirmation(typed, begins, monkeypatch):
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)

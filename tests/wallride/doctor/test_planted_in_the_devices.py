@@ -1,5 +1,6 @@
 """Problems planted in emulated devices, which the doctor opens: each is found, and the remedy is named."""
 
+import time
 from collections import deque
 from functools import partial
 from pathlib import Path
@@ -179,13 +180,17 @@ def quick(monkeypatch):
     monkeypatch.setattr("wallride.doctor.wheels_up.STEER_S", 0.1)
 
 
+def patient(addresses):
+    """Return settings whose link outlasts the pauses of a busy computer."""
+    return settings(f"motor.address={addresses.motor}", "motor.lost_after_s=0.6")
+
+
 async def wheels_up(tmp_path, plant=None, ask=lambda _question: True, **changes):
     one = car(tmp_path / "ports", **changes)
     async with running(one) as addresses:
         if plant is not None:
             plant(one)
-        chosen = settings(f"motor.address={addresses.motor}")
-        return await measure_wheels_up(chosen.motor, ask)
+        return await measure_wheels_up(patient(addresses).motor, ask)
 
 
 async def test_wheels_up_measures_a_healthy_car(tmp_path, quick):
@@ -194,6 +199,19 @@ async def test_wheels_up_measures_a_healthy_car(tmp_path, quick):
     assert [one.subject for one in found] == [
         "direction", "timeout measured", "timeout brake measured", "brake", "steering",
     ]  # fmt: skip
+
+
+async def test_a_person_who_thinks_does_not_cost_the_link(tmp_path, quick):
+    def think(_question):
+        time.sleep(1.2)  # longer than a link may be silent
+        return True
+
+    one = car(tmp_path / "ports", timeout_s=0.1)
+    async with running(one) as addresses:
+        found = await measure_wheels_up(patient(addresses).motor, think)
+        asked = [payload for _, payload in one.vesc.wire if payload[0] == 0]
+    assert bad(found) == {}
+    assert len(asked) == 1, "one connection"
 
 
 @pytest.mark.parametrize(
@@ -218,7 +236,7 @@ async def test_wheels_up_finds_what_only_motion_shows(plant, ask, changes, subje
 async def test_wheels_up_leaves_the_car_standing(tmp_path, quick):
     one = car(tmp_path / "ports")
     async with running(one) as addresses:
-        await measure_wheels_up(settings(f"motor.address={addresses.motor}").motor, lambda _question: None)
+        await measure_wheels_up(patient(addresses).motor, lambda _question: None)
         assert one.vesc.motor_wire()[-1][0] == 7, "its last command is a brake"
 
 
