@@ -39,8 +39,10 @@ from runtime.tasks.own_law import OwnLawWatch
 from runtime.tasks.own_parts import OwnPartsKeeper
 from runtime.tasks.scan_cycle import ScanCycle
 from runtime.tasks.telemetry import Telemetry
-from runtime.telemetry.sinks import ZenohSink
+from runtime.telemetry.ros2_sink import Ros2Sink
+from runtime.telemetry.sinks import Sink, ZenohSink
 from runtime.telemetry.status import ObservedState
+from runtime.telemetry.topic_writers import laser_frame
 from runtime.teleop.desk import OperatorDesk
 from runtime.wire import topics
 from runtime.wire.bus import BYTES, Network
@@ -131,8 +133,10 @@ class Car:
         self.history = ChangeHistory(settings.parameters.history)
         self.parameters = ParameterServer(settings, self._surroundings(around.file, around.base), self.history)
         self.sink = ZenohSink(bus, settings.car.name, settings.telemetry.rates_hz)
+        self.ros2 = self._ros2_sink()
+        sinks: list[Sink] = [self.sink, self.recorder, *([self.ros2] if self.ros2 is not None else [])]
         self.telemetry = Telemetry(
-            self._observed(), settings.car, [self.sink, self.recorder],
+            self._observed(), settings.car, sinks,
             wall_clock=self.wall_clock, side=lambda: self.settings.wall_follow.side, ball_m=lambda: self.laws.path_m,
         )  # fmt: skip
 
@@ -151,6 +155,8 @@ class Car:
         self.settings = settings
         self.stack.apply(settings)
         self.sink.limit(settings.telemetry.rates_hz)
+        if self.ros2 is not None:
+            self.ros2.limit(settings.telemetry.rates_hz)
         if "log.level" in changed:
             logging.getLogger().setLevel(settings.log.level)
 
@@ -272,6 +278,13 @@ class Car:
             operator=self.operator.view,
             link=lambda: {"endpoint": self.bus.endpoint, "open": self.bus.is_open, "dropped": self.bus.dropped},
         )
+
+    def _ros2_sink(self) -> Ros2Sink | None:
+        graph = self.settings.ros2_graph()
+        if graph is None:
+            return None
+        rates, laser = self.settings.telemetry.rates_hz, laser_frame(self.settings.car)
+        return Ros2Sink(self.bus, graph, rates, laser, now_s=self.clock, unix_ns=self.wall_clock.unix_ns)
 
     def _surroundings(self, file: Path | None, base: Path | None) -> ServerContext:
         return ServerContext(

@@ -188,10 +188,12 @@ def _session(settings: "Settings") -> tuple[dict[str, Any], tuple[str, ...]]:
     """Return the configuration of the car's session and warnings about its keys; KeysError for unusable keys."""
     from datetime import UTC, datetime
 
+    from runtime.ros.graph import access
     from runtime.security.key_files import car_session
 
-    telemetry = settings.telemetry
-    return car_session(telemetry.listen, telemetry.keys_dir, settings.car.name, datetime.now(UTC))
+    telemetry, ros = settings.telemetry, settings.ros2_graph()
+    keys = access(ros) if ros is not None else None
+    return car_session(telemetry.listen, telemetry.keys_dir, settings.car.name, datetime.now(UTC), keys)
 
 
 def _saved_limits(file: Path | None) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from runtime.security.access_list import KeysError, read_people
 from runtime.wire.endpoints import is_tls
+from runtime.wire.rmw_zenoh import RosAccess
 from runtime.wire.zenoh_config import Person, Tls, car_config
 
 if TYPE_CHECKING:
@@ -29,16 +30,17 @@ class KeyFiles:
 
 
 def car_session(
-    listen: Sequence[str], directory: Path, car: str, now: datetime
+    listen: Sequence[str], directory: Path, car: str, now: datetime, ros: RosAccess | None = None
 ) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Return the configuration of the car's session and the warnings about the keys for its owner.
 
-    Keys are read only when a tls endpoint needs them; KeysError when they cannot be used.
+    ros: the car's ROS 2 keys, if any. Key files are read only when a tls endpoint needs them; KeysError when they
+    cannot be used.
     """
     if not any(map(is_tls, listen)):
-        return car_config(listen, None, (), car), ()
+        return car_config(listen, None, (), car, ros), ()
     keys = car_keys(directory, now)
-    return car_config(listen, keys.tls, keys.people, car), keys.warnings
+    return car_config(listen, keys.tls, keys.people, car, ros), keys.warnings
 
 
 def car_keys(directory: Path, now: datetime) -> KeyFiles:

@@ -33,9 +33,11 @@ from runtime.host.user_module import UserCodeError, search_in
 from runtime.settings.operator import OperatorSettings
 from runtime.settings.parameters import ParameterSettings
 from runtime.settings.recording import RecordingSettings
+from runtime.settings.ros2 import Ros2Settings
 from runtime.settings.session import SessionSettings
 from runtime.settings.telemetry import TelemetryRates
 from runtime.settings_base import Section
+from runtime.wire.rmw_zenoh import RosGraph, node_name
 
 
 class SettingsError(Exception):
@@ -107,6 +109,7 @@ class Settings(Section):
     mux: MuxSettings = MuxSettings()
     operator: OperatorSettings = OperatorSettings()
     telemetry: TelemetrySettings = TelemetrySettings()
+    ros2: Ros2Settings = Ros2Settings()
     log: LogSettings = LogSettings()
     process: ProcessSettings = ProcessSettings()
     parameters: ParameterSettings = ParameterSettings()
@@ -121,6 +124,11 @@ class Settings(Section):
         if isinstance(folder, str) and folder:
             search_in(Path(folder))
         return tree
+
+    def ros2_graph(self) -> RosGraph | None:
+        """Return the ROS 2 domain and the car's node in it; None where the face is off."""
+        ros2 = self.ros2
+        return RosGraph(ros2.domain, ros2.distro, node_name(self.car.name)) if ros2.enabled else None
 
     def effective_order(self) -> tuple[Source, ...]:
         """Return the mux's order: with the battery, and with safety above the human where `safety.binds_teleop`."""

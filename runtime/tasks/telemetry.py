@@ -21,6 +21,7 @@ from runtime.control.perception.odometry import Odometry
 from runtime.control.vehicle import CarSettings
 from runtime.realtime.wall_clock import WallClock
 from runtime.ros.definitions import TYPES
+from runtime.ros.graph import TF_ODOM
 from runtime.ros.messages import Floats
 from runtime.telemetry import status as car_status
 from runtime.telemetry.sinks import Sink
@@ -30,7 +31,7 @@ from runtime.wire import topics
 
 BY_SCAN = (topics.SCAN,)
 BY_GUIDANCE = (topics.WALL,)
-BY_MOTOR = (topics.ODOM, topics.TF, topics.MOTOR, topics.BATTERY)
+BY_MOTOR = (topics.ODOM, topics.TF, TF_ODOM, topics.MOTOR, topics.BATTERY)
 BY_OUTPUT = (
     topics.DECISION, topics.STATUS, topics.SAFETY, topics.NAVIGATION, topics.TELEOP, topics.FOOTPRINT,
     topics.DIAGNOSTICS,

@@ -1,6 +1,7 @@
 """Sinks of telemetry: zenoh here, a recorder or a live view elsewhere. All receive the same bytes."""
 
 import math
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from runtime.ros.definitions import encoding
@@ -43,22 +44,22 @@ class Publisher(Protocol):
         ...
 
 
-class ZenohSink:
-    """Sends the topics that have subscribers, each at most at its rate."""
+class TopicGate:
+    """Selects the messages that are due and have a subscriber, each topic at most at its rate.
 
-    def __init__(self, bus: Publisher, car: str, rates: RatesHz) -> None:
-        self._bus = bus
-        self._car = car
+    is_wanted: tells whether a topic has a subscriber; asked now and then, because it costs more than most messages.
+    """
+
+    def __init__(self, is_wanted: Callable[[str], bool]) -> None:
+        self._is_wanted = is_wanted
+        self._periods_s: dict[str, float] = {}
         self._due_s: dict[str, float] = {}
         self._not_before_s: dict[str, float] = {}
         self._heard: dict[str, bool] = {}
         self._asked_s = -math.inf
-        self._names: dict[str, tuple[str, str]] = {}
-        self.limit(rates)
 
-    def limit(self, rates: RatesHz) -> None:
-        """Apply other rates from now on."""
-        rates_hz: dict[str, float] = rates.model_dump()
+    def limit(self, rates_hz: Mapping[str, float]) -> None:
+        """Apply other rates from now on; topics that are not named, or have a rate of 0, are never due."""
         self._periods_s = {topic: 1 / rate_hz for topic, rate_hz in rates_hz.items() if rate_hz > 0}
         self._not_before_s.clear()
 
@@ -75,21 +76,39 @@ class ZenohSink:
         self._not_before_s[topic] = due_s - EARLY_SHARE * period_s
         return True
 
-    def take(self, topic: str, schema: str, stamp_s: float, payload: bytes) -> None:  # noqa: ARG002 - both are in the payload
-        """Send it; a slow or vanished reader loses it."""
-        key, kind = self._name(topic)
-        self._bus.put(key, payload, encoding=kind)
-
     def _is_heard(self, topic: str, at_s: float) -> bool:
-        """Tell whether there is a subscriber: checked now and then, because a check costs more than most messages."""
         if at_s - self._asked_s > ASK_EVERY_S:
             self._asked_s = at_s
             self._heard.clear()
         heard = self._heard.get(topic)
         if heard is None:
-            key, kind = self._name(topic)
-            heard = self._heard[topic] = self._bus.wanted(key, encoding=kind)
+            heard = self._heard[topic] = self._is_wanted(topic)
         return heard
+
+
+class ZenohSink:
+    """Sends the topics that have subscribers, each at most at its rate."""
+
+    def __init__(self, bus: Publisher, car: str, rates: RatesHz) -> None:
+        self._bus = bus
+        self._car = car
+        self._names: dict[str, tuple[str, str]] = {}
+        self._gate = TopicGate(self._is_wanted)
+        self.claim = self._gate.claim
+        self.limit(rates)
+
+    def limit(self, rates: RatesHz) -> None:
+        """Apply other rates from now on."""
+        self._gate.limit(rates.model_dump())
+
+    def take(self, topic: str, schema: str, stamp_s: float, payload: bytes) -> None:  # noqa: ARG002 - both are in the payload
+        """Send it; a slow or vanished reader loses it."""
+        key, kind = self._name(topic)
+        self._bus.put(key, payload, encoding=kind)
+
+    def _is_wanted(self, topic: str) -> bool:
+        key, kind = self._name(topic)
+        return self._bus.wanted(key, encoding=kind)
 
     def _name(self, topic: str) -> tuple[str, str]:
         name = self._names.get(topic)

@@ -13,6 +13,7 @@ from runtime.control.safety.swept import SweptAssessment
 from runtime.control.vehicle import CarSettings
 from runtime.realtime.wall_clock import WallClock
 from runtime.ros import markers, messages
+from runtime.ros.graph import TF_ODOM
 from runtime.ros.messages import DiagnosticStatus, Floats, Frame
 from runtime.telemetry import marker_writers
 from runtime.telemetry import status as car_status
@@ -34,6 +35,11 @@ class Newest:
     guided: tuple[Scan, Guidance] | None = None
     output: Output | None = None
     motor: MotorState | None = None
+
+
+def laser_frame(car: CarSettings) -> Frame:
+    """Return the fixed pose of the lidar in base_link."""
+    return Frame(messages.BASE, messages.LASER, car.lidar_x_m, 0.0, 0.0)
 
 
 class TopicWriters:
@@ -61,7 +67,7 @@ class TopicWriters:
         self._unix_ns = wall_clock.unix_ns
         self._side = side
         self._ball_m = ball_m
-        self._laser = Frame(messages.BASE, messages.LASER, car.lidar_x_m, 0.0, 0.0)
+        self._laser = laser_frame(car)
         self._writers: Mapping[str, Callable[[], Message | None]] = {
             topics.SCAN: self._scan,
             topics.WALL: self._wall,
@@ -71,6 +77,7 @@ class TopicWriters:
             topics.TELEOP: lambda: self._voice(Source.TELEOP),
             topics.ODOM: self._odom,
             topics.TF: self._tf,
+            TF_ODOM: self._transforms,
             topics.MOTOR: self._motor,
             topics.BATTERY: self._battery,
             topics.DIAGNOSTICS: self._diagnostics,
@@ -153,11 +160,15 @@ class TopicWriters:
 
     def _tf(self) -> Message | None:
         """Return base_link in odom together with the fixed laser in base_link: a late subscriber gets both at once."""
+        return self._transforms(self._laser)
+
+    def _transforms(self, *fixed: Frame) -> Message | None:
+        """Return base_link in odom, and the fixed frames."""
         state, pose = self._newest.motor, self._journey.pose
         if state is None:
             return None
         base = Frame(messages.ODOM, messages.BASE, pose.x_m, pose.y_m, pose.yaw_rad)
-        return state.stamp_s, messages.transforms(self.unix_ns(state.stamp_s), (base, self._laser))
+        return state.stamp_s, messages.transforms(self.unix_ns(state.stamp_s), (base, *fixed))
 
     def _motor(self) -> Message | None:
         state = self._newest.motor

@@ -87,8 +87,21 @@ class Network(Protocol):
         """Number of samples put while it was closed."""
         ...
 
+    @property
+    def session_id(self) -> str:
+        """Return zenoh's id of the open session."""
+        ...
+
     def put(self, key: str, payload: bytes, *, encoding: str = JSON, urgent: bool = False) -> None:
         """Publish without waiting."""
+        ...
+
+    def put_attached(self, key: str, payload: bytes, *, encoding: str, attachment: bytes) -> None:
+        """Publish with an attachment, without waiting."""
+        ...
+
+    def put_latched(self, key: str, payload: bytes, *, encoding: str, attachment: bytes) -> None:
+        """Publish, and keep the message for late subscribers."""
         ...
 
     def wanted(self, key: str, *, encoding: str = JSON, urgent: bool = False) -> bool:
@@ -105,6 +118,10 @@ class Network(Protocol):
 
     def announce(self, key: str) -> None:
         """Hold a liveliness token."""
+        ...
+
+    def when_open(self, declare: Callable[[], None]) -> None:
+        """Call once the session is open."""
         ...
 
     def poll(self) -> None:
@@ -152,7 +169,7 @@ class Bus:
         import zenoh
 
         self._troubles = (ConnectionError, zenoh.ZError)
-        for declare in self._declare:
+        for declare in tuple(self._declare):  # what one of them declares takes effect at once, and not twice
             declare()
 
     async def close(self) -> None:
@@ -163,6 +180,11 @@ class Bus:
         if session is not None:
             await asyncio.to_thread(session.close)
 
+    @property
+    def session_id(self) -> str:
+        """Return zenoh's id of the open session; ConnectionError while it is closed."""
+        return str(self._open_session.info.zid())
+
     def put(self, key: str, payload: bytes, *, encoding: str = JSON, urgent: bool = False) -> None:
         """Publish without waiting: a slow or vanished reader loses samples, the car loses nothing.
 
@@ -171,6 +193,14 @@ class Bus:
         try:
             publisher = self._publishers.get(key) or self._publisher(key, encoding, urgent=urgent)
             publisher.put(payload)
+        except self._troubles:
+            self.dropped += 1
+
+    def put_attached(self, key: str, payload: bytes, *, encoding: str, attachment: bytes) -> None:
+        """Publish with an attachment, as `put` does."""
+        try:
+            publisher = self._publishers.get(key) or self._publisher(key, encoding, urgent=False)
+            publisher.put(payload, attachment=attachment)
         except self._troubles:
             self.dropped += 1
 
@@ -198,6 +228,10 @@ class Bus:
     def announce(self, key: str) -> None:
         """Hold a liveliness token until close."""
         self._whenever_open(lambda: self._held.append(self._open_session.liveliness().declare_token(key)))
+
+    def when_open(self, declare: Callable[[], None]) -> None:
+        """Call once the session is open; at once if it is."""
+        self._whenever_open(declare)
 
     def watch(self, key: str, changed: Changed) -> None:
         """Call `changed(key, alive)` in the loop for every liveliness token, including those already present."""

@@ -7,6 +7,7 @@ client can put into it.
 """
 
 import functools
+import logging
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
@@ -15,6 +16,8 @@ from runtime.wire.bus import MAX_SAMPLE_BYTES, Bus, Receive, Reply
 
 if TYPE_CHECKING:
     import zenoh
+
+log = logging.getLogger("wallride.bus")
 
 POLL_HZ: Final = 100.0
 MAX_WAITING_SAMPLES: Final = 64
@@ -35,6 +38,28 @@ class CarBus(Bus):
         if self.is_open:
             for poll in self._polls:
                 poll()
+
+    def put_latched(self, key: str, payload: bytes, *, encoding: str, attachment: bytes) -> None:
+        """Publish a message that never changes; late subscribers get it from zenoh's cache (advanced publisher)."""
+        import zenoh
+        from zenoh import ext
+
+        try:
+            publisher = ext.declare_advanced_publisher(
+                self._open_session,
+                key,
+                encoding=zenoh.Encoding(encoding),
+                congestion_control=zenoh.CongestionControl.DROP,
+                priority=zenoh.Priority.DATA_HIGH,
+                cache=ext.CacheConfig(max_samples=1),
+                publisher_detection=True,
+            )
+            publisher.put(payload, attachment=attachment)
+        except self._troubles as error:  # what is declared after it matters more
+            log.error("late subscribers of %s get nothing: %s", key, error)
+            self.dropped += 1
+        else:
+            self._held.append(publisher)
 
     async def close(self) -> None:
         """Close the session; what still waits is dropped."""

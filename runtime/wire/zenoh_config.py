@@ -13,6 +13,7 @@ from typing import Any, Literal
 from runtime.wire import topics
 from runtime.wire.endpoints import check_listening, is_tls, split_endpoint
 from runtime.wire.ingress import MAX_INCOMING_B, downsampling, droppable_answers, low_pass_filter
+from runtime.wire.rmw_zenoh import GRAPH, LATCHED_SUFFIX, RosAccess
 
 LEASE_MS = 1000
 KEEP_ALIVES_PER_LEASE = 4
@@ -81,11 +82,13 @@ class Grant:
     keys: tuple[str, ...]
 
 
-def car_config(listen: Sequence[str], tls: Tls | None, people: Sequence[Person], car: str) -> dict[str, Any]:
+def car_config(
+    listen: Sequence[str], tls: Tls | None, people: Sequence[Person], car: str, ros: RosAccess | None = None
+) -> dict[str, Any]:
     """Return the configuration of the car's session, which listens and never connects anywhere.
 
-    Without `tls` only this machine can reach the car, and every local user has all rights. ValueError when an endpoint
-    would be open to the network without certificates.
+    Without `tls` only this machine can reach the car, and every local user has all rights. ros: its ROS 2 keys, if any.
+    ValueError when an endpoint would be open to the network without certificates.
     """
     check_listening(listen)
     if tls is None and any(map(is_tls, listen)):
@@ -121,7 +124,7 @@ def car_config(listen: Sequence[str], tls: Tls | None, people: Sequence[Person],
             "enable_mtls": True,
             "close_link_on_expiration": True,
         }
-        config["access_control"] = access_control(people, car)
+        config["access_control"] = access_control(people, car, ros)
     return config
 
 
@@ -154,13 +157,13 @@ def client_config(connect: str, tls: Tls | None) -> dict[str, Any]:
     return config
 
 
-def access_control(people: Sequence[Person], car: str) -> dict[str, Any]:
+def access_control(people: Sequence[Person], car: str, ros: RosAccess | None = None) -> dict[str, Any]:
     """Return the access control of one car: what is not granted here is dropped, wildcards included.
 
     zenoh skips a `deny` rule when the message's key is wider than the rule's, so nothing is ever allowed first and
     forbidden afterwards. A role without members gets no subject: an empty one would match every client.
     """
-    granted = list(grants(car))
+    granted = [*grants(car), *(ros_grants(ros) if ros is not None else ())]
     members = {role: [person.name for person in people if person.role.includes(role)] for role in Role}
     subjects: list[dict[str, Any]] = [
         # A client without a certificate is on the car itself: tcp is never offered elsewhere, and this checks it once
@@ -218,6 +221,19 @@ def grants(car: str) -> Iterator[Grant]:
     )
     yield from _questions(admin, "configure", _parameter_keys(car, "configure"))
     yield from _questions(admin, "record", (topics.key(car, topics.RECORD), topics.key(car, f"{topics.LOGS}/trim")))
+
+
+def ros_grants(ros: RosAccess) -> Iterator[Grant]:
+    """Yield the rights with the car's ROS 2 keys: viewers see graph and topics, and cannot invent nodes."""
+    viewer, asks, graph = Role.VIEWER, ("liveliness_query", "declare_liveliness_subscriber"), f"{GRAPH}/{ros.domain}/**"
+    yield Grant(viewer, "ros-wants", "ingress", ("declare_subscriber",), (f"{ros.domain}/**",))
+    yield Grant(viewer, "ros-topics", "egress", ("put",), ros.published)
+    yield Grant(viewer, "ros-who-is-there", "ingress", asks, (graph,))
+    yield Grant(viewer, "ros-car-is-there", "egress", ("liveliness_token",), (graph,))
+    caches = tuple(f"{key}/{LATCHED_SUFFIX}" for key in ros.latched)
+    yield Grant(viewer, "ros-late-ask", "ingress", ("query", *asks), caches)
+    yield Grant(viewer, "ros-late-answer", "egress", ("declare_queryable", "liveliness_token"), caches)
+    yield Grant(viewer, "ros-late-message", "egress", ("reply",), ros.latched)  # the cache replies by the topic's key
 
 
 def _parameter_keys(car: str, *verbs: str) -> tuple[str, ...]:

@@ -155,6 +155,7 @@ class MemoryBus:
     """
 
     endpoint = "memory"
+    session_id = "0"
     is_open = True
     dropped = 0
 
@@ -169,6 +170,18 @@ class MemoryBus:
     def put(self, key: str, payload: bytes, *, encoding: str = "", urgent: bool = False) -> None:  # noqa: ARG002 - a Bus
         """Record the message."""
         self.heard.append((key, payload))
+
+    def put_attached(self, key: str, payload: bytes, *, encoding: str, attachment: bytes) -> None:  # noqa: ARG002 - a Bus
+        """Record the message."""
+        self.heard.append((key, payload))
+
+    def put_latched(self, key: str, payload: bytes, *, encoding: str, attachment: bytes) -> None:  # noqa: ARG002 - a Bus
+        """Record the message."""
+        self.heard.append((key, payload))
+
+    def when_open(self, declare: Callable[[], None]) -> None:
+        """Call at once."""
+        declare()
 
     def wanted(self, key: str, *, encoding: str = "", urgent: bool = False) -> bool:  # noqa: ARG002 - a Bus
         """Return whether there is a subscriber."""

@@ -5,6 +5,8 @@ import pytest
 from clients.plot import FIELDS
 from runtime.recording.recorder import PERIODS_S
 from runtime.ros.definitions import TYPES
+from runtime.ros.graph import PUBLISHED as ROS2_PUBLISHED
+from runtime.ros.graph import TF_ODOM
 from runtime.settings.telemetry import RatesHz
 from runtime.tasks import telemetry
 from runtime.wire import topics
@@ -14,7 +16,7 @@ from wallride import reference
 PUBLISHED = {*TYPES, *topics.JSON_TOPICS}
 APPENDED = {topics.OUTPUT, topics.DISTANCE_ERROR, topics.IMU}
 """Every message of these is sent: `Telemetry` appends them to `_each`."""
-SENT = {*telemetry.BY_SCAN, *telemetry.BY_GUIDANCE, *telemetry.BY_MOTOR, *telemetry.BY_OUTPUT, *APPENDED}
+SENT = {*telemetry.BY_SCAN, *telemetry.BY_GUIDANCE, *telemetry.BY_MOTOR, *telemetry.BY_OUTPUT, *APPENDED} - {TF_ODOM}
 WITHOUT_NUMBER = {topics.SCAN, topics.TF, topics.WALL, topics.FOOTPRINT, topics.DIAGNOSTICS}
 """Topics that have no one number to plot."""
 LISTS = {
@@ -25,6 +27,7 @@ LISTS = {
     "FIELDS in clients/plot.py (or WITHOUT_NUMBER of this test)": (
         set(FIELDS) | WITHOUT_NUMBER, PUBLISHED | {topics.BEAT},
     ),
+    "PUBLISHED in runtime/ros/graph.py": (set(ROS2_PUBLISHED), {*TYPES, TF_ODOM} - {topics.TF}),
     "SAMPLES in tests/runtime/ros/samples.py": (set(SAMPLES), set(TYPES)),
 }  # fmt: skip
 

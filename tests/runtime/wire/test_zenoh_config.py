@@ -5,8 +5,10 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
+from runtime.ros.graph import access
 from runtime.settings.session import SessionSettings
 from runtime.wire.endpoints import check_listening, is_tls, split_endpoint
+from runtime.wire.rmw_zenoh import Distro, RosGraph
 from runtime.wire.zenoh_config import Person, Role, Tls, access_control, car_config, client_config
 
 TLS = Tls(Path("ca.pem"), Path("car.pem"), Path("car.key"))
@@ -128,3 +130,15 @@ def test_whoever_is_not_on_the_machine_is_granted_no_wildcard_but_what_leaves_or
         assert not {"delete"} & set(rule["messages"])
         if rule["flows"] == ["ingress"]:
             assert not {"reply", "declare_queryable"} & set(rule["messages"])
+
+
+def test_ros_2_keys_are_granted_only_while_the_face_is_on_and_none_of_them_inwards():
+    ros = access(RosGraph(0, Distro.JAZZY, "wallride_car1"))
+    rules = {rule["id"]: rule for rule in access_control((), "car1", ros)["rules"] if rule["id"].startswith("ros-")}
+    assert rules
+    assert not any(rule["id"].startswith("ros-") for rule in access_control((), "car1")["rules"])
+    arriving = {message for rule in rules.values() if rule["flows"] == ["ingress"] for message in rule["messages"]}
+    assert arriving == {"declare_subscriber", "query", "liveliness_query", "declare_liveliness_subscriber"}
+    assert all(len(rule["flows"]) == 1 for rule in rules.values())
+    assert not any("*" in key for key in rules["ros-topics"]["key_exprs"])
+    assert all(key.endswith("/@adv/**") for key in rules["ros-late-ask"]["key_exprs"])

@@ -1,0 +1,27 @@
+"""The car's topics on the ROS 2 side: names, types and quality of service."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from runtime.ros.definitions import TYPES
+from runtime.wire import topics
+from runtime.wire.rmw_zenoh import LATCHED, RosAccess, RosGraph, RosTopic
+
+TF_ODOM = "tf_odom"
+"""Telemetry's name for odom to base_link alone, ROS 2's /tf: beside it /tf_static has base_link to laser."""
+TF_STATIC = RosTopic("tf_static", TYPES[topics.TF], LATCHED)
+"""laser in base_link: published once, and kept for late subscribers."""
+
+PUBLISHED: Mapping[str, RosTopic] = MappingProxyType(
+    {
+        **{topic: RosTopic(topic, schema) for topic, schema in TYPES.items() if topic != topics.TF},
+        TF_ODOM: RosTopic("tf", TYPES[topics.TF]),
+    }
+)
+"""ROS 2's topic for each of telemetry's; the names are the same, except that base_link to laser is on /tf_static."""
+
+
+def access(graph: RosGraph) -> RosAccess:
+    """Return the keys that the access control has to let through."""
+    keys = tuple(graph.data_key(topic) for topic in (*PUBLISHED.values(), TF_STATIC))
+    return RosAccess(graph.domain, keys, (graph.data_key(TF_STATIC),))

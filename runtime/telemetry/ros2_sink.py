@@ -1,0 +1,108 @@
+"""Sink that publishes the topics for ROS 2 as rmw_zenoh would: the same bytes under other keys, with attachments."""
+
+import functools
+from collections.abc import Callable
+from typing import Protocol
+
+from runtime.ros import messages
+from runtime.ros.graph import PUBLISHED, TF_ODOM, TF_STATIC
+from runtime.ros.messages import Frame
+from runtime.settings.telemetry import RatesHz
+from runtime.telemetry.sinks import TopicGate
+from runtime.wire.bus import CDR
+from runtime.wire.rmw_zenoh import RosGraph, attachment, gid
+
+
+class RosNetwork(Protocol):
+    """The part of a bus that is needed here."""
+
+    @property
+    def session_id(self) -> str:
+        """Return zenoh's id of the open session."""
+        ...
+
+    def put_attached(self, key: str, payload: bytes, *, encoding: str, attachment: bytes) -> None:
+        """Publish without waiting."""
+        ...
+
+    def put_latched(self, key: str, payload: bytes, *, encoding: str, attachment: bytes) -> None:
+        """Publish, and keep the message for late subscribers."""
+        ...
+
+    def wanted(self, key: str, *, encoding: str) -> bool:
+        """Tell whether the key has a subscriber."""
+        ...
+
+    def announce(self, key: str) -> None:
+        """Hold a liveliness token."""
+        ...
+
+    def when_open(self, declare: Callable[[], None]) -> None:
+        """Call once the session is open."""
+        ...
+
+
+class Ros2Sink:
+    """Announces the car's node and its publishers, and sends the topics that have ROS 2 subscribers.
+
+    laser: the fixed frame, on /tf_static. now_s: the monotonic clock; unix_ns: its times as nanoseconds since 1970.
+    """
+
+    def __init__(
+        self,
+        bus: RosNetwork,
+        graph: RosGraph,
+        rates: RatesHz,
+        laser: Frame,
+        *,
+        now_s: Callable[[], float],
+        unix_ns: Callable[[float], int],
+    ) -> None:
+        self._bus = bus
+        self._graph = graph
+        self._laser = laser
+        self._now_s = now_s
+        self._unix_ns = unix_ns
+        self._keys = {topic: graph.data_key(known) for topic, known in PUBLISHED.items()}
+        self._gids: dict[str, bytes] = {}
+        self._sequences: dict[str, int] = {}
+        self._gate = TopicGate(self._is_wanted)
+        self.limit(rates)
+        bus.when_open(self._join)
+
+    def limit(self, rates: RatesHz) -> None:
+        """Apply other rates from now on."""
+        rates_hz: dict[str, float] = rates.model_dump()
+        rates_hz[TF_ODOM] = rates.tf
+        self._gate.limit({topic: rates_hz[topic] for topic in PUBLISHED})
+
+    def claim(self, topic: str, at_s: float, *, urgent: bool = False) -> bool:
+        """Tell whether the topic is due and has a subscriber."""
+        return self._gate.claim(topic, at_s, urgent=urgent)
+
+    def take(self, topic: str, schema: str, stamp_s: float, payload: bytes) -> None:  # noqa: ARG002 - it is in the key
+        """Send it; a slow or vanished reader loses it."""
+        publisher = self._gids.get(topic)
+        if publisher is None:  # not announced: a receiver could not read its attachment
+            return
+        self._sequences[topic] = sequence = self._sequences.get(topic, 0) + 1
+        note = attachment(sequence, self._unix_ns(stamp_s), publisher)
+        self._bus.put_attached(self._keys[topic], payload, encoding=CDR, attachment=note)
+
+    def _is_wanted(self, topic: str) -> bool:
+        return self._bus.wanted(self._keys[topic], encoding=CDR)
+
+    def _join(self) -> None:
+        """Announce the node and its publishers, and publish the fixed frame."""
+        graph, session = self._graph, self._bus.session_id
+        self._bus.announce(graph.node_token(session))
+        endpoint = functools.partial(graph.endpoint_token, session)
+        for number, (topic, known) in enumerate(PUBLISHED.items(), start=1):
+            token = endpoint(number, "MP", known)
+            self._bus.announce(token)
+            self._gids[topic] = gid(token)
+        fixed = endpoint(len(PUBLISHED) + 1, "MP", TF_STATIC)
+        self._bus.announce(fixed)
+        now_ns = self._unix_ns(self._now_s())
+        message, note = messages.transforms(now_ns, (self._laser,)), attachment(1, now_ns, gid(fixed))
+        self._bus.put_latched(graph.data_key(TF_STATIC), message, encoding=CDR, attachment=note)

@@ -1,0 +1,120 @@
+"""What goes to ROS 2: announced once the session is open, only with a subscriber, each sample with its attachment."""
+
+import pytest
+
+from runtime.ros.definitions import TYPES
+from runtime.ros.graph import PUBLISHED, TF_ODOM, TF_STATIC
+from runtime.ros.messages import Frame
+from runtime.settings.telemetry import RatesHz
+from runtime.telemetry.ros2_sink import Ros2Sink
+from runtime.wire import topics
+from runtime.wire.rmw_zenoh import Distro, RosGraph, gid, read_attachment
+
+GRAPH = RosGraph(3, Distro.JAZZY, "wallride_car1")
+LASER = Frame("base_link", "laser", 0.27, 0.0, 0.0)
+START_NS = 1_790_000_000_000_000_000
+
+
+class RosBus:
+    """A session that is opened by hand. wishes: the keys with a subscriber."""
+
+    session_id = "abc1"
+
+    def __init__(self):
+        self.tokens, self.sent, self.latched, self.wishes, self.declared = [], [], [], set(), []
+
+    def put_attached(self, key, payload, *, encoding, attachment):
+        self.sent.append((key, payload, encoding, attachment))
+
+    def put_latched(self, key, payload, *, encoding, attachment):
+        self.latched.append((key, payload, encoding, attachment))
+
+    def wanted(self, key, *, encoding):
+        return key in self.wishes
+
+    def announce(self, key):
+        self.tokens.append(key)
+
+    def when_open(self, declare):
+        self.declared.append(declare)
+
+    def open(self):
+        for declare in self.declared:
+            declare()
+
+
+def joined(**rates):
+    bus = RosBus()
+    sink = Ros2Sink(
+        bus, GRAPH, RatesHz(**rates), LASER, now_s=lambda: 5.0, unix_ns=lambda at_s: START_NS + round(at_s * 1e9)
+    )
+    bus.open()
+    return bus, sink
+
+
+def key_of(topic):
+    return GRAPH.data_key(PUBLISHED[topic])
+
+
+def test_the_node_and_all_publishers_are_announced_once_the_session_is_open():
+    bus = RosBus()
+    Ros2Sink(bus, GRAPH, RatesHz(), LASER, now_s=lambda: 5.0, unix_ns=lambda at_s: START_NS)
+    assert bus.tokens == []
+    bus.open()
+    node, *endpoints = bus.tokens
+    assert node == "@ros2_lv/3/abc1/0/0/NN/%/%/wallride_car1"
+    assert [token.split("/")[9] for token in endpoints] == [
+        *(f"%{topic.name}" for topic in PUBLISHED.values()), "%tf_static",
+    ]  # fmt: skip
+    assert len({token.split("/")[4] for token in endpoints}) == len(endpoints), "each has a number of its own"
+
+
+def test_what_has_no_subscriber_is_not_claimed_and_so_not_written():
+    bus, sink = joined()
+    assert not any(sink.claim(topic, 1.0) for topic in PUBLISHED)
+    bus.wishes.add(key_of(topics.SCAN))
+    assert [topic for topic in PUBLISHED if sink.claim(topic, 2.0)] == [topics.SCAN]
+
+
+def test_native_topics_that_ros_2_does_not_have_are_never_claimed():
+    bus, sink = joined()
+    bus.wishes |= {key_of(topic) for topic in PUBLISHED}
+    assert not any(sink.claim(topic, 1.0) for topic in (topics.STATUS, topics.DECISION, topics.BEAT, topics.TF))
+
+
+def test_each_sample_has_its_number_its_stamp_and_its_publisher():
+    bus, sink = joined()
+    for stamp_s in (1.0, 1.5):
+        sink.take(topics.ODOM, TYPES[topics.ODOM], stamp_s, b"odom")
+    sink.take(TF_ODOM, "", 1.25, b"tf")
+    notes = [(key, read_attachment(note)) for key, _, _, note in bus.sent]
+    odom, tf = (gid(next(one for one in bus.tokens if f"/%{name}/" in one)) for name in ("odom", "tf"))
+    assert notes == [
+        (key_of(topics.ODOM), (1, START_NS + 1_000_000_000, odom)),
+        (key_of(topics.ODOM), (2, START_NS + 1_500_000_000, odom)),
+        (key_of(TF_ODOM), (1, START_NS + 1_250_000_000, tf)),
+    ]
+    assert next((payload, encoding) for _, payload, encoding, _ in bus.sent) == (b"odom", "application/cdr")
+
+
+def test_before_the_session_is_open_nothing_goes_out_without_its_attachment():
+    bus = RosBus()
+    sink = Ros2Sink(bus, GRAPH, RatesHz(), LASER, now_s=lambda: 5.0, unix_ns=lambda at_s: START_NS)
+    sink.take(topics.ODOM, TYPES[topics.ODOM], 1.0, b"odom")
+    assert bus.sent == []
+
+
+def test_the_fixed_frame_is_published_once_and_kept():
+    bus, _ = joined()
+    ((key, payload, encoding, note),) = bus.latched
+    assert (key, encoding) == (GRAPH.data_key(TF_STATIC), "application/cdr")
+    assert read_attachment(note)[:2] == (1, START_NS + 5_000_000_000)
+    assert b"base_link\0" in payload
+    assert b"laser\0" in payload
+
+
+@pytest.mark.parametrize(("rate_hz", "claimed"), [(20.0, 200), (5.0, 50), (0.0, 0)])
+def test_the_rates_are_those_of_the_topics_and_tf_has_that_of_tf(rate_hz, claimed):
+    bus, sink = joined(tf=rate_hz)
+    bus.wishes.add(key_of(TF_ODOM))
+    assert sum(sink.claim(TF_ODOM, 1.0 + i * 0.025) for i in range(400)) == pytest.approx(claimed, abs=1)
