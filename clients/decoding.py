@@ -28,7 +28,7 @@ def decode(topic: str, payload: bytes) -> dict[str, Any]:
     """Return a message as plain values; UnreadableError for a payload that does not fit the topic."""
     schema = TYPES.get(topic)
     if schema is not None:
-        return _decode_cdr(topic, schema, payload)
+        return dict(_plain(message_of(topic, schema, payload)))
     try:
         message = read_beat(payload) if topic == topics.BEAT else topics.decode(payload)
     except (ValueError, TypeError) as error:
@@ -46,13 +46,14 @@ def as_text(message: Mapping[str, Any], *, whole: bool = False) -> str:
     return "\n".join(_lines(message, "", whole=whole))
 
 
-def _decode_cdr(topic: str, schema: str, payload: bytes) -> dict[str, Any]:
+def message_of(topic: str, schema: str, payload: bytes) -> Any:  # noqa: ANN401 - a class that rosbags makes
+    """Return a ROS 2 message with its fields; UnreadableError for a payload that is none of this type."""
     try:
         from rosbags.serde import SerdeError
     except ModuleNotFoundError:
         raise UnreadableError(f"{topic}: reading it needs rosbags; pip install 'wallride[clients]'") from None
     try:
-        return dict(_plain(_store(schema).deserialize_cdr(payload, schema)))
+        return _store(schema).deserialize_cdr(payload, schema)
     except SerdeError as error:
         raise UnreadableError(f"{topic}: {len(payload)} bytes that are no {schema} ({error})") from None
 

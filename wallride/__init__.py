@@ -1,1 +1,35 @@
-"""The front door: the `wallride` command. Everything else is imported when it is needed, never before."""
+"""The front door: the `wallride` command, and from Python `connect` and `open_recording`.
+
+Everything else is imported when it is needed, never before.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from clients.remote.car import RemoteCar
+    from clients.remote.recording import RecordedCar
+
+__all__ = ["connect", "open_recording"]
+
+
+def connect(
+    car: str | None = None, *, at: str | None = None, keys: Path | str | None = None, session: int | None = None,
+    name: str | None = None,
+) -> "RemoteCar":  # fmt: skip
+    """Connect to a car: iterators over its topics, its parameters, driving, recording (docs/python.md).
+
+    car: its name; None for the only one there. at: its address, such as tls/car1.local:7448; by default
+    $WALLRIDE_CONNECT, else this computer. keys: folder of your keys, for tls. session: of this very start of the car.
+    name: shown by the car while you drive.
+    """
+    from clients.remote.car import connect as connect_to
+
+    return connect_to(car, at=at, keys=keys, session=session, name=name)
+
+
+def open_recording(path: Path | str) -> "RecordedCar":
+    """Open a recording (.mcap) as if it were a car: the same topics and values."""
+    from clients.remote.recording import open_recording as open_file
+
+    return open_file(path)

@@ -1,0 +1,192 @@
+"""A car over the network, for scripts: `with wallride.connect("car1") as car: ...`."""
+
+import argparse
+import getpass
+import json
+import os
+import socket
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Self
+
+from clients.connection import ConnectionProblemError, check_session, find_car, open_bus
+from clients.parameters import ask
+from clients.remote.driver import RemoteDriver, checked_hand
+from clients.remote.loop_thread import LoopThread
+from clients.remote.parameters import RemoteParameters
+from clients.remote.stream import Stream
+from clients.remote.values import value_of
+from clients.topics import KINDS
+from runtime.recording import requests
+from runtime.wire import topics
+from runtime.wire.bus import Bus
+
+DEFAULT_AT: Final = "tcp/127.0.0.1:7447"
+AT_VARIABLE: Final = "WALLRIDE_CONNECT"
+BUFFER: Final = 1000
+SILENT_S: Final = 5.0
+
+
+class RemoteCar:
+    """One car. Close it, or use it in a `with` or `async with` block.
+
+    Reading changes what the car does: it writes a topic from its first reader here until `close`. Rates are those of
+    `telemetry.rates_hz`.
+
+    name: of the car. parameters: its settings.
+    """
+
+    def __init__(self, options: argparse.Namespace, operator: str) -> None:
+        self._options = options
+        self._operator = operator
+        self._thread = LoopThread()
+        self._streams: dict[str, list[Stream[Any]]] = {}
+        self._lock = threading.Lock()
+        try:
+            self._bus, self.name = self._thread.call(self._connected())
+        except BaseException:
+            self._thread.close()
+            raise
+        self.parameters = RemoteParameters(self._ask)
+        self._open = True
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End all iterations and the connection; harmless when it is closed."""
+        if not self._open:
+            return
+        self._open = False
+        for stream in {id(one): one for streams in self._streams.values() for one in streams}.values():
+            stream.close()
+        self._thread.call(self._bus.close())
+        self._thread.close()
+
+    def topic(self, name: str, *, newest: bool = False, timeout_s: float = SILENT_S) -> Stream[Any]:
+        """Return an iterator over the values of a topic, for `for` and `async for`.
+
+        newest: skip what came while the last value was worked on, as a controller wants it; else up to BUFFER values
+        wait. timeout_s: maximum wait for a value, then a ConnectionProblemError.
+        """
+        return self._stream((name,), lambda raw: value_of(*raw), newest=newest, timeout_s=timeout_s)
+
+    def topics(self, *names: str, timeout_s: float = SILENT_S) -> Stream[tuple[str, Any]]:
+        """Return an iterator over topic and value of several topics, in the order of their arrival."""
+        return self._stream(names, lambda raw: (raw[0], value_of(*raw)), newest=False, timeout_s=timeout_s)
+
+    def latest(self, name: str, *, timeout_s: float = SILENT_S) -> Any:  # noqa: ANN401 - a value of the topic
+        """Return the next value of a topic."""
+        stream = self.topic(name, newest=True, timeout_s=timeout_s)
+        try:
+            return next(stream)
+        finally:
+            self._forget(stream)
+
+    def drive(self, *, max_speed_mps: float = 1.5, max_steering_rad: float = 0.34) -> RemoteDriver:
+        """Return a `with` block in which this script drives, under the rules for operators; needs the role operator."""
+        hand = checked_hand(max_speed_mps, max_steering_rad)
+        return RemoteDriver(self._thread, lambda: open_bus(self._options), self.name, self._operator, hand)
+
+    @contextmanager
+    def record(self) -> Iterator[Mapping[str, Any]]:
+        """Record on the car within a `with` block, whose value is the recorder's state; needs the role admin."""
+        try:
+            yield self._record(on=True)
+        finally:
+            self._record(on=False)
+
+    def _record(self, *, on: bool) -> Mapping[str, Any]:
+        question = json.dumps({"on": on}).encode()
+        answers = self._thread.call(self._bus.ask(topics.key(self.name, requests.RECORD), question, timeout_s=3.0))
+        if not answers:
+            raise ConnectionProblemError(f"{self.name} does not answer {requests.RECORD}: are you an admin of it?")
+        return topics.decode(answers[0])
+
+    def _ask(self, what: str, **question: Any) -> Mapping[str, Any]:  # noqa: ANN401 - as JSON
+        return self._thread.call(ask(self._bus, self.name, what, **question))
+
+    def _stream(self, names: tuple[str, ...], read: Any, *, newest: bool, timeout_s: float) -> Stream[Any]:  # noqa: ANN401
+        for name in names:
+            if name not in KINDS:
+                raise ConnectionProblemError(f"{name} is not a topic; there are {', '.join(KINDS)}")
+        silent = f"{self.name} says nothing on {', '.join(names)} for {timeout_s} s: a silent source has no topic"
+        stream: Stream[Any] = Stream(read, buffer=1 if newest else BUFFER, timeout_s=timeout_s, silent=silent)
+        for name in names:
+            with self._lock:
+                first = name not in self._streams
+                self._streams.setdefault(name, []).append(stream)
+            if first:
+                self._thread.call(self._subscribe(name))
+        return stream
+
+    async def _subscribe(self, name: str) -> None:
+        streams = self._streams[name]
+        self._bus.subscribe(
+            topics.key(self.name, name), lambda _key, payload, _s: self._pass_on(name, streams, payload)
+        )
+
+    def _pass_on(self, name: str, streams: list[Stream[Any]], payload: bytes) -> None:
+        raw = name, payload, time.time()
+        with self._lock:
+            for stream in streams:
+                stream.put(raw)
+
+    def _forget(self, stream: Stream[Any]) -> None:
+        with self._lock:
+            for streams in self._streams.values():
+                streams[:] = [one for one in streams if one is not stream]
+
+    async def _connected(self) -> tuple[Bus, str]:
+        options = self._options
+        bus = await open_bus(options)
+        try:
+            name = await find_car(bus, options.car)
+            if options.session is not None:
+                await check_session(bus, name, options.session)
+        except BaseException:
+            await bus.close()
+            raise
+        return bus, name
+
+
+def connect(
+    car: str | None = None, *, at: str | None = None, keys: Path | str | None = None, session: int | None = None,
+    name: str | None = None,
+) -> RemoteCar:  # fmt: skip
+    """Connect to a car, within 4 s; ConnectionProblemError with the remedy when it cannot be reached.
+
+    car: its name; None for the only one there. at: its address, such as tls/car1.local:7448; by default
+    $WALLRIDE_CONNECT, else this computer. keys: folder of your keys, for tls. session: of this very start of the car.
+    name: shown by the car while you drive.
+    """
+    options = argparse.Namespace(
+        car=car, connect=at or os.environ.get(AT_VARIABLE) or DEFAULT_AT,
+        keys=Path(keys) if keys is not None else None, session=session,
+    )  # fmt: skip
+    return RemoteCar(options, name or _own_name())
+
+
+def _own_name() -> str:
+    try:
+        user = getpass.getuser()
+    except (KeyError, OSError):  # a user without a name, as in some containers
+        user = "script"
+    return f"{user}@{socket.gethostname().split('.')[0]}"

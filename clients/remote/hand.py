@@ -1,0 +1,80 @@
+"""The deadman of a script: a drive that is not renewed within HOLD_S is let go. Pure: time is an argument.
+
+A script is an operator like any other (docs/decisions/0008-teleop-protocol.md): it releases everything first, then
+presses, and echoes the car's heartbeat. Once it stalled, or the car took the deadman from it, nothing that it sends
+moves the car again: it has to begin anew.
+"""
+
+import math
+from typing import Final
+
+from clients.teleop.inputs import Control, Inputs
+from clients.teleop.pilot import DeadmanFault, PilotState
+from clients.teleop.shaping import InputShape
+from runtime.wire.teleop import Input, Press
+
+HOLD_S: Final = 0.2
+"""Duration for which one `send` holds."""
+UNHEEDED_S: Final = 1.0
+"""Duration of pressing without any effect after which the car does not want this client."""
+NO_RAMP_MPS2: Final = 1e6
+"""The car's limiter bounds the acceleration."""
+
+
+class ScriptedHand:
+    """What the script holds at a time, and whether it may still drive.
+
+    trouble: why it may not, "" while it may. driving: the car was asked to move by it.
+    """
+
+    def __init__(self, max_speed_mps: float, max_steering_rad: float) -> None:
+        if not (max_speed_mps > 0 and max_steering_rad > 0):
+            raise ValueError("max_speed_mps and max_steering_rad must be positive")
+        self.shape = InputShape(max_speed_mps, max_steering_rad, deadzone=0.0, expo=0.0, ramp_mps2=NO_RAMP_MPS2)
+        self.trouble = ""
+        self.driving = False
+        self._sent_s = -math.inf
+        self._speed = self._steering = 0.0
+        self._pressed = False
+        self._stopping = False
+
+    def send(self, speed_mps: float, steering_rad: float, now_s: float) -> None:
+        """Hold a drive from now on, for HOLD_S; ValueError for no number. More than the limits is the limit."""
+        if not (math.isfinite(speed_mps) and math.isfinite(steering_rad)):
+            raise ValueError(f"speed {speed_mps} m/s, steering {steering_rad} rad: both must be numbers")
+        self._speed = max(-1.0, min(speed_mps / self.shape.max_speed_mps, 1.0))
+        self._steering = max(-1.0, min(steering_rad / self.shape.max_steering_rad, 1.0))
+        self._sent_s, self.driving = now_s, True
+
+    def release(self) -> None:
+        """Let go on purpose: the car stops, unless it may drive by itself; the next `send` presses again."""
+        self.driving = self._pressed = False
+
+    def press_e_stop(self) -> None:
+        """Press the e-stop, until the end."""
+        self._stopping = True
+
+    def inputs(self, now_s: float) -> Inputs:
+        """Return what is held now."""
+        if self.driving and not self.trouble and now_s - self._sent_s > HOLD_S:
+            self.trouble = f"the script sent nothing for {HOLD_S} s"
+        if self._stopping:
+            return Inputs(Input.SCRIPT, live=True, event_s=now_s, pressed=frozenset({Control.ESTOP}), device="script")
+        if self.trouble:  # unsure: a stop, and no release
+            return Inputs(Input.SCRIPT, live=False, event_s=now_s, device="script")
+        if not self.driving:
+            return Inputs(Input.SCRIPT, live=True, event_s=now_s, device="script")
+        first, self._pressed = not self._pressed, True  # a deadman is pressed with centred sticks
+        return Inputs(
+            Input.SCRIPT, live=True, event_s=now_s, pressed=frozenset({Control.MANUAL}),
+            speed=0.0 if first else self._speed, steering=0.0 if first else self._steering, device="script",
+        )  # fmt: skip
+
+    def note(self, state: PilotState) -> None:
+        """Take in what became of the last command."""
+        if not self.driving or self.trouble:
+            return
+        if state.block is not DeadmanFault.NONE or state.flags != Press.MANUAL:
+            self.trouble = str(state.block or state.closed_by or DeadmanFault.HELD)
+        elif state.unminded_s > UNHEEDED_S:
+            self.trouble = "the car does not obey: does your certificate allow it to drive?"

@@ -1,0 +1,176 @@
+"""`wallride.connect` at cars on real sessions, and `open_recording` at files."""
+
+import asyncio
+import itertools
+import math
+import time
+
+import numpy as np
+import pytest
+
+import wallride
+from clients.connection import ConnectionProblemError
+from clients.remote.driver import DriveRefusedError
+from clients.remote.values import OdometrySample, ScanSample
+from runtime.wire.bus import RefusedError
+from runtime.wire.teleop import Press
+from tests.clients.speaking_car import speaking_car
+from tests.clients.teleop.test_app import FakeCar
+from tests.clients.test_parameters import Car as CarWithParameters
+
+
+def in_thread(function):
+    """Run a script's code beside the car's loop."""
+    return asyncio.to_thread(function)
+
+
+async def test_topics_come_as_values_for_plain_loops():
+    async with speaking_car() as bus:
+
+        def script():
+            with wallride.connect("car1", at=bus.endpoint) as car:
+                scans = [scan for scan, _ in zip(car.topic("scan"), range(3), strict=False)]
+                both = {topic for (topic, _), _ in zip(car.topics("odom", "distance_error"), range(6), strict=False)}
+                return car.name, scans, both, car.latest("status")["car"]
+
+        name, scans, both, status = await in_thread(script)
+    assert (name, status) == ("car1", "car1")
+    assert all(isinstance(scan, ScanSample) for scan in scans)
+    assert [a.stamp_s < b.stamp_s for a, b in itertools.pairwise(scans)] == [True, True]
+    assert both == {"odom", "distance_error"}
+
+
+async def test_topics_come_as_values_for_async_loops():
+    async with speaking_car() as bus, await in_thread(lambda: wallride.connect(at=bus.endpoint)) as car:
+        got = []
+        async for odom in car.topic("odom", newest=True):
+            got.append(odom)
+            if len(got) == 2:
+                break
+        assert [type(one) for one in got] == [OdometrySample, OdometrySample]
+
+
+async def test_mistakes_are_clear_errors():
+    async with speaking_car() as bus:
+
+        def script():
+            with wallride.connect(at=bus.endpoint) as car:
+                with pytest.raises(ConnectionProblemError, match="scam is not a topic; there are scan"):
+                    car.topic("scam")
+                with pytest.raises(ConnectionProblemError, match=r"car1 says nothing on imu for 0\.1 s"):
+                    car.latest("imu", timeout_s=0.1)
+                with pytest.raises(ConnectionProblemError, match="are you an admin"), car.record():
+                    pass
+            car.close()  # once more does no harm
+            with pytest.raises(ConnectionProblemError, match="no car car9"):
+                wallride.connect("car9", at=bus.endpoint)
+
+        await in_thread(script)
+    with pytest.raises(ConnectionProblemError, match="does a car run here"):
+        await in_thread(lambda: wallride.connect(at="tcp/127.0.0.1:9"))
+
+
+async def test_parameters_are_a_mapping_of_the_driving_car(tmp_path):
+    async with CarWithParameters(tmp_path) as car:
+
+        def script():
+            with wallride.connect(at=car.endpoint) as remote:
+                parameters = remote.parameters
+                assert parameters["wall_follow.kp"] == 13.5
+                parameters["wall_follow.kp"] = 2.5
+                parameters.update({"wall_follow.kd": 1.5, "wall_follow.side": "right"})
+                assert parameters["wall_follow.side"] == "right"
+                assert parameters.describe("wall_follow.k")["wall_follow.kp"]["value"] == 2.5
+                assert "safety.grip_mu" in list(parameters)
+                with pytest.raises(RefusedError, match="wall_follow"):
+                    parameters["wall_follow.kp"] = -1
+                parameters.save()
+
+        await in_thread(script)
+        assert "kp = 2.5" in car.file.read_text()
+
+
+async def test_driving_releases_first_then_presses_then_says_goodbye():
+    async with FakeCar() as car:
+
+        def script():
+            with wallride.connect(at=car.bus.endpoint, name="ann") as remote, remote.drive(max_speed_mps=1.0) as hand:
+                until_s = time.monotonic() + 1.0
+                while time.monotonic() < until_s and Press.MANUAL not in car.flags[:-5]:
+                    hand.send(0.5, 0.1)
+                    time.sleep(0.02)
+
+        await in_thread(script)
+        await car.heard(Press.GOODBYE)
+    first = car.flags.index(Press.MANUAL)
+    assert Press(0) in car.flags[:first]
+    driven = [command for _, command in car.commands if command.flags == Press.MANUAL]
+    assert (driven[0].speed_mps, driven[0].steering_rad) == (0.0, 0.0), "pressed with centred sticks"
+    assert (driven[-1].speed_mps, driven[-1].steering_rad) == (pytest.approx(0.5), pytest.approx(0.1))
+    assert all(command.beat > 0 and command.car_session == 4 for command in driven)
+    assert driven[-1].name == "ann"
+
+
+async def test_a_script_that_stalls_or_fails_is_a_lost_operator_without_a_goodbye():
+    async with FakeCar() as car:
+
+        def stall():
+            with wallride.connect(at=car.bus.endpoint) as remote, remote.drive() as hand:
+                hand.send(0.5, 0.1)
+                time.sleep(0.6)
+                with pytest.raises(DriveRefusedError, match=r"sent nothing for 0\.2 s; begin anew"):
+                    hand.send(0.5, 0.1)
+
+        await in_thread(stall)
+        assert car.flags[-1] == Press.UNSURE
+        assert Press.GOODBYE not in car.flags
+        car.commands.clear()
+
+        def fail():
+            with wallride.connect(at=car.bus.endpoint) as remote, remote.drive() as hand:
+                hand.send(0.5, 0.1)
+                raise ZeroDivisionError
+
+        with pytest.raises(ZeroDivisionError):
+            await in_thread(fail)
+        assert Press.GOODBYE not in car.flags
+
+
+async def test_a_car_without_a_heartbeat_cannot_be_driven():
+    async with FakeCar() as car:
+        car.beating = False
+
+        def script():
+            with wallride.connect(at=car.bus.endpoint) as remote:
+                with pytest.raises(DriveRefusedError, match="no heartbeat"), remote.drive():
+                    pass
+                with pytest.raises(DriveRefusedError, match="with block"):
+                    remote.drive().send(1.0, 0.0)
+                with pytest.raises(ConnectionProblemError, match="must be positive"):
+                    remote.drive(max_speed_mps=math.nan)
+
+        await in_thread(script)
+
+
+def test_the_package_imports_nothing_before_it_is_asked():
+    import subprocess
+    import sys
+
+    code = "import sys, wallride; print([name for name in ('zenoh', 'numpy', 'clients') if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("content", [b"", b"not a recording", b"\x89MCAP0\r\n"])
+def test_a_file_that_holds_no_car_is_a_clear_error(tmp_path, content):
+    file = tmp_path / "drive.mcap"
+    file.write_bytes(content)
+    with pytest.raises(ConnectionProblemError, match="holds no message of a car"):
+        wallride.open_recording(file)
+    with pytest.raises(ConnectionProblemError, match="cannot be read"):
+        wallride.open_recording(tmp_path / "nothing.mcap")
+
+
+def test_points_are_computed_in_numpy():
+    scan = ScanSample(0.0, 0.0, math.pi / 2, 0.0, 10.0, np.array([1.0, 2.0, math.nan]))
+    np.testing.assert_allclose(scan.points_m, [[1.0, 0.0, math.nan], [0.0, 2.0, math.nan]], atol=1e-12)
