@@ -28,8 +28,10 @@ from sim.live.screen import LiveView, address_in, operate_hint, starting
 from sim.live.session import USAGE_ERROR, Record, RuntimeStart, SessionError, SimulatorSession
 from sim.live.stop_request import StopRequest
 from sim.recordings import RecordingError, load_recording
+from sim.scenario.command import tell
 from sim.scenario.conditions import Conditions, ConditionsError, RequestedConditions, conditions_of
-from sim.scenario.scenario_file import MAX_START_TO_WALL_M
+from sim.scenario.driven import judge, mistakes_after
+from sim.scenario.scenario_file import MAX_START_TO_WALL_M, Scenario
 from sim.scenario.simulated_car import find_config
 from sim.scenario.toml_lines import FileMistakeError
 from sim.world.place import World
