@@ -14,7 +14,7 @@ from wallride.doctor.findings import Finding, Level, fail, ok, warn
 from wallride.doctor.motor_config import SET_TIMEOUT, judge_timeout
 
 Ask = Callable[[str], bool | None]
-"""Asks a question; None where there is no one to answer it."""
+"""Asks a question; None without an answer."""
 
 SPEED_MPS: Final = 0.7
 SPIN_UP_S: Final = 1.5
@@ -135,7 +135,7 @@ async def _steering(motor: Vesc, ask: Ask) -> Finding:
         await _hold(motor, Drive(0.0, steering_rad), STEER_S)
     steered = await _asked(ask, "did the front wheels steer to the left, and back?")
     if steered is None:
-        return warn("steering", "no one looked at the front wheels", "look at them in a terminal")
+        return warn("steering", "the front wheels were not looked at", "look at them in a terminal")
     if not steered:
         return fail(
             "steering", "the front wheels do not steer to the left",

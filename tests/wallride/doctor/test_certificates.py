@@ -1,4 +1,4 @@
-"""Certificates: expired, about to expire, readable by all, of nobody."""
+"""Certificates: expired, about to expire, readable by all, missing."""
 
 from datetime import UTC, datetime, timedelta
 
