@@ -1,5 +1,6 @@
 """The memory of the newest messages for black boxes, and the detection of the stops that deserve one."""
 
+import mmap
 from collections import deque
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -10,6 +11,8 @@ from runtime.recording.decision_log import Heard
 
 NS = 1_000_000_000
 MAX_BYTES = 24_000_000
+BLOCK_B = 256 << 10
+"""Length of a block of remembered bytes, a second of a drive; the shortest that is worth a call of the system."""
 MOVING_MPS = 0.2
 """Minimum speed before a stop; from less the car came to rest by itself."""
 LASTING_S = 0.1
@@ -26,7 +29,11 @@ class BufferedMessage(NamedTuple):
 
 
 class Memory:
-    """The newest messages, bounded in time and in bytes."""
+    """The newest messages, bounded in time and in bytes.
+
+    Their bytes are copied into blocks of their own, which the system gets back one by one: beside thousands of objects
+    of all sizes the allocator would keep holes, and the process would grow for a quarter of an hour.
+    """
 
     def __init__(self, longest_s: float, most_bytes: int = MAX_BYTES) -> None:
         self._longest_ns = round(longest_s * NS)
@@ -35,6 +42,7 @@ class Memory:
         self._basis: dict[str, RecordMessage] = {}
         self._bytes = 0
         self._next = 0
+        self._block, self._used = memoryview(bytearray()), 0
 
     @property
     def next_number(self) -> int:
@@ -43,7 +51,7 @@ class Memory:
 
     def add(self, message: RecordMessage) -> None:
         """Add a message, and drop those that are too old."""
-        self._kept.append(BufferedMessage(self._next, message))
+        self._kept.append(BufferedMessage(self._next, message._replace(payload=self._store(message.payload))))
         self._next += 1
         self._bytes += len(message.payload)
         oldest_ns = message.stamp_ns - self._longest_ns
@@ -51,7 +59,16 @@ class Memory:
             forgotten = self._kept.popleft().message
             self._bytes -= len(forgotten.payload)
             if forgotten.lasting:
-                self._basis[forgotten.topic] = forgotten
+                self._basis[forgotten.topic] = forgotten._replace(payload=bytes(forgotten.payload))
+
+    def _store(self, payload: bytes | memoryview) -> memoryview:
+        size = len(payload)
+        if self._used + size > len(self._block):
+            self._block, self._used = memoryview(mmap.mmap(-1, max(BLOCK_B, size))), 0
+        part = self._block[self._used : self._used + size]
+        part[:] = payload
+        self._used += size
+        return part.toreadonly()
 
     def since(self, number: int) -> Iterator[RecordMessage]:
         """Yield the content of a file that begins with a message: lasting ones from before it, then all from it on."""

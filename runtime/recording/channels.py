@@ -54,7 +54,7 @@ class RecordMessage(NamedTuple):
     topic: str
     schema: str
     stamp_ns: int
-    payload: bytes
+    payload: bytes | memoryview
     sequence: int = 0
     lasting: bool = False
 

@@ -49,6 +49,11 @@ class McapFile:
         """Bytes accepted by the disk."""
         return self._spool.taken
 
+    @property
+    def bytes_waiting(self) -> int:
+        """Bytes of complete chunks that the disk has not been given."""
+        return len(self._spool.waiting)
+
     def add(self, message: RecordMessage) -> None:
         """Add a message; it reaches the disk with the next `flush`."""
         channel = self._channels.get(message.topic)

@@ -29,6 +29,8 @@ log = logging.getLogger("wallride.recording")
 FLUSH_S = 0.4
 """Maximum age, besides one turn of the thread, of messages that are not on the disk."""
 RETRY_S = 5.0
+FILL_B = 256 << 10
+"""Length at which remembered messages are written: half a minute of them at once would take as much memory again."""
 HOUSEKEEPING_S = 5.0
 TAIL_S = 5.0
 """Duration of a black box after its stop; another stop within it goes into the same file."""
@@ -258,6 +260,8 @@ class RecordingWriter:
         """Write the remembered messages into a new file; False when the disk refused."""
         for message in self._memory.since(first):
             file.add(message)
+            if file.bytes_waiting > FILL_B and not self._try(file, file.write):
+                return False
             self._breathe()
         return self._try(file, file.flush)
 

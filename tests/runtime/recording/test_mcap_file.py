@@ -1,13 +1,20 @@
 """A recording costs memory by its index alone, and little; its bytes are those that the package `mcap` writes."""
 
+import mmap
 import tracemalloc
+import weakref
 from io import BytesIO
 
 from mcap.writer import CompressionType, Writer
 
-from runtime.recording import channels
+from runtime.realtime.wall_clock import WallClock
+from runtime.recording import black_box, channels
 from runtime.recording.channels import RecordMessage, schema_text
 from runtime.recording.mcap_file import CHUNK_B, METADATA, PROFILE, McapFile
+from runtime.recording.ring import Ring
+from runtime.recording.writer import FILL_B, FileMetadata, RecordingWriter
+from runtime.settings.recording import RecordingSettings
+from tests.runtime.observed import HandClock
 from tests.runtime.recording.disks import QuickDisk
 
 TOPICS = [f"topic{number}" for number in range(14)]
@@ -66,3 +73,52 @@ def test_what_is_kept_of_a_chunk_until_the_end_is_small(tmp_path):
         tracemalloc.stop()
     file.close()
     assert kept_b < MAX_KEPT_B
+
+
+def test_the_memory_of_black_boxes_is_given_back_to_the_system(monkeypatch):
+    made = []
+    plain = mmap.mmap
+
+    def counted(*arguments):
+        made.append(weakref.ref(block := plain(*arguments)))
+        return block
+
+    monkeypatch.setattr("runtime.recording.black_box.mmap.mmap", counted)
+    memory = black_box.Memory(longest_s=2.0)
+    payloads = [bytes([number % 256]) * (3000 + number) for number in range(500)]
+    tracemalloc.start()
+    try:
+        for number, payload in enumerate(payloads):
+            lasting = number == 10
+            memory.add(RecordMessage("t", channels.STRING, number * 10**7, payload, number, lasting=lasting))
+        kept_b = tracemalloc.get_traced_memory()[0]
+    finally:
+        tracemalloc.stop()
+    kept = list(memory.since(0))
+    assert [message.sequence for message in kept] == [10, *range(299, 500)]
+    assert all(message.payload == payloads[message.sequence] for message in kept)
+    assert kept_b < 200 * 1000, "of 700 kB the allocator has the objects only"
+    alive = sum(block() is not None for block in made)
+    assert alive <= 201 * 3500 / black_box.BLOCK_B + 2 < len(made)
+
+
+def test_a_remembered_half_minute_is_written_piece_by_piece(tmp_path):
+    """At once it would take as much memory again, and the process would keep it."""
+    lengths = []
+
+    class CountingDisk(QuickDisk):
+        def write(self, descriptor, data):
+            lengths.append(len(data))
+            return super().write(descriptor, data)
+
+    settings = RecordingSettings(folder=str(tmp_path), keep_free_mb=0, start="request")
+    clock = HandClock(100.0)
+    disk = CountingDisk()
+    facts = FileMetadata("car1", "9.9", 0.0, WallClock(clock))
+    writer = RecordingWriter(settings, Ring(tmp_path, settings, disk, "b"), disk, facts, breathe=lambda: None)
+    now_ns = facts.wall_clock.started_unix_ns(clock.now_s)
+    many = [RecordMessage("t", channels.STRING, now_ns, bytes(10_000), number) for number in range(300)]
+    writer.turn(many, ["a test"], 0.0, clock.now_s)
+    assert max(lengths) < FILL_B + 2 * CHUNK_B
+    assert sum(lengths) > 300 * 10_000
+    writer.close()
