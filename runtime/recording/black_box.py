@@ -31,8 +31,9 @@ class BufferedMessage(NamedTuple):
 class Memory:
     """The newest messages, bounded in time and in bytes.
 
-    Their bytes are copied into blocks of their own, which the system gets back one by one: beside thousands of objects
-    of all sizes the allocator would keep holes, and the process would grow for a quarter of an hour.
+    Their bytes are copied into blocks of their own, used again when their last message is dropped: beside thousands of
+    objects of all sizes the allocator would keep holes, and the process would grow for a quarter of an hour. A message
+    is valid until the next `add`.
     """
 
     def __init__(self, longest_s: float, most_bytes: int = MAX_BYTES) -> None:
@@ -43,6 +44,8 @@ class Memory:
         self._bytes = 0
         self._next = 0
         self._block, self._used = memoryview(bytearray()), 0
+        self._full: deque[tuple[memoryview, int]] = deque()  # with the number of the first message after it
+        self._free: list[memoryview] = []
 
     @property
     def next_number(self) -> int:
@@ -60,15 +63,26 @@ class Memory:
             self._bytes -= len(forgotten.payload)
             if forgotten.lasting:
                 self._basis[forgotten.topic] = forgotten._replace(payload=bytes(forgotten.payload))
+        oldest = self._kept[0].number if self._kept else self._next
+        while self._full and self._full[0][1] <= oldest:
+            self._free.append(self._full.popleft()[0])
 
     def _store(self, payload: bytes | memoryview) -> memoryview:
         size = len(payload)
         if self._used + size > len(self._block):
-            self._block, self._used = memoryview(mmap.mmap(-1, max(BLOCK_B, size))), 0
+            self._full.append((self._block, self._next))
+            self._block, self._used = self._another(size), 0
         part = self._block[self._used : self._used + size]
         part[:] = payload
         self._used += size
         return part.toreadonly()
+
+    def _another(self, size: int) -> memoryview:
+        while self._free:
+            block = self._free.pop()
+            if len(block) >= size:
+                return block
+        return memoryview(mmap.mmap(-1, max(BLOCK_B, size)))
 
     def since(self, number: int) -> Iterator[RecordMessage]:
         """Yield the content of a file that begins with a message: lasting ones from before it, then all from it on."""

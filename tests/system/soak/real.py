@@ -144,6 +144,7 @@ class RealSoak(SoakSurroundings):
             f"motor.servo_max={WIRING.servo_max}",
             f"wall_follow.speed_mps={AUTO_MPS}",
             "operator.permit=required",
+            "battery.settle_s=2",
             f"telemetry.listen={endpoint}",
             f"recording.folder={self._folder / 'recordings'}",
             "recording.ring_mb=64",
