@@ -13,6 +13,9 @@ from collections.abc import Mapping
 from typing import Final
 
 RESET_ON_FORK: int = getattr(os, "SCHED_RESET_ON_FORK", 0)
+NICE: Final = -10
+"""Niceness where a real-time policy is refused; the unit allows it (LimitNICE). Beside busy clients and processors it
+halves the longest time without a motor command."""
 PRIORITY_VARIABLE: Final = "WALLRIDE_REALTIME_PRIORITY"
 
 
@@ -35,11 +38,22 @@ def keep_for_this_thread(environment: Mapping[str, str] = os.environ) -> str:
     return f"real-time scheduling, priority {priority.sched_priority}, in the thread that drives"
 
 
+def _ask_for_more() -> str:
+    """Ask for a larger share of the processor, for the calling thread only: reset-on-fork resets the niceness, too."""
+    try:
+        os.setpriority(os.PRIO_PROCESS, 0, NICE)
+        os.sched_setscheduler(0, os.SCHED_OTHER | RESET_ON_FORK, os.sched_param(0))
+    except OSError:
+        return "ordinary scheduling"
+    return f"ordinary scheduling, niceness {NICE}, in the thread that drives"
+
+
 def _ask(wanted: str) -> str:
     if not wanted.isdecimal():
         return "ordinary scheduling (systemd/wallride.service asks for SCHED_FIFO)"
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO | RESET_ON_FORK, os.sched_param(int(wanted)))
     except OSError as error:
-        return f"ordinary scheduling: SCHED_FIFO was refused ({error.strerror}; a container, or a kernel's RT groups)"
+        refused = f"SCHED_FIFO was refused ({error.strerror}; a container, or a kernel's RT groups)"
+        return f"{_ask_for_more()}: {refused}"
     return f"real-time scheduling, priority {wanted}, in the thread that drives"

@@ -1,11 +1,12 @@
 """What floods do to a car: the real `wallride run` between emulated devices, and clients that send without limit.
 
-Run: python -m tests.system.floods [--seconds 5] [--runs 3] [--load] [--fifo] [FLOOD ...]
+Run: python -m tests.system.floods [--seconds 5] [--runs 3] [--load] [--fifo | --main-nice -10] [FLOOD ...]
 
 A FLOOD is KIND:WHO of `flooder`, several joined by "+". Each run starts the car, floods it for some seconds, presses
 another operator's e-stop in the middle, and prints the longest time between two commands at the motor's port, the
 growth of memory (RSS), and the time from the e-stop to the first brake at that port. --load: a busy loop on each core
-besides. --fifo: the car's thread has SCHED_FIFO 20, as the service gives it.
+besides. --fifo: the car's thread has SCHED_FIFO 20, as the service gives it. --main-nice: its niceness, as it asks for
+where FIFO is refused. --net-nice: that of zenoh's threads that receive and send.
 
 The devices and the clock that measures run in this process, with SCHED_FIFO where that is allowed: in a car they are
 other machines. Everything stays on loopback and ends by itself.

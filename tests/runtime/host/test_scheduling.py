@@ -19,6 +19,22 @@ from runtime.host.scheduling import keep_for_this_thread
 print(keep_for_this_thread())
 print(os.sched_getscheduler(0) == os.SCHED_OTHER)
 """
+NICED = """
+import os, threading
+real = os.sched_setscheduler
+def refuse(thread, policy, parameter):
+    if policy & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO:
+        raise PermissionError(1, "refused")
+    real(thread, policy, parameter)
+os.sched_setscheduler = refuse
+os.environ["WALLRIDE_REALTIME_PRIORITY"] = "20"
+from runtime.host.scheduling import keep_for_this_thread
+print(keep_for_this_thread())
+seen = []
+thread = threading.Thread(target=lambda: seen.append(os.getpriority(os.PRIO_PROCESS, 0)))
+thread.start(); thread.join()
+print(os.getpriority(os.PRIO_PROCESS, 0), *seen)
+"""
 PROGRAM = """
 from runtime.host.scheduling import keep_for_this_thread
 print(keep_for_this_thread())
@@ -55,6 +71,17 @@ def test_a_refused_policy_is_said_and_the_car_drives_without():
     words, verdict = done.stdout.splitlines()
     assert words.startswith("ordinary scheduling: SCHED_FIFO was refused (Operation not permitted")
     assert verdict == "True"
+
+
+def test_where_a_policy_is_refused_the_thread_that_drives_asks_for_a_niceness():
+    done = subprocess.run([sys.executable, "-c", NICED], capture_output=True, text=True, check=True, timeout=50)
+    words, nice = done.stdout.splitlines()
+    if "niceness" in words:
+        assert words.startswith("ordinary scheduling, niceness -10, in the thread that drives: SCHED_FIFO was refused")
+        assert nice == "-10 0", "other threads do not inherit it"
+    else:  # an ordinary user may not ask for it without LimitNICE of the unit
+        assert os.getuid() != 0
+        assert words.startswith("ordinary scheduling: SCHED_FIFO was refused")
 
 
 def test_without_a_real_time_policy_nothing_changes():
