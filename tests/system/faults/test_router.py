@@ -3,6 +3,7 @@
 import asyncio
 import json
 import os
+import random
 import sys
 import time
 from contextlib import asynccontextmanager
@@ -10,9 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from runtime.wire.bus import free_endpoint
+from runtime.wire import topics, zenoh_config
+from runtime.wire.bus import BYTES, Bus, free_endpoint
+from runtime.wire.teleop import Press
 from tests.system.faults import document
-from tests.system.operated import operated
+from tests.system.operated import CAR, operated
+from tests.system.soak.operator import HAND_MPS, SEND_PERIOD_S, Operator
 
 KEY = "process zenoh router dies"
 BOUND_S = 0.25
@@ -68,3 +72,55 @@ async def test_a_router_that_dies_stops_the_car_and_one_that_comes_back_moves_no
     if path := os.environ.get("FAULTS_MEASURED"):
         document.note(Path(path), KEY, brake_s - died_s)
     assert brake_s - died_s <= BOUND_S
+
+
+class Stubborn(Operator):
+    """A client without a gate of its own: it releases once, and then holds "drive" whatever happens."""
+
+    def _flags(self, now_s):
+        if self._echo and self._releases_until_s < 0:
+            self._releases_until_s = now_s + 0.5
+        return Press(0) if now_s < self._releases_until_s else Press.MANUAL
+
+
+@asynccontextmanager
+async def holding(entrance):
+    """Let such a client send for ever; yields the numbers of the beats that it hears."""
+    bus, beats = Bus(zenoh_config.client_config(entrance, None)), []
+    operator = Stubborn(
+        lambda payload, *_: bus.put(topics.key(CAR, topics.COMMAND), payload, encoding=BYTES, urgent=True),
+        random.Random(1), session=7, name="cat",
+    )  # fmt: skip
+    bus.subscribe(topics.key(CAR, topics.BEAT), lambda _key, payload, _at_s: beats.append(operator.hear(payload)))
+    await bus.open()
+
+    async def send():
+        while True:
+            operator.step(time.monotonic())
+            await asyncio.sleep(SEND_PERIOD_S)
+
+    sending = asyncio.create_task(send())
+    try:
+        yield beats
+    finally:
+        sending.cancel()
+        await bus.close()
+
+
+@pytest.mark.timeout(90)
+async def test_what_a_client_without_a_gate_holds_all_the_time_moves_nothing_when_the_router_is_back(tmp_path):
+    listens = free_endpoint()
+    async with (
+        operated(tmp_path, "operator.permit=required") as scene,
+        router(listens, scene.radio.endpoint) as first,
+        holding(listens) as beats,
+    ):
+        await scene.car.until(lambda: scene.car.wheel_mps > 0.9 * HAND_MPS, "driving by hand")
+        first.kill()
+        brake_s = await scene.brake_after(time.monotonic())
+        await asyncio.sleep(AWAY_S)
+        count = len(beats)
+        async with router(listens, scene.radio.endpoint):
+            await scene.car.until(lambda: len(beats) > count + 20, "hearing the car again")
+            await asyncio.sleep(BACK_S)
+            assert not scene.moves_after(brake_s + 0.05)
