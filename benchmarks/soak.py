@@ -68,7 +68,7 @@ def _tell(findings: Findings) -> None:
     )
     for name, count in findings.violations.items():
         print(f"  {count} x {name}")
-    for line in findings.kept:
+    for line in [*findings.kept, *findings.touches]:
         print(f"  {line}")
     if never := [name for name, count in findings.faults.items() if not count]:
         print(f"never injected: {', '.join(never)}")

@@ -6,7 +6,10 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Findings:
-    """What a soak found. commands, moving: motor commands judged; faults: begun, by kind; contacts: of the car."""
+    """What a soak found. commands, moving: motor commands judged; faults: begun, by kind; contacts: of the car.
+
+    touches: a line for each contact.
+    """
 
     seconds: float
     violations: dict[str, int]
@@ -16,6 +19,7 @@ class Findings:
     faults: dict[str, int]
     way_m: float
     contacts: int
+    touches: list[str]
 
 
 @dataclass

@@ -171,7 +171,7 @@ class Scene:
 
     good_scan_s: when the newest scan that reached the wire whole was measured. cover: changes what the lidar sees.
     mute: the lidar turns without sending. stamp_jump_ms: what the sensor's clock is off.
-    way_m: driven. contacts: how often the car touched something.
+    way_m: driven. contacts: how often the car touched something. touched: called at each.
     """
 
     def __init__(self, scip: ScipEmulator, vesc: WitnessedVesc, clock: Clock, seed: int) -> None:
@@ -182,6 +182,7 @@ class Scene:
         self.stamp_jump_ms = 0
         self.way_m = 0.0
         self.contacts = 0
+        self.touched: Callable[[], None] = lambda: None
         self._clock = clock
         self._began_s = clock()
         self._rng = np.random.default_rng(seed)
@@ -213,6 +214,7 @@ class Scene:
             self.way_m += abs(vehicle.speed_mps) * SCAN_PERIOD_S
             if self._surroundings.clearance(vehicle.pose) <= 0.0:
                 self.contacts += 1
+                self.touched()
                 self._plant.crash()
                 self._touched_s = now_s
         elif now_s - self._touched_s > PUT_BACK_AFTER_S:

@@ -35,6 +35,8 @@ class SoakSurroundings:
         self.operator = Operator(self._deliver, rng, session=rng.getrandbits(32) | 1)
         self.injector = Injector(self, rng, mean_pause_s)
         self.oracle.context = lambda: f"[{', '.join(self.injector.active)}]"
+        self.touches: list[str] = []
+        self.scene.touched = self._note_contact
         vesc.witness = self.oracle.motor
         vesc.opened = self.oracle.opened
         vesc.hung_up = lambda: self.oracle.hung_up(clock())
@@ -79,8 +81,15 @@ class SoakSurroundings:
         oracle = self.oracle
         return Findings(
             seconds, dict(oracle.violations), oracle.kept, oracle.commands, oracle.moving, self.injector.counts,
-            self.scene.way_m, self.scene.contacts,
+            self.scene.way_m, self.scene.contacts, self.touches,
         )  # fmt: skip
+
+    def _note_contact(self) -> None:
+        speed_mps, demand = self.scene.vehicle.speed_mps, self.vesc.demand(self._clock())
+        self.touches.append(
+            f"{self._clock():10.3f} s  contact at {speed_mps:.2f} m/s, the motor's demand {demand.kind}"
+            f" {demand.value:.0f}, held: {self.operator.wants.name or 'nothing'} {self.oracle.context()}"
+        )
 
     def _deliver(self, payload: bytes, flags: Press, echo: int, speed_mps: float) -> None:
         self.oracle.delivered(self._clock(), int(flags), echo, speed_mps)
