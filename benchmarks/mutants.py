@@ -77,6 +77,12 @@ EQUAL: Final[Mapping[str, str]] = {
     "drivers/vesc/calibration.py `wanted_a < settings.brake_current_a` -> `wanted_a <= settings.brake_current_a`": (
         "the frame of the same current is the same frame"
     ),
+    **{
+        f"runtime/tasks/mux.py without `stages.{stage}()`": "how long the stages take is shown, and decides nothing"
+        for stage in ("mux.begin", "mux.end", "write.begin", "write.end")
+    },
+    "runtime/tasks/mux.py `self._clock() - queue.last_put_s >= self._silent_after_s` -> "
+    "`self._clock() - queue.last_put_s > self._silent_after_s`": "the same but for the last bit of a time",
     "drivers/vesc/driver.py `state.speed_mps * speed_mps < 0` -> `state.speed_mps * speed_mps <= 0`": (
         "neither is 0: one is no stop, the other above the limit"
     ),

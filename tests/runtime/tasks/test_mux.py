@@ -11,6 +11,7 @@ from runtime.arbitration.command import LAB_ORDER, DriveCommand, Source
 from runtime.arbitration.command_queue import CommandQueue
 from runtime.control.limiter import Limiter, Limits
 from runtime.realtime.periodic import PeriodicTimer
+from runtime.recording.decision_log import DecisionLog
 from runtime.tasks.mux import Mux, SilenceTick
 from sim.virtual.devices import MemoryMotor
 from sim.virtual.virtual_time import run_virtual
@@ -37,7 +38,9 @@ class Rig:
         self.clock = clock
         self.queue = CommandQueue(LAB_ORDER, clock)
         self.motor = BrakingMotor(clock)
-        self.mux = Mux(self.queue, self.motor, Limiter(Limits(4, 1, 0.34, 3.2, 4)), frozenset(), clock)
+        self.log = DecisionLog(clock)
+        limiter = Limiter(Limits(4, 1, 0.34, 3.2, 4))
+        self.mux = Mux(self.queue, self.motor, limiter, frozenset(), self.log.clock, decision_log=self.log)
         self.decided_s = []
         self.notes = []
         timer = PeriodicTimer(clock)
@@ -146,3 +149,36 @@ def test_after_a_brake_of_the_drivers_own_the_speed_rises_from_what_that_left():
     assert after[0] < 0.3
     assert all(now - last <= 4.0 * 0.0251 for last, now in itertools.pairwise(after))
     assert after[-1] == 1.0
+
+
+def test_a_motor_that_was_away_is_met_from_a_standstill():
+    async def story(rig):
+        for step in range(60):
+            rig.motor.present = not 40 <= step < 44
+            rig.put()
+            await asyncio.sleep(0.025)
+
+    wire = [(at_s, drive.speed_mps) for at_s, drive in play(story).motor.wire]
+    assert [mps for at_s, mps in wire if at_s < 0.99][-1] == 1.0
+    assert not [mps for at_s, mps in wire if 1.001 < at_s < 1.09]
+    assert next(mps for at_s, mps in wire if at_s > 1.09) == pytest.approx(0.1)
+
+
+def test_each_decision_is_published_kept_counted_and_logged():
+    published = []
+
+    async def story(rig):
+        await asyncio.sleep(0.001)
+        rig.mux._publish = published.append
+        rig.put(for_s=0.05)
+        await asyncio.sleep(0.05)
+        rig.mux.step()
+
+    rig = play(story)
+    assert rig.mux.output is not None
+    assert published
+    steps = [parts for _, kind, parts in rig.log.drain() if kind == "step"]
+    assert steps[-1][-1] is rig.mux.output
+    assert {id(output) for output in published} <= {id(output) for *_, output in steps}
+    assert rig.mux.seconds_by_winner["teleop"] == pytest.approx(0.05, abs=0.021)
+    assert all(times_s[0] == output.stamp_s for times_s, *_, output in steps)
