@@ -28,6 +28,7 @@ from runtime.realtime.stage_timing import StageTimer
 from runtime.realtime.wall_clock import WallClock, never_set
 from runtime.recording.own_parts_memory import file_in
 from runtime.recording.recorder import Recorder
+from runtime.ros.graph import DRIVE
 from runtime.settings.tree import Settings
 from runtime.tasks import health, operator, parameters, recorder, safety, wall_follow
 from runtime.tasks import lidar as lidar_task
@@ -44,9 +45,11 @@ from runtime.telemetry.sinks import Sink, ZenohSink
 from runtime.telemetry.status import ObservedState
 from runtime.telemetry.topic_writers import laser_frame
 from runtime.teleop.desk import OperatorDesk
+from runtime.teleop.planners import PlannerDesk
 from runtime.wire import topics
 from runtime.wire.bus import BYTES, Network
 from runtime.wire.car_bus import POLL_HZ
+from runtime.wire.rmw_zenoh import MAX_DRIVE_B
 from runtime.wire.teleop import COMMAND_BYTES
 
 log = logging.getLogger("wallride.app")
@@ -118,6 +121,11 @@ class Car:
             settings.operator, self.queue, self.permit, self.emergency_stop, motor.clear_fault, clock,
             car_session=self.session,
         )  # fmt: skip
+        self.planners = PlannerDesk(
+            settings.planner_names(), settings.planners.expiry_s, self.queue, self.permit, self.operator.beats,
+            self.operator.rearm, clock, self.session,
+        )  # fmt: skip
+        self.operator.heard_elsewhere = lambda: self.planners.is_attended
         self.battery = BatteryLimit(settings.battery, motor, self.queue, self.operator.rearm)
         self.own_law = OwnLawWatch(
             self.laws, self.permit, self.operator.rearm, lambda: self.stack.apply(self.stack.settings), clock
@@ -145,6 +153,10 @@ class Car:
         name = self.settings.car.name
         self.bus.announce(topics.key(name, topics.ALIVE))
         self.bus.subscribe(topics.key(name, topics.COMMAND), self.operator.receive, max_bytes=COMMAND_BYTES)
+        for planner in self.settings.planner_names():
+            self.bus.subscribe(topics.planner_key(name, planner), self.planners.receive, max_bytes=COMMAND_BYTES)
+        if (graph := self.settings.ros2_graph()) is not None and self.settings.ros2.drive:
+            self.bus.subscribe_attached(graph.data_key(DRIVE), self.planners.receive_ros, max_bytes=MAX_DRIVE_B)
         parameters.serve(self.bus, name, self.parameters)
         recorder.serve(self.bus, name, self.recorder)
         self.bus.answer(topics.key(name, f"{topics.OWN_PARTS}/show"), self.own_parts.answer_show)
@@ -230,6 +242,8 @@ class Car:
         timer.every(1 / settings.mux.tick_hz, silence.tick)
         desk_ticker = operator.DeskTicker(self.operator, self.motor, self._beat)
         timer.every(1 / settings.operator.beat_hz, desk_ticker.tick)
+        if settings.planners.enabled:
+            timer.every(1 / settings.operator.beat_hz, lambda _late_s, _missed: self.planners.tick())
         timer.every(1 / POLL_HZ, lambda _late_s, _missed: self.bus.poll())
         timer.every(1 / health.RATE_HZ, self._health_monitor().tick)
         timer.every(1 / health.RATE_HZ, self.battery.tick)
@@ -276,6 +290,7 @@ class Car:
             battery=self.battery.status,
             computer=self.computer.status if self.computer is not None else dict,
             operator=self.operator.view,
+            planners=self.planners.status,
             link=lambda: {"endpoint": self.bus.endpoint, "open": self.bus.is_open, "dropped": self.bus.dropped},
         )
 
@@ -284,7 +299,15 @@ class Car:
         if graph is None:
             return None
         rates, laser = self.settings.telemetry.rates_hz, laser_frame(self.settings.car)
-        return Ros2Sink(self.bus, graph, rates, laser, now_s=self.clock, unix_ns=self.wall_clock.unix_ns)
+        return Ros2Sink(
+            self.bus,
+            graph,
+            rates,
+            laser,
+            now_s=self.clock,
+            unix_ns=self.wall_clock.unix_ns,
+            drives=self.settings.ros2.drive,
+        )
 
     def _surroundings(self, file: Path | None, base: Path | None) -> ServerContext:
         return ServerContext(

@@ -56,6 +56,12 @@ OWN_RATES: Final[Mapping[str, str]] = {
 }
 TO_THE_CAR: Final[Sequence[tuple[str, str, str, str]]] = (
     (topics.COMMAND, "put, binary, 60 bytes", "operator", "the operator's inputs, 20 to 100 times a second"),
+    (
+        f"{topics.PLANNER}/NAME/command",
+        "put, binary, 60 bytes",
+        "planner NAME",
+        "a planner's drive, 20 to 100 times a second (docs/planners.md)",
+    ),
     (f"{topics.PARAM}/list", "query, JSON", "viewer", "every setting with value, range, unit and description"),
     (f"{topics.PARAM}/get", "query, JSON", "viewer", "values of settings"),
     (f"{topics.PARAM}/history", "query, JSON", "viewer", "the latest changes"),

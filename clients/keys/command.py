@@ -112,4 +112,4 @@ def _state(entry: AccessEntry, now: datetime) -> str:
 
 
 def _a(role: Role) -> str:
-    return f"a {role}" if role is Role.VIEWER else f"an {role}"
+    return f"a {role}" if role in {Role.VIEWER, Role.PLANNER} else f"an {role}"

@@ -18,6 +18,7 @@ from clients.parameters import ask
 from clients.remote.driver import RemoteDriver, checked_hand
 from clients.remote.loop_thread import LoopThread
 from clients.remote.parameters import RemoteParameters
+from clients.remote.planner import RemotePlanner
 from clients.remote.stream import Stream
 from clients.remote.values import value_of
 from clients.topics import KINDS
@@ -104,6 +105,14 @@ class RemoteCar:
         """Return a `with` block in which this script drives, under the rules for operators; needs the role operator."""
         hand = checked_hand(max_speed_mps, max_steering_rad)
         return RemoteDriver(self._thread, lambda: open_bus(self._options), self.name, self._operator, hand)
+
+    def plan(self, name: str, *, max_speed_mps: float = 3.0, max_steering_rad: float = 0.4) -> RemotePlanner:
+        """Return a `with` block in which this script plans in the follower's place (docs/planners.md).
+
+        name: one of the car's `planners.names`; over tls that of your certificate, whose role is planner.
+        """
+        hand = checked_hand(max_speed_mps, max_steering_rad)
+        return RemotePlanner(self._thread, lambda: open_bus(self._options), self.name, name, hand)
 
     @contextmanager
     def record(self) -> Iterator[Mapping[str, Any]]:

@@ -26,15 +26,18 @@ class Source(StrEnum):
     TELEOP = "teleop"
     SAFETY = "safety"
     PERMIT = "permit"
+    PLANNER = "planner"
+    PLANNER_HOLD = "planner hold"
     NAVIGATION = "navigation"
 
 
 LAB_ORDER = (Source.ESTOP, Source.TELEOP, Source.SAFETY, Source.PERMIT, Source.NAVIGATION)
 """The lab's priority order: joystick over safety over navigation, with e-stop above all and the permit below safety.
 
-The battery is no part of it: its place is behind the e-stop (`Settings.effective_order`)."""
+Battery and planners are no part of it: the battery's place is behind the e-stop, that of planners and of what keeps the
+follower from driving in a planner's place before navigation (`Settings.effective_order`)."""
 
-DRIVING = frozenset({Source.TELEOP, Source.NAVIGATION})
+DRIVING = frozenset({Source.TELEOP, Source.PLANNER, Source.NAVIGATION})
 
 
 @value()

@@ -44,6 +44,7 @@ NEVER_FROM_AFAR: Mapping[str, str] = {
     "mux.": "says which source goes first",
     "operator.": "says what the car requires of its operators",
     "telemetry.": "says who can reach the car",
+    "planners.": "says who may drive",
     "ros2.": "says who can reach the car",
     "recording.folder": "names a folder of its computer",
     "recording.simulated": "says that the car is simulated",

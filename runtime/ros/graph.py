@@ -21,7 +21,11 @@ PUBLISHED: Mapping[str, RosTopic] = MappingProxyType(
 """ROS 2's topic for each of telemetry's; the names are the same, except that base_link to laser is on /tf_static."""
 
 
-def access(graph: RosGraph) -> RosAccess:
-    """Return the keys that the access control has to let through."""
+DRIVE = RosTopic("drive", TYPES[topics.OUTPUT])
+"""The car's subscription, with `ros2.drive`."""
+
+
+def access(graph: RosGraph, *, drives: bool = False) -> RosAccess:
+    """Return the keys that the access control has to let through. drives: commands are taken on /drive."""
     keys = tuple(graph.data_key(topic) for topic in (*PUBLISHED.values(), TF_STATIC))
-    return RosAccess(graph.domain, keys, (graph.data_key(TF_STATIC),))
+    return RosAccess(graph.domain, keys, (graph.data_key(TF_STATIC),), graph.data_key(DRIVE) if drives else "")

@@ -17,3 +17,5 @@ class Ros2Settings(Section):
     """ROS_DOMAIN_ID of the ROS 2 computers."""
     distro: Distro = Distro.JAZZY
     """Distribution of the ROS 2 computers. Humble and later ones do not mix."""
+    drive: bool = False
+    """Take AckermannDriveStamped on /drive as the planner `ros2`; needs planners.enabled (docs/planners.md)."""

@@ -32,12 +32,13 @@ from runtime.control.vehicle import NAME_RULE, CarSettings
 from runtime.host.user_module import UserCodeError, search_in
 from runtime.settings.operator import OperatorSettings
 from runtime.settings.parameters import ParameterSettings
+from runtime.settings.planners import PlannerSettings
 from runtime.settings.recording import RecordingSettings
 from runtime.settings.ros2 import Ros2Settings
 from runtime.settings.session import SessionSettings
 from runtime.settings.telemetry import TelemetryRates
 from runtime.settings_base import Section
-from runtime.wire.rmw_zenoh import RosGraph, node_name
+from runtime.wire.rmw_zenoh import ROS2_PLANNER, RosGraph, node_name
 
 
 class SettingsError(Exception):
@@ -110,6 +111,7 @@ class Settings(Section):
     operator: OperatorSettings = OperatorSettings()
     telemetry: TelemetrySettings = TelemetrySettings()
     ros2: Ros2Settings = Ros2Settings()
+    planners: PlannerSettings = PlannerSettings()
     log: LogSettings = LogSettings()
     process: ProcessSettings = ProcessSettings()
     parameters: ParameterSettings = ParameterSettings()
@@ -138,7 +140,21 @@ class Settings(Section):
             position = min(position, order.index(Source.TELEOP))
         order.insert(position, Source.SAFETY)
         order.insert(1, Source.BATTERY)
+        if self.planners.enabled:
+            position = order.index(Source.NAVIGATION)
+            order[position:position] = [Source.PLANNER, Source.PLANNER_HOLD]
         return tuple(order)
+
+    @model_validator(mode="after")
+    def _drive_needs_its_parts(self) -> "Settings":
+        if self.ros2.drive and not (self.ros2.enabled and self.planners.enabled):
+            raise ValueError("ros2.drive needs ros2.enabled = true and planners.enabled = true")
+        return self
+
+    def planner_names(self) -> tuple[str, ...]:
+        """Return the planners that may register, most urgent first; ROS 2's is the last where it is not named."""
+        names = self.planners.names if self.planners.enabled else ()
+        return (*names, ROS2_PLANNER) if self.ros2.drive and ROS2_PLANNER not in names else names
 
 
 def load_settings(path: Path | None, assignments: Sequence[str] = (), saved: Path | None = None) -> Settings:

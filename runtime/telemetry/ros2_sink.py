@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from runtime.ros import messages
-from runtime.ros.graph import PUBLISHED, TF_ODOM, TF_STATIC
+from runtime.ros.graph import DRIVE, PUBLISHED, TF_ODOM, TF_STATIC
 from runtime.ros.messages import Frame
 from runtime.settings.telemetry import RatesHz
 from runtime.telemetry.sinks import TopicGate
@@ -45,7 +45,8 @@ class RosNetwork(Protocol):
 class Ros2Sink:
     """Announces the car's node and its publishers, and sends the topics that have ROS 2 subscribers.
 
-    laser: the fixed frame, on /tf_static. now_s: the monotonic clock; unix_ns: its times as nanoseconds since 1970.
+    laser: the fixed frame, on /tf_static. drives: the car subscribes to /drive. now_s: the monotonic clock; unix_ns:
+    its times as nanoseconds since 1970.
     """
 
     def __init__(
@@ -57,10 +58,12 @@ class Ros2Sink:
         *,
         now_s: Callable[[], float],
         unix_ns: Callable[[float], int],
+        drives: bool = False,
     ) -> None:
         self._bus = bus
         self._graph = graph
         self._laser = laser
+        self._drives = drives
         self._now_s = now_s
         self._unix_ns = unix_ns
         self._keys = {topic: graph.data_key(known) for topic, known in PUBLISHED.items()}
@@ -103,6 +106,8 @@ class Ros2Sink:
             self._gids[topic] = gid(token)
         fixed = endpoint(len(PUBLISHED) + 1, "MP", TF_STATIC)
         self._bus.announce(fixed)
+        if self._drives:
+            self._bus.announce(endpoint(len(PUBLISHED) + 2, "MS", DRIVE))
         now_ns = self._unix_ns(self._now_s())
         message, note = messages.transforms(now_ns, (self._laser,)), attachment(1, now_ns, gid(fixed))
         self._bus.put_latched(graph.data_key(TF_STATIC), message, encoding=CDR, attachment=note)

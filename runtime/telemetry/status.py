@@ -97,7 +97,8 @@ class Latency:
 class ObservedState:
     """References to the observable objects; nothing here is owned.
 
-    operator: the operator's side, None where there is none. window: faults of the lidar window, as text.
+    operator: the operator's side, None where there is none. planners: those outside the car. window: faults of the
+        lidar window, as text.
     link: the session as plain values. seconds_by_winner: the mux's own account. timings: of the hot path's stages.
     recording: state of the recorder. session: this start of the process, as in every heartbeat; 0 where there is none.
     own_parts: the known parts of the car that its lidar sees. hot_path: which functions run compiled, as text.
@@ -114,6 +115,7 @@ class ObservedState:
     seconds_by_winner: Mapping[str, float]
     window: Callable[[], Sequence[str]] = tuple
     operator: Callable[[], OperatorView] | None = None
+    planners: Callable[[], Mapping[str, Any]] = dict
     link: Callable[[], Mapping[str, Any]] = dict
     timings: StageTimer | None = None
     recording: Callable[[], Mapping[str, Any]] = dict
@@ -157,6 +159,7 @@ def status(observed: ObservedState, output: Output | None, journey: Journey) -> 
         "gates": closed,
         "voices": entries(observed, live, heard),
         "operator": observed.operator().fields() if observed.operator is not None else None,
+        "planners": dict(observed.planners()),
         "overruled": overruled(observed, live, decision),
         "seconds_by_winner": dict(observed.seconds_by_winner),
         "speed_mps": motor_state.speed_mps if motor_state is not None else None,

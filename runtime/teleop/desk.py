@@ -40,6 +40,7 @@ class OperatorDesk:
 
     clear_fault: requests the motor to clear its fault; called on a deliberate reset of the e-stop.
     car_session: random per start of this process, never 0: commands meant for an earlier start do not count.
+    beats: the numbered heartbeats. heard_elsewhere: whether another kind of client echoes them.
     waits: tells whether a press, by hand or not, must wait for a lost device. Else it would move the car from the
         device's return until that is noticed.
     """
@@ -61,7 +62,8 @@ class OperatorDesk:
         self._clock = clock
         self._car_session = car_session
         self.waits: Callable[[bool], bool] = lambda _by_hand: False
-        self._beats = Beats(clock)
+        self.heard_elsewhere: Callable[[], bool] = lambda: False
+        self.beats = self._beats = Beats(clock)
         self._gate = SessionGate(
             self._beats, car_session, expiry_s=settings.expiry_s, forget_after_s=settings.slot_free_after_s
         )
@@ -107,8 +109,8 @@ class OperatorDesk:
 
     @property
     def is_attended(self) -> bool:
-        """Whether an operator has sent commands lately, to drive or only to be present."""
-        return bool(self._gate.heard_lately(self._clock()))
+        """Whether a client has sent commands lately, to drive or only to be present."""
+        return bool(self._gate.heard_lately(self._clock())) or self.heard_elsewhere()
 
     def rearm(self, reason: str) -> None:
         """Disarm all sessions and end what is held: a device was lost or came back; the reason is shown."""

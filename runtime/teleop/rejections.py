@@ -22,6 +22,7 @@ class Refusal(StrEnum):
     FROZEN = "the pad is frozen"
     UNSURE = "no input from the operator"
     CONTRADICTION = "contradicting buttons"
+    UNCOMPARED = "clock not compared yet"
 
 
 class Refusals:

@@ -33,6 +33,8 @@ BYTES = "application/octet-stream"
 
 Receive = Callable[[str, bytes, float], None]
 """key, payload, arrival_s on the monotonic clock."""
+ReceiveAttached = Callable[[bytes, bytes | None, float], None]
+"""payload, attachment, arrival_s on the monotonic clock."""
 Reply = Callable[[bytes], bytes | Awaitable[bytes]]
 Changed = Callable[[str, bool], None]
 
@@ -110,6 +112,10 @@ class Network(Protocol):
 
     def subscribe(self, key: str, receive: Receive, *, max_bytes: int = MAX_SAMPLE_BYTES) -> None:
         """Subscribe to a key."""
+        ...
+
+    def subscribe_attached(self, key: str, receive: ReceiveAttached, *, max_bytes: int = MAX_SAMPLE_BYTES) -> None:
+        """Subscribe to a key whose samples carry attachments."""
         ...
 
     def answer(self, key: str, reply: Reply) -> None:

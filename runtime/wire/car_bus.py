@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
-from runtime.wire.bus import MAX_SAMPLE_BYTES, Bus, Receive, Reply
+from runtime.wire.bus import MAX_SAMPLE_BYTES, Bus, Receive, ReceiveAttached, Reply
 
 if TYPE_CHECKING:
     import zenoh
@@ -66,14 +66,31 @@ class CarBus(Bus):
         self._polls.clear()
         await super().close()
 
+    def subscribe_attached(self, key: str, receive: ReceiveAttached, *, max_bytes: int = MAX_SAMPLE_BYTES) -> None:
+        """Call `receive` in `poll` for every sample of exactly this key, with its attachment."""
+
+        def take(sample: "zenoh.Sample") -> None:
+            note = sample.attachment.to_bytes() if sample.attachment is not None else None
+            receive(sample.payload.to_bytes(), note, time.monotonic())
+
+        self._whenever_open(lambda: self._poll_samples(key, take, max_bytes))
+
     def _subscribe(self, key: str, receive: Receive, max_bytes: int = MAX_SAMPLE_BYTES) -> None:
+        def take(sample: "zenoh.Sample") -> None:
+            receive(str(sample.key_expr), sample.payload.to_bytes(), time.monotonic())
+
+        self._poll_samples(key, take, max_bytes)
+
+    def _poll_samples(self, key: str, take: "Callable[[zenoh.Sample], None]", max_bytes: int) -> None:
         import zenoh
 
         subscriber = self._open_session.declare_subscriber(key, zenoh.handlers.RingChannel(MAX_WAITING_SAMPLES))
         self._held.append(subscriber)
-        self._polls.append(functools.partial(self._take_samples, subscriber, key, receive, max_bytes))
+        self._polls.append(functools.partial(self._take_samples, subscriber, key, take, max_bytes))
 
-    def _take_samples(self, subscriber: "zenoh.Subscriber[Any]", key: str, receive: Receive, max_bytes: int) -> None:
+    def _take_samples(
+        self, subscriber: "zenoh.Subscriber[Any]", key: str, take: "Callable[[zenoh.Sample], None]", max_bytes: int
+    ) -> None:
         for _ in range(MAX_WAITING_SAMPLES):
             sample = subscriber.try_recv()
             if sample is None:
@@ -84,7 +101,7 @@ class CarBus(Bus):
             elif len(sample.payload) > max_bytes:
                 self.oversized += 1
             else:
-                receive(name, sample.payload.to_bytes(), time.monotonic())
+                take(sample)
 
     def _answer(self, key: str, reply: Reply) -> None:
         import zenoh

@@ -63,10 +63,10 @@ def droppable_answers() -> list[dict[str, Any]]:
     ]
 
 
-def low_pass_filter() -> list[dict[str, Any]]:
-    """Return the largest sizes of what a client sends [byte]."""
+def low_pass_filter(command_bytes: int = COMMAND_BYTES) -> list[dict[str, Any]]:
+    """Return the largest sizes of what a client sends [byte]. command_bytes: of the largest command that is taken."""
     return [
-        _size("short-commands", ["put", "delete"], COMMAND_BYTES),
+        _size("short-commands", ["put", "delete"], command_bytes),
         _size("short-questions", ["query"], MAX_QUESTION_BYTES),
     ]
 

@@ -24,6 +24,10 @@ LATCHED_SUFFIX: Final = "@adv/**"
 GID_BYTES: Final = 16
 ATTACHMENT: Final = struct.Struct("<qqB16s")
 MAX_DOMAIN: Final = 232
+ROS2_PLANNER: Final = "ros2"
+"""Name of the planner behind /drive: also that of the certificate which may publish there."""
+MAX_DRIVE_B: Final = 160
+"""Maximum size of a drive command with its attachment: 40 and 33 bytes, and the name of its frame."""
 BEST_EFFORT: Final = "2::,5:,:,:,,"
 """Quality of service of data: newest five, may be lost."""
 LATCHED: Final = ":1:,1:,:,:,,"
@@ -97,11 +101,12 @@ class RosGraph:
 
 @value()
 class RosAccess:
-    """Keys that the session's access control has to let through."""
+    """Keys that the session's access control has to let through. drive: of the commands, "" where none are taken."""
 
     domain: int
     published: tuple[str, ...]
     latched: tuple[str, ...]
+    drive: str = ""
 
 
 def node_name(car: str) -> str:

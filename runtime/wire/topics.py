@@ -48,6 +48,8 @@ RECORD = "record"
 """Query that starts and stops recording on the car: no telemetry, although its key is one chunk deep."""
 LOGS = "logs"
 OWN_PARTS = "own_parts"
+PLANNER = "planner"
+"""Commands of the planner NAME come on `planner/NAME/command`."""
 SIMULATOR = "simulator"
 """Query that changes the surroundings of a simulated car: answered only by a simulator, never by a car."""
 
@@ -55,6 +57,11 @@ SIMULATOR = "simulator"
 def key(car: str, topic: str) -> str:
     """Return the key expression of one topic of one car."""
     return f"{ROOT}/{car}/{topic}"
+
+
+def planner_key(car: str, name: str) -> str:
+    """Return the key of one planner's commands."""
+    return key(car, f"{PLANNER}/{name}/command")
 
 
 def encode(message: Mapping[str, Any]) -> bytes:

@@ -4,6 +4,7 @@ The car is a router of its own, so that users install nothing; every peer is a c
 each role are defined in `grants`, and nowhere else. zenoh drops the rest without notice to the sender.
 """
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -13,7 +14,8 @@ from typing import Any, Literal
 from runtime.wire import topics
 from runtime.wire.endpoints import check_listening, is_tls, split_endpoint
 from runtime.wire.ingress import MAX_INCOMING_B, downsampling, droppable_answers, low_pass_filter
-from runtime.wire.rmw_zenoh import GRAPH, LATCHED_SUFFIX, RosAccess
+from runtime.wire.rmw_zenoh import GRAPH, LATCHED_SUFFIX, MAX_DRIVE_B, ROS2_PLANNER, RosAccess
+from runtime.wire.teleop import COMMAND_BYTES
 
 LEASE_MS = 1000
 KEEP_ALIVES_PER_LEASE = 4
@@ -42,14 +44,20 @@ EVERY_MESSAGE = [
 
 
 class Role(StrEnum):
-    """Roles of people; each role includes the rights of the ones before it."""
+    """Roles of people; each role includes the rights of the ones before it.
+
+    The planner stands apart: a viewer that also feeds the source of its own name.
+    """
 
     VIEWER = "viewer"
     OPERATOR = "operator"
     ADMIN = "admin"
+    PLANNER = "planner"
 
     def includes(self, other: "Role") -> bool:
         """Tell whether this role has all rights of the other."""
+        if Role.PLANNER in {self, other}:
+            return other in {self, Role.VIEWER}
         ranks = list(Role)
         return ranks.index(self) >= ranks.index(other)
 
@@ -115,7 +123,7 @@ def car_config(
     }
     config["qos"] = {"network": droppable_answers()}
     config["downsampling"] = downsampling(car)
-    config["low_pass_filter"] = low_pass_filter()
+    config["low_pass_filter"] = low_pass_filter(MAX_DRIVE_B if ros is not None and ros.drive else COMMAND_BYTES)
     if tls is not None:
         config["transport"]["link"]["tls"] = {
             "root_ca_certificate": str(tls.authority),
@@ -164,7 +172,11 @@ def access_control(people: Sequence[Person], car: str, ros: RosAccess | None = N
     forbidden afterwards. A role without members gets no subject: an empty one would match every client.
     """
     granted = [*grants(car), *(ros_grants(ros) if ros is not None else ())]
-    members = {role: [person.name for person in people if person.role.includes(role)] for role in Role}
+    ranked = (Role.VIEWER, Role.OPERATOR, Role.ADMIN)
+    members = {role: [person.name for person in people if person.role.includes(role)] for role in ranked}
+    planners = {
+        person.name: list(planner_grants(car, person.name, ros)) for person in people if person.role is Role.PLANNER
+    }
     subjects: list[dict[str, Any]] = [
         # A client without a certificate is on the car itself: tcp is never offered elsewhere, and this checks it once
         # more.
@@ -174,12 +186,17 @@ def access_control(people: Sequence[Person], car: str, ros: RosAccess | None = N
             for role, names in members.items()
             if names
         ),
+        *({"id": f"planner-{name}", "link_protocols": ["tls"], "cert_common_names": [name]} for name in planners),
     ]
     policies = [{"rules": ["everything"], "subjects": ["this-machine"]}] + [
         {"rules": [grant.name for grant in granted if grant.role is role], "subjects": [role.value]}
         for role, names in members.items()
         if names
     ]
+    policies += [
+        {"rules": [grant.name for grant in own], "subjects": [f"planner-{name}"]} for name, own in planners.items()
+    ]
+    granted += itertools.chain.from_iterable(planners.values())
     everything = _rule("everything", ["ingress", "egress"], EVERY_MESSAGE, ["**"])
     return {
         "enabled": True,
@@ -221,6 +238,15 @@ def grants(car: str) -> Iterator[Grant]:
     )
     yield from _questions(admin, "configure", _parameter_keys(car, "configure"))
     yield from _questions(admin, "record", (topics.key(car, topics.RECORD), topics.key(car, f"{topics.LOGS}/trim")))
+
+
+def planner_grants(car: str, name: str, ros: RosAccess | None) -> Iterator[Grant]:
+    """Yield the rights of one planner: the key of its own name, and nothing else; ROS 2's also has /drive."""
+    keys = [topics.planner_key(car, name)]
+    if ros is not None and ros.drive and name == ROS2_PLANNER:
+        keys.append(ros.drive)
+    yield Grant(Role.PLANNER, f"plan-{name}", "ingress", ("put",), tuple(keys))
+    yield Grant(Role.PLANNER, f"plan-{name}-heard", "egress", ("declare_subscriber",), tuple(keys))
 
 
 def ros_grants(ros: RosAccess) -> Iterator[Grant]:

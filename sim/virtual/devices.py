@@ -191,6 +191,12 @@ class MemoryBus:
         """Register the car's subscriber for messages of `deliver`."""
         self._readers[key] = receive
 
+    def subscribe_attached(
+        self, key: str, receive: Callable[[bytes, bytes | None, float], None], *, max_bytes: int = 0  # noqa: ARG002 - a Bus
+    ) -> None:  # fmt: skip
+        """Register the car's subscriber for messages without an attachment of `deliver`."""
+        self._readers[key] = lambda _key, payload, arrival_s: receive(payload, None, arrival_s)
+
     def answer(self, key: str, reply: Callable[[bytes], bytes | Awaitable[bytes]]) -> None:
         """Register the car's handler for queries of `ask`."""
         self._replies[key] = reply

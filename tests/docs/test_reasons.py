@@ -16,6 +16,7 @@ PLACES = (
     *(RUNTIME / "tasks" / name for name in ("battery.py", "health.py", "mux.py", "safety.py", "wall_follow.py")),
     RUNTIME / "teleop" / "desk.py",
     RUNTIME / "teleop" / "commands.py",
+    RUNTIME / "teleop" / "planners.py",
 )
 """Modules that decide, or that stop the car, and so say why."""
 OTHER_TEXT = frozenset(
@@ -41,6 +42,9 @@ NO_REASONS = frozenset(
         "another operator drives; take over, or wait", ".+ said goodbye", ".+ reset the e-stop",
         ".+ was lost: no fresh command and no goodbye", "sent before this car was heard, or for an earlier start of it",
         "echoes a beat that was not sent lately", "the link is slow, or was away for a while",
+        "planner hold",  # the name of a source
+        "planner .+", "planner .+: .+", "planner .+ has the car", "planner .+ said goodbye",
+        ".+: no fresh command and no goodbye",
         "not newer than the last of its session", "said goodbye; start the client again", "close some of the clients",
     }
 )  # fmt: skip

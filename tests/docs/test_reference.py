@@ -30,6 +30,12 @@ def test_every_question_and_its_role_is_what_a_car_grants():
         if grant.messages[0] in {"query", "put"} and grant.flow == "ingress"
         for key in grant.keys
     }
+    granted |= {
+        key.removeprefix(prefix): "planner NAME"
+        for grant in zenoh_config.planner_grants("car", "NAME", None)
+        if grant.flow == "ingress"
+        for key in grant.keys
+    }
     assert granted == {key: role for key, _, role, _ in reference.TO_THE_CAR if key != topics.SIMULATOR}
 
 
