@@ -26,6 +26,9 @@ def _add_sweep(experiments: "argparse._SubParsersAction[argparse.ArgumentParser]
     sweep.add_argument("file", type=Path, metavar="FILE.toml", help="the sweep (docs/sweeps.md)")
     sweep.add_argument("--table", type=Path, metavar="FILE", help="table of the runs (default: FILE.sqlite)")
     sweep.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
+    sweep.add_argument(
+        "--on", default="", metavar="ADDRESS", help="Ray cluster: ray (on this machine), HOST:PORT or ray://HOST:10001"
+    )
     sweep.add_argument("--csv", metavar="FILE|-", help="write the runs as CSV")
     sweep.add_argument("--json", metavar="FILE|-", help="write the runs as JSON")
     sweep.add_argument("--again-failed", action="store_true", help="run those again that failed")

@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Console
 
 from sim.lab.compare.pairs import ComparisonError
-from sim.lab.sweep.command import fill, keys_of
+from sim.lab.sweep.command import Workers, fill, keys_of
 from sim.lab.sweep.plan import GRID, RANDOM, SEEDS, read_plan
 from sim.lab.sweep.table import TableRun, is_table, open_table
 from sim.scenario.toml_lines import read_toml
@@ -56,7 +56,7 @@ class SideMaker:
             plan = read_plan(file)
         with open_table(plan.text.path.with_suffix(".sqlite"), writes=True) as table:
             keys = list(keys_of(plan))
-            fill(table, plan, keys, self.jobs, self.console)
+            fill(table, plan, keys, Workers(self.jobs), self.console)
             return table.runs(keys)
 
 

@@ -31,6 +31,14 @@ Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
+class Workers:
+    """What runs the cells. jobs, on: as of `submit`."""
+
+    jobs: int | None = None
+    on: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class SweepCount:
     """Runs of a command: all of the sweep, those that were there, those made now, those of all that failed."""
 
@@ -52,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
             if options.again_failed:
                 table.forget_failed()
             keys = list(keys_of(plan))
-            count = fill(table, plan, keys, options.jobs, console)
+            count = fill(table, plan, keys, Workers(options.jobs, options.on), console)
             rows = [one.row() for one in table.runs(keys)]
     except (FileMistakeError, TableError, WorkerStartError) as error:
         print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
@@ -78,14 +86,14 @@ def keys_of(plan: SweepPlan) -> Iterator[RunKey]:
         yield run_key(cell, settings_hash(cell, plan.setup_of(cell)))
 
 
-def fill(table: RunTable, plan: SweepPlan, keys: Sequence[RunKey], jobs: int | None, console: Console) -> SweepCount:
+def fill(table: RunTable, plan: SweepPlan, keys: Sequence[RunKey], workers: Workers, console: Console) -> SweepCount:
     """Run what the table does not have."""
     known = table.known()
     missing = [(cell, key) for cell, key in zip(plan.cells, keys, strict=True) if key not in known]
     cells: list[DriveCell] = [cell for cell, _ in missing]
     with (
         progress_bar(plan.text.path.stem, len(keys), console) as (progress, bar),
-        closing(submit(cells, measure, jobs=jobs)) as ended,
+        closing(submit(cells, measure, jobs=workers.jobs, on=workers.on)) as ended,
     ):
         progress.advance(bar, len(keys) - len(missing))
         for done in ended:

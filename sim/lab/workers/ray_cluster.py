@@ -1,0 +1,66 @@
+"""Processes of a Ray cluster: one on this machine ("ray"), or one that is there ("HOST:PORT", "ray://HOST:10001").
+
+Ray runs a cell again whose worker or node has died; every cell ends once all the same, because its end is taken once.
+"""
+
+import contextlib
+import os
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from typing import Any, TypeVar
+
+from sim.lab.cell import Figures
+from sim.lab.workers.finished_cell import Ends, FinishedCell, WorkerStartError, finish, sentence
+
+C = TypeVar("C")
+LOCAL = "ray"
+RETRIES = 3
+"""How often a cell is run again whose worker or node died: while a node goes, a cell may meet it twice."""
+AHEAD = 2
+"""Cells per processor that are handed over at a time."""
+
+
+def run_on_ray(cells: Sequence[C], work: Callable[[C], Figures], on: str, jobs: int | None) -> Ends[C]:
+    """Yield the end of every cell, run on a cluster; see `submit`. jobs: processors of a cluster on this machine."""
+    ray = _connected(on, jobs)
+    try:
+        remote = ray.remote(max_retries=RETRIES, num_cpus=1)(finish)
+        next_index = 0
+        pending: dict[Any, int] = {}
+        while next_index < len(cells) or pending:
+            most = AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
+            while next_index < len(cells) and len(pending) < most:
+                pending[remote.remote(next_index, cells[next_index], work)] = next_index
+                next_index += 1
+            (ended, *_), _ = ray.wait(list(pending), num_returns=1)
+            yield _end(ray, ended, pending.pop(ended), cells)
+    finally:
+        ray.shutdown()
+
+
+def _end(ray: Any, ended: Any, index: int, cells: Sequence[C]) -> FinishedCell[C]:  # noqa: ANN401 - ray is an extra
+    try:
+        done: FinishedCell[C] = ray.get(ended)
+    except ray.exceptions.RayError as error:
+        return FinishedCell(index, cells[index], None, sentence(error)[:500])
+    return done
+
+
+def _connected(on: str, jobs: int | None) -> Any:  # noqa: ANN401 - ray is an extra
+    """Return the module `ray`, connected; WorkerStartError where that is not possible."""
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    try:
+        ray: Any = import_module("ray")
+    except ModuleNotFoundError:
+        raise WorkerStartError("--on needs Ray: install it with  pip install 'wallride[cluster]'") from None
+    threads = {"env_vars": {"OPENBLAS_NUM_THREADS": "1"}}
+    where: dict[str, Any] = {"address": "local", "num_cpus": jobs or os.cpu_count(), "include_dashboard": False}
+    if on != LOCAL:
+        where = {"address": on}
+    try:
+        ray.init(**where, runtime_env=threads, log_to_driver=False, logging_level="ERROR")
+    except Exception as error:  # noqa: BLE001 - Ray has no error of its own for all that can be wrong
+        with contextlib.suppress(Exception):
+            ray.shutdown()
+        raise WorkerStartError(f"--on {on}: no Ray cluster answers there ({sentence(error)[:300]})") from None
+    return ray
