@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from typing import Any, TypeVar
@@ -114,6 +115,7 @@ def _start(work: Callable[[C], Figures], count: int) -> list[_Worker]:
     """Start processes, one thread each: they share the cores with each other."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     workers = []
+    resource_tracker.ensure_running()  # starting it later, with the first process, would let Ctrl-C through again
     with _ctrl_c_waits():
         for _ in range(count):
             ours, theirs = _SPAWN.Pipe()
