@@ -5,14 +5,18 @@ from dataclasses import dataclass
 
 import numpy as np
 import optuna
+from optuna.distributions import CategoricalDistribution
 from optuna.trial import FrozenTrial
 
 from sim.lab.cell import Figures
 from sim.lab.tuning.drive import HELD_OUT, Scenario, cells
 from sim.tuning.study import FIRST_HELD_OUT_SEED, SEEDS, TuningPlan, finished, values_of
 from sim.tuning.workers import Measure
+from sim.world.pose import Floats
 
 FINALISTS = 3
+NEIGHBOURS_SHARE = 20
+"""One of so many trials is a neighbour: 10 of 200."""
 VERDICT_SEEDS = 4
 RESAMPLES = 4000
 CONFIDENCE = 0.95
@@ -84,16 +88,35 @@ def judge(study: optuna.Study, plan: TuningPlan, measure: Measure) -> TuningVerd
 
 
 def best_trials(done: Sequence[FrozenTrial]) -> list[FrozenTrial]:
-    """Return the trials with the least cost beside the median of those under the same conditions, the best first.
+    """Return the best trials, the best first: by the mean over each one's neighbours, itself included.
 
-    Where the present settings fail under some conditions, any trial under those looks good beside them.
+    A cost counts beside the median of the trials under the same conditions: where the present settings fail under some,
+    any trial under those looks good beside them. One trial is a few noisy drives, and the least of 200 is luck; its
+    neighbours have nearly the same settings and other conditions.
     """
     costs: dict[int, list[float]] = {}
     for trial in done:
         costs.setdefault(trial.number % SEEDS, []).append(trial.user_attrs["cost"])
     medians = {seed: float(np.median(some)) for seed, some in costs.items()}
-    ranked = sorted(done, key=lambda trial: (trial.user_attrs["cost"] - medians[trial.number % SEEDS], trial.number))
-    return ranked[:FINALISTS]
+    above = np.array([trial.user_attrs["cost"] - medians[trial.number % SEEDS] for trial in done])
+    places = _places(done)
+    near = np.argsort(np.abs(places[:, None] - places[None]).sum(axis=2), axis=1, kind="stable")
+    smooth = above[near[:, : max(1, len(done) // NEIGHBOURS_SHARE)]].mean(axis=1)
+    return [done[index] for index in np.argsort(smooth, kind="stable")[:FINALISTS]]
+
+
+def _places(done: Sequence[FrozenTrial]) -> Floats:
+    """Return the settings of each trial (n, parameters) as shares of their ranges; a choice is 1 from another."""
+    places = np.zeros((len(done), 0))
+    for name in done[0].params:
+        values = [trial.params[name] for trial in done]
+        if isinstance(done[0].distributions[name], CategoricalDistribution):
+            column = np.array([[value == other for other in dict.fromkeys(values)] for value in values], np.float64) / 2
+        else:
+            numbers = np.array(values, dtype=np.float64)[:, None]
+            column = (numbers - numbers.min()) / (np.ptp(numbers) or 1.0)
+        places = np.concatenate([places, column], axis=1)
+    return places
 
 
 def _drive(

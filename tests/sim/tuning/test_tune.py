@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from optuna.distributions import FloatDistribution
 from optuna.trial import create_trial
 
 from runtime.settings.tree import load_settings
@@ -162,14 +163,25 @@ def test_a_planted_difference_is_told_from_noise(shift, words):
 def test_a_trial_is_not_chosen_for_conditions_under_which_the_present_settings_fail():
     """All trials with easy conditions cost 1 and beat the present settings by 9; one of the others is really good."""
 
-    def trial(number, cost, value):
-        return create_trial(value=value, user_attrs={"cost": cost}, params={}, distributions={})
+    done = [trial(n, n, 1.0 if n % SEEDS == 0 else 1.5) for n in range(39)]
+    assert best_trials([*done[:17], trial(17, 17, 1.2), *done[18:]])[0].number == 17
 
-    done = [trial(n, 1.0, -9.0) if n % SEEDS == 0 else trial(n, 1.5, 0.1) for n in range(40)]
-    done[17] = trial(17, 1.2, -0.2)
-    for number, one in enumerate(done):
-        one.number = number
-    assert best_trials(done)[0].number == 17
+
+def test_a_lucky_trial_among_bad_neighbours_is_not_chosen():
+    """Gains of 60 to 80 are a little better than others; one trial at 20 was lucky, as one of 200 always is."""
+    rng = np.random.default_rng(5)
+    costs = [(1.3 if 60 <= kp % 100 <= 80 else 1.5) + rng.normal(0, 0.05) for kp in range(200)]
+    done = [trial(n, n % 100, cost) for n, cost in enumerate(costs)]
+    done[20] = trial(20, 20, 0.9)
+    assert all(60 <= one.params["kp"] <= 80 for one in best_trials(done))
+
+
+def trial(number, kp, cost):
+    made = create_trial(
+        value=0.0, user_attrs={"cost": cost}, params={"kp": float(kp)}, distributions={"kp": FloatDistribution(0, 200)}
+    )
+    made.number = number
+    return made
 
 
 def test_the_front_is_what_nothing_beats_in_both():
