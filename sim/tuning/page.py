@@ -25,7 +25,10 @@ HISTORY = (
     " best of all before."
 )
 IMPORTANCE = "Share of the cost's variation that each parameter explains (PED-ANOVA)."
-PARETO = "Mean speed and least distance to anything, per trial; the line joins the trials that no other beats in both."
+PARETO = (
+    "Mean speed, and the least distance to anything, averaged over the drives of a trial; the line joins the trials"
+    " that no other beats in both."
+)
 
 
 def tuning_page(study: optuna.Study, plan: TuningPlan, verdict: TuningVerdict, version: str) -> str:
@@ -76,7 +79,7 @@ def _costs(trials: Sequence[FrozenTrial]) -> Floats:
 def _history(trials: Sequence[FrozenTrial]) -> str:
     numbers, costs = np.array([float(trial.number) for trial in trials]), _costs(trials)
     best = np.stack([numbers, np.minimum.accumulate(costs)], axis=1)
-    return scatter(ScatterPlot(numbers, costs, "trial", COST, line=best))
+    return scatter(ScatterPlot(numbers, costs, "trial", "cost", line=best))
 
 
 def _importance(study: optuna.Study) -> str:
@@ -90,7 +93,7 @@ def _slice(trials: Sequence[FrozenTrial], name: str, verdict: TuningVerdict) -> 
     some = [(float(trial.params[name]), trial.value or 0.0, trial.number) for trial in trials]
     table = np.array(some, dtype=np.float64).reshape(-1, 3)
     marked = [(x, y) for x, y, number in some if number == verdict.trial]
-    return section(f"Slice: {name}", scatter(ScatterPlot(table[:, 0], table[:, 1], name, COST, marked=marked)))
+    return section(f"Slice: {name}", scatter(ScatterPlot(table[:, 0], table[:, 1], name, "cost", marked=marked)))
 
 
 def pareto_front(speed_mps: Floats, clearance_m: Floats) -> list[int]:
@@ -103,7 +106,7 @@ def pareto_front(speed_mps: Floats, clearance_m: Floats) -> list[int]:
 
 
 def _pareto(trials: Sequence[FrozenTrial]) -> str:
-    speed_mps, clearance_m = _column(trials, "mean_speed_mps"), _column(trials, "min_clearance_m")
+    speed_mps, clearance_m = _column(trials, "mean_speed_mps"), _column(trials, "clearance_m")
     front = pareto_front(speed_mps, clearance_m)
     line = np.stack([speed_mps[front], clearance_m[front]], axis=1)
     return scatter(ScatterPlot(speed_mps, clearance_m, "mean speed m/s", "m", line=line))

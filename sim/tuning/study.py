@@ -117,7 +117,7 @@ def go_on(study: optuna.Study, plan: TuningPlan, trials: int, measure: Measure, 
             trial.set_user_attr("cost", cost)
             trial.set_user_attr("present_cost", costs[trial.number % SEEDS])
             trial.set_user_attr("mean_speed_mps", sum(row["mean_speed_mps"] or 0.0 for row in own) / count)
-            trial.set_user_attr("min_clearance_m", min(row["min_clearance_m"] for row in own))
+            trial.set_user_attr("clearance_m", sum(row["min_clearance_m"] for row in own) / count)
             trial.set_user_attr("contacts", sum(row["collided"] for row in own))
             study.tell(trial, cost - costs[trial.number % SEEDS])
     advance(trials)
