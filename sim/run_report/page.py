@@ -49,7 +49,11 @@ def page(*runs: Shown) -> str:
 
 
 def still_document(title: str, body: str) -> str:
-    """Return a page of the same look without a script: nothing in it moves, and nothing is fetched."""
+    """Return a page of the same look without a script: nothing in it moves, and nothing is fetched.
+
+    A wide section scrolls on a phone, so each can be reached with the keyboard.
+    """
+    body = body.replace("<section>", '<section tabindex="0">')
     return f"{_head(title, 'none')}<body><main>{body}</main></body></html>\n"
 
 
