@@ -18,7 +18,8 @@ from clients.teleop.inputs import Control, Inputs
 from clients.teleop.pilot import Pilot
 from clients.teleop.shaping import InputShape
 from runtime.wire import topics
-from runtime.wire.bus import Bus, RefusedError
+from runtime.wire.bus import Bus
+from runtime.wire.network import RefusedError
 from runtime.wire.teleop import Input, Malformed, read_beat
 
 if TYPE_CHECKING:

@@ -15,7 +15,8 @@ from runtime.recording.recover import RecoveryError, file_state, is_whole, recov
 from runtime.recording.ring import KEPT, MB, Entry, entries, file_named, folders, keep, parse, trim
 from runtime.settings.recording import recordings_folder
 from runtime.wire import topics
-from runtime.wire.bus import Bus, RefusedError
+from runtime.wire.bus import Bus
+from runtime.wire.network import RefusedError
 
 ANSWER_WITHIN_S = 3.0
 TRIES = 5

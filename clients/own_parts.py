@@ -6,7 +6,7 @@ import json
 from clients.connection import ConnectionProblemError, connected
 from clients.status import own_parts_words
 from runtime.wire import topics
-from runtime.wire.bus import RefusedError
+from runtime.wire.network import RefusedError
 
 ANSWER_WITHIN_S = 2.0
 

@@ -9,7 +9,8 @@ from typing import Any
 
 from clients.connection import ConnectionProblemError, connected
 from runtime.wire import topics
-from runtime.wire.bus import Bus, RefusedError
+from runtime.wire.bus import Bus
+from runtime.wire.network import RefusedError
 
 ANSWER_WITHIN_S = 2.0
 SAVED_WITHIN_S = 10.0

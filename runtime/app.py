@@ -47,8 +47,8 @@ from runtime.telemetry.topic_writers import laser_frame
 from runtime.teleop.desk import OperatorDesk
 from runtime.teleop.planners import PlannerDesk
 from runtime.wire import topics
-from runtime.wire.bus import BYTES, Network
 from runtime.wire.car_bus import POLL_HZ
+from runtime.wire.network import BYTES, Network
 from runtime.wire.rmw_zenoh import MAX_DRIVE_B
 from runtime.wire.teleop import COMMAND_BYTES
 

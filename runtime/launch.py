@@ -34,8 +34,8 @@ from runtime.realtime.wall_clock import WallClock
 from runtime.settings.tree import Settings
 from runtime.tasks import parameters
 from runtime.tasks.computer import ComputerWatch
-from runtime.wire.bus import PortTakenError
 from runtime.wire.car_bus import CarBus
+from runtime.wire.network import PortTakenError
 from runtime.wire.port_holder import holder_of, taken_sentence
 from runtime.wire.teleop import session_text
 

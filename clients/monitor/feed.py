@@ -12,7 +12,8 @@ from clients.connection import another_car
 from clients.monitor.history import PlotHistory
 from clients.monitor.outbox import FROM_CAR
 from runtime.wire import topics
-from runtime.wire.bus import BYTES, Bus, RefusedError
+from runtime.wire.bus import Bus
+from runtime.wire.network import BYTES, RefusedError
 from runtime.wire.teleop import Beat, Command, Malformed, read_beat
 
 log = logging.getLogger("wallride.monitor")

@@ -10,7 +10,8 @@ from clients.connection import Cars
 from clients.monitor.feed import PageFeed, Watcher
 from clients.monitor.history import CarHistories
 from runtime.wire import topics
-from runtime.wire.bus import Bus, RefusedError
+from runtime.wire.bus import Bus
+from runtime.wire.network import RefusedError
 
 log = logging.getLogger("wallride.monitor")
 

@@ -21,7 +21,7 @@ from clients.monitor.relay import Relay
 from clients.teleop.shaping import InputShape
 from runtime.host.rate_limited_log import RateLimitedLog
 from runtime.wire import topics
-from runtime.wire.bus import RefusedError
+from runtime.wire.network import RefusedError
 from runtime.wire.teleop import Beat, Command
 
 log = logging.getLogger("wallride.monitor")

@@ -13,7 +13,8 @@ from clients.remote.hand import ScriptedHand
 from clients.remote.loop_thread import LoopThread
 from clients.teleop.pilot import Pilot
 from runtime.wire import topics
-from runtime.wire.bus import BYTES, Bus
+from runtime.wire.bus import Bus
+from runtime.wire.network import BYTES
 from runtime.wire.teleop import Input, Malformed, read_beat
 
 PERIOD_S: Final = 0.02

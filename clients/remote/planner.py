@@ -12,7 +12,8 @@ from clients.remote.hand import ScriptedHand
 from clients.remote.loop_thread import LoopThread
 from clients.teleop.inputs import Inputs
 from runtime.wire import topics
-from runtime.wire.bus import BYTES, Bus
+from runtime.wire.bus import Bus
+from runtime.wire.network import BYTES
 from runtime.wire.teleop import Beat, Command, Input, Malformed, Press, read_beat
 
 PERIOD_S: Final = 0.02

@@ -29,7 +29,7 @@ from clients.teleop.sources import (
 )
 from clients.teleop.wizard import Wizard
 from runtime.wire import topics
-from runtime.wire.bus import BYTES
+from runtime.wire.network import BYTES
 from runtime.wire.teleop import Input, Malformed, read_beat
 
 PERIOD_S = 0.02

@@ -15,7 +15,7 @@ from runtime.control.perception.window_dirt import patches
 from runtime.recording import own_parts_memory as memory
 from runtime.recording.own_parts_memory import RememberedParts
 from runtime.wire import topics
-from runtime.wire.bus import RefusedError
+from runtime.wire.network import RefusedError
 
 LOOKS_EVERY_S = 2.0
 UNCHANGED_S = 10.0

@@ -20,7 +20,7 @@ from runtime.recording.recover import file_state
 from runtime.recording.requests import GetRecording, ListRecordings, RecordQuestion, TrimQuestion
 from runtime.recording.ring import MB, entries, parse, trim
 from runtime.wire import topics
-from runtime.wire.bus import RefusedError
+from runtime.wire.network import RefusedError
 from runtime.wire.requests import Reply, RequestServer
 
 BEGINS_WITHIN_S = 1.0

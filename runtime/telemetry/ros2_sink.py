@@ -9,7 +9,7 @@ from runtime.ros.graph import DRIVE, PUBLISHED, TF_ODOM, TF_STATIC
 from runtime.ros.messages import Frame
 from runtime.settings.telemetry import RatesHz
 from runtime.telemetry.sinks import TopicGate
-from runtime.wire.bus import CDR
+from runtime.wire.network import CDR
 from runtime.wire.rmw_zenoh import RosGraph, attachment, gid
 
 

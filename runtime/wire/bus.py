@@ -6,48 +6,27 @@ which it arrived, one wake-up per burst.
 """
 
 import asyncio
-import contextlib
 import copy
-import errno
 import functools
 import json
 import logging
 import re
-import socket
 import time
-from collections import deque
-from collections.abc import Awaitable, Callable, Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
 
-from runtime.wire.endpoints import split_endpoint
 from runtime.wire.ingress import MAX_QUESTION_BYTES
+from runtime.wire.mailbox import Mailbox, call_in_loop
+from runtime.wire.network import JSON, MAX_SAMPLE_BYTES, Changed, PortTakenError, Receive, RefusedError, Reply
+from runtime.wire.ports import free_endpoint, is_taken
 
 if TYPE_CHECKING:
     import zenoh
 
 log = logging.getLogger("wallride.bus")
 
-JSON = "application/json"
-CDR = "application/cdr"
-BYTES = "application/octet-stream"
-
-Receive = Callable[[str, bytes, float], None]
-"""key, payload, arrival_s on the monotonic clock."""
-ReceiveAttached = Callable[[bytes, bytes | None, float], None]
-"""payload, attachment, arrival_s on the monotonic clock."""
-Reply = Callable[[bytes], bytes | Awaitable[bytes]]
-Changed = Callable[[str, bool], None]
-
 SOURCE_PLACE = re.compile(r" at /?[\w./@-]*\.rs:\d+\.?")
 SINGLE = re.compile(r"\[Single\(([^)]*)\)\]")
-BACKLOG = 256
-"""Maximum number of samples of one burst per subscription; the oldest beyond it are dropped, because newer messages
-replace older ones."""
-MAX_DELIVERIES = 16
-"""Maximum deliveries per subscription and turn of the loop. zenoh refills a mailbox as fast as it is emptied: without a
-limit a flood of 35,000 commands/s kept the loop from the motor for up to 4 s."""
-MAX_SAMPLE_BYTES = 65536
-"""Maximum size of an accepted sample; telemetry's largest, a scan of 4321 beams, has 17 kB."""
 ASK_AGAIN_AFTER_S = 0.12
 ASK_AGAIN_FOR_S = 0.6
 """A car that holds back a question, because another one came a moment ago, answers at once with nothing."""
@@ -57,82 +36,6 @@ IN_USE = "Address already in use"
 """Text of zenoh's error for a taken port."""
 OPEN_ATTEMPTS = 5
 """Number of attempts to open: a port that was free a moment ago may be taken when it is opened."""
-
-
-class RefusedError(Exception):
-    """Refusal by the other side; the text is its reason."""
-
-
-class PortTakenError(OSError):
-    """Another program listens on one of the session's addresses. endpoint: that address."""
-
-    def __init__(self, endpoint: str) -> None:
-        super().__init__(f"{endpoint} is taken by another program")
-        self.endpoint = endpoint
-
-
-class Network(Protocol):
-    """The car's interface to a bus; in whole-car tests an implementation in memory."""
-
-    @property
-    def endpoint(self) -> str:
-        """Endpoint at which the car can be reached."""
-        ...
-
-    @property
-    def is_open(self) -> bool:
-        """Whether the session is open, so that `put` sends."""
-        ...
-
-    @property
-    def dropped(self) -> int:
-        """Number of samples put while it was closed."""
-        ...
-
-    @property
-    def session_id(self) -> str:
-        """Return zenoh's id of the open session."""
-        ...
-
-    def put(self, key: str, payload: bytes, *, encoding: str = JSON, urgent: bool = False) -> None:
-        """Publish without waiting."""
-        ...
-
-    def put_attached(self, key: str, payload: bytes, *, encoding: str, attachment: bytes) -> None:
-        """Publish with an attachment, without waiting."""
-        ...
-
-    def put_latched(self, key: str, payload: bytes, *, encoding: str, attachment: bytes) -> None:
-        """Publish, and keep the message for late subscribers."""
-        ...
-
-    def wanted(self, key: str, *, encoding: str = JSON, urgent: bool = False) -> bool:
-        """Tell whether the key has a subscriber."""
-        ...
-
-    def subscribe(self, key: str, receive: Receive, *, max_bytes: int = MAX_SAMPLE_BYTES) -> None:
-        """Subscribe to a key."""
-        ...
-
-    def subscribe_attached(self, key: str, receive: ReceiveAttached, *, max_bytes: int = MAX_SAMPLE_BYTES) -> None:
-        """Subscribe to a key whose samples carry attachments."""
-        ...
-
-    def answer(self, key: str, reply: Reply) -> None:
-        """Answer queries on a key."""
-        ...
-
-    def announce(self, key: str) -> None:
-        """Hold a liveliness token."""
-        ...
-
-    def when_open(self, declare: Callable[[], None]) -> None:
-        """Call once the session is open."""
-        ...
-
-    def poll(self) -> None:
-        """Deliver what has come in."""
-        ...
 
 
 class Bus:
@@ -261,7 +164,8 @@ class Bus:
         replies: list[zenoh.Reply] = []
         done = asyncio.Event()
         collect: zenoh.handlers.Callback[zenoh.Reply] = zenoh.handlers.Callback(
-            lambda reply: _into(loop, functools.partial(replies.append, reply)), lambda: _into(loop, done.set)
+            lambda reply: call_in_loop(loop, functools.partial(replies.append, reply)),
+            lambda: call_in_loop(loop, done.set),
         )
         drop = zenoh.CongestionControl.DROP  # zenoh's default would hold up the loop while a link is full
         self._open_session.get(key, collect, payload=payload, timeout=timeout_s, congestion_control=drop)
@@ -372,39 +276,6 @@ class Bus:
         self._config["listen"] = {**self._config.get("listen", {}), "endpoints": endpoints}
 
 
-class Mailbox:
-    """Carries calls from zenoh's threads into the loop, in order, with one wake-up per burst.
-
-    A burst is delivered over as many turns of the loop as it needs, so that devices and timers have their turns.
-    """
-
-    def __init__(self, loop: asyncio.AbstractEventLoop, deliver: Callable[..., None]) -> None:
-        self._loop = loop
-        self._deliver = deliver
-        self._waiting: deque[tuple[Any, ...]] = deque(maxlen=BACKLOG)
-        self._woken = False
-
-    def post(self, arguments: tuple[Any, ...]) -> None:
-        """Hand over; called in a foreign thread."""
-        self._waiting.append(arguments)
-        if not self._woken:
-            self._woken = True
-            _into(self._loop, self._drain)
-
-    def _drain(self) -> None:
-        for _ in range(min(MAX_DELIVERIES, len(self._waiting))):
-            self._deliver(*self._waiting.popleft())
-        self._woken = False  # before the check: whatever is posted from here on wakes the loop again
-        if self._waiting:
-            self._woken = True
-            self._loop.call_soon(self._drain)
-
-
-def _into(loop: asyncio.AbstractEventLoop, call: Callable[[], object]) -> None:
-    with contextlib.suppress(RuntimeError):  # the loop has closed: there is no listener left
-        loop.call_soon_threadsafe(call)
-
-
 async def _reply(key: str, reply: Reply, query: "zenoh.Query") -> None:
     with query:  # leaving it ends the query; otherwise the client would wait for its timeout
         if str(query.key_expr) != key:
@@ -415,33 +286,6 @@ async def _reply(key: str, reply: Reply, query: "zenoh.Query") -> None:
             query.reply(key, answer if isinstance(answer, bytes) else await answer, encoding=JSON)
         except RefusedError as error:
             query.reply_err(str(error).encode())
-
-
-def free_endpoint() -> str:
-    """Return a loopback endpoint whose port is free at this moment."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-
-
-def is_taken(endpoint: str) -> bool:
-    """Tell whether another program listens on an endpoint's port."""
-    _, host, port = split_endpoint(endpoint)
-    try:
-        places = socket.getaddrinfo(host.strip("[]"), port, type=socket.SOCK_STREAM)
-    except OSError:
-        return False
-    return any(_is_bound(family, place) for family, _, _, _, place in places)
-
-
-def _is_bound(family: int, place: Any) -> bool:  # noqa: ANN401 - the socket module's own form of an address
-    with socket.socket(family) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind(place)
-        except OSError as error:
-            return error.errno == errno.EADDRINUSE
-    return False
 
 
 def _open_session(config: Mapping[str, Any]) -> "zenoh.Session":

@@ -12,7 +12,8 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
-from runtime.wire.bus import MAX_SAMPLE_BYTES, Bus, Receive, ReceiveAttached, Reply
+from runtime.wire.bus import Bus
+from runtime.wire.network import MAX_SAMPLE_BYTES, Receive, ReceiveAttached, Reply
 
 if TYPE_CHECKING:
     import zenoh

@@ -5,7 +5,7 @@ from typing import Protocol
 
 from pydantic import BaseModel, ConfigDict
 
-from runtime.wire.bus import RefusedError
+from runtime.wire.network import RefusedError
 
 Reply = Callable[[bytes], bytes | Awaitable[bytes]]
 

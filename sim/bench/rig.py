@@ -16,7 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
-from runtime.wire.bus import free_endpoint
+from runtime.wire.ports import free_endpoint
 from sim.bench.course import BenchScans
 from sim.bench.devices import LidarPort, MotorCommand, MotorPort, Ports
 from sim.bench.ports import BenchTcpPort

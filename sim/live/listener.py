@@ -9,7 +9,8 @@ from typing import Any
 
 from runtime.parameters.history import SettingChange
 from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus, RefusedError, Reply
+from runtime.wire.bus import Bus
+from runtime.wire.network import RefusedError, Reply
 
 CONNECT_TIMEOUT_S = 15.0
 RETRY_S = 0.1

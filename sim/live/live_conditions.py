@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from runtime.wire import topics
-from runtime.wire.bus import RefusedError
+from runtime.wire.network import RefusedError
 from sim.car.vehicle import Vehicle
 from sim.scenario.conditions import Conditions, own_parts_fields, own_parts_kinds, own_parts_of
 from sim.world.beams import LidarSettings

@@ -15,8 +15,9 @@ from collections.abc import Callable
 
 from runtime.ros.definitions import encoding
 from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus, RefusedError
+from runtime.wire.bus import Bus
 from runtime.wire.endpoints import split_endpoint
+from runtime.wire.network import RefusedError
 from sim.recordings import RecordingError
 from sim.replay.drive_log import LoggedMessage
 from sim.replay.keys import names, press, single_keys

@@ -11,7 +11,8 @@ from runtime.settings.telemetry import RatesHz
 from runtime.tasks.telemetry import Telemetry
 from runtime.telemetry.sinks import ZenohSink
 from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus, free_endpoint
+from runtime.wire.bus import Bus
+from runtime.wire.ports import free_endpoint
 from tests.runtime.observed import GUIDANCE, make_observed, output_of, scan_at, speak
 from wallride import topic_options
 

@@ -16,7 +16,9 @@ from clients.connection import (
     open_bus,
 )
 from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import BYTES, Bus, free_endpoint
+from runtime.wire.bus import Bus
+from runtime.wire.network import BYTES
+from runtime.wire.ports import free_endpoint
 from runtime.wire.teleop import Beat, CarCondition
 from wallride.client_options import add_common
 

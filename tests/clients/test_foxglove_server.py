@@ -11,7 +11,8 @@ from runtime.recording.channels import text_of
 from runtime.ros.definitions import TYPES, encoding
 from runtime.ros.messages import float32
 from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus, free_endpoint
+from runtime.wire.bus import Bus
+from runtime.wire.ports import free_endpoint
 from tests.clients.monitor.fake_car import FakeCar
 
 pytest.importorskip("foxglove", reason="the extra [foxglove] is not installed")

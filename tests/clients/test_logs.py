@@ -16,7 +16,9 @@ from runtime.recording.requests import GET, LIST, RECORD, TRIM
 from runtime.settings.recording import RecordingSettings, recordings_folder
 from runtime.tasks import recorder as recorder_task
 from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus, RefusedError, free_endpoint
+from runtime.wire.bus import Bus
+from runtime.wire.network import RefusedError
+from runtime.wire.ports import free_endpoint
 from wallride import logs_options
 
 

@@ -12,7 +12,8 @@ from runtime.parameters.server import ParameterServer, ServerContext
 from runtime.settings.tree import Settings, load_settings
 from runtime.tasks.parameters import serve
 from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus, free_endpoint
+from runtime.wire.bus import Bus
+from runtime.wire.ports import free_endpoint
 from wallride import param_options
 
 

@@ -12,7 +12,8 @@ from clients.plot import Curve, curve_of, drawing, number_at
 from runtime.ros.definitions import encoding
 from runtime.ros.messages import ackermann, float32
 from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus, free_endpoint
+from runtime.wire.bus import Bus
+from runtime.wire.ports import free_endpoint
 
 STATUS = topics.encode({"scan_to_motor_ms": {"p99": 2.5}, "speed_mps": None, "state": "driving"})
 

@@ -15,7 +15,8 @@ from runtime.telemetry import status as car_status
 from runtime.telemetry.status import Journey
 from runtime.teleop.status import OperatorState, OperatorView
 from runtime.wire import topics
-from runtime.wire.bus import Bus, free_endpoint
+from runtime.wire.bus import Bus
+from runtime.wire.ports import free_endpoint
 from runtime.wire.zenoh_config import car_config
 from tests.clients.speaking_car import options, speaking_car
 from tests.runtime.observed import HandClock, lose, make_observed, output_of, speak

@@ -25,7 +25,8 @@ from pathlib import Path
 
 from clients.keys.folder import KeyFolder
 from runtime.wire import topics
-from runtime.wire.bus import Bus, free_endpoint
+from runtime.wire.bus import Bus
+from runtime.wire.ports import free_endpoint
 from runtime.wire.teleop import Command, Input, Press
 from runtime.wire.zenoh_config import Person, Role, Tls, client_config
 from tests.system.bench import Bench, bench

@@ -10,7 +10,8 @@ from typing import Any
 
 from drivers.vesc.codec import Packet
 from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus, free_endpoint
+from runtime.wire.bus import Bus
+from runtime.wire.ports import free_endpoint
 from sim.live.runtime_process import WallrideProcess
 from tests.system.bench import Bench, bench
 from tests.system.radio import Radio

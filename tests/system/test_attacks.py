@@ -16,7 +16,9 @@ from typing import Any
 import pytest
 
 from clients.keys.authority import Authority, KeyPair
-from runtime.wire.bus import JSON, Bus, RefusedError, free_endpoint
+from runtime.wire.bus import Bus
+from runtime.wire.network import JSON, RefusedError
+from runtime.wire.ports import free_endpoint
 from runtime.wire.teleop import COMMAND_BYTES
 from runtime.wire.zenoh_config import Person, Role, Tls, car_config, client_config
 from tests.system.attacker import (

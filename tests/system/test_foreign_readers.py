@@ -11,7 +11,7 @@ from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 
 from runtime.ros.definitions import SCHEMA_ENCODING, definition
-from runtime.wire.bus import free_endpoint
+from runtime.wire.ports import free_endpoint
 from sim.live.runtime_process import WallrideProcess
 from tests.runtime.ros.test_messages import AckermannDriveStamped, LaserScan
 

@@ -13,8 +13,10 @@ from runtime.app import Car, CarSurroundings
 from runtime.arbitration.command import DriveCommand, Source
 from runtime.settings.tree import Settings, load_settings
 from runtime.wire import zenoh_config
-from runtime.wire.bus import Bus, RefusedError, free_endpoint
+from runtime.wire.bus import Bus
 from runtime.wire.car_bus import CarBus
+from runtime.wire.network import RefusedError
+from runtime.wire.ports import free_endpoint
 from sim.virtual.devices import MemoryBus, MemoryLidar, MemoryMotor, ranges_between_walls
 from sim.virtual.virtual_time import run_virtual
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from runtime.host.address_file import read_address
-from runtime.wire.bus import free_endpoint
+from runtime.wire.ports import free_endpoint
 from sim.live.runtime_process import RuntimeProcess, WallrideProcess
 from sim.live.saved_settings import saved_settings
 from tests.promises import promise

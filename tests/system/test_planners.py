@@ -10,8 +10,9 @@ import pytest
 import wallride
 from runtime.ros.graph import DRIVE, access
 from runtime.wire import topics
-from runtime.wire.bus import Bus, free_endpoint
+from runtime.wire.bus import Bus
 from runtime.wire.car_bus import CarBus
+from runtime.wire.ports import free_endpoint
 from runtime.wire.rmw_zenoh import Distro, RosGraph
 from runtime.wire.zenoh_config import Person, Role, car_config, client_config
 from tests.system.operated import CAR, operated

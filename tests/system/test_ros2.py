@@ -10,8 +10,10 @@ import zenoh
 from zenoh import ext
 
 from runtime.ros.graph import PUBLISHED, TF_ODOM, TF_STATIC, access
-from runtime.wire.bus import CDR, Bus, free_endpoint
+from runtime.wire.bus import Bus
 from runtime.wire.car_bus import CarBus
+from runtime.wire.network import CDR
+from runtime.wire.ports import free_endpoint
 from runtime.wire.rmw_zenoh import GRAPH as TOKENS
 from runtime.wire.rmw_zenoh import Distro, RosGraph, attachment
 from runtime.wire.zenoh_config import car_config, client_config

@@ -19,7 +19,8 @@ from typing import Any
 from clients.decoding import decode
 from drivers.vesc.codec import Packet, VescDeframer
 from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus, free_endpoint
+from runtime.wire.bus import Bus
+from runtime.wire.ports import free_endpoint
 from sim.live.screen import address_in
 from tests.clients.monitor.browser import Browser, Page, chromium
 from tests.runtime.recording.reading import STORE, streamed

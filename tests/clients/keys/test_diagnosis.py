@@ -8,7 +8,8 @@ import pytest
 
 from clients.keys.authority import Authority
 from clients.keys.diagnosis import nothing_heard, why_refused
-from runtime.wire.bus import Bus, free_endpoint
+from runtime.wire.bus import Bus
+from runtime.wire.ports import free_endpoint
 from runtime.wire.zenoh_config import Person, Role, Tls, car_config
 
 

@@ -5,7 +5,7 @@ from contextlib import asynccontextmanager
 import pytest
 
 from runtime.wire import zenoh_config
-from runtime.wire.bus import free_endpoint
+from runtime.wire.ports import free_endpoint
 from tests.clients.monitor.browser import chromium, find_chromium, needs_chromium
 from tests.clients.monitor.fake_car import FakeCar
 

@@ -26,7 +26,8 @@ from runtime.settings.tree import Settings
 from runtime.tasks import parameters
 from runtime.teleop.desk import OperatorDesk
 from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import BYTES, Bus
+from runtime.wire.bus import Bus
+from runtime.wire.network import BYTES
 
 BEAMS = 1081
 STEP_RAD = math.radians(0.25)

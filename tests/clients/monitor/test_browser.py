@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from clients.monitor.token_file import NAME
-from runtime.wire.bus import free_endpoint
+from runtime.wire.ports import free_endpoint
 from runtime.wire.teleop import CarCondition
 from tests.clients.monitor.fake_car import FakeCar
 from tests.clients.monitor.operating import watching

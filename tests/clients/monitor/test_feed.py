@@ -9,7 +9,7 @@ import pytest
 from clients.monitor.feed import PageFeed
 from clients.monitor.relay import CarEndpoint, Relay
 from runtime.wire import zenoh_config
-from runtime.wire.bus import RefusedError
+from runtime.wire.network import RefusedError
 from runtime.wire.teleop import Command, Input, Press
 from tests.clients.monitor.fake_car import FakeCar
 

@@ -12,7 +12,7 @@ import wallride
 from clients.connection import ConnectionProblemError
 from clients.remote.driver import DriveRefusedError
 from clients.remote.values import OdometrySample, ScanSample
-from runtime.wire.bus import RefusedError
+from runtime.wire.network import RefusedError
 from runtime.wire.teleop import Press
 from tests.clients.speaking_car import speaking_car
 from tests.clients.teleop.test_app import FakeCar

@@ -13,7 +13,7 @@ import pytest
 
 import wallride
 from clients.remote.values import ScanSample
-from runtime.wire.bus import free_endpoint
+from runtime.wire.ports import free_endpoint
 from sim.live.runtime_process import WallrideProcess
 from tests.docs.test_source_rules import ROOT
 

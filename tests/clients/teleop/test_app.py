@@ -19,7 +19,9 @@ from clients.teleop.screen import Screen
 from clients.teleop.script import Script, Step
 from clients.teleop.sources import ScriptSource
 from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import BYTES, Bus, free_endpoint
+from runtime.wire.bus import Bus
+from runtime.wire.network import BYTES
+from runtime.wire.ports import free_endpoint
 from runtime.wire.teleop import Beat, CarCondition, Input, Press, read_command
 from tests.clients.teleop.scenes import LINEAR, SESSION
 from tests.promises import promise

@@ -18,7 +18,7 @@ from runtime.recording.own_parts_memory import FILE, RememberedParts, file_in, r
 from runtime.settings.tree import Settings
 from runtime.tasks import own_parts
 from runtime.tasks.own_parts import UNCHANGED_S, OwnPartsKeeper
-from runtime.wire.bus import RefusedError
+from runtime.wire.network import RefusedError
 
 STEP_RAD = math.radians(0.25)
 KNOWN = KnownParts(-STEP_RAD * 540, STEP_RAD, 1081, tuple((beam, 0.3) for beam in range(20, 60)))

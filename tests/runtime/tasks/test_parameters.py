@@ -10,7 +10,7 @@ from runtime.parameters.history import ChangeHistory, SettingChange
 from runtime.parameters.server import ParameterServer, ServerContext
 from runtime.settings.tree import Settings
 from runtime.tasks import parameters
-from runtime.wire.bus import RefusedError
+from runtime.wire.network import RefusedError
 
 KP = "wall_follow.kp"
 

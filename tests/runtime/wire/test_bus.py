@@ -7,9 +7,11 @@ import time
 
 import pytest
 
-from runtime.wire import bus as bus_module
 from runtime.wire import zenoh_config
-from runtime.wire.bus import Bus, PortTakenError, RefusedError, free_endpoint
+from runtime.wire.bus import Bus
+from runtime.wire.mailbox import MAX_DELIVERIES, Mailbox
+from runtime.wire.network import PortTakenError, RefusedError
+from runtime.wire.ports import free_endpoint
 
 KEY = "wallride/car1/operator/command"
 
@@ -159,7 +161,7 @@ async def test_a_flood_leaves_the_loop_its_turns():
         if len(turns) < 10:
             mailbox.post((number + 1,))
 
-    mailbox = bus_module.Mailbox(loop, deliver)
+    mailbox = Mailbox(loop, deliver)
 
     def turn():
         turns.append(len(flooded))
@@ -169,7 +171,7 @@ async def test_a_flood_leaves_the_loop_its_turns():
     mailbox.post((0,))
     loop.call_soon(turn)
     await until(lambda: len(turns) == 10, "something else ran ten times")
-    assert max(after - before for before, after in itertools.pairwise(turns)) <= bus_module.MAX_DELIVERIES
+    assert max(after - before for before, after in itertools.pairwise(turns)) <= MAX_DELIVERIES
     assert flooded == list(range(len(flooded)))
 
 

@@ -11,8 +11,10 @@ import pytest
 import zenoh
 
 from runtime.wire import ingress, zenoh_config
-from runtime.wire.bus import Bus, RefusedError, free_endpoint
+from runtime.wire.bus import Bus
 from runtime.wire.car_bus import MAX_ANSWERS_PER_POLL, MAX_WAITING_SAMPLES, CarBus
+from runtime.wire.network import RefusedError
+from runtime.wire.ports import free_endpoint
 from runtime.wire.teleop import COMMAND_BYTES
 
 KEY = "wallride/car1/operator/command"

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from runtime.wire.bus import RefusedError
+from runtime.wire.network import RefusedError
 from sim.car.vehicle import SpeedDemand, Vehicle
 from sim.live.live_conditions import ACTIONS, KEYS, LiveConditions
 from sim.live.live_keys import LEGEND, handle_keys, legend

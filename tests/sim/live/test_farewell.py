@@ -53,7 +53,7 @@ async def last_words(tmp_path, *options, interrupt=False):
     ("options", "interrupt", "words"),
     [
         (["--duration", "8"], False, "its 8 s are over"),
-        (["--obstacle", "box ahead=0.05 after=3"], False, "the car touched something"),
+        (["--obstacle", "box ahead=0.05 after=8"], False, "the car touched something"),
         ([], True, "it was stopped in its terminal"),
     ],
 )

@@ -9,7 +9,8 @@ from runtime.parameters.history import ChangeHistory, SettingChange
 from runtime.ros import messages
 from runtime.ros.definitions import encoding
 from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus, free_endpoint
+from runtime.wire.bus import Bus
+from runtime.wire.ports import free_endpoint
 from sim.live.listener import Listener
 
 

@@ -15,7 +15,7 @@ from runtime.recording.transcriber import Transcriber
 from runtime.ros.definitions import TYPES
 from runtime.settings.tree import Settings
 from runtime.wire import topics
-from runtime.wire.bus import free_endpoint
+from runtime.wire.ports import free_endpoint
 from sim.virtual.devices import MemoryBus
 from sim.virtual.twin_world import TwinWorld, WorldLidar, WorldMotor
 from sim.virtual.virtual_time import run_virtual

@@ -13,7 +13,9 @@ import pytest
 
 from clients.connection import Cars
 from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus, RefusedError, free_endpoint
+from runtime.wire.bus import Bus
+from runtime.wire.network import RefusedError
+from runtime.wire.ports import free_endpoint
 from sim.recordings import RecordingError
 from sim.replay import publish
 from sim.replay.drive_log import read_log

@@ -12,7 +12,9 @@ from pathlib import Path
 import pytest
 
 from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import BYTES, Bus, free_endpoint
+from runtime.wire.bus import Bus
+from runtime.wire.network import BYTES
+from runtime.wire.ports import free_endpoint
 from runtime.wire.teleop import Press
 from tests.system.faults import document
 from tests.system.operated import CAR, operated

@@ -16,7 +16,9 @@ from pathlib import Path
 from typing import Final
 
 from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import BYTES, Bus, free_endpoint
+from runtime.wire.bus import Bus
+from runtime.wire.network import BYTES
+from runtime.wire.ports import free_endpoint
 from sim.devices.scip import ScipEmulator
 from sim.live.runtime_process import RuntimeProcess
 from tests.system.bench import ROOT
