@@ -304,8 +304,7 @@ class Car:
             graph,
             rates,
             laser,
-            now_s=self.clock,
-            unix_ns=self.wall_clock.unix_ns,
+            wall_clock=self.wall_clock,
             drives=self.settings.ros2.drive,
         )
 

@@ -44,6 +44,10 @@ class WallClock:
         """Return the time since 1970 of a time on the monotonic clock."""
         return self.epoch_ns + round(stamp_s * NS)
 
+    def now_unix_ns(self) -> int:
+        """Return the present time since 1970."""
+        return self.unix_ns(self._clock())
+
     def started_unix_ns(self, stamp_s: float) -> int:
         """Return the same by the clock as it stood when this object was made: never steps."""
         return self.started_epoch_ns + round(stamp_s * NS)

@@ -4,6 +4,7 @@ import functools
 from collections.abc import Callable
 from typing import Protocol
 
+from runtime.realtime.wall_clock import WallClock
 from runtime.ros import messages
 from runtime.ros.graph import DRIVE, PUBLISHED, TF_ODOM, TF_STATIC
 from runtime.ros.messages import Frame
@@ -45,8 +46,7 @@ class RosNetwork(Protocol):
 class Ros2Sink:
     """Announces the car's node and its publishers, and sends the topics that have ROS 2 subscribers.
 
-    laser: the fixed frame, on /tf_static. drives: the car subscribes to /drive. now_s: the monotonic clock; unix_ns:
-    its times as nanoseconds since 1970.
+    laser: the fixed frame, on /tf_static. drives: the car subscribes to /drive.
     """
 
     def __init__(
@@ -56,16 +56,14 @@ class Ros2Sink:
         rates: RatesHz,
         laser: Frame,
         *,
-        now_s: Callable[[], float],
-        unix_ns: Callable[[float], int],
+        wall_clock: WallClock,
         drives: bool = False,
     ) -> None:
         self._bus = bus
         self._graph = graph
         self._laser = laser
         self._drives = drives
-        self._now_s = now_s
-        self._unix_ns = unix_ns
+        self._wall_clock = wall_clock
         self._keys = {topic: graph.data_key(known) for topic, known in PUBLISHED.items()}
         self._gids: dict[str, bytes] = {}
         self._sequences: dict[str, int] = {}
@@ -89,7 +87,7 @@ class Ros2Sink:
         if publisher is None:  # not announced: a receiver could not read its attachment
             return
         self._sequences[topic] = sequence = self._sequences.get(topic, 0) + 1
-        note = attachment(sequence, self._unix_ns(stamp_s), publisher)
+        note = attachment(sequence, self._wall_clock.unix_ns(stamp_s), publisher)
         self._bus.put_attached(self._keys[topic], payload, encoding=CDR, attachment=note)
 
     def _is_wanted(self, topic: str) -> bool:
@@ -108,6 +106,6 @@ class Ros2Sink:
         self._bus.announce(fixed)
         if self._drives:
             self._bus.announce(endpoint(len(PUBLISHED) + 2, "MS", DRIVE))
-        now_ns = self._unix_ns(self._now_s())
+        now_ns = self._wall_clock.now_unix_ns()
         message, note = messages.transforms(now_ns, (self._laser,)), attachment(1, now_ns, gid(fixed))
         self._bus.put_latched(graph.data_key(TF_STATIC), message, encoding=CDR, attachment=note)

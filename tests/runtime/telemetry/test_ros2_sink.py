@@ -2,6 +2,7 @@
 
 import pytest
 
+from runtime.realtime.wall_clock import WallClock
 from runtime.ros.definitions import TYPES
 from runtime.ros.graph import PUBLISHED, TF_ODOM, TF_STATIC
 from runtime.ros.messages import Frame
@@ -13,6 +14,7 @@ from runtime.wire.rmw_zenoh import Distro, RosGraph, gid, read_attachment
 GRAPH = RosGraph(3, Distro.JAZZY, "wallride_car1")
 LASER = Frame("base_link", "laser", 0.27, 0.0, 0.0)
 START_NS = 1_790_000_000_000_000_000
+WALL_CLOCK = WallClock(lambda: 5.0, lambda: START_NS + 5_000_000_000)
 
 
 class RosBus:
@@ -45,9 +47,7 @@ class RosBus:
 
 def joined(**rates):
     bus = RosBus()
-    sink = Ros2Sink(
-        bus, GRAPH, RatesHz(**rates), LASER, now_s=lambda: 5.0, unix_ns=lambda at_s: START_NS + round(at_s * 1e9)
-    )
+    sink = Ros2Sink(bus, GRAPH, RatesHz(**rates), LASER, wall_clock=WALL_CLOCK)
     bus.open()
     return bus, sink
 
@@ -58,7 +58,7 @@ def key_of(topic):
 
 def test_the_node_and_all_publishers_are_announced_once_the_session_is_open():
     bus = RosBus()
-    Ros2Sink(bus, GRAPH, RatesHz(), LASER, now_s=lambda: 5.0, unix_ns=lambda at_s: START_NS)
+    Ros2Sink(bus, GRAPH, RatesHz(), LASER, wall_clock=WALL_CLOCK)
     assert bus.tokens == []
     bus.open()
     node, *endpoints = bus.tokens
@@ -99,7 +99,7 @@ def test_each_sample_has_its_number_its_stamp_and_its_publisher():
 
 def test_before_the_session_is_open_nothing_goes_out_without_its_attachment():
     bus = RosBus()
-    sink = Ros2Sink(bus, GRAPH, RatesHz(), LASER, now_s=lambda: 5.0, unix_ns=lambda at_s: START_NS)
+    sink = Ros2Sink(bus, GRAPH, RatesHz(), LASER, wall_clock=WALL_CLOCK)
     sink.take(topics.ODOM, TYPES[topics.ODOM], 1.0, b"odom")
     assert bus.sent == []
 
