@@ -2,6 +2,7 @@
 
 import asyncio
 import random
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Final
 
@@ -20,7 +21,7 @@ VESC_TIMEOUT_S: Final = 0.15
 VESC_TIMEOUT_A: Final = 10.0
 
 
-class SoakSurroundings:
+class SoakSurroundings(ABC):
     """One car's surroundings; a subclass has the car, carries an operator's commands to it, and can block it."""
 
     def __init__(
@@ -41,13 +42,13 @@ class SoakSurroundings:
         vesc.opened = self.oracle.opened
         vesc.hung_up = lambda: self.oracle.hung_up(clock())
 
+    @abstractmethod
     def carry(self, payload: bytes) -> None:
         """Carry an operator's command to the car."""
-        raise NotImplementedError
 
+    @abstractmethod
     def block(self, for_s: float) -> None:
         """Keep the car's process from doing anything for a time."""
-        raise NotImplementedError
 
     def hear(self, beat: bytes) -> None:
         """Take in a beat of the car."""
