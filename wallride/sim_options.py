@@ -40,12 +40,16 @@ def add_conditions(group: "argparse._ArgumentGroup") -> None:
     )
     group.add_argument(
         "--dirt", action="append", default=[], metavar="FROM,TO[,RANGE]",
-        help="a dirty sector of the window [deg, deg, m]; --dirt=-10,5 (repeatable)",
+        help="a dirty sector of the window [deg, deg, m], --dirt=-10,5,0.4 (repeatable); RANGE is 0.05 by default:"
+        " inside the car's outline, so ahead a stop",
     )  # fmt: skip
     group.add_argument("--trim", type=float, metavar="RAD", help="wheel angle at the servo's middle position")
     group.add_argument("--delay", type=float, metavar="S", help="delay of servo and motor (default: 0.02)")
     group.add_argument(
-        "--own-parts", metavar="KIND", help="parts of the car that its lidar sees; an unknown KIND lists all"
+        "--own-parts",
+        metavar="KIND",
+        help="parts of the car that its lidar sees: posts, mounts, cables, trail, film,"
+        " wide, beside (as on recorded cars) or none",
     )
     group.add_argument(
         "--obstacle", action="append", default=[], metavar="TEXT",

@@ -21,7 +21,7 @@ NOT_KNOWN = "–"
 def stops_table(found: Sequence[RecordedStop], run: RecordedRun, tag: str = "") -> str:
     """Return the time, duration, source and reason of every commanded stop. tag: of the run, beside another."""
     if not found:
-        return "<p>The car was never told to stop.</p>"
+        return f"<p>{_without_stops(run)}</p>"
     rows = []
     for number, stop in enumerate(found, 1):
         lasted = f"{stop.until_s - stop.from_s:.2f} s" if math.isfinite(stop.until_s) else "to the end"
@@ -36,6 +36,14 @@ def stops_table(found: Sequence[RecordedStop], run: RecordedRun, tag: str = "") 
     heads = "".join(f"<th>{name}</th>" for name in ("", "at", "for", "by", "why", "from"))
     more = f"<p>Besides, the car was made slower {times(slower)} without a stop.</p>" if slower else ""
     return f"<table><thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table>{more}"
+
+
+def _without_stops(run: RecordedRun) -> str:
+    """Return why a drive has no stop: a stop follows a command to move."""
+    last = run.changes[-1] if run.changes else None
+    if last is None or np.any(run.sent.value):
+        return "The car was never told to stop."
+    return f"The car never set off: {escape(last.winner)}, {escape(because(last.reason, last.measure))}."
 
 
 def cards(run: RecordedRun, found: Sequence[RecordedStop], tag: str = "") -> str:

@@ -11,6 +11,7 @@ from sim.figures import summary
 from sim.replay.command import _tell
 from sim.replay.figures import numbers, samples, slowed, stops, truth_of
 from sim.replay.run import MuxChange, OdometryPath, RecordedRun, Series
+from sim.run_report.events import stops_table
 
 NOTHING = np.empty(0)
 
@@ -46,6 +47,14 @@ def test_standing_does_not_count_in_the_cars_own_score():
     times_s = np.array([0.0, 1.0, 2.0, 3.0])
     error = Series(times_s, np.array([0.5, 0.1, 0.1, 0.7]))
     assert numbers(made(times_s, [0, 1, 1, 0], error=error))["distance_error"] == {"mean_abs_m": 0.1, "rms_m": 0.1}
+
+
+def test_a_drive_that_never_began_says_why():
+    reason = "something on the lidar: uncover it"
+    run = made([0.0, 1.0, 2.0], [0, 0, 0], [change(0.0, "none", "starting"), change(0.5, "safety", reason)])
+    assert stops_table(stops(run), run) == f"<p>The car never set off: safety, {reason}.</p>"
+    assert "never told to stop" in stops_table([], made([0.0, 1.0], [0, 1], [change(0.0, "navigation", "wall", 1.0)]))
+    assert "never told to stop" in stops_table([], made([0.0], [0]))
 
 
 def test_the_figures_are_the_summarys(run):
