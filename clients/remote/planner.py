@@ -2,30 +2,24 @@
 
 import asyncio
 import secrets
-import time
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
-from types import TracebackType
-from typing import Final, Self
 
 from clients.remote.hand import ScriptedHand
 from clients.remote.loop_thread import LoopThread
+from clients.remote.source_block import READY_WITHIN_S, SourceBlock
 from clients.teleop.inputs import Inputs
 from runtime.wire import topics
 from runtime.wire.bus import Bus
 from runtime.wire.network import BYTES
 from runtime.wire.teleop import Beat, Command, Input, Malformed, Press, read_beat
 
-PERIOD_S: Final = 0.02
-READY_WITHIN_S: Final = 3.0
-GOODBYES: Final = 3
-
 
 class PlanRefusedError(Exception):
     """The car does not, or no longer, hear this planner; the text is the reason."""
 
 
-class RemotePlanner:
+class RemotePlanner(SourceBlock):
     """`with car.plan("slam") as plan: plan.send(1.0, 0.1)`; to be sent again within 0.2 s, or the car stops.
 
     The car moves by it only under an operator's permit, and safety binds it. open_bus: opens a session of its own.
@@ -34,35 +28,14 @@ class RemotePlanner:
     def __init__(
         self, thread: LoopThread, open_bus: Callable[[], Awaitable[Bus]], car: str, name: str, hand: ScriptedHand
     ) -> None:
-        self._thread = thread
-        self._open_bus = open_bus
+        super().__init__(thread, open_bus, hand, f'car.plan("{name}")', PlanRefusedError)
         self._key = topics.planner_key(car, name)
         self._beat_key = topics.key(car, topics.BEAT)
         self._name = name
-        self._hand = hand
         self._session = secrets.randbits(63) + 1
         self._sequence = 0
         self._beat: Beat | None = None
-        self._bus: Bus | None = None
-        self._loop: asyncio.Task[None] | None = None
         self._heard = asyncio.Event()
-
-    def __enter__(self) -> Self:
-        self._thread.call(self._begin())
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._thread.call(self._end(orderly=error is None and not self._hand.trouble))
-
-    def send(self, speed_mps: float, steering_rad: float) -> None:
-        """Ask for this drive for 0.2 s; PlanRefusedError once this script stalled: the car has lost it."""
-        if self._bus is None:
-            raise PlanRefusedError(f'use it in a with block: with car.plan("{self._name}") as plan:')
-        if self._hand.trouble:
-            raise PlanRefusedError(f"{self._hand.trouble}; begin anew with car.plan()")
-        self._hand.send(speed_mps, steering_rad, time.monotonic())
 
     def release(self) -> None:
         """Ask for nothing: the car stops, and this planner keeps it."""
@@ -78,32 +51,13 @@ class RemotePlanner:
             raise PlanRefusedError("no heartbeat from the car") from None
         self._loop = asyncio.create_task(self._run(bus), name="plan")
 
-    async def _run(self, bus: Bus) -> None:
-        next_s = time.monotonic()
-        while True:
-            now_s = time.monotonic()
-            inputs = self._hand.inputs(now_s)
-            if inputs.live:
-                self._send(bus, Press.MANUAL if inputs.manual else Press(0), inputs)
-            next_s = max(next_s + PERIOD_S, now_s)
-            await asyncio.sleep(max(0.0, next_s - time.monotonic()))
+    def _step(self, bus: Bus, now_s: float) -> None:
+        inputs = self._hand.inputs(now_s)
+        if inputs.live:
+            self._send(bus, Press.MANUAL if inputs.manual else Press(0), inputs)
 
-    async def _end(self, *, orderly: bool) -> None:
-        """Say goodbye, or after an error fall silent, for which the car stops."""
-        loop, self._loop = self._loop, None
-        bus, self._bus = self._bus, None
-        if loop is not None:
-            loop.cancel()
-            with suppress(asyncio.CancelledError):
-                await loop
-        if bus is None:
-            return
-        try:
-            for _ in range(GOODBYES if orderly else 0):
-                self._send(bus, Press.GOODBYE, None)
-                await asyncio.sleep(PERIOD_S)
-        finally:
-            await bus.close()
+    def _say_goodbye(self, bus: Bus) -> None:
+        self._send(bus, Press.GOODBYE, None)
 
     def _send(self, bus: Bus, flags: Press, inputs: Inputs | None) -> None:
         beat = self._beat

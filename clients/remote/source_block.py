@@ -1,0 +1,90 @@
+"""The `with` block in which a script commands a car: a session of its own, a steady rate, and an orderly end."""
+
+import asyncio
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from types import TracebackType
+from typing import Final, Self
+
+from clients.remote.hand import ScriptedHand
+from clients.remote.loop_thread import LoopThread
+from runtime.wire.bus import Bus
+
+PERIOD_S: Final = 0.02
+READY_WITHIN_S: Final = 3.0
+GOODBYES: Final = 3
+
+
+class SourceBlock(ABC):
+    """A source of commands that a script holds. open_bus: opens a session of its own, which ends with the block.
+
+    call: how the block is begun, for messages. refused: the error of a block that is not, or no longer, obeyed.
+    """
+
+    def __init__(
+        self, thread: LoopThread, open_bus: Callable[[], Awaitable[Bus]], hand: ScriptedHand, call: str,
+        refused: type[Exception],
+    ) -> None:  # fmt: skip
+        self._thread = thread
+        self._open_bus = open_bus
+        self._hand = hand
+        self._call = call
+        self._refused = refused
+        self._bus: Bus | None = None
+        self._loop: asyncio.Task[None] | None = None
+
+    def __enter__(self) -> Self:
+        self._thread.call(self._begin())
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._thread.call(self._end(orderly=error is None and not self._hand.trouble))
+
+    def send(self, speed_mps: float, steering_rad: float) -> None:
+        """Ask for this drive for 0.2 s; the error of the block once the car no longer obeys this script."""
+        if self._bus is None:
+            raise self._refused(f"use it in a with block: with {self._call} as source:")
+        if self._hand.trouble:
+            raise self._refused(f"{self._hand.trouble}; begin anew with {self._call}")
+        self._hand.send(speed_mps, steering_rad, time.monotonic())
+
+    @abstractmethod
+    async def _begin(self) -> None:
+        """Open the session, and return once the car obeys."""
+
+    @abstractmethod
+    def _step(self, bus: Bus, now_s: float) -> None:
+        """Send what is due; called every PERIOD_S."""
+
+    @abstractmethod
+    def _say_goodbye(self, bus: Bus) -> None:
+        """Send one goodbye."""
+
+    async def _run(self, bus: Bus) -> None:
+        next_s = time.monotonic()
+        while True:
+            now_s = time.monotonic()
+            self._step(bus, now_s)
+            next_s = max(next_s + PERIOD_S, now_s)
+            await asyncio.sleep(max(0.0, next_s - time.monotonic()))
+
+    async def _end(self, *, orderly: bool) -> None:
+        """Say goodbye, or after an error fall silent: the car stops for a lost source."""
+        loop, self._loop = self._loop, None
+        bus, self._bus = self._bus, None
+        if loop is not None:
+            loop.cancel()
+            with suppress(asyncio.CancelledError):
+                await loop
+        if bus is None:
+            return
+        try:
+            for _ in range(GOODBYES if orderly else 0):
+                self._say_goodbye(bus)
+                await asyncio.sleep(PERIOD_S)
+        finally:
+            await bus.close()
