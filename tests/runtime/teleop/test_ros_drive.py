@@ -1,0 +1,130 @@
+"""ROS 2's /drive as a planner: its clock, its publisher, and what is refused."""
+
+import math
+
+import pytest
+
+from runtime.arbitration.command import Source
+from runtime.ros import messages
+from runtime.settings.tree import load_settings
+from runtime.wire.rmw_zenoh import attachment
+from tests.runtime.teleop.planner_rig import GID, OTHER_GID, STEP_S, Rig, driven
+
+
+@pytest.fixture
+def rig():
+    return Rig()
+
+
+class RosSender:
+    """A ROS 2 program with another clock: 1000 s behind, and a link that takes way_s."""
+
+    def __init__(self, rig, gid=GID):
+        self.rig, self.gid, self.sequence, self.way_s, self.ahead_s = rig, gid, 0, 0.01, -1000.0
+
+    def make(self, speed_mps=0.8):
+        self.sequence += 1
+        stamp_s = self.rig.now_s + self.ahead_s
+        note = attachment(self.sequence, round(stamp_s * 1e9), self.gid)
+        return messages.ackermann(1, speed_mps, -0.1), note
+
+    def send(self, **changes):
+        payload, note = self.make(**changes)
+        self.rig.planner_desk.receive_ros(payload, note, self.rig.now_s + self.way_s)
+
+    def drive(self, seconds):
+        for _ in range(round(seconds / STEP_S)):
+            self.rig.wait(STEP_S)
+            self.send()
+
+
+def test_ros_drive_counts_once_its_clock_was_compared(rig):
+    sender = RosSender(rig)
+    sender.drive(0.48)
+    assert rig.decision.driver is Source.NAVIGATION
+    assert set(rig.refused("ros2")) == {"clock not compared yet"}
+    sender.drive(0.1)
+    assert driven(rig) == (Source.PLANNER, pytest.approx(0.8), pytest.approx(-0.1))
+    assert rig.decision.reason == "planner ros2 drives"
+    rig.wait(0.3)
+    assert rig.decision.speed_mps == 0.0
+    assert rig.planner_desk.status()["lost"] == "ros2"
+
+
+def test_ros_commands_that_waited_are_stale_however_fresh_they_arrive(rig):
+    sender = RosSender(rig)
+    sender.drive(0.6)
+    waited = []
+    for _ in range(40):  # the link stands still for 0.8 s, then delivers everything at once
+        rig.wait(STEP_S)
+        waited.append(sender.make(speed_mps=9.0))
+    for payload, note in waited[:28]:
+        rig.planner_desk.receive_ros(payload, note, rig.now_s)
+    assert rig.refused("ros2")["stale"] == 28
+    assert rig.decision.speed_mps == 0.0
+
+
+def test_after_a_long_silence_the_clock_is_compared_anew(rig):
+    sender = RosSender(rig)
+    sender.drive(0.6)
+    waited = [sender.make(speed_mps=9.0) for _ in range(50)]
+    rig.wait(3.0)
+    for payload, note in waited:
+        rig.planner_desk.receive_ros(payload, note, rig.now_s)
+    assert rig.decision.speed_mps == 0.0
+
+
+def test_a_ros_program_that_starts_again_with_another_clock_is_compared_anew(rig):
+    sender = RosSender(rig)
+    sender.drive(0.6)
+    rig.wait(2.0)
+    sender.sequence, sender.ahead_s = 0, -1090.0
+    sender.drive(0.6)
+    assert rig.decision.speed_mps == pytest.approx(0.8)
+
+
+def test_a_second_ros_publisher_and_a_replay_are_refused(rig):
+    sender, other = RosSender(rig), RosSender(rig, OTHER_GID)
+    sender.drive(0.6)
+    other.send(speed_mps=9.0)
+    payload, note = sender.make()
+    for _ in range(2):
+        rig.planner_desk.receive_ros(payload, note, rig.now_s + 0.011)
+    refused = rig.refused("ros2")
+    assert (refused["too many sessions"], refused["replay"]) == (1, 1)
+    assert rig.decision.speed_mps == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda payload, note: (payload, None),
+        lambda payload, note: (payload, note[:-1]),
+        lambda payload, note: (payload[:-1], note),
+        lambda payload, note: (payload + b"\0", note),
+        lambda payload, note: (b"\x00\x00" + payload[2:], note),
+        lambda payload, note: (payload[:12] + b"\xff\xff\xff\xff" + payload[16:], note),
+        lambda payload, note: (messages.ackermann(1, math.nan, 0.0), note),
+        lambda payload, note: (messages.ackermann(1, 1.0, math.inf), note),
+        lambda payload, note: (messages.ackermann(1, 51.0, 0.0), note),
+        lambda payload, note: (b"", note),
+    ],
+)
+def test_ros_nonsense_is_counted_and_drives_nothing(rig, change):
+    sender = RosSender(rig)
+    sender.drive(0.6)
+    before = rig.decision.speed_mps
+    rig.planner_desk.receive_ros(*change(*sender.make(speed_mps=9.0)), rig.now_s)
+    assert rig.refused("ros2")["malformed"] == 1
+    assert rig.decision.speed_mps == before
+
+
+def test_ros_drive_without_its_parts_is_a_mistake_in_the_settings():
+    from runtime.settings.tree import SettingsError
+
+    for missing in (["ros2.enabled=true"], ["planners.enabled=true"], []):
+        with pytest.raises(SettingsError, match=r"ros2\.drive needs"):
+            load_settings(None, ["ros2.drive=true", *missing])
+    settings = load_settings(None, ["ros2.drive=true", "ros2.enabled=true", "planners.enabled=true"])
+    assert settings.planner_names() == ("ros2",)
+    assert load_settings(None, ['planners.names=["slam"]']).planner_names() == (), "off"
