@@ -173,6 +173,7 @@ class SweptGuard:
         self.behind.keep(view, self.own_parts.doubtful)
         self.health.update(view, motor, scene_stands=stands)
         self.visibility.learn()
+        self.movers.learn(view, pose, sliding=self._speed.slides)
         self._eyes.ignore(self.health.mask, self.own_parts.below_m)
 
     def now_s(self, scan: Scan) -> float:

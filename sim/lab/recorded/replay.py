@@ -13,9 +13,7 @@ import numpy.typing as npt
 from drivers.api import MotorState, Scan
 from runtime.arbitration.command import Verdict
 from runtime.control.perception.lidar_health import LidarHealth
-from runtime.control.perception.odometry import Odometry
 from runtime.control.perception.view import PerceptionCache, View
-from runtime.control.safety.moving_obstacles import MovingObstacles
 from runtime.control.safety.swept import SweptAssessment, SweptGuard
 from runtime.control.safety.swept_settings import SweptSettings
 from runtime.control.vehicle import CarSettings
@@ -98,7 +96,6 @@ def replay(recording: Recording, side: Side, guard_settings: SweptSettings | Non
     eyes = PerceptionCache(car)
     guard = SweptGuard(guard_settings or SweptSettings(), car, eyes)
     follower = BallFollower(BallSettings(side=side, speed_mps=2.0), car, eyes)
-    movers, odometry = MovingObstacles(), Odometry(car.wheelbase_m)
     judged: list[JudgedScan] = []
     masked = np.zeros(recording.beams, np.intp)
     for number, scan in enumerate(scans_of(recording)):
@@ -108,8 +105,9 @@ def replay(recording: Recording, side: Side, guard_settings: SweptSettings | Non
         distance_m = follower.follow(scan, motor).distance_m
         view = eyes.see(scan)
         verdict = outlook.limit(asked.speed_mps, asked.steering_rad)
-        walker = bool(movers.update(view, odometry.update(motor), scan.stamp_s).size)
-        judged.append(JudgedScan(scan, motor, outlook, asked, verdict, wall_line(view, side), distance_m, walker))
+        judged.append(
+            JudgedScan(scan, motor, outlook, asked, verdict, wall_line(view, side), distance_m, guard.movers.any_moves)
+        )
         if guard.health.mask is not None:
             masked += guard.health.mask
     guard.learn()

@@ -189,7 +189,7 @@ def things(view):
 
 def test_small_things_stand_out_and_are_small():
     assert len(things(see(circle(2.0, 0.3)))) == 1
-    assert things(see(circle(2.0, 0.3, radius_m=0.6))) == []
+    assert things(see(circle(2.5, 0.3, radius_m=0.9))) == []
     assert things(see(circle(WITHIN_M + 1.0, 0.3))) == []
     before_a_near_wall = circle(2.0, 0.3)
     before_a_near_wall[600:] = 1.0

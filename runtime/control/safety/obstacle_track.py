@@ -1,0 +1,184 @@
+"""Track of one small object in the odometry frame: its place and velocity, and the evidence that it moves.
+
+The filter fits a line to the first places (least squares), then is an alpha-beta filter (Kalata 1984): the speed of a
+new object is known to 0.1 m/s after a quarter of a second, and that of an old one follows a person that starts to walk.
+
+An object moves if it is faster than the error of the odometry, with both of its edges: of a wall's end that comes into
+view only one edge moves. And the beams must agree: its earlier place is free now, and at its present place nothing was
+seen before (Wang, Thorpe & Thrun 2003). Two table legs seen alternately are not a moving object.
+"""
+
+import cmath
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drivers.value import value
+from runtime.control.perception.geometry import Floats
+from runtime.control.perception.view import View
+
+POSITION_GAIN, SPEED_GAIN = 0.4, 0.08
+LATELY_S = 0.6
+"""Minimum age of the place from which motion is measured; the maximum is twice that: slow drift is not walking."""
+MAX_SPEED_MPS = 4.0
+"""Maximum speed of a track: runners reach 3 m/s; faster tracks are false associations."""
+KEPT_SHARE = 0.5
+"""Share of the speed bounds that keeps a track moving that has been seen to move."""
+SAME_PLACE_M = 0.1
+"""Maximum distance of a return from a place that counts as occupying it."""
+MAX_OF_THREE = 2
+
+Edges = tuple[complex, complex]
+"""Right and left edge of an object."""
+
+
+@value(eq=False)
+class ScanLook:
+    """One scan and its pose: position and heading (unit vector) of base_link in the odometry frame."""
+
+    view: View
+    at_m: complex
+    turned: complex
+
+    def ranges_m(self, place_m: complex) -> tuple[float, Floats]:
+        """Return the distance of a place (odom) from the lidar, and the ranges of three beams toward it, if any."""
+        view = self.view
+        off = (place_m - self.at_m) * self.turned.conjugate() - view.lidar_x_m
+        beam = round((cmath.phase(off) - view.scan.angle_min_rad) / view.scan.angle_step_rad)
+        return abs(off), view.ranges_m[max(0, beam - 1) : max(0, beam + 2)]
+
+    def is_occupied(self, place_m: complex) -> bool:
+        """Return whether most of three beams return from that place."""
+        away_m, ranges_m = self.ranges_m(place_m)
+        return int(np.count_nonzero(np.abs(ranges_m - away_m) < SAME_PLACE_M)) >= MAX_OF_THREE
+
+    def is_free(self, place_m: complex) -> bool:
+        """Return whether most of three beams pass beyond that place; a beam without an echo does."""
+        away_m, ranges_m = self.ranges_m(place_m)
+        return int(np.count_nonzero(ranges_m < away_m + SAME_PLACE_M)) < MAX_OF_THREE
+
+
+@value()
+class MotionBounds:
+    """What a track must exceed to count as moving.
+
+    toward_mps: speed toward the car. aside_mps: across its heading, plus turning_per_s times the distance. moved_m,
+    seen_scans, width_m: way since it was first seen, number of scans, and the greatest width, for a motion aside.
+    """
+
+    toward_mps: float
+    aside_mps: float
+    turning_per_s: float
+    toward_moved_m: float
+    toward_scans: int
+    moved_m: float
+    seen_scans: int
+    width_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class EarlierPlace:
+    """Earlier edges of an object (odom), their time, and the scan that showed them."""
+
+    edges_m: Edges
+    stamp_s: float
+    look: ScanLook
+
+    def carried(self, by_m: complex) -> "EarlierPlace":
+        """Return the same, shifted by a motion that the odometry has missed."""
+        edges_m = self.edges_m[0] + by_m, self.edges_m[1] + by_m
+        return EarlierPlace(edges_m, self.stamp_s, replace(self.look, at_m=self.look.at_m + by_m))
+
+
+@dataclass(slots=True)
+class ObstacleTrack:
+    """An object: middle of its visible side, velocity, edges, number of scans, last time (odom).
+
+    edges_m are smoothed, newest_m those of the last scan. before, lately: earlier places, before is the older one.
+    moves: whether it has been seen to move.
+    """
+
+    place_m: complex
+    velocity_mps: complex
+    edges_m: Edges
+    newest_m: Edges
+    before: EarlierPlace
+    lately: EarlierPlace
+    scans: int
+    seen_s: float
+    moves: bool = False
+
+    @classmethod
+    def begin(cls, place_m: complex, edges_m: Edges, stamp_s: float, look: ScanLook) -> "ObstacleTrack":
+        """Return the track of an object that is seen for the first time."""
+        here = EarlierPlace(edges_m, stamp_s, look)
+        return cls(place_m, 0j, edges_m, edges_m, here, here, 1, stamp_s)
+
+    def carry(self, place_m: complex, edges_m: Edges, stamp_s: float) -> None:
+        """Move the track to the place where the object is seen, without a motion of its own."""
+        by_m = place_m - self.place_m
+        self.place_m, self.newest_m, self.seen_s = place_m, edges_m, stamp_s
+        self.edges_m = self.edges_m[0] + by_m, self.edges_m[1] + by_m
+        self.before, self.lately = self.before.carried(by_m), self.lately.carried(by_m)
+
+    def add(self, place_m: complex, edges_m: Edges, stamp_s: float, look: ScanLook) -> None:
+        """Add a place at which the object is seen."""
+        elapsed_s = max(1e-3, stamp_s - self.seen_s)
+        self.scans += 1
+        self.place_m += self.velocity_mps * elapsed_s
+        off = place_m - self.place_m
+        position_gain, speed_gain = _gains(self.scans)
+        self.place_m += position_gain * off
+        self.velocity_mps += speed_gain / elapsed_s * off
+        right_m, left_m = self.edges_m
+        self.edges_m = right_m + POSITION_GAIN * (edges_m[0] - right_m), left_m + POSITION_GAIN * (edges_m[1] - left_m)
+        self.newest_m, self.seen_s = edges_m, stamp_s
+        if stamp_s - self.lately.stamp_s > LATELY_S:
+            self.before, self.lately = self.lately, EarlierPlace(self.edges_m, stamp_s, look)
+
+    def judge(self, look: ScanLook, range_m: float, bounds: MotionBounds) -> None:
+        """Find out whether the object crosses before the car or comes nearer; once it does, KEPT_SHARE is enough.
+
+        look: this scan. range_m: distance of the object from the lidar.
+        """
+        if abs(self.velocity_mps) > MAX_SPEED_MPS:
+            self.moves = False
+            return
+        aside_mps = bounds.aside_mps + bounds.turning_per_s * range_m
+        aside, toward = look.turned * 1j, look.at_m - self.place_m
+        toward /= abs(toward) or 1.0
+        if self._along_mps(aside) < 0.0:
+            aside = -aside
+        aside_share, toward_share = self._along_mps(aside) / aside_mps, self._along_mps(toward) / bounds.toward_mps
+        if self.moves:
+            self.moves = max(aside_share, toward_share) > KEPT_SHARE
+            return
+        narrow = abs(self.newest_m[1] - self.newest_m[0]) <= bounds.width_m
+        crosses = aside_share > 1.0 and self.scans >= bounds.seen_scans and narrow
+        comes = toward_share > 1.0 and self.scans >= bounds.toward_scans and narrow
+        self.moves = (crosses and self._has_moved(aside, look, bounds.moved_m)) or (
+            comes and self._has_moved(toward, look, bounds.toward_moved_m)
+        )
+
+    def _along_mps(self, toward: complex) -> float:
+        """Return the speed in a direction, a unit vector (odom)."""
+        return (self.velocity_mps * toward.conjugate()).real
+
+    def _has_moved(self, toward: complex, look: ScanLook, moved_m: float) -> bool:
+        """Return whether both edges have moved that far in that direction, from a place now free to one free before."""
+        along = toward.conjugate()  # the real part of a product with it is the part of a vector in this direction
+        edges = zip(self.edges_m, self.before.edges_m, strict=True)
+        if not all(((now - then) * along).real > moved_m for now, then in edges):
+            return False
+        came_from = min(self.before.edges_m, key=lambda edge: (edge * along).real)
+        came_to = max(self.newest_m, key=lambda edge: (edge * along).real)
+        return not look.is_occupied(came_from) and self.before.look.is_free(came_to)
+
+
+def _gains(scans: int) -> tuple[float, float]:
+    """Return the gains of place and speed at the n-th scan: those of a line fitted to all, until they are smaller.
+
+    Source: Bar-Shalom, Li & Kirubarajan, Estimation with Applications to Tracking and Navigation, section 6.5.
+    """
+    both = scans * (scans + 1)
+    return max(2 * (2 * scans - 1) / both, POSITION_GAIN), max(6 / both, SPEED_GAIN)

@@ -1,0 +1,120 @@
+"""Scan matching corrects heading and side of the odometry, and leaves to it what the scene does not show."""
+
+import math
+
+import numpy as np
+import pytest
+
+from drivers.api import Scan
+from runtime.control.perception.odometry import OdometryState
+from runtime.control.perception.scan_matching import MatchedOdometry, ScanPose, match, surfaces_of
+from runtime.control.perception.view import PerceptionCache
+from runtime.control.vehicle import CarSettings
+
+CAR = CarSettings()
+STEP_RAD = math.radians(0.25)
+BEARING_RAD = STEP_RAD * (np.arange(1081) - 540)
+
+
+def room(pose, *, half_width_m=1.0, ends_m=(-4.0, 6.0), noise_m=0.01, seed=1):
+    """Return the view from a pose (x, y, yaw) in a rectangular room along x."""
+    x_m, y_m, yaw_rad = pose
+    at = complex(x_m, y_m) + CAR.lidar_x_m * np.exp(1j * yaw_rad)
+    cos, sin = np.cos(BEARING_RAD + yaw_rad), np.sin(BEARING_RAD + yaw_rad)
+    with np.errstate(divide="ignore"):
+        to_side = np.where(sin > 0, (half_width_m - at.imag) / sin, (-half_width_m - at.imag) / sin)
+        to_end = np.where(cos > 0, (ends_m[1] - at.real) / cos, (ends_m[0] - at.real) / cos)
+    ranges_m = np.minimum(np.abs(to_side), np.abs(to_end)) + np.random.default_rng(seed).normal(0, noise_m, 1081)
+    ranges_m[ranges_m > 25] = np.nan
+    return PerceptionCache(CAR).see(
+        Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m.astype(np.float32), 0)
+    )
+
+
+@pytest.mark.parametrize(("shift", "yaw_rad"), [(0.3 + 0.05j, 0.12), (0.2 - 0.1j, -0.2), (0j, 0.0)])
+def test_a_wrong_heading_and_side_are_corrected(shift, yaw_rad):
+    guess = ScanPose(shift + 0.05j, yaw_rad + 0.06)
+    view = room((shift.real, shift.imag, yaw_rad), seed=2)
+    found, sure = match(view, surfaces_of(room((0, 0, 0))), guess)
+    assert sure
+    assert found.yaw_rad == pytest.approx(yaw_rad, abs=0.005)
+    assert found.at_m.imag == pytest.approx(shift.imag, abs=0.015)
+    assert found.at_m.real == pytest.approx(shift.real, abs=0.03)
+
+
+def test_along_a_bare_corridor_the_odometry_decides():
+    endless = {"ends_m": (-60.0, 60.0)}
+    found, sure = match(
+        room((0.3, 0.0, 0.0), seed=2, **endless), surfaces_of(room((0, 0, 0), **endless)), ScanPose(0.3)
+    )
+    assert found.at_m.real == pytest.approx(0.3, abs=0.02)
+    assert sure
+
+
+def test_a_scene_that_does_not_fit_or_is_not_seen_corrects_nothing():
+    before = surfaces_of(room((0, 0, 0)))
+    assert match(room((0, 0, 0), half_width_m=2.0, ends_m=(-9.0, 12.0)), before, ScanPose()) is None
+    nothing = PerceptionCache(CAR).see(
+        Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, np.full(1081, np.nan, np.float32), 0)
+    )
+    assert match(nothing, before, ScanPose()) is None
+    assert match(room((0, 0, 0)), surfaces_of(nothing), ScanPose()) is None
+
+
+def learnt(drift_radps, scans=40, speed_mps=1.0, **walls):
+    """Return the matched odometry after a drive straight on whose odometry turns by mistake."""
+    matched = MatchedOdometry()
+    for step in range(scans):
+        now_s = 0.025 * step
+        view = room((speed_mps * now_s, 0.0, 0.0), seed=step, **walls)
+        odometry = OdometryState(speed_mps * now_s, 0.0, drift_radps * now_s, speed_mps, drift_radps)
+        object.__setattr__(view.scan, "stamp_s", now_s)
+        matched.learn(view, odometry)
+    return matched, odometry
+
+
+def test_noise_on_the_walls_of_a_corridor_moves_nothing_along_it():
+    matched, odometry = learnt(0.0, speed_mps=3.0, ends_m=(-60.0, 60.0), noise_m=0.02)
+    assert matched.pose(odometry).at_m.real == pytest.approx(odometry.x_m, abs=0.05)
+
+
+def test_a_round_room_shows_no_heading():
+    """All ranges are alike: the car may have turned by any angle."""
+    ranges_m = np.full(1081, 3.0, np.float32)
+    view = PerceptionCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
+    _, sure = match(view, surfaces_of(view), ScanPose())
+    assert not sure
+
+
+def test_a_single_wall_ahead_shows_no_motion_aside():
+    view = room((0, 0, 0), half_width_m=60.0, ends_m=(-60.0, 4.0))
+    _, sure = match(view, surfaces_of(view), ScanPose())
+    assert not sure
+
+
+def test_a_scene_that_fits_by_a_third_is_another_one():
+    def half_open(from_beam, to_beam):
+        view = room((0, 0, 0))
+        ranges_m = view.scan.ranges_m.copy()
+        ranges_m[from_beam:to_beam] *= 1.4
+        return PerceptionCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
+
+    before = surfaces_of(room((0, 0, 0)))
+    assert match(half_open(500, 620), before, ScanPose()) is not None
+    assert match(half_open(150, 800), before, ScanPose()) is None
+
+
+def test_an_odometry_that_turns_by_mistake_is_put_right_over_many_scans():
+    matched, odometry = learnt(0.4)
+    assert matched.sure
+    assert abs(matched.pose(odometry).yaw_rad) < 0.01
+    assert abs(matched.pose(odometry).at_m.imag) < 0.03
+
+
+def test_after_a_gap_it_begins_anew_from_the_odometry():
+    matched, odometry = learnt(0.4)
+    matched.forget()
+    assert not matched.sure
+    later = OdometryState(odometry.x_m + 1.0, odometry.y_m, odometry.yaw_rad)
+    moved = matched.pose(later).at_m - matched.pose(odometry).at_m
+    assert abs(moved) == pytest.approx(1.0, abs=1e-9)
