@@ -5,6 +5,7 @@ from pathlib import Path
 
 from wallride.experiments import report_options, tune_options
 from wallride.parser import add_set
+from wallride.sim_options import add_car
 from wallride.sweeps import options as sweep_options
 
 EXPERIMENTS = {
@@ -19,11 +20,13 @@ EXPERIMENTS = {
     "recordings": "real recordings: noise, dirt, braking at walls, needless stops",
     "stories": "the whole process in virtual time: laps, pulled cables, dirt, people, dead ends",
 }
-FIT = "estimates a real car's delay, servo, noise, trim and own parts from recordings, for `wallride sim`"
+FIT = "estimates a real car's delay, servo, noise, trim and own parts from recordings, for `sim` and `lab`"
 FIXED = ("recordings", "stories")
 """Experiments with fixed laws, speeds, floors, sides and seeds."""
 WITH_SETTINGS = ("walls", "safety", "hazards", "laps")
 """Experiments whose cars take settings."""
+WITH_CONDITIONS = (*WITH_SETTINGS, "corners")
+"""Experiments whose simulated car can be another one, as `wallride lab fit` found it."""
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -40,7 +43,10 @@ def add(parser: argparse.ArgumentParser) -> None:
         _add_outputs(parser)
         if name in WITH_SETTINGS:
             add_set(parser)
-        if name in {"walls", "safety", "hazards", "laps"}:
+        parser.set_defaults(conditions=None, condition=[], own_parts=None)
+        if name in WITH_CONDITIONS:
+            add_car(parser)
+        if name in WITH_SETTINGS:
             parser.add_argument(
                 "--own-parts",
                 metavar="KIND",
@@ -68,7 +74,9 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def _add_fit(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("files", type=Path, nargs="+", metavar="FILE", help="recordings of one car's drives")
-    parser.add_argument("--out", type=Path, metavar="FILE.toml", help="write a file for `wallride sim --conditions`")
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE.toml", help="write a file for --conditions of `wallride sim` and `lab`"
+    )
     parser.add_argument(
         "--wheelbase", type=float, default=0.33, metavar="M", help="wheelbase as configured (default: 0.33)"
     )

@@ -55,13 +55,19 @@ def add_conditions(group: "argparse._ArgumentGroup") -> None:
         "--obstacle", action="append", default=[], metavar="TEXT",
         help='"box at=3,1", "box ahead=1.5 after=4", "person at=3,-1 walks=0,0.8" (repeatable)',
     )  # fmt: skip
+    add_car(group)
+
+
+def add_car(group: "argparse._ActionsContainer") -> None:
+    """Add the options for the simulated car itself: a file, as `wallride lab fit` writes it, and single values."""
     group.add_argument(
         "--condition", action="append", default=[], metavar="KEY=VALUE",
         help="another condition: vehicle.mass_kg=4, lidar.outlier_share=0.01 (repeatable)",
     )  # fmt: skip
     group.add_argument(
-        "--conditions", type=Path, metavar="FILE.toml", help="conditions from a file: [vehicle], [lidar]"
-    )
+        "--conditions", type=Path, metavar="FILE.toml",
+        help="conditions from a file, for example of `wallride lab fit`: [vehicle], [lidar]",
+    )  # fmt: skip
 
 
 def run(options: argparse.Namespace) -> int:

@@ -93,5 +93,15 @@ OWN_METHODS: Mapping[str, type[BaseModel]] = {"wall_follow": OwnFollowSettings, 
 """Settings of the user's own laws, beside the built-in ones."""
 TAGS = frozenset({"ball", "swept", "report", OWN_TAG})
 
-KEPT_BY_NEW_METHOD = frozenset({"side", "desired_distance_m", "speed_mps", "expires_after_s", "binds_teleop"})
+_KEPT = frozenset({"side", "desired_distance_m", "speed_mps", "expires_after_s", "binds_teleop"})
 """Settings with the same meaning in every law; gains and margins of one law do not transfer to another."""
+_OF_SWEPT = frozenset(SweptSafetySettings.model_fields) - {"method"}
+
+
+def kept_by_new_method(section: str, old: object, new: object) -> frozenset[str]:
+    """Return the settings of a section that another method keeps.
+
+    A safety law of the user stands beside `swept`, whose settings stay as they are.
+    """
+    beside_swept = section == "safety" and all(method == DEFAULT_SAFETY or is_own(str(method)) for method in (old, new))
+    return _KEPT | _OF_SWEPT if beside_swept else _KEPT

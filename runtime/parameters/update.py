@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from runtime.control.method_settings import KEPT_BY_NEW_METHOD, METHODS, OWN_METHODS, TAGS
+from runtime.control.method_settings import METHODS, OWN_METHODS, TAGS, kept_by_new_method
 from runtime.control.own_laws.law_class import is_own, loaded
 from runtime.parameters.catalogue import Parameter, Value, catalogue, shown, values
 from runtime.parameters.policy import is_looser
@@ -73,7 +73,8 @@ def _with_methods(settings: Settings, wishes: Mapping[str, object]) -> Settings:
         models |= dict.fromkeys(loaded(section), OWN_METHODS[section])
         method = wishes.get(f"{section}.method")
         if isinstance(method, str) and method in models and method != tree[section]["method"]:
-            kept = KEPT_BY_NEW_METHOD.intersection(models[method].model_fields, tree[section])
+            kept = kept_by_new_method(section, tree[section]["method"], method)
+            kept = kept.intersection(models[method].model_fields, tree[section])
             tree[section] = {"method": method, **{key: tree[section][key] for key in kept}}
     return Settings.model_validate(tree)
 

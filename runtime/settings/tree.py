@@ -18,7 +18,6 @@ from drivers.vesc.settings import VescSettings
 from runtime.arbitration.command import LAB_ORDER, Source
 from runtime.control.battery import BatterySettings
 from runtime.control.method_settings import (
-    KEPT_BY_NEW_METHOD,
     METHODS,
     OWN_METHODS,
     TAGS,
@@ -26,6 +25,7 @@ from runtime.control.method_settings import (
     ChosenSafety,
     ChosenWallFollow,
     SweptSafetySettings,
+    kept_by_new_method,
 )
 from runtime.control.own_laws.law_class import OWN_TAG, load_law
 from runtime.control.vehicle import NAME_RULE, CarSettings
@@ -167,8 +167,8 @@ def load_settings(path: Path | None, assignments: Sequence[str] = (), saved: Pat
     tree = layered(tree, above)
     said: dict[str, Any] = {}
     for assignment in assignments:
-        _assign(tree, assignment)
         _assign(said, assignment)
+    tree = layered(tree, said)
     if path is not None:
         search_in(Path.cwd())
         search_in(path.parent)
@@ -204,8 +204,10 @@ def layered(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any
         if not isinstance(value, dict) or not isinstance(under, dict):
             tree[name] = value
             continue
-        if name in METHODS and value.get("method", _method(name, under)) != _method(name, under):
-            under = {key: kept for key, kept in under.items() if key in KEPT_BY_NEW_METHOD}
+        before = _method(name, under) if name in METHODS else None
+        if name in METHODS and value.get("method", before) != before:
+            kept = kept_by_new_method(name, before, value["method"])
+            under = {key: one for key, one in under.items() if key in kept}
         tree[name] = layered(under, value)
     return tree
 
@@ -266,6 +268,9 @@ def _sentence(error: Mapping[str, Any], tree: Mapping[str, Any]) -> str:
         known = _known_keys(error["loc"][:-1], tree)
         near = difflib.get_close_matches(str(path[-1]), known, 1)
         meant = f"did you mean {'.'.join([*map(str, path[:-1]), near[0]])}? " if near else ""
+        others = _methods_with(str(path[0]), str(path[-1])) if len(path) > 1 else []
+        if others and not meant:
+            return f"{key} is a setting of {' and '.join(others)}; delete it. Known here: {', '.join(known)}"
         return f"{key} is not a setting; {meant}known here: {', '.join(known)}"
     if error["type"] == "union_tag_invalid":
         return f"{key}.method = '{error['ctx']['tag']}': input should be {error['ctx']['expected_tags']}"
@@ -275,6 +280,13 @@ def _sentence(error: Mapping[str, Any], tree: Mapping[str, Any]) -> str:
         return f"{key} = {error['input']!r}: must be {NAME_RULE}, for example car1"
     message = str(error["msg"]).removeprefix("Value error, ")
     return f"{key} = {error['input']!r}: {message[:1].lower()}{message[1:]}"
+
+
+def _methods_with(section: str, key: str) -> list[str]:
+    """Return the built-in methods of a section that have a key."""
+    return [
+        str(model.model_fields["method"].default) for model in METHODS.get(section, ()) if key in model.model_fields
+    ]
 
 
 def _known_keys(path: Sequence[str | int], tree: Mapping[str, Any]) -> list[str]:

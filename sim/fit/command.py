@@ -40,4 +40,8 @@ def _show(found: CarEstimate, console: Console, out: Path | None) -> None:
     console.print(table)
     console.print(distance(found), highlight=False)
     if out is not None:
-        console.print(f"Try it: wallride sim --conditions {out}", highlight=False, soft_wrap=True)
+        console.print(
+            f"Try it: wallride sim --conditions {out}, wallride lab walls --conditions {out}",
+            highlight=False,
+            soft_wrap=True,
+        )

@@ -21,7 +21,8 @@ class Cell:
     """One run. law: a name of `sim.lab.laws`. speed_mps: the requested speed; the law may choose less.
 
     desired_m: requested distance to the wall. own_parts: of the car, see `sim.world.own_parts`. settings: KEY=VALUE
-    texts on top of the default settings.
+    texts on top of the default settings. conditions: of the simulated car, on top of the course's own, as
+    `sim.scenario.conditions.named_conditions` returns them.
     """
 
     experiment: str
@@ -34,6 +35,7 @@ class Cell:
     desired_m: float = DESIRED_M
     own_parts: str = "none"
     settings: tuple[str, ...] = ()
+    conditions: tuple[str, ...] = ()
 
     def named(self, figures: Figures) -> Figures:
         """Return the figures with the cell's own names in front."""
@@ -57,6 +59,7 @@ class CellChoice:
     """Courses generated from the seeds instead of the named ones."""
     own_parts: str = ""
     settings: tuple[str, ...] = ()
+    conditions: tuple[str, ...] = ()
 
     def cells(self, experiment: str, scenarios: Sequence[str]) -> list[Cell]:
         """Return every combination; the longest runs first, so that no core waits for one at the end."""
@@ -72,6 +75,7 @@ class CellChoice:
                 self.desired_m,
                 self._parts(experiment, seed),
                 self.settings,
+                self.conditions,
             )
             for speed_mps in self.speeds_mps
             for scenario in scenarios
@@ -83,7 +87,7 @@ class CellChoice:
         return sorted(cells, key=lambda cell: cell.speed_mps)
 
     def _parts(self, experiment: str, seed: int) -> str:
-        return (self.own_parts or kind_of(seed)) if experiment in WITH_OWN_PARTS else "none"
+        return self.own_parts or (kind_of(seed) if experiment in WITH_OWN_PARTS else "none")
 
 
 @dataclass(frozen=True, slots=True)

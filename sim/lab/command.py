@@ -19,6 +19,7 @@ from sim.lab.cell import DESIRED_M, Cell, CellChoice, Figures, TabledCell
 from sim.lab.laps import maps_in
 from sim.lab.pool import experiment, measure_all
 from sim.lab.recordings import ENDINGS, recordings_in
+from sim.scenario.conditions import ConditionsError, RequestedConditions, named_conditions, named_once
 from sim.world.map_file import check_map
 from sim.world.own_parts import OWN_PARTS
 from sim.world.pose import Side
@@ -59,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
             options.plot.mkdir(parents=True, exist_ok=True)
         began_s = time.monotonic()
         figures = measure_all(cells, options.jobs, options.plot, console)
-    except LabUsageError as error:
+    except (LabUsageError, ConditionsError) as error:
         print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
         return USAGE_ERROR
     except KeyboardInterrupt:
@@ -80,16 +81,19 @@ def run(options: argparse.Namespace) -> int:
 
 
 def chosen(options: argparse.Namespace) -> CellChoice:
-    """Return the selection of the options; UsageError for invalid ones."""
+    """Return the selection of the options; LabUsageError or ConditionsError for invalid ones."""
     quick = options.quick
     seeds = _seeds(options)
     if options.jobs is not None and options.jobs < 1:
         raise LabUsageError(f"--jobs {options.jobs}: give 1 or more processes")
     laws_chosen = _laws(options.method)
+    conditions = named_conditions(RequestedConditions(options.conditions, options.condition))
+    mu = named_once(conditions, "vehicle.grip_mu", "--mu", options.mu)
+    own_parts = named_once(conditions, "lidar.own_parts", "--own-parts", options.own_parts)
     return CellChoice(
         laws_chosen,
         _numbers("--speeds", options.speeds, 0.3, 8.0) or (QUICK_SPEEDS_MPS if quick else SPEEDS_MPS),
-        _numbers("--mu", options.mu, 0.1, 2.0) or (QUICK_MUS if quick else MUS),
+        _numbers("--mu", mu if mu is None else str(mu), 0.1, 2.0) or (QUICK_MUS if quick else MUS),
         _sides(options.side, quick=quick),
         seeds,
         quick,
@@ -97,8 +101,9 @@ def chosen(options: argparse.Namespace) -> CellChoice:
         _recordings(options),
         _distance_m(options),
         getattr(options, "generated", False),
-        _own_parts(options),
+        _own_parts(own_parts),
         _settings(options, laws_chosen),
+        conditions,
     )
 
 
@@ -186,8 +191,7 @@ def _distance_m(options: argparse.Namespace) -> float:
     return distances_m[0] if distances_m else DESIRED_M
 
 
-def _own_parts(options: argparse.Namespace) -> str:
-    kind: str | None = getattr(options, "own_parts", None)
+def _own_parts(kind: str | None) -> str:
     if kind is not None and kind not in OWN_PARTS:
         raise LabUsageError(f"--own-parts {kind}: write one of {', '.join(OWN_PARTS)}")
     return kind or ""
@@ -274,6 +278,7 @@ def _write(
         "seeds": choice.seeds,
         "quick": choice.quick,
         "settings": choice.settings,
+        "conditions": choice.conditions,
         "took_s": round(took_s, 1),
         "notes": {table.title: table.notes for table in tables if table.notes},
         "cells": figures,

@@ -16,6 +16,7 @@ from runtime.control.perception.view import PerceptionCache
 from runtime.settings.tree import Settings, load_settings
 from sim.lab.cell import Cell
 from sim.lab.courses.prototype import Prototype
+from sim.scenario.conditions import put_on_top
 from sim.virtual.closed_loop import Case, SimulatedRun, drive
 from sim.world.pose import Side
 
@@ -84,7 +85,7 @@ def own_law_faults(laws: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> li
 
 
 def drive_case(cell: Cell, case: Case, navigator: Follower | None = None, guard: Guard | None = None) -> SimulatedRun:
-    """Drive a case with the laws, settings and own parts of a cell, at the case's distance to the wall.
+    """Drive a case with the laws, settings, conditions and own parts of a cell, at the case's distance to the wall.
 
     navigator, guard: in place of the law's own.
     """
@@ -92,5 +93,6 @@ def drive_case(cell: Cell, case: Case, navigator: Follower | None = None, guard:
     if cell.settings:
         car = settings_of(cell.law, cell.side, case.desired_m, cell.speed_mps, cell.settings).car
         case = replace(case, car=car)
-    lidar = case.lidar.model_copy(update={"own_parts": cell.own_parts})
-    return drive(replace(case, lidar=lidar), navigator or follower, guard or built)
+    vehicle, lidar = put_on_top(cell.conditions, case.vehicle, case.lidar)
+    lidar = lidar.model_copy(update={"own_parts": cell.own_parts})
+    return drive(replace(case, vehicle=vehicle, lidar=lidar), navigator or follower, guard or built)

@@ -96,6 +96,8 @@ def _figure(rows: Sequence[Row]) -> str:
 def _notes(rows: Sequence[Row]) -> tuple[str, ...]:
     contacts, failed = sum(row["collided"] for row in rows), sum(not row["completed"] for row in rows)
     notes = [f"{contacts} contacts, {failed} of {len(rows)} not completed"]
+    if rows[0]["conditions"]:
+        notes.append(f"the limit is that of the simulator's own car; these had {', '.join(rows[0]['conditions'])}")
     for whose, name in (("limit", "limit_m"), ("the design notes' own, laxer limit", "reference_limit_m")):
         ratios = sorted(
             row["mean_error_m"] / row[name]

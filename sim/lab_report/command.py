@@ -19,11 +19,15 @@ from sim.lab.pool import measure_all
 from sim.lab.report.plan import ALONE_LAW, REPORT_LAW, ReportPlan, first_round, second_round
 from sim.lab.report.tables import averaged, optima
 from sim.lab_report.page import html_page, markdown_page
+from sim.scenario.conditions import ConditionsError, RequestedConditions, named_conditions, named_once
 from sim.world.own_parts import OWN_PARTS
 
 LAWS = ("report", "law")
 """Prefixes of settings for the cars of one law."""
 FIXED = {"wall_follow.method": "--method", "safety.method": "--method FOLLOWER+GUARD"}
+
+
+FRICTION_MU = 0.8
 
 
 class ReportUsageError(Exception):
@@ -39,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
         plan = plan_of(options)
         folder = _folder(options.output)
         rows = measure(plan, options.jobs, console)
-    except ReportUsageError as error:
+    except (ReportUsageError, ConditionsError) as error:
         print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
         return USAGE_ERROR
     except KeyboardInterrupt:
@@ -85,14 +89,15 @@ def plan_of(options: argparse.Namespace) -> ReportPlan:
         raise ReportUsageError(f"--method {options.method}: {error}") from None
     if law.endswith("+none") or law.startswith("report+"):
         raise ReportUsageError(f"--method {options.method}: write a follower other than report, with its safety")
-    if options.own_parts not in OWN_PARTS:
-        raise ReportUsageError(f"--own-parts {options.own_parts}: write one of {', '.join(OWN_PARTS)}")
-    if not 0.1 <= options.friction <= 2.0:
-        raise ReportUsageError(f"--friction {options.friction:g}: write a number from 0.1 to 2")
+    conditions, friction, own_parts = _conditions(options)
+    if own_parts not in OWN_PARTS:
+        raise ReportUsageError(f"--own-parts {own_parts}: write one of {', '.join(OWN_PARTS)}")
+    if not 0.1 <= friction <= 2.0:
+        raise ReportUsageError(f"--friction {friction:g}: write a number from 0.1 to 2")
     if options.jobs is not None and options.jobs < 1:
         raise ReportUsageError(f"--jobs {options.jobs}: give 1 or more processes")
     texts = {name: tuple(_settings(options.assignments, name)) for name in LAWS}
-    plan = ReportPlan(law, texts["report"], texts["law"], options.friction, options.own_parts, options.seed)
+    plan = ReportPlan(law, texts["report"], texts["law"], friction, own_parts, options.seed, conditions=conditions)
     for one in (REPORT_LAW, law):
         try:
             plan.settings(one)
@@ -103,6 +108,14 @@ def plan_of(options: argparse.Namespace) -> ReportPlan:
     if plan.settings(REPORT_LAW).wall_follow.side != plan.settings(law).wall_follow.side:
         raise ReportUsageError("--set wall_follow.side: both laws follow one side")
     return plan
+
+
+def _conditions(options: argparse.Namespace) -> tuple[tuple[str, ...], float, str]:
+    """Return the conditions of the cars, the floor's friction and the own parts."""
+    conditions = named_conditions(RequestedConditions(options.conditions, options.condition))
+    friction = named_once(conditions, "vehicle.grip_mu", "--friction", options.friction)
+    own_parts = named_once(conditions, "lidar.own_parts", "--own-parts", options.own_parts)
+    return conditions, FRICTION_MU if friction is None else friction, own_parts or "none"
 
 
 def _settings(assignments: Sequence[str], whose: str) -> list[str]:

@@ -43,13 +43,17 @@ def markdown_page(plan: ReportPlan, rows: Rows, version: str, folder: Path) -> s
 def conditions(plan: ReportPlan, version: str) -> str:
     """Return the conditions of all runs in one paragraph."""
     follow = plan.settings(plan.law).wall_follow
+    car, _ = plan.car_and_lidar()
+    fitted = f" Simulated car: {', '.join(f'`{one}`' for one in plan.conditions)}." if plan.conditions else ""
+    fitted += " Physics is that of the simulator's own car." if plan.conditions else ""
     more = [f"`{text}`" for text in dict.fromkeys((*plan.report_settings, *plan.law_settings))]
     return (
         f"{follow.side.capitalize()} wall at {follow.desired_distance_m:g} m, {follow.speed_mps:g} m/s unless a table"
-        f" says otherwise, friction {plan.mu:g}, noise 0.02 m, 2 % outliers, 20 ms to the wire and 20 ms of servo and"
-        f" motor, own parts: {plan.own_parts}, seed {plan.seed}, starts turned by {57.29578 * SLANT_RAD:.0f} degrees."
+        f" says otherwise, friction {plan.mu:g}, {plan.noise_words()}, 20 ms to the wire, then"
+        f" {1000 * car.steering_delay_s:g} ms of the servo and {1000 * car.drive_delay_s:g} ms of the motor, own"
+        f" parts: {plan.own_parts}, seed {plan.seed}, starts turned by {57.29578 * SLANT_RAD:.0f} degrees."
         f" The report's law with Kp {REPORT_KP:g}, Kd {REPORT_KD:g} beside `{plan.law.partition('+')[0]}`."
-        f" Settings: {', '.join(more) if more else 'the defaults'}. wallride {version}."
+        f" Settings: {', '.join(more) if more else 'the defaults'}.{fitted} wallride {version}."
     )
 
 

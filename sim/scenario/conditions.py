@@ -4,6 +4,7 @@ A settings file has the sections [vehicle] and [lidar] with the fields of `Vehic
 list `obstacles` of texts (`sim.scenario.obstacle_text`). Options of the command line come on top.
 """
 
+import json
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -88,6 +89,45 @@ def conditions_of(wishes: RequestedConditions) -> Conditions:
         first = error.errors(include_url=False)[0]
         where = ".".join(str(part) for part in first["loc"])
         raise ConditionsError(f"{where} = {first['input']!r}: {_plain(first['msg'])}") from None
+
+
+def named_conditions(wishes: RequestedConditions) -> tuple[str, ...]:
+    """Return what a file and options name, checked, as SECTION.KEY=VALUE texts with JSON values, for `put_on_top`.
+
+    ConditionsError when any of it is unusable; obstacles are, because they belong to one drive.
+    """
+    named = conditions_of(wishes).model_dump(mode="json", exclude_unset=True)
+    if named.pop("obstacles", None):
+        raise ConditionsError("obstacles: are for one drive (wallride sim); the lab's courses have their own")
+    return tuple(
+        f"{section}.{key}={json.dumps(value)}" for section, some in sorted(named.items()) for key, value in some.items()
+    )
+
+
+def named_value(conditions: Sequence[str], key: str) -> Any:  # noqa: ANN401 - any JSON value
+    """Return the value of a key in what `named_conditions` returned, None where it is not named."""
+    found = (text.partition("=")[2] for text in conditions if text.partition("=")[0] == key)
+    return next(map(json.loads, found), None)
+
+
+def named_once(conditions: Sequence[str], key: str, option: str, given: Any) -> Any:  # noqa: ANN401 - of an option
+    """Return what an option gives or the conditions name, None for neither; ConditionsError for both."""
+    named = named_value(conditions, key)
+    if given is not None and named is not None:
+        raise ConditionsError(f"{option} {given}: the conditions have {key} = {named} already; leave one of them out")
+    return given if named is None else named
+
+
+def put_on_top(
+    conditions: Sequence[str], vehicle: VehicleSettings, lidar: LidarSettings
+) -> tuple[VehicleSettings, LidarSettings]:
+    """Return a car and a lidar with the named conditions in place of their own."""
+    tree: dict[str, Any] = {"vehicle": vehicle.model_dump(), "lidar": lidar.model_dump()}
+    for text in conditions:
+        key, _, value = text.partition("=")
+        _put(tree, key, json.loads(value))
+    made = Conditions.model_validate(tree)
+    return made.vehicle, made.lidar
 
 
 def own_parts_kinds() -> tuple[str, ...]:

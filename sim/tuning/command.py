@@ -13,6 +13,7 @@ from runtime.settings.tree import SettingsError
 from sim.lab import laws
 from sim.lab.command import FIXED_SETTINGS, INTERRUPTED, USAGE_ERROR
 from sim.lab.tuning.drive import SCENARIOS, Scenario
+from sim.scenario.conditions import ConditionsError, RequestedConditions, named_conditions
 from sim.tuning.page import tuning_page
 from sim.tuning.settings_file import settings_text, write_settings
 from sim.tuning.space import SpaceError, space_of
@@ -33,7 +34,7 @@ def run(options: argparse.Namespace) -> int:
     try:
         plan = plan_of(options)
         verdict = study_and_judge(plan, folder, options, console)
-    except (TuneUsageError, SpaceError, StudyError) as error:
+    except (TuneUsageError, ConditionsError, SpaceError, StudyError) as error:
         print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
         return USAGE_ERROR
     except KeyboardInterrupt:
@@ -86,7 +87,8 @@ def plan_of(options: argparse.Namespace) -> TuningPlan:
     twice = {text.partition("=")[0].strip() for text in options.assignments} & {one.name for one in parameters}
     if twice:
         raise TuneUsageError(f"{', '.join(sorted(twice))}: is both set and tuned; leave one of them out")
-    return TuningPlan(law, tuple(options.assignments), parameters, _scenarios(options.only), options.seed)
+    conditions = named_conditions(RequestedConditions(options.conditions, options.condition))
+    return TuningPlan(law, tuple(options.assignments), parameters, _scenarios(options.only), options.seed, conditions)
 
 
 def _scenarios(text: str | None) -> tuple[Scenario, ...]:

@@ -51,6 +51,7 @@ def tuning_page(study: optuna.Study, plan: TuningPlan, verdict: TuningVerdict, v
 
 def _head(plan: TuningPlan, verdict: TuningVerdict, version: str) -> str:
     given = f"Given: {', '.join(plan.settings)}." if plan.settings else "All other settings: the defaults."
+    given += f" In every drive: {', '.join(plan.conditions)}." if plan.conditions else ""
     judged = "is better" if verdict.better else "is not shown to be better"
     return (
         f"<header><h1>Tuning <small>{escape(plan.law)}</small></h1>"

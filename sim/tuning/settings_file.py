@@ -19,6 +19,7 @@ def settings_text(plan: TuningPlan, verdict: TuningVerdict, version: str) -> str
         f"Written by `wallride lab tune` (wallride {version}) from {verdict.trials} trials, seed {plan.seed}.",
         f"On its scenarios, conditions that no trial had: {verdict.fresh.words()}.",
         f"On scenarios that no trial had: {verdict.held_out.words()}.",
+        *([f"In every drive: {', '.join(plan.conditions)}."] if plan.conditions else []),
         "Simulated. Wheels up and slowly first. Every setting that is not here is the default.",
     ):
         document.add(tomlkit.comment(line))

@@ -15,6 +15,7 @@ from optuna.storages import JournalStorage
 from optuna.storages.journal import JournalFileBackend
 from optuna.trial import FrozenTrial, Trial, TrialState
 
+from sim.lab.cell import Cell
 from sim.lab.tuning.drive import Scenario, cells, cost_of
 from sim.tuning.space import TunedParameter
 from sim.tuning.workers import Measure
@@ -37,22 +38,30 @@ class StudyError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class TuningPlan:
-    """What a study is about; a study that exists is only continued with the same. settings: given, not tuned."""
+    """What a study is about; a study that exists is only continued with the same.
+
+    settings: given, not tuned. conditions: of every drive, in place of the sampled ones.
+    """
 
     law: str
     settings: tuple[str, ...]
     parameters: tuple[TunedParameter, ...]
     scenarios: tuple[Scenario, ...]
     seed: int
+    conditions: tuple[str, ...] = ()
 
     def text(self) -> str:
         """Return the plan as one comparable text."""
         names = [[one.name, one.range_words()] for one in self.parameters]
-        return json.dumps([self.law, self.settings, names, self.scenarios, self.seed])
+        return json.dumps([self.law, self.settings, names, self.scenarios, self.seed, *self.conditions])
 
     def condition_seed(self, number: int) -> int:
         """Return the seed of a trial's conditions."""
         return 1000 * self.seed + number % SEEDS
+
+    def cells(self, values: dict[str, float | bool | str], seed: int, scenarios: Sequence[Scenario]) -> list[Cell]:
+        """Return the drives with some settings, {} for the present ones, under the conditions of a seed."""
+        return cells(self.law, self.assignments(values), seed, scenarios, self.conditions)
 
     def assignments(self, values: dict[str, float | bool | str]) -> tuple[str, ...]:
         """Return the settings of a trial as KEY=VALUE texts."""
@@ -88,7 +97,7 @@ def baseline(study: optuna.Study, plan: TuningPlan, measure: Measure) -> list[fl
         return [float(cost) for cost in kept]
     seeds = [plan.condition_seed(number) for number in range(SEEDS)]
     count = len(plan.scenarios)
-    rows = measure([cell for seed in seeds for cell in cells(plan.law, plan.settings, seed, plan.scenarios)])
+    rows = measure([cell for seed in seeds for cell in plan.cells({}, seed, plan.scenarios)])
     costs = [cost_of(rows[at : at + count]) for at in range(0, len(rows), count)]
     study.set_user_attr(_BASELINE, costs)
     return costs
@@ -105,10 +114,7 @@ def go_on(study: optuna.Study, plan: TuningPlan, trials: int, measure: Measure, 
         batch = [study.ask() for _ in range(min(BATCH, trials - done))]
         wanted = [_suggest(trial, plan.parameters) for trial in batch]
         seeds = [plan.condition_seed(trial.number) for trial in batch]
-        drives = [
-            cells(plan.law, plan.assignments(values), seed, plan.scenarios)
-            for values, seed in zip(wanted, seeds, strict=True)
-        ]
+        drives = [plan.cells(values, seed, plan.scenarios) for values, seed in zip(wanted, seeds, strict=True)]
         rows = measure([cell for some in drives for cell in some])
         count = len(plan.scenarios)
         for index, trial in enumerate(batch):

@@ -9,7 +9,7 @@ from optuna.distributions import CategoricalDistribution
 from optuna.trial import FrozenTrial
 
 from sim.lab.cell import Figures
-from sim.lab.tuning.drive import HELD_OUT, Scenario, cells
+from sim.lab.tuning.drive import HELD_OUT, Scenario
 from sim.tuning.study import FIRST_HELD_OUT_SEED, SEEDS, TuningPlan, finished, values_of
 from sim.tuning.workers import Measure
 from sim.world.pose import Floats
@@ -122,9 +122,8 @@ def _places(done: Sequence[FrozenTrial]) -> Floats:
 def _drive(
     plan: TuningPlan, values: Values, scenarios: Sequence[Scenario], first: int, measure: Measure
 ) -> list[Figures]:
-    settings = plan.assignments(values)
     seeds = range(FIRST_HELD_OUT_SEED + first, FIRST_HELD_OUT_SEED + first + VERDICT_SEEDS)
-    return measure([cell for seed in seeds for cell in cells(plan.law, settings, 1000 * plan.seed + seed, scenarios)])
+    return measure([cell for seed in seeds for cell in plan.cells(values, 1000 * plan.seed + seed, scenarios)])
 
 
 def _cost(rows: Sequence[Figures]) -> float:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from wallride.failure import needs
 from wallride.parser import add_set
+from wallride.sim_options import add_car
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
@@ -31,10 +32,9 @@ def add(experiments: "Commands") -> None:
         "--set report.KEY=VALUE and --set law.KEY=VALUE are for the cars of one law alone."
         " A gain that is set is not varied."
     )
-    report.add_argument("--friction", type=float, default=0.8, metavar="MU", help="grip of the floor (default: 0.8)")
-    report.add_argument(
-        "--own-parts", default="none", metavar="KIND", help="parts of the car that its lidar sees (default: none)"
-    )
+    report.add_argument("--friction", type=float, metavar="MU", help="grip of the floor (default: 0.8)")
+    report.add_argument("--own-parts", metavar="KIND", help="parts of the car that its lidar sees (default: none)")
+    add_car(report)
     report.add_argument("--seed", type=int, default=1000, metavar="N", help="seed of all noise (default: 1000)")
     report.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
     report.set_defaults(run=_run)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from wallride.failure import needs
 from wallride.parser import add_set
+from wallride.sim_options import add_car
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
@@ -22,6 +23,7 @@ def add(experiments: "Commands") -> None:
         help="setting to tune, from half to twice its value without a range (repeatable; default: the law's gains)",
     )  # fmt: skip
     add_set(tune)
+    add_car(tune)
     tune.add_argument("--trials", type=int, default=200, metavar="N", help="trials in all (default: 200)")
     tune.add_argument(
         "-o", dest="output", type=Path, default=Path("lab-tune"), metavar="DIR",

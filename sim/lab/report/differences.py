@@ -27,7 +27,7 @@ def differences(plan: ReportPlan, rows: Rows) -> list[str]:
         *_pairs(plan, rows),
         *_noise(plan, rows),
         *_tests_without_a_way(plan, rows),
-        *_errors(rows),
+        *_errors(plan, rows),
         *_obstacles(plan, rows),
     ]
 
@@ -60,7 +60,7 @@ def _noise(plan: ReportPlan, rows: Rows) -> Iterator[str]:
     if len(ended[ALONE_LAW]) < len(ended[CLEAN_TABLE]):
         yield (
             f"The report's pair without safety drives {', '.join(ended[CLEAN_TABLE])} to the end with a lidar without"
-            f" noise, and {', '.join(ended[ALONE_LAW]) or 'nothing'} with 20 mm of noise and 2 % outliers. So that is"
+            f" noise, and {', '.join(ended[ALONE_LAW]) or 'nothing'} with {plan.noise_words()}. So that is"
             " the cause: the least-squares line takes every outlier, and Kd multiplies its angle."
         )
 
@@ -86,14 +86,14 @@ def _cause(row: Row, ended: Sequence[str]) -> str:
     return " The cause is not known."
 
 
-def _errors(rows: Rows) -> Iterator[str]:
+def _errors(plan: ReportPlan, rows: Rows) -> Iterator[str]:
     report = [row for row in rows["report"] if row["outcome"] == "driven"]
     steady = [row["steady_error_m"] for row in report if row["steady_error_m"] is not None]
     if steady and max(steady) > BIAS_M:
         yield (
             f"The report's law keeps a steady error of {1000 * min(steady):.0f} to {1000 * max(steady):.0f} mm here."
             " Cause: its distance is the mean of the three nearest ranges, and the smallest of many noisy ranges is"
-            " about two standard deviations too near (noise here 20 mm, 2 % outliers)."
+            f" about two standard deviations too near (here {plan.noise_words()})."
         )
     yield (
         "The report's errors per pair, its safety trials and its start distances are not in the references, so no"

@@ -7,11 +7,15 @@ from functools import lru_cache
 
 from runtime.parameters.catalogue import catalogue
 from runtime.settings.tree import Settings
+from sim.car.vehicle_settings import VehicleSettings
 from sim.lab import laws
 from sim.lab.cell import Cell
 from sim.lab.courses.sudden import PLACES
 from sim.lab.report import trials
 from sim.lab.safety import DISTANCES_M
+from sim.scenario.conditions import put_on_top
+from sim.virtual.closed_loop import ROUGH_BEAMS
+from sim.world.beams import LidarSettings
 from sim.world.pose import Side
 
 REPORT_KP, REPORT_KD = 1.5, 1.6
@@ -32,7 +36,10 @@ Pair = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class ReportPlan:
-    """Choice of the report. law: compared with the report's. settings: KEY=VALUE texts by law, for both laws."""
+    """Choice of the report. law: compared with the report's. settings: KEY=VALUE texts by law, for both laws.
+
+    conditions: of the simulated car, as `sim.lab.cell.Cell` has them.
+    """
 
     law: str = "ball+swept"
     report_settings: tuple[str, ...] = ()
@@ -42,6 +49,16 @@ class ReportPlan:
     seed: int = 1000
     speeds_mps: tuple[float, ...] = SPEEDS_MPS
     tests: tuple[str, ...] = tuple(trials.TESTS)
+    conditions: tuple[str, ...] = ()
+
+    def car_and_lidar(self) -> tuple[VehicleSettings, LidarSettings]:
+        """Return the simulated car and its lidar."""
+        return put_on_top(self.conditions, VehicleSettings(grip_mu=self.mu), ROUGH_BEAMS)
+
+    def noise_words(self) -> str:
+        """Return the lidar's noise."""
+        _, lidar = self.car_and_lidar()
+        return f"{1000 * lidar.noise_std_m:g} mm of noise and {100 * lidar.outlier_share:g} % outliers"
 
     def assignments(self, law: str) -> tuple[str, ...]:
         """Return the settings of the cars of a law."""
@@ -99,7 +116,7 @@ def trial(plan: ReportPlan, law: str, test: str, pair: Pair | None = None, speed
     settings = (*settings, f"wall_follow.speed_mps={speed_mps:g}")
     return Cell(
         trials.NAME, test, law, speed_mps, plan.mu, chosen.side, plan.seed, chosen.desired_distance_m, plan.own_parts,
-        settings,
+        settings, plan.conditions,
     )  # fmt: skip
 
 
@@ -128,7 +145,7 @@ def obstacles(plan: ReportPlan, law: str, driver: str) -> list[Cell]:
             "safety",
             f"{ahead_m:.1f} m" if driver == "blind" else f"{driver} {place} {BOX} {ahead_m:.1f}m",
             law, speed_mps, plan.mu, side, plan.seed, 1.0, plan.own_parts,
-            (*plan.assignments(law), f"wall_follow.speed_mps={speed_mps:g}"),
+            (*plan.assignments(law), f"wall_follow.speed_mps={speed_mps:g}"), plan.conditions,
         )
         for ahead_m in DISTANCES_M
         for speed_mps in plan.speeds_mps

@@ -53,7 +53,10 @@ def run(cell: Cell) -> SimulatedRun:
     """Drive one cell."""
     course = TESTS[cell.scenario.partition(" ")[0]]
     case = course_case(course, cell.speed_mps, cell.mu, cell.side, cell.seed, cell.desired_m)
-    return drive_case(cell, replace(case, lidar=CLEAN_BEAMS) if cell.scenario.endswith(CLEAN) else case)
+    if not cell.scenario.endswith(CLEAN):
+        return drive_case(cell, case)
+    of_the_car = tuple(one for one in cell.conditions if not one.startswith("lidar."))
+    return drive_case(replace(cell, conditions=of_the_car), replace(case, lidar=CLEAN_BEAMS))
 
 
 def measure(cell: Cell) -> Figures:

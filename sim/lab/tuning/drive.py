@@ -18,6 +18,7 @@ from sim.lab.figures import Row, common, errors, number
 from sim.lab.laws import drive_case
 from sim.lab.limits import limit_m
 from sim.lab.walls import LOST_ABOVE_M
+from sim.scenario.conditions import named_value
 from sim.virtual.closed_loop import SimulatedRun
 from sim.world.beams import LidarSettings
 from sim.world.pose import Side
@@ -65,15 +66,21 @@ class SampledConditions:
         return cls(MUS[mu], SIDES[side], NOISES_M[noise_m], LATENCIES_S[latency_s], trim_rad, OWN_PARTS[parts])
 
 
-def cells(law: str, settings: Sequence[str], seed: int, scenarios: Sequence[Scenario]) -> list[Cell]:
-    """Return the drives of one trial; the same seed gives the same conditions, whatever the settings are."""
+def cells(
+    law: str, settings: Sequence[str], seed: int, scenarios: Sequence[Scenario], conditions: tuple[str, ...] = ()
+) -> list[Cell]:
+    """Return the drives of one trial; the same seed gives the same conditions, whatever the settings are.
+
+    conditions: of every drive, in place of the sampled ones.
+    """
+    mu, own_parts = named_value(conditions, "vehicle.grip_mu"), named_value(conditions, "lidar.own_parts")
     made = []
     for index, (course, speed_mps) in enumerate(scenarios):
         own = 1000 * seed + index
         sampled = SampledConditions.of(own)
         made.append(
-            Cell(NAME, course, law, speed_mps, sampled.mu, sampled.side, own, DESIRED_M, sampled.own_parts,
-                 tuple(settings))
+            Cell(NAME, course, law, speed_mps, mu or sampled.mu, sampled.side, own, DESIRED_M,
+                 own_parts or sampled.own_parts, tuple(settings), conditions)
         )  # fmt: skip
     return made
 
@@ -96,7 +103,8 @@ def measure(cell: Cell) -> Figures:
     steady_m, error_m = figures["steady_error_m"], figures["mean_error_m"]
     lost = steady_m is None or steady_m > LOST_ABOVE_M
     figures["completed"] = done.contact is None and done.distance_m >= done.case.distance_m and not lost
-    known_m = limit_m(cell.scenario, cell.speed_mps, cell.mu, cell.desired_m)
+    nearest_mu = min(MUS, key=lambda mu: abs(mu - cell.mu))  # of another floor the limit takes minutes to compute
+    known_m = limit_m(cell.scenario, cell.speed_mps, nearest_mu, cell.desired_m)
     limit = MIN_LIMIT_M if math.isnan(known_m) else max(known_m, MIN_LIMIT_M)
     ratio = FAILED_COST if error_m is None else min(error_m / limit, FAILED_COST)
     rate_radps = (

@@ -5,8 +5,12 @@ from pathlib import Path
 import pytest
 
 from runtime.arbitration.command import LAB_ORDER, Source
+from runtime.control.report.settings import ReportFollowSettings
 from runtime.control.vehicle import NAME_RULE
 from runtime.settings.tree import Settings, SettingsError, load_settings, to_toml
+from tests.own_laws import EASY, STRAIGHT, law_file
+
+__all__ = ["law_file"]
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -118,3 +122,29 @@ def test_a_wrong_name_of_a_car_is_answered_with_the_rule_in_words(tmp_path, name
     with pytest.raises(SettingsError) as caught:
         load_settings(file)
     assert str(caught.value).endswith(f"car.name = {name!r}: must be {NAME_RULE}, for example car1")
+
+
+GAINS = '[wall_follow]\nmethod = "ball"\nside = "right"\nkp = 13.5\nkd = 4.5\n'
+
+
+def test_another_law_on_the_command_line_takes_no_gains_of_the_files_law(tmp_path):
+    file = tmp_path / "car.toml"
+    file.write_text(GAINS)
+    chosen = load_settings(file, ["wall_follow.method=report", "wall_follow.kd=0.5"]).wall_follow
+    assert (chosen.side, chosen.kp, chosen.kd) == ("right", ReportFollowSettings().kp, 0.5)
+    assert load_settings(file, ["wall_follow.method=ball"]).wall_follow.kp == 13.5
+
+
+def test_a_law_of_the_users_takes_the_place_of_the_files_on_the_command_line(tmp_path, law_file):
+    file = tmp_path / "car.toml"
+    file.write_text(GAINS + "[safety]\ngrip_mu = 0.5\nfront_margin_m = 0.08\n")
+    settings = load_settings(file, [f"wall_follow.method={law_file(STRAIGHT)}", f"safety.method={law_file(EASY)}"])
+    assert settings.wall_follow.side == "right"
+    assert (settings.safety.grip_mu, settings.safety.front_margin_m) == (0.5, 0.08)
+
+
+def test_gains_left_in_the_file_of_an_own_law_are_told_with_the_remedy(tmp_path, law_file):
+    file = tmp_path / "car.toml"
+    file.write_text(GAINS.replace("ball", law_file(STRAIGHT)))
+    with pytest.raises(SettingsError, match=r"wall_follow\.kp is a setting of ball and report; delete it"):
+        load_settings(file)
