@@ -100,7 +100,9 @@ def named_conditions(wishes: RequestedConditions) -> tuple[str, ...]:
     if named.pop("obstacles", None):
         raise ConditionsError("obstacles: are for one drive (wallride sim); the lab's courses have their own")
     return tuple(
-        f"{section}.{key}={json.dumps(value)}" for section, some in sorted(named.items()) for key, value in some.items()
+        f"{section}.{key}={json.dumps(value)}"
+        for section, some in sorted(named.items())
+        for key, value in sorted(some.items())
     )
 
 

@@ -41,7 +41,9 @@ class Comparison:
 
     def words(self) -> str:
         """Return the outcome in one sentence."""
-        judged = "is better" if self.highest < 0 else "is worse" if self.lowest > 0 else "cannot be told from it"
+        at_most = max(0.0, -self.lowest / float(np.mean(self.present)))
+        same = f"cannot be told from it, so at most {100 * at_most:.1f} % better"
+        judged = "is better" if self.highest < 0 else "is worse" if self.lowest > 0 else same
         return (
             f"cost {np.mean(self.tuned):.3f} against {np.mean(self.present):.3f} of the present settings"
             f" ({self.difference:+.3f}, 95 % from {self.lowest:+.3f} to {self.highest:+.3f}): {judged};"
