@@ -11,7 +11,11 @@ import numpy as np
 import pytest
 
 from drivers.vesc.codec import Packet
+from sim.live.emulate_command import write_settings
+from sim.live.runtime_process import RuntimeProcess
+from tests.sim.live.emulated import car, running
 from tests.system.bench import bench
+from tests.system.operated import operated
 from wallride.cli import main
 from wallride.lab import LawError, run
 from wallride.new.gap_follower import GapFollower
@@ -51,8 +55,9 @@ def typed(folder, *arguments, timeout=50):
         ("raise ValueError('lost the wall')", "late_law:Law raised ValueError: lost the wall"),
         ("return Guidance(float('nan'), 0.0)", "late_law:Law returned speed_mps = nan, which is no finite number"),
         ("time.sleep(0.12)", "late_law:Law is too slow"),
+        ("return 1.0, 0.0", "late_law:Law returned a tuple where a Guidance is needed"),
     ],
-    ids=["raises", "nan", "slow"],
+    ids=["raises", "nan", "slow", "type"],
 )
 async def test_a_mistake_brakes_and_the_process_lives_and_tries_again(tmp_path, then, sentence):
     async with bench(tmp_path, *settings(tmp_path, then)) as car:
@@ -65,6 +70,39 @@ async def test_a_mistake_brakes_and_the_process_lives_and_tries_again(tmp_path, 
         assert "late_law.py:" in line
         await car.until_driving()  # operator.permit is "always" here: time tries again
         assert car.runtime.exit_code is None
+
+
+async def test_a_fault_ends_the_permit_and_the_next_permit_tries_again(tmp_path):
+    asked = ("operator.permit=required", *settings(tmp_path, "raise ValueError('lost')"))
+    async with operated(tmp_path, *asked) as scene:
+        car, log = scene.car, lambda words: any(words in line for line in scene.car.runtime.log)
+        await scene.operator("0,,0,0", "0.5,autonomy,0,0", "8,,0,0", "8.5,autonomy,0,0")
+        await car.until_driving()
+        await car.until(lambda: log("late_law:Law raised ValueError: lost"), "the sentence in the log")
+        await car.until(lambda: car.wheel_mps == 0, "standing, with the button still held")
+        stood_s = time.monotonic()
+        await car.until(lambda: log("trying again: late_law:Law raised"), "another try", 15.0)
+        assert time.monotonic() - stood_s > 2.0, "it was tried again without a new permit"
+        assert scene.moves_after(stood_s) == []
+        await car.until_driving()
+        assert car.runtime.exit_code is None
+
+
+async def test_an_own_law_drives_the_car_of_wallride_emulate_by_the_settings_that_it_wrote(tmp_path):
+    (tmp_path / "late_law.py").write_text(LAW.format(then="pass"))
+    file = tmp_path / "car.toml"
+    async with running(car(tmp_path, world="loop")) as addresses:
+        write_settings(file, addresses)  # as config/car.toml, with the gains of ball
+        asked = ("wall_follow.method=late_law:Law", "operator.permit=always", "telemetry.enabled=false")
+        runtime = RuntimeProcess(file, asked)
+        await runtime.start()
+        try:
+            async with asyncio.timeout(20.0):
+                while not any(line.endswith("navigation: late_law:Law") for line in runtime.log):
+                    assert runtime.exit_code is None, "\n".join(runtime.log)
+                    await asyncio.sleep(0.05)
+        finally:
+            assert await runtime.stop() == 0
 
 
 async def test_a_law_that_never_returns_is_ended_by_the_vescs_own_timeout(tmp_path):
@@ -112,6 +150,23 @@ def test_the_lab_says_which_line_of_a_law_has_failed(tmp_path):
     done = typed(tmp_path, *asked, "--side", "left", "--jobs", "1")
     assert done.returncode == 1
     assert "wallride: the car stood: late_law:Law raised ValueError: lost (late_law.py:11)" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("gone:Law", "there is no gone.py in "),
+        ("bad:Lost", "bad.py has no class Lost; it has Law"),
+        ("bad:law", "bad.py has no class law; did you mean Law?"),
+        ("bad.py:Law", "write module:Class, for example my_laws:Follower"),
+    ],
+)
+def test_a_wrong_file_or_class_ends_the_start_with_one_sentence(tmp_path, name, sentence):
+    (tmp_path / "bad.py").write_text("from wallride.laws import Guidance\nclass Law:\n  pass\n")
+    done = typed(tmp_path, "run", "--set", f"wall_follow.method={name}")
+    assert done.returncode == 2
+    assert sentence in done.stderr
+    assert done.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize("command", [["run"], ["check"], ["sim", "--headless"], ["lab", "walls", "--method"]])

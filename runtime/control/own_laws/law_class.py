@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from pydantic import ValidationError
@@ -64,7 +65,7 @@ def load_law(section: str, name: str) -> LawClass:
         module = import_module(module_name)
         made = getattr(module, class_name, None)
         if not isinstance(made, type):
-            raise UserCodeError(_no_class(file_of(module), class_name, vars(module)))
+            raise UserCodeError(_no_class(module, class_name))
         register(section, name, made)
     return _loaded[section, name]
 
@@ -136,7 +137,10 @@ def _line_of(what: Any) -> int:  # noqa: ANN401 - a class or a function
         return 0
 
 
-def _no_class(file: Path, wanted: str, names: Mapping[str, Any]) -> str:
-    classes = [name for name, found in names.items() if isinstance(found, type) and not name.startswith("_")]
-    near = difflib.get_close_matches(wanted, classes, 1)
-    return f"{shown(file)} has no class {wanted}" + (f"; did you mean {near[0]}?" if near else "")
+def _no_class(module: ModuleType, wanted: str) -> str:
+    """Return that a module lacks a class, and what it has instead of its own."""
+    found = [name for name, one in vars(module).items() if isinstance(one, type) and one.__module__ == module.__name__]
+    near = difflib.get_close_matches(wanted.lower(), [name.lower() for name in found], 1)
+    meant = next((name for name in found if near == [name.lower()]), None)
+    others = f"; did you mean {meant}?" if meant else f"; it has {', '.join(found[:5])}" if found else ""
+    return f"{shown(file_of(module))} has no class {wanted}{others}"
