@@ -241,7 +241,14 @@ def _say_list(files: Sequence[ListedRecording], where: str, options: argparse.Na
         return
     for file in files:
         state = "" if file.state == "whole" else f"   {file.state}"
+        state += "   black box of a stop" if file.black_box else ""
         lasted = "-" if file.duration_s is None else f"{file.duration_s:.1f} s"
         options.print_line(f"{file.size_bytes / MB:9.1f} MB  {lasted:>9}  {file.name}{state}")
     total_mb = sum(file.size_bytes for file in files) / MB
-    options.print_line(f"{len(files)} recordings, {total_mb:.1f} MB in {where}")
+    boxes = sum(file.black_box for file in files)
+    count = (
+        f"{len(files)} recordings"
+        if not boxes
+        else f"{len(files) - boxes} recordings and {boxes} black box{'es' if boxes > 1 else ''}"
+    )
+    options.print_line(f"{count}, {total_mb:.1f} MB in {where}")

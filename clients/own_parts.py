@@ -2,6 +2,7 @@
 
 import argparse
 import json
+from contextlib import AsyncExitStack
 
 from clients.connection import ConnectionProblemError, connected
 from clients.status import own_parts_words
@@ -9,11 +10,19 @@ from runtime.wire import topics
 from runtime.wire.network import RefusedError
 
 ANSWER_WITHIN_S = 2.0
+WITHOUT_A_CAR = (
+    "Without a running car: they are kept in own-parts.json in process.state_folder (the service's: /var/lib/wallride);"
+    " delete the file to have them learnt again"
+)
 
 
 async def run(options: argparse.Namespace) -> int:
     """Run one `wallride own-parts` command; an error is one line."""
-    async with connected(options) as (bus, car):
+    async with AsyncExitStack() as stack:
+        try:
+            bus, car = await stack.enter_async_context(connected(options))
+        except ConnectionProblemError as error:
+            raise ConnectionProblemError(f"{error}. {WITHOUT_A_CAR}") from None
         try:
             answers = await bus.ask(topics.key(car, f"{topics.OWN_PARTS}/{options.action}"), timeout_s=ANSWER_WITHIN_S)
         except RefusedError as error:

@@ -25,6 +25,11 @@ SCENARIO = "generated"
 STOOD_S = 0.5
 """Minimum duration of a stand; shorter ones are changes of direction."""
 WENT_ON_M = 1.0
+LEGEND: tuple[str, ...] = (
+    "stands though a way exists: ends in a standstill of 10 s or more where a search over poses finds a way on",
+    "way m: mean way driven. tries: attempts to back out. came out of: standstills that the car ended by itself,",
+    "after s: how long these took on average; latest s: the longest",
+)
 
 
 def cells(choice: CellChoice) -> list[Cell]:
@@ -100,7 +105,7 @@ def tables(rows: Sequence[Row]) -> list[TabledCell]:
             "room", "runs", "touched", "worst m/s", "stands though a way exists", "stands, no way", "way m", "tries",
             "came out of", "after s", "latest s", "last words of who stands",
         )  # fmt: skip
-        made.append(TabledCell(f"{law}: generated rooms", columns, (*lines, _line(some, "all"))))
+        made.append(TabledCell(f"{law}: generated rooms", columns, (*lines, _line(some, "all")), LEGEND))
     return made
 
 

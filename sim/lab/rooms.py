@@ -48,6 +48,12 @@ COMES_SPARE_M = 0.4
 REACTION_S, SLIPPERY_MU = 0.3, 0.5
 MAX_CLUTTER_MPS, MAX_SPEED_MPS = 2.0, 3.0
 WALKS_MPS = (1.0, 2.0, 3.0)
+LEGEND: tuple[str, ...] = (
+    "touched: runs with a contact while the car moved (of these avoidable by a brake 0.3 s after the person moved)",
+    "stuck: runs that end in a standstill of 10 s or more. way m: mean way driven. tries: attempts to back out",
+    "stood: runs in which a person stopped the car. freed: of these, those whose way became free again",
+    "within 5 s: of the freed, those that drove on within 5 s; latest s: the longest that one of them took",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,7 +283,7 @@ def tables(rows: Sequence[Row]) -> list[TabledCell]:
             "room", "way out", "runs", "touched (avoidable)", "stuck", "way m", "tries", "stood", "freed", "within 5 s",
             "latest s", "last words of who is stuck",
         )  # fmt: skip
-        made.append(TabledCell(f"{law}: clutter and people", columns, tuple(lines)))
+        made.append(TabledCell(f"{law}: clutter and people", columns, tuple(lines), LEGEND))
     return made
 
 

@@ -16,6 +16,7 @@ from rich.table import Table
 
 from runtime.arbitration.command import NO_WINNER
 from runtime.settings.tree import Settings, SettingsError, load_settings
+from runtime.telemetry.screen_words import because
 from sim.car.vehicle import Vehicle, VehicleSettings
 from sim.figures.comparison import compare
 from sim.figures.summary import device_faults, figures
@@ -289,11 +290,13 @@ def wanted_m(record: Record, settings: Settings) -> Floats:
 def _common(record: Record, settings: Settings) -> dict[str, Any]:
     status = record.telemetry.get("status")
     winners = (status or {}).get("seconds_by_winner", {})
+    driven = figures(record.samples, wanted_m(record, settings))
     return {
         "method": settings.wall_follow.method,
         "side": settings.wall_follow.side,
         "began_unix_s": round(record.began_unix_s, 3),
-        **figures(record.samples, wanted_m(record, settings)),
+        **driven,
+        **({"stands_because": _stands_because((status or {}).get("output"))} if driven["stopped"] else {}),
         "scan_to_motor_ms": record.latency.summary_ms(),
         "telemetry": HEARD if status else f"drove without telemetry: {record.unheard}",
         "session": record.address.session if record.address is not None else None,
@@ -302,6 +305,13 @@ def _common(record: Record, settings: Settings) -> dict[str, Any]:
         "winners": {name: round(seconds, 2) for name, seconds in winners.items()} if status else None,
         "faults": device_faults(status) if status else None,
     }
+
+
+def _stands_because(decision: Mapping[str, Any] | None) -> str | None:
+    """Return the car's last decision in the words of a screen, None where none was heard."""
+    if decision is None:
+        return None
+    return f"{decision.get('winner') or 'none'}: {because(str(decision.get('reason')), decision.get('measure'))}"
 
 
 def parse_pose(text: str) -> Pose:

@@ -57,6 +57,14 @@ async def test_alone_it_lists_everything_here(home):
     assert text.endswith(f"5 recordings, 5.0 MB in {home}")
 
 
+async def test_a_black_box_is_listed_as_one(home):
+    (home / "car1" / "20261121T084600Z-b0007-00006-stop-wall-ahead.mcap").write_bytes(bytes(MB))
+    _, text = await said()
+    assert "-stop-wall-ahead.mcap   unfinished   black box of a stop\n" in f"{text}\n"
+    assert text.count("black box of") == 1
+    assert text.endswith(f"5 recordings and 1 black box, 6.0 MB in {home}")
+
+
 async def test_what_is_kept_no_ring_takes(home):
     code, text = await said("keep", DRIVE.format(4))
     kept = home / "simulated" / "sim" / "kept" / DRIVE.format(4)

@@ -101,6 +101,18 @@ def test_a_runner_before_a_fast_car_on_a_slippery_floor_cannot_be_avoided():
     assert not runner.avoidable(3.0, 0.2)
 
 
+def test_every_column_that_needs_it_has_a_legend():
+    row = {
+        "law": "ball+swept", "kind": "clutter", "backs_out": True, "freed": True, "resumed_after_s": 2.0, "stood": True,
+        "collided": False, "avoidable": True, "distance_m": 5.0, "tries": 1, "stuck": False, "last_words": "",
+    }  # fmt: skip
+    (table,) = rooms.tables([row])
+    said = " ".join(table.notes)
+    for name in ("touched", "avoidable", "stuck", "way m", "tries", "stood", "freed", "within 5 s", "latest s"):
+        assert f"{name}" in said
+        assert any(name in column for column in table.columns)
+
+
 def test_there_are_enough_rooms():
     choice = CellChoice(("ball+swept",), (1.0, 2.0, 3.0, 4.0), (0.5, 0.8, 1.0), ("left", "right"), (1000,))
     cells = rooms.cells(choice)

@@ -45,3 +45,13 @@ def test_errors_are_from_the_distance_that_was_wanted_at_that_moment():
     assert (wanted[29], wanted[30]) == (1.0, 0.7)
     assert figures(samples, wanted)["mean_abs_error_m"] == 0.0
     assert figures(samples, 1.0)["mean_abs_error_m"] == 0.15
+
+
+@pytest.mark.parametrize(
+    ("speed_mps", "said"), [(0.0, "safety: something on the lidar: uncover it, 0.30 m free"), (1.0, None)]
+)
+def test_the_summary_says_why_the_car_stands(speed_mps, said):
+    samples = [Sample(0.1 * i, speed_mps * 0.1 * i, 0.0, 0.0, speed_mps, 1.0, 0.5) for i in range(30)]
+    output = {"winner": "safety", "reason": "something on the lidar: uncover it", "measure": 0.3}
+    record = Record(samples=samples, telemetry={"status": {"output": output}})
+    assert command._common(record, Settings()).get("stands_because") == said

@@ -1,0 +1,21 @@
+"""`wallride own-parts` without a car: where the parts are kept is said with the remedy."""
+
+import argparse
+
+import pytest
+
+from clients import own_parts
+from clients.connection import ConnectionProblemError
+from runtime.recording.own_parts_memory import FILE
+from runtime.wire.ports import free_endpoint
+from wallride import own_parts_options
+
+
+@pytest.mark.parametrize("action", ["show", "forget"])
+async def test_without_a_car_the_file_is_named(action):
+    parser = argparse.ArgumentParser()
+    own_parts_options.add(parser.add_subparsers())
+    options = parser.parse_args(["own-parts", action, "--connect", free_endpoint()])
+    with pytest.raises(ConnectionProblemError, match=rf"cannot connect to .*{FILE} in process\.state_folder") as caught:
+        await own_parts.run(options)
+    assert "\n" not in str(caught.value)
