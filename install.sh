@@ -5,7 +5,10 @@
 #   sudo sh install.sh --rollback   back to the version before
 #
 # Each version is a virtual environment of its own in /opt/wallride-versions; /opt/wallride is a link to the one in use,
-# switched last and at once, so that a failed installation changes nothing. DESTDIR: another root, for tests and images.
+# switched last and at once, so that a failed installation changes nothing. A service that ran is restarted and watched;
+# where it does not become ready, the version before is put back. `wallride deploy` runs this script on the car.
+# Exit code: 0 done, 1 or 2 nothing was changed, 3 the service is not ready with the version that was to be used.
+# DESTDIR: another root, for images and tests. SYSTEMCTL: another service manager, for tests.
 set -eu
 
 HERE=$(CDPATH='' cd -- "$(dirname -- "$0")" && pwd)
@@ -15,7 +18,11 @@ VERSIONS=/opt/wallride-versions
 COMMAND=/usr/local/bin/wallride
 COMPLETION=/usr/share/bash-completion/completions/wallride
 UV_PYTHON=3.12
-YES='' DRY='' SERVICE=yes COMPILER=yes WHEELHOUSE='' PYTHON='' ROLLBACK=''
+MANAGER=${SYSTEMCTL:-systemctl}
+READY_S=60   # for the start of the service, which says "ready" within 15 s, also without devices
+SETTLED_S=5  # for which it must then stay up
+ANSWER_S=20  # for lidar and motor, where they were ready before
+YES='' DRY='' SERVICE=yes COMPILER=yes WHEELHOUSE='' PYTHON='' ROLLBACK='' FORCE='' START='' KEEP=3
 
 usage() {
     cat <<'TEXT'
@@ -23,7 +30,10 @@ sudo sh install.sh [OPTION...]
   --yes              do not ask
   --dry-run          only say what it would do
   --rollback         switch back to the version before, and restart the service
-  --wheelhouse DIR   take all packages from there; nothing is downloaded
+  --force            also while the car is armed or drives: it stops for the restart, and comes up disarmed
+  --start            start the service, too, where it does not run
+  --keep N           versions to keep, 2 or more (default: 3)
+  --wheelhouse DIR   take all packages from there; nothing is downloaded, nor taken from the distribution
   --python PROGRAM   use this Python, 3.11 or newer
   --no-service       do not install the systemd service and the udev rules
   --no-compiler      do not install gcc; the same laws then run in Python, at half the speed
@@ -38,44 +48,150 @@ while [ $# -gt 0 ]; do
         --yes) YES=yes ;;
         --dry-run) DRY=yes ;;
         --rollback) ROLLBACK=yes ;;
+        --force) FORCE=yes ;;
+        --start) START=yes ;;
         --no-service) SERVICE='' ;;
         --no-compiler) COMPILER='' ;;
-        --wheelhouse | --python)
+        --wheelhouse | --python | --keep)
             [ $# -ge 2 ] || fail "$1 needs a value"
-            if [ "$1" = --python ]; then PYTHON=$2; else WHEELHOUSE=$2; fi
+            case $1 in --python) PYTHON=$2 ;; --keep) KEEP=$2 ;; *) WHEELHOUSE=$2 ;; esac
             shift ;;
         -h | --help) usage; exit 0 ;;
         *) usage >&2; fail "$1 is not an option" ;;
     esac
     shift
 done
+case $KEEP in [2-9] | [1-9][0-9]) ;; *) fail "--keep $KEEP: must be 2 to 99, the version in use and the one before" ;; esac
 
 is_new_enough() { "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; }
 has_venv() { "$1" -c 'import ensurepip, venv' 2>/dev/null; }
 has_headers() { "$1" -c 'import sys, sysconfig, os; sys.exit(not os.path.exists(sysconfig.get_path("include") + "/Python.h"))' 2>/dev/null; }
-has_apt() { command -v apt-get >/dev/null 2>&1 && [ -z "$TOP" ]; }
+has_apt() { command -v apt-get >/dev/null 2>&1 && [ -z "$TOP" ] && [ -z "$WHEELHOUSE" ]; }
 in_apt() { [ -n "$(apt-cache policy "$1" 2>/dev/null | sed -n 's/^ *Candidate: *//p' | grep -v '(none)')" ]; }
-running() { [ -z "$TOP" ] && [ -d /run/systemd/system ]; }
+running() { [ -n "${SYSTEMCTL:-}" ] || { [ -z "$TOP" ] && [ -d /run/systemd/system ]; }; }
+shows() { "$MANAGER" show wallride --property="$1" --value 2>/dev/null || true; }
+target_of() { readlink "$TOP$1" 2>/dev/null || true; }
+# The folder of the version in use; below another root the link itself leads nowhere.
+in_use() { where=$(target_of "$CURRENT"); printf '%s' "$TOP${where:-$CURRENT}"; }
 
 # A link is replaced by a rename, which readers see whole.
 point() { ln -s "$1" "$TOP$2.new" && mv -T "$TOP$2.new" "$TOP$2"; }
 
-restart() {
-    if running && systemctl is-active --quiet wallride; then
-        say 'restarting the service; it comes up disarmed'
-        systemctl restart wallride
+lock() {
+    mkdir -p "$TOP$VERSIONS"
+    exec 9>"$TOP$VERSIONS/lock"
+    flock -n 9 || fail 'another installation is going on here; try again when it has ended'
+}
+
+# Prints "STATE,LIDAR,MOTOR" of the car that runs here; nothing where none answers.
+ask_car() {
+    cd / && "$(in_use)/bin/wallride" status --json 2>/dev/null | "$(in_use)/bin/python" -c '
+import json, sys
+says = json.load(sys.stdin)
+state = (says.get("condition") or {}).get("state") or says["state"]
+print(state, says["lidar"]["link"], says["motor"]["link"], sep=",")' 2>/dev/null || true
+}
+
+refuse_while_driving() {
+    BEFORE=''
+    [ -e "$(in_use)/bin/wallride" ] || return 0
+    BEFORE=$(ask_car)
+    [ -z "$FORCE" ] || return 0
+    case $BEFORE in
+        armed,* | driving,* | limited,* | stopped,*)
+            fail "the car is ${BEFORE%%,*}: let go of the permit, so that it is disarmed; or --force" ;;
+        '')
+            if running && [ "$(shows ActiveState)" = active ]; then
+                fail 'the service runs and does not say whether the car is armed: stop it, sudo systemctl stop wallride; or --force'
+            fi ;;
+    esac
+}
+
+is_to_run() {
+    running || return 1
+    case $(shows ActiveState) in active | activating | reloading | failed) return 0 ;; *) [ -n "$START" ] ;; esac
+}
+
+# Whether the car answers, with the devices that were ready before; BEFORE and NOW as of ask_car.
+answers_as_before() {
+    NOW=$(ask_car)
+    [ -n "$NOW" ] || return 1
+    had=${BEFORE#*,} has=${NOW#*,}
+    { [ "${had%,*}" != ready ] || [ "${has%,*}" = ready ]; } && { [ "${had#*,}" != ready ] || [ "${has#*,}" = ready ]; }
+}
+
+# Starts the service with the version in use, and watches it. WHY: why it is not ready.
+start_service() {
+    say 'starting the service; it comes up disarmed'
+    NOW='' waited=0
+    if ! timeout "$READY_S" "$MANAGER" restart wallride; then
+        WHY="it did not start, or was not ready within $READY_S s"
+        return 1
     fi
+    process=$(shows MainPID)
+    while [ "$waited" -lt "$SETTLED_S" ]; do
+        sleep 1
+        waited=$((waited + 1))
+        [ "$(shows ActiveState) $(shows MainPID)" = "active $process" ] || { WHY='it ended after its start'; return 1; }
+    done
+    [ -n "$BEFORE" ] || { NOW=$(ask_car); return 0; }
+    waited=0
+    until answers_as_before; do
+        waited=$((waited + 1))
+        [ "$waited" -le "$ANSWER_S" ] || { WHY="before it said $BEFORE (state, lidar, motor), now ${NOW:-nothing}"; return 1; }
+        sleep 1
+    done
+}
+
+show_log() { [ -n "${SYSTEMCTL:-}" ] || journalctl --unit wallride --lines 12 --no-pager --output cat 2>/dev/null || true; }
+
+install_service() {
+    [ -z "$SERVICE" ] || "$(in_use)/bin/wallride" service install --yes --root "${TOP:-/}" --prefix "$CURRENT"
+}
+
+# A version of before may have another unit; where the service was never installed, there is nothing to renew.
+renew_service() { [ ! -e "$TOP/etc/systemd/system/wallride.service" ] || install_service || say 'the unit stays as it is'; }
+
+report() {
+    note=$(cat "$(in_use)/installed" 2>/dev/null || true)
+    say "in use: $(target_of "$CURRENT")${note:+ ($note)}${NOW:+; the car says $NOW (state, lidar, motor)}"
 }
 
 rollback() {
-    before=$TOP$VERSIONS/before
-    [ -L "$before" ] || fail 'there is no version before this one'
-    now=$(readlink "$TOP$CURRENT")
-    earlier=$(readlink "$before")
+    earlier=$(target_of "$VERSIONS/before")
+    [ -n "$earlier" ] || fail 'there is no version before this one'
+    refuse_while_driving
+    now=$(target_of "$CURRENT")
+    is_to_run && again=yes || again=''
     point "$earlier" "$CURRENT"
     point "$now" "$VERSIONS/before"
-    say "in use: $earlier (before: $now)"
-    restart
+    renew_service
+    NOW=''
+    if [ -n "$again" ] && ! start_service; then
+        say "not ready: $WHY"
+        show_log
+        report
+        exit 3
+    fi
+    report
+}
+
+# After a start that failed: everything as it was before, the new version gone.
+go_back() {
+    trap - INT TERM
+    say "not ready: $WHY"
+    show_log
+    if [ -z "$was_in_use" ]; then
+        say "there is no version before this one to go back to: $target stays; see  sudo journalctl -u wallride"
+        exit 3
+    fi
+    say "going back to $was_in_use"
+    point "$was_in_use" "$CURRENT"
+    if [ -n "$was_before" ]; then point "$was_before" "$VERSIONS/before"; else rm -f "$TOP$VERSIONS/before"; fi
+    rm -rf "$TOP$target"
+    renew_service
+    if start_service; then report; else say "it is not ready with the version before, either: $WHY"; fi
+    exit 3
 }
 
 # Sets PYTHON, and adds to PACKAGES and PLAN what is needed for it.
@@ -144,40 +260,69 @@ make_version() {
     mkdir -p "$TOP$VERSIONS" "$TOP$(dirname "$COMMAND")"
     trap 'rm -rf "$TOP$target"; say "failed: nothing was changed in $CURRENT" >&2' EXIT
     [ "$PYTHON" != uv ] || by_uv
-    "$PYTHON" -m venv "$TOP$target"
-    from=''
-    [ -z "$WHEELHOUSE" ] || from="--no-index --find-links $WHEELHOUSE"
-    # shellcheck disable=SC2086 # two words, or none
-    "$TOP$target/bin/python" -m pip install --quiet --disable-pip-version-check $from \
-        --constraint "$HERE/constraints.txt" "$HERE[car]"
+    what="$HERE[car]"
+    [ -e "$HERE/pyproject.toml" ] || what='wallride[car]'  # a deployed folder has a wheel in place of the source
+    pip=$(find "${WHEELHOUSE:-/nowhere}" -name 'pip-*.whl' 2>/dev/null | head -n 1)
+    if [ -n "$pip" ]; then  # then Debian's package python3-venv is not needed
+        "$PYTHON" -m venv --without-pip "$TOP$target"
+        by_pip() { PYTHONPATH=$pip "$TOP$target/bin/python" -m pip "$@" pip; }
+    else
+        "$PYTHON" -m venv "$TOP$target"
+        by_pip() { "$TOP$target/bin/python" -m pip "$@"; }
+    fi
+    set -- --quiet --disable-pip-version-check
+    [ -z "$WHEELHOUSE" ] || set -- "$@" --no-index --find-links "$WHEELHOUSE"
+    by_pip install "$@" --constraint "$HERE/constraints.txt" "$what"
     "$TOP$target/bin/wallride" --version
-    if [ -n "$COMPILER" ]; then
+    if [ -n "$COMPILER" ] && { [ -z "$WHEELHOUSE" ] || command -v gcc >/dev/null 2>&1; }; then
         # Not from the clone: Python would look at the modules there.
         (cd / && "$TOP$target/bin/wallride" build-kernel --native) || say 'going on in Python: the same laws, at half the speed'
     fi
+    # The last file: a version without it is a torso, and goes with the next update.
+    { cat "$HERE/build.txt" 2>/dev/null || git -C "$HERE" describe --always --dirty 2>/dev/null || date -u; } >"$TOP$target/installed"
+    [ -n "$TOP" ] || sync  # before the switch: a battery that is pulled leaves no half version in use
+    refuse_while_driving  # once more: the work took minutes
     trap - EXIT
 }
 
 switch() {
-    if [ -L "$TOP$CURRENT" ]; then
-        point "$(readlink "$TOP$CURRENT")" "$VERSIONS/before"
+    was_in_use=$(target_of "$CURRENT") was_before=$(target_of "$VERSIONS/before")
+    if [ -n "$was_in_use" ]; then
+        point "$was_in_use" "$VERSIONS/before"
     elif [ -e "$TOP$CURRENT" ]; then
-        mv "$TOP$CURRENT" "$TOP$VERSIONS/by-hand"
-        point "$VERSIONS/by-hand" "$VERSIONS/before"
+        was_in_use=$VERSIONS/by-hand
+        mv "$TOP$CURRENT" "$TOP$was_in_use"
+        point "$was_in_use" "$VERSIONS/before"
     fi
     point "$target" "$CURRENT"
     point "$CURRENT/bin/wallride" "$COMMAND"
     mkdir -p "$TOP$(dirname "$COMPLETION")"
     "$TOP$target/bin/wallride" completion bash >"$TOP$COMPLETION" || rm -f "$TOP$COMPLETION"
-    # The one in use and the one before stay; older ones go.
-    keep=$(readlink "$TOP$VERSIONS/before" || true)
-    for one in "$TOP$VERSIONS"/2*; do
-        case ${one#"$TOP"} in "$target" | "$keep") ;; *) rm -rf "$one" ;; esac
+}
+
+# The one in use and the one before stay, and the newest others; torsos go.
+prune() {
+    in_use=$(target_of "$CURRENT") before=$(target_of "$VERSIONS/before")
+    spare=$KEEP
+    for one in "$in_use" "$before"; do [ ! -d "$TOP$one/bin" ] || spare=$((spare - 1)); done
+    others=0
+    for one in "$TOP$VERSIONS"/[0-9]*/installed; do
+        case ${one%/installed} in "$TOP$in_use" | "$TOP$before") ;; *) [ ! -e "$one" ] || others=$((others + 1)) ;; esac
+    done
+    for one in "$TOP$VERSIONS"/[0-9]*; do  # oldest first
+        case $one in "$TOP$in_use" | "$TOP$before") continue ;; esac
+        if [ ! -e "$one/installed" ]; then
+            rm -rf "$one"
+        elif [ "$others" -gt "$spare" ]; then
+            rm -rf "$one"
+            others=$((others - 1))
+        fi
     done
 }
 
 if [ -n "$ROLLBACK" ]; then
     [ "$(id -u)" = 0 ] || [ -n "$TOP" ] || fail 'run it with sudo'
+    lock
     rollback
     exit 0
 fi
@@ -200,9 +345,18 @@ if [ -z "$YES" ]; then
     read -r answer
     case $answer in y | yes | Y) ;; *) say 'nothing done'; exit 0 ;; esac
 fi
+lock
+refuse_while_driving
 install_packages
 make_version
+is_to_run && again=yes || again=''
+WHY='it was interrupted'
 switch
-[ -z "$SERVICE" ] || "$TOP$target/bin/wallride" service install --yes --root "${TOP:-/}" --prefix "$CURRENT"
-restart
-say 'next: edit /etc/wallride/car.toml, then  wallride doctor'
+trap go_back INT TERM
+install_service || { WHY='its service could not be installed'; go_back; }
+NOW=''
+if [ -n "$again" ]; then start_service || go_back; fi
+trap - INT TERM
+prune
+report
+[ -n "$was_in_use" ] || say 'next: edit /etc/wallride/car.toml, then  wallride doctor'

@@ -1,5 +1,6 @@
 """`install.sh` below another root, with a Python that only pretends: what it says, makes, switches and keeps."""
 
+import fcntl
 import os
 import subprocess
 from pathlib import Path
@@ -10,6 +11,7 @@ ROOT = Path(__file__).parents[2]
 PYTHON = """#!/bin/sh
 case "$*" in
     "-c import sys; sys.exit(sys.version_info < (3, 11))") exit ${OLD:-0} ;;
+    *"json.load"*) [ -z "${ANSWERS:-}" ] || { head -n 1 "$ANSWERS"; sed -i 1d "$ANSWERS"; } ;;
     "-c "*) exit 0 ;;
     "-m venv "*) mkdir -p "$3/bin" && cp "$0" "$3/bin/python"
         printf '#!/bin/sh\\necho "%s $*" >>"$CALLS"\\n[ "$1" != build-kernel ] || exit 1\\n' "$3" >"$3/bin/wallride"
@@ -79,11 +81,42 @@ def test_it_installs_pinned_versions_and_switches_last(place):
 
 def test_an_update_keeps_the_version_before_and_goes_back_to_it(place):
     for _ in range(3):
-        assert install(place, "--yes", "--no-service").returncode == 0
+        assert install(place, "--yes", "--no-service", "--keep", "2").returncode == 0
     assert (in_use(place), versions(place)) == ("20261123-000003", ["20261123-000002", "20261123-000003"])
     for wanted in ("20261123-000002", "20261123-000003"):
         assert install(place, "--rollback").returncode == 0
         assert in_use(place) == wanted
+
+
+def test_the_newest_versions_stay_and_torsos_go(place):
+    for _ in range(5):
+        assert install(place, "--yes", "--no-service").returncode == 0
+    assert versions(place) == ["20261123-000003", "20261123-000004", "20261123-000005"]
+    for _ in range(2):  # in use again: the older one, which no later update may remove
+        assert install(place, "--rollback").returncode == 0
+    (place / "root/opt/wallride-versions/20261123-000003/installed").unlink()
+    assert install(place, "--yes", "--no-service").returncode == 0
+    assert versions(place) == ["20261123-000004", "20261123-000005", "20261123-000006"]
+
+
+def test_a_second_installation_at_once_is_refused(place):
+    lock = place / "root/opt/wallride-versions/lock"
+    lock.parent.mkdir(parents=True)
+    with lock.open("w") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        for option in ("--yes", "--rollback"):
+            refused = install(place, option)
+            assert (refused.returncode, "another installation is going on" in refused.stderr) == (2, True)
+    assert versions(place) == []
+
+
+def test_a_car_that_became_armed_during_the_work_keeps_its_version(place):
+    assert install(place, "--yes", "--no-service").returncode == 0
+    # It says "disarmed" before the work, and "armed" after it.
+    (place / "answers").write_text("disarmed,ready,ready\narmed,ready,ready\n")
+    refused = install(place, "--yes", "--no-service", ANSWERS=str(place / "answers"))
+    assert (refused.returncode, "the car is armed" in refused.stderr) == (2, True), refused.stderr
+    assert (in_use(place), versions(place)) == ("20261123-000001", ["20261123-000001"])
 
 
 def test_a_failed_update_changes_nothing(place):
@@ -110,6 +143,7 @@ def test_a_wheelhouse_is_the_only_source(place):
     ("options", "variables", "said"),
     [
         (["--fast"], {}, "--fast is not an option"),
+        (["--keep", "1"], {}, "must be 2 to 99"),
         (["--python"], {}, "--python needs a value"),
         (["--yes", "--python", "python3"], {"OLD": "1"}, "is not a Python of 3.11"),
         (["--rollback"], {}, "no version before"),
