@@ -24,6 +24,7 @@ from wallride import (
     topic_options,
 )
 from wallride.bringup import doctor_options, emulate_options, import_options
+from wallride.deploy import options as deploy_options
 from wallride.failure import USAGE_ERROR, fail, needs
 from wallride.new import options as new_options
 from wallride.parser import DEFAULT_CONFIG, Parser, add_set, default_config
@@ -90,6 +91,7 @@ def build_parser() -> argparse.ArgumentParser:
         report_options,
         foxglove_options,
         service_options,
+        deploy_options,
     ):
         options.add(commands)
     _add_build_kernel(commands)
