@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from sim.fit.responses import CommandSteps
+from runtime.calibration.responses import CommandSteps
 from sim.lab.recorded.scan_motion import motion_of
 from sim.recordings import CommandTrack, OdometryTrack, Recording
 from sim.world.pose import Floats

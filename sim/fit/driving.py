@@ -4,8 +4,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from runtime.calibration.responses import (
+    INTERVAL,
+    CommandSteps,
+    Estimate,
+    ResponseFit,
+    Samples,
+    fit_response,
+    unidentified,
+)
 from sim.fit.drive import MAX_GAP_S, RecordedDrive
-from sim.fit.responses import INTERVAL, CommandSteps, Estimate, ResponseFit, Samples, fit_response, unidentified
 from sim.recordings import OdometryTrack
 
 GRAVITY_MPS2 = 9.81

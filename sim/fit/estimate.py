@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from runtime.calibration.responses import Estimate
 from sim.car.vehicle_settings import VehicleSettings
 from sim.fit.drive import RecordedDrive, join, read_drive
 from sim.fit.driving import DriveFit, fit_drive
-from sim.fit.responses import Estimate
 from sim.fit.sensor import SensorFit, fit_sensor
 from sim.fit.steering import SteeringFit, fit_steering
 from sim.recordings import load_recording

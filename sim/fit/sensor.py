@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from runtime.calibration.near_parts import SIGMA_PER_MAD, near_parts_m, sectors
 from sim.recordings import Recording
 from sim.world.own_parts import OWN_PARTS, profile
 from sim.world.pose import Booleans, Floats
@@ -12,14 +13,10 @@ MAX_RANGE_M = 8.0
 SMOOTH_M = 0.1
 """Maximum difference of neighbouring beams on one surface."""
 OUTLIER_M = 0.5
-SIGMA_PER_MAD = 1.4826
 TRIMMED_STDS = 3.0
 MIN_STEP_M = 1e-3
 SECOND_DIFFERENCE = np.sqrt(6.0)
 """Standard deviation of a - 2 b + c over that of each, for independent noise."""
-PART_BEHIND_DEG, PART_WITHIN_M = 90.0, 0.8
-PART_STD_M, PART_SHARE = 0.05, 0.25
-"""Own parts: maximum spread of a beam's near returns, and the minimum share of scans with one."""
 MIN_SCANS = 40
 MIN_MOVED_M = 0.3
 MATCH_M = 0.1
@@ -51,9 +48,10 @@ def fit_sensor(recording: Recording, moved_m: float) -> SensorFit:
     outliers, dropouts = _spikes(ranges_m, echo)
     if moved_m < MIN_MOVED_M or len(recording) < MIN_SCANS:
         return SensorFit(noise_m, outliers, dropouts, (), "none", 0.0, "the car stood: own parts are told by driving")
-    part_m = _parts_m(recording, ranges_m, echo)
+    fan = recording.angle_min_rad, recording.angle_step_rad, recording.beams
+    part_m = near_parts_m(ranges_m, fan, max(recording.range_min_m, 0.02))
     kind, share = _kind(recording, part_m)
-    return SensorFit(noise_m, outliers, dropouts, _sectors(recording, part_m), kind, share)
+    return SensorFit(noise_m, outliers, dropouts, sectors(part_m, fan), kind, share)
 
 
 def _noise_m(ranges_m: Floats, echo: Booleans) -> float:
@@ -83,31 +81,8 @@ def _spikes(ranges_m: Floats, echo: Booleans) -> tuple[float, float]:
     return float(np.count_nonzero(far) / count), float(np.count_nonzero(lost) / count)
 
 
-def _parts_m(recording: Recording, ranges_m: Floats, echo: Booleans) -> Floats:
-    """Return the range of the own part in each beam, (beams,); inf without one."""
-    near = echo & (ranges_m < PART_WITHIN_M)
-    share = near.mean(axis=0)
-    part_m = np.full(recording.beams, np.inf)
-    behind = np.abs(_bearing_deg(recording)) > PART_BEHIND_DEG
-    for beam in np.flatnonzero(behind & (share > PART_SHARE)):
-        returns_m = ranges_m[near[:, beam], beam]
-        if SIGMA_PER_MAD * np.median(np.abs(returns_m - np.median(returns_m))) < PART_STD_M:
-            part_m[beam] = np.median(returns_m)
-    return part_m
-
-
 def _bearing_deg(recording: Recording) -> Floats:
     return np.asarray(np.degrees(recording.angle_min_rad + recording.angle_step_rad * np.arange(recording.beams)))
-
-
-def _sectors(recording: Recording, part_m: Floats) -> tuple[tuple[float, float, float], ...]:
-    """Return the rows of beams with parts."""
-    deg, found = _bearing_deg(recording), np.isfinite(part_m)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], found.astype(int), [0]])))
-    return tuple(
-        (float(deg[first]), float(deg[end - 1]), float(np.median(part_m[first:end])))
-        for first, end in zip(edges[::2], edges[1::2], strict=True)
-    )
 
 
 def _kind(recording: Recording, part_m: Floats) -> tuple[str, float]:

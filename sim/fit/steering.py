@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from runtime.calibration.responses import CommandSteps, Estimate, ResponseFit, Samples, fit_response, unidentified
 from sim.fit.drive import RecordedDrive
-from sim.fit.responses import CommandSteps, Estimate, ResponseFit, Samples, fit_response, unidentified
 from sim.fit.yaw_lag import simulated_angles
 
 MIN_SPEED_MPS = 0.3

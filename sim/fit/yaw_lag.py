@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from runtime.calibration.responses import CommandSteps, Samples
 from sim.car.vehicle import SpeedDemand, Vehicle, VehicleSettings
-from sim.fit.responses import CommandSteps, Samples
 from sim.world.pose import Floats, Pose
 
 STEP_S = 0.0025

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from drivers.api import Clock, Drive, Health, LinkState, MotorState
 from drivers.vesc.settings import VescSettings
 from sim.car.vehicle import BrakeDemand, CoastDemand, Demand, SpeedDemand, Vehicle, VehicleSettings
+from sim.car.wiring import NO_ERRORS, WiringConversion, WiringErrors
 from sim.virtual.closed_loop import ROUGH_BEAMS, as_scan
 from sim.virtual.devices import MemoryLidar
 from sim.world.beams import LidarSettings, Millimetres, scan
@@ -128,12 +129,15 @@ class WorldMotor:
     """Motor controller of a twin world; accepts commands as the VESC's driver does and reports the wheels' true state.
 
     wire: (time, drive) of every command taken. present: False is a pulled cable; the controller then brakes by itself.
-    phases_swapped: the wheels turn the other way, and the controller reports the requested direction.
+    errors: of the settings. phases_swapped: the wheels turn the other way, and the controller reports the requested
+    direction.
     """
 
-    def __init__(self, twin: TwinWorld, clock: Clock) -> None:
+    def __init__(self, twin: TwinWorld, clock: Clock, errors: WiringErrors = NO_ERRORS) -> None:
         self._twin = twin
         self._clock = clock
+        self._wiring = WiringConversion(_WIRING, errors.wired(_WIRING)) if errors != NO_ERRORS else None
+        self._allowed_rad = 0.0
         self.wire: list[tuple[float, Drive]] = []
         self.phases_swapped = False
         self._fault = ""
@@ -154,10 +158,12 @@ class WorldMotor:
         self._twin.advance()
         vehicle, gain = self._twin.vehicle, _WIRING.speed_to_erpm_gain
         steps_m = 10.0 / gain
-        sign = -1.0 if self.phases_swapped else 1.0
+        sign, steering_rad = -1.0 if self.phases_swapped else 1.0, self._twin.steering_rad
+        if self._wiring is not None:
+            sign, steering_rad = sign / self._wiring.speed_share, self._allowed_rad
         return MotorState(
             self._clock(), sign * round(vehicle.wheel_speed_mps * gain) / gain,
-            sign * math.floor(vehicle.wheel_travel_m / steps_m) * steps_m, self._twin.steering_rad, 11.8,
+            sign * math.floor(vehicle.wheel_travel_m / steps_m) * steps_m, steering_rad, 11.8,
             vehicle.motor_current_a, 0.0, 30.0, self._fault, timed_out=False, killed=False,
         )  # fmt: skip
 
@@ -181,8 +187,13 @@ class WorldMotor:
         self._twin.advance()
         self.wire.append((self._clock(), drive))
         speed_mps = 0.0 if self._fault else -drive.speed_mps if self.phases_swapped else drive.speed_mps
+        steering_rad = drive.steering_rad
+        if self._wiring is not None:
+            speed_mps *= self._wiring.speed_share
+            self._allowed_rad = self._wiring.allowed_rad(steering_rad)
+            steering_rad = self._wiring.steering_rad(steering_rad)
         self._twin.demand = demand_of(replace(drive, speed_mps=speed_mps), self._twin.vehicle)
-        self._twin.steering_rad = drive.steering_rad
+        self._twin.steering_rad = steering_rad
         return True
 
     def pull(self) -> None:

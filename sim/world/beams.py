@@ -31,7 +31,8 @@ _TURN_DEG = 360.0
 class LidarSettings(BaseModel):
     """Mount, scan pattern and faults of the lidar.
 
-    mount_x_m: its position ahead of the rear axle, on the middle line, looking forward.
+    mount_x_m, mount_y_m: its position ahead of the rear axle and left of the middle line. mount_yaw_rad: turned to the
+        left by this angle.
     first_deg, last_deg: first and last beam, both measured; counter-clockwise, 0 ahead.
     range_max_m: returns from farther away are lost. The data sheet promises 10 m; real ones report up to 30.
     noise_std_m: standard deviation of every distance.
@@ -46,6 +47,8 @@ class LidarSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     mount_x_m: Annotated[float, Field(ge=-1, le=1)] = 0.27
+    mount_y_m: Annotated[float, Field(ge=-1, le=1)] = 0.0
+    mount_yaw_rad: Annotated[float, Field(ge=-0.6, le=0.6)] = 0.0
     beams: Annotated[int, Field(ge=2, le=10_000)] = 1081
     first_deg: Annotated[float, Field(ge=-180, lt=180)] = -135.0
     last_deg: Annotated[float, Field(gt=-180, le=180)] = 135.0
@@ -102,8 +105,8 @@ def true_ranges_m(surroundings: Surroundings, pose: Pose, twist: Twist, lidar: L
     """Return the ranges of a perfect lidar in the same place, shape (beams,); inf where there is nothing."""
     fan = _fan(lidar)
     if not lidar.motion_skew or twist == STANDING:
-        at = pose.ahead(lidar.mount_x_m)
-        return surroundings.cast(at.x_m, at.y_m, fan.bearing_rad + pose.yaw_rad)
+        at = pose.ahead(lidar.mount_x_m, lidar.mount_y_m)
+        return surroundings.cast(at.x_m, at.y_m, fan.bearing_rad + (pose.yaw_rad + lidar.mount_yaw_rad))
     # In complex numbers, x + iy: a short arc is as long as its chord, to 1e-4, and points half-way between its ends.
     half_way = _evenly_turned(-twist.yaw_rate_radps * lidar.sweep_s / 2, lidar.beams)
     heading = cmath.rect(1.0, pose.yaw_rad) * half_way
@@ -111,9 +114,9 @@ def true_ranges_m(surroundings: Surroundings, pose: Pose, twist: Twist, lidar: L
     place *= -complex(twist.speed_mps, twist.lateral_mps)
     place += complex(pose.x_m, pose.y_m)
     heading *= half_way
-    heading *= lidar.mount_x_m
+    heading *= complex(lidar.mount_x_m, lidar.mount_y_m) if lidar.mount_y_m else lidar.mount_x_m
     place += heading
-    yaw_rad = pose.yaw_rad - twist.yaw_rate_radps * fan.ago_s
+    yaw_rad = (pose.yaw_rad + lidar.mount_yaw_rad) - twist.yaw_rate_radps * fan.ago_s
     return surroundings.cast(place.real, place.imag, fan.bearing_rad + yaw_rad)
 
 

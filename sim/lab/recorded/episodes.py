@@ -11,11 +11,11 @@ from typing import Literal
 
 import numpy as np
 
+from runtime.calibration.scan_motion import ScanMotion
 from runtime.control.perception.view import BODY_BEYOND_RAD
 from runtime.control.perception.window_dirt import SMUDGE_NEARER_THAN_M
 from runtime.control.vehicle import CarSettings
 from sim.lab.recorded.replay import JudgedScan, Replay
-from sim.lab.recorded.scan_motion import ScanMotion
 from sim.world.pose import Floats
 
 SAME_EPISODE_S = 0.3

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from drivers.api import MotorState, Scan
 from runtime.arbitration.command import Verdict
+from runtime.calibration.scan_motion import ScanMotion
 from runtime.control.perception.lidar_health import LidarHealth
 from runtime.control.perception.view import PerceptionCache, View
 from runtime.control.safety.swept import SweptAssessment, SweptGuard
@@ -21,7 +22,7 @@ from runtime.control.wall_following.ball import BallFollower
 from runtime.control.wall_following.ball_settings import BallSettings
 from runtime.control.wall_following.followed_wall import side_view
 from runtime.control.wall_following.wall_fit import WallLine
-from sim.lab.recorded.scan_motion import ScanMotion, motion_of
+from sim.lab.recorded.scan_motion import motion_of
 from sim.recordings import CommandTrack, Recording
 from sim.world.pose import Floats, Side
 

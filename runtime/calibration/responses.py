@@ -11,7 +11,7 @@ from itertools import product
 
 import numpy as np
 
-from sim.world.pose import Floats
+from runtime.control.perception.geometry import Floats
 
 GRID_S = 0.0025
 BLOCK_S = 1.0

@@ -1,0 +1,53 @@
+"""All estimates of one drive: the arcs with the car's own parts left out, then the delays, then the stops."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+from runtime.calibration.arc_fit import Arc, ArcFit, AssumedCar, fit_arcs
+from runtime.calibration.braking import fit_braking
+from runtime.calibration.delays import DelayFit, KnownMotion, fit_motor, fit_servo
+from runtime.calibration.near_parts import near_parts_m, seen_beams
+from runtime.calibration.responses import Estimate
+from runtime.calibration.stop_match import measure_shift
+from runtime.calibration.trace import MIN_WAY_M, Trace, find_stops, steering_between
+from runtime.control.perception.geometry import Booleans, Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasuredArcs:
+    """fit: of speed, steering and the lidar's pose. part_m: (beams,), ranges of own parts, inf without one."""
+
+    fit: ArcFit
+    part_m: Floats
+
+    @property
+    def ignored(self) -> Booleans:
+        """Return the beams that see the car itself."""
+        return seen_beams(self.part_m)
+
+
+def measure_arcs(trace: Trace, assumed: AssumedCar) -> MeasuredArcs:
+    """Return what a drive with stops tells; `ArcFit` says why where it does not."""
+    part_m = near_parts_m(trace.ranges_m, trace.kind)
+    ignored = seen_beams(part_m)
+    stops, arcs = find_stops(trace), []
+    for before, after in pairwise(stops):
+        way_m = after.distance_m - before.distance_m
+        if abs(way_m) < MIN_WAY_M:
+            continue
+        shift = measure_shift(trace, before, after, ignored)
+        if shift is not None:
+            arcs.append(Arc(way_m, steering_between(trace, before, after), shift))
+    return MeasuredArcs(fit_arcs(arcs, assumed), part_m)
+
+
+def measure_delays(trace: Trace, arcs: MeasuredArcs, rate_radps: float) -> tuple[DelayFit, DelayFit]:
+    """Return delay and rate of servo and motor. rate_radps: of the commands."""
+    fit = arcs.fit
+    known = KnownMotion(abs(fit.wheelbase_m.value), abs(fit.speed_factor.value), rate_radps, arcs.ignored)
+    return fit_servo(trace, known), fit_motor(trace)
+
+
+def measure_braking(trace: Trace, arcs: MeasuredArcs, delay_s: float) -> Estimate:
+    """Return the deceleration of the stops."""
+    return fit_braking(trace, delay_s, arcs.ignored)

@@ -1,0 +1,105 @@
+"""Motion of the lidar between two standstills, to millimetres: averaged scans, surfaces as lines through many beams."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.calibration.scan_motion import Kind, ReferenceScan, Shift, lay_over, motion_of_scans
+from runtime.calibration.trace import Stop, Trace
+from runtime.control.perception.geometry import Booleans, Floats, directions
+
+REACH = 8
+"""Number of beams on each side of a surface's middle beam."""
+MAX_MISSING = 4
+MAX_WIDTH_M, MAX_BEND_M = 0.6, 0.02
+GUESS_WEIGHT = 0.01
+POINT_STD_M = 0.03
+"""Standard deviation of one point's distance to a surface; neighbours share most of their error, hence so much."""
+MIN_RANGE_M, MAX_RANGE_M = 0.3, 12.0
+FLOOR_M, FLOOR_RAD = 0.0015, 0.0007
+"""Standard deviations that no averaging undercuts: tyres give, and floors are not level."""
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredShift:
+    """Motion of the lidar in its earlier frame, with standard deviations [m, m, rad]; infinite where nothing tells."""
+
+    shift: Shift
+    std: Shift
+
+
+def measure_shift(trace: Trace, before: Stop, after: Stop, ignored: Booleans | None = None) -> MeasuredShift | None:
+    """Return the motion between two stops; None where the scans between them are missing.
+
+    ignored: (beams,), beams that see the car itself.
+    """
+    way = trace.between(before.to_s - 0.1, after.from_s + 0.1)
+    if len(way.scan_s) < 2:
+        return None
+    ranges_m = _without(way.ranges_m.astype(np.float64), ignored)
+    chain = motion_of_scans(way.scan_s, ranges_m, trace.kind, MAX_RANGE_M)
+    guess = np.array([chain.x_m[-1], chain.y_m[-1], chain.yaw_rad[-1]])
+    return match_stops(trace.kind, _usable(before, ignored), _usable(after, ignored), guess)
+
+
+def match_stops(kind: Kind, before_m: Floats, after_m: Floats, guess: Floats) -> MeasuredShift:
+    """Return the motion between two averaged scans, (beams,) each. guess: within 0.2 m of it, (3,)."""
+    rays = directions(*kind)
+    forth, information = lay_over(
+        surfaces(rays * before_m), surfaces(rays * after_m).points_m, guess, kind, GUESS_WEIGHT
+    )
+    back, _ = lay_over(
+        surfaces(rays * after_m), surfaces(rays * before_m).points_m, _inverse(forth), kind, GUESS_WEIGHT
+    )
+    both = (forth + _inverse(back)) / 2  # either direction sees surfaces that the other does not
+    variance = np.diag(np.linalg.pinv(information + 1e-6 * np.eye(3))) * POINT_STD_M**2
+    floor = np.array([FLOOR_M, FLOOR_M, FLOOR_RAD])
+    std = np.sqrt(variance + floor**2 + ((forth - both) ** 2))
+    return MeasuredShift(_shift(both), _shift(std))
+
+
+def surfaces(points_m: Floats) -> ReferenceScan:
+    """Return lines through the points of 2 * REACH + 1 neighbouring beams: their middles and normals.
+
+    points_m: (2, beams). Total least squares in a sliding window.
+    """
+    known = np.isfinite(points_m[0])
+    x_m, y_m = np.where(known, points_m, 0.0)
+    count = _sums(known.astype(float))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean_x, mean_y = _sums(x_m) / count, _sums(y_m) / count
+        xx, yy = _sums(x_m * x_m) / count - mean_x**2, _sums(y_m * y_m) / count - mean_y**2
+        xy = _sums(x_m * y_m) / count - mean_x * mean_y
+    angle_rad = 0.5 * np.arctan2(2.0 * xy, xx - yy)  # of the line
+    half, root = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
+    bend_m, width_m = np.sqrt(np.maximum(half - root, 0.0)), np.sqrt(12.0 * np.maximum(half + root, 0.0))
+    usable = known & (count >= 2 * REACH + 1 - MAX_MISSING) & (bend_m < MAX_BEND_M) & (width_m < MAX_WIDTH_M)
+    middles = np.where(usable, np.stack([mean_x, mean_y]), np.nan)
+    return ReferenceScan(middles, np.stack([-np.sin(angle_rad), np.cos(angle_rad)]), usable)
+
+
+def _sums(values: Floats) -> Floats:
+    """Return the sums over the window of each beam, (beams,)."""
+    padded = np.concatenate([np.zeros(REACH + 1), values, np.zeros(REACH)])
+    total: Floats = np.cumsum(padded)
+    return total[2 * REACH + 1 :] - total[: -2 * REACH - 1]
+
+
+def _usable(stop: Stop, ignored: Booleans | None) -> Floats:
+    ranges_m = _without(stop.ranges_m, ignored)
+    with np.errstate(invalid="ignore"):
+        return np.where((ranges_m >= MIN_RANGE_M) & (ranges_m <= MAX_RANGE_M), ranges_m, np.nan)
+
+
+def _without(ranges_m: Floats, ignored: Booleans | None) -> Floats:
+    return ranges_m if ignored is None else np.where(ignored, np.nan, ranges_m)
+
+
+def _inverse(shift: Floats) -> Floats:
+    cos, sin = math.cos(shift[2]), math.sin(shift[2])
+    return np.array([-cos * shift[0] - sin * shift[1], sin * shift[0] - cos * shift[1], -shift[2]])
+
+
+def _shift(values: Floats) -> Shift:
+    return float(values[0]), float(values[1]), float(values[2])

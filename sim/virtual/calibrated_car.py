@@ -1,0 +1,95 @@
+"""A simulated car that is driven for a calibration, in virtual time and without a process: with errors to be found.
+
+Scans, motor reports and commands come as often as over the network: 20 scans and 20 motor reports a second, each
+command. The laws are not asked: as by hand, safety does not bind.
+"""
+
+import math
+
+import numpy as np
+
+from drivers.api import Drive, MotorState
+from runtime.calibration.trace import TraceBuilder
+from runtime.control.limiter import Limiter, Limits
+from runtime.control.vehicle import CarSettings
+from sim.car.vehicle import VehicleSettings
+from sim.car.wiring import NO_ERRORS, WiringErrors
+from sim.virtual.closed_loop import ROUGH_BEAMS, as_scan
+from sim.virtual.twin_world import STEP_S, TwinWorld, WorldMotor
+from sim.world.beams import LidarSettings, scan
+from sim.world.place import World
+from sim.world.pose import Pose
+
+SCAN_S, PUBLISHED = 0.025, 2
+REPORT_S, POLL_S = 0.05, 0.0203
+
+
+class VirtualCar:
+    """Implements CalibratedCar over a TwinWorld.
+
+    errors: of the settings; vehicle, lidar: the true car. yaw_rad: of the lidar as configured.
+    """
+
+    def __init__(
+        self, world: World, *, start: Pose | None = None, vehicle: VehicleSettings | None = None,
+        lidar: LidarSettings = ROUGH_BEAMS, errors: WiringErrors = NO_ERRORS, car: CarSettings | None = None,
+        yaw_rad: float = 0.0, seed: int = 0,
+    ) -> None:  # fmt: skip
+        self.seen = TraceBuilder()
+        self._now_s = 0.0
+        self.twin = TwinWorld(world, lambda: self._now_s, start=start, vehicle=vehicle, lidar=lidar, seed=seed)
+        self._motor = WorldMotor(self.twin, lambda: self._now_s, errors)
+        car = car or CarSettings()
+        self._limiter = Limiter(
+            Limits(
+                car.max_speed_mps, car.max_reverse_mps, car.max_steering_rad, car.steering_rate_radps,
+                car.max_acceleration_mps2,
+            )
+        )  # fmt: skip
+        self._asked = Drive(0.0, 0.0)
+        self._ticks = 0
+        self._polled: MotorState | None = None
+        self._yaw_rad, self.errors = yaw_rad, errors
+        self._rng = np.random.default_rng(seed + 1)
+        self._phase_s = float(self._rng.uniform(0.0, POLL_S))
+
+    @property
+    def now_s(self) -> float:
+        """Return the present time."""
+        return self._now_s
+
+    def send(self, speed_mps: float, steering_rad: float) -> None:
+        """Ask for a drive."""
+        self._asked = Drive(speed_mps, steering_rad)
+
+    def wait(self) -> None:
+        """Go on to the next published scan."""
+        for _ in range(PUBLISHED):
+            self._until_scan()
+        at = scan(
+            self.twin.scene, self.twin.vehicle.pose, self.twin.vehicle.twist, self._now_s, self._rng,
+            self.twin.lidar_settings,
+        )  # fmt: skip
+        seen = as_scan(at, self.twin.lidar_settings, self._now_s, 0)
+        self.seen.kind = seen.angle_min_rad + self._yaw_rad, seen.angle_step_rad, seen.ranges_m.size
+        self.seen.sweep_s = self.twin.lidar_settings.sweep_s
+        self.seen.scans.append((self._now_s, seen.ranges_m))
+
+    def _until_scan(self) -> None:
+        told = self._limiter.limit(self._asked.speed_mps, self._asked.steering_rad, SCAN_S)
+        self._motor.send(told)
+        if self._motor.braked_instead or self.twin.vehicle.wheel_speed_mps * told.speed_mps < 0:
+            self._limiter.braked()
+        self.seen.commands.append((self._now_s, told.speed_mps, told.steering_rad))
+        for _ in range(round(SCAN_S / STEP_S)):
+            self._ticks += 1
+            self._now_s = self._ticks * STEP_S
+            self.twin.advance()
+            if self._is_due(POLL_S):
+                self._polled = self._motor.state
+            if self._is_due(REPORT_S) and (state := self._polled) is not None:
+                self.seen.motor.append((state.stamp_s, state.distance_m, state.speed_mps, state.steering_rad))
+
+    def _is_due(self, period_s: float) -> bool:
+        before = math.floor((self._now_s - STEP_S + self._phase_s) / period_s)
+        return math.floor((self._now_s + self._phase_s) / period_s) != before
