@@ -23,7 +23,7 @@ from wallride import (
     teleop_options,
     topic_options,
 )
-from wallride.bringup import doctor_options, emulate_options, import_options
+from wallride.bringup import calibrate_options, doctor_options, emulate_options, import_options
 from wallride.deploy import options as deploy_options
 from wallride.failure import USAGE_ERROR, fail, needs
 from wallride.new import options as new_options
@@ -74,6 +74,7 @@ def build_parser() -> argparse.ArgumentParser:
     emulate_options.add(commands)
     doctor_options.add(commands)
     import_options.add(commands)
+    calibrate_options.add(commands)
     lab = commands.add_parser("lab", help="experiments with the car's own laws, faster than real time")
     lab.set_defaults(run=_lab)
     lab_options.add(lab)

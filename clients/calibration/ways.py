@@ -9,6 +9,7 @@ from runtime.calibration.trace import STANDS_BELOW_MPS, TraceBuilder
 STAND_SCANS = 28
 WALK_MPS = 0.4
 BEND_RAD = 0.25
+FIRST_M = 0.2
 LONG_M, WAY_M, SHORT_M = 1.3, 0.9, 0.4
 """Ways of different lengths tell what the wheels slide at the end of each."""
 WEAVE_RAD, WEAVE_EVERY_S = 0.2, 0.5
@@ -33,6 +34,10 @@ class CalibratedCar(Protocol):
 
     def send(self, speed_mps: float, steering_rad: float) -> None:
         """Ask for a drive for a moment; CalibrationError when the operator let go, or the car does not obey."""
+        ...
+
+    def release(self) -> None:
+        """Let go: the car stays stopped, also while nothing is sent."""
         ...
 
     def wait(self) -> None:
@@ -85,6 +90,15 @@ def drive_varied(
     stand(car, last_rad, 0)
 
 
+def drive_first(car: CalibratedCar) -> None:
+    """Drive a short way forward, from which the direction of the motor shows, and back."""
+    stand(car, 0.0, 10)
+    drive_way(car, FIRST_M, WALK_MPS, _always(0.0))
+    stand(car, 0.0, 10)
+    drive_way(car, -FIRST_M, WALK_MPS, _always(0.0))
+    _finish(car)
+
+
 def drive_arcs(car: CalibratedCar) -> None:
     """Drive to and fro: straight, to the left, to the right, and in wider bends."""
     for steering_rad, long_m in (
@@ -94,7 +108,16 @@ def drive_arcs(car: CalibratedCar) -> None:
         for way_m in (long_m, -long_m):
             stand(car, steering_rad)
             drive_way(car, way_m, WALK_MPS, _always(steering_rad))
-    stand(car)
+    _finish(car)
+
+
+def drive_straight(car: CalibratedCar) -> float:
+    """Drive forward, stay there, and return the way by the motor's report."""
+    stand(car, 0.0, 6)
+    begin_m = _distance_m(car)
+    drive_way(car, LONG_M, WALK_MPS, _always(0.0))
+    _finish(car)
+    return _distance_m(car) - begin_m
 
 
 def drive_weaves(car: CalibratedCar) -> None:
@@ -108,7 +131,7 @@ def drive_weaves(car: CalibratedCar) -> None:
                 lambda t: fast_mps if int(t / WEAVE_SPEED_EVERY_S) % 2 else slow_mps,
                 _weave_rad,
             )  # fmt: skip
-    stand(car)
+    _finish(car)
 
 
 def drive_stops(car: CalibratedCar) -> None:
@@ -119,7 +142,7 @@ def drive_stops(car: CalibratedCar) -> None:
         drive_way(car, RUN_M, RUN_MPS, _always(0.0))
         stand(car, 0.0, 16)
         drive_way(car, begin_m - _distance_m(car), WALK_MPS, _always(0.0))
-    stand(car)
+    _finish(car)
 
 
 def check_room(car: CalibratedCar, way_m: float) -> None:
@@ -131,6 +154,11 @@ def check_room(car: CalibratedCar, way_m: float) -> None:
         raise CalibrationError(
             f"something is {near_m:.2f} m ahead of the lidar, and the way needs {needed_m:.1f} m: move the car"
         )
+
+
+def _finish(car: CalibratedCar) -> None:
+    stand(car)
+    car.release()
 
 
 def _stands(car: CalibratedCar) -> bool:

@@ -21,7 +21,10 @@ Floats = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScanSample:
-    """`scan`, frame laser. ranges_m: (n,), NaN without a return; beam i is at angle_min_rad + i * angle_step_rad."""
+    """`scan`, frame laser. ranges_m: (n,), NaN without a return; beam i is at angle_min_rad + i * angle_step_rad.
+
+    scan_time_s: of a revolution.
+    """
 
     stamp_s: float
     angle_min_rad: float
@@ -29,6 +32,7 @@ class ScanSample:
     range_min_m: float
     range_max_m: float
     ranges_m: Floats
+    scan_time_s: float = 0.0
 
     @property
     def angles_rad(self) -> Floats:
@@ -180,7 +184,7 @@ def value_of(topic: str, payload: bytes, taken_s: float) -> Value:
 def _scan(message: Any, _taken_s: float) -> ScanSample:  # noqa: ANN401 - rosbags' own classes, here and below
     return ScanSample(
         _stamp_s(message), message.angle_min, message.angle_increment, message.range_min, message.range_max,
-        message.ranges,
+        message.ranges, message.scan_time,
     )  # fmt: skip
 
 

@@ -141,7 +141,7 @@ class Hokuyo:
                 self._health,
                 self._sequence,
                 on_scan,
-                upside_down=self._settings.mounted_upside_down,
+                settings=self._settings,
                 held_back=SETTLING_SCANS if self._has_streamed else 0,
             )
             self._has_streamed = True

@@ -20,6 +20,9 @@ class HokuyoSettings(BaseModel):
     mounted_upside_down: Annotated[
         bool, Field(description="The sensor is mounted upside down: the order of the beams is reversed.")
     ] = False
+    yaw_rad: Annotated[
+        float, Field(ge=-0.6, le=0.6, description="Direction of the sensor's middle beam, left of straight ahead.")
+    ] = 0.0
     stale_after_s: Annotated[
         float, Field(gt=0, le=1, description="Maximum delay of a delivered scan; a later one is dropped.")
     ] = 0.1

@@ -9,6 +9,7 @@ from drivers.hokuyo.codec import BLOCK_LIMIT_BYTES, ReplyBlock, stream_command
 from drivers.hokuyo.conversation import Conversation, SensorIdentity
 from drivers.hokuyo.ranges import RangeDecoder
 from drivers.hokuyo.replies import StreamStatus, decode_number, judge
+from drivers.hokuyo.settings import HokuyoSettings
 from drivers.hokuyo.timing import StampGate
 
 START_TIMEOUT_S: Final = 1.0
@@ -47,7 +48,7 @@ class ScanStream:
         sequence: Sequence,
         on_scan: Callable[[Scan], None],
         *,
-        upside_down: bool,
+        settings: HokuyoSettings,
         held_back: int = 0,
     ) -> None:
         parameters = identity.parameters
@@ -61,11 +62,15 @@ class ScanStream:
         self._command = stream_command("MD", parameters.first_step, parameters.last_step)
         self._echo_head = self._command[:-3]  # in scans the last two digits count down
         self._decoder = RangeDecoder(
-            parameters.beam_count, parameters.range_min_mm, parameters.range_max_mm, reverse=upside_down
+            parameters.beam_count,
+            parameters.range_min_mm,
+            parameters.range_max_mm,
+            reverse=settings.mounted_upside_down,
         )
         self._angle_step_rad = parameters.angle_step_rad
+        upside_down = settings.mounted_upside_down
         edge_rad = parameters.angle_rad(parameters.last_step if upside_down else parameters.first_step)
-        self._angle_min_rad = -edge_rad if upside_down else edge_rad
+        self._angle_min_rad = (-edge_rad if upside_down else edge_rad) + settings.yaw_rad
         self._range_min_m = parameters.range_min_mm / 1000
         self._range_max_m = parameters.range_max_mm / 1000
         self._started: asyncio.Future[str] = asyncio.get_running_loop().create_future()

@@ -41,6 +41,17 @@ def measure_arcs(trace: Trace, assumed: AssumedCar) -> MeasuredArcs:
     return MeasuredArcs(fit_arcs(arcs, assumed), part_m)
 
 
+def measure_forward_m(trace: Trace) -> float | None:
+    """Return how far the lidar went forward on a way that the motor reports as forward; None where nothing tells."""
+    stops = find_stops(trace)
+    for before, after in pairwise(stops):
+        if after.distance_m - before.distance_m > MIN_WAY_M:
+            found = measure_shift(trace, before, after)
+            if found is not None and found.std[0] < MIN_WAY_M / 2:
+                return found.shift[0]
+    return None
+
+
 def measure_delays(trace: Trace, arcs: MeasuredArcs, rate_radps: float) -> tuple[DelayFit, DelayFit]:
     """Return delay and rate of servo and motor. rate_radps: of the commands."""
     fit = arcs.fit

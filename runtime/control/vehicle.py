@@ -28,6 +28,8 @@ class CarSettings(Section):
     """Maximum rise of the commanded speed; slowing down is not limited."""
     lidar_x_m: Annotated[float, Field(ge=-1, le=2)] = 0.27
     """Distance of the lidar ahead of the rear axle."""
+    lidar_y_m: Annotated[float, Field(ge=-1, le=1)] = 0.0
+    """Distance of the lidar left of the middle line; negative: right."""
     front_m: Annotated[float, Field(gt=0, le=3)] = 0.42
     """Distance from the rear axle to the front end of the car."""
     rear_m: Annotated[float, Field(gt=0, le=3)] = 0.13

@@ -120,7 +120,9 @@ def _drive(
     duration_s = options.duration or (options.laps * MAX_LAP_S if options.laps else DEFAULT_DURATION_S)
     live = LiveConditions(vehicle, scene, conditions)
     attach = {"on_devices": chosen.attach} if chosen is not None else {}
-    session = SimulatorSession(scene, vehicle, settings.motor, watched=not options.headless, changes=live, **attach)
+    session = SimulatorSession(
+        scene, vehicle, conditions.wiring.wired(settings.motor), watched=not options.headless, changes=live, **attach
+    )
     start = _start(options, config, settings, world.name)
     record = _run(session, start, duration_s, stop, console, _view(options, scene, vehicle, console, live), live)
     summary = {

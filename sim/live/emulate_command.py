@@ -35,12 +35,12 @@ def emulate(options: argparse.Namespace, stop: StopRequest) -> int:
         settings = load_settings(
             find_config(CAR_CONFIG), options.assignments
         )  # the car as it is, whatever the user enters
-        _, scene, vehicle = build_scene(options, settings)
+        conditions, scene, vehicle = build_scene(options, settings)
         ports = EmulatedPorts(
             folder, None if options.lidar == "serial" else options.port, options.lidar != "tcp",
             options.vesc_timeout, options.vesc_brake,
         )  # fmt: skip
-        car = EmulatedCar(scene, vehicle, settings.motor, ports)
+        car = EmulatedCar(scene, vehicle, conditions.wiring.wired(settings.motor), ports)
 
         def tell(addresses: DeviceAddresses) -> None:
             write_settings(file, addresses)

@@ -1,7 +1,8 @@
 """Conditions of a simulated drive: floor, tyres, lidar and obstacles, as settings that can be named one by one.
 
-A settings file has the sections [vehicle] and [lidar] with the fields of `VehicleSettings` and `LidarSettings`, and a
-list `obstacles` of texts (`sim.scenario.obstacle_text`). Options of the command line come on top.
+A settings file has the sections [vehicle], [lidar] and [wiring] with the fields of `VehicleSettings`, `LidarSettings`
+and `WiringErrors`, and a list `obstacles` of texts (`sim.scenario.obstacle_text`). Options of the command line come on
+top.
 """
 
 import json
@@ -15,6 +16,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
 from sim.car.vehicle_settings import VehicleSettings
+from sim.car.wiring import NO_ERRORS, WiringErrors
 from sim.scenario.obstacle_text import read_obstacle
 from sim.world.beams import LidarSettings
 from sim.world.obstacles import Obstacle
@@ -31,12 +33,16 @@ class ConditionsError(Exception):
 
 
 class Conditions(BaseModel):
-    """Conditions at the start of a drive. obstacles: texts as of `sim.scenario.obstacle_text`."""
+    """Conditions at the start of a drive.
+
+    wiring: errors of the car's settings. obstacles: texts as of `sim.scenario.obstacle_text`.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     vehicle: VehicleSettings = VehicleSettings()
     lidar: LidarSettings = LidarSettings()
+    wiring: WiringErrors = NO_ERRORS
     obstacles: tuple[str, ...] = ()
 
     @field_validator("obstacles")
@@ -192,7 +198,7 @@ def _read(path: Path) -> dict[str, Any]:
 def _assign(tree: dict[str, Any], assignment: str) -> None:
     key, equals, text = assignment.partition("=")
     if not equals or key.count(".") != 1:
-        raise ConditionsError(f"--condition {assignment}: write vehicle.KEY=VALUE or lidar.KEY=VALUE")
+        raise ConditionsError(f"--condition {assignment}: write vehicle.KEY=VALUE, lidar.KEY=VALUE or wiring.KEY=VALUE")
     try:
         value: Any = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:

@@ -5,6 +5,7 @@ command. The laws are not asked: as by hand, safety does not bind.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,27 +19,31 @@ from sim.virtual.closed_loop import ROUGH_BEAMS, as_scan
 from sim.virtual.twin_world import STEP_S, TwinWorld, WorldMotor
 from sim.world.beams import LidarSettings, scan
 from sim.world.place import World
-from sim.world.pose import Pose
 
 SCAN_S, PUBLISHED = 0.025, 2
 REPORT_S, POLL_S = 0.05, 0.0203
+_VEHICLE = VehicleSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class PlantedCar:
+    """The true car. errors: of its settings."""
+
+    vehicle: VehicleSettings = _VEHICLE
+    lidar: LidarSettings = ROUGH_BEAMS
+    errors: WiringErrors = NO_ERRORS
 
 
 class VirtualCar:
-    """Implements CalibratedCar over a TwinWorld.
-
-    errors: of the settings; vehicle, lidar: the true car. yaw_rad: of the lidar as configured.
-    """
+    """Implements CalibratedCar over a TwinWorld. car, yaw_rad: settings in effect, the latter of the lidar."""
 
     def __init__(
-        self, world: World, *, start: Pose | None = None, vehicle: VehicleSettings | None = None,
-        lidar: LidarSettings = ROUGH_BEAMS, errors: WiringErrors = NO_ERRORS, car: CarSettings | None = None,
-        yaw_rad: float = 0.0, seed: int = 0,
-    ) -> None:  # fmt: skip
+        self, world: World, planted: PlantedCar, *, car: CarSettings | None = None, yaw_rad: float = 0.0, seed: int = 0
+    ) -> None:
         self.seen = TraceBuilder()
         self._now_s = 0.0
-        self.twin = TwinWorld(world, lambda: self._now_s, start=start, vehicle=vehicle, lidar=lidar, seed=seed)
-        self._motor = WorldMotor(self.twin, lambda: self._now_s, errors)
+        self.twin = TwinWorld(world, lambda: self._now_s, vehicle=planted.vehicle, lidar=planted.lidar, seed=seed)
+        self._motor = WorldMotor(self.twin, lambda: self._now_s, planted.errors)
         car = car or CarSettings()
         self._limiter = Limiter(
             Limits(
@@ -49,7 +54,7 @@ class VirtualCar:
         self._asked = Drive(0.0, 0.0)
         self._ticks = 0
         self._polled: MotorState | None = None
-        self._yaw_rad, self.errors = yaw_rad, errors
+        self._yaw_rad = yaw_rad
         self._rng = np.random.default_rng(seed + 1)
         self._phase_s = float(self._rng.uniform(0.0, POLL_S))
 
@@ -61,6 +66,10 @@ class VirtualCar:
     def send(self, speed_mps: float, steering_rad: float) -> None:
         """Ask for a drive."""
         self._asked = Drive(speed_mps, steering_rad)
+
+    def release(self) -> None:
+        """Stop."""
+        self._asked = Drive(0.0, 0.0)
 
     def wait(self) -> None:
         """Go on to the next published scan."""

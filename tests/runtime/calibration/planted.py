@@ -9,7 +9,7 @@ from runtime.calibration.arc_fit import AssumedCar
 from runtime.calibration.measured_car import measure_arcs, measure_braking, measure_delays
 from sim.car.vehicle_settings import VehicleSettings
 from sim.car.wiring import WiringErrors
-from sim.virtual.calibrated_car import VirtualCar
+from sim.virtual.calibrated_car import PlantedCar, VirtualCar
 from sim.world.beams import LidarSettings
 from sim.world.place import World
 from sim.world.pose import Pose
@@ -40,7 +40,7 @@ SLOW = VehicleSettings(wheelbase_m=0.33, steering_delay_s=0.06, drive_delay_s=0.
 
 def planted_car(seed=0, world=LAB, *, own_parts="none", vehicle=SLOW, errors=ERRORS, **lidar):
     settings = LidarSettings(**{**ROUGH, **MOUNT, "own_parts": own_parts, **lidar})
-    return VirtualCar(world, vehicle=vehicle, lidar=settings, errors=errors, seed=seed)
+    return VirtualCar(world, PlantedCar(vehicle, settings, errors), seed=seed)
 
 
 def arcs_of(car, assumed=ASSUMED):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from runtime.calibration.near_parts import near_parts_m
+from sim.car.wiring import NO_ERRORS
 from sim.world.own_parts import profile
 from tests.runtime.calibration.planted import (
     CORRIDOR,
@@ -43,7 +44,7 @@ def test_all_planted_errors_are_found(seed, own_parts):
 
 
 def test_a_car_without_errors_stays_as_it_is():
-    car = planted_car(7, errors=type(planted_car().errors)(), mount_x_m=0.27, mount_y_m=0.0, mount_yaw_rad=0.0)
+    car = planted_car(7, errors=NO_ERRORS, mount_x_m=0.27, mount_y_m=0.0, mount_yaw_rad=0.0)
     fit = arcs_of(car).fit
     assert fit.speed_factor.value == pytest.approx(1.0, rel=0.006)
     assert fit.offset_rad.value == pytest.approx(0.0, abs=0.002)

@@ -1,0 +1,203 @@
+"""`wallride calibrate`: guides through the steps, shows before and after, writes what is accepted."""
+
+import argparse
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from clients.calibration import settings_file
+from clients.calibration.deadman import AlwaysHeld, TerminalDeadman
+from clients.calibration.link import MAX_SPEED_MPS, MAX_STEERING_RAD, LetGoError, RemoteLink, StalledError
+from clients.calibration.steps import (
+    OUTLINE,
+    OUTLINE_WORDS,
+    SPEED,
+    STEPS,
+    CalibrationProgress,
+    DrivenStep,
+    drive_tape,
+    driven_steps,
+)
+from clients.calibration.ways import CalibrationError
+from clients.connection import ConnectionProblemError
+from clients.remote.car import RemoteCar, connect
+from clients.remote.driver import DriveRefusedError
+from clients.teleop import terminal
+from runtime.calibration import proposals
+from runtime.calibration.proposals import Proposal
+from runtime.parameters.catalogue import values
+from runtime.parameters.file import StoreError
+from runtime.settings.tree import SettingsError, load_settings
+
+NAMES = (
+    proposals.SPEED_GAIN, proposals.WHEELBASE, proposals.SERVO_GAIN, proposals.SERVO_OFFSET, proposals.LIDAR_X,
+    proposals.LIDAR_Y, proposals.LIDAR_YAW, proposals.LATENCY, proposals.ACTUATION, proposals.GRIP,
+    "car.steering_rate_radps", *OUTLINE_WORDS,
+)  # fmt: skip
+TRIES = 5
+Ask = Callable[[str], str]
+
+
+def run(options: argparse.Namespace) -> int:
+    """Calibrate, or undo the last calibration; ConnectionProblemError for what the user can correct."""
+    try:
+        if options.undo:
+            return _undo(_file(options))
+        return _calibrate(options)
+    except (StoreError, SettingsError, CalibrationError, DriveRefusedError) as error:
+        raise ConnectionProblemError(str(error)) from None
+
+
+def _undo(path: Path) -> int:
+    for line in settings_file.undo(path):
+        _say(line)
+    _say(f"{path}: as before the calibration; restart the car")
+    return 0
+
+
+def _calibrate(options: argparse.Namespace) -> int:
+    path, wanted = _file(options), frozenset(options.steps or STEPS)
+    with connect(options.car, at=options.connect, keys=options.keys, session=options.session) as car:
+        now = _in_effect(car, path)
+        _check_yes(car, given=options.yes)
+        so_far = CalibrationProgress(dict(now), ruler=options.wheelbase is not None)
+        measured: list[Proposal] = []
+        if options.wheelbase is not None:
+            so_far.now = {**now, proposals.WHEELBASE: options.wheelbase}
+            measured.append(_by_hand(proposals.WHEELBASE, now, options.wheelbase, "by ruler"))
+        for step in driven_steps(wanted):
+            measured += _drive(car, step, so_far, always=options.yes)
+        if SPEED in wanted and so_far.arcs is not None and so_far.arcs.fit.speed_factor.why and not options.yes:
+            measured += _tape(car, so_far)
+    if OUTLINE in wanted and not options.yes:
+        measured += _outline(now, input)
+    for note in so_far.notes:
+        _say(note)
+    _say(table(measured))
+    return _write(path, [one for one in measured if one.changes], yes=options.yes)
+
+
+def _file(options: argparse.Namespace) -> Path:
+    path: Path | None = options.config
+    if path is None or not path.is_file():
+        raise CalibrationError(f"{path or 'no settings file'}: give the car's with --config, on the car's computer")
+    return path
+
+
+def _in_effect(car: RemoteCar, path: Path) -> Mapping[str, float]:
+    """Return the values that the car drives with; CalibrationError where the file has others."""
+    known, here = car.parameters.describe(), values(load_settings(path))
+    now = {name: float(known[name]["value"]) for name in NAMES if name in known}
+    for name, value in now.items():
+        if here.get(name) != value:
+            raise CalibrationError(
+                f"{path} has {name} = {here.get(name)}, and {car.name} drives with {value:g}: is it its file? restart"
+                " the car, or give its file with --config"
+            )
+    return now
+
+
+def _check_yes(car: RemoteCar, *, given: bool) -> None:
+    if given and not car.parameters["recording.simulated"]:
+        raise CalibrationError("--yes holds the deadman for you: it is for simulated and emulated cars only")
+    if not given and not terminal.is_there():
+        raise CalibrationError("the deadman is a key: run it in a terminal (or --yes, with an emulated car)")
+
+
+def _drive(car: RemoteCar, step: DrivenStep, so_far: CalibrationProgress, *, always: bool) -> list[Proposal]:
+    """Drive a step, again after the operator let go; [] where it was skipped."""
+    _say(f"\n{step.title}\n  {step.before}")
+    for attempt in range(TRIES):
+        deadman = AlwaysHeld() if always else TerminalDeadman()
+        try:
+            with deadman, car.drive(max_speed_mps=MAX_SPEED_MPS, max_steering_rad=MAX_STEERING_RAD) as hand:
+                _say(f"  hold {deadman.key} to drive; let go to stop; Space ends")
+                link = RemoteLink(car, hand, deadman)
+                deadman.wait()
+                link.forget()
+                found = list(step.run(link, so_far))
+                link.release()
+                return found
+        except LetGoError as error:
+            _say(f"  {error}")
+        except CalibrationError as error:
+            if always and (attempt == TRIES - 1 or not isinstance(error, StalledError)):
+                raise
+            _say(f"  {error}")
+        if not always and input("  again? [Y/n] ").strip().lower().startswith("n"):
+            return []
+    return []
+
+
+def _tape(car: RemoteCar, so_far: CalibrationProgress) -> list[Proposal]:
+    """Measure the speed gain with a tape where the walls do not tell it."""
+    step = DrivenStep(
+        "speed, with a tape", "Mark the floor beside a rear wheel. The car drives forward and stays.", drive_tape
+    )
+    _drive(car, step, so_far, always=False)
+    reported_m = so_far.taped_m
+    text = input("  distance from the mark to the wheel [m], Enter for none: ").strip() if reported_m else ""
+    if not text or not reported_m:
+        return []
+    gain = so_far.now[proposals.SPEED_GAIN] * reported_m / _number(text)
+    return [
+        _by_hand(proposals.SPEED_GAIN, so_far.now, round(gain, 1), f"{text} m by tape, {reported_m:.3f} m reported")
+    ]
+
+
+def _outline(now: Mapping[str, float], ask: Ask) -> list[Proposal]:
+    """Ask for the outline, which the car cannot see."""
+    _say("\noutline\n  Measure with a tape; Enter keeps the value.")
+    found = []
+    for name, words in OUTLINE_WORDS.items():
+        text = ask(f"  {name}, {words} [{now[name]:g} m]: ").strip()
+        if text:
+            found.append(_by_hand(name, now, _number(text), "by tape"))
+    return found
+
+
+def _number(text: str) -> float:
+    try:
+        value = float(text.replace(",", "."))
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < 100.0:
+        raise CalibrationError(f"{text} is not a length in metres, as 0.42")
+    return value
+
+
+def _by_hand(name: str, now: Mapping[str, float], new: float, words: str) -> Proposal:
+    return Proposal(name, now[name], new, words)
+
+
+def table(measured: Sequence[Proposal]) -> str:
+    """Return before and after as lines."""
+    rows = [("setting", "before", "after", "")]
+    rows += [
+        (one.name, f"{one.old:g}", "as before" if one.new is None or not one.changes else f"{one.new:g}", one.words)
+        for one in measured
+    ]
+    widths = [max(len(row[column]) for row in rows) for column in range(3)]
+    return "\n".join(
+        "  ".join([*(cell.ljust(width) for cell, width in zip(row, widths, strict=False)), row[3]]).rstrip()
+        for row in rows
+    )
+
+
+def _write(path: Path, changed: Sequence[Proposal], *, yes: bool) -> int:
+    if not changed:
+        _say("nothing to write")
+        return 0
+    if not yes and input(f"write {len(changed)} values to {path}? [y/N] ").strip().lower() != "y":
+        _say("nothing was written")
+        return 0
+    kept = settings_file.write(path, changed, datetime.now(UTC).date().isoformat())
+    _say(f"{path}: {len(changed)} values written; restart the car. Undo: wallride calibrate --undo --config {path}")
+    _say(f"the values before are in {kept}")
+    return 0
+
+
+def _say(text: str) -> None:
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()

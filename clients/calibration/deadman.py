@@ -1,0 +1,75 @@
+"""The deadman of a calibration in a terminal: a key that is held, with the rules of `wallride teleop`."""
+
+import time
+from types import TracebackType
+from typing import Self
+
+from clients.calibration.link import LetGoError
+from clients.teleop.keyboard import HeldKeys, Quit, RepeatedKeys
+from clients.teleop.terminal import Terminal
+
+PERIOD_S = 0.02
+
+
+class AlwaysHeld:
+    """Deadman of an emulated car, which no person has to watch."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Do nothing."""
+
+    @property
+    def key(self) -> str:
+        """Return the name of the key."""
+        return "nothing"
+
+    def is_held(self) -> bool:
+        """Return that it is held."""
+        return True
+
+    def wait(self) -> None:
+        """Return at once."""
+
+
+class TerminalDeadman:
+    """Shift or M where the terminal reports releases, else a driving key that repeats, as W."""
+
+    def __init__(self) -> None:
+        self._terminal = Terminal(time.monotonic, want_releases=True)
+        self._keys: HeldKeys | RepeatedKeys = RepeatedKeys("terminal")
+
+    def __enter__(self) -> Self:
+        self._terminal.__enter__()
+        self._keys = HeldKeys("terminal", answers=True) if self._terminal.releases else RepeatedKeys("terminal")
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._terminal.__exit__(kind, error, trace)
+
+    @property
+    def key(self) -> str:
+        """Return the name of the key."""
+        return "M" if self._terminal.releases else "W"
+
+    def is_held(self) -> bool:
+        """Return whether the key is held; LetGoError for Space, Esc or Ctrl-C, which end the calibration."""
+        now_s = time.monotonic()
+        for event in self._terminal.poll():
+            if isinstance(event, Quit):
+                raise LetGoError("ended by the operator")
+            self._keys.feed(event, now_s)
+        inputs = self._keys.inputs(now_s)
+        if inputs.wants_stop:
+            raise LetGoError("stopped by the operator")
+        return inputs.live and inputs.manual
+
+    def wait(self) -> None:
+        """Wait until the key is held."""
+        while not self.is_held():
+            time.sleep(PERIOD_S)

@@ -1,0 +1,143 @@
+"""Steps of a calibration: what each drives, what the operator sees to before, and the settings that it measures."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from clients.calibration import ways
+from clients.calibration.ways import CalibratedCar, CalibrationError
+from runtime.calibration import proposals
+from runtime.calibration.arc_fit import AssumedCar
+from runtime.calibration.measured_car import (
+    MeasuredArcs,
+    measure_arcs,
+    measure_braking,
+    measure_delays,
+    measure_forward_m,
+)
+from runtime.calibration.near_parts import sectors
+from runtime.calibration.proposals import Proposal
+
+SPEED, STEERING, LIDAR, PARTS, DELAY, BRAKE, OUTLINE = STEPS = (
+    "speed", "steering", "lidar", "own-parts", "delay", "brake", "outline",
+)  # fmt: skip
+BY_ARCS = frozenset({SPEED, STEERING, LIDAR, PARTS})
+OF_STEP: Mapping[str, frozenset[str]] = {
+    SPEED: frozenset({proposals.SPEED_GAIN}),
+    STEERING: frozenset({proposals.WHEELBASE, proposals.SERVO_GAIN, proposals.SERVO_OFFSET}),
+    LIDAR: frozenset({proposals.LIDAR_X, proposals.LIDAR_Y, proposals.LIDAR_YAW}),
+}
+OUTLINE_WORDS = {
+    "car.front_m": "from the rear axle to the front end of the car",
+    "car.rear_m": "from the rear axle to the rear end",
+    "car.half_width_m": "half of the greatest width, wheels included",
+}
+DEFAULT_DELAY_S = 0.02
+
+
+@dataclass(slots=True)
+class CalibrationProgress:
+    """Values in effect, and what was measured so far. ruler: the wheelbase was measured with a ruler.
+
+    taped_m: way of the drive along a tape, as reported.
+    """
+
+    now: Mapping[str, float]
+    ruler: bool = False
+    arcs: MeasuredArcs | None = None
+    motor_delay_s: float = DEFAULT_DELAY_S
+    taped_m: float | None = None
+    notes: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class DrivenStep:
+    """One drive. before: what the operator sees to. run: drives and yields what it measured."""
+
+    title: str
+    before: str
+    run: Callable[[CalibratedCar, CalibrationProgress], Iterator[Proposal]]
+
+
+def driven_steps(wanted: frozenset[str]) -> list[DrivenStep]:
+    """Return the drives of the wanted steps, in order; the arcs come first, since delays need what they tell."""
+    found = []
+    if wanted & (BY_ARCS | {DELAY, BRAKE}):
+        found.append(DrivenStep("speed, steering, lidar, own parts", _room(ways.LONG_M), _arcs(wanted)))
+    if wanted & {DELAY, BRAKE}:
+        found.append(DrivenStep("delays", _room(ways.WEAVE_M), _delays(wanted)))
+    if BRAKE in wanted:
+        found.append(DrivenStep("braking", f"{_room(ways.RUN_M)} It drives {ways.RUN_MPS} m/s.", _braking))
+    return found
+
+
+def _room(way_m: float) -> str:
+    return (
+        f"Put the car in a room with walls or boxes all around, {way_m + ways.MARGIN_M:.1f} m free ahead of it and"
+        " 1 m on both sides. It drives to and fro, and comes back to where it began."
+    )
+
+
+def _arcs(wanted: frozenset[str]) -> Callable[[CalibratedCar, CalibrationProgress], Iterator[Proposal]]:
+    def run(car: CalibratedCar, so_far: CalibrationProgress) -> Iterator[Proposal]:
+        now = so_far.now
+        assumed = AssumedCar(
+            now[proposals.WHEELBASE], now[proposals.LIDAR_X], now[proposals.LIDAR_Y], ruler=so_far.ruler
+        )
+        begin_s = car.now_s
+        ways.drive_first(car)
+        forward_m = measure_forward_m(car.seen.trace().between(begin_s, car.now_s))
+        if forward_m is not None and forward_m < 0.0:
+            raise CalibrationError(proposals.SWAPPED)
+        begin_s = car.now_s
+        ways.drive_arcs(car)
+        so_far.arcs = measure_arcs(car.seen.trace().between(begin_s, car.now_s), assumed)
+        so_far.notes += _parts(so_far.arcs, car) if PARTS in wanted else []
+        names = frozenset().union(*(OF_STEP.get(step, frozenset()) for step in wanted))
+        yield from (one for one in proposals.of_arcs(so_far.arcs.fit, now, ruler=so_far.ruler) if one.name in names)
+
+    return run
+
+
+def _parts(arcs: MeasuredArcs, car: CalibratedCar) -> list[str]:
+    found = sectors(arcs.part_m, car.seen.kind)
+    if not found:
+        return ["own parts: none in the lidar's view"]
+    places = ", ".join(f"{first:.0f} to {last:.0f} deg at {range_m:.2f} m" for first, last, range_m in found)
+    return [f"own parts: {places}; the car learns them by itself (wallride own-parts show)"]
+
+
+def _delays(wanted: frozenset[str]) -> Callable[[CalibratedCar, CalibrationProgress], Iterator[Proposal]]:
+    def run(car: CalibratedCar, so_far: CalibrationProgress) -> Iterator[Proposal]:
+        if so_far.arcs is None:
+            raise CalibrationError("the delays need the arcs before them")
+        begin_s = car.now_s
+        ways.drive_weaves(car)
+        part = car.seen.trace().between(begin_s, car.now_s)
+        servo, motor = measure_delays(part, so_far.arcs, so_far.now["car.steering_rate_radps"])
+        if not motor.delay_s.why:
+            so_far.motor_delay_s = motor.delay_s.value
+        if DELAY in wanted:
+            so_far.notes += [
+                f"delay of the servo: {servo.delay_s.as_text('s')}",
+                f"delay of the motor: {motor.delay_s.as_text('s')}",
+            ]
+            yield from proposals.of_delays(servo, motor, so_far.now)
+
+    return run
+
+
+def _braking(car: CalibratedCar, so_far: CalibrationProgress) -> Iterator[Proposal]:
+    if so_far.arcs is None:
+        raise CalibrationError("the braking needs the arcs before it")
+    begin_s = car.now_s
+    ways.drive_stops(car)
+    part = car.seen.trace().between(begin_s, car.now_s)
+    deceleration = measure_braking(part, so_far.arcs, so_far.motor_delay_s)
+    so_far.notes.append(f"deceleration of a stop: {deceleration.as_text('m/s2')}")
+    yield from proposals.of_braking(deceleration, so_far.now)
+
+
+def drive_tape(car: CalibratedCar, so_far: CalibrationProgress) -> Iterator[Proposal]:
+    """Drive along a tape, and note the way that the car reports."""
+    so_far.taped_m = ways.drive_straight(car)
+    yield from ()

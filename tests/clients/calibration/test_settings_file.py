@@ -1,0 +1,61 @@
+"""Calibrated values in a settings file: written with their origin, undone, and never half."""
+
+import pytest
+
+from clients.calibration import settings_file
+from runtime.calibration.proposals import Proposal
+from runtime.parameters.file import StoreError
+from runtime.settings.tree import load_settings
+
+FILE = """# the car
+[car]
+wheelbase_m = 0.25  # from vesc.yaml
+
+[motor]
+speed_to_erpm_gain = 4614.0
+"""
+NEW = [
+    Proposal("car.wheelbase_m", 0.25, 0.3312, "0.330 to 0.332"),
+    Proposal("lidar.yaw_rad", 0.0, 0.0349, "0.033 to 0.036"),
+]
+
+
+@pytest.fixture
+def car_toml(tmp_path):
+    path = tmp_path / "car.toml"
+    path.write_text(FILE)
+    return path
+
+
+def test_values_are_written_with_their_origin(car_toml):
+    settings_file.write(car_toml, NEW, "2026-11-23")
+    settings = load_settings(car_toml)
+    assert (settings.car.wheelbase_m, settings.lidar.yaw_rad) == (0.3312, 0.0349)
+    assert "calibrated 2026-11-23: 0.330 to 0.332; was 0.25" in car_toml.read_text()
+    assert "speed_to_erpm_gain = 4614.0\n" in car_toml.read_text()
+
+
+def test_undo_brings_the_file_back(car_toml):
+    settings_file.write(car_toml, NEW, "2026-11-23")
+    settings_file.undo(car_toml)
+    settings = load_settings(car_toml)
+    assert (settings.car.wheelbase_m, settings.lidar.yaw_rad) == (0.25, 0.0)
+    assert "wheelbase_m = 0.25" in car_toml.read_text()
+    assert "from vesc.yaml" in car_toml.read_text()
+    assert "calibrated" not in car_toml.read_text()
+    with pytest.raises(StoreError, match="nothing to undo"):
+        settings_file.undo(car_toml)
+
+
+def test_undo_leaves_what_was_edited_since(car_toml):
+    settings_file.write(car_toml, NEW, "2026-11-23")
+    car_toml.write_text(car_toml.read_text().replace("0.3312", "0.32"))
+    lines = settings_file.undo(car_toml)
+    assert any("left as it is" in line for line in lines)
+    assert load_settings(car_toml).car.wheelbase_m == 0.32
+
+
+def test_values_with_which_the_car_would_not_start_are_refused(car_toml):
+    with pytest.raises(StoreError, match="nothing was saved"):
+        settings_file.write(car_toml, [Proposal("car.wheelbase_m", 0.25, 9.0, "")], "2026-11-23")
+    assert car_toml.read_text() == FILE
