@@ -165,6 +165,10 @@ def _rows(status: Status) -> Iterator[tuple[str, str]]:
     if recording := status.get("recording"):
         yield "record", ", ".join(filter(None, (recording["words"], recording["file"])))
     yield "link", ", ".join(f"{name} {value}" for name, value in status["link"].items())
+    label = "routers"
+    for endpoint, problem in (status.get("routers") or {}).items():
+        yield label, f"{endpoint}  {problem or 'connected'}"
+        label = ""
     yield "software", f"wallride {status['version']}, up {status['up_s']:.0f} s, {status['scans']} scans"
 
 

@@ -292,6 +292,7 @@ class Car:
             operator=self.operator.view,
             planners=self.planners.status,
             link=lambda: {"endpoint": self.bus.endpoint, "open": self.bus.is_open, "dropped": self.bus.dropped},
+            routers=lambda: self.bus.routers,
         )
 
     def _ros2_sink(self) -> Ros2Sink | None:

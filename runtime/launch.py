@@ -38,6 +38,7 @@ from runtime.wire.car_bus import CarBus
 from runtime.wire.network import PortTakenError
 from runtime.wire.port_holder import holder_of, taken_sentence
 from runtime.wire.teleop import session_text
+from runtime.wire.uplink import Uplink, UplinkedBus
 
 log = logging.getLogger("wallride.launch")
 
@@ -74,10 +75,18 @@ class Files:
     address: Path | None = None
 
 
-def main(settings: Settings, files: Files, session: Mapping[str, Any], warnings: Sequence[str]) -> None:
+@dataclass(frozen=True, slots=True)
+class Sessions:
+    """Configurations of the zenoh sessions: the car's own, and one for each router."""
+
+    own: Mapping[str, Any]
+    routers: Sequence[Mapping[str, Any]] = ()
+
+
+def main(settings: Settings, files: Files, sessions: Sessions, warnings: Sequence[str]) -> None:
     """Drive until SIGINT or SIGTERM; return once the car stands. LaunchError when its port is taken.
 
-    session: the configuration of the zenoh session. warnings: reported to the owner first.
+    warnings: reported to the owner first.
     """
     scheduling = keep_for_this_thread()
     with journal(settings.log.level, settings.log.format):
@@ -90,7 +99,7 @@ def main(settings: Settings, files: Files, session: Mapping[str, Any], warnings:
             log.info("%s", words)
             motors: list[BrakingMotor] = []
             with braking_last(motors), asyncio.Runner(loop_factory=punctual_loop) as runner, braking_last(motors):
-                runner.run(_drive(settings, files, session, compiled, motors.append))
+                runner.run(_drive(settings, files, sessions, compiled, motors.append))
 
 
 STOP_SIGNALS: Final = tuple(
@@ -138,7 +147,7 @@ def punctual_loop() -> asyncio.AbstractEventLoop:
 
 
 async def _drive(
-    settings: Settings, files: Files, session: Mapping[str, Any], compiled: kernel.Kernel,
+    settings: Settings, files: Files, sessions: Sessions, compiled: kernel.Kernel,
     fitted: Callable[[BrakingMotor], None],
 ) -> None:  # fmt: skip
     stop = asyncio.Event()
@@ -146,7 +155,8 @@ async def _drive(
     for number in STOP_SIGNALS:
         loop.add_signal_handler(number, stop.set)
     clock = time.monotonic
-    bus = CarBus(session, any_port=settings.telemetry.any_port)
+    uplinks = [Uplink(router, settings.car.name) for router in sessions.routers]
+    bus = _bus(sessions.own, uplinks, any_port=settings.telemetry.any_port)
     scan_phase, lines = ScanPhase(), prefetch.NOTHING
     fetch = compiled.prefetch if settings.process.prefetch else None
 
@@ -162,6 +172,8 @@ async def _drive(
         files.saved, files.base, lambda: lidar.reading_s, scan_phase, WallClock(clock), ComputerWatch(read_computer)
     )
     car = Car(settings, lidar, motor, bus, clock, around)
+    for uplink in uplinks:
+        uplink.session = session_text(car.session)
     motor.inertia.on_measurement = car.telemetry.on_imu
     if (history := history_file(settings)) is not None:
         parameters.read_history(car.history, history)
@@ -186,6 +198,10 @@ async def _drive(
         car.manager.stopping()
         await _close(opening, bus, car.recorder.close)
     opening.result()
+
+
+def _bus(session: Mapping[str, Any], uplinks: Sequence[Uplink], *, any_port: bool) -> CarBus:
+    return UplinkedBus(session, uplinks, any_port=any_port) if uplinks else CarBus(session, any_port=any_port)
 
 
 async def _close(opening: asyncio.Task[None], bus: CarBus, close_recorder: Callable[[], None]) -> None:

@@ -26,6 +26,7 @@ from wallride import (
 from wallride.bringup import calibrate_options, doctor_options, emulate_options, import_options
 from wallride.deploy import options as deploy_options
 from wallride.failure import USAGE_ERROR, fail, needs
+from wallride.fleet import options as fleet_options
 from wallride.new import options as new_options
 from wallride.parser import DEFAULT_CONFIG, Parser, add_set, default_config
 from wallride.service import options as service_options
@@ -84,6 +85,7 @@ def build_parser() -> argparse.ArgumentParser:
         teleop_options,
         monitor_options,
         topic_options,
+        fleet_options,
         own_parts_options,
         param_options,
         keys_options,
@@ -125,7 +127,8 @@ def _run(options: argparse.Namespace) -> int:
         settings = _load(file, options.assignments, options.saved)
         problems = unusable_paths(settings) + _own_law_mistakes(settings)
         session, warnings = _session(settings)
-        warnings += _saved_limits(options.saved or file)
+        routers, about_routers = _routers(settings)
+        warnings += (*about_routers, *_saved_limits(options.saved or file))
     except (SettingsError, KeysError) as error:
         return fail(str(error))
     if problems:
@@ -134,7 +137,7 @@ def _run(options: argparse.Namespace) -> int:
 
     try:
         files = launch.Files(options.saved or file, file if options.saved else None, options.address_file)
-        launch.main(settings, files, session, warnings)
+        launch.main(settings, files, launch.Sessions(session, routers), warnings)
     except launch.LaunchError as error:
         return fail(str(error))
     return 0
@@ -149,6 +152,7 @@ def _check(options: argparse.Namespace) -> int:
         settings = _load(options.config or default_config(), options.assignments)
         print(to_toml(settings), end="")
         _, warnings = _session(settings)
+        warnings += _routers(settings)[1]
         warnings += _saved_limits(options.config or default_config())
     except (SettingsError, KeysError) as error:
         return fail(str(error))
@@ -197,6 +201,20 @@ def _session(settings: "Settings") -> tuple[dict[str, Any], tuple[str, ...]]:
     telemetry, ros = settings.telemetry, settings.ros2_graph()
     keys = access(ros, drives=settings.ros2.drive) if ros is not None else None
     return car_session(telemetry.listen, telemetry.keys_dir, settings.car.name, datetime.now(UTC), keys)
+
+
+def _routers(settings: "Settings") -> tuple[list[dict[str, Any]], tuple[str, ...]]:
+    """Return the configurations of the sessions with routers and warnings about their keys; KeysError as above."""
+    from datetime import UTC, datetime
+
+    from runtime.security.key_files import uplink_sessions
+    from runtime.wire.zenoh_config import Role
+
+    telemetry, planners = settings.telemetry, settings.planner_names()
+    highest = Role(telemetry.connect_role)
+    return uplink_sessions(
+        telemetry.connect, telemetry.connect_keys_dir, settings.car.name, datetime.now(UTC), planners, highest
+    )
 
 
 def _saved_limits(file: Path | None) -> tuple[str, ...]:

@@ -3,15 +3,16 @@
 import argparse
 from pathlib import Path
 
+from wallride.client_options import between
 from wallride.failure import fail, needs
 from wallride.parser import default_config
 
 DEFAULT_DIR = Path("/etc/wallride/keys")
-ROLES = ("viewer", "operator", "admin")
+ROLES = ("viewer", "operator", "admin", "planner", "car")
 
 
 def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command and its four actions."""
+    """Add the command and its five actions."""
     keys = commands.add_parser("keys", help="access to this car over the network: keys and roles")
     actions = keys.add_subparsers(dest="action", required=True, metavar="ACTION")
     init = actions.add_parser("init", help="create the keys of this car")
@@ -26,17 +27,38 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         "--role",
         choices=ROLES,
         required=True,
-        help="viewer: receives topics, reads settings; operator: also drives, changes settings; admin: also records",
+        help="viewer: receives topics, reads settings; operator: also drives, changes settings; admin: also records;"
+        " planner: a viewer that plans under safety; car: one of a fleet, at its routers",
     )
     add_person.add_argument("--out", type=Path, metavar="DIR", help="new folder for the keys (default: ./NAME-keys)")
     revoke = actions.add_parser("revoke", help="remove every right of a person")
     revoke.add_argument("name", metavar="NAME")
     show = actions.add_parser("list", help="show persons, roles and expiry")
     show.add_argument("--json", action="store_true", help="print JSON")
-    for action in (init, add_person):
+    router = actions.add_parser("router", help="create or update a router of a fleet: its keys and its configuration")
+    router.add_argument("name", metavar="NAME", help="name of the router, by which cars and people reach it")
+    router.add_argument(
+        "--san",
+        action="append",
+        default=[],
+        metavar="NAME|IP",
+        help="another name or address of the router (repeatable)",
+    )
+    router.add_argument(
+        "--listen", action="append", default=[], metavar="ENDPOINT",
+        help="where the router listens (repeatable; default: tls/[::]:7449)",
+    )  # fmt: skip
+    router.add_argument(
+        "--at", type=Path, metavar="DIR", help="where its folder will be on the router's computer (default: here)"
+    )
+    router.add_argument(
+        "--scan-hz", type=between(0.1, 100), default=10.0, metavar="HZ",
+        help="maximum rate of each car's scans for a viewer (default: 10)",
+    )  # fmt: skip
+    for action in (init, add_person, router):
         action.add_argument("--days", type=_days, default=365, metavar="N", help="validity in days (default: 365)")
         action.add_argument("--renew", action="store_true", help="replace existing keys")
-    for action in (init, add_person, revoke, show):
+    for action in (init, add_person, revoke, show, router):
         action.add_argument("--dir", type=Path, default=DEFAULT_DIR, help=f"folder of keys (default: {DEFAULT_DIR})")
         action.add_argument("--car", metavar="NAME", help="name of the car (default: car.name of its settings)")
         action.set_defaults(run=run)

@@ -12,16 +12,22 @@ from cryptography import x509
 from clients.keys.folder import KeyFolder
 from runtime.security.access_list import AccessEntry, KeysError
 from runtime.security.certificates import EXPIRES_SOON, CertificateIdentity, identity_of
-from runtime.security.key_files import CAR
-from runtime.wire.zenoh_config import Person, Role
+from runtime.security.key_files import AUTHORITY, CAR
+from runtime.wire.router_config import router_config
+from runtime.wire.zenoh_config import Person, Role, Tls
 
 SECURE_PORT = 7448
+ROUTER_PORT = 7449
+ROUTER_HEAD = (
+    "// Written by `wallride keys router`, from the list of cars and people; made anew by it, so do not edit.\n"
+)
+ROUTERS = "a router reads the list when it starts: wallride keys router NAME --dir DIR again, then restart the router"
 RESTART = "the car reads the list when it starts: sudo systemctl restart wallride"
 
 
 def run(options: argparse.Namespace, car: str) -> list[str]:
     """Run the requested action and return the lines to print; KeysError with a remedy."""
-    actions = {"init": _init, "add": _add, "revoke": _revoke, "list": _list}
+    actions = {"init": _init, "add": _add, "revoke": _revoke, "list": _list, "router": _router}
     try:
         return actions[options.action](options, car, datetime.now(UTC))
     except PermissionError as error:
@@ -48,6 +54,8 @@ def _add(options: argparse.Namespace, car: str, now: datetime) -> list[str]:
     person = Person(options.name, Role(options.role))
     folder = options.out or Path(f"{options.name}-keys")
     entry = KeyFolder(options.dir).add(person, folder, now, options.days, renew=options.renew)
+    if not (options.dir / f"{CAR}.pem").exists():
+        return _added_to_fleet(person, folder, entry)
     return [
         f"{person.name} is {_a(person.role)} of {car} until {entry.expires}; the keys are in {folder}",
         f"it identifies {person.name}: move it to their computer, as ~/.config/wallride/keys, and keep no copy",
@@ -56,14 +64,51 @@ def _add(options: argparse.Namespace, car: str, now: datetime) -> list[str]:
     ]
 
 
+def _added_to_fleet(person: Person, folder: Path, entry: AccessEntry) -> list[str]:
+    place = "/etc/wallride/uplink" if person.role is Role.CAR else "~/.config/wallride/keys"
+    whose = "that car's computer, readable by the service" if person.role is Role.CAR else "their computer"
+    return [
+        f"{person.name} is {_a(person.role)} of the fleet until {entry.expires}; the keys are in {folder}",
+        f"it identifies {person.name}: move it to {whose}, as {place}, and keep no copy",
+        f"next: {ROUTERS}",
+    ]
+
+
+def _router(options: argparse.Namespace, _car: str, now: datetime) -> list[str]:
+    """Write a router's folder: keys, and the configuration that follows from the list of cars and people."""
+    fleet = KeyFolder(options.dir)
+    folder, names = fleet.make_router(options.name, options.san, now, options.days, renew=options.renew)
+    people = [entry.person for entry in fleet.people() if entry.revoked is None]
+    there = options.at or folder.resolve()
+    tls = Tls(there / AUTHORITY, there / f"{options.name}.pem", there / f"{options.name}.key")
+    listen = options.listen or [f"tls/[::]:{ROUTER_PORT}"]
+    try:
+        config = router_config(listen, tls, people, options.name, options.scan_hz)
+    except ValueError as error:
+        raise KeysError(f"--listen: {error}") from None
+    file = folder / f"{options.name}.json5"
+    file.write_text(f"{ROUTER_HEAD}{json.dumps(config, indent=2)}\n", encoding="utf-8")
+    cars = [person.name for person in people if person.role is Role.CAR]
+    return [
+        f"{file}: {len(cars)} cars, {len(people) - len(cars)} people; it can be reached as {', '.join(names)}",
+        f"on its computer:       wallride router {there / file.name}   (or zenohd -c {there / file.name})",
+        f'in each car\'s settings: [telemetry]  connect = ["tls/{options.name}.local:{ROUTER_PORT}"]',
+        f"cars, people:          wallride keys add NAME --role ROLE --dir {options.dir}, then this again",
+    ]
+
+
 def _revoke(options: argparse.Namespace, car: str, now: datetime) -> list[str]:
     entry = KeyFolder(options.dir).revoke(options.name, now.date())
+    if not (options.dir / f"{CAR}.pem").exists():
+        return [f"{options.name} may do nothing in the fleet, since {entry.revoked}", ROUTERS]
     return [f"{options.name} may do nothing on {car}, since {entry.revoked}", RESTART]
 
 
 def _list(options: argparse.Namespace, car: str, now: datetime) -> list[str]:
     people = KeyFolder(options.dir).people()
     width = max([len(car), *(len(entry.person.name) for entry in people)])
+    if not (options.dir / f"{CAR}.pem").exists() and people:
+        return _fleet_list(options, people, now)
     identity = _car_identity(options.dir)
     if options.json:
         return [json.dumps(_listing(identity, people), indent=2)]
@@ -73,6 +118,25 @@ def _list(options: argparse.Namespace, car: str, now: datetime) -> list[str]:
     return lines if people else [*lines, "no other person: wallride keys add NAME --role viewer|operator|admin"]
 
 
+def _fleet_list(options: argparse.Namespace, people: Sequence[AccessEntry], now: datetime) -> list[str]:
+    if options.json:
+        return [json.dumps({"people": _people(people)}, indent=2)]
+    width = max(len(entry.person.name) for entry in people)
+    return [f"{e.person.name:{width}}  {e.person.role:8}  {_state(e, now)}" for e in people]
+
+
+def _people(people: Sequence[AccessEntry]) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": entry.person.name,
+            "role": str(entry.person.role),
+            "expires": str(entry.expires),
+            "revoked": str(entry.revoked) if entry.revoked is not None else None,
+        }
+        for entry in people
+    ]
+
+
 def _listing(identity: CertificateIdentity, people: Sequence[AccessEntry]) -> dict[str, Any]:
     return {
         "car": {
@@ -80,15 +144,7 @@ def _listing(identity: CertificateIdentity, people: Sequence[AccessEntry]) -> di
             "expires": f"{identity.expires:%Y-%m-%d}",
             "reached_as": list(identity.names),
         },
-        "people": [
-            {
-                "name": entry.person.name,
-                "role": str(entry.person.role),
-                "expires": str(entry.expires),
-                "revoked": str(entry.revoked) if entry.revoked is not None else None,
-            }
-            for entry in people
-        ],
+        "people": _people(people),
     }
 
 
@@ -112,4 +168,4 @@ def _state(entry: AccessEntry, now: datetime) -> str:
 
 
 def _a(role: Role) -> str:
-    return f"a {role}" if role in {Role.VIEWER, Role.PLANNER} else f"an {role}"
+    return f"a {role}" if role in {Role.VIEWER, Role.PLANNER, Role.CAR} else f"an {role}"

@@ -1,5 +1,7 @@
 """The folder of keys on the car: makes it, adds to it, takes from it. Files are replaced whole or not at all.
 
+A fleet has the same folder without a car: ca.key, ca.pem, people.toml, and a folder for each router.
+
 ca.key       signs; readable by its owner only, and not by the service that drives the car
 ca.pem       what all sides trust               car.pem car.key   what the car shows
 people.toml  who may do what
@@ -17,7 +19,7 @@ from pathlib import Path
 from clients.keys.authority import Authority, KeyPair
 from runtime.security.access_list import NAME_FORM, AccessEntry, KeysError, explain_name, read_people
 from runtime.security.key_files import AUTHORITY, CAR, PEOPLE
-from runtime.wire.zenoh_config import Person
+from runtime.wire.zenoh_config import Person, Role
 
 AUTHORITY_KEY = "ca.key"
 SERVICE_GROUP = "wallride"
@@ -41,14 +43,7 @@ class KeyFolder:
         if not CAR_FORM.fullmatch(car):
             raise KeysError(f"{car}: is not a car's name; 1 to 32 of a-z, 0-9, _ and -, as in car.name of its settings")
         self.path.mkdir(mode=0o755, parents=True, exist_ok=True)
-        made = [(self.path / name).exists() for name in (AUTHORITY, AUTHORITY_KEY)]
-        if made[0] != made[1]:
-            raise KeysError(f"{self.path}: has only one of {AUTHORITY} and {AUTHORITY_KEY}; restore the other one")
-        if not made[0]:
-            pair = Authority.make(car, now)
-            _write(self.path / AUTHORITY_KEY, pair.key_pem, 0o600)
-            _write(self.path / AUTHORITY, pair.certificate_pem, 0o644)
-        elif (self.path / f"{CAR}.pem").exists() and not renew:
+        if not self._make_authority(car, now) and (self.path / f"{CAR}.pem").exists() and not renew:
             raise KeysError(
                 f"{self.path}: has keys already; --renew makes the car's certificate anew, people keep theirs"
             )
@@ -59,12 +54,39 @@ class KeyFolder:
             self._write_people(())
         return alternatives
 
+    def make_router(
+        self, name: str, names: Sequence[str], now: datetime, days: int, *, renew: bool
+    ) -> tuple[Path, list[str]]:
+        """Make a router's folder, and the fleet's authority where it is missing; return it and its names.
+
+        Keys that are there stay unless `renew`; the folder holds all that goes to the router's computer.
+        """
+        if not CAR_FORM.fullmatch(name):
+            raise KeysError(f"{name}: is not a router's name; 1 to 32 of a-z, 0-9, _ and -")
+        if (self.path / f"{CAR}.pem").exists():
+            raise KeysError(f"{self.path}: holds the keys of one car; a fleet has a folder of its own: --dir DIR")
+        self.path.mkdir(mode=0o755, parents=True, exist_ok=True)
+        self._make_authority("fleet", now)
+        if not (self.path / PEOPLE).exists():
+            self._write_people(())
+        folder = self.path / name
+        folder.mkdir(mode=0o700, exist_ok=True)
+        alternatives = names_of_car(name, names)
+        if renew or not (folder / f"{name}.pem").exists():
+            _store(folder, name, self._authority().certify_car(name, alternatives, now, days))
+        _write(folder / AUTHORITY, (self.path / AUTHORITY).read_bytes(), 0o644)
+        return folder, alternatives
+
     def add(self, person: Person, folder: Path, now: datetime, days: int, *, renew: bool) -> AccessEntry:
         """Make a person's keys in a new folder and list them."""
         if not NAME_FORM.fullmatch(person.name):
             raise KeysError(f"{person.name}: is not a name; {explain_name()}")
         if person.name in {CAR, Path(AUTHORITY).stem}:
             raise KeysError(f"{person.name}: is what the car's own files are called; take another name")
+        if person.role is Role.CAR and (self.path / f"{CAR}.pem").exists():
+            raise KeysError(
+                f"{self.path}: holds the keys of one car; a car is added to a fleet: `wallride keys router`"
+            )
         others = self._others(person.name, now.date(), renew=renew)
         if folder.exists():
             raise KeysError(f"{folder}: is there already; move it away, or choose another one with --out")
@@ -105,6 +127,18 @@ class KeyFolder:
                     f"{name}: is there already, as {entry.person.role}; --renew for new keys or another role"
                 )
         return [entry for entry in people if entry.person.name != name]
+
+    def _make_authority(self, name: str, now: datetime) -> bool:
+        """Make the authority where it is missing; tell whether it was."""
+        made = [(self.path / file).exists() for file in (AUTHORITY, AUTHORITY_KEY)]
+        if made[0] != made[1]:
+            raise KeysError(f"{self.path}: has only one of {AUTHORITY} and {AUTHORITY_KEY}; restore the other one")
+        if made[0]:
+            return False
+        pair = Authority.make(name, now)
+        _write(self.path / AUTHORITY_KEY, pair.key_pem, 0o600)
+        _write(self.path / AUTHORITY, pair.certificate_pem, 0o644)
+        return True
 
     def _authority(self) -> Authority:
         try:

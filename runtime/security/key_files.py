@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 from runtime.security.access_list import KeysError, read_people
 from runtime.wire.endpoints import is_tls
 from runtime.wire.rmw_zenoh import RosAccess
-from runtime.wire.zenoh_config import Person, Tls, car_config
+from runtime.wire.router_config import uplink_config
+from runtime.wire.zenoh_config import Person, Role, Tls, car_config
 
 if TYPE_CHECKING:
     from runtime.security.certificates import CertificateIdentity
@@ -41,6 +42,24 @@ def car_session(
         return car_config(listen, None, (), car, ros), ()
     keys = car_keys(directory, now)
     return car_config(listen, keys.tls, keys.people, car, ros), keys.warnings
+
+
+def uplink_sessions(
+    connect: Sequence[str], directory: Path, car: str, now: datetime, planners: Sequence[str], highest: Role
+) -> tuple[list[dict[str, Any]], tuple[str, ...]]:
+    """Return the configurations of the car's sessions with routers, and the warnings about the keys.
+
+    planners, highest: as in `uplink_config`. KeysError when the keys cannot be used, or are those of another name.
+    """
+    keys = client_keys(directory, now) if any(map(is_tls, connect)) else None
+    if keys is not None and keys.identity.name != car:
+        raise KeysError(
+            f"{keys.tls.certificate} is for {keys.identity.name}, and this car is {car}: a router would let it say"
+            f" nothing; `wallride keys add {car} --role car` where the fleet's keys are"
+        )
+    tls = keys.tls if keys is not None else None
+    warnings = keys.warnings if keys is not None else ()
+    return [uplink_config(endpoint, tls, car, planners, highest) for endpoint in connect], warnings
 
 
 def car_keys(directory: Path, now: datetime) -> KeyFiles:

@@ -1,13 +1,16 @@
 """Settings of the car's session: endpoints and keys."""
 
 from pathlib import Path
+from typing import Literal
 
 from pydantic import field_validator
 
 from runtime.settings_base import Section
 from runtime.wire.endpoints import check_listening
+from runtime.wire.router_config import check_routers
 
 DEFAULT_KEYS_DIR = Path("/etc/wallride/keys")
+DEFAULT_CONNECT_KEYS_DIR = Path("/etc/wallride/uplink")
 
 
 class SessionSettings(Section):
@@ -20,10 +23,23 @@ class SessionSettings(Section):
     keys_dir: Path = DEFAULT_KEYS_DIR
     """Folder of keys from `wallride keys init`; used with a tls endpoint only."""
 
-    @field_validator("listen", mode="before")
+    connect: tuple[str, ...] = ()
+    """Routers of a fleet to which the car connects, so that viewers load them and not the car (docs/fleet.md)."""
+    connect_keys_dir: Path = DEFAULT_CONNECT_KEYS_DIR
+    """Folder of this car's keys at the routers, from `wallride keys add CAR --role car`; used with tls routers only."""
+    connect_role: Literal["viewer", "operator", "admin"] = "operator"
+    """Rights that a router may pass on to this car at most; viewer: it passes on nothing that moves the car."""
+
+    @field_validator("listen", "connect", mode="before")
     @classmethod
-    def _one_or_several(cls, listen: object) -> object:
-        return (listen,) if isinstance(listen, str) else listen
+    def _one_or_several(cls, endpoints: object) -> object:
+        return (endpoints,) if isinstance(endpoints, str) else endpoints
+
+    @field_validator("connect")
+    @classmethod
+    def _known(cls, connect: tuple[str, ...]) -> tuple[str, ...]:
+        check_routers(connect)
+        return connect
 
     @field_validator("listen")
     @classmethod

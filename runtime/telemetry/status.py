@@ -99,7 +99,8 @@ class ObservedState:
 
     operator: the operator's side, None where there is none. planners: those outside the car. window: faults of the
         lidar window, as text.
-    link: the session as plain values. seconds_by_winner: the mux's own account. timings: of the hot path's stages.
+    link: the session as plain values. routers: why nothing goes to each, "" while it does.
+    seconds_by_winner: the mux's own account. timings: of the hot path's stages.
     recording: state of the recorder. session: this start of the process, as in every heartbeat; 0 where there is none.
     own_parts: the known parts of the car that its lidar sees. hot_path: which functions run compiled, as text.
     condition: the car's state and what clears it. battery: its judgement. computer: temperature
@@ -117,6 +118,7 @@ class ObservedState:
     operator: Callable[[], OperatorView] | None = None
     planners: Callable[[], Mapping[str, Any]] = dict
     link: Callable[[], Mapping[str, Any]] = dict
+    routers: Callable[[], Mapping[str, str]] = dict
     timings: StageTimer | None = None
     recording: Callable[[], Mapping[str, Any]] = dict
     own_parts: Callable[[], Mapping[str, Any]] = dict
@@ -171,6 +173,7 @@ def status(observed: ObservedState, output: Output | None, journey: Journey) -> 
         "own_parts": dict(observed.own_parts()),
         "motor": health_fields(observed.motor),
         "link": dict(observed.link()),
+        "routers": dict(observed.routers()),
         "recording": dict(observed.recording()),
         "scans": journey.scans,
         "scan_to_motor_ms": journey.latency.fields(),

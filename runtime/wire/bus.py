@@ -94,6 +94,11 @@ class Bus:
         """Return zenoh's id of the open session; ConnectionError while it is closed."""
         return str(self._open_session.info.zid())
 
+    @property
+    def has_router(self) -> bool:
+        """Whether the open session is connected to a router; a client of zenoh reconnects by itself."""
+        return self._session is not None and bool(self._session.info.routers_zid())
+
     def put(self, key: str, payload: bytes, *, encoding: str = JSON, urgent: bool = False) -> None:
         """Publish without waiting: a slow or vanished reader loses samples, the car loses nothing.
 

@@ -9,7 +9,7 @@ client can put into it.
 import functools
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from runtime.wire.bus import Bus
@@ -33,6 +33,11 @@ class CarBus(Bus):
     def __init__(self, *arguments: Any, **options: Any) -> None:  # noqa: ANN401 - those of a Bus
         super().__init__(*arguments, **options)
         self._polls: list[Callable[[], None]] = []
+
+    @property
+    def routers(self) -> Mapping[str, str]:
+        """Return no router: `uplink.UplinkedBus` has them."""
+        return {}
 
     def poll(self) -> None:
         """Deliver what has come since the last time, in bounded time."""

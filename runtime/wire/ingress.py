@@ -26,8 +26,11 @@ MAX_INCOMING_B: Final = 65536
 """Maximum size of a message that zenoh puts together from fragments, 1 GiB without a limit. More than any request."""
 
 
-def downsampling(car: str) -> list[dict[str, Any]]:
-    """Return the highest rates at which one client reaches the car, by key [1/s]."""
+def downsampling(car: str, share: float = 1.0) -> list[dict[str, Any]]:
+    """Return the highest rates at which one client reaches the car, by key [1/s].
+
+    share: of them that a session has; more than 1 for a router, behind which are several clients.
+    """
     kinds = {
         topics.PARAM: ("list", "get", "history", "save", "configure"),
         topics.OWN_PARTS: ("show", "forget"),
@@ -41,8 +44,8 @@ def downsampling(car: str) -> list[dict[str, Any]]:
         f"{topics.LOGS}/get": PIECES_HZ,
     }
     return [
-        _rates("commands", ["put", "delete"], {topics.key(car, topics.COMMAND): COMMANDS_HZ}, COMMANDS_HZ),
-        _rates("questions", ["query"], {topics.key(car, name): rate for name, rate in query.items()}, PIECES_HZ),
+        _rates("commands", ["put", "delete"], {topics.key(car, topics.COMMAND): COMMANDS_HZ}, COMMANDS_HZ, share),
+        _rates("questions", ["query"], {topics.key(car, name): rate for name, rate in query.items()}, PIECES_HZ, share),
     ]
 
 
@@ -71,8 +74,8 @@ def low_pass_filter(command_bytes: int = COMMAND_BYTES) -> list[dict[str, Any]]:
     ]
 
 
-def _rates(name: str, messages: list[str], rates: dict[str, float], others: float) -> dict[str, Any]:
-    rules = [{"key_expr": key, "freq": rate} for key, rate in {**rates, "**": others}.items()]
+def _rates(name: str, messages: list[str], rates: dict[str, float], others: float, share: float) -> dict[str, Any]:
+    rules = [{"key_expr": key, "freq": rate * share} for key, rate in {**rates, "**": others}.items()]
     return {"id": name, "flows": ["ingress"], "messages": messages, "rules": rules}
 
 

@@ -1,6 +1,6 @@
 """What the car needs of a network, and what a network may refuse; `bus` implements it with zenoh."""
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from typing import Protocol
 
 JSON = "application/json"
@@ -46,6 +46,11 @@ class Network(Protocol):
     @property
     def dropped(self) -> int:
         """Number of samples put while it was closed."""
+        ...
+
+    @property
+    def routers(self) -> Mapping[str, str]:
+        """Why nothing goes to a router of the fleet, by its address; "" while it does."""
         ...
 
     @property

@@ -42,6 +42,8 @@ JSON_TOPICS = (STATUS, DECISION)
 
 COMMAND = "operator/command"
 ALIVE = "alive"
+REFUSED = "refused"
+"""Token of a car whose name another one has at a router: `refused/SESSION`; the other one holds `alive/SESSION`."""
 OPERATOR_ALIVE = "operator/alive"
 PARAM = "param"
 RECORD = "record"

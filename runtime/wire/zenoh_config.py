@@ -46,16 +46,20 @@ EVERY_MESSAGE = [
 class Role(StrEnum):
     """Roles of people; each role includes the rights of the ones before it.
 
-    The planner stands apart: a viewer that also feeds the source of its own name.
+    Two stand apart: the planner, a viewer that also feeds the source of its own name, and the car, which only a fleet's
+    routers know.
     """
 
     VIEWER = "viewer"
     OPERATOR = "operator"
     ADMIN = "admin"
     PLANNER = "planner"
+    CAR = "car"
 
     def includes(self, other: "Role") -> bool:
         """Tell whether this role has all rights of the other."""
+        if Role.CAR in {self, other}:
+            return self is other
         if Role.PLANNER in {self, other}:
             return other in {self, Role.VIEWER}
         ranks = list(Role)
@@ -101,7 +105,7 @@ def car_config(
     check_listening(listen)
     if tls is None and any(map(is_tls, listen)):
         raise ValueError("a tls endpoint needs the car's keys")
-    config = _session("router", ["tcp", "tls"] if tls else ["tcp"]) | {
+    config = session_base("router", ["tcp", "tls"] if tls else ["tcp"]) | {
         "metadata": {"name": car},
         "listen": {"endpoints": list(listen)},
         "connect": {"endpoints": []},
@@ -115,12 +119,7 @@ def car_config(
         "accept_timeout": ACCEPT_TIMEOUT_MS,
     }
     config["transport"]["link"]["rx"] = {"max_message_size": MAX_INCOMING_B}
-    config["transport"]["link"]["tx"]["queue"] = {
-        "congestion_control": {
-            "drop": {"max_wait_before_drop_fragments": MAX_FRAGMENTS_US},
-            "block": {"wait_before_close": MAX_BLOCKED_US},
-        }
-    }
+    config["transport"]["link"]["tx"]["queue"] = impatient_queue()
     config["qos"] = {"network": droppable_answers()}
     config["downsampling"] = downsampling(car)
     config["low_pass_filter"] = low_pass_filter(MAX_DRIVE_B if ros is not None and ros.drive else COMMAND_BYTES)
@@ -136,6 +135,16 @@ def car_config(
     return config
 
 
+def impatient_queue() -> dict[str, Any]:
+    """Return the settings of the outgoing queues by which no thread of the car waits for a slow reader."""
+    return {
+        "congestion_control": {
+            "drop": {"max_wait_before_drop_fragments": MAX_FRAGMENTS_US},
+            "block": {"wait_before_close": MAX_BLOCKED_US},
+        }
+    }
+
+
 def client_config(connect: str, tls: Tls | None) -> dict[str, Any]:
     """Return the configuration of a client's session: one car, reconnected within half a second after a loss.
 
@@ -146,7 +155,7 @@ def client_config(connect: str, tls: Tls | None) -> dict[str, Any]:
         raise ValueError(f"{connect} needs keys")
     if protocol == "tls" and host.startswith("["):  # zenoh 1.10 takes the brackets for a part of the name
         raise ValueError(f"{connect}: a certificate cannot be checked against an IPv6 address; use the car's name")
-    config = _session("client", [protocol]) | {
+    config = session_base("client", [protocol]) | {
         "connect": {
             "endpoints": [connect],
             "timeout_ms": CONNECT_TIMEOUT_MS,
@@ -197,11 +206,11 @@ def access_control(people: Sequence[Person], car: str, ros: RosAccess | None = N
         {"rules": [grant.name for grant in own], "subjects": [f"planner-{name}"]} for name, own in planners.items()
     ]
     granted += itertools.chain.from_iterable(planners.values())
-    everything = _rule("everything", ["ingress", "egress"], EVERY_MESSAGE, ["**"])
+    everything = rule("everything", ["ingress", "egress"], EVERY_MESSAGE, ["**"])
     return {
         "enabled": True,
         "default_permission": "deny",
-        "rules": [everything, *(_rule(grant.name, [grant.flow], grant.messages, grant.keys) for grant in granted)],
+        "rules": [everything, *(rule(grant.name, [grant.flow], grant.messages, grant.keys) for grant in granted)],
         "subjects": subjects,
         "policies": policies,
     }
@@ -272,7 +281,8 @@ def _questions(role: Role, name: str, keys: tuple[str, ...]) -> Iterator[Grant]:
     yield Grant(role, f"{name}-answer", "egress", ("declare_queryable", "reply"), keys)
 
 
-def _rule(name: str, flows: Sequence[str], messages: Sequence[str], keys: Sequence[str]) -> dict[str, Any]:
+def rule(name: str, flows: Sequence[str], messages: Sequence[str], keys: Sequence[str]) -> dict[str, Any]:
+    """Return one rule of zenoh's access control; there are only rules that allow."""
     return {
         "id": name,
         "permission": "allow",
@@ -282,7 +292,7 @@ def _rule(name: str, flows: Sequence[str], messages: Sequence[str], keys: Sequen
     }
 
 
-def _session(mode: str, protocols: list[str]) -> dict[str, Any]:
+def session_base(mode: str, protocols: list[str]) -> dict[str, Any]:
     """Return the common part of both ends: no discovery on the network, and silence is detected within a second."""
     return {
         "mode": mode,

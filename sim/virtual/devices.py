@@ -2,7 +2,7 @@
 
 import asyncio
 import math
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from typing import Never
 
 import numpy as np
@@ -156,6 +156,7 @@ class MemoryBus:
 
     endpoint = "memory"
     session_id = "0"
+    routers: Mapping[str, str] = {}
     is_open = True
     dropped = 0
 

@@ -1,0 +1,60 @@
+"""`wallride router`: a zenoh router with the configuration of a file, for computers without zenohd."""
+
+import argparse
+import asyncio
+import contextlib
+import json
+import signal
+from pathlib import Path
+from typing import Any
+
+from clients.connection import ConnectionProblemError
+from runtime.wire.bus import Bus
+from runtime.wire.router_config import router_config
+
+COMMENT = "//"
+
+
+async def run(options: argparse.Namespace) -> int:
+    """Route until SIGINT or SIGTERM; options as of `wallride.fleet.options`."""
+    bus = Bus(read_config(options.file) if options.file is not None else bench_config(options.listen))
+    try:
+        await bus.open()
+    except OSError as error:
+        raise ConnectionProblemError(f"the router cannot start: {error}") from None
+    try:
+        options.print_line(f"routing at {bus.endpoint}; Ctrl-C ends it")
+        await _asked_to_stop()
+    finally:
+        await bus.close()
+    return 0
+
+
+def read_config(file: Path) -> dict[str, Any]:
+    """Return the configuration that `wallride keys router` wrote."""
+    try:
+        lines = file.read_text(encoding="utf-8").splitlines()
+        config = json.loads("\n".join(line for line in lines if not line.startswith(COMMENT)))
+    except OSError as error:
+        raise ConnectionProblemError(f"{file}: {error.strerror}; `wallride keys router NAME` writes one") from None
+    except ValueError:
+        config = None
+    if not isinstance(config, dict):
+        raise ConnectionProblemError(f"{file}: is not what `wallride keys router` wrote; let it write the file again")
+    return config
+
+
+def bench_config(listen: str) -> dict[str, Any]:
+    """Return the configuration of a router without keys, for this computer's own programs."""
+    try:
+        return router_config([listen], None, (), "bench")
+    except ValueError as error:
+        raise ConnectionProblemError(f"--listen {error}") from None
+
+
+async def _asked_to_stop() -> None:
+    stop, loop = asyncio.Event(), asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        with contextlib.suppress(NotImplementedError):  # Windows: Ctrl-C ends asyncio.run by itself
+            loop.add_signal_handler(number, stop.set)
+    await stop.wait()

@@ -1,0 +1,211 @@
+"""Configurations of a fleet's routers and of a car's session with one of them, as plain dictionaries. Pure.
+
+A router stands between cars and people, so that viewers load it and not the car's radio. It is zenoh's own program, and
+has no code of ours: what it lets through is access control, by the names in certificates of the fleet's authority. The
+car does not rely on it: its session with a router has an access control of its own, that of one role. Routers are not
+connected with each other; a client that wants two of them connects to both.
+"""
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+from runtime.wire import topics
+from runtime.wire.endpoints import check_listening, is_tls
+from runtime.wire.ingress import COMMANDS_HZ, downsampling, droppable_answers, low_pass_filter
+from runtime.wire.teleop import COMMAND_BYTES
+from runtime.wire.zenoh_config import (
+    ACCEPT_TIMEOUT_MS,
+    Grant,
+    Person,
+    Role,
+    Tls,
+    client_config,
+    grants,
+    impatient_queue,
+    planner_grants,
+    rule,
+    session_base,
+)
+
+MAX_ROUTER_SESSIONS: Final = 1024
+ROUTED_SHARE: Final = 4.0
+"""Commands a router may pass to one car, in shares of what one client may send: several operators, one of them in a
+hurry to stop the car."""
+VIEWED_SCANS_HZ: Final = 10.0
+VIEWED_HZ: Final = 20.0
+"""Rates at which a router passes telemetry on, of scans and of topics that the car sends oftener."""
+FREQUENT: Final = (topics.OUTPUT, topics.DISTANCE_ERROR, topics.IMU)
+_ASKS: Final = ("liveliness_query", "declare_liveliness_subscriber")
+
+
+def uplink_config(
+    endpoint: str, tls: Tls | None, car: str, planners: Sequence[str], highest: Role = Role.OPERATOR
+) -> dict[str, Any]:
+    """Return the configuration of the car's session with one router; ValueError when it cannot be made.
+
+    planners: those that may feed a source of this car. highest: the role whose rights the router may pass on.
+    """
+    check_routers([endpoint])
+    config = client_config(endpoint, tls)
+    config["metadata"] = {"name": car}
+    config["timestamping"] = {"enabled": True}
+    config["transport"]["link"]["tx"]["queue"] = impatient_queue()
+    config["qos"] = {"network": droppable_answers()}
+    config["low_pass_filter"] = low_pass_filter(COMMAND_BYTES)
+    config["downsampling"] = downsampling(car, ROUTED_SHARE)
+    granted = [grant for grant in grants(car) if highest.includes(grant.role)]
+    if highest.includes(Role.OPERATOR):
+        granted += itertools.chain.from_iterable(planner_grants(car, name, None) for name in planners)
+    granted += name_grants(car)
+    rules = [rule(grant.name, [grant.flow], grant.messages, grant.keys) for grant in granted]
+    config["access_control"] = {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": [{"id": "router"}],  # the session has one other side, which has proved its name
+        "policies": [{"rules": [one["id"] for one in rules], "subjects": ["router"]}],
+    }
+    return config
+
+
+def router_config(
+    listen: Sequence[str], tls: Tls | None, people: Sequence[Person], name: str, scans_hz: float = VIEWED_SCANS_HZ
+) -> dict[str, Any]:
+    """Return the configuration of a router, for zenohd as well; ValueError when it would be open to the network.
+
+    people: all names of the fleet, cars among them. Without `tls` only this machine reaches the router, and each of its
+    programs has every right. scans_hz: highest rate of each car's scans towards viewers.
+    """
+    check_listening(listen)
+    if tls is None and any(map(is_tls, listen)):
+        raise ValueError("a tls endpoint needs the router's keys")
+    cars = [person.name for person in people if person.role is Role.CAR]
+    config = session_base("router", ["tls"] if tls else ["tcp"]) | {
+        "metadata": {"name": name},
+        "listen": {"endpoints": list(listen)},
+        "connect": {"endpoints": []},
+        "timestamping": {"enabled": True},
+        "adminspace": {"enabled": False, "permissions": {"read": False, "write": False}},
+    }
+    config["transport"]["unicast"] = {
+        "max_links": 1,
+        "max_sessions": MAX_ROUTER_SESSIONS,
+        "accept_timeout": ACCEPT_TIMEOUT_MS,
+    }
+    config["transport"]["link"]["tx"]["queue"] = impatient_queue()
+    if tls is not None:
+        config["transport"]["link"]["tls"] = {
+            "root_ca_certificate": str(tls.authority),
+            "listen_certificate": str(tls.certificate),
+            "listen_private_key": str(tls.key),
+            "enable_mtls": True,
+            "close_link_on_expiration": True,
+        }
+        config["access_control"] = router_access_control(people)
+        config["downsampling"] = _thinned(cars, scans_hz)
+        config["qos"] = {"network": droppable_answers()}
+    return config
+
+
+def router_access_control(people: Sequence[Person]) -> dict[str, Any]:
+    """Return the access control of a router: what is not granted is dropped, wildcards included.
+
+    Each car has the rights that it needs as itself and no other; people have those of their role with every car.
+    """
+    cars = [person.name for person in people if person.role is Role.CAR]
+    planners = [person.name for person in people if person.role is Role.PLANNER]
+    granted: dict[str, list[Grant]] = {f"car-{car}": list(_car_grants(car, planners)) for car in cars}
+    names = {f"car-{car}": [car] for car in cars}
+    for planner in planners:
+        granted[f"planner-{planner}"] = _merged(
+            itertools.chain.from_iterable(planner_grants(car, planner, None) for car in cars)
+        )
+        names[f"planner-{planner}"] = [planner]
+    everyone = list(itertools.chain.from_iterable([*grants(car), *_watching(car)] for car in cars))
+    for role in (Role.VIEWER, Role.OPERATOR, Role.ADMIN):
+        granted[role.value] = _merged(grant for grant in everyone if grant.role is role)
+        names[role.value] = [person.name for person in people if person.role.includes(role)]
+    granted = {subject: rules for subject, rules in granted.items() if rules and names[subject]}
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": [
+            rule(f"{subject}:{grant.name}", [grant.flow], grant.messages, grant.keys)
+            for subject, rules in granted.items()
+            for grant in rules
+        ],
+        # An empty list of names would match every client, so that a role without members has no subject.
+        "subjects": [
+            {"id": subject, "link_protocols": ["tls"], "cert_common_names": names[subject]} for subject in granted
+        ],
+        "policies": [
+            {"rules": [f"{subject}:{grant.name}" for grant in rules], "subjects": [subject]}
+            for subject, rules in granted.items()
+        ],
+    }
+
+
+def name_grants(car: str) -> Iterator[Grant]:
+    """Yield the car's rights by which it holds its name, or says that another one has it; flows seen from the car."""
+    holders, refused = topics.key(car, f"{topics.ALIVE}/*"), topics.key(car, f"{topics.REFUSED}/*")
+    yield Grant(Role.CAR, "has-the-name", "egress", ("liveliness_token",), (holders, refused))
+    yield Grant(Role.CAR, "who-has-the-name", "egress", _ASKS, (holders,))
+    yield Grant(Role.CAR, "another-has-it", "ingress", ("liveliness_token",), (holders,))
+
+
+def check_routers(endpoints: Sequence[str]) -> None:
+    """Refuse addresses of routers: ValueError with the remedy. The rules of listening hold for them as well."""
+    if len(set(endpoints)) < len(endpoints):
+        raise ValueError("names the same router twice; name it once")
+    for endpoint in endpoints:
+        try:
+            check_listening([endpoint])
+        except ValueError as error:
+            place = endpoint.removeprefix("tcp/")
+            raise ValueError(
+                str(error) if place == endpoint else f"{endpoint}: tcp has no keys; write tls/{place}"
+            ) from None
+
+
+def _car_grants(car: str, planners: Sequence[str]) -> Iterator[Grant]:
+    """Yield a car's rights at a router: all that its own session may allow, with the flows seen from the router."""
+    own = [*grants(car), *itertools.chain.from_iterable(planner_grants(car, name, None) for name in planners)]
+    for grant in [*own, *name_grants(car)]:
+        yield replace(grant, role=Role.CAR, flow="ingress" if grant.flow == "egress" else "egress")
+
+
+def _watching(car: str) -> Iterator[Grant]:
+    """Yield the rights of viewers to see which car has a name, and which one was refused it."""
+    asked = tuple(topics.key("*", f"{token}/*") for token in (topics.ALIVE, topics.REFUSED))
+    told = tuple(topics.key(car, f"{token}/*") for token in (topics.ALIVE, topics.REFUSED))
+    yield Grant(Role.VIEWER, "whose-name", "ingress", _ASKS, asked)
+    yield Grant(Role.VIEWER, "the-name", "egress", ("liveliness_token",), told)
+
+
+def _merged(granted: Iterator[Grant]) -> list[Grant]:
+    """Return grants of one name as one, with the keys of all of them."""
+    merged: dict[str, Grant] = {}
+    for grant in granted:
+        known = merged.get(grant.name, replace(grant, keys=()))
+        merged[grant.name] = replace(known, keys=tuple(dict.fromkeys((*known.keys, *grant.keys))))
+    return list(merged.values())
+
+
+def _thinned(cars: Sequence[str], scans_hz: float) -> list[dict[str, Any]]:
+    """Return the highest rates towards each client, and what each client may send; every key by name."""
+    seen = {topics.key(car, topics.SCAN): scans_hz for car in cars}
+    seen |= {topics.key(car, topic): VIEWED_HZ for car in cars for topic in FREQUENT}
+    said = {topics.key(car, topics.COMMAND): COMMANDS_HZ for car in cars}
+    kinds = (("viewed", "egress", seen), ("commands", "ingress", said))
+    return [
+        {
+            "id": name,
+            "flows": [flow],
+            "messages": ["put"],
+            "rules": [{"key_expr": key, "freq": rate_hz} for key, rate_hz in rates.items()],
+        }
+        for name, flow, rates in kinds
+        if rates
+    ]

@@ -1,0 +1,35 @@
+"""Options of `wallride router`, `wallride stop` and `wallride cars`."""
+
+import argparse
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from wallride import client_options
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
+
+print_line = partial(print, flush=True)
+BENCH_ROUTER: Final = "tcp/127.0.0.1:7449"
+
+
+def add(commands: "Commands") -> None:
+    """Add the three commands."""
+    router = commands.add_parser(
+        "router",
+        help="a router between cars and viewers",
+        description="Runs a router of zenoh until Ctrl-C. Its file comes from `wallride keys router`; without a file it"
+        " serves this computer only, without keys.",
+    )
+    router.add_argument("file", nargs="?", type=Path, help="configuration from `wallride keys router NAME`")
+    router.add_argument(
+        "--listen", default=BENCH_ROUTER, metavar="ENDPOINT", help=f"without a file: where (default: {BENCH_ROUTER})"
+    )
+    router.set_defaults(run=_router, print_line=print_line)
+
+
+def _router(options: argparse.Namespace) -> int:
+    from clients.fleet import router
+
+    return client_options.run_client(router.run, options)
