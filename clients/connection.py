@@ -9,6 +9,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from clients.keys.diagnosis import nothing_heard, why_refused
 from runtime.security.access_list import KeysError
@@ -163,6 +164,18 @@ def endpoint_of(text: str, *, with_keys: bool = False) -> str:
     if not 1 <= int(place.rpartition(":")[2]) <= HIGHEST_PORT:
         raise ConnectionProblemError(f"--connect {text}: there is no such port; ports are 1 to {HIGHEST_PORT}")
     return endpoint
+
+
+def endpoint_configs(options: argparse.Namespace) -> list[tuple[str, dict[str, Any]]]:
+    """Return the endpoints of --connect, separated by commas, with the configuration of a session at each."""
+    found = []
+    for text in filter(None, (part.strip() for part in options.connect.split(","))):
+        endpoint = endpoint_of(text, with_keys=options.keys is not None)
+        keys = keys_of(endpoint, options.keys)
+        found.append((endpoint, zenoh_config.client_config(endpoint, keys.tls if keys is not None else None)))
+    if not found:
+        raise ConnectionProblemError("--connect: name at least one endpoint, e.g. tcp/127.0.0.1:7447")
+    return found
 
 
 def keys_of(endpoint: str, folder: Path | None) -> KeyFiles | None:

@@ -1,4 +1,4 @@
-"""`wallride status` and `wallride cars`: one screen that answers "why is it (not) moving?", and the cars present."""
+"""`wallride status`: one screen that answers "why is it (not) moving?"."""
 
 import argparse
 import asyncio
@@ -7,14 +7,13 @@ import time
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from clients.connection import Cars, ConnectionProblemError, connected, open_bus
+from clients.connection import ConnectionProblemError, connected
 from runtime.telemetry.screen_words import because, steering_words
 from runtime.teleop.status import OperatorState
 from runtime.wire import topics
 from runtime.wire.bus import Bus
 
 FIRST_WITHIN_S = 3.0
-CARS_WITHIN_S = 1.0
 REFRESH_S = 0.2
 SILENT_S = 1.0
 CLEAR_SCREEN = "\x1b[H\x1b[2J"
@@ -38,28 +37,6 @@ async def run(options: argparse.Namespace) -> int:
             else:
                 options.print_line(CLEAR_SCREEN + "\n".join(screen(ear.newest, silent_s)))
             await asyncio.sleep(REFRESH_S)
-
-
-async def cars(options: argparse.Namespace) -> int:
-    """Print the cars present; exit code 1 when there is none."""
-    bus = await open_bus(options)
-    try:
-        present = Cars(bus)
-        heard = StatusListener(bus, topics.key("*", topics.STATUS))
-        await asyncio.sleep(CARS_WITHIN_S)
-        names = sorted(name for name in present.names if options.car in {None, name})
-        statuses = {name: heard.by_car.get(name, {}) for name in names}
-    finally:
-        await bus.close()
-    if options.json:
-        options.print_line(json.dumps(statuses, indent=2))
-    elif not names:
-        options.print_line(f"no car at {bus.endpoint}")
-    else:
-        for name, status in statuses.items():
-            version, state = status.get("version") or "?", status.get("state") or "says nothing"
-            options.print_line(f"{name:<16} {version:<10} {state:<10} {headline(status) if status else ''}".rstrip())
-    return 0 if names else 1
 
 
 class StatusListener:

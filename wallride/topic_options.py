@@ -39,12 +39,14 @@ def add(commands: "Commands") -> None:
 
 
 def _add_status(commands: "Commands") -> None:
-    cars = commands.add_parser("cars", help="list cars with version and state")
+    cars = commands.add_parser("cars", help="list cars with version and state; several endpoints: --connect A,B")
     status = commands.add_parser("status", help="state of a car and the reason why it moves or stands")
     status.add_argument("--watch", action="store_true", help="update until Ctrl-C")
     for command in (cars, status):
         client_options.add_common(command)
         command.add_argument("--json", action="store_true", help="print JSON")
+    cars.add_argument("--watch", action="store_true", help="update until Ctrl-C; Space stops every car")
+    client_options.add_name(cars)
     cars.set_defaults(run=_cars, print_line=print_line)
     status.set_defaults(run=_status, print_line=print_line)
 
@@ -56,9 +58,9 @@ def _topic(options: argparse.Namespace) -> int:
 
 
 def _cars(options: argparse.Namespace) -> int:
-    from clients import status
+    from clients.fleet import cars
 
-    return client_options.run_client(status.cars, options)
+    return client_options.run_client(cars.run, options)
 
 
 def _status(options: argparse.Namespace) -> int:

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from aiohttp import web
 
-from clients.connection import ConnectionProblemError, endpoint_of, keys_of
+from clients.connection import ConnectionProblemError, endpoint_configs
 from clients.monitor import assets
 from clients.monitor.auth import PageAuth, is_loopback, page_auth
 from clients.monitor.connections import MAX_PAGES, QUIET, end_idle, lasting, shortened
@@ -28,7 +28,6 @@ from clients.monitor.session import Host, PageSession
 from clients.monitor.token_file import login_token
 from clients.teleop.shaping import InputShape
 from runtime.host.rate_limited_log import RateLimitedLog
-from runtime.wire import zenoh_config
 
 log = logging.getLogger("wallride.monitor")
 
@@ -194,16 +193,8 @@ async def run(options: argparse.Namespace) -> int:
 
 
 def places(options: argparse.Namespace) -> Sequence[CarEndpoint]:
-    """Return the endpoints to search for cars: those of --connect, separated by commas."""
-    found = []
-    for text in filter(None, (part.strip() for part in options.connect.split(","))):
-        endpoint = endpoint_of(text, with_keys=options.keys is not None)
-        keys = keys_of(endpoint, options.keys)
-        config = zenoh_config.client_config(endpoint, keys.tls if keys is not None else None)
-        found.append(CarEndpoint(endpoint, config, options.session))
-    if not found:
-        raise ConnectionProblemError("--connect: name at least one endpoint, e.g. tcp/127.0.0.1:7447")
-    return found
+    """Return the endpoints to search for cars: those of --connect."""
+    return [CarEndpoint(endpoint, config, options.session) for endpoint, config in endpoint_configs(options)]
 
 
 def _open_browser(url: str, print_line: Callable[[str], object]) -> None:

@@ -15,9 +15,6 @@ from runtime.telemetry import status as car_status
 from runtime.telemetry.status import Journey
 from runtime.teleop.status import OperatorState, OperatorView
 from runtime.wire import topics
-from runtime.wire.bus import Bus
-from runtime.wire.ports import free_endpoint
-from runtime.wire.zenoh_config import car_config
 from tests.clients.speaking_car import options, speaking_car
 from tests.runtime.observed import HandClock, lose, make_observed, output_of, speak
 
@@ -138,25 +135,3 @@ async def test_a_car_whose_status_is_turned_off_is_explained(monkeypatch):
         parsed, _ = options(car, "status")
         with pytest.raises(ConnectionProblemError, match=r"telemetry\.rates_hz\.status"):
             await status.run(parsed)
-
-
-async def test_cars_are_listed_with_version_and_state():
-    async with speaking_car("blue") as car:
-        car.announce(topics.key("mute", topics.ALIVE))
-        parsed, said = options(car, "cars")
-        assert await status.cars(parsed) == 0
-        blue, mute = said
-        assert blue.split()[:3] == ["blue", "9.9", "driving"]
-        assert "says nothing" in mute
-        parsed, said = options(car, "cars", "--json", "--car", "blue")
-        await status.cars(parsed)
-        assert json.loads(said[0])["blue"]["state"] == "driving"
-
-
-async def test_no_car_is_an_answer_too():
-    bus = Bus(car_config([free_endpoint()], None, (), "car1"))
-    await bus.open()
-    parsed, said = options(bus, "cars")
-    assert await status.cars(parsed) == 1
-    assert said == [f"no car at {bus.endpoint}"]
-    await bus.close()

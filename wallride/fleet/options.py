@@ -1,4 +1,4 @@
-"""Options of `wallride router`, `wallride stop` and `wallride cars`."""
+"""Options of `wallride router` and `wallride stop`."""
 
 import argparse
 from functools import partial
@@ -15,7 +15,7 @@ BENCH_ROUTER: Final = "tcp/127.0.0.1:7449"
 
 
 def add(commands: "Commands") -> None:
-    """Add the three commands."""
+    """Add both commands."""
     router = commands.add_parser(
         "router",
         help="a router between cars and viewers",
@@ -27,6 +27,22 @@ def add(commands: "Commands") -> None:
         "--listen", default=BENCH_ROUTER, metavar="ENDPOINT", help=f"without a file: where (default: {BENCH_ROUTER})"
     )
     router.set_defaults(run=_router, print_line=print_line)
+    stop = commands.add_parser(
+        "stop",
+        help="e-stop to one car or to all",
+        description="Sends the e-stop by every endpoint until each car confirms it; exit code 1 when one does not."
+        " Each car is reset by its own operator afterwards.",
+    )
+    client_options.add_common(stop)
+    stop.add_argument("--all", action="store_true", help="stop every car at every endpoint: --connect A,B")
+    client_options.add_name(stop)
+    stop.set_defaults(run=_stop, print_line=print_line)
+
+
+def _stop(options: argparse.Namespace) -> int:
+    from clients.fleet import stop
+
+    return client_options.run_client(stop.run, options)
 
 
 def _router(options: argparse.Namespace) -> int:

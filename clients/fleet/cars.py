@@ -1,0 +1,169 @@
+"""`wallride cars`: every car at every endpoint with its state, and names that two cars want."""
+
+import argparse
+import asyncio
+import json
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+from clients.fleet.links import FleetLink, fleet_links
+from clients.fleet.stop import PERIOD_S, FleetStop
+from clients.status import CLEAR_SCREEN, headline
+from clients.teleop import terminal
+from runtime.wire import topics
+
+WITHIN_S = 1.0
+REFRESH_S = 0.2
+OLD_S = 1.0
+STOP_KEYS = b" \x1b"
+
+
+class FleetView:
+    """What every car at some links says, by its start: two cars of one name are two rows."""
+
+    def __init__(self, links: Sequence[FleetLink]) -> None:
+        self._links = links
+        self._status: dict[tuple[str, str], Mapping[str, Any]] = {}
+        self._heard_s: dict[tuple[str, str], float] = {}
+        self._where: dict[tuple[str, str], dict[str, None]] = {}
+        self._present: dict[str, dict[str, None]] = {}
+        self._refused: dict[tuple[str, str], str] = {}
+        for link in links:
+            bus = link.bus
+            bus.subscribe(
+                topics.key("*", topics.STATUS),
+                partial(self._on_status, link),
+            )
+            bus.watch(topics.key("*", topics.ALIVE), partial(self._on_token, link))
+            bus.watch(
+                topics.key("*", f"{topics.REFUSED}/*"),
+                partial(self._on_refused, link),
+            )
+
+    def fields(self, only: str | None, now_s: float) -> list[dict[str, Any]]:
+        """Return a row for each car that is present: name, endpoints, age_s of its status, status, trouble."""
+        wanted = sorted(name for name, places in self._present.items() if places and only in {None, name})
+        starts = [start for start in self._status if start[0] in wanted and self._is_present(start, now_s)]
+        double = {name for name, count in Counter(name for name, _ in starts).items() if count > 1}
+        silent = [(name, "") for name in wanted if name not in {start[0] for start in starts}]
+        rows = [self._row(start, now_s, twice=start[0] in double) for start in sorted([*starts, *silent])]
+        rows += [
+            {"car": car, "endpoints": [place], "age_s": None, "status": {}, "trouble": f"session {session} is refused:"
+             " another car has its name there; give it another car.name"}
+            for (car, session), place in sorted(self._refused.items()) if only in {None, car}
+        ]  # fmt: skip
+        return rows
+
+    def _row(self, start: tuple[str, str], now_s: float, *, twice: bool) -> dict[str, Any]:
+        heard_s = self._heard_s.get(start)
+        trouble = f"two cars are called so; this one has session {start[1]}" if twice else ""
+        return {
+            "car": start[0],
+            "endpoints": list(self._where.get(start) or self._present[start[0]]),
+            "age_s": round(now_s - heard_s, 3) if heard_s is not None else None,
+            "status": dict(self._status.get(start, {})),
+            "trouble": trouble,
+        }
+
+    def _is_present(self, start: tuple[str, str], now_s: float) -> bool:
+        """Tell whether this start of a car is the newest heard, or still speaks."""
+        newest_s = max(at_s for (name, _), at_s in self._heard_s.items() if name == start[0])
+        return self._heard_s[start] == newest_s or now_s - self._heard_s[start] < OLD_S
+
+    def _on_status(self, link: FleetLink, key: str, payload: bytes, arrival_s: float) -> None:
+        try:
+            status = topics.decode(payload)
+            start = key.split("/")[1], str(status.get("session") or "")
+        except (ValueError, TypeError):
+            return  # the next one comes in a tenth of a second
+        self._status[start], self._heard_s[start] = status, arrival_s
+        self._where.setdefault(start, {})[link.endpoint] = None
+
+    def _on_token(self, link: FleetLink, key: str, alive: bool) -> None:  # noqa: FBT001 - the bus's callback
+        places = self._present.setdefault(key.split("/")[1], {})
+        if alive:
+            places[link.endpoint] = None
+        else:
+            places.pop(link.endpoint, None)
+
+    def _on_refused(self, link: FleetLink, key: str, alive: bool) -> None:  # noqa: FBT001 - the bus's callback
+        _, car, _, session = key.split("/")
+        if alive:
+            self._refused[car, session] = link.endpoint
+        else:
+            self._refused.pop((car, session), None)
+
+
+async def run(options: argparse.Namespace) -> int:
+    """Print the cars present, once or until interrupted; exit code 1 when there is none."""
+    async with fleet_links(options) as links:
+        view = FleetView(links)
+        if options.watch:
+            await _watch(options, links, view)
+        await asyncio.sleep(WITHIN_S)
+        rows = view.fields(options.car, time.monotonic())
+        problems = [f"{link.endpoint}: {link.problem}" for link in links if link.problem]
+    if options.json:
+        options.print_line(json.dumps({_name(row): {**row["status"], **_about(row)} for row in rows}, indent=2))
+    else:
+        for line in [*table(rows), *problems] or [f"no car at {', '.join(link.endpoint for link in links)}"]:
+            options.print_line(line)
+    return 0 if rows else 1
+
+
+def table(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Yield a line for each car: name, version, state, and why it does (not) move."""
+    for row in rows:
+        status = row["status"]
+        version, state = status.get("version") or "?", status.get("state") or ("" if row["trouble"] else "says nothing")
+        age_s = row["age_s"]
+        said = [row["trouble"], f"silent for {age_s:.0f} s" if age_s is not None and age_s > OLD_S else ""]
+        words = "; ".join(filter(None, [*said, headline(status) if status else ""]))
+        yield f"{row['car']:<16} {version:<10} {state:<10} {words}".rstrip()
+
+
+def _name(row: Mapping[str, Any]) -> str:
+    return f"{row['car']} {row['trouble']}" if row["trouble"] else str(row["car"])
+
+
+def _about(row: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: row[name] for name in ("endpoints", "age_s", "trouble")}
+
+
+async def _watch(options: argparse.Namespace, links: Sequence[FleetLink], view: FleetView) -> None:
+    """Show the table until Ctrl-C; Space or Esc stops every car."""
+    stop = FleetStop(links, options.name, options.car)
+    keys = terminal.Console() if terminal.is_there() else None
+    if keys is not None:
+        keys.open()
+    shown_s, pressed = 0.0, False
+    try:
+        while True:
+            now_s = time.monotonic()
+            if keys is not None and set(keys.read() or b"") & set(STOP_KEYS):
+                pressed = True
+                stop.press(now_s)
+            stop.step(now_s)
+            if now_s - shown_s >= REFRESH_S:
+                shown_s = now_s
+                options.print_line(
+                    CLEAR_SCREEN + "\n".join(_screen(links, view, options.car, stop if pressed else None))
+                )
+            await asyncio.sleep(PERIOD_S)
+    finally:
+        if keys is not None:
+            keys.close()
+
+
+def _screen(links: Sequence[FleetLink], view: FleetView, only: str | None, stop: FleetStop | None) -> Iterator[str]:
+    yield from table(view.fields(only, time.monotonic()))
+    yield ""
+    yield from (f"{link.endpoint}: {link.problem}" for link in links if link.problem)
+    if stop is None:
+        yield "Space or Esc: e-stop to every car"
+    else:
+        late = [car for car, took_s in stop.cars.items() if took_s is None]
+        yield f"e-stop sent to every car{'; NOT CONFIRMED by ' + ', '.join(late) if late else ', all have latched'}"

@@ -1,0 +1,50 @@
+"""Sessions with several endpoints at once, of cars or routers: one that is away delays none of the others."""
+
+import argparse
+import asyncio
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+
+from clients.connection import endpoint_configs
+from runtime.wire.bus import Bus
+
+RETRY_S = 0.5
+
+
+@dataclass(eq=False, slots=True)
+class FleetLink:
+    """The session with one endpoint. problem: why there is none, "" while there is."""
+
+    bus: Bus
+    problem: str = "connecting"
+
+    @property
+    def endpoint(self) -> str:
+        """Its address."""
+        return self.bus.endpoint
+
+
+@asynccontextmanager
+async def fleet_links(options: argparse.Namespace) -> AsyncIterator[Sequence[FleetLink]]:
+    """Yield a link for each endpoint of --connect; each opens as soon as it can. All are closed on every way out."""
+    links = [FleetLink(Bus(config)) for _, config in endpoint_configs(options)]
+    opening = [asyncio.create_task(_open(link)) for link in links]
+    try:
+        yield links
+    finally:
+        for task in opening:
+            task.cancel()
+        await asyncio.gather(*opening, return_exceptions=True)
+        await asyncio.gather(*(link.bus.close() for link in links))
+
+
+async def _open(link: FleetLink) -> None:
+    while link.problem:
+        try:
+            await link.bus.open()
+        except OSError as error:
+            link.problem = str(error)
+            await asyncio.sleep(RETRY_S)
+        else:
+            link.problem = ""

@@ -1,0 +1,185 @@
+"""`wallride cars` and `wallride stop`: every car is listed, and none is said to stand that may not."""
+
+import argparse
+import asyncio
+import contextlib
+import json
+import time
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from clients.connection import ConnectionProblemError
+from clients.fleet import cars as fleet_cars
+from clients.fleet import stop as fleet_stop
+from clients.fleet.links import FleetLink
+from runtime.wire import topics
+from runtime.wire.bus import Bus
+from runtime.wire.network import BYTES
+from runtime.wire.ports import free_endpoint
+from runtime.wire.teleop import Beat, CarCondition, is_stop, read_command
+from runtime.wire.zenoh_config import car_config
+from tests.clients.speaking_car import options, speaking_car
+from wallride.fleet import options as fleet_options
+
+
+def stop_options(*arguments):
+    parser = argparse.ArgumentParser()
+    fleet_options.add(parser.add_subparsers())
+    parsed = parser.parse_args(["stop", *arguments])
+    parsed.print_line = (said := []).append
+    return parsed, said
+
+
+@contextlib.asynccontextmanager
+async def beating_car(name, *, obeys=True, latched=False, session=7):
+    """A car that answers an e-stop with its heartbeats; yields its endpoint and the commands that came."""
+    bus, came, state = Bus(car_config([free_endpoint()], None, (), name)), [], {"latched": latched}
+
+    def on_command(_key, payload, _s):
+        came.append(read_command(payload))
+        state["latched"] |= obeys and is_stop(came[-1].flags)
+
+    bus.subscribe(topics.key(name, topics.COMMAND), on_command)
+    bus.announce(topics.key(name, topics.ALIVE))
+    await bus.open()
+
+    async def beat():
+        number = 0
+        while True:
+            number += 1
+            condition = CarCondition.ESTOP_LATCHED if state["latched"] else CarCondition(0)
+            bus.put(topics.key(name, topics.BEAT), Beat(session, number, condition).pack(), encoding=BYTES)
+            await asyncio.sleep(0.02)
+
+    beating = asyncio.create_task(beat())
+    try:
+        yield bus.endpoint, came
+    finally:
+        beating.cancel()
+        await bus.close()
+
+
+async def test_cars_are_listed_with_version_and_state():
+    async with speaking_car("blue") as car:
+        car.announce(topics.key("mute", topics.ALIVE))
+        parsed, said = options(car, "cars")
+        assert await fleet_cars.run(parsed) == 0
+        blue, mute = said
+        assert blue.split()[:3] == ["blue", "9.9", "driving"]
+        assert "says nothing" in mute
+        parsed, said = options(car, "cars", "--json", "--car", "blue")
+        await fleet_cars.run(parsed)
+        assert json.loads(said[0])["blue"]["state"] == "driving"
+
+
+async def test_no_car_is_an_answer_too():
+    bus = Bus(car_config([free_endpoint()], None, (), "car1"))
+    await bus.open()
+    parsed, said = options(bus, "cars")
+    assert await fleet_cars.run(parsed) == 1
+    assert said == [f"no car at {bus.endpoint}"]
+    await bus.close()
+
+
+async def test_cars_of_several_endpoints_and_one_that_is_away():
+    away = free_endpoint()
+    async with speaking_car("blue") as blue, speaking_car("red") as red:
+        parsed, said = options(blue, "cars")
+        parsed.connect = f"{blue.endpoint},{away},{red.endpoint}"
+        assert await fleet_cars.run(parsed) == 0
+        assert [line.split()[0] for line in said[:2]] == ["blue", "red"]
+        assert said[2].startswith(f"{away}: ")
+
+
+STATUS = "wallride/car1/status"
+
+
+def deaf_link(endpoint, put=None) -> Any:
+    """Return a link of which only the endpoint and what is put on it matter."""
+    bus: Any = SimpleNamespace(subscribe=lambda *_: None, watch=lambda *_: None, put=put, endpoint=endpoint)
+    return FleetLink(bus, "")
+
+
+def status_of(session, state="driving"):
+    return topics.encode({"car": "car1", "session": session, "state": state, "version": "9", "output": None})
+
+
+def test_two_cars_of_one_name_are_two_rows_and_said():
+    links = [deaf_link("tcp/a:1"), deaf_link("tcp/b:1")]
+    view = fleet_cars.FleetView(links)
+    for link, session in zip(links, ("0a", "0b"), strict=True):
+        view._on_token(link, "wallride/car1/alive", True)
+        view._on_status(link, STATUS, status_of(session), 10.0)
+    lines = list(fleet_cars.table(view.fields(None, 10.5)))
+    assert len(lines) == 2
+    assert all("two cars are called so" in line for line in lines)
+    view._on_status(
+        links[1], STATUS, status_of("0b"), 12.0
+    )  # the other one has fallen silent: a restart, not a second car
+    assert [row["trouble"] for row in view.fields(None, 12.0)] == [""]
+
+
+def test_a_car_that_was_refused_its_name_is_shown():
+    view = fleet_cars.FleetView([])
+    view._on_refused(deaf_link("tcp/r:1"), "wallride/car1/refused/0c", True)
+    (line,) = fleet_cars.table(view.fields(None, 0.0))
+    assert "session 0c is refused" in line
+    view._on_refused(deaf_link("tcp/r:1"), "wallride/car1/refused/0c", False)
+    assert view.fields(None, 0.0) == []
+
+
+async def test_every_car_is_stopped_and_each_confirms():
+    async with beating_car("car1") as (first, _), beating_car("car2", latched=True) as (second, came):
+        parsed, said = stop_options("--all", "--connect", f"{first},{second}")
+        assert await fleet_stop.run(parsed) == 0
+        assert [line.split()[0] for line in said] == ["car1", "car2"]
+        assert all("e-stop latched after" in line for line in said)
+        assert came, "a car that is latched already is told as well"
+
+
+async def test_a_car_that_does_not_latch_and_an_endpoint_that_is_away_are_failures(monkeypatch):
+    monkeypatch.setattr(fleet_stop, "GIVE_UP_S", 0.8)
+    away = free_endpoint()
+    async with beating_car("car1", obeys=False) as (first, came), beating_car("car2") as (second, _):
+        parsed, said = stop_options("--all", "--connect", f"{first},{second},{away}")
+        assert await fleet_stop.run(parsed) == 1
+        assert "DOES NOT CONFIRM" in said[0]
+        assert "latched" in said[1]
+        assert said[2].startswith(f"cars only there were not stopped: {away}")
+        assert len(came) > 10, "it is told again and again"
+
+
+async def test_of_two_cars_of_one_name_both_must_confirm(monkeypatch):
+    monkeypatch.setattr(fleet_stop, "GIVE_UP_S", 0.8)
+    async with (
+        beating_car("car1", session=1) as (first, _),
+        beating_car("car1", obeys=False, session=2) as (second, _),
+    ):
+        parsed, said = stop_options("--all", "--connect", f"{first},{second}")
+        assert await fleet_stop.run(parsed) == 1
+        assert said == [f"{'car1':<16} DOES NOT CONFIRM: stop it by hand"]
+
+
+async def test_without_all_the_only_car_is_stopped_and_several_are_named():
+    async with beating_car("car1") as (first, one), beating_car("car2") as (second, other):
+        parsed, _ = stop_options("--connect", f"{first},{second}")
+        with pytest.raises(ConnectionProblemError, match=r"car1, car2.*--all"):
+            await fleet_stop.run(parsed)
+        assert (one, other) == ([], [])
+        parsed, said = stop_options("--connect", first)
+        assert await fleet_stop.run(parsed) == 0
+        assert "latched" in said[0]
+        assert other == []
+
+
+async def test_a_car_that_appears_while_stop_is_pressed_is_stopped_too():
+    sent: list[tuple[str, int]] = []
+    links = [deaf_link("tcp/a:1", lambda key, payload, **_: sent.append((key, read_command(payload).sequence)))]
+    stop = fleet_stop.FleetStop(links, "me")
+    stop.press(time.monotonic())
+    assert sent == []
+    stop._on_token(links[0], "wallride/late/alive", True)
+    stop.step(time.monotonic())
+    assert sent == [("wallride/late/operator/command", 1), ("wallride/late/operator/command", 2)]
