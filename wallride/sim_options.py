@@ -5,6 +5,8 @@ from pathlib import Path
 
 from wallride.parser import add_set
 
+MAX_CARS = 32
+
 
 def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command and its options."""
@@ -20,6 +22,10 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     sim.add_argument("--config", type=Path, help="settings file of the simulated car (default: config/sim.toml's)")
     sim.add_argument("--headless", action="store_true", help="no live view, only the summary")
     sim.add_argument("--duration", type=float, metavar="S", help="seconds to drive (default: 60; a recording's length)")
+    sim.add_argument(
+        "--cars", type=cars, default=1, metavar="N",
+        help="number of cars in the world, car1 to carN, each with a runtime of its own (default: 1)",
+    )  # fmt: skip
     sim.add_argument("--laps", type=int, metavar="N", help="stop after N laps")
     sim.add_argument("--pose", metavar="X,Y,THETA", help="start pose of the rear axle [m, m, rad]")
     sim.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default: 0)")
@@ -68,6 +74,13 @@ def add_car(group: "argparse._ActionsContainer") -> None:
         "--conditions", type=Path, metavar="FILE.toml",
         help="conditions from a file, for example of `wallride lab fit`: [vehicle], [lidar]",
     )  # fmt: skip
+
+
+def cars(text: str) -> int:
+    """Return a number of cars for an option."""
+    if not text.isdecimal() or not 1 <= int(text) <= MAX_CARS:
+        raise argparse.ArgumentTypeError(f"{text} is not a number of cars: 1 to {MAX_CARS}")
+    return int(text)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -20,6 +20,7 @@ from runtime.telemetry.screen_words import because
 from sim.car.vehicle import Vehicle, VehicleSettings
 from sim.figures.comparison import compare
 from sim.figures.summary import device_faults, figures
+from sim.live.fleet import build_fleet, fleet_summary, run_fleet, write_fleet
 from sim.live.live_conditions import LiveConditions
 from sim.live.live_keys import pressing
 from sim.live.saved_settings import saved_settings
@@ -72,6 +73,8 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
         if saved.exists():
             console.print(f"[dim]with what was saved in {saved} (delete it to forget)[/dim]", soft_wrap=True)
         _check_outputs(options)
+        if options.cars > 1:
+            return _fleet(options, config, settings, stop, console, is_scenario=scenario is not None)
         scene = _scenario_scene(options, scenario) if scenario is not None else None
         drive = _replay if options.recording is not None else partial(_drive, chosen=scene)
         summary = drive(options, config, settings, stop, console)
@@ -119,7 +122,7 @@ def _drive(
         raise SimUsageError(f"--laps {options.laps}: {world.name} has no lap; give --duration instead")
     duration_s = options.duration or (options.laps * MAX_LAP_S if options.laps else DEFAULT_DURATION_S)
     live = LiveConditions(vehicle, scene, conditions)
-    attach = {"on_devices": chosen.attach} if chosen is not None else {}
+    attach: dict[str, Any] = {"on_devices": chosen.attach} if chosen is not None else {}
     session = SimulatorSession(
         scene, vehicle, conditions.wiring.wired(settings.motor), watched=not options.headless, changes=live, **attach
     )
@@ -164,6 +167,27 @@ def build_scene(
         )
     scene = WorldScene(world, side, conditions.lidar, options.laps, options.seed, conditions.things())
     return conditions, scene, vehicle
+
+
+def _fleet(
+    options: argparse.Namespace, config: Path, settings: Settings, stop: StopRequest, console: Console, *,
+    is_scenario: bool,
+) -> int:  # fmt: skip
+    if options.pose or options.laps or options.plot or options.recording is not None or is_scenario:
+        raise SimUsageError("--cars: goes with a world and --duration; not with a scenario, --pose, --laps or --plot")
+    conditions = conditions_of(_wishes(options))
+    try:
+        world = load_world(options.world, side=settings.wall_follow.side, seed=options.seed)
+        cars = build_fleet(world, options.cars, conditions, settings, options.seed)
+    except (ValueError, OSError) as error:
+        raise SimUsageError(str(error)) from None
+    try:
+        asyncio.run(run_fleet(cars, options, config, stop, console))
+    except* SessionError as group:
+        raise _innermost(group) from None
+    if stop.killed:
+        raise SessionError("killed; there is no summary")
+    return write_fleet(fleet_summary(cars, settings, world.name), options.json, console)
 
 
 def _replay(

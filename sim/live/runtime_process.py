@@ -2,6 +2,8 @@
 
 import asyncio
 import ctypes
+import math
+import os
 import signal
 import sys
 from collections import deque
@@ -95,6 +97,15 @@ class RuntimeProcess(WallrideProcess):
     ) -> None:
         settings = [argument for assignment in assignments for argument in ("--set", assignment)]
         super().__init__(["run", str(config), *settings, *options], program)
+
+
+def cpu_s_of(pid: int) -> float:
+    """Return the processor time that a process has used [s]; NaN where the system does not tell."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    except (OSError, ValueError, IndexError):
+        return math.nan
 
 
 def _end_with_parent() -> None:

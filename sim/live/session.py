@@ -1,9 +1,10 @@
 """One simulated drive in real time: emulated devices, the unmodified runtime as a process, a record of the truth."""
 
 import asyncio
+import math
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,7 +27,7 @@ from sim.figures.summary import Sample
 from sim.live.latency import LatencyProbe
 from sim.live.listener import Listener
 from sim.live.live_conditions import LiveConditions
-from sim.live.runtime_process import RuntimeProcess, WallrideProcess
+from sim.live.runtime_process import RuntimeProcess, WallrideProcess, cpu_s_of
 from sim.live.stop_request import StopRequest
 
 FAREWELL = "farewell"
@@ -101,6 +102,7 @@ class Record:
     began_unix_s: when time_s was 0, since 1970. began_s: the same moment on the monotonic clock.
     changes: the settings that were changed while it drove.
     stop_command: the last motor command it ever wrote.
+    cpu_s: processor time of the runtime up to the end of the drive; NaN where the system does not tell.
     log, page: what the runtime, and the monitor beside it, printed.
     """
 
@@ -117,6 +119,7 @@ class Record:
     unheard: str = "the runtime did not say where its telemetry is"
     address: Address | None = None
     starting_s: float = 0.0
+    cpu_s: float = math.nan
     log: Sequence[str] = ()
     page: Sequence[str] = ()
     exit_code: int | None = None
@@ -138,10 +141,15 @@ class SimulatorSession:
         self._watched = watched
         self._changes = changes
         self._on_devices = on_devices
+        self._others_ready: Callable[[], Awaitable[object]] | None = None
         self._scene = scene
         self._vehicle = vehicle
         self._wiring = wiring
         self.record = Record()
+
+    def join(self, others_ready: Callable[[], Awaitable[object]]) -> None:
+        """Make this car one of several: it waits for the others before anything moves, and a crash ends no drive."""
+        self._others_ready = others_ready
 
     async def run(
         self, start: RuntimeStart, duration_s: float, stop: StopRequest, on_frame: Callable[[Record], None]
@@ -160,6 +168,8 @@ class SimulatorSession:
             record.log = runtime.log
             await runtime.start()
             await self._until_up(scip, runtime, told, on_frame)
+            if self._others_ready is not None:
+                await self._others_ready()
             async with asyncio.TaskGroup() as tasks:
                 listener = self._listener()
                 listening = tasks.create_task(listener.run(), name="listener") if listener is not None else None
@@ -175,6 +185,7 @@ class SimulatorSession:
                     await listener.wait_until_heard(HEARD_WITHIN_S)
                     record.unheard = listener.problem
                     record.changes = await listener.changes_since(record.began_s)
+                record.cpu_s = cpu_s_of(runtime.pid)
                 # The world continues while the runtime brings the car to rest.
                 record.exit_code = await runtime.stop()
                 for task in filter(None, (going_on, listening)):
@@ -231,7 +242,9 @@ class SimulatorSession:
         stack.push_async_callback(monitor.stop)  # in order: it deletes the file with the page's address
 
     async def _until_over(self, runtime: RuntimeProcess, duration_s: float, stop: StopRequest) -> None:
-        while self.record.time_s < duration_s and not self._scene.finished and not stop.asked:
+        while self.record.time_s < duration_s and not stop.asked:
+            if self._scene.finished and self._others_ready is None:
+                return
             if runtime.exit_code is not None:
                 said = "\n".join(runtime.log)
                 raise SessionError(f"the runtime ended by itself (exit code {runtime.exit_code}); it said:\n{said}")

@@ -15,7 +15,6 @@ class StopRequest:
     def __init__(self) -> None:
         self._count = 0
         self._kill: list[Callable[[], object]] = []
-        self._is_guarded = False
 
     @property
     def asked(self) -> bool:
@@ -46,18 +45,19 @@ class StopRequest:
     @contextmanager
     def killing(self, *kill: Callable[[], object]) -> Iterator[None]:
         """Call these at the second request, in place of a KeyboardInterrupt, while the block runs."""
-        self._kill, self._is_guarded = list(kill), True
+        self._kill += kill
         try:
             yield
         finally:
-            self._kill, self._is_guarded = [], False
+            for one in kill:
+                self._kill.remove(one)
 
     def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
         self._count += 1
         if self._count > 1:
             for kill in self._kill:
                 kill()
-            if not self._is_guarded or self._count > 2:
+            if not self._kill or self._count > 2:
                 raise KeyboardInterrupt
 
 
