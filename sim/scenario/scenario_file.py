@@ -43,7 +43,7 @@ from pydantic import BaseModel, Field, ValidationError
 from runtime.host.user_module import search_in
 from runtime.settings.tree import Settings, SettingsError, load_settings
 from sim.car.vehicle_settings import VehicleSettings
-from sim.scenario.conditions import Conditions, ConditionsError, own_parts_fields
+from sim.scenario.conditions import NO_PARTS, Conditions, ConditionsError, own_parts_fields
 from sim.scenario.scenario_parts import (
     ScenarioExpectation,
     ScenarioFault,
@@ -55,7 +55,7 @@ from sim.scenario.scenario_parts import (
 from sim.scenario.simulated_car import find_config
 from sim.scenario.toml_lines import FileMistakeError, TomlText, read_toml
 from sim.world.beams import LidarSettings
-from sim.world.obstacles import Obstacle
+from sim.world.obstacles import Obstacle, ObstacleWorld
 from sim.world.place import World
 from sim.world.pose import Pose
 from sim.world.segments import SegmentGeometry
@@ -123,6 +123,10 @@ def load_scenario(path: Path, config: Path | None = None, assignments: Sequence[
     settings = _settings(text, config, assignments, [name for name, _ in _flat(content.settings)])
     world = _world(text, content, settings)
     _check_times(text, content)
+    _check_laps(text, content, world)
+    start = _start(text, content.start, world)
+    obstacles = tuple(one.obstacle() for one in content.obstacle)
+    _check_obstacles(text, obstacles, world, start)
     return Scenario(
         text,
         content,
@@ -130,8 +134,8 @@ def load_scenario(path: Path, config: Path | None = None, assignments: Sequence[
         settings,
         _conditions(text, content),
         world,
-        _start(text, content.start, world),
-        tuple(one.obstacle() for one in content.obstacle),
+        start,
+        obstacles,
     )
 
 
@@ -149,7 +153,10 @@ def _sentence(error: Mapping[str, Any]) -> str:
     if error["type"] == "extra_forbidden":
         return f"{key} is unknown here; there are {', '.join(_known_at(error['loc']))}"
     if error["type"] == "missing":
-        return f"{key} is missing"
+        return f"{key} has too few numbers" if isinstance(error["loc"][-1], int) else f"{key} is missing"
+    if error["type"] in {"tuple_type", "list_type"}:
+        tables = isinstance(error["input"], Mapping) and len(error["loc"]) == 1
+        return f"{key}: write [[{key}]], for there can be several" if tables else f"{key}: write a list in [ ]"
     if error["type"] == "value_error":
         return f"{key}: {message}"
     return f"{key} = {error['input']!r}: {message[:1].lower()}{message[1:]}"
@@ -188,6 +195,8 @@ def _settings(text: TomlText, config: Path | None, assignments: Sequence[str], n
 
 
 def _conditions(text: TomlText, content: ScenarioContent) -> Conditions:
+    if content.own_parts != NO_PARTS and "own_parts" in content.lidar:
+        raise text.mistake(("lidar", "own_parts"), "own_parts is given twice; keep the one at the top of the file")
     try:
         parts = own_parts_fields(content.own_parts)
     except ConditionsError as error:
@@ -256,3 +265,25 @@ def _check_times(text: TomlText, content: ScenarioContent) -> None:
         if after_s is not None and after_s >= content.duration_s:
             words = f"after_s = {after_s:g}: the drive ends at {content.duration_s:g} s"
             raise text.mistake((*place, "after_s"), words)
+    for index, one in enumerate(content.expect):
+        within_s = one.stands_within_s or one.drives_within_s or 0.0
+        for name, ends_s in (("until_s", one.until_s or 0.0), (one.condition, one.after_s + within_s)):
+            if ends_s > content.duration_s:
+                words = f"{name}: that is {ends_s:g} s, and the drive ends at {content.duration_s:g} s"
+                raise text.mistake(("expect", index, name), words)
+
+
+def _check_laps(text: TomlText, content: ScenarioContent, world: World) -> None:
+    """Check that laps are expected only where there are some."""
+    for index, one in enumerate(content.expect):
+        if one.condition in {"laps_at_least", "lap_below_s"} and world.lap is None:
+            raise text.mistake(("expect", index, one.condition), f"{one.condition}: {world.name} has no lap")
+
+
+def _check_obstacles(text: TomlText, obstacles: Sequence[Obstacle], world: World, start: Pose) -> None:
+    """Check that no obstacle stands in the car at the start."""
+    for index, one in enumerate(obstacles):
+        scene = ObstacleWorld(world, (one,))
+        scene.update(0.0, start, 0.0)
+        if scene.collides(start):
+            raise text.mistake(("obstacle", index), "it touches the car at the start; move one of them")

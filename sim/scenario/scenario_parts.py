@@ -1,6 +1,7 @@
 """Parts of a scenario's file, each a table: start, walls, obstacles, faults, expectations."""
 
 import math
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Annotated, Literal, Self
 
@@ -22,6 +23,12 @@ CONDITIONS = (
     "reason",
 )  # fmt: skip
 """What an expectation can be about."""
+
+
+OF_FAULT: Mapping[str, tuple[str, ...]] = {
+    "lidar covered": ("from_deg", "to_deg"), "slippery floor": ("grip_mu",), "noisy lidar": ("noise_m",),
+}  # fmt: skip
+"""Keys of the faults besides their times."""
 
 
 class ScenarioTable(BaseModel):
@@ -86,12 +93,18 @@ class ScenarioObstacle(ScenarioTable):
     def _fits(self) -> Self:
         if (self.at is None) == (self.ahead_m is None):
             raise ValueError("say where it is, with at = [x, y] or with ahead_m")
+        if self.at is not None and (self.car_speed_mps or self.left_m):
+            raise ValueError("left_m and car_speed_mps go with ahead_m; a place is at = [x, y]")
+        if self.kind != "box" and self.at is not None and len(self.at) > len(("x", "y")):
+            raise ValueError(f"a {self.kind} is round: at = [x, y] has no heading")
         if self.kind == "box" and self.radius_m is not None:
             raise ValueError("a box has size_m = [length, width], no radius_m")
         if self.kind != "box" and self.size_m is not None:
             raise ValueError(f"a {self.kind} has radius_m, no size_m")
         if self.until_s is not None and self.moves_mps is None:
             raise ValueError("until_s ends a motion; give moves_mps = [x, y] too")
+        if self.until_s is not None and self.until_s <= (self.after_s or 0.0):
+            raise ValueError("until_s must be later than after_s")
         return self
 
     def obstacle(self) -> Obstacle:
@@ -130,6 +143,10 @@ class ScenarioFault(ScenarioTable):
     def _lasts(self) -> Self:
         if self.until_s is not None and self.until_s <= self.after_s:
             raise ValueError("until_s must be later than after_s")
+        own = OF_FAULT.get(self.kind, ())
+        foreign = sorted(self.model_fields_set - {"kind", "after_s", "until_s", *own})
+        if foreign:
+            raise ValueError(f"{foreign[0]} is nothing of '{self.kind}', which has {', '.join(own) or 'times only'}")
         if self.from_deg >= self.to_deg:
             raise ValueError("from_deg must be below to_deg: degrees count to the left")
         return self

@@ -5,6 +5,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from datetime import date, time
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,8 @@ class TomlText:
     def line_of(self, place: Sequence[str | int]) -> int:
         """Return the line of a place in the tree, or of the nearest one above it that has a line."""
         for length in range(len(place), 0, -1):
-            if (line := self.lines.get(tuple(place[:length]))) is not None:
+            above = tuple(place[:length])
+            if (line := self.lines.get(above, self.lines.get((*above, 0)))) is not None:  # of a list: its first table
                 return line
         return 1
 
@@ -54,7 +56,18 @@ def read_toml(path: Path) -> TomlText:
         raise FileMistakeError(f"{path}:{line}: is not valid TOML: {_AT_LINE.sub('', str(error))}") from None
     except (RecursionError, ValueError) as error:
         raise FileMistakeError(f"{path}: is not a TOML file in UTF-8 ({type(error).__name__})") from None
-    return TomlText(path, tree, _lines_of(text))
+    read = TomlText(path, tree, _lines_of(text))
+    if (place := _date_in(tree)) is not None:
+        raise read.mistake(place, f"{'.'.join(map(str, place))} is a date or a time; write a number or a text")
+    return read
+
+
+def _date_in(tree: object, above: KeyPath = ()) -> KeyPath | None:
+    """Return the place of a date or time, which no key takes; None without one."""
+    if isinstance(tree, date | time):
+        return above
+    below = tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list) else ()
+    return next((place for key, value in below if (place := _date_in(value, (*above, key))) is not None), None)
 
 
 def _lines_of(text: str) -> dict[KeyPath, int]:

@@ -36,6 +36,7 @@ from sim.lab.figures import common, errors
 from sim.lab.laps import lap_times_s
 from sim.lab.laws import check
 from sim.scenario.obstacle_text import read_obstacle
+from sim.scenario.scenario_file import MAX_START_TO_WALL_M
 from sim.virtual.closed_loop import ROUGH_BEAMS, Case, SimulatedRun, drive
 from sim.world.map_file import read_settings
 from sim.world.place import World
@@ -141,7 +142,7 @@ def setup_of(cell: DriveCell) -> DriveSetup:
     with _about("world"):
         world = _world(str(cell.get("world", "loop")), side, seed)
     with _about("obstacles"):
-        obstacles = tuple(read_obstacle(str(text)) for text in cell.get("obstacles", ()))
+        obstacles = tuple(read_obstacle(str(text)) for text in _texts(cell.get("obstacles", ())))
     steering = {} if cell.get("vehicle.max_steering_rad") else {"max_steering_rad": settings.car.max_steering_rad}
     case = Case(
         world,
@@ -170,6 +171,8 @@ def start_of(cell: DriveCell, world: World) -> Pose | None:
     if not all(isinstance(value, int | float | None) for value in (distance_m, toward_deg)):
         raise CellMistakeError(name, "start.distance_m and start.toward_deg are numbers")
     pose = world.start_at(distance_m=distance_m, toward_wall_rad=math.radians(toward_deg))
+    if not world.clearance(pose) <= MAX_START_TO_WALL_M:
+        raise CellMistakeError(name, f"no wall is within {MAX_START_TO_WALL_M:g} m of the start")
     if world.collides(pose):
         at = "as usual" if distance_m is None else f"{distance_m:g} m from the followed wall"
         raise CellMistakeError(
@@ -181,6 +184,14 @@ def start_of(cell: DriveCell, world: World) -> Pose | None:
 def _settings(cell: DriveCell) -> Settings:
     """Return the settings of the car."""
     config = cell.get("config")
+    for name in ("law", "config"):
+        if not isinstance(cell.get(name, ""), str):
+            raise CellMistakeError(name, f"{name} = {cell.get(name)!r}: write a text")
+    for name, twice in (("law", "wall_follow.method"), ("law", "safety.method"), ("side", "wall_follow.side")):
+        if None not in {cell.get(name), cell.get(twice)}:
+            raise CellMistakeError(
+                twice, f"{twice}: {name} = {cell.get(name)!r} says it already; leave one of them out"
+            )
     with _about("law"):
         chosen = _law_assignments(cell.get("law"))
     assignments = _assignments(cell)
@@ -201,7 +212,7 @@ def _about(name: str) -> Iterator[None]:
     """Turn the errors of a step into mistakes of a value."""
     try:
         yield
-    except (ValueError, OSError) as error:
+    except (TypeError, ValueError, OSError) as error:
         raise CellMistakeError(name, str(error)) from None
 
 
@@ -235,6 +246,12 @@ def measure(cell: DriveCell) -> Figures:
     }
 
 
+def _texts(value: Any) -> tuple[Any, ...]:  # noqa: ANN401 - whatever stood in the file
+    if not isinstance(value, tuple):
+        raise TypeError(f'obstacles = {value!r}: write a list of texts, for example ["box ahead=1 after=3"]')
+    return value
+
+
 def _law_assignments(law: str | None) -> list[str]:
     """Return the settings that choose a law."""
     if law is None:
@@ -264,7 +281,8 @@ def _conditions(cell: DriveCell, section: str, below: _M) -> _M:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         known = ", ".join(type(below).model_fields)
-        words = f"is unknown; there are {known}" if first["type"] == "extra_forbidden" else first["msg"]
+        told = first["msg"].removeprefix("Value error, ")
+        words = f"is unknown; there are {known}" if first["type"] == "extra_forbidden" else told
         name = f"{section}.{first['loc'][0] if first['loc'] else ''}"
         raise CellMistakeError(name, f"{name} = {first['input']!r}: {words}") from None
 

@@ -81,6 +81,11 @@ def read_plan(path: Path, shared: Mapping[str, Any] | None = None) -> SweepPlan:
         raise text.mistake((RANDOM,), "[random] has no value to vary; write for example vehicle.grip_mu = [0.5, 0.8]")
     samples = {name: _samples(text, name, value, runs, random_seed) for name, value in sampled.items()}
     fixed = {**_named(text, None, tree), **(shared or {})}
+    for name, value in fixed.items():
+        if isinstance(value, dict):
+            raise text.mistake(tuple(name.split(".")), f"{name} = {value!r}: a range belongs into [random]")
+    if seeds and ("seed" in fixed or "seed" in grid):
+        raise text.mistake((SEEDS,), "seed and seeds are both given; keep one of them")
     _check_twice(text, {None: fixed, GRID: grid, RANDOM: samples})
     count = math.prod(len(values) for values in grid.values()) * len(seeds or [0]) * runs
     if count > MAX_RUNS:
@@ -145,12 +150,17 @@ def _flat(tree: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]
 
 def _check_name(text: TomlText, table: str | None, name: str) -> None:
     first = name.partition(".")[0]
+    place = tuple(name.split(".")) if table is None else (table, *name.split("."))
+    if name in CONDITIONS:
+        raise text.mistake(place, f"{name} is a table; write {name}.KEY = VALUE, or [{name}] and its keys below")
+    if name in {SEEDS, RUNS}:
+        right = "at the top of the file, above all tables" if name == SEEDS else "into [random]"
+        raise text.mistake(place, f"{name} belongs {right}")
     if name in NAMES or first in CONDITIONS or first in Settings.model_fields:
         return
     known = [*NAMES, *(f"{section}.KEY" for section in CONDITIONS), SEEDS, GRID, RANDOM]
     near = difflib.get_close_matches(name, [*known, *Settings.model_fields], 1)
     meant = f"did you mean {near[0]}? " if near else ""
-    place = tuple(name.split(".")) if table is None else (table, *name.split("."))
     raise text.mistake(place, f"{name} is unknown; {meant}there are {', '.join(known)}, and any setting of the car")
 
 
@@ -201,6 +211,8 @@ def _samples(text: TomlText, name: str, value: object, runs: int, seed: int) -> 
         )
     low, high = float(value["from"]), float(value["to"])
     if value.get("whole"):
+        if low != int(low) or high != int(high):
+            raise text.mistake(place, f"{name}: whole = true needs whole numbers from and to")
         return [int(low) + int(share * (int(high) - int(low) + 1)) for share in shares]
     if value.get("log"):
         if low <= 0:

@@ -142,7 +142,8 @@ def driven(**lists):
     ],
 )  # fmt: skip
 def test_each_condition_is_judged(file_of, expected, record, holds):
-    scenario = load_scenario(file_of(HEAD + f"[[expect]]\n{expected}\n"))
+    head = HEAD.replace("corridor", "loop") if "lap" in expected else HEAD
+    scenario = load_scenario(file_of(head + f"[[expect]]\n{expected}\n"))
     (judged,) = judge(
         scenario, driven(**{"time_s": [0.5 * i for i in range(len(record.get("speed_mps", [1] * 3)))], **record})
     )
