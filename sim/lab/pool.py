@@ -1,6 +1,6 @@
 """Runs the cells of an experiment on all cores, with a progress bar, and stops at once on Ctrl-C."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from importlib import import_module
@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from sim.lab.cell import Cell, Experiment, Figures
+from sim.lab.workers.finished_cell import Ends
 from sim.lab.workers.submit import submit
 
 EXPERIMENTS = (
@@ -57,14 +58,17 @@ def measure_all(cells: Sequence[Cell], jobs: int | None, plots: Path | None, con
 
     KeyboardInterrupt ends all processes; nothing is left running.
     """
+    with progress_bar(cells[0].experiment, len(cells), console) as (progress, bar):
+        return in_order(submit(cells, Measuring(plots), jobs=jobs), lambda: progress.advance(bar))
+
+
+def in_order(ends: Ends[Cell], advance: Callable[[], None] = lambda: None) -> list[Figures]:
+    """Return the figures of all cells in their order; CellFailedError abandons the rest. advance: after each."""
     measured: dict[int, Figures] = {}
-    with (
-        progress_bar(cells[0].experiment, len(cells), console) as (progress, bar),
-        closing(submit(cells, Measuring(plots), jobs=jobs)) as ended,
-    ):
+    with closing(ends) as ended:
         for done in ended:
             if done.figures is None:
                 raise CellFailedError(f"{done.cell}: {done.error}")
             measured[done.index] = done.figures
-            progress.advance(bar)
-    return [measured[index] for index in range(len(cells))]
+            advance()
+    return [measured[index] for index in range(len(measured))]

@@ -1,8 +1,9 @@
 """`wallride lab tune`: from the options to the study, its page and a settings file."""
 
 import argparse
-import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
 
@@ -12,14 +13,16 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from runtime.settings.tree import SettingsError
 from sim.lab import laws
 from sim.lab.command import FIXED_SETTINGS, INTERRUPTED, USAGE_ERROR
+from sim.lab.pool import Measuring, in_order
 from sim.lab.tuning.drive import SCENARIOS, Scenario
+from sim.lab.workers.finished_cell import WorkerStartError
+from sim.lab.workers.submit import workers
 from sim.scenario.conditions import ConditionsError, RequestedConditions, named_conditions
 from sim.tuning.page import tuning_page
 from sim.tuning.settings_file import settings_text, write_settings
 from sim.tuning.space import SpaceError, space_of
-from sim.tuning.study import StudyError, TuningPlan, finished, go_on, open_study
+from sim.tuning.study import Measure, StudyError, TuningPlan, finished, go_on, open_study
 from sim.tuning.verdict import TuningVerdict, judge
-from sim.tuning.workers import measuring
 
 
 class TuneUsageError(Exception):
@@ -28,13 +31,12 @@ class TuneUsageError(Exception):
 
 def run(options: argparse.Namespace) -> int:
     """Run or continue a study; 0, 2 for a wrong option, 130 after Ctrl-C, which keeps what is finished."""
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # for the workers: one thread each
     console = Console(stderr=True)
     folder: Path = options.output
     try:
         plan = plan_of(options)
         verdict = study_and_judge(plan, folder, options, console)
-    except (TuneUsageError, ConditionsError, SpaceError, StudyError) as error:
+    except (TuneUsageError, ConditionsError, SpaceError, StudyError, WorkerStartError) as error:
         print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
         return USAGE_ERROR
     except KeyboardInterrupt:
@@ -57,7 +59,10 @@ def study_and_judge(plan: TuningPlan, folder: Path, options: argparse.Namespace,
         raise TuneUsageError(f"-o {folder}: there is no folder {folder.parent}; make it first")
     study = open_study(folder, plan)
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-    with Progress(*columns, console=console, transient=True) as progress, measuring(options.jobs) as measure:
+    with (
+        Progress(*columns, console=console, transient=True) as progress,
+        measuring(options.jobs, options.on) as measure,
+    ):
         bar = progress.add_task("trials", total=options.trials, completed=len(finished(study)))
         go_on(study, plan, options.trials, measure, lambda done: progress.update(bar, completed=done))
         progress.update(bar, description="verdict")
@@ -66,6 +71,13 @@ def study_and_judge(plan: TuningPlan, folder: Path, options: argparse.Namespace,
     (folder / "tuning.html").write_text(tuning_page(study, plan, verdict, of), encoding="utf-8")
     write_settings(folder / "tuned.toml", settings_text(plan, verdict, of))
     return verdict
+
+
+@contextmanager
+def measuring(jobs: int | None, on: str = "") -> Iterator[Measure]:
+    """Yield what returns the figures of drives in their order, the same for any workers, which stay for the study."""
+    with workers(Measuring(None), jobs=jobs, on=on) as run:
+        yield lambda drives: in_order(run(drives))
 
 
 def plan_of(options: argparse.Namespace) -> TuningPlan:

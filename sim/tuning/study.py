@@ -15,10 +15,9 @@ from optuna.storages import JournalStorage
 from optuna.storages.journal import JournalFileBackend
 from optuna.trial import FrozenTrial, Trial, TrialState
 
-from sim.lab.cell import Cell
+from sim.lab.cell import Cell, Figures
 from sim.lab.tuning.drive import Scenario, cells, cost_of
 from sim.tuning.space import TunedParameter
-from sim.tuning.workers import Measure
 
 BATCH = 4
 STARTUP_TRIALS = 16
@@ -28,6 +27,8 @@ SEEDS = 10
 FIRST_HELD_OUT_SEED = 500
 """Seeds from here on are for the verdict alone."""
 JOURNAL = "study.journal"
+Measure = Callable[[Sequence[Cell]], list[Figures]]
+"""Returns the figures of drives in their order."""
 _PLAN = "wallride.plan"
 _BASELINE = "wallride.baseline"
 

@@ -10,8 +10,7 @@ from optuna.trial import FrozenTrial
 
 from sim.lab.cell import Figures
 from sim.lab.tuning.drive import HELD_OUT, Scenario
-from sim.tuning.study import FIRST_HELD_OUT_SEED, SEEDS, TuningPlan, finished, values_of
-from sim.tuning.workers import Measure
+from sim.tuning.study import FIRST_HELD_OUT_SEED, SEEDS, Measure, TuningPlan, finished, values_of
 from sim.world.pose import Floats
 
 FINALISTS = 3

@@ -32,6 +32,7 @@ def add(experiments: "Commands") -> None:
     tune.add_argument("--only", metavar="A,B", help="courses to tune on, e.g. t1,t5 (default: all)")
     tune.add_argument("--seed", type=int, default=0, metavar="N", help="seed of sampler and conditions (default: 0)")
     tune.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
+    tune.add_argument("--on", default="", metavar="ADDRESS", help="Ray cluster, as of `lab sweep`")
     tune.set_defaults(run=_run)
 
 

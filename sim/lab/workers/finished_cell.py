@@ -2,7 +2,7 @@
 
 import time
 import traceback
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -31,6 +31,8 @@ class FinishedCell(Generic[C]):
 
 Ends = Generator[FinishedCell[C], None, None]
 """Ends of cells; `close` abandons the rest."""
+Run = Callable[[Sequence[C]], Ends[C]]
+"""Runs cells and yields the end of each."""
 
 
 def finish(index: int, cell: C, work: Callable[[C], Figures]) -> FinishedCell[C]:

@@ -18,7 +18,7 @@ from multiprocessing.context import SpawnProcess
 from typing import Any, TypeVar
 
 from sim.lab.cell import Figures
-from sim.lab.workers.finished_cell import MAX_TRIES, Ends, FinishedCell, WorkerStartError, finish
+from sim.lab.workers.finished_cell import MAX_TRIES, Ends, FinishedCell, Run, WorkerStartError, finish
 
 C = TypeVar("C")
 _SPAWN = multiprocessing.get_context("spawn")
@@ -48,11 +48,26 @@ class _Worker:
         return f"was ended by signal {-code}" if code is not None and code < 0 else f"ended with exit code {code}"
 
 
-def run_on_processes(cells: Sequence[C], work: Callable[[C], Figures], jobs: int) -> Ends[C]:
-    """Yield the end of every cell, each run by one of `jobs` processes; see `submit`."""
+@contextmanager
+def processes(work: Callable[[C], Figures], jobs: int) -> Iterator[Run[C]]:
+    """Yield a function that runs cells on `jobs` processes, which stay from one call to the next; see `workers`."""
+    there: list[_Worker] = []
+
+    def run(cells: Sequence[C]) -> Ends[C]:
+        there.extend(_start(work, min(jobs, len(cells)) - len(there)))
+        return _run(there, cells, work)
+
+    try:
+        yield run
+    finally:
+        for worker in there:
+            worker.end()
+
+
+def _run(workers: list[_Worker], cells: Sequence[C], work: Callable[[C], Figures]) -> Ends[C]:
+    """Yield the end of every cell. workers: changed, as processes end and others take their places."""
     waiting = deque(range(len(cells)))
     tries = [0] * len(cells)
-    workers = _start(work, jobs)
     try:
         while waiting or any(worker.index is not None for worker in workers):
             for worker in workers:
@@ -76,7 +91,8 @@ def run_on_processes(cells: Sequence[C], work: Callable[[C], Figures], jobs: int
                     if len(workers) < len(waiting) + sum(one.index is not None for one in workers):
                         workers += _start(work, 1)
     finally:
-        for worker in workers:
+        for worker in [one for one in workers if one.index is not None]:  # abandoned: their answers are of no call
+            workers.remove(worker)
             worker.end()
 
 

@@ -5,12 +5,13 @@ Ray runs a cell again whose worker or node has died; every cell ends once all th
 
 import contextlib
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from typing import Any, TypeVar
 
 from sim.lab.cell import Figures
-from sim.lab.workers.finished_cell import Ends, FinishedCell, WorkerStartError, finish, sentence
+from sim.lab.workers.finished_cell import Ends, FinishedCell, Run, WorkerStartError, finish, sentence
 
 C = TypeVar("C")
 LOCAL = "ray"
@@ -20,22 +21,27 @@ AHEAD = 2
 """Cells per processor that are handed over at a time."""
 
 
-def run_on_ray(cells: Sequence[C], work: Callable[[C], Figures], on: str, jobs: int | None) -> Ends[C]:
-    """Yield the end of every cell, run on a cluster; see `submit`. jobs: processors of a cluster on this machine."""
+@contextmanager
+def ray_tasks(work: Callable[[C], Figures], on: str, jobs: int | None) -> Iterator[Run[C]]:
+    """Yield a function that runs cells on a cluster; see `workers`. jobs: processors of a cluster on this machine."""
     ray = _connected(on, jobs)
     try:
-        remote = ray.remote(max_retries=RETRIES, num_cpus=1)(finish)
-        next_index = 0
-        pending: dict[Any, int] = {}
-        while next_index < len(cells) or pending:
-            most = AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
-            while next_index < len(cells) and len(pending) < most:
-                pending[remote.remote(next_index, cells[next_index], work)] = next_index
-                next_index += 1
-            (ended, *_), _ = ray.wait(list(pending), num_returns=1)
-            yield _end(ray, ended, pending.pop(ended), cells)
+        yield lambda cells: _run(ray, cells, work)
     finally:
         ray.shutdown()
+
+
+def _run(ray: Any, cells: Sequence[C], work: Callable[[C], Figures]) -> Ends[C]:  # noqa: ANN401 - ray is an extra
+    remote = ray.remote(max_retries=RETRIES, num_cpus=1)(finish)
+    next_index = 0
+    pending: dict[Any, int] = {}
+    while next_index < len(cells) or pending:
+        most = AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
+        while next_index < len(cells) and len(pending) < most:
+            pending[remote.remote(next_index, cells[next_index], work)] = next_index
+            next_index += 1
+        (ended, *_), _ = ray.wait(list(pending), num_returns=1)
+        yield _end(ray, ended, pending.pop(ended), cells)
 
 
 def _end(ray: Any, ended: Any, index: int, cells: Sequence[C]) -> FinishedCell[C]:  # noqa: ANN401 - ray is an extra

@@ -1,4 +1,4 @@
-"""One way to run many cells: `submit(cells, work)` yields each one's end, in any order.
+"""One way to run many cells: `submit(cells, work)` yields each one's end, in any order; `workers` for several calls.
 
 A cell is a small value that can be pickled; `work` is a function of a module that turns one into figures. What runs
 them (this process, processes of this machine, a Ray cluster) is chosen here and nowhere else, so that the work has one
@@ -6,13 +6,14 @@ code path. A cell that fails is a result with its sentence; a worker that is kil
 """
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TypeVar
 
 from sim.lab.cell import Figures
-from sim.lab.workers.finished_cell import Ends, finish
-from sim.lab.workers.local_pool import run_on_processes
-from sim.lab.workers.ray_cluster import run_on_ray
+from sim.lab.workers.finished_cell import Ends, Run, finish
+from sim.lab.workers.local_pool import processes
+from sim.lab.workers.ray_cluster import ray_tasks
 
 C = TypeVar("C")
 
@@ -24,12 +25,24 @@ def submit(cells: Sequence[C], work: Callable[[C], Figures], *, jobs: int | None
     Ray cluster on this machine, or the address of one. An abandoned generator (KeyboardInterrupt, `close`)
     ends all workers. Raises WorkerStartError where no worker comes up.
     """
-    if on and cells:
-        yield from run_on_ray(cells, work, on, jobs)
-        return
-    jobs = min(jobs or os.cpu_count() or 1, len(cells))
-    if jobs > 1:
-        yield from run_on_processes(cells, work, jobs)
-        return
+    if cells:
+        with workers(work, jobs=jobs if on else min(jobs or os.cpu_count() or 1, len(cells)), on=on) as run:
+            yield from run(cells)
+
+
+@contextmanager
+def workers(work: Callable[[C], Figures], *, jobs: int | None = None, on: str = "") -> Iterator[Run[C]]:
+    """Yield what runs cells as `submit` does, on processes or a cluster that stay until the end."""
+    if on:
+        with ray_tasks(work, on, jobs) as run:
+            yield run
+    elif (jobs or os.cpu_count() or 1) > 1:
+        with processes(work, jobs or os.cpu_count() or 1) as run:
+            yield run
+    else:
+        yield lambda cells: _here(cells, work)
+
+
+def _here(cells: Sequence[C], work: Callable[[C], Figures]) -> Ends[C]:
     for index, cell in enumerate(cells):
         yield finish(index, cell, work)

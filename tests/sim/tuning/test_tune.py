@@ -16,11 +16,10 @@ from optuna.trial import create_trial
 
 from runtime.settings.tree import load_settings
 from sim.lab.tuning.drive import HELD_OUT, MUS, SCENARIOS, SampledConditions, cells, measure
-from sim.tuning.command import plan_of, run
+from sim.tuning.command import measuring, plan_of, run
 from sim.tuning.page import pareto_front
 from sim.tuning.study import FIRST_HELD_OUT_SEED, SEEDS, TuningPlan, finished, go_on, open_study
 from sim.tuning.verdict import _compared, _drive, best_trials
-from sim.tuning.workers import measuring
 from wallride import lab_options
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -5,8 +5,8 @@ import multiprocessing
 import pytest
 
 from sim.lab.workers.finished_cell import WorkerStartError
-from sim.lab.workers.submit import submit
-from tests.sim.lab.workers.works import DiesAtStart, dies, double, slowly
+from sim.lab.workers.submit import submit, workers
+from tests.sim.lab.workers.works import DiesAtStart, dies, double, slowly, where
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
@@ -47,3 +47,28 @@ def test_workers_that_cannot_start_are_told_and_not_started_for_ever():
 
 def test_nothing_to_do_is_done():
     assert list(submit([], double, jobs=2)) == []
+
+
+def test_workers_stay_from_one_call_to_the_next_and_go_at_the_end():
+    before = set(multiprocessing.active_children())
+    with workers(where, jobs=2) as run:
+        at_work = set[int]()
+        while len(at_work) < 2:  # both have started
+            at_work |= {(end.figures or {})["pid"] for end in run(range(4))}
+        there = set(multiprocessing.active_children()) - before
+        assert {process.pid for process in there} == at_work
+        for process in there:
+            process.kill()
+            process.join()
+        after = [(end.figures or {})["pid"] for end in run(range(4))]
+        assert len(after) == 4
+        assert not at_work & set(after)
+    assert set(multiprocessing.active_children()) == before
+
+
+def test_what_an_abandoned_call_had_begun_answers_no_later_one():
+    with workers(slowly, jobs=2) as run:
+        ends = run(list(range(50)))
+        next(ends)
+        ends.close()
+        assert sorted(end.cell for end in run([100, 101, 102])) == [100, 101, 102]
