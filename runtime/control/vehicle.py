@@ -36,3 +36,8 @@ class CarSettings(Section):
     """Distance from the rear axle to the rear end of the car."""
     half_width_m: Annotated[float, Field(gt=0, le=1)] = 0.15
     """Half of the maximum width of the car, wheels and mirrors included."""
+
+    @property
+    def lidar_m(self) -> complex:
+        """Return the place of the lidar in base_link, x + iy."""
+        return complex(self.lidar_x_m, self.lidar_y_m)

@@ -126,7 +126,7 @@ def _cause(view: View, car: CarSettings, x_m: float, y_m: float, yaw_rad: float)
         return ()
     nearest = int(off_m.argmin())
     hit = np.array([[solid_x_m[nearest]], [solid_y_m[nearest]]])
-    beam = np.hstack([np.array([[car.lidar_x_m], [0.0]]), hit])
+    beam = np.hstack([np.array([[car.lidar_x_m], [car.lidar_y_m]]), hit])
     return (
         Marker("the beam that stops", MarkerType.LINE_STRIP, beam, RED, 0.015),
         Marker("what stops", MarkerType.POINTS, hit, RED, 0.1),

@@ -39,7 +39,7 @@ class Newest:
 
 def laser_frame(car: CarSettings) -> Frame:
     """Return the fixed pose of the lidar in base_link."""
-    return Frame(messages.BASE, messages.LASER, car.lidar_x_m, 0.0, 0.0)
+    return Frame(messages.BASE, messages.LASER, car.lidar_x_m, car.lidar_y_m, 0.0)
 
 
 class TopicWriters:

@@ -142,7 +142,7 @@ def points(message: LoggedMessage, car: CarSettings) -> tuple[Floats, Floats]:
     ranges_m = np.asarray(scan.ranges, np.float64)
     rays = directions(float(scan.angle_min), float(scan.angle_increment), ranges_m.size)
     known = (ranges_m >= scan.range_min) & (ranges_m <= scan.range_max)  # False for NaN
-    return rays[0][known] * ranges_m[known] + car.lidar_x_m, rays[1][known] * ranges_m[known]
+    return rays[0][known] * ranges_m[known] + car.lidar_x_m, rays[1][known] * ranges_m[known] + car.lidar_y_m
 
 
 def _clearances(run: RecordedRun) -> tuple[Floats, Floats]:

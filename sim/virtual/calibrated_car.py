@@ -79,8 +79,8 @@ class VirtualCar:
             self.twin.scene, self.twin.vehicle.pose, self.twin.vehicle.twist, self._now_s, self._rng,
             self.twin.lidar_settings,
         )  # fmt: skip
-        seen = as_scan(at, self.twin.lidar_settings, self._now_s, 0)
-        self.seen.kind = seen.angle_min_rad + self._yaw_rad, seen.angle_step_rad, seen.ranges_m.size
+        seen = as_scan(at, self.twin.lidar_settings, self._now_s, 0, self._yaw_rad)
+        self.seen.kind = seen.angle_min_rad, seen.angle_step_rad, seen.ranges_m.size
         self.seen.sweep_s = self.twin.lidar_settings.sweep_s
         self.seen.scans.append((self._now_s, seen.ranges_m))
 

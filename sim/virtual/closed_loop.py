@@ -28,6 +28,7 @@ from runtime.control.limiter import Limiter, Limits
 from runtime.control.vehicle import CarSettings
 from sim.car.delay import DelayLine
 from sim.car.vehicle import BrakeDemand, CoastDemand, Demand, SpeedDemand, Vehicle, VehicleSettings
+from sim.car.wiring import WiringConversion
 from sim.world.beams import LidarSettings, Millimetres, scan
 from sim.world.obstacles import Obstacle, ObstacleWorld
 from sim.world.place import Surroundings, World
@@ -64,6 +65,7 @@ class Case:
     surroundings: surfaces that are seen and hit instead of world and obstacles (glass), None for those.
     cover: change of the lidar's integers at a time [s], e.g. a hand before it; None: no change.
     driver: source of the follower's commands: the navigator, or a human bound by safety.
+    wiring: difference between the car's gains and those in its settings, None for none. lidar_yaw_rad: as configured.
     """
 
     world: World
@@ -85,6 +87,8 @@ class Case:
     surroundings: Surroundings | None = None
     cover: Callable[[Millimetres, float], Millimetres] | None = None
     driver: Source = Source.NAVIGATION
+    wiring: WiringConversion | None = None
+    lidar_yaw_rad: float = 0.0
 
 
 @dataclass(slots=True)
@@ -148,13 +152,13 @@ def drive(case: Case, follower: Follower, guard: Guard | None) -> SimulatedRun:
     return _Rig(case, follower, guard).run()
 
 
-def as_scan(reported_mm: Millimetres, lidar: LidarSettings, time_s: float, sequence: int) -> Scan:
-    """Return the scan that the driver would make of the sensor's integers."""
+def as_scan(reported_mm: Millimetres, lidar: LidarSettings, time_s: float, sequence: int, yaw_rad: float = 0.0) -> Scan:
+    """Return the scan that the driver would make of the sensor's integers. yaw_rad: of the lidar as configured."""
     range_max_m = min(lidar.range_max_m, RANGE_MAX_M)
     usable = (reported_mm >= RANGE_MIN_M * 1000) & (reported_mm <= range_max_m * 1000)
     ranges_m = np.where(usable, reported_mm.astype(np.float32) / np.float32(1000), np.float32(np.nan))
     ranges_m.setflags(write=False)
-    first_rad, step_rad = math.radians(lidar.first_deg), math.radians(lidar.last_deg - lidar.first_deg)
+    first_rad, step_rad = math.radians(lidar.first_deg) + yaw_rad, math.radians(lidar.last_deg - lidar.first_deg)
     return Scan(time_s, time_s, first_rad, step_rad / (lidar.beams - 1), RANGE_MIN_M, range_max_m, ranges_m, sequence)
 
 
@@ -239,11 +243,13 @@ class _Rig:
         self._polled_s = now_s
         vehicle, gain = self._vehicle, _WIRING.speed_to_erpm_gain
         steps_m = 10.0 / gain
+        wiring, steering_rad = self._case.wiring, self._wire.at(now_s)[1]
+        share = 1.0 if wiring is None else wiring.speed_share
         self._motor = MotorState(
             now_s,
-            round(vehicle.wheel_speed_mps * gain) / gain,
-            math.floor(vehicle.wheel_travel_m / steps_m) * steps_m,
-            self._wire.at(now_s)[1],
+            round(vehicle.wheel_speed_mps / share * gain) / gain,
+            math.floor(vehicle.wheel_travel_m / share / steps_m) * steps_m,
+            steering_rad if wiring is None else wiring.allowed_rad(steering_rad),
             11.1,
             vehicle.motor_current_a,
             0.0,
@@ -259,7 +265,7 @@ class _Rig:
         reported_mm = scan(self._seen, pose, vehicle.twist, now_s, self._rng, case.lidar)
         if case.cover is not None:
             reported_mm = case.cover(reported_mm, now_s)
-        sweep = as_scan(reported_mm, case.lidar, now_s, sequence)
+        sweep = as_scan(reported_mm, case.lidar, now_s, sequence, case.lidar_yaw_rad)
         outlook = self._guard.look(sweep, self._motor) if self._guard is not None else _CONSENT
         guidance = self._follower.follow(sweep, self._motor)
         wish = guidance.drive or Drive(0.0, 0.0)
@@ -284,10 +290,11 @@ class _Rig:
 
     def _demand(self, told: Drive) -> Demand:
         """Return the driver's demand for a command: too slow, or against the motion, is a brake."""
+        share = 1.0 if self._case.wiring is None else self._case.wiring.speed_share
         speed_mps, wheels_mps = told.speed_mps, self._vehicle.wheel_speed_mps
         turns_back = speed_mps * wheels_mps < 0 and abs(wheels_mps) > _STANDING_BELOW_MPS
         if abs(speed_mps) >= _WIRING.min_speed_mps and not turns_back:
-            return SpeedDemand(speed_mps)
+            return SpeedDemand(speed_mps * share)
         settings = self._case.vehicle
         by_motor_mps2 = max(0.0, min(told.brake_mps2, self._case.brake_limit_mps2) - settings.drag_mps2)
         return BrakeDemand(by_motor_mps2 / settings.brake_mps2_per_a)
@@ -296,6 +303,8 @@ class _Rig:
         """Advance the car by one step, and check for contact when one is possible."""
         vehicle = self._vehicle
         demand, steering_rad = self._wire.at(now_s)
+        if self._case.wiring is not None:
+            steering_rad = self._case.wiring.steering_rad(steering_rad)
         vehicle.step(STEP_S, demand, steering_rad)
         twist = vehicle.twist
         moved_m = math.hypot(twist.speed_mps, twist.lateral_mps) * STEP_S

@@ -26,18 +26,19 @@ class LawScan:
     angles_rad: (n,) bearing of each beam in the lidar frame, 0 ahead, positive to the left; read-only.
     ranges_m: (n,) distance from the lidar; NaN where there is no information: no echo, dirt on the window, an outlier,
         or a part of the car itself. NaN is neither an obstacle nor free space.
-    lidar_x_m: distance of the lidar ahead of the rear axle.
+    lidar_x_m, lidar_y_m: distance of the lidar ahead of the rear axle, and left of the middle line.
     """
 
     stamp_s: float
     angles_rad: Floats
     ranges_m: Floats
     lidar_x_m: float
+    lidar_y_m: float = 0.0
 
     def points_m(self) -> Floats:
         """Return the end points of the beams in base_link, shape (2, n): x ahead, y to the left; NaN as in ranges_m."""
         x_m = self.ranges_m * np.cos(self.angles_rad) + self.lidar_x_m
-        return np.stack([x_m, self.ranges_m * np.sin(self.angles_rad)])
+        return np.stack([x_m, self.ranges_m * np.sin(self.angles_rad) + self.lidar_y_m])
 
 
 @dataclass(frozen=True, slots=True)

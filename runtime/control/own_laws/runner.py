@@ -147,7 +147,7 @@ def scan_for_law(view: View) -> LawScan:
     """Return a scan as an own law gets it: without dirt, outliers and the car's own parts."""
     ranges_m = view.ranges_m.copy()
     ranges_m[~view.solid] = math.nan
-    return LawScan(view.scan.stamp_s, view.bearing_rad, ranges_m, view.lidar_x_m)
+    return LawScan(view.scan.stamp_s, view.bearing_rad, ranges_m, view.lidar_m.real, view.lidar_m.imag)
 
 
 def is_number(value: object) -> bool:

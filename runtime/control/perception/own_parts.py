@@ -94,8 +94,8 @@ class OwnParts:
     which nothing tells from the car's parts. changes: how often the set of parts has changed by what was seen.
     """
 
-    def __init__(self, lidar_x_m: float) -> None:
-        self._lidar_x_m = lidar_x_m
+    def __init__(self, lidar_m: complex) -> None:
+        self._lidar_m = lidar_m
         self._known: KnownParts | None = None
         self.changes = 0
         self._begin((0.0, 0.0, 0), None)
@@ -161,7 +161,7 @@ class OwnParts:
             self._begin(kind, rear)
         elapsed_s, self._stamp_s = scan.stamp_s - self._stamp_s, scan.stamp_s
         turned = cmath.rect(1.0, pose.yaw_rad)
-        seen = _RearScan(view, rear, complex(pose.x_m, pose.y_m) + self._lidar_x_m * turned, turned)
+        seen = _RearScan(view, rear, complex(pose.x_m, pose.y_m) + self._lidar_m * turned, turned)
         world = np.zeros(seen.near.shape, np.bool_)
         if moved is False:
             self._forget_the_way()
@@ -246,7 +246,7 @@ class OwnParts:
         rear, scan = seen.rear, seen.view.scan
         ahead_s = elapsed_s if 0.0 < elapsed_s < MAX_STEP_S else 0.0
         turned = cmath.rect(1.0, pose.yaw_rad + pose.yaw_rate_radps * ahead_s)
-        at_m = complex(pose.x_m, pose.y_m) + pose.speed_mps * ahead_s * seen.turned + self._lidar_x_m * turned
+        at_m = complex(pose.x_m, pose.y_m) + pose.speed_mps * ahead_s * seen.turned + self._lidar_m * turned
         places = self._places(at_m, turned)
         away_m = expected_m(scan.ranges_m.size, places, scan.angle_min_rad, scan.angle_step_rad)[rear.beams]
         below_m = rear.below_m.copy()
@@ -305,7 +305,7 @@ class _RearScan:
 
     def places(self, beams: Beams) -> Places:
         """Return the end points of some beams, odom."""
-        seen = places_m(self.view.x_m, self.view.y_m, beams) - self.view.lidar_x_m
+        seen = places_m(self.view.x_m, self.view.y_m, beams) - self.view.lidar_m
         places: Places = seen * self.turned + self.at_m
         return places
 

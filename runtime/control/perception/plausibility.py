@@ -133,7 +133,7 @@ class Plausibility:
         if start is None or stands or scan.stamp_s - start.scan.stamp_s > CHECK_WITHIN_S:
             self._start = _Start(scan, motor.distance_m, pose)
         elif abs(motor.distance_m - start.distance_m) >= CHECKED_OVER_M + 0.1 * self._witnesses:
-            self._conclude(compare_shift(start.scan, scan, _moved(start.pose, pose), self._car.lidar_x_m))
+            self._conclude(compare_shift(start.scan, scan, _moved(start.pose, pose), self._car.lidar_m))
 
     def _conclude(self, found: Agreement) -> None:
         match found:

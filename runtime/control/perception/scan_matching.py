@@ -163,7 +163,7 @@ def _pair(
     """Return the slopes (n, 3) and distances (n,) of the points that fit their line, and their share; None: too few."""
     turned = points * cmath.rect(1.0, pose.yaw_rad)
     there = turned + pose.at_m
-    beam = np.rint((np.angle(there - view.lidar_x_m) - view.scan.angle_min_rad) / view.scan.angle_step_rad)
+    beam = np.rint((np.angle(there - view.lidar_m) - view.scan.angle_min_rad) / view.scan.angle_step_rad)
     index = beam.astype(np.intp)
     index[(index < 0) | (index >= surfaces.flat.size)] = 0
     has_line = surfaces.flat[index] & (index > 0)

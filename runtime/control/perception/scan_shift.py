@@ -51,12 +51,12 @@ _ANSWERS = {
 }
 
 
-def compare_shift(before: Scan, after: Scan, moved: Shift, lidar_x_m: float) -> Agreement:
+def compare_shift(before: Scan, after: Scan, moved: Shift, lidar_m: complex) -> Agreement:
     """Return which answer fits clearly better than all others; UNKNOWN without one, as in a bare corridor.
 
     moved: base_link's shift between the scans as supposed. Both scans of one sensor, else UNKNOWN.
     """
-    misfit_m = misfits_m(before, after, moved, lidar_x_m)
+    misfit_m = misfits_m(before, after, moved, lidar_m)
     if misfit_m is None:
         return Agreement.UNKNOWN
     of = {answer: float(misfit_m[which].min()) for answer, which in _ANSWERS.items()}
@@ -66,7 +66,7 @@ def compare_shift(before: Scan, after: Scan, moved: Shift, lidar_x_m: float) -> 
     return best if clear else Agreement.UNKNOWN
 
 
-def misfits_m(before: Scan, after: Scan, moved: Shift, lidar_x_m: float) -> Floats | None:
+def misfits_m(before: Scan, after: Scan, moved: Shift, lidar_m: complex) -> Floats | None:
     """Return the mean distance between the scans at each of SHARES, (shares,), at the best turn.
 
     None where too few points are seen, or the scans are not of one kind.
@@ -81,7 +81,7 @@ def misfits_m(before: Scan, after: Scan, moved: Shift, lidar_x_m: float) -> Floa
     points = points_m(after, ahead)[:, seen]
     if points.shape[1] < ENOUGH_POINTS:
         return None
-    x_m, y_m, yaw_rad = _lidar_shifts(moved, lidar_x_m)
+    x_m, y_m, yaw_rad = _lidar_shifts(moved, lidar_m)
     cos, sin = np.cos(yaw_rad)[:, None], np.sin(yaw_rad)[:, None]
     shifted_x_m = cos * points[0] - sin * points[1] + x_m[:, None]
     shifted_y_m = sin * points[0] + cos * points[1] + y_m[:, None]
@@ -105,7 +105,7 @@ def misfits_m(before: Scan, after: Scan, moved: Shift, lidar_x_m: float) -> Floa
     return misfit_m
 
 
-def _lidar_shifts(moved: Shift, lidar_x_m: float) -> tuple[Floats, Floats, Floats]:
+def _lidar_shifts(moved: Shift, lidar_m: complex) -> tuple[Floats, Floats, Floats]:
     """Return x_m, y_m and yaw_rad of the lidar for every share and turn, (shares x turns,).
 
     The share s of an arc: along it s times, aside s^2 times, turned s times.
@@ -113,6 +113,6 @@ def _lidar_shifts(moved: Shift, lidar_x_m: float) -> tuple[Floats, Floats, Float
     turn_rad = np.tile(TURNS_RAD, SHARES.size)
     share = np.repeat(SHARES, TURNS_RAD.size)
     yaw_rad = share * moved[2] + turn_rad
-    x_m = share * moved[0] + lidar_x_m * (np.cos(yaw_rad) - 1.0)
-    y_m = share * share * moved[1] + lidar_x_m * np.sin(yaw_rad)
+    x_m = share * moved[0] + lidar_m.real * (np.cos(yaw_rad) - 1.0) - lidar_m.imag * np.sin(yaw_rad)
+    y_m = share * share * moved[1] + lidar_m.real * np.sin(yaw_rad) + lidar_m.imag * (np.cos(yaw_rad) - 1.0)
     return x_m, y_m, yaw_rad

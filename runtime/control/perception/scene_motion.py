@@ -41,8 +41,8 @@ class SceneMotion:
     moved: result of this scan: True, it moves, or there is no contrary evidence; False, it stands; None, not yet known.
     """
 
-    def __init__(self, lidar_x_m: float) -> None:
-        self._lidar_x_m = lidar_x_m
+    def __init__(self, lidar_m: complex) -> None:
+        self._lidar_m = lidar_m
         self._key: _Keyframe | None = None
         self.stands = False
         self.moved: bool | None = None
@@ -76,4 +76,4 @@ class SceneMotion:
 
     def _lidar(self, pose: OdometryState) -> tuple[complex, complex]:
         turned = cmath.rect(1.0, pose.yaw_rad)
-        return turned, complex(pose.x_m, pose.y_m) + self._lidar_x_m * turned
+        return turned, complex(pose.x_m, pose.y_m) + self._lidar_m * turned

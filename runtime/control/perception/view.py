@@ -4,7 +4,8 @@ A beam is *solid* when it has a distance, its neighbours agree (despike), it doe
 not dirt on the window: thin dirt by its shape in this scan, wide dirt by what `lidar_health` has learnt. Everything
 else is either without an echo ("no information", never "free") or not worth a stop.
 
-Frames: base_link = middle of the rear axle, x forward, y left (REP-105). The lidar looks straight ahead from lidar_x_m.
+Frames: base_link = middle of the rear axle, x forward, y left (REP-105). Bearings are those of the
+car, also where the lidar is mounted at an angle: the driver turns them by `lidar.yaw_rad`.
 """
 
 import math
@@ -48,7 +49,7 @@ class View:
     """One interpreted scan. All arrays have shape (beams,) and are read-only by convention.
 
     ranges_m: float64; NaN where a beam has no distance. bearing_rad: of each beam in the lidar frame.
-    x_m, y_m: end points in base_link; NaN without a distance. lidar_x_m: where the beams begin.
+    x_m, y_m: end points in base_link; NaN without a distance. lidar_m: where the beams begin.
     solid: objects that can be hit or followed. no_echo: no information. own: on or in the car's own outline.
     dirty: known to be dirty, whatever they read now; None while no beam is. silent: number without an echo.
     """
@@ -61,7 +62,7 @@ class View:
     solid: Booleans
     no_echo: Booleans
     own: Booleans
-    lidar_x_m: float
+    lidar_m: complex
     dirty: Booleans | None
     silent: int
 
@@ -97,7 +98,8 @@ class PerceptionCache:
     def __init__(self, car: CarSettings) -> None:
         self._car = car
         ahead_m, aback_m = car.front_m - car.lidar_x_m, car.rear_m + car.lidar_x_m
-        self._own_within_m = math.hypot(max(ahead_m, aback_m), car.half_width_m)
+        self._own_within_m = math.hypot(max(ahead_m, aback_m), car.half_width_m + abs(car.lidar_y_m))
+        self._lidar_m = car.lidar_m
         self._dirty: Booleans | None = None
         self._ignored_below_m: Floats | None = None
         self._last: View | None = None
@@ -134,7 +136,7 @@ class PerceptionCache:
         ranges_m, x_m, y_m, solid, no_echo, own, silent = view_scan(
             sent_m, fan, ignored_below_m, scan.angle_step_rad, car, self._own_within_m
         )
-        return View(scan, ranges_m, fan.bearing_rad, x_m, y_m, solid, no_echo, own, car.lidar_x_m, dirty, silent)
+        return View(scan, ranges_m, fan.bearing_rad, x_m, y_m, solid, no_echo, own, self._lidar_m, dirty, silent)
 
 
 def _flat_view(
@@ -146,8 +148,8 @@ def _flat_view(
     own_within_m: float,
 ) -> tuple[Any, ...]:
     return (
-        sent_m, fan.cos, fan.sin, fan.aback, ignored_below_m, angle_step_rad, car.lidar_x_m, car.front_m, car.rear_m,
-        car.half_width_m, own_within_m,
+        sent_m, fan.cos, fan.sin, fan.aback, ignored_below_m, angle_step_rad, car.lidar_x_m, car.lidar_y_m, car.front_m,
+        car.rear_m, car.half_width_m, own_within_m,
     )  # fmt: skip
 
 
@@ -172,6 +174,7 @@ def view_scan(
     ranges_m[no_echo] = math.nan
     x_m, y_m = fan.cos * ranges_m, fan.sin * ranges_m
     x_m += car.lidar_x_m
+    y_m += car.lidar_y_m
     solid = supported(ranges_m)
     ignored = ranges_m < ignored_below_m  # NaN compares as not nearer
     solid &= ~ignored

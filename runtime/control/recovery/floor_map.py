@@ -58,7 +58,7 @@ def blocked_floor(
     newest = kept[-1]
     hit = np.zeros(CELLS * CELLS, np.bool_)
     hit[cell_of(_points_m(newest))] = True
-    looked_through = _seen(CENTRES_M - newest.view.lidar_x_m, newest)
+    looked_through = _seen(CENTRES_M - newest.view.lidar_m, newest)
     known = looked_through | bare.holds(CENTRES_M)
     later, turn, from_m = newest, 1 + 0j, 0j
     laid = [newest]
@@ -71,7 +71,7 @@ def blocked_floor(
         place_m = newest.place_m + from_m * cmath.rect(1.0, newest.yaw_rad)
         laid.append(RememberedView(one.view, place_m, newest.yaw_rad + cmath.phase(turn)))
         there_m = (CENTRES_M - from_m) / turn
-        known |= _seen(there_m - one.view.lidar_x_m, one)
+        known |= _seen(there_m - one.view.lidar_m, one)
         known |= bare.holds(there_m)
         old = cell_of(points_m * turn + from_m)
         hit[old[~looked_through[old]]] = True

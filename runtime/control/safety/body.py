@@ -27,7 +27,7 @@ class Body:
         self.wary = replace(self.ahead, half_width_m=wide_m + settings.wary_margin_m)
         self.aback = Outline(car.front_m, car.rear_m + spare_m, wide_m)
         beyond_m = max(self.ahead.front_m - car.lidar_x_m, self.aback.rear_m + car.lidar_x_m)
-        self.reach_m = math.hypot(beyond_m, wide_m)
+        self.reach_m = math.hypot(beyond_m, wide_m + abs(car.lidar_y_m))
         """Maximum distance from the lidar of a point within the margins."""
         self.grip_mps2 = settings.grip_mu * GRAVITY_MPS2
         self.slippery_mps2 = min(settings.slippery_mu, settings.grip_mu) * GRAVITY_MPS2

@@ -104,8 +104,8 @@ def _flat_sectors(
     moved_m, turned_rad = motion
     return (
         view.ranges_m, view.x_m, view.y_m, view.no_echo, view.own, view.dirty, *before, sectors.first, sectors.beams,
-        sectors.first_rad, sectors.width_rad, view.lidar_x_m, car.front_m, car.half_width_m, within_m, moved_m.real,
-        moved_m.imag, turned_rad,
+        sectors.first_rad, sectors.width_rad, view.lidar_m.real, view.lidar_m.imag, car.front_m, car.half_width_m,
+        within_m, moved_m.real, moved_m.imag, turned_rad,
     )  # fmt: skip
 
 
@@ -143,7 +143,7 @@ def watch_sectors(
     nothing = complex(math.nan, math.nan)
     seen = np.where(sees, x_m[pick] + 1j * y_m[pick], nothing)
     new_held = np.where(sees & (seeing >= FULL_SHARE * beams), seen, nothing)
-    off = (held - moved_m) * cmath.rect(1.0, -turned_rad) - view.lidar_x_m
+    off = (held - moved_m) * cmath.rect(1.0, -turned_rad) - view.lidar_m
     place = (np.angle(off) - first_rad) / width_rad
     place[~(np.abs(off) < within_m)] = math.nan
     right, left = place[:-1] - BESIDE_SECTORS, place[1:] + BESIDE_SECTORS

@@ -43,7 +43,7 @@ class ScanLook:
     def ranges_m(self, place_m: complex) -> tuple[float, Floats]:
         """Return the distance of a place (odom) from the lidar, and the ranges of three beams toward it, if any."""
         view = self.view
-        off = (place_m - self.at_m) * self.turned.conjugate() - view.lidar_x_m
+        off = (place_m - self.at_m) * self.turned.conjugate() - view.lidar_m
         beam = round((cmath.phase(off) - view.scan.angle_min_rad) / view.scan.angle_step_rad)
         return abs(off), view.ranges_m[max(0, beam - 1) : max(0, beam + 2)]
 

@@ -41,8 +41,8 @@ class RearMemory:
     kept: whole views of the last metres, for the search of a way out; nothing is computed from them before.
     """
 
-    def __init__(self, lidar_x_m: float) -> None:
-        self._lidar_x_m = lidar_x_m
+    def __init__(self, lidar_m: complex) -> None:
+        self._lidar_m = lidar_m
         self._views: deque[Places] = deque(maxlen=KEPT_VIEWS)
         self._seen = NOWHERE
         self.kept: deque[RememberedView] = deque(maxlen=KEPT_FOR_A_WAY_OUT)
@@ -105,7 +105,7 @@ class RearMemory:
         Inside the field of view the present scan counts: a person that has left leaves no ghost there. Of that area
         only the doubtful places are added.
         """
-        at = self._at.x_m, self._at.y_m, self._at.yaw_rad, self._lidar_x_m
+        at = self._at.x_m, self._at.y_m, self._at.yaw_rad, self._lidar_m
         found = places_behind(self._seen, *at, half_view_rad)
         return np.concatenate([found, places_behind(self._doubtful, *at, -1.0)]) if self._doubtful.size else found
 
@@ -134,15 +134,21 @@ def find_near_places(view: View, place_m: complex, yaw_rad: float) -> Places:
     return places_m(view.x_m, view.y_m, near) * cmath.rect(1.0, yaw_rad) + place_m
 
 
-@accelerated
+def _flat_behind(
+    places_m: Places, at_x_m: float, at_y_m: float, yaw_rad: float, lidar_m: complex, half_view_rad: float
+) -> tuple[Any, ...]:
+    return places_m, at_x_m, at_y_m, yaw_rad, lidar_m.real, lidar_m.imag, half_view_rad
+
+
+@accelerated(flat=_flat_behind)
 def places_behind(
-    places_m: Places, at_x_m: float, at_y_m: float, yaw_rad: float, lidar_x_m: float, half_view_rad: float
+    places_m: Places, at_x_m: float, at_y_m: float, yaw_rad: float, lidar_m: complex, half_view_rad: float
 ) -> Places:
     """Return in base_link of a pose, (k,), the places (n,), odom, nearer than NEAR_M and beyond +-half_view_rad.
 
-    half_view_rad: of the lidar, which is lidar_x_m ahead; negative for all directions.
+    half_view_rad: of the lidar, which is at lidar_m in base_link; negative for all directions.
     """
     here_m = (places_m - complex(at_x_m, at_y_m)) * cmath.rect(1.0, -yaw_rad)
-    behind = np.abs(np.angle(here_m - lidar_x_m)) > half_view_rad
+    behind = np.abs(np.angle(here_m - lidar_m)) > half_view_rad
     found: Places = here_m[behind & (np.abs(here_m) < NEAR_M)]
     return found

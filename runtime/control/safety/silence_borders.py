@@ -75,10 +75,10 @@ def _linked(range_m: Floats, echo: Booleans) -> Booleans:
 class _BorderTrack:
     """Tracks one border over the scans: its expected bearing if stationary where first seen, and its measured one."""
 
-    def __init__(self, border: Border, pose: OdometryState, lidar_x_m: float) -> None:
+    def __init__(self, border: Border, pose: OdometryState, lidar_m: complex) -> None:
         self.border, self.stays = border, False
-        self._begin, self._lidar_x_m = pose, lidar_x_m
-        at = lidar_x_m + cmath.rect(border.range_m, border.bearing_rad)
+        self._begin, self._lidar_m = pose, lidar_m
+        at = lidar_m + cmath.rect(border.range_m, border.bearing_rad)
         self._odom_m = complex(pose.x_m, pose.y_m) + at * cmath.rect(1.0, pose.yaw_rad)
         self._bearing_rad = border.bearing_rad
         self._should_rad: list[float] = [0.0]
@@ -87,7 +87,7 @@ class _BorderTrack:
     def add(self, border: Border, pose: OdometryState, beam_rad: float) -> None:
         """Add the border of the present scan."""
         self.border = border
-        off = (self._odom_m - complex(pose.x_m, pose.y_m)) * cmath.rect(1.0, -pose.yaw_rad) - self._lidar_x_m
+        off = (self._odom_m - complex(pose.x_m, pose.y_m)) * cmath.rect(1.0, -pose.yaw_rad) - self._lidar_m
         self._should_rad.append(math.remainder(cmath.phase(off) - self._bearing_rad, math.tau))
         self._is_rad.append(border.bearing_rad - self._bearing_rad)
         way_m = math.hypot(pose.x_m - self._begin.x_m, pose.y_m - self._begin.y_m)
@@ -108,8 +108,8 @@ def _stays(should_rad: Floats, is_rad: Floats, beam_rad: float) -> bool:
 class Borders:
     """Tracks the borders of all silences that can be proven, from scan to scan."""
 
-    def __init__(self, lidar_x_m: float) -> None:
-        self._lidar_x_m = lidar_x_m
+    def __init__(self, lidar_m: complex) -> None:
+        self._lidar_m = lidar_m
         self._tracks: list[_BorderTrack] = []
 
     def update(self, borders: Iterable[Border], pose: OdometryState, beam_rad: float) -> None:
@@ -124,7 +124,7 @@ class Borders:
             ]
             if near:
                 near[0].add(border, pose, beam_rad)
-            self._tracks.append(near[0] if near else _BorderTrack(border, pose, self._lidar_x_m))
+            self._tracks.append(near[0] if near else _BorderTrack(border, pose, self._lidar_m))
 
     def stays(self, step: int, bearing_rad: float) -> bool:
         """Return whether the border beside a silent sector, with its middle at this bearing, is stationary."""
@@ -140,8 +140,8 @@ class Fading:
     From scan to scan nothing is missing: a fading sector no longer fills the gap between its neighbours.
     """
 
-    def __init__(self, lidar_x_m: float) -> None:
-        self._lidar_x_m = lidar_x_m
+    def __init__(self, lidar_m: complex) -> None:
+        self._lidar_m = lidar_m
         self._views: deque[tuple[float, complex, Places]] = deque()
 
     def missing(self, held: Places, pose: OdometryState, stamp_s: float, sectors: Sectors) -> Booleans:
@@ -157,7 +157,7 @@ class Fading:
         if any(abs(cmath.phase(turned * then.conjugate())) > FADES_STRAIGHT_RAD for _, then, _ in self._views):
             return np.zeros(sectors.count, np.bool_)
         _, _, places = self._views[0]
-        off = (places - at_m) * turned.conjugate() - self._lidar_x_m
+        off = (places - at_m) * turned.conjugate() - self._lidar_m
         place = (np.angle(off) - sectors.first_rad) / sectors.width_rad
         place[~(np.abs(off) < FADES_NEARER_THAN_M)] = math.nan
         right, left = np.minimum(place[:-1], place[1:]), np.maximum(place[:-1], place[1:])

@@ -78,9 +78,9 @@ class SweptGuard:
         self.body = Body(settings, car)
         self.clock = clock
         self.health = LidarHealth(health or LidarHealthSettings(), car.wheelbase_m, settings.doubtful_mps)
-        self.scene_motion = SceneMotion(car.lidar_x_m)
-        self.own_parts = OwnParts(car.lidar_x_m)
-        self.behind = RearMemory(car.lidar_x_m)
+        self.scene_motion = SceneMotion(car.lidar_m)
+        self.own_parts = OwnParts(car.lidar_m)
+        self.behind = RearMemory(car.lidar_m)
         self.movers = MovingObstacles()
         self.faint = ThinObstacles()
         self.visibility = Visibility(car)

@@ -36,7 +36,7 @@ class SectorView:
     seen: Places
     blind: Booleans
     doubted: Booleans
-    lidar_x_m: float
+    lidar_m: complex
     front_m: float
 
 
@@ -86,7 +86,8 @@ def _hidden(sight: SectorView, first: int, last: int, width_m: float) -> Places:
         return NOWHERE
     bearing_rad = np.linspace(low_rad, high_rad, steps)
     arc = np.empty(steps, np.complex128)
-    arc.real, arc.imag = sight.lidar_x_m + away_m * np.cos(bearing_rad), away_m * np.sin(bearing_rad)
+    arc.real = sight.lidar_m.real + away_m * np.cos(bearing_rad)
+    arc.imag = sight.lidar_m.imag + away_m * np.sin(bearing_rad)
     return arc
 
 

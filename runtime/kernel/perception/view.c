@@ -65,14 +65,14 @@ static void forget_thin_dirt(const double *range, npy_bool *solid, beam beams, d
         forget_run(range, solid, from, last);
 }
 
-/* view_scan(ranges, cos, sin, aside, ignored_below, step_rad, lidar_x, front, rear, half_width, near)
+/* view_scan(ranges, cos, sin, aside, ignored_below, step_rad, lidar_x, lidar_y, front, rear, half_width, near)
  *   -> ranges, x, y, solid, no_echo, own, silent */
 KERNEL(view_scan) {
     struct row sent, cosine, sine, aside, ignored;
-    double v[6];
-    if (!enough(count, 11, "view_scan") || !as_row(given[0], NPY_FLOAT, &sent) || !as_row(given[1], NPY_DOUBLE, &cosine) ||
+    double v[7];
+    if (!enough(count, 12, "view_scan") || !as_row(given[0], NPY_FLOAT, &sent) || !as_row(given[1], NPY_DOUBLE, &cosine) ||
         !as_row(given[2], NPY_DOUBLE, &sine) || !as_row(given[3], NPY_BOOL, &aside) ||
-        !as_row(given[4], NPY_DOUBLE, &ignored) || !as_numbers(given + 5, 6, v))
+        !as_row(given[4], NPY_DOUBLE, &ignored) || !as_numbers(given + 5, 7, v))
         return NULL;
     beam beams = sent.count, silent = 0;
     if (cosine.count != beams || sine.count != beams || aside.count != beams ||
@@ -80,7 +80,7 @@ KERNEL(view_scan) {
         PyErr_SetString(PyExc_ValueError, "look: arrays of different lengths");
         return NULL;
     }
-    double step_rad = fabs(v[0]), lidar_x = v[1], front = v[2], rear = v[3], half = v[4], near = v[5];
+    double step_rad = fabs(v[0]), lidar_x = v[1], lidar_y = v[2], front = v[3], rear = v[4], half = v[5], near = v[6];
     PyObject *seen[6];
     for (int i = 0; i < 6; i++)
         seen[i] = fresh(i < 3 ? NPY_DOUBLE : NPY_BOOL, beams);
@@ -99,7 +99,7 @@ KERNEL(view_scan) {
         silent += no_echo[i];
         range[i] = no_echo[i] ? NAN : read;
         x[i] = NUMBER(cosine, i) * range[i] + lidar_x;
-        y[i] = NUMBER(sine, i) * range[i];
+        y[i] = NUMBER(sine, i) * range[i] + lidar_y;
     }
     support(range, solid, beams);
     int parts = 0, dirt = 0;

@@ -5,13 +5,13 @@
 
 enum { SEEN, DEPTH, GONE, UNPROVEN, MISSING, BLIND };
 
-/* Present bearing of a place (base_link, one scan ago), in sectors; NaN for none. v: first_rad, width_rad, lidar_x_m,
- * within_m, moved since. */
+/* Present bearing of a place (base_link, one scan ago), in sectors; NaN for none. v: first_rad, width_rad, the lidar's
+ * x and y, within_m, moved since. */
 static double carried(place held, place turn, const double *v) {
     if (isnan(creal(held)))
         return NAN;
-    place off = times(held - CMPLX(v[4], v[5]), turn) - v[2];
-    if (!(creal(off) * creal(off) + cimag(off) * cimag(off) < v[3] * v[3]))
+    place off = times(held - CMPLX(v[5], v[6]), turn) - CMPLX(v[2], v[3]);
+    if (!(creal(off) * creal(off) + cimag(off) * cimag(off) < v[4] * v[4]))
         return NAN;
     return (atan2(cimag(off), creal(off)) - v[0]) / v[1];
 }
@@ -33,7 +33,7 @@ static void expect(double right, double left, npy_bool *expected, beam sectors) 
 static void expect_all(const struct row *held, const double *v, double turned, npy_bool *expected) {
     const place turn = CMPLX(cos(-turned), sin(-turned));
     double before = NAN;
-    for (beam k = 0; v[3] > 0.0 && k < held->count; k++) {
+    for (beam k = 0; v[4] > 0.0 && k < held->count; k++) {
         double at = carried(PLACE(*held, k), turn, v);
         expect(before, at, expected, held->count);
         before = at;
@@ -63,14 +63,14 @@ static beam row_on_lidar(const struct row *x, const struct row *y, const struct 
     return longest;
 }
 
-/* watch_sectors(ranges, x, y, no_echo, own, dirty | None, state, held, first, beams, first_rad, width_rad, lidar_x, front,
+/* watch_sectors(ranges, x, y, no_echo, own, dirty | None, state, held, first, beams, first_rad, width_rad, lidar_x, lidar_y, front,
  *         half_width, within, moved_x, moved_y, turned) -> state, seen, held, row, suspects, gone */
 KERNEL(watch_sectors) {
     static const int types[] = {NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_BOOL, NPY_BOOL, NPY_BOOL, NPY_INT8, NPY_CDOUBLE};
     struct row rows[8] = {{NULL, 0, 0}};
     beam sizes[2];
-    double v[9];
-    if (!enough(count, 19, "watch_sectors") || !as_indices(given + 8, 2, sizes) || !as_numbers(given + 10, 9, v))
+    double v[10];
+    if (!enough(count, 20, "watch_sectors") || !as_indices(given + 8, 2, sizes) || !as_numbers(given + 10, 10, v))
         return NULL;
     for (int k = 0; k < 8; k++) {
         if (k == 5 && given[k] == Py_None)
@@ -88,8 +88,8 @@ KERNEL(watch_sectors) {
         return NULL;
     }
     const beam end = first + sectors * beams;
-    const double first_rad = v[0], width_rad = v[1], front_m = v[3], half_m = v[4];
-    const double known[] = {first_rad, width_rad, v[2], v[5], v[6], v[7]};
+    const double first_rad = v[0], width_rad = v[1], front_m = v[4], half_m = v[5];
+    const double known[] = {first_rad, width_rad, v[2], v[3], v[6], v[7], v[8]};
     PyObject *next = fresh(NPY_INT8, sectors), *seen = fresh(NPY_CDOUBLE, sectors), *full = fresh(NPY_CDOUBLE, sectors);
     npy_bool *expected = calloc((size_t)sectors, 1), *echo = calloc((size_t)(end - first) + 1, 1);
     if (!next || !seen || !full || !expected || !echo) {
@@ -132,7 +132,7 @@ KERNEL(watch_sectors) {
         int silent = !sees && (double)seeing <= LIDAR_SECTORS_SILENT_SHARE * (double)beams;
         if (silent && !expects) {
             expects = 1;
-            expect_all(&held, known, v[8], expected);
+            expect_all(&held, known, v[9], expected);
         }
         npy_int8 was = AT(npy_int8, state, k);
         const place at = CMPLX(NUMBER(x, pick), NUMBER(y, pick)), nothing = CMPLX(NAN, NAN);

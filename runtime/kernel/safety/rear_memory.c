@@ -27,22 +27,22 @@ KERNEL(find_near_places) {
     return answer;
 }
 
-/* places_behind(places, at x, at y, yaw, lidar x, half view) -> places in base_link */
+/* places_behind(places, at x, at y, yaw, lidar x, lidar y, half view) -> places in base_link */
 KERNEL(places_behind) {
     struct row from;
-    double v[5];
-    if (!enough(count, 6, "places_behind") || !as_row(given[0], NPY_CDOUBLE, &from) || !as_numbers(given + 1, 5, v))
+    double v[6];
+    if (!enough(count, 7, "places_behind") || !as_row(given[0], NPY_CDOUBLE, &from) || !as_numbers(given + 1, 6, v))
         return NULL;
     if (isinf(v[2]))
         return PyErr_Format(PyExc_ValueError, "math domain error");
     place turned = CMPLX(cos(-v[2]), sin(-v[2])), at = CMPLX(v[0], v[1]), *found = NULL;
-    const double lidar_x = v[3], half_view = v[4], cosine = half_view < M_PI ? cos(half_view) : -INFINITY;
+    const double lidar_x = v[3], lidar_y = v[4], half_view = v[5], cosine = half_view < M_PI ? cos(half_view) : -INFINITY;
     beam few = 0, most_places = 0;
     for (beam i = 0; i < from.count; i++) {
         place here = times(PLACE(from, i) - at, turned);
-        double x = creal(here), y = cimag(here), ahead = x - lidar_x;
+        double x = creal(here), y = cimag(here), ahead = x - lidar_x, aside = y - lidar_y;
         if (!(x * x + y * y < REAR_MEMORY_NEAR_M * REAR_MEMORY_NEAR_M) ||
-            !((half_view < 0.0 && ahead == ahead) || ahead < cosine * sqrt(ahead * ahead + y * y)))
+            !((half_view < 0.0 && ahead == ahead && aside == aside) || ahead < cosine * sqrt(ahead * ahead + aside * aside)))
             continue;
         if (few == most_places) { /* one large buffer for all would cost more than the loop */
             most_places = 2 * most_places + 512;

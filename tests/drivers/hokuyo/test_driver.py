@@ -138,6 +138,13 @@ async def test_a_sensor_that_hangs_upside_down_has_left_on_the_left(tcp: MakeRig
     assert round(float(scan.ranges_m[-1]) * 1000) == 1000
 
 
+async def test_a_turned_sensor_gives_bearings_of_the_car(tcp: MakeRig) -> None:
+    rig = await tcp(ScipEmulator(), yaw_rad=0.1)
+    await rig.ready()
+    scan = await rig.scan()
+    assert scan.angle_min_rad == pytest.approx(np.deg2rad(-135) + 0.1)
+
+
 async def test_a_clock_that_jumps_in_a_running_stream_is_believed_in_the_end(tcp: MakeRig) -> None:
     rig = await tcp(ScipEmulator(), silent_after_s=5.0)
     await rig.ready()

@@ -62,15 +62,25 @@ def _thin(x_m, y_m, solid, ranges_m, dirty, angle_min_rad, angle_step_rad, at_x_
 
 
 def _sectors(
-    ranges_m, x_m, y_m, no_echo, own, dirty, state, held, first, beams, first_rad, width_rad, lidar_x_m, front_m,
-    half_width_m, within_m, moved_x_m, moved_y_m, turned_rad,
+    ranges_m, x_m, y_m, no_echo, own, dirty, state, held, first, beams, first_rad, width_rad, lidar_x_m, lidar_y_m,
+    front_m, half_width_m, within_m, moved_x_m, moved_y_m, turned_rad,
 ):  # fmt: skip
     view = SimpleNamespace(
-        ranges_m=ranges_m, x_m=x_m, y_m=y_m, no_echo=no_echo, own=own, dirty=dirty, lidar_x_m=lidar_x_m
+        ranges_m=ranges_m,
+        x_m=x_m,
+        y_m=y_m,
+        no_echo=no_echo,
+        own=own,
+        dirty=dirty,
+        lidar_m=complex(lidar_x_m, lidar_y_m),
     )
     sectors = SimpleNamespace(first=first, beams=beams, first_rad=first_rad, width_rad=width_rad)
     car = SimpleNamespace(front_m=front_m, half_width_m=half_width_m)
     return view, sectors, (state, held), (complex(moved_x_m, moved_y_m), turned_rad), car, within_m
+
+
+def _behind(places_m, at_x_m, at_y_m, yaw_rad, lidar_x_m, lidar_y_m, half_view_rad):
+    return places_m, at_x_m, at_y_m, yaw_rad, complex(lidar_x_m, lidar_y_m), half_view_rad
 
 
 def _near(x_m, y_m, solid, ranges_m, at_x_m, at_y_m, yaw_rad):
@@ -105,6 +115,7 @@ STRUCTURES: dict[str, Callable[..., Any]] = {
     "find_thin_places": _thin,
     "watch_sectors": _sectors,
     "find_near_places": _near,
+    "places_behind": _behind,
     "find_dark_regions": _dark,
     "find_dirt": _found,
     "sweep_arc": _sweep,

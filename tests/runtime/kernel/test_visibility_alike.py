@@ -26,15 +26,15 @@ def arguments(seed):
     ranges_m[at : at + int(random.integers(0, 300))] = random.uniform(0.05, 0.25)
     ranges_m[no_echo] = np.nan
     bearing_rad = np.radians(np.linspace(-135, 135, beams))
-    x_m, y_m = np.cos(bearing_rad) * ranges_m + 0.27, np.sin(bearing_rad) * ranges_m
+    x_m, y_m = np.cos(bearing_rad) * ranges_m + 0.27, np.sin(bearing_rad) * ranges_m + 0.02
     own = (ranges_m < 0.45) & (x_m <= 0.42) & (x_m >= -0.13) & (np.abs(y_m) <= 0.15)
     dirty = None if random.random() < 0.5 else random.random(beams) < 0.2
     state = random.integers(0, 6, SECTORS).astype(np.int8)
     held_rad = FIRST_RAD + WIDTH_RAD * np.arange(SECTORS) + random.normal(0, 0.02, SECTORS)
-    held = 0.27 + random.uniform(0.5, 13, SECTORS) * np.exp(1j * held_rad)
+    held = 0.27 + 0.02j + random.uniform(0.5, 13, SECTORS) * np.exp(1j * held_rad)
     held[random.random(SECTORS) < 0.3] = complex(math.nan, math.nan)
     return (
-        ranges_m, x_m, y_m, no_echo, own, dirty, state, held, 125, 10, FIRST_RAD, WIDTH_RAD, 0.27, 0.42, 0.15,
+        ranges_m, x_m, y_m, no_echo, own, dirty, state, held, 125, 10, FIRST_RAD, WIDTH_RAD, 0.27, 0.02, 0.42, 0.15,
         float(random.choice([0.0, 12.0])), float(random.normal(0, 0.1)), 0.01, float(random.normal(0, 0.1)),
     )  # fmt: skip
 
@@ -45,7 +45,7 @@ def test_any_scan_is_watched_alike(compiled, seed):
     assert_same("watch_sectors", compiled["watch_sectors"](*given_), PYTHON["watch_sectors"](*given_))
 
 
-@pytest.mark.parametrize("place", [12, 13, 14, 15, 16, 17, 18])
+@pytest.mark.parametrize("place", [12, 13, 14, 15, 16, 17, 18, 19])
 def test_what_is_no_number_is_watched_alike(compiled, place):
     given_ = list(arguments(7))
     given_[place] = math.nan

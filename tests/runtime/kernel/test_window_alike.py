@@ -111,7 +111,7 @@ def test_any_near_places_are_kept_alike(compiled, seed, beams, pose):
 @given(
     seed=st.integers(0, 2**32),
     places=st.sampled_from([0, 1, 40, 3000]),
-    pose=st.tuples(*[st.one_of(st.floats(-5.0, 5.0), st.just(math.nan))] * 4),
+    pose=st.tuples(*[st.one_of(st.floats(-5.0, 5.0), st.just(math.nan))] * 5),
     half_view_rad=st.one_of(st.floats(-1.0, 4.0), st.sampled_from([0.0, -1.0, math.nan, math.inf])),
 )
 def test_any_places_are_behind_alike(compiled, seed, places, pose, half_view_rad):
@@ -130,7 +130,7 @@ def test_near_places_of_no_direction_or_of_different_lengths_are_refused(compile
         with pytest.raises(ValueError, match="math domain error"):
             of["find_near_places"](long_m, long_m, flags, long_m, 0.0, 0.0, math.inf)
         with pytest.raises(ValueError, match="math domain error"):
-            of["places_behind"](long_m + 0j, 0.0, 0.0, math.inf, 0.0, 2.0)
+            of["places_behind"](long_m + 0j, 0.0, 0.0, math.inf, 0.0, 0.0, 2.0)
     for place in range(4):
         arrays = [long_m, long_m, flags, long_m]
         arrays[place] = arrays[place][1:]
