@@ -8,7 +8,7 @@ from pathlib import Path
 
 from clients.calibration import settings_file
 from clients.calibration.deadman import AlwaysHeld, TerminalDeadman
-from clients.calibration.link import MAX_SPEED_MPS, MAX_STEERING_RAD, LetGoError, RemoteLink, StalledError
+from clients.calibration.link import LetGoError, RemoteLink
 from clients.calibration.steps import (
     OUTLINE,
     OUTLINE_WORDS,
@@ -108,24 +108,21 @@ def _check_yes(car: RemoteCar, *, given: bool) -> None:
 def _drive(car: RemoteCar, step: DrivenStep, so_far: CalibrationProgress, *, always: bool) -> list[Proposal]:
     """Drive a step, again after the operator let go; [] where it was skipped."""
     _say(f"\n{step.title}\n  {step.before}")
-    for attempt in range(TRIES):
+    for _ in range(1 if always else TRIES):
         deadman = AlwaysHeld() if always else TerminalDeadman()
         try:
-            with deadman, car.drive(max_speed_mps=MAX_SPEED_MPS, max_steering_rad=MAX_STEERING_RAD) as hand:
+            with deadman, RemoteLink(car, deadman, _say) as link:
                 _say(f"  hold {deadman.key} to drive; let go to stop; Space ends")
-                link = RemoteLink(car, hand, deadman)
                 deadman.wait()
                 link.forget()
-                found = list(step.run(link, so_far))
-                link.release()
-                return found
+                return list(step.run(link, so_far))
         except LetGoError as error:
             _say(f"  {error}")
         except CalibrationError as error:
-            if always and (attempt == TRIES - 1 or not isinstance(error, StalledError)):
+            if always:
                 raise
             _say(f"  {error}")
-        if not always and input("  again? [Y/n] ").strip().lower().startswith("n"):
+        if input("  again? [Y/n] ").strip().lower().startswith("n"):
             return []
     return []
 

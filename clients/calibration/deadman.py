@@ -27,11 +27,19 @@ class AlwaysHeld:
         """Return the name of the key."""
         return "nothing"
 
+    @property
+    def again(self) -> str:
+        """Return what happens after a stall."""
+        return "It goes on by itself."
+
     def is_held(self) -> bool:
         """Return that it is held."""
         return True
 
     def wait(self) -> None:
+        """Return at once."""
+
+    def renew(self) -> None:
         """Return at once."""
 
 
@@ -57,6 +65,11 @@ class TerminalDeadman:
         """Return the name of the key."""
         return "M" if self._terminal.releases else "W"
 
+    @property
+    def again(self) -> str:
+        """Return what the operator does after a stall."""
+        return f"Let go, and hold {self.key} again."
+
     def is_held(self) -> bool:
         """Return whether the key is held; LetGoError for Space, Esc or Ctrl-C, which end the calibration."""
         now_s = time.monotonic()
@@ -73,3 +86,9 @@ class TerminalDeadman:
         """Wait until the key is held."""
         while not self.is_held():
             time.sleep(PERIOD_S)
+
+    def renew(self) -> None:
+        """Wait until the key was released, and is held again."""
+        while self.is_held():
+            time.sleep(PERIOD_S)
+        self.wait()

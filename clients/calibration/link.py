@@ -2,7 +2,9 @@
 
 import math
 import time
-from typing import Protocol
+from collections.abc import Callable
+from types import TracebackType
+from typing import Protocol, Self
 
 from clients.calibration.ways import CalibrationError
 from clients.connection import ConnectionProblemError
@@ -17,18 +19,29 @@ READ = (topics.SCAN, topics.MOTOR, topics.OUTPUT)
 DEFAULT_SCAN_TIME_S = 0.025
 MAX_LATE_S = 0.4
 SETTLES_S = 0.5
+MAX_STALLS = 12
 
 
 class LetGoError(CalibrationError):
     """The deadman was released; the car stops."""
 
 
-class StalledError(CalibrationError):
-    """Scans or this program came too late, and the car stopped."""
-
-
 class HeldDeadman(Protocol):
     """The deadman of a person."""
+
+    @property
+    def key(self) -> str:
+        """Return the name of the key."""
+        ...
+
+    @property
+    def again(self) -> str:
+        """Return what the operator does to go on after a stall."""
+        ...
+
+    def renew(self) -> None:
+        """Wait until it was released, and is held again."""
+        ...
 
     def is_held(self) -> bool:
         """Return whether it is held now; LetGoError for a request to stop for good."""
@@ -36,14 +49,30 @@ class HeldDeadman(Protocol):
 
 
 class RemoteLink:
-    """Implements CalibratedCar. hand: of `car.drive()`, open."""
+    """Implements CalibratedCar, within a `with` block. tell: gets what the operator has to know.
 
-    def __init__(self, car: RemoteCar, hand: RemoteDriver, deadman: HeldDeadman) -> None:
+    A stall, of scans or of this program, stops the car by the rules of teleop. The way goes on when the operator let
+    go and holds again: what lies between two stops is measured, however long it became.
+    """
+
+    def __init__(self, car: RemoteCar, deadman: HeldDeadman, tell: Callable[[str], None]) -> None:
         self.seen = TraceBuilder()
-        self._hand, self._deadman = hand, deadman
+        self._car, self._deadman, self._tell = car, deadman, tell
+        self._hand: RemoteDriver | None = None
         self._now_s = -math.inf
         self._samples = car.topics(*READ)
         self._asked: tuple[float, float] | None = None
+        self._stalls = 0
+
+    def __enter__(self) -> Self:
+        self._take_hand()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._hand is not None:
+            self._hand.__exit__(kind, error, trace)
 
     @property
     def now_s(self) -> float:
@@ -57,14 +86,16 @@ class RemoteLink:
             raise LetGoError("let go: the car stops")
         self._asked = speed_mps, steering_rad
         try:
-            self._hand.send(speed_mps, steering_rad)
+            if self._hand is not None:
+                self._hand.send(speed_mps, steering_rad)
         except DriveRefusedError as error:
-            raise StalledError(str(error)) from None
+            self._begin_anew(str(error))
 
     def release(self) -> None:
         """Let go."""
         self._asked = None
-        self._hand.release()
+        if self._hand is not None:
+            self._hand.release()
 
     def wait(self) -> None:
         """Take all samples up to the next scan; one that is late is bridged, for MAX_LATE_S."""
@@ -73,14 +104,40 @@ class RemoteLink:
             for _name, sample in self._samples:
                 if self._take(sample):
                     return
+                if self._asked is None:
+                    continue
                 if time.monotonic() - begin_s > MAX_LATE_S:
-                    self.release()
-                    raise StalledError(f"no scan for {MAX_LATE_S} s: what does `wallride status` say of the lidar?")
-                if self._asked is not None:
+                    self._begin_anew(f"no scan for {MAX_LATE_S} s")
+                    begin_s = time.monotonic()
+                else:
                     self.send(*self._asked)
         except ConnectionProblemError as error:
             raise CalibrationError(str(error)) from None
         raise CalibrationError("the connection to the car has ended")
+
+    def _begin_anew(self, why: str) -> None:
+        """Let go, and take the car again once the operator holds again."""
+        self._stalls += 1
+        if self._stalls > MAX_STALLS:
+            raise CalibrationError(f"{why}, for the {self._stalls}th time: is the computer, or the network, too slow?")
+        hand, self._hand, self._asked = self._hand, None, None
+        if hand is not None:
+            hand.__exit__(None, None, None)
+        self._tell(f"  {why}: the car stops. {self._deadman.again}")
+        self._deadman.renew()
+        self._take_hand()
+
+    def _take_hand(self) -> None:
+        """Begin to drive; a car that still counts us as lost frees us a moment later."""
+        for last in (False, False, True):
+            hand = self._car.drive(max_speed_mps=MAX_SPEED_MPS, max_steering_rad=MAX_STEERING_RAD)
+            try:
+                self._hand = hand.__enter__()
+            except DriveRefusedError as error:
+                if last:
+                    raise CalibrationError(str(error)) from None
+            else:
+                return
 
     def forget(self) -> None:
         """Drop what waits since the last step."""

@@ -20,7 +20,7 @@ RUN_MPS, RUN_M, RUNS = 1.2, 1.2, 4
 MARGIN_M = 0.5
 """Free way ahead of the lidar beyond the driven way, for bumper and stop."""
 STANDS_WITHIN_S = 3.0
-SLOWEST_SHARE = 3.0
+SLOWEST_SHARE, SCANS_HZ = 3.0, 20.0
 
 
 class CalibrationError(Exception):
@@ -75,14 +75,16 @@ def drive_varied(
     if way_m > 0:
         check_room(car, way_m)
     begin_s, begin_m = car.now_s, _distance_m(car)
-    limit_s = SLOWEST_SHARE * abs(way_m) / speed(0.0) + 2.0
+    limit = round((SLOWEST_SHARE * abs(way_m) / speed(0.0) + 2.0) * SCANS_HZ)
+    waited = 0
     last_rad = steering(0.0)
     while abs(_distance_m(car) - begin_m) < abs(way_m):
         since_s = car.now_s - begin_s
         last_rad = steering(since_s)
         car.send(math.copysign(speed(since_s), way_m), last_rad)
         car.wait()
-        if since_s > limit_s:
+        waited += 1
+        if waited > limit:
             raise CalibrationError(
                 f"{abs(_distance_m(car) - begin_m):.2f} m in {since_s:.0f} s: the car does not move; is it armed, and"
                 " what does `wallride status` say?"

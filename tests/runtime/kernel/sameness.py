@@ -56,7 +56,7 @@ class Drive:
     """Feeds scans to both laws of a car that drives by dead reckoning; asks about driving on and about backing out."""
 
     def __init__(self, side="left"):
-        car = CarSettings()
+        car = CarSettings(lidar_y_m=0.03)
         eyes = PerceptionCache(car)
         self.guard = SweptGuard(SweptSettings(), car, eyes)
         self.follower = BallFollower(BallSettings(speed_mps=2.0, side=side), car, eyes)
