@@ -45,6 +45,7 @@ from runtime.telemetry.sinks import Sink, ZenohSink
 from runtime.telemetry.status import ObservedState
 from runtime.telemetry.topic_writers import laser_frame
 from runtime.teleop.desk import OperatorDesk
+from runtime.teleop.local_operator import LocalOperator
 from runtime.teleop.planners import PlannerDesk
 from runtime.wire import topics
 from runtime.wire.car_bus import POLL_HZ
@@ -67,7 +68,7 @@ class CarSurroundings:
     file: destination of saved live parameters, None where there is none; base: the file below it.
     reading_s: duration of the newest scan's read from the kernel, where the lidar measures it.
     scan_phase: the one around which the devices schedule. wall_clock: the computer's, where it may be set.
-    computer: watches the computer, where there is a real one.
+    computer: watches the computer, where there is a real one. joystick: a gamepad on the car itself.
     """
 
     file: Path | None = None
@@ -76,6 +77,7 @@ class CarSurroundings:
     scan_phase: ScanPhase = field(default_factory=ScanPhase)
     wall_clock: WallClock | None = None
     computer: ComputerWatch | None = None
+    joystick: LocalOperator | None = None
 
 
 class Car:
@@ -125,6 +127,7 @@ class Car:
             settings.planner_names(), settings.planners.expiry_s, self.queue, self.permit, self.operator.beats,
             self.operator.rearm, clock, self.session,
         )  # fmt: skip
+        self.joystick = around.joystick
         self.operator.heard_elsewhere = lambda: self.planners.is_attended
         self.battery = BatteryLimit(settings.battery, motor, self.queue, self.operator.rearm)
         self.own_law = OwnLawWatch(
@@ -218,6 +221,8 @@ class Car:
         }  # fmt: skip
         if self.computer is not None:
             jobs["computer"] = self.computer.watch()
+        if self.joystick is not None:
+            jobs["joystick"] = self.joystick.watch()
         return [tasks.create_task(job, name=name) for name, job in jobs.items()]
 
     def _publish(self, output: Output) -> None:
@@ -233,6 +238,12 @@ class Car:
 
     def _beat(self, beat: bytes) -> None:
         self.bus.put(topics.key(self.settings.car.name, topics.BEAT), beat, encoding=BYTES, urgent=True)
+        if self.joystick is not None:
+            self.joystick.hear(beat, self.clock())
+
+    def _ask_joystick(self, _late_s: float, _missed: int) -> None:
+        if self.joystick is not None and (command := self.joystick.command(self.clock())) is not None:
+            self.operator.receive("", command, self.clock())
 
     def _periodic_timer(self) -> PeriodicTimer:
         """Return the timer of the periodic jobs."""
@@ -242,6 +253,8 @@ class Car:
         timer.every(1 / settings.mux.tick_hz, silence.tick)
         desk_ticker = operator.DeskTicker(self.operator, self.motor, self._beat)
         timer.every(1 / settings.operator.beat_hz, desk_ticker.tick)
+        if self.joystick is not None:
+            timer.every(1 / settings.operator.beat_hz, self._ask_joystick)
         if settings.planners.enabled:
             timer.every(1 / settings.operator.beat_hz, lambda _late_s, _missed: self.planners.tick())
         timer.every(1 / POLL_HZ, lambda _late_s, _missed: self.bus.poll())

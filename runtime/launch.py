@@ -34,6 +34,7 @@ from runtime.realtime.wall_clock import WallClock
 from runtime.settings.tree import Settings
 from runtime.tasks import parameters
 from runtime.tasks.computer import ComputerWatch
+from runtime.teleop.local_operator import LocalOperator
 from runtime.wire.car_bus import CarBus
 from runtime.wire.network import PortTakenError
 from runtime.wire.port_holder import holder_of, taken_sentence
@@ -83,10 +84,12 @@ class Sessions:
     routers: Sequence[Mapping[str, Any]] = ()
 
 
-def main(settings: Settings, files: Files, sessions: Sessions, warnings: Sequence[str]) -> None:
+def main(
+    settings: Settings, files: Files, sessions: Sessions, warnings: Sequence[str], joystick: LocalOperator | None = None
+) -> None:
     """Drive until SIGINT or SIGTERM; return once the car stands. LaunchError when its port is taken.
 
-    warnings: reported to the owner first.
+    warnings: reported to the owner first. joystick: a gamepad on the car itself.
     """
     scheduling = keep_for_this_thread()
     with journal(settings.log.level, settings.log.format):
@@ -99,7 +102,7 @@ def main(settings: Settings, files: Files, sessions: Sessions, warnings: Sequenc
             log.info("%s", words)
             motors: list[BrakingMotor] = []
             with braking_last(motors), asyncio.Runner(loop_factory=punctual_loop) as runner, braking_last(motors):
-                runner.run(_drive(settings, files, sessions, compiled, motors.append))
+                runner.run(_drive(settings, files, sessions, compiled, motors.append, joystick))
 
 
 STOP_SIGNALS: Final = tuple(
@@ -148,7 +151,7 @@ def punctual_loop() -> asyncio.AbstractEventLoop:
 
 async def _drive(
     settings: Settings, files: Files, sessions: Sessions, compiled: kernel.Kernel,
-    fitted: Callable[[BrakingMotor], None],
+    fitted: Callable[[BrakingMotor], None], joystick: LocalOperator | None,
 ) -> None:  # fmt: skip
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
@@ -169,7 +172,13 @@ async def _drive(
     fitted(motor)
     lidar = Hokuyo(settings.lidar, clock=clock, clear_s=scan_phase.clear_s)
     around = CarSurroundings(
-        files.saved, files.base, lambda: lidar.reading_s, scan_phase, WallClock(clock), ComputerWatch(read_computer)
+        files.saved,
+        files.base,
+        lambda: lidar.reading_s,
+        scan_phase,
+        WallClock(clock),
+        ComputerWatch(read_computer),
+        joystick,
     )
     car = Car(settings, lidar, motor, bus, clock, around)
     for uplink in uplinks:

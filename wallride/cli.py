@@ -32,6 +32,7 @@ from wallride.parser import DEFAULT_CONFIG, Parser, add_set, default_config
 from wallride.service import options as service_options
 
 if TYPE_CHECKING:
+    from clients.joystick.car_joystick import CarJoystick
     from runtime.settings.tree import Settings
 
 
@@ -137,10 +138,28 @@ def _run(options: argparse.Namespace) -> int:
 
     try:
         files = launch.Files(options.saved or file, file if options.saved else None, options.address_file)
-        launch.main(settings, files, launch.Sessions(session, routers), warnings)
+        joystick, problems_of_pads = _joystick(settings)
+        launch.main(settings, files, launch.Sessions(session, routers), (*warnings, *problems_of_pads), joystick)
     except launch.LaunchError as error:
         return fail(str(error))
     return 0
+
+
+def _joystick(settings: "Settings") -> "tuple[CarJoystick | None, tuple[str, ...]]":
+    """Return the reader of a gamepad on the car, where it is wanted, and warnings about files of layouts."""
+    if settings.joystick.enabled == "off":
+        return None, ()
+    import secrets
+
+    from clients.joystick.car_joystick import CarJoystick
+    from clients.joystick.devices import LinuxPads
+    from clients.teleop.pad_files import read_all
+    from clients.teleop.shaping import InputShape
+
+    wanted = settings.joystick
+    layouts, problems = read_all(Path(wanted.layouts_folder))
+    shape = InputShape(max_speed_mps=wanted.max_speed_mps, max_steering_rad=wanted.max_steering_rad)
+    return CarJoystick(LinuxPads(), secrets.randbits(63) + 1, shape, layouts), tuple(problems)
 
 
 def _check(options: argparse.Namespace) -> int:

@@ -5,14 +5,14 @@ import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 
-import platformdirs
-
 from clients.teleop.inputs import Control
 from clients.teleop.pads import Binding, Layout, LayoutError, layout
 
 
 def folder() -> Path:
     r"""Return where pads are kept: ~/.config/wallride/pads, ~/Library/Application Support/..., %APPDATA%\..."""
+    import platformdirs  # not on every car, which reads its pads from /etc
+
     return platformdirs.user_config_path("wallride", appauthor=False, roaming=True) / "pads"
 
 

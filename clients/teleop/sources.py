@@ -168,7 +168,7 @@ class PadSource:
 
     def _trouble(self) -> str:
         if not self._state.events:
-            return "no event since it was connected: is it switched on? Press a button"
+            return "no event since it was connected: is it switched on? Press a button (a car here keeps its pad)"
         return self._mode.notice if self._mode is not None else ""
 
 

@@ -43,6 +43,7 @@ NEVER_FROM_AFAR: Mapping[str, str] = {
     "motor.": "describes the motor controller",
     "mux.": "says which source goes first",
     "operator.": "says what the car requires of its operators",
+    "joystick.": "says who may drive",
     "telemetry.": "says who can reach the car",
     "planners.": "says who may drive",
     "ros2.": "says who can reach the car",

@@ -30,6 +30,7 @@ from runtime.control.method_settings import (
 from runtime.control.own_laws.law_class import OWN_TAG, load_law
 from runtime.control.vehicle import NAME_RULE, CarSettings
 from runtime.host.user_module import UserCodeError, search_in
+from runtime.settings.joystick import JoystickSettings
 from runtime.settings.operator import OperatorSettings
 from runtime.settings.parameters import ParameterSettings
 from runtime.settings.planners import PlannerSettings
@@ -109,6 +110,7 @@ class Settings(Section):
     battery: BatterySettings = BatterySettings()
     mux: MuxSettings = MuxSettings()
     operator: OperatorSettings = OperatorSettings()
+    joystick: JoystickSettings = JoystickSettings()
     telemetry: TelemetrySettings = TelemetrySettings()
     ros2: Ros2Settings = Ros2Settings()
     planners: PlannerSettings = PlannerSettings()

@@ -228,7 +228,12 @@ def _start(options: argparse.Namespace, config: Path, settings: Settings, world:
     """Return the start of the runtime; without a named port a free one is taken."""
     is_named = "listen" in settings.telemetry.model_fields_set or "any_port" in settings.telemetry.model_fields_set
     is_placed = "simulated" in settings.recording.model_fields_set
-    chosen = [*([] if is_named else ["telemetry.any_port=true"]), *([] if is_placed else ["recording.simulated=true"])]
+    is_joystick_named = "enabled" in settings.joystick.model_fields_set
+    chosen = [
+        *([] if is_named else ["telemetry.any_port=true"]),
+        *([] if is_placed else ["recording.simulated=true"]),
+        *([] if is_joystick_named else ["joystick.enabled=off"]),  # `wallride teleop` beside it reads this computer's
+    ]
     assignments = [*options.assignments, *chosen, f"recording.world={json.dumps(world)}"]
     return RuntimeStart(config, assignments, ["--saved", str(saved_settings(config))])
 

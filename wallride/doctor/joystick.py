@@ -53,5 +53,9 @@ def _judge(computer: Computer, pad: Pad) -> Finding:
             f"sudo usermod -aG input {computer.user}, then log out and in again",
         )  # fmt: skip
     if not computer.has_module("pygame"):
-        return warn(SUBJECT, f"{pad.name}: the package that reads it is missing", "pip install 'wallride[teleop]'")
+        return warn(
+            SUBJECT,
+            f"{pad.name}: the car reads it, and `wallride teleop` here cannot",
+            "pip install 'wallride[teleop]'",
+        )
     return ok(SUBJECT, pad.name)

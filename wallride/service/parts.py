@@ -69,6 +69,7 @@ def parts(root: Path, prefix: Path) -> list[ServicePart]:
     car = shipped("config/car.toml").read_text(encoding="utf-8")
     return [
         _group(root, "dialout", "group dialout, which may use serial ports"),
+        _group(root, "input", "group input, which may read gamepads"),
         ServicePart(f"system user {USER}, in the group dialout", lambda: has_user(root), lambda: _add_user(root)),
         ServicePart(
             f"/{FOLDER}, where the service may save its settings", lambda: _is_shared(root), lambda: _share(root)
