@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from runtime.settings.tree import Settings
@@ -144,7 +145,7 @@ def _table(summary: dict[str, Any]) -> Table:
     }  # fmt: skip
     table = Table(title=f"wallride sim: {len(summary['cars'])} cars in {summary['world']}")
     for name in ("car", *columns):
-        table.add_column(name)
+        table.add_column(escape(name))
     for name, car in summary["cars"].items():
         table.add_row(name, *(_shown(car[key], scale, form) for key, scale, form in columns.values()))
     return table
