@@ -17,6 +17,12 @@ LIVENESS: Final = ("ConnectTimeout=10", "ServerAliveInterval=5", "ServerAliveCou
 """A dead connection is noticed within 15 s."""
 NOT_SSH: Final = 255
 """Exit code of ssh itself, and of no command of ours."""
+DOING: Final = {
+    "facts": "looking at it",
+    "absent": "looking for wheels on it",
+    "receive": "copying",
+    "may_sudo": "sudo",
+}
 EXPLAINED: Final = (
     (
         "identification has changed",
@@ -105,9 +111,10 @@ class SshConnection:
         return ["ssh", *self._config, "-S", self._socket, "-o", "BatchMode=yes", "--", self.host, there]
 
     def _failure(self, action: str, code: int, said: str) -> str:
+        doing = DOING[action]
         if code == NOT_SSH:
-            return f"{self.host}: the connection was lost ({action}); nothing was changed there: try again"
+            return f"{self.host}: the connection was lost ({doing}); nothing was changed there: try again"
         last = said.strip().splitlines()[-1] if said.strip() else f"exit code {code}"
         if "no space left" in said.lower():
             last = "no space left on its disk"
-        return f"{self.host}: {action}: {last}"
+        return f"{self.host}: {doing}: {last}"
