@@ -197,6 +197,15 @@ def test_a_driving_car_may_switch_to_a_law_that_it_has_loaded_and_to_no_other(la
         plan(ball, {"wall_follow.method": "os:PathLike"})
 
 
+def test_a_safety_law_that_is_chosen_while_driving_keeps_the_settings_of_swept(law_file):
+    name = law_file(EASY)
+    load_settings(None, [f"safety.method={name}"])  # the process knows it
+    before = load_settings(None, ["safety.grip_mu=0.5", "safety.backs_out=false"])
+    after = plan(before, {"safety.method": name}).settings
+    assert (after.safety.grip_mu, after.safety.backs_out) == (0.5, False)
+    assert plan(after, {"safety.method": "swept"}).settings == before
+
+
 def refusal(*assignments):
     with pytest.raises(SettingsError) as caught:
         load_settings(None, assignments)
