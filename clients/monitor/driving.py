@@ -89,6 +89,10 @@ class PageDriver:
             return "this page"
         return "another page" if any(page.session == beat.operator_session for page in pages) else "elsewhere"
 
+    def know_link(self, round_trip_s: float | None) -> None:
+        """Take the monitor's round trip to the car, None where it does not answer."""
+        self._pilot.know_link(math.nan if round_trip_s is None else round_trip_s, math.nan)
+
     def forget_car(self) -> None:
         """Reset for another car; the old session must have been ended by `leave`."""
         self._beats.clear()

@@ -236,6 +236,7 @@ class PageSession:
                 self._show_monitor()
 
     def _show_pilot(self, now_s: float) -> None:
+        self._driver.know_link(self._feed.round_trip_s if self._feed is not None else None)
         view = {**self._driver.view(now_s), "whose": self._driver.whose(self._host.drivers)}
         self.take(PILOT, topics.encode(view), now_s)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from clients.teleop.inputs import BUTTONS, Control
-from clients.teleop.pilot import MINDED_S, PERMIT_SILENT_S, DeadmanFault, PilotState
+from clients.teleop.pilot import LINK_LOST_S, MINDED_S, PERMIT_SILENT_S, DeadmanFault, PilotState
 from runtime.wire.teleop import CarCondition, Input, Press
 
 PAD_NAMES: Mapping[Control, str] = {
@@ -85,6 +85,11 @@ def _other(now: PilotState, names: Mapping[Control, str]) -> tuple[str, str]:
 
 
 def _armed(now: PilotState, names: Mapping[Control, str]) -> Advice:
+    driving = now.mine and now.flags in {Press.MANUAL, Press.AUTONOMY}
+    if now.too_slow and not driving:
+        patience_s = now.patience_s if math.isfinite(now.patience_s) else LINK_LOST_S
+        text = f"what you see is up to {now.link_s:.1f} s old, and the car obeys nothing older than {patience_s:.1f} s"
+        return Advice(AdviceLevel.STOPPED, "LINK SLOW", f"{text}: come nearer, or close other pages")
     if now.unminded_s > MINDED_S:
         text = "the car does not take our commands: has this certificate the operator role?"
         return Advice(AdviceLevel.STOPPED, "not obeyed", text)

@@ -13,6 +13,7 @@ from typing import Protocol
 from clients.connection import ConnectionProblemError, another_car, connected
 from clients.teleop import gamepad, pad_files, terminal
 from clients.teleop.advice import advise
+from clients.teleop.link_probe import WITHIN_S, LinkProbe
 from clients.teleop.pads import usb_id
 from clients.teleop.pilot import DeadmanFault, Pilot
 from clients.teleop.screen import CarState, Screen, lines
@@ -68,6 +69,7 @@ class Link(Protocol):
 class Client:
     """One operator at one car.
 
+    probe: measures the link, None where nothing does.
     session: of the selected process of the car, None for the first to answer. foreign: another one's, once it answered.
     malformed: beats that could not be read.
     """
@@ -85,6 +87,7 @@ class Client:
         self._news = CarState()
         self._kind = Input.PAD
         self._session = session
+        self.probe: LinkProbe | None = None
         self.foreign: int | None = None
         self.malformed = 0
 
@@ -112,6 +115,8 @@ class Client:
         )
         inputs = self._source.poll(now_s, ready=ready)
         self._kind = inputs.kind
+        if self.probe is not None:
+            self._pilot.know_link(self.probe.takes_s(now_s), self.probe.patience_s)
         self._send(self._pilot.step(inputs, now_s).pack())
 
     def draw(self) -> bool:
@@ -181,7 +186,13 @@ async def operate(options: argparse.Namespace) -> int:
             screen = Screen(sys.stdout, plain=options.plain or bool(options.script))
             things.callback(screen.close)
             client = Client(bus, car, pilot, source, screen, time.monotonic, options.session)
-            await client.run(stop)
+            key = topics.key(car, f"{topics.PARAM}/get")
+            client.probe = LinkProbe(lambda question: bus.ask(key, question, timeout_s=WITHIN_S))
+            measuring = asyncio.create_task(client.probe.run(), name="link")
+            try:
+                await client.run(stop)
+            finally:
+                measuring.cancel()
             if client.foreign is not None:
                 raise ConnectionProblemError(another_car(car, bus.endpoint, options.session, client.foreign))
     return 0

@@ -65,6 +65,7 @@ class PilotState:
     beat_age_s: since the last heartbeat, inf before the first. round_trip_s: NaN when not known.
     mine: the car obeys this session. unminded_s: how long the car has ignored our deadman.
     holding, progress: the deliberate press under way, and how far it is (0 to 1).
+    link_s: round trip of the newest question to the car; patience_s: age of a command that it refuses; NaN: unknown.
     drives_alone: the car was seen to permit autonomy without an operator, so it drives on when we let go.
     """
 
@@ -85,6 +86,15 @@ class PilotState:
     holding: Control | None
     progress: float
     drives_alone: bool
+    link_s: float = math.nan
+    patience_s: float = math.nan
+
+    @property
+    def too_slow(self) -> bool:
+        """Return whether the car would refuse a command as too old: the link takes longer than it waits."""
+        round_trip_s = self.round_trip_s if self.mine and self.linked else self.link_s
+        patience_s = self.patience_s if math.isfinite(self.patience_s) else LINK_LOST_S
+        return round_trip_s > patience_s  # false for NaN
 
     @property
     def linked(self) -> bool:
@@ -124,7 +134,12 @@ class Pilot:
         self._sequence = 0
         self._sent_s: OrderedDict[int, float] = OrderedDict()
         self._last_s: float | None = None
+        self._link_s = self._patience_s = math.nan
         self.situation: PilotState | None = None
+
+    def know_link(self, link_s: float, patience_s: float) -> None:
+        """Take the measured round trip of the link, and the age at which the car refuses a command; NaN: unknown."""
+        self._link_s, self._patience_s = link_s, patience_s
 
     def hear(self, beat: Beat, arrival_s: float) -> None:
         """Process a heartbeat; one that is not newer than the last is ignored."""
@@ -320,6 +335,8 @@ class Pilot:
             holding=holding,
             progress=self._holds[holding].progress(now_s) if holding is not None else 0.0,
             drives_alone=self._drives_alone,
+            link_s=self._link_s,
+            patience_s=self._patience_s,
         )
 
 

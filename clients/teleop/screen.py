@@ -71,7 +71,7 @@ def lines(car: str, now: PilotState, advice: Advice, news: CarState, names: Mapp
         f"speed {measured_mps:+.2f} m/s   wished {now.wanted_mps:+.2f} m/s, {steering_words(now.wanted_rad)}",
         f"operator: {_operator(now)}" + (f"   {others} more connected" if others else ""),
         (
-            f"link: beat {_milliseconds(now.beat_age_s)} ago, round trip {_milliseconds(now.round_trip_s)}"
+            f"link: beat {_milliseconds(now.beat_age_s)} ago, round trip {_milliseconds(_round_trip_s(now))}"
             f"   battery {_volts(news.voltage_v)}   permit {_permit(now)}"
         ),
         f"input: {now.inputs.device or 'none'}" + (f"   {now.inputs.trouble}" if now.inputs.trouble else ""),
@@ -116,6 +116,11 @@ class Screen:
         if self._live is not None:
             with contextlib.suppress(OSError):  # the terminal may be gone
                 self._live.stop()
+
+
+def _round_trip_s(now: PilotState) -> float:
+    """Return the round trip of our commands while we operate, else that of a question."""
+    return now.round_trip_s if now.mine else now.link_s
 
 
 def _why(news: CarState) -> str:

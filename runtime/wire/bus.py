@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from runtime.wire import topics
 from runtime.wire.ingress import MAX_QUESTION_BYTES
 from runtime.wire.mailbox import Mailbox, call_in_loop
 from runtime.wire.network import JSON, MAX_SAMPLE_BYTES, Changed, PortTakenError, Receive, RefusedError, Reply
@@ -193,7 +194,7 @@ class Bus:
             key,
             encoding=zenoh.Encoding(encoding),
             congestion_control=zenoh.CongestionControl.DROP,
-            priority=zenoh.Priority.REAL_TIME if urgent else zenoh.Priority.DATA_HIGH,
+            priority=_priority(key, urgent=urgent),
             express=urgent,
         )
         self._publishers[key] = publisher
@@ -279,6 +280,14 @@ class Bus:
         if not taken and IN_USE not in str(error):  # neither now nor a moment ago: another problem
             raise error
         self._config["listen"] = {**self._config.get("listen", {}), "endpoints": endpoints}
+
+
+def _priority(key: str, *, urgent: bool) -> "zenoh.Priority":
+    import zenoh
+
+    if urgent:
+        return zenoh.Priority.REAL_TIME
+    return zenoh.Priority.DATA_LOW if key.rpartition("/")[2] in topics.BULK else zenoh.Priority.DATA_HIGH
 
 
 async def _reply(key: str, reply: Reply, query: "zenoh.Query") -> None:

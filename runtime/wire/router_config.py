@@ -23,7 +23,7 @@ from runtime.wire.zenoh_config import (
     Tls,
     client_config,
     grants,
-    impatient_queue,
+    keep_little,
     planner_grants,
     rule,
     session_base,
@@ -51,7 +51,7 @@ def uplink_config(
     config = client_config(endpoint, tls)
     config["metadata"] = {"name": car}
     config["timestamping"] = {"enabled": True}
-    config["transport"]["link"]["tx"]["queue"] = impatient_queue()
+    keep_little(config["transport"]["link"])
     config["qos"] = {"network": droppable_answers()}
     config["low_pass_filter"] = low_pass_filter(COMMAND_BYTES)
     config["downsampling"] = downsampling(car, ROUTED_SHARE)
@@ -94,9 +94,9 @@ def router_config(
         "max_sessions": MAX_ROUTER_SESSIONS,
         "accept_timeout": ACCEPT_TIMEOUT_MS,
     }
-    config["transport"]["link"]["tx"]["queue"] = impatient_queue()
+    keep_little(config["transport"]["link"])
     if tls is not None:
-        config["transport"]["link"]["tls"] = {
+        config["transport"]["link"]["tls"] |= {
             "root_ca_certificate": str(tls.authority),
             "listen_certificate": str(tls.certificate),
             "listen_private_key": str(tls.key),

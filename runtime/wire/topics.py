@@ -37,6 +37,8 @@ STATUS = "status"
 DECISION = "decision"
 BEAT = "beat"
 
+BULK = frozenset({SCAN, WALL, FOOTPRINT})
+"""Topics that a slow link loses first."""
 JSON_TOPICS = (STATUS, DECISION)
 """Topics of telemetry in JSON; the others are ROS 2 messages (runtime.ros.definitions.TYPES)."""
 

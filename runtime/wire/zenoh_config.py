@@ -27,6 +27,14 @@ MAX_SESSIONS = 64
 MAX_BLOCKED_US = 50_000
 """Maximum time for which a client that does not read may hold up a thread of the car; then its session ends. With
 zenoh's own 5 s it could hold up the loop as well: messages of one priority to one client wait for each other."""
+BATCH_B = 8192
+"""Size up to which zenoh sends messages as one; a scan has 4.4 kB, one of more beams is divided."""
+PIECE_BATCHES = 12
+"""Size of the queue of answers: a piece of a recording, 64 KiB, has to fit, or it would never arrive."""
+SCAN_BATCHES = 3
+"""Size of the queue of topics in bulk: a scan of 4321 beams has to fit."""
+SEND_BUFFER_B = 8192
+"""Size of the system's buffer for each link; Linux takes twice as much, and counts its own records in it."""
 MAX_FRAGMENTS_US = 2_000
 """Maximum time for which a message of several batches waits for a client that reads slowly; then it is dropped."""
 
@@ -119,12 +127,12 @@ def car_config(
         "accept_timeout": ACCEPT_TIMEOUT_MS,
     }
     config["transport"]["link"]["rx"] = {"max_message_size": MAX_INCOMING_B}
-    config["transport"]["link"]["tx"]["queue"] = impatient_queue()
+    keep_little(config["transport"]["link"])
     config["qos"] = {"network": droppable_answers()}
     config["downsampling"] = downsampling(car)
     config["low_pass_filter"] = low_pass_filter(MAX_DRIVE_B if ros is not None and ros.drive else COMMAND_BYTES)
     if tls is not None:
-        config["transport"]["link"]["tls"] = {
+        config["transport"]["link"]["tls"] |= {
             "root_ca_certificate": str(tls.authority),
             "listen_certificate": str(tls.certificate),
             "listen_private_key": str(tls.key),
@@ -135,14 +143,24 @@ def car_config(
     return config
 
 
-def impatient_queue() -> dict[str, Any]:
-    """Return the settings of the outgoing queues by which no thread of the car waits for a slow reader."""
-    return {
-        "congestion_control": {
-            "drop": {"max_wait_before_drop_fragments": MAX_FRAGMENTS_US},
-            "block": {"wait_before_close": MAX_BLOCKED_US},
-        }
+def keep_little(link: dict[str, Any]) -> None:
+    """Have each link keep little for a slow reader: no thread waits for it, and what it hears is not old.
+
+    Without these sizes the system alone keeps megabytes: at 1 Mbit/s heartbeats wait for seconds behind scans. What
+    does not fit is dropped, by zenoh, messages of low priority first (`topics.BULK`).
+    """
+    link["tx"] |= {
+        "batch_size": BATCH_B,
+        "queue": {
+            "size": {"interactive_low": PIECE_BATCHES, "data_low": SCAN_BATCHES},
+            "congestion_control": {
+                "drop": {"max_wait_before_drop_fragments": MAX_FRAGMENTS_US},
+                "block": {"wait_before_close": MAX_BLOCKED_US},
+            },
+        },
     }
+    for protocol in link["protocols"]:
+        link[protocol] = {**link.get(protocol, {}), "so_sndbuf": SEND_BUFFER_B}
 
 
 def client_config(connect: str, tls: Tls | None) -> dict[str, Any]:

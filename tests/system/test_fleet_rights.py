@@ -117,10 +117,14 @@ def keys_of(car):
     return [*exact, f"{here}/operator/*", f"{here}/**", "wallride/*/operator/command", "wallride/**", "**"]
 
 
-async def attack(stage, bus):
-    for _ in range(3):
+async def attack(stage, bus, until=lambda: True):
+    """Try every key; again while a busy machine has dropped some of what may pass."""
+    for k in range(20):
+        if k >= 3 and until():
+            break
         for key in [*keys_of("car1"), *keys_of("car2"), "wallride/car1/status", "wallride/car2/status"]:
             bus.put(key, EVIL, urgent=True)
+            await asyncio.sleep(0.002)  # of a burst zenoh lets only the first message through
         await stage.listen(0.05)
     await stage.listen()
 
@@ -168,7 +172,7 @@ async def test_a_planner_at_a_router_feeds_its_own_source_and_nothing_else(fleet
         await admitted(stage, first, second)
         slam = await stage.person("slam")
         await stage.until(lambda: slam.wanted("wallride/car1/planner/slam/command"))
-        await attack(stage, slam)
+        await attack(stage, slam, lambda: all(stage.taken.values()))
         assert {key for key, _ in stage.taken["car1"]} == {"wallride/car1/planner/slam/command"}
         assert {key for key, _ in stage.taken["car2"]} == {"wallride/car2/planner/slam/command"}
 
@@ -184,7 +188,7 @@ async def test_a_car_at_a_router_speaks_only_for_itself_and_commands_no_other(fl
         foreign.announce("wallride/car1/alive")
         foreign.announce("wallride/evil/alive")
         await stage.until(lambda: foreign.wanted("wallride/car2/status"))
-        await attack(stage, foreign)
+        await attack(stage, foreign, lambda: heard)
         assert stage.taken["car1"] == []
         assert set(heard) == {"wallride/car2/status"}
         assert cars == {"wallride/car1/alive"}
