@@ -24,6 +24,7 @@ MEMBERS = (
     Person("alice", Role.OPERATOR),
     Person("bob", Role.VIEWER),
     Person("slam", Role.PLANNER),
+    Person("other", Role.PLANNER),
     Person("eve", Role.OPERATOR),
 )
 HEARD_S = 0.4
@@ -257,7 +258,7 @@ async def test_the_written_configuration_is_the_one_that_was_tested(fleet):
         action="router", name="track", dir=fleet, san=[], listen=[], at=None, scan_hz=10.0, days=30, renew=False
     )
     lines = run(options, "unused")
-    assert "2 cars, 3 people" in lines[0]
+    assert "2 cars, 4 people" in lines[0]
     config = read_config(fleet / "track" / "track.json5")
     people = [entry.person for entry in KeyFolder(fleet).people() if entry.revoked is None]
     folder = (fleet / "track").resolve()
