@@ -17,6 +17,10 @@ APART_M = 3.0
 """Distance of the starts where the world has no lap; on a lap the cars stand evenly."""
 
 
+APART_SHARE = 0.15
+"""Share of the distance by which a start may be moved, out of a corner."""
+
+
 class TrafficWorld(ObstacleWorld):
     """A world with obstacles, and with the other cars where they are at this moment."""
 
@@ -67,5 +71,11 @@ def starts(world: World, count: int, settings: Settings) -> list[Pose]:
         raise ValueError(
             f"{world.name} has no place for {count} cars: a car alone ends after {driven_m[-1]:.0f} m of {way_m:.0f} m"
         )
-    places = [int(np.argmax(driven_m >= gap_m * k)) for k in range(count)]
+    off_line_m = np.abs(np.concatenate([[0.0], run.error_m]))
+    places = [0, *(_near(driven_m, off_line_m, gap_m * k, APART_SHARE * gap_m) for k in range(1, count))]
     return [Pose(*(float(number) for number in poses[place])) for place in places]
+
+
+def _near(driven_m: Floats, off_line_m: Floats, at_m: float, within_m: float) -> int:
+    """Return the place near a way at which the car is best on its line: it sets off as a car that drives."""
+    return int(np.argmin(np.where(np.abs(driven_m - at_m) <= within_m, off_line_m, np.inf)))
