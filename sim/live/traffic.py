@@ -15,8 +15,6 @@ from sim.world.segments import SegmentGeometry
 
 APART_M = 3.0
 """Distance of the starts where the world has no lap; on a lap the cars stand evenly."""
-
-
 APART_SHARE = 0.15
 """Share of the distance by which a start may be moved, out of a corner."""
 
