@@ -53,6 +53,12 @@ def main() -> None:
     print("errors: speed %, wheelbase %, offset deg, lidar yaw deg, x cm, y cm, servo ms, motor ms, deceleration %")
     found = [calibrated(seed) for seed in range(seeds)]
     print("greatest:", " ".join(f"{value:.2f}" for value in np.abs([row for row, _ in found]).max(axis=0)))
+    usual, (_, told) = wall_errors(None, 1.0, seeds), calibrated(0, VehicleSettings())
+    after = wall_errors(told, 1.0, seeds, VehicleSettings())
+    show("1.0 m/s, usual car", usual)
+    show("1.0 m/s, planted but 20 ms", wall_errors(CONFIGURED, 1.0, seeds, VehicleSettings()))
+    show("1.0 m/s, calibrated", after)
+    print("    calibrated over usual, %:", " ".join(f"{100 * share:+.1f}" for share in after / usual - 1))
     for speed_mps in SPEEDS_MPS:
         show(f"{speed_mps} m/s, usual car, 20 ms", wall_errors(None, speed_mps, seeds))
         show(f"{speed_mps} m/s, planted errors", wall_errors(CONFIGURED, speed_mps, seeds))
@@ -63,9 +69,9 @@ def main() -> None:
         print("    calibrated over right, %:", " ".join(f"{100 * share:+.1f}" for share in after / right - 1))
 
 
-def calibrated(seed: int) -> tuple[list[float], Mapping[str, float]]:
+def calibrated(seed: int, vehicle: VehicleSettings = SLOW) -> tuple[list[float], Mapping[str, float]]:
     """Return the errors of one calibration, and the settings after it."""
-    car = planted_car(seed, own_parts=PARTS[seed % len(PARTS)])
+    car = planted_car(seed, own_parts=PARTS[seed % len(PARTS)], vehicle=vehicle)
     arcs = arcs_of(car)
     fit = arcs.fit
     servo, motor = delays_of(car, arcs)
@@ -74,7 +80,8 @@ def calibrated(seed: int) -> tuple[list[float], Mapping[str, float]]:
         100 * (fit.speed_factor.value / TRUE_SPEED - 1), 100 * (fit.wheelbase_m.value / 0.33 - 1),
         np.degrees(fit.offset_rad.value - TRUE_OFFSET_RAD), np.degrees(fit.lidar_yaw_rad.value - YAW_RAD),
         100 * (fit.lidar_x_m.value - 0.29), 100 * (fit.lidar_y_m.value - 0.02),
-        1000 * (servo.delay_s.value - 0.06), 1000 * (motor.delay_s.value - 0.06),
+        1000 * (servo.delay_s.value - vehicle.steering_delay_s),
+        1000 * (motor.delay_s.value - vehicle.drive_delay_s),
         100 * (braking.value / (0.8 * 9.81) - 1),
     ]  # fmt: skip
     print(f"seed {seed:2} {PARTS[seed % len(PARTS)]:6}", " ".join(f"{value:+6.2f}" for value in row), flush=True)
@@ -82,21 +89,25 @@ def calibrated(seed: int) -> tuple[list[float], Mapping[str, float]]:
     return row, {**CONFIGURED, **{one.name: one.new for one in new if one.new is not None}}
 
 
-def wall_errors(settings: Mapping[str, float] | None, speed_mps: float, seeds: int) -> np.ndarray:
+def wall_errors(
+    settings: Mapping[str, float] | None, speed_mps: float, seeds: int, vehicle: VehicleSettings = SLOW
+) -> np.ndarray:
     """Return the mean distance error [m] of each course, both sides; None: the usual car."""
     return np.array(
-        [np.mean([_error_m(name, settings, speed_mps, k) for k in range(seeds)]) for name in REPORT_COURSES]
+        [np.mean([_error_m(name, settings, speed_mps, k, vehicle) for k in range(seeds)]) for name in REPORT_COURSES]
     )
 
 
-def _error_m(course: str, settings: Mapping[str, float] | None, speed_mps: float, seed: int) -> float:
+def _error_m(
+    course: str, settings: Mapping[str, float] | None, speed_mps: float, seed: int, true: VehicleSettings
+) -> float:
     side = "left" if seed % 2 else "right"
     case = case_of(course, speed_mps, 0.8, side, seed)
     texts = [f"{name}={value}" for name, value in (settings or {}).items()]
     car = settings_of("ball", side, case.desired_m, speed_mps, texts)
     vehicle, wiring, mount = VehicleSettings(), None, {}
     if settings is not None:
-        vehicle, wiring, mount = SLOW, WiringConversion(car.motor, WIRED), MOUNT
+        vehicle, wiring, mount = true, WiringConversion(car.motor, WIRED), MOUNT
     case = replace(
         case, car=car.car, vehicle=vehicle, wiring=wiring, lidar=case.lidar.model_copy(update=mount),
         lidar_yaw_rad=car.lidar.yaw_rad,

@@ -2,13 +2,12 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 from clients.calibration.ways import CalibrationError
 from clients.connection import ConnectionProblemError
-from clients.remote.car import RemoteCar
 from clients.remote.driver import DriveRefusedError, RemoteDriver
 from clients.remote.values import DriveSample, MotorSample, ScanSample
 from runtime.calibration.trace import TraceBuilder
@@ -48,6 +47,18 @@ class HeldDeadman(Protocol):
         ...
 
 
+class DrivenCar(Protocol):
+    """The part of a RemoteCar that a calibration needs."""
+
+    def drive(self, *, max_speed_mps: float, max_steering_rad: float) -> RemoteDriver:
+        """Return a block in which this program drives."""
+        ...
+
+    def topics(self, *names: str) -> Iterable[tuple[str, Any]]:
+        """Return topic and value, as they come."""
+        ...
+
+
 class RemoteLink:
     """Implements CalibratedCar, within a `with` block. tell: gets what the operator has to know.
 
@@ -55,12 +66,12 @@ class RemoteLink:
     go and holds again: what lies between two stops is measured, however long it became.
     """
 
-    def __init__(self, car: RemoteCar, deadman: HeldDeadman, tell: Callable[[str], None]) -> None:
+    def __init__(self, car: DrivenCar, deadman: HeldDeadman, tell: Callable[[str], None]) -> None:
         self.seen = TraceBuilder()
         self._car, self._deadman, self._tell = car, deadman, tell
         self._hand: RemoteDriver | None = None
         self._now_s = -math.inf
-        self._samples = car.topics(*READ)
+        self._samples = iter(car.topics(*READ))
         self._asked: tuple[float, float] | None = None
         self._stalls = 0
 

@@ -43,7 +43,7 @@ class VirtualCar:
         self.seen = TraceBuilder()
         self._now_s = 0.0
         self.twin = TwinWorld(world, lambda: self._now_s, vehicle=planted.vehicle, lidar=planted.lidar, seed=seed)
-        self._motor = WorldMotor(self.twin, lambda: self._now_s, planted.errors)
+        self.motor = WorldMotor(self.twin, lambda: self._now_s, planted.errors)
         car = car or CarSettings()
         self._limiter = Limiter(
             Limits(
@@ -86,8 +86,8 @@ class VirtualCar:
 
     def _until_scan(self) -> None:
         told = self._limiter.limit(self._asked.speed_mps, self._asked.steering_rad, SCAN_S)
-        self._motor.send(told)
-        if self._motor.braked_instead or self.twin.vehicle.wheel_speed_mps * told.speed_mps < 0:
+        self.motor.send(told)
+        if self.motor.braked_instead or self.twin.vehicle.wheel_speed_mps * told.speed_mps < 0:
             self._limiter.braked()
         self.seen.commands.append((self._now_s, told.speed_mps, told.steering_rad))
         for _ in range(round(SCAN_S / STEP_S)):
@@ -95,7 +95,7 @@ class VirtualCar:
             self._now_s = self._ticks * STEP_S
             self.twin.advance()
             if self._is_due(POLL_S):
-                self._polled = self._motor.state
+                self._polled = self.motor.state
             if self._is_due(REPORT_S) and (state := self._polled) is not None:
                 self.seen.motor.append((state.stamp_s, state.distance_m, state.speed_mps, state.steering_rad))
 

@@ -83,8 +83,9 @@ class Visibility:
         self._pose = OdometryState()
         self._stamp_s = -math.inf
         self._before: tuple[OdometryState, Bytes] | None = None
-        self._borders = Borders(car.lidar_m)
-        self._fading = Fading(car.lidar_m)
+        self._lidar_m = car.lidar_m
+        self._borders = Borders(self._lidar_m)
+        self._fading = Fading(self._lidar_m)
         self._fades_s = -math.inf
         self._view: View | None = None
         self._lost_m: Places = NOWHERE
@@ -140,8 +141,8 @@ class Visibility:
         self._doubted = np.zeros(self._sectors.count, np.bool_)
         self._seen = self._held = np.full(self._sectors.count, complex(math.nan, math.nan), np.complex128)
         self._stamp_s, self._before, self._lost_m = -math.inf, None, NOWHERE
-        self._borders = Borders(self._car.lidar_m)
-        self._fading, self._fades_s = Fading(self._car.lidar_m), -math.inf
+        self._borders = Borders(self._lidar_m)
+        self._fading, self._fades_s = Fading(self._lidar_m), -math.inf
         self.on_lidar = self.suspicious = False
 
     def _remember(self, before_m: Places) -> None:
@@ -155,7 +156,7 @@ class Visibility:
 
     def _known(self, places_m: Places) -> Bytes:
         """Return the states of the sectors that contain the places (k,), base_link; SEEN beyond them."""
-        off = places_m - self._car.lidar_m
+        off = places_m - self._lidar_m
         sector = np.rint((np.angle(off) - self._sectors.first_rad) / self._sectors.width_rad)
         inside = (sector >= 0) & (sector < self._state.size)  # NaN is not
         known = np.full(off.size, SEEN, np.int8)
@@ -206,7 +207,7 @@ class Visibility:
         outer = next_seen(self._seen, beside, step)
         if outer is None:
             return False
-        at, way = self._seen[beside] - self._car.lidar_m, self._seen[beside] - self._seen[outer]
+        at, way = self._seen[beside] - self._lidar_m, self._seen[beside] - self._seen[outer]
         inward_rad = self._sectors.bearing_rad(beside) - step * GRAZING_SECTORS * self._sectors.width_rad
         return not crosses_within(complex(at), complex(way), inward_rad, EXPECTED_WITHIN_M)
 
@@ -279,7 +280,7 @@ class Visibility:
         turned = cmath.rect(1.0, self._pose.yaw_rad - pose.yaw_rad)
         moved = cmath.rect(1.0, -pose.yaw_rad) * complex(self._pose.x_m - pose.x_m, self._pose.y_m - pose.y_m)
         for end in beside:
-            off = complex(self._seen[end]) * turned + moved - self._car.lidar_m
+            off = complex(self._seen[end]) * turned + moved - self._lidar_m
             if abs(off) < EXPECTED_WITHIN_M / 2:
                 sector = (cmath.phase(off) - self._sectors.first_rad) / self._sectors.width_rad
                 if first + FIXED_SECTORS - 0.5 <= sector <= last - FIXED_SECTORS + 0.5:
@@ -293,7 +294,7 @@ class Visibility:
         lost = self._known(lost_m) >= UNPROVEN
         self._lost_m = self._lost_m[lost]
         blind = (state == BLIND) & (self._stamp_s - self._blind_s > REMEMBERS_S)
-        sight = SectorView(self._sectors, state, self._seen, blind, self._doubted, car.lidar_m, car.front_m)
+        sight = SectorView(self._sectors, state, self._seen, blind, self._doubted, self._lidar_m, car.front_m)
         return find_unknown(sight, lost_m[lost])
 
 

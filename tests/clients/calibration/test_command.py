@@ -1,0 +1,94 @@
+"""What `wallride calibrate` refuses, asks and writes."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from clients.calibration import command
+from clients.calibration.steps import OUTLINE_WORDS
+from clients.calibration.ways import CalibrationError
+from clients.teleop import terminal
+from runtime.calibration.proposals import Proposal
+from runtime.settings.tree import load_settings
+from wallride.cli import build_parser, main
+
+NEW = Proposal("car.wheelbase_m", 0.25, 0.331, "0.330 to 0.332")
+KEPT = Proposal("lidar.yaw_rad", 0.0, None, "not identified: no bends")
+
+
+@pytest.fixture
+def car_toml(tmp_path):
+    path = tmp_path / "car.toml"
+    path.write_text("[car]\nwheelbase_m = 0.25\n")
+    return path
+
+
+class SettingsOf:
+    def __init__(self, known, described):
+        self.known, self.described = known, described
+
+    def __getitem__(self, name):
+        return self.known[name]
+
+    def describe(self):
+        return self.described
+
+
+def car_with(*, simulated=False, wheelbase_m=0.25):
+    settings = SettingsOf({"recording.simulated": simulated}, {"car.wheelbase_m": {"value": wheelbase_m}})
+    return SimpleNamespace(name="car1", parameters=settings)
+
+
+def test_no_key_is_held_for_a_real_car():
+    with pytest.raises(CalibrationError, match="simulated and emulated cars only"):
+        command._check_yes(car_with(), given=True)
+    command._check_yes(car_with(simulated=True), given=True)
+
+
+def test_without_a_terminal_there_is_no_deadman(monkeypatch):
+    monkeypatch.setattr(terminal, "is_there", lambda: False)
+    with pytest.raises(CalibrationError, match="terminal"):
+        command._check_yes(car_with(), given=False)
+
+
+def test_another_car_s_file_is_refused(car_toml):
+    assert command._in_effect(car_with(), car_toml) == {"car.wheelbase_m": 0.25}
+    with pytest.raises(CalibrationError, match=r"drives with 0\.33"):
+        command._in_effect(car_with(wheelbase_m=0.33), car_toml)
+
+
+def test_only_what_is_accepted_is_written(car_toml, monkeypatch, capsys):
+    monkeypatch.setattr("builtins.input", lambda _text: "n")
+    assert command._write(car_toml, [NEW], yes=False) == 0
+    assert load_settings(car_toml).car.wheelbase_m == 0.25
+    monkeypatch.setattr("builtins.input", lambda _text: "y")
+    command._write(car_toml, [NEW], yes=False)
+    assert load_settings(car_toml).car.wheelbase_m == 0.331
+    capsys.readouterr()
+    assert main(["calibrate", "--undo", "--config", str(car_toml)]) == 0
+    assert "0.331 -> 0.25" in capsys.readouterr().out
+    assert load_settings(car_toml).car.wheelbase_m == 0.25
+    assert main(["calibrate", "--undo", "--config", str(car_toml)]) == 2
+    assert "nothing to undo" in capsys.readouterr().err
+
+
+def test_the_table_shows_before_and_after():
+    lines = command.table([NEW, KEPT]).splitlines()
+    assert lines[1].split()[:3] == ["car.wheelbase_m", "0.25", "0.331"]
+    assert "as before" in lines[2]
+    assert "no bends" in lines[2]
+
+
+def test_the_outline_is_asked_for():
+    now = dict.fromkeys(OUTLINE_WORDS, 0.2)
+    answers = iter(["0,44", "", "0.16"])
+    found = command._outline(now, lambda _text: next(answers))
+    assert [(one.name, one.new) for one in found] == [("car.front_m", 0.44), ("car.half_width_m", 0.16)]
+    with pytest.raises(CalibrationError, match="length in metres"):
+        command._outline(now, lambda _text: "wide")
+
+
+def test_an_unknown_step_is_refused(capsys):
+    with pytest.raises(SystemExit):
+        build_parser().parse_args(["calibrate", "sped"])
+    assert "is not a step" in capsys.readouterr().err

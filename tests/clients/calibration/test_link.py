@@ -1,0 +1,119 @@
+"""The deadman of a calibration: without it nothing moves, and a stall needs a new press."""
+
+import numpy as np
+import pytest
+
+from clients.calibration import link as links
+from clients.calibration.link import LetGoError, RemoteLink
+from clients.calibration.ways import CalibrationError
+from clients.remote.driver import DriveRefusedError
+from clients.remote.values import DriveSample, MotorSample, ScanSample
+
+
+class Hand:
+    """What RemoteDriver is to the link."""
+
+    def __init__(self, log):
+        self.log = log
+        self.trouble = ""
+
+    def __enter__(self):
+        self.log.append("begin")
+        return self
+
+    def __exit__(self, *_error):
+        self.log.append("end")
+
+    def send(self, speed_mps, steering_rad):
+        if self.trouble:
+            raise DriveRefusedError(self.trouble)
+        self.log.append((speed_mps, steering_rad))
+
+    def release(self):
+        self.log.append("release")
+
+
+class Car:
+    def __init__(self, samples=()):
+        self.log, self.hands, self.samples = [], [], samples
+
+    def drive(self, **_limits):
+        self.hands.append(Hand(self.log))
+        return self.hands[-1]
+
+    def topics(self, *_names):
+        return iter([("", one) for one in self.samples])
+
+
+class Deadman:
+    key, again = "M", "Hold again."
+
+    def __init__(self):
+        self.held, self.renewed = True, 0
+
+    def is_held(self):
+        return self.held
+
+    def renew(self):
+        self.renewed += 1
+
+
+SCAN = ScanSample(3.0, -2.35, 0.005, 0.02, 30.0, np.ones(941, np.float32), 0.025)
+
+
+def test_nothing_is_sent_once_the_deadman_is_released():
+    car, deadman = Car(), Deadman()
+    with RemoteLink(car, deadman, print) as link:
+        link.send(0.4, 0.1)
+        deadman.held = False
+        with pytest.raises(LetGoError):
+            link.send(0.4, 0.1)
+    assert car.log == ["begin", (0.4, 0.1), "release", "end"]
+
+
+def test_a_stall_begins_anew_after_a_new_press():
+    car, deadman, told = Car(), Deadman(), []
+    with RemoteLink(car, deadman, told.append) as link:
+        car.hands[0].trouble = "the script sent nothing for 0.2 s"
+        link.send(0.4, 0.0)
+        assert deadman.renewed == 1
+        assert "Hold again" in told[0]
+        link.send(0.4, 0.0)
+    assert car.log == ["begin", "end", "begin", (0.4, 0.0), "end"]
+
+
+def test_a_computer_that_is_always_too_slow_is_given_up():
+    car, deadman = Car(), Deadman()
+
+    def stall():
+        for _ in range(links.MAX_STALLS + 1):
+            car.hands[-1].trouble = "late"
+            link.send(0.4, 0.0)
+
+    with RemoteLink(car, deadman, lambda _text: None) as link, pytest.raises(CalibrationError, match="too slow"):
+        stall()
+
+
+def test_samples_up_to_the_next_scan_are_taken_and_the_drive_is_renewed():
+    car = Car([MotorSample(2.0, 1.5, 0.4, 0.0, 0.1), DriveSample(2.1, 0.4, 0.1), SCAN, SCAN])
+    with RemoteLink(car, Deadman(), print) as link:
+        link.send(0.4, 0.1)
+        link.wait()
+        assert link.now_s == 3.0
+        assert (link.seen.motor, link.seen.commands) == ([(2.0, 1.5, 0.4, 0.1)], [(2.1, 0.4, 0.1)])
+        assert link.seen.sweep_s == pytest.approx(0.025 * 0.005 * 940 / (2 * np.pi))
+        assert car.log.count((0.4, 0.1)) == 3
+        link.wait()
+        with pytest.raises(CalibrationError, match="ended"):
+            link.wait()
+
+
+def test_scans_that_stay_away_let_the_car_stop(monkeypatch):
+    monkeypatch.setattr(links, "MAX_LATE_S", -1.0)
+    car, deadman, told = Car([DriveSample(2.1, 0.4, 0.1), SCAN]), Deadman(), []
+    with RemoteLink(car, deadman, told.append) as link:
+        link.send(0.4, 0.1)
+        link.wait()
+    assert deadman.renewed == 1
+    assert "no scan" in told[0]
+    assert car.log == ["begin", (0.4, 0.1), "end", "begin", "end"]

@@ -1,0 +1,87 @@
+"""The steps on a simulated car: every planted error becomes the right setting; what may not be driven is not driven."""
+
+import pytest
+
+from clients.calibration import settings_file, ways
+from clients.calibration.command import NAMES, table
+from clients.calibration.steps import STEPS, CalibrationProgress, drive_tape, driven_steps
+from clients.calibration.ways import CalibrationError
+from runtime.calibration import proposals
+from runtime.parameters.catalogue import values
+from runtime.settings.tree import load_settings
+from sim.world.place import World
+from sim.world.pose import Pose
+from sim.world.segments import SegmentGeometry, box
+from tests.runtime.calibration.planted import LAB, YAW_RAD, planted_car
+
+
+def in_effect(path):
+    known = values(load_settings(path))
+    return {name: float(str(known[name])) for name in NAMES}
+
+
+@pytest.fixture
+def car_toml(tmp_path):
+    path = tmp_path / "car.toml"
+    path.write_text("[car]\nwheelbase_m = 0.25\n")
+    return path
+
+
+def test_a_calibration_ends_with_the_settings_of_the_car(car_toml):
+    so_far, measured = CalibrationProgress(in_effect(car_toml)), []
+    car = planted_car(5, own_parts="posts")
+    for step in driven_steps(frozenset(STEPS)):
+        measured += step.run(car, so_far)
+    settings_file.write(car_toml, [one for one in measured if one.changes], "2026-11-23")
+    new = in_effect(car_toml)
+    assert new[proposals.SPEED_GAIN] == pytest.approx(4614 * 1.15, rel=0.01)
+    assert new[proposals.WHEELBASE] == pytest.approx(0.33, rel=0.01)
+    assert new[proposals.SERVO_OFFSET] == pytest.approx(0.5604, abs=0.003)
+    assert (new[proposals.LIDAR_X], new[proposals.LIDAR_Y]) == pytest.approx((0.29, 0.02), abs=0.01)
+    assert new[proposals.LIDAR_YAW] == pytest.approx(YAW_RAD, abs=0.005)
+    assert new[proposals.LATENCY] == pytest.approx(0.0725, abs=0.0055)
+    assert new[proposals.ACTUATION] == pytest.approx(0.09, abs=0.0055)
+    assert any("own parts: " in note and "deg" in note for note in so_far.notes)
+    shown = table(measured)
+    assert "0.25" in shown
+    assert "before" in shown
+    assert {one.name for one in measured} >= {proposals.GRIP, proposals.LATENCY}
+
+
+def test_with_a_ruler_the_gain_of_the_servo_is_measured(car_toml):
+    so_far = CalibrationProgress({**in_effect(car_toml), proposals.WHEELBASE: 0.33}, ruler=True)
+    (step,) = driven_steps(frozenset({"steering"}))
+    found = {one.name: one.new for one in step.run(planted_car(2), so_far)}
+    assert set(found) == {proposals.SERVO_GAIN, proposals.SERVO_OFFSET}
+    assert found[proposals.SERVO_GAIN] == pytest.approx(-1.2135, rel=0.02)
+
+
+def test_a_motor_that_runs_backward_is_not_driven_far(car_toml):
+    car = planted_car(1)
+    car.motor.phases_swapped = True
+    (step,) = driven_steps(frozenset({"speed"}))
+    with pytest.raises(CalibrationError, match="swap two motor phases"):
+        list(step.run(car, CalibrationProgress(in_effect(car_toml))))
+    assert car.twin.way_m < 1.0
+
+
+def test_a_way_without_room_is_not_driven():
+    boxed = World("boxed", SegmentGeometry(box(1.5, 0.0, 0.4, 0.4)), Pose(0.0, 0.0, 0.0))
+    car = planted_car(0, boxed)
+    with pytest.raises(CalibrationError, match="move the car"):
+        ways.drive_arcs(car)
+    assert car.twin.way_m < 0.01
+
+
+def test_a_car_that_does_not_move_is_told_so():
+    car = planted_car(0)
+    car.motor.latch_fault("over voltage")
+    with pytest.raises(CalibrationError, match="does not move"):
+        ways.drive_arcs(car)
+
+
+def test_a_way_along_a_tape_is_reported(car_toml):
+    so_far = CalibrationProgress(in_effect(car_toml))
+    car = planted_car(0, LAB)
+    assert not list(drive_tape(car, so_far))
+    assert so_far.taped_m == pytest.approx(car.twin.way_m * 1.15, rel=0.02)
