@@ -12,6 +12,7 @@ from clients.calibration.link import LetGoError, RemoteLink
 from clients.calibration.steps import (
     OUTLINE,
     OUTLINE_WORDS,
+    SERVO_ENDS,
     SPEED,
     STEPS,
     CalibrationProgress,
@@ -33,7 +34,7 @@ from runtime.settings.tree import SettingsError, load_settings
 NAMES = (
     proposals.SPEED_GAIN, proposals.WHEELBASE, proposals.SERVO_GAIN, proposals.SERVO_OFFSET, proposals.LIDAR_X,
     proposals.LIDAR_Y, proposals.LIDAR_YAW, proposals.LATENCY, proposals.ACTUATION, proposals.GRIP,
-    "car.steering_rate_radps", *OUTLINE_WORDS,
+    "car.steering_rate_radps", *SERVO_ENDS, *OUTLINE_WORDS,
 )  # fmt: skip
 TRIES = 5
 Ask = Callable[[str], str]

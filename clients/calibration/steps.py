@@ -32,6 +32,7 @@ OUTLINE_WORDS = {
     "car.half_width_m": "half of the greatest width, wheels included",
 }
 DEFAULT_DELAY_S = 0.02
+SERVO_ENDS = ("motor.servo_min", "motor.servo_max")
 
 
 @dataclass(slots=True)
@@ -93,9 +94,20 @@ def _arcs(wanted: frozenset[str]) -> Callable[[CalibratedCar, CalibrationProgres
         so_far.arcs = measure_arcs(car.seen.trace().between(begin_s, car.now_s), assumed)
         so_far.notes += _parts(so_far.arcs, car) if PARTS in wanted else []
         names = frozenset().union(*(OF_STEP.get(step, frozenset()) for step in wanted))
-        yield from (one for one in proposals.of_arcs(so_far.arcs.fit, now, ruler=so_far.ruler) if one.name in names)
+        found = list(proposals.of_arcs(so_far.arcs.fit, now, ruler=so_far.ruler))
+        so_far.notes += _limits(found, now) if STEERING in wanted else []
+        yield from (one for one in found if one.name in names)
 
     return run
+
+
+def _limits(found: list[Proposal], now: Mapping[str, float]) -> list[str]:
+    """Return how far the wheels turn within the servo's limits around the new middle."""
+    new = {**now} | {one.name: one.new for one in found if one.new is not None}
+    angles_rad = sorted((new[end] - new[proposals.SERVO_OFFSET]) / new[proposals.SERVO_GAIN] for end in SERVO_ENDS)
+    right_rad, left_rad = -angles_rad[0], angles_rad[1]
+    words = f"{right_rad:.2f} rad to the right, {left_rad:.2f} rad to the left"
+    return [f"steering within motor.servo_min and servo_max: {words}; widen them where the linkage allows more"]
 
 
 def _parts(arcs: MeasuredArcs, car: CalibratedCar) -> list[str]:

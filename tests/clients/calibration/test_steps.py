@@ -42,6 +42,7 @@ def test_a_calibration_ends_with_the_settings_of_the_car(car_toml):
     assert new[proposals.LATENCY] == pytest.approx(0.0725, abs=0.0055)
     assert new[proposals.ACTUATION] == pytest.approx(0.09, abs=0.0055)
     assert any("own parts: " in note and "deg" in note for note in so_far.notes)
+    assert any("0.24 rad to the right" in note for note in so_far.notes)
     shown = table(measured)
     assert "0.25" in shown
     assert "before" in shown
