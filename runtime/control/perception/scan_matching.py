@@ -21,7 +21,8 @@ from runtime.control.perception.view import View
 KEYFRAME_S = 0.5
 KEYFRAME_M, KEYFRAME_RAD = 0.6, 0.4
 """Maximum age, distance and turn of the scan that the others are compared with."""
-EVERY_BEAM = 6
+POINTS = 180
+"""Approximate number of points that are compared, of any lidar."""
 MIN_RANGE_M, MAX_RANGE_M = 0.3, 12.0
 SURFACE_BEAMS = 3
 """Number of beams to each side that define the line through a point."""
@@ -86,7 +87,7 @@ class MatchedOdometry:
         return self._matched.placed(now.seen_from(self._odometry))
 
     def learn(self, view: View, odometry: OdometryState) -> None:
-        """Compare a scan with an earlier one. About 0.3 ms; call it after the answer to the scan."""
+        """Compare a scan with an earlier one. 0.2 to 0.4 ms; call it after the answer to the scan."""
         guess, stamp_s = self.pose(odometry), view.scan.stamp_s
         self._odometry = ScanPose(complex(odometry.x_m, odometry.y_m), odometry.yaw_rad)
         self._matched, self.sure = guess, False
@@ -125,7 +126,8 @@ def match(view: View, surfaces: Surfaces, guess: ScanPose) -> tuple[ScanPose, bo
 
     guess: that pose by odometry. Both scans of one sensor, (beams,).
     """
-    beams = (view.solid[::EVERY_BEAM]).nonzero()[0] * EVERY_BEAM
+    every = max(1, view.solid.size // POINTS)
+    beams = view.solid[::every].nonzero()[0] * every
     range_m = view.ranges_m[beams]
     beams = beams[(range_m > MIN_RANGE_M) & (range_m < MAX_RANGE_M)]
     points = view.x_m[beams] + 1j * view.y_m[beams]

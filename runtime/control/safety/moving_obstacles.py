@@ -15,19 +15,21 @@ from runtime.control.perception.geometry import NOWHERE, Booleans, Floats, Place
 from runtime.control.perception.odometry import OdometryState
 from runtime.control.perception.scan_matching import MatchedOdometry
 from runtime.control.perception.view import View
-from runtime.control.safety.obstacle_track import MAX_SPEED_MPS, MotionBounds, ObstacleTrack, ScanLook
+from runtime.control.safety.obstacle_track import MAX_SPEED_MPS, NARROW_WIDTH_M, MotionBounds, ObstacleTrack, ScanLook
 
 WITHIN_M = 6.0
 GAP_BEAMS = 3
 JUMP_M = 0.2
 BACKGROUND_BEAMS = 40
 MIN_BEAMS = 4
+MAX_THINGS = 30
+"""Maximum number of objects that are followed, the nearest ones: each is compared with each track."""
 MAX_WIDTH_M = 1.3
 MATCH_M, MAX_MOVE_M = 0.15, 0.35
 """Association gate: maximum distance from the predicted place, in addition to the motion of a runner between the scans;
 and its absolute maximum."""
-SEEN_SCANS, MOVED_M, UNSURE_WIDTH_M = 8, 0.2, 0.7
-"""What shows a motion: minimum number of scans and way, maximum width."""
+MOVED_M, SEEN_SCANS = 0.2, 8
+"""Minimum way and number of scans that show a motion."""
 MIN_SPEED_MPS = 0.4
 MIN_SPEED_SHARE = 0.15
 """Share of the car's own speed that is added: a trimmed or drifting car turns by more than its steering indicates."""
@@ -35,8 +37,8 @@ TURNING_SHARE = 0.3
 """Share of the car's own yaw rate, now and half a second ago, times the distance, that is added: the servo lags behind
 the odometry."""
 TURNING_FADES = 0.95
-SURE_SEEN_SCANS, SURE_MOVED_M = 6, 0.1
-SURE_SPEED_MPS, SURE_SPEED_SHARE, SURE_TURNING_SHARE = 0.2, 0.03, 0.05
+SURE_MOVED_M, SURE_SEEN_SCANS = 0.1, 6
+SURE_SPEED_MPS, SURE_SPEED_SHARE, SURE_TURNING_SHARE = 0.2, 0.03, 0.12
 """The same for a motion aside while scan matching corrects the odometry."""
 AHEAD_S = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9)
 FORGOTTEN_S = 0.15
@@ -65,6 +67,8 @@ class MovingObstacles:
         things = find_small_clusters(view.solid, view.ranges_m, abs(view.scan.angle_step_rad))
         if not things and not self._tracks:
             return NOWHERE  # the usual case
+        if len(things) > MAX_THINGS:
+            things = sorted(things, key=lambda thing: float(view.ranges_m[thing[0]]))[:MAX_THINGS]
         at_m, yaw_rad = self._odometry.pose(pose)
         look = ScanLook(view, at_m, cmath.rect(1.0, yaw_rad))
         bounds = self._bounds(abs(pose.speed_mps))
@@ -93,16 +97,13 @@ class MovingObstacles:
 
     def _bounds(self, speed_mps: float) -> MotionBounds:
         """Return what a track must exceed at this speed of the car."""
-        toward_mps = MIN_SPEED_MPS + MIN_SPEED_SHARE * speed_mps
+        toward_mps, shown = MIN_SPEED_MPS + MIN_SPEED_SHARE * speed_mps, (MOVED_M, SEEN_SCANS)
         if not self._odometry.sure:
             turning_per_s = TURNING_SHARE * self._turning_radps
-            way = MOVED_M, SEEN_SCANS
-            return MotionBounds(toward_mps, toward_mps, turning_per_s, *way, *way, UNSURE_WIDTH_M)
+            return MotionBounds(toward_mps, toward_mps, turning_per_s, shown, shown, NARROW_WIDTH_M)
         aside_mps = SURE_SPEED_MPS + SURE_SPEED_SHARE * speed_mps
         turning_per_s = SURE_TURNING_SHARE * self._turning_radps
-        return MotionBounds(
-            toward_mps, aside_mps, turning_per_s, MOVED_M, SEEN_SCANS, SURE_MOVED_M, SURE_SEEN_SCANS, MAX_WIDTH_M
-        )
+        return MotionBounds(toward_mps, aside_mps, turning_per_s, shown, (SURE_MOVED_M, SURE_SEEN_SCANS), MAX_WIDTH_M)
 
     def _follow(self, points_m: Places, stamp_s: float, look: ScanLook, *, sliding: bool) -> ObstacleTrack:
         """Return the track associated with these points (k,), odom, removed from the list, or a new one."""

@@ -22,6 +22,11 @@ LATELY_S = 0.6
 """Minimum age of the place from which motion is measured; the maximum is twice that: slow drift is not walking."""
 MAX_SPEED_MPS = 4.0
 """Maximum speed of a track: runners reach 3 m/s; faster tracks are false associations."""
+LEG_WIDTH_M, NARROW_WIDTH_M = 0.08, 0.7
+"""Width of what is soon seen to move: of two legs of a table one may be taken for the other, and of a wall that comes
+into view both ends seem to move."""
+TURNED_M, TURNED_MPS = 0.03, 0.25
+"""Minimum way and speed at which an object is on its way back."""
 KEPT_SHARE = 0.5
 """Share of the speed bounds that keeps a track moving that has been seen to move."""
 SAME_PLACE_M = 0.1
@@ -48,31 +53,30 @@ class ScanLook:
         return abs(off), view.ranges_m[max(0, beam - 1) : max(0, beam + 2)]
 
     def is_occupied(self, place_m: complex) -> bool:
-        """Return whether most of three beams return from that place."""
+        """Return whether one of three beams returns from that place: of a table leg it may be the only one."""
         away_m, ranges_m = self.ranges_m(place_m)
-        return int(np.count_nonzero(np.abs(ranges_m - away_m) < SAME_PLACE_M)) >= MAX_OF_THREE
+        return bool(np.count_nonzero(np.abs(ranges_m - away_m) < SAME_PLACE_M))
 
     def is_free(self, place_m: complex) -> bool:
-        """Return whether most of three beams pass beyond that place; a beam without an echo does."""
+        """Return whether most of three beams pass beyond that place, and none ends there; without an echo it passes."""
         away_m, ranges_m = self.ranges_m(place_m)
-        return int(np.count_nonzero(ranges_m < away_m + SAME_PLACE_M)) < MAX_OF_THREE
+        beyond = int(np.count_nonzero(ranges_m < away_m + SAME_PLACE_M)) < MAX_OF_THREE
+        return beyond and not np.count_nonzero(np.abs(ranges_m - away_m) < SAME_PLACE_M)
 
 
 @value()
 class MotionBounds:
     """What a track must exceed to count as moving.
 
-    toward_mps: speed toward the car. aside_mps: across its heading, plus turning_per_s times the distance. moved_m,
-    seen_scans, width_m: way since it was first seen, number of scans, and the greatest width, for a motion aside.
+    toward_mps: speed toward the car. aside_mps: across its heading, plus turning_per_s times the distance. shown: way
+    and number of scans that show a motion. soon: the same for what is narrow and crosses. width_m: greatest width.
     """
 
     toward_mps: float
     aside_mps: float
     turning_per_s: float
-    toward_moved_m: float
-    toward_scans: int
-    moved_m: float
-    seen_scans: int
+    shown: tuple[float, int]
+    soon: tuple[float, int]
     width_m: float
 
 
@@ -133,8 +137,16 @@ class ObstacleTrack:
         right_m, left_m = self.edges_m
         self.edges_m = right_m + POSITION_GAIN * (edges_m[0] - right_m), left_m + POSITION_GAIN * (edges_m[1] - left_m)
         self.newest_m, self.seen_s = edges_m, stamp_s
-        if stamp_s - self.lately.stamp_s > LATELY_S:
+        if self._turns_back():
+            self.before = self.lately = EarlierPlace(self.edges_m, stamp_s, look)
+        elif stamp_s - self.lately.stamp_s > LATELY_S:
             self.before, self.lately = self.lately, EarlierPlace(self.edges_m, stamp_s, look)
+
+    def _turns_back(self) -> bool:
+        """Return whether the object comes back to where it was before: the way out must not count against it."""
+        moved_m = self.edges_m[0] + self.edges_m[1] - self.before.edges_m[0] - self.before.edges_m[1]
+        speed_mps = abs(self.velocity_mps)
+        return (moved_m * self.velocity_mps.conjugate()).real < -2.0 * TURNED_M * speed_mps and speed_mps > TURNED_MPS
 
     def judge(self, look: ScanLook, range_m: float, bounds: MotionBounds) -> None:
         """Find out whether the object crosses before the car or comes nearer; once it does, KEPT_SHARE is enough.
@@ -153,12 +165,14 @@ class ObstacleTrack:
         if self.moves:
             self.moves = max(aside_share, toward_share) > KEPT_SHARE
             return
-        narrow = abs(self.newest_m[1] - self.newest_m[0]) <= bounds.width_m
-        crosses = aside_share > 1.0 and self.scans >= bounds.seen_scans and narrow
-        comes = toward_share > 1.0 and self.scans >= bounds.toward_scans and narrow
-        self.moves = (crosses and self._has_moved(aside, look, bounds.moved_m)) or (
-            comes and self._has_moved(toward, look, bounds.toward_moved_m)
-        )
+        width_m = abs(self.newest_m[1] - self.newest_m[0])
+        if width_m > bounds.width_m:
+            return
+        crossed_m, scans = bounds.soon if LEG_WIDTH_M < width_m <= NARROW_WIDTH_M else bounds.shown
+        crosses = aside_share > 1.0 and self.scans >= scans and self._has_moved(aside, look, crossed_m)
+        came_m, scans = bounds.shown
+        comes = toward_share > 1.0 and self.scans >= scans and self._has_moved(toward, look, came_m)
+        self.moves = crosses or comes
 
     def _along_mps(self, toward: complex) -> float:
         """Return the speed in a direction, a unit vector (odom)."""

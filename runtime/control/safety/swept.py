@@ -117,7 +117,8 @@ class SweptGuard:
         self.visibility.look(view, pose)
         self._unlearnt = view, motor, pose
         self.emergency.note(scan.stamp_s, wheel_rad)
-        walkers_m = self.movers.update(view, pose, scan.stamp_s, sliding=self._speed.slides)
+        lost = motor is None or self._speed.slides
+        walkers_m = self.movers.update(view, pose, scan.stamp_s, sliding=lost)
         faint_m = self.faint.update(view, pose, scan.stamp_s)
         more_m = np.concatenate([walkers_m, faint_m]) if walkers_m.size or faint_m.size else NOWHERE
         latency_s = max(0.0, self.now_s(scan) - scan.stamp_s) + self.settings.actuation_s
@@ -173,7 +174,7 @@ class SweptGuard:
         self.behind.keep(view, self.own_parts.doubtful)
         self.health.update(view, motor, scene_stands=stands)
         self.visibility.learn()
-        self.movers.learn(view, pose, sliding=self._speed.slides)
+        self.movers.learn(view, pose, sliding=motor is None or self._speed.slides)
         self._eyes.ignore(self.health.mask, self.own_parts.below_m)
 
     def now_s(self, scan: Scan) -> float:

@@ -42,6 +42,18 @@ def test_a_wrong_heading_and_side_are_corrected(shift, yaw_rad):
     assert found.at_m.real == pytest.approx(shift.real, abs=0.03)
 
 
+def test_a_lidar_of_360_beams_is_enough():
+    def coarse(pose, seed):
+        fine = room(pose, seed=seed).scan
+        return PerceptionCache(CAR).see(
+            Scan(0.0, 0.0, fine.angle_min_rad, 3 * STEP_RAD, 0.02, 30.0, fine.ranges_m[::3].copy(), 0)
+        )
+
+    found, sure = match(coarse((0.2, -0.1, 0.1), 2), surfaces_of(coarse((0, 0, 0), 1)), ScanPose(0.2 + 0j, 0.05))
+    assert sure
+    assert found.yaw_rad == pytest.approx(0.1, abs=0.005)
+
+
 def test_along_a_bare_corridor_the_odometry_decides():
     endless = {"ends_m": (-60.0, 60.0)}
     found, sure = match(

@@ -9,7 +9,13 @@ from drivers.api import Scan
 from runtime.control.perception.geometry import NOWHERE
 from runtime.control.perception.odometry import OdometryState
 from runtime.control.perception.view import PerceptionCache
-from runtime.control.safety.moving_obstacles import SEEN_SCANS, WITHIN_M, MovingObstacles, find_small_clusters
+from runtime.control.safety.moving_obstacles import (
+    MAX_THINGS,
+    SEEN_SCANS,
+    WITHIN_M,
+    MovingObstacles,
+    find_small_clusters,
+)
 from runtime.control.vehicle import CarSettings
 
 CAR = CarSettings()
@@ -176,6 +182,7 @@ def test_what_appears_beside_a_thing_that_is_still_there_has_not_walked_there():
     assert walked > 0, "by all the rest one thing went from here to there"
     still_there = slice(540, 543), 2.0  # three beams are enough to be there, and too few to be watched
     assert by_turns([(RIGHT, 2.0)], [still_there, (LEFT, 2.0)]) == 0
+    assert by_turns([(RIGHT, 2.0)], [(slice(540, 541), 2.0), (LEFT, 2.0)]) == 0, "a thin leg is met by one beam"
 
 
 def test_who_walks_comes_to_where_nothing_was():
@@ -211,3 +218,19 @@ def test_what_has_crept_elsewhere_in_a_minute_does_not_walk():
         points = movers.update(see(circle(2.0, crept_m + sways_m)), OdometryState(), step * SCAN_S)
         most = max(most, points.size)
     assert most == 0
+
+
+def test_of_many_objects_the_nearest_are_followed():
+    """Each is compared with each track: a hall full of chairs must not cost the answer its time."""
+
+    def hall(step, poles):
+        ranges_m = circle(4.0, 1.6 - 0.035 * step)
+        for place in range(poles):
+            ranges_m[60 + 8 * place : 64 + 8 * place] = 1.0 + 0.05 * (place % 3)
+        return ranges_m
+
+    for poles, seen in ((MAX_THINGS - 5, True), (MAX_THINGS + 5, False)):
+        movers = MovingObstacles()
+        for step in range(16):
+            points = movers.update(see(hall(step, poles)), OdometryState(), step * SCAN_S)
+        assert bool(points.size) == seen

@@ -12,7 +12,7 @@ from runtime.control.vehicle import CarSettings
 
 STEP_RAD = math.radians(0.25)
 SCAN_S = 0.025
-BOUNDS = MotionBounds(0.4, 0.3, 0.0, 0.2, 8, 0.1, 6, 1.0)
+BOUNDS = MotionBounds(0.4, 0.3, 0.0, (0.2, 8), (0.1, 6), 1.0)
 EMPTY = PerceptionCache(CarSettings()).see(
     Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, np.full(1081, 9.0, np.float32), 0)
 )
@@ -69,13 +69,24 @@ def test_once_it_moves_half_of_the_speed_is_enough():
     assert not track_of(begun + [0j] * 40).moves, "who stops is no longer expected elsewhere"
 
 
+def test_who_turns_back_is_soon_seen_to_cross_again():
+    """The way out must not count against the way back."""
+    assert track_of([0.8j] * 40 + [-0.8j] * 14, at_m=3 - 0.5j).moves
+
+
+def test_two_legs_of_a_table_have_to_show_more_than_a_person():
+    assert track_of([0.8j] * 8).moves
+    assert not track_of([0.8j] * 8, width_m=0.05).moves
+    assert track_of([0.8j] * 13, width_m=0.05).moves
+
+
 def test_too_wide_or_too_fast_is_something_else():
     assert not track_of([0.8j] * 12, width_m=1.2).moves
     assert not track_of([(MAX_SPEED_MPS + 0.5) * 1j] * 12).moves
 
 
 def test_the_error_of_the_heading_grows_with_the_distance():
-    turning = MotionBounds(0.4, 0.3, 0.3, 0.2, 8, 0.1, 6, 1.0)
+    turning = MotionBounds(0.4, 0.3, 0.3, (0.2, 8), (0.1, 6), 1.0)
     assert track_of([0.8j] * 12, at_m=1 - 0.5j, bounds=turning).moves
     assert not track_of([0.8j] * 12, at_m=4 - 0.5j, bounds=turning).moves
 

@@ -77,6 +77,15 @@ def test_what_stands_does_not_come_while_the_wheels_are_locked():
     assert outlook.strip.more_m.size == 0
 
 
+def test_what_stands_does_not_move_while_the_motor_reports_nothing():
+    """Without a report the odometry stands still and everything comes nearer."""
+    car = Car()
+    for step in range(24):
+        x_m = 4.0 - 0.05 * step
+        outlook = car.look(world((x_m, 0.8, x_m, 1.1), empty_m=9.0), motor=False)
+        assert outlook.strip.more_m.size == 0
+
+
 def test_a_person_who_comes_is_braked_for_before_he_is_near():
     def person(at_m):
         return world((at_m, -0.2, at_m, 0.2), empty_m=9.0)
