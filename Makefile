@@ -5,7 +5,7 @@ READY := .venv/.ready
 
 KERNEL := .venv/.kernel
 
-.PHONY: sim test check kernel fuzz format clean
+.PHONY: sim test check kernel fuzz format book clean
 
 sim: $(KERNEL)
 	$(BIN)/wallride sim $(ARGS)
@@ -31,6 +31,11 @@ $(KERNEL): $(READY) $(wildcard runtime/kernel/*.[ch] runtime/kernel/*/*.c) sim/w
 fuzz: $(KERNEL)
 	$(BIN)/python -m tests.fuzz $(ARGS)
 
+# README, docs and benchmarks as a site, build/book/docs/book.html; a link that leads nowhere fails.
+book: $(READY)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[book]'
+	$(BIN)/sphinx-build --fail-on-warning --quiet -c docs . build/book
+
 format: $(READY)
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
@@ -51,4 +56,4 @@ $(READY): pyproject.toml constraints.txt
 	@touch $@
 
 clean:
-	rm -rf drivers/_accelerated.*.so .venv .virtualenv .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf build drivers/_accelerated.*.so .venv .virtualenv .mypy_cache .ruff_cache .pytest_cache .hypothesis
