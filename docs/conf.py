@@ -1,4 +1,4 @@
-"""The book: README, docs and benchmarks as a site. `make book` writes it to build/book; no file is written for it alone."""
+"""The book: README, docs and benchmarks as a site. `make book` writes it to build/book from the pages as they are."""
 
 project = "wallride"
 extensions = ["myst_parser", "sphinx_copybutton"]
