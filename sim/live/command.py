@@ -5,21 +5,17 @@ import asyncio
 import json
 import math
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rich.console import Console
-from rich.table import Table
 
-from runtime.arbitration.command import NO_WINNER
 from runtime.settings.tree import Settings, SettingsError, load_settings
-from runtime.telemetry.screen_words import because
 from sim.car.vehicle import Vehicle, VehicleSettings
 from sim.figures.comparison import compare
-from sim.figures.summary import device_faults, figures
+from sim.live.drive_summary import HEARD, plot_drive, summarize, summary_table, write_summary
 from sim.live.fleet import build_fleet, fleet_summary, run_fleet, write_fleet
 from sim.live.live_conditions import LiveConditions
 from sim.live.live_keys import pressing
@@ -36,22 +32,15 @@ from sim.scenario.driven import judge, mistakes_after
 from sim.scenario.scenario_file import MAX_START_TO_WALL_M, Scenario
 from sim.scenario.simulated_car import find_config
 from sim.scenario.toml_lines import FileMistakeError
-from sim.world.place import World
-from sim.world.pose import Floats, Pose
+from sim.world.pose import Pose
 from sim.world.worlds import load_world
 
-DISTANCE = "wall_follow.desired_distance_m"
 DEFAULT_DURATION_S = 60.0
 MAX_LAP_S = 180.0
 """Maximum duration of a lap, so that a standing car does not block a script."""
 FAILED = 1
 KILLED = 130
 POSE_NUMBERS = 3
-HEARD = "heard"
-"""Value of telemetry in the summary: its statements about the runtime are that runtime's own."""
-FOR_PROGRAMS = frozenset({"began_unix_s", "session"})
-"""Fields of the summary that only its JSON file has."""
-ROUND_FROM = 1000.0
 
 
 class SimUsageError(Exception):
@@ -84,9 +73,9 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
     except SessionError as error:
         print(f"wallride: {error}", file=sys.stderr)  # noqa: T201
         return KILLED if stop.killed else USAGE_ERROR if error.exit_code == USAGE_ERROR else FAILED
-    _write(summary, options.json)
+    write_summary(summary, options.json)
     if options.json != "-":
-        console.print(_table(summary))
+        console.print(summary_table(summary))
         if summary.get("collided"):
             console.print("The car touched something: that ends a simulated drive.")
         console.print("What was recorded: wallride logs. A page of it: wallride report FILE")
@@ -130,7 +119,7 @@ def _drive(
     record = _run(session, start, duration_s, stop, console, _view(options, scene, vehicle, console, live), live)
     summary = {
         "world": world.name,
-        **_common(record, settings),
+        **summarize(record, settings),
         "collided": scene.collided,
         "laps": len(scene.lap_times_s),
         "lap_times_s": scene.lap_times_s,
@@ -138,7 +127,7 @@ def _drive(
         "changed_while_driving": live.done + len(record.changes),
     }
     if options.plot is not None:
-        _plot(options.plot, world, record, settings)
+        plot_drive(options.plot, world, record, settings)
     return summary
 
 
@@ -215,7 +204,7 @@ def _replay(
         save_comparison(options.plot, pairs, f"{recording.name}: steering, {settings.wall_follow.side} wall")
     return {
         "world": f"recording {recording.name}",
-        **_common(record, settings),
+        **summarize(record, settings),
         "collided": False,
         "laps": 0,
         "lap_times_s": [],
@@ -308,43 +297,6 @@ def _wishes(options: argparse.Namespace) -> RequestedConditions:
     )
 
 
-def wanted_m(record: Record, settings: Settings) -> Floats:
-    """Return the distance that was wanted at each sample, shape (n,). settings: those at the start."""
-    times_s = np.array([sample.time_s for sample in record.samples])
-    wanted: Floats = np.full(len(times_s), settings.wall_follow.desired_distance_m)
-    for change in record.changes:
-        if change.name == DISTANCE and isinstance(change.new, int | float):
-            wanted[times_s >= change.stamp_s - record.began_s] = change.new
-    return wanted
-
-
-def _common(record: Record, settings: Settings) -> dict[str, Any]:
-    status = record.telemetry.get("status")
-    winners = (status or {}).get("seconds_by_winner", {})
-    driven = figures(record.samples, wanted_m(record, settings))
-    return {
-        "method": settings.wall_follow.method,
-        "side": settings.wall_follow.side,
-        "began_unix_s": round(record.began_unix_s, 3),
-        **driven,
-        **({"stands_because": _stands_because((status or {}).get("output"))} if driven["stopped"] else {}),
-        "scan_to_motor_ms": record.latency.summary_ms(),
-        "telemetry": HEARD if status else f"drove without telemetry: {record.unheard}",
-        "session": record.address.session if record.address is not None else None,
-        "scans_sent": len(record.scan_times_s),
-        "scans_driven": status.get("scans") if status else None,
-        "winners": {name: round(seconds, 2) for name, seconds in winners.items()} if status else None,
-        "faults": device_faults(status) if status else None,
-    }
-
-
-def _stands_because(decision: Mapping[str, Any] | None) -> str | None:
-    """Return the car's last decision in the words of a screen, None where none was heard."""
-    if decision is None:
-        return None
-    return f"{decision.get('winner') or 'none'}: {because(str(decision.get('reason')), decision.get('measure'))}"
-
-
 def parse_pose(text: str) -> Pose:
     """Read X,Y,THETA in metres and radians."""
     try:
@@ -369,53 +321,3 @@ def _check_outputs(options: argparse.Namespace) -> None:
             raise SimUsageError(f"{name} {path}: is a directory; name a file in it")
         if not path.absolute().parent.is_dir():
             raise SimUsageError(f"{name} {path}: there is no directory {path.parent}; make it first")
-
-
-def _write(summary: dict[str, Any], target: str | None) -> None:
-    if target is None:
-        return
-    text = json.dumps(summary, indent=2) + "\n"
-    if target == "-":
-        sys.stdout.write(text)
-    else:
-        Path(target).write_text(text)
-
-
-def _plot(path: Path, world: World, record: Record, settings: Settings) -> None:
-    from sim.figures.drawing import save_plot
-
-    track = np.array([[s.x_m, s.y_m, s.yaw_rad] for s in record.samples]).reshape(-1, 3)
-    times_s = np.array([s.time_s for s in record.samples])
-    errors_m = np.array([s.wall_m for s in record.samples]) - wanted_m(record, settings)
-    follow = settings.wall_follow
-    title = f"{world.name}: {follow.method}, {follow.side}, {follow.desired_distance_m:g} m"
-    save_plot(path, world, track, times_s, errors_m, title)
-
-
-def _table(summary: dict[str, Any]) -> Table:
-    table = Table(title=f"wallride sim: {summary['world']}", show_header=False)
-    for name, value in summary.items():
-        if name not in FOR_PROGRAMS and value not in ([], {}):
-            table.add_row(name, _shown(_winners_in_words(value) if name == "winners" else value))
-    return table
-
-
-def _winners_in_words(winners: Mapping[str, float] | None) -> Mapping[str, float] | None:
-    """Return the seconds by winner under the names of a screen; JSON keeps those of the wire."""
-    return winners and {"none" if name == NO_WINNER else name: seconds for name, seconds in winners.items()}
-
-
-def _shown(value: object) -> str:
-    """Return a value of the summary for people; the JSON file has all digits."""
-    match value:
-        case None:
-            return "-"
-        case bool():
-            return "yes" if value else "no"
-        case float():
-            return f"{value:.0f}" if abs(value) >= ROUND_FROM else f"{value:.3g}"
-        case dict():
-            return ", ".join(f"{key} {_shown(one)}" for key, one in value.items())
-        case list():
-            return ", ".join(_shown(one) for one in value)
-    return str(value)

@@ -8,7 +8,7 @@ from rich.console import Console
 from runtime.parameters.history import SettingChange
 from runtime.settings.tree import Settings
 from sim.figures.summary import Sample, figures
-from sim.live import command
+from sim.live import drive_summary
 from sim.live.session import Record
 
 
@@ -18,12 +18,12 @@ from sim.live.session import Record
      (True, "yes"), (1234.5, "1234"), ("loop", "loop")],
 )  # fmt: skip
 def test_the_summarys_values_are_for_people(value, shown):
-    assert command._shown(value) == shown
+    assert drive_summary.shown(value) == shown
 
 
 def printed(summary):
     out = io.StringIO()
-    Console(file=out, width=120).print(command._table(summary))
+    Console(file=out, width=120).print(drive_summary.summary_table(summary))
     return out.getvalue()
 
 
@@ -41,7 +41,7 @@ def test_errors_are_from_the_distance_that_was_wanted_at_that_moment():
     change = SettingChange(1003.0, "", "ann", "wall_follow.desired_distance_m", 1.0, 0.7)
     other = SettingChange(1001.0, "", "ann", "wall_follow.kp", 13.5, 10.0)
     record = Record(samples=samples, began_s=1000.0, changes=[other, change])
-    wanted = command.wanted_m(record, Settings())
+    wanted = drive_summary.wanted_m(record, Settings())
     assert (wanted[29], wanted[30]) == (1.0, 0.7)
     assert figures(samples, wanted)["mean_abs_error_m"] == 0.0
     assert figures(samples, 1.0)["mean_abs_error_m"] == 0.15
@@ -54,4 +54,4 @@ def test_the_summary_says_why_the_car_stands(speed_mps, said):
     samples = [Sample(0.1 * i, speed_mps * 0.1 * i, 0.0, 0.0, speed_mps, 1.0, 0.5) for i in range(30)]
     output = {"winner": "safety", "reason": "something on the lidar: uncover it", "measure": 0.3}
     record = Record(samples=samples, telemetry={"status": {"output": output}})
-    assert command._common(record, Settings()).get("stands_because") == said
+    assert drive_summary.summarize(record, Settings()).get("stands_because") == said
