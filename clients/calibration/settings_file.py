@@ -1,6 +1,6 @@
 """Calibrated values in the car's settings file, each with its origin; and the way back.
 
-The values before are kept beside the file. `undo` puts back those that nobody has changed since.
+The values before are kept beside the file. `undo` puts back those that were not changed since.
 """
 
 import json

@@ -12,11 +12,10 @@ from dataclasses import replace
 from typing import Any, Final
 
 from runtime.wire import topics
-from runtime.wire.endpoints import check_listening, is_tls
+from runtime.wire.endpoints import check_listening
 from runtime.wire.ingress import COMMANDS_HZ, downsampling, droppable_answers, low_pass_filter
 from runtime.wire.teleop import COMMAND_BYTES
 from runtime.wire.zenoh_config import (
-    ACCEPT_TIMEOUT_MS,
     Grant,
     Person,
     Role,
@@ -24,9 +23,9 @@ from runtime.wire.zenoh_config import (
     client_config,
     grants,
     keep_little,
+    listening_config,
     planner_grants,
     rule,
-    session_base,
 )
 
 MAX_ROUTER_SESSIONS: Final = 1024
@@ -78,31 +77,9 @@ def router_config(
     people: all names of the fleet, cars among them. Without `tls` only this machine reaches the router, and each of its
     programs has every right. scans_hz: highest rate of each car's scans towards viewers.
     """
-    check_listening(listen)
-    if tls is None and any(map(is_tls, listen)):
-        raise ValueError("a tls endpoint needs the router's keys")
     cars = [person.name for person in people if person.role is Role.CAR]
-    config = session_base("router", ["tls"] if tls else ["tcp"]) | {
-        "metadata": {"name": name},
-        "listen": {"endpoints": list(listen)},
-        "connect": {"endpoints": []},
-        "timestamping": {"enabled": True},
-        "adminspace": {"enabled": False, "permissions": {"read": False, "write": False}},
-    }
-    config["transport"]["unicast"] = {
-        "max_links": 1,
-        "max_sessions": MAX_ROUTER_SESSIONS,
-        "accept_timeout": ACCEPT_TIMEOUT_MS,
-    }
-    keep_little(config["transport"]["link"])
+    config = listening_config(name, listen, ["tls"] if tls else ["tcp"], tls, MAX_ROUTER_SESSIONS)
     if tls is not None:
-        config["transport"]["link"]["tls"] |= {
-            "root_ca_certificate": str(tls.authority),
-            "listen_certificate": str(tls.certificate),
-            "listen_private_key": str(tls.key),
-            "enable_mtls": True,
-            "close_link_on_expiration": True,
-        }
         config["access_control"] = router_access_control(people)
         config["downsampling"] = _thinned(cars, scans_hz)
         config["qos"] = {"network": droppable_answers()}

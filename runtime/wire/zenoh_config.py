@@ -110,11 +110,25 @@ def car_config(
     Without `tls` only this machine can reach the car, and every local user has all rights. ros: its ROS 2 keys, if any.
     ValueError when an endpoint would be open to the network without certificates.
     """
+    config = listening_config(car, listen, ["tcp", "tls"] if tls else ["tcp"], tls, MAX_SESSIONS)
+    config["transport"]["link"]["rx"] = {"max_message_size": MAX_INCOMING_B}
+    config["qos"] = {"network": droppable_answers()}
+    config["downsampling"] = downsampling(car)
+    config["low_pass_filter"] = low_pass_filter(MAX_DRIVE_B if ros is not None and ros.drive else COMMAND_BYTES)
+    if tls is not None:
+        config["access_control"] = access_control(people, car, ros)
+    return config
+
+
+def listening_config(
+    name: str, listen: Sequence[str], protocols: list[str], tls: Tls | None, max_sessions: int
+) -> dict[str, Any]:
+    """Return what a car's session and a router have in common; ValueError when it would be open to the network."""
     check_listening(listen)
     if tls is None and any(map(is_tls, listen)):
-        raise ValueError("a tls endpoint needs the car's keys")
-    config = session_base("router", ["tcp", "tls"] if tls else ["tcp"]) | {
-        "metadata": {"name": car},
+        raise ValueError(f"a tls endpoint needs the keys of {name}")
+    config = session_base("router", protocols) | {
+        "metadata": {"name": name},
         "listen": {"endpoints": list(listen)},
         "connect": {"endpoints": []},
         "timestamping": {"enabled": True},
@@ -123,14 +137,10 @@ def car_config(
     # One link per session: the rights of a session are judged over all its links together.
     config["transport"]["unicast"] = {
         "max_links": 1,
-        "max_sessions": MAX_SESSIONS,
+        "max_sessions": max_sessions,
         "accept_timeout": ACCEPT_TIMEOUT_MS,
     }
-    config["transport"]["link"]["rx"] = {"max_message_size": MAX_INCOMING_B}
     keep_little(config["transport"]["link"])
-    config["qos"] = {"network": droppable_answers()}
-    config["downsampling"] = downsampling(car)
-    config["low_pass_filter"] = low_pass_filter(MAX_DRIVE_B if ros is not None and ros.drive else COMMAND_BYTES)
     if tls is not None:
         config["transport"]["link"]["tls"] |= {
             "root_ca_certificate": str(tls.authority),
@@ -139,7 +149,6 @@ def car_config(
             "enable_mtls": True,
             "close_link_on_expiration": True,
         }
-        config["access_control"] = access_control(people, car, ros)
     return config
 
 

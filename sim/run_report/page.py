@@ -58,7 +58,7 @@ def still_document(title: str, body: str) -> str:
 
 
 def _document(title: str, body: str, data: object) -> str:
-    script = _part("page.js")
+    script = _part("charts.js") + _part("page.js")
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
     told = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
     return (
