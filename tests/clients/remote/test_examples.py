@@ -126,7 +126,7 @@ async def test_pure_pursuit_drives_along_the_recorded_path(drive, tmp_path):
     async with simulated(tmp_path, "operator.permit=required") as endpoint:
         await run("pure_pursuit.py", drive[0], 10, at=endpoint)
         state = await asyncio.to_thread(standing, endpoint)
-    assert state == "nobody"  # the value on the wire where no source drives: it said goodbye
+    assert state == "nobody"  # the wire's value for no winner: the source said goodbye
     path = places(drive[0])
     (file,) = tmp_path.glob("*.mcap")
     driven = places(file)
