@@ -5,7 +5,8 @@ so near there is doubted until something tells it from them, and not followed or
 
 * it lies on the line of the wall that is seen before the shoulder; or
 * its place was seen before the shoulder, or known as the world's, and has come here by odometry; or
-* it moves against the car: its place, and not its bearing and range, is that of a scan some centimetres back.
+* it moves against the car: its place, and not its bearing and range, is that of a scan some centimetres back; or
+* the beams there have seen through, for a second: no part is in their way, and what comes there has come by itself.
 
 The other way round, what keeps its bearing and range, but not its place, is a part of the car; 0.3 m of way tell it.
 Only a car that backs out uses doubted returns: it has no other information about the area behind it.
@@ -50,6 +51,8 @@ BESIDE_FROM_RAD = math.radians(20)
 """Bearing from which places are stored that will be behind the shoulder within MAX_LENGTH_M."""
 PART_RIM_BEAMS = 4
 PART_RIM_M = 0.15
+MIN_THROUGH_SCANS = 40
+"""Number of scans in a row that show that no part is before a beam: a loose cable swings to and fro faster."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +123,8 @@ class OwnParts:
             self._part_m = ranges_m[rear.beams]
             self._evidence = np.where(np.isfinite(self._part_m), 1.0, 0.0)
         self._parts: Booleans = self._evidence > PART_ABOVE
+        self._through_scans, self._through = np.zeros(count, np.intp), np.zeros(count, np.bool_)
+        self._doubted_m = rear.below_m if rear is not None else None
         self._settled = self._evidence.copy(), self._part_m.copy()
 
     @property
@@ -169,9 +174,10 @@ class OwnParts:
             world = self._weigh(seen)
         if moved:
             self._settle()
-        self.below_m, self.doubtful, self._world_now = rear.below_m, NOWHERE, NOWHERE
+        self._see_through(seen)
+        self.below_m, self.doubtful, self._world_now = self._doubted_m, NOWHERE, NOWHERE
         if np.count_nonzero(seen.near & ~self._parts):
-            world |= self._on_the_wall(seen)
+            world |= self._on_the_wall(seen) | (seen.near & self._through)
             self._world_now = seen.places(rear.beams[world])
             self.doubtful = seen.places(rear.beams[self._in_doubt(seen, world)])
             self.below_m = self._expecting(seen, pose, elapsed_s)
@@ -200,6 +206,17 @@ class OwnParts:
         world = seen.near & ~fixed & (for_moved >= MIN_MOVED) & (for_moved > CLEARLY * for_fixed)
         self._learn(part, world, seen.rear_m, min(way_m, LONG_M))
         return world & ~self._parts
+
+    def _see_through(self, seen: "_RearScan") -> None:
+        """Find the beams (k,) that no part is before, at their sides neither."""
+        self._through_scans[self._parts | (seen.near & (self._through_scans < MIN_THROUGH_SCANS))] = 0
+        self._through_scans += seen.rear_m >= DOUBTED_NEARER_THAN_M  # NaN compares as not beyond
+        shut = self._through_scans < MIN_THROUGH_SCANS
+        through: Booleans = around(shut, seen.rear.first_side, PART_RIM_BEAMS) == 0
+        if not np.array_equal(through, self._through):
+            self._through = through
+            self._doubted_m = seen.rear.below_m.copy()
+            self._doubted_m[seen.rear.beams[through]] = 0.0
 
     def _learn(self, part: Booleans, world: Booleans, rear_m: Floats, way_m: float) -> None:
         gain = 1.0 - math.exp(-way_m / PART_MEMORY_M)
@@ -251,6 +268,7 @@ class OwnParts:
         away_m = expected_m(scan.ranges_m.size, places, scan.angle_min_rad, scan.angle_step_rad)[rear.beams]
         below_m = rear.below_m.copy()
         below_m[rear.beams] = np.minimum(np.maximum(away_m - EXPECTED_WITHIN_M, 0.0), DOUBTED_NEARER_THAN_M)
+        below_m[rear.beams[self._through]] = 0.0
         below_m[rear.beams[self._parts]] = DOUBTED_NEARER_THAN_M
         return below_m
 

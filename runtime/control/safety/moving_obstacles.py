@@ -42,6 +42,9 @@ SURE_SPEED_MPS, SURE_SPEED_SHARE, SURE_TURNING_SHARE = 0.2, 0.03, 0.12
 """The same for a motion aside while scan matching corrects the odometry."""
 AHEAD_S = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9)
 FORGOTTEN_S = 0.15
+CARRIED_S = 0.7
+"""The same for an object that moves and goes out of sight: behind a pillar, or beside the shoulder."""
+CARRIED_POINTS = np.linspace(0.0, 1.0, 6)
 
 
 class MovingObstacles:
@@ -84,7 +87,12 @@ class MovingObstacles:
             if track.moves:
                 velocity_mps = track.velocity_mps * look.turned.conjugate()
                 strips += [points + velocity_mps * ahead_s for ahead_s in AHEAD_S]
-        self._tracks = fresh + [track for track in self._tracks if stamp_s - track.seen_s <= FORGOTTEN_S]
+        hidden = [track for track in self._tracks if track.moves and stamp_s - track.seen_s <= CARRIED_S]
+        for track in hidden:
+            strips += _carried(track, stamp_s, look)
+        self._tracks = fresh + [
+            track for track in self._tracks if stamp_s - track.seen_s <= (CARRIED_S if track.moves else FORGOTTEN_S)
+        ]
         self.any_moves = bool(strips)
         return np.concatenate(strips) if strips else NOWHERE
 
@@ -125,6 +133,18 @@ class MovingObstacles:
         else:
             nearest.add(place_m, edges_m, stamp_s, look)
         return nearest
+
+
+def _carried(track: ObstacleTrack, stamp_s: float, look: ScanLook) -> list[Places]:
+    """Return the present and the next places, base_link, of an object that went out of sight; none where it is not."""
+    right_m, left_m = track.newest_m
+    points_m = right_m + (left_m - right_m) * CARRIED_POINTS + track.velocity_mps * (stamp_s - track.seen_s)
+    middle_m = complex(points_m.mean())
+    if look.is_in_view(middle_m) and look.is_free(middle_m):
+        return []
+    velocity_mps = track.velocity_mps * look.turned.conjugate()
+    points_m = (points_m - look.at_m) * look.turned.conjugate()
+    return [points_m + velocity_mps * ahead_s for ahead_s in (0.0, *AHEAD_S)]
 
 
 @accelerated

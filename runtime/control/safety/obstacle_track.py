@@ -52,6 +52,10 @@ class ScanLook:
         beam = round((cmath.phase(off) - view.scan.angle_min_rad) / view.scan.angle_step_rad)
         return abs(off), view.ranges_m[max(0, beam - 1) : max(0, beam + 2)]
 
+    def is_in_view(self, place_m: complex) -> bool:
+        """Return whether the lidar looks in that direction."""
+        return bool(self.ranges_m(place_m)[1].size)
+
     def is_occupied(self, place_m: complex) -> bool:
         """Return whether one of three beams returns from that place: of a table leg it may be the only one."""
         away_m, ranges_m = self.ranges_m(place_m)

@@ -5,15 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from drivers.api import MotorState
-from runtime.control.perception.own_parts import KnownParts, OwnParts
+from drivers.api import MotorState, Scan
+from runtime.control.perception.odometry import OdometryState
+from runtime.control.perception.own_parts import MIN_THROUGH_SCANS, KnownParts, OwnParts
 from runtime.control.perception.view import PerceptionCache
 from runtime.control.safety.swept import SweptAssessment, SweptGuard
 from runtime.control.safety.swept_settings import SweptSettings
 from runtime.control.vehicle import CarSettings
 from sim.virtual.closed_loop import as_scan
 from sim.world.beams import LidarSettings, scan
-from sim.world.obstacles import Box, Obstacle, ObstacleWorld, Round, StandingObstacle
+from sim.world.obstacles import Box, ConstantMotion, Obstacle, ObstacleWorld, Round, StandingObstacle
 from sim.world.own_parts import KINDS
 from sim.world.pose import STANDING, Pose
 from sim.world.worlds import load_world
@@ -70,7 +71,7 @@ def leg(x_m, y_m=0.36):
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_part_is_solid_from_the_first_scan_on(kind):
     car = Car(kind)
-    views = [car.look() for _ in range(5)]
+    views = [car.look() for _ in range(60)]  # long enough to see through what is no part
     views += [car.look(STEP_M) for _ in range(60)]
     assert sum(np.count_nonzero(behind(view)) for view in views) > 60
     assert max(np.count_nonzero(view.solid & behind(view)) for view in views) == 0
@@ -117,6 +118,35 @@ def test_a_wall_close_beside_a_car_that_backs_is_no_part_of_it():
         view = car.look(-STEP_M)
         assert not car.guard.own_parts.parts.any()
     assert np.count_nonzero(view.solid & behind(view)) > 0.9 * np.count_nonzero(behind(view))
+
+
+@pytest.mark.parametrize("kind", ["none", *KINDS])
+def test_a_person_who_comes_beside_the_shoulder_of_a_standing_car_counts(kind):
+    walk = ConstantMotion(0.0, 0.8, 1.5, 1.5 + 1.25 / 0.8)
+    person = Obstacle(Round(0.12), StandingObstacle(Pose(0.12, -1.6, 0.0)), walk)
+    car, empty = Car(kind, obstacles=(person,)), Car(kind)
+    for _ in range(160):
+        view, without = car.look(), empty.look()
+    new = behind(view) & ~behind(without, 0.9)
+    assert np.count_nonzero(new) > 50
+    assert np.count_nonzero(view.solid & new) > 0.6 * np.count_nonzero(new)
+    assert not (without.solid & behind(without)).any()
+
+
+def test_a_cable_that_swings_to_and_fro_stays_in_doubt():
+    """It is away for almost a second at a time: its beams have seen through, but not for long enough."""
+    parts, eyes = OwnParts(CAR.lidar_x_m), PerceptionCache(CAR)
+    free_m = np.full(1081, 4.0, np.float32)
+    cable_m = free_m.copy()
+    cable_m[40:60] = 0.4
+    for step in range(400):
+        seen_m = cable_m if step % (MIN_THROUGH_SCANS + 9) < 10 else free_m
+        eyes.ignore(None, parts.below_m)
+        view = eyes.see(Scan(0.025 * step, 0.025 * step, -2.356, 0.00436, 0.02, 30.0, seen_m, step))
+        assert not view.solid[40:60].any() or seen_m is free_m
+        parts.update(view, OdometryState())
+    assert parts.below_m is not None
+    assert not parts.below_m[70:100].any()
 
 
 def test_a_leg_beside_the_rear_wheel_counts_as_soon_as_it_is_seen_to_move():

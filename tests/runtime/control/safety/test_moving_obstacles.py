@@ -10,6 +10,7 @@ from runtime.control.perception.geometry import NOWHERE
 from runtime.control.perception.odometry import OdometryState
 from runtime.control.perception.view import PerceptionCache
 from runtime.control.safety.moving_obstacles import (
+    CARRIED_S,
     MAX_THINGS,
     SEEN_SCANS,
     WITHIN_M,
@@ -51,6 +52,29 @@ def watch(place, *, pose=lambda _: OdometryState(), scans=24, radius_m=0.2, nois
         ranges_m = circle(cos * dx + sin * dy, cos * dy - sin * dx, radius_m) + rng.normal(0, noise_m, 1081)
         points = movers.update(see(ranges_m), at, now_s)
     return points
+
+
+def predicted(place, scans, pillar=(2.0, 0.0)):
+    """Return whether an object is predicted at each scan; place as in `watch`, or None: it is gone."""
+    movers, found, pillar_m = MovingObstacles(), [], circle(*pillar, 0.25)
+    for step in range(scans):
+        at = place(step * SCAN_S)
+        ranges_m = np.minimum(pillar_m, circle(*at)) if at else pillar_m
+        found.append(bool(movers.update(see(ranges_m), OdometryState(), step * SCAN_S).size))
+    return found
+
+
+def test_a_person_behind_a_pillar_is_expected_for_a_moment():
+    hidden = [step for step in range(80) if abs(1.5 - 1.4 * step * SCAN_S) < 0.2]
+    found = predicted(lambda now_s: (3.2, max(0.0, 1.5 - 1.4 * now_s)), 80)  # stops there
+    assert all(found[step] for step in hidden)
+    assert not any(found[hidden[0] + round(CARRIED_S / SCAN_S) :])
+
+
+def test_a_person_who_is_gone_from_where_the_lidar_sees_is_expected_no_more():
+    found = predicted(lambda now_s: (3.2, 1.5 - 1.4 * now_s) if now_s < 0.5 else None, 30)
+    assert found[19]
+    assert not any(found[20:])
 
 
 @pytest.mark.parametrize("sign", [1, -1])
