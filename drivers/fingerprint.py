@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 DIGITS: Final = 16
-DECORATOR: Final = "accelerated"
+DECORATORS: Final = frozenset({"accelerated", "accelerable"})
 _METHODS: Final = "()"
 _LEFT_OUT: Final = frozenset({"ctx", "kind", "returns", "annotation", "type_comment", "type_params"})
 
@@ -165,7 +165,7 @@ def _parameters_of(statement: ast.stmt) -> frozenset[str]:
 
 def _is_ours(decorator: ast.expr) -> bool:
     named = decorator.func if isinstance(decorator, ast.Call) else decorator
-    return isinstance(named, ast.Name) and named.id == DECORATOR
+    return isinstance(named, ast.Name) and named.id in DECORATORS
 
 
 def _parts_of(node: ast.AST) -> Iterator[tuple[str, object]]:

@@ -42,11 +42,12 @@ class Kernel:
 
 
 def state() -> Kernel:
-    """Return the state of all accelerated functions; imports their modules."""
+    """Return the state of the car's accelerated functions; imports their modules."""
     try:
         library = extension()
         for name in sealed()["functions"]:
-            importlib.import_module(name.rpartition(".")[0])
+            if not name.startswith("sim."):
+                importlib.import_module(name.rpartition(".")[0])
     except UnfitError as reason:
         return Kernel(f"the hot path runs in Python ({reason})", {name: one.why for name, one in FUNCTIONS.items()})
     in_python = {name: one.why for name, one in sorted(FUNCTIONS.items()) if one.why}

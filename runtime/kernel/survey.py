@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from drivers.fingerprint import Module, Sources, bound_by
 
-PLACES: Final = "drivers/hokuyo", "runtime/control"
+PLACES: Final = "drivers/hokuyo", "runtime/control", "sim/world"
 """Folders whose functions may be accelerated, and whose constants the C may use."""
 C_FOLDERS: Final = "runtime/kernel", "sim/world"
 SEAL: Final = Path("runtime/kernel/seal.json")

@@ -21,6 +21,7 @@ from sim.world.beams import LidarSettings, scan, true_ranges_m
 from sim.world.grid import GridGeometry
 from sim.world.place import World
 from sim.world.pose import CAR, Floats, Pose
+from sim.world.segments import cast_walls
 from sim.world.worlds import load_world
 
 STEP_S: Final = 0.01
@@ -43,7 +44,7 @@ def simulator(seconds: float = 0.5, maps: Path | None = None) -> dict[str, Any]:
     """Measure every world for `seconds` in each way; one run, as plain values."""
     sources = [*WALL_WORLDS, MADE_MAP, *map(str, maps_in(maps))]
     return {
-        "compiled": compiled.library() is not None,
+        "compiled": compiled.by_c(cast_walls) is not None,
         "worlds": [_world_figures(source, seconds) for source in sources],
         "batch": _batch_figures(seconds),
         "exactness": exactness(),

@@ -7,6 +7,7 @@
  */
 
 #include "arrays.h"
+#include "constants.h"
 
 #include <stdint.h>
 
@@ -36,7 +37,6 @@ struct cells {
 struct walls {
     const double *straight, *circles;
     int64_t straight_count, circle_count;
-    double end_slack_m, edge_on;
 };
 
 /* Cosine and sine, good to 2e-16: taken back to +-pi/4, then Taylor's series. */
@@ -120,6 +120,7 @@ static void through_cells(const struct cells *grid, const struct beams *beams)
 {
     const uint16_t *leaps = grid->leaps;
     const double rows = grid->rows, columns = grid->columns;
+    const double along_grid = GRID_ALONG_GRID;
     const double px0 = column_of(grid, beams->x0, beams->y0), py0 = row_of(grid, beams->x0, beams->y0);
     for (int64_t first = 0; first < beams->count; first += LANES) {
         double ox[LANES], oy[LANES], angle[LANES];
@@ -130,7 +131,7 @@ static void through_cells(const struct cells *grid, const struct beams *beams)
             EACH_LANE { at.px[k] = column_of(grid, ox[k], oy[k]); at.py[k] = row_of(grid, ox[k], oy[k]); }
         directions(angle, at.dx, at.dy);
         EACH_LANE {
-            double dx = fabs(at.dx[k]) < 1e-12 ? 0.0 : at.dx[k], dy = fabs(at.dy[k]) < 1e-12 ? 0.0 : at.dy[k];
+            double dx = fabs(at.dx[k]) < along_grid ? 0.0 : at.dx[k], dy = fabs(at.dy[k]) < along_grid ? 0.0 : at.dy[k];
             double far_x = dx >= 0.0 ? 1.0 : 0.0, far_y = dy >= 0.0 ? 1.0 : 0.0; /* along a grid line: +0.0, not -0.0 */
             int inside = (at.px[k] >= 0.0) & (at.py[k] >= 0.0) & (at.px[k] < columns) & (at.py[k] < rows);
             at.dx[k] = dx; at.dy[k] = dy;
@@ -169,7 +170,7 @@ static void to_walls(const struct walls *walls, const struct beams *beams)
         for (int64_t i = 0; i < walls->straight_count; i++) {
             const double *wall = walls->straight + 5 * i;
             const double x = wall[0], y = wall[1], ex = wall[2], ey = wall[3], half = wall[4];
-            const double reach = half + walls->end_slack_m, edge_on = walls->edge_on;
+            const double reach = half + SEGMENTS_END_SLACK_M, edge_on = FAN_CAST_EDGE_ON;
             double away[LANES], facing[LANES];
             int32_t meets[LANES], any = 0;
             EACH_LANE {
@@ -264,20 +265,19 @@ KERNEL(cast_cells)
     Py_RETURN_NONE;
 }
 
-/* cast_walls(straight, circles, (end_slack_m, edge_on), x, y, bearing, ranges): fills ranges */
+/* cast_walls(straight, circles, x, y, bearing, ranges): fills ranges */
 KERNEL(cast_walls)
 {
     struct beams beams;
-    double v[MAX_NUMBERS];
     beam straight, circles;
-    if (!enough(count, 7, "cast_walls") || !same_count(given[2], 2, v) || !beams_of(given + 3, &beams))
+    if (!enough(count, 6, "cast_walls") || !beams_of(given + 2, &beams))
         return NULL;
     const double *lines = whole(given[0], NPY_DOUBLE, &straight), *round = lines ? whole(given[1], NPY_DOUBLE, &circles) : NULL;
     if (!round)
         return NULL;
     if (straight % 5 || circles % 3)
         return PyErr_Format(PyExc_ValueError, "cast_walls: five numbers for a wall, three for a circle are needed");
-    struct walls walls = {lines, round, straight / 5, circles / 3, v[0], v[1]};
+    struct walls walls = {lines, round, straight / 5, circles / 3};
     to_walls(&walls, &beams);
     Py_RETURN_NONE;
 }

@@ -1,23 +1,24 @@
 """Compiled equivalent of the numpy casts (`casting.c`), a part of the extension module; optional.
 
-Where that is not built, or with WALLRIDE_COMPILED=0, `library` is None and numpy is used, more slowly.
+numpy answers, more slowly, where that is not built, with WALLRIDE_COMPILED=0, and where a cast was edited in Python
+since its C was sealed. A geometry chooses when it is made, so that the benchmark compares both in one process.
 """
 
 import math
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from types import ModuleType
+from functools import cache
 from typing import Any
 
 import numpy as np
 
-from drivers.accelerated import SWITCH, UnfitError, extension
+from drivers.accelerated import SWITCH, Accelerated, UnfitError
 from sim.world.free_rectangles import FreeRectangles
 from sim.world.pose import Floats, Pose
 
 Scene = tuple[Any, ...]
-"""The first arguments of `cast_cells` or `cast_walls`."""
+"""The first arguments of the C of `cast_cells` or `cast_walls`."""
 
 
 def cells(rectangles: FreeRectangles, origin: Pose, cell_m: float) -> Scene:
@@ -27,15 +28,10 @@ def cells(rectangles: FreeRectangles, origin: Pose, cell_m: float) -> Scene:
     return rectangles.leaps.ravel(), grid
 
 
-def walls(straight: Floats, circles: Floats, *, end_slack_m: float, edge_on: float) -> Scene:
-    """Return walls for `cast_walls`; (n, 5) and (m, 3)."""
-    return straight.ravel(), np.asarray(circles, np.float64).ravel(), (end_slack_m, edge_on)
-
-
 def cast(
     function: Callable[..., None], scene: Scene, x_m: float | Floats, y_m: float | Floats, bearing_rad: Floats
 ) -> Floats:
-    """Return the distances of the library's `cast_cells` or `cast_walls`, shape (n,); see World.cast."""
+    """Return the distances of the C of `cast_cells` or `cast_walls`, shape (n,); see World.cast."""
     bearing = np.ascontiguousarray(bearing_rad, dtype=np.float64)
     ranges = np.empty(bearing.shape)
     if isinstance(x_m, np.ndarray) or isinstance(y_m, np.ndarray):
@@ -45,18 +41,17 @@ def cast(
     return ranges
 
 
-def library() -> ModuleType | None:
-    """Return the module with the compiled casts; None if it is not available.
+def by_c(python: Callable[..., Floats]) -> Callable[..., None] | None:
+    """Return the C of `cast_cells` or `cast_walls`; None where numpy has to answer."""
+    return None if os.environ.get(SWITCH) == "0" else _fitting(python)
 
-    WALLRIDE_COMPILED=0 in the environment means numpy only.
-    """
-    if os.environ.get(SWITCH) == "0":
-        return None
+
+@cache
+def _fitting(python: Callable[..., Floats]) -> Callable[..., None] | None:
     try:
-        found = extension()
+        return Accelerated(python).compiled()
     except UnfitError:
         return None
-    return found if hasattr(found, "cast_cells") else None
 
 
 @contextmanager

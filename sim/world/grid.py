@@ -13,6 +13,7 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
+from drivers.accelerated import accelerable
 from sim.world import compiled
 from sim.world.fan_cast import FanCast, is_fan
 from sim.world.free_rectangles import FreeRectangles
@@ -41,7 +42,7 @@ class GridGeometry:
         self.origin = origin.ahead(-self.cell_m, -self.cell_m)
         self._rectangles = FreeRectangles(padded)
         self._edge_xy_m = self._edge_cells_m()
-        self._library = compiled.library() if self._rectangles.leaps.size < _MAX_COMPILED else None
+        self._by_c = compiled.by_c(cast_cells) if self._rectangles.leaps.size < _MAX_COMPILED else None
         self._compiled = compiled.cells(self._rectangles, self.origin, self.cell_m)
 
     @property
@@ -76,8 +77,8 @@ class GridGeometry:
 
         bearing_rad: shape (n,); x_m, y_m: one origin for all beams, or one for each, shape (n,).
         """
-        if self._library is not None:
-            return compiled.cast(self._library.cast_cells, self._compiled, x_m, y_m, bearing_rad)
+        if self._by_c is not None:
+            return compiled.cast(self._by_c, self._compiled, x_m, y_m, bearing_rad)
         if not isinstance(x_m, np.ndarray) and not isinstance(y_m, np.ndarray) and is_fan(bearing_rad):
             free = self.is_free(x_m, y_m)
             return self._fan.cast(x_m, y_m, bearing_rad) if free else np.zeros(bearing_rad.shape)
@@ -85,11 +86,7 @@ class GridGeometry:
 
     def march(self, x_m: float | Floats, y_m: float | Floats, bearing_rad: Floats) -> Floats:
         """Return the same as `cast`, always by `FreeRectangles`: the same bits on every machine."""
-        ox, oy = np.broadcast_to(x_m, bearing_rad.shape), np.broadcast_to(y_m, bearing_rad.shape)
-        along, across = into_frame(self.origin, ox, oy)
-        heading = bearing_rad - self.origin.yaw_rad
-        dx, dy = (np.where(np.abs(part) < _ALONG_GRID, 0.0, part) for part in (np.cos(heading), np.sin(heading)))
-        return self._rectangles.march(along / self.cell_m, across / self.cell_m, dx, dy) * self.cell_m
+        return cast_cells(self._rectangles, self.origin, self.cell_m, x_m, y_m, bearing_rad)
 
     def clearance(self, pose: Pose, footprint: Footprint) -> float:
         """Return the distance between the car's outline and the nearest solid cell, 0 in contact."""
@@ -137,6 +134,23 @@ class GridGeometry:
     def _to_world(self, along_m: Floats, across_m: Floats) -> tuple[Floats, Floats]:
         cos, sin = math.cos(self.origin.yaw_rad), math.sin(self.origin.yaw_rad)
         return self.origin.x_m + cos * along_m - sin * across_m, self.origin.y_m + sin * along_m + cos * across_m
+
+
+@accelerable(fan=FanCast)
+def cast_cells(
+    rectangles: FreeRectangles,
+    origin: Pose,
+    cell_m: float,
+    x_m: float | Floats,
+    y_m: float | Floats,
+    bearing_rad: Floats,
+) -> Floats:
+    """Return the distances to the first solid cell, see `GridGeometry.cast`; `casting.c` fills them in."""
+    ox, oy = np.broadcast_to(x_m, bearing_rad.shape), np.broadcast_to(y_m, bearing_rad.shape)
+    along, across = into_frame(origin, ox, oy)
+    heading = bearing_rad - origin.yaw_rad
+    dx, dy = (np.where(np.abs(part) < _ALONG_GRID, 0.0, part) for part in (np.cos(heading), np.sin(heading)))
+    return rectangles.march(along / cell_m, across / cell_m, dx, dy) * cell_m
 
 
 def _runs(marks: Booleans) -> Cells:

@@ -8,6 +8,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from drivers.accelerated import accelerable
 from sim.world import compiled
 from sim.world.fan_cast import EDGE_ON, FanCast, is_fan
 from sim.world.pose import Booleans, Floats, Footprint, Pose, into_frame
@@ -32,15 +33,9 @@ class SegmentGeometry:
         ex, ey = self.segments_m[:, 2] - px, self.segments_m[:, 3] - py
         length = np.hypot(ex, ey)
         ex, ey = ex / np.maximum(length, 1e-12), ey / np.maximum(length, 1e-12)
-        self._half_m = (length / 2)[:, None]
-        # Ray o + t d meets the line p + s e, both in metres, at t = (p-o) x e / d x e and s = (p-o) x d / d x e:
-        # three matrix products.
-        self._along_ray = np.column_stack([px * ey - py * ex, -ey, ex])
-        self._along_segment = np.column_stack([px, -py, -np.ones_like(px)])
-        self._facing = np.column_stack([ey, -ex])
-        self._library = compiled.library()
         self._straight = np.column_stack([px, py, ex, ey, length / 2])
-        self._compiled = compiled.walls(self._straight, self.circles_m, end_slack_m=_END_SLACK_M, edge_on=EDGE_ON)
+        self._by_c = compiled.by_c(cast_walls)
+        self._compiled = self._straight.ravel(), self.circles_m.ravel()
 
     @property
     def outline_m(self) -> Floats:
@@ -52,18 +47,13 @@ class SegmentGeometry:
 
         bearing_rad: shape (n,); x_m, y_m: one origin for all beams, or one for each, shape (n,).
         """
-        if self._library is not None:
-            return compiled.cast(self._library.cast_walls, self._compiled, x_m, y_m, bearing_rad)
-        dx, dy = np.cos(bearing_rad), np.sin(bearing_rad)
-        ox, oy = np.broadcast_to(x_m, dx.shape), np.broadcast_to(y_m, dx.shape)
-        nearest = np.full(dx.shape, np.inf)
+        if self._by_c is not None:
+            return compiled.cast(self._by_c, self._compiled, x_m, y_m, bearing_rad)
         spread = isinstance(x_m, np.ndarray) or isinstance(y_m, np.ndarray)
-        if len(self.segments_m) > _FEW_WALLS and not spread and is_fan(bearing_rad):
-            nearest = self._fan.cast(float(ox[0]), float(oy[0]), bearing_rad)
-        elif len(self.segments_m):
-            nearest = self._cast_segments(ox, oy, dx, dy)
-        if len(self.circles_m):
-            np.minimum(nearest, _cast_circles(self.circles_m, ox, oy, dx, dy), out=nearest)
+        if len(self.segments_m) <= _FEW_WALLS or spread or not is_fan(bearing_rad):
+            return cast_walls(self._straight, self.circles_m, x_m, y_m, bearing_rad)
+        nearest = cast_walls(self._straight[:0], self.circles_m, x_m, y_m, bearing_rad)
+        np.minimum(nearest, self._fan.cast(float(x_m), float(y_m), bearing_rad), out=nearest)
         return nearest
 
     def clearance(self, pose: Pose, footprint: Footprint) -> float:
@@ -86,27 +76,6 @@ class SegmentGeometry:
     def _fan(self) -> FanCast:
         return FanCast(self.segments_m)
 
-    def _cast_segments(self, ox: Floats, oy: Floats, dx: Floats, dy: Floats) -> Floats:
-        aim = np.stack([dx, dy])
-        offset = np.stack([dy, dx, ox * dy - oy * dx])
-        place = np.stack([np.ones_like(ox), ox, oy])
-        nearest = np.full(dx.shape, np.inf)
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # parallel: filtered out as edge-on below
-            for first in range(0, len(self.segments_m), _BLOCK):
-                some = slice(first, first + _BLOCK)
-                half_m = self._half_m[some]
-                facing = 1.0 / (self._facing[some] @ aim)
-                along = self._along_segment[some] @ offset
-                along *= facing
-                distance = self._along_ray[some] @ place
-                distance *= facing
-                along -= half_m
-                met = np.abs(along, out=along) <= half_m + _END_SLACK_M
-                met &= distance >= 0.0
-                met &= np.abs(facing, out=facing) < 1.0 / EDGE_ON
-                np.minimum(nearest, np.where(met, distance, np.inf).min(axis=0), out=nearest)
-        return nearest
-
 
 def circle_outline(x_m: float, y_m: float, radius_m: float, *, corners: int = 16) -> Floats:
     """Return a polygon for a circle as segments, shape (corners, 4); for drawing only."""
@@ -126,6 +95,52 @@ def box(x_m: float, y_m: float, length_m: float, width_m: float, yaw_rad: float 
     at = Pose(x_m, y_m, yaw_rad)
     corners = [at.ahead(i * length_m / 2, j * width_m / 2) for i, j in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
     return chain([(corner.x_m, corner.y_m) for corner in corners], closed=True)
+
+
+@accelerable(fan=FanCast)
+def cast_walls(
+    straight: Floats, circles_m: Floats, x_m: float | Floats, y_m: float | Floats, bearing_rad: Floats
+) -> Floats:
+    """Return the distances to the nearest wall or circle, see `SegmentGeometry.cast`; `casting.c` fills them in.
+
+    straight: one end (x, y), unit direction (x, y), half the length, metres, shape (n, 5). circles_m: shape (m, 3).
+    """
+    dx, dy = np.cos(bearing_rad), np.sin(bearing_rad)
+    ox, oy = np.broadcast_to(x_m, dx.shape), np.broadcast_to(y_m, dx.shape)
+    nearest = _cast_straight(straight, ox, oy, dx, dy)
+    if len(circles_m):
+        np.minimum(nearest, _cast_circles(circles_m, ox, oy, dx, dy), out=nearest)
+    return nearest
+
+
+def _cast_straight(straight: Floats, ox: Floats, oy: Floats, dx: Floats, dy: Floats) -> Floats:
+    """Meet all walls: ray o + t d meets the line p + s e at t = (p-o) x e / d x e and s = (p-o) x d / d x e.
+
+    Three matrix products for some walls at a time.
+    """
+    px, py, ex, ey, half = straight.T
+    along_ray = np.column_stack([px * ey - py * ex, -ey, ex])
+    along_wall = np.column_stack([px, -py, -np.ones_like(px)])
+    facings, halves_m = np.column_stack([ey, -ex]), half[:, None]
+    aim = np.stack([dx, dy])
+    offset = np.stack([dy, dx, ox * dy - oy * dx])
+    place = np.stack([np.ones_like(ox), ox, oy])
+    nearest = np.full(dx.shape, np.inf)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # parallel: filtered out as edge-on below
+        for first in range(0, len(straight), _BLOCK):
+            some = slice(first, first + _BLOCK)
+            half_m = halves_m[some]
+            facing = 1.0 / (facings[some] @ aim)
+            along = along_wall[some] @ offset
+            along *= facing
+            distance = along_ray[some] @ place
+            distance *= facing
+            along -= half_m
+            met = np.abs(along, out=along) <= half_m + _END_SLACK_M
+            met &= distance >= 0.0
+            met &= np.abs(facing, out=facing) < 1.0 / EDGE_ON
+            np.minimum(nearest, np.where(met, distance, np.inf).min(axis=0), out=nearest)
+    return nearest
 
 
 def _cast_circles(circles_m: Floats, ox: Floats, oy: Floats, dx: Floats, dy: Floats) -> Floats:

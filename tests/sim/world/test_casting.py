@@ -8,19 +8,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.accelerated import UnfitError
+from drivers.accelerated import Accelerated, UnfitError
 from sim.world import compiled
 from sim.world.fan_cast import FanCast, is_fan
-from sim.world.grid import GridGeometry
+from sim.world.grid import GridGeometry, cast_cells
 from sim.world.pose import Pose
-from sim.world.segments import SegmentGeometry, box, chain
+from sim.world.segments import SegmentGeometry, box, cast_walls, chain
 
 FAN_RAD = np.radians(np.linspace(-135.0, 135.0, 1081))
 AGREE_M = 1e-9
 SAME_SPOT = 0.998
 """Share of beams that must agree; the others pass a corner so closely that rounding decides."""
 
-needs_compiler = pytest.mark.skipif(compiled.library() is None, reason="there is no C compiler here")
+needs_compiler = pytest.mark.skipif(compiled.by_c(cast_walls) is None, reason="there is no C compiler here")
 seeds = st.integers(0, 10_000)
 
 
@@ -169,25 +169,26 @@ def _polygon():
 
 
 def test_without_the_extension_numpy_answers(monkeypatch):
-    def not_built():
+    def not_built(one):
         raise UnfitError("not built")
 
-    monkeypatch.setattr(compiled, "extension", not_built)
-    assert compiled.library() is None
+    monkeypatch.setattr(Accelerated, "compiled", not_built)
+    monkeypatch.setattr(compiled, "_fitting", compiled._fitting.__wrapped__)
+    assert compiled.by_c(cast_walls) is None
     assert SegmentGeometry(box(2, 0, 1, 1)).cast(0.0, 0.0, np.array([0.0]))[0] == pytest.approx(1.5)
 
 
 def test_it_can_be_switched_off():
     with compiled.numpy_only():
-        assert compiled.library() is None
+        assert compiled.by_c(cast_walls) is None
 
 
 @needs_compiler
 def test_wrong_arguments_are_refused_and_crash_nothing():
-    library: Any = compiled.library()
+    by_c: tuple[Any, Any] = compiled.by_c(cast_cells), compiled.by_c(cast_walls)
     bearing, ranges = np.zeros(4), np.empty(4)
     leaps, grid = np.zeros(4 * 6, np.uint16), (0.0, 0.0, 1.0, 0.0, 0.0, 0.1, 2.0, 3.0)
-    library.cast_cells(leaps, grid, 0.0, 0.0, bearing, ranges)
+    by_c[0](leaps, grid, 0.0, 0.0, bearing, ranges)
     wrong: list[tuple[Any, ...]] = [
         (leaps[1:], grid, 0.0, 0.0, bearing, ranges),
         (leaps, (*grid[:6], math.nan, 3.0), 0.0, 0.0, bearing, ranges),
@@ -201,12 +202,12 @@ def test_wrong_arguments_are_refused_and_crash_nothing():
     ]
     for given_ in wrong:
         with pytest.raises((TypeError, ValueError)):
-            library.cast_cells(*given_)
+            by_c[0](*given_)
     circles, straight = np.zeros(3), np.zeros(10)
-    library.cast_walls(straight, circles, (0.0, 0.1), 0.0, 0.0, bearing, ranges)
+    by_c[1](straight, circles, 0.0, 0.0, bearing, ranges)
     for walls in ((straight[1:], circles), (straight, circles[1:]), (None, circles), (np.zeros((2, 5)), circles)):
         with pytest.raises((TypeError, ValueError)):
-            library.cast_walls(*walls, (0.0, 0.1), 0.0, 0.0, bearing, ranges)
+            by_c[1](*walls, 0.0, 0.0, bearing, ranges)
 
 
 @needs_compiler
