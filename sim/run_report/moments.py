@@ -37,7 +37,7 @@ def moments(run: RecordedRun, laps_s: Sequence[float] = ()) -> dict[str, Any]:
     return {
         "name": run.name,
         "duration": round(run.duration_s, 3),
-        "car": [car.front_m, car.rear_m, car.half_width_m, car.lidar_x_m],
+        "car": [car.front_m, car.rear_m, car.half_width_m, car.lidar_x_m, car.lidar_y_m],
         "decisions": [_decision(change) for change in run.changes],
         "laps": [round(end_s, 2) for end_s in laps_s],
         "path": _path(run),

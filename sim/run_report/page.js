@@ -75,7 +75,7 @@ class Moment {
         const packed = scans.beams[scan * scans.groups + i], range = (packed & MAX_CM) / 100;
         if (!range) continue;
         const bearing = scans.from + (i * scans.group + (packed >> GROUP_SHIFT)) * scans.step;
-        const ahead = told.car[3] + range * Math.cos(bearing), left = range * Math.sin(bearing);
+        const ahead = told.car[3] + range * Math.cos(bearing), left = told.car[4] + range * Math.sin(bearing);
         const [px, py] = place(sx + Math.cos(turned) * ahead - Math.sin(turned) * left, sy + Math.sin(turned) * ahead + Math.cos(turned) * left);
         context.fillRect(px - dot / 2, py - dot / 2, dot, dot);
       }

@@ -18,8 +18,8 @@ export class Beams {
   #seenMs = -Infinity;
   #words = "";
 
-  /** Takes the points that safety leaves out, in base_link; lidarM: where the lidar is, ahead of the rear axle. */
-  takeIgnored(markers, scan, lidarM, nowMs) {
+  /** Takes the points that safety leaves out, in base_link; lidar: where that is in base_link. */
+  takeIgnored(markers, scan, lidar, nowMs) {
     const ignored = markers.find("ignored"), car = markers.find("car");
     if (!ignored || !scan.n) return;
     if (this.why.length === scan.n) this.why.fill(ECHO);
@@ -27,9 +27,9 @@ export class Beams {
     this.#seenMs = nowMs;
     for (let i = 0; i < ignored.n; i++) {
       const x = ignored.xy[2 * i], y = ignored.xy[2 * i + 1];
-      const bearing = Math.atan2(y, x - lidarM), beam = Math.round((bearing - scan.angleMin) / scan.step);
+      const bearing = Math.atan2(y - lidar.y, x - lidar.x), beam = Math.round((bearing - scan.angleMin) / scan.step);
       if (beam < 0 || beam >= scan.n) continue;
-      if (Math.hypot(x - lidarM, y) >= DIRT_WITHIN_M) this.why[beam] = STRAY;
+      if (Math.hypot(x - lidar.x, y - lidar.y) >= DIRT_WITHIN_M) this.why[beam] = STRAY;
       else this.why[beam] = isOnCar(car, x, y) || this.#isOwn(bearing) ? OWN : DIRT;
     }
   }

@@ -31,7 +31,9 @@ const timings = new Timings();
 const hands = new Hands(link, { onStop: stop, onChange: showDriving });
 const drivePad = new DrivePad(hands);
 const pilotView = new PilotView(link, hands, device);
-const settings = new Settings(link, (car) => { if (Number.isFinite(car["car.lidar_x_m"])) scene.lidarM = car["car.lidar_x_m"]; });
+const settings = new Settings(link, (car) => {
+  scene.lidar = { x: car["car.lidar_x_m"] ?? scene.lidar.x, y: car["car.lidar_y_m"] ?? 0 };
+});
 const simulator = new Simulator(link);
 const remembered = remember();
 let car = "";

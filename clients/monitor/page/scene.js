@@ -3,7 +3,6 @@
 import { Beams, DIRT, ECHO, OWN, STRAY } from "./beams.js";
 import { fit, ink, onLook, ratioOf } from "./look.js";
 
-const LIDAR_AHEAD_M = 0.27;
 const SCALES = [15, 22, 32, 46, 64, 90, 130, 190];
 const TRAIL = 600;
 const TRAIL_STEP_M = 0.05;
@@ -21,8 +20,8 @@ const LINES = {
 
 export class Scene {
   dirty = true;
-  /** Where the lidar is, ahead of the rear axle [m]; told by the car's settings. */
-  lidarM = LIDAR_AHEAD_M;
+  /** Where the lidar is in base_link [m]; told by the car's settings. */
+  lidar = { x: 0.27, y: 0 };
   beams = new Beams();
   #canvas;
   #context;
@@ -63,7 +62,7 @@ export class Scene {
     this.#trailCount = Math.min(TRAIL, this.#trailCount + 1);
   }
 
-  takeFootprint(markers, nowMs) { this.beams.takeIgnored(markers, this.#link.newest.scan, this.lidarM, nowMs); }
+  takeFootprint(markers, nowMs) { this.beams.takeIgnored(markers, this.#link.newest.scan, this.lidar, nowMs); }
 
   takeWindow(sentences) {
     if (this.beams.takeWindow(sentences, this.#link.newest.scan.step)) this.dirty = true;
@@ -133,35 +132,35 @@ export class Scene {
   #points(scan, nowMs, x0, y0, scale, ratio) {
     this.#tabulate(scan);
     this.beams.expire(nowMs, scan.n);
-    const lidarY = y0 - this.lidarM * scale;
-    this.#squares(scan, ECHO, ink.point, 2.6 * ratio, x0, lidarY, scale);
-    this.#squares(scan, STRAY, ink.silent, 2 * ratio, x0, lidarY, scale);
+    const lidarX = x0 - this.lidar.y * scale, lidarY = y0 - this.lidar.x * scale;
+    this.#squares(scan, ECHO, ink.point, 2.6 * ratio, lidarX, lidarY, scale);
+    this.#squares(scan, STRAY, ink.silent, 2 * ratio, lidarX, lidarY, scale);
     const context = this.#context, inner = SILENT_AT_M * scale, outer = inner + 7 * ratio;
     context.strokeStyle = ink.silent;
     context.lineWidth = ratio;
     context.beginPath();
     for (let i = 0; i < scan.n; i++) {
       if (scan.ranges[i] < scan.rangeMax) continue;
-      context.moveTo(x0 - this.#sin[i] * inner, lidarY - this.#cos[i] * inner);
-      context.lineTo(x0 - this.#sin[i] * outer, lidarY - this.#cos[i] * outer);
+      context.moveTo(lidarX - this.#sin[i] * inner, lidarY - this.#cos[i] * inner);
+      context.lineTo(lidarX - this.#sin[i] * outer, lidarY - this.#cos[i] * outer);
     }
     context.stroke();
   }
 
-  #squares(scan, kind, color, size, x0, lidarY, scale) {
+  #squares(scan, kind, color, size, lidarX, lidarY, scale) {
     const context = this.#context, { ranges, rangeMax } = scan, { why } = this.beams, half = size / 2;
     context.fillStyle = color;
     for (let i = 0; i < scan.n; i++) {
       const r = ranges[i];
       if (why[i] !== kind || !(r < rangeMax)) continue;
-      context.fillRect(x0 - this.#sin[i] * r * scale - half, lidarY - this.#cos[i] * r * scale - half, size, size);
+      context.fillRect(lidarX - this.#sin[i] * r * scale - half, lidarY - this.#cos[i] * r * scale - half, size, size);
     }
   }
 
   /** On top of the car, because they lie there: dirt as crosses, the car's own parts as hollow squares. */
   #leftOut(scan, x0, y0, scale, ratio) {
     const context = this.#context, { ranges, rangeMax } = scan, { why } = this.beams;
-    const lidarY = y0 - this.lidarM * scale, arm = 3.4 * ratio;
+    const lidarX = x0 - this.lidar.y * scale, lidarY = y0 - this.lidar.x * scale, arm = 3.4 * ratio;
     context.lineWidth = 1.4 * ratio;
     for (let kind = OWN; kind <= DIRT; kind++) {
       context.strokeStyle = kind === OWN ? ink.muted : ink.masked;
@@ -169,7 +168,7 @@ export class Scene {
       for (let i = 0; i < scan.n; i++) {
         const r = ranges[i];
         if (why[i] !== kind || !(r < rangeMax)) continue;
-        const x = x0 - this.#sin[i] * r * scale, y = lidarY - this.#cos[i] * r * scale;
+        const x = lidarX - this.#sin[i] * r * scale, y = lidarY - this.#cos[i] * r * scale;
         if (kind === OWN) { context.rect(x - arm / 2, y - arm / 2, arm, arm); continue; }
         context.moveTo(x - arm, y - arm);
         context.lineTo(x + arm, y + arm);
@@ -182,19 +181,20 @@ export class Scene {
 
   /** Shows where the window is dirty or covered as bands around the lidar: the beams themselves may end inside the car. */
   #sectors(x0, y0, scale, ratio) {
-    const context = this.#context, lidarY = y0 - this.lidarM * scale, radius = SILENT_AT_M * scale - 5 * ratio;
+    const context = this.#context, lidarX = x0 - this.lidar.y * scale, lidarY = y0 - this.lidar.x * scale;
+    const radius = SILENT_AT_M * scale - 5 * ratio;
     for (const { kind, from, to } of this.beams.sectors) {
       const start = -Math.PI / 2 - to, end = -Math.PI / 2 - from;
       context.strokeStyle = context.fillStyle = ink[SECTORS[kind]];
       context.globalAlpha = 0.2;
       context.beginPath();
-      context.moveTo(x0, lidarY);
-      context.arc(x0, lidarY, radius, start, end);
+      context.moveTo(lidarX, lidarY);
+      context.arc(lidarX, lidarY, radius, start, end);
       context.fill();
       context.globalAlpha = 1;
       context.lineWidth = (kind === "own" ? 3 : 7) * ratio;
       context.beginPath();
-      context.arc(x0, lidarY, radius, start, end);
+      context.arc(lidarX, lidarY, radius, start, end);
       context.stroke();
     }
   }
@@ -258,7 +258,7 @@ export class Scene {
     context.closePath();
     context.fill();
     context.stroke();
-    const nose = (this.lidarM + 0.06) * scale, steering = this.#link.newest.output.steering || 0;
+    const nose = (this.lidar.x + 0.06) * scale, steering = this.#link.newest.output.steering || 0;
     context.lineWidth = 3 * ratio;
     context.beginPath();
     for (const side of [-1, 1]) { // the front wheels show where it steers; 0.33 m is the usual wheelbase

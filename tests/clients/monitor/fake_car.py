@@ -15,6 +15,7 @@ from runtime.arbitration.command import LAB_ORDER, DriveCommand, Source, arbitra
 from runtime.arbitration.command_queue import CommandQueue
 from runtime.arbitration.emergency_stop import EmergencyStop
 from runtime.arbitration.permit import Permit
+from runtime.control.vehicle import CarSettings
 from runtime.parameters.history import ChangeHistory
 from runtime.parameters.server import ParameterServer
 from runtime.parameters.server import ServerContext as DeskSurroundings
@@ -39,11 +40,11 @@ AUTO_MPS = 1.0
 class FakeCar:
     """Serves until closed. autonomy: whether navigation always wants to drive. simulated: whether a simulator answers.
 
-    history: (time, speed) whenever the speed on the wire changed. scans: how many were published.
+    history: (time, speed) whenever the speed on the wire changed. scans: how many were published. car: its measures.
     """
 
     def __init__(
-        self, endpoint, name="car1", *, permit="required", car_session=0xCAFE, autonomy=False, simulated=False
+        self, endpoint, name="car1", *, permit="required", car_session=0xCAFE, autonomy=False, simulated=False, car=None
     ):
         self.name = name
         self.bus = Bus(zenoh_config.car_config([endpoint], None, (), name))
@@ -55,7 +56,7 @@ class FakeCar:
             car_session,
         )  # fmt: skip
         self.settings = ParameterServer(
-            Settings(),
+            Settings(car=car or CarSettings()),
             DeskSurroundings(self._apply, lambda: self.standing, time.monotonic, lambda: "2026-11-21"),
             ChangeHistory(100),
         )

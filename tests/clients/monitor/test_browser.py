@@ -8,6 +8,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from clients.monitor.token_file import NAME
+from runtime.control.vehicle import CarSettings
 from runtime.wire.ports import free_endpoint
 from runtime.wire.teleop import CarCondition
 from tests.clients.monitor.fake_car import FakeCar
@@ -165,6 +166,34 @@ async def test_every_beam_is_decoded_as_it_was_sent(scene, tab):
         assert CarCondition(found["flags"]) is not None
         assert found["broken"] == 0
         assert car.scans > 0
+
+
+LIDAR_Y_M = 0.2
+FARTHEST = """(() => {
+  const paint = CanvasRenderingContext2D.prototype.fillRect, canvas = document.querySelector('#scene'), xs = [];
+  CanvasRenderingContext2D.prototype.fillRect = (x, y, width) => xs.push(x + width / 2);
+  wallride.scene.draw(performance.now());
+  CanvasRenderingContext2D.prototype.fillRect = paint;
+  return [canvas.width / 2 - Math.min(...xs), Math.max(...xs) - canvas.width / 2];
+})()"""
+
+
+async def test_a_lidar_beside_the_middle_line_is_drawn_there(scene, tab):
+    async with scene.car(car=CarSettings(lidar_x_m=0.3, lidar_y_m=LIDAR_Y_M)), scene.monitor():
+        await watching(tab, scene)
+        await tab.until("wallride.scene.lidar.y")
+        assert await tab.run("wallride.scene.lidar") == {"x": 0.3, "y": LIDAR_Y_M}
+        left_px, right_px = await tab.run(FARTHEST)
+        walls_m = 1.0, 1.2  # left and right of the lidar
+        assert left_px / right_px == pytest.approx((walls_m[0] + LIDAR_Y_M) / (walls_m[1] - LIDAR_Y_M), rel=0.03)
+        beam = await tab.run(
+            "import('./beams.js').then(({ Beams, DIRT }) => {"
+            " const beams = new Beams(), ignored = { n: 1, xy: [0.8, 0.2] };"
+            " beams.takeIgnored({ find: (name) => name === 'ignored' ? ignored : null },"
+            " { n: 1081, angleMin: -0.75 * Math.PI, step: Math.PI / 720 }, wallride.scene.lidar, 0);"
+            " return beams.why.indexOf(DIRT); })"
+        )
+        assert beam == 540, "straight ahead of the lidar"
 
 
 async def test_beams_that_are_left_out_look_different_by_their_reason(scene, tab):

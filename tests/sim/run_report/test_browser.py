@@ -1,6 +1,7 @@
 """The report in a real browser: the cursor, zoom and playback, at a desk and on a phone."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -54,6 +55,27 @@ async def test_the_cursor_moves_in_all_plots_and_tells_the_decision(run, tab, tm
     assert await tab.run(painted)
     assert set(tab.requests) == {file.as_uri()}
     assert tab.errors == []
+
+
+DOTS = """(() => {
+  const paint = CanvasRenderingContext2D.prototype.fillRect, canvas = document.querySelector('.scene canvas'), xs = [];
+  CanvasRenderingContext2D.prototype.fillRect = (x) => xs.push(x);
+  go(3.0);
+  CanvasRenderingContext2D.prototype.fillRect = paint;
+  return [xs.slice(0, -1).reduce((sum, x) => sum + x, 0) / (xs.length - 1),
+          Math.min(canvas.width, canvas.height) / (2 * view.around)];
+})()"""
+
+
+async def test_a_lidar_beside_the_middle_line_is_drawn_there(run, tab, tmp_path):
+    """The scan moves to the left by as much; the car, painted last, stays."""
+    aside = run.settings.car.model_copy(update={"lidar_y_m": 0.4})
+    moved = replace(run, settings=run.settings.model_copy(update={"car": aside}))
+    await opened(tab, tmp_path, shown(run))
+    middle_px, gain = await tab.run(DOTS)
+    await opened(tab, tmp_path, shown(moved))
+    moved_px, _ = await tab.run(DOTS)
+    assert moved_px - middle_px == pytest.approx(-0.4 * gain, rel=0.1)
 
 
 async def test_zoom_shows_less_time_around_the_cursor(run, tab, tmp_path):
