@@ -28,31 +28,14 @@ _ROW_BYTES: Final = _LINE_CHARS + 2  # + sum + LF
 _SUM_OF: Final = bytes((total & 0x3F) + 0x30 for total in range(256))
 
 
-def command(name: str, note: str = "") -> bytes:
-    """Return one command line; `note` (up to 16 characters) comes back in the echo."""
-    if len(note) > 16:
-        raise ValueError(f"the note {note!r} of {name} is longer than the 16 characters a sensor accepts")
-    return f"{name};{note}\n".encode("ascii") if note else f"{name}\n".encode("ascii")
+def command(name: str) -> bytes:
+    """Return one command line."""
+    return f"{name}\n".encode("ascii")
 
 
-def baud_command(baud: int) -> bytes:
-    """Return SS: serial models switch to `baud` after their reply."""
-    return command(f"SS{baud:06d}")
-
-
-def single_command(family: str, first_step: int, last_step: int, *, cluster: int = 0) -> bytes:
-    """Return GD, GS or GE (or HD, HE): one scan; the laser must be on (BM)."""
-    return command(f"{family}{first_step:04d}{last_step:04d}{cluster:02d}")
-
-
-def stream_command(
-    family: str, first_step: int, last_step: int, *, cluster: int = 0, skip: int = 0, scans: int = 0, note: str = ""
-) -> bytes:
-    """Return MD, MS or ME (or ND, NE): scans until `scans` were sent (0: without end); turns the laser on by itself.
-
-    cluster: steps grouped into one sample, the least of them (0 and 1: no grouping). skip: scans left out between two.
-    """
-    return command(f"{family}{first_step:04d}{last_step:04d}{cluster:02d}{skip:01d}{scans:02d}", note)
+def stream_command(first_step: int, last_step: int) -> bytes:
+    """Return MD: every step of every scan without end; it turns the laser on by itself."""
+    return command(f"MD{first_step:04d}{last_step:04d}00000")
 
 
 def checksum(text: bytes) -> int:

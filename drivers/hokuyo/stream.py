@@ -59,7 +59,7 @@ class ScanStream:
         self._on_scan = on_scan
         self._ready_message = identity.summary
         self._held_back = held_back
-        self._command = stream_command("MD", parameters.first_step, parameters.last_step)
+        self._command = stream_command(parameters.first_step, parameters.last_step)
         self._echo_head = self._command[:-3]  # in scans the last two digits count down
         self._decoder = RangeDecoder(
             parameters.beam_count,

@@ -11,7 +11,6 @@ Motor and servo requests are never acknowledged (`comm/commands.c`).
 
 import struct
 from binascii import crc_hqx
-from collections.abc import Iterable
 from enum import IntEnum
 
 MAX_PAYLOAD_BYTES = 512
@@ -30,7 +29,6 @@ _MIN_LENGTH_BYTES = {
 _INT16 = struct.Struct(">Bh")
 _INT32 = struct.Struct(">Bi")
 _UINT16 = struct.Struct(">BH")
-_UINT32 = struct.Struct(">BI")
 
 
 class Packet(IntEnum):
@@ -46,16 +44,10 @@ class Packet(IntEnum):
     SET_HANDBRAKE = 10
     SET_SERVO_POS = 12
     GET_APPCONF = 17
-    TERMINAL_CMD = 20
-    PRINT = 21
-    REBOOT = 29
     ALIVE = 30
-    GET_DECODED_PPM = 31
-    FORWARD_CAN = 34
     GET_VALUES_SELECTIVE = 50
     GET_IMU_DATA = 65
     SET_CURRENT_REL = 84
-    MOTOR_ESTOP = 159
 
 
 MOTOR_PACKETS = frozenset(
@@ -150,18 +142,8 @@ def frame(payload: bytes) -> bytes:
 
 
 def plain(packet: Packet) -> bytes:
-    """Request without arguments: FW_VERSION, GET_VALUES, ALIVE, REBOOT, GET_DECODED_PPM."""
+    """Request without arguments: FW_VERSION, GET_VALUES, GET_APPCONF, ALIVE."""
     return bytes((packet,))
-
-
-def set_duty(duty: float) -> bytes:
-    """Apply a share of the battery voltage, -1 to 1. No current ramp: not for cars."""
-    return _scaled(_INT32, Packet.SET_DUTY, duty, 100_000)
-
-
-def set_current(current_a: float) -> bytes:
-    """Apply a motor current; 0 lets the car coast."""
-    return _scaled(_INT32, Packet.SET_CURRENT, current_a, 1000)
 
 
 def set_brake_current(current_a: float) -> bytes:
@@ -174,49 +156,14 @@ def set_erpm(erpm: float) -> bytes:
     return _scaled(_INT32, Packet.SET_RPM, erpm, 1)
 
 
-def set_position(position_deg: float) -> bytes:
-    """Turn the rotor to an angle."""
-    return _scaled(_INT32, Packet.SET_POS, position_deg, 1_000_000)
-
-
-def set_handbrake(current_a: float) -> bytes:
-    """Hold a standing motor with an open-loop current, which heats it."""
-    return _scaled(_INT32, Packet.SET_HANDBRAKE, current_a, 1000)
-
-
-def set_current_relative(share: float) -> bytes:
-    """Apply a share of the configured motor current, -1 to 1."""
-    return _scaled(_INT32, Packet.SET_CURRENT_REL, share, 100_000)
-
-
 def set_servo(position: float) -> bytes:
     """Move the servo to 0..1, a pulse of 1000 to 2000 us in steps of 1 us. Does not feed the command timeout."""
     return _scaled(_INT16, Packet.SET_SERVO_POS, position, 1000)
 
 
-def get_values_selective(bits: Iterable[int]) -> bytes:
-    """Request some of the values only; bits are numbers of `replies.VALUE_FIELDS`."""
-    return _UINT32.pack(Packet.GET_VALUES_SELECTIVE, sum(1 << bit for bit in set(bits)))
-
-
 def get_imu(mask: int = 0xFFFF) -> bytes:
     """Request inertial data: 9 bits for roll..gyro z, 3 magnetometer, 4 quaternion."""
     return _UINT16.pack(Packet.GET_IMU_DATA, mask)
-
-
-def forward_can(controller_id: int, payload: bytes) -> bytes:
-    """Pass a request on to another controller on the CAN bus."""
-    return bytes((Packet.FORWARD_CAN, controller_id)) + payload
-
-
-def terminal_command(text: str) -> bytes:
-    """Send a line to the VESC's terminal ("faults", "ping"); it answers with PRINT lines."""
-    return plain(Packet.TERMINAL_CMD) + text.encode("ascii")
-
-
-def motor_estop(ignore_input_ms: int) -> bytes:
-    """Release the motor and ignore commands for a while; firmware 7 only, older ones ignore it."""
-    return _UINT16.pack(Packet.MOTOR_ESTOP, ignore_input_ms)
 
 
 def _scaled(layout: struct.Struct, packet: Packet, value: float, scale: int) -> bytes:

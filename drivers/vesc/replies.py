@@ -212,16 +212,6 @@ def decode_values_2x(payload: bytes) -> Values | None:
     return Values(**fields, mosfet_temperature_c=max(fields["mosfet_temperatures_c"]))
 
 
-def decode_values_selective(payload: bytes) -> dict[str, Any] | None:
-    """Read the requested values by name; None when it is shorter than its own mask states."""
-    if len(payload) < 5:
-        return None
-    mask = int.from_bytes(payload[1:5], "big")
-    asked = tuple(field for bit, field in enumerate(VALUE_FIELDS) if mask >> bit & 1)
-    fields = _FieldReader(asked).read(payload, 5)
-    return fields if len(fields) == len(asked) else None
-
-
 @value()
 class Imu:
     """Reply to GET_IMU_DATA in SI units and the VESC's own axes; NaN where it was not requested.
@@ -256,19 +246,6 @@ def decode_imu(payload: bytes) -> Imu | None:
         quaternion=tuple(all16[12:]),
         controller_id=payload[end] if len(payload) > end else None,
     )
-
-
-def decode_ppm(payload: bytes) -> tuple[float, float] | None:
-    """Read a GET_DECODED_PPM reply: level -1..1 and pulse length in ms; None when too short."""
-    if len(payload) < 9:
-        return None
-    level, pulse_ms = struct.unpack_from(">ii", payload, 1)
-    return level / 1e6, pulse_ms / 1e6
-
-
-def decode_print(payload: bytes) -> str:
-    """Read a line of text, which the VESC sends at any time."""
-    return _text(payload[1:])
 
 
 def _text(raw: bytes) -> str:

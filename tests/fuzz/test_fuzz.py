@@ -13,7 +13,6 @@ from drivers.api import printable
 from drivers.hokuyo.codec import ReplyBlock
 from drivers.hokuyo.replies import fields
 from drivers.vesc import replies
-from drivers.vesc.codec import Packet
 from runtime.security.access_list import KeysError, read_people
 from runtime.settings.tree import SettingsError, load_settings
 from sim.recordings.loading import load_recording
@@ -104,7 +103,6 @@ def test_what_a_device_says_of_itself_is_printable():
     firmware = replies.decode_firmware(bytes([0, 6, 5]) + evil + b"\0")
     assert firmware is not None
     assert firmware.hardware.isprintable()
-    assert replies.decode_print(bytes([Packet.PRINT]) + evil + b"\0").isprintable()
 
 
 def test_a_question_of_any_shape_is_answered_or_refused(targets):

@@ -17,14 +17,13 @@ from drivers.hokuyo.codec import (
     BLOCK_LIMIT_BYTES,
     ReplyBlock,
     ScipDeframer,
-    baud_command,
     checksum,
     command,
-    single_command,
     stream_command,
 )
-from drivers.hokuyo.ranges import RangeDecoder, decode_scan
+from drivers.hokuyo.ranges import RangeDecoder
 from drivers.hokuyo.replies import SensorParameters, StreamStatus, decode_number, fields, is_healthy, judge
+from tests.drivers.hokuyo.scan_families import decode_scan, scan_command
 
 Frame = dict[str, Any]
 
@@ -59,19 +58,9 @@ def encode_command(expected: Frame) -> bytes:
         case "TM":
             return command(f"TM{expected['code']}")
         case "SS":
-            return baud_command(expected["baud"])
-        case "GD":
-            return single_command("GD", expected["start"], expected["end"], cluster=expected["cluster"])
-        case "MD" | "MS" | "ME" as family:
-            return stream_command(
-                family,
-                expected["start"],
-                expected["end"],
-                cluster=expected["cluster"],
-                skip=expected["skip"],
-                scans=expected["scans"],
-                note=expected.get("string", ""),
-            )
+            return command(f"SS{expected['baud']:06d}")
+        case "GD" | "MD" | "MS" | "ME":
+            return scan_command(expected)
         case name:
             return command(name)
 
@@ -280,9 +269,8 @@ def try_parameters(block: ReplyBlock) -> None:
         SensorParameters.from_fields(fields(block))
 
 
-def test_a_note_too_long_is_a_bug_of_the_caller() -> None:
-    with pytest.raises(ValueError, match="16 characters"):
-        command("QT", "x" * 17)
+def test_the_stream_that_drives_is_every_step_without_end() -> None:
+    assert stream_command(0, 1080) == b"MD0000108000000\n"
 
 
 PP = dict.fromkeys(("DMIN", "AMIN"), "0") | {

@@ -72,7 +72,11 @@ def test_selective_and_imu_replies_are_the_golden_bytes(golden):
     assert imu_reply((5, 2), golden["get_imu_acc_gyro"], imu, 74) == sent[:-1]
 
 
-# What it does with commands: no wire needed.
+# What it does with commands, also those that only other programs send: no wire needed.
+
+
+def foreign(packet: Packet, number: int) -> bytes:
+    return struct.pack(">Bi", packet, number)
 
 
 def logic(**changes: float) -> VescLogic:
@@ -88,12 +92,12 @@ def logic(**changes: float) -> VescLogic:
         (codec.set_erpm(0), COAST),
         (codec.set_brake_current(10), MotorDemand("brake", 10)),
         (codec.set_brake_current(0.04), COAST),
-        (codec.set_handbrake(5), MotorDemand("brake", 5)),
-        (codec.set_current(-5), MotorDemand("current", -5)),
-        (codec.set_current(0), COAST),
-        (codec.set_current_relative(0.5), MotorDemand("current", 30)),
-        (codec.set_duty(0.1), MotorDemand("duty", 0.1)),
-        (codec.set_position(90), COAST),
+        (foreign(Packet.SET_HANDBRAKE, 5000), MotorDemand("brake", 5)),
+        (foreign(Packet.SET_CURRENT, -5000), MotorDemand("current", -5)),
+        (foreign(Packet.SET_CURRENT, 0), COAST),
+        (foreign(Packet.SET_CURRENT_REL, 50_000), MotorDemand("current", 30)),
+        (foreign(Packet.SET_DUTY, 10_000), MotorDemand("duty", 0.1)),
+        (foreign(Packet.SET_POS, 90_000_000), COAST),
     ],
 )
 def test_commands_become_demands(payload, demand):
@@ -120,7 +124,7 @@ def test_after_the_timeout_it_brakes_or_coasts_and_the_next_command_ends_that(br
         (codec.plain(Packet.FW_VERSION), False),
         (codec.plain(Packet.ALIVE), True),
         (codec.set_brake_current(5), True),
-        (codec.set_current(0), True),
+        (foreign(Packet.SET_CURRENT, 0), True),
     ],
 )
 def test_what_feeds_the_timeout(payload, feeds):
