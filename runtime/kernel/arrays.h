@@ -75,7 +75,7 @@ static inline double lesser(double a, double b) { return b < a ? b : a; }
 static inline double greater(double a, double b) { return b > a ? b : a; }
 static inline double bounded(double value, double from, double to) { return lesser(greater(value, from), to); }
 
-#define KERNEL(name) PyObject *name(PyObject *self, PyObject *const *given, Py_ssize_t count)
+#define KERNEL(name) PyObject *name(PyObject *Py_UNUSED(self), PyObject *const *given, Py_ssize_t count)
 KERNEL(decode_samples);
 KERNEL(join_rows);
 KERNEL(split_scan);

@@ -8,8 +8,9 @@
 double fastest(const double *radii, const double *bearings, const npy_bool *meets, const npy_bool *crosses, int all,
                double speed, double mu) {
     double heading[MAX_NUMBERS], way[MAX_NUMBERS + 1];
+    const int most_circles = (int)SPEED_PROFILE_CIRCLES;
     int begin = 0, end;
-    all = all < SPEED_PROFILE_CIRCLES ? all : SPEED_PROFILE_CIRCLES;
+    all = all < most_circles ? all : most_circles;
     while (begin < all && !crosses[begin])
         begin++;
     for (end = begin; end < all && meets[end];)
@@ -37,7 +38,7 @@ double fastest(const double *radii, const double *bearings, const npy_bool *meet
     double sharpest = SPEED_PROFILE_SHARPEST_PER_M +
                       bounded(back, 0.0, 1.0) * (SPEED_PROFILE_BACK_PER_M - SPEED_PROFILE_SHARPEST_PER_M);
     double square = lateral / sharpest + 2 * brake * greater(way[chords] - margin, 0.0);
-    const int span = SPEED_PROFILE_SPAN;
+    const int span = (int)SPEED_PROFILE_SPAN;
     for (int i = 0; i < chords - span; i++) {
         double turn = fabs(remainder(heading[i + span] - heading[i], 2 * Py_MATH_PI));
         double bend = turn / greater(way[i + 1 + span] - way[i + 1], 1e-3);

@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 from drivers import accelerated
 from drivers.accelerated import FUNCTIONS, ROOT, UnfitError, extension
 from runtime import kernel
-from runtime.kernel.build import FILE, BuildError, build
+from runtime.kernel.build import FILE, BuildError, _headers, build
 from runtime.kernel.survey import Survey, c_digest, read_seal
 
 SEAL_AGAIN = "after the C does the same and these tests pass: wallride build-kernel --seal"
@@ -232,6 +233,17 @@ def test_a_compiler_that_fails_leaves_nothing_behind(monkeypatch, tmp_path):
     with pytest.raises(BuildError, match="apt install python3-dev"):
         build(ROOT, tmp_path / FILE)
     assert list(tmp_path.iterdir()) == [broken]
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no gcc here")
+def test_the_c_has_no_warnings(tmp_path):
+    for name, text in _headers(ROOT).items():
+        (tmp_path / name).write_text(text)
+    foreign = (f"-isystem{folder}" for folder in (np.get_include(), sysconfig.get_paths()["include"]))
+    files = [*(ROOT / "runtime/kernel").rglob("*.c"), ROOT / "sim/world/casting.c"]
+    strict = "-fsyntax-only", "-Wall", "-Wextra", "-Wconversion", f"-I{tmp_path}", f"-I{ROOT / 'runtime/kernel'}"
+    said = subprocess.run(["gcc", *strict, *foreign, *map(str, files)], capture_output=True, text=True, check=True)
+    assert said.stderr == ""
 
 
 def test_the_state_names_every_function_that_runs_in_python(compiled):
