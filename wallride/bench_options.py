@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from wallride.failure import needs
+from wallride.parser import add_json
 
 MEASUREMENTS = {
     "latency": "latency from a scan's last byte to the motor's first; emulated devices, the unmodified process",
@@ -38,7 +39,7 @@ def add_outputs(parser: argparse.ArgumentParser) -> None:
     """Add the options of every measurement."""
     parser.add_argument("--runs", type=int, metavar="N", help="number of runs; the median is reported (default: 3)")
     parser.add_argument("--short", action="store_true", help="one run of a few seconds, as a trial")
-    parser.add_argument("--json", metavar="FILE|-", help="write all runs and their medians as JSON")
+    add_json(parser, "all runs and their medians")
 
 
 def run(options: argparse.Namespace) -> int:

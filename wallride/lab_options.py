@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from wallride.experiments import report_options, tune_options
-from wallride.parser import add_set
+from wallride.parser import add_jobs, add_json, add_set
 from wallride.sim_options import add_car
 from wallride.sweeps import options as sweep_options
 
@@ -100,8 +100,8 @@ def _add_variations(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_outputs(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
-    parser.add_argument("--json", metavar="FILE|-", help="write the figures of every run as JSON")
+    add_jobs(parser)
+    add_json(parser, "the figures of every run")
     parser.add_argument("--plot", type=Path, metavar="DIR", help="draw a picture of every run into a directory")
     parser.add_argument(
         "--only", metavar="A,B", help="courses by name or pattern, e.g. t1,rough*; an unknown name lists all"

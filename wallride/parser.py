@@ -53,6 +53,16 @@ def add_set(command: argparse.ArgumentParser) -> None:
     )
 
 
+def add_jobs(command: argparse.ArgumentParser) -> None:
+    """Add --jobs N."""
+    command.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
+
+
+def add_json(command: argparse.ArgumentParser, what: str) -> None:
+    """Add --json FILE|-."""
+    command.add_argument("--json", metavar="FILE|-", help=f"write {what} as JSON")
+
+
 def default_config() -> Path | None:
     """Return the car's settings file; None where there is none."""
     return DEFAULT_CONFIG if DEFAULT_CONFIG.is_file() else None

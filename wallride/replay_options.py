@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from wallride import client_options
 from wallride.failure import fail, needs
+from wallride.parser import add_json
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
@@ -27,7 +28,7 @@ def add(commands: "Commands") -> None:
         ),
     )
     add_file(replay)
-    replay.add_argument("--json", metavar="FILE|-", help="write the result as JSON")
+    add_json(replay, "the result")
     replay.add_argument("--publish", action="store_true", help="publish on zenoh, for monitor, topic and plot")
     replay.add_argument("--speed", type=_speed, default=1.0, metavar="X", help="speed of playing (default: 1)")
     replay.add_argument(

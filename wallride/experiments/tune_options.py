@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wallride.failure import needs
-from wallride.parser import add_set
+from wallride.parser import add_jobs, add_set
 from wallride.sim_options import add_car
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def add(experiments: "Commands") -> None:
     )  # fmt: skip
     tune.add_argument("--only", metavar="A,B", help="courses to tune on, e.g. t1,t5 (default: all)")
     tune.add_argument("--seed", type=int, default=0, metavar="N", help="seed of sampler and conditions (default: 0)")
-    tune.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
+    add_jobs(tune)
     tune.add_argument("--on", default="", metavar="ADDRESS", help="Ray cluster, as of `lab sweep`")
     tune.set_defaults(run=_run)
 
