@@ -18,31 +18,19 @@ STATUS_KILLED = 2
 HARDWARE_VESC = 0
 HARDWARE_KINDS = {HARDWARE_VESC: "VESC", 1: "battery manager", 2: "custom module"}
 
-_UUID_BYTES = 12
+_HARDWARE_KIND_BYTE = 14
+"""Its place behind the name of the hardware: after a UUID of 12 bytes and two flags."""
 _STANDARD_GRAVITY_MPS2 = 9.80665
 
 
 @value()
 class Firmware:
-    """Reply to FW_VERSION. Everything after the version may be missing, which is None (or "", or no bytes).
-
-    name: of a custom firmware. qml_hardware, qml_application, nrf_flags, custom_configs: relevant to VESC Tool only.
-    """
+    """Reply to FW_VERSION, as far as a car reads it. hardware_kind: key of HARDWARE_KINDS, None where not sent."""
 
     major: int
     minor: int
     hardware: str = ""
-    uuid: bytes = b""
-    pairing_done: int | None = None
-    test_version: int | None = None
     hardware_kind: int | None = None
-    custom_configs: int | None = None
-    phase_filters: int | None = None
-    qml_hardware: int | None = None
-    qml_application: int | None = None
-    nrf_flags: int | None = None
-    name: str = ""
-    hardware_crc: int | None = None
 
     @property
     def version(self) -> str:
@@ -50,33 +38,13 @@ class Firmware:
         return f"{self.major}.{self.minor:02d}"
 
 
-_FIRMWARE_BYTES = (
-    "pairing_done",
-    "test_version",
-    "hardware_kind",
-    "custom_configs",
-    "phase_filters",
-    "qml_hardware",
-    "qml_application",
-    "nrf_flags",
-)
-
-
 def decode_firmware(payload: bytes) -> Firmware | None:
     """Read as much of a FW_VERSION reply as there is; None without a version."""
     if len(payload) < 3:
         return None
     hardware, _, rest = payload[3:].partition(b"\0")
-    fields: dict[str, Any] = {"hardware": _text(hardware)}
-    if len(rest) >= _UUID_BYTES:
-        fields["uuid"] = rest[:_UUID_BYTES]
-        rest = rest[_UUID_BYTES:]
-        fields.update(zip(_FIRMWARE_BYTES, rest, strict=False))
-        name, end, rest = rest[len(_FIRMWARE_BYTES) :].partition(b"\0")
-        fields["name"] = _text(name)
-        if end and len(rest) >= 4:
-            fields["hardware_crc"] = int.from_bytes(rest[:4], "big")
-    return Firmware(payload[1], payload[2], **fields)
+    kind = rest[_HARDWARE_KIND_BYTE] if len(rest) > _HARDWARE_KIND_BYTE else None
+    return Firmware(payload[1], payload[2], printable(hardware), kind)
 
 
 @dataclass(slots=True)  # never changed; frozen would double the time to make one, fifty times a second
@@ -246,7 +214,3 @@ def decode_imu(payload: bytes) -> Imu | None:
         quaternion=tuple(all16[12:]),
         controller_id=payload[end] if len(payload) > end else None,
     )
-
-
-def _text(raw: bytes) -> str:
-    return printable(raw.rstrip(b"\0"))
