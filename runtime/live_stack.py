@@ -45,11 +45,11 @@ class LiveStack:
         It is in force only for a limited time after the scan: a blind safety is a silent one.
         """
         self.decision_log.begin()
-        outlook = self.laws.look(scan, motor)
+        assessment = self.laws.look(scan, motor)
         self.decision_log.add_safety(scan, motor)
-        word = SpeedLimit(Source.SAFETY, outlook, scan.stamp_s)
+        word = SpeedLimit(Source.SAFETY, assessment, scan.stamp_s)
         self.queue.put(word, expires_at_s=scan.stamp_s + self.settings.safety.expires_after_s)
-        return outlook
+        return assessment
 
     def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
         """Pass a scan to the follower and put its command; without an answer it is a standstill, with its reason."""
@@ -82,12 +82,12 @@ def warm_up(settings: Settings, clock: Clock) -> None:
         now_s, ranges_m = clock(), np.linspace(1.0, 3.0, beams, dtype=np.float32)
         scan = Scan(now_s, now_s, -step_rad * (beams // 2), step_rad, 0.02, 30.0, ranges_m, sequence)
         motor = MotorState(now_s, speed_mps, 0.0, 0.0, 12.0, 0.0, 0.0, 20.0, "", timed_out=False, killed=False)
-        outlook = stack.look(scan, motor)
+        assessment = stack.look(scan, motor)
         stack.follow(scan, motor)
         decision = arbitrate(stack.queue.live(), REQUIRED, stack.queue.order)
         stack.limiter.limit(decision.speed_mps, decision.steering_rad, 0.025, decision.brake_mps2)
         for wish_mps in (-0.4, speed_mps):
-            outlook.limit(wish_mps, 0.1)
+            assessment.limit(wish_mps, 0.1)
 
 
 def limits(car: CarSettings) -> Limits:

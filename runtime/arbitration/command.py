@@ -92,12 +92,12 @@ class SafetyAssessment(Protocol):
 class SpeedLimit:
     """A limit on the speed of every less urgent source.
 
-    outlook: judges the command; a plain Verdict judges all alike.
+    assessment: judges the command; a plain Verdict judges all alike.
     scan_stamp_s: the scan behind it, None where no scan is involved.
     """
 
     source: Source
-    outlook: SafetyAssessment
+    assessment: SafetyAssessment
     scan_stamp_s: float | None = None
 
 
@@ -164,7 +164,7 @@ def arbitrate(live: Sequence[QueueEntry], required: frozenset[Source], order: Se
             return _drive_under_caps(word, caps, required.intersection(order[: order.index(word.source)]))
         caps.append(word)
     for cap in caps:
-        verdict = cap.outlook.limit(0.0, 0.0)
+        verdict = cap.assessment.limit(0.0, 0.0)
         if verdict.forward_mps <= 0 and verdict.reverse_mps <= 0:
             return Decision(0.0, None, None, cap.source, verdict.reason, verdict.measure)
     return Decision(0.0, None, None, None, "no word from teleop or navigation")
@@ -188,7 +188,7 @@ def _tightest(word: DriveCommand, caps: Sequence[SpeedLimit]) -> Decision:
     steering_rad = word.drive.steering_rad
     decision = Decision(word.drive.speed_mps, steering_rad, word.source, word.source, word.reason)
     for cap in caps:
-        verdict = cap.outlook.limit(word.drive.speed_mps, steering_rad)
+        verdict = cap.assessment.limit(word.drive.speed_mps, steering_rad)
         if not (verdict.forward_mps >= 0 and verdict.reverse_mps >= 0 and verdict.brake_mps2 >= 0):  # false for NaN
             return Decision(0.0, steering_rad, word.source, cap.source, f"{cap.source} answers with what is no limit")
         allowed_mps = max(-verdict.reverse_mps, min(verdict.forward_mps, decision.speed_mps))

@@ -94,9 +94,9 @@ class LiveLaws:
     def look(self, scan: Scan, motor: MotorState | None) -> SafetyAssessment:
         """Process one scan."""
         self.plausibility.look(scan, motor, odometry_check=self.safety.odometry_check)
-        outlook = self._judge.look(scan, motor)
+        assessment = self._judge.look(scan, motor)
         doubt = self.plausibility.lidar_doubt or self.plausibility.motor_doubt
-        return Verdict(0.0, 0.0, doubt) if doubt else outlook
+        return Verdict(0.0, 0.0, doubt) if doubt else assessment
 
     def learn(self) -> None:
         """Run the deferrable work after the answer is sent."""

@@ -62,7 +62,7 @@ def said(word: QueueEntry, decision: Decision | None) -> SourceStatus:
         return SourceStatus(word.drive.speed_mps, word.drive.steering_rad, word.reason)
     if decision is not None and decision.winner is word.source:
         return SourceStatus(abs(decision.speed_mps), None, decision.reason, decision.measure)
-    verdict = word.outlook.limit(0.0, 0.0)
+    verdict = word.assessment.limit(0.0, 0.0)
     backward = decision is not None and decision.speed_mps < 0
     return SourceStatus(verdict.reverse_mps if backward else verdict.forward_mps, None, verdict.reason, verdict.measure)
 
@@ -230,22 +230,22 @@ def overruled(
         return None
     if order.index(Source.SAFETY) < order.index(Source.TELEOP) or not wish.drive.speed_mps:
         return None
-    verdict = _without_trace(safety.outlook).limit(wish.drive.speed_mps, wish.drive.steering_rad)
+    verdict = _without_trace(safety.assessment).limit(wish.drive.speed_mps, wish.drive.steering_rad)
     most_mps = verdict.forward_mps if wish.drive.speed_mps > 0 else verdict.reverse_mps
     if most_mps >= abs(wish.drive.speed_mps):
         return None
     return {"speed_mps": most_mps, "reason": verdict.reason, "measure": verdict.measure}
 
 
-def _without_trace(outlook: SafetyAssessment) -> SafetyAssessment:
+def _without_trace(assessment: SafetyAssessment) -> SafetyAssessment:
     """Return an assessment that can be evaluated without a trace in the law's memory."""
-    if isinstance(outlook, CappedAssessment):
-        return replace(outlook, outlook=_without_trace(outlook.outlook))
-    if not isinstance(outlook, SweptOutlook):
-        return outlook
-    guard = copy.copy(outlook.guard)
+    if isinstance(assessment, CappedAssessment):
+        return replace(assessment, assessment=_without_trace(assessment.assessment))
+    if not isinstance(assessment, SweptOutlook):
+        return assessment
+    guard = copy.copy(assessment.guard)
     guard.memory = copy.deepcopy(guard.memory)
-    return replace(outlook, guard=guard)
+    return replace(assessment, guard=guard)
 
 
 def entries(

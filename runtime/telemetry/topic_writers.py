@@ -209,5 +209,5 @@ class TopicWriters:
     def _view(self) -> View | None:
         """Return the newest scan's view in the safety law, where it keeps one."""
         word = self._observed.queue.entry(Source.SAFETY)
-        outlook = word.outlook if isinstance(word, SpeedLimit) else None
-        return outlook.view if isinstance(outlook, SweptAssessment) else None
+        assessment = word.assessment if isinstance(word, SpeedLimit) else None
+        return assessment.view if isinstance(assessment, SweptAssessment) else None

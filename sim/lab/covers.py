@@ -76,8 +76,8 @@ class Braker:
 
     def look(self, scan: Scan, motor: MotorState | None) -> SafetyAssessment:
         """Let the guard look; then stop."""
-        outlook = self.guard.look(scan, motor)
-        return outlook if scan.stamp_s < self.from_s else Verdict(0.0, 0.0, "covered")
+        assessment = self.guard.look(scan, motor)
+        return assessment if scan.stamp_s < self.from_s else Verdict(0.0, 0.0, "covered")
 
     def learn(self) -> None:
         """Let the guard learn."""

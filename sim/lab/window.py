@@ -46,14 +46,14 @@ class WatchedWindow:
 
     def look(self, scan: Scan, motor: MotorState | None) -> SafetyAssessment:
         """Let the guard look, and record its beams."""
-        outlook = self.guard.look(scan, motor)
+        assessment = self.guard.look(scan, motor)
         self.guard.learn()
         health = self.guard.health
         mask = health.mask if health.mask is not None else np.zeros(scan.ranges_m.shape, np.bool_)
         self.way_m.append(motor.distance_m if motor is not None else 0.0)
         self.dirty.append(mask | health.blinded)
         self.own.append(health.own)
-        return outlook
+        return assessment
 
     def learn(self) -> None:
         """Do nothing: each look learns."""

@@ -266,11 +266,11 @@ class _Rig:
         if case.cover is not None:
             reported_mm = case.cover(reported_mm, now_s)
         sweep = as_scan(reported_mm, case.lidar, now_s, sequence, case.lidar_yaw_rad)
-        outlook = self._guard.look(sweep, self._motor) if self._guard is not None else _CONSENT
+        assessment = self._guard.look(sweep, self._motor) if self._guard is not None else _CONSENT
         guidance = self._follower.follow(sweep, self._motor)
         wish = guidance.drive or Drive(0.0, 0.0)
         words: list[QueueEntry] = [
-            SpeedLimit(Source.SAFETY, outlook, now_s),
+            SpeedLimit(Source.SAFETY, assessment, now_s),
             DriveCommand(case.driver, wish, None if case.driver is Source.TELEOP else now_s, guidance.reason),
         ]
         decision = arbitrate(words, frozenset({Source.SAFETY}), _ORDER)

@@ -26,12 +26,12 @@ from runtime.control.safety.swept import SweptGuard
 class CappedAssessment:
     """The assessment of the car's own guard, under the limit of an own law."""
 
-    outlook: SafetyAssessment
+    assessment: SafetyAssessment
     cap: Verdict
 
     def limit(self, speed_mps: float, steering_rad: float) -> Verdict:
         """Judge a drive: the lower limit of both in each direction, with the reason of the one that binds."""
-        verdict, cap = self.outlook.limit(speed_mps, steering_rad), self.cap
+        verdict, cap = self.assessment.limit(speed_mps, steering_rad), self.cap
         if cap.forward_mps >= verdict.forward_mps and cap.reverse_mps >= verdict.reverse_mps:
             return verdict
         binds = cap.reverse_mps < verdict.reverse_mps if speed_mps < 0 else cap.forward_mps < verdict.forward_mps
@@ -60,10 +60,10 @@ class CappedGuard:
 
     def look(self, scan: Scan, motor: MotorState | None) -> CappedAssessment:
         """Process one scan."""
-        outlook = self.guard.look(scan, motor)
+        assessment = self.guard.look(scan, motor)
         state = self._state.read(motor, self._wanted)
-        answer = self.runner.call(scan_for_law(outlook.view), state, self._settings.budget_s)
-        return CappedAssessment(outlook, self._cap(answer))
+        answer = self.runner.call(scan_for_law(assessment.view), state, self._settings.budget_s)
+        return CappedAssessment(assessment, self._cap(answer))
 
     def learn(self) -> None:
         """Run the deferred work of the car's own guard."""

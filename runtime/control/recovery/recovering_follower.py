@@ -26,10 +26,10 @@ class RecoveringFollower:
     def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
         """Return the follower's guidance for one scan, or the way out with its text as the reason."""
         guidance = self._follower.follow(scan, motor)
-        outlook = self._guard.outlook  # safety runs first: it is this scan's
-        if outlook is None or outlook.view.scan is not scan:
+        assessment = self._guard.assessment  # safety runs first: it is this scan's
+        if assessment is None or assessment.view.scan is not scan:
             return guidance
-        advice = self._recovery.step(outlook, guidance.drive, motor, believed=self._believed())
+        advice = self._recovery.step(assessment, guidance.drive, motor, believed=self._believed())
         # A standing car's reason is reported by the safety, not the driver: it needs to know that there is no way out.
         self._guard.stuck_reason = advice.words if advice.words == HELP else ""
         if advice.drive is None and not advice.words:

@@ -59,9 +59,9 @@ NO_ADVICE = RecoveryAdvice(None, "")
 class WayOutSearch:
     """A search that is under way: one slice with each scan. way: its answer, None while it is not finished."""
 
-    def __init__(self, outlook: SweptAssessment, goal: Goal, refused: frozenset[Move], back_m: float) -> None:
-        guard, self._behind = outlook.guard, outlook.strip.behind
-        self._here = self._behind.seen_now(outlook.view)
+    def __init__(self, assessment: SweptAssessment, goal: Goal, refused: frozenset[Move], back_m: float) -> None:
+        guard, self._behind = assessment.guard, assessment.strip.behind
+        self._here = self._behind.seen_now(assessment.view)
         self._body, self._goal, self._refused = guard.body, goal, refused
         self._most_backed_m = min(back_m, guard.settings.reverse_unseen_m - STOPPING_M)
         self._slices = self._think()
@@ -125,7 +125,7 @@ class Recovery:
         self._settings = settings
 
     def step(
-        self, outlook: SweptAssessment, wish: Drive | None, motor: MotorState | None, *, believed: bool = True
+        self, assessment: SweptAssessment, wish: Drive | None, motor: MotorState | None, *, believed: bool = True
     ) -> RecoveryAdvice:
         """Return the advice for one scan; wish: the driver's, before the safety. believed: the odometry is trusted."""
         if self._due:
@@ -134,10 +134,10 @@ class Recovery:
             self._forget()
             return NO_ADVICE
         if self._legs and believed:
-            return self._drive_leg(outlook, motor)
-        now_s = outlook.view.scan.stamp_s
-        if not self._is_boxed_in(outlook, wish):
-            if now_s - self._boxed_s > FREE_FOR_S or abs(outlook.speed_mps) > STANDING_MPS:
+            return self._drive_leg(assessment, motor)
+        now_s = assessment.view.scan.stamp_s
+        if not self._is_boxed_in(assessment, wish):
+            if now_s - self._boxed_s > FREE_FOR_S or abs(assessment.speed_mps) > STANDING_MPS:
                 self._forget()
             if motor.distance_m - self._tried_at_m > self._settings.forgotten_after_m:
                 self._tries, self._ends_m, self._refused = 0, [], frozenset()
@@ -148,21 +148,21 @@ class Recovery:
         self._boxed_s = now_s
         if self._since_s is None:
             self._since_s = now_s
-        return self._stand(outlook, wish, motor)
+        return self._stand(assessment, wish, motor)
 
     def _forget(self) -> None:
         self._since_s, self._thought, self._legs, self._found_none = None, None, [], False
 
-    def _stand(self, outlook: SweptAssessment, wish: Drive, motor: MotorState) -> RecoveryAdvice:
+    def _stand(self, assessment: SweptAssessment, wish: Drive, motor: MotorState) -> RecoveryAdvice:
         """Wait, and search meanwhile."""
         stood_s = self._boxed_s - (self._since_s if self._since_s is not None else self._boxed_s)
         if self._tries >= self._settings.tries:
             patient = stood_s < (self._settings.boxed_for_s if self._settings.tries else ASKS_AFTER_S)
             return RecoveryAdvice(None, "waiting for the way to clear" if patient else HELP)
         if stood_s >= LOOKS_AFTER_S and self._thought is None and self._boxed_s - self._thought_s > LOOKS_AGAIN_AFTER_S:
-            self._thought = WayOutSearch(outlook, self._goal(outlook), self._refused, self._settings.back_m)
+            self._thought = WayOutSearch(assessment, self._goal(assessment), self._refused, self._settings.back_m)
         self._due = self._thought is not None
-        if stood_s < self._settings.boxed_for_s or self._is_free(outlook, wish):
+        if stood_s < self._settings.boxed_for_s or self._is_free(assessment, wish):
             return RecoveryAdvice(None, "waiting for the way to clear")
         thought = self._thought
         if thought is None or thought.way is None:
@@ -173,32 +173,32 @@ class Recovery:
             self._refused = frozenset()  # it may have been the noise of those scans
             return RecoveryAdvice(None, HELP)
         self._ends_m.append(thought.end_in_odom_m(thought.way))
-        return self._begin(thought.way, outlook, motor)
+        return self._begin(thought.way, assessment, motor)
 
-    def _goal(self, outlook: SweptAssessment) -> Goal:
+    def _goal(self, assessment: SweptAssessment) -> Goal:
         """Return the goal: farther with each try, and not at the end of an earlier one."""
-        here = outlook.strip.behind.seen_now(outlook.view)
+        here = assessment.strip.behind.seen_now(assessment.view)
         ends_m = (np.array(self._ends_m, np.complex128) - here.place_m) * cmath.rect(1.0, -here.yaw_rad)
         return Goal(AWAY_M[min(self._tries, len(AWAY_M) - 1)], ends_m)
 
-    def _is_boxed_in(self, outlook: SweptAssessment, wish: Drive) -> bool:
+    def _is_boxed_in(self, assessment: SweptAssessment, wish: Drive) -> bool:
         """Return whether the car stands and may not go ahead; what forbids both ways, a blind lidar, is no box."""
-        if abs(outlook.speed_mps) > STANDING_MPS:
+        if abs(assessment.speed_mps) > STANDING_MPS:
             return False  # and the safety judges nothing for a follower that may not be the active driver
-        verdict = outlook.limit(wish.speed_mps, wish.steering_rad)
+        verdict = assessment.limit(wish.speed_mps, wish.steering_rad)
         return verdict.forward_mps <= 0 < verdict.reverse_mps
 
-    def _is_free(self, outlook: SweptAssessment, wish: Drive) -> bool:
+    def _is_free(self, assessment: SweptAssessment, wish: Drive) -> bool:
         """Return whether the path is free by now, and only a stop is still held."""
-        return outlook.strip.contact(wish.steering_rad, WORTH_IT_M).travel_m >= WORTH_IT_M
+        return assessment.strip.contact(wish.steering_rad, WORTH_IT_M).travel_m >= WORTH_IT_M
 
-    def _begin(self, way: WayOut, outlook: SweptAssessment, motor: MotorState) -> RecoveryAdvice:
+    def _begin(self, way: WayOut, assessment: SweptAssessment, motor: MotorState) -> RecoveryAdvice:
         self._tries += 1
         self._tried_at_m = motor.distance_m
         *legs, last = way.legs
         self._legs = [*legs, Leg(last.steering_rad, min(last.travel_m, self._settings.forward_m))]
-        self._enter_leg(outlook.view.scan.stamp_s, motor)
-        return self._drive_leg(outlook, motor)
+        self._enter_leg(assessment.view.scan.stamp_s, motor)
+        return self._drive_leg(assessment, motor)
 
     def _enter_leg(self, now_s: float, motor: MotorState) -> None:
         self._begun_s = self._moving_s = now_s
@@ -213,13 +213,13 @@ class Recovery:
             self._refused |= {(1 if leg.travel_m > 0 else -1, steering)}
         self._forget()
 
-    def _drive_leg(self, outlook: SweptAssessment, motor: MotorState) -> RecoveryAdvice:
-        now_s, leg = outlook.view.scan.stamp_s, self._legs[0]
+    def _drive_leg(self, assessment: SweptAssessment, motor: MotorState) -> RecoveryAdvice:
+        now_s, leg = assessment.view.scan.stamp_s, self._legs[0]
         words = f"{'backing' if leg.travel_m < 0 else 'turning'} out, try {self._tries} of {self._settings.tries}"
         if now_s - self._begun_s < SETTLING_S:
             return RecoveryAdvice(Drive(0.0, leg.steering_rad), words)
         speed_mps = math.copysign(self._settings.speed_mps, leg.travel_m)
-        verdict = outlook.limit(speed_mps, leg.steering_rad)
+        verdict = assessment.limit(speed_mps, leg.steering_rad)
         blocked = (verdict.forward_mps if speed_mps > 0 else verdict.reverse_mps) <= 0
         if not blocked:
             self._moving_s = now_s

@@ -60,7 +60,7 @@ class SweptGuard:
 
     clock: where given, the scan's age is measured at every judgement, else taken as it was when the scan arrived.
     health: state of the lidar's window.
-    outlook: the last assessment, None before the first scan. stuck_reason: reason reported for a car that cannot
+    assessment: the last assessment, None before the first scan. stuck_reason: reason reported for a car that cannot
     continue and has no way out; "" while it has one.
     """
 
@@ -86,7 +86,7 @@ class SweptGuard:
         self.visibility = Visibility(car)
         self.memory = _Memory()
         self.emergency = Emergency()
-        self.outlook: SweptAssessment | None = None
+        self.assessment: SweptAssessment | None = None
         self.stuck_reason = ""
         self._eyes = eyes
         self._odometry = Odometry(car.wheelbase_m)
@@ -129,8 +129,8 @@ class SweptGuard:
             window = self._window = Verdict(ceiling_mps, ceiling_mps, self.health.reason)
         if self.visibility.on_lidar:
             window = ON_LIDAR
-        self.outlook = SweptAssessment(self, view, speed_mps, strip, window, wary)
-        return self.outlook
+        self.assessment = SweptAssessment(self, view, speed_mps, strip, window, wary)
+        return self.assessment
 
     def _read(self, motor: MotorState | None, stamp_s: float) -> tuple[float, float, float]:
         """Return the signed speed, the wheels' angle, and the distance since the last scan."""

@@ -98,7 +98,7 @@ def _next(judged: list[JudgedScan], number: int) -> list[int]:
 
 def room_along_m(motion: ScanMotion, judged: list[JudgedScan], number: int) -> float:
     """Return the minimum clearance of the car's bare outline to a scan's points on the way that it really took."""
-    view, car = judged[number].outlook.view, CarSettings()
+    view, car = judged[number].assessment.view, CarSettings()
     # Points this near behind the lidar move with the car: its own parts, or dirt.
     real = view.solid & ((np.abs(view.bearing_rad) < BODY_BEYOND_RAD) | (view.ranges_m > SMUDGE_NEARER_THAN_M))
     points_m = np.stack([view.x_m[real], view.y_m[real]])

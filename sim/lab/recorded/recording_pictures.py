@@ -84,7 +84,7 @@ def save_window(folder: Path, done: Replay) -> Path:
 
 
 def _draw_scan(axes: Axes, judged: JudgedScan) -> None:
-    view = judged.outlook.view
+    view = judged.assessment.view
     axes.plot(view.x_m[view.solid], view.y_m[view.solid], ".", color="0.15", markersize=4, label="solid")
     rest = ~view.solid & ~view.no_echo
     axes.plot(view.x_m[rest], view.y_m[rest], "x", color="tab:orange", markersize=4, label="ignored")

@@ -94,7 +94,7 @@ def reenact(done: Replay, run: Recorded) -> list[Braking]:
 
 def gap_m(judged: JudgedScan) -> float:
     """Return the bumper's distance to the nearest point straight ahead, inf without one."""
-    view, car = judged.outlook.view, CarSettings()
+    view, car = judged.assessment.view, CarSettings()
     before = view.solid & (np.abs(view.y_m) < car.half_width_m) & (view.x_m > car.front_m)
     ahead_m = np.sort(view.x_m[before])
     return float(ahead_m[2]) - car.front_m if ahead_m.size > 2 else math.inf
@@ -102,7 +102,7 @@ def gap_m(judged: JudgedScan) -> float:
 
 def world_of(judged: JudgedScan) -> World:
     """Return the surfaces of one scan as walls, in base_link."""
-    view = judged.outlook.view
+    view = judged.assessment.view
     points_m = np.stack([view.x_m, view.y_m], axis=1)[view.solid]
     near = np.hypot(*(points_m[1:] - points_m[:-1]).T) < JOINED_M
     segments: Floats = np.hstack([points_m[:-1], points_m[1:]])[near]

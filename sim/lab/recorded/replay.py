@@ -51,7 +51,7 @@ class JudgedScan:
 
     scan: Scan
     motor: MotorState
-    outlook: SweptAssessment
+    assessment: SweptAssessment
     asked: AskedDrive
     verdict: Verdict
     line: WallLine | None
@@ -102,12 +102,14 @@ def replay(recording: Recording, side: Side, guard_settings: SweptSettings | Non
     for number, scan in enumerate(scans_of(recording)):
         asked = asked_at(recording, motion, number, car)
         motor = motor_at(motion, number, _wheels_rad(motion, number, asked, car), float(recording.received_s[number]))
-        outlook = guard.look(scan, motor)
+        assessment = guard.look(scan, motor)
         distance_m = follower.follow(scan, motor).distance_m
         view = eyes.see(scan)
-        verdict = outlook.limit(asked.speed_mps, asked.steering_rad)
+        verdict = assessment.limit(asked.speed_mps, asked.steering_rad)
         judged.append(
-            JudgedScan(scan, motor, outlook, asked, verdict, wall_line(view, side), distance_m, guard.movers.any_moves)
+            JudgedScan(
+                scan, motor, assessment, asked, verdict, wall_line(view, side), distance_m, guard.movers.any_moves
+            )
         )
         if guard.health.mask is not None:
             masked += guard.health.mask

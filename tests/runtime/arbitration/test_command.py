@@ -52,12 +52,14 @@ def test_every_combination_of_voices_obeys_the_rules(order):
             if source in REQUIRED and source not in words:
                 assert decision.speed_mps == 0, f"{source} is silent"
             if source in words:
-                assert -words[source].outlook.reverse_mps <= decision.speed_mps <= words[source].outlook.forward_mps
+                assert (
+                    -words[source].assessment.reverse_mps <= decision.speed_mps <= words[source].assessment.forward_mps
+                )
         free = all(
             (source not in REQUIRED or source in words)
             and (
                 source not in words
-                or words[source].outlook.forward_mps == words[source].outlook.reverse_mps == math.inf
+                or words[source].assessment.forward_mps == words[source].assessment.reverse_mps == math.inf
             )
             for source in above
         )
@@ -209,8 +211,8 @@ def test_breaking_any_line_of_arbitrate_is_noticed():
 
 
 def test_a_refusal_stops_both_ways_and_a_consent_limits_neither():
-    assert refusal(Source.SAFETY, "wall").outlook.limit(1.0, 0.0) == Verdict(0.0, 0.0, "wall")
-    assert consent(Source.SAFETY, "clear").outlook.limit(1.0, 0.0) == Verdict(math.inf, math.inf, "clear")
+    assert refusal(Source.SAFETY, "wall").assessment.limit(1.0, 0.0) == Verdict(0.0, 0.0, "wall")
+    assert consent(Source.SAFETY, "clear").assessment.limit(1.0, 0.0) == Verdict(math.inf, math.inf, "clear")
 
 
 @pytest.mark.parametrize(

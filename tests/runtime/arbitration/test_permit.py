@@ -9,7 +9,7 @@ from runtime.arbitration.permit import NOT_GRANTED, NOT_REQUIRED, Permit
 
 def word(queue):
     """Return (may move, reason) of the permit's word, None while it is silent."""
-    live = [said.outlook.limit(1.0, 0.0) for said in queue.live()]
+    live = [said.assessment.limit(1.0, 0.0) for said in queue.live()]
     return (live[0].forward_mps == NO_LIMIT_MPS, live[0].reason) if live else None
 
 

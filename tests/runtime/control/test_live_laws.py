@@ -45,8 +45,8 @@ class Drive:
         self.way_m += self.speed_mps * 0.025
         motor = MotorState(at_s, self.speed_mps, self.way_m, 0.0, 11.8, 0.0, 0.0, 25.0, "", False, False)
         scan = Scan(at_s, at_s, -STEP_RAD * (BEAMS // 2), STEP_RAD, 0.02, 30.0, self.ranges_m, self.scans)
-        outlook = self.laws.look(scan, motor)
-        return self.laws.follow(scan, motor), outlook
+        assessment = self.laws.look(scan, motor)
+        return self.laws.follow(scan, motor), assessment
 
     @property
     def swept(self) -> SweptGuard:
@@ -143,9 +143,9 @@ def test_another_method_is_a_new_law():
 def test_a_wider_margin_slows_the_car_at_once():
     drive = Drive(ahead_m=1.6)
     allowed_mps = drive.scan()[1].limit(2.0, 0.0).forward_mps
-    outlook = drive.scan()[1]
+    assessment = drive.scan()[1]
     drive.tune(safety={"graded_share": 0.2})
-    assert outlook.limit(2.0, 0.0).forward_mps < allowed_mps, "even the judgement that is in force becomes stricter"
+    assert assessment.limit(2.0, 0.0).forward_mps < allowed_mps, "even the judgement that is in force becomes stricter"
     assert drive.scan()[1].limit(2.0, 0.0).forward_mps < allowed_mps
 
 

@@ -68,13 +68,13 @@ class Drive:
         motor = MotorState(
             sweep.stamp_s, speed_mps, self.way_m, steering_rad, 11.0, 0.0, 0.0, 30.0, "", timed_out=False, killed=False
         )
-        outlook = self.guard.look(sweep, motor)
+        assessment = self.guard.look(sweep, motor)
         guidance = self.follower.follow(sweep, motor)
         wish = guidance.drive
         if wish is not None:
-            outlook.limit(wish.speed_mps, wish.steering_rad)
+            assessment.limit(wish.speed_mps, wish.steering_rad)
         for asked in ((4.0, 0.3), (1.0, -0.34), (-0.4, 0.2)):
-            outlook.limit(*asked)
+            assessment.limit(*asked)
         self.scans += 1
 
     def see_ranges(self, ranges_m, **how):

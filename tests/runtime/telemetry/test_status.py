@@ -134,10 +134,10 @@ def test_latency_is_told_in_milliseconds_and_forgets_the_oldest():
     assert latency.fields() == {"p50": 200.0, "p99": 395.0, "max": 399.0}
 
 
-def drive_by_hand(observed, *, order=LAB_ORDER, outlook=WALL_AHEAD, speed_mps=1.0):
+def drive_by_hand(observed, *, order=LAB_ORDER, assessment=WALL_AHEAD, speed_mps=1.0):
     observed.queue.reorder(order)
     speak(observed)
-    observed.queue.put(SpeedLimit(Source.SAFETY, outlook, observed.clock()))
+    observed.queue.put(SpeedLimit(Source.SAFETY, assessment, observed.clock()))
     observed.queue.put(DriveCommand(Source.TELEOP, Drive(speed_mps, 0.0), None, "anna drives"))
     decided = Decision(speed_mps, 0.0, Source.TELEOP, Source.TELEOP, "anna drives")
     return Output(observed.clock(), Drive(speed_mps, 0.0), decided, delivered=True)
@@ -155,8 +155,8 @@ def test_what_safety_says_to_a_human_whom_it_does_not_bind_is_told(observed):
     "story",
     [
         {"order": BOUND},
-        {"outlook": Verdict(INF, INF, "clear")},
-        {"outlook": Verdict(1.5, INF, "slower: wall ahead", 2.0)},
+        {"assessment": Verdict(INF, INF, "clear")},
+        {"assessment": Verdict(1.5, INF, "slower: wall ahead", 2.0)},
         {"speed_mps": -0.5},
         {"speed_mps": 0.0},
     ],
@@ -180,12 +180,12 @@ def test_asking_leaves_no_trace_in_the_law(observed):
     ranges_m = ranges_between_walls(1.0, 1.0, 0.6)
     for _ in range(3):
         observed.clock.now_s += 0.025
-        outlook = laws.look(scan_at(observed.clock.now_s, ranges_m), fast(observed.clock.now_s))
-    assert isinstance(outlook, SweptOutlook)
-    before = copy.deepcopy(outlook.guard.memory)
-    found = told(observed, drive_by_hand(observed, outlook=outlook, speed_mps=2.0))["overruled"]
+        assessment = laws.look(scan_at(observed.clock.now_s, ranges_m), fast(observed.clock.now_s))
+    assert isinstance(assessment, SweptOutlook)
+    before = copy.deepcopy(assessment.guard.memory)
+    found = told(observed, drive_by_hand(observed, assessment=assessment, speed_mps=2.0))["overruled"]
     assert "wall ahead" in found["reason"]
     assert found["speed_mps"] < 2.0
-    assert outlook.guard.memory == before
-    outlook.limit(2.0, 0.0)
-    assert outlook.guard.memory != before, "being asked in earnest does leave one"
+    assert assessment.guard.memory == before
+    assessment.limit(2.0, 0.0)
+    assert assessment.guard.memory != before, "being asked in earnest does leave one"

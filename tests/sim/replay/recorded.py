@@ -97,9 +97,9 @@ def tape_over(car, decision_log):
 
     def taped_look(scan, motor):
         decision_log.begin()
-        outlook = look(scan, motor)
+        assessment = look(scan, motor)
         decision_log.add_safety(scan, motor)
-        return outlook
+        return assessment
 
     def taped_follow(scan, motor):
         decision_log.begin()

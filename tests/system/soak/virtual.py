@@ -145,16 +145,16 @@ class VirtualSoak(SoakSurroundings):
 class _Overheard:
     """Safety's answer, with the oracle as a listener."""
 
-    def __init__(self, outlook: Any, scan_stamp_s: float, oracle: Oracle, clock: Callable[[], float]) -> None:
-        self._outlook, self._stamp_s, self._oracle, self._clock = outlook, scan_stamp_s, oracle, clock
+    def __init__(self, assessment: Any, scan_stamp_s: float, oracle: Oracle, clock: Callable[[], float]) -> None:
+        self._assessment, self._stamp_s, self._oracle, self._clock = assessment, scan_stamp_s, oracle, clock
 
     def limit(self, speed_mps: float, steering_rad: float) -> Any:
-        verdict = self._outlook.limit(speed_mps, steering_rad)
+        verdict = self._assessment.limit(speed_mps, steering_rad)
         self._oracle.judged(Judged(self._clock(), self._stamp_s, speed_mps, verdict.forward_mps, verdict.reverse_mps))
         return verdict
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self._outlook, name)
+        return getattr(self._assessment, name)
 
 
 @contextmanager

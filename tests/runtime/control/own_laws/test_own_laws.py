@@ -270,7 +270,7 @@ def test_an_own_safety_law_lowers_the_limit(law_file):
     car = guard(law_file(limit("Limit(0.4, 0.0, 'slow zone')")))
     decision = car.scan()
     assert (decision.speed_mps, decision.winner, decision.reason) == (0.4, Source.SAFETY, "slow zone")
-    assert car.stack.queue.live()[0].outlook.limit(-1.0, 0.0).reverse_mps == 0.0
+    assert car.stack.queue.live()[0].assessment.limit(-1.0, 0.0).reverse_mps == 0.0
 
 
 @pytest.mark.parametrize("body", [EASY, limit("Limit(math.inf, 0.0)"), limit("Limit(5.0, math.inf)")])
@@ -303,9 +303,9 @@ def test_a_mistake_of_an_own_safety_law_stops_the_car(law_file, answer, sentence
 def test_to_read_the_status_leaves_no_trace_in_a_capped_guard(law_file):
     car = guard(law_file(EASY))
     car.scan()
-    outlook = car.stack.laws.look(*last_scan(car))
-    assert _without_trace(outlook) is not outlook
-    assert _without_trace(outlook).outlook is not outlook.outlook  # type: ignore[attr-defined]
+    assessment = car.stack.laws.look(*last_scan(car))
+    assert _without_trace(assessment) is not assessment
+    assert _without_trace(assessment).assessment is not assessment.assessment  # type: ignore[attr-defined]
 
 
 def last_scan(car):

@@ -34,7 +34,7 @@ class Car:
         self.pose = Pose(0.0, y_m, 0.0)
         self.way_m = 0.0
         self.scans = 0
-        self.outlook: SweptAssessment
+        self.assessment: SweptAssessment
 
     def look(self, step_m=0.0, wheels_m=None):
         """One scan, after a step; wheels_m: what the wheels say of it."""
@@ -48,9 +48,9 @@ class Car:
         motor = MotorState(
             at_s, wheels_m / 0.025, self.way_m, 0.0, 12.0, 0.0, 0.0, 20.0, "", timed_out=False, killed=False
         )
-        self.outlook = self.guard.look(sweep, motor)
+        self.assessment = self.guard.look(sweep, motor)
         self.scans += 1
-        return self.outlook.view
+        return self.assessment.view
 
     def drive(self, way_m, step_m=STEP_M, **how):
         """Go on so far; returns the last view."""
@@ -202,8 +202,8 @@ def backs(car):
     car.look()
     view = car.look()
     assert not (view.solid & behind(view)).any()
-    assert car.outlook.limit(1.0, 0.0).forward_mps == math.inf
-    return car.outlook.limit(-0.4, 0.34).measure > 0.3
+    assert car.assessment.limit(1.0, 0.0).forward_mps == math.inf
+    return car.assessment.limit(-0.4, 0.34).measure > 0.3
 
 
 def test_a_car_that_backs_out_heeds_what_is_in_doubt():
@@ -277,7 +277,7 @@ def test_wheels_that_turn_while_the_scene_stands_teach_nothing():
     car = Car(world="cluttered", obstacles=shelves)
     for _ in range(300):
         car.look(0.0, wheels_m=0.03)
-    assert car.outlook.window.forward_mps == math.inf
+    assert car.assessment.window.forward_mps == math.inf
     assert car.guard.health.mask is None
     assert not car.guard.own_parts.parts.any()
 

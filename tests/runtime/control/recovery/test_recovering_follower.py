@@ -47,8 +47,8 @@ class Car:
         self.word = DriveCommand(NAVIGATION, Drive(1.0, 0.0), None, "wall")
         self.said = set()
 
-    def decide(self, outlook):
-        live = (SpeedLimit(SAFETY, outlook, outlook.view.scan.stamp_s), self.word)
+    def decide(self, assessment):
+        live = (SpeedLimit(SAFETY, assessment, assessment.view.scan.stamp_s), self.word)
         return arbitrate(live, frozenset({SAFETY}), (SAFETY, NAVIGATION))
 
     def look(self):
@@ -60,11 +60,11 @@ class Car:
         return self.guard.look(self.scan, self.motor)
 
     def step(self):
-        outlook = self.look()
+        assessment = self.look()
         guidance = self.follower.follow(self.scan, self.motor)
         self.word = DriveCommand(NAVIGATION, guidance.drive or Drive(0.0, 0.0), self.scan.stamp_s, guidance.reason)
         self.said.add(guidance.reason)
-        return self.decide(outlook)
+        return self.decide(assessment)
 
     def go(self, seconds):
         return [self.step() for _ in range(round(seconds / SCAN_S))]
@@ -87,9 +87,9 @@ def test_between_a_scan_and_its_answer_the_words_are_the_same():
     """The mux may decide in between; a reason that changes to and fro would be an event eighty times a second."""
     car = Car(*CAGE)
     car.go(4.0)
-    outlook = car.look()
+    assessment = car.look()
     car.word = DriveCommand(NAVIGATION, car.word.drive, None, car.word.reason)
-    assert car.decide(outlook).reason == HELP
+    assert car.decide(assessment).reason == HELP
 
 
 def test_when_the_way_is_free_again_nobody_asks_for_help():

@@ -45,7 +45,7 @@ class Stage:
         self.pose = Pose(-1.5, 0.0, 0.0)
         self.now_s = self.way_m = self.speed_mps = self.wheel_rad = 0.0
         self.said = []
-        self.outlook: Any = None
+        self.assessment: Any = None
         self.advice: Any = None
 
     def look(self):
@@ -57,16 +57,16 @@ class Stage:
             timed_out=False, killed=False,
         )  # fmt: skip
         scan = Scan(self.now_s, self.now_s, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0)
-        self.outlook = self.guard.look(scan, state)
+        self.assessment = self.guard.look(scan, state)
         return state
 
     def step(self, wish=WAY, *, believed=True):
         state = self.look()
-        advice = self.advice = self.recovery.step(self.outlook, wish, state, believed=believed)
+        advice = self.advice = self.recovery.step(self.assessment, wish, state, believed=believed)
         if advice.words and (not self.said or self.said[-1] != advice.words):
             self.said.append(advice.words)
         drive = advice.drive or wish or Drive(0.0, 0.0)
-        verdict = self.outlook.limit(drive.speed_mps, drive.steering_rad)
+        verdict = self.assessment.limit(drive.speed_mps, drive.steering_rad)
         self.speed_mps = max(-verdict.reverse_mps, min(verdict.forward_mps, drive.speed_mps))
         self.wheel_rad += max(-0.08, min(0.08, drive.steering_rad - self.wheel_rad))
         step_m = self.speed_mps * SCAN_S
@@ -134,9 +134,9 @@ def test_a_moving_car_is_not_asked_about():
     stage = Stage(room((-0.4, 0.0, 0.5, 0.3)))
     stage.speed_mps = 2.0
     state = stage.look()
-    assert stage.recovery.step(stage.outlook, Drive(2.0, 0.0), state) == NO_ADVICE
+    assert stage.recovery.step(stage.assessment, Drive(2.0, 0.0), state) == NO_ADVICE
     assert not stage.guard.memory.braking
-    assert stage.outlook.limit(2.0, 0.0).forward_mps == 0.0
+    assert stage.assessment.limit(2.0, 0.0).forward_mps == 0.0
     assert stage.guard.memory.braking
 
 
@@ -146,8 +146,8 @@ def wait(stage, monkeypatch, *episodes):
         monkeypatch.setattr(stage.recovery, "_is_boxed_in", lambda *_, boxed=boxed: boxed)
         for _ in range(round(seconds / SCAN_S)):
             state = stage.look()
-            stage.outlook.speed_mps = speed_mps
-            begun = stage.recovery.step(stage.outlook, WAY, state).drive is not None
+            stage.assessment.speed_mps = speed_mps
+            begun = stage.recovery.step(stage.assessment, WAY, state).drive is not None
     return begun
 
 
@@ -283,14 +283,14 @@ def test_a_move_that_safety_refuses_is_not_planned_again(monkeypatch):
     stage = Stage(AHEAD).drive_up()
     stage.manoeuvres(lambda stage: stage.last.startswith("backing") and stage.moves)
     first = stage.advice.drive
-    limit = type(stage.outlook).limit
+    limit = type(stage.assessment).limit
 
-    def refuses(outlook, speed_mps, steering_rad):
-        verdict = limit(outlook, speed_mps, steering_rad)
+    def refuses(assessment, speed_mps, steering_rad):
+        verdict = limit(assessment, speed_mps, steering_rad)
         refused = speed_mps * first.speed_mps > 0 and steering_rad == first.steering_rad
         return replace(verdict, reverse_mps=0.0) if refused else verdict
 
-    monkeypatch.setattr(type(stage.outlook), "limit", refuses)
+    monkeypatch.setattr(type(stage.assessment), "limit", refuses)
     stage.manoeuvres(
         lambda stage: stage.last.startswith(("backing", "turning")) and "try 2" in stage.last and stage.moves
     )
@@ -303,14 +303,14 @@ def test_a_car_that_sees_nothing_is_not_boxed_in():
     stage = Stage(AHEAD).drive_up()
     stage.surroundings = SegmentGeometry(np.array([[50.0, 50.0, 51.0, 50.0]]))
     stage.go(3.0)
-    assert stage.outlook.limit(1.0, 0.0).reason == "the lidar sees almost nothing: uncover or clean it"
+    assert stage.assessment.limit(1.0, 0.0).reason == "the lidar sees almost nothing: uncover or clean it"
     assert stage.said == []
 
 
 def test_without_a_motor_report_nothing_is_begun():
     stage = Stage(AHEAD)
     stage.look()
-    assert stage.recovery.step(stage.outlook, WAY, None) == NO_ADVICE
+    assert stage.recovery.step(stage.assessment, WAY, None) == NO_ADVICE
 
 
 def test_what_can_wait_is_thought_once_for_each_scan():

@@ -96,14 +96,14 @@ def test_what_stops_a_scan_later_is_not_rolled_out_and_would_not_be_braked(monke
             np.minimum(world(wall_at(FRONT_M + ahead_m)), world((-3.0, ahead_m + 0.4, 9.0, ahead_m + 0.4))),
         )
         for wheel_rad in np.linspace(0.0, begun_rad, 6):
-            outlook = car.look(scan, speed_mps=speed_mps, wheel_rad=wheel_rad)
+            assessment = car.look(scan, speed_mps=speed_mps, wheel_rad=wheel_rad)
         asked.clear()
-        now_s = outlook.view.scan.stamp_s
-        in_vain = car.guard.emergency.turns_in_vain(outlook.strip, begun_rad + 0.2, now_s)
+        now_s = assessment.view.scan.stamp_s
+        in_vain = car.guard.emergency.turns_in_vain(assessment.strip, begun_rad + 0.2, now_s)
         if not asked:
             skipped += 1
             assert not in_vain
-            assert not judge(car.guard.emergency._situation(outlook.strip, now_s), begun_rad + 0.2)
+            assert not judge(car.guard.emergency._situation(assessment.strip, now_s), begun_rad + 0.2)
         else:
             assert ahead_m < 0.6 + speed_mps**2 / 8.0
     assert 0 < skipped < 38
@@ -133,9 +133,9 @@ def test_turning_past_goes_on_through_the_bend_and_ends_with_it():
 
 
 def test_one_scan_gets_one_manoeuvre_however_often_it_is_asked():
-    outlook = Car().look(slanted(0.5, math.radians(20)), speed_mps=3.0)
-    first = outlook.limit(1.85, -0.34)
-    assert all(outlook.limit(1.85, -0.34) == first for _ in range(3))
+    assessment = Car().look(slanted(0.5, math.radians(20)), speed_mps=3.0)
+    first = assessment.limit(1.85, -0.34)
+    assert all(assessment.limit(1.85, -0.34) == first for _ in range(3))
 
 
 def test_a_manoeuvre_that_was_not_asked_for_a_while_is_none_any_more():
@@ -158,8 +158,8 @@ def test_who_turns_away_too_fast_and_does_not_slow_down_is_slowed_gently():
     def asked(wanted_mps):
         car = Car()
         for wheel_rad in np.linspace(0.15, 0.3, 12):
-            outlook = car.look(corner, speed_mps=3.0, wheel_rad=wheel_rad)
-        return outlook.limit(wanted_mps, 0.3)
+            assessment = car.look(corner, speed_mps=3.0, wheel_rad=wheel_rad)
+        return assessment.limit(wanted_mps, 0.3)
 
     hasty = asked(3.0)
     assert (hasty.reason, hasty.forward_mps) == ("braking in the bend: wall ahead", 0.0)
@@ -174,10 +174,10 @@ def test_what_is_within_the_outline_hides_nothing():
     """Dirt and the car's own parts, which more than three points show, do not make the way ahead free."""
     car = Car()
     inside = Outline(CAR.front_m, CAR.rear_m, CAR.half_width_m)
-    outlook = car.look(world(wall_at(FRONT_M + 0.3)), speed_mps=3.0)
-    outlook.strip.more_m = np.full(5, 0.3 + 0.05j)
-    stop = outlook.limit(3.0, 0.0)
-    assert inside.holds(outlook.strip.more_m).all()
+    assessment = car.look(world(wall_at(FRONT_M + 0.3)), speed_mps=3.0)
+    assessment.strip.more_m = np.full(5, 0.3 + 0.05j)
+    stop = assessment.limit(3.0, 0.0)
+    assert inside.holds(assessment.strip.more_m).all()
     assert stop.brake_mps2 == math.inf
     assert car.guard.emergency.chosen is not None
     assert not car.guard.emergency.chosen.is_free

@@ -54,9 +54,9 @@ def test_what_stands_beside_the_car_stops_its_tail_beside_a_cable_too():
     for x_m in np.arange(0.6, 0.15, -0.02):
         ranges_m = world((x_m, -0.2, x_m - 0.04, -0.2))
         ranges_m[7:19] = 0.07
-        outlook = car.look(ranges_m, speed_mps=0.8, wheel_rad=-0.34 * (x_m < 0.17), moved_m=0.02)
-    assert outlook.limit(1.0, 0.0).forward_mps == math.inf
-    assert outlook.limit(1.0, -0.34).forward_mps < 1.0
+        assessment = car.look(ranges_m, speed_mps=0.8, wheel_rad=-0.34 * (x_m < 0.17), moved_m=0.02)
+    assert assessment.limit(1.0, 0.0).forward_mps == math.inf
+    assert assessment.limit(1.0, -0.34).forward_mps < 1.0
 
 
 def test_grip_widens_the_path():
@@ -128,10 +128,10 @@ def test_with_a_clock_the_age_is_that_of_the_moment():
     now = [0.0]
     car = Car(clock=lambda: now[0])
     now[0] = car.now_s + 0.025
-    outlook = car.look(world(wall_at(FRONT_M + 0.6)), speed_mps=2.0)
-    assert outlook.limit(2.0, 0.0).forward_mps > 0
+    assessment = car.look(world(wall_at(FRONT_M + 0.6)), speed_mps=2.0)
+    assert assessment.limit(2.0, 0.0).forward_mps > 0
     now[0] += 0.09
-    assert outlook.limit(2.0, 0.0).forward_mps == 0.0
+    assert assessment.limit(2.0, 0.0).forward_mps == 0.0
 
 
 def test_late_scans_slow_and_stale_scans_stop():
@@ -155,8 +155,8 @@ OUTER_WALL = ((-2.0, -0.6, 2.4, -0.6), (2.4, -0.6, 2.4, 8.0))
 
 def test_no_gain_of_speed_that_would_carry_the_car_out_of_its_bend():
     """Speeding up takes grip that turning needs, and the faster car needs more of it."""
-    outlook = Car().look(world(*OUTER_WALL), speed_mps=1.6, wheel_rad=0.3)
-    holding, gaining = outlook.limit(1.6, 0.3), outlook.limit(4.0, 0.3)
+    assessment = Car().look(world(*OUTER_WALL), speed_mps=1.6, wheel_rad=0.3)
+    holding, gaining = assessment.limit(1.6, 0.3), assessment.limit(4.0, 0.3)
     assert holding.forward_mps == math.inf
     assert gaining.reason == "no faster in this bend"
     assert 1.6 <= gaining.forward_mps < 4.0
@@ -173,20 +173,20 @@ BESIDE_THE_BEND = (1.2, 0.4, 1.23, 0.3)
 
 def test_nor_of_speed_that_takes_the_grip_that_the_bend_needs_on_a_slippery_floor():
     """Neither the bend nor the gain needs more than 0.5 g, but both together do (Kamm)."""
-    outlook = Car().look(world(BESIDE_THE_BEND), speed_mps=1.5, wheel_rad=0.3)
-    assert outlook.limit(1.5, 0.3).forward_mps == math.inf
-    assert outlook.limit(1.8, 0.3).forward_mps == math.inf
-    assert outlook.limit(2.1, 0.3).reason == "no faster in this bend"
-    assert 1.5 < outlook.limit(2.1, 0.3).forward_mps < 1.8
+    assessment = Car().look(world(BESIDE_THE_BEND), speed_mps=1.5, wheel_rad=0.3)
+    assert assessment.limit(1.5, 0.3).forward_mps == math.inf
+    assert assessment.limit(1.8, 0.3).forward_mps == math.inf
+    assert assessment.limit(2.1, 0.3).reason == "no faster in this bend"
+    assert 1.5 < assessment.limit(2.1, 0.3).forward_mps < 1.8
 
 
 def test_nor_where_something_farther_on_lets_it_go_faster():
     scan = world(BESIDE_THE_BEND, (-2.0, 1.0, 4.0, 1.0))
-    outlook = Car().look(scan, speed_mps=1.5, wheel_rad=0.3)
+    assessment = Car().look(scan, speed_mps=1.5, wheel_rad=0.3)
     farther = Car().look(world((-2.0, 1.0, 4.0, 1.0)), speed_mps=1.5, wheel_rad=0.3).limit(2.1, 0.3)
     assert farther.reason == "slower: wall ahead"
     assert farther.forward_mps > 2.1
-    assert outlook.limit(2.1, 0.3).reason == "no faster in this bend"
+    assert assessment.limit(2.1, 0.3).reason == "no faster in this bend"
 
 
 def test_at_an_edge_noise_does_not_let_a_fast_car_go_again():
@@ -210,9 +210,9 @@ def test_a_slow_car_keeps_its_narrow_margins():
 def test_all_questions_about_one_scan_get_the_same_answer():
     car = Car()
     car.look(world((2.0, 0.16, 2.0, 0.5)), speed_mps=3.0)
-    outlook = car.look(world((2.0, 0.16, 2.0, 0.5)), speed_mps=3.0)
-    first = outlook.limit(4.0, 0.0)
-    assert [outlook.limit(4.0, 0.0) for _ in range(3)] == [first] * 3
+    assessment = car.look(world((2.0, 0.16, 2.0, 0.5)), speed_mps=3.0)
+    first = assessment.limit(4.0, 0.0)
+    assert [assessment.limit(4.0, 0.0) for _ in range(3)] == [first] * 3
 
 
 @pytest.mark.parametrize("nonsense", [(math.nan, 0.0), (1.0, math.nan), (math.inf, 0.0)])
@@ -222,8 +222,8 @@ def test_nonsense_is_not_judged(nonsense):
 
 def test_standing_needs_no_consent_and_starts_no_hold():
     car = Car()
-    outlook = car.look(world(wall_at(FRONT_M + 0.1)), speed_mps=2.0)
-    assert outlook.limit(0.0, 0.0).forward_mps == math.inf
+    assessment = car.look(world(wall_at(FRONT_M + 0.1)), speed_mps=2.0)
+    assert assessment.limit(0.0, 0.0).forward_mps == math.inf
     assert not car.guard.memory.braking
 
 
@@ -239,14 +239,14 @@ def test_the_same_question_is_swept_once(monkeypatch):
         return contact_on_arc(*given_)
 
     monkeypatch.setattr(swept_path, "contact_on_arc", sweep)
-    outlook = Car().look(world(wall_at(1.5)))
-    first = outlook.limit(1.51, 0.1)
+    assessment = Car().look(world(wall_at(1.5)))
+    first = assessment.limit(1.51, 0.1)
     asked = len(sweeps)
     assert asked > 0
-    assert outlook.limit(1.6, 0.1) == first
+    assert assessment.limit(1.6, 0.1) == first
     assert len(sweeps) == asked
-    assert outlook.strip.contact(0.1, 2.0) is outlook.strip.contact(0.1, 2.0)
-    assert outlook.strip.contact(0.1, 2.0).travel_m < 2.0
+    assert assessment.strip.contact(0.1, 2.0) is assessment.strip.contact(0.1, 2.0)
+    assert assessment.strip.contact(0.1, 2.0).travel_m < 2.0
     asked = len(sweeps)
-    outlook.limit(1.6, 0.2)
+    assessment.limit(1.6, 0.2)
     assert len(sweeps) == asked + 1

@@ -72,9 +72,9 @@ def test_what_stands_does_not_come_while_the_wheels_are_locked():
         car.look(world((x_m, 0.8, x_m, 1.1), empty_m=9.0), speed_mps=2.0, moved_m=0.05)
     for step in range(14):
         x_m = 3.0 - 0.04 * step
-        outlook = car.look(world((x_m, 0.8, x_m, 1.1), empty_m=9.0), speed_mps=0.0)
-    assert outlook.speed_mps > 0
-    assert outlook.strip.more_m.size == 0
+        assessment = car.look(world((x_m, 0.8, x_m, 1.1), empty_m=9.0), speed_mps=0.0)
+    assert assessment.speed_mps > 0
+    assert assessment.strip.more_m.size == 0
 
 
 def test_what_stands_does_not_move_while_the_motor_reports_nothing():
@@ -82,8 +82,8 @@ def test_what_stands_does_not_move_while_the_motor_reports_nothing():
     car = Car()
     for step in range(24):
         x_m = 4.0 - 0.05 * step
-        outlook = car.look(world((x_m, 0.8, x_m, 1.1), empty_m=9.0), motor=False)
-        assert outlook.strip.more_m.size == 0
+        assessment = car.look(world((x_m, 0.8, x_m, 1.1), empty_m=9.0), motor=False)
+        assert assessment.strip.more_m.size == 0
 
 
 def test_a_person_who_comes_is_braked_for_before_he_is_near():

@@ -40,8 +40,8 @@ def test_the_dark_end_of_a_corridor_or_a_corner_does_not(left_m, right_m):
         ranges_m = darkened(0, None, left_m, right_m, half=half)
         ranges_m[480:600] = np.where(np.isfinite(ranges_m[480:600]), 28.0, np.nan)
         car.look(ranges_m, speed_mps=3.0)
-    outlook = car.look(darkened(0, None, left_m, right_m), speed_mps=3.0)
-    assert outlook.limit(3.0, 0.0).forward_mps == math.inf
+    assessment = car.look(darkened(0, None, left_m, right_m), speed_mps=3.0)
+    assert assessment.limit(3.0, 0.0).forward_mps == math.inf
 
 
 def test_a_third_of_the_window_must_be_dark():
@@ -82,14 +82,14 @@ def test_what_is_seen_behind_stops_it():
 def test_half_a_metre_without_seeing_and_no_more():
     car = Car()
     for _ in range(9):
-        outlook = car.look(world(), speed_mps=-0.4, moved_m=-0.05)
-        assert outlook.limit(-0.5, 0.0).reverse_mps > 0
+        assessment = car.look(world(), speed_mps=-0.4, moved_m=-0.05)
+        assert assessment.limit(-0.5, 0.0).reverse_mps > 0
     car.look(world(), speed_mps=-0.4, moved_m=-0.05)
-    outlook = car.look(world(), speed_mps=0.0, moved_m=-0.05)
-    assert outlook.limit(-0.5, 0.0).reverse_mps == 0.0
-    assert outlook.limit(-0.5, 0.0).reason == "backed far enough without seeing"
-    outlook = car.look(world(), speed_mps=0.4, moved_m=0.3)
-    assert outlook.limit(-0.5, 0.0).reverse_mps > 0
+    assessment = car.look(world(), speed_mps=0.0, moved_m=-0.05)
+    assert assessment.limit(-0.5, 0.0).reverse_mps == 0.0
+    assert assessment.limit(-0.5, 0.0).reason == "backed far enough without seeing"
+    assessment = car.look(world(), speed_mps=0.4, moved_m=0.3)
+    assert assessment.limit(-0.5, 0.0).reverse_mps > 0
 
 
 def test_what_was_passed_is_remembered_behind():
@@ -98,7 +98,7 @@ def test_what_was_passed_is_remembered_behind():
     for step in range(12):
         x_m = 0.6 - 0.1 * step
         car.look(world((x_m, 0.25, x_m + 0.25, 0.25)), speed_mps=1.0, moved_m=0.1)
-    outlook = car.look(world(), speed_mps=0.0)
-    assert outlook.limit(-0.5, 0.34).measure < 0.25
-    assert outlook.limit(-0.5, -0.34).measure == math.inf
+    assessment = car.look(world(), speed_mps=0.0)
+    assert assessment.limit(-0.5, 0.34).measure < 0.25
+    assert assessment.limit(-0.5, -0.34).measure == math.inf
     assert Car().look(world()).limit(-0.5, 0.34).measure == math.inf
