@@ -250,18 +250,19 @@ class Vesc:
         await link.repeat(partial(self._ask, link, period_s))
 
     def _ask(self, link: ByteLink, period_s: float) -> float:
-        """Send one request, unless a reply is still pending; return the pause."""
+        """Send one request, unless a reply is still pending; return the pause, at most until the link is lost."""
         now_s = self._clock()
         if self._awaiting and now_s - self._asked_s >= REPLY_BUDGET_S:
             self._miss_reply(now_s)
-        if now_s - self._replied_s >= self._settings.lost_after_s:
+        lost_s = self._replied_s + self._settings.lost_after_s
+        if now_s >= lost_s:
             raise LinkLost(self._why_lost())
         if not self._awaiting:
             self._awaiting = True
             self._asked_s = now_s
             link.write(_ASK_VALUES + self.inertia.question())
         self._next_poll_s = self._clear_s(max(self._next_poll_s + period_s, now_s), _SLACK_SHARE * period_s)
-        return self._next_poll_s - now_s
+        return min(self._next_poll_s, lost_s) - now_s
 
     def _why_lost(self) -> str:
         what = f"{self._address}: no usable reply for {self._settings.lost_after_s:g} s from {self._health.identity}"

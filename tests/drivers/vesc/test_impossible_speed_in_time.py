@@ -36,7 +36,7 @@ def test_an_impossible_speed_is_a_brake_on_the_wire_within_a_tenth_of_a_second(e
         brakes_s = [at_s for at_s, command in commands if command == Packet.SET_CURRENT_BRAKE]
         assert brakes_s[0] <= BRAKES_WITHIN_S
         meanwhile = [command for at_s, command in commands if brakes_s[0] <= at_s < LASTS_S]
-        assert len(meanwhile) >= 8
+        assert len(meanwhile) >= 6, "until the link is lost, 0.2 s after the last believed reply"
         assert set(meanwhile) == {Packet.SET_CURRENT_BRAKE}
         after = [command for at_s, command in commands if LASTS_S + 0.1 < at_s < 0.8]
         assert set(after) == {Packet.SET_RPM}

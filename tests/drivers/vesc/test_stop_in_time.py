@@ -14,6 +14,7 @@ from drivers.vesc.settings import VescSettings
 from tests.drivers.vesc.virtual_rig import GAIN, play
 
 READY_S = 0.5
+LOST_AFTER_S = 0.15
 SERVO_AHEAD, SERVO_LEFT = frame(codec.set_servo(0.5304)), frame(codec.set_servo(0.5304 - 1.2135 * 0.1))
 BRAKE = frame(codec.set_brake_current(VescSettings().brake_current_a))
 ONE_MPS = frame(codec.set_erpm(4614))
@@ -183,6 +184,19 @@ def test_what_was_sent_is_compared_with_what_turns():
         assert rig.vesc.state.fault == RUNS_BACKWARDS
 
     when_ready(story)
+
+
+@pytest.mark.parametrize("waits_s", [0.001 * number for number in range(0, 20, 3)])
+def test_a_controller_that_falls_silent_is_lost_at_its_time_and_not_at_the_next_poll(waits_s):
+    async def story(rig):
+        await asyncio.sleep(waits_s)
+        rig.sent(Drive(1.0, 0.0))
+        rig.controller.answers = False
+        await asyncio.sleep(0.3)
+        (braked_s,) = [at_s for at_s, kind in rig.controller.commands if kind == Packet.SET_CURRENT_BRAKE]
+        assert braked_s - rig.vesc._replied_s == pytest.approx(LOST_AFTER_S, abs=1e-3)
+
+    when_ready(story, lost_after_s=LOST_AFTER_S)
 
 
 def test_the_last_word_is_a_brake_and_the_port_is_let_go():
