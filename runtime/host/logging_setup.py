@@ -14,6 +14,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Final
 
+from runtime.host.scheduling import ask_for_niceness
+
 MAX_WAITING: Final = 2000
 """Maximum number of records that wait for a blocked terminal; newer ones are dropped."""
 MAX_LAST_WRITE_S: Final = 0.5
@@ -73,6 +75,11 @@ class _BoundedQueueHandler(logging.handlers.QueueHandler):
 
 
 class _PatientListener(logging.handlers.QueueListener):
+    def _monitor(self) -> None:
+        """Write records, in a thread of its own."""
+        ask_for_niceness()
+        super()._monitor()  # type: ignore[misc]
+
     def stop(self) -> None:
         """Write what is queued, for a limited time."""
         self.enqueue_sentinel()

@@ -6,6 +6,10 @@ service from starting, and the car would not drive at all. A policy that the pro
 
 A policy is passed on to every thread: zenoh's handshakes with unknown clients and the recorder would then compete with
 the motor as equals. With Linux's reset-on-fork flag (sched(7)) threads that are created later get the ordinary policy.
+
+A thread that runs Python may be preempted while it holds the interpreter's lock, and the thread that drives then waits
+until the kernel lets that one run again: on a full computer 0.4 s without a motor command. So threads of Python ask for
+a niceness (`ask_for_niceness`): below the thread that drives, but before ordinary programs.
 """
 
 import os
@@ -36,6 +40,20 @@ def keep_for_this_thread(environment: Mapping[str, str] = os.environ) -> str:
     except OSError as error:
         return f"real-time scheduling in every thread: {error.strerror}"
     return f"real-time scheduling, priority {priority.sched_priority}, in the thread that drives"
+
+
+def ask_for_niceness() -> None:
+    """Ask for NICE for the calling thread, if the thread that drives has a policy or niceness of its own. Never fails.
+
+    To be called first in every thread that runs Python: it may hold the interpreter's lock. The threads that it creates
+    (zenoh's) stay ordinary.
+    """
+    if not hasattr(os, "sched_getscheduler"):
+        return
+    driving = os.getpid()  # the id of a process is that of its first thread
+    is_real_time = os.sched_getscheduler(driving) & ~RESET_ON_FORK in {os.SCHED_FIFO, os.SCHED_RR}
+    if is_real_time or os.getpriority(os.PRIO_PROCESS, driving) <= NICE:
+        _ask_for_more()
 
 
 def _ask_for_more() -> str:

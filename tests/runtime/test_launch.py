@@ -3,6 +3,7 @@
 import asyncio
 import subprocess
 import sys
+import threading
 import time
 from types import SimpleNamespace
 from typing import Any
@@ -10,8 +11,11 @@ from typing import Any
 import pytest
 
 from runtime import launch
+from runtime.host import logging_setup
+from runtime.recording import recorder
 from runtime.settings.tree import Settings
 from tests.promises import promise
+from tests.runtime.recording.drives import Drive
 
 
 class BrakedMotor:
@@ -100,3 +104,17 @@ with launch.braking_last([]):
     begun_s = time.monotonic()
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, check=False, timeout=50).returncode == 1
     promise("ending a process that hangs, its start included", time.monotonic() - begun_s, 5.0)
+
+
+def test_every_thread_of_python_asks_for_a_niceness_first(tmp_path, monkeypatch):
+    """One that is kept from the processor while it holds the interpreter's lock holds up the thread that drives."""
+    asked = []
+    for module in (launch, logging_setup, recorder):
+        monkeypatch.setattr(module, "ask_for_niceness", lambda: asked.append(threading.current_thread().name))
+    with logging_setup.journal("INFO", "text"), asyncio.Runner(loop_factory=launch.punctual_loop) as runner:
+        runner.run(asyncio.to_thread(time.monotonic))
+    of_drives = Drive(tmp_path).recorder
+    of_drives.start()
+    of_drives.close()
+    assert [name.partition("_")[0] for name in asked[1:]] == ["asyncio", "recorder"]
+    assert "_monitor" in asked[0], "the log's"

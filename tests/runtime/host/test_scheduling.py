@@ -35,6 +35,23 @@ thread = threading.Thread(target=lambda: seen.append(os.getpriority(os.PRIO_PROC
 thread.start(); thread.join()
 print(os.getpriority(os.PRIO_PROCESS, 0), *seen)
 """
+THREADS = """
+from runtime.host.scheduling import ask_for_niceness, keep_for_this_thread
+words = keep_for_this_thread()
+seen = []
+def note():
+    policy = os.sched_getscheduler(threading.get_native_id()) & ~os.SCHED_RESET_ON_FORK
+    seen.append((policy, os.getpriority(os.PRIO_PROCESS, 0)))
+def runs():
+    ask_for_niceness()
+    note()
+    other = threading.Thread(target=note)
+    other.start(); other.join()
+thread = threading.Thread(target=runs)
+thread.start(); thread.join()
+print(words)
+print(*seen)
+"""
 PROGRAM = """
 from runtime.host.scheduling import keep_for_this_thread
 print(keep_for_this_thread())
@@ -63,6 +80,21 @@ def test_other_threads_run_below_the_one_that_drives(way):
     words, verdict = done.stdout.splitlines()
     assert words == "real-time scheduling, priority 20, in the thread that drives"
     assert verdict == "True True"
+
+
+@pytest.mark.parametrize(("way", "nice"), [(ASKED, -10), ("", 0)])
+def test_a_thread_of_python_runs_before_ordinary_programs_where_the_one_that_drives_does(way, nice):
+    """It may hold the interpreter's lock while another program keeps it from the processor."""
+    program = (
+        f"import os, threading\nos.setpriority(os.PRIO_PROCESS, 0, max(0, os.getpriority(os.PRIO_PROCESS, 0)))\n{way}"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program + THREADS], capture_output=True, text=True, check=True, timeout=50
+    )
+    words, seen = done.stdout.splitlines()
+    if "refused" in words and os.getuid() != 0:  # an ordinary user may not ask for it without LimitNICE of the unit
+        return
+    assert seen == f"({os.SCHED_OTHER}, {nice}) ({os.SCHED_OTHER}, 0)", "those that it creates stay ordinary"
 
 
 def test_a_refused_policy_is_said_and_the_car_drives_without():
