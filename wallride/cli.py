@@ -30,6 +30,7 @@ from wallride.fleet import options as fleet_options
 from wallride.new import options as new_options
 from wallride.parser import DEFAULT_CONFIG, Parser, add_set, default_config
 from wallride.service import options as service_options
+from wallride.vesc import options as vesc_options
 
 if TYPE_CHECKING:
     from clients.joystick.car_joystick import CarJoystick
@@ -75,6 +76,7 @@ def build_parser() -> argparse.ArgumentParser:
     sim_options.add(commands)
     emulate_options.add(commands)
     doctor_options.add(commands)
+    vesc_options.add(commands)
     import_options.add(commands)
     calibrate_options.add(commands)
     lab = commands.add_parser("lab", help="experiments with the car's own laws, faster than real time")

@@ -1,18 +1,14 @@
-"""The VESC's application configuration, as far as a car's safety depends on it. Pure.
+"""The VESC's application configuration, as far as a car's safety depends on it: read it, and change it. Pure.
 
-Reply to GET_APPCONF: packet id, then a signature of the layout, then its fields. The signature changes with every
-change of the layout, so that a known one makes the fields certain, and an unknown one is not read at all. Layouts:
-vedderb/bldc `confgenerator.h` and `confgenerator.c` of the tags 3.60 to 5.02 and the branches release_5_03 to
-release_7_00. Fields, from the signature on: controller id uint8, timeout uint32 [ms], timeout brake current float [A];
-the places of the others differ.
+Reply to GET_APPCONF and request SET_APPCONF: packet id, then the configuration as of `app_layouts`. A configuration is
+changed only where its layout is known to the last byte: signature and length.
 """
 
 import struct
-from dataclasses import dataclass
 from typing import Final
 
 from drivers.value import value
-from drivers.vesc.codec import Packet
+from drivers.vesc.app_layouts import LAYOUTS, AppLayout
 
 APP_NONE: Final = 0
 APPS: Final = {
@@ -22,31 +18,11 @@ APPS: Final = {
 """Applications by number (`datatypes.h`, app_use); those with PPM take the pin of the servo output."""
 PPM_APPS: Final = frozenset({1, 4})
 
-_HEAD: Final = struct.Struct(">BIBIf")
-"""Packet id, signature, controller id, timeout, brake current."""
-
-
-@dataclass(frozen=True, slots=True)
-class AppLayout:
-    """Places, counted from the signature. servo_output: None before firmware 5.03, which needs a special build."""
-
-    firmware: str
-    application: int
-    servo_output: int | None = None
-
-
-LAYOUTS: Final = {
-    543202478: AppLayout("3.60", 22),
-    783041200: AppLayout("3.61 to 3.67", 22),
-    1232755601: AppLayout("4.02", 22),
-    2460147246: AppLayout("5.00 and 5.01", 22),
-    3264926020: AppLayout("5.02", 23),
-    3733512279: AppLayout("5.03", 29, servo_output=27),
-    486554156: AppLayout("6.00 and 6.02", 33, servo_output=31),
-    2099347128: AppLayout("6.05 and 6.06", 33, servo_output=31),
-    2384027283: AppLayout("7.00", 33, servo_output=31),
-}
-"""By signature."""
+_HEAD: Final = struct.Struct(">IBIf")
+"""Signature, controller id, timeout, brake current."""
+_TIMEOUT: Final = struct.Struct(">If")
+_TIMEOUT_AT: Final = 5
+_INT16: Final = struct.Struct(">h")
 
 
 @value()
@@ -59,13 +35,57 @@ class AppConfig:
     servo_output: bool | None
 
 
-def decode_app_config(payload: bytes) -> AppConfig | None:
-    """Read a reply to GET_APPCONF; None where its layout is not known, or it is too short."""
-    if len(payload) < _HEAD.size or payload[0] != Packet.GET_APPCONF:
+def decode_app_config(configuration: bytes) -> AppConfig | None:
+    """Read a configuration, from the signature on; None where its layout is not known, or it is too short."""
+    if len(configuration) < _HEAD.size:
         return None
-    _, signature, _, timeout_ms, brake_a = _HEAD.unpack_from(payload)
+    signature, _, timeout_ms, brake_a = _HEAD.unpack_from(configuration)
     layout = LAYOUTS.get(signature)
-    if layout is None or len(payload) <= 1 + max(layout.application, layout.servo_output or 0):
+    if layout is None or len(configuration) <= max(layout.application, layout.servo_output or 0):
         return None
-    servo = None if layout.servo_output is None else bool(payload[1 + layout.servo_output])
-    return AppConfig(timeout_ms / 1000, brake_a, payload[1 + layout.application], servo)
+    servo = None if layout.servo_output is None else bool(configuration[layout.servo_output])
+    return AppConfig(timeout_ms / 1000, brake_a, configuration[layout.application], servo)
+
+
+def layout_of(configuration: bytes) -> AppLayout | None:
+    """Return the layout of a configuration (from its signature on) that is known to the last byte, else None."""
+    layout = LAYOUTS.get(int.from_bytes(configuration[:4], "big"))
+    return layout if layout is not None and len(configuration) == layout.size_bytes else None
+
+
+def change_app_config(
+    configuration: bytes, *, timeout_s: float, timeout_brake_a: float, servo_output: bool | None
+) -> bytes:
+    """Return a configuration with other values; servo_output: None leaves it.
+
+    ValueError: the layout is not known to the last byte, or the firmware has no servo output to set.
+    """
+    layout = layout_of(configuration)
+    if layout is None or (servo_output is not None and layout.servo_output is None):
+        raise ValueError("this configuration cannot be changed so")
+    changed = bytearray(configuration)
+    _TIMEOUT.pack_into(changed, _TIMEOUT_AT, round(timeout_s * 1000), timeout_brake_a)
+    if servo_output is not None and layout.servo_output is not None:
+        changed[layout.servo_output] = servo_output
+    return bytes(changed)
+
+
+def unlike_places(written: bytes, found: bytes) -> list[int]:
+    """Return the places at which a configuration is not as written, but for the firmware's own rounding.
+
+    A number that the firmware keeps as a float may be one unit nearer to 0 than it was written.
+    """
+    layout = layout_of(written)
+    if layout is None or len(found) != len(written):
+        return list(range(max(len(written), len(found))))
+    forgiven = {
+        place
+        for at in layout.rounded
+        if _is_rounded(_INT16.unpack_from(written, at)[0], _INT16.unpack_from(found, at)[0])
+        for place in (at, at + 1)
+    }
+    return [place for place in range(len(written)) if written[place] != found[place] and place not in forgiven]
+
+
+def _is_rounded(written: int, found: int) -> bool:
+    return written != 0 and found == written - (1 if written > 0 else -1)

@@ -43,6 +43,7 @@ class Packet(IntEnum):
     SET_POS = 9
     SET_HANDBRAKE = 10
     SET_SERVO_POS = 12
+    SET_APPCONF = 16
     GET_APPCONF = 17
     ALIVE = 30
     GET_VALUES_SELECTIVE = 50

@@ -19,12 +19,11 @@ from drivers.api import Clock
 from drivers.vesc import codec
 from drivers.vesc.codec import MOTOR_PACKETS, Packet
 from drivers.vesc.replies import STATUS_KILLED, STATUS_TIMED_OUT
+from sim.devices.vesc_config import CONTROLLER_ID, EmulatedAppConfig
 from sim.devices.vesc_logic import MotorDemand, VescLogic
 from sim.devices.vesc_replies import (
-    AppValues,
     Value,
     Version,
-    app_config_reply,
     firmware_reply,
     imu_reply,
     selective_reply,
@@ -33,7 +32,6 @@ from sim.devices.vesc_replies import (
 
 __all__ = ["MotorDemand", "VescEmulator"]
 
-CONTROLLER_ID = 74
 _READ_BYTES = 4096
 _NOISE_SEED = 7
 
@@ -51,8 +49,9 @@ class VescEmulator:
     reading). `kill_switch`, `inject_fault(code)` and `reboot()` are faults of the controller rather than the line.
     So are implausible reports: `shown_erpm` (this, whatever the motor does), `backwards` (speed and counter have
     the wrong sign), `counter_stopped`, `abs_backwards` (the absolute counter runs down). `phases_swapped`: the wheels
-    turn the other way, and the controller, which cannot detect it, reports the requested direction. `servo_output` and
-    `application` are told in its application configuration, and change nothing else.
+    turn the other way, and the controller, which cannot detect it, reports the requested direction.
+
+    config: its application configuration, which it takes and keeps; of it the emulator obeys timeout and brake current.
     """
 
     def __init__(
@@ -75,9 +74,9 @@ class VescEmulator:
         self.silent = self.garbage = self.noise = self.bad_crc = self.dribble = False
         self._clock = clock
         self._on_command = on_command
-        self._limits = {"timeout_s": timeout_s, "timeout_brake_a": timeout_brake_a, "min_erpm": min_erpm}
+        self.config = EmulatedAppConfig(timeout_s, timeout_brake_a)
+        self._min_erpm = min_erpm
         self._random = random.Random(_NOISE_SEED)
-        self.servo_output, self.application = True, 0
         self.shown_erpm: int | None = None
         self.backwards = self.counter_stopped = self.abs_backwards = self.phases_swapped = False
         self._values: dict[str, Value] = {}
@@ -101,7 +100,7 @@ class VescEmulator:
 
     def set_timeout(self, timeout_s: float, brake_a: float) -> None:
         """Write timeout and brake current into its settings, as VESC Tool does; it starts anew."""
-        self._limits.update(timeout_s=timeout_s, timeout_brake_a=brake_a)
+        self.config.timeout_s, self.config.timeout_brake_a = timeout_s, brake_a
         self._power_up()
 
     def unplug(self) -> None:
@@ -196,7 +195,10 @@ class VescEmulator:
     def _power_up(self) -> None:
         self.servo = 0.5
         self._counted = self._counted_abs = 0
-        self._logic = VescLogic(self._clock(), **self._limits)
+        self._logic = VescLogic(
+            self._clock(), timeout_s=self.config.timeout_s, timeout_brake_a=self.config.timeout_brake_a,
+            min_erpm=self._min_erpm,
+        )  # fmt: skip
         self.report(tachometer=self._turned)
 
     def _plant_link(self, target: str) -> None:
@@ -235,10 +237,19 @@ class VescEmulator:
             case Packet.GET_IMU_DATA:
                 return imu_reply(self.firmware, request, self.imu, CONTROLLER_ID)
             case Packet.GET_APPCONF:
-                timeout = self._limits["timeout_s"], self._limits["timeout_brake_a"]
-                return app_config_reply(self.firmware, AppValues(*timeout, self.application, self.servo_output))
+                return self.config.told(self.firmware)
+            case Packet.SET_APPCONF:
+                return self._take_config(request)
             case _:  # setters are never acknowledged, unknown requests never answered
                 return None
+
+    def _take_config(self, request: bytes) -> bytes | None:
+        reply = self.config.take(self.firmware, request)
+        self._logic.timeout_s, self._logic.timeout_brake_a = self.config.timeout_s, self.config.timeout_brake_a
+        if self.config.fault in {"cut before", "cut after"}:
+            self._loop.call_soon(self.unplug)
+            return None
+        return reply
 
     def _values_now(self, now_s: float) -> dict[str, Value]:
         logic = self._logic

@@ -5,7 +5,6 @@ The two share the tables of fields; the golden bytes in the tests verify both.
 
 import struct
 from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple
 
 from drivers.vesc.codec import Packet
 from drivers.vesc.replies import VALUE_FIELDS, VALUE_FIELDS_2X, ValueField
@@ -14,17 +13,9 @@ Version = tuple[int, int]
 Value = float | Sequence[float]
 
 
-class AppValues(NamedTuple):
-    """Values of the application configuration."""
-
-    timeout_s: float
-    timeout_brake_a: float
-    application: int
-    servo_output: bool
-
-
 APP_SIGNATURES = {
     (3, 60): 543202478,
+    (3, 62): 583966563,
     (4, 2): 1232755601,
     (5, 2): 3264926020,
     (5, 3): 3733512279,
@@ -34,7 +25,7 @@ APP_SIGNATURES = {
     (6, 6): 2099347128,
     (7, 0): 2384027283,
 }
-_APP_BYTES = 278
+"""Of the application configuration, by firmware; others have a layout that no driver knows."""
 
 UUID = bytes.fromhex("34002c000e51393035343031")
 HARDWARE_CRC = 0x1A2B3C4D
@@ -81,20 +72,6 @@ def imu_reply(version: Version, request: bytes, imu: Sequence[float], controller
     sent = [number for bit, number in enumerate(imu) if mask >> bit & 1]
     payload = request[:3] + struct.pack(f">{len(sent)}f", *sent)
     return payload if version < (5, 3) else payload + bytes((controller_id,))
-
-
-def app_config_reply(version: Version, values: AppValues) -> bytes:
-    """Return the GET_APPCONF reply; other firmware than that of APP_SIGNATURES has a layout that no driver knows."""
-    signature = APP_SIGNATURES.get(version, 1)
-    blob = bytearray(_APP_BYTES)
-    struct.pack_into(">IBIf", blob, 0, signature, 74, round(values.timeout_s * 1000), values.timeout_brake_a)
-    if version >= (5, 3):
-        servo_at, application_at = (31, 33) if version >= (6, 0) else (27, 29)
-        blob[servo_at] = values.servo_output
-    else:
-        application_at = 23 if version >= (5, 2) else 22
-    blob[application_at] = values.application
-    return bytes((Packet.GET_APPCONF,)) + bytes(blob)
 
 
 def _fields(fields: Iterable[ValueField], values: Mapping[str, Value]) -> bytes:

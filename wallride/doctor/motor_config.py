@@ -1,51 +1,29 @@
 """What protects the car inside the VESC: command timeout, its brake current, servo output. Read, never written."""
 
-import asyncio
-import time
 from typing import Final
 
 from drivers.address import parse_address
-from drivers.api import LinkLost
-from drivers.link import open_link
-from drivers.vesc import codec
+from drivers.vesc import settings_link
 from drivers.vesc.app_config import APPS, PPM_APPS, AppConfig, decode_app_config
 from drivers.vesc.settings import VescSettings
 from wallride.doctor.findings import Finding, fail, ok, warn
 
-ANSWER_S: Final = 1.0
 MAX_TIMEOUT_S: Final = 0.2
 MIN_BRAKE_A: Final = 5.0
-SET_TIMEOUT: Final = (
+BY_TOOL_TIMEOUT: Final = (
     "VESC Tool: App Settings, General: Timeout 150 ms, Timeout Brake Current 10 A; then Write App Configuration"
 )
-SET_SERVO: Final = "VESC Tool: App Settings, General: Enable Servo Output on; then Write App Configuration"
+BY_TOOL_SERVO: Final = "VESC Tool: App Settings, General: Enable Servo Output on; then Write App Configuration"
+SET_TIMEOUT: Final = f"wallride vesc set; or {BY_TOOL_TIMEOUT}"
+SET_SERVO: Final = f"wallride vesc set; or {BY_TOOL_SERVO}"
 SET_APP: Final = "VESC Tool: App Settings, General: APP to use: No App or UART; then Write App Configuration"
 MEASURE: Final = "measure it, wheels up: wallride doctor --wheels-up"
 
 
 async def read_app_config(settings: VescSettings) -> AppConfig | None:
     """Ask the VESC for its application configuration; None where it does not answer, or its layout is not known."""
-    try:
-        link = await open_link(parse_address(settings.address), time.monotonic)
-    except LinkLost:
-        return None
-    answer: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
-    deframer = codec.VescDeframer()
-
-    def on_bytes(chunk: bytes, _read_at_s: float) -> None:
-        for payload in deframer.feed(chunk):
-            if payload[0] == codec.Packet.GET_APPCONF and not answer.done():
-                answer.set_result(payload)
-
-    try:
-        link.listen(on_bytes)
-        link.write(codec.frame(codec.plain(codec.Packet.GET_APPCONF)))
-        async with asyncio.timeout(ANSWER_S):
-            return decode_app_config(await answer)
-    except (TimeoutError, LinkLost):
-        return None
-    finally:
-        link.close()
+    configuration = await settings_link.read_app_config(parse_address(settings.address))
+    return None if configuration is None else decode_app_config(configuration)
 
 
 def judge_app_config(config: AppConfig | None) -> list[Finding]:
@@ -53,8 +31,8 @@ def judge_app_config(config: AppConfig | None) -> list[Finding]:
     if config is None:
         words = "cannot be read from this firmware"
         return [
-            warn("motor timeout", words, f"set it; {SET_TIMEOUT}; then {MEASURE}"),
-            warn("servo output", words, f"{SET_SERVO}; then see the wheels steer in `wallride teleop`"),
+            warn("motor timeout", words, f"set it; {BY_TOOL_TIMEOUT}; then {MEASURE}"),
+            warn("servo output", words, f"{BY_TOOL_SERVO}; then see the wheels steer in `wallride teleop`"),
         ]
     return [judge_timeout(config.timeout_s), judge_brake(config.timeout_brake_a), _servo(config), _app(config)]
 

@@ -115,6 +115,14 @@ def vesc(**changes):
     return plant
 
 
+def config(**changes):
+    def plant(one):
+        for name, value in changes.items():
+            setattr(one.vesc.config, name, value)
+
+    return plant
+
+
 def faulty(one):
     one.vesc.inject_fault(1, fault_stop_s=60.0)
 
@@ -140,8 +148,8 @@ def with_voltage(voltage_v):
         (with_voltage(5.1), "battery", Level.FAIL, "connect the battery"),
         (with_voltage(9.3), "battery", Level.FAIL, "charge"),
         (with_voltage(10.0), "battery", Level.WARN, "charge"),
-        (vesc(servo_output=False), "servo output", Level.FAIL, "Enable Servo Output"),
-        (vesc(application=4), "VESC app", Level.FAIL, "APP to use"),
+        (config(servo_output=False), "servo output", Level.FAIL, "Enable Servo Output"),
+        (config(application=4), "VESC app", Level.FAIL, "APP to use"),
         (vesc(firmware=(6, 1)), "motor timeout", Level.WARN, "Timeout 150 ms"),
     ],
 )

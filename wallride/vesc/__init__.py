@@ -1,0 +1,1 @@
+"""`wallride vesc`: sets what protects the car inside the motor controller, and puts it back."""

@@ -1,0 +1,109 @@
+"""Options of `wallride vesc`. Its work is imported when the command runs."""
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from wallride.client_options import between
+from wallride.failure import fail
+from wallride.parser import DEFAULT_CONFIG, add_set, default_config
+
+if TYPE_CHECKING:
+    from wallride.vesc.change import SettingsWish
+
+MIN_TIMEOUT_MS, MAX_TIMEOUT_MS = 50, 1000
+MAX_BRAKE_A = 100.0
+
+
+def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command and its two actions."""
+    vesc = commands.add_parser("vesc", help="set what protects the car inside the VESC, or put it back")
+    actions = vesc.add_subparsers(dest="action", required=True, metavar="ACTION")
+    change = actions.add_parser(
+        "set",
+        help="write command timeout, timeout brake current and servo output",
+        description="Writes into the VESC's application configuration, where its firmware is known to the last byte"
+        " (3.60 to 7.00): says what will change and asks, wants a standing car and no other program on the port, keeps"
+        " a copy first, and reads back. Without a value: 150 ms, 10 A, servo output on. Exit code: 0 done, 2 nothing"
+        " was changed, 3 look at what it says.",
+    )
+    change.add_argument(
+        "--timeout-ms", type=between(MIN_TIMEOUT_MS, MAX_TIMEOUT_MS), metavar="MS",
+        help="time without a command after which the VESC brakes by itself",
+    )  # fmt: skip
+    change.add_argument(
+        "--brake-current-a", type=between(0.0, MAX_BRAKE_A), metavar="A", help="with which it brakes then"
+    )
+    change.add_argument("--servo-output", choices=("on", "off"), help="steering (firmware 5.03 and later)")
+    back = actions.add_parser(
+        "restore",
+        help="write a kept copy back into the VESC that it is of",
+        description="Writes a copy that `wallride vesc set` kept into the same VESC, with the same cautions.",
+    )
+    back.add_argument("file", type=Path, metavar="FILE", help="as `wallride vesc set` said")
+    for action in (change, back):
+        action.add_argument(
+            "--config", type=Path, metavar="FILE", help=f"the car's settings (default: {DEFAULT_CONFIG})"
+        )
+        add_set(action)
+        action.add_argument("--yes", action="store_true", help="do not ask; without a terminal needed")
+        action.add_argument("--dry-run", action="store_true", help="only say what it would write")
+        action.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Change it; exit code 2 with one line where nothing was changed."""
+    import asyncio
+
+    from drivers.address import parse_address
+    from runtime.settings.tree import SettingsError, load_settings
+    from wallride.doctor.computer import this_computer
+    from wallride.vesc import change
+    from wallride.vesc.backup import backup_folder
+    from wallride.vesc.port import refuse_taken_port
+
+    try:
+        settings = load_settings(options.config or default_config(), options.assignments)
+        refuse_taken_port(this_computer(), settings)
+        access = change.VescAccess(parse_address(settings.motor.address), backup_folder(), _say, _consent(options))
+        if options.action == "restore":
+            return asyncio.run(change.restore(access, options.file))
+        return asyncio.run(change.set_values(access, _wish(options)))
+    except (SettingsError, change.VescChangeError) as error:
+        return fail(str(error))
+
+
+def _wish(options: argparse.Namespace) -> "SettingsWish":
+    from wallride.vesc.change import SettingsWish, recommended
+
+    if options.timeout_ms is None and options.brake_current_a is None and options.servo_output is None:
+        return recommended()
+    return SettingsWish(
+        None if options.timeout_ms is None else options.timeout_ms / 1000,
+        options.brake_current_a,
+        None if options.servo_output is None else options.servo_output == "on",
+    )
+
+
+def _consent(options: argparse.Namespace) -> Callable[[], bool]:
+    def agreed() -> bool:
+        if options.dry_run:
+            _say("nothing done (--dry-run)")
+            return False
+        if options.yes:
+            return True
+        if not sys.stdin.isatty():
+            _say("nothing done: say --yes")
+            return False
+        if input("the car stands, disarmed: write it? [y/N] ").strip().lower() in {"y", "yes"}:
+            return True
+        _say("nothing done")
+        return False
+
+    return agreed
+
+
+def _say(line: str) -> None:
+    print(line, flush=True)
