@@ -1,6 +1,7 @@
 """`wallride calibrate`: guides through the steps, shows before and after, writes what is accepted."""
 
 import argparse
+import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
@@ -83,6 +84,8 @@ def _file(options: argparse.Namespace) -> Path:
     path: Path | None = options.config
     if path is None or not path.is_file():
         raise CalibrationError(f"{path or 'no settings file'}: give the car's with --config, on the car's computer")
+    if not os.access(path, os.W_OK) or not os.access(path.parent, os.W_OK):  # said before anything is driven
+        raise CalibrationError(f"{path}: you may not write it, and what is measured goes there: use sudo")
     return path
 
 

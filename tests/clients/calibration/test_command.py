@@ -72,6 +72,13 @@ def test_only_what_is_accepted_is_written(car_toml, monkeypatch, capsys):
     assert "nothing to undo" in capsys.readouterr().err
 
 
+def test_a_file_that_may_not_be_written_is_said_before_anything_is_driven(car_toml, monkeypatch, capsys):
+    monkeypatch.setattr("os.access", lambda path, _mode: path != car_toml.parent)
+    monkeypatch.setattr(command, "connect", lambda *_, **__: pytest.fail("it goes on to drive"))
+    assert main(["calibrate", "--config", str(car_toml)]) == 2
+    assert "use sudo" in capsys.readouterr().err
+
+
 def test_the_table_shows_before_and_after():
     lines = command.table([NEW, KEPT]).splitlines()
     assert lines[1].split()[:3] == ["car.wheelbase_m", "0.25", "0.331"]
