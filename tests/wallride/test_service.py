@@ -80,6 +80,22 @@ def test_what_is_the_users_stays_and_an_old_unit_is_renewed(root):
 
 
 @AS_ROOT
+def test_a_start_at_boot_that_was_disabled_stays_so_until_the_service_was_removed(root, capsys):
+    assert service(root, "install", "--yes") == 0
+    (root / WANTED).unlink()  # systemctl disable wallride
+    (root / UNIT).write_text("[Service]\n")  # an older version's unit
+    capsys.readouterr()
+    assert service(root, "install", "--yes") == 0
+    assert "start at boot: disabled, and stays so" in capsys.readouterr().out
+    assert not (root / WANTED).is_symlink()
+    assert "Type=notify" in (root / UNIT).read_text()
+    assert service(root, "status") == 0, "nothing is missing"
+    service(root, "uninstall", "--yes")
+    assert service(root, "install", "--yes") == 0
+    assert (root / WANTED).is_symlink()
+
+
+@AS_ROOT
 @pytest.mark.parametrize("purge", [False, True])
 def test_uninstalling_keeps_settings_and_recordings_unless_told(root, purge, capsys):
     service(root, "install", "--yes")

@@ -80,14 +80,24 @@ def parts(root: Path, prefix: Path) -> list[ServicePart]:
             lambda: _write_car(root, car),
         ),
         _file(root, RULES, rules, "names for the devices (udev)"),
+        _start_at_boot(root),  # before the unit, which tells a later installation that this was done
         _file(root, UNIT, unit, f"the unit, running {prefix}/bin/wallride"),
-        ServicePart(
-            "start at boot",
-            (root / WANTED).is_symlink,
-            lambda: _enable(root),
-            lambda: (root / WANTED).unlink(missing_ok=True),
-        ),
     ]
+
+
+def _start_at_boot(root: Path) -> ServicePart:
+    """Return the start at boot: made by the first installation; where the unit is there without it, it was disabled."""
+    wanted = root / WANTED
+    disabled = (root / UNIT).is_file() and not wanted.is_symlink()
+    words = (
+        "start at boot" if not disabled else "start at boot: disabled, and stays so (sudo systemctl enable wallride)"
+    )
+    return ServicePart(
+        words,
+        lambda: disabled or wanted.is_symlink(),
+        lambda: _enable(root),
+        lambda: wanted.unlink(missing_ok=True),
+    )
 
 
 def has_user(root: Path) -> bool:
