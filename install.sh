@@ -83,9 +83,22 @@ lock() {
     flock -n 9 || fail 'another installation is going on here; try again when it has ended'
 }
 
+# Prints where the car of this computer's settings listens for its programs; nothing where that is not known.
+endpoint() {
+    "$(in_use)/bin/python" -c '
+import sys, tomllib
+with open(sys.argv[1], "rb") as file:
+    listen = tomllib.load(file)["telemetry"]["listen"]
+ends = [end.removeprefix("tcp/").rpartition(":") for end in listen if end.startswith("tcp/")]
+for host, _, port in ends[:1]:
+    print("tcp/" + {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}.get(host, host) + ":" + port)
+' "$TOP/etc/wallride/car.toml" 2>/dev/null || true
+}
+
 # Prints "STATE,LIDAR,MOTOR" of the car that runs here; nothing where none answers.
 ask_car() {
-    cd / && "$(in_use)/bin/wallride" status --json 2>/dev/null | "$(in_use)/bin/python" -c '
+    at=$(endpoint)
+    cd / && "$(in_use)/bin/wallride" status --json ${at:+--connect "$at"} 2>/dev/null | "$(in_use)/bin/python" -c '
 import json, sys
 says = json.load(sys.stdin)
 state = (says.get("condition") or {}).get("state") or says["state"]

@@ -3,6 +3,7 @@
 import fcntl
 import os
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ ROOT = Path(__file__).parents[2]
 PYTHON = """#!/bin/sh
 case "$*" in
     "-c import sys; sys.exit(sys.version_info < (3, 11))") exit ${OLD:-0} ;;
+    *"import sys, tomllib"*) exec "$REAL_PYTHON" "$@" ;;
     *"json.load"*) [ -z "${ANSWERS:-}" ] || { head -n 1 "$ANSWERS"; sed -i 1d "$ANSWERS"; } ;;
     "-c "*) exit 0 ;;
     "-m venv "*) mkdir -p "$3/bin" && cp "$0" "$3/bin/python"
@@ -39,7 +41,7 @@ def place(tmp_path):
 def install(place, *options, **variables):
     environment = {
         "PATH": f"{place / 'bin'}:{os.environ['PATH']}", "DESTDIR": str(place / "root"),
-        "CALLS": str(place / "calls"), "TICKS": str(place / "ticks"), **variables,
+        "CALLS": str(place / "calls"), "TICKS": str(place / "ticks"), "REAL_PYTHON": sys.executable, **variables,
     }  # fmt: skip
     return subprocess.run(
         ["sh", str(ROOT / "install.sh"), *options], env=environment, stdin=subprocess.DEVNULL, capture_output=True,
@@ -117,6 +119,30 @@ def test_a_car_that_became_armed_during_the_work_keeps_its_version(place):
     refused = install(place, "--yes", "--no-service", ANSWERS=str(place / "answers"))
     assert (refused.returncode, "the car is armed" in refused.stderr) == (2, True), refused.stderr
     assert (in_use(place), versions(place)) == ("20261123-000001", ["20261123-000001"])
+
+
+@pytest.mark.parametrize(
+    ("settings", "asked_at"),
+    [
+        ('[telemetry]\nlisten = ["tls/[::]:7448", "tcp/127.0.0.1:7500"]\n', ["--connect", "tcp/127.0.0.1:7500"]),
+        ('[telemetry]\nlisten = ["tcp/0.0.0.0:7447"]\n', ["--connect", "tcp/127.0.0.1:7447"]),
+        ('[telemetry]\nlisten = ["tcp/[::]:7501"]\n', ["--connect", "tcp/[::1]:7501"]),
+        ('[telemetry]\nlisten = ["tls/[::]:7448"]\n', []),
+        ("[car]\n", []),
+        ("this is no settings file", []),
+        (None, []),
+    ],
+)
+def test_the_car_is_asked_where_its_settings_say_that_it_listens(settings, asked_at, place):
+    assert install(place, "--yes", "--no-service").returncode == 0
+    file = place / "root/etc/wallride/car.toml"
+    if settings is not None:
+        file.parent.mkdir(parents=True)
+        file.write_text(settings)
+    (place / "calls").write_text("")
+    assert install(place, "--yes", "--no-service").returncode == 0
+    asked = [line.split()[1:] for line in (place / "calls").read_text().splitlines() if " status " in line]
+    assert asked == [["status", "--json", *asked_at]] * 2, "before the work, and before the switch"
 
 
 def test_a_failed_update_changes_nothing(place):

@@ -13,6 +13,18 @@ free_kb() {  # of the file system on which a path is, or will be
     df -Pk "$place" | awk 'NR == 2 { print $4 }'
 }
 
+# endpoint VERSION: where the car of this computer's settings listens for its programs; as in install.sh.
+endpoint() {
+    "$1/bin/python" -c '
+import sys, tomllib
+with open(sys.argv[1], "rb") as file:
+    listen = tomllib.load(file)["telemetry"]["listen"]
+ends = [end.removeprefix("tcp/").rpartition(":") for end in listen if end.startswith("tcp/")]
+for host, _, port in ends[:1]:
+    print("tcp/" + {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}.get(host, host) + ":" + port)
+' "$TOP/etc/wallride/car.toml" 2>/dev/null
+}
+
 facts() {
     echo "machine=$(uname -m)"
     echo "libc=$(getconf GNU_LIBC_VERSION 2>/dev/null)"
@@ -42,7 +54,8 @@ print("python=%d.%d.%d %s" % (*sys.version_info[:3], os.path.realpath(getattr(sy
     echo "free_copies_kb=$(free_kb "$FOLDER")"
     echo "compiler=$(command -v gcc)"
     for tool in tar sha256sum flock setsid; do command -v $tool >/dev/null 2>&1 || echo "missing=$tool"; done
-    [ ! -e "$where/bin/wallride" ] || (cd / && "$where/bin/wallride" status --json 2>/dev/null) |
+    [ ! -e "$where/bin/wallride" ] || at=$(endpoint "$where")
+    [ ! -e "$where/bin/wallride" ] || (cd / && "$where/bin/wallride" status --json ${at:+--connect "$at"} 2>/dev/null) |
         "$where/bin/python" -c 'import json, sys
 says = json.load(sys.stdin)
 print("state=" + ((says.get("condition") or {}).get("state") or says["state"]))' 2>/dev/null
