@@ -6,7 +6,7 @@ Nothing reads a clock: the same case gives the same run, bit by bit.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -152,6 +152,25 @@ def drive(case: Case, follower: Follower, guard: Guard | None) -> SimulatedRun:
     return _Rig(case, follower, guard).run()
 
 
+def drive_together(
+    drives: Sequence[tuple[Case, Follower, Guard]],
+    seen: Callable[[Sequence[Vehicle], int], Surroundings],
+    top_mps: float,
+) -> list[SimulatedRun]:
+    """Drive several cars at once, step by step; each ends by its own case and then stands where it is.
+
+    seen: surroundings of one car, by its place among all vehicles. top_mps: the fastest that any of them becomes.
+    """
+    rigs = [_Rig(*parts) for parts in drives]
+    vehicles = [rig.vehicle for rig in rigs]
+    for k, rig in enumerate(rigs):
+        rig.meet(seen(vehicles, k), top_mps)
+    under_way = [rig.steps() for rig in rigs]
+    while under_way:
+        under_way = [steps for steps in under_way if next(steps, None) is not None]
+    return [rig.finish() for rig in rigs]
+
+
 def as_scan(reported_mm: Millimetres, lidar: LidarSettings, time_s: float, sequence: int, yaw_rad: float = 0.0) -> Scan:
     """Return the scan that the driver would make of the sensor's integers. yaw_rad: of the lidar as configured."""
     range_max_m = min(lidar.range_max_m, RANGE_MAX_M)
@@ -188,7 +207,7 @@ class _Rig:
     def __init__(self, case: Case, follower: Follower, guard: Guard | None) -> None:
         self._case = case
         self._follower, self._guard = follower, guard
-        self._vehicle = Vehicle(case.vehicle)
+        self.vehicle = self._vehicle = Vehicle(case.vehicle)
         self._vehicle.place(case.start or case.world.start, speed_mps=case.start_speed_mps)
         self._scene = ObstacleWorld(case.world, case.obstacles)
         self._seen: Surroundings = case.surroundings or self._scene
@@ -218,6 +237,16 @@ class _Rig:
         self._contact: FirstContact | None = None
 
     def run(self) -> SimulatedRun:
+        for _ in self.steps():
+            pass
+        return self.finish()
+
+    def meet(self, seen: Surroundings, top_mps: float) -> None:
+        """See other surroundings, of which things may come nearer at this speed."""
+        self._seen, self._walkers_mps = seen, top_mps
+
+    def steps(self) -> Iterator[int]:
+        """Advance by STEP_S each time, until the drive ends."""
         case, vehicle = self._case, self._vehicle
         period_s = 1.0 / case.lidar.rate_hz
         step, scans = 0, 0
@@ -234,7 +263,7 @@ class _Rig:
                     break
             self._advance(now_s)
             step += 1
-        return self._finish()
+            yield step
 
     def _poll(self, now_s: float) -> None:
         """Poll the motor as often as its driver does; speed and way in the VESC's own whole numbers."""
@@ -320,7 +349,8 @@ class _Rig:
         if self._free_m <= 0.0:
             self._contact = FirstContact(now_s + STEP_S, abs(twist.speed_mps), vehicle.pose)
 
-    def _finish(self) -> SimulatedRun:
+    def finish(self) -> SimulatedRun:
+        """Return the record."""
         table = np.array(self._log.rows)
         poses = table[:, 1:4]
         truth = self._case.truth or self._case.world
