@@ -5,27 +5,29 @@ import asyncio
 import json
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 from clients.fleet.links import FleetLink, fleet_links
-from clients.fleet.stop import PERIOD_S, FleetStop
-from clients.status import CLEAR_SCREEN, headline
-from clients.teleop import terminal
+from clients.fleet.watching import watch
+from clients.status import headline
 from runtime.wire import topics
 
 WITHIN_S = 1.0
-REFRESH_S = 0.2
 OLD_S = 1.0
-STOP_KEYS = b" \x1b"
+TakeStatus = Callable[[str, Mapping[str, Any], float], None]
 
 
 class FleetView:
-    """What every car at some links says, by its start: two cars of one name are two rows."""
+    """What every car at some links says, by its start: two cars of one name are two rows.
 
-    def __init__(self, links: Sequence[FleetLink]) -> None:
+    take: called with the car, its status and the time of arrival, for each status that can be read.
+    """
+
+    def __init__(self, links: Sequence[FleetLink], take: TakeStatus | None = None) -> None:
         self._links = links
+        self._take = take
         self._status: dict[tuple[str, str], Mapping[str, Any]] = {}
         self._heard_s: dict[tuple[str, str], float] = {}
         self._where: dict[tuple[str, str], dict[str, None]] = {}
@@ -57,6 +59,10 @@ class FleetView:
         ]  # fmt: skip
         return rows
 
+    def silent(self, now_s: float) -> list[str]:
+        """Return the cars that are present and of which no status has come."""
+        return [row["car"] for row in self.fields(None, now_s) if row["age_s"] is None and not row["trouble"]]
+
     def _row(self, start: tuple[str, str], now_s: float, *, twice: bool) -> dict[str, Any]:
         heard_s = self._heard_s.get(start)
         trouble = f"two cars are called so; this one has session {start[1]}" if twice else ""
@@ -81,6 +87,8 @@ class FleetView:
             return  # the next one comes in a tenth of a second
         self._status[start], self._heard_s[start] = status, arrival_s
         self._where.setdefault(start, {})[link.endpoint] = None
+        if self._take is not None:
+            self._take(start[0], status, arrival_s)
 
     def _on_token(self, link: FleetLink, key: str, alive: bool) -> None:  # noqa: FBT001 - the bus's callback
         places = self._present.setdefault(key.split("/")[1], {})
@@ -102,7 +110,7 @@ async def run(options: argparse.Namespace) -> int:
     async with fleet_links(options) as links:
         view = FleetView(links)
         if options.watch:
-            await _watch(options, links, view)
+            await watch(options, links, lambda: table(view.fields(options.car, time.monotonic())))
         await asyncio.sleep(WITHIN_S)
         rows = view.fields(options.car, time.monotonic())
         problems = [f"{link.endpoint}: {link.problem}" for link in links if link.problem]
@@ -131,39 +139,3 @@ def _name(row: Mapping[str, Any]) -> str:
 
 def _about(row: Mapping[str, Any]) -> dict[str, Any]:
     return {name: row[name] for name in ("endpoints", "age_s", "trouble")}
-
-
-async def _watch(options: argparse.Namespace, links: Sequence[FleetLink], view: FleetView) -> None:
-    """Show the table until Ctrl-C; Space or Esc stops every car."""
-    stop = FleetStop(links, options.name, options.car)
-    keys = terminal.Console() if terminal.is_there() else None
-    if keys is not None:
-        keys.open()
-    shown_s, pressed = 0.0, False
-    try:
-        while True:
-            now_s = time.monotonic()
-            if keys is not None and set(keys.read() or b"") & set(STOP_KEYS):
-                pressed = True
-                stop.press(now_s)
-            stop.step(now_s)
-            if now_s - shown_s >= REFRESH_S:
-                shown_s = now_s
-                options.print_line(
-                    CLEAR_SCREEN + "\n".join(_screen(links, view, options.car, stop if pressed else None))
-                )
-            await asyncio.sleep(PERIOD_S)
-    finally:
-        if keys is not None:
-            keys.close()
-
-
-def _screen(links: Sequence[FleetLink], view: FleetView, only: str | None, stop: FleetStop | None) -> Iterator[str]:
-    yield from table(view.fields(only, time.monotonic()))
-    yield ""
-    yield from (f"{link.endpoint}: {link.problem}" for link in links if link.problem)
-    if stop is None:
-        yield "Space or Esc: e-stop to every car"
-    else:
-        late = [car for car, took_s in stop.cars.items() if took_s is None]
-        yield f"e-stop sent to every car{'; NOT CONFIRMED by ' + ', '.join(late) if late else ', all have latched'}"

@@ -18,6 +18,8 @@ PERIOD_S = 0.02
 SETTLING_S = 0.5
 """Time for which cars may still appear once every endpoint has answered."""
 GIVE_UP_S = 3.0
+OLD_S = 1.0
+"""Silence after which a start of a car has ended: it need not confirm what is pressed later."""
 INSIST_S = 0.3
 """Time for which the e-stop is repeated after its confirmation: a car latched for another reason has to learn of it."""
 
@@ -33,7 +35,9 @@ class FleetStop:
         self._only = only
         self._command = Command(secrets.randbits(63) + 1, 0, 0, 0, Press.ESTOP, Input.PAGE, name=name)
         self._known: dict[tuple[FleetLink, str], None] = {}
+        self._present: set[tuple[FleetLink, str]] = set()
         self._latched_s: dict[tuple[str, int], float | None] = {}
+        self._heard_s: dict[tuple[str, int], float] = {}
         self._pressed_s: float | None = None
         for link in links:
             link.bus.watch(topics.key("*", topics.ALIVE), partial(self._on_token, link))
@@ -45,8 +49,14 @@ class FleetStop:
     def press(self, now_s: float) -> None:
         """Begin to send; call `step` from now on."""
         self._pressed_s = now_s
-        self._latched_s = dict.fromkeys(self._latched_s)
+        self._heard_s = {start: at_s for start, at_s in self._heard_s.items() if now_s - at_s < OLD_S}
+        self._latched_s = dict.fromkeys(self._heard_s)
         self.step(now_s)
+
+    def end(self) -> None:
+        """Send no more, and forget the cars that have left meanwhile."""
+        self._pressed_s = None
+        self._known = {place: None for place in self._known if place in self._present}
 
     def step(self, now_s: float) -> None:
         """Send the e-stop to every car that is known and has not confirmed it for long enough; 50 times a second."""
@@ -73,8 +83,14 @@ class FleetStop:
         link.bus.put(topics.key(car, topics.COMMAND), self._command.pack(), encoding=BYTES, urgent=True)
 
     def _on_token(self, link: FleetLink, key: str, alive: bool) -> None:  # noqa: FBT001 - the bus's callback
+        place = link, key.split("/")[1]
         if alive:
-            self._meet(link, key.split("/")[1])
+            self._present.add(place)
+            self._meet(*place)
+            return
+        self._present.discard(place)
+        if self._pressed_s is None:  # one that leaves while it is pressed may be out of reach, and driving
+            self._known.pop(place, None)
 
     def _on_beat(self, link: FleetLink, key: str, payload: bytes, arrival_s: float) -> None:
         car = key.split("/")[1]
@@ -83,6 +99,7 @@ class FleetStop:
         except Malformed:
             return
         start = (car, beat.car_session)
+        self._heard_s[start] = arrival_s
         latched = (
             self._pressed_s is not None and arrival_s > self._pressed_s and CarCondition.ESTOP_LATCHED in beat.flags
         )

@@ -1,4 +1,4 @@
-"""Options of `wallride router` and `wallride stop`."""
+"""Options of `wallride router`, `wallride stop` and `wallride race`."""
 
 import argparse
 from functools import partial
@@ -15,7 +15,7 @@ BENCH_ROUTER: Final = "tcp/127.0.0.1:7449"
 
 
 def add(commands: "Commands") -> None:
-    """Add both commands."""
+    """Add the commands."""
     router = commands.add_parser(
         "router",
         help="a router between cars and viewers",
@@ -37,6 +37,24 @@ def add(commands: "Commands") -> None:
     stop.add_argument("--all", action="store_true", help="stop every car at every endpoint: --connect A,B")
     client_options.add_name(stop)
     stop.set_defaults(run=_stop, print_line=print_line)
+    race = commands.add_parser(
+        "race",
+        help="laps, gaps and positions of several cars",
+        description="Counts each car's laps from its own odometry until Ctrl-C: n begins a new race, Space stops every"
+        " car. Without --line a car's line is where it stands when it is first heard.",
+    )
+    client_options.add_common(race)
+    client_options.add_name(race)
+    race.add_argument(
+        "--line", action="append", metavar="[CAR=]X1,Y1,X2,Y2",
+        help="left and right end of the line, seen by a car that crosses it, in metres of the car's odometry, which"
+        " begins where its program started; may be repeated, for cars that started at different places",
+    )  # fmt: skip
+    race.add_argument(
+        "--order", choices=("laps", "best"), default="laps", help="positions by laps and time, or by the best lap"
+    )
+    race.add_argument("--json", action="store_true", help="print JSON, a line per second")
+    race.set_defaults(run=_race, print_line=print_line)
 
 
 def _stop(options: argparse.Namespace) -> int:
@@ -49,3 +67,9 @@ def _router(options: argparse.Namespace) -> int:
     from clients.fleet import router
 
     return client_options.run_client(router.run, options)
+
+
+def _race(options: argparse.Namespace) -> int:
+    from clients.fleet import race_command
+
+    return client_options.run_client(race_command.run, options)

@@ -183,3 +183,35 @@ async def test_a_car_that_appears_while_stop_is_pressed_is_stopped_too():
     stop._on_token(links[0], "wallride/late/alive", True)
     stop.step(time.monotonic())
     assert sent == [("wallride/late/operator/command", 1), ("wallride/late/operator/command", 2)]
+
+
+def beat_of(session, *, latched=False):
+    return Beat(session, 1, CarCondition.ESTOP_LATCHED if latched else CarCondition(0)).pack()
+
+
+BEAT = "wallride/car1/beat"
+
+
+def test_the_start_of_a_car_that_has_ended_need_not_confirm_what_is_pressed_later():
+    link = deaf_link("tcp/a:1", lambda *_, **__: None)
+    stop = fleet_stop.FleetStop([link], "me")
+    stop._on_beat(link, BEAT, beat_of(1), 10.0)
+    stop._on_beat(link, BEAT, beat_of(2), 15.0)
+    stop.press(15.5)
+    assert stop.cars == {"car1": None}
+    stop._on_beat(link, BEAT, beat_of(2, latched=True), 15.6)
+    assert stop.cars == {"car1": pytest.approx(0.1)}
+
+
+def test_a_car_that_leaves_while_stop_is_pressed_is_missed_and_one_that_left_before_is_not():
+    link = deaf_link("tcp/a:1", lambda *_, **__: None)
+    stop = fleet_stop.FleetStop([link], "me")
+    for name in ("car1", "car2"):
+        stop._on_token(link, f"wallride/{name}/alive", True)
+    stop._on_token(link, "wallride/car2/alive", False)
+    stop.press(10.0)
+    stop._on_token(link, "wallride/car1/alive", False)
+    assert stop.cars == {"car1": None}, "out of reach, and perhaps driving"
+    stop.end()
+    stop.press(20.0)
+    assert stop.cars == {}
