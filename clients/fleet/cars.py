@@ -59,6 +59,15 @@ class FleetView:
         ]  # fmt: skip
         return rows
 
+    @property
+    def present(self) -> list[str]:
+        """Return the names of the cars that are there."""
+        return [name for name, places in self._present.items() if places]
+
+    def links_of(self, car: str) -> list[FleetLink]:
+        """Return the links at which a car is there."""
+        return [link for link in self._links if link.endpoint in self._present.get(car, ())]
+
     def silent(self, now_s: float) -> list[str]:
         """Return the cars that are present and of which no status has come."""
         return [row["car"] for row in self.fields(None, now_s) if row["age_s"] is None and not row["trouble"]]

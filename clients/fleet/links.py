@@ -29,7 +29,7 @@ class FleetLink:
 async def fleet_links(options: argparse.Namespace) -> AsyncIterator[Sequence[FleetLink]]:
     """Yield a link for each endpoint of --connect; each opens as soon as it can. All are closed on every way out."""
     links = [FleetLink(Bus(config)) for _, config in endpoint_configs(options)]
-    opening = [asyncio.create_task(_open(link)) for link in links]
+    opening = [asyncio.create_task(open_link(link)) for link in links]
     try:
         yield links
     finally:
@@ -39,7 +39,8 @@ async def fleet_links(options: argparse.Namespace) -> AsyncIterator[Sequence[Fle
         await asyncio.gather(*(link.bus.close() for link in links))
 
 
-async def _open(link: FleetLink) -> None:
+async def open_link(link: FleetLink) -> None:
+    """Open the session, again and again until it is."""
     while link.problem:
         try:
             await link.bus.open()

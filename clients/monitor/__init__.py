@@ -12,6 +12,7 @@ driving    operator's commands from a page's inputs: the deadman's second half; 
 history    the last minutes of a car, for a page that comes later; pure
 feed       subscriptions of one car, for all pages that watch it
 relay      which cars are there, and their feeds
+overview   all cars at once: their rows, one e-stop for all, the race
 session    one page, from its first byte to its last: reads, sends, keeps the deadman
 qr         the address as a code for a phone's camera
 server     the web server and the command

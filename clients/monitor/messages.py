@@ -75,6 +75,24 @@ class StopMessage(_PageMessage):
     t: Literal["stop"]
 
 
+class LookAtAll(_PageMessage):
+    """Shows all cars instead of one, until the next Watch."""
+
+    t: Literal["all"]
+
+
+class StopAll(_PageMessage):
+    """E-stop to every car, at once."""
+
+    t: Literal["stop_all"]
+
+
+class NewRace(_PageMessage):
+    """Begins a new race, for all pages: laps are counted from here on."""
+
+    t: Literal["new_race"]
+
+
 class Ask(_PageMessage):
     """Query to the car; the answer carries the same number."""
 
@@ -91,7 +109,7 @@ class Ping(_PageMessage):
     at: float
 
 
-PageMessage = Ack | Watch | InputState | Drop | Leave | StopMessage | Ask | Ping
+PageMessage = Ack | Watch | InputState | Drop | Leave | StopMessage | LookAtAll | StopAll | NewRace | Ask | Ping
 _ANY: TypeAdapter[PageMessage] = TypeAdapter(Annotated[PageMessage, Field(discriminator="t")])
 
 

@@ -12,11 +12,11 @@ from collections.abc import Mapping
 
 from runtime.wire import topics
 
-PILOT, MONITOR = "pilot", "monitor"
-"""Topics of the monitor itself, in JSON: the state of the page's driver, and that of the relay."""
+PILOT, MONITOR, FLEET = "pilot", "monitor", "fleet"
+"""Topics of the monitor itself, in JSON: the state of the page's driver, that of the relay, and all cars."""
 TOPICS = (
     topics.SCAN, topics.WALL, topics.FOOTPRINT, topics.ODOM, topics.OUTPUT, topics.DISTANCE_ERROR, topics.STATUS,
-    topics.DECISION, topics.BEAT, PILOT, MONITOR,
+    topics.DECISION, topics.BEAT, PILOT, MONITOR, FLEET,
 )  # fmt: skip
 FROM_CAR = TOPICS[: TOPICS.index(PILOT)]
 EAGER = frozenset({topics.SCAN, topics.DECISION, PILOT})

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from clients.connection import Cars
+from clients.fleet.links import FleetLink, open_link
 from clients.monitor.feed import PageFeed, Watcher
 from clients.monitor.history import CarHistories
 from runtime.wire import topics
@@ -15,7 +16,6 @@ from runtime.wire.network import RefusedError
 
 log = logging.getLogger("wallride.monitor")
 
-RETRY_S = 1.0
 LINGER_S = 60.0
 """Time by which a feed outlives its last page: a reloaded page, or a phone that slept, finds its plots again."""
 MAX_FEEDS = 32
@@ -33,11 +33,17 @@ class CarEndpoint:
     config: Mapping[str, Any]
     session: int | None = None
     cars: Cars | None = None
-    problem: str = "connecting"
     histories: CarHistories = field(init=False)
+    link: FleetLink = field(init=False)
 
     def __post_init__(self) -> None:
         self.histories = CarHistories(self.session)
+        self.link = FleetLink(Bus(self.config))
+
+    @property
+    def problem(self) -> str:
+        """Return why there is no session with it, "" while there is."""
+        return self.link.problem
 
     @property
     def is_refused(self) -> bool:
@@ -53,6 +59,11 @@ class Relay:
         self._feeds: dict[str, PageFeed] = {}
         self._running: dict[str, asyncio.Task[None]] = {}
         self._closing: dict[str, asyncio.TimerHandle] = {}
+
+    @property
+    def links(self) -> list[FleetLink]:
+        """Return the session with each endpoint."""
+        return [place.link for place in self._places]
 
     @property
     def names(self) -> list[str]:
@@ -112,18 +123,12 @@ class Relay:
 
 async def _look(place: CarEndpoint) -> None:
     """Keep one session with an endpoint: its cars, and what is plotted of them before a page comes."""
-    bus = Bus(place.config)
+    bus = place.link.bus
     place.cars = Cars(bus)
     for topic in CarHistories.TOPICS:
         bus.subscribe(topics.key("*", topic), place.histories.take)
     try:
-        while place.problem:
-            try:
-                await bus.open()
-                place.problem = ""
-            except OSError as error:
-                place.problem = str(error)
-                await asyncio.sleep(RETRY_S)
+        await open_link(place.link)
         await asyncio.Event().wait()
     finally:
         await bus.close()

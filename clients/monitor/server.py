@@ -137,7 +137,8 @@ async def serving(host: Host, address: str, port: int, *, any_port: bool = False
         application(host, auth), access_log=None, handler_cancellation=True, shutdown_timeout=2.0, logger=QUIET
     )
     await runner.setup()
-    helpers = [asyncio.create_task(host.relay.run()), asyncio.create_task(end_idle(runner))]
+    jobs = (host.relay.run(), host.overview.run(), end_idle(runner))
+    helpers = [asyncio.create_task(job) for job in jobs]
     try:
         place = await _listen(runner, address, port, any_port=any_port)
         yield f"http://{place}/?token={auth.token}"

@@ -15,8 +15,23 @@ from clients.monitor import messages
 from clients.monitor.connections import shortened
 from clients.monitor.driving import PageDriver
 from clients.monitor.feed import PageFeed
-from clients.monitor.messages import Ack, Ask, BadMessageError, Drop, InputState, Leave, Ping, StopMessage, Watch
-from clients.monitor.outbox import MONITOR, PILOT, TOPICS, Outbox, pack
+from clients.monitor.messages import (
+    Ack,
+    Ask,
+    BadMessageError,
+    Drop,
+    InputState,
+    Leave,
+    LookAtAll,
+    NewRace,
+    PageMessage,
+    Ping,
+    StopAll,
+    StopMessage,
+    Watch,
+)
+from clients.monitor.outbox import FLEET, MONITOR, PILOT, TOPICS, Outbox, pack
+from clients.monitor.overview import CarsOverview
 from clients.monitor.relay import Relay
 from clients.teleop.shaping import InputShape
 from runtime.host.rate_limited_log import RateLimitedLog
@@ -28,6 +43,7 @@ log = logging.getLogger("wallride.monitor")
 
 TICK_S = 0.02
 TICKS_PER_VIEW = 5
+TICKS_PER_ALL = 10
 TICKS_PER_NEWS = 25
 LAST_WORDS_APART_S = 0.005
 BEATS_AHEAD = 25
@@ -51,6 +67,10 @@ class Host:
     car: str = ""
     drivers: set[PageDriver] = field(default_factory=set)
     farewell: Path | None = None
+    overview: CarsOverview = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "overview", CarsOverview(self.relay.links, self.name))
 
 
 class PageSession:
@@ -65,6 +85,7 @@ class PageSession:
         self._driver = PageDriver(host.name, host.feel)
         self._asking: set[asyncio.Task[None]] = set()
         self._beats_ahead = 0
+        self._shows_all = False
         self._urgent: list[bytes] = []
         self._refusals = RateLimitedLog(log, time.monotonic)
         self.malformed = 0
@@ -149,8 +170,25 @@ class PageSession:
                 await self._socket.send_str(json.dumps({"t": "pong", "at": at}))
             case Ask():
                 self._ask(word)
+            case _:
+                await self._receive_about_all(word, now_s)
+
+    async def _receive_about_all(self, word: PageMessage, now_s: float) -> None:
+        match word:
+            case StopAll():
+                self._host.overview.stop(now_s)
+                self._show_all(now_s)
+            case NewRace():
+                self._host.overview.race.begin()
+            case LookAtAll():
+                await self._leave(deliberate=False)
+                self._unwatch()
+                self._driver.forget_car()
+                self._shows_all = True
+                self._show_all(now_s)
 
     async def _watch(self, car: str) -> None:
+        self._shows_all = False
         if self._feed is not None and self._feed.car == car:
             return
         await self._leave(deliberate=False)
@@ -230,6 +268,8 @@ class PageSession:
             if command is not None:
                 self._send([command])
             count += 1
+            if self._shows_all and count % TICKS_PER_ALL == 0:
+                self._show_all(now_s)
             if count % TICKS_PER_VIEW == 0:
                 self._show_pilot(now_s)
             if count % TICKS_PER_NEWS == 0:
@@ -239,6 +279,9 @@ class PageSession:
         self._driver.know_link(self._feed.round_trip_s if self._feed is not None else None)
         view = {**self._driver.view(now_s), "whose": self._driver.whose(self._host.drivers)}
         self.take(PILOT, topics.encode(view), now_s)
+
+    def _show_all(self, now_s: float) -> None:
+        self.take(FLEET, topics.encode(self._host.overview.fields(now_s)), now_s)
 
     def _show_monitor(self) -> None:
         self.take(MONITOR, topics.encode(self._present()), time.monotonic())

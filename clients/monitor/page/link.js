@@ -14,7 +14,7 @@ export class Link {
   newest = {
     scan: new Scan(), wall: new Markers(), footprint: new Markers(), odom: new Odometry(), output: new Drive(),
     distance_error: new Float(), status: new Json(), decision: new Json(), beat: new Beat(), pilot: new Json(),
-    monitor: new Json(),
+    monitor: new Json(), fleet: new Json(),
   };
   /** When what we have of a topic left the car, on this page's clock [ms]; as well as one can know without clocks. */
   seenMs = {};
@@ -61,7 +61,7 @@ export class Link {
   say(message) {
     const socket = this.#socket;
     if (!this.open || socket.readyState !== WebSocket.OPEN) return false;
-    if (socket.bufferedAmount > MOST_QUEUED_BYTES && message.t !== "stop" && message.t !== "leave") return false;
+    if (socket.bufferedAmount > MOST_QUEUED_BYTES && message.t !== "stop" && message.t !== "stop_all" && message.t !== "leave") return false;
     socket.send(JSON.stringify(message));
     return true;
   }

@@ -3,6 +3,7 @@
 import { Condition, showCars } from "./condition.js";
 import { Device } from "./device.js";
 import { DrivePad } from "./drive_pad.js";
+import { Fleet } from "./fleet.js";
 import { Hands } from "./hands.js";
 import { Link } from "./link.js";
 import { $, age, announce, number, setData, setHidden, setText } from "./look.js";
@@ -28,19 +29,24 @@ const mux = new MuxView();
 const device = new Device();
 const condition = new Condition(link, device);
 const timings = new Timings();
-const hands = new Hands(link, { onStop: stop, onChange: showDriving });
+const hands = new Hands(link, { onStop: () => stop(), onChange: showDriving });
 const drivePad = new DrivePad(hands);
 const pilotView = new PilotView(link, hands, device);
 const settings = new Settings(link, (car) => {
   scene.lidar = { x: car["car.lidar_x_m"] ?? scene.lidar.x, y: car["car.lidar_y_m"] ?? 0 };
 });
 const simulator = new Simulator(link);
+const fleet = new Fleet(link, openCar);
 const remembered = remember();
 let car = "";
+let watched = ""; // the last one, also while all are shown
 let carSession = 0;
 let topSpeed = 1.5;
 let stopAskedMs = -Infinity;
 let owedStopMs = -Infinity; // a STOP that found no link
+let owedStop = "stop";
+let wanted = ""; // the car to show next
+let all = false; // shows all cars instead of one
 let frameAsked = false;
 
 // --- drawing: once per frame, and only when there is something new ---------------------------------------------
@@ -102,6 +108,9 @@ function takeNews(topic) {
     case "monitor":
       takeMonitor(message.value);
       break;
+    case "fleet":
+      fleet.show(message.value);
+      break;
   }
   wantFrame();
 }
@@ -147,6 +156,8 @@ function takeBeat(beat) {
 
 function takeMonitor(monitor) {
   showCars($("car"), monitor.cars, car);
+  setHidden($("all-cars"), all || monitor.cars.length < 2);
+  if (all) return;
   if (!car && monitor.cars.length) watch(monitor.cars.includes(remembered.car) ? remembered.car : monitor.cars[0]);
   plots.push(plots.latency, 1, performance.now(), monitor.round_trip_s === null ? NaN : monitor.round_trip_s * 1000 + link.roundTripMs);
 }
@@ -159,7 +170,8 @@ function showAges() {
   showAge($("mux"), statusMs);
   showAge($("condition"), statusMs);
   showAge($("plots"), Math.min(scanMs, statusMs));
-  setData(document.body, "linked", String(link.open && link.ageMs("beat", nowMs) < OLD_MS));
+  setData(document.body, "linked", String(all ? fleet.isFresh : link.open && link.ageMs("beat", nowMs) < OLD_MS));
+  fleet.showAges();
   setData(document.body, "old", String(!link.open || statusMs > OLD_MS));
   condition.showAges(link.newest.monitor.value, nowMs);
   showStop(nowMs);
@@ -175,11 +187,12 @@ function showAge(panel, ms) {
 
 // --- stopping ---------------------------------------------------------------------------------------------------
 
-function stop() {
+function stop(kind = all ? "stop_all" : "stop") {
   stopAskedMs = performance.now();
   timings.stopped(stopAskedMs);
-  if (!link.say({ t: "stop" })) {
+  if (!link.say({ t: kind })) {
     owedStopMs = stopAskedMs;
+    owedStop = kind;
     announce("STOP NOT SENT: there is no link to the car; it will be sent as soon as the link is back", "bad");
   }
   showStop(stopAskedMs);
@@ -190,21 +203,22 @@ function sendOwedStop() {
   const owed = performance.now() - owedStopMs < OWED_MS;
   owedStopMs = -Infinity;
   if (!owed) return;
-  stop();
+  stop(owedStop);
   announce("the link is back: STOP is sent", "good");
 }
 
 function showStop(nowMs) {
   const pilot = link.newest.pilot.value;
   const { beat } = link.newest;
-  const pending = pilot?.stop_pending || nowMs - stopAskedMs < 300;
-  const state = beat.latched ? "latched" : pending ? "pending" : "ready";
+  const pending = (!all && pilot?.stop_pending) || nowMs - stopAskedMs < 300;
+  const state = all ? (pending && fleet.stop.state === "ready" ? "pending" : fleet.stop.state) : beat.latched ? "latched" : pending ? "pending" : "ready";
   setData($("stop"), "state", state);
   const words = { latched: "e-stop: the car is held", pending: "sending…", ready: device.stopKeys };
   if (nowMs - owedStopMs > OWED_MS && owedStopMs > -Infinity) {
     owedStopMs = -Infinity;
     announce("STOP WAS NOT SENT: the link did not come back in time; stop the car another way", "bad");
   }
+  if (all && link.open) { setText($("stop-note"), fleet.stop.words || device.stopKeys); return; }
   const silent = !link.open ? (owedStopMs > -Infinity ? "no link! sent when it is back" : "no link!") : link.ageMs("beat", nowMs) > OLD_MS ? "the car is not heard" : "";
   setText($("stop-note"), silent || words[state]);
 }
@@ -300,13 +314,43 @@ function showWindow(value) {
   for (const button of document.querySelectorAll("#windows button")) button.setAttribute("aria-pressed", String(button.value === value));
 }
 
+/** Shows all cars, or the chosen one; the address says which, so that the browser's Back works. */
+function showView() {
+  const before = all;
+  all = location.hash === "#all";
+  setData(document.body, "view", all ? "all" : "car");
+  setHidden($("fleet"), !all);
+  setHidden($("all-cars"), all || (link.newest.monitor.value?.cars.length ?? 0) < 2);
+  setText($("stop-word"), all ? "STOP ALL" : "STOP");
+  $("stop").setAttribute("aria-describedby", "stop-note");
+  if (all === before) return;
+  if (all) lookAtAll();
+  else if (wanted) watch(wanted);
+  else if (link.newest.monitor.value) takeMonitor(link.newest.monitor.value);
+  wanted = "";
+}
+
+function lookAtAll() {
+  hands.engage(false);
+  car = "";
+  link.forget([...CAR_TOPICS, "fleet"]);
+  link.say({ t: "all" });
+  document.title = "all cars · wallride";
+}
+
+function openCar(name) {
+  wanted = name;
+  location.hash = "";
+}
+
 function watch(name) {
   if (name === car) return;
   hands.engage(false);
-  const first = !car;
-  car = name;
+  const first = !watched;
+  watched = car = name;
   carSession = 0;
   remember({ car });
+  remembered.car = car;
   link.forget(CAR_TOPICS);
   if (!first) plots.clear();
   scene.forgetWay();
@@ -333,7 +377,8 @@ link.on("hello", (hello) => {
   topSpeed = hello.top_speed_mps;
   $("share").disabled = false;
   showShare();
-  if (car) link.say({ t: "watch", car });
+  if (all) lookAtAll();
+  else if (car) link.say({ t: "watch", car });
   else if (hello.car) { showCars($("car"), hello.cars, hello.car); watch(hello.car); }
   else takeMonitor(hello);
   sendOwedStop();
@@ -353,6 +398,10 @@ link.on("news", takeNews);
 document.addEventListener("visibilitychange", () => { scene.dirty = true; wantFrame(); });
 window.addEventListener("resize", () => { scene.dirty = true; wantFrame(); });
 
+$("new-race").addEventListener("click", () => { link.say({ t: "new_race" }); announce("A new race: laps count from where each car stands.", "good"); });
+window.addEventListener("hashchange", showView);
+showView();
+
 const windowChoice = remembered.window ?? "30";
 plots.windowMs = Number(windowChoice) * 1000;
 showWindow(windowChoice);
@@ -364,4 +413,4 @@ setInterval(showAges, AGES_MS);
 link.connect();
 
 /** For measurements and tests; nothing on the page depends on it. */
-window.wallride = { link, scene, plots, hands, timings, get car() { return car; } };
+window.wallride = { link, fleet, scene, plots, hands, timings, get car() { return car; } };

@@ -61,6 +61,7 @@ class FakeCar:
             ChangeHistory(100),
         )
         self.standing = True
+        self.odom = {"x_m": 0, "y_m": 0, "yaw_rad": 0}
         self.overruled = None
         self.condition = {}
         self.computer = {"temperature_c": None, "zone": "", "trouble": ""}
@@ -198,7 +199,7 @@ class FakeCar:
             "motor": {"link": "ready", "message": "VESC 60", "identity": "", "counts": {"missed_reply": 2}},
             "condition": self.condition, "window": WINDOW, "computer": self.computer, "link": {}, "scans": self.scans,
             "scan_to_motor_ms": {"p50": 1.1, "p99": 2.2, "max": 3.3},
-            "distance_error": {"mean_abs_m": 0.021, "rms_m": 0.03}, "odom": {"x_m": 0, "y_m": 0, "yaw_rad": 0},
+            "distance_error": {"mean_abs_m": 0.021, "rms_m": 0.03}, "odom": self.odom,
         }  # fmt: skip
 
 
