@@ -6,6 +6,7 @@ import secrets
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -159,7 +160,9 @@ class Car:
         for planner in self.settings.planner_names():
             self.bus.subscribe(topics.planner_key(name, planner), self.planners.receive, max_bytes=COMMAND_BYTES)
         if (graph := self.settings.ros2_graph()) is not None and self.settings.ros2.drive:
-            self.bus.subscribe_attached(graph.data_key(DRIVE), self.planners.receive_ros, max_bytes=MAX_DRIVE_B)
+            drive = graph.data_key(DRIVE)
+            self.bus.subscribe_attached(drive, self.planners.receive_ros, max_bytes=MAX_DRIVE_B)
+            self.bus.subscribe(graph.any_type_key(DRIVE), partial(self.planners.refuse_other_type, drive))
         parameters.serve(self.bus, name, self.parameters)
         recorder.serve(self.bus, name, self.recorder)
         self.bus.answer(topics.key(name, f"{topics.OWN_PARTS}/show"), self.own_parts.answer_show)

@@ -116,6 +116,12 @@ class PlannerDesk:
             return
         self._take(ROS2_PLANNER, Drive(speed_mps, steering_rad), self._series.until_s)
 
+    def refuse_other_type(self, own_key: str, key: str, _payload: bytes, _arrival_s: float) -> None:
+        """Count what comes on /drive under another type or type hash than own_key's: ROS 2 itself would hide it."""
+        if key != own_key:
+            detail = f"planner {ROS2_PLANNER}: is ros2.distro that of its computer?"
+            self._slots[ROS2_PLANNER].refusals.count(Refusal.OTHER_TYPE, detail)
+
     def tick(self) -> None:
         """Notice a silent planner; call at the rate of the heartbeats."""
         now_s = self._clock()

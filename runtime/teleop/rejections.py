@@ -23,6 +23,7 @@ class Refusal(StrEnum):
     UNSURE = "no input from the operator"
     CONTRADICTION = "contradicting buttons"
     UNCOMPARED = "clock not compared yet"
+    OTHER_TYPE = "another message type"
 
 
 class Refusals:

@@ -84,6 +84,10 @@ class RosGraph:
         """Return the key of a topic's samples."""
         return f"{self.domain}/{topic.name}/{_dds_type(topic.schema)}/{self.type_hash(topic.schema)}"
 
+    def any_type_key(self, topic: RosTopic) -> str:
+        """Return the keys of a topic's samples of whatever type, this one's among them."""
+        return f"{self.domain}/{topic.name}/*/*"
+
     def type_hash(self, schema: str) -> str:
         """Return the hash of a type in keys; KeyError for a type that wallride does not use."""
         return NO_HASH if self.distro is Distro.HUMBLE else f"RIHS01_{TYPE_HASHES[schema]}"

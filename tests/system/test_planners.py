@@ -3,17 +3,20 @@
 import asyncio
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 import wallride
+from runtime.ros import messages
 from runtime.ros.graph import DRIVE, access
 from runtime.wire import topics
 from runtime.wire.bus import Bus
 from runtime.wire.car_bus import CarBus
+from runtime.wire.network import CDR
 from runtime.wire.ports import free_endpoint
-from runtime.wire.rmw_zenoh import Distro, RosGraph
+from runtime.wire.rmw_zenoh import Distro, RosGraph, attachment
 from runtime.wire.zenoh_config import Person, Role, car_config, client_config
 from tests.system.operated import CAR, operated
 from tests.system.test_attacks import keys, tls  # noqa: F401 - keys is a fixture
@@ -23,6 +26,7 @@ DRIVER = Path(__file__).with_name("ros2_driver.py")
 DOMAIN = 7
 FOREIGN_MPS, PLANNED_MPS = 1.8, 0.6
 GRAPH = RosGraph(DOMAIN, Distro.JAZZY, "wallride_car1")
+DRIVE_KEY = GRAPH.data_key(DRIVE)
 PEOPLE = (
     Person("alice", Role.OPERATOR),
     Person("bob", Role.PLANNER),
@@ -51,6 +55,62 @@ async def test_a_ros_2_program_that_is_not_ours_drives_through_drive_and_its_end
         await scene.car.until(lambda: abs(scene.car.wheel_mps) < 0.05, "standing")
         assert not [at_s for at_s in scene.moves_after(braked_s) if at_s > braked_s + 0.1], "the follower stays out"
         assert set(planners(scene)["planners"]["ros2"]["refused"]) <= {"clock not compared yet", "stale"}
+
+
+class RosHand:
+    """A bare zenoh session that writes on /drive what it likes."""
+
+    def __init__(self, endpoint, gid):
+        self._bus, self._gid, self._sequence = Bus(client_config(endpoint, None)), gid, 0
+
+    async def open(self):
+        await self._bus.open()
+
+    async def close(self):
+        await self._bus.close()
+
+    def say(self, speed_mps, *, payload=None, key=DRIVE_KEY, age_s=0.0):
+        self._sequence += 1
+        note = attachment(self._sequence, time.time_ns() - round(age_s * 1e9), self._gid)
+        sent = messages.ackermann(1, speed_mps, 0.0) if payload is None else payload
+        self._bus.put_attached(key, sent, encoding=CDR, attachment=note)
+
+
+async def test_a_running_car_refuses_counts_and_names_what_a_hostile_ros_2_program_says(tmp_path):
+    settings = ("ros2.enabled=true", "ros2.drive=true", f"ros2.domain={DOMAIN}", "planners.enabled=true")
+    async with operated(tmp_path, *settings) as scene:
+        await scene.car.until_driving()
+        good, other = RosHand(scene.entrance, b"g" * 16), RosHand(scene.entrance, b"o" * 16)
+        await good.open()
+        await other.open()
+        kind, type_hash = DRIVE_KEY.split("/")[2:]
+        whole, fastest_mps, drove = messages.ackermann(1, 9.0, 0.0), 0.0, False
+        try:
+            hostile = (
+                partial(good.say, 9.0, age_s=2.0),
+                partial(good.say, 9.0, payload=whole[:-1]),
+                partial(good.say, 9.0, payload=whole[:12] + b"\xff" * 4 + whole[16:]),
+                partial(good.say, 9.0, key=f"{DOMAIN}/drive/{kind}/RIHS01_{'0' * 64}"),
+                partial(good.say, 9.0, key=f"{DOMAIN}/drive/geometry_msgs::msg::dds_::Twist_/{type_hash}"),
+                partial(other.say, 9.0),
+            )
+            for step in range(180):
+                good.say(PLANNED_MPS)
+                await asyncio.sleep(0.02)  # the car bounds the rate of each key
+                if step > 60:
+                    hostile[step % len(hostile)]()
+                    await asyncio.sleep(0.02)
+                fastest_mps = max(fastest_mps, scene.car.wheel_mps)
+                drove |= planners(scene)["driving"] == "ros2"
+            await asyncio.sleep(0.3)
+            refused = planners(scene)["planners"]["ros2"]["refused"]
+        finally:
+            await good.close()
+            await other.close()
+        kinds = ("stale", "malformed", "another message type", "too many sessions")
+        assert all(refused.get(kind, 0) >= 5 for kind in kinds), refused
+        assert drove, "the good one's fresh commands count all the while"
+        assert fastest_mps < 2 * PLANNED_MPS, "none of the 9 m/s"
 
 
 async def test_a_script_plans_by_its_name_stalls_and_says_goodbye(tmp_path):
