@@ -25,7 +25,7 @@ from runtime.app import Car, CarSurroundings, history_file
 from runtime.host.address_file import Address, write_address
 from runtime.host.computer import read_computer
 from runtime.host.logging_setup import journal
-from runtime.host.scheduling import ask_for_niceness, keep_for_this_thread
+from runtime.host.scheduling import ask_for_precedence, keep_for_this_thread
 from runtime.live_stack import warm_up
 from runtime.realtime import prefetch
 from runtime.realtime.cpu_latency import awake
@@ -148,7 +148,7 @@ def braking_last(motors: Sequence[BrakingMotor]) -> Iterator[None]:
 def punctual_loop() -> asyncio.AbstractEventLoop:
     """Return an event loop whose timers are accurate to 0.1 ms, and whose other threads do not hold it up."""
     loop = asyncio.SelectorEventLoop(CheckedSelector())
-    loop.set_default_executor(ThreadPoolExecutor(thread_name_prefix="asyncio", initializer=ask_for_niceness))
+    loop.set_default_executor(ThreadPoolExecutor(thread_name_prefix="asyncio", initializer=ask_for_precedence))
     return loop
 
 

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Final
 
-from runtime.host.scheduling import ask_for_niceness
+from runtime.host.scheduling import ask_for_precedence
 
 MAX_WAITING: Final = 2000
 """Maximum number of records that wait for a blocked terminal; newer ones are dropped."""
@@ -77,7 +77,7 @@ class _BoundedQueueHandler(logging.handlers.QueueHandler):
 class _PatientListener(logging.handlers.QueueListener):
     def _monitor(self) -> None:
         """Write records, in a thread of its own."""
-        ask_for_niceness()
+        ask_for_precedence()
         super()._monitor()  # type: ignore[misc]
 
     def stop(self) -> None:

@@ -9,9 +9,11 @@ the motor as equals. With Linux's reset-on-fork flag (sched(7)) threads that are
 
 A thread that runs Python may be preempted while it holds the interpreter's lock, and the thread that drives then waits
 until the kernel lets that one run again: on a full computer 0.4 s without a motor command. So threads of Python ask for
-a niceness (`ask_for_niceness`): below the thread that drives, but before ordinary programs.
+the lowest real-time priority (`ask_for_precedence`), which no ordinary program interrupts. A niceness was not enough:
+it counts among the programs of one session only (sched_autogroup).
 """
 
+import contextlib
 import os
 from collections.abc import Mapping
 from typing import Final
@@ -42,8 +44,8 @@ def keep_for_this_thread(environment: Mapping[str, str] = os.environ) -> str:
     return f"real-time scheduling, priority {priority.sched_priority}, in the thread that drives"
 
 
-def ask_for_niceness() -> None:
-    """Ask for NICE for the calling thread, if the thread that drives has a policy or niceness of its own. Never fails.
+def ask_for_precedence() -> None:
+    """Ask for the lowest real-time priority beside a thread that drives with one, for NICE beside NICE. Never fails.
 
     To be called first in every thread that runs Python: it may hold the interpreter's lock. The threads that it creates
     (zenoh's) stay ordinary.
@@ -51,8 +53,10 @@ def ask_for_niceness() -> None:
     if not hasattr(os, "sched_getscheduler"):
         return
     driving = os.getpid()  # the id of a process is that of its first thread
-    is_real_time = os.sched_getscheduler(driving) & ~RESET_ON_FORK in {os.SCHED_FIFO, os.SCHED_RR}
-    if is_real_time or os.getpriority(os.PRIO_PROCESS, driving) <= NICE:
+    if os.sched_getscheduler(driving) & ~RESET_ON_FORK in {os.SCHED_FIFO, os.SCHED_RR}:
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_FIFO | RESET_ON_FORK, os.sched_param(1))
+    elif os.getpriority(os.PRIO_PROCESS, driving) <= NICE:
         _ask_for_more()
 
 

@@ -19,7 +19,7 @@ from types import MappingProxyType
 from typing import Any
 
 from drivers.api import Clock
-from runtime.host.scheduling import ask_for_niceness
+from runtime.host.scheduling import ask_for_precedence
 from runtime.realtime.wall_clock import WallClock
 from runtime.recording import channels
 from runtime.recording.channels import RecordMessage
@@ -240,7 +240,7 @@ class Recorder:
         )
 
     def _run(self) -> None:
-        ask_for_niceness()
+        ask_for_precedence()
         try:
             while not self._ending:
                 self._wake.wait(SILENT_PERIOD_S)

@@ -106,11 +106,11 @@ with launch.braking_last([]):
     promise("ending a process that hangs, its start included", time.monotonic() - begun_s, 5.0)
 
 
-def test_every_thread_of_python_asks_for_a_niceness_first(tmp_path, monkeypatch):
+def test_every_thread_of_python_asks_for_precedence_first(tmp_path, monkeypatch):
     """One that is kept from the processor while it holds the interpreter's lock holds up the thread that drives."""
     asked = []
     for module in (launch, logging_setup, recorder):
-        monkeypatch.setattr(module, "ask_for_niceness", lambda: asked.append(threading.current_thread().name))
+        monkeypatch.setattr(module, "ask_for_precedence", lambda: asked.append(threading.current_thread().name))
     with logging_setup.journal("INFO", "text"), asyncio.Runner(loop_factory=launch.punctual_loop) as runner:
         runner.run(asyncio.to_thread(time.monotonic))
     of_drives = Drive(tmp_path).recorder

@@ -36,14 +36,14 @@ thread.start(); thread.join()
 print(os.getpriority(os.PRIO_PROCESS, 0), *seen)
 """
 THREADS = """
-from runtime.host.scheduling import ask_for_niceness, keep_for_this_thread
+from runtime.host.scheduling import ask_for_precedence, keep_for_this_thread
 words = keep_for_this_thread()
 seen = []
 def note():
     policy = os.sched_getscheduler(threading.get_native_id()) & ~os.SCHED_RESET_ON_FORK
     seen.append((policy, os.getpriority(os.PRIO_PROCESS, 0)))
 def runs():
-    ask_for_niceness()
+    ask_for_precedence()
     note()
     other = threading.Thread(target=note)
     other.start(); other.join()
@@ -82,8 +82,8 @@ def test_other_threads_run_below_the_one_that_drives(way):
     assert verdict == "True True"
 
 
-@pytest.mark.parametrize(("way", "nice"), [(ASKED, -10), ("", 0)])
-def test_a_thread_of_python_runs_before_ordinary_programs_where_the_one_that_drives_does(way, nice):
+@pytest.mark.parametrize(("way", "policy"), [(ASKED, os.SCHED_FIFO), ("", os.SCHED_OTHER)])
+def test_a_thread_of_python_runs_before_ordinary_programs_where_the_one_that_drives_does(way, policy):
     """It may hold the interpreter's lock while another program keeps it from the processor."""
     program = (
         f"import os, threading\nos.setpriority(os.PRIO_PROCESS, 0, max(0, os.getpriority(os.PRIO_PROCESS, 0)))\n{way}"
@@ -94,7 +94,7 @@ def test_a_thread_of_python_runs_before_ordinary_programs_where_the_one_that_dri
     words, seen = done.stdout.splitlines()
     if "refused" in words and os.getuid() != 0:  # an ordinary user may not ask for it without LimitNICE of the unit
         return
-    assert seen == f"({os.SCHED_OTHER}, {nice}) ({os.SCHED_OTHER}, 0)", "those that it creates stay ordinary"
+    assert seen == f"({policy}, 0) ({os.SCHED_OTHER}, 0)", "those that it creates stay ordinary"
 
 
 def test_a_refused_policy_is_said_and_the_car_drives_without():
