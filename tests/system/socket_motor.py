@@ -31,22 +31,26 @@ class SocketVesc(VescEmulator):
         self._loop.add_reader(self._listener, self._accept)
 
     def unplug(self) -> None:
-        """Close the port."""
+        """Close the port; its name is gone. Harmless when repeated."""
+        self._drop_host()
+        if self._listener.fileno() >= 0:
+            self._loop.remove_reader(self._listener)
+            self._listener.close()
+            self.link.unlink(missing_ok=True)
+
+    def _drop_host(self) -> None:
         if self._master is not None:
             self._loop.remove_reader(self._master)
             os.close(self._master)
             self._master = None
-        self._loop.remove_reader(self._listener)
-        self._listener.close()
 
     def _accept(self) -> None:
-        if self._master is not None:
-            self._loop.remove_reader(self._master)
-            os.close(self._master)
+        self._drop_host()
         host, _ = self._listener.accept()
         host.setblocking(False)
         self._master = host.detach()
         self._loop.add_reader(self._master, self._on_readable)
+        self.deaf = self.deaf  # a new host does not make it hear
 
     def _on_readable(self) -> None:
         assert self._master is not None
@@ -71,8 +75,13 @@ def _open_socket(address, clock):
     return link.ByteLink(address, port.fileno(), lambda _lost: port.close(), clock)
 
 
-if __name__ == "__main__":
+def use_sockets() -> None:
+    """Let this process take the serial port that its settings name for a local socket."""
     link._open_serial = _open_socket
+
+
+if __name__ == "__main__":
+    use_sockets()
     from wallride.cli import main
 
     sys.exit(main())

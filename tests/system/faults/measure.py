@@ -2,8 +2,9 @@
 
 Run: python -m tests.system.faults.measure [--busy] [--runs 3]
 
---busy: beside a busy loop on each core. Figures of earlier measurements under the same load are replaced. A test that
-did not pass every time at the first attempt is printed; the exit code is then 1.
+--busy: beside a busy loop on each core, with the scheduling that the car's unit asks for. Figures of earlier
+measurements under the same load are replaced. A test that did not pass every time at the first attempt is printed; the
+exit code is then 1.
 """
 
 import argparse
@@ -18,10 +19,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from runtime.host.scheduling import PRIORITY_VARIABLE
 from tests.system.faults import document
 from tests.system.faults.matrix import INJECTED, MATRIX
 
 MAX_RUN_S = 1200
+MAX_TEST_S = 150
 HOG = """
 import os, sys, time
 os.sched_setaffinity(0, {int(sys.argv[1])})
@@ -47,8 +50,10 @@ def run(report: Path, environment: dict[str, str]) -> dict[str, bool]:
     """Run the tests of every row once; return whether each passed, by its name."""
     rows = dict.fromkeys(fault.test for fault in MATRIX if fault.test != INJECTED)
     injected = "tests/system/faults/test_faults.py"
-    command = [sys.executable, "-m", "pytest", injected, *rows, "-q", "-n", "0", f"--junitxml={report}"]
-    subprocess.run(command, env=environment, cwd=document.ROOT, timeout=MAX_RUN_S, check=False)
+    command = [sys.executable, "-m", "pytest", injected, *rows, "-q", "-n", "0", f"--timeout={MAX_TEST_S}"]
+    subprocess.run(
+        [*command, f"--junitxml={report}"], env=environment, cwd=document.ROOT, timeout=MAX_RUN_S, check=False
+    )
     cases = ET.parse(report).getroot().iter("testcase")  # noqa: S314 - written by pytest
     return {f"{case.attrib['classname']}.{case.attrib['name']}": len(case) == 0 for case in cases}
 
@@ -63,7 +68,7 @@ def main() -> int:
     document.FIGURES.write_text(json.dumps(kept), encoding="utf-8")
     environment = os.environ | {"FAULTS_MEASURED": str(document.FIGURES), "WALLRIDE_RERUNS": "0"}
     if options.busy:
-        environment["FAULTS_BUSY"] = "1"
+        environment |= {"FAULTS_BUSY": "1", PRIORITY_VARIABLE: "20"}
     passes: Counter[str] = Counter()
     with TemporaryDirectory() as folder, hogs(options.runs * MAX_RUN_S, wanted=options.busy):
         for number in range(options.runs):

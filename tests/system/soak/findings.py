@@ -26,7 +26,8 @@ class Findings:
 class Resources:
     """Memory and descriptors of the car's process over time, sampled while no fault is active.
 
-    memory_bytes: resident. own_bytes: of these without the pages of files, which other processes share.
+    memory_bytes: resident. own_bytes: what it has taken itself, in memory or swapped out; not the pages of programs
+    and libraries, which the kernel loads when they are first run and drops when it wants to.
     """
 
     own_bytes: list[int] = field(default_factory=list)
@@ -35,8 +36,8 @@ class Resources:
 
     def sample(self, pid: int) -> None:
         """Take one sample."""
-        rows = Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii").splitlines()[1:]
-        sizes_kb = {row.split()[0]: int(row.split()[1]) for row in rows}
-        self.memory_bytes.append(sizes_kb["Rss:"] * 1024)
-        self.own_bytes.append((sizes_kb["Anonymous:"] + sizes_kb["Swap:"]) * 1024)
+        rows = Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines()
+        sizes_kb = {row.split()[0]: int(row.split()[1]) for row in rows if row.endswith(" kB")}
+        self.memory_bytes.append(sizes_kb["VmRSS:"] * 1024)
+        self.own_bytes.append((sizes_kb["RssAnon:"] + sizes_kb["RssShmem:"] + sizes_kb["VmSwap:"]) * 1024)
         self.descriptors.append(len(list(Path(f"/proc/{pid}/fd").iterdir())))

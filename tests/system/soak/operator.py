@@ -12,6 +12,7 @@ HAND_MPS: Final = 0.8
 _INCIDENT: Final = CarCondition.ESTOP_LATCHED | CarCondition.REARM | CarCondition.OPERATOR_LOST
 _THINKS_S: Final = (0.3, 1.2)
 _RESETS_S: Final = 0.4
+ONCE_TIMES: Final = 3
 
 Deliver = Callable[[bytes, Press, int, float], None]
 """Takes a command's payload, and its flags, the number of the beat that it echoes, and its speed."""
@@ -20,7 +21,8 @@ Deliver = Callable[[bytes, Press, int, float], None]
 class Operator:
     """`hear` the car's beats; `step` sends one command every SEND_PERIOD_S.
 
-    wants: what is held down when nothing is wrong. once: held down at the next step instead. silent: sends nothing.
+    wants: what is held down when nothing is wrong. once: held down at the next steps instead, as last words are:
+    ONCE_TIMES, because the way drops all but the first message of a burst. silent: sends nothing.
     withheld: commands on a link that holds them back, None where it does not.
     """
 
@@ -34,6 +36,7 @@ class Operator:
         self._session = session
         self._name = name
         self._sequence = 0
+        self._once_left = ONCE_TIMES
         self._car_session = self._echo = 0
         self._seen = CarCondition(0)
         self._releases_until_s = -math.inf
@@ -72,8 +75,10 @@ class Operator:
             self._deliver(*message)
 
     def _flags(self, now_s: float) -> Press:
-        once, self.once = self.once, None
-        if once is not None:
+        if (once := self.once) is not None:
+            self._once_left -= 1
+            if not self._once_left:
+                self.once, self._once_left = None, ONCE_TIMES
             return once
         if now_s < self._releases_until_s:
             return Press(0)

@@ -15,6 +15,7 @@ from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Final
 
+from runtime.host.scheduling import PRIORITY_VARIABLE
 from runtime.wire import topics, zenoh_config
 from runtime.wire.bus import Bus
 from runtime.wire.network import BYTES
@@ -39,6 +40,7 @@ PROMISES: Final = Promises(
 """Those of docs/faults.md on the wire: 0.25 s for anything that ends good data."""
 SETTLED_S: Final = 180.0
 """Time after which memory counts: caches, the black box and the allocator have their size."""
+STARTS_WITHIN_S: Final = 120.0
 SAMPLE_S: Final = 10.0
 TELL_S: Final = 60.0
 LATE_FORGOTTEN_S: Final = 2.0
@@ -150,14 +152,15 @@ class RealSoak(SoakSurroundings):
             f"telemetry.listen={endpoint}",
             f"recording.folder={self._folder / 'recordings'}",
             "recording.ring_mb=64",
+            "recording.file_mb=8",  # its index grows with a file: several whole files before the first sample
         ]
+        os.environ[PRIORITY_VARIABLE] = "20"  # as its unit does
         self.runtime = RuntimeProcess(ROOT / "config" / "sim.toml", settings, program="tests.system.socket_motor")
         await self.runtime.start()
         stack.push_async_callback(self.runtime.end)
-        schedule(self.runtime.pid, 20)
         bus = Bus(zenoh_config.client_config(endpoint, None))
         bus.subscribe(topics.key(CAR, topics.BEAT), lambda _key, payload, _at_s: self.hear(payload))
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(STARTS_WITHIN_S):
             while not bus.is_open:
                 try:
                     await bus.open()
@@ -197,10 +200,10 @@ def _oracle(scene: Scene) -> Oracle:
     return Oracle(PROMISES, lambda: scene.good_scan_s)
 
 
-def schedule(pid: int, priority: int) -> None:
-    """Give a process FIFO scheduling where that is allowed: the car as its service does, the devices above it."""
+def schedule_devices() -> None:
+    """Give this process FIFO scheduling above the car's where that is allowed: in a car they are other machines."""
     with contextlib.suppress(PermissionError):
-        os.sched_setscheduler(pid, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(30))
 
 
 def soak_in_real_time(
@@ -209,7 +212,7 @@ def soak_in_real_time(
     """Run one soak; return findings, resources and the longest lateness of this process [s]."""
 
     async def main() -> tuple[Findings, Resources, float]:
-        schedule(0, 30)
+        schedule_devices()
         with tempfile.TemporaryDirectory(prefix="soak-") as folder:
             soak = RealSoak(Path(folder), seed, mean_pause_s)
             findings = await soak.run(seconds, tell)

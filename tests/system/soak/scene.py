@@ -127,15 +127,10 @@ class MemoryVesc(WitnessedVesc):
 class ListeningVesc(WitnessedVesc, SocketVesc):
     """Its port is a local socket, for a car in another process."""
 
-    def unplug(self) -> None:
-        SocketVesc.unplug(self)
-        self.link.unlink(missing_ok=True)
-
     def _accept(self) -> None:
         self.opened()
         self._deframer = VescDeframer()
         super()._accept()
-        self.deaf = self.deaf  # a new host does not make it hear
 
 
 class MemoryLidar(ScipEmulator):
