@@ -10,7 +10,7 @@ from runtime.control.perception.plausibility import BACKWARDS
 from sim.lab.stories import Story, tell
 from sim.world.worlds import load_world
 from tests.promises import promise
-from tests.system.bench import Bench, bench
+from tests.system.bench import STARTS_WITHIN_S, Bench, bench
 
 BRAKE_WITHIN_S = 0.25
 """0.1 s on a quiet machine; a loaded one answers later, and speed is no matter of this test."""
@@ -65,7 +65,7 @@ async def test_an_impossible_speed_is_a_brake_no_hang_and_no_memory(tmp_path, er
 async def test_a_controller_that_contradicts_itself_is_held_with_the_remedy_in_the_log(tmp_path, trouble, words):
     async with bench(tmp_path) as car:
         setattr(car.vesc, trouble, True)
-        await car.until(lambda: any(words in line for line in car.runtime.log), "the fault is said", 15.0)
+        await car.until(lambda: any(words in line for line in car.runtime.log), "the fault is said", STARTS_WITHIN_S)
         await car.until(lambda: car.motor_commands()[-1][1][0] == Packet.SET_CURRENT_BRAKE, "braking")
 
 

@@ -60,7 +60,7 @@ class QueueMachine(RuleBasedStateMachine):
 
 
 TestQueue = QueueMachine.TestCase
-TestQueue.settings = settings(max_examples=600, stateful_step_count=30, deadline=None)
+TestQueue.settings = settings(max_examples=6 * settings.default.max_examples, stateful_step_count=30, deadline=None)
 
 
 def test_a_superseded_word_never_comes_back():
