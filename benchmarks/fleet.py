@@ -14,9 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.control.live_laws import LiveLaws
-from runtime.settings.tree import Settings
+from runtime.settings.tree import Settings, load_settings
 from sim.car.vehicle import Vehicle
 from sim.live.traffic import TrafficWorld, starts
+from sim.scenario.simulated_car import find_config
 from sim.virtual.closed_loop import Case, SimulatedRun, drive, drive_together
 from sim.world.beams import LidarSettings
 from sim.world.lap import LapCounter
@@ -98,8 +99,9 @@ def main() -> int:
     parser.add_argument("--cars", type=int, default=4)
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--set", dest="assignments", action="append", default=[], metavar="KEY=VALUE")
     options = parser.parse_args()
-    settings = Settings()
+    settings = load_settings(find_config(), options.assignments)
     world = load_world(options.world, side=settings.wall_follow.side)
     some = cases(world, options.cars, settings, options.minutes * 60, options.seed)
     runs = together(some, settings)
@@ -107,11 +109,13 @@ def main() -> int:
     for k, (case, run) in enumerate(zip(some, runs, strict=True)):
         here, by_itself = driven(run), driven(alone(case, settings))
         touched += here.contacts
+        ended = f" after {run.contact.time_s:.1f} s: {run.reasons[-1]}" if run.contact is not None else ""
         print(
             f"car{k + 1}: error {here.error_m * 100:.3f} cm, alone {by_itself.error_m * 100:.3f}"
             f" ({here.error_m / by_itself.error_m - 1:+.1%}); laps {here.laps:.1f}, alone {by_itself.laps:.1f};"
             f" held {here.held:.1%}, alone {by_itself.held:.1%}; nearest car {nearest_m[k].min():.1f} m;"
-            f" clearance {here.clearance_m:.2f} m; contacts {here.contacts}"
+            f" clearance {here.clearance_m:.2f} m; contacts {here.contacts}{ended}",
+            flush=True,
         )
     return 1 if touched else 0
 
