@@ -119,8 +119,7 @@ class PlannerDesk:
     def refuse_other_type(self, own_key: str, key: str, _payload: bytes, _arrival_s: float) -> None:
         """Count what comes on /drive under another type or type hash than own_key's: ROS 2 itself would hide it."""
         if key != own_key:
-            detail = f"planner {ROS2_PLANNER}: is ros2.distro that of its computer?"
-            self._slots[ROS2_PLANNER].refusals.count(Refusal.OTHER_TYPE, detail)
+            self._slots[ROS2_PLANNER].refusals.count(Refusal.OTHER_TYPE, f"planner {ROS2_PLANNER}")
 
     def tick(self) -> None:
         """Notice a silent planner; call at the rate of the heartbeats."""
