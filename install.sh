@@ -22,7 +22,7 @@ MANAGER=${SYSTEMCTL:-systemctl}
 READY_S=60   # for the start of the service, which says "ready" within 15 s, also without devices
 SETTLED_S=5  # for which it must then stay up
 ANSWER_S=20  # for lidar and motor, where they were ready before
-YES='' DRY='' SERVICE=yes COMPILER=yes WHEELHOUSE='' PYTHON='' ROLLBACK='' FORCE='' START='' KEEP=3
+ARCHIVE='' YES='' DRY='' SERVICE=yes COMPILER=yes WHEELHOUSE='' PYTHON='' ROLLBACK='' FORCE='' START='' KEEP=3
 
 usage() {
     cat <<'TEXT'
@@ -34,7 +34,7 @@ sudo sh install.sh [OPTION...]
   --start            start the service, too, where it does not run
   --keep N           versions to keep, 2 or more (default: 3)
   --wheelhouse DIR   take all packages from there; nothing is downloaded, nor taken from the distribution
-  --python PROGRAM   use this Python, 3.11 or newer
+  --python PROGRAM   use this Python, 3.11 or newer; or a FILE.tar.gz of python-build-standalone, which is unpacked here
   --no-service       do not install the systemd service and the udev rules
   --no-compiler      do not install gcc; the same laws then run in Python, at half the speed
 TEXT
@@ -209,6 +209,13 @@ go_back() {
 
 # Sets PYTHON, and adds to PACKAGES and PLAN what is needed for it.
 choose_python() {
+    case $PYTHON in
+        *.tar.gz)
+            [ -f "$PYTHON" ] || fail "$PYTHON: is not there"
+            ARCHIVE=$PYTHON PYTHON=$TOP$VERSIONS/python/$(basename "$PYTHON" .tar.gz)/bin/python3
+            PLAN="unpack $ARCHIVE into ${PYTHON%/bin/python3}"
+            return ;;
+    esac
     if [ -n "$PYTHON" ]; then
         is_new_enough "$PYTHON" || fail "$PYTHON: is not a Python of 3.11 or newer"
         return
@@ -242,13 +249,25 @@ by_uv() {
     PYTHON=$(UV_PYTHON_INSTALL_DIR=$TOP$VERSIONS/python "$TOP$VERSIONS/uv/bin/uv" python find "$UV_PYTHON")
 }
 
+unpack_python() {
+    place=${PYTHON%/bin/python3}
+    [ ! -x "$PYTHON" ] || return 0
+    rm -rf "$place.new"
+    mkdir -p "$place.new"
+    tar -xzf "$ARCHIVE" --strip-components=1 -C "$place.new" || { rm -rf "$place.new"; fail "$ARCHIVE: cannot be unpacked"; }
+    is_new_enough "$place.new/bin/python3" ||
+        { rm -rf "$place.new"; fail "$ARCHIVE: has no bin/python3 of 3.11 or newer that runs on this computer"; }
+    rm -rf "$place"
+    mv "$place.new" "$place"
+}
+
 need_packages() {
     name=$(basename "$PYTHON")
-    if has_apt && [ "$PYTHON" = uv ]; then
-        has_venv python3 || PACKAGES='python3 python3-venv'
+    if has_apt && { [ "$PYTHON" = uv ] || [ -n "$ARCHIVE" ]; }; then
+        [ -n "$ARCHIVE" ] || has_venv python3 || PACKAGES='python3 python3-venv'
         [ -z "$COMPILER" ] || command -v gcc >/dev/null 2>&1 || PACKAGES="$PACKAGES gcc libc6-dev"
     fi
-    if has_apt && [ "$PYTHON" != uv ]; then
+    if has_apt && [ "$PYTHON" != uv ] && [ -z "$ARCHIVE" ]; then
         case " $PACKAGES " in
             *" $name-venv "*) ;;
             *) has_venv "$PYTHON" || PACKAGES="$PACKAGES $name-venv" ;;
@@ -273,6 +292,7 @@ make_version() {
     mkdir -p "$TOP$VERSIONS" "$TOP$(dirname "$COMMAND")"
     trap 'rm -rf "$TOP$target"; say "failed: nothing was changed in $CURRENT" >&2' EXIT
     [ "$PYTHON" != uv ] || by_uv
+    [ -z "$ARCHIVE" ] || unpack_python
     what="$HERE[car]"
     [ -e "$HERE/pyproject.toml" ] || what='wallride[car]'  # a deployed folder has a wheel in place of the source
     pip=$(find "${WHEELHOUSE:-/nowhere}" -name 'pip-*.whl' 2>/dev/null | head -n 1)

@@ -172,12 +172,47 @@ def test_a_wheelhouse_is_the_only_source(place):
         (["--keep", "1"], {}, "must be 2 to 99"),
         (["--python"], {}, "--python needs a value"),
         (["--yes", "--python", "python3"], {"OLD": "1"}, "is not a Python of 3.11"),
+        (["--yes", "--python", "/none.tar.gz"], {}, "/none.tar.gz: is not there"),
         (["--rollback"], {}, "no version before"),
     ],
 )
 def test_a_mistake_is_one_sentence(options, variables, said, place):
     done = install(place, *options, **variables)
     assert (done.returncode, said in done.stderr) == (2, True), done.stderr
+
+
+def archive(place, text=PYTHON):
+    """An archive with a Python that only pretends."""
+    folder = place / "packed/python/bin"
+    folder.mkdir(parents=True)
+    (folder / "python3").write_text(text)
+    (folder / "python3").chmod(0o755)
+    file = place / "cpython-3.12.7.tar.gz"
+    subprocess.run(["tar", "-czf", file, "-C", place / "packed", "python"], check=True)
+    return file
+
+
+def test_a_python_in_an_archive_is_unpacked_once_and_used(place):
+    file = archive(place)
+    assert "unpack" in install(place, "--dry-run", "--python", str(file)).stdout
+    for _ in range(2):
+        done = install(place, "--yes", "--no-service", "--python", str(file))
+        assert done.returncode == 0, done.stderr
+    unpacked = place / "root/opt/wallride-versions/python/cpython-3.12.7/bin/python3"
+    assert unpacked.read_text() == PYTHON
+    assert [path.name for path in unpacked.parents[2].iterdir()] == ["cpython-3.12.7"]
+    assert len(versions(place)) == 2
+
+
+@pytest.mark.parametrize("text", ["#!/bin/sh\nexit 1\n", "another machine's\n"])
+def test_an_archive_of_no_use_here_changes_nothing(text, place):
+    done = install(place, "--yes", "--no-service", "--python", str(archive(place, text)))
+    assert (done.returncode, "has no bin/python3 of 3.11 or newer" in done.stderr) == (2, True), done.stderr
+    (place / "cpython-3.12.7.tar.gz").write_text("no archive")
+    done = install(place, "--yes", "--no-service", "--python", str(place / "cpython-3.12.7.tar.gz"))
+    assert (done.returncode, "cannot be unpacked" in done.stderr) == (2, True), done.stderr
+    assert not list((place / "root/opt").rglob("cpython*"))
+    assert not (place / "root/opt/wallride").exists()
 
 
 def test_where_no_python_is_new_enough_its_download_is_named(place):

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from wallride.deploy.facts import CarFacts, DeployError, read_facts
-from wallride.deploy.plan import DeployPlan, Wishes, make_plan, refuse_full_disk
+from wallride.deploy.plan import DeployPlan, Wishes, make_plan, place_of, refuse_full_disk
 from wallride.deploy.ssh import NOT_SSH, SshConnection
 from wallride.deploy.transfer import Shipment, absent_wheels, send
 from wallride.deploy.wheelhouse import build_wheel, cache_folder, gather, this_platform
@@ -20,6 +20,8 @@ from wallride.deploy.wheelhouse import build_wheel, cache_folder, gather, this_p
 NOT_READY: Final = 3
 """Exit code of install.sh, and ours: the service is not ready with the version that was to be used."""
 SOURCE_FILES: Final = ("install.sh", "constraints.txt", "pyproject.toml")
+PYTHON_UNPACKED: Final = 4
+"""Size of a Python over that of its archive."""
 Say = Callable[[str], None]
 
 
@@ -114,12 +116,15 @@ def _copy(car: SshConnection, source: Path, plan: DeployPlan, facts: CarFacts, p
     )
     start_s = time.monotonic()
     absent = absent_wheels(car, house.others)
-    copied = sum(path.stat().st_size for path in (ours, *absent))
-    refuse_full_disk(facts, copied, house.installed_bytes())
+    brought = [plan.brings.file] if plan.brings else []
+    copied = sum(path.stat().st_size for path in (ours, *absent, *brought))
+    unpacked = PYTHON_UNPACKED * sum(path.stat().st_size for path in brought)
+    refuse_full_disk(facts, copied, house.installed_bytes() + unpacked)
     note = parcel.folder / "build.txt"
     note.write_text(build_note(source), encoding="utf-8")
     own = {name: source / name for name in ("install.sh", "constraints.txt")}
     own |= {"build.txt": note, f"wheelhouse/{ours.name}": ours}
+    own |= {place_of(plan.brings): plan.brings.file} if plan.brings else {}
     send(car, parcel.identity, Shipment(own, house.others), absent)
     parcel.say(f"copied {copied / 1e6:.1f} MB, {len(absent)} of the other wheels, {_since(start_s)}")
 

@@ -35,7 +35,11 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         "--keep", type=_kept, default=3, metavar="N", help="versions that stay on the car, 2 or more (default: 3)"
     )
     parser.add_argument(
-        "--python", default="", metavar="PROGRAM", help="on the car (default: the first of 3.11 or newer)"
+        "--python",
+        default="",
+        metavar="PROGRAM|FILE",
+        help="a program on the car (default: the first of 3.11 or newer), or a file here that comes along: an archive"
+        " install_only.tar.gz of python-build-standalone for the car's machine",
     )
     parser.add_argument(
         "--source", type=Path, metavar="DIR", help="the clone to deploy (default: that of this program, or this folder)"
@@ -49,9 +53,14 @@ def run(options: argparse.Namespace) -> int:
         from wallride.deploy.carry_out import DeployTarget, deploy, find_source
     from wallride.deploy.facts import DeployError
     from wallride.deploy.plan import Wishes
+    from wallride.deploy.python_archive import SUFFIX, read_archive
 
-    wishes = Wishes(options.rollback, options.force, options.start, options.no_service, options.python, options.keep)
     try:
+        archive = read_archive(Path(options.python)) if options.python.endswith(SUFFIX) else None
+        python = "" if archive else options.python
+        wishes = Wishes(
+            options.rollback, options.force, options.start, options.no_service, python, options.keep, archive
+        )
         source = find_source(options.source, Path(__file__).resolve().parents[2])
         return deploy(DeployTarget(options.host, options.ssh_config, source), wishes, _say, dry_run=options.dry_run)
     except DeployError as error:

@@ -6,6 +6,7 @@ from typing import Final
 
 from wallride.deploy.closure import CarPlatform, platform_of
 from wallride.deploy.facts import OLDEST_PYTHON, CarFacts, CarPython, DeployError
+from wallride.deploy.python_archive import PythonArchive
 
 MOVABLE: Final = ("armed", "driving", "limited", "stopped")
 """Driving states in which the car drives, or drives as soon as nothing is in its way."""
@@ -21,7 +22,10 @@ NO_COMPILER: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Wishes:
-    """What the user asked for. python: a program on the car, "" for any. keep: number of versions that stay."""
+    """What the user asked for.
+
+    python: a program on the car, "" for any. keep: number of versions that stay. archive: a Python to bring along.
+    """
 
     rollback: bool = False
     force: bool = False
@@ -29,6 +33,7 @@ class Wishes:
     no_service: bool = False
     python: str = ""
     keep: int = 3
+    archive: PythonArchive | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +41,7 @@ class DeployPlan:
     """The work on the car. python, platform: None for a rollback, which needs neither.
 
     arguments: of install.sh there. lines: the plan for a person. warnings: what is worse than it could be.
+    brings: a Python that the car does not have yet.
     """
 
     python: CarPython | None
@@ -43,6 +49,7 @@ class DeployPlan:
     arguments: Sequence[str]
     lines: Sequence[str]
     warnings: Sequence[str]
+    brings: PythonArchive | None = None
 
 
 def make_plan(facts: CarFacts, wishes: Wishes, here: CarPlatform | None = None) -> DeployPlan:
@@ -53,7 +60,7 @@ def make_plan(facts: CarFacts, wishes: Wishes, here: CarPlatform | None = None) 
     _refuse(facts, wishes)
     if wishes.rollback:
         return _rollback_plan(facts, wishes)
-    python = choose_python(facts.pythons, wishes.python)
+    python, brings = _python(facts, wishes)
     platform = platform_of(facts.machine, facts.glibc, python)
     first = not facts.in_use
     starts = wishes.start or (first and not wishes.no_service)
@@ -63,10 +70,10 @@ def make_plan(facts: CarFacts, wishes: Wishes, here: CarPlatform | None = None) 
     return DeployPlan(
         python,
         platform,
-        ["--yes", "--wheelhouse", "wheelhouse", "--python", python.path, "--keep", str(wishes.keep),
-         *_flags(force=wishes.force, start=starts, no_service=wishes.no_service)],
+        ["--yes", "--wheelhouse", "wheelhouse", "--python", place_of(brings) if brings else python.path,
+         "--keep", str(wishes.keep), *_flags(force=wishes.force, start=starts, no_service=wishes.no_service)],
         [
-            f"the car: {platform.words}, Python {python.words}",
+            f"the car: {platform.words}, Python {python.words}{', which comes along' if brings else ''}",
             f"in use there: {_version_words(facts, facts.in_use) or 'nothing yet'}",
             "build the wheel, gather the wheels that it needs, and copy those that the car lacks",
             "install them into /opt/wallride-versions/DATE, and point /opt/wallride to it",
@@ -74,7 +81,24 @@ def make_plan(facts: CarFacts, wishes: Wishes, here: CarPlatform | None = None) 
             f"keep {wishes.keep} versions; /etc/wallride and recordings stay as they are",
         ],
         warnings,
+        brings,
     )  # fmt: skip
+
+
+def place_of(archive: PythonArchive) -> str:
+    """Return the archive's place in the folder of a deployment on the car."""
+    return f"python/{archive.file.name}"
+
+
+def _python(facts: CarFacts, wishes: Wishes) -> tuple[CarPython, PythonArchive | None]:
+    """Return the Python to use, and the archive where it has to come along."""
+    archive = wishes.archive
+    if archive is None:
+        return choose_python(facts.pythons, wishes.python), None
+    if archive.machine != facts.machine:
+        raise DeployError(f"{archive.file}: is for {archive.machine}, and the car is {facts.machine}")
+    there = [python for python in facts.pythons if python.path.startswith(f"{archive.folder}/")]
+    return (there[0], None) if there else (archive.python, archive)
 
 
 def choose_python(pythons: Sequence[CarPython], wanted: str) -> CarPython:
@@ -88,7 +112,8 @@ def choose_python(pythons: Sequence[CarPython], wanted: str) -> CarPython:
     which = f"{wanted} is none of 3.11 or newer with the module venv" if wanted else "it needs Python 3.11 or newer"
     raise DeployError(
         f"{which}; on the car there is: {there}. Once, with the car on the internet:"
-        " sudo apt-get install python3.11 python3.11-venv; or sudo sh install.sh in a clone there, which gets one"
+        " sudo apt-get install python3.11 python3.11-venv. Without: download an archive install_only of"
+        " python-build-standalone for the car's machine here, and give it with --python FILE"
     )
 
 

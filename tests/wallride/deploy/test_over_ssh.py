@@ -2,6 +2,9 @@
 
 import fcntl
 import os
+import platform
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -71,6 +74,20 @@ def test_first_time_update_rollback_and_what_stays(car, clone, capfd):
     assert (car.in_use(), car.program(), car.starts()) == (first, "1.0", (3, "active"))
     assert (car.root / "etc/systemd/system/wallride.service").read_text() == "unit 1.0"
     assert (settings.read_text(), recording.read_text()) == ("mine", "a drive")
+
+
+def test_a_python_that_comes_along(car, clone, tmp_path, capfd):
+    packed = tmp_path / "packed/python/bin/python3"
+    packed.parent.mkdir(parents=True)
+    packed.write_text(f'#!/bin/sh\nexec {os.path.realpath(sys.executable)} "$@"\n')
+    packed.chmod(0o755)
+    stem = f"cpython-{platform.python_version()}+20260101-{platform.machine()}-unknown-linux-gnu-install_only"
+    file = tmp_path / f"{stem}.tar.gz"
+    subprocess.run(["tar", "-czf", file, "-C", tmp_path / "packed", "python"], check=True)
+    assert deploy(car, clone, "--python", str(file)) == 0, capfd.readouterr()
+    assert "which comes along" in capfd.readouterr().out
+    assert (car.root / "opt/wallride-versions/python" / stem / "bin/python3").read_text() == packed.read_text()
+    assert (car.program(), car.starts()) == ("1.0", (1, "active"))
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import pytest
 from wallride.deploy.closure import CarPlatform
 from wallride.deploy.facts import CarPython, DeployError, InstalledVersion, read_facts
 from wallride.deploy.plan import Wishes, make_plan, refuse_full_disk
+from wallride.deploy.python_archive import read_archive
 from wallride.deploy.ssh import explain
 
 SAID = """machine=aarch64
@@ -108,6 +109,46 @@ def test_a_python_can_be_chosen():
     pythons = [*FACTS.pythons, CarPython((3, 13, 1), "/opt/python/bin/python3.13")]
     for name in ("python3.13", "/opt/python/bin/python3.13"):
         assert make_plan(replace(FACTS, pythons=pythons), Wishes(python=name)).python == pythons[-1]
+
+
+STEM = "cpython-3.12.7+20241016-aarch64-unknown-linux-gnu-install_only"
+
+
+@pytest.fixture
+def archive(tmp_path):
+    file = tmp_path / f"{STEM}.tar.gz"
+    file.write_text("")
+    return read_archive(file)
+
+
+def test_a_python_comes_along_where_the_car_has_none_and_only_then(archive):
+    old = replace(FACTS, pythons=FACTS.pythons[:1])
+    plan = make_plan(old, Wishes(archive=archive))
+    assert (plan.brings, plan.platform.python) == (archive, (3, 12, 7))
+    assert plan.arguments[4] == f"python/{STEM}.tar.gz"
+    there = CarPython((3, 12, 7), f"/opt/wallride-versions/python/{STEM}/bin/python3.12")
+    plan = make_plan(replace(old, pythons=[*old.pythons, there]), Wishes(archive=archive))
+    assert (plan.brings, plan.arguments[4]) == (None, there.path)
+    with pytest.raises(DeployError, match="--python FILE"):
+        make_plan(old, Wishes())
+    with pytest.raises(DeployError, match="is for aarch64, and the car is x86_64"):
+        make_plan(replace(old, machine="x86_64"), Wishes(archive=archive))
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("python.tar.gz", "is no archive"),
+        (f"{STEM}.tar.gz".replace("gnu", "musl"), "is no archive"),
+        (f"{STEM}.tar.gz".replace("3.12.7", "3.10.9"), "is Python 3.10"),
+        (f"{STEM}.tar.gz".replace("aarch64", "armv7"), "is not there"),
+    ],
+)
+def test_a_file_that_is_no_python_for_a_car_is_refused(name, said, tmp_path):
+    if said != "is not there":
+        (tmp_path / name).write_text("")
+    with pytest.raises(DeployError, match=said):
+        read_archive(tmp_path / name)
 
 
 @pytest.mark.parametrize(
