@@ -6,6 +6,7 @@ from tests.wallride.doctor.test_command import answer, emulated
 from wallride.cli import main
 
 
+@pytest.mark.timeout(180)  # seven processes
 async def test_a_controller_as_it_is_sold_is_set_and_the_doctor_agrees(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     async with emulated(tmp_path / "ports", "--vesc-timeout", "1", "--vesc-brake", "0") as file:
