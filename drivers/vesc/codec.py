@@ -45,6 +45,7 @@ class Packet(IntEnum):
     SET_SERVO_POS = 12
     SET_APPCONF = 16
     GET_APPCONF = 17
+    PRINT = 21
     ALIVE = 30
     GET_VALUES_SELECTIVE = 50
     GET_IMU_DATA = 65

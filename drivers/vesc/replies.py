@@ -18,18 +18,23 @@ STATUS_KILLED = 2
 HARDWARE_VESC = 0
 HARDWARE_KINDS = {HARDWARE_VESC: "VESC", 1: "battery manager", 2: "custom module"}
 
+_UUID_BYTES = 12
 _HARDWARE_KIND_BYTE = 14
-"""Its place behind the name of the hardware: after a UUID of 12 bytes and two flags."""
+"""Its place behind the name of the hardware: after the UUID and two flags."""
 _STANDARD_GRAVITY_MPS2 = 9.80665
 
 
 @value()
 class Firmware:
-    """Reply to FW_VERSION, as far as a car reads it. hardware_kind: key of HARDWARE_KINDS, None where not sent."""
+    """Reply to FW_VERSION, as far as a car reads it.
+
+    uuid: of the controller, 12 bytes; none where not sent. hardware_kind: key of HARDWARE_KINDS, None where not sent.
+    """
 
     major: int
     minor: int
     hardware: str = ""
+    uuid: bytes = b""
     hardware_kind: int | None = None
 
     @property
@@ -44,7 +49,8 @@ def decode_firmware(payload: bytes) -> Firmware | None:
         return None
     hardware, _, rest = payload[3:].partition(b"\0")
     kind = rest[_HARDWARE_KIND_BYTE] if len(rest) > _HARDWARE_KIND_BYTE else None
-    return Firmware(payload[1], payload[2], printable(hardware), kind)
+    uuid = rest[:_UUID_BYTES] if len(rest) >= _UUID_BYTES else b""
+    return Firmware(payload[1], payload[2], printable(hardware), uuid, kind)
 
 
 @dataclass(slots=True)  # never changed; frozen would double the time to make one, fifty times a second

@@ -144,7 +144,7 @@ def _carried(track: ObstacleTrack, stamp_s: float, look: ScanLook) -> list[Place
         return []
     velocity_mps = track.velocity_mps * look.turned.conjugate()
     points_m = (points_m - look.at_m) * look.turned.conjugate()
-    return [points_m + velocity_mps * ahead_s for ahead_s in (0.0, *AHEAD_S)]
+    return [np.asarray(points_m + velocity_mps * ahead_s, complex) for ahead_s in (0.0, *AHEAD_S)]
 
 
 @accelerated

@@ -49,7 +49,9 @@ def test_firmware(vector):
     assert firmware is not None
     told = expected(vector)
     names = ("major", "minor", "hardware", "hardware_kind")
-    assert asdict(firmware) == {"hardware": "", "hardware_kind": None} | {n: told[n] for n in names if n in told}
+    uuid = bytes.fromhex(told.get("uuid", ""))
+    unsaid = {"hardware": "", "hardware_kind": None, "uuid": uuid}
+    assert asdict(firmware) == unsaid | {name: told[name] for name in names if name in told}
 
 
 @pytest.mark.parametrize("vector", received(4), ids=lambda v: v["name"])

@@ -56,10 +56,10 @@ def watch(place, *, pose=lambda _: OdometryState(), scans=24, radius_m=0.2, nois
 
 def predicted(place, scans, pillar=(2.0, 0.0)):
     """Return whether an object is predicted at each scan; place as in `watch`, or None: it is gone."""
-    movers, found, pillar_m = MovingObstacles(), [], circle(*pillar, 0.25)
+    movers, found, pillar_m = MovingObstacles(), [], circle(pillar[0], pillar[1], 0.25)
     for step in range(scans):
         at = place(step * SCAN_S)
-        ranges_m = np.minimum(pillar_m, circle(*at)) if at else pillar_m
+        ranges_m = np.minimum(pillar_m, circle(at[0], at[1])) if at else pillar_m
         found.append(bool(movers.update(see(ranges_m), OdometryState(), step * SCAN_S).size))
     return found
 
