@@ -43,6 +43,8 @@ by a sensorless motor's start."""
 _ASK_FIRMWARE = codec.frame(codec.plain(codec.Packet.FW_VERSION))
 _ASK_VALUES = codec.frame(codec.plain(codec.Packet.GET_VALUES))
 _TODAYS_LAYOUT_SINCE_MAJOR = 3
+_TIMER_EARLY_S = 1e-4
+"""A loop's timer may end earlier than it was asked to: without this it would be asked for a pause of almost nothing."""
 _SLACK_SHARE = 0.4
 """Share of its period by which a poll may come sooner or later: at 50 Hz it comes with every scan of a lidar of 40."""
 
@@ -255,7 +257,7 @@ class Vesc:
         if self._awaiting and now_s - self._asked_s >= REPLY_BUDGET_S:
             self._miss_reply(now_s)
         lost_s = self._replied_s + self._settings.lost_after_s
-        if now_s >= lost_s:
+        if now_s >= lost_s - _TIMER_EARLY_S:
             raise LinkLost(self._why_lost())
         if not self._awaiting:
             self._awaiting = True

@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from drivers.api import Drive, LinkState
+from drivers.api import Drive, LinkLost, LinkState
 from drivers.vesc import codec, driver
 from drivers.vesc.codec import Packet, frame
 from drivers.vesc.cross_check import RUNS_BACKWARDS
@@ -195,6 +195,18 @@ def test_a_controller_that_falls_silent_is_lost_at_its_time_and_not_at_the_next_
         await asyncio.sleep(0.3)
         (braked_s,) = [at_s for at_s, kind in rig.controller.commands if kind == Packet.SET_CURRENT_BRAKE]
         assert braked_s - rig.vesc._replied_s == pytest.approx(LOST_AFTER_S, abs=1e-3)
+
+    when_ready(story, lost_after_s=LOST_AFTER_S)
+
+
+def test_a_timer_that_ends_a_moment_early_finds_the_link_lost():
+    """Else it would ask for a pause of 1e-15 s again and again: in virtual time for ever."""
+
+    async def story(rig):
+        vesc = rig.vesc
+        vesc._replied_s = vesc._clock() - LOST_AFTER_S + 1e-12
+        with pytest.raises(LinkLost, match="no usable reply"):
+            vesc._ask(None, 0.02)
 
     when_ready(story, lost_after_s=LOST_AFTER_S)
 

@@ -40,7 +40,7 @@ def test_the_laws_page_tells_how_to_ask_for_one_scan(dead_end, capsys):
     exec(recipe, {})  # noqa: S102 - our own page
     answered, decided, sent = capsys.readouterr().out.splitlines()
     assert answered.endswith(" wall")
-    assert decided.startswith("safety 1.09")
+    assert decided.startswith("safety 1.05")
     assert "slower: wall ahead" in decided
     assert sent.startswith("Drive(speed_mps=")
     with pytest.raises(SystemExit, match=r"scan 999999 is not in it: scans \d+ to \d+"):

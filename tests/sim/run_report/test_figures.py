@@ -37,7 +37,7 @@ def test_the_score_is_the_cars_own(run, last_status):
     found = numbers(run)
     for name in ("mean_abs_m", "rms_m"):
         # The recorded speed is of a decision, the car's own of the scan: they part at one scan of a start or a stop.
-        assert found["distance_error"][name] == pytest.approx(last_status["distance_error"][name], abs=1e-5)
+        assert found["distance_error"][name] == pytest.approx(last_status["distance_error"][name], abs=1e-4)
     assert found["scan_to_motor_ms"] == last_status["scan_to_motor_ms"]
     assert found["winners"] == {name: round(s, 2) for name, s in last_status["seconds_by_winner"].items()}
     assert found["scans"] == 359

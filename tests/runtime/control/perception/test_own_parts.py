@@ -140,7 +140,7 @@ def test_a_cable_that_swings_to_and_fro_stays_in_doubt():
     cable_m = free_m.copy()
     cable_m[40:60] = 0.4
     for step in range(400):
-        seen_m = cable_m if step % (MIN_THROUGH_SCANS + 9) < 10 else free_m
+        seen_m = cable_m if step % (MIN_THROUGH_SCANS + 9) >= MIN_THROUGH_SCANS - 1 else free_m
         eyes.ignore(None, parts.below_m)
         view = eyes.see(Scan(0.025 * step, 0.025 * step, -2.356, 0.00436, 0.02, 30.0, seen_m, step))
         assert not view.solid[40:60].any() or seen_m is free_m
