@@ -13,6 +13,7 @@ _INCIDENT: Final = CarCondition.ESTOP_LATCHED | CarCondition.REARM | CarConditio
 _THINKS_S: Final = (0.3, 1.2)
 _RESETS_S: Final = 0.4
 ONCE_TIMES: Final = 3
+INSISTS_TIMES: Final = 50
 
 Deliver = Callable[[bytes, Press, int, float], None]
 """Takes a command's payload, and its flags, the number of the beat that it echoes, and its speed."""
@@ -22,7 +23,8 @@ class Operator:
     """`hear` the car's beats; `step` sends one command every SEND_PERIOD_S.
 
     wants: what is held down when nothing is wrong. once: held down at the next steps instead, as last words are:
-    ONCE_TIMES, because the way drops all but the first message of a burst. silent: sends nothing.
+    ONCE_TIMES, because the way drops all but the first message of a burst; an e-stop until a beat confirms it, or
+    INSISTS_TIMES. silent: sends nothing.
     withheld: commands on a link that holds them back, None where it does not.
     """
 
@@ -36,7 +38,7 @@ class Operator:
         self._session = session
         self._name = name
         self._sequence = 0
-        self._once_left = ONCE_TIMES
+        self._once_sent = 0
         self._car_session = self._echo = 0
         self._seen = CarCondition(0)
         self._releases_until_s = -math.inf
@@ -76,9 +78,10 @@ class Operator:
 
     def _flags(self, now_s: float) -> Press:
         if (once := self.once) is not None:
-            self._once_left -= 1
-            if not self._once_left:
-                self.once, self._once_left = None, ONCE_TIMES
+            self._once_sent += 1
+            unheard = once == Press.ESTOP and not self._seen & CarCondition.ESTOP_LATCHED
+            if self._once_sent >= (INSISTS_TIMES if unheard else ONCE_TIMES):
+                self.once, self._once_sent = None, 0
             return once
         if now_s < self._releases_until_s:
             return Press(0)
