@@ -26,20 +26,20 @@ async def why_not_idle(link: VescSettingsLink, timeout_s: float) -> str:
     waited = 0 < timeout_s <= MAX_SHOWN_TIMEOUT_S
     now_s = time.monotonic()
     give_up_s = now_s + OBSERVED_S + SPARE_S + (timeout_s if waited else 0.0)
-    idle_since_s, first, why = now_s, None, ""
+    idle_since_s, first, last_why = now_s, None, ""
     while (now_s := time.monotonic()) < give_up_s:
         values = await link.values()
         if values is None:
             return "the VESC does not tell its speed"
         why = _why_busy(values, first, needs_timeout=waited)
         if why:
-            idle_since_s, first = time.monotonic(), None
+            idle_since_s, first, last_why = time.monotonic(), None, why
         elif first is None:
             idle_since_s, first = time.monotonic(), values
         elif now_s - idle_since_s >= OBSERVED_S:
             return ""
         await asyncio.sleep(ASK_EVERY_S)
-    return why or "the VESC answers too slowly"
+    return last_why or "the VESC answers too slowly"
 
 
 def _why_busy(values: Values, first: Values | None, *, needs_timeout: bool) -> str:
