@@ -7,7 +7,7 @@ import pytest
 
 from drivers.api import MotorState, Scan
 from runtime.control.perception.odometry import OdometryState
-from runtime.control.perception.own_parts import MIN_THROUGH_SCANS, KnownParts, OwnParts
+from runtime.control.perception.own_parts import MIN_THROUGH_SCANS, PART_RIM_BEAMS, KnownParts, OwnParts
 from runtime.control.perception.view import PerceptionCache
 from runtime.control.safety.swept import SweptAssessment, SweptGuard
 from runtime.control.safety.swept_settings import SweptSettings
@@ -147,6 +147,22 @@ def test_a_cable_that_swings_to_and_fro_stays_in_doubt():
         parts.update(view, OdometryState())
     assert parts.below_m is not None
     assert not parts.below_m[70:100].any()
+
+
+@pytest.mark.parametrize("moved_beams", [-PART_RIM_BEAMS, PART_RIM_BEAMS])
+def test_a_part_that_is_bent_aside_by_a_rim_stays_in_doubt(moved_beams):
+    """The beams beside it have seen through for two seconds, and what they see then is still the part."""
+    parts, eyes = OwnParts(CAR.lidar_x_m), PerceptionCache(CAR)
+    for step in range(90):
+        seen_m = np.full(1081, 4.0, np.float32)
+        first = 40 if step < 80 else 40 + moved_beams
+        seen_m[first : first + 20] = 0.4
+        eyes.ignore(None, parts.below_m)
+        view = eyes.see(Scan(0.025 * step, 0.025 * step, -2.356, 0.00436, 0.02, 30.0, seen_m, step))
+        assert step == 0 or not view.solid[first : first + 20].any(), step
+        parts.update(view, OdometryState())
+    assert parts.below_m is not None
+    assert not parts.below_m[40 + 20 + PART_RIM_BEAMS + abs(moved_beams) : 100].any()
 
 
 def test_a_leg_beside_the_rear_wheel_counts_as_soon_as_it_is_seen_to_move():
