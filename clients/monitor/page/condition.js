@@ -1,7 +1,7 @@
 // Everything else that answers "why is it (not) moving": devices, window, battery, faults, operator, link.
 
 import { windowWords } from "./beams.js";
-import { $, age, make, number, setData, setHidden, setText } from "./look.js";
+import { $, age, announce, make, number, setData, setHidden, setText } from "./look.js";
 import { because } from "./mux.js";
 
 export const START = "Start one: make sim here, or wallride run on the car.";
@@ -12,9 +12,11 @@ const EMPTY_CELL_V = 3.2;
 const CELL_V = [[18, 6], [13.5, 4], [9.2, 3], [0, 2]];
 
 export class Condition {
-  constructor(link, device) {
+  /** onBound: called when safety binds the operator from now on. */
+  constructor(link, device, onBound) {
     this.link = link;
     this.device = device;
+    $("bind").addEventListener("click", () => this.#bind(onBound));
   }
 
   showStatus(status) {
@@ -36,7 +38,24 @@ export class Condition {
     setText($("state"), state ?? "–");
     this.#line("clears", STATE_MOODS[state] ?? "warn", clears ? `${because(reason, measure)}; cleared by: ${this.device.clears(state, clears)}` : state ?? "unknown");
     const output = status.output;
+    this.#overruled(status.overruled);
     setText($("why"), output ? `${output.winner}: ${because(output.reason, output.measure)}` : "nothing has been decided yet");
+  }
+
+  /** Says when safety would stop the human whom it does not bind, and offers to let it. */
+  #overruled(overruled) {
+    setHidden($("overruled"), !overruled);
+    if (overruled) setText($("overruled-words"), `Safety says “${overruled.reason}”. It does not bind you.`);
+  }
+
+  async #bind(onBound) {
+    try {
+      await this.link.ask("param/set", { values: { "safety.binds_teleop": true } });
+      announce("Safety binds you from now on (safety.binds_teleop).", "good");
+      onBound();
+    } catch (error) {
+      announce(error.message, "bad");
+    }
   }
 
   /** Runs even when nothing arrives: ages grow by themselves. */

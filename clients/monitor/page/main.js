@@ -2,7 +2,7 @@
 
 import { Condition, showCars } from "./condition.js";
 import { Device } from "./device.js";
-import { DrivePad } from "./drive_pad.js";
+import { Driving } from "./driving.js";
 import { Fleet } from "./fleet.js";
 import { Hands } from "./hands.js";
 import { Link } from "./link.js";
@@ -10,41 +10,39 @@ import { $, age, announce, number, setData, setHidden, setText } from "./look.js
 import { MuxView } from "./mux.js";
 import { PilotView } from "./pilot_view.js";
 import { Plots } from "./plots.js";
+import { RecordButton } from "./record_button.js";
+import { remember } from "./remembered.js";
 import { Scene } from "./scene.js";
 import { Settings } from "./settings.js";
 import { Simulator } from "./simulator.js";
+import { StopButton } from "./stop_button.js";
 import { Timings } from "./timings.js";
 
 const OLD_MS = 500;
 const AGES_MS = 100;
-const OWED_MS = 15000; // a STOP is sent late rather than never
-const SMALL = matchMedia("(max-width: 760px)");
 const CAR_TOPICS = ["scan", "wall", "footprint", "odom", "output", "distance_error", "status", "decision", "beat"];
-const REMEMBERED = "wallride.monitor";
 
 const link = new Link();
 const scene = new Scene($("scene"), link);
 const plots = new Plots($("strips"));
 const mux = new MuxView();
 const device = new Device();
-const condition = new Condition(link, device);
+const condition = new Condition(link, device, () => settings.refresh());
 const timings = new Timings();
-const hands = new Hands(link, { onStop: () => stop(), onChange: showDriving });
-const drivePad = new DrivePad(hands);
+const remembered = remember();
+const hands = new Hands(link, { onStop: () => stopButton.stop(), onChange: () => driving.show() });
+const driving = new Driving(hands, remembered.share);
 const pilotView = new PilotView(link, hands, device);
 const settings = new Settings(link, (car) => {
   scene.lidar = { x: car["car.lidar_x_m"] ?? scene.lidar.x, y: car["car.lidar_y_m"] ?? 0 };
 });
 const simulator = new Simulator(link);
 const fleet = new Fleet(link, openCar);
-const remembered = remember();
+const stopButton = new StopButton({ link, fleet, device, timings });
+const recordButton = new RecordButton(link);
 let car = "";
 let watched = ""; // the last one, also while all are shown
 let carSession = 0;
-let topSpeed = 1.5;
-let stopAskedMs = -Infinity;
-let owedStopMs = -Infinity; // a STOP that found no link
-let owedStop = "stop";
 let wanted = ""; // the car to show next
 let all = false; // shows all cars instead of one
 let frameAsked = false;
@@ -123,25 +121,8 @@ function takeStatus(status, nowMs) {
   const measured = status.speed_mps;
   setText($("speed"), number(measured, 2));
   setText($("distance-error"), number(status.distance_error?.mean_abs_m * 100, 1, " cm"));
-  showRecording(status.recording);
-  showOverruled(status.overruled);
+  recordButton.show(status.recording);
 }
-
-/** Says when safety would stop the human whom it does not bind, and offers to let it. */
-function showOverruled(overruled) {
-  setHidden($("overruled"), !overruled);
-  if (overruled) setText($("overruled-words"), `Safety says “${overruled.reason}”. It does not bind you.`);
-}
-
-$("bind").addEventListener("click", async () => {
-  try {
-    await link.ask("param/set", { values: { "safety.binds_teleop": true } });
-    announce("Safety binds you from now on (safety.binds_teleop).", "good");
-    settings.refresh();
-  } catch (error) {
-    announce(error.message, "bad");
-  }
-});
 
 function takeBeat(beat) {
   if (carSession && beat.carSession !== carSession) {
@@ -174,8 +155,8 @@ function showAges() {
   fleet.showAges();
   setData(document.body, "old", String(!link.open || statusMs > OLD_MS));
   condition.showAges(link.newest.monitor.value, nowMs);
-  showStop(nowMs);
-  drivePad.draw();
+  stopButton.show(nowMs);
+  driving.pad.draw();
   wantFrame();
 }
 
@@ -185,118 +166,7 @@ function showAge(panel, ms) {
   setText(panel.querySelector(".old"), !old ? "" : Number.isFinite(ms) ? `${age(ms)} old` : "nothing heard yet");
 }
 
-// --- stopping ---------------------------------------------------------------------------------------------------
-
-function stop(kind = all ? "stop_all" : "stop") {
-  stopAskedMs = performance.now();
-  timings.stopped(stopAskedMs);
-  if (!link.say({ t: kind })) {
-    owedStopMs = stopAskedMs;
-    owedStop = kind;
-    announce("STOP NOT SENT: there is no link to the car; it will be sent as soon as the link is back", "bad");
-  }
-  showStop(stopAskedMs);
-}
-
-/** Sends the STOP that found no link. Called when the link is back. */
-function sendOwedStop() {
-  const owed = performance.now() - owedStopMs < OWED_MS;
-  owedStopMs = -Infinity;
-  if (!owed) return;
-  stop(owedStop);
-  announce("the link is back: STOP is sent", "good");
-}
-
-function showStop(nowMs) {
-  const pilot = link.newest.pilot.value;
-  const { beat } = link.newest;
-  const pending = (!all && pilot?.stop_pending) || nowMs - stopAskedMs < 300;
-  const state = all ? (pending && fleet.stop.state === "ready" ? "pending" : fleet.stop.state) : beat.latched ? "latched" : pending ? "pending" : "ready";
-  setData($("stop"), "state", state);
-  const words = { latched: "e-stop: the car is held", pending: "sending…", ready: device.stopKeys };
-  if (nowMs - owedStopMs > OWED_MS && owedStopMs > -Infinity) {
-    owedStopMs = -Infinity;
-    announce("STOP WAS NOT SENT: the link did not come back in time; stop the car another way", "bad");
-  }
-  if (all && link.open) { setText($("stop-note"), fleet.stop.words || device.stopKeys); return; }
-  const silent = !link.open ? (owedStopMs > -Infinity ? "no link! sent when it is back" : "no link!") : link.ageMs("beat", nowMs) > OLD_MS ? "the car is not heard" : "";
-  setText($("stop-note"), silent || words[state]);
-}
-
-$("stop").addEventListener("pointerdown", (event) => { if (event.button === 0) stop(); });
-$("stop").addEventListener("click", (event) => { if (event.detail === 0) stop(); }); // Enter, or an assistive device
-window.addEventListener("keydown", (event) => {
-  if (event.code !== "Space" && event.key !== "Escape") return;
-  event.preventDefault(); // Space never presses a button on this page; Enter does
-  event.stopPropagation();
-  if (!event.repeat) stop();
-}, { capture: true });
-window.addEventListener("keyup", (event) => { if (event.code === "Space") event.preventDefault(); }, { capture: true });
-
-// --- driving ----------------------------------------------------------------------------------------------------
-
-hands.steerWith($("touch"));
-hands.holdWith($("autonomy"), "autonomy");
-hands.holdWith($("reset"), "reset");
-hands.holdWith($("take-over"), "take_over");
-$("drive").addEventListener("click", () => hands.engage(!hands.engaged));
-$("share").addEventListener("input", showShare);
-hands.share = remembered.share ?? 0.5;
-$("share").value = String(hands.share);
-
-function showShare() {
-  hands.share = $("share").valueAsNumber;
-  remember({ share: hands.share });
-  const words = `${(hands.share * topSpeed).toFixed(2)} m/s`;
-  setText($("share-value"), words);
-  $("share").setAttribute("aria-valuetext", words);
-}
-
-let wakeLock = null;
-
-async function keepAwake(on) {
-  if (!navigator.wakeLock) return;
-  try {
-    if (on) wakeLock ??= await navigator.wakeLock.request("screen");
-    else { await wakeLock?.release(); wakeLock = null; }
-  } catch {
-    wakeLock = null; // refused, for example on a low battery: the screen may go dark, and then the car stops
-  }
-}
-
-function showDriving() {
-  const on = hands.engaged;
-  $("drive").setAttribute("aria-checked", String(on));
-  setText($("drive-word"), on ? "on" : "off");
-  setData($("driving"), "on", String(on));
-  setData(document.body, "driving", String(on));
-  for (const id of ["autonomy", "reset", "take-over"]) $(id).disabled = !on;
-  keepAwake(on);
-  drivePad.draw();
-  if (on && SMALL.matches) scrollTo(0, 0); // everything that a driver needs is up there now
-}
-
 // --- the rest ---------------------------------------------------------------------------------------------------
-
-let recording = false;
-
-function showRecording(state) {
-  recording = typeof state === "object" ? Boolean(state?.on) : Boolean(state);
-  setData($("record"), "on", String(recording));
-  setText($("record-word"), recording ? "Recording" : "Record");
-  $("record").setAttribute("aria-pressed", String(recording));
-}
-
-$("record").addEventListener("click", async () => {
-  const on = !recording;
-  try {
-    const answer = await link.ask("record", { on });
-    showRecording(answer);
-    announce(answer.words ?? (on ? "recording" : "recording ended"), answer.on === on ? "good" : "bad");
-  } catch (error) {
-    announce(error.message, "bad");
-  }
-});
 
 $("car").addEventListener("change", () => watch($("car").value));
 $("zoom-in").addEventListener("click", () => { scene.zoom(1); wantFrame(); });
@@ -317,7 +187,7 @@ function showWindow(value) {
 /** Shows all cars, or the chosen one; the address says which, so that the browser's Back works. */
 function showView() {
   const before = all;
-  all = location.hash === "#all";
+  stopButton.all = all = location.hash === "#all";
   setData(document.body, "view", all ? "all" : "car");
   setHidden($("fleet"), !all);
   setHidden($("all-cars"), all || (link.newest.monitor.value?.cars.length ?? 0) < 2);
@@ -361,27 +231,13 @@ function watch(name) {
   setTimeout(() => { settings.refresh(); simulator.refresh(); }, 400);
 }
 
-/** Keeps a few choices of this browser; returns them. */
-function remember(changes) {
-  let kept = {};
-  try {
-    kept = JSON.parse(localStorage.getItem(REMEMBERED) ?? "{}");
-    if (changes) localStorage.setItem(REMEMBERED, JSON.stringify({ ...kept, ...changes }));
-  } catch {
-    // private windows may refuse; then nothing is remembered
-  }
-  return { ...kept, ...changes };
-}
-
 link.on("hello", (hello) => {
-  topSpeed = hello.top_speed_mps;
-  $("share").disabled = false;
-  showShare();
+  driving.takeTopSpeed(hello.top_speed_mps);
   if (all) lookAtAll();
   else if (car) link.say({ t: "watch", car });
   else if (hello.car) { showCars($("car"), hello.cars, hello.car); watch(hello.car); }
   else takeMonitor(hello);
-  sendOwedStop();
+  stopButton.sendOwed();
   setText($("you"), `You are ${hello.name}.`);
 });
 link.on("history", (message) => {
@@ -405,7 +261,7 @@ showView();
 const windowChoice = remembered.window ?? "30";
 plots.windowMs = Number(windowChoice) * 1000;
 showWindow(windowChoice);
-showDriving();
+driving.show();
 device.look(hands.pads);
 pilotView.showDevice();
 setHidden($("noscript"), true);
