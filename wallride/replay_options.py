@@ -22,13 +22,18 @@ def add(commands: "Commands") -> None:
         description=(
             "Decides a recording of wallride again and compares every decision. Exit code 0: all the same. 1: a"
             " difference. 3: a difference, and the laws have changed since. Of another program's drive (a rosbag or an"
-            " archive) it reports what our laws would have done. --publish plays a recording onto zenoh instead: "
-            + KEYS
-            + "."
+            " archive) it reports what our laws would have done. --scan or --at tells instead why the car drove as it"
+            " did at one scan: the follower's answer, the decision and its reason, what was sent. --publish plays a"
+            " recording onto zenoh: " + KEYS + "."
         ),
     )
     add_file(replay)
     add_json(replay, "the result")
+    moment = replay.add_mutually_exclusive_group()
+    moment.add_argument("--scan", type=int, metavar="N", help="tell only why the car drove as it did at scan N")
+    moment.add_argument(
+        "--at", dest="at_s", type=float, metavar="S", help="the same, at the newest scan S seconds after the beginning"
+    )
     replay.add_argument("--publish", action="store_true", help="publish on zenoh, for monitor, topic and plot")
     replay.add_argument("--speed", type=_speed, default=1.0, metavar="X", help="speed of playing (default: 1)")
     replay.add_argument(

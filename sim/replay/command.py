@@ -12,8 +12,10 @@ from rich.console import Console
 from rich.table import Table
 
 from runtime.telemetry.screen_words import because, times
+from sim.recordings import RecordingError
 from sim.replay.drive_log import DriveLog, is_mcap, read_log
 from sim.replay.figures import numbers, stops
+from sim.replay.moment import moment_at_scan, moment_at_time
 from sim.replay.opening import open_any
 from sim.replay.reenact import ReplayVerdict, reenact
 from sim.replay.run import RecordedRun, run_of
@@ -35,8 +37,22 @@ def run(options: argparse.Namespace) -> int:
     console = Console(highlight=False, markup=False, soft_wrap=True)
     path: Path = options.file
     if path.is_file() and is_mcap(path) and (log := read_log(path)).is_ours:
-        return _again(log, options, console)
+        return _again(log, options, console) if _is_whole(options) else _moment(log, options, console)
+    if not _is_whole(options):
+        raise RecordingError(f"{path}: --scan and --at need a recording of wallride, which has the car's decisions.")
     return _by_our_laws(options, console)
+
+
+def _is_whole(options: argparse.Namespace) -> bool:
+    return options.scan is None and options.at_s is None
+
+
+def _moment(log: DriveLog, options: argparse.Namespace, console: Console) -> int:
+    found = moment_at_time(log, options.at_s) if options.scan is None else moment_at_scan(log, options.scan)
+    if not _write(found.as_plain(), options.json):
+        for line in found.lines():
+            console.print(line)
+    return SAME
 
 
 def _again(log: DriveLog, options: argparse.Namespace, console: Console) -> int:

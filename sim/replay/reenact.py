@@ -132,7 +132,7 @@ class _Reenactment:
         self._assignments = assignments
         self._ranges = _Ranges(log)
         self._clock = _Script()
-        self._zero_s = _first_time_s(events)
+        self._zero_s = first_time_s(events)
         self._verdict = ReplayVerdict(notes=[*log.notes])
         first = next((event.settings for event in events if isinstance(event, SettingsEvent)), None)
         if first is None and not log.settings_text:
@@ -324,7 +324,8 @@ def changed_laws(log: DriveLog) -> str:
     return f"the laws have changed since: recorded with {recorded} (laws {laws}), this is {ours} (laws {present})"
 
 
-def _first_time_s(events: Sequence[Event]) -> float:
+def first_time_s(events: Sequence[Event]) -> float:
+    """Return when the decision log began, on the car's clock; 0 for an empty one."""
     return next(_times(events), 0.0)
 
 

@@ -1,7 +1,6 @@
 """The same code decides the same; another setting is found at the first scan that it changes."""
 
 import math
-import textwrap
 from pathlib import Path
 
 import pytest
@@ -30,21 +29,6 @@ def test_a_simulated_drive_is_decided_identically(dead_end):
     assert verdict.answers == 359
     assert verdict.decisions >= 359
     assert verdict.notes == []
-
-
-def test_the_laws_page_tells_how_to_ask_for_one_scan(dead_end, capsys):
-    page = (Path(__file__).parents[3] / "docs" / "laws.md").read_text()
-    recipe = textwrap.dedent(page.partition("  ```python\n")[2].partition("  ```\n")[0]).replace(
-        "RUN.mcap", str(dead_end)
-    )
-    exec(recipe, {})  # noqa: S102 - our own page
-    answered, decided, sent = capsys.readouterr().out.splitlines()
-    assert answered.endswith(" wall")
-    assert decided.startswith("safety 1.05")
-    assert "slower: wall ahead" in decided
-    assert sent.startswith("Drive(speed_mps=")
-    with pytest.raises(SystemExit, match=r"scan 999999 is not in it: scans \d+ to \d+"):
-        exec(recipe.replace("n = 200", "n = 999999"), {})  # noqa: S102
 
 
 def take_the_wheel(car):

@@ -1,0 +1,76 @@
+"""`replay --scan` and `--at`: the follower's answer, the decision on it and what was sent, as they were recorded."""
+
+import json
+
+import pytest
+
+from runtime.recording.decision_log import DecisionEvent, FollowerEvent
+from sim.recordings import RecordingError
+from sim.replay.drive_log import read_log
+from sim.replay.moment import moment_at_scan, moment_at_time
+from sim.replay.reenact import events_of
+from wallride.cli import main
+
+
+@pytest.fixture
+def log(dead_end):
+    return read_log(dead_end)
+
+
+def test_a_scan_that_safety_slowed_the_car_at(log):
+    found = moment_at_scan(log, 200)
+    title, follower, decided, driver, sent = found.lines()
+    assert title == f"scan 200, {found.time_s:.3f} s"
+    assert follower.endswith(": wall")
+    assert decided.startswith("  decided   safety: 1.06 m/s: slower: wall ahead, ")
+    assert driver.endswith("the drive is of navigation")
+    assert found.output is not None
+    assert sent.startswith(f"  sent      {found.output.drive.speed_mps:.2f} m/s")
+
+
+def test_the_decision_is_the_first_after_the_answer(log, monkeypatch):
+    events = events_of(log)
+    monkeypatch.setattr("sim.replay.moment.events_of", lambda _: events)
+    for scan in (1, 77, 201, 300):
+        at = next(i for i, e in enumerate(events) if isinstance(e, FollowerEvent) and e.sequence == scan)
+        first = next(event.output for event in events[at:] if isinstance(event, DecisionEvent))
+        assert moment_at_scan(log, scan).output is first
+
+
+def test_a_time_means_the_newest_scan_before_it(log):
+    earlier, later = moment_at_scan(log, 150), moment_at_scan(log, 151)
+    assert moment_at_time(log, earlier.time_s).scan == 150
+    assert moment_at_time(log, (earlier.time_s + later.time_s) / 2).scan == 150
+    assert moment_at_time(log, -1.0).scan == moment_at_time(log, 0.0).scan == 0
+    assert moment_at_time(log, 1e6).scan == max(e.sequence for e in events_of(log) if isinstance(e, FollowerEvent))
+
+
+def test_a_scan_without_an_answer_names_its_neighbours(log):
+    last = moment_at_time(log, 1e6).scan
+    with pytest.raises(
+        RecordingError, match=rf"not answered scan 999999 .* the nearest: {last}\. .* scans 0 to {last}"
+    ):
+        moment_at_scan(log, 999999)
+
+
+def test_it_says_when_the_recording_ends_before_the_decision(log, monkeypatch):
+    answers_only = [event for event in events_of(log) if not isinstance(event, DecisionEvent)]
+    monkeypatch.setattr("sim.replay.moment.events_of", lambda _: answers_only)
+    assert moment_at_scan(log, 200).lines()[-1] == "  the recording ends before a decision on it"
+    assert moment_at_scan(log, 200).as_plain()["decision"] is None
+
+
+def test_the_command(dead_end, capsys):
+    assert main(["replay", str(dead_end), "--scan", "200"]) == 0
+    assert "decided   safety: 1.06 m/s: slower: wall ahead" in capsys.readouterr().out
+    assert main(["replay", str(dead_end), "--at", "5", "--json", "-"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["time_s"] <= 5.0 < answer["time_s"] + 0.03
+    assert (answer["follower"]["reason"], answer["sent"]["delivered"]) == ("wall", True)
+    with pytest.raises(SystemExit):
+        main(["replay", str(dead_end), "--scan", "200", "--at", "5"])
+
+
+def test_another_programs_recording_has_no_decisions(carried_bag, capsys):
+    assert main(["replay", str(carried_bag), "--at", "1"]) == 2
+    assert "need a recording of wallride" in capsys.readouterr().err
