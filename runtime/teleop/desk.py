@@ -27,7 +27,7 @@ from runtime.teleop.commands import TeleopStatements
 from runtime.teleop.freshness import Beats
 from runtime.teleop.rejections import Refusal, Refusals
 from runtime.teleop.sessions import SessionGate, TeleopSession
-from runtime.teleop.status import DeskFacts, OperatorView
+from runtime.teleop.status import DeskFacts, OperatorState, OperatorView
 from runtime.wire.teleop import UNKNOWN_AGE_MS, Beat, Command, Input, Malformed, Press, is_stop, read_command
 
 log = logging.getLogger("wallride.operator")
@@ -168,8 +168,14 @@ class OperatorDesk:
             session.armed = False
             self._futile_until_s = now_s + self._settings.expiry_s
             self._refusals.count(Refusal.REARM, RELEASE_FIRST)
+            self._end_what_is_held(session)
         else:
             self._press(session, command)
+
+    def _end_what_is_held(self, session: TeleopSession) -> None:
+        """Stop what the operator held until now: a press in its place ends it, also one that does not count."""
+        if session is self._operator and self._words.holding is not OperatorState.RELEASED:
+            self._halt(RELEASE_FIRST)
 
     def _must_wait(self, flags: Press) -> bool:
         return flags in {Press.MANUAL, Press.AUTONOMY} and self.waits(flags == Press.MANUAL)

@@ -208,3 +208,17 @@ def test_a_device_that_a_human_does_not_need_holds_no_human_up():
     rig.desk.waits = lambda by_hand: not by_hand
     rig.client().click(MANUAL)
     assert rig.speed_mps == HAND_MPS
+
+
+def test_a_change_to_autonomy_that_does_not_count_ends_driving_by_hand_at_once():
+    """With the lidar lost: the hand has let go of the drive, whatever becomes of the permit."""
+    rig = Rig()
+    rig.desk.waits = lambda by_hand: not by_hand
+    ann = rig.client()
+    ann.click(MANUAL)
+    ann.hold(AUTONOMY)
+    assert rig.speed_mps == 0
+    ann.hold(MANUAL)
+    assert rig.speed_mps == 0
+    ann.click(MANUAL)
+    assert rig.speed_mps == HAND_MPS
