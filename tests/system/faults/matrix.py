@@ -36,7 +36,7 @@ class Fault:
         return f"{self.group.split()[0].lower()} {self.name}"
 
 
-SELF: Final = "by itself with good data; with a permit required: permit again"
+SELF: Final = "by itself with good data; by hand or with a permit required: release, press again"
 PERMIT: Final = "permit again"
 RESET: Final = 'remedy, reset, permit again (permit "always" retries by itself)'
 LIDAR: Final = "Lidar"
@@ -95,7 +95,7 @@ MATRIX: Final[Sequence[Fault]] = (
           "test_another_lidar_than_before_takes_the_permit_back_even_if_it_was_exchanged_in_a_blink", ("37",)),
     Fault(LIDAR, "too few beams, too slow", "refused with the reason", "another sensor",
           HOKUYO_SENSORS + "test_a_sensor_that_no_car_can_be_driven_by_is_refused_with_the_reason"),
-    Fault(MOTOR, "unplugged, back at speed", "no command is kept; met by less than 0.5 m/s", SELF,
+    Fault(MOTOR, "unplugged, back at speed", "no command is kept; it starts from standstill", SELF,
           SYSTEM + "test_an_unplugged_vesc_is_waited_for_and_met_gently", ("2", "3", "4", "14", "15")),
     Fault(MOTOR, "reboots", "its own loss of power lets go; no speed is kept", SELF, INJECTED, ("3", "80"), HARD_S),
     Fault(MOTOR, "mute", "a brake as the last word, reopen", SELF, INJECTED, ("1", "6"), SOFT_S),
@@ -138,6 +138,8 @@ MATRIX: Final[Sequence[Fault]] = (
     Fault(POWER, "hot computer", "said with the remedy", "-",
           "tests/runtime/host/test_computer.py::test_the_hottest_zone_counts_and_dead_sensors_do_not", ("81",)),
     Fault(POWER, "busy processors", "brake for a wall as on a quiet one", SELF, INJECTED, ("23",), SOFT_S),
+    Fault(PROCESS, "safety task silent", "no autonomous motion, at the follower's next scan", "safety's next limit",
+          "tests/runtime/arbitration/test_command.py::test_decision"),
     Fault(PROCESS, "both devices silent", "brake", SELF, INJECTED, (), SOFT_S),
     Fault(PROCESS, "both devices unplugged", "the controller's timeout brakes; reconnect", SELF, INJECTED, (), HARD_S),
     Fault(PROCESS, "stopped 50 ms", "drives on", "never stops", INJECTED, (), GAP_S),
@@ -198,8 +200,8 @@ MATRIX: Final[Sequence[Fault]] = (
 )  # fmt: skip
 
 BY_PERSON: Final[Sequence[tuple[str, str, str]]] = (
-    ("7", "servo output disabled in the VESC", "no read-back exists: steer it, wheels up: step 3 of docs/bring-up.md"),
-    ("12", "steering the wrong way round", "steer it, wheels up: step 3 of docs/bring-up.md"),
+    ("7", "servo output disabled in the VESC", "no read-back exists: steer it, wheels up: docs/bring-up.md, Steering"),
+    ("12", "steering the wrong way round", "steer it, wheels up: docs/bring-up.md, Steering"),
     ("32", "the sensor's address was changed, to no effect", "it counts after a power cycle; wallride changes none"),
     ("33", "two sensors with one address", "wallride drives with one; give the other another address first"),
     ("36", "lidar and Wi-Fi exclude each other", "an address in its subnet without a gateway: docs/bring-up.md"),
