@@ -86,7 +86,7 @@ class OperatorDesk:
         try:
             command = read_command(payload)
         except Malformed as error:
-            self._refusals.count(Refusal.MALFORMED, str(error))
+            self._refusals.count(Refusal.MALFORMED, f"{error}; its e-stop is obeyed" if error.stop else str(error))
             if error.stop:
                 self._press_e_stop("an unreadable command")
             return
@@ -96,6 +96,9 @@ class OperatorDesk:
         session = self._gate.admit(command, now_s, arrival_s)
         if session is Refusal.OVER and command.flags & Press.GOODBYE:
             self._accepted += 1  # a goodbye is sent several times, because one may be lost
+            return
+        if isinstance(session, Refusal) and is_stop(command.flags):
+            self._accepted += 1  # it is obeyed all the same: STOP ALL is sent to cars that were not heard before
             return
         if isinstance(session, Refusal):
             self._refusals.count(session, _advice(session))

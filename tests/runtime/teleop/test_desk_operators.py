@@ -108,14 +108,28 @@ def test_e_stop_is_obeyed_from_commands_that_count_for_nothing_else(rig):
         ann.send(ESTOP, **changes)
         assert rig.e_stop.latched
         rig.e_stop.clear(Cause.OPERATOR)
+    assert rig.refused == {}, "it was obeyed"
 
 
-def test_e_stop_is_obeyed_from_a_command_that_is_broken_inside(rig):
+def test_a_stop_to_all_is_logged_as_what_it_is(rig, caplog):
+    """It comes 50 times a second from a client that has not heard this start of the car."""
+    for sequence in range(20):
+        rig.client("marshal").send(ESTOP, car_session=0, beat=0, sequence=sequence)
+    assert [record.getMessage() for record in caplog.records] == ["e-stop by marshal"]
+    assert rig.refused == {}
+    assert rig.standing == "e-stop"
+
+
+def test_e_stop_is_obeyed_from_a_command_that_is_broken_inside(rig, caplog):
     payload = bytearray(rig.client().make(ESTOP))
     payload[28:32] = b"\x00\x00\xc0\x7f"  # a speed that is not a number
     rig.desk.receive("", bytes(payload), rig.now_s)
     assert rig.decision.reason == "e-stop by an unreadable command"
     assert rig.refused == {"malformed": 1}
+    assert (
+        "not obeyed, malformed: a speed or a steering angle that is no number or impossible; its e-stop is obeyed"
+        in caplog.text
+    )
 
 
 def test_reset_is_a_deliberate_act_and_moves_nothing(rig):
