@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from drivers.api import MotorState, Scan
 from runtime.control.guidance import Follower, Guidance
-from runtime.control.recovery.way_out import HELP, Recovery
+from runtime.control.recovery.way_out import HELP, TRAFFIC, Recovery
 from runtime.control.safety.swept import SweptGuard
 
 
@@ -31,7 +31,7 @@ class RecoveringFollower:
             return guidance
         advice = self._recovery.step(assessment, guidance.drive, motor, believed=self._believed())
         # A standing car's reason is reported by the safety, not the driver: it needs to know that there is no way out.
-        self._guard.stuck_reason = advice.words if advice.words == HELP else ""
+        self._guard.stuck_reason = advice.words if advice.words in {HELP, TRAFFIC} else ""
         if advice.drive is None and not advice.words:
             return guidance
         return replace(guidance, drive=advice.drive or guidance.drive, reason=advice.words)

@@ -17,6 +17,8 @@ import numpy as np
 from drivers.api import Drive, MotorState
 from runtime.control.recovery.floor_map import blocked_floor
 from runtime.control.recovery.pose_search import Goal, Leg, Move, PoseSearch, WayOut
+from runtime.control.recovery.traffic import Traffic
+from runtime.control.safety.moving_obstacles import STOOD_S
 from runtime.control.safety.swept import STANDING_MPS, SweptAssessment
 from runtime.control.safety.swept_settings import RecoverySettings
 
@@ -42,6 +44,7 @@ continues."""
 ASKS_AFTER_S = 10.0
 """Time that a car without permitted tries waits for a free path before it asks for help."""
 HELP = "boxed in: needs help"
+TRAFFIC = "boxed in: something moves near, and may be behind"
 DISBELIEF = "boxed in: will not back out without a believed odometry"
 
 
@@ -112,6 +115,7 @@ class Recovery:
         self._begun_s = 0.0
         self._begun_m = 0.0
         self._moving_s = 0.0
+        self._traffic = Traffic()
 
     def think(self) -> None:
         """Run the deferrable work after the answer is sent; at the latest it runs with the next scan."""
@@ -130,6 +134,9 @@ class Recovery:
         """Return the advice for one scan; wish: the driver's, before the safety. believed: the odometry is trusted."""
         if self._due:
             self.think()
+        scan_s = assessment.view.scan.stamp_s
+        stood = self._since_s is not None and not self._legs and scan_s - self._since_s > STOOD_S
+        self._traffic.update(assessment.guard.movers.moving(stood=stood), scan_s, stood=stood)
         if motor is None or wish is None or wish.speed_mps <= 0:
             self._forget()
             return NO_ADVICE
@@ -159,6 +166,10 @@ class Recovery:
         if self._tries >= self._settings.tries:
             patient = stood_s < (self._settings.boxed_for_s if self._settings.tries else ASKS_AFTER_S)
             return RecoveryAdvice(None, "waiting for the way to clear" if patient else HELP)
+        if self._traffic.is_about:
+            self._thought = None  # what it knows of the floor will be old
+            patient = stood_s < self._settings.boxed_for_s
+            return RecoveryAdvice(None, "waiting for the way to clear" if patient else TRAFFIC)
         if stood_s >= LOOKS_AFTER_S and self._thought is None and self._boxed_s - self._thought_s > LOOKS_AGAIN_AFTER_S:
             self._thought = WayOutSearch(assessment, self._goal(assessment), self._refused, self._settings.back_m)
         self._due = self._thought is not None
@@ -216,6 +227,11 @@ class Recovery:
     def _drive_leg(self, assessment: SweptAssessment, motor: MotorState) -> RecoveryAdvice:
         now_s, leg = assessment.view.scan.stamp_s, self._legs[0]
         words = f"{'backing' if leg.travel_m < 0 else 'turning'} out, try {self._tries} of {self._settings.tries}"
+        if leg.travel_m < 0 and self._traffic.is_about:
+            self._tries -= 1
+            self._ends_m.pop()
+            self._forget()
+            return RecoveryAdvice(Drive(0.0, leg.steering_rad), TRAFFIC)
         if now_s - self._begun_s < SETTLING_S:
             return RecoveryAdvice(Drive(0.0, leg.steering_rad), words)
         speed_mps = math.copysign(self._settings.speed_mps, leg.travel_m)

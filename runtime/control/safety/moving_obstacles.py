@@ -41,6 +41,8 @@ SURE_MOVED_M, SURE_SEEN_SCANS = 0.1, 6
 SURE_SPEED_MPS, SURE_SPEED_SHARE, SURE_TURNING_SHARE = 0.2, 0.03, 0.12
 """The same for a motion aside while scan matching corrects the odometry."""
 AHEAD_S = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9)
+STOOD_S = 1.5
+"""Time for which a car has to stand until no place from which a motion is measured is of its own drive."""
 FORGOTTEN_S = 0.15
 CARRIED_S = 0.7
 """The same for an object that moves and goes out of sight: behind a pillar, or beside the shoulder."""
@@ -58,6 +60,7 @@ class MovingObstacles:
         self._turning_radps = 0.0
         self._odometry = MatchedOdometry()
         self.any_moves = False
+        self._look: ScanLook | None = None
 
     def update(self, view: View, pose: OdometryState, stamp_s: float, *, sliding: bool = False) -> Places:
         """Return the predicted places, (k,) in base_link, of moving obstacles in the next 0.9 s; k = 0 without any.
@@ -67,6 +70,7 @@ class MovingObstacles:
         """
         self._turning_radps = max(abs(pose.yaw_rate_radps), TURNING_FADES * self._turning_radps)
         self.any_moves = False
+        self._look = None
         things = find_small_clusters(view.solid, view.ranges_m, abs(view.scan.angle_step_rad))
         if not things and not self._tracks:
             return NOWHERE  # the usual case
@@ -94,7 +98,20 @@ class MovingObstacles:
             track for track in self._tracks if stamp_s - track.seen_s <= (CARRIED_S if track.moves else FORGOTTEN_S)
         ]
         self.any_moves = bool(strips)
+        self._look = look
         return np.concatenate(strips) if strips else NOWHERE
+
+    def moving(self, *, stood: bool) -> list[ObstacleTrack]:
+        """Return the tracks seen at the last update of what moves; stood: the car has not moved for STOOD_S.
+
+        What goes away from the car is told from the odometry's errors only by a car that stands.
+        """
+        look = self._look
+        if look is None:
+            return []
+        now_s = look.view.scan.stamp_s
+        seen = [track for track in self._tracks if track.seen_s == now_s]
+        return [track for track in seen if track.moves or (stood and track.goes(look, MIN_SPEED_MPS, MOVED_M))]
 
     def learn(self, view: View, pose: OdometryState, *, sliding: bool = False) -> None:
         """Correct the odometry by the scan of the last update, while there are tracks that need it."""

@@ -178,6 +178,19 @@ class ObstacleTrack:
         comes = toward_share > 1.0 and self.scans >= scans and self._has_moved(toward, look, came_m)
         self.moves = crosses or comes
 
+    def goes(self, look: ScanLook, speed_mps: float, moved_m: float) -> bool:
+        """Return whether the object moves in any direction, faster and farther than this; for a car that stands.
+
+        Where it goes away, its new place was hidden by itself before; the old one has to be left.
+        """
+        if not speed_mps < abs(self.velocity_mps) < MAX_SPEED_MPS:
+            return False
+        along = (self.velocity_mps / abs(self.velocity_mps)).conjugate()
+        edges = zip(self.edges_m, self.before.edges_m, strict=True)
+        if not all(((now - then) * along).real > moved_m for now, then in edges):
+            return False
+        return not look.is_occupied(min(self.before.edges_m, key=lambda edge: (edge * along).real))
+
     def _along_mps(self, toward: complex) -> float:
         """Return the speed in a direction, a unit vector (odom)."""
         return (self.velocity_mps * toward.conjugate()).real

@@ -9,7 +9,8 @@ import pytest
 
 from drivers.api import Drive, MotorState, Scan
 from runtime.control.perception.view import PerceptionCache
-from runtime.control.recovery.way_out import DISBELIEF, HELP, NO_ADVICE, Recovery
+from runtime.control.recovery.traffic import SETTLED_S
+from runtime.control.recovery.way_out import DISBELIEF, HELP, NO_ADVICE, TRAFFIC, Recovery
 from runtime.control.safety.swept import SweptGuard
 from runtime.control.safety.swept_settings import RecoverySettings, SweptSettings
 from runtime.control.vehicle import CarSettings
@@ -323,3 +324,56 @@ def test_what_can_wait_is_thought_once_for_each_scan():
         late.step()
     assert early.said == late.said
     assert early.pose == late.pose
+
+
+def walk(stage, *places, mps=1.0):
+    """Let a box of 0.3 m, a person or a vehicle, go along these places, (x, y) in base_link where the car stands."""
+    here, at = stage.pose, complex(*places[0])
+    for place in places[1:]:
+        to = complex(*place)
+        while abs(to - at) > mps * SCAN_S:
+            at += (to - at) / abs(to - at) * mps * SCAN_S
+            spot = here.ahead(at.real, at.imag)
+            stage.surroundings = room((0.75, 0.0, 0.5, 0.3), (spot.x_m, spot.y_m, 0.3, 0.3))
+            stage.step()
+
+
+def test_does_not_back_while_what_came_up_may_stand_behind_unseen():
+    stage = Stage(AHEAD).drive_up()
+    at_m = stage.way_m
+    walk(stage, (1.0, 2.0), (-0.5, 1.2), (-0.7, 0.0))
+    since_s = stage.now_s
+    stage.manoeuvres(lambda stage: stage.last == TRAFFIC, 5.0)
+    stage.go(24.0)
+    assert stage.way_m == at_m
+    assert stage.assessment.limit(-0.4, 0.0).reverse_mps > 0, "safety does not know it"
+    stage.surroundings = AHEAD  # it has gone the way it came, unseen
+    stage.manoeuvres(free, 40.0)
+    assert 25.0 < stage.now_s - since_s < 60.0, "the wait is bounded"
+
+
+def test_what_stands_in_sight_after_it_moved_is_an_obstacle_like_any_other():
+    stage = Stage(AHEAD).drive_up()
+    walk(stage, (2.0, 2.5), (1.0, 1.5))
+    since_s = stage.now_s
+    stage.manoeuvres(lambda stage: stage.moves, 10.0)
+    assert SETTLED_S - 0.5 < stage.now_s - since_s < SETTLED_S + 3.0
+
+
+def test_does_not_set_about_it_while_something_passes():
+    stage = Stage(AHEAD).drive_up()
+    at_m = stage.way_m
+    for _ in range(3):
+        walk(stage, (-0.2, 1.5), (2.5, 1.5), (2.5, 2.5), (-0.2, 2.5))
+    assert stage.way_m == at_m
+    assert stage.said[-1] == TRAFFIC
+
+
+def test_what_comes_up_while_the_car_backs_ends_the_manoeuvre():
+    stage = Stage(AHEAD).drive_up()
+    stage.manoeuvres(lambda stage: stage.speed_mps < 0.0)
+    at_m = stage.way_m
+    walk(stage, (1.5, 2.0), (-0.2, 2.0), mps=2.0)
+    assert TRAFFIC in stage.said
+    assert stage.speed_mps >= 0.0
+    assert at_m - stage.way_m < 0.4
