@@ -86,7 +86,7 @@ class OperatorDesk:
         try:
             command = read_command(payload)
         except Malformed as error:
-            self._refusals.count(Refusal.MALFORMED, f"{error}; its e-stop is obeyed" if error.stop else str(error))
+            self._refusals.count(Refusal.MALFORMED, str(error))
             if error.stop:
                 self._press_e_stop("an unreadable command")
             return

@@ -120,16 +120,12 @@ def test_a_stop_to_all_is_logged_as_what_it_is(rig, caplog):
     assert rig.standing == "e-stop"
 
 
-def test_e_stop_is_obeyed_from_a_command_that_is_broken_inside(rig, caplog):
+def test_e_stop_is_obeyed_from_a_command_that_is_broken_inside(rig):
     payload = bytearray(rig.client().make(ESTOP))
     payload[28:32] = b"\x00\x00\xc0\x7f"  # a speed that is not a number
     rig.desk.receive("", bytes(payload), rig.now_s)
     assert rig.decision.reason == "e-stop by an unreadable command"
     assert rig.refused == {"malformed": 1}
-    assert (
-        "not obeyed, malformed: a speed or a steering angle that is no number or impossible; its e-stop is obeyed"
-        in caplog.text
-    )
 
 
 def test_reset_is_a_deliberate_act_and_moves_nothing(rig):
