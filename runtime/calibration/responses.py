@@ -80,12 +80,13 @@ def responses(
 ) -> tuple[list[tuple[float, float]], Floats]:
     """Return the pairs (delay, rate), and the mean response of each over every sample's interval, (pairs, n)."""
     times_s = np.arange(float(samples.from_s[0]) - 1.0 - delays_s.max(), float(samples.to_s[-1]) + GRID_S, GRID_S)
-    wanted = command.at(times_s)
+    wanted = command.at(times_s - GRID_S / 2)  # in the middle of each step: neither early nor late on average
     total = np.zeros((times_s.size, rates.size))
     now = np.full(rates.size, wanted[0])
     for k in range(1, times_s.size):
-        now = now + np.clip(wanted[k] - now, -rates * GRID_S, rates * GRID_S)
-        total[k] = total[k - 1] + now * GRID_S
+        moved = np.clip(wanted[k] - now, -rates * GRID_S, rates * GRID_S)
+        total[k] = total[k - 1] + (now + moved / 2) * GRID_S
+        now = now + moved
     elapsed_s = samples.to_s - samples.from_s
     mean = [  # the rate acts after the delay, so a longer delay only shifts the response
         (np.interp(samples.to_s - delay_s, times_s, of_rate) - np.interp(samples.from_s - delay_s, times_s, of_rate))
