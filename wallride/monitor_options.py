@@ -42,6 +42,11 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         help="maximum steering angle from the page (default: 0.34)",
     )  # fmt: skip
     parser.add_argument(
+        "--config", type=Path, metavar="FILE",
+        help="the car's settings file, on the car's computer: calibrated values that a page accepts are written there;"
+        " without it pages show them",
+    )  # fmt: skip
+    parser.add_argument(
         "--farewell", type=Path, metavar="FILE",
         help="file with the sentence that open pages show once the server has ended, read at its end",
     )  # fmt: skip

@@ -1,19 +1,18 @@
 """`wallride calibrate`: guides through the steps, shows before and after, writes what is accepted."""
 
 import argparse
-import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
 from clients.calibration import settings_file
+from clients.calibration.current_values import check_writable, current_values
 from clients.calibration.deadman import AlwaysHeld, TerminalDeadman
 from clients.calibration.link import LetGoError, RemoteLink
 from clients.calibration.steps import (
     OUTLINE,
     OUTLINE_WORDS,
-    SERVO_ENDS,
     SPEED,
     STEPS,
     CalibrationProgress,
@@ -28,15 +27,9 @@ from clients.remote.driver import DriveRefusedError
 from clients.teleop import terminal
 from runtime.calibration import proposals
 from runtime.calibration.proposals import Proposal
-from runtime.parameters.catalogue import values
 from runtime.parameters.file import StoreError
-from runtime.settings.tree import SettingsError, load_settings
+from runtime.settings.tree import SettingsError
 
-NAMES = (
-    proposals.SPEED_GAIN, proposals.WHEELBASE, proposals.SERVO_GAIN, proposals.SERVO_OFFSET, proposals.LIDAR_X,
-    proposals.LIDAR_Y, proposals.LIDAR_YAW, proposals.LATENCY, proposals.ACTUATION, proposals.GRIP,
-    "car.steering_rate_radps", *SERVO_ENDS, *OUTLINE_WORDS,
-)  # fmt: skip
 TRIES = 5
 Ask = Callable[[str], str]
 
@@ -61,7 +54,7 @@ def _undo(path: Path) -> int:
 def _calibrate(options: argparse.Namespace) -> int:
     path, wanted = _file(options), frozenset(options.steps or STEPS)
     with connect(options.car, at=options.connect, keys=options.keys, session=options.session) as car:
-        now = _in_effect(car, path)
+        now = current_values(car, path)
         _check_yes(car, given=options.yes)
         so_far = CalibrationProgress(dict(now), ruler=options.wheelbase is not None)
         measured: list[Proposal] = []
@@ -82,24 +75,10 @@ def _calibrate(options: argparse.Namespace) -> int:
 
 def _file(options: argparse.Namespace) -> Path:
     path: Path | None = options.config
-    if path is None or not path.is_file():
-        raise CalibrationError(f"{path or 'no settings file'}: give the car's with --config, on the car's computer")
-    if not os.access(path, os.W_OK) or not os.access(path.parent, os.W_OK):  # said before anything is driven
-        raise CalibrationError(f"{path}: you may not write it, and what is measured goes there: use sudo")
+    if path is None:
+        raise CalibrationError("no settings file: give the car's with --config, on the car's computer")
+    check_writable(path)
     return path
-
-
-def _in_effect(car: RemoteCar, path: Path) -> Mapping[str, float]:
-    """Return the values that the car drives with; CalibrationError where the file has others."""
-    known, here = car.parameters.describe(), values(load_settings(path))
-    now = {name: float(known[name]["value"]) for name in NAMES if name in known}
-    for name, value in now.items():
-        if here.get(name) != value:
-            raise CalibrationError(
-                f"{path} has {name} = {here.get(name)}, and {car.name} drives with {value:g}: is it its file? restart"
-                " the car, or give its file with --config"
-            )
-    return now
 
 
 def _check_yes(car: RemoteCar, *, given: bool) -> None:

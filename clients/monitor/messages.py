@@ -13,6 +13,7 @@ QUESTIONS = ("param/list", "param/get", "param/set", "param/save", "param/histor
 U32 = Annotated[int, Field(ge=0, le=0xFFFF_FFFF)]
 Stick = Annotated[float, Field(ge=-1, le=1)]
 Share = Annotated[float, Field(ge=0, le=1)]
+CalibrationStep = Literal["speed", "steering", "lidar", "own-parts", "delay", "brake"]
 Button = Literal["manual", "autonomy", "estop", "reset", "take_over"]
 
 
@@ -93,6 +94,19 @@ class NewRace(_PageMessage):
     t: Literal["new_race"]
 
 
+class Calibrate(_PageMessage):
+    """Begins a calibration, drives or leaves out its next step, accepts values by name, or discards them all.
+
+    steps, wheelbase_m: for `begin`, as of `wallride calibrate`. names: for `accept`.
+    """
+
+    t: Literal["calibrate"]
+    do: Literal["begin", "drive", "skip", "accept", "discard"]
+    steps: Annotated[list[CalibrationStep], Field(max_length=6)] = []
+    wheelbase_m: Annotated[float, Field(ge=0.05, le=2.0)] | None = None
+    names: Annotated[list[Annotated[str, StringConstraints(max_length=64)]], Field(max_length=24)] = []
+
+
 class Ask(_PageMessage):
     """Query to the car; the answer carries the same number."""
 
@@ -109,7 +123,9 @@ class Ping(_PageMessage):
     at: float
 
 
-PageMessage = Ack | Watch | InputState | Drop | Leave | StopMessage | LookAtAll | StopAll | NewRace | Ask | Ping
+PageMessage = (
+    Ack | Watch | InputState | Drop | Leave | StopMessage | LookAtAll | StopAll | NewRace | Calibrate | Ask | Ping
+)
 _ANY: TypeAdapter[PageMessage] = TypeAdapter(Annotated[PageMessage, Field(discriminator="t")])
 
 

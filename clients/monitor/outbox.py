@@ -12,11 +12,12 @@ from collections.abc import Mapping
 
 from runtime.wire import topics
 
-PILOT, MONITOR, FLEET = "pilot", "monitor", "fleet"
-"""Topics of the monitor itself, in JSON: the state of the page's driver, that of the relay, and all cars."""
+PILOT, MONITOR, FLEET, CALIBRATION = "pilot", "monitor", "fleet", "calibration"
+"""Topics of the monitor itself, in JSON: the state of the page's driver, that of the relay, all cars, and the page's
+calibration."""
 TOPICS = (
     topics.SCAN, topics.WALL, topics.FOOTPRINT, topics.ODOM, topics.OUTPUT, topics.DISTANCE_ERROR, topics.STATUS,
-    topics.DECISION, topics.BEAT, PILOT, MONITOR, FLEET,
+    topics.DECISION, topics.BEAT, PILOT, MONITOR, FLEET, CALIBRATION,
 )  # fmt: skip
 FROM_CAR = TOPICS[: TOPICS.index(PILOT)]
 EAGER = frozenset({topics.SCAN, topics.DECISION, PILOT})

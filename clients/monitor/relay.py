@@ -98,7 +98,7 @@ class Relay:
         if feed is None:
             if len(self._feeds) >= MAX_FEEDS:
                 raise RefusedError("too many cars are being watched already")
-            place = self._place_of(name)
+            place = self.place_of(name)
             feed = self._feeds[name] = PageFeed(name, place.config, place.session, place.histories.of(name))
             self._running[name] = asyncio.create_task(feed.run(), name=f"feed {name}")
             self._running[name].add_done_callback(_say_why)
@@ -111,7 +111,8 @@ class Relay:
         if not feed.watchers and feed.car not in self._closing and self._feeds.get(feed.car) is feed:
             self._closing[feed.car] = asyncio.get_running_loop().call_later(LINGER_S, self._end, feed.car)
 
-    def _place_of(self, name: str) -> CarEndpoint:
+    def place_of(self, name: str) -> CarEndpoint:
+        """Return the endpoint at which a car is, the first one for a car that is not there."""
         return next((place for place in self._places if place.cars and name in place.cars.names), self._places[0])
 
     def _end(self, name: str) -> None:

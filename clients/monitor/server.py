@@ -177,7 +177,10 @@ async def run(options: argparse.Namespace) -> int:
     """Serve until interrupted; options as of `wallride.monitor_options`."""
     feel = InputShape(max_speed_mps=options.max_speed, max_steering_rad=options.max_steering)
     relay = Relay(places(options))
-    host = Host(relay, options.name, feel, version("wallride"), options.car or "", farewell=options.farewell)
+    host = Host(
+        relay, options.name, feel, version("wallride"), options.car or "", farewell=options.farewell,
+        keys=options.keys, config=options.config,
+    )  # fmt: skip
     port = options.default_port if options.port is None else options.port
     async with serving(host, options.host, port, any_port=options.port is None) as url:
         options.print_line(f"the monitor is at {url}")

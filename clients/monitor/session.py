@@ -12,6 +12,7 @@ from typing import Any
 from aiohttp import WSMsgType, web
 
 from clients.monitor import messages
+from clients.monitor.calibration import PageCalibrator
 from clients.monitor.connections import shortened
 from clients.monitor.driving import PageDriver
 from clients.monitor.feed import PageFeed
@@ -19,6 +20,7 @@ from clients.monitor.messages import (
     Ack,
     Ask,
     BadMessageError,
+    Calibrate,
     Drop,
     InputState,
     Leave,
@@ -30,9 +32,10 @@ from clients.monitor.messages import (
     StopMessage,
     Watch,
 )
-from clients.monitor.outbox import FLEET, MONITOR, PILOT, TOPICS, Outbox, pack
+from clients.monitor.outbox import CALIBRATION, FLEET, MONITOR, PILOT, TOPICS, Outbox, pack
 from clients.monitor.overview import CarsOverview
 from clients.monitor.relay import Relay
+from clients.remote.car import connect
 from clients.teleop.shaping import InputShape
 from runtime.host.rate_limited_log import RateLimitedLog
 from runtime.wire import topics
@@ -48,6 +51,10 @@ TICKS_PER_NEWS = 25
 LAST_WORDS_APART_S = 0.005
 BEATS_AHEAD = 25
 """Maximum number of beats in transit to a page that drives: half a second of them, more than is useful."""
+CALIBRATING = {
+    "engaged": True, "mood": "yellow", "state": "calibrating",
+    "next": "Hold {manual}: the car drives the step by itself. Let go, and it stops.",
+}  # fmt: skip
 MAX_QUESTIONS = 4
 """Maximum number of simultaneous queries of one page."""
 
@@ -58,6 +65,7 @@ class Host:
 
     car: the one to show first, "" for any. name: whom cars and other operators see. drivers: of all pages.
     farewell: file with the sentence that pages show once the server has ended, None for the usual one.
+    keys: folder of the keys, for tls. config: settings file of the car, where calibrated values are written.
     """
 
     relay: Relay
@@ -67,6 +75,8 @@ class Host:
     car: str = ""
     drivers: set[PageDriver] = field(default_factory=set)
     farewell: Path | None = None
+    keys: Path | None = None
+    config: Path | None = None
     overview: CarsOverview = field(init=False)
 
     def __post_init__(self) -> None:
@@ -83,6 +93,8 @@ class PageSession:
         self._news = asyncio.Event()
         self._feed: PageFeed | None = None
         self._driver = PageDriver(host.name, host.feel)
+        self._calibrator = PageCalibrator(host.config)
+        self._calibration_shown = b""
         self._asking: set[asyncio.Task[None]] = set()
         self._beats_ahead = 0
         self._shows_all = False
@@ -111,7 +123,8 @@ class PageSession:
     def hear(self, beat: Beat, payload: bytes, arrival_s: float) -> None:
         """Take a heartbeat from the feed. A page that drives gets it at once: the car's patience counts from it."""
         self._driver.hear(beat, arrival_s)
-        if self._driver.engaged and self._beats_ahead < BEATS_AHEAD:
+        self._calibrator.hear(beat, arrival_s)
+        if (self._driver.engaged or self._calibrator.takes_hands) and self._beats_ahead < BEATS_AHEAD:
             self._beats_ahead += 1
             self._urgent.append(pack(0, {topics.BEAT: (payload, arrival_s)}, arrival_s))
             self._news.set()
@@ -152,26 +165,37 @@ class PageSession:
             self._refusals.log("malformed", f"a page said something that is no word: {shortened(str(error))}")
             return
         match word:
-            case InputState():
-                self._send([self._driver.take_input(word, now_s)])
-            case StopMessage():
-                self._send([self._driver.stop(now_s)])
-                self._show_pilot(now_s)
             case Ack(n=number):
                 self._outbox.acknowledge(number)
                 self._news.set()
-            case Drop():
-                self._send([command for command in [self._driver.drop(now_s)] if command is not None])
-            case Leave(deliberate=deliberate):
-                await self._leave(deliberate=deliberate)
             case Watch(car=car):
                 await self._watch(car)
             case Ping(at=at):
                 await self._socket.send_str(json.dumps({"t": "pong", "at": at}))
             case Ask():
                 self._ask(word)
-            case _:
+            case StopAll() | NewRace() | LookAtAll():
                 await self._receive_about_all(word, now_s)
+            case _:
+                await self._receive_hands(word, now_s)
+
+    async def _receive_hands(self, word: PageMessage, now_s: float) -> None:
+        calibrator = self._calibrator
+        match word:
+            case InputState():
+                if not calibrator.take_input(word, now_s):
+                    self._send([self._driver.take_input(word, now_s)])
+            case StopMessage():
+                calibrator.end("STOP: the calibration has ended; nothing was written.")
+                self._send([self._driver.stop(now_s)])
+                self._show_pilot(now_s)
+            case Drop():
+                calibrator.lose()
+                self._send([command for command in [self._driver.drop(now_s)] if command is not None])
+            case Leave(deliberate=deliberate):
+                await self._leave(deliberate=deliberate)
+            case Calibrate():
+                await self._calibrate(word)
 
     async def _receive_about_all(self, word: PageMessage, now_s: float) -> None:
         match word:
@@ -186,6 +210,18 @@ class PageSession:
                 self._driver.forget_car()
                 self._shows_all = True
                 self._show_all(now_s)
+
+    async def _calibrate(self, word: Calibrate) -> None:
+        feed, host = self._feed, self._host
+        if feed is None:
+            return
+        if word.do == "drive":
+            await self._leave(deliberate=True)
+        place = host.relay.place_of(feed.car)
+        self._calibrator.receive(
+            word,
+            lambda: connect(feed.car, at=place.endpoint, keys=host.keys, session=place.session, name=host.name),
+        )
 
     async def _watch(self, car: str) -> None:
         self._shows_all = False
@@ -204,6 +240,7 @@ class PageSession:
         self._show_monitor()
 
     def _unwatch(self) -> None:
+        self._calibrator.forget()
         if self._feed is not None:
             self._host.relay.unwatch(self._feed, self)
             self._feed = None
@@ -215,6 +252,7 @@ class PageSession:
                 self._feed.send(command)
 
     async def _leave(self, *, deliberate: bool) -> None:
+        self._calibrator.leave()
         for command in self._driver.leave(time.monotonic(), deliberate=deliberate):
             self._send([command])
             await asyncio.sleep(LAST_WORDS_APART_S)
@@ -278,7 +316,13 @@ class PageSession:
     def _show_pilot(self, now_s: float) -> None:
         self._driver.know_link(self._feed.round_trip_s if self._feed is not None else None)
         view = {**self._driver.view(now_s), "whose": self._driver.whose(self._host.drivers)}
+        if self._calibrator.takes_hands:
+            view |= CALIBRATING
         self.take(PILOT, topics.encode(view), now_s)
+        calibration = topics.encode(self._calibrator.fields())
+        if calibration != self._calibration_shown:
+            self._calibration_shown = calibration
+            self.take(CALIBRATION, calibration, now_s)
 
     def _show_all(self, now_s: float) -> None:
         self.take(FLEET, topics.encode(self._host.overview.fields(now_s)), now_s)
@@ -288,8 +332,11 @@ class PageSession:
 
     async def _end(self, tasks: Sequence["asyncio.Task[None]"]) -> None:
         """Stop the car first if this page drove it; then clean up."""
+        calibration = self._calibrator.end("The page was closed; nothing was written.")
         try:
             await self._leave(deliberate=False)
+            if calibration is not None:
+                await asyncio.to_thread(calibration.join)
         finally:
             self._unwatch()
             self._host.drivers.discard(self._driver)

@@ -1,5 +1,6 @@
 // The page: everything below meets here.
 
+import { Calibration } from "./calibration.js";
 import { Condition, showCars } from "./condition.js";
 import { Device } from "./device.js";
 import { Driving } from "./driving.js";
@@ -40,6 +41,7 @@ const simulator = new Simulator(link);
 const fleet = new Fleet(link, openCar);
 const stopButton = new StopButton({ link, fleet, device, timings });
 const recordButton = new RecordButton(link);
+const calibration = new Calibration(link, hands);
 let car = "";
 let watched = ""; // the last one, also while all are shown
 let carSession = 0;
@@ -108,6 +110,9 @@ function takeNews(topic) {
       break;
     case "fleet":
       fleet.show(message.value);
+      break;
+    case "calibration":
+      calibration.show(message.value);
       break;
   }
   wantFrame();

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from clients.calibration import command
+from clients.calibration.current_values import current_values
 from clients.calibration.steps import OUTLINE_WORDS
 from clients.calibration.ways import CalibrationError
 from clients.teleop import terminal
@@ -52,9 +53,9 @@ def test_without_a_terminal_there_is_no_deadman(monkeypatch):
 
 
 def test_another_car_s_file_is_refused(car_toml):
-    assert command._in_effect(car_with(), car_toml) == {"car.wheelbase_m": 0.25}
+    assert current_values(car_with(), car_toml) == {"car.wheelbase_m": 0.25}
     with pytest.raises(CalibrationError, match=r"drives with 0\.33"):
-        command._in_effect(car_with(wheelbase_m=0.33), car_toml)
+        current_values(car_with(wheelbase_m=0.33), car_toml)
 
 
 def test_only_what_is_accepted_is_written(car_toml, monkeypatch, capsys):

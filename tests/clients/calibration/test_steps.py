@@ -3,7 +3,8 @@
 import pytest
 
 from clients.calibration import settings_file, ways
-from clients.calibration.command import NAMES, table
+from clients.calibration.command import table
+from clients.calibration.current_values import NAMES
 from clients.calibration.steps import STEPS, CalibrationProgress, drive_tape, driven_steps
 from clients.calibration.ways import CalibrationError
 from runtime.calibration import proposals

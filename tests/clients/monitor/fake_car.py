@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 
-from drivers.api import Drive, Scan
+from drivers.api import Drive, MotorState, Scan
 from runtime.arbitration.command import LAB_ORDER, DriveCommand, Source, arbitrate, consent
 from runtime.arbitration.command_queue import CommandQueue
 from runtime.arbitration.emergency_stop import EmergencyStop
@@ -162,6 +162,8 @@ class FakeCar:
         self._put(topics.DISTANCE_ERROR, messages.float32(0.05 * math.sin(now_s)))
         self._put(topics.ODOM, messages.odometry(time.time_ns(), now_s % 10, 0.0, 0.1, self.speed_mps, 0.0))
         self._put(topics.OUTPUT, messages.ackermann(time.time_ns(), self.speed_mps, 0.125))
+        motor = MotorState(now_s, self.speed_mps, 0.0, 0.125, 11.8, 0.0, 0.0, 30.0, "", timed_out=False, killed=False)
+        self._put(topics.MOTOR, messages.motor(time.time_ns(), motor))
         self._put(topics.WALL, markers.marker_array(time.time_ns(), WALL))
         self._put(topics.FOOTPRINT, markers.marker_array(time.time_ns(), FOOTPRINT))
         self.scans += 1

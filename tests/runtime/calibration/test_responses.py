@@ -32,7 +32,8 @@ def drive(delay_s, seed):
 def test_the_delay_is_found_to_the_grid_and_without_bias(delay_s):
     found_s = []
     for seed in range(2):
-        fit = fit_response(*drive(delay_s, seed), DELAYS_S, [RATE_RADPS])
+        command, samples = drive(delay_s, seed)
+        fit = fit_response(command, samples, DELAYS_S, [RATE_RADPS])
         assert fit is not None
         found_s.append(fit.delay_s.value)
     assert np.abs(np.array(found_s) - delay_s).max() <= GRID_S / 2 + 2e-4
