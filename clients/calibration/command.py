@@ -62,6 +62,9 @@ def _calibrate(options: argparse.Namespace) -> int:
             so_far.now = {**now, proposals.WHEELBASE: options.wheelbase}
             measured.append(_by_hand(proposals.WHEELBASE, now, options.wheelbase, "by ruler"))
         for step in driven_steps(wanted):
+            if missing := step.missing(so_far):
+                _say(f"\n{missing}")
+                continue
             measured += _drive(car, step, so_far, always=options.yes)
         if SPEED in wanted and so_far.arcs is not None and so_far.arcs.fit.speed_factor.why and not options.yes:
             measured += _tape(car, so_far)
@@ -69,6 +72,9 @@ def _calibrate(options: argparse.Namespace) -> int:
         measured += _outline(now, input)
     for note in so_far.notes:
         _say(note)
+    if not measured:
+        _say("nothing was measured, and nothing was written: the car drives as before")
+        return 0
     _say(table(measured))
     return _write(path, [one for one in measured if one.changes], yes=options.yes)
 
@@ -95,7 +101,8 @@ def _drive(car: RemoteCar, step: DrivenStep, so_far: CalibrationProgress, *, alw
         deadman = AlwaysHeld() if always else TerminalDeadman()
         try:
             with deadman, RemoteLink(car, deadman, _say) as link:
-                _say(f"  hold {deadman.key} to drive; let go to stop; Space ends")
+                if not always:
+                    _say(f"  hold {deadman.key} to drive; let go to stop; Space ends the step")
                 deadman.wait()
                 link.forget()
                 return list(step.run(link, so_far))
@@ -103,10 +110,11 @@ def _drive(car: RemoteCar, step: DrivenStep, so_far: CalibrationProgress, *, alw
             _say(f"  {error}")
         except CalibrationError as error:
             if always:
-                raise
+                raise CalibrationError(f"{step.title}: {error}; nothing was written") from None
             _say(f"  {error}")
-        if input("  again? [Y/n] ").strip().lower().startswith("n"):
+        if input("  drive this step again? [Y/n: leave it out] ").strip().lower().startswith("n"):
             return []
+    _say(f"  {step.title}: left out after {TRIES} tries")
     return []
 
 
@@ -167,10 +175,10 @@ def table(measured: Sequence[Proposal]) -> str:
 
 def _write(path: Path, changed: Sequence[Proposal], *, yes: bool) -> int:
     if not changed:
-        _say("nothing to write")
+        _say("nothing to write: every setting that could be measured is as before")
         return 0
     if not yes and input(f"write {len(changed)} values to {path}? [y/N] ").strip().lower() != "y":
-        _say("nothing was written")
+        _say("nothing was written: the car drives as before; the table above has the values")
         return 0
     kept = settings_file.write(path, changed, datetime.now(UTC).date().isoformat())
     _say(f"{path}: {len(changed)} values written; restart the car. Undo: wallride calibrate --undo --config {path}")

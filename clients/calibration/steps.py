@@ -32,6 +32,8 @@ OUTLINE_WORDS = {
     "car.half_width_m": "half of the greatest width, wheels included",
 }
 DEFAULT_DELAY_S = 0.02
+MIN_FORWARD_SHARE = 0.25
+"""Share of the first way that the lidar must see: wheels in the air turn, and the car stays where it is."""
 SERVO_ENDS = ("motor.servo_min", "motor.servo_max")
 
 
@@ -52,11 +54,21 @@ class CalibrationProgress:
 
 @dataclass(frozen=True, slots=True)
 class DrivenStep:
-    """One drive. before: what the operator sees to. run: drives and yields what it measured."""
+    """One drive. before: what the operator sees to. run: drives and yields what it measured.
+
+    needs_arcs: whether it uses what the first step measured.
+    """
 
     title: str
     before: str
     run: Callable[[CalibratedCar, CalibrationProgress], Iterator[Proposal]]
+    needs_arcs: bool = False
+
+    def missing(self, so_far: CalibrationProgress) -> str:
+        """Return why it cannot be driven now, "" where it can."""
+        if self.needs_arcs and so_far.arcs is None:
+            return f"{self.title}: left out, since it needs the first step, which measured nothing"
+        return ""
 
 
 def driven_steps(wanted: frozenset[str]) -> list[DrivenStep]:
@@ -65,9 +77,11 @@ def driven_steps(wanted: frozenset[str]) -> list[DrivenStep]:
     if wanted & (BY_ARCS | {DELAY, BRAKE}):
         found.append(DrivenStep("speed, steering, lidar, own parts", _room(ways.LONG_M), _arcs(wanted)))
     if wanted & {DELAY, BRAKE}:
-        found.append(DrivenStep("delays", _room(ways.WEAVE_M), _delays(wanted)))
+        found.append(DrivenStep("delays", _room(ways.WEAVE_M), _delays(wanted), needs_arcs=True))
     if BRAKE in wanted:
-        found.append(DrivenStep("braking", f"{_room(ways.RUN_M)} It drives {ways.RUN_MPS} m/s.", _braking))
+        found.append(
+            DrivenStep("braking", f"{_room(ways.RUN_M)} It drives {ways.RUN_MPS} m/s.", _braking, needs_arcs=True)
+        )
     return found
 
 
@@ -87,8 +101,7 @@ def _arcs(wanted: frozenset[str]) -> Callable[[CalibratedCar, CalibrationProgres
         begin_s = car.now_s
         ways.drive_first(car)
         forward_m = measure_forward_m(car.seen.trace().between(begin_s, car.now_s))
-        if forward_m is not None and forward_m < 0.0:
-            raise CalibrationError(proposals.SWAPPED)
+        _check_first(forward_m)
         begin_s = car.now_s
         ways.drive_arcs(car)
         so_far.arcs = measure_arcs(car.seen.trace().between(begin_s, car.now_s), assumed)
@@ -99,6 +112,20 @@ def _arcs(wanted: frozenset[str]) -> Callable[[CalibratedCar, CalibrationProgres
         yield from (one for one in found if one.name in names)
 
     return run
+
+
+def _check_first(forward_m: float | None) -> None:
+    """CalibrationError where the car went backward, or not at all. forward_m: None where nothing tells."""
+    if forward_m is None:
+        return
+    least_m = MIN_FORWARD_SHARE * ways.FIRST_M
+    if forward_m < -least_m:
+        raise CalibrationError(proposals.SWAPPED)
+    if forward_m < least_m:
+        raise CalibrationError(
+            f"the wheels turned for {ways.FIRST_M} m and the car went {abs(forward_m):.2f} m: is it lifted, blocked, or"
+            " do the wheels slip? Put it on the floor with its way free"
+        )
 
 
 def _limits(found: list[Proposal], now: Mapping[str, float]) -> list[str]:

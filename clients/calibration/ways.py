@@ -7,6 +7,8 @@ from typing import Protocol
 from runtime.calibration.trace import STANDS_BELOW_MPS, TraceBuilder
 
 STAND_SCANS = 28
+FIRST_STAND_SCANS = 16
+"""Enough for a stop whatever the phases of scans and motor reports: the direction must show, always."""
 WALK_MPS = 0.4
 BEND_RAD = 0.25
 FIRST_M = 0.2
@@ -86,17 +88,17 @@ def drive_varied(
         waited += 1
         if waited > limit:
             raise CalibrationError(
-                f"{abs(_distance_m(car) - begin_m):.2f} m in {since_s:.0f} s: the car does not move; is it armed, and"
-                " what does `wallride status` say?"
+                f"{abs(_distance_m(car) - begin_m):.2f} m in {since_s:.0f} s: the car does not move; is it blocked"
+                " or disarmed? `wallride status` says what it waits for"
             )
     stand(car, last_rad, 0)
 
 
 def drive_first(car: CalibratedCar) -> None:
     """Drive a short way forward, from which the direction of the motor shows, and back."""
-    stand(car, 0.0, 10)
+    stand(car, 0.0, FIRST_STAND_SCANS)
     drive_way(car, FIRST_M, WALK_MPS, _always(0.0))
-    stand(car, 0.0, 10)
+    stand(car, 0.0, FIRST_STAND_SCANS)
     drive_way(car, -FIRST_M, WALK_MPS, _always(0.0))
     _finish(car)
 

@@ -121,6 +121,9 @@ class PageCalibration:
             old_m = now[proposals.WHEELBASE]
             self._found.append(Proposal(proposals.WHEELBASE, old_m, wish.wheelbase_m, "by ruler"))
         for step in driven_steps(frozenset(wish.steps)):
+            if missing := step.missing(so_far):
+                so_far.notes.append(missing)
+                continue
             self._step = step
             self._found += self._drive(car, step, so_far)
         self._step = None

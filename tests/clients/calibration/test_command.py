@@ -6,7 +6,7 @@ import pytest
 
 from clients.calibration import command
 from clients.calibration.current_values import current_values
-from clients.calibration.steps import OUTLINE_WORDS
+from clients.calibration.steps import OUTLINE_WORDS, CalibrationProgress, driven_steps
 from clients.calibration.ways import CalibrationError
 from clients.teleop import terminal
 from runtime.calibration.proposals import Proposal
@@ -78,6 +78,34 @@ def test_a_file_that_may_not_be_written_is_said_before_anything_is_driven(car_to
     monkeypatch.setattr(command, "connect", lambda *_, **__: pytest.fail("it goes on to drive"))
     assert main(["calibrate", "--config", str(car_toml)]) == 2
     assert "use sudo" in capsys.readouterr().err
+
+
+def test_it_is_said_when_nothing_is_written(car_toml, monkeypatch, capsys):
+    monkeypatch.setattr("builtins.input", lambda _text: "")
+    command._write(car_toml, [NEW], yes=False)
+    assert "nothing was written: the car drives as before" in capsys.readouterr().out
+    command._write(car_toml, [], yes=False)
+    assert "as before" in capsys.readouterr().out
+
+
+def test_a_step_that_fails_with_yes_names_itself_and_that_nothing_was_written(monkeypatch):
+    class Link:
+        def __init__(self, *_):
+            pass
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            pass
+
+        def forget(self):
+            raise CalibrationError("something is 1.20 m ahead")
+
+    monkeypatch.setattr(command, "RemoteLink", Link)
+    (step,) = driven_steps(frozenset({"speed"}))
+    with pytest.raises(CalibrationError, match=r"speed, steering.*1\.20 m ahead; nothing was written"):
+        command._drive(car_with(simulated=True), step, CalibrationProgress({}), always=True)
 
 
 def test_the_table_shows_before_and_after():

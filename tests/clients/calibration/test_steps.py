@@ -10,8 +10,9 @@ from clients.calibration.ways import CalibrationError
 from runtime.calibration import proposals
 from runtime.parameters.catalogue import values
 from runtime.settings.tree import load_settings
+from sim.virtual import calibrated_car
 from sim.world.place import World
-from sim.world.pose import Pose
+from sim.world.pose import STANDING, Pose
 from sim.world.segments import SegmentGeometry, box
 from tests.runtime.calibration.planted import LAB, YAW_RAD, planted_car
 
@@ -65,6 +66,29 @@ def test_a_motor_that_runs_backward_is_not_driven_far(car_toml):
     with pytest.raises(CalibrationError, match="swap two motor phases"):
         list(step.run(car, CalibrationProgress(in_effect(car_toml))))
     assert car.twin.way_m < 1.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_lifted_car_is_told_so_and_not_that_its_motor_is_swapped(car_toml, monkeypatch, seed):
+    car = planted_car(seed)
+    see = calibrated_car.scan
+
+    def from_the_stand(scene, _pose, _twist, now_s, rng, settings):
+        return see(scene, LAB.start, STANDING, now_s, rng, settings)
+
+    monkeypatch.setattr(calibrated_car, "scan", from_the_stand)
+    (step,) = driven_steps(frozenset({"speed"}))
+    with pytest.raises(CalibrationError, match="lifted"):
+        list(step.run(car, CalibrationProgress(in_effect(car_toml))))
+    assert car.twin.way_m < 1.0
+
+
+def test_what_needs_the_first_step_is_left_out_without_it(car_toml):
+    first, delays, braking = driven_steps(frozenset(STEPS))
+    so_far = CalibrationProgress(in_effect(car_toml))
+    assert first.missing(so_far) == ""
+    assert "measured nothing" in delays.missing(so_far)
+    assert "measured nothing" in braking.missing(so_far)
 
 
 def test_a_way_without_room_is_not_driven():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from runtime.calibration.responses import GRID_S, CommandSteps, Samples, fit_response
+from runtime.control.perception.geometry import Floats
 
 FINE_S = 1e-4
 RATE_RADPS = 3.2
@@ -13,8 +14,8 @@ DELAYS_S = [GRID_S * k for k in range(60)]
 def drive(delay_s, seed):
     """Return steps at any moment, and the means over 50 ms of their response at a rate, computed in steps of 0.1 ms."""
     rng = np.random.default_rng(seed)
-    at_s = np.cumsum(rng.uniform(0.3, 0.7, 30))
-    command = CommandSteps(at_s, 0.2 * (-1.0) ** np.arange(30))
+    at_s: Floats = np.cumsum(rng.uniform(0.3, 0.7, 30)).astype(np.float64)
+    command = CommandSteps(at_s, np.resize(np.array([0.2, -0.2]), 30))
     times_s = np.arange(0.0, at_s[-1], FINE_S)
     wanted_rad = command.at(times_s - delay_s)
     angle_rad, now_rad = np.empty(times_s.size), wanted_rad[0]
