@@ -2,7 +2,9 @@
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable, Iterable
+from statistics import median
 from types import TracebackType
 from typing import Any, Protocol, Self
 
@@ -19,6 +21,8 @@ DEFAULT_SCAN_TIME_S = 0.025
 MAX_LATE_S = 0.4
 SETTLES_S = 0.5
 MAX_STALLS = 12
+TURNS = 99
+"""Scan times whose median is the sensor's: a lost or late scan makes a single one too long."""
 
 
 class LetGoError(CalibrationError):
@@ -74,6 +78,7 @@ class RemoteLink:
         self._samples = iter(car.topics(*READ))
         self._asked: tuple[float, float] | None = None
         self._stalls = 0
+        self._turns_s: deque[float] = deque(maxlen=TURNS)
 
     def __enter__(self) -> Self:
         self._take_hand()
@@ -163,7 +168,9 @@ class RemoteLink:
             case ScanSample():
                 seen = self.seen
                 seen.kind = sample.angle_min_rad, sample.angle_step_rad, sample.ranges_m.size
-                turn_s = sample.scan_time_s if sample.scan_time_s > 0 else DEFAULT_SCAN_TIME_S
+                if sample.scan_time_s > 0:
+                    self._turns_s.append(sample.scan_time_s)
+                turn_s = median(self._turns_s) if self._turns_s else DEFAULT_SCAN_TIME_S
                 seen.sweep_s = turn_s * abs(sample.angle_step_rad) * (sample.ranges_m.size - 1) / math.tau
                 seen.scans.append((sample.stamp_s, sample.ranges_m))
                 self._now_s = sample.stamp_s

@@ -1,5 +1,7 @@
 """The deadman of a calibration: without it nothing moves, and a stall needs a new press."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -106,6 +108,14 @@ def test_samples_up_to_the_next_scan_are_taken_and_the_drive_is_renewed():
         link.wait()
         with pytest.raises(CalibrationError, match="ended"):
             link.wait()
+
+
+def test_a_lost_scan_does_not_lengthen_the_sweep():
+    car = Car([SCAN, SCAN, replace(SCAN, scan_time_s=0.05)])
+    with RemoteLink(car, Deadman(), print) as link:
+        for _ in range(3):
+            link.wait()
+    assert link.seen.sweep_s == pytest.approx(0.025 * 0.005 * 940 / (2 * np.pi))
 
 
 def test_scans_that_stay_away_let_the_car_stop(monkeypatch):
