@@ -116,13 +116,26 @@ def fit_response(
     rng, found = np.random.default_rng(seed), []
     for _ in range(RESAMPLES):
         drawn = rng.multinomial(len(sums), np.full(len(sums), 1.0 / len(sums)))
-        which, its_gain, its_offset, _ = _lines(np.tensordot(drawn, sums, axes=1))
-        found.append((*pairs[which], its_gain[which], its_offset[which]))
+        which, its_gain, its_offset, its_cost = _lines(np.tensordot(drawn, sums, axes=1))
+        rate = pairs[which][1]
+        found.append((_between(delays_s, its_cost, which), rate, its_gain[which], its_offset[which]))
     low, high = np.percentile(np.array(found), INTERVAL, axis=0)
-    value = (*pairs[best], gain[best], offset[best])
+    value = (_between(delays_s, cost, best), pairs[best][1], gain[best], offset[best])
     estimates = [Estimate(float(v), float(a), float(b)) for v, a, b in zip(value, low, high, strict=True)]
-    delay_s, rate, slope, shift = estimates
-    return ResponseFit(delay_s, rate, slope, shift, float(np.sqrt(max(cost[best], 0.0) / weight.sum())))
+    delay, ramp, slope, shift = estimates
+    return ResponseFit(delay, ramp, slope, shift, float(np.sqrt(max(cost[best], 0.0) / weight.sum())))
+
+
+def _between(delays_s: Sequence[float], cost: Floats, best: int) -> float:
+    """Return the delay of the least cost, by a parabola through the best pair's and both neighbours' of its rate."""
+    of_rate = cost.reshape(len(delays_s), -1)[:, best % (cost.size // len(delays_s))]
+    k = best // (cost.size // len(delays_s))
+    if not 0 < k < len(delays_s) - 1:
+        return delays_s[k]
+    before, here, after = of_rate[k - 1 : k + 2]
+    bend = before - 2 * here + after
+    step_s = (delays_s[k + 1] - delays_s[k - 1]) / 2
+    return delays_s[k] + float((before - after) / (2 * bend)) * step_s if bend > 0 else delays_s[k]
 
 
 def _sums(

@@ -11,6 +11,7 @@ from runtime.calibration import proposals
 from runtime.parameters.catalogue import values
 from runtime.settings.tree import load_settings
 from sim.virtual import calibrated_car
+from sim.world.beams import scan
 from sim.world.place import World
 from sim.world.pose import STANDING, Pose
 from sim.world.segments import SegmentGeometry, box
@@ -71,10 +72,9 @@ def test_a_motor_that_runs_backward_is_not_driven_far(car_toml):
 @pytest.mark.parametrize("seed", range(3))
 def test_a_lifted_car_is_told_so_and_not_that_its_motor_is_swapped(car_toml, monkeypatch, seed):
     car = planted_car(seed)
-    see = calibrated_car.scan
 
     def from_the_stand(scene, _pose, _twist, now_s, rng, settings):
-        return see(scene, LAB.start, STANDING, now_s, rng, settings)
+        return scan(scene, LAB.start, STANDING, now_s, rng, settings)
 
     monkeypatch.setattr(calibrated_car, "scan", from_the_stand)
     (step,) = driven_steps(frozenset({"speed"}))
