@@ -14,6 +14,7 @@ from clients.monitor import calibration as calibrations
 from runtime.calibration.proposals import Proposal
 from runtime.settings.tree import load_settings
 from runtime.teleop.status import OperatorState
+from tests.clients.monitor.axe import violations
 from tests.clients.monitor.operating import watching
 from tests.promises import promise
 
@@ -92,6 +93,7 @@ async def hold(tab, car):
 async def test_a_step_is_driven_while_held_and_its_values_are_written_when_accepted(scene, tab, drive, car_toml):
     async with scene.car() as car, scene.monitor(config=car_toml):
         await begin(tab, scene)
+        assert await violations(tab) == [], "ready"
         await asyncio.sleep(0.3)
         assert car.history[1:] == [], "nothing moves before it is held"
         await hold(tab, car)
@@ -109,6 +111,7 @@ async def test_a_step_is_driven_while_held_and_its_values_are_written_when_accep
         await stage(tab, "measured")
         await tab.touch("touchEnd")
         assert await tab.run("wallride.hands.engaged") is False, "the hold of a step is not for driving"
+        assert await violations(tab) == [], "measured"
         rows = "[...document.querySelectorAll('#calibration-rows tr')]"
         assert await tab.run(f"{rows}.map((row) => row.textContent)") == [
             "car.wheelbase_m0.330.3360.335 to 0.337", "car.lidar_x_m0.270.2810.280 to 0.282",
