@@ -21,7 +21,9 @@ WITHOUT_NUMBER = {topics.SCAN, topics.TF, topics.WALL, topics.FOOTPRINT, topics.
 """Topics that have no one number to plot."""
 LISTS = {
     "RatesHz in runtime/settings/telemetry.py": (set(RatesHz.model_fields), PUBLISHED),
-    "BY_SCAN, BY_GUIDANCE, BY_MOTOR or BY_OUTPUT in runtime/tasks/telemetry.py (or APPENDED of this test)": (SENT, PUBLISHED),
+    "BY_SCAN, BY_GUIDANCE, BY_MOTOR or BY_OUTPUT in runtime/tasks/telemetry.py (or APPENDED of this test)": (
+        SENT, PUBLISHED,
+    ),
     "PERIODS_S in runtime/recording/recorder.py": (set(PERIODS_S) | {topics.SCAN}, PUBLISHED),
     "MEANINGS in wallride/reference.py": (set(reference.MEANINGS), PUBLISHED | {topics.BEAT}),
     "FIELDS in clients/plot.py (or WITHOUT_NUMBER of this test)": (
