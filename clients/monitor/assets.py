@@ -1,7 +1,9 @@
 """Files of the page, read once from the package: no path that a browser sends ever reaches the disk."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import resources
+from importlib.resources.abc import Traversable
 
 INDEX = "index.html"
 TYPES = {
@@ -22,11 +24,14 @@ class Asset:
 
 
 def read_all() -> dict[str, Asset]:
-    """Return every file of the page by name."""
-    folder = resources.files("clients.monitor").joinpath("page")
-    found = {}
+    """Return every file of the page by its path, such as `controls/hands.js`."""
+    return dict(_files_in(resources.files("clients.monitor").joinpath("page"), ""))
+
+
+def _files_in(folder: Traversable, path: str) -> Iterator[tuple[str, Asset]]:
     for file in folder.iterdir():
         content_type = TYPES.get("." + file.name.rpartition(".")[2])
-        if content_type is not None:
-            found[file.name] = Asset(content_type, file.read_bytes())
-    return found
+        if file.is_dir():
+            yield from _files_in(file, f"{path}{file.name}/")
+        elif content_type is not None:
+            yield path + file.name, Asset(content_type, file.read_bytes())

@@ -80,7 +80,7 @@ def application(host: Host, auth: PageAuth) -> web.Application:
     app[REFUSALS] = RateLimitedLog(log, time.monotonic)
     app.router.add_get("/", file)
     app.router.add_get("/ws", _socket)
-    app.router.add_get("/{name}", file)
+    app.router.add_get("/{name:.+}", file)
     app.on_shutdown.append(_say_goodbye)
     return app
 

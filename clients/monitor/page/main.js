@@ -1,22 +1,22 @@
 // The page: everything below meets here.
 
-import { Calibration } from "./calibration.js";
+import { Calibration } from "./controls/calibration.js";
 import { Condition, showCars } from "./condition.js";
 import { Device } from "./device.js";
-import { Driving } from "./driving.js";
+import { Driving } from "./controls/driving.js";
 import { Fleet } from "./fleet.js";
-import { Hands } from "./hands.js";
+import { Hands } from "./controls/hands.js";
 import { Link } from "./link.js";
 import { $, age, announce, number, setData, setHidden, setText } from "./look.js";
 import { MuxView } from "./mux.js";
-import { PilotView } from "./pilot_view.js";
+import { PilotView } from "./controls/pilot_view.js";
 import { Plots } from "./plots.js";
-import { RecordButton } from "./record_button.js";
+import { RecordButton } from "./controls/record_button.js";
 import { remember } from "./remembered.js";
 import { Scene } from "./scene.js";
 import { Settings } from "./settings.js";
 import { Simulator } from "./simulator.js";
-import { StopButton } from "./stop_button.js";
+import { StopButton } from "./controls/stop_button.js";
 import { Timings } from "./timings.js";
 
 const OLD_MS = 500;

@@ -52,6 +52,8 @@ def test_every_file_that_the_page_names_is_in_the_package():
     assert {"index.html", "style.css", "main.js", "icon.svg"} <= files.keys()
     for name in files.keys() - {"index.html"}:
         assert name in text, f"nobody asks for {name}"
+    index = files["index.html"].body.decode()
+    assert [name for name in files if name.endswith(".js") and f'modulepreload" href="{name}"' not in index] == []
     for word in ("https://", "//cdn", "@import", "eval("):
         assert word not in text
 

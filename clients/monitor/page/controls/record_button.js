@@ -1,6 +1,6 @@
 // The button that begins and ends a recording on the car.
 
-import { $, announce, setData, setText } from "./look.js";
+import { $, announce, setData, setText } from "../look.js";
 
 export class RecordButton {
   #link;

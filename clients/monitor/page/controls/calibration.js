@@ -1,6 +1,6 @@
 // Calibration: begins it, holds each step by the drive pad, shows what was found (clients/monitor/calibration.py).
 
-import { $, make, number, setHidden, setText } from "./look.js";
+import { $, make, number, setHidden, setText } from "../look.js";
 
 const STEP_STAGES = ["connecting", "ready", "hold", "driving"];
 

@@ -1,8 +1,8 @@
 // The panel with which a person drives: the Drive switch, the buttons that are held, the share of the top speed.
 
 import { DrivePad } from "./drive_pad.js";
-import { $, setData, setText } from "./look.js";
-import { remember } from "./remembered.js";
+import { $, setData, setText } from "../look.js";
+import { remember } from "../remembered.js";
 
 const SMALL = matchMedia("(max-width: 760px)");
 const HELD = { autonomy: "autonomy", reset: "reset", "take-over": "take_over" };

@@ -1,7 +1,7 @@
 // What the drive panel says: who operates, what to do next, in the names of what this device has.
 
-import { START } from "./condition.js";
-import { $, setData, setHidden, setText } from "./look.js";
+import { START } from "../condition.js";
+import { $, setData, setHidden, setText } from "../look.js";
 
 const GONE_MS = 5000; // a car that was not heard for so long, and is not announced any more, has ended
 const HELD = [["autonomy", "autonomy"], ["reset", "reset"], ["take-over", "take_over"]];

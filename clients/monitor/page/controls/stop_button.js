@@ -1,6 +1,6 @@
 // The STOP button, Space and Esc: stops the car that is shown, or all cars. A STOP without a link is sent late.
 
-import { $, announce, setData, setText } from "./look.js";
+import { $, announce, setData, setText } from "../look.js";
 
 const OWED_MS = 15000; // a STOP is sent late rather than never
 const SENDING_MS = 300;

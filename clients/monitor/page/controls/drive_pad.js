@@ -1,6 +1,6 @@
 // The picture of the drive pad: a cross at rest, a knob under the finger.
 
-import { $, fit, ink, onLook, ratioOf } from "./look.js";
+import { $, fit, ink, onLook, ratioOf } from "../look.js";
 
 export class DrivePad {
   #context = $("touch").getContext("2d");
