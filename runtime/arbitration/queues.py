@@ -12,6 +12,7 @@ only; other threads enter through `loop.call_soon_threadsafe`.
 import asyncio
 from bisect import insort
 from collections.abc import Callable, Hashable
+from itertools import count
 from typing import Generic, TypeVar
 
 from drivers.api import Clock
@@ -36,7 +37,7 @@ class PriorityQueue(Generic[K, V]):
         # Entries: priority, then age, which together are unique, so that no more is compared; key, value, expiry.
         self._slots: dict[K, tuple[int, int, K, V, float]] = {}
         self._order: list[tuple[int, int, K, V, float]] = []
-        self._sequence = 0
+        self._ages = count()
         self._change = asyncio.Event()
 
     def __len__(self) -> int:
@@ -47,8 +48,7 @@ class PriorityQueue(Generic[K, V]):
         slots, order = self._slots, self._order
         if key in slots:
             order.remove(slots[key])
-        self._sequence += 1
-        slots[key] = entry = (priority, self._sequence, key, value, expires_at_s)
+        slots[key] = entry = (priority, next(self._ages), key, value, expires_at_s)
         insort(order, entry)
         self._change.set()
 

@@ -52,3 +52,12 @@ async def test_a_cancelled_reader_leaves_the_inbox_usable():
     await asyncio.gather(reader, return_exceptions=True)
     inbox.put(1)
     assert await inbox.get() == 1
+
+
+async def test_a_reader_waits_as_often_as_it_likes():
+    inbox = Inbox(HandClock())
+    for value in (1, 2):
+        reader = asyncio.create_task(inbox.get())
+        await asyncio.sleep(0)
+        inbox.put(value)
+        assert await reader == value

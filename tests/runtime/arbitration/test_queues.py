@@ -132,8 +132,33 @@ def test_an_inbox_keeps_only_the_newest():
 def test_a_look_at_one_key_drops_nothing_that_has_expired_unseen():
     now_s = 0.0
     queue = PriorityQueue(lambda: now_s)
-    queue.put("a", 1, priority=0, expires_at_s=1.0)
-    assert (queue.peek("a"), queue.peek("b")) == (1, None)
+    queue.put("a", "word", priority=0, expires_at_s=1.0)
+    queue.put("c", "longer", priority=1, expires_at_s=2.0)
+    assert (queue.peek("a"), queue.peek("b"), queue.has_expired()) == ("word", None, False)
     now_s = 1.0
-    assert queue.peek("a") is None
-    assert queue.has_expired()
+    assert (queue.peek("a"), queue.peek("c")) == (None, "longer")
+    assert queue.has_expired(), "one of two"
+    assert queue.live() == ["longer"]
+    assert not queue.has_expired()
+
+
+def test_other_priorities_keep_content_age_and_expiry():
+    now_s = 0.0
+    queue = PriorityQueue(lambda: now_s)
+    for key, value, expires_at_s in (("a", 1, 1.0), ("b", 2, NEVER_S), ("c", 3, NEVER_S)):
+        queue.put(key, value, priority=ord(key), expires_at_s=expires_at_s)
+    queue.change_priorities(lambda key: 0 if key == "c" else 5)
+    assert queue.live() == [3, 1, 2], "of equal priority the older first"
+    queue.put("b", 4, priority=0, expires_at_s=NEVER_S)
+    assert queue.live() == [3, 4, 1], "the old entry of b is gone, though its priority had changed"
+    now_s = 1.0
+    assert queue.live() == [3, 4]
+
+
+def test_a_change_is_told_once():
+    queue = PriorityQueue(lambda: 0.0)
+    assert not queue.take_change()
+    queue.put("a", 1, priority=0, expires_at_s=1.0)
+    assert [queue.take_change(), queue.take_change()] == [True, False]
+    queue.wake()
+    assert queue.take_change()
