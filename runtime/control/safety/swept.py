@@ -36,6 +36,9 @@ from runtime.control.vehicle import CarSettings
 STANDING_MPS = 0.05
 STOP_SPARE_M = 0.05
 WARY_S = 0.25
+UNTOLD_S = 0.25
+"""Time after locked wheels for which a braking car waits: while they are locked, no motion of an obstacle is told, and
+to tell one takes this long."""
 NEEDY_SHARE = 0.7
 """Share of a slippery floor's grip above which a bend leaves too little for the deceleration by the motor."""
 EDGE_M = 0.05
@@ -47,9 +50,10 @@ ON_LIDAR = Verdict(0.0, 0.0, "something on the lidar: uncover it")
 
 @dataclass(slots=True)
 class _Memory:
-    """State of the verdicts between scans: end of the hold of a hard stop, and end of the wary period."""
+    """State of the verdicts between scans: end of the hold of a hard stop, end of the wary period, last locked scan."""
 
     held_until_s: float = -math.inf
+    slid_s: float = -math.inf
     braking: bool = False
     wary_until_s: float = -math.inf
     reversal: SteeringReversal = field(default_factory=SteeringReversal)
@@ -118,6 +122,8 @@ class SweptGuard:
         self._unlearnt = view, motor, pose
         self.emergency.note(scan.stamp_s, wheel_rad)
         lost = motor is None or self._speed.slides
+        if lost:
+            self.memory.slid_s = scan.stamp_s
         walkers_m = self.movers.update(view, pose, scan.stamp_s, sliding=lost)
         faint_m = self.faint.update(view, pose, scan.stamp_s)
         more_m = np.concatenate([walkers_m, faint_m]) if walkers_m.size or faint_m.size else NOWHERE
@@ -309,7 +315,7 @@ class SweptAssessment:
         """Return whether an emergency is active: it begins at once, is held, and ends with clearance or at standstill.
 
         A car that turns past an obstacle is released as soon as its driver's bend is free and leaves grip for the
-        motor.
+        motor; one whose wheels were locked, not before a person who walks into its way would be seen to move.
         """
         memory, settings, now_s = self.guard.memory, self.guard.settings, self.view.scan.stamp_s
         if way_m < hard_m:
@@ -317,7 +323,7 @@ class SweptAssessment:
             memory.held_until_s = now_s + settings.hold_s
         elif memory.braking and self.guard.emergency.turns:
             memory.braking = self._is_needy(steering_rad)
-        elif memory.braking and now_s >= memory.held_until_s:
+        elif memory.braking and now_s >= max(memory.held_until_s, memory.slid_s + UNTOLD_S):
             memory.braking = self.speed_mps > STANDING_MPS and way_m < hard_m + settings.release_m
         return memory.braking
 

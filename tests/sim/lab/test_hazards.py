@@ -7,8 +7,8 @@ from sim.lab.cell import Cell
 from sim.lab.laws import check
 
 
-def measure(scenario, speed_mps, mu, side="left", seed=0):
-    return hazards.measure(Cell("hazards", scenario, check("ball"), speed_mps, mu, side, seed))
+def measure(scenario, speed_mps, mu, side="left", seed=0, own_parts="none"):
+    return hazards.measure(Cell("hazards", scenario, check("ball"), speed_mps, mu, side, seed, own_parts=own_parts))
 
 
 @pytest.mark.parametrize(
@@ -36,3 +36,10 @@ def test_a_person_who_walks_at_the_car_finds_it_standing(scenario, speed_mps):
 def test_the_steep_start_beside_a_wall_is_driven_without_contact(mu):
     """0.5 m from the wall, 20 degrees toward it, 3 m/s: full braking hits it on the worse floor."""
     assert not measure("normal t1", 3.0, mu)["collided"]
+
+
+def test_a_car_that_braked_with_locked_wheels_does_not_set_off_at_the_person_who_walks_up_to_it():
+    """Until the wheels grip again no motion is told; released by then, it met him at 0.45 m/s."""
+    done = measure("person crosses", 4.0, 0.5, seed=8101, own_parts="film")
+    assert done["safety_stops"] == 1
+    assert not done["collided"]
