@@ -59,7 +59,7 @@ static struct moves turned(const struct car *car, struct moves m, double wheel, 
         return m;
     }
     double axle = sqrt(grip * grip - brake * brake) / 2;
-    double front_slip = car->cornering * (atan2(m.aside + half * m.yaw, m.ahead) - wheel);
+    double front_slip = MANOEUVRE_ROLLOUT_FRONT_SHARE * car->cornering * (atan2(m.aside + half * m.yaw, m.ahead) - wheel);
     double rear_slip = car->cornering * atan2(m.aside - half * m.yaw, m.ahead);
     double front = -axle * front_slip / sqrt(1.0 + front_slip * front_slip);
     double rear = -axle * rear_slip / sqrt(1.0 + rear_slip * rear_slip), inward = front * cos(wheel);

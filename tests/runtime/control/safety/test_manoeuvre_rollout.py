@@ -10,6 +10,9 @@ from runtime.control.safety.emergency_manoeuvre import (
     Manoeuvre,
 )
 from runtime.control.safety.manoeuvre_rollout import STEP_S, distance_m, slide
+from runtime.control.safety.stopping import GRAVITY_MPS2
+from sim.car.vehicle import SpeedDemand, Vehicle, VehicleSettings
+from sim.world.pose import Pose
 from tests.runtime.control.safety.manoeuvre_scenes import (
     GRIPS_MPS2,
     LOCK_RAD,
@@ -34,9 +37,22 @@ def test_braking_and_turning_share_one_grip(grip_mps2, brake_mps2):
     ]
     left_mps2 = math.sqrt(grip_mps2**2 - brake_mps2**2)
     assert max(turns_mps2) <= 1.02 * left_mps2
-    assert max(turns_mps2) > 0.6 * left_mps2
+    assert max(turns_mps2) > 0.55 * left_mps2
     slowed_mps = path[5].speed_mps - path[30].speed_mps
     assert slowed_mps >= 0.99 * brake_mps2 * 25 * STEP_S
+
+
+@pytest.mark.parametrize("grip_mps2", GRIPS_MPS2)
+@pytest.mark.parametrize("speed_mps", [1.2, 1.5, 1.8])
+def test_a_bend_at_full_lock_runs_as_wide_as_the_simulated_car(speed_mps, grip_mps2):
+    """The front axle is softer than the rear one: with equal axles the bend was 2 to 6 % too tight."""
+    vehicle = Vehicle(VehicleSettings(grip_mu=grip_mps2 / GRAVITY_MPS2))
+    vehicle.place(Pose(0.0, 0.0, 0.0), speed_mps=speed_mps)
+    for _ in range(150):
+        vehicle.step(STEP_S, SpeedDemand(speed_mps), LOCK_RAD)
+    state = rolled(LOCK_RAD, 0.0, grip_mps2, past_rad=np.full(30, LOCK_RAD), speed_mps=speed_mps)[10]
+    assert state.ahead_mps == pytest.approx(vehicle.speed_mps, abs=0.05)
+    assert state.yaw_radps / state.ahead_mps == pytest.approx(vehicle.yaw_rate_radps / vehicle.speed_mps, rel=0.017)
 
 
 def test_a_brake_of_the_whole_grip_locks_the_wheels_straight_on():
