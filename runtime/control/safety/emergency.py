@@ -126,6 +126,17 @@ class Emergency:
             self._doubted = (stamp_s, wish_rad), last_moment
         return self._doubted[1]
 
+    def may_release(self, strip: Strip, wish_rad: float, stamp_s: float) -> bool:
+        """Return whether the driver's bend without a brake has NARROW_M of room on every floor, or the car is slow.
+
+        Without this a brake in a bend ends as soon as the bend leaves grip for the motor, and the car is let go on a
+        way that it no longer clears on a slippery floor.
+        """
+        if strip.speed_mps < strip.body.settings.doubtful_mps:
+            return True
+        (turn,) = self._situation(strip, stamp_s).predict([Manoeuvre(wish_rad, 0.0)])
+        return turn.is_free and turn.room_m >= NARROW_M
+
     def slow_in_bend(self, strip: Strip, wish_rad: float, stamp_s: float) -> bool:
         """Brake in the driver's bend with the grip left of a slippery floor; return whether that is collision-free.
 

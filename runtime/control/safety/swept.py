@@ -314,15 +314,17 @@ class SweptAssessment:
     def _brakes(self, way_m: float, hard_m: float, steering_rad: float) -> bool:
         """Return whether an emergency is active: it begins at once, is held, and ends with clearance or at standstill.
 
-        A car that turns past an obstacle is released as soon as its driver's bend is free and leaves grip for the
-        motor; one whose wheels were locked, not before a person who walks into its way would be seen to move.
+        A car that turns past an obstacle is released as soon as its driver's bend is free, on a slippery floor too, and
+        leaves grip for the motor; one whose wheels were locked, not before a person who walks into its way would be
+        seen to move.
         """
         memory, settings, now_s = self.guard.memory, self.guard.settings, self.view.scan.stamp_s
         if way_m < hard_m:
             memory.braking = True
             memory.held_until_s = now_s + settings.hold_s
         elif memory.braking and self.guard.emergency.turns:
-            memory.braking = self._is_needy(steering_rad)
+            emergency = self.guard.emergency
+            memory.braking = self._is_needy(steering_rad) or not emergency.may_release(self.strip, steering_rad, now_s)
         elif memory.braking and now_s >= max(memory.held_until_s, memory.slid_s + UNTOLD_S):
             memory.braking = self.speed_mps > STANDING_MPS and way_m < hard_m + settings.release_m
         return memory.braking

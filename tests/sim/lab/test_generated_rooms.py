@@ -48,6 +48,14 @@ def test_how_long_a_car_stood_until_it_was_away(pieces, expected):
     assert generated_rooms.stood_until_on_s(driven(*pieces)) == pytest.approx(expected, abs=0.06)
 
 
+@pytest.mark.parametrize(("seed", "speed_mps"), [(1550, 2.0), (1569, 3.0)])
+def test_a_narrow_loop_on_a_slippery_floor_is_driven_without_a_touch(seed, speed_mps):
+    """Bends at full lock that leave a few centimetres: the rollouts have to turn as wide as the car does, and a brake
+    in the bend has to last until it is known to pass."""
+    cell = Cell("generated_rooms", "generated", "ball", speed_mps, 0.5, "right", seed)
+    assert not generated_rooms.measure(cell)["collided"]
+
+
 def test_a_generated_room_is_driven_without_a_touch_and_told(tmp_path, capsys):
     file = tmp_path / "rooms.json"
     asked = ["--seeds", "2:3", "--speeds", "2,4", "--mu", ".8", "--side", "left", "--jobs", "1"]
