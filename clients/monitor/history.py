@@ -54,7 +54,7 @@ class PlotHistory:
                 self._tracks["error"].add(arrival_s, _FLOAT32.unpack(payload)[0])
             elif topic == topics.STATUS and self._tracks["driven"].is_due(arrival_s):
                 self._take_status(topics.decode(payload), arrival_s)
-        except (ValueError, TypeError, struct.error):
+        except (AttributeError, OverflowError, ValueError, TypeError, struct.error):
             return
 
     def take_round_trip(self, seconds: float | None, at_s: float) -> None:

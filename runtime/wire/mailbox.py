@@ -34,12 +34,14 @@ class Mailbox:
             call_in_loop(self._loop, self._drain)
 
     def _drain(self) -> None:
-        for _ in range(min(MAX_DELIVERIES, len(self._waiting))):
-            self._deliver(*self._waiting.popleft())
-        self._woken = False  # before the check: whatever is posted from here on wakes the loop again
-        if self._waiting:
-            self._woken = True
-            self._loop.call_soon(self._drain)
+        try:
+            for _ in range(min(MAX_DELIVERIES, len(self._waiting))):
+                self._deliver(*self._waiting.popleft())
+        finally:  # a receiver that raises loses its message, and not the subscription
+            self._woken = False  # before the check: whatever is posted from here on wakes the loop again
+            if self._waiting:
+                self._woken = True
+                self._loop.call_soon(self._drain)
 
 
 def call_in_loop(loop: asyncio.AbstractEventLoop, call: Callable[[], object]) -> None:

@@ -75,7 +75,10 @@ def encode(message: Mapping[str, Any]) -> bytes:
 
 def decode(payload: bytes) -> dict[str, Any]:
     """Decode a message; ValueError when it is not JSON, TypeError when it is not an object."""
-    message = json.loads(payload)
+    try:
+        message = json.loads(payload)
+    except RecursionError:
+        raise ValueError("is nested too deeply") from None
     if not isinstance(message, dict):
         raise TypeError("not a JSON object")
     return message

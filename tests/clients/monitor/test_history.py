@@ -71,3 +71,11 @@ def test_names_that_never_end_fill_no_memory():
         histories.take(topics.key(f"car{number}", topics.DISTANCE_ERROR), messages.float32(0.25), 100.0)
     assert histories.of("car0").fields(101.0)["error"]["value"] == [0.25]
     assert histories.of(f"car{2 * MAX_CARS}").fields(101.0)["error"]["value"] == []
+
+
+def test_a_status_of_other_types_is_left_out_and_the_next_one_is_kept():
+    history = PlotHistory()
+    for odd in ({"output": "x"}, {"output": {"asked_mps": 10**400}}, {"scan_to_motor_ms": [1]}):
+        history.take(topics.STATUS, topics.encode({"speed_mps": None, **odd}), 100.0)
+    history.take(topics.STATUS, topics.encode(STATUS), 110.0)
+    assert history.fields(110.0)["sent"]["value"][-1] == 1.0

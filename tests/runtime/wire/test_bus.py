@@ -175,6 +175,24 @@ async def test_a_flood_leaves_the_loop_its_turns():
     assert flooded == list(range(len(flooded)))
 
 
+async def test_a_receiver_that_raises_loses_its_message_and_not_the_subscription():
+    loop, delivered, raised = asyncio.get_running_loop(), [], []
+    loop.set_exception_handler(lambda _loop, context: raised.append(context["exception"]))
+
+    def deliver(number):
+        if number == 1:
+            raise AttributeError("odd")
+        delivered.append(number)
+
+    mailbox = Mailbox(loop, deliver)
+    for number in range(3):
+        mailbox.post((number,))
+    await until(lambda: delivered == [0, 2], "what came in the same burst")
+    mailbox.post((3,))
+    await until(lambda: delivered == [0, 2, 3], "what came later")
+    assert [str(error) for error in raised] == ["odd"]
+
+
 async def test_what_is_too_large_is_dropped_before_it_is_copied(pair):
     car, client = pair
     heard = []
