@@ -3,26 +3,34 @@
 import argparse
 import asyncio
 import json
+import math
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 from clients.fleet.links import FleetLink, fleet_links
+from clients.fleet.status_shape import check_status
 from clients.fleet.watching import watch
 from clients.status import headline
 from runtime.wire import topics
 
 WITHIN_S = 1.0
 OLD_S = 1.0
+MAX_STARTS = 8
+"""Starts kept of one name, and of those that were refused it: a car may name a new session in every message."""
+UNREADABLE = "its status cannot be read"
+Row = Mapping[str, Any]
+Shown = TypeVar("Shown")
 TakeStatus = Callable[[str, Mapping[str, Any], float], None]
 
 
 class FleetView:
     """What every car at some links says, by its start: two cars of one name are two rows.
 
-    take: called with the car, its status and the time of arrival, for each status that can be read.
+    take: called with the car, its status and the time of arrival, for each status that can be read. One that cannot is
+    the trouble of its car's rows, and nothing of it is used.
     """
 
     def __init__(self, links: Sequence[FleetLink], take: TakeStatus | None = None) -> None:
@@ -30,6 +38,7 @@ class FleetView:
         self._take = take
         self._status: dict[tuple[str, str], Mapping[str, Any]] = {}
         self._heard_s: dict[tuple[str, str], float] = {}
+        self._unreadable_s: dict[str, float] = {}
         self._where: dict[tuple[str, str], dict[str, None]] = {}
         self._present: dict[str, dict[str, None]] = {}
         self._refused: dict[tuple[str, str], str] = {}
@@ -74,13 +83,17 @@ class FleetView:
 
     def _row(self, start: tuple[str, str], now_s: float, *, twice: bool) -> dict[str, Any]:
         heard_s = self._heard_s.get(start)
-        trouble = f"two cars are called so; this one has session {start[1]}" if twice else ""
+        unreadable = now_s - self._unreadable_s.get(start[0], -math.inf) < OLD_S
+        troubles = [
+            UNREADABLE if unreadable else "",
+            f"two cars are called so; this one has session {start[1]}" if twice else "",
+        ]
         return {
             "car": start[0],
             "endpoints": list(self._where.get(start) or self._present[start[0]]),
             "age_s": round(now_s - heard_s, 3) if heard_s is not None else None,
             "status": dict(self._status.get(start, {})),
-            "trouble": trouble,
+            "trouble": "; ".join(filter(None, troubles)),
         }
 
     def _is_present(self, start: tuple[str, str], now_s: float) -> bool:
@@ -89,15 +102,26 @@ class FleetView:
         return self._heard_s[start] == newest_s or now_s - self._heard_s[start] < OLD_S
 
     def _on_status(self, link: FleetLink, key: str, payload: bytes, arrival_s: float) -> None:
+        car = key.split("/")[1]
         try:
             status = topics.decode(payload)
-            start = key.split("/")[1], str(status.get("session") or "")
+            check_status(status)
         except (ValueError, TypeError):
-            return  # the next one comes in a tenth of a second
+            self._unreadable_s[car] = arrival_s
+            return
+        start = car, str(status.get("session") or "")
+        if start not in self._status:
+            self._make_room(car)
         self._status[start], self._heard_s[start] = status, arrival_s
         self._where.setdefault(start, {})[link.endpoint] = None
         if self._take is not None:
-            self._take(start[0], status, arrival_s)
+            self._take(car, status, arrival_s)
+
+    def _make_room(self, car: str) -> None:
+        """Forget the starts of a car that were heard longest ago, so that there is a place for one more."""
+        known = sorted((start for start in self._heard_s if start[0] == car), key=lambda start: self._heard_s[start])
+        for start in known[: max(0, len(known) - MAX_STARTS + 1)]:
+            del self._status[start], self._heard_s[start], self._where[start]
 
     def _on_token(self, link: FleetLink, key: str, alive: bool) -> None:  # noqa: FBT001 - the bus's callback
         places = self._present.setdefault(key.split("/")[1], {})
@@ -108,10 +132,10 @@ class FleetView:
 
     def _on_refused(self, link: FleetLink, key: str, alive: bool) -> None:  # noqa: FBT001 - the bus's callback
         _, car, _, session = key.split("/")
-        if alive:
-            self._refused[car, session] = link.endpoint
-        else:
+        if not alive:
             self._refused.pop((car, session), None)
+        elif sum(name == car for name, _ in self._refused) < MAX_STARTS:
+            self._refused[car, session] = link.endpoint
 
 
 async def run(options: argparse.Namespace) -> int:
@@ -131,20 +155,34 @@ async def run(options: argparse.Namespace) -> int:
     return 0 if rows else 1
 
 
-def table(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+def guarded(show: Callable[[Row], Shown], row: Row) -> Shown:
+    """Show a row; one that cannot be shown is shown without its status, so that it takes no other row away."""
+    try:
+        return show(row)
+    except Exception:  # noqa: BLE001 - the status is another computer's, and the rows of all cars depend on it
+        return show({**row, "status": {}, "trouble": row["trouble"] or UNREADABLE})
+
+
+def table(rows: Sequence[Row]) -> Iterator[str]:
     """Yield a line for each car: name, version, state, and why it does (not) move."""
     for row in rows:
-        status = row["status"]
-        version, state = status.get("version") or "?", status.get("state") or ("" if row["trouble"] else "says nothing")
-        age_s = row["age_s"]
-        said = [row["trouble"], f"silent for {age_s:.0f} s" if age_s is not None and age_s > OLD_S else ""]
-        words = "; ".join(filter(None, [*said, headline(status) if status else ""]))
-        yield f"{row['car']:<16} {version:<10} {state:<10} {words}".rstrip()
+        line = guarded(_line, row)
+        # A car's words may hold a newline or an escape sequence, which would overwrite the lines of others.
+        yield "".join(character if character.isprintable() else "?" for character in line)
 
 
-def _name(row: Mapping[str, Any]) -> str:
+def _line(row: Row) -> str:
+    status = row["status"]
+    version, state = status.get("version") or "?", status.get("state") or ("" if row["trouble"] else "says nothing")
+    age_s = row["age_s"]
+    said = [row["trouble"], f"silent for {age_s:.0f} s" if age_s is not None and age_s > OLD_S else ""]
+    words = "; ".join(filter(None, [*said, headline(status) if status else ""]))
+    return f"{row['car']:<16} {version:<10} {state:<10} {words}".rstrip()
+
+
+def _name(row: Row) -> str:
     return f"{row['car']} {row['trouble']}" if row["trouble"] else str(row["car"])
 
 
-def _about(row: Mapping[str, Any]) -> dict[str, Any]:
+def _about(row: Row) -> dict[str, Any]:
     return {name: row[name] for name in ("endpoints", "age_s", "trouble")}

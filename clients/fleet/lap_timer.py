@@ -25,6 +25,10 @@ MAX_MPS = 15.0
 LEAST_SHARE = 0.5
 """Share of the usual lap time below which a crossing that was not seen is not believed."""
 CLOCK_WINDOW_S = 30.0
+MAX_HIDDEN = 1000
+"""Laps that one silence may hide. A car with an odd clock would otherwise fill the memory with laps."""
+MAX_LAPS = 20_000
+"""Laps kept of one car: two days of laps of nine seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +145,8 @@ class LapTimer:
     def _finish_laps(self, at_stamp_s: float, took_s: float, step_s: float) -> None:
         """Add the lap that ends here, and those before it whose ends a silence hid."""
         usual_s = self._usual_s
-        count = max(1, round(took_s / usual_s)) if self._unseen and usual_s is not None else 1
+        share = took_s / usual_s if self._unseen and usual_s else 1.0
+        count = min(max(1, round(min(share, MAX_HIDDEN))), MAX_LAPS - len(self.laps))
         seen = step_s <= LOST_S and not (self._unseen and usual_s is None)
         for k in range(count):
             end_s = at_stamp_s - took_s * (count - 1 - k) / count

@@ -13,6 +13,8 @@ from clients.fleet.start_line import StartLine
 STANDS_S = 3.0
 SILENT_S = 1.0
 MAX_CARS = 64
+MAX_NUMBER = 1e9
+"""Bound of stamps [s], places [m] and angles [rad]: no car has more, and sums of them stay finite."""
 
 
 class Order(StrEnum):
@@ -130,8 +132,8 @@ def _sample(status: Mapping[str, Any]) -> RacePose | None:
     try:
         odom = status["odom"]
         numbers = [float(one) for one in (status["stamp_s"], odom["x_m"], odom["y_m"], odom["yaw_rad"])]
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, OverflowError, TypeError, ValueError):
         return None
-    if not all(math.isfinite(one) for one in numbers):
+    if not all(abs(one) < MAX_NUMBER for one in numbers):  # NaN is not smaller either
         return None
     return RacePose(str(status.get("session") or ""), *numbers)

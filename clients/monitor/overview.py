@@ -10,7 +10,7 @@ from contextlib import suppress
 from functools import partial
 from typing import Any, Never
 
-from clients.fleet.cars import OLD_S, FleetView
+from clients.fleet.cars import OLD_S, FleetView, Row, guarded
 from clients.fleet.links import FleetLink
 from clients.fleet.race import RaceControl
 from clients.fleet.stop import PERIOD_S, FleetStop
@@ -53,7 +53,7 @@ class CarsOverview:
         if self._pressed_s is not None and now_s - self._pressed_s < STOPPING_S:
             self._result = dict(stop.cars)
         rows = [
-            {**_row(row), **self._link(row["car"], now_s), "race": standings.get(row["car"])}
+            {**guarded(_row, row), **self._link(row["car"], now_s), "race": standings.get(row["car"])}
             for row in view.fields(None, now_s)
         ]
         return {
@@ -61,6 +61,11 @@ class CarsOverview:
             "problems": [f"{link.endpoint}: {link.problem}" for link in self._links if link.problem],
             "stop": self._stop_fields(now_s),
         }
+
+    def unshown(self, error: Exception, now_s: float) -> dict[str, Any]:
+        """Return what a page shows where `fields` failed: no car, the reason, and how the e-stop went."""
+        problem = f"the cars cannot be shown: {error!r}; STOP ALL still goes to each of them"
+        return {"cars": [], "problems": [problem], "stop": self._stop_fields(now_s)}
 
     async def run(self) -> Never:
         """Repeat the e-stop, and measure the links while a page looks; until cancelled."""
@@ -128,7 +133,7 @@ async def _probe(probe: LinkProbe) -> Never:
         await asyncio.sleep(PROBE_EVERY_S)
 
 
-def _row(row: Mapping[str, Any]) -> dict[str, Any]:
+def _row(row: Row) -> dict[str, Any]:
     """Return a car's row: what a page shows of its status, null for what the car does not say."""
     status: Mapping[str, Any] = row["status"]
     condition, battery = status.get("condition") or {}, status.get("battery") or {}

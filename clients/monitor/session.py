@@ -4,12 +4,12 @@ import asyncio
 import json
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Coroutine, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from aiohttp import WSMsgType, web
+from aiohttp import WSCloseCode, WSMsgType, web
 
 from clients.monitor import messages
 from clients.monitor.calibration import PageCalibrator
@@ -55,6 +55,7 @@ CALIBRATING = {
     "engaged": True, "mood": "yellow", "state": "calibrating",
     "next": "Hold {manual}: the car drives the step by itself. Let go, and it stops.",
 }  # fmt: skip
+FAILED = b"The monitor failed to show this page; its log says why."
 MAX_QUESTIONS = 4
 """Maximum number of simultaneous queries of one page."""
 
@@ -106,7 +107,8 @@ class PageSession:
         """Serve the page until it disconnects, in any way."""
         self._host.drivers.add(self._driver)
         await self._socket.send_str(json.dumps(self._hello()))
-        helpers = [asyncio.create_task(job) for job in (self._send_for_ever(), self._tick_for_ever())]
+        jobs = (self._send_for_ever(), self._tick_for_ever())
+        helpers = [asyncio.create_task(self._or_close(job)) for job in jobs]
         try:
             async for message in self._socket:
                 if message.type is not WSMsgType.TEXT:
@@ -282,6 +284,16 @@ class PageSession:
         if not self._socket.closed:
             await self._socket.send_str(json.dumps({"t": "answer", "id": number, **answer}))
 
+    async def _or_close(self, job: Coroutine[Any, Any, None]) -> None:
+        """Run a helper; where it fails the socket is closed, so that the page says so and not that all is as before."""
+        try:
+            await job
+        except ConnectionError:
+            raise
+        except Exception as error:  # noqa: BLE001 - logged here: the end of the session cancels this task
+            log.error("a page is disconnected: %r", error)
+            await self._socket.close(code=WSCloseCode.INTERNAL_ERROR, message=FAILED)
+
     async def _send_for_ever(self) -> None:
         while True:
             while self._urgent:
@@ -325,7 +337,13 @@ class PageSession:
             self.take(CALIBRATION, calibration, now_s)
 
     def _show_all(self, now_s: float) -> None:
-        self.take(FLEET, topics.encode(self._host.overview.fields(now_s)), now_s)
+        overview = self._host.overview
+        try:
+            shown = topics.encode(overview.fields(now_s))
+        except Exception as error:  # noqa: BLE001 - whatever a car publishes, the page stays, and STOP ALL with it
+            self._refusals.log("all", f"the cars cannot be shown: {error!r}")
+            shown = topics.encode(overview.unshown(error, now_s))
+        self.take(FLEET, shown, now_s)
 
     def _show_monitor(self) -> None:
         self.take(MONITOR, topics.encode(self._present()), time.monotonic())

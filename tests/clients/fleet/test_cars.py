@@ -121,6 +121,57 @@ def test_two_cars_of_one_name_are_two_rows_and_said():
     assert [row["trouble"] for row in view.fields(None, 12.0)] == [""]
 
 
+ODD = (
+    {"gates": 3}, {"gates": {"motor": [1]}}, {"condition": "x"}, {"battery": 7}, {"distance_error": [1]},
+    {"output": {"winner": "x"}}, {"output": {"winner": "x", "reason": "y", "speed_mps": "fast"}}, {"speed_mps": "fast"},
+    {"session": {"a": 1}}, {"version": "9" * 99}, {"stamp_s": "b"},
+)  # fmt: skip
+
+
+def two_cars():
+    """Return a view of car1, which has said how it is, and of car2, which has said nothing yet; and their link."""
+    link = deaf_link("tcp/a:1")
+    view = fleet_cars.FleetView([link])
+    for name in ("car1", "car2"):
+        view._on_token(link, f"wallride/{name}/alive", True)
+    view._on_status(link, STATUS, status_of("0a"), 10.0)
+    return view, link
+
+
+@pytest.mark.parametrize("payload", [*map(json.dumps, ODD), "[]", "{", "[" * 60_000, '{"state": "\\ud800"}'])
+def test_an_odd_status_is_the_trouble_of_its_own_row_and_nothing_of_it_is_used(payload):
+    view, link = two_cars()
+    view._on_status(link, "wallride/car2/status", payload.encode(), 10.0)
+    first, second = view.fields(None, 10.5)
+    assert (first["trouble"], first["status"]["state"]) == ("", "driving")
+    assert (second["trouble"], second["status"], second["age_s"]) == (fleet_cars.UNREADABLE, {}, None)
+    lines = list(fleet_cars.table([first, second]))
+    assert lines[0].split()[:3] == ["car1", "9", "driving"]
+    assert lines[1].endswith(fleet_cars.UNREADABLE)
+    view._on_status(link, "wallride/car2/status", status_of("0b"), 12.0)
+    assert [row["trouble"] for row in view.fields("car2", 12.0)] == [""], "it is over with what can be read"
+
+
+def test_a_row_that_cannot_be_shown_and_an_escape_sequence_leave_the_other_rows():
+    view, link = two_cars()
+    view._on_status(link, "wallride/car2/status", status_of("0b", "\x1b[2J\n"), 10.0)
+    first, second = view.fields(None, 10.5)
+    assert list(fleet_cars.table([first, second]))[1].split()[2] == "?[2J?"
+    odd = {**second, "status": {"gates": 3}}  # as if the check of the shape had a gap
+    assert [line.split()[0] for line in fleet_cars.table([first, odd])] == ["car1", "car2"]
+
+
+def test_a_car_that_names_ever_new_sessions_fills_neither_the_memory_nor_the_list():
+    view, link = two_cars()
+    for number in range(100):
+        view._on_status(link, "wallride/car2/status", status_of(f"{number:x}"), 10.0 + number / 1000)
+        view._on_refused(link, f"wallride/car2/refused/{number:x}", True)
+    rows = view.fields(None, 10.2)
+    assert sum(row["car"] == "car2" for row in rows) <= 2 * fleet_cars.MAX_STARTS
+    assert len(view._status) == len(view._where) == 1 + fleet_cars.MAX_STARTS
+    assert rows[0]["status"]["state"] == "driving"
+
+
 def test_a_car_that_was_refused_its_name_is_shown():
     view = fleet_cars.FleetView([])
     view._on_refused(deaf_link("tcp/r:1"), "wallride/car1/refused/0c", True)

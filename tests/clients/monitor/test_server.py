@@ -9,9 +9,13 @@ import time
 import aiohttp
 import pytest
 
+from clients.fleet.cars import UNREADABLE
+from clients.fleet.race import RaceControl
 from clients.monitor import assets, connections
 from clients.monitor.outbox import TOPICS
 from runtime.wire import topics
+from runtime.wire.bus import Bus
+from runtime.wire.zenoh_config import client_config
 from tests.promises import promise
 
 
@@ -219,3 +223,54 @@ async def test_garbage_on_the_port_is_not_logged(scene, caplog):
                 await asyncio.wait_for(reader.read(), 2)
             writer.close()
     assert not [record for record in caplog.records if record.name.startswith(("aiohttp", "wallride.monitor"))]
+
+
+async def fleet_shown(socket):
+    """Return what the page is shown of all cars in the next bundle that has it."""
+    while True:
+        (bundle,) = await bundles(socket, 1)
+        if (at := bundle.find(b'{"cars"')) >= 0:
+            return json.JSONDecoder().raw_decode(bundle[at:].decode(errors="replace"))[0]
+
+
+@pytest.mark.parametrize("checked", [True, False])
+async def test_whatever_a_car_publishes_stop_all_works_on_a_page_opened_afterwards(scene, http, monkeypatch, checked):
+    if not checked:  # what the check of the shape may have overlooked
+        monkeypatch.setattr("clients.fleet.cars.check_status", lambda _status: None)
+    odd, key = Bus(client_config(scene.endpoint, None)), topics.key("odd", topics.STATUS)
+    async with scene.car() as car, scene.monitor(), connect(http, scene) as page, connect(http, scene) as late:
+        await odd.open()
+        odd.announce(topics.key("odd", topics.ALIVE))
+        await hello(page)
+        await page.send_str('{"t":"all"}')
+        rows = {}
+        while rows.get("odd", {}).get("trouble") != UNREADABLE:
+            odd.put(key, b'{"gates": 3}')
+            rows = {row["car"]: row for row in (await fleet_shown(page))["cars"]}
+        assert rows["car1"]["trouble"] == ""
+        await hello(late)
+        await late.send_str('{"t":"all"}')
+        await late.send_str('{"t":"stop_all"}')
+        await car.until(lambda: car.e_stop.latched, "stopped")
+        await odd.close()
+
+
+async def test_where_the_cars_cannot_be_shown_the_page_says_so_and_stop_all_works(scene, http, monkeypatch):
+    monkeypatch.setattr(RaceControl, "standings", lambda *_: 1 / 0)
+    async with scene.car() as car, scene.monitor(), connect(http, scene) as page:
+        await hello(page)
+        await page.send_str('{"t":"all"}')
+        assert "the cars cannot be shown" in (await fleet_shown(page))["problems"][0]
+        await page.send_str('{"t":"stop_all"}')
+        await car.until(lambda: car.e_stop.latched, "stopped")
+
+
+async def test_a_page_whose_helper_fails_is_disconnected_and_not_frozen(scene, http, monkeypatch, caplog):
+    monkeypatch.setattr("clients.monitor.session.PageSession._show_pilot", lambda *_: 1 / 0)
+    async with scene.monitor(), connect(http, scene) as page:
+        await hello(page)
+        async with asyncio.timeout(5):
+            async for _ in page:
+                pass
+        assert page.close_code == aiohttp.WSCloseCode.INTERNAL_ERROR
+    assert "a page is disconnected: ZeroDivisionError" in caplog.text
