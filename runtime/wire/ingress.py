@@ -5,6 +5,7 @@ through when the time since the last one that it let through is long enough: an 
 with its first message. A question that is held back has an empty answer at once, and clients ask again (`Bus.ask`).
 """
 
+from collections.abc import Sequence
 from typing import Any, Final
 
 from runtime.wire import topics
@@ -26,27 +27,49 @@ MAX_INCOMING_B: Final = 65536
 """Maximum size of a message that zenoh puts together from fragments, 1 GiB without a limit. More than any request."""
 
 
-def downsampling(car: str, share: float = 1.0) -> list[dict[str, Any]]:
+def downsampling(car: str) -> list[dict[str, Any]]:
     """Return the highest rates at which one client reaches the car, by key [1/s].
 
-    share: of them that a session has; more than 1 for a router, behind which are several clients.
+    The rule for all other keys is for clients on this machine: no access control holds their wildcards back.
     """
+    return [
+        _rates("commands", ["put", "delete"], {topics.key(car, topics.COMMAND): COMMANDS_HZ, "**": COMMANDS_HZ}),
+        _rates("questions", ["query"], {**_questions(car), "**": PIECES_HZ}),
+    ]
+
+
+def routed_downsampling(car: str, planners: Sequence[str], share: float) -> list[dict[str, Any]]:
+    """Return the highest rates at which a router reaches the car, by key [1/s].
+
+    share: of what one client may send; more than 1, because behind a router are several. Every key has a rule of its
+    own and none has two: a planner whose key also fits a rule of the operators' would take their place in it, and a
+    flood of it kept the e-stop back. Other keys need no rule, because access control lets none of them in.
+    """
+    commands = {topics.key(car, topics.COMMAND): COMMANDS_HZ * share, **planner_rates(car, planners)}
+    questions = {key: rate_hz * share for key, rate_hz in _questions(car).items()}
+    return [_rates("commands", ["put", "delete"], commands), _rates("questions", ["query"], questions)]
+
+
+def planner_rates(car: str, planners: Sequence[str]) -> dict[str, float]:
+    """Return the highest rate of each planner's commands [1/s], by key; a planner is one client."""
+    return {topics.planner_key(car, name): COMMANDS_HZ for name in planners}
+
+
+def _questions(car: str) -> dict[str, float]:
+    """Return the highest rate at which one client may ask [1/s], by key."""
     kinds = {
         topics.PARAM: ("list", "get", "history", "save", "configure"),
         topics.OWN_PARTS: ("show", "forget"),
         topics.LOGS: ("list", "trim"),
     }
     questions = [topics.RECORD, *(f"{kind}/{verb}" for kind, verbs in kinds.items() for verb in verbs)]
-    query = {
+    rates = {
         **dict.fromkeys(questions, QUESTIONS_HZ),
         f"{topics.PARAM}/set": CHANGES_HZ,
         topics.SIMULATOR: CHANGES_HZ,
         f"{topics.LOGS}/get": PIECES_HZ,
     }
-    return [
-        _rates("commands", ["put", "delete"], {topics.key(car, topics.COMMAND): COMMANDS_HZ}, COMMANDS_HZ, share),
-        _rates("questions", ["query"], {topics.key(car, name): rate for name, rate in query.items()}, PIECES_HZ, share),
-    ]
+    return {topics.key(car, name): rate_hz for name, rate_hz in rates.items()}
 
 
 def droppable_answers() -> list[dict[str, Any]]:
@@ -74,8 +97,8 @@ def low_pass_filter(command_bytes: int = COMMAND_BYTES) -> list[dict[str, Any]]:
     ]
 
 
-def _rates(name: str, messages: list[str], rates: dict[str, float], others: float, share: float) -> dict[str, Any]:
-    rules = [{"key_expr": key, "freq": rate * share} for key, rate in {**rates, "**": others}.items()]
+def _rates(name: str, messages: list[str], rates: dict[str, float]) -> dict[str, Any]:
+    rules = [{"key_expr": key, "freq": rate_hz} for key, rate_hz in rates.items()]
     return {"id": name, "flows": ["ingress"], "messages": messages, "rules": rules}
 
 

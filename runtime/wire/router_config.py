@@ -13,7 +13,13 @@ from typing import Any, Final
 
 from runtime.wire import topics
 from runtime.wire.endpoints import check_listening
-from runtime.wire.ingress import COMMANDS_HZ, downsampling, droppable_answers, low_pass_filter
+from runtime.wire.ingress import (
+    COMMANDS_HZ,
+    droppable_answers,
+    low_pass_filter,
+    planner_rates,
+    routed_downsampling,
+)
 from runtime.wire.teleop import COMMAND_BYTES
 from runtime.wire.zenoh_config import (
     Grant,
@@ -53,7 +59,7 @@ def uplink_config(
     keep_little(config["transport"]["link"])
     config["qos"] = {"network": droppable_answers()}
     config["low_pass_filter"] = low_pass_filter(COMMAND_BYTES)
-    config["downsampling"] = downsampling(car, ROUTED_SHARE)
+    config["downsampling"] = routed_downsampling(car, planners, ROUTED_SHARE)
     granted = [grant for grant in grants(car) if highest.includes(grant.role)]
     if highest.includes(Role.OPERATOR):
         granted += itertools.chain.from_iterable(planner_grants(car, name, None) for name in planners)
@@ -77,11 +83,11 @@ def router_config(
     people: all names of the fleet, cars among them. Without `tls` only this machine reaches the router, and each of its
     programs has every right. scans_hz: highest rate of each car's scans towards viewers.
     """
-    cars = [person.name for person in people if person.role is Role.CAR]
+    cars, planners = ([person.name for person in people if person.role is role] for role in (Role.CAR, Role.PLANNER))
     config = listening_config(name, listen, ["tls"] if tls else ["tcp"], tls, MAX_ROUTER_SESSIONS)
     if tls is not None:
         config["access_control"] = router_access_control(people)
-        config["downsampling"] = _thinned(cars, scans_hz)
+        config["downsampling"] = _thinned(cars, planners, scans_hz)
         config["qos"] = {"network": droppable_answers()}
     return config
 
@@ -170,11 +176,12 @@ def _merged(granted: Iterator[Grant]) -> list[Grant]:
     return list(merged.values())
 
 
-def _thinned(cars: Sequence[str], scans_hz: float) -> list[dict[str, Any]]:
+def _thinned(cars: Sequence[str], planners: Sequence[str], scans_hz: float) -> list[dict[str, Any]]:
     """Return the highest rates towards each client, and what each client may send; every key by name."""
     seen = {topics.key(car, topics.SCAN): scans_hz for car in cars}
     seen |= {topics.key(car, topic): VIEWED_HZ for car in cars for topic in FREQUENT}
     said = {topics.key(car, topics.COMMAND): COMMANDS_HZ for car in cars}
+    said |= {key: rate_hz for car in cars for key, rate_hz in planner_rates(car, planners).items()}
     kinds = (("viewed", "egress", seen), ("commands", "ingress", said))
     return [
         {

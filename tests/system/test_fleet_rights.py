@@ -3,6 +3,8 @@
 import asyncio
 import contextlib
 import json
+import threading
+import time
 from datetime import UTC, datetime
 
 import pytest
@@ -224,6 +226,35 @@ async def test_what_a_router_itself_invents_is_bounded_by_the_cars_own_access_co
         asked = asyncio.create_task(bob.ask("wallride/car1/param/configure"))
         await stage.until(asked.done)
         assert asked.result() == [], "an admin's right is not passed on"
+
+
+def flood_until(ended, bus, key):
+    """Send evenly, more often than any rule lets through; for at most ten seconds."""
+    began_s = time.monotonic()
+    while not ended.is_set() and time.monotonic() - began_s < 10.0:
+        bus.put(key, EVIL, urgent=True)
+        time.sleep(0.0001)
+
+
+@pytest.mark.parametrize("start", range(2))  # zenoh chooses its rule anew with each session
+async def test_a_flood_of_a_planner_keeps_no_command_of_an_operator_back(fleet, start):
+    async with scene(fleet) as stage:
+        _, uplink = await stage.car("car1")
+        await admitted(stage, uplink)
+        alice, slam = await stage.person("alice"), await stage.person("slam")
+        command, plan = "wallride/car1/operator/command", "wallride/car1/planner/slam/command"
+        await stage.until(lambda: alice.wanted(command) and slam.wanted(plan))
+        ended = threading.Event()
+        flood = asyncio.create_task(asyncio.to_thread(flood_until, ended, slam, plan))
+        for number in range(75):
+            alice.put(command, bytes([number]), urgent=True)
+            await stage.listen(0.02)
+        ended.set()
+        await flood
+        await stage.listen()
+        taken = [key for key, _ in stage.taken["car1"]]
+        assert taken.count(plan) > 75, "it was a flood"
+        assert taken.count(command) >= 70, f"start {start}"
 
 
 async def test_the_second_car_of_a_name_is_refused_seen_and_takes_no_commands(fleet):
