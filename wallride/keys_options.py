@@ -21,7 +21,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     )
     add_person = actions.add_parser("add", help="create keys for a person or a computer")
     add_person.add_argument(
-        "name", metavar="NAME", help="a-z, 0-9, _ and -, up to 24 characters; shown as the operator"
+        "name", metavar="NAME", help="a-z, 0-9, _ and -, up to 24 characters (a car: 32); shown as the operator"
     )
     add_person.add_argument(
         "--role",

@@ -17,14 +17,13 @@ from datetime import date, datetime
 from pathlib import Path
 
 from clients.keys.authority import Authority, KeyPair
-from runtime.security.access_list import NAME_FORM, AccessEntry, KeysError, explain_name, read_people
+from runtime.security.access_list import CAR_FORM, AccessEntry, KeysError, name_trouble, read_people
 from runtime.security.key_files import AUTHORITY, CAR, PEOPLE
 from runtime.wire.zenoh_config import Person, Role
 
 AUTHORITY_KEY = "ca.key"
 SERVICE_GROUP = "wallride"
 HEAD = "# Who may do what on this car. Written by `wallride keys`; the car reads it when it starts.\n"
-CAR_FORM = re.compile(r"[a-z0-9][a-z0-9_-]{0,31}")
 _HOST_FORM = re.compile(r"[A-Za-z0-9_](?:[A-Za-z0-9._-]{0,251}[A-Za-z0-9])?|[0-9A-Fa-f:.]+")
 
 
@@ -79,8 +78,8 @@ class KeyFolder:
 
     def add(self, person: Person, folder: Path, now: datetime, days: int, *, renew: bool) -> AccessEntry:
         """Make a person's keys in a new folder and list them."""
-        if not NAME_FORM.fullmatch(person.name):
-            raise KeysError(f"{person.name}: is not a name; {explain_name()}")
+        if trouble := name_trouble(person.name, person.role):
+            raise KeysError(f"{person.name}: {trouble}")
         if person.name in {CAR, Path(AUTHORITY).stem}:
             raise KeysError(f"{person.name}: is what the car's own files are called; take another name")
         if person.role is Role.CAR and (self.path / f"{CAR}.pem").exists():

@@ -15,6 +15,8 @@ from runtime.wire.zenoh_config import Person, Role
 
 NAME_FORM = re.compile(r"[a-z0-9][a-z0-9_-]{0,23}")
 """Form of a person's name: it is a key in TOML, a file's name everywhere, and fits a teleop message."""
+CAR_FORM = re.compile(r"[a-z0-9][a-z0-9_-]{0,31}")
+"""Form of a car's or router's name, that of `car.name`; a certificate takes twice as much."""
 
 
 class KeysError(Exception):
@@ -44,20 +46,24 @@ def read_people(path: Path) -> tuple[AccessEntry, ...]:
 
 
 def _listed(path: Path, name: str, entry: object) -> AccessEntry:
-    if not NAME_FORM.fullmatch(name):
-        raise KeysError(f"{path}: [{name}] is not a name; {explain_name()}")
     if not isinstance(entry, Mapping) or set(entry) - {"role", "expires", "revoked"}:
         raise KeysError(f"{path}: [{name}] may have role, expires and revoked, and nothing else")
     try:
         role = Role(entry["role"])
     except (KeyError, ValueError):
         raise KeysError(f"{path}: [{name}] role must be one of {', '.join(Role)}") from None
+    if trouble := name_trouble(name, role):
+        raise KeysError(f"{path}: [{name}] {trouble}")
     expires, revoked = entry.get("expires"), entry.get("revoked")
     if type(expires) is not date or type(revoked) not in {date, type(None)}:
         raise KeysError(f"{path}: [{name}] expires and revoked must be dates like 2027-05-01, without quotes")
     return AccessEntry(Person(name, role), expires, revoked)
 
 
-def explain_name() -> str:
-    """Return the rule for names, as text."""
-    return "names are 1 to 24 of a-z, 0-9, _ and -, beginning with a letter or digit"
+def name_trouble(name: str, role: Role) -> str:
+    """Return why someone of this role cannot have a name, with the rule; "" for one that is right."""
+    form, characters = (CAR_FORM, 32) if role is Role.CAR else (NAME_FORM, 24)
+    if form.fullmatch(name):
+        return ""
+    what = "a car's name" if role is Role.CAR else "a name"
+    return f"is not {what}; names are 1 to {characters} of a-z, 0-9, _ and -, beginning with a letter or digit"

@@ -10,13 +10,15 @@ from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from clients.keys.folder import KeyFolder
+from runtime.control.vehicle import CarSettings
 from runtime.security.access_list import KeysError
 from runtime.security.certificates import read_identity
-from runtime.security.key_files import car_keys, client_keys
+from runtime.security.key_files import car_keys, client_keys, uplink_sessions
 from runtime.wire.zenoh_config import Person, Role, Tls
 
 NOW = datetime(2026, 5, 1, 12, tzinfo=UTC)
 ALICE = Person("alice", Role.OPERATOR)
+ROUTER = "tls/track.local:7449"
 
 
 @pytest.fixture
@@ -103,6 +105,22 @@ def test_names_that_would_break_something_are_refused(folder, tmp_path, name):
     with pytest.raises(KeysError, match="name"):
         folder.add(Person(name, Role.VIEWER), tmp_path / "x", NOW, 30, renew=False)
     assert folder.people() == ()
+
+
+def test_a_car_has_keys_under_every_name_that_its_settings_take(tmp_path):
+    name = "a" * 32
+    assert CarSettings(name=name).name == name
+    fleet = KeyFolder(tmp_path / "fleet")
+    fleet.make_router("track", [], NOW, 30, renew=False)
+    fleet.add(Person(name, Role.CAR), tmp_path / "keys", NOW, 30, renew=False)
+    assert [entry.person.name for entry in fleet.people()] == [name]
+    assert len(uplink_sessions([ROUTER], tmp_path / "keys", name, NOW, (), Role.OPERATOR)[0]) == 1, (
+        "the car connects with them"
+    )
+    with pytest.raises(KeysError, match=r"is not a car's name; names are 1 to 32"):
+        fleet.add(Person("a" * 33, Role.CAR), tmp_path / "more", NOW, 30, renew=False)
+    with pytest.raises(KeysError, match=r"is not a name; names are 1 to 24"):
+        fleet.add(Person("a" * 25, Role.PLANNER), tmp_path / "more", NOW, 30, renew=False)
 
 
 def test_init_neither_overwrites_nor_guesses(folder):
