@@ -5,6 +5,7 @@ import asyncio
 import contextlib
 import json
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -37,11 +38,28 @@ def read_config(file: Path) -> dict[str, Any]:
         config = json.loads("\n".join(line for line in lines if not line.startswith(COMMENT)))
     except OSError as error:
         raise ConnectionProblemError(f"{file}: {error.strerror}; `wallride keys router NAME` writes one") from None
-    except ValueError:
+    except (RecursionError, ValueError):
         config = None
     if not isinstance(config, dict):
         raise ConnectionProblemError(f"{file}: is not what `wallride keys router` wrote; let it write the file again")
+    if missing := ", ".join(_missing(config)):
+        raise ConnectionProblemError(
+            f"{file}: has no {missing}: such a router serves nobody, or lets anyone command every car;"
+            " let `wallride keys router NAME` write the file"
+        )
     return config
+
+
+def _missing(config: dict[str, Any]) -> Iterator[str]:
+    """Yield what a router's configuration lacks; zenoh's defaults for it let everyone in, or nobody."""
+    listen, control = config.get("listen"), config.get("access_control")
+    if config.get("mode") != "router":
+        yield 'mode "router"'
+    if not isinstance(listen, dict) or not listen.get("endpoints"):
+        yield "listen.endpoints"
+    denies = {"enabled": True, "default_permission": "deny"}
+    if not isinstance(control, dict) or {name: control.get(name) for name in denies} != denies:
+        yield 'access_control that is enabled with default_permission "deny"'
 
 
 def bench_config(listen: str) -> dict[str, Any]:
