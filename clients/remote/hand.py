@@ -71,8 +71,9 @@ class ScriptedHand:
         )  # fmt: skip
 
     def note(self, state: PilotState) -> None:
-        """Take in what became of the last command."""
-        if not self.driving or self.trouble:
+        """Take in what became of the last command; one in which nothing was pressed says nothing about driving."""
+        # `send` comes from the script's thread, perhaps since `inputs` was read: that press is not in this command yet.
+        if not self.driving or self.trouble or not state.inputs.pressed:
             return
         if state.block is not DeadmanFault.NONE or state.flags != Press.MANUAL:
             self.trouble = str(state.block or state.closed_by or DeadmanFault.HELD)

@@ -55,6 +55,22 @@ def test_what_is_sent_is_driven(script):
     assert script.hand.trouble == ""
 
 
+def test_a_send_while_a_command_is_on_its_way_is_driven_with_the_next_one(script):
+    rig = script.rig
+    command = script.pilot.step(script.hand.inputs(rig.now_s), rig.now_s)
+    script.hand.send(1.0, 0.1, rig.now_s)  # by the script's thread, while the loop's is in its step
+    script.hand.note(script.pilot.situation)
+    rig.desk.receive("", command.pack(), rig.now_s)
+    assert script.hand.trouble == ""
+    assert script.run(0.1, (1.0, 0.1)).speed_mps == pytest.approx(1.0)
+
+
+def test_a_send_after_the_scripts_own_e_stop_is_refused(script):
+    script.hand.press_e_stop()
+    script.run(0.1, (1.0, 0.1))
+    assert script.hand.trouble == "e-stop"
+
+
 def test_a_script_that_stalls_stops_the_car_and_does_not_go_on_by_itself(script):
     script.run(0.2, (1.0, 0.1))
     decision = script.run(HOLD_S + 3 * BEAT_S)
