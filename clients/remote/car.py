@@ -116,14 +116,19 @@ class RemoteCar:
 
     @contextmanager
     def record(self) -> Iterator[Mapping[str, Any]]:
-        """Record on the car within a `with` block, whose value is the recorder's state; needs the role admin."""
+        """Record on the car within a `with` block, whose value is the recorder's state; needs the role admin.
+
+        After the block what held before holds again: `recording.start`, or an earlier request. ConnectionProblemError
+        when the car does not answer, RefusedError when its recording is turned off.
+        """
+        before = self._record()["requested"]
         try:
             yield self._record(on=True)
         finally:
-            self._record(on=False)
+            self._record(by_itself=True) if before is None else self._record(on=before)
 
-    def _record(self, *, on: bool) -> Mapping[str, Any]:
-        question = json.dumps({"on": on}).encode()
+    def _record(self, **wish: bool) -> Mapping[str, Any]:
+        question = json.dumps(wish).encode()
         answers = self._thread.call(self._bus.ask(topics.key(self.name, requests.RECORD), question, timeout_s=3.0))
         if not answers:
             raise ConnectionProblemError(f"{self.name} does not answer {requests.RECORD}: are you an admin of it?")

@@ -152,8 +152,8 @@ class Recorder:
 
         return take
 
-    def request(self, *, on: bool) -> None:
-        """Begin a recording or end it, whatever the car does."""
+    def request(self, *, on: bool | None) -> None:
+        """Begin a recording or end it, whatever the car does; None leaves it to `recording.start` again."""
         self._writer.wished = on
         self._wake.set()
 
@@ -185,6 +185,7 @@ class Recorder:
             "on": bool(report.file),
             "file": report.file,
             "why": report.why,
+            "requested": self._writer.wished,
             "words": self._words(),
             "written_mb": round(report.written_bytes / MB, 3),
             "lost": self._lost,

@@ -1,6 +1,6 @@
 """Requests about recordings, and their keys: closed forms, shared by the car and its clients.
 
-record       {"on": true|false}, or {} for the state alone
+record       {"on": true|false}, {"by_itself": true} to record by `recording.start` again, or {} for the state alone
 logs/list    {}                                             lists the recordings
 logs/get     {"name": ..., "offset": ..., "length": ...}    a piece of one file, as it is
 logs/trim    {"keep_mb": ...}                               deletes the oldest down to this size
@@ -22,9 +22,10 @@ MAX_QUESTION_B = 1024
 
 
 class RecordQuestion(Request):
-    """Request to begin or end a recording, or for its state."""
+    """Request to begin or end a recording, to leave that to the car's settings again, or for its state."""
 
     on: bool | None = None
+    by_itself: bool = False
 
 
 class ListRecordings(Request):

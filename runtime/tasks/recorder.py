@@ -55,17 +55,25 @@ class Library:
         self._asking = 0
 
     async def record(self, payload: bytes) -> bytes:
-        """Begin or end a recording, wait until that happened, and return the state."""
-        wish = _read(RecordQuestion, payload).on
+        """Begin or end a recording or leave that to the settings, wait until it happened, and return the state."""
+        question = _read(RecordQuestion, payload)
+        wish = question.on
+        if wish is not None and question.by_itself:
+            raise RefusedError("on and by_itself contradict each other: send one of them")
         if wish and not self._recorder.is_enabled:
             raise RefusedError("recording is turned off on this car: recording.enabled = false")
-        if wish is not None:
+        if wish is not None or question.by_itself:
             self._recorder.request(on=wish)
-            for _ in range(round(BEGINS_WITHIN_S / LOOK_EVERY_S)):
-                if self._recorder.status()["on"] is wish:
-                    break
-                await asyncio.sleep(LOOK_EVERY_S)
+            await self._followed(wish)
         return topics.encode(self._recorder.status())
+
+    async def _followed(self, wish: bool | None) -> None:  # noqa: FBT001 - the request's own value
+        """Wait until the recorder's thread has done what was asked, for at most BEGINS_WITHIN_S."""
+        for _ in range(round(BEGINS_WITHIN_S / LOOK_EVERY_S)):
+            status = self._recorder.status()
+            if not status["why"].startswith("asked ") if wish is None else status["on"] is wish:
+                return
+            await asyncio.sleep(LOOK_EVERY_S)
 
     async def list_all(self, payload: bytes) -> bytes:
         """Return every recording, oldest first."""

@@ -163,6 +163,7 @@ async def test_a_link_in_the_folder_is_not_followed(tmp_path):
         (TRIM, b"{}"),
         (TRIM, b'{"keep_mb":-1}'),
         (RECORD, b'{"on":"yes"}'),
+        (RECORD, b'{"on":true,"by_itself":true}'),
         (RECORD, b"nonsense"),
         (LIST, b'{"folder":"/"}'),
         (LIST, b" " * 2000),

@@ -16,6 +16,7 @@ from runtime.wire.network import RefusedError
 from runtime.wire.teleop import Press
 from tests.clients.speaking_car import speaking_car
 from tests.clients.teleop.test_app import FakeCar
+from tests.clients.test_logs import Car as CarWithRecorder
 from tests.clients.test_parameters import Car as CarWithParameters
 
 
@@ -88,6 +89,33 @@ async def test_parameters_are_a_mapping_of_the_driving_car(tmp_path):
 
         await in_thread(script)
         assert "kp = 2.5" in car.file.read_text()
+
+
+@pytest.mark.parametrize(
+    ("start", "asked", "before", "after"),
+    [
+        ("always", None, "always", "always"),
+        ("request", None, "request", "request"),
+        ("request", True, "asked for", "asked for"),
+        ("always", False, "asked not to", "asked not to"),
+    ],
+)
+async def test_after_a_recording_the_car_records_as_before(tmp_path, start, asked, before, after):
+    async with CarWithRecorder(tmp_path, start=start) as car:
+        car.recorder.listen()
+        if asked is not None:
+            car.recorder.request(on=asked)
+
+        def script():
+            with wallride.connect(at=car.endpoint) as remote:
+                assert remote._record()["why"] == before
+                with remote.record() as state:
+                    assert (state["on"], state["why"]) == (True, "asked for")
+                return remote._record()
+
+        state = await in_thread(script)
+    assert state["why"] == after
+    assert state["requested"] is asked
 
 
 async def test_driving_releases_first_then_presses_then_says_goodbye():
