@@ -2,14 +2,15 @@
 
 import asyncio
 import secrets
+import time
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 
 from clients.connection import ConnectionProblemError
-from clients.remote.hand import ScriptedHand
+from clients.remote.hand import UNHEEDED, ScriptedHand
 from clients.remote.loop_thread import LoopThread
 from clients.remote.source_block import READY_WITHIN_S, SourceBlock
-from clients.teleop.pilot import Pilot
+from clients.teleop.pilot import MINDED_S, Pilot
 from runtime.wire import topics
 from runtime.wire.bus import Bus
 from runtime.wire.network import BYTES
@@ -33,6 +34,7 @@ class RemoteDriver(SourceBlock):
         self._car = car
         self._pilot = Pilot(secrets.randbits(63) + 1, name, hand.shape)
         self._ready = asyncio.Event()
+        self._obeyed = asyncio.Event()
 
     def release(self) -> None:
         """Let go: the car stops, unless it may drive by itself. The next `send` drives again."""
@@ -58,9 +60,26 @@ class RemoteDriver(SourceBlock):
     def _step(self, bus: Bus, now_s: float) -> None:
         self._send(bus, self._pilot.step(self._hand.inputs(now_s), now_s).pack())
         if (state := self._pilot.situation) is not None:
+            if state.mine:
+                self._obeyed.set()
             self._hand.note(state)
             if state.armed:
                 self._ready.set()
+
+    async def _end(self, *, orderly: bool) -> None:
+        if orderly and self._bus is not None and self._hand.asked and not self._obeyed.is_set():
+            await self._ask_once_more(self._bus)
+        await super()._end(orderly=orderly)
+
+    async def _ask_once_more(self, bus: Bus) -> None:
+        """Wait for the car's answer to a press, released: a block may be shorter than the way to the car and back."""
+        self._step(bus, time.monotonic())  # of a block shorter than PERIOD_S this is the first, with centred sticks
+        self._hand.release()
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self._obeyed.wait(), MINDED_S)
+
+    def _unobeyed(self) -> str:
+        return (self._hand.trouble or UNHEEDED) if self._hand.asked and not self._obeyed.is_set() else ""
 
     def _say_goodbye(self, bus: Bus) -> None:
         self._send(bus, self._pilot.goodbye(Input.SCRIPT).pack())

@@ -17,6 +17,9 @@ HOLD_S: Final = 0.2
 """Duration for which one `send` holds."""
 UNHEEDED_S: Final = 1.0
 """Duration of pressing without any effect after which the car does not want this client."""
+UNHEEDED: Final = (
+    "the car takes no command of it: is your certificate's role operator or admin, and the link fast enough?"
+)
 NO_RAMP_MPS2: Final = 1e6
 """The car's limiter bounds the acceleration."""
 
@@ -24,7 +27,7 @@ NO_RAMP_MPS2: Final = 1e6
 class ScriptedHand:
     """What the script holds at a time, and whether it may still drive.
 
-    trouble: why it may not, "" while it may. driving: the car was asked to move by it.
+    trouble: why it may not, "" while it may. driving: the car is asked to move by it; asked: it was at some time.
     """
 
     def __init__(self, max_speed_mps: float, max_steering_rad: float) -> None:
@@ -32,7 +35,7 @@ class ScriptedHand:
             raise ValueError("max_speed_mps and max_steering_rad must be positive")
         self.shape = InputShape(max_speed_mps, max_steering_rad, deadzone=0.0, expo=0.0, ramp_mps2=NO_RAMP_MPS2)
         self.trouble = ""
-        self.driving = False
+        self.driving = self.asked = False
         self._sent_s = -math.inf
         self._speed = self._steering = 0.0
         self._pressed = False
@@ -44,7 +47,7 @@ class ScriptedHand:
             raise ValueError(f"speed {speed_mps} m/s, steering {steering_rad} rad: both must be numbers")
         self._speed = max(-1.0, min(speed_mps / self.shape.max_speed_mps, 1.0))
         self._steering = max(-1.0, min(steering_rad / self.shape.max_steering_rad, 1.0))
-        self._sent_s, self.driving = now_s, True
+        self._sent_s, self.driving, self.asked = now_s, True, True
 
     def release(self) -> None:
         """Let go on purpose: the car stops, unless it may drive by itself; the next `send` presses again."""
@@ -78,4 +81,4 @@ class ScriptedHand:
         if state.block is not DeadmanFault.NONE or state.flags != Press.MANUAL:
             self.trouble = str(state.block or state.closed_by or DeadmanFault.HELD)
         elif state.unminded_s > UNHEEDED_S:
-            self.trouble = "the car does not obey: does your certificate allow it to drive?"
+            self.trouble = UNHEEDED

@@ -2,9 +2,12 @@
 
 import asyncio
 import secrets
+import time
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
+from typing import Final
 
+from clients.remote.acceptance import Acceptance
 from clients.remote.hand import ScriptedHand
 from clients.remote.loop_thread import LoopThread
 from clients.remote.source_block import READY_WITHIN_S, SourceBlock
@@ -13,6 +16,8 @@ from runtime.wire import topics
 from runtime.wire.bus import Bus
 from runtime.wire.network import BYTES
 from runtime.wire.teleop import Beat, Command, Input, Malformed, Press, read_beat
+
+NO_STATUS: Final = "its status, which lists its planners, does not come: is telemetry.rates_hz.status 0?"
 
 
 class PlanRefusedError(Exception):
@@ -29,13 +34,14 @@ class RemotePlanner(SourceBlock):
         self, thread: LoopThread, open_bus: Callable[[], Awaitable[Bus]], car: str, name: str, hand: ScriptedHand
     ) -> None:
         super().__init__(thread, open_bus, hand, f'car.plan("{name}")', PlanRefusedError)
+        self._car = car
         self._key = topics.planner_key(car, name)
-        self._beat_key = topics.key(car, topics.BEAT)
         self._name = name
+        self._acceptance = Acceptance(car, name)
         self._session = secrets.randbits(63) + 1
         self._sequence = 0
         self._beat: Beat | None = None
-        self._heard = asyncio.Event()
+        self._news = asyncio.Event()
 
     def release(self) -> None:
         """Ask for nothing: the car stops, and this planner keeps it."""
@@ -43,13 +49,30 @@ class RemotePlanner(SourceBlock):
 
     async def _begin(self) -> None:
         self._bus = bus = await self._open_bus()
-        bus.subscribe(self._beat_key, self._on_beat)
+        bus.subscribe(topics.key(self._car, topics.BEAT), self._on_beat)
+        bus.subscribe(topics.key(self._car, topics.STATUS), self._on_status)
+        acceptance = self._acceptance
         try:
-            await asyncio.wait_for(self._heard.wait(), READY_WITHIN_S)
+            await self._until(lambda: self._beat is not None, "no heartbeat from the car")
+            await self._until(lambda: acceptance.is_listed, NO_STATUS)
+            acceptance.begin(time.monotonic())
+            self._loop = asyncio.create_task(self._run(bus), name="plan")
+            await self._until(lambda: acceptance.accepted, NO_STATUS)
+        except BaseException:
+            await self._end(orderly=True)
+            raise
+
+    async def _until(self, reached: Callable[[], bool], silent: str) -> None:
+        """Wait for it; PlanRefusedError with the status's reason against it, or `silent` without one in time."""
+        try:
+            async with asyncio.timeout(READY_WITHIN_S):
+                while not reached():
+                    if self._acceptance.refused:
+                        raise PlanRefusedError(self._acceptance.refused)
+                    await self._news.wait()
+                    self._news.clear()
         except TimeoutError:
-            await self._end(orderly=False)
-            raise PlanRefusedError("no heartbeat from the car") from None
-        self._loop = asyncio.create_task(self._run(bus), name="plan")
+            raise PlanRefusedError(f"{self._car} cannot be planned for now: {silent}") from None
 
     def _step(self, bus: Bus, now_s: float) -> None:
         inputs = self._hand.inputs(now_s)
@@ -77,4 +100,9 @@ class RemotePlanner(SourceBlock):
     def _on_beat(self, _key: str, payload: bytes, _arrival_s: float) -> None:
         with suppress(Malformed):
             self._beat = read_beat(payload)
-            self._heard.set()
+            self._news.set()
+
+    def _on_status(self, _key: str, payload: bytes, arrival_s: float) -> None:
+        with suppress(ValueError, TypeError):  # the next one comes in a tenth of a second
+            self._acceptance.hear(topics.decode(payload), arrival_s)
+            self._news.set()

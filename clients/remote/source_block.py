@@ -32,6 +32,7 @@ class SourceBlock(ABC):
         self._hand = hand
         self._call = call
         self._refused = refused
+        self._told = False
         self._bus: Bus | None = None
         self._loop: asyncio.Task[None] | None = None
 
@@ -43,12 +44,15 @@ class SourceBlock(ABC):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._thread.call(self._end(orderly=error is None and not self._hand.trouble))
+        if error is None and not self._told and (why := self._unobeyed()):
+            raise self._refused(f"{why}; begin anew with {self._call}")
 
     def send(self, speed_mps: float, steering_rad: float) -> None:
         """Ask for this drive for 0.2 s; the error of the block once the car no longer obeys this script."""
         if self._bus is None:
             raise self._refused(f"use it in a with block: with {self._call} as source:")
         if self._hand.trouble:
+            self._told = True
             raise self._refused(f"{self._hand.trouble}; begin anew with {self._call}")
         self._hand.send(speed_mps, steering_rad, time.monotonic())
 
@@ -63,6 +67,10 @@ class SourceBlock(ABC):
     @abstractmethod
     def _say_goodbye(self, bus: Bus) -> None:
         """Send one goodbye."""
+
+    def _unobeyed(self) -> str:
+        """Return why the car took no command of the whole block, "" when it did, or was asked for nothing."""
+        return ""
 
     async def _run(self, bus: Bus) -> None:
         next_s = time.monotonic()

@@ -164,6 +164,40 @@ async def test_a_script_that_stalls_or_fails_is_a_lost_operator_without_a_goodby
         assert Press.GOODBYE not in car.flags
 
 
+@pytest.mark.parametrize("sends", [1, 5])
+async def test_a_block_whose_commands_the_car_did_not_take_ends_with_an_error(sends):
+    async with FakeCar(obeys=False) as car:
+
+        def drive(remote, times):
+            with remote.drive() as hand:
+                for _ in range(times):
+                    hand.send(0.5, 0.1)
+                    time.sleep(0.02)
+
+        def script():
+            with wallride.connect(at=car.bus.endpoint) as remote:
+                with pytest.raises(DriveRefusedError, match="certificate's role operator"):
+                    drive(remote, sends)
+                drive(remote, 0)  # asked for nothing: nothing was refused
+
+        await in_thread(script)
+        await car.heard(Press.GOODBYE)
+
+
+async def test_a_long_block_learns_before_its_end_that_the_car_takes_no_command():
+    async with FakeCar(obeys=False) as car:
+
+        def script():
+            with wallride.connect(at=car.bus.endpoint) as remote, remote.drive() as hand:
+                until_s = time.monotonic() + 5.0
+                while time.monotonic() < until_s:
+                    hand.send(0.5, 0.1)
+                    time.sleep(0.02)
+
+        with pytest.raises(DriveRefusedError, match="certificate's role operator"):
+            await in_thread(script)
+
+
 async def test_a_car_without_a_heartbeat_cannot_be_driven():
     async with FakeCar() as car:
         car.beating = False

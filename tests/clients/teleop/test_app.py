@@ -34,9 +34,10 @@ LAP = Script([
 
 
 class FakeCar:
-    """Beats, and remembers what it was told."""
+    """Beats, and remembers what it was told. obeys: its heartbeats name the session of the newest command."""
 
-    def __init__(self):
+    def __init__(self, *, obeys=True):
+        self.obeys = obeys
         self.bus = Bus(zenoh_config.car_config([free_endpoint()], None, (), "car1"))
         self.commands = []
         self.beating = True
@@ -61,7 +62,7 @@ class FakeCar:
         number = 0
         while True:
             number += 1
-            newest = self.commands[-1] if self.commands else None
+            newest = self.commands[-1] if self.commands and self.obeys else None
             sequence, age_ms = (newest[1].sequence, round((time.monotonic() - newest[0]) * 1000)) if newest else (0, 0)
             session = newest[1].session if newest else 0
             beat = Beat(4, number, CarCondition(0), session, sequence, age_ms, 0.0, "ann")
