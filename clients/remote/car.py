@@ -53,7 +53,7 @@ class RemoteCar:
             self._thread.close()
             raise
         self.parameters = RemoteParameters(self._ask)
-        self._open = True
+        self._is_open = True
 
     def __enter__(self) -> Self:
         return self
@@ -73,9 +73,9 @@ class RemoteCar:
 
     def close(self) -> None:
         """End all iterations and the connection; harmless when it is closed."""
-        if not self._open:
+        if not self._is_open:
             return
-        self._open = False
+        self._is_open = False
         for stream in {id(one): one for streams in self._streams.values() for one in streams}.values():
             stream.close()
         self._thread.call(self._bus.close())
@@ -104,7 +104,7 @@ class RemoteCar:
     def drive(self, *, max_speed_mps: float = 1.5, max_steering_rad: float = 0.34) -> RemoteDriver:
         """Return a `with` block in which this script drives, under the rules for operators; needs the role operator."""
         hand = checked_hand(max_speed_mps, max_steering_rad)
-        return RemoteDriver(self._thread, lambda: open_bus(self._options), self.name, self._operator, hand)
+        return RemoteDriver(self._thread, self._open, self.name, self._operator, hand)
 
     def plan(self, name: str, *, max_speed_mps: float = 3.0, max_steering_rad: float = 0.4) -> RemotePlanner:
         """Return a `with` block in which this script plans in the follower's place (docs/planners.md).
@@ -112,7 +112,7 @@ class RemoteCar:
         name: one of the car's `planners.names`; over tls that of your certificate, whose role is planner.
         """
         hand = checked_hand(max_speed_mps, max_steering_rad)
-        return RemotePlanner(self._thread, lambda: open_bus(self._options), self.name, name, hand)
+        return RemotePlanner(self._thread, self._open, self.name, name, hand)
 
     @contextmanager
     def record(self) -> Iterator[Mapping[str, Any]]:
@@ -170,7 +170,7 @@ class RemoteCar:
 
     async def _connected(self) -> tuple[Bus, str]:
         options = self._options
-        bus = await open_bus(options)
+        bus = await self._open()
         try:
             name = await find_car(bus, options.car)
             if options.session is not None:
@@ -179,6 +179,9 @@ class RemoteCar:
             await bus.close()
             raise
         return bus, name
+
+    async def _open(self) -> Bus:
+        return self._thread.look_after(await open_bus(self._options))
 
 
 def connect(

@@ -90,6 +90,13 @@ class Bus:
         if session is not None:
             await asyncio.to_thread(session.close)
 
+    def close_now(self) -> None:
+        """Close the session in the calling thread, for a program that ends: then no executor takes `close`'s work."""
+        session, self._session = self._session, None
+        if session is not None:
+            close: Callable[[], object] = session.close
+            close()
+
     @property
     def session_id(self) -> str:
         """Return zenoh's id of the open session; ConnectionError while it is closed."""

@@ -3,6 +3,8 @@
 import asyncio
 import itertools
 import math
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -214,10 +216,26 @@ async def test_a_car_without_a_heartbeat_cannot_be_driven():
         await in_thread(script)
 
 
-def test_the_package_imports_nothing_before_it_is_asked():
-    import subprocess
-    import sys
+ENDS_WITHOUT_CLOSING = """
+import sys, wallride
+car = wallride.connect(at=sys.argv[1])
+for odom in car.topic("odom"):
+    1 / 0
+"""
 
+
+async def test_a_script_that_ends_with_an_error_ends_with_its_own_exit_code():
+    async with speaking_car() as bus:
+        for _ in range(3):  # without the orderly end five of six were aborted
+            process = await asyncio.create_subprocess_exec(
+                sys.executable, "-c", ENDS_WITHOUT_CLOSING, bus.endpoint, stderr=asyncio.subprocess.PIPE
+            )
+            _, said = await process.communicate()
+            assert said.decode().splitlines()[-1] == "ZeroDivisionError: division by zero"
+            assert process.returncode == 1
+
+
+def test_the_package_imports_nothing_before_it_is_asked():
     code = "import sys, wallride; print([name for name in ('zenoh', 'numpy', 'clients') if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
