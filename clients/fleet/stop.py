@@ -4,15 +4,16 @@ import argparse
 import asyncio
 import secrets
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 from clients.connection import ConnectionProblemError
 from clients.fleet.links import FleetLink, fleet_links
 from runtime.wire import topics
 from runtime.wire.network import BYTES
-from runtime.wire.teleop import CarCondition, Command, Input, Malformed, Press, read_beat
+from runtime.wire.teleop import CarCondition, Command, Input, Malformed, Press, read_beat, session_text
 
 PERIOD_S = 0.02
 SETTLING_S = 0.5
@@ -24,11 +25,22 @@ INSIST_S = 0.3
 """Time for which the e-stop is repeated after its confirmation: a car latched for another reason has to learn of it."""
 
 
-class FleetStop:
-    """The e-stop to every car on these links, or to one name.
+@dataclass(frozen=True, slots=True)
+class StopResult:
+    """What became of the e-stop to one start of a car.
 
-    cars: by name, the time until all starts of that car that were heard had latched, None while one has not.
+    session: of that start, "" for a car without a heartbeat. took_s: time from the press to its confirmation, None
+    without one. refused_at: endpoint at which another car has its name, so that no command reaches it; "" elsewhere.
     """
+
+    car: str
+    session: str
+    took_s: float | None
+    refused_at: str = ""
+
+
+class FleetStop:
+    """The e-stop to every car on these links, or to one name."""
 
     def __init__(self, links: Sequence[FleetLink], name: str, only: str | None = None) -> None:
         self._links = links
@@ -38,6 +50,8 @@ class FleetStop:
         self._present: set[tuple[FleetLink, str]] = set()
         self._latched_s: dict[tuple[str, int], float | None] = {}
         self._heard_s: dict[tuple[str, int], float] = {}
+        self._refused: dict[tuple[str, str], str] = {}
+        self._refused_now: set[tuple[str, str]] = set()
         self._pressed_s: float | None = None
         for link in links:
             link.bus.watch(topics.key("*", topics.ALIVE), partial(self._on_token, link))
@@ -45,6 +59,7 @@ class FleetStop:
                 topics.key("*", topics.BEAT),
                 partial(self._on_beat, link),
             )
+            link.bus.watch(topics.key("*", f"{topics.REFUSED}/*"), partial(self._on_refused, link))
 
     def press(self, now_s: float) -> None:
         """Begin to send; call `step` from now on."""
@@ -57,6 +72,7 @@ class FleetStop:
         """Send no more, and forget the cars that have left meanwhile."""
         self._pressed_s = None
         self._known = {place: None for place in self._known if place in self._present}
+        self._refused = {start: at for start, at in self._refused.items() if start in self._refused_now}
 
     def step(self, now_s: float) -> None:
         """Send the e-stop to every car that is known and has not confirmed it for long enough; 50 times a second."""
@@ -69,13 +85,26 @@ class FleetStop:
 
     @property
     def cars(self) -> Mapping[str, float | None]:
-        """Return the time from the press to the confirmation of each car, None without one."""
-        pressed_s = self._pressed_s or 0.0
+        """Return by name the time from the press until all cars of it had confirmed, None while one has not."""
         found: dict[str, float | None] = {}
-        for name in sorted({car for _, car in self._known}):
-            heard = [at_s for (car, _), at_s in self._latched_s.items() if car == name]
-            moments = [at_s for at_s in heard if at_s is not None]
-            found[name] = max(moments) - pressed_s if heard and len(moments) == len(heard) else None
+        for one in self.results:
+            before_s, took_s = found.get(one.car, 0.0), one.took_s
+            found[one.car] = max(before_s, took_s) if before_s is not None and took_s is not None else None
+        return found
+
+    @property
+    def results(self) -> Sequence[StopResult]:
+        """Return what became of each start of each car, by name and session; several starts have one name wrongly."""
+        pressed_s = self._pressed_s or 0.0
+        found = []
+        for name in sorted({car for _, car in self._known} | {car for car, _ in self._refused}):
+            heard = {session_text(start): at_s for (car, start), at_s in self._latched_s.items() if car == name}
+            for session, at_s in sorted(heard.items()):
+                found.append(StopResult(name, session, at_s - pressed_s if at_s is not None else None))
+            refused = {session: at for (car, session), at in self._refused.items() if car == name}
+            found += [StopResult(name, each, None, at) for each, at in sorted(refused.items()) if each not in heard]
+            if not heard and any(car == name for _, car in self._known):
+                found.append(StopResult(name, "", None))
         return found
 
     def _send(self, link: FleetLink, car: str) -> None:
@@ -91,6 +120,17 @@ class FleetStop:
         self._present.discard(place)
         if self._pressed_s is None:  # one that leaves while it is pressed may be out of reach, and driving
             self._known.pop(place, None)
+
+    def _on_refused(self, link: FleetLink, key: str, alive: bool) -> None:  # noqa: FBT001 - the bus's callback
+        _, car, _, session = key.split("/")
+        start = car, session
+        if alive and self._only in {None, car}:
+            self._refused[start] = link.endpoint
+            self._refused_now.add(start)
+            return
+        self._refused_now.discard(start)
+        if self._pressed_s is None:
+            self._refused.pop(start, None)
 
     def _on_beat(self, link: FleetLink, key: str, payload: bytes, arrival_s: float) -> None:
         car = key.split("/")[1]
@@ -115,7 +155,7 @@ class FleetStop:
 
 
 async def run(options: argparse.Namespace) -> int:
-    """Stop; exit code 0 when every car that was found has latched and every endpoint answered, else 1."""
+    """Stop, and print a line for each car; exit code 0 when each has latched and every endpoint answered, else 1."""
     if not options.all and options.car is None:
         options.car = await _only_car(options)
     async with fleet_links(options) as links:
@@ -126,20 +166,35 @@ async def run(options: argparse.Namespace) -> int:
             stop.step(time.monotonic())
             await asyncio.sleep(PERIOD_S)
         problems = [f"{link.endpoint}: {link.problem}" for link in links if link.problem]
-        cars = dict(stop.cars)
-    for car, took_s in cars.items():
-        said = f"e-stop latched after {took_s:.2f} s" if took_s is not None else "DOES NOT CONFIRM: stop it by hand"
-        options.print_line(f"{car:<16} {said}")
+        results = stop.results
+    for line in lines(results):
+        options.print_line(line)
     for problem in problems:
         options.print_line(f"cars only there were not stopped: {problem}")
-    if not cars:
+    if not results:
         options.print_line("no car was found")
-    return 0 if cars and not problems and None not in cars.values() else 1
+    return 0 if results and not problems and all(one.took_s is not None for one in results) else 1
+
+
+def lines(results: Sequence[StopResult]) -> Iterator[str]:
+    """Yield a line for each result; of several cars with one name each is told by its session."""
+    names = Counter(one.car for one in results)
+    for one in results:
+        who = f"{one.car} (session {one.session or 'unknown'})" if names[one.car] > 1 or one.refused_at else one.car
+        if one.refused_at:
+            said = (
+                f"is refused at {one.refused_at}, where another car has its name, and was not stopped: stop it by hand"
+            )
+        elif one.took_s is None:
+            said = "DOES NOT CONFIRM: stop it by hand"
+        else:
+            said = f"e-stop latched after {one.took_s:.2f} s"
+        yield f"{who:<16} {said}"
 
 
 def _is_over(stop: FleetStop, links: Sequence[FleetLink], passed_s: float) -> bool:
-    cars = stop.cars.values()
-    done = bool(cars) and None not in cars and not any(link.problem for link in links)
+    waits = [one for one in stop.results if one.took_s is None and not one.refused_at]  # a refused one cannot confirm
+    done = bool(stop.results) and not waits and not any(link.problem for link in links)
     return passed_s > GIVE_UP_S or (done and passed_s > SETTLING_S)
 
 

@@ -19,7 +19,7 @@ from runtime.wire.bus import Bus
 from runtime.wire.network import BYTES
 from runtime.wire.ports import free_endpoint
 from runtime.wire.teleop import Beat, CarCondition, is_stop, read_command
-from runtime.wire.zenoh_config import car_config
+from runtime.wire.zenoh_config import car_config, client_config
 from tests.clients.speaking_car import options, speaking_car
 from wallride.fleet import options as fleet_options
 
@@ -210,7 +210,46 @@ async def test_of_two_cars_of_one_name_both_must_confirm(monkeypatch):
     ):
         parsed, said = stop_options("--all", "--connect", f"{first},{second}")
         assert await fleet_stop.run(parsed) == 1
-        assert said == [f"{'car1':<16} DOES NOT CONFIRM: stop it by hand"]
+        assert said[0].startswith("car1 (session 00000001) e-stop latched after")
+        assert said[1] == "car1 (session 00000002) DOES NOT CONFIRM: stop it by hand"
+
+
+async def test_two_cars_of_one_name_at_two_endpoints_have_a_line_each():
+    async with beating_car("car1", session=1) as (first, _), beating_car("car1", session=2) as (second, _):
+        parsed, said = stop_options("--all", "--connect", f"{first},{second}")
+        assert await fleet_stop.run(parsed) == 0
+    assert [line.split(" e-stop latched")[0] for line in said] == [f"car1 (session 0000000{n})" for n in (1, 2)]
+
+
+@pytest.mark.parametrize("arguments", [["--all"], []])
+async def test_a_car_that_is_refused_its_name_is_named_as_not_stopped(arguments):
+    async with beating_car("car1") as (first, _):
+        refused = Bus(client_config(first, None))
+        await refused.open()
+        refused.announce(topics.key("car1", f"{topics.REFUSED}/0000000c"))
+        parsed, said = stop_options(*arguments, "--connect", first)
+        began_s = time.monotonic()
+        assert await fleet_stop.run(parsed) == 1
+        await refused.close()
+    assert time.monotonic() - began_s < fleet_stop.GIVE_UP_S, "what cannot confirm is not waited for"
+    assert "e-stop latched" in said[0]
+    assert said[1].startswith(f"car1 (session 0000000c) is refused at {first}")
+    assert said[1].endswith("was not stopped: stop it by hand")
+
+
+def test_a_car_that_is_refused_at_one_router_and_stops_by_another_is_stopped():
+    refusing, other = deaf_link("tcp/a:1", lambda *_, **__: None), deaf_link("tcp/b:1", lambda *_, **__: None)
+    stop = fleet_stop.FleetStop([refusing, other], "me")
+    stop._on_refused(refusing, "wallride/car1/refused/00000001", True)
+    stop.press(10.0)
+    assert stop.cars == {"car1": None}
+    stop._on_refused(refusing, "wallride/car1/refused/00000001", False)
+    assert stop.cars == {"car1": None}, "out of reach, and perhaps driving"
+    stop._on_beat(other, BEAT, beat_of(1, latched=True), 10.1)
+    assert stop.cars == {"car1": pytest.approx(0.1)}
+    stop.end()
+    stop.press(20.0)
+    assert not any(one.refused_at for one in stop.results), "it has left since"
 
 
 async def test_without_all_the_only_car_is_stopped_and_several_are_named():
