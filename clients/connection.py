@@ -3,43 +3,35 @@
 import argparse
 import asyncio
 import contextlib
-import logging
 import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from datetime import UTC, datetime
-from pathlib import Path
-from typing import Any
 
+from clients.endpoints import CONNECT_VARIABLE, ConnectionProblemError, endpoint_configs, endpoint_of, given_by, keys_of
+from clients.fleet.search import at_one_endpoint
 from clients.keys.diagnosis import nothing_heard, why_refused
-from runtime.security.access_list import KeysError
-from runtime.security.key_files import KeyFiles, client_keys
+from runtime.security.key_files import KeyFiles
 from runtime.wire import topics, zenoh_config
 from runtime.wire.bus import Bus
 from runtime.wire.teleop import Malformed, read_beat, session_text
 
-log = logging.getLogger("wallride.client")
-
-PORTS = {"tcp": 7447, "tls": 7448}
-"""Ports by protocol; tls has one of its own: `[::]` includes loopback, where tcp listens already."""
-KEYS = Path("~/.config/wallride/keys")
-HIGHEST_PORT = 65535
-ENDPOINT = re.compile(r"(tcp|tls)/(\[[0-9a-fA-F:.]+\]|[\w.-]+):(\d{1,5})")
+__all__ = [
+    "CONNECT_VARIABLE", "Cars", "ConnectionProblemError", "another_car", "check_session", "connected",
+    "endpoint_configs", "endpoint_of", "find_car", "given_by", "keys_of", "open_bus", "with_one_endpoint",
+]  # fmt: skip
+"""What clients need, also of `clients.endpoints`, which is apart because the search of several endpoints needs it."""
 FIND_TIMEOUT_S = 3.0
 SETTLING_S = 0.2
 """Time after the first car's answer in which other cars can announce themselves."""
-
-
-class ConnectionProblemError(Exception):
-    """No connection to the car; the text is one line with the remedy."""
 
 
 @asynccontextmanager
 async def connected(options: argparse.Namespace) -> AsyncIterator[tuple[Bus, str]]:
     """Yield an open session and the car's name; the session is closed on every way out.
 
-    options: as of `wallride.client_options.add_common`.
+    options: as of `wallride.client_options.add_common`; of several endpoints that of the car is searched.
     """
+    options = await with_one_endpoint(options)
     bus, keys = await _open(options)
     try:
         car = await find_car(bus, options.car, whose=keys.identity.name if keys is not None else "")
@@ -50,13 +42,22 @@ async def connected(options: argparse.Namespace) -> AsyncIterator[tuple[Bus, str
         await bus.close()
 
 
+async def with_one_endpoint(options: argparse.Namespace) -> argparse.Namespace:
+    """Return the options with one endpoint: of several, separated by commas, that at which the car is.
+
+    ConnectionProblemError when it is at none, or when several cars could be meant.
+    """
+    return await at_one_endpoint(options) if "," in options.connect else options
+
+
 async def open_bus(options: argparse.Namespace) -> Bus:
     """Return an open session; ConnectionProblemError without an answer from the endpoint or with rejected keys."""
     return (await _open(options))[0]
 
 
 async def _open(options: argparse.Namespace) -> tuple[Bus, KeyFiles | None]:
-    endpoint = endpoint_of(options.connect, with_keys=options.keys is not None)
+    given = given_by(options.connect)
+    endpoint = endpoint_of(options.connect, with_keys=options.keys is not None, given=given)
     keys = keys_of(endpoint, options.keys)
     tls = keys.tls if keys is not None else None
     bus = Bus(zenoh_config.client_config(endpoint, tls))
@@ -69,8 +70,9 @@ async def _open(options: argparse.Namespace) -> tuple[Bus, KeyFiles | None]:
         question = (
             "does a car run here (wallride sim, wallride run)" if local else "is the car on and its network reachable"
         )
+        place = "another place: --connect" if given == "--connect" else f"the place is from {given}; another: --connect"
         raise ConnectionProblemError(
-            f"cannot connect to {endpoint}: {question}? (another place: --connect; zenoh says: {error})"
+            f"cannot connect to {endpoint}: {question}? ({place}; zenoh says: {error})"
         ) from None
     return bus, keys
 
@@ -147,48 +149,6 @@ class Cars:
         else:
             self.names.discard(name)
         self._news.set()
-
-
-def endpoint_of(text: str, *, with_keys: bool = False) -> str:
-    """Return a zenoh endpoint for a user's text: `car1.local`, `10.0.0.5:7447`, `tls/car1.local:7448`."""
-    scheme, slash, place = text.rpartition("/")
-    if not slash:
-        scheme = "tls" if with_keys else "tcp"
-    if not re.search(r":\d+$", place):
-        place = f"{place}:{PORTS.get(scheme, PORTS['tcp'])}"
-    endpoint = f"{scheme}/{place}"
-    if not ENDPOINT.fullmatch(endpoint):
-        raise ConnectionProblemError(
-            f"--connect {text}: write tcp/HOST:PORT or tls/HOST:PORT, e.g. tls/car1.local:{PORTS['tls']}"
-        )
-    if not 1 <= int(place.rpartition(":")[2]) <= HIGHEST_PORT:
-        raise ConnectionProblemError(f"--connect {text}: there is no such port; ports are 1 to {HIGHEST_PORT}")
-    return endpoint
-
-
-def endpoint_configs(options: argparse.Namespace) -> list[tuple[str, dict[str, Any]]]:
-    """Return the endpoints of --connect, separated by commas, with the configuration of a session at each."""
-    found = []
-    for text in filter(None, (part.strip() for part in options.connect.split(","))):
-        endpoint = endpoint_of(text, with_keys=options.keys is not None)
-        keys = keys_of(endpoint, options.keys)
-        found.append((endpoint, zenoh_config.client_config(endpoint, keys.tls if keys is not None else None)))
-    if not found:
-        raise ConnectionProblemError("--connect: name at least one endpoint, e.g. tcp/127.0.0.1:7447")
-    return found
-
-
-def keys_of(endpoint: str, folder: Path | None) -> KeyFiles | None:
-    """Return the checked keys for an endpoint, None for tcp/, which has none; ConnectionProblemError when unusable."""
-    if not endpoint.startswith("tls/"):
-        return None
-    try:
-        keys = client_keys((folder or KEYS).expanduser(), datetime.now(UTC))
-    except KeysError as error:
-        raise ConnectionProblemError(f"{endpoint} needs keys: {error}") from None
-    for warning in keys.warnings:
-        log.warning("%s", warning)
-    return keys
 
 
 def _nobody(bus: Bus, name: str | None, others: list[str]) -> str:

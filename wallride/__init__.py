@@ -19,9 +19,9 @@ def connect(
 ) -> "RemoteCar":  # fmt: skip
     """Connect to a car: iterators over its topics, its parameters, driving, recording (docs/python.md).
 
-    car: its name; None for the only one there. at: its address, such as tls/car1.local:7448; by default
-    $WALLRIDE_CONNECT, else this computer. keys: folder of your keys, for tls. session: of this very start of the car.
-    name: shown by the car while you drive.
+    car: its name; None for the only one there. at: its address, such as tls/car1.local:7448, or several with
+    commas; by default $WALLRIDE_CONNECT, else this computer. keys: folder of your keys, for tls. session: of this very
+    start of the car. name: shown by the car while you drive.
     """
     from clients.remote.car import connect as connect_to
 

@@ -27,7 +27,8 @@ def add_common(parser: argparse.ArgumentParser) -> None:
         "--connect",
         metavar="ENDPOINT",
         default=os.environ.get(CONNECT_VARIABLE) or DEFAULT_CONNECT,
-        help=f"endpoint of the car, e.g. tls/car1.local:7448 (default: ${CONNECT_VARIABLE}, else {DEFAULT_CONNECT})",
+        help="endpoint of the car, or several with commas, which are searched for it, e.g. tls/car1.local:7448"
+        f" (default: ${CONNECT_VARIABLE}, else {DEFAULT_CONNECT})",
     )
     parser.add_argument(
         "--keys",

@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
-from clients.connection import endpoint_configs
+from clients.endpoints import endpoint_configs
 from runtime.wire.bus import Bus
 
 RETRY_S = 0.5

@@ -13,7 +13,14 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
-from clients.connection import ConnectionProblemError, check_session, find_car, open_bus
+from clients.connection import (
+    CONNECT_VARIABLE,
+    ConnectionProblemError,
+    check_session,
+    find_car,
+    open_bus,
+    with_one_endpoint,
+)
 from clients.parameters import ask
 from clients.remote.driver import RemoteDriver, checked_hand
 from clients.remote.loop_thread import LoopThread
@@ -27,7 +34,6 @@ from runtime.wire import topics
 from runtime.wire.bus import Bus
 
 DEFAULT_AT: Final = "tcp/127.0.0.1:7447"
-AT_VARIABLE: Final = "WALLRIDE_CONNECT"
 BUFFER: Final = 1000
 SILENT_S: Final = 5.0
 
@@ -169,7 +175,7 @@ class RemoteCar:
                 streams[:] = [one for one in streams if one is not stream]
 
     async def _connected(self) -> tuple[Bus, str]:
-        options = self._options
+        options = self._options = await with_one_endpoint(self._options)
         bus = await self._open()
         try:
             name = await find_car(bus, options.car)
@@ -190,12 +196,12 @@ def connect(
 ) -> RemoteCar:  # fmt: skip
     """Connect to a car, within 4 s; ConnectionProblemError with the remedy when it cannot be reached.
 
-    car: its name; None for the only one there. at: its address, such as tls/car1.local:7448; by default
-    $WALLRIDE_CONNECT, else this computer. keys: folder of your keys, for tls. session: of this very start of the car.
-    name: shown by the car while you drive.
+    car: its name; None for the only one there. at: its address, such as tls/car1.local:7448, or several with commas,
+    which are searched for it, 4 s longer; by default $WALLRIDE_CONNECT, else this computer. keys: folder of your keys,
+    for tls. session: of this very start of the car. name: shown by the car while you drive.
     """
     options = argparse.Namespace(
-        car=car, connect=at or os.environ.get(AT_VARIABLE) or DEFAULT_AT,
+        car=car, connect=at or os.environ.get(CONNECT_VARIABLE) or DEFAULT_AT,
         keys=Path(keys) if keys is not None else None, session=session,
     )  # fmt: skip
     return RemoteCar(options, name or _own_name())

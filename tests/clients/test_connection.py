@@ -2,10 +2,12 @@
 
 import argparse
 import asyncio
+import contextlib
 import re
 
 import pytest
 
+import wallride
 from clients.connection import (
     ConnectionProblemError,
     check_session,
@@ -15,6 +17,7 @@ from clients.connection import (
     keys_of,
     open_bus,
 )
+from clients.fleet.search import choose
 from runtime.wire import topics, zenoh_config
 from runtime.wire.bus import Bus
 from runtime.wire.network import BYTES
@@ -145,3 +148,65 @@ async def test_a_car_that_is_silent_towards_a_name_is_explained(car):
     with pytest.raises(ConnectionProblemError, match="anna is revoked or not listed there"):
         await find_car(bus, None, whose="anna", timeout_s=0.1)
     await bus.close()
+
+
+@contextlib.asynccontextmanager
+async def present(name):
+    """A car that is there; yields its endpoint."""
+    bus = Bus(zenoh_config.car_config([free_endpoint()], None, (), name))
+    await bus.open()
+    bus.announce(topics.key(name, topics.ALIVE))
+    yield bus.endpoint
+    await bus.close()
+
+
+@pytest.mark.parametrize("by", ["option", "variable"])
+async def test_of_several_endpoints_that_of_the_car_is_found(monkeypatch, by):
+    async with present("car1") as first, present("car2") as second:
+        places = f"{first},{free_endpoint()}, {second}"
+        monkeypatch.setenv("WALLRIDE_CONNECT", places if by == "variable" else "")
+        given = ("--connect", places) if by == "option" else ()
+        async with connected(options(*given, "--car", "car2")) as (bus, name):
+            assert (name, bus.endpoint) == ("car2", second)
+        with pytest.raises(ConnectionProblemError, match=r"several cars .*: car1, car2; choose with --car"):
+            async with connected(options(*given)):
+                pass
+
+        def script():
+            with wallride.connect("car2", at=places if by == "option" else None) as remote:
+                return remote.name, remote._options.connect
+
+        assert await asyncio.to_thread(script) == ("car2", second)
+
+
+async def test_of_several_endpoints_the_only_car_is_found_without_its_name():
+    async with (
+        present("car1") as first,
+        connected(options("--connect", f"{free_endpoint()},{first}")) as (bus, name),
+    ):
+        assert (name, bus.endpoint) == ("car1", first)
+
+
+A, B = "tcp/a:1", "tcp/b:1"
+
+
+def test_a_car_by_two_routers_is_one_and_two_cars_of_one_name_are_two():
+    assert choose({A: {"car1": "0a"}, B: {"car1": "0a"}}, {}, "car1", "", "--connect") == ("car1", A)
+    two = {A: {"car1": "0a"}, B: {"car1": "0b"}}
+    with pytest.raises(ConnectionProblemError, match=r"two cars are called car1: session 0a at tcp/a:1, session 0b"):
+        choose(two, {}, None, "", "--connect")
+    assert choose(two, {}, None, "0b", "--connect") == ("car1", B)
+
+
+def test_a_car_at_no_endpoint_is_an_error_with_what_is_where_and_who_said_so():
+    with pytest.raises(ConnectionProblemError) as caught:
+        choose({A: {"car1": "0a"}, B: {}}, {B: "refused"}, "car9", "", "WALLRIDE_CONNECT")
+    assert str(caught.value) == f"no car car9 at the endpoints of WALLRIDE_CONNECT. {A}: car1; {B}: refused"
+
+
+@pytest.mark.parametrize(("place", "said"), [("udp/car1:1", "write tcp/HOST"), ("tcp/127.0.0.1:9", "cannot connect")])
+async def test_an_error_names_the_variable_that_the_endpoint_came_from(monkeypatch, place, said):
+    monkeypatch.setenv("WALLRIDE_CONNECT", place)
+    with pytest.raises(ConnectionProblemError, match=said) as caught:
+        await open_bus(options())
+    assert "WALLRIDE_CONNECT" in str(caught.value)

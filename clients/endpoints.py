@@ -1,0 +1,76 @@
+"""The text of --connect and WALLRIDE_CONNECT: endpoints, and the keys that they need."""
+
+import argparse
+import logging
+import os
+import re
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from runtime.security.access_list import KeysError
+from runtime.security.key_files import KeyFiles, client_keys
+from runtime.wire import zenoh_config
+
+log = logging.getLogger("wallride.client")
+
+PORTS = {"tcp": 7447, "tls": 7448}
+"""Ports by protocol; tls has one of its own: `[::]` includes loopback, where tcp listens already."""
+CONNECT_VARIABLE = "WALLRIDE_CONNECT"
+KEYS = Path("~/.config/wallride/keys")
+HIGHEST_PORT = 65535
+ENDPOINT = re.compile(r"(tcp|tls)/(\[[0-9a-fA-F:.]+\]|[\w.-]+):(\d{1,5})")
+
+
+class ConnectionProblemError(Exception):
+    """No connection to the car; the text is one line with the remedy."""
+
+
+def given_by(connect: str) -> str:
+    """Return what a user has to correct where this text names the endpoints: the variable or the option."""
+    return CONNECT_VARIABLE if connect == os.environ.get(CONNECT_VARIABLE) else "--connect"
+
+
+def endpoint_of(text: str, *, with_keys: bool = False, given: str = "--connect") -> str:
+    """Return a zenoh endpoint for a user's text: `car1.local`, `10.0.0.5:7447`, `tls/car1.local:7448`.
+
+    given: the option or variable that has the text, for a ConnectionProblemError.
+    """
+    scheme, slash, place = text.rpartition("/")
+    if not slash:
+        scheme = "tls" if with_keys else "tcp"
+    if not re.search(r":\d+$", place):
+        place = f"{place}:{PORTS.get(scheme, PORTS['tcp'])}"
+    endpoint = f"{scheme}/{place}"
+    if not ENDPOINT.fullmatch(endpoint):
+        raise ConnectionProblemError(
+            f"{given} {text}: write tcp/HOST:PORT or tls/HOST:PORT, e.g. tls/car1.local:{PORTS['tls']}"
+        )
+    if not 1 <= int(place.rpartition(":")[2]) <= HIGHEST_PORT:
+        raise ConnectionProblemError(f"{given} {text}: there is no such port; ports are 1 to {HIGHEST_PORT}")
+    return endpoint
+
+
+def endpoint_configs(options: argparse.Namespace) -> list[tuple[str, dict[str, Any]]]:
+    """Return the endpoints of --connect, separated by commas, with the configuration of a session at each."""
+    found, given = [], given_by(options.connect)
+    for text in filter(None, (part.strip() for part in options.connect.split(","))):
+        endpoint = endpoint_of(text, with_keys=options.keys is not None, given=given)
+        keys = keys_of(endpoint, options.keys)
+        found.append((endpoint, zenoh_config.client_config(endpoint, keys.tls if keys is not None else None)))
+    if not found:
+        raise ConnectionProblemError(f"{given}: name at least one endpoint, e.g. tcp/127.0.0.1:7447")
+    return found
+
+
+def keys_of(endpoint: str, folder: Path | None) -> KeyFiles | None:
+    """Return the checked keys for an endpoint, None for tcp/, which has none; ConnectionProblemError when unusable."""
+    if not endpoint.startswith("tls/"):
+        return None
+    try:
+        keys = client_keys((folder or KEYS).expanduser(), datetime.now(UTC))
+    except KeysError as error:
+        raise ConnectionProblemError(f"{endpoint} needs keys: {error}") from None
+    for warning in keys.warnings:
+        log.warning("%s", warning)
+    return keys
