@@ -110,14 +110,12 @@ async def test_after_a_recording_the_car_records_as_before(tmp_path, start, aske
 
         def script():
             with wallride.connect(at=car.endpoint) as remote:
-                assert remote._record()["why"] == before
+                assert car.recorder.status()["why"] == before
                 with remote.record() as state:
                     assert (state["on"], state["why"]) == (True, "asked for")
-                return remote._record()
+                return car.recorder.status()["why"]
 
-        state = await in_thread(script)
-    assert state["why"] == after
-    assert state["requested"] is asked
+        assert await in_thread(script) == after
 
 
 async def test_driving_releases_first_then_presses_then_says_goodbye():
