@@ -22,7 +22,7 @@ from sim.live.live_keys import pressing
 from sim.live.saved_settings import saved_settings
 from sim.live.scenario_scene import ScenarioScene, read_scenario
 from sim.live.scenes import RecordingScene, WorldScene
-from sim.live.screen import LiveView, address_in, operate_hint, starting
+from sim.live.screen import LiveView, address_in, operate_hint, port_notice, starting
 from sim.live.session import USAGE_ERROR, Record, RuntimeStart, SessionError, SimulatorSession
 from sim.live.stop_request import StopRequest
 from sim.recordings import RecordingError, load_recording
@@ -171,7 +171,7 @@ def _fleet(
     except (ValueError, OSError) as error:
         raise SimUsageError(str(error)) from None
     try:
-        asyncio.run(run_fleet(cars, options, config, stop, console))
+        asyncio.run(run_fleet(cars, options, config, settings, stop, console))
     except* SessionError as group:
         raise _innermost(group) from None
     if stop.killed:
@@ -224,7 +224,7 @@ def _start(options: argparse.Namespace, config: Path, settings: Settings, world:
         *([] if is_joystick_named else ["joystick.enabled=off"]),  # `wallride teleop` beside it reads this computer's
     ]
     assignments = [*options.assignments, *chosen, f"recording.world={json.dumps(world)}"]
-    return RuntimeStart(config, assignments, ["--saved", str(saved_settings(config))])
+    return RuntimeStart(config, assignments, ["--saved", str(saved_settings(config))], settings.telemetry.listen)
 
 
 def _run(
@@ -265,6 +265,9 @@ def _teller(console: Console) -> Callable[[Record], None]:
     told = [""]
 
     def tell(record: Record) -> None:
+        if (notice := port_notice(record.address, record.listen)) not in told:
+            console.print(notice, soft_wrap=True)
+            told.append(notice)
         for line in (starting(record), operate_hint(record.address), f"in a browser: {address_in(record.page)}"):
             if line not in told and not line.endswith(": "):
                 console.print(f"[dim]{line}[/dim]", soft_wrap=True)

@@ -16,11 +16,13 @@ from rich.markup import escape
 from rich.table import Table
 
 from runtime.settings.tree import Settings
+from runtime.wire.ports import free_endpoint
 from sim.car.vehicle import Vehicle
 from sim.figures.summary import device_faults, figures
 from sim.live.runtime_process import WallrideProcess
 from sim.live.saved_settings import saved_settings
 from sim.live.scenes import WorldScene
+from sim.live.screen import port_notice
 from sim.live.session import Record, RuntimeStart, SimulatorSession
 from sim.live.stop_request import StopRequest
 from sim.live.traffic import TrafficWorld, starts
@@ -28,6 +30,7 @@ from sim.scenario.conditions import Conditions
 from sim.world.place import World
 
 LOOK_EVERY_S = 0.1
+FIRST_CAR = "car1"
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,13 +63,16 @@ def build_fleet(world: World, count: int, conditions: Conditions, settings: Sett
 
 
 async def run_fleet(
-    cars: list[SimulatedCar], options: argparse.Namespace, config: Path, stop: StopRequest, console: Console
-) -> None:
+    cars: list[SimulatedCar], options: argparse.Namespace, config: Path, settings: Settings, stop: StopRequest,
+    console: Console,
+) -> None:  # fmt: skip
     """Drive all cars until the time or `stop` ends it; when one of them fails, all end, with its SessionError."""
     duration_s = options.duration or 60.0
     async with asyncio.TaskGroup() as tasks:
         drives = [
-            tasks.create_task(car.session.run(_start(options, config, car), duration_s, stop, lambda _record: None))
+            tasks.create_task(
+                car.session.run(start_of(options, config, car, settings), duration_s, stop, lambda _record: None)
+            )
             for car in cars
         ]
         page = tasks.create_task(_tell(cars, console, with_page=not options.headless))
@@ -92,18 +98,30 @@ def write_fleet(summary: dict[str, Any], target: str | None, console: Console) -
     return 1 if any(car["contacts"] or car["telemetry"] for car in summary["cars"].values()) else 0
 
 
-def _start(options: argparse.Namespace, config: Path, car: SimulatedCar) -> RuntimeStart:
+def start_of(options: argparse.Namespace, config: Path, car: SimulatedCar, settings: Settings) -> RuntimeStart:
+    """Return the start of a car's runtime. The first car has the standard port where it is free, the others none."""
+    is_first = car.name == FIRST_CAR
+    elsewhere = [] if is_first else [f"telemetry.listen={free_endpoint()}"]
     chosen = [
+        *elsewhere,
         "telemetry.any_port=true", "recording.simulated=true", f"car.name={car.name}",
         f"recording.world={json.dumps(car.scene.world.name)}",
     ]  # fmt: skip
-    return RuntimeStart(config, [*options.assignments, *chosen], ["--saved", str(saved_settings(config))])
+    return RuntimeStart(
+        config,
+        [*options.assignments, *chosen],
+        ["--saved", str(saved_settings(config))],
+        settings.telemetry.listen if is_first else (),
+    )
 
 
 async def _tell(cars: list[SimulatedCar], console: Console, *, with_page: bool) -> None:
     """Say once where the cars are, and serve one page for all of them."""
     await _until(lambda: all(car.record.address for car in cars))
     places = ",".join(car.record.address.endpoint for car in cars if car.record.address is not None)
+    first = cars[0].record
+    if notice := port_notice(first.address, first.listen):
+        console.print(f"{FIRST_CAR}: {notice}", soft_wrap=True)
     console.print(f"[dim]{len(cars)} cars: export WALLRIDE_CONNECT={places}[/dim]", soft_wrap=True)
     console.print("[dim]then: wallride cars --watch, wallride stop --all, wallride teleop --car car1[/dim]")
     if not with_page:

@@ -1,7 +1,7 @@
 """The live view of a drive: `terminal_view` refreshed on a rich screen while the session runs."""
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +10,7 @@ from rich.live import Live
 
 from runtime.host.address_file import Address
 from runtime.settings.session import SessionSettings
+from runtime.wire.endpoints import split_endpoint
 from sim.car.vehicle import Vehicle
 from sim.live.live_conditions import LiveConditions
 from sim.live.live_keys import legend
@@ -78,6 +79,7 @@ class LiveView:
             lidar=said.get("lidar", {}).get("message", ""),
             motor=said.get("motor", {}).get("message", ""),
             page=address_in(record.page),
+            port=port_notice(record.address, record.listen),
             operate=operate_hint(record.address).partition(": ")[2],
         )
 
@@ -96,6 +98,17 @@ def starting(record: Record) -> str:
     if record.address is not None or record.starting_s < SLOW_START_S:
         return ""
     return "the car is starting"
+
+
+def port_notice(address: Address | None, listen: Sequence[str]) -> str:
+    """Return the sentence for a car that did not get the first port it was to have, "" for one that did."""
+    if address is None or not address.endpoint or not listen or address.endpoint in listen:
+        return ""
+    port = split_endpoint(listen[0])[2]
+    return (
+        f"port {port} is taken by another car or program; this one is at {address.endpoint}:"
+        f" without --connect {address.endpoint} a command reaches the other"
+    )
 
 
 def operate_hint(address: Address | None) -> str:

@@ -54,11 +54,12 @@ class SessionError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class RuntimeStart:
-    """Start of the runtime. options: further words of its command line."""
+    """Start of the runtime. options: further words of its command line. listen: endpoints that it is to have."""
 
     config: Path
     assignments: Sequence[str] = ()
     options: Sequence[str] = ()
+    listen: Sequence[str] = ()
 
 
 class LidarScene(Protocol):
@@ -98,7 +99,7 @@ class Record:
 
     samples: the truth, one per scan. steering_rad: our answer to each scan, read from the wire before the next one.
     telemetry: the runtime's newest message of each topic. unheard: why there are none, "" if there are some.
-    address: address of the runtime. starting_s: how long the start has taken.
+    address: address of the runtime. listen: endpoints that it was to have. starting_s: how long the start has taken.
     began_unix_s: when time_s was 0, since 1970. began_s: the same moment on the monotonic clock.
     changes: the settings that were changed while it drove.
     stop_command: the last motor command it ever wrote.
@@ -118,6 +119,7 @@ class Record:
     telemetry: dict[str, Any] = field(default_factory=dict)
     unheard: str = "the runtime did not say where its telemetry is"
     address: Address | None = None
+    listen: Sequence[str] = ()
     starting_s: float = 0.0
     cpu_s: float = math.nan
     log: Sequence[str] = ()
@@ -156,6 +158,7 @@ class SimulatorSession:
     ) -> Record:
         """Drive until the time, the scene or `stop` ends it; `on_frame` is called about ten times a second."""
         record = self.record
+        record.listen = start.listen
         async with AsyncExitStack() as stack:
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="wallride-")))
             scip, vesc, addresses = await self._devices(stack, folder)

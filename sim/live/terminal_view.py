@@ -41,7 +41,7 @@ MARGIN = 1.05
 """Factor by which the whole world is shown smaller than would just fit."""
 MIN_SPAN_M = 1.0
 NICE_STEPS = (1.0, 2.0, 5.0)
-TO_COPY = frozenset({"browser", "terminal"})
+TO_COPY = frozenset({"browser", "port", "terminal"})
 """Labels of rows that have the whole width: a line that is broken is copied wrongly."""
 STATUS_WIDTH = 46
 SEGMENT_COLUMNS = 4
@@ -124,6 +124,7 @@ class ViewStatus:
     lidar: str
     motor: str
     page: str = ""
+    port: str = ""
     operate: str = ""
 
 
@@ -139,6 +140,7 @@ def status_rows(status: ViewStatus) -> list[tuple[str, str]]:
         ("lidar", status.lidar or "-"),
         ("motor", status.motor or "-"),
         *([("browser", status.page)] if status.page else []),
+        *([("port", status.port)] if status.port else []),
         *([("terminal", status.operate)] if status.operate else []),
     ]
 
