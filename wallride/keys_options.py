@@ -49,7 +49,10 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         help="where the router listens (repeatable; default: tls/[::]:7449)",
     )  # fmt: skip
     router.add_argument(
-        "--at", type=Path, metavar="DIR", help="where its folder will be on the router's computer (default: here)"
+        "--at",
+        type=Path,
+        metavar="DIR",
+        help="where its folder will be on the router's computer, for a start from elsewhere (default: any)",
     )
     router.add_argument(
         "--scan-hz", type=between(0.1, 100), default=10.0, metavar="HZ",

@@ -7,13 +7,14 @@ import json
 import signal
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from clients.connection import ConnectionProblemError
 from runtime.wire.bus import Bus
 from runtime.wire.router_config import router_config
 
 COMMENT = "//"
+KEY_FILES: Final = ("root_ca_certificate", "listen_certificate", "listen_private_key")
 
 
 async def run(options: argparse.Namespace) -> int:
@@ -32,7 +33,7 @@ async def run(options: argparse.Namespace) -> int:
 
 
 def read_config(file: Path) -> dict[str, Any]:
-    """Return the configuration that `wallride keys router` wrote."""
+    """Return the configuration that `wallride keys router` wrote, with the places of its keys; they must be there."""
     try:
         lines = file.read_text(encoding="utf-8").splitlines()
         config = json.loads("\n".join(line for line in lines if not line.startswith(COMMENT)))
@@ -41,12 +42,16 @@ def read_config(file: Path) -> dict[str, Any]:
     except (RecursionError, ValueError):
         config = None
     if not isinstance(config, dict):
-        raise ConnectionProblemError(f"{file}: is not what `wallride keys router` wrote; let it write the file again")
+        raise _foreign(file)
     if missing := ", ".join(_missing(config)):
         raise ConnectionProblemError(
             f"{file}: has no {missing}: such a router serves nobody, or lets anyone command every car;"
             " let `wallride keys router NAME` write the file"
         )
+    try:
+        _place_keys(config, file)
+    except (AttributeError, TypeError):
+        raise _foreign(file) from None
     return config
 
 
@@ -60,6 +65,29 @@ def _missing(config: dict[str, Any]) -> Iterator[str]:
     denies = {"enabled": True, "default_permission": "deny"}
     if not isinstance(control, dict) or {name: control.get(name) for name in denies} != denies:
         yield 'access_control that is enabled with default_permission "deny"'
+
+
+def _place_keys(config: dict[str, Any], file: Path) -> None:
+    """Replace names relative to the file by their places; ConnectionProblemError for a key that is not there."""
+    tls = config.get("transport", {}).get("link", {}).get("tls") or {}
+    for name in [name for name in KEY_FILES if name in tls]:
+        place = file.absolute().parent / tls[name]
+        try:
+            place.open("rb").close()
+        except FileNotFoundError:
+            raise ConnectionProblemError(
+                f"{file} names {tls[name]}, which is not there: copy the whole folder; or write it again with"
+                f" `wallride keys router {file.stem} --dir DIR`, with --at FOLDER for a fixed place"
+            ) from None
+        except OSError as error:
+            raise ConnectionProblemError(
+                f"{place}, named in {file}: {error.strerror}; who runs it must read it"
+            ) from None
+        tls[name] = str(place)
+
+
+def _foreign(file: Path) -> ConnectionProblemError:
+    return ConnectionProblemError(f"{file}: is not what `wallride keys router` wrote; let it write the file again")
 
 
 def bench_config(listen: str) -> dict[str, Any]:

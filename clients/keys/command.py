@@ -79,7 +79,7 @@ def _router(options: argparse.Namespace, _car: str, now: datetime) -> list[str]:
     fleet = KeyFolder(options.dir)
     folder, names = fleet.make_router(options.name, options.san, now, options.days, renew=options.renew)
     people = [entry.person for entry in fleet.people() if entry.revoked is None]
-    there = options.at or folder.resolve()
+    there = options.at or Path()  # names relative to the folder go with it to any place
     tls = Tls(there / AUTHORITY, there / f"{options.name}.pem", there / f"{options.name}.key")
     listen = options.listen or [f"tls/[::]:{ROUTER_PORT}"]
     try:
@@ -89,9 +89,14 @@ def _router(options: argparse.Namespace, _car: str, now: datetime) -> list[str]:
     file = folder / f"{options.name}.json5"
     file.write_text(f"{ROUTER_HEAD}{json.dumps(config, indent=2)}\n", encoding="utf-8")
     cars = [person.name for person in people if person.role is Role.CAR]
+    if options.at is not None:
+        start = f"wallride router {there / file.name}   (or zenohd -c {there / file.name})"
+    else:
+        start = f"copy {folder} there, then wallride router {folder.name}/{file.name}"
+        start += f"   (or cd {folder.name} && zenohd -c {file.name})"
     return [
         f"{file}: {len(cars)} cars, {len(people) - len(cars)} people; it can be reached as {', '.join(names)}",
-        f"on its computer:       wallride router {there / file.name}   (or zenohd -c {there / file.name})",
+        f"on its computer:       {start}",
         f'in each car\'s settings: [telemetry]  connect = ["tls/{options.name}.local:{ROUTER_PORT}"]',
         f"cars, people:          wallride keys add NAME --role ROLE --dir {options.dir}, then this again",
     ]

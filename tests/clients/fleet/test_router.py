@@ -1,11 +1,17 @@
-"""`wallride router FILE`: a file that would let everyone in is refused, with the place and the remedy."""
+"""`wallride router FILE`: its folder starts at any place; a file that would let everyone in is refused."""
 
+import argparse
 import json
+import shutil
+from pathlib import Path
 
 import pytest
 
 from clients.connection import ConnectionProblemError
 from clients.fleet.router import read_config
+from clients.keys.command import run
+from runtime.wire.bus import Bus
+from runtime.wire.ports import free_endpoint
 
 GUARDED = {
     "mode": "router",
@@ -41,4 +47,47 @@ def test_a_configuration_that_is_not_guarded_is_refused(tmp_path, part, says):
 def test_what_is_no_configuration_at_all_is_refused(tmp_path, text):
     (file := tmp_path / "track.json5").write_text(text)
     with pytest.raises(ConnectionProblemError, match="is not what `wallride keys router` wrote"):
+        read_config(file)
+
+
+def written(folder, at=None):
+    """Return the folder of a router that `wallride keys router` wrote, and what it printed."""
+    listen = [free_endpoint().replace("tcp/", "tls/")]
+    options = argparse.Namespace(
+        action="router", name="track", dir=folder, san=[], listen=listen, at=at, scan_hz=10.0, days=30, renew=False
+    )
+    return folder / "track", "\n".join(run(options, "unused"))
+
+
+async def test_a_folder_that_was_copied_elsewhere_starts_there(tmp_path, monkeypatch):
+    folder, said = written(tmp_path / "fleet")
+    assert "wallride router track/track.json5" in said
+    assert "cd track && zenohd -c track.json5" in said
+    copy = tmp_path / "another computer" / "track"
+    shutil.copytree(folder, copy)
+    shutil.rmtree(tmp_path / "fleet")
+    assert str(tmp_path) not in (copy / "track.json5").read_text()
+    monkeypatch.chdir(copy.parent)
+    bus = Bus(read_config(Path("track/track.json5")))
+    await bus.open()
+    assert bus.endpoint
+    await bus.close()
+
+
+def test_a_key_that_is_not_there_is_named_with_the_file_and_the_remedy(tmp_path):
+    folder, said = written(tmp_path / "fleet", at=tmp_path / "there")
+    assert f"wallride router {tmp_path / 'there' / 'track.json5'}" in said
+    with pytest.raises(ConnectionProblemError) as caught:
+        read_config(folder / "track.json5")
+    message = str(caught.value)
+    assert str(folder / "track.json5") in message
+    assert str(tmp_path / "there" / "ca.pem") in message
+    assert "wallride keys router track" in message
+    assert "--at" in message
+
+
+@pytest.mark.parametrize("transport", [[], {"link": {"tls": {"listen_private_key": 1}}}])
+def test_keys_of_a_wrong_shape_are_refused(tmp_path, transport):
+    (file := tmp_path / "track.json5").write_text(json.dumps(GUARDED | {"transport": transport}))
+    with pytest.raises(ConnectionProblemError, match="is not what"):
         read_config(file)

@@ -2,6 +2,7 @@
 
 import argparse
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from rich.console import Console
@@ -45,15 +46,10 @@ def test_it_is_said_once_without_a_live_view_and_is_a_row_of_it():
 
 def test_the_first_car_of_a_fleet_has_the_standard_port_and_no_other_car_wants_it(tmp_path):
     options = argparse.Namespace(assignments=[])
-    starts = [
-        fleet.start_of(
-            options,
-            tmp_path / "car.toml",
-            SimpleNamespace(name=name, scene=SimpleNamespace(world=SimpleNamespace(name="loop"))),
-            Settings(),
-        )
-        for name in ("car1", "car2", "car3")
+    fakes: list[Any] = [
+        SimpleNamespace(name=f"car{k}", scene=SimpleNamespace(world=SimpleNamespace(name="loop"))) for k in (1, 2, 3)
     ]
+    starts = [fleet.start_of(options, tmp_path / "car.toml", fake, Settings()) for fake in fakes]
     listens = [[one for one in start.assignments if one.startswith("telemetry.listen=")] for start in starts]
     assert listens[0] == []
     assert listens[1] != listens[2]
