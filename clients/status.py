@@ -120,7 +120,7 @@ def _rows(status: Status) -> Iterator[tuple[str, str]]:
         label = ""
     label = "voices"
     for source, voice in status["voices"].items():
-        yield label, f"{source:<12}{_voice(voice)}"
+        yield label, f"{source:<14}{_voice(voice)}"
         label = ""
     yield "operator", _operator(status.get("operator"))
     yield "not bound", overruled_words(status.get("overruled"))

@@ -76,7 +76,7 @@ def test_one_screen_holds_everything_that_may_hold_the_car(observed):
         "car1  stands: e-stop: e-stop by anna",
         "e-stop      CLOSED: e-stop by anna",
         "permit      open",
-        "teleop      silent",
+        "teleop        silent",
         "0.00 s ago  wants 1.00 m/s 6° left: wall",
         "no limit: clear",
         "not operated, anna was lost, round trip 12 ms, 2 clients heard, permit: no operator, stale refused 3",
@@ -98,6 +98,12 @@ def test_the_permit_is_named_once(observed, reason, shown):
     (line,) = (line for line in screen(fields) if line.lstrip().startswith("operator"))
     assert shown in line
     assert line.count("permit") == (1 if reason else 0)
+
+
+def test_the_longest_name_of_a_source_and_a_long_age_stay_apart(observed):
+    said = arrived(observed, output_of(observed))
+    said["voices"] = {"planner hold": {"age_s": 314.05, "live": False}}
+    assert any("planner hold  314.05 s ago" in line for line in screen(said))
 
 
 def test_an_old_screen_says_that_it_is_old(observed):
