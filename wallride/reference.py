@@ -9,7 +9,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from runtime.arbitration.driving_state import BATTERY_CLEARED_BY, CLEARED_BY, TRANSITIONS, DrivingState, Observation
+from runtime.arbitration.driving_state import (
+    BATTERY_CLEARED_BY,
+    CLEARED_BY,
+    PLANNER_CLEARED_BY,
+    TRANSITIONS,
+    DrivingState,
+    Observation,
+)
 from runtime.control.method_settings import OwnSafetySettings
 from runtime.control.own_laws.law_class import OWN_TAG
 from runtime.control.own_laws.settings import OwnFollowSettings
@@ -225,7 +232,9 @@ def states_page() -> str:
 def cleared_by(state: DrivingState) -> str:
     """Return what clears a state, whatever holds the car in it."""
     words = CLEARED_BY[state] or "-"
-    return f"{words}. By the battery: {BATTERY_CLEARED_BY}" if state is DrivingState.STOPPED else words
+    if state is not DrivingState.STOPPED:
+        return words
+    return f"{words}. By the battery: {BATTERY_CLEARED_BY}. By a planner: {PLANNER_CLEARED_BY}"
 
 
 def commands_page() -> str:

@@ -85,6 +85,9 @@ BATTERY_CLEARED_BY: Final = (
 )
 """What ends `stopped` while the battery forbids any motion."""
 
+PLANNER_CLEARED_BY: Final = "a drive from that planner, or its goodbye (start it again, and end it)"
+"""What ends `stopped` while a planner has the car and asks for nothing, or was lost."""
+
 
 @value()
 class Circumstances:
@@ -160,10 +163,12 @@ class DrivingStateMonitor:
         self.reason = "no decision yet"
         self.measure = math.nan
         self.since_s = clock()
+        self._winner: Source | None = None
 
     def update(self, output: Output) -> None:
         """Take in one decision."""
         seen, self.reason = observe(output, self._circumstances())
+        self._winner = output.decision.winner
         self.measure = output.decision.measure if self.reason is output.decision.reason else math.nan
         state = settle(self.state, seen)
         if state is not self.state:
@@ -171,14 +176,21 @@ class DrivingStateMonitor:
 
     def fields(self) -> dict[str, str | float]:
         """Return plain values for the status."""
-        held = self.state is DrivingState.STOPPED and self.reason == self._battery() != ""
         return {
             "state": str(self.state),
             "reason": self.reason,
             "measure": self.measure,
-            "clears": BATTERY_CLEARED_BY if held else CLEARED_BY[self.state],
+            "clears": self._cleared_by(),
             "for_s": self._clock() - self.since_s,
         }
+
+    def _cleared_by(self) -> str:
+        if self.state is DrivingState.STOPPED:
+            if self.reason == self._battery() != "":
+                return BATTERY_CLEARED_BY
+            if self._winner is Source.PLANNER_HOLD:
+                return PLANNER_CLEARED_BY
+        return CLEARED_BY[self.state]
 
     def _circumstances(self) -> Circumstances:
         causes, permit = self._causes, self._permit

@@ -11,6 +11,7 @@ from runtime.arbitration.command_queue import CommandQueue
 from runtime.arbitration.driving_state import (
     BATTERY_CLEARED_BY,
     CLEARED_BY,
+    PLANNER_CLEARED_BY,
     TRANSITIONS,
     Circumstances,
     DrivingState,
@@ -164,6 +165,16 @@ def test_an_empty_battery_that_took_the_permit_is_a_stop_with_its_own_remedy_and
     assert car.after(output_of(0.0)) is S.DISARMED
     assert car.monitor.fields()["clears"] == CLEARED_BY[S.DISARMED]
     car.permit.grant(until_s=math.inf)
+    assert car.after(output_of(0.0, reason="boxed in")) is S.STOPPED
+    assert car.monitor.fields()["clears"] == CLEARED_BY[S.STOPPED]
+
+
+def test_a_planner_that_holds_the_car_is_named_as_what_clears_the_stop():
+    car = Watched()
+    car.permit.grant(until_s=math.inf)
+    assert car.after(output_of(1.0)) is S.DRIVING
+    assert car.after(output_of(0.0, winner=Source.PLANNER_HOLD, reason="planner slam was lost")) is S.STOPPED
+    assert car.monitor.fields()["clears"] == PLANNER_CLEARED_BY
     assert car.after(output_of(0.0, reason="boxed in")) is S.STOPPED
     assert car.monitor.fields()["clears"] == CLEARED_BY[S.STOPPED]
 
