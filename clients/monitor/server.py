@@ -176,13 +176,16 @@ def _address_here() -> str:
 async def run(options: argparse.Namespace) -> int:
     """Serve until interrupted; options as of `wallride.monitor_options`."""
     feel = InputShape(max_speed_mps=options.max_speed, max_steering_rad=options.max_steering)
-    relay = Relay(places(options))
+    endpoints = places(options)
+    relay = Relay(endpoints)
+    view = "#all" if len(endpoints) > 1 and not options.car else ""
     host = Host(
         relay, options.name, feel, version("wallride"), options.car or "", farewell=options.farewell,
         keys=options.keys, config=options.config,
     )  # fmt: skip
     port = options.default_port if options.port is None else options.port
-    async with serving(host, options.host, port, any_port=options.port is None) as url:
+    async with serving(host, options.host, port, any_port=options.port is None) as served:
+        url = served + view
         options.print_line(f"the monitor is at {url}")
         if not is_loopback(options.host):
             options.print_line("with this address anyone can drive the car; it goes over the network unencrypted")

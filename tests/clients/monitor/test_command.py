@@ -36,6 +36,21 @@ async def test_it_prints_its_address_and_ends_in_good_order(scene):
         assert await running == 0
 
 
+@pytest.mark.parametrize(("further", "view"), [([], "#all"), (["--car", "car1"], "")])
+async def test_with_several_endpoints_its_address_opens_all_cars(scene, further, view):
+    said = []
+    asked = options("--no-browser", "--port", "0", "--connect", f"{scene.endpoint},tcp/127.0.0.1:1", *further)
+    asked.print_line = said.append
+    running = asyncio.create_task(server.run(asked))
+    async with asyncio.timeout(5):
+        while not said:
+            await asyncio.sleep(0.01)
+    assert said[0].partition("token=")[2].partition("#")[1:] == (view[:1], view[1:])
+    os.kill(os.getpid(), signal.SIGTERM)
+    async with asyncio.timeout(5):
+        assert await running == 0
+
+
 async def test_for_others_it_prints_the_address_as_a_code_too(scene):
     said = []
     asked = options("--no-browser", "--port", "0", "--host", "0.0.0.0", "--connect", scene.endpoint)
