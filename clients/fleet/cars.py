@@ -173,11 +173,13 @@ def table(rows: Sequence[Row]) -> Iterator[str]:
 
 def _line(row: Row) -> str:
     status = row["status"]
-    version, state = status.get("version") or "?", status.get("state") or ("" if row["trouble"] else "says nothing")
+    version = status.get("version") or "?"
+    state = (status.get("condition") or {}).get("state") or status.get("state")
+    state = state or ("" if row["trouble"] else "says nothing")
     age_s = row["age_s"]
     said = [row["trouble"], f"silent for {age_s:.0f} s" if age_s is not None and age_s > OLD_S else ""]
     words = "; ".join(filter(None, [*said, headline(status) if status else ""]))
-    return f"{row['car']:<16} {version:<10} {state:<10} {words}".rstrip()
+    return f"{row['car']:<16} {version:<10} {state:<18} {words}".rstrip()
 
 
 def _name(row: Row) -> str:

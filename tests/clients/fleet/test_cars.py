@@ -106,6 +106,15 @@ def status_of(session, state="driving"):
     return topics.encode({"car": "car1", "session": session, "state": state, "version": "9", "output": None})
 
 
+def test_the_state_is_the_documented_one():
+    view, link = fleet_cars.FleetView([]), deaf_link("tcp/a:1")
+    view._on_token(link, "wallride/car1/alive", True)
+    status = json.loads(status_of("0a", "standing")) | {"condition": {"state": "waiting for device"}}
+    view._on_status(link, STATUS, topics.encode(status), 10.0)
+    (line,) = fleet_cars.table(view.fields(None, 10.5))
+    assert "waiting for device stands" in line
+
+
 def test_two_cars_of_one_name_are_two_rows_and_said():
     links = [deaf_link("tcp/a:1"), deaf_link("tcp/b:1")]
     view = fleet_cars.FleetView(links)
