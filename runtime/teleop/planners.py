@@ -26,7 +26,7 @@ from runtime.host.rate_limited_log import RateLimitedLog
 from runtime.ros.commands import read_ackermann
 from runtime.teleop.freshness import Beats
 from runtime.teleop.rejections import Refusal, Refusals
-from runtime.teleop.ros_drive import DriveSeries
+from runtime.teleop.ros_drive import DriveSeries, Stamps
 from runtime.teleop.sessions import SessionGate
 from runtime.wire.rmw_zenoh import ROS2_PLANNER, read_attachment
 from runtime.wire.teleop import Command, Malformed, Press, read_command
@@ -107,11 +107,12 @@ class PlannerDesk:
         self.tick()
         try:
             sequence, stamp_ns, publisher = read_attachment(attachment or b"")
-            speed_mps, steering_rad = read_ackermann(payload)
+            speed_mps, steering_rad, header_s = read_ackermann(payload)
         except ValueError as error:
             slot.refusals.count(Refusal.MALFORMED, f"planner {ROS2_PLANNER}: {error}")
             return
-        if (refused := self._series.judge(sequence, stamp_ns / NS, publisher, arrival_s)) is not None:
+        stamps = Stamps(stamp_ns / NS, header_s)
+        if (refused := self._series.judge(sequence, stamps, publisher, arrival_s)) is not None:
             slot.refusals.count(refused, f"planner {ROS2_PLANNER}")
             return
         self._take(ROS2_PLANNER, Drive(speed_mps, steering_rad), self._series.until_s)

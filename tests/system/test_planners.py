@@ -72,7 +72,7 @@ class RosHand:
     def say(self, speed_mps, *, payload=None, key=DRIVE_KEY, age_s=0.0):
         self._sequence += 1
         note = attachment(self._sequence, time.time_ns() - round(age_s * 1e9), self._gid)
-        sent = messages.ackermann(1, speed_mps, 0.0) if payload is None else payload
+        sent = messages.ackermann(0, speed_mps, 0.0) if payload is None else payload
         self._bus.put_attached(key, sent, encoding=CDR, attachment=note)
 
 
@@ -84,7 +84,7 @@ async def test_a_running_car_refuses_counts_and_names_what_a_hostile_ros_2_progr
         await good.open()
         await other.open()
         kind, type_hash = DRIVE_KEY.split("/")[2:]
-        whole, fastest_mps, drove = messages.ackermann(1, 9.0, 0.0), 0.0, False
+        whole, fastest_mps, drove = messages.ackermann(0, 9.0, 0.0), 0.0, False
         try:
             hostile = (
                 partial(good.say, 9.0, age_s=2.0),

@@ -21,12 +21,13 @@ class RosSender:
 
     def __init__(self, rig, gid=GID):
         self.rig, self.gid, self.sequence, self.way_s, self.ahead_s = rig, gid, 0, 0.01, -1000.0
+        self.header_s = lambda now_s: now_s - 500.0  # of a scan: a third clock
 
     def make(self, speed_mps=0.8):
         self.sequence += 1
         stamp_s = self.rig.now_s + self.ahead_s
         note = attachment(self.sequence, round(stamp_s * 1e9), self.gid)
-        return messages.ackermann(1, speed_mps, -0.1), note
+        return messages.ackermann(round(self.header_s(self.rig.now_s) * 1e9), speed_mps, -0.1), note
 
     def send(self, **changes):
         payload, note = self.make(**changes)
@@ -62,6 +63,52 @@ def test_ros_commands_that_waited_are_stale_however_fresh_they_arrive(rig):
         rig.planner_desk.receive_ros(payload, note, rig.now_s)
     assert rig.refused("ros2")["stale"] == 28
     assert rig.decision.speed_mps == 0.0
+
+
+def test_a_planner_that_is_stuck_on_an_old_scan_is_stale_however_fresh_it_sends(rig):
+    sender = RosSender(rig)
+    sender.drive(0.6)
+    stuck_s = sender.header_s(rig.now_s)
+    sender.header_s = lambda _now_s: stuck_s
+    sender.drive(0.16)
+    assert rig.decision.speed_mps == pytest.approx(0.8), "a scan may be answered more than once"
+    assert "stale" not in rig.refused("ros2")
+    sender.drive(0.3)
+    assert rig.decision.speed_mps == 0.0
+    assert rig.refused("ros2")["stale"] >= 12
+    assert rig.planner_desk.status()["lost"] == "ros2"
+
+
+def test_a_command_for_an_old_scan_is_stale_and_the_next_one_for_a_new_scan_counts(rig):
+    sender = RosSender(rig)
+    sender.drive(0.6)
+    on_time = sender.header_s
+    sender.header_s = lambda now_s: on_time(now_s) - 5.0
+    sender.drive(0.1)
+    assert rig.refused("ros2")["stale"] == 5
+    sender.header_s = on_time
+    sender.drive(0.02)
+    assert rig.decision.speed_mps == pytest.approx(0.8)
+
+
+def test_a_scan_that_was_answered_late_holds_for_less(rig):
+    sender = RosSender(rig)
+    sender.drive(0.6)
+    on_time = sender.header_s
+    sender.header_s = lambda now_s: on_time(now_s) - 0.15
+    sender.drive(0.02)
+    rig.wait(0.04)
+    assert rig.decision.speed_mps == pytest.approx(0.8)
+    rig.wait(0.04)
+    assert rig.decision.speed_mps == 0.0
+
+
+def test_headers_without_a_stamp_are_not_judged(rig):
+    sender = RosSender(rig)
+    sender.header_s = lambda _now_s: 0.0
+    sender.drive(2.0)
+    assert rig.decision.speed_mps == pytest.approx(0.8)
+    assert set(rig.refused("ros2")) == {"clock not compared yet"}
 
 
 def test_after_a_long_silence_the_clock_is_compared_anew(rig):
