@@ -1,6 +1,7 @@
 """Planners outside a real car: a script, a ROS 2 program that is not ours, and certificates that may do only this."""
 
 import asyncio
+import os
 import sys
 import time
 from functools import partial
@@ -22,7 +23,7 @@ from tests.system.operated import CAR, operated
 from tests.system.test_attacks import keys, tls  # noqa: F401 - keys is a fixture
 
 pytestmark = pytest.mark.timeout(90)
-DRIVER = Path(__file__).with_name("ros2_driver.py")
+DRIVER = Path(__file__).resolve().parents[2] / "docs" / "examples" / "ros2_drive.py"
 DOMAIN = 7
 FOREIGN_MPS, PLANNED_MPS = 1.8, 0.6
 GRAPH = RosGraph(DOMAIN, Distro.JAZZY, "wallride_car1")
@@ -40,8 +41,8 @@ async def test_a_ros_2_program_that_is_not_ours_drives_through_drive_and_its_end
     async with operated(tmp_path, *settings) as scene:
         await scene.car.until_driving()
         process = await asyncio.create_subprocess_exec(
-            sys.executable, str(DRIVER), scene.entrance, str(DOMAIN), "60", str(FOREIGN_MPS), "0.1",
-            stderr=asyncio.subprocess.PIPE,
+            sys.executable, str(DRIVER), scene.entrance, "60", str(FOREIGN_MPS), "0.1",
+            stderr=asyncio.subprocess.PIPE, env={**os.environ, "ROS_DOMAIN_ID": str(DOMAIN)},
         )  # fmt: skip
         try:
             await scene.car.until(lambda: scene.car.wheel_mps > 0.95 * FOREIGN_MPS, "driving through /drive", 20.0)
