@@ -135,6 +135,16 @@ async def test_pure_pursuit_drives_along_the_recorded_path(drive, tmp_path):
     assert max(away_m) < MAX_AWAY_M
 
 
+async def test_an_asyncio_program_drives_by_hand_and_ends_in_order(tmp_path):
+    async with simulated(tmp_path, "operator.permit=required") as endpoint:
+        await run("async_drive.py", 4, at=endpoint)
+        state = await asyncio.to_thread(standing, endpoint)
+    assert state == "nobody"
+    (file,) = tmp_path.glob("*.mcap")
+    driven = places(file)
+    assert np.hypot(*np.diff(driven, axis=0).T).sum() > 0.3, "metres"
+
+
 def standing(endpoint):
     with wallride.connect(at=endpoint) as car:
         return car.latest("status")["operator"]["standing"]
