@@ -43,7 +43,11 @@ def _add_devices(parser: argparse.ArgumentParser) -> None:
     device.add_argument(
         "--window", action="store_true", help="use the keyboard in a window, which reports released keys"
     )
-    device.add_argument("--script", type=Path, metavar="FILE", help="commands from a CSV or TOML file")
+    device.add_argument(
+        "--script", type=Path, metavar="FILE",
+        help="buttons from a file, also to permit autonomy: CSV with time_s,buttons,speed,steering, or TOML"
+        " (docs/driving.md)",
+    )  # fmt: skip
     device.add_argument(
         "--map", action="store_true", help="map an unknown gamepad: asks for each control and writes its file"
     )

@@ -2,6 +2,7 @@ import pytest
 
 from clients.teleop.inputs import Control
 from clients.teleop.script import Script, ScriptError, Step, load
+from tests.docs.test_source_rules import ROOT
 
 CSV = "time_s,buttons,speed,steering\n0,,0,0\n0.5,LB,0,0\n1,manual,0.5,-0.2\n2,RB+start,,\n3,,0,0\n"
 TOML = """
@@ -70,3 +71,13 @@ def test_a_script_that_is_not_there(tmp_path):
 def test_nothing_is_held_after_the_end():
     script = Script([Step(0.0, frozenset({Control.MANUAL}), 1.0), Step(1.0, frozenset({Control.MANUAL}), 1.0)])
     assert script.inputs(1.0, 5.0).released
+
+
+@pytest.mark.parametrize("notation", ["csv", "toml"])
+def test_the_scripts_in_the_documentation_are_read_and_permit_autonomy(tmp_path, notation):
+    page = (ROOT / "docs" / "driving.md").read_text(encoding="utf-8")
+    file = tmp_path / f"script.{notation}"
+    file.write_text(page.partition(f"```{notation}\n")[2].partition("```")[0], encoding="utf-8")
+    script = load(file)
+    assert script.inputs(1.0, 0.0).pressed == {Control.AUTONOMY}
+    assert script.duration_s in {20.0, 22.0}
