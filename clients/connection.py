@@ -7,7 +7,15 @@ import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
-from clients.endpoints import CONNECT_VARIABLE, ConnectionProblemError, endpoint_configs, endpoint_of, given_by, keys_of
+from clients.endpoints import (
+    CONNECT_VARIABLE,
+    ConnectionProblemError,
+    endpoint_configs,
+    endpoint_of,
+    given_by,
+    keys_of,
+    option_of,
+)
 from clients.fleet.search import at_one_endpoint
 from clients.keys.diagnosis import nothing_heard, why_refused
 from runtime.security.key_files import KeyFiles
@@ -17,7 +25,7 @@ from runtime.wire.teleop import Malformed, read_beat, session_text
 
 __all__ = [
     "CONNECT_VARIABLE", "Cars", "ConnectionProblemError", "another_car", "check_session", "connected",
-    "endpoint_configs", "endpoint_of", "find_car", "given_by", "keys_of", "open_bus", "with_one_endpoint",
+    "endpoint_configs", "endpoint_of", "find_car", "given_by", "keys_of", "open_bus", "option_of", "with_one_endpoint",
 ]  # fmt: skip
 """What clients need, also of `clients.endpoints`, which is apart because the search of several endpoints needs it."""
 FIND_TIMEOUT_S = 3.0
@@ -56,7 +64,7 @@ async def open_bus(options: argparse.Namespace) -> Bus:
 
 
 async def _open(options: argparse.Namespace) -> tuple[Bus, KeyFiles | None]:
-    given = given_by(options.connect)
+    given = given_by(options)
     endpoint = endpoint_of(options.connect, with_keys=options.keys is not None, given=given)
     keys = keys_of(endpoint, options.keys)
     tls = keys.tls if keys is not None else None
@@ -70,7 +78,9 @@ async def _open(options: argparse.Namespace) -> tuple[Bus, KeyFiles | None]:
         question = (
             "does a car run here (wallride sim, wallride run)" if local else "is the car on and its network reachable"
         )
-        place = "another place: --connect" if given == "--connect" else f"the place is from {given}; another: --connect"
+        place = f"another place: {option_of(options)}"
+        if given == CONNECT_VARIABLE:
+            place = f"the place is from {given}; {place}"
         raise ConnectionProblemError(
             f"cannot connect to {endpoint}: {question}? ({place}; zenoh says: {error})"
         ) from None

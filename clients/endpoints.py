@@ -26,9 +26,14 @@ class ConnectionProblemError(Exception):
     """No connection to the car; the text is one line with the remedy."""
 
 
-def given_by(connect: str) -> str:
-    """Return what a user has to correct where this text names the endpoints: the variable or the option."""
-    return CONNECT_VARIABLE if connect == os.environ.get(CONNECT_VARIABLE) else "--connect"
+def option_of(options: argparse.Namespace) -> str:
+    """Return the option for the endpoints, which a script calls otherwise than a command line."""
+    return getattr(options, "connect_option", "--connect")
+
+
+def given_by(options: argparse.Namespace) -> str:
+    """Return what a user has to correct where the options name the endpoints: the variable or the option."""
+    return CONNECT_VARIABLE if options.connect == os.environ.get(CONNECT_VARIABLE) else option_of(options)
 
 
 def endpoint_of(text: str, *, with_keys: bool = False, given: str = "--connect") -> str:
@@ -53,7 +58,7 @@ def endpoint_of(text: str, *, with_keys: bool = False, given: str = "--connect")
 
 def endpoint_configs(options: argparse.Namespace) -> list[tuple[str, dict[str, Any]]]:
     """Return the endpoints of --connect, separated by commas, with the configuration of a session at each."""
-    found, given = [], given_by(options.connect)
+    found, given = [], given_by(options)
     for text in filter(None, (part.strip() for part in options.connect.split(","))):
         endpoint = endpoint_of(text, with_keys=options.keys is not None, given=given)
         keys = keys_of(endpoint, options.keys)

@@ -73,7 +73,7 @@ async def at_one_endpoint(options: argparse.Namespace) -> argparse.Namespace:
         await asyncio.sleep(SETTLING_S)
         cars, away = seen.cars, seen.away
     session = session_text(options.session) if options.session is not None else ""
-    name, endpoint = choose(cars, away, options.car, session, given_by(options.connect))
+    name, endpoint = choose(cars, away, options.car, session, given_by(options))
     return argparse.Namespace(**{**vars(options), "car": name, "connect": endpoint})
 
 

@@ -59,7 +59,6 @@ class RemoteCar:
             self._thread.close()
             raise
         self.parameters = RemoteParameters(self._ask)
-        self._is_open = True
 
     def __enter__(self) -> Self:
         return self
@@ -78,14 +77,15 @@ class RemoteCar:
         self.close()
 
     def close(self) -> None:
-        """End all iterations and the connection; harmless when it is closed."""
-        if not self._is_open:
-            return
-        self._is_open = False
-        for stream in {id(one): one for streams in self._streams.values() for one in streams}.values():
-            stream.close()
-        self._thread.call(self._bus.close())
+        """End all iterations, questions, blocks and the connection, of any thread; harmless when it is closed.
+
+        A `drive` or `plan` block that is open ends as after a lost operator: the car stops.
+        """
         self._thread.close()
+        with self._lock:
+            streams = [stream for streams in self._streams.values() for stream in streams]
+        for stream in streams:
+            stream.close()
 
     def topic(self, name: str, *, newest: bool = False, timeout_s: float = SILENT_S) -> Stream[Any]:
         """Return an iterator over the values of a topic, for `for` and `async for`.
@@ -147,7 +147,11 @@ class RemoteCar:
         for name in names:
             if name not in KINDS:
                 raise ConnectionProblemError(f"{name} is not a topic; there are {', '.join(KINDS)}")
-        silent = f"{self.name} says nothing on {', '.join(names)} for {timeout_s} s: a silent source has no topic"
+        self._thread.check_open()
+        silent = (
+            f"{self.name} says nothing on {', '.join(names)} for {timeout_s} s: the car or the link is gone"
+            " (`wallride status`), or what it comes from is silent"
+        )
         stream: Stream[Any] = Stream(read, buffer=1 if newest else BUFFER, timeout_s=timeout_s, silent=silent)
         for name in names:
             with self._lock:
@@ -202,8 +206,10 @@ def connect(
     """
     options = argparse.Namespace(
         car=car, connect=at or os.environ.get(CONNECT_VARIABLE) or DEFAULT_AT,
-        keys=Path(keys) if keys is not None else None, session=session,
+        keys=Path(keys) if keys is not None else None, session=session, connect_option="at=",
     )  # fmt: skip
+    if not isinstance(options.connect, str) or not isinstance(car, str | None):
+        raise ConnectionProblemError(f'car={car!r}, at={at!r}: both are text, e.g. connect("car1", at="{DEFAULT_AT}")')
     return RemoteCar(options, name or _own_name())
 
 

@@ -24,7 +24,8 @@ class DriveRefusedError(Exception):
 class RemoteDriver(SourceBlock):
     """`with car.drive() as hand: hand.send(1.0, 0.1)`; to be sent again within 0.2 s, or the car stops.
 
-    open_bus: opens a session of its own, which ends with the block. name: shown by the car.
+    After `release` the car stops, unless it may drive by itself. open_bus: opens a session of its own, which ends with
+    the block. name: shown by the car.
     """
 
     def __init__(
@@ -36,12 +37,9 @@ class RemoteDriver(SourceBlock):
         self._ready = asyncio.Event()
         self._obeyed = asyncio.Event()
 
-    def release(self) -> None:
-        """Let go: the car stops, unless it may drive by itself. The next `send` drives again."""
-        self._hand.release()
-
     def e_stop(self) -> None:
         """Press the e-stop; it stays latched until an operator resets it."""
+        self._check_begun()
         self._hand.press_e_stop()
 
     async def _begin(self) -> None:

@@ -2,14 +2,17 @@
 
 import asyncio
 import atexit
+import concurrent.futures
 import threading
 from collections.abc import Coroutine
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 from weakref import WeakSet
 
+from clients.connection import ConnectionProblemError
 from runtime.wire.bus import Bus
 
 T = TypeVar("T")
+CLOSED: Final = "this connection was closed; connect again"
 
 
 class LoopThread:
@@ -17,6 +20,8 @@ class LoopThread:
 
     Then it closes the sessions in its care: a thread of zenoh that waits for an interpreter which has ended aborts the
     process, over the script's own error and exit code.
+
+    is_closed: whether `close` was called; then each call is a ConnectionProblemError.
     """
 
     def __init__(self) -> None:
@@ -24,24 +29,55 @@ class LoopThread:
         self._thread = threading.Thread(target=self._loop.run_forever, name="wallride", daemon=True)
         self._thread.start()
         self._sessions: WeakSet[Bus] = WeakSet()
+        self._lock = threading.Lock()
+        self.is_closed = False
         atexit.register(self._end)
 
     def look_after(self, bus: Bus) -> Bus:
-        """Return an open session, which is closed at the latest when the interpreter ends."""
+        """Return an open session, which is closed at the latest with this thread."""
         self._sessions.add(bus)
         return bus
 
+    def check_open(self) -> None:
+        """Raise ConnectionProblemError after `close`."""
+        if self.is_closed:
+            raise ConnectionProblemError(CLOSED)
+
     def call(self, coroutine: Coroutine[Any, Any, T]) -> T:
-        """Run a coroutine to its end and return its result; its errors are raised here."""
-        return asyncio.run_coroutine_threadsafe(coroutine, self._loop).result()
+        """Run a coroutine to its end and return its result; its errors are raised here.
+
+        ConnectionProblemError when `close` was called, also in the middle of it from another thread.
+        """
+        with self._lock:
+            if self.is_closed:
+                coroutine.close()
+            self.check_open()
+            result = asyncio.run_coroutine_threadsafe(coroutine, self._loop)
+        try:
+            return result.result()
+        except concurrent.futures.CancelledError:
+            self.check_open()
+            raise
 
     def close(self) -> None:
-        """End the loop and its thread; harmless when it has ended."""
+        """End all calls, then the sessions, then the thread; harmless when it has ended."""
+        with self._lock:
+            if self.is_closed:
+                return
+            self.is_closed = True
         atexit.unregister(self._end)
-        if self._thread.is_alive():
-            self._loop.call_soon_threadsafe(self._loop.stop)
-            self._thread.join()
-            self._loop.close()
+        asyncio.run_coroutine_threadsafe(self._end_calls(), self._loop).result()
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
+
+    async def _end_calls(self) -> None:
+        tasks = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        for bus in tuple(self._sessions):
+            await bus.close()
 
     def _end(self) -> None:
         for bus in tuple(self._sessions):

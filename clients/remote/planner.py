@@ -27,7 +27,8 @@ class PlanRefusedError(Exception):
 class RemotePlanner(SourceBlock):
     """`with car.plan("slam") as plan: plan.send(1.0, 0.1)`; to be sent again within 0.2 s, or the car stops.
 
-    The car moves by it only under an operator's permit, and safety binds it. open_bus: opens a session of its own.
+    The car moves by it only under an operator's permit, and safety binds it. After `release` the car stops, and this
+    planner keeps it. open_bus: opens a session of its own.
     """
 
     def __init__(
@@ -42,10 +43,6 @@ class RemotePlanner(SourceBlock):
         self._sequence = 0
         self._beat: Beat | None = None
         self._news = asyncio.Event()
-
-    def release(self) -> None:
-        """Ask for nothing: the car stops, and this planner keeps it."""
-        self._hand.release()
 
     async def _begin(self) -> None:
         self._bus = bus = await self._open_bus()

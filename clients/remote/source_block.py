@@ -43,18 +43,24 @@ class SourceBlock(ABC):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if self._thread.is_closed:  # that ended the block, as a lost source
+            return
         self._thread.call(self._end(orderly=error is None and not self._hand.trouble))
         if error is None and not self._told and (why := self._unobeyed()):
             raise self._refused(f"{why}; begin anew with {self._call}")
 
     def send(self, speed_mps: float, steering_rad: float) -> None:
         """Ask for this drive for 0.2 s; the error of the block once the car no longer obeys this script."""
-        if self._bus is None:
-            raise self._refused(f"use it in a with block: with {self._call} as source:")
+        self._check_begun()
         if self._hand.trouble:
             self._told = True
             raise self._refused(f"{self._hand.trouble}; begin anew with {self._call}")
         self._hand.send(speed_mps, steering_rad, time.monotonic())
+
+    def release(self) -> None:
+        """Ask for nothing; the next `send` drives again."""
+        self._check_begun()
+        self._hand.release()
 
     @abstractmethod
     async def _begin(self) -> None:
@@ -67,6 +73,11 @@ class SourceBlock(ABC):
     @abstractmethod
     def _say_goodbye(self, bus: Bus) -> None:
         """Send one goodbye."""
+
+    def _check_begun(self) -> None:
+        self._thread.check_open()
+        if self._bus is None:
+            raise self._refused(f"use it in a with block: with {self._call} as source:")
 
     def _unobeyed(self) -> str:
         """Return why the car took no command of the whole block, "" when it did, or was asked for nothing."""

@@ -71,6 +71,60 @@ async def test_mistakes_are_clear_errors():
         await in_thread(script)
     with pytest.raises(ConnectionProblemError, match="does a car run here"):
         await in_thread(lambda: wallride.connect(at="tcp/127.0.0.1:9"))
+    with pytest.raises(ConnectionProblemError, match=r"another place: at=;"):
+        await in_thread(lambda: wallride.connect(at="tcp/127.0.0.1:9"))
+    with pytest.raises(ConnectionProblemError, match=r"car=5, at=None: both are text"):
+        wallride.connect(5)  # type: ignore[arg-type]  # as a script without types may
+
+
+async def test_a_closed_connection_says_so_to_whoever_goes_on_with_it():
+    async with FakeCar() as car:
+
+        def script():
+            remote = wallride.connect(at=car.bus.endpoint)
+            odom = remote.topic("odom")
+            with remote.drive() as hand:
+                hand.send(0.5, 0.1)
+                remote.close()
+                for call in (
+                    lambda: hand.send(0.5, 0.1),
+                    hand.release,
+                    hand.e_stop,
+                    lambda: remote.topic("odom"),
+                    lambda: remote.parameters["wall_follow.kp"],
+                    remote.drive().__enter__,
+                    remote.plan("slam").__enter__,
+                    remote.record().__enter__,
+                ):
+                    with pytest.raises(ConnectionProblemError, match="was closed; connect again"):
+                        call()
+            assert list(odom) == []
+
+        await in_thread(script)
+        heard = len(car.commands)
+        await asyncio.sleep(0.1)
+        assert len(car.commands) == heard, "an open block ends with the connection"
+        assert Press.GOODBYE not in car.flags, "as a lost operator: the car stops"
+
+
+async def test_closing_in_another_thread_ends_what_waits():
+    async with FakeCar() as car:
+        car.beating = False  # so that the block waits for its beginning
+        remote = await in_thread(lambda: wallride.connect(at=car.bus.endpoint))
+        odom = remote.topic("odom")
+        waiting = [
+            asyncio.create_task(in_thread(wait))
+            for wait in (remote.drive().__enter__, lambda: remote.parameters["wall_follow.kp"], lambda: list(odom))
+        ]
+        await asyncio.sleep(0.2)
+        assert not any(task.done() for task in waiting)
+        async with asyncio.timeout(2.0):
+            await in_thread(remote.close)
+            drive, question, values = await asyncio.gather(*waiting, return_exceptions=True)
+    for error in (drive, question):
+        assert isinstance(error, ConnectionProblemError)
+        assert "was closed" in str(error)
+    assert values == []
 
 
 async def test_parameters_are_a_mapping_of_the_driving_car(tmp_path):
