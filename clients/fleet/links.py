@@ -10,6 +10,7 @@ from clients.endpoints import endpoint_configs
 from runtime.wire.bus import Bus
 
 RETRY_S = 0.5
+UNANSWERED = "no answer yet; is the car or router there on?"
 
 
 @dataclass(eq=False, slots=True)
@@ -17,7 +18,7 @@ class FleetLink:
     """The session with one endpoint. problem: why there is none, "" while there is."""
 
     bus: Bus
-    problem: str = "connecting"
+    problem: str = UNANSWERED
 
     @property
     def endpoint(self) -> str:

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Final
 
 from clients.endpoints import ConnectionProblemError, given_by
-from clients.fleet.links import FleetLink, fleet_links
+from clients.fleet.links import UNANSWERED, FleetLink, fleet_links
 from runtime.wire import topics
 from runtime.wire.teleop import Malformed, read_beat, session_text
 
@@ -33,7 +33,7 @@ class Sightings:
     @property
     def have_answered(self) -> bool:
         """Whether every endpoint is open, or was found to be away."""
-        return all(link.problem != "connecting" for link in self._links)
+        return all(link.problem != UNANSWERED for link in self._links)
 
     @property
     def away(self) -> Mapping[str, str]:

@@ -186,7 +186,7 @@ def lines(results: Sequence[StopResult]) -> Iterator[str]:
                 f"is refused at {one.refused_at}, where another car has its name, and was not stopped: stop it by hand"
             )
         elif one.took_s is None:
-            said = "DOES NOT CONFIRM: stop it by hand"
+            said = "DOES NOT CONFIRM: stop it by hand (keys of the role viewer or planner stop no car)"
         else:
             said = f"e-stop latched after {one.took_s:.2f} s"
         yield f"{who:<16} {said}"
