@@ -18,17 +18,28 @@ OUT_OF_SIGHT_S = 0.15
 """Age of the last sight of a track that is no longer seen: some scans, at 10 to 40 a second."""
 MOVED_M = 0.5
 """Minimum way that shows a vehicle or a person: table legs seem to move by less, for some scans in a bend."""
+MOVED_S, FAST_MPS = 0.5, 0.5
+"""Minimum time in motion that shows it to a car that is faster than this. In a bend among furniture what is seen of one
+thing jumps to the next: as far, but for less than that."""
 MAX_REMEMBERED = 30
 
 
 @dataclass(slots=True)
 class _Mover:
-    """A track, the place at which it was first seen to move (odom), and when it last was."""
+    """A track, the place at which it was first seen to move (odom), when it last was, and for how long in all."""
 
     track: ObstacleTrack
     from_m: complex
     moved_s: float
+    in_motion_s: float = 0.0
     goes: bool = False
+
+    def move(self, now_s: float, before_s: float, *, sure_after_s: float) -> None:
+        """Note that it moves by a scan of this time; before_s: of the scan before, from which on it was in motion."""
+        if self.moved_s == before_s:  # else it was out of sight or stood, and came up in between
+            self.in_motion_s += now_s - before_s
+        self.moved_s = now_s
+        self.goes |= self.in_motion_s >= sure_after_s and abs(self.track.place_m - self.from_m) > MOVED_M
 
     def until_s(self, now_s: float) -> float:
         """Return until when it counts."""
@@ -41,12 +52,14 @@ class Traffic:
 
     def __init__(self) -> None:
         self._movers: dict[int, _Mover] = {}
+        self._before_s = 0.0
 
-    def update(self, moving: Iterable[ObstacleTrack], now_s: float, *, stood: bool) -> None:
-        """Note what moves by this scan. moving: the tracks of that alone; now_s: the scan's time.
+    def update(self, moving: Iterable[ObstacleTrack], now_s: float, *, speed_mps: float, stood: bool) -> None:
+        """Note what moves by this scan. moving: the tracks of that alone; now_s: the scan's time; speed_mps: the car's.
 
         stood: the car has stood for a while, so that the way before an object was seen to move counts as well.
         """
+        sure_after_s = MOVED_S if abs(speed_mps) > FAST_MPS else 0.0
         for track in moving:
             mover = self._movers.get(id(track))
             if mover is None and len(self._movers) >= MAX_REMEMBERED:
@@ -54,8 +67,8 @@ class Traffic:
             if mover is None:
                 from_m = sum(track.before.edges_m) / 2 if stood else track.place_m
                 mover = self._movers[id(track)] = _Mover(track, from_m, now_s)
-            mover.moved_s = now_s
-            mover.goes |= abs(track.place_m - mover.from_m) > MOVED_M
+            mover.move(now_s, self._before_s, sure_after_s=sure_after_s)
+        self._before_s = now_s
         if self._movers:
             self._movers = {key: mover for key, mover in self._movers.items() if now_s < mover.until_s(now_s)}
 

@@ -136,7 +136,8 @@ class Recovery:
             self.think()
         scan_s = assessment.view.scan.stamp_s
         stood = self._since_s is not None and not self._legs and scan_s - self._since_s > STOOD_S
-        self._traffic.update(assessment.guard.movers.moving(stood=stood), scan_s, stood=stood)
+        moving = assessment.guard.movers.moving(stood=stood)
+        self._traffic.update(moving, scan_s, speed_mps=assessment.speed_mps, stood=stood)
         if motor is None or wish is None or wish.speed_mps <= 0:
             self._forget()
             return NO_ADVICE
