@@ -208,7 +208,7 @@ def _sides(text: str | None, *, quick: bool) -> tuple[Side, ...]:
 
 def _maps(options: argparse.Namespace) -> tuple[str, ...]:
     """Return the maps to drive; UsageError for one that cannot be read, before any of them is driven."""
-    found = _found_maps(options) if options.experiment == "laps" else ()
+    found = _found_maps(options) if hasattr(options, "maps") else ()
     for path in found:
         try:
             check_map(Path(path))
@@ -218,7 +218,7 @@ def _maps(options: argparse.Namespace) -> tuple[str, ...]:
 
 
 def _found_maps(options: argparse.Namespace) -> tuple[str, ...]:
-    folder: Path | None = getattr(options, "maps", None)
+    folder: Path | None = options.maps
     if folder is not None:
         found = maps_in(folder)
         if not found:

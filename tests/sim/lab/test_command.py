@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from sim.lab import hazards, laps, safety, walls
 from sim.lab.cell import Cell, CellChoice
@@ -161,11 +162,17 @@ def test_a_map_that_cannot_be_read_is_one_sentence_before_anything_drives(tmp_pa
     assert "Traceback" not in said
 
 
-def test_laps_finds_the_maps():
-    if not MAPS.is_dir():
-        pytest.skip("the shared maps are not there")
-    names = {Path(name).stem for name in chosen(options("laps", "--maps", str(MAPS))).maps}
-    assert {"levine", "berlin"} <= names
+@pytest.mark.parametrize("name", ["laps", "corners"])
+def test_what_drives_on_maps_finds_them(name, tmp_path):
+    Image.new("L", (40, 40), 254).save(tmp_path / "hall.png")
+    (file := tmp_path / "hall.yaml").write_text(
+        "image: hall.png\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
+    )
+    assert chosen(options(name, "--maps", str(tmp_path))).maps == (str(file),)
+
+
+def test_other_experiments_take_no_maps():
+    assert chosen(options("walls")).maps == ()
 
 
 @pytest.mark.parametrize("law", [*GUARD_OF, "report+none", "ball+report"])
