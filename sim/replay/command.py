@@ -29,7 +29,16 @@ def run(options: argparse.Namespace) -> int:
 
     RecordingError or SettingsError when nothing can be replayed.
     """
-    logging.getLogger("wallride").setLevel(logging.ERROR)  # the mux's reports would carry past times
+    logger = logging.getLogger("wallride")
+    level = logger.level
+    logger.setLevel(logging.ERROR)  # the mux's reports would carry past times
+    try:
+        return _replay(options)
+    finally:
+        logger.setLevel(level)  # of the program that asked: a test, a notebook
+
+
+def _replay(options: argparse.Namespace) -> int:
     if options.publish:
         from sim.replay import publish
 
