@@ -26,20 +26,27 @@ MAX_REMEMBERED = 30
 
 @dataclass(slots=True)
 class _Mover:
-    """A track, the place at which it was first seen to move (odom), when it last was, and for how long in all."""
+    """A track, the place at which it was first seen to move (odom), when it last was, and for how long in all.
+
+    slowly: the car was slow meanwhile; what a fast and what a slow car sees are two pieces of evidence.
+    """
 
     track: ObstacleTrack
     from_m: complex
     moved_s: float
+    slowly: bool
     in_motion_s: float = 0.0
     goes: bool = False
 
-    def move(self, now_s: float, before_s: float, *, sure_after_s: float) -> None:
+    def move(self, now_s: float, before_s: float, *, slowly: bool) -> None:
         """Note that it moves by a scan of this time; before_s: of the scan before, from which on it was in motion."""
-        if self.moved_s == before_s:  # else it was out of sight or stood, and came up in between
+        if slowly != self.slowly:
+            self.slowly, self.from_m, self.in_motion_s = slowly, self.track.place_m, 0.0
+        elif self.moved_s == before_s:  # else it was out of sight or stood, and came up in between
             self.in_motion_s += now_s - before_s
         self.moved_s = now_s
-        self.goes |= self.in_motion_s >= sure_after_s and abs(self.track.place_m - self.from_m) > MOVED_M
+        long_enough = slowly or self.in_motion_s >= MOVED_S
+        self.goes |= long_enough and abs(self.track.place_m - self.from_m) > MOVED_M
 
     def until_s(self, now_s: float) -> float:
         """Return until when it counts."""
@@ -59,15 +66,15 @@ class Traffic:
 
         stood: the car has stood for a while, so that the way before an object was seen to move counts as well.
         """
-        sure_after_s = MOVED_S if abs(speed_mps) > FAST_MPS else 0.0
+        slowly = abs(speed_mps) <= FAST_MPS
         for track in moving:
             mover = self._movers.get(id(track))
             if mover is None and len(self._movers) >= MAX_REMEMBERED:
                 continue
             if mover is None:
                 from_m = sum(track.before.edges_m) / 2 if stood else track.place_m
-                mover = self._movers[id(track)] = _Mover(track, from_m, now_s)
-            mover.move(now_s, self._before_s, sure_after_s=sure_after_s)
+                mover = self._movers[id(track)] = _Mover(track, from_m, now_s, slowly)
+            mover.move(now_s, self._before_s, slowly=slowly)
         self._before_s = now_s
         if self._movers:
             self._movers = {key: mover for key, mover in self._movers.items() if now_s < mover.until_s(now_s)}

@@ -58,6 +58,14 @@ def test_a_slow_car_needs_no_time_to_tell_motion_from_its_own():
     assert street.traffic.is_about
 
 
+def test_what_jumped_before_a_fast_car_proves_nothing_to_it_once_it_is_slow():
+    street = Street()
+    street.go(MOVED_S - 2 * SCAN_S, 4.0)
+    street.speed_mps = 0.2
+    street.go(MOVED_S, 0.9 * MOVED_M)
+    assert not street.traffic.is_about
+
+
 def test_what_went_out_of_sight_may_be_behind_for_longer():
     street = Street()
     street.go(1.0, 1.5)
