@@ -1,20 +1,29 @@
 """Driving from a script: an operator's session of its own, with token, heartbeat's echo, deadman and goodbye."""
 
 import asyncio
+import math
 import secrets
 import time
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
+from typing import Final
 
 from clients.connection import ConnectionProblemError
 from clients.remote.hand import UNHEEDED, ScriptedHand
 from clients.remote.loop_thread import LoopThread
-from clients.remote.source_block import READY_WITHIN_S, SourceBlock
-from clients.teleop.pilot import MINDED_S, Pilot
+from clients.remote.source_block import PERIOD_S, READY_WITHIN_S, SourceBlock
+from clients.teleop.pilot import MINDED_S, Pilot, PilotState
 from runtime.wire import topics
 from runtime.wire.bus import Bus
 from runtime.wire.network import BYTES
-from runtime.wire.teleop import Input, Malformed, read_beat
+from runtime.wire.teleop import CarCondition, Input, Malformed, read_beat
+
+LATCHED_WITHIN_S: Final = 1.0
+"""Time for which a block that pressed the e-stop insists on it at its end."""
+UNCONFIRMED: Final = (
+    f"the car did not confirm the e-stop within {LATCHED_WITHIN_S} s: stop it by hand; is your certificate's role"
+    " operator or admin, and the link fast enough?"
+)
 
 
 class DriveRefusedError(Exception):
@@ -36,11 +45,21 @@ class RemoteDriver(SourceBlock):
         self._pilot = Pilot(secrets.randbits(63) + 1, name, hand.shape)
         self._ready = asyncio.Event()
         self._obeyed = asyncio.Event()
+        self._latched = asyncio.Event()
+        self._stop_s = math.inf
 
     def e_stop(self) -> None:
-        """Press the e-stop; it stays latched until an operator resets it."""
+        """Press the e-stop; it stays latched until an operator resets it.
+
+        On return it was sent; it is repeated until the block ends, which waits for the car to confirm it.
+        """
         self._check_begun()
+        self._thread.call(self._press_e_stop())
+
+    async def _press_e_stop(self) -> None:
         self._hand.press_e_stop()
+        self._stop_s = min(self._stop_s, time.monotonic())
+        await asyncio.sleep(2 * PERIOD_S)  # sent twice: the script may close the connection at once
 
     async def _begin(self) -> None:
         self._bus = bus = await self._open_bus()
@@ -63,9 +82,19 @@ class RemoteDriver(SourceBlock):
             self._hand.note(state)
             if state.armed:
                 self._ready.set()
+            if self._has_latched(state, now_s):
+                self._latched.set()
+
+    def _has_latched(self, state: PilotState, now_s: float) -> bool:
+        """Tell whether a heartbeat from after the press says that the e-stop is latched."""
+        beat = state.beat
+        return beat is not None and CarCondition.ESTOP_LATCHED in beat.flags and now_s - state.beat_age_s > self._stop_s
 
     async def _end(self, *, orderly: bool) -> None:
-        if orderly and self._bus is not None and self._hand.asked and not self._obeyed.is_set():
+        if self._bus is not None and self._hand.stopping:  # also after an error: the e-stop was pressed for it
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._latched.wait(), LATCHED_WITHIN_S)
+        elif orderly and self._bus is not None and self._hand.asked and not self._obeyed.is_set():
             await self._ask_once_more(self._bus)
         await super()._end(orderly=orderly)
 
@@ -77,6 +106,8 @@ class RemoteDriver(SourceBlock):
             await asyncio.wait_for(self._obeyed.wait(), MINDED_S)
 
     def _unobeyed(self) -> str:
+        if self._hand.stopping:
+            return "" if self._latched.is_set() else UNCONFIRMED
         return (self._hand.trouble or UNHEEDED) if self._hand.asked and not self._obeyed.is_set() else ""
 
     def _say_goodbye(self, bus: Bus) -> None:

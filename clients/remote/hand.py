@@ -28,6 +28,7 @@ class ScriptedHand:
     """What the script holds at a time, and whether it may still drive.
 
     trouble: why it may not, "" while it may. driving: the car is asked to move by it; asked: it was at some time.
+    stopping: it presses the e-stop.
     """
 
     def __init__(self, max_speed_mps: float, max_steering_rad: float) -> None:
@@ -35,11 +36,10 @@ class ScriptedHand:
             raise ValueError("max_speed_mps and max_steering_rad must be positive")
         self.shape = InputShape(max_speed_mps, max_steering_rad, deadzone=0.0, expo=0.0, ramp_mps2=NO_RAMP_MPS2)
         self.trouble = ""
-        self.driving = self.asked = False
+        self.driving = self.asked = self.stopping = False
         self._sent_s = -math.inf
         self._speed = self._steering = 0.0
         self._pressed = False
-        self._stopping = False
 
     def send(self, speed_mps: float, steering_rad: float, now_s: float) -> None:
         """Hold a drive from now on, for HOLD_S; ValueError for no number. More than the limits is the limit."""
@@ -55,13 +55,13 @@ class ScriptedHand:
 
     def press_e_stop(self) -> None:
         """Press the e-stop, until the end."""
-        self._stopping = True
+        self.stopping = True
 
     def inputs(self, now_s: float) -> Inputs:
         """Return what is held now."""
         if self.driving and not self.trouble and now_s - self._sent_s > HOLD_S:
             self.trouble = f"the script sent nothing for {HOLD_S} s"
-        if self._stopping:
+        if self.stopping:
             return Inputs(Input.SCRIPT, live=True, event_s=now_s, pressed=frozenset({Control.ESTOP}), device="script")
         if self.trouble:  # unsure: a stop, and no release
             return Inputs(Input.SCRIPT, live=False, event_s=now_s, device="script")

@@ -252,6 +252,58 @@ async def test_a_long_block_learns_before_its_end_that_the_car_takes_no_command(
             await in_thread(script)
 
 
+def e_stop(remote, times=0, error=None):
+    """Press the e-stop in a block that ends at once, after some commands; `error` is raised in it."""
+    with remote.drive() as hand:
+        for _ in range(times):
+            hand.send(0.5, 0.1)
+            time.sleep(0.02)
+        hand.e_stop()
+        if error is not None:
+            raise error
+
+
+@pytest.mark.parametrize("times", [0, 10])
+@pytest.mark.parametrize("error", [None, ZeroDivisionError()])
+async def test_an_e_stop_reaches_the_car_although_the_block_ends_at_once(times, error):
+    async with FakeCar() as car:
+
+        def script():
+            with wallride.connect(at=car.bus.endpoint) as remote:
+                if error is None:
+                    e_stop(remote, times)
+                    return
+                with pytest.raises(ZeroDivisionError):
+                    e_stop(remote, times, error)
+
+        await in_thread(script)
+        assert Press.ESTOP in car.flags
+
+
+async def test_an_e_stop_is_sent_although_the_connection_is_closed_at_once():
+    async with FakeCar(obeys=False) as car:
+
+        def script():
+            with wallride.connect(at=car.bus.endpoint) as remote, remote.drive() as hand:
+                hand.e_stop()
+                remote.close()
+
+        await in_thread(script)
+        await car.heard(Press.ESTOP)
+
+
+async def test_an_e_stop_that_the_car_does_not_confirm_is_an_error():
+    async with FakeCar(obeys=False) as car:
+
+        def script():
+            with wallride.connect(at=car.bus.endpoint) as remote:
+                e_stop(remote)
+
+        with pytest.raises(DriveRefusedError, match=r"did not confirm the e-stop .*: stop it by hand"):
+            await in_thread(script)
+        assert car.flags.count(Press.ESTOP) > 10, "repeated all the while"
+
+
 async def test_a_car_without_a_heartbeat_cannot_be_driven():
     async with FakeCar() as car:
         car.beating = False

@@ -34,7 +34,7 @@ LAP = Script([
 
 
 class FakeCar:
-    """Beats, and remembers what it was told. obeys: its heartbeats name the session of the newest command."""
+    """Beats, and remembers what it was told. obeys: by its heartbeats, the newest command's session and each e-stop."""
 
     def __init__(self, *, obeys=True):
         self.obeys = obeys
@@ -65,7 +65,9 @@ class FakeCar:
             newest = self.commands[-1] if self.commands and self.obeys else None
             sequence, age_ms = (newest[1].sequence, round((time.monotonic() - newest[0]) * 1000)) if newest else (0, 0)
             session = newest[1].session if newest else 0
-            beat = Beat(4, number, CarCondition(0), session, sequence, age_ms, 0.0, "ann")
+            stopped = self.obeys and Press.ESTOP in self.flags
+            conditions = CarCondition.ESTOP_LATCHED if stopped else CarCondition(0)
+            beat = Beat(4, number, conditions, session, sequence, age_ms, 0.0, "ann")
             if self.beating:
                 self.bus.put(topics.key("car1", topics.BEAT), beat.pack(), encoding=BYTES, urgent=True)
             await asyncio.sleep(0.02)
