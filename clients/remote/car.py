@@ -23,7 +23,7 @@ from clients.connection import (
 )
 from clients.parameters import ask
 from clients.remote.driver import RemoteDriver, checked_hand
-from clients.remote.loop_thread import LoopThread
+from clients.remote.loop_thread import CLOSED, LoopThread
 from clients.remote.parameters import RemoteParameters
 from clients.remote.planner import RemotePlanner
 from clients.remote.stream import Stream
@@ -104,6 +104,8 @@ class RemoteCar:
         stream = self.topic(name, newest=True, timeout_s=timeout_s)
         try:
             return next(stream)
+        except StopIteration:  # would end the caller's own loop without a word
+            raise ConnectionProblemError(CLOSED) from None
         finally:
             self._forget(stream)
 

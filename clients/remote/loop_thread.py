@@ -31,7 +31,7 @@ class LoopThread:
         self._sessions: WeakSet[Bus] = WeakSet()
         self._lock = threading.Lock()
         self.is_closed = False
-        atexit.register(self._end)
+        atexit.register(self.close)
 
     def look_after(self, bus: Bus) -> Bus:
         """Return an open session, which is closed at the latest with this thread."""
@@ -65,7 +65,7 @@ class LoopThread:
             if self.is_closed:
                 return
             self.is_closed = True
-        atexit.unregister(self._end)
+        atexit.unregister(self.close)
         asyncio.run_coroutine_threadsafe(self._end_calls(), self._loop).result()
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
@@ -78,8 +78,3 @@ class LoopThread:
         await asyncio.gather(*tasks, return_exceptions=True)
         for bus in tuple(self._sessions):
             await bus.close()
-
-    def _end(self) -> None:
-        for bus in tuple(self._sessions):
-            bus.close_now()
-        self.close()

@@ -87,14 +87,12 @@ class Bus:
         session, self._session = self._session, None
         self._publishers.clear()
         self._held.clear()
-        if session is not None:
-            await asyncio.to_thread(session.close)
-
-    def close_now(self) -> None:
-        """Close the session in the calling thread, for a program that ends: then no executor takes `close`'s work."""
-        session, self._session = self._session, None
-        if session is not None:
-            close: Callable[[], object] = session.close
+        if session is None:
+            return
+        close: Callable[[], object] = session.close
+        try:
+            await asyncio.to_thread(close)
+        except RuntimeError:  # the program ends, and no executor takes work any more
             close()
 
     @property

@@ -114,14 +114,19 @@ async def test_closing_in_another_thread_ends_what_waits():
         odom = remote.topic("odom")
         waiting = [
             asyncio.create_task(in_thread(wait))
-            for wait in (remote.drive().__enter__, lambda: remote.parameters["wall_follow.kp"], lambda: list(odom))
+            for wait in (
+                remote.drive().__enter__,
+                lambda: remote.parameters["wall_follow.kp"],
+                lambda: [remote.latest("imu")],
+                lambda: list(odom),
+            )
         ]
         await asyncio.sleep(0.2)
         assert not any(task.done() for task in waiting)
         async with asyncio.timeout(2.0):
             await in_thread(remote.close)
-            drive, question, values = await asyncio.gather(*waiting, return_exceptions=True)
-    for error in (drive, question):
+            *errors, values = await asyncio.gather(*waiting, return_exceptions=True)
+    for error in errors:
         assert isinstance(error, ConnectionProblemError)
         assert "was closed" in str(error)
     assert values == []
@@ -337,6 +342,24 @@ async def test_a_script_that_ends_with_an_error_ends_with_its_own_exit_code():
             _, said = await process.communicate()
             assert said.decode().splitlines()[-1] == "ZeroDivisionError: division by zero"
             assert process.returncode == 1
+
+
+CLOSES_AT_EXIT = """
+import atexit, sys, wallride
+car = wallride.connect(at=sys.argv[1])
+atexit.register(car.close)
+sys.exit(3)
+"""
+
+
+async def test_a_script_may_close_the_connection_when_the_interpreter_ends():
+    async with speaking_car() as bus:
+        process = await asyncio.create_subprocess_exec(
+            sys.executable, "-c", CLOSES_AT_EXIT, bus.endpoint, stderr=asyncio.subprocess.PIPE
+        )
+        _, said = await process.communicate()
+    assert said.decode() == ""
+    assert process.returncode == 3
 
 
 def test_the_package_imports_nothing_before_it_is_asked():
