@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from clients.connection import ConnectionProblemError
 from runtime.wire.bus import Bus
+from runtime.wire.endpoints import check_listening
 from runtime.wire.router_config import router_config
 
 COMMENT = "//"
@@ -60,11 +61,22 @@ def _missing(config: dict[str, Any]) -> Iterator[str]:
     listen, control = config.get("listen"), config.get("access_control")
     if config.get("mode") != "router":
         yield 'mode "router"'
-    if not isinstance(listen, dict) or not listen.get("endpoints"):
+    if not isinstance(listen, dict) or not _are_endpoints(listen.get("endpoints")):
         yield "listen.endpoints"
     denies = {"enabled": True, "default_permission": "deny"}
     if not isinstance(control, dict) or {name: control.get(name) for name in denies} != denies:
         yield 'access_control that is enabled with default_permission "deny"'
+
+
+def _are_endpoints(endpoints: object) -> bool:
+    """Tell whether these are addresses of ours; zenoh reads options behind others, which undo the certificates."""
+    if not isinstance(endpoints, list) or not endpoints:
+        return False
+    try:
+        check_listening(endpoints)
+    except (TypeError, ValueError):
+        return False
+    return True
 
 
 def _place_keys(config: dict[str, Any], file: Path) -> None:

@@ -4,6 +4,7 @@ A status comes from another computer: a car with a fault, or one that was taken 
 name. What does not fit is refused whole, so that no reader meets a word where it expects a number.
 """
 
+import json
 from collections.abc import Mapping
 from typing import Annotated, Any
 
@@ -55,5 +56,10 @@ class _Status(_Part):
 
 
 def check_status(status: Mapping[str, Any]) -> None:
-    """Refuse a status of another shape: ValueError. The race checks the pose by itself."""
+    """Refuse a status of another shape: ValueError. The race checks the pose by itself.
+
+    Also in parts that nobody here reads every number is finite: `wallride cars --json` passes all of them on, and one
+    Infinity among them (JSON's 1e999) would keep other programs from reading the rows of all cars.
+    """
     _Status.model_validate(dict(status))
+    json.dumps(dict(status), allow_nan=False)

@@ -147,7 +147,9 @@ def two_cars():
     return view, link
 
 
-@pytest.mark.parametrize("payload", [*map(json.dumps, ODD), "[]", "{", "[" * 60_000, '{"state": "\\ud800"}'])
+@pytest.mark.parametrize(
+    "payload", [*map(json.dumps, ODD), "[]", "{", "[" * 60_000, '{"state": "\\ud800"}', '{"odom": {"x_m": 1e999}}']
+)
 def test_an_odd_status_is_the_trouble_of_its_own_row_and_nothing_of_it_is_used(payload):
     view, link = two_cars()
     view._on_status(link, "wallride/car2/status", payload.encode(), 10.0)
