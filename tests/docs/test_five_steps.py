@@ -14,6 +14,7 @@ behind `systemctl start` and `restart`. What a test cannot do to its computer, a
 import os
 import pty
 import re
+import select
 import signal
 import socket
 import subprocess
@@ -151,6 +152,8 @@ class Newcomer:
             os.execve("/bin/sh", ["sh", "-c", f"exec {line}"], self.environment)  # noqa: S606 - this is the shell
         said, waiting, give_up_s = "", dict(answers), time.monotonic() + PATIENCE_S
         while time.monotonic() < give_up_s:
+            if not select.select([terminal], [], [], 1.0)[0]:
+                continue
             try:
                 said += os.read(terminal, 4096).decode(errors="replace")
             except OSError:  # the other end is closed
@@ -177,10 +180,12 @@ class Newcomer:
 
 @pytest.fixture
 def newcomer(tmp_path):
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where a shell runs in the background
     one = Newcomer(tmp_path)
     one.plug_in()
     yield one
     one.leave()
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.mark.timeout(400)
