@@ -105,7 +105,7 @@ async def find_car(bus: Bus, name: str | None, *, whose: str = "", timeout_s: fl
     except TimeoutError:
         if whose and not found.names:
             raise ConnectionProblemError(nothing_heard(whose, bus.endpoint)) from None
-        raise ConnectionProblemError(_nobody(bus, name, sorted(found.names))) from None
+        raise ConnectionProblemError(_absent(bus, name, sorted(found.names))) from None
     if len(found.names) > 1:
         raise ConnectionProblemError(f"there are several cars: {', '.join(sorted(found.names))}; choose with --car")
     return next(iter(found.names), "")
@@ -161,7 +161,7 @@ class Cars:
         self._news.set()
 
 
-def _nobody(bus: Bus, name: str | None, others: list[str]) -> str:
+def _absent(bus: Bus, name: str | None, others: list[str]) -> str:
     if name is not None and others:
         return f"no car {name} at {bus.endpoint}; there is {', '.join(others)}"
     what = f"the car {name}" if name is not None else "a car"

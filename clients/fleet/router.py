@@ -46,7 +46,7 @@ def read_config(file: Path) -> dict[str, Any]:
         raise _foreign(file)
     if missing := ", ".join(_missing(config)):
         raise ConnectionProblemError(
-            f"{file}: has no {missing}: such a router serves nobody, or lets anyone command every car;"
+            f"{file}: has no {missing}: such a router refuses every client, or lets every client command every car;"
             " let `wallride keys router NAME` write the file"
         )
     try:
@@ -57,7 +57,7 @@ def read_config(file: Path) -> dict[str, Any]:
 
 
 def _missing(config: dict[str, Any]) -> Iterator[str]:
-    """Yield what a router's configuration lacks; zenoh's defaults for it let everyone in, or nobody."""
+    """Yield what a router's configuration lacks; zenoh's defaults for it accept every client, or none."""
     listen, control = config.get("listen"), config.get("access_control")
     if config.get("mode") != "router":
         yield 'mode "router"'

@@ -58,7 +58,7 @@ class _Status(_Part):
 def check_status(status: Mapping[str, Any]) -> None:
     """Refuse a status of another shape: ValueError. The race checks the pose by itself.
 
-    Also in parts that nobody here reads every number is finite: `wallride cars --json` passes all of them on, and one
+    Every number is finite, also in parts that are not read here: `wallride cars --json` passes all of them on, and one
     Infinity among them (JSON's 1e999) would keep other programs from reading the rows of all cars.
     """
     _Status.model_validate(dict(status))

@@ -33,7 +33,7 @@ class ChangeHistory:
     def __init__(self, most: int) -> None:
         self._changes: deque[SettingChange] = deque(maxlen=most)
         self.added = 0
-        self.notify: Callable[[], None] = _nobody
+        self.notify: Callable[[], None] = _ignore
 
     def add(self, changes: Sequence[SettingChange]) -> None:
         """Add changes; the oldest beyond the bound are forgotten."""
@@ -64,5 +64,5 @@ class ChangeHistory:
         return bad
 
 
-def _nobody() -> None:
+def _ignore() -> None:
     """Ignore the notification."""

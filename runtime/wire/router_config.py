@@ -106,9 +106,9 @@ def router_access_control(people: Sequence[Person]) -> dict[str, Any]:
             itertools.chain.from_iterable(planner_grants(car, planner, None) for car in cars)
         )
         names[f"planner-{planner}"] = [planner]
-    everyone = list(itertools.chain.from_iterable([*grants(car), *_watching(car)] for car in cars))
+    all_grants = list(itertools.chain.from_iterable([*grants(car), *_watching(car)] for car in cars))
     for role in (Role.VIEWER, Role.OPERATOR, Role.ADMIN):
-        granted[role.value] = _merged(grant for grant in everyone if grant.role is role)
+        granted[role.value] = _merged(grant for grant in all_grants if grant.role is role)
         names[role.value] = [person.name for person in people if person.role.includes(role)]
     granted = {subject: rules for subject, rules in granted.items() if rules and names[subject]}
     return {
