@@ -84,13 +84,20 @@ def _here(options: argparse.Namespace) -> int:
         raise ConnectionProblemError(f"what --local names is here already: {above}")
     places = folders(above)
     if options.action == "trim":
-        rings = [folder for folder in places if folder.name != KEPT]
-        gone = [entry.name for folder in rings for entry in trim(folder, options.keep_mb * MB)]
-        _say_gone(gone, options)
-        return 0
-    found = [_listed(folder, entry, above) for folder in places for entry in entries(folder)]
-    _say_list(found, str(above), options)
+        found = [trim(folder, options.keep_mb * MB) for folder in places if folder.name != KEPT]
+        refused = {name: why for one in found for name, why in one.refused.items()}
+        return _say_gone([name for one in found for name in one.deleted], refused, options)
+    _say_list([listed for folder in places for listed in _listed_in(folder, above, options)], str(above), options)
     return 0
+
+
+def _listed_in(folder: Path, above: Path, options: argparse.Namespace) -> list[ListedRecording]:
+    try:
+        return [_listed(folder, entry, above) for entry in entries(folder)]
+    except OSError as error:
+        if not options.json:
+            options.print_line(f"{folder}: cannot be read: {error.strerror}")
+        return []
 
 
 def _listed(folder: Path, entry: Entry, above: Path) -> ListedRecording:
@@ -115,8 +122,7 @@ async def _there(options: argparse.Namespace) -> int:
     async with connected(options) as (bus, car):
         if options.action == "trim":
             answer = await _ask_json(bus, car, requests.TRIM, keep_mb=options.keep_mb)
-            _say_gone(answer["deleted"], options)
-            return 0
+            return _say_gone(answer["deleted"], answer.get("refused", {}), options)
         answer = await _ask_json(bus, car, requests.LIST)
         files = [ListedRecording(**fields) for fields in answer["files"]]
         if options.action == "list":
@@ -224,11 +230,14 @@ def _found(path: Path) -> Path:
     raise ConnectionProblemError(f"{path}: no such file here (wallride logs get brings it from the car)")
 
 
-def _say_gone(names: Sequence[str], options: argparse.Namespace) -> None:
+def _say_gone(names: Sequence[str], refused: Mapping[str, str], options: argparse.Namespace) -> int:
     for name in names:
         options.print_line(f"deleted {name}")
-    if not names:
+    for name, why in refused.items():
+        options.print_line(f"not deleted {name}: {why}")
+    if not names and not refused:
         options.print_line("nothing to delete")
+    return 1 if refused and not names else 0
 
 
 def _say_list(files: Sequence[ListedRecording], where: str, options: argparse.Namespace) -> None:

@@ -3,10 +3,11 @@
 import errno
 import fcntl
 import os
+import stat
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import Protocol
+from typing import IO, Protocol
 
 _MODE = 0o640
 _WORDS: Mapping[int, str] = MappingProxyType(
@@ -49,6 +50,10 @@ class Disk(Protocol):
         """Return the bytes that an ordinary user may still write there."""
         ...
 
+    def has(self, descriptor: int, path: Path, size_bytes: int) -> bool:
+        """Tell whether an open file is still the one at its path, of the length that was written."""
+        ...
+
 
 class RealDisk:
     """The machine's own disk."""
@@ -56,7 +61,9 @@ class RealDisk:
     def create(self, path: Path) -> int:
         """Create a new file, readable by the owner and the group."""
         path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, _MODE)
+        # Appended to: written at its old end, a file that was truncated would have a hole and its old length.
+        how = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+        descriptor = os.open(path, how, _MODE)
         fcntl.flock(descriptor, fcntl.LOCK_EX)  # tells `recover` that it is being written
         folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
         try:
@@ -88,10 +95,29 @@ class RealDisk:
         facts = os.statvfs(folder)
         return facts.f_bavail * facts.f_frsize
 
+    def has(self, descriptor: int, path: Path, size_bytes: int) -> bool:
+        """Tell whether an open file is still the one at its path, of the length that was written."""
+        written = os.fstat(descriptor)
+        try:
+            there = path.lstat()
+        except FileNotFoundError:
+            return False
+        return os.path.samestat(there, written) and written.st_size == size_bytes
+
+
+def opened(path: Path, also: int = 0) -> IO[bytes]:
+    """Open a recording for reading; OSError for what cannot be read or is no file. also: further flags of the open."""
+    waits_not = also | os.O_NONBLOCK  # a pipe would wait
+    file = open(path, "rb", opener=lambda name, flags: os.open(name, flags | waits_not))  # noqa: SIM115 - the caller's
+    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        file.close()
+        raise OSError(errno.EINVAL, "is no file")
+    return file
+
 
 def is_being_written(path: Path) -> bool:
     """Tell whether some process is writing a recording; OSError when it cannot be opened."""
-    with path.open("rb") as file:
+    with opened(path) as file:
         try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError:

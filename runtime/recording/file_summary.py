@@ -5,6 +5,7 @@ import struct
 from pathlib import Path
 from typing import IO, Final
 
+from runtime.recording.disk import opened
 from runtime.recording.recover import HEAD_B, MAGIC
 
 NS: Final = 1_000_000_000
@@ -19,15 +20,12 @@ MAX_SUMMARY_RECORDS: Final = 100_000
 
 
 def duration_s(path: Path) -> float | None:
-    """Return the time from the first message to the last; None for a file without its end, or without a message.
-
-    OSError when it cannot be read.
-    """
-    with path.open("rb") as file:
-        try:
+    """Return the time from the first message to the last; None for a file that is unreadable, or has no end."""
+    try:
+        with opened(path) as file:
             times = _message_times_ns(file)
-        except struct.error:  # shorter than what it claims to hold
-            return None
+    except (OSError, struct.error):  # the latter: shorter than what it claims to hold
+        return None
     return (times[1] - times[0]) / NS if times is not None and times[1] >= times[0] > 0 else None
 
 

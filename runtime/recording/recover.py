@@ -14,7 +14,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from runtime.recording.disk import is_being_written
+from runtime.recording.disk import is_being_written, opened
 
 if TYPE_CHECKING:
     from mcap.records import ChunkIndex, MessageIndex
@@ -45,17 +45,20 @@ class Recovered:
 
 def is_whole(path: Path) -> bool:
     """Tell whether a file is complete, from its last bytes alone; OSError when it cannot be read."""
-    with path.open("rb") as file:
+    with opened(path) as file:
         length = file.seek(0, os.SEEK_END)
         file.seek(max(len(MAGIC), length - len(MAGIC)))
         return file.read() == MAGIC
 
 
 def file_state(path: Path) -> str:
-    """Return whole, unfinished, or recording while it is written; OSError when it cannot be read."""
-    if is_being_written(path):
-        return "recording"
-    return "whole" if is_whole(path) else "unfinished"
+    """Return whole, unfinished, recording while it is written, or unreadable."""
+    try:
+        if is_being_written(path):
+            return "recording"
+        return "whole" if is_whole(path) else "unfinished"
+    except OSError:
+        return "unreadable"
 
 
 def recover(path: Path, breathe: Callable[[], None] = lambda: None) -> Recovered:

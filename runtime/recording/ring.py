@@ -10,14 +10,18 @@ report the year 1970; b counts the starts of the computer. A file without its en
 import contextlib
 import errno
 import json
+import logging
+import os
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Container, Iterator, Sequence
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
 from runtime.recording.disk import Disk, is_being_written
 from runtime.settings.recording import RecordingSettings
+
+log = logging.getLogger("wallride.recording")
 
 MB = 1_000_000
 NAME = re.compile(r"(\d{8}T\d{6}Z)-b(\d{4,})-(\d{5,})(-stop(?:-([a-z0-9-]{1,48}))?)?\.mcap")
@@ -57,13 +61,15 @@ def entries(folder: Path) -> list[Entry]:
 
 
 def folders(above: Path, deepest: int = DEEPEST) -> list[Path]:
-    """Return the folder and those below it that hold recordings, in the order of their names."""
-    found = [above] if entries(above) else []
-    if deepest:
-        with contextlib.suppress(OSError):
-            below = sorted(path for path in above.iterdir() if path.is_dir() and not path.is_symlink())
-            found += [folder for path in below for folder in folders(path, deepest - 1)]
-    return found
+    """Return the folder and those below it that hold recordings or cannot be read, in the order of their names."""
+    try:
+        found = [above] if entries(above) else []
+        below = sorted(entry.name for entry in os.scandir(above) if deepest and entry.is_dir(follow_symlinks=False))
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+    except OSError:
+        return [above]
+    return found + [folder for name in below for folder in folders(above / name, deepest - 1)]
 
 
 def keep(path: Path) -> Path:
@@ -83,12 +89,19 @@ def keep(path: Path) -> Path:
 
 def file_named(path: Path, above: Path) -> Path | None:
     """Return the file at a path, or the one that `wallride logs` lists by that path or bare name; None without one."""
-    if path.is_file():
+    if _is_file(path):
         return path
     if path.is_absolute():
         return None
     places = [above, *(folders(above) if path.name == str(path) else ())]
-    return next((place / path for place in places if (place / path).is_file()), None)
+    return next((place / path for place in places if _is_file(place / path)), None)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a folder that may not be entered
+        return False
 
 
 def _entries(folder: Path) -> Iterator[Entry]:
@@ -114,22 +127,42 @@ def in_order_of_leaving(present: Sequence[Entry], limit_bytes: int) -> list[Entr
     return [*boxes[:too_many], *runs, *boxes[too_many:]]
 
 
-def trim(folder: Path, limit_bytes: int) -> list[Entry]:
-    """Delete the oldest files down to the limit; return the deleted ones. OSError without permission.
+@dataclass(slots=True)
+class Trimmed:
+    """Names of the recordings that were deleted, and of those that cannot be opened or deleted, with the reason."""
 
-    Files being written, by this process or another, stay.
+    deleted: list[str] = field(default_factory=list)
+    refused: dict[str, str] = field(default_factory=dict)
+
+
+def trim(
+    folder: Path,
+    limit_bytes: int,
+    remove: Callable[[Path], None] = Path.unlink,
+    is_short: Callable[[], bool] = lambda: False,
+    foreign: Container[str] = (),
+) -> Trimmed:
+    """Delete the oldest files down to the limit, and while the disk is short of room; OSError for the folder itself.
+
+    Files being written, by this process or another, stay. foreign: names that were refused before: not the ring's.
     """
-    present = entries(folder)
+    present = [entry for entry in entries(folder) if entry.name not in foreign]
     total_bytes = sum(entry.size_bytes for entry in present)
-    gone = []
+    trimmed = Trimmed()
     for entry in in_order_of_leaving(present, limit_bytes):
-        if total_bytes <= limit_bytes:
+        if total_bytes <= limit_bytes and not is_short():
             break
-        if not is_being_written(folder / entry.name):
-            (folder / entry.name).unlink(missing_ok=True)
-            total_bytes -= entry.size_bytes
-            gone.append(entry)
-    return gone
+        try:
+            if is_being_written(folder / entry.name):
+                continue
+            remove(folder / entry.name)
+            trimmed.deleted.append(entry.name)
+        except FileNotFoundError:  # by another process just now
+            pass
+        except OSError as error:
+            trimmed.refused[entry.name] = error.strerror or str(error)
+        total_bytes -= entry.size_bytes
+    return trimmed
 
 
 class Ring:
@@ -142,6 +175,7 @@ class Ring:
         self._boot_id = boot_id
         self._number = 0
         self._boot = 0
+        self._foreign: set[str] = set()
 
     def next_path(self, unix_ns: int, reason: str | None = None) -> Path:
         """Return the path of the next file. reason: of a stop, None for a recording."""
@@ -158,28 +192,22 @@ class Ring:
 
         Files being written, by this process or another, stay.
         """
-        keep_free_bytes = self._settings.keep_free_mb * MB
-        limit_bytes = self._settings.ring_mb * MB
-        present = entries(self.folder)
-        total_bytes = sum(entry.size_bytes for entry in present)
-        free_bytes = self._disk.free_bytes(self.folder)
-        for entry in in_order_of_leaving(present, limit_bytes):
-            if total_bytes <= limit_bytes and free_bytes >= keep_free_bytes:
-                break
-            if is_being_written(self.folder / entry.name):
-                continue
-            self._disk.remove(self.folder / entry.name)
-            total_bytes -= entry.size_bytes
-            free_bytes = self._disk.free_bytes(self.folder)
-        return free_bytes >= keep_free_bytes
+        found = trim(self.folder, self._settings.ring_mb * MB, self._disk.remove, self._is_short, self._foreign)
+        for name, why in found.refused.items():
+            log.warning("%s: cannot be deleted for room (%s): the ring leaves it alone", self.folder / name, why)
+        self._foreign |= found.refused.keys()
+        return not self._is_short()
+
+    def _is_short(self) -> bool:
+        return self._disk.free_bytes(self.folder) < self._settings.keep_free_mb * MB
 
     def _read_counts(self) -> None:
         counts = {}
         try:
             counts = json.loads((self.folder / COUNTS).read_text())
             self._number, self._boot = int(counts["files"]), int(counts["boots"])
-        except (FileNotFoundError, ValueError, TypeError, KeyError):
-            pass  # none yet, or torn by a power cut: the files present are sufficient
+        except (OSError, ValueError, TypeError, KeyError):
+            pass  # none yet, another user's, or torn by a power cut: the files present are sufficient
         present = entries(self.folder)
         self._number = max(self._number, *(entry.number for entry in present), 0) if present else self._number
         if not counts or counts.get("boot_id") != self._boot_id:
@@ -188,8 +216,9 @@ class Ring:
     def _write_counts(self) -> None:
         text = json.dumps({"files": self._number, "boots": self._boot, "boot_id": self._boot_id})
         self.folder.mkdir(parents=True, exist_ok=True)
-        (self.folder / f".{COUNTS}").write_text(text)
-        (self.folder / f".{COUNTS}").replace(self.folder / COUNTS)
+        with contextlib.suppress(OSError):  # another user's: as above; of a full disk the recording itself tells
+            (self.folder / f".{COUNTS}").write_text(text)
+            (self.folder / f".{COUNTS}").replace(self.folder / COUNTS)
 
 
 def slug(reason: str) -> str:

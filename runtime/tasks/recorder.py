@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from runtime.recording import requests
-from runtime.recording.disk import explain
+from runtime.recording.disk import explain, opened
 from runtime.recording.file_summary import duration_s
 from runtime.recording.recorder import Recorder
 from runtime.recording.recover import file_state
@@ -91,8 +91,8 @@ class Library:
     async def trim(self, payload: bytes) -> bytes:
         """Delete the oldest files; return their names."""
         question = _read(TrimQuestion, payload)
-        gone = await self._in_turn(lambda: trim(self._recorder.folder, question.keep_mb * MB))
-        return topics.encode({"deleted": [entry.name for entry in gone]})
+        found = await self._in_turn(lambda: trim(self._recorder.folder, question.keep_mb * MB))
+        return topics.encode({"deleted": found.deleted, "refused": found.refused})
 
     async def _in_turn(self, read: Callable[[], T]) -> T:
         """Read in a thread, one request after the other, with a pause after each."""
@@ -128,16 +128,15 @@ def _listing(folder: Path) -> dict[str, Any]:
 
 
 def _piece(path: Path, offset: int, length: int) -> bytes:
-    descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
-    try:
-        return os.pread(descriptor, length, offset)
-    finally:
-        os.close(descriptor)
+    with opened(path, os.O_NOFOLLOW) as file:
+        return os.pread(file.fileno(), length, offset)
 
 
 def _why(error: OSError) -> str:
     if isinstance(error, FileNotFoundError):
         return "that recording is not there (any more); see wallride logs list"
+    if isinstance(error, PermissionError):
+        return "the car's user may not read that recording or its folder"
     return explain(error)
 
 

@@ -102,3 +102,30 @@ def test_replay_and_report_take_a_recording_by_its_listed_and_by_its_bare_name(h
     assert found(Path("nothing.mcap")) == Path("nothing.mcap"), "left for the reader to refuse"
     (tmp_path / name).touch()
     assert found(name) == name, "a file here goes before a listed one"
+
+
+async def test_an_odd_entry_or_folder_is_named_and_the_rest_is_listed_and_trimmed(home, monkeypatch):
+    odd = home / "car1" / DRIVE.format(2)
+    odd.unlink()
+    odd.mkdir()
+    (home / "car0").mkdir()
+
+    def entries_but_of_car0(folder):
+        if folder.name == "car0":
+            raise PermissionError(13, "Permission denied")
+        return entries(folder)
+
+    monkeypatch.setattr("clients.logs.entries", entries_but_of_car0)
+    monkeypatch.setattr("runtime.recording.ring.entries", entries_but_of_car0)
+    code, text = await said("list", "--local")
+    assert code == 0
+    assert f"car1/{DRIVE.format(2)}   unreadable" in text
+    assert f"{home / 'car0'}: cannot be read: Permission denied" in text
+    assert text.endswith(f"5 recordings, 4.0 MB in {home}")
+    monkeypatch.undo()
+    monkeypatch.setenv("XDG_DATA_HOME", str(home.parent.parent))
+    code, text = await said("trim", "--local", "--keep-mb", "0")
+    assert code == 0
+    assert f"not deleted {DRIVE.format(2)}: Is a directory" in text
+    assert text.count("\ndeleted ") + text.startswith("deleted ") == 4
+    assert (await said("trim", "--local", "--keep-mb", "0"))[0] == 1, "nothing was deleted, and not for want of wishing"
