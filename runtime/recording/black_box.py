@@ -84,10 +84,18 @@ class Memory:
                 return block
         return memoryview(mmap.mmap(-1, max(BLOCK_B, size)))
 
+    def holds(self, number: int) -> bool:
+        """Tell whether all messages from a number on are still remembered."""
+        return number >= (self._kept[0].number if self._kept else self._next)
+
+    def after(self, number: int) -> list[RecordMessage]:
+        """Return the messages from a number on."""
+        return [kept.message for kept in self._kept if kept.number >= number]
+
     def since(self, number: int) -> Iterator[RecordMessage]:
         """Yield the content of a file that begins with a message: lasting ones from before it, then all from it on."""
         earlier = [kept.message for kept in self._kept if kept.number < number]
-        wanted = [kept.message for kept in self._kept if kept.number >= number]
+        wanted = self.after(number)
         lasting = self._basis | {message.topic: message for message in earlier if message.lasting}
         begin = next(iter((*wanted[:1], *earlier[-1:])), None)
         for message in lasting.values():

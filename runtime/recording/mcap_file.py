@@ -84,6 +84,10 @@ class McapFile:
         self._disk.sync(self._descriptor)
         self._disk.close(self._descriptor)
 
+    def is_there(self) -> bool:
+        """Tell whether the file is still at its path, with all that was written."""
+        return self._disk.has(self._descriptor, self.path, self.bytes_written)
+
     def abandon(self) -> None:
         """Close the file as it is; `recover` can finish it later."""
         self._disk.close(self._descriptor)

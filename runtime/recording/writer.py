@@ -19,7 +19,7 @@ from runtime.recording.channels import RecordMessage
 from runtime.recording.disk import Disk, explain
 from runtime.recording.laws_fingerprint import laws_fingerprint
 from runtime.recording.mcap_file import McapFile
-from runtime.recording.recover import RecoveryError, is_whole, recover
+from runtime.recording.recover import RecoveryError, file_state, recover
 from runtime.recording.ring import MB, Ring, entries
 from runtime.settings.recording import RecordingSettings
 from runtime.wire import topics
@@ -31,6 +31,9 @@ FLUSH_S = 0.4
 RETRY_S = 5.0
 FILL_B = 256 << 10
 """Length at which remembered messages are written: half a minute of them at once would take as much memory again."""
+HOLD_S = 0.5
+"""A recording that begins this soon after the last one's end stays open for this time: starts and stops in quick turn
+go into one file."""
 HOUSEKEEPING_S = 5.0
 TAIL_S = 5.0
 """Duration of a black box after its stop; another stop within it goes into the same file."""
@@ -69,6 +72,7 @@ class _Box:
     """An open black box."""
 
     file: McapFile
+    reason: str
     opened_s: float
     until_s: float
 
@@ -98,6 +102,8 @@ class RecordingWriter:
         self._laws = laws_fingerprint(*loaded_files())  # now, while the files are those that were loaded
         self._memory = Memory(max(settings.black_box_s, MIN_MEMORY_S))
         self._run: McapFile | None = None
+        self._is_held = False  # the open recording is not wanted any more
+        self._hold_until_s = self._ended_s = -math.inf
         self._box: _Box | None = None
         self._trouble = ""
         self._now_s = 0.0
@@ -145,7 +151,7 @@ class RecordingWriter:
             file.add(message)
 
     def _open_files(self) -> Iterable[McapFile]:
-        if self._run is not None:
+        if self._run is not None and not self._is_held:
             yield self._run
         if self._box is not None:
             yield self._box.file
@@ -155,12 +161,16 @@ class RecordingWriter:
             if wanted and self._now_s >= self._retry_s and (self.wished or self._has_begun()):
                 self._begin_run()
             elif not wanted and self._now_s >= self._retry_s:
-                self._goes_on, self._trouble = "", ""
+                self._trouble = ""
+                if not self._memory.holds(self._unwritten):
+                    self._goes_on = ""
         elif not wanted:
-            self._end_run()
-            self._goes_on = ""
+            self._hold_or_end(self._run)
+        elif self._is_held:
+            self._is_held = False
+            self._hold_until_s = self._now_s + HOLD_S
+            self._fill(self._run, self._memory.after(self._unwritten))
         elif self._run.bytes_written > self._settings.file_mb * MB:
-            self._goes_on = self._run.path.name
             self._end_run()
             self._begin_run()
         if self._box is not None and self._now_s >= self._box.until_s:
@@ -174,13 +184,22 @@ class RecordingWriter:
             return self.wished
         return self._settings.start == "always" or (self._settings.start == "armed" and active)
 
+    def _hold_or_end(self, run: McapFile) -> None:
+        if self._now_s >= self._hold_until_s:
+            self._end_run()
+            self._ended_s = self._now_s
+        elif not self._is_held and self._try(run, run.flush):
+            self._is_held = True
+            self._unwritten = self._memory.next_number
+
     def _begin_run(self) -> None:
         file = self._open(None)
         if file is None:
             return
         goes_on = self._goes_on
-        self._run = file
-        if self._fill(file, self._unwritten if goes_on else 0):
+        self._run, self._is_held = file, False
+        self._hold_until_s = self._now_s + HOLD_S if self._now_s - self._ended_s < HOLD_S else -math.inf
+        if self._fill(file, self._memory.since(self._unwritten if goes_on else 0)):
             self._trouble = ""
             log.info("recording %s", file.path.name)
         else:  # all its messages come again with the next attempt
@@ -196,11 +215,14 @@ class RecordingWriter:
         if self._box is not None:
             self._box.until_s = min(now_s + TAIL_S, self._box.opened_s + MAX_TAIL_S)
             return
+        self._begin_box(reason, now_s, now_s + TAIL_S)
+
+    def _begin_box(self, reason: str, opened_s: float, until_s: float) -> None:
         file = self._open(reason)
         if file is None:
             return
-        self._box = _Box(file, now_s, now_s + TAIL_S)
-        if self._fill(file, 0):
+        self._box = _Box(file, reason, opened_s, until_s)
+        if self._fill(file, self._memory.since(0)):
             log.info("black box %s", file.path.name)
 
     def _open(self, reason: str | None) -> McapFile | None:
@@ -252,13 +274,13 @@ class RecordingWriter:
         step_s, self._stepped_ns = (stepped_ns - self._stepped_ns) / 1e9, stepped_ns
         self._take(self._event("clock", f"the computer's clock was set by {step_s:+.3f} s; stamps before it are off"))
         if self._run is not None:
-            self._goes_on = self._run.path.name
             self._end_run()
-            self._begin_run()
+            if not self._is_held:
+                self._begin_run()
 
-    def _fill(self, file: McapFile, first: int) -> bool:
-        """Write the remembered messages into a new file; False when the disk refused."""
-        for message in self._memory.since(first):
+    def _fill(self, file: McapFile, remembered: Iterable[RecordMessage]) -> bool:
+        """Write remembered messages into a file; False when the disk refused."""
+        for message in remembered:
             file.add(message)
             if file.bytes_waiting > FILL_B and not self._try(file, file.write):
                 return False
@@ -271,12 +293,14 @@ class RecordingWriter:
                 self._unwritten = self._memory.next_number
 
     def _end_run(self) -> None:
+        """End the recording; the next one goes on where it ended, as long as that is remembered."""
         if self._run is not None:
             file = self._run
             if self._try(file, file.close):
-                self._unwritten = self._memory.next_number
+                if not self._is_held:
+                    self._unwritten = self._memory.next_number
                 log.info("recorded %s: %.1f MB", file.path.name, file.bytes_written / MB)
-            self._run = None
+            self._run, self._goes_on = None, file.path.name
 
     def _end_box(self) -> None:
         if self._box is not None:
@@ -313,9 +337,9 @@ class RecordingWriter:
     def _keep_house(self) -> None:
         """Keep the ring within its limits, and finish the torn files of earlier runs."""
         try:
+            self._look_after_open_files()
             if not self._ring.make_room() and self._run is not None:
                 self._on_trouble(f"less than {self._settings.keep_free_mb} MB of the disk are free")
-                self._goes_on = self._run.path.name
                 self._end_run()
             if self._run is None and self._box is None:
                 self._finish_one()
@@ -323,11 +347,28 @@ class RecordingWriter:
             if explain(error) != self._trouble:
                 log.warning("the recordings' folder: %s", explain(error))
 
+    def _look_after_open_files(self) -> None:
+        """Give up a file that another program deleted, moved or changed; what is remembered goes into a new one."""
+        run, box = self._run, self._box
+        for file in (run, box.file if box is not None else None):
+            if file is None or file.is_there():
+                continue
+            log.warning(
+                "%s was deleted, moved or changed by another program: another file begins with the last %.0f s",
+                file.path, self._settings.black_box_s,
+            )  # fmt: skip
+            self._try(file, file.close)
+            if file is run:
+                self._run, self._goes_on = None, ""
+            elif box is not None:
+                self._box = None
+                self._begin_box(box.reason, box.opened_s, box.until_s)
+
     def _finish_one(self) -> None:
         """Finish one torn file; one at a time, because the next turn should come soon."""
         if self._unfinished is None:
-            folder = self._ring.folder
-            self._unfinished = [folder / entry.name for entry in entries(folder) if not is_whole(folder / entry.name)]
+            present = [self._ring.folder / entry.name for entry in entries(self._ring.folder)]
+            self._unfinished = [path for path in present if file_state(path) == "unfinished"]
         if not self._unfinished:
             return
         path = self._unfinished.pop()

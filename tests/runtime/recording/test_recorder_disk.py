@@ -2,13 +2,17 @@
 
 import errno
 import itertools
+import os
 import re
 import time
+from pathlib import Path
 
 import pytest
 
+from runtime.arbitration.command import Source, refusal
 from runtime.recording.recover import is_whole
 from runtime.recording.ring import entries
+from runtime.recording.writer import HOLD_S
 from tests.promises import promise
 from tests.runtime.recording.disks import BadDisk, SlowDisk, StuckDisk
 from tests.runtime.recording.drives import Drive
@@ -197,3 +201,49 @@ async def test_a_bug_in_the_thread_is_said(tmp_path, monkeypatch, caplog):
     drive.recorder.close(5)
     assert drive.recorder.status()["words"] == "NOT recording: the recorder failed: ZeroDivisionError: division by zero"
     assert "the car drives on without it" in caplog.text
+
+
+@pytest.mark.parametrize("harm", [Path.unlink, lambda path: os.truncate(path, 1000)])
+async def test_an_open_recording_and_black_box_that_another_program_takes_begin_anew(tmp_path, caplog, harm):
+    drive = Drive(tmp_path, start="always")
+    drive.permit()
+    await drive.go(2)
+    drive.put(refusal(Source.ESTOP, "e-stop by ann"))
+    await drive.go(1)
+    lost = files(tmp_path)
+    for path in lost:
+        harm(path)
+    await drive.go(6)
+    run, box = (next(path for path in files(tmp_path) if path not in lost and ("-stop" in path.name) is is_box)
+                for is_box in (False, True))  # fmt: skip
+    assert drive.recorder.status()["file"] == run.name
+    drive.recorder.finish()
+    assert "deleted, moved or changed by another program" in caplog.text
+    assert len(lost) == 2
+    assert is_whole(box)
+    assert "-stop-e-stop-by-ann" in box.name
+    assert metadata(run.read_bytes())["continues"] == ""
+    sequences = [message.sequence for topic, message in streamed(run.read_bytes()) if topic == "/scan"]
+    assert sequences == list(range(len(drive.scans))), "what was remembered is in the new file"
+
+
+async def test_starts_and_stops_in_quick_turn_go_into_one_file_and_nothing_is_written_twice(tmp_path):
+    drive = Drive(tmp_path, start="request")
+    drive.permit()
+    await drive.go(20)
+    for turn in range(40):
+        drive.recorder.request(on=turn % 2 == 0)
+        await drive.go(0.1)
+    await drive.go(HOLD_S + 0.2)
+    assert drive.recorder.status()["on"] is False
+    first, second = recordings(tmp_path)
+    assert is_whole(second)
+    assert metadata(second.read_bytes())["continues"] == first.name
+    scans = [[m.sequence for topic, m in streamed(path.read_bytes()) if topic == "/scan"] for path in (first, second)]
+    assert sorted({*scans[0], *scans[1]}) == sorted([*scans[0], *scans[1]])
+    assert [*scans[0], *scans[1]] == list(range(scans[1][-1] + 1)), "none is missing, either"
+    assert len(drive.scans) - scans[1][-1] > 10, "after the last stop it does not go on"
+    await drive.go(40)
+    drive.recorder.request(on=True)
+    await drive.go(1)
+    assert metadata(recordings(tmp_path)[-1].read_bytes())["continues"] == "", "too late to go on"
