@@ -168,6 +168,7 @@ def _check(options: argparse.Namespace) -> int:
     from runtime.security.access_list import KeysError
     from runtime.settings.tree import SettingsError, to_toml
     from wallride.doctor.ports import unusable_paths
+    from wallride.doctor.program import laws_open_to_others
 
     try:
         settings = _load(options.config or default_config(), options.assignments)
@@ -175,6 +176,7 @@ def _check(options: argparse.Namespace) -> int:
         _, warnings = _session(settings)
         warnings += _routers(settings)[1]
         warnings += _saved_limits(options.config or default_config())
+        warnings += tuple("; ".join(said) for said in laws_open_to_others())
     except (SettingsError, KeysError) as error:
         return fail(str(error))
     problems = unusable_paths(settings) + _own_law_mistakes(settings)
@@ -209,7 +211,7 @@ def _build_kernel(options: argparse.Namespace) -> int:
 def _load(config: Path | None, assignments: Sequence[str], saved: Path | None = None) -> "Settings":
     from runtime.settings.tree import load_settings
 
-    return load_settings(config, assignments, saved)
+    return load_settings(config, assignments, saved, laws=True)
 
 
 def _session(settings: "Settings") -> tuple[dict[str, Any], tuple[str, ...]]:

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, Discriminator, Field, SerializeAsAny, Tag, ValidationInfo, field_validator
 
 from runtime.control.own_laws.api import LawSettings
-from runtime.control.own_laws.law_class import OWN_TAG, is_own, load_law
+from runtime.control.own_laws.law_class import OWN_TAG, checked_name, is_own
 from runtime.control.own_laws.settings import MAX_BUDGET_S, MIN_BUDGET_S, OwnFollowSettings, own_values
 from runtime.control.perception.lidar_health_settings import LidarHealthSettings
 from runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
@@ -55,7 +55,7 @@ class OwnSafetySettings(SweptSafetySettings):
     @field_validator("method")
     @classmethod
     def _loads(cls, method: str) -> str:
-        return load_law("safety", method).name
+        return checked_name(method)
 
     @field_validator("own", mode="before")
     @classmethod

@@ -1,16 +1,22 @@
 """Python files of the user: where they are looked for, how they are imported, and how their mistakes are told.
 
 Folders are appended to Python's module path, so that a file of the user never replaces a module of Python or wallride,
-finds modules beside it, and is found by processes that this one spawns.
+finds modules beside it, and is found by processes that this one spawns. A process of root loads nothing from a folder
+that others may change: no law, and no package that happens to be missing.
 """
 
 import importlib
+import importlib.util
+import os
 import sys
 import traceback
 from pathlib import Path
 from types import ModuleType, TracebackType
 
+from runtime.host.ownership import changed_by_others, is_root
+
 FOREIGN = ("site-packages", "dist-packages")
+CODE = (".py", ".pyc", ".so")
 
 
 class UserCodeError(ValueError):
@@ -22,11 +28,24 @@ _folders: list[Path] = []
 
 def search_in(folder: Path) -> None:
     """Look for files in this folder as well, after those named before."""
-    absolute = folder.expanduser().absolute()
-    if absolute not in _folders:
-        _folders.append(absolute)
-    if str(absolute) not in sys.path:
-        sys.path.append(str(absolute))
+    resolved = folder.expanduser().resolve()
+    if resolved not in _folders:
+        _folders.append(resolved)
+    if str(resolved) not in sys.path and not untrusted(resolved):
+        sys.path.append(str(resolved))
+
+
+def untrusted(folder: Path) -> str:
+    """Return why a process of root loads nothing from a folder; "" where it may, or is no process of root."""
+    if not is_root():
+        return ""
+    if not folder.is_dir():
+        return f"{folder} is no folder"
+    with os.scandir(folder) as found:
+        code = [
+            Path(one.path) for one in found if one.name.endswith(CODE) or (one.name.isidentifier() and one.is_dir())
+        ]
+    return next(filter(None, map(changed_by_others, (folder, *code))), "")
 
 
 def import_module(name: str) -> ModuleType:
@@ -34,11 +53,14 @@ def import_module(name: str) -> ModuleType:
     search_in(Path.cwd())
     importlib.invalidate_caches()
     try:
+        _refuse_to_root(name)
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
         if error.name is not None and f"{name}.".startswith(f"{error.name}."):
             raise UserCodeError(_not_found(name)) from None
         raise UserCodeError(f"{place_of(error, None)}: {_words(error)}") from None
+    except UserCodeError:
+        raise
     except (Exception, SystemExit) as error:  # noqa: BLE001 - code of the user may raise anything
         raise UserCodeError(f"{place_of(error, None)}: {_words(error)}") from None
 
@@ -90,7 +112,25 @@ def _words(error: BaseException) -> str:
     return " ".join(f"{name}: {text}".split()) if text else name
 
 
+def _refuse_to_root(name: str) -> None:
+    """Refuse a file that Python finds by a path of its own, PYTHONPATH for one, and that others may change."""
+    found = importlib.util.find_spec(name.partition(".")[0]) if is_root() else None
+    origin = Path(found.origin) if found is not None and found.origin is not None else None
+    if origin is not None and origin.is_file() and (why := changed_by_others(origin)):
+        raise UserCodeError(_refused(origin, why))
+
+
+def _refused(file: Path, why: str) -> str:
+    return (
+        f"{file} is not loaded by root, because {why}; run this as another user, or move the law to a folder that root"
+        " alone may change, such as /etc/wallride/laws"
+    )
+
+
 def _not_found(name: str) -> str:
     file = f"{name.replace('.', '/')}.py"
+    for folder in _folders:
+        if (folder / file).exists() and (why := untrusted(folder)):
+            return _refused(folder / file, why)
     places = ", ".join(str(folder) for folder in _folders)
     return f"there is no {file} in {places}; start wallride in its folder, or name the folder in process.laws_folder"

@@ -27,7 +27,7 @@ from runtime.control.method_settings import (
     SweptSafetySettings,
     kept_by_new_method,
 )
-from runtime.control.own_laws.law_class import OWN_TAG, load_law
+from runtime.control.own_laws.law_class import ANSWERS, NAME, OWN_TAG, known_law, load_law
 from runtime.control.vehicle import NAME_RULE, CarSettings
 from runtime.host.user_module import UserCodeError, search_in
 from runtime.settings.joystick import JoystickSettings
@@ -91,7 +91,7 @@ class ProcessSettings(Section):
     """Folder of the learnt own parts; empty: the service's state directory, or none."""
 
     laws_folder: str = ""
-    """Folder of your own laws, looked into after the working directory and the folder of the settings file."""
+    """Folder of your own laws, looked into after the working directory, the settings file's, and `laws` beside it."""
 
     prefetch: bool = True
     """Have the processor fetch what an answer needs shortly before each scan, by a list that is made at the start."""
@@ -118,16 +118,6 @@ class Settings(Section):
     process: ProcessSettings = ProcessSettings()
     parameters: ParameterSettings = ParameterSettings()
     recording: RecordingSettings = RecordingSettings()
-
-    @model_validator(mode="before")
-    @classmethod
-    def _look_for_laws(cls, tree: Any) -> Any:  # noqa: ANN401 - whatever stood in the file
-        """Look for own laws in the folder that the settings name, before one of them is named."""
-        process = tree.get("process") if isinstance(tree, Mapping) else None
-        folder = process.get("laws_folder") if isinstance(process, Mapping) else None
-        if isinstance(folder, str) and folder:
-            search_in(Path(folder))
-        return tree
 
     def ros2_graph(self) -> RosGraph | None:
         """Return the ROS 2 domain and the car's node in it; None where the face is off."""
@@ -159,10 +149,13 @@ class Settings(Section):
         return (*names, ROS2_PLANNER) if self.ros2.drive and ROS2_PLANNER not in names else names
 
 
-def load_settings(path: Path | None, assignments: Sequence[str] = (), saved: Path | None = None) -> Settings:
+def load_settings(
+    path: Path | None, assignments: Sequence[str] = (), saved: Path | None = None, *, laws: bool = False
+) -> Settings:
     """Build the tree from a file and `KEY=VALUE` texts; SettingsError when any part of it is unusable.
 
-    saved: a second file on top of the first, where changes are saved; it need not exist yet.
+    saved: a second file on top of the first, where changes are saved; it need not exist yet. laws: import the own laws
+        that the settings name, for what drives or judges; without it no code of the user runs.
     """
     tree: dict[str, Any] = read_tree(path) if path is not None else {}
     above = read_tree(saved) if saved is not None and saved.exists() else {}
@@ -171,19 +164,47 @@ def load_settings(path: Path | None, assignments: Sequence[str] = (), saved: Pat
     for assignment in assignments:
         _assign(said, assignment)
     tree = layered(tree, said)
-    if path is not None:
-        search_in(Path.cwd())
-        search_in(path.parent)
+    mistakes: list[Any] = import_laws(tree, path.parent if path is not None else None) if laws else []
+    settings = None
     try:
-        return Settings.model_validate(tree)
+        settings = Settings.model_validate(tree)
     except ValidationError as error:
-        below = f"{path}" if path is not None else "the settings"
-        sources = (("--set", said), (f"{saved}", above))
-        found: dict[str, list[str]] = {}
-        for item in error.errors():
-            where = next((name for name, layer in sources if _holds(layer, item["loc"])), below)
-            found.setdefault(where, []).append(_sentence(item, tree))
-        raise SettingsError("; ".join(f"{where}: {'; '.join(lines)}" for where, lines in found.items())) from None
+        mistakes += error.errors()
+    if settings is not None and not mistakes:
+        return settings
+    below = f"{path}" if path is not None else "the settings"
+    sources = (("--set", said), (f"{saved}", above))
+    found: dict[str, list[str]] = {}
+    for item in mistakes:
+        where = next((name for name, layer in sources if _holds(layer, item["loc"])), below)
+        found.setdefault(where, []).append(_sentence(item, tree))
+    raise SettingsError("; ".join(f"{where}: {'; '.join(lines)}" for where, lines in found.items()))
+
+
+def import_laws(tree: Mapping[str, Any], beside: Path | None = None) -> list[Mapping[str, Any]]:
+    """Import the own laws that a tree names, before it is validated; return the mistakes, in pydantic's form.
+
+    beside: the folder of the settings file.
+    """
+    folders = [Path.cwd(), *([beside, beside / "laws"] if beside is not None else [])]
+    for folder in folders:
+        if folder.is_dir():
+            search_in(folder)
+    process = tree.get("process")
+    named = process.get("laws_folder") if isinstance(process, Mapping) else None
+    if isinstance(named, str) and named:
+        search_in(Path(named))
+    mistakes: list[Mapping[str, Any]] = []
+    for section in ANSWERS:
+        values = tree.get(section)
+        name = values.get("method") if isinstance(values, Mapping) else None
+        if isinstance(name, str) and NAME.fullmatch(name):  # another form is refused by the section
+            try:
+                load_law(section, name)
+            except UserCodeError as error:
+                place = {"loc": (section, OWN_TAG, "method"), "type": "value_error"}
+                mistakes.append({**place, "input": name, "msg": str(error)})
+    return mistakes
 
 
 def _holds(layer: Mapping[str, Any], place: Sequence[str | int]) -> bool:
@@ -295,10 +316,8 @@ def _known_keys(path: Sequence[str | int], tree: Mapping[str, Any]) -> list[str]
     """Return the keys of the section in which an unknown one was found; `path` may hold the tag of a method."""
     section: Any = Settings
     if path[1:3] == (OWN_TAG, "own"):
-        try:
-            return list(load_law(str(path[0]), tree[str(path[0])]["method"]).model.model_fields)
-        except UserCodeError:
-            return []
+        law = known_law(str(path[0]), tree[str(path[0])]["method"])
+        return list(law.model.model_fields) if law is not None else []
     for part in path:
         if part == OWN_TAG:
             section = OWN_METHODS[str(path[0])]

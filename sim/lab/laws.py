@@ -56,7 +56,7 @@ def settings_of(law: str, side: Side, desired_m: float, speed_mps: float, assign
     ]
     if guard_name == "none":
         wanted.append("safety.turn_below_m=0")  # without safety, neither of its rules applies
-    return load_settings(None, [*wanted, *assignments])
+    return load_settings(None, [*wanted, *assignments], laws=True)
 
 
 def build(

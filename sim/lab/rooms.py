@@ -152,7 +152,7 @@ def build(cell: Cell) -> tuple[Follower, Guard]:
     ]
     if guard == "swept":
         wanted.append(f"safety.backs_out={'false' if cell.scenario.endswith(WAITS) else 'true'}")
-    settings = load_settings(None, wanted)
+    settings = load_settings(None, wanted, laws=True)
     return methods.laws(settings.wall_follow, settings.safety, settings.car)
 
 

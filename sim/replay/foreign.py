@@ -75,7 +75,7 @@ def settings_for(recording: Recording, assignments: Sequence[str]) -> tuple[Sett
         speed_mps = round(min(fastest_mps, load_settings(None, wanted).car.max_speed_mps), 3)
         wanted.append(f"wall_follow.speed_mps={speed_mps}")
         notes.append(f"{speed_mps:g} m/s is asked for, as by the recorded program")
-    return load_settings(None, wanted), notes
+    return load_settings(None, wanted, laws=True), notes
 
 
 def drive_recording(recording: Recording, settings: Settings, notes: Sequence[str] = ()) -> DriveLog:

@@ -22,7 +22,7 @@ from runtime.arbitration.command import Output, Source
 from runtime.arbitration.queues import NEVER_S
 from runtime.control.guidance import Guidance
 from runtime.control.method_settings import TAGS
-from runtime.control.own_laws.law_class import OWN_TAG, loaded_files
+from runtime.control.own_laws.law_class import loaded_files
 from runtime.recording.channels import TAPE
 from runtime.recording.decision_codec import TapeError, decode
 from runtime.recording.decision_log import (
@@ -36,7 +36,7 @@ from runtime.recording.decision_log import (
     SettingsEvent,
 )
 from runtime.recording.laws_fingerprint import laws_fingerprint
-from runtime.settings.tree import Settings
+from runtime.settings.tree import Settings, import_laws
 from runtime.wire import topics
 from sim.recordings import RecordingError
 from sim.replay import difference
@@ -255,6 +255,8 @@ class _Reenactment:
         self._adopts = True
 
     def _settings(self, tree: Any) -> Settings:  # noqa: ANN401 - plain values as recorded
+        if missing := import_laws(tree):
+            raise RecordingError(f"its own law cannot be used: {missing[0]['msg']}")
         tree, gone = _without_unknown(tree)
         note = f"its settings {', '.join(gone)} do not exist any more: they are left out."
         if gone and note not in self._verdict.notes:
@@ -262,10 +264,6 @@ class _Reenactment:
         try:
             settings = Settings.model_validate(tree)
         except ValidationError as error:
-            if missing := [item["msg"] for item in error.errors() if OWN_TAG in item["loc"]]:
-                raise RecordingError(
-                    f"its own law cannot be used: {missing[0].removeprefix('Value error, ')}"
-                ) from None
             raise RecordingError(
                 f"its settings are those of another version ({error.error_count()} do not fit):"
                 " replay it with the version that recorded it."

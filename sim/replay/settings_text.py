@@ -55,7 +55,7 @@ def settings_of(log: DriveLog, assignments: Sequence[str] = ()) -> Settings:
     """
     text = log.settings_text
     if not text:
-        return load_settings(None, assignments)
+        return load_settings(None, assignments, laws=True)
     return _read(f"{log.name}.toml", text, assignments)
 
 
@@ -69,6 +69,6 @@ def _read(name: str, text: str, assignments: Sequence[str]) -> Settings:
         file = Path(folder) / name
         file.write_text(text)
         try:
-            return load_settings(file, assignments)
+            return load_settings(file, assignments, laws=True)
         except SettingsError as error:
             raise SettingsError(str(error).replace(f"{file}: ", "")) from None

@@ -185,7 +185,7 @@ def _flat(tree: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]
 
 def _settings(text: TomlText, config: Path | None, assignments: Sequence[str], names: Sequence[str]) -> Settings:
     try:
-        return load_settings(config or find_config(), assignments)
+        return load_settings(config or find_config(), assignments, laws=True)
     except ConditionsError as error:
         raise FileMistakeError(str(error)) from None
     except SettingsError as error:

@@ -69,6 +69,28 @@ def test_installing_twice_is_installing_once(root, capsys):
 
 
 @AS_ROOT
+def test_what_root_makes_is_readable_whatever_roots_umask_is_and_the_laws_are_roots(root):
+    before = os.umask(0o077)
+    try:
+        assert service(root, "install", "--yes") == 0
+    finally:
+        os.umask(before)
+    closed = [path for path in (root / "etc").rglob("*") if "shadow" not in path.name and not path.lstat().st_mode & 4]
+    assert closed == []
+    laws = (root / parts.LAWS).stat()
+    assert (laws.st_uid, laws.st_mode & 0o7777) == (0, 0o755)
+
+
+@AS_ROOT
+def test_a_folder_of_laws_that_the_service_made_is_refused(root, capsys):
+    (root / parts.LAWS).mkdir(parents=True)
+    (root / parts.LAWS).chmod(0o777)
+    assert service(root, "status") == 1
+    assert service(root, "install", "--yes") == 2
+    assert "is not a folder of root's" in capsys.readouterr().err
+
+
+@AS_ROOT
 def test_what_is_the_users_stays_and_an_old_unit_is_renewed(root):
     assert service(root, "install", "--yes") == 0
     (root / CAR).write_text("# mine\n")

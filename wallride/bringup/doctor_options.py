@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
     if options.wheels_up and not _confirmed():
         return fail("--wheels-up turns the wheels: put the car on a stand, run it in a terminal and confirm")
     logging.getLogger().addHandler(logging.NullHandler())  # what the drivers log is in the findings
-    settings, first = find_settings(options.config or default_config(), options.assignments)
+    settings, first = find_settings(options.config or default_config(), options.assignments, options.only or GROUPS)
     found = [first]
 
     async def look() -> None:

@@ -27,11 +27,16 @@ DEVICES: Final = frozenset({"ports", "lidar", "motor"})
 GROUPS: Final = ("program", "computer", "ports", "lidar", "motor", "access", "joystick")
 
 
-def find_settings(config: Path | None, assignments: Sequence[str]) -> tuple[Settings, Finding]:
-    """Return the settings and what is to be said of them; the defaults where they are unusable."""
+def find_settings(
+    config: Path | None, assignments: Sequence[str], groups: Sequence[str] = GROUPS
+) -> tuple[Settings, Finding]:
+    """Return the settings and what is to be said of them; the defaults where they are unusable.
+
+    Own laws are imported where these groups look at them.
+    """
     where = str(config) if config is not None else "no file: the defaults"
     try:
-        return load_settings(config, assignments), ok("settings", where)
+        return load_settings(config, assignments, laws="program" in groups), ok("settings", where)
     except SettingsError as error:
         return Settings(), fail("settings", str(error), "correct the file; until then the defaults are looked at")
 

@@ -3,6 +3,8 @@
 from typing import Final
 
 from runtime.control.methods import own_law_mistakes
+from runtime.control.own_laws.law_class import loaded_files
+from runtime.host.ownership import changed_by_others
 from runtime.kernel import state
 from runtime.settings.tree import Settings
 from wallride.doctor.computer import Computer
@@ -21,8 +23,16 @@ def check_program(computer: Computer, settings: Settings) -> list[Finding]:
     return [
         judge_kernel(kernel.words, complete=not kernel.in_python),
         *(fail("own laws", mistake, "correct the law; wallride check names the place") for mistake in mistakes),
+        *(warn("own laws", words, remedy) for words, remedy in laws_open_to_others()),
         _service(computer),
     ]
+
+
+def laws_open_to_others() -> list[tuple[str, str]]:
+    """Return what is to be said, and done, of each imported law that others may exchange."""
+    found = {file: changed_by_others(file) or changed_by_others(file.parent) for file in loaded_files()}
+    remedy = "move it to /etc/wallride/laws, which is root's; root does not load it from here"
+    return [(f"{file} may be exchanged: {why}", remedy) for file, why in found.items() if why]
 
 
 def judge_kernel(words: str, *, complete: bool) -> Finding:

@@ -77,8 +77,12 @@ def _install(options: argparse.Namespace) -> int:
         return 0
     if not _agreed(options):
         return 0
-    for part in missing:
-        part.make()
+    before = os.umask(0o022)  # the service reads what root makes here
+    try:
+        for part in missing:
+            part.make()
+    finally:
+        os.umask(before)
     _reload(options.root)
     if start:
         _tell(("systemctl", "restart", "wallride"))

@@ -4,6 +4,7 @@ Offline: nothing is downloaded, and below another root (an image, a container) n
 Every step is idempotent; a file that belongs to the user is never written twice.
 """
 
+import os
 import shutil
 import stat
 import subprocess
@@ -19,6 +20,7 @@ WANTED: Final = Path("etc/systemd/system/multi-user.target.wants/wallride.servic
 RULES: Final = Path("etc/udev/rules.d/99-wallride.rules")
 FOLDER: Final = Path("etc/wallride")
 CAR: Final = FOLDER / "car.toml"
+LAWS: Final = FOLDER / "laws"
 FOLDER_MODE: Final = 0o1775
 """The service may replace its settings file there and nothing of others, as in /tmp."""
 SHIPPED_PREFIX: Final = "/opt/wallride"
@@ -74,6 +76,7 @@ def parts(root: Path, prefix: Path) -> list[ServicePart]:
         ServicePart(
             f"/{FOLDER}, where the service may save its settings", lambda: _is_shared(root), lambda: _share(root)
         ),
+        ServicePart(f"/{LAWS}, root's, for laws of your own", lambda: _has_laws(root), lambda: _make_laws(root)),
         ServicePart(
             f"/{CAR}, from config/car.toml; yours stays as it is",
             (root / CAR).exists,
@@ -187,12 +190,30 @@ def _share(root: Path) -> None:
     folder.chmod(FOLDER_MODE)
 
 
+def _has_laws(root: Path) -> bool:
+    """Tell whether the folder is there and root's; the service could have made one of its own there."""
+    try:
+        found = (root / LAWS).lstat()
+    except FileNotFoundError:
+        return False
+    return stat.S_ISDIR(found.st_mode) and (found.st_uid, stat.S_IMODE(found.st_mode)) == (0, 0o755)
+
+
+def _make_laws(root: Path) -> None:
+    try:
+        (root / LAWS).mkdir()
+    except FileExistsError:
+        raise ServiceError(
+            f"/{LAWS} is not a folder of root's with mode 755: look at what is in it, and move it away"
+        ) from None
+    (root / LAWS).chmod(0o755)
+
+
 def _write_car(root: Path, text: str) -> None:
-    path = root / CAR
-    with path.open("x", encoding="utf-8") as file:
+    with (root / CAR).open("x", encoding="utf-8") as file:
         file.write(text)
-    shutil.chown(path, *_numbers(root))
-    path.chmod(0o644)
+        os.fchmod(file.fileno(), 0o644)
+        os.fchown(file.fileno(), *_numbers(root))  # last: from now on its name may lead to any file
 
 
 def _enable(root: Path) -> None:

@@ -56,11 +56,22 @@ def loaded_files() -> tuple[Path, ...]:
     return tuple(sorted({law.file for law in _loaded.values()}))
 
 
+def known_law(section: str, name: str) -> LawClass | None:
+    """Return an own law that this process has imported; None for another. Nothing is imported."""
+    return _loaded.get((section, name))
+
+
+def checked_name(name: str) -> str:
+    """Return the name of an own law; UserCodeError where it has not the form of one."""
+    if NAME.fullmatch(name) is None or ".py:" in name:
+        raise UserCodeError(f"write {OWN_TAG}, for example my_laws:Follower for class Follower in my_laws.py")
+    return name
+
+
 def load_law(section: str, name: str) -> LawClass:
     """Return an own law, imported at the first call; UserCodeError says in one sentence what is wrong with it."""
     if (section, name) not in _loaded:
-        if NAME.fullmatch(name) is None or ".py:" in name:
-            raise UserCodeError(f"write {OWN_TAG}, for example my_laws:Follower for class Follower in my_laws.py")
+        checked_name(name)
         module_name, _, class_name = name.partition(":")
         module = import_module(module_name)
         made = getattr(module, class_name, None)

@@ -2,21 +2,28 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, SerializeAsAny, ValidationInfo, field_validator
+from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, ValidationInfo, field_validator
 
 from runtime.control.own_laws.api import LawSettings
-from runtime.control.own_laws.law_class import OWN_TAG, load_law
+from runtime.control.own_laws.law_class import OWN_TAG, checked_name, known_law
 from runtime.settings_base import Section
 
 MIN_BUDGET_S, MAX_BUDGET_S = 0.0005, 0.02
 
 
+class UnreadSettings(LawSettings):
+    """The settings of a law that this process has not imported: kept as they stood, not checked."""
+
+    model_config = ConfigDict(extra="allow")
+
+
 def own_values(section: str, value: Any, info: ValidationInfo) -> Any:  # noqa: ANN401 - whatever stood in the file
-    """Return the settings of a law, validated by its own model; the value itself where the law is not known."""
+    """Return the settings of a law, validated by its own model where the law is imported."""
     name = info.data.get("method")
     if not isinstance(name, str):
         return LawSettings()  # the law's name is refused already
-    model = load_law(section, name).model
+    law = known_law(section, name)
+    model = law.model if law is not None else UnreadSettings
     if isinstance(value, model):
         return value
     return model.model_validate(value.model_dump() if isinstance(value, BaseModel) else value)
@@ -42,7 +49,7 @@ class OwnFollowSettings(Section):
     @field_validator("method")
     @classmethod
     def _loads(cls, method: str) -> str:
-        return load_law("wall_follow", method).name
+        return checked_name(method)
 
     @field_validator("own", mode="before")
     @classmethod

@@ -196,7 +196,7 @@ def _settings(cell: DriveCell) -> Settings:
         chosen = _law_assignments(cell.get("law"))
     assignments = _assignments(cell)
     try:
-        return load_settings(Path(config) if config else None, [*chosen, *assignments])
+        return load_settings(Path(config) if config else None, [*chosen, *assignments], laws=True)
     except SettingsError as error:
         words = str(error).removeprefix("--set: ")
         raise CellMistakeError(_named_in(words, [name for name, _ in cell.values]), words) from None

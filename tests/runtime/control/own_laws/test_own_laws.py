@@ -26,7 +26,7 @@ class Car:
 
     def __init__(self, *wanted):
         self.now_s, self.costs_s, self.scans = 100.0, 0.0, 0
-        self.stack = LiveStack(load_settings(None, wanted), DecisionLog(self.clock, 64))
+        self.stack = LiveStack(load_settings(None, wanted, laws=True), DecisionLog(self.clock, 64))
         self.stack.queue.put(consent(Source.PERMIT, "test"))
 
     def clock(self):
@@ -178,7 +178,7 @@ def test_its_settings_are_settings_of_the_car(law_file):
 
 def test_the_settings_survive_a_file_and_a_recording(law_file, tmp_path):
     settings = load_settings(
-        None, [f"wall_follow.method={law_file(SETTINGS + follow('None'))}", "wall_follow.own.gain=3"]
+        None, [f"wall_follow.method={law_file(SETTINGS + follow('None'))}", "wall_follow.own.gain=3"], laws=True
     )
     file = tmp_path / "car.toml"
     file.write_text(to_toml(settings))
@@ -188,7 +188,7 @@ def test_the_settings_survive_a_file_and_a_recording(law_file, tmp_path):
 
 def test_a_driving_car_may_switch_to_a_law_that_it_has_loaded_and_to_no_other(law_file):
     name, other = law_file(STRAIGHT), law_file(STRAIGHT)
-    settings = load_settings(None, [f"wall_follow.method={name}"])
+    settings = load_settings(None, [f"wall_follow.method={name}"], laws=True)
     ball = plan(settings, {"wall_follow.method": "ball"}).settings
     assert plan(ball, {"wall_follow.method": name}).settings == settings
     with pytest.raises(UnacceptableError, match="is loaded at the start only: name it in the file, restart"):
@@ -199,7 +199,7 @@ def test_a_driving_car_may_switch_to_a_law_that_it_has_loaded_and_to_no_other(la
 
 def test_a_safety_law_that_is_chosen_while_driving_keeps_the_settings_of_swept(law_file):
     name = law_file(EASY)
-    load_settings(None, [f"safety.method={name}"])  # the process knows it
+    load_settings(None, [f"safety.method={name}"], laws=True)  # the process knows it
     before = load_settings(None, ["safety.grip_mu=0.5", "safety.backs_out=false"])
     after = plan(before, {"safety.method": name}).settings
     assert (after.safety.grip_mu, after.safety.backs_out) == (0.5, False)
@@ -208,7 +208,7 @@ def test_a_safety_law_that_is_chosen_while_driving_keeps_the_settings_of_swept(l
 
 def refusal(*assignments):
     with pytest.raises(SettingsError) as caught:
-        load_settings(None, assignments)
+        load_settings(None, assignments, laws=True)
     return str(caught.value)
 
 
@@ -257,9 +257,9 @@ def test_laws_are_found_beside_the_settings_file_and_in_the_folder_named(law_fil
     (tmp_path / f"{name[:-4]}.py").rename(beside / f"{name[:-4]}.py")
     (tmp_path / f"{other[:-4]}.py").rename(named / f"{other[:-4]}.py")
     (beside / "car.toml").write_text(f"[wall_follow]\nmethod = '{name}'\n")
-    assert load_settings(beside / "car.toml").wall_follow.method == name
+    assert load_settings(beside / "car.toml", laws=True).wall_follow.method == name
     wanted = [f"wall_follow.method={other}", f"process.laws_folder={named}"]
-    assert load_settings(None, wanted).wall_follow.method == other
+    assert load_settings(None, wanted, laws=True).wall_follow.method == other
 
 
 def guard(name, *more):
