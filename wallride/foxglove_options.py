@@ -26,6 +26,11 @@ def add(commands: "Commands") -> None:
         "--host", default="127.0.0.1", metavar="ADDRESS", help="address of the server (default: this machine only)"
     )
     server.add_argument(
+        "--page", dest="pages", action="append", default=[], metavar="ORIGIN",
+        help="web page that may connect beside Foxglove's own, such as a Lichtblick of yours: http://localhost:8080"
+        " (repeatable)",
+    )  # fmt: skip
+    server.add_argument(
         "--layout", action="store_true", help="print a layout for Foxglove and exit: --layout > wallride.json"
     )
     client_options.add_common(server)
@@ -37,8 +42,8 @@ def run(options: argparse.Namespace) -> int:
     if options.layout:
         return _print_layout()
     with needs("foxglove", "foxglove needs"):
-        from clients import foxglove_server
-    return client_options.run_client(foxglove_server.run, options)
+        from clients.foxglove import server
+    return client_options.run_client(server.run, options)
 
 
 def _print_layout() -> int:

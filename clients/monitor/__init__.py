@@ -2,10 +2,7 @@
 
 page/      what the browser gets: plain ES modules and a stylesheet, no build step, nothing from elsewhere
 assets     those files, read once
-auth       access control: Host, Origin and token; pure
-token_file that token, kept for as long as its user is logged in
 handover   that address, handed to the browser out of other users' sight
-connections bounds on connections before they have shown the token
 messages   messages of a page; closed and strict
 outbox     queue of one page: the newest of everything, one bundle in transit; pure
 driving    operator's commands from a page's inputs: the deadman's second half; pure
@@ -15,5 +12,5 @@ relay      which cars are there, and their feeds
 overview   all cars at once: their rows, one e-stop for all, the race
 session    one page, from its first byte to its last: reads, sends, keeps the deadman
 qr         the address as a code for a phone's camera
-server     the web server and the command
+server     the web application and the command; who may come in is decided in clients/door
 """

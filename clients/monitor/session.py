@@ -11,9 +11,9 @@ from typing import Any
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
+from clients.door.connections import shortened
 from clients.monitor import messages
 from clients.monitor.calibration import PageCalibrator
-from clients.monitor.connections import shortened
 from clients.monitor.driving import PageDriver
 from clients.monitor.feed import PageFeed
 from clients.monitor.messages import (

@@ -7,7 +7,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from clients.monitor.token_file import NAME
+from clients.door.token_file import file_name
 from runtime.control.vehicle import CarSettings
 from runtime.wire.ports import free_endpoint
 from runtime.wire.teleop import CarCondition
@@ -80,7 +80,7 @@ async def test_a_page_from_elsewhere_survives_a_restart_while_its_secret_is_kept
         await tab.until("document.body.dataset.linked === 'false'")
         async with scene.monitor(address="0.0.0.0"):
             await tab.until("document.body.dataset.linked === 'true'", within_s=15)
-        (tmp_path / NAME).unlink()
+        (tmp_path / file_name("monitor")).unlink()
         async with scene.monitor(address="0.0.0.0"):
             await tab.until("document.querySelector('#notice').textContent.includes('not valid any more')", within_s=15)
 

@@ -11,7 +11,8 @@ import pytest
 
 from clients.fleet.cars import UNREADABLE
 from clients.fleet.race import RaceControl
-from clients.monitor import assets, connections
+from clients.door import connections
+from clients.monitor import assets
 from clients.monitor.outbox import TOPICS
 from runtime.wire import topics
 from runtime.wire.bus import Bus

@@ -15,7 +15,7 @@ from aiohttp import web
 
 IDLE_S: Final = 10.0
 MAX_CONNECTIONS: Final = 64
-MAX_PAGES: Final = 24
+MAX_VISITS: Final = 24
 LOOK_EVERY_S: Final = 0.25
 SHOWN_CHARACTERS: Final = 100
 QUIET: Final = logging.getLogger("wallride.monitor.http")

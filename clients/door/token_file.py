@@ -11,18 +11,17 @@ import stat
 from collections.abc import Mapping
 from pathlib import Path
 
-NAME = "wallride-monitor-secret"
 BYTES = 12
 _WORD = re.compile(r"[A-Za-z0-9_-]{16}")
 
 
-def login_token(environment: Mapping[str, str] = os.environ) -> str:
-    """Return the token of this login, made at its first use."""
+def login_token(command: str = "monitor", environment: Mapping[str, str] = os.environ) -> str:
+    """Return the token of this login for a command's server, made at its first use."""
     fresh = secrets.token_urlsafe(BYTES)
     folder = environment.get("XDG_RUNTIME_DIR")
     if not folder:
         return fresh
-    path = Path(folder) / NAME
+    path = Path(folder) / file_name(command)
     try:
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
     except FileExistsError:
@@ -32,6 +31,11 @@ def login_token(environment: Mapping[str, str] = os.environ) -> str:
     with os.fdopen(descriptor, "w") as file:
         file.write(fresh)
     return fresh
+
+
+def file_name(command: str) -> str:
+    """Return the name of the file; each server has a token of its own, because they may do different things."""
+    return f"wallride-{command}-secret"
 
 
 def _read(path: Path) -> str:

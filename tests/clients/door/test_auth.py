@@ -2,12 +2,12 @@
 
 import pytest
 
-from clients.monitor.auth import PageAuth, is_loopback, page_auth
-from clients.monitor.token_file import NAME, login_token
+from clients.door.auth import DoorAuth, door_auth, is_loopback
+from clients.door.token_file import file_name, login_token
 
-SECRET = login_token({})
-LOCAL = page_auth("127.0.0.1", SECRET)
-WIDE = PageAuth(frozenset({"localhost", "box", "box.local"}), SECRET, numbers=True)
+SECRET = login_token(environment={})
+LOCAL = door_auth("127.0.0.1", SECRET)
+WIDE = DoorAuth(frozenset({"localhost", "box", "box.local"}), SECRET, numbers=True)
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1:8447", "localhost", "localhost:9000", "[::1]:8447", "LOCALHOST:1"])
@@ -46,7 +46,7 @@ def test_from_other_machines_the_address_must_carry_its_token():
 
 def test_a_door_has_a_token_to_this_machine_too():
     assert LOCAL.token == SECRET
-    assert page_auth("0.0.0.0", SECRET).token == SECRET
+    assert door_auth("0.0.0.0", SECRET).token == SECRET
     assert is_loopback("::1")
     assert is_loopback("127.3.2.1")
     assert not is_loopback("192.168.1.5")
@@ -55,22 +55,22 @@ def test_a_door_has_a_token_to_this_machine_too():
 
 def test_a_secret_is_kept_for_a_login_and_only_for_its_user(tmp_path):
     login = {"XDG_RUNTIME_DIR": str(tmp_path)}
-    first = login_token(login)
+    first = login_token(environment=login)
     assert len(first) >= 16
-    assert login_token(login) == first, "a phone's page finds the server again after its restart"
-    kept = tmp_path / NAME
+    assert login_token(environment=login) == first, "a phone's page finds the server again after its restart"
+    kept = tmp_path / file_name("monitor")
     assert kept.stat().st_mode & 0o777 == 0o600
     kept.chmod(0o644)
-    assert login_token(login) != first, "others could have read it"
+    assert login_token(environment=login) != first, "others could have read it"
     kept.chmod(0o600)
     kept.write_text("easy")
-    assert len(login_token(login)) >= 16
+    assert len(login_token(environment=login)) >= 16
     kept.unlink()
     kept.symlink_to(tmp_path / "elsewhere")
-    assert login_token(login) != login_token(login)
+    assert login_token(environment=login) != login_token(environment=login)
     assert not (tmp_path / "elsewhere").exists()
 
 
 @pytest.mark.parametrize("environment", [{}, {"XDG_RUNTIME_DIR": ""}, {"XDG_RUNTIME_DIR": "/nowhere/at/all"}])
 def test_without_a_place_for_it_every_start_has_its_own(environment):
-    assert login_token(environment) != login_token(environment)
+    assert login_token(environment=environment) != login_token(environment=environment)

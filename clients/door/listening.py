@@ -1,0 +1,68 @@
+"""Listening on a port, for as long as a block runs."""
+
+import asyncio
+import contextlib
+import errno
+import signal
+import socket
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from aiohttp import web
+
+from clients.connection import ConnectionProblemError
+from clients.door.connections import QUIET, end_idle
+
+EVERYWHERE = ("0.0.0.0", "::")  # noqa: S104 - compared with, not listened on
+SOMEWHERE = "192.0.2.1"
+"""A documentation address (RFC 5737). Nothing is sent to it."""
+
+
+@asynccontextmanager
+async def listening(app: web.Application, address: str, port: int, *, any_port: bool = False) -> AsyncIterator[str]:
+    """Serve an application while the block runs; yields host and port. ConnectionProblemError when the port is taken.
+
+    any_port: whether another port will do when this one is taken.
+    """
+    runner = web.AppRunner(app, access_log=None, handler_cancellation=True, shutdown_timeout=2.0, logger=QUIET)
+    await runner.setup()
+    guard = asyncio.create_task(end_idle(runner))
+    try:
+        yield await _listen(runner, address, port, any_port=any_port)
+    finally:
+        await runner.cleanup()  # the pages first: a driving page is stopped while there is still a link
+        guard.cancel()
+        await asyncio.gather(guard, return_exceptions=True)
+
+
+async def interrupted() -> None:
+    """Return at SIGINT or SIGTERM."""
+    stop, loop = asyncio.Event(), asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        with contextlib.suppress(NotImplementedError):  # Windows: Ctrl-C ends asyncio.run by itself
+            loop.add_signal_handler(number, stop.set)
+    await stop.wait()
+
+
+async def _listen(runner: web.AppRunner, address: str, port: int, *, any_port: bool) -> str:
+    for attempt in (port, 0) if any_port else (port,):
+        try:
+            await web.TCPSite(runner, address.strip("[]"), attempt).start()
+            break
+        except OSError as error:
+            problem = error
+    else:
+        why = "it is taken by another program" if problem.errno == errno.EADDRINUSE else problem.strerror or problem
+        raise ConnectionProblemError(f"cannot listen on {address}:{port}: {why}; choose another with --port")
+    name = _address_here() if address in EVERYWHERE else address.strip("[]")
+    return f"{f'[{name}]' if ':' in name else name}:{runner.addresses[0][1]}"
+
+
+def _address_here() -> str:
+    """Return the address under which others probably reach this machine; reads only its routing table."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect((SOMEWHERE, 9))
+        except OSError:
+            return socket.gethostname()
+        return str(probe.getsockname()[0])

@@ -1,0 +1,1 @@
+"""`wallride foxglove`: a car's topics live for Foxglove, Lichtblick and PlotJuggler."""
