@@ -7,6 +7,7 @@ computer is late, also with its own scans: check the late scans before the impac
 
 import argparse
 import asyncio
+import itertools
 import time
 from collections.abc import Sequence
 
@@ -56,8 +57,8 @@ def run(place: str, box: str, speed_mps: float, ahead_m: float, mu: float) -> bo
     config = find_config()
     session = SimulatorSession(scene, vehicle, load_settings(config, wanted).motor)
     record = asyncio.run(session.run(RuntimeStart(config, wanted), LASTS_S, StopRequest(), lambda _: None))
-    before_mps = max(sample.speed_mps for sample in record.samples if sample.time_s < APPEARS_S)
-    gaps_s = [later - sooner for sooner, later in zip(record.scan_times_s, record.scan_times_s[1:], strict=False)]
+    before_mps = max(sample.speed_mps for sample in record.track.samples if sample.time_s < APPEARS_S)
+    gaps_s = [later.time_s - sooner.time_s for sooner, later in itertools.pairwise(record.track.samples)]
     brake_mps2, gap_m = min(FULL_BRAKE_MPS2, mu * GRAVITY_MPS2), ahead_m + LIDAR_AHEAD_M - CAR.front_m
     reaction_s = ANSWER_S + vehicle.settings.drive_delay_s
     stops = gap_m > stopping_m(before_mps, reaction_s, brake_mps2)

@@ -1,11 +1,10 @@
 """Figures of a run, from the simulator's own truth: the car's real motion, not its estimate."""
 
+import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from runtime.control.score import STANDING_BELOW_MPS
 from sim.world.pose import Floats
@@ -29,7 +28,91 @@ class Sample:
     clearance_m: float
 
 
-def figures(samples: Sequence[Sample], desired_m: float | Floats) -> dict[str, Any]:
+class DriveSums:
+    """The figures of a run, summed sample by sample: however long it is, its samples need not be kept."""
+
+    def __init__(self) -> None:
+        self._first_s = 0.0
+        self._last: Sample | None = None
+        self._distance_m = self._moving_s = 0.0
+        self._clearance_m = math.inf
+        self._moved_s = -math.inf  # when it last moved
+        self._counted = 0
+        self._abs_m = self._square_m2 = 0.0
+        self._first_error_m = self._least_m = self._most_m = 0.0
+        self._settle = _Settle()
+
+    def add(self, sample: Sample, wanted_m: float) -> None:
+        """Take one sample in; wanted_m: the distance that was wanted then."""
+        last, self._last = self._last, sample
+        if last is None:
+            self._first_s = sample.time_s
+        else:
+            self._distance_m += math.hypot(sample.x_m - last.x_m, sample.y_m - last.y_m)
+            self._moving_s += sample.time_s - last.time_s if _moves(last) else 0.0
+        self._clearance_m = min(self._clearance_m, sample.clearance_m)
+        if not _moves(sample):
+            return
+        self._moved_s = sample.time_s
+        if math.isfinite(sample.wall_m):
+            self._add_error(sample.time_s, sample.wall_m - wanted_m)
+
+    def _add_error(self, time_s: float, error_m: float) -> None:
+        if not self._counted:
+            self._first_error_m = self._least_m = self._most_m = error_m
+        self._counted += 1
+        self._abs_m += abs(error_m)
+        self._square_m2 += error_m**2
+        self._least_m, self._most_m = min(self._least_m, error_m), max(self._most_m, error_m)
+        self._settle.add(time_s, error_m)
+
+    def figures(self) -> dict[str, Any]:
+        """Return duration, distance, errors, settling, clearance and speed of the run; see `figures`."""
+        last, counted = self._last, self._counted
+        return {
+            "duration_s": _number(last.time_s - self._first_s if last is not None else 0.0),
+            "distance_m": _number(self._distance_m),
+            "mean_abs_error_m": _number(self._abs_m / counted) if counted else None,
+            "rms_error_m": _number(math.sqrt(self._square_m2 / counted)) if counted else None,
+            "settle_s": self._settle.settle_s,
+            "max_overshoot_m": self._overshoot_m(),
+            "min_clearance_m": _number(self._clearance_m) if last is not None else None,
+            "stopped": last is None or self._moved_s <= last.time_s - STANDING_FOR_S,
+            "mean_speed_mps": _number(self._distance_m / self._moving_s) if self._moving_s > 0 else 0.0,
+        }
+
+    def _overshoot_m(self) -> float | None:
+        """Return the overshoot past the desired distance, seen from the side on which the car started.
+
+        A car that starts on the line has no side: for it every departure counts.
+        """
+        if not self._counted:
+            return None
+        if abs(self._first_error_m) < ON_THE_LINE_M:
+            return _number(max(-self._least_m, self._most_m))
+        return _number(max(0.0, -self._least_m if self._first_error_m > 0 else self._most_m))
+
+
+class _Settle:
+    """Looks for the first time from which the error stays within the band for long enough."""
+
+    def __init__(self) -> None:
+        self.settle_s: float | None = None
+        self._first_s: float | None = None
+        self._since_s: float | None = None
+
+    def add(self, now_s: float, error_m: float) -> None:
+        if self._first_s is None:
+            self._first_s = now_s
+        if abs(error_m) > SETTLE_BAND_M:
+            self._since_s = None
+            return
+        self._since_s = now_s if self._since_s is None else self._since_s
+        if self.settle_s is None and now_s - self._since_s >= SETTLED_FOR_S:
+            self.settle_s = _number(self._since_s - self._first_s)
+
+
+def figures(samples: Iterable[Sample], desired_m: float | Floats) -> dict[str, Any]:
     """Return duration, distance, errors, settling, clearance and speed of a run.
 
     desired_m: the wanted distance, one for all samples or one for each.
@@ -37,60 +120,19 @@ def figures(samples: Sequence[Sample], desired_m: float | Floats) -> dict[str, A
     Errors count while the car moves, over samples that have a wall. `settle_s` is the time after which the error
     first stays within 5 cm for 2 s; a later corner does not count. It is null when it never does.
     """
-    table = np.array([[s.time_s, s.x_m, s.y_m, s.speed_mps, s.wall_m, s.clearance_m] for s in samples]).reshape(-1, 6)
-    time_s, x_m, y_m, speed_mps, wall_m, clearance_m = table.T
-    moving = np.abs(speed_mps) > STANDING_BELOW_MPS
-    counted = np.isfinite(wall_m) & moving
-    error_m = wall_m[counted] - np.broadcast_to(desired_m, wall_m.shape)[counted]
-    distance_m = float(np.hypot(np.diff(x_m), np.diff(y_m)).sum())
-    moving_s = float(np.diff(time_s, append=time_s[-1:])[moving].sum()) if moving.any() else 0.0
-    return {
-        "duration_s": _number(time_s[-1] - time_s[0] if len(table) else 0.0),
-        "distance_m": _number(distance_m),
-        "mean_abs_error_m": _number(np.abs(error_m).mean()) if error_m.size else None,
-        "rms_error_m": _number(np.sqrt((error_m**2).mean())) if error_m.size else None,
-        "settle_s": _settle_s(time_s[counted], error_m),
-        "max_overshoot_m": _overshoot_m(error_m),
-        "min_clearance_m": _number(clearance_m.min()) if len(table) else None,
-        "stopped": _stands_at_the_end(time_s, speed_mps),
-        "mean_speed_mps": _number(distance_m / moving_s) if moving_s > 0 else 0.0,
-    }
+    sums = DriveSums()
+    wanted = itertools.repeat(desired_m) if isinstance(desired_m, int | float) else desired_m.tolist()
+    for sample, wanted_m in zip(samples, wanted, strict=False):
+        sums.add(sample, wanted_m)
+    return sums.figures()
+
+
+def _moves(sample: Sample) -> bool:
+    return abs(sample.speed_mps) > STANDING_BELOW_MPS
 
 
 def _number(value: float) -> float | None:
     return round(float(value), 4) if math.isfinite(value) else None
-
-
-def _settle_s(time_s: Floats, error_m: Floats) -> float | None:
-    since_s: float | None = None
-    for now_s, now_m in zip(time_s, error_m, strict=True):
-        if abs(now_m) > SETTLE_BAND_M:
-            since_s = None
-            continue
-        since_s = now_s if since_s is None else since_s
-        if now_s - since_s >= SETTLED_FOR_S:
-            return _number(since_s - time_s[0])
-    return None
-
-
-def _overshoot_m(error_m: Floats) -> float | None:
-    """Return the overshoot past the desired distance, seen from the side on which the car started.
-
-    A car that starts on the line has no side: for it every departure counts.
-    """
-    if not error_m.size:
-        return None
-    if abs(error_m[0]) < ON_THE_LINE_M:
-        return _number(np.abs(error_m).max())
-    past_m = -error_m if error_m[0] > 0 else error_m
-    return _number(max(0.0, float(past_m.max())))
-
-
-def _stands_at_the_end(time_s: Floats, speed_mps: Floats) -> bool:
-    if not time_s.size:
-        return True
-    last = time_s > time_s[-1] - STANDING_FOR_S
-    return bool((np.abs(speed_mps[last]) < STANDING_BELOW_MPS).all())
 
 
 def device_faults(status: Mapping[str, Any]) -> dict[str, int]:

@@ -19,11 +19,12 @@ from sim.live.drive_summary import HEARD, plot_drive, summarize, summary_table, 
 from sim.live.fleet import build_fleet, fleet_summary, run_fleet, write_fleet
 from sim.live.live_conditions import LiveConditions
 from sim.live.live_keys import pressing
+from sim.live.record import Record
 from sim.live.saved_settings import saved_settings
 from sim.live.scenario_scene import ScenarioScene, read_scenario
 from sim.live.scenes import RecordingScene, WorldScene
 from sim.live.screen import LiveView, address_in, operate_hint, port_notice, starting
-from sim.live.session import USAGE_ERROR, Record, RuntimeStart, SessionError, SimulatorSession
+from sim.live.session import USAGE_ERROR, RuntimeStart, SessionError, SimulatorSession
 from sim.live.stop_request import StopRequest
 from sim.recordings import RecordingError, load_recording
 from sim.scenario.command import tell
@@ -113,7 +114,13 @@ def _drive(
     live = LiveConditions(vehicle, scene, conditions)
     attach: dict[str, Any] = {"on_devices": chosen.attach} if chosen is not None else {}
     session = SimulatorSession(
-        scene, vehicle, conditions.wiring.wired(settings.motor), watched=not options.headless, changes=live, **attach
+        scene,
+        vehicle,
+        conditions.wiring.wired(settings.motor),
+        desired_m=settings.wall_follow.desired_distance_m,
+        watched=not options.headless,
+        changes=live,
+        **attach,
     )
     start = _start(options, config, settings, world.name)
     record = _run(session, start, duration_s, stop, console, _view(options, scene, vehicle, console, live), live)
@@ -176,7 +183,7 @@ def _fleet(
         raise _innermost(group) from None
     if stop.killed:
         raise SessionError("killed; there is no summary")
-    return write_fleet(fleet_summary(cars, settings, world.name), options.json, console)
+    return write_fleet(fleet_summary(cars, world.name), options.json, console)
 
 
 def _replay(
@@ -193,11 +200,13 @@ def _replay(
     options.assignments = ["safety.odometry_check=false", *options.assignments]
     scene = RecordingScene(recording)
     vehicle = Vehicle(VehicleSettings(), Pose(0.0, 0.0, 0.0))
-    session = SimulatorSession(scene, vehicle, settings.motor, watched=not options.headless)
+    wanted_m = settings.wall_follow.desired_distance_m
+    session = SimulatorSession(scene, vehicle, settings.motor, desired_m=wanted_m, watched=not options.headless)
+    session.record.steering_rad = answers_rad = list[float]()
     duration_s = options.duration or math.inf
     start = _start(options, config, settings, f"recording {recording.name}")
     record = _run(session, start, duration_s, stop, console, _view(options, None, vehicle, console))
-    pairs = scene.pairs(record.steering_rad)
+    pairs = scene.pairs(answers_rad)
     if options.plot is not None:
         from sim.figures.drawing import save_comparison
 

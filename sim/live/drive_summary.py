@@ -12,12 +12,10 @@ from rich.table import Table
 from runtime.arbitration.command import NO_WINNER
 from runtime.settings.tree import Settings
 from runtime.telemetry.screen_words import because
-from sim.figures.summary import device_faults, figures
-from sim.live.session import Record
+from sim.figures.summary import device_faults
+from sim.live.record import Record
 from sim.world.place import World
-from sim.world.pose import Floats
 
-DISTANCE = "wall_follow.desired_distance_m"
 HEARD = "heard"
 """Value of telemetry in the summary: its statements about the runtime are that runtime's own."""
 FOR_PROGRAMS = frozenset({"began_unix_s", "session"})
@@ -25,21 +23,11 @@ FOR_PROGRAMS = frozenset({"began_unix_s", "session"})
 ROUND_FROM = 1000.0
 
 
-def wanted_m(record: Record, settings: Settings) -> Floats:
-    """Return the distance that was wanted at each sample, shape (n,). settings: those at the start."""
-    times_s = np.array([sample.time_s for sample in record.samples])
-    wanted: Floats = np.full(len(times_s), settings.wall_follow.desired_distance_m)
-    for change in record.changes:
-        if change.name == DISTANCE and isinstance(change.new, int | float):
-            wanted[times_s >= change.stamp_s - record.began_s] = change.new
-    return wanted
-
-
 def summarize(record: Record, settings: Settings) -> dict[str, Any]:
     """Return the figures that every drive has. settings: those at the start."""
     status = record.telemetry.get("status")
     winners = (status or {}).get("seconds_by_winner", {})
-    driven = figures(record.samples, wanted_m(record, settings))
+    driven = record.sums.figures()
     return {
         "method": settings.wall_follow.method,
         "side": settings.wall_follow.side,
@@ -49,7 +37,7 @@ def summarize(record: Record, settings: Settings) -> dict[str, Any]:
         "scan_to_motor_ms": record.latency.summary_ms(),
         "telemetry": HEARD if status else f"drove without telemetry: {record.unheard}",
         "session": record.address.session if record.address is not None else None,
-        "scans_sent": len(record.scan_times_s),
+        "scans_sent": record.scans,
         "scans_driven": status.get("scans") if status else None,
         "winners": {name: round(seconds, 2) for name, seconds in winners.items()} if status else None,
         "faults": device_faults(status) if status else None,
@@ -78,9 +66,10 @@ def plot_drive(path: Path, world: World, record: Record, settings: Settings) -> 
     """Write a picture of the way driven and the distance error."""
     from sim.figures.drawing import save_plot
 
-    track = np.array([[s.x_m, s.y_m, s.yaw_rad] for s in record.samples]).reshape(-1, 3)
-    times_s = np.array([s.time_s for s in record.samples])
-    errors_m = np.array([s.wall_m for s in record.samples]) - wanted_m(record, settings)
+    samples, wanted_m = record.track.samples, record.wanted_m()
+    track = np.array([[s.x_m, s.y_m, s.yaw_rad] for s in samples]).reshape(-1, 3)
+    times_s = np.array([s.time_s for s in samples])
+    errors_m = np.array([s.wall_m - wanted_m(s.time_s) for s in samples])
     follow = settings.wall_follow
     title = f"{world.name}: {follow.method}, {follow.side}, {follow.desired_distance_m:g} m"
     save_plot(path, world, track, times_s, errors_m, title)

@@ -18,12 +18,13 @@ from rich.table import Table
 from runtime.settings.tree import Settings
 from runtime.wire.ports import free_endpoint
 from sim.car.vehicle import Vehicle
-from sim.figures.summary import device_faults, figures
+from sim.figures.summary import device_faults
+from sim.live.record import Record
 from sim.live.runtime_process import WallrideProcess
 from sim.live.saved_settings import saved_settings
 from sim.live.scenes import WorldScene
 from sim.live.screen import port_notice
-from sim.live.session import Record, RuntimeStart, SimulatorSession
+from sim.live.session import RuntimeStart, SimulatorSession
 from sim.live.stop_request import StopRequest
 from sim.live.traffic import TrafficWorld, starts
 from sim.scenario.conditions import Conditions
@@ -56,7 +57,7 @@ def build_fleet(world: World, count: int, conditions: Conditions, settings: Sett
         own_world = replace(world, start=vehicle.pose)
         scene = WorldScene(own_world, side, conditions.lidar, None, seed + k, things)
         scene.surroundings = TrafficWorld(own_world, things, [other for other in vehicles if other is not vehicle])
-        session = SimulatorSession(scene, vehicle, settings.motor)
+        session = SimulatorSession(scene, vehicle, settings.motor, desired_m=settings.wall_follow.desired_distance_m)
         session.join(all_ready.wait)
         cars.append(SimulatedCar(f"car{k + 1}", scene, session))
     return cars
@@ -80,10 +81,9 @@ async def run_fleet(
         page.cancel()
 
 
-def fleet_summary(cars: list[SimulatedCar], settings: Settings, world: str) -> dict[str, Any]:
+def fleet_summary(cars: list[SimulatedCar], world: str) -> dict[str, Any]:
     """Return the figures of each car."""
-    wanted_m = settings.wall_follow.desired_distance_m
-    return {"world": world, "cars": {car.name: _figures(car, wanted_m) for car in cars}}
+    return {"world": world, "cars": {car.name: _figures(car) for car in cars}}
 
 
 def write_fleet(summary: dict[str, Any], target: str | None, console: Console) -> int:
@@ -140,11 +140,11 @@ async def _until(condition: Callable[[], bool]) -> None:
         await asyncio.sleep(LOOK_EVERY_S)
 
 
-def _figures(car: SimulatedCar, wanted_m: float) -> dict[str, Any]:
+def _figures(car: SimulatedCar) -> dict[str, Any]:
     record = car.record
     status = record.telemetry.get("status")
     return {
-        **figures(record.samples, wanted_m),
+        **record.sums.figures(),
         "contacts": int(car.scene.collided),
         "laps": len(car.scene.lap_times_s),
         "lap_times_s": car.scene.lap_times_s,

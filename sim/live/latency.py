@@ -1,20 +1,26 @@
 """Scan-to-motor latency, measured outside the runtime: last byte of a scan written -> next motor command read."""
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
+
+SHORTEST_S, LONGEST_S = 1e-6, 100.0
+RESOLUTION = 0.001
+"""Relative."""
 
 
 class LatencyProbe:
     """Pairs each scan with the first motor command that arrives after it.
 
     The mux also speaks on its own tick, so about one command in twenty answers no scan but comes just after one;
-    that shortens a few samples and lengthens none.
+    that shortens a few samples and lengthens none. The samples are counted by size, in steps of RESOLUTION.
     """
 
     def __init__(self) -> None:
         self._waiting_since_s: float | None = None
-        self.samples_s: list[float] = []
+        self._counts = np.zeros(round(math.log(LONGEST_S / SHORTEST_S) / RESOLUTION) + 1, dtype=np.int64)
+        self._max_s = 0.0
 
     def scan_sent(self, at_s: float) -> None:
         """Record the end of a scan's last byte; an earlier scan without an answer is dropped."""
@@ -23,18 +29,21 @@ class LatencyProbe:
     def command_received(self, at_s: float) -> None:
         """Record the arrival of a motor command."""
         if self._waiting_since_s is not None:
-            self.samples_s.append(at_s - self._waiting_since_s)
+            took_s = min(max(at_s - self._waiting_since_s, SHORTEST_S), LONGEST_S)
+            self._counts[round(math.log(took_s / SHORTEST_S) / RESOLUTION)] += 1
+            self._max_s = max(self._max_s, took_s)
             self._waiting_since_s = None
 
     def summary_ms(self) -> Mapping[str, float | None]:
         """Return p50, p99, p99_9 and max in milliseconds; None without samples."""
-        if not self.samples_s:
+        counted = np.cumsum(self._counts)
+        if not counted[-1]:
             return dict.fromkeys(("p50", "p99", "p99_9", "max"))
-        milliseconds = np.array(self.samples_s) * 1000
-        p50, p99, p99_9 = np.percentile(milliseconds, [50, 99, 99.9])
+        places = np.searchsorted(counted, np.array([0.5, 0.99, 0.999]) * counted[-1])
+        p50, p99, p99_9 = np.minimum(SHORTEST_S * np.exp(places * RESOLUTION), self._max_s) * 1000
         return {
             "p50": round(float(p50), 3),
             "p99": round(float(p99), 3),
             "p99_9": round(float(p99_9), 3),
-            "max": round(float(milliseconds.max()), 3),
+            "max": round(self._max_s * 1000, 3),
         }

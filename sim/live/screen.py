@@ -14,7 +14,7 @@ from runtime.wire.endpoints import split_endpoint
 from sim.car.vehicle import Vehicle
 from sim.live.live_conditions import LiveConditions
 from sim.live.live_keys import legend
-from sim.live.session import Record
+from sim.live.record import Record
 from sim.live.terminal_view import ViewStatus, page, render_world, status_rows, world_size
 
 LIDAR_X_M = 0.27

@@ -6,16 +6,15 @@ import tempfile
 import time
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import AsyncExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from drivers.vesc.settings import VescSettings
-from runtime.host.address_file import Address, read_address
-from runtime.parameters.history import SettingChange
+from runtime.host.address_file import read_address
 from runtime.realtime.periodic import PeriodicTimer, Tick
 from runtime.wire import topics
 from sim.car.plant import Plant
@@ -24,15 +23,17 @@ from sim.devices.scip import ScipEmulator
 from sim.devices.scip_encode import SensorModel
 from sim.devices.vesc import MotorDemand, VescEmulator
 from sim.figures.summary import Sample
-from sim.live.latency import LatencyProbe
 from sim.live.listener import Listener
 from sim.live.live_conditions import LiveConditions
+from sim.live.record import Record
 from sim.live.runtime_process import RuntimeProcess, WallrideProcess, cpu_s_of
 from sim.live.stop_request import StopRequest
 
 FAREWELL = "farewell"
 STEP_S = 0.005
 SHOW_S = 0.1
+SUM_UP_S = 10.0
+"""Period after which samples are summed up: the car has been asked by then for settings that were changed."""
 START_TIMEOUT_S = 120.0
 """Timeout of the start: the first one compiles the hot path, which takes a busy computer a minute."""
 USAGE_ERROR = 2
@@ -93,51 +94,17 @@ class LidarScene(Protocol):
         ...
 
 
-@dataclass(slots=True)
-class Record:
-    """Record of one drive, while it goes on and afterwards.
-
-    samples: the truth, one per scan. steering_rad: our answer to each scan, read from the wire before the next one.
-    telemetry: the runtime's newest message of each topic. unheard: why there are none, "" if there are some.
-    address: address of the runtime. listen: endpoints that it was to have. starting_s: how long the start has taken.
-    began_unix_s: when time_s was 0, since 1970. began_s: the same moment on the monotonic clock.
-    changes: the settings that were changed while it drove.
-    stop_command: the last motor command it ever wrote.
-    cpu_s: processor time of the runtime up to the end of the drive; NaN where the system does not tell.
-    log, page: what the runtime, and the monitor beside it, printed.
-    """
-
-    samples: list[Sample] = field(default_factory=list)
-    scan_times_s: list[float] = field(default_factory=list)
-    steering_rad: list[float] = field(default_factory=list)
-    latency: LatencyProbe = field(default_factory=LatencyProbe)
-    ranges_mm: Ranges | None = None
-    time_s: float = 0.0
-    began_unix_s: float = 0.0
-    began_s: float = 0.0
-    changes: Sequence[SettingChange] = ()
-    telemetry: dict[str, Any] = field(default_factory=dict)
-    unheard: str = "the runtime did not say where its telemetry is"
-    address: Address | None = None
-    listen: Sequence[str] = ()
-    starting_s: float = 0.0
-    cpu_s: float = math.nan
-    log: Sequence[str] = ()
-    page: Sequence[str] = ()
-    exit_code: int | None = None
-    stop_command: MotorDemand | None = None
-
-
 class SimulatorSession:
     """Builds the emulated car around a scene, runs the runtime with it, and provides the record.
 
-    watched: whether a monitor serves its page meanwhile. changes: conditions that the page may change, None for none.
+    desired_m: the wanted distance at the start. watched: whether a monitor serves its page meanwhile.
+    changes: conditions that the page may change, None for none.
     on_devices: gets the emulators once they run.
     """
 
     def __init__(
-        self, scene: LidarScene, vehicle: Vehicle, wiring: VescSettings, *, watched: bool = False,
-        changes: LiveConditions | None = None,
+        self, scene: LidarScene, vehicle: Vehicle, wiring: VescSettings, *, desired_m: float = math.nan,
+        watched: bool = False, changes: LiveConditions | None = None,
         on_devices: Callable[[ScipEmulator, VescEmulator], None] = lambda _scip, _vesc: None,
     ) -> None:  # fmt: skip
         self._watched = watched
@@ -147,7 +114,7 @@ class SimulatorSession:
         self._scene = scene
         self._vehicle = vehicle
         self._wiring = wiring
-        self.record = Record()
+        self.record = Record(desired_m)
 
     def join(self, others_ready: Callable[[], Awaitable[object]]) -> None:
         """Make this car one of several: it waits for the others before anything moves, and a crash ends no drive."""
@@ -182,18 +149,31 @@ class SimulatorSession:
                 timer.every(STEP_S, self._stepper(scip, self._plant(vesc)))
                 timer.every(SHOW_S, lambda _late_s, _missed: on_frame(record))
                 going_on = tasks.create_task(timer.run(), name="world")
+                summing = tasks.create_task(self._sum_up(listener), name="sums")
                 await self._until_over(runtime, duration_s, stop)
                 (folder / FAREWELL).write_text(last_words(self._scene, duration_s, asked=stop.asked), encoding="utf-8")
                 if listener is not None and not stop.killed:
                     await listener.wait_until_heard(HEARD_WITHIN_S)
                     record.unheard = listener.problem
-                    record.changes = await listener.changes_since(record.began_s)
+                    await self._learn_changes(listener)
                 record.cpu_s = cpu_s_of(runtime.pid)
                 # The world continues while the runtime brings the car to rest.
                 record.exit_code = await runtime.stop()
-                for task in filter(None, (going_on, listening)):
+                for task in filter(None, (going_on, listening, summing)):
                     task.cancel()
+        record.sum_up(len(record.fresh))
         return record
+
+    async def _sum_up(self, listener: Listener | None) -> None:
+        while True:
+            await asyncio.sleep(SUM_UP_S)
+            count = len(self.record.fresh)
+            await self._learn_changes(listener)
+            self.record.sum_up(count)
+
+    async def _learn_changes(self, listener: Listener | None) -> None:
+        if listener is not None:
+            self.record.changes = await listener.changes_since(self.record.began_s) or self.record.changes
 
     async def _devices(self, stack: AsyncExitStack, folder: Path) -> tuple[ScipEmulator, VescEmulator, list[str]]:
         """Start both emulators; returns them and the settings that name their addresses."""
@@ -269,15 +249,15 @@ class SimulatorSession:
             if self._scene.step(record.time_s, self._vehicle):
                 plant.crash()
             while (due := self._scene.scan(record.time_s, self._vehicle)) is not None:
-                record.steering_rad.append(plant.steering_rad)
+                if record.steering_rad is not None:
+                    record.steering_rad.append(plant.steering_rad)
                 self._publish(scip, *due)
-                record.samples.append(self._scene.sample(record.time_s, self._vehicle))
+                record.note(self._scene.sample(record.time_s, self._vehicle))
 
         return step
 
     def _publish(self, scip: ScipEmulator, ranges_mm: Ranges, stamp_ms: int) -> None:
         sent_s = scip.publish(ranges_mm, stamp_ms % STAMP_MS)
-        self.record.scan_times_s.append(self.record.time_s)
         self.record.ranges_mm = ranges_mm
         if sent_s is not None:
             self.record.latency.scan_sent(sent_s)

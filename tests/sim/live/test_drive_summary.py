@@ -1,15 +1,17 @@
 """The summary in the terminal is for people; its JSON file has all digits."""
 
 import io
+import math
+import pickle
 
 import pytest
 from rich.console import Console
 
 from runtime.parameters.history import SettingChange
 from runtime.settings.tree import Settings
-from sim.figures.summary import Sample, figures
+from sim.figures.summary import Sample
 from sim.live import drive_summary
-from sim.live.session import Record
+from sim.live.record import MAX_TRACK, Record, ThinnedTrack
 
 
 @pytest.mark.parametrize(
@@ -40,11 +42,17 @@ def test_errors_are_from_the_distance_that_was_wanted_at_that_moment():
     samples = [Sample(0.1 * i, 0.1 * i, 0.0, 0.0, 1.0, 1.0 if i < 30 else 0.7, 0.5) for i in range(60)]
     change = SettingChange(1003.0, "", "ann", "wall_follow.desired_distance_m", 1.0, 0.7)
     other = SettingChange(1001.0, "", "ann", "wall_follow.kp", 13.5, 10.0)
-    record = Record(samples=samples, began_s=1000.0, changes=[other, change])
-    wanted = drive_summary.wanted_m(record, Settings())
-    assert (wanted[29], wanted[30]) == (1.0, 0.7)
-    assert figures(samples, wanted)["mean_abs_error_m"] == 0.0
-    assert figures(samples, 1.0)["mean_abs_error_m"] == 0.15
+    record = Record(1.0, began_s=1000.0, changes=[other, change])
+    unchanged = Record(1.0)
+    for sample in samples:
+        record.note(sample)
+        unchanged.note(sample)
+    record.sum_up(20)
+    record.sum_up(40)
+    unchanged.sum_up(60)
+    record.sum_up(len(record.fresh))
+    assert record.sums.figures()["mean_abs_error_m"] == 0.0
+    assert unchanged.sums.figures()["mean_abs_error_m"] == 0.15
 
 
 @pytest.mark.parametrize(
@@ -53,5 +61,39 @@ def test_errors_are_from_the_distance_that_was_wanted_at_that_moment():
 def test_the_summary_says_why_the_car_stands(speed_mps, said):
     samples = [Sample(0.1 * i, speed_mps * 0.1 * i, 0.0, 0.0, speed_mps, 1.0, 0.5) for i in range(30)]
     output = {"winner": "safety", "reason": "something on the lidar: uncover it", "measure": 0.3}
-    record = Record(samples=samples, telemetry={"status": {"output": output}})
+    record = Record(1.0, telemetry={"status": {"output": output}})
+    for sample in samples:
+        record.note(sample)
+    record.sum_up(len(samples))
     assert drive_summary.summarize(record, Settings()).get("stands_because") == said
+
+
+def test_a_drive_of_days_takes_no_more_memory_than_one_of_minutes(monkeypatch):
+    """Pickled sizes: what is kept grows until the track is full, and no further."""
+    monkeypatch.setattr("sim.live.record.MAX_TRACK", 2000)
+    record, sizes = Record(1.0), []
+    for scan in range(4 * 2000 + 1):
+        record.note(Sample(scan * 0.025, math.cos(scan), math.sin(scan), 0.0, 1.0, 1.0 + 0.1 * math.sin(scan), 0.5))
+        record.latency.scan_sent(scan * 0.025)
+        record.latency.command_received(scan * 0.025 + 0.0005 * (1 + scan % 3))
+        if len(record.fresh) == 400:
+            record.sum_up(400)
+        if scan in {2 * 2000, 4 * 2000}:
+            sizes.append(len(pickle.dumps(record)))
+    assert sizes[1] < 1.05 * sizes[0]
+    assert record.scans == 4 * 2000 + 1
+    record.sum_up(len(record.fresh))
+    assert record.sums.figures()["rms_error_m"] == pytest.approx(0.1 / math.sqrt(2), abs=1e-3)
+    figures_ms = record.latency.summary_ms()
+    assert figures_ms["p50"] == pytest.approx(1.0, rel=0.001)
+    assert figures_ms["max"] == pytest.approx(1.5, rel=0.001)
+    assert figures_ms["p99"] == pytest.approx(1.5, rel=0.001)
+
+
+def test_a_thinned_track_keeps_its_beginning_and_even_steps():
+    track = ThinnedTrack()
+    for scan in range(3 * MAX_TRACK):
+        track.add(Sample(float(scan), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    times = [sample.time_s for sample in track.samples]
+    assert times == [4.0 * k for k in range(len(times))]
+    assert len(times) > MAX_TRACK // 2

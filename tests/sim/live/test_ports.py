@@ -10,8 +10,8 @@ from rich.console import Console
 from runtime.host.address_file import Address
 from runtime.settings.tree import Settings
 from sim.live import command, fleet
+from sim.live.record import Record
 from sim.live.screen import port_notice
-from sim.live.session import Record
 from sim.live.terminal_view import ViewStatus, status_rows
 
 STANDARD = ("tcp/127.0.0.1:7447",)

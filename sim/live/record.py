@@ -1,0 +1,100 @@
+"""What one simulated drive leaves behind: newest values, sums, and a thinned track, however long it lasts."""
+
+import math
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from runtime.host.address_file import Address
+from runtime.parameters.history import SettingChange
+from sim.devices.vesc import MotorDemand
+from sim.figures.summary import DriveSums, Sample
+from sim.live.latency import LatencyProbe
+
+DISTANCE = "wall_follow.desired_distance_m"
+MAX_TRACK = 20_000
+"""Samples of a track; eight minutes have as many scans."""
+
+
+class ThinnedTrack:
+    """A way of any length in a bounded number of samples: when they are too many, every other one goes."""
+
+    def __init__(self) -> None:
+        self.samples: list[Sample] = []
+        self._every = 1
+        self._count = 0
+
+    def add(self, sample: Sample) -> None:
+        """Take a sample, or leave it out."""
+        if self._count % self._every == 0:
+            self.samples.append(sample)
+            if len(self.samples) > MAX_TRACK:
+                del self.samples[1::2]
+                self._every *= 2
+        self._count += 1
+
+
+@dataclass(slots=True)
+class Record:
+    """Record of one drive, while it goes on and afterwards.
+
+    desired_m: the distance that is wanted at the start. fresh: the truth, one sample per scan, not summed up yet.
+    track: of the whole drive, thinned. scans: their number.
+    steering_rad: our answer to each scan, read from the wire before the next one; None where it is not needed.
+    telemetry: the runtime's newest message of each topic. unheard: why there are none, "" if there are some.
+    address: address of the runtime. listen: endpoints that it was to have. starting_s: how long the start has taken.
+    began_unix_s: when time_s was 0, since 1970. began_s: the same moment on the monotonic clock.
+    changes: the settings that were changed while it drove.
+    stop_command: the last motor command it ever wrote.
+    cpu_s: processor time of the runtime up to the end of the drive; NaN where the system does not tell.
+    log, page: what the runtime, and the monitor beside it, printed.
+    """
+
+    desired_m: float = math.nan
+    fresh: list[Sample] = field(default_factory=list)
+    sums: DriveSums = field(default_factory=DriveSums)
+    track: ThinnedTrack = field(default_factory=ThinnedTrack)
+    scans: int = 0
+    steering_rad: list[float] | None = None
+    latency: LatencyProbe = field(default_factory=LatencyProbe)
+    ranges_mm: npt.NDArray[np.integer] | None = None
+    time_s: float = 0.0
+    began_unix_s: float = 0.0
+    began_s: float = 0.0
+    changes: Sequence[SettingChange] = ()
+    telemetry: dict[str, Any] = field(default_factory=dict)
+    unheard: str = "the runtime did not say where its telemetry is"
+    address: Address | None = None
+    listen: Sequence[str] = ()
+    starting_s: float = 0.0
+    cpu_s: float = math.nan
+    log: Sequence[str] = ()
+    page: Sequence[str] = ()
+    exit_code: int | None = None
+    stop_command: MotorDemand | None = None
+
+    def note(self, sample: Sample) -> None:
+        """Take the truth at a scan."""
+        self.scans += 1
+        self.fresh.append(sample)
+        self.track.add(sample)
+
+    def sum_up(self, count: int) -> None:
+        """Sum up the oldest fresh samples, by the changes that are known now."""
+        wanted_m = self.wanted_m()
+        for sample in self.fresh[:count]:
+            self.sums.add(sample, wanted_m(sample.time_s))
+        del self.fresh[:count]
+
+    def wanted_m(self) -> Callable[[float], float]:
+        """Return the function that tells the distance that was wanted at a time of the drive."""
+        times_s, values_m = [], [self.desired_m]
+        for change in self.changes:
+            if change.name == DISTANCE and isinstance(change.new, int | float):
+                times_s.append(change.stamp_s - self.began_s)
+                values_m.append(float(change.new))
+        return lambda time_s: values_m[bisect_right(times_s, time_s)]
