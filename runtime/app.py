@@ -298,7 +298,7 @@ class Car:
             queue=self.queue,
             clock=self.clock,
             seconds_by_winner=self.mux.seconds_by_winner,
-            window=lambda: self.laws.words,
+            window=lambda: (*self.laws.words, *self.own_law.words),
             timings=self.stages,
             recording=self.recorder.status,
             own_parts=self.own_parts.status,
@@ -349,7 +349,16 @@ async def bring_to_rest(motor: Motor, clock: Clock) -> None:
 
 
 async def _until(stop: asyncio.Event, tasks: list[asyncio.Task[Any]]) -> None:
-    await stop.wait()
+    """Cancel the tasks once `stop` is set. One that was cancelled before is an error: nothing else would tell of it."""
+    asked = asyncio.ensure_future(stop.wait())
+    waiting: set[asyncio.Task[Any]] = {asked, *tasks}
+    try:
+        while not stop.is_set():
+            ended, waiting = await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
+            if cancelled := [task.get_name() for task in ended if task.cancelled()]:
+                raise RuntimeError(f"the task {cancelled[0]} was cancelled while the car drives")
+    finally:
+        asked.cancel()
     log.info("asked to stop")
     for task in tasks:
         task.cancel()

@@ -4,9 +4,7 @@ import asyncio
 import atexit
 import gc
 import logging
-import os
-import signal
-import threading
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -22,10 +20,13 @@ from drivers.hokuyo.driver import Hokuyo
 from drivers.vesc.driver import Vesc
 from runtime import kernel
 from runtime.app import Car, CarSurroundings, history_file
+from runtime.control.own_laws.law_class import loaded_files
 from runtime.host.address_file import Address, write_address
 from runtime.host.computer import read_computer
+from runtime.host.ending import end_in_time
 from runtime.host.logging_setup import journal
 from runtime.host.scheduling import ask_for_precedence, keep_for_this_thread
+from runtime.host.stop_signals import STOP_SIGNALS, STOP_SIGNALS_HELD
 from runtime.live_stack import warm_up
 from runtime.realtime import prefetch
 from runtime.realtime.cpu_latency import awake
@@ -44,8 +45,10 @@ from runtime.wire.uplink import Uplink, UplinkedBus
 
 log = logging.getLogger("wallride.launch")
 
-MAX_ENDING_S: Final = 2.0
-"""Maximum time of the shutdown, below the service's TimeoutStopSec."""
+SWITCH_S: Final = 5e-4
+"""Time after which a thread that computes in Python leaves the interpreter to another, in a car with laws of the user:
+the loop waits that long after each system call. Python's own 5 ms let one busy thread of a law hold up the car for half
+a second; without such a thread they keep the recorder from interrupting an answer."""
 
 
 class BrakingMotor(Protocol):
@@ -93,6 +96,8 @@ def main(
     warnings: reported to the owner first. joystick: a gamepad on the car itself.
     """
     scheduling = keep_for_this_thread()
+    if loaded_files():
+        sys.setswitchinterval(SWITCH_S)
     with journal(settings.log.level, settings.log.format):
         log.info("%s", scheduling)
         for warning in warnings:
@@ -104,15 +109,6 @@ def main(
             motors: list[BrakingMotor] = []
             with braking_last(motors), asyncio.Runner(loop_factory=punctual_loop) as runner, braking_last(motors):
                 runner.run(_drive(settings, files, sessions, compiled, motors.append, joystick))
-
-
-STOP_SIGNALS: Final = tuple(
-    getattr(signal, name)
-    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGUSR1", "SIGUSR2", "SIGALRM", "SIGVTALRM", "SIGXCPU")
-    if hasattr(signal, name)
-)
-"""Signals that end a process and that it can catch: a closed terminal (SIGHUP) and a used up real-time budget (SIGXCPU)
-among them. Each is a request to stop."""
 
 
 @contextmanager
@@ -135,9 +131,7 @@ def braking_last(motors: Sequence[BrakingMotor]) -> Iterator[None]:
         raise
     except BaseException:
         brake()
-        end = threading.Timer(MAX_ENDING_S, os._exit, (1,))
-        end.daemon = True
-        end.start()
+        end_in_time(1)
         raise
     else:
         brake()
@@ -158,8 +152,12 @@ async def _drive(
 ) -> None:  # fmt: skip
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
-    for number in STOP_SIGNALS:
-        loop.add_signal_handler(number, stop.set)
+
+    def hear_signals() -> None:
+        for number in STOP_SIGNALS:
+            loop.add_signal_handler(number, stop.set)
+
+    STOP_SIGNALS_HELD.hold(hear_signals)
     clock = time.monotonic
     uplinks = [Uplink(router, settings.car.name) for router in sessions.routers]
     bus = _bus(sessions.own, uplinks, any_port=settings.telemetry.any_port)

@@ -62,7 +62,12 @@ class LiveStack:
         return guidance
 
     def apply(self, settings: Settings) -> None:
-        """Apply other settings in one step: between two scans, never within one."""
+        """Apply other settings in one step: between two scans, never within one.
+
+        The very settings in force are no change: they try own laws with a fault again, in a replay as on the car.
+        """
+        if settings == self.settings:
+            self.laws.retry_own_laws()
         self.settings = settings
         self.decision_log.add_settings(settings)
         self.laws.tune(settings.wall_follow, settings.safety)

@@ -1,5 +1,5 @@
 """`python -m wallride`."""
 
-from wallride.cli import main
+from wallride.cli import command
 
-raise SystemExit(main())
+raise SystemExit(command())

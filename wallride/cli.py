@@ -49,6 +49,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
 
 
+def command() -> int:
+    """Run the command of this process; the threads and exit handlers of an own law do not put its end off."""
+    code = 1
+    try:
+        code = main()
+    finally:
+        laws = sys.modules.get("runtime.control.own_laws.law_class")
+        if laws is not None and laws.loaded_files():
+            from runtime.host.ending import end_in_time
+
+            end_in_time(code)
+            for stream in (sys.stdout, sys.stderr):
+                stream.flush()  # what ends the process does not
+    return code
+
+
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser; every name in it is a contract that scripts rely on."""
     parser = Parser(prog="wallride", description="Drives a 1/10-scale autonomous racecar.")

@@ -59,13 +59,8 @@ class LiveLaws:
 
     @property
     def own_law_fault(self) -> str:
-        """Fault of an own law, which stops the car until `tune` tries it again; "" without one."""
-        return "; ".join(runner.fault for runner in self._runners() if runner.fault)
-
-    @property
-    def own_law_faults(self) -> int:
-        """Number of faults of the own laws in force."""
-        return sum(runner.faults for runner in self._runners())
+        """Fault of an own law, which stops the car until the law is tried again; "" without one."""
+        return "; ".join(runner.fault for runner in self.runners if runner.fault)
 
     @property
     def own_parts(self) -> KnownParts | None:
@@ -106,9 +101,7 @@ class LiveLaws:
         self.plausibility.learn()
 
     def tune(self, wall_follow: WallFollowSettings, safety: SafetySettings) -> None:
-        """Change the settings, from the next scan on. An own law with a fault is made anew and tried again."""
-        for runner in self._runners():
-            runner.retry()
+        """Change the settings, from the next scan on. An own law with a fault is tried again by a change of its own."""
         if wall_follow != self.wall_follow:
             self._tune_driver(wall_follow)
         if safety != self.safety:
@@ -117,8 +110,14 @@ class LiveLaws:
         self.wall_follow, self.safety = wall_follow, safety
         self.follower = self._wrapped(wall_follow)
 
-    def _runners(self) -> list[LawRunner]:
-        """Return the own laws in force."""
+    def retry_own_laws(self) -> None:
+        """Make own laws with a fault anew."""
+        for runner in self.runners:
+            runner.retry()
+
+    @property
+    def runners(self) -> list[LawRunner]:
+        """The own laws in force."""
         return [law.runner for law in (self._driver, self._judge) if isinstance(law, OwnFollower | CappedGuard)]
 
     def _wrapped(self, wall_follow: WallFollowSettings) -> Follower:

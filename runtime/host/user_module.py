@@ -14,6 +14,7 @@ from pathlib import Path
 from types import ModuleType, TracebackType
 
 from runtime.host.ownership import changed_by_others, is_root
+from runtime.host.stop_signals import STOP_SIGNALS_HELD
 
 FOREIGN = ("site-packages", "dist-packages")
 CODE = (".py", ".pyc", ".so")
@@ -58,11 +59,13 @@ def import_module(name: str) -> ModuleType:
     except ModuleNotFoundError as error:
         if error.name is not None and f"{name}.".startswith(f"{error.name}."):
             raise UserCodeError(_not_found(name)) from None
-        raise UserCodeError(f"{place_of(error, None)}: {_words(error)}") from None
+        raise UserCodeError(f"{place_of(error, None)}: {told(error)}") from None
     except UserCodeError:
         raise
-    except (Exception, SystemExit) as error:  # noqa: BLE001 - code of the user may raise anything
-        raise UserCodeError(f"{place_of(error, None)}: {_words(error)}") from None
+    except BaseException as error:
+        if is_of_the_process(error):
+            raise
+        raise UserCodeError(f"{place_of(error, None)}: {told(error)}") from None
 
 
 def file_of(module: ModuleType) -> Path:
@@ -72,7 +75,10 @@ def file_of(module: ModuleType) -> Path:
 
 def shown(path: Path) -> str:
     """Return a path as the user knows it: from the working directory on where it is below that."""
-    here = Path.cwd()
+    try:
+        here = Path.cwd()
+    except OSError:  # it was deleted
+        return str(path)
     return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
 
 
@@ -81,7 +87,7 @@ def place_of(error: BaseException, file: Path | None) -> str:
 
     file: None for an import, where the innermost line that belongs to no library counts.
     """
-    if isinstance(error, SyntaxError) and error.filename:
+    if isinstance(error, SyntaxError) and type(error.filename) is str and type(error.lineno) is int:
         return f"{shown(Path(error.filename))}:{error.lineno}"
     lines = list(_lines(error.__traceback__))
     users = [(path, line) for path, line in lines if _is_users(path, file)]
@@ -90,8 +96,28 @@ def place_of(error: BaseException, file: Path | None) -> str:
 
 
 def told(error: BaseException) -> str:
-    """Return an exception in one line: its name and message."""
-    return _words(error)
+    """Return an exception in one printable line: its name and message."""
+    try:
+        text = error.msg if isinstance(error, SyntaxError) else str(error)
+        name = type(error).__name__
+        return shown_text(" ".join(f"{name}: {text}".split()) if text else name)
+    except BaseException as second:
+        if is_of_the_process(second):
+            raise
+        return "an exception that cannot be shown"
+
+
+def shown_text(text: str) -> str:
+    """Return a text with a question mark for what no terminal and no file can take."""
+    return text if text.isprintable() else "".join(one if one.isprintable() else "?" for one in text)
+
+
+def is_of_the_process(error: BaseException) -> bool:
+    """Tell whether an exception out of code of the user may be a Ctrl-C, which Python raises wherever it runs.
+
+    It may not be where the signals have handlers of their own, as in a car.
+    """
+    return isinstance(error, KeyboardInterrupt) and not STOP_SIGNALS_HELD
 
 
 def _lines(trace: TracebackType | None) -> list[tuple[Path, int]]:
@@ -104,12 +130,6 @@ def _is_users(path: Path, file: Path | None) -> bool:
     if file is not None:
         return path == file or path.is_relative_to(file.parent)
     return any(path.is_relative_to(folder) for folder in _folders)
-
-
-def _words(error: BaseException) -> str:
-    text = error.msg if isinstance(error, SyntaxError) else str(error)
-    name = type(error).__name__
-    return " ".join(f"{name}: {text}".split()) if text else name
 
 
 def _refuse_to_root(name: str) -> None:

@@ -96,7 +96,8 @@ def test_a_process_whose_end_hangs_is_ended():
     program = """
 import threading, time
 from runtime import launch
-launch.MAX_ENDING_S = 0.2
+from runtime.host import ending
+ending.MAX_ENDING_S = 0.2
 threading.Thread(target=time.sleep, args=(60,)).start()
 with launch.braking_last([]):
     raise ValueError("broken")

@@ -56,8 +56,10 @@ def typed(folder, *arguments, timeout=50):
         ("return Guidance(float('nan'), 0.0)", "late_law:Law returned speed_mps = nan, which is no finite number"),
         ("time.sleep(0.12)", "late_law:Law is too slow"),
         ("return 1.0, 0.0", "late_law:Law returned a tuple where a Guidance is needed"),
+        ("raise __import__('asyncio').CancelledError", "late_law:Law raised CancelledError"),
+        ("raise KeyboardInterrupt", "late_law:Law raised KeyboardInterrupt"),
     ],
-    ids=["raises", "nan", "slow", "type"],
+    ids=["raises", "nan", "slow", "type", "cancelled", "interrupt"],
 )
 async def test_a_mistake_brakes_and_the_process_lives_and_tries_again(tmp_path, then, sentence):
     async with bench(tmp_path, *settings(tmp_path, then)) as car:
@@ -76,12 +78,13 @@ async def test_a_fault_ends_the_permit_and_the_next_permit_tries_again(tmp_path)
     asked = ("operator.permit=required", *settings(tmp_path, "raise ValueError('lost')"))
     async with operated(tmp_path, *asked) as scene:
         car, log = scene.car, lambda words: any(words in line for line in scene.car.runtime.log)
+        tries = lambda: sum("trying again: late_law:Law raised" in line for line in car.runtime.log)  # noqa: E731
         await scene.operator("0,,0,0", "0.5,autonomy,0,0", "8,,0,0", "8.5,autonomy,0,0")
         await car.until_driving()
         await car.until(lambda: log("late_law:Law raised ValueError: lost"), "the sentence in the log")
         await car.until(lambda: car.wheel_mps == 0, "standing, with the button still held")
-        stood_s = time.monotonic()
-        await car.until(lambda: log("trying again: late_law:Law raised"), "another try", 15.0)
+        stood_s, before = time.monotonic(), tries()  # on a slow computer the law fails before the first permit, too
+        await car.until(lambda: tries() > before, "another try", 15.0)
         assert time.monotonic() - stood_s > 2.0, "it was tried again without a new permit"
         assert scene.moves_after(stood_s) == []
         await car.until_driving()
@@ -103,6 +106,42 @@ async def test_an_own_law_drives_the_car_of_wallride_emulate_by_the_settings_tha
                     await asyncio.sleep(0.05)
         finally:
             assert await runtime.stop() == 0
+
+
+GREEDY = """import asyncio, signal, threading, time
+from wallride.laws import Guidance
+
+class Law:
+    def __init__(self, settings, car):
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        threading.Thread(target=self.run).start()
+
+    def run(self):
+        while True:
+            time.sleep(0.1)
+
+    def follow(self, scan, state):
+        return Guidance(1.0, 0.0)
+"""
+
+
+async def test_a_law_takes_neither_the_signals_nor_the_exit(tmp_path):
+    (tmp_path / "late_law.py").write_text(GREEDY)
+    async with bench(tmp_path, "wall_follow.method=late_law:Law", f"process.laws_folder={tmp_path}") as car:
+        said = "late_law:Law changed what SIGTERM does, which ends the process ("
+        await car.until(lambda: any(said in line for line in car.runtime.log), "the sentence in the log", 15.0)
+        assert await car.runtime.stop() == 0
+    lines = "\n".join(car.runtime.log)
+    assert "late_law:Law runs" in lines
+    assert "asked to stop" in lines
+
+
+async def test_a_law_that_cancels_the_task_it_runs_in_ends_the_drive_with_a_sentence(tmp_path):
+    then = "__import__('asyncio').current_task().cancel()"
+    async with bench(tmp_path, *settings(tmp_path, then)) as car:
+        await car.until_driving()
+        await car.until(lambda: car.runtime.exit_code is not None, "exit")
+    assert any("the task wall_follow was cancelled while the car drives" in line for line in car.runtime.log)
 
 
 async def test_a_law_that_never_returns_is_ended_by_the_vescs_own_timeout(tmp_path):

@@ -7,7 +7,7 @@ import time
 import pytest
 
 from drivers.vesc.codec import Packet
-from runtime.launch import STOP_SIGNALS
+from runtime.host.stop_signals import STOP_SIGNALS
 from tests.system.bench import bench
 from tests.system.way_out import WAYS
 

@@ -2,21 +2,14 @@
 
 import math
 
+import numpy as np
+
 from drivers.api import Clock, Drive, MotorState, Scan
 from runtime.control.guidance import Guidance
+from runtime.control.own_laws.answer import WrongAnswerError, number, of_kind, shown, text
 from runtime.control.own_laws.api import LawGuidance
 from runtime.control.own_laws.law_class import LawClass
-from runtime.control.own_laws.runner import (
-    MAX_REASON,
-    LawRunner,
-    StateReader,
-    is_nan,
-    is_number,
-    is_text,
-    kind_of_answer,
-    scan_for_law,
-    shown_value,
-)
+from runtime.control.own_laws.runner import LawRunner, StateReader, scan_for_law
 from runtime.control.own_laws.settings import OwnFollowSettings
 from runtime.control.perception.geometry import Floats
 from runtime.control.perception.view import PerceptionCache
@@ -46,26 +39,31 @@ class OwnFollower:
         """Answer one scan."""
         settings, runner = self._settings, self.runner
         state = self._state.read(motor, settings)
-        answer = runner.call(scan_for_law(self._eyes.see(scan)), state, settings.budget_s)
-        if not runner.fault:
-            self._check(answer)
-        if runner.fault:
+        answer = runner.call(scan_for_law(self._eyes.see(scan)), state, settings.budget_s, _read)
+        if answer is None:
             return Guidance(None, math.nan, math.nan, math.nan, runner.fault)
-        distance_m = float(answer.distance_m)
+        drive, distance_m, reason = answer
         error_m = distance_m - settings.desired_distance_m
-        drive = Drive(float(answer.speed_mps), float(answer.steering_rad))
-        return Guidance(drive, distance_m, error_m, math.nan, answer.reason[:MAX_REASON] or runner.law.name)
+        return Guidance(drive, distance_m, error_m, math.nan, reason or runner.law.name)
 
-    def _check(self, answer: object) -> None:
-        """Take an answer of the wrong type, or without numbers, as a fault."""
-        if not isinstance(answer, LawGuidance):
-            self.runner.refuse(f"returned {kind_of_answer(answer)} where a Guidance is needed")
-            return
-        for name in ("speed_mps", "steering_rad"):
-            if not is_number(value := getattr(answer, name)):
-                self.runner.refuse(f"returned {name} = {shown_value(value)}, which is no finite number")
-                return
-        if not (is_number(answer.distance_m) or is_nan(answer.distance_m)):
-            self.runner.refuse(f"returned distance_m = {shown_value(answer.distance_m)}, which is no number")
-        elif not is_text(answer.reason):
-            self.runner.refuse(f"returned reason = {shown_value(answer.reason)}, which is no text")
+
+def _read(answer: object) -> tuple[Drive, float, str]:
+    """Return what a law answered: drive, distance to the wall, reason."""
+    guidance = of_kind(answer, LawGuidance, "Guidance")
+    distance_m, reason = guidance.distance_m, text(guidance.reason, "reason")
+    speed_mps = _finite(guidance.speed_mps, "speed_mps")
+    steering_rad = _finite(guidance.steering_rad, "steering_rad")
+    if not math.isfinite(plain_m := number(distance_m)) and not _is_nan(distance_m):
+        raise WrongAnswerError(f"returned distance_m = {shown(distance_m)}, which is no number")
+    return Drive(speed_mps, steering_rad), plain_m, reason
+
+
+def _finite(value: object, name: str) -> float:
+    if not math.isfinite(plain := number(value)):
+        raise WrongAnswerError(f"returned {name} = {shown(value)}, which is no finite number")
+    return plain
+
+
+def _is_nan(value: object) -> bool:
+    """Tell whether a value is a number that is not known."""
+    return isinstance(value, float | np.floating) and math.isnan(value)

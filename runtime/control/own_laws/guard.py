@@ -4,21 +4,10 @@ from dataclasses import dataclass, replace
 
 from drivers.api import Clock, MotorState, Scan
 from runtime.arbitration.command import SafetyAssessment, Verdict
+from runtime.control.own_laws.answer import WrongAnswerError, number, of_kind, shown, text
 from runtime.control.own_laws.api import LawLimit
 from runtime.control.own_laws.law_class import LawClass
-from runtime.control.own_laws.runner import (
-    MAX_REASON,
-    LawRunner,
-    OwnSection,
-    StateReader,
-    WantedDrive,
-    is_infinite,
-    is_number,
-    is_text,
-    kind_of_answer,
-    scan_for_law,
-    shown_value,
-)
+from runtime.control.own_laws.runner import LawRunner, OwnSection, StateReader, WantedDrive, scan_for_law
 from runtime.control.safety.swept import SweptGuard
 
 
@@ -62,31 +51,21 @@ class CappedGuard:
         """Process one scan."""
         assessment = self.guard.look(scan, motor)
         state = self._state.read(motor, self._wanted)
-        answer = self.runner.call(scan_for_law(assessment.view), state, self._settings.budget_s)
-        return CappedAssessment(assessment, self._cap(answer))
+        cap = self.runner.call(scan_for_law(assessment.view), state, self._settings.budget_s, self._read)
+        return CappedAssessment(assessment, cap if cap is not None else Verdict(0.0, 0.0, self.runner.fault))
 
     def learn(self) -> None:
         """Run the deferred work of the car's own guard."""
         self.guard.learn()
 
-    def _cap(self, answer: object) -> Verdict:
-        runner = self.runner
-        if not runner.fault:
-            self._check(answer)
-        if runner.fault or not isinstance(answer, LawLimit):
-            return Verdict(0.0, 0.0, runner.fault)
-        reason = answer.reason[:MAX_REASON] or runner.law.name
-        return Verdict(float(answer.forward_mps), float(answer.reverse_mps), reason)
+    def _read(self, answer: object) -> Verdict:
+        """Return what the law answered."""
+        limit = of_kind(answer, LawLimit, "Limit")
+        reason = text(limit.reason, "reason") or self.runner.law.name
+        return Verdict(_limit(limit.forward_mps, "forward_mps"), _limit(limit.reverse_mps, "reverse_mps"), reason)
 
-    def _check(self, answer: object) -> None:
-        """Take an answer of the wrong type, or without limits, as a fault."""
-        if not isinstance(answer, LawLimit):
-            self.runner.refuse(f"returned {kind_of_answer(answer)} where a Limit is needed")
-            return
-        for name in ("forward_mps", "reverse_mps"):
-            value = getattr(answer, name)
-            if not (is_number(value) or is_infinite(value)) or value < 0:
-                self.runner.refuse(f"returned {name} = {shown_value(value)}, which is no speed from 0 to infinity")
-                return
-        if not is_text(answer.reason):
-            self.runner.refuse(f"returned reason = {shown_value(answer.reason)}, which is no text")
+
+def _limit(value: object, name: str) -> float:
+    if not (plain_mps := number(value)) >= 0:  # true for NaN
+        raise WrongAnswerError(f"returned {name} = {shown(value)}, which is no speed from 0 to infinity")
+    return plain_mps

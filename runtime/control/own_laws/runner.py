@@ -1,27 +1,29 @@
 """Calls a law of the user within a time budget. Any mistake of it is a fault with file and line, never an exception.
 
-A law with a fault is not called again until `retry` makes a new one.
+A law is called, not awaited: also a cancellation that comes out of it is its own. A law with a fault is not called
+again until `retry` makes a new one.
 """
 
 import math
-from typing import Any, Literal, Protocol
-
-import numpy as np
+from collections.abc import Callable
+from typing import Any, Literal, Protocol, TypeVar
 
 from drivers.api import Clock, MotorState
+from runtime.control.own_laws.answer import WrongAnswerError
 from runtime.control.own_laws.api import LawScan, LawSettings, LawState
 from runtime.control.own_laws.law_class import LawClass
 from runtime.control.perception.odometry import Odometry
 from runtime.control.perception.view import View
 from runtime.control.vehicle import CarSettings
-from runtime.host.user_module import place_of, told
+from runtime.host.stop_signals import STOP_SIGNALS_HELD
+from runtime.host.user_module import is_of_the_process, place_of, shown_text, told
 
 SLOW_IN_A_ROW = 3
 """Number of answers in a row over the budget that are a fault."""
 FAR_OVER_BUDGET = 20.0
 """Multiple of the budget that is a fault at once."""
-MAX_REASON = 60
 MAX_FAULT = 200
+A = TypeVar("A")
 
 
 class WantedDrive(Protocol):
@@ -60,51 +62,64 @@ class OwnSection(Protocol):
 class LawRunner:
     """One law of the user in operation.
 
-    clock: measures the answers; None: not at all. fault: one sentence, "" while the law works. faults: their number.
+    clock: measures the answers; None: not at all. fault: one sentence, "" while the law works. faults: their number;
+    last_fault: the newest one, also after a `retry`.
     """
 
     def __init__(self, law: LawClass, settings: LawSettings, car: CarSettings, clock: Clock | None) -> None:
         self.law = law
-        self.fault = ""
+        self.fault = self.last_fault = ""
         self.faults = 0
         self._settings, self._car, self._clock = settings, car, clock
         self._slow = 0
-        self._made = self._make()
+        self._made: Any = None
+        self._make()
 
     def tune(self, settings: LawSettings) -> None:
-        """Change the law's settings: its attribute `settings` is replaced."""
+        """Change the law's settings: its attribute `settings` is replaced; one with a fault is made anew with them."""
         if settings == self._settings:
             return
         self._settings = settings
-        if not self.fault:
-            try:
-                self._made.settings = settings
-            except Exception as error:  # noqa: BLE001 - a property of the user's class may raise anything
-                self._fail(error)
+        if self.fault:
+            self.retry()
+        else:
+            self._run(lambda: setattr(self._made, "settings", settings))
 
     def retry(self) -> None:
         """Make a new law in place of one with a fault."""
         if self.fault:
             self.fault, self._slow = "", 0
-            self._made = self._make()
+            self._make()
 
-    def call(self, scan: LawScan, state: LawState, budget_s: float) -> Any:  # noqa: ANN401 - whatever the law answers
-        """Return the law's answer to one scan; None, with `fault`, where there is none."""
+    def call(self, scan: LawScan, state: LawState, budget_s: float, read: Callable[[Any], A]) -> A | None:
+        """Return the law's answer to one scan, as `read` takes it; None, with `fault`, where there is none."""
         if self.fault:
             return None
         clock = self._clock
         began_s = clock() if clock is not None else 0.0
-        try:
-            answer = getattr(self._made, self.law.answer)(scan, state)
-        except (Exception, SystemExit) as error:  # noqa: BLE001 - code of the user may raise anything
-            self._fail(error)
-            return None
-        return answer if clock is None or self._in_time(clock() - began_s, budget_s) else None
+        answer = self._run(lambda: read(getattr(self._made, self.law.answer)(scan, state)))
+        if answer is None or clock is None:
+            return answer
+        return answer if self._in_time(clock() - began_s, budget_s) else None
 
     def refuse(self, what: str) -> None:
-        """Take an answer as a fault: what the law did."""
-        self.fault = f"{self.law.name} {what} ({self.law.place})"[:MAX_FAULT]
-        self.faults += 1
+        """Take something that the law did as a fault."""
+        self._note(f"{self.law.name} {shown_text(what)} ({self.law.place})"[:MAX_FAULT])
+
+    def _run(self, code: Callable[[], A]) -> A | None:
+        """Run code of the user; None, with `fault`, where it fails or takes what is the process's."""
+        answer = None
+        try:
+            answer = code()
+        except WrongAnswerError as wrong:
+            self.refuse(str(wrong))
+        except BaseException as error:
+            if is_of_the_process(error):
+                raise
+            self._note(f"{self.law.name} raised {told(error)[:MAX_FAULT]} ({place_of(error, self.law.file)})")
+        if taken := STOP_SIGNALS_HELD.take_back():
+            self.refuse(f"changed what {taken} does, which ends the process")
+        return None if self.fault else answer
 
     def _in_time(self, took_s: float, budget_s: float) -> bool:
         self._slow = self._slow + 1 if took_s > budget_s else 0
@@ -114,16 +129,11 @@ class LawRunner:
         self.refuse(f"is too slow{often}: {1000 * took_s:.1f} ms where {1000 * budget_s:g} ms are allowed")
         return False
 
-    def _make(self) -> Any:  # noqa: ANN401 - an object of the user's class
-        try:
-            return self.law.made(self._settings, self._car)
-        except (Exception, SystemExit) as error:  # noqa: BLE001 - code of the user may raise anything
-            self._fail(error)
-            return None
+    def _make(self) -> None:
+        self._made = self._run(lambda: self.law.made(self._settings, self._car))
 
-    def _fail(self, error: BaseException) -> None:
-        place = place_of(error, self.law.file)
-        self.fault = f"{self.law.name} raised {told(error)[:MAX_FAULT]} ({place})"
+    def _note(self, fault: str) -> None:
+        self.fault = self.last_fault = fault
         self.faults += 1
 
 
@@ -148,36 +158,3 @@ def scan_for_law(view: View) -> LawScan:
     ranges_m = view.ranges_m.copy()
     ranges_m[~view.solid] = math.nan
     return LawScan(view.scan.stamp_s, view.bearing_rad, ranges_m, view.lidar_m.real, view.lidar_m.imag)
-
-
-def is_number(value: object) -> bool:
-    """Tell whether a value is a real, finite number: of Python or numpy, and no truth value."""
-    try:
-        return not isinstance(value, bool | str) and math.isfinite(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError, OverflowError):
-        return False
-
-
-def is_nan(value: object) -> bool:
-    """Tell whether a value is a number that is not known."""
-    return isinstance(value, float | np.floating) and math.isnan(value)
-
-
-def is_infinite(value: object) -> bool:
-    """Tell whether a value is infinite, of either sign."""
-    return isinstance(value, float | np.floating) and math.isinf(value)
-
-
-def is_text(value: object) -> bool:
-    """Tell whether a value is a text."""
-    return isinstance(value, str)
-
-
-def kind_of_answer(value: object) -> str:
-    """Return what kind of thing a law returned."""
-    return "nothing" if value is None else f"a {type(value).__name__}"
-
-
-def shown_value(value: object) -> str:
-    """Return a value for a sentence: itself where it is short, else its type."""
-    return repr(value)[:MAX_REASON] if isinstance(value, bool | int | float | str) else type(value).__name__

@@ -1,6 +1,10 @@
 """After a fault of an own law: the permit ends, and the next one tries the law again; without a permit time does."""
 
 import math
+import re
+import threading
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -12,12 +16,27 @@ from tests.runtime.observed import HandClock
 
 
 class Laws:
+    """Laws of which one is of the user."""
+
     own_law_fault = ""
-    own_law_faults = 0
+
+    def __init__(self):
+        law = SimpleNamespace(name="my_laws:Follower", file=Path(__file__))
+        self.runner = SimpleNamespaceById(law=law, faults=0, last_fault="")
+        self.runners = [self.runner]
 
     def fail(self):
-        self.own_law_fault = "my_laws:Follower raised ValueError (my_laws.py:7)"
-        self.own_law_faults += 1
+        self.own_law_fault = self.runner.last_fault = "my_laws:Follower raised ValueError (my_laws.py:7)"
+        self.runner.faults += 1
+
+
+def wait_here(over):
+    """Wait with a frame in this file, which is the law's."""
+    over.wait()
+
+
+class SimpleNamespaceById(SimpleNamespace):
+    __hash__ = object.__hash__  # type: ignore[assignment]
 
 
 class Rig:
@@ -35,10 +54,10 @@ class Rig:
         self.tries_s.append(self.clock())
         self.laws.own_law_fault = ""
 
-    def ticks(self, seconds=0.05):
+    def ticks(self, seconds=0.05, late_s=0.0):
         for _ in range(round(seconds / 0.05)):
             self.clock.now_s += 0.05
-            self.watch.tick(0.0, 0)
+            self.watch.tick(late_s, 0)
 
 
 @pytest.fixture
@@ -52,6 +71,48 @@ def test_a_fault_ends_the_permit_and_says_why(required):
     required.ticks()
     assert required.told == ["my_laws:Follower raised ValueError (my_laws.py:7); permit again"]
     assert required.permit.until_s == -math.inf
+
+
+def test_a_fault_that_was_tried_again_before_it_was_seen_ends_the_permit(required):
+    required.permit.grant(until_s=math.inf)
+    required.laws.fail()
+    required.retry()  # a slider of the law's own settings
+    required.ticks()
+    assert required.told == ["my_laws:Follower raised ValueError (my_laws.py:7); permit again"]
+
+
+def test_a_fault_of_a_law_that_has_replaced_another_with_one_is_seen(required):
+    for _ in range(2):
+        required.permit.grant(until_s=math.inf)
+        required.laws.fail()
+        required.ticks()
+        assert required.permit.until_s == -math.inf
+        required.laws = required.watch._laws = Laws()
+
+
+def test_threads_of_a_law_are_named_once_and_again_when_the_loop_was_held_up(required, caplog):
+    over = threading.Event()
+    threads = [threading.Thread(target=over.wait) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    try:
+        ours = threading.Thread(target=wait_here, args=(over,))
+        ours.start()
+        threads.append(ours)
+        required.ticks(3.0)
+        assert re.fullmatch(
+            r"my_laws:Follower runs 1 thread of its own \(.*test_own_law\.py:\d+\), which takes time from driving",
+            required.watch.words[0],
+        )
+        assert len(caplog.records) == 1
+        required.ticks(late_s=0.12)
+        assert "the car was held up for 120 ms: my_laws:Follower runs 1 thread" in caplog.text
+    finally:
+        over.set()
+        for thread in threads:
+            thread.join()
+    required.ticks(1.1)
+    assert required.watch.words == ()
 
 
 def test_only_the_next_permit_tries_again(required):

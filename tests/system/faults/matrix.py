@@ -55,6 +55,7 @@ DESK_LOSSES: Final = "tests/runtime/teleop/test_desk_losses.py::"
 PILOT: Final = "tests/clients/teleop/test_pilot.py::"
 SYSTEM: Final = "tests/system/test_process.py::"
 STORIES: Final = "tests/system/test_stories.py::"
+OWN_LAW: Final = "tests/system/test_own_law.py::"
 
 MATRIX: Final[Sequence[Fault]] = (
     Fault(LIDAR, "unplugged", "brake; reconnect for ever", SELF, INJECTED, ("22", "34"), SOFT_S),
@@ -149,6 +150,13 @@ MATRIX: Final[Sequence[Fault]] = (
           STORIES + "test_a_task_that_dies_takes_the_car_to_a_stop", (), SOFT_S),
     Fault(PROCESS, "loop broken", "one last brake without the loop", "restart by systemd, permit again",
           "tests/runtime/test_launch.py::test_a_loop_that_breaks_is_followed_by_a_brake"),
+    Fault(PROCESS, "task cancelled", "brake, the process ends", "restart by systemd, permit again",
+          OWN_LAW + "test_a_law_that_cancels_the_task_it_runs_in_ends_the_drive_with_a_sentence"),
+    Fault(PROCESS, "own law raises or answers oddly", "brake; its fault, with file and line", PERMIT,
+          "tests/runtime/control/own_laws/test_own_laws.py::"
+          "test_each_mistake_stops_the_car_with_name_and_line"),
+    Fault(PROCESS, "own law takes a signal or the exit", "brake; its fault; SIGTERM ends the process", PERMIT,
+          OWN_LAW + "test_a_law_takes_neither_the_signals_nor_the_exit"),
     Fault(PROCESS, "SIGTERM", "brake, rest, exit code 0", "start it again",
           SYSTEM + "test_sigterm_at_full_speed_brakes_at_once_and_exits_with_0", (), SOFT_S),
     Fault(PROCESS, "SIGKILL", "the controller's timeout brakes", "restart by systemd, permit again",

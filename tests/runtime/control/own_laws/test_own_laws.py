@@ -2,12 +2,15 @@
 
 import math
 import re
+import signal
 
 import numpy as np
 import pytest
 
 from drivers.api import MotorState, Scan
 from runtime.arbitration.command import Source, arbitrate, consent
+from runtime.control.own_laws import runner
+from runtime.host.stop_signals import STOP_SIGNALS, StopSignals
 from runtime.live_stack import REQUIRED, LiveStack
 from runtime.parameters.catalogue import catalogue, values
 from runtime.parameters.update import UnacceptableError, plan
@@ -15,7 +18,7 @@ from runtime.recording.decision_log import DecisionLog
 from runtime.settings.tree import Settings, SettingsError, load_settings, to_toml
 from runtime.telemetry.status import _without_trace
 from sim.virtual.devices import BEAMS, STEP_RAD, ranges_between_walls
-from tests.own_laws import EASY, INIT, STRAIGHT, follow, law_file, limit
+from tests.own_laws import EASY, HEAD, INIT, STRAIGHT, follow, law_file, limit
 
 __all__ = ["law_file"]
 ROLLING = MotorState(100.0, 1.0, 0.0, 0.1, 12.0, 0.0, 0.0, 20.0, "", timed_out=False, killed=False)
@@ -86,6 +89,15 @@ def test_it_is_given_arrays_in_si_units_and_what_is_wanted(law_file):
     assert (state.speed_mps, state.steering_rad) == (1.0, 0.1)
 
 
+def odd(base, method):
+    """Return the expression of a class whose method raises."""
+    return f"type('Odd', ({base},), {{'{method}': lambda *_: {{}}['odd']}})"
+
+
+def raising(error):
+    return f"{INIT}def follow(self, scan, state): import asyncio; raise {error}\n"
+
+
 RAISES = f"{INIT}def follow(self, scan, state):\n    return Guidance(1.0, 1 / 0)\n"
 
 
@@ -94,6 +106,16 @@ RAISES = f"{INIT}def follow(self, scan, state):\n    return Guidance(1.0, 1 / 0)
     [
         (RAISES, "raised ZeroDivisionError: division by zero (FILE:6)"),
         (INIT + "def follow(self, scan, state): sys.exit(3)\n", "raised SystemExit: 3 (FILE:5)"),
+        (raising("asyncio.CancelledError"), "raised CancelledError (FILE:5)"),
+        (raising("GeneratorExit"), "raised GeneratorExit (FILE:5)"),
+        (raising("BaseException('lost')"), "raised BaseException: lost (FILE:5)"),
+        (raising(odd("Exception", "__str__")), "raised an exception that cannot be shown (FILE:5)"),
+        (raising("ValueError(chr(0xdc80) + chr(27))"), "raised ValueError: ?? (FILE:5)"),
+        (raising("SyntaxError('odd', (3, {}, None, 4))"), "raised SyntaxError: odd (FILE:5)"),
+        (follow(f"Guidance(1.0, {odd('object', '__float__')}())"), "raised KeyError: 'odd' (FILE:5)"),
+        (follow("Guidance(10 ** 5000, 0.0)"), "returned speed_mps = int, which is no finite number (FILE:5)"),
+        (follow("Guidance(chr(0xdc80), 0.0)"), "returned speed_mps = '\\udc80', which is no finite number (FILE:5)"),
+        (follow(f"{odd('Guidance', '__getattribute__')}(1.0, 0.0)"), "raised KeyError: 'odd' (FILE:5)"),
         (follow("Guidance(1.0, math.nan)"), "returned steering_rad = nan, which is no finite number (FILE:5)"),
         (follow("Guidance(math.inf, 0.0)"), "returned speed_mps = inf, which is no finite number (FILE:5)"),
         (follow("Guidance('fast', 0.0)"), "returned speed_mps = 'fast', which is no finite number (FILE:5)"),
@@ -113,6 +135,50 @@ def test_each_mistake_stops_the_car_with_name_and_line(law_file, body, sentence)
     assert car.fault in car.stack.laws.words
 
 
+@pytest.mark.parametrize(
+    ("reason", "shown"),
+    [
+        ("chr(0xd800) + 'gap' + chr(27)", "?gap?"),
+        (odd("str", "__str__") + "('gap')", "gap"),
+        (odd("str", "__getitem__") + "('gap')", "gap"),
+        ("'gap' * 10 ** 6", "gap" * 20),
+    ],
+)
+def test_an_odd_reason_becomes_a_short_printable_text(law_file, reason, shown):
+    car = follower(
+        law_file(follow(f"Guidance(np.float32(0.5), 0, reason={reason})"), head=f"import numpy as np\n{HEAD}")
+    )
+    decision = car.scan()
+    assert (decision.speed_mps, decision.reason) == (0.5, shown)
+    assert type(decision.reason) is str
+    assert type(decision.speed_mps) is float
+
+
+def test_a_ctrl_c_is_no_fault_of_a_law_where_python_raises_it(law_file):
+    with pytest.raises(KeyboardInterrupt):
+        follower(law_file(raising("KeyboardInterrupt"))).scan()
+
+
+def test_a_law_that_changes_what_a_signal_does_has_a_fault_and_the_signal_is_held(law_file, monkeypatch):
+    signals, stops = StopSignals(), []
+    monkeypatch.setattr(runner, "STOP_SIGNALS_HELD", signals)
+    before = [signal.getsignal(number) for number in STOP_SIGNALS]
+    try:
+        signals.hold(lambda: [signal.signal(number, lambda *_: stops.append(1)) for number in STOP_SIGNALS])
+        name = law_file(follow("signal.signal(signal.SIGTERM, signal.SIG_IGN)"), head=HEAD.replace("math", "signal"))
+        car = follower(name)
+        assert car.scan().speed_mps == 0.0
+        assert car.fault == f"{name} changed what SIGTERM does, which ends the process ({name[:-4]}.py:5)"
+        signal.raise_signal(signal.SIGTERM)
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGHUP])
+        signals.keep_awake()
+        signal.raise_signal(signal.SIGHUP)
+        assert stops == [1, 1]
+    finally:
+        for number, handler in zip(STOP_SIGNALS, before, strict=True):
+            signal.signal(number, handler)
+
+
 def test_a_fault_lasts_until_it_is_tried_again(law_file):
     body = INIT + (
         "def follow(self, scan, state):\n"
@@ -126,7 +192,19 @@ def test_a_fault_lasts_until_it_is_tried_again(law_file):
     car.stack.apply(car.stack.settings)
     assert car.scan().speed_mps == 1.0
     assert car.fault == ""
-    assert car.stack.laws.own_law_faults == 1
+    assert [runner.faults for runner in car.stack.laws.runners] == [1]
+
+
+def test_only_a_change_of_its_own_settings_tries_a_law_with_a_fault_again(law_file):
+    car = follower(law_file(SETTINGS + follow("1 / (self.settings.gain - 1.5)")))
+    car.scan()
+    for speed_mps in (1.1, 1.2):  # a slider
+        car.stack.apply(plan(car.stack.settings, {"wall_follow.speed_mps": speed_mps, "mux.tick_hz": 40.0}).settings)
+        assert car.scan().speed_mps == 0.0
+        assert "division by zero" in car.fault
+    car.stack.apply(plan(car.stack.settings, {"wall_follow.own.gain": 2.0}).settings)
+    assert car.fault == ""
+    assert car.stack.laws.runners[0].last_fault, "the text is kept"
 
 
 def test_three_slow_answers_in_a_row_are_a_fault_and_two_are_not(law_file):
