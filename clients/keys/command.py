@@ -12,7 +12,7 @@ from cryptography import x509
 from clients.keys.folder import KeyFolder
 from runtime.security.access_list import AccessEntry, KeysError
 from runtime.security.certificates import EXPIRES_SOON, CertificateIdentity, identity_of
-from runtime.security.key_files import AUTHORITY, CAR
+from runtime.security.key_files import AUTHORITY, CAR, open_to_others
 from runtime.wire.router_config import router_config
 from runtime.wire.zenoh_config import Person, Role, Tls
 
@@ -59,6 +59,7 @@ def _add(options: argparse.Namespace, car: str, now: datetime) -> list[str]:
     return [
         f"{person.name} is {_a(person.role)} of {car} until {entry.expires}; the keys are in {folder}",
         f"it identifies {person.name}: move it to their computer, as ~/.config/wallride/keys, and keep no copy",
+        *_ended(entry),
         f"there:       wallride status --connect tls/{car}.local:{SECURE_PORT}",
         f"on this car: {RESTART}",
     ]
@@ -70,8 +71,14 @@ def _added_to_fleet(person: Person, folder: Path, entry: AccessEntry) -> list[st
     return [
         f"{person.name} is {_a(person.role)} of the fleet until {entry.expires}; the keys are in {folder}",
         f"it identifies {person.name}: move it to {whose}, as {place}, and keep no copy",
+        *_ended(entry),
         f"next: {ROUTERS}",
     ]
+
+
+def _ended(entry: AccessEntry) -> list[str]:
+    name = entry.person.name
+    return [f"keys that {name} had before end with the next start"] if entry.person.renewed else []
 
 
 def _router(options: argparse.Namespace, _car: str, now: datetime) -> list[str]:
@@ -120,6 +127,7 @@ def _list(options: argparse.Namespace, car: str, now: datetime) -> list[str]:
     ends = identity.trouble(now) or identity.warning(now) or f"until {identity.expires:%Y-%m-%d}"
     lines = [f"{identity.name:{width}}  car       {ends}; reached as {', '.join(identity.names)}"]
     lines += [f"{e.person.name:{width}}  {e.person.role:8}  {_state(e, now)}" for e in people]
+    lines += open_to_others(options.dir)
     return lines if people else [*lines, "no other person: wallride keys add NAME --role viewer|operator|admin"]
 
 
@@ -127,7 +135,8 @@ def _fleet_list(options: argparse.Namespace, people: Sequence[AccessEntry], now:
     if options.json:
         return [json.dumps({"people": _people(people)}, indent=2)]
     width = max(len(entry.person.name) for entry in people)
-    return [f"{e.person.name:{width}}  {e.person.role:8}  {_state(e, now)}" for e in people]
+    lines = [f"{e.person.name:{width}}  {e.person.role:8}  {_state(e, now)}" for e in people]
+    return [*lines, *open_to_others(options.dir)]
 
 
 def _people(people: Sequence[AccessEntry]) -> list[dict[str, Any]]:

@@ -6,9 +6,6 @@ import pwd
 import stat
 from pathlib import Path
 
-_EVERY_USER = stat.S_IWOTH
-_GROUP = stat.S_IWGRP
-
 
 def is_root() -> bool:
     """Tell whether this process may do everything, so that what it runs must be root's alone."""
@@ -18,21 +15,27 @@ def is_root() -> bool:
 def changed_by_others(path: Path) -> str:
     """Return who besides root and this user may change what is at a path, as a clause; "" where there is none.
 
-    The folders above count as well, but for a sticky one, in which nothing of another user can be exchanged.
+    The folders above count as well, but for a sticky one, in which nothing of another user can be exchanged, and the
+    links on the way.
     """
-    place = path.resolve()
-    return next(filter(None, (_of(one, above=one != place) for one in (place, *place.parents))), "")
+    named, place = path.absolute(), path.resolve()
+    links = [_owner(one) for one in (named, *named.parents) if one.is_symlink()]
+    places = [_owner(one) or _writers(one, above=one != place) for one in (place, *place.parents)]
+    return next(filter(None, links + places), "")
 
 
-def _of(place: Path, *, above: bool) -> str:
-    found = place.stat()
-    if found.st_uid not in {0, os.geteuid()}:
-        return f"{place} belongs to user {_name(found.st_uid)}"
+def _owner(place: Path) -> str:
+    owner = place.lstat().st_uid
+    return "" if owner in {0, os.geteuid()} else f"{place} belongs to user {_name(owner)}"
+
+
+def _writers(place: Path, *, above: bool) -> str:
+    found = place.lstat()
     if above and found.st_mode & stat.S_ISVTX:
         return ""
-    if found.st_mode & _EVERY_USER:
+    if found.st_mode & stat.S_IWOTH:
         return f"every user may write {place}"
-    if found.st_mode & _GROUP and found.st_gid not in {0, os.getegid()}:
+    if found.st_mode & stat.S_IWGRP and found.st_gid not in {0, os.getegid()}:
         return f"group {_group(found.st_gid)} may write {place}"
     return ""
 

@@ -46,8 +46,8 @@ def read_people(path: Path) -> tuple[AccessEntry, ...]:
 
 
 def _listed(path: Path, name: str, entry: object) -> AccessEntry:
-    if not isinstance(entry, Mapping) or set(entry) - {"role", "expires", "revoked"}:
-        raise KeysError(f"{path}: [{name}] may have role, expires and revoked, and nothing else")
+    if not isinstance(entry, Mapping) or set(entry) - {"role", "expires", "revoked", "renewed"}:
+        raise KeysError(f"{path}: [{name}] may have role, expires, revoked and renewed, and nothing else")
     try:
         role = Role(entry["role"])
     except (KeyError, ValueError):
@@ -57,7 +57,10 @@ def _listed(path: Path, name: str, entry: object) -> AccessEntry:
     expires, revoked = entry.get("expires"), entry.get("revoked")
     if type(expires) is not date or type(revoked) not in {date, type(None)}:
         raise KeysError(f"{path}: [{name}] expires and revoked must be dates like 2027-05-01, without quotes")
-    return AccessEntry(Person(name, role), expires, revoked)
+    renewed = entry.get("renewed", 0)
+    if type(renewed) is not int or renewed < 0:
+        raise KeysError(f"{path}: [{name}] renewed must be a number, of the times that the keys were renewed")
+    return AccessEntry(Person(name, role, renewed), expires, revoked)
 
 
 def name_trouble(name: str, role: Role) -> str:

@@ -83,7 +83,7 @@ def identity_of(certificate: x509.Certificate) -> CertificateIdentity:
         names = ()
     units = certificate.subject.get_attributes_for_oid(NameOID.ORGANIZATIONAL_UNIT_NAME)
     return CertificateIdentity(
-        name=common_name(certificate),
+        name=common_name(certificate).partition(".")[0],  # behind the dot: how often the keys were renewed
         role=str(units[0].value) if units else "",
         names=names,
         begins=certificate.not_valid_before_utc,
@@ -92,7 +92,7 @@ def identity_of(certificate: x509.Certificate) -> CertificateIdentity:
 
 
 def common_name(certificate: x509.Certificate) -> str:
-    """Return the name by which the car's access control identifies the holder."""
+    """Return the whole name by which the car's access control identifies the holder."""
     names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
     return str(names[0].value) if names else ""
 

@@ -6,6 +6,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from runtime.host.ownership import changed_by_others
 from runtime.security.access_list import KeysError, read_people
 from runtime.wire.endpoints import is_tls
 from runtime.wire.rmw_zenoh import RosAccess
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 PEOPLE = "people.toml"
 AUTHORITY = "ca.pem"
+AUTHORITY_KEY = "ca.key"
 CAR = "car"
 
 
@@ -77,9 +79,24 @@ def car_keys(directory: Path, now: datetime) -> KeyFiles:
         warnings.append(f"no client can connect with keys: the car's certificate {tls.certificate} {trouble}; {remedy}")
     if warning := identity.warning(now):
         warnings.append(f"the car's certificate {tls.certificate} {warning}; sudo wallride keys init --renew")
+    warnings += open_to_others(directory)
     if not people:
         warnings.append(f"no person is listed in {directory / PEOPLE}; `wallride keys add NAME --role operator`")
     return KeyFiles(tls, identity, tuple(warnings), people)
+
+
+def open_to_others(directory: Path) -> list[str]:
+    """Return a sentence for each way in which other users of this computer can make themselves keys or rights."""
+    files = [directory / name for name in (PEOPLE, AUTHORITY, AUTHORITY_KEY, f"{CAR}.pem", f"{CAR}.key")]
+    there = [path for path in (directory, *files) if path.exists()]
+    found = [
+        f"{why}, which lets others grant rights and exchange keys; look at the content, then chown root and chmod go-w"
+        for why in dict.fromkeys(filter(None, map(changed_by_others, there)))
+    ]
+    key = directory / AUTHORITY_KEY
+    if key in there and key.stat().st_mode & 0o077:
+        found.append(f"{key}: other users may read this key, which signs keys of every person; chmod go-rwx {key}")
+    return found
 
 
 def client_keys(directory: Path, now: datetime) -> KeyFiles:

@@ -97,19 +97,19 @@ def router_access_control(people: Sequence[Person]) -> dict[str, Any]:
 
     Each car has the rights that it needs as itself and no other; people have those of their role with every car.
     """
-    cars = [person.name for person in people if person.role is Role.CAR]
-    planners = [person.name for person in people if person.role is Role.PLANNER]
+    cars, planners = ([person.name for person in people if person.role is role] for role in (Role.CAR, Role.PLANNER))
+    shown = {person.name: person.common_name for person in people}
     granted: dict[str, list[Grant]] = {f"car-{car}": list(_car_grants(car, planners)) for car in cars}
-    names = {f"car-{car}": [car] for car in cars}
+    names = {f"car-{car}": [shown[car]] for car in cars}
     for planner in planners:
         granted[f"planner-{planner}"] = _merged(
             itertools.chain.from_iterable(planner_grants(car, planner, None) for car in cars)
         )
-        names[f"planner-{planner}"] = [planner]
+        names[f"planner-{planner}"] = [shown[planner]]
     all_grants = list(itertools.chain.from_iterable([*grants(car), *_watching(car)] for car in cars))
     for role in (Role.VIEWER, Role.OPERATOR, Role.ADMIN):
         granted[role.value] = _merged(grant for grant in all_grants if grant.role is role)
-        names[role.value] = [person.name for person in people if person.role.includes(role)]
+        names[role.value] = [person.common_name for person in people if person.role.includes(role)]
     granted = {subject: rules for subject, rules in granted.items() if rules and names[subject]}
     return {
         "enabled": True,

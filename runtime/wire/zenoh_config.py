@@ -76,10 +76,16 @@ class Role(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Person:
-    """The holder of a certificate: its common name, and its role."""
+    """The holder of a certificate. renewed: how often the name has got new keys, which end the ones before."""
 
     name: str
     role: Role
+    renewed: int = 0
+
+    @property
+    def common_name(self) -> str:
+        """Return the name in the newest certificate, by which zenoh knows its holder; a name itself has no dot."""
+        return f"{self.name}.{self.renewed}" if self.renewed else self.name
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,10 +215,9 @@ def access_control(people: Sequence[Person], car: str, ros: RosAccess | None = N
     """
     granted = [*grants(car), *(ros_grants(ros) if ros is not None else ())]
     ranked = (Role.VIEWER, Role.OPERATOR, Role.ADMIN)
-    members = {role: [person.name for person in people if person.role.includes(role)] for role in ranked}
-    planners = {
-        person.name: list(planner_grants(car, person.name, ros)) for person in people if person.role is Role.PLANNER
-    }
+    members = {role: [person.common_name for person in people if person.role.includes(role)] for role in ranked}
+    planning = [person for person in people if person.role is Role.PLANNER]
+    planners = {person.name: list(planner_grants(car, person.name, ros)) for person in planning}
     subjects: list[dict[str, Any]] = [
         # A client without a certificate is on the car itself: tcp is never offered elsewhere, and this checks it once
         # more.
@@ -222,7 +227,10 @@ def access_control(people: Sequence[Person], car: str, ros: RosAccess | None = N
             for role, names in members.items()
             if names
         ),
-        *({"id": f"planner-{name}", "link_protocols": ["tls"], "cert_common_names": [name]} for name in planners),
+        *(
+            {"id": f"planner-{one.name}", "link_protocols": ["tls"], "cert_common_names": [one.common_name]}
+            for one in planning
+        ),
     ]
     policies = [{"rules": ["everything"], "subjects": ["this-machine"]}] + [
         {"rules": [grant.name for grant in granted if grant.role is role], "subjects": [role.value]}

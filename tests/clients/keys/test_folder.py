@@ -2,6 +2,7 @@
 
 import os
 import stat
+import threading
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 
@@ -9,12 +10,14 @@ import pytest
 from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
+from clients.keys.authority import Authority
 from clients.keys.folder import KeyFolder
 from runtime.control.vehicle import CarSettings
 from runtime.security.access_list import KeysError
-from runtime.security.certificates import read_identity
+from runtime.security.certificates import common_name, read_identity
 from runtime.security.key_files import car_keys, client_keys, uplink_sessions
-from runtime.wire.zenoh_config import Person, Role, Tls
+from runtime.wire.router_config import router_access_control
+from runtime.wire.zenoh_config import Person, Role, Tls, access_control
 
 NOW = datetime(2026, 5, 1, 12, tzinfo=UTC)
 ALICE = Person("alice", Role.OPERATOR)
@@ -72,15 +75,100 @@ def test_a_person_cannot_serve_and_a_car_cannot_ask(folder, tmp_path):
     assert not certificate(folder.path / "car.pem").extensions.get_extension_for_class(x509.BasicConstraints).value.ca
 
 
-def test_a_revoked_name_stays_dead_until_its_certificate_has_expired(folder, tmp_path):
-    folder.add(ALICE, tmp_path / "old", NOW, 30, renew=False)
-    assert folder.revoke("alice", NOW.date()).revoked == date(2026, 5, 1)
-    assert car_keys(folder.path, NOW).people == ()
-    for renew in (False, True):
-        with pytest.raises(KeysError, match=r"valid until 2026-05-31.*alice-2"):
-            folder.add(ALICE, tmp_path / "new", NOW + timedelta(days=29), 30, renew=renew)
-    folder.add(ALICE, tmp_path / "new", NOW + timedelta(days=31), 30, renew=False)
-    assert car_keys(folder.path, NOW).people == (ALICE,)
+def test_renewed_keys_end_the_ones_before_also_revoked_ones(folder, tmp_path):
+    folder.add(ALICE, tmp_path / "0", NOW, 30, renew=False)
+    for renewal, days in ((1, 10), (2, 10), (3, 50)):  # the last one after its certificate has expired
+        folder.revoke("alice", NOW.date())
+        assert car_keys(folder.path, NOW).people == ()
+        if days == 10:
+            with pytest.raises(KeysError, match="is there already, revoked on 2026-05-01; --renew"):
+                folder.add(ALICE, tmp_path / "new", NOW, 30, renew=False)
+        entry = folder.add(ALICE, tmp_path / f"{renewal}", NOW + timedelta(days=days), 30, renew=days == 10)
+        assert entry.person == Person("alice", Role.OPERATOR, renewal)
+        shown = [common_name(certificate(tmp_path / f"{number}" / "alice.pem")) for number in range(renewal + 1)]
+        subjects = access_control(car_keys(folder.path, NOW).people, "car1")["subjects"]
+        listed = {name for subject in subjects for name in subject.get("cert_common_names", ())}
+        assert [name in listed for name in shown] == [False] * renewal + [True]
+        assert client_keys(tmp_path / f"{renewal}", NOW + timedelta(days=days)).identity.name == "alice"
+
+
+def test_a_renewed_car_and_planner_are_known_to_a_router_by_their_newest_keys():
+    people = [Person("car1", Role.CAR, 2), Person("lane", Role.PLANNER, 1), Person("bob", Role.ADMIN, 3)]
+    found = {one["id"]: one["cert_common_names"] for one in router_access_control(people)["subjects"]}
+    assert (found["car-car1"], found["planner-lane"], found["admin"]) == (["car1.2"], ["lane.1"], ["bob.3"])
+
+
+def test_a_revocation_beside_an_addition_is_not_lost(folder, tmp_path, monkeypatch):
+    folder.add(ALICE, tmp_path / "alice", NOW, 30, renew=False)
+    revoking = threading.Thread(target=lambda: KeyFolder(folder.path).revoke("alice", NOW.date()))
+    certify = Authority.certify_person
+
+    def while_another_revokes(*arguments):
+        revoking.start()
+        revoking.join(0.2)  # which it does not, because the list is held
+        return certify(*arguments)
+
+    monkeypatch.setattr(Authority, "certify_person", while_another_revokes)
+    folder.add(Person("bob", Role.VIEWER), tmp_path / "bob", NOW, 30, renew=False)
+    revoking.join()
+    assert [(entry.person.name, entry.revoked) for entry in folder.people()] == [("alice", NOW.date()), ("bob", None)]
+
+
+def tries(folder, tmp_path):
+    """Yield what writes into the folder."""
+    yield lambda: folder.begin("car1", [], NOW, 30, renew=True)
+    yield lambda: folder.add(Person("bob", Role.VIEWER), tmp_path / "bob", NOW, 30, renew=False)
+    yield lambda: folder.revoke("alice", NOW.date())
+
+
+@pytest.mark.parametrize(
+    ("name", "mode", "says"),
+    [
+        ("", 0o777, "every user may write"),
+        ("people.toml", 0o666, "every user may write"),
+        ("ca.pem", 0o646, "every user may write"),
+        ("ca.key", 0o644, "other users may read this key"),
+    ],
+)
+def test_a_folder_that_others_may_change_is_refused_and_named(folder, tmp_path, name, mode, says):
+    folder.add(ALICE, tmp_path / "alice", NOW, 30, renew=False)
+    assert car_keys(folder.path, NOW).warnings == ()
+    (folder.path / name).chmod(mode)
+    before = {path.name: path.read_bytes() for path in folder.path.iterdir()}
+    for write in tries(folder, tmp_path):
+        with pytest.raises(KeysError, match=f"nothing was written: .*{says}"):
+            write()
+    assert {path.name: path.read_bytes() for path in folder.path.iterdir()} == before
+    assert any(says in warning for warning in car_keys(folder.path, NOW).warnings), "of the log, check and doctor"
+
+
+def test_a_folder_of_another_user_or_behind_their_link_is_refused(folder, tmp_path, monkeypatch):
+    folder.add(ALICE, tmp_path / "alice", NOW, 30, renew=False)
+    monkeypatch.setattr(os, "geteuid", lambda: 4242)  # nothing here is this user's but what is root's
+    if folder.path.stat().st_uid == 0:
+        os.chown(folder.path, 4243, -1)
+    for write in tries(folder, tmp_path):
+        with pytest.raises(KeysError, match="belongs to user"):
+            write()
+    if os.getuid() == 0:
+        os.chown(folder.path, 0, -1)
+        (tmp_path / "link").symlink_to(folder.path)
+        os.chown(tmp_path / "link", 4243, -1, follow_symlinks=False)
+        with pytest.raises(KeysError, match="link belongs to user"):
+            KeyFolder(tmp_path / "link").revoke("alice", NOW.date())
+
+
+def test_the_cars_key_is_given_to_the_service_before_it_has_its_name(tmp_path, monkeypatch):
+    given = []
+    monkeypatch.setattr("clients.keys.folder._service_group", lambda: 77)
+    monkeypatch.setattr(
+        os, "fchown", lambda file, *owner: given.append((Path(f"/proc/self/fd/{file}").readlink().name, owner))
+    )
+    for by_name in ("chown", "chmod", "lchown"):
+        monkeypatch.setattr(os, by_name, lambda *_, **__: pytest.fail("by name: another file may have it by now"))
+    KeyFolder(tmp_path / "car").begin("car1", [], NOW, 30, renew=False)
+    assert given == [("car.key.new", (-1, 77))]
+    assert mode(tmp_path / "car" / "car.key") == 0o640
 
 
 def test_revoking_again_keeps_the_first_day_and_revoking_nobody_says_who_there_is(folder, tmp_path):
@@ -209,7 +297,7 @@ def test_under_sudo_the_folder_is_given_away_last_and_no_link_is_followed(folder
     opened, bobs = os.open, tmp_path / "bobs-keys"
 
     def open_a_moment_late(path, flags, *rest, **how):
-        if path == bobs:
+        if path == "ca.pem" and not flags & os.O_CREAT:
             (bobs / "ca.pem").unlink()
             (bobs / "ca.pem").symlink_to("/etc/passwd")
         return opened(path, flags, *rest, **how)

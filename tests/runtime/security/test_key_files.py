@@ -122,6 +122,8 @@ def test_a_car_that_lists_nobody_says_so(car):
         ("[alice]\nrole = 'admin'\nexpires = '2027-01-01'", "without quotes"),
         ("[alice]\nrole = 'admin'\nexpires = 2027-01-01\nrevoked = true", "must be dates"),
         ("[alice]\nrole = 'admin'\nexpires = 2027-01-01\nrevokd = 2026-01-01", "nothing else"),
+        ("[alice]\nrole = 'admin'\nexpires = 2027-01-01\nrenewed = -1", "renewed must be a number"),
+        ("[alice]\nrole = 'admin'\nexpires = 2027-01-01\nrenewed = true", "renewed must be a number"),
         ("[Alice]\nrole = 'admin'\nexpires = 2027-01-01", "is not a name"),
         ("alice = 'admin'", "nothing else"),
         ("[alice\n", "not valid TOML"),
