@@ -139,12 +139,14 @@ def _add_build_kernel(commands: Any) -> None:  # noqa: ANN401 - argparse has no 
 def _run(options: argparse.Namespace) -> int:
     from runtime.security.access_list import KeysError
     from runtime.settings.tree import SettingsError
+    from wallride.doctor.places import colliding_places
     from wallride.doctor.ports import unusable_paths
 
     try:
         file = options.config or default_config()
         settings = _load(file, options.assignments, options.saved)
-        problems = unusable_paths(settings) + _own_law_mistakes(settings)
+        problems = unusable_paths(settings) + colliding_places(settings, (file, options.saved, options.address_file))
+        problems += _own_law_mistakes(settings)
         session, warnings = _session(settings)
         routers, about_routers = _routers(settings)
         warnings += (*about_routers, *_saved_limits(options.saved or file))
@@ -183,6 +185,7 @@ def _joystick(settings: "Settings") -> "tuple[CarJoystick | None, tuple[str, ...
 def _check(options: argparse.Namespace) -> int:
     from runtime.security.access_list import KeysError
     from runtime.settings.tree import SettingsError, to_toml
+    from wallride.doctor.places import colliding_places
     from wallride.doctor.ports import unusable_paths
     from wallride.doctor.program import laws_open_to_others
 
@@ -195,7 +198,8 @@ def _check(options: argparse.Namespace) -> int:
         warnings += tuple("; ".join(said) for said in laws_open_to_others())
     except (SettingsError, KeysError) as error:
         return fail(str(error))
-    problems = unusable_paths(settings) + _own_law_mistakes(settings)
+    problems = unusable_paths(settings) + colliding_places(settings, [options.config or default_config()])
+    problems += _own_law_mistakes(settings)
     if options.devices and not problems:
         problems = _device_problems(settings)
     for text in (*warnings, *problems):

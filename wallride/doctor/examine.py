@@ -16,6 +16,7 @@ from wallride.doctor.lidar import judge_lidar, look_at_lidar
 from wallride.doctor.motor import judge_motor, look_at_motor
 from wallride.doctor.motor_config import judge_app_config, read_app_config
 from wallride.doctor.network import check_network
+from wallride.doctor.places import colliding_places
 from wallride.doctor.ports import check_ports
 from wallride.doctor.program import check_program
 from wallride.doctor.wheels_up import Ask, measure_wheels_up
@@ -36,7 +37,10 @@ def find_settings(
     """
     where = str(config) if config is not None else "no file: the defaults"
     try:
-        return load_settings(config, assignments, laws="program" in groups), ok("settings", where)
+        settings = load_settings(config, assignments, laws="program" in groups)
+        if found := colliding_places(settings, [config]):
+            return settings, fail("settings", "; ".join(found), "correct the file: the car does not start with it")
+        return settings, ok("settings", where)
     except SettingsError as error:
         return Settings(), fail("settings", str(error), "correct the file; until then the defaults are looked at")
 
