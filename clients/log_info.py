@@ -14,9 +14,9 @@ from clients.connection import ConnectionProblemError
 from runtime.recording.channels import EVENTS, text_of
 from runtime.recording.mcap_file import METADATA
 from runtime.recording.recover import is_whole
+from runtime.recording.unpacking import MAX_RECORD_B, Unpacking, UnpackingError
 
 NS = 1_000_000_000
-MAX_RECORD_B = 1 << 28
 
 
 @dataclass(slots=True)
@@ -66,9 +66,9 @@ def read(path: Path) -> Info:
 
     info, schemas, channels = Info(), {}, {}
     with path.open("rb") as file:
-        reader = StreamReader(file, record_size_limit=MAX_RECORD_B)
+        reader = StreamReader(file, emit_chunks=True, record_size_limit=MAX_RECORD_B)
         try:
-            for record in reader.records:
+            for record in Unpacking(path.stat().st_size).records(reader.records):
                 match record:
                     case records.Metadata() if record.name == METADATA:
                         info.facts = dict(record.metadata)
@@ -81,6 +81,8 @@ def read(path: Path) -> Info:
                         _count(info, channels[record.channel_id], record)
                     case _:
                         pass
+        except UnpackingError as error:
+            raise ConnectionProblemError(f"{path}: {error}") from None
         except Exception as error:  # noqa: BLE001 - a parser that meets a torn end raises anything; it is shown
             info.torn = str(error) or type(error).__name__
     return info

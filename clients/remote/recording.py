@@ -12,8 +12,8 @@ from clients.connection import ConnectionProblemError
 from clients.remote.values import NS, Value, value_of
 from clients.topics import KINDS
 from runtime.recording.channels import SETTINGS, STRING, text_of
+from runtime.recording.unpacking import MAX_RECORD_B, Unpacking, UnpackingError
 
-MAX_RECORD_B = 1 << 28
 T = TypeVar("T")
 
 
@@ -117,7 +117,8 @@ class RecordedCar:
         channels: dict[int, tuple[str, str]] = {}
         try:
             with self.path.open("rb") as file:
-                for record in StreamReader(file, record_size_limit=MAX_RECORD_B).records:
+                reader = StreamReader(file, emit_chunks=True, record_size_limit=MAX_RECORD_B)
+                for record in Unpacking(self.path.stat().st_size).records(reader.records):
                     match record:
                         case records.Schema():
                             schemas[record.id] = record.name
@@ -129,6 +130,8 @@ class RecordedCar:
                             pass
         except OSError as error:
             raise ConnectionProblemError(f"{self.path}: cannot be read: {error.strerror or error}") from None
+        except UnpackingError as error:
+            raise ConnectionProblemError(f"{self.path}: {error}") from None
         except Exception:  # noqa: BLE001 - a parser that meets a torn end raises anything; what was before it is yielded
             return
 

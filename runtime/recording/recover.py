@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from runtime.recording.disk import is_being_written, opened
+from runtime.recording.unpacking import Unpacking, UnpackingError
 
 if TYPE_CHECKING:
     from mcap.records import ChunkIndex, MessageIndex
@@ -113,6 +114,7 @@ class _Walk:
         from mcap.records import Statistics
 
         self.length = file.seek(0, os.SEEK_END)
+        self._path, self._unpacking = path, Unpacking(self.length)
         file.seek(0)
         if file.read(len(MAGIC)) != MAGIC:
             raise RecoveryError(f"{path}: is not an MCAP file, or was cut before its first byte reached the disk")
@@ -186,16 +188,16 @@ class _Walk:
                     self.statistics.metadata_count += 1
                 case _:
                     pass
+        except UnpackingError as error:
+            raise RecoveryError(f"{self._path}: {error}; it is left as it is") from None
         except Exception:  # noqa: BLE001 - the package raises whatever a torn record leads it to; it is cut off
             return False
         return True
 
     def _take_chunk(self, chunk: Any, start: int, length: int) -> None:  # noqa: ANN401 - mcap's records are untyped
         from mcap.records import ChunkIndex
-        from mcap.stream_reader import get_chunk_data_stream
 
-        stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-        content = stream.read(size)
+        content = self._unpacking.content(chunk)
         index = ChunkIndex(
             chunk_length=length,
             chunk_start_offset=start,
@@ -230,6 +232,7 @@ class _Walk:
             else:  # a message: channel (2 bytes), sequence (4), log time (8)
                 channel_id = int.from_bytes(content[body : body + 2], "little")
                 log_time_ns = int.from_bytes(content[body + 6 : body + 14], "little")
+                self._unpacking.count()
                 found.messages[channel_id].append((log_time_ns, at))
             at = body + length
 

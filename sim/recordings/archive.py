@@ -14,14 +14,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from runtime.recording.unpacking import bomb, most_bytes
 from sim.recordings.recording import CommandTrack, OdometryTrack, RecordingError, plain_name
 from sim.recordings.tracks import LidarTrack, Tracks, columns
 
 NEEDED = ("stamps", "recv", "angle_min", "angle_increment", "range_min", "range_max", "scan_time")
 DEFAULT_TOPIC = "scan"
-MAX_BYTES = 4 << 30
-"""Maximum size of all arrays: seven hours of scans at 40 Hz and 1081 beams."""
-
 Arrays = Mapping[str, npt.NDArray[Any]]
 
 
@@ -34,7 +32,7 @@ def read_archive(path: Path) -> Tracks:
     try:
         # opened here, because numpy leaves the file open when it finds damage
         with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            _check_sizes(archive.zip)
+            _check_sizes(archive.zip, path.stat().st_size)
             arrays = {name: archive[name] for name in archive.files}
     except (zipfile.BadZipFile, zlib.error) as error:
         raise RecordingError(f"{path} is damaged ({error}) and nothing can be saved: fetch it again.") from error
@@ -52,10 +50,10 @@ def read_archive(path: Path) -> Tracks:
         raise RecordingError(f"{path} holds arrays that are not those of a recording: {error}.") from error
 
 
-def _check_sizes(archive: zipfile.ZipFile) -> None:
-    """Refuse arrays that claim more than their file holds, and more than a computer should be asked to hold."""
-    if sum(member.file_size for member in archive.infolist()) > MAX_BYTES:
-        raise ValueError(f"it unpacks to more than {MAX_BYTES >> 30} GiB")
+def _check_sizes(archive: zipfile.ZipFile, size_bytes: int) -> None:
+    """Refuse arrays that claim more than their file holds, and more than its size explains."""
+    if sum(member.file_size for member in archive.infolist()) > most_bytes(size_bytes):
+        raise bomb(size_bytes)
     for member in archive.infolist():
         with archive.open(member) as file:
             version = np.lib.format.read_magic(file)

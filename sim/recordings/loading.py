@@ -14,7 +14,7 @@ FORMATS = ".npz, .bag (ROS 1), .db3, .mcap, or the folder of a ROS 2 recording"
 def load_recording(path: Path, topic: str | None = None) -> Recording:
     """Return a recording for playback.
 
-    path: .npz, .bag, .db3, .mcap, or a folder with a metadata.yaml.
+    path: .npz, .bag, .db3, .mcap, or a folder of .db3 or .mcap files.
     topic: which lidar, when the file holds several; with or without slashes. See `Recording.other_topics`.
 
     Of a damaged ROS recording the undamaged scans are returned, and `Recording.notes` states their number.
@@ -35,8 +35,8 @@ def _tracks(path: Path) -> Tracks:
             f"{path} does not exist: give a name that `wallride logs` lists, or the path of {FORMATS}."
         )
     if path.is_dir():
-        if not (path / "metadata.yaml").is_file():
-            raise RecordingError(f"{path} is a folder without metadata.yaml: give the .db3 or .mcap file itself.")
+        if not any([*path.glob(one)] for one in ("metadata.yaml", "*.db3", "*.mcap")):
+            raise RecordingError(f"{path} is a folder without metadata.yaml, .db3 and .mcap: give {FORMATS}.")
         return read_ros(path)
     if path.suffix == ".npz":
         return read_archive(path)

@@ -32,41 +32,59 @@ NANOSECOND_S = 1e-9
 class Collector:
     """Collects messages as rows per topic; `received_ns` is the recorder's time since 1970.
 
-    unreadable: messages per topic that did not decode.
+    unreadable: messages per topic that did not decode; encodings: of those that are in none of ROS's.
     """
 
     unreadable: Counter[str] = field(default_factory=Counter)
-    _scans: dict[str, list[tuple[int, Any]]] = field(default_factory=lambda: defaultdict(list))
-    _commands: dict[str, list[tuple[float, ...]]] = field(default_factory=lambda: defaultdict(list))
-    _odometries: dict[str, list[tuple[float, ...]]] = field(default_factory=lambda: defaultdict(list))
+    encodings: dict[str, str] = field(default_factory=dict)
+    scans_by_topic: dict[str, list[tuple[int, Any]]] = field(default_factory=lambda: defaultdict(list))
+    commands: dict[str, list[tuple[float, ...]]] = field(default_factory=lambda: defaultdict(list))
+    odometries: dict[str, list[tuple[float, ...]]] = field(default_factory=lambda: defaultdict(list))
 
     def add(self, topic: str, message_type: str, received_ns: int, message: Any) -> None:  # noqa: ANN401 - built at run time by the type store
         """Keep the fields that playback needs of one message of one of the wanted types."""
         received_s = received_ns * NANOSECOND_S
         if message_type == LASER_SCAN:
-            self._scans[topic].append((received_ns, message))
+            self.scans_by_topic[topic].append((received_ns, message))
         elif message_type == ACKERMANN:
             drive = message.drive
-            self._commands[plain_name(topic)].append((received_s, drive.speed, drive.steering_angle))
+            self.commands[plain_name(topic)].append((received_s, drive.speed, drive.steering_angle))
         else:
             pose, twist = message.pose.pose, message.twist.twist
             yaw_rad = _yaw_rad(pose.orientation)
             row = (received_s, pose.position.x, pose.position.y, yaw_rad)
-            self._odometries[plain_name(topic)].append((*row, twist.linear.x, twist.linear.y, twist.angular.z))
+            self.odometries[plain_name(topic)].append((*row, twist.linear.x, twist.linear.y, twist.angular.z))
+
+    @property
+    def scans(self) -> int:
+        """Return the number of scans on all topics."""
+        return sum(len(scans) for scans in self.scans_by_topic.values())
+
+    def extend(self, other: "Collector") -> None:
+        """Take all that another one collected."""
+        self.unreadable += other.unreadable
+        self.encodings |= other.encodings
+        for topic, scans in other.scans_by_topic.items():
+            self.scans_by_topic[topic] += scans
+        for topic, rows in other.commands.items():
+            self.commands[topic] += rows
+        for topic, rows in other.odometries.items():
+            self.odometries[topic] += rows
 
     def tracks(self) -> Tracks:
         """Return all collected messages as tracks, with notes about omissions."""
         tracks = Tracks()
         for topic, count in sorted(self.unreadable.items()):
-            tracks.notes.append(f"{count} messages on {topic} could not be decoded and are left out.")
-        for topic, scans in self._scans.items():
+            encoding = f" ({self.encodings[topic]})" if topic in self.encodings else ""
+            tracks.notes.append(f"{count} messages on {topic} could not be decoded{encoding} and are left out.")
+        for topic, scans in self.scans_by_topic.items():
             lidar, note = _lidar(topic, scans)
             tracks.lidars[plain_name(topic)] = lidar
             tracks.notes.extend(note)
-        for topic, rows in self._commands.items():
-            tracks.commands[topic] = CommandTrack(*columns(rows, 3))
-        for topic, rows in self._odometries.items():
-            tracks.odometries[topic] = OdometryTrack(*columns(rows, 7))
+        for topic, rows in self.commands.items():
+            tracks.commands[topic] = CommandTrack(*columns(sorted(rows), 3))
+        for topic, rows in self.odometries.items():
+            tracks.odometries[topic] = OdometryTrack(*columns(sorted(rows), 7))
         return tracks
 
 

@@ -4,14 +4,17 @@ The package `rosbags` is imported only when such a file is opened, so that .npz 
 """
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from runtime.recording.unpacking import Unpacking, UnpackingError
+from sim.recordings.bounds import bounded_memory
+from sim.recordings.mcap_messages import CDR, ROS1, Decode, collect_mcap
 from sim.recordings.messages import ACKERMANN_DEFINITIONS, WANTED_TYPES, Collector
 from sim.recordings.recording import RecordingError
 from sim.recordings.salvage import RawMessage, whole_messages
-from sim.recordings.salvage_ros2 import repaired_mcap, rows_before_damage
+from sim.recordings.salvage_ros2 import check_tables, rows_before_damage
 from sim.recordings.tracks import Tracks
 
 if TYPE_CHECKING:
@@ -22,43 +25,86 @@ if TYPE_CHECKING:
 def read_ros(path: Path) -> Tracks:
     """Return all tracks of a ROS recording; of a damaged one the recoverable part, with a note of its size.
 
+    path: a file, or a folder with or without its metadata.yaml.
+
     Raises:
-        RecordingError: nothing can be read, or `rosbags` is not installed.
+        RecordingError: nothing can be read, it unpacks to more than its size explains, or `rosbags` is not installed.
     """
     try:
-        tracks = _read_orderly(path)
+        with bounded_memory(path):
+            return _tracks(path)
     except ModuleNotFoundError as error:
         raise RecordingError(
             f"{path} needs the package {error.name}: install wallride with its extra [sim]."
         ) from error
-    if not tracks.cut_short:
-        return tracks
-    saved = max(tracks, _salvaged(path), key=lambda found: found.scans)
-    if not saved.scans:
-        raise RecordingError(f"{path} cannot be read ({tracks.cut_short}) and no scan could be saved: fetch it again.")
-    saved.notes.insert(0, f"{path.name} cannot be read in order ({tracks.cut_short}): {saved.scans} scans were saved.")
-    return saved
 
 
-def _read_orderly(path: Path) -> Tracks:
-    """Read by the file's own index, up to the first damage."""
+def _tracks(path: Path) -> Tracks:
+    is_lone = path.is_dir() and not (path / "metadata.yaml").is_file()
+    collector, cut_short = _read_pieces(path) if is_lone else _read(path)
+    if cut_short and not collector.scans:
+        raise RecordingError(f"{path} cannot be read ({cut_short}) and no scan could be saved: fetch it again.")
+    tracks = collector.tracks()
+    if cut_short:
+        tracks.notes.insert(
+            0, f"{path.name} cannot be read in order ({cut_short}): {collector.scans} scans were saved."
+        )
+    if is_lone:
+        tracks.notes.insert(0, f"{path.name} lacks its metadata.yaml: its files are read in the order of their names.")
+    return tracks
+
+
+def _pieces(folder: Path) -> list[Path]:
+    """Return the files of a recording's folder: r_2 before r_10."""
+    files = [*folder.glob("*.db3"), *folder.glob("*.mcap")]
+    return sorted(
+        files, key=lambda file: [int(part) if part.isdigit() else 0 for part in re.split(r"(\d+)", file.name)]
+    )
+
+
+def _read_pieces(folder: Path) -> tuple[Collector, str]:
+    collector, reasons = Collector(), []
+    for file in _pieces(folder):
+        found, reason = _read(file)
+        collector.extend(found)
+        if reason:
+            reasons.append(f"{file.name}: {reason}")
+    return collector, "; ".join(reasons)
+
+
+def _read(path: Path) -> tuple[Collector, str]:
+    """Return what can be read, and why that is not all, "" when it is."""
+    collector = Collector()
+    reason = _collect(path, collector)
+    if reason:
+        collector = max(collector, _salvaged(path), key=lambda found: found.scans)
+    return collector, reason
+
+
+def _collect(path: Path, collector: Collector) -> str:
+    """Collect all messages up to the first damage; return what it is, "" without one."""
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores
 
-    collector = Collector()
-    cut_short = ""
+    if path.suffix == ".mcap" and path.is_file():
+        return collect_mcap(path, collector, _decoders())
+    check_tables(path)
+    most_messages = Unpacking(path.stat().st_size)
     try:
         with AnyReader([path], default_typestore=_with_ackermann(Stores.ROS2_HUMBLE)) as reader:
             # an empty list would mean "all topics" to rosbags
             if wanted := [connection for connection in reader.connections if connection.msgtype in WANTED_TYPES]:
                 for connection, received_ns, raw in reader.messages(wanted):
+                    most_messages.count()
                     message = reader.deserialize(raw, connection.msgtype)
                     collector.add(connection.topic, connection.msgtype, received_ns, message)
+    except MemoryError:
+        raise
+    except UnpackingError as error:
+        raise RecordingError(f"{path}: {error}.") from None
     except Exception as error:  # noqa: BLE001 - a parser that meets damage raises anything; the caller reports it
-        cut_short = _sentence(error).rstrip(".") or "its records contradict each other"
-    tracks = collector.tracks()
-    tracks.cut_short = cut_short
-    return tracks
+        return _sentence(error).rstrip(".") or "its records contradict each other"
+    return ""
 
 
 def _sentence(error: BaseException) -> str:
@@ -66,25 +112,19 @@ def _sentence(error: BaseException) -> str:
     return re.sub(r"\('([^']*)',\)", r"\1", str(error))
 
 
-def _salvaged(path: Path) -> Tracks:
-    """Read past the damage: ROS 1 records are searched, an MCAP is closed, a .db3 read without index."""
-    from rosbags.typesys import Stores
-
+def _salvaged(path: Path) -> Collector:
+    """Read past the damage: ROS 1 records are searched, a .db3 is read without its index, a folder file by file."""
     if path.is_dir():
-        files = [*path.glob("*.db3"), *path.glob("*.mcap")]
-        return _salvaged(files[0]) if len(files) == 1 else Tracks()
-    if path.suffix == ".mcap":
-        with repaired_mcap(path) as repaired:
-            return _read_orderly(repaired)
+        return _read_pieces(path)[0]
+    collector, decoders = Collector(), _decoders()
     if path.suffix == ".db3":
-        return _decoded(rows_before_damage(path), _with_ackermann(Stores.ROS2_HUMBLE).deserialize_cdr)
-    if path.suffix == ".bag":
-        return _decoded(whole_messages(path.read_bytes()), _with_ackermann(Stores.ROS1_NOETIC).deserialize_ros1)
-    return Tracks()
+        _decode(rows_before_damage(path), decoders[CDR], collector)
+    elif path.suffix == ".bag":
+        _decode(whole_messages(path.read_bytes()), decoders[ROS1], collector)
+    return collector
 
 
-def _decoded(messages: Iterable[RawMessage], decode: Callable[[bytes, str], object]) -> Tracks:
-    collector = Collector()
+def _decode(messages: Iterable[RawMessage], decode: Decode, collector: Collector) -> None:
     for topic, message_type, received_ns, raw in messages:
         if message_type not in WANTED_TYPES:
             continue
@@ -94,7 +134,15 @@ def _decoded(messages: Iterable[RawMessage], decode: Callable[[bytes, str], obje
             collector.unreadable[topic] += 1
         else:
             collector.add(topic, message_type, received_ns, message)
-    return collector.tracks()
+
+
+def _decoders() -> dict[str, Decode]:
+    from rosbags.typesys import Stores
+
+    return {
+        CDR: _with_ackermann(Stores.ROS2_HUMBLE).deserialize_cdr,
+        ROS1: _with_ackermann(Stores.ROS1_NOETIC).deserialize_ros1,
+    }
 
 
 def _with_ackermann(store: "Stores") -> "Typestore":

@@ -28,21 +28,12 @@ class LidarTrack:
 
 @dataclass(slots=True)
 class Tracks:
-    """All tracks that a reader found in one file, by plain topic name; times are seconds since 1970.
-
-    cut_short: why the reader could not read to the end, "" when it could.
-    """
+    """All tracks that a reader found in one file, by plain topic name; times are seconds since 1970."""
 
     lidars: dict[str, LidarTrack] = field(default_factory=dict)
     commands: dict[str, CommandTrack] = field(default_factory=dict)
     odometries: dict[str, OdometryTrack] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
-    cut_short: str = ""
-
-    @property
-    def scans(self) -> int:
-        """Return the number of scans of all lidars."""
-        return sum(len(lidar.received_s) for lidar in self.lidars.values())
 
 
 def assemble(name: str, tracks: Tracks, topic: str | None) -> Recording:
@@ -84,7 +75,8 @@ def _chosen(name: str, tracks: Tracks, topic: str | None) -> LidarTrack:
     if not tracks.lidars:
         found = sorted([*tracks.commands, *tracks.odometries])
         held = f"it holds {', '.join(found)}" if found else "it holds neither commands nor odometry either"
-        raise RecordingError(f"{name} holds no LaserScan ({held}): choose a recording with a lidar.")
+        lost = "".join(f" {note}" for note in tracks.notes)
+        raise RecordingError(f"{name} holds no LaserScan ({held}): choose a recording with a lidar.{lost}")
     if topic is not None:
         wanted = tracks.lidars.get(plain_name(topic))
         if wanted is None:

@@ -14,12 +14,11 @@ from typing import Any
 
 from runtime.recording.channels import SETTINGS, STRING, TAPE, text_of
 from runtime.recording.mcap_file import METADATA
+from runtime.recording.unpacking import MAX_RECORD_B, Unpacking, UnpackingError
 from sim.recordings import RecordingError
 
 NS = 1_000_000_000
 MAGIC = b"\x89MCAP0\r\n"
-MAX_RECORD_B = 1 << 28
-"""Maximum length of a record; the writer's are far shorter, and a longer one is damage."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +103,9 @@ def read_log(path: Path) -> DriveLog:
     reading = _Reading(log)
     try:
         with path.open("rb") as file:
-            reading.read(file)
+            reading.read(file, path.stat().st_size)
+    except UnpackingError as error:
+        raise RecordingError(f"{path}: {error}.") from None
     except ModuleNotFoundError as error:
         raise RecordingError(
             f"{path} needs the package {error.name}: install wallride with its extra [sim]."
@@ -125,14 +126,18 @@ class _Reading:
         self._schemas: dict[int, str] = {}
         self._channels: dict[int, tuple[str, str]] = {}
         self._damaged: Counter[str] = Counter()
+        self._unpacking = Unpacking(0)
 
-    def read(self, file: Any) -> None:  # noqa: ANN401 - mcap takes any binary file
+    def read(self, file: Any, size_bytes: int) -> None:  # noqa: ANN401 - mcap takes any binary file
         from mcap.stream_reader import StreamReader
 
+        self._unpacking = Unpacking(size_bytes)
         reader = StreamReader(file, emit_chunks=True, record_size_limit=MAX_RECORD_B)
         try:
             for record in reader.records:
                 self._take(record)
+        except UnpackingError:
+            raise
         except Exception as error:  # noqa: BLE001 - a parser that meets damage raises anything; told to the user
             reason = str(error).rstrip(".") or type(error).__name__
             self._log.notes.append(
@@ -171,12 +176,10 @@ class _Reading:
         self._log.messages.append(LoggedMessage(topic, schema, record.log_time, payload, record.sequence))
 
     def _open_chunk(self, chunk: Any) -> None:  # noqa: ANN401 - as mcap gives it
-        from mcap.stream_reader import breakup_chunk
-
         try:
-            inside = breakup_chunk(chunk, validate_crc=True)
+            for record in self._unpacking.inside(chunk):
+                self._take(record)
+        except UnpackingError:
+            raise
         except Exception as error:  # noqa: BLE001 - a parser that meets damage raises anything; counted and told
             self._damaged[str(error) or type(error).__name__] += 1
-            return
-        for record in inside:
-            self._take(record)

@@ -202,8 +202,8 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         load_recording(tmp_path / "gone.npz")
 
 
-def test_a_folder_without_metadata_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match=r"folder without metadata\.yaml: give the \.db3 or \.mcap file itself"):
+def test_a_folder_without_a_recording_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"folder without metadata\.yaml, \.db3 and \.mcap: give \.npz"):
         load_recording(tmp_path)
 
 
