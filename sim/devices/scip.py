@@ -3,6 +3,7 @@
 The protocol state is in `scip_sensor`, the encoding in `scip_encode`, the ports in `scip_port`; this is the device.
 """
 
+import asyncio
 import random
 import time
 from collections import Counter, deque
@@ -28,10 +29,11 @@ class ScipEmulator:
         silence: connections are accepted, commands and scans go nowhere (a pulled cable).
         bad_checksum_every: every n-th scan has one character changed.
         garbage_every: random bytes before every n-th scan.
+        late_s: all bytes leave so much later, in order (a slow network).
         dribble_s: bytes leave one by one, a scan takes about this long.
         frozen: every scan repeats the ranges of the last one before, with stamps that go on.
         baud: a serial client at another speed hears nothing.
-        sensor: its `fault`, `scip1`, `state_text` and `model` may be changed; see ScipSensor.
+        sensor: its `fault`, `scip1`, `state_text`, `model` and others may be changed; see ScipSensor.
     counts: "published", "dropped" (the client did not read), "refused client", "client", "reboot".
     """
 
@@ -41,6 +43,7 @@ class ScipEmulator:
         self.bad_checksum_every: int | None = None
         self.garbage_every: int | None = None
         self.dribble_s: float | None = None
+        self.late_s = 0.0
         self.frozen = False
         self.baud: int | None = None
         self.counts: Counter[str] = Counter()
@@ -50,6 +53,7 @@ class ScipEmulator:
         self._tcp: TcpPort | None = None
         self._serial: SerialDoor | None = None
         self._held: deque[bytes] | None = None
+        self._late: deque[tuple[float, bytes]] = deque()  # when each leaves
         self._rebooting = False
 
     @property
@@ -144,6 +148,7 @@ class ScipEmulator:
         if self._port is not None:
             self._port.close()
             self._port = None
+            self._late.clear()
         self.sensor.forget_client()
 
     def _on_gone(self) -> None:
@@ -191,4 +196,12 @@ class ScipEmulator:
         if self._port.busy and not may_wait:
             self.counts["dropped"] += 1
             return None
+        if self.late_s or self._late:
+            self._late.append((self._clock() + self.late_s, data))
+            asyncio.get_running_loop().call_later(self.late_s, self._send_late)
+            return None
         return self._clock() if self._port.send(data, spread_s=self.dribble_s) else None
+
+    def _send_late(self) -> None:
+        while self._late and self._late[0][0] <= self._clock() + 1e-6 and self._port is not None:
+            self._port.send(self._late.popleft()[1], spread_s=self.dribble_s)

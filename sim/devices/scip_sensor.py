@@ -46,6 +46,10 @@ class ScipSensor:
 
     fault: a status ("0L", "50") with which it answers every measurement until one of `cured_by` (RS, RB) is sent.
     scip1: it boots in SCIP 1.1 and answers "E" until SCIP2.0.
+    unanswered: commands that it does not answer. refused: those that it does not know. damaged: those whose replies
+        have a wrong sum.
+    ahead_ms: its counter less the clock. The counter goes by the stamps of the published scans, except that the first
+        scan goes on from a counter that was told before it.
     """
 
     def __init__(self, model: SensorModel, clock: Clock, reboot: Callable[[], None]) -> None:
@@ -53,6 +57,10 @@ class ScipSensor:
         self.fault = ""
         self.cured_by = frozenset({"RS", "RB"})
         self.scip1 = False
+        self.unanswered: frozenset[str] = frozenset()
+        self.refused: frozenset[str] = frozenset()
+        self.damaged: frozenset[str] = frozenset()
+        self.ahead_ms = 0.0
         self.measurement: Measurement | None = None
         self.laser_on = False
         self.in_time_sync = False
@@ -63,6 +71,8 @@ class ScipSensor:
         self._reboot = reboot
         self._line = bytearray()
         self._reboot_asked_s: float | None = None
+        self._has_told = self._has_scanned = False
+        self._shift_ms = 0
 
     def feed(self, chunk: bytes) -> list[bytes]:
         """Process bytes of commands, ended by CR, LF or both, and return the replies."""
@@ -82,9 +92,21 @@ class ScipSensor:
         self.laser_on = self.in_time_sync = False
         self._line.clear()
 
+    def jump(self, ms: int) -> None:
+        """Let the stamps of all further scans jump, and the counter with them."""
+        self._shift_ms += ms
+
     def answer(self, echo: bytes) -> bytes:
         """Return the reply to one command line."""
         text = echo.decode("ascii", "replace").partition(";")[0]
+        if text in self.unanswered:
+            return b""
+        reply = self._answer(text, echo)
+        return reply[:-3] + bytes([reply[-3] ^ 1]) + b"\n\n" if text in self.damaged else reply
+
+    def _answer(self, text: str, echo: bytes) -> bytes:
+        if text in self.refused:
+            return encode_block(echo, "0E")
         if self.scip1 and text != "SCIP2.0":
             return encode_block(echo, "E")
         if self.in_time_sync and text not in {"TM0", "TM1", "TM2"}:
@@ -135,6 +157,7 @@ class ScipSensor:
                 self.in_time_sync = entering
                 return encode_block(echo, status)
             case "TM1" if self.in_time_sync:
+                self._has_told = True
                 return encode_block(echo, "00", [encode_number(self._now_ms(), 4)])
             case "TM1":
                 return encode_block(echo, "04")
@@ -194,6 +217,7 @@ class ScipSensor:
 
     def scan(self, ranges_mm: npt.NDArray[np.integer], stamp_ms: int) -> bytes | None:
         """Return the block for one revolution (ranges of all steps), or None when this one was not requested."""
+        stamp_ms = self._counted_ms(stamp_ms)
         self.latest_mm, self.latest_ms = ranges_mm, stamp_ms
         request = self.measurement
         if request is None:
@@ -230,5 +254,16 @@ class ScipSensor:
         head, semicolon, note = request.echo.partition(b";")
         return head[:-2] + f"{request.remaining:02d}".encode("ascii") + semicolon + note
 
+    def _counted_ms(self, stamp_ms: int) -> int:
+        """Return the stamp of a scan that is complete now: the counter's value at its first step."""
+        now_ms = self._clock() * 1000
+        sweep_ms = 1000 * self.model.period_s * self.model.beam_count / self.model.steps_per_turn
+        if self._has_told and not self._has_scanned:
+            self._shift_ms = round(now_ms + self.ahead_ms - sweep_ms) - stamp_ms
+        self._has_scanned = True
+        stamp_ms += self._shift_ms
+        self.ahead_ms = stamp_ms + sweep_ms - now_ms
+        return stamp_ms
+
     def _now_ms(self) -> int:
-        return int(self._clock() * 1000) % STAMP_WRAP_MS
+        return int(self._clock() * 1000 + self.ahead_ms) % STAMP_WRAP_MS
