@@ -101,12 +101,13 @@ async def quieten(talk: Conversation) -> None:
 
 @dataclass(frozen=True, slots=True)
 class SensorIdentity:
-    """Identity of the sensor. state_text: STAT of II, "" when the sensor does not report it."""
+    """Identity of the sensor. state_text: STAT of II, "" when the sensor does not report it. untold: what it kept."""
 
     parameters: SensorParameters
     firmware: str
     serial: str
     state_text: str
+    untold: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -121,15 +122,24 @@ class SensorIdentity:
         text = f"{parameters.model}, {parameters.beam_count} beams, {parameters.rate_hz:g} Hz"
         if self.state_text and not is_healthy(self.state_text):
             text += f"; it says of itself: {self.state_text}"
-        return text
+        return "".join([text, *(f"; it does not tell its {what}" for what in self.untold)])
 
 
 async def identify(talk: Conversation) -> SensorIdentity:
-    """Query a quiet sensor for VV, PP and II. PP must be complete; the other two are for people."""
-    version = fields(await talk.ask_patiently(command("VV"), tries=_IDENTIFY_TRIES))
+    """Query a quiet sensor for PP, VV and II. PP must be complete; the other two are for people."""
+    version = await _told(talk, "VV", tries=_IDENTIFY_TRIES)
     reply = await talk.ask_patiently(command("PP"), tries=_IDENTIFY_TRIES)
     if reply.status != "00":
         raise ProtocolError(f"{talk.link.address}: PP is refused with status {reply.status} (power-cycle it)")
     parameters = SensorParameters.from_fields(fields(reply))
-    state = fields(await talk.ask_patiently(command("II"), tries=_IDENTIFY_TRIES))
-    return SensorIdentity(parameters, version.get("FIRM", ""), version.get("SERI", ""), state.get("STAT", ""))
+    state = await _told(talk, "II", tries=1)
+    untold = tuple(what for what, told in (("version (VV)", version), ("state (II)", state)) if not told)
+    return SensorIdentity(parameters, version.get("FIRM", ""), version.get("SERI", ""), state.get("STAT", ""), untold)
+
+
+async def _told(talk: Conversation, line: str, *, tries: int) -> dict[str, str]:
+    """Return what the sensor tells; nothing where no whole reply comes."""
+    try:
+        return fields(await talk.ask_patiently(command(line), tries=tries))
+    except LinkLost:
+        return {}

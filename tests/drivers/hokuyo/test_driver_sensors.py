@@ -102,3 +102,17 @@ async def test_what_a_sensor_says_against_itself_is_passed_on(tcp: MakeRig) -> N
     await rig.ready()
     await rig.scan()
     assert "Trouble!! Error No. =[12]" in rig.health.message
+
+
+@pytest.mark.parametrize("attribute", ["unanswered", "damaged", "refused"])
+@pytest.mark.parametrize(("line", "words"), [("II", "state (II)"), ("VV", "version (VV)")])
+async def test_a_sensor_that_does_not_tell_what_is_for_people_is_driven_by_and_said(
+    tcp: MakeRig, attribute: str, line: str, words: str
+) -> None:
+    emulator = ScipEmulator()
+    setattr(emulator.sensor, attribute, frozenset({line}))
+    rig = await tcp(emulator)
+    await rig.until(lambda: emulator.streaming)
+    await rig.scan()
+    assert rig.health.message == f"UST-10LX, 1081 beams, 40 Hz; it does not tell its {words}"
+    assert "reconnect" not in rig.counts

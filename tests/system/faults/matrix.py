@@ -69,6 +69,8 @@ MATRIX: Final[Sequence[Fault]] = (
           SYSTEM + "test_a_lidar_that_dribbles_byte_by_byte_drives_the_car_all_the_same"),
     Fault(LIDAR, "late burst", "nothing stale drives", SELF,
           SYSTEM + "test_a_burst_after_a_stall_drives_by_nothing_stale", ("31",), SOFT_S),
+    Fault(LIDAR, "does not tell version or state (VV, II)", "drives on, said", "-",
+          HOKUYO_SENSORS + "test_a_sensor_that_does_not_tell_what_is_for_people_is_driven_by_and_said"),
     Fault(LIDAR, "frozen", "named, brake", SELF, INJECTED, (), HARD_S),
     Fault(LIDAR, "clock jumps ahead", "brake until the new clock is believed", SELF, INJECTED, (), SOFT_S),
     Fault(LIDAR, "clock jumps back", "brake until the new clock is believed", SELF, INJECTED, (), SOFT_S),
