@@ -39,14 +39,15 @@ class ByteLink:
     Guarantees: bytes arrive in order and none is dropped here; a write is complete or raises LinkLost; after the first
     LinkLost nothing more is delivered. The handler runs inside the event loop and must not block.
 
-    reading_s: duration of the newest chunk's read from the kernel. tap: called with all traffic, both ways.
+    clock: as given. reading_s: duration of the newest chunk's read from the kernel. tap: called with all traffic, both
+        ways.
     """
 
     def __init__(self, address: Address, fd: int, release: Callable[[bool], None], clock: Clock) -> None:
         self.address = address
         self._fd = fd
         self._release = release
-        self._clock = clock
+        self.clock = clock
         self._loop = asyncio.get_running_loop()
         self._lost: asyncio.Future[Never] = self._loop.create_future()
         self._handler: BytesHandler | None = None
@@ -74,7 +75,7 @@ class ByteLink:
         if written != len(data):
             raise self._fail(LinkLost(f"{self.address}: it stopped taking bytes (hung device? power-cycle it)"))
         if self.tap is not None:
-            self.tap("out", data, self._clock())
+            self.tap("out", data, self.clock())
 
     async def lost(self) -> Never:
         """Wait until the link is lost and raise the reason; a bug in the handler is raised here too, unchanged."""
@@ -124,7 +125,7 @@ class ByteLink:
     def _on_readable(self) -> None:
         # An exception that leaves a reader callback is merely logged by asyncio, and the loop would spin on a dead
         # descriptor: whatever happens here has to end in `lost()`.
-        stamp_s = self._clock()
+        stamp_s = self.clock()
         try:
             chunk = os.read(self._fd, _READ_BYTES)
         except BlockingIOError:
@@ -135,7 +136,7 @@ class ByteLink:
         if not chunk:
             self._fail(LinkLost(f"{self.address}: the other side closed it (unplugged, or another client took over)"))
             return
-        self.reading_s = self._clock() - stamp_s
+        self.reading_s = self.clock() - stamp_s
         assert self._handler is not None, "the reader is only added by listen()"  # noqa: S101
         try:
             if self.tap is not None:

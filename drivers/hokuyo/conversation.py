@@ -1,14 +1,16 @@
-"""Requests to a sensor over an open link: quieten it, read its identity. Every wait is bounded."""
+"""Requests to a sensor over an open link: quieten it, read its identity and its clock. Every wait is bounded."""
 
 import asyncio
 import contextlib
+import math
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
 from drivers.api import LinkLost, ProtocolError
 from drivers.hokuyo.codec import ReplyBlock, ScipDeframer, command
-from drivers.hokuyo.replies import SensorParameters, fields, is_healthy
+from drivers.hokuyo.replies import SensorParameters, decode_number, fields, is_healthy
+from drivers.hokuyo.timing import ClockReading
 from drivers.link import ByteLink
 
 T = TypeVar("T")
@@ -18,14 +20,24 @@ REPLY_TIMEOUT_S: Final = 0.3
 SETTLE_S: Final = 0.15
 _QUIETEN_TRIES: Final = 4
 _IDENTIFY_TRIES: Final = 3
+_CLOCK_READINGS: Final = 3
+_PROMPT_S: Final = 0.005
+"""Round trip of a clock reading that needs no better one."""
 
 
 class Conversation:
-    """One request at a time; replies are distinguished from a running stream by their echo."""
+    """One request at a time; replies are distinguished from a running stream by their echo.
+
+    asked_s, answered_s: when the last answered request was first sent, and when its reply was read.
+    quickest_s: the shortest such round trip since it was last set to infinity. No byte of the sensor takes longer to
+        arrive, as long as the link stays as it is.
+    """
 
     def __init__(self, link: ByteLink, count: Callable[[str], None]) -> None:
         self.link = link
         self.deframer = ScipDeframer(count)
+        self.asked_s = self.answered_s = -math.inf
+        self.quickest_s = math.inf
         self._question = b""
         self._answer: asyncio.Future[ReplyBlock] | None = None
         self.listen()
@@ -36,12 +48,18 @@ class Conversation:
 
     async def ask(self, line: bytes, *, timeout_s: float = REPLY_TIMEOUT_S) -> ReplyBlock:
         """Send a command line and return the block that echoes it; all else is dropped. LinkLost if none comes."""
+        return await self._ask(line, timeout_s, self.link.clock())
+
+    async def _ask(self, line: bytes, timeout_s: float, first_asked_s: float) -> ReplyBlock:
         self._question = line.rstrip(b"\n")
         self._answer = asyncio.get_running_loop().create_future()
         try:
             self.link.write(line)
             async with asyncio.timeout(timeout_s):
-                return await self._answer
+                reply = await self._answer
+            self.asked_s = first_asked_s
+            self.quickest_s = min(self.quickest_s, self.answered_s - first_asked_s)
+            return reply
         except TimeoutError as error:
             question = self._question.decode("ascii")
             raise LinkLost(
@@ -51,15 +69,20 @@ class Conversation:
             self._answer = None
 
     async def ask_patiently(self, line: bytes, *, tries: int) -> ReplyBlock:
-        """Repeat a request without a reply; the last failure is raised. `until_lost` ends it when the link is lost."""
+        """Repeat a request without a reply; the last failure is raised. `until_lost` ends it when the link is lost.
+
+        On a late link the reply to one try comes during the next: the round trip counts from the first.
+        """
+        first_asked_s = self.link.clock()
         for _ in range(tries - 1):
             with contextlib.suppress(LinkLost):
-                return await self.ask(line)
-        return await self.ask(line)
+                return await self._ask(line, REPLY_TIMEOUT_S, first_asked_s)
+        return await self._ask(line, REPLY_TIMEOUT_S, first_asked_s)
 
-    def _on_bytes(self, chunk: bytes, _read_at_s: float) -> None:
+    def _on_bytes(self, chunk: bytes, read_at_s: float) -> None:
         for block in self.deframer.feed(chunk):
             if self._answer is not None and not self._answer.done() and block.echo == self._question:
+                self.answered_s = read_at_s
                 self._answer.set_result(block)
 
 
@@ -143,3 +166,31 @@ async def _told(talk: Conversation, line: str, *, tries: int) -> dict[str, str]:
         return fields(await talk.ask_patiently(command(line), tries=tries))
     except LinkLost:
         return {}
+
+
+async def read_clock(talk: Conversation) -> ClockReading | None:
+    """Read a quiet sensor's counter (TM0, TM1, TM2); None when it does not tell it. It is left ready to measure."""
+    try:
+        if (await talk.ask(command("TM0"))).status not in {"00", "02"}:
+            return None
+        reading = await _best_reading(talk)
+        await talk.ask(command("TM2"))
+    except LinkLost:  # of a lost link, the write raises it again
+        talk.link.write(command("TM2"))  # should it have heard the rest
+        return None
+    return reading
+
+
+async def _best_reading(talk: Conversation) -> ClockReading | None:
+    best: ClockReading | None = None
+    for _ in range(_CLOCK_READINGS):
+        reply = await talk.ask(command("TM1"))  # never repeated: a late reply would pass as that to the next
+        sensor_ms = decode_number(reply.lines[0]) if reply.status == "00" and len(reply.lines) == 1 else None
+        if sensor_ms is None or len(reply.lines[0]) != 4:
+            break
+        reading = ClockReading(sensor_ms, talk.asked_s, talk.answered_s)
+        if best is None or reading.round_trip_s < best.round_trip_s:
+            best = reading
+        if best.round_trip_s <= _PROMPT_S:
+            break
+    return best

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import logging
+import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -21,10 +22,10 @@ from drivers.api import (
     as_wanted,
 )
 from drivers.hokuyo.codec import command
-from drivers.hokuyo.conversation import Conversation, SensorIdentity, identify, quieten, until_lost
+from drivers.hokuyo.conversation import Conversation, SensorIdentity, identify, quieten, read_clock, until_lost
 from drivers.hokuyo.settings import HokuyoSettings
 from drivers.hokuyo.stream import UNSTABLE_WARN, ScanStream, Sequence
-from drivers.hokuyo.timing import StampGate
+from drivers.hokuyo.timing import ClockReading, StampGate
 from drivers.link import Tap, open_link
 
 _log = logging.getLogger(__name__)
@@ -35,8 +36,13 @@ USUAL_BAUDS: Final = (115200, 19200, 38400, 57600)
 FIRST_SCAN_TIMEOUT_S: Final = 1.5
 REBOOT_PAUSE_S: Final = 20.0
 SETTLING_SCANS: Final = 2
-"""Number of scans skipped after a restart of the stream: the first sets the clock, and may have waited; the third that
-fits it is delivered."""
+"""Number of scans skipped after a restart of the stream of a sensor that does not tell its time: the first sets the
+clock, and may have waited; the third that fits it is delivered."""
+LATE_SAID_S: Final = 0.05
+"""Delay from which a status says that the scans come late."""
+LATE_CHANGED_S, LATE_CHANGED = 0.03, 0.3
+PROMPT_LINK_S: Final = 0.1
+"""Round trip of a link on which a request for the time is not answered because the sensor does not know it."""
 _WATCH_PERIOD_S: Final = 0.1
 _WATCH_SLACK_S: Final = 0.02
 _FAREWELL_TIMEOUT_S: Final = 0.2
@@ -64,6 +70,8 @@ class Hokuyo:
         self._last_reboot_s: float | None = None
         self._has_streamed = False
         self._talk: Conversation | None = None
+        self._timeless: set[str] = set()  # identities that do not tell their time
+        self._late_s = 0.0
         self.tap: Tap | None = None
 
     @property
@@ -130,24 +138,12 @@ class Hokuyo:
         """Stream, and restart the stream as long as a restart brings scans."""
         while True:
             self._say(LinkState.STARTING, f"{talk.link.address}: asking the sensor who it is")
+            talk.quickest_s = math.inf  # the link may be another since the last start
             identity = await identify(talk)
             self._meet(identity)
             if unfit := identity.parameters.unfit:
                 raise ProtocolError(f"{talk.link.address}: this {identity.parameters.model} {unfit}")
-            stream = ScanStream(
-                talk,
-                identity,
-                self._gate,
-                self._health,
-                self._sequence,
-                on_scan,
-                settings=self._settings,
-                held_back=SETTLING_SCANS if self._has_streamed else 0,
-            )
-            self._has_streamed = True
-            self._gate.restart()
-            started_s = self._clock()
-            await stream.start()
+            stream, started_s = await self._start_stream(talk, identity, on_scan)
             why = await self._watch(stream, identity, started_s)
             talk.listen()
             self._say(LinkState.FAULTY, f"{talk.link.address}: {why}")
@@ -158,6 +154,42 @@ class Hokuyo:
             self._health.count("restart")
             await quieten(talk)
 
+    async def _start_stream(
+        self, talk: Conversation, identity: SensorIdentity, on_scan: Callable[[Scan], None]
+    ) -> tuple[ScanStream, float]:
+        """Return the stream, and when it was started."""
+        reading = await self._read_clock(talk, identity)
+        stream = ScanStream(
+            talk,
+            identity,
+            self._gate,
+            self._health,
+            self._sequence,
+            on_scan,
+            settings=self._settings,
+            held_back=SETTLING_SCANS if self._has_streamed else 0,
+        )
+        self._has_streamed = True
+        self._late_s = 0.0
+        self._gate.restart(talk.quickest_s, reading, 1 / identity.parameters.rate_hz)
+        started_s = self._clock()
+        try:
+            await stream.start()
+        except DriverError:
+            if talk.quickest_s < PROMPT_LINK_S:
+                self._timeless.add(identity.name)  # the reading may be what keeps it from measuring
+            raise
+        return stream, started_s
+
+    async def _read_clock(self, talk: Conversation, identity: SensorIdentity) -> ClockReading | None:
+        """Read the sensor's clock where it tells it, and remember where it does not."""
+        if identity.name in self._timeless:
+            return None
+        reading = await read_clock(talk)
+        if reading is None and talk.quickest_s < PROMPT_LINK_S:
+            self._timeless.add(identity.name)
+        return reading
+
     async def _watch(self, stream: ScanStream, identity: SensorIdentity, started_s: float) -> str:
         """Check the stream ten times a second; return the reason for a restart."""
         model = identity.parameters.model
@@ -166,6 +198,7 @@ class Hokuyo:
             next_s = self._clear_s(max(next_s + _WATCH_PERIOD_S, self._clock()), _WATCH_SLACK_S)
             await asyncio.sleep(next_s - self._clock())
             now_s = self._clock()
+            self._note_lateness()
             if why := self._why_restart(stream, now_s, started_s):
                 return why
             self._log_changes()
@@ -175,8 +208,34 @@ class Hokuyo:
                 self._failures = 0
                 age_s = now_s - stream.delivered_s
                 if age_s > self._settings.degraded_after_s:
-                    self._say(LinkState.FAULTY, f"{model}: no scan for {age_s:.1f} s (cable, power?)")
+                    self._say(
+                        LinkState.FAULTY, f"{model}: no scan for {age_s:.1f} s{self._lateness or ' (cable, power?)'}"
+                    )
+                elif self._health.link is LinkState.READY:
+                    self._health.message = identity.summary + self._untimed + self._lateness
+            elif stream.heard_s is not None and self._lateness:
+                self._say(LinkState.FAULTY, f"{model}: no usable scan{self._lateness}")
         return f"the sensor is in trouble, status {stream.trouble} (if it stays so, power-cycle it)"
+
+    def _note_lateness(self) -> None:
+        """Follow the newest scans' delay where it has really changed: each change of a message is logged."""
+        least_s, self._gate.least_s = self._gate.least_s, math.inf
+        if math.isfinite(least_s) and abs(least_s - self._late_s) > max(LATE_CHANGED_S, LATE_CHANGED * self._late_s):
+            self._late_s = least_s
+
+    @property
+    def _lateness(self) -> str:
+        """The delay noted in words, "" while the scans are prompt."""
+        if self._late_s < LATE_SAID_S:
+            return ""
+        return f"; its scans come {self._late_s:.2f} s late (network? a busy computer?)"
+
+    @property
+    def _untimed(self) -> str:
+        """How the scans' age is known where the sensor does not tell it, "" where it does."""
+        if self._gate.dated:
+            return ""
+        return f"; it does not tell its time (TM): its scans count as {self._gate.link_s * 1000:.0f} ms late"
 
     def _why_restart(self, stream: ScanStream, now_s: float, started_s: float) -> str:
         silent_s = self._settings.silent_after_s
@@ -187,7 +246,7 @@ class Hokuyo:
             return f"no scan for {now_s - stream.heard_s:.1f} s (cable, power, or the sensor hangs)"
         unused_s = now_s - (started_s if stream.delivered_s is None else stream.delivered_s)
         if unused_s > 2 * silent_s and not stream.unstable_in_a_row:
-            return f"for {unused_s:.1f} s all scans came late or with foreign stamps (is the computer too slow?)"
+            return f"for {unused_s:.1f} s no usable scan{self._lateness or '; all have foreign stamps'}"
         return ""
 
     async def _recover(self, talk: Conversation, why: str) -> None:

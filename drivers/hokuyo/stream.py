@@ -1,6 +1,7 @@
 """The hot path: from the bytes of a running stream to scans, inside the reader callback. No log, no formatting."""
 
 import asyncio
+import math
 from collections.abc import Callable
 from typing import Final
 
@@ -35,7 +36,8 @@ class ScanStream:
 
     heard_s: time of the last valid block: a scan, late ones included, or "unstable". delivered_s: time of the last
         delivered scan. Both None before the first.
-    held_back: number of fresh scans that are not delivered at first ("settling" in the counts).
+    held_back: number of fresh scans that are not delivered at first ("settling" in the counts), where the sensor does
+        not tell how late the first comes.
     trouble: the status in which the sensor gave up, "" while it has not.
     """
 
@@ -73,6 +75,7 @@ class ScanStream:
         self._angle_min_rad = (-edge_rad if upside_down else edge_rad) + settings.yaw_rad
         self._range_min_m = parameters.range_min_mm / 1000
         self._range_max_m = parameters.range_max_mm / 1000
+        self._asked_s = math.inf
         self._started: asyncio.Future[str] = asyncio.get_running_loop().create_future()
         self.heard_s: float | None = None
         self.delivered_s: float | None = None
@@ -83,6 +86,7 @@ class ScanStream:
         """Start measuring; the sensor's refusal is left in `trouble` or raised as ProtocolError."""
         self._talk.deframer.limit_bytes = max(BLOCK_LIMIT_BYTES, 2 * self._decoder.block_bytes)
         self._talk.link.listen(self._on_bytes)
+        self._asked_s = self._talk.link.clock()
         self._talk.link.write(self._command)
         try:
             async with asyncio.timeout(START_TIMEOUT_S):
@@ -118,7 +122,7 @@ class ScanStream:
         lateness_s = self._gate.accept(stamp_ms, read_at_s)
         if lateness_s is None:
             return
-        if self._held_back:
+        if self._held_back and not self._gate.dated:
             self._held_back -= 1
             self._health.count("settling")
             return
@@ -141,6 +145,7 @@ class ScanStream:
 
     def _on_status(self, status: str, read_at_s: float) -> None:
         if not self._started.done():
+            self._gate.link_s = min(self._gate.link_s, read_at_s - self._asked_s)
             self._started.set_result(status)
         meaning = judge(status)
         if meaning is StreamStatus.UNSTABLE:

@@ -29,6 +29,7 @@ REMEDIES: Final = (
     ("no route", "give this computer an address in the sensor's network: see `lidar network`"),
     ("network unreachable", "give this computer an address in the sensor's network: see `lidar network`"),
     ("no answer", "check its power (10 to 30 V), its cable, and lidar.address"),
+    ("scans come", "look for what is slow between the sensor and this computer: a switch, Wi-Fi, a busy processor"),
     ("another program", "end the program that holds the port"),
     ("permission", "sudo usermod -aG dialout USER, then log out and in again"),
     ("no such device", "plug it in; install the udev rules: sudo wallride service install"),
@@ -77,6 +78,8 @@ def judge_lidar(report: LidarReport) -> list[Finding]:
     found = [ok("lidar", f"{health.identity}; {health.message}")]
     if "says of itself" in health.message:
         found = [warn("lidar", f"{health.identity}; {health.message}", "switch it off and on; wipe its window")]
+    if "scans come" in health.message:
+        found = [warn("lidar", f"{health.identity}; {health.message}", remedy_of("scans come"))]
     if bad := {what: count for what, count in health.counts.items() if what == "checksum"}:
         found.append(
             warn("lidar line", f"{bad['checksum']} damaged replies", "check the cable, keep it away from the motor's")

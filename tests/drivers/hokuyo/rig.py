@@ -22,6 +22,7 @@ class Rig:
 
     def __init__(self, emulator: ScipEmulator, address: str, **settings: Any) -> None:
         self.emulator = emulator
+        emulator.sensor.ahead_ms = 16_777_100
         self.driver = Hokuyo(HokuyoSettings(address=address, **settings))
         self.scans: list[Scan] = []
         self.stamp_ms = 16_777_100

@@ -66,6 +66,7 @@ async def test_garbage_between_scans_is_counted_and_survived(rig: Rig) -> None:
 
 
 async def test_bytes_that_dribble_make_the_same_scans(rig: Rig) -> None:
+    rig.emulator.sensor.refused = frozenset({"TM0"})  # on a busy computer they take long, and with its time it shows
     await rig.ready()
     rig.emulator.dribble_s = 0.015
     for number in range(5):

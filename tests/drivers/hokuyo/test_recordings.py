@@ -73,8 +73,9 @@ def check_stamps(stamps_s: npt.NDArray[np.float64], sensor_s: npt.NDArray[np.flo
 
 async def play(recording: Recording) -> tuple[list[Scan], dict[str, int]]:
     """Send the recording through the emulator and the driver as fast as it goes; return the scans and the counts."""
-    emulator = ScipEmulator()
     now_s = recording.arrival_s[0] - 0.025
+    emulator = ScipEmulator(clock=lambda: now_s)
+    emulator.sensor.ahead_ms = recording.stamps_ms[0] - now_s * 1000
     port = await emulator.start_tcp()
     settings = HokuyoSettings(address=f"tcp://127.0.0.1:{port}", silent_after_s=60.0, stale_after_s=STALE_AFTER_S)
     driver = Hokuyo(settings, clock=lambda: now_s)

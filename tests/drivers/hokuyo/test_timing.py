@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.hokuyo.timing import NEW_CLOCK_AFTER_S, WRAP_MS, StampGate
+from drivers.hokuyo.timing import DRIFT, NEW_CLOCK_AFTER_S, WRAP_MS, ClockReading, StampGate
 
-PERIOD_MS = 25
+PERIOD_MS, SWEEP_MS = 25, 19
 
 
 class Cable:
@@ -21,6 +21,16 @@ class Cable:
         """Let one period pass and deliver the scan `late_s` late, from a sensor whose clock is off by `clock_ms`."""
         self.advance(PERIOD_MS)
         return self.gate.accept((self.sensor_ms + clock_ms) % WRAP_MS, self.now_s + late_s)
+
+    def restart(self, *, late_s: float = 0.0, told: bool = True, clock_ms: int = 0, answer_s: float = 0.0) -> None:
+        """Start a stream on a link whose answers come `late_s` late; the counter is read 50 ms before the first scan.
+
+        clock_ms: what the counter that is told is off. answer_s: how much longer the sensor takes to tell it.
+        """
+        asked_s = self.now_s - 0.05 - answer_s
+        counter_ms = (self.sensor_ms - 50 + SWEEP_MS + clock_ms) % WRAP_MS  # a stamp is the counter before the sweep
+        reading = ClockReading(counter_ms, asked_s, asked_s + answer_s + late_s)
+        self.gate.restart(late_s, reading if told else None, PERIOD_MS / 1000)
 
     def advance(self, ms: int) -> None:
         self.sensor_ms += ms
@@ -159,3 +169,67 @@ def test_a_first_scan_that_was_late_itself_does_not_spoil_the_rest() -> None:
         cable.scan(0.0)
     assert cable.scan(0.0) == pytest.approx(0.0, abs=1e-4)
     assert cable.counts["foreign"] == 0
+
+
+@pytest.mark.parametrize("late_s", [0.05, 0.09, 0.2, 0.5, 1.0])
+@pytest.mark.parametrize("told", [True, False])
+def test_a_link_that_is_late_from_the_first_scan_on_is_seen(late_s: float, told: bool) -> None:
+    cable = Cable(sensor_ms=WRAP_MS - 30, stale_after_s=2.0)
+    cable.restart(late_s=late_s, told=told)
+    lateness = [cable.scan(late_s) for _ in range(100)]
+    assert cable.gate.dated == told
+    assert lateness == pytest.approx([late_s - (PERIOD_MS - SWEEP_MS) / 1000 * told] * 100, abs=0.003)
+
+
+@pytest.mark.parametrize("late_s", [0.13, 0.2, 0.5, 1.0])
+@pytest.mark.parametrize("told", [True, False])
+def test_a_link_that_is_too_late_from_the_first_scan_on_delivers_nothing(late_s: float, told: bool) -> None:
+    cable = Cable()
+    cable.restart(late_s=late_s, told=told)
+    assert {cable.scan(late_s) for _ in range(200)} == {None}
+    assert cable.counts == {"stale": 200}
+    assert cable.gate.least_s == pytest.approx(late_s, abs=0.01)
+
+
+def test_a_delay_that_begins_between_the_reading_and_the_first_scan_is_seen() -> None:
+    cable = Cable()
+    cable.restart()
+    assert {cable.scan(0.3) for _ in range(50)} == {None}
+
+
+def test_a_known_delay_does_not_wear_off() -> None:
+    cable = Cable()
+    cable.restart(late_s=0.08)
+    lateness = [cable.scan(0.08) for _ in range(600 * 40)]
+    assert min(late_s for late_s in lateness if late_s is not None) > 0.07
+
+
+def test_a_delay_that_grows_faster_than_a_crystal_drifts_is_seen() -> None:
+    cable, rate = Cable(), 5 * DRIFT
+    cable.restart()
+    accepted = [cable.scan(rate * number * PERIOD_MS / 1000) for number in range(10_000)]
+    last = max(number for number, late_s in enumerate(accepted) if late_s is not None)
+    assert rate * last * PERIOD_MS / 1000 < 0.135
+    assert accepted[-1] is None
+
+
+@pytest.mark.parametrize("clock_ms", [-402_695, 402_695, -2_000, 2_000, WRAP_MS // 2])
+def test_a_sensor_that_tells_another_clock_than_it_stamps_with_is_taken_by_its_quickest_answer(clock_ms: int) -> None:
+    cable = Cable()
+    cable.restart(late_s=0.004, clock_ms=clock_ms)
+    assert [cable.scan(0.004) for _ in range(10)] == pytest.approx([0.004] * 10, abs=1e-3)
+    assert not cable.gate.dated
+
+
+def test_a_reading_that_takes_long_does_not_make_a_prompt_link_late() -> None:
+    cable = Cable()
+    cable.restart(late_s=0.002, answer_s=0.25)
+    assert cable.scan(0.0) == pytest.approx(0.002)
+
+
+def test_a_new_clock_does_not_make_a_late_link_prompt() -> None:
+    cable = Cable(sensor_ms=10_000_000)
+    cable.restart(late_s=0.095)
+    cable.scan(0.095)
+    accepted = [cable.scan(0.095, clock_ms=-10_000_000) for _ in range(60)]
+    assert [late_s for late_s in accepted if late_s is not None] == pytest.approx([0.089] * 19, abs=0.003)

@@ -54,6 +54,7 @@ DESK_AGE: Final = "tests/runtime/teleop/test_desk_age.py::"
 DESK_LOSSES: Final = "tests/runtime/teleop/test_desk_losses.py::"
 PILOT: Final = "tests/clients/teleop/test_pilot.py::"
 SYSTEM: Final = "tests/system/test_process.py::"
+LATE_LINK: Final = "tests/system/test_late_link.py::"
 STORIES: Final = "tests/system/test_stories.py::"
 OWN_LAW: Final = "tests/system/test_own_law.py::"
 
@@ -69,6 +70,14 @@ MATRIX: Final[Sequence[Fault]] = (
           SYSTEM + "test_a_lidar_that_dribbles_byte_by_byte_drives_the_car_all_the_same"),
     Fault(LIDAR, "late burst", "nothing stale drives", SELF,
           SYSTEM + "test_a_burst_after_a_stall_drives_by_nothing_stale", ("31",), SOFT_S),
+    Fault(LIDAR, "late from the first byte", "its scans' age is known by the sensor's clock or its quickest"
+          " answer: it does not move, said", SELF,
+          LATE_LINK + "test_a_lidar_that_is_late_from_the_first_byte_never_moves_the_car"),
+    Fault(LIDAR, "becomes late", "brake; it stays standing while the link is late, said", SELF,
+          LATE_LINK + "test_a_lidar_that_becomes_late_stops_the_car_before_the_wall_and_for_good"),
+    Fault(LIDAR, "does not tell its time (TM)", "drives on; age by its quickest answer, said", "-",
+          "tests/drivers/hokuyo/test_late_link.py::"
+          "test_a_sensor_that_does_not_tell_its_time_is_driven_by_all_the_same"),
     Fault(LIDAR, "does not tell version or state (VV, II)", "drives on, said", "-",
           HOKUYO_SENSORS + "test_a_sensor_that_does_not_tell_what_is_for_people_is_driven_by_and_said"),
     Fault(LIDAR, "frozen", "named, brake", SELF, INJECTED, (), HARD_S),

@@ -1,0 +1,171 @@
+"""One drive in virtual time behind a link that delays the lidar's bytes: real drivers, tasks and laws."""
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Final
+from unittest import mock
+
+import numpy as np
+
+from drivers.hokuyo.driver import Hokuyo
+from drivers.link import ByteLink
+from runtime.app import Car
+from runtime.settings.tree import Settings
+from sim.virtual.devices import MemoryBus
+from sim.virtual.twin_world import TwinWorld, WorldMotor
+from sim.virtual.virtual_time import run_virtual
+from sim.world.worlds import load_world
+from tests.system.soak.scene import MemoryLidar
+
+PERIOD_S: Final = 0.025
+NO_RETURN_MM: Final = 65533
+MOVES_MPS: Final = 0.1
+STANDS_MPS: Final = 0.02
+RETURN_M: Final = 0.05
+
+
+@dataclass(frozen=True)
+class Constant:
+    """Late by the same, from a moment on."""
+
+    late_s: float
+    from_s: float = 0.0
+
+    def __call__(self, now_s: float) -> float:
+        return self.late_s if now_s >= self.from_s else 0.0
+
+
+@dataclass(frozen=True)
+class Growing:
+    """Later and later, by seconds a second."""
+
+    rate: float
+    from_s: float = 2.0
+
+    def __call__(self, now_s: float) -> float:
+        return self.rate * max(0.0, now_s - self.from_s)
+
+
+@dataclass(frozen=True)
+class Stepping:
+    """Later by a step every two seconds."""
+
+    step_s: float
+
+    def __call__(self, now_s: float) -> float:
+        return self.step_s * (now_s // 2.0)
+
+
+@dataclass(frozen=True)
+class Jitter:
+    """Another delay for each scan, within a limit."""
+
+    most_s: float
+    seed: int = 1
+
+    def __call__(self, now_s: float) -> float:
+        return float(np.random.default_rng((self.seed, round(now_s * 1e4))).uniform(0.0, self.most_s))
+
+
+@dataclass(frozen=True, slots=True)
+class LateDrive:
+    """What is driven. late_s: delay of the bytes that leave the sensor at a time. timeless: TM is not answered."""
+
+    world: str
+    speed_mps: float
+    late_s: Callable[[float], float]
+    duration_s: float = 14.0
+    timeless: bool = False
+    seed: int = 1
+
+
+@dataclass(slots=True)
+class Drive:
+    """What came of it. stops: how often the moving car came to stand. messages: what the lidar's health said."""
+
+    contact_mps: float | None = None
+    ended_s: float = 0.0
+    way_m: float = 0.0
+    stops: int = 0
+    reasons: list[str] = field(default_factory=list)
+    messages: list[str] = field(default_factory=list)
+    scans: int = 0
+    counts: dict[str, int] = field(default_factory=dict)
+
+
+def drive_late(what: LateDrive) -> Drive:
+    """Drive it to its end or its first contact."""
+    return run_virtual(_Stage(what).drive())
+
+
+class _Stage:
+    def __init__(self, what: LateDrive) -> None:
+        self._what = what
+        self._found = Drive()
+        self._stop = asyncio.Event()
+        self._was_moving = False
+
+    async def drive(self) -> Drive:
+        what, clock = self._what, asyncio.get_running_loop().time
+        self._twin = twin = TwinWorld(load_world(what.world), clock, seed=what.seed)
+        self._scip = scip = MemoryLidar(clock=clock, seed=what.seed)
+        scip.sensor.unanswered = frozenset({"TM0"} if what.timeless else ())
+        settings = Settings.model_validate(
+            {
+                "car": {"name": "sim"},
+                "motor": {"servo_min": 0.1, "servo_max": 0.95},
+                "lidar": {"address": "tcp://127.0.0.1:1"},
+                "wall_follow": {"speed_mps": what.speed_mps},
+                "battery": {"settle_s": 0},
+                "recording": {"enabled": False},
+                "process": {"state_folder": ""},
+                "operator": {"permit": "always"},
+            }
+        )
+
+        async def open_link(address: Any, clock: Any) -> ByteLink:
+            end = scip.connect()
+            return ByteLink(address, end.fileno(), lambda _lost: end.close(), clock)
+
+        with mock.patch("drivers.hokuyo.driver.open_link", open_link):
+            self._lidar = Hokuyo(settings.lidar, clock=clock)
+            self._car = Car(settings, self._lidar, WorldMotor(twin, clock), MemoryBus(clock, listened_to=False), clock)
+            turning = asyncio.get_running_loop().create_task(self._turn())
+            asyncio.get_running_loop().call_at(what.duration_s, self._stop.set)
+            await self._car.drive(self._stop)
+            turning.cancel()
+        scip.close()
+        found = self._found
+        found.contact_mps, found.way_m, found.ended_s = twin.contact_mps, twin.way_m, clock()
+        found.counts = self._lidar.health.counts
+        return found
+
+    async def _turn(self) -> None:
+        clock, twin, scans = asyncio.get_running_loop().time, self._twin, 0
+        while not self._stop.is_set():
+            scans += 1
+            await asyncio.sleep(scans * PERIOD_S - clock())
+            now_s = clock()
+            ranges_m = twin.ranges_at(now_s)
+            self._scip.late_s = self._what.late_s(now_s)
+            self._scip.publish(
+                np.where(np.isnan(ranges_m), NO_RETURN_MM, np.round(ranges_m * 1000)).astype(np.int64),
+                round(now_s * 1000),
+            )
+            self._note()
+
+    def _note(self) -> None:
+        found, speed_mps = self._found, abs(self._twin.vehicle.speed_mps)
+        message = self._lidar.health.message
+        if not found.messages or found.messages[-1] != message:
+            found.messages.append(message)
+        if speed_mps > MOVES_MPS:
+            self._was_moving = True
+        elif speed_mps < STANDS_MPS and self._was_moving:
+            self._was_moving = False
+            found.stops += 1
+            output = self._car.mux.output
+            found.reasons.append(output.decision.reason if output is not None else "")
+        if self._twin.contact_mps is not None:
+            self._stop.set()
