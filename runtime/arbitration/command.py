@@ -79,12 +79,18 @@ class Verdict:
         """Return this verdict for every command: a constant SafetyAssessment."""
         return self
 
+    ask = limit
+
 
 class SafetyAssessment(Protocol):
     """Judgement of the present by a limiting source; evaluated for the very command that is about to be sent."""
 
     def limit(self, speed_mps: float, steering_rad: float) -> Verdict:
-        """Judge a command of any source. Cheap: evaluated again at every tick."""
+        """Judge the command that is about to be sent; the law may remember it. Cheap: evaluated again at every tick."""
+        ...
+
+    def ask(self, speed_mps: float, steering_rad: float) -> Verdict:
+        """Return what `limit` would, without a trace: for everyone but `arbitrate`."""
         ...
 
 

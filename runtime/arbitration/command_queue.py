@@ -47,8 +47,12 @@ class CommandQueue:
         self._queue.wake()
 
     def live(self) -> list[QueueEntry]:
-        """Return the entries in force, most urgent first."""
+        """Return the entries in force, most urgent first, and change nothing."""
         return self._queue.live()
+
+    def sweep(self) -> list[QueueEntry]:
+        """Drop what has expired, and return the entries in force, most urgent first: for the mux alone."""
+        return self._queue.sweep()
 
     def entry(self, source: Source) -> QueueEntry | None:
         """Return the entry of one source; None when it is silent."""
@@ -59,7 +63,7 @@ class CommandQueue:
         await self._queue.changed()
 
     def has_expired(self) -> bool:
-        """Tell whether an entry has expired since the last `live`."""
+        """Tell whether an entry has expired since the last `sweep`."""
         return self._queue.has_expired()
 
     def take_change(self) -> bool:

@@ -65,7 +65,12 @@ class PriorityQueue(Generic[K, V]):
         self._order = sorted(self._slots.values())
 
     def live(self) -> list[V]:
-        """Return all entries in force now, most urgent first, without removing them."""
+        """Return all entries in force now, most urgent first, and change nothing."""
+        now_s = self._clock()
+        return [value for _, _, _, value, expires_at_s in self._order if expires_at_s > now_s]
+
+    def sweep(self) -> list[V]:
+        """Drop what has expired, and return all entries in force now, most urgent first."""
         self._forget_expired()
         return [value for _, _, _, value, _ in self._order]
 
@@ -97,7 +102,7 @@ class PriorityQueue(Generic[K, V]):
         self._change.clear()
 
     def has_expired(self) -> bool:
-        """Tell whether an entry has expired that `live` or `get` have not dropped yet."""
+        """Tell whether an entry has expired that `sweep` or `get` have not dropped yet."""
         now_s = self._clock()
         return any(expires_at_s <= now_s for *_, expires_at_s in self._order)
 

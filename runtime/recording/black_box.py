@@ -122,7 +122,7 @@ class StopWatcher:
         begins, self._held = held is not None and not self._held, held is not None
         if begins and held is not None:
             self._moving, self._stopped = False, None
-            return held.assessment.limit(0.0, 0.0).reason
+            return held.assessment.ask(0.0, 0.0).reason
         if output.delivered and abs(output.drive.speed_mps) >= MOVING_MPS:
             self._moving, self._stopped, self._driver = True, None, output.decision.driver
         elif self._moving and (reason := self._reason(output)) is not None:

@@ -163,7 +163,7 @@ _ENCODERS: Mapping[str, Any] = {
 def _word(word: QueueEntry) -> list[Any]:
     if isinstance(word, DriveCommand):
         return ["drive", word.source, _row(Drive, word.drive), _plain(word.scan_stamp_s), word.reason]
-    verdict = word.assessment if isinstance(word.assessment, Verdict) else word.assessment.limit(0.0, 0.0)
+    verdict = word.assessment if isinstance(word.assessment, Verdict) else word.assessment.ask(0.0, 0.0)
     return ["cap", word.source, _row(Verdict, verdict), _plain(word.scan_stamp_s)]
 
 

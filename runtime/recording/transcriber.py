@@ -94,5 +94,5 @@ class Transcriber:
 def _arms(word: object) -> bool:
     """Tell whether an entry means that the car may begin to move."""
     if isinstance(word, SpeedLimit) and word.source is Source.PERMIT:
-        return word.assessment.limit(0.0, 0.0).forward_mps > 0
+        return word.assessment.ask(0.0, 0.0).forward_mps > 0
     return not isinstance(word, SpeedLimit | Source) and getattr(word, "source", None) is Source.TELEOP

@@ -71,7 +71,7 @@ class Mux:
         self._decision_log.begin()
         now_s = self._clock()
         elapsed_s = now_s - self._last_s
-        live = self._queue.live()
+        live = self._queue.sweep()
         decision = arbitrate(live, self._required, self._queue.order)
         drive = self._limiter.limit(decision.speed_mps, decision.steering_rad, elapsed_s, decision.brake_mps2)
         stages.mux.end()

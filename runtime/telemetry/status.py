@@ -4,12 +4,11 @@ Read off the hot path, from references to what the tasks own; computes nothing o
 null is "no limit", a measure of null "no number", and a gate of "" is open.
 """
 
-import copy
 import math
 from bisect import bisect_left, insort
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from drivers.api import Clock, Lidar, LinkState, Motor, MotorState
@@ -20,14 +19,11 @@ from runtime.arbitration.command import (
     DriveCommand,
     Output,
     QueueEntry,
-    SafetyAssessment,
     Source,
     SpeedLimit,
 )
 from runtime.arbitration.command_queue import CommandQueue
-from runtime.control.own_laws.guard import CappedAssessment
 from runtime.control.perception.odometry import OdometryState
-from runtime.control.safety.swept import SweptAssessment as SweptOutlook
 from runtime.control.score import Score
 from runtime.realtime.stage_timing import StageTimer
 from runtime.teleop.status import OperatorView
@@ -55,14 +51,13 @@ class SourceStatus:
 def said(word: QueueEntry, decision: Decision | None) -> SourceStatus:
     """Return what an entry requests or allows now.
 
-    A limit that decided is quoted from the decision. Another one is only evaluated for standstill, which is cheap and
-    leaves no trace in a safety law that remembers its own reasons.
+    A limit that decided is quoted from the decision. Another one is only evaluated for standstill, which is cheap.
     """
     if isinstance(word, DriveCommand):
         return SourceStatus(word.drive.speed_mps, word.drive.steering_rad, word.reason)
     if decision is not None and decision.winner is word.source:
         return SourceStatus(abs(decision.speed_mps), None, decision.reason, decision.measure)
-    verdict = word.assessment.limit(0.0, 0.0)
+    verdict = word.assessment.ask(0.0, 0.0)
     backward = decision is not None and decision.speed_mps < 0
     return SourceStatus(verdict.reverse_mps if backward else verdict.forward_mps, None, verdict.reason, verdict.measure)
 
@@ -230,22 +225,11 @@ def overruled(
         return None
     if order.index(Source.SAFETY) < order.index(Source.TELEOP) or not wish.drive.speed_mps:
         return None
-    verdict = _without_trace(safety.assessment).limit(wish.drive.speed_mps, wish.drive.steering_rad)
+    verdict = safety.assessment.ask(wish.drive.speed_mps, wish.drive.steering_rad)
     most_mps = verdict.forward_mps if wish.drive.speed_mps > 0 else verdict.reverse_mps
     if most_mps >= abs(wish.drive.speed_mps):
         return None
     return {"speed_mps": most_mps, "reason": verdict.reason, "measure": verdict.measure}
-
-
-def _without_trace(assessment: SafetyAssessment) -> SafetyAssessment:
-    """Return an assessment that can be evaluated without a trace in the law's memory."""
-    if isinstance(assessment, CappedAssessment):
-        return replace(assessment, assessment=_without_trace(assessment.assessment))
-    if not isinstance(assessment, SweptOutlook):
-        return assessment
-    guard = copy.copy(assessment.guard)
-    guard.memory = copy.deepcopy(guard.memory)
-    return replace(assessment, guard=guard)
 
 
 def entries(

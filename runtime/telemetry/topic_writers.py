@@ -9,7 +9,6 @@ from drivers.api import LinkState, MotorState, Scan
 from runtime.arbitration.command import NO_WINNER, DriveCommand, Output, Source, SpeedLimit
 from runtime.control.guidance import Guidance
 from runtime.control.perception.view import View
-from runtime.control.safety.swept import SweptAssessment
 from runtime.control.vehicle import CarSettings
 from runtime.realtime.wall_clock import WallClock
 from runtime.ros import markers, messages
@@ -209,5 +208,5 @@ class TopicWriters:
     def _view(self) -> View | None:
         """Return the newest scan's view in the safety law, where it keeps one."""
         word = self._observed.queue.entry(Source.SAFETY)
-        assessment = word.assessment if isinstance(word, SpeedLimit) else None
-        return assessment.view if isinstance(assessment, SweptAssessment) else None
+        view = getattr(word.assessment, "view", None) if isinstance(word, SpeedLimit) else None
+        return view if isinstance(view, View) else None

@@ -3,24 +3,37 @@
 from dataclasses import dataclass, replace
 
 from drivers.api import Clock, MotorState, Scan
-from runtime.arbitration.command import SafetyAssessment, Verdict
+from runtime.arbitration.command import Verdict
 from runtime.control.own_laws.answer import WrongAnswerError, number, of_kind, shown, text
 from runtime.control.own_laws.api import LawLimit
 from runtime.control.own_laws.law_class import LawClass
 from runtime.control.own_laws.runner import LawRunner, OwnSection, StateReader, WantedDrive, scan_for_law
-from runtime.control.safety.swept import SweptGuard
+from runtime.control.perception.view import View
+from runtime.control.safety.swept import SweptAssessment, SweptGuard
 
 
 @dataclass(slots=True, eq=False)
 class CappedAssessment:
     """The assessment of the car's own guard, under the limit of an own law."""
 
-    assessment: SafetyAssessment
+    assessment: SweptAssessment
     cap: Verdict
+
+    @property
+    def view(self) -> View:
+        """Return the view of the judged scan."""
+        return self.assessment.view
 
     def limit(self, speed_mps: float, steering_rad: float) -> Verdict:
         """Judge a drive: the lower limit of both in each direction, with the reason of the one that binds."""
-        verdict, cap = self.assessment.limit(speed_mps, steering_rad), self.cap
+        return self._capped(self.assessment.limit(speed_mps, steering_rad), speed_mps)
+
+    def ask(self, speed_mps: float, steering_rad: float) -> Verdict:
+        """Return what `limit` would, without a trace."""
+        return self._capped(self.assessment.ask(speed_mps, steering_rad), speed_mps)
+
+    def _capped(self, verdict: Verdict, speed_mps: float) -> Verdict:
+        cap = self.cap
         if cap.forward_mps >= verdict.forward_mps and cap.reverse_mps >= verdict.reverse_mps:
             return verdict
         binds = cap.reverse_mps < verdict.reverse_mps if speed_mps < 0 else cap.forward_mps < verdict.forward_mps

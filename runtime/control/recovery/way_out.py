@@ -197,7 +197,7 @@ class Recovery:
         """Return whether the car stands and may not go ahead; what forbids both ways, a blind lidar, is no box."""
         if abs(assessment.speed_mps) > STANDING_MPS:
             return False  # and the safety judges nothing for a follower that may not be the active driver
-        verdict = assessment.limit(wish.speed_mps, wish.steering_rad)
+        verdict = assessment.ask(wish.speed_mps, wish.steering_rad)
         return verdict.forward_mps <= 0 < verdict.reverse_mps
 
     def _is_free(self, assessment: SweptAssessment, wish: Drive) -> bool:
@@ -236,7 +236,7 @@ class Recovery:
         if now_s - self._begun_s < SETTLING_S:
             return RecoveryAdvice(Drive(0.0, leg.steering_rad), words)
         speed_mps = math.copysign(self._settings.speed_mps, leg.travel_m)
-        verdict = assessment.limit(speed_mps, leg.steering_rad)
+        verdict = assessment.ask(speed_mps, leg.steering_rad)
         blocked = (verdict.forward_mps if speed_mps > 0 else verdict.reverse_mps) <= 0
         if not blocked:
             self._moving_s = now_s

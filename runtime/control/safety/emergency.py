@@ -46,6 +46,8 @@ MAX_BRAKE_MPS2 = 2.0 * GRAVITY_MPS2
 class Emergency:
     """Chooses a manoeuvre at every scan of an emergency, and keeps it for the next.
 
+    Its fields are immutable values, replaced and never changed in place: a shallow copy is a whole one.
+
     chosen: the active manoeuvre with its outcome; None while there is no emergency.
     """
 
@@ -54,11 +56,11 @@ class Emergency:
         self._follows_driver = False
         self._asked: tuple[float, float] = (math.nan, math.nan)
         self._doubted: tuple[tuple[float, float], bool] = (math.nan, math.nan), False
-        self._angles: deque[tuple[float, float]] = deque(maxlen=KEPT_ANGLES)
+        self._angles: tuple[tuple[float, float], ...] = ()
 
     def note(self, stamp_s: float, wheel_rad: float) -> None:
         """Record the commanded wheel angle at a scan."""
-        self._angles.append((stamp_s, wheel_rad if math.isfinite(wheel_rad) else 0.0))
+        self._angles = (*self._angles[1 - KEPT_ANGLES :], (stamp_s, wheel_rad if math.isfinite(wheel_rad) else 0.0))
 
     def end(self) -> None:
         """End the emergency and return the car to its driver."""

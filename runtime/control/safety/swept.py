@@ -5,8 +5,9 @@ the stopping distance (`stopping`). Two limits: a graded one, which brakes gentl
 held for a moment. Formulas: docs/laws.md; figures: benchmarks/laws.md.
 """
 
+import copy
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -49,14 +50,23 @@ ON_LIDAR = Verdict(0.0, 0.0, "something on the lidar: uncover it")
 
 
 @dataclass(slots=True)
-class _Memory:
-    """State of the verdicts between scans: end of the hold of a hard stop, end of the wary period, last locked scan."""
+class SweptMemory:
+    """All that a judgement writes, from scan to scan. Nothing else that it reaches may be written.
+
+    held_until_s: end of the hold of a hard stop. slid_s: last scan with locked wheels. wary_until_s: end of the wary
+    period.
+    """
 
     held_until_s: float = -math.inf
     slid_s: float = -math.inf
     braking: bool = False
     wary_until_s: float = -math.inf
     reversal: SteeringReversal = field(default_factory=SteeringReversal)
+    emergency: Emergency = field(default_factory=Emergency)
+
+    def copied(self) -> "SweptMemory":
+        """Return a copy of all of it: the fields, and theirs, are immutable values."""
+        return replace(self, reversal=copy.copy(self.reversal), emergency=copy.copy(self.emergency))
 
 
 class SweptGuard:
@@ -88,8 +98,7 @@ class SweptGuard:
         self.movers = MovingObstacles()
         self.faint = ThinObstacles()
         self.visibility = Visibility(car)
-        self.memory = _Memory()
-        self.emergency = Emergency()
+        self.memory = SweptMemory()
         self.assessment: SweptAssessment | None = None
         self.stuck_reason = ""
         self._eyes = eyes
@@ -120,7 +129,7 @@ class SweptGuard:
         self.health.glance(view)
         self.visibility.look(view, pose)
         self._unlearnt = view, motor, pose
-        self.emergency.note(scan.stamp_s, wheel_rad)
+        self.memory.emergency.note(scan.stamp_s, wheel_rad)
         lost = motor is None or self._speed.slides
         if lost:
             self.memory.slid_s = scan.stamp_s
@@ -135,7 +144,7 @@ class SweptGuard:
             window = self._window = Verdict(ceiling_mps, ceiling_mps, self.health.reason)
         if self.visibility.on_lidar:
             window = ON_LIDAR
-        self.assessment = SweptAssessment(self, view, speed_mps, strip, window, wary)
+        self.assessment = SweptAssessment(self, self.memory, view, speed_mps, strip, window, wary)
         return self.assessment
 
     def _read(self, motor: MotorState | None, stamp_s: float) -> tuple[float, float, float]:
@@ -193,6 +202,7 @@ class SweptAssessment:
     """Judges every drive by one scan. Repeated calls are cheap: the strip caches its sweeps."""
 
     guard: SweptGuard
+    memory: SweptMemory
     view: View
     speed_mps: float
     strip: Strip
@@ -204,8 +214,12 @@ class SweptAssessment:
         """Age of the scan now, as accurately as the clock allows."""
         return max(0.0, self.guard.now_s(self.view.scan) - self.view.scan.stamp_s)
 
+    def ask(self, speed_mps: float, steering_rad: float) -> Verdict:
+        """Return what `limit` would, on copies of all that it may write."""
+        return replace(self, memory=self.memory.copied(), strip=self.strip.copied()).limit(speed_mps, steering_rad)
+
     def limit(self, speed_mps: float, steering_rad: float) -> Verdict:
-        """Judge a drive; NaN, infinity and a speed of 0 receive the ceiling alone."""
+        """Judge a drive about to be sent, and remember it; NaN, infinity and a speed of 0 receive the ceiling alone."""
         age_s = self.age_s
         ceiling = self._ceiling(age_s)
         if ceiling.forward_mps <= 0 or not speed_mps or not math.isfinite(speed_mps + steering_rad):
@@ -232,11 +246,11 @@ class SweptAssessment:
         return Verdict(settings.doubtful_mps, settings.doubtful_mps, "the scan is late", age_s)
 
     def _forward(self, wanted_mps: float, steering_rad: float, reaction_s: float) -> Verdict:
-        body, settings, memory = self.guard.body, self.guard.settings, self.guard.memory
+        body, settings, memory = self.guard.body, self.guard.settings, self.memory
         speed_mps, look_m = max(self.speed_mps, 0.0), self._look_m(wanted_mps)
         found = self.strip.contact(steering_rad, look_m, wary=self.wary)
         now_s = self.view.scan.stamp_s
-        if not memory.braking and self.guard.emergency.turns_in_vain(self.strip, steering_rad, now_s):
+        if not memory.braking and self.memory.emergency.turns_in_vain(self.strip, steering_rad, now_s):
             memory.braking, memory.held_until_s = True, now_s + settings.hold_s
         if found is NOTHING and not memory.braking:
             return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s)
@@ -246,13 +260,13 @@ class SweptAssessment:
         hard_m = STOP_SPARE_M + stopping_distance_m(speed_mps, reaction_s, hard_mps2)
         if self._brakes(found.travel_m, hard_m, steering_rad):
             return self._standing(found) if speed_mps <= STANDING_MPS else self._emergency(found, steering_rad)
-        self.guard.emergency.end()
+        self.memory.emergency.end()
         if found is NOTHING:
             return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s)
         graded_mps = body.graded_mps(found, reaction_s)
         hastes = wanted_mps >= speed_mps > graded_mps and found.aside_m * steering_rad < 0.0
         if hastes and self._is_needy(steering_rad):
-            memory.braking = self.guard.emergency.slow_in_bend(self.strip, steering_rad, now_s)
+            memory.braking = self.memory.emergency.slow_in_bend(self.strip, steering_rad, now_s)
             if memory.braking:
                 return self._emergency(found, steering_rad)
         gaining = self._gaining(steering_rad, look_m, wanted_mps, reaction_s)
@@ -264,7 +278,7 @@ class SweptAssessment:
 
     def _emergency(self, found: Contact, steering_rad: float) -> Verdict:
         """Return the verdict of the emergency manoeuvre; `_brakes` decides on its end."""
-        emergency = self.guard.emergency
+        emergency = self.memory.emergency
         brake_mps2 = emergency.decide(self.strip, steering_rad, self.view.scan.stamp_s).manoeuvre.brake_mps2
         return Verdict(0.0, NO_LIMIT_MPS, emergency.reason, found.travel_m, brake_mps2, emergency.steering_rad)
 
@@ -275,7 +289,7 @@ class SweptAssessment:
     def _reversal(self, wanted_mps: float, steering_rad: float, reaction_s: float) -> Verdict:
         """Limit the speed so that a stop is possible on the path the driver has just given up, should it turn back."""
         guard, now_s = self.guard, self.view.scan.stamp_s
-        other_rad = guard.memory.reversal.given_up_rad(steering_rad, now_s, guard.car.steering_rate_radps * reaction_s)
+        other_rad = self.memory.reversal.given_up_rad(steering_rad, now_s, guard.car.steering_rate_radps * reaction_s)
         if other_rad is None:
             return CLEAR
         found = self.strip.contact(other_rad, self._look_m(wanted_mps))
@@ -318,12 +332,12 @@ class SweptAssessment:
         leaves grip for the motor; one whose wheels were locked, not before a person who walks into its way would be
         seen to move.
         """
-        memory, settings, now_s = self.guard.memory, self.guard.settings, self.view.scan.stamp_s
+        memory, settings, now_s = self.memory, self.guard.settings, self.view.scan.stamp_s
         if way_m < hard_m:
             memory.braking = True
             memory.held_until_s = now_s + settings.hold_s
-        elif memory.braking and self.guard.emergency.turns:
-            emergency = self.guard.emergency
+        elif memory.braking and self.memory.emergency.turns:
+            emergency = self.memory.emergency
             memory.braking = self._is_needy(steering_rad) or not emergency.may_release(self.strip, steering_rad, now_s)
         elif memory.braking and now_s >= max(memory.held_until_s, memory.slid_s + UNTOLD_S):
             memory.braking = self.speed_mps > STANDING_MPS and way_m < hard_m + settings.release_m

@@ -39,6 +39,10 @@ class Strip:
     _near_m: tuple[Places, Places] | None = None
     _hidden_m: tuple[Places, Places] | None = None
 
+    def copied(self) -> "Strip":
+        """Return the same strip with caches of its own."""
+        return replace(self, _kept=self._kept.copy(), _dark=self._dark.copy())
+
     def contact(
         self,
         steering_rad: float,
@@ -53,7 +57,7 @@ class Strip:
         wary: with more lateral margin. faster_mps: judge the path on which the car accelerates to this speed on a
         slippery floor: the grip used to accelerate is not available for turning.
         """
-        key = (round(steering_rad, 3), length_m, direction, wary, faster_mps)
+        key = (steering_rad, length_m, direction, wary, faster_mps)
         found = self._kept.get(key)
         if found is None:
             ahead = self.body.wary if wary else self.body.ahead
@@ -63,7 +67,7 @@ class Strip:
 
     def leads_into_the_dark(self, steering_rad: float, look_m: float) -> bool:
         """Return whether there is an enclosed region without echoes in that direction, within the look-ahead."""
-        key = (round(steering_rad, 3), look_m)
+        key = (steering_rad, look_m)
         dark = self._dark.get(key)
         if dark is None:
             toward_rad = math.tan(steering_rad) / self.body.car.wheelbase_m * look_m / 2

@@ -124,8 +124,12 @@ class Visibility:
             self._remember((held - moved) * cmath.rect(1.0, -turned_rad))
             suspects = int(np.count_nonzero(self._state[sectors.ahead()] >= UNPROVEN))
         self.suspicious = suspects > 0
-        if not suspects:
-            self._lost_m = NOWHERE
+        self._lost_m = self._lost_m[self._known(self._lost_here_m()) >= UNPROVEN] if suspects else NOWHERE
+
+    def _lost_here_m(self) -> Places:
+        """Return the places that were seen before and are missing now, (k,), base_link."""
+        pose = self._pose
+        return (self._lost_m - complex(pose.x_m, pose.y_m)) * cmath.rect(1.0, -pose.yaw_rad)
 
     def _meet(self, view: View) -> None:
         """Begin anew where another kind of lidar took this scan."""
@@ -289,13 +293,11 @@ class Visibility:
 
     def unknown(self) -> Unknown:
         """Return the borders of the unknown regions; called only while `suspicious`."""
-        state, pose, car = self._state, self._pose, self._car
-        lost_m = (self._lost_m - complex(pose.x_m, pose.y_m)) * cmath.rect(1.0, -pose.yaw_rad)
-        lost = self._known(lost_m) >= UNPROVEN
-        self._lost_m = self._lost_m[lost]
-        blind = (state == BLIND) & (self._stamp_s - self._blind_s > REMEMBERS_S)
-        sight = SectorView(self._sectors, state, self._seen, blind, self._doubted, self._lidar_m, car.front_m)
-        return find_unknown(sight, lost_m[lost])
+        blind = (self._state == BLIND) & (self._stamp_s - self._blind_s > REMEMBERS_S)
+        sight = SectorView(
+            self._sectors, self._state, self._seen, blind, self._doubted, self._lidar_m, self._car.front_m
+        )
+        return find_unknown(sight, self._lost_here_m())
 
 
 def crosses_within(at: complex, way: complex, bearing_rad: float, within_m: float) -> bool:

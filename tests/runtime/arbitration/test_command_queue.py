@@ -56,6 +56,8 @@ def test_an_entry_lasts_until_its_expiry_and_not_longer(queue):
     assert queue.has_expired()
     assert queue.entry(Source.TELEOP) is None
     assert queue.live() == []
+    assert queue.has_expired(), "a status that looks does not put off the mux's tick"
+    assert queue.sweep() == []
     assert not queue.has_expired()
 
 

@@ -56,7 +56,7 @@ class QueueMachine(RuleBasedStateMachine):
     @invariant()
     def memory_is_bounded(self):
         assert len(self.queue) <= 5
-        assert len(self.queue.live()) == len(self.queue), "what expired is gone, and nothing is there twice"
+        assert len(self.queue.sweep()) == len(self.queue), "what expired is gone, and nothing is there twice"
 
 
 TestQueue = QueueMachine.TestCase
@@ -139,6 +139,8 @@ def test_a_look_at_one_key_drops_nothing_that_has_expired_unseen():
     assert (queue.peek("a"), queue.peek("c")) == (None, "longer")
     assert queue.has_expired(), "one of two"
     assert queue.live() == ["longer"]
+    assert queue.has_expired(), "to look changes nothing"
+    assert queue.sweep() == ["longer"]
     assert not queue.has_expired()
 
 

@@ -11,18 +11,22 @@ import pytest
 
 from drivers.api import Drive
 from runtime.arbitration.command import Source, Verdict
+from runtime.control.live_laws import LiveLaws
 from runtime.control.vehicle import CarSettings
 from runtime.realtime.wall_clock import WallClock
 from runtime.ros.definitions import TYPES
 from runtime.ros.graph import TF_ODOM
 from runtime.settings.telemetry import RatesHz
+from runtime.settings.tree import load_settings
 from runtime.tasks.telemetry import BURST_PERIOD_S, Telemetry
 from runtime.telemetry.sinks import ZenohSink
 from runtime.telemetry.topic_writers import TopicWriters
 from runtime.wire import topics
+from tests.own_laws import EASY, law_file
 from tests.runtime.observed import GUIDANCE, HandClock, make_observed, output_of, scan_at, speak
 from tests.runtime.ros.samples import ros_store
 
+__all__ = ["law_file"]
 EPOCH_NS = 1_790_000_000_000_000_123
 STORE = ros_store()
 
@@ -58,12 +62,12 @@ class Rig:
             ball_m=lambda: None,
         )
 
-    def drive_once(self, guidance=GUIDANCE, **output):
+    def drive_once(self, guidance=GUIDANCE, *, safety=None, **output):
         """Let one scan go all the way to the motor."""
         self.clock.now_s += 0.025
         scan = scan_at(self.clock.now_s)
         self.telemetry.on_scan(scan)
-        speak(self.observed)
+        speak(self.observed, safety=safety(scan) if safety is not None else None)
         self.telemetry.on_guidance(scan, guidance)
         self.clock.now_s += 0.004
         self.telemetry.on_output(output_of(self.observed, **output))
@@ -96,6 +100,16 @@ async def test_one_scan_brings_every_topic_that_has_something_to_say():
             decoded(payload, topic)
         else:
             json.loads(payload)
+
+
+@pytest.mark.parametrize("own", [False, True])
+async def test_the_footprint_has_the_view_of_the_car_s_own_guard_also_under_an_own_law(law_file, own):
+    settings = load_settings(None, [f"safety.method={law_file(EASY)}"] if own else [])
+    rig = Rig(Keeper(topics.FOOTPRINT))
+    laws = LiveLaws(settings.wall_follow, settings.safety, settings.car, rig.clock)
+    rig.drive_once(safety=lambda scan: laws.look(scan, rig.observed.motor.state))
+    (payload,) = (await rig.written()).of(topics.FOOTPRINT)
+    assert "ignored" in {marker.ns for marker in decoded(payload, topics.FOOTPRINT).markers}
 
 
 async def test_stamps_are_those_of_the_measurement_since_1970_with_exact_differences():

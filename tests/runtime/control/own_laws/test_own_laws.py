@@ -16,7 +16,6 @@ from runtime.parameters.catalogue import catalogue, values
 from runtime.parameters.update import UnacceptableError, plan
 from runtime.recording.decision_log import DecisionLog
 from runtime.settings.tree import Settings, SettingsError, load_settings, to_toml
-from runtime.telemetry.status import _without_trace
 from sim.virtual.devices import BEAMS, STEP_RAD, ranges_between_walls
 from tests.own_laws import EASY, HEAD, INIT, STRAIGHT, follow, law_file, limit
 
@@ -376,19 +375,6 @@ def test_a_mistake_of_an_own_safety_law_stops_the_car(law_file, answer, sentence
     decision = car.scan()
     assert (decision.speed_mps, decision.winner) == (0.0, Source.SAFETY)
     assert decision.reason == f"{name} {sentence} ({name[:-4]}.py:5)"
-
-
-def test_to_read_the_status_leaves_no_trace_in_a_capped_guard(law_file):
-    car = guard(law_file(EASY))
-    car.scan()
-    assessment = car.stack.laws.look(*last_scan(car))
-    assert _without_trace(assessment) is not assessment
-    assert _without_trace(assessment).assessment is not assessment.assessment  # type: ignore[attr-defined]
-
-
-def last_scan(car):
-    seen_m = ranges_between_walls(1.0, 1.0).astype(np.float32)
-    return Scan(101.0, 101.0, -STEP_RAD * (BEAMS // 2), STEP_RAD, 0.02, 30.0, seen_m, 9), ROLLING
 
 
 def test_a_stop_of_an_own_law_is_no_dead_end_to_back_out_of(law_file):

@@ -110,11 +110,11 @@ def test_what_stops_a_scan_later_is_not_rolled_out_and_would_not_be_braked(monke
             assessment = car.look(scan, speed_mps=speed_mps, wheel_rad=wheel_rad)
         asked.clear()
         now_s = assessment.view.scan.stamp_s
-        in_vain = car.guard.emergency.turns_in_vain(assessment.strip, begun_rad + 0.2, now_s)
+        in_vain = car.guard.memory.emergency.turns_in_vain(assessment.strip, begun_rad + 0.2, now_s)
         if not asked:
             skipped += 1
             assert not in_vain
-            assert not judge(car.guard.emergency._situation(assessment.strip, now_s), begun_rad + 0.2)
+            assert not judge(car.guard.memory.emergency._situation(assessment.strip, now_s), begun_rad + 0.2)
         else:
             assert ahead_m < 0.6 + speed_mps**2 / 8.0
     assert 0 < skipped < 38
@@ -157,8 +157,8 @@ def test_a_manoeuvre_that_was_not_asked_for_a_while_is_none_any_more():
         car.look(scan, speed_mps=3.0).limit(3.0, 0.0)
         car.now_s += pause_s
         car.look(scan, speed_mps=3.0).limit(3.0, 0.0)
-        assert car.guard.emergency.chosen is not None
-        worst_mps.append(car.guard.emergency.chosen.worst_mps)
+        assert car.guard.memory.emergency.chosen is not None
+        worst_mps.append(car.guard.memory.emergency.chosen.worst_mps)
     assert worst_mps[0] < worst_mps[1] - 0.05
 
 
@@ -190,5 +190,5 @@ def test_what_is_within_the_outline_hides_nothing():
     stop = assessment.limit(3.0, 0.0)
     assert inside.holds(assessment.strip.more_m).all()
     assert stop.brake_mps2 == math.inf
-    assert car.guard.emergency.chosen is not None
-    assert not car.guard.emergency.chosen.is_free
+    assert car.guard.memory.emergency.chosen is not None
+    assert not car.guard.memory.emergency.chosen.is_free

@@ -1,0 +1,73 @@
+"""A question changes nothing: only `arbitrate`, which sends what it judges, leaves a trace in the safety law."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import runtime
+from drivers.api import MotorState
+from runtime.control.live_laws import LiveLaws
+from runtime.control.safety.swept import SweptAssessment
+from runtime.settings.tree import load_settings
+from sim.virtual.devices import ranges_between_walls
+from tests.own_laws import EASY, law_file
+from tests.runtime.observed import HandClock, scan_at
+from tests.runtime.reachable import reachable
+
+__all__ = ["law_file"]
+SCANS = 12
+JUDGES = {"arbitration/command.py", "control/own_laws/guard.py", "live_stack.py"}
+"""Who may judge in earnest: the mux's rule, what forwards its judgement, and the warm-up of a stack of its own."""
+
+
+def assessments(seed, *wanted):
+    """Yield what a law makes of a fast approach to a wall, with silence ahead now and then, judged in earnest."""
+    rng, clock = np.random.default_rng(seed), HandClock()
+    settings = load_settings(None, wanted)
+    laws = LiveLaws(settings.wall_follow, settings.safety, settings.car, clock)
+    speed_mps, ahead_m = rng.uniform(1.0, 4.0), rng.uniform(1.5, 3.0)
+    for step in range(SCANS):
+        clock.now_s += 0.025
+        way_m = step * 0.025 * speed_mps
+        ranges_m = ranges_between_walls(rng.uniform(0.5, 1.0), 1.0, max(0.4, ahead_m - way_m)).astype(np.float32)
+        if rng.random() < 0.4:
+            ranges_m[500 : 500 + rng.integers(20, 160)] = np.nan
+        state = MotorState(clock(), speed_mps, way_m, 0.0, 12.0, 0.0, 0.0, 25.0, "", timed_out=False, killed=False)
+        assessment = laws.look(scan_at(clock(), ranges_m), state)
+        yield assessment, rng
+        assessment.limit(speed_mps, rng.uniform(-0.3, 0.3))
+        laws.learn()
+
+
+def questions(rng):
+    for speed_mps in (rng.uniform(0.5, 4.0), rng.uniform(0.5, 4.0), -0.4, 0.0):
+        yield float(speed_mps), float(rng.uniform(-0.34, 0.34))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_question_leaves_no_trace_and_is_answered_as_in_earnest(seed):
+    for assessment, rng in assessments(seed):
+        assert isinstance(assessment, SweptAssessment)
+        before = reachable(assessment)
+        for drive in questions(rng):
+            answers = assessment.ask(*drive), assessment.ask(*drive)
+            assert repr(answers[0]) == repr(answers[1])
+            assert reachable(assessment) == before
+        assert repr(assessment.ask(2.0, 0.1)) == repr(assessment.limit(2.0, 0.1))
+        assert reachable(assessment) != before, "in earnest it leaves one"
+
+
+def test_a_question_leaves_no_trace_under_an_own_law(law_file):
+    for assessment, rng in assessments(3, f"safety.method={law_file(EASY)}"):
+        before = reachable(assessment)
+        for drive in questions(rng):
+            assessment.ask(*drive)
+        assert reachable(assessment) == before
+
+
+def test_all_but_the_rule_of_the_mux_ask():
+    root = Path(runtime.__file__).parent
+    judging = re.compile(r"(assessment|outlook|guard)\.limit\(")
+    assert {str(path.relative_to(root)) for path in root.rglob("*.py") if judging.search(path.read_text())} == JUDGES
