@@ -40,10 +40,11 @@ NS: Final = 1_000_000_000
 
 @dataclass(slots=True)
 class _Slot:
-    """One planner's newest command. session: the one that may speak while a command of it is fresh."""
+    """One planner's newest command. drive: None asks for nothing. session: may speak while a command of it is fresh."""
 
     gate: SessionGate
     refusals: Refusals
+    drive: Drive | None = None
     until_s: float = -math.inf
     heard_s: float = -math.inf
     session: int = 0
@@ -174,28 +175,40 @@ class PlannerDesk:
 
     def _take(self, name: str, drive: Drive | None, until_s: float) -> None:
         """Keep a command in the planner's slot, and put it unless a more urgent planner has one in force."""
-        now_s, slot = self._clock(), self._slots[name]
-        slot.until_s, slot.heard_s = until_s, now_s
+        slot = self._slots[name]
+        slot.drive, slot.until_s, slot.heard_s = drive, until_s, self._clock()
         slot.accepted += 1
-        first = next(each for each, its in self._slots.items() if its.until_s > now_s or each == name)
-        if first != name:
-            return
+        if self._first() == name:
+            self._give_to(name)
+
+    def _first(self) -> str:
+        """Return the most urgent planner with a command in force, "" without one."""
+        now_s = self._clock()
+        return next((name for name, slot in self._slots.items() if slot.until_s > now_s), "")
+
+    def _give_to(self, name: str) -> None:
+        """Let the command in a planner's slot drive."""
+        slot = self._slots[name]
         if self._holder != name or self._lost:
             self._holder, self._lost = name, ""
             self._log.log("driving", f"planner {name} has the car", logging.INFO)
             self._queue.put(refusal(Source.PLANNER_HOLD, f"planner {name} has the car and asks for nothing"))
-        if drive is None:
+        if slot.drive is None:
             self._queue.withdraw(Source.PLANNER)
         else:
-            word = DriveCommand(Source.PLANNER, drive, None, f"planner {name} drives")
-            self._queue.put(word, expires_at_s=until_s)
+            word = DriveCommand(Source.PLANNER, slot.drive, None, f"planner {name} drives")
+            self._queue.put(word, expires_at_s=slot.until_s)
 
     def _leave(self, name: str) -> None:
-        """Give the car back: to the follower, under the same permit."""
+        """Give the car to the next planner with a command in force, else to the follower, under the same permit."""
         slot = self._slots[name]
         slot.until_s, slot.session = -math.inf, 0
-        if name in {self._holder, self._lost}:
+        if name not in {self._holder, self._lost}:
+            return
+        self._log.log("left", f"planner {name} said goodbye", logging.INFO)
+        if following := self._first():
+            self._give_to(following)
+        else:
             self._holder = self._lost = ""
-            self._log.log("left", f"planner {name} said goodbye", logging.INFO)
             self._queue.withdraw(Source.PLANNER)
             self._queue.withdraw(Source.PLANNER_HOLD)

@@ -7,6 +7,9 @@ enough for a comparison none of it is obeyed. Pure: the arrival is an argument.
 Two stamps are compared so, each with its own clock: the time of sending, which ROS 2 attaches, and the stamp of the
 header where it is not 0, which many planners copy from the scan that they answer. The first grows old on the way, the
 second also in a planner that is stuck on an old scan.
+
+Waiting never makes a stamp go back behind the one before. A clock that was set back does: its stamps are stale too,
+until they have agreed with each other for a second; then they are those of a new clock, as a lidar's are.
 """
 
 import math
@@ -21,6 +24,9 @@ SILENT_S: Final = 1.0
 """Silence after which a series is compared anew, and another publisher may follow."""
 MAX_DRIFT: Final = 1e-3
 """Maximum drift of two clocks: the least difference is forgotten at this rate."""
+NEW_CLOCK_AFTER_S: Final = 1.0
+AGREES_WITHIN_S: Final = 0.1
+"""Maximum change of the difference between arrivals and stamps of one clock that was set back."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +42,9 @@ class _Clock:
 
     def __init__(self) -> None:
         self._least_s = self._arrival_s = math.inf
+        self._stamp_s = -math.inf
+        self._set_back: tuple[float, float] | None = None
+        """Arrival and difference of the first command after the clock went back."""
 
     def late_s(self, stamp_s: float, arrival_s: float) -> float:
         """Return by how much a command is later than the fastest with a stamp of this clock, itself included."""
@@ -43,7 +52,20 @@ class _Clock:
         way_s = arrival_s - stamp_s
         self._least_s = min(self._least_s + MAX_DRIFT * elapsed_s, way_s)
         self._arrival_s = arrival_s
+        if self._is_new(stamp_s, arrival_s, way_s - self._least_s):
+            self._least_s, self._stamp_s, self._set_back = way_s, stamp_s, None
         return way_s - self._least_s
+
+    def _is_new(self, stamp_s: float, arrival_s: float, late_s: float) -> bool:
+        """Return whether the stamps went back, and have since agreed with each other better than with those before."""
+        if self._set_back is not None:
+            since_s, way_s = self._set_back
+            if abs(arrival_s - stamp_s - way_s) < min(AGREES_WITHIN_S, late_s):
+                return arrival_s - since_s >= NEW_CLOCK_AFTER_S
+        self._set_back = (arrival_s, arrival_s - stamp_s) if stamp_s < self._stamp_s else None
+        if self._set_back is None:
+            self._stamp_s = stamp_s
+        return False
 
 
 class DriveSeries:

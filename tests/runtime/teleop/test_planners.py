@@ -8,7 +8,7 @@ from drivers.api import Drive
 from runtime.arbitration.command import DriveCommand, Source, consent, refusal
 from runtime.settings.tree import Settings, load_settings
 from runtime.wire.teleop import Press
-from tests.runtime.teleop.planner_rig import EXPIRY_S, ORDER, PLANNED, STEP_S, Planner, Rig, driven
+from tests.runtime.teleop.planner_rig import DRIVES, EXPIRY_S, ORDER, PLANNED, STEP_S, Planner, Rig, driven
 
 
 @pytest.fixture
@@ -188,6 +188,25 @@ def test_numbers_that_are_none_are_nonsense(rig, slam):
     rig.send("slam", bytes(payload))
     assert rig.refused("slam") == {"malformed": 1}
     assert rig.decision.driver is Source.NAVIGATION
+
+
+@pytest.mark.parametrize("asks", [DRIVES, Press(0)])
+def test_after_a_goodbye_the_next_planner_in_force_has_the_car_at_once_and_its_loss_is_noticed(asks):
+    rig = Rig(permit="required")
+    slam, nn, ann = Planner(rig, "slam"), Planner(rig, "nn", session=2), rig.operator()
+    rig.beat()
+    ann.click(Press.AUTONOMY)
+    for _ in range(5):
+        rig.wait(STEP_S)
+        ann.send(Press.AUTONOMY)
+        slam.send()
+        nn.send(asks, speed_mps=0.7)
+    slam.send(Press.GOODBYE)
+    assert rig.planner_desk.status()["driving"] == "nn"
+    assert rig.decision.speed_mps == (pytest.approx(0.7) if asks else 0.0)
+    ann.hold(Press.AUTONOMY, 0.5)
+    assert rig.planner_desk.status()["lost"] == "nn"
+    assert not rig.desk.view().permitted, "the permit ended with the planner"
 
 
 def test_the_more_urgent_planner_drives_and_each_has_a_slot_of_its_own(rig, slam):

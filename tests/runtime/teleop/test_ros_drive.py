@@ -130,6 +130,45 @@ def test_a_ros_program_that_starts_again_with_another_clock_is_compared_anew(rig
     assert rig.decision.speed_mps == pytest.approx(0.8)
 
 
+@pytest.mark.parametrize("back_s", [0.3, 10.0])
+def test_a_clock_that_is_set_back_while_it_sends_is_a_new_one_after_a_second(rig, back_s):
+    sender = RosSender(rig)
+    sender.drive(0.6)
+    sender.ahead_s -= back_s
+    sender.drive(0.9)
+    assert rig.decision.speed_mps == 0.0, "until then it may as well have waited"
+    assert rig.planner_desk.status()["lost"] == "ros2"
+    sender.drive(0.2)
+    assert rig.decision.speed_mps == pytest.approx(0.8)
+    waited = [sender.make(speed_mps=9.0) for _ in range(2)]
+    rig.wait(0.3)
+    for payload, note in waited:
+        rig.planner_desk.receive_ros(payload, note, rig.now_s)
+    assert rig.decision.speed_mps == 0.0, "by the new clock what waits is stale as before"
+
+
+@pytest.mark.parametrize("pace", [0.0, 0.5])
+def test_stamps_that_went_back_and_do_not_keep_step_are_no_new_clock(rig, pace):
+    sender = RosSender(rig)
+    sender.drive(0.6)
+    since_s, old_s = rig.now_s, sender.header_s(rig.now_s) - 9.0
+    sender.header_s = lambda now_s: old_s + pace * (now_s - since_s)
+    sender.drive(4.0)
+    assert rig.decision.speed_mps == 0.0
+
+
+def test_a_link_that_becomes_slow_for_good_is_no_new_clock(rig):
+    sender = RosSender(rig)
+    sender.drive(0.6)
+    waiting = []
+    for _ in range(200):
+        rig.wait(STEP_S)
+        waiting.append(sender.make(speed_mps=9.0))
+        if len(waiting) > 20:
+            rig.planner_desk.receive_ros(*waiting.pop(0), rig.now_s)
+    assert rig.decision.speed_mps == 0.0
+
+
 def test_a_second_ros_publisher_and_a_replay_are_refused(rig):
     sender, other = RosSender(rig), RosSender(rig, OTHER_GID)
     sender.drive(0.6)
