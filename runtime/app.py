@@ -40,6 +40,7 @@ from runtime.tasks.health import HealthMonitor
 from runtime.tasks.own_law import OwnLawWatch
 from runtime.tasks.own_parts import OwnPartsKeeper
 from runtime.tasks.scan_cycle import ScanCycle
+from runtime.tasks.standstill import STANDS_BELOW_MPS, Standstill
 from runtime.tasks.telemetry import Telemetry
 from runtime.telemetry.ros2_sink import Ros2Sink
 from runtime.telemetry.sinks import Sink, ZenohSink
@@ -59,7 +60,6 @@ log = logging.getLogger("wallride.app")
 FOLLOW_WALL_CLOCK_S = 1.0
 REST_TIMEOUT_S = 1.0
 REST_PERIOD_S = 0.02
-REST_BELOW_MPS = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +117,7 @@ class Car:
         self.mux = mux_task.Mux(
             self.queue, motor, self.limiter, REQUIRED, self.decision_log.clock, self.stages, self.decision_log
         )
+        self.standstill = Standstill(motor, lambda: self.mux.output, clock)
         self.permit = Permit(self.queue, settings.operator.permit)
         self.emergency_stop = EmergencyStop(self.queue)
         self.session = secrets.randbits(31) + 1
@@ -140,7 +141,8 @@ class Car:
         self.computer = around.computer
         self.own_parts = OwnPartsKeeper(
             settings.car.name, lambda: lidar.health.identity, self.laws, file_in(settings.process.state_folder), clock,
-            lambda: datetime.now(UTC).isoformat(timespec="seconds"), self.is_standing, self.decision_log.add_own_parts,
+            lambda: datetime.now(UTC).isoformat(timespec="seconds"), self.standstill.holds,
+            self.decision_log.add_own_parts,
         )  # fmt: skip
         self.history = ChangeHistory(settings.parameters.history)
         self.parameters = ParameterServer(settings, self._surroundings(around.file, around.base), self.history)
@@ -177,12 +179,6 @@ class Car:
             self.ros2.limit(settings.telemetry.rates_hz)
         if "log.level" in changed:
             logging.getLogger().setLevel(settings.log.level)
-
-    def is_standing(self) -> bool:
-        """Tell whether the wheels stand and no source drives; without a motor report they may be turning."""
-        state, output = self.motor.state, self.mux.output
-        wanted_mps = output.drive.speed_mps if output is not None else 0.0
-        return state is not None and abs(state.speed_mps) < REST_BELOW_MPS and wanted_mps == 0.0
 
     def status(self) -> Mapping[str, Any]:
         """Return the answer to "why is it (not) moving" as plain values."""
@@ -263,6 +259,7 @@ class Car:
         timer.every(1 / POLL_HZ, lambda _late_s, _missed: self.bus.poll())
         timer.every(1 / health.RATE_HZ, self._health_monitor().tick)
         timer.every(1 / health.RATE_HZ, self.battery.tick)
+        timer.every(1 / health.RATE_HZ, self.standstill.tick)
         timer.every(1 / health.RATE_HZ, self.own_law.tick)
         timer.every(FOLLOW_WALL_CLOCK_S, lambda _late_s, _missed: self._follow_wall_clock())
         return timer
@@ -328,7 +325,7 @@ class Car:
     def _surroundings(self, file: Path | None, base: Path | None) -> ServerContext:
         return ServerContext(
             apply=self.apply,
-            is_standing=self.is_standing,
+            is_standing=self.standstill.holds,
             clock=self.clock,
             date=lambda: datetime.now(UTC).isoformat(timespec="seconds"),
             file=file,
@@ -343,7 +340,7 @@ async def bring_to_rest(motor: Motor, clock: Clock) -> None:
     steering_rad = motor.state.steering_rad if motor.state is not None else 0.0
     while motor.send(Drive(0.0, steering_rad)) and clock() < give_up_s:
         state = motor.state
-        if state is not None and abs(state.speed_mps) < REST_BELOW_MPS:
+        if state is not None and abs(state.speed_mps) < STANDS_BELOW_MPS:
             return
         await asyncio.sleep(REST_PERIOD_S)
 
