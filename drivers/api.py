@@ -170,6 +170,13 @@ class Motor(Protocol):
         """Latch a contradiction detected outside the driver, like a fault of the device; once for each."""
         ...
 
+    def retry_fault(self) -> None:
+        """Clear a fault that the device reported itself, without an operator; a contradiction stays latched.
+
+        A device recovers; swapped phases do not swap back, and every attempt drives the wrong way once more.
+        """
+        ...
+
     def clear_fault(self) -> None:
         """Clear the latched fault: a deliberate act of an operator, or of settings that allow it."""
         ...

@@ -27,6 +27,7 @@ class VescMonitor:
 
     state: the newest report, None while disconnected.
     fault: latched text of the last fault, "" without one: the VESC's own, or that its reports contradict each other.
+    contradicts: whether it is a contradiction, which only a person mends.
     refused_mps: the last implausible speed; None while replies are accepted. blind: replies were refused for so long
         that the speed is unknown: brake.
     """
@@ -34,6 +35,7 @@ class VescMonitor:
     def __init__(self, calibration: Calibration, min_voltage_v: float, health: Health) -> None:
         self.state: MotorState | None = None
         self.fault = ""
+        self.contradicts = False
         self._calibration = calibration
         self._min_voltage_v = min_voltage_v
         self._health = health
@@ -97,8 +99,9 @@ class VescMonitor:
         self._low_since_s = None
 
     def latch(self, words: str) -> None:
-        """Latch a fault that is not the VESC's own; no effect where one is latched."""
+        """Latch a contradiction, which is no fault of the VESC's own; no effect where a fault is latched."""
         if not self.fault:
+            self.contradicts = True
             self._health.count("fault")
             self.fault = words
             if self.state is not None:
@@ -107,6 +110,7 @@ class VescMonitor:
     def clear_fault(self) -> None:
         """Clear the latched fault; one that is still present comes back with the next reply."""
         self.fault = ""
+        self.contradicts = False
         self._fault_code = 0
         self._check.forget()
         if self.state is not None:

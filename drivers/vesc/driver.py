@@ -153,6 +153,11 @@ class Vesc:
         if self._ready is not None:
             self._tell_condition()
 
+    def retry_fault(self) -> None:
+        """Clear the latched fault if it is the controller's own."""
+        if not self._condition.contradicts:
+            self.clear_fault()
+
     def clear_fault(self) -> None:
         """Clear the latched fault; commands are obeyed again unless it is still present."""
         self._condition.clear_fault()

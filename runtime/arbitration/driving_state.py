@@ -73,8 +73,8 @@ CLEARED_BY: Final[Mapping[DrivingState, str]] = MappingProxyType(
         _S.LIMITED: "the end of the reason; nothing to do",
         _S.STOPPED: "the end of the reason; the car then drives on while it is permitted",
         _S.ESTOPPED: "release everything, then hold R or Start for 1 s (page: Drive, then Reset); then permit again",
-        _S.FAULT: "remedy the fault, then reset as after an e-stop (operator.permit = always retries by itself);"
-        " an opened kill switch needs no reset; then permit again",
+        _S.FAULT: "remedy the fault, then reset as after an e-stop (operator.permit = always retries what the"
+        " controller itself reports); an opened kill switch needs no reset; then permit again",
     }
 )
 """What ends each state; "" for the one that is wanted."""

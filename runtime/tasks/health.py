@@ -18,8 +18,8 @@ READY_AT_LATEST_S = 10.0
 CYCLE_LIMIT_S = 0.2
 """Maximum age of the mux's last decision for a healthy process; beyond it the watchdog is not notified."""
 FAULT_RETRY_S = 2.0
-"""Delay before the retry of a latched motor fault without an operator (permit "always"); doubled with each attempt,
-because a car that runs backwards comes a little nearer to the obstacle behind it with every attempt."""
+"""Delay before the retry of a motor controller's own fault without an operator (permit "always"); doubled with each
+attempt."""
 MAX_FAULT_RETRY_S = 60.0
 FAULT_FORGOTTEN_S = 30.0
 """Time without a fault after which the next fault is retried after the shortest delay again."""
@@ -123,7 +123,7 @@ class HealthMonitor:
             elif self.retry_faults and now_s - self._fault_since_s > self._retry_after_s:
                 self._fault_since_s = now_s
                 self._retry_after_s = min(2 * self._retry_after_s, MAX_FAULT_RETRY_S)
-                self.motor.clear_fault()
+                self.motor.retry_fault()
         elif self._fault_since_s is not None and state is not None:
             self._fault_since_s = None
             self._fault_over_s = now_s

@@ -44,6 +44,9 @@ class MotorWire:
     def latch_fault(self, words: str) -> None:
         """Do nothing."""
 
+    def retry_fault(self) -> None:
+        """Do nothing."""
+
     def clear_fault(self) -> None:
         """Do nothing."""
 

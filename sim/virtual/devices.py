@@ -131,6 +131,10 @@ class MemoryMotor:
         """Latch a fault found elsewhere."""
         self.fault = self.fault or words
 
+    def retry_fault(self) -> None:
+        """Clear the fault if its cause is gone: it was the device's own."""
+        self.clear_fault()
+
     def clear_fault(self) -> None:
         """Clear the fault if its cause is gone."""
         if self._fault_gone:

@@ -216,6 +216,9 @@ class WorldMotor:
         """Brake from now on, as the driver does while a fault is latched."""
         self._fault = self._fault or words
 
+    def retry_fault(self) -> None:
+        """Keep the latched fault: this controller has none of its own."""
+
     def clear_fault(self) -> None:
         """Clear the latched fault."""
         self._fault = ""

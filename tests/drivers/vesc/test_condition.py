@@ -119,6 +119,16 @@ def test_a_fault_is_latched_when_the_code_is_gone_and_counted_once(condition, he
     assert (state_of(condition).fault, condition.trouble) == ("", "")
 
 
+def test_a_contradiction_is_told_from_a_fault_of_the_vesc_s_own_until_it_is_cleared(condition):
+    condition.update(replace(WELL, fault_code=5), 1.0, 0.0)
+    assert not condition.contradicts
+    condition.clear_fault()
+    condition.latch("runs backwards")
+    assert condition.contradicts
+    condition.clear_fault()
+    assert not condition.contradicts
+
+
 def test_a_fault_that_is_still_there_comes_back_after_clearing(condition):
     condition.update(replace(WELL, fault_code=5), 1.0, 0.0)
     condition.clear_fault()

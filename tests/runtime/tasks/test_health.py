@@ -27,7 +27,7 @@ class Device:
     def latch_fault(self, words):
         self.state = replace(self.state, fault=words)
 
-    def clear_fault(self):
+    def retry_fault(self):
         self.cleared += 1
 
     def send(self, drive):

@@ -39,6 +39,7 @@ class Fault:
 SELF: Final = "by itself with good data; by hand or with a permit required: release, press again"
 PERMIT: Final = "permit again"
 RESET: Final = 'remedy, reset, permit again (permit "always" retries by itself)'
+BY_HAND: Final = "remedy, reset, permit again"
 LIDAR: Final = "Lidar"
 MOTOR: Final = "Motor controller"
 POWER: Final = "Power and computer"
@@ -119,10 +120,10 @@ MATRIX: Final[Sequence[Fault]] = (
     Fault(MOTOR, "fault", "latched, brake, words with the remedy", RESET, INJECTED, ("83",), SOFT_S),
     Fault(MOTOR, "kill switch", "brake while it is on", SELF, INJECTED, (), SOFT_S),
     Fault(MOTOR, "impossible speed", "brake, never believed", SELF, INJECTED, ("8",), SOFT_S),
-    Fault(MOTOR, "turns the wrong way", "latched after half a metre, names the phases", RESET,
+    Fault(MOTOR, "turns the wrong way", "latched once after half a metre, names the phases", BY_HAND,
           "tests/system/test_plausibility.py::"
           "test_a_car_with_two_phases_swapped_stands_after_half_a_metre_and_says_what_to_do", ("8",)),
-    Fault(MOTOR, "counter contradicts speed", "latched", RESET,
+    Fault(MOTOR, "counter contradicts speed", "latched", BY_HAND,
           "tests/system/test_plausibility.py::test_a_controller_that_contradicts_itself_is_held_with_the_remedy_in_the_log",
           ("8",)),
     Fault(MOTOR, "other firmware", "read first, decoded by its layout, named", "-",
