@@ -4,15 +4,15 @@ The values before are kept beside the file. `undo` puts back those that were not
 """
 
 import json
+import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import tomlkit
 from pydantic import ValidationError
-from tomlkit.exceptions import TOMLKitError
 
 from runtime.calibration.proposals import Proposal
+from runtime.parameters import toml_text
 from runtime.parameters.file import StoreError, replace
 from runtime.settings.tree import SettingsError, load_settings
 
@@ -25,18 +25,16 @@ def write(path: Path, accepted: Sequence[Proposal], date: str) -> Path:
     Returns the file of the old values.
     """
     kept = undo_file(path)
-    document = _document(path)
+    text, tree = _read(path)
     before = []
     for one in accepted:
-        section, _, key = one.name.rpartition(".")
-        table = document.setdefault(section, tomlkit.table())
-        old = {"value": table[key].unwrap(), "comment": table.item(key).trivia.comment} if key in table else None
-        item = tomlkit.item(one.new)
-        item.comment(f"calibrated {date}: {one.words}; was {one.old:g}")
-        table[key] = item
+        place = tuple(one.name.split("."))
+        value = _value(tree, place)
+        old = {"value": value, "comment": toml_text.comments(text).get(place, "")} if value is not None else None
+        text = _set(path, text, place, one.new, f"calibrated {date}: {one.words}; was {one.old:g}")
         before.append({"name": one.name, "old": old, "new": one.new})
     replace(kept, json.dumps({"date": date, "changes": before}, indent=1).encode())
-    _replace(path, document)
+    _replace(path, text)
     return kept
 
 
@@ -49,9 +47,20 @@ def undo(path: Path) -> list[str]:
         raise StoreError(f"{kept}: is not there, so there is nothing to undo for {path}") from None
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise StoreError(f"{kept}: cannot be read: {error}") from None
-    document = _document(path)
-    lines = [_put_back(document, change) for change in changes]
-    _replace(path, document)
+    text, tree = _read(path)
+    lines = []
+    for change in changes:
+        name, old = change["name"], change["old"]
+        place = tuple(name.split("."))
+        if _value(tree, place) != change["new"]:
+            lines.append(f"{name}: changed since the calibration, left as it is")
+        elif old is None:
+            text = toml_text.remove(text, place)
+            lines.append(f"{name}: {change['new']} -> not in the file, as before")
+        else:
+            text = _set(path, text, place, old["value"], old["comment"].removeprefix("#").strip())
+            lines.append(f"{name}: {change['new']} -> {old['value']}")
+    _replace(path, text)
     kept.unlink()
     return lines
 
@@ -61,32 +70,28 @@ def undo_file(path: Path) -> Path:
     return path.with_name(f"{path.name}{SUFFIX}")
 
 
-def _put_back(document: Any, change: Mapping[str, Any]) -> str:  # noqa: ANN401 - tomlkit's containers share no type
-    name, old = change["name"], change["old"]
-    section, _, key = name.rpartition(".")
-    table = document.get(section, {})
-    if key not in table or table[key] != change["new"]:
-        return f"{name}: changed since the calibration, left as it is"
-    if old is None:
-        del table[key]
-        if not table:
-            del document[section]
-        return f"{name}: {change['new']} -> not in the file, as before"
-    item = tomlkit.item(old["value"])
-    if old["comment"]:
-        item.comment(old["comment"].removeprefix("#").strip())
-    table[key] = item
-    return f"{name}: {change['new']} -> {old['value']}"
-
-
-def _document(path: Path) -> tomlkit.TOMLDocument:
+def _read(path: Path) -> tuple[str, dict[str, Any]]:
     try:
-        return tomlkit.parse(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, TOMLKitError) as error:
+        text = path.read_bytes().decode()
+        return text, tomllib.loads(text)
+    except (OSError, RecursionError, ValueError) as error:
         raise StoreError(f"{path}: cannot be edited: {error}") from None
 
 
-def _replace(path: Path, document: tomlkit.TOMLDocument) -> None:
+def _value(tree: Any, place: Sequence[str]) -> Any:  # noqa: ANN401 - whatever stood in the file
+    for key in place:
+        tree = tree.get(key) if isinstance(tree, Mapping) else None
+    return tree
+
+
+def _set(path: Path, text: str, place: tuple[str, ...], value: object, comment: str) -> str:
+    try:
+        return toml_text.set_value(text, place, value, comment)
+    except ValueError as error:
+        raise StoreError(f"{path}: {error}; nothing was saved") from None
+
+
+def _replace(path: Path, text: str) -> None:
     """Write the file, whole or not at all, if the car would start with it."""
 
     def check(written: Path) -> None:
@@ -95,4 +100,4 @@ def _replace(path: Path, document: tomlkit.TOMLDocument) -> None:
         except (SettingsError, ValidationError) as error:
             raise StoreError(f"{str(error).replace(str(written), str(path))}; nothing was saved") from None
 
-    replace(path, tomlkit.dumps(document).encode(), like=path.stat(), check=check)
+    replace(path, text.encode(), like=path.stat(), check=check)

@@ -4,15 +4,19 @@ A new file is written beside the old one, forced to the disk, checked by loading
 atomic, so a power cut leaves the old file or the new one. Everything here blocks: call it in a thread.
 """
 
+import functools
+import operator
 import os
 import stat
-from collections.abc import Callable, Iterator, Mapping, MutableMapping
+import tomllib
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
 from runtime.control.method_settings import METHODS
+from runtime.parameters import toml_text
 from runtime.parameters.catalogue import Value, shown, values
 from runtime.parameters.policy import is_safety_relevant
 from runtime.settings.tree import Settings, SettingsError, layered, load_settings, read_tree
@@ -60,22 +64,19 @@ def merged(
 
     known: values that need not be written. keep: whether an existing line with such a value stays.
     """
-    import tomlkit  # slow to import, and only needed here
-    from tomlkit.exceptions import TOMLKitError
-
     try:
-        document = tomlkit.parse(text)
+        tomllib.loads(text)
         for name, value in edits.items():
-            *sections, key = name.split(".")
+            place = tuple(name.split("."))
             is_known = value is not None and known is not None and known.get(name) == value
             if value is None or (is_known and not keep):
-                _remove(document, sections, key)
-            elif not is_known or _holds(document, sections, key):
-                table = _section(document, sections, tomlkit.table)
-                table[key] = _with_mark(table, key, value) if is_safety_relevant(name) else value
-        return tomlkit.dumps(document)
-    except (TOMLKitError, TypeError, ValueError) as error:
+                text = toml_text.remove(text, place)
+            elif not is_known or toml_text.holds(text, place):
+                comment = _with_mark(toml_text.comments(text).get(place, "")) if is_safety_relevant(name) else None
+                text = toml_text.set_value(text, place, value, comment)
+    except (RecursionError, ValueError) as error:
         raise StoreError(f"{path}: is not TOML that can be edited: {error}; nothing was saved") from None
+    return text
 
 
 def _present(path: Path, base: Path | None) -> tuple[str, tuple[int, int, int] | None]:
@@ -169,40 +170,9 @@ def _check(written: Path, expected: Mapping[str, Value], path: Path, base: Path 
             )
 
 
-def _section(document: Any, sections: list[str], new_table: Callable[[], Any]) -> MutableMapping[str, Any]:  # noqa: ANN401 - tomlkit's containers share no type
-    """Return the table of a section, created where it is missing."""
-    for section in sections:
-        if section not in document:
-            document[section] = new_table()
-        document = document[section]
-    return document  # type: ignore[no-any-return]
-
-
-def _holds(document: Any, sections: list[str], key: str) -> bool:  # noqa: ANN401 - as above
-    for section in sections:
-        document = document.get(section, {})
-    return key in document
-
-
-def _with_mark(table: Any, key: str, value: Value) -> Any:  # noqa: ANN401 - as above
-    """Return a value with a comment that no person wrote it into the file, behind the comment that is there."""
-    import tomlkit
-    from tomlkit.items import InlineTable
-
-    item = tomlkit.item(value)
-    if not isinstance(table, InlineTable):  # which has no room for a comment
-        old = _item(table, key).trivia if key in table else item.trivia
-        said = old.comment.removeprefix("#").strip()
-        space = old.comment_ws
-        item.comment(said if MARK in said else f"{said}; {MARK}" if said else MARK)
-        item.trivia.comment_ws = space or " "
-    return item
-
-
-def _item(table: Any, key: str) -> Any:  # noqa: ANN401 - as above
-    """Return an item with its comment; a section that is written in several places is not one table in tomlkit."""
-    parts = [table] if hasattr(table, "item") else table._tables  # noqa: SLF001
-    return next(part.item(key) for part in parts if key in part)
+def _with_mark(said: str) -> str:
+    """Return a comment with the one that no person wrote the value into the file, behind what it says already."""
+    return said if MARK in said else f"{said}; {MARK}" if said else MARK
 
 
 def marked(path: Path) -> dict[str, Any]:
@@ -214,35 +184,12 @@ def marked(path: Path) -> dict[str, Any]:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         return {}
-    if MARK not in text:
-        return {}
-    import tomlkit
-    from tomlkit.exceptions import TOMLKitError
-
     try:
-        return dict(_marked(tomlkit.parse(text), ""))
-    except TOMLKitError:
+        tree = tomllib.loads(text) if MARK in text else {}
+    except (RecursionError, ValueError):
         return {}
-
-
-def _marked(table: Any, above: str) -> Iterator[tuple[str, Any]]:  # noqa: ANN401 - as above
-    for key, value in table.items():
-        if isinstance(value, MutableMapping):
-            yield from _marked(value, f"{above}{key}.")
-        elif MARK in _item(table, key).trivia.comment:
-            yield f"{above}{key}", value
-
-
-def _remove(document: Any, sections: list[str], key: str) -> None:  # noqa: ANN401 - as above
-    """Remove a key, and the sections that are empty without it."""
-    chain = [document]
-    for section in sections:
-        if section not in chain[-1]:
-            return
-        chain.append(chain[-1][section])
-    for table, name in zip(reversed(chain), [key, *reversed(sections)], strict=True):
-        if name in table and (name == key or not table[name]):
-            del table[name]
+    said = toml_text.comments(text) if tree else {}
+    return {".".join(place): functools.reduce(operator.getitem, place, tree) for place in said if MARK in said[place]}
 
 
 def _moment(path: Path) -> tuple[int, int, int] | None:

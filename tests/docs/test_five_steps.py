@@ -23,7 +23,8 @@ import time
 from pathlib import Path
 
 import pytest
-import tomlkit
+
+from runtime.parameters.toml_text import set_value
 
 ROOT = Path(__file__).resolve().parents[2]
 SECTION = re.compile(r"^## The car in five steps\n(.*?)^## ", re.MULTILINE | re.DOTALL)
@@ -135,13 +136,13 @@ class Newcomer:
         self.car = subprocess.Popen(
             ["sh", "-c", f"exec {command}"], env=self.environment, stdout=subprocess.PIPE, text=True
         )
-        document = tomlkit.parse((ROOT / "config/car.toml").read_text(encoding="utf-8"))
+        text = (ROOT / "config/car.toml").read_text(encoding="utf-8")
         for _ in range(2):
             section, _, rest = self.car.stdout.readline().removeprefix("--set ").partition(".")
             key, _, value = rest.strip().partition("=")
-            document[section][key] = value
-        document["telemetry"]["listen"] = [self.endpoint]
-        (self.etc / "car.toml").write_text(tomlkit.dumps(document), encoding="utf-8")
+            text = set_value(text, (section, key), value)
+        text = set_value(text, ("telemetry", "listen"), [self.endpoint])
+        (self.etc / "car.toml").write_text(text, encoding="utf-8")
 
     def type_in(self, line, answers):
         """Type a line into a terminal, and each answer when its words come; return the exit code and what was said."""

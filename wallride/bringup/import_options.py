@@ -34,6 +34,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 def run(options: argparse.Namespace) -> int:
     """Convert; exit code 2 with one line where a file or a value cannot be used."""
+    from runtime.parameters.file import StoreError
     from runtime.settings.tree import SettingsError
 
     if not options.files and options.car is None:
@@ -41,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
     try:
         imported = _converted(options.files)
         text = _written(imported, options)
-    except (SettingsError, ImportFailure) as error:
+    except (SettingsError, StoreError, ImportFailure) as error:
         return fail(str(error))
     except OSError as error:
         return fail(f"{error.filename}: {error.strerror}")
@@ -86,9 +87,10 @@ def _read(file: Path) -> dict[str, Any]:
 def _written(imported: "Imported", options: argparse.Namespace) -> str:
     """Return the text of the settings, checked as a whole; written to the output where one is named."""
     import tempfile
+    import tomllib
 
-    import tomlkit
-
+    from runtime.parameters.file import replace
+    from runtime.parameters.toml_text import set_value
     from runtime.settings.tree import load_settings
     from wallride.service.parts import shipped
 
@@ -96,24 +98,22 @@ def _written(imported: "Imported", options: argparse.Namespace) -> str:
     if output is not None and output.is_file() and options.car is not None:
         raise ImportFailure(f"{output}: is there already, and --car begins a new file; take another name")
     if output is not None and output.is_file():
-        base = output.read_text(encoding="utf-8")
+        base = output.read_bytes().decode()
     elif options.car is not None:
         base = shipped(f"config/cars/{options.car}.toml").read_text(encoding="utf-8")
     else:
         base = ""
+    text = base
     try:
-        document = tomlkit.parse(base)
-    except tomlkit.exceptions.TOMLKitError as error:
-        raise ImportFailure(f"{output}: is not TOML: {error}") from None
-    for key, value in imported.settings.items():
-        section, _, name = key.partition(".")
-        table: Any = document.setdefault(section, tomlkit.table())
-        table[name] = value
-    text = tomlkit.dumps(document)
+        tomllib.loads(base)
+        for key, value in imported.settings.items():
+            text = set_value(text, tuple(key.split(".")), value)
+    except (RecursionError, ValueError) as error:
+        raise ImportFailure(f"{output}: is not TOML that can be edited: {error}") from None
     with tempfile.TemporaryDirectory() as folder:
         trial = Path(folder) / "imported.toml"
         trial.write_text(text, encoding="utf-8")
         load_settings(trial)
     if output is not None:
-        output.write_text(text, encoding="utf-8")
+        replace(output, text.encode(), like=output.stat() if output.exists() else None)
     return text

@@ -59,3 +59,27 @@ def test_values_with_which_the_car_would_not_start_are_refused(car_toml):
     with pytest.raises(StoreError, match="nothing was saved"):
         settings_file.write(car_toml, [Proposal("car.wheelbase_m", 0.25, 9.0, "")], "2026-11-23")
     assert car_toml.read_text() == FILE
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[lidar]\nsilent_after_s = 2.0\n\n[safety.recovery]\ntries = 1\n\n"
+        "[car]\nwheelbase_m = 0.25 # mine\n\n[safety]\nhold_s = 0.3\n",
+        "car.wheelbase_m = 0.25 # mine\nlidar.silent_after_s = 2.0\n",
+        "car = { wheelbase_m = 0.25, name = 'a' } # mine\nlidar = { silent_after_s = 2.0 }\n",
+        "[safety]\nrecovery.tries = 1\n[safety.window]\nmemory_m = 5\n[car]\nname = 'a'\n[lidar]\n",
+    ],
+)
+def test_a_file_of_any_shape_takes_the_values_and_gives_them_back(tmp_path, text):
+    path = tmp_path / "car.toml"
+    path.write_text(text)
+    before = load_settings(path)
+    settings_file.write(path, [*NEW, Proposal("safety.recovery.back_m", 0.6, 0.5, "0.4 to 0.6")], "2026-11-23")
+    found = load_settings(path)
+    assert (found.car.wheelbase_m, found.lidar.yaw_rad, found.safety.recovery.back_m) == (0.3312, 0.0349, 0.5)
+    assert path.read_text().count("calibrated 2026-11-23") == 3
+    settings_file.undo(path)
+    assert load_settings(path) == before
+    assert "calibrated" not in path.read_text()
+    assert path.read_text().count("mine") == text.count("mine")
