@@ -42,7 +42,7 @@ MEANINGS: Final[Mapping[str, str]] = {
     topics.MOTOR: "joint `drive`: way, speed, motor current; joint `steering`: the commanded angle",
     topics.IMU: "the motor controller's angular rates and accelerations, in `base_link`",
     topics.BATTERY: "voltage and input current of the motor controller",
-    topics.DISTANCE_ERROR: "distance to the followed wall minus the wanted one [m]; NaN without a wall",
+    topics.DISTANCE_ERROR: "the follower's distance to its wall minus the wanted one [m]; NaN without a wall",
     topics.WALL: "markers: the fitted wall line and the path of the follower's ball",
     topics.FOOTPRINT: "markers: the outline, the swept path, and what stops the car",
     topics.NAVIGATION: "the follower's drive command",

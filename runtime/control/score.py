@@ -1,4 +1,7 @@
-"""The report's figure of merit: deviation from the desired distance, as running sums."""
+"""Score of a drive: the law's own deviation from the desired distance while the car moves, as running sums.
+
+The lab report takes the mean over all samples, standing ones too: `law_error_m` of `wallride lab report`.
+"""
 
 import math
 from dataclasses import dataclass

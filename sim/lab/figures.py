@@ -38,7 +38,10 @@ def common(run: SimulatedRun) -> Figures:
 
 
 def errors(run: SimulatedRun) -> Figures:
-    """Return the errors of following the wall; each scan counts, as in the report."""
+    """Return the true errors of following the wall, from the rear axle; each scan counts.
+
+    Not the lab report's error, which is by its law's own distance: `sim.lab.report.drives` has both.
+    """
     seen = np.isfinite(run.wall_m)
     error_m, time_s = run.error_m[seen], run.time_s[seen]
     if not error_m.size:

@@ -16,9 +16,9 @@ from sim.lab import laws
 from sim.lab.cell import Cell, Figures
 from sim.lab.command import FAILED, INTERRUPTED, USAGE_ERROR
 from sim.lab.pool import measure_all
-from sim.lab.report.plan import ALONE_LAW, REPORT_LAW, ReportPlan, first_round, second_round
-from sim.lab.report.tables import averaged, optima
-from sim.lab_report.page import html_page, markdown_page
+from sim.lab.report.plan import REPORT_LAW, ReportPlan, first_round, second_round
+from sim.lab.report.tables import averaged
+from sim.lab_report.page import document, html_page, markdown_page
 from sim.scenario.conditions import ConditionsError, RequestedConditions, named_conditions, named_once
 from sim.world.own_parts import OWN_PARTS
 
@@ -62,8 +62,7 @@ def run(options: argparse.Namespace) -> int:
 def measure(plan: ReportPlan, jobs: int | None, console: Console) -> dict[str, list[Figures]]:
     """Return the figures of all runs by table; the second round drives with the average of the first one's optima."""
     rows = _round(first_round(plan), jobs, console)
-    best = averaged(optima(plan, REPORT_LAW, rows[f"gains {REPORT_LAW}"]))
-    best = best or averaged(optima(plan, ALONE_LAW, rows[f"gains {ALONE_LAW}"]))
+    best = averaged(plan, rows)
     return rows | _round(second_round(plan, best), jobs, console)
 
 
@@ -78,7 +77,9 @@ def write(plan: ReportPlan, rows: Mapping[str, list[Figures]], folder: Path) -> 
     of = version("wallride")
     (folder / "report.html").write_text(html_page(plan, rows, of), encoding="utf-8")
     (folder / "report.md").write_text(markdown_page(plan, rows, of, folder / "figures"), encoding="utf-8")
-    (folder / "figures.json").write_text(json.dumps(rows, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    (folder / "figures.json").write_text(
+        json.dumps(document(plan, rows), indent=1, allow_nan=False) + "\n", encoding="utf-8"
+    )
 
 
 def plan_of(options: argparse.Namespace) -> ReportPlan:
@@ -94,10 +95,14 @@ def plan_of(options: argparse.Namespace) -> ReportPlan:
         raise ReportUsageError(f"--own-parts {own_parts}: write one of {', '.join(OWN_PARTS)}")
     if not 0.1 <= friction <= 2.0:
         raise ReportUsageError(f"--friction {friction:g}: write a number from 0.1 to 2")
+    if not 0.0 <= options.wild <= 0.5:
+        raise ReportUsageError(f"--wild {options.wild:g}: write a share from 0 to 0.5")
     if options.jobs is not None and options.jobs < 1:
         raise ReportUsageError(f"--jobs {options.jobs}: give 1 or more processes")
     texts = {name: tuple(_settings(options.assignments, name)) for name in LAWS}
-    plan = ReportPlan(law, texts["report"], texts["law"], friction, own_parts, options.seed, conditions=conditions)
+    plan = ReportPlan(
+        law, texts["report"], texts["law"], friction, own_parts, options.seed, conditions=conditions, wild=options.wild
+    )
     for one in (REPORT_LAW, law):
         try:
             plan.settings(one)

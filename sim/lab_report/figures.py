@@ -1,4 +1,4 @@
-"""Figures of the report: distance error over time and the path from above, of its law and ours beside each other."""
+"""Figures of the report: both errors over time, the way from above, and the distances through a sharp turn."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,9 +10,10 @@ from sim.figures.drawing import save_plot
 from sim.figures.summary import SETTLE_BAND_M
 from sim.lab.courses.walls import world_of
 from sim.lab.figures import Row
-from sim.lab.report.trials import ABOUT, TESTS
+from sim.lab.report.drives import ABOUT, read_scenario
 from sim.run_report.above import Above, from_above
 from sim.run_report.charts import WIDTH, ChartLine, over_time
+from sim.run_report.turn import turn_chart
 from sim.world.place import World
 from sim.world.pose import Floats, Pose
 
@@ -30,21 +31,29 @@ def trace(row: Row, name: str) -> Floats:
 def world_in(row: Row) -> World:
     """Return the world of a run, with the run's own start."""
     x_m, y_m, yaw_rad = (float(trace(row, name)[0]) for name in ("x_m", "y_m", "yaw_rad"))
-    return replace(world_of(TESTS[test_of(row)].world, row["side"]), start=Pose(x_m, y_m, yaw_rad))
+    test, starts = read_scenario(row["scenario"].rpartition(" ")[0])
+    return replace(world_of(starts.course(test).world, row["side"]), start=Pose(x_m, y_m, yaw_rad))
 
 
-def test_of(row: Row) -> str:
-    """Return the test of a run."""
-    return str(row["scenario"]).partition(" ")[0]
+def follower_of(row: Row) -> str:
+    """Return the name of a run's follower."""
+    return str(row["law"]).partition("+")[0]
 
 
 def error_chart(runs: Sequence[Row]) -> str:
-    """Return the distance error over time of one test, as SVG text: the first law is the report's."""
+    """Return the errors over time of one test, as SVG text; the first law is the report's."""
     lines = [
-        ChartLine(str(row["law"]).partition("+")[0], trace(row, "time_s"), trace(row, "error_m"), style)
+        ChartLine(f"{follower_of(row)}, {words}", trace(row, "time_s"), trace(row, name), style + faint)
         for row, style in zip(runs, ("s2", "s1"), strict=True)
+        for name, words, faint in (("law_error_m", "its own", ""), ("true_error_m", "true", " faint"))
     ]
     return over_time(lines, "m", band=(-SETTLE_BAND_M, SETTLE_BAND_M))
+
+
+def turn_chart_of(row: Row) -> str:
+    """Return range ahead, nearest, distance to the line and turn radius of a run, as SVG text."""
+    names = ("time_s", "ahead_m", "nearest_m", "line_m", "turn_radius_m")
+    return turn_chart(*(trace(row, name) for name in names))
 
 
 def path_view(row: Row, columns: int) -> str:
@@ -68,11 +77,12 @@ def wall_dots(world: World) -> Floats:
 
 
 def save_figure(folder: Path, row: Row) -> str:
-    """Write path and error of a run as a picture and return the file's name."""
-    law = str(row["law"]).partition("+")[0].replace(":", "-")
-    name = f"{test_of(row)}-{law}.png"
-    time_s, error_m = trace(row, "time_s"), trace(row, "error_m")
+    """Write path and the law's own error of a run as a picture and return the file's name."""
+    law = follower_of(row).replace(":", "-")
+    test = str(row["test"])
+    name = f"{test}-{law}.png"
+    time_s, error_m = trace(row, "time_s"), trace(row, "law_error_m")
     track = np.stack([trace(row, "x_m"), trace(row, "y_m"), trace(row, "yaw_rad")], axis=1)
-    title = f"{test_of(row)}, {ABOUT[test_of(row)]}: {law}, {row['speed_mps']:g} m/s, friction {row['mu']:g}"
+    title = f"{test}, {ABOUT[test]}: {law}, {row['speed_mps']:g} m/s, friction {row['mu']:g}"
     save_plot(folder / name, world_in(row), track, time_s, error_m, title)
     return name

@@ -1,4 +1,4 @@
-"""The report as one HTML page without network requests, and as Markdown with pictures beside it."""
+"""The report as one HTML page without network requests, as Markdown with pictures beside it, and as plain values."""
 
 import re
 from collections.abc import Sequence
@@ -7,15 +7,20 @@ from pathlib import Path
 
 from sim.lab.cell import TabledCell
 from sim.lab.figures import Row
+from sim.lab.report import published
 from sim.lab.report.differences import differences
-from sim.lab.report.plan import REPORT_KD, REPORT_KP, ReportPlan
-from sim.lab.report.tables import OPTIMUM, Rows, all_tables
-from sim.lab.report.trials import ABOUT, SLANT_RAD
-from sim.lab_report.figures import error_chart, path_view, save_figure
+from sim.lab.report.drives import ABOUT
+from sim.lab.report.gains import GainTable
+from sim.lab.report.plan import ReportPlan, gain_laws
+from sim.lab.report.tables import OPTIMUM, Rows, all_tables, gain_table_of
+from sim.lab_report.figures import error_chart, path_view, save_figure, turn_chart_of
 from sim.run_report.page import section, still_document
+from sim.run_report.turn import ABOUT_TURN
 
 TITLE = "The lab report's section 3, driven again"
 CODE = re.compile(r"`([^`]*)`")
+PLOTTED = "t3"
+"""Test whose error over time is a figure of the report (its figure 4)."""
 
 
 def html_page(plan: ReportPlan, rows: Rows, version: str) -> str:
@@ -24,6 +29,7 @@ def html_page(plan: ReportPlan, rows: Rows, version: str) -> str:
     parts.append(section("What differs from the report", _list(differences(plan, rows))))
     parts += [html_table(table) for table in all_tables(plan, rows)]
     parts += [_figure_section(*pair) for pair in zip(rows["report"], rows["ours"], strict=True)]
+    parts += [_turn_section(row) for name in ("report", "ours") for row in rows[name] if row["test"] == "t5"]
     return still_document(TITLE, "".join(parts))
 
 
@@ -40,20 +46,60 @@ def markdown_page(plan: ReportPlan, rows: Rows, version: str, folder: Path) -> s
     return "\n\n".join(parts) + "\n"
 
 
+def document(plan: ReportPlan, rows: Rows) -> dict[str, object]:
+    """Return all numbers as plain values: the report's own, ours by its rules, and every run."""
+    tables = {law: gain_table_of(plan, law, rows[f"gains {law}"]) for law in gain_laws(plan)}
+    blind = {name: some for name, some in rows.items() if name.startswith("obstacles")}
+    return {
+        "published": published.as_document(),
+        "gain_tables": {law: _gains(table) for law, table in tables.items()},
+        "trials_passed": {
+            name.removeprefix("trials "): [sum(row["passed"] for row in some), len(some)]
+            for name, some in rows.items()
+            if name.startswith("trials")
+        },
+        "obstacles": {
+            name.removeprefix("obstacles "): {
+                "stopped": [int(row["clear"]) for row in some],
+                "effectiveness": round(sum(row["clear"] for row in some) / len(some), 3),
+                "error_ratio": round(1 - sum(row["clear"] for row in some) / len(some), 3),
+            }
+            for name, some in blind.items()
+        },
+        "runs": rows,
+    }
+
+
+def _gains(table: GainTable) -> dict[str, object]:
+    """Return a gain table as plain values; null for a run that did not come to its end."""
+    errors = {
+        half: [[None if error != error else round(float(error), 4) for error in line] for line in some]
+        for half, some in table.errors_m.items()
+    }
+    return {
+        "pairs": {half: [list(pair) for pair in some] for half, some in table.pairs.items()},
+        "law_errors_m": errors,
+        "optima": {test: list(pair) for test, pair in table.optima().items()},
+        "average": list(table.average()),
+    }
+
+
 def conditions(plan: ReportPlan, version: str) -> str:
-    """Return the conditions of all runs in one paragraph."""
+    """Return the conditions of all runs in one paragraph, the chosen ones named as chosen."""
     follow = plan.settings(plan.law).wall_follow
     car, _ = plan.car_and_lidar()
     fitted = f" Simulated car: {', '.join(f'`{one}`' for one in plan.conditions)}." if plan.conditions else ""
     fitted += " Physics is that of the simulator's own car." if plan.conditions else ""
     more = [f"`{text}`" for text in dict.fromkeys((*plan.report_settings, *plan.law_settings))]
+    starts = plan.starts
     return (
-        f"{follow.side.capitalize()} wall at {follow.desired_distance_m:g} m, {follow.speed_mps:g} m/s unless a table"
-        f" says otherwise, friction {plan.mu:g}, {plan.noise_words()}, 20 ms to the wire, then"
-        f" {1000 * car.steering_delay_s:g} ms of the servo and {1000 * car.drive_delay_s:g} ms of the motor, own"
-        f" parts: {plan.own_parts}, seed {plan.seed}, starts turned by {57.29578 * SLANT_RAD:.0f} degrees."
-        f" The report's law with Kp {REPORT_KP:g}, Kd {REPORT_KD:g} beside `{plan.law.partition('+')[0]}`."
-        f" Settings: {', '.join(more) if more else 'the defaults'}.{fitted} wallride {version}."
+        f"{follow.side.capitalize()} wall at {follow.desired_distance_m:g} m. The report does not give speed, starts"
+        f" and length of its runs. Chosen here: {follow.speed_mps:g} m/s, starts at {starts.near:g} and {starts.far:g}"
+        f" times the distance, turned by {starts.slant_deg:g} degrees, runs of {starts.way_m:g} m. Also ours: friction"
+        f" {plan.mu:g}, {plan.noise_words()}, 20 ms to the wire, then {1000 * car.steering_delay_s:g} ms of the servo"
+        f" and {1000 * car.drive_delay_s:g} ms of the motor, own parts: {plan.own_parts}, seed {plan.seed}. The"
+        f" report's law beside `{plan.law.partition('+')[0]}`. Settings: {', '.join(more) if more else 'the defaults'}."
+        f"{fitted} wallride {version}."
     )
 
 
@@ -84,13 +130,19 @@ def _html_cell(text: str) -> str:
 
 def _figure_section(report: Row, ours: Row) -> str:
     views = "".join(f"<div><h3>{escape(str(row['law']))}</h3>{path_view(row, 2)}</div>" for row in (report, ours))
-    return section(_title(report), error_chart([report, ours]) + f'<div class="pair">{views}</div>',
-                   "Distance to the wall less the wanted one; below: the paths from above.")  # fmt: skip
+    words = (
+        "Distance to the wall less the wanted one, by the law itself and (faint) in truth; below: the paths from above."
+    )
+    return section(_title(report), error_chart([report, ours]) + f'<div class="pair">{views}</div>', words)
+
+
+def _turn_section(row: Row) -> str:
+    return section(f"Through the corner: {row['law']}", turn_chart_of(row), ABOUT_TURN)
 
 
 def _title(row: Row) -> str:
-    test = str(row["scenario"]).partition(" ")[0]
-    return f"{test}: {ABOUT[test]}"
+    test = str(row["test"])
+    return f"{test}: {ABOUT[test]}{', as in its figure 4' if test == PLOTTED else ''}"
 
 
 def _list(texts: Sequence[str]) -> str:

@@ -20,6 +20,7 @@ from sim.run_report.charts import WIDTH, ChartLine, Mark, histogram, over_time
 from sim.run_report.events import cards, stops_table
 from sim.run_report.shown import Shown
 from sim.run_report.track import track
+from sim.run_report.turn import ABOUT_TURN, sharpest_turn
 
 BIN_M = 0.01
 STYLES = ("s1", "s2")
@@ -34,6 +35,8 @@ def page(*runs: Shown) -> str:
         _each(runs, "Path", lambda one: track(one, WIDTH // len(runs)),
               "By odometry, with the walls as the lidar saw them. Numbers are stops."),
         *_over_time(runs, charts),
+        *(section(one.tagged("Through the sharpest turn"), chart, ABOUT_TURN)
+          for one in runs if (chart := sharpest_turn(one.run))),
         _each(runs, "How often which error", lambda one: histogram(one.run.error.value, "m", BIN_M)),
         _each(runs, "Who decided", lambda one: tables.winners(one.numbers)),
         *(section(one.tagged(f"Stops ({len(one.found)})"), stops_table(one.found, one.run, one.tag)) for one in runs),

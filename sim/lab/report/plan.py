@@ -1,8 +1,8 @@
-"""All drives of the report: gain tables, trials with safety and sudden obstacles, for its law and for one of ours."""
+"""All drives of the report: gain tables, conditions varied, safety trials, obstacles, for its law and one of ours."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 from runtime.parameters.catalogue import catalogue
@@ -11,33 +11,40 @@ from sim.car.vehicle_settings import VehicleSettings
 from sim.lab import laws
 from sim.lab.cell import Cell
 from sim.lab.courses.sudden import PLACES
-from sim.lab.report import trials
-from sim.lab.safety import DISTANCES_M
+from sim.lab.report import drives, wall_ahead
+from sim.lab.report.drives import Starts
+from sim.lab.report.published import (
+    FINAL,
+    FIXED,
+    GAINS,
+    OBSTACLE_DISTANCES_M,
+    OBSTACLE_SPEEDS_MPS,
+    TESTS,
+    Half,
+    Pair,
+)
 from sim.scenario.conditions import put_on_top
 from sim.virtual.closed_loop import ROUGH_BEAMS
 from sim.world.beams import LidarSettings
 from sim.world.pose import Side
 
-REPORT_KP, REPORT_KD = 1.5, 1.6
-"""The report's final pair, the average of its optima."""
-GRID_KP, GRID_KD = (0.5, 1.0, 1.5, 2.0), (0.8, 1.6, 2.4)
-"""The 12 pairs of a gain table. The references give their number and the final pair, not the pairs."""
-FACTORS_KP, FACTORS_KD = (0.5, 0.75, 1.0, 1.5), (0.7, 1.0, 1.4)
-"""The 12 pairs of another law, as multiples of its default gains."""
-SPEEDS_MPS = (1.0, 2.0, 3.0, 4.0)
+CHOSEN_STARTS = Starts()
+SPEED_MPS = 2.0
+"""Speed of the gain tables, which the report does not give."""
+NOISE_M = 0.005
+"""Noise of a range, as the beams of a standing car's recording spread (4 to 5 mm); no wild beams."""
 BOX = "0.3-centred"
 REPORT_LAW = "report+report"
 ALONE_LAW = "report+none"
-CLEAN_TABLE = f"{ALONE_LAW} {trials.CLEAN}"
-"""The gain table of the report's follower alone, with a lidar without noise."""
 GAIN_KEYS = (("wall_follow.kp", "wall_follow.kd"), ("wall_follow.own.kp", "wall_follow.own.kd"))
-Pair = tuple[float, float]
+DISTANCE_KINDS = ("three_smallest", "line", "intercept")
 
 
 @dataclass(frozen=True, slots=True)
 class ReportPlan:
     """Choice of the report. law: compared with the report's. settings: KEY=VALUE texts by law, for both laws.
 
+    wild: share of wild beams. varies: whether the conditions that the report does not give are varied.
     conditions: of the simulated car, as `sim.lab.cell.Cell` has them.
     """
 
@@ -47,18 +54,28 @@ class ReportPlan:
     mu: float = 0.8
     own_parts: str = "none"
     seed: int = 1000
-    speeds_mps: tuple[float, ...] = SPEEDS_MPS
-    tests: tuple[str, ...] = tuple(trials.TESTS)
+    tests: tuple[str, ...] = TESTS
     conditions: tuple[str, ...] = ()
+    starts: Starts = CHOSEN_STARTS
+    wild: float = 0.0
+    noise_m: float = NOISE_M
+    trial_speeds_mps: tuple[float, ...] = wall_ahead.SPEEDS_MPS
+    obstacle_speeds_mps: tuple[float, ...] = OBSTACLE_SPEEDS_MPS
+    varies: bool = True
+
+    def lidar_and_car(self) -> tuple[str, ...]:
+        """Return the conditions of every car: the plan's lidar, and what is named on top."""
+        return (f"lidar.noise_std_m={self.noise_m:g}", f"lidar.outlier_share={self.wild:g}", *self.conditions)
 
     def car_and_lidar(self) -> tuple[VehicleSettings, LidarSettings]:
         """Return the simulated car and its lidar."""
-        return put_on_top(self.conditions, VehicleSettings(grip_mu=self.mu), ROUGH_BEAMS)
+        return put_on_top(self.lidar_and_car(), VehicleSettings(grip_mu=self.mu), ROUGH_BEAMS)
 
     def noise_words(self) -> str:
         """Return the lidar's noise."""
         _, lidar = self.car_and_lidar()
-        return f"{1000 * lidar.noise_std_m:g} mm of noise and {100 * lidar.outlier_share:g} % outliers"
+        wild = f"{100 * lidar.outlier_share:g} % wild beams" if lidar.outlier_share else "no wild beams"
+        return f"{1000 * lidar.noise_std_m:g} mm of noise and {wild}"
 
     def assignments(self, law: str) -> tuple[str, ...]:
         """Return the settings of the cars of a law."""
@@ -68,29 +85,36 @@ class ReportPlan:
         """Return the settings of the cars of a law; SettingsError for a wrong one."""
         return _settings(law, self.assignments(law))
 
-    def gain_keys(self, law: str) -> Pair | tuple[str, str] | None:
+    def gain_keys(self, law: str) -> tuple[str, str] | None:
         """Return the names of the two gains of a law; None where it does not have both."""
         dumped = self.settings(law).model_dump()
         return next((keys for keys in GAIN_KEYS if all(_value(dumped, key) is not None for key in keys)), None)
 
-    def pairs(self, law: str) -> list[Pair]:
-        """Return the pairs (Kp, Kd) of a gain table; a gain that the settings fix is not varied."""
+    def pairs(self, law: str) -> dict[Half, list[Pair]]:
+        """Return the pairs of the halves of a gain table; the half of a gain that a setting fixes is left out.
+
+        Another law has the report's pairs scaled so that the report's final pair becomes the law's own gains.
+        """
         keys = self.gain_keys(law)
         if keys is None:
-            return []
-        dumped = self.settings(law).model_dump()
-        present = tuple(float(_value(dumped, str(key)) or 0.0) for key in keys)
-        grids: list[tuple[float, ...]] = [GRID_KP, GRID_KD]
-        if not law.startswith("report+"):
-            known = catalogue(self.settings(law))
-            highest = [known[str(key)].highest for key in keys]
-            grids = [
-                tuple(round(min(gain * factor, math.inf if top is None else top), 3) for factor in factors)
-                for gain, top, factors in zip(present, highest, (FACTORS_KP, FACTORS_KD), strict=True)
-            ]
-        fixed = [any(text.partition("=")[0].strip() == key for text in self.assignments(law)) for key in keys]
-        kps, kds = ((value,) if one else grid for value, one, grid in zip(present, fixed, grids, strict=True))
-        return [(kp, kd) for kp in kps for kd in kds]
+            return {}
+        dumped, known = self.settings(law).model_dump(), catalogue(self.settings(law))
+        kp, kd = (float(_value(dumped, key) or 0.0) for key in keys)
+        scales = (1.0, 1.0) if law.startswith("report+") else (kp / FINAL[0], kd / FINAL[1])
+        tops = tuple(math.inf if (top := known[key].highest) is None else top for key in keys)
+        fixed = tuple(any(text.partition("=")[0].strip() == key for text in self.assignments(law)) for key in keys)
+        halves: dict[Half, list[Pair]] = {}
+        if not fixed[1]:
+            other = kp if fixed[0] else _scaled(FIXED["kd"], scales[0], tops[0])
+            halves["kd"] = [(other, _scaled(gain, scales[1], tops[1])) for gain in GAINS]
+        if not fixed[0]:
+            other = kd if fixed[1] else _scaled(FIXED["kp"], scales[1], tops[1])
+            halves["kp"] = [(_scaled(gain, scales[0], tops[0]), other) for gain in GAINS]
+        return halves
+
+
+def _scaled(gain: float, scale: float, top: float) -> float:
+    return round(min(gain * scale, top), 3)
 
 
 def _value(dumped: Mapping[str, object], key: str) -> float | None:
@@ -102,38 +126,90 @@ def _value(dumped: Mapping[str, object], key: str) -> float | None:
 
 @lru_cache(maxsize=16)
 def _settings(law: str, assignments: tuple[str, ...]) -> Settings:
-    return laws.settings_of(law, "left", 1.0, 1.0, assignments)
+    return laws.settings_of(law, "left", 1.0, SPEED_MPS, assignments)
 
 
-def trial(plan: ReportPlan, law: str, test: str, pair: Pair | None = None, speed_mps: float | None = None) -> Cell:
-    """Return one test. pair: the gains, None for the law's own. speed_mps: None for the settings'."""
+@dataclass(frozen=True, slots=True)
+class Variation:
+    """One condition that the report does not give, changed. speed_mps, mu: None as in the plan."""
+
+    words: str
+    starts: Starts | None = None
+    speed_mps: float | None = None
+    mu: float | None = None
+    plan: Mapping[str, float] = field(default_factory=dict)
+
+    def of(self, plan: ReportPlan) -> ReportPlan:
+        """Return the plan with the change."""
+        texts = plan.report_settings
+        if self.speed_mps is not None:
+            texts = (*texts, f"wall_follow.speed_mps={self.speed_mps:g}")
+        named: dict[str, float] = {**self.plan, **({} if self.mu is None else {"mu": self.mu})}
+        return replace(plan, report_settings=texts, starts=self.starts or plan.starts, **named)  # type: ignore[arg-type]
+
+
+def variations(plan: ReportPlan) -> dict[str, Variation]:
+    """Return the conditions that are varied one at a time, by the name of their table."""
+    if not plan.varies:
+        return {}
+    made = [Variation(f"{speed:g} m/s", speed_mps=speed) for speed in (1.0, 1.5, 2.5)]
+    made += [Variation(f"turned by {deg:g} degrees", replace(plan.starts, slant_deg=deg)) for deg in (10.0, 30.0)]
+    made += [
+        Variation("close start at 0.7 of the distance", replace(plan.starts, near=0.7)),
+        Variation("far start at 1.3 of the distance", replace(plan.starts, far=1.3)),
+        Variation("runs of 2.5 m", replace(plan.starts, way_m=2.5)),
+        Variation("runs of 8 m", replace(plan.starts, way_m=8.0)),
+        Variation("20 mm of noise", plan={"noise_m": 0.02}),
+        Variation("2 % wild beams", plan={"wild": 0.02}),
+        Variation("friction 0.5", mu=0.5),
+    ]
+    return {f"varied {one.words}": one for one in made}
+
+
+def trial(plan: ReportPlan, law: str, scenario: str, pair: Pair | None = None, seed: int | None = None) -> Cell:
+    """Return one drive. pair: the gains, None for the law's own. seed: None for the plan's."""
     chosen = plan.settings(law).wall_follow
     settings = plan.assignments(law)
     keys = plan.gain_keys(law)
     if pair is not None and keys is not None:
         settings = (*settings, *(f"{key}={gain:g}" for key, gain in zip(keys, pair, strict=True)))
-    speed_mps = chosen.speed_mps if speed_mps is None else speed_mps
-    settings = (*settings, f"wall_follow.speed_mps={speed_mps:g}")
+    settings = (*settings, f"wall_follow.speed_mps={chosen.speed_mps:g}")
     return Cell(
-        trials.NAME, test, law, speed_mps, plan.mu, chosen.side, plan.seed, chosen.desired_distance_m, plan.own_parts,
-        settings, plan.conditions,
+        drives.NAME, scenario, law, chosen.speed_mps, plan.mu, chosen.side, plan.seed if seed is None else seed,
+        chosen.desired_distance_m, plan.own_parts, settings, plan.lidar_and_car(),
     )  # fmt: skip
 
 
-def gain_tables(plan: ReportPlan) -> dict[str, str]:
-    """Return the law of each gain table, by the table's name."""
-    return {CLEAN_TABLE: ALONE_LAW} | {law: law for law in (ALONE_LAW, REPORT_LAW, plan.law) if plan.pairs(law)}
+def gain_laws(plan: ReportPlan) -> list[str]:
+    """Return the laws that have a gain table."""
+    return [law for law in (REPORT_LAW, ALONE_LAW, plan.law) if plan.pairs(law)]
 
 
-def gain_table(plan: ReportPlan, name: str) -> list[Cell]:
-    """Return the runs of one gain table: every pair in every test."""
-    law, _, lidar = name.partition(" ")
-    return [trial(plan, law, f"{test} {lidar}".strip(), pair) for pair in plan.pairs(law) for test in plan.tests]
+def gain_table(plan: ReportPlan, law: str) -> list[Cell]:
+    """Return the runs of one gain table, both halves: every pair in every test.
+
+    The halves have seeds of their own, so that the pair which stands in both tells how far noise alone moves an error.
+    """
+    return [
+        trial(plan, law, plan.starts.scenario(test), pair, plan.seed + number)
+        for number, pairs in enumerate(plan.pairs(law).values())
+        for pair in pairs
+        for test in plan.tests
+    ]
 
 
 def safety_trials(plan: ReportPlan, law: str) -> list[Cell]:
-    """Return the wall-following trials with safety: every test at every speed, with the law's own gains."""
-    return [trial(plan, law, test, speed_mps=speed_mps) for test in plan.tests for speed_mps in plan.speeds_mps]
+    """Return the 25 trials along a wall toward one ahead, with the law's own gains."""
+    chosen = plan.settings(law).wall_follow
+    return [
+        Cell(
+            wall_ahead.NAME, f"{ahead_m:g} m", law, speed_mps, plan.mu, chosen.side, plan.seed,
+            chosen.desired_distance_m, plan.own_parts, (*plan.assignments(law), f"wall_follow.speed_mps={speed_mps:g}"),
+            plan.lidar_and_car(),
+        )
+        for ahead_m in wall_ahead.DISTANCES_M
+        for speed_mps in plan.trial_speeds_mps
+    ]  # fmt: skip
 
 
 def obstacles(plan: ReportPlan, law: str, driver: str) -> list[Cell]:
@@ -145,21 +221,27 @@ def obstacles(plan: ReportPlan, law: str, driver: str) -> list[Cell]:
             "safety",
             f"{ahead_m:.1f} m" if driver == "blind" else f"{driver} {place} {BOX} {ahead_m:.1f}m",
             law, speed_mps, plan.mu, side, plan.seed, 1.0, plan.own_parts,
-            (*plan.assignments(law), f"wall_follow.speed_mps={speed_mps:g}"), plan.conditions,
+            (*plan.assignments(law), f"wall_follow.speed_mps={speed_mps:g}"), plan.lidar_and_car(),
         )
-        for ahead_m in DISTANCES_M
-        for speed_mps in plan.speeds_mps
+        for ahead_m in OBSTACLE_DISTANCES_M
+        for speed_mps in plan.obstacle_speeds_mps
     ]  # fmt: skip
+
+
+def distance_kinds(plan: ReportPlan, kind: str) -> list[Cell]:
+    """Return the five tests of the report's law with another distance to the wall, all else equal."""
+    changed = replace(plan, report_settings=(*plan.report_settings, f"wall_follow.distance={kind}"))
+    return [trial(changed, REPORT_LAW, plan.starts.scenario(test)) for test in plan.tests]
 
 
 def first_round(plan: ReportPlan) -> dict[str, list[Cell]]:
     """Return all runs that depend on no result, by the name of their table."""
-    ours = plan.law
-    tables = {f"gains {name}": gain_table(plan, name) for name in gain_tables(plan)}
-    tables |= {f"trials {law}": safety_trials(plan, law) for law in (REPORT_LAW, ours)}
-    for law in (REPORT_LAW, ours):
+    tables = {f"gains {law}": gain_table(plan, law) for law in gain_laws(plan)}
+    tables |= {name: gain_table(one.of(plan), ALONE_LAW) for name, one in variations(plan).items()}
+    for law in (REPORT_LAW, plan.law):
+        tables[f"trials {law}"] = safety_trials(plan, law)
         tables |= {f"obstacles {law} {driver}": obstacles(plan, law, driver) for driver in ("blind", "follower")}
-    return tables
+    return tables | {f"distance {kind}": distance_kinds(plan, kind) for kind in DISTANCE_KINDS}
 
 
 def second_round(plan: ReportPlan, averaged: Pair | None) -> dict[str, list[Cell]]:
@@ -168,10 +250,6 @@ def second_round(plan: ReportPlan, averaged: Pair | None) -> dict[str, list[Cell
     if averaged is not None:
         runs.append(("averaged", REPORT_LAW, averaged))
     return {
-        name: [trial(plan, law, f"{test} {trials.TRACED}", pair) for test in plan.tests] for name, law, pair in runs
+        name: [trial(plan, law, f"{plan.starts.scenario(test)} {drives.TRACED}", pair) for test in plan.tests]
+        for name, law, pair in runs
     }
-
-
-def names_of(plan: ReportPlan) -> Sequence[str]:
-    """Return the full names of the laws compared."""
-    return [REPORT_LAW, plan.law]

@@ -1,16 +1,22 @@
-"""Tables of the report from the figures of its runs: gains and their optima, trials with safety, obstacles, physics."""
+"""Tables of the page: gains beside the report's sixty errors, optima, trends, conditions varied, trials, obstacles."""
 
 import math
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from sim.car.vehicle import GRAVITY_MPS2
 from sim.lab.cell import TabledCell
-from sim.lab.figures import Row, chosen, text
+from sim.lab.figures import Row, text
 from sim.lab.report import published
-from sim.lab.report.plan import REPORT_KD, REPORT_KP, REPORT_LAW, Pair, ReportPlan, gain_tables
-from sim.lab.report.trials import ABOUT
-from sim.lab.safety import DISTANCES_M, stopping_m
+from sim.lab.report.drives import ABOUT
+from sim.lab.report.gains import GainTable, Trend, likeness, published_table, trend
+from sim.lab.report.plan import ALONE_LAW, DISTANCE_KINDS, REPORT_LAW, ReportPlan, gain_laws, variations
+from sim.lab.report.published import Half, Pair, repeatability_m
+from sim.lab.report.wall_ahead import DISTANCES_M
+from sim.lab.safety import stopping_m
 from sim.virtual.closed_loop import FULL_BRAKE_MPS2
+from sim.world.pose import Floats
 
 Rows = Mapping[str, Sequence[Row]]
 """The figures of the runs, by the name of their table."""
@@ -18,144 +24,241 @@ WIRE_S = 0.02
 """From a scan's last byte to the motor's wire in every run; the motor's delay comes on top."""
 OPTIMUM = "\u00a0*"
 """Mark of the optimum of a test."""
-SETTLED_FOR_S = 0.4
-"""Minimum time within 5 cm at the end of a run that has settled."""
+ALIKE = "\u00a0="
+"""Mark of an error that differs from the report's by no more than the report's own repeatability."""
 OUTCOMES = {"contact": "X", "stands": "stands", "lost": "lost"}
+VARIED = {"kd": "Kd", "kp": "Kp"}
 
 
 def title_of(law: str) -> str:
     """Return the name of a law for a reader."""
     follower, _, guard = law.partition("+")
-    guard, _, lidar = guard.partition(" ")
-    safety = "without safety" if guard == "none" else f"safety `{guard}`"
-    return f"`{follower}`, {safety}{', lidar without noise' if lidar else ''}"
+    return f"`{follower}`, {'without safety' if guard == 'none' else f'safety `{guard}`'}"
 
 
-def optima(plan: ReportPlan, law: str, rows: Sequence[Row]) -> dict[str, Pair]:
-    """Return the pair with the least mean error of each test that at least one pair finishes."""
-    pairs, found = plan.pairs(law), {}
-    for test in plan.tests:
-        driven = [
-            (row["mean_error_m"], pair)
-            for pair, row in zip(pairs, chosen(rows, test=test), strict=True)
-            if row["outcome"] == "driven"
+def gain_table_of(plan: ReportPlan, law: str, rows: Sequence[Row]) -> GainTable:
+    """Return the table of a law's runs, by the law's own error; NaN for a run that did not come to its end."""
+    pairs = plan.pairs(law)
+    values = iter([row["law_error_m"] if row["outcome"] == "driven" else math.nan for row in rows])
+    errors_m: dict[Half, Floats] = {}
+    for half, some in pairs.items():
+        errors_m[half] = np.array([[next(values) for _ in plan.tests] for _ in some], dtype=np.float64)
+    return GainTable(plan.tests, pairs, errors_m)
+
+
+def gains(plan: ReportPlan, law: str, rows: Sequence[Row]) -> list[TabledCell]:
+    """Return both halves of a gain table, a row per value of the varied gain and a column per test."""
+    table, made, first = gain_table_of(plan, law, rows), [], 0
+    heads = (*(f"{test}: {ABOUT[test]}" for test in plan.tests), "mean")
+    for half, pairs in table.pairs.items():
+        of_half = rows[first : first + len(pairs) * len(plan.tests)]
+        first += len(of_half)
+        theirs = published_table(plan.tests).errors_m[half] if law.startswith("report+") else None
+        body = [
+            _gain_row(table, half, number, of_half[number * len(plan.tests) :], theirs) for number in range(len(pairs))
         ]
-        if driven:
-            found[test] = min(driven)[1]
-    return found
+        body.append(
+            ("physics: least true error of any steering", *(_limit(row) for row in of_half[: len(plan.tests)]), "")
+        )
+        other, fixed = ("Kp", pairs[0][0]) if half == "kd" else ("Kd", pairs[0][1])
+        title = f"{VARIED[half]} varied, {other} {fixed:g}: {title_of(law)}"
+        made.append(TabledCell(title, (VARIED[half], *heads), tuple(body), (_gain_note(theirs is not None),)))
+    return made
 
 
-def averaged(found: Mapping[str, Pair]) -> Pair | None:
-    """Return the average of the optima; None without any."""
-    if not found:
-        return None
-    kps, kds = zip(*found.values(), strict=True)
-    return round(math.fsum(kps) / len(kps), 3), round(math.fsum(kds) / len(kds), 3)
+def _gain_row(table: GainTable, half: Half, number: int, rows: Sequence[Row], theirs: Floats | None) -> tuple[str, ...]:
+    value, cells = table.varied(half)[number], []
+    for column, test in enumerate(table.tests):
+        shown = OUTCOMES.get(rows[column]["outcome"]) or f"{rows[column]['law_error_m']:.3f}"
+        if theirs is not None:
+            shown += f" ({theirs[number, column]:.3f})"
+            difference_m = abs(table.errors_m[half][number, column] - theirs[number, column])
+            shown += ALIKE if difference_m <= repeatability_m(test) + 1e-9 else ""
+        cells.append(shown + (OPTIMUM if table.optimum(half, test) == value else ""))
+    return f"{value:g}", *cells, text(float(table.errors_m[half][number].mean()))
 
 
-def gains(plan: ReportPlan, name: str, rows: Sequence[Row]) -> TabledCell:
-    """Return a gain table: a row per pair, a column per test; the optimum of each is marked, the limit comes last."""
-    law = gain_tables(plan)[name]
-    best = optima(plan, law, rows)
-    body = []
-    for number, pair in enumerate(plan.pairs(law)):
-        cells = [chosen(rows, test=test)[number] for test in plan.tests]
-        marks = [OPTIMUM if best.get(test) == pair else "" for test in plan.tests]
-        whole = [row["mean_error_m"] for row in cells if row["outcome"] == "driven"]
-        mean = text(math.fsum(whole) / len(whole)) if len(whole) == len(cells) else "-"
-        is_report = pair == (REPORT_KP, REPORT_KD) and law.startswith("report+")
-        gains_text = f"{_pair(pair)}{' (the report)' if is_report else ''}"
-        body.append((gains_text, *(shown(row) + mark for row, mark in zip(cells, marks, strict=True)), mean))
-    limits = [_limit(chosen(rows, test=test)[0]) for test in plan.tests]
-    body.append(("physics: least of any steering", *limits, ""))
-    body.append(("optimum Kp, Kd", *(_pair(best.get(test)) for test in plan.tests), _pair(averaged(best))))
-    heads = tuple(f"{test}: {ABOUT[test]}" for test in plan.tests)
-    said = published.GAINS if law.startswith("report+") else "The report has no such law: it had its own only."
-    notes = (
-        "Mean |error| in m, settling to 5 cm in s; * optimum of the test; X contact. Last: the average of the optima.",
-        said,
+def _gain_note(beside: bool) -> str:  # noqa: FBT001 - one word of a note
+    first = "Mean of the law's own |distance - wanted| in m over all samples; * least of its column; X contact"
+    if not beside:
+        return (
+            f"{first}. The report's pairs, scaled so that its final pair is this law's own gains, within their range."
+        )
+    spread = ", ".join(f"{test} {repeatability_m(test):.3f}" for test in published.TESTS)
+    return (
+        f"{first}; in brackets the report's error; = differs from it by no more than its own repeatability"
+        f" (the two errors of Kp 2.5, Kd 1: {spread})."
     )
-    return TabledCell(f"Gains of {title_of(name)}", ("Kp, Kd", *heads, "mean"), tuple(body), notes)
-
-
-def shown(row: Row) -> str:
-    """Return error and settling time of a run, "-" for one that does not settle, or how it ended."""
-    if row["outcome"] != "driven":
-        return OUTCOMES[row["outcome"]]
-    settle_s = row["settle_s"]
-    settled = settle_s is not None and row["duration_s"] - settle_s >= SETTLED_FOR_S
-    return f"{row['mean_error_m']:.3f},\u00a0{f'{settle_s:.1f}' if settled else '-'}"
 
 
 def _limit(row: Row) -> str:
-    if not row["limit_known"]:
-        return "not computed"
-    return "no way" if row["limit_m"] is None else text(row["limit_m"])
+    return "not computed" if row["limit_m"] is None else text(row["limit_m"])
 
 
-def _pair(pair: Pair | None) -> str:
-    return "-" if pair is None else f"{pair[0]:g},\u00a0{pair[1]:g}"
+def optima(plan: ReportPlan, rows: Rows) -> TabledCell:
+    """Return the optima of the report's rule with their plain mean: the report's, and those of each gain table."""
+    tables = {"the report": published_table(plan.tests)}
+    tables |= {title_of(law): gain_table_of(plan, law, rows[f"gains {law}"]) for law in gain_laws(plan)}
+    body = tuple((name, *map(_pair, table.optima().values()), _pair(table.average())) for name, table in tables.items())
+    note = "Kp, Kd: each gain with the least error of its own half; last the plain mean, the report's final gains."
+    return TabledCell("Optimum of each test, and their average", ("", *plan.tests, "average"), body, (note,))
 
 
-def trials(plan: ReportPlan, rows: Rows) -> TabledCell:
-    """Return the wall-following trials with safety, a row per test and speed, the laws beside each other."""
-    laws = (REPORT_LAW, plan.law)
-    of = {law: rows[f"trials {law}"] for law in laws}
-    body = []
-    for test in plan.tests:
-        for speed_mps in plan.speeds_mps:
-            some = [chosen(of[law], test=test, speed_mps=speed_mps)[0] for law in laws]
-            body.append((test, f"{speed_mps:g}", _notes_m(test, speed_mps), _limit(some[0]), *map(_trial, some)))
-    heads = ("test", "m/s", "design notes", "physics", *map(title_of, laws))
-    counts = [
-        f"{title_of(law)}: {sum(row['outcome'] == 'driven' for row in of[law])} of {len(of[law])} driven to the end,"
-        f" {sum(row['outcome'] == 'contact' for row in of[law])} contacts,"
-        f" {sum(row['safety_stops'] > 0 for row in of[law])} with a stop"
-        for law in laws
-    ]
-    notes = (
-        "Mean |error| in m, settling to 5 cm in s, stops by safety; X contact; no way: none without contact was found.",
-        *counts,
-        published.TRIALS,
+def _pair(pair: tuple[float | None, float | None]) -> str:
+    return ",\u00a0".join("-" if gain is None else f"{gain:g}" for gain in pair)
+
+
+def trends(plan: ReportPlan, rows: Rows) -> TabledCell:
+    """Return how the error goes with a rising gain, the report's beside ours, and whether they agree."""
+    theirs, body, agreed = published_table(plan.tests), [], 0
+    tables = {law: gain_table_of(plan, law, rows[f"gains {law}"]) for law in (REPORT_LAW, ALONE_LAW) if plan.pairs(law)}
+    for half in theirs.pairs:
+        for column, test in enumerate(plan.tests):
+            found = trend(published.GAINS, theirs.errors_m[half][:, column], repeatability_m(test))
+            ours = {law: _trend(table, half, column, test) for law, table in tables.items()}
+            same = [one is not None and found is not None and one.agrees(found, 0.5) for one in ours.values()]
+            agreed += sum(same)
+            words = (one.text() if one else "-" for one in (found, *ours.values()))
+            body.append(
+                (f"{test}, {VARIED[half]} rises", *words, "yes" if all(same) else "in part" if any(same) else "no")
+            )
+    count = len(body) * len(tables)
+    note = (
+        f"The error over the gain: falls, rises, or is least at a value between; flat where it moves by no more than"
+        f" the report's repeatability. They agree in {agreed} of {count}: the same, or the least within one step."
     )
-    return TabledCell("Wall-following trials with safety", heads, tuple(body), notes)
+    heads = ("test", "the report", *map(title_of, tables), "agree")
+    return TabledCell("Trends", heads, tuple(body), (note,))
 
 
-def _trial(row: Row) -> str:
-    stops = row["safety_stops"]
-    return shown(row) + (f", {stops} stop{'s' if stops > 1 else ''}" if stops else "")
+def _trend(table: GainTable, half: Half, column: int, test: str) -> Trend | None:
+    if half not in table.errors_m:
+        return None
+    return trend(table.varied(half), table.errors_m[half][:, column], repeatability_m(test))
 
 
-def _notes_m(test: str, speed_mps: float) -> str:
-    speeds = (1.0, 2.0, 3.0, 4.0)
-    if speed_mps not in speeds:
-        return ""
-    found_m = published.NOTES_TABLE_M[test][speeds.index(speed_mps)]
-    return "X" if found_m is None else text(found_m)
+def varied(plan: ReportPlan, rows: Rows) -> TabledCell:
+    """Return how the gain tables of the report's follower change with each condition that the report does not give."""
+    body = [_varied("as chosen", plan, rows[f"gains {ALONE_LAW}"])]
+    body += [_varied(one.words, one.of(plan), rows[name]) for name, one in variations(plan).items()]
+    heads = (
+        "condition",
+        "average Kp, Kd",
+        "optima t1 to t5",
+        "median difference m",
+        "median ratio",
+        "alike",
+        "X, stands, lost",
+    )
+    note = (
+        f"Of {title_of(ALONE_LAW)}, one condition changed at a time; differences are to the report's errors, alike"
+        " is within its repeatability."
+    )
+    return TabledCell("Conditions that the report does not give, varied", heads, tuple(body), (note,))
+
+
+def _varied(words: str, plan: ReportPlan, rows: Sequence[Row]) -> tuple[str, ...]:
+    table = gain_table_of(plan, ALONE_LAW, rows)
+    ended = " ".join(str(sum(row["outcome"] == outcome for row in rows)) for outcome in OUTCOMES)
+    found = "; ".join(map(_pair, table.optima().values()))
+    if set(table.pairs) != set(published.FIXED):
+        return words, _pair(table.average()), found, "-", "-", "-", ended
+    like = likeness(table)
+    figures = text(like.median_difference_m), text(like.median_ratio, 2), f"{like.within} of {like.count}"
+    return words, _pair(table.average()), found, *figures, ended
+
+
+def final_gains(plan: ReportPlan, rows: Rows) -> TabledCell:
+    """Return both errors with the final gains: the law's own, which the report has, and the simulator's truth."""
+    names = {
+        "report": "the report's pair",
+        "averaged": "the average of its law's optima here",
+        "ours": f"{title_of(plan.law)}, its own gains",
+    }
+    body = [
+        (f"{names[name]}: {words}", *(_ended(row, key) for row in rows[name]), _mean(rows[name], key))
+        for name in names
+        if name in rows
+        for key, words in (("law_error_m", "law's own error"), ("true_error_m", "true error"))
+    ]
+    note = (
+        "Mean |error| in m. The law's own: its distance, half of the range ahead in a corner, less the wanted one, over"
+        " all samples, as the report has it. True: from the rear axle to the wall, which only a simulator knows."
+    )
+    return TabledCell("Both errors with the final gains", ("", *plan.tests, "mean"), tuple(body), (note,))
+
+
+def distances(plan: ReportPlan, rows: Rows) -> TabledCell:
+    """Return the report's law with three distances to the wall, all else equal."""
+    body = [
+        (
+            f"`{kind}`: {words}",
+            *(_ended(row, key) for row in rows[f"distance {kind}"]),
+            _mean(rows[f"distance {kind}"], key),
+        )
+        for kind in DISTANCE_KINDS
+        for key, words in (("law_error_m", "law's own error"), ("true_error_m", "true error"))
+    ]
+    note = (
+        "`wall_follow.distance` of the report's law, its own gains: the mean of the three smallest ranges (the"
+        " report's), the distance to the fitted line (the experiment it names next), and the line's intercept."
+    )
+    return TabledCell("Another distance to the wall", ("", *plan.tests, "mean"), tuple(body), (note,))
+
+
+def _ended(row: Row, key: str) -> str:
+    return OUTCOMES.get(row["outcome"]) or text(row[key])
+
+
+def _mean(rows: Sequence[Row], key: str) -> str:
+    return text(math.fsum(row[key] for row in rows) / len(rows)) if all(r["outcome"] == "driven" for r in rows) else "-"
+
+
+def trials(plan: ReportPlan, law: str, rows: Sequence[Row]) -> TabledCell:
+    """Return the 25 trials along a wall toward one ahead: pass or fail, a row per distance, a column per speed."""
+    speeds, body = plan.trial_speeds_mps, []
+    for number, ahead_m in enumerate(DISTANCES_M):
+        cells = rows[number * len(speeds) : (number + 1) * len(speeds)]
+        body.append(
+            (f"{ahead_m:g} m", *("pass" if row["passed"] else f"fail, {row['impact_mps']:.1f} m/s" for row in cells))
+        )
+    passed = sum(row["passed"] for row in rows)
+    note = (
+        f"Passed {passed} of {len(rows)} ({passed / len(rows):.3f}); the report {published.TRIALS_PASSED} of"
+        f" {published.TRIALS}, on a grid that it does not give: distances and speeds are ours."
+    )
+    heads = ("range ahead at the start", *(f"{speed_mps:g} m/s" for speed_mps in speeds))
+    return TabledCell(f"{len(rows)} safety trials along a wall: {title_of(law)}", heads, tuple(body), (note,))
 
 
 def obstacles(plan: ReportPlan, law: str, driver: str, rows: Sequence[Row]) -> TabledCell:
-    """Return the obstacles of a law: a row per distance, a column per speed; stopped, or impact (physics)."""
+    """Return the 28 obstacles of a law: 1 stopped, 0 hit, beside the report's and physics; its effectiveness."""
+    speeds = plan.obstacle_speeds_mps
     body = []
-    for number, ahead_m in enumerate(DISTANCES_M):
-        count = len(plan.speeds_mps)
-        cells = rows[number * count : (number + 1) * count]
-        body.append((f"{ahead_m:.1f} m", *map(_met, cells)))
-    who = "a driver that ignores it" if driver == "blind" else "the law's own follower"
-    heads = ("appears ahead of the lidar", *(f"{speed_mps:g} m/s" for speed_mps in plan.speeds_mps))
-    counted = (
-        f"{sum(row['clear'] for row in rows)} of {len(rows)} without contact; physics allows"
-        f" {sum(row['stoppable'] for row in rows)} (friction {plan.mu:g}). Impact in m/s (after a full brake on the"
-        " first scan); ! stoppable, and hit."
+    for number, ahead_m in enumerate(published.OBSTACLE_DISTANCES_M):
+        cells = rows[number * len(speeds) : (number + 1) * len(speeds)]
+        theirs = (0 if (ahead_m, speed_mps) in published.NOT_STOPPED else 1 for speed_mps in speeds)
+        body.append((f"{ahead_m:.1f} m", *(_met(row, one) for row, one in zip(cells, theirs, strict=True))))
+    clear, stoppable = sum(row["clear"] for row in rows), sum(row["stoppable"] for row in rows)
+    share = clear / len(rows)
+    notes = (
+        (
+            "1 not touched, 0 hit; in brackets the report's, and what physics allows a full brake on the first scan"
+            f" (friction {plan.mu:g}): {stoppable} of {len(rows)}. ! stoppable, and hit."
+        ),
+        (
+            f"Effectiveness {share:.3f}, error ratio {1 - share:.3f}; the report's {published.EFFECTIVENESS} and"
+            f" {published.ERROR_RATIO} ({published.STOPPED} of {published.OBSTACLES})."
+        ),
     )
-    notes = (counted, published.OBSTACLES_SAID)
-    return TabledCell(f"Sudden obstacles: {title_of(law)}, {who}", heads, tuple(body), notes)
+    who = "a driver that ignores it" if driver == "blind" else "the law's own follower"
+    heads = ("appears ahead of the lidar", *(f"{speed_mps:g} m/s" for speed_mps in speeds))
+    return TabledCell(f"{len(rows)} sudden obstacles: {title_of(law)}, {who}", heads, tuple(body), notes)
 
 
-def _met(row: Row) -> str:
-    if row["clear"]:
-        return "stopped" if row["stopped"] else "passed"
-    return f"{row['impact_mps']:.2f} ({row['expected_impact_mps']:.2f}){' !' if row['stoppable'] else ''}"
+def _met(row: Row, theirs: int) -> str:
+    mark = " !" if row["stoppable"] and not row["clear"] else ""
+    return f"{int(row['clear'])} ({theirs}, {int(row['stoppable'])}){mark}"
 
 
 def stopping(plan: ReportPlan) -> TabledCell:
@@ -165,7 +268,7 @@ def stopping(plan: ReportPlan) -> TabledCell:
     car = plan.settings(REPORT_LAW).car
     ahead_m = car.front_m - car.lidar_x_m
     body = []
-    for speed_mps in plan.speeds_mps:
+    for speed_mps in published.OBSTACLE_SPEEDS_MPS:
         way_m = stopping_m(speed_mps, latency_s, brake_mps2)
         spare_m = published.STOP_BELOW_M - ahead_m - way_m
         judged = "too long" if spare_m > way_m else "enough" if spare_m >= 0 else "too short"
@@ -178,34 +281,20 @@ def stopping(plan: ReportPlan) -> TabledCell:
     return TabledCell("Stopping distance by physics", heads, tuple(body), (note,))
 
 
-def summary(plan: ReportPlan, found: Mapping[str, Mapping[str, Pair]], rows: Rows) -> TabledCell:
-    """Return the optima of all gain tables with their average, and the error with it, beside the report's pair."""
-    body = []
-    for name, best in found.items():
-        body.append((title_of(name), *(_pair(best.get(test)) for test in plan.tests), _pair(averaged(best))))
-    body.append(("the report", *("not in the references" for _ in plan.tests), f"{REPORT_KP:g}, {REPORT_KD:g}"))
-    names = {
-        "report": "error with the report's pair",
-        "averaged": "error with the average of its law's optima",
-        "ours": f"error of {title_of(plan.law)}, its own gains",
-    }
-    for name, what in names.items():
-        if name in rows:
-            errors = [row["mean_error_m"] for row in rows[name]]
-            mean = text(math.fsum(errors) / len(errors)) if all(r["outcome"] == "driven" for r in rows[name]) else "-"
-            body.append((what, *map(shown, rows[name]), mean))
-    heads = ("", *plan.tests, "average")
-    return TabledCell("Optimum of each test, and their average", heads, tuple(body), (
-        "Kp, Kd; below: mean |error| in m, settling to 5 cm in s, with the report's two safety rules or `swept`.",
-    ))  # fmt: skip
-
-
 def all_tables(plan: ReportPlan, rows: Rows) -> list[TabledCell]:
     """Return every table of the page, in its order."""
-    found = {name: optima(plan, law, rows[f"gains {name}"]) for name, law in gain_tables(plan).items()}
-    made = [gains(plan, name, rows[f"gains {name}"]) for name in found]
-    made.append(summary(plan, found, rows))
-    made.append(trials(plan, rows))
+    made = [one for law in gain_laws(plan) for one in gains(plan, law, rows[f"gains {law}"])]
+    made += [optima(plan, rows), trends(plan, rows), varied(plan, rows), final_gains(plan, rows), distances(plan, rows)]
     for law in (REPORT_LAW, plan.law):
+        made.append(trials(plan, law, rows[f"trials {law}"]))
         made += [obstacles(plan, law, driver, rows[f"obstacles {law} {driver}"]) for driver in ("blind", "follower")]
     return [*made, stopping(plan)]
+
+
+def averaged(plan: ReportPlan, rows: Rows) -> Pair | None:
+    """Return the average of the optima of the report's law with its safety; without, where there is none."""
+    for law in (REPORT_LAW, ALONE_LAW):
+        kp, kd = gain_table_of(plan, law, rows[f"gains {law}"]).average() if plan.pairs(law) else (None, None)
+        if kp is not None and kd is not None:
+            return kp, kd
+    return None

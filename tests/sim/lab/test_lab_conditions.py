@@ -6,7 +6,7 @@ import pytest
 
 from sim.lab import corners, hazards, laps, safety, walls
 from sim.lab.command import chosen, run
-from sim.lab.report import trials
+from sim.lab.report import drives
 from sim.lab.report.plan import ReportPlan, first_round, second_round
 from sim.lab.tuning import drive
 from sim.lab.tuning.drive import SCENARIOS
@@ -63,18 +63,11 @@ def test_the_report_and_its_page_are_of_the_fitted_car(fitted):
     assert (plan.mu, plan.own_parts) == (0.6, "posts")
     runs = [*first_round(plan).values(), *second_round(plan, None).values()]
     assert all(set(NAMED) < set(cell.conditions) for cells in runs for cell in cells)
-    assert is_fitted(trials.run(runs[1][0]).case)
+    assert is_fitted(drives.run(runs[0][0])[0].case)
     said = conditions(plan, "1")
-    assert "friction 0.6, 7 mm of noise and 2 % outliers, 20 ms to the wire, then 45 ms of the servo" in said
+    assert "friction 0.6, 7 mm of noise and no wild beams, 20 ms to the wire, then 45 ms of the servo" in said
     assert "`vehicle.trim_rad=0.03`" in said
     assert "Simulated car" not in conditions(ReportPlan(), "1")
-
-
-def test_a_lidar_without_noise_stays_without(fitted):
-    plan = report_of(options("report", "--conditions", fitted))
-    clean = next(cell for cells in first_round(plan).values() for cell in cells if cell.scenario.endswith("clean"))
-    case = trials.run(clean).case
-    assert (case.lidar.noise_std_m, case.vehicle.trim_rad) == (0.0, 0.03)
 
 
 def test_a_study_samples_only_what_the_file_does_not_name(fitted):

@@ -22,12 +22,15 @@ async def tab(tmp_path):
 
 @pytest.mark.parametrize("look", LOOKS, ids=["desk", "phone"])
 async def test_the_page_fits_fetches_nothing_and_is_accessible(tab, tmp_path, look):
-    plan = ReportPlan(tests=("t2",), speeds_mps=(2.0,), report_settings=("wall_follow.kp=1.5", "wall_follow.kd=1.6"))
+    plan = ReportPlan(
+        tests=("t5",), report_settings=("wall_follow.kd=1.6",), trial_speeds_mps=(1.0,), obstacle_speeds_mps=(2.0,),
+        varies=False,
+    )  # fmt: skip
     write(plan, measure(plan, 1, Console(file=io.StringIO())), tmp_path / "out")
     file = tmp_path / "out" / "report.html"
     await tab.look(**look)
     await tab.go(file.as_uri())
-    assert await tab.run("document.querySelectorAll('svg').length") == 3
+    assert await tab.run("document.querySelectorAll('svg').length") == 5
     assert await tab.run("document.documentElement.scrollWidth <= window.innerWidth")
     assert await tab.run("document.querySelectorAll('svg .line').length") >= 3
     assert set(tab.requests) == {file.as_uri()}

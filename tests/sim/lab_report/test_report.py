@@ -3,33 +3,38 @@
 import argparse
 import io
 import json
+import math
 import re
 
+import numpy as np
 import pytest
 from rich.console import Console
 
-from sim.lab.report import tables, trials
-from sim.lab.report.differences import _noise, differences
+from sim.lab.report import drives, published, tables, wall_ahead
+from sim.lab.report.differences import differences
+from sim.lab.report.drives import Starts
+from sim.lab.report.gains import likeness, published_table, trend
 from sim.lab.report.plan import (
     ALONE_LAW,
-    CLEAN_TABLE,
-    GRID_KD,
-    GRID_KP,
     REPORT_LAW,
     ReportPlan,
+    distance_kinds,
     first_round,
     obstacles,
+    safety_trials,
     trial,
+    variations,
 )
-from sim.lab.safety import DISTANCES_M
 from sim.lab_report.command import ReportUsageError, measure, plan_of, run, write
+from sim.lab_report.page import document
 from wallride import lab_options
 
 SMALL = ReportPlan(
-    tests=("t1", "t2"), speeds_mps=(2.0,), report_settings=("wall_follow.kd=1.6",),
-    law_settings=("wall_follow.kp=13.5", "wall_follow.kd=4.5"),
+    tests=("t2", "t5"), report_settings=("wall_follow.kd=1.6",), law_settings=("wall_follow.kp=13.5",
+    "wall_follow.kd=4.5"), starts=Starts(way_m=1.5), trial_speeds_mps=(1.0,), obstacle_speeds_mps=(2.0,), varies=False,
 )  # fmt: skip
-LAWS = (ALONE_LAW, REPORT_LAW, "ball+swept")
+LAWS = (REPORT_LAW, ALONE_LAW, "ball+swept")
+pytestmark = pytest.mark.timeout(240)  # some hundred drives
 
 
 def options(*arguments):
@@ -57,28 +62,59 @@ def test_the_pages_are_the_same_to_the_byte_with_one_and_two_processes(rows, tmp
         assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes(), file
 
 
-def test_another_seed_gives_other_figures(rows):
-    one = trial(SMALL, REPORT_LAW, "t2")
-    other = trial(ReportPlan(seed=SMALL.seed + 1), REPORT_LAW, "t2")
-    assert trials.measure(one)["mean_error_m"] != trials.measure(other)["mean_error_m"]
+def test_the_reports_rule_on_the_reports_errors_gives_its_optima_and_gains():
+    table = published_table()
+    assert table.optima() == published.OPTIMA
+    assert table.average() == (1.5, 1.6)
+    assert published.FINAL == (1.5, 1.6)
+    spreads = [published.repeatability_m(test) for test in published.TESTS]
+    assert spreads == pytest.approx([0.026, 0.026, 0.036, 0.066, 0.063])
+    assert round(published.STOPPED / published.OBSTACLES, 3) == published.EFFECTIVENESS
+    assert round(1 - published.STOPPED / published.OBSTACLES, 3) == published.ERROR_RATIO
 
 
 def test_the_full_plan_is_what_the_report_did():
-    plan = ReportPlan()
-    runs = first_round(plan)
-    for law in LAWS:
-        assert len(plan.pairs(law)) == 12
-    assert [len(cells) for name, cells in runs.items() if name.startswith("gains")] == [12 * 5] * 4
-    assert (1.5, 1.6) in plan.pairs(REPORT_LAW)
+    plan, runs = ReportPlan(), first_round(ReportPlan())
+    for law in (REPORT_LAW, ALONE_LAW):
+        assert plan.pairs(law) == {
+            "kd": [(2.5, kd) for kd in published.GAINS],
+            "kp": [(kp, 1.0) for kp in published.GAINS],
+        }
+    assert [len(runs[f"gains {law}"]) for law in LAWS] == [60] * 3
+    assert all(len(runs[name]) == 60 for name in variations(plan))
+    assert [len(runs[f"trials {law}"]) for law in (REPORT_LAW, "ball+swept")] == [25, 25]
     assert all(len(cells) == 28 for name, cells in runs.items() if name.startswith("obstacles"))
-    assert {cell.settings[0] for cell in runs[f"gains {REPORT_LAW}"]} == {f"wall_follow.kp={kp:g}" for kp in GRID_KP}
-    assert all(abs(course.toward_rad) == pytest.approx(0.5236, abs=1e-4) for course in list(trials.TESTS.values())[:4])
+    pair = {"wall_follow.kp=2.5", "wall_follow.kd=1"}
+    twice = [cell for cell in runs[f"gains {REPORT_LAW}"] if pair < {*cell.settings}]
+    assert len(twice) == 2 * len(plan.tests)
+    assert len({cell.seed for cell in twice}) == 2, "the pair that stands twice is driven twice"
+    assert all(cell.conditions == ("lidar.noise_std_m=0.005", "lidar.outlier_share=0") for cell in twice)
+
+
+def test_another_law_has_the_pairs_scaled_to_its_own_gains():
+    plan = ReportPlan()
+    own = plan.settings("ball+swept").wall_follow
+    halves = plan.pairs("ball+swept")
+    assert halves["kp"][3][0] == pytest.approx(own.kp), "the report's final Kp, 1.5, becomes the law's own"
+    assert halves["kd"][2][1] / own.kd == pytest.approx(1.0 / 1.6, abs=1e-3)
 
 
 def test_a_gain_that_is_set_is_not_varied():
     plan = ReportPlan(report_settings=("wall_follow.kp=1.2",))
-    assert plan.pairs(REPORT_LAW) == [(1.2, kd) for kd in GRID_KD]
-    assert len(plan.pairs("ball+swept")) == 12
+    assert plan.pairs(REPORT_LAW) == {"kd": [(1.2, kd) for kd in published.GAINS]}
+    assert set(plan.pairs("ball+swept")) == {"kd", "kp"}
+
+
+def test_each_variation_changes_its_one_condition():
+    plan = ReportPlan()
+    usual = trial(plan, ALONE_LAW, plan.starts.scenario("t1"))
+    for name, one in variations(plan).items():
+        changed = one.of(plan)
+        cell = trial(changed, ALONE_LAW, changed.starts.scenario("t1"))
+        differing = [
+            key for key in ("scenario", "speed_mps", "mu", "conditions") if getattr(cell, key) != getattr(usual, key)
+        ]
+        assert len(differing) == 1, name
 
 
 def test_settings_friction_and_own_parts_reach_every_run():
@@ -86,87 +122,139 @@ def test_settings_friction_and_own_parts_reach_every_run():
         options(
             "--set", "wall_follow.desired_distance_m=0.8", "--set", "report.wall_follow.kp=1", "--set",
             "law.wall_follow.look_ahead_m=0.5", "--set", "wall_follow.side=right", "--friction", "0.5", "--own-parts",
-            "posts",
+            "posts", "--wild", "0.02",
         )
     )  # fmt: skip
     for law, own in ((REPORT_LAW, "wall_follow.kp=1"), ("ball+swept", "wall_follow.look_ahead_m=0.5")):
-        for cell in (trial(plan, law, "t2", (2.0, 2.0)), *obstacles(plan, law, "blind")):
+        for cell in (trial(plan, law, "t2"), *obstacles(plan, law, "blind"), *safety_trials(plan, law)):
             assert own in cell.settings
             assert (cell.mu, cell.own_parts, cell.side) == (0.5, "posts", "right")
+            assert "lidar.outlier_share=0.02" in cell.conditions
         assert trial(plan, law, "t2").desired_m == 0.8
 
 
-def test_a_gain_changes_the_drive():
-    weak, strong = (trials.measure(trial(ReportPlan(), REPORT_LAW, "t2", pair)) for pair in ((0.5, 0.8), (2.0, 2.4)))
-    assert weak["mean_error_m"] != strong["mean_error_m"]
+def one(law, test, pair=None, plan=None):
+    plan = plan or ReportPlan(starts=Starts(way_m=2.5))
+    return drives.measure(trial(plan, law, plan.starts.scenario(test), pair))
 
 
-def figures(test, error_m, outcome="driven"):
-    limit = {"limit_m": 0.05, "limit_known": True}
-    return {"test": test, "mean_error_m": error_m, "outcome": outcome, "settle_s": 1.0, "duration_s": 8.5, **limit}
+def test_both_errors_are_computed_and_differ_in_the_corner():
+    """The report's own distance is half of the range ahead there, and the true one is that to the nearest wall."""
+    figures = one(REPORT_LAW, "t5", plan=ReportPlan())
+    assert figures["outcome"] == "driven"
+    assert abs(figures["law_error_m"] - figures["true_error_m"]) > 0.005
 
 
-def test_the_optimum_is_the_least_error_of_a_run_that_ended_well():
-    plan = ReportPlan(tests=("t1", "t2"), report_settings=("wall_follow.kd=1.6",))
-    of_t1 = [figures("t1", 0.01, "contact"), *(figures("t1", error_m) for error_m in (0.3, 0.2, 0.4))]
-    of_t2 = [figures("t2", error_m) for error_m in (0.2, 0.4, 0.3, 0.1)]
-    rows = [row for pair in zip(of_t1, of_t2, strict=True) for row in pair]
-    best = tables.optima(plan, REPORT_LAW, rows)
-    assert best == {"t1": (1.5, 1.6), "t2": (2.0, 1.6)}
-    assert tables.averaged(best) == (1.75, 1.6)
-    table = tables.gains(plan, REPORT_LAW, rows)
-    assert table.rows[0][1] == "X"
-    assert table.rows[2][1].endswith(tables.OPTIMUM)
-    assert table.rows[2][0].startswith("1.5,\u00a01.6 (the report)")
-    assert table.rows[-1][-1] == "1.75,\u00a01.6"
+def test_a_gain_and_a_seed_change_the_drive():
+    weak, strong = (one(REPORT_LAW, "t2", pair)["law_error_m"] for pair in ((0.5, 1.0), (2.5, 1.0)))
+    assert weak != strong
+    wild = [ReportPlan(seed=seed, wild=0.1, starts=Starts(way_m=2.5)) for seed in (1, 2)]
+    assert len({one(REPORT_LAW, "t2", plan=plan)["law_error_m"] for plan in wild}) == 2
 
 
-def test_a_law_that_stands_is_no_contact(rows):
-    """The report's safety sees the wall at 0.73 m from t1's start, and its stop is fixed at 0.933 m."""
-    of_t1 = [row for row in rows[f"gains {REPORT_LAW}"] if row["test"] == "t1"]
-    assert {row["outcome"] for row in of_t1} == {"stands"}
-    assert all(not row["collided"] for row in of_t1)
-    said = " ".join(differences(SMALL, rows))
-    assert "t1 (close, toward the wall) with the report's safety: stands with every pair" in said
+@pytest.mark.parametrize("test", published.TESTS)
+@pytest.mark.parametrize("pair", [(0.0, 1.0), (2.5, 0.0), (2.5, 2.5)])
+def test_the_reports_law_touches_nothing_at_the_outermost_pairs(test, pair):
+    assert one(ALONE_LAW, test, pair, ReportPlan())["outcome"] == "driven"
 
 
-def test_noise_is_named_where_it_is_the_cause():
-    """The report's pair gets round t1 at 0.5 m with a perfect lidar, and touches the wall with a noisy one."""
-    for name, outcome in (("t1 clean", "driven"), ("t1", "contact")):
-        assert trials.measure(trial(ReportPlan(), ALONE_LAW, name, (1.5, 1.6)))["outcome"] == outcome
+def table_of(errors, outcome="driven"):
     plan = ReportPlan(tests=("t1",))
-    rows = {
-        f"gains {name}": [figures("t1", 0.2, outcome) for _ in plan.pairs(ALONE_LAW)]
-        for name, outcome in ((CLEAN_TABLE, "driven"), (ALONE_LAW, "contact"))
-    }
-    (said,) = _noise(plan, rows)
-    assert "drives t1 to the end with a lidar without noise, and nothing with 20 mm" in said
+    some = [{"law_error_m": error, "outcome": outcome, "test": "t1"} for error in errors]
+    return plan, tables.gain_table_of(plan, REPORT_LAW, some)
 
 
-def test_what_differs_names_the_obstacles_of_the_report(rows):
-    counted = [row for row in rows[f"obstacles {REPORT_LAW} blind"] if row["clear"]]
-    said = [one for one in differences(SMALL, rows) if "26 of 28" in one]
-    assert len(said) == 1
-    assert f"its law here in {len(counted)} of {len(DISTANCES_M)}" in said[0]
+def test_each_gain_has_its_optimum_in_its_own_half():
+    _, table = table_of([0.3, 0.2, 0.1, 0.2, 0.3, 0.4, 0.5, 0.4, 0.3, 0.2, 0.05, 0.3])
+    assert table.optima() == {"t1": (2.0, 1.0)}
+    _, none = table_of([0.3] * 12, "contact")
+    assert none.optima() == {"t1": (None, None)}
+    assert none.average() == (None, None)
 
 
-def test_every_table_stands_beside_the_report_and_physics(rows):
-    made = tables.all_tables(SMALL, rows)
-    text = json.dumps([(table.title, table.columns, table.rows, table.notes) for table in made])
-    for words in ("physics: least of any steering", "not in the references", "physics allows", "0.9329"):
-        assert words in text
-    assert all(table.notes for table in made)
+def test_an_equal_table_is_wholly_alike_and_another_is_not():
+    errors = [published.ERRORS_M[half][row, 0] for half in ("kd", "kp") for row in range(6)]
+    _, table = table_of(errors)
+    assert likeness(table).within == likeness(table).count == 12
+    assert likeness(table_of([2 * error for error in errors])[1]).median_ratio == pytest.approx(2.0)
+    assert likeness(table_of([0.6] * 12)[1]).within == 0
 
 
-def test_the_page_fetches_nothing(rows, tmp_path):
+@pytest.mark.parametrize(
+    ("errors_m", "kind", "at"),
+    [
+        ([0.5, 0.4, 0.3, 0.2, 0.1, 0.05], "falls", 2.5),
+        ([0.1, 0.2, 0.3, 0.4, 0.5, 0.6], "rises", 0.0),
+        ([0.5, 0.3, 0.1, 0.2, 0.3, 0.4], "least", 1.0),
+        ([0.20, 0.21, 0.20, 0.22, 0.21, 0.2], "flat", 0.0),
+        ([math.nan, 0.5, 0.3, 0.1, 0.2, 0.3], "least", 1.5),
+    ],
+)
+def test_trends(errors_m, kind, at):
+    found = trend(published.GAINS, np.array(errors_m), 0.03)
+    assert (found.kind, found.least_at) == (kind, at)
+
+
+def test_a_trial_is_passed_without_contact_and_failed_with_one():
+    plan = ReportPlan()
+    cells = {(cell.scenario, cell.speed_mps): cell for cell in safety_trials(plan, REPORT_LAW)}
+    assert wall_ahead.measure(cells["2 m", 1.0])["passed"]
+    assert not wall_ahead.measure(cells["8 m", 4.0])["passed"], "0.933 m does not stop 4 m/s"
+
+
+def test_three_distances_are_tried_all_else_equal():
+    plan = ReportPlan()
+    cells = {kind: distance_kinds(plan, kind)[1] for kind in ("three_smallest", "line", "intercept")}
+    errors_m = {kind: drives.measure(cell)["law_error_m"] for kind, cell in cells.items()}
+    assert len(set(errors_m.values())) == 3
+
+
+def test_every_number_of_the_report_stands_in_the_document(rows):
+    told = json.loads(json.dumps(document(SMALL, rows)))
+    assert told["published"]["errors_m"]["kd"][2] == [0.235, 0.157, 0.142, 0.307, 0.154]
+    assert told["published"]["average"] == [1.5, 1.6]
+    assert told["trials_passed"][REPORT_LAW][1] == 5
+    blind = told["obstacles"][f"{REPORT_LAW} blind"]
+    assert blind["effectiveness"] + blind["error_ratio"] == pytest.approx(1.0)
+    assert len(blind["stopped"]) == 7
+    assert set(told["gain_tables"]) == set(LAWS) - {"ball+swept"}
+
+
+def as_published(factor=1.0):
+    """Rows of a gain table whose errors are the report's, times a factor."""
+    return [
+        {"law_error_m": factor * error, "outcome": "driven", "test": test, "limit_m": None}
+        for half in ("kd", "kp")
+        for line in published.ERRORS_M[half]
+        for test, error in zip(published.TESTS, line, strict=True)
+    ]
+
+
+def test_what_differs_names_the_report_and_what_was_varied(rows):
+    plan = ReportPlan()
+    gains = {f"gains {law}": as_published() for law in (REPORT_LAW, ALONE_LAW)}
+    varied = {name: as_published(1.0 + number / 10) for number, name in enumerate(variations(plan))}
+    said = " ".join(differences(plan, {**rows, **gains, **varied}))
+    assert "average optimum here is Kp, Kd 1.5, 1.6 (`report`, safety `report`)" in said
+    assert "1.00 times the report's in the median of 60 runs, and 60 differ by no more" in said
+    assert "is `friction 0.5` (2.10 times)" in said
+    assert "26 of 28" in said
+    table = tables.varied(plan, {**gains, **varied})
+    assert len(table.rows) == 1 + len(varied)
+    assert table.rows[0][-2] == "60 of 60"
+
+
+def test_the_page_fetches_nothing_and_has_its_figures(rows, tmp_path):
     write(SMALL, rows, tmp_path)
     page = (tmp_path / "report.html").read_text()
     assert not re.findall(r"""(?:src|href)\s*=|url\(|@import|<script""", page)
-    assert page.count("<svg") == 3 * len(SMALL.tests)
+    assert page.count("<svg") == 3 * len(SMALL.tests) + 2
     markdown = (tmp_path / "report.md").read_text()
     named = re.findall(r"\]\((figures/[^)]+)\)", markdown)
     assert len(named) == 2 * len(SMALL.tests)
     assert all((tmp_path / name).stat().st_size > 10_000 for name in named)
+    for words in ("Effectiveness", "Passed 5 of 5", "turn radius", "own error", "true error"):
+        assert words in page
 
 
 @pytest.mark.parametrize(
@@ -179,6 +267,7 @@ def test_the_page_fetches_nothing(rows, tmp_path):
         (["--set", "wall_follow.method=ball"], "use --method"),
         (["--set", "report.wall_follow.side=right"], "one side"),
         (["--friction", "9"], "0.1 to 2"),
+        (["--wild", "2"], "0 to 0.5"),
         (["--own-parts", "wings"], "write one of"),
         (["--jobs", "0"], "1 or more"),
     ],

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from drivers.api import Drive, Scan
-from runtime.control.report.laws import ReportFollower, ReportGuard, ReportTurn, mean_of_nearest_m, range_ahead_m
+from runtime.control.own_laws.api import LawScan, LawState
+from runtime.control.report.laws import ReportFollower, ReportGuard, ReportTurn
+from runtime.control.report.measures import mean_of_nearest_m, range_ahead_m
 from runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
 from runtime.control.vehicle import CarSettings
 from sim.virtual.devices import BEAMS, STEP_RAD, ranges_between_walls
+from wallride.new.pd_follower import PdFollower, PdSettings
 
 BEARING_RAD = (np.arange(BEAMS) - BEAMS // 2) * STEP_RAD
 
@@ -164,3 +167,63 @@ def test_dust_ahead_does_not_stop_the_car():
     ranges_m = ranges_between_walls(1.0, 1.0, ahead_m=5.0)
     ranges_m[BEAMS // 2 - 1 : BEAMS // 2 + 2] = 0.05
     assert ReportGuard(CarSettings()).look(scan_of(ranges_m), None).forward_mps == math.inf
+
+
+@pytest.mark.parametrize(("speed_mps", "ahead_m", "distance_m"), [(2.0, 2.5, 1.25), (2.0, 2.7, 1.3), (1.0, 1.2, 1.2)])
+def test_the_corner_rule_of_lab_2_reckons_with_the_speed(speed_mps, ahead_m, distance_m):
+    """Range ahead up to nearest x velocity: ahead / velocity counts."""
+    law = follower(corner_rule="lab2", speed_mps=speed_mps)
+    assert law.follow(wall_scan(1.3, ahead_m=ahead_m), None).distance_m == pytest.approx(distance_m, abs=2e-3)
+
+
+def test_the_corner_rule_of_lab_2_is_silent_at_a_standstill():
+    assert follower(corner_rule="lab2", speed_mps=0.0).follow(wall_scan(1.3, ahead_m=0.5), None).reason == "wall"
+
+
+@pytest.mark.parametrize("angle_rad", [-0.4, 0.0, 0.3])
+def test_line_and_intercept_are_distances_to_the_same_wall(angle_rad):
+    scan = wall_scan(1.2, angle_rad)
+    line = follower(distance="line").follow(scan, None)
+    intercept = follower(distance="intercept").follow(scan, None)
+    assert line.distance_m == pytest.approx(1.2, abs=2e-3)
+    assert intercept.distance_m == pytest.approx(1.2 / math.cos(angle_rad), abs=4e-3)
+    assert line.angle_rad == intercept.angle_rad
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_by_the_letter_one_beam_is_ahead_and_the_sector_begins_there(side):
+    ranges_m = np.full(BEAMS, 5.0)
+    ranges_m[BEAMS // 2 - 1 : BEAMS // 2 + 2] = np.nan
+    letter = BEAMS // 2 + (1 if side == "left" else 0)
+    ranges_m[letter] = 1.8
+    near = np.radians(10.0 if side == "left" else -10.0)
+    ranges_m[np.abs(BEARING_RAD - near) < 0.01] = 0.7
+    assert follower(side=side, by_the_letter=True).follow(scan_of(ranges_m), None).distance_m == pytest.approx(0.9)
+    ranges_m[letter] = np.nan
+    assert follower(side=side, by_the_letter=True).follow(scan_of(ranges_m), None).distance_m == pytest.approx(0.7)
+    assert follower(side=side).follow(scan_of(ranges_m), None).distance_m == pytest.approx(5.0)
+
+
+def test_by_the_letter_the_second_safety_rule_is_a_stop():
+    """Its message does not set the speed; and the middle beam is not filtered."""
+    guard = ReportGuard(CarSettings(), ReportSafetySettings(by_the_letter=True))
+    answer = ReportTurn(follower(), guard, "left").follow(wall_scan(1.0, ahead_m=1.2), None)
+    assert answer.drive == Drive(0.0, -0.34)
+    dusty = ranges_between_walls(1.0, 1.0, ahead_m=5.0)
+    dusty[BEAMS // 2] = 0.05
+    assert guard.look(scan_of(dusty), None).forward_mps == 0
+    assert ReportGuard(CarSettings()).look(scan_of(dusty), None).forward_mps == math.inf
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("ahead_m", [math.nan, 1.7])
+@pytest.mark.parametrize("angle_rad", [-1.2, -0.3, 0.2])
+def test_the_law_that_wallride_new_writes_is_the_reports(side, ahead_m, angle_rad):
+    scan = wall_scan(1.2, angle_rad, ahead_m)
+    scan = scan if side == "left" else mirrored(scan)
+    seen = LawScan(0.0, BEARING_RAD, scan.ranges_m.astype(np.float64), 0.27)
+    own = PdFollower(PdSettings(), CarSettings()).follow(seen, LawState(1, 0, 0, 0, 0, side, 1.0, 2.0))
+    theirs = follower(side=side, speed_mps=2.0).follow(scan, None)
+    assert (own.speed_mps, own.reason) == (theirs.drive.speed_mps, theirs.reason)
+    assert own.steering_rad == pytest.approx(theirs.drive.steering_rad, abs=1e-6)
+    assert own.distance_m == pytest.approx(theirs.distance_m, abs=1e-6)

@@ -1,0 +1,68 @@
+"""One of the 25 safety trials: the car rides along a wall toward another that closes its way.
+
+The scenario "3 m" is the range ahead at the start. A trial is passed when nothing is touched: the car stands before the
+wall, or has turned away from it.
+"""
+
+import math
+from typing import Any
+
+from sim.lab import laws
+from sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
+from sim.lab.courses.walls import world_of
+from sim.lab.figures import common
+from sim.virtual.closed_loop import ROUGH_BEAMS, Case
+from sim.world.obstacles import LIDAR_AHEAD_M
+from sim.world.place import World
+from sim.world.pose import Side
+from sim.world.segments import SegmentGeometry
+
+NAME = "report.wall_ahead"
+DISTANCES_M = (1.0, 2.0, 3.0, 5.0, 8.0)
+SPEEDS_MPS = (0.5, 1.0, 2.0, 3.0, 4.0)
+PAST_M = 4.0
+"""Way that a run goes on beyond its start distance."""
+
+
+def case_of(cell: Cell) -> Case:
+    """Return the run of a trial."""
+    world, ahead_m = world_of("inside_corner", cell.side), float(cell.scenario.removesuffix(" m"))
+    start = world.start_at(distance_m=cell.desired_m)
+    return Case(
+        world,
+        start.ahead(_to_the_wall_m(world, cell.side) - LIDAR_AHEAD_M - ahead_m - start.x_m),
+        cell.speed_mps,
+        cell.desired_m,
+        cell.side,
+        distance_m=ahead_m + PAST_M,
+        duration_s=4.0 * (ahead_m + PAST_M) / cell.speed_mps + 5.0,
+        standing_s=2.0,
+        vehicle=Case(world, None, 0.0).vehicle.model_copy(update={"grip_mu": cell.mu}),
+        lidar=ROUGH_BEAMS,
+        seed=cell.seed,
+    )
+
+
+def _to_the_wall_m(world: World, side: Side) -> float:
+    geometry = world_of("inside_corner", side).geometry
+    if not isinstance(geometry, SegmentGeometry):
+        raise TypeError(f"{world.name}: its walls are not segments")
+    return float(geometry.segments_m[:, [0, 2]].max())
+
+
+def measure(cell: Cell) -> Figures:
+    """Drive one trial."""
+    done = laws.drive_case(cell, case_of(cell))
+    figures = common(done)
+    return {**figures, "passed": done.contact is None, "stood": math.isclose(done.speed_mps[-1, 0], 0.0, abs_tol=0.05)}
+
+
+def _no_cells(_: CellChoice) -> list[Cell]:
+    return []
+
+
+def _no_tables(_: Any) -> list[TabledCell]:  # noqa: ANN401 - the report has a page of its own
+    return []
+
+
+EXPERIMENT = Experiment(_no_cells, measure, _no_tables)
