@@ -106,7 +106,8 @@ def _drive(
     options: argparse.Namespace, config: Path, settings: Settings, stop: StopRequest, console: Console, *,
     chosen: ScenarioScene | None = None,
 ) -> dict[str, Any]:  # fmt: skip
-    conditions, scene, vehicle = build_scene(options, settings, chosen)
+    with stop.loading():
+        conditions, scene, vehicle = build_scene(options, settings, chosen)
     world = scene.world
     if options.laps and world.lap is None:
         raise SimUsageError(f"--laps {options.laps}: {world.name} has no lap; give --duration instead")
@@ -173,7 +174,8 @@ def _fleet(
         raise SimUsageError("--cars: goes with a world and --duration; not with a scenario, --pose, --laps or --plot")
     conditions = conditions_of(_wishes(options))
     try:
-        world = load_world(options.world, side=settings.wall_follow.side, seed=options.seed)
+        with stop.loading():
+            world = load_world(options.world, side=settings.wall_follow.side, seed=options.seed)
         cars = build_fleet(world, options.cars, conditions, settings, options.seed)
     except (ValueError, OSError) as error:
         raise SimUsageError(str(error)) from None
@@ -189,7 +191,8 @@ def _fleet(
 def _replay(
     options: argparse.Namespace, config: Path, settings: Settings, stop: StopRequest, console: Console
 ) -> dict[str, Any]:
-    recording = load_recording(options.recording)
+    with stop.loading():
+        recording = load_recording(options.recording)
     for note in recording.notes:
         console.print(f"[dim]{note}[/dim]")
     if conditions_of(_wishes(options)) != Conditions():

@@ -15,6 +15,7 @@ class StopRequest:
     def __init__(self) -> None:
         self._count = 0
         self._kill: list[Callable[[], object]] = []
+        self._is_loading = False
 
     @property
     def asked(self) -> bool:
@@ -52,8 +53,19 @@ class StopRequest:
             for one in kill:
                 self._kill.remove(one)
 
+    @contextmanager
+    def loading(self) -> Iterator[None]:
+        """Let the first request end the block at once, by KeyboardInterrupt: nothing drives yet."""
+        self._is_loading = True
+        try:
+            yield
+        finally:
+            self._is_loading = False
+
     def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
         self._count += 1
+        if self._is_loading:
+            raise KeyboardInterrupt
         if self._count > 1:
             for kill in self._kill:
                 kill()

@@ -20,7 +20,7 @@ def collect_mcap(path: Path, collector: Collector, decoders: dict[str, Decode]) 
     """
     from mcap.stream_reader import StreamReader
 
-    reading = _Reading(path.stat().st_size, collector, decoders)
+    reading = _McapReading(path.stat().st_size, collector, decoders)
     try:
         with path.open("rb") as file:
             for record in StreamReader(file, emit_chunks=True, record_size_limit=MAX_RECORD_B).records:
@@ -34,7 +34,7 @@ def collect_mcap(path: Path, collector: Collector, decoders: dict[str, Decode]) 
     return reading.damaged
 
 
-class _Reading:
+class _McapReading:
     """One pass over a file."""
 
     def __init__(self, size_bytes: int, collector: Collector, decoders: dict[str, Decode]) -> None:

@@ -6,33 +6,46 @@ walls, unknown cells, what lies outside, rooms that cannot be reached. Published
 surely free only below an occupancy of 0.1, whatever looser free_thresh the file gives.
 """
 
+import logging
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from runtime.ros.yaml_file import YamlFileError, mappings, read_yaml
 from sim.world.grid import GridGeometry
 from sim.world.map_start import choose_start
 from sim.world.place import World
 from sim.world.pose import Booleans, Floats, Pose, Side
 
+log = logging.getLogger("wallride.map")
+
 SURELY_FREE_BELOW = 0.1
 """Highest occupancy of a drivable cell; antialiased edges and the 205 of "unknown" (0.196) lie above it."""
 
 PAPER_EDGES = 3
+MAX_CELLS = 32_000_000
+"""Largest map: 280 m square in cells of 5 cm; a small file may claim any size."""
+RAW_FULL = 100.0
+"""Value of an occupied cell in the mode "raw"; 0 is free, more than 100 unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class MapSettings:
-    """Content of a map's .yaml file. origin: world pose of the image's lower left corner."""
+    """Content of a map's .yaml file. origin: world pose of the image's lower left corner.
+
+    is_raw: the image holds percentages of occupancy (mode: raw), not shades.
+    """
 
     image: Path
     cell_m: float
     origin: Pose
     negate: bool
     free_thresh: float
+    is_raw: bool = False
 
 
 def load_map(path: Path, *, side: Side = "left") -> World:
@@ -62,17 +75,16 @@ def read_geometry(path: Path) -> tuple[GridGeometry, float]:
 
 def read_settings(path: Path) -> MapSettings:
     """Read and check the .yaml file."""
-    from ruamel.yaml import YAML
-    from ruamel.yaml.error import YAMLError
-
     if not path.is_file():
         raise FileNotFoundError(f"no map file {path}; give the path of a map's .yaml file")
     try:
-        content: Any = YAML(typ="safe", pure=True).load(path)
-        image, cell_m = path.parent / str(content["image"]), float(content["resolution"])
+        content: Any = next(mappings(read_yaml(path)), {})
+        image, cell_m = _image_of(path, str(content["image"])), float(content["resolution"])
         x_m, y_m, yaw_rad = (float(value) for value in content["origin"])
         negate, free_thresh = bool(int(content.get("negate", 0))), float(content.get("free_thresh", 0.196))
-    except (YAMLError, KeyError, TypeError, ValueError) as error:
+    except YamlFileError:
+        raise
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise ValueError(
             f"{path}: not a map file ({error}); it needs image, resolution and origin: [x, y, yaw]"
         ) from error
@@ -80,7 +92,18 @@ def read_settings(path: Path) -> MapSettings:
         raise ValueError(
             f"{path}: resolution must be above 0 and origin finite, not {cell_m} and {(x_m, y_m, yaw_rad)}"
         )
-    return MapSettings(image, cell_m, Pose(x_m, y_m, yaw_rad), negate, free_thresh)
+    is_raw = str(content.get("mode", "")).lower() == "raw"
+    return MapSettings(image, cell_m, Pose(x_m, y_m, yaw_rad), negate, free_thresh, is_raw)
+
+
+def _image_of(path: Path, name: str) -> Path:
+    """Return the image that the .yaml file names, or, where another computer's path is meant, the one beside it."""
+    image = path.parent / Path(name).expanduser()
+    beside = path.parent / re.split(r"[/\\]", name)[-1]
+    if image.is_file() or not beside.is_file():
+        return image
+    log.warning("%s: there is no image %s: the one beside it is taken, %s", path, name, beside.name)
+    return beside
 
 
 def read_occupancy(settings: MapSettings) -> Floats:
@@ -91,14 +114,22 @@ def read_occupancy(settings: MapSettings) -> Floats:
         raise FileNotFoundError(f"the map's image {settings.image} is missing; `image` in the .yaml file names it")
     try:
         with Image.open(settings.image) as picture:
+            _check_size(*picture.size)
             flat = picture.convert("RGB") if picture.mode in {"P", "1", "RGBA", "LA", "CMYK"} else picture
             pixels = np.asarray(flat)
-    except (UnidentifiedImageError, OSError) as error:
+    except (UnidentifiedImageError, Image.DecompressionBombError, OSError, ValueError, SyntaxError) as error:
         raise ValueError(f"{settings.image}: not an image that can be read ({error})") from error
-    full_scale = 255.0 if pixels.dtype == np.uint8 else 65535.0
-    grey = pixels.astype(np.float64)[::-1] / full_scale
-    grey = grey.mean(axis=2) if grey.ndim > 2 else grey
+    shades: Floats = pixels.astype(np.float64)[::-1]
+    shades = shades.mean(axis=2) if shades.ndim > 2 else shades
+    if settings.is_raw:
+        return np.where(shades > RAW_FULL, 1.0, shades / RAW_FULL)
+    grey = shades / (255.0 if pixels.dtype == np.uint8 else 65535.0)
     return grey if settings.negate else 1.0 - grey
+
+
+def _check_size(columns: int, rows: int) -> None:
+    if columns * rows > MAX_CELLS:
+        raise ValueError(f"{columns} x {rows} cells are more than {MAX_CELLS / 1e6:.0f} million")
 
 
 def drivable(occupancy: Floats, free_below: float) -> Booleans:

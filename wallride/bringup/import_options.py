@@ -2,14 +2,17 @@
 
 import argparse
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wallride.failure import fail, needs
 
 if TYPE_CHECKING:
+    from runtime.ros.yaml_file import YamlFile
     from wallride.bringup.ros_mapping import Imported
 
+MAX_SPEED = "car.max_speed_mps"
 KINDS = ("generic", "mit-racecar-v2", "f1tenth")
 
 
@@ -63,25 +66,33 @@ class ImportFailure(Exception):  # noqa: N818 - what happened, not a kind of err
 
 
 def _converted(files: list[Path]) -> "Imported":
+    from runtime.ros.yaml_file import mappings
     from wallride.bringup.ros_mapping import RosParameter, convert, parameters
 
     found: list[RosParameter] = []
+    notes: list[str] = []
     for file in files:
-        found += parameters(_read(file))
-    return convert(found)
+        content = _read(file)
+        notes += (f"{file}, {note}" for note in content.notes)
+        for tree in mappings(content):
+            found += parameters(tree)
+    imported = convert(found)
+    imported.remarks[:0] = notes
+    return imported
 
 
-def _read(file: Path) -> dict[str, Any]:
+def _read(file: Path) -> "YamlFile":
     with needs("car", "parameter files need"):
-        from ruamel.yaml import YAML
-        from ruamel.yaml.error import YAMLError
+        import ruamel.yaml  # noqa: F401 - its absence is told with its remedy
+    from runtime.ros.yaml_file import YamlFileError, mappings, read_yaml
+
     try:
-        tree = YAML(typ="safe", pure=True).load(file.read_text(encoding="utf-8"))
-    except (YAMLError, UnicodeDecodeError) as error:
-        raise ImportFailure(f"{file}: is not YAML: {str(error).splitlines()[0]}") from None
-    if not isinstance(tree, dict):
+        content = read_yaml(file)
+    except YamlFileError as error:
+        raise ImportFailure(str(error)) from None
+    if not any(mappings(content)):
         raise ImportFailure(f"{file}: holds no parameters")
-    return tree
+    return content
 
 
 def _written(imported: "Imported", options: argparse.Namespace) -> str:
@@ -105,7 +116,8 @@ def _written(imported: "Imported", options: argparse.Namespace) -> str:
         base = ""
     text = base
     try:
-        tomllib.loads(base)
+        document = tomllib.loads(base)
+        _keep_the_speed_limit(imported, document)
         for key, value in imported.settings.items():
             text = set_value(text, tuple(key.split(".")), value)
     except (RecursionError, ValueError) as error:
@@ -117,3 +129,18 @@ def _written(imported: "Imported", options: argparse.Namespace) -> str:
     if output is not None:
         replace(output, text.encode(), like=output.stat() if output.exists() else None)
     return text
+
+
+def _keep_the_speed_limit(imported: "Imported", document: Mapping[str, Any]) -> None:
+    """Take no limit that is above the present one: clamps of ERPM are often those of the motor, not of a car."""
+    from runtime.control.vehicle import CarSettings
+
+    speed_mps = imported.settings.get(MAX_SPEED)
+    car = document.get("car")
+    present_mps = car.get("max_speed_mps") if isinstance(car, Mapping) else None
+    if not isinstance(present_mps, int | float):
+        present_mps = CarSettings().max_speed_mps
+    if isinstance(speed_mps, float) and speed_mps > present_mps:
+        del imported.settings[MAX_SPEED]
+        why = f"{speed_mps:.2f} m/s is faster than the car's own limit, {MAX_SPEED} = {present_mps:g}, which is kept"
+        imported.left.append(("speed_max", f"{why}; set it yourself if the car is to be that fast"))

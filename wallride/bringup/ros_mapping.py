@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
+from runtime.ros.yaml_file import number
+
 SHARED: Final = frozenset({"", "/**", "vesc_driver", "vesc_driver_node"})
 """Nodes whose speed_min and speed_max are in ERPM; others of these names are in m/s."""
 HOKUYO: Final = frozenset({"urg_node", "urg_node2", "hokuyo_node"})
@@ -243,7 +245,6 @@ def _lidar(found: list[RosParameter], imported: Imported) -> None:
 
 
 def _number(value: object) -> float | None:
-    """Return a finite number, None for anything else; True is none."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        return None
-    return float(value)
+    """Return a finite number, also one that is written as text; None for anything else, True is none."""
+    found = number(value)
+    return found if found is not None and math.isfinite(found) else None

@@ -50,3 +50,11 @@ def test_asking_twice_by_a_key_is_no_kill():
     stop.ask()
     assert stop.asked
     assert not stop.killed
+
+
+def test_before_anything_drives_the_first_signal_ends_what_is_being_loaded():
+    stop = StopRequest()
+    with stop.listening():
+        with pytest.raises(KeyboardInterrupt), stop.loading():
+            send(signal.SIGTERM)
+    assert stop.asked

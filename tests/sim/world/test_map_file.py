@@ -99,6 +99,7 @@ def test_a_turned_origin_and_block_style(tmp_path):
     ([[0, 65535]], np.uint16, 0, [1, 0]),
     ([[[0, 0, 0], [255, 255, 255]]], np.uint8, 0, [1, 0]),
     ([[[0, 0, 0, 255], [255, 255, 255, 255]]], np.uint8, 0, [1, 0]),
+    ([[0, 40, 100, 255]], np.uint8, "1\nmode: raw", [0, 0.4, 1, 1]),
 ])  # fmt: skip
 def test_shades_become_occupancy(tmp_path, picture, dtype, negate, expected):
     path = write_map(tmp_path, picture, f"resolution: 1.0\norigin: [0, 0, 0]\nnegate: {negate}\n", dtype)
@@ -174,3 +175,39 @@ def test_where_there_is_nothing_but_paper_it_is_the_world(tmp_path):
     rows[30:50, 30:50] = 0
     world = load_map(write_map(tmp_path, rows, "resolution: 0.1\norigin: [0, 0, 0]\n"))
     assert world.clearance(world.start) > 0.3
+
+
+def test_a_plain_pgm_with_comments_and_odd_yaml_loads(tmp_path):
+    rows = "\n".join(" ".join("0" if i in {0, 39} or k in {0, 39} else "99" for k in range(40)) for i in range(40))
+    (tmp_path / "m.pgm").write_text(f"P2\n# by a converter\n40 40\n# and more\n99\n{rows}\n")
+    (tmp_path / "m.yaml").write_text(
+        "image:\tm.pgm\t# beside\nresolution: '0.1'\norigin: [1, 2, 0]\nmode: trinary\nnegate: no\n"
+    )
+    world = load_map(tmp_path / "m.yaml")
+    assert world.bounds_m == pytest.approx((1.1, 2.1, 4.9, 5.9))
+
+
+@pytest.mark.parametrize("named", ["/home/bob/maps/m.png", "maps/m.png", r"C:\\maps\\m.png", "file of old/m.png"])
+def test_the_image_of_another_computers_path_is_taken_beside_the_file_and_said(tmp_path, named, caplog):
+    path = write_map(tmp_path, np.full((40, 40), 254))
+    path.write_text(path.read_text().replace("image: m.png", f"image: {named}"))
+    assert load_map(path)
+    assert f"there is no image {named}: the one beside it is taken, m.png" in caplog.text
+    (tmp_path / "m.png").unlink()
+    with pytest.raises(FileNotFoundError, match=r"m\.png is missing; `image` in the \.yaml file names it"):
+        load_map(path)
+
+
+def test_a_small_image_of_a_huge_map_is_refused_before_it_is_unpacked(tmp_path):
+    Image.new("1", (9000, 9000)).save(tmp_path / "m.png")
+    path = tmp_path / "m.yaml"
+    path.write_text("image: m.png\nresolution: 0.05\norigin: [0, 0, 0]\n")
+    with pytest.raises(ValueError, match=r"9000 x 9000 cells are more than 32 million"):
+        load_map(path)
+
+
+def test_a_map_file_that_only_nests_is_refused_with_its_line(tmp_path):
+    path = tmp_path / "m.yaml"
+    path.write_text("image: " + "[" * 4000)
+    with pytest.raises(ValueError, match=r"m\.yaml, line 1, image: nests deeper"):
+        load_map(path)

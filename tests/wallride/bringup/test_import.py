@@ -185,3 +185,34 @@ def test_a_teams_file_on_top_of_a_kind(tmp_path, capsys):
     imported(tmp_path, capsys, ROS_1, options=["--car", "f1tenth", "--output", str(output)])
     told = load_settings(output)
     assert (told.motor.speed_to_erpm_gain, told.car.lidar_x_m) == (4200.0, 0.27)
+
+
+def test_a_clamp_that_is_faster_than_the_cars_own_limit_is_said_and_not_taken(tmp_path, capsys):
+    text = "speed_to_erpm_gain: 1466.0\nspeed_max: 23250\nspeed_min: -1000\n"
+    code, told, said = imported(tmp_path, capsys, text)
+    assert code == 0
+    assert tomllib.loads(told)["car"] == {"max_reverse_mps": 0.682}
+    assert "speed_max: 15.86 m/s is faster than the car's own limit, car.max_speed_mps = 4, which is kept" in said
+    _, told, said = imported(tmp_path, capsys, text, options=("--car", "f1tenth"))
+    assert tomllib.loads(told)["car"]["max_speed_mps"] == 5.04
+    assert "car.max_speed_mps = 5.04, which is kept" in said
+
+
+def test_a_file_as_editors_and_ros_leave_it_is_taken_and_a_second_key_is_said(tmp_path, capsys):
+    text = "\ufeffspeed_to_erpm_gain: '4614.0'\t# stock\nservo_min: 0.15\nservo_min:\t0.2\n---\nservo_max: 0.8\n"
+    code, told, said = imported(tmp_path, capsys, text)
+    assert code == 0
+    assert tomllib.loads(told)["motor"] == {"speed_to_erpm_gain": 4614.0, "servo_min": 0.2, "servo_max": 0.8}
+    assert "line 3: servo_min is there a second time; this one counts" in said
+
+
+@pytest.mark.parametrize(("text", "said"), [
+    ("vesc:\n  speed_max: 'x\n", "line 3, vesc.speed_max: is not YAML"),
+    ("a: " + "[" * 4000, "line 1, a: nests deeper"),
+    ("a: &a [*a]\n", "refers to nothing"),
+])  # fmt: skip
+def test_a_file_that_is_none_or_has_no_end_is_one_sentence_with_its_line(text, said, tmp_path, capsys):
+    code, _, spoken = imported(tmp_path, capsys, text)
+    assert code == 2
+    assert said in spoken
+    assert "Traceback" not in spoken
