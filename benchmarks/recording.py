@@ -26,6 +26,7 @@ from drivers.api import Health, LinkState, MotorState, Scan
 from runtime.arbitration.command import Output, Source, consent
 from runtime.arbitration.queues import Inbox
 from runtime.control.guidance import Guidance
+from runtime.ending import end
 from runtime.live_stack import REQUIRED, LiveStack, warm_up
 from runtime.realtime.periodic import PeriodicTimer
 from runtime.realtime.stage_timing import StageTimer
@@ -147,9 +148,7 @@ class Bench:
         )  # fmt: skip
         tasks = [asyncio.create_task(job) for job in jobs]
         await asyncio.sleep(seconds)
-        for task in tasks:
-            task.cancel()
-        await asyncio.wait(tasks)
+        await end(*tasks)
 
     def _on_output(self, output: Output) -> None:
         if self._unanswered is not None:

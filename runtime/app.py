@@ -18,6 +18,7 @@ from runtime.arbitration.driving_state import DrivingStateMonitor
 from runtime.arbitration.emergency_stop import EmergencyStop
 from runtime.arbitration.permit import Permit
 from runtime.arbitration.queues import Inbox
+from runtime.ending import end
 from runtime.host.systemd import ServiceManager
 from runtime.live_stack import REQUIRED, LiveStack
 from runtime.parameters.history import ChangeHistory
@@ -194,7 +195,7 @@ class Car:
                     tasks.create_task(_until(stop, driving), name="stop")
             finally:
                 await bring_to_rest(self.motor, self.clock)
-                keeper.cancel()
+                await end(keeper)
 
     def _start(self, tasks: asyncio.TaskGroup) -> list[asyncio.Task[Any]]:
         settings, motor, clock = self.settings, self.motor, self.clock
@@ -346,7 +347,10 @@ async def bring_to_rest(motor: Motor, clock: Clock) -> None:
 
 
 async def _until(stop: asyncio.Event, tasks: list[asyncio.Task[Any]]) -> None:
-    """Cancel the tasks once `stop` is set. One that was cancelled before is an error: nothing else would tell of it."""
+    """End the tasks once `stop` is set or one has failed: a group of tasks asks only once.
+
+    A task that was cancelled before is an error: nothing else would tell of it.
+    """
     asked = asyncio.ensure_future(stop.wait())
     waiting: set[asyncio.Task[Any]] = {asked, *tasks}
     try:
@@ -354,11 +358,9 @@ async def _until(stop: asyncio.Event, tasks: list[asyncio.Task[Any]]) -> None:
             ended, waiting = await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
             if cancelled := [task.get_name() for task in ended if task.cancelled()]:
                 raise RuntimeError(f"the task {cancelled[0]} was cancelled while the car drives")
+        log.info("asked to stop")
     finally:
-        asked.cancel()
-    log.info("asked to stop")
-    for task in tasks:
-        task.cancel()
+        await end(asked, *tasks)
 
 
 def history_file(settings: Settings) -> Path | None:

@@ -1,4 +1,4 @@
-"""What every test has: folders of its own, laws in Python; where it runs in real time, two reruns."""
+"""What every test has: own folders, laws in Python, a limit that holds; where it runs in real time, two reruns."""
 
 import os
 from pathlib import Path
@@ -15,6 +15,12 @@ with pytest.MonkeyPatch.context() as at_import:  # in this process only: those t
     at_import.setenv("WALLRIDE_COMPILED", "0")
     from drivers import accelerated
     from runtime.control.own_laws import law_class
+    from tests.hard_limit import (  # noqa: F401 - hooks
+        pytest_configure,
+        pytest_runtest_call,
+        pytest_runtest_setup,
+        pytest_runtest_teardown,
+    )
 
 REAL_TIME = (
     "clients", "docs", "drivers", "runtime/host", "runtime/recording", "runtime/tasks", "runtime/wire", "sim/bench",

@@ -53,12 +53,11 @@ def add_name(parser: argparse.ArgumentParser) -> None:
 
 def run_client(program: Callable[[argparse.Namespace], Coroutine[Any, Any, int]], options: argparse.Namespace) -> int:
     """Run a client's coroutine; an error that the user can correct becomes one line and exit code 2."""
-    import asyncio
-
     from clients.connection import ConnectionProblemError
+    from clients.ending import run_to_end
 
     try:
-        return asyncio.run(program(options))
+        return run_to_end(program(options))
     except ConnectionProblemError as problem:
         return fail(str(problem))
     except BrokenPipeError:  # `wallride topic echo scan | head` has seen enough

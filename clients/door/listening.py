@@ -1,9 +1,7 @@
 """Listening on a port, for as long as a block runs."""
 
 import asyncio
-import contextlib
 import errno
-import signal
 import socket
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -12,6 +10,7 @@ from aiohttp import web
 
 from clients.connection import ConnectionProblemError
 from clients.door.connections import QUIET, end_idle
+from runtime.ending import end
 
 EVERYWHERE = ("0.0.0.0", "::")  # noqa: S104 - compared with, not listened on
 SOMEWHERE = "192.0.2.1"
@@ -31,17 +30,7 @@ async def listening(app: web.Application, address: str, port: int, *, any_port: 
         yield await _listen(runner, address, port, any_port=any_port)
     finally:
         await runner.cleanup()  # the pages first: a driving page is stopped while there is still a link
-        guard.cancel()
-        await asyncio.gather(guard, return_exceptions=True)
-
-
-async def interrupted() -> None:
-    """Return at SIGINT or SIGTERM."""
-    stop, loop = asyncio.Event(), asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        with contextlib.suppress(NotImplementedError):  # Windows: Ctrl-C ends asyncio.run by itself
-            loop.add_signal_handler(number, stop.set)
-    await stop.wait()
+        await end(guard)
 
 
 async def _listen(runner: web.AppRunner, address: str, port: int, *, any_port: bool) -> str:

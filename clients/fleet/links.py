@@ -7,6 +7,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
 from clients.endpoints import endpoint_configs
+from runtime.ending import end
 from runtime.wire.bus import Bus
 
 RETRY_S = 0.5
@@ -34,9 +35,7 @@ async def fleet_links(options: argparse.Namespace) -> AsyncIterator[Sequence[Fle
     try:
         yield links
     finally:
-        for task in opening:
-            task.cancel()
-        await asyncio.gather(*opening, return_exceptions=True)
+        await end(*opening)
         await asyncio.gather(*(link.bus.close() for link in links))
 
 

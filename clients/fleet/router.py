@@ -1,15 +1,13 @@
 """`wallride router`: a zenoh router with the configuration of a file, for computers without zenohd."""
 
 import argparse
-import asyncio
-import contextlib
 import json
-import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
 from clients.connection import ConnectionProblemError
+from clients.ending import interrupted
 from runtime.wire.bus import Bus
 from runtime.wire.endpoints import check_listening
 from runtime.wire.router_config import router_config
@@ -27,7 +25,7 @@ async def run(options: argparse.Namespace) -> int:
         raise ConnectionProblemError(f"the router cannot start: {error}") from None
     try:
         options.print_line(f"routing at {bus.endpoint}; Ctrl-C ends it")
-        await _asked_to_stop()
+        await interrupted()
     finally:
         await bus.close()
     return 0
@@ -108,11 +106,3 @@ def bench_config(listen: str) -> dict[str, Any]:
         return router_config([listen], None, (), "bench")
     except ValueError as error:
         raise ConnectionProblemError(f"--listen {error}") from None
-
-
-async def _asked_to_stop() -> None:
-    stop, loop = asyncio.Event(), asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        with contextlib.suppress(NotImplementedError):  # Windows: Ctrl-C ends asyncio.run by itself
-            loop.add_signal_handler(number, stop.set)
-    await stop.wait()

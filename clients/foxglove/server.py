@@ -13,8 +13,9 @@ from aiohttp import web
 from clients.connection import connected
 from clients.door.auth import DoorAuth, door_auth, is_loopback
 from clients.door.door import Door
-from clients.door.listening import interrupted, listening
+from clients.door.listening import listening
 from clients.door.token_file import login_token
+from clients.ending import interrupted
 from clients.foxglove.channels import CarChannels
 from clients.foxglove.control import EStop, ViewedSettings
 from clients.foxglove.viewer import LONGEST, PROTOCOLS, Served, Viewer

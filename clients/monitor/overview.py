@@ -16,6 +16,7 @@ from clients.fleet.race import RaceControl
 from clients.fleet.stop import PERIOD_S, FleetStop
 from clients.status import headline
 from clients.teleop.link_probe import WITHIN_S, LinkProbe
+from runtime.ending import end
 from runtime.wire import topics
 
 STOPPING_S = 10.0
@@ -74,9 +75,7 @@ class CarsOverview:
                 await asyncio.sleep(PERIOD_S)
                 self._step(time.monotonic())
         finally:
-            for task in self._probing.values():
-                task.cancel()
-            await asyncio.gather(*self._probing.values(), return_exceptions=True)
+            await end(*self._probing.values())
 
     def _begin(self) -> tuple[FleetView, FleetStop]:
         if self._parts is None:

@@ -10,6 +10,7 @@ from clients.connection import Cars
 from clients.fleet.links import FleetLink, open_link
 from clients.monitor.feed import PageFeed, Watcher
 from clients.monitor.history import CarHistories
+from runtime.ending import end
 from runtime.wire import topics
 from runtime.wire.bus import Bus
 from runtime.wire.network import RefusedError
@@ -88,7 +89,7 @@ class Relay:
         finally:
             for name in list(self._feeds):
                 self._end(name)
-            await asyncio.gather(*self._running.values(), return_exceptions=True)
+            await end(*self._running.values())
 
     def watch(self, name: str, watcher: Watcher) -> PageFeed:
         """Add a listener to a car, which need not be there yet; RefusedError when there are too many."""

@@ -15,8 +15,9 @@ from aiohttp import web
 from clients.connection import endpoint_configs
 from clients.door.auth import DoorAuth, door_auth, is_loopback
 from clients.door.door import HEADERS, Door
-from clients.door.listening import interrupted, listening
+from clients.door.listening import listening
 from clients.door.token_file import login_token
+from clients.ending import interrupted
 from clients.monitor import assets
 from clients.monitor.handover import handed_over
 from clients.monitor.messages import LONGEST
@@ -24,6 +25,7 @@ from clients.monitor.qr import qr_lines
 from clients.monitor.relay import CarEndpoint, Relay
 from clients.monitor.session import Host, PageSession
 from clients.teleop.shaping import InputShape
+from runtime.ending import end
 
 log = logging.getLogger("wallride.monitor")
 
@@ -90,9 +92,7 @@ async def serving(host: Host, address: str, port: int, *, any_port: bool = False
         async with listening(application(host, auth), address, port, any_port=any_port) as place:
             yield f"http://{place}/?token={auth.token}"
     finally:
-        for helper in helpers:
-            helper.cancel()
-        await asyncio.gather(*helpers, return_exceptions=True)
+        await end(*helpers)
 
 
 async def run(options: argparse.Namespace) -> int:

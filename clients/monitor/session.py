@@ -37,6 +37,7 @@ from clients.monitor.overview import CarsOverview
 from clients.monitor.relay import Relay
 from clients.remote.car import connect
 from clients.teleop.shaping import InputShape
+from runtime.ending import end
 from runtime.host.rate_limited_log import RateLimitedLog
 from runtime.wire import topics
 from runtime.wire.network import RefusedError
@@ -358,8 +359,6 @@ class PageSession:
         finally:
             self._unwatch()
             self._host.drivers.discard(self._driver)
-            for task in tasks:
-                task.cancel()
-            for result in await asyncio.gather(*tasks, return_exceptions=True):
-                if isinstance(result, Exception) and not isinstance(result, ConnectionError):
-                    log.error("a visit ended badly: %r", result)
+            for error in await end(*tasks):
+                if not isinstance(error, ConnectionError):
+                    log.error("a visit ended badly: %r", error)

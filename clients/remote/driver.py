@@ -93,7 +93,8 @@ class RemoteDriver(SourceBlock):
     async def _end(self, *, orderly: bool) -> None:
         if self._bus is not None and self._hand.stopping:  # also after an error: the e-stop was pressed for it
             with suppress(TimeoutError):
-                await asyncio.wait_for(self._latched.wait(), LATCHED_WITHIN_S)
+                async with asyncio.timeout(LATCHED_WITHIN_S):
+                    await self._latched.wait()
         elif orderly and self._bus is not None and self._hand.asked and not self._obeyed.is_set():
             await self._ask_once_more(self._bus)
         await super()._end(orderly=orderly)
@@ -103,7 +104,8 @@ class RemoteDriver(SourceBlock):
         self._step(bus, time.monotonic())  # of a block shorter than PERIOD_S this is the first, with centred sticks
         self._hand.release()
         with suppress(TimeoutError):
-            await asyncio.wait_for(self._obeyed.wait(), MINDED_S)
+            async with asyncio.timeout(MINDED_S):
+                await self._obeyed.wait()
 
     def _unobeyed(self) -> str:
         if self._hand.stopping:

@@ -9,6 +9,7 @@ from typing import Any, Final, TypeVar
 from weakref import WeakSet
 
 from clients.connection import ConnectionProblemError
+from runtime.ending import end
 from runtime.wire.bus import Bus
 
 T = TypeVar("T")
@@ -72,9 +73,6 @@ class LoopThread:
         self._loop.close()
 
     async def _end_calls(self) -> None:
-        tasks = asyncio.all_tasks() - {asyncio.current_task()}
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        await end(*(task for task in asyncio.all_tasks() if task is not asyncio.current_task()))
         for bus in tuple(self._sessions):
             await bus.close()

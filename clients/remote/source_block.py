@@ -4,12 +4,12 @@ import asyncio
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Awaitable, Callable
-from contextlib import suppress
 from types import TracebackType
 from typing import Final, Self
 
 from clients.remote.hand import ScriptedHand
 from clients.remote.loop_thread import LoopThread
+from runtime.ending import end
 from runtime.wire.bus import Bus
 
 PERIOD_S: Final = 0.02
@@ -96,9 +96,8 @@ class SourceBlock(ABC):
         loop, self._loop = self._loop, None
         bus, self._bus = self._bus, None
         if loop is not None:
-            loop.cancel()
-            with suppress(asyncio.CancelledError):
-                await loop
+            for error in await end(loop):
+                raise error
         if bus is None:
             return
         try:

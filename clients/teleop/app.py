@@ -3,14 +3,14 @@
 import argparse
 import asyncio
 import secrets
-import signal
 import sys
 import time
-from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import AsyncIterator, Callable
+from contextlib import ExitStack
 from typing import Protocol
 
 from clients.connection import ConnectionProblemError, another_car, connected
+from clients.ending import stopping
 from clients.teleop import gamepad, pad_files, terminal
 from clients.teleop.advice import advise
 from clients.teleop.link_probe import WITHIN_S, LinkProbe
@@ -29,6 +29,7 @@ from clients.teleop.sources import (
     WindowSource,
 )
 from clients.teleop.wizard import Wizard
+from runtime.ending import end
 from runtime.wire import topics
 from runtime.wire.network import BYTES
 from runtime.wire.teleop import Input, Malformed, read_beat
@@ -178,7 +179,7 @@ async def operate(options: argparse.Namespace) -> int:
     if options.map:
         return await map_pad(sys.stdout.write)
     stop = asyncio.Event()
-    with _stopping(stop), ExitStack() as things:
+    with stopping(stop), ExitStack() as things:
         source = _open_source(options, things)
         feel = _feel(options, keys=options.keyboard or options.window, script=bool(options.script))
         pilot = Pilot(secrets.randbits(63) + 1, options.name, feel)
@@ -192,7 +193,7 @@ async def operate(options: argparse.Namespace) -> int:
             try:
                 await client.run(stop)
             finally:
-                measuring.cancel()
+                await end(measuring)
             if client.foreign is not None:
                 raise ConnectionProblemError(another_car(car, bus.endpoint, options.session, client.foreign))
     return 0
@@ -279,19 +280,3 @@ def _feel(options: argparse.Namespace, *, keys: bool, script: bool) -> InputShap
     if script:
         return InputShape(feel.max_speed_mps, feel.max_steering_rad, 0.0, 0.0, feel.ramp_mps2)
     return InputShape(feel.max_speed_mps, feel.max_steering_rad, options.deadzone, options.expo, feel.ramp_mps2)
-
-
-@contextmanager
-def _stopping(stop: asyncio.Event) -> Iterator[None]:
-    """Turn the signals that end a program, a closed terminal among them, into an orderly exit."""
-    loop = asyncio.get_running_loop()
-    names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
-    before: dict[int, object] = {}
-    for number in (getattr(signal, name) for name in names if hasattr(signal, name)):
-        before[number] = signal.getsignal(number)
-        signal.signal(number, lambda *_: loop.call_soon_threadsafe(stop.set))
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)  # type: ignore[arg-type]

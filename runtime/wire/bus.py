@@ -180,7 +180,8 @@ class Bus:
         )
         drop = zenoh.CongestionControl.DROP  # zenoh's default would hold up the loop while a link is full
         self._open_session.get(key, collect, payload=payload, timeout=timeout_s, congestion_control=drop)
-        await asyncio.wait_for(done.wait(), timeout_s + 1)
+        async with asyncio.timeout(timeout_s + 1):
+            await done.wait()
         answers = []
         for reply in replies:
             if reply.ok is not None:

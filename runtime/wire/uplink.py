@@ -11,6 +11,7 @@ import logging
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final, Never
 
+from runtime.ending import end
 from runtime.wire import topics
 from runtime.wire.car_bus import CarBus
 from runtime.wire.network import JSON, MAX_SAMPLE_BYTES, Receive, Reply
@@ -87,7 +88,8 @@ class Uplink:
         while not any(other < self.session for other in self._others):  # two at once: the lower session stays
             self.problem = "" if bus.has_router else "it does not answer"
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._changed(), LOOK_EVERY_S)
+                async with asyncio.timeout(LOOK_EVERY_S):
+                    await self._changed()
         self._bus = None
         self._say_taken()
 
@@ -139,13 +141,11 @@ class UplinkedBus(CarBus):
 
     async def close(self) -> None:
         """Close all sessions; one that hangs does not hold up the others."""
-        for task in self._running:
-            task.cancel()
         own = asyncio.create_task(super().close())
-        for task in self._running:
-            with contextlib.suppress(asyncio.CancelledError):
-                await task
+        errors = await end(*self._running)
         await own
+        for error in errors:
+            raise error
 
     def poll(self) -> None:
         """Deliver what has come on any of the sessions."""

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from drivers.vesc.settings import VescSettings
+from runtime.ending import end
 from runtime.realtime.periodic import PeriodicTimer
 from sim.car.plant import Plant
 from sim.car.vehicle import Vehicle
@@ -89,7 +90,7 @@ class EmulatedCar:
                 if going_on.done():
                     going_on.result()
                 await asyncio.sleep(STEP_S)
-            going_on.cancel()
+            await end(going_on)
 
     async def _open(self, stack: AsyncExitStack) -> DeviceAddresses:
         ports, found = self._ports, []

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.vesc.settings import VescSettings
+from runtime.ending import end
 from runtime.host.address_file import read_address
 from runtime.realtime.periodic import PeriodicTimer, Tick
 from runtime.wire import topics
@@ -159,8 +160,7 @@ class SimulatorSession:
                 record.cpu_s = cpu_s_of(runtime.pid)
                 # The world continues while the runtime brings the car to rest.
                 record.exit_code = await runtime.stop()
-                for task in filter(None, (going_on, listening, summing)):
-                    task.cancel()
+                await end(*filter(None, (going_on, listening, summing)))
         record.sum_up(len(record.fresh))
         return record
 

@@ -106,7 +106,8 @@ class Broadcast:
                 line_s = now_s
                 print(f"\r{line(player)}\x1b[K", end="", flush=True)  # noqa: T201
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._leave.wait(), STEP_S)
+                async with asyncio.timeout(STEP_S):
+                    await self._leave.wait()
 
     def _put(self, message: LoggedMessage) -> None:
         key, kind = self._keys[message.topic]

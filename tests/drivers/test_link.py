@@ -96,7 +96,8 @@ def clock() -> float:
 async def reason(link) -> Exception:
     """Wait until the link is lost and return why."""
     with pytest.raises(Exception) as caught:  # noqa: PT011 - the caller looks at it
-        await asyncio.wait_for(link.lost(), PATIENCE_S)
+        async with asyncio.timeout(PATIENCE_S):
+            await link.lost()
     return caught.value
 
 
@@ -131,7 +132,8 @@ async def test_bytes_come_with_the_time_of_their_reading_and_go_out_whole(termin
     arrived: asyncio.Queue[tuple[bytes, float]] = asyncio.Queue()
     link.listen(lambda chunk, stamp_s: arrived.put_nowait((chunk, stamp_s)))
     os.write(terminal.master, b"\x02\x03\r\n\x00")
-    assert await asyncio.wait_for(arrived.get(), PATIENCE_S) == (b"\x02\x03\r\n\x00", 12.5)
+    async with asyncio.timeout(PATIENCE_S):
+        assert await arrived.get() == (b"\x02\x03\r\n\x00", 12.5)
     link.write(b"\x03\x11\x13\xff")  # XON and XOFF are data
     assert os.read(terminal.master, 100) == b"\x03\x11\x13\xff"
     link.close()

@@ -45,7 +45,8 @@ async def test_it_pauses_as_long_as_asked_and_the_jobs_error_ends_it(ends):
     link, _ = ends
     call, called_s = job([0.03, 0.01])
     with pytest.raises(EnoughError):
-        await asyncio.wait_for(link.repeat(call), 5.0)
+        async with asyncio.timeout(5.0):
+            await link.repeat(call)
     first_s, second_s, third_s = called_s
     assert second_s - first_s >= 0.03
     assert third_s - second_s >= 0.01
@@ -55,7 +56,8 @@ async def test_a_loss_ends_it_with_the_reason(ends):
     link, far = ends
     asyncio.get_running_loop().call_later(0.01, far.close)
     with pytest.raises(LinkLost, match="closed it"):
-        await asyncio.wait_for(link.repeat(lambda: 10.0), 5.0)
+        async with asyncio.timeout(5.0):
+            await link.repeat(lambda: 10.0)
 
 
 async def test_a_loss_in_the_job_is_told_once_and_as_what_it_is(ends, caplog):
@@ -70,7 +72,8 @@ async def test_a_loss_in_the_job_is_told_once_and_as_what_it_is(ends, caplog):
         return call()
 
     with pytest.raises(LinkLost, match="reset"):
-        await asyncio.wait_for(link.repeat(write), 5.0)
+        async with asyncio.timeout(5.0):
+            await link.repeat(write)
     assert len(called_s) == 1
     assert not caplog.records
 
@@ -79,9 +82,11 @@ async def test_on_a_lost_link_nothing_is_called(ends):
     link, far = ends
     far.close()
     with pytest.raises(LinkLost):
-        await asyncio.wait_for(link.repeat(lambda: 10.0), 5.0)
+        async with asyncio.timeout(5.0):
+            await link.repeat(lambda: 10.0)
     with pytest.raises(LinkLost):
-        await asyncio.wait_for(link.repeat(lambda: pytest.fail("it was called")), 5.0)
+        async with asyncio.timeout(5.0):
+            await link.repeat(lambda: pytest.fail("it was called"))
 
 
 async def test_who_is_cancelled_calls_no_more_and_may_begin_again(ends):
@@ -103,5 +108,6 @@ async def test_reading_takes_time_that_is_told(ends):
     came = asyncio.Event()
     link.listen(lambda _chunk, _at_s: came.set())
     far.sendall(b"x")
-    await asyncio.wait_for(came.wait(), 5.0)
+    async with asyncio.timeout(5.0):
+        await came.wait()
     assert 0 < link.reading_s < 5

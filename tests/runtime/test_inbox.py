@@ -20,7 +20,8 @@ async def test_the_newest_is_taken_once():
     inbox.put(2)
     assert await inbox.get() == 2
     with pytest.raises(TimeoutError):
-        await asyncio.wait_for(inbox.get(), 0.01)
+        async with asyncio.timeout(0.01):
+            await inbox.get()
 
 
 async def test_a_waiting_reader_gets_the_newest_of_a_burst():

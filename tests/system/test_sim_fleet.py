@@ -32,7 +32,8 @@ async def test_two_cars_drive_in_one_world_and_end_together(tmp_path):
         assert len(children) == 2
         await asyncio.sleep(8.0)
         process.send_signal(signal.SIGINT)
-        assert await asyncio.wait_for(process.wait(), 30.0) == 0
+        async with asyncio.timeout(30.0):
+            assert await process.wait() == 0
     finally:
         if process.returncode is None:
             process.kill()

@@ -1,7 +1,6 @@
 """The lidar, opened by its own driver: does it answer, what does it say of itself, what does it see."""
 
 import asyncio
-import contextlib
 import time
 from dataclasses import dataclass, field
 from typing import Final
@@ -11,6 +10,7 @@ import numpy as np
 from drivers.api import Health, LinkState, Scan
 from drivers.hokuyo.driver import Hokuyo
 from drivers.hokuyo.settings import HokuyoSettings
+from runtime.ending import end
 from wallride.doctor.findings import Finding, fail, ok, warn
 
 WANTED_SCANS: Final = 20
@@ -62,9 +62,8 @@ async def look_at_lidar(settings: HokuyoSettings, *, patience_s: float = PATIENC
             await asyncio.sleep(_POLL_S)
     finally:
         report.health = Health(**{name: getattr(driver.health, name) for name in Health.__slots__})
-        running.cancel()
-        with contextlib.suppress(asyncio.CancelledError):
-            await running
+        for error in await end(running):
+            raise error
     return report
 
 

@@ -1,7 +1,6 @@
 """The motor controller, opened by its own driver: firmware, faults, battery. Nothing here moves the car."""
 
 import asyncio
-import contextlib
 import math
 import time
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from drivers.vesc.driver import Vesc
 from drivers.vesc.replies import Firmware
 from drivers.vesc.settings import VescSettings
 from runtime.control.battery import FULL_CELL_V, USB_ONLY_V, BatterySettings
+from runtime.ending import end
 from wallride.doctor.findings import Finding, fail, ok, warn
 
 PATIENCE_S: Final = 7.0
@@ -64,9 +64,8 @@ async def look_at_motor(settings: VescSettings, *, patience_s: float = PATIENCE_
     finally:
         report.health = Health(**{name: getattr(driver.health, name) for name in Health.__slots__})
         report.firmware = driver.firmware
-        running.cancel()
-        with contextlib.suppress(asyncio.CancelledError):
-            await running
+        for error in await end(running):
+            raise error
     return report
 
 

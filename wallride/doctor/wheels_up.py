@@ -1,7 +1,6 @@
 """Direction, brake and timeout by measurement, with the wheels in the air: the only check that moves anything."""
 
 import asyncio
-import contextlib
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from typing import Final
 from drivers.api import Drive, MotorState
 from drivers.vesc.driver import Vesc
 from drivers.vesc.settings import VescSettings
+from runtime.ending import end
 from wallride.doctor.findings import Finding, Level, fail, ok, warn
 from wallride.doctor.motor_config import SET_TIMEOUT, judge_timeout
 
@@ -67,9 +67,8 @@ async def measure_wheels_up(settings: VescSettings, ask: Ask) -> list[Finding]:
             found += [*_after_silence(spin), await _brake(motor), await _steering(motor, ask)]
     finally:
         motor.send(Drive(0.0, 0.0))
-        running.cancel()
-        with contextlib.suppress(asyncio.CancelledError):
-            await running
+        for error in await end(running):
+            raise error
     return found
 
 

@@ -9,9 +9,9 @@ import time
 import aiohttp
 import pytest
 
+from clients.door import connections
 from clients.fleet.cars import UNREADABLE
 from clients.fleet.race import RaceControl
-from clients.door import connections
 from clients.monitor import assets
 from clients.monitor.outbox import TOPICS
 from runtime.wire import topics
@@ -221,7 +221,8 @@ async def test_garbage_on_the_port_is_not_logged(scene, caplog):
             reader, writer = await asyncio.open_connection("127.0.0.1", scene.port)
             writer.write(garbage)
             with contextlib.suppress(ConnectionError, TimeoutError):
-                await asyncio.wait_for(reader.read(), 2)
+                async with asyncio.timeout(2):
+                    await reader.read()
             writer.close()
     assert not [record for record in caplog.records if record.name.startswith(("aiohttp", "wallride.monitor"))]
 

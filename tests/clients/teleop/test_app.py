@@ -202,7 +202,8 @@ async def test_a_process_that_is_told_to_end_says_goodbye(tmp_path, number):
         )  # fmt: skip
         await car.heard(Press.MANUAL)
         process.send_signal(number)
-        out, _ = await asyncio.wait_for(process.communicate(), 10)
+        async with asyncio.timeout(10):
+            out, _ = await process.communicate()
         await car.heard(Press.GOODBYE)
     assert process.returncode == 0
     assert car.flags[-1] is Press.GOODBYE, "one of three may be held back, so soon after a command"

@@ -161,7 +161,8 @@ async def test_a_bug_comes_out_of_run_after_a_brake(emulator, monkeypatch):
 
     monkeypatch.setattr(VescMonitor, "update", buggy)
     with pytest.raises(KeyError):
-        await asyncio.wait_for(task, PATIENCE_S)
+        async with asyncio.timeout(PATIENCE_S):
+            await task
     await until(lambda: emulator.motor_wire() == [BRAKE])
 
 

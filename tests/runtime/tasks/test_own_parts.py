@@ -98,7 +98,8 @@ async def written(run, monkeypatch):
 
     monkeypatch.setattr(own_parts_memory, "write", write_and_tell)
     keeping = asyncio.create_task(run.keeper.keep())
-    await asyncio.wait_for(done.wait(), 10.0)
+    async with asyncio.timeout(10.0):
+        await done.wait()
     keeping.cancel()
 
 

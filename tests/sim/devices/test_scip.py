@@ -199,7 +199,8 @@ async def test_a_second_client_is_turned_away_and_let_in_when_the_first_has_left
     await ask(reader, writer, b"QT")
     port = writer.get_extra_info("peername")[1]
     second, second_writer = await asyncio.open_connection("127.0.0.1", port)
-    assert await asyncio.wait_for(second.read(1), 2) == b""
+    async with asyncio.timeout(2):
+        assert await second.read(1) == b""
     second_writer.close()
     writer.close()
     await writer.wait_closed()
@@ -238,7 +239,8 @@ async def test_silence_swallows_commands(emulator: ScipEmulator) -> None:
     emulator.silence = True
     writer.write(b"QT\n")
     with pytest.raises(TimeoutError):
-        await asyncio.wait_for(reader.readuntil(b"\n\n"), 0.1)
+        async with asyncio.timeout(0.1):
+            await reader.readuntil(b"\n\n")
     emulator.silence = False
     assert await ask(reader, writer, b"VV") != b""
     writer.close()
@@ -248,7 +250,8 @@ async def test_a_reboot_ends_the_connection(emulator: ScipEmulator) -> None:
     reader, writer = await connect(emulator)
     assert await ask(reader, writer, b"RB") == b"RB\n01Q\n\n"
     assert await ask(reader, writer, b"RB") == b"RB\n00P\n\n"
-    assert await asyncio.wait_for(reader.read(1), 2) == b""
+    async with asyncio.timeout(2):
+        assert await reader.read(1) == b""
     assert emulator.counts["reboot"] == 1
     writer.close()
 
