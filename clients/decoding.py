@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from runtime.host.terminal_text import one_line
 from runtime.ros.definitions import TYPES, definition
 from runtime.wire import topics
 from runtime.wire.teleop import read_beat
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 SHOWN_OF_ARRAY = 6
+LONGEST_LINE = 1 << 20
 DIGITS = 6
 """Number of decimals, a micrometre or a microsecond: a float32 that was written as 0.1 is read as 0.1."""
 
@@ -38,12 +40,13 @@ def decode(topic: str, payload: bytes) -> dict[str, Any]:
 
 def as_json(message: Mapping[str, Any]) -> str:
     """Return one line of JSON; numbers that are not finite become null."""
-    return topics.encode(message).decode()
+    text = topics.encode(message).decode()
+    return text if text.isprintable() else "".join(one if one.isprintable() else json.dumps(one)[1:-1] for one in text)
 
 
 def as_text(message: Mapping[str, Any], *, whole: bool = False) -> str:
     """Return indented lines in the style of YAML, long arrays shortened unless whole is requested."""
-    return "\n".join(_lines(message, "", whole=whole))
+    return "\n".join(one_line(line, LONGEST_LINE) for line in _lines(message, "", whole=whole))
 
 
 def message_of(topic: str, schema: str, payload: bytes) -> Any:  # noqa: ANN401 - a class that rosbags makes

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from clients.connection import ConnectionProblemError
+from runtime.host.terminal_text import one_line
 from runtime.recording.channels import EVENTS, text_of
 from runtime.recording.mcap_file import METADATA
 from runtime.recording.recover import is_whole
@@ -56,7 +57,7 @@ def describe(path: Path, *, as_json: bool) -> str:
     }
     if as_json:
         return json.dumps(fields, indent=2)
-    return "\n".join(_lines(fields, info))
+    return "\n".join(map(one_line, _lines(fields, info)))
 
 
 def read(path: Path) -> Info:

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from clients.answers import reading
 from clients.connection import ConnectionProblemError, connected
+from runtime.host.terminal_text import one_line
 from runtime.recording import requests
 from runtime.recording.file_summary import duration_s
 from runtime.recording.recover import RecoveryError, file_state, is_whole, recover
@@ -63,8 +65,9 @@ async def record(options: argparse.Namespace) -> int:
     wishes = {"start": {"on": True}, "stop": {"on": False}, "status": {}}
     async with connected(options) as (bus, car):
         status = await _ask_json(bus, car, requests.RECORD, **wishes[options.action])
-    options.print_line(json.dumps(status) if options.json else _standing(status))
-    done = options.action == "status" or status["on"] is (options.action == "start")
+    with reading(car, "answer"):
+        options.print_line(json.dumps(status) if options.json else one_line(_standing(status)))
+        done = options.action == "status" or status["on"] is (options.action == "start")
     return 0 if done else 1
 
 
@@ -122,16 +125,25 @@ async def _there(options: argparse.Namespace) -> int:
     async with connected(options) as (bus, car):
         if options.action == "trim":
             answer = await _ask_json(bus, car, requests.TRIM, keep_mb=options.keep_mb)
-            return _say_gone(answer["deleted"], answer.get("refused", {}), options)
+            with reading(car, "answer"):
+                return _say_gone(answer["deleted"], answer.get("refused", {}), options)
         answer = await _ask_json(bus, car, requests.LIST)
-        files = [ListedRecording(**fields) for fields in answer["files"]]
-        if options.action == "list":
-            _say_list(files, f"{car}:{answer['folder']}", options)
-            return 0
+        with reading(car, "list"):
+            files = [_listed_there(fields) for fields in answer["files"]]
+            if options.action == "list":
+                _say_list(files, f"{car}:{answer['folder']}", options)
+                return 0
         for chosen in _chosen(files, options):
             path = await _fetch(bus, car, chosen, options)
             options.print_line(str(path))
     return 0
+
+
+def _listed_there(fields: Mapping[str, Any]) -> ListedRecording:
+    """Return a recording as a car lists it; TypeError for what is none."""
+    if not isinstance(fields["name"], str) or not isinstance(fields["size_bytes"], int):
+        raise TypeError("not a recording")
+    return ListedRecording(**fields)
 
 
 def _chosen(files: Sequence[ListedRecording], options: argparse.Namespace) -> list[ListedRecording]:
@@ -187,7 +199,9 @@ async def _ask_some_times(bus: Bus, car: str, **question: object) -> bytes:
 
 
 async def _ask_json(bus: Bus, car: str, what: str, **question: object) -> Answer:
-    return topics.decode(await _ask(bus, car, what, question))
+    answer = await _ask(bus, car, what, question)
+    with reading(car, "answer"):
+        return topics.decode(answer)
 
 
 async def _ask(bus: Bus, car: str, what: str, question: Mapping[str, object]) -> bytes:
@@ -232,9 +246,9 @@ def _found(path: Path) -> Path:
 
 def _say_gone(names: Sequence[str], refused: Mapping[str, str], options: argparse.Namespace) -> int:
     for name in names:
-        options.print_line(f"deleted {name}")
+        options.print_line(one_line(f"deleted {name}"))
     for name, why in refused.items():
-        options.print_line(f"not deleted {name}: {why}")
+        options.print_line(one_line(f"not deleted {name}: {why}"))
     if not names and not refused:
         options.print_line("nothing to delete")
     return 1 if refused and not names else 0
@@ -252,7 +266,7 @@ def _say_list(files: Sequence[ListedRecording], where: str, options: argparse.Na
         state = "" if file.state == "whole" else f"   {file.state}"
         state += "   black box of a stop" if file.black_box else ""
         lasted = "-" if file.duration_s is None else f"{file.duration_s:.1f} s"
-        options.print_line(f"{file.size_bytes / MB:9.1f} MB  {lasted:>9}  {file.name}{state}")
+        options.print_line(one_line(f"{file.size_bytes / MB:9.1f} MB  {lasted:>9}  {file.name}{state}"))
     total_mb = sum(file.size_bytes for file in files) / MB
     boxes = sum(file.black_box for file in files)
     count = (
@@ -260,4 +274,4 @@ def _say_list(files: Sequence[ListedRecording], where: str, options: argparse.Na
         if not boxes
         else f"{len(files) - boxes} recordings and {boxes} black box{'es' if boxes > 1 else ''}"
     )
-    options.print_line(f"{count}, {total_mb:.1f} MB in {where}")
+    options.print_line(f"{count}, {total_mb:.1f} MB in {one_line(where)}")

@@ -4,8 +4,10 @@ import argparse
 import json
 from contextlib import AsyncExitStack
 
+from clients.answers import reading
 from clients.connection import ConnectionProblemError, connected
 from clients.status import own_parts_words
+from runtime.host.terminal_text import one_line, say
 from runtime.wire import topics
 from runtime.wire.network import RefusedError
 
@@ -31,6 +33,7 @@ async def run(options: argparse.Namespace) -> int:
             answers = []
     if not answers:
         raise ConnectionProblemError(f"{car} does not say: does your certificate allow it, and is the link up?")
-    told = topics.decode(answers[0])
-    print(json.dumps(told) if options.json else own_parts_words(told))  # noqa: T201 - the answer to a command
+    with reading(car, "answer"):
+        told = topics.decode(answers[0])
+        say(json.dumps(told) if options.json else one_line(own_parts_words(told)))
     return 0

@@ -7,7 +7,9 @@ import tomllib
 from collections.abc import Sequence
 from typing import Any
 
+from clients.answers import reading
 from clients.connection import ConnectionProblemError, connected
+from runtime.host.terminal_text import one_line, say
 from runtime.wire import topics
 from runtime.wire.bus import Bus
 from runtime.wire.network import RefusedError
@@ -23,10 +25,11 @@ async def run(options: argparse.Namespace) -> int:
     actions = {"list": _list, "get": _get, "set": _set, "save": _save, "history": _history}
     async with connected(options) as (bus, car):
         try:
-            text = await actions[options.action](bus, car, options)
+            with reading(car, "answer"):
+                text = await actions[options.action](bus, car, options)
         except RefusedError as error:
             raise ConnectionProblemError(str(error)) from None
-    print(text)  # noqa: T201 - the answer to a command
+    say(text)
     return 0
 
 
@@ -41,7 +44,8 @@ async def ask(bus: Bus, car: str, what: str, timeout_s: float = ANSWER_WITHIN_S,
         raise ConnectionProblemError(
             f"{car} does not answer param/{what}: does your certificate allow it, and is the link up?"
         )
-    return topics.decode(answers[0])
+    with reading(car, "answer"):
+        return topics.decode(answers[0])
 
 
 def parsed(assignments: Sequence[str]) -> dict[str, object]:
@@ -71,7 +75,7 @@ def table(parameters: Sequence[dict[str, Any]]) -> str:
         )
     widths = [max((len(row[column]) for row in rows), default=0) for column in range(3)]
     return "\n".join(
-        "  ".join([*(cell.ljust(width) for cell, width in zip(row, widths, strict=False)), row[3]]).rstrip()
+        one_line("  ".join([*(cell.ljust(width) for cell, width in zip(row, widths, strict=False)), row[3]]).rstrip())
         for row in rows
     )
 
@@ -87,14 +91,15 @@ async def _get(bus: Bus, car: str, options: argparse.Namespace) -> str:
         return json.dumps(found, indent=2)
     if len(found) == 1:
         return _text(next(iter(found.values())))
-    return "\n".join(f"{name} = {_text(value)}" for name, value in found.items())
+    return "\n".join(f"{one_line(name)} = {_text(value)}" for name, value in found.items())
 
 
 async def _set(bus: Bus, car: str, options: argparse.Namespace) -> str:
     found = await ask(bus, car, "set", values=parsed(options.assignments), by=_who())
     said = _changes(found["changed"]) or "nothing changed: these are its values already"
     if found["unsaved"]:
-        said += f"\nuntil the restart; not saved yet: {', '.join(found['unsaved'])} (wallride param save)"
+        unsaved = one_line(", ".join(found["unsaved"]))
+        said += f"\nuntil the restart; not saved yet: {unsaved} (wallride param save)"
     return said
 
 
@@ -106,7 +111,7 @@ async def _save(bus: Bus, car: str, options: argparse.Namespace) -> str:
         found = await ask(bus, car, "save", SAVED_WITHIN_S, by=_who())
     if not found["saved"]:
         return "nothing to save: nothing was changed since the start"
-    said = f"saved to {found['file']}: {', '.join(found['saved'])}"
+    said = one_line(f"saved to {found['file']}: {', '.join(found['saved'])}")
     return f"{said}\nafter a restart: {_changes(found['after_restart'])}" if found["after_restart"] else said
 
 
@@ -115,19 +120,22 @@ async def _history(bus: Bus, car: str, options: argparse.Namespace) -> str:
     if options.json:
         return json.dumps(found, indent=2)
     lines = [
-        f"{change['at']}  {change['by']:<{MAX_NAME_LENGTH}}  {change['name']}:"
-        f" {_text(change['old'])} -> {_text(change['new'])}"
+        one_line(
+            f"{change['at']}  {change['by']:<{MAX_NAME_LENGTH}}  {change['name']}:"
+            f" {_text(change['old'])} -> {_text(change['new'])}"
+        )
         for change in found
     ]
     return "\n".join(lines) or "nothing was changed"
 
 
 def _changes(changes: Sequence[dict[str, Any]]) -> str:
-    return "\n".join(f"{change['name']}: {_text(change['old'])} -> {_text(change['new'])}" for change in changes)
+    lines = (f"{change['name']}: {_text(change['old'])} -> {_text(change['new'])}" for change in changes)
+    return "\n".join(map(one_line, lines))
 
 
 def _text(value: object) -> str:
-    return "(none)" if value is None else value if isinstance(value, str) else json.dumps(value)
+    return "(none)" if value is None else one_line(value if isinstance(value, str) else json.dumps(value))
 
 
 def _value(text: str) -> object:

@@ -14,6 +14,7 @@ from typing import Any
 from clients.connection import ConnectionProblemError, connected
 from clients.decoding import UnreadableError, decode
 from clients.topics import split_topic
+from runtime.host.terminal_text import CLEAR_SCREEN, one_line
 from runtime.wire import topics
 
 FIELDS: Mapping[str, str] = MappingProxyType(
@@ -36,7 +37,6 @@ FIELDS: Mapping[str, str] = MappingProxyType(
 REFRESH_S = 0.25
 MAX_POINTS = 4000
 MIN_ROWS = 7
-CLEAR_SCREEN = "\x1b[H\x1b[2J"
 HOME = "\x1b[H"
 
 
@@ -63,7 +63,7 @@ class Curve:
     def title(self) -> str:
         """Return the name and the newest value."""
         if self.trouble:
-            return f"{self.topic}: {self.trouble}"
+            return one_line(f"{self.topic}: {self.trouble}")
         return f"{self.topic}:{self.path}  {self.points[-1][1]:.4g}"
 
 

@@ -7,7 +7,9 @@ import time
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from clients.answers import reading
 from clients.connection import ConnectionProblemError, connected
+from runtime.host.terminal_text import CLEAR_SCREEN, one_line
 from runtime.telemetry.screen_words import because, steering_words
 from runtime.teleop.status import OperatorState
 from runtime.wire import topics
@@ -16,7 +18,6 @@ from runtime.wire.bus import Bus
 FIRST_WITHIN_S = 3.0
 REFRESH_S = 0.2
 SILENT_S = 1.0
-CLEAR_SCREEN = "\x1b[H\x1b[2J"
 RULE_WIDTH = 78
 Status = Mapping[str, Any]
 BIND = "wallride param set safety.binds_teleop=true"
@@ -28,14 +29,16 @@ async def run(options: argparse.Namespace) -> int:
         ear = StatusListener(bus, topics.key(car, topics.STATUS))
         status = await ear.first(car)
         if not options.watch:
-            options.print_line(json.dumps(status, indent=2) if options.json else "\n".join(screen(status)))
+            with reading(car, "status"):
+                options.print_line(json.dumps(status, indent=2) if options.json else "\n".join(screen(status)))
             return 0
         while True:
             silent_s = time.monotonic() - ear.heard_s
             if options.json:
                 options.print_line(json.dumps(ear.newest))
             else:
-                options.print_line(CLEAR_SCREEN + "\n".join(screen(ear.newest, silent_s)))
+                with reading(car, "status"):
+                    options.print_line(CLEAR_SCREEN + "\n".join(screen(ear.newest, silent_s)))
             await asyncio.sleep(REFRESH_S)
 
 
@@ -91,7 +94,7 @@ def screen(status: Status, silent_s: float = 0.0) -> list[str]:
     if silent_s > SILENT_S:
         lines.insert(1, f"!! nothing heard for {silent_s:.1f} s: what follows is old (car off? radio gone?)")
     lines += [f"{name:<10}{text}" for name, text in _rows(status) if text]
-    return lines
+    return list(map(one_line, lines))
 
 
 def condition_lines(condition: Mapping[str, Any]) -> tuple[str, str]:

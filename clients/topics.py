@@ -6,6 +6,7 @@ subscribe to that one alone.
 
 import argparse
 import asyncio
+import contextlib
 import json
 import math
 import statistics
@@ -23,6 +24,7 @@ from runtime.wire.bus import Bus
 KINDS = {**TYPES, **dict.fromkeys(topics.JSON_TOPICS, "JSON"), topics.BEAT: "wallride beat"}
 LISTEN_S = 1.5
 WINDOW = 1000
+MAX_WAITING = 1000
 REPORT_EVERY_S = 1.0
 FIRST_WITHIN_S = 5.0
 """Timeout after which a topic without messages gets a sentence instead of an empty screen."""
@@ -121,12 +123,14 @@ def split_topic(text: str, car: str | None) -> tuple[str | None, str]:
 
 async def samples(bus: Bus, car: str, topic: str) -> AsyncIterator[Sample]:
     """Yield the samples received, `*` for every topic; ConnectionProblemError if none comes at first."""
-    waiting: asyncio.Queue[Sample] = asyncio.Queue()
+    waiting: asyncio.Queue[Sample] = asyncio.Queue(MAX_WAITING)
     prefix = topics.key(car, "")
-    bus.subscribe(
-        topics.key(car, topic),
-        lambda key, payload, arrival_s: waiting.put_nowait((key.removeprefix(prefix), payload, arrival_s)),
-    )
+
+    def hear(key: str, payload: bytes, arrival_s: float) -> None:
+        with contextlib.suppress(asyncio.QueueFull):  # a terminal slower than the car
+            waiting.put_nowait((key.removeprefix(prefix), payload, arrival_s))
+
+    bus.subscribe(topics.key(car, topic), hear)
     try:
         async with asyncio.timeout(FIRST_WITHIN_S):
             yield await waiting.get()

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from runtime.host.terminal_text import one_line, say
 from wallride import (
     bench_options,
     completion_options,
@@ -30,6 +31,7 @@ from wallride.fleet import options as fleet_options
 from wallride.new import options as new_options
 from wallride.parser import DEFAULT_CONFIG, Parser, add_set, default_config
 from wallride.service import options as service_options
+from wallride.unexpected import TRACEBACK_VARIABLE, report
 from wallride.vesc import options as vesc_options
 
 if TYPE_CHECKING:
@@ -38,7 +40,11 @@ if TYPE_CHECKING:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit code: 0 done, 2 an error that the user can correct (the message says how)."""
+    """Run one command and return its exit code: 0 done, 2 an error that the user can correct (the message says how).
+
+    An exception that nothing expected is a sentence, with the details in a file; that of `wallride run`, which brakes
+    first, is shown whole, because the journal is where it is looked for.
+    """
     # Arrays here are tiny: more BLAS threads would only add contention. Must be set before numpy is imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -47,6 +53,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return int(options.run(options))
     except KeyboardInterrupt:
         return 130
+    except Exception as error:
+        if options.command == "run" or TRACEBACK_VARIABLE in os.environ:
+            raise
+        return report(error, options.command)
 
 
 def command() -> int:
@@ -203,7 +213,7 @@ def _check(options: argparse.Namespace) -> int:
     if options.devices and not problems:
         problems = _device_problems(settings)
     for text in (*warnings, *problems):
-        print(f"wallride: {text}", file=sys.stderr)
+        say(f"wallride: {one_line(text)}", file=sys.stderr)
     return USAGE_ERROR if problems else 0
 
 
@@ -222,7 +232,7 @@ def _build_kernel(options: argparse.Namespace) -> int:
 
     try:
         for line in run(native=options.native, seal=options.seal):
-            print(line, flush=True)
+            say(line)
     except BuildError as error:
         return fail(str(error))
     return 0

@@ -4,13 +4,15 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from runtime.host.terminal_text import one_line, say
+
 USAGE_ERROR = 2
 OWN_PACKAGES = frozenset({"clients", "drivers", "runtime", "sim", "wallride"})
 
 
 def fail(message: str) -> int:
     """Print the error in one line and return its exit code."""
-    print(f"wallride: {message}", file=sys.stderr)
+    say(f"wallride: {one_line(message)}", file=sys.stderr)
     return USAGE_ERROR
 
 

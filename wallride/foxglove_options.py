@@ -2,10 +2,10 @@
 
 import argparse
 import sys
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from runtime.host.terminal_text import say
 from wallride import client_options
 from wallride.failure import fail, needs
 
@@ -34,7 +34,7 @@ def add(commands: "Commands") -> None:
         "--layout", action="store_true", help="print a layout for Foxglove and exit: --layout > wallride.json"
     )
     client_options.add_common(server)
-    server.set_defaults(run=run, print_line=partial(print, flush=True))
+    server.set_defaults(run=run, print_line=say)
 
 
 def run(options: argparse.Namespace) -> int:

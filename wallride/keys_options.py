@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from runtime.host.terminal_text import one_line, say
 from wallride.client_options import between
 from wallride.failure import fail, needs
 from wallride.parser import default_config
@@ -78,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
         lines = command.run(options, options.car or _car_name())
     except (KeysError, SettingsError) as error:
         return fail(str(error))
-    print("\n".join(lines))
+    say("\n".join(map(one_line, lines)))
     return 0
 
 

@@ -2,16 +2,15 @@
 
 import argparse
 import sys
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from runtime.host.terminal_text import say
 from wallride import client_options
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
 
-print_line = partial(print, flush=True)
 MB = 1_000_000
 
 
@@ -22,7 +21,7 @@ def add(commands: "Commands") -> None:
         help="recordings: list, get, keep, trim, info, recover",
         description="Without an action: list the recordings of this machine.",
     )
-    logs.set_defaults(run=_logs, print_line=print_line, local="", json=False)
+    logs.set_defaults(run=_logs, print_line=say, local="", json=False)
     actions = logs.add_subparsers(dest="action", metavar="ACTION")
     listing = actions.add_parser("list", help="list the recordings of a car or a local folder")
     getting = actions.add_parser("get", help="copy recordings from a car (default: the newest)")
@@ -42,7 +41,7 @@ def add(commands: "Commands") -> None:
         )  # fmt: skip
     _add_for_files(actions, listing)
     for action in actions.choices.values():
-        action.set_defaults(run=_logs, print_line=print_line, progress=_progress)
+        action.set_defaults(run=_logs, print_line=say, progress=_progress)
     _add_record(commands)
 
 
@@ -61,7 +60,7 @@ def _add_record(commands: "Commands") -> None:
     record.add_argument("action", choices=("start", "stop", "status"))
     record.add_argument("--json", action="store_true", help="print JSON")
     client_options.add_common(record)
-    record.set_defaults(run=_record, print_line=print_line)
+    record.set_defaults(run=_record, print_line=say)
 
 
 def _logs(options: argparse.Namespace) -> int:

@@ -1,9 +1,9 @@
 """Options of `wallride monitor`. The server is imported when the command runs."""
 
 import argparse
-from functools import partial
 from pathlib import Path
 
+from runtime.host.terminal_text import say
 from wallride.client_options import add_common, add_name, between, port, run_client
 from wallride.failure import needs
 
@@ -51,7 +51,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         help="file with the sentence that open pages show once the server has ended, read at its end",
     )  # fmt: skip
     add_name(parser)
-    parser.set_defaults(run=run, print_line=partial(print, flush=True), default_port=DEFAULT_PORT)
+    parser.set_defaults(run=run, print_line=say, default_port=DEFAULT_PORT)
 
 
 def run(options: argparse.Namespace) -> int:

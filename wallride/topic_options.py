@@ -1,15 +1,13 @@
 """Options of `wallride topic`, `wallride cars` and `wallride status`."""
 
 import argparse
-from functools import partial
 from typing import TYPE_CHECKING
 
+from runtime.host.terminal_text import say
 from wallride import client_options
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
-
-print_line = partial(print, flush=True)
 
 
 def add(commands: "Commands") -> None:
@@ -34,7 +32,7 @@ def add(commands: "Commands") -> None:
     echo.add_argument("--whole", action="store_true", help="print arrays in full")
     for action in (listing, rate, volume, echo):
         client_options.add_common(action)
-        action.set_defaults(run=_topic, print_line=print_line)
+        action.set_defaults(run=_topic, print_line=say)
     _add_status(commands)
 
 
@@ -47,8 +45,8 @@ def _add_status(commands: "Commands") -> None:
         command.add_argument("--json", action="store_true", help="print JSON")
     cars.add_argument("--watch", action="store_true", help="update until Ctrl-C; Space stops every car")
     client_options.add_name(cars)
-    cars.set_defaults(run=_cars, print_line=print_line)
-    status.set_defaults(run=_status, print_line=print_line)
+    cars.set_defaults(run=_cars, print_line=say)
+    status.set_defaults(run=_status, print_line=say)
 
 
 def _topic(options: argparse.Namespace) -> int:

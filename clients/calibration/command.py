@@ -1,7 +1,6 @@
 """`wallride calibrate`: guides through the steps, shows before and after, writes what is accepted."""
 
 import argparse
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -27,6 +26,7 @@ from clients.remote.driver import DriveRefusedError
 from clients.teleop import terminal
 from runtime.calibration import proposals
 from runtime.calibration.proposals import Proposal
+from runtime.host.terminal_text import say
 from runtime.parameters.file import StoreError
 from runtime.settings.tree import SettingsError
 
@@ -46,8 +46,8 @@ def run(options: argparse.Namespace) -> int:
 
 def _undo(path: Path) -> int:
     for line in settings_file.undo(path):
-        _say(line)
-    _say(f"{path}: as before the calibration; restart the car")
+        say(line)
+    say(f"{path}: as before the calibration; restart the car")
     return 0
 
 
@@ -63,7 +63,7 @@ def _calibrate(options: argparse.Namespace) -> int:
             measured.append(_by_hand(proposals.WHEELBASE, now, options.wheelbase, "by ruler"))
         for step in driven_steps(wanted):
             if missing := step.missing(so_far):
-                _say(f"\n{missing}")
+                say(f"\n{missing}")
                 continue
             measured += _drive(car, step, so_far, always=options.yes)
         if SPEED in wanted and so_far.arcs is not None and so_far.arcs.fit.speed_factor.why and not options.yes:
@@ -71,11 +71,11 @@ def _calibrate(options: argparse.Namespace) -> int:
     if OUTLINE in wanted and not options.yes:
         measured += _outline(now, input)
     for note in so_far.notes:
-        _say(note)
+        say(note)
     if not measured:
-        _say("nothing was measured, and nothing was written: the car drives as before")
+        say("nothing was measured, and nothing was written: the car drives as before")
         return 0
-    _say(table(measured))
+    say(table(measured))
     return _write(path, [one for one in measured if one.changes], yes=options.yes)
 
 
@@ -96,25 +96,25 @@ def _check_yes(car: RemoteCar, *, given: bool) -> None:
 
 def _drive(car: RemoteCar, step: DrivenStep, so_far: CalibrationProgress, *, always: bool) -> list[Proposal]:
     """Drive a step, again after the operator let go; [] where it was skipped."""
-    _say(f"\n{step.title}\n  {step.before}")
+    say(f"\n{step.title}\n  {step.before}")
     for _ in range(1 if always else TRIES):
         deadman = AlwaysHeld() if always else TerminalDeadman()
         try:
-            with deadman, RemoteLink(car, deadman, _say) as link:
+            with deadman, RemoteLink(car, deadman, say) as link:
                 if not always:
-                    _say(f"  hold {deadman.key} to drive; let go to stop; Space ends the step")
+                    say(f"  hold {deadman.key} to drive; let go to stop; Space ends the step")
                 deadman.wait()
                 link.forget()
                 return list(step.run(link, so_far))
         except LetGoError as error:
-            _say(f"  {error}")
+            say(f"  {error}")
         except CalibrationError as error:
             if always:
                 raise CalibrationError(f"{step.title}: {error}; nothing was written") from None
-            _say(f"  {error}")
+            say(f"  {error}")
         if input("  drive this step again? [Y/n: leave it out] ").strip().lower().startswith("n"):
             return []
-    _say(f"  {step.title}: left out after {TRIES} tries")
+    say(f"  {step.title}: left out after {TRIES} tries")
     return []
 
 
@@ -136,7 +136,7 @@ def _tape(car: RemoteCar, so_far: CalibrationProgress) -> list[Proposal]:
 
 def _outline(now: Mapping[str, float], ask: Ask) -> list[Proposal]:
     """Ask for the outline, which the car cannot see."""
-    _say("\noutline\n  Measure with a tape; Enter keeps the value.")
+    say("\noutline\n  Measure with a tape; Enter keeps the value.")
     found = []
     for name, words in OUTLINE_WORDS.items():
         text = ask(f"  {name}, {words} [{now[name]:g} m]: ").strip()
@@ -175,17 +175,12 @@ def table(measured: Sequence[Proposal]) -> str:
 
 def _write(path: Path, changed: Sequence[Proposal], *, yes: bool) -> int:
     if not changed:
-        _say("nothing to write: every setting that could be measured is as before")
+        say("nothing to write: every setting that could be measured is as before")
         return 0
     if not yes and input(f"write {len(changed)} values to {path}? [y/N] ").strip().lower() != "y":
-        _say("nothing was written: the car drives as before; the table above has the values")
+        say("nothing was written: the car drives as before; the table above has the values")
         return 0
     kept = settings_file.write(path, changed, datetime.now(UTC).date().isoformat())
-    _say(f"{path}: {len(changed)} values written; restart the car. Undo: wallride calibrate --undo --config {path}")
-    _say(f"the values before are in {kept}")
+    say(f"{path}: {len(changed)} values written; restart the car. Undo: wallride calibrate --undo --config {path}")
+    say(f"the values before are in {kept}")
     return 0
-
-
-def _say(text: str) -> None:
-    sys.stdout.write(f"{text}\n")
-    sys.stdout.flush()

@@ -13,6 +13,8 @@ from typing import Final, Never
 
 from aiohttp import web
 
+from runtime.host.terminal_text import one_line
+
 IDLE_S: Final = 10.0
 MAX_CONNECTIONS: Final = 64
 MAX_VISITS: Final = 24
@@ -53,5 +55,4 @@ async def end_idle(runner: web.AppRunner) -> Never:
 
 def shortened(text: str) -> str:
     """Return what a stranger wrote, as it may stand in a log."""
-    plain = "".join(letter if letter.isprintable() else "?" for letter in text[: SHOWN_CHARACTERS + 1])
-    return plain if len(plain) <= SHOWN_CHARACTERS else f"{plain[:SHOWN_CHARACTERS]}..."
+    return one_line(text, SHOWN_CHARACTERS)

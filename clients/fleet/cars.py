@@ -14,6 +14,7 @@ from clients.fleet.links import FleetLink, fleet_links
 from clients.fleet.status_shape import check_status
 from clients.fleet.watching import watch
 from clients.status import headline
+from runtime.host.terminal_text import one_line
 from runtime.wire import topics
 
 WITHIN_S = 1.0
@@ -166,9 +167,7 @@ def guarded(show: Callable[[Row], Shown], row: Row) -> Shown:
 def table(rows: Sequence[Row]) -> Iterator[str]:
     """Yield a line for each car: name, version, state, and why it does (not) move."""
     for row in rows:
-        line = guarded(_line, row)
-        # A car's words may hold a newline or an escape sequence, which would overwrite the lines of others.
-        yield "".join(character if character.isprintable() else "?" for character in line)
+        yield one_line(guarded(_line, row))
 
 
 def _line(row: Row) -> str:

@@ -11,6 +11,7 @@ from functools import partial
 
 from clients.connection import ConnectionProblemError
 from clients.fleet.links import FleetLink, fleet_links
+from runtime.host.terminal_text import one_line
 from runtime.wire import topics
 from runtime.wire.network import BYTES
 from runtime.wire.teleop import CarCondition, Command, Input, Malformed, Press, read_beat, session_text
@@ -168,9 +169,9 @@ async def run(options: argparse.Namespace) -> int:
         problems = [f"{link.endpoint}: {link.problem}" for link in links if link.problem]
         results = stop.results
     for line in lines(results):
-        options.print_line(line)
+        options.print_line(one_line(line))
     for problem in problems:
-        options.print_line(f"cars only there were not stopped: {problem}")
+        options.print_line(one_line(f"cars only there were not stopped: {problem}"))
     if not results:
         options.print_line("no car was found")
     return 0 if results and not problems and all(one.took_s is not None for one in results) else 1

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from clients.fleet.links import FleetLink
 from clients.fleet.stop import PERIOD_S, FleetStop
-from clients.status import CLEAR_SCREEN
 from clients.teleop import terminal
+from runtime.host.terminal_text import CLEAR_SCREEN, one_line
 
 REFRESH_S = 0.2
 STOP_KEYS = b" \x1b"
@@ -41,7 +41,7 @@ async def watch(
             if now_s - shown_s >= REFRESH_S:
                 shown_s = now_s
                 foot = _foot(links, stop if pressed else None, others)
-                options.print_line(CLEAR_SCREEN + "\n".join([*lines(), *foot]))
+                options.print_line(CLEAR_SCREEN + "\n".join(map(one_line, [*lines(), *foot])))
             await asyncio.sleep(PERIOD_S)
     finally:
         if console is not None:

@@ -15,6 +15,7 @@ from clients.teleop.advice import Advice
 from clients.teleop.inputs import Control
 from clients.teleop.pilot import PilotState
 from runtime.arbitration.command import NO_WINNER
+from runtime.host.terminal_text import one_line
 from runtime.telemetry.screen_words import because, steering_words
 from runtime.wire import topics
 from runtime.wire.teleop import CarCondition
@@ -101,6 +102,7 @@ class Screen:
 
     def draw(self, rows: Sequence[str], advice: Advice) -> None:
         """Show the present state. OSError when the terminal is gone."""
+        rows = list(map(one_line, rows))
         if self._live is not None:
             if not self._console.is_terminal:  # rich would draw nothing, without a word
                 raise OSError("the terminal is gone")

@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from typing import Final
 
 from runtime.host.scheduling import ask_for_precedence
+from runtime.host.terminal_text import one_line
 
 MAX_WAITING: Final = 2000
 """Maximum number of records that wait for a blocked terminal; newer ones are dropped."""
@@ -32,6 +33,13 @@ class _JsonFormatter(logging.Formatter):
                 "message": record.getMessage(),
             }
         )
+
+
+class _LineFormatter(logging.Formatter):
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - the name is the base class's
+        """Return the line: no name or reason from outside ends it and begins another one."""
+        record.message = one_line(record.message)
+        return super().formatMessage(record)
 
 
 class _DescriptorHandler(logging.Handler):
@@ -95,7 +103,7 @@ def journal(level: str, form: str) -> Iterator[None]:
     handler.setFormatter(
         _JsonFormatter()
         if form == "json"
-        else logging.Formatter("%(asctime)s.%(msecs)03d %(levelname)-7s %(name)s: %(message)s", "%H:%M:%S")
+        else _LineFormatter("%(asctime)s.%(msecs)03d %(levelname)-7s %(name)s: %(message)s", "%H:%M:%S")
     )
     records: queue.SimpleQueue[logging.LogRecord] = queue.SimpleQueue()
     listener = _PatientListener(records, handler)

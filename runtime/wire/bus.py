@@ -30,6 +30,7 @@ SOURCE_PLACE = re.compile(r" at /?[\w./@-]*\.rs:\d+\.?")
 SINGLE = re.compile(r"\[Single\(([^)]*)\)\]")
 ASK_AGAIN_AFTER_S = 0.12
 ASK_AGAIN_FOR_S = 0.6
+MAX_ANSWERS = 16
 """A car that holds back a question, because another one came a moment ago, answers at once with nothing."""
 
 
@@ -134,7 +135,7 @@ class Bus:
         return bool(status.matching)
 
     def subscribe(self, key: str, receive: Receive, *, max_bytes: int = MAX_SAMPLE_BYTES) -> None:
-        """Call `receive` in the loop for every sample; with a key free of wildcards, for exactly that key only.
+        """Call `receive` in the loop for every sample; its key has no wildcards, and is that of a car's topic.
 
         A put may carry a wildcard ("car/*/teleop") and still reach an exact subscription; such a stray is counted, and
         so is a sample larger than max_bytes, which is dropped before its bytes are copied.
@@ -175,7 +176,7 @@ class Bus:
         replies: list[zenoh.Reply] = []
         done = asyncio.Event()
         collect: zenoh.handlers.Callback[zenoh.Reply] = zenoh.handlers.Callback(
-            lambda reply: call_in_loop(loop, functools.partial(replies.append, reply)),
+            lambda reply: call_in_loop(loop, functools.partial(_take_reply, replies, reply)),
             lambda: call_in_loop(loop, done.set),
         )
         drop = zenoh.CongestionControl.DROP  # zenoh's default would hold up the loop while a link is full
@@ -212,7 +213,7 @@ class Bus:
 
         def on_sample(sample: "zenoh.Sample") -> None:  # zenoh's thread
             name = str(sample.key_expr)
-            if exact and name != key:
+            if name != key if exact else not topics.fits(name, key):
                 self.strays += 1
             elif len(sample.payload) > max_bytes:
                 self.oversized += 1
@@ -227,7 +228,11 @@ class Bus:
         mailbox = Mailbox(self._running_loop, changed)
 
         def on_token(sample: "zenoh.Sample") -> None:  # zenoh's thread
-            mailbox.post((str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT))
+            name = str(sample.key_expr)
+            if topics.fits(name, key):
+                mailbox.post((name, sample.kind == zenoh.SampleKind.PUT))
+            else:
+                self.strays += 1
 
         self._held.append(self._open_session.liveliness().declare_subscriber(key, on_token, history=True))
 
@@ -286,6 +291,12 @@ class Bus:
         if not taken and IN_USE not in str(error):  # neither now nor a moment ago: another problem
             raise error
         self._config["listen"] = {**self._config.get("listen", {}), "endpoints": endpoints}
+
+
+def _take_reply(replies: "list[zenoh.Reply]", reply: "zenoh.Reply") -> None:
+    """Keep an answer; one question to one car has one, and another computer may send any number."""
+    if len(replies) < MAX_ANSWERS:
+        replies.append(reply)
 
 
 def _priority(key: str, *, urgent: bool) -> "zenoh.Priority":

@@ -26,6 +26,9 @@ MAX_QUESTION_BYTES: Final = 4096
 MAX_INCOMING_B: Final = 65536
 """Maximum size of a message that zenoh puts together from fragments, 1 GiB without a limit. More than any request."""
 
+MAX_ANSWER_B: Final = 4 << 20
+"""The same for what a car sends to a client: ten times the list of 4,000 recordings."""
+
 
 def downsampling(car: str) -> list[dict[str, Any]]:
     """Return the highest rates at which one client reaches the car, by key [1/s].

@@ -12,12 +12,14 @@ Stamps in JSON are seconds on the car's monotonic clock. Missing numbers are nul
 """
 
 import json
+import re
 from collections.abc import Mapping
 from typing import Any
 
 from pydantic_core import to_json
 
 ROOT = "wallride"
+CAR_NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,31}")
 
 SCAN = "scan"
 ODOM = "odom"
@@ -61,6 +63,20 @@ SIMULATOR = "simulator"
 def key(car: str, topic: str) -> str:
     """Return the key expression of one topic of one car."""
     return f"{ROOT}/{car}/{topic}"
+
+
+def fits(name: str, pattern: str) -> bool:
+    """Tell whether a key is the one name of a topic of one car that a pattern means, `*` standing for one part.
+
+    Who reaches the bus may put and announce any key, also one with wildcards, which reaches every pattern.
+    """
+    parts = name.split("/")
+    return (
+        len(parts) == pattern.count("/") + 1
+        and "*" not in name
+        and name.isprintable()
+        and CAR_NAME.fullmatch(parts[1]) is not None
+    )
 
 
 def planner_key(car: str, name: str) -> str:

@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from runtime.wire import topics
 from runtime.wire.endpoints import check_listening, is_tls, split_endpoint
-from runtime.wire.ingress import MAX_INCOMING_B, downsampling, droppable_answers, low_pass_filter
+from runtime.wire.ingress import MAX_ANSWER_B, MAX_INCOMING_B, downsampling, droppable_answers, low_pass_filter
 from runtime.wire.rmw_zenoh import GRAPH, LATCHED_SUFFIX, MAX_DRIVE_B, ROS2_PLANNER, RosAccess
 from runtime.wire.teleop import COMMAND_BYTES
 
@@ -196,6 +196,7 @@ def client_config(connect: str, tls: Tls | None) -> dict[str, Any]:
             "retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5},
         },
     }
+    config["transport"]["link"]["rx"] = {"max_message_size": MAX_ANSWER_B}
     if tls is not None and protocol == "tls":
         config["transport"]["link"]["tls"] = {
             "root_ca_certificate": str(tls.authority),

@@ -4,6 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from runtime.host.terminal_text import say
 from wallride.failure import fail
 from wallride.parser import DEFAULT_CONFIG, add_set, default_config
 
@@ -55,12 +56,12 @@ def run(options: argparse.Namespace) -> int:
         async for finding in examine(this_computer(), settings, options.only or GROUPS, wheels_up=ask):
             found.append(finding)
             if not options.json:
-                print(line(finding), flush=True)
+                say(line(finding))
 
     if not options.json:
-        print(line(first), flush=True)
+        say(line(first))
     asyncio.run(look())
-    print(as_json(found) if options.json else summary(found))
+    say(as_json(found) if options.json else summary(found))
     return exit_code(found)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from runtime.host.terminal_text import say
 from wallride.failure import fail, needs
 
 if TYPE_CHECKING:
@@ -51,9 +52,9 @@ def run(options: argparse.Namespace) -> int:
         return fail(f"{error.filename}: {error.strerror}")
     for why in dict.fromkeys(why for _, why in imported.left):
         names = ", ".join(name for name, its in imported.left if its == why)
-        print(f"not taken  {names}: {why}", file=sys.stderr)
+        say(f"not taken  {names}: {why}", file=sys.stderr)
     for remark in imported.remarks:
-        print(f"look at    {remark}", file=sys.stderr)
+        say(f"look at    {remark}", file=sys.stderr)
     if options.output is None:
         print(text, end="")
     else:

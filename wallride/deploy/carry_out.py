@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from runtime.host.terminal_text import one_line
 from wallride.deploy.facts import CarFacts, DeployError, read_facts
 from wallride.deploy.plan import DeployPlan, Wishes, make_plan, place_of, refuse_full_disk
 from wallride.deploy.ssh import NOT_SSH, SshConnection
@@ -40,9 +41,9 @@ def deploy(target: DeployTarget, wishes: Wishes, say: Say, *, dry_run: bool) -> 
         facts = read_facts(car.ask("facts"))
         plan = make_plan(facts, wishes, this_platform())
         for line in plan.lines:
-            say(line)
+            say(one_line(line))
         for warning in plan.warnings:
-            say(f"warning: {warning}")
+            say(one_line(f"warning: {warning}"))
         if dry_run:
             say("nothing done (--dry-run)")
             return 0

@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from runtime.host.terminal_text import say
 from wallride.failure import fail, needs
 
 MIN_KEPT, MAX_KEPT = 2, 99
@@ -62,13 +63,9 @@ def run(options: argparse.Namespace) -> int:
             options.rollback, options.force, options.start, options.no_service, python, options.keep, archive
         )
         source = find_source(options.source, Path(__file__).resolve().parents[2])
-        return deploy(DeployTarget(options.host, options.ssh_config, source), wishes, _say, dry_run=options.dry_run)
+        return deploy(DeployTarget(options.host, options.ssh_config, source), wishes, say, dry_run=options.dry_run)
     except DeployError as error:
         return fail(str(error))
-
-
-def _say(line: str) -> None:
-    print(line, flush=True)
 
 
 def _kept(text: str) -> int:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Final
 
+from runtime.host.terminal_text import one_line
 from wallride.doctor.findings import Finding, Level, worst
 
 EXIT_CODES: Final = {Level.OK: 0, Level.WARN: 1, Level.FAIL: 2}
@@ -14,8 +15,8 @@ _SUBJECT_CHARS: Final = 22
 def line(finding: Finding) -> str:
     """Return one or two lines: the finding, and what to do."""
     marks = {Level.OK: "ok  ", Level.WARN: "warn", Level.FAIL: "FAIL"}
-    text = f"{marks[finding.level]}  {finding.subject:{_SUBJECT_CHARS}}  {finding.words}"
-    return f"{text}\n{'':{_SUBJECT_CHARS + 8}}-> {finding.remedy}" if finding.remedy else text
+    text = f"{marks[finding.level]}  {finding.subject:{_SUBJECT_CHARS}}  {one_line(finding.words)}"
+    return f"{text}\n{'':{_SUBJECT_CHARS + 8}}-> {one_line(finding.remedy)}" if finding.remedy else text
 
 
 def summary(findings: Sequence[Finding]) -> str:

@@ -1,16 +1,15 @@
 """Options of `wallride router`, `wallride stop` and `wallride race`."""
 
 import argparse
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from runtime.host.terminal_text import say
 from wallride import client_options
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
 
-print_line = partial(print, flush=True)
 BENCH_ROUTER: Final = "tcp/127.0.0.1:7449"
 
 
@@ -26,7 +25,7 @@ def add(commands: "Commands") -> None:
     router.add_argument(
         "--listen", default=BENCH_ROUTER, metavar="ENDPOINT", help=f"without a file: where (default: {BENCH_ROUTER})"
     )
-    router.set_defaults(run=_router, print_line=print_line)
+    router.set_defaults(run=_router, print_line=say)
     stop = commands.add_parser(
         "stop",
         help="e-stop to one car or to all",
@@ -36,7 +35,7 @@ def add(commands: "Commands") -> None:
     client_options.add_common(stop)
     stop.add_argument("--all", action="store_true", help="stop every car at every endpoint: --connect A,B")
     client_options.add_name(stop)
-    stop.set_defaults(run=_stop, print_line=print_line)
+    stop.set_defaults(run=_stop, print_line=say)
     race = commands.add_parser(
         "race",
         help="laps, gaps and positions of several cars",
@@ -54,7 +53,7 @@ def add(commands: "Commands") -> None:
         "--order", choices=("laps", "best"), default="laps", help="positions by laps and time, or by the best lap"
     )
     race.add_argument("--json", action="store_true", help="print JSON, a line per second")
-    race.set_defaults(run=_race, print_line=print_line)
+    race.set_defaults(run=_race, print_line=say)
 
 
 def _stop(options: argparse.Namespace) -> int:

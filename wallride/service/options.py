@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from runtime.host.terminal_text import say
 from wallride.failure import fail
 
 RUNNING: Final = Path("run/systemd/system")
@@ -68,12 +69,12 @@ def _install(options: argparse.Namespace) -> int:
     found = parts(options.root, options.prefix)
     missing = [part for part in found if not part.is_there()]
     for part in found:
-        print(f"{'create ' if part in missing else 'is there'} {part.words}")
+        say(f"{'create ' if part in missing else 'is there'} {part.words}")
     start = options.now and _runs(options.root)
     if start:
-        print("start   the car now; it comes up disarmed")
+        say("start   the car now; it comes up disarmed")
     if not missing and not start:
-        print("nothing to do")
+        say("nothing to do")
         return 0
     if not _agreed(options):
         return 0
@@ -86,7 +87,7 @@ def _install(options: argparse.Namespace) -> int:
     _reload(options.root)
     if start:
         _tell(("systemctl", "restart", "wallride"))
-    print("done; next: edit /etc/wallride/car.toml, then  sudo systemctl start wallride" if not start else "done")
+    say("done; next: edit /etc/wallride/car.toml, then  sudo systemctl start wallride" if not start else "done")
     return 0
 
 
@@ -95,11 +96,11 @@ def _uninstall(options: argparse.Namespace) -> int:
 
     removed = [part for part in parts(options.root, options.prefix) if part.remove is not None]
     for part in removed:
-        print(f"remove  {part.words}")
+        say(f"remove  {part.words}")
     kept = [f"/{folder}" for folder in (str(FOLDER), *PURGED) if (options.root / folder).exists()]
     kept += ["user wallride"] if has_user(options.root) else []
     for name in kept:
-        print(f"{'remove ' if options.purge else 'keep   '} {name}")
+        say(f"{'remove ' if options.purge else 'keep   '} {name}")
     if not _agreed(options):
         return 0
     if _runs(options.root):
@@ -110,7 +111,7 @@ def _uninstall(options: argparse.Namespace) -> int:
     if options.purge:
         purge(options.root)
     _reload(options.root)
-    print("done")
+    say("done")
     return 0
 
 
@@ -119,34 +120,34 @@ def _status(options: argparse.Namespace) -> int:
 
     found = parts(options.root, options.prefix)
     for part in found:
-        print(f"{'is there' if part.is_there() else 'MISSING '} {part.words}")
+        say(f"{'is there' if part.is_there() else 'MISSING '} {part.words}")
     if _runs(options.root):
         shown = subprocess.run(
             ["systemctl", "show", "wallride", "--property=ActiveState,SubState,StatusText,NRestarts,ExecMainStatus"],
             capture_output=True, text=True, check=False,
         )  # fmt: skip
-        print(shown.stdout.strip() or "the service manager says nothing of it")
+        say(shown.stdout.strip() or "the service manager says nothing of it")
     if installed(found):
         return 0
-    print("next: sudo wallride service install")
+    say("next: sudo wallride service install")
     return NOT_INSTALLED
 
 
 def _agreed(options: argparse.Namespace) -> bool:
     """Tell whether to do it; ask where a person is there."""
     if options.dry_run:
-        print("nothing done (--dry-run)")
+        say("nothing done (--dry-run)")
         return False
     if options.yes:
         _need_root(options.root)
         return True
     if not sys.stdin.isatty():
-        print("nothing done: say --yes")
+        say("nothing done: say --yes")
         return False
     _need_root(options.root)
     if input("do it? [y/N] ").strip().lower() in {"y", "yes"}:
         return True
-    print("nothing done")
+    say("nothing done")
     return False
 
 
@@ -171,8 +172,8 @@ def _reload(root: Path) -> None:
 def _tell(command: Sequence[str]) -> None:
     """Run a command of the service manager; a failure is said, and the rest goes on."""
     if shutil.which(command[0]) is None:
-        print(f"skipped {' '.join(command)}: {command[0]} is missing")
+        say(f"skipped {' '.join(command)}: {command[0]} is missing")
         return
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
-        print(f"failed  {' '.join(command)}: {done.stderr.strip()}")
+        say(f"failed  {' '.join(command)}: {done.stderr.strip()}")

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from runtime.host.terminal_text import say
 from wallride.client_options import between
 from wallride.failure import fail
 from wallride.parser import DEFAULT_CONFIG, add_set, default_config
@@ -67,7 +68,7 @@ def run(options: argparse.Namespace) -> int:
     try:
         settings = load_settings(options.config or default_config(), options.assignments)
         refuse_taken_port(this_computer(), settings)
-        access = change.VescAccess(parse_address(settings.motor.address), backup_folder(), _say, _consent(options))
+        access = change.VescAccess(parse_address(settings.motor.address), backup_folder(), say, _consent(options))
         if options.action == "restore":
             return asyncio.run(change.restore(access, options.file))
         return asyncio.run(change.set_values(access, _wish(options)))
@@ -90,20 +91,16 @@ def _wish(options: argparse.Namespace) -> "SettingsWish":
 def _consent(options: argparse.Namespace) -> Callable[[], bool]:
     def agreed() -> bool:
         if options.dry_run:
-            _say("nothing done (--dry-run)")
+            say("nothing done (--dry-run)")
             return False
         if options.yes:
             return True
         if not sys.stdin.isatty():
-            _say("nothing done: say --yes")
+            say("nothing done: say --yes")
             return False
         if input("the car stands, disarmed: write it? [y/N] ").strip().lower() in {"y", "yes"}:
             return True
-        _say("nothing done")
+        say("nothing done")
         return False
 
     return agreed
-
-
-def _say(line: str) -> None:
-    print(line, flush=True)

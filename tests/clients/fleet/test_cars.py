@@ -167,7 +167,7 @@ def test_a_row_that_cannot_be_shown_and_an_escape_sequence_leave_the_other_rows(
     view, link = two_cars()
     view._on_status(link, "wallride/car2/status", status_of("0b", "\x1b[2J\n"), 10.0)
     first, second = view.fields(None, 10.5)
-    assert list(fleet_cars.table([first, second]))[1].split()[2] == "?[2J?"
+    assert list(fleet_cars.table([first, second]))[1].split()[2] == r"\x1b[2J\n"
     odd = {**second, "status": {"gates": 3}}  # as if the check of the shape had a gap
     assert [line.split()[0] for line in fleet_cars.table([first, odd])] == ["car1", "car2"]
 

@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from runtime.host.logging_setup import MAX_WAITING, journal
+from runtime.host.logging_setup import MAX_WAITING, _LineFormatter, journal
 
 BLOCKED = """
 import logging
@@ -55,3 +55,9 @@ def test_a_terminal_that_reads_nothing_holds_up_neither_the_process_nor_its_end(
     assert len(os.read(ours, 1 << 20)) > 10_000
     os.close(ours)
     assert MAX_WAITING < 50_000
+
+
+def test_no_text_from_outside_begins_a_line_of_its_own():
+    record = logging.LogRecord("wallride", logging.INFO, "", 0, "e-stop by %s", ("eve\n12:00:00 forged\x1b[2J",), None)
+    line = _LineFormatter("%(levelname)s %(message)s").format(record)
+    assert line == r"INFO e-stop by eve\n12:00:00 forged\x1b[2J"

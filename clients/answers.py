@@ -1,0 +1,19 @@
+"""What a car says, read by another computer's program: it may be of another version, faulty, or taken over."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from clients.endpoints import ConnectionProblemError
+from runtime.host.terminal_text import one_line
+
+
+@contextmanager
+def reading(car: str, what: str) -> Iterator[None]:
+    """Read a car's words inside the block: what cannot be read becomes a ConnectionProblemError that names the car."""
+    try:
+        yield
+    except (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError) as error:
+        raise ConnectionProblemError(
+            f"{one_line(car, 64)}: its {what} cannot be read ({type(error).__name__}): is another version of wallride"
+            " on it? (wallride --version on both)"
+        ) from error

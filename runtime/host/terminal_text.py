@@ -1,0 +1,32 @@
+"""Text for a terminal or a log, wherever it comes from: a car, a file, another operator.
+
+An escape sequence in a name would clear the screen or colour it, a newline would forge a line, a mark of direction
+would turn words around. Every command prints by `say`, and text of others is one line of it by `one_line`.
+"""
+
+import sys
+from typing import Final, TextIO
+
+LONGEST: Final = 2000
+CLEAR_SCREEN: Final = "\x1b[H\x1b[2J"
+
+
+def one_line(text: object, most: int = LONGEST) -> str:
+    """Return a text as one printable line of at most this many characters, the others as escapes."""
+    words = str(text)
+    line = _escaped(words[: most + 1])
+    return line if len(line) <= most else f"{line[: most - 3]}..."
+
+
+def say(text: str = "", *, file: TextIO | None = None, end: str = "\n") -> None:
+    """Print a text, also of several lines; only a screen of ours begins with CLEAR_SCREEN."""
+    body = text.removeprefix(CLEAR_SCREEN)
+    head = text[: len(text) - len(body)]
+    lines = "\n".join(map(_escaped, body.split("\n")))
+    print(head + lines, file=file or sys.stdout, end=end, flush=True)
+
+
+def _escaped(text: str) -> str:
+    if text.isprintable():
+        return text
+    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
