@@ -26,12 +26,11 @@ from wallride import (
 )
 from wallride.bringup import calibrate_options, doctor_options, emulate_options, import_options
 from wallride.deploy import options as deploy_options
-from wallride.failure import USAGE_ERROR, fail, needs
+from wallride.failure import TRACEBACK_VARIABLE, USAGE_ERROR, fail, needs, report
 from wallride.fleet import options as fleet_options
 from wallride.new import options as new_options
 from wallride.parser import DEFAULT_CONFIG, Parser, add_set, default_config
 from wallride.service import options as service_options
-from wallride.unexpected import TRACEBACK_VARIABLE, report
 from wallride.vesc import options as vesc_options
 
 if TYPE_CHECKING:

@@ -1,12 +1,18 @@
-"""Errors that the user can correct: one sentence on stderr and exit code 2."""
+"""Errors that the user can correct: one sentence on stderr and exit code 2; and those that nothing expected."""
 
+import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 
 from runtime.host.terminal_text import one_line, say
 
 USAGE_ERROR = 2
+UNEXPECTED = 1
+TRACEBACK_VARIABLE = "WALLRIDE_TRACEBACK"
+"""Environment variable: with any value, an unexpected exception is shown whole."""
+LAST_ERROR = "last-error.txt"
 OWN_PACKAGES = frozenset({"clients", "drivers", "runtime", "sim", "wallride"})
 
 
@@ -29,3 +35,30 @@ def needs(extra: str, subject: str) -> Iterator[None]:
             raise
         message = f"{subject} {error.name}: install it with  pip install 'wallride[{extra}]'"
         raise SystemExit(fail(message)) from None
+
+
+def report(error: Exception, command: str, environment: Mapping[str, str] = os.environ) -> int:
+    """Say that a command failed, and keep the details for whoever mends it; returns the exit code."""
+    import traceback
+
+    details = "".join(traceback.format_exception(error))
+    try:
+        place = _keep_details(f"wallride {command}, Python {sys.version.split()[0]}\n{details}", environment)
+    except OSError:
+        say(details, file=sys.stderr)
+        place = "above"
+    what = one_line(f"{type(error).__name__}: {error}", 300)
+    say(
+        f"wallride: {command} failed in a way that it did not expect ({what}). The details are {place};"
+        " please send them to who looks after wallride",
+        file=sys.stderr,
+    )
+    return UNEXPECTED
+
+
+def _keep_details(details: str, environment: Mapping[str, str]) -> str:
+    base = environment.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
+    path = Path(base) / "wallride" / LAST_ERROR
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(details, encoding="utf-8", errors="backslashreplace")
+    return f"in {path}"

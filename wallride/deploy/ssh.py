@@ -10,6 +10,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Final, Self, cast
 
+from runtime.host.terminal_text import one_line, say
+from wallride.deploy.car_process import CarProcess, TooMuchError
 from wallride.deploy.facts import DeployError
 
 ON_CAR: Final = (Path(__file__).parent / "on_car.sh").read_text(encoding="utf-8")
@@ -17,6 +19,11 @@ LIVENESS: Final = ("ConnectTimeout=10", "ServerAliveInterval=5", "ServerAliveCou
 """A dead connection is noticed within 15 s."""
 NOT_SSH: Final = 255
 """Exit code of ssh itself, and of no command of ours."""
+LOG_OUT_WITHIN_S: Final = 10.0
+SILENT_S: Final = 120.0
+"""Timeout of an answer, and of a copy that makes no progress: a car on an old SD card is slow, not endless."""
+SILENT_INSTALLATION_S: Final = 1800.0
+"""Timeout of the next line of install.sh: compiling on a small computer says nothing for minutes."""
 DOING: Final = {
     "facts": "looking at it",
     "absent": "looking for wheels on it",
@@ -81,30 +88,57 @@ class SshConnection:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Log out."""
-        leave = ["ssh", *self._config, "-S", self._socket, "-O", "exit", "--", self.host]
-        subprocess.run(leave, capture_output=True, check=False)
+        self._log_out()
         self._folder.cleanup()
+
+    def _log_out(self) -> None:
+        """End the login with all its commands; the pipes of a command are the login's, too."""
+        leave = ["ssh", *self._config, "-S", self._socket, "-O", "exit", "--", self.host]
+        with suppress(subprocess.TimeoutExpired):
+            subprocess.run(leave, capture_output=True, check=False, timeout=LOG_OUT_WITHIN_S)
 
     def ask(self, *action: str, text: str = "") -> str:
         """Return what an action prints; DeployError where it fails. text: its standard input."""
-        done = subprocess.run(self._command(action), input=text, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            raise DeployError(self._failure(action[0], done.returncode, done.stderr))
-        return done.stdout
+        try:
+            with CarProcess(self._command(action), SILENT_S, disconnect=self._log_out) as process:
+                with suppress(BrokenPipeError):  # then its words say why
+                    process.write(text.encode())
+                process.close_input()
+                said = process.answer()
+                self._check(action[0], process)
+        except TooMuchError:
+            raise DeployError(f"{self.host}: {DOING[action[0]]}: its answer has no end") from None
+        return said
 
     def feed(self, *action: str, write: Callable[[IO[bytes]], None]) -> None:
         """Run an action, and write its standard input; DeployError where it fails."""
-        with subprocess.Popen(self._command(action), stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-            pipe, said = cast("IO[bytes]", process.stdin), cast("IO[bytes]", process.stderr)
-            with suppress(BrokenPipeError), pipe:  # then the words on the other pipe say why
-                write(pipe)
-            words = said.read().decode(errors="replace")
-        if process.returncode != 0:
-            raise DeployError(self._failure(action[0], process.returncode, words))
+        with CarProcess(self._command(action), SILENT_S, disconnect=self._log_out) as process:
+            with suppress(BrokenPipeError):  # then its words say why
+                write(cast("IO[bytes]", process))  # tarfile only writes to it
+            process.close_input()
+            self._check(action[0], process)
 
     def watch(self, *action: str, text: str = "") -> int:
         """Let an action print here, and return its exit code; 255 where the connection was lost."""
-        return subprocess.run(self._command(action), input=text, text=True, check=False).returncode
+        with CarProcess(self._command(action), SILENT_INSTALLATION_S, merged=True, disconnect=self._log_out) as process:
+            with suppress(BrokenPipeError):
+                process.write(text.encode())
+            process.close_input()
+            for line in process.lines():
+                say(one_line(line))
+            code = process.end()
+        return NOT_SSH if process.silent else code
+
+    def _check(self, action: str, process: CarProcess) -> None:
+        """Wait for an action's end; DeployError where it failed."""
+        code = process.end()
+        if process.silent:
+            raise DeployError(
+                f"{self.host}: {DOING[action]}: no answer within {SILENT_S:.0f} s; nothing was changed there:"
+                f" look at it with  ssh {self.host}"
+            )
+        if code != 0:
+            raise DeployError(self._failure(action, code, process.words))
 
     def _command(self, action: Sequence[str]) -> list[str]:
         there = shlex.join(["sh", "-c", ON_CAR, "on_car.sh", *action])

@@ -13,7 +13,7 @@ import pytest
 
 from tests.wallride.deploy.small_car import SmallCar, make_clone, make_wheel, wheel_of_pip
 from wallride import cli
-from wallride.deploy import transfer
+from wallride.deploy import ssh, transfer
 
 pytestmark = pytest.mark.timeout(180)
 
@@ -52,6 +52,22 @@ def test_a_dry_run_says_what_would_be_done_and_does_nothing(car, clone, capsys):
     assert "in use there: nothing yet" in said
     assert "nothing done (--dry-run)" in said
     assert list(car.root.iterdir()) == []
+
+
+def test_a_car_that_hangs_is_given_up(car, clone, capfd, monkeypatch):
+    monkeypatch.setattr(ssh, "SILENT_S", 0.3)
+    car.tool("uname", f"#!/bin/sh\nexec {sys.executable} -c 'import time; time.sleep(20)'\n")
+    assert deploy(car, clone, "--dry-run") == 2
+    assert "looking at it: no answer within 0 s; nothing was changed there" in capfd.readouterr().err
+
+
+def test_a_car_that_talks_for_ever_is_given_up_and_its_words_stay_words(car, clone, capfd):
+    car.tool("python3.14", "#!/bin/sh\nexec yes\n")
+    assert deploy(car, clone, "--dry-run") == 2
+    assert "its answer has no end" in capfd.readouterr().err
+    car.tool("python3.14", "#!/bin/sh\nprintf 'missing=odd\\033[2J\\n'\n")
+    assert deploy(car, clone, "--dry-run") == 2
+    assert r"odd\x1b[2J" in capfd.readouterr().err
 
 
 def test_first_time_update_rollback_and_what_stays(car, clone, capfd):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from wallride import cli, unexpected
+from wallride import cli, failure
 
 
 def fail_by(monkeypatch, command):
@@ -19,12 +19,12 @@ def _add(commands, command, run):
 def test_a_sentence_and_a_file_with_the_details(monkeypatch, capsys, tmp_path):
     fail_by(monkeypatch, "broken")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    assert cli.main(["broken"]) == unexpected.FAILED
+    assert cli.main(["broken"]) == failure.UNEXPECTED
     said = capsys.readouterr()
     assert said.out == ""
     (line,) = said.err.splitlines()
     assert line.startswith(r"wallride: broken failed in a way that it did not expect (ValueError: odd\x1b[2J\nthing).")
-    kept = tmp_path / "wallride" / unexpected.NAME
+    kept = tmp_path / "wallride" / failure.LAST_ERROR
     assert str(kept) in line
     assert "Traceback" in kept.read_text()
 
@@ -33,12 +33,12 @@ def test_where_no_file_can_be_written_the_details_are_shown(monkeypatch, capsys,
     fail_by(monkeypatch, "broken")
     (tmp_path / "wallride").write_text("")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    assert cli.main(["broken"]) == unexpected.FAILED
+    assert cli.main(["broken"]) == failure.UNEXPECTED
     assert "Traceback" in capsys.readouterr().err
 
 
 def test_it_is_raised_for_who_asks(monkeypatch):
     fail_by(monkeypatch, "broken")
-    monkeypatch.setenv(unexpected.TRACEBACK_VARIABLE, "1")
+    monkeypatch.setenv(failure.TRACEBACK_VARIABLE, "1")
     with pytest.raises(ValueError, match="odd"):
         cli.main(["broken"])
