@@ -162,30 +162,45 @@ async def _fetch(bus: Bus, car: str, file: ListedRecording, options: argparse.Na
     """Fetch one file, resuming an earlier attempt; an unfinished one is completed on this machine."""
     if parse(file.name) is None:  # a car must not choose the place of files on this machine
         raise ConnectionProblemError(f"{car} offers {file.name!r}, which is not the name of a recording")
-    target = Path(options.output) / file.name
+    target = Path(options.output) / car / file.name
     part = target.with_name(target.name + PART)
-    if target.exists() and target.stat().st_size >= file.size_bytes:
-        return target
     try:
+        begins = await _piece(bus, car, file, 0)
+        if target.exists() and target.stat().st_size >= file.size_bytes:
+            if _begins_alike(target, begins):
+                return target
+            raise ConnectionProblemError(f"{target}: is another recording of that name; fetch into another folder: -o")
         part.parent.mkdir(parents=True, exist_ok=True)
+        if part.exists() and not (part.stat().st_size <= file.size_bytes and _begins_alike(part, begins)):
+            part.unlink()
         with part.open("ab") as out:
-            if out.tell() > file.size_bytes:
-                out.truncate(0)
             while (offset := out.tell()) < file.size_bytes:
-                length = min(requests.MAX_PIECE_B, file.size_bytes - offset)
-                piece = await _ask_some_times(bus, car, name=file.name, offset=offset, length=length)
+                piece = begins if offset == 0 else await _piece(bus, car, file, offset)
                 if not piece:
                     raise ConnectionProblemError(f"{file.name}: it became shorter on the car; try again")
                 out.write(piece)
                 options.progress(file.name, out.tell(), file.size_bytes)
         if not is_whole(part):
             recover(part)
+        part.replace(target)
     except OSError as error:
         raise ConnectionProblemError(f"{part}: cannot be written: {error.strerror or error}") from None
     except RecoveryError as error:
         raise ConnectionProblemError(str(error)) from None
-    part.replace(target)
     return target
+
+
+def _begins_alike(path: Path, begins: bytes) -> bool:
+    """Tell whether a file here is of the same recording: two cars without a clock give equal names to theirs."""
+    with path.open("rb") as file:
+        found = file.read(len(begins))
+    return begins.startswith(found)
+
+
+async def _piece(bus: Bus, car: str, file: ListedRecording, offset: int) -> bytes:
+    """Request a piece; at most as much as was asked for is taken."""
+    length = max(1, min(requests.MAX_PIECE_B, file.size_bytes - offset))
+    return (await _ask_some_times(bus, car, name=file.name, offset=offset, length=length))[:length]
 
 
 async def _ask_some_times(bus: Bus, car: str, **question: object) -> bytes:

@@ -29,7 +29,11 @@ def add(commands: "Commands") -> None:
     getting.add_argument("--last", type=_count, default=1, metavar="N", help="the newest N (default: 1)")
     getting.add_argument("--black-boxes", action="store_true", help="only black boxes")
     getting.add_argument(
-        "-o", "--output", default=".", metavar="DIR", help="folder to write to (default: the current one)"
+        "-o",
+        "--output",
+        default=".",
+        metavar="DIR",
+        help="folder to write to, into a folder of the car (default: the current one)",
     )
     trimming = actions.add_parser("trim", help="delete the oldest recordings down to a size")
     trimming.add_argument("--keep-mb", type=_size, required=True, metavar="MB", help="total size to keep")

@@ -12,7 +12,7 @@ from clients.connection import ConnectionProblemError
 from runtime.realtime.wall_clock import WallClock
 from runtime.recording.recorder import Recorder
 from runtime.recording.recover import is_whole
-from runtime.recording.requests import GET, LIST, RECORD, TRIM
+from runtime.recording.requests import GET, LIST, MAX_PIECE_B, RECORD, TRIM
 from runtime.settings.recording import RecordingSettings, recordings_folder
 from runtime.tasks import recorder as recorder_task
 from runtime.wire import topics, zenoh_config
@@ -93,8 +93,8 @@ async def test_a_recording_is_begun_ended_listed_fetched_read_and_deleted(tmp_pa
         )
         assert lines[-1].startswith("2 recordings, ")
         code, (path,) = await car.run("logs", "get", "-o", str(tmp_path / "here"))
-        assert path == str(tmp_path / "here" / name)
-        assert (tmp_path / "here" / name).read_bytes() == (tmp_path / "car" / name).read_bytes()
+        assert path == str(tmp_path / "here" / "car1" / name)
+        assert (tmp_path / "here" / "car1" / name).read_bytes() == (tmp_path / "car" / name).read_bytes()
         code, lines = await car.run("logs", "info", path)
         assert lines[1] == "recording of car1, wallride 9.9"
         assert any("/status" in line and " 2000 " in line for line in lines)
@@ -108,10 +108,26 @@ async def test_a_fetch_that_was_interrupted_goes_on_where_it_was(tmp_path):
     async with Car(tmp_path / "car") as car:
         name = await car.recorded()
         whole = (tmp_path / "car" / name).read_bytes()
-        begun = bytes(100_000)
-        (tmp_path / f"{name}.part").write_bytes(begun)
+        begun = whole[:MAX_PIECE_B] + bytes(100_000 - MAX_PIECE_B)
+        (tmp_path / "car1").mkdir()
+        (tmp_path / "car1" / f"{name}.part").write_bytes(begun)
         await car.run("logs", "get", name, "-o", str(tmp_path))
-        assert (tmp_path / name).read_bytes() == begun + whole[100_000:], "what is here is not fetched again"
+        here = (tmp_path / "car1" / name).read_bytes()
+        assert here == begun + whole[100_000:], "what is here is not fetched again"
+
+
+async def test_another_recording_of_the_same_name_is_neither_continued_nor_taken_for_it(tmp_path):
+    async with Car(tmp_path / "car") as car:
+        name = await car.recorded()
+        whole = (tmp_path / "car" / name).read_bytes()
+        place = tmp_path / "car1" / name
+        place.parent.mkdir()
+        place.with_name(f"{name}.part").write_bytes(bytes(100_000))
+        await car.run("logs", "get", name, "-o", str(tmp_path))
+        assert place.read_bytes() == whole, "another car's bytes are not gone on from"
+        place.write_bytes(bytes(len(whole)))
+        with pytest.raises(ConnectionProblemError, match="is another recording of that name"):
+            await car.run("logs", "get", name, "-o", str(tmp_path))
 
 
 async def test_a_file_that_is_still_written_comes_as_far_as_it_is_and_whole(tmp_path):
