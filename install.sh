@@ -10,6 +10,7 @@
 # Exit code: 0 done, 1 or 2 nothing was changed, 3 the service is not ready with the version that was to be used.
 # DESTDIR: another root, for images and tests. SYSTEMCTL: another service manager, for tests.
 set -eu
+umask 022  # the service's user reads and runs what root makes here
 
 HERE=$(CDPATH='' cd -- "$(dirname -- "$0")" && pwd)
 TOP=${DESTDIR:-}
@@ -74,13 +75,33 @@ target_of() { readlink "$TOP$1" 2>/dev/null || true; }
 # The folder of the version in use; below another root the link itself leads nowhere.
 in_use() { where=$(target_of "$CURRENT"); printf '%s' "$TOP${where:-$CURRENT}"; }
 
-# A link is replaced by a rename, which readers see whole.
-point() { ln -s "$1" "$TOP$2.new" && mv -T "$TOP$2.new" "$TOP$2"; }
+# A link is replaced by a rename, which readers see whole; one of an installation that was cut off may be there.
+point() { rm -rf "$TOP$2.new" && ln -s "$1" "$TOP$2.new" && mv -T "$TOP$2.new" "$TOP$2"; }
+
+# Whether a version is there and whole enough to be started.
+is_usable() { [ -n "$1" ] && [ -x "$TOP$1/bin/wallride" ]; }
+
+# Prints the version to go back to: the one before, or where that is gone the newest other one.
+version_before() {
+    now=$(target_of "$CURRENT") earlier=$(target_of "$VERSIONS/before")
+    if is_usable "$earlier" && [ "$earlier" != "$now" ]; then printf '%s' "$earlier"; return; fi
+    found=''
+    for one in "$TOP$VERSIONS"/by-hand* "$TOP$VERSIONS"/[0-9]*; do  # oldest first
+        one=${one#"$TOP"}
+        case $one in *by-hand*) ;; *) [ -e "$TOP$one/installed" ] || continue ;; esac
+        if is_usable "$one" && [ "$one" != "$now" ]; then found=$one; fi
+    done
+    printf '%s' "$found"
+}
 
 lock() {
     mkdir -p "$TOP$VERSIONS"
     exec 9>"$TOP$VERSIONS/lock"
     flock -n 9 || fail 'another installation is going on here; try again when it has ended'
+    chmod 755 "$TOP$VERSIONS"  # also where an older installation ran with a narrow umask
+    if [ ! -e "$TOP$CURRENT" ] && [ ! -L "$TOP$CURRENT" ] && [ -d "$TOP$VERSIONS/by-hand" ]; then
+        point "$VERSIONS/by-hand" "$CURRENT"  # cut off between moving it and the link to it
+    fi
 }
 
 # Prints where the car of this computer's settings listens for its programs; nothing where that is not known.
@@ -171,18 +192,27 @@ report() {
 }
 
 rollback() {
-    earlier=$(target_of "$VERSIONS/before")
-    [ -n "$earlier" ] || fail 'there is no version before this one'
+    earlier=$(version_before)
+    [ -n "$earlier" ] || fail "there is no version before this one in $VERSIONS that could be used: nothing was changed"
+    [ "$earlier" = "$(target_of "$VERSIONS/before")" ] || say "the version before is gone: taking $earlier"
     refuse_while_driving
     now=$(target_of "$CURRENT")
     is_to_run && again=yes || again=''
+    running && [ "$(shows ActiveState)" = active ] && is_usable "$now" && worked=yes || worked=''
     point "$earlier" "$CURRENT"
-    point "$now" "$VERSIONS/before"
+    ! is_usable "$now" || point "$now" "$VERSIONS/before"
     renew_service
     NOW=''
     if [ -n "$again" ] && ! start_service; then
         say "not ready: $WHY"
         show_log
+        if [ -n "$worked" ]; then
+            say "going back to $now, which ran"
+            point "$now" "$CURRENT"
+            point "$earlier" "$VERSIONS/before"
+            renew_service
+            start_service || say "it is not ready any more, either: $WHY"
+        fi
         report
         exit 3
     fi
@@ -291,8 +321,12 @@ make_version() {
     [ ! -e "$TOP$target" ] || fail "$target is there already; try again in a second"
     mkdir -p "$TOP$VERSIONS" "$TOP$(dirname "$COMMAND")"
     trap 'rm -rf "$TOP$target"; say "failed: nothing was changed in $CURRENT" >&2' EXIT
+    # The environments in which packages are built take these versions as well: by the first variable up to pip 26.1,
+    # by the second from pip 25.3 on.
+    export PIP_CONSTRAINT="$HERE/constraints.txt" PIP_BUILD_CONSTRAINT="$HERE/constraints.txt"
     [ "$PYTHON" != uv ] || by_uv
     [ -z "$ARCHIVE" ] || unpack_python
+    [ ! -d "$TOP$VERSIONS/python" ] || chmod -R go+rX "$TOP$VERSIONS/python"
     what="$HERE[car]"
     [ -e "$HERE/pyproject.toml" ] || what='wallride[car]'  # a deployed folder has a wheel in place of the source
     pip=$(find "${WHEELHOUSE:-/nowhere}" -name 'pip-*.whl' 2>/dev/null | head -n 1)
@@ -320,13 +354,14 @@ make_version() {
 
 switch() {
     was_in_use=$(target_of "$CURRENT") was_before=$(target_of "$VERSIONS/before")
-    if [ -n "$was_in_use" ]; then
-        point "$was_in_use" "$VERSIONS/before"
-    elif [ -e "$TOP$CURRENT" ]; then
+    if [ -z "$was_in_use" ] && [ -e "$TOP$CURRENT" ]; then
         was_in_use=$VERSIONS/by-hand
-        mv "$TOP$CURRENT" "$TOP$was_in_use"
-        point "$was_in_use" "$VERSIONS/before"
+        [ ! -e "$TOP$was_in_use" ] || was_in_use=$VERSIONS/by-hand-$(basename "$target")
+        mv -T "$TOP$CURRENT" "$TOP$was_in_use"
+        point "$was_in_use" "$CURRENT"
     fi
+    is_usable "$was_in_use" || was_in_use=''  # a link to a version that is gone: nothing to go back to
+    [ -z "$was_in_use" ] || point "$was_in_use" "$VERSIONS/before"
     point "$target" "$CURRENT"
     point "$CURRENT/bin/wallride" "$COMMAND"
     mkdir -p "$TOP$(dirname "$COMPLETION")"

@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -18,7 +19,7 @@ case "$*" in
     "-m venv "*) mkdir -p "$3/bin" && cp "$0" "$3/bin/python"
         printf '#!/bin/sh\\necho "%s $*" >>"$CALLS"\\n[ "$1" != build-kernel ] || exit 1\\n' "$3" >"$3/bin/wallride"
         chmod +x "$3/bin/wallride" ;;
-    "-m pip "*) echo "pip $*" >>"$CALLS"; exit ${BROKEN:-0} ;;
+    "-m pip "*) echo "pip $* built with ${PIP_CONSTRAINT:-} ${PIP_BUILD_CONSTRAINT:-}" >>"$CALLS"; exit ${BROKEN:-0} ;;
 esac
 """
 
@@ -75,6 +76,7 @@ def test_it_installs_pinned_versions_and_switches_last(place):
     assert done.returncode == 0, done.stderr
     calls = (place / "calls").read_text().splitlines()
     assert f"--constraint {ROOT}/constraints.txt {ROOT}[car]" in calls[0]
+    assert calls[0].endswith(f"built with {ROOT}/constraints.txt {ROOT}/constraints.txt")
     assert [line.split()[1] for line in calls[1:]] == ["--version", "build-kernel", "completion", "service"]
     assert "--prefix /opt/wallride" in calls[-1]
     assert in_use(place) == "20261123-000001"
@@ -152,8 +154,15 @@ def test_a_failed_update_changes_nothing(place):
     assert (in_use(place), versions(place)) == ("20261123-000001", ["20261123-000001"])
 
 
+def by_hand(place):
+    program = place / "root/opt/wallride/bin/wallride"
+    program.parent.mkdir(parents=True)
+    program.write_text("#!/bin/sh\n")
+    program.chmod(0o755)
+
+
 def test_an_installation_by_hand_is_kept_as_the_version_before(place):
-    (place / "root/opt/wallride/bin").mkdir(parents=True)
+    by_hand(place)
     assert install(place, "--yes").returncode == 0
     assert in_use(place) == "20261123-000001"
     assert install(place, "--rollback").returncode == 0
@@ -223,3 +232,118 @@ def test_where_no_python_is_new_enough_its_download_is_named(place):
     assert "python-build-standalone" in done.stdout
     refused = install(place, "--dry-run", "--wheelhouse", "/wheels", OLD="1")
     assert (refused.returncode, "--wheelhouse downloads none" in refused.stderr) == (2, True)
+
+
+SYSTEMCTL = """#!/bin/sh
+case "$*" in
+    *ActiveState*) cat "$STATE" ;;
+    *MainPID*) echo 7 ;;
+    restart*) case $(readlink "$DESTDIR/opt/wallride") in *$BAD) echo failed >"$STATE"; exit 1 ;; esac
+        echo active >"$STATE" ;;
+esac
+"""
+
+
+def served(place, *options, bad="nothing"):
+    """Install with a service that runs, and that does not start with the version `bad`."""
+    for name, text in {"systemctl": SYSTEMCTL, "sleep": "#!/bin/sh\n"}.items():
+        (place / "bin" / name).write_text(text)
+        (place / "bin" / name).chmod(0o755)
+    (place / "state").write_text("active\n")
+    variables = {"SYSTEMCTL": str(place / "bin/systemctl"), "STATE": str(place / "state"), "BAD": bad}
+    return install(place, *options, "--force", **variables)
+
+
+def updated(place, times):
+    for _ in range(times):
+        assert install(place, "--yes", "--no-service").returncode == 0
+
+
+@pytest.mark.parametrize("left", ["link", "folder", "file"])
+@pytest.mark.parametrize("name", ["opt/wallride.new", "opt/wallride-versions/before.new", "usr/local/bin/wallride.new"])
+def test_what_an_installation_that_was_cut_off_left_behind_is_in_no_ones_way(place, name, left):
+    updated(place, 1)
+    path = place / "root" / name
+    if left == "link":
+        path.symlink_to("/opt/wallride-versions/gone")
+    elif left == "folder":
+        path.mkdir()
+    else:
+        path.write_text("")
+    updated(place, 1)
+    assert in_use(place) == "20261123-000002"
+    assert install(place, "--rollback").returncode == 0
+    assert in_use(place) == "20261123-000001"
+    assert not os.path.lexists(path)
+
+
+def test_whatever_roots_umask_is_the_services_user_can_read_the_version(place):
+    before = os.umask(0o077)
+    try:
+        updated(place, 1)
+        (place / "root/opt/wallride-versions").chmod(0o700)  # as an older installation left it
+        updated(place, 1)
+    finally:
+        os.umask(before)
+    closed = [
+        path for path in (place / "root").rglob("*") if not path.is_symlink() and path.stat().st_mode & 0o044 != 0o044
+    ]
+    assert closed == []
+
+
+def test_a_rollback_to_a_version_that_is_gone_takes_another_one_or_changes_nothing(place):
+    updated(place, 3)
+    versions_folder = place / "root/opt/wallride-versions"
+    shutil.rmtree(versions_folder / "20261123-000002")
+    back = install(place, "--rollback")
+    assert (back.returncode, "the version before is gone" in back.stdout) == (0, True)
+    assert in_use(place) == "20261123-000001"
+    assert (versions_folder / "before").readlink().name == "20261123-000003", "and the way forward is there"
+    shutil.rmtree(versions_folder / "20261123-000003")
+    refused = install(place, "--rollback")
+    assert (refused.returncode, "nothing was changed" in refused.stderr) == (2, True)
+    assert in_use(place) == "20261123-000001"
+
+
+def test_a_rollback_that_does_not_start_brings_the_version_that_ran_back(place):
+    updated(place, 2)
+    back = served(place, "--rollback", bad="000001")
+    assert (back.returncode, "going back to /opt/wallride-versions/20261123-000002" in back.stdout) == (3, True), back
+    assert (in_use(place), (place / "state").read_text()) == ("20261123-000002", "active\n")
+    assert (place / "root/opt/wallride-versions/before").readlink().name == "20261123-000001"
+
+
+def test_an_update_that_does_not_start_brings_the_version_that_ran_back(place):
+    updated(place, 1)
+    failed = served(place, "--yes", "--no-service", bad="000002")
+    assert (failed.returncode, in_use(place), versions(place)) == (3, "20261123-000001", ["20261123-000001"])
+    assert (place / "state").read_text() == "active\n"
+
+
+def test_where_the_version_in_use_is_gone_an_installation_makes_a_new_one_and_keeps_the_one_before(place):
+    updated(place, 2)
+    shutil.rmtree(place / "root/opt/wallride-versions/20261123-000002")
+    updated(place, 1)
+    assert in_use(place) == "20261123-000003"
+    assert install(place, "--rollback").returncode == 0
+    assert in_use(place) == "20261123-000001"
+
+
+def test_an_update_cut_off_between_its_links_leaves_a_way_back(place):
+    updated(place, 2)
+    before = place / "root/opt/wallride-versions/before"
+    before.unlink()
+    before.symlink_to((place / "root/opt/wallride").readlink())  # "before" is switched first
+    assert install(place, "--rollback").returncode == 0
+    assert in_use(place) == "20261123-000001"
+
+
+def test_an_installation_by_hand_that_was_moved_and_not_linked_is_found_again(place):
+    by_hand(place)
+    (place / "root/opt/wallride-versions").mkdir()
+    (place / "root/opt/wallride").rename(place / "root/opt/wallride-versions/by-hand")
+    assert install(place, "--yes", "--no-service", BROKEN="1").returncode == 1
+    assert in_use(place) == "by-hand"
+    updated(place, 1)
+    assert install(place, "--rollback").returncode == 0
+    assert in_use(place) == "by-hand"
