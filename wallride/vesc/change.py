@@ -98,6 +98,12 @@ async def restore(access: VescAccess, file: Path) -> int:
                 f"{file}: is of firmware {kept.firmware}, whose layout is another than that of"
                 f" {found.firmware.version}: set the values with  wallride vesc set"
             )
+        config = decode_app_config(kept.configuration)
+        if config is not None and config.timeout_s == 0:
+            raise VescChangeError(
+                f"{file}: has no command timeout: the car keeps its speed when this computer hangs; it is not written"
+                " back: set the values with  wallride vesc set"
+            )
         return kept.configuration
 
     return await _change(access, wanted)

@@ -64,8 +64,7 @@ def test_values_with_which_the_car_would_not_start_are_refused(car_toml):
 @pytest.mark.parametrize(
     "text",
     [
-        "[lidar]\nsilent_after_s = 2.0\n\n[safety.recovery]\ntries = 1\n\n"
-        "[car]\nwheelbase_m = 0.25 # mine\n\n[safety]\nhold_s = 0.3\n",
+        "[lidar]\n[safety.recovery]\ntries = 1\n[car]\nwheelbase_m = 0.25 # mine\n[safety]\nhold_s = 1\n",
         "car.wheelbase_m = 0.25 # mine\nlidar.silent_after_s = 2.0\n",
         "car = { wheelbase_m = 0.25, name = 'a' } # mine\nlidar = { silent_after_s = 2.0 }\n",
         "[safety]\nrecovery.tries = 1\n[safety.window]\nmemory_m = 5\n[car]\nname = 'a'\n[lidar]\n",

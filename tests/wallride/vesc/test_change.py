@@ -10,7 +10,7 @@ import pytest
 from drivers.address import parse_address
 from drivers.link import open_link
 from drivers.vesc import codec, settings_link
-from drivers.vesc.app_config import decode_app_config
+from drivers.vesc.app_config import change_app_config, decode_app_config
 from sim.devices.vesc import VescEmulator
 from tests.wallride.doctor.fakes import changed, healthy, link, settings
 from wallride.vesc import change, standstill
@@ -249,6 +249,20 @@ async def test_a_damaged_frame_is_not_taken(rig, monkeypatch):
 
     monkeypatch.setattr(codec, "frame", damaged)
     await refused(rig, "did not take it")
+
+
+async def test_a_copy_without_a_command_timeout_is_not_written_back(rig):
+    await rig.set()
+    file = rig.kept()[0]
+    kept = json.loads(file.read_text())
+    without = change_app_config(
+        bytes.fromhex(kept["configuration"]), timeout_s=0.0, timeout_brake_a=0.0, servo_output=True
+    )
+    file.write_text(json.dumps(kept | {"configuration": without.hex()}))
+    with pytest.raises(VescChangeError, match="keeps its speed when this computer hangs; it is not written back"):
+        await change.restore(rig.access(), file)
+    assert len(rig.written()) == 1
+    assert values(rig)[0] == 0.15
 
 
 @pytest.mark.parametrize(
