@@ -15,6 +15,7 @@ from sim.lab.workers.finished_cell import Ends, FinishedCell, Run, WorkerStartEr
 
 C = TypeVar("C")
 LOCAL = "ray"
+LOOPBACK = "127.0.0.1"
 RETRIES = 3
 """How often a cell is run again whose worker or node died: while a node goes, a cell may meet it twice."""
 AHEAD = 2
@@ -60,9 +61,11 @@ def _connected(on: str, jobs: int | None) -> Any:  # noqa: ANN401 - ray is an ex
     except ModuleNotFoundError:
         raise WorkerStartError("--on needs Ray: install it with  pip install 'wallride[cluster]'") from None
     threads = {"env_vars": {"OPENBLAS_NUM_THREADS": "1"}}
-    where: dict[str, Any] = {"address": "local", "num_cpus": jobs or os.cpu_count(), "include_dashboard": False}
-    if on != LOCAL:
-        where = {"address": on}
+    where: dict[str, Any] = {"address": on}
+    if on == LOCAL:
+        os.environ.setdefault("RAY_AUTH_MODE", "token")  # who has no token of this user runs nothing here
+        where = {"address": "local", "num_cpus": jobs or os.cpu_count(), "include_dashboard": False}
+        where["_node_ip_address"] = LOOPBACK  # Ray would listen on every interface
     try:
         ray.init(**where, runtime_env=threads, log_to_driver=False, logging_level="ERROR")
     except Exception as error:  # noqa: BLE001 - Ray has no error of its own for all that can be wrong
