@@ -5,13 +5,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from drivers.api import ProtocolError
+from drivers.hokuyo.replies import SensorParameters
 from sim.car.vehicle import Vehicle, VehicleSettings
 from sim.devices.scip_encode import UST_10LX, SensorModel
 from sim.figures.comparison import ComparedSteering, drove, recorded_answers
 from sim.figures.summary import Sample
 from sim.live.session import Ranges
-from sim.recordings.recording import Recording
-from sim.recordings.sensor_units import to_sensor_mm
+from sim.recordings.recording import Recording, RecordingError
+from sim.recordings.sensor_units import SCIP_MAX_MM, to_sensor_mm
 from sim.world.beams import LidarSettings, scan
 from sim.world.lap import LapCounter
 from sim.world.obstacles import Obstacle
@@ -162,7 +164,18 @@ class RecordingScene:
 
 
 def sensor_of(recording: Recording) -> SensorModel:
-    """Return the sensor that would produce scans of this shape."""
+    """Return the sensor that would produce scans of this shape; RecordingError for one that the car would refuse."""
+    model = _sensor_of(recording)
+    try:
+        unfit = SensorParameters.from_fields(model.parameters()).unfit
+    except ProtocolError as error:
+        unfit = str(error)
+    if unfit:
+        raise RecordingError(f"{recording.name}: a car would not drive by its lidar, which {unfit}.")
+    return model
+
+
+def _sensor_of(recording: Recording) -> SensorModel:
     steps_per_turn = round(math.tau / recording.angle_step_rad)
     front = round(-recording.angle_min_rad / recording.angle_step_rad)
     first = max(0, -front)
@@ -171,7 +184,7 @@ def sensor_of(recording: Recording) -> SensorModel:
     return SensorModel(
         model=f"recorded {recording.name}"[:60],
         range_min_mm=max(1, round(recording.range_min_m * 1000)),
-        range_max_mm=round(recording.range_max_m * 1000),
+        range_max_mm=min(round(recording.range_max_m * 1000), SCIP_MAX_MM),
         steps_per_turn=steps_per_turn,
         first_step=first,
         last_step=first + recording.beams - 1,

@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from runtime.recording.unpacking import bomb, most_bytes
-from sim.recordings.recording import CommandTrack, OdometryTrack, RecordingError, plain_name
-from sim.recordings.tracks import LidarTrack, Tracks, columns
+from sim.recordings.recording import CommandTrack, LidarTrack, OdometryTrack, RecordingError, plain_name
+from sim.recordings.tracks import Tracks, columns
 
 NEEDED = ("stamps", "recv", "angle_min", "angle_increment", "range_min", "range_max", "scan_time")
 DEFAULT_TOPIC = "scan"

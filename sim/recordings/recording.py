@@ -71,13 +71,28 @@ class OdometryTrack:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class LidarTrack:
+    """All scans of one lidar topic; times are seconds since 1970, the rest is as in `Recording`."""
+
+    topic: str
+    received_s: Floats
+    stamp_s: Floats
+    ranges_m: npt.NDArray[np.float32]
+    angle_min_rad: float
+    angle_step_rad: float
+    range_min_m: float
+    range_max_m: float
+    scan_time_s: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Recording:
     """One lidar's scans, and the other messages of the drive. All arrays are read-only.
 
     received_s: shape (n,), when the recorder received each scan; starts at 0 and never falls.
     stamp_s: shape (n,), the header stamps on the same zero. They may jump: clocks differ between publishers.
     ranges_m: shape (n, beams), float32, untouched: 65.533, 0, inf and NaN all occur for "no return".
-    angle_min_rad, angle_step_rad: beam k points to angle_min + k * step, counter-clockwise, 0 = ahead.
+    angle_min_rad, angle_step_rad: beam k points to angle_min + k * step, counter-clockwise, 0 = ahead; see `fan`.
     range_min_m, range_max_m, scan_time_s: as the driver declared them; recorded ranges may exceed them.
     topic: the lidar's topic as recorded; other_topics: further lidars of the file, selectable by name.
     commands: by topic, written without slashes (`plain_name`).

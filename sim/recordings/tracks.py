@@ -8,22 +8,16 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from sim.recordings.recording import CommandTrack, Floats, OdometryTrack, Recording, RecordingError, plain_name
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LidarTrack:
-    """All scans of one lidar topic; times are seconds since 1970, the rest is as in `Recording`."""
-
-    topic: str
-    received_s: Floats
-    stamp_s: Floats
-    ranges_m: npt.NDArray[np.float32]
-    angle_min_rad: float
-    angle_step_rad: float
-    range_min_m: float
-    range_max_m: float
-    scan_time_s: float
+from sim.recordings.fan import ahead_in_the_middle
+from sim.recordings.recording import (
+    CommandTrack,
+    Floats,
+    LidarTrack,
+    OdometryTrack,
+    Recording,
+    RecordingError,
+    plain_name,
+)
 
 
 @dataclass(slots=True)
@@ -50,8 +44,10 @@ def assemble(name: str, tracks: Tracks, topic: str | None) -> Recording:
     notes = list(tracks.notes)
     if others and topic is None:
         notes.append(f"{name} holds {len(others) + 1} lidars: {lidar.topic} is played, not {', '.join(others)}.")
-    order = np.argsort(lidar.received_s, kind="stable")
     _check_beams(name, lidar)
+    lidar, turned = ahead_in_the_middle(lidar)
+    notes += turned
+    order = np.argsort(lidar.received_s, kind="stable")
     zero_s = float(lidar.received_s[order[0]])
     return Recording(
         name=name,
