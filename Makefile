@@ -49,7 +49,8 @@ $(READY): pyproject.toml constraints.txt
 	  $(PYTHON) -m pip install --quiet --target .virtualenv virtualenv && \
 	  PYTHONPATH=.virtualenv $(PYTHON) -m virtualenv --quiet .venv; }
 	@echo "wallride: 2 of 3, packages, one line each"
-	@$(BIN)/python -m pip install --disable-pip-version-check --no-color -c constraints.txt -e '.[dev]'
+	@PIP_CONSTRAINT=$(CURDIR)/constraints.txt PIP_BUILD_CONSTRAINT=$(CURDIR)/constraints.txt \
+	  $(BIN)/python -m pip install --disable-pip-version-check --no-color -c constraints.txt -e '.[dev]'
 	@# Carries axe-core as one file for the browser tests; its own dependency, playwright, is not needed.
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps axe-playwright-python==0.1.8
 	@echo "wallride: 3 of 3, ready"

@@ -9,6 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from wallride.deploy import wheelhouse
+from wallride.deploy.closure import CarPlatform
+
 ROOT = Path(__file__).parents[2]
 PYTHON = """#!/bin/sh
 case "$*" in
@@ -347,3 +350,16 @@ def test_an_installation_by_hand_that_was_moved_and_not_linked_is_found_again(pl
     updated(place, 1)
     assert install(place, "--rollback").returncode == 0
     assert in_use(place) == "by-hand"
+
+
+def test_a_wheel_for_a_car_is_built_with_the_versions_of_the_constraints(tmp_path, monkeypatch):
+    said = {}
+
+    def pip(arguments, environment):
+        said.update(environment)
+        (tmp_path / "wallride-0.1.0-py3-none-any.whl").touch()
+        return ""
+
+    monkeypatch.setattr(wheelhouse, "_pip", pip)
+    wheelhouse.build_wheel(ROOT, tmp_path, CarPlatform("x86_64", (2, 36), (3, 11, 0)))
+    assert said["PIP_CONSTRAINT"] == said["PIP_BUILD_CONSTRAINT"] == f"{ROOT}/constraints.txt"

@@ -47,7 +47,8 @@ def build_wheel(source: Path, folder: Path, car: CarPlatform) -> Path:
     """
     pure = {} if car.runs_what_is_compiled_on(this_platform()) else {"WALLRIDE_PURE_WHEEL": "1"}
     isolated = [] if not _has_backend() else ["--no-build-isolation"]
-    said = _pip(["wheel", "--quiet", "--no-deps", *isolated, "--wheel-dir", str(folder), str(source)], pure)
+    pinned = dict.fromkeys(("PIP_CONSTRAINT", "PIP_BUILD_CONSTRAINT"), str(source / "constraints.txt"))
+    said = _pip(["wheel", "--quiet", "--no-deps", *isolated, "--wheel-dir", str(folder), str(source)], pure | pinned)
     built = sorted(folder.glob(f"{OURS}-*.whl"))
     if not built:
         raise DeployError(f"{source}: the wheel could not be built: {_last(said)}")
