@@ -137,7 +137,7 @@ class Hokuyo:
     async def _measure(self, talk: Conversation, on_scan: Callable[[Scan], None]) -> Never:
         """Stream, and restart the stream as long as a restart brings scans."""
         while True:
-            self._say(LinkState.STARTING, f"{talk.link.address}: asking the sensor who it is")
+            self._say(LinkState.STARTING, f"{talk.link.address}: asking the sensor who it is{self._lateness}")
             talk.quickest_s = math.inf  # the link may be another since the last start
             identity = await identify(talk)
             self._meet(identity)

@@ -49,12 +49,13 @@ class Growing:
 
 @dataclass(frozen=True)
 class Stepping:
-    """Later by a step every two seconds."""
+    """Later by a step after each period."""
 
     step_s: float
+    every_s: float = 2.0
 
     def __call__(self, now_s: float) -> float:
-        return self.step_s * (now_s // 2.0)
+        return self.step_s * (now_s // self.every_s)
 
 
 @dataclass(frozen=True)

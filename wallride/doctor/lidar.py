@@ -77,8 +77,6 @@ def judge_lidar(report: LidarReport) -> list[Finding]:
     found = [ok("lidar", f"{health.identity}; {health.message}")]
     if "says of itself" in health.message:
         found = [warn("lidar", f"{health.identity}; {health.message}", "switch it off and on; wipe its window")]
-    if "scans come" in health.message:
-        found = [warn("lidar", f"{health.identity}; {health.message}", remedy_of("scans come"))]
     if bad := {what: count for what, count in health.counts.items() if what == "checksum"}:
         found.append(
             warn("lidar line", f"{bad['checksum']} damaged replies", "check the cable, keep it away from the motor's")

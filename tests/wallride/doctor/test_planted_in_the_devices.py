@@ -65,6 +65,10 @@ def broken_lidar(one):
     one.lidars[0].sensor.fault, one.lidars[0].sensor.cured_by = "0L", frozenset()
 
 
+def late_line(one):
+    one.lidars[0].late_s = 0.3
+
+
 def damaged_line(one):
     one.lidars[0].bad_checksum_every = 5
 
@@ -75,6 +79,7 @@ def damaged_line(one):
         (silent_lidar, "lidar", Level.FAIL, "check its power"),
         (refusing_lidar, "lidar", Level.FAIL, "serves only one"),
         (broken_lidar, "lidar", Level.FAIL, "switch"),
+        (late_line, "lidar", Level.FAIL, "what is slow"),
         (says("Trouble!! Error No.11"), "lidar", Level.WARN, "switch it off and on"),
         (damaged_line, "lidar line", Level.WARN, "check the cable"),
     ],
