@@ -102,6 +102,7 @@ class Car:
         self.clock = clock
         self.manager = ServiceManager()
         self.wall_clock = around.wall_clock or never_set(clock)
+        self._clock_trouble = ""
         self.recorder = Recorder(
             settings.recording,
             car=settings.car.name,
@@ -268,6 +269,9 @@ class Car:
     def _follow_wall_clock(self) -> None:
         if step_ns := self.wall_clock.follow():
             log.warning("the computer's clock was set by %+.3f s; stamps and recordings follow", step_ns / 1e9)
+        if (trouble := self.wall_clock.trouble) != self._clock_trouble:
+            self._clock_trouble = trouble
+            log.warning("%s", trouble or "the computer's clock is right again")
 
     def _health_monitor(self) -> HealthMonitor:
         monitor = HealthMonitor(

@@ -62,6 +62,13 @@ class ComputerReading:
 
 def read_computer(sys: Path = SYS) -> ComputerReading:
     """Read everything once. May take some milliseconds: not for the event loop. Never raises."""
+    try:
+        return _read(sys)
+    except OSError:  # no descriptor is left to list a folder
+        return ComputerReading()
+
+
+def _read(sys: Path) -> ComputerReading:
     temperature_c, zone, hot_c = max(
         (found for folder in sorted(sys.glob("class/thermal/thermal_zone*")) if (found := _zone(folder)) is not None),
         default=(math.nan, "", HOT_C),

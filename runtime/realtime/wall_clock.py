@@ -13,6 +13,8 @@ NS = 1_000_000_000
 MIN_STEP_NS = 20_000_000
 """Minimum step; a smaller difference may be a pause of this process between two readings."""
 READINGS = 3
+FIRST_S, LAST_S = 1_704_067_200, 2**31
+"""Times since 1970 between which a computer's clock is believed: 2024, and the end of ROS 2's stamps (2038-01-19)."""
 
 
 class WallClock:
@@ -39,6 +41,16 @@ class WallClock:
     def stepped_ns(self) -> int:
         """Total step of the clock since the start, positive forward."""
         return self.epoch_ns - self.started_epoch_ns
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with the clock, with the remedy; "" when it can be right."""
+        now_s = self.now_unix_ns() // NS
+        if FIRST_S <= now_s < LAST_S:
+            return ""
+        return (
+            f"the computer's clock says {now_s} s since 1970, which cannot be: set it (timedatectl); stamps are wrong"
+        )
 
     def unix_ns(self, stamp_s: float) -> int:
         """Return the time since 1970 of a time on the monotonic clock."""

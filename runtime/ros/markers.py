@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from drivers.value import value
 from runtime.ros.cdr import ENCAPSULATION, CdrWriter, Template
-from runtime.ros.messages import BASE, NOTHING, NS, Floats, header
+from runtime.ros.messages import BASE, NOTHING, NS, Floats, header, split_time
 
 LIFETIME_S = 0.6
 """Lifetime of a marker that is not renewed."""
@@ -43,7 +43,7 @@ class Marker:
 def marker_array(stamp_ns: int, markers: Sequence[Marker]) -> bytes:
     """Return visualization_msgs/MarkerArray."""
     message = bytearray(ENCAPSULATION + len(markers).to_bytes(4, "little"))
-    stamp, points, at = divmod(stamp_ns, NS), _points(markers), 0
+    stamp, points, at = split_time(stamp_ns), _points(markers), 0
     for marker in markers:
         count = marker.points_m.shape[1]
         before = (len(message) - len(ENCAPSULATION)) % 8

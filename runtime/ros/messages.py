@@ -17,6 +17,7 @@ from runtime.ros.cdr import CdrWriter, Template
 
 BASE, LASER, ODOM = "base_link", "laser", "odom"
 NS = 1_000_000_000
+MAX_SECONDS = 2**31 - 1
 
 Floats = npt.NDArray[np.float64]
 
@@ -53,6 +54,12 @@ class Frame:
     yaw_rad: float
 
 
+def split_time(stamp_ns: int) -> tuple[int, int]:
+    """Return the fields of builtin_interfaces/Time; after its 32 bits end (2038-01-19), their last value."""
+    seconds, nanoseconds = divmod(stamp_ns, NS)
+    return (seconds, nanoseconds) if -MAX_SECONDS <= seconds <= MAX_SECONDS else (MAX_SECONDS, NS - 1)
+
+
 def laser_scan(stamp_ns: int, scan: Scan, scan_time_s: float) -> bytes:
     """Return sensor_msgs/LaserScan; NaN where a beam has no distance, no intensities.
 
@@ -62,7 +69,7 @@ def laser_scan(stamp_ns: int, scan: Scan, scan_time_s: float) -> bytes:
     beams = scan.ranges_m.shape[0]
     last_rad = scan.angle_min_rad + scan.angle_step_rad * (beams - 1)
     head = _SCAN.fill(
-        *divmod(stamp_ns, NS), scan.angle_min_rad, last_rad, scan.angle_step_rad,
+        *split_time(stamp_ns), scan.angle_min_rad, last_rad, scan.angle_step_rad,
         0.0, scan_time_s, scan.range_min_m, scan.range_max_m, beams,
     )  # fmt: skip
     return head + np.ascontiguousarray(scan.ranges_m, "<f4").tobytes() + NO_NUMBERS
@@ -71,12 +78,12 @@ def laser_scan(stamp_ns: int, scan: Scan, scan_time_s: float) -> bytes:
 def odometry(stamp_ns: int, x_m: float, y_m: float, yaw_rad: float, speed_mps: float, yaw_rate_radps: float) -> bytes:
     """Return nav_msgs/Odometry: base_link in odom, speeds in base_link."""
     place = x_m, y_m, 0.0, *_quaternion(yaw_rad)
-    return _ODOMETRY.fill(*divmod(stamp_ns, NS), *place, speed_mps, yaw_rate_radps)
+    return _ODOMETRY.fill(*split_time(stamp_ns), *place, speed_mps, yaw_rate_radps)
 
 
 def ackermann(stamp_ns: int, speed_mps: float, steering_rad: float) -> bytes:
     """Return ackermann_msgs/AckermannDriveStamped in base_link; rates and accelerations are 0: unspecified."""
-    return _ACKERMANN.fill(*divmod(stamp_ns, NS), steering_rad, 0.0, speed_mps, 0.0, 0.0)
+    return _ACKERMANN.fill(*split_time(stamp_ns), steering_rad, 0.0, speed_mps, 0.0, 0.0)
 
 
 def float32(value: float) -> bytes:
@@ -86,7 +93,7 @@ def float32(value: float) -> bytes:
 
 def imu(stamp_ns: int, turn_radps: tuple[float, float, float], acceleration_mps2: tuple[float, float, float]) -> bytes:
     """Return sensor_msgs/Imu in base_link, without an orientation."""
-    return _IMU.fill(*divmod(stamp_ns, NS), *turn_radps, *acceleration_mps2)
+    return _IMU.fill(*split_time(stamp_ns), *turn_radps, *acceleration_mps2)
 
 
 def motor(stamp_ns: int, state: MotorState) -> bytes:
@@ -96,7 +103,7 @@ def motor(stamp_ns: int, state: MotorState) -> bytes:
     and `diagnostics`.
     """
     return _MOTOR.fill(
-        *divmod(stamp_ns, NS), state.distance_m, state.steering_rad, state.speed_mps, state.motor_current_a
+        *split_time(stamp_ns), state.distance_m, state.steering_rad, state.speed_mps, state.motor_current_a
     )
 
 
@@ -131,7 +138,7 @@ def diagnostics(stamp_ns: int, reports: Sequence[DiagnosticStatus]) -> bytes:
 
 def transforms(stamp_ns: int, frames: Sequence[Frame]) -> bytes:
     """Return tf2_msgs/TFMessage."""
-    seconds, nanoseconds = divmod(stamp_ns, NS)
+    seconds, nanoseconds = split_time(stamp_ns)
     names: list[str] = []
     numbers: list[float] = []
     for frame in frames:
@@ -142,7 +149,7 @@ def transforms(stamp_ns: int, frames: Sequence[Frame]) -> bytes:
 
 def header(out: CdrWriter, stamp_ns: int, frame: str) -> None:
     """Add a std_msgs/Header."""
-    out.put("iI", *divmod(stamp_ns, NS))
+    out.put("iI", *split_time(stamp_ns))
     out.text(frame)
 
 

@@ -11,6 +11,7 @@ import functools
 import json
 import logging
 import re
+import threading
 import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
@@ -34,6 +35,9 @@ MAX_ANSWERS = 16
 """A car that holds back a question, because another one came a moment ago, answers at once with nothing."""
 
 
+CLOSES_WITHIN_S = 1.0
+LAST_S = 2**32
+"""Time since 1970 at which zenoh's time stamps end."""
 IN_USE = "Address already in use"
 """Text of zenoh's error for a taken port."""
 OPEN_ATTEMPTS = 5
@@ -75,6 +79,8 @@ class Bus:
 
     async def open(self) -> None:
         """Open the session in a thread; OSError with a plain reason on failure, PortTakenError for a taken port."""
+        if time.time() >= LAST_S:  # else it panics: an error in its threads, and one that ends a program, here
+            raise OSError("the computer's clock is after 2106, where zenoh ends: set it (timedatectl) and start again")
         self._loop = asyncio.get_running_loop()
         self._session = await asyncio.to_thread(self._opened)
         import zenoh
@@ -84,17 +90,31 @@ class Bus:
             declare()
 
     async def close(self) -> None:
-        """Close the session; harmless when it never opened."""
+        """Close the session; harmless when it never opened. One that takes longer than CLOSES_WITHIN_S is left."""
         session, self._session = self._session, None
-        self._publishers.clear()
-        self._held.clear()
+        declared = [self._publishers, self._held]
+        self._publishers, self._held = {}, []
         if session is None:
             return
-        close: Callable[[], object] = session.close
-        try:
-            await asyncio.to_thread(close)
-        except RuntimeError:  # the program ends, and no executor takes work any more
+        end_session: Callable[[], object] = session.close
+        closed, loop = asyncio.Event(), asyncio.get_running_loop()
+
+        def close() -> None:
+            try:
+                end_session()
+                declared.clear()  # each of them may block as well: never in the loop
+            finally:
+                call_in_loop(loop, closed.set)
+
+        try:  # no thread of the loop's own executor: the program would wait for that one in the end
+            threading.Thread(target=close, name="close the session", daemon=True).start()
+        except RuntimeError:  # the program ends, or has no memory for a thread
             close()
+        try:
+            async with asyncio.timeout(CLOSES_WITHIN_S):
+                await closed.wait()
+        except TimeoutError:
+            log.warning("the session at %s does not close within %g s; it is left", self.endpoint, CLOSES_WITHIN_S)
 
     @property
     def session_id(self) -> str:

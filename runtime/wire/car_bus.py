@@ -69,7 +69,8 @@ class CarBus(Bus):
 
     async def close(self) -> None:
         """Close the session; what still waits is dropped."""
-        self._polls.clear()
+        self._held.append(self._polls)  # what they hold ends with the session
+        self._polls = []
         await super().close()
 
     def subscribe_attached(self, key: str, receive: ReceiveAttached, *, max_bytes: int = MAX_SAMPLE_BYTES) -> None:

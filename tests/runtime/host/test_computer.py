@@ -1,7 +1,9 @@
 """The computer's temperature and throttling, from trees of files as kernels make them."""
 
 import asyncio
+import errno
 import math
+import os
 
 import pytest
 
@@ -82,6 +84,16 @@ def test_a_jetsons_over_current_events_are_said_when_they_come_not_when_they_cam
         assert bool(watch.trouble) is bool(words)
     assert watch.status()["over_current"] == 10
     assert [record.levelname for record in caplog.records if "current" in record.message] == ["WARNING"]
+
+
+def test_without_a_descriptor_the_computer_says_nothing(tree, monkeypatch):
+    zone(tree, 0, "CPU-therm", 41000)
+
+    def none_left(*_):
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    monkeypatch.setattr(os, "scandir", none_left)
+    assert math.isnan(read_computer(tree.root).temperature_c)
 
 
 async def test_the_watch_reads_by_itself(tree):

@@ -191,3 +191,10 @@ def test_numbers_may_be_written_together_or_one_by_one(letters):
     for letter in letters:
         apart.put(letter, 1)
     assert together.done() == apart.done()
+
+
+@pytest.mark.parametrize("stamp_s", [2**31, 2**32 + 5, -(2**31) - 7])
+def test_a_stamp_beyond_ros_2s_32_bits_is_their_last(stamp_s):
+    assert messages.split_time(stamp_s * messages.NS) == (2**31 - 1, 999_999_999)
+    assert messages.split_time((2**31 - 1) * messages.NS + 4) == (2**31 - 1, 4)
+    assert messages.odometry(stamp_s * messages.NS, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -3,7 +3,9 @@
 import asyncio
 import itertools
 import socket
+import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -244,3 +246,20 @@ async def test_an_address_that_this_machine_does_not_have_is_no_taken_port():
 async def test_a_client_without_a_car_is_told_so():
     with pytest.raises(OSError, match="onnect"):
         await Bus(zenoh_config.client_config(free_endpoint(), None)).open()
+
+
+async def test_a_session_that_does_not_close_is_left(monkeypatch, caplog):
+    never = threading.Event()
+    monkeypatch.setattr("runtime.wire.bus.CLOSES_WITHIN_S", 0.02)
+    bus = Bus(zenoh_config.client_config("tcp/127.0.0.1:1", None))
+    monkeypatch.setattr(bus, "_session", SimpleNamespace(close=never.wait))
+    await bus.close()
+    assert "does not close" in caplog.text
+    assert not bus.is_open
+    never.set()
+
+
+async def test_a_clock_after_zenohs_last_year_opens_no_session(monkeypatch):
+    monkeypatch.setattr("runtime.wire.bus.time.time", lambda: 4.9e9)  # 2125
+    with pytest.raises(OSError, match="clock is after 2106"):
+        await Bus(zenoh_config.client_config("tcp/127.0.0.1:1", None)).open()

@@ -177,6 +177,11 @@ MATRIX: Final[Sequence[Fault]] = (
     Fault(PROCESS, "no memory left", "brake; connects again once there is memory", SELF, INJECTED, (), SOFT_S),
     Fault(PROCESS, "clock jumps a day", "drives on by the monotonic clock; stamps follow", "never stops", INJECTED, (),
           GAP_S),
+    Fault(PROCESS, "clock before 2024 or after 2038", "said; stamps end with ROS 2's; no session after 2106",
+          "set the clock", "tests/runtime/ros/test_messages.py::"
+          "test_a_stamp_beyond_ros_2s_32_bits_is_their_last"),
+    Fault(PROCESS, "no memory for a thread", "brake; ends in time by the kernel's timer", "restart by systemd",
+          "tests/runtime/test_launch.py::test_a_process_whose_end_hangs_is_ended"),
     Fault(PROCESS, "disk full", "drives and brakes on; the recording says so", SELF, INJECTED, (), SOFT_S),
     Fault(PROCESS, "stuck disk", "holds nothing up, said", "-",
           "tests/runtime/recording/test_recorder_disk.py::test_a_stuck_disk_holds_nobody_up_and_is_said"),
