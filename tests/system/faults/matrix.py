@@ -185,6 +185,12 @@ MATRIX: Final[Sequence[Fault]] = (
     Fault(PROCESS, "disk full", "drives and brakes on; the recording says so", SELF, INJECTED, (), SOFT_S),
     Fault(PROCESS, "stuck disk", "holds nothing up, said", "-",
           "tests/runtime/recording/test_recorder_disk.py::test_a_stuck_disk_holds_nobody_up_and_is_said"),
+    Fault(PROCESS, "recordings not deletable", "skipped and named once; the next one goes", "-",
+          "tests/runtime/recording/test_ring.py::"
+          "test_an_odd_entry_is_skipped_and_named_once_and_the_next_one_goes"),
+    Fault(PROCESS, "open recording deleted or cut", "another file begins with the last half minute", "-",
+          "tests/runtime/recording/test_recorder_disk.py::"
+          "test_an_open_recording_and_black_box_that_another_program_takes_begin_anew"),
     Fault(PROCESS, "log not read", "drives on, ends in time; lines are dropped", "-",
           "tests/runtime/host/test_logging_setup.py::"
           "test_a_terminal_that_reads_nothing_holds_up_neither_the_process_nor_its_end"),
