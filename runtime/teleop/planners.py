@@ -136,7 +136,10 @@ class PlannerDesk:
                 self._rearm(reason)
         elif self._lost and not self._permit.always and now_s < self._permit.until_s:
             self._lost = ""  # the permit ended with the planner: this one is a new act
-            self._queue.withdraw(Source.PLANNER_HOLD)
+            if following := self._first():
+                self._give_to(following)
+            else:
+                self._queue.withdraw(Source.PLANNER_HOLD)
 
     @property
     def is_attended(self) -> bool:

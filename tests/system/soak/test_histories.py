@@ -29,6 +29,11 @@ def test_no_history_breaks_a_rule(first):
     assert set(found.events) >= set(EVENTS)
 
 
+def test_a_new_permit_after_a_planners_loss_gives_the_car_to_the_next_planner_in_force():
+    found = tell([423])
+    assert found.violations == {}, found.kept
+
+
 def test_the_same_seed_is_the_same_history():
     assert tell([7]) == tell([7])
 
