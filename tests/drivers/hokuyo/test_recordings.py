@@ -10,13 +10,14 @@ import pytest
 from drivers.api import Scan
 from drivers.hokuyo.driver import Hokuyo
 from drivers.hokuyo.settings import HokuyoSettings
-from drivers.hokuyo.timing import DRIFT, WRAP_MS
+from drivers.hokuyo.timing import DRIFT, WRAP_MS, ClockReading, StampGate
 from sim.devices.scip import ScipEmulator
 
 FOLDER = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "racecar"
 FILES = sorted(path.stem for path in FOLDER.glob("*.npz") if "no_scan" not in path.stem)
 FOREIGN = {"t3_foreign_publishers": 259 + 141}
 STALE_AFTER_S = 0.1
+SWEEP_S = 0.019
 
 
 class Recording:
@@ -95,3 +96,24 @@ async def play(recording: Recording) -> tuple[list[Scan], dict[str, int]]:
     await asyncio.gather(task, return_exceptions=True)
     emulator.close()
     return scans, driver.health.counts
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_every_scan_that_comes_over_a_late_link_is_judged_as_old_as_it_is(name: str) -> None:
+    recording = Recording(name)
+    sensor_s = recording.stamps_ms / 1000
+    ours = ~recording.predict()[0]
+    prompt_s = (recording.arrival_s - sensor_s)[ours].min()  # from a stamp to the arrival of its scan in time
+    asked_s = recording.arrival_s[0] - 0.5
+    counter_ms = round((asked_s - prompt_s + SWEEP_S) * 1000)
+    for late_s in np.arange(0.0, 1.01, 0.05):
+        gate = StampGate(STALE_AFTER_S, lambda _what: None)
+        gate.restart(late_s + 0.001, ClockReading(counter_ms, asked_s, asked_s + late_s + 0.001), 0.025)
+        arrivals_s, late = recording.arrival_s[ours] + late_s, []
+        for arrival_s, stamp_ms in zip(arrivals_s, recording.stamps_ms[ours].tolist(), strict=True):
+            judged_s = gate.accept(stamp_ms, arrival_s)
+            if judged_s is not None:
+                late.append(arrival_s - stamp_ms / 1000 - prompt_s - judged_s)
+        assert gate.dated
+        assert max(late, default=0.0) < 0.025 - SWEEP_S + DRIFT * float(np.ptp(arrivals_s)) + 0.002
+        assert bool(late) == (late_s < STALE_AFTER_S + 0.025 - SWEEP_S)
