@@ -1,7 +1,7 @@
 """Follower and safety law of a car, with settings that may change while it drives.
 
 The state of the laws (the steering's offset, the dirt on the window, an active hard stop, the moving obstacles) is
-kept; only a change of method begins anew. Each law computes a scan wholly with the old or wholly with the new values.
+kept; only another method begins anew. Each law computes a scan wholly with the old or wholly with the new values.
 """
 
 from drivers.api import Clock, MotorState, Scan
@@ -16,16 +16,15 @@ from runtime.control.method_settings import (
     WallFollowSettings,
 )
 from runtime.control.own_laws.follower import OwnFollower
-from runtime.control.own_laws.guard import CappedGuard
+from runtime.control.own_laws.guard import CappedGuard, GuardedReport
 from runtime.control.own_laws.runner import LawRunner
 from runtime.control.own_laws.settings import OwnFollowSettings
 from runtime.control.perception.geometry import Floats
 from runtime.control.perception.own_parts import KnownParts
 from runtime.control.perception.plausibility import Plausibility
 from runtime.control.perception.view import PerceptionCache
-from runtime.control.report.laws import ReportFollower, ReportGuard
+from runtime.control.report.laws import ReportFollower
 from runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
-from runtime.control.safety.swept import SweptGuard
 from runtime.control.vehicle import CarSettings
 from runtime.control.wall_following.ball import BallFollower
 
@@ -33,8 +32,9 @@ from runtime.control.wall_following.ball import BallFollower
 class LiveLaws:
     """Implements Follower and Guard by delegation to the laws that the settings name.
 
-    wall_follow, safety: the settings in force. guard: the safety law in force. plausibility: whether what the laws are
-    given makes sense; where it does not, the answer is a stop with that reason.
+    wall_follow, safety: the settings in force. guard: the car's own, which every safety law stands
+    under. plausibility: whether what the laws are given makes sense; where it does not, the answer is a stop with that
+    reason.
     """
 
     def __init__(
@@ -48,8 +48,8 @@ class LiveLaws:
         self.plausibility = Plausibility(car)
         self._driver = methods.driver_for(wall_follow, car, self._eyes, clock)
         self._recovery = methods.recovery_for(safety)
-        self.guard: SweptGuard | ReportGuard = methods.guard_for(safety, car, self._eyes, clock)
-        self._judge = methods.capped(self.guard, safety, wall_follow, clock)
+        self.guard = methods.guard_for(safety, car, self._eyes, clock)
+        self._judge = methods.judge_for(self.guard, safety, wall_follow, clock)
         self.follower: Follower = self._wrapped(wall_follow)
 
     @property
@@ -64,18 +64,17 @@ class LiveLaws:
 
     @property
     def own_parts(self) -> KnownParts | None:
-        """The car's known own parts, None where the safety law does not track them."""
-        return self.guard.own_parts.known if isinstance(self.guard, SweptGuard) else None
+        """The car's known own parts, None before the first scan."""
+        return self.guard.own_parts.known
 
     @property
     def own_parts_changes(self) -> int:
         """Number of changes of the set of own parts by observation."""
-        return self.guard.own_parts.changes if isinstance(self.guard, SweptGuard) else 0
+        return self.guard.own_parts.changes
 
     def remember_own_parts(self, known: KnownParts | None) -> None:
         """Restore these own parts, known from before, and reset the state of the window."""
-        if isinstance(self.guard, SweptGuard):
-            self.guard.remember(known)
+        self.guard.remember(known)
 
     @property
     def path_m(self) -> Floats | None:
@@ -106,7 +105,7 @@ class LiveLaws:
             self._tune_driver(wall_follow)
         if safety != self.safety:
             self._tune_guard(safety)
-        self._tune_own_guard(wall_follow, safety)
+        self._tune_judge(wall_follow, safety)
         self.wall_follow, self.safety = wall_follow, safety
         self.follower = self._wrapped(wall_follow)
 
@@ -122,7 +121,7 @@ class LiveLaws:
 
     def _wrapped(self, wall_follow: WallFollowSettings) -> Follower:
         return methods.wrapped(
-            self._driver, self.guard, self._recovery, wall_follow, lambda: self.plausibility.believed
+            self._driver, self._judge, self._recovery, wall_follow, lambda: self.plausibility.believed
         )
 
     def _tune_driver(self, settings: WallFollowSettings) -> None:
@@ -136,26 +135,19 @@ class LiveLaws:
             case _:
                 self._driver = methods.driver_for(settings, self._car, self._eyes, self._clock)
 
-    def _tune_own_guard(self, wall_follow: WallFollowSettings, safety: SafetySettings) -> None:
-        """Tune the own safety law around the guard in force, or put another one, or none, around it."""
+    def _tune_judge(self, wall_follow: WallFollowSettings, safety: SafetySettings) -> None:
+        """Tune the law that stands under the guard, or put another one, or none, under it."""
         match self._judge, safety:
-            case CappedGuard() as judge, OwnSafetySettings() if (judge.guard, judge.runner.law.name) == (
-                self.guard,
-                safety.method,
-            ):
+            case CappedGuard() as judge, OwnSafetySettings() if judge.runner.law.name == safety.method:
                 judge.tune(safety, wall_follow)
+            case GuardedReport() as judge, ReportSafetySettings():
+                judge.law.tune(safety)
             case _:
-                self._judge = methods.capped(self.guard, safety, wall_follow, self._clock)
+                self._judge = methods.judge_for(self.guard, safety, wall_follow, self._clock)
 
     def _tune_guard(self, settings: SafetySettings) -> None:
-        match self.guard, settings:
-            case SweptGuard() as guard, SweptSafetySettings():
-                guard.tune(settings, settings.window)
-            case ReportGuard() as guard, ReportSafetySettings():
-                guard.tune(settings)
-            case _ if settings.method != self.safety.method:
-                self._eyes.ignore(None)  # the new law has not learnt yet what is dirt
-                self.guard = methods.guard_for(settings, self._car, self._eyes, self._clock)
+        swept = methods.swept_settings(settings)
+        self.guard.tune(swept, swept.window)
         if self._recovery is None or not isinstance(settings, SweptSafetySettings) or not settings.backs_out:
             self._recovery = methods.recovery_for(settings)
         else:

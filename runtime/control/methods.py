@@ -12,14 +12,14 @@ from runtime.control.method_settings import (
     WallFollowSettings,
 )
 from runtime.control.own_laws.follower import OwnFollower
-from runtime.control.own_laws.guard import CappedGuard
+from runtime.control.own_laws.guard import CappedGuard, GuardedReport
 from runtime.control.own_laws.law_class import load_law
 from runtime.control.own_laws.runner import LawRunner
 from runtime.control.own_laws.settings import OwnFollowSettings
 from runtime.control.perception.view import PerceptionCache
 from runtime.control.recovery.recovering_follower import RecoveringFollower
 from runtime.control.recovery.way_out import Recovery
-from runtime.control.report.laws import ReportFollower, ReportGuard, ReportTurn
+from runtime.control.report.laws import ReportFollower, ReportTurn
 from runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
 from runtime.control.safety.swept import SweptGuard
 from runtime.control.safety.swept_settings import RecoverySettings
@@ -27,6 +27,7 @@ from runtime.control.vehicle import CarSettings
 from runtime.control.wall_following.ball import BallFollower
 
 Driver = BallFollower | ReportFollower | OwnFollower
+Judge = SweptGuard | CappedGuard | GuardedReport
 
 
 def laws(
@@ -38,9 +39,8 @@ def laws(
     """
     eyes = PerceptionCache(car)
     driver = driver_for(wall_follow, car, eyes, clock)
-    guard = guard_for(safety, car, eyes, clock)
-    recovery = recovery_for(safety)
-    return wrapped(driver, guard, recovery, wall_follow), capped(guard, safety, wall_follow, clock)
+    judge = judge_for(guard_for(safety, car, eyes, clock), safety, wall_follow, clock)
+    return wrapped(driver, judge, recovery_for(safety), wall_follow), judge
 
 
 def driver_for(
@@ -67,22 +67,26 @@ def own_law_mistakes(wall_follow: WallFollowSettings, safety: SafetySettings, ca
     return [runner.fault for runner in runners if runner.fault]
 
 
-def guard_for(
-    safety: SafetySettings, car: CarSettings, eyes: PerceptionCache, clock: Clock | None
-) -> SweptGuard | ReportGuard:
-    """Return the safety law."""
-    if isinstance(safety, ReportSafetySettings):
-        return ReportGuard(car, safety)
-    return SweptGuard(safety, car, eyes, health=safety.window, clock=clock)
+def guard_for(safety: SafetySettings, car: CarSettings, eyes: PerceptionCache, clock: Clock | None) -> SweptGuard:
+    """Return the car's own guard, which every safety law stands under."""
+    swept = swept_settings(safety)
+    return SweptGuard(swept, car, eyes, health=swept.window, clock=clock)
 
 
-def capped(
-    guard: SweptGuard | ReportGuard, safety: SafetySettings, wall_follow: WallFollowSettings, clock: Clock | None
-) -> SweptGuard | ReportGuard | CappedGuard:
-    """Return the guard, and around it the user's safety law where there is one: it can only lower the limits."""
-    if isinstance(safety, OwnSafetySettings) and isinstance(guard, SweptGuard):
-        return CappedGuard(guard, load_law("safety", safety.method), safety, wall_follow, clock)
-    return guard
+def swept_settings(safety: SafetySettings) -> SweptSafetySettings:
+    """Return the settings of the car's own guard: the default ones where the report's law has none for it."""
+    return SweptSafetySettings() if isinstance(safety, ReportSafetySettings) else safety
+
+
+def judge_for(guard: SweptGuard, safety: SafetySettings, wall_follow: WallFollowSettings, clock: Clock | None) -> Judge:
+    """Return the safety law: the guard itself, or another law under it, which can only lower its limits."""
+    match safety:
+        case ReportSafetySettings():
+            return GuardedReport(guard, safety)
+        case OwnSafetySettings():
+            return CappedGuard(guard, load_law("safety", safety.method), safety, wall_follow, clock)
+        case _:
+            return guard
 
 
 def recovery_for(safety: SafetySettings) -> Recovery | None:
@@ -97,7 +101,7 @@ def recovery_settings(safety: SweptSafetySettings) -> RecoverySettings:
 
 def wrapped(
     driver: Follower,
-    guard: SweptGuard | ReportGuard,
+    judge: Judge,
     recovery: Recovery | None,
     wall_follow: WallFollowSettings,
     believed: Callable[[], bool] = lambda: True,
@@ -106,6 +110,7 @@ def wrapped(
 
     believed: whether the odometry is good enough to back out by.
     """
-    if isinstance(guard, ReportGuard):
-        return ReportTurn(driver, guard, wall_follow.side)
+    if isinstance(judge, GuardedReport):
+        return ReportTurn(driver, judge.law, wall_follow.side)
+    guard = judge.guard if isinstance(judge, CappedGuard) else judge
     return RecoveringFollower(driver, guard, recovery, believed) if recovery is not None else driver

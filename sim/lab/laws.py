@@ -67,13 +67,13 @@ def build(
     settings = settings_of(law, side, desired_m, speed_mps, assignments)
     eyes = PerceptionCache(settings.car)
     guard = methods.guard_for(settings.safety, settings.car, eyes, None)
-    judge = methods.capped(guard, settings.safety, settings.wall_follow, None)
+    judge = methods.judge_for(guard, settings.safety, settings.wall_follow, None)
     driver: Follower = (
         methods.driver_for(settings.wall_follow, settings.car, eyes)
         if follower_name != "prototype"
         else Prototype(side, desired_m, speed_mps, settings.car, eyes)
     )
-    follower = methods.wrapped(driver, guard, methods.recovery_for(settings.safety), settings.wall_follow)
+    follower = methods.wrapped(driver, judge, methods.recovery_for(settings.safety), settings.wall_follow)
     return follower, None if guard_name == "none" else judge
 
 

@@ -1,4 +1,7 @@
-"""A safety law of the user, capped by the car's own: of both limits the lower one holds."""
+"""Safety laws under the car's own guard: of both limits the lower one holds.
+
+A law of the user stands under the whole guard; the report's, which is a baseline, under the limit of sensing alone.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -9,6 +12,8 @@ from runtime.control.own_laws.api import LawLimit
 from runtime.control.own_laws.law_class import LawClass
 from runtime.control.own_laws.runner import LawRunner, OwnSection, StateReader, WantedDrive, scan_for_law
 from runtime.control.perception.view import View
+from runtime.control.report.laws import ReportGuard
+from runtime.control.report.settings import ReportSafetySettings
 from runtime.control.safety.swept import SweptAssessment, SweptGuard
 
 
@@ -26,22 +31,47 @@ class CappedAssessment:
 
     def limit(self, speed_mps: float, steering_rad: float) -> Verdict:
         """Judge a drive: the lower limit of both in each direction, with the reason of the one that binds."""
-        return self._capped(self.assessment.limit(speed_mps, steering_rad), speed_mps)
+        return _lower_of(self.assessment.limit(speed_mps, steering_rad), self.cap, speed_mps)
 
     def ask(self, speed_mps: float, steering_rad: float) -> Verdict:
         """Return what `limit` would, without a trace."""
-        return self._capped(self.assessment.ask(speed_mps, steering_rad), speed_mps)
+        return _lower_of(self.assessment.ask(speed_mps, steering_rad), self.cap, speed_mps)
 
-    def _capped(self, verdict: Verdict, speed_mps: float) -> Verdict:
-        cap = self.cap
-        if cap.forward_mps >= verdict.forward_mps and cap.reverse_mps >= verdict.reverse_mps:
-            return verdict
-        binds = cap.reverse_mps < verdict.reverse_mps if speed_mps < 0 else cap.forward_mps < verdict.forward_mps
-        return replace(
-            cap if binds else verdict,
-            forward_mps=min(cap.forward_mps, verdict.forward_mps),
-            reverse_mps=min(cap.reverse_mps, verdict.reverse_mps),
-        )
+
+@dataclass(slots=True, eq=False)
+class GuardedAssessment:
+    """The verdict of the report's law, under the limit of sensing of the car's own guard."""
+
+    assessment: SweptAssessment
+    verdict: Verdict
+
+    @property
+    def view(self) -> View:
+        """Return the view of the judged scan."""
+        return self.assessment.view
+
+    def limit(self, speed_mps: float, steering_rad: float) -> Verdict:
+        """Judge a drive: the report's verdict, unless sensing allows less."""
+        return _lower_of(self.verdict, self.assessment.limit_of_sensing(speed_mps, steering_rad), speed_mps)
+
+    ask = limit
+    """Judging leaves no trace."""
+
+
+class GuardedReport:
+    """The report's law under the car's own guard, which tells how far the lidar can be trusted."""
+
+    def __init__(self, guard: SweptGuard, settings: ReportSafetySettings) -> None:
+        self.guard = guard
+        self.law = ReportGuard(guard.car, settings)
+
+    def look(self, scan: Scan, motor: MotorState | None) -> GuardedAssessment:
+        """Process one scan."""
+        return GuardedAssessment(self.guard.look(scan, motor), self.law.look(scan, motor))
+
+    def learn(self) -> None:
+        """Run the deferred work of the car's own guard."""
+        self.guard.learn()
 
 
 class CappedGuard:
@@ -82,3 +112,15 @@ def _limit(value: object, name: str) -> float:
     if not (plain_mps := number(value)) >= 0:  # true for NaN
         raise WrongAnswerError(f"returned {name} = {shown(value)}, which is no speed from 0 to infinity")
     return plain_mps
+
+
+def _lower_of(verdict: Verdict, cap: Verdict, speed_mps: float) -> Verdict:
+    """Return the lower limit in each direction, with the reason of the one that binds: of equal ones the first."""
+    if cap.forward_mps >= verdict.forward_mps and cap.reverse_mps >= verdict.reverse_mps:
+        return verdict
+    binds = cap.reverse_mps < verdict.reverse_mps if speed_mps < 0 else cap.forward_mps < verdict.forward_mps
+    return replace(
+        cap if binds else verdict,
+        forward_mps=min(cap.forward_mps, verdict.forward_mps),
+        reverse_mps=min(cap.reverse_mps, verdict.reverse_mps),
+    )

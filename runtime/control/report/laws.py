@@ -69,9 +69,6 @@ class ReportFollower:
 class ReportGuard:
     """Stops when the mean of the three nearest ranges straight ahead is under L / tan(max steering) (0.933 m)."""
 
-    words: tuple[str, ...] = ()
-    """Faults of the lidar's window: never any, it is not monitored."""
-
     def __init__(self, car: CarSettings, settings: ReportSafetySettings | None = None) -> None:
         self.stop_below_m = car.wheelbase_m / math.tan(car.max_steering_rad)
         self.max_steering_rad = car.max_steering_rad

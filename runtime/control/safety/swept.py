@@ -224,8 +224,7 @@ class SweptAssessment:
         ceiling = self._ceiling(age_s)
         if ceiling.forward_mps <= 0 or not speed_mps or not math.isfinite(speed_mps + steering_rad):
             return ceiling
-        most_rad = self.guard.car.max_steering_rad
-        steering_rad = min(max(steering_rad, -most_rad), most_rad)
+        steering_rad = self._possible_rad(steering_rad)
         reaction_s = age_s + self.guard.settings.actuation_s
         if speed_mps > 0:
             verdict = self._forward(speed_mps, steering_rad, reaction_s)
@@ -235,6 +234,23 @@ class SweptAssessment:
             return _slower_of(verdict, ceiling)
         verdict = self._backward(steering_rad, reaction_s)
         return verdict if verdict.reverse_mps <= ceiling.reverse_mps else ceiling
+
+    def limit_of_sensing(self, speed_mps: float, steering_rad: float) -> Verdict:
+        """Judge a drive by what the lidar can be trusted to show, whatever is in the way: the limit above every law.
+
+        The scan's age, the window, something on the lidar, and what it does not see ahead.
+        """
+        age_s = self.age_s
+        ceiling = self._ceiling(age_s)
+        known = not self.guard.visibility.suspicious or not math.isfinite(speed_mps + steering_rad)
+        if ceiling.forward_mps <= 0 or speed_mps <= 0 or known:
+            return ceiling
+        reaction_s = age_s + self.guard.settings.actuation_s
+        return _slower_of(ceiling, self._unseen(speed_mps, self._possible_rad(steering_rad), reaction_s))
+
+    def _possible_rad(self, steering_rad: float) -> float:
+        most_rad = self.guard.car.max_steering_rad
+        return min(max(steering_rad, -most_rad), most_rad)
 
     def _ceiling(self, age_s: float) -> Verdict:
         """Return the limit that holds for every drive: by the scan's age and the window."""

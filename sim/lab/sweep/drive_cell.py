@@ -225,8 +225,8 @@ def drive_setup(setup: DriveSetup) -> SimulatedRun:
     eyes = PerceptionCache(settings.car)
     driver = methods.driver_for(wall_follow, settings.car, eyes)
     guard = methods.guard_for(settings.safety, settings.car, eyes, None)
-    follower = methods.wrapped(driver, guard, methods.recovery_for(settings.safety), wall_follow)
-    judge = methods.capped(guard, settings.safety, wall_follow, None)
+    judge = methods.judge_for(guard, settings.safety, wall_follow, None)
+    follower = methods.wrapped(driver, judge, methods.recovery_for(settings.safety), wall_follow)
     driven = drive(setup.case, follower, judge if setup.with_safety else None)
     failed = [own.runner.fault for own in (driver, judge) if isinstance(own, OwnFollower | CappedGuard)]
     if any(failed):

@@ -8,8 +8,8 @@ import pytest
 from drivers.api import MotorState, Scan
 from runtime.control.limiter import Limiter, Limits
 from runtime.control.live_laws import LiveLaws
-from runtime.control.report.laws import ReportGuard, ReportTurn
-from runtime.control.safety.swept import SweptGuard
+from runtime.control.report.laws import ReportTurn
+from runtime.control.safety.swept import ON_LIDAR
 from runtime.control.vehicle import CarSettings
 from runtime.settings.tree import Settings
 from sim.car.vehicle import VehicleSettings
@@ -24,11 +24,12 @@ CAR = CarSettings()
 class Drive:
     """Laws that are shown the same corridor, scan after scan, while the car rolls along it."""
 
-    def __init__(self, left_m=1.2, right_m=1.2, ahead_m=math.nan, **sections):
+    def __init__(self, left_m=1.2, right_m=1.2, ahead_m=math.nan, age_s=0.0, **sections):
         self.settings = Settings.model_validate(sections)
         self.ranges_m = ranges_between_walls(left_m, right_m, ahead_m)
         self.laws = LiveLaws(self.settings.wall_follow, self.settings.safety, CAR)
         self.scans = 0
+        self.age_s = age_s
         self.speed_mps = 1.0
         self.way_m = 0.0
 
@@ -44,14 +45,9 @@ class Drive:
         at_s = self.scans * 0.025
         self.way_m += self.speed_mps * 0.025
         motor = MotorState(at_s, self.speed_mps, self.way_m, 0.0, 11.8, 0.0, 0.0, 25.0, "", False, False)
-        scan = Scan(at_s, at_s, -STEP_RAD * (BEAMS // 2), STEP_RAD, 0.02, 30.0, self.ranges_m, self.scans)
+        scan = Scan(at_s, at_s + self.age_s, -STEP_RAD * (BEAMS // 2), STEP_RAD, 0.02, 30.0, self.ranges_m, self.scans)
         assessment = self.laws.look(scan, motor)
         return self.laws.follow(scan, motor), assessment
-
-    @property
-    def swept(self) -> SweptGuard:
-        assert isinstance(self.laws.guard, SweptGuard)
-        return self.laws.guard
 
     @property
     def has_ball(self):
@@ -132,12 +128,26 @@ def test_another_method_is_a_new_law():
     drive.scan()
     assert not drive.has_ball
     assert isinstance(drive.laws.follower, ReportTurn)
-    assert type(drive.laws.guard) is ReportGuard
+    assert drive.scan()[1].limit(1.0, 0.0).reason == "clear", "the report's own word"
     assert drive.laws.words == ()
     drive.tune(wall_follow={"method": "ball"}, safety={"method": "swept"})
     drive.scan()
     assert drive.has_ball
-    assert drive.swept.body.settings is drive.laws.safety
+    assert drive.laws.guard.body.settings is drive.laws.safety
+
+
+def test_the_reports_law_is_under_the_limit_of_sensing():
+    drive = Drive(wall_follow={"method": "report"}, safety={"method": "report"})
+    assert drive.scan()[1].limit(1.0, 0.0).forward_mps == math.inf
+    drive.ranges_m[BEAMS // 2 - 120 : BEAMS // 2 + 120] = 0.03
+    assert drive.scan()[1].limit(1.0, 0.0) == ON_LIDAR
+    drive.ranges_m[BEAMS // 2 - 120 : BEAMS // 2 + 120] = math.nan
+    drive.scan()
+    for _ in range(4):
+        verdict = drive.scan()[1].limit(1.0, 0.0)
+    assert (verdict.forward_mps, verdict.reason) == (0.0, "the lidar is blind ahead: uncover it")
+    stale = Drive(wall_follow={"method": "report"}, safety={"method": "report"}, age_s=0.4)
+    assert stale.scan()[1].limit(1.0, 0.0).reason == "the scan is too old"
 
 
 def test_a_wider_margin_slows_the_car_at_once():
@@ -152,14 +162,14 @@ def test_a_wider_margin_slows_the_car_at_once():
 def test_the_guard_keeps_what_it_knows():
     drive = Drive()
     drive.soil(250, 265)
-    guard = drive.swept
+    guard = drive.laws.guard
     memory, movers, mask = guard.memory, guard.movers, guard.health.mask
     assert mask is not None
     drive.speed_mps = 0.0
     drive.tune(safety={"grip_mu": 0.6, "window": {"memory_m": 0.7}})
     drive.scan()
     drive.laws.learn()
-    assert drive.swept is guard
+    assert drive.laws.guard is guard
     assert (guard.memory, guard.movers) == (memory, movers)
     assert guard.health.mask is not None
     assert np.array_equal(guard.health.mask, mask), "a standing car keeps the dirt that it has learnt"
@@ -173,7 +183,7 @@ def test_the_window_is_judged_anew_at_the_next_scan_although_the_car_has_hardly_
     drive.tune(safety={"doubtful_mps": 0.7})
     drive.scan()
     drive.laws.learn()
-    health = drive.swept.health
+    health = drive.laws.guard.health
     assert health.ceiling_mps == 0.0, "more than a quarter of the window is dirty"
     drive.tune(safety={"window": {"refused_share": 0.9}})
     drive.scan()
@@ -203,9 +213,9 @@ def test_patience_can_be_changed_while_it_lasts():
 def test_the_same_settings_again_change_nothing():
     drive = Drive()
     drive.scan()
-    before = drive.swept.body
+    before = drive.laws.guard.body
     drive.tune()
-    assert drive.swept.body is before
+    assert drive.laws.guard.body is before
 
 
 def test_a_lower_top_speed_is_obeyed_at_once_and_a_higher_one_by_and_by():

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from runtime.control.report.laws import ReportGuard
+from runtime.control.vehicle import CarSettings
 from sim.car.vehicle import VehicleSettings
 from sim.lab import covers, hazards, laws
 from sim.lab.cell import Cell, CellChoice
@@ -41,9 +43,22 @@ def test_a_car_that_is_covered_from_the_start_comes_no_farther_than_a_crawl(cove
         assert figures["way_after_m"] < 0.8
 
 
-def test_a_car_that_is_blind_to_its_cover_has_a_contact_too_many():
-    figures = covers.measure(cell("85 mm: 60 deg: driving: dead end", law="ball+report"))
-    assert figures["avoidable"]
+@pytest.mark.parametrize("scenario", [
+    "30 mm: 45 deg: driving: dead end",
+    "85 mm: 60 deg: driving: dead end",
+    "silent: 30 deg: driving: dead end",
+    "silent: 60 deg: from the start: person stands",
+])  # fmt: skip
+def test_under_the_reports_law_the_cars_own_guards_stop_a_covered_car(scenario):
+    figures = covers.measure(cell(scenario, 1.0, law="ball+report"))
+    assert not figures["avoidable"]
+    assert figures["stands"]
+
+
+def test_a_car_that_is_blind_to_its_cover_has_a_contact_too_many(monkeypatch):
+    blind = ReportGuard(CarSettings())
+    monkeypatch.setattr(covers, "run", lambda cell: laws.drive_case(cell, covers.case_of(cell), guard=blind))
+    assert covers.measure(cell("85 mm: 60 deg: driving: dead end"))["avoidable"]
 
 
 def test_a_cover_reads_what_it_should_from_its_moment_on():
