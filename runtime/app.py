@@ -19,6 +19,7 @@ from runtime.arbitration.emergency_stop import EmergencyStop
 from runtime.arbitration.permit import Permit
 from runtime.arbitration.queues import Inbox
 from runtime.ending import end
+from runtime.host.side_work import SideWork
 from runtime.host.systemd import ServiceManager
 from runtime.live_stack import REQUIRED, LiveStack
 from runtime.parameters.history import ChangeHistory
@@ -115,6 +116,7 @@ class Car:
         self.stack = LiveStack(settings, self.decision_log)
         self.queue, self.laws, self.limiter = self.stack.queue, self.stack.laws, self.stack.limiter
         self.stages = StageTimer(clock)
+        self.side_work = SideWork(clock)
         self._reading_s, self.scan_phase = around.reading_s, around.scan_phase
         self.mux = mux_task.Mux(
             self.queue, motor, self.limiter, REQUIRED, self.decision_log.clock, self.stages, self.decision_log
@@ -154,6 +156,7 @@ class Car:
         self.telemetry = Telemetry(
             self._observed(), settings.car, sinks,
             wall_clock=self.wall_clock, side=lambda: self.settings.wall_follow.side, ball_m=lambda: self.laws.path_m,
+            side_work=self.side_work,
         )  # fmt: skip
 
     def connect(self) -> None:
@@ -202,28 +205,34 @@ class Car:
         settings, motor, clock = self.settings, self.motor, self.clock
         for_safety: Inbox[Scan] = Inbox(clock)
         for_follower: Inbox[Scan] = Inbox(clock)
-        cycle = ScanCycle(self.stages.follow, self.mux.decide_now, self.telemetry.on_guidance, [self._afterwards])
+        beside = self.side_work
+        cycle = ScanCycle(
+            self.stages.follow, self.mux.decide_now, beside.guarded("telemetry", self.telemetry.on_guidance),
+            [beside.guarded("learning", lambda _scan: self.laws.learn()), beside.guarded("timing", self._afterwards)],
+        )  # fmt: skip
         jobs = {
             "lidar": lidar_task.pump(
                 self.lidar,
                 [
                     self.own_parts.meet, self.decision_log.add_scan, for_safety.put, for_follower.put,
-                    self.telemetry.on_scan,
+                    beside.guarded("telemetry", self.telemetry.on_scan),
                 ],
                 timed=lambda scan: self.stages.on_scan(scan.received_s, self._reading_s()),
             ),
             "safety": safety.watch(for_safety, motor, self.stack.look, self.stages.safety),
             "wall_follow": wall_follow.follow(for_follower, motor, self.stack.follow, cycle),
-            "mux": self.mux.run(self._publish),
+            "mux": self.mux.run(beside.guarded("telemetry", self._publish)),
             "timer": self._periodic_timer().run(),
-            "own_parts": self.own_parts.keep(),
-            "parameters": parameters.keep_history(self.history, history_file(settings)),
-            **self.telemetry.jobs(),
+            "own_parts": beside.keep("the file of own parts", self.own_parts.keep),
+            "parameters": beside.keep(
+                "the history of parameters", lambda: parameters.keep_history(self.history, history_file(settings))
+            ),
+            "telemetry": beside.keep("telemetry", self.telemetry.run),
         }  # fmt: skip
         if self.computer is not None:
-            jobs["computer"] = self.computer.watch()
+            jobs["computer"] = beside.keep("watching the computer", self.computer.watch)
         if self.joystick is not None:
-            jobs["joystick"] = self.joystick.watch()
+            jobs["joystick"] = beside.keep("looking for gamepads", self.joystick.watch)
         return [tasks.create_task(job, name=name) for name, job in jobs.items()]
 
     def _publish(self, output: Output) -> None:
@@ -231,8 +240,7 @@ class Car:
         self.telemetry.on_output(output)
 
     def _afterwards(self, scan: Scan) -> None:
-        """Do the work that can wait until a scan is answered."""
-        self.laws.learn()
+        """Do what else can wait until a scan is answered."""
         collect_young()
         self.stages.count()
         self.scan_phase.arrived(scan.received_s)
@@ -258,12 +266,14 @@ class Car:
             timer.every(1 / settings.operator.beat_hz, self._ask_joystick)
         if settings.planners.enabled:
             timer.every(1 / settings.operator.beat_hz, lambda _late_s, _missed: self.planners.tick())
-        timer.every(1 / POLL_HZ, lambda _late_s, _missed: self.bus.poll())
+        poll = self.side_work.guarded("polling the network", self.bus.poll)
+        timer.every(1 / POLL_HZ, lambda _late_s, _missed: poll())
         timer.every(1 / health.RATE_HZ, self._health_monitor().tick)
         timer.every(1 / health.RATE_HZ, self.battery.tick)
         timer.every(1 / health.RATE_HZ, self.standstill.tick)
         timer.every(1 / health.RATE_HZ, self.own_law.tick)
-        timer.every(FOLLOW_WALL_CLOCK_S, lambda _late_s, _missed: self._follow_wall_clock())
+        follow_wall_clock = self.side_work.guarded("following the computer's clock", self._follow_wall_clock)
+        timer.every(FOLLOW_WALL_CLOCK_S, lambda _late_s, _missed: follow_wall_clock())
         return timer
 
     def _follow_wall_clock(self) -> None:
@@ -300,7 +310,7 @@ class Car:
             queue=self.queue,
             clock=self.clock,
             seconds_by_winner=self.mux.seconds_by_winner,
-            window=lambda: (*self.laws.words, *self.own_law.words),
+            window=lambda: (*self.laws.words, *self.own_law.words, *self.side_work.words),
             timings=self.stages,
             recording=self.recorder.status,
             own_parts=self.own_parts.status,

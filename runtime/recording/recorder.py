@@ -103,7 +103,7 @@ class Recorder:
         self._lost = 0
         self._lost_at_s = float("-inf")
         self._busy_since_s: float | None = None
-        self._failure = ""
+        self._failure, self._failures = "", 0
         self._listens = False
         self._wake = threading.Event()
         self._wake_s = 0.0
@@ -242,19 +242,27 @@ class Recorder:
 
     def _run(self) -> None:
         ask_for_precedence()
+        while not self._ending:
+            self._wake.wait(SILENT_PERIOD_S)
+            self._wake.clear()
+            self._pace.begin()
+            self._busy_since_s = self._clock()
+            self._attempt(self.turn)
+            self._busy_since_s = None
+        self._attempt(self.turn)
+        self._attempt(self.finish)
+
+    def _attempt(self, step: Callable[[], None]) -> None:
+        """Take one step; a mistake in it is named, must not stop the car, and the next turn tries again."""
         try:
-            while not self._ending:
-                self._wake.wait(SILENT_PERIOD_S)
-                self._wake.clear()
-                self._pace.begin()
-                self._busy_since_s = self._clock()
-                self.turn()
-                self._busy_since_s = None
-            self.turn()
-            self.finish()
-        except Exception as error:  # a bug here must not be silent, and must not stop the car
-            self._failure = f"the recorder failed: {type(error).__name__}: {error}"
-            log.exception("the recorder failed; the car drives on without it")
+            step()
+        except Exception as error:
+            before, self._failure = self._failure, f"the recorder failed: {type(error).__name__}: {error}"
+            self._failures += 1
+            if self._failure != before:
+                log.exception("the recorder failed; the car drives on, and it tries again")
+        else:
+            self._failure = ""
 
     def _words(self) -> str:
         """Return the state in a sentence."""
@@ -262,7 +270,7 @@ class Recorder:
         if not self.is_enabled:
             return "recording is turned off (recording.enabled)"
         if self._failure:
-            return f"NOT recording: {self._failure}"
+            return f"NOT recording: {self._failure}; trying again, {self._failures} times so far"
         busy_s = now_s - self._busy_since_s if self._busy_since_s is not None else 0.0
         if busy_s > SILENT_DISK_S:
             return f"NOT recording: the disk has not answered for {busy_s:.0f} s; {self._lost} messages lost so far"

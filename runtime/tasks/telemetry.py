@@ -10,7 +10,7 @@ longer. A message that no sink claims is not written at all.
 import asyncio
 import math
 from collections import deque
-from collections.abc import Callable, Coroutine, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any, Literal, Never
 
@@ -19,6 +19,7 @@ from runtime.arbitration.command import Output
 from runtime.control.guidance import Guidance
 from runtime.control.perception.odometry import Odometry
 from runtime.control.vehicle import CarSettings
+from runtime.host.side_work import SideWork
 from runtime.realtime.wall_clock import WallClock
 from runtime.ros.definitions import TYPES
 from runtime.ros.graph import TF_ODOM
@@ -56,7 +57,7 @@ class Telemetry:
 
     sinks: receive the messages; may be added and removed while the car drives.
     journey: scans, score, latency and pose since the start.
-    wall_clock, side, ball_m: as in `TopicWriters`.
+    wall_clock, side, ball_m: as in `TopicWriters`. side_work: takes the errors of single messages.
     """
 
     def __init__(
@@ -68,10 +69,12 @@ class Telemetry:
         wall_clock: WallClock,
         side: Callable[[], Literal["left", "right"]],
         ball_m: Callable[[], Floats | None] = lambda: None,
+        side_work: SideWork | None = None,
     ) -> None:
         self.sinks = list(sinks)
         self.journey = car_status.Journey(observed.clock())
         self._observed = observed
+        self._side_work = side_work or SideWork(observed.clock)
         self._newest = Newest()
         self._writers = TopicWriters(
             observed, car, self._newest, self.journey, wall_clock=wall_clock, side=side, ball_m=ball_m
@@ -132,10 +135,6 @@ class Telemetry:
             self._burst_s = output.stamp_s
             self._woken.set()
 
-    def jobs(self) -> dict[str, Coroutine[Any, Any, Never]]:
-        """Return the tasks to run, by name."""
-        return {"telemetry": self.run()}
-
     async def run(self) -> Never:
         """Write in a loop, a few messages per turn; the messages of one burst leave together."""
         clock = self._observed.clock
@@ -150,7 +149,10 @@ class Telemetry:
                     turn_over_s = clock() + TURN_S
             for takers, message in written:
                 for sink in takers:
-                    sink.take(*message)
+                    try:
+                        sink.take(*message)
+                    except Exception as error:  # noqa: BLE001 - one sink's mistake is not the others'
+                        self._side_work.note(f"sending {message[0]}", error)
 
     def status(self) -> dict[str, Any]:
         """Return the answer to "why is it (not) moving"."""
@@ -175,7 +177,14 @@ class Telemetry:
     ) -> bool:
         """Write one message for the sinks that claim it; False when it took no time."""
         takers = [sink for sink in self.sinks if sink.claim(topic, at_s, urgent=urgent)]
-        if not takers or (message := write()) is None:
+        if not takers:
+            return False
+        try:
+            message = write()
+        except Exception as error:  # noqa: BLE001 - one topic's mistake is not the others'
+            self._side_work.note(f"writing {topic}", error)
+            return True
+        if message is None:
             return False
         stamp_s, payload = message
         written.append((takers, (topic, TYPES.get(topic, ""), stamp_s, payload)))

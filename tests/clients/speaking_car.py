@@ -39,7 +39,7 @@ async def speaking_car(name="car1", rates=None, **verdict):
             await asyncio.sleep(0.02)
 
     async with asyncio.TaskGroup() as tasks:
-        running = [tasks.create_task(turn()), *(tasks.create_task(job) for job in telemetry.jobs().values())]
+        running = [tasks.create_task(turn()), tasks.create_task(telemetry.run())]
         try:
             yield bus
         finally:

@@ -228,6 +228,9 @@ MATRIX: Final[Sequence[Fault]] = (
           DESK + "test_with_permit_always_an_explicit_release_lets_autonomy_go_on", ("65",)),
     Fault(OPERATOR, "autonomy without effect", "status names the source that decides and why", "-",
           "tests/clients/test_status.py::test_one_screen_holds_everything_that_may_hold_the_car", ("68",)),
+    Fault(POWER, "a mistake in telemetry, recording or learning", "counted, named in the status, tried again",
+          "never stops",
+          "tests/system/test_side_work.py::test_a_mistake_beside_the_way_does_not_end_the_drive_and_is_named"),
     Fault(OPERATOR, "status, page or recording while it drives", "asking changes no decision", "never stops",
           "tests/system/test_hand_overs.py::test_a_status_changes_no_decision_of_a_hand_over"),
 )  # fmt: skip
