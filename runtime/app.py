@@ -19,7 +19,6 @@ from runtime.arbitration.emergency_stop import EmergencyStop
 from runtime.arbitration.permit import Permit
 from runtime.arbitration.queues import Inbox
 from runtime.ending import end
-from runtime.host.side_work import SideWork
 from runtime.host.systemd import ServiceManager
 from runtime.live_stack import REQUIRED, LiveStack
 from runtime.parameters.history import ChangeHistory
@@ -116,7 +115,6 @@ class Car:
         self.stack = LiveStack(settings, self.decision_log)
         self.queue, self.laws, self.limiter = self.stack.queue, self.stack.laws, self.stack.limiter
         self.stages = StageTimer(clock)
-        self.side_work = SideWork(clock)
         self._reading_s, self.scan_phase = around.reading_s, around.scan_phase
         self.mux = mux_task.Mux(
             self.queue, motor, self.limiter, REQUIRED, self.decision_log.clock, self.stages, self.decision_log
@@ -142,6 +140,7 @@ class Car:
         self.driving_state = DrivingStateMonitor(
             lidar, motor, self.emergency_stop, self.permit, clock, lambda: self.battery.stop
         )
+        self.driving_state.slowest_mps = settings.motor.min_speed_mps
         self.computer = around.computer
         self.own_parts = OwnPartsKeeper(
             settings.car.name, lambda: lidar.health.identity, self.laws, file_in(settings.process.state_folder), clock,
@@ -156,8 +155,8 @@ class Car:
         self.telemetry = Telemetry(
             self._observed(), settings.car, sinks,
             wall_clock=self.wall_clock, side=lambda: self.settings.wall_follow.side, ball_m=lambda: self.laws.path_m,
-            side_work=self.side_work,
         )  # fmt: skip
+        self.side_work = self.telemetry.side_work
 
     def connect(self) -> None:
         """Declare the incoming keys on the bus: an operator's commands and requests about parameters."""
@@ -315,6 +314,7 @@ class Car:
             recording=self.recorder.status,
             own_parts=self.own_parts.status,
             condition=self.driving_state.fields,
+            slowest_mps=self.settings.motor.min_speed_mps,
             battery=self.battery.status,
             computer=self.computer.status if self.computer is not None else dict,
             operator=self.operator.view,

@@ -150,6 +150,7 @@ def _run(options: argparse.Namespace) -> int:
     from runtime.settings.tree import SettingsError
     from wallride.doctor.places import colliding_places
     from wallride.doctor.ports import unusable_paths
+    from wallride.doctor.slow_speeds import too_slow_to_turn
 
     try:
         file = options.config or default_config()
@@ -158,7 +159,7 @@ def _run(options: argparse.Namespace) -> int:
         problems += _own_law_mistakes(settings)
         session, warnings = _session(settings)
         routers, about_routers = _routers(settings)
-        warnings += (*about_routers, *_saved_limits(options.saved or file))
+        warnings += (*about_routers, *_saved_limits(options.saved or file), *too_slow_to_turn(settings))
     except (SettingsError, KeysError) as error:
         return fail(str(error))
     if problems:
@@ -197,13 +198,14 @@ def _check(options: argparse.Namespace) -> int:
     from wallride.doctor.places import colliding_places
     from wallride.doctor.ports import unusable_paths
     from wallride.doctor.program import laws_open_to_others
+    from wallride.doctor.slow_speeds import too_slow_to_turn
 
     try:
         settings = _load(options.config or default_config(), options.assignments)
         print(to_toml(settings), end="")
         _, warnings = _session(settings)
         warnings += _routers(settings)[1]
-        warnings += _saved_limits(options.config or default_config())
+        warnings += (*_saved_limits(options.config or default_config()), *too_slow_to_turn(settings))
         warnings += tuple("; ".join(said) for said in laws_open_to_others())
     except (SettingsError, KeysError) as error:
         return fail(str(error))

@@ -89,13 +89,16 @@ PLANNER_CLEARED_BY: Final = "a drive from that planner, or its goodbye (start it
 """What ends `stopped` while a planner has the car and asks for nothing, or was lost."""
 
 
+TOO_SLOW: Final = "the motor does not turn below motor.min_speed_mps = {:g} m/s: ask for more"
+
+
 @value()
 class Circumstances:
     """What a decision does not say of itself.
 
     missing: the device that is not ready, with its message; "" when both are. fault, e_stop: reasons of the latched
         causes, "" when open. permitted: autonomy may move. refusal: the permit's last reason. battery: why the battery
-        forbids any motion, "" while it does not.
+        forbids any motion, "" while it does not. slowest_mps: below it the motor does not turn.
     """
 
     missing: str
@@ -104,6 +107,7 @@ class Circumstances:
     permitted: bool
     refusal: str
     battery: str = ""
+    slowest_mps: float = 0.0
 
 
 def observe(output: Output, around: Circumstances) -> tuple[Observation, str]:
@@ -114,7 +118,8 @@ def observe(output: Output, around: Circumstances) -> tuple[Observation, str]:
     if around.e_stop:
         return Observation.ESTOP, around.e_stop
     limited = decision.winner is not decision.driver
-    if output.drive.speed_mps and output.delivered:
+    stalls = 0.0 < abs(decision.speed_mps) < around.slowest_mps
+    if output.drive.speed_mps and output.delivered and not stalls:
         # Also for the 0.15 s in which the last scan of a lost lidar still counts.
         return (Observation.SLOWED if limited else Observation.FREE), decision.reason
     if around.missing:
@@ -125,6 +130,8 @@ def observe(output: Output, around: Circumstances) -> tuple[Observation, str]:
     by_hand = decision.driver is Source.TELEOP
     if not (by_hand or around.permitted):
         return Observation.NOT_PERMITTED, around.refusal
+    if stalls:
+        return Observation.BLOCKED, TOO_SLOW.format(around.slowest_mps)
     # A human who asks for 0 stops the car himself; so does the limiter while it passes from one gear to the other.
     idle = decision.speed_mps != 0 or (by_hand and not limited)
     return (Observation.IDLE if idle else Observation.BLOCKED), decision.reason
@@ -140,7 +147,8 @@ def settle(state: DrivingState, seen: Observation) -> DrivingState:
 class DrivingStateMonitor:
     """Follows the table from decision to decision.
 
-    battery: returns why the battery forbids any motion, "" while it does not.
+    battery: returns why the battery forbids any motion, "" while it does not. slowest_mps: below it the motor does not
+    turn.
     state, reason: the present ones. measure: the number behind the reason, NaN where there is none. since_s: beginning
         of the state.
     """
@@ -159,6 +167,7 @@ class DrivingStateMonitor:
         self._permit = permit
         self._clock = clock
         self._battery = battery
+        self.slowest_mps = 0.0
         self.state = DrivingState.STARTING
         self.reason = "no decision yet"
         self.measure = math.nan
@@ -201,6 +210,7 @@ class DrivingStateMonitor:
             permitted=self._clock() < permit.until_s,
             refusal=permit.reason,
             battery=self._battery(),
+            slowest_mps=self.slowest_mps,
         )
 
     def _missing(self) -> str:

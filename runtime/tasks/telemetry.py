@@ -57,7 +57,7 @@ class Telemetry:
 
     sinks: receive the messages; may be added and removed while the car drives.
     journey: scans, score, latency and pose since the start.
-    wall_clock, side, ball_m: as in `TopicWriters`. side_work: takes the errors of single messages.
+    wall_clock, side, ball_m: as in `TopicWriters`. side_work: keeps the errors of single messages.
     """
 
     def __init__(
@@ -69,12 +69,11 @@ class Telemetry:
         wall_clock: WallClock,
         side: Callable[[], Literal["left", "right"]],
         ball_m: Callable[[], Floats | None] = lambda: None,
-        side_work: SideWork | None = None,
     ) -> None:
         self.sinks = list(sinks)
         self.journey = car_status.Journey(observed.clock())
         self._observed = observed
-        self._side_work = side_work or SideWork(observed.clock)
+        self.side_work = SideWork(observed.clock)
         self._newest = Newest()
         self._writers = TopicWriters(
             observed, car, self._newest, self.journey, wall_clock=wall_clock, side=side, ball_m=ball_m
@@ -152,7 +151,7 @@ class Telemetry:
                     try:
                         sink.take(*message)
                     except Exception as error:  # noqa: BLE001 - one sink's mistake is not the others'
-                        self._side_work.note(f"sending {message[0]}", error)
+                        self.side_work.note(f"sending {message[0]}", error)
 
     def status(self) -> dict[str, Any]:
         """Return the answer to "why is it (not) moving"."""
@@ -182,7 +181,7 @@ class Telemetry:
         try:
             message = write()
         except Exception as error:  # noqa: BLE001 - one topic's mistake is not the others'
-            self._side_work.note(f"writing {topic}", error)
+            self.side_work.note(f"writing {topic}", error)
             return True
         if message is None:
             return False

@@ -98,8 +98,8 @@ class ObservedState:
     seconds_by_winner: the mux's own account. timings: of the hot path's stages.
     recording: state of the recorder. session: this start of the process, as in every heartbeat; 0 where there is none.
     own_parts: the known parts of the car that its lidar sees. hot_path: which functions run compiled, as text.
-    condition: the car's state and what clears it. battery: its judgement. computer: temperature
-        and throttling.
+    condition: the car's state and what clears it. slowest_mps: below it the motor does not turn. battery: its
+        judgement. computer: temperature and throttling.
     """
 
     car: str
@@ -120,6 +120,7 @@ class ObservedState:
     session: int = 0
     hot_path: str = ""
     condition: Callable[[], Mapping[str, Any]] = dict
+    slowest_mps: float = 0.0
     battery: Callable[[], Mapping[str, Any]] = dict
     computer: Callable[[], Mapping[str, Any]] = dict
 
@@ -150,7 +151,7 @@ def status(observed: ObservedState, output: Output | None, journey: Journey) -> 
         "hot_path": observed.hot_path,
         "stamp_s": now_s,
         "up_s": now_s - journey.started_s,
-        "state": state(output, closed),
+        "state": state(output, closed, observed.slowest_mps),
         "condition": dict(observed.condition()),
         "output": decision_fields(output, live) if output is not None else None,
         "gates": closed,
@@ -185,7 +186,7 @@ def battery_fields(observed: ObservedState, state: MotorState | None) -> dict[st
     return {"voltage_v": state.voltage_v, "current_a": state.input_current_a, **observed.battery()}
 
 
-def state(output: Output | None, closed: Mapping[str, str]) -> str:
+def state(output: Output | None, closed: Mapping[str, str], slowest_mps: float = 0.0) -> str:
     """Return the car's state in a word or two, for lists of cars."""
     for device in ("motor", "lidar"):
         if closed[device]:
@@ -194,7 +195,8 @@ def state(output: Output | None, closed: Mapping[str, str]) -> str:
         return "e-stop"
     if output is None:
         return "starting"
-    return "driving" if output.drive.speed_mps else "standing"
+    speed_mps = abs(output.drive.speed_mps)
+    return "driving" if speed_mps and speed_mps >= slowest_mps else "standing"
 
 
 def gates(observed: ObservedState, heard: Mapping[Source, SourceStatus]) -> dict[str, str]:

@@ -12,6 +12,7 @@ from runtime.arbitration.driving_state import (
     BATTERY_CLEARED_BY,
     CLEARED_BY,
     PLANNER_CLEARED_BY,
+    TOO_SLOW,
     TRANSITIONS,
     Circumstances,
     DrivingState,
@@ -38,6 +39,7 @@ SETTLED = {
 }
 HELD = {S.STARTING, S.WAITING, S.ESTOPPED, S.FAULT}
 DEFAULT = Output(0.0, Drive(0.0, 0.0), Decision(0.0, None, None, None, "no word"), delivered=True)
+SLOW = Circumstances("", "", "", permitted=True, refusal="", slowest_mps=0.2)
 CALM = Circumstances("", "", "", permitted=True, refusal="")
 
 
@@ -97,6 +99,9 @@ def test_each_state_but_driving_says_what_clears_it():
         (output_of(0.3), Circumstances("", "", "", True, "", "low"), E.FREE, "wall"),
         (output_of(0.0), Circumstances("gone", "", "", True, "", "low"), E.DEVICE_MISSING, "gone"),
         (output_of(1.0), Circumstances("gone", "DRV", "red", permitted=True, refusal=""), E.FAULT, "DRV"),
+        (output_of(0.15), SLOW, E.BLOCKED, TOO_SLOW.format(0.2)),
+        (output_of(-0.15, driver=Source.TELEOP), SLOW, E.BLOCKED, TOO_SLOW.format(0.2)),
+        (output_of(0.1, speed_mps=0.2), SLOW, E.FREE, "wall"),
     ],
 )  # fmt: skip
 def test_a_decision_and_its_circumstances_are_one_observation(output, around, seen, reason):

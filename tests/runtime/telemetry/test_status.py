@@ -82,6 +82,13 @@ def test_the_state_is_a_word_for_a_list(observed):
     assert told(observed)["state"] == "no motor"
 
 
+def test_what_is_too_slow_to_turn_the_motor_is_no_driving():
+    observed = make_observed(HandClock(), slowest_mps=0.2)
+    speak(observed, speed_mps=0.15)
+    assert told(observed, output_of(observed, speed_mps=0.15))["state"] == "standing"
+    assert told(observed, output_of(observed, speed_mps=-0.2))["state"] == "driving"
+
+
 def test_a_motor_that_is_gone_has_no_battery_and_no_speed(observed):
     observed.motor.present = False
     said_now = told(observed)
