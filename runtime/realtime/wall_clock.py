@@ -44,13 +44,12 @@ class WallClock:
 
     @property
     def trouble(self) -> str:
-        """What is wrong with the clock, with the remedy; "" when it can be right."""
+        """What is wrong with the clock, with the remedy, the same text while it lasts; "" when it can be right."""
         now_s = self.now_unix_ns() // NS
         if FIRST_S <= now_s < LAST_S:
             return ""
-        return (
-            f"the computer's clock says {now_s} s since 1970, which cannot be: set it (timedatectl); stamps are wrong"
-        )
+        when = "before 2024" if now_s < FIRST_S else "after 2038-01-19"
+        return f"the computer's clock says a time {when}: set it (timedatectl); stamps are wrong"
 
     def unix_ns(self, stamp_s: float) -> int:
         """Return the time since 1970 of a time on the monotonic clock."""

@@ -138,7 +138,7 @@ class SimulatorSession:
             stack.enter_context(stop.killing(runtime.kill))
             record.log = runtime.log
             await runtime.start()
-            await self._until_up(scip, runtime, told, on_frame)
+            await self._until_up(scip, runtime, told, on_frame, stop)
             if self._others_ready is not None:
                 await self._others_ready()
             async with asyncio.TaskGroup() as tasks:
@@ -187,11 +187,14 @@ class SimulatorSession:
         return scip, vesc, [f"lidar.address=tcp://127.0.0.1:{port}", f"motor.address=serial://{folder / 'vesc'}"]
 
     async def _until_up(
-        self, scip: ScipEmulator, runtime: RuntimeProcess, told: Path, on_frame: Callable[[Record], None]
-    ) -> None:
+        self, scip: ScipEmulator, runtime: RuntimeProcess, told: Path, on_frame: Callable[[Record], None],
+        stop: StopRequest,
+    ) -> None:  # fmt: skip
         """Wait until the runtime requests scans and has reported its address."""
         record, begin_s, shown_s = self.record, time.monotonic(), 0.0
         while not scip.streaming or record.address is None:
+            if stop.asked:
+                raise SessionError("stopped before the car had started; there is no summary")
             record.starting_s = time.monotonic() - begin_s
             if runtime.exit_code is not None or record.starting_s > START_TIMEOUT_S:
                 await runtime.stop()

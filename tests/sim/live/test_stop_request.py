@@ -2,9 +2,11 @@
 
 import os
 import signal
+from types import SimpleNamespace
 
 import pytest
 
+from sim.live.session import Record, SessionError, SimulatorSession
 from sim.live.stop_request import StopRequest
 
 
@@ -54,7 +56,14 @@ def test_asking_twice_by_a_key_is_no_kill():
 
 def test_before_anything_drives_the_first_signal_ends_what_is_being_loaded():
     stop = StopRequest()
-    with stop.listening():
-        with pytest.raises(KeyboardInterrupt), stop.loading():
-            send(signal.SIGTERM)
+    with stop.listening(), pytest.raises(KeyboardInterrupt), stop.loading():
+        send(signal.SIGTERM)
     assert stop.asked
+
+
+async def test_a_stop_while_the_car_starts_waits_for_nothing(tmp_path):
+    stop, session = StopRequest(), SimpleNamespace(record=Record())
+    stop.ask()
+    starting = SimpleNamespace(streaming=False), SimpleNamespace(exit_code=None)
+    with pytest.raises(SessionError, match="before the car had started"):
+        await SimulatorSession._until_up(session, *starting, tmp_path / "address", lambda _record: None, stop)
