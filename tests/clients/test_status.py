@@ -10,6 +10,7 @@ from clients import status
 from clients.connection import ConnectionProblemError
 from clients.status import headline, screen
 from runtime.arbitration.command import Source, Verdict, refusal
+from runtime.host.terminal_text import CLEAR_SCREEN
 from runtime.settings.telemetry import RatesHz
 from runtime.telemetry import status as car_status
 from runtime.telemetry.status import Journey
@@ -132,7 +133,7 @@ async def test_watching_goes_on_until_it_is_stopped():
         watching.cancel()
         with pytest.raises(asyncio.CancelledError):
             await watching
-    assert all(page.startswith(status.CLEAR_SCREEN) for page in said)
+    assert all(page.startswith(CLEAR_SCREEN) for page in said)
 
 
 async def test_a_car_whose_status_is_turned_off_is_explained(monkeypatch):

@@ -39,6 +39,8 @@ class Bend:
         free = steering_rad < 0
         return Verdict(INF if free else 0.2 * abs(speed_mps), INF, "wall on the left", steering_rad, 3.0)
 
+    ask = limit
+
 
 class Boxed:
     """A safety that has words only for a car that stands and does not steer."""
@@ -46,6 +48,8 @@ class Boxed:
     def limit(self, speed_mps, steering_rad):
         stop = 0.0 if speed_mps == steering_rad == 0 else INF
         return Verdict(stop, stop, "boxed in")
+
+    ask = limit
 
 
 def boxed():

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ class Untrue:
 
     kind: str
     from_s: float = FROM_S
-    seen: list = field(default_factory=list)
+    seen: list[Any] = field(default_factory=list)
     late: int = 0
 
     def __call__(self, reported_mm, now_s):

@@ -4,6 +4,7 @@ import argparse
 import asyncio
 import json
 from contextlib import asynccontextmanager
+from typing import Any
 
 import aiohttp
 import pytest
@@ -231,7 +232,9 @@ async def test_what_is_not_understood_is_said_and_the_viewer_stays():
 
 
 async def test_a_slow_viewer_loses_the_oldest_messages():
-    slow = viewer.Viewer(None, viewer.Served("car1", channels.CarChannels(RecordedBus(), "car1"), None, None))
+    unused: Any = None
+    bus: Any = RecordedBus()
+    slow = viewer.Viewer(unused, viewer.Served("car1", channels.CarChannels(bus, "car1"), unused, unused))
     slow._select({"subscriptions": [{"id": 7, "channelId": 1}]})
     for number in range(1000):
         slow._take(1, number, b"")

@@ -5,7 +5,6 @@ import sys
 
 import pytest
 
-from runtime.host import ownership
 from runtime.host.ownership import changed_by_others
 from runtime.host.user_module import UserCodeError, import_module
 from runtime.settings.tree import SettingsError, load_settings
@@ -91,11 +90,11 @@ def test_others_are_those_who_may_exchange_a_file_or_a_folder_above_it(tmp_path,
     (tmp_path / "a").chmod(0o1777)
     assert changed_by_others(file) == "", "sticky: what is in it cannot be exchanged"
     assert changed_by_others(tmp_path / "a"), "but more can be put into it"
-    monkeypatch.setattr(ownership.os, "geteuid", lambda: 4242)
+    monkeypatch.setattr(os, "geteuid", lambda: 4242)
     if os.getuid() != 0:
         assert "belongs to user" in changed_by_others(file)
     (tmp_path / "a" / "b").chmod(0o775)
-    monkeypatch.setattr(ownership.os, "getegid", lambda: 4243)
+    monkeypatch.setattr(os, "getegid", lambda: 4243)
     if os.getgid() != 0:
         assert "may write" in changed_by_others(tmp_path / "a" / "b")
 

@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -46,7 +47,8 @@ class Odd:
             (self.odd / "inside").mkdir(parents=True)
         elif kind == "pipe":
             os.mkfifo(self.odd)
-        self.ring = Ring(folder, RecordingSettings(ring_mb=16, keep_free_mb=0), self, "boot")
+        disk: Any = self
+        self.ring = Ring(folder, RecordingSettings(ring_mb=16, keep_free_mb=0), disk, "boot")
 
     def remove(self, path):
         if path == self.odd and self.kind == "refused":

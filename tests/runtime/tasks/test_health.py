@@ -30,6 +30,8 @@ class Device:
     def retry_fault(self):
         self.cleared += 1
 
+    clear_fault = retry_fault
+
     def send(self, drive):
         return True
 

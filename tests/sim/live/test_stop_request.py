@@ -3,10 +3,12 @@
 import os
 import signal
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
-from sim.live.session import Record, SessionError, SimulatorSession
+from sim.live.record import Record
+from sim.live.session import SessionError, SimulatorSession
 from sim.live.stop_request import StopRequest
 
 
@@ -62,8 +64,10 @@ def test_before_anything_drives_the_first_signal_ends_what_is_being_loaded():
 
 
 async def test_a_stop_while_the_car_starts_waits_for_nothing(tmp_path):
-    stop, session = StopRequest(), SimpleNamespace(record=Record())
+    stop = StopRequest()
+    session: Any = SimpleNamespace(record=Record())
     stop.ask()
-    starting = SimpleNamespace(streaming=False), SimpleNamespace(exit_code=None)
+    emulator: Any = SimpleNamespace(streaming=False)
+    process: Any = SimpleNamespace(exit_code=None)
     with pytest.raises(SessionError, match="before the car had started"):
-        await SimulatorSession._until_up(session, *starting, tmp_path / "address", lambda _record: None, stop)
+        await SimulatorSession._until_up(session, emulator, process, tmp_path / "address", lambda _record: None, stop)

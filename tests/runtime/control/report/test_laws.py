@@ -221,7 +221,7 @@ def test_by_the_letter_the_second_safety_rule_is_a_stop():
 def test_the_law_that_wallride_new_writes_is_the_reports(side, ahead_m, angle_rad):
     scan = wall_scan(1.2, angle_rad, ahead_m)
     scan = scan if side == "left" else mirrored(scan)
-    seen = LawScan(0.0, BEARING_RAD, scan.ranges_m.astype(np.float64), 0.27)
+    seen = LawScan(0.0, np.asarray(BEARING_RAD, np.float64), scan.ranges_m.astype(np.float64), 0.27)
     own = PdFollower(PdSettings(), CarSettings()).follow(seen, LawState(1, 0, 0, 0, 0, side, 1.0, 2.0))
     theirs = follower(side=side, speed_mps=2.0).follow(scan, None)
     assert (own.speed_mps, own.reason) == (theirs.drive.speed_mps, theirs.reason)
