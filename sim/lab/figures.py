@@ -106,6 +106,6 @@ def worst(rows: Sequence[Row], name: str) -> float:
     return max((row[name] for row in rows if row[name] is not None), default=math.nan)
 
 
-def text(value: float, digits: int = 3) -> str:
+def text(value: float | None, digits: int = 3) -> str:
     """Return a number for a table, "-" for none."""
-    return "-" if math.isnan(value) else f"{value:.{digits}f}"
+    return "-" if value is None or math.isnan(value) else f"{value:.{digits}f}"

@@ -25,8 +25,6 @@ from sim.world.own_parts import OWN_PARTS
 LAWS = ("report", "law")
 """Prefixes of settings for the cars of one law."""
 FIXED = {"wall_follow.method": "--method", "safety.method": "--method FOLLOWER+GUARD"}
-
-
 FRICTION_MU = 0.8
 
 
@@ -90,18 +88,18 @@ def plan_of(options: argparse.Namespace) -> ReportPlan:
         raise ReportUsageError(f"--method {options.method}: {error}") from None
     if law.endswith("+none") or law.startswith("report+"):
         raise ReportUsageError(f"--method {options.method}: write a follower other than report, with its safety")
-    conditions, friction, own_parts = _conditions(options)
+    conditions, friction, own_parts, wild = _conditions(options)
     if own_parts not in OWN_PARTS:
         raise ReportUsageError(f"--own-parts {own_parts}: write one of {', '.join(OWN_PARTS)}")
     if not 0.1 <= friction <= 2.0:
         raise ReportUsageError(f"--friction {friction:g}: write a number from 0.1 to 2")
-    if not 0.0 <= options.wild <= 0.5:
-        raise ReportUsageError(f"--wild {options.wild:g}: write a share from 0 to 0.5")
+    if not 0.0 <= wild <= 0.5:
+        raise ReportUsageError(f"--wild {wild:g}: write a share from 0 to 0.5")
     if options.jobs is not None and options.jobs < 1:
         raise ReportUsageError(f"--jobs {options.jobs}: give 1 or more processes")
     texts = {name: tuple(_settings(options.assignments, name)) for name in LAWS}
     plan = ReportPlan(
-        law, texts["report"], texts["law"], friction, own_parts, options.seed, conditions=conditions, wild=options.wild
+        law, texts["report"], texts["law"], friction, own_parts, options.seed, conditions=conditions, wild=wild
     )
     for one in (REPORT_LAW, law):
         try:
@@ -115,12 +113,13 @@ def plan_of(options: argparse.Namespace) -> ReportPlan:
     return plan
 
 
-def _conditions(options: argparse.Namespace) -> tuple[tuple[str, ...], float, str]:
-    """Return the conditions of the cars, the floor's friction and the own parts."""
+def _conditions(options: argparse.Namespace) -> tuple[tuple[str, ...], float, str, float]:
+    """Return the conditions of the cars, the floor's friction, the own parts and the share of wild beams."""
     conditions = named_conditions(RequestedConditions(options.conditions, options.condition))
     friction = named_once(conditions, "vehicle.grip_mu", "--friction", options.friction)
     own_parts = named_once(conditions, "lidar.own_parts", "--own-parts", options.own_parts)
-    return conditions, FRICTION_MU if friction is None else friction, own_parts or "none"
+    wild = named_once(conditions, "lidar.outlier_share", "--wild", options.wild)
+    return conditions, FRICTION_MU if friction is None else friction, own_parts or "none", wild or 0.0
 
 
 def _settings(assignments: Sequence[str], whose: str) -> list[str]:
@@ -143,4 +142,6 @@ def _folder(path: Path) -> Path:
         raise ReportUsageError(f"-o {path}: is a file; name a folder for the pages")
     if not path.absolute().parent.is_dir():
         raise ReportUsageError(f"-o {path}: there is no folder {path.parent}; make it first")
+    if not os.access(path if path.exists() else path.absolute().parent, os.W_OK | os.X_OK):
+        raise ReportUsageError(f"-o {path}: is not writable; name another folder")
     return path

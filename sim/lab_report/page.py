@@ -12,15 +12,15 @@ from sim.lab.report.differences import differences
 from sim.lab.report.drives import ABOUT
 from sim.lab.report.gains import GainTable
 from sim.lab.report.plan import ReportPlan, gain_laws
-from sim.lab.report.tables import OPTIMUM, Rows, all_tables, gain_table_of
-from sim.lab_report.figures import error_chart, path_view, save_figure, turn_chart_of
+from sim.lab.report.tables import OPTIMUM, Rows, all_tables, cleared, gain_table_of, title_of
+from sim.lab_report.figures import error_chart, follower_of, path_view, save_figure, turn_chart_of
 from sim.run_report.page import section, still_document
 from sim.run_report.turn import ABOUT_TURN
 
-TITLE = "The lab report's section 3, driven again"
+TITLE = "The lab report's evaluation, driven again"
 CODE = re.compile(r"`([^`]*)`")
-PLOTTED = "t3"
-"""Test whose error over time is a figure of the report (its figure 4)."""
+PLOTTED, FIGURE_4 = "t3", ", as in the report's figure 4"
+"""Test whose error over time is a figure of the report, and the words for it."""
 
 
 def html_page(plan: ReportPlan, rows: Rows, version: str) -> str:
@@ -60,9 +60,9 @@ def document(plan: ReportPlan, rows: Rows) -> dict[str, object]:
         },
         "obstacles": {
             name.removeprefix("obstacles "): {
-                "stopped": [int(row["clear"]) for row in some],
-                "effectiveness": round(sum(row["clear"] for row in some) / len(some), 3),
-                "error_ratio": round(1 - sum(row["clear"] for row in some) / len(some), 3),
+                "stopped": [int(cleared(row)) for row in some],
+                "effectiveness": round(sum(map(cleared, some)) / len(some), 3),
+                "error_ratio": round(1 - sum(map(cleared, some)) / len(some), 3),
             }
             for name, some in blind.items()
         },
@@ -90,14 +90,17 @@ def conditions(plan: ReportPlan, version: str) -> str:
     car, _ = plan.car_and_lidar()
     fitted = f" Simulated car: {', '.join(f'`{one}`' for one in plan.conditions)}." if plan.conditions else ""
     fitted += " Physics is that of the simulator's own car." if plan.conditions else ""
-    more = [f"`{text}`" for text in dict.fromkeys((*plan.report_settings, *plan.law_settings))]
+    more = [f"`{text}`" for text in plan.report_settings if text in plan.law_settings]
+    more += [f"`report.{text}`" for text in plan.report_settings if text not in plan.law_settings]
+    more += [f"`law.{text}`" for text in plan.law_settings if text not in plan.report_settings]
     starts = plan.starts
     return (
-        f"{follow.side.capitalize()} wall at {follow.desired_distance_m:g} m. The report does not give speed, starts"
-        f" and length of its runs. Chosen here: {follow.speed_mps:g} m/s, starts at {starts.near:g} and {starts.far:g}"
-        f" times the distance, turned by {starts.slant_deg:g} degrees, runs of {starts.way_m:g} m. Also ours: friction"
-        f" {plan.mu:g}, {plan.noise_words()}, 20 ms to the wire, then {1000 * car.steering_delay_s:g} ms of the servo"
-        f" and {1000 * car.drive_delay_s:g} ms of the motor, own parts: {plan.own_parts}, seed {plan.seed}. The"
+        f"{follow.side.capitalize()} wall at {follow.desired_distance_m:g} m. The report does not give speed, starts,"
+        f" the kind of its corner and the length of its runs. Chosen here: {follow.speed_mps:g} m/s from the start on,"
+        f" starts at {starts.near:g} and {starts.far:g} times the distance, turned by {starts.slant_deg:g} degrees, an"
+        f" inside corner, runs of {starts.way_m:g} m. Also ours: friction {plan.mu:g}, {plan.noise_words()},"
+        f" 20 ms to the wire, then {1000 * car.steering_delay_s:g} ms of the servo and"
+        f" {1000 * car.drive_delay_s:g} ms of the motor, own parts: {plan.own_parts}, seed {plan.seed}. The"
         f" report's law beside `{plan.law.partition('+')[0]}`. Settings: {', '.join(more) if more else 'the defaults'}."
         f"{fitted} wallride {version}."
     )
@@ -129,7 +132,9 @@ def _html_cell(text: str) -> str:
 
 
 def _figure_section(report: Row, ours: Row) -> str:
-    views = "".join(f"<div><h3>{escape(str(row['law']))}</h3>{path_view(row, 2)}</div>" for row in (report, ours))
+    views = "".join(
+        f"<div><h3>{_rich(title_of(str(row['law'])))}</h3>{path_view(row, 2)}</div>" for row in (report, ours)
+    )
     words = (
         "Distance to the wall less the wanted one, by the law itself and (faint) in truth; below: the paths from above."
     )
@@ -137,12 +142,12 @@ def _figure_section(report: Row, ours: Row) -> str:
 
 
 def _turn_section(row: Row) -> str:
-    return section(f"Through the corner: {row['law']}", turn_chart_of(row), ABOUT_TURN)
+    return section(f"Through the corner: {follower_of(row)}", turn_chart_of(row), ABOUT_TURN)
 
 
 def _title(row: Row) -> str:
     test = str(row["test"])
-    return f"{test}: {ABOUT[test]}{', as in its figure 4' if test == PLOTTED else ''}"
+    return f"{test}: {ABOUT[test]}{FIGURE_4 if test == PLOTTED else ''}"
 
 
 def _list(texts: Sequence[str]) -> str:

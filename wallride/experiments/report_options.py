@@ -11,7 +11,7 @@ from wallride.sim_options import add_car
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
 
-WHAT = "the lab report's section 3 as a page: its 60 errors, optima, 25 trials and 28 obstacles, beside another law"
+WHAT = "the lab report's evaluation as a page: its 60 errors, optima, trials and obstacles, beside another law"
 
 
 def add(experiments: "Commands") -> None:
@@ -33,9 +33,7 @@ def add(experiments: "Commands") -> None:
         " A gain that is set is not varied."
     )
     report.add_argument("--friction", type=float, metavar="MU", help="grip of the floor (default: 0.8)")
-    report.add_argument(
-        "--wild", type=float, default=0.0, metavar="SHARE", help="share of wild beams of the lidar (default: 0)"
-    )
+    report.add_argument("--wild", type=float, metavar="SHARE", help="share of wild beams of the lidar (default: 0)")
     report.add_argument("--own-parts", metavar="KIND", help="parts of the car that its lidar sees (default: none)")
     add_car(report)
     report.add_argument("--seed", type=int, default=1000, metavar="N", help="seed of all noise (default: 1000)")

@@ -3,16 +3,19 @@
 import math
 from collections.abc import Iterator
 
+from sim.lab import laws
 from sim.lab.figures import chosen
 from sim.lab.report import published
 from sim.lab.report.gains import likeness
 from sim.lab.report.plan import ALONE_LAW, REPORT_LAW, ReportPlan, gain_laws, variations
-from sim.lab.report.tables import Rows, gain_table_of, title_of
+from sim.lab.report.tables import Rows, cleared, gain_table_of, title_of
 
 
 def differences(plan: ReportPlan, rows: Rows) -> list[str]:
     """Return one sentence or two per difference."""
-    return [*_averages(plan, rows), *_errors(plan, rows), *_ends(plan, rows), *_safety(plan, rows)]
+    faults = laws.own_law_faults([plan.law], [row for some in rows.values() for row in some])
+    failed = [f"`{plan.law.partition('+')[0]}` failed, and the car stood: {fault}." for fault in faults]
+    return [*failed, *_averages(plan, rows), *_errors(plan, rows), *_ends(plan, rows), *_safety(plan, rows)]
 
 
 def _averages(plan: ReportPlan, rows: Rows) -> Iterator[str]:
@@ -50,8 +53,10 @@ def _errors(plan: ReportPlan, rows: Rows) -> Iterator[str]:
             return
         table = gain_table_of(of, ALONE_LAW, rows[f"gains {ALONE_LAW}" if one is None else name])
         ratios[one.words if one else name] = likeness(table)
-    mine = ratios["as chosen"]
-    largest = max(ratios, key=lambda words: ratios[words].median_ratio)
+    mine, driven = ratios["as chosen"], {words: one for words, one in ratios.items() if one.compared}
+    if not mine.compared:
+        return
+    largest = max(driven, key=lambda words: driven[words].median_ratio)
     yield (
         f"The errors here are {mine.median_ratio:.2f} times the report's in the median of {mine.compared} runs, and"
         f" {mine.within} differ by no more than the report's own repeatability. What raises them most of what was"
@@ -63,12 +68,13 @@ def _errors(plan: ReportPlan, rows: Rows) -> Iterator[str]:
 def _ends(plan: ReportPlan, rows: Rows) -> Iterator[str]:
     for law in (REPORT_LAW, ALONE_LAW):
         for test in plan.tests:
-            some = [row for row in chosen(rows.get(f"gains {law}", ()), test=test) if row["outcome"] != "driven"]
+            of_test = chosen(rows.get(f"gains {law}", ()), test=test)
+            some = [row for row in of_test if row["outcome"] != "driven"]
             if some:
                 ended = ", ".join(f"{sum(row['outcome'] == one for row in some)} {one}"
                                   for one in sorted({row["outcome"] for row in some}))  # fmt: skip
                 why = sorted({row["last_reason"] for row in some})
-                yield f"{test} with {title_of(law)}: {ended} of {len(published.GAINS) * 2}; last: {', '.join(why)}."
+                yield f"{test} with {title_of(law)}: {ended} of {len(of_test)}; last: {', '.join(why)}."
 
 
 def _safety(plan: ReportPlan, rows: Rows) -> Iterator[str]:
@@ -81,7 +87,7 @@ def _safety(plan: ReportPlan, rows: Rows) -> Iterator[str]:
             " whatever the speed, and sees nothing beside the car. The report does not give its grid."
         )
     blind = rows[f"obstacles {REPORT_LAW} blind"]
-    clear, stoppable = sum(row["clear"] for row in blind), sum(row["stoppable"] for row in blind)
+    clear, stoppable = sum(map(cleared, blind)), sum(row["stoppable"] for row in blind)
     yield (
         f"The report stopped for {published.STOPPED} of {published.OBSTACLES} obstacles; its law here for {clear},"
         f" and no brake could for more than {stoppable} at friction {plan.mu:g}. At a true 3 m/s stopping takes more"

@@ -1,6 +1,6 @@
-"""One drive of the lab report's section 3: a test of five starts, with the gains and the law of its cell.
+"""One drive of the lab report's evaluation: a test of five starts, with the gains and the law of its cell.
 
-Four starts beside a straight wall, near and far, turned toward it or away from it; and an inside corner. The scenario
+Four starts beside a wall, near and far, turned toward it or away from it, and a corner (an inside one). The scenario
 "t1 near=0.5 far=1.5 slant=20 way=4" has the start conditions; "traced" behind it keeps the way for the figures.
 """
 
@@ -36,6 +36,8 @@ ABOUT = {
 }
 LOST_ABOVE_M = 0.9
 """Minimum true error at the end of a run that lost its wall; with Kp 0 a far start ends 0.7 m off and is driven."""
+NO_ROOM_BELOW_M = 0.05
+"""Way up to which a contact is the start's fault: no steering has an effect yet."""
 LIMITS_FILE = Path(__file__).with_name("limits.json")
 LIMIT_SPEED_MPS, LIMIT_MU = 2.0, 0.8
 CORNER_AHEAD_M = 5.0
@@ -101,9 +103,10 @@ def run(cell: Cell) -> tuple[SimulatedRun, AnswerKeeper]:
 
 
 def measure(cell: Cell) -> Figures:
-    """Drive one cell; outcome: "driven", "contact", "stands" or "lost".
+    """Drive one cell; outcome: "driven", "contact", "no room" (the start touches the wall), "stands" or "lost".
 
-    law_error_m: mean of the law's own |distance - wanted| over all samples, the report's figure of merit.
+    law_error_m: mean of the law's own |distance - wanted| over all samples, None where it has no distance. The
+        report's figure of merit, but that it does not say whether it takes the magnitude; law_error_signed_m does not.
     true_error_m: the same of the true distance from the rear axle.
     """
     done, kept = run(cell)
@@ -113,7 +116,7 @@ def measure(cell: Cell) -> Figures:
     figures = common(done)
     outcome = "driven"
     if done.contact is not None:
-        outcome = "contact"
+        outcome = "contact" if done.distance_m > NO_ROOM_BELOW_M else "no room"
     elif figures["stopped_for_good"] or done.distance_m < 0.5:
         outcome = "stands"
     elif steady_m is None or steady_m > LOST_ABOVE_M or done.distance_m < done.case.distance_m:

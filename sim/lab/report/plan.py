@@ -1,11 +1,10 @@
-"""All drives of the report: gain tables, conditions varied, safety trials, obstacles, for its law and one of ours."""
+"""All drives of `lab report`: gain tables, conditions varied, trials, obstacles, for the report's law and another."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
-from runtime.parameters.catalogue import catalogue
+from runtime.parameters.catalogue import Parameter, ValueKind, catalogue
 from runtime.settings.tree import Settings
 from sim.car.vehicle_settings import VehicleSettings
 from sim.lab import laws
@@ -87,8 +86,17 @@ class ReportPlan:
 
     def gain_keys(self, law: str) -> tuple[str, str] | None:
         """Return the names of the two gains of a law; None where it does not have both."""
-        dumped = self.settings(law).model_dump()
-        return next((keys for keys in GAIN_KEYS if all(_value(dumped, key) is not None for key in keys)), None)
+        dumped, known = self.settings(law).model_dump(), catalogue(self.settings(law))
+        if law.startswith("prototype+"):
+            return None  # its settings are those of ball, which it does not read
+        return next(
+            (
+                keys
+                for keys in GAIN_KEYS
+                if all(_value(dumped, key) is not None and known[key].kind is not ValueKind.INTEGER for key in keys)
+            ),
+            None,
+        )
 
     def pairs(self, law: str) -> dict[Half, list[Pair]]:
         """Return the pairs of the halves of a gain table; the half of a gain that a setting fixes is left out.
@@ -101,20 +109,29 @@ class ReportPlan:
         dumped, known = self.settings(law).model_dump(), catalogue(self.settings(law))
         kp, kd = (float(_value(dumped, key) or 0.0) for key in keys)
         scales = (1.0, 1.0) if law.startswith("report+") else (kp / FINAL[0], kd / FINAL[1])
-        tops = tuple(math.inf if (top := known[key].highest) is None else top for key in keys)
+        of_kp, of_kd = (
+            [_scaled(gain * scale, own, known[key]) for gain in GAINS]
+            for key, scale, own in zip(keys, scales, (kp, kd), strict=True)
+        )
         fixed = tuple(any(text.partition("=")[0].strip() == key for text in self.assignments(law)) for key in keys)
         halves: dict[Half, list[Pair]] = {}
         if not fixed[1]:
-            other = kp if fixed[0] else _scaled(FIXED["kd"], scales[0], tops[0])
-            halves["kd"] = [(other, _scaled(gain, scales[1], tops[1])) for gain in GAINS]
+            other = kp if fixed[0] else of_kp[GAINS.index(FIXED["kd"])]
+            halves["kd"] = [(other, gain) for gain in dict.fromkeys(of_kd)]
         if not fixed[0]:
-            other = kd if fixed[1] else _scaled(FIXED["kp"], scales[1], tops[1])
-            halves["kp"] = [(_scaled(gain, scales[0], tops[0]), other) for gain in GAINS]
+            other = kd if fixed[1] else of_kd[GAINS.index(FIXED["kp"])]
+            halves["kp"] = [(gain, other) for gain in dict.fromkeys(of_kp)]
         return halves
 
 
-def _scaled(gain: float, scale: float, top: float) -> float:
-    return round(min(gain * scale, top), 3)
+def _scaled(gain: float, own: float, known: Parameter) -> float:
+    """Return a gain in four digits within its range; a bound that is not allowed itself is kept off by a hundredth."""
+    value = float(f"{gain:.4g}")
+    if known.lowest is not None:
+        value = max(value, known.lowest + (0.01 * (own - known.lowest) if known.open_below else 0.0))
+    if known.highest is not None:
+        value = min(value, known.highest - (0.01 * (known.highest - own) if known.open_above else 0.0))
+    return value
 
 
 def _value(dumped: Mapping[str, object], key: str) -> float | None:
@@ -150,7 +167,7 @@ class Variation:
 
 def variations(plan: ReportPlan) -> dict[str, Variation]:
     """Return the conditions that are varied one at a time, by the name of their table."""
-    if not plan.varies:
+    if not plan.varies or not plan.pairs(ALONE_LAW):
         return {}
     made = [Variation(f"{speed:g} m/s", speed_mps=speed) for speed in (1.0, 1.5, 2.5)]
     made += [Variation(f"turned by {deg:g} degrees", replace(plan.starts, slant_deg=deg)) for deg in (10.0, 30.0)]
@@ -163,7 +180,13 @@ def variations(plan: ReportPlan) -> dict[str, Variation]:
         Variation("2 % wild beams", plan={"wild": 0.02}),
         Variation("friction 0.5", mu=0.5),
     ]
-    return {f"varied {one.words}": one for one in made}
+    usual = _conditions_of(plan)
+    return {f"varied {one.words}": one for one in made if _conditions_of(one.of(plan)) != usual}
+
+
+def _conditions_of(plan: ReportPlan) -> tuple[object, ...]:
+    """Return all that a variation can change; a condition that is named holds against it."""
+    return plan.starts, plan.settings(ALONE_LAW).wall_follow.speed_mps, plan.car_and_lidar()
 
 
 def trial(plan: ReportPlan, law: str, scenario: str, pair: Pair | None = None, seed: int | None = None) -> Cell:
@@ -199,7 +222,7 @@ def gain_table(plan: ReportPlan, law: str) -> list[Cell]:
 
 
 def safety_trials(plan: ReportPlan, law: str) -> list[Cell]:
-    """Return the 25 trials along a wall toward one ahead, with the law's own gains."""
+    """Return 25 trials along a wall toward one ahead, with the law's own gains."""
     chosen = plan.settings(law).wall_follow
     return [
         Cell(
@@ -213,7 +236,10 @@ def safety_trials(plan: ReportPlan, law: str) -> list[Cell]:
 
 
 def obstacles(plan: ReportPlan, law: str, driver: str) -> list[Cell]:
-    """Return the 28 obstacles. driver: "blind" drives straight on, "follower" is the law's own."""
+    """Return an obstacle at each of the report's 28 speeds and distances.
+
+    driver: "blind" drives straight on, "follower" is the law's own.
+    """
     side: Side = plan.settings(law).wall_follow.side
     place = tuple(PLACES)[-1]
     return [

@@ -13,7 +13,7 @@ from sim.lab.report.drives import ABOUT
 from sim.lab.report.gains import GainTable, Trend, likeness, published_table, trend
 from sim.lab.report.plan import ALONE_LAW, DISTANCE_KINDS, REPORT_LAW, ReportPlan, gain_laws, variations
 from sim.lab.report.published import Half, Pair, repeatability_m
-from sim.lab.report.wall_ahead import DISTANCES_M
+from sim.lab.report.wall_ahead import DISTANCES_M, was_driven
 from sim.lab.safety import stopping_m
 from sim.virtual.closed_loop import FULL_BRAKE_MPS2
 from sim.world.pose import Floats
@@ -26,7 +26,7 @@ OPTIMUM = "\u00a0*"
 """Mark of the optimum of a test."""
 ALIKE = "\u00a0="
 """Mark of an error that differs from the report's by no more than the report's own repeatability."""
-OUTCOMES = {"contact": "X", "stands": "stands", "lost": "lost"}
+OUTCOMES = {"contact": "X", "no room": "no room", "stands": "stands", "lost": "lost"}
 VARIED = {"kd": "Kd", "kp": "Kp"}
 
 
@@ -53,7 +53,7 @@ def gains(plan: ReportPlan, law: str, rows: Sequence[Row]) -> list[TabledCell]:
     for half, pairs in table.pairs.items():
         of_half = rows[first : first + len(pairs) * len(plan.tests)]
         first += len(of_half)
-        theirs = published_table(plan.tests).errors_m[half] if law.startswith("report+") else None
+        theirs = published_table(plan.tests).errors_m[half] if _beside(table, half) else None
         body = [
             _gain_row(table, half, number, of_half[number * len(plan.tests) :], theirs) for number in range(len(pairs))
         ]
@@ -62,14 +62,19 @@ def gains(plan: ReportPlan, law: str, rows: Sequence[Row]) -> list[TabledCell]:
         )
         other, fixed = ("Kp", pairs[0][0]) if half == "kd" else ("Kd", pairs[0][1])
         title = f"{VARIED[half]} varied, {other} {fixed:g}: {title_of(law)}"
-        made.append(TabledCell(title, (VARIED[half], *heads), tuple(body), (_gain_note(theirs is not None),)))
+        made.append(TabledCell(title, (VARIED[half], *heads), tuple(body), (_gain_note(law, theirs is not None),)))
     return made
+
+
+def _beside(table: GainTable, half: Half) -> bool:
+    """Tell whether a half has the report's own pairs: without, its errors cannot be set beside the report's."""
+    return list(table.pairs.get(half, ())) == list(published_table().pairs[half])
 
 
 def _gain_row(table: GainTable, half: Half, number: int, rows: Sequence[Row], theirs: Floats | None) -> tuple[str, ...]:
     value, cells = table.varied(half)[number], []
     for column, test in enumerate(table.tests):
-        shown = OUTCOMES.get(rows[column]["outcome"]) or f"{rows[column]['law_error_m']:.3f}"
+        shown = _ended(rows[column], "law_error_m")
         if theirs is not None:
             shown += f" ({theirs[number, column]:.3f})"
             difference_m = abs(table.errors_m[half][number, column] - theirs[number, column])
@@ -78,8 +83,13 @@ def _gain_row(table: GainTable, half: Half, number: int, rows: Sequence[Row], th
     return f"{value:g}", *cells, text(float(table.errors_m[half][number].mean()))
 
 
-def _gain_note(beside: bool) -> str:  # noqa: FBT001 - one word of a note
-    first = "Mean of the law's own |distance - wanted| in m over all samples; * least of its column; X contact"
+def _gain_note(law: str, beside: bool) -> str:  # noqa: FBT001 - one word of a note
+    first = (
+        "Mean of the law's own |distance - wanted| in m over all samples (the true error of the last line can be"
+        " larger: from the rear axle, to the wall itself); * least of its column; X contact"
+    )
+    if not beside and law.startswith("report+"):
+        return f"{first}. The other gain is set: the report has no errors of these pairs."
     if not beside:
         return (
             f"{first}. The report's pairs, scaled so that its final pair is this law's own gains, within their range."
@@ -110,19 +120,17 @@ def _pair(pair: tuple[float | None, float | None]) -> str:
 
 def trends(plan: ReportPlan, rows: Rows) -> TabledCell:
     """Return how the error goes with a rising gain, the report's beside ours, and whether they agree."""
-    theirs, body, agreed = published_table(plan.tests), [], 0
+    theirs, body, agreed, count = published_table(plan.tests), [], 0, 0
     tables = {law: gain_table_of(plan, law, rows[f"gains {law}"]) for law in (REPORT_LAW, ALONE_LAW) if plan.pairs(law)}
     for half in theirs.pairs:
         for column, test in enumerate(plan.tests):
             found = trend(published.GAINS, theirs.errors_m[half][:, column], repeatability_m(test))
             ours = {law: _trend(table, half, column, test) for law, table in tables.items()}
-            same = [one is not None and found is not None and one.agrees(found, 0.5) for one in ours.values()]
-            agreed += sum(same)
+            same = [one.agrees(found, 0.5) for one in ours.values() if one is not None and found is not None]
+            agreed, count = agreed + sum(same), count + len(same)
             words = (one.text() if one else "-" for one in (found, *ours.values()))
-            body.append(
-                (f"{test}, {VARIED[half]} rises", *words, "yes" if all(same) else "in part" if any(same) else "no")
-            )
-    count = len(body) * len(tables)
+            verdict = "-" if not same else "yes" if all(same) else "in part" if any(same) else "no"
+            body.append((f"{test}, {VARIED[half]} rises", *words, verdict))
     note = (
         f"The error over the gain: falls, rises, or is least at a value between; flat where it moves by no more than"
         f" the report's repeatability. They agree in {agreed} of {count}: the same, or the least within one step."
@@ -132,7 +140,7 @@ def trends(plan: ReportPlan, rows: Rows) -> TabledCell:
 
 
 def _trend(table: GainTable, half: Half, column: int, test: str) -> Trend | None:
-    if half not in table.errors_m:
+    if not _beside(table, half):
         return None
     return trend(table.varied(half), table.errors_m[half][:, column], repeatability_m(test))
 
@@ -148,7 +156,7 @@ def varied(plan: ReportPlan, rows: Rows) -> TabledCell:
         "median difference m",
         "median ratio",
         "alike",
-        "X, stands, lost",
+        ", ".join(OUTCOMES.values()),
     )
     note = (
         f"Of {title_of(ALONE_LAW)}, one condition changed at a time; differences are to the report's errors, alike"
@@ -182,8 +190,9 @@ def final_gains(plan: ReportPlan, rows: Rows) -> TabledCell:
         for key, words in (("law_error_m", "law's own error"), ("true_error_m", "true error"))
     ]
     note = (
-        "Mean |error| in m. The law's own: its distance, half of the range ahead in a corner, less the wanted one, over"
-        " all samples, as the report has it. True: from the rear axle to the wall, which only a simulator knows."
+        "Mean |error| in m. The law's own, the report's kind: its distance (of the report's law in a corner half of the"
+        " range ahead) less the wanted one, over all samples. True: from the rear axle to the wall, which only a"
+        " simulator knows."
     )
     return TabledCell("Both errors with the final gains", ("", *plan.tests, "mean"), tuple(body), (note,))
 
@@ -211,44 +220,56 @@ def _ended(row: Row, key: str) -> str:
 
 
 def _mean(rows: Sequence[Row], key: str) -> str:
-    return text(math.fsum(row[key] for row in rows) / len(rows)) if all(r["outcome"] == "driven" for r in rows) else "-"
+    values = [math.nan if row[key] is None or row["outcome"] != "driven" else row[key] for row in rows]
+    return text(math.fsum(values) / len(values))
 
 
 def trials(plan: ReportPlan, law: str, rows: Sequence[Row]) -> TabledCell:
-    """Return the 25 trials along a wall toward one ahead: pass or fail, a row per distance, a column per speed."""
+    """Return 25 trials along a wall toward one ahead: pass or fail, a row per distance, a column per speed."""
     speeds, body = plan.trial_speeds_mps, []
     for number, ahead_m in enumerate(DISTANCES_M):
         cells = rows[number * len(speeds) : (number + 1) * len(speeds)]
-        body.append(
-            (f"{ahead_m:g} m", *("pass" if row["passed"] else f"fail, {row['impact_mps']:.1f} m/s" for row in cells))
-        )
+        body.append((f"{ahead_m:g} m", *map(_passed, cells)))
     passed = sum(row["passed"] for row in rows)
     note = (
         f"Passed {passed} of {len(rows)} ({passed / len(rows):.3f}); the report {published.TRIALS_PASSED} of"
-        f" {published.TRIALS}, on a grid that it does not give: distances and speeds are ours."
+        f" {published.TRIALS} along a wall, with start distance and speed varied on a grid that it does not give: the"
+        " wall ahead, distances and speeds are ours. stands: its follower never asked for a speed."
     )
     heads = ("range ahead at the start", *(f"{speed_mps:g} m/s" for speed_mps in speeds))
     return TabledCell(f"{len(rows)} safety trials along a wall: {title_of(law)}", heads, tuple(body), (note,))
 
 
+def _passed(row: Row) -> str:
+    if row["passed"]:
+        return "pass"
+    return "stands" if row["impact_mps"] is None else f"fail, {row['impact_mps']:.1f} m/s"
+
+
+def cleared(row: Row) -> bool:
+    """Tell whether a car was driven at an obstacle and did not touch it; one that never drove avoided nothing."""
+    return bool(row["clear"]) and was_driven(row["law"], row)
+
+
 def obstacles(plan: ReportPlan, law: str, driver: str, rows: Sequence[Row]) -> TabledCell:
-    """Return the 28 obstacles of a law: 1 stopped, 0 hit, beside the report's and physics; its effectiveness."""
+    """Return the obstacles of a law: 1 not touched, 0 hit, beside the report's and physics; its effectiveness."""
     speeds = plan.obstacle_speeds_mps
     body = []
     for number, ahead_m in enumerate(published.OBSTACLE_DISTANCES_M):
         cells = rows[number * len(speeds) : (number + 1) * len(speeds)]
         theirs = (0 if (ahead_m, speed_mps) in published.NOT_STOPPED else 1 for speed_mps in speeds)
         body.append((f"{ahead_m:.1f} m", *(_met(row, one) for row, one in zip(cells, theirs, strict=True))))
-    clear, stoppable = sum(row["clear"] for row in rows), sum(row["stoppable"] for row in rows)
+    clear, stoppable = sum(map(cleared, rows)), sum(row["stoppable"] for row in rows)
     share = clear / len(rows)
     notes = (
         (
             "1 not touched, 0 hit; in brackets the report's, and what physics allows a full brake on the first scan"
-            f" (friction {plan.mu:g}): {stoppable} of {len(rows)}. ! stoppable, and hit."
+            f" (friction {plan.mu:g}): {stoppable} of {len(rows)}. ! stoppable, and hit; stands: it was not driven."
+            " The box, its place and the driver are ours."
         ),
         (
-            f"Effectiveness {share:.3f}, error ratio {1 - share:.3f}; the report's {published.EFFECTIVENESS} and"
-            f" {published.ERROR_RATIO} ({published.STOPPED} of {published.OBSTACLES})."
+            f"Effectiveness (share not touched) {share:.3f}, error ratio {1 - share:.3f}; of the report's"
+            f" {published.STOPPED} of {published.OBSTACLES} {published.EFFECTIVENESS} and {published.ERROR_RATIO}."
         ),
     )
     who = "a driver that ignores it" if driver == "blind" else "the law's own follower"
@@ -258,7 +279,8 @@ def obstacles(plan: ReportPlan, law: str, driver: str, rows: Sequence[Row]) -> T
 
 def _met(row: Row, theirs: int) -> str:
     mark = " !" if row["stoppable"] and not row["clear"] else ""
-    return f"{int(row['clear'])} ({theirs}, {int(row['stoppable'])}){mark}"
+    met = "stands" if row["clear"] and not cleared(row) else int(row["clear"])
+    return f"{met} ({theirs}, {int(row['stoppable'])}){mark}"
 
 
 def stopping(plan: ReportPlan) -> TabledCell:
@@ -284,7 +306,10 @@ def stopping(plan: ReportPlan) -> TabledCell:
 def all_tables(plan: ReportPlan, rows: Rows) -> list[TabledCell]:
     """Return every table of the page, in its order."""
     made = [one for law in gain_laws(plan) for one in gains(plan, law, rows[f"gains {law}"])]
-    made += [optima(plan, rows), trends(plan, rows), varied(plan, rows), final_gains(plan, rows), distances(plan, rows)]
+    made.append(optima(plan, rows))
+    if plan.pairs(ALONE_LAW):
+        made += [trends(plan, rows), varied(plan, rows)]
+    made += [final_gains(plan, rows), distances(plan, rows)]
     for law in (REPORT_LAW, plan.law):
         made.append(trials(plan, law, rows[f"trials {law}"]))
         made += [obstacles(plan, law, driver, rows[f"obstacles {law} {driver}"]) for driver in ("blind", "follower")]

@@ -1,10 +1,12 @@
 """One of the 25 safety trials: the car rides along a wall toward another that closes its way.
 
-The scenario "3 m" is the range ahead at the start. A trial is passed when nothing is touched: the car stands before the
-wall, or has turned away from it.
+The report rides along a wall and varies start distance and speed; the wall ahead is ours, as are the distances to it.
+The scenario "3 m" is the range ahead at the start. A trial is passed when the car was driven and nothing is touched: it
+stands before the wall, or has turned away from it.
 """
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from sim.lab import laws
@@ -50,11 +52,20 @@ def _to_the_wall_m(world: World, side: Side) -> float:
     return float(geometry.segments_m[:, [0, 2]].max())
 
 
+def was_driven(law: str, figures: Mapping[str, Any]) -> bool:
+    """Tell whether the follower ever asked for a speed: one that never does avoids nothing.
+
+    Of the report's law by the letter the turn of its safety is a stop, in the follower's place.
+    """
+    return figures["speed_lost"] is not None or law.startswith("report+")
+
+
 def measure(cell: Cell) -> Figures:
     """Drive one trial."""
     done = laws.drive_case(cell, case_of(cell))
     figures = common(done)
-    return {**figures, "passed": done.contact is None, "stood": math.isclose(done.speed_mps[-1, 0], 0.0, abs_tol=0.05)}
+    passed = done.contact is None and was_driven(cell.law, figures)
+    return {**figures, "passed": passed, "stood": math.isclose(done.speed_mps[-1, 0], 0.0, abs_tol=0.05)}
 
 
 def _no_cells(_: CellChoice) -> list[Cell]:

@@ -5,11 +5,13 @@ import io
 import json
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from rich.console import Console
 
+from runtime.parameters.catalogue import catalogue
 from sim.lab.report import drives, published, tables, wall_ahead
 from sim.lab.report.differences import differences
 from sim.lab.report.drives import Starts
@@ -18,6 +20,7 @@ from sim.lab.report.plan import (
     ALONE_LAW,
     REPORT_LAW,
     ReportPlan,
+    _scaled,
     distance_kinds,
     first_round,
     obstacles,
@@ -26,7 +29,8 @@ from sim.lab.report.plan import (
     variations,
 )
 from sim.lab_report.command import ReportUsageError, measure, plan_of, run, write
-from sim.lab_report.page import document
+from sim.lab_report.page import conditions, document
+from sim.scenario.conditions import ConditionsError
 from wallride import lab_options
 
 SMALL = ReportPlan(
@@ -242,6 +246,104 @@ def test_what_differs_names_the_report_and_what_was_varied(rows):
     table = tables.varied(plan, {**gains, **varied})
     assert len(table.rows) == 1 + len(varied)
     assert table.rows[0][-2] == "60 of 60"
+
+
+def test_a_law_without_a_distance_of_its_own_has_no_error_and_breaks_no_table(rows):
+    """`distance_m` of a law is optional."""
+    plan = ReportPlan(tests=("t2", "t5"))
+    blind = [{**row, "law_error_m": None} for row in rows["ours"]]
+    table = tables.final_gains(plan, {**rows, "ours": blind})
+    assert table.rows[-2][1:] == ("-", "-", "-")
+    assert "-" not in table.rows[-1][1:], "the true error is known all the same"
+    (kd, _) = tables.gains(plan, "ball+swept", [{**row, "law_error_m": None} for row in as_published()][:24])
+    assert set(kd.rows[0][1:]) == {"-"}
+
+
+def test_both_gains_set_leave_no_gain_table_and_the_rest_of_the_page(rows):
+    plan = replace(SMALL, report_settings=("wall_follow.kp=1.2", "wall_follow.kd=1.6"), varies=True)
+    runs = first_round(plan)
+    assert not any(name.startswith(("gains", "varied")) for name in runs)
+    titles = [table.title for table in tables.all_tables(plan, rows)]
+    assert "Trends" not in titles
+    assert "Both errors with the final gains" in titles
+    assert differences(plan, rows)
+
+
+def test_errors_of_other_pairs_are_not_set_beside_the_reports():
+    plan = ReportPlan(report_settings=("wall_follow.kp=1.2",))
+    half = as_published()[:30]
+    (table,) = tables.gains(plan, REPORT_LAW, half)
+    assert not any("(" in cell for row in table.rows for cell in row[1:])
+    trends = tables.trends(plan, {f"gains {law}": half for law in (REPORT_LAW, ALONE_LAW)})
+    assert {row[-1] for row in trends.rows} == {"-"}
+    assert "in 0 of 0" in trends.notes[0]
+
+
+def test_where_nothing_came_to_its_end_nothing_is_said_of_its_errors(rows):
+    plan = ReportPlan()
+    stands = [{**row, "outcome": "stands", "last_reason": "obstacle ahead"} for row in as_published()]
+    gains = {f"gains {law}": stands for law in (REPORT_LAW, ALONE_LAW)}
+    varied = dict.fromkeys(variations(plan), stands)
+    said = " ".join(differences(plan, {**rows, **gains, **varied}))
+    assert "nan" not in said
+    assert "12 stands of 12; last: obstacle ahead" in said
+    json.dumps(
+        document(SMALL, rows | {"ours": [{**row, "law_error_m": None} for row in rows["ours"]]}), allow_nan=False
+    )
+
+
+def test_a_law_that_never_drives_avoids_nothing():
+    plan = ReportPlan(law="ball+swept", law_settings=("wall_follow.kp=13.5",))
+    driven = {"clear": True, "stoppable": True, "speed_lost": 0.1, "law": plan.law}
+    assert tables.cleared(driven)
+    assert not tables.cleared({**driven, "speed_lost": None})
+    rows = [{**driven, "speed_lost": None}] * 28
+    table = tables.obstacles(plan, plan.law, "follower", rows)
+    assert {cell.partition(" ")[0] for row in table.rows for cell in row[1:]} == {"stands"}
+    assert table.notes[1].startswith("Effectiveness (share not touched) 0.000")
+    assert not wall_ahead.was_driven(plan.law, {"speed_lost": None})
+    assert wall_ahead.was_driven(REPORT_LAW, {"speed_lost": None}), "by the letter its turn is a stop"
+
+
+def test_a_failing_law_is_named_on_the_page(rows):
+    law = "wallride.new.pd_follower:PdFollower"
+    plan = replace(SMALL, law=f"{law}+swept", law_settings=())
+    fault = f"{law} raised ValueError: no"
+    some = {f"trials {plan.law}": [{"last_reason": fault}]}
+    assert "failed, and the car stood" in differences(plan, {**rows, **some})[0]
+
+
+def test_a_start_that_touches_the_wall_is_no_fault_of_the_steering():
+    plan = ReportPlan(report_settings=("wall_follow.desired_distance_m=0.5",))
+    assert one(ALONE_LAW, "t1", plan=plan)["outcome"] == "no room"
+
+
+def test_scaled_gains_stay_in_their_range_and_stand_once():
+    known = catalogue(ReportPlan().settings(REPORT_LAW))["wall_follow.kp"]
+    narrow = replace(known, lowest=0.1, highest=1.0)
+    assert [_scaled(gain, 0.5, narrow) for gain in (0.0, 0.5, 3.0)] == [0.1, 0.5, 1.0]
+    assert 0.1 < _scaled(0.0, 0.5, replace(narrow, open_below=True)) < 0.11
+    assert _scaled(0.000123456, 0.5, replace(known, lowest=None)) == 0.0001235
+    kp = [pair[0] for pair in ReportPlan(law_settings=("wall_follow.look_ahead_m=0.5",)).pairs("ball+swept")["kp"]]
+    assert len(set(kp)) == len(kp)
+    assert ReportPlan().pairs("prototype+swept") == {}, "it does not read the gains of ball"
+
+
+def test_what_is_named_is_not_varied_and_wins_over_nothing_silently():
+    plan = ReportPlan(conditions=("lidar.noise_std_m=0.01", "vehicle.grip_mu=0.6"), wild=0.02)
+    names = " ".join(variations(plan))
+    assert "noise" not in names
+    assert "friction" not in names
+    assert "wild" not in names
+    assert "varied runs of 8 m" in names
+    with pytest.raises(ConditionsError, match="leave one of them out"):
+        plan_of(options("--wild", "0.1", "--condition", "lidar.outlier_share=0.02"))
+
+
+def test_settings_of_one_law_are_named_as_such():
+    plan = plan_of(options("--set", "report.wall_follow.kp=1", "--set", "wall_follow.speed_mps=1.5"))
+    said = conditions(plan, "1")
+    assert "`wall_follow.speed_mps=1.5`, `report.wall_follow.kp=1`." in said
 
 
 def test_the_page_fetches_nothing_and_has_its_figures(rows, tmp_path):
