@@ -9,9 +9,9 @@ from wallride.sim_options import add_car
 from wallride.sweeps import options as sweep_options
 
 EXPERIMENTS = {
-    "walls": "the report's starts and more courses: error, settling, contacts, beside the physical limit",
+    "walls": "the report's five tests and more courses: error, settling, contacts, beside the physical limit",
     "corners": "corners of real buildings and lanes that turn: --method ball,prototype compares with a baseline",
-    "safety": "the report's 28 sudden obstacles: stopped, or the impact beside what physics allows",
+    "safety": "obstacles at the report's 28 speeds and distances: stopped, or the impact beside what physics allows",
     "hazards": "obstacles before a driver that ignores them, and drives that need no stop",
     "laps": "lap time and error on the loop and on maps",
     "window": "dirt on the lidar's window: beams found, missed and falsely masked",

@@ -1,6 +1,6 @@
 """Score of a drive: the law's own deviation from the desired distance while the car moves, as running sums.
 
-The lab report takes the mean over all samples, standing ones too: `law_error_m` of `wallride lab report`.
+The lab report takes the mean over all samples; so does `law_error_m` of `wallride lab report`, standing ones too.
 """
 
 import math

@@ -1,6 +1,6 @@
 """The physical limits of the standard cells, computed once and kept: `python -m sim.lab.limits` completes the file.
 
-The report's own courses at DRIVEN_MU, where laws are measured to the percent, come from `driven_mean_error_m`, all
+The report's tests, t1 to t5, at DRIVEN_MU, where laws are measured to the percent, come from `driven_mean_error_m`, all
 others from `least_mean_error_m`.
 """
 

@@ -1,5 +1,6 @@
-"""`lab safety`: the report's 28 obstacles, which appear 0.3 to 0.9 m before the lidar of a car at 1 to 4 m/s.
+"""`lab safety`: obstacles that appear 0.3 to 0.9 m before the lidar of a car at 1 to 4 m/s.
 
+Speeds and distances are the lab report's 28; it does not say what was put into the way, where beside, nor who drove.
 Three drivers meet them (`sim.lab.courses.sudden`): a blind one, the car's own follower, and a human who swerves.
 Physics is that of a straight full brake; the human's car already rotates and hits with a corner first, so it is
 compared with itself, braked in full on the first scan, where that is worse.

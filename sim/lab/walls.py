@@ -22,7 +22,7 @@ REPORT_TABLE_M = {
     "t4": (0.177, 0.199, None, None),
     "t5": (None, None, None, None),
 }
-"""Errors of the report law in the simulator of the design notes, mu 0.8, 1 to 4 m/s; None is a contact."""
+"""Errors of the report's law in the design notes' simulator (not of the report), mu 0.8, 1 to 4 m/s; None: contact."""
 
 
 def cells(choice: CellChoice) -> list[Cell]:
@@ -115,7 +115,7 @@ def _published(rows: Sequence[Row]) -> TabledCell:
         for name, values in REPORT_TABLE_M.items()
         if name in distinct(rows, "scenario")
     ]
-    title = "for comparison: the report's law in the design notes' simulator, mu 0.8"
+    title = "for comparison: the report's law in the design notes' simulator, mu 0.8 (not figures of the report)"
     return TabledCell(title, ("course", "1 m/s", "2 m/s", "3 m/s", "4 m/s"), tuple(lines))
 
 

@@ -1,1 +1,1 @@
-"""`wallride lab report`: the lab report's section 3 as a page. Read: `command`, `page`, `markdown`, `figures`."""
+"""`wallride lab report`: the lab report's evaluation as a page. Read: `command`, `page`, `markdown`, `figures`."""

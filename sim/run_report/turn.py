@@ -1,4 +1,4 @@
-"""Distances that the lab report's law reads, through a sharp turn: the plot that the report wished for.
+"""Distances that the lab report's law reads, through a sharp turn, which its authors wanted to plot next.
 
 Range ahead, mean of the three nearest, distance to the fitted line, and the turn radius of the steering sent.
 """

@@ -19,7 +19,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     law.add_argument("file", type=Path, metavar="FILE.py", help="the law's file, for example my_laws.py")
     law.add_argument(
         "--kind", choices=sorted(KINDS), default="pd",
-        help="pd: the lab report's wall follower; gap: drives for the freest direction (default: pd)",
+        help="pd: after the lab report's wall follower; gap: drives for the freest direction (default: pd)",
     )  # fmt: skip
     law.set_defaults(run=run)
 

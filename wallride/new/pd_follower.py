@@ -1,4 +1,4 @@
-"""The lab report's law: PD on the distance and the angle of a line through the points beside the car."""
+"""After the lab report's law: PD on the nearest ranges and on the angle of a line through the points beside the car."""
 
 import math
 

@@ -1,9 +1,9 @@
-"""The lab report's own two laws, unchanged: the baseline of all comparisons.
+"""The lab report's own two laws, as far as it gives them: the baseline of all comparisons.
 
 Wall follower: what `measures` reads from a scan, a corner rule by the beam ahead, and a PD law on distance and angle.
 Safety: stop when what is straight ahead is nearer than the tightest turning radius; nearer than 1.5 m, steer fully away
 from the wall. The errors of these laws are part of them and stay; docs/decisions/0006-report-law.md lists the origin of
-each rule, and the readings where the report leaves one open.
+each rule, the readings where the report leaves one open, and where ours differs from its letter.
 """
 
 import math
@@ -24,8 +24,8 @@ STEEP_RAD = math.pi / 3
 class ReportFollower:
     """steer = Kd * atan(slope) + Kp * error, towards the wall when positive; 0 when the line is steeper than pi/3.
 
-    Its error is its own distance, in corners that of the corner rule, less the wanted one: the report's figure of
-    merit, and not the true error.
+    Its error is its own distance, in corners that of the corner rule, less the wanted one: what the
+    report scores, and not the true error.
     """
 
     path_m: Floats | None = None

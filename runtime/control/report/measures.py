@@ -1,6 +1,6 @@
 """What the lab report's law reads from a scan: the fitted line, three distances to the wall, the range ahead.
 
-Ranges under 0.2 m are dropped; a line by least squares through the side sector's points. All distances are the lidar's.
+Ranges up to 0.2 m are dropped; a line by least squares through the side sector's points. All distances are the lidar's.
 """
 
 import math
@@ -13,7 +13,7 @@ from drivers.api import Scan
 from runtime.control.perception.geometry import Floats, points_m, sector
 
 NONSENSE_BELOW_M = 0.2
-"""Minimum range that is used: dust on the window reads as centimetres; the report's car once spun in circles for it."""
+"""Ranges up to this are dropped, as the report has it: dust on the window reads as centimetres."""
 SIDE_FROM_RAD = 0.1 * math.pi
 SIDE_TO_RAD = 0.6 * math.pi
 NEAREST_COUNT = 3
@@ -47,7 +47,8 @@ class WallMeasures:
 def measured(scan: Scan, side: Literal["left", "right"], *, by_the_letter: bool = False) -> WallMeasures | None:
     """Return the measures of the wall on a side; None with fewer than three usable ranges in its sector.
 
-    by_the_letter: sector from straight ahead on, and its second (left) or last (right) beam as the range ahead.
+    by_the_letter: sector from straight ahead on, as in the report's text, and its second (left) or last (right) beam as
+    the range ahead, as in its code.
     """
     sign = 1.0 if side == "left" else -1.0
     from_rad = 0.0 if by_the_letter else SIDE_FROM_RAD
@@ -71,7 +72,7 @@ def measured(scan: Scan, side: Literal["left", "right"], *, by_the_letter: bool 
 def range_ahead_m(scan: Scan) -> float:
     """Return the mean of the three nearest usable ranges straight ahead, infinity when there are none.
 
-    Infinity here is the report's own reading of "no echo" and one of its weaknesses.
+    The report has no rule for "no echo": its comparisons then find nothing near. That is one of its weaknesses.
     """
     ranges_m = scan.ranges_m[sector(scan, -AHEAD_RAD, AHEAD_RAD)]
     usable_m = ranges_m[ranges_m > NONSENSE_BELOW_M]

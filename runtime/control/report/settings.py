@@ -31,8 +31,8 @@ class ReportFollowSettings(Section):
     corner_ahead_m: Annotated[float, Field(ge=0, le=10)] = 2.0
     """Maximum range ahead of a corner under the rule of Lab 3. 0: no corner rule, of either lab."""
     by_the_letter: bool = False
-    """Side sector from straight ahead on, and one beam as the range ahead, as the report has them; false: the sector
-    begins at 18 degrees, and ahead is the mean of the three nearest within half a degree."""
+    """Side sector from straight ahead on, as the report's text has it, and one beam as the range ahead, as its code has
+    it; false: the sector begins at 18 degrees, and ahead is the mean of the three nearest within half a degree."""
     expires_after_s: Annotated[float, Field(gt=0, le=0.2)] = 0.15
     """Lifetime of a navigation command, counted from its scan."""
 

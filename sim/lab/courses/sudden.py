@@ -1,4 +1,4 @@
-"""The 28 sudden obstacles with a driver at the wheel: their shapes, places, and the drivers' reactions.
+"""Sudden obstacles with a driver at the wheel: their shapes, places, and the drivers' reactions.
 
 `lab safety` names such a run by four terms, "human corridor 0.3-left 0.9m"; the last is the distance from the lidar.
 

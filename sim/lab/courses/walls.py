@@ -1,6 +1,7 @@
 """Courses of `lab walls`: start, followed wall and length of each run.
 
-t1 to t5 are the lab report's own: 0.5 or 1.5 m from a straight wall, 20 degrees toward it or away; an inside corner.
+t1 to t5 are the lab report's tests: close to a wall or far, facing it or away, and a corner. It gives no numbers; ours
+are 0.5 and 1.5 times the wanted distance from a straight wall, 20 degrees, and an inside corner.
 "Clean" means 0.02 m of noise and 2 % of wild beams; "dirty" adds smudges on the window from the first scan on, "rough"
 30 mrad of mechanical trim, 60 ms from scan to wire and 30 mm of noise.
 """

@@ -1,7 +1,8 @@
-"""Every number of the lab report's section 3: gains and errors, optima, trials, obstacles. Nothing here is ours.
+"""Every number of the lab report's evaluation: gains and errors, optima, trials, obstacles. Nothing here is ours.
 
 The report (6.141 RSS, Lab 3, 5 March 2022): a car with L = 0.33 m and delta_max = 0.34 rad, 1 m to the wall wanted. It
-does not give the speed, the start distances and angles, the length of a run, nor the grid of its 25 trials.
+does not give the speed, the start distances and angles, the kind of corner, the length of a run, nor the grid of its 25
+trials.
 """
 
 from collections.abc import Mapping
@@ -48,6 +49,7 @@ NOT_STOPPED = ((0.3, 3.0), (0.3, 4.0))
 """Distance [m] and speed [m/s] of the two obstacles that were hit."""
 STOPPED, OBSTACLES = 26, 28
 EFFECTIVENESS, ERROR_RATIO = 0.929, 0.071
+"""Shares of the obstacles that were not hit, and that were."""
 STOP_BELOW_M, TURN_BELOW_M = 0.9329, 1.5
 
 
