@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -178,8 +179,11 @@ def _varied(words: str, plan: ReportPlan, rows: Sequence[Row]) -> tuple[str, ...
 
 def final_gains(plan: ReportPlan, rows: Rows) -> TabledCell:
     """Return both errors with the final gains: the law's own, which the report has, and the simulator's truth."""
+    own: Any = plan.settings(REPORT_LAW).wall_follow
     names = {
-        "report": "the report's pair",
+        "report": "the report's pair"
+        if (own.kp, own.kd) == published.FINAL
+        else f"its law with {own.kp:g}, {own.kd:g}",
         "averaged": "the average of its law's optima here",
         "ours": f"{title_of(plan.law)}, its own gains",
     }

@@ -227,7 +227,7 @@ def test_every_number_of_the_report_stands_in_the_document(rows):
 def as_published(factor=1.0):
     """Rows of a gain table whose errors are the report's, times a factor."""
     return [
-        {"law_error_m": factor * error, "outcome": "driven", "test": test, "limit_m": None}
+        {"law_error_m": factor * error, "true_error_m": error, "outcome": "driven", "test": test, "limit_m": None}
         for half in ("kd", "kp")
         for line in published.ERRORS_M[half]
         for test, error in zip(published.TESTS, line, strict=True)
@@ -274,6 +274,8 @@ def test_errors_of_other_pairs_are_not_set_beside_the_reports():
     half = as_published()[:30]
     (table,) = tables.gains(plan, REPORT_LAW, half)
     assert not any("(" in cell for row in table.rows for cell in row[1:])
+    final = tables.final_gains(plan, {"report": half[:5]})
+    assert final.rows[0][0].startswith("its law with 1.2, 1.6:"), "not the report's pair"
     trends = tables.trends(plan, {f"gains {law}": half for law in (REPORT_LAW, ALONE_LAW)})
     assert {row[-1] for row in trends.rows} == {"-"}
     assert "in 0 of 0" in trends.notes[0]
