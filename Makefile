@@ -11,7 +11,7 @@ sim: $(KERNEL)
 	$(BIN)/wallride sim $(ARGS)
 
 test: $(KERNEL)
-	$(BIN)/pytest -q -n auto $(ARGS)
+	$(BIN)/pytest -q -n 4 --dist worksteal $(ARGS)
 
 check: $(READY)
 	$(BIN)/ruff format --check .
