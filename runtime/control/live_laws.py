@@ -54,8 +54,8 @@ class LiveLaws:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """Faults of the lidar's window and of own laws, in sentences for the user."""
-        return (*self.guard.words, *filter(None, [self.own_law_fault]))
+        """Faults of the lidar's window, implausible sensor data, faults of own laws, in sentences for the user."""
+        return (*self.guard.words, *self.plausibility.words, *filter(None, [self.own_law_fault]))
 
     @property
     def own_law_fault(self) -> str:

@@ -34,7 +34,7 @@ class SweptSafetySettings(SweptSettings):
     binds_teleop: bool = False
     """Safety limits manual driving as well; it then needs a working lidar."""
     odometry_check: bool = True
-    """Compare wheel odometry with the scans; false where they are not from one drive, or the wheels are in the air."""
+    """Compare wheel odometry with the scans over the first 0.3 m; false where they are not from one drive."""
     expires_after_s: Annotated[float, Field(gt=0, le=0.2)] = 0.15
     """Lifetime of a speed limit, counted from its scan."""
     backs_out: bool = True

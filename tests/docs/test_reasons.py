@@ -36,6 +36,7 @@ NO_REASONS = frozenset(
         "see the car itself, or dirt, and are ignored", ".+ beams around .+ deg .+",
         "almost no beam has an echo: uncover or clean the lidar",
         " .+ times in a row",  # a part of a reason
+        "the wheels turn and the scan stands (wheels in the air?): it does not back out",
         # counted and logged: the command is not obeyed, and the car does what it did before
         "release everything first, then press", "an unreadable command", "an operator without a name",
         "another operator drives; take over, or wait", ".+ said goodbye", ".+ reset the e-stop",

@@ -74,7 +74,7 @@ async def test_a_lidar_that_repeats_one_scan_stops_the_car_and_is_named(tmp_path
     async with bench(tmp_path) as car:
         await car.until_driving()
         car.scip.frozen = True
-        await car.until(lambda: any("the lidar repeats its scans" in line for line in car.runtime.log), "it is said")
+        await car.until(lambda: any("the lidar repeats one scan" in line for line in car.runtime.log), "it is said")
         await car.until(lambda: car.wheel_mps == 0, "standing")
         car.scip.frozen = False
         await car.until_driving()

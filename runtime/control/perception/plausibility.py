@@ -1,41 +1,46 @@
 """Plausibility check of the wheels against the lidar: contradicting sensors stop the car.
 
-Independent of laws and devices, for each pair of scan and motor report:
+Three checks of each pair of scan and motor report, independent of laws and devices:
 
-* Does the lidar measure? Scans of the last ten seconds that come again bit for bit, one of them or a loop of many,
-  while the wheels turned 0.3 m, are stored ones, not measurements.
-* Does the scene move as the wheels say? All along the drive, each scan is compared with one taken a quarter metre back
-  (`scene_agreement`). A scene that stands, jumps back or moves another way is told by a lidar that repeats itself, is
-  covered or turned, or by wheels that are not on the floor: nothing on the car knows which. Before the first agreement,
-  and after every lost link, the opposite direction means two phases of the motor, and another scale its gain.
+* Does the lidar measure? A scan repeated bit for bit while the wheels turned 0.3 m is a stored one, not a measurement.
+* Does the car move as its wheels say? Over the first 0.3 m, and again after every lost link, the scan's own motion is
+  compared with the odometry (`scan_shift`). Opposite directions: two phases of the motor are swapped, and the
+  controller cannot know. Another scale: the gain is wrong.
+* Does it move at all? Wheels in the air turn without moving the car. That is no fault, but such odometry cannot be used
+  to back out.
 
 Pure and deterministic; slow computations run in `learn`, after the answer is sent.
 """
 
 import math
-from collections import deque
+from dataclasses import dataclass
 
 from drivers.api import MotorState, Scan
-from runtime.control.perception.odometry import Odometry
-from runtime.control.perception.scan_shift import Agreement
-from runtime.control.perception.scene_agreement import SceneAgreement
+from runtime.control.perception.odometry import Odometry, OdometryState
+from runtime.control.perception.scan_shift import Agreement, compare_shift
 from runtime.control.vehicle import CarSettings
 
 FROZEN_AFTER_M = 0.3
-REMEMBERS_SCANS = 400
+CHECKED_OVER_M = 0.3
+CHECK_WITHIN_S = 5.0
+"""Maximum duration of one check; a slower start is measured anew, because the surroundings change."""
 WITNESSES = 2
-"""Number of comparisons that must contradict the odometry, without one between them that agrees."""
-AGREES_AGAIN = 16
-"""Number of comparisons in a row, over about a metre, after which a lidar is trusted again."""
-RESTARTED_AFTER_S = 1.0
-"""Minimum gap between two scans of a lidar that was restarted."""
+"""Minimum number of consecutive scans that must contradict the odometry."""
 STANDS_FOR_S = 1.0
 STANDING_MPS = 0.05
-FROZEN = "the lidar repeats its scans: power-cycle it, check its cable"
+FROZEN = "the lidar repeats one scan: power-cycle it, check its cable"
 BACKWARDS = "runs backwards: swap two phases of the motor"
-STANDS = "the wheels turn and the scan does not move with them: uncover and power-cycle the lidar, wheels on the floor"
-TURNED = "the scan moves another way than the wheels: check how the lidar is mounted, lidar.yaw_rad, and power-cycle it"
+WHEELS_IN_THE_AIR = "the wheels turn and the scan stands (wheels in the air?): it does not back out"
 WRONG_SCALE = "the wheels' way is not the scan's: check motor.speed_to_erpm_gain and the lidar's mounting"
+
+
+@dataclass(frozen=True, slots=True)
+class _Start:
+    """Start of the distance being checked."""
+
+    scan: Scan
+    distance_m: float
+    pose: OdometryState
 
 
 class Plausibility:
@@ -46,33 +51,29 @@ class Plausibility:
     """
 
     def __init__(self, car: CarSettings) -> None:
+        self._car = car
         self._odometry = Odometry(car.wheelbase_m)
-        self._scene = SceneAgreement(car.lidar_m)
-        self._order: deque[int] = deque()
-        self._seen: set[int] = set()
-        self._repeats = False
+        self._samples = b""
         self._changed_at_m: float | None = None
         self._unlearnt: tuple[Scan, MotorState | None, bool] | None = None
         self._is_compared = False  # of the unlearnt scan's samples
         self._stood_since_s: float | None = None
-        self._stamp_s = math.nan
-        self._contradicts = 0
-        self._agrees = 0
+        self._witnesses = 0
         self._confirmed = False
-        self._frozen = ""
-        self._contradiction = ""
+        self._start: _Start | None = None
+        self.lidar_doubt = ""
         self.motor_doubt = ""
         self.believed = True
-
-    @property
-    def lidar_doubt(self) -> str:
-        """Reason why the lidar is not trusted, "" while it is."""
-        return self._frozen or self._contradiction
 
     @property
     def doubt(self) -> str:
         """Reason why the car must stand, "" while the sensors are consistent."""
         return self.lidar_doubt or self.motor_doubt
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """Warnings for the user that do not stop the car."""
+        return () if self.believed or self.doubt else (WHEELS_IN_THE_AIR,)
 
     def look(self, scan: Scan, motor: MotorState | None, *, odometry_check: bool = True) -> None:
         """Process one scan and the newest motor report; odometry_check: whether the two belong to one drive."""
@@ -81,26 +82,20 @@ class Plausibility:
         self._unlearnt, at_m = (scan, motor, odometry_check), self._changed_at_m
         # Before the wheels have turned so far, the comparison decides nothing, and waits for `learn`.
         far = motor is not None and at_m is not None and abs(motor.distance_m - at_m) >= FROZEN_AFTER_M
-        self._is_compared = far or self._frozen != ""
+        self._is_compared = far or self.lidar_doubt != ""
         if self._is_compared:
             self._compare(scan, motor)
 
     def _compare(self, scan: Scan, motor: MotorState | None) -> None:
-        """Compare the samples with those of the last scans."""
-        samples = hash(scan.ranges_m.tobytes())
-        self._repeats = samples in self._seen
-        if not self._repeats:
-            if len(self._order) == REMEMBERS_SCANS:
-                self._seen.discard(self._order.popleft())
-            self._order.append(samples)
-            self._seen.add(samples)
-        if motor is None or not self._repeats:
-            self._frozen = ""
+        """Compare the samples with those of the last scan."""
+        samples = scan.ranges_m.tobytes()
+        if motor is None or samples != self._samples:
+            self._samples, self.lidar_doubt = samples, ""
             self._changed_at_m = motor.distance_m if motor is not None else None
         elif self._changed_at_m is None:
             self._changed_at_m = motor.distance_m
         elif abs(motor.distance_m - self._changed_at_m) >= FROZEN_AFTER_M:
-            self._frozen = FROZEN
+            self.lidar_doubt = FROZEN
 
     def learn(self) -> None:
         """Compare the last scan's samples with the one before, and its motion with the odometry's. Idempotent."""
@@ -116,12 +111,11 @@ class Plausibility:
             self._begin_anew()
         elif self.motor_doubt:
             self._await_standstill(scan, motor)
-        else:
+        elif not self._confirmed:
             self._check(scan, motor)
 
     def _begin_anew(self) -> None:
-        self._confirmed, self._contradicts, self._contradiction = False, 0, ""
-        self._scene.forget()
+        self._confirmed, self._start, self._witnesses = False, None, 0
         self._odometry.update(None)
 
     def _await_standstill(self, scan: Scan, motor: MotorState) -> None:
@@ -133,31 +127,33 @@ class Plausibility:
             self._begin_anew()
 
     def _check(self, scan: Scan, motor: MotorState) -> None:
-        pose, gap_s = self._odometry.update(motor), scan.stamp_s - self._stamp_s
-        self._stamp_s = scan.stamp_s
-        if gap_s < 0.0 or gap_s > RESTARTED_AFTER_S:
-            self._scene.forget()
-            self._contradicts, self._contradiction = 0, ""
-        found = self._scene.learn(scan, pose, confirmed=self._confirmed) if not self._repeats else None
-        if found is not None and found is not Agreement.UNKNOWN:
-            self._conclude(found)
+        pose = self._odometry.update(motor)
+        start = self._start
+        stands = abs(motor.speed_mps) <= STANDING_MPS
+        if start is None or stands or scan.stamp_s - start.scan.stamp_s > CHECK_WITHIN_S:
+            self._start = _Start(scan, motor.distance_m, pose)
+        elif abs(motor.distance_m - start.distance_m) >= CHECKED_OVER_M + 0.1 * self._witnesses:
+            self._conclude(compare_shift(start.scan, scan, _moved(start.pose, pose), self._car.lidar_m))
 
     def _conclude(self, found: Agreement) -> None:
-        if found is Agreement.AGREES:
-            self._contradicts, self._agrees = 0, self._agrees + 1
-            self._confirmed = self.believed = self._contradiction == "" or self._agrees >= AGREES_AGAIN
-            if self.believed:
-                self._contradiction = ""
-            return
-        if found is Agreement.FARTHER and self._confirmed:  # locked wheels slide
-            return
-        self._agrees, self._contradicts = 0, self._contradicts + 1
-        if found is Agreement.STANDS:
-            self.believed = False
-        if self._contradicts < WITNESSES:
-            return
-        self.believed = False
-        if not self._confirmed and found in {Agreement.OPPOSITE, Agreement.FARTHER}:
-            self.motor_doubt = BACKWARDS if found is Agreement.OPPOSITE else WRONG_SCALE
-        else:
-            self._contradiction = TURNED if found is Agreement.TURNED else STANDS
+        match found:
+            case Agreement.AGREES:
+                self._confirmed = self.believed = True
+            case Agreement.STANDS:
+                self.believed, self._start = False, None
+            case Agreement.UNKNOWN:
+                self._start = None
+            case _:
+                self._witnesses += 1
+                if self._witnesses < WITNESSES:
+                    return
+                self.motor_doubt = BACKWARDS if found is Agreement.OPPOSITE else WRONG_SCALE
+                self.believed = False
+        self._witnesses = 0
+
+
+def _moved(start: OdometryState, end: OdometryState) -> tuple[float, float, float]:
+    """Return the shift x_m, y_m, yaw_rad of base_link from one pose to another, in the frame of the first."""
+    dx, dy = end.x_m - start.x_m, end.y_m - start.y_m
+    cos, sin = math.cos(start.yaw_rad), math.sin(start.yaw_rad)
+    return cos * dx + sin * dy, cos * dy - sin * dx, math.remainder(end.yaw_rad - start.yaw_rad, math.tau)

@@ -175,13 +175,13 @@ def test_a_contradiction_between_wheels_and_scans_is_latched_as_a_motor_fault_un
 def test_a_lidar_that_repeats_itself_takes_the_permit_back_and_again_when_it_measures():
     doubt = [""]
     ward = Ward(lidar_doubt=lambda: doubt[0])
-    doubt[0] = "the lidar repeats its scans"
+    doubt[0] = "the lidar repeats one scan"
     ward.look()
     ward.look()
-    assert ward.rearmed == ["the lidar repeats its scans; permit again"]
+    assert ward.rearmed == ["the lidar repeats one scan; permit again"]
     doubt[0] = ""
     ward.look()
-    assert ward.rearmed == ["the lidar repeats its scans; permit again"] * 2
+    assert ward.rearmed == ["the lidar repeats one scan; permit again"] * 2
     assert not ward.e_stop.latched
 
 

@@ -82,10 +82,6 @@ MATRIX: Final[Sequence[Fault]] = (
     Fault(LIDAR, "does not tell version or state (VV, II)", "drives on, said", "-",
           HOKUYO_SENSORS + "test_a_sensor_that_does_not_tell_what_is_for_people_is_driven_by_and_said"),
     Fault(LIDAR, "frozen", "named, brake", SELF, INJECTED, (), HARD_S),
-    Fault(LIDAR, "repeats old scans with noise, turned, far cover", "named, brake within half a metre",
-          "the scan agrees with the wheels for a metre by hand, or the lidar is restarted; permit again",
-          "tests/system/test_untrue_scans.py::"
-          "test_a_lidar_that_stops_telling_the_truth_is_named_and_the_car_stands_within_half_a_metre"),
     Fault(LIDAR, "clock jumps ahead", "brake until the new clock is believed", SELF, INJECTED, (), SOFT_S),
     Fault(LIDAR, "clock jumps back", "brake until the new clock is believed", SELF, INJECTED, (), SOFT_S),
     Fault(LIDAR, "covered", "no echo anywhere is not free: brake", SELF, INJECTED, ("26", "29"), SOFT_S),
