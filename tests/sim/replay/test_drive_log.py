@@ -15,7 +15,7 @@ def test_a_whole_file_holds_what_was_recorded(dead_end):
     assert log.is_ours
     assert not log.notes
     assert log.fact("car") == "car1"
-    assert len(log.of(topics.SCAN)) == 359
+    assert len(log.of(topics.SCAN)) == 360
     assert decode(log.of(topics.SCAN)[0]).ranges.size == 1081
     assert "[wall_follow]" in log.settings_text
     statuses = list(log.json(topics.STATUS))

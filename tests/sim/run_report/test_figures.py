@@ -40,7 +40,7 @@ def test_the_score_is_the_cars_own(run, last_status):
         assert found["distance_error"][name] == pytest.approx(last_status["distance_error"][name], abs=1e-4)
     assert found["scan_to_motor_ms"] == last_status["scan_to_motor_ms"]
     assert found["winners"] == {name: round(s, 2) for name, s in last_status["seconds_by_winner"].items()}
-    assert found["scans"] == 359
+    assert found["scans"] == 360
 
 
 def test_standing_does_not_count_in_the_cars_own_score():
