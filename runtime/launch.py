@@ -6,6 +6,7 @@ import gc
 import logging
 import sys
 import time
+import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -49,6 +50,10 @@ SWITCH_S: Final = 5e-4
 """Time after which a thread that computes in Python leaves the interpreter to another, in a car with laws of the user:
 the loop waits that long after each system call. Python's own 5 ms let one busy thread of a law hold up the car for half
 a second; without such a thread they keep the recorder from interrupting an answer."""
+
+
+CAST_BUFFER: Final = 2048
+"""Numbers that numpy casts at a time. Where it finds no memory for them (64 KiB by default), it ends the process."""
 
 
 class BrakingMotor(Protocol):
@@ -96,6 +101,7 @@ def main(
     warnings: reported to the owner first. joystick: a gamepad on the car itself.
     """
     scheduling = keep_for_this_thread()
+    np.setbufsize(CAST_BUFFER)
     if loaded_files():
         sys.setswitchinterval(SWITCH_S)
     with journal(settings.log.level, settings.log.format):
@@ -107,7 +113,12 @@ def main(
         with awake(wanted=settings.process.stay_awake) as words:
             log.info("%s", words)
             motors: list[BrakingMotor] = []
-            with braking_last(motors), asyncio.Runner(loop_factory=punctual_loop) as runner, braking_last(motors):
+            with (
+                ending_without_memory(),
+                braking_last(motors),
+                asyncio.Runner(loop_factory=PunctualLoop) as runner,
+                braking_last(motors),
+            ):
                 runner.run(_drive(settings, files, sessions, compiled, motors.append, joystick))
 
 
@@ -139,11 +150,39 @@ def braking_last(motors: Sequence[BrakingMotor]) -> Iterator[None]:
         atexit.unregister(brake)
 
 
-def punctual_loop() -> asyncio.AbstractEventLoop:
-    """Return an event loop whose timers are accurate to 0.1 ms, and whose other threads do not hold it up."""
-    loop = asyncio.SelectorEventLoop(CheckedSelector())
-    loop.set_default_executor(ThreadPoolExecutor(thread_name_prefix="asyncio", initializer=ask_for_precedence))
-    return loop
+@contextmanager
+def ending_without_memory() -> Iterator[None]:
+    """Have a drive that what decides or drives could not go on with for want of memory end with a sentence."""
+    try:
+        yield
+    except (BaseExceptionGroup, MemoryError) as error:
+        first: BaseException = error
+        while isinstance(first, BaseExceptionGroup):
+            if first.split(MemoryError)[1] is not None:
+                raise
+            first = first.exceptions[0]
+        place = traceback.extract_tb(first.__traceback__)[-1]
+        log.error(
+            "out of memory (%s:%d): the car was braked and wallride ends; see what else uses memory, "
+            "or raise the limit (MemoryMax= of the service)", Path(place.filename).name, place.lineno,
+        )  # fmt: skip
+        raise SystemExit(1) from None
+
+
+class PunctualLoop(asyncio.SelectorEventLoop):
+    """An event loop whose timers are accurate to 0.1 ms, and whose other threads do not hold it up."""
+
+    def __init__(self) -> None:
+        super().__init__(CheckedSelector())
+        self._threads = ThreadPoolExecutor(thread_name_prefix="asyncio", initializer=ask_for_precedence)
+        self.set_default_executor(self._threads)
+
+    async def shutdown_default_executor(self, timeout: float | None = None) -> None:  # noqa: ARG002, ASYNC109
+        """Take no more work. The base class starts one more thread for it, which there may be no memory for.
+
+        Python itself waits for the threads at the exit.
+        """
+        self._threads.shutdown(wait=False)
 
 
 async def _drive(
@@ -220,7 +259,7 @@ async def _close(opening: asyncio.Task[None], bus: CarBus, close_recorder: Calla
         await asyncio.wait({opening})
         await bus.close()
     finally:
-        await asyncio.to_thread(close_recorder)
+        close_recorder()  # the car stands, and a thread for it may not be had
 
 
 async def _open(car: Car, bus: CarBus, stop: asyncio.Event, address_file: Path | None) -> None:

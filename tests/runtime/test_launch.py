@@ -48,7 +48,7 @@ def test_a_loop_that_breaks_is_followed_by_a_brake():
     with (
         pytest.raises(ValueError, match="out of range"),
         launch.braking_last([motor]),
-        asyncio.Runner(loop_factory=launch.punctual_loop) as runner,
+        asyncio.Runner(loop_factory=launch.PunctualLoop) as runner,
         launch.braking_last([motor]),
     ):
         runner.run(drive())
@@ -120,10 +120,41 @@ def test_every_thread_of_python_asks_for_precedence_first(tmp_path, monkeypatch)
     asked = []
     for module in (launch, logging_setup, recorder):
         monkeypatch.setattr(module, "ask_for_precedence", lambda: asked.append(threading.current_thread().name))
-    with logging_setup.journal("INFO", "text"), asyncio.Runner(loop_factory=launch.punctual_loop) as runner:
+    with logging_setup.journal("INFO", "text"), asyncio.Runner(loop_factory=launch.PunctualLoop) as runner:
         runner.run(asyncio.to_thread(time.monotonic))
     of_drives = Drive(tmp_path).recorder
     of_drives.start()
     of_drives.close()
     assert [name.partition("_")[0] for name in asked[1:]] == ["asyncio", "recorder"]
     assert "_monitor" in asked[0], "the log's"
+
+
+def test_the_loop_ends_without_one_more_thread(monkeypatch):
+    """There may be no memory for it: the start of a thread wants some."""
+
+    def no_thread(_thread):
+        raise RuntimeError("can't start new thread")
+
+    with monkeypatch.context() as patch, asyncio.Runner(loop_factory=launch.PunctualLoop) as runner:
+        runner.run(asyncio.to_thread(time.monotonic))
+        patch.setattr(threading.Thread, "start", no_thread)
+
+
+async def test_a_drive_without_memory_ends_with_a_sentence(caplog):
+    async def follow():
+        raise MemoryError
+
+    async def drive():
+        async with asyncio.TaskGroup() as devices, asyncio.TaskGroup() as tasks:
+            devices.create_task(asyncio.sleep(60))
+            tasks.create_task(follow())
+
+    with pytest.raises(SystemExit) as ended, launch.ending_without_memory():
+        await drive()
+    assert ended.value.code == 1
+    assert "out of memory (test_launch.py:" in caplog.text
+
+
+def test_an_error_beside_the_want_of_memory_is_shown_whole():
+    with pytest.raises(ExceptionGroup), launch.ending_without_memory():
+        raise ExceptionGroup("", [MemoryError(), ValueError()])

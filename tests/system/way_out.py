@@ -50,7 +50,7 @@ def _watch(loop: asyncio.AbstractEventLoop, file: Path) -> None:
 
 
 if __name__ == "__main__":
-    original = launch.punctual_loop
+    original = launch.PunctualLoop
 
     def watched_loop() -> asyncio.AbstractEventLoop:
         loop = original()
@@ -58,7 +58,7 @@ if __name__ == "__main__":
         threading.Thread(target=_watch, args=(loop, file), daemon=True).start()
         return loop
 
-    launch.punctual_loop = watched_loop
+    launch.PunctualLoop = watched_loop
     from wallride.cli import main
 
     sys.exit(main())

@@ -28,7 +28,8 @@ def seen_again(ranges_m: Floats, beams: Beams, places: Places, angle_min_rad: fl
     away_m, at_beam = _polar(places, angle_min_rad, angle_step_rad)
     inside = (at_beam > -1.0) & (at_beam < ranges_m.size) & (away_m < ranges_m[beams].max() + SAME_PLACE_M)
     off_m = np.abs(ranges_m[beams][:, None] - away_m[inside])
-    off_beams = np.abs(beams[:, None] - at_beam[inside])
+    # Cast before: numpy 2.4 crashes where it finds no memory for its own buffers of a cast.
+    off_beams = np.abs(beams.astype(np.float64)[:, None] - at_beam[inside])
     again: Booleans = ((off_m < SAME_PLACE_M) & (off_beams <= SAME_PLACE_BEAMS)).any(axis=1)
     return again
 

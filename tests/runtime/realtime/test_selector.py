@@ -9,7 +9,7 @@ import socket
 
 import pytest
 
-from runtime.launch import punctual_loop
+from runtime.launch import PunctualLoop
 from runtime.realtime.selector import CheckedSelector
 
 READ = selectors.EVENT_READ
@@ -52,5 +52,5 @@ def test_the_cars_loop_reads_and_writes_with_it():
             writer.close()
             return len(answer)
 
-    with asyncio.Runner(loop_factory=punctual_loop) as runner:
+    with asyncio.Runner(loop_factory=PunctualLoop) as runner:
         assert runner.run(story()) == 1 << 20
