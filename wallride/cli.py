@@ -26,7 +26,7 @@ from wallride import (
 )
 from wallride.bringup import calibrate_options, doctor_options, emulate_options, import_options
 from wallride.deploy import options as deploy_options
-from wallride.failure import TRACEBACK_VARIABLE, USAGE_ERROR, fail, needs, report
+from wallride.failure import TRACEBACK_VARIABLE, USAGE_ERROR, ask_again_for_lost_interrupts, fail, needs, report
 from wallride.fleet import options as fleet_options
 from wallride.new import options as new_options
 from wallride.parser import DEFAULT_CONFIG, Parser, add_set, default_config
@@ -61,6 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def command() -> int:
     """Run the command of this process; the threads and exit handlers of an own law do not put its end off."""
     code = 1
+    ask_again_for_lost_interrupts()
     try:
         code = main()
     finally:

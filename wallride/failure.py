@@ -1,7 +1,9 @@
 """Errors that the user can correct: one sentence on stderr and exit code 2; and those that nothing expected."""
 
 import os
+import signal
 import sys
+import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,6 +12,7 @@ from runtime.host.terminal_text import one_line, say
 
 USAGE_ERROR = 2
 UNEXPECTED = 1
+ASKED_AGAIN_S = 0.02
 TRACEBACK_VARIABLE = "WALLRIDE_TRACEBACK"
 """Environment variable: with any value, an unexpected exception is shown whole."""
 LAST_ERROR = "last-error.txt"
@@ -20,6 +23,21 @@ def fail(message: str) -> int:
     """Print the error in one line and return its exit code."""
     say(f"wallride: {one_line(message)}", file=sys.stderr)
     return USAGE_ERROR
+
+
+def ask_again_for_lost_interrupts() -> None:
+    """Raise a Ctrl-C anew that Python has printed as "ignored": imports have callbacks that lose exceptions."""
+    shown = sys.unraisablehook
+
+    def ask_again(lost: "sys.UnraisableHookArgs") -> None:
+        if not issubclass(lost.exc_type, KeyboardInterrupt):
+            shown(lost)
+            return
+        again = threading.Timer(ASKED_AGAIN_S, signal.raise_signal, (signal.SIGINT,))  # here it would be lost as well
+        again.daemon = True
+        again.start()
+
+    sys.unraisablehook = ask_again
 
 
 @contextmanager

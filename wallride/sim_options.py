@@ -90,6 +90,6 @@ def run(options: argparse.Namespace) -> int:
 
     stop = StopRequest()
     with stop.listening():
-        with needs("sim", "the simulator needs"):
+        with needs("sim", "the simulator needs"), stop.loading():
             from sim.live.command import simulate
         return simulate(options, stop)

@@ -56,10 +56,11 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
     """
     console = Console(stderr=True)
     try:
-        config = options.config or find_config()
-        saved = saved_settings(config)
-        scenario = read_scenario(options, config)
-        settings = load_settings(config, options.assignments, saved, laws=True)
+        with stop.loading():
+            config = options.config or find_config()
+            saved = saved_settings(config)
+            scenario = read_scenario(options, config)
+            settings = load_settings(config, options.assignments, saved, laws=True)
         if saved.exists():
             console.print(f"[dim]with what was saved in {saved} (delete it to forget)[/dim]", soft_wrap=True)
         _check_outputs(options)

@@ -1,5 +1,10 @@
 """An exception that nothing expected is a sentence; the details are kept."""
 
+import sys
+import threading
+import weakref
+from types import SimpleNamespace
+
 import pytest
 
 from wallride import cli, failure
@@ -42,3 +47,24 @@ def test_it_is_raised_for_who_asks(monkeypatch):
     monkeypatch.setenv(failure.TRACEBACK_VARIABLE, "1")
     with pytest.raises(ValueError, match="odd"):
         cli.main(["broken"])
+
+
+def test_a_ctrl_c_that_is_lost_in_a_callback_comes_again(monkeypatch):
+    def interrupted(_reference):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
+    failure.ask_again_for_lost_interrupts()
+    things = [{1}]
+    _reference = weakref.ref(things[0], interrupted)
+    things.clear()
+    with pytest.raises(KeyboardInterrupt):
+        threading.Event().wait(10.0)
+
+
+def test_other_lost_errors_are_shown_as_ever(monkeypatch):
+    shown = []
+    monkeypatch.setattr(sys, "unraisablehook", shown.append)
+    failure.ask_again_for_lost_interrupts()
+    sys.unraisablehook(lost := SimpleNamespace(exc_type=ValueError))
+    assert shown == [lost]

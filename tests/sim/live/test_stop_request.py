@@ -2,14 +2,18 @@
 
 import os
 import signal
-from types import SimpleNamespace
+import sys
+from argparse import Namespace
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
 
+from sim.live.command import simulate
 from sim.live.record import Record
 from sim.live.session import SessionError, SimulatorSession
 from sim.live.stop_request import StopRequest
+from wallride import sim_options
 
 
 def send(number):
@@ -71,3 +75,18 @@ async def test_a_stop_while_the_car_starts_waits_for_nothing(tmp_path):
     process: Any = SimpleNamespace(exit_code=None)
     with pytest.raises(SessionError, match="before the car had started"):
         await SimulatorSession._until_up(session, emulator, process, tmp_path / "address", lambda _record: None, stop)
+
+
+def test_a_simulator_that_is_still_imported_ends_at_once(monkeypatch):
+    module = ModuleType("sim.live.command")
+    module.__getattr__ = lambda _name: send(signal.SIGINT)  # type: ignore[method-assign]
+    monkeypatch.setitem(sys.modules, "sim.live.command", module)
+    with pytest.raises(KeyboardInterrupt):
+        sim_options.run(Namespace())
+
+
+def test_a_simulation_that_still_reads_its_settings_ends_at_once(monkeypatch):
+    monkeypatch.setattr("sim.live.command.find_config", lambda: send(signal.SIGINT))
+    stop = StopRequest()
+    with stop.listening(), pytest.raises(KeyboardInterrupt):
+        simulate(Namespace(config=None), stop)
