@@ -4,7 +4,8 @@ Run: python -m benchmarks.ctrl_c [--moments 200] [--load 2] [--only monitor,run]
 
 A car with emulated devices runs beside all of them; `run` and `sim` have devices of their own. Each process gets a
 terminal and one SIGINT after 0.05 to 6 s; the monitor's page is open in a browser's place by then. Exit code 1 where
-one took longer than LIMIT_S, or had to be killed: it prints what that process wrote.
+one took longer than LIMIT_S, or had to be killed: it prints what that process wrote, and how much of the processors
+it had in that time; the rest it waited.
 """
 
 import argparse
@@ -15,6 +16,7 @@ import os
 import pty
 import random
 import re
+import resource
 import signal
 import sys
 import tempfile
@@ -41,18 +43,19 @@ DRIVING: Final = (
 
 @dataclass(frozen=True)
 class Ending:
-    """How a process ended. said: what it wrote."""
+    """How a process ended. computed_s: time of the processors from the signal on. said: what it wrote."""
 
     command: str
     delay_s: float
     took_s: float
+    computed_s: float
     code: int
     said: bytes
 
     @property
     def is_late(self) -> bool:
-        """Tell whether the user had to wait."""
-        return self.took_s > LIMIT_S
+        """Tell whether the user had to wait, or the process crashed."""
+        return self.took_s > LIMIT_S or self.code < 0 and -self.code != signal.SIGINT
 
 
 def commands(car: str, own: str) -> dict[str, list[str]]:
@@ -91,7 +94,10 @@ async def main() -> int:
                 end = await interrupted(name, offered[name], chance.uniform(*MOMENTS_S))
                 ends[name].append(end)
                 if end.is_late:
-                    print(f"{name}: {end.took_s:.2f} s, interrupted after {end.delay_s:.2f} s, exit code {end.code}")
+                    print(
+                        f"{name}: {end.took_s:.2f} s, of these {end.computed_s:.2f} s computing, interrupted after "
+                        f"{end.delay_s:.2f} s, exit code {end.code}, load {os.getloadavg()[0]:.0f}"
+                    )
                     print(end.said.decode(errors="replace")[-2000:], flush=True)
     print(f"{'':10}{'moments':>8}{'median s':>10}{'longest s':>10}{'late':>6}  exit codes")
     for name, of_one in ends.items():
@@ -143,7 +149,7 @@ async def interrupted(name: str, arguments: list[str], delay_s: float) -> Ending
         loop.add_reader(master, lambda: said.extend(os.read(master, 65536)))
         visit = asyncio.create_task(look_at(said)) if name == "monitor" else None
         await asyncio.sleep(delay_s)
-        begin_s = time.monotonic()
+        begin_s, before_s = time.monotonic(), cpu_of_children_s() + cpu_of(process.pid)
         with contextlib.suppress(ProcessLookupError):
             process.send_signal(signal.SIGINT)
         try:
@@ -159,7 +165,19 @@ async def interrupted(name: str, arguments: list[str], delay_s: float) -> Ending
         loop.remove_reader(master)
         os.close(master)
         os.close(slave)
-    return Ending(name, delay_s, took_s, code, bytes(said))
+    return Ending(name, delay_s, took_s, cpu_of_children_s() - before_s, code, bytes(said))
+
+
+def cpu_of_children_s() -> float:
+    """Return the processors' time of the children that have ended, with theirs."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def cpu_of(pid: int) -> float:
+    """Return the processors' time of a process that runs, with its children's that have ended [s]."""
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
 
 
 async def look_at(said: bytearray) -> None:
