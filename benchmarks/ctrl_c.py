@@ -55,7 +55,7 @@ class Ending:
     @property
     def is_late(self) -> bool:
         """Tell whether the user had to wait, or the process crashed."""
-        return self.took_s > LIMIT_S or self.code < 0 and -self.code != signal.SIGINT
+        return self.took_s > LIMIT_S or (self.code < 0 and -self.code != signal.SIGINT)
 
 
 def commands(car: str, own: str) -> dict[str, list[str]]:
