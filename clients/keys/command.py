@@ -123,7 +123,7 @@ def _list(options: argparse.Namespace, car: str, now: datetime) -> list[str]:
         return _fleet_list(options, people, now)
     identity = _car_identity(options.dir)
     if options.json:
-        return [json.dumps(_listing(identity, people), indent=2)]
+        return json.dumps(_listing(identity, people), indent=2).splitlines()
     ends = identity.trouble(now) or identity.warning(now) or f"until {identity.expires:%Y-%m-%d}"
     lines = [f"{identity.name:{width}}  car       {ends}; reached as {', '.join(identity.names)}"]
     lines += [f"{e.person.name:{width}}  {e.person.role:8}  {_state(e, now)}" for e in people]
@@ -133,7 +133,7 @@ def _list(options: argparse.Namespace, car: str, now: datetime) -> list[str]:
 
 def _fleet_list(options: argparse.Namespace, people: Sequence[AccessEntry], now: datetime) -> list[str]:
     if options.json:
-        return [json.dumps({"people": _people(people)}, indent=2)]
+        return json.dumps({"people": _people(people)}, indent=2).splitlines()
     width = max(len(entry.person.name) for entry in people)
     lines = [f"{e.person.name:{width}}  {e.person.role:8}  {_state(e, now)}" for e in people]
     return [*lines, *open_to_others(options.dir)]
