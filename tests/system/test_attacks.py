@@ -102,8 +102,9 @@ class Stage:
     async def open(self) -> None:
         car = self.car
         self.at_car.listen(car, COMMAND)
-        self.at_car.listen(car, f"{HERE}/**")  # wider than the car's own ears, so that nothing goes unnoticed
-        self.at_car.watch(car, "wallride/**")
+        for parts in ("*", "*/*", "*/*/*"):  # wider than what the car subscribes to, so that nothing goes unnoticed
+            self.at_car.listen(car, f"{HERE}/{parts}")
+            self.at_car.watch(car, f"wallride/*/{parts}")
         for name in ASKED:
             car.answer(f"{HERE}/{name}", lambda payload, name=name: self._answer(name, payload))
         car.announce(f"{HERE}/alive")
@@ -277,9 +278,9 @@ async def test_each_of_these_attacks_succeeds_where_the_access_control_is_off(ke
         attacker = Attacker(attacking(stage, "bob", mode))
         answers = await assault(stage, attacker)
         hit = {key for key, _ in stage.at_car.evil()}
-        assert hit >= {COMMAND, *WILD, *OTHERS}
+        assert hit >= {COMMAND, *OTHERS}
         assert any(payload == b"" for _, payload in stage.at_car.samples), "deletes too"
-        assert stage.car.strays > 0, "wildcards reach even an exact subscription"
+        assert stage.car.strays >= len(WILD), "wildcards reach every subscription, and the bus drops them"
         assert {key for key, _ in stage.at_viewer.evil()} >= {STATUS, f"{HERE}/beat"}
         assert stage.at_car.tokens >= {"wallride/car2/alive", f"{HERE}/operator/alive/e0e0"}
         assert stage.at_operator.tokens >= {"wallride/car2/alive", "wallride/evil/alive"}
