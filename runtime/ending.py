@@ -1,8 +1,8 @@
 """Ends of tasks that come although the first request got lost.
 
 A cancellation is one exception at one `await`: code that catches it by mistake, or a library that loses it (in Python
-3.11 `asyncio.wait_for`, when the awaited future has just finished), goes on for ever, and with it whoever awaits its
-end. So it is asked for again.
+3.11 `asyncio.wait_for`, when the awaited future has just finished), goes on for ever, and so does the task that
+awaits its end. So it is asked for again.
 """
 
 import asyncio

@@ -56,7 +56,7 @@ def needs(extra: str, subject: str) -> Iterator[None]:
 
 
 def report(error: Exception, command: str, environment: Mapping[str, str] = os.environ) -> int:
-    """Say that a command failed, and keep the details for whoever mends it; returns the exit code."""
+    """Say that a command failed, and keep the details in a file; returns the exit code."""
     import traceback
 
     details = "".join(traceback.format_exception(error))

@@ -72,7 +72,7 @@ async def test_a_viewer_is_offered_everything_and_gets_the_cars_bytes(car, addre
         assert info["name"] == "car1"
         assert {"parameters", "clientPublish"} <= set(info["capabilities"])
         assert channels["/scan"]["schemaName"] == "sensor_msgs/msg/LaserScan"
-        assert not bus.wanted(key, encoding=encoding(topics.DISTANCE_ERROR)), "nobody looks yet"
+        assert not bus.wanted(key, encoding=encoding(topics.DISTANCE_ERROR)), "no viewer subscribes yet"
 
         ids = [channels[topic]["id"] for topic in ("/distance_error", "/status")]
         wishes = [{"id": place, "channelId": number} for place, number in enumerate(ids)]
