@@ -1,6 +1,7 @@
 """What every test has: own folders, laws in Python, a limit that holds; where it runs in real time, two reruns."""
 
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,10 @@ from hypothesis import settings as hypothesis_settings
 # How long an example takes is the machine's load, not the code's speed: benchmarks measure that.
 hypothesis_settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 hypothesis_settings.load_profile("untimed")
+
+# A shell lets what it starts in the background ignore Ctrl-C, and all that this starts in turn.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 with pytest.MonkeyPatch.context() as at_import:  # in this process only: those that a test starts drive in C
     at_import.setenv("WALLRIDE_COMPILED", "0")
