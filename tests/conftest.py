@@ -20,6 +20,7 @@ with pytest.MonkeyPatch.context() as at_import:  # in this process only: those t
     at_import.setenv("WALLRIDE_COMPILED", "0")
     from drivers import accelerated
     from runtime.control.own_laws import law_class
+    from tests.compiled_laws import put_c_in_place
     from tests.hard_limit import (  # noqa: F401 - hooks
         pytest_configure,
         pytest_runtest_call,
@@ -31,6 +32,8 @@ REAL_TIME = (
     "clients", "docs", "drivers", "runtime/host", "runtime/recording", "runtime/tasks", "runtime/wire", "sim/bench",
     "sim/devices", "sim/live", "system", "wallride",
 )  # fmt: skip
+IN_PYTHON = "runtime/control/", "runtime/kernel/"
+"""Tests of the laws' Python; tests/runtime/kernel lets the C answer beside it."""
 RERUNS = int(os.environ.get("WALLRIDE_RERUNS", "2"))
 
 
@@ -54,10 +57,16 @@ def recordings_go_elsewhere(tmp_path_factory):
         yield
 
 
-@pytest.fixture(scope="session", autouse=True)
-def the_laws_answer_in_python():
-    """The Python is what is tested; tests/runtime/kernel lets the C answer beside it."""
+@pytest.fixture(scope="module", autouse=True)
+def the_laws_answer_in_c(request):
+    """Let the laws answer in C, as they do for a user, but where the Python is what is tested."""
     assert not accelerated.in_c()
+    if request.path.relative_to(Path(__file__).parent).as_posix().startswith(IN_PYTHON):
+        yield
+        return
+    with pytest.MonkeyPatch.context() as patch:
+        put_c_in_place(patch)
+        yield
 
 
 @pytest.fixture(autouse=True)

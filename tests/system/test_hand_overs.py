@@ -3,11 +3,9 @@
 import pytest
 
 from benchmarks.hand_overs import HandOver, differing
-from tests.compiled_laws import put_c_in_place
 
 
 @pytest.mark.parametrize("seed", [17, 38, 49, 57])
-def test_a_status_changes_no_decision_of_a_hand_over(seed, monkeypatch):
+def test_a_status_changes_no_decision_of_a_hand_over(seed):
     """The seeds: of drives that differed while the status shared the emergency with the judgements."""
-    put_c_in_place(monkeypatch)
     assert differing(HandOver.random(seed)) == []

@@ -10,7 +10,6 @@ from sim.virtual.devices import MemoryBus
 from sim.virtual.twin_world import TwinWorld, WorldLidar, WorldMotor
 from sim.virtual.virtual_time import run_virtual
 from sim.world.worlds import load_world
-from tests.compiled_laws import put_c_in_place
 
 SETTINGS = ("operator.permit=always", "battery.settle_s=0", "recording.enabled=false", "wall_follow.speed_mps=1.0")
 
@@ -49,7 +48,6 @@ async def drive():
     ],
 )
 def test_a_mistake_beside_the_way_does_not_end_the_drive_and_is_named(monkeypatch, mistake, named):
-    put_c_in_place(monkeypatch)
     monkeypatch.setattr(mistake, broken)
     status, speed_mps = run_virtual(drive())
     (words,) = [line for line in status["window"] if line.startswith(named)]

@@ -14,7 +14,6 @@ from sim.virtual.devices import MemoryBus, MemoryMotor
 from sim.virtual.twin_world import TwinWorld, WorldLidar, WorldMotor
 from sim.virtual.virtual_time import run_virtual
 from sim.world.worlds import load_world
-from tests.compiled_laws import put_c_in_place
 from tests.runtime.observed import HandClock
 
 SETTINGS = ("wall_follow.speed_mps=2.35", "operator.permit=always", "battery.settle_s=0", "recording.enabled=false")
@@ -44,8 +43,7 @@ async def locked_at_speed():
     return found
 
 
-def test_a_car_that_slides_on_locked_wheels_does_not_stand(monkeypatch):
-    put_c_in_place(monkeypatch)
+def test_a_car_that_slides_on_locked_wheels_does_not_stand():
     found = run_virtual(locked_at_speed())
     assert any(speed_mps > 1.5 and wheels_mps == 0.0 for speed_mps, wheels_mps, _ in found), "it slides"
     assert not [speed_mps for speed_mps, _, stands in found if stands and abs(speed_mps) >= STANDS_BELOW_MPS]
