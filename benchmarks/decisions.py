@@ -48,13 +48,13 @@ WORLDS: Final = (
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Trace:
+class DriveTrace:
     """All decisions of one drive. numbers: shape (n, k), NaN for what there is not. reasons: n texts."""
 
     numbers: npt.NDArray[np.float64]
     reasons: npt.NDArray[np.str_]
 
-    def difference(self, other: "Trace", within: float) -> str:
+    def difference(self, other: "DriveTrace", within: float) -> str:
         """Return in words how another one differs, "" where it does not. within: allowed for a number."""
         if self.numbers.shape != other.numbers.shape:
             return f"{self.numbers.shape} numbers before, {other.numbers.shape} after"
@@ -71,7 +71,7 @@ class Trace:
         )
 
 
-def traces(folder: Path) -> Iterator[tuple[str, Trace]]:
+def traces(folder: Path) -> Iterator[tuple[str, DriveTrace]]:
     """Yield the name and the decisions of each drive; two at a time."""
     jobs = [
         *(("drive", str(seed)) for seed in range(DRIVES)),
@@ -84,7 +84,7 @@ def traces(folder: Path) -> Iterator[tuple[str, Trace]]:
             yield f"{kind} {which.removeprefix(str(folder))}", trace
 
 
-def trace_of(job: tuple[str, str]) -> Trace:
+def trace_of(job: tuple[str, str]) -> DriveTrace:
     """Return the decisions of one drive. job: its kind, and its seed or file."""
     kind, which = job
     if kind == "recording":
@@ -116,14 +116,14 @@ def random_cell(seed: int) -> DriveCell:
     return DriveCell.of(values)
 
 
-def _driven(seed: int) -> Trace:
+def _driven(seed: int) -> DriveTrace:
     cell = random_cell(seed)
     try:
         run = drive_setup(setup_of(cell))
     except CellMistakeError as error:
         return _as_trace([((0.0,), str(error))])
     numbers = np.column_stack([run.time_s, run.pose, run.speed_mps, run.wish, run.command, run.capped])
-    return Trace(numbers, np.array(run.reasons))
+    return DriveTrace(numbers, np.array(run.reasons))
 
 
 def _row(decision: Decision) -> tuple[tuple[float, ...], str]:
@@ -135,7 +135,7 @@ def _numbers_of(decision: Decision) -> Iterator[float]:
         yield np.nan if value is None else float(value)
 
 
-async def _told(seed: int) -> Trace:
+async def _told(seed: int) -> DriveTrace:
     history, rows = History(seed), []
     heard: Callable[[Output], None] = history.car.telemetry.on_output
 
@@ -165,7 +165,7 @@ def _recordings(folder: Path) -> list[Path]:
     return found[:: max(1, len(found) // MAX_RECORDINGS)][:MAX_RECORDINGS]
 
 
-def _recorded(file: Path) -> Trace:
+def _recorded(file: Path) -> DriveTrace:
     recording = load_recording(file)
     rows = []
     for one in replay(recording, better_side(recording)).judged:
@@ -175,9 +175,9 @@ def _recorded(file: Path) -> Trace:
     return _as_trace(rows)
 
 
-def _as_trace(rows: Sequence[tuple[tuple[float, ...], str]]) -> Trace:
+def _as_trace(rows: Sequence[tuple[tuple[float, ...], str]]) -> DriveTrace:
     numbers = np.array([numbers for numbers, _ in rows], np.float64)
-    return Trace(numbers.reshape(len(rows), -1), np.array([reason for _, reason in rows], np.str_))
+    return DriveTrace(numbers.reshape(len(rows), -1), np.array([reason for _, reason in rows], np.str_))
 
 
 def _record(file: Path, folder: Path) -> int:
@@ -197,7 +197,7 @@ def _compare(file: Path, folder: Path, within: float) -> int:
         if f"{name}/numbers" not in before:
             words = "is not in the file"
         else:
-            words = Trace(before[f"{name}/numbers"], before[f"{name}/reasons"]).difference(trace, within)
+            words = DriveTrace(before[f"{name}/numbers"], before[f"{name}/reasons"]).difference(trace, within)
         if words:
             differ += 1
             print(f"{name}: {words}")
